@@ -28,6 +28,7 @@ class UsageError(PlannerError):
     """A command-line value cannot be used, such as a `--world` that names no factory."""
 
     exit_code = 2
+    units_missing = False  # whether it is that nobody says what one unit of a drawing is
 
 
 class JobError(PlannerError):

@@ -11,7 +11,7 @@ array of n equally likely states (n, 4).
     declared = [*model.metric.mode(belief[:, :3]).pose, DECLARE]
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -64,26 +64,16 @@ class Pomdp:
         """
         if job.hypothesis:
             raise ValueError(f"{job.name}: this problem is of one part; pass one of `job.alone`")
-        simulator = Simulator.of_job(job, workers)
-        metric = metric_of(job)
+        simulator, metric, success = Simulator.of_job(job, workers), metric_of(job), 1.0 / costs_of(job).least
         squeezes = np.column_stack([actions_of(job).placements, np.full(len(actions_of(job)), SQUEEZE)])
-        model = cls(
-            job, simulator, encoder_of(job), metric, 1.0 / costs_of(job).least, len(squeezes), squeezes
-        )
-        declarations = [[*pose, DECLARE] for pose in model._candidates()]
-        return cls(
-            job, simulator, model.encoder, metric, model.success, len(squeezes),
-            np.concatenate([squeezes, declarations]),
-        )  # fmt: skip
-
-    def _candidates(self) -> list[Array]:
-        """The commonest poses of parts after some squeezes, the commonest first."""
-        rng = np.random.default_rng([self.job.seed, SEED_CANDIDATES])
-        states = self.initial(TRIED, rng)
+        model = cls(job, simulator, encoder_of(job), metric, success, len(squeezes), squeezes)
+        # Candidates are the commonest poses of parts after some squeezes, the commonest first.
+        rng = np.random.default_rng([job.seed, SEED_CANDIDATES])
+        states = model.initial(TRIED, rng)
         for _ in range(SQUEEZED):
-            placed = self.actions[rng.integers(len(self.actions), size=TRIED)]
-            states = self.sample(states, placed, rng).states
-        return [mode.pose for mode in self.metric.main_modes(states[:, :3], MOST_CANDIDATES)]
+            states = model.sample(states, squeezes[rng.integers(len(squeezes), size=TRIED)], rng).states
+        modes = metric.main_modes(states[:, :3], MOST_CANDIDATES)
+        return replace(model, actions=np.concatenate([squeezes, [[*mode.pose, DECLARE] for mode in modes]]))
 
     def initial(self, n: int, rng: np.random.Generator) -> Array:
         """Draws n states (n, 4) from the job's uncertainty, jaws open."""

@@ -1,4 +1,7 @@
-"""A certificate: how many squeezes any plan takes that is as good as this one."""
+"""A certificate: how many squeezes any plan takes that is as good as this one.
+
+It covers the placements that a plan of the job may choose from, and the plan's own.
+"""
 
 import math
 from dataclasses import dataclass
@@ -8,16 +11,67 @@ import numpy as np
 
 from planner.arrays import Array, IntArray
 from planner.belief.metric import metric_of
-from planner.belief.observation import COUNTS, Encoder, encoder_of
-from planner.belief.particles import initial
-from planner.bound.histories import gather
+from planner.belief.observation import COUNTS, encoder_of
+from planner.belief.particles import initial, subsample
+from planner.bound.histories import Squeeze, gather
 from planner.bound.lagrangian import Term, leaves_term, overall_term
-from planner.bound.placements import covered
+from planner.evaluation.trials import placement_of
 from planner.frames import to_hand, to_world
 from planner.job.model import Job
 from planner.mechanics.simulator import Simulator
+from planner.search.actions import actions_of, inequivalent
+from planner.search.proposals import along
 from planner.work.progress import Report, silent
-from runtime.table import PPM, Table, wilson_interval
+from runtime.table import PPM, REJECT, Calibration, Table, decision_map, wilson_interval
+
+PILOTS = 10_000  # parts that show what may be read after the first squeeze
+BELIEF = 400  # parts of a history that its modes are sought among
+DENSE_ANGLES_DEG = np.arange(0.0, 180.0, 15.0)
+DENSE_SHIFTS = (-0.5, 0.0, 0.5)  # shifts along the fingers, in lengths of the finger
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Covered:
+    """The placements of a class of plans; called as `planner.bound.histories.Placements`."""
+
+    first: Array  # (k, 3) those of the first squeeze: the plan's own at the start, none equivalent to another
+    second: list[dict[int, Array]]  # for each of these, those (m, 3) of the second squeeze by what was read
+    common: Array  # (m, 3) those after a reading that is not among them
+
+    def __call__(self, squeezes: int, option: int, reading: int) -> Array:
+        """The placements (k, 3) of the next squeeze."""
+        return self.second[option].get(reading, self.common) if squeezes else self.first
+
+
+def covered(job: Job, table: Table, squeeze: Squeeze, dense: bool, rng: np.random.Generator) -> Covered:
+    """The placements for a table's job: with a grid about the middle if `dense`, and the table's first two.
+
+    Those proposed about modes are found with parts of their own, of `rng`: a certificate must not choose what
+    it covers by the sample that it judges with.
+    """
+    actions, metric = actions_of(job), metric_of(job)
+    parts, more = initial(job, PILOTS, rng), np.zeros((0, 3))
+    if dense:  # every 15 degrees, over the middle and to either side of it
+        middle = np.array([[0.0, 0.0, math.radians(angle)] for angle in DENSE_ANGLES_DEG])
+        shifts = [share * job.gripper.finger_length_mm for share in DENSE_SHIFTS]
+        more = np.concatenate([along(middle, shift) for shift in shifts])
+    common = np.concatenate([actions.placements, more])
+    root = placement_of(table.nodes[0].squeeze)[None]
+    first = inequivalent(np.concatenate([root, common]), common, job)
+    second: list[dict[int, Array]] = []
+    for placement in first:
+        after, readings = squeeze(parts, np.tile(placement, (len(parts), 1)), 1, rng)
+        about: dict[int, Array] = {}
+        for reading in np.unique(readings):
+            belief = subsample(after[readings[0] == reading], BELIEF)
+            about[int(reading)] = np.concatenate([actions.options(belief, metric), more])
+        second.append(about)
+    for reading, branch in enumerate(decision_map(table.nodes[0], Calibration.linear(table.gripper))):
+        if branch != REJECT and (target := table.nodes[0].branches[branch].target) >= 0:
+            own = placement_of(table.nodes[target].squeeze)[None]
+            second[0][reading] = np.concatenate([second[0].get(reading, common), own])
+    return Covered(first, second, common)
+
 
 PARTS = 50_000
 MOST_PARTS = 1_000_000
@@ -73,7 +127,7 @@ class Certificate:
             "above_bound": self.mean / self.squeezes - 1.0,
             "parts": self.parts,
             "depth": DEPTH,
-            "terms": {"leaves": self.leaves.figures(), "overall": self.overall.figures()},
+            "terms": {"leaves": self.leaves._asdict(), "overall": self.overall._asdict()},
         }
 
     def lines(self) -> list[str]:
@@ -87,42 +141,35 @@ class Certificate:
         ]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Squeezes:
-    """The world that the evaluation judges plans in, as `planner.bound.histories.Model`."""
-
-    simulator: Simulator
-    encoder: Encoder
+def squeezes_of(job: Job, workers: int | None = None) -> Squeeze:
+    """Squeezes in the world that the evaluation judges plans in."""
+    simulator, encoder = Simulator.of_job(job, workers), encoder_of(job)
 
     def squeeze(
-        self, poses: Array, placements: Array, times: int, rng: np.random.Generator
+        poses: Array, placements: Array, times: int, rng: np.random.Generator
     ) -> tuple[Array, IntArray]:
-        """As there."""
-        parameters = self.simulator.sample(len(poses), rng)
-        rolled = self.simulator.roll_out(to_hand(poses, placements.T), parameters)
-        counts = self.encoder.read(np.tile(rolled.width_mm, (times, 1)), rng)
+        rolled = simulator.roll_out(to_hand(poses, placements.T), simulator.sample(len(poses), rng))
+        counts = encoder.read(np.tile(rolled.width_mm, (times, 1)), rng)
         return to_world(rolled.poses, placements.T), counts + COUNTS * (rolled.width_mm > 0.0)
+
+    return squeeze
 
 
 def certify(
     job: Job, table: Table, parts: int = PARTS, dense: bool = False, workers: int | None = None,
     report: Report = silent,
 ) -> Certificate:  # fmt: skip
-    """Proves a lower bound of the squeezes of plans that are as good as a table.
+    """Proves a lower bound of the squeezes of plans that are as good as the evaluated table of a job.
 
-    Args:
-        job: the table's.
-        table: evaluated; its first two squeezes and its success say what is compared.
-        parts: size of the sample; more prove more.
-        dense: cover a grid of placements beside those of the job.
-        workers: threads; all cores if None. The result does not depend on it.
-        report: told about progress.
+    Its first two squeezes and its success say what is compared. `parts` is the size of the sample, of which
+    more prove more; `dense` covers a grid of placements beside those of the job. The result does not depend
+    on the number of workers (threads), all cores if None.
     """
     rng = np.random.default_rng([job.seed, SEED_BOUND])
     metric = metric_of(job)
-    model = Squeezes(Simulator.of_job(job, workers), encoder_of(job))
-    placements = covered(job, table, model, dense, np.random.default_rng([job.seed, SEED_PILOTS]))
-    levels = gather(model, initial(job, parts, rng), metric, placements, DEPTH, rng, report)
+    squeeze = squeezes_of(job, workers)
+    placements = covered(job, table, squeeze, dense, np.random.default_rng([job.seed, SEED_PILOTS]))
+    levels = gather(squeeze, initial(job, parts, rng), metric, placements, DEPTH, rng, report)
     predicted = table.predicted
     successes = round(predicted.success_ppm / PPM * predicted.trials)
     success = wilson_interval(successes, predicted.trials)[0]

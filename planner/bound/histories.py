@@ -6,7 +6,7 @@ placement, or of a pose to claim, for each.
 """
 
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -21,23 +21,9 @@ READINGS = 512  # a reading is an encoder count, and 256 more where the jaws fee
 REPEATED = 4  # how often a part's last width is read: it counts as a quarter of a part with each reading
 
 
-class Model(Protocol):
-    """How a squeeze moves parts and what it reads."""
-
-    def squeeze(
-        self, poses: Array, placements: Array, times: int, rng: np.random.Generator
-    ) -> tuple[Array, IntArray]:
-        """Squeezes each of n parts once.
-
-        Args:
-            poses: (n, 3) in the world [mm, mm, rad].
-            placements: (n, 3) of the hand, for each part its own.
-            times: how often its width is read.
-            rng: source of all randomness.
-
-        Returns:
-            (n, 3) poses after it, and (times, n) readings, 0 to `READINGS` - 1.
-        """
+Squeeze: TypeAlias = Callable[[Array, Array, int, np.random.Generator], tuple[Array, IntArray]]
+"""Squeezes n parts once: poses (n, 3) in the world [mm, mm, rad], placements (n, 3) of the hand, one each,
+how often widths are read, source of randomness -> poses (n, 3), (times, n) readings, 0 to `READINGS` - 1."""
 
 
 class Level(NamedTuple):
@@ -57,24 +43,10 @@ of its level, and read that. They must not depend on the sample."""
 
 
 def gather(
-    model: Model,
-    poses: Array,
-    metric: Metric,
-    placements: Placements,
-    depth: int,
-    rng: np.random.Generator,
-    report: Report = silent,
-) -> list[Level]:
-    """The histories of a sample, from none to `depth` squeezes.
-
-    Args:
-        model: squeezes the parts.
-        poses: (n, 3) the sample of parts, before the first squeeze.
-        metric: when a part is located.
-        placements: what a plan may choose from.
-        depth: squeezes of the longest histories.
-        rng: of the squeezes.
-        report: told about progress.
+    squeeze: Squeeze, poses: Array, metric: Metric, placements: Placements, depth: int,
+    rng: np.random.Generator, report: Report = silent,
+) -> list[Level]:  # fmt: skip
+    """The histories of a sample of parts at poses (n, 3), from none to `depth` squeezes.
 
     Returns:
         depth + 1 levels, the first of one history.
@@ -94,7 +66,7 @@ def gather(
             report("bound", j, int(count.max()))
             rows = np.flatnonzero(count[node] > j)
             at = np.array([choice[min(j, len(choice) - 1)] for choice in choices])[node[rows]]
-            after, seen = model.squeeze(poses[rows], at, times, rng)
+            after, seen = squeeze(poses[rows], at, times, rng)
             key = ((first[node[rows]] + j) * READINGS + seen).ravel()
             order = np.argsort(key, kind="stable")
             after, key = after[order % len(rows)], key[order]

@@ -12,7 +12,7 @@ says how far the sample may flatter that one plan; the prices may be chosen afte
 
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,41 +31,26 @@ class Term(NamedTuple):
     estimate: float  # the same without the allowance for the sample
     price: float  # of a part that is claimed and not located [squeezes]
 
-    def figures(self) -> dict[str, Any]:
-        """For JSON."""
-        return self._asdict()
-
 
 def leaves_term(levels: list[Level], confidence: float, success: float, certainty: float) -> Term:
-    """The bound for plans that are right with a probability at each leaf.
+    """The bound for plans that locate a share of the parts of each leaf with a claim, their `confidence`.
 
-    Args:
-        levels: the histories.
-        confidence: share of the parts of each leaf with a claim that it locates.
-        success: share of all parts that end in such leaves, at least.
-        certainty: probability with which all terms hold.
+    At least the share `success` of all parts ends in such leaves. All terms hold with the probability
+    `certainty`.
     """
-    depth, n = len(levels) - 1, int(levels[0].size.sum())
-    error = (1.0 - certainty) / EVENTS
+    error, n = (1.0 - certainty) / EVENTS, int(levels[0].size.sum())
     excess = upper_tail(1.0 - confidence, n, error) - (1.0 - confidence)
     costs = np.array([least_cost(levels, price, confidence) for price in PRICES])
-    unclaimed = depth * (1.0 - success)
-    return _best(costs, costs - PRICES * excess, depth, n, error, unclaimed)
+    unclaimed = (len(levels) - 1) * (1.0 - success)
+    return _best(costs, costs - PRICES * excess, levels, error, unclaimed)
 
 
 def overall_term(levels: list[Level], success: float, certainty: float) -> Term:
-    """The bound for plans that locate a share of all parts.
-
-    Args:
-        levels: the histories.
-        success: that share, at least.
-        certainty: probability with which all terms hold.
-    """
-    depth, n = len(levels) - 1, int(levels[0].size.sum())
+    """The bound for plans that locate at least the share `success` of all parts; as `leaves_term`."""
     error = (1.0 - certainty) / EVENTS
     costs = np.array([least_cost(levels, price, 1.0) for price in PRICES])
-    failing = upper_tail(1.0 - success, n, error)
-    return _best(costs - PRICES * (1.0 - success), costs - PRICES * failing, depth, n, error, 0.0)
+    failing = upper_tail(1.0 - success, int(levels[0].size.sum()), error)
+    return _best(costs - PRICES * (1.0 - success), costs - PRICES * failing, levels, error, 0.0)
 
 
 def least_cost(levels: list[Level], price: float, confidence: float) -> float:
@@ -73,11 +58,6 @@ def least_cost(levels: list[Level], price: float, confidence: float) -> float:
 
     A claim of n parts of which m are located costs price (confidence n - m). After the last level every part
     costs one squeeze more, and is taken for located.
-
-    Args:
-        levels: the histories.
-        price: of a part that is claimed and not located [squeezes].
-        confidence: share of the claimed parts from which claims cost nothing.
     """
     last = levels[-1]
     cost = np.minimum(last.size, price * (confidence * last.size - last.located))
@@ -88,9 +68,9 @@ def least_cost(levels: list[Level], price: float, confidence: float) -> float:
     return float(onward[0] / levels[0].size[0])  # every plan begins with a squeeze
 
 
-def _best(estimates: Array, sampled: Array, depth: int, n: int, error: float, unclaimed: float) -> Term:
+def _best(estimates: Array, sampled: Array, levels: list[Level], error: float, unclaimed: float) -> Term:
     """The greatest bound over all prices: a mean of n numbers between 1 and depth + 1, less `unclaimed`."""
-    k = int(np.argmax(sampled))
+    k, depth, n = int(np.argmax(sampled)), len(levels) - 1, int(levels[0].size.sum())
     share = min(max((float(sampled[k]) - 1.0) / depth, 0.0), 1.0)
     bound = 1.0 + depth * least_mean(share, n, error) - unclaimed
     return Term(max(bound, 1.0), max(float(estimates.max()) - unclaimed, 1.0), float(PRICES[k]))

@@ -33,7 +33,6 @@ def bound_of(
 
 
 def _parts(text: str) -> int:
-    """The size of a certificate's sample, for argparse."""
     parts = command.positive_int(text)
     if parts > MOST_PARTS:
         raise argparse.ArgumentTypeError(f"{parts} is more than {MOST_PARTS}, which proves enough")

@@ -1,4 +1,4 @@
-"""Columns of numbers from a CSV file with a header."""
+"""Columns of numbers in CSV files with a header."""
 
 import csv
 import io
@@ -11,6 +11,7 @@ import numpy as np
 from planner.arrays import Array
 from planner.errors import InputFileError, KeyNameError, ValueRangeError
 from planner.job import documents
+from runtime.shell.files import writing
 
 
 def read(path: Path, names: Sequence[str], defaults: Mapping[str, float] | None = None) -> Array:
@@ -39,6 +40,15 @@ def read(path: Path, names: Sequence[str], defaults: Mapping[str, float] | None 
     except csv.Error as error:
         raise InputFileError(f"not a CSV file: {error}", where=where) from error
     return np.array(rows, dtype=np.float64).reshape(-1, len(names) + len(defaults))
+
+
+def write(path: Path, names: Sequence[str], numbers: Array, words: Sequence[str]) -> None:
+    """Writes rows of numbers (n, k), each with a word at its end, under a header of all the names."""
+    with writing(path) as draft, draft.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(names)
+        for row, word in zip(numbers, words, strict=True):
+            writer.writerow([*(f"{value:.9g}" for value in row), word])
 
 
 def _number(text: str | None, name: str, where: str, line: int) -> float:

@@ -3,11 +3,10 @@
 import argparse
 import dataclasses
 import math
-import sys
 import time
 from pathlib import Path
 
-from planner.cli import bounds, models_report, shell, sweep
+from planner.cli import bounds, shell, sweep
 from planner.cli.sweep import Settings, figures_of, orders_of
 from planner.compile import EVALUATION_TRIALS, Plan, compile_job
 from planner.diagnosis.advice import counsel
@@ -16,6 +15,7 @@ from planner.job import model as job_file
 from planner.job.checks import TIP_MARGIN_MM
 from planner.job.model import Job
 from planner.paper import baseline
+from planner.report import models
 from planner.work.limit import Limit
 from planner.work.scheduler import scheduler_of
 from runtime.shell import files
@@ -23,11 +23,7 @@ from runtime.shell.command import INTERRUPTED, Parser, natural, positive_int, te
 from runtime.table import dump
 
 NAME = "plan-compile"
-
-
-def main(argv: list[str] | None = None) -> int:
-    """Entry point; returns the exit code."""
-    return shell.run(parser(), argv, _compile)
+BESIDE = "beside the table"  # what --models-report has for its value when no file is named
 
 
 def parser() -> Parser:
@@ -61,7 +57,7 @@ def parser() -> Parser:
         "(default: search until done)",
     )  # fmt: skip
     add(
-        "--models-report", nargs="?", const=models_report.BESIDE, metavar="FILE",
+        "--models-report", nargs="?", const=BESIDE, metavar="FILE",
         help="say how good the learned models of the job are, and draw what widths stand for (.svg, .png, "
         ".pdf; default: TREE.models.svg beside the table); the figures go to a .json beside it",
     )  # fmt: skip
@@ -98,7 +94,9 @@ def _single(arguments: argparse.Namespace) -> int:
     files.usable(output, *read)
     picture = None
     if arguments.models_report:
-        picture = models_report.picture_path(arguments.models_report, output)
+        beside, stated = output.with_suffix(".models.svg"), arguments.models_report
+        picture = beside if stated == BESIDE else Path(stated)
+        shell.checked_suffix("--models-report", picture, shell.PICTURES)
         for path in (picture, picture.with_suffix(".json")):
             files.usable(path, output, *read)
     store, limit = shell.store_of(arguments), Limit(arguments.budget)
@@ -108,7 +106,7 @@ def _single(arguments: argparse.Namespace) -> int:
     ):
         with shell.stopping(limit, NAME):
             plan = compile_job(job, arguments.workers, arguments.trials, report, limit, store, scheduler)
-        models = picture and models_report.made(job, arguments.workers, store, scheduler, report, picture)
+        judged = picture and models.made(job, arguments.workers, store, scheduler, report, picture)
         dump(dataclasses.replace(plan.table, job=None) if arguments.strip else plan.table, output)
         seconds = time.perf_counter() - started
         bound = bounds.bound_of(arguments, job, plan.table, arguments.workers, report)
@@ -118,22 +116,15 @@ def _single(arguments: argparse.Namespace) -> int:
                 advice = counsel(plan.table, plan.evaluation, plan.root, job, scheduler, report)
             except KeyboardInterrupt:
                 tell(NAME, f"interrupted: no advice; {output} is written")
-    if arguments.json:
-        told = {"table": str(output), "bytes": output.stat().st_size, **figures_of(plan, seconds)}
-        more: dict[str, object] = {"models": models[0]} if models else {}
-        if bound:
-            more |= {"squeezes_lower_bound": bound.squeezes, "bound": bound.figures()}
-        shell.print_json({**told, **more, "advice": advice and advice.figures()})
-        return _code(plan)
-    print("\n".join([_text(plan, job, output, seconds), *(advice.lines() if advice else ())]))
+    figures = {"table": str(output), "bytes": output.stat().st_size, **figures_of(plan, seconds)}
+    lines = [_text(plan, job, output, seconds), *(advice.lines() if advice else ())]
+    if judged:
+        figures["models"] = judged[0]
     if bound:
-        print("\n".join(bound.lines()))
-    if models:
-        print(models[1])
-    return _code(plan)
-
-
-def _code(plan: Plan) -> int:
+        lines += bound.lines()
+        figures |= {"squeezes_lower_bound": bound.squeezes, "bound": bound.figures()}
+    figures["advice"] = advice and advice.figures()
+    shell.answer(arguments.json, figures, *lines, *(judged[1:] if judged else ()))
     return INTERRUPTED if plan.cut and plan.cut.asked else 0
 
 
@@ -141,10 +132,7 @@ def _baseline(arguments: argparse.Namespace) -> int:
     job = _job(arguments)
     with scheduler_of(arguments.scheduler, arguments.workers) as scheduler:
         result = baseline.sensorless(job, arguments.trials, scheduler)
-    if arguments.json:
-        shell.print_json(result.figures())
-    else:
-        print(baseline.text(job.name, result))
+    shell.answer(arguments.json, result.figures(), baseline.text(job.name, result))
     return 0
 
 
@@ -205,5 +193,4 @@ error {error["median"]:.2f} mm median, 95 % within {error["p95"]:.2f} mm, where 
 wrote {output} ({output.stat().st_size} bytes) after {seconds:.1f} s"""
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+main = shell.main_of(parser, _compile)

@@ -1,25 +1,28 @@
 """plan-evaluate: a table against a world, over many fresh trials."""
 
 import argparse
-import sys
-from collections.abc import Iterator
+import math
+from collections.abc import Callable
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
+
+import numpy as np
 
 from planner.cli import shell
 from planner.errors import UsageError
-from planner.evaluation import text
+from planner.evaluation import leaves
 from planner.evaluation.cases import believed_cases, standard_cases
 from planner.evaluation.disturbance import Disturbance
-from planner.evaluation.evaluate import Line, evaluate, sweep, worst_of
-from planner.evaluation.leaves import confusions, identities, reliability, worst
+from planner.evaluation.evaluate import evaluate, sweep, worst_of
+from planner.evaluation.outcome import Evaluation
 from planner.evaluation.ppm import Findings, Study, Sums, continued, copies_of, keep, resumed
 from planner.evaluation.strangers import family, strangers
 from planner.evaluation.trials import Program
 from planner.job.model import Job
 from planner.job.overrides import changes_of
 from planner.work.scheduler import Scheduler, scheduler_of
-from planner.world import ContactWorlds, Worlds, supply
+from planner.world import ContactWorlds, World, Worlds, supply
 from runtime.shell.command import Parser, natural, number, positive, positive_int
 from runtime.shell.files import usable
 from runtime.shell.worlds import DEFAULT_WORLD
@@ -29,24 +32,8 @@ NAME = "plan-evaluate"
 DEFAULT_TRIALS = 20_000
 BELIEVED_TRIALS = 4_000  # in each world that the job believes in
 DEFAULT_PPM_TRIALS = 1_000_000
-
-
-def main(argv: list[str] | None = None) -> int:
-    """Entry point; returns the exit code."""
-
-    def body(arguments: argparse.Namespace) -> int:
-        _check_usage(arguments)
-        (table, _, _), job = shell.loaded(arguments)
-        with scheduler_of(arguments.scheduler, arguments.workers) as scheduler:
-            if arguments.ppm:
-                _rare(table, job, scheduler, arguments)
-            elif arguments.sweep:
-                _sweep(table, job, scheduler, arguments)
-            else:
-                _single(table, job, scheduler, arguments)
-        return 0
-
-    return shell.run(parser(), argv, body)
+MOST_ROWS = 8
+RATES = "wrong {wrong_rate:.2%}, success {success_rate:.2%} of {trials} parts"
 
 
 def parser() -> Parser:
@@ -122,57 +109,59 @@ def _add_world(group: argparse._ArgumentGroup) -> None:
     add("--placement-bias-deg", type=number, default=0.0, metavar="DEG", help="and of its angle")
 
 
+def _evaluate(arguments: argparse.Namespace) -> None:
+    _check_usage(arguments)
+    (table, _, _), job = shell.loaded(arguments)
+    study = _rare if arguments.ppm else _sweep if arguments.sweep else _single
+    with scheduler_of(arguments.scheduler, arguments.workers) as scheduler:
+        study(table, job, scheduler, arguments)
+
+
 def _single(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Namespace) -> None:
     """One world, looked at closely."""
     real = job.replaced("the job with --world-set", **changes_of(arguments.world_set))
-    world = supply(arguments.world, real, arguments.seed, arguments.world_copies)
+    worlds, cell = _worlds_of(arguments), _disturbance(arguments)
+    trials, seed = arguments.trials or DEFAULT_TRIALS, arguments.seed
     with shell.progress(arguments.json) as report:
-        trials, seed = arguments.trials or DEFAULT_TRIALS, arguments.seed
-        evaluation = evaluate(table, real, world, trials, seed, scheduler, _disturbance(arguments), report)
-        believed = worst_of(_believed(table, job, scheduler, arguments))
-        strange = list(
-            strangers(
-                table, real, (*real.strangers, *(family(real) if arguments.strangers else ())), evaluation,
-                lambda other: supply(arguments.world, other, seed, arguments.world_copies),
-                trials, seed, scheduler, _disturbance(arguments),
-            )
-        )  # fmt: skip
-    outcome = reliability(table, evaluation)
-    confused, mistakes = confusions(table, evaluation), worst(table, evaluation, arguments.worst)
-    if arguments.json:
-        shell.print_json(
-            {
-                **evaluation.summary(),
-                "worst_believed": believed and {"world": believed.case.name, **believed.evaluation.summary()},
-                **({"identities": identities(table, evaluation).figures()} if table.hypotheses else {}),
-                **({"strangers": [each.figures() for each in strange]} if strange else {}),
-                "reliability": outcome.figures(),
-                "confusions": [row._asdict() for row in confused],
-                "worst": [row.figures() for row in mistakes],
-            }
-        )
-        return
-    lines = [
-        *([text.worst_world(believed.case.name, believed.evaluation)] if believed else []),
-        *text.overview(evaluation, _name_of_world(arguments)),
-        *(text.named(identities(table, evaluation)) if table.hypotheses else ()),
+        evaluation = evaluate(table, real, worlds(real), trials, seed, scheduler, cell, report)
+        # In each world that the job believes in, where the contact world stands for them.
+        cases = believed_cases(job) if arguments.world == DEFAULT_WORLD else []
+        contact, fewer = partial(ContactWorlds.of_job, seed=seed), arguments.trials or BELIEVED_TRIALS
+        lines = sweep(table, job, cases, contact, min(fewer, BELIEVED_TRIALS), seed, scheduler)
+        believed = worst_of(lines)
+        others = (*real.strangers, *(family(real) if arguments.strangers else ()))
+        strange = list(strangers(table, real, others, evaluation, worlds, trials, seed, scheduler, cell))
+    outcome, confused = leaves.reliability(table, evaluation), leaves.confusions(table, evaluation)
+    known = leaves.identities(table, evaluation) if table.hypotheses else None
+    mistakes = leaves.worst(table, evaluation, arguments.worst)
+    worst = believed and {"world": believed.case.name, **believed.evaluation.summary()}
+    figures = {
+        **evaluation.summary(),
+        "worst_believed": worst,
+        **({"identities": known.figures()} if known else {}),
+        **({"strangers": [each.figures() for each in strange]} if strange else {}),
+        "reliability": outcome.figures(),
+        "confusions": [row._asdict() for row in confused],
+        "worst": [row.figures() for row in mistakes],
+    }
+    shell.answer(
+        arguments.json,
+        figures,
+        *(
+            [f"worst      {RATES.format(**worst)} in the worst believed world: {worst['world']}"]
+            if worst
+            else []
+        ),
+        *_overview(evaluation, _name_of_world(arguments)),
+        *(_named(known) if known else ()),
         *(line for each in strange for line in each.lines()),
-        *text.predictions(table, outcome),
-        *text.taken_for(confused),
-        *text.furthest(mistakes),
-    ]
-    print("\n".join(lines))
-
-
-def _believed(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Namespace) -> Iterator[Line]:
-    """The table in each world that its job believes in, where the contact world stands for them."""
-    cases = believed_cases(job) if arguments.world == DEFAULT_WORLD else []
-    trials, seed = min(arguments.trials or BELIEVED_TRIALS, BELIEVED_TRIALS), arguments.seed
-    return sweep(table, job, cases, lambda real: ContactWorlds.of_job(real, seed), trials, seed, scheduler)
+        *_predictions(table, outcome),
+        *_taken_for(confused),
+        *_furthest(mistakes),
+    )
 
 
 def _rare(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Namespace) -> None:
-    """Wrong answers in parts per million."""
     real = job.replaced("the job with --world-set", **changes_of(arguments.world_set))
     worlds = supply(arguments.world, real, arguments.seed, copies=True)
     assert isinstance(worlds, Worlds)
@@ -190,10 +179,8 @@ def _rare(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Name
             if arguments.until is not None and Findings.of(sums).decided(arguments.until):
                 break
     found = Findings.of(sums)
-    if arguments.json:
-        shell.print_json(found.figures())
-        return
-    print("\n".join([f"{sums.parts} parts in {_name_of_world(arguments)}", *found.lines(arguments.until)]))
+    told = f"{sums.parts} parts in {_name_of_world(arguments)}"
+    shell.answer(arguments.json, found.figures(), told, *found.lines(arguments.until))
 
 
 def _check_usage(arguments: argparse.Namespace) -> None:
@@ -214,18 +201,19 @@ def _sweep(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Nam
             "--sweep has worlds of its own; leave out --world-set, --encoder-... and --placement-..."
         )
     if not arguments.json:
-        print(text.SWEEP_HEAD)
+        print(SWEEP_HEAD)
     told = []
-    for case, found in sweep(
-        table, job, standard_cases(job),
-        lambda real: supply(arguments.world, real, arguments.seed, arguments.world_copies),
-        arguments.trials or DEFAULT_TRIALS, arguments.seed, scheduler,
-    ):  # fmt: skip
+    worlds, trials = _worlds_of(arguments), arguments.trials or DEFAULT_TRIALS
+    for case, found in sweep(table, job, standard_cases(job), worlds, trials, arguments.seed, scheduler):
         told.append({"world": case.name, "set": case.stated(), **found.summary()})
         if not arguments.json:
-            print(text.sweep_row(case.name, found), flush=True)
+            print(sweep_row(case.name, found), flush=True)
     if arguments.json:
-        shell.print_json({"worlds": told})
+        shell.answer(True, {"worlds": told})
+
+
+def _worlds_of(arguments: argparse.Namespace) -> Callable[[Job], World | Worlds]:
+    return lambda real: supply(arguments.world, real, arguments.seed, arguments.world_copies)
 
 
 def _disturbance(arguments: argparse.Namespace) -> Disturbance:
@@ -252,5 +240,94 @@ def _spread(value: str) -> float:
     return spread
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+def _overview(evaluation: Evaluation, world: str) -> list[str]:
+    figures = evaluation.summary()
+    low, high = figures["success_ci95"]
+    taken, most = np.bincount(evaluation.squeezes), figures["max_squeezes"]
+    error = figures["error_mm"]
+    share = f"95 % within {error['p95']:.2f} mm" if error else ""
+    spread = ", ".join(f"{k}: {share:.1%}" for k, share in enumerate(taken / taken.sum()) if share > 0)
+    return [
+        f"{figures['trials']} parts in {world}",
+        f"success    {figures['success_rate']:7.2%}  95 % interval {low:.2%} to {high:.2%}",
+        f"wrong      {figures['wrong_rate']:7.2%}  confident, but not within the goal",
+        f"rejected   {figures['reject_rate']:7.2%}",
+        f"unresolved {figures['unresolved_rate']:7.2%}",
+        f"squeezes   {figures['mean_squeezes']:7.2f}  a part, up to {most} here ({spread})",
+        f"seconds    {figures['mean_seconds']:7.1f}  a part, estimated",
+        *([f"error      {error['median']:7.2f}  mm median where resolved, {share}"] if error else ()),
+        f"crashes    {figures['crashes']:7d}  parts that a finger came down on: failures",
+    ]
+
+
+def _named(found: leaves.Identities) -> list[str]:
+    """How often the right part was named, and which was named for which."""
+    figures = found.figures()
+    told = f"of the parts that were named ({figures['named_rate']:.2%})"
+    lines = [f"{found.right:7.2%}  right, {told}"]
+    for truth, row in zip(found.names, found.named, strict=True):
+        wrong = ((name, n) for name, n in zip(found.names, row, strict=False) if n and name != truth)
+        lines += [f"{n} of {row.sum()} {truth} were named {name}" for name, n in wrong]
+    return _block("identity", lines)
+
+
+def _predictions(table: Table, outcome: leaves.Reliability) -> list[str]:
+    """Whether the leaves' probabilities hold, and those that do not."""
+    held, total = sum(row.holds for row in outcome.rows), len(outcome.rows)
+    if total == 0:
+        return [f"leaves     no leaf of {len(table.leaves)} has {leaves.LEAST_VISITS} visits; raise --trials"]
+    share = f"{held} of {total} with {leaves.LEAST_VISITS} visits or more"
+    lines = [f"{share} do as the table predicts ({outcome.share:.0%})"]
+    failed = sorted((row for row in outcome.rows if not row.holds), key=lambda row: -row.visits)
+    for row in failed[:MOST_ROWS]:
+        low, high = row.interval95
+        lines.append(
+            f"leaf {row.leaf}: {row.observed:.2%} of {row.visits}, predicted {row.predicted:.2%}, "
+            f"with 95 % between {low:.2%} and {high:.2%}"
+        )
+    return _block("leaves", lines, len(failed))
+
+
+def _taken_for(confused: list[leaves.Confusion]) -> list[str]:
+    """Which leaf was taken for which."""
+    lines: list[str] = []
+    for row in confused[:MOST_ROWS]:
+        truth = "where no leaf is" if row.truth == leaves.NO_LEAF else f"at leaf {row.truth}"
+        claim = "" if row.resolved else ", unresolved"
+        lines.append(f"for leaf {row.leaf}{claim}: {row.trials} parts that lay {truth}")
+    return _block("taken", lines, len(confused))
+
+
+def _furthest(mistakes: list[leaves.Mistake]) -> list[str]:
+    """Where the worst errors began and how they went."""
+    lines: list[str] = []
+    for row in mistakes:
+        x, y, theta = row.initial
+        path, counts = " > ".join(map(str, row.path)), ", ".join(map(str, row.counts))
+        lines.append(
+            f"{row.error_mm:.1f} mm off, from ({x:.1f}, {y:.1f}) mm at {math.degrees(theta):.0f} deg, "
+            f"nodes {path} > leaf {row.leaf}, counts {counts}"
+        )
+    return _block("worst", lines)
+
+
+SWEEP_HEAD = f"{'world':31s} success    wrong reject unresolved squeezes seconds"
+
+
+def sweep_row(world: str, evaluation: Evaluation) -> str:
+    """One world of a sweep, in the columns of `SWEEP_HEAD`."""
+    figures = evaluation.summary()
+    return (
+        f"{world:31s} {figures['success_rate']:7.2%} {figures['wrong_rate']:8.2%} "
+        f"{figures['reject_rate']:6.2%} {figures['unresolved_rate']:10.2%} {figures['mean_squeezes']:8.2f} "
+        f"{figures['mean_seconds']:7.1f}"
+    )
+
+
+def _block(head: str, lines: list[str], rows: int = 0) -> list[str]:
+    """Lines under one head, and that there are more than `MOST_ROWS` of them."""
+    more = [f"and {rows - MOST_ROWS} more; see --json"] if rows > MOST_ROWS else []
+    return [f"{head if k == 0 else '':11s}{line}" for k, line in enumerate([*lines, *more])]
+
+
+main = shell.main_of(parser, _evaluate)

@@ -2,43 +2,17 @@
 
 import argparse
 import json
-import sys
 from pathlib import Path
 
 from planner.cli import shell
-from planner.evaluation.expectation import document, expected
+from planner.evaluation.expectation import expected
 from planner.job import model as job_file
 from planner.work.scheduler import scheduler_of
 from runtime.shell.command import Parser, natural, positive_int
-from runtime.shell.files import usable, writing
+from runtime.shell.files import usable, write
 
 NAME = "plan-expect"
 DEFAULT_TRIALS = 100_000
-
-
-def main(argv: list[str] | None = None) -> int:
-    """Entry point; returns the exit code."""
-
-    def body(arguments: argparse.Namespace) -> int:
-        read = () if arguments.job is None else job_file.files(arguments.job)
-        usable(arguments.output, arguments.tree, *read)
-        (table, _, digest), job = shell.loaded(arguments)
-        with (
-            scheduler_of(arguments.scheduler, arguments.workers) as scheduler,
-            shell.progress(arguments.json) as report,
-        ):
-            worlds = list(expected(table, job, arguments.trials, arguments.seed, scheduler, report))
-        told = document(digest, worlds, arguments.trials, arguments.seed)
-        with writing(arguments.output) as draft:
-            draft.write_text(json.dumps(told, separators=(",", ":")) + "\n", encoding="ascii")
-        names = [world["name"] for world in worlds]
-        if arguments.json:
-            shell.print_json({"worlds": names, "trials": arguments.trials, "written": str(arguments.output)})
-        else:
-            print(f"{arguments.trials} parts each: {', '.join(names)}\nwrote {arguments.output}")
-        return 0
-
-    return shell.run(parser(), argv, body)
 
 
 def parser() -> Parser:
@@ -61,5 +35,27 @@ def parser() -> Parser:
     return made
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+def _expect(arguments: argparse.Namespace) -> None:
+    read = () if arguments.job is None else job_file.files(arguments.job)
+    usable(arguments.output, arguments.tree, *read)
+    (table, _, digest), job = shell.loaded(arguments)
+    with (
+        scheduler_of(arguments.scheduler, arguments.workers) as scheduler,
+        shell.progress(arguments.json) as report,
+    ):
+        worlds = list(expected(table, job, arguments.trials, arguments.seed, scheduler, report))
+    told = {
+        "kind": "expected readings", "version": 1, "table_sha256": digest, "trials": arguments.trials,
+        "seed": arguments.seed, "worlds": worlds,
+    }  # fmt: skip
+    write(arguments.output, json.dumps(told, separators=(",", ":")) + "\n")
+    names = [world["name"] for world in worlds]
+    shell.answer(
+        arguments.json,
+        {"worlds": names, "trials": arguments.trials, "written": str(arguments.output)},
+        f"{arguments.trials} parts each: {', '.join(names)}",
+        f"wrote {arguments.output}",
+    )
+
+
+main = shell.main_of(parser, _expect)

@@ -1,7 +1,6 @@
 """plan-export: a table as C99, structured text or JSON, for controllers without Python."""
 
 import argparse
-import sys
 from pathlib import Path
 
 from planner.cli import shell
@@ -10,23 +9,6 @@ from runtime.shell.command import Parser
 from runtime.table import load
 
 NAME = "plan-export"
-
-
-def main(argv: list[str] | None = None) -> int:
-    """Entry point; returns the exit code."""
-
-    def body(arguments: argparse.Namespace) -> int:
-        found = load(arguments.tree)
-        shell.check_one_part(found.table.hypotheses, str(arguments.tree), "an export")
-        files = write(found, arguments.to, arguments.output)
-        if arguments.json:
-            shell.print_json({"folder": str(arguments.output), "to": arguments.to, "files": files})
-        else:
-            told = ", ".join(f"{name} ({size:,} bytes)" for name, size in files.items())
-            print(f"wrote {told} to {arguments.output}")
-        return 0
-
-    return shell.run(parser(), argv, body)
 
 
 def parser() -> Parser:
@@ -46,5 +28,13 @@ def parser() -> Parser:
     return built
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+def _export(arguments: argparse.Namespace) -> None:
+    found = load(arguments.tree)
+    shell.check_one_part(found.table.hypotheses, str(arguments.tree), "an export")
+    files = write(found, arguments.to, arguments.output)
+    told = ", ".join(f"{name} ({size:,} bytes)" for name, size in files.items())
+    figures = {"folder": str(arguments.output), "to": arguments.to, "files": files}
+    shell.answer(arguments.json, figures, f"wrote {told} to {arguments.output}")
+
+
+main = shell.main_of(parser, _export)

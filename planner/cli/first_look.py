@@ -1,9 +1,9 @@
 """plan-try: from a drawing to a first answer in a minute, and the files to go on with."""
 
 import argparse
-import sys
 import time
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,20 +14,19 @@ from planner.errors import FitError, NoPlanError, UsageError
 from planner.evaluation.cases import assumption_cases
 from planner.evaluation.evaluate import sweep
 from planner.job import model as job_file
-from planner.job.drafts import Answers, draft, proposed_radius_mm, room_mm
+from planner.job.drafts import FINGERS, GRIPPERS, Answers, draft, proposed_radius_mm, room_mm
 from planner.job.model import Job
-from planner.job.presets import FINGERS, GRIPPERS
 from planner.part.importers.file import SUFFIXES, Imported, read_outline
-from planner.part.rectangle import smallest_rectangle
+from planner.part.outline import smallest_rectangle
 from planner.report import canvas, paper_figures
 from planner.report.replay import replay
-from planner.report.verdict import Verdict, Weakest, error_text, percent, verdict, weakest
+from planner.report.verdict import Weakest, error_text, percent, verdict, weakest
 from planner.work.limit import Limit
 from planner.work.progress import Report
 from planner.work.scheduler import Threads
 from planner.world import ContactWorlds, make
 from runtime.shell.command import Parser, number
-from runtime.shell.files import usable, writing
+from runtime.shell.files import usable, write
 from runtime.table import dump
 
 NAME = "plan-try"
@@ -49,11 +48,6 @@ ANSWERS = {
 }
 WORTH_TELLING = 0.005  # share of the parts for which the search was not done
 LEAST_DONE = 0.9  # share located of the parts for which the search was done, for that answer
-
-
-def main(argv: list[str] | None = None) -> int:
-    """Entry point; returns the exit code."""
-    return shell.run(parser(), argv, _try)
 
 
 def parser() -> Parser:
@@ -96,28 +90,14 @@ class Files(NamedTuple):
 class Answer(NamedTuple):
     """What was found."""
 
-    job: Job
+    short: str  # a key of `ANSWERS`
+    sentence: str  # the verdict on the plan as it is
     figures: dict[str, Any]  # as `Evaluation.summary` returns them
     worst: Weakest | None
     limits: list[str]  # what limits the plan, one sentence each
-    open_share: float  # of the parts, those that end where the search was cut short
-    most_squeezes: int  # on the longest path
-
-    @property
-    def found(self) -> Verdict:
-        """The verdict on the plan as it is."""
-        return verdict(self.job, self.figures, self.worst)
-
-    @property
-    def short(self) -> str:
-        """The answer as a key of `ANSWERS`."""
-        done = self.figures["success_rate"] / max(1.0 - self.open_share, 1e-9)
-        if self.found.grade == "poor" and self.open_share > 0.0 and done >= LEAST_DONE:
-            return "cut"
-        return self.found.grade
 
 
-def _try(arguments: argparse.Namespace) -> int:
+def _try(arguments: argparse.Namespace) -> None:
     started = time.monotonic()
     if arguments.output is not None:
         usable(arguments.output, arguments.drawing)
@@ -134,27 +114,31 @@ def _try(arguments: argparse.Namespace) -> int:
     try:
         text = draft(imported, arguments.drawing.name, answers)
         files = _files(arguments, text)
-        with writing(files.job) as file:
-            file.write_text(text, encoding="utf-8")
+        write(files.job, text)
         told["job"] = str(files.job)
         with shell.progress(arguments.json) as report:
-            plan, answer = _planned(arguments, job_file.load(files.job), started, report)
+            job = job_file.load(files.job)
+            plan, answer = _planned(arguments, job, started, report)
             dump(plan.table, files.table)
-            _draw(answer.job, plan, imported, files.picture, report)
+            report("picture", 0, 1)
+            beliefs = replay(plan.table, job, TRIALS, plan.seed)
+            shown = plan.table, job, beliefs, DRAWN_SQUEEZES, imported.holes_mm
+            canvas.save(files.picture, lambda: paper_figures.sequence(*shown))
     except (FitError, NoPlanError) as error:
         known = not getattr(error, "cut_short", False)
         reason = {"locatable": False if known else None, "verdict": "poor" if known else "unknown"}
         short = f"No: {error}." if known else f"Not known: {error}; give it a longer --budget."
-        lines = ["", f"Can it be located by squeezing? {short}"]
-        return _show(arguments, {**told, **reason, "reason": str(error)}, lines)
+        figures = {**told, **reason, "reason": str(error)}
+        shell.answer(arguments.json, figures, "", f"Can it be located by squeezing? {short}")
+        return
     seconds = time.monotonic() - started
     told |= {
-        "locatable": answer.short != "poor", "verdict": answer.short, "sentence": answer.found.sentence,
+        "locatable": answer.short != "poor", "verdict": answer.short, "sentence": answer.sentence,
         **answer.figures, "weakest": answer.worst and answer.worst._asdict(), "limits": answer.limits,
         "cut_short": plan.cut and plan.cut.figures(), "table": str(files.table),
         "picture": str(files.picture), "seconds": round(seconds, 1),
     }  # fmt: skip
-    return _show(arguments, told, [*_lines(answer), *_next(files, plan, seconds)])
+    shell.answer(arguments.json, told, *_lines(answer, plan), *_next(files, plan, seconds))
 
 
 def _planned(arguments: argparse.Namespace, job: Job, started: float, report: Report) -> tuple[Plan, Answer]:
@@ -165,18 +149,18 @@ def _planned(arguments: argparse.Namespace, job: Job, started: float, report: Re
     left_s = ANSWER_S - (time.monotonic() - started)
     budgets = [arguments.budget] if arguments.budget else [max(LEAST_SEARCH_S, left_s), SLOW_S]
     plan = _within(quick, budgets, report)
-    lines = list(
-        sweep(
-            plan.table, quick, assumption_cases(job), lambda real: ContactWorlds.of_job(real, plan.seed),
-            WORLD_TRIALS, plan.seed, Threads(), report,
-        )
-    )  # fmt: skip
+    seed, cases = plan.seed, assumption_cases(job)
+    worlds = partial(ContactWorlds.of_job, seed=seed)
+    lines = list(sweep(plan.table, quick, cases, worlds, WORLD_TRIALS, seed, Threads(), report))
     open_share = plan.cut.open_share if plan.cut else 0.0
     limits = advise(plan.table, plan.evaluation, job).lines()
     if plan.cut and open_share >= WORTH_TELLING:
         limits = [plan.cut.line()]
-    figures, longest = plan.evaluation.summary(), plan.table.limits.max_depth
-    return plan, Answer(job, figures, weakest(lines), limits, open_share, longest)
+    figures, worst = plan.evaluation.summary(), weakest(lines)
+    grade, sentence, _ = verdict(job, figures, worst)
+    done = figures["success_rate"] / max(1.0 - open_share, 1e-9)
+    short = "cut" if grade == "poor" and open_share > 0.0 and done >= LEAST_DONE else grade
+    return plan, Answer(short, sentence, figures, worst, limits)
 
 
 def _within(job: Job, budgets: Sequence[float], report: Report) -> Plan:
@@ -195,23 +179,6 @@ def _within(job: Job, budgets: Sequence[float], report: Report) -> Plan:
     return _within(job, budgets[1:], report)
 
 
-def _draw(job: Job, plan: Plan, imported: Imported, path: Path, report: Report) -> None:
-    """The way of most parts, squeeze by squeeze."""
-    report("picture", 0, 1)
-    beliefs = replay(plan.table, job, TRIALS, plan.seed)
-    canvas.save(
-        path, lambda: paper_figures.sequence(plan.table, job, beliefs, DRAWN_SQUEEZES, imported.holes_mm)
-    )
-
-
-def _show(arguments: argparse.Namespace, figures: dict[str, Any], lines: list[str]) -> int:
-    if arguments.json:
-        shell.print_json(figures)
-    else:
-        print("\n".join(lines))
-    return 0
-
-
 def _imported(arguments: argparse.Namespace) -> tuple[Imported, list[str]]:
     """The outline, and what was assumed of the drawing: its largest contour, and mm where nothing is said."""
     options = shell.drawing_of(arguments)
@@ -219,7 +186,7 @@ def _imported(arguments: argparse.Namespace) -> tuple[Imported, list[str]]:
     try:
         imported = read_outline(arguments.drawing, options)
     except UsageError as error:
-        if options.units or options.scale or "--units" not in str(error):
+        if not error.units_missing:
             raise
         imported = read_outline(arguments.drawing, options._replace(units="mm"))
         return imported, ["one unit of the drawing is 1 mm, for it does not say (--units)", *imported.notes]
@@ -270,19 +237,18 @@ def _says(path: Path, text: str) -> bool:
     return path.is_file() and path.read_bytes() == text.encode()
 
 
-def _lines(answer: Answer) -> list[str]:
-    """The answer for people."""
+def _lines(answer: Answer, plan: Plan) -> list[str]:
     figures = answer.figures
     low, high = figures["success_ci95"]
     located = f"{percent(figures['success_rate'])} (95 % interval {low:.2%} to {high:.2%})"
     others = {"wrong": "wrong_rate", "given up": "unresolved_rate", "rejected": "reject_rate"}
     shares = ", ".join(f"{word} {percent(figures[name])}" for word, name in others.items())
-    most = f"{answer.most_squeezes} at most"
+    most = f"{plan.table.limits.max_depth} at most"
     limits = [f"{'limit' if not k else '':10s} {line}" for k, line in enumerate(answer.limits)]
     return [
         "",
         f"Can it be located by squeezing? {ANSWERS[answer.short]}",
-        f"The plan {answer.found.sentence}.",
+        f"The plan {answer.sentence}.",
         f"located    {located}, {shares}",
         f"error      {error_text(figures['error_mm']).removeprefix('expected error ')}",
         f"effort     {figures['mean_squeezes']:.2f} squeezes a part, {most}; {figures['mean_seconds']:.1f} s",
@@ -304,5 +270,4 @@ def _next(files: Files, plan: Plan, seconds: float) -> list[str]:
     ]
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+main = shell.main_of(parser, _try)

@@ -15,42 +15,34 @@ from planner.identification.identify import Identified, Kind, Normalised, identi
 from planner.job import surface_file
 from planner.mechanics.limit_surface import LimitSurface
 from runtime.shell.command import Parser, natural, number, positive, positive_int
-from runtime.shell.files import usable, writing
+from runtime.shell.files import usable, write
 
 NAME = "plan-identify"
-KINDS: dict[str, tuple[Kind, ...]] = {
-    "ellipsoid": ("ellipsoid",),
-    "quartic": ("quartic",),
-    "both": ("ellipsoid", "quartic"),
-}
+KINDS: tuple[Kind, ...] = ("ellipsoid", "quartic")
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Entry point; returns the exit code."""
-    return shell.run(parser(), argv, _identify)
-
-
-def _identify(arguments: argparse.Namespace) -> int:
+def _identify(arguments: argparse.Namespace) -> None:
     if arguments.figure is not None:
         shell.checked_suffix("--figure", arguments.figure, shell.PICTURES)
         usable(arguments.figure, arguments.output, *arguments.logs)
     if arguments.output is not None:
         usable(arguments.output, *arguments.logs)
     data = normalise(pushes.join([pushes.load(path) for path in arguments.logs]), arguments.rho_mm)
+    kinds = KINDS if arguments.kind == "both" else (arguments.kind,)
     with shell.progress(arguments.json) as report:
         found = identify(
-            data, arguments.rho_mm, KINDS[arguments.kind], splits=arguments.splits,
-            train_share=arguments.train_share, seed=arguments.seed, friction_n=arguments.friction_n,
-            report=report,
+            data, arguments.rho_mm, kinds, splits=arguments.splits, train_share=arguments.train_share,
+            seed=arguments.seed, friction_n=arguments.friction_n, report=report,
         )  # fmt: skip
     best = min(found, key=lambda result: float(result.errors_rad.mean()))
     if arguments.output is not None:
-        with writing(arguments.output) as draft:
-            draft.write_text(surface_text(best, data, arguments), encoding="utf-8")
+        write(arguments.output, surface_text(best, data, arguments))
     if arguments.figure is not None:
-        _draw(data, found, arguments)
+        from planner.report import canvas, identification  # matplotlib takes a second
+
+        title = f"{', '.join(path.stem for path in arguments.logs)}: {len(data.F)} pushes"
+        canvas.save(arguments.figure, lambda: identification.figure(data, found, title))
     _print(data, found, best, arguments)
-    return 0
 
 
 def parser() -> Parser:
@@ -67,7 +59,7 @@ def parser() -> Parser:
     add("-o", "--output", type=Path, metavar="SURFACE.toml", help="the limit surface")
     add("--figure", type=Path, metavar="OUT.png", help="draw it (.png, .svg, .pdf)")
     add(
-        "--kind", choices=tuple(KINDS), default="both",
+        "--kind", choices=(*KINDS, "both"), default="both",
         help="with both, the one that predicts better is written (default: %(default)s)",
     )  # fmt: skip
     add(
@@ -104,13 +96,6 @@ def surface_text(result: Identified, data: Normalised, arguments: argparse.Names
     return surface_file.dumps(values, facts)
 
 
-def _draw(data: Normalised, found: Sequence[Identified], arguments: argparse.Namespace) -> None:
-    from planner.report import canvas, identification  # matplotlib takes a second
-
-    title = f"{', '.join(path.stem for path in arguments.logs)}: {len(data.F)} pushes"
-    canvas.save(arguments.figure, lambda: identification.figure(data, found, title))
-
-
 def _figures(result: Identified) -> dict[str, Any]:
     errors = np.degrees(result.errors_rad)
     return {
@@ -129,24 +114,24 @@ def _print(
 ) -> None:
     pairs, against = len(data.F), int(((data.F * data.V).sum(axis=1) <= 0.0).sum())
     written = [str(path) for path in (arguments.output, arguments.figure) if path is not None]
-    figures = [_figures(result) for result in found]
-    if arguments.json:
-        told = {"pairs": pairs, "against_motion": against, "splits": arguments.splits}
-        shell.print_json(told | {"surfaces": figures, "best": best.kind, "written": written})
-        return
-    print(f"{pairs} pushes, rho {arguments.rho_mm:g} mm, friction {best.fit.friction_n:.2f} N")
+    figures = {"pairs": pairs, "against_motion": against, "splits": arguments.splits}
+    figures |= {"surfaces": [_figures(each) for each in found], "best": best.kind, "written": written}
     train = round(arguments.train_share * pairs)
-    print(f"held-out twist error over {arguments.splits} random splits, {train} pushes to fit each:")
+    lines = [
+        f"{pairs} pushes, rho {arguments.rho_mm:g} mm, friction {best.fit.friction_n:.2f} N",
+        f"held-out twist error over {arguments.splits} random splits, {train} pushes to fit each:",
+    ]
     for result in found:
         errors = np.degrees(result.errors_rad)
-        print(
+        lines.append(
             f"  {result.kind:9} {errors.mean():5.1f} deg (standard deviation {errors.std():.1f}, from "
             f"{errors.min():.1f} to {errors.max():.1f}); {math.degrees(result.fit_error_rad):.1f} deg on all "
             "pushes when fitted to all"
         )
     if written:
-        print(f"wrote {' and '.join(written)}" + (f": the {best.kind}" if arguments.output else ""))
-    if against:
+        lines.append(f"wrote {' and '.join(written)}" + (f": the {best.kind}" if arguments.output else ""))
+    shell.answer(arguments.json, figures, *lines)
+    if against and not arguments.json:
         words = f"in {against} of {pairs} pushes the wrench works against the motion; check signs and frames"
         print(f"{NAME}: {words}", file=sys.stderr)
 
@@ -159,5 +144,4 @@ def _share(text: str) -> float:
     return value
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+main = shell.main_of(parser, _identify)

@@ -9,22 +9,15 @@ from typing import TypeVar
 from planner.cli import shell
 from planner.errors import UsageError
 from planner.job.checks import tips_height_mm
-from planner.job.drafts import Answers, draft, proposed_radius_mm, room_mm
-from planner.job.presets import FINGERS, GRIPPERS
+from planner.job.drafts import FINGERS, GRIPPERS, Answers, draft, proposed_radius_mm, room_mm
 from planner.part.importers.file import SUFFIXES, Face, Imported, read_faces, read_outline
 from planner.part.importers.pieces import UNITS_MM, Options
-from planner.part.outline import reach
-from planner.part.rectangle import smallest_rectangle
+from planner.part.outline import reach, smallest_rectangle
 from runtime.shell.command import Parser, number
-from runtime.shell.files import usable, writing
+from runtime.shell.files import usable, write
 
 NAME = "plan-init"
 T = TypeVar("T")
-
-
-def main(argv: list[str] | None = None) -> int:
-    """Entry point; returns the exit code."""
-    return shell.run(parser(), argv, _init)
 
 
 def parser() -> Parser:
@@ -63,7 +56,7 @@ def parser() -> Parser:
     return built
 
 
-def _init(arguments: argparse.Namespace) -> int:
+def _init(arguments: argparse.Namespace) -> None:
     output = usable(arguments.output, arguments.outline)
     if output.exists() and not arguments.force:
         raise UsageError(f"{output} is there already; name another file, or overwrite it with --force")
@@ -78,26 +71,18 @@ def _init(arguments: argparse.Namespace) -> int:
         _show_faces(faces) if several else _show(imported)
     answers = _answers(arguments, imported, asking)
     text = draft(imported, arguments.outline.name, answers, several)
-    with writing(output) as file:
-        file.write_text(text, encoding="utf-8")
-    if arguments.json:
-        shell.print_json(
-            {
-                "output": str(output), "vertices": len(imported.outline_mm), "symmetry": imported.symmetry,
-                "size_mm": imported.size_mm.tolist(), "height_mm": answers.height_mm,
-                "notes": list(imported.notes),
-                **({"faces": [_told(face) for face in faces]} if arguments.faces else {}),
-            }
-        )  # fmt: skip
-    else:
-        if answers.height_mm is None:
-            print("note: the part's thickness is not stated; state --thickness, or height_mm in the file")
-        print(f"wrote {output}; next: plan-compile {output} -o {output.with_suffix('.msgpack')}")
-    return 0
+    write(output, text)
+    figures = {
+        "output": str(output), "vertices": len(imported.outline_mm), "symmetry": imported.symmetry,
+        "size_mm": imported.size_mm.tolist(), "height_mm": answers.height_mm, "notes": imported.notes,
+        **({"faces": [_told(face) for face in faces]} if arguments.faces else {}),
+    }  # fmt: skip
+    missing = "note: the part's thickness is not stated; state --thickness, or height_mm in the file"
+    next_step = f"wrote {output}; next: plan-compile {output} -o {output.with_suffix('.msgpack')}"
+    shell.answer(arguments.json, figures, *([missing] if answers.height_mm is None else ()), next_step)
 
 
 def _faces(arguments: argparse.Namespace) -> list[Face]:
-    """The faces that a solid comes to rest on."""
     for name in ("contour", "thickness"):
         if getattr(arguments, name) is not None:
             raise UsageError(f"--faces takes all that from the solid; leave out --{name}")
@@ -105,7 +90,6 @@ def _faces(arguments: argparse.Namespace) -> list[Face]:
 
 
 def _told(face: Face) -> dict[str, object]:
-    """A face for machines."""
     return {
         "share": round(face.share, 6), "down": face.down, "size_mm": face.imported.size_mm.tolist(),
         "height_mm": face.imported.height_mm, "cut_mm": face.cut_mm, "notes": face.imported.notes,
@@ -132,7 +116,7 @@ def _imported(path: Path, options: Options, asking: bool) -> Imported:
     try:
         return read_outline(path, options)
     except UsageError as error:
-        if not asking or options.units or options.scale or "--units" not in str(error):
+        if not (asking and error.units_missing):
             raise
         print(error)
         return read_outline(path, options._replace(units=_choice("one unit is", UNITS_MM)))
@@ -208,5 +192,4 @@ def _ask(question: str, parse: Callable[[str], T]) -> T:
             print(f"  {error}")
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+main = shell.main_of(parser, _init)

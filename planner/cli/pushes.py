@@ -3,7 +3,6 @@
 Coordinates are in the frame in which the job writes `outline_mm`.
 """
 
-import csv
 from pathlib import Path
 
 import numpy as np
@@ -12,12 +11,12 @@ import shapely
 from planner.arrays import Array
 from planner.cli import columns
 from planner.errors import KeyNameError, ValueRangeError
-from planner.mechanics.push import PUSH_NAMES, Paths
-from planner.mechanics.simulator import Pushed
+from planner.mechanics.push import Paths
 
 PLACES = ("push_x_mm", "push_y_mm", "approach_x", "approach_y", "cor_x_mm", "cor_y_mm", "angle_deg")
 FINGERS = "fingers_mm"
 SHIFTS = {"shift_x_mm": 0.0, "shift_y_mm": 0.0}
+NAMES = (*PLACES, FINGERS, *SHIFTS)
 OUTPUTS = ("moved_x_mm", "moved_y_mm", "turned_deg", "status")
 MOST = np.array([1e4, 1e4, 1e4, 1e4, 1e4, 1e4, 360.0, 1e3, 1e4, 1e4])  # magnitude of an entry
 DEEPEST_MM = 1.0  # How far inside the outline a finger may start, for rounded places on an edge
@@ -39,13 +38,12 @@ def read(path: Path, fingers_mm: float | None) -> Array:
         if FINGERS not in error.problem:
             raise
         raise KeyNameError(f"{error.problem}, or give --fingers-mm", where=error.where) from None
-    names = (*PLACES, FINGERS, *SHIFTS)
     for number, row in enumerate(rows, 1):
         far = np.abs(row) > MOST
         if far.any():
             k = int(np.argmax(far))
             problem = f"push {number}: {row[k]:g} is beyond {MOST[k]:g}; correct it"
-            raise ValueRangeError(problem, where=str(path), key=names[k])
+            raise ValueRangeError(problem, where=str(path), key=NAMES[k])
         if row[7] < 0.0:
             problem = f"push {number}: {row[7]:g} is no distance; 0 is a single finger"
             raise ValueRangeError(problem, where=str(path), key=FINGERS)
@@ -79,13 +77,3 @@ def check_clear(made: Paths, outline: Array, where: Path) -> None:
             "the fingers meet it, in the frame of the job's outline_mm"
         )
         raise ValueRangeError(problem, where=str(where))
-
-
-def write(path: Path, rows: Array, pushed: Pushed) -> None:
-    """Writes pushes (n, 10) and what they came to, one line a push."""
-    numbers = np.column_stack([rows, pushed.moved[:, :2], np.degrees(pushed.moved[:, 2])])
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow([*PLACES, FINGERS, *SHIFTS, *OUTPUTS])
-        for row, status in zip(numbers, pushed.status, strict=True):
-            writer.writerow([*(f"{value:.9g}" for value in row), PUSH_NAMES[status]])

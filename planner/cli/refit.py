@@ -2,7 +2,6 @@
 
 import argparse
 import csv
-import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -24,18 +23,13 @@ from planner.report import run_log
 from planner.report.run_log import PartLog
 from planner.work.scheduler import Scheduler, scheduler_of
 from runtime.shell.command import Parser, natural, positive_int
-from runtime.shell.files import usable, writing
+from runtime.shell.files import usable, write
 from runtime.table import COUNTS, Table, TableFile
 
 NAME = "plan-refit"
 LEAST_PARTS = 20
 RESIDUAL = ("residual_x_mm", "residual_y_mm", "residual_theta_rad")
 PREVIEW = (16, 400)  # cells of the posterior that the table is tried in, and parts in each
-
-
-def main(argv: list[str] | None = None) -> int:
-    """Entry point; returns the exit code."""
-    return shell.run(parser(), argv, _refit)
 
 
 def parser() -> Parser:
@@ -68,7 +62,7 @@ def parser() -> Parser:
     return made
 
 
-def _refit(arguments: argparse.Namespace) -> int:
+def _refit(arguments: argparse.Namespace) -> None:
     usable(arguments.output, *job_file.files(arguments.job), *arguments.journal, *arguments.audit)
     text, job = documents.read(arguments.job), job_file.load(arguments.job)
     shell.check_one_part(job.hypothesis, str(arguments.job), "a refit")
@@ -91,10 +85,20 @@ def _refit(arguments: argparse.Namespace) -> int:
     refitted = job_file.parse(learned, str(arguments.output))
     if refitted != job.replaced(str(arguments.output), **changed):
         raise InputFileError("its text cannot be edited; write each section once", where=str(arguments.job))
-    with writing(arguments.output) as draft:
-        draft.write_text(learned, encoding="utf-8")
-    _print(arguments, seen, found, cells, tried, changed)
-    return 0
+    write(arguments.output, learned)
+    told, (wrong, rejected) = findings(found, cells), tried
+    figures = {
+        "parts": seen.parts, "squeezes": int(seen.readings.sum()), "audited": len(seen.leaves),
+        "findings": [finding._asdict() for finding in told], "changes": changed,
+        "wrong_rate_as_learned": wrong, "reject_rate_as_learned": rejected, "written": str(arguments.output),
+    }  # fmt: skip
+    shell.answer(
+        arguments.json, figures,
+        f"{seen.parts} parts, {seen.readings.sum()} squeezes, {len(seen.leaves)} audited; 90 % intervals:",
+        *(f"  {finding.sentence}" for finding in sorted(told, key=lambda finding: not finding.told)),
+        f"in such a cell this table answers {100 * wrong:.1f} % wrongly and rejects {100 * rejected:.1f} %",
+        f"wrote {arguments.output}; next: plan-compile {arguments.output}",
+    )  # fmt: skip
 
 
 def _parts(arguments: argparse.Namespace, job: Job) -> tuple[TableFile, list[PartLog]]:
@@ -186,25 +190,4 @@ def edited(text: str, changed: Mapping[str, Mapping[str, Any]]) -> str:
     return tomlkit.dumps(document)
 
 
-def _print(
-    arguments: argparse.Namespace, seen: Seen, found: Posterior, cells: Cells, tried: tuple[float, float],
-    changed: Mapping[str, Mapping[str, Any]],
-) -> None:  # fmt: skip
-    learned, (wrong, rejected) = findings(found, cells), tried
-    if arguments.json:
-        shell.print_json({
-            "parts": seen.parts, "squeezes": int(seen.readings.sum()), "audited": len(seen.leaves),
-            "findings": [finding._asdict() for finding in learned], "changes": changed,
-            "wrong_rate_as_learned": wrong, "reject_rate_as_learned": rejected,
-            "written": str(arguments.output),
-        })  # fmt: skip
-        return
-    print(f"{seen.parts} parts, {seen.readings.sum()} squeezes, {len(seen.leaves)} audited; 90 % intervals:")
-    for finding in sorted(learned, key=lambda finding: not finding.told):
-        print(f"  {finding.sentence}")
-    print(f"in such a cell this table answers {100 * wrong:.1f} % wrongly and rejects {100 * rejected:.1f} %")
-    print(f"wrote {arguments.output}; next: plan-compile {arguments.output}")
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+main = shell.main_of(parser, _refit)

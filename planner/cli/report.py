@@ -1,7 +1,6 @@
 """plan-report: a table as one page of HTML that needs no network."""
 
 import argparse
-import sys
 from pathlib import Path
 
 from planner.cli import bounds, shell
@@ -9,42 +8,10 @@ from planner.errors import UsageError
 from planner.job import model as job_file
 from planner.report import dossier, models, run_log
 from runtime.shell.command import Parser, natural, positive_int
-from runtime.shell.files import usable, writing
+from runtime.shell.files import usable, write
 
 NAME = "plan-report"
 MAX_TRIALS = 1_000_000
-
-
-def main(argv: list[str] | None = None) -> int:
-    """Entry point; returns the exit code."""
-
-    def body(arguments: argparse.Namespace) -> int:
-        read = () if arguments.job is None else job_file.files(arguments.job)
-        output = shell.checked_output(arguments.output, "a page for a browser", ".html")
-        usable(output, arguments.tree, arguments.journal, arguments.models, *read)
-        if arguments.trials > MAX_TRIALS:
-            raise UsageError(f"--trials {arguments.trials} is more than {MAX_TRIALS}; a picture needs less")
-        (table, data, digest), job = shell.loaded(arguments)
-        if arguments.bound or arguments.bound_dense:
-            shell.check_one_part(table.hypotheses, str(arguments.tree), "--bound")
-        log = run_log.read(arguments.journal, digest) if arguments.journal else None
-        judged = models.read(arguments.models, table.job_digest.hex()) if arguments.models else None
-        bound = bounds.bound_of(arguments, job, table)
-        source = dossier.Source(arguments.tree.name, data, log, judged, bound)
-        text = dossier.page(table, job, source, arguments.trials, arguments.seed, arguments.world)
-        with writing(output) as draft:
-            draft.write_text(text, encoding="utf-8")
-        size = output.stat().st_size
-        if arguments.json:
-            shell.print_json(
-                {"output": str(output), "bytes": size, "nodes": len(table.nodes), "leaves": len(table.leaves)}
-            )
-        else:
-            drawn = f"drew {len(table.nodes)} nodes and {len(table.leaves)} leaves"
-            print(f"{drawn}; wrote {output}, {size:,} bytes")
-        return 0
-
-    return shell.run(parser(), argv, body)
 
 
 def parser() -> Parser:
@@ -79,5 +46,23 @@ def parser() -> Parser:
     return built
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+def _report(arguments: argparse.Namespace) -> None:
+    read = () if arguments.job is None else job_file.files(arguments.job)
+    output = shell.checked_output(arguments.output, "a page for a browser", ".html")
+    usable(output, arguments.tree, arguments.journal, arguments.models, *read)
+    if arguments.trials > MAX_TRIALS:
+        raise UsageError(f"--trials {arguments.trials} is more than {MAX_TRIALS}; a picture needs less")
+    (table, data, digest), job = shell.loaded(arguments)
+    if arguments.bound or arguments.bound_dense:
+        shell.check_one_part(table.hypotheses, str(arguments.tree), "--bound")
+    log = run_log.read(arguments.journal, digest) if arguments.journal else None
+    judged = models.read(arguments.models, table.job_digest.hex()) if arguments.models else None
+    source = dossier.Source(arguments.tree.name, data, log, judged, bounds.bound_of(arguments, job, table))
+    write(output, dossier.page(table, job, source, arguments.trials, arguments.seed, arguments.world))
+    size, nodes, leaves = output.stat().st_size, len(table.nodes), len(table.leaves)
+    figures = {"output": str(output), "bytes": size, "nodes": nodes, "leaves": leaves}
+    told = f"drew {nodes} nodes and {leaves} leaves; wrote {output}, {size:,} bytes"
+    shell.answer(arguments.json, figures, told)
+
+
+main = shell.main_of(parser, _report)

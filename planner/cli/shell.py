@@ -11,7 +11,7 @@ import sys
 import textwrap
 import time
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
@@ -182,11 +182,23 @@ def add_scheduler(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
-def run(built: Parser, argv: Sequence[str] | None, body: Callable[[argparse.Namespace], int]) -> int:
-    """Runs a command as `runtime.shell.command.run` does, and turns the store's warnings into a line each."""
+Body = Callable[[argparse.Namespace], int | None]
+
+
+def main_of(parser: Callable[[], Parser], body: Body) -> Callable[..., int]:
+    """The `main` of a command: of its arguments, None for the process's own, to its exit code."""
+    return lambda argv=None: run(parser(), argv, body)
+
+
+def run(built: Parser, argv: Sequence[str] | None, body: Body) -> int:
+    """Runs a command as `runtime.shell.command.run` does, and turns the store's warnings into a line each.
+
+    A body that returns nothing did well.
+    """
     logging.lastResort = None  # what a library logs beside the error that it raises is not told twice
+    stopped = INTERRUPTED, "interrupted; nothing was written"
     with _warnings_in_one_line(built.prog):
-        return command.run(built, argv, body, stopped=(INTERRUPTED, "interrupted; nothing was written"))
+        return command.run(built, argv, lambda arguments: body(arguments) or 0, stopped)
 
 
 @contextmanager
@@ -206,9 +218,9 @@ def _warnings_in_one_line(name: str) -> Iterator[None]:
         yield
 
 
-def print_json(data: dict[str, Any]) -> None:
-    """One JSON object on one line."""
-    print(json.dumps(data))
+def answer(as_json: bool, figures: Mapping[str, Any], *lines: str) -> None:
+    """Prints what a command found: its figures as one JSON object on one line, or lines for people."""
+    print(json.dumps(figures) if as_json else "\n".join(lines))
 
 
 @contextmanager

@@ -1,9 +1,7 @@
 """plan-simulate: single squeezes, rolled out from a list of poses, or single pushes along a list of paths."""
 
 import argparse
-import csv
 import sys
-from collections.abc import Sequence
 from contextlib import redirect_stdout
 from pathlib import Path
 
@@ -14,16 +12,9 @@ from planner.cli import columns, pushes, shell
 from planner.errors import UsageError, ValueRangeError
 from planner.job import model as job_file
 from planner.mechanics.push import PUSH_NAMES
-from planner.mechanics.simulator import (
-    DEFAULT_STEP_MM,
-    STATUS_NAMES,
-    Parameters,
-    Pushed,
-    RollOut,
-    Simulator,
-)
+from planner.mechanics.simulator import DEFAULT_STEP_MM, STATUS_NAMES, Parameters, Simulator
 from runtime.shell.command import Parser, natural, positive_int
-from runtime.shell.files import usable, words_of, writing
+from runtime.shell.files import usable, words_of
 
 NAME = "plan-simulate"
 INPUTS = ("x_mm", "y_mm", "theta_rad")
@@ -32,12 +23,7 @@ ANY_OPENING = {"gripper": {"opening_mm": 1000.0}}  # What is pushed need not pas
 OUTPUTS = ("final_x_mm", "final_y_mm", "final_theta_rad", "width_mm", "status")
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Entry point; returns the exit code."""
-    return shell.run(parser(), argv, _simulate)
-
-
-def _simulate(arguments: argparse.Namespace) -> int:
+def _simulate(arguments: argparse.Namespace) -> None:
     pictures = {name: path for name in PICTURES if (path := getattr(arguments, name)) is not None}
     _check_options(arguments, pictures)
     for name, path in pictures.items():
@@ -58,23 +44,35 @@ def _simulate(arguments: argparse.Namespace) -> int:
     else:
         seed = job.seed if arguments.seed is None else arguments.seed
         parameters = simulator.sample(len(rows), np.random.default_rng(seed))
+    names: tuple[str, ...] = PUSH_NAMES if arguments.push else STATUS_NAMES
     if arguments.push:
         paths = pushes.paths(rows, job_file.centroid_as_drawn(arguments.job))
         pushes.check_clear(paths, job.part.outline_mm, listed)
         pushed = simulator.push(paths, parameters)
-        with writing(arguments.output) as draft:
-            pushes.write(draft, rows, pushed)
-        with redirect_stdout(words_of(arguments.output)):
-            _report("pushes", PUSH_NAMES, pushed, arguments.output, pictures, arguments.json)
-        return 0
-    rolled = simulator.roll_out(rows, parameters)
-    with writing(arguments.output) as draft:
-        write_results(draft, rows, rolled)
+        status, given_up = pushed.status, int(pushed.given_up.sum())
+        what, header = "pushes", (*pushes.NAMES, *pushes.OUTPUTS)
+        numbers = np.column_stack([rows, pushed.moved[:, :2], np.degrees(pushed.moved[:, 2])])
+    else:
+        rolled = simulator.roll_out(rows, parameters)
+        status, given_up = rolled.status, int(rolled.given_up.sum())
+        what, header = "squeezes", (*INPUTS, *OUTPUTS)
+        numbers = np.column_stack([rows, rolled.poses, rolled.width_mm])
+    columns.write(arguments.output, header, numbers, [names[k] for k in status])
     if pictures:
         draw(pictures, simulator, rows, parameters, f"{job.part.name}: {listed.name}")
+    tally = {name: int(np.sum(status == k)) for k, name in enumerate(names)}
+    drawn = {name: str(path) for name, path in pictures.items()}
+    counts = ", ".join(f"{count} {name}" for name, count in tally.items() if count)
+    written = ", ".join((str(arguments.output), *drawn.values()))
     with redirect_stdout(words_of(arguments.output)):
-        _report("squeezes", STATUS_NAMES, rolled, arguments.output, pictures, arguments.json)
-    return 0
+        shell.answer(
+            arguments.json,
+            {"output": str(arguments.output), what: len(rows), **tally, "given_up": given_up, **drawn},
+            f"{len(rows)} {what}: {counts or 'none'}; wrote {written}",
+        )
+    if given_up and not arguments.json:
+        words = f"{given_up} {what} could not be stepped to their end; try --step-mm"
+        print(f"{NAME}: {words}", file=sys.stderr)
 
 
 def parser() -> Parser:
@@ -162,33 +160,4 @@ def _check_options(arguments: argparse.Namespace, pictures: dict[str, Path]) -> 
         raise UsageError(f"--fingers-mm {fingers_mm} is not between 0 and 1000")
 
 
-def write_results(path: Path, poses: Array, rolled: RollOut) -> None:
-    """Writes inputs and results, one line a pose."""
-    numbers = np.column_stack([poses, rolled.poses, rolled.width_mm])
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow([*INPUTS, *OUTPUTS])
-        for row, status in zip(numbers, rolled.status, strict=True):
-            writer.writerow([*(f"{value:.9g}" for value in row), STATUS_NAMES[status]])
-
-
-def _report(
-    what: str, names: Sequence[str], done: RollOut | Pushed, output: Path, pictures: dict[str, Path],
-    as_json: bool,
-) -> None:  # fmt: skip
-    tally = {name: int(np.sum(done.status == k)) for k, name in enumerate(names)}
-    given_up = int(done.given_up.sum())
-    if as_json:
-        told = {"output": str(output), what: len(done.status), **tally, "given_up": given_up}
-        shell.print_json(told | {name: str(path) for name, path in pictures.items()})
-        return
-    parts = ", ".join(f"{count} {name}" for name, count in tally.items() if count)
-    files = ", ".join(map(str, (output, *pictures.values())))
-    print(f"{len(done.status)} {what}: {parts or 'none'}; wrote {files}")
-    if given_up:
-        words = f"{given_up} {what} could not be stepped to their end; try --step-mm"
-        print(f"{NAME}: {words}", file=sys.stderr)
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+main = shell.main_of(parser, _simulate)

@@ -31,7 +31,7 @@ from planner.work.limit import Limit
 from planner.work.progress import Report
 from planner.work.scheduler import Cluster, Scheduler
 from runtime.shell.command import INTERRUPTED
-from runtime.shell.files import folder, usable, writing
+from runtime.shell.files import folder, usable, write, writing
 from runtime.table import dumps
 
 SUFFIX = ".msgpack"
@@ -118,8 +118,11 @@ def outcomes(
             report("jobs", k + 1, len(orders))
             yield outcome
         return
-    for k, order in enumerate(orders):
-        yield compiled(settings, order, partial(_told, report, f"job {k + 1} of {len(orders)}"))
+    for k, order in enumerate(orders, start=1):
+        prefix = f"job {k} of {len(orders)}"
+        yield compiled(
+            settings, order, lambda stage, *rest, prefix=prefix: report(f"{prefix}: {stage}", *rest)
+        )
 
 
 def compiled(settings: Settings, order: Order, report: Report | None = None) -> Outcome:
@@ -193,10 +196,9 @@ def run(
     except KeyboardInterrupt:
         print(f"interrupted; {len(rows)} of {len(orders)} jobs are done", file=sys.stderr)
         return INTERRUPTED
-    with writing(summary) as draft:
-        draft.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+    write(summary, json.dumps(rows, indent=1) + "\n")
     if as_json:
-        shell.print_json({"jobs": rows})
+        shell.answer(True, {"jobs": rows})
     else:
         _show(orders, rows)
     return next((row["exit_code"] for row in rows if "error" in row), 0)
@@ -245,9 +247,8 @@ def _show(orders: Sequence[Order], rows: Sequence[dict[str, Any]]) -> None:
             table.add_row(*values, "", "", "", "", row["error"])
         else:
             success, squeezes = f"{row['success_rate']:.2%}", f"{row['mean_squeezes']:.2f}"
-            line = (
-                f"success {success}, {squeezes} squeezes a part, {row['leaves']} leaves, wrote {row['table']}"
-            )
+            line = f"success {success}, {squeezes} squeezes a part, {row['leaves']} leaves"
+            line += f", wrote {row['table']}"
             if row["cut_short"]:
                 line = f"cut short, {row['cut_short']['open_share']:.2%} of the parts still open; {line}"
                 success += f" (cut short, {row['cut_short']['open_share']:.2%} open)"
@@ -269,7 +270,3 @@ def _order(text: str, where: str, common: Overrides, overrides: Overrides) -> Or
 
 def _failure(error: PlannerError) -> dict[str, Any]:
     return {"error": str(error), "exit_code": error.exit_code}
-
-
-def _told(report: Report, prefix: str, stage: str, done: int, total: int, detail: str = "", /) -> None:
-    report(f"{prefix}: {stage}", done, total, detail)

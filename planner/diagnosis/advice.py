@@ -1,23 +1,79 @@
-"""What to change where a plan falls short: the measures of this package, put together."""
+"""What to change where a plan falls short: the measures of this package, put together.
 
+What the job's sources of noise cost is found by switching off one after another.
+"""
+
+import math
 from collections.abc import Sequence
+from functools import partial
+from statistics import NormalDist
 from typing import Any, NamedTuple
 
-from planner.diagnosis import close_widths, noise
 from planner.diagnosis.ambiguity import Ambiguity, Delay, ambiguities, delays
-from planner.diagnosis.close_widths import ClosePair, close_pairs
-from planner.diagnosis.margins import Margins, margins_of
-from planner.diagnosis.noise import Gain, gains_without_noise
+from planner.diagnosis.margins import ClosePair, Margins, close_pairs, lines_of, margins_of
+from planner.evaluation.cases import EVERYTHING, PLANNED, Case, noise_cases
+from planner.evaluation.evaluate import sweep
 from planner.evaluation.outcome import Evaluation
 from planner.job.model import Job
 from planner.search.expand import TreeNode
 from planner.work.progress import Report, silent
 from planner.work.scheduler import Scheduler
+from planner.world import ContactWorlds
 from runtime.table import Table
 
+Z95 = NormalDist().inv_cdf(0.975)
+SEED_NOISE = 0x53454E53
 LONG = 3.6  # squeezes a part from which a plan is long
 MOST_LATE = 3
 MOST_TRIALS = 5000  # parts squeezed for each source of noise
+
+
+class Gain(NamedTuple):
+    """What one source of noise costs."""
+
+    source: str  # its name; `EVERYTHING` for the run without any
+    success_rate: float  # of the table without that source
+    gain: float  # how much higher that is than with all of them
+    error: float  # half-width of the gain's 95 % interval
+    certain: bool  # whether the gain is more than chance
+
+
+def gains_without_noise(
+    table: Table, job: Job, trials: int, scheduler: Scheduler | None = None, report: Report = silent
+) -> list[Gain]:
+    """Runs a table without one source of its job's noise after another; the table stays what it is.
+
+    Returns:
+        One gain a source, the largest first, then the one without any noise.
+    """
+    seed = job.seed + SEED_NOISE
+    cases, worlds = [Case(PLANNED), *noise_cases(job)], partial(ContactWorlds.of_job, seed=seed)
+    lines = sweep(table, job, cases, worlds, trials, seed, scheduler, report)
+    base, *others = (float(line.evaluation.success.mean()) for line in lines)
+    gains = []
+    for case, rate in zip(cases[1:], others, strict=True):
+        # Rates of 1 scatter too: each counts as half a failure at least.
+        variance = sum(max(p * (1.0 - p), 0.5 / trials) / trials for p in (base, rate))
+        gain, error = rate - base, Z95 * math.sqrt(variance)
+        gains.append(Gain(case.name, rate, gain, error, gain > error))
+    return [*sorted(gains[:-1], key=lambda gain: -gain.gain), gains[-1]]
+
+
+def _noise_told(gains: Sequence[Gain]) -> list[str]:
+    """For people: which sources of noise limit the plan, and what stays without any."""
+    if not gains:
+        return []
+    single = [gain for gain in gains if gain.source != EVERYTHING]
+    lines = [
+        f"{gain.source} limits it: {gain.gain:.2%} more, give or take {gain.error:.2%}, if it did not scatter"
+        for gain in single
+        if gain.certain
+    ]
+    if not lines:
+        measured = ", ".join(f"{gain.source} {gain.gain:+.2%}" for gain in single)
+        lines.append(f"no source of noise alone limits this plan: {measured}")
+    missing = 1.0 - gains[-1].success_rate
+    return [*lines, f"{missing:.2%} would not be located without any noise: that is up to the action set"]
 
 
 class Advice(NamedTuple):
@@ -36,17 +92,15 @@ class Advice(NamedTuple):
 
     def figures(self) -> dict[str, Any]:
         """For JSON."""
-        return {
-            "failing": self.failing,
-            "rejected": self.rejected,
-            "unresolved": self.unresolved,
-            "at_depth_limit": self.at_depth_limit,
+        told = self._asdict() | {
             "pairs": [pair._asdict() for pair in self.pairs],
             "open_poses": [leaf.figures() for leaf in self.open_poses],
-            "gains": [gain.figures() for gain in self.gains],
+            "gains": [gain._asdict() for gain in self.gains],
             "delays": [delay.figures() for delay in self.delays],
-            "margins": self.margins and self.margins.figures(),
+            "margins": self.margins and {**self.margins._asdict(), "thin": self.margins.thin},
         }
+        del told["proposing"]
+        return told
 
     def lines(self) -> list[str]:
         """For people: what costs something, and where to look."""
@@ -54,7 +108,7 @@ class Advice(NamedTuple):
             *self._shares(),
             *(leaf.line() for leaf in self.open_poses),
             *(delay.line() for delay in self.delays),
-            *close_widths.lines_of(self.pairs),
+            *lines_of(self.pairs),
             *([self.margins.line()] if self.margins and self.margins.thin else []),
         ]
 
@@ -69,7 +123,7 @@ class Advice(NamedTuple):
             )
         if self.at_depth_limit > 0.0:
             lines.append(f"{self.at_depth_limit:.2%} end unresolved at max_depth of [search]: raise it")
-        return lines + noise.lines_of(self.gains)
+        return lines + _noise_told(self.gains)
 
 
 def advise(

@@ -70,23 +70,25 @@ class Ambiguity(NamedTuple):
 
     def figures(self) -> dict[str, Any]:
         """For JSON."""
-        found = self.separator
-        return {
-            "leaf": self.leaf,
-            "share": self.share,
-            **self.where.figures(),
-            "separator": found
-            and {
-                "placement": np.round(found.placement, 5).tolist(),
-                "widths_mm": [round(w, 3) for w in found.widths_mm],
-            },
-        }
+        told = {"leaf": self.leaf, "share": self.share, **self.where.figures(), "separator": None}
+        if self.separator is not None:
+            placement, widths_mm = self.separator
+            told["separator"] = {
+                "placement": np.round(placement, 5).tolist(),
+                "widths_mm": [round(width, 3) for width in widths_mm],
+            }
+        return told
 
     def line(self) -> str:
         """For people."""
-        text = f"leaf {self.leaf} ({self.share:.2%}): the part lies at {self.where.text(1)}; "
+        text, scatter = (
+            f"leaf {self.leaf} ({self.share:.2%}): the part lies at {self.where.text(1)}; ",
+            self.where.scatter,
+        )
+        if len(self.where.poses) == 1 and scatter < 1.0:
+            return text + "the plan was less sure of it than its trials: more particles of [search] may be"
         if len(self.where.poses) == 1:
-            return text + self._nearby()
+            return text + f"nearly all others lie about it, within {scatter:.1f} times the goal: ask for less"
         if self.separator is None:
             return text + "no squeeze that was tried gives the first two different widths"
         (x, y, angle), (one, other) = self.separator.placement, self.separator.widths_mm
@@ -94,12 +96,6 @@ class Ambiguity(NamedTuple):
             f"a hand at ({x:z.0f}, {y:z.0f}) mm, {math.degrees(angle):z.0f} deg would read {one:.1f} mm for "
             f"the first and {other:.1f} mm for the second"
         )
-
-    def _nearby(self) -> str:
-        scatter = self.where.scatter
-        if scatter < 1.0:
-            return "the plan was less sure of it than its trials: more particles of [search] may be"
-        return f"nearly all others lie about it, within {scatter:.1f} times the goal: ask for less"
 
 
 class Delay(NamedTuple):
@@ -175,7 +171,10 @@ def _separator(pair: Array, job: Job, simulator: Simulator, rng: np.random.Gener
     # Rounding to counts scatters like the step over the square root of 12.
     floor = math.hypot(encoder.noise_mm, encoder.mm_per_count / math.sqrt(12.0))
     best, clearest = None, (False, TELLING)
-    for placement in _placements(pair, job):
+    hands = hands_about(reach(job.part.outline_mm), 0.5 * job.gripper.finger_length_mm, HANDS)
+    about = placed(hands, np.array([*pair[:, :2].mean(axis=0), pair[0, 2]]))  # the middle of the two
+    about[:, 2] = wrap(about[:, 2], HALF_TURN_ALIKE)
+    for placement in actions_of(job).within(about):
         if least_clearance(simulator.outline, simulator.jaws, pair, placement) < 0.0:
             continue
         hand = np.repeat(to_hand(pair, placement), SAMPLES, axis=0)
@@ -187,14 +186,6 @@ def _separator(pair: Array, job: Job, simulator: Simulator, rng: np.random.Gener
         if clarity > TELLING and rank > clearest:
             best, clearest = Separator(placement, (float(one), float(other))), rank
     return best
-
-
-def _placements(pair: Array, job: Job) -> Array:
-    """Hands (k, 3) all about the middle of two poses, in the area."""
-    hands = hands_about(reach(job.part.outline_mm), 0.5 * job.gripper.finger_length_mm, HANDS)
-    about = placed(hands, np.array([*pair[:, :2].mean(axis=0), pair[0, 2]]))
-    about[:, 2] = wrap(about[:, 2], HALF_TURN_ALIKE)
-    return actions_of(job).within(about)
 
 
 def pose_text(pose: Array) -> str:

@@ -1,10 +1,13 @@
-"""How far widths may be off before a table's answers are wrong: what its branches rest on."""
+"""What branches rest on: widths that the encoder may confuse, and how far they may be off."""
 
-from typing import Any, NamedTuple
+from functools import partial
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from planner.belief.observation import encoder_of
 from planner.evaluation.cases import OFFSET_COUNTS, offset_cases
 from planner.evaluation.evaluate import sweep
 from planner.evaluation.outcome import Evaluation
@@ -30,10 +33,6 @@ class Margins(NamedTuple):
         """Whether that is worth a word."""
         return self.wrong_rate > THIN
 
-    def figures(self) -> dict[str, Any]:
-        """For JSON."""
-        return {**self._asdict(), "thin": self.thin}
-
     def line(self) -> str:
         """For people."""
         counts = f"{self.counts:g} counts"
@@ -50,16 +49,8 @@ def margins_of(
 ) -> Margins:  # fmt: skip
     """Runs a table with widths off to either side, `trials` parts each."""
     seed = job.seed + SEED_MARGINS
-    lines = sweep(
-        table,
-        job,
-        offset_cases(job),
-        lambda real: ContactWorlds.of_job(real, seed),
-        trials,
-        seed,
-        scheduler,
-        report,
-    )
+    worlds = partial(ContactWorlds.of_job, seed=seed)
+    lines = sweep(table, job, offset_cases(job), worlds, trials, seed, scheduler, report)
     wrong = max(float(line.evaluation.wrong.mean()) for line in lines)
     return Margins(OFFSET_COUNTS, wrong, near_another(table, evaluation))
 
@@ -72,3 +63,62 @@ def near_another(table: Table, evaluation: Evaluation) -> float:
     around = sliding_window_view(around, 2 * reach + 1, axis=1)
     other = ((around != meant[..., None]) & (around != REJECT)).any(axis=2)
     return float(((evaluation.path >= 0) & other[evaluation.path, evaluation.counts]).any(axis=1).mean())
+
+
+CLOSE_COUNTS = 4.0  # nearer widths share readings: settled grippers of the kind differ by as much
+BORDER_COUNTS = 2.0  # a reading this near to the border between two branches may have been the other one
+MOST_LINES = 5
+
+
+class ClosePair(NamedTuple):
+    """Two neighbouring branches of a node."""
+
+    node: int  # index of the node
+    lower: int  # number of the branch of lesser width; the other one is the next
+    widths_mm: tuple[float, float]  # the two expected widths
+    counts: float  # how far they are apart
+    overlap: bool  # whether their intervals have widths in common
+    near: float  # share of all parts that read within `BORDER_COUNTS` of the border between the two
+    lost: float  # share of all parts that do so and are not located in the end
+    excess: float  # how much of that is more than parts elsewhere lose
+
+
+def close_pairs(table: Table, evaluation: Evaluation, job: Job) -> list[ClosePair]:
+    """Neighbouring branches whose widths are close or whose intervals overlap, the costliest first."""
+    um_per_count = 1e3 * encoder_of(job).mm_per_count
+    calibration = Calibration.linear(table.gripper)
+    failed = ~evaluation.success
+    pairs = []
+    for index, node in enumerate(table.nodes):
+        outcome = by_count(decision_map(node, calibration))
+        for number, (below, above) in enumerate(pairwise(node.branches)):
+            counts = (above.expected_um - below.expected_um) / um_per_count
+            overlap = below.high_um >= above.low_um
+            if counts >= CLOSE_COUNTS and not overlap:
+                continue
+            reads = np.abs(evaluation.counts - _border(outcome, number)) <= BORDER_COUNTS
+            near = ((evaluation.path == index) & reads).any(axis=1)  # no trial comes to a node twice
+            widths_mm = below.expected_um / 1e3, above.expected_um / 1e3
+            share, lost = float(near.mean()), float((near & failed).mean())
+            excess = float(lost - share * failed.mean())
+            pairs.append(ClosePair(index, number, widths_mm, round(counts, 2), overlap, share, lost, excess))
+    return sorted(pairs, key=lambda pair: -pair.excess)
+
+
+def lines_of(pairs: list[ClosePair]) -> list[str]:
+    """For people: the pairs near whose border more parts are lost than elsewhere."""
+    costly = [pair for pair in pairs if pair.excess > 0.0]
+    lines = [
+        f"node {pair.node}: {pair.widths_mm[0]:.1f} and {pair.widths_mm[1]:.1f} mm are {pair.counts:.1f} "
+        f"counts apart; {pair.near:.2%} of the parts read near the border, {pair.lost:.2%} are lost there"
+        for pair in costly[:MOST_LINES]
+    ]
+    rest = len(costly) - MOST_LINES
+    return lines + [f"and {rest} more such pairs; see --json"] * (rest > 0)
+
+
+def _border(outcome: tuple[int, ...], lower: int) -> float:
+    """The count between the readings of branch `lower` + 1, the wider one, and those of `lower`."""
+    wide = max((count for count, number in enumerate(outcome) if number == lower + 1), default=0)
+    narrow = min((count for count, number in enumerate(outcome) if number == lower), default=wide)
+    return 0.5 * (wide + narrow)

@@ -95,11 +95,9 @@ def believed_cases(job: Job) -> list[Case]:
         cases.append(Case(name, disturbance=arm))
     if doubt.release_mm or doubt.release_deg:
         shift, turn = doubt.release_mm or 0.0, doubt.release_deg or 0.0
-        own = {
-            "shift_mm": float(np.hypot(job.release.shift_mm, shift)),
-            "turn_deg": float(np.hypot(job.release.turn_deg, turn)),
-        }
-        cases.append(Case(f"release {shift:g} mm, {turn:g} deg", {"release": own}))
+        mm, deg = np.hypot((job.release.shift_mm, job.release.turn_deg), (shift, turn)).tolist()
+        name = f"release {shift:g} mm, {turn:g} deg"
+        cases.append(Case(name, {"release": {"shift_mm": mm, "turn_deg": deg}}))
     if doubt.arm_mm or doubt.arm_deg:
         shift, turn = doubt.arm_mm or 0.0, doubt.arm_deg or 0.0
         arm = Disturbance(bias_mm=(shift, 0.0), bias_deg=turn)

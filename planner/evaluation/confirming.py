@@ -26,12 +26,8 @@ Strays = list[tuple[Belief, MotionModel]]  # strangers that came to a leaf, of e
 def confirm(root: TreeNode, strange: Sequence[Evaluation], job: Job, growth: Growth, seed: list[int]) -> int:
     """Squeezes once more at leaves that answer strangers, until the other leaves answer few enough of each.
 
-    Args:
-        root: of the tree, modified in place.
-        strange: trials of each stranger that the job names, of the tree's table.
-        job: states the strangers and `goal.stranger_rate`.
-        growth: how the tree was grown.
-        seed: every leaf draws from a stream of its own, named after its path.
+    The tree is modified in place. `strange` are trials of each stranger that the job names, of its table.
+    Every leaf draws from a stream of its own, named after the seed and its path.
 
     Returns:
         How many leaves were squeezed again; there may be no placement clear of all parts.

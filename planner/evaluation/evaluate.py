@@ -4,7 +4,7 @@ The trials run the table as the runtime does; nothing of the planner's belief en
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -37,43 +37,29 @@ def chunks_of(trials: int) -> list[Chunk]:
     return [Chunk(number, min(CHUNK, trials - start)) for number, start in enumerate(starts)]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ChunkRun:
-    """What all chunks have in common; called with one of them, in whatever process."""
-
-    program: Program
-    job: Job
-    world: World | Worlds
-    seed: int
-    disturbance: Disturbance
-
-    def __call__(self, chunk: Chunk) -> Evaluation:
-        """Runs the trials of a chunk in its world."""
-        rng = np.random.default_rng([self.seed, chunk.number, SEED_TRIALS])
-        world = self.world.world(chunk.number) if isinstance(self.world, Worlds) else self.world
-        return run(self.program, self.job, world, chunk.trials, rng, self.disturbance)
+def run_chunk(
+    program: Program, job: Job, world: World | Worlds, seed: int, disturbance: Disturbance, chunk: Chunk
+) -> Evaluation:
+    """Runs the trials of a chunk in its world, in whatever process."""
+    rng = np.random.default_rng([seed, chunk.number, SEED_TRIALS])
+    own = world.world(chunk.number) if isinstance(world, Worlds) else world
+    return run(program, job, own, chunk.trials, rng, disturbance)
 
 
 def evaluate(
     table: Table, job: Job, world: World | Worlds, trials: int, seed: int,
     scheduler: Scheduler | None = None, disturbance: Disturbance = NONE, report: Report = silent,
 ) -> Evaluation:  # fmt: skip
-    """Runs a table on many parts, in chunks of 1000.
+    """Runs a table on at least one part, in chunks of 1000.
 
-    Args:
-        table: the table.
-        job: what parts and gripper are like in truth: the job it was compiled from, or one that differs.
-        world: a supply of worlds, one for each chunk, which are shared among the workers; or a single
-            world, in which the chunks run one after another.
-        trials: number of parts, at least 1.
-        seed: of initial poses, encoder noise and the arm's errors; the world has its own.
-        scheduler: who runs the chunks; all cores if None. The result does not depend on it.
-        disturbance: errors of the cell that the plan was not told of.
-        report: told about progress.
+    The job says what parts and gripper are like in truth; it may differ from the one the table was compiled
+    from. A supply of worlds has one for each chunk, shared among the workers; in a single world the chunks
+    run one after another. The seed is that of initial poses, encoder noise and the arm's errors; the world
+    has its own. The result does not depend on the scheduler, all cores if None.
     """
     chunks = chunks_of(trials)
     run_all = (scheduler or Threads()).map if isinstance(world, Worlds) else map
-    results = run_all(ChunkRun(Program.of(table), job, world, seed, disturbance), chunks)
+    results = run_all(partial(run_chunk, Program.of(table), job, world, seed, disturbance), chunks)
     done: list[Evaluation] = []
     for part in results:
         done.append(part)
@@ -86,13 +72,8 @@ def carried_on(
 ) -> Evaluation:
     """The trials of a table when its tree has grown: parts go on where the leaf they had come to was grown.
 
-    Args:
-        before: the trials.
-        table: of the tree as it is now; where parts have been squeezed, it is as it was.
-        job: of those trials, like the disturbance.
-        world: squeezes what goes on.
-        seed: of what happens to it.
-        disturbance: errors of the cell.
+    The table is that of the tree as it is now; where parts have been squeezed `before`, it is as it was. Job
+    and disturbance are those of the trials, the seed is of what goes on.
     """
     program, rng = Program.of(table), np.random.default_rng([seed, SEED_TRIALS])
     found, node = replayed(program, before, disturbance.bias)

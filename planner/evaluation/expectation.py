@@ -19,8 +19,6 @@ from planner.work.scheduler import Scheduler
 from planner.world import ContactWorlds
 from runtime.table import Table
 
-KIND, VERSION = "expected readings", 1
-
 
 def expected(
     table: Table, job: Job, trials: int, seed: int, scheduler: Scheduler, report: Report = silent
@@ -38,11 +36,3 @@ def readings(found: Evaluation, nodes: int, of: BoolArray | None = None) -> IntA
     made = (found.path >= 0) & (True if of is None else of[:, None])
     totals = np.bincount(256 * found.path[made] + found.counts[made], minlength=256 * nodes)
     return np.asarray(totals.reshape(nodes, 256), np.int64)
-
-
-def document(digest: str, worlds: list[dict[str, Any]], trials: int, seed: int) -> dict[str, Any]:
-    """What the file of a table holds, by its digest as `runtime.table.load` tells it."""
-    return {
-        "kind": KIND, "version": VERSION, "table_sha256": digest, "trials": trials, "seed": seed,
-        "worlds": worlds,
-    }  # fmt: skip

@@ -3,6 +3,7 @@
 What no trial took is never claimed: its widths become REJECT.
 """
 
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -65,10 +66,15 @@ def tried(table: tables.Table, run: Evaluation) -> list[list[int]]:
     passed = run.path >= 0
     for index, number in set(zip(run.path[passed].tolist(), run.branch[passed].tolist(), strict=True)):
         took[index].add(number)
+    return ending(table, took)
+
+
+def ending(table: tables.Table, chosen: Sequence[Collection[int]]) -> list[list[int]]:
+    """Of the branches chosen at each node those after which there is an outcome, by way of chosen ones."""
     kept: list[list[int]] = [[] for _ in table.nodes]
     for index in reversed(range(len(table.nodes))):  # children come after their parents
         targets = enumerate(branch.target for branch in table.nodes[index].branches)
-        kept[index] = [n for n, target in targets if n in took[index] and (target < 0 or kept[target])]
+        kept[index] = [n for n, target in targets if n in chosen[index] and (target < 0 or kept[target])]
     return kept
 
 

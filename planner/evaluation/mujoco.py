@@ -239,16 +239,8 @@ def _add_fingers(spec: Any, job: Job, height: float) -> None:
         )  # fmt: skip
         for x, y in product((-1.0, 1.0), repeat=2):
             inset = np.array(size[:2]) - ROUND_M
-            _add_post(
-                body,
-                x * inset[0],
-                y * inset[1],
-                (-size[2], height - tips - size[2]),
-                POST,
-                PLATE,
-                priority=1,
-                mass=0.0,
-            )
+            ends = -size[2], height - tips - size[2]
+            _add_post(body, x * inset[0], y * inset[1], ends, POST, PLATE, priority=1, mass=0.0)
         drive.wrap_joint(name, 1.0)
     # Force falls evenly with speed, as that of a motor: the job's force at rest, none at the job's speed.
     slope = gripper.force_n / (gripper.speed_mm_s / 1e3)

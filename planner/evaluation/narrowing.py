@@ -13,12 +13,12 @@ import numpy as np
 from planner.arrays import Array, BoolArray, IntArray
 from planner.belief.observation import COUNTS, Encoder, encoder_of
 from planner.evaluation.expectation import readings
-from planner.evaluation.measured import without_untried
+from planner.evaluation.measured import ending, without_untried
 from planner.evaluation.outcome import Evaluation
 from planner.job.model import Job
 from planner.lower import interval_um
 from planner.search.expand import TreeNode
-from runtime.table import REJECT, Branch, Calibration, Node, Table, by_count, decision_map
+from runtime.table import REJECT, Calibration, Node, Table, by_count, decision_map
 
 LOSS = 1e-3  # share of the own parts that narrowing a table may lose, where the goal does not say
 PRICES = tuple(np.geomspace(0.1, 1e-7, 25))  # of a stranger that is answered, in own parts
@@ -46,9 +46,9 @@ class Narrowed(NamedTuple):
         """For people."""
         before, now = self.accepted
         told = f"narrowed against strangers: {now} of {before} counts are accepted"
-        told = f"{told}; {self.lost:.3%} of the parts that belong there are rejected for it"
-        return (
-            told if self.answered is None else f"{told}; at most {self.answered:.2%} of a stranger answered"
+        told += f"; {self.lost:.3%} of the parts that belong there are rejected for it"
+        return told + (
+            f"; at most {self.answered:.2%} of a stranger answered" if self.answered is not None else ""
         )
 
 
@@ -59,16 +59,8 @@ def narrowed(
 
     Branches that are worth nothing are left out, in the tree under the root, too. For each margin the price
     is the highest that loses few enough own parts; the margin is that which leaves the least to strangers.
-
-    Args:
-        table: the table.
-        root: of its tree.
-        found: trials of its own parts; those that were wrong are worth nothing.
-        strange: trials of each stranger, of at least one.
-        job: that it was made of.
-
-    Returns:
-        None if all of them lose too many.
+    `found` are trials of the own parts, those that were wrong being worth nothing; `strange` of each of at
+    least one stranger. None if all prices lose too many.
     """
     fine, making = found.success | found.unresolved, np.arange(len(found.leaf)) < MAKING * len(found.leaf)
     calibration, number = Calibration.linear(table.gripper), len(table.nodes)
@@ -96,23 +88,13 @@ def narrowed(
         return None
     nodes = tuple(_limited(node, row, encoder_of(job)) for node, row in zip(table.nodes, best, strict=True))
     accepted = int((meant != REJECT).sum()), int((best != REJECT).sum())
-    return Narrowed(without_untried(replace(table, nodes=nodes), root, _ways(table, best)), accepted, lost)
+    ways = ending(table, [set(row.tolist()) for row in best])
+    return Narrowed(without_untried(replace(table, nodes=nodes), root, ways), accepted, lost)
 
 
 def _rejected(kept: IntArray, found: Evaluation) -> BoolArray:
     """Which trials (n,) read a count somewhere that means nothing any more."""
     return np.asarray(((found.path >= 0) & (kept[found.path, found.counts] == REJECT)).any(axis=1))
-
-
-def _ways(table: Table, kept: IntArray) -> list[list[int]]:
-    """The branches of each node that counts (n, 256) still mean, and after which there is an outcome."""
-    ways: list[list[int]] = [[] for _ in table.nodes]
-    for index in reversed(range(len(ways))):  # children come after their parents
-        for number in np.unique(kept[index][kept[index] != REJECT]).tolist():
-            target = table.nodes[index].branches[number].target
-            if target < 0 or ways[target]:
-                ways[index].append(number)
-    return ways
 
 
 def _kept(meant: IntArray, seen: IntArray, price: Array, margin: int) -> IntArray:
@@ -142,14 +124,14 @@ def _worth(gain: Array) -> tuple[int, int]:
 
 def _limited(node: Node, meant: IntArray, encoder: Encoder) -> Node:
     """A node whose grips reach as far as the counts (256,) that mean them, and to what is expected."""
-    rows = ((branch, np.flatnonzero(meant == number)) for number, branch in enumerate(node.branches))
-    reaching = (_reaching(b, at, encoder) if b.grip and len(at) else b for b, at in rows)
-    return node._replace(branches=tuple(reaching))
-
-
-def _reaching(branch: Branch, counts: IntArray, encoder: Encoder) -> Branch:
-    low_um, high_um = interval_um(int(counts[0]), int(counts[-1]), encoder)
-    return branch._replace(
-        low_um=max(branch.low_um, min(low_um, branch.expected_um)),
-        high_um=min(branch.high_um, max(high_um, branch.expected_um)),
-    )
+    branches = list(node.branches)
+    for number, (low_um, expected_um, high_um, *_) in enumerate(node.branches):
+        counts = np.flatnonzero(meant == number)
+        if branches[number].grip and len(counts):
+            low, high = interval_um(int(counts[0]), int(counts[-1]), encoder)
+            reach = {
+                "low_um": max(low_um, min(low, expected_um)),
+                "high_um": min(high_um, max(high, expected_um)),
+            }
+            branches[number] = branches[number]._replace(**reach)
+    return node._replace(branches=tuple(branches))

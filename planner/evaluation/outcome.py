@@ -72,7 +72,7 @@ class Evaluation:
 
     def summary(self) -> dict[str, Any]:
         """The figures of `plan-evaluate --json`."""
-        n = len(self.leaf)
+        n, known = len(self.leaf), self.error_mm[self.resolved]
         successes, wrong = int(self.success.sum()), int(self.wrong.sum())
         return {
             "trials": n,
@@ -86,15 +86,10 @@ class Evaluation:
             "max_squeezes": int(self.squeezes.max()),
             "mean_seconds": float(self.seconds.mean()),
             "crashes": self.crashes,
-            "error_mm": self._error_mm(),
+            "error_mm": dict(zip(("median", "p95"), np.quantile(known, ERROR_SHARES).tolist(), strict=True))
+            if len(known)
+            else None,
         }
-
-    def _error_mm(self) -> dict[str, float] | None:
-        """Of the parts in resolved leaves; None without any."""
-        known = self.error_mm[self.resolved]
-        if not len(known):
-            return None
-        return dict(zip(("median", "p95"), np.quantile(known, ERROR_SHARES).tolist(), strict=True))
 
     def __getitem__(self, rows: IntArray) -> Self:
         """A copy of some of the trials."""

@@ -58,25 +58,18 @@ class Case:
                 break
             left -= self.found.leaves[leaf].rate
             named.append(leaf)
-        found = self.wrong
-        parts = Belief.of(found.poses, found.counts, found.traits)
-        return {k: parts[found.leaf == k] for k in named}
+        parts = Belief.of(self.wrong.poses, self.wrong.counts, self.wrong.traits)
+        return {k: parts[self.wrong.leaf == k] for k in named}
 
 
 def studied(
     table: Table, job: Job, limit: float, seed: int, scheduler: Scheduler, report: Report,
     most: int | None = None,
 ) -> Case:  # fmt: skip
-    """Studies a table in its job's own world until it is shown to be below a limit, or above it.
+    """Studies a table in its job's own world until wrong answers are shown to be below a limit, or above it.
 
-    Args:
-        table: the table.
-        job: its job.
-        limit: on the rate of wrong answers [ppm].
-        seed: of all randomness; `plan-evaluate --ppm --seed` follows the same parts.
-        scheduler: who runs the chunks; the result does not depend on it.
-        report: told about progress.
-        most: parts after which it ends in any case, `MOST_PARTS` if None.
+    The limit is in ppm; `plan-evaluate --ppm --seed` follows the same parts. The result does not depend on
+    the scheduler. It ends in any case after `most` parts, `MOST_PARTS` if None.
     """
     worlds = ContactWorlds.of_job(job, seed)
     study = Study(Program.of(table), job, worlds, seed, copies_of(table), NONE)
@@ -101,7 +94,8 @@ def unsettle(root: TreeNode, wrong: Mapping[int, Belief], metric: Metric) -> lis
     for leaf, parts in wrong.items():
         node = ends[leaf]
         found.append(Doubt(node, node.belief, node.mode))
-        more = _amplified(parts, len(node.belief))
+        times = math.ceil(AMPLIFIED / (1.0 - AMPLIFIED) * len(node.belief) / len(parts))
+        more = parts[np.tile(np.arange(len(parts)), times)]
         node.belief, node.doubted = Belief.joined([node.belief, more]), node.doubted + len(more)
         node.mode = metric.mode(node.belief.states)
     return found
@@ -118,15 +112,8 @@ def settle(doubts: Sequence[Doubt], confidence: float) -> None:
             node.belief, node.mode = belief, mode
 
 
-def _amplified(wrong: Belief, among: int) -> Belief:
-    """Particles repeated until they count among so many others."""
-    times = math.ceil(AMPLIFIED / (1.0 - AMPLIFIED) * among / len(wrong))
-    return wrong[np.tile(np.arange(len(wrong)), times)]
-
-
 def given_up(table: Table, leaves: Collection[int]) -> Table:
     """The table with some leaves marked unresolved."""
     rows = enumerate(table.leaves)
-    return replace(
-        table, leaves=tuple(leaf._replace(resolved=leaf.resolved and k not in leaves) for k, leaf in rows)
-    )
+    told = (leaf._replace(resolved=leaf.resolved and k not in leaves) for k, leaf in rows)
+    return replace(table, leaves=tuple(told))

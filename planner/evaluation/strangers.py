@@ -41,10 +41,6 @@ class Answer(NamedTuple):
         pairs = zip(self.widths_mm, self.ours_mm, strict=True) if self.ours_mm else ()
         return max((round(abs(theirs - ours), 2) for theirs, ours in pairs), default=None)
 
-    def figures(self) -> dict[str, Any]:
-        """For JSON."""
-        return {**self._asdict(), "apart_mm": self.apart_mm}
-
     def line(self) -> str:
         """For people."""
         named = "" if self.part is None else f" as {self.part}"
@@ -81,7 +77,7 @@ class Strange(NamedTuple):
             "reject_rate": float(self.evaluation.rejected.mean()),
             "unresolved_rate": float(self.evaluation.unresolved.mean()),
             "crashes": self.evaluation.crashes,
-            "answers": [answer.figures() for answer in self.answers],
+            "answers": [{**each._asdict(), "apart_mm": each.apart_mm} for each in self.answers],
         }
 
     def lines(self) -> list[str]:

@@ -1,20 +1,85 @@
-"""The files of an export: a table's data and executor in one language, and the vectors that check them."""
+"""The files of an export: a table's data and executor in one language, and the vectors that check them.
 
-import csv
-import io
+All forms say what follows each reading as runs of counts.
+"""
+
 import json
 import re
 import textwrap
+from collections.abc import Iterator
 from dataclasses import asdict
 from functools import cache
+from itertools import groupby
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from planner.export.content import VECTOR, drag_of, holds, maps_of, runs_of, vectors
-from runtime.shell.files import OutputError, folder, writing
-from runtime.table import Table, TableFile
+from runtime.shell.files import OutputError, folder
+from runtime.shell.files import write as write_text
+from runtime.table import COUNTS, HELD_UM, REJECT, Calibration, Node, Table, TableFile, decide, decision_map
+
+FELT, NOT_FELT = 2, 3  # the object flag (gOBJ) of jaws that met something, and of jaws that met nothing
+NODE, LEAF, UNRESOLVED, REJECTED, FAULT = range(5)  # what follows a reading, as the vectors and programs say
+VECTOR = ("node", "count", "object_flag", "outcome", "index", "release_x_um", "release_y_um")
+
+
+class Run(NamedTuple):
+    """Neighbouring counts that a node reads as one branch; counts in no run are REJECT."""
+
+    object_flag: int  # FELT or NOT_FELT
+    first: int  # count
+    last: int  # count, itself included
+    branch: int  # index into the node's branches
+
+
+def maps_of(table: Table) -> list[tuple[int, ...]]:
+    """The decision map of each node, by the straight line from counts to widths."""
+    calibration = Calibration.linear(table.gripper)
+    return [decision_map(node, calibration) for node in table.nodes]
+
+
+def runs_of(decided: tuple[int, ...]) -> list[Run]:
+    """A decision map as runs, those with an object felt first, in the order of their counts."""
+    found = []
+    for flag in (FELT, NOT_FELT):
+        branches = [decide(decided, count, flag == FELT) for count in range(COUNTS)]
+        for branch, group in groupby(range(COUNTS), branches.__getitem__):
+            counts = list(group)
+            if branch != REJECT:
+                found.append(Run(flag, counts[0], counts[-1], branch))
+    return found
+
+
+def holds(node: Node, branch: int) -> bool:
+    """Whether the jaws hold the part after a branch; nobody knows after a REJECT."""
+    return branch != REJECT and node.branches[branch].expected_um >= HELD_UM
+
+
+def drag_of(node: Node) -> tuple[int, int]:
+    """Where what a node holds is dragged before the hand opens, x and y in um; its own place: nowhere."""
+    return node.release or (node.squeeze.x_um, node.squeeze.y_um)
+
+
+def vectors(table: Table) -> Iterator[tuple[int, ...]]:
+    """What follows every believable reading, each node, object flag and count, as rows of `VECTOR`."""
+    for index, (node, decided) in enumerate(zip(table.nodes, maps_of(table), strict=True)):
+        for flag in (FELT, NOT_FELT):
+            for count in range(COUNTS):
+                branch = decide(decided, count, flag == FELT)
+                release = drag_of(node) if holds(node, branch) else node.squeeze[:2]
+                yield index, count, flag, *_next(table, node, branch), *release
+
+
+def _next(table: Table, node: Node, branch: int) -> tuple[int, int]:
+    """Outcome and index after a branch."""
+    if branch == REJECT:
+        return REJECTED, -1
+    target = node.branches[branch].target
+    if target >= 0:
+        return NODE, target
+    return (LEAF if table.leaves[~target].resolved else UNRESOLVED), ~target
+
 
 FORMS = {
     "c99": ("squeezetree_table.h",),
@@ -39,14 +104,20 @@ def write(found: TableFile, form: str, path: Path) -> dict[str, int]:
     Raises:
         OutputError: the folder holds files or cannot be written; nothing of the export is left there.
     """
-    texts = {VECTORS: _csv(found.table)}
+    rows = (VECTOR, *vectors(found.table))
+    texts = {VECTORS: "".join(",".join(map(str, row)) + "\n" for row in rows)}
     texts |= {name: _text(name, found) for name in FORMS[form]}
-    _check_empty(folder(path))
+    folder(path)
+    try:
+        empty = not any(path.iterdir())
+    except OSError as error:
+        raise OutputError(f"{path} cannot be looked into: {error.strerror}; name another folder") from error
+    if not empty:
+        raise OutputError(f"{path} holds files already, which stay; name another folder, new or empty")
     written: list[Path] = []
     try:
         for name, text in texts.items():
-            with writing(path / name) as draft:
-                draft.write_text(text, encoding="ascii")
+            write_text(path / name, text)
             written.append(path / name)
     except BaseException:
         for file in written:
@@ -55,27 +126,10 @@ def write(found: TableFile, form: str, path: Path) -> dict[str, int]:
     return {file.name: file.stat().st_size for file in written}
 
 
-def _check_empty(path: Path) -> None:
-    try:
-        empty = not any(path.iterdir())
-    except OSError as error:
-        raise OutputError(f"{path} cannot be looked into: {error.strerror}; name another folder") from error
-    if not empty:
-        raise OutputError(f"{path} holds files already, which stay; name another folder, new or empty")
-
-
 def _text(name: str, found: TableFile) -> str:
     if name == "squeezetree_table.json":
         return json.dumps(_document(found), indent=1) + "\n"
     return _templates().get_template(name).render(_values(found))
-
-
-def _csv(table: Table) -> str:
-    text = io.StringIO()
-    rows = csv.writer(text, lineterminator="\n")
-    rows.writerow(VECTOR)
-    rows.writerows(vectors(table))
-    return text.getvalue()
 
 
 def _document(found: TableFile) -> dict[str, Any]:
@@ -112,10 +166,7 @@ def _of_one_part(record: dict[str, Any]) -> dict[str, Any]:
 def _values(found: TableFile) -> dict[str, Any]:
     """What the templates of programs fill in: names and columns of integers, all within 32 bits."""
     table = found.table
-    nodes: list[Row] = []
-    runs: list[Row] = []
-    leaves: list[Row] = []
-    alternatives: list[Row] = []
+    nodes, runs, leaves, alternatives = list[Row](), list[Row](), list[Row](), list[Row]()
     for node, decided in zip(table.nodes, maps_of(table), strict=True):
         own = runs_of(decided)
         nodes.append((*node.squeeze[:6], *drag_of(node), len(runs), len(own)))

@@ -41,7 +41,7 @@ class Normalised(NamedTuple):
 
     def take(self, rows: IntArray) -> Self:
         """Return some of the pairs."""
-        return self._replace(F=self.F[rows], V=self.V[rows], weights=self.weights[rows])
+        return type(self)(*(column[rows] for column in self))
 
 
 class Fit(NamedTuple):
@@ -74,17 +74,10 @@ def identify(
     data: Normalised, rho_mm: float, kinds: Sequence[Kind], *, splits: int, train_share: float, seed: int,
     friction_n: float | None = None, report: Report = silent,
 ) -> list[Identified]:  # fmt: skip
-    """Fit limit surfaces to pairs, and judge each kind on the same random splits of them.
+    """Fit limit surfaces to pairs, normalised with `rho_mm`, and judge each kind on the same random splits.
 
-    Args:
-        data: the pairs.
-        rho_mm: the length they are normalised with.
-        kinds: what to fit.
-        splits: number of random splits.
-        train_share: share of the pairs that a split fits to, 0 to 1; the rest is held out.
-        seed: of the splits and folds.
-        friction_n: friction with the table, N; estimated from the pairs of each fit if not given.
-        report: called with stage, done, total.
+    A split fits to the share `train_share` of the pairs, 0 to 1, and holds out the rest. The friction with
+    the table [N] is estimated from the pairs of each fit if not given.
 
     Raises:
         ValueRangeError: too few pairs, to fit or to hold out.

@@ -3,19 +3,243 @@
 A table is CSV with the columns `COLUMNS` and optionally `weight`: the wrench on the part and the twist it
 answered with, about the origin of the part's frame (its area centroid) and along its axes. Only the direction
 of a twist matters.
+
+A log has the format of the public data of arXiv 1602.06056 (CMU, 2015): numbers, one record a line. How many
+pushes, then for each push the pose of the block's marker frame before and after it (x y z qw qx qy qz; mm,
+unit quaternion), the number of force readings and the readings (t fx fy; s, N), the number of pusher poses
+and the poses (t x y z qw qx qy qz). What turns a push into a pair:
+
+- The part's frame is the marker frame shifted by `MARKER_TO_PART_MM`, the centroid of the block: a right
+  triangle with legs of 150 mm along the marker's axes.
+- The sensor's offset is its first reading. The force on the part, in the pusher's frame, is -`SENSOR_AXES` f:
+  the sensor is mounted turned by 45 degrees, one axis mirrored, and feels the reaction.
+- The first `APPROACH` of a force record is approach. Of the rest, readings weaker than the norm of the mean
+  force of the whole record are not contact.
+- The block moves evenly from its pose before to its pose after, over the rest of the record. The wrench is
+  the mean over the contact readings of the force and its torque in the part's frame as it then lies, the
+  twist the constant one there that takes the one pose to the other (eq. 1 is about both in that frame).
+- The tip of the pusher lies to the side of the logged position, by what `tip_offset` finds.
 """
 
 import csv
+import math
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from planner.arrays import Array
+from planner.arrays import Array, BoolArray
 from planner.errors import ValueRangeError
-from planner.identification import push_log
-from planner.identification.push_log import finite
 from planner.job import documents
+from planner.job.fields import shown
+
+MARKER_TO_PART_MM = np.array([50.0, 50.0])
+FACES = np.array([[-1.0, 0.0], [0.0, -1.0], [math.sqrt(0.5), math.sqrt(0.5)]])
+"""Outward normals of the block's faces."""
+
+FACES_MM = np.array([50.0, 50.0, 50.0 * math.sqrt(0.5)])  # distances of the faces from the centroid
+
+SENSOR_AXES = math.sqrt(0.5) * np.array([[1.0, 1.0], [1.0, -1.0]])
+APPROACH = 0.3
+TIP_PRIOR = 0.5  # scatter of a contact's distance from its face over the likely size of the tip's offset
+
+MAX_TILT_DEG = 15.0  # of a block on a table; beyond it the numbers are in another order
+
+MOST_PUSHES = 100_000
+MOST = 1e30
+
+
+class Push(NamedTuple):
+    """One record of a push log, as logged."""
+
+    before: Array  # (7,) pose of the marker frame, mm and quaternion
+    after: Array  # (7,) the same, after the push
+    forces: Array  # (K, 3) t s, fx N, fy N, sensor axes
+    pusher: Array  # (P, 8) t s, pose of the pusher
+
+
+def parse(text: str, where: str = "push log") -> list[Push]:
+    """Read a push log.
+
+    Raises:
+        ValueRangeError: it ends early, goes on after its last push, holds no push, or what should be a number
+            is not; names the line.
+    """
+    reader = _Reader(text, where)
+    pushes = []
+    count = reader.count("pushes", MOST_PUSHES)
+    for index in range(count):
+        reader.place = f"push {index + 1} of {count}"
+        before, after = reader.pose("pose before"), reader.pose("pose after")
+        forces = reader.rows("force readings", 3)
+        pushes.append(Push(before, after, forces, reader.rows("pusher poses", 8)))
+    reader.end()
+    return pushes
+
+
+def pairs(pushes: list[Push], where: str = "push log") -> tuple[Array, Array]:
+    """Turn logged pushes into wrench-twist pairs.
+
+    Returns:
+        Wrenches (K, 3) N, N, N mm, and twists (K, 3) mm, mm, rad, in the part's frame.
+
+    Raises:
+        ValueRangeError: a push without contact or without motion.
+    """
+    sideways = tip_offset(pushes)
+    wrenches = np.array([_wrench(push, sideways) for push in pushes])
+    twists = np.array([_twist(push) for push in pushes])
+    for number, (wrench, twist) in enumerate(zip(wrenches, twists, strict=True), 1):
+        if not twist.any() or not wrench[:2].any():
+            lacks = "no force reading shows contact" if twist.any() else "the block does not move"
+            raise ValueRangeError(f"push {number} of {len(pushes)}: {lacks}; drop this push", where=where)
+    return wrenches, twists
+
+
+def tip_offset(pushes: list[Push]) -> float:
+    """Find how far the pusher's tip lies to the left of its logged position, mm.
+
+    At the end of a push the tip touches a face. Its distance from there is a constant for each face (radius
+    of the tip, size of the block) and the offset's share along the face's normal, which changes with the
+    direction of the push. Least squares, with a weak pull to 0 for logs that push in few directions.
+    """
+    rows, distances = [np.array([0.0, 0.0, 0.0, TIP_PRIOR])], [0.0]
+    for push in pushes:
+        angle, yaw = _yaw(push.after[3:]), _yaw(push.pusher[-1, 4:])
+        to_part = _turn(angle).T
+        tip = to_part @ (push.pusher[-1, 1:3] - _origin(push.after))
+        beyond = FACES @ tip - FACES_MM
+        face = int(np.argmax(beyond))
+        left = to_part @ _turn(yaw)[:, 1]
+        rows.append(np.append(np.eye(3)[face], -FACES[face] @ left))
+        distances.append(float(beyond[face]))
+    return float(np.linalg.lstsq(np.array(rows), np.array(distances), rcond=None)[0][3])
+
+
+def _twist(push: Push) -> Array:
+    """Return the twist (3,), mm and rad, that takes the block from before to after: the SE(2) logarithm."""
+    before, turned = _yaw(push.before[3:]), _turned(push)
+    x, y = _turn(before).T @ (_origin(push.after) - _origin(push.before))
+    half = 0.5 * turned
+    along = half / math.tan(half) if half else 1.0
+    return np.array([along * x + half * y, along * y - half * x, turned])
+
+
+def _wrench(push: Push, sideways: float) -> Array:
+    """Return the mean contact wrench (3,), N and N mm, in the part's frame; 0 if there is no contact."""
+    measured = push.forces[:, 1:] - push.forces[0, 1:]
+    contact = _contact(measured)
+    if not contact.any():
+        return np.zeros(3)
+    times, clock = push.forces[contact, 0], push.pusher[:, 0]
+    start, stop = push.forces[int(APPROACH * len(measured)), 0], push.forces[-1, 0]
+    share = (times - start) / max(stop - start, 1e-9)  # (C,) of the motion
+    before, after = _origin(push.before), _origin(push.after)
+    origin = before + share[:, None] * (after - before)
+    to_part = _turn(-_yaw(push.before[3:]) - share * _turned(push))  # (2, 2, C)
+    pusher = _turn(np.interp(times, clock, np.unwrap(_yaw(push.pusher[:, 4:]))))
+    logged = np.column_stack([np.interp(times, clock, push.pusher[:, axis]) for axis in (1, 2)])
+    tip = logged + sideways * pusher[:, 1].T
+    world = np.einsum("ijc,cj->ci", pusher, -measured[contact] @ SENSOR_AXES.T)
+    force = np.einsum("ijc,cj->ci", to_part, world)
+    arm = np.einsum("ijc,cj->ci", to_part, tip - origin)
+    torque = arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0]
+    return np.array([*force.mean(axis=0), torque.mean()])
+
+
+def _contact(measured: Array) -> BoolArray:
+    strength = np.hypot(measured[:, 0], measured[:, 1])
+    contact = strength >= max(float(np.hypot(*measured.mean(axis=0))), 1e-9)
+    contact[: int(APPROACH * len(measured))] = False
+    return np.asarray(contact)
+
+
+def _origin(pose: Array) -> Array:
+    """Return the origin of the part's frame, (2,) mm, world."""
+    return np.asarray(pose[:2] + _turn(_yaw(pose[3:])) @ MARKER_TO_PART_MM)
+
+
+def _turned(push: Push) -> float:
+    return math.remainder(float(_yaw(push.after[3:]) - _yaw(push.before[3:])), math.tau)
+
+
+def _yaw(quaternion: Array) -> Array:
+    """Return the angle(s) about z of unit quaternions (..., 4) w x y z, rad."""
+    w, x, y, z = np.moveaxis(np.asarray(quaternion), -1, 0)
+    return np.asarray(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+
+
+def _turn(angle: Array | float) -> Array:
+    """Return rotation matrices (2, 2) or (2, 2, K)."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s], [s, c]])
+
+
+def finite(text: str | None, place: str, where: str) -> float:
+    """Return a number of a file.
+
+    Raises:
+        ValueRangeError: it is missing, not a number, or so large that no measurement gave it.
+    """
+    try:
+        value = float(text or "")
+    except ValueError:
+        value = math.nan
+    if not abs(value) < MOST:
+        what = f"{shown(text)} is not a number below {MOST:g}" if text else "a number is missing"
+        raise ValueRangeError(f"{place}: {what}; correct the file", where=where)
+    return value
+
+
+class _Reader:
+    """A push log, line by line; empty lines do not count."""
+
+    def __init__(self, text: str, where: str) -> None:
+        lines = ((number, line.split()) for number, line in enumerate(text.splitlines(), start=1))
+        self._lines = iter([(number, fields) for number, fields in lines if fields])
+        self._where = where
+        self._line = 0
+        self.place = "header"
+
+    def _error(self, problem: str) -> ValueRangeError:
+        return ValueRangeError(f"line {self._line}, {self.place}: {problem}", where=self._where)
+
+    def _row(self, what: str, columns: int) -> list[float]:
+        try:
+            self._line, fields = next(self._lines)
+        except StopIteration:
+            problem = f"the file ends where {what} should follow; it is truncated, copy it again"
+            raise self._error(problem) from None
+        if len(fields) != columns:
+            raise self._error(f"{what}: expected {columns} numbers, found {len(fields)}; correct the line")
+        place = f"line {self._line}, {self.place}: {what}"
+        return [finite(field, place, self._where) for field in fields]
+
+    def count(self, what: str, most: int = 10_000_000) -> int:
+        value = self._row(f"number of {what}", 1)[0]
+        if value != int(value) or not 1 <= value <= most:
+            raise self._error(f"number of {what} is {value:g}, not a whole number from 1 to {most}")
+        return int(value)
+
+    def pose(self, what: str) -> Array:
+        pose = np.array(self._row(what, 7))
+        w, x, y, z = pose[3:]
+        if abs(w * w + x * x + y * y + z * z - 1.0) > 1e-2:
+            raise self._error(f"{what}: qw qx qy qz is not a unit quaternion; correct the line")
+        if math.degrees(2.0 * math.asin(min(1.0, math.hypot(x, y)))) > MAX_TILT_DEG:
+            problem = f"{what}: tilted by more than {MAX_TILT_DEG:g} deg; the order is x y z qw qx qy qz"
+            raise self._error(problem)
+        return pose
+
+    def rows(self, what: str, columns: int) -> Array:
+        return np.array([self._row(what, columns) for _ in range(self.count(what))])
+
+    def end(self) -> None:
+        trailing = next(self._lines, None)
+        if trailing is not None:
+            self._line = trailing[0]
+            raise self._error("more lines follow the last push; is the number of pushes right?")
+
 
 COLUMNS = ("fx_n", "fy_n", "tau_n_mm", "vx_mm", "vy_mm", "omega_rad")
 WEIGHT = "weight"
@@ -40,7 +264,7 @@ def load(path: str | Path) -> Pairs:
     text = documents.read(path)
     if where.lower().endswith(".csv"):
         return parse_table(text, where)
-    wrenches, twists = push_log.pairs(push_log.parse(text, where), where)
+    wrenches, twists = pairs(parse(text, where), where)
     return Pairs(wrenches, twists, np.ones(len(twists)))
 
 

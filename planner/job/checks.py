@@ -8,7 +8,6 @@ import shapely
 
 from planner.arrays import Array
 from planner.errors import FitError, OutlineError, ValueRangeError
-from planner.job.schema import Goal
 from planner.job.surface_file import check_ellipsoid
 from planner.part import outline, symmetry
 
@@ -80,7 +79,10 @@ def check_conflicts(values: Values) -> None:
             "part", "picks", "need a datum, in whose frame they are; state it, [0, 0, 0] if need be"
         )
     _check_dof(values["pressure"])
-    _check_friction(values["friction"])
+    low, high = values["friction"]["finger_part_min"], values["friction"]["finger_part_max"]
+    if low > high:
+        problem = f"is {low:g}, above finger_part_max = {high:g}; exchange them"
+        raise _conflict("friction", "finger_part_min", problem)
     _check_gripper(values["gripper"], values["cell"])
     _check_doubt(values["doubt"], values["pressure"])
     _check_heights(values["part"]["height_mm"], values["cell"])
@@ -92,33 +94,20 @@ def check_conflicts(values: Values) -> None:
         _check_delivery(values)
 
 
-def check_identity(goal: Goal) -> None:
-    """Refuses to ask which part it is where there is but one.
+def check_parts(job: Any, names: list[str], strange: bool) -> None:
+    """Refuses what does not go with the parts that may lie there, and with strangers or none (`strange`).
 
     Raises:
-        ValueRangeError: so it is.
+        ValueRangeError: a question that one part leaves no choice of, two parts of one name, a section that
+            is not known for several, or a rate of strangers where the job names none.
     """
-    if goal.kind == "identity":
+    if job.goal.stranger_rate is not None and not strange:
+        raise _conflict("goal", "stranger_rate", "is of parts that the job must name; add [[stranger]]")
+    if len(names) == 1 and job.goal.kind == "identity":
         problem = 'is "identity", but only one part may lie there; add [[hypothesis]], or ask for a pose'
         raise _conflict("goal", "kind", problem)
-
-
-def check_strangers(goal: Goal, named: bool) -> None:
-    """Refuses to count strangers where the job, as somebody wrote it, names none.
-
-    Raises:
-        ValueRangeError: so it is.
-    """
-    if goal.stranger_rate is not None and not named:
-        raise _conflict("goal", "stranger_rate", "is of parts that the job must name; add [[stranger]]")
-
-
-def check_hypotheses(job: Any, names: list[str]) -> None:
-    """Refuses what goes with one part only.
-
-    Raises:
-        ValueRangeError: two parts have one name, or a section is not known for several parts.
-    """
+    if len(names) == 1:
+        return
     if len(set(names)) < len(names):
         raise _conflict("hypothesis", "name", "stands twice; give each part a name of its own")
     if job.goal.kind == "identity" and job.goal.identify is False:
@@ -144,13 +133,6 @@ def _check_dof(pressure: dict[str, Any], place: tuple[str, str] = ("pressure", "
     if quartic and pressure["wishart_dof"] < LEAST_QUARTIC_DOF:
         problem = f"must be at least {LEAST_QUARTIC_DOF} for a quartic, whose certificate is 9 x 9"
         raise _conflict(*place, problem)
-
-
-def _check_friction(friction: dict[str, Any]) -> None:
-    low, high = friction["finger_part_min"], friction["finger_part_max"]
-    if low > high:
-        problem = f"is {low:g}, above finger_part_max = {high:g}; exchange them"
-        raise _conflict("friction", "finger_part_min", problem)
 
 
 def _check_gripper(gripper: dict[str, Any], cell: dict[str, Any]) -> None:

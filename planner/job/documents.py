@@ -4,7 +4,6 @@ import math
 import re
 import tomllib
 from collections.abc import Container, Mapping
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -124,10 +123,12 @@ def changed(document: Mapping[str, Any], changes: Mapping[str, Any], where: str)
         except JobError as error:
             raise error.at(where) from None
         if is_section and hypotheses.KEY in result and name in hypotheses.OWN:
-            try:
-                hypotheses.changed(result, name, partial(_with_values, section=name, values=values))
-            except JobError as error:
-                raise error.at(where) from None
+            if name == "part":
+                problem = "is not one for all; change each [[hypothesis]]"
+                raise ValueRangeError(problem, where=where, section="part")
+            entries = result[hypotheses.KEY]
+            own = [{**entry, name: _with_values(entry.get(name, {}), name, values)} for entry in entries]
+            result[hypotheses.KEY] = own
         table = result.get(name, {})
         if is_section and not isinstance(table, dict):
             raise UsageError(f"{name} is no section of {where}, but one value; write it as {name}=value")

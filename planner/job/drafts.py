@@ -1,4 +1,7 @@
-"""A new part's job file: an outline and a few answers become commented TOML that compiles as it stands."""
+"""A new part's job file: an outline and a few answers become commented TOML that compiles as it stands.
+
+Grippers and finger materials to begin with are starting values, to be measured in the cell.
+"""
 
 import json
 import math
@@ -10,9 +13,61 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from planner.job import model as job_file
 from planner.job.checks import tips_height_mm
-from planner.job.presets import FINGERS, GRIPPERS, GripperPreset
 from planner.part.importers.file import Face, Imported
 from planner.part.outline import reach
+from runtime.table import PROFILES, Profile
+
+
+class GripperPreset(NamedTuple):
+    """A gripper as it comes; what its settings mean is in its profile."""
+
+    profile: Profile
+    finger_length_mm: float  # extent of a fingertip across the closing direction
+    finger_width_mm: float  # along it
+    speed_mm_s: float  # closing speed to begin with, moderate
+    force_n: float  # grip force to begin with, low
+    share_off: float = 0.11  # a finger may make so much more or less of the closing
+    middle_off_mm: float = 1.4  # the fingers may meet so far off the hand's middle: 2 % of the way to a part
+    encoder_off_mm: float = 1.1  # a width may read so much too much or too little: 3 counts
+
+    @property
+    def model(self) -> str:
+        """Its name."""
+        return self.profile.model
+
+    @property
+    def opening_mm(self) -> float:
+        """Stroke."""
+        return self.profile.opening_um / 1000
+
+
+GRIPPERS = {
+    preset.model: preset
+    for preset in (
+        GripperPreset(PROFILES["robotiq-2f-85"], 27.5, 9.5, 60.0, 40.0),
+        GripperPreset(PROFILES["robotiq-2f-140"], 27.0, 13.5, 80.0, 40.0, 0.11, 2.4, 1.85),
+        GripperPreset(PROFILES["hand-e"], 22.0, 10.0, 50.0, 40.0, 0.11, 0.8, 0.6),
+    )
+}
+
+
+class Fingers(NamedTuple):
+    """What the fingers are faced with: bounds on its dry friction against metals and plastics."""
+
+    low: float
+    high: float
+    told: str
+
+
+FINGERS = {
+    "rubber": Fingers(0.5, 0.9, "rubber or polyurethane pads"),
+    "silicone": Fingers(0.6, 1.0, "silicone pads"),
+    "aluminium": Fingers(0.25, 0.5, "bare aluminium"),
+    "steel": Fingers(0.15, 0.4, "bare steel"),
+    "plastic": Fingers(0.2, 0.4, "nylon, POM or printed plastic"),
+    "unknown": Fingers(0.2, 0.8, "nobody knows: a wide interval costs squeezes, not truth"),
+}
+
 
 FITTING = 0.8  # share of the room between open fingers that is proposed for the uncertainty
 DECIMALS = 4  # Of a vertex: 0.1 um, far below any tolerance of a drawing
@@ -43,20 +98,17 @@ def draft(imported: Imported, source: str, answers: Answers, faces: Sequence[Fac
         keep_trailing_newline=True,
     )  # fmt: skip
     environment.filters["toml"] = lambda text: json.dumps(text, ensure_ascii=False)
-    width, height = imported.size_mm
     thickness = None if answers.height_mm is None else round(float(answers.height_mm), DECIMALS)
     tips = faces[0].cut_mm if faces else tips_height_mm(thickness)
     text = environment.get_template("job.toml").render(
         name=answers.name,
         source=_one_line(source),
-        notes=[_one_line(note) for note in imported.notes],
-        size=f"{width:.3f} x {height:.3f}",
         order=imported.symmetry,
         height=thickness,
         tips=tips,
+        **_shape(imported),
         faces=[_face(number, face, answers.name) for number, face in enumerate(faces, start=1)],
         datum=[round(float(value), DECIMALS) + 0.0 for value in imported.origin_mm],
-        vertices=np.round(imported.outline_mm, DECIMALS).tolist(),
         fingers=FINGERS[answers.fingers],
         gripper=GRIPPERS[answers.gripper],
         radius=float(answers.radius_mm),
@@ -68,17 +120,22 @@ def draft(imported: Imported, source: str, answers: Answers, faces: Sequence[Fac
 
 
 def _face(number: int, face: Face, name: str) -> dict[str, object]:
-    """What the template says of a hypothesis."""
     assert face.imported.height_mm is not None
-    width, height = face.imported.size_mm
     return {
         "name": f"{name}, face {number}",
         "share": round(face.share, 9),
         "down": face.down_told,
-        "size": f"{width:.3f} x {height:.3f}",
-        "notes": [_one_line(note) for note in face.imported.notes],
         "height": round(face.imported.height_mm, DECIMALS),
-        "vertices": np.round(face.imported.outline_mm, DECIMALS).tolist(),
+        **_shape(face.imported),
+    }
+
+
+def _shape(imported: Imported) -> dict[str, object]:
+    width, height = imported.size_mm
+    return {
+        "size": f"{width:.3f} x {height:.3f}",
+        "notes": [_one_line(note) for note in imported.notes],
+        "vertices": np.round(imported.outline_mm, DECIMALS).tolist(),
     }
 
 

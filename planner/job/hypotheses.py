@@ -45,7 +45,11 @@ def stated(document: Mapping[str, Any]) -> list[tuple[float, dict[str, Any]]]:
     if "part" in document:
         raise KeyNameError("stands beside [[hypothesis]]; each of these has its own", section="part")
     found = _entries(KEY, 2, document[KEY], common)
-    shares = _shares([share for share, _ in found])
+    shares = [share for share, _ in found if share is not None]
+    if not shares:
+        return [(1.0 / len(found), alone) for _, alone in found]
+    if len(shares) < len(found) or abs(math.fsum(shares) - 1.0) > 1e-6:
+        raise ValueRangeError("must be stated for all or none, and add up to 1", section=KEY, key="share")
     return [(share, alone) for share, (_, alone) in zip(shares, found, strict=True)]
 
 
@@ -59,11 +63,8 @@ def strangers(document: Mapping[str, Any]) -> list[dict[str, Any]]:
     found = _entries(STRANGER, 1, document[STRANGER], common) if STRANGER in document else []
     for number, (share, _) in enumerate(found, start=1):
         if share is not None:
-            raise KeyNameError(
-                "no plan is made for it, so it has no share; drop the key",
-                section=f"{STRANGER} {number}",
-                key="share",
-            )
+            problem = "no plan is made for it, so it has no share; drop the key"
+            raise KeyNameError(problem, section=f"{STRANGER} {number}", key="share")
     return [alone for _, alone in found]
 
 
@@ -93,30 +94,18 @@ def _mirrored(pose: list[float]) -> list[float]:
     return [x, 0.0 - y, 0.0 - angle]
 
 
-def changed(document: dict[str, Any], section: str, replaced: Any) -> None:
-    """Replaces values of a section in all entries of a document (in place); `replaced` does so in one table.
-
-    Raises:
-        ValueRangeError: parts differ in the value.
-    """
-    if section == "part":
-        raise ValueRangeError("is not one for all; change each [[hypothesis]]", section="part")
-    document[KEY] = [{**entry, section: replaced(entry.get(section, {}))} for entry in document[KEY]]
-
-
 def _entries(
     key: str, least: int, entries: Any, common: Mapping[str, Any]
 ) -> list[tuple[float | None, dict[str, Any]]]:
     """The share, if any, and the document of each entry of a list of parts."""
     if not isinstance(entries, list) or not least <= len(entries) <= MOST:
         raise ValueRangeError(f"must be {least} to {MOST} entries, each under [[{key}]]", section=key)
-    return [_entry(key, number, entry, common) for number, entry in enumerate(entries, start=1)]
+    return [_entry(key, f"{key} {number}", entry, common) for number, entry in enumerate(entries, start=1)]
 
 
 def _entry(
-    key: str, number: int, entry: Any, common: Mapping[str, Any]
+    key: str, where: str, entry: Any, common: Mapping[str, Any]
 ) -> tuple[float | None, dict[str, Any]]:
-    where = f"{key} {number}"
     if not isinstance(entry, dict):
         raise ValueRangeError("must be a section of keys and values", section=where)
     own = {section: entry[section] for section in OWN if section in entry}
@@ -133,15 +122,6 @@ def _entry(
             f"missing section friction; add [{key}.friction], or [friction] for all", section=where
         )
     return values["share"], {**common, **own}
-
-
-def _shares(stated_shares: list[float | None]) -> list[float]:
-    shares = [share for share in stated_shares if share is not None]
-    if not shares:
-        return [1.0 / len(stated_shares)] * len(stated_shares)
-    if len(shares) < len(stated_shares) or abs(math.fsum(shares) - 1.0) > 1e-6:
-        raise ValueRangeError("must be stated for all or none, and add up to 1", section=KEY, key="share")
-    return shares
 
 
 def named(document: Mapping[str, Any], key: str, number: int, error: JobError) -> JobError:

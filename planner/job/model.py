@@ -198,18 +198,17 @@ def _of_document(document: dict[str, Any], where: str, drawn: bool) -> Job:
         found += [(share / len(jobs), job) for job in jobs]
     others = _jobs(document, hypotheses.STRANGER, hypotheses.strangers(document), where, drawn)
     strange = tuple(Stranger(job.part, job.pressure, job.friction) for jobs in others for job in jobs) or None
-    job_checks.check_strangers(found[0][1].goal, bool(strange) or not drawn)
+    first = found[0][1]
+    job_checks.check_parts(first, [job.part.name for _, job in found], bool(strange) or not drawn)
     if len(found) == 1:
-        job_checks.check_identity(found[0][1].goal)
-        return replace(found[0][1], stranger=strange)
+        return replace(first, stranger=strange)
     lowest_mm = min(job.cell.squeeze_height_mm for _, job in found)
-    first = replace(found[0][1], cell=replace(found[0][1].cell, squeeze_height_mm=lowest_mm))
+    search = first.search
     if "particles" not in document.get("search", {}):
-        each = first.search.particles
-        first = replace(first, search=replace(first.search, particles=each * len(found)))
+        search = replace(search, particles=search.particles * len(found))
     parts = tuple(Hypothesis(job.part, job.pressure, job.friction, share) for share, job in found)
-    job_checks.check_hypotheses(first, [job.part.name for _, job in found])
-    return replace(first, hypothesis=parts, stranger=strange)
+    cell = replace(first.cell, squeeze_height_mm=lowest_mm)
+    return replace(first, cell=cell, search=search, hypothesis=parts, stranger=strange)
 
 
 def _jobs(

@@ -130,12 +130,10 @@ def _missing(key: str, meaning: str, section: str) -> KeyNameError:
 
 
 def _text(value: Any) -> str:
-    """A value as TOML."""
-    if isinstance(value, np.ndarray):
-        value = value.tolist()
-    if isinstance(value, list | tuple) and value and isinstance(value[0], list):
+    value = value.tolist() if isinstance(value, np.ndarray) else value
+    if isinstance(value, list) and value and isinstance(value[0], list):
         return "[\n" + "".join(f"    {_text(row)},\n" for row in value) + "]"
-    if isinstance(value, list | tuple):
+    if isinstance(value, list):
         return "[" + ", ".join(_text(item) for item in value) + "]"
     if isinstance(value, str):
         quoted = value.replace("\\", "\\\\").replace('"', '\\"')

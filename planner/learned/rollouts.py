@@ -59,13 +59,9 @@ class Block(NamedTuple):
 
 
 def roll_outs(
-    simulator: Simulator,
-    radius_mm: float,
-    count: int,
-    store: Store | None = None,
-    scheduler: Scheduler | None = None,
-    report: Report = silent,
-) -> RollOuts:
+    simulator: Simulator, radius_mm: float, count: int, store: Store | None = None,
+    scheduler: Scheduler | None = None, report: Report = silent,
+) -> RollOuts:  # fmt: skip
     """Roll-outs over a disc of part centres about the hand, at any angle.
 
     The result depends on the simulator, the radius and the count alone. Starts beyond the fingers' reach are
@@ -97,7 +93,7 @@ def _finished(
     simulator: Simulator, blocks: list[Block], store: Store | None, scheduler: Scheduler, report: Report
 ) -> list[Rows]:
     content, version = content_of(simulator), code_version()
-    names = {block: _name(content, version, block) for block in blocks}
+    names = {block: hashlib.sha256(version + _seed(content, block)).hexdigest() for block in blocks}
     found = {block: store.get(name) for block, name in names.items()} if store else {}
     missing = [block for block in blocks if found.get(block) is None]
     report("roll-outs", len(blocks) - len(missing), len(blocks))
@@ -165,10 +161,6 @@ def code_version() -> bytes:
 
 def _seed(content: bytes, block: Block) -> bytes:
     return hashlib.sha256(content + b"%d %d" % block).digest()
-
-
-def _name(content: bytes, version: bytes, block: Block) -> str:
-    return hashlib.sha256(version + _seed(content, block)).hexdigest()
 
 
 def region_radius(job: Job) -> float:

@@ -13,15 +13,16 @@ A breadth-first search over sequences of actions, blind to what the squeezes wou
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from planner.arrays import Array
 from planner.frames import to_hand, to_world
-from planner.paper.models import Motion
 from planner.paper.sensor import CollisionTree
 
+Motion: TypeAlias = Callable[[Array, np.random.Generator], Array]
+"""ForwardMotionModel-KCDE: draws final poses for initial ones, both (n, 3) in the hand frame."""
 ALPHA = 0.75
 """A sequence is dropped where its last action takes the singleton ratio below this share of what it was."""
 COLLIDING_SHARE = 0.005

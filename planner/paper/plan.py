@@ -11,8 +11,7 @@ from planner.learned.rollouts import PAPER_COUNT, region_radius, roll_outs
 from planner.learned.store import Store
 from planner.mechanics.clearance import least_clearance
 from planner.mechanics.simulator import Simulator
-from planner.paper.models import learn
-from planner.paper.search import PaperPlanner, search_depth
+from planner.paper.search import PaperPlanner, learn, search_depth
 from planner.part.outline import radius_of_gyration
 from planner.search.actions import actions_of
 from planner.search.expand import TreeNode
@@ -21,12 +20,9 @@ from planner.work.scheduler import Scheduler
 
 
 def plan_paper(
-    job: Job,
-    simulator: Simulator,
-    store: Store | None = None,
-    scheduler: Scheduler | None = None,
+    job: Job, simulator: Simulator, store: Store | None = None, scheduler: Scheduler | None = None,
     report: Report = silent,
-) -> TreeNode:
+) -> TreeNode:  # fmt: skip
     """Plans a job with method "paper", "paper-sequence" or "sensorless".
 
     The paper's own numbers are used throughout: of the job's [search] only the method, the particles and the

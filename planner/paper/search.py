@@ -5,30 +5,85 @@ singleton ratio, beliefs are moved by learned models, and the nearest expected w
 """
 
 import dataclasses
+import math
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from planner.arrays import Array, IntArray
+from planner.belief.metric import Mode
 from planner.belief.observation import COUNTS, Encoder, Partition
 from planner.belief.particles import Belief
-from planner.frames import to_hand, to_world
-from planner.paper.models import Models
-from planner.paper.open_loop import OpenLoop
-from planner.paper.singleton import PRINTED_ORDER, Tolerances, singleton
+from planner.frames import to_hand, to_world, wrap
+from planner.learned.kcde import Kcde
+from planner.learned.rollouts import COLLIDES, RollOuts
+from planner.mechanics.simulator import Simulator
+from planner.paper.open_loop import Motion, OpenLoop
+from planner.paper.projection import Projection
+from planner.paper.sensor import CollisionTree, SensorModel
+from planner.paper.subspaces import Subspaces, subspaces_of
 from planner.search.expand import PlannedSqueeze, Progress, TreeNode
 
+PRINTED_ORDER = 2  # The paper maps theta to [cos 2 theta, sin 2 theta]
 METHODS = ("paper", "paper-sequence", "sensorless")
 """Algorithm 1; the whole open-loop sequence before each branching; no branching at all."""
-TOLERANCES = Tolerances()
+TOLERANCES = (2.5, 2.5, math.radians(5.0))
+"""Plus and minus each of these about the average pose (paper, VII): x, y [mm] and theta [rad]."""
 SINGLETON_SHARE = 0.95  # r_s
 MOST_SEQUENCES = 500
 DEEPEST = 3
 SENSORLESS_DEPTH = 5
 SENSORLESS_BUDGET = 400
 """Beliefs expanded; four actions and five squeezes need 341, and the paper found no gain beyond four."""
+
+
+def singleton(poses: Array, order: int, box: Sequence[float] = TOLERANCES) -> Mode:
+    """SingletonRatio(X, eps) as printed (VI.1): the average of particles (m, 3), and the share near it.
+
+    Averaged are x, y, cos(n theta) and sin(n theta), n the order; near is within the box of plus and minus x,
+    y [mm] and theta [rad]. The average of two modes lies between them, so its ratio is near 0 whatever one
+    does: `planner.belief.metric` has the mode ratio that the default method uses instead.
+    """
+    turned = order * poses[:, 2]
+    theta = math.atan2(np.sin(turned).mean(), np.cos(turned).mean()) / order
+    pose = np.array([poses[:, 0].mean(), poses[:, 1].mean(), theta])
+    off = np.abs(poses - pose)
+    off[:, 2] = np.abs(wrap(poses[:, 2] - theta, order))
+    return Mode(pose, float((off <= box).all(axis=1).mean()))
+
+
+class Models(NamedTuple):
+    """What is learned from the roll-outs before planning (paper VI, pre-planning steps 1 and 2)."""
+
+    motion: Motion
+    sensor: SensorModel
+    collision: CollisionTree
+    subspaces: Subspaces
+    projection: Projection
+
+
+def learn(rolled: RollOuts, simulator: Simulator, encoder: Encoder, rho_mm: float, order: int) -> Models:
+    """Fits all models to roll-outs, of which some touch the part and some collide with it.
+
+    `rho_mm` is what one radian weighs, `order` the part's rotational order.
+
+    Raises:
+        ValueError: no roll-out touches the part, or there are too few.
+    """
+    stands = rolled.status == COLLIDES
+    free = RollOuts(*(column[~stands] for column in rolled))
+    kcde = Kcde.fit(free, simulator.outline, simulator.jaws, rho_mm, order, paper=True)
+    subspaces = subspaces_of(free.width_mm, encoder)
+    return Models(
+        motion=lambda poses, rng: kcde.sample(poses, rng, simulator.workers).poses,
+        sensor=SensorModel.fit(free.final, free.width_mm, order),
+        collision=CollisionTree.fit(rolled.initial, stands, order),
+        subspaces=subspaces,
+        projection=Projection.fit(free.final, subspaces.label(free.width_mm), rho_mm, order),
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,7 +105,7 @@ class PaperPlanner:
         A leaf whose ratio is not above r_s could not be expanded: no action was free of collision and kept
         the ratio, or the path was too long. Every node draws from a stream named after the seed and its path.
         """
-        root = TreeNode(Belief.of(belief), 1.0, singleton(belief, TOLERANCES, self.order))
+        root = TreeNode(Belief.of(belief), 1.0, singleton(belief, self.order))
         waiting, done = deque([root]), 0
         while waiting:
             node = waiting.popleft()
@@ -78,7 +133,7 @@ class PaperPlanner:
             placements=self.placements,
             motion=self.models.motion,
             collision=self.models.collision,
-            ratio=lambda poses: singleton(poses, TOLERANCES, self.order).ratio,
+            ratio=lambda poses: singleton(poses, self.order).ratio,
             depth=min(self.depth, longest),
         )
         if self.method != "sensorless":
@@ -105,7 +160,7 @@ class PaperPlanner:
         for k in range(len(clusters.mean)):
             belief = poses[label == k]
             share = node.share * len(belief) / len(node.belief)
-            mode = singleton(belief, TOLERANCES, self.order)
+            mode = singleton(belief, self.order)
             node.children.append(TreeNode(Belief.of(belief), share, mode, (*node.path, k)))
         return node.children
 

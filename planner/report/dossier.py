@@ -19,20 +19,19 @@ from planner.evaluation.cases import assumption_cases, believed_cases
 from planner.evaluation.evaluate import Line, evaluate, sweep, worst_of
 from planner.evaluation.leaves import identities
 from planner.evaluation.strangers import OFTEN, strangers
-from planner.evaluation.trials import Step
 from planner.job import hypotheses
 from planner.job.model import Job
 from planner.mechanics.clearance import jaws_of
 from planner.part import outline as outlines
 from planner.report import canvas, tree
 from planner.report import verdict as verdicts
-from planner.report.cell_result import cell_result, reject_told
+from planner.report.canvas import points, template
 from planner.report.models import Models
 from planner.report.replay import Replay, replay
 from planner.report.run_log import PartLog, RunLog
-from planner.report.templating import points, template
+from planner.report.verdict import cell_result, reject_told
 from planner.world import World, make, supply, world_of
-from runtime.table import PPM, REJECT, Calibration, Leaf, Node, Table, by_count, decision_map, wilson_interval
+from runtime.table import PPM, REJECT, Calibration, Leaf, Table, by_count, decision_map, wilson_interval
 
 TRIALS = 4000
 SENSITIVITY_TRIALS = 2000
@@ -66,17 +65,18 @@ def page(
     """
     beliefs = replay(table, job, trials, seed)
     drawing = tree.drawing(table, job, beliefs)
-    nodes = node_details(table, beliefs)
+    most = min(MOST, BUDGET // (len(table.nodes) + len(table.leaves)))
+    nodes = _nodes(table, beliefs, most)
     data = {
         "outline": points(job.part.outline_mm),
-        "datum": None if job.part.datum is None else job.part.datum.tolist(),
+        "datum": _datum(job),
         **(_several(table, job) if table.hypotheses else {}),
         "reach": round(drawing.reach, 2),
         "jaws": [round(float(value), 3) for value in jaws_of(job.gripper)],
         "trials": trials,
         "counts": [table.gripper.count_open, table.gripper.count_closed, table.gripper.opening_um],
         "nodes": nodes,
-        "leaves": leaf_details(table, beliefs),
+        "leaves": [_leaf(leaf, at, most) for leaf, at in zip(table.leaves, beliefs.leaves, strict=True)],
         "log": _log(table, source.log) if source.log else None,
     }
     few = min(trials, SENSITIVITY_TRIALS)
@@ -98,7 +98,7 @@ def page(
         summary=summary, worst=worst,
         widths=[(alone.part.name, _width_function(alone)) for alone in job.alone],
         believed=believed and _told(believed),
-        verdict=verdicts.verdict(job, summary["figures"], worst),
+        verdict=verdicts.verdict(job, summary, worst),
         cell=cell_result(table, source.log) if source.log else None,
         strips=[node["map"] for node in nodes[:STRIPS]],
         worlds=worlds, sha256=hashlib.sha256(source.data).hexdigest(), job_text=_job_text(job),
@@ -110,36 +110,21 @@ def page(
 
 def _several(table: Table, job: Job) -> dict[str, Any]:
     """The parts that may lie there, and what leaves say of them."""
-    datums = [alone.part.datum for alone in job.alone]
+    parts = zip(table.hypotheses, job.alone, strict=True)
     return {
-        "parts": [
-            {"name": own.name, "datum": None if datum is None else datum.tolist()}
-            for own, datum in zip(table.hypotheses, datums, strict=True)
-        ],
+        "parts": [{"name": own.name, "datum": _datum(alone)} for own, alone in parts],
         "which": [[leaf.hypothesis, *leaf.other_hypotheses] for leaf in table.leaves],
         "named": tree.names_parts(table),
         "posed": table.goal.kind != "identity",
     }
 
 
+def _datum(job: Job) -> list[float] | None:
+    return None if job.part.datum is None else cast(list[float], job.part.datum.tolist())
+
+
 def _told(line: Line) -> tuple[str, dict[str, Any]]:
-    """A world's name and its figures."""
     return line.case.name, line.evaluation.summary()
-
-
-def node_details(table: Table, beliefs: Replay) -> list[dict[str, Any]]:
-    """One object a node: its squeeze, branches, belief, and counts read in the replay."""
-    most, calibration = _most(table), Calibration.linear(table.gripper)
-    return [
-        _node(node, visit, states, by_count(decision_map(node, calibration)), most)
-        for node, visit, states in zip(table.nodes, beliefs.visits, beliefs.arrivals, strict=True)
-    ]
-
-
-def leaf_details(table: Table, beliefs: Replay) -> list[dict[str, Any]]:
-    """One object a leaf: its pose, what its trials showed, where its parts lay."""
-    most = _most(table)
-    return [_leaf(leaf, poses, most) for leaf, poses in zip(table.leaves, beliefs.leaves, strict=True)]
 
 
 def runs(outcome: tuple[int, ...]) -> list[tuple[int, int, int]]:
@@ -150,27 +135,17 @@ def runs(outcome: tuple[int, ...]) -> list[tuple[int, int, int]]:
 
 def _summary(table: Table, evaluation: dict[str, Any]) -> dict[str, Any]:
     """The figures on top: the compiler's own where it measured some, else the replay's."""
-    predicted = table.predicted
-    shown = {
-        "success": evaluation["success_rate"],
-        "rejected": evaluation["reject_rate"],
-        "squeezes": evaluation["mean_squeezes"],
-        "error_mm": evaluation["error_mm"],
-    }
+    predicted, figures = table.predicted, dict(evaluation)
     if predicted.trials:
-        shown = {
-            "success": predicted.success_ppm / PPM,
-            "rejected": predicted.reject_ppm / PPM,
-            "squeezes": predicted.mean_squeezes_ppm / PPM,
+        figures |= {
+            "trials": predicted.trials,
+            "success_rate": predicted.success_ppm / PPM,
+            "reject_rate": predicted.reject_ppm / PPM,
+            "mean_squeezes": predicted.mean_squeezes_ppm / PPM,
             "error_mm": {"median": predicted.error_median_um / 1e3, "p95": predicted.error_p95_um / 1e3},
         }
-    trials = predicted.trials or evaluation["trials"]
-    interval = wilson_interval(round(shown["success"] * trials), trials)
-    figures = {
-        **evaluation, "success_rate": shown["success"], "reject_rate": shown["rejected"],
-        "mean_squeezes": shown["squeezes"], "error_mm": shown["error_mm"],
-    }  # fmt: skip
-    return {**shown, "interval": interval, "trials": trials, "again": evaluation, "figures": figures}
+    right = round(figures["success_rate"] * figures["trials"])
+    return {**figures, "interval": wilson_interval(right, figures["trials"])}
 
 
 def _width_function(job: Job) -> dict[str, Any]:
@@ -234,38 +209,28 @@ def _log(table: Table, log: RunLog) -> dict[str, Any]:
     }
 
 
-def _most(table: Table) -> int:
-    return min(MOST, BUDGET // (len(table.nodes) + len(table.leaves)))
+def _nodes(table: Table, beliefs: Replay, most: int) -> list[dict[str, Any]]:
+    """One object a node: its squeeze, branches, belief of at most so many outlines, counts of the replay.
 
-
-def _node(
-    node: Node, visit: Step, states: Array, outcome: tuple[int, ...], most: int
-) -> dict[str, Any]:  # fmt: skip
-    """Poses are integers, hundredths of a mm and milliradians; widths are um, as in the table."""
-    squeeze, taken = node.squeeze, Counter(visit.branch.tolist())
-    return {
-        "place": [squeeze.x_um, squeeze.y_um, squeeze.angle_urad],
-        "opening": squeeze.opening_um,
-        "speed": squeeze.speed_um_s,
-        "force": squeeze.force_mn,
-        "clearance": squeeze.clearance_um,
-        "release": node.release,
-        "visits": len(visit.before),
-        "belief": _poses(states, most),
-        "branches": [
-            [
-                branch.low_um, branch.expected_um, branch.high_um, branch.probability_ppm, branch.target,
-                taken[number],
-            ]
-            for number, branch in enumerate(node.branches)
-        ],
-        "rejected": taken[REJECT],
-        "map": [run for run in runs(outcome) if run[2] != REJECT],
-        "seen": sorted(Counter(visit.counts.tolist()).items()),
-    }  # fmt: skip
+    Poses are integers, hundredths of a mm and milliradians; widths are um, as in the table.
+    """
+    calibration, told = Calibration.linear(table.gripper), []
+    for node, visit, states in zip(table.nodes, beliefs.visits, beliefs.arrivals, strict=True):
+        squeeze, taken = node.squeeze, Counter(visit.branch.tolist())
+        decided = runs(by_count(decision_map(node, calibration)))
+        told.append({
+            "place": squeeze[:3], "opening": squeeze.opening_um, "speed": squeeze.speed_um_s,
+            "force": squeeze.force_mn, "clearance": squeeze.clearance_um, "release": node.release,
+            "visits": len(visit.before), "belief": _poses(states, most),
+            "branches": [[*branch[:5], taken[number]] for number, branch in enumerate(node.branches)],
+            "rejected": taken[REJECT], "map": [run for run in decided if run[2] != REJECT],
+            "seen": sorted(Counter(visit.counts.tolist()).items()),
+        })  # fmt: skip
+    return told
 
 
 def _leaf(leaf: Leaf, poses: Array, most: int) -> dict[str, Any]:
+    """One object a leaf: its pose, what its trials showed, where its parts lay."""
     success = round(leaf.success_ppm * leaf.trials / PPM)
     return {
         "pose": [leaf.x_um, leaf.y_um, leaf.theta_urad],

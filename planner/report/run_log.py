@@ -7,6 +7,7 @@ Whether every decision follows from its counts is what `grasp-journal replay` te
 import base64
 import hashlib
 from collections import Counter
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -78,9 +79,8 @@ def read(path: Path, table_sha256: str) -> RunLog:
                 problem = f"line {line} is no record of a run; `grasp-journal verify` says why"
                 raise InputFileError(problem, where=str(path)) from error
     if not runs:
-        raise InputFileError(
-            "holds no run of this table; name the table that it was written with", where=str(path)
-        )
+        problem = "holds no run of this table; name the table that it was written with"
+        raise InputFileError(problem, where=str(path))
     return RunLog(parts, runs, others, str(entries[0]["time"]), str(entries[-1]["time"]))
 
 
@@ -121,34 +121,26 @@ def _take(entry: dict[str, Any], parts: list[PartLog]) -> None:
 
 
 def _entries(path: Path) -> list[dict[str, Any]]:
+    where = str(path)
     try:
         if path.stat().st_size > MAX_BYTES:
-            raise InputFileError(f"is larger than {MAX_BYTES >> 20} MB; export a part of it", where=str(path))
+            raise InputFileError(f"is larger than {MAX_BYTES >> 20} MB; export a part of it", where=where)
         lines = path.read_bytes().splitlines(keepends=True)
     except OSError as error:
-        raise InputFileError(f"cannot be read: {error.strerror}; check the path", where=str(path)) from error
-    head, found = GENESIS, []
+        raise InputFileError(f"cannot be read: {error.strerror}; check the path", where=where) from error
+    head, found = GENESIS, list[dict[str, Any]]()
     if lines and not lines[-1].endswith(b"\n"):  # a crash cut it short; its record was never acted upon
         lines.pop()
     for number, line in enumerate(lines, 1):
-        entry = _checked(line, head)
-        if entry is None:
+        entry: Any = None
+        with suppress(ValueError):
+            entry = strict_json.parse(line) if is_intact(line) else None
+        known = isinstance(entry, dict) and entry.get("previous") == head
+        if not (known and isinstance(entry.get("kind"), str) and isinstance(entry.get("time"), str)):
             problem = f"line {number} does not verify; `grasp-journal verify` says why"
-            raise InputFileError(problem, where=str(path))
+            raise InputFileError(problem, where=where)
         found.append(entry)
         head = str(entry["digest"])
     if not found:
-        raise InputFileError("is empty; name the journal of a run", where=str(path))
+        raise InputFileError("is empty; name the journal of a run", where=where)
     return found
-
-
-def _checked(line: bytes, previous: str) -> dict[str, Any] | None:
-    if not is_intact(line):
-        return None
-    try:
-        entry = strict_json.parse(line)
-    except ValueError:
-        return None
-    if not isinstance(entry, dict) or entry.get("previous") != previous:
-        return None
-    return entry if isinstance(entry.get("kind"), str) and isinstance(entry.get("time"), str) else None

@@ -15,8 +15,8 @@ from matplotlib.patches import Polygon
 
 from planner.arrays import Array
 from planner.report import canvas
-from planner.report.templating import template
-from runtime.shell.files import writing
+from planner.report.canvas import template
+from runtime.shell.files import write, writing
 
 MOST_PANELS = 12
 COLUMNS = 4
@@ -172,6 +172,4 @@ def html(outline: Array, jaws: Array, traces: Sequence[Squeezed], title: str, pa
             for trace in traces
         ],
     }
-    page = template("squeezes.html").render(title=title, data=data, colors=vars(canvas))
-    with writing(path) as file:
-        file.write_text(page, encoding="utf-8")
+    write(path, template("squeezes.html").render(title=title, data=data, colors=vars(canvas)))

@@ -1,11 +1,15 @@
-"""A plan's verdict in one sentence: what it finds, how well, and the assumption that it leans on most."""
+"""What there is to say first: a plan's verdict in one sentence, and that of the cell that ran it."""
 
+from collections import Counter
 from collections.abc import Sequence
 from typing import Any, Literal, NamedTuple
 
 from planner.evaluation.evaluate import Line
 from planner.job.model import Job
-from planner.part.rectangle import smallest_rectangle
+from planner.part.outline import smallest_rectangle
+from planner.report.run_log import RunLog
+from planner.report.tree import names_parts
+from runtime.table import Calibration, Node, Table
 
 GOOD_WRONG = 0.005  # share of confident wrong answers that an assumption may cost before it is warned of
 POOR_SUCCESS = 0.9
@@ -47,10 +51,8 @@ def weakest(lines: Sequence[Line]) -> Weakest | None:
 def verdict(job: Job, figures: dict[str, Any], worst: Weakest | None) -> Verdict:
     """The verdict on a job's table.
 
-    Args:
-        job: the job that the table was planned for.
-        figures: as `Evaluation.summary` returns them; of several parts, also those of `Identities`.
-        worst: the assumption that the table leans on most, if worlds were tried.
+    The figures are as `Evaluation.summary` returns them; of several parts, also those of `Identities`.
+    `worst` is the assumption that the table leans on most, if worlds were tried.
     """
     success, wrong = figures["success_rate"], figures["wrong_rate"]
     grade: Grade = "good"
@@ -123,3 +125,59 @@ def percent(share: float) -> str:
         return f"{100 * share:.0f} %"
     digits = next((n for n in (1, 2, 3) if 0.0 < round(100 * share, n) < 100.0), 4)
     return f"{100 * share:.{digits}f} %" if share < 0.1 or share > 0.9 else f"{100 * share:.0f} %"
+
+
+FAR_MM = 2.0  # from every planned width: not noise, but another part or another lie
+USUAL = 0.9  # share of located parts below which a cell needs a look
+
+
+class CellResult(NamedTuple):
+    """The cell's own result."""
+
+    grade: Grade
+    sentence: str
+
+
+def cell_result(table: Table, log: RunLog) -> CellResult:
+    """How the parts of a journal ended, and what the commonest reject looks like."""
+    total = len(log.parts)
+    if not total:
+        return CellResult("fair", "no part was begun")
+    located = sum(not part.failed for part in log.parts)
+    told = f"{located} of {total} parts {'named' if table.goal.kind == 'identity' else 'located'}"
+    names = Counter(part.name for part in log.parts if part.outcome == "leaf" and part.name is not None)
+    if names and names_parts(table):
+        told += f" ({', '.join(f'{number} {name}' for name, number in names.most_common())})"
+    wrong = sum(part.audit == "fail" for part in log.parts)
+    told += f", {wrong} of them found elsewhere by the audit" if wrong else ""
+    others = Counter(part.outcome for part in log.parts if part.outcome != "leaf")
+    told += "".join(f", {number} {outcome}" for outcome, number in others.most_common())
+    rejects = [part.squeezes[-1] for part in log.parts if part.squeezes and part.squeezes[-1][2] is None]
+    if rejects:  # what was read at the node that rejected most parts
+        node = Counter(node for node, _, _ in rejects).most_common(1)[0][0]
+        counts = [count for at, count, _ in rejects if at == node]
+        middle = sorted(counts)[len(counts) // 2]
+        told += f"; {len(counts)} rejected at node {node}: {reject_told(table, node, middle)}"
+    share = located / total
+    return CellResult("good" if share == 1.0 else "fair" if share >= USUAL else "poor", told)
+
+
+def reject_told(table: Table, node: int, count: int) -> str:
+    """What was read where the table has no branch, and what was planned there."""
+    read_mm = Calibration.linear(table.gripper).width_um(count) / 1e3
+    spans = planned_spans(table.nodes[node])
+    planned = ", ".join(f"{low:.1f} to {high:.1f}" for low, high in spans)
+    off = min(max(low - read_mm, read_mm - high, 0.0) for low, high in spans)
+    return f"{read_mm:.1f} mm read, {planned} planned" + (": another part?" if off > FAR_MM else "")
+
+
+def planned_spans(node: Node) -> list[tuple[float, float]]:
+    """The widths that a node has branches for, those that meet put together [mm]."""
+    spans: list[tuple[float, float]] = []
+    for branch in sorted(node.branches, key=lambda branch: branch.low_um):
+        low, high = branch.low_um / 1e3, branch.high_um / 1e3
+        if spans and low <= spans[-1][1]:
+            spans[-1] = (spans[-1][0], max(high, spans[-1][1]))
+        else:
+            spans.append((low, high))
+    return spans

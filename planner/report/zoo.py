@@ -16,7 +16,7 @@ from planner.job import model as job_file
 from planner.part import symmetry
 from planner.part.outline import canonical, reach
 from planner.report import canvas
-from planner.report.templating import template
+from planner.report.canvas import template
 from planner.work.limit import Limit
 
 LOCATED = 0.99  # share of the parts from which an outline counts as located

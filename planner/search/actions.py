@@ -96,22 +96,15 @@ def inequivalent(placements: Array, common: Array, job: Job) -> Array:
     seen: dict[tuple[Key, Key], Array] = {}
     for placement in placements:
         turns = [placement[2], placement[2] + math.pi] if turnable(job) else [0.0]
-        keys = [
-            (_key(_turned(placement[None], turn), alike), _key(_turned(common, turn), alike))
-            for turn in turns
-        ]
+        keys = [(_key(placement[None], turn, alike), _key(common, turn, alike)) for turn in turns]
         if not any(key in seen for key in keys):
             seen[keys[0]] = placement
     return np.array(list(seen.values()))
 
 
-def _turned(placements: Array, turn: float) -> Array:
-    """Placements (k, 3) in a world turned back by an angle."""
-    return to_hand(placements, np.array([0.0, 0.0, turn]))
-
-
-def _key(placements: Array, alike: bool) -> Key:
-    """A set of placements (k, 3), equal for equal sets."""
+def _key(placements: Array, turn: float, alike: bool) -> Key:
+    """A set of placements (k, 3) in a world turned back by an angle, equal for equal sets."""
+    placements = to_hand(placements, np.array([0.0, 0.0, turn]))
     period = math.pi if alike else 2.0 * math.pi
     angle = np.round(np.mod(placements[:, 2] + 0.5 * ALIKE, period) / ALIKE - 0.5)
     rows = np.column_stack([np.round(placements[:, :2] / ALIKE), angle]).astype(np.int64)

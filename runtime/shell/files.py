@@ -106,6 +106,12 @@ def writing(path: Path) -> Iterator[Path]:
         ) from error
 
 
+def write(path: Path, text: str) -> None:
+    """Writes a text as UTF-8, as `writing` does."""
+    with writing(path) as draft:
+        draft.write_text(text, encoding="utf-8")
+
+
 def words_of(path: Path) -> TextIO:
     """Where a command says what it wrote to a path: standard error, if its output is standard output."""
     return sys.stderr if path in STDOUT else sys.stdout

@@ -30,8 +30,8 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
 from problems import OUTLINES, random_poses, simulator  # noqa: E402
 
 from planner.belief.observation import Encoder  # noqa: E402
+from planner.diagnosis.model_quality import energy_distance  # noqa: E402
 from planner.kernel import cache_folder  # noqa: E402
-from planner.learned.energy import energy_distance  # noqa: E402
 from planner.learned.kcde import PAPER_MM, PAPER_NEIGHBOURS, Kcde  # noqa: E402
 from planner.learned.model import LearnedModel  # noqa: E402
 from planner.learned.rollouts import RollOuts, roll_outs  # noqa: E402

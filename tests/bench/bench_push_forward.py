@@ -29,9 +29,9 @@ from problems import OUTLINES, random_poses, simulator  # noqa: E402
 from planner.belief.observation import Encoder  # noqa: E402
 from planner.belief.particles import Belief  # noqa: E402
 from planner.belief.transition import Simulation  # noqa: E402
+from planner.diagnosis.model_quality import compare  # noqa: E402
 from planner.frames import to_hand  # noqa: E402
 from planner.kernel import cache_folder  # noqa: E402
-from planner.learned.energy import compare  # noqa: E402
 from planner.learned.kcde import Kcde  # noqa: E402
 from planner.learned.model import LearnedModel  # noqa: E402
 from planner.learned.rollouts import PAPER_COUNT, roll_outs  # noqa: E402

@@ -29,7 +29,7 @@ sys.path.insert(0, str(ROOT))
 
 from planner.arrays import Array, BoolArray  # noqa: E402
 from planner.cli import pushes  # noqa: E402
-from planner.identification import push_log  # noqa: E402
+from planner.identification import pushes as push_log  # noqa: E402
 from planner.job import model as job_file  # noqa: E402
 from planner.mechanics.push import STUCK, Paths  # noqa: E402
 from planner.mechanics.simulator import STUCK_DEG, STUCK_MM, Simulator, commanded  # noqa: E402

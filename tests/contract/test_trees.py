@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from comparison import table_rows
 from problems import diameter
 
 from planner.job import model as job_file
 from planner.job.overrides import changes_of
-from planner.report.comparison import table_rows
 
 TREES = Path(__file__).parents[2] / "trees"
 JOBS = {path.parent.name: path for path in sorted(TREES.glob("*/job.toml"))}

@@ -120,7 +120,7 @@ def check_words(words, monkeypatch):
             assert word.startswith("--") or f'"{word}"' in text or numbers or word in METHODS, word
 
 
-METHODS = set(importlib.import_module("planner.report.comparison").METHODS)
+METHODS = set(importlib.import_module("comparison").METHODS)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))

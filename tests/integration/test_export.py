@@ -27,8 +27,7 @@ from structured_text import INPUT, OUTPUT, FunctionBlock
 from tree_tables import committed
 
 from planner.cli import export
-from planner.export.content import NODE
-from planner.export.write import VECTORS
+from planner.export.write import NODE, VECTORS
 from runtime.table import dump
 
 ROOT = Path(__file__).parents[2]

@@ -278,20 +278,23 @@ def test_gripper_calibration_is_refused_before_the_gripper_is_opened(
 
 
 @pytest.mark.parametrize(
-    ("module", "words"),
+    ("program", "words"),
     [
-        ("runtime.commands.journal", "export {journal} -o -"),
-        ("runtime.commands.journal", "export {journal} -o /dev/stdout"),
-        ("planner.cli.simulate", "{job} --poses {poses} --nominal --mu 0.5 -o /dev/stdout"),
+        ("grasp-journal", "export {journal} -o -"),
+        ("grasp-journal", "export {journal} -o /dev/stdout"),
+        ("plan-simulate", "{job} --poses {poses} --nominal --mu 0.5 -o /dev/stdout"),
     ],
     ids=["-", "/dev/stdout", "plan-simulate"],
 )
 def test_rows_on_standard_output_are_nothing_but_rows(
-    desk: Desk, module: str, words: str, record_property: Record
+    desk: Desk, program: str, words: str, record_property: Record
 ) -> None:
     """As a process, and by the name of a link, which is not replaced."""
     before = what_is(Path("/dev/stdout"))
-    command = [sys.executable, "-m", module, *(word.format(**desk.files) for word in words.split())]
+    command = [
+        Path(sys.executable).with_name(program),
+        *(word.format(**desk.files) for word in words.split()),
+    ]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=250, check=True)
     rows = list(csv.reader(done.stdout.splitlines()))
     assert len(rows) > 1

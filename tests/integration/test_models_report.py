@@ -10,7 +10,6 @@ import pytest
 from problems import JAWS, rectangle
 
 from planner.cli import compile as plan_compile
-from planner.cli import models_report
 from planner.compile import compile_job
 from planner.diagnosis.model_quality import quality
 from planner.job import model as job_file
@@ -18,7 +17,7 @@ from planner.learned.model import learned_model, learns
 from planner.learned.rollouts import COLLIDES
 from planner.learned.store import Store
 from planner.mechanics.simulator import Simulator
-from planner.report import canvas, paper_figures
+from planner.report import canvas, models, paper_figures
 from runtime.table import dumps
 
 JOB = Path(__file__).parents[2] / "trees" / "rectangle" / "job.toml"
@@ -95,9 +94,9 @@ def compiled(tmp_path, *words):
 def test_the_text_says_it_all_and_the_picture_shows_the_partition(judged, tmp_path):
     report, _ = judged
     picture = tmp_path / "tree.models.svg"
-    shown = report.subspaces, report.label, report.final, rectangle(), JAWS, models_report.names(report)
+    shown = report.subspaces, report.label, report.final, rectangle(), JAWS, models.names(report)
     canvas.save(picture, lambda: paper_figures.subspaces(*shown))
-    out = models_report.text(report)
+    out = models.text(report)
     assert out.count(" deg: ") == 4
     for word in ("motion: ", "sensor: ", "collision detector, jaws fully open", "widths: free space"):
         assert word in out

@@ -21,13 +21,14 @@ from planner.cli import evaluate, report, simulate
 from runtime.table import load
 
 ROOT = Path(__file__).parents[2]
+COMMANDS = Path(sys.executable).parent
 JOB = ROOT / "trees" / "rectangle" / "job.toml"
 TABLE = ROOT / "trees" / "rectangle" / "rectangle.msgpack"
 SHARED = ROOT.parent / "shared" / "data"
 
 
 def start(command, *arguments):
-    words = [sys.executable, "-m", f"planner.cli.{command}", *map(str, arguments)]
+    words = [COMMANDS / f"plan-{command}", *map(str, arguments)]
     return subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
@@ -336,7 +337,7 @@ def test_any_world_can_be_plugged_in(tmp_path):
         "    assert job.part.outline_mm.shape[1] == 2 and job.part.symmetry == 2\n"
         "    return Slow(job, seed)\n"
     )
-    words = [sys.executable, "-m", "planner.cli.evaluate", str(TABLE), "--trials", "60", "--json"]
+    words = [COMMANDS / "plan-evaluate", str(TABLE), "--trials", "60", "--json"]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     done = subprocess.run(
         [*words, "--world", "otherworld:make"], cwd=tmp_path, env=environment, capture_output=True, text=True,

@@ -11,7 +11,7 @@ from surfaces import hessian
 
 from planner.cli import columns
 from planner.cli import pushes as push_files
-from planner.identification import identify, push_log, pushes
+from planner.identification import identify, pushes
 from planner.mechanics.limit_surface import fit_ellipsoid
 from planner.mechanics.push import STUCK
 from planner.mechanics.simulator import commanded
@@ -37,7 +37,7 @@ def name(request):
 
 @pytest.fixture(scope="module")
 def log(name):
-    return push_log.parse((FOLDER / f"{name}.txt").read_text(encoding="utf-8"), name)
+    return pushes.parse((FOLDER / f"{name}.txt").read_text(encoding="utf-8"), name)
 
 
 @pytest.fixture(scope="module")
@@ -55,8 +55,8 @@ def test_every_push_does_work_on_the_table(log, data):
 
 
 def test_with_another_mounting_of_the_sensor_some_do_not(log, monkeypatch):
-    monkeypatch.setattr(push_log, "SENSOR_AXES", push_log.SENSOR_AXES @ np.diag([1.0, -1.0]))
-    wrenches, twists = push_log.pairs(log)
+    monkeypatch.setattr(pushes, "SENSOR_AXES", pushes.SENSOR_AXES @ np.diag([1.0, -1.0]))
+    wrenches, twists = pushes.pairs(log)
     assert ((wrenches * twists).sum(axis=1) <= 0).any()
 
 
@@ -68,7 +68,7 @@ def test_forces_are_within_the_friction_of_the_table(name, data):
 
 def test_both_logs_agree_on_the_tip(log):
     """The same pusher made both: its tip lies a fraction of a millimetre to the right."""
-    assert -1.2 < push_log.tip_offset(log) < -0.4
+    assert -1.2 < pushes.tip_offset(log) < -0.4
 
 
 def test_the_ellipsoid_is_no_worse_than_the_first_try(name, data):

@@ -10,8 +10,7 @@ from pathlib import Path
 from sample_tables import small_table
 from structured_text import OUTPUT, FunctionBlock
 
-from planner.export.content import LEAF, NODE, UNRESOLVED
-from planner.export.write import VECTORS
+from planner.export.write import LEAF, NODE, UNRESOLVED, VECTORS
 from runtime.errors import GripperStateError
 from runtime.table import Branch, Calibration, Table, decision_map
 from runtime.table.model import MAX_BRANCHES

@@ -25,7 +25,7 @@ class Toy:
         return cls(rng.integers(size, size=(actions, size)), rng.integers(readings, size=(actions, size)))
 
     def squeeze(self, poses, placements, times, rng):
-        """As `planner.bound.histories.Model`; x of a placement is the number of the action."""
+        """As `planner.bound.histories.Squeeze`; x of a placement is the number of the action."""
         state, action = np.rint(poses[:, 0] / SPACING_MM).astype(int), np.rint(placements[:, 0]).astype(int)
         return poses_of(self.after[action, state]), np.tile(self.reading[action, state], (times, 1))
 

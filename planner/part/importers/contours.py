@@ -41,7 +41,7 @@ def contours(pieces: Pieces, join_mm: float, where: str) -> tuple[list[Contour],
         OutlineError: there is none; says where the drawing is open.
     """
     joined, loose = _joined(pieces.strokes, join_mm)
-    rings = [ring for ring in (*pieces.rings, *joined) if _encloses(ring, join_mm)]
+    rings = [ring for ring in (*pieces.rings, *joined) if len(ring) > 2 and _hull(ring).area > join_mm**2]
     if not rings or _around(loose, rings):
         raise _no_contour(loose, where)
     if len(rings) > MOST:
@@ -86,12 +86,12 @@ def choose(found: list[Contour], number: int | None, where: str) -> tuple[Contou
 
 def holes_of(contour: Contour, found: list[Contour]) -> list[Array]:
     """The inner contours (n, 2) [mm] that lie inside a contour."""
-    face = shapely.make_valid(shapely.Polygon(contour.points))
-    return [
-        other.points
-        for other in found
-        if other is not contour and face.contains(shapely.make_valid(shapely.Polygon(other.points)))
-    ]
+    face = _face(contour.points)
+    return [o.points for o in found if o is not contour and face.contains(_face(o.points))]
+
+
+def _face(ring: Array) -> shapely.Geometry:
+    return shapely.make_valid(shapely.Polygon(ring))
 
 
 def listing(found: list[Contour]) -> str:
@@ -133,8 +133,8 @@ def _clusters(points: Array, radius: float) -> Array:
     return np.asarray(connected_components(links, directed=False)[1][member.ravel()])
 
 
-def _encloses(ring: Array, join_mm: float) -> bool:
-    return len(ring) > 2 and float(shapely.multipoints(ring).convex_hull.area) > join_mm**2
+def _hull(points: Array) -> shapely.Geometry:
+    return shapely.convex_hull(shapely.multipoints(points))
 
 
 def _is_frame(ring: Array, rings: list[Array]) -> bool:
@@ -170,7 +170,7 @@ def _without_copies(rings: list[Array], tolerance_mm: float) -> list[Array]:
 
 def _nested(rings: list[Array]) -> list[Contour]:
     """Which ring lies inside which: by a point of each, since contours of a part do not cross."""
-    faces = [shapely.make_valid(shapely.Polygon(ring)) for ring in rings]
+    faces = [_face(ring) for ring in rings]
     tree = shapely.STRtree(faces)
     inner, outer = tree.query(faces, predicate="within")
     proper = inner != outer
@@ -198,7 +198,7 @@ def _around(loose: list[Array], rings: list[Array]) -> bool:
     """Whether open lines that nearly close go around all rings: an open outline, and closed holes in it."""
     if not loose:
         return False
-    hull = shapely.convex_hull(shapely.multipoints(np.concatenate(loose)))
+    hull = _hull(np.concatenate(loose))
     nearly = _gap(loose).width_mm <= NEARLY * math.sqrt(hull.area)
     return nearly and all(hull.contains_properly(shapely.multipoints(ring)) for ring in rings)
 

@@ -19,15 +19,7 @@ from scipy.interpolate import BSpline
 
 from planner.arrays import Array
 from planner.errors import InputFileError, OutlineError, UsageError
-from planner.part.importers.pieces import (
-    LARGEST_MM,
-    MAX_SHAPES,
-    Pieces,
-    flattened,
-    need_units,
-    sorted_out,
-    too_much,
-)
+from planner.part.importers import pieces
 
 if TYPE_CHECKING:
     from ezdxf.document import Drawing
@@ -38,12 +30,12 @@ UNITS_MM = {1: 25.4, 2: 304.8, 4: 1.0, 5: 10.0, 6: 1000.0, 8: 25.4e-6, 9: 0.0254
 """$INSUNITS (Autodesk's DXF reference, HEADER) in mm; what is left out measures no part."""
 MAX_DEPTH = 50
 ABSURD: Array = np.full((1, 2), np.inf)
-"""Stands for a shape that is not flattened, since its coordinates are absurd; refused later."""
+"""Stands for a shape that is not pieces.flattened, since its coordinates are absurd; refused later."""
 
 
 def read(
     data: bytes, where: str, unit_mm: float | None, tolerance_mm: float, layer: str | None = None
-) -> Pieces:
+) -> pieces.Pieces:
     """The shapes of a DXF file; raises what `file.read_outline` does.
 
     `unit_mm` is what one unit of the drawing is (None: believe the file), `tolerance_mm` the largest distance
@@ -52,11 +44,16 @@ def read(
     """
     document = _document(data, where)
     scale, notes = _scale(document, where, unit_mm)
-    if layer is not None and layer.lower() not in (names := _layers(document)):
-        raise UsageError(f"{where}: has no layer {layer!r}; choose --layer of: {', '.join(names.values())}")
     space = document.modelspace()
-    if _size(document, space, where) > MAX_SHAPES:
-        raise too_much(where, f"draws more than {MAX_SHAPES} shapes, its blocks written out")
+    if layer is not None:
+        drawn = {str(entity.dxf.get("layer", "0")) for each in (space, *document.blocks) for entity in each}
+        names = {name.lower(): name for name in sorted(drawn)}
+        if layer.lower() not in names:
+            raise UsageError(
+                f"{where}: has no layer {layer!r}; choose --layer of: {', '.join(names.values())}"
+            )
+    if _size(document, space, where) > pieces.MAX_SHAPES:
+        raise pieces.too_much(where, f"draws more than {pieces.MAX_SHAPES} shapes, its blocks written out")
     curves, strays = [], Counter[str]()
     for entity in _visible(document, space, layer):
         if entity.dxftype() in SHAPES:
@@ -64,11 +61,9 @@ def read(
         else:
             strays[entity.dxftype()] += 1
     if strays:
-        notes.append(
-            "not outlines, ignored: " + ", ".join(f"{n} {name}" for name, n in sorted(strays.items()))
-        )
-    rings, strokes = sorted_out([curve for curve in curves if len(curve)], tolerance_mm, where)
-    return Pieces(rings, strokes, notes)
+        told = ", ".join(f"{n} {name}" for name, n in sorted(strays.items()))
+        notes.append(f"not outlines, ignored: {told}")
+    return pieces.sorted_out((curve for curve in curves if len(curve)), tolerance_mm, where, notes)
 
 
 def _document(data: bytes, where: str) -> Drawing:
@@ -93,7 +88,7 @@ def _scale(document: Drawing, where: str, unit_mm: float | None) -> tuple[float,
     name = str(units.unit_name(stated)).lower() if known else ""
     if unit_mm is None:
         if known is None:
-            raise need_units(where, "does not say its units ($INSUNITS)")
+            raise pieces.need_units(where, "does not say its units ($INSUNITS)")
         return known, [f"units: {name}, as the file says"]
     if known is not None and known != unit_mm:
         return unit_mm, [f"the file says {name}, overruled by --units"]
@@ -136,13 +131,6 @@ def _visible(document: Drawing, space: Modelspace, only: str | None) -> Iterator
             yield entity
 
 
-def _layers(document: Drawing) -> dict[str, str]:
-    """The layers on which something is drawn, in blocks or not, by their names in lower case."""
-    spaces = [document.modelspace(), *document.blocks]
-    names = {str(entity.dxf.get("layer", "0")) for space in spaces for entity in space}
-    return {name.lower(): name for name in sorted(names)}
-
-
 def _points(entity: DXFEntity, scale: float, tolerance_mm: float, where: str) -> Array:
     try:
         if isinstance(entity, Spline) and len(entity.control_points):
@@ -176,9 +164,12 @@ def _spline(entity: Spline, tolerance: float) -> Array:
         return np.asarray(values[:, :2] / values[:, 2:])
 
     return np.concatenate(
-        [flattened(partial(piece, low, high), tolerance) for low, high in pairwise(spans.tolist())]
+        [pieces.flattened(partial(piece, low, high), tolerance) for low, high in pairwise(spans.tolist())]
     )
 
 
 def _sane(points: Array, scale: float) -> bool:
-    return bool(np.isfinite(points).all()) and float(np.abs(points).max(initial=0.0)) * scale <= LARGEST_MM
+    return (
+        bool(np.isfinite(points).all())
+        and float(np.abs(points).max(initial=0.0)) * scale <= pieces.LARGEST_MM
+    )

@@ -11,7 +11,7 @@ from planner.arrays import Array
 from planner.errors import InputFileError, OutlineError, UsageError
 from planner.part import outline, symmetry
 from planner.part.importers import contours, dxf, kicad, mesh, svg, table
-from planner.part.importers.pieces import MAX_BYTES, UNITS_MM, Options, Pieces, time_limit
+from planner.part.importers.pieces import MAX_BYTES, UNITS_MM, Options, time_limit
 
 READERS = {".svg": svg.read, ".csv": table.read, ".kicad_mod": kicad.read}
 SUFFIXES = (".dxf", *READERS, ".stl")
@@ -67,7 +67,16 @@ def read_outline(path: Path, options: Options) -> Imported:
     if options.layer is not None and suffix != ".dxf":
         raise UsageError(f"{where}: --layer is for DXF drawings; leave it out")
     with time_limit(where):
-        pieces = _pieces(data, where, suffix, options)
+        unit_mm, tolerance_mm = (
+            _unit_mm(options),
+            0.5 * options.tolerance_mm,
+        )  # half is for leaving vertices out
+        if suffix == ".stl":
+            pieces = mesh.read(data, where, unit_mm, options.height_mm)
+        elif suffix == ".dxf":
+            pieces = dxf.read(data, where, unit_mm, tolerance_mm, options.layer)
+        else:
+            pieces = READERS[suffix](data, where, unit_mm, tolerance_mm)
         found, notes = contours.contours(pieces, options.tolerance_mm, where)
         contour, more = contours.choose(found, options.contour, where)
         imported, shift = _checked(contour.points, where, options.tolerance_mm, (*notes, *more))
@@ -115,7 +124,8 @@ def _lying(face: mesh.Lying, where: str, height_mm: float, tolerance_mm: float) 
     outer = [contour.points for contour in found if contour.outer]
     points = outer[0]
     if len(outer) > 1:
-        points = _corners(shapely.convex_hull(shapely.multipoints(np.concatenate(outer))))
+        hull = shapely.convex_hull(shapely.multipoints(np.concatenate(outer)))
+        points = np.asarray(shapely.get_coordinates(hull)[:-1])
         notes.append(f"{len(outer)} contours, taken as their convex hull")
     above = np.asarray(face.solid.vertices)
     above = above[above[:, 2] > face.solid.bounds[0, 2] + height_mm, :2]
@@ -140,16 +150,6 @@ def _alike(one: Imported, other: Imported) -> bool:
 
 def _unit_mm(options: Options) -> float | None:
     return options.scale or (UNITS_MM[options.units] if options.units else None)
-
-
-def _pieces(data: bytes, where: str, suffix: str, options: Options) -> Pieces:
-    unit_mm = _unit_mm(options)
-    if suffix == ".stl":
-        return mesh.read(data, where, unit_mm, options.height_mm)
-    tolerance_mm = 0.5 * options.tolerance_mm  # the other half is for leaving vertices out
-    if suffix == ".dxf":
-        return dxf.read(data, where, unit_mm, tolerance_mm, options.layer)
-    return READERS[suffix](data, where, unit_mm, tolerance_mm)
 
 
 def _bytes(path: Path) -> bytes:
@@ -190,10 +190,6 @@ def _checked(
     order = symmetry.order(simple, max(tolerance_mm, symmetry.TOLERANCE_MM))
     shift = first + second
     return Imported(simple, order, size, notes, origin_mm=(float(shift[0]), float(shift[1]))), shift
-
-
-def _corners(polygon: shapely.Geometry) -> Array:
-    return np.asarray(shapely.get_coordinates(polygon)[:-1])
 
 
 def _apart(points: Array, where: str) -> Array:

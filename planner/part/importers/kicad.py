@@ -31,11 +31,9 @@ def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) ->
     try:
         curves = [scale * _curve(shape, tolerance_mm) for shape in shapes if _drawn(shape)]
     except (KeyError, ValueError, IndexError) as error:
-        raise InputFileError(
-            f"has a shape that cannot be read ({error}); export it anew", where=where
-        ) from error
-    rings, strokes = sorted_out(curves, 2.0 * tolerance_mm, where)
-    return Pieces(rings, strokes, [])
+        problem = f"has a shape that cannot be read ({error}); export it anew"
+        raise InputFileError(problem, where=where) from error
+    return sorted_out(curves, 2.0 * tolerance_mm, where, [])
 
 
 def _drawn(shape: str) -> bool:

@@ -63,13 +63,12 @@ def cut(solid: Any, where: str, height_mm: float | None) -> Pieces:
         raise too_much(where, f"is cut in more than {MAX_SHAPES} places")
     if len(cuts) == 0:
         raise OutlineError("has no outline at that height; choose another --height", where=where)
-    rings, strokes = sorted_out([np.asarray(cut)[:, :2] for cut in cuts], 0.0, where)
     note = f"cut {height:.4g} mm above its lowest point, of {high - low:.4g} mm"
-    return Pieces(rings, strokes, [note], high - low)
+    found = sorted_out((np.asarray(cut)[:, :2] for cut in cuts), 0.0, where, [note])
+    return found._replace(height_mm=high - low)
 
 
 def _solid(trimesh: ModuleType, data: bytes, where: str, unit_mm: float | None) -> Any:
-    """The solid of a file, in mm."""
     if unit_mm is None:
         raise need_units(where, "is an STL file, which never says its units")
     try:

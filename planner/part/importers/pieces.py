@@ -2,7 +2,7 @@
 
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 from typing import NamedTuple, NoReturn
@@ -44,7 +44,9 @@ class Pieces(NamedTuple):
 def need_units(where: str, said: str) -> UsageError:
     """The error of a file that does not tell its scale; `said` is why, as a clause about the file."""
     hint = "say what one unit is with --units mm, cm, in or m, or with --scale MM"
-    return UsageError(f"{where}: {said}; {hint}")
+    error = UsageError(f"{where}: {said}; {hint}")
+    error.units_missing = True
+    return error
 
 
 def too_much(where: str, what: str) -> OutlineError:
@@ -66,7 +68,7 @@ def flattened(curve: Callable[[Array], Array], tolerance: float) -> Array:
         n *= 2
 
 
-def sorted_out(curves: list[Array], join_mm: float, where: str) -> tuple[list[Array], list[Array]]:
+def sorted_out(curves: Iterable[Array], join_mm: float, where: str, notes: list[str]) -> Pieces:
     """Curves (n, 2) [mm] as rings and strokes: a ring ends where it began.
 
     Raises:
@@ -86,7 +88,7 @@ def sorted_out(curves: list[Array], join_mm: float, where: str) -> tuple[list[Ar
             rings.append(curve[:-1])
         elif len(curve) > 1:
             strokes.append(curve)
-    return rings, strokes
+    return Pieces(rings, strokes, notes)
 
 
 @contextmanager

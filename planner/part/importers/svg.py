@@ -15,15 +15,7 @@ from defusedxml import ElementTree as SafeTree
 
 from planner.arrays import Array
 from planner.errors import InputFileError, OutlineError
-from planner.part.importers.pieces import (
-    LARGEST_MM,
-    MAX_SHAPES,
-    Pieces,
-    flattened,
-    need_units,
-    sorted_out,
-    too_much,
-)
+from planner.part.importers import pieces
 
 LENGTH = re.compile(r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(mm|cm|in|pt|pc|Q|px|%)?\s*$")
 PHYSICAL_MM = {"mm": 1.0, "cm": 10.0, "in": 25.4, "pt": 25.4 / 72, "pc": 25.4 / 6, "Q": 0.25}
@@ -32,15 +24,17 @@ XLINK = "{http://www.w3.org/1999/xlink}href"
 ASPECT = 1e-3
 
 
-def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) -> Pieces:
+def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) -> pieces.Pieces:
     """The shapes of an SVG file; as `dxf.read`, a unit_mm of None believes its width and viewBox."""
     root = _root(data, where)
-    if _size(root, where) > MAX_SHAPES:
-        raise too_much(where, f"draws more than {MAX_SHAPES} shapes, its copies written out")
+    if _size(root, where) > pieces.MAX_SHAPES:
+        raise pieces.too_much(where, f"draws more than {pieces.MAX_SHAPES} shapes, its copies written out")
     stated = _stated_scale(root, where)
     scale = unit_mm if unit_mm is not None else stated
     if scale is None:
-        raise need_units(where, "does not say its size in mm, cm, in or pt (width, height and viewBox)")
+        raise pieces.need_units(
+            where, "does not say its size in mm, cm, in or pt (width, height and viewBox)"
+        )
     notes = []
     if unit_mm is None:
         notes.append(f"scale: {scale:.6g} mm a unit, as the file's width and viewBox say")
@@ -49,8 +43,7 @@ def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) ->
     for name in ("width", "height", "viewBox", "preserveAspectRatio"):
         root.attrib.pop(name, None)
     curves = _curves(Tree.tostring(root, "utf-8"), scale, tolerance_mm, where)
-    rings, strokes = sorted_out(curves, tolerance_mm, where)
-    return Pieces(rings, strokes, notes)
+    return pieces.sorted_out(curves, tolerance_mm, where, notes)
 
 
 def _root(data: bytes, where: str) -> Tree.Element:
@@ -117,8 +110,7 @@ def _curves(svg: bytes, scale: float, tolerance_mm: float, where: str) -> list[A
         drawing = svgelements.SVG.parse(io.BytesIO(svg), reify=True, ppi=96.0)
         for element in drawing.elements():
             if isinstance(element, svgelements.Shape) and element.values.get("display") != "none":
-                path = svgelements.Path(element)
-                for part in path.as_subpaths():
+                for part in svgelements.Path(element).as_subpaths():
                     curves.append(_polyline(part, tolerance_mm / scale) * (scale, -scale))
     except OutlineError as error:
         raise OutlineError(error.problem, where=where) from None
@@ -138,9 +130,9 @@ def _polyline(part: svgelements.Subpath, tolerance: float) -> Array:
             points.append(np.array(ends, dtype=np.float64))
             continue
         coarse = _at(segment, np.linspace(0.0, 1.0, 9))
-        if not np.isfinite(coarse).all() or np.abs(coarse).max() > LARGEST_MM / tolerance * 0.02:
+        if not np.isfinite(coarse).all() or np.abs(coarse).max() > pieces.LARGEST_MM / tolerance * 0.02:
             raise OutlineError("has a coordinate that is not finite or absurdly large; repair the drawing")
-        points.append(flattened(partial(_at, segment), tolerance))
+        points.append(pieces.flattened(partial(_at, segment), tolerance))
     if not points:
         return np.empty((0, 2))
     every = np.concatenate(points)

@@ -39,8 +39,7 @@ def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) ->
     closed = np.concatenate([points, points[:1]])
     if len(points) > 1 and np.hypot(*(points[0] - points[-1])) <= tolerance_mm:
         closed = points
-    rings, strokes = sorted_out([closed] if len(closed) > 3 else [], tolerance_mm, where)
-    return Pieces(rings, strokes, notes)
+    return sorted_out([closed] if len(closed) > 3 else [], tolerance_mm, where, notes)
 
 
 def _cells(line: str) -> list[str]:

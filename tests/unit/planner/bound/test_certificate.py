@@ -6,12 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.belief.observation import encoder_of
-from planner.bound.certificate import Squeezes, certify
-from planner.bound.placements import covered
+from planner.bound.certificate import certify, covered, squeezes_of
 from planner.evaluation.trials import placement_of
 from planner.job import model as job_file
-from planner.mechanics.simulator import Simulator
 from runtime.table import REJECT, Calibration, Prediction, decision_map, load
 
 pytestmark = pytest.mark.slow
@@ -66,8 +63,7 @@ def test_a_table_that_located_nothing_is_compared_with_plans_that_need_not(job, 
 
 
 def placements_of(job, table, dense=False):
-    model = Squeezes(Simulator.of_job(job, 2), encoder_of(job))
-    return covered(job, table, model, dense, np.random.default_rng(0))
+    return covered(job, table, squeezes_of(job, 2), dense, np.random.default_rng(0))
 
 
 def test_turned_plans_are_covered_once_and_the_plan_itself_is(job, table):

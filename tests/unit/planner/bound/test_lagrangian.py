@@ -32,7 +32,7 @@ def toy(seed):
 
 def levels_of(world, depth, states=None):
     states = np.arange(world.size) if states is None else states
-    return gather(world, poses_of(states), METRIC, world.placements, depth, np.random.default_rng(0))
+    return gather(world.squeeze, poses_of(states), METRIC, world.placements, depth, np.random.default_rng(0))
 
 
 @pytest.mark.parametrize("depth", [1, 2, 3])

@@ -56,7 +56,8 @@ def test_file_is_what_the_charts_read_and_the_same_for_the_same_seed(written, tm
     told = json.loads(written.read_text())
     assert [sum(world["readings"][0].values()) for world in told["worlds"]] == [3000] * len(told["worlds"])
     again = list(expectation.expected(TABLE, JOB, 3000, 0, Threads(1)))
-    assert json.loads(json.dumps(expectation.document(LOADED.digest, again, 3000, 0))) == told
+    assert json.loads(json.dumps(again)) == told["worlds"]
+    assert (told["table_sha256"], told["trials"], told["seed"]) == (LOADED.digest, 3000, 0)
 
 
 @pytest.mark.parametrize("friction", [(0.05, 0.15), (0.2, 0.3), (0.6, 0.8), (0.8, 1.0)])

@@ -15,8 +15,8 @@ import pytest
 
 from planner.cli import init
 from planner.job import model as job_file
+from planner.job.drafts import FINGERS, GRIPPERS
 from planner.job.fields import REQUIRED
-from planner.job.presets import FINGERS, GRIPPERS
 from planner.job.schema import ABSENT_SECTIONS, FIELDS, TOP_LEVEL
 from planner.part.importers.file import read_outline
 from planner.part.importers.pieces import Options
@@ -24,6 +24,7 @@ from planner.part.importers.pieces import Options
 pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[4]
+PLAN_INIT = Path(sys.executable).with_name("plan-init")
 BRACKET = [(0, 0), (32, 0), (32, 12), (12, 12), (12, 24), (0, 24)]
 
 
@@ -116,7 +117,7 @@ def test_it_never_overwrites_without_being_told(drawing, tmp_path, capsys):
 
 
 def test_without_a_terminal_what_is_missing_is_named(drawing, tmp_path):
-    command = [sys.executable, "-m", "planner.cli.init", str(drawing), "-o", str(tmp_path / "job.toml")]
+    command = [PLAN_INIT, str(drawing), "-o", str(tmp_path / "job.toml")]
     done = subprocess.run(
         command, cwd=ROOT, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60, check=False
     )
@@ -146,7 +147,7 @@ def at_a_terminal(command, answers):
 def test_at_a_terminal_it_asks(tmp_path):
     drawing = draw(tmp_path / "bracket.dxf", 0)
     output = tmp_path / "job.toml"
-    command = [sys.executable, "-m", "planner.cli.init", str(drawing), "-o", str(output)]
+    command = [PLAN_INIT, str(drawing), "-o", str(output)]
     code, seen = at_a_terminal(command, "parsec\nmm\nmy part\nhand-e\nsteel\n-x\n\nthin\n6\n")
     assert code == 0, seen
     assert "--units" in seen

@@ -6,9 +6,8 @@ from pathlib import Path
 import pytest
 
 from planner.belief.observation import encoder_of
-from planner.diagnosis.advice import advise
+from planner.diagnosis.advice import advise, gains_without_noise
 from planner.diagnosis.margins import THIN, Margins, margins_of, near_another
-from planner.diagnosis.noise import gains_without_noise
 from planner.evaluation.cases import EVERYTHING, OFFSET_COUNTS, noise_cases
 from planner.evaluation.evaluate import evaluate
 from planner.job import model as job_file

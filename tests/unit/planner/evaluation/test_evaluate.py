@@ -3,6 +3,7 @@
 import math
 import pickle
 from dataclasses import fields, replace
+from functools import partial
 from pathlib import Path
 from random import Random
 
@@ -13,7 +14,7 @@ from sample_tables import random_table
 from planner.belief.metric import Metric
 from planner.belief.observation import encoder_of
 from planner.evaluation.disturbance import Disturbance
-from planner.evaluation.evaluate import Chunk, ChunkRun, carried_on, evaluate
+from planner.evaluation.evaluate import Chunk, carried_on, evaluate, run_chunk
 from planner.evaluation.outcome import CRASHED, NOWHERE, REJECTED, Evaluation
 from planner.evaluation.trials import Program, placement_of
 from planner.frames import to_hand, to_world
@@ -195,7 +196,8 @@ def test_any_number_of_workers_gives_the_same_bytes(noisy):
 
 def test_a_chunk_comes_to_the_same_in_another_process(noisy):
     table = load(TREES / "rectangle.msgpack").table
-    setting = ChunkRun(Program.of(table), noisy, ContactWorlds.of_job(noisy, 1), 2, Disturbance(0.1, 0.2))
+    common = Program.of(table), noisy, ContactWorlds.of_job(noisy, 1), 2, Disturbance(0.1, 0.2)
+    setting = partial(run_chunk, *common)
     sent = pickle.loads(pickle.dumps(setting))
     assert same(sent(Chunk(3, 40)), setting(Chunk(3, 40)))
 

@@ -9,6 +9,7 @@ import pytest
 import shapely
 from problems import OUTLINES
 
+from planner.cli.evaluate import SWEEP_HEAD, sweep_row
 from planner.evaluation.cases import (
     assumption_cases,
     believed_cases,
@@ -20,7 +21,6 @@ from planner.evaluation.cases import (
 )
 from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.evaluate import evaluate, sweep, worst_of
-from planner.evaluation.text import SWEEP_HEAD, sweep_row
 from planner.job import model as job_file
 from planner.job.schema import MOST_FRICTION
 from planner.world import ContactWorlds

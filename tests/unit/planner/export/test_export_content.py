@@ -5,7 +5,7 @@ from exported import Oracle, wide_table
 from sample_tables import every_field_table, random_table, small_table
 from tree_tables import committed
 
-from planner.export.content import FELT, NOT_FELT, maps_of, runs_of, vectors
+from planner.export.write import FELT, NOT_FELT, maps_of, runs_of, vectors
 from runtime.table import COUNTS, REJECT, by_count, decide
 
 TABLES = {

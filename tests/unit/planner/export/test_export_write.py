@@ -118,14 +118,14 @@ def test_numbers_fit_into_32_bits(tmp_path):
 def test_nothing_is_left_of_an_export_that_broke_off(tmp_path, monkeypatch):
     found, written = TableFile(random_table(1, 3), b"", "0" * 64), []
 
-    def broken(path):
+    def broken(path, text):
         written.append(path)
         if len(written) == 3:
             raise OutputError("the disk is full")
-        return whole(path)
+        whole(path, text)
 
-    whole = writer.writing
-    monkeypatch.setattr(writer, "writing", broken)
+    whole = writer.write_text
+    monkeypatch.setattr(writer, "write_text", broken)
     with pytest.raises(OutputError):
         writer.write(found, "json", tmp_path / "o")
     assert list((tmp_path / "o").iterdir()) == []

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from planner.errors import InputFileError, ValueRangeError
-from planner.identification import push_log, pushes
+from planner.identification import pushes
 
 CORNER = np.array([50.0, 50.0])
 FACES = {  # a point on each face, and the normal into the block
@@ -78,7 +78,7 @@ def torque(point: np.ndarray, force: np.ndarray) -> float:
 @pytest.mark.parametrize("place", [(500.0, 100.0, 0.7), (-30.0, 20.0, 3.1), (0.0, 0.0, -3.1)])
 @pytest.mark.parametrize("twist", [TWIST, np.array([3.0, 1.0, 0.0]), np.array([0.5, 0.1, -0.3])])
 def test_a_push_of_known_wrench_and_twist_is_read_back(place, twist):
-    wrenches, twists = push_log.pairs(push_log.parse(log(made_up_push(twist, "left", FORCE, place))))
+    wrenches, twists = pushes.pairs(pushes.parse(log(made_up_push(twist, "left", FORCE, place))))
     assert np.allclose(twists, [twist], atol=1e-9)
     expected = [*FORCE, torque(FACES["left"][0], FORCE)]
     assert np.allclose(wrenches, [expected], atol=0.2)  # the block moves along an arc, not quite a line
@@ -87,8 +87,8 @@ def test_a_push_of_known_wrench_and_twist_is_read_back(place, twist):
 def test_the_tips_offset_is_found_from_the_faces_and_taken_off():
     motions = {"left": [4.0, -2.0, 0.1], "lower": [1.0, 5.0, -0.1], "long": [-3.0, -3.0, 0.2]}
 
-    def record(sideways: float) -> list[push_log.Push]:
-        return push_log.parse(
+    def record(sideways: float) -> list[pushes.Push]:
+        return pushes.parse(
             log(
                 *(
                     made_up_push(
@@ -100,26 +100,26 @@ def test_the_tips_offset_is_found_from_the_faces_and_taken_off():
             )
         )
 
-    assert push_log.tip_offset(record(0.0)) == pytest.approx(0.0, abs=1e-9)
+    assert pushes.tip_offset(record(0.0)) == pytest.approx(0.0, abs=1e-9)
     for sideways in (1.5, -0.7):  # found but for the weak pull to 0
-        assert push_log.tip_offset(record(sideways)) == pytest.approx(sideways, rel=0.15)
-    with_offset, without = (push_log.pairs(record(sideways))[0] for sideways in (1.5, 0.0))
+        assert pushes.tip_offset(record(sideways)) == pytest.approx(sideways, rel=0.15)
+    with_offset, without = (pushes.pairs(record(sideways))[0] for sideways in (1.5, 0.0))
     assert np.abs(with_offset - without)[:, 2].max() < 0.2 * 1.5 * 3
 
 
 def test_readings_of_the_approach_and_without_contact_do_not_count():
-    push = push_log.parse(LOG)[0]
+    push = pushes.parse(LOG)[0]
     spoiled = push.forces.copy()
     spoiled[5:25, 1:] += 5.0  # before 30 %
     spoiled[60:65, 1:] = spoiled[0, 1:]  # contact lost
-    changed, _ = push_log.pairs([push._replace(forces=spoiled)])
-    plain, _ = push_log.pairs([push])
+    changed, _ = pushes.pairs([push._replace(forces=spoiled)])
+    plain, _ = pushes.pairs([push])
     assert np.allclose(changed[0, :2], plain[0, :2], atol=1e-9)
 
 
 @pytest.mark.parametrize("end", ["\r\n", "\n\n", "  \n"])
 def test_line_ends_and_spaces_do_not_matter(end):
-    first, second = (push_log.pairs(push_log.parse(t))[0] for t in (LOG, LOG.replace("\n", end)))
+    first, second = (pushes.pairs(pushes.parse(t))[0] for t in (LOG, LOG.replace("\n", end)))
     assert np.array_equal(first, second)
 
 
@@ -161,7 +161,7 @@ MISTAKES = {
 def test_a_spoiled_log_is_refused_with_its_place_in_one_line(name):
     text, problem = MISTAKES[name]
     with pytest.raises(ValueRangeError) as caught:
-        push_log.parse(text, "my.txt")
+        pushes.parse(text, "my.txt")
     message = str(caught.value)
     assert message.startswith("my.txt: ")
     assert problem in message
@@ -172,16 +172,16 @@ def test_every_truncation_of_a_log_is_refused():
     lines = lines_of()
     for count in range(len(lines)):
         with pytest.raises(ValueRangeError):
-            push_log.parse("\n".join(lines[:count]))
+            pushes.parse("\n".join(lines[:count]))
 
 
 def test_a_push_without_motion_or_contact_is_refused():
     still = log(made_up_push(TWIST, "left", FORCE), made_up_push(np.zeros(3), "left", FORCE))
     with pytest.raises(ValueRangeError, match=r"push 2 of 2: the block does not move"):
-        push_log.pairs(push_log.parse(still))
+        pushes.pairs(pushes.parse(still))
     loose = log(made_up_push(TWIST, "left", np.zeros(2)))
     with pytest.raises(ValueRangeError, match=r"push 1 of 1: no force reading"):
-        push_log.pairs(push_log.parse(loose))
+        pushes.pairs(pushes.parse(loose))
 
 
 HEADER = "fx_n,fy_n,tau_n_mm,vx_mm,vy_mm,omega_rad"

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from problems import JAWS, LONG_JAWS, l_shape, random_poses, rectangle, simulator
 from scipy import stats
 
-from planner.learned.energy import energy_distance
+from planner.diagnosis.model_quality import energy_distance
 from planner.learned.kcde import Kcde
 from planner.learned.neighbours import grid_of, keep_nearest, nearest_within, within
 from planner.mechanics.clearance import MISSES, STANDS_ON, TOUCHES, classify_contact

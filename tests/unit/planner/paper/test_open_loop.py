@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from planner.paper.open_loop import ALPHA, COLLIDING_SHARE, OpenLoop
-from planner.paper.singleton import Tolerances, singleton
+from planner.paper.search import singleton
 
 RNG_SEED = 11
 
@@ -38,7 +38,7 @@ class Beyond:
 
 def ratio(poses):
     # Orientation plays no part on the line; the wall turned by half a turn pushes the other way.
-    return singleton(poses, Tolerances(1.0, 1e9, 10.0), order=1).ratio
+    return singleton(poses, order=1, box=(1.0, 1e9, 10.0)).ratio
 
 
 def line(low, high, n=401):

@@ -8,10 +8,10 @@ import pytest
 from planner.belief.observation import COUNTS, encoder_of
 from planner.job import model as job_file
 from planner.lower import lower
-from planner.paper.models import Models
 from planner.paper.search import (
     METHODS,
     SINGLETON_SHARE,
+    Models,
     PaperPlanner,
     nearest_observation,
     search_depth,

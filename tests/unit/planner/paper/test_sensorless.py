@@ -24,8 +24,7 @@ from problems import (
 
 from planner.frames import to_hand, to_world
 from planner.mechanics.simulator import Parameters
-from planner.paper.sensorless import SqueezeFunction, chain, plan
-from planner.paper.width import width_function
+from planner.paper.sensorless import SqueezeFunction, chain, plan, width_function
 from planner.part.outline import convex_hull
 
 pytestmark = pytest.mark.slow

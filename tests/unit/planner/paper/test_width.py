@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from problems import OUTLINES, diameter, random_convex, random_star, rectangle, right_triangle
 
-from planner.paper.width import width_function
+from planner.paper.sensorless import width_function
 from planner.part.outline import convex_hull, min_width, width
 
 DIRECTIONS = np.linspace(-4.0, 4.0, 1001)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from planner.part.rectangle import smallest_rectangle
+from planner.part.outline import smallest_rectangle
 
 
 def turned(points, degrees):

@@ -3,10 +3,10 @@
 from pathlib import Path
 
 import pytest
+from comparison import METHODS, Row, markdown, run, table_rows, zoo_rows
 
 from planner.job import model as job_file
 from planner.job.overrides import changes_of
-from planner.report.comparison import METHODS, Row, markdown, run, table_rows, zoo_rows
 
 pytestmark = pytest.mark.slow
 

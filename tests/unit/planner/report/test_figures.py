@@ -12,13 +12,16 @@ import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
+import charts
+import movie
 import pytest
+import single_squeezes
+from comparison import table_rows
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
 
 from planner.job import model as job_file
-from planner.report import canvas, charts, movie, paper_figures
-from planner.report.comparison import table_rows
+from planner.report import canvas, paper_figures
 from planner.report.replay import replay
 from runtime.table import load
 
@@ -138,7 +141,7 @@ def test_the_sequence_follows_one_part_of_the_path(planned):
 
 def test_the_four_ends_of_a_squeeze():
     with canvas.style():
-        figure = paper_figures.squeezes(job_file.load(TREES / "butterfly-10" / "job.toml"))
+        figure = single_squeezes.squeezes(job_file.load(TREES / "butterfly-10" / "job.toml"))
         assert_legible(figure)
     titles = [axes.get_title() for axes in figure.axes]
     assert [next(word for word in ("slipped", "jammed", "grasped") if word in title) for title in titles] == [
@@ -153,12 +156,12 @@ def test_the_four_ends_of_a_squeeze():
 def test_the_partition_has_the_papers_four_subspaces():
     job = job_file.load(TREES / "rectangle" / "job.toml")
     with canvas.style():
-        figure = paper_figures.partition(job, ("free space", "long", "short", "diagonal"))
+        figure = single_squeezes.partition(job, ("free space", "long", "short", "diagonal"))
         assert_legible(figure)
     shares = [int(re.search(r"(\d+) % of", axes.get_title())[1]) for axes in figure.axes]
     assert sum(shares) == pytest.approx(100, abs=2)
     with pytest.raises(ValueError, match="4 subspaces"):
-        paper_figures.partition(job, ("one", "two"))
+        single_squeezes.partition(job, ("one", "two"))
 
 
 def test_every_picture_is_kept_and_small():

@@ -5,7 +5,7 @@ from itertools import pairwise
 import pytest
 from sample_tables import random_table, small_table
 
-from planner.report.layout import Layout, Sizes, Spot, tidy
+from planner.report.tree import Layout, Sizes, Spot, tidy
 from runtime.table import Table
 
 SIZES = Sizes(panel=32.0, label=29.0, text=36.0, margin=6.0)

@@ -7,9 +7,8 @@ from pathlib import Path
 import pytest
 
 from planner.job import model as job_file
-from planner.report.cell_result import cell_result, planned_spans
 from planner.report.run_log import PartLog, RunLog
-from planner.report.verdict import Weakest, percent, verdict
+from planner.report.verdict import Weakest, cell_result, percent, planned_spans, verdict
 from runtime.table import Calibration, load
 
 TREE = Path(__file__).parents[4] / "trees" / "rectangle"

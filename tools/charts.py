@@ -38,7 +38,7 @@ def table_one(rows: Sequence[Mapping[str, Any]], radii_mm: Mapping[str, float]) 
     """Poses within the goal in the eight experiments of the paper's Table I: its robot, tables in simulation.
 
     Counted as the paper counts: every pose that is stated, also where the table says that it is not certain.
-    The rows are as `planner.report.comparison.run` returns them, the radii those of the discs that a part's
+    The rows are as `comparison.run` returns them, the radii those of the discs that a part's
     centre lies in.
 
     Raises:

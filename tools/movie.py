@@ -1,6 +1,7 @@
 """One part being squeezed until it is located, as an SVG that moves by itself (SMIL), for a README."""
 
 import math
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +14,6 @@ from planner.job.model import Job
 from planner.mechanics.simulator import Simulator
 from planner.report import canvas, trajectory
 from planner.report.replay import Replay
-from planner.report.templating import template
 from runtime.table import Calibration, Table, decide, decision_map, error_mm, poses_of
 
 MU = 0.5
@@ -64,12 +64,8 @@ def followed(table: Table, simulator: Simulator, pose: Array, squeezes: int) -> 
         states, _ = simulator.trace(to_hand(pose, hand), surface, MU)
         begun, end = trajectory.touch(states), float(states[-1, 3])
         closing = round(TOUCH * CLOSING)
-        widths = np.concatenate(
-            [
-                np.linspace(states[0, 3], begun, closing, endpoint=False),
-                np.linspace(begun, end, CLOSING - closing),
-            ]
-        )
+        until = np.linspace(states[0, 3], begun, closing, endpoint=False)
+        widths = np.concatenate([until, np.linspace(begun, end, CLOSING - closing)])
         seen = trajectory.along(states, widths)
         world = np.column_stack([to_world(seen[:, :3], hand), seen[:, 3]])
         count = calibration.count(round(1e3 * end))
@@ -113,14 +109,8 @@ def _drawn(table: Table, job: Job, beliefs: Replay, story: Story) -> str:
         moving += [(begun, squeeze.states[0]), *zip(closing.tolist(), squeeze.states, strict=True)]
         shut = float(closing[-1]) + READ_S
         times = [0.0, begun, *closing.tolist(), shut, shut + OPEN_S, total_s]
-        widths = [
-            opening,
-            opening,
-            *squeeze.states[:, 3].tolist(),
-            float(squeeze.states[-1, 3]),
-            opening,
-            opening,
-        ]
+        seen = squeeze.states[:, 3].tolist()
+        widths = [opening, opening, *seen, seen[-1], opening, opening]
         hands.append(
             {
                 "pose": squeeze.hand, "upper": Track(times, [f"{0.5 * w:.2f}" for w in widths]),
@@ -132,8 +122,7 @@ def _drawn(table: Table, job: Job, beliefs: Replay, story: Story) -> str:
                 "belief": _belief(beliefs.visits[squeeze.node].before),
                 "share": len(beliefs.visits[squeeze.node].before) / len(beliefs.visits[0].before),
                 "believed": _seen(
-                    begun - 0.3 if k else 0.0, begun if k else 0.0, float(closing[-1]),
-                    float(closing[-1]) + 0.6, total_s,
+                    max(begun - 0.3, 0.0), begun, float(closing[-1]), float(closing[-1]) + 0.6, total_s
                 ),
             }
         )  # fmt: skip
@@ -144,7 +133,8 @@ def _drawn(table: Table, job: Job, beliefs: Replay, story: Story) -> str:
     leaf = beliefs.leaves[story.leaf]
     jaws = Simulator.of_job(job, workers=1).jaws
     reach = float(np.max(np.hypot(*job.part.outline_mm.T)))
-    return template("movie.svg").render(
+    text = Path(__file__).with_suffix(".svg").read_text()
+    return canvas.template("tree.svg").environment.from_string(text).render(
         job=job, total=total_s, hands=hands, length=float(jaws[1]), thickness=float(jaws[2]),
         half=0.5 * float(jaws[0]) + float(jaws[2]) + 1.0, reach=reach, error=story.error_mm,
         shift=Track(times, [f"{state[0]:.2f} {state[1]:.2f}" for _, state in moving]),

@@ -9,7 +9,7 @@ import pytest
 from problems import random_poses
 
 from planner.belief.particles import Belief
-from planner.learned.energy import compare, energy_distance
+from planner.diagnosis.model_quality import compare, energy_distance
 
 RHO = 10.57
 
