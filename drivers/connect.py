@@ -60,10 +60,8 @@ def gripper(
     """Open a gripper; reads its state, writes nothing.
 
     With `read_only` it has a link that cannot write; `report` is told of every retry and failure on it.
-
-    Raises:
-        PortError: the port cannot be opened, or its driver cannot be loaded.
-        LinkError: nothing answers there.
+    PortError where the port cannot be opened, or its driver cannot be loaded; LinkError where nothing
+    answers.
     """
     opened: Gripper = _opened(GRIPPERS, port, Pace(Clock(), time_scale), report, read_only=read_only)
     return opened
@@ -89,11 +87,7 @@ def robotiq_gripper(port: str, pace: Pace, report: Report, *, read_only: bool) -
 
 
 def scan(port: str) -> Iterator[Answered]:
-    """Who answers on a serial port, at which baud rate; reads only.
-
-    Raises:
-        PortError: the port cannot be opened.
-    """
+    """Who answers on a serial port, at which baud rate; reads only. PortError where it cannot be opened."""
     from drivers.robotiq import modbus
 
     return modbus.scan(port)
@@ -103,12 +97,8 @@ def arm(url: str, *, time_scale: float = 1.0, read_only: bool = False) -> Arm:
     """Connect to an arm; may send its settings, moves nothing.
 
     Frames and limits may follow its address (drivers/abb/README.md). With `read_only` no setting is sent, and
-    every motion refused.
-
-    Raises:
-        PortError: nobody accepts the connection, the address is not understood, or its driver cannot be
-            loaded.
-        ArmError: whoever answers is no such arm.
+    every motion refused. PortError where nobody accepts the connection, the address is not understood, or its
+    driver cannot be loaded; ArmError where whoever answers is no such arm.
     """
     opened: Arm = _opened(ARMS, url, Pace(Clock(), time_scale), read_only=read_only)
     return opened
@@ -126,11 +116,7 @@ def manual_arm(url: str, pace: Pace, *, read_only: bool) -> Arm:
 
 
 def scene(url: str) -> Scene:
-    """Connect to the scene of a simulated cell: its feeder and the ground truth.
-
-    Raises:
-        PortError: nobody accepts the connection.
-    """
+    """Connect to a simulated cell's scene: feeder and ground truth; PortError where nobody accepts that."""
     from drivers.sim.physics import scene_protocol
     from drivers.stream import tcp_address
 

@@ -34,8 +34,7 @@ class Person:
     def ask(self, sentence: str, seconds: float) -> str:
         """Show a sentence; returns the line that is typed then.
 
-        Raises:
-            TimeoutError: nothing was, for so many seconds. EOFError: standard input has ended.
+        TimeoutError where nothing was, for so many seconds; EOFError where standard input has ended.
         """
         self._forget()
         print(sentence, file=sys.stderr, flush=True)
@@ -88,8 +87,7 @@ class ManualArm:
     def move_linear(self, x_mm: float, y_mm: float, z_mm: float, angle_rad: float, speed_mm_s: float) -> None:
         """Ask for it; a way above the table is only taken down with the next place to come down to.
 
-        Raises:
-            ArmError: no such place, nobody answered, or standard input has ended.
+        ArmError where there is no such place, nobody answered, or standard input has ended.
         """
         self._check_known()
         target = (x_mm, y_mm, z_mm, angle_rad)
@@ -219,11 +217,7 @@ class ManualGripper:
 
 
 def gripper(port: str, pace: Pace, report: Report, *, read_only: bool) -> ManualGripper:
-    """`manual`, or `manual:OPENING,COUNT_OPEN,COUNT_CLOSED`.
-
-    Raises:
-        PortError: it is written otherwise.
-    """
+    """`manual`, or `manual:OPENING,COUNT_OPEN,COUNT_CLOSED`; PortError where it is written otherwise."""
     del pace, report
     scale = LINEAR
     if told := port.removeprefix("manual").removeprefix(":"):

@@ -62,8 +62,7 @@ class TcpStream:
 class SerialStream:
     """A serial port, 8N1, held exclusively.
 
-    Raises:
-        PortError: no such device, no permission, not a serial port, or in use.
+    PortError where there is no such device, no permission, it is no serial port, or in use.
     """
 
     def __init__(self, path: str, baud: int) -> None:
@@ -94,8 +93,7 @@ class SerialStream:
 def tcp_address(url: str, usual: int = 0) -> tuple[str, int]:
     """Host and port of `scheme://host:port`; the port may be left out where a usual one is given.
 
-    Raises:
-        PortError: it is written otherwise.
+    PortError where it is written otherwise.
     """
     try:
         parts = urlsplit(url)
@@ -109,11 +107,7 @@ def tcp_address(url: str, usual: int = 0) -> tuple[str, int]:
 
 
 def open_tcp(host: str, port: int, endpoint: str, hint: str) -> TcpStream:
-    """Connect; `hint` says what to check if nobody accepts.
-
-    Raises:
-        PortError: nobody accepts the connection.
-    """
+    """Connect; PortError, with a hint what to check, where nobody accepts the connection."""
     try:
         connection = socket.create_connection((host, port), timeout=CONNECT_S)
     except (OSError, UnicodeError) as error:  # the latter for a name that no host can have

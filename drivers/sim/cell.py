@@ -30,14 +30,9 @@ REACH_MM = 580  # of the simulated arm, behind every controller
 class Cell:
     """Gripper on a pty and three TCP ports, arm and scene on TCP ports, joined by a world.
 
-    Gripper and arm are one device each: a host picks one of their ports and leaves the others alone.
-
-    Args:
-        setting: part and world.
-        seed: of every draw.
-        time_scale: simulated seconds per wall second.
-        faults: what goes wrong when; None: nothing.
-        rig: the camera under the table; None: there is none.
+    Gripper and arm are one device each: a host picks one of their ports and leaves the others alone. Made as
+    `Workcell` is, with `time_scale` simulated seconds per wall second, and the camera under the table if
+    there is one.
     """
 
     def __init__(

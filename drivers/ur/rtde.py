@@ -57,8 +57,7 @@ class Reading(NamedTuple):
 class Rtde:
     """An RTDE connection, which it owns; opening it reads nothing and writes nothing.
 
-    Raises:
-        RtdeError: no RTDE answers there, or it lacks a field.
+    RtdeError where no RTDE answers there, or it lacks a field.
     """
 
     def __init__(self, stream: Stream, pace: Pace) -> None:
@@ -81,11 +80,7 @@ class Rtde:
             )
 
     def read(self) -> Reading:
-        """The controller now.
-
-        Raises:
-            RtdeError: it does not answer in time.
-        """
+        """The controller now; RtdeError where it does not answer in time."""
         if self._out_of_step:
             raise RtdeError("a reading was interrupted")
         self._out_of_step = True

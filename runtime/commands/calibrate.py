@@ -101,15 +101,9 @@ def run(
     open_gripper: Callable[[str], Gripper],
     ask: Callable[[str], object] | None = None,
 ) -> int:
-    """Measure and write as the arguments say; returns 0.
+    """Measure and write as the arguments say; returns 0. Errors, also of devices, carry their `exit_code`.
 
-    Args:
-        arguments: parsed.
-        open_gripper: opens a gripper by its port, moving nothing.
-        ask: shows the operator a sentence and waits; None for the terminal.
-
-    Raises:
-        Exception: any error of ours or of the gripper; each carries its `exit_code`.
+    `open_gripper` moves nothing; `ask` shows the operator a sentence and waits, None: in the terminal.
     """
     ask = ask or partial(_ask_terminal, file=sys.stderr if arguments.json else sys.stdout)
     widths_mm, tips, current = _checked(arguments)

@@ -62,15 +62,9 @@ def add_to(subcommands: Any, codes: str) -> None:
 
 
 def run(arguments: argparse.Namespace, drivers: Drivers, ask: Callable[[str], object]) -> int:
-    """Measure and write as the arguments say; returns 0.
+    """Measure and write as the arguments say; returns 0. Errors, also of devices, carry their `exit_code`.
 
-    Args:
-        arguments: parsed.
-        drivers: opens the devices, moving nothing.
-        ask: shows the operator a sentence and waits.
-
-    Raises:
-        Exception: any error of ours or of a device; each carries its `exit_code`.
+    The drivers move nothing as they connect; `ask` shows the operator a sentence and waits.
     """
     at, known = _checked(arguments)
     table = load(arguments.tree).table

@@ -34,7 +34,9 @@ def connect(
     stack: ExitStack,
     report: Report,
 ) -> Devices:
-    """Connect to the devices, the simulated ones as to hardware; nothing moves.
+    """Connect to the devices of a run, the simulated ones as to hardware; nothing moves.
+
+    Errors, `PortBusyError`, `CellStartError` or a driver's own, carry their `exit_code`.
 
     Args:
         arguments: of `grasp-runtime`.
@@ -43,9 +45,6 @@ def connect(
         drivers: opens devices.
         stack: closes what was opened.
         report: told of retries and failures on the gripper's link.
-
-    Raises:
-        Exception: `PortBusyError`, `CellStartError` or a driver's own; each carries its `exit_code`.
     """
     gripper_port, arm_url, scene_url, camera = arguments.port, arguments.arm, None, ""
     if arguments.port == SIMULATED:

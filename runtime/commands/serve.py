@@ -27,11 +27,10 @@ KEEPALIVE = {socket.TCP_KEEPIDLE: 5, socket.TCP_KEEPINTVL: 3, socket.TCP_KEEPCNT
 
 
 def check(arguments: argparse.Namespace) -> server.Address:
-    """Check what `--serve` goes with; returns where to listen.
+    """Where `--serve` listens.
 
-    Raises:
-        ArgumentsError: it names no address, one of another machine's reach that was not allowed, or comes
-            with an option for devices, of which a robot that asks has its own.
+    ArgumentsError where it names no address, one of another machine's reach that was not allowed, or comes
+    with an option for devices: a robot that asks has its own.
     """
     defaults = parser()
     for name, given in vars(arguments).items():
@@ -72,8 +71,7 @@ class RobotServer:
     def serve(self) -> None:
         """Serve; whoever is connected at the end is told, and a part under way ends with the run.
 
-        Raises:
-            KeyboardInterrupt: a stop request between two parts. JournalError: the journal cannot be written.
+        KeyboardInterrupt is a stop request between two parts, JournalError a journal that cannot be written.
         """
         farewell = 40
         try:

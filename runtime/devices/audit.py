@@ -30,11 +30,7 @@ MAX_TEXT = 500
 
 
 class AuditProcess(ChildProcess):
-    """An auditor started as a child; it may take `answer_s` to judge one part.
-
-    Raises:
-        ArgumentsError: the program cannot be started.
-    """
+    """An auditor started as a child, or ArgumentsError; it may take `answer_s` to judge one part."""
 
     def __init__(self, command: str, answer_s: float = ANSWER_S) -> None:
         self._command = command
@@ -50,19 +46,14 @@ class AuditProcess(ChildProcess):
     ) -> Mapping[str, object]:
         """Ask for one part's verdict; the hypothesis is the name that its leaf gives it, if any.
 
-        Raises:
-            OSError: the process is gone, or does not answer in time. ValueError: an answer that is no JSON.
+        OSError where the process is gone, or does not answer in time; ValueError where it answers no JSON.
         """
         asked: dict[str, object] = {"part": part, "x_mm": x_mm, "y_mm": y_mm, "theta_rad": theta_rad}
         asked |= {} if hypothesis is None else {"hypothesis": hypothesis}
         return self._ask(asked, self._answer_s)
 
     def check(self) -> None:
-        """Ask a question without a pose, which any verdict answers.
-
-        Raises:
-            ArgumentsError: the program has ended, is silent, or answers something else.
-        """
+        """Raise ArgumentsError unless it gives a verdict, any, to a question without a pose."""
         try:
             told = self._ask({"part": 0}, START_S)
         except ValueError:
@@ -99,8 +90,7 @@ def answer_of(
 ) -> dict[str, object]:
     """The auditor's answer as the journal holds it: "unknown" where it fails or says anything else.
 
-    Returns:
-        `verdict`, and whatever else it told in plain numbers and short sentences: what it measured, and why.
+    Besides `verdict` whatever it told in plain numbers and short sentences: what it measured, and why.
     """
     try:
         told = dict(auditor.judge(part, *pose, hypothesis))

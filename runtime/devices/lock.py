@@ -24,9 +24,7 @@ class PortLock(ExitStack):
     """Held while a process works with a device; released when the process ends, however it ends.
 
     Links such as /dev/serial/by-id are followed to the device, names of hosts to their addresses.
-
-    Raises:
-        PortBusyError: another process holds it; the message tells which.
+    PortBusyError where another process holds it, and which.
     """
 
     def __init__(self, port: str) -> None:

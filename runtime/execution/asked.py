@@ -85,18 +85,9 @@ class _Part:
 
 
 class AskedParts:
-    """Answers one robot's lines by a table, part after part.
+    """Answers one robot's lines by a proved table, part after part; `count` None: no end.
 
-    Args:
-        table: proved.
-        name: the table's digest, as `TABLE` tells it.
-        journal: with its header.
-        clock: for deadlines.
-        console: told of squeezes and parts.
-        tally: of the parts.
-        options: policy and calibration.
-        watch: told of phases.
-        count: number of parts; None: no end.
+    `TABLE` tells the table's digest as its `name`; the journal has its header; `watch` is told of phases.
     """
 
     def __init__(
@@ -134,11 +125,7 @@ class AskedParts:
         return None if self._part is None else self._part.deadline
 
     def answer(self, line: str) -> str:
-        """The answer to a line, both without their ends.
-
-        Raises:
-            JournalError: it cannot be written; nothing follows from the line then.
-        """
+        """The answer to a line, both without their ends; nothing follows from a line after JournalError."""
         name, *words = line.split(" ")
         try:
             if name in self._readings:

@@ -66,9 +66,7 @@ def measure(
     """Grip each block so many times, and yield a gauge for each.
 
     The blocks come in rising order, 0 for none; `ask` shows the operator a sentence and waits.
-
-    Raises:
-        GripperStateError: the gripper is not ready, or closed without meeting the block.
+    GripperStateError where the gripper is not ready, or closed without meeting the block.
     """
     for width_mm in widths_mm:
         _stroke(gripper, 0, 255)
@@ -96,10 +94,9 @@ def _stroke(gripper: Gripper, position_counts: int, speed_counts: int) -> tuple[
 
 
 def fit(gauges: Sequence[Gauge], gripper: str, made: str) -> GripperCalibration:
-    """The calibration that passes through gauged widths, at least `LEAST_BLOCKS` of them.
+    """The calibration that passes through gauged widths.
 
-    Raises:
-        CalibrationError: too few blocks, or a wider one that did not read a smaller count.
+    CalibrationError where they are fewer than `LEAST_BLOCKS`, or a wider block did not read a smaller count.
     """
     ordered = sorted(gauges)
     if len({gauge.width_mm for gauge in ordered}) < max(LEAST_BLOCKS, len(ordered)):
@@ -134,11 +131,7 @@ def against_linear_mm(calibration: GripperCalibration, spec: GripperSpec) -> lis
 
 
 def save(calibration: GripperCalibration, path: Path) -> None:
-    """Write the file.
-
-    Raises:
-        CalibrationError: it cannot be written.
-    """
+    """Write the file; CalibrationError where it cannot be written."""
     body = _body(calibration)
     text = json.dumps({**body, "sha256": strict_json.digest(body)}, indent=1) + "\n"
     try:
@@ -149,11 +142,7 @@ def save(calibration: GripperCalibration, path: Path) -> None:
 
 
 def load(path: Path) -> GripperCalibration:
-    """Read and check a file.
-
-    Raises:
-        CalibrationError: it cannot be read, was changed by hand, or is not monotone.
-    """
+    """Read a file; CalibrationError where it cannot be read, was changed by hand, or is not monotone."""
 
     def refused(problem: str) -> CalibrationError:
         return CalibrationError(f"calibration {path}: {problem}; make it again with grasp-calibrate width")

@@ -70,8 +70,7 @@ PLAIN = RunOptions()
 class Executor:
     """Executes one table, proved, with one cell, connected and not yet moved.
 
-    Raises:
-        TableError: the gripper cannot do what the table asks.
+    TableError where the gripper cannot do what the table asks.
     """
 
     def __init__(
@@ -95,12 +94,8 @@ class Executor:
     def run_part(self, part: int, broken: Replay | None = None) -> PartResult:
         """Squeeze one part until its outcome is known, or go on with it where a run broke off.
 
-        Returns:
-            The outcome; LEAF, REJECT and UNRESOLVED leave the jaws open above the part, FAULT and STOPPED
-            leave the declared safe state.
-
-        Raises:
-            Exception: an error that no device makes is a bug, and raised once the safe state is reached.
+        LEAF, REJECT and UNRESOLVED leave the jaws open above the part, FAULT and STOPPED the declared safe
+        state. An error that no device makes is a bug, and raised once the safe state is reached.
         """
         steps: list[Step] = []
         self._found = None

@@ -55,11 +55,7 @@ class Handling:
 
 
 def check_arc(arc: TipArc | None, limits: Limits, calibration: Calibration) -> None:
-    """Check that the tips' arc fits between a table's heights.
-
-    Raises:
-        TableError: it does not.
-    """
+    """Raise TableError unless the tips' arc fits between a table's heights."""
     if arc is None:
         return
     widest_mm = calibration.widths_um[0] / 1000
@@ -82,10 +78,7 @@ class Hand:
 
     Its `calibration` is that of counts to widths; `arm_known` tells whether the arm stands where its last
     acknowledged motion left it. All its places are those where the fingers meet: the arm is sent beside them
-    where that is off its own middle.
-
-    Raises:
-        TableError: the limits leave no room for the tips' arc.
+    where that is off its own middle. TableError where the limits leave no room for the tips' arc.
     """
 
     def __init__(
@@ -104,11 +97,7 @@ class Hand:
         self._angle_rad: float | None = None
 
     def await_stillness(self) -> None:
-        """Wait until a motion that was begun before this run is over.
-
-        Raises:
-            GripperStateError: the fingers do not come to rest, or are not ready.
-        """
+        """Wait until no motion begun before this run goes on; GripperStateError if one does, or not ready."""
         until = self._clock.now() + STILL_S
         while self.gripper.state().moving and self._clock.now() < until:
             self._clock.sleep(LOOK_S)
@@ -134,8 +123,7 @@ class Hand:
     def travel(self, x_mm: float, y_mm: float, angle_rad: float) -> None:
         """Go to a place at the retreat height, turning the nearest way that the wrist can go.
 
-        Raises:
-            MotionRefusedError: the place is outside the area, or the wrist cannot be turned so far.
+        MotionRefusedError where the place is outside the area, or the wrist cannot be turned so far.
         """
         low_rad, high_rad = self._turn_range(x_mm, y_mm)
         turns = same_turns(angle_rad, low_rad, high_rad, self._now_rad())
@@ -201,11 +189,7 @@ class Hand:
         self.open(squeeze)
 
     def close(self, node: Node) -> Settled:
-        """Close the jaws at a node and return the fresh reading of the last stroke.
-
-        Raises:
-            GripperStateError: the gripper is not ready, or a reading cannot be trusted.
-        """
+        """Close the jaws at a node; the last stroke's reading, GripperStateError where that is dubious."""
         handling, profile = self._handling, self._profile
         regulated = strokes.is_regulated(node.squeeze, profile, wanted=handling.regulated)
         plan = strokes.closing(

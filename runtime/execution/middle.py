@@ -43,11 +43,7 @@ class Middle(NamedTuple):
 
     @classmethod
     def parsed(cls, told: object) -> Self | None:
-        """As a file holds it; None where it was not measured.
-
-        Raises:
-            TypeError, ValueError: it is none.
-        """
+        """As a file holds it; None where it was not measured; TypeError, ValueError where it is none."""
         if told is None:
             return None
         if not isinstance(told, dict):
@@ -106,11 +102,7 @@ def _planned_share(table: Table) -> float:
 
 
 def check(table: Table, middle_mm: float) -> None:
-    """Check that the arm may be sent to all places of a table, as far beside them as the fingers meet.
-
-    Raises:
-        MotionRefusedError: one of them lies outside the work area then.
-    """
+    """Raise MotionRefusedError where a place, off by as much as the fingers meet, leaves the work area."""
     height_mm = table.limits.retreat_height_um / 1000
     for node in table.nodes:
         for branch in range(len(node.branches)):
@@ -120,11 +112,7 @@ def check(table: Table, middle_mm: float) -> None:
 
 
 def gripping(table: Table, block_mm: float) -> Node:
-    """A squeeze of the block: gentle, the jaws opened for it, and one outcome that any width is.
-
-    Raises:
-        CalibrationError: the block is too wide for the gripper.
-    """
+    """A gentle squeeze of the block, whose one outcome any width is; CalibrationError of one too wide."""
     profile, widest_um = profile_of(table.gripper.model), table.gripper.opening_um
     opening_um = round(1000 * (block_mm + 2.0 * ROOM_MM))
     if block_mm <= 0.0 or opening_um > widest_um:
@@ -148,16 +136,15 @@ def places(at: Pose2) -> Iterator[Pose2]:
 def measure(hand: Hand, node: Node, block_mm: float, at: Pose2, tell: Callable[[str], object]) -> Middle:
     """Grip a block that is held fast, from both sides, with the hand one way round and the other.
 
+    GripperStateError where the gripper is not ready, or closed without meeting the block; CalibrationError
+    where the readings are not those of such a block there.
+
     Args:
         hand: retreated, with nothing between the fingers; it has no middle of its own yet.
         node: of `gripping`.
         block_mm: the block's width.
         at: its centre, and the hand's angle at which the jaws close square on it [mm, mm, rad].
         tell: told of each half.
-
-    Raises:
-        GripperStateError: the gripper is not ready, or closed without meeting the block.
-        CalibrationError: the readings are not those of such a block there.
     """
     halves = []
     for turn in (0.0, pi):
@@ -204,11 +191,7 @@ def _grip(hand: Hand, node: Node, about: Pose2, off_mm: float) -> Grip:
 
 
 def fit(block_mm: float, halves: Sequence[tuple[float, Sequence[Grip]]]) -> Middle:
-    """What the grips of both halves say: about where each found the block, and its grips.
-
-    Raises:
-        CalibrationError: they do not fit a block held fast.
-    """
+    """What both halves say, each where it found the block and its grips; CalibrationError if it gave way."""
     lines = [_line(block_mm, found, grips) for found, grips in halves]
     rough = max(line.residual_mm for line in lines)
     if not rough <= ROUGH_MM:

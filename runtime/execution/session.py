@@ -24,8 +24,7 @@ CONTINUING = frozenset({Outcome.LEAF, Outcome.REJECT, Outcome.UNRESOLVED})
 def prepare_gripper(gripper: Gripper, console: Console, *, activate: bool) -> None:
     """Make sure that the gripper may be moved; only `activate` lets the fingers sweep.
 
-    Raises:
-        GripperStateError: it is inactive or in fault, and must not be activated or stays so.
+    GripperStateError where it is inactive or in fault, and must not be activated or stays so.
     """
     if activate and needs_activation(gripper.state()):
         console.note("activating the gripper: the fingers open and close fully")
@@ -48,6 +47,8 @@ def run_journalled(
 ) -> Tally:
     """Prepare the gripper, run the parts until one ends the run, and write its last record however it ends.
 
+    JournalError where that cannot be written; any other error once it is recorded.
+
     Args:
         table: the table, proved.
         cell: the devices and the journal, its header written.
@@ -58,10 +59,6 @@ def run_journalled(
         options: what the table leaves open.
         watch: told of each change of phase.
         broken: the run that broke off and is gone on with, None for a new one.
-
-    Raises:
-        JournalError: the last record cannot be written.
-        Exception: an error before the first part, or between two, once it is recorded.
     """
     with ending(cell.journal) as tally:
         # Fingers that may hold a part are the executor's to look at, and never sweep.
@@ -88,8 +85,7 @@ def run_journalled(
 def put_down(table: Table, cell: Cell, console: Console, options: RunOptions) -> Mapping[str, object]:
     """Put down what the fingers hold, as a run without parts; tells where, and how wide it is.
 
-    Raises:
-        Exception: whatever went wrong, once the declared safe state is reached and recorded.
+    Whatever goes wrong is raised once the declared safe state is reached and recorded.
     """
     hand = Hand(cell.gripper, cell.arm, cell.clock, table, options.handling)
     with ending(cell.journal):
@@ -104,11 +100,7 @@ def put_down(table: Table, cell: Cell, console: Console, options: RunOptions) ->
 
 @contextmanager
 def ending(journal: Journal) -> Iterator[Tally]:
-    """A run, summed up within; its last record is written however it ends.
-
-    Raises:
-        JournalError: the last record cannot be written.
-    """
+    """A run, summed up within; its last record is written however it ends, or JournalError raised."""
     tally = Tally()
     try:
         yield tally

@@ -23,8 +23,7 @@ ASK_S = 0.25  # how long a client may take to say what it wants
 class StatusServer(Server):
     """Answers for a status on a Unix socket; one that nobody listens at any more is replaced.
 
-    Raises:
-        ArgumentsError: the socket cannot be made there, or somebody else listens.
+    ArgumentsError where the socket cannot be made there, or somebody else listens.
     """
 
     def __init__(self, path: Path, status: Status) -> None:

@@ -49,9 +49,8 @@ class History:
 def read(paths: Sequence[Path]) -> History:
     """The history in journals, one after the other.
 
-    Raises:
-        JournalError: one cannot be read, or does not verify.
-        ArgumentsError: they are of different tables, or hold no part.
+    JournalError where one cannot be read, or does not verify; ArgumentsError where they are of different
+    tables, or hold no part.
     """
     table: Table | None = None
     digest = ""

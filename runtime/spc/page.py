@@ -17,12 +17,7 @@ MOST_POINTS = 1200  # of a line
 
 
 def page(title: str, summary: Summary) -> str:
-    """The whole page.
-
-    Args:
-        title: of the page.
-        summary: what it says.
-    """
+    """The whole page, with a title."""
     body = [
         *_verdict(summary),
         *_alarms(summary),

@@ -16,8 +16,7 @@ COUNTS = 256
 class Calibration:
     """The width between the finger faces at each of the 256 counts, um, never rising with the count.
 
-    Raises:
-        TableError: there are not 256 of them, or they rise somewhere.
+    TableError where there are not 256 of them, or they rise somewhere.
     """
 
     widths_um: tuple[int, ...]

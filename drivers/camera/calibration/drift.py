@@ -16,19 +16,10 @@ LIMIT_MM = 0.5
 def check(
     references: Sequence[Reference], seen: Sequence[Sighting], view: View, limit_mm: float = LIMIT_MM
 ) -> float:
-    """Check that reference tags are where they were.
+    """Check that reference tags are where they were; returns the greatest motion in mm, 0 without any.
 
-    Args:
-        references: where they were; none: nothing is checked.
-        seen: all tags of the picture.
-        view: of the calibration.
-        limit_mm: by how much one may have moved.
-
-    Returns:
-        The greatest motion, mm; 0 without references.
-
-    Raises:
-        MovedError: one moved farther, or off the table, or none of them is seen.
+    `seen` are all tags of the picture, `view` is the calibration's. MovedError where one moved farther than
+    the limit, or off the table, or none of them is seen.
     """
     if not references:
         return 0.0

@@ -54,12 +54,8 @@ def stand(lens: Lens, pose: Array, from_below: bool, height_mm: float = 0.0) -> 
 def align(touched: Sequence[Place], seen: Sequence[Place]) -> tuple[Pose2, float]:
     """Pose of the arm's world in the board's frame, and the rms of the residuals, mm.
 
-    Args:
-        touched: places in the arm's world, mm.
-        seen: the same in the board's frame, mm.
-
-    Raises:
-        CalibrationRefusedError: too few places, too near to one another, or in contradiction.
+    Of places touched in the arm's world and the same seen in the board's frame, mm. CalibrationRefusedError
+    of too few, too near to one another, or in contradiction.
     """
     a, b = np.array(touched, np.float64).reshape(-1, 2), np.array(seen, np.float64).reshape(-1, 2)
     if len(a) < LEAST_TOUCHED:
@@ -83,8 +79,7 @@ def align(touched: Sequence[Place], seen: Sequence[Place]) -> tuple[Pose2, float
 def board_residuals(view: View, boards: Sequence[BoardView], height_mm: float = 0.0) -> Residuals:
     """How far each corner of boards that lie on the table is from where the board, moved as a whole, has it.
 
-    Raises:
-        CalibrationRefusedError: too far.
+    CalibrationRefusedError where that is too far.
     """
     places, off = [], []
     for board in boards:
@@ -105,13 +100,8 @@ def board_residuals(view: View, boards: Sequence[BoardView], height_mm: float = 
 def trust(found: LensFit, view: View, height_mm: float, world: Pose2) -> Trust:
     """How far places may be trusted, on a grid over all of the table that the camera sees.
 
-    A place moves by as much as keeps its pixel where it is when lens and pose change.
-
-    Args:
-        found: lens and the table board's pose, with their covariance.
-        view: of the camera in the arm's world.
-        height_mm: of the board's face above the table.
-        world: pose of the arm's world in the board's frame.
+    A place moves by as much as keeps its pixel where it is when lens and pose change. `world` is the pose of
+    the arm's world in the board's frame, whose face is `height_mm` above the table.
     """
     lens, below = view.lens, view.from_below
     rim = np.array([(x, y) for x in (0, lens.width - 1) for y in (0, lens.height - 1)], np.float64)
@@ -132,12 +122,8 @@ def trust(found: LensFit, view: View, height_mm: float, world: Pose2) -> Trust:
 def part_offset(parts: Sequence[Pose2], tags: Sequence[Pose2]) -> tuple[Pose2, float, float]:
     """Pose of a tag in its part's frame, and the standard deviations of its place (mm) and angle (rad).
 
-    Args:
-        parts: poses of the part that are known.
-        tags: poses of the tag that were seen.
-
-    Raises:
-        CalibrationRefusedError: too few, or they contradict one another.
+    Of known poses of the part, and those of the tag that were seen. CalibrationRefusedError of too few, or
+    where they contradict one another.
     """
     if len(parts) < LEAST_TOUCHED:
         raise CalibrationRefusedError(f"{len(parts)} poses of the part; at least {LEAST_TOUCHED} are needed")

@@ -31,15 +31,12 @@ class Corners(NamedTuple):
 
 
 def refine(picture: Picture, corners: Array, squares: int) -> Corners | None:
-    """Refine the corners of a tag's black border.
+    """Refine the corners of a tag's black border; None where a side has no edge to be found.
 
     Args:
         picture: (h, w) grey levels.
         corners: (4, 2) to about two pixels, in order around the tag.
         squares: of the tag along a side, its border included: 8 for 36h11.
-
-    Returns:
-        The corners, or None where a side has no edge to be found.
     """
     corners = np.asarray(corners, np.float64)
     for _ in range(ROUNDS):

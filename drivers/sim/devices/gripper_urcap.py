@@ -33,13 +33,7 @@ MAX_LINE = 256
 
 
 class Urcap:
-    """What the URCap answers to a line.
-
-    Args:
-        device: the gripper.
-        now: simulated seconds.
-        line_end: what follows the answer to a question; an acknowledgement stands alone.
-    """
+    """What the URCap answers to a line: after a question with `line_end`, an acknowledgement stands alone."""
 
     def __init__(self, device: Device, now: Callable[[], float], line_end: bytes = b"\n") -> None:
         self._device = device
@@ -71,12 +65,7 @@ class Urcap:
 
 
 class UrcapPort(TcpServer):
-    """The URCap on a TCP port.
-
-    Args:
-        urcap: answers lines.
-        lock: held while a line is served.
-    """
+    """The URCap on a TCP port."""
 
     def __init__(self, urcap: Urcap, lock: Lock) -> None:
         super().__init__("urcap", threading.Event())

@@ -91,12 +91,7 @@ class _ThreadForEach(socketserver.ThreadingTCPServer):
 
 
 class SceneServer(Server):
-    """Answers scene requests of any number of clients.
-
-    Args:
-        answer: request -> reply; called by a thread for each client.
-        stopped: tells that the cell stops.
-    """
+    """Answers scene requests of any number of clients, a thread each; `stopped` tells that the cell stops."""
 
     def __init__(self, answer: Callable[[str], Mapping[str, object]], stopped: threading.Event) -> None:
         super().__init__("scene", stopped)

@@ -18,12 +18,7 @@ MAX_STRING = 80  # SocketReceive \\Str takes so much at once
 
 
 class VirtualPort:
-    """A port in memory, as `drivers.stream.Stream`: what comes arrives in its time.
-
-    Args:
-        endpoint: its name in messages.
-        clock: the cell's.
-    """
+    """A port in memory, as `drivers.stream.Stream`: what comes arrives in its time."""
 
     def __init__(self, endpoint: str, clock: VirtualClock) -> None:
         self.endpoint = endpoint
@@ -86,11 +81,7 @@ class GripperPort(VirtualPort):
 class ArmPort:
     """The arm controller's network port; `connect` gives a connection to it.
 
-    Args:
-        controller: what executes instructions.
-        clock: the cell's.
-        stands: called when an instruction is over.
-        overheard: told of each string received.
+    `stands` is called when an instruction is over, `overheard` told of each string received.
     """
 
     def __init__(

@@ -38,13 +38,7 @@ class CleanLine:
 
 
 class FaultyLine(CleanLine):
-    """A line as a fault schedule has it.
-
-    Args:
-        desk: says what holds when.
-        rng: draws the noise.
-        checked: whether frames end in a CRC (RTU).
-    """
+    """A line as a fault schedule has it; `checked`: frames end in a CRC (RTU)."""
 
     def __init__(self, desk: Desk, rng: random.Random, *, checked: bool = True) -> None:
         self._desk = desk

@@ -32,13 +32,7 @@ class Device(Protocol):
 
 
 class GripperRegisters:
-    """A gripper's two blocks at their wire addresses.
-
-    Args:
-        device: the gripper.
-        now: simulated seconds.
-        wiring: the kind of link.
-    """
+    """A gripper's two blocks at their wire addresses, at simulated seconds `now`."""
 
     def __init__(self, device: Device, now: Callable[[], float], wiring: Wiring = RTU) -> None:
         self._device = device

@@ -10,12 +10,7 @@ Lock = contextlib.AbstractContextManager[object]
 
 
 class SimulatedTime:
-    """Simulated seconds: wall time since the start, times the scale.
-
-    Args:
-        scale: simulated seconds per wall second.
-        stopped: set when the cell stops; ends every pause early.
-    """
+    """Simulated seconds, so many a wall second; when `stopped` is set every pause ends early."""
 
     def __init__(self, scale: float, stopped: threading.Event) -> None:
         self.stopped = stopped
@@ -36,12 +31,7 @@ class SimulatedTime:
 
 
 class Server:
-    """A thread that serves until it is closed.
-
-    Args:
-        name: of the thread.
-        stopped: ends it; set by `close`.
-    """
+    """A named thread that serves until it is closed, or `stopped` is set."""
 
     def __init__(self, name: str, stopped: threading.Event) -> None:
         self._stopped = stopped
