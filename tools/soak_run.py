@@ -9,7 +9,6 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from drivers.ports import TURN_RADIUS_MM
 from drivers.robotiq.gripper import Gripper
 from drivers.robotiq.link import Link
 from drivers.sim.faults import SCENE_KINDS, Listed, Seeded
@@ -18,11 +17,11 @@ from drivers.sim.virtual.cell import VirtualCell
 from drivers.sim.virtual.clock import VirtualClock
 from runtime.execution.delivery import Delivery
 from runtime.execution.events import Phase
-from runtime.execution.executor import Cell, Executor, RunOptions
+from runtime.execution.executor import DEADLINE_FACTOR, Cell, Executor, RunOptions, expected_s
 from runtime.execution.hand import Handling
 from runtime.execution.session import sight
 from runtime.journal.replay import Replay
-from runtime.table import PPM, Table, dumps, profile_of
+from runtime.table import PPM, Table, dumps
 from runtime.traversal.decision import Policy
 from runtime.traversal.results import Outcome, PartResult, Step
 
@@ -192,14 +191,7 @@ class Soak:
 
     def squeeze_s(self) -> float:
         """The longest that the executor lets a squeeze take."""
-        limits = self.table.limits
-        x_min, y_min, x_max, y_max = limits.work_area_um
-        path = math.hypot(x_max - x_min, y_max - y_min)
-        path += math.tau * 1000 * TURN_RADIUS_MM
-        path += 3 * (limits.retreat_height_um - limits.squeeze_height_um)
-        slowest_um_s = profile_of(self.table.gripper.model).speed_um_s[0]
-        seconds = path / limits.arm_speed_um_s + 3 * self.table.gripper.opening_um / slowest_um_s
-        return 3.0 * seconds + SQUEEZE_S
+        return DEADLINE_FACTOR * expected_s(self.table, self.table.nodes[0].squeeze) + SQUEEZE_S
 
 
 def run(soak: Soak, seed: int, faults: Listed | None = None) -> Told:

@@ -19,12 +19,7 @@ from drivers.stream import Stream
 PORT = 63352
 # Position last: a flag read before it is never newer than the count.
 READ = {"ACT": "gACT", "GTO": "gGTO", "STA": "gSTA", "FLT": "gFLT", "PRE": "gPR", "OBJ": "gOBJ", "POS": "gPO"}
-DIGITS = {
-    "ACT": 1,
-    "GTO": 1,
-    "STA": 1,
-    "OBJ": 1,
-}  # answers that are whole after so many; others after a pause
+DIGITS = dict.fromkeys(("ACT", "GTO", "STA", "OBJ"), 1)  # answers whole after so many; others after a pause
 MOST_DIGITS = 3
 FENCES = ("SPE", "FOR")  # asked only to find the step again
 QUIET_S = 0.003  # wall: an answer without a line end is whole when nothing follows for so long

@@ -90,22 +90,19 @@ def parser() -> Parser:
 
 def measured(arguments: argparse.Namespace, drivers: Drivers) -> int:
     """Measure what the arguments name; returns 0. Errors are those of `run` and `calibrate_middle.run`."""
+    ask = partial(_ask_terminal, file=sys.stderr if arguments.json else sys.stdout)
     if arguments.what == calibrate_middle.NAME:
-        ask = partial(_ask_terminal, file=sys.stderr if arguments.json else sys.stdout)
         return calibrate_middle.run(arguments, drivers, ask)
-    return run(arguments, drivers.gripper)
+    return run(arguments, drivers.gripper, ask)
 
 
 def run(
-    arguments: argparse.Namespace,
-    open_gripper: Callable[[str], Gripper],
-    ask: Callable[[str], object] | None = None,
+    arguments: argparse.Namespace, open_gripper: Callable[[str], Gripper], ask: Callable[[str], object]
 ) -> int:
     """Measure and write as the arguments say; returns 0. Errors, also of devices, carry their `exit_code`.
 
-    `open_gripper` moves nothing; `ask` shows the operator a sentence and waits, None: in the terminal.
+    `open_gripper` moves nothing; `ask` shows the operator a sentence and waits.
     """
-    ask = ask or partial(_ask_terminal, file=sys.stderr if arguments.json else sys.stdout)
     widths_mm, tips, current = _checked(arguments)
     linear = PROFILES[arguments.model].spec
     with PortLock(arguments.port):

@@ -6,28 +6,12 @@ import threading
 from collections.abc import Callable
 
 from drivers.robotiq.registers import INPUT_FIELDS, OUTPUT_FIELDS, pack, unpack
+from drivers.robotiq.urcap import READ
 from drivers.sim.wire.modbus import Device
 from drivers.sim.wire.serving import Lock, TcpServer
 
-INPUTS = {
-    "ACT": "gACT",
-    "GTO": "gGTO",
-    "STA": "gSTA",
-    "OBJ": "gOBJ",
-    "FLT": "gFLT",
-    "PRE": "gPR",
-    "POS": "gPO",
-}
-OUTPUTS = {
-    "ACT": "rACT",
-    "GTO": "rGTO",
-    "ATR": "rATR",
-    "ADR": "rARD",
-    "POS": "rPR",
-    "SPE": "rSP",
-    "FOR": "rFR",
-}
-FLAGS = frozenset({"ACT", "GTO", "ATR", "ADR"})
+FLAGS = {"ACT": "rACT", "GTO": "rGTO", "ATR": "rATR", "ADR": "rARD"}
+OUTPUTS = {**FLAGS, "POS": "rPR", "SPE": "rSP", "FOR": "rFR"}
 UNKNOWN = b"?"
 MAX_LINE = 256
 
@@ -43,9 +27,9 @@ class Urcap:
     def answer(self, line: bytes) -> bytes | None:
         """The answer; None: silence."""
         match line.decode("latin-1").split():
-            case ["GET", name] if name in INPUTS:
+            case ["GET", name] if name in READ:
                 fields = unpack(INPUT_FIELDS, self._device.read_input(self._now()))
-                return b"%s %d" % (name.encode(), fields[INPUTS[name]]) + self._line_end
+                return b"%s %d" % (name.encode(), fields[READ[name]]) + self._line_end
             case ["GET", name] if name in OUTPUTS:
                 fields = unpack(OUTPUT_FIELDS, self._device.read_output())
                 return b"%s %d" % (name.encode(), fields[OUTPUTS[name]]) + self._line_end
