@@ -31,8 +31,7 @@ class Cell:
     """Gripper on a pty and three TCP ports, arm and scene on TCP ports, joined by a world.
 
     Gripper and arm are one device each: a host picks one of their ports and leaves the others alone. Made as
-    `Workcell` is, with `time_scale` simulated seconds per wall second, and the camera under the table if
-    there is one.
+    `Workcell` is; `time_scale` is simulated seconds per wall second, `rig` the camera, if there is one.
     """
 
     def __init__(

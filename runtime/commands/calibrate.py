@@ -90,19 +90,21 @@ def parser() -> Parser:
 
 def measured(arguments: argparse.Namespace, drivers: Drivers) -> int:
     """Measure what the arguments name; returns 0. Errors are those of `run` and `calibrate_middle.run`."""
-    ask = partial(_ask_terminal, file=sys.stderr if arguments.json else sys.stdout)
     if arguments.what == calibrate_middle.NAME:
-        return calibrate_middle.run(arguments, drivers, ask)
-    return run(arguments, drivers.gripper, ask)
+        return calibrate_middle.run(arguments, drivers, _asking(arguments))
+    return run(arguments, drivers.gripper)
 
 
 def run(
-    arguments: argparse.Namespace, open_gripper: Callable[[str], Gripper], ask: Callable[[str], object]
+    arguments: argparse.Namespace,
+    open_gripper: Callable[[str], Gripper],
+    ask: Callable[[str], object] | None = None,
 ) -> int:
     """Measure and write as the arguments say; returns 0. Errors, also of devices, carry their `exit_code`.
 
-    `open_gripper` moves nothing; `ask` shows the operator a sentence and waits.
+    `open_gripper` moves nothing; `ask` shows the operator a sentence and waits, None: in the terminal.
     """
+    ask = ask or _asking(arguments)
     widths_mm, tips, current = _checked(arguments)
     linear = PROFILES[arguments.model].spec
     with PortLock(arguments.port):
@@ -153,6 +155,10 @@ def figures(made: GripperCalibration, nominal: GripperSpec) -> Measured:
         for gauge, off, line in zip_longest(made.gauges, left_out, linear)
     ]  # fmt: skip
     return {"gripper": made.gripper, "blocks": blocks}
+
+
+def _asking(arguments: argparse.Namespace) -> Callable[[str], object]:
+    return partial(_ask_terminal, file=sys.stderr if arguments.json else sys.stdout)
 
 
 def _ask_terminal(sentence: str, file: TextIO) -> None:

@@ -8,7 +8,6 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import degrees
-from typing import NamedTuple
 
 from drivers.ports import Settled
 from runtime.devices.clock import SystemClock
@@ -66,11 +65,6 @@ class RefusedError(Exception):
 
     def __init__(self, number: int) -> None:
         super().__init__(refused(number))
-
-
-class _Reading(NamedTuple):
-    position_counts: int
-    object_flag: int
 
 
 @dataclass
@@ -164,7 +158,7 @@ class AskedParts:
         count = self._calibration.count(width_um)
         if flag is None:
             flag = self._flag_of(count, self._maps[part.traversal.node])
-        return self._read(part, _Reading(count, flag), " ".join(["WIDTH", *words]))
+        return self._read(part, count, flag, " ".join(["WIDTH", *words]))
 
     def _counts(self, words: list[str]) -> str:
         """`COUNTS n OBJECT|NONE [node]`."""
@@ -172,7 +166,7 @@ class AskedParts:
         _check(flag is not None and re.fullmatch(r"\d{1,9}", words[0]) is not None, 10)
         assert flag is not None
         _check(int(words[0]) < COUNTS, 20)
-        return self._read(part, _Reading(int(words[0]), flag), " ".join(["COUNTS", *words]))
+        return self._read(part, int(words[0]), flag, " ".join(["COUNTS", *words]))
 
     def _status(self) -> str:
         if self._part is None:
@@ -211,14 +205,14 @@ class AskedParts:
             return CLOSING_CONTACT if decide(decided, count, False) == REJECT else ARRIVED
         return CLOSING_CONTACT if self._calibration.width_um(count) >= HELD_UM else ARRIVED
 
-    def _read(self, part: _Part, reading: _Reading, told: str) -> str:
+    def _read(self, part: _Part, count: int, flag: int, told: str) -> str:
         index = part.traversal.node
         node = self._table.nodes[index]
-        self._check_possible(node, self._maps[index], reading)
+        self._check_possible(node, self._maps[index], count, flag)
         self._watch(part.number, Phase.READ, index)
-        decision = decision_of(node, self._maps[index], *reading)
-        step = step_of(decision, len(part.steps) + 1, index, reading.position_counts, self._calibration)
-        fields = {**step.fields(), "object_flag": reading.object_flag, "told": told}
+        decision = decision_of(node, self._maps[index], count, flag)
+        step = step_of(decision, len(part.steps) + 1, index, count, self._calibration)
+        fields = {**step.fields(), "object_flag": flag, "told": told}
         self._journal.record("squeeze", {"part": part.number, **fields})
         part.steps.append(step)
         self._console.step(part.number, step)
@@ -231,8 +225,7 @@ class AskedParts:
         x_mm, y_mm, _ = sent(placement(node.squeeze, point), self._middle_mm)
         return f"DRAG {x_mm:.3f} {y_mm:.3f}"
 
-    def _check_possible(self, node: Node, decided: tuple[int, ...], reading: _Reading) -> None:
-        count, flag = reading
+    def _check_possible(self, node: Node, decided: tuple[int, ...], count: int, flag: int) -> None:
         try:
             check_closed(Settled(count, flag, 0, CLOSED_COUNTS, 0.0), self._calibration, (0, 0))
         except GripperStateError:

@@ -47,18 +47,9 @@ def run_journalled(
 ) -> Tally:
     """Prepare the gripper, run the parts until one ends the run, and write its last record however it ends.
 
-    JournalError where that cannot be written; any other error once it is recorded.
-
-    Args:
-        table: the table, proved.
-        cell: the devices and the journal, its header written.
-        scene: the simulated cell's feeder and ground truth, None on a real one.
-        console: told as it happens, of each part's result too.
-        count: number of parts, those of a broken run included.
-        activate: whether a gripper that is inactive or in fault may be activated.
-        options: what the table leaves open.
-        watch: told of each change of phase.
-        broken: the run that broke off and is gone on with, None for a new one.
+    The journal has its header; `count` includes the parts of a broken run that is gone on with. Only where
+    `activate` says so is a gripper activated that is inactive or in fault. JournalError where the last record
+    cannot be written; any other error once it is recorded.
     """
     with ending(cell.journal) as tally:
         # Fingers that may hold a part are the executor's to look at, and never sweep.

@@ -4,6 +4,7 @@ import contextlib
 import socket
 import threading
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from drivers.robotiq.registers import INPUT_FIELDS, OUTPUT_FIELDS, pack, unpack
 from drivers.robotiq.urcap import READ
@@ -16,35 +17,35 @@ UNKNOWN = b"?"
 MAX_LINE = 256
 
 
+@dataclass
 class Urcap:
-    """What the URCap answers to a line: after a question with `line_end`, an acknowledgement stands alone."""
+    """What the URCap answers to a line."""
 
-    def __init__(self, device: Device, now: Callable[[], float], line_end: bytes = b"\n") -> None:
-        self._device = device
-        self._now = now
-        self._line_end = line_end
+    device: Device
+    now: Callable[[], float]  # simulated seconds
+    line_end: bytes = b"\n"  # what follows the answer to a question; an acknowledgement stands alone
 
     def answer(self, line: bytes) -> bytes | None:
         """The answer; None: silence."""
         match line.decode("latin-1").split():
             case ["GET", name] if name in READ:
-                fields = unpack(INPUT_FIELDS, self._device.read_input(self._now()))
-                return b"%s %d" % (name.encode(), fields[READ[name]]) + self._line_end
+                fields = unpack(INPUT_FIELDS, self.device.read_input(self.now()))
+                return b"%s %d" % (name.encode(), fields[READ[name]]) + self.line_end
             case ["GET", name] if name in OUTPUTS:
-                fields = unpack(OUTPUT_FIELDS, self._device.read_output())
-                return b"%s %d" % (name.encode(), fields[OUTPUTS[name]]) + self._line_end
+                fields = unpack(OUTPUT_FIELDS, self.device.read_output())
+                return b"%s %d" % (name.encode(), fields[OUTPUTS[name]]) + self.line_end
             case ["SET", *words] if words and len(words) % 2 == 0:
                 return b"ack" if self._set(words) else UNKNOWN
         return UNKNOWN
 
     def _set(self, words: list[str]) -> bool:
-        image = unpack(OUTPUT_FIELDS, self._device.read_output())
+        image = unpack(OUTPUT_FIELDS, self.device.read_output())
         for name, text in zip(words[::2], words[1::2], strict=True):
             most = 1 if name in FLAGS else 255
             if name not in OUTPUTS or not text.isdecimal() or int(text) > most:
                 return False
             image[OUTPUTS[name]] = int(text)
-        self._device.write_output(0, pack(OUTPUT_FIELDS, image), self._now())
+        self.device.write_output(0, pack(OUTPUT_FIELDS, image), self.now())
         return True
 
 
