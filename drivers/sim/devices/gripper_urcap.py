@@ -76,11 +76,8 @@ class UrcapPort(TcpServer):
 
     def _serve(self, client: socket.socket) -> None:
         text = b""
-        while not self._stopped.is_set():
-            if not self._readable([client]):
-                continue
-            data = client.recv(MAX_LINE)
-            if not data or len(text) > MAX_LINE:
+        for data in self._received(client, MAX_LINE):
+            if len(text) > MAX_LINE:
                 return
             *lines, text = (text + data).split(b"\n")
             for line in lines:

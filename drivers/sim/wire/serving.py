@@ -5,6 +5,7 @@ import select
 import socket
 import threading
 import time
+from collections.abc import Iterator
 
 Lock = contextlib.AbstractContextManager[object]
 
@@ -83,6 +84,14 @@ class TcpServer(Server):
 
     def _left(self) -> None:
         """The client was served, and its connection is closed."""
+
+    def _received(self, client: socket.socket, most: int = 4096) -> Iterator[bytes]:
+        """What a client sends, until it leaves or the server stops."""
+        while not self._stopped.is_set():
+            if self._readable([client]):
+                if not (data := client.recv(most)):
+                    return
+                yield data
 
     def _readable(self, sockets: list[socket.socket], seconds: float = 0.1) -> list[socket.socket]:
         return select.select(sockets, [], [], seconds)[0]
