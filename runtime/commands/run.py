@@ -104,7 +104,6 @@ class _Asked:
             count=arguments.count or 1,
             activate=activate,
             options=self.options,
-            watch=monitor.phase,
             broken=begun,
         )
         monitor.summary(tally, arguments.journal)
@@ -131,7 +130,7 @@ class _Asked:
         crash.begin(journal, None, self.loaded.data, header, policy)
         with session.ending(journal) as tally:
             parts = AskedParts(
-                table, self.loaded.digest, journal, clock, monitor, tally, self.options, monitor.phase,
+                table, self.loaded.digest, journal, clock, monitor, tally, self.options,
                 arguments.count,
             )  # fmt: skip
             serve.RobotServer(listener, parts, clock).serve()

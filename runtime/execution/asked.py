@@ -12,7 +12,7 @@ from math import degrees
 from drivers.ports import Settled
 from runtime.devices.clock import SystemClock
 from runtime.errors import GripperStateError
-from runtime.execution.events import Console, Phase, Tally, Watcher
+from runtime.execution.events import Console, Phase, Tally
 from runtime.execution.executor import DEADLINE_FACTOR, RunOptions, expected_s, reason_of
 from runtime.execution.reading import CLOSED_COUNTS, OPENED_COUNTS, check_closed
 from runtime.journal.chain import Journal
@@ -81,7 +81,7 @@ class _Part:
 class AskedParts:
     """Answers one robot's lines by a proved table, part after part; `count` None: no end.
 
-    `TABLE` tells the table's digest as its `name`; the journal has its header; `watch` is told of phases.
+    `TABLE` tells the table's digest as its `name`; the journal has its header.
     """
 
     def __init__(
@@ -93,12 +93,11 @@ class AskedParts:
         console: Console,
         tally: Tally,
         options: RunOptions,
-        watch: Watcher,
         count: int | None = None,
     ) -> None:
         self._table, self._name = table, name
         self._journal, self._clock, self._console, self._tally = journal, clock, console, tally
-        self._policy, self._watch, self._count = options.policy, watch, count
+        self._policy, self._count = options.policy, count
         self._calibration = options.handling.widths(table)
         self._middle_mm = options.handling.middle_mm
         self._maps = [decision_map(node, self._calibration) for node in table.nodes]
@@ -209,7 +208,7 @@ class AskedParts:
         index = part.traversal.node
         node = self._table.nodes[index]
         self._check_possible(node, self._maps[index], count, flag)
-        self._watch(part.number, Phase.READ, index)
+        self._console.phase(part.number, Phase.READ, index)
         decision = decision_of(node, self._maps[index], count, flag)
         step = step_of(decision, len(part.steps) + 1, index, count, self._calibration)
         fields = {**step.fields(), "object_flag": flag, "told": told}
@@ -221,7 +220,7 @@ class AskedParts:
         if point is None:
             return self._follow(part)
         part.dragging = True
-        self._watch(part.number, Phase.RELEASE, index)
+        self._console.phase(part.number, Phase.RELEASE, index)
         x_mm, y_mm, _ = sent(placement(node.squeeze, point), self._middle_mm)
         return f"DRAG {x_mm:.3f} {y_mm:.3f}"
 
@@ -245,7 +244,7 @@ class AskedParts:
         squeeze = self._table.nodes[part.traversal.node].squeeze
         fields = {"part": part.number, "number": len(part.steps) + 1, "node": part.traversal.node}
         self._journal.record("placed", fields)
-        self._watch(part.number, Phase.PLACE, part.traversal.node)
+        self._console.phase(part.number, Phase.PLACE, part.traversal.node)
         part.deadline = self._clock.deadline(DEADLINE_FACTOR * expected_s(self._table, squeeze))
         x_mm, y_mm, angle_rad = sent(placement(squeeze), self._middle_mm)
         return (
@@ -268,7 +267,7 @@ class AskedParts:
         result = PartResult.of(part.number, outcome, part.steps, reason)
         self._journal.record("outcome", outcome_fields(self._table, result))
         self._part = None
-        self._watch(part.number, Phase.DONE, None)
+        self._console.phase(part.number, Phase.DONE, None)
         self._tally.add(result, None)
         self._console.part(result, None)
         ends = outcome is not Outcome.ABORTED and self._policy.ends_run(outcome)

@@ -7,7 +7,7 @@ from math import isfinite
 from drivers.ports import Gripper, Scene, Truth
 from runtime.errors import JournalError, exit_code_of
 from runtime.execution import held
-from runtime.execution.events import Console, Sighting, Tally, Watcher, ignore_phase
+from runtime.execution.events import Console, Sighting, Tally
 from runtime.execution.executor import PLAIN, Cell, Executor, RunOptions
 from runtime.execution.hand import Hand
 from runtime.execution.safe_state import fingers_stop, reach_safe_state
@@ -42,7 +42,6 @@ def run_journalled(
     count: int,
     activate: bool,
     options: RunOptions = PLAIN,
-    watch: Watcher = ignore_phase,
     broken: Replay | None = None,
 ) -> Tally:
     """Prepare the gripper, run the parts until one ends the run, and write its last record however it ends.
@@ -56,7 +55,7 @@ def run_journalled(
         if broken is None or broken.part is None:
             with interrupts.stoppable():
                 prepare_gripper(cell.gripper, console, activate=activate)
-        executor = Executor(table, cell, console.step, options, watch)
+        executor = Executor(table, cell, console, options)
         first = 1 if broken is None else broken.parts + 1
         for number in range(first, count + 1):
             resumed = broken if broken is not None and broken.part == number else None

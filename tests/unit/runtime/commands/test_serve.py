@@ -13,7 +13,7 @@ from runtime.commands.arguments import SERVED, parser
 from runtime.devices.clock import SystemClock
 from runtime.errors import ArgumentsError, JournalError
 from runtime.execution.asked import ERRORS, MAX_LINE, AskedParts, refused
-from runtime.execution.events import Tally, ignore_phase
+from runtime.execution.events import Tally
 from runtime.execution.executor import RunOptions
 from runtime.monitoring.console import Objects
 from runtime.monitoring.live.server import Address, listening
@@ -36,7 +36,7 @@ class Serving:
         listener = listening(Address("127.0.0.1", 0), "--serve")
         self.address = listener.getsockname()
         asked = AskedParts(
-            table, "0" * 64, journal, clock, Objects(table, Path("j")), Tally(), RunOptions(), ignore_phase,
+            table, "0" * 64, journal, clock, Objects(table, Path("j")), Tally(), RunOptions(),
             parts,
         )  # fmt: skip
         self._server = serve.RobotServer(listener, asked, clock)
