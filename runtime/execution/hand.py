@@ -125,7 +125,9 @@ class Hand:
 
         MotionRefusedError where the place is outside the area, or the wrist cannot be turned so far.
         """
-        low_rad, high_rad = self._turn_range(x_mm, y_mm)
+        self.arm_known = False  # until it answers
+        low_rad, high_rad = self.arm.turn_range(x_mm, y_mm)
+        self.arm_known = True
         turns = same_turns(angle_rad, low_rad, high_rad, self._now_rad())
         if not turns:
             raise MotionRefusedError(
@@ -251,12 +253,6 @@ class Hand:
 
     def _now_rad(self) -> float:
         return self.where()[3] if self._angle_rad is None else self._angle_rad
-
-    def _turn_range(self, x_mm: float, y_mm: float) -> tuple[float, float]:
-        self.arm_known = False  # until it answers
-        turns = self.arm.turn_range(x_mm, y_mm)
-        self.arm_known = True
-        return turns
 
     def _move_arm(self, target: PoseOfHand) -> None:
         self.arm_known, self._angle_rad = False, None  # until it is acknowledged; an interrupt leaves it so

@@ -116,7 +116,7 @@ class Drift:
     """Whether a refit would pay, told as a run goes on: the charts of its table, part after part."""
 
     def __init__(self, table: Table) -> None:
-        self._table, self._charts = table, Monitor.of(table)
+        self._table, self._charts = table, Monitor(table)
         self._parts, self._drifted = 0, False
 
     def add(self, result: PartResult) -> bool:
@@ -143,7 +143,7 @@ def summarise(history: History, expected: Expectation | None = None) -> Summary:
     interval, predicted = wilson_interval(passed, judged), table.predicted.success_ppm / PPM
     nodes = tuple(_nodes(history))
     statistic, freedom = sum(row.statistic for row in nodes), sum(row.freedom for row in nodes)
-    monitor = Monitor.of(table, expected)
+    monitor = Monitor(table, expected)
     alarms = tuple(monitor.watch(history))
     return Summary(
         _counted(part.outcome or "broken off" for part in parts),

@@ -346,9 +346,7 @@ def test_a_run_says_as_it_goes_on_what_its_report_will_say_of_a_refit(shift_um):
     parts = drawn(TABLE, 120, np.random.default_rng(5), width_shift_um=shift_um)
     drift = Drift(TABLE)
     told = [drift.add(as_result(part)) for part in parts]
-    alarms = [
-        alarm.place for alarm in Monitor.of(TABLE).watch(history(TABLE, parts)) if alarm.chart in DRIFTED
-    ]
+    alarms = [alarm.place for alarm in Monitor(TABLE).watch(history(TABLE, parts)) if alarm.chart in DRIFTED]
     assert any(told) == bool(alarms) == (shift_um > 0.0)
     if alarms:
         assert told.index(True) == max(alarms[0], LEAST_REFIT - 1)
