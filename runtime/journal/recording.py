@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 from runtime.errors import ArgumentsError, JournalError
+from runtime.journal.chain import RESERVED
 from runtime.journal.export import PART, SQUEEZE, scaled
 from runtime.journal.replay import Entry
 from runtime.shell.files import writing
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 INFO, WARNING, ERROR = 2, 3, 4  # levels of foxglove.Log
 LIBRARY = "squeezetree"
 TEXTS = frozenset({"time", "outcome", "hypothesis", "audit", "delivery", "reject_reason"})
-HIDDEN = frozenset({"seq", "time", "kind", "previous", "digest", "table_base64", "widths_um"})
+HIDDEN = RESERVED | {"table_base64", "widths_um"}  # in a line of a record
 
 OUTCOME = {name: name for name in ("part", *PART)} | {"reject_reason": "reason"}
 

@@ -3,6 +3,7 @@
 import contextlib
 import select
 import socket
+import socketserver
 import threading
 import time
 from collections.abc import Iterator
@@ -50,6 +51,24 @@ class Server:
 
     def _run(self) -> None:
         raise NotImplementedError
+
+
+class LibraryServer(Server):
+    """A server of the standard library, which has a thread for each client."""
+
+    def __init__(self, name: str, stopped: threading.Event, server: socketserver.TCPServer) -> None:
+        super().__init__(name, stopped)
+        self._server = server
+
+    def close(self) -> None:
+        """Stop serving."""
+        if self._thread.is_alive():
+            self._server.shutdown()
+        super().close()
+        self._server.server_close()
+
+    def _run(self) -> None:
+        self._server.serve_forever(0.05)
 
 
 class TcpServer(Server):
