@@ -191,7 +191,7 @@ class Hand:
         self.open(squeeze)
 
     def close(self, node: Node) -> Settled:
-        """Close the jaws at a node; the last stroke's reading, GripperStateError where that is dubious."""
+        """Close the jaws at a node; the last stroke's fresh reading, or GripperStateError if it is none."""
         handling, profile = self._handling, self._profile
         regulated = strokes.is_regulated(node.squeeze, profile, wanted=handling.regulated)
         plan = strokes.closing(

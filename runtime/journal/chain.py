@@ -168,7 +168,7 @@ class Incidents:
 
 
 def verify(path: Path) -> Verified:
-    """Check every line of a journal: whole, numbered, chained; JournalError at the first that is not."""
+    """Check every line of a journal: whole, numbered, chained, its tables intact; or JournalError."""
     with _reading(path) as file:
         seen = _verified(path, file)
     if not seen.records:
