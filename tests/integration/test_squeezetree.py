@@ -4,9 +4,8 @@ import json
 import subprocess
 import sys
 import tomllib
-from collections.abc import Callable
-from importlib.metadata import EntryPoint
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -36,10 +35,9 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> Calls:
     """The arguments that programs are called with, in place of the programs."""
     made: Calls = []
 
-    def loaded(_: EntryPoint) -> Callable[[], int]:
-        return lambda: made.append(sys.argv) or 7  # type: ignore[func-returns-value]
-
-    monkeypatch.setattr(EntryPoint, "load", loaded)
+    entry = SimpleNamespace(load=lambda: lambda: made.append(sys.argv) or 7)
+    installed = SimpleNamespace(entry_points=SimpleNamespace(select=lambda **_: [entry]))
+    monkeypatch.setattr(squeezetree.metadata, "distribution", lambda _: installed)
     monkeypatch.setattr(sys, "argv", ["squeezetree"])
     return made
 
