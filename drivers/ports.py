@@ -55,16 +55,32 @@ class Gripper(Protocol):
     """A parallel-jaw gripper."""
 
     def state(self) -> GripperState:
-        """Read it now; LinkError where it cannot be reached."""
+        """Read it now.
+
+        Raises:
+            LinkError: it cannot be reached.
+        """
 
     def activate(self) -> None:
-        """Make it ready to move, or GripperFault; the fingers may sweep. Nothing if it is ready already."""
+        """Make it ready to move; the fingers may sweep. Nothing if it is ready already.
+
+        Raises:
+            GripperFault: it cannot be made ready.
+        """
 
     def move(self, position_counts: int, speed_counts: int, force_counts: int) -> None:
-        """Ask for a position, each setting 0 to 255, and return at once; GripperFault where it is not fit."""
+        """Ask for a position, each setting 0 to 255, and return at once.
+
+        Raises:
+            GripperFault: it is not ready, or reports a fault.
+        """
 
     def wait(self) -> Settled:
-        """Wait until the last move has settled; GripperFault if that is late or cannot be trusted."""
+        """Wait until the last move has settled.
+
+        Raises:
+            GripperFault: it does not settle in time, or the reading cannot be trusted.
+        """
 
     def stop(self) -> None:
         """Stop the fingers where they are, on the way of `activate`, too; what they hold stays held."""
@@ -80,13 +96,15 @@ class Arm(Protocol):
     def pose(self) -> PoseOfHand:
         """Read where it is; the angle counts whole turns of the wrist.
 
-        ArmError where it is silent, or its hand does not point down.
+        Raises:
+            ArmError: it is silent, or its hand does not point down.
         """
 
     def turn_range(self, x_mm: float, y_mm: float) -> tuple[float, float]:
         """Least and greatest angle that the hand can be turned to at a place, rad; may be infinite.
 
-        ArmError where it is silent, or its wrist does not stand as counted.
+        Raises:
+            ArmError: it is silent, or its wrist does not stand as counted.
         """
 
     def obstacle(self, start: PoseOfHand, target: PoseOfHand) -> str:
@@ -97,8 +115,10 @@ class Arm(Protocol):
 
         The angle is taken as it is counted, not the shortest way; half a turn or more, whose way an arm may
         not be able to choose, is asked for in several motions. A turn counts as the way of a point
-        `TURN_RADIUS_MM` off the hand's axis. ArmError where it was refused before anything was sent, or its
-        state is unknown from now on.
+        `TURN_RADIUS_MM` off the hand's axis.
+
+        Raises:
+            ArmError: refused before anything was sent, or its state is unknown from now on.
         """
 
     def close(self) -> None:

@@ -88,7 +88,7 @@ class Journal:
             raise _unwritable(self.path, error) from error
 
     def header(self, table: bytes, fields: Mapping[str, object]) -> None:
-        """Write the first record: the table's bytes, digest, what tells the run apart; or JournalError."""
+        """Write the first record: the table's bytes and their digest, and what else tells the run apart."""
         embedded = {
             "journal_version": VERSION,
             "table_sha256": hashlib.sha256(table).hexdigest(),
