@@ -86,7 +86,11 @@ def robotiq_gripper(port: str, pace: Pace, report: Report, *, read_only: bool) -
 
 
 def scan(port: str) -> Iterator[Answered]:
-    """Who answers on a serial port, at which baud rate; reads only. PortError where it cannot be opened."""
+    """Who answers on a serial port, at which baud rate; reads only.
+
+    Raises:
+        PortError: the port cannot be opened.
+    """
     from drivers.robotiq import modbus
 
     return modbus.scan(port)
@@ -96,8 +100,12 @@ def arm(url: str, *, time_scale: float = 1.0, read_only: bool = False) -> Arm:
     """Connect to an arm; may send its settings, moves nothing.
 
     Frames and limits may follow its address (drivers/abb/README.md). With `read_only` no setting is sent, and
-    every motion refused. PortError where nobody accepts the connection, the address is not understood, or its
-    driver cannot be loaded; ArmError where whoever answers is no such arm.
+    every motion refused.
+
+    Raises:
+        PortError: nobody accepts the connection, the address is not understood, or its driver cannot be
+            loaded.
+        ArmError: whoever answers is no such arm.
     """
     opened: Arm = _opened(ARMS, url, Pace(Clock(), time_scale), read_only=read_only)
     return opened
@@ -115,7 +123,11 @@ def manual_arm(url: str, pace: Pace, *, read_only: bool) -> Arm:
 
 
 def scene(url: str) -> Scene:
-    """Connect to a simulated cell's scene: feeder and ground truth; PortError where nobody accepts that."""
+    """Connect to the scene of a simulated cell: its feeder and the ground truth.
+
+    Raises:
+        PortError: nobody accepts the connection.
+    """
     from drivers.sim.physics import scene_protocol
     from drivers.stream import tcp_address
 

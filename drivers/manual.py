@@ -34,7 +34,8 @@ class Person:
     def ask(self, sentence: str, seconds: float) -> str:
         """Show a sentence; returns the line that is typed then.
 
-        TimeoutError where nothing was, for so many seconds; EOFError where standard input has ended.
+        Raises:
+            TimeoutError: nothing was, for so many seconds. EOFError: standard input has ended.
         """
         self._forget()
         print(sentence, file=sys.stderr, flush=True)
@@ -87,7 +88,8 @@ class ManualArm:
     def move_linear(self, x_mm: float, y_mm: float, z_mm: float, angle_rad: float, speed_mm_s: float) -> None:
         """Ask for it; a way above the table is only taken down with the next place to come down to.
 
-        ArmError where there is no such place, nobody answered, or standard input has ended.
+        Raises:
+            ArmError: no such place, nobody answered, or standard input has ended.
         """
         self._check_known()
         target = (x_mm, y_mm, z_mm, angle_rad)
@@ -217,7 +219,11 @@ class ManualGripper:
 
 
 def gripper(port: str, pace: Pace, report: Report, *, read_only: bool) -> ManualGripper:
-    """`manual`, or `manual:OPENING,COUNT_OPEN,COUNT_CLOSED`; PortError where it is written otherwise."""
+    """`manual`, or `manual:OPENING,COUNT_OPEN,COUNT_CLOSED`.
+
+    Raises:
+        PortError: it is written otherwise.
+    """
     del pace, report
     scale = LINEAR
     if told := port.removeprefix("manual").removeprefix(":"):

@@ -62,7 +62,8 @@ class TcpStream:
 class SerialStream:
     """A serial port, 8N1, held exclusively.
 
-    PortError where there is no such device, no permission, it is no serial port, or in use.
+    Raises:
+        PortError: no such device, no permission, not a serial port, or in use.
     """
 
     def __init__(self, path: str, baud: int) -> None:
@@ -93,7 +94,8 @@ class SerialStream:
 def tcp_address(url: str, usual: int = 0) -> tuple[str, int]:
     """Host and port of `scheme://host:port`; the port may be left out where a usual one is given.
 
-    PortError where it is written otherwise.
+    Raises:
+        PortError: it is written otherwise.
     """
     try:
         parts = urlsplit(url)
@@ -107,7 +109,11 @@ def tcp_address(url: str, usual: int = 0) -> tuple[str, int]:
 
 
 def open_tcp(host: str, port: int, endpoint: str, hint: str) -> TcpStream:
-    """Connect; PortError, with a hint what to check, where nobody accepts the connection."""
+    """Connect; `hint` says what to check if nobody accepts.
+
+    Raises:
+        PortError: nobody accepts the connection.
+    """
     try:
         connection = socket.create_connection((host, port), timeout=CONNECT_S)
     except (OSError, UnicodeError) as error:  # the latter for a name that no host can have

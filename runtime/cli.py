@@ -48,7 +48,11 @@ def guarded(built: Parser, argv: Sequence[str] | None, body: Callable[[argparse.
 
 
 def stopped(body: Callable[[argparse.Namespace], int], arguments: argparse.Namespace) -> int:
-    """Run a command's body; StoppedError where a stop request ended it."""
+    """Run a command's body.
+
+    Raises:
+        StoppedError: a stop request ended it.
+    """
     try:
         with interrupts.stoppable():
             return body(arguments)

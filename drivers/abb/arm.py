@@ -33,8 +33,10 @@ class _CutOffError(ArmError):
 class Arm(UprightArm):
     """An arm on an open connection, which it owns; `connect` opens one.
 
-    The setup's frames are sent on every connection, its limits checked before every move. ArmError where it
-    does not answer as an open_abb server.
+    The setup's frames are sent on every connection, its limits checked before every move.
+
+    Raises:
+        ArmError: it does not answer as an open_abb server.
     """
 
     def __init__(self, stream: Stream, pace: Pace, setup: Setup) -> None:
@@ -157,8 +159,9 @@ class Arm(UprightArm):
 def connect(url: str, pace: Pace, *, read_only: bool) -> Arm:
     """Connect to an open_abb server, drain it and send all settings; nothing moves.
 
-    PortError where nobody accepts the connection, or the address is not understood; ArmError where whoever
-    answers is no open_abb server, or serves another client.
+    Raises:
+        PortError: nobody accepts the connection, or the address is not understood.
+        ArmError: whoever answers is no open_abb server, or serves another client.
     """
     setup = setup_of(url, read_only=read_only)
     endpoint = url.partition("?")[0]

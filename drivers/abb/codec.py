@@ -49,7 +49,11 @@ class ProtocolError(ValueError):
 
 
 def number(value: float, decimals: int) -> str:
-    """A number for the wire: no exponent, no negative zero; ProtocolError if not finite, or too large."""
+    """Format a number for the wire: fixed point, no exponent, no negative zero.
+
+    Raises:
+        ProtocolError: it is not finite, or larger than anything an arm is told.
+    """
     if not math.isfinite(value) or abs(value) >= MAX_MAGNITUDE:
         raise ProtocolError(f"{value} cannot be sent to the arm; give one below {MAX_MAGNITUDE:.0f}")
     text = f"{value:.{decimals}f}"
@@ -57,7 +61,11 @@ def number(value: float, decimals: int) -> str:
 
 
 def command(code: int, *numbers: str) -> bytes:
-    """One command line, to be sent in one piece; ProtocolError where the server cannot take so much."""
+    """One command line, to be sent in one piece.
+
+    Raises:
+        ProtocolError: it has more numbers or characters than the server can take.
+    """
     line = " ".join((str(code), *numbers, "#"))
     if len(line) > MAX_LINE or len(numbers) > MAX_NUMBERS:
         raise ProtocolError(f"command too long, {len(line)} characters and {len(numbers)} numbers: {line}")
@@ -67,7 +75,8 @@ def command(code: int, *numbers: str) -> bytes:
 def pose_numbers(pose: Pose) -> tuple[str, ...]:
     """Seven numbers of a pose: mm to 0.001, quaternion to 1e-7.
 
-    ProtocolError where one is not finite, or the quaternion not of unit length (RAPID would stop).
+    Raises:
+        ProtocolError: a number is not finite, or the quaternion not of unit length (RAPID would stop).
     """
     length = math.hypot(*pose.rotation)
     if not abs(length - 1.0) < 1e-6:
@@ -84,7 +93,8 @@ def hand_rotation(angle_rad: float) -> Quaternion:
 def hand_angle(rotation: Sequence[float]) -> float:
     """Angle in (-pi, pi] of a hand that points down, from its quaternion (w, x, y, z).
 
-    ProtocolError where it does not point down (by more than about 2 degrees).
+    Raises:
+        ProtocolError: the hand does not point down (by more than about 2 degrees).
     """
     w, x, y, z = rotation
     if math.hypot(w, z) > 0.02 or math.hypot(x, y) < 0.9:
@@ -95,8 +105,10 @@ def hand_angle(rotation: Sequence[float]) -> float:
 def parse_reply(text: str, code: int) -> Reply | None:
     """The reply to `code` at the start of `text`, or None while it may still be growing.
 
-    Replies have no terminator: one with a payload counts as whole once it has all its fields. ProtocolError
-    where this is no reply to that code.
+    Replies have no terminator: one with a payload counts as whole once it has all its fields.
+
+    Raises:
+        ProtocolError: this is no reply to that code.
     """
     head, *payload = text.split(" ")
     if head != str(code)[: len(head)] or (payload and head != str(code)):
@@ -131,7 +143,11 @@ def drop_stale(text: str, code: int) -> str:
 
 
 def parse_numbers(reply: Reply) -> tuple[float, ...]:
-    """A reply's numbers, of READ_JOINTS degrees, of READ_POSE mm and a quaternion; or ProtocolError."""
+    """The numbers in a reply: of READ_JOINTS six angles in degrees, of READ_POSE mm and a quaternion.
+
+    Raises:
+        ProtocolError: a field is not a number.
+    """
     told = " ".join(reply.fields)
     try:
         values = tuple(float(field) for field in reply.fields)

@@ -37,7 +37,8 @@ HINT = "check the address, and that Robot Web Services are reachable from this n
 class Arm(UprightArm):
     """An arm on an open session, which it owns; `connect` opens one.
 
-    ArmError where it does not answer as an OmniCore controller with our module.
+    Raises:
+        ArmError: it does not answer as an OmniCore controller with our module.
     """
 
     def __init__(self, rws: Rws, endpoint: str, pace: Pace, setup: Setup) -> None:
@@ -208,8 +209,9 @@ def _rapid(pose: Pose) -> str:
 def connect(url: str, pace: Pace, *, read_only: bool) -> Arm:
     """Connect to a controller; reads, and moves nothing.
 
-    PortError where nobody accepts the connection, or the address is not understood; ArmError where whoever
-    answers is no OmniCore controller, or lacks our module.
+    Raises:
+        PortError: nobody accepts the connection, or the address is not understood.
+        ArmError: whoever answers is no OmniCore controller, or lacks our module.
     """
     setup = setup_of(url, read_only=read_only)
     host, port = tcp_address(url.partition("?")[0], PORT)

@@ -37,7 +37,11 @@ class Setup(NamedTuple):
 
 
 def setup_of(url: str, *, read_only: bool) -> Setup:
-    """The setup that an address states after its `?`; PortError where a setting is not understood."""
+    """The setup that an address states after its `?`.
+
+    Raises:
+        PortError: a setting is not understood.
+    """
     settings: dict[str, Any] = {}
     for name, text in parse_qsl(url.partition("?")[2], keep_blank_values=True):
         try:

@@ -54,7 +54,11 @@ class Rws:
         self._count = 0
 
     def state(self, path: str, **query: str) -> list[State]:
-        """What a resource tells of itself; RwsError without an answer in time, or where it is refused."""
+        """What a resource tells of itself.
+
+        Raises:
+            RwsError: no answer in time, a refusal, or no such resource.
+        """
         target = path + ("?" + urlencode(query, quote_via=quote) if query else "")
         for _ in range(2):
             since = self._pace.now()
@@ -67,8 +71,9 @@ class Rws:
     def post(self, path: str, form: Mapping[str, str], **query: str) -> None:
         """Ask for a change, once.
 
-        RwsError where it is refused, or not answered in time: then nobody knows whether it was made.
-        ReadOnlyError where the session only reads.
+        Raises:
+            RwsError: no answer in time, or a refusal; after the former it is not known whether it was made.
+            ReadOnlyError: the session only reads.
         """
         body = urlencode(form, quote_via=quote)
         if self._read_only:
@@ -119,7 +124,11 @@ class Rws:
         return answer.status, answer.headers, text
 
     def _connected(self) -> http.client.HTTPSConnection:
-        """A connection to a controller; RwsError unless it shows the certificate that was stated."""
+        """A connection to a controller that shows the certificate which was stated.
+
+        Raises:
+            RwsError: it shows another, or none was stated.
+        """
         stated = os.environ.get(CERTIFICATE, "")
         in_file = stated not in ("", ANY) and not SHA256.fullmatch(stated)
         try:

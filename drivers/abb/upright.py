@@ -37,8 +37,10 @@ class ArmPose(NamedTuple):
 class UprightArm(ABC):
     """What the makes share; a make reads, sets its speed and drives.
 
-    `endpoint` is its address as the user named it, `setup` has frames and limits, and `reaches` tells whether
-    the flange can be at a pose in the base frame.
+    Args:
+        endpoint: its address as the user named it.
+        setup: frames and limits.
+        reaches: whether the flange can be at a pose in the base frame.
     """
 
     def __init__(self, endpoint: str, setup: Setup, reaches: Callable[[Pose], bool] = within_irb_120) -> None:
@@ -59,8 +61,9 @@ class UprightArm(ABC):
     def _read_hand(self) -> Pose:
         """The hand's pose in the work object frame, fresh.
 
-        ArmError where the arm is silent, or its state unknown; ProtocolError where its answer is not
-        understood.
+        Raises:
+            ArmError: the arm is silent, or its state unknown.
+            ProtocolError: its answer is not understood.
         """
 
     @abstractmethod
@@ -71,12 +74,17 @@ class UprightArm(ABC):
     def _set_speed(self, speed_mm_s: float) -> None:
         """Take the speed of the next motion; a point `TURN_RADIUS_MM` off the hand's axis keeps to it.
 
-        ArmError where it cannot be told to the arm.
+        Raises:
+            ArmError: it cannot be told to the arm.
         """
 
     @abstractmethod
     def _drive(self, target: ArmPose, budget_s: float) -> None:
-        """Move straight, and return when it stands there; ArmError if not within so many device seconds."""
+        """Move straight, and return when it stands there.
+
+        Raises:
+            ArmError: it did not arrive within so many device seconds; its state is unknown.
+        """
 
     def pose(self) -> ArmPose:
         """Read where the hand is."""

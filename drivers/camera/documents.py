@@ -17,7 +17,16 @@ T = TypeVar("T")
 
 
 def save(path: Path, kind: str, body: Mapping[str, Any]) -> None:
-    """Write a file of a kind, whole or not at all; CameraFileError where it cannot be written."""
+    """Write a file, whole or not at all.
+
+    Args:
+        path: where.
+        kind: what it is about, `read`'s key.
+        body: what JSON can hold.
+
+    Raises:
+        CameraFileError: it cannot be written.
+    """
     document = {"kind": kind, "version": VERSION, **body}
     text = json.dumps({**document, "sha256": strict_json.digest(document)}, indent=1, allow_nan=False) + "\n"
     try:
@@ -28,10 +37,16 @@ def save(path: Path, kind: str, body: Mapping[str, Any]) -> None:
 
 
 def read(path: Path, kind: str, remedy: str, parse: Callable[[dict[str, Any]], T]) -> T:
-    """Read a file of the kind, its checksum and version verified; the `remedy` says how such a file is made.
+    """Read a file of the kind, its checksum and version verified.
 
-    `parse` makes of its body what it describes; KeyError, TypeError or ValueError where it cannot.
-    CameraFileError where it cannot be read, is of another kind, or was changed.
+    Args:
+        path: where.
+        kind: what it has to be about.
+        remedy: how such a file is made, for the sentence.
+        parse: makes of its body what it describes; KeyError, TypeError or ValueError where it cannot.
+
+    Raises:
+        CameraFileError: it cannot be read, is of another kind, or was changed.
     """
 
     def refused(problem: str) -> CameraFileError:

@@ -132,8 +132,9 @@ class CanLink(ReportingLink):
 def gripper(port: str, pace: Pace, report: Report, *, read_only: bool) -> Gripper:
     """Open `can:channel?setting=value&...`; the node is started, unless `read_only`.
 
-    PortError where the extra is not installed, a setting is not understood, or there is no such bus;
-    LinkError where no such node answers.
+    Raises:
+        PortError: the extra is not installed, a setting is not understood, or there is no such bus.
+        LinkError: no such node answers.
     """
     where = parse(port)
     link = CanLink(_network(port, where, read_only=read_only), where, port, report)
@@ -141,7 +142,11 @@ def gripper(port: str, pace: Pace, report: Report, *, read_only: bool) -> Grippe
 
 
 def parse(port: str) -> CanMap:
-    """The map that a port's name states; PortError where a setting is not understood."""
+    """The map that a port's name states.
+
+    Raises:
+        PortError: a setting is not understood.
+    """
     name, _, query = port.removeprefix("can:").partition("?")
     settings: dict[str, Any] = {}
     for key, text in parse_qsl(query, keep_blank_values=True):

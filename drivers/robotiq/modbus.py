@@ -128,7 +128,11 @@ def tcp_link(stream: Stream, pace: Pace, report: Report = no_report) -> ModbusLi
 
 
 def scan(path: str) -> Iterator[Answered]:
-    """Who answers on a tty, of slave ids at baud rates, the usual first; PortError if it cannot be opened."""
+    """Who answers on a tty: tries slave ids at baud rates, the usual ones first.
+
+    Raises:
+        PortError: the port cannot be opened.
+    """
     try:
         port = serial.Serial(path, BAUD, timeout=SCAN_S, exclusive=True)
     except (serial.SerialException, ValueError) as error:

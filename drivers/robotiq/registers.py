@@ -64,7 +64,8 @@ OPENING_MM, COUNT_OPEN, COUNT_CLOSED = 85.0, 3, 230
 def pack(fields: tuple[Field, ...], values: Mapping[str, int]) -> bytes:
     """Lay named values into a block of 6 bytes; fields without a value are 0.
 
-    ValueError where a name is not in the block, or a value does not fit its bits.
+    Raises:
+        ValueError: a name is not in the block, or a value does not fit its bits.
     """
     block = bytearray(BLOCK_BYTES)
     by_name = {field.name: field for field in fields}

@@ -18,7 +18,14 @@ ARM_BASE = Pose(-300.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0))  # in the world: the tab
 
 
 class Workcell(Surroundings):
-    """What a cell consists of: part and world, a seed of every draw, and what goes wrong (None: nothing)."""
+    """What a cell consists of.
+
+    Args:
+        setting: part and world.
+        seed: of every draw.
+        now: simulated seconds.
+        faults: what goes wrong when; None: nothing.
+    """
 
     def __init__(
         self, setting: Setting, seed: int, now: Callable[[], float], faults: Listed | None = None

@@ -37,7 +37,14 @@ HINT = "check the address and that RTDE is enabled (Settings, Security, Services
 class Arm(UprightArm):
     """An arm on an open RTDE connection, which it owns; `connect` opens one.
 
-    `open_script` connects to the secondary interface. ArmError where it does not answer as a UR controller.
+    Args:
+        stream: to RTDE.
+        open_script: connects to the secondary interface.
+        pace: device time.
+        setup: frames and limits.
+
+    Raises:
+        ArmError: it does not answer as a UR controller.
     """
 
     def __init__(self, stream: Stream, open_script: Callable[[], Stream], pace: Pace, setup: Setup) -> None:
@@ -171,8 +178,9 @@ def _objection(seen: Reading) -> str:
 def connect(url: str, pace: Pace, *, read_only: bool) -> Arm:
     """Connect to a controller; reads, and moves nothing.
 
-    PortError where nobody accepts the connection, or the address is not understood; ArmError where whoever
-    answers is no UR controller.
+    Raises:
+        PortError: nobody accepts the connection, or the address is not understood.
+        ArmError: whoever answers is no UR controller.
     """
     setup = setup_of(url, read_only=read_only)
     host, port = tcp_address(url.partition("?")[0], PORT)

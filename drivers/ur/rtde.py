@@ -57,7 +57,8 @@ class Reading(NamedTuple):
 class Rtde:
     """An RTDE connection, which it owns; opening it reads nothing and writes nothing.
 
-    RtdeError where no RTDE answers there, or it lacks a field.
+    Raises:
+        RtdeError: no RTDE answers there, or it lacks a field.
     """
 
     def __init__(self, stream: Stream, pace: Pace) -> None:
@@ -80,7 +81,11 @@ class Rtde:
             )
 
     def read(self) -> Reading:
-        """The controller now; RtdeError where it does not answer in time."""
+        """The controller now.
+
+        Raises:
+            RtdeError: it does not answer in time.
+        """
         if self._out_of_step:
             raise RtdeError("a reading was interrupted")
         self._out_of_step = True

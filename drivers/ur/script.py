@@ -10,10 +10,13 @@ STOP_M_S2 = 1.0
 
 
 def move(number: int, tool: Pose, target: Pose, pacing: str) -> bytes:
-    """A program that moves the tool straight to a pose in the base frame and tells by registers where it is.
+    """A program that moves the tool straight to a pose and tells by registers how far it is.
 
-    `number` is told when the motion begins and when it has ended; `tool` is its frame in the flange frame;
-    `pacing` are arguments of `movel` that say how fast.
+    Args:
+        number: of the move, told when it begins and when it has ended.
+        tool: the tool's frame in the flange frame.
+        target: in the base frame.
+        pacing: arguments of `movel` that say how fast.
     """
     return _program(
         f"set_tcp({pose(tool)})",

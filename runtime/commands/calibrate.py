@@ -100,9 +100,15 @@ def run(
     open_gripper: Callable[[str], Gripper],
     ask: Callable[[str], object] | None = None,
 ) -> int:
-    """Measure and write as the arguments say; returns 0. Errors, also of devices, carry their `exit_code`.
+    """Measure and write as the arguments say; returns 0.
 
-    `open_gripper` moves nothing; `ask` shows the operator a sentence and waits, None: in the terminal.
+    Args:
+        arguments: parsed.
+        open_gripper: opens a gripper by its port, moving nothing.
+        ask: shows the operator a sentence and waits; None for the terminal.
+
+    Raises:
+        Exception: any error of ours or of the gripper; each carries its `exit_code`.
     """
     ask = ask or _asking(arguments)
     widths_mm, tips, current = _checked(arguments)

@@ -62,9 +62,15 @@ def add_to(subcommands: Any, codes: str) -> None:
 
 
 def run(arguments: argparse.Namespace, drivers: Drivers, ask: Callable[[str], object]) -> int:
-    """Measure and write as the arguments say; returns 0. Errors, also of devices, carry their `exit_code`.
+    """Measure and write as the arguments say; returns 0.
 
-    The drivers move nothing as they connect; `ask` shows the operator a sentence and waits.
+    Args:
+        arguments: parsed.
+        drivers: opens the devices, moving nothing.
+        ask: shows the operator a sentence and waits.
+
+    Raises:
+        Exception: any error of ours or of a device; each carries its `exit_code`.
     """
     at, known = _checked(arguments)
     table = load(arguments.tree).table

@@ -49,7 +49,11 @@ def parser() -> Parser:
 
 
 def run(arguments: argparse.Namespace, drivers: Drivers, system: System | None = None) -> int:
-    """Check, and print a line a finding, or one object of all; returns 0, or CellCheckError if one is bad."""
+    """Check, and print a line for each finding, or one object of all; returns 0.
+
+    Raises:
+        CellCheckError: something is bad.
+    """
     table = None if arguments.tree is None else load(arguments.tree).table
     measured = None if arguments.calibration is None else calibration.load(arguments.calibration).table
     found: list[Finding] = []

@@ -22,7 +22,11 @@ PATIENCE = 200.0  # how much longer than an arm a person may take for a squeeze:
 
 
 def check_usage(arguments: argparse.Namespace) -> None:
-    """Raise ArgumentsError where arguments contradict one another or one is missing: argparse cannot tell."""
+    """Check what argparse alone cannot judge.
+
+    Raises:
+        ArgumentsError: arguments contradict one another, or one is missing.
+    """
     simulated = arguments.port == SIMULATED
     _check_views(arguments)
     if arguments.serve is not None:
@@ -101,7 +105,9 @@ def _check_views(arguments: argparse.Namespace) -> None:
 def run_options(arguments: argparse.Namespace, table: Table) -> RunOptions:
     """What the run does besides what its table says.
 
-    CalibrationError of a calibration file; ArgumentsError of a policy, an arc or a delivery.
+    Raises:
+        CalibrationError: the calibration file is refused.
+        ArgumentsError: a policy, an arc or a delivery is not understood.
     """
     measured = None if arguments.calibration is None else calibration.load(arguments.calibration)
     handling = Handling(

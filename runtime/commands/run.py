@@ -34,7 +34,12 @@ from runtime.table import PPM, Table, TableFile, load, misfits
 def run(arguments: argparse.Namespace, drivers: Drivers) -> int:
     """Execute a table as the parsed arguments say; returns the exit code of the parts.
 
-    Errors of ours and of the devices that `drivers` opens carry their `exit_code`.
+    Args:
+        arguments: of `arguments.parser`.
+        drivers: opens the devices.
+
+    Raises:
+        Exception: any error of ours or of a device; each carries its `exit_code`.
     """
     check_usage(arguments)
     loaded = load(arguments.tree)

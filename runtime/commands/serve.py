@@ -27,10 +27,11 @@ KEEPALIVE = {socket.TCP_KEEPIDLE: 5, socket.TCP_KEEPINTVL: 3, socket.TCP_KEEPCNT
 
 
 def check(arguments: argparse.Namespace) -> server.Address:
-    """Where `--serve` listens.
+    """Check what `--serve` goes with; returns where to listen.
 
-    ArgumentsError where it names no address, one of another machine's reach that was not allowed, or comes
-    with an option for devices: a robot that asks has its own.
+    Raises:
+        ArgumentsError: it names no address, one of another machine's reach that was not allowed, or comes
+            with an option for devices, of which a robot that asks has its own.
     """
     defaults = parser()
     for name, given in vars(arguments).items():
@@ -62,7 +63,8 @@ class RobotServer:
     def serve(self) -> None:
         """Serve; whoever is connected at the end is told, and a part under way ends with the run.
 
-        KeyboardInterrupt is a stop request between two parts, JournalError a journal that cannot be written.
+        Raises:
+            KeyboardInterrupt: a stop request between two parts. JournalError: the journal cannot be written.
         """
         farewell = 40
         try:

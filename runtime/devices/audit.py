@@ -30,7 +30,11 @@ MAX_TEXT = 500
 
 
 class AuditProcess(ChildProcess):
-    """An auditor started as a child, or ArgumentsError; it may take `answer_s` to judge one part."""
+    """An auditor started as a child; it may take `answer_s` to judge one part.
+
+    Raises:
+        ArgumentsError: the program cannot be started.
+    """
 
     def __init__(self, command: str, answer_s: float = ANSWER_S) -> None:
         self._command = command
@@ -46,14 +50,19 @@ class AuditProcess(ChildProcess):
     ) -> Mapping[str, object]:
         """Ask for one part's verdict; the hypothesis is the name that its leaf gives it, if any.
 
-        OSError where the process is gone, or does not answer in time; ValueError where it answers no JSON.
+        Raises:
+            OSError: the process is gone, or does not answer in time. ValueError: an answer that is no JSON.
         """
         asked: dict[str, object] = {"part": part, "x_mm": x_mm, "y_mm": y_mm, "theta_rad": theta_rad}
         asked |= {} if hypothesis is None else {"hypothesis": hypothesis}
         return self._ask(asked, self._answer_s)
 
     def check(self) -> None:
-        """Raise ArgumentsError unless it gives a verdict, any, to a question without a pose."""
+        """Ask a question without a pose, which any verdict answers.
+
+        Raises:
+            ArgumentsError: the program has ended, is silent, or answers something else.
+        """
         try:
             told = self._ask({"part": 0}, START_S)
         except ValueError:
@@ -90,7 +99,8 @@ def answer_of(
 ) -> dict[str, object]:
     """The auditor's answer as the journal holds it: "unknown" where it fails or says anything else.
 
-    Besides `verdict` whatever it told in plain numbers and short sentences: what it measured, and why.
+    Returns:
+        `verdict`, and whatever else it told in plain numbers and short sentences: what it measured, and why.
     """
     try:
         told = dict(auditor.judge(part, *pose, hypothesis))

@@ -27,8 +27,10 @@ class Endpoints(NamedTuple):
 class CellProcess(ChildProcess):
     """A running `grasp-cell`; it reads our end of a pipe, so that it ends even if this process is killed.
 
-    The arguments are those of the command; its devices are at `endpoints`. CellStartError where it cannot be
-    started, ended or stayed silent, with what it said.
+    The arguments are those of the command; its devices are at `endpoints`.
+
+    Raises:
+        CellStartError: it cannot be started, ended or stayed silent; with what it said.
     """
 
     def __init__(

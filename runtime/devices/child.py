@@ -17,7 +17,9 @@ class ChildProcess:
     """A child with pipes for input and output, ended when its context is left.
 
     It has a session of its own: a Ctrl-C on the terminal reaches only us, who need it for the safe state.
-    OSError where it cannot be started; ValueError, IndexError where the command is none.
+
+    Raises:
+        OSError: it cannot be started. ValueError, IndexError: the command is no command.
     """
 
     def __init__(self, command: Sequence[str], environment: Mapping[str, str] | None = None) -> None:

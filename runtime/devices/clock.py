@@ -8,7 +8,11 @@ LINK_MARGIN_S = 30.0
 
 
 def date(text: str) -> datetime:
-    """A date with or without a time, ISO 8601, UTC where it names no zone; ValueError where it is none."""
+    """A date with or without a time, ISO 8601; UTC where it names no zone.
+
+    Raises:
+        ValueError: it is none.
+    """
     told = datetime.fromisoformat(text)
     return told if told.tzinfo else told.replace(tzinfo=UTC)
 

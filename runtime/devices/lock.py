@@ -24,7 +24,9 @@ class PortLock(ExitStack):
     """Held while a process works with a device; released when the process ends, however it ends.
 
     Links such as /dev/serial/by-id are followed to the device, names of hosts to their addresses.
-    PortBusyError where another process holds it, and which.
+
+    Raises:
+        PortBusyError: another process holds it; the message tells which.
     """
 
     def __init__(self, port: str) -> None:

@@ -17,7 +17,11 @@ NOISE_SIGMAS = 3.0
 
 
 def make(job: object, seed: int) -> "Rehearsal":
-    """The rehearsal of a table, as `module:factory` names it; ArgumentsError of a job, without statistics."""
+    """The rehearsal world of a table, as `module:factory` names it; a job alone has no statistics.
+
+    Raises:
+        ArgumentsError: `job` is no table.
+    """
     if not isinstance(job, Table):
         raise ArgumentsError("a rehearsal draws from a table's statistics; start grasp-cell with --tree")
     return Rehearsal(job, seed)
@@ -42,8 +46,9 @@ class Rehearsal:
     def squeeze(self, pose_hand: Pose2) -> tuple[Pose2, float, str]:
         """Squeeze a part that lies so in the hand frame, mm, mm, rad.
 
-        Returns the same pose, the width in mm without encoder noise, and "grasped", or "untouched" where the
-        branch drawn says that nothing is held.
+        Returns:
+            The same pose, the width in mm without encoder noise, and "grasped", or "untouched" where the
+            branch drawn says that nothing is held.
         """
         index = self._node_of(pose_hand)
         if index is None:

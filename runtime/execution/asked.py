@@ -79,7 +79,7 @@ class _Part:
 
 
 class AskedParts:
-    """Answers one robot's lines by a proved table, part after part; `count` None: no end.
+    """Answers one robot's lines by a table, part after part.
 
     `TABLE` tells the table's digest as its `name`; the journal has its header.
     """
@@ -118,7 +118,11 @@ class AskedParts:
         return None if self._part is None else self._part.deadline
 
     def answer(self, line: str) -> str:
-        """The answer to a line, both without their ends; nothing follows from a line after JournalError."""
+        """The answer to a line, both without their ends.
+
+        Raises:
+            JournalError: it cannot be written; nothing follows from the line then.
+        """
         name, *words = line.split(" ")
         try:
             if name in self._readings:

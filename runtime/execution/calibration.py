@@ -65,7 +65,9 @@ def measure(
     """Grip each block so many times, and yield a gauge for each.
 
     The blocks come in rising order, 0 for none; `ask` shows the operator a sentence and waits.
-    GripperStateError where the gripper is not ready, or closed without meeting the block.
+
+    Raises:
+        GripperStateError: the gripper is not ready, or closed without meeting the block.
     """
     for width_mm in widths_mm:
         _stroke(gripper, 0, 255)
@@ -93,9 +95,10 @@ def _stroke(gripper: Gripper, position_counts: int, speed_counts: int) -> tuple[
 
 
 def fit(gauges: Sequence[Gauge], gripper: str, made: str) -> GripperCalibration:
-    """The calibration that passes through gauged widths.
+    """The calibration that passes through gauged widths, at least `LEAST_BLOCKS` of them.
 
-    CalibrationError where they are fewer than `LEAST_BLOCKS`, or a wider block did not read a smaller count.
+    Raises:
+        CalibrationError: too few blocks, or a wider one that did not read a smaller count.
     """
     ordered = sorted(gauges)
     if len({gauge.width_mm for gauge in ordered}) < max(LEAST_BLOCKS, len(ordered)):
@@ -130,7 +133,11 @@ def against_linear_mm(calibration: GripperCalibration, spec: GripperSpec) -> lis
 
 
 def save(calibration: GripperCalibration, path: Path) -> None:
-    """Write the file; CalibrationError where it cannot be written."""
+    """Write the file.
+
+    Raises:
+        CalibrationError: it cannot be written.
+    """
     body = _body(calibration)
     text = json.dumps({**body, "sha256": strict_json.digest(body)}, indent=1) + "\n"
     try:
@@ -141,7 +148,11 @@ def save(calibration: GripperCalibration, path: Path) -> None:
 
 
 def load(path: Path) -> GripperCalibration:
-    """Read a file; CalibrationError where it cannot be read, was changed by hand, or is not monotone."""
+    """Read and check a file.
+
+    Raises:
+        CalibrationError: it cannot be read, was changed by hand, or is not monotone.
+    """
 
     def refused(problem: str) -> CalibrationError:
         return CalibrationError(f"calibration {path}: {problem}; make it again with grasp-calibrate width")

@@ -61,7 +61,9 @@ def choose(
 
     The hand comes from `start`; without an arm, which tells reach and wrist, only the areas are looked at.
     Areas and reach are asked for where the arm is sent, `middle_mm` beside the places where fingers meet.
-    MotionRefusedError where there is none: why the plainest one cannot be gone.
+
+    Raises:
+        MotionRefusedError: there is none; why the plainest one cannot be gone.
     """
     refusals: dict[tuple[float, ...], str] = {}  # the hand's angle has no part in them
     found: list[tuple[float, Way]] = []
@@ -88,8 +90,12 @@ def choose(
 def deliver(hand: Hand, delivery: Delivery, leaf: Leaf, table: Table) -> str | None:
     """Grasp the part of a leaf with the root's speed and force, carry it and put it down.
 
-    Returns None where it was put down, else why it was left where it lay: no way leads there, or the fingers
-    read another width. GripperStateError where it slipped out on the way, or the gripper is not ready.
+    Returns:
+        None where the part was put down, else why it was left where it lay: no way leads there, or the
+        fingers read another width.
+
+    Raises:
+        GripperStateError: the part slipped out while it was carried, or the gripper is not ready.
     """
     hand.retreat()
     try:

@@ -85,7 +85,11 @@ def look(
 def begin(
     journal: Journal, broken: Replay | None, table: bytes, fields: Mapping[str, object], policy: str
 ) -> None:
-    """Write a new run's header, or that the broken one is gone on with; JournalError where it cannot be."""
+    """Write a new run's header, or that the broken one is gone on with.
+
+    Raises:
+        JournalError: the journal cannot be written.
+    """
     cut = {"cut_bytes": journal.cut_bytes} if journal.cut_bytes else {}
     if broken is None:
         journal.header(table, {**fields, **cut})
@@ -96,7 +100,9 @@ def begin(
 def broken_run(path: Path) -> Replay | None:
     """The run at the end of a journal, if it broke off; None where it ended.
 
-    JournalError where a line does not verify, BrokenRunError where its own counts do not justify its records.
+    Raises:
+        JournalError: a line does not verify.
+        BrokenRunError: the run's own counts do not justify what it recorded.
     """
     replay = Replay()
     findings = list(replay.follow(records(path)))

@@ -77,7 +77,11 @@ class Sorting:
 
 
 def from_text(text: str) -> Delivery:
-    """The delivery of `x,y,angle`, mm, mm, degrees of the part put down; ArgumentsError of anything else."""
+    """The delivery of `x,y,angle`: mm, mm, degrees of the part where it is put down.
+
+    Raises:
+        ArgumentsError: it is not three numbers.
+    """
     try:
         x_mm, y_mm, angle_deg = (float(word) for word in text.split(","))
     except ValueError:
@@ -90,8 +94,9 @@ def from_text(text: str) -> Delivery:
 def by_name(words: Sequence[str], table: Table) -> Sorting:
     """The deliveries of words `NAME=x,y,angle` or `NAME=FILE`, for a table of several parts.
 
-    ArgumentsError where a name is missing, unknown or stands twice, a place is wrong, or leaves do not tell
-    which part lies where.
+    Raises:
+        ArgumentsError: a name is missing, unknown or stands twice; a place is wrong; or leaves do not tell
+            which part lies where.
     """
     goal, numbers = table.goal, dict(enumerate(own.name for own in table.hypotheses))
     if goal.kind == "identity" or not goal.identify:
@@ -112,7 +117,11 @@ def by_name(words: Sequence[str], table: Table) -> Sorting:
 
 
 def from_file(path: Path) -> Delivery:
-    """The delivery of a TOML file, its keys at the top or in a section `delivery`; ArgumentsError of none."""
+    """The delivery of a TOML file, its keys at the top or in a section `delivery`.
+
+    Raises:
+        ArgumentsError: it cannot be read, or a key is wrong.
+    """
     try:
         with path.open("rb") as file:
             document = tomllib.load(file)
@@ -124,7 +133,11 @@ def from_file(path: Path) -> Delivery:
 
 
 def from_job(job: Mapping[str, object] | None) -> Delivery | None:
-    """The delivery of a table's job (`job_of`), None where it has none; ArgumentsError of a wrong key."""
+    """The delivery of a table's embedded job (`runtime.table.job_of`), None where it has none.
+
+    Raises:
+        ArgumentsError: a key of it is wrong.
+    """
     keys = (job or {}).get("delivery")
     if keys is None:
         return None
@@ -142,7 +155,11 @@ def from_job(job: Mapping[str, object] | None) -> Delivery | None:
 
 
 def from_keys(keys: object, where: str) -> Delivery:
-    """The delivery of its keys; ArgumentsError of one that is unknown, missing, or not as many numbers."""
+    """The delivery of its keys.
+
+    Raises:
+        ArgumentsError: these are no keys, one is unknown, missing, or not as many numbers as it takes.
+    """
     if not isinstance(keys, Mapping):
         raise ArgumentsError(f"{where}: delivery is no section of keys and values")
     if unknown := keys.keys() - KEYS.keys():

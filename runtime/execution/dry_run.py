@@ -12,8 +12,11 @@ from runtime.traversal.geometry import placement, sent
 def tell(table: Table, gripper: Gripper, arm: Arm, options: RunOptions) -> list[str]:
     """Read both devices, over links that cannot write, and go through every node of a table.
 
-    Returns one sentence for each device, one for each node, and one for the delivery if there is one.
-    MotionRefusedError where a placement, or the delivery from a leaf, would be refused.
+    Returns:
+        One sentence for each device, one for each node, and one for the delivery if there is one.
+
+    Raises:
+        MotionRefusedError: a placement, or the delivery from a leaf, would be refused.
     """
     handling = options.handling
     calibration, profile = handling.widths(table), profile_of(table.gripper.model)

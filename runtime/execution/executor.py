@@ -66,7 +66,8 @@ PLAIN = RunOptions()
 class Executor:
     """Executes one table, proved, with one cell, connected and not yet moved.
 
-    TableError where the gripper cannot do what the table asks.
+    Raises:
+        TableError: the gripper cannot do what the table asks.
     """
 
     def __init__(self, table: Table, cell: Cell, console: Console, options: RunOptions = PLAIN) -> None:
@@ -82,8 +83,12 @@ class Executor:
     def run_part(self, part: int, broken: Replay | None = None) -> PartResult:
         """Squeeze one part until its outcome is known, or go on with it where a run broke off.
 
-        LEAF, REJECT and UNRESOLVED leave the jaws open above the part, FAULT and STOPPED the declared safe
-        state. An error that no device makes is a bug, and raised once the safe state is reached.
+        Returns:
+            The outcome; LEAF, REJECT and UNRESOLVED leave the jaws open above the part, FAULT and STOPPED
+            leave the declared safe state.
+
+        Raises:
+            Exception: an error that no device makes is a bug, and raised once the safe state is reached.
         """
         steps: list[Step] = []
         self._found = None

@@ -55,7 +55,11 @@ class Handling:
 
 
 def check_arc(arc: TipArc | None, limits: Limits, calibration: Calibration) -> None:
-    """Raise TableError unless the tips' arc fits between a table's heights."""
+    """Check that the tips' arc fits between a table's heights.
+
+    Raises:
+        TableError: it does not.
+    """
     if arc is None:
         return
     widest_mm = calibration.widths_um[0] / 1000
@@ -78,7 +82,10 @@ class Hand:
 
     Its `calibration` is that of counts to widths; `arm_known` tells whether the arm stands where its last
     acknowledged motion left it. All its places are those where the fingers meet: the arm is sent beside them
-    where that is off its own middle. TableError where the limits leave no room for the tips' arc.
+    where that is off its own middle.
+
+    Raises:
+        TableError: the limits leave no room for the tips' arc.
     """
 
     def __init__(
@@ -97,7 +104,11 @@ class Hand:
         self._angle_rad: float | None = None
 
     def await_stillness(self) -> None:
-        """Wait until no motion begun before this run goes on; GripperStateError if one does, or not ready."""
+        """Wait until a motion that was begun before this run is over.
+
+        Raises:
+            GripperStateError: the fingers do not come to rest, or are not ready.
+        """
         until = self._clock.now() + STILL_S
         while self.gripper.state().moving and self._clock.now() < until:
             self._clock.sleep(LOOK_S)
@@ -123,7 +134,8 @@ class Hand:
     def travel(self, x_mm: float, y_mm: float, angle_rad: float) -> None:
         """Go to a place at the retreat height, turning the nearest way that the wrist can go.
 
-        MotionRefusedError where the place is outside the area, or the wrist cannot be turned so far.
+        Raises:
+            MotionRefusedError: the place is outside the area, or the wrist cannot be turned so far.
         """
         self.arm_known = False  # until it answers
         low_rad, high_rad = self.arm.turn_range(x_mm, y_mm)

@@ -72,9 +72,12 @@ def put_down(
 ) -> Mapping[str, object]:
     """Lower what the fingers hold straight down where the arm stands, let go of it, retreat.
 
-    Done within the work area, or else within the area of the delivery; MotionRefusedError outside of both.
-    The journal is told before and after where it was put down, and its width, which is returned.
-    GripperStateError where the gripper is not ready, or the jaws do not open.
+    Done within the work area, or else within the area of the delivery. The journal is told before and after
+    where it was put down, and its width, which is returned.
+
+    Raises:
+        MotionRefusedError: the arm stands outside the work area, and the area in which parts are carried.
+        GripperStateError: the gripper is not ready, or the jaws do not open.
     """
     pose, count = hand.where(), hand.gripper.state().position_counts
     width_mm = hand.width_mm(count)

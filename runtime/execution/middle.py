@@ -43,7 +43,11 @@ class Middle(NamedTuple):
 
     @classmethod
     def parsed(cls, told: object) -> Self | None:
-        """As a file holds it; None where it was not measured; TypeError, ValueError where it is none."""
+        """As a file holds it; None where it was not measured.
+
+        Raises:
+            TypeError, ValueError: it is none.
+        """
         if told is None:
             return None
         if not isinstance(told, dict):
@@ -102,7 +106,11 @@ def _planned_share(table: Table) -> float:
 
 
 def check(table: Table, middle_mm: float) -> None:
-    """Raise MotionRefusedError where a place, off by as much as the fingers meet, leaves the work area."""
+    """Check that the arm may be sent to all places of a table, as far beside them as the fingers meet.
+
+    Raises:
+        MotionRefusedError: one of them lies outside the work area then.
+    """
     height_mm = table.limits.retreat_height_um / 1000
     for node in table.nodes:
         for branch in range(len(node.branches)):
@@ -112,7 +120,11 @@ def check(table: Table, middle_mm: float) -> None:
 
 
 def gripping(table: Table, block_mm: float) -> Node:
-    """A gentle squeeze of the block, whose one outcome any width is; CalibrationError of one too wide."""
+    """A squeeze of the block: gentle, the jaws opened for it, and one outcome that any width is.
+
+    Raises:
+        CalibrationError: the block is too wide for the gripper.
+    """
     profile, widest_um = profile_of(table.gripper.model), table.gripper.opening_um
     opening_um = round(1000 * (block_mm + 2.0 * ROOM_MM))
     if block_mm <= 0.0 or opening_um > widest_um:
@@ -136,15 +148,16 @@ def places(at: Pose2) -> Iterator[Pose2]:
 def measure(hand: Hand, node: Node, block_mm: float, at: Pose2, tell: Callable[[str], object]) -> Middle:
     """Grip a block that is held fast, from both sides, with the hand one way round and the other.
 
-    GripperStateError where the gripper is not ready, or closed without meeting the block; CalibrationError
-    where the readings are not those of such a block there.
-
     Args:
         hand: retreated, with nothing between the fingers; it has no middle of its own yet.
         node: of `gripping`.
         block_mm: the block's width.
         at: its centre, and the hand's angle at which the jaws close square on it [mm, mm, rad].
         tell: told of each half.
+
+    Raises:
+        GripperStateError: the gripper is not ready, or closed without meeting the block.
+        CalibrationError: the readings are not those of such a block there.
     """
     halves = []
     for turn in (0.0, pi):

@@ -15,7 +15,11 @@ CURRENT_MA = (0, 1_000)
 
 
 def check_fresh(settled: Settled, requested_counts: int) -> None:
-    """Raise GripperStateError unless a reading is the request's own, an encoder count, and settled."""
+    """Check that a settled reading belongs to the request.
+
+    Raises:
+        GripperStateError: it belongs to another request, is no encoder count, or is not settled.
+    """
     if settled.echo_counts != requested_counts:
         raise GripperStateError(
             f"stale reading: the gripper answers request {settled.echo_counts}, asked was {requested_counts}"
@@ -27,10 +31,11 @@ def check_fresh(settled: Settled, requested_counts: int) -> None:
 
 
 def check_closed(settled: Settled, calibration: Calibration, current_ma: tuple[int, int]) -> None:
-    """Raise GripperStateError unless a settled closing motion's flag and current agree with its width.
+    """Check that a settled closing motion's flag and current agree with its width.
 
-    The flag must not tell of nothing where the fingers are apart, nor of an opening motion; the current must
-    be one that a gripper at rest on a part draws.
+    Raises:
+        GripperStateError: the flag tells of nothing where the fingers are apart, or of an opening motion; or
+            the current is none a gripper at rest on a part draws.
     """
     width_um = calibration.width_um(settled.position_counts)
     if settled.object_flag == OPENING_CONTACT:
@@ -51,7 +56,11 @@ def check_closed(settled: Settled, calibration: Calibration, current_ma: tuple[i
 
 
 def check_opened(settled: Settled, requested_counts: int, calibration: Calibration) -> None:
-    """Raise GripperStateError unless the jaws opened as requested: the descent's proof counts on it."""
+    """Check that the jaws opened as far as requested; the collision proof of the descent counts on it.
+
+    Raises:
+        GripperStateError: the reading is stale, or the jaws are blocked.
+    """
     check_fresh(settled, requested_counts)
     asked_um = calibration.width_um(requested_counts)
     stopped_um = calibration.width_um(settled.position_counts)
@@ -63,9 +72,10 @@ def check_opened(settled: Settled, requested_counts: int, calibration: Calibrati
 
 
 def check_passed(settled: Settled, requested_counts: int, calibration: Calibration) -> bool:
-    """Whether a closing motion got to an intermediate width, or met something before.
+    """Check a closing motion to an intermediate width; whether it got there, or met something before.
 
-    GripperStateError where the reading is stale, or the flag and the count contradict one another.
+    Raises:
+        GripperStateError: the reading is stale, or the flag and the count contradict one another.
     """
     check_fresh(settled, requested_counts)
     if settled.object_flag == CLOSING_CONTACT:

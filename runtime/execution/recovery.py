@@ -22,10 +22,14 @@ ABORT_REMEDY = "clear the cell, then start with --after-crash abort"
 
 
 def pending(broken: Replay, table: Table, hand: Hand) -> tuple[Node, int] | None:
-    """Node and branch of the release that a broken run still has to do, by journal and hand at rest; or None.
+    """The release that a broken run has not done yet, by its journal and the state of the hand at rest.
 
-    BrokenRunError where the hand does not stand where the run left it or holds something else, or the part
-    may be in the air.
+    Returns:
+        Node and branch, or None.
+
+    Raises:
+        BrokenRunError: the hand does not stand where the run left it or holds something else, or the part may
+            be in the air.
     """
     if broken.delivering:
         raise BrokenRunError("the part was being carried when the run broke off; take it out of the fingers")

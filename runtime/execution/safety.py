@@ -16,7 +16,11 @@ PLACED_RAD = 0.01
 
 
 def check_table(table: Table) -> None:
-    """Raise TableError at the first node whose speed or force lies outside the gripper's range."""
+    """Check that the gripper can do what the table asks, before anything is connected.
+
+    Raises:
+        TableError: naming the first node whose speed or force lies outside the gripper's range.
+    """
     profile = profile_of(table.gripper.model)
     slowest, fastest = profile.speed_um_s
     weakest, strongest = profile.force_mn
@@ -40,7 +44,11 @@ def needs_activation(state: GripperState) -> bool:
 
 
 def ready_gripper(gripper: Gripper) -> None:
-    """Read the gripper; GripperStateError where it is not activated, in fault, or still moving."""
+    """Read the gripper and check that it may be moved.
+
+    Raises:
+        GripperStateError: not activated, in fault, or still moving.
+    """
     state = gripper.state()
     if state.fault not in (0, NO_COMMUNICATION):
         raise GripperStateError(
@@ -57,14 +65,22 @@ def ready_gripper(gripper: Gripper) -> None:
 
 
 def stroke(gripper: Gripper, position_counts: int, speed_counts: int, force_counts: int) -> Settled:
-    """Move the jaws and wait until they have settled; GripperStateError where the gripper is not ready."""
+    """Move the jaws of a gripper that is ready, and wait until they have settled.
+
+    Raises:
+        GripperStateError: it is not ready.
+    """
     ready_gripper(gripper)
     gripper.move(position_counts, speed_counts, force_counts)
     return gripper.wait()
 
 
 def check_target(pose: PoseOfHand, limits: Limits) -> None:
-    """Raise MotionRefusedError of no number, outside the work area, or at a height nobody planned for."""
+    """Check where the arm is about to be sent.
+
+    Raises:
+        MotionRefusedError: not a number, outside the work area, or at a height nobody planned for.
+    """
     x_mm, y_mm, z_mm, angle_rad = pose
     x_min, y_min, x_max, y_max = (edge / 1000 for edge in limits.work_area_um)
     if not all(isfinite(value) for value in pose):
@@ -84,7 +100,11 @@ def check_target(pose: PoseOfHand, limits: Limits) -> None:
 
 
 def check_placed(arm: Arm, target: PoseOfHand) -> None:
-    """Raise MotionRefusedError unless the arm, read now, stands where it was sent: nothing may move next."""
+    """Read the arm and check that it stands where it was sent.
+
+    Raises:
+        MotionRefusedError: it does not, so nothing may be moved next.
+    """
     x_mm, y_mm, z_mm, angle_rad = arm.pose()
     off_mm = hypot(x_mm - target[0], y_mm - target[1], z_mm - target[2])
     off_rad = abs(remainder(angle_rad - target[3], tau))

@@ -24,7 +24,8 @@ CONTINUING = frozenset({Outcome.LEAF, Outcome.REJECT, Outcome.UNRESOLVED})
 def prepare_gripper(gripper: Gripper, console: Console, *, activate: bool) -> None:
     """Make sure that the gripper may be moved; only `activate` lets the fingers sweep.
 
-    GripperStateError where it is inactive or in fault, and must not be activated or stays so.
+    Raises:
+        GripperStateError: it is inactive or in fault, and must not be activated or stays so.
     """
     if activate and needs_activation(gripper.state()):
         console.note("activating the gripper: the fingers open and close fully")
@@ -75,7 +76,8 @@ def run_journalled(
 def put_down(table: Table, cell: Cell, console: Console, options: RunOptions) -> Mapping[str, object]:
     """Put down what the fingers hold, as a run without parts; tells where, and how wide it is.
 
-    Whatever goes wrong is raised once the declared safe state is reached and recorded.
+    Raises:
+        Exception: whatever went wrong, once the declared safe state is reached and recorded.
     """
     hand = Hand(cell.gripper, cell.arm, cell.clock, table, options.handling)
     with ending(cell.journal):
@@ -90,7 +92,11 @@ def put_down(table: Table, cell: Cell, console: Console, options: RunOptions) ->
 
 @contextmanager
 def ending(journal: Journal) -> Iterator[Tally]:
-    """A run, summed up within; its last record is written however it ends, or JournalError raised."""
+    """A run, summed up within; its last record is written however it ends.
+
+    Raises:
+        JournalError: the last record cannot be written.
+    """
     tally = Tally()
     try:
         yield tally

@@ -54,7 +54,8 @@ class Journal:
     def __init__(self, path: Path, stamp: Callable[[], str]) -> None:
         """Create the file, or verify it and go on at its end; `stamp` (`Clock.stamp`) dates each record.
 
-        JournalError where it cannot be opened, another process writes it, or what it holds does not verify.
+        Raises:
+            JournalError: it cannot be opened, another process writes it, or what it holds does not verify.
         """
         self.path = path
         self.cut_bytes = 0  # length of the unfinished line that was cut off
@@ -88,7 +89,11 @@ class Journal:
             raise _unwritable(self.path, error) from error
 
     def header(self, table: bytes, fields: Mapping[str, object]) -> None:
-        """Write the first record: the table's bytes and their digest, and what else tells the run apart."""
+        """Write the first record: the table's bytes and their digest, and what else tells the run apart.
+
+        Raises:
+            JournalError: it cannot be written.
+        """
         embedded = {
             "journal_version": VERSION,
             "table_sha256": hashlib.sha256(table).hexdigest(),
@@ -99,8 +104,9 @@ class Journal:
     def record(self, kind: str, fields: Mapping[str, object]) -> None:
         """Append one record and bring it to the disk.
 
-        JournalError where it cannot be written: full disk, lost mount, closed journal. ValueError where a
-        field has a reserved name or is not a number JSON can hold.
+        Raises:
+            JournalError: it cannot be written: full disk, lost mount, closed journal.
+            ValueError: a field has a reserved name or is not a number JSON can hold.
         """
         if self._failed:
             told = "could not be written before, and what it holds since is not known"
@@ -194,7 +200,11 @@ def _verified(path: Path, file: BinaryIO, *, torn: bool = False) -> Verified:
 
 
 def records(path: Path) -> Iterator[dict[str, object]]:
-    """The records of a journal, each checked against the chain before it is given out, or JournalError."""
+    """The records of a journal, each checked against the chain before it is given out.
+
+    Raises:
+        JournalError: the file cannot be read, or naming the first line that does not verify.
+    """
     with _reading(path) as file:
         for entry, _ in _chain(path, file):
             yield entry

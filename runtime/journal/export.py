@@ -56,8 +56,16 @@ def write_rows(
 ) -> int:
     """Write rows as the suffix says, `.csv` or `.parquet`, CSV to standard output; returns their number.
 
-    `option` named the path; `kinds` are Arrow types by column, those of the others follow from their values.
-    ArgumentsError of another suffix or without pyarrow, OutputError where the file cannot be written.
+    Args:
+        found: the rows.
+        path: the file.
+        option: that named it.
+        columns: names of the columns, in order.
+        kinds: Arrow types by column; those of the others follow from their values.
+
+    Raises:
+        ArgumentsError: another suffix, or pyarrow is missing.
+        OutputError: the file cannot be written.
     """
     if path in STDOUT or path.suffix == ".csv":
         return _write_csv(found, path, columns)

@@ -64,9 +64,16 @@ TOPICS: dict[str, tuple[str, Schema]] = {
 def write(entries: Iterable[Entry], path: Path, journal: Path, timestamp: Callable[[str], float]) -> int:
     """Write the records of a journal as an MCAP file; returns the number of its squeezes.
 
-    `journal` is where they come from, for errors; `timestamp` reads a time as seconds since 1970, ValueError
-    where it is none. ArgumentsError without the extra `mcap`; JournalError where a time is no date, or a
-    table that its digest vouches for cannot be read; OutputError where the file cannot be written.
+    Args:
+        entries: the records.
+        path: the file, or standard output.
+        journal: where the records come from, for errors.
+        timestamp: reads a record's time as seconds since 1970; ValueError where it is none.
+
+    Raises:
+        ArgumentsError: the extra `mcap` is missing.
+        JournalError: a record's time is no date, or a table that its digest vouches for cannot be read.
+        OutputError: the file cannot be written.
     """
     with writing(path) as draft, draft.open("wb") as file:
         recording = _Recording(file, journal, timestamp)

@@ -23,7 +23,8 @@ ASK_S = 0.25  # how long a client may take to say what it wants
 class StatusServer(Server):
     """Answers for a status on a Unix socket; one that nobody listens at any more is replaced.
 
-    ArgumentsError where the socket cannot be made there, or somebody else listens.
+    Raises:
+        ArgumentsError: the socket cannot be made there, or somebody else listens.
     """
 
     def __init__(self, path: Path, status: Status) -> None:

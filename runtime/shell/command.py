@@ -67,8 +67,14 @@ def run(
     An answer that is lost ends a command that did well with 2; a reader who has seen enough (`| head`) does
     not.
 
-    The parser itself ends by SystemExit, for --help and for arguments that are not understood; `argv` None
-    stands for the process's own, `stopped` is exit code and sentence of a KeyboardInterrupt.
+    Args:
+        built: the command's parser; arguments without `debug` count as without --debug.
+        argv: the arguments, without the command's name; None for the process's own.
+        body: does the work and returns the exit code.
+        stopped: exit code and sentence of a KeyboardInterrupt.
+
+    Raises:
+        SystemExit: of the parser, for --help and for arguments that are not understood.
     """
     closed = _open_streams()
     _lost.clear()

@@ -26,9 +26,13 @@ class OutputError(OSError):
 def usable(path: Path, *others: Path | None, stdout: bool = False) -> Path:
     """Check, before the work is done, that an output file may be written; returns its path.
 
-    It need not be there. OutputError where it is a link, a folder, a device or may not be written, or one of
-    `others`: files that the command reads, or writes besides; None for an option that was not given. Standard
-    output will do with `stdout`.
+    Args:
+        path: the file; it need not be there.
+        others: files that the command reads, or writes besides; None for an option that was not given.
+        stdout: whether standard output will do.
+
+    Raises:
+        OutputError: it is a link, a folder, a device or one of the others, or may not be written.
     """
     if stdout and path in STDOUT:
         return path
@@ -47,7 +51,12 @@ def usable(path: Path, *others: Path | None, stdout: bool = False) -> Path:
 def folder(path: Path, *others: Path | None) -> Path:
     """Make a folder for output files, before the work is done; returns its path.
 
-    OutputError where it cannot be made, or is one of the `others`, which the command reads, as in `usable`.
+    Args:
+        path: the folder; it may be there.
+        others: folders that the command reads, as in `usable`.
+
+    Raises:
+        OutputError: it cannot be made, or is one of the others.
     """
     try:
         path.mkdir(parents=True, exist_ok=True)
@@ -63,7 +72,10 @@ def folder(path: Path, *others: Path | None) -> Path:
 def writing(path: Path) -> Iterator[Path]:
     """Yields a draft to write to, of the same suffix; when all went well it takes the file's place.
 
-    Where the path is one of `STDOUT`, the draft is copied there. OutputError where it cannot be written.
+    Where the path is one of `STDOUT`, the draft is copied there.
+
+    Raises:
+        OutputError: it cannot be written.
     """
     if path in STDOUT:
         with tempfile.TemporaryDirectory() as folder:

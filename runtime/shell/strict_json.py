@@ -15,7 +15,8 @@ MOST_BYTES = 4 << 20  # of a file
 def parse(text: str | bytes) -> Any:
     """Read JSON (UTF-8) whose numbers are finite, its integers short, and which is not nested deeply.
 
-    ValueError where it is no such JSON; the sentence says why, and reads on after "is ".
+    Raises:
+        ValueError: it is no such JSON; the sentence says why, and reads on after "is ".
     """
     try:
         text = text.decode() if isinstance(text, bytes) else text
@@ -35,10 +36,15 @@ def parse(text: str | bytes) -> Any:
 
 
 def load(path: Path, refused: Callable[[str], Exception], most_bytes: int = MOST_BYTES) -> Any:
-    """What a file holds, read if it has no more than `most_bytes`.
+    """What a file holds.
 
-    Where it cannot be read, is too large, or is no such JSON, the error is what `refused` makes of a
-    sentence, which reads on after the file's name.
+    Args:
+        path: the file.
+        refused: makes an error of a sentence, which reads on after the file's name.
+        most_bytes: size from which on it is not read.
+
+    Raises:
+        Exception: what `refused` makes, where the file cannot be read, is too large, or is no such JSON.
     """
     try:
         with path.open("rb") as file:

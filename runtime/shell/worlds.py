@@ -16,7 +16,11 @@ class WorldError(Exception):
 
 
 def find_factory(name: str) -> Factory:
-    """The factory of that name, also in the current folder's modules; WorldError where there is none."""
+    """The factory of that name; modules in the current folder are found too.
+
+    Raises:
+        WorldError: the name is not understood, or there is no such module or factory.
+    """
     module_name, _, attribute = name.partition(":")
     if not (module_name and attribute.isidentifier()):
         raise WorldError(f"write it as module:factory, such as {DEFAULT_WORLD}")
@@ -35,7 +39,8 @@ def find_factory(name: str) -> Factory:
 def make_world(factory: Factory, subject: object, seed: int) -> Any:
     """What a factory returns for a subject (the job, or the table for a rehearsal) and a seed.
 
-    WorldError where it fails, or what it returns cannot squeeze.
+    Raises:
+        WorldError: it fails, or what it returns cannot squeeze.
     """
     try:
         world = factory(subject, seed)

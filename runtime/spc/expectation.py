@@ -34,7 +34,7 @@ class Expectation:
     shares: tuple[Shares, ...]  # for each world, (nodes, 256), none of them zero
 
     def check(self, history: History) -> None:
-        """Raise ArgumentsError unless this is of the table of a history."""
+        """Raises ArgumentsError unless this is of the table of a history."""
         nodes = len(history.table.nodes)
         if history.table_sha256 not in ("", self.table_sha256) or len(self.shares[0]) != nodes:
             raise ArgumentsError(
@@ -83,7 +83,11 @@ def bin_of(table: Table, squeeze: Squeezed) -> int:
 
 
 def load(path: Path) -> Expectation:
-    """Read what `plan-expect` wrote; ArgumentsError where it cannot be read, or is something else."""
+    """Read what `plan-expect` wrote.
+
+    Raises:
+        ArgumentsError: it cannot be read, or is something else.
+    """
 
     def refused(problem: str) -> ArgumentsError:
         return ArgumentsError(f"--expected {path}: {problem}; make it with plan-expect")

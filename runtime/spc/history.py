@@ -49,8 +49,9 @@ class History:
 def read(paths: Sequence[Path]) -> History:
     """The history in journals, one after the other.
 
-    JournalError where one cannot be read, or does not verify; ArgumentsError where they are of different
-    tables, or hold no part.
+    Raises:
+        JournalError: one cannot be read, or does not verify.
+        ArgumentsError: they are of different tables, or hold no part.
     """
     table: Table | None = None
     digest = ""

@@ -61,7 +61,11 @@ class Monitor:
         self.lines: dict[str, list[float]] = {name: [] for name in names}
 
     def watch(self, history: History) -> Iterator[Alarm]:
-        """All alarms of a history, in order; ArgumentsError where another table's readings are expected."""
+        """All alarms of a history of this table, in order.
+
+        Raises:
+            ArgumentsError: what is expected of the readings is of another table.
+        """
         if self.readings is not None:
             self.readings.expected.check(history)
         for place, part in enumerate(history.parts):

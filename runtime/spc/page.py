@@ -17,7 +17,12 @@ MOST_POINTS = 1200  # of a line
 
 
 def page(title: str, summary: Summary) -> str:
-    """The whole page, with a title."""
+    """The whole page.
+
+    Args:
+        title: of the page.
+        summary: what it says.
+    """
     body = [
         *_verdict(summary),
         *_alarms(summary),

@@ -137,7 +137,11 @@ def _branch(node: Node, target: int | None) -> int | None:
 
 
 def summarise(history: History, expected: Expectation | None = None) -> Summary:
-    """The figures of a history, of its readings too if they are expected; ArgumentsError of another table."""
+    """The figures of a history; of its readings too where it is known what to expect of them.
+
+    Raises:
+        ArgumentsError: the expectation is of another table.
+    """
     parts, table = history.parts, history.table
     passed, judged = _judged(parts)
     interval, predicted = wilson_interval(passed, judged), table.predicted.success_ppm / PPM

@@ -65,14 +65,22 @@ class TableFile(NamedTuple):
 
 
 def dumps(table: Table) -> bytes:
-    """The bytes of a table's file, which `loads` reads; TableError where it must not be executed, and why."""
+    """The bytes of a table's file; `loads` gives the same table back.
+
+    Raises:
+        TableError: it must not be executed, and why.
+    """
     data = encode(table)
     prove(table)
     return data
 
 
 def loads(data: bytes) -> Table:
-    """The table in a file's bytes; TableError unless `dumps` writes these for one that may be executed."""
+    """The table in a file's bytes, decoded and proved.
+
+    Raises:
+        TableError: the bytes are not exactly what `dumps` writes for a table that may be executed.
+    """
     table = decode(data)
     prove(table)
     return table
@@ -81,7 +89,9 @@ def loads(data: bytes) -> Table:
 def dump(table: Table, path: Path | str) -> None:
     """Write a table's file, whole or not at all.
 
-    TableError where it must not be executed, and why; OutputError where the file cannot be written.
+    Raises:
+        TableError: it must not be executed, and why.
+        OutputError: the file cannot be written.
     """
     data = dumps(table)
     with writing(Path(path)) as draft:
@@ -91,8 +101,9 @@ def dump(table: Table, path: Path | str) -> None:
 def load(path: Path | str) -> TableFile:
     """Read, decode and prove a table's file.
 
-    TableFileError where it is missing or unreadable; TableError, which names the file, where its content is
-    refused.
+    Raises:
+        TableFileError: it is missing or unreadable.
+        TableError: its content is refused; the message names the file.
     """
     path = Path(path)
     try:

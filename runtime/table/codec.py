@@ -62,7 +62,11 @@ Row = tuple[int, ...]
 
 
 def encode(table: Table) -> bytes:
-    """The bytes of a table; proves nothing. TableError where a value is not of the kind of its field."""
+    """The bytes of a table; proves nothing.
+
+    Raises:
+        TableError: a value is not of the kind that its field holds.
+    """
     try:
         several = _several(table) if table.hypotheses else []
         payload = bytes(msgpack.packb([*_header(table), *_columns(table), table.job, *several]))
@@ -76,7 +80,11 @@ def encode(table: Table) -> bytes:
 
 
 def decode(data: bytes) -> Table:
-    """The table in some bytes; proves nothing. TableError, and why, unless `encode` gives these bytes."""
+    """The table in some bytes, if `encode` gives these very bytes for it; proves nothing.
+
+    Raises:
+        TableError: with the first reason found why these bytes are not a table.
+    """
     if len(data) > MAX_BYTES:
         raise TableError(f"{len(data)} bytes, allowed are {MAX_BYTES}; this is not a table")
     named = not data or MAGIC.encode() in data[:BEGINNING]

@@ -16,7 +16,8 @@ COUNTS = 256
 class Calibration:
     """The width between the finger faces at each of the 256 counts, um, never rising with the count.
 
-    TableError where there are not 256 of them, or they rise somewhere.
+    Raises:
+        TableError: there are not 256 of them, or they rise somewhere.
     """
 
     widths_um: tuple[int, ...]

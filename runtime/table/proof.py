@@ -36,7 +36,11 @@ LEAST_LOG = -700.0  # exp of less is zero
 
 
 def prove(table: Table) -> None:
-    """Check that a decoded table may be executed; TableError names the node, leaf or field that is wrong."""
+    """Check that a table, made of integers as a decoded one is, may be executed.
+
+    Raises:
+        TableError: naming the first node, branch, leaf or field that is wrong.
+    """
     _prove_header(table)
     _within("number of nodes", len(table.nodes), 1, MAX_NODES)
     _within("number of leaves", len(table.leaves), 1, MAX_LEAVES)
@@ -68,7 +72,8 @@ def prove(table: Table) -> None:
 def job_of(table: Table) -> dict[str, Any] | None:
     """The job that a table carries, None where it was stripped.
 
-    TableError where the text is not that of the job's digest, or no JSON object that can be read.
+    Raises:
+        TableError: the text is not that of the job's digest, or no JSON object that can be read.
     """
     if table.job is None:
         return None

@@ -46,7 +46,8 @@ class Decision(NamedTuple):
 def decide(node: Node, decided: tuple[int, ...], count: int, object_flag: int) -> Decision:
     """What a settled reading, encoder count and object flag, means at a node by its `decision_map`.
 
-    GripperStateError where the flag contradicts a closing motion.
+    Raises:
+        GripperStateError: the flag contradicts a closing motion.
     """
     if object_flag not in (CLOSING_CONTACT, ARRIVED):
         raise GripperStateError(
@@ -94,8 +95,9 @@ class Policy:
     def of(cls, on_reject: str, on_unresolved: str) -> Self:
         """The policy of two lists of names, as the command line and the journal hold them.
 
-        ArgumentsError where a name is unknown or comes twice, a re-squeeze is asked for at a leaf, or a list
-        has no end.
+        Raises:
+            ArgumentsError: a name is unknown or comes twice, a re-squeeze is asked for at a leaf, or a list
+                has no end.
         """
         rejected = _actions("--on-reject", on_reject)
         unresolved = _actions("--on-unresolved", on_unresolved)

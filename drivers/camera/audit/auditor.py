@@ -53,8 +53,12 @@ def judge(
 ) -> Answer:
     """Compare a measured pose with the predicted ones; the nearest counts.
 
-    `predicted` are the leaf's pose and others that it allows; the standard deviations are those of the
-    measured place, in each direction, and angle.
+    Args:
+        goal: of the table.
+        predicted: the leaf's pose, and others it allows.
+        measured: by the camera.
+        sigma_mm: standard deviation of the measured place, in each direction.
+        sigma_rad: standard deviation of the measured angle.
     """
     pose = min(predicted, key=lambda pose: distance(goal, pose, measured))
     off, bound = distance(goal, pose, measured), threshold(goal)

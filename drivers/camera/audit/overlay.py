@@ -23,9 +23,14 @@ QUALITY = 85
 
 
 def keep(folder: Path, part: int, verdict: str, drawn: Picture, most: int = MOST_PICTURES) -> Path | None:
-    """Write an overlay into a folder, which is made where it is missing; `most` are kept, the oldest go.
+    """Write an overlay; None where the disk refuses, for an audit does not depend on it.
 
-    None where the disk refuses, for an audit does not depend on it.
+    Args:
+        folder: made where it is missing.
+        part: its number.
+        verdict: on it.
+        drawn: (h, w, 3).
+        most: how many are kept; the oldest go.
     """
     path = folder / f"part-{part:07d}-{verdict}.jpg"
     try:
@@ -44,9 +49,18 @@ def keep(folder: Path, part: int, verdict: str, drawn: Picture, most: int = MOST
 def draw(
     picture: Picture, view: View, subject: Subject, predicted: Pose2, found: Measured | None, sentence: str
 ) -> Picture:
-    """Lay the part's outline, where it is predicted and where it was found, and the sentence over a picture.
+    """Lay outlines and the sentence over a picture.
 
-    From (h, w) as it was taken to (h, w, 3).
+    Args:
+        picture: (h, w) as it was taken.
+        view: of the camera.
+        subject: the part's outline and tag.
+        predicted: where the leaf says it lies.
+        found: where it was measured, None: nowhere.
+        sentence: of the answer.
+
+    Returns:
+        (h, w, 3).
     """
     canvas = np.asarray(cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR), np.uint8)
     outline = subject.outline_mm

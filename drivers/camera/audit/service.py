@@ -113,9 +113,17 @@ def serve(
     deadline_s: float,
     full: Callable[[], bool],
 ) -> bool:
-    """Answer questions, each within `deadline_s`, until there are no more.
+    """Answer questions until there are no more.
 
-    Returns whether it ended because it should start anew: the process is `full`.
+    Args:
+        lines: the questions.
+        worker: judges.
+        write: takes an answer's line.
+        deadline_s: for each.
+        full: whether the process has grown too large.
+
+    Returns:
+        Whether it ended because it should start anew.
     """
     while (line := lines.next()) is not None:
         answer = _answered(line, worker, deadline_s)

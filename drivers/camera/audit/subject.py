@@ -31,7 +31,8 @@ class Subject:
 def from_table(path: Path, tags: Sequence[PartTag]) -> tuple[Subject, ...]:
     """The subjects of a table's file, one for each tag; errors of the table's reader pass as they are.
 
-    CameraFileError of several tags for the table's one part, or of one for a part that it does not name.
+    Raises:
+        CameraFileError: several tags for the table's one part, or one for a part that it does not name.
     """
     table = load(path).table
     names = [own.name for own in table.hypotheses]

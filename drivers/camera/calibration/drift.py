@@ -16,7 +16,7 @@ LIMIT_MM = 0.5
 def check(
     references: Sequence[Reference], seen: Sequence[Sighting], view: View, limit_mm: float = LIMIT_MM
 ) -> float:
-    """Check that reference tags are where they were; returns the greatest motion in mm, 0 without any.
+    """Check that reference tags are where they were.
 
     `seen` are all tags of the picture, `view` is the calibration's. CameraError where one moved farther than
     the limit, or off the table, or none of them is seen.

@@ -53,8 +53,6 @@ def calibrate(
 ) -> Made:
     """Calibrate a camera.
 
-    CameraError where a picture cannot be read, or no calibration can be made of them that could be trusted.
-
     Args:
         camera: name or serial number of the camera.
         made: when, ISO 8601.
@@ -66,6 +64,9 @@ def calibrate(
         references: a picture of the fixed tags, None: there are none.
         from_below: whether the camera looks up through the table.
         height_mm: of the board's face above the table.
+
+    Raises:
+        CameraError: a picture cannot be read, or no calibration can be made of them that could be trusted.
     """
     size, views, left_out = _views(board, [*table, *(path for path in held if path not in table)])
     lying = [view for view in views if view.name in {path.name for path in table}]
@@ -91,8 +92,13 @@ def calibrate(
 def glue(calibration: CameraCalibration, tag: PartTag, touched: Sequence[Touched]) -> PartTag:
     """Measure where a tag is on its part, from pictures of the part at known poses.
 
-    `tag` is given as if it lay at the part's origin. CameraError where a tag is not seen, or the poses
-    contradict one another.
+    Args:
+        calibration: of the camera.
+        tag: the tag, as if it lay at the part's origin.
+        touched: the part's poses, and their pictures.
+
+    Raises:
+        CameraError: a tag is not seen, or the poses contradict one another.
     """
     fixed = {reference.number for reference in calibration.references}
     seen = []

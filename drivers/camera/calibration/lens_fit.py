@@ -31,7 +31,8 @@ class LensFit(NamedTuple):
 def fit(views: Sequence[BoardView], size: tuple[int, int]) -> LensFit:
     """Fit a lens to views of a board, the first of which lies on the table, in pictures of a size in pixels.
 
-    CalibrationRefusedError of too few views, a corner without any, large residuals, little tilt.
+    Raises:
+        CalibrationRefusedError: too few views, a corner without any, large residuals, little tilt.
     """
     _check_views(views, size)
     points = [np.column_stack([v.points, np.zeros(len(v.points))]) for v in views]
@@ -56,9 +57,15 @@ def fit(views: Sequence[BoardView], size: tuple[int, int]) -> LensFit:
 
 
 def slopes_at(lens: Lens, pose: Array, points: Array) -> Array:
-    """Derivatives of pixels by the nine intrinsics and by a board's pose, (2 n, 15), per pixel, mm and rad.
+    """Derivatives of pixels by the nine intrinsics and by the pose of a board.
 
-    `pose` is (6,) of the board in the camera, `points` (n, 3) mm in the board's frame.
+    Args:
+        lens: the lens.
+        pose: (6,) of the board in the camera.
+        points: (n, 3) mm, in the board's frame.
+
+    Returns:
+        (2 n, 15), per pixel, mm and rad.
     """
     _, slopes = cv2.projectPoints(points, pose[:3], pose[3:], lens.matrix, np.array(lens.distortion))
     return np.roll(np.asarray(slopes, np.float64), INTRINSICS, axis=1)  # OpenCV has the pose first

@@ -37,8 +37,15 @@ def measure(
 ) -> Measured:
     """Measure the part that carries a tag; CameraError unless that is seen once, alone, of the right size.
 
-    `picture` (h, w) and `near`, where the part is thought to lie, are for explaining why the tag is not seen;
-    `seen` are all tags found.
+    Args:
+        picture: (h, w), for explaining why the tag is not seen.
+        seen: all tags found in it.
+        calibration: of the camera.
+        tag: the part's.
+        near: where the part is thought to lie, for the same purpose.
+
+    Raises:
+        TagError: the tag is not seen once, alone, and of the right size.
     """
     fixed = {reference.number for reference in calibration.references}
     sighting = the_one(seen, tag.number, fixed)

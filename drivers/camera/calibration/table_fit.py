@@ -51,8 +51,12 @@ def stand(lens: Lens, pose: Array, from_below: bool, height_mm: float = 0.0) -> 
 def align(touched: Sequence[Place], seen: Sequence[Place]) -> tuple[Pose2, float]:
     """Pose of the arm's world in the board's frame, and the rms of the residuals, mm.
 
-    Of places touched in the arm's world and the same seen in the board's frame, mm. CalibrationRefusedError
-    of too few, too near to one another, or in contradiction.
+    Args:
+        touched: places in the arm's world, mm.
+        seen: the same in the board's frame, mm.
+
+    Raises:
+        CalibrationRefusedError: too few places, too near to one another, or in contradiction.
     """
     a, b = np.array(touched, np.float64).reshape(-1, 2), np.array(seen, np.float64).reshape(-1, 2)
     if len(a) < LEAST_TOUCHED:
@@ -76,7 +80,8 @@ def align(touched: Sequence[Place], seen: Sequence[Place]) -> tuple[Pose2, float
 def board_residuals(view: View, boards: Sequence[BoardView], height_mm: float = 0.0) -> Residuals:
     """How far each corner of boards that lie on the table is from where the board, moved as a whole, has it.
 
-    CalibrationRefusedError where that is too far.
+    Raises:
+        CalibrationRefusedError: too far.
     """
     places, off = [], []
     for board in boards:
@@ -97,8 +102,13 @@ def board_residuals(view: View, boards: Sequence[BoardView], height_mm: float = 
 def trust(found: LensFit, view: View, height_mm: float, world: Pose2) -> Trust:
     """How far places may be trusted, on a grid over all of the table that the camera sees.
 
-    A place moves by as much as keeps its pixel where it is when lens and pose change. `world` is the pose of
-    the arm's world in the board's frame, whose face is `height_mm` above the table.
+    A place moves by as much as keeps its pixel where it is when lens and pose change.
+
+    Args:
+        found: lens and the table board's pose, with their covariance.
+        view: of the camera in the arm's world.
+        height_mm: of the board's face above the table.
+        world: pose of the arm's world in the board's frame.
     """
     lens, below = view.lens, view.from_below
     rim = np.array([(x, y) for x in (0, lens.width - 1) for y in (0, lens.height - 1)], np.float64)
@@ -119,8 +129,12 @@ def trust(found: LensFit, view: View, height_mm: float, world: Pose2) -> Trust:
 def part_offset(parts: Sequence[Pose2], tags: Sequence[Pose2]) -> tuple[Pose2, float, float]:
     """Pose of a tag in its part's frame, and the standard deviations of its place (mm) and angle (rad).
 
-    Of known poses of the part, and those of the tag that were seen. CalibrationRefusedError of too few, or
-    where they contradict one another.
+    Args:
+        parts: poses of the part that are known.
+        tags: poses of the tag that were seen.
+
+    Raises:
+        CalibrationRefusedError: too few, or they contradict one another.
     """
     if len(parts) < LEAST_TOUCHED:
         raise CalibrationRefusedError(f"{len(parts)} poses of the part; at least {LEAST_TOUCHED} are needed")

@@ -31,7 +31,7 @@ class Corners(NamedTuple):
 
 
 def refine(picture: Picture, corners: Array, squares: int) -> Corners | None:
-    """Refine the corners of a tag's black border; None where a side has no edge to be found.
+    """Refine the corners of a tag's black border.
 
     The picture is (h, w) grey levels, the corners (4, 2) to about two pixels, in order around the tag;
     `squares` of it stand along a side, its border included: 8 for 36h11.

@@ -30,7 +30,14 @@ def check_exposure(picture: Picture) -> None:
 
 
 def why_unseen(picture: Picture, view: View, tag: PartTag, expected: Pose2 | None) -> str:
-    """The sentence for a tag not seen in a picture (h, w), expected at mm, mm, rad if that is known."""
+    """The sentence for a tag that is not seen.
+
+    Args:
+        picture: (h, w).
+        view: of the camera.
+        tag: the part's.
+        expected: where the tag should be, if that is known: mm, mm, rad.
+    """
     if families := families_seen(picture):
         return f"no tag {FAMILY} is seen, but one of family {families[0]}; print tag {tag.number} of {FAMILY}"
     if expected is not None and _partly_seen(picture, view, tag, expected):

@@ -34,10 +34,15 @@ class Source:
 
 
 def open_source(address: str, size: tuple[int, int] | None = None) -> Source:
-    """The source of an address; SourceError where there is no such thing.
+    """The source of an address.
 
-    An address is `/dev/video0` or a device's number; `rtsp://...`; `http://...` (a JPEG, or a stream of them
-    where the path ends in `.mjpg` or `.mjpeg`); a folder. A device is set to `size`, width and height.
+    Args:
+        address: `/dev/video0` or a device's number; `rtsp://...`; `http://...` (a JPEG, or a stream of them
+            where the path ends in `.mjpg` or `.mjpeg`); a folder.
+        size: width and height to set a device to.
+
+    Raises:
+        SourceError: there is no such thing.
     """
     if address.startswith(("http://", "https://")):
         streams = address.partition("?")[0].endswith((".mjpg", ".mjpeg"))
@@ -121,7 +126,10 @@ class Still(Source):
 class Stream(Source):
     """A device or a stream, read without a pause by a thread of its own, so that its buffers hold no past.
 
-    `address` and `backend` are as OpenCV takes them; `size` is width and height to set it to.
+    Args:
+        address: as OpenCV takes it.
+        backend: of OpenCV.
+        size: width and height to set it to.
     """
 
     def __init__(self, address: str, backend: int, size: tuple[int, int] | None = None) -> None:

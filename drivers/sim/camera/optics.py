@@ -70,8 +70,11 @@ def webcam(
 ) -> Optics:
     """A camera with the lens of an ordinary wide-angle webcam (82 degrees across).
 
-    Below the table it looks up, above it down; tilted aside about its own x and y, turned about its own axis.
-    The lens stays the same whatever the size (width, height) of the picture.
+    Args:
+        eye_mm: where it is; below the table it looks up, above it looks down.
+        tilt_deg: by how much it looks aside, about its own x and y.
+        turn_deg: by how much it is turned about its own axis.
+        size: width and height of the picture; the lens stays the same.
     """
     looks_up = eye_mm[2] < 0.0
     # Seen from below with x to the right, the world's y points down in the picture; from above, up.

@@ -36,7 +36,17 @@ class Flaws:
 
 
 def render(optics: Optics, cards: Sequence[Card], flaws: Flaws, rng: np.random.Generator) -> Picture:
-    """Take a picture, (height, width) grey levels; of the cards a later one covers an earlier one."""
+    """Take a picture.
+
+    Args:
+        optics: the camera.
+        cards: what lies before it; a later one covers an earlier one.
+        flaws: of lens, light, sensor and compression.
+        rng: of the noise.
+
+    Returns:
+        (height, width) grey levels.
+    """
     levels = np.full((optics.height, optics.width), BEHIND_TONE, np.float32)
     for card in cards:
         _draw(levels, optics, card)

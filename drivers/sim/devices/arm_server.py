@@ -18,7 +18,14 @@ MAX_STRING = 80  # SocketReceive \Str takes so much at once
 
 
 class ArmServer(TcpServer):
-    """Serves an arm model as SERVER.mod does; `executed` is called after each instruction, under the lock."""
+    """Serves an arm model as SERVER.mod does.
+
+    Args:
+        model: the arm.
+        lock: held while the model is used.
+        time: simulated time.
+        executed: called after each finished instruction, under the lock.
+    """
 
     def __init__(
         self,
@@ -103,7 +110,12 @@ def _gone(client: socket.socket) -> bool:
 
 
 class ArmLogger(TcpServer):
-    """Sends poses and joints in degrees in turn, without terminators (`RAPID/LOGGER.mod`)."""
+    """Sends poses and joints in turn, without terminators (`RAPID/LOGGER.mod`).
+
+    Args:
+        look: the hand's pose and the joints in degrees, now.
+        time: simulated time.
+    """
 
     def __init__(self, look: Callable[[], tuple[Pose, tuple[float, ...]]], time: SimulatedTime) -> None:
         super().__init__("logger", time.stopped)

@@ -42,7 +42,14 @@ class FaultyArm(ArmModel):
 
 
 class FaultyGripper(GripperModel):
-    """A gripper that fails; each request that it hears is one event of the desk."""
+    """A gripper that fails; each request that it hears is one event of the desk.
+
+    Args:
+        rng: as of `GripperModel`.
+        jaws: the mechanics.
+        surroundings: what the fingers may meet.
+        desk: says what holds when.
+    """
 
     def __init__(self, rng: random.Random, jaws: Jaws, surroundings: Surroundings, desk: Desk) -> None:
         super().__init__(rng, jaws, surroundings)

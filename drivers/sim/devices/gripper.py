@@ -43,7 +43,13 @@ def input_block(**fields: int) -> bytes:
 
 
 class GripperModel:
-    """A 2F gripper from power-up on; simulated seconds never go back, the lags of gOBJ are drawn by `rng`."""
+    """A 2F gripper from power-up on. Times are simulated seconds and never go back.
+
+    Args:
+        rng: draws the lags of gOBJ.
+        jaws: the mechanics.
+        surroundings: what the fingers may meet.
+    """
 
     def __init__(
         self,

@@ -46,7 +46,14 @@ def stop_jaws(device: Device, now: Callable[[], float]) -> None:
 
 
 class TcpPort(TcpServer):
-    """The gripper on a TCP port; `hung_up` is called when a client leaves."""
+    """The gripper on a TCP port.
+
+    Args:
+        slave: the device.
+        lock: held while bytes are served.
+        time: simulated time, of answers that come late.
+        hung_up: called when a client leaves.
+    """
 
     def __init__(
         self,

@@ -50,7 +50,12 @@ class Urcap:
 
 
 class UrcapPort(TcpServer):
-    """The URCap on a TCP port."""
+    """The URCap on a TCP port.
+
+    Args:
+        urcap: answers lines.
+        lock: held while a line is served.
+    """
 
     def __init__(self, urcap: Urcap, lock: Lock) -> None:
         super().__init__("urcap", threading.Event())

@@ -30,9 +30,12 @@ Fields = dict[str, tuple[str, tuple[float, ...]]]
 
 
 class UrModel:
-    """The controller's state; `base` is the arm's base frame in the world, in which programs are written.
+    """The controller's state.
 
-    Only this controller moves the arm; `executed` is called after each motion that was looked at.
+    Args:
+        arm: its mechanics; only this controller moves it.
+        base: the arm's base frame in the world, in which programs are written.
+        executed: called after each motion that was looked at.
     """
 
     def __init__(self, arm: ArmModel, base: Pose, executed: Callable[[], None] = lambda: None) -> None:

@@ -81,7 +81,7 @@ class Setting(NamedTuple):
 
 
 def load(tree: Path | None, job: Path | None, world: str | None) -> Setting:
-    """Read a compiled table, whose embedded job is used, or else a job file, and find the world.
+    """Read table or job, and find the world.
 
     The world is `module:factory`; none: the planner's, or a rehearsal where the planner is not installed.
     SimulationError where a file or the world cannot be had; errors of table and job pass as they are.

@@ -23,9 +23,12 @@ class Look(NamedTuple):
 
 
 class TableTop:
-    """The part on the table and what the fingers do to it; to the desk a closing of the jaws is one event.
+    """The part on the table and what the fingers do to it.
 
-    The seed is of parts, world and encoder noise.
+    Args:
+        setting: what to start from.
+        seed: of parts, world and encoder noise.
+        desk: says what goes wrong with the part; a closing of the jaws is one event.
     """
 
     def __init__(self, setting: Setting, seed: int, desk: Desk) -> None:

@@ -25,7 +25,11 @@ from drivers.sim.workcell import ARM_BASE, Workcell
 class VirtualCell:
     """A cell whose time is `clock`; its devices are connected to as often as one likes.
 
-    Made as `Workcell` is; `overheard` is told of each string that the arm's controller receives.
+    Args:
+        setting: part and world.
+        seed: of every draw.
+        faults: what goes wrong when; None: nothing.
+        overheard: told of each string that the arm's controller receives.
     """
 
     def __init__(

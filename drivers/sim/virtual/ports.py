@@ -19,7 +19,12 @@ MAX_STRING = 80  # SocketReceive \\Str takes so much at once
 
 
 class VirtualPort:
-    """A port in memory, as `drivers.stream.Stream`: what comes arrives in its time."""
+    """A port in memory, as `drivers.stream.Stream`: what comes arrives in its time.
+
+    Args:
+        endpoint: its name in messages.
+        clock: the cell's.
+    """
 
     def __init__(self, endpoint: str, clock: VirtualClock) -> None:
         self.endpoint = endpoint

@@ -32,7 +32,13 @@ class Device(Protocol):
 
 
 class GripperRegisters:
-    """A gripper's two blocks at their wire addresses, at simulated seconds `now`."""
+    """A gripper's two blocks at their wire addresses.
+
+    Args:
+        device: the gripper.
+        now: simulated seconds.
+        wiring: the kind of link.
+    """
 
     def __init__(self, device: Device, now: Callable[[], float], wiring: Wiring = RTU) -> None:
         self._device = device

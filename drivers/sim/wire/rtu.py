@@ -18,7 +18,12 @@ BYTE_S = 10 / BAUD  # 8N1
 
 
 class Slave:
-    """Frames of one slave on a bus, fed with bytes as they come; another unit's frames meet silence."""
+    """Frames of one slave on a bus, fed with bytes as they come; another unit's frames meet silence.
+
+    Args:
+        registers: what it serves.
+        line: what its frames meet on the way.
+    """
 
     unit: int  # slave id
 
@@ -85,10 +90,18 @@ def exchange(
     stopped: threading.Event,
     byte_s: float = 0.0,
 ) -> None:
-    """Serve what comes over a terminal's or socket's descriptor until its other end closes, or `stopped`.
+    """Serve what comes over a descriptor until its other end is closed or the server stops.
 
-    A byte takes `byte_s` simulated seconds. OSError where the connection broke, or the fault schedule has
-    unplugged it.
+    Args:
+        slave: the device.
+        descriptor: of a terminal or a socket.
+        lock: held while bytes are served.
+        time: simulated time, which answers take.
+        stopped: ends it.
+        byte_s: how long a byte takes, simulated seconds.
+
+    Raises:
+        OSError: the connection broke, or the fault schedule has unplugged it.
     """
     outbox = Outbox()
     while not stopped.is_set():
@@ -109,7 +122,10 @@ def exchange(
 class PtyPort(Server):
     """An RTU slave behind a pseudo-terminal; `path` is what a master opens.
 
-    The lock is held while a frame is served; bytes take their time on a 115200 baud line.
+    Args:
+        slave: the device.
+        lock: held while a frame is served.
+        time: simulated time; bytes take theirs on a 115200 baud line.
     """
 
     def __init__(self, slave: RtuSlave, lock: Lock, time: SimulatedTime) -> None:

@@ -12,7 +12,12 @@ Lock = contextlib.AbstractContextManager[object]
 
 
 class SimulatedTime:
-    """Simulated seconds, so many a wall second; when `stopped` is set every pause ends early."""
+    """Simulated seconds: wall time since the start, times the scale.
+
+    Args:
+        scale: simulated seconds per wall second.
+        stopped: set when the cell stops; ends every pause early.
+    """
 
     def __init__(self, scale: float, stopped: threading.Event) -> None:
         self.stopped = stopped
@@ -33,7 +38,12 @@ class SimulatedTime:
 
 
 class Server:
-    """A named thread that serves until it is closed, or `stopped` is set."""
+    """A thread that serves until it is closed.
+
+    Args:
+        name: of the thread.
+        stopped: ends it; set by `close`.
+    """
 
     def __init__(self, name: str, stopped: threading.Event) -> None:
         self._stopped = stopped

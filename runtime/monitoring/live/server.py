@@ -34,7 +34,11 @@ class Address(NamedTuple):
 
 
 def parse(text: str, option: str = "--http") -> Address:
-    """The address as an option takes it, this one or that of `runtime.commands.serve`; or ArgumentsError."""
+    """Read an address as an option takes it, this one or that of `runtime.commands.serve`.
+
+    Raises:
+        ArgumentsError: it is none.
+    """
     netloc = text if ":" in text else f"{LOOPBACK}:{text}"
     try:
         told = urlsplit(f"//{netloc}")
@@ -57,7 +61,11 @@ def is_loopback(host: str) -> bool:
 
 
 class PageServer(Server):
-    """Answers requests on a TCP port, or ArgumentsError; its `address` has the free port in place of 0."""
+    """Answers requests on a TCP port; its `address` has the port that was free in place of 0.
+
+    Raises:
+        ArgumentsError: nothing can listen there.
+    """
 
     def __init__(self, address: Address, pages: Pages) -> None:
         listener = listening(address, "--http")
@@ -67,7 +75,11 @@ class PageServer(Server):
 
 
 def listening(address: Address, option: str) -> socket.socket:
-    """A socket that listens at an address; ArgumentsError where nothing can listen there."""
+    """A socket that listens at an address.
+
+    Raises:
+        ArgumentsError: nothing can listen there.
+    """
     try:
         family, kind, _, _, place = socket.getaddrinfo(
             address.host, address.port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
