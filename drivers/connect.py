@@ -60,10 +60,7 @@ def gripper(
     """Open a gripper; reads its state, writes nothing.
 
     With `read_only` it has a link that cannot write; `report` is told of every retry and failure on it.
-
-    Raises:
-        PortError: the port cannot be opened, or its driver cannot be loaded.
-        LinkError: nothing answers there.
+    PortError where port or driver cannot be opened; LinkError where nothing answers.
     """
     opened: Gripper = _opened(GRIPPERS, port, Pace(Clock(), time_scale), report, read_only=read_only)
     return opened

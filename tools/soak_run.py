@@ -9,7 +9,6 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from drivers.ports import TURN_RADIUS_MM
 from drivers.robotiq.gripper import Gripper
 from drivers.robotiq.link import Link
 from drivers.sim.faults import SCENE_KINDS, Listed, Seeded
@@ -17,14 +16,14 @@ from drivers.sim.physics.scene import Setting
 from drivers.sim.virtual.cell import VirtualCell
 from drivers.sim.virtual.clock import VirtualClock
 from runtime.execution.delivery import Delivery
-from runtime.execution.events import Phase
-from runtime.execution.executor import Cell, Executor, RunOptions
+from runtime.execution.events import Console, Phase
+from runtime.execution.executor import DEADLINE_FACTOR, Cell, Executor, RunOptions, expected_s
 from runtime.execution.hand import Handling
 from runtime.execution.session import sight
 from runtime.journal.replay import Replay
-from runtime.table import PPM, Table, dumps, profile_of
+from runtime.table import PPM, Table, dumps
 from runtime.traversal.decision import Policy
-from runtime.traversal.results import Outcome, PartResult, Step
+from runtime.traversal.results import Outcome, PartResult
 
 FRESH_S = 0.5  # a reading older than this says nothing about now
 GOES, RESET_FAULTS = 0x08, 0x0A
@@ -105,7 +104,7 @@ class Watch:
         return math.dist(target[:2], self.at_mm[:2]) <= SAME_MM and target[2] >= self.at_mm[2]
 
 
-class Pulse:
+class Pulse(Console):
     """The longest that the loop went without telling the service manager that it is alive."""
 
     def __init__(self, clock: VirtualClock) -> None:
@@ -113,7 +112,7 @@ class Pulse:
         self._last_s = clock.now()
         self.longest_s = 0.0
 
-    def __call__(self, part: int, phase: Phase, node: int | None) -> None:
+    def phase(self, part: int, phase: Phase, node: int | None) -> None:
         del part, phase, node
         now_s = self._clock.now()
         self.longest_s = max(self.longest_s, now_s - self._last_s)
@@ -192,14 +191,7 @@ class Soak:
 
     def squeeze_s(self) -> float:
         """The longest that the executor lets a squeeze take."""
-        limits = self.table.limits
-        x_min, y_min, x_max, y_max = limits.work_area_um
-        path = math.hypot(x_max - x_min, y_max - y_min)
-        path += math.tau * 1000 * TURN_RADIUS_MM
-        path += 3 * (limits.retreat_height_um - limits.squeeze_height_um)
-        slowest_um_s = profile_of(self.table.gripper.model).speed_um_s[0]
-        seconds = path / limits.arm_speed_um_s + 3 * self.table.gripper.opening_um / slowest_um_s
-        return 3.0 * seconds + SQUEEZE_S
+        return DEADLINE_FACTOR * expected_s(self.table, self.table.nodes[0].squeeze) + SQUEEZE_S
 
 
 def run(soak: Soak, seed: int, faults: Listed | None = None) -> Told:
@@ -219,7 +211,7 @@ def run(soak: Soak, seed: int, faults: Listed | None = None) -> Told:
         told.met.update(cell.works.desk.met)
         return told
     pulse = Pulse(cell.clock)
-    executor = Executor(soak.table, Cell(gripper, arm, cell.clock, records), _unobserved, plan, pulse)
+    executor = Executor(soak.table, Cell(gripper, arm, cell.clock, records), pulse, plan)
     for _ in range(soak.parts):
         if _run_part(soak, cell, executor, told) is Outcome.FAULT:
             break
@@ -251,10 +243,6 @@ def _run_part(soak: Soak, cell: VirtualCell, executor: Executor, told: Told) -> 
         told.findings.append(f"part {part}: open fingers came down on a part that nothing had moved")
     told.findings += _judge(soak, part, result, cell.clock.now() - began)
     return result.outcome
-
-
-def _unobserved(part: int, step: Step) -> None:
-    """Nobody looks on."""
 
 
 def _count(table: Table, cell: VirtualCell, result: PartResult, told: Told) -> None:

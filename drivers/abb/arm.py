@@ -173,8 +173,7 @@ def connect(url: str, pace: Pace, *, read_only: bool) -> Arm:
 def over(open_stream: Callable[[], Stream], pace: Pace, setup: Setup) -> Arm:
     """The same over connections of any kind.
 
-    The server makes its sockets anew after each client and cuts off who connected meanwhile: that is tried
-    again.
+    The server makes its sockets anew after each client, and cuts off who connected meanwhile: tried again.
     """
     tries = CONNECT_TRIES
     while True:

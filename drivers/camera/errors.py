@@ -17,14 +17,6 @@ class PictureError(CameraError):
     """The picture shows nothing that could be measured."""
 
 
-class TagError(CameraError):
-    """The part's tag is not seen once, whole and alone."""
-
-
-class MovedError(CameraError):
-    """The camera stands elsewhere than where it was calibrated."""
-
-
 class CameraFileError(CameraError):
     """A file about the camera cannot be used."""
 

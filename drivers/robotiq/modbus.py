@@ -24,7 +24,7 @@ from drivers.robotiq.frames import (
     read_request,
     write_request,
 )
-from drivers.robotiq.link import ReportingLink, no_report
+from drivers.robotiq.link import StreamLink, no_report
 from drivers.robotiq.registers import BLOCK_BYTES
 from drivers.stream import Stream
 
@@ -40,20 +40,17 @@ SCAN_BYTES = 7
 LEAST_REGISTERS, MOST_REGISTERS = BLOCK_BYTES // 2, 8
 
 
-class ModbusLink(ReportingLink):
+class ModbusLink(StreamLink):
     """A gripper's two register blocks on one Modbus connection, which is owned from now on."""
 
     def __init__(
         self, stream: Stream, framing: Framing, wiring: Wiring, pace: Pace, report: Report = no_report
     ) -> None:
-        super().__init__(stream.endpoint, report)
-        self._stream = stream
+        super().__init__(stream, pace, report)
         self._framing = framing
         self._wiring = wiring
-        self._pace = pace
         self._free_at = pace.now()
         self._out_of_step = False
-        self._late_s = 0.0  # by how much the last answer was read too late
         self._count = LEAST_REGISTERS
 
     def read(self) -> bytes:
@@ -64,18 +61,9 @@ class ModbusLink(ReportingLink):
         """Write the output block, 6 bytes, once."""
         self._transact(write_request(self._wiring, block))
 
-    def close(self) -> None:
-        """Close the connection; moves nothing (over Modbus TCP the device then stops itself, [M200] p66)."""
-        self._stream.close()
-        self._lost = "it was closed"
-
     def _read_once(self) -> bytes:
         reply = self._transact(read_request(self._wiring, self._count))
-        if self._late_s > 0.0:  # it tells of a moment that is too long ago; a write's answer stays true
-            raise LinkTimeout(
-                f"gripper at {self.endpoint} answered, but this process was stopped or starved and read it "
-                f"{self._late_s:.1f} s too late; take load off this machine"
-            )
+        self._check_in_time()
         return struct.pack(f">{len(reply.registers)}H", *reply.registers)[:BLOCK_BYTES]
 
     def _transact(self, request: ModbusPDU) -> ModbusPDU:
@@ -87,7 +75,7 @@ class ModbusLink(ReportingLink):
             self._stream.send(frame)
             reply = self._await_reply(request)
         except OSError as error:
-            raise self._broken(error) from error
+            raise self._broken(error, "cable, adapter and power") from error
         finally:
             self._free_at = self._pace.now() + GAP_S / self._pace.time_scale
         if reply is None:
@@ -110,16 +98,10 @@ class ModbusLink(ReportingLink):
             pass
 
     def _await_reply(self, request: ModbusPDU) -> ModbusPDU | None:
-        deadline = self._pace.now() + LINK_TIMEOUT_S
         buffer = b""
-        left = LINK_TIMEOUT_S
-        while left > 0.0:
-            left = deadline - self._pace.now()
-            # Past the deadline what is there already counts as well: we may have been stopped meanwhile.
-            data = self._stream.receive(max(left, 0.0))
-            buffer = (buffer + data)[-MAX_BUFFER:]
-            if data and (found := self._framing.find(buffer, request)) is not None:
-                self._late_s = max(self._pace.now() - deadline, 0.0)
+        for piece in self._pieces():
+            buffer = (buffer + piece)[-MAX_BUFFER:]
+            if piece and (found := self._framing.find(buffer, request)) is not None:
                 return found
         return None
 
@@ -133,13 +115,6 @@ class ModbusLink(ReportingLink):
             f"gripper at {self.endpoint} did not answer within {LINK_TIMEOUT_S} s; check its power, "
             f"slave id {self._wiring.unit} and wiring"
         )
-
-    def _broken(self, error: OSError) -> LinkError:
-        # Never reopened by itself: another device may be there now.
-        self._lost = "the connection broke"
-        self._stream.close()
-        self._tell("connection broke", error=str(error))
-        return LinkError(f"gripper link {self.endpoint} broke; check cable, adapter and power")
 
 
 def rtu_link(stream: Stream, pace: Pace, report: Report = no_report) -> ModbusLink:

@@ -12,19 +12,14 @@ from functools import partial
 from drivers.clock import LINK_TIMEOUT_S, Pace
 from drivers.errors import LinkError, LinkTimeout
 from drivers.ports import Report
-from drivers.robotiq.link import ReportingLink, no_report
+from drivers.robotiq.link import StreamLink, no_report
 from drivers.robotiq.registers import INPUT_FIELDS, OUTPUT_FIELDS, pack, unpack
 from drivers.stream import Stream
 
 PORT = 63352
 # Position last: a flag read before it is never newer than the count.
 READ = {"ACT": "gACT", "GTO": "gGTO", "STA": "gSTA", "FLT": "gFLT", "PRE": "gPR", "OBJ": "gOBJ", "POS": "gPO"}
-DIGITS = {
-    "ACT": 1,
-    "GTO": 1,
-    "STA": 1,
-    "OBJ": 1,
-}  # answers that are whole after so many; others after a pause
+DIGITS = dict.fromkeys(("ACT", "GTO", "STA", "OBJ"), 1)  # answers whole after so many; others after a pause
 MOST_DIGITS = 3
 FENCES = ("SPE", "FOR")  # asked only to find the step again
 QUIET_S = 0.003  # wall: an answer without a line end is whole when nothing follows for so long
@@ -33,15 +28,12 @@ MOST_STALE = 16  # pieces of a line that is never quiet
 HINT = "check that the Robotiq URCap is installed, its gripper enabled, and port 63352 not blocked"
 
 
-class UrcapLink(ReportingLink):
+class UrcapLink(StreamLink):
     """A gripper's two register blocks behind the URCap. The connection is owned from now on."""
 
     def __init__(self, stream: Stream, pace: Pace, report: Report = no_report) -> None:
-        super().__init__(stream.endpoint, report)
-        self._stream = stream
-        self._pace = pace
+        super().__init__(stream, pace, report)
         self._text = b""
-        self._late_s = 0.0  # by how much the last answer was read too late
         self._active = 0  # ACT as last read
         self._fences: list[str] = []  # names that no answer still under way has; empty: in step
 
@@ -67,18 +59,9 @@ class UrcapLink(ReportingLink):
             words = f"GTO 0 ACT {image['rACT']}"
         self._transact(f"SET {words}", "ack")
 
-    def close(self) -> None:
-        """Hang up; the URCap leaves the gripper as it is."""
-        self._stream.close()
-        self._lost = self._lost or "it was closed"
-
     def _get(self, name: str) -> int:
         value = self._transact(f"GET {name}", name)
-        if self._late_s > 0.0:  # it tells of a moment that is too long ago; an acknowledgement stays true
-            raise LinkTimeout(
-                f"gripper at {self.endpoint} answered, but this process was stopped or starved and read it "
-                f"{self._late_s:.1f} s too late; take load off this machine"
-            )
+        self._check_in_time()
         if value > 255:
             raise LinkError(f"gripper at {self.endpoint} answered {name} {value}, which is no register value")
         return value
@@ -93,13 +76,7 @@ class UrcapLink(ReportingLink):
         except OSError as error:
             if isinstance(error, LinkError):
                 raise
-            # Never reopened by itself: another device may be there now.
-            self._lost = "the connection broke"
-            self._stream.close()
-            self._tell("connection broke", error=str(error))
-            raise LinkError(
-                f"gripper link {self.endpoint} broke; check the controller and its cable"
-            ) from error
+            raise self._broken(error, "the controller and its cable") from error
         self._fences = []
         return value
 
@@ -120,15 +97,10 @@ class UrcapLink(ReportingLink):
             if not self._stream.receive(0.0):
                 break
         self._stream.send(line.encode("ascii") + b"\n")
-        deadline = self._pace.now() + LINK_TIMEOUT_S
-        left = LINK_TIMEOUT_S
-        while left > 0.0:
-            left = deadline - self._pace.now()
-            # Past the deadline what is there already counts as well: we may have been stopped meanwhile.
-            self._text += self._stream.receive(max(left, 0.0))
+        for piece in self._pieces():
+            self._text += piece
             value = self._answer(line, wanted, stale=stale)
             if value is not None:
-                self._late_s = max(self._pace.now() - deadline, 0.0)
                 return value
         self._tell("no answer", line=line)
         raise LinkTimeout(

@@ -30,14 +30,8 @@ REACH_MM = 580  # of the simulated arm, behind every controller
 class Cell:
     """Gripper on a pty and three TCP ports, arm and scene on TCP ports, joined by a world.
 
-    Gripper and arm are one device each: a host picks one of their ports and leaves the others alone.
-
-    Args:
-        setting: part and world.
-        seed: of every draw.
-        time_scale: simulated seconds per wall second.
-        faults: what goes wrong when; None: nothing.
-        rig: the camera under the table; None: there is none.
+    Gripper and arm are one device each: a host picks one of their ports and leaves the others alone. Made as
+    `Workcell` is; `time_scale` is simulated seconds per wall second, `rig` the camera, if there is one.
     """
 
     def __init__(
@@ -54,7 +48,7 @@ class Cell:
         self.works = Workcell(setting, seed, self._time.now, faults)
         device, now = self.works.gripper, self._time.now
         registers = GripperRegisters(device, now)
-        self._pty = PtyPort(RtuSlave(registers, self.works.line()), self._lock, self._time)
+        pty = PtyPort(RtuSlave(registers, self.works.line()), self._lock, self._time)
         rtu_tcp = TcpPort(RtuSlave(registers, self.works.line()), self._lock, self._time)
         slave = MbapSlave(GripperRegisters(device, now, TCP), self.works.line(checked=False))
         tcp = TcpPort(slave, self._lock, self._time, lambda: stop_jaws(device, now))
@@ -64,21 +58,11 @@ class Cell:
         ur_script, ur_rtde = served(ur, self._lock, self._time)
         logger = ArmLogger(self._look_at_arm, self._time)
         scene = SceneServer(self._answer, self.stopped)
-        self._servers: list[Server | CameraServer] = [
-            self._pty,
-            rtu_tcp,
-            tcp,
-            urcap,
-            arm,
-            ur_script,
-            ur_rtde,
-            logger,
-            scene,
-        ]
+        self._servers: list[Server] = [pty, rtu_tcp, tcp, urcap, arm, ur_script, ur_rtde, logger, scene]
         # Where its devices are, as `drivers.connect` takes them.
         base = ",".join(f"{value:g}" for value in ARM_BASE[:3])
         self.endpoints = {
-            "gripper": self._pty.path,
+            "gripper": pty.path,
             "arm": f"{arm.url}?base={base}",
             "scene": scene.url,
             "world": setting.world,

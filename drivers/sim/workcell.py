@@ -11,8 +11,7 @@ from drivers.sim.devices.gripper import GripperModel
 from drivers.sim.devices.jaws import Jaws, Surroundings
 from drivers.sim.faults import Desk, Listed
 from drivers.sim.physics.scene import Setting
-from drivers.sim.physics.tabletop import Look, TableTop
-from drivers.sim.physics.vice import Vice
+from drivers.sim.physics.tabletop import Look, TableTop, Vice
 from drivers.sim.wire.line import CleanLine, FaultyLine
 
 ARM_BASE = Pose(-300.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0))  # in the world: the table's middle is in reach

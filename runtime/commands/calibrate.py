@@ -91,8 +91,7 @@ def parser() -> Parser:
 def measured(arguments: argparse.Namespace, drivers: Drivers) -> int:
     """Measure what the arguments name; returns 0. Errors are those of `run` and `calibrate_middle.run`."""
     if arguments.what == calibrate_middle.NAME:
-        ask = partial(_ask_terminal, file=sys.stderr if arguments.json else sys.stdout)
-        return calibrate_middle.run(arguments, drivers, ask)
+        return calibrate_middle.run(arguments, drivers, _asking(arguments))
     return run(arguments, drivers.gripper)
 
 
@@ -111,7 +110,7 @@ def run(
     Raises:
         Exception: any error of ours or of the gripper; each carries its `exit_code`.
     """
-    ask = ask or partial(_ask_terminal, file=sys.stderr if arguments.json else sys.stdout)
+    ask = ask or _asking(arguments)
     widths_mm, tips, current = _checked(arguments)
     linear = PROFILES[arguments.model].spec
     with PortLock(arguments.port):
@@ -162,6 +161,10 @@ def figures(made: GripperCalibration, nominal: GripperSpec) -> Measured:
         for gauge, off, line in zip_longest(made.gauges, left_out, linear)
     ]  # fmt: skip
     return {"gripper": made.gripper, "blocks": blocks}
+
+
+def _asking(arguments: argparse.Namespace) -> Callable[[str], object]:
+    return partial(_ask_terminal, file=sys.stderr if arguments.json else sys.stdout)
 
 
 def _ask_terminal(sentence: str, file: TextIO) -> None:

@@ -34,18 +34,11 @@ def connect(
     stack: ExitStack,
     report: Report,
 ) -> Devices:
-    """Connect to the devices, the simulated ones as to hardware; nothing moves.
+    """Connect to the devices of a run, the simulated ones as to hardware; nothing moves.
 
-    Args:
-        arguments: of `grasp-runtime`.
-        table: for a simulated cell's part.
-        console: told which cell was started.
-        drivers: opens devices.
-        stack: closes what was opened.
-        report: told of retries and failures on the gripper's link.
-
-    Raises:
-        Exception: `PortBusyError`, `CellStartError` or a driver's own; each carries its `exit_code`.
+    The table is for a simulated cell's part; `console` is told which cell was started, `report` of retries
+    and failures on the gripper's link, and `stack` closes what was opened. Errors, `PortBusyError`,
+    `CellStartError` or a driver's own, carry their `exit_code`.
     """
     gripper_port, arm_url, scene_url, camera = arguments.port, arguments.arm, None, ""
     if arguments.port == SIMULATED:

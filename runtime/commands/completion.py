@@ -26,30 +26,14 @@ exit codes:
 CAMERA = "drivers.camera.calibration.command"
 # The module with each command's `parser`.
 COMMANDS = {
-    "squeezetree": "runtime.commands.squeezetree",
-    "plan-try": "planner.cli.first_look",
-    "plan-compile": "planner.cli.compile",
-    "plan-simulate": "planner.cli.simulate",
-    "plan-evaluate": "planner.cli.evaluate",
-    "plan-expect": "planner.cli.expect",
-    "plan-export": "planner.cli.export",
-    "plan-identify": "planner.cli.identify",
-    "plan-init": "planner.cli.init",
-    "plan-refit": "planner.cli.refit",
-    "plan-report": "planner.cli.report",
-    "grasp-runtime": "runtime.commands.arguments",
-    "grasp-doctor": "runtime.commands.doctor",
-    "grasp-calibrate": "runtime.commands.calibrate",
-    "grasp-journal": "runtime.commands.journal",
-    "grasp-cell": "drivers.sim.cli",
-    "grasp-audit": "drivers.camera.audit.command",
-    NAME: "runtime.commands.completion",
+    squeezetree.NAME: "runtime.commands.squeezetree",
+    **{program.name: program.parser for program in squeezetree.PROGRAMS.values()},
 }
 # Those of subcommands that have a parser of their own.
 APART = {
     "grasp-calibrate": {"camera": CAMERA, "tag": CAMERA, "pictures": CAMERA},
     "grasp-audit": {"report": "runtime.spc.command"},
-    "squeezetree": {word: COMMANDS[program.name] for word, program in squeezetree.PROGRAMS.items()},
+    squeezetree.NAME: {word: program.parser for word, program in squeezetree.PROGRAMS.items()},
 }
 
 

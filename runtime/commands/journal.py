@@ -32,7 +32,6 @@ examples:
 {EXIT_CODES}"""
 FORMATS = ("csv", "parquet", "mcap")
 EXAMPLES = {"show": " --outcome reject", "export": " -o squeezes.csv"}
-QUIET = frozenset({"previous", "digest", "seq", "time", "kind", "table_base64", "widths_um"})
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -184,7 +183,9 @@ def _since(text: str) -> object:
 
 def _line(entry: Entry) -> str:
     """Number, time, kind and what is left of a record that fits a line."""
-    told = " ".join(f"{name}={_short(value)}" for name, value in entry.items() if name not in QUIET)
+    told = " ".join(
+        f"{name}={_short(value)}" for name, value in entry.items() if name not in recording.HIDDEN
+    )
     return f"{entry['seq']:>6} {entry['time']} {entry['kind']:<8} {told}"
 
 

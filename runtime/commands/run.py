@@ -109,7 +109,6 @@ class _Asked:
             count=arguments.count or 1,
             activate=activate,
             options=self.options,
-            watch=monitor.phase,
             broken=begun,
         )
         monitor.summary(tally, arguments.journal)
@@ -119,6 +118,7 @@ class _Asked:
         """Answer a robot that asks, part after part; the same journal, and nothing of ours moves."""
         from runtime.commands import serve  # with a server, which no other run has to load
         from runtime.execution.asked import AskedParts
+        from runtime.monitoring.live.server import listening
 
         arguments, table, clock = self.arguments, self.loaded.table, SystemClock()
         header, policy = _header(arguments, self.options), arguments.after_crash
@@ -126,7 +126,7 @@ class _Asked:
         monitor = self.stack.enter_context(
             Monitor(self.console, self.loaded, arguments.tree, views(arguments))
         )
-        listener = self.stack.enter_context(serve.listening(address))
+        listener = self.stack.enter_context(listening(address, "--serve"))
         journal, _ = self._look_back(clock, header)
         journal = journal or self.stack.enter_context(Journal(arguments.journal, clock.stamp))
         self.console.note(f"a robot may ask at tcp://{address.host}:{listener.getsockname()[1]}")
@@ -135,7 +135,7 @@ class _Asked:
         crash.begin(journal, None, self.loaded.data, header, policy)
         with session.ending(journal) as tally:
             parts = AskedParts(
-                table, self.loaded.digest, journal, clock, monitor, tally, self.options, monitor.phase,
+                table, self.loaded.digest, journal, clock, monitor, tally, self.options,
                 arguments.count,
             )  # fmt: skip
             serve.RobotServer(listener, parts, clock).serve()

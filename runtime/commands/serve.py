@@ -50,15 +50,6 @@ def check(arguments: argparse.Namespace) -> server.Address:
     return address
 
 
-def listening(address: server.Address) -> socket.socket:
-    """A socket that listens there.
-
-    Raises:
-        ArgumentsError: nothing can listen there.
-    """
-    return server.listening(address, "--serve")
-
-
 class RobotServer:
     """Answers on a listening socket, which it closes, until the parts are over or a stop request comes."""
 

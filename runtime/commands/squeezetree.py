@@ -7,7 +7,7 @@ import argparse
 import difflib
 import sys
 from collections.abc import Sequence
-from importlib import import_module, metadata
+from importlib import metadata
 from typing import NamedTuple
 
 from runtime.shell.command import Parser, run, say
@@ -19,52 +19,46 @@ class Program(NamedTuple):
     """What a subcommand runs."""
 
     name: str  # as installed
-    entry: str  # its entry point, module:function
+    parser: str  # the module with its `parser`
     told: str  # what it is for
     before: tuple[str, ...] = ()  # arguments that come before the user's
 
 
 GROUPS: dict[str, dict[str, Program]] = {
     "a part, at the workstation": {
-        "try": Program(
-            "plan-try", "planner.commands:try_part", "from a drawing to a first answer, in a minute"
-        ),
-        "init": Program("plan-init", "planner.commands:init", "begin a job file from a drawing"),
-        "plan": Program("plan-compile", "planner.commands:compile_job", "plan a job's squeezes as a table"),
-        "evaluate": Program("plan-evaluate", "planner.commands:evaluate", "run a table on simulated parts"),
-        "report": Program("plan-report", "planner.commands:report", "a table and its runs, as a page"),
+        "try": Program("plan-try", "planner.cli.first_look", "from a drawing to a first answer, in a minute"),
+        "init": Program("plan-init", "planner.cli.init", "begin a job file from a drawing"),
+        "plan": Program("plan-compile", "planner.cli.compile", "plan a job's squeezes as a table"),
+        "evaluate": Program("plan-evaluate", "planner.cli.evaluate", "run a table on simulated parts"),
+        "report": Program("plan-report", "planner.cli.report", "a table and its runs, as a page"),
     },
     "a cell": {
-        "doctor": Program("grasp-doctor", "runtime.cli:doctor", "check a cell before it runs; moves nothing"),
+        "doctor": Program(
+            "grasp-doctor", "runtime.commands.doctor", "check a cell before it runs; moves nothing"
+        ),
         "calibrate": Program(
-            "grasp-calibrate", "runtime.cli:calibrate", "measure widths, or the audit camera"
+            "grasp-calibrate", "runtime.commands.calibrate", "measure widths, or the audit camera"
         ),
         "run": Program(
-            "grasp-runtime", "runtime.cli:main", "locate parts by a table, in a cell or simulated"
+            "grasp-runtime", "runtime.commands.arguments", "locate parts by a table, in a cell or simulated"
         ),
-        "cell": Program("grasp-cell", "drivers.sim.cli:main", "a simulated cell that other programs control"),
+        "cell": Program("grasp-cell", "drivers.sim.cli", "a simulated cell that other programs control"),
         "serve": Program(
-            "grasp-runtime", "runtime.cli:main", "answer a robot: serve ADDRESS ...", ("--serve",)
+            "grasp-runtime", "runtime.commands.arguments", "answer a robot: serve ADDRESS ...", ("--serve",)
         ),
     },
     "what happened": {
-        "journal": Program(
-            "grasp-journal", "runtime.commands.journal:main", "show, verify, replay or export it"
-        ),
-        "audit": Program("grasp-audit", "drivers.camera.commands:audit", "answers judged by camera; charts"),
+        "journal": Program("grasp-journal", "runtime.commands.journal", "show, verify, replay or export it"),
+        "audit": Program("grasp-audit", "drivers.camera.audit.command", "answers judged by camera; charts"),
     },
     "further": {
-        "simulate": Program(
-            "plan-simulate", "planner.commands:simulate", "how single squeezes and pushes end"
-        ),
-        "expect": Program(
-            "plan-expect", "planner.commands:expect", "the readings of a healthy cell, for charts"
-        ),
-        "export": Program("plan-export", "planner.commands:export", "a table in C99, IEC 61131-3 or JSON"),
-        "identify": Program("plan-identify", "planner.commands:identify", "how a part slides, from pushes"),
-        "refit": Program("plan-refit", "planner.commands:refit", "what is off in a cell, from its journals"),
+        "simulate": Program("plan-simulate", "planner.cli.simulate", "how single squeezes and pushes end"),
+        "expect": Program("plan-expect", "planner.cli.expect", "the readings of a healthy cell, for charts"),
+        "export": Program("plan-export", "planner.cli.export", "a table in C99, IEC 61131-3 or JSON"),
+        "identify": Program("plan-identify", "planner.cli.identify", "how a part slides, from pushes"),
+        "refit": Program("plan-refit", "planner.cli.refit", "what is off in a cell, from its journals"),
         "completion": Program(
-            "squeezetree-completion", "runtime.commands.completion:main", "completion by Tab in bash"
+            "squeezetree-completion", "runtime.commands.completion", "completion by Tab in bash"
         ),
     },
 }  # by subject, in the order of a user's day
@@ -124,8 +118,8 @@ def _call(program: Program, rest: list[str]) -> int:
     """Run a program as if it had been called by its name."""
     before = () if {"-h", "--help"} & set(rest) else program.before
     sys.argv = [program.name, *before, *rest]
-    module, _, function = program.entry.partition(":")
-    return int(getattr(import_module(module), function)())
+    (entry,) = metadata.distribution(NAME).entry_points.select(group="console_scripts", name=program.name)
+    return int(entry.load()())
 
 
 if __name__ == "__main__":

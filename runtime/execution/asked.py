@@ -8,12 +8,11 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import degrees
-from typing import NamedTuple
 
 from drivers.ports import Settled
 from runtime.devices.clock import SystemClock
 from runtime.errors import GripperStateError
-from runtime.execution.events import Console, Phase, Tally, Watcher
+from runtime.execution.events import Console, Phase, Tally
 from runtime.execution.executor import DEADLINE_FACTOR, RunOptions, expected_s, reason_of
 from runtime.execution.reading import CLOSED_COUNTS, OPENED_COUNTS, check_closed
 from runtime.journal.chain import Journal
@@ -68,11 +67,6 @@ class RefusedError(Exception):
         super().__init__(refused(number))
 
 
-class _Reading(NamedTuple):
-    position_counts: int
-    object_flag: int
-
-
 @dataclass
 class _Part:
     """The part under way."""
@@ -87,16 +81,7 @@ class _Part:
 class AskedParts:
     """Answers one robot's lines by a table, part after part.
 
-    Args:
-        table: proved.
-        name: the table's digest, as `TABLE` tells it.
-        journal: with its header.
-        clock: for deadlines.
-        console: told of squeezes and parts.
-        tally: of the parts.
-        options: policy and calibration.
-        watch: told of phases.
-        count: number of parts; None: no end.
+    `TABLE` tells the table's digest as its `name`; the journal has its header.
     """
 
     def __init__(
@@ -108,12 +93,11 @@ class AskedParts:
         console: Console,
         tally: Tally,
         options: RunOptions,
-        watch: Watcher,
         count: int | None = None,
     ) -> None:
         self._table, self._name = table, name
         self._journal, self._clock, self._console, self._tally = journal, clock, console, tally
-        self._policy, self._watch, self._count = options.policy, watch, count
+        self._policy, self._count = options.policy, count
         self._calibration = options.handling.widths(table)
         self._middle_mm = options.handling.middle_mm
         self._maps = [decision_map(node, self._calibration) for node in table.nodes]
@@ -177,7 +161,7 @@ class AskedParts:
         count = self._calibration.count(width_um)
         if flag is None:
             flag = self._flag_of(count, self._maps[part.traversal.node])
-        return self._read(part, _Reading(count, flag), " ".join(["WIDTH", *words]))
+        return self._read(part, count, flag, " ".join(["WIDTH", *words]))
 
     def _counts(self, words: list[str]) -> str:
         """`COUNTS n OBJECT|NONE [node]`."""
@@ -185,7 +169,7 @@ class AskedParts:
         _check(flag is not None and re.fullmatch(r"\d{1,9}", words[0]) is not None, 10)
         assert flag is not None
         _check(int(words[0]) < COUNTS, 20)
-        return self._read(part, _Reading(int(words[0]), flag), " ".join(["COUNTS", *words]))
+        return self._read(part, int(words[0]), flag, " ".join(["COUNTS", *words]))
 
     def _status(self) -> str:
         if self._part is None:
@@ -224,14 +208,14 @@ class AskedParts:
             return CLOSING_CONTACT if decide(decided, count, False) == REJECT else ARRIVED
         return CLOSING_CONTACT if self._calibration.width_um(count) >= HELD_UM else ARRIVED
 
-    def _read(self, part: _Part, reading: _Reading, told: str) -> str:
+    def _read(self, part: _Part, count: int, flag: int, told: str) -> str:
         index = part.traversal.node
         node = self._table.nodes[index]
-        self._check_possible(node, self._maps[index], reading)
-        self._watch(part.number, Phase.READ, index)
-        decision = decision_of(node, self._maps[index], *reading)
-        step = step_of(decision, len(part.steps) + 1, index, reading.position_counts, self._calibration)
-        fields = {**step.fields(), "object_flag": reading.object_flag, "told": told}
+        self._check_possible(node, self._maps[index], count, flag)
+        self._console.phase(part.number, Phase.READ, index)
+        decision = decision_of(node, self._maps[index], count, flag)
+        step = step_of(decision, len(part.steps) + 1, index, count, self._calibration)
+        fields = {**step.fields(), "object_flag": flag, "told": told}
         self._journal.record("squeeze", {"part": part.number, **fields})
         part.steps.append(step)
         self._console.step(part.number, step)
@@ -240,12 +224,11 @@ class AskedParts:
         if point is None:
             return self._follow(part)
         part.dragging = True
-        self._watch(part.number, Phase.RELEASE, index)
+        self._console.phase(part.number, Phase.RELEASE, index)
         x_mm, y_mm, _ = sent(placement(node.squeeze, point), self._middle_mm)
         return f"DRAG {x_mm:.3f} {y_mm:.3f}"
 
-    def _check_possible(self, node: Node, decided: tuple[int, ...], reading: _Reading) -> None:
-        count, flag = reading
+    def _check_possible(self, node: Node, decided: tuple[int, ...], count: int, flag: int) -> None:
         try:
             check_closed(Settled(count, flag, 0, CLOSED_COUNTS, 0.0), self._calibration, (0, 0))
         except GripperStateError:
@@ -265,7 +248,7 @@ class AskedParts:
         squeeze = self._table.nodes[part.traversal.node].squeeze
         fields = {"part": part.number, "number": len(part.steps) + 1, "node": part.traversal.node}
         self._journal.record("placed", fields)
-        self._watch(part.number, Phase.PLACE, part.traversal.node)
+        self._console.phase(part.number, Phase.PLACE, part.traversal.node)
         part.deadline = self._clock.deadline(DEADLINE_FACTOR * expected_s(self._table, squeeze))
         x_mm, y_mm, angle_rad = sent(placement(squeeze), self._middle_mm)
         return (
@@ -288,7 +271,7 @@ class AskedParts:
         result = PartResult.of(part.number, outcome, part.steps, reason)
         self._journal.record("outcome", outcome_fields(self._table, result))
         self._part = None
-        self._watch(part.number, Phase.DONE, None)
+        self._console.phase(part.number, Phase.DONE, None)
         self._tally.add(result, None)
         self._console.part(result, None)
         ends = outcome is not Outcome.ABORTED and self._policy.ends_run(outcome)

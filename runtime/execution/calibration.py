@@ -15,11 +15,10 @@ from runtime.execution.safety import stroke
 from runtime.execution.strokes import GENTLE_FORCE, GENTLE_SPEED
 from runtime.shell import strict_json
 from runtime.shell.files import writing
-from runtime.table import Calibration, GripperSpec
+from runtime.table import COUNTS, Calibration, GripperSpec
 from runtime.traversal.decision import CLOSING_CONTACT
 
 FORMAT = 1
-COUNTS = 256
 LEAST_BLOCKS = 3
 
 

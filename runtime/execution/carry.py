@@ -34,10 +34,7 @@ def check(
     """Check before anything moves that the part can be delivered from every leaf that may name its pose.
 
     Without a connected arm, which tells its reach and its wrist's range, only the areas are checked. The
-    fingers meet `middle_mm` off the hand's middle.
-
-    Raises:
-        MotionRefusedError: names the first leaf without a way there.
+    fingers meet `middle_mm` off the hand's middle. MotionRefusedError names the first leaf without a way.
     """
     if delivery is None:
         return

@@ -39,6 +39,10 @@ def look(
 ) -> Replay | None:
     """Look for a run that broke off, and give it up if that is the policy; nothing else is written.
 
+    Returns the run that can be gone on with, None where the last one ended. BrokenRunError where the policy
+    is to give it up, or it cannot be gone on with: another table, another calibration, a record that its
+    counts do not justify, or too old a part.
+
     Args:
         journal: open; what a crash cut short is cut off.
         table: the table's bytes.
@@ -47,14 +51,6 @@ def look(
         console: told what was found.
         now: what a record would be dated with now, ISO 8601.
         most_s: age of the last record from which on a part is not gone on with, s.
-
-    Returns:
-        The run that can be gone on with, None where the last one ended.
-
-    Raises:
-        BrokenRunError: the policy is to give it up, or it cannot be gone on with: another table, another
-            calibration, a record that its counts do not justify, or too old a part.
-        JournalError: the journal cannot be written.
     """
     try:
         broken = broken_run(journal.path)

@@ -1,11 +1,9 @@
 """What a run tells those who watch it: phases, squeezes, parts, their sum."""
 
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum
 from pathlib import Path
-from typing import Protocol
 
 from runtime.table import Pose2
 from runtime.traversal.results import Outcome, PartResult, Step
@@ -24,14 +22,6 @@ class Phase(Enum):
     DELIVER = "deliver"
     SAFE = "safe"  # on the way to the declared safe state
     DONE = "done"
-
-
-# Told of each change of phase: part, phase, and the node where there is one; must not raise.
-Watcher = Callable[[int, Phase, int | None], None]
-
-
-def ignore_phase(part: int, phase: Phase, node: int | None) -> None:
-    """Do nothing: the watcher of a run that nobody watches."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,8 +68,11 @@ class Tally:
         }
 
 
-class Console(Protocol):
-    """Told what happens, in order."""
+class Console:
+    """Told what happens, in order; must not raise. Who derives from it need not listen to all of it."""
+
+    def phase(self, part: int, phase: Phase, node: int | None) -> None:
+        """A change of phase, and the node where there is one."""
 
     def note(self, sentence: str) -> None:
         """Something the reader should know."""

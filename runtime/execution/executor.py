@@ -4,7 +4,7 @@ What a reading means and what follows is `decision`'s, how the hand moves `hand`
 end in `safe_state` and in a terminal outcome.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from math import hypot, tau
 
@@ -15,7 +15,7 @@ from runtime.errors import BrokenRunError, CellError, GripperStateError, exit_co
 from runtime.execution import recovery, safety
 from runtime.execution.carry import deliver
 from runtime.execution.delivery import Delivery, Sorting
-from runtime.execution.events import Phase, Watcher, ignore_phase
+from runtime.execution.events import Console, Phase
 from runtime.execution.hand import Hand, Handling
 from runtime.execution.reading import reading_fields
 from runtime.execution.safe_state import reach_safe_state
@@ -37,10 +37,6 @@ from runtime.traversal.results import Outcome, PartResult, Step
 
 # How much longer than stroke and path take at the commanded speeds one squeeze may last.
 DEADLINE_FACTOR = 3.0
-
-
-# Called with a part's number and each of its squeezes when it is decided; must not raise.
-Observer = Callable[[int, Step], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,20 +70,12 @@ class Executor:
         TableError: the gripper cannot do what the table asks.
     """
 
-    def __init__(
-        self,
-        table: Table,
-        cell: Cell,
-        observe: Observer,
-        options: RunOptions = PLAIN,
-        watch: Watcher = ignore_phase,
-    ) -> None:
+    def __init__(self, table: Table, cell: Cell, console: Console, options: RunOptions = PLAIN) -> None:
         safety.check_table(table)
         self._table = table
         self._cell = cell
-        self._observe = observe
+        self._console = console
         self._options = options
-        self._watch = watch
         self._found: int | None = None  # the leaf of the part that is being delivered
         self._hand = Hand(cell.gripper, cell.arm, cell.clock, table, options.handling)
         self._maps = [decision_map(node, self._hand.calibration) for node in table.nodes]
@@ -125,14 +113,14 @@ class Executor:
             if not is_expected(error):
                 raise
             return fault
-        self._watch(part, Phase.DONE, None)
+        self._console.phase(part, Phase.DONE, None)
         return result
 
     def _descend(self, part: int, steps: list[Step], traversal: TraversalState) -> PartResult:
         while traversal.outcome is None:
             step = self._squeeze_at(traversal.node, len(steps) + 1, part)
             steps.append(step)
-            self._observe(part, step)
+            self._console.step(part, step)
             traversal = advance(traversal, step.target, self._table, self._options.policy)
         return PartResult.of(part, traversal.outcome, steps, reason_of(traversal, steps))
 
@@ -143,14 +131,14 @@ class Executor:
         self._place(part, index, node.squeeze)
         # Before the part is touched: who resumes this run has to know that it may have been.
         self._cell.journal.record("placed", {"part": part, "number": number, "node": index})
-        self._watch(part, Phase.SQUEEZE, index)
+        self._console.phase(part, Phase.SQUEEZE, index)
         reading = self._hand.close(node)
-        self._watch(part, Phase.READ, index)
+        self._console.phase(part, Phase.READ, index)
         decision = decide(node, self._maps[index], reading.position_counts, reading.object_flag)
         step = step_of(decision, number, index, reading.position_counts, self._hand.calibration)
         # Before anything moves on: a decision that is not on the disk was never taken.
         self._cell.journal.record("squeeze", {"part": part, **step.fields(), **reading_fields(reading)})
-        self._watch(part, Phase.RELEASE, index)
+        self._console.phase(part, Phase.RELEASE, index)
         self._release(node, decision.branch)
         self._hand.retreat()
         if (late_s := self._cell.clock.now() - deadline) > 0:
@@ -158,7 +146,7 @@ class Executor:
         return step
 
     def _place(self, part: int, index: int, squeeze: Squeeze) -> None:
-        self._watch(part, Phase.PLACE, index)
+        self._console.phase(part, Phase.PLACE, index)
         self._hand.retreat()
         self._hand.open(squeeze)
         self._hand.travel(*placement(squeeze))
@@ -173,7 +161,7 @@ class Executor:
 
     def _free(self, part: int, broken: Replay) -> None:
         """Let go of what a run that broke off may still hold, where it holds it."""
-        self._watch(part, Phase.RESUME, broken.traversal.node)
+        self._console.phase(part, Phase.RESUME, broken.traversal.node)
         try:
             self._hand.await_stillness()
         except GripperStateError as error:
@@ -192,14 +180,14 @@ class Executor:
         leaf = self._table.leaves[result.leaf]
         pose = predicted_pose(leaf)
         if self._cell.auditor is not None:
-            self._watch(result.part, Phase.AUDIT, None)
+            self._console.phase(result.part, Phase.AUDIT, None)
             answer = answer_of(self._cell.auditor, result.part, pose, self._table.name_of(leaf))
             result = replace(result, audit=str(answer["verdict"]))
             self._cell.journal.record("audit", {**answer, "part": result.part})
         places = self._options.delivery
         delivery = None if places is None else places.of(leaf.hypothesis)
         if delivery is not None:
-            self._watch(result.part, Phase.DELIVER, None)
+            self._console.phase(result.part, Phase.DELIVER, None)
             # With the pose, which is the answer even where the delivery comes to nothing.
             found = {"leaf": result.leaf, "x_um": leaf.x_um, "y_um": leaf.y_um, "theta_urad": leaf.theta_urad}
             self._cell.journal.record("delivery", {"part": result.part, "begun": True, **found})
@@ -212,7 +200,7 @@ class Executor:
     def _end(
         self, part: int, steps: list[Step], outcome: Outcome, reason: str, exit_code: int | None = None
     ) -> PartResult:
-        self._watch(part, Phase.SAFE, None)
+        self._console.phase(part, Phase.SAFE, None)
         notes = reach_safe_state(
             self._cell.gripper, self._cell.arm, self._table.limits, arm_known=self._hand.arm_known
         )

@@ -137,7 +137,9 @@ class Hand:
         Raises:
             MotionRefusedError: the place is outside the area, or the wrist cannot be turned so far.
         """
-        low_rad, high_rad = self._turn_range(x_mm, y_mm)
+        self.arm_known = False  # until it answers
+        low_rad, high_rad = self.arm.turn_range(x_mm, y_mm)
+        self.arm_known = True
         turns = same_turns(angle_rad, low_rad, high_rad, self._now_rad())
         if not turns:
             raise MotionRefusedError(
@@ -201,11 +203,7 @@ class Hand:
         self.open(squeeze)
 
     def close(self, node: Node) -> Settled:
-        """Close the jaws at a node and return the fresh reading of the last stroke.
-
-        Raises:
-            GripperStateError: the gripper is not ready, or a reading cannot be trusted.
-        """
+        """Close the jaws at a node; the last stroke's fresh reading, or GripperStateError if it is none."""
         handling, profile = self._handling, self._profile
         regulated = strokes.is_regulated(node.squeeze, profile, wanted=handling.regulated)
         plan = strokes.closing(
@@ -267,12 +265,6 @@ class Hand:
 
     def _now_rad(self) -> float:
         return self.where()[3] if self._angle_rad is None else self._angle_rad
-
-    def _turn_range(self, x_mm: float, y_mm: float) -> tuple[float, float]:
-        self.arm_known = False  # until it answers
-        turns = self.arm.turn_range(x_mm, y_mm)
-        self.arm_known = True
-        return turns
 
     def _move_arm(self, target: PoseOfHand) -> None:
         self.arm_known, self._angle_rad = False, None  # until it is acknowledged; an interrupt leaves it so

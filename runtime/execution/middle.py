@@ -204,11 +204,7 @@ def _grip(hand: Hand, node: Node, about: Pose2, off_mm: float) -> Grip:
 
 
 def fit(block_mm: float, halves: Sequence[tuple[float, Sequence[Grip]]]) -> Middle:
-    """What the grips of both halves say: about where each found the block, and its grips.
-
-    Raises:
-        CalibrationError: they do not fit a block held fast.
-    """
+    """What both halves say, each where it found the block and its grips; or CalibrationError."""
     lines = [_line(block_mm, found, grips) for found, grips in halves]
     rough = max(line.residual_mm for line in lines)
     if not rough <= ROUGH_MM:

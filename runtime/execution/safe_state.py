@@ -19,10 +19,8 @@ DECLARED = "fingers stopped where they are, arm straight up to the retreat heigh
 def reach_safe_state(gripper: Gripper, arm: Arm, limits: Limits, *, arm_known: bool) -> list[str]:
     """Bring the cell into the declared safe state as far as its devices respond; nothing is raised.
 
-    The arm is moved only if it is `arm_known` where it stands: its last motion was acknowledged.
-
-    Returns:
-        One sentence a step: what was reached, and what failed.
+    The arm is moved only if it is `arm_known` where it stands: its last motion was acknowledged. Returns one
+    sentence a step: what was reached, and what failed.
     """
     return [_stop_fingers(gripper), _raise_arm(arm, limits) if arm_known else "arm not moved: state unknown"]
 

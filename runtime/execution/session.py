@@ -7,7 +7,7 @@ from math import isfinite
 from drivers.ports import Gripper, Scene, Truth
 from runtime.errors import JournalError, exit_code_of
 from runtime.execution import held
-from runtime.execution.events import Console, Sighting, Tally, Watcher, ignore_phase
+from runtime.execution.events import Console, Sighting, Tally
 from runtime.execution.executor import PLAIN, Cell, Executor, RunOptions
 from runtime.execution.hand import Hand
 from runtime.execution.safe_state import fingers_stop, reach_safe_state
@@ -43,32 +43,20 @@ def run_journalled(
     count: int,
     activate: bool,
     options: RunOptions = PLAIN,
-    watch: Watcher = ignore_phase,
     broken: Replay | None = None,
 ) -> Tally:
     """Prepare the gripper, run the parts until one ends the run, and write its last record however it ends.
 
-    Args:
-        table: the table, proved.
-        cell: the devices and the journal, its header written.
-        scene: the simulated cell's feeder and ground truth, None on a real one.
-        console: told as it happens, of each part's result too.
-        count: number of parts, those of a broken run included.
-        activate: whether a gripper that is inactive or in fault may be activated.
-        options: what the table leaves open.
-        watch: told of each change of phase.
-        broken: the run that broke off and is gone on with, None for a new one.
-
-    Raises:
-        JournalError: the last record cannot be written.
-        Exception: an error before the first part, or between two, once it is recorded.
+    The journal has its header; `count` includes the parts of a broken run that is gone on with. Only where
+    `activate` says so is a gripper activated that is inactive or in fault. JournalError where the last record
+    cannot be written; any other error once it is recorded.
     """
     with ending(cell.journal) as tally:
         # Fingers that may hold a part are the executor's to look at, and never sweep.
         if broken is None or broken.part is None:
             with interrupts.stoppable():
                 prepare_gripper(cell.gripper, console, activate=activate)
-        executor = Executor(table, cell, console.step, options, watch)
+        executor = Executor(table, cell, console, options)
         first = 1 if broken is None else broken.parts + 1
         for number in range(first, count + 1):
             resumed = broken if broken is not None and broken.part == number else None

@@ -174,11 +174,7 @@ class Incidents:
 
 
 def verify(path: Path) -> Verified:
-    """Check every line of a journal: whole, numbered, chained, the tables as their digests say.
-
-    Raises:
-        JournalError: naming the first line that does not verify.
-    """
+    """Check every line of a journal: whole, numbered, chained, its tables intact; or JournalError."""
     with _reading(path) as file:
         seen = _verified(path, file)
     if not seen.records:

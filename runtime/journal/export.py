@@ -9,33 +9,23 @@ from runtime.errors import ArgumentsError
 from runtime.journal.replay import Entry
 from runtime.shell.files import STDOUT, writing
 
+UNITS = {"um": ("mm", 1e3), "urad": ("rad", 1e6)}  # of records, and what rows are in instead
+
+
+def column(field: str) -> str:
+    """The column of a record's field: its name with the column's unit."""
+    name, _, unit = field.rpartition("_")
+    return f"{name}_{UNITS[unit][0]}" if unit in UNITS else field
+
+
 SQUEEZE = {
-    "time": "time",
-    "part": "part",
-    "number": "number",
-    "node": "node",
-    "x_mm": "x_um",
-    "y_mm": "y_um",
-    "angle_rad": "angle_urad",
-    "opening_mm": "opening_um",
-    "position_counts": "position_counts",
-    "width_mm": "width_um",
-    "object_flag": "object_flag",
-    "current_ma": "current_ma",
-    "settle_s": "settle_s",
-    "target": "target",
+    **{column(field): field for field in ("time", "part", "number", "node", "x_um", "y_um", "angle_urad")},
+    **{column(field): field for field in ("opening_um", "position_counts", "width_um", "object_flag")},
+    **{column(field): field for field in ("current_ma", "settle_s", "target")},
     "reject_reason": "reason",
 }
-PART = {
-    "outcome": "outcome",
-    "leaf": "leaf",
-    "hypothesis": "hypothesis",
-    "exit_code": "exit_code",
-    "audit": "audit",
-    "delivery": "delivery",
-}
+PART = ("outcome", "leaf", "hypothesis", "exit_code", "audit", "delivery")
 COLUMNS = ("run", "table_sha256", *SQUEEZE, *PART)
-SCALES = {"um": 1e3, "urad": 1e6}
 
 Row = dict[str, object]
 
@@ -49,7 +39,7 @@ def rows(entries: Iterable[Entry]) -> Iterator[Row]:
             told = {name: scaled(source, entry.get(source)) for name, source in SQUEEZE.items()}
             part.append({"run": run, "table_sha256": table, **told, **dict.fromkeys(PART)})
         elif kind in ("header", "part", "outcome"):
-            ended = {name: entry.get(source) for name, source in PART.items()} if kind == "outcome" else {}
+            ended = {name: entry.get(name) for name in PART} if kind == "outcome" else {}
             yield from ({**row, **ended} for row in part)
             part = []
         if kind == "header":
@@ -116,5 +106,5 @@ def _write_parquet(found: Iterable[Row], path: Path, columns: Sequence[str], kin
 
 def scaled(source: str, value: object) -> object:
     """A record's value in mm or rad, where its name says that it is in um or urad."""
-    scale = SCALES.get(source.rpartition("_")[2])
-    return value / scale if scale is not None and isinstance(value, int) else value
+    unit = UNITS.get(source.rpartition("_")[2])
+    return value / unit[1] if unit is not None and isinstance(value, int) else value

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 from runtime.errors import ArgumentsError, JournalError
+from runtime.journal.chain import RESERVED
 from runtime.journal.export import PART, SQUEEZE, scaled
 from runtime.journal.replay import Entry
 from runtime.shell.files import writing
@@ -25,7 +26,9 @@ if TYPE_CHECKING:
 INFO, WARNING, ERROR = 2, 3, 4  # levels of foxglove.Log
 LIBRARY = "squeezetree"
 TEXTS = frozenset({"time", "outcome", "hypothesis", "audit", "delivery", "reject_reason"})
-HIDDEN = frozenset({"seq", "time", "kind", "previous", "digest", "table_base64", "widths_um"})
+HIDDEN = RESERVED | {"table_base64", "widths_um"}  # in a line of a record
+
+OUTCOME = {name: name for name in ("part", *PART)} | {"reject_reason": "reason"}
 
 Schema = dict[str, object]
 NUMBER, INTEGER, TEXT = {"type": "number"}, {"type": "integer"}, {"type": "string"}
@@ -52,7 +55,7 @@ TOPICS: dict[str, tuple[str, Schema]] = {
         _object(timestamp=TIME, level=INTEGER, message=TEXT, name=TEXT, file=TEXT, line=INTEGER),
     ),
     "/squeeze": ("squeezetree.Squeeze", _columns(SQUEEZE)),
-    "/outcome": ("squeezetree.Outcome", _columns({"part": "", **PART, "reject_reason": ""})),
+    "/outcome": ("squeezetree.Outcome", _columns(OUTCOME)),
     "/hand": PLACED,
     "/part": PLACED,
 }
@@ -107,8 +110,7 @@ class _Recording:
             if all(isinstance(entry.get(name), int) for name in ("x_um", "y_um", "angle_urad")):
                 self._pose("/hand", entry, moment_ns, entry["x_um"], entry["y_um"], entry["angle_urad"])
         elif kind == "outcome":
-            fields = {"part": "part", **PART, "reject_reason": "reason"}
-            self._send("/outcome", entry, moment_ns, _told(fields, entry))
+            self._send("/outcome", entry, moment_ns, _told(OUTCOME, entry))
             self._located(entry, moment_ns)
 
     def _header(self, entry: Entry, moment_ns: int) -> None:

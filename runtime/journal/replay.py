@@ -67,8 +67,9 @@ class Replay:
         elif kind == "part":
             self.over = False  # a robot that asks goes on after a part that was given up
             self._begin(_integer(entry, "part"))
-        elif kind == "resume":
-            self._resume(entry)
+        elif kind == "resume" and entry["how"] == "restart":
+            self.traversal = TraversalState()
+            self.steps.clear()
         elif kind == "placed":
             yield from self._expect(entry)
             self.last, self.held_at = Last.PLACED, (_integer(entry, "node"), None)
@@ -104,10 +105,6 @@ class Replay:
         self.delivering = False  # whether the part was being carried
         self._found = None
         self.last, self.held_at = Last.AWAY, None
-
-    def _resume(self, entry: Entry) -> None:
-        if entry["how"] == "restart":
-            self.traversal, self.steps = TraversalState(), []
 
     def _expect(self, entry: Entry) -> Iterator[str]:
         if entry.get("part") != self.part:

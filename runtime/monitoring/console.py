@@ -5,7 +5,7 @@ import sys
 from math import degrees
 from pathlib import Path
 
-from runtime.execution.events import Sighting, Tally
+from runtime.execution.events import Console, Sighting, Tally
 from runtime.shell.command import say
 from runtime.table import GoalSpec, Leaf, Pose2, Table, predicted_pose
 from runtime.traversal import answer
@@ -13,7 +13,7 @@ from runtime.traversal.geometry import compose, placement
 from runtime.traversal.results import Outcome, PartResult, Step
 
 
-class Lines:
+class Lines(Console):
     """Plain lines for people, on standard output."""
 
     def __init__(self, table: Table) -> None:
@@ -64,8 +64,8 @@ class Lines:
         say(f"{parts}: {', '.join(told)}; journal {journal}")
 
 
-class Objects:
-    """One JSON object a part on standard output; sentences go to standard error."""
+class Objects(Console):
+    """One JSON object a part, which holds everything, on standard output; sentences go to standard error."""
 
     def __init__(self, table: Table, journal: Path) -> None:
         self._table = table
@@ -75,15 +75,9 @@ class Objects:
         """Print a sentence on standard error."""
         say(sentence, sys.stderr)
 
-    def step(self, part: int, step: Step) -> None:
-        """Nothing: a part's object holds its squeezes."""
-
     def part(self, result: PartResult, seen: Sighting | None) -> None:
         """Print the part's object."""
         say(json.dumps(as_object(self._table, result, seen, self._journal)))
-
-    def summary(self, tally: Tally, journal: Path) -> None:
-        """Nothing: the objects hold everything."""
 
 
 def as_object(table: Table, result: PartResult, seen: Sighting | None, journal: Path) -> dict[str, object]:

@@ -34,13 +34,10 @@ def response(code: int, kind: str, body: bytes, more: str = "") -> bytes:
 
 
 class Server:
-    """Answers requests on a socket that listens, in threads of its own; leaving the context ends it.
+    """Answers requests' heads on a socket that listens, in threads of its own; leaving the context ends both.
 
-    Args:
-        listener: closed at the end.
-        answer: the whole response to a request's head.
-        ask_s: seconds after which an incomplete request is answered, too; None: only complete requests are
-            answered, and a client that sends or takes nothing for `PATIENCE_S` is disconnected.
+    An incomplete request is answered, too, after `ask_s` seconds; None: only complete requests are, and a
+    client that sends or takes nothing for `PATIENCE_S` is disconnected.
     """
 
     def __init__(

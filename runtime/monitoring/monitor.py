@@ -27,7 +27,7 @@ class Views(NamedTuple):
     terminal: TextIO | None = None  # a picture in place of the console's parts and squeezes
 
 
-class Monitor:
+class Monitor(Console):
     """A console that also updates the status and the watchdog; servers and views run within its context.
 
     What each of the views needs is loaded only if it is asked for.

@@ -76,9 +76,8 @@ def conclude() -> None:
 class StopRequests:
     """While entered, `SIGNALS` are stop requests; those that were to be ignored by SIGHUP (nohup) still are.
 
-    Args:
-        last: whether the process ends when this is left; the signals are then ignored for the rest of it, so
-            that none changes its exit code.
+    With `last` the process ends when this is left; the signals are then ignored for the rest of it, so that
+    none changes its exit code.
     """
 
     def __init__(self, *, last: bool = False) -> None:

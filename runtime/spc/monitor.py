@@ -1,7 +1,6 @@
 """All charts over a history: what each of them shows, and where it alarms."""
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
 from math import hypot, inf, log1p, sqrt
 from typing import NamedTuple
 
@@ -41,37 +40,25 @@ MEANING = {
 }
 
 
-@dataclass(slots=True)
 class Monitor:
     """The charts of one table; sees one part after the other."""
 
-    table: Table
-    widths: Cusum
-    branches: tuple[GTestChart, ...]
-    failures: BinomialWindowChart
-    rejects: BinomialWindowChart
-    residuals: tuple[Ewma, Ewma, Ewma]
-    readings: ShiryaevRoberts | None = None  # only where it is known what to expect of them
-    # values of the charts that are drawn, by name: of the widths a step a squeeze, of the residuals (named
-    # as `COORDINATES`) an audited part, of the readings a part.
-    lines: dict[str, list[float]] = field(default_factory=dict)
-
-    @classmethod
-    def of(cls, table: Table, expected: Expectation | None = None) -> "Monitor":
-        """Charts without data."""
+    def __init__(self, table: Table, expected: Expectation | None = None) -> None:
         predicted = table.predicted
         _, rejected = wilson_interval(round(predicted.reject_ppm / PPM * predicted.trials), predicted.trials)
         shares = branch_shares(table)
-        return cls(
-            table,
-            Cusum(WIDTH_SHIFT_UM),
-            tuple(GTestChart(shares, window) for window in WINDOWS),
-            BinomialWindowChart(failure_share(predicted)),
-            BinomialWindowChart(max(rejected, LEAST_SHARE)),
-            (Ewma(), Ewma(), Ewma()),
-            None if expected is None else ShiryaevRoberts(expected),
-            {name: [] for name in ("wider", "narrower", *COORDINATES, "friction")},
-        )
+        self.table = table
+        self.widths = Cusum(WIDTH_SHIFT_UM)
+        self.branches = tuple(GTestChart(shares, window) for window in WINDOWS)
+        self.failures = BinomialWindowChart(failure_share(predicted))
+        self.rejects = BinomialWindowChart(max(rejected, LEAST_SHARE))
+        self.residuals = (Ewma(), Ewma(), Ewma())
+        # Only where it is known what to expect of them.
+        self.readings = None if expected is None else ShiryaevRoberts(expected)
+        # Values of the charts that are drawn, by name: of the widths a step a squeeze, of the residuals
+        # (named as `COORDINATES`) an audited part, of the readings a part.
+        names = ("wider", "narrower", *COORDINATES, "friction")
+        self.lines: dict[str, list[float]] = {name: [] for name in names}
 
     def watch(self, history: History) -> Iterator[Alarm]:
         """All alarms of a history of this table, in order.

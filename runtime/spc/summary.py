@@ -31,13 +31,6 @@ class Series(NamedTuple):
     step: str
 
 
-class Moments(NamedTuple):
-    """Mean and standard deviation of a sample; the latter 0 for fewer than two values."""
-
-    mean: float
-    sigma: float
-
-
 class LeafRow(NamedTuple):
     """The parts that ended at one leaf."""
 
@@ -46,7 +39,8 @@ class LeafRow(NamedTuple):
     judged: int  # of these, judged to pass or fail
     passed: int
     predicted: float | None  # success rate that the table predicts, None where no trial ended there
-    residuals: tuple[Moments, ...]  # of x [mm], y [mm] and theta [rad]; empty where none was measured
+    # mean and standard deviation of x [mm], y [mm] and theta [rad]; empty where none was measured
+    residuals: tuple[tuple[float, float], ...]
 
 
 class NameRow(NamedTuple):
@@ -122,7 +116,7 @@ class Drift:
     """Whether a refit would pay, told as a run goes on: the charts of its table, part after part."""
 
     def __init__(self, table: Table) -> None:
-        self._table, self._charts = table, Monitor.of(table)
+        self._table, self._charts = table, Monitor(table)
         self._parts, self._drifted = 0, False
 
     def add(self, result: PartResult) -> bool:
@@ -153,7 +147,7 @@ def summarise(history: History, expected: Expectation | None = None) -> Summary:
     interval, predicted = wilson_interval(passed, judged), table.predicted.success_ppm / PPM
     nodes = tuple(_nodes(history))
     statistic, freedom = sum(row.statistic for row in nodes), sum(row.freedom for row in nodes)
-    monitor = Monitor.of(table, expected)
+    monitor = Monitor(table, expected)
     alarms = tuple(monitor.watch(history))
     return Summary(
         _counted(part.outcome or "broken off" for part in parts),
@@ -172,9 +166,9 @@ def summarise(history: History, expected: Expectation | None = None) -> Summary:
     )
 
 
-def moments(values: Sequence[float]) -> Moments:
-    """Mean and standard deviation."""
-    return Moments(fmean(values), stdev(values) if len(values) > 1 else 0.0)
+def moments(values: Sequence[float]) -> tuple[float, float]:
+    """Mean and standard deviation; the latter 0 for fewer than two values."""
+    return fmean(values), stdev(values) if len(values) > 1 else 0.0
 
 
 def _charts(history: History, monitor: Monitor) -> Iterator[Series]:

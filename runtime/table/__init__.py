@@ -17,7 +17,6 @@ from typing import NamedTuple
 from runtime.errors import TableError, TableFileError
 from runtime.shell.files import writing
 from runtime.table.codec import MAX_BYTES, decode, encode
-from runtime.table.fit import misfits
 from runtime.table.goal import (
     Pose2,
     distance,
@@ -30,7 +29,7 @@ from runtime.table.goal import (
     threshold,
 )
 from runtime.table.grippers import PROFILES, Profile, profile_of
-from runtime.table.lookup import COUNTS, REJECT, Calibration, by_count, decide, decision_map
+from runtime.table.lookup import COUNTS, REJECT, Calibration, by_count, decide, decision_map, misfits
 from runtime.table.model import (
     HELD_UM,
     KINDS,

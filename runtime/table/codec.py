@@ -36,26 +36,12 @@ BEGINNING = 16  # bytes within which a table names itself
 MAX_BYTES = 2 << 20
 FRAME_FIELDS = ("magic", "format", "digest", "payload")
 HEADER_FIELDS = ("tool", "job_digest", "gripper_model", "gripper", "goal", "limits", "predicted")
-POSE = ("x_um", "y_um", "theta_urad")
+POSE = Leaf._fields[:3]
 # The columns of integers: one a field of each kind of record.
-ERRORS = ("error_median_um", "error_p95_um")
 COLUMNS = {
     "node": (*Squeeze._fields, "release_x_um", "release_y_um", "branches"),
     "branch": Branch._fields,
-    "leaf": (
-        *POSE,
-        "xx",
-        "xy",
-        "yy",
-        "xt",
-        "yt",
-        "tt",
-        "success_ppm",
-        "trials",
-        "resolved",
-        "alternatives",
-        *ERRORS,
-    ),
+    "leaf": (*POSE, "xx", "xy", "yy", "xt", "yt", "tt", *Leaf._fields[4:10]),
     "alternative": POSE,
 }
 PAYLOAD_FIELDS = (

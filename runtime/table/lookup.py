@@ -1,4 +1,4 @@
-"""From a reading to the outcome it means: a gripper's calibration, and the map of a node."""
+"""From a reading to the outcome it means: a gripper's calibration, the map of a node, whether both fit."""
 
 from bisect import bisect_left, bisect_right
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from operator import neg
 from typing import Self
 
 from runtime.errors import TableError
-from runtime.table.model import UNDETECTED_UM, GripperSpec, Node
+from runtime.table.model import UNDETECTED_UM, GripperSpec, Node, Table
 
 REJECT = -1
 COUNTS = 256
@@ -100,9 +100,37 @@ def by_count(decided: tuple[int, ...]) -> tuple[int, ...]:
 def decide(decided: tuple[int, ...], count: int, felt: bool) -> int:
     """What one settled reading means: an index into the node's branches, or `REJECT`; one look-up.
 
-    Args:
-        decided: the node's `decision_map`.
-        count: settled encoder count; outside 0..255 it is no count, and a `REJECT`.
-        felt: whether the closing jaws stopped at an object (flag 2), not at the end of their way.
+    A count outside 0..255 is none, and a `REJECT`; `felt` says whether the closing jaws stopped at an object
+    (flag 2), not at the end of their way.
     """
     return decided[count + COUNTS * felt] if 0 <= count < COUNTS else REJECT
+
+
+def misfits(table: Table, calibration: Calibration) -> list[str]:
+    """What keeps a proved table from a gripper's own map of counts: a sentence a problem, with a remedy.
+
+    The jaws must open as far as the table asks, and every branch must be read at one count at least, and not
+    as another branch at the count nearest to its expected width.
+    """
+    problems, widest_um = [], calibration.widths_um[0]
+    for index, node in enumerate(table.nodes):
+        if node.squeeze.opening_um > widest_um + table.gripper.encoder_noise_um:
+            problems.append(
+                f"node {index} opens to {node.squeeze.opening_um / 1000:.2f} mm, this gripper to "
+                f"{widest_um / 1000:.2f} mm; recompile with its opening"
+            )
+        decided = decision_map(node, calibration)
+        for number, branch in enumerate(node.branches):
+            nearest = calibration.count(branch.expected_um)
+            if number not in decided:
+                width = f"{branch.low_um / 1000:.2f}..{branch.high_um / 1000:.2f} mm"
+                problems.append(
+                    f"node {index}, branch {number}: no count of this gripper means {width}; "
+                    "calibrate it again, or recompile the table for its encoder"
+                )
+            elif decide(decided, nearest, branch.grip) not in (number, REJECT):
+                problems.append(
+                    f"node {index}, branch {number}: this gripper reads {branch.expected_um / 1000:.2f} mm "
+                    "as another branch; recompile the table for its encoder"
+                )
+    return problems

@@ -48,7 +48,7 @@ def healthy(table: Table, job: Job, expected: Expectation, blocks: int) -> dict[
     """False alarms in so many blocks of 10 000 healthy parts."""
     alarms: Counter[str] = Counter()
     for block in range(blocks):
-        monitor, seed = Monitor.of(table, expected), FRESH + block
+        monitor, seed = Monitor(table, expected), FRESH + block
         for part in parts(table, squeezed(table, job, 10_000, seed), seed):
             alarms.update(chart for chart, _ in monitor.add(part))
         print(f"healthy block {block}: {alarms.total()} alarms so far", flush=True)
@@ -108,7 +108,7 @@ def _shares(found: Evaluation, table: Table) -> Array:
 
 def _started(table: Table, job: Job, expected: Expectation, seed: int) -> Monitor:
     """Charts that have seen the healthy parts before a drift."""
-    monitor = Monitor.of(table, expected)
+    monitor = Monitor(table, expected)
     for part in parts(table, squeezed(table, job, BEFORE, seed), seed, HEALTHY):
         monitor.add(part)
     return monitor

@@ -224,7 +224,7 @@ class LosesForces(CleanLine):
 
 def test_a_force_that_was_lost_on_the_way_is_written_again(station, told) -> None:
     line = LosesForces(station)
-    station.cell._pty._slave._line = line
+    station.cell._servers[0]._slave._line = line
     code, out, err = told(station.run("--activate", "--force", "regulated"))
     assert code in (0, 10, 11), (out, err)
     assert line.lost

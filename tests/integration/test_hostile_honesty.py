@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import trimesh
-from fake_cell import fake_cell
+from fake_cell import Deaf, fake_cell
 from sample_tables import GRIPPER, every_field_table, random_table, small_table, with_leaf
 
 from planner.belief.metric import Mode
@@ -69,7 +69,7 @@ def test_executor_and_journal_replay_read_every_count_and_flag_by_one_rule(table
     for count in range(256):
         for flag in (2, 3):
             made = fake_cell([(count, flag)] * table.limits.max_depth)
-            result = Executor(table, made.cell, lambda part, step: None).run_part(1)
+            result = Executor(table, made.cell, Deaf()).run_part(1)
             branch = decide(decided, count, flag == 2)
             if result.outcome is Outcome.FAULT:  # a contradiction in itself, which the map refuses too
                 assert (flag, branch, result.steps) == (3, REJECT, ())

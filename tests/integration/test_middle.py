@@ -26,7 +26,9 @@ from runtime.execution.executor import PLAIN, Cell, RunOptions
 from runtime.table import dump, load
 
 OFF_MM, PARTS, SEED = 1.5, 12, 4
-DRY = SimpleNamespace(note=lambda said: None, step=lambda part, step: None)
+DRY = SimpleNamespace(
+    note=lambda said: None, step=lambda part, step: None, phase=lambda part, phase, node: None
+)
 CERTAIN = {
     "goal": {"distance_mm": 1.4}, "friction": {"doubt": 0.0}, "doubt": {"chance": 0.0},
     "part": {"tolerance_mm": 0.0}, "search": {"particles": 4000, "search_particles": 100},

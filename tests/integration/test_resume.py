@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from crash_cell import KilledError, World, process, restart_takes_a_while
+from fake_cell import Deaf
 from sample_tables import small_table
 
 from runtime.errors import BrokenRunError
@@ -28,20 +29,6 @@ PLAIN = RunOptions(Policy.of("next", "next"), Handling())
 CAREFUL = RunOptions(
     Policy.of("resqueeze,restart,next", "restart,next"), Handling(regulated=True, arc=TipArc(level_mm=8.0))
 )
-
-
-class Silent:
-    def note(self, sentence):
-        pass
-
-    def step(self, part, step):
-        pass
-
-    def part(self, result, seen):
-        pass
-
-    def summary(self, tally, journal):
-        pass
 
 
 def dragging_table() -> Table:
@@ -68,7 +55,7 @@ def some(request: pytest.FixtureRequest) -> Callable[..., range]:
 
 def moments_of(table: Table, plan: RunOptions, path: Path) -> int:
     world = World(table, PATH)
-    tally, moments = process(world, path, Silent(), plan)
+    tally, moments = process(world, path, Deaf(), plan)
     assert tally.outcomes == {Outcome.LEAF: 1}
     assert world.wrongs == []
     return moments
@@ -79,7 +66,7 @@ def survive(table: Table, plan: RunOptions, path: Path, deaths: tuple[int, ...],
     world = World(table, PATH)
     for last in (*deaths, None):
         try:
-            process(world, path, Silent(), plan, last=last, after_crash=after_crash)
+            process(world, path, Deaf(), plan, last=last, after_crash=after_crash)
             break
         except KilledError:
             restart_takes_a_while(world)
@@ -135,7 +122,7 @@ def test_a_run_that_is_given_up_says_so_and_moves_nothing(tmp_path: Path, some: 
     for last in some(0, moments, 5):
         world, path = World(small_table(), PATH), tmp_path / f"{last}.jsonl"
         with pytest.raises(KilledError):
-            process(world, path, Silent(), PLAIN, last=last)
+            process(world, path, Deaf(), PLAIN, last=last)
         restart_takes_a_while(world)
         stood = (world.at_mm, world.model.read_output())
         begun = [entry["kind"] for entry in _whole_records(path)]
@@ -145,7 +132,7 @@ def test_a_run_that_is_given_up_says_so_and_moves_nothing(tmp_path: Path, some: 
             assert records(path)
             continue
         with pytest.raises(BrokenRunError, match="nothing was moved"):
-            process(world, path, Silent(), PLAIN, after_crash="abort")
+            process(world, path, Deaf(), PLAIN, after_crash="abort")
         assert (world.at_mm, world.model.read_output()) == stood
         last_kinds = [entry["kind"] for entry in records(path)][-2:]
         assert last_kinds[-1] == "end"
@@ -169,12 +156,12 @@ def test_a_hand_that_was_moved_meanwhile_is_a_declared_end(
     for last, height_mm in itertools.product(some(0, moments, 7), (10.0, 60.0)):
         world, path = World(table, PATH), tmp_path / f"{last}-{height_mm:g}.jsonl"
         with pytest.raises(KilledError):
-            process(world, path, Silent(), PLAIN, last=last)
+            process(world, path, Deaf(), PLAIN, last=last)
         restart_takes_a_while(world)
         world._grip_mm = None
         world.at_mm = (40.0, 30.0, height_mm, 0.0)
         kinds = [entry["kind"] for entry in _whole_records(path)]
-        tally, _ = process(world, path, Silent(), PLAIN)
+        tally, _ = process(world, path, Deaf(), PLAIN)
         touched = "placed" in kinds and "outcome" not in kinds
         assert (Outcome.ABORTED in tally.outcomes) == touched, (last, kinds)
         assert tally.exit_code in ({25} if touched else {0, 10})
@@ -189,14 +176,14 @@ def test_a_part_that_was_taken_out_of_the_fingers_is_not_answered_as_the_old_one
     for last in some(0, moments, 3):
         world, path = World(small_table(), PATH), tmp_path / f"{last}.jsonl"
         with pytest.raises(KilledError):
-            process(world, path, Silent(), PLAIN, last=last)
+            process(world, path, Deaf(), PLAIN, last=last)
         restart_takes_a_while(world)
         if _whole_records(path)[-1:] and _whole_records(path)[-1]["kind"] == "squeeze":
             if world.model.read_output()[3] != 255:
                 continue
             world.model.lose_object(world.time.now())
             restart_takes_a_while(world)
-            tally, _ = process(world, path, Silent(), PLAIN)
+            tally, _ = process(world, path, Deaf(), PLAIN)
             assert tally.outcomes == {Outcome.ABORTED: 1}
             refused += 1
     assert refused
@@ -210,11 +197,11 @@ def test_a_gripper_that_lost_its_power_with_the_part_in_it_is_a_declared_end(
     for last in some(0, moments, 9):
         world, path = World(small_table(), PATH), tmp_path / f"{last}.jsonl"
         with pytest.raises(KilledError):
-            process(world, path, Silent(), PLAIN, last=last)
+            process(world, path, Deaf(), PLAIN, last=last)
         world.model.write_output(0, bytes(6), world.time.now())
         stood = world.at_mm
         try:
-            tally, _ = process(world, path, Silent(), PLAIN)
+            tally, _ = process(world, path, Deaf(), PLAIN)
             codes.add(tally.exit_code)
         except Exception as error:
             codes.add(error.exit_code)

@@ -10,6 +10,7 @@ import threading
 from functools import cache
 
 import trustme
+from omnicore_controller import OmniCore, RwsServer
 
 from drivers import connect
 from drivers.abb import rws
@@ -17,7 +18,6 @@ from drivers.abb.codec import Pose, hand_angle
 from drivers.abb.kinematics import compose
 from drivers.sim.devices.arm import Answer, ArmModel
 from drivers.sim.devices.arm_server import ArmServer
-from drivers.sim.devices.omnicore import OmniCore, RwsServer
 from drivers.sim.devices.ur_controller import UrModel, served
 from drivers.sim.wire.serving import SimulatedTime
 

@@ -13,6 +13,7 @@ from structured_text import FunctionBlock
 
 from drivers.sim.physics.scene import Setting
 from drivers.sim.virtual.cell import VirtualCell
+from runtime.execution.events import Console
 from runtime.execution.executor import Cell
 from runtime.execution.hand import Hand, Handling
 from runtime.execution.session import run_journalled
@@ -107,21 +108,15 @@ class Controller:
         return tuple(told[name] for name in ("x", "y", "angle", "success")) if told["located"] else None
 
 
-class Results:
+class Results(Console):
     """What a driven run told of its parts."""
 
     def __init__(self) -> None:
         self.parts: list[dict[str, object]] = []
 
-    def note(self, sentence: str) -> None: ...
-
-    def step(self, part: int, step: object) -> None: ...
-
     def part(self, result: object, seen: object) -> None:
         counts = [step.position_counts for step in result.steps]
         self.parts.append({"outcome": result.outcome.value, "leaf": result.leaf, "position_counts": counts})
-
-    def summary(self, tally: object, journal: Path) -> None: ...
 
 
 def driven(

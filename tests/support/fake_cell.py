@@ -6,7 +6,12 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from drivers.ports import Settled
+from runtime.execution.events import Console
 from runtime.execution.executor import Cell
+
+
+class Deaf(Console):
+    """A console that listens to nothing."""
 
 
 class State(NamedTuple):

@@ -88,7 +88,7 @@ def history(tree: Table, *stretches: list[Part]) -> History:
 
 def watch(seen: History, expected: Expectation | None = None) -> list[Alarm]:
     """All alarms of the charts over a history."""
-    return list(Monitor.of(seen.table, expected).watch(seen))
+    return list(Monitor(seen.table, expected).watch(seen))
 
 
 def expectation_document(tree: Table, digest: str, count: int = 8000) -> dict[str, object]:

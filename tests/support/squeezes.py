@@ -1,6 +1,6 @@
 """Squeezes on a fake cell: what the jaws meet, the run of a part, and what was asked of the jaws."""
 
-from fake_cell import FakeCell, State, fake_cell
+from fake_cell import Deaf, FakeCell, State, fake_cell
 from sample_tables import GRIPPER, small_table
 
 from runtime.execution.executor import Executor, RunOptions
@@ -21,15 +21,9 @@ ARC = TipArc()
 def run(
     made: FakeCell, options: RunOptions, table: Table | None = None, phases: list | None = None
 ) -> PartResult:
-    seen = [] if phases is None else phases
-    executor = Executor(
-        table or small_table(),
-        made.cell,
-        lambda part, step: None,
-        options,
-        lambda part, phase, node: seen.append((phase, node)),
-    )
-    return executor.run_part(1)
+    console = Deaf()
+    console.phase = lambda part, phase, node: None if phases is None else phases.append((phase, node))
+    return Executor(table or small_table(), made.cell, console, options).run_part(1)
 
 
 def meeting(stop: int) -> FakeCell:

@@ -81,57 +81,39 @@ def judge(
     return Answer(verdict, reason, measured, left, off, error)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
 class Auditor:
-    """Audits parts with one camera.
+    """Audits parts with one camera."""
 
-    Args:
-        source: takes the pictures.
-        calibration: of the camera.
-        subjects: what is audited, one for each part that may lie there.
-        limit_mm: by how much reference tags may have moved.
-        pictures: folder for overlays of what did not pass, None: none are kept.
-    """
-
-    def __init__(
-        self,
-        source: Source,
-        calibration: CameraCalibration,
-        subjects: Sequence[Subject],
-        limit_mm: float = drift.LIMIT_MM,
-        pictures: Path | None = None,
-    ) -> None:
-        self._source = source
-        self._calibration = calibration
-        self._subjects = subjects
-        self._limit_mm = limit_mm
-        self._pictures = pictures
+    source: Source
+    calibration: CameraCalibration
+    subjects: Sequence[Subject]  # what is audited, one for each part that may lie there
+    limit_mm: float = drift.LIMIT_MM  # by how much reference tags may have moved
+    pictures: Path | None = None  # folder for overlays of what did not pass, None: none are kept
 
     def audit(self, part: int, predicted: Pose2, until: float, name: str | None = None) -> Answer:
         """Judge one part. Whatever is wrong with the camera, the verdict is "unknown" and says why.
 
-        Args:
-            part: its number.
-            predicted: pose at its leaf: mm, mm, rad.
-            until: `time.monotonic` at which a picture must be there.
-            name: of the part, as its leaf says; None where only one may lie there.
+        Its leaf predicts the pose (mm, mm, rad) and, where several parts may lie there, the `name`; a picture
+        must be there by `until` (`time.monotonic`).
         """
-        subject = next((each for each in self._subjects if each.name == name), None)
+        subject = next((each for each in self.subjects if each.name == name), None)
         if subject is None:
-            known = ", ".join(str(each.name) for each in self._subjects)
+            known = ", ".join(str(each.name) for each in self.subjects)
             return Answer(UNKNOWN, f"no tag file is for the part {name}, only for: {known}; name it by --tag")
         try:
-            picture = self._source.picture(until)
+            picture = self.source.picture(until)
         except CameraError as error:
             return Answer(UNKNOWN, str(error))
         found: Measured | None = None
-        view = self._calibration.view
+        view = self.calibration.view
         try:
-            self._calibration.check_size(picture.shape)
+            self.calibration.check_size(picture.shape)
             explain.check_exposure(picture)
             seen = find(picture)
-            moved_mm = drift.check(self._calibration.references, seen, view, self._limit_mm)
+            moved_mm = drift.check(self.calibration.references, seen, view, self.limit_mm)
             carried = self._carrier({sighting.number for sighting in seen})
-            found = measure(picture, seen, self._calibration, (carried or subject).tag, predicted)
+            found = measure(picture, seen, self.calibration, (carried or subject).tag, predicted)
             if carried is None or carried is subject:
                 allowed = subject.poses_of(predicted)
                 answer = judge(subject.goal, allowed, found.pose, found.sigma_mm, found.sigma_rad)
@@ -140,14 +122,14 @@ class Auditor:
             answer = replace(answer, moved_mm=moved_mm, hypothesis=None if carried is None else carried.name)
         except CameraError as error:
             answer = Answer(UNKNOWN, str(error))
-        if self._pictures is None or answer.verdict == PASS:
+        if self.pictures is None or answer.verdict == PASS:
             return answer
         sentence = f"{answer.verdict}: {answer.reason}"
         drawn = overlay.draw(picture, view, subject, predicted, found, sentence)
-        path = overlay.keep(self._pictures, part, answer.verdict, drawn)
+        path = overlay.keep(self.pictures, part, answer.verdict, drawn)
         return answer if path is None else replace(answer, picture=str(path))
 
     def _carrier(self, seen: Collection[int]) -> Subject | None:
         """The only part that has one of the tags seen; None where they do not tell."""
-        having = [each for each in self._subjects if each.tag.number in seen]
+        having = [each for each in self.subjects if each.tag.number in seen]
         return having[0] if len(having) == 1 else None

@@ -1,9 +1,6 @@
 """The audit as a process that answers questions: one JSON line in, one out, each within a deadline.
 
-```
--> {"part": 3, "x_mm": 0.0, "y_mm": 0.5, "theta_rad": 0.0}
-<- {"verdict": "pass", "reason": "within the goal: ...", "measured_x_mm": 0.1, ...}
-```
+The lines are those of `runtime.devices.audit`, with more told of what was measured.
 
 A question is always answered: by "unknown" where the camera hangs, memory runs out or anything else goes
 wrong. The process may only grow so far; when it has, it starts itself anew between two questions.

@@ -6,7 +6,7 @@ from math import isfinite
 import numpy as np
 
 from drivers.camera.calibration.file import Reference
-from drivers.camera.errors import MovedError
+from drivers.camera.errors import CameraError
 from drivers.camera.vision.plane import View
 from drivers.camera.vision.tags import Sighting
 
@@ -18,17 +18,8 @@ def check(
 ) -> float:
     """Check that reference tags are where they were.
 
-    Args:
-        references: where they were; none: nothing is checked.
-        seen: all tags of the picture.
-        view: of the calibration.
-        limit_mm: by how much one may have moved.
-
-    Returns:
-        The greatest motion, mm; 0 without references.
-
-    Raises:
-        MovedError: one moved farther, or off the table, or none of them is seen.
+    `seen` are all tags of the picture, `view` is the calibration's. CameraError where one moved farther than
+    the limit, or off the table, or none of them is seen.
     """
     if not references:
         return 0.0
@@ -40,16 +31,16 @@ def check(
     ]
     if not moved:
         names = ", ".join(str(reference.number) for reference in references)
-        raise MovedError(f"no reference tag ({names}) is seen, so the camera may have moved; uncover them")
+        raise CameraError(f"no reference tag ({names}) is seen, so the camera may have moved; uncover them")
     beyond = [number for off_mm, number in moved if not isfinite(off_mm)]
     if beyond:
-        raise MovedError(
+        raise CameraError(
             f"reference tag {beyond[0]} is seen beyond the table's horizon: the camera or the tag moved; "
             "calibrate again"
         )
     worst_mm, number = max(moved)
     if worst_mm > limit_mm:
-        raise MovedError(
+        raise CameraError(
             f"reference tag {number} is {worst_mm:.2f} mm from where it was (limit {limit_mm:g} mm): "
             "the camera or the tag moved; calibrate again"
         )

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from drivers.camera.calibration.file import CameraCalibration
-from drivers.camera.errors import TagError
+from drivers.camera.errors import CameraError
 from drivers.camera.vision import explain
 from drivers.camera.vision.arrays import Array, Picture
 from drivers.camera.vision.plane import as_it_lies, rigid_fit
@@ -35,7 +35,7 @@ def measure(
     tag: PartTag,
     near: Pose2 | None = None,
 ) -> Measured:
-    """Measure the part that carries a tag.
+    """Measure the part that carries a tag; CameraError unless that is seen once, alone, of the right size.
 
     Args:
         picture: (h, w), for explaining why the tag is not seen.
@@ -51,22 +51,22 @@ def measure(
     sighting = the_one(seen, tag.number, fixed)
     if sighting is None:
         expected = None if near is None else compose(near, tag.on_part)
-        raise TagError(explain.why_unseen(picture, calibration.view, tag, expected))
+        raise CameraError(explain.why_unseen(picture, calibration.view, tag, expected))
     return of_sighting(sighting, calibration, tag)
 
 
 def of_sighting(sighting: Sighting, calibration: CameraCalibration, tag: PartTag) -> Measured:
-    """The part's pose from its tag's corners; TagError where the tag is not of the size it should have."""
+    """The part's pose from its tag's corners; CameraError where the tag is not of the size it should have."""
     view = calibration.view
     corners = view.on_plane(sighting.corners, tag.height_mm)
     if not np.isfinite(corners).all():
-        raise TagError(
+        raise CameraError(
             f"tag {tag.number} is seen beyond the table's horizon, where nothing lies; check that it is the "
             "part's, and that the camera stands where it was calibrated"
         )
     fit = rigid_fit(as_it_lies(print_corners(tag.side_mm), view.from_below), corners)
     if not abs(fit.scale - 1.0) <= LARGEST_SCALE_ERROR:
-        raise TagError(
+        raise CameraError(
             f"tag {tag.number} looks {fit.scale * tag.side_mm:.2f} mm large and should be {tag.side_mm:g}; "
             "check its size and height, and calibrate the camera again if both are right"
         )
@@ -81,15 +81,17 @@ def print_corners(side_mm: float) -> Array:
 
 
 def the_one(seen: Sequence[Sighting], number: int, fixed: Collection[int]) -> Sighting | None:
-    """The part's tag among all but the fixed ones; TagError where there are two, or only a wrong one."""
+    """The part's tag among all but the fixed ones; CameraError where there are two, or only a wrong one."""
     loose = [tag for tag in seen if tag.number not in fixed]
     ours = [tag for tag in loose if tag.number == number]
     others = sorted({tag.number for tag in loose} - {number})
     if len(loose) > 1:
         named = f"{len(ours)} times tag {number}" if not others else ", ".join(str(t.number) for t in loose)
-        raise TagError(f"more than one tag lies in view ({named}); leave one part alone on the table")
+        raise CameraError(f"more than one tag lies in view ({named}); leave one part alone on the table")
     if others:
-        raise TagError(f"tag {others[0]} is seen, but the part carries tag {number}; is it the right part?")
+        raise CameraError(
+            f"tag {others[0]} is seen, but the part carries tag {number}; is it the right part?"
+        )
     return ours[0] if ours else None
 
 

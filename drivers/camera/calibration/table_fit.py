@@ -38,11 +38,8 @@ class Residuals(NamedTuple):
 def stand(lens: Lens, pose: Array, from_below: bool, height_mm: float = 0.0) -> View:
     """The view in the frame of the board on the table: its middle, its x to the right of the print.
 
-    Args:
-        lens: the lens.
-        pose: (6,) of the board in the camera.
-        from_below: whether the camera looks up through the table, at a board that lies face down.
-        height_mm: of the board's face above the table.
+    `pose` is (6,) of the board in the camera, its face `height_mm` above the table; `from_below` the camera
+    looks up through the table, at a board that lies face down.
     """
     turn, _ = cv2.Rodrigues(np.asarray(pose[:3], np.float64))
     # A board's third axis points away from its reader: up for one that lies face down.

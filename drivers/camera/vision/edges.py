@@ -33,13 +33,8 @@ class Corners(NamedTuple):
 def refine(picture: Picture, corners: Array, squares: int) -> Corners | None:
     """Refine the corners of a tag's black border.
 
-    Args:
-        picture: (h, w) grey levels.
-        corners: (4, 2) to about two pixels, in order around the tag.
-        squares: of the tag along a side, its border included: 8 for 36h11.
-
-    Returns:
-        The corners, or None where a side has no edge to be found.
+    The picture is (h, w) grey levels, the corners (4, 2) to about two pixels, in order around the tag;
+    `squares` of it stand along a side, its border included: 8 for 36h11.
     """
     corners = np.asarray(corners, np.float64)
     for _ in range(ROUNDS):

@@ -58,19 +58,10 @@ def _held(
 
 
 def write(rig: Rig, folder: Path, seed: int, names: Sequence[str] = ()) -> Iterator[str]:
-    """Take all pictures.
+    """Take all pictures; yields the arguments of commands that make calibration and tag files of them.
 
-    Args:
-        rig: the camera, its fixed tags and the part's.
-        folder: to write them into; made if need be.
-        seed: of noise, boards and the arm.
-        names: of the parts, where there are several.
-
-    Yields:
-        The arguments of the commands that make a calibration and each part's tag file of them.
-
-    Raises:
-        OutputError: a file cannot be written.
+    The seed is of noise, boards and the arm; the names are of the parts, where there are several. OutputError
+    where a file cannot be written.
     """
     rng = np.random.default_rng([seed, 0x414C42])
     flaws = replace(rig.flaws, jpeg_quality=rig.flaws.jpeg_quality or Flaws().jpeg_quality)

@@ -40,14 +40,9 @@ def lying(
     face_down: bool,
     margin_mm: float | None = None,
 ) -> Card:
-    """A card flat on the table.
+    """A card flat on the table, at x, y and the angle of its rows in the world (mm, mm, rad).
 
-    Args:
-        cells: as one reads it.
-        cell_mm: edge of a square.
-        pose: x, y and the angle of its rows in the world: mm, mm, rad.
-        face_down: read from below.
-        margin_mm: white border, None for one square.
+    Face down it is read from below; without a margin its white border is one square wide.
     """
     x, y, theta = pose
     c, s = np.cos(theta), np.sin(theta)

@@ -6,29 +6,22 @@ from collections.abc import Callable
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
-from drivers.sim.wire.serving import Server
+from drivers.sim.wire.serving import LibraryServer
 
 
-class CameraServer(Server):
+class CameraServer(LibraryServer):
     """Serves the bytes of JPEGs that `take` returns; it is called by several threads, one at a time."""
 
     def __init__(self, take: Callable[[], bytes]) -> None:
-        super().__init__("camera", threading.Event())
         lock = threading.Lock()
 
         def locked() -> bytes:
             with lock:
                 return take()
 
-        self._server = ThreadingHTTPServer(("127.0.0.1", 0), lambda *call: _Handler(locked, *call))
-        self._server.daemon_threads = True
-        self._server.timeout = 0.05
-        self.url = f"http://127.0.0.1:{self._server.server_port}/picture.jpg"
-
-    def close(self) -> None:
-        """Stop serving."""
-        super().close()
-        self._server.server_close()
+        server = ThreadingHTTPServer(("127.0.0.1", 0), lambda *call: _Handler(locked, *call))
+        super().__init__("camera", threading.Event(), server)
+        self.url = f"http://127.0.0.1:{server.server_port}/picture.jpg"
 
     def __enter__(self) -> "CameraServer":
         self.start()
@@ -36,10 +29,6 @@ class CameraServer(Server):
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-    def _run(self) -> None:
-        while not self._stopped.is_set():
-            self._server.handle_request()
 
 
 class _Handler(BaseHTTPRequestHandler):

@@ -2,7 +2,6 @@
 
 import bisect
 import math
-from collections.abc import Callable
 from typing import NamedTuple
 
 from drivers.abb import kinematics
@@ -17,8 +16,14 @@ INFO = "120-000000*ROBOTWARE_6.05.00.00*120-3/0.58"
 HOME_MM = (0.0, 0.0, 100.0)  # where the hand hangs at start, pointing down
 HAND_DOWN: Quaternion = (0.0, 1.0, 0.0, 0.0)
 
-# What an instruction does with its parameters at some moment: when it is over; None: at once.
-Instruction = Callable[[tuple[float, ...], float], float | None]
+# How many parameters each instruction takes: the TEST of SERVER.mod main.
+TAKEN: dict[float, tuple[int, ...]] = {
+    **dict.fromkeys((0, 3, 4, 5, 31, 32, 33, 98, 99), (0,)),
+    **dict.fromkeys((1, 6, 7, 30, 35, 36), (7,)),
+    **dict.fromkeys((2, 34), (6,)),
+    8: (2, 4),
+    9: (4,),
+}
 
 
 class Answer(NamedTuple):
@@ -115,18 +120,17 @@ class ArmModel:
         """One received string, heard now; RapidError where the server hangs up and listens again."""
         self._message.parse(text)
         message = self._message
-        counts, run = self._instructions().get(message.code, ((), None))
         code = rapid.to_string(message.code, 0)
-        if run is None or message.count not in counts:
+        if message.count not in TAKEN.get(message.code, ()):
             return Answer(f"{code} 0 ", now_s)
         if message.code == 99:
             return Answer(None, now_s, closing=True)
         try:
-            ready_s = run(tuple(message.parameters[: message.count]), now_s)
+            ready_s = self._run(message.code, tuple(message.parameters[: message.count]), now_s)
         except HaltError as halt:
             self.halted = str(halt)
             return Answer(None, math.inf)
-        return Answer(f"{code} 1 {self._payload(message.code, now_s)}", now_s if ready_s is None else ready_s)
+        return Answer(f"{code} 1 {self._payload(message.code, now_s)}", ready_s)
 
     def _payload(self, code: float, now_s: float) -> str:
         """What the answer to an instruction carries; empty for all that are not questions."""
@@ -138,44 +142,35 @@ class ArmModel:
             return " ".join(rapid.to_string(value, 2)[:8] for value in self._external)
         return {32: rapid.to_string(len(self._buffer), 2), 98: INFO}.get(int(code), "")
 
-    def _instructions(self) -> dict[float, tuple[tuple[int, ...], Instruction]]:
-        """Code -> (parameter counts taken, what it does): the TEST of SERVER.mod main."""
-        questions = dict.fromkeys((0, 3, 4, 5, 32, 98, 99), ((0,), lambda *_: None))
-        return questions | {
-            1: ((7,), self._move_linear),
-            2: ((6,), self._move_joints),
-            6: ((7,), self._set_tool),
-            7: ((7,), self._set_work_object),
-            8: ((2, 4), self._set_speed),
-            9: ((4,), self._set_zone),
-            30: ((7,), self._append),
-            31: ((0,), lambda *_: self._buffer.clear()),
-            33: ((0,), self._run_buffer),
-            34: ((6,), self._move_external),
-            35: ((7,), self._set_circle_point),
-            36: ((7,), self._move_circle),
-        }
-
-    # -- settings ---------------------------------------------------------------------------------
-
-    def _set_tool(self, values: tuple[float, ...], _now_s: float) -> None:
-        self._tool = _unit(_pose(values))
-
-    def _set_work_object(self, values: tuple[float, ...], _now_s: float) -> None:
-        self._work_object = _unit(_pose(values))
-
-    def _set_speed(self, values: tuple[float, ...], _now_s: float) -> None:
-        self._speed = (values[0], values[1])
-
-    def _set_zone(self, values: tuple[float, ...], _now_s: float) -> None:
-        self._zone_mm = 0.0 if values[0] == 1.0 else values[1]
-
-    def _append(self, values: tuple[float, ...], _now_s: float) -> None:
-        if len(self._buffer) < MAX_BUFFER:  # the 513th is dropped and acknowledged all the same
-            self._buffer.append((_pose(values), self._speed))
-
-    def _set_circle_point(self, values: tuple[float, ...], _now_s: float) -> None:
-        self._circle = _pose(values)
+    def _run(self, code: float, values: tuple[float, ...], now_s: float) -> float:
+        """Execute an instruction; returns when it is over."""
+        match code:
+            case 1:
+                return self._line(_pose(values), self._speed, now_s)[0]
+            case 2:
+                return self._move_joints(values, now_s)
+            case 6:
+                self._tool = _unit(_pose(values))
+            case 7:
+                self._work_object = _unit(_pose(values))
+            case 8:
+                self._speed = (values[0], values[1])
+            case 9:
+                self._zone_mm = 0.0 if values[0] == 1.0 else values[1]
+            case 30 if len(self._buffer) < MAX_BUFFER:  # the 513th is dropped and acknowledged all the same
+                self._buffer.append((_pose(values), self._speed))
+            case 31:
+                self._buffer.clear()
+            case 33:
+                for tip, speed in self._buffer:
+                    now_s = self._line(tip, speed, now_s)[0]
+            case 34:
+                self._external = values
+            case 35:
+                self._circle = _pose(values)
+            case 36:
+                return self._move_circle(_pose(values), now_s)
+        return now_s
 
     # -- motion -----------------------------------------------------------------------------------
 
@@ -219,19 +214,11 @@ class ArmModel:
         early = min(self._zone_mm / path_mm, 0.5) * seconds if path_mm > 0.0 else 0.0
         return end_s - early, end_s
 
-    def _move_linear(self, values: tuple[float, ...], now_s: float) -> float:
-        return self._line(_pose(values), self._speed, now_s)[0]
-
-    def _run_buffer(self, _values: tuple[float, ...], now_s: float) -> float:
-        for tip, speed in self._buffer:
-            now_s = self._line(tip, speed, now_s)[0]
-        return now_s
-
-    def _move_circle(self, values: tuple[float, ...], now_s: float) -> float:
+    def _move_circle(self, end: Pose, now_s: float) -> float:
         """MoveC, driven as two chords through the via-point."""
         if self._circle is None:
             raise HaltError("50066 circle point not defined")
-        for tip in (self._circle, _pose(values)):
+        for tip in (self._circle, end):
             now_s = self._line(tip, self._speed, now_s)[1]
         return now_s
 
@@ -241,9 +228,6 @@ class ArmModel:
         here, now = self._leg(now_s).at(now_s), self.joints_at(now_s)
         seconds = max(abs(a - b) for a, b in zip(values, now, strict=True)) / JOINT_SPEED_DEG_S
         return self._go(Leg(here, kinematics.forward(values), now_s, seconds, now, values))
-
-    def _move_external(self, values: tuple[float, ...], _now_s: float) -> None:
-        self._external = values
 
 
 def _pose(values: tuple[float, ...]) -> Pose:

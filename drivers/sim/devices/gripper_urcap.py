@@ -4,69 +4,48 @@ import contextlib
 import socket
 import threading
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from drivers.robotiq.registers import INPUT_FIELDS, OUTPUT_FIELDS, pack, unpack
+from drivers.robotiq.urcap import READ
 from drivers.sim.wire.modbus import Device
 from drivers.sim.wire.serving import Lock, TcpServer
 
-INPUTS = {
-    "ACT": "gACT",
-    "GTO": "gGTO",
-    "STA": "gSTA",
-    "OBJ": "gOBJ",
-    "FLT": "gFLT",
-    "PRE": "gPR",
-    "POS": "gPO",
-}
-OUTPUTS = {
-    "ACT": "rACT",
-    "GTO": "rGTO",
-    "ATR": "rATR",
-    "ADR": "rARD",
-    "POS": "rPR",
-    "SPE": "rSP",
-    "FOR": "rFR",
-}
-FLAGS = frozenset({"ACT", "GTO", "ATR", "ADR"})
+FLAGS = {"ACT": "rACT", "GTO": "rGTO", "ATR": "rATR", "ADR": "rARD"}
+OUTPUTS = {**FLAGS, "POS": "rPR", "SPE": "rSP", "FOR": "rFR"}
 UNKNOWN = b"?"
 MAX_LINE = 256
 
 
+@dataclass
 class Urcap:
-    """What the URCap answers to a line.
+    """What the URCap answers to a line."""
 
-    Args:
-        device: the gripper.
-        now: simulated seconds.
-        line_end: what follows the answer to a question; an acknowledgement stands alone.
-    """
-
-    def __init__(self, device: Device, now: Callable[[], float], line_end: bytes = b"\n") -> None:
-        self._device = device
-        self._now = now
-        self._line_end = line_end
+    device: Device
+    now: Callable[[], float]  # simulated seconds
+    line_end: bytes = b"\n"  # what follows the answer to a question; an acknowledgement stands alone
 
     def answer(self, line: bytes) -> bytes | None:
         """The answer; None: silence."""
         match line.decode("latin-1").split():
-            case ["GET", name] if name in INPUTS:
-                fields = unpack(INPUT_FIELDS, self._device.read_input(self._now()))
-                return b"%s %d" % (name.encode(), fields[INPUTS[name]]) + self._line_end
+            case ["GET", name] if name in READ:
+                fields = unpack(INPUT_FIELDS, self.device.read_input(self.now()))
+                return b"%s %d" % (name.encode(), fields[READ[name]]) + self.line_end
             case ["GET", name] if name in OUTPUTS:
-                fields = unpack(OUTPUT_FIELDS, self._device.read_output())
-                return b"%s %d" % (name.encode(), fields[OUTPUTS[name]]) + self._line_end
+                fields = unpack(OUTPUT_FIELDS, self.device.read_output())
+                return b"%s %d" % (name.encode(), fields[OUTPUTS[name]]) + self.line_end
             case ["SET", *words] if words and len(words) % 2 == 0:
                 return b"ack" if self._set(words) else UNKNOWN
         return UNKNOWN
 
     def _set(self, words: list[str]) -> bool:
-        image = unpack(OUTPUT_FIELDS, self._device.read_output())
+        image = unpack(OUTPUT_FIELDS, self.device.read_output())
         for name, text in zip(words[::2], words[1::2], strict=True):
             most = 1 if name in FLAGS else 255
             if name not in OUTPUTS or not text.isdecimal() or int(text) > most:
                 return False
             image[OUTPUTS[name]] = int(text)
-        self._device.write_output(0, pack(OUTPUT_FIELDS, image), self._now())
+        self.device.write_output(0, pack(OUTPUT_FIELDS, image), self.now())
         return True
 
 
@@ -102,11 +81,8 @@ class UrcapPort(TcpServer):
 
     def _serve(self, client: socket.socket) -> None:
         text = b""
-        while not self._stopped.is_set():
-            if not self._readable([client]):
-                continue
-            data = client.recv(MAX_LINE)
-            if not data or len(text) > MAX_LINE:
+        for data in self._received(client, MAX_LINE):
+            if len(text) > MAX_LINE:
                 return
             *lines, text = (text + data).split(b"\n")
             for line in lines:

@@ -163,12 +163,7 @@ class SecondaryPort(TcpServer):
 
     def _serve(self, client: socket.socket) -> None:
         text = ""
-        while not self._stopped.is_set():
-            if not self._readable([client]):
-                continue
-            data = client.recv(4096)
-            if not data:
-                return
+        for data in self._received(client):
             text += data.decode("latin-1")
             while (end := text.find("\nend\n")) >= 0:
                 program, text = text[: end + 5], text[end + 5 :]

@@ -83,14 +83,8 @@ class Setting(NamedTuple):
 def load(tree: Path | None, job: Path | None, world: str | None) -> Setting:
     """Read table or job, and find the world.
 
-    Args:
-        tree: a compiled table; its embedded job is used.
-        job: a job file, if there is no table.
-        world: `module:factory`; none: the planner's, or a rehearsal where the planner is not installed.
-
-    Raises:
-        SimulationError: a file is missing, or the world cannot be had; errors of table and job pass as they
-            are.
+    The world is `module:factory`; none: the planner's, or a rehearsal where the planner is not installed.
+    SimulationError where a file or the world cannot be had; errors of table and job pass as they are.
     """
     path = tree or job
     if path is None or not path.is_file():

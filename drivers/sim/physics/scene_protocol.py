@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping
 
 from drivers.errors import LinkError, PortError
 from drivers.ports import Truth
-from drivers.sim.wire.serving import Server
+from drivers.sim.wire.serving import LibraryServer
 from runtime.shell import strict_json
 
 ANSWER_S = 10.0
@@ -90,17 +90,10 @@ class _ThreadForEach(socketserver.ThreadingTCPServer):
         raise
 
 
-class SceneServer(Server):
-    """Answers scene requests of any number of clients.
-
-    Args:
-        answer: request -> reply; called by a thread for each client.
-        stopped: tells that the cell stops.
-    """
+class SceneServer(LibraryServer):
+    """Answers scene requests of any number of clients, a thread each; `stopped` tells that the cell stops."""
 
     def __init__(self, answer: Callable[[str], Mapping[str, object]], stopped: threading.Event) -> None:
-        super().__init__("scene", stopped)
-
         class Client(socketserver.StreamRequestHandler):
             """Answers one client's lines."""
 
@@ -112,18 +105,9 @@ class SceneServer(Server):
                         if "quit" in said:
                             stopped.set()
 
-        self._server = _ThreadForEach(("127.0.0.1", 0), Client)
-        self.url = f"tcp://127.0.0.1:{self._server.server_address[1]}"
-
-    def close(self) -> None:
-        """Stop serving."""
-        if self._thread.is_alive():
-            self._server.shutdown()
-        super().close()
-        self._server.server_close()
-
-    def _run(self) -> None:
-        self._server.serve_forever(0.1)
+        server = _ThreadForEach(("127.0.0.1", 0), Client)
+        super().__init__("scene", stopped, server)
+        self.url = f"tcp://127.0.0.1:{server.server_address[1]}"
 
 
 def _reply(line: bytes, answer: Callable[[str], Mapping[str, object]]) -> Mapping[str, object]:

@@ -3,6 +3,7 @@
 import errno
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from drivers.sim.devices.arm import Answer, ArmModel
 from drivers.sim.devices.rapid import RapidError
@@ -83,60 +84,47 @@ class GripperPort(VirtualPort):
         self._outbox.put(pieces, self._sent_s + TURNAROUND_S, BYTE_S)
 
 
+@dataclass
 class ArmPort:
-    """The arm controller's network port; `connect` gives a connection to it.
+    """The arm controller's network port; `connect` gives a connection to it."""
 
-    Args:
-        controller: what executes instructions.
-        clock: the cell's.
-        stands: called when an instruction is over.
-        overheard: told of each string received.
-    """
-
-    def __init__(
-        self,
-        controller: ArmModel,
-        clock: VirtualClock,
-        stands: Callable[[], None],
-        overheard: Callable[[str], None] | None = None,
-    ) -> None:
-        self._controller = controller
-        self._clock = clock
-        self._stands = stands
-        self._overheard = overheard
-        self._free_s = 0.0
-        self._stale = ""
+    controller: ArmModel  # executes instructions
+    clock: VirtualClock
+    stands: Callable[[], None]  # called when an instruction is over
+    overheard: Callable[[str], None] | None = None  # told of each string received
+    free_s: float = 0.0
+    stale: str = ""
 
     def connect(self) -> "ArmConnection":
         """A connection, greeted with the acknowledgement that its predecessor did not stay for."""
-        made = ArmConnection(self, self._clock)
-        self._free_s = max(self._free_s, self._clock.now()) + ACCEPT_S
-        made.arrives(self._stale, self._free_s)
-        self._stale = ""
+        made = ArmConnection(self, self.clock)
+        self.free_s = max(self.free_s, self.clock.now()) + ACCEPT_S
+        made.arrives(self.stale, self.free_s)
+        self.stale = ""
         return made
 
     def execute(self, text: str, connection: "ArmConnection") -> None:
         """One received string: what it comes to happens later, in its time."""
-        if self._overheard is not None:
-            self._overheard(text)
-        start_s = max(self._clock.now() + TURNAROUND_S, self._free_s)
+        if self.overheard is not None:
+            self.overheard(text)
+        start_s = max(self.clock.now() + TURNAROUND_S, self.free_s)
         try:
-            answer = self._controller.execute(text, start_s)
+            answer = self.controller.execute(text, start_s)
         except RapidError:
             connection.hang_up()
             return
         if math.isinf(answer.ready_s):
             return
-        self._free_s = answer.ready_s
+        self.free_s = answer.ready_s
         if answer.broken or answer.closing:
             connection.hang_up()
         connection.arrives(answer.before, start_s)
-        self._clock.at(answer.ready_s, lambda: self._over(answer, connection))
+        self.clock.at(answer.ready_s, lambda: self._over(answer, connection))
 
     def _over(self, answer: Answer, connection: "ArmConnection") -> None:
-        self._stands()
-        if answer.text is not None and not connection.arrives(answer.text, self._clock.now()):
-            self._stale = answer.text
+        self.stands()
+        if answer.text is not None and not connection.arrives(answer.text, self.clock.now()):
+            self.stale = answer.text
 
 
 class ArmConnection(VirtualPort):

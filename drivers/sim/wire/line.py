@@ -2,6 +2,7 @@
 
 import errno
 import random
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from drivers.sim.faults import Channel, Desk
@@ -37,35 +38,29 @@ class CleanLine:
         return [] if reply is None else [Piece(reply)]
 
 
+@dataclass(frozen=True, slots=True)
 class FaultyLine(CleanLine):
-    """A line as a fault schedule has it.
+    """A line as a fault schedule has it."""
 
-    Args:
-        desk: says what holds when.
-        rng: draws the noise.
-        checked: whether frames end in a CRC (RTU).
-    """
-
-    def __init__(self, desk: Desk, rng: random.Random, *, checked: bool = True) -> None:
-        self._desk = desk
-        self._rng = rng
-        self._checked = checked
+    desk: Desk
+    rng: random.Random  # draws the noise
+    checked: bool = True  # whether frames end in a CRC (RTU)
 
     def hears(self, frame: bytes) -> bool:
         """Whether the gripper hears it; UnpluggedError where there is no line any more."""
         del frame
-        self._desk.next(Channel.LINE)
+        self.desk.next(Channel.LINE)
         for kind in ("unplugged", "permission_lost"):
-            if self._desk.holds(kind):
+            if self.desk.holds(kind):
                 raise UnpluggedError(forbidden=kind == "permission_lost")
-        return self._desk.holds("request_lost") is None
+        return self.desk.holds("request_lost") is None
 
     def carries(self, frame: bytes, reply: bytes | None) -> list[Piece]:
         """What comes back to the host: echo and noise first, then what is left of the reply."""
-        faults = {fault.kind: fault for fault in self._desk.holding(Channel.LINE)}
+        faults = {fault.kind: fault for fault in self.desk.holding(Channel.LINE)}
         pieces = [Piece(frame)] if "echo" in faults else []
         if "noise" in faults:
-            pieces.append(Piece(self._rng.randbytes(max(int(faults["noise"].value), 1))))
+            pieces.append(Piece(self.rng.randbytes(max(int(faults["noise"].value), 1))))
         if reply is None or "reply_lost" in faults:
             return pieces
         for kind, damage in (
@@ -79,7 +74,7 @@ class FaultyLine(CleanLine):
         return pieces + [Piece(reply, delay_s)] * (2 if "reply_twice" in faults else 1)
 
     def _readdressed(self, reply: bytes, unit: int) -> bytes:
-        if not self._checked:  # the unit is the last byte of a Modbus TCP header
+        if not self.checked:  # the unit is the last byte of a Modbus TCP header
             return reply[:6] + bytes((unit,)) + reply[7:]
         body = bytes((unit,)) + reply[1:-2]
         return body + crc16(body)

@@ -3,8 +3,10 @@
 import contextlib
 import select
 import socket
+import socketserver
 import threading
 import time
+from collections.abc import Iterator
 
 Lock = contextlib.AbstractContextManager[object]
 
@@ -61,6 +63,24 @@ class Server:
         raise NotImplementedError
 
 
+class LibraryServer(Server):
+    """A server of the standard library, which has a thread for each client."""
+
+    def __init__(self, name: str, stopped: threading.Event, server: socketserver.TCPServer) -> None:
+        super().__init__(name, stopped)
+        self._server = server
+
+    def close(self) -> None:
+        """Stop serving."""
+        if self._thread.is_alive():
+            self._server.shutdown()
+        super().close()
+        self._server.server_close()
+
+    def _run(self) -> None:
+        self._server.serve_forever(0.05)
+
+
 class TcpServer(Server):
     """Serves one client after another on a TCP port; subclasses say how."""
 
@@ -93,6 +113,14 @@ class TcpServer(Server):
 
     def _left(self) -> None:
         """The client was served, and its connection is closed."""
+
+    def _received(self, client: socket.socket, most: int = 4096) -> Iterator[bytes]:
+        """What a client sends, until it leaves or the server stops."""
+        while not self._stopped.is_set():
+            if self._readable([client]):
+                if not (data := client.recv(most)):
+                    return
+                yield data
 
     def _readable(self, sockets: list[socket.socket], seconds: float = 0.1) -> list[socket.socket]:
         return select.select(sockets, [], [], seconds)[0]

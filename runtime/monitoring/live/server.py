@@ -112,13 +112,10 @@ def _told(error: OSError, address: Address) -> str:
 
 
 def answer(pages: Pages, asked: bytes, *, local: bool) -> bytes:
-    """The whole response to a request's head.
+    """The whole response to a request's head; the pages are by path, each with its media type.
 
-    Args:
-        pages: by path, each with its media type.
-        asked: the head.
-        local: whether only questions to this machine's own name are answered: a page elsewhere that has its
-            name point here (DNS rebinding) then learns nothing.
+    With `local` only questions to this machine's own name are answered: a page elsewhere that has its name
+    point here (DNS rebinding) then learns nothing.
     """
     line, _, fields = asked.partition(b"\n")
     understood = REQUEST.match(line)

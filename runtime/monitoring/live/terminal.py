@@ -30,7 +30,7 @@ PARTS = 5
 AROUND = 5 + PARTS  # lines that are not the tree's
 
 
-class View:
+class View(Console):
     """A console that draws parts and squeezes as a picture on a terminal; shown within its context.
 
     The console behind it is told the summary; and squeezes and parts as well if it does not write where the

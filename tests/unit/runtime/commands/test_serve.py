@@ -13,10 +13,10 @@ from runtime.commands.arguments import SERVED, parser
 from runtime.devices.clock import SystemClock
 from runtime.errors import ArgumentsError, JournalError
 from runtime.execution.asked import ERRORS, MAX_LINE, AskedParts, refused
-from runtime.execution.events import Tally, ignore_phase
+from runtime.execution.events import Tally
 from runtime.execution.executor import RunOptions
 from runtime.monitoring.console import Objects
-from runtime.monitoring.live.server import Address
+from runtime.monitoring.live.server import Address, listening
 
 SERVE = ["--tree", "t", "--serve", "tcp://127.0.0.1:5020"]
 
@@ -33,10 +33,10 @@ class Serving:
 
     def __init__(self, journal: FakeJournal, clock: SystemClock, parts: int = 1) -> None:
         table, self.journal, self.raised = small_table(), journal, None
-        listener = serve.listening(Address("127.0.0.1", 0))
+        listener = listening(Address("127.0.0.1", 0), "--serve")
         self.address = listener.getsockname()
         asked = AskedParts(
-            table, "0" * 64, journal, clock, Objects(table, Path("j")), Tally(), RunOptions(), ignore_phase,
+            table, "0" * 64, journal, clock, Objects(table, Path("j")), Tally(), RunOptions(),
             parts,
         )  # fmt: skip
         self._server = serve.RobotServer(listener, asked, clock)

@@ -9,7 +9,7 @@ from fake_cell import FakeClock, FakeJournal
 from sample_tables import OTHER, every_field_table, random_table, several_table, small_table
 
 from runtime.execution.asked import ERRORS, MAX_LINE, AskedParts
-from runtime.execution.events import Tally, ignore_phase
+from runtime.execution.events import Tally
 from runtime.execution.executor import RunOptions
 from runtime.monitoring.console import Objects
 from runtime.table import REJECT, UNDETECTED_UM, Calibration, Table, decide, decision_map
@@ -28,7 +28,7 @@ def _quiet(capsys: pytest.CaptureFixture[str]) -> None:
 def parts(table: Table, policy: Policy | None = None) -> AskedParts:
     options = RunOptions(policy or Policy())
     return AskedParts(
-        table, "0" * 64, FakeJournal(), FakeClock(), Objects(table, Path("j")), Tally(), options, ignore_phase
+        table, "0" * 64, FakeJournal(), FakeClock(), Objects(table, Path("j")), Tally(), options
     )
 
 

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import pytest
-from fake_cell import FakeCell, FakeClock, FakeJournal, Log, State, fake_cell
+from fake_cell import Deaf, FakeCell, FakeClock, FakeJournal, Log, State, fake_cell
 from sample_tables import GRIPPER, random_table, small_table, with_node
 
 from runtime.errors import JournalError, TableError
@@ -32,8 +32,9 @@ class GripperFaultError(RuntimeError):
 
 
 def run(made: FakeCell, table: Table | None = None, seen: list[Step] | None = None) -> PartResult:
-    steps = [] if seen is None else seen
-    return Executor(table or small_table(), made.cell, lambda part, step: steps.append(step)).run_part(1)
+    console = Deaf()
+    console.step = lambda part, step: None if seen is None else seen.append(step)
+    return Executor(table or small_table(), made.cell, console).run_part(1)
 
 
 def number_of_calls() -> int:
@@ -269,7 +270,7 @@ def test_a_reading_that_is_no_number_is_no_place() -> None:
 def test_a_squeeze_that_takes_too_long_is_a_fault() -> None:
     made = fake_cell(LONGEST)
     cell = replace(made.cell, clock=FakeClock(step_s=1000.0))
-    result = Executor(small_table(), cell, lambda part, step: None).run_part(1)
+    result = Executor(small_table(), cell, Deaf()).run_part(1)
     assert (result.outcome, result.exit_code) == (Outcome.FAULT, 21)
     assert "s late" in str(result.reason)
 

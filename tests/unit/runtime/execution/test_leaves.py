@@ -4,7 +4,7 @@ from dataclasses import replace
 from math import degrees, inf, radians
 
 import pytest
-from fake_cell import FakeCell, fake_cell
+from fake_cell import Deaf, FakeCell, fake_cell
 from sample_tables import several_table, small_table, with_job
 from squeezes import ARRIVED, AT_21, AT_30, AT_36, EMPTY, jaw_moves, run
 
@@ -36,7 +36,7 @@ class Judge:
 def test_the_auditor_is_asked_at_leaves_and_never_stops_the_cell(word, verdict) -> None:
     judge, made = Judge(word), fake_cell([AT_21])
     cell = replace(made.cell, auditor=judge)
-    result = Executor(small_table(), cell, lambda part, step: None).run_part(7)
+    result = Executor(small_table(), cell, Deaf()).run_part(7)
     assert (result.outcome, result.audit) == (Outcome.LEAF, verdict)
     assert judge.asked == [(7, 0.0, 0.5, 0.0)]
     assert ("audit", {"part": 7, "verdict": verdict, "residual_x_mm": 0.25}) in made.journal.kept
@@ -45,7 +45,7 @@ def test_the_auditor_is_asked_at_leaves_and_never_stops_the_cell(word, verdict) 
 def test_a_broken_auditor_knows_nothing_and_a_reject_is_not_audited() -> None:
     made = fake_cell([AT_21, AT_36])
     judge = Judge(ValueError("no camera"))
-    executor = Executor(small_table(), replace(made.cell, auditor=judge), lambda part, step: None)
+    executor = Executor(small_table(), replace(made.cell, auditor=judge), Deaf())
     assert executor.run_part(1).audit == "unknown"
     assert executor.run_part(2).audit is None
     assert len(judge.asked) == 1
@@ -72,7 +72,7 @@ def test_each_of_several_parts_has_its_own_place_or_stays() -> None:
     table = several_table()
     sorting = by_name(["left hand=40,-20,90"], table)
     made = fake_cell([AT_21, AT_21, AT_30, AT_21])
-    executor = Executor(table, made.cell, lambda part, step: None, RunOptions(delivery=sorting))
+    executor = Executor(table, made.cell, Deaf(), RunOptions(delivery=sorting))
     one, other = executor.run_part(1), executor.run_part(2)
     assert (one.leaf, one.delivery) == (0, "done")
     assert (other.leaf, other.delivery) == (1, None)

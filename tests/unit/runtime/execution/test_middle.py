@@ -16,7 +16,7 @@ from runtime.errors import CalibrationError, GripperStateError, MotionRefusedErr
 from runtime.execution import carry, middle
 from runtime.execution.asked import AskedParts
 from runtime.execution.delivery import from_text
-from runtime.execution.events import Tally, ignore_phase
+from runtime.execution.events import Tally
 from runtime.execution.executor import RunOptions
 from runtime.execution.hand import Hand, Handling
 from runtime.execution.middle import Grip, Middle, fit, gripping, measure
@@ -163,7 +163,6 @@ def test_a_robot_that_asks_is_told_where_its_arm_has_to_go():
             Objects(table, Path("j")),
             Tally(),
             options,
-            ignore_phase,
         )
         asked.answer("NEXT")
         told.append(asked.answer("WIDTH 30.0 OBJECT").split())

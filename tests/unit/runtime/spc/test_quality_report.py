@@ -186,9 +186,7 @@ def test_summary_counts_what_the_parts_say():
     assert told.tail > 1e-4
     for row in told.leaves:
         mine = [p.residual for p in found.parts if p.leaf == row.leaf and p.residual]
-        assert [moment.mean for moment in row.residuals] == pytest.approx(
-            [*np.mean(mine, axis=0)] if mine else []
-        )
+        assert [mean for mean, _ in row.residuals] == pytest.approx([*np.mean(mine, axis=0)] if mine else [])
 
 
 def test_moments_are_the_samples():
@@ -348,9 +346,7 @@ def test_a_run_says_as_it_goes_on_what_its_report_will_say_of_a_refit(shift_um):
     parts = drawn(TABLE, 120, np.random.default_rng(5), width_shift_um=shift_um)
     drift = Drift(TABLE)
     told = [drift.add(as_result(part)) for part in parts]
-    alarms = [
-        alarm.place for alarm in Monitor.of(TABLE).watch(history(TABLE, parts)) if alarm.chart in DRIFTED
-    ]
+    alarms = [alarm.place for alarm in Monitor(TABLE).watch(history(TABLE, parts)) if alarm.chart in DRIFTED]
     assert any(told) == bool(alarms) == (shift_um > 0.0)
     if alarms:
         assert told.index(True) == max(alarms[0], LEAST_REFIT - 1)

@@ -20,7 +20,7 @@ from drivers.abb.codec import Pose
 from drivers.abb.omnicore import MODULE, POINTER, ROUTINE, SYMBOL, TASK, UNIT
 from drivers.abb.rws import ACCEPT, FACTORY, FORM
 from drivers.sim.devices.arm import ArmModel, HaltError
-from drivers.sim.wire.serving import Lock, Server
+from drivers.sim.wire.serving import LibraryServer, Lock
 
 MAIN = ("Module1", "main")  # whoever programmed the cell before
 REALM = "validusers@robapi.abb"
@@ -166,7 +166,7 @@ class _Http(ThreadingHTTPServer):
         del request, client_address
 
 
-class RwsServer(Server):
+class RwsServer(LibraryServer):
     """The services on a port of this machine, with TLS.
 
     Args:
@@ -180,28 +180,21 @@ class RwsServer(Server):
     def __init__(
         self, model: OmniCore, lock: Lock, now: Callable[[], float], certificate: str, *, digest: bool = False
     ) -> None:
-        super().__init__("rws", threading.Event())
         self.mute = False
         self.requests = 0
         context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
         context.load_cert_chain(certificate)
-        self._http = _Http(("127.0.0.1", 0), _handler(self, model, lock, now, digest=digest))
+        http = _Http(("127.0.0.1", 0), _handler(self, model, lock, now, digest=digest))
         # The handshake is the handler's: a client that only connects must not keep others waiting.
-        self._http.socket = context.wrap_socket(
-            self._http.socket, server_side=True, do_handshake_on_connect=False
-        )
-        self.port: int = self._http.server_address[1]
+        http.socket = context.wrap_socket(http.socket, server_side=True, do_handshake_on_connect=False)
+        super().__init__("rws", threading.Event(), http)
+        self.port: int = http.server_address[1]
         self.url = f"omnicore://127.0.0.1:{self.port}"
 
     def close(self) -> None:
-        """Stop serving."""
+        """Stop serving; whoever meets silence is let go."""
         self._stopped.set()
-        self._http.shutdown()
         super().close()
-        self._http.server_close()
-
-    def _run(self) -> None:
-        self._http.serve_forever(0.05)
 
     def silent(self) -> bool:
         """Count a request; whether it meets silence until the server stops."""
