@@ -80,8 +80,8 @@ def turnable(job: Job) -> bool:
 
 
 def _first(job: Job, actions: ActionSet) -> Array:
-    """The fixed placements and, where others are proposed, those beside them, none equivalent to another."""
-    shifts = (0.0, *ASIDE) if actions.proposals else (0.0,)
+    """The fixed placements, and those beside a single centre where others are proposed, none equivalent."""
+    shifts = (0.0, *ASIDE) if actions.proposals and len(job.actions.centers_mm) == 1 else (0.0,)
     beside = [along(actions.placements, share * job.gripper.finger_length_mm) for share in shifts]
     return inequivalent(actions.within(np.concatenate(beside)), actions.placements[:0], job)
 
