@@ -14,6 +14,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from planner.arrays import Array, IntArray
+from runtime.table import COUNTS
 
 RARE = 30.0  # simulated outcomes below which a score is drawn to 0
 CURVED = 3  # cells for each coefficient from which squares and products are regressed on, too
@@ -33,19 +34,20 @@ class Likelihood:
     doubt: Array  # (p, p) covariance of the slopes, in units of the scatter
 
     @classmethod
-    def of(cls, features: Array, shown: IntArray, seen: Array) -> Self:
+    def of(cls, features: Array, shown: IntArray, seen: Array, counts: int) -> Self:
         """Learns the likelihood of what was seen.
 
         Args:
             features: (m, k) of the simulated cells.
             shown: (m, 2, n, d) two sets of n parts in each, with the numbers of each part's outcomes.
             seen: (size,) how often n parts showed each outcome.
+            counts: so many outcomes stand for themselves; the others are steps along lines, 256 on each.
         """
         centre, scale = features.mean(axis=0), features.std(axis=0) + 1e-12
         m, k = features.shape
         curved = len(np.unique(features, axis=0)) > CURVED * (k + 1) * (k + 2) // 2
         terms = _terms((features - centre) / scale, curved)
-        scores = _scores(terms[:, 1 : k + 1], shown[:, 0].reshape(m, -1), len(seen))
+        scores = _scores(terms[:, 1 : k + 1], shown[:, 0].reshape(m, -1), len(seen), counts)
         simulated = scores[shown[:, 1].reshape(m, -1)].sum(axis=1)
         doubt = np.linalg.inv(terms.T @ terms + RIDGE * m * np.eye(terms.shape[1]))
         slopes = doubt @ terms.T @ simulated
@@ -63,11 +65,21 @@ class Likelihood:
         return np.asarray(-0.5 * (off**2).sum(axis=1) / wider - 0.5 * off.shape[1] * np.log(wider))
 
 
-def _scores(features: Array, shown: IntArray, size: int) -> Array:
-    """Scores (size + 1, k) of outcomes by what cells (m, k) showed (m, c); of the last, none, they are 0."""
+def _scores(features: Array, shown: IntArray, size: int, counts: int) -> Array:
+    """Scores (size + 1, k) of outcomes by what cells (m, k) showed (m, c); of the last, none, they are 0.
+
+    Along a line they rise evenly, beyond the steps that simulated parts showed, too.
+    """
     ends = np.arange(0, shown.size + 1, shown.shape[1])
     often = csr_array((np.ones(shown.size), shown.ravel(), ends), shape=(len(shown), size + 1))
-    scores = (often.T @ features) / (often.sum(axis=0) + RARE)[:, None]
+    grown, total = often.T @ features, often.sum(axis=0)
+    scores = grown / (total + RARE)[:, None]
+    weights = total[counts:size].reshape(-1, COUNTS)
+    middle = weights @ np.arange(COUNTS) / np.maximum(1.0, weights.sum(axis=1))
+    off = np.arange(COUNTS) - middle[:, None]
+    lines = np.einsum("ij,ijk->ik", off, grown[counts:size].reshape(*off.shape, features.shape[1]))
+    lines /= RARE + (weights * off**2).sum(axis=1)[:, None]
+    scores[counts:size] = (off[..., None] * lines[:, None]).reshape(-1, features.shape[1])
     scores[-1] = 0.0
     return np.asarray(scores)
 

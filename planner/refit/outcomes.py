@@ -12,8 +12,7 @@ from planner.frames import wrap
 from runtime.table import COUNTS, Table, predicted_pose
 
 EMPTY_UM = 2000  # widths up to that may be an empty hand's
-STEP_MM = 0.25  # in which residuals of measured poses are told apart
-STEPS = 64  # that are; what is farther off is as the last of them
+STEP_MM = 0.1  # in which residuals of measured poses are told apart; as many steps as counts
 
 
 class Seen(NamedTuple):
@@ -30,7 +29,8 @@ class Outcomes:
     """Numbers of all outcomes of a table's parts, from 0 to `size` - 1; `size` stands for none.
 
     A count at a node is one outcome, and so is each of the three numbers of a residual at a leaf, in steps.
-    Where a part lies is compared at leaves alone that were audited.
+    Where a part lies is compared at leaves alone that were audited. 256 outcomes each are a row, those of
+    the nodes first.
     """
 
     table: Table
@@ -39,7 +39,7 @@ class Outcomes:
     @property
     def size(self) -> int:
         """How many there are."""
-        return COUNTS * len(self.table.nodes) + 3 * STEPS * len(self.audited)
+        return COUNTS * (len(self.table.nodes) + 3 * int(self.audited.sum()))
 
     def of_parts(self, found: Evaluation) -> IntArray:
         """Those of simulated parts, (n, d + 3): of their squeezes, then of their poses."""
@@ -77,5 +77,6 @@ class Outcomes:
         metric = metric_of_table(self.table)
         off = residuals.copy()
         off[:, 2] = metric.rho_mm * wrap(off[:, 2], metric.order)
-        step = np.clip(np.rint(off / STEP_MM).astype(np.int64) + STEPS // 2, 0, STEPS - 1)
-        return COUNTS * len(self.table.nodes) + STEPS * (3 * leaf[:, None] + np.arange(3)) + step
+        step = np.clip(np.rint(off / STEP_MM).astype(np.int64) + COUNTS // 2, 0, COUNTS - 1)
+        row = len(self.table.nodes) + 3 * (np.cumsum(self.audited) - 1)[leaf]
+        return COUNTS * (row[:, None] + np.arange(3)) + step

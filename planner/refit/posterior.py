@@ -83,7 +83,7 @@ def posterior(
         rounds.append((np.repeat(points, pairs, axis=0), np.concatenate(sets)))
         # The first rounds were far from what explains anything.
         points, shown = (np.concatenate(column) for column in zip(*rounds[(turn + 1) // 2 :], strict=True))
-        found = Likelihood.of(features(points), shown, counted)
+        found = Likelihood.of(features(points), shown, counted, seen.readings.size)
         drawn, power = (DRAWN, 1.0) if turn + 1 == effort.rounds else (effort.cells, WIDE)
         points = _drawn(cells.space, partial(_log, found, features, power), points, drawn, rng)
     return Posterior(points, cells.space)

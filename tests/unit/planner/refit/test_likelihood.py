@@ -25,7 +25,7 @@ def simulated(feature, rng, parts=PARTS):
 def learned(seen, rng, other=1, cells=300):
     """From cells with a feature that counts, and others that do not."""
     features = rng.uniform(-1.0, 1.0, (cells, 1 + other))
-    return Likelihood.of(features, simulated(features[:, 0], rng), seen)
+    return Likelihood.of(features, simulated(features[:, 0], rng), seen, len(seen))
 
 
 @pytest.mark.parametrize("first", [18, 30, 42])
@@ -69,6 +69,17 @@ def test_cells_far_from_all_simulated_are_not_likely():
 def test_few_cells_make_lines_of_no_curvature_and_stay_finite():
     rng = np.random.default_rng(5)
     features = np.column_stack([rng.uniform(-1.0, 1.0, (8, 3)), np.zeros(8)])
-    found = Likelihood.of(features, simulated(features[:, 0], rng), np.array([30.0, 30.0, 40.0, 0.0]))
+    found = Likelihood.of(features, simulated(features[:, 0], rng), np.array([30.0, 30.0, 40.0, 0.0]), 4)
     assert not found.curved
     assert np.isfinite(found.log(features)).all()
+
+
+def test_steps_on_a_line_tell_where_no_simulated_part_came():
+    """What is seen lies far from what most cells show; between 200 and 256 no part of theirs was."""
+    rng = np.random.default_rng(6)
+    features = rng.uniform(-1.0, 1.0, (300, 1))
+    at = 130.0 + 40.0 * features[:, :1, None, None] + 10.0 * rng.standard_normal((300, 2, PARTS, 1))
+    seen = np.bincount(np.rint(205.0 + rng.standard_normal(PARTS)).astype(np.int64), minlength=256)
+    found = Likelihood.of(features, np.rint(at).astype(np.int64), seen.astype(np.float64), 0)
+    best = np.linspace(0.0, 3.0, 301)
+    assert best[np.argmax(found.log(best[:, None]))] == pytest.approx(75.0 / 40.0, abs=0.1)
