@@ -17,7 +17,7 @@ from planner.job import model as job_file
 from planner.job.model import Job
 from planner.refit.cells import Cells
 from planner.refit.findings import changes, findings
-from planner.refit.likelihood import Seen
+from planner.refit.outcomes import Seen
 from planner.refit.posterior import Effort, Posterior, posterior
 from planner.report import run_log
 from planner.report.run_log import PartLog

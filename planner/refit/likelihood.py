@@ -1,85 +1,91 @@
-"""How likely the readings of a cell's parts are in another cell, by parts simulated there.
+"""How likely what was seen is in a cell: a synthetic likelihood (Wood 2010) of scores, learned by simulation.
 
-A reading's probability is taken to depend on those before it through the node that they led to alone:
-P(counts) = product over squeezes of P(count | node). A node stands for the branches that led there, so what
-is left out is where within its branch each count lay.
+Each outcome of a part has scores: how much likelier it grows with each feature of the cell. Their sums over
+all parts are as many statistics as there are features, nearly normal, and all that tells of cells near each
+other. Their mean in a cell is regressed on its features, over simulated sets of as many parts as were seen;
+what the regression leaves is how they scatter, its own misfit included. Scores and regression take
+different sets, or chance would be taken for a slope. Bad scores make a likelihood less sharp, never too sure.
 """
 
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
-from scipy.ndimage import convolve1d, gaussian_filter1d
+from scipy.sparse import csr_array
 
 from planner.arrays import Array, IntArray
-from planner.evaluation.expectation import readings
-from planner.evaluation.judge import metric_of_table
-from planner.evaluation.outcome import Evaluation
-from planner.frames import wrap
-from runtime.table import COUNTS, Table, predicted_pose
+from runtime.table import COUNTS
 
-NEAR = (0.08, 0.84, 0.08)  # a count's share of the two beside it
-BROAD = 1.0  # standard deviation, in counts, by which readings of all cells are smoothed
-USUAL_WEIGHT = 10.0  # readings that those of all cells count for, beside a cell's own
-EVERYWHERE = 3.0  # and those of all nodes, beside all cells' at one node
-STRANGE = 1e-3  # share of readings that nothing explains
-EMPTY_UM = 2000  # widths up to that may be an empty hand's
-BLUR_MM = 0.4  # by which simulated poses are blurred, to compare with measured ones
+RARE = 30.0  # simulated outcomes below which a score is drawn to 0
+CURVED = 3  # cells for each coefficient from which squares and products are regressed on, too
+RIDGE = 1e-6  # of the regression, in units of the features' variance
 
 
-class Seen(NamedTuple):
-    """What a cell's journals hold."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Likelihood:
+    """Of cells by k features: k statistics as seen, and their mean and scatter by p terms of the features."""
 
-    readings: IntArray  # (nodes, 256) how often each count was read at each node
-    parts: int  # how many parts were squeezed
-    leaves: IntArray  # (m,) the leaves of audited parts
-    residuals: Array  # (m, 3) measured less predicted poses there [mm, mm, rad]
+    centre: Array  # (k,) of the features
+    scale: Array  # (k,)
+    curved: bool  # whether the terms hold squares and products
+    statistics: Array  # (k,)
+    slopes: Array  # (p, k)
+    whiten: Array  # (k, k) what makes the scatter's covariance the unit matrix
+    doubt: Array  # (p, p) covariance of the slopes, in units of the scatter
+
+    @classmethod
+    def of(cls, features: Array, shown: IntArray, seen: Array, counts: int) -> Self:
+        """Learns the likelihood of what was seen.
+
+        Args:
+            features: (m, k) of the simulated cells.
+            shown: (m, 2, n, d) two sets of n parts in each, with the numbers of each part's outcomes.
+            seen: (size,) how often n parts showed each outcome.
+            counts: so many outcomes stand for themselves; the others are steps along lines, 256 on each.
+        """
+        centre, scale = features.mean(axis=0), features.std(axis=0) + 1e-12
+        m, k = features.shape
+        curved = len(np.unique(features, axis=0)) > CURVED * (k + 1) * (k + 2) // 2
+        terms = _terms((features - centre) / scale, curved)
+        scores = _scores(terms[:, 1 : k + 1], shown[:, 0].reshape(m, -1), len(seen), counts)
+        simulated = scores[shown[:, 1].reshape(m, -1)].sum(axis=1)
+        doubt = np.linalg.inv(terms.T @ terms + RIDGE * m * np.eye(terms.shape[1]))
+        slopes = doubt @ terms.T @ simulated
+        left = simulated - terms @ slopes
+        covariance = left.T @ left / max(1, m - terms.shape[1])
+        covariance += 1e-9 * (np.trace(covariance) + 1e-9) * np.eye(k)
+        whiten = np.linalg.inv(np.linalg.cholesky(covariance))
+        return cls(centre, scale, curved, seen @ scores[:-1], slopes, whiten, doubt)
+
+    def log(self, features: Array) -> Array:
+        """Its logarithm (n,) at features (n, k), but for a constant."""
+        terms = _terms((features - self.centre) / self.scale, self.curved)
+        wider = 1.0 + np.einsum("ij,ij->i", terms @ self.doubt, terms)  # far from all cells simulated
+        off = (self.statistics - terms @ self.slopes) @ self.whiten.T
+        return np.asarray(-0.5 * (off**2).sum(axis=1) / wider - 0.5 * off.shape[1] * np.log(wider))
 
 
-def pooled(counts: IntArray, table: Table) -> IntArray:
-    """Readings (nodes, 256) in which all that an empty hand may read is one count.
+def _scores(features: Array, shown: IntArray, size: int, counts: int) -> Array:
+    """Scores (size + 1, k) of outcomes by what cells (m, k) showed (m, c); of the last, none, they are 0.
 
-    Some grippers' zero is a stop that no offset of the encoder moves, others' is not; it tells nothing.
+    Along a line they rise evenly, beyond the steps that simulated parts showed, too.
     """
-    gripper = table.gripper
-    first = gripper.count_closed - round(
-        EMPTY_UM * (gripper.count_closed - gripper.count_open) / gripper.opening_um
-    )
-    empty = np.array(counts)
-    empty[:, first + 1 :] = 0
-    empty[:, first] = counts[:, first:].sum(axis=1)
-    return empty
+    ends = np.arange(0, shown.size + 1, shown.shape[1])
+    often = csr_array((np.ones(shown.size), shown.ravel(), ends), shape=(len(shown), size + 1))
+    grown, total = often.T @ features, often.sum(axis=0)
+    scores = grown / (total + RARE)[:, None]
+    weights = total[counts:size].reshape(-1, COUNTS)
+    middle = weights @ np.arange(COUNTS) / np.maximum(1.0, weights.sum(axis=1))
+    off = np.arange(COUNTS) - middle[:, None]
+    lines = np.einsum("ij,ijk->ik", off, grown[counts:size].reshape(*off.shape, features.shape[1]))
+    lines /= RARE + (weights * off**2).sum(axis=1)[:, None]
+    scores[counts:size] = (off[..., None] * lines[:, None]).reshape(-1, features.shape[1])
+    scores[-1] = 0.0
+    return np.asarray(scores)
 
 
-def usual(counts: IntArray, table: Table) -> Array:
-    """What each node reads in any cell: shares (nodes, 256), of readings (nodes, 256) in many cells."""
-    simulated = pooled(counts, table).astype(np.float64)
-    everywhere = gaussian_filter1d(simulated.sum(axis=0) + 1.0, BROAD, mode="nearest")
-    shares = gaussian_filter1d(simulated, BROAD, axis=1, mode="nearest")
-    shares += EVERYWHERE * everywhere / everywhere.sum()
-    return np.asarray(shares / shares.sum(axis=1, keepdims=True))
-
-
-def log_likelihood(seen: Seen, found: Evaluation, table: Table, expected: Array) -> float:
-    """Logarithm of the probability of what was seen, in the cell that these trials were run in.
-
-    Where few trials came, `expected` stands in: what is `usual` at each node. The logarithm of a simulated
-    count k is too low by 1 / (2 k) in the mean, which would favour cells whose parts read few counts.
-    """
-    simulated = pooled(readings(found, len(table.nodes)), table).astype(np.float64)
-    near = convolve1d(simulated, NEAR, axis=1, mode="nearest") + USUAL_WEIGHT * expected
-    shares = (1.0 - STRANGE) * near / near.sum(axis=1, keepdims=True) + STRANGE / COUNTS
-    logarithms = np.log(shares) + 0.5 / (near + 1.0)
-    total = float((pooled(seen.readings, table) * logarithms).sum())
-    return total + sum(_of_residuals(seen, found, table, leaf) for leaf in np.unique(seen.leaves))
-
-
-def _of_residuals(seen: Seen, found: Evaluation, table: Table, leaf: int) -> float:
-    """Logarithm of the density of the audited poses at one leaf, by a kernel estimate (one for each mm^3)."""
-    metric = metric_of_table(table)
-    scale = np.array([1.0, 1.0, metric.rho_mm])
-    off = found.poses[found.leaf == leaf] - np.array(predicted_pose(table.leaves[leaf]))
-    off[:, 2] = wrap(off[:, 2], metric.order)
-    gaps = (seen.residuals[seen.leaves == leaf][:, None] - off[None]) * scale
-    weights = np.exp(-0.5 * (gaps**2).sum(axis=2) / BLUR_MM**2) / (2.0 * np.pi * BLUR_MM**2) ** 1.5
-    anywhere = STRANGE / metric.distance_mm**3
-    return float(np.log((weights.sum(axis=1) + anywhere) / (len(off) + 1.0)).sum())
+def _terms(features: Array, curved: bool) -> Array:
+    """What means are linear in (n, p): 1, features (n, k), and their products with each other."""
+    one, two = np.triu_indices(features.shape[1])
+    products = features[:, one] * features[:, two] if curved else features[:, :0]
+    return np.column_stack([np.ones(len(features)), features, products])

@@ -1,91 +1,85 @@
-from pathlib import Path
+"""The synthetic likelihood beside exact ones, of parts that show one of a few outcomes."""
 
 import numpy as np
 import pytest
 
-from planner.evaluation.expectation import readings
-from planner.job import model
-from planner.refit.cells import Cells
-from planner.refit.likelihood import Seen, log_likelihood, pooled, usual
-from runtime.table import load, predicted_pose
+from planner.refit.likelihood import Likelihood
 
-TREE = Path(__file__).parents[4] / "trees" / "rectangle" / "rectangle.msgpack"
+PARTS = 100
 
 
-@pytest.fixture(scope="module")
-def cells():
-    table = load(TREE).table
-    return Cells.of(model.from_canonical(table.job), table)
+def shares(feature):
+    """Probabilities (m, 4) of outcomes in cells: the first grows with the feature (m,), the last is rare."""
+    first = 1.0 / (1.0 + np.exp(-feature))
+    return np.stack(
+        [0.6 * first, 0.6 * (1.0 - first), np.full_like(first, 0.397), np.full_like(first, 0.003)], 1
+    )
 
 
-def at(cells, **told):
-    usual = dict.fromkeys(("finger_share", "middle_mm", "encoder_mm"), 0.0)
-    values = usual | {"finger_part_min": 0.4, "finger_part_max": 0.6} | told
-    return np.array([*(values[quantity.key] for quantity in cells.space.quantities), 0.0])
+def simulated(feature, rng, parts=PARTS):
+    """What two sets of parts in each cell show, (m, 2, parts, 1)."""
+    ends = shares(feature).cumsum(axis=1)[:, None, None]
+    return (rng.random((len(feature), 2, parts, 1, 1)) > ends[..., None, :]).sum(axis=-1)
 
 
-def seen_of(run, nodes):
-    """What the journals of a cell would hold, without audits."""
-    return Seen(readings(run, nodes), len(run.leaf), np.zeros(0, np.int64), np.zeros((0, 3)))
+def learned(seen, rng, other=1, cells=300):
+    """From cells with a feature that counts, and others that do not."""
+    features = rng.uniform(-1.0, 1.0, (cells, 1 + other))
+    return Likelihood.of(features, simulated(features[:, 0], rng), seen, len(seen))
 
 
-@pytest.fixture(scope="module")
-def expected(cells):
-    """What is read in cells of the prior."""
-    points, nodes = cells.space.draw(40, np.random.default_rng(8)), len(cells.program.table.nodes)
-    counts = sum(readings(cells.run(point, 200, k), nodes) for k, point in enumerate(points))
-    return usual(counts, cells.program.table)
+@pytest.mark.parametrize("first", [18, 30, 42])
+def test_it_is_the_exact_one_where_one_statistic_tells_all(first):
+    rng, at = np.random.default_rng(1), np.linspace(-1.0, 1.0, 9)
+    seen = np.array([first, 60 - first, 40, 0], np.float64)
+    exact = (seen * np.log(shares(at))).sum(axis=1)
+    likely = exact > exact.max() - 4.0
+    told = [learned(seen, rng).log(np.stack([at, 0.0 * at], 1)) for _ in range(8)]
+    off = np.mean(told, axis=0)[likely] - exact[likely]
+    assert np.ptp(off) < 0.6
 
 
-def test_what_is_usual_is_shares_of_every_count_at_every_node(cells, expected):
-    assert expected.shape == (len(cells.program.table.nodes), 256)
-    assert (expected > 0.0).all()
-    np.testing.assert_allclose(expected.sum(axis=1), 1.0)
+def test_what_tells_nothing_is_told_nothing_of():
+    """Scores by chance are taken for no slope: sets that gave them do not give the regression."""
+    rng = np.random.default_rng(2)
+    seen = np.array([30.0, 30.0, 40.0, 0.0])
+    at = np.column_stack([np.zeros(50), rng.uniform(-1.0, 1.0, (50, 3))])
+    spread = [learned(seen, rng, other=3).log(at).std() for _ in range(10)]
+    assert np.mean(spread) < 0.5
 
 
-def test_fewer_simulated_parts_make_no_friction_likelier(cells, expected):
-    """The mean over simulations of 400 parts against 8000, in nats for 100 parts that were seen."""
-    table = cells.program.table
-    true = at(cells, encoder_mm=0.1, finger_part_min=0.35, finger_part_max=0.55)
-    seen = seen_of(cells.run(true, 2000, 1), len(table.nodes))
-    told = []
-    for low in (0.2, 0.35, 0.5):
-        point = at(cells, encoder_mm=0.1, finger_part_min=low, finger_part_max=0.55)
-        few = [log_likelihood(seen, cells.run(point, 400, 10 + k), table, expected) for k in range(6)]
-        told.append(np.mean(few) - log_likelihood(seen, cells.run(point, 8000, 9), table, expected))
-    assert np.ptp(told) * 100 / seen.parts < 8.0
+def test_truths_are_as_likely_as_it_says():
+    """Twice the log of the ratio of the best to the true cell is chi-square distributed (Wilks 1938)."""
+    rng, at = np.random.default_rng(3), np.linspace(-1.5, 1.5, 61)[:, None]
+    ratios = []
+    for truth in np.linspace(-0.7, 0.7, 60):
+        seen = np.bincount(simulated(np.full(1, truth), rng)[0, 0].ravel(), minlength=4).astype(np.float64)
+        found = learned(seen, rng, other=0, cells=120)
+        ratios.append(2.0 * (found.log(at).max() - found.log(np.full((1, 1), truth))[0]))
+    assert np.mean(np.array(ratios) < 2.71) == pytest.approx(0.9, abs=0.09)
 
 
-def test_what_happened_is_likelier_where_it_happened(cells, expected):
-    table = cells.program.table
-    true = at(cells, encoder_mm=0.6, finger_part_min=0.25, finger_part_max=0.35)
-    seen = seen_of(cells.run(true, 100, 1), len(table.nodes))
-    best = log_likelihood(seen, cells.run(true, 600, 2), table, expected)
-    for other in (at(cells), at(cells, encoder_mm=0.8, finger_part_min=0.25, finger_part_max=0.35)):
-        assert best - log_likelihood(seen, cells.run(other, 600, 2), table, expected) > 10.0
+def test_cells_far_from_all_simulated_are_not_likely():
+    rng = np.random.default_rng(4)
+    found = learned(np.array([30.0, 30.0, 40.0, 0.0]), rng, other=0)
+    near, far = found.log(np.array([[0.0], [30.0]]))
+    assert near - far > 3.0
 
 
-def test_measured_poses_tell_where_the_fingers_meet(cells, expected):
-    """The widths of a centred rectangle do not (they stay what they are when the part is moved)."""
-    table = cells.program.table
-    true = at(cells, middle_mm=2.0)
-    run = cells.run(true, 60, 3)
-    resolved = np.flatnonzero(run.resolved)
-    poses = np.array([predicted_pose(table.leaves[leaf]) for leaf in run.leaf[resolved]])
-    off = run.poses[resolved] - poses
-    off[:, 2] -= np.pi * np.round(off[:, 2] / np.pi)
-    seen = seen_of(run, len(table.nodes))
-    audited = seen._replace(leaves=run.leaf[resolved], residuals=off)
-    for told, least in ((audited, 20.0), (seen, -10.0)):
-        here, there = (cells.run(point, 600, 4) for point in (true, at(cells)))
-        gain = log_likelihood(told, here, table, expected) - log_likelihood(told, there, table, expected)
-        assert gain > least
-    assert gain < 20.0
+def test_few_cells_make_lines_of_no_curvature_and_stay_finite():
+    rng = np.random.default_rng(5)
+    features = np.column_stack([rng.uniform(-1.0, 1.0, (8, 3)), np.zeros(8)])
+    found = Likelihood.of(features, simulated(features[:, 0], rng), np.array([30.0, 30.0, 40.0, 0.0]), 4)
+    assert not found.curved
+    assert np.isfinite(found.log(features)).all()
 
 
-def test_what_an_empty_hand_reads_is_one_reading(cells):
-    counts = np.arange(256)[None].repeat(2, axis=0)
-    one = pooled(counts, cells.program.table)
-    assert (one.sum(axis=1) == counts.sum(axis=1)).all()
-    assert np.array_equal(one[:, :220], counts[:, :220])
-    assert np.count_nonzero(one[0, 220:]) < np.count_nonzero(counts[0, 220:])
+def test_steps_on_a_line_tell_where_no_simulated_part_came():
+    """What is seen lies far from what most cells show; between 200 and 256 no part of theirs was."""
+    rng = np.random.default_rng(6)
+    features = rng.uniform(-1.0, 1.0, (300, 1))
+    at = 130.0 + 40.0 * features[:, :1, None, None] + 10.0 * rng.standard_normal((300, 2, PARTS, 1))
+    seen = np.bincount(np.rint(205.0 + rng.standard_normal(PARTS)).astype(np.int64), minlength=256)
+    found = Likelihood.of(features, np.rint(at).astype(np.int64), seen.astype(np.float64), 0)
+    best = np.linspace(0.0, 3.0, 301)
+    assert best[np.argmax(found.log(best[:, None]))] == pytest.approx(75.0 / 40.0, abs=0.1)

@@ -1,0 +1,50 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from planner.evaluation.expectation import readings
+from planner.frames import wrap
+from planner.job import model
+from planner.refit.cells import Cells
+from planner.refit.outcomes import Outcomes, Seen
+from runtime.table import load, predicted_pose
+
+TREE = Path(__file__).parents[4] / "trees" / "rectangle" / "rectangle.msgpack"
+
+
+@pytest.fixture(scope="module")
+def run():
+    """Parts of a cell whose fingers meet 2 mm off."""
+    table = load(TREE).table
+    cells = Cells.of(model.from_canonical(table.job), table)
+    values = {"middle_mm": 2.0, "finger_part_min": 0.4, "finger_part_max": 0.6}
+    point = np.array([*(values.get(quantity.key, 0.0) for quantity in cells.space.quantities), 0.0])
+    return table, cells.run(point, 200, 3)
+
+
+def test_journals_and_simulated_parts_number_alike(run):
+    """Poses are measured at two leaves, of all parts there, half a turn of some left out by symmetry."""
+    table, found = run
+    audited = np.isin(np.arange(len(table.leaves)), found.leaf[found.leaf >= 0][:2])
+    outcomes = Outcomes(table, audited)
+    rows = np.flatnonzero((found.leaf >= 0) & audited[found.leaf])
+    off = found.poses[rows] - np.array([predicted_pose(table.leaves[leaf]) for leaf in found.leaf[rows]])
+    off[:, 2] = wrap(off[:, 2], 2)
+    off[::3, 2] += np.pi
+    counts = readings(found, len(table.nodes))
+    seen = outcomes.of_seen(Seen(counts, len(found.leaf), found.leaf[rows], off))
+    shown = np.bincount(outcomes.of_parts(found).ravel(), minlength=outcomes.size + 1)
+    assert np.array_equal(seen, shown[:-1])
+    assert seen.sum() == counts.sum() + 3 * len(rows)
+
+
+def test_what_an_empty_hand_reads_is_one_outcome(run):
+    table, _ = run
+    outcomes = Outcomes(table, np.zeros(len(table.leaves), np.bool_))
+    once = np.ones((len(table.nodes), 256), np.int64)
+    seen = outcomes.of_seen(Seen(once, 1, np.zeros(0, np.int64), np.zeros((0, 3))))[: once.size]
+    seen = seen.reshape(once.shape)
+    assert (seen.sum(axis=1) == 256).all()
+    assert (seen[:, :220] == 1).all()
+    assert np.count_nonzero(seen[0, 220:]) < 10
