@@ -71,7 +71,7 @@ def _chosen(leaves: list[TreeNode], strange: Sequence[Evaluation], rate: float, 
 def _telling(leaf: TreeNode, strays: Strays, growth: Growth, rng: np.random.Generator) -> Array | None:
     """The placement (3,) at which the fewest strays read like own parts; None where no hand is clear."""
     own = subsample(leaf.belief, PARTICLES)
-    options = growth.look_ahead.ranking.candidates(own, own, HANDS)
+    options = growth.look_ahead.ranking.scattered(own, own, HANDS)
     if not len(options):
         return None
     taken = np.zeros(len(options))

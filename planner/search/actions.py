@@ -7,10 +7,10 @@ from typing import TypeAlias
 import numpy as np
 
 from planner.arrays import Array
-from planner.belief.metric import Metric
+from planner.belief.metric import Metric, Mode
 from planner.frames import to_hand
 from planner.job.model import Job
-from planner.search.proposals import Proposals, along, proposals_of
+from planner.search.proposals import Proposals, along, placed, proposals_of
 
 MAIN_MODES = 2
 LEAST_MODE = 0.1
@@ -41,23 +41,29 @@ class ActionSet:
     def __len__(self) -> int:
         return len(self.placements)
 
-    def options(self, states: Array, metric: Metric, scattered: int = 0) -> Array:
-        """The fixed placements, and those about a belief's main modes, within the area.
+    def options(self, states: Array, metric: Metric) -> Array:
+        """The fixed placements, and those along the part's sides about a belief's main modes.
 
         Args:
             states: (n, 3 or 4) of the belief [mm, mm, rad, hypothesis].
             metric: of the goal.
-            scattered: how many of them are hands all about the modes.
 
         Returns:
-            (k, 3); the fixed ones alone where nothing is proposed.
+            (k, 3) within the area; the fixed ones alone where nothing is proposed.
         """
-        if not self.proposals:
-            return self.placements
-        modes = metric.main_modes(states, MAIN_MODES, LEAST_MODE)
-        few = scattered // len(modes)
-        near = [self.proposals[mode.hypothesis[0]].about(mode.pose, few) for mode in modes]
-        return self.within(np.concatenate([self.placements, *near]))
+        near = [placed(own.relative, mode.pose) for own, mode in self._modes(states, metric)]
+        return self.within(np.concatenate([self.placements, *near])) if near else self.placements
+
+    def scattered(self, states: Array, metric: Metric, n: int) -> Array:
+        """Hands (k, 3), n at most, all about a belief's main modes; none where nothing is proposed."""
+        modes = self._modes(states, metric)
+        near = [placed(own.scattered[: n // len(modes)], mode.pose) for own, mode in modes]
+        return self.within(np.concatenate([self.placements[:0], *near]))
+
+    def _modes(self, states: Array, metric: Metric) -> list[tuple[Proposals, Mode]]:
+        """A belief's main modes, each with the proposals for the part that it is of."""
+        modes = metric.main_modes(states, MAIN_MODES, LEAST_MODE) if self.proposals else []
+        return [(self.proposals[mode.hypothesis[0]], mode) for mode in modes]
 
     def within(self, placements: Array) -> Array:
         """Those of the placements whose hand centre lies in the area."""

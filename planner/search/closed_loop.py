@@ -119,15 +119,20 @@ class LookAhead:
     def _options(
         self, belief: Belief, thin: Belief, depth: int, scattered: int, rng: np.random.Generator
     ) -> list[Choice]:
-        """All candidates, and variants of the best where placements may be proposed, looked ahead."""
-        params, options = self.objective.params, self.ranking.candidates(belief, thin, scattered)
-        if not len(options):
-            return []
-        (squeezed,) = self.ranking.squeeze([thin], [options], rng)
+        """Placements in two groups, the best of each and variants of these looked ahead.
+
+        Hands scattered about the part promise more after one squeeze than those along its sides, which may
+        leave less to do after two: neither group takes the other's place among those that are followed.
+        """
+        params, choices = self.objective.params, list[Choice]()
+        groups = [self.ranking.candidates(belief, thin), self.ranking.scattered(belief, thin, scattered)]
+        groups = [options for options in groups if len(options)]
         few = max(1, params.varied * scattered // params.scattered)
-        squeezed = self.ranking.varied(belief, thin, squeezed, few, rng)
-        (followed,) = self._follow([squeezed], depth, rng)
-        return self._choices(thin, squeezed, followed)
+        squeezed = self.ranking.squeeze([thin] * len(groups), groups, rng)
+        squeezed = [self.ranking.varied(belief, thin, options, few, rng) for options in squeezed]
+        for options, followed in zip(squeezed, self._follow(squeezed, depth, rng), strict=True):
+            choices += self._choices(thin, options, followed)
+        return choices
 
     def _choices(self, belief: Belief, squeezed: Options, followed: _Followed) -> list[Choice]:
         """The options that were followed."""

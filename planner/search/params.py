@@ -18,10 +18,10 @@ class SearchParams:
 
     scattered: int = 256
     """Hands all about a belief's modes that are tried, besides the job's own and those along stable sides."""
-    varied: int = 8
+    varied: int = 4
     """Variants of each of the actions to be followed, in each of two rounds."""
     followed: int = 4
-    """Unlike actions of a belief followed beyond their first squeeze: more takes longer."""
+    """Unlike actions of each group followed beyond their first squeeze: more takes longer."""
     finalists: int = 8
     """Actions of a belief that all its particles judge; of more, half are dropped after each round."""
     first_share: float = 0.125

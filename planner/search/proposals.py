@@ -43,10 +43,6 @@ class Proposals:
     relative: Array
     scattered: Array = field(default_factory=lambda: np.zeros((0, 3)))
 
-    def about(self, pose: Array, scattered: int = 0) -> Array:
-        """The placements in the world for a part believed at a pose (3,), with so many of the scattered."""
-        return placed(np.concatenate([self.relative, self.scattered[:scattered]]), pose)
-
 
 def proposals_of(job: Job) -> tuple[Proposals, ...]:
     """The proposals for each of a job's parts and its fingers; none where the job wants none."""

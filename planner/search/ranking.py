@@ -157,11 +157,17 @@ class Ranking:
     objective: Objective
     crash_share: float = 0.0
 
-    def candidates(self, belief: Belief, about: Belief, scattered: int = 0) -> Array:
+    def candidates(self, belief: Belief, about: Belief) -> Array:
         """Placements (k, 3) proposed about a belief, at which the open fingers stay clear of another."""
         if self.actions.first is not None and not belief.squeezed:
             return self._free(belief, self.actions.first)
-        return self._free(belief, self.actions.options(about.states, self.objective.metric, scattered))
+        return self._free(belief, self.actions.options(about.states, self.objective.metric))
+
+    def scattered(self, belief: Belief, about: Belief, n: int) -> Array:
+        """Likewise of n hands all about a belief; none for a first squeeze that has its own placements."""
+        if self.actions.first is not None and not belief.squeezed:
+            return np.zeros((0, 3))
+        return self._free(belief, self.actions.scattered(about.states, self.objective.metric, n))
 
     def squeeze(self, beliefs: list[Belief], options: list[Array], rng: np.random.Generator) -> list[Options]:
         """The best of every belief's options (k, 3), each squeezed by all its particles.
