@@ -52,7 +52,7 @@ def test_hands_all_about_are_shared_by_the_main_modes():
     proposals = Proposals(np.zeros((0, 3)), problems.random_poses(np.random.default_rng(1), 100, 9.0))
     actions = ActionSet(np.zeros((0, 3)), (proposals,), area)
     assert len(actions.options(belief, metric)) == 0
-    x = actions.options(belief, metric, scattered=40)[:, 0]
+    x = actions.scattered(belief, metric, 40)[:, 0]
     assert (np.sum(x > 0.0), np.sum(x < 0.0)) == (20, 20)
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from planner.frames import to_hand
 from planner.job import model as job_file
-from planner.search.proposals import hands_about, proposals_of, stable_angles, varied
+from planner.search.proposals import hands_about, placed, proposals_of, stable_angles, varied
 
 RECTANGLE = Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml"
 
@@ -43,7 +43,7 @@ def test_a_disc_has_some_angle_and_few_of_them():
 def test_proposals_turn_and_move_with_the_part(job):
     (proposals,) = proposals_of(job)
     pose = np.array([3.0, -2.0, 0.7])
-    seen = [to_hand(pose, placement) for placement in proposals.about(pose)]
+    seen = [to_hand(pose, placement) for placement in placed(proposals.relative, pose)]
     expected = [to_hand(np.zeros(3), placement) for placement in proposals.relative]
     np.testing.assert_allclose(np.array(seen)[:, :2], np.array(expected)[:, :2], atol=1e-9)
     turn = np.array(seen)[:, 2] - np.array(expected)[:, 2]
