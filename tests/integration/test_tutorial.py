@@ -141,7 +141,7 @@ def test_commissioning_runs_as_written_on_a_simulated_cell(work, environment):
 
 
 # What a page says of hundreds of parts, as a test tries it.
-FEWER = {"--count 100 --seed 7": "--count 75 --seed 7", "--count 100 --seed 8": "--count 20 --seed 8"}
+FEWER = {"--count 100 --seed 7": "--count 75 --seed 7", "--count 100 --seed 8": "--count 40 --seed 8"}
 FEWER |= {"--trials 2000": "--trials 300"}
 FEWER |= {"--trials 4000": "--trials 500", "plan-refit": "plan-refit --seed 1"}
 
