@@ -71,6 +71,8 @@ def sequence(
     reach = float(np.max(np.hypot(*outline.T)))
     spread = max(float(np.quantile(np.hypot(*belief[:, :2].T), 0.98)) for belief in poses)
     half = 1.05 * max(spread + reach, *(float(np.abs(box).max()) for box in boxes))
+    turn = job.uncertainty.orientation_halfwidth_deg
+    angle = "at any angle" if turn >= 180.0 else f"within {turn:g} degrees"
     columns = len(poses)
     result = canvas.blank(WIDTH_IN, 2 * (WIDTH_IN - 0.95) / columns + 0.86)
     grid = result.subplots(2, columns, sharex=True, sharey=True)
@@ -80,7 +82,7 @@ def sequence(
         _density(above, outline, poses[k])
         before = track[max(k - 1, 0)]
         canvas.polygons(below, canvas.outlines(outline, before[None]), canvas.GREY, 0.9)
-        title = "before\nat any angle, all parts"
+        title = f"before\n{angle}, all parts"
         if k:
             _fingers(above, boxes[k - 1])
             _fingers(below, canvas.placed(canvas.finger_boxes(jaws, widths[k - 1]), hands[k - 1]))
