@@ -1,6 +1,6 @@
 """A certificate: how many squeezes any plan takes that is as good as this one.
 
-It covers the placements that a plan of the job may choose from, and the plan's own.
+It covers the job's placements, those along stable sides and the plan's own; not hands scattered about.
 """
 
 import math
@@ -111,8 +111,8 @@ class Certificate:
         grid = ", a dense grid" if self.dense else ""
         return (
             f"at least {self.success:.3%} of the parts located, at leaves that are right for "
-            f"{self.confidence:.2%} of theirs or more; first two squeezes at placements of the job, those it "
-            f"proposes{grid} and this plan's own ({self.first} for the first, {self.second:.0f} on average "
+            f"{self.confidence:.2%} of theirs or more; first two squeezes at placements of the job, those along "
+            f"stable sides{grid} and this plan's own ({self.first} for the first, {self.second:.0f} on average "
             "for the second), later ones anywhere"
         )
 
