@@ -111,9 +111,9 @@ class Certificate:
         grid = ", a dense grid" if self.dense else ""
         return (
             f"at least {self.success:.3%} of the parts located, at leaves that are right for "
-            f"{self.confidence:.2%} of theirs or more; first two squeezes at placements of the job, those along "
-            f"stable sides{grid} and this plan's own ({self.first} for the first, {self.second:.0f} on average "
-            "for the second), later ones anywhere"
+            f"{self.confidence:.2%} of theirs or more; first two squeezes at placements of the job, "
+            f"those along stable sides{grid} and this plan's own ({self.first} for the first, "
+            f"{self.second:.0f} on average for the second), later ones anywhere"
         )
 
     def figures(self) -> dict[str, Any]:
