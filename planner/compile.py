@@ -176,11 +176,9 @@ def _load_kernels(job: Job, reference: MotionModel, belief: Belief) -> None:
 
 def objective_of(job: Job) -> Objective:
     """What a job's plan is to reach."""
-    metric = metric_of(job)
     costs = costs_of(job)
     estimate = Estimate(job.goal.confidence, 1.0 / costs.least)
-    carried = job.doubt.chance > 0.0 and any(job.doubt.encoder_mm)
-    rule = PARAMS.rule(metric, estimate, resolution_of(encoder_of(job)), carried=carried)
+    rule = PARAMS.rule(metric_of(job), estimate, resolution_of(encoder_of(job)))
     return Objective(rule, costs, PARAMS)
 
 

@@ -1,7 +1,6 @@
 """Worlds that are not what the plan believes, as lists of named cases: one for each use."""
 
 from collections.abc import Mapping
-from itertools import combinations
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -13,7 +12,8 @@ from planner.errors import JobError
 from planner.evaluation.disturbance import NONE, Disturbance
 from planner.job.model import Job
 from planner.job.schema import MOST_FRICTION
-from planner.part.outline import convex_hull, grown, min_width
+from planner.part.outline import grown, min_width
+from planner.part.pressure import stances
 
 OFFSET_COUNTS = 2.0  # an encoder's zero may be off by so much
 SLIGHTLY_UNEVEN = 0.02  # more or less of the closing than planned, by a finger: 1.3 mm where they close by 64
@@ -171,13 +171,7 @@ def assumption_cases(job: Job) -> list[Case]:
 
 def three_feet(outline: Array) -> Array:
     """Three corners (3, 2) of the hull that span the largest triangle: as lopsided as a part stands."""
-    hull = convex_hull(outline)
-    # Of a dense curve every few vertices will do.
-    hull = hull[:: -(-len(hull) // 24)]
-    return max(
-        (hull[list(corners)] for corners in combinations(range(len(hull)), 3)),
-        key=lambda p: abs(np.linalg.det(np.array([p[1] - p[0], p[2] - p[0]]))),
-    )
+    return max(stances(outline), key=lambda feet: abs(np.linalg.det(feet[1:] - feet[0])))
 
 
 def on_three_feet(job: Job) -> Case:

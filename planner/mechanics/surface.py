@@ -12,14 +12,14 @@ from planner.job.model import Job
 from planner.mechanics import limit_surface, quartic, quartic_fit
 from planner.mechanics.limit_surface import LimitSurface
 from planner.mechanics.quartic import QuarticSurface
-from planner.part.outline import convex_hull, radius_of_gyration
-from planner.part.pressure import Kind, Support, even, support
+from planner.part.outline import radius_of_gyration
+from planner.part.pressure import Kind, Support, even, stances, support
 from planner.part.quartic_form import FORM, PAIRS, coefficients_of, gram
 
 Surface: TypeAlias = LimitSurface | QuarticSurface
 Fit: TypeAlias = Callable[[Array, Array, float], Surface]
 
-FEET = 8  # how many sets of three feet, at corners of the hull, stand for all that a part may stand on
+FEET = 8  # how many sets of three feet, at most, stand for all that a part may stand on
 
 
 def of_job(job: Job) -> Surface:
@@ -70,10 +70,9 @@ def _other_pressures(job: Job) -> list[Support]:
     pressure, outline, rng = job.pressure, job.part.outline_mm, np.random.default_rng(FEET)
     if job.doubt.pressure == "stated":
         return []
-    corners = convex_hull(outline)
     kinds: tuple[Kind, ...] = ("boundary", "uniform")
     spread = [support(replace(pressure, kind=kind), outline) for kind in kinds if kind != pressure.kind]
-    return [*spread, *(even(corners[rng.choice(len(corners), 3, replace=False)]) for _ in range(FEET))]
+    return [*spread, *map(even, rng.permutation(stances(outline))[:FEET])]
 
 
 def nominal(surface: Surface) -> Array:

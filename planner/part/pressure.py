@@ -6,18 +6,22 @@ there: then forces and torques are coupled in the limit surface.
 
 import math
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Literal, TypeAlias
 
 import numpy as np
 import shapely
 
 from planner.arrays import Array
-from planner.part.outline import Outline
+from planner.part.outline import Outline, convex_hull
 
 Kind = Literal["boundary", "uniform", "points", "identified", "stated"]
 
 CELLS = 400
 """Pieces that a boundary or an area is cut into at least: 0.1 % in the friction integral, or better."""
+HULL_CORNERS = 24
+"""Corners of a hull that feet are sought at, at most: of a dense curve every few vertices will do."""
+ON_EDGE = 1e-9  # share of a triangle by which the part's centre may lie beside it
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,6 +65,19 @@ def support(pressure: Pressure, outline: Outline) -> Support:
 def even(points: Array) -> Support:
     """The load shared evenly by some points (M, 2)."""
     return _normalised(points, np.ones(len(points)))
+
+
+def stances(outline: Outline) -> Array:
+    """Sets of three corners (k, 3, 2) of an outline's hull that the part stands on without tipping.
+
+    Its centre, the origin, lies between them or on an edge.
+    """
+    hull = convex_hull(outline)
+    hull = hull[:: -(-len(hull) // HULL_CORNERS)]  # counter-clockwise, and so are the triangles
+    feet = hull[list(combinations(range(len(hull)), 3))]
+    following = np.roll(feet, -1, axis=1)
+    shares = feet[..., 0] * following[..., 1] - following[..., 0] * feet[..., 1]  # (k, 3) twice the areas
+    return np.asarray(feet[np.all(shares >= -ON_EDGE * shares.sum(axis=1)[:, None], axis=1)])
 
 
 def _boundary_support(outline: Outline) -> Support:

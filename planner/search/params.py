@@ -55,8 +55,6 @@ class SearchParams:
     """Chance that a part near a cut strays: more makes fewer wrong if encoders are off, and more squeezes."""
     astray: float = 0.3
     """Squeezes that such a part costs in a branch that is squeezed again: likewise."""
-    astray_carried: float = 0.15
-    """The same where particles carry the encoder's offset: what strays is in their beliefs already."""
     reach: float = 2.7
     """Counts from a cut that are near it: more asks for wider gaps between branches."""
     branch: float = 8.0
@@ -102,15 +100,9 @@ class SearchParams:
     least_short: float = 0.0005
     """Share in leaves that miss the goal, from which they are grown further; below, they stay unresolved."""
 
-    def rule(
-        self, metric: Metric, estimate: Estimate, resolution: Resolution, *, carried: bool = False
-    ) -> Rule:
-        """How readings are cut for a goal, given J of a belief and what an encoder tells apart.
-
-        `carried` says whether particles carry the encoder's offset.
-        """
-        astray = self.astray_carried if carried else self.astray
-        return Rule(metric, estimate, resolution, self.doubt, astray, self.branch, self.reach)
+    def rule(self, metric: Metric, estimate: Estimate, resolution: Resolution) -> Rule:
+        """How readings are cut for a goal, given J of a belief and what an encoder tells apart."""
+        return Rule(metric, estimate, resolution, self.doubt, self.astray, self.branch, self.reach)
 
 
 class Objective(NamedTuple):

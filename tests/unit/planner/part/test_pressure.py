@@ -1,13 +1,14 @@
 """Quadrature of the pressure: exact moments, against closed forms."""
 
 import math
+from itertools import combinations
 
 import numpy as np
 import pytest
 from problems import diameter
 
 from planner.part import outline
-from planner.part.pressure import Pressure, support
+from planner.part.pressure import HULL_CORNERS, Pressure, stances, support
 
 SHAPES = {
     "rectangle": [[-15, -10.5], [15, -10.5], [15, 10.5], [-15, 10.5]],
@@ -55,6 +56,18 @@ def test_boundary_pressure_has_the_moments_of_the_edges(part):
     expected = second_moments(middles, share) + second_moments(halves, share) / 3
     assert weights @ points == pytest.approx(share @ middles, abs=1e-12)
     assert np.allclose(second_moments(points, weights), expected, rtol=1e-12, atol=1e-10)
+
+
+def test_a_part_stands_on_three_corners_that_carry_its_weight(part):
+    """The loads on three feet follow from statics; none may pull."""
+    feet = stances(part)
+    loads = [np.linalg.solve(np.vstack([corners.T, np.ones(3)]), [0, 0, 1]) for corners in feet]
+    assert len(feet)
+    assert np.min(loads) > -1e-6
+    hull = outline.convex_hull(part)
+    if len(hull) <= HULL_CORNERS:
+        every = (np.vstack([hull[list(k)].T, np.ones(3)]) for k in combinations(range(len(hull)), 3))
+        assert len(feet) == sum(np.linalg.solve(own, [0, 0, 1]).min() > -1e-6 for own in every)
 
 
 def test_points_are_taken_as_given():
