@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from planner.part.outline import Outline
 
-TOLERANCE_MM = 0.02  # How far boundaries may lie apart and still count as the same
+TOLERANCE_MM = 0.05  # How far boundaries may lie apart and still count as the same: far less than a count
 
 
 def order(outline: Outline, tolerance_mm: float = TOLERANCE_MM) -> int:

@@ -23,7 +23,6 @@ LOCATED = 0.99  # share of the parts from which an outline counts as located
 FITTING = 0.8  # share of the room between the open fingers that parts lie in
 MOST_MM = 10.0  # radius of the disc that they lie in at most
 LEAST_MM = 1.0  # and at least
-DRAWN_MM = 0.05  # what outlines may be off by: no symmetry ends there
 LONGEST_NAME = 80  # of a part in a job
 ERROR = "error of the program"
 Figures = dict[str, Any]
@@ -61,7 +60,7 @@ def _judged(item: Item) -> Figures:
     if FITTING * room < LEAST_MM:
         text = f"turned, it leaves {room:.1f} mm to the open fingers"
         return {"kind": reasons.TOO_LARGE, "text": text}
-    order = symmetry.order(canonical(item.outline_mm).outline_mm, DRAWN_MM)
+    order = symmetry.order(canonical(item.outline_mm).outline_mm)
     job = base.replaced(
         item.name,
         part={"name": item.name[-LONGEST_NAME:], "outline_mm": item.outline_mm, "symmetry": order},

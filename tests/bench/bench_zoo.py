@@ -1,6 +1,6 @@
-"""A fixed sample of 20 of the outlines of tools/zoo500, planned and judged before a release; not in the gate.
+"""A fixed sample of the outlines of tools/zoo500, planned and judged before a release; not in the gate.
 
-    python tests/bench/bench_zoo.py [--budget 120s]
+    python tests/bench/bench_zoo.py [--sample 20] [--budget 120s]
 
 Needs the packages that the outlines come from; without them it says how to get them. Prints a line for each
 and writes `results/zoo500.json` beside this file: names and figures, no outlines.
@@ -18,16 +18,18 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 RESULTS = Path(__file__).parent / "results" / "zoo500.json"
-SAMPLE = 20
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument(
+        "--sample", default="20", metavar="N", help="how many outlines (default: %(default)s)"
+    )
     parser.add_argument("--budget", default="120s", help="of planning each (default: %(default)s)")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         lines, page = Path(folder) / "rows.jsonl", Path(folder) / "page.html"
-        words = ["--sample", str(SAMPLE), "--workers", "1", "--budget", options.budget]
+        words = ["--sample", options.sample, "--workers", "1", "--budget", options.budget]
         code = subprocess.call(
             [sys.executable, str(ROOT / "tools" / "zoo500"), *words, "--results", str(lines), "-o", str(page)]
         )

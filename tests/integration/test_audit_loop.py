@@ -21,7 +21,7 @@ from runtime.table import dump, load
 
 ROOT = Path(__file__).parents[2]
 TREE = ROOT / "trees" / "rectangle" / "rectangle.msgpack"
-PARTS, SEED, TIME_SCALE = 5, 2, 5.0
+PARTS, SEED, TIME_SCALE = 5, 1, 5.0
 
 
 @pytest.fixture

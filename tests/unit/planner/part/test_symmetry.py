@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+import shapely
 
 from planner.part import outline, symmetry
 
@@ -58,6 +59,16 @@ def test_tolerance_decides_how_square_a_square_must_be():
 def test_vertices_on_an_edge_do_not_hide_a_symmetry():
     extra = np.insert(RECTANGLE, 1, [3.0, -10.5], axis=0)
     assert symmetry.order(extra) == 2
+
+
+def test_a_curve_that_was_simplified_keeps_its_symmetry():
+    """Each round end of a key keeps vertices of its own."""
+    key = shapely.LineString([[-9.0, 0.0], [9.0, 0.0]]).buffer(3.0, quad_segs=16)
+    drawn = outline.canonical(shapely.get_coordinates(key.exterior)[:-1]).outline_mm
+    part = outline.canonical(outline.simplified(drawn, 0.05)).outline_mm
+    assert len(part) % 2
+    assert symmetry.order(part) == 2
+    assert symmetry.order(part, tolerance_mm=0.02) == 1
 
 
 def test_order_refuses_what_only_a_small_turn_allows():
