@@ -73,8 +73,11 @@ def stances(outline: Outline) -> Array:
     Its centre, the origin, lies between them or on an edge.
     """
     hull = convex_hull(outline)
-    hull = hull[:: -(-len(hull) // HULL_CORNERS)]  # counter-clockwise, and so are the triangles
-    feet = hull[list(combinations(range(len(hull)), 3))]
+    corners = hull[:: -(-len(hull) // HULL_CORNERS)]  # counter-clockwise, and so are the triangles
+    if not shapely.contains_xy(shapely.polygons(corners), 0.0, 0.0):  # most vertices on a curve far from it
+        turn = np.arange(HULL_CORNERS) * 2.0 * np.pi / HULL_CORNERS
+        corners = hull[np.unique(np.argmax(hull @ np.stack([np.cos(turn), np.sin(turn)]), axis=0))]
+    feet = corners[list(combinations(range(len(corners)), 3))]
     following = np.roll(feet, -1, axis=1)
     shares = feet[..., 0] * following[..., 1] - following[..., 0] * feet[..., 1]  # (k, 3) twice the areas
     return np.asarray(feet[np.all(shares >= -ON_EDGE * shares.sum(axis=1)[:, None], axis=1)])

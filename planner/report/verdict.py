@@ -85,7 +85,7 @@ def _leaning(job: Job, worst: Weakest | None) -> str:
     if worst is None:
         return ""
     if worst.wrong < GOOD_WRONG and worst.success >= job.goal.confidence:
-        return f"; it holds where assumptions fail one by one, least with {worst.text()}"
+        return f"; it holds where assumptions fail one by one, the weakest: {worst.text()}"
     return f"; weakest assumption: {worst.text()}"
 
 
