@@ -32,7 +32,7 @@ JAW_KG = 0.2  # moving mass of a finger, with its share of the drive
 FEET = 24  # a pressure along a line or over an area stands on so many
 FOOT_M = 5e-4  # radius of a foot
 ROUND_M = 2e-5  # radius of the corners of part and fingers
-PLATE_M = 5e-5  # thickness of the faces
+PLATE_M = 2e-4  # thickness of the faces: twice what a jaw may drive a corner in before it comes out behind
 CLOSED_M = 5e-5  # jaws that are nearer have met: a sharp corner's rounding is all that fits between them
 TIMESTEP_S = 2.5e-4
 CONTACT_S = 5e-4  # time constant of contacts: they give way by less than 0.05 mm under 40 N
@@ -233,8 +233,10 @@ def _add_fingers(spec: Any, job: Job, height: float) -> None:
         y = side * (gripper.opening_mm / 2e3 + size[1])
         body = spec.worldbody.add_body(pos=[0.0, y, tips + size[2]])
         body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0.0, -side, 0.0])
+        # Its ends are the posts': a face as long as the finger would hold a corner that has slid off it.
+        face = [size[0] - ROUND_M, *size[1:]]
         body.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_BOX, size=size, mass=JAW_KG, contype=FINGER, conaffinity=CORNER,
+            type=mujoco.mjtGeom.mjGEOM_BOX, size=face, mass=JAW_KG, contype=FINGER, conaffinity=CORNER,
             priority=1, **STIFF,
         )  # fmt: skip
         for x, y in product((-1.0, 1.0), repeat=2):

@@ -7,7 +7,6 @@ import numpy as np
 
 from planner.arrays import Array, BoolArray
 from planner.belief.doubts import closing_mm, traits_of
-from planner.evaluation.cases import on_three_feet
 from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.outcome import Evaluation
 from planner.evaluation.trials import Program, run
@@ -17,13 +16,14 @@ from planner.mechanics import surface as limit_surface
 from planner.mechanics.simulator import Simulator
 from planner.mechanics.surface import Surface
 from planner.mechanics.traits import Traits, as_planned
-from planner.part.outline import convex_hull
+from planner.part.pressure import stances
 from planner.world import ContactWorld
 from runtime.table import Table
 
 LEAST_FRICTION, SLIPPERY, ROUGH = 0.05, 1.0 / 3.0, 1.5  # ends of the range, the latter of the job's bounds
 UNEVEN = 0.1  # how far off the fingers' share may be where the job states less, either way
 FEET = 20  # sets of three feet that parts may stand on, besides those that plans doubt
+INMOST = 0.4  # where such feet may stand at least, as a fraction of the way from the centre to the corner
 OFFSET_MM = 1.5  # the same for what widths read too much
 
 
@@ -95,11 +95,11 @@ class Space(NamedTuple):
 
 
 def _on_feet(job: Job) -> list[Surface]:
-    """Limit surfaces of parts on three feet: the lopsided one of the standard worlds, and random ones."""
-    hull, rng = convex_hull(job.part.outline_mm), np.random.default_rng(FEET)
-    random = (np.round(hull[rng.choice(len(hull), 3, replace=False)], 6).tolist() for _ in range(FEET))
-    stood = (job.replaced(pressure={"kind": "points", "points_mm": feet}) for feet in random)
-    return [limit_surface.of_job(other) for other in (on_three_feet(job).job(job), *stood)]
+    """Limit surfaces of parts on three feet, each of them between the centre and a corner of the hull."""
+    corners, rng = stances(job.part.outline_mm), np.random.default_rng(FEET)
+    feet = rng.choice(corners, FEET) * rng.uniform(INMOST, 1.0, (FEET, 3, 1))
+    stood = (job.replaced(pressure={"kind": "points", "points_mm": np.round(own, 6).tolist()}) for own in feet)
+    return [limit_surface.of_job(other) for other in stood]
 
 
 @dataclass(frozen=True, slots=True)

@@ -94,6 +94,21 @@ def test_between_the_ends_of_the_jaws_a_blunt_corner_is_not_held_a_sharp_one_is(
     assert (width > 0.0) == held
 
 
+@pytest.mark.parametrize("inside_mm", [-0.02, -0.01, -0.005, 0.0, 0.005, 0.01, 0.02])
+def test_a_corner_that_slides_off_the_fingers_ends_is_not_caught_by_them(inside_mm):
+    half = [[0.0, 0.0], [10.0, 10.0], [20.0, 18.0]]  # wedges far steeper than friction holds
+    job = job_of(half + [[x, -y] for x, y in half[:0:-1]])
+    ahead = 0.5 * JOB.gripper.finger_length_mm - (job.part.outline_mm[:, 0].min() + 10.0) - inside_mm
+    assert RigidWorld(job, 0).close((ahead, 0.0, 0.0), 0.3) == 0.0
+
+
+@pytest.mark.parametrize("turn_deg", [0.02, 0.06, 0.12, 0.3])
+def test_a_fingers_corner_that_hits_a_side_first_does_not_come_out_behind_it(turn_deg):
+    world = RigidWorld(job_of([[-18.0, -7.5], [18.0, -7.5], [12.0, 5.0], [0.0, 7.5], [-12.0, 5.0]]), 0)
+    for aside in np.linspace(-0.3, 0.3, 7):
+        assert world.close((-2.07, aside, math.radians(turn_deg)), 0.41) > 14.9  # of 15 mm
+
+
 def test_evenly_spaced_feet_carry_the_same():
     job = job_of(l_shape(), pressure={"kind": "boundary"})
     world, points = RigidWorld(job, 0), feet(job)[0]
