@@ -22,9 +22,9 @@ from runtime.table import Table
 
 LEAST_FRICTION, SLIPPERY, ROUGH = 0.05, 1.0 / 3.0, 1.5  # ends of the range, the latter of the job's bounds
 UNEVEN = 0.1  # how far off the fingers' share may be where the job states less, either way
+OFFSET_MM = 1.5  # the same for what widths read too much
 FEET = 20  # sets of three feet that parts may stand on, besides those that plans doubt
 INMOST = 0.4  # where such feet may stand at least, as a fraction of the way from the centre to the corner
-OFFSET_MM = 1.5  # the same for what widths read too much
 
 
 class Quantity(NamedTuple):
