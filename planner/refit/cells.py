@@ -98,8 +98,8 @@ def _on_feet(job: Job) -> list[Surface]:
     """Limit surfaces of parts on three feet, each of them between the centre and a corner of the hull."""
     corners, rng = stances(job.part.outline_mm), np.random.default_rng(FEET)
     feet = rng.choice(corners, FEET) * rng.uniform(INMOST, 1.0, (FEET, 3, 1))
-    stood = (job.replaced(pressure={"kind": "points", "points_mm": np.round(own, 6).tolist()}) for own in feet)
-    return [limit_surface.of_job(other) for other in stood]
+    pressures = ({"kind": "points", "points_mm": np.round(own, 6).tolist()} for own in feet)
+    return [limit_surface.of_job(job.replaced(pressure=pressure)) for pressure in pressures]
 
 
 @dataclass(frozen=True, slots=True)
