@@ -95,7 +95,7 @@ def _leaf(node: TreeNode, job: Job) -> tables.Leaf:
         covariance=(0, 0, 0, 0, 0, 0),
         success_ppm=round(tables.PPM * node.mode.ratio),
         trials=0,
-        resolved=_holds(node, job.goal.confidence),
+        resolved=holds(node, job.goal.confidence),
         alternatives=tuple(map(pose_of, node.mode.others)),
         hypothesis=node.mode.hypothesis[0],
         other_hypotheses=node.mode.hypothesis[1:] if job.hypothesis else (),
@@ -103,7 +103,7 @@ def _leaf(node: TreeNode, job: Job) -> tables.Leaf:
     return leaf._replace(covariance=covariance_of(node.belief, leaf, job))
 
 
-def _holds(leaf: TreeNode, confidence: float) -> bool:
+def holds(leaf: TreeNode, confidence: float) -> bool:
     """Whether a leaf meets the goal, or misses it by no more than fresh trials would of one that does."""
     ratio, size = leaf.mode.ratio, len(leaf.belief)
     return ratio >= confidence or (

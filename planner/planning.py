@@ -22,11 +22,11 @@ from planner.evaluation.measured import tried, with_figures, without_untried
 from planner.evaluation.narrowing import Narrowed, narrowed
 from planner.evaluation.outcome import Evaluation
 from planner.job.model import Job
-from planner.lower import lower
+from planner.lower import holds, lower
 from planner.paper.search import METHODS
 from planner.search.anytime import AFTER_GROWTH, CAREFUL, MENDING, Anytime, Cut
 from planner.search.expand import Found, Growth, TreeNode, breadth_first, grow, learn
-from planner.search.improve import improve
+from planner.search.improve import improve, mend
 from planner.search.params import SearchParams
 from planner.work.progress import Report, silent
 from planner.work.scheduler import Scheduler, Threads
@@ -150,14 +150,18 @@ class Planning:
         if not self.root.children:
             self._grow(0)
         attempt = 0
-        for _ in range(PARAMS.looks):
+        for looks_left in reversed(range(PARAMS.looks)):
             first = attempt
             evaluation, short = self._judged(judge, attempt)
             while short >= PARAMS.least_short and attempt < PARAMS.refinements and not self._late():
                 attempt += 1
                 self._grow(attempt)
                 evaluation, short = self._judged(judge, attempt, evaluation)
-            if attempt in (first, PARAMS.refinements) or self._late():
+            if attempt == PARAMS.refinements or self._late() or not looks_left:
+                break
+            if self._mended(attempt + 1):
+                attempt += 1
+            elif attempt == first:
                 break
         # The last trials, too, have told the leaves where parts lie.
         table = lower(self.root, self.job)
@@ -183,11 +187,27 @@ class Planning:
                 "jaws wider, add actions, or reduce the uncertainty"
             )
         if attempt == 0 and not self.anytime.hasty and not self.job.hypothesis:
-            self.improve(seed, self._late)
+            self.improve(seed, self._late, PARAMS.rough)
+        if attempt == 0 and not self.anytime.hasty:
+            grow(self.root, self.growth, seed, self._watch, self._late)
 
-    def improve(self, seed: list[int], late: Callable[[], bool]) -> None:
+    def improve(self, seed: list[int], late: Callable[[], bool], rough: float = 0.0) -> None:
         """Tries other squeezes for the nodes that matter most, until it is late."""
-        improve(self.root, self.growth, seed, lambda a, b: self.say("improve", a, a + b), late)
+        improve(self.root, self.growth, seed, lambda a, b: self.say("improve", a, a + b), late, rough)
+
+    def _mended(self, attempt: int) -> bool:
+        """Whether other squeezes stand above leaves that fail for good; not under a budget."""
+        if self.anytime.limit.bounded or self.job.hypothesis:
+            return False
+        failing = [leaf for leaf in _ends(self.root) if self._fails(leaf)]
+        if sum(leaf.share for leaf in failing) < PARAMS.least_short:
+            return False
+        return mend(self.root, self.growth, [self.job.seed, attempt], self._fails, self._late)
+
+    def _fails(self, leaf: TreeNode) -> bool:
+        """Whether a leaf stays unresolved however the tree grows."""
+        confidence = self.job.goal.confidence
+        return not holds(leaf, confidence) and not self.growth.worth_growing(leaf, confidence)
 
     def _judged(
         self, judge: Judge, attempt: int, before: Evaluation | None = None

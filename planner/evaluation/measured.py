@@ -27,9 +27,10 @@ def with_figures(
 ) -> tuple[tables.Table, Evaluation]:
     """Puts what was measured into the leaves and the branches of a table.
 
-    A leaf whose success its trials refute (an exact binomial test speaks against the goal's confidence) is
-    marked unresolved; its alternatives are the further poses that parts had there. `beyond` is an evaluation
-    in cells that are doubted, for leaves that no part came to in the stated one.
+    A leaf whose success its trials refute (an exact binomial test, at a level that holds for all leaves
+    together, speaks against the goal's confidence) is marked unresolved; its alternatives are the further
+    poses that parts had there. `beyond` is an evaluation in cells that are doubted, for leaves that no part
+    came to in the stated one.
 
     Returns:
         The table and the evaluation, whose `resolved` follows the leaves.
@@ -38,7 +39,7 @@ def with_figures(
     elsewhere = beyond or evaluation
     here = np.isin(np.arange(len(table.leaves)), evaluation.leaf)
     leaves = tuple(
-        _leaf(leaf, index, evaluation if here[index] else elsewhere, job, metric)
+        _leaf(leaf, index, evaluation if here[index] else elsewhere, job, metric, len(table.leaves))
         for index, leaf in enumerate(table.leaves)
     )
     table = replace(table, nodes=_measured(table, evaluation), leaves=leaves)
@@ -103,12 +104,14 @@ def without_untried(table: tables.Table, root: TreeNode, kept: list[list[int]]) 
     return replace(table, nodes=tuple(nodes), leaves=tuple(leaves))
 
 
-def _leaf(leaf: tables.Leaf, index: int, evaluation: Evaluation, job: Job, metric: Metric) -> tables.Leaf:
+def _leaf(
+    leaf: tables.Leaf, index: int, evaluation: Evaluation, job: Job, metric: Metric, leaves: int
+) -> tables.Leaf:
     here = evaluation.leaf == index
     trials, hits = int(here.sum()), int((here & evaluation.within).sum())
     if trials == 0:
         return leaf
-    resolved = leaf.resolved and not tables.refuted(hits, trials, job.goal.confidence)
+    resolved = leaf.resolved and not tables.refuted(hits, trials, job.goal.confidence, leaves)
     leaf = leaf._replace(success_ppm=round(tables.PPM * hits / trials), trials=trials, resolved=resolved)
     median_um, p95_um = _errors_um(evaluation.error_mm[here])
     leaf = leaf._replace(error_median_um=median_um, error_p95_um=p95_um)

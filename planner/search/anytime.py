@@ -69,7 +69,8 @@ class Anytime:
             grow(root, little, [*seed, SEED_HASTY], progress, lambda: self.late(root))
             for node in breadth_first(root):
                 node.exhausted, node.searched = math.inf, 0
-        grow(root, self.growth, seed, progress, lambda: self.late(root))
+        least = 0.0 if self.hasty else self.growth.objective.params.improved_share
+        grow(root, self.growth, seed, progress, lambda: self.late(root), least=least)
         self.growth_s = (self.limit.spent_s - self.begun_s) / max(self._done(root), LEAST_DONE)
 
     def late(self, root: TreeNode) -> bool:

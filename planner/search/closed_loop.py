@@ -80,7 +80,9 @@ class LookAhead:
                 gaining = self._rescored(belief, particles, gaining, rng)
             if gaining:
                 excess = params.alternative_excess if belief.squeezed else params.first_excess
-                return distinct(gaining, most, excess, params)
+                placements = np.array([k.placement for k in gaining])
+                compared = self.ranking.actions.compared(placements, belief.squeezed)
+                return distinct(gaining, compared, most, excess, params)
         return []
 
     def _efforts(self, belief: Belief, share: float) -> Iterator[tuple[int, int, int]]:

@@ -160,6 +160,7 @@ def grow(
     progress: Progress | None = None,
     out_of_time: Callable[[], bool] = lambda: False,
     reopen: float = 1.0,
+    least: float = 0.0,
 ) -> None:
     """Expands the leaves until each meets the goal or nothing gets it nearer, those that hold most first.
 
@@ -174,6 +175,7 @@ def grow(
         progress: called with the number of nodes done and the number waiting.
         out_of_time: asked before each node; the tree stays as it is once it says so.
         reopen: mode ratio with which a leaf that the tree already has stays one, if new ones need more.
+        least: share of all parts: leaves that locate all but less are left as they are.
     """
     inner = [node for node in breadth_first(root) if node.children]
     pairs: list[tuple[TreeNode, TreeNode | None]] = [(root, None)]
@@ -183,7 +185,9 @@ def grow(
     waiting = [
         (-leaf.unlocated_mass, leaf.path, leaf, parent)
         for leaf, parent in pairs
-        if not leaf.children and growth.worth_growing(leaf, min(reopen, confidence))
+        if not leaf.children
+        and leaf.unlocated_mass >= least
+        and growth.worth_growing(leaf, min(reopen, confidence))
     ]
     heapq.heapify(waiting)
     done, ahead = 0, dict[tuple[int, ...], Future[Chosen]]()
@@ -197,7 +201,7 @@ def grow(
             chosen = ahead.pop(path).result() if path in ahead else _chosen(node, growth, seed)
             done += 1
             for leaf, above in _expand(node, parent, growth, chosen):
-                if growth.worth_growing(leaf, confidence):
+                if leaf.unlocated_mass >= least and growth.worth_growing(leaf, confidence):
                     heapq.heappush(waiting, (-leaf.unlocated_mass, leaf.path, leaf, above))
             if progress is not None:
                 progress(done, len(waiting))

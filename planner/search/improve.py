@@ -1,7 +1,7 @@
 """Policy improvement by roll-out (Bertsekas, Dynamic Programming and Optimal Control, vol. 1, ch. 6).
 
 A look-ahead of two squeezes estimates what comes after them. Here the alternatives of the nodes that most
-parts pass are grown to the end by the same search, and the cheapest subtree stays.
+parts pass are grown by the same search until only small leaves are open, and the cheapest subtree stays.
 """
 
 from collections.abc import Callable
@@ -19,52 +19,99 @@ def improve(
     seed: list[int],
     progress: Progress | None = None,
     out_of_time: Callable[[], bool] = lambda: False,
+    rough: float = 0.0,
 ) -> None:
     """Tries the alternatives of the root, then of the nodes that one or two squeezes lead to.
 
     Args:
-        root: a grown tree, modified in place.
+        root: a tree of which all such nodes have a squeeze, modified in place.
         growth: how it was grown.
         seed: every alternative draws from a stream of its own, named after it and its node's path.
         progress: called with the number of alternatives tried and the number to try.
         out_of_time: asked before each alternative, and while it grows: one not grown to its end is dropped.
+        rough: share of a node, of which leaves that locate all but less are not grown to compare subtrees.
     """
     params = growth.objective.params
     for k, placement in enumerate(root.alternatives):
         other = TreeNode(root.belief, root.share, root.mode)
-        _grown(other, other, None, placement, price(root, growth), growth, [*seed, k + 1], out_of_time)
-        if not out_of_time() and price(other, growth) < price(root, growth):
+        limit = price(root, growth)
+        _grown(other, other, None, placement, limit, growth, [*seed, k + 1], out_of_time, rough)
+        if not out_of_time() and price(other, growth) < limit:
             root.squeeze, root.children, root.named = other.squeeze, other.children, other.named
     for depth, saving in params.improved_savings:
         inner = [node for node in breadth_first(root) if node.children]
         pairs = [(child, node) for node in inner for child in node.children if child.depth == depth]
         pairs = [(child, node) for child, node in pairs if child.share >= params.improved_share]
-        cases = [(node, parent, k) for node, parent in pairs for k in range(len(node.alternatives))]
-        current = {id(node): [node] for node, _ in pairs}
-        for done, (node, parent, k) in enumerate(cases):
-            if out_of_time():
-                return
+        for done, (node, parent) in enumerate(pairs):
             if progress is not None:
-                progress(done, len(cases) - done)
-            pieces = current[id(node)]
-            before = sum(price(piece, growth) for piece in pieces)
-            share = sum(piece.share for piece in pieces)
-            if before < (1.0 + saving) * growth.objective.costs.least * share:
-                continue
-            other = _other(pieces, parent, node.alternatives[k], before, growth, [*seed, k + 1], out_of_time)
-            if not out_of_time() and price(other, growth) < before:
-                for piece in pieces[1:]:
-                    parent.children.remove(piece)
-                replace_child(parent, pieces[0], other.children)
-                parent.named = other.named
-                current[id(node)] = other.children
+                progress(done, len(pairs) - done)
+            grow(node, growth, seed, out_of_time=out_of_time, least=rough * node.share)
+            tried, left = node.alternatives, (1.0 + saving) * growth.objective.costs.least
+            pieces = _cheapest(node, parent, left, growth, seed, out_of_time, rough)
+            max(pieces, key=lambda piece: piece.share).alternatives = tried  # leaves below may fail later
+
+
+def mend(
+    root: TreeNode,
+    growth: Growth,
+    seed: list[int],
+    fails: Callable[[TreeNode], bool],
+    out_of_time: Callable[[], bool] = lambda: False,
+) -> bool:
+    """Tries the alternatives above leaves that fail, the nearest node's first, each node's once.
+
+    Returns:
+        Whether the tree was changed.
+    """
+    changed = False
+    while not out_of_time() and (pair := _above_failure(root, fails)):
+        pieces = _cheapest(*pair, growth.objective.costs.least, growth, seed, out_of_time, 0.0)
+        changed |= pieces[0] is not pair[0]
+        pair[0].alternatives = []
+    return changed
+
+
+def _above_failure(root: TreeNode, fails: Callable[[TreeNode], bool]) -> tuple[TreeNode, TreeNode] | None:
+    """The nearest node with alternatives above a leaf that fails, the root excepted, and its parent."""
+    nodes = breadth_first(root)
+    parents = {id(child): node for node in nodes for child in node.children}
+    for leaf in nodes:
+        node = leaf
+        while node is not root and not (node.children and node.alternatives):
+            node = parents[id(node)]
+        if not leaf.children and node is not root and fails(leaf):
+            return node, parents[id(node)]
+    return None
+
+
+def _cheapest(
+    node: TreeNode, parent: TreeNode, left: float, growth: Growth, seed: list[int],
+    out_of_time: Callable[[], bool], rough: float,
+) -> list[TreeNode]:  # fmt: skip
+    """Puts the cheapest of a node's alternatives in its place if that is cheaper; returns what stands there.
+
+    None is tried where the node costs no more than `left` a part.
+    """
+    pieces = [node]
+    for k, placement in enumerate(node.alternatives):
+        before = sum(price(piece, growth) for piece in pieces)
+        if out_of_time() or before < left * sum(piece.share for piece in pieces):
+            break
+        other = _other(pieces, parent, placement, before, growth, [*seed, k + 1], out_of_time, rough)
+        if not out_of_time() and price(other, growth) < before:
+            for piece in pieces[1:]:
+                parent.children.remove(piece)
+            replace_child(parent, pieces[0], other.children)
+            parent.named = other.named
+            pieces = other.children
+    return pieces
 
 
 def _other(
     pieces: list[TreeNode], parent: TreeNode, placement: Array, limit: float, growth: Growth, seed: list[int],
-    out_of_time: Callable[[], bool],
+    out_of_time: Callable[[], bool], rough: float,
 ) -> TreeNode:  # fmt: skip
-    """A parent's stand-in, its one child squeezed elsewhere, grown until whole or certain to cost more."""
+    """A parent's stand-in, its one child squeezed elsewhere and grown."""
     metric = growth.objective.metric
     belief = Belief.joined([piece.belief for piece in pieces])
     node = TreeNode(
@@ -76,39 +123,39 @@ def _other(
     )
     stand = TreeNode(belief, 0.0, node.mode, parent.path, squeeze=parent.squeeze, children=[node])
     stand.named = parent.named
-    _grown(node, stand, stand, placement, limit, growth, seed, out_of_time)
+    _grown(node, stand, stand, placement, limit, growth, seed, out_of_time, rough)
     return stand
 
 
 def _grown(
     node: TreeNode, tree: TreeNode, parent: TreeNode | None, placement: Array, limit: float, growth: Growth,
-    seed: list[int], out_of_time: Callable[[], bool],
+    seed: list[int], out_of_time: Callable[[], bool], rough: float,
 ) -> None:  # fmt: skip
-    """Squeezes at a placement, and grows the tree that the node is of until whole or certain to cost more."""
+    """Squeezes at a placement, and grows the tree that the node is of unless it seems to cost too much."""
     squeeze_at(node, parent, placement, growth, np.random.default_rng([*seed, *node.path]))
-    grow(tree, growth, seed, out_of_time=lambda: out_of_time() or bound(tree, growth) >= limit)
-
-
-def bound(node: TreeNode, growth: Growth) -> float:
-    """Lower bound of a subtree's price, however it grows: each leaf that misses the goal needs a squeeze."""
-    spent, short = _cost(node, growth)
-    return growth.objective.costs.least * (spent + short)
+    most = limit + growth.objective.params.dearer * growth.objective.costs.least * node.share
+    grow(
+        tree, growth, seed, out_of_time=lambda: out_of_time() or price(tree, growth) >= most,
+        least=rough * node.share,
+    )  # fmt: skip
 
 
 def price(node: TreeNode, growth: Growth) -> float:
     """What a subtree costs, as a probability of success: its squeezes, and the parts it does not locate.
 
-    A leaf that misses the goal stays unresolved and counts as a failure of all its parts. The mass outside
-    its mode is added, so that of two such leaves the one that knows more is better.
+    A leaf that may be grown further costs J. Any other that misses the goal stays unresolved and counts as
+    a failure of all its parts. The mass outside its mode is added, so that of two such leaves the one that
+    knows more is better.
     """
-    spent, short = _cost(node, growth)
-    unlocated = sum(leaf.unlocated_mass for leaf in breadth_first(node) if not leaf.children)
-    return growth.objective.costs.least * spent + short + unlocated
-
-
-def _cost(node: TreeNode, growth: Growth) -> tuple[float, float]:
-    """Squeezes of a subtree, and the share of all parts in leaves that miss the goal, or under a finger."""
-    nodes, confidence = breadth_first(node), growth.objective.confidence
-    short = sum(leaf.share for leaf in nodes if not leaf.children and leaf.mode.ratio < confidence)
-    short += sum(inner.share * inner.squeeze.crashes for inner in nodes if inner.squeeze)
-    return sum(inner.cost for inner in nodes), short
+    squeezes, lost, objective = 0.0, 0.0, growth.objective
+    for each in breadth_first(node):
+        if each.squeeze is not None:
+            squeezes += each.cost
+            lost += each.share * each.squeeze.crashes
+        elif growth.worth_growing(each, objective.confidence):
+            size = np.array([len(each.belief)])
+            squeezes += each.share * float(objective.rule.estimate.squeezes(each.mode.ratio * size, size)[0])
+        else:
+            short = each.mode.ratio < objective.confidence
+            lost += each.unlocated_mass + each.share * short
+    return objective.costs.least * squeezes + lost

@@ -62,7 +62,7 @@ class SearchParams:
     selection_bias: float = 0.5
     """Standard deviations of the mode ratio that each cluster's mode gains by being chosen for it."""
 
-    alternatives: int = 3
+    alternatives: int = 2
     """Placements kept for a node besides the chosen one."""
     alike_mm: float = 6.0
     alike_deg: float = 20.0
@@ -80,11 +80,16 @@ class SearchParams:
     least_particles: int = 100
     """A smaller belief is repeated before its next squeeze."""
 
-    improved_savings: tuple[tuple[int, float], ...] = ((2, 1.0), (1, 0.15))
-    """Depths of the nodes whose alternatives are tried, the later first, and the least squeezes a part beyond
-    the one needed that are left there: an earlier node is then judged with its subtrees improved."""
+    improved_savings: tuple[tuple[int, float], ...] = ((1, 0.15), (2, 1.0))
+    """Depths of the nodes whose alternatives are tried, in this order, and the least squeezes a part beyond
+    the one needed that are left there."""
     improved_share: float = 0.03
-    """Least share of a node whose alternatives are tried."""
+    """Least share of a node whose alternatives are tried; what locates all but less is grown after that."""
+    rough: float = 0.03
+    """Share of such a node, of which leaves that locate all but less cost J while its subtrees are compared:
+    they hold half the work."""
+    dearer: float = 0.1
+    """Squeezes a part by which an alternative may seem to cost more while it grows: J errs by about that."""
 
     reopen_margin: float = 0.75
     """Fraction of the goal's allowed errors above which a leaf is grown further: the rest is reserve."""

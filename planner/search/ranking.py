@@ -50,6 +50,7 @@ class Options(NamedTuple):
         ratio: (k,) expected mode ratio after it.
         cost_to_go: (k,) J of depth 1.
         rank: (k,) the same less a bonus for beliefs of two modes; less is better.
+        compared: (k, 3) the placements as far as they make different squeezes.
     """
 
     placements: Array
@@ -59,6 +60,7 @@ class Options(NamedTuple):
     ratio: Array
     cost_to_go: Array
     rank: Array
+    compared: Array
 
     def best(self, most: int) -> list[int]:
         """The most promising options."""
@@ -67,7 +69,7 @@ class Options(NamedTuple):
     def unlike(self, most: int, params: SearchParams) -> list[int]:
         """The most promising options of which no two are nearly the same squeeze."""
         order = np.argsort(self.rank, kind="stable")
-        return [int(order[k]) for k in unlike(self.placements[order], most, params)]
+        return [int(order[k]) for k in unlike(self.compared[order], most, params)]
 
     def joined(self, other: Options) -> Options:
         """These options and others of the same belief."""
@@ -239,7 +241,10 @@ class Ranking:
         ratio, left, further = figures.T
         cost = self.objective.costs.of(*contest.means.T)
         rank = cost + left - params.second_mode * further
-        return Options(contest.placements, contest.squeezed(), branches, cost, ratio, cost + left, rank)
+        compared = self.actions.compared(contest.placements, contest.belief.squeezed)
+        return Options(
+            contest.placements, contest.squeezed(), branches, cost, ratio, cost + left, rank, compared
+        )  # fmt: skip
 
     def _free(self, belief: Belief, placements: Array) -> Array:
         free = self._clear(belief, placements, self.objective.params.least_clearance_mm)
@@ -318,17 +323,20 @@ def selection_bias(ratio: float, particles: int, clusters: int, params: SearchPa
     return float(params.selection_bias * np.sqrt(clusters * ratio * (1.0 - ratio) / particles))
 
 
-def distinct(choices: list[Choice], most: int, excess: float, params: SearchParams) -> list[Choice]:
+def distinct(
+    choices: list[Choice], compared: Array, most: int, excess: float, params: SearchParams
+) -> list[Choice]:
     """The best choice, and others of about its cost that are not nearly the same squeeze.
 
     Args:
         choices: the best first.
+        compared: (k, 3) their placements as far as they make different squeezes.
         most: how many to return at most.
         excess: how much more an alternative may cost [squeezes].
         params: what is alike.
     """
     cheap = [k for k in choices if k.cost_to_go < choices[0].cost_to_go + excess]
-    return [cheap[k] for k in unlike(np.array([k.placement for k in cheap]), most, params)]
+    return [cheap[k] for k in unlike(compared[: len(cheap)], most, params)]
 
 
 def unlike(placements: Array, most: int, params: SearchParams) -> list[int]:

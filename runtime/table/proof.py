@@ -2,7 +2,7 @@
 
 import hashlib
 from itertools import chain
-from math import exp, log, sqrt
+from math import erfc, exp, log, sqrt
 from typing import Any
 
 from runtime.errors import TableError
@@ -66,7 +66,7 @@ def prove(table: Table) -> None:
     for index, leaf in enumerate(table.leaves):
         _within(f"leaf {index}: error_median_um", leaf.error_median_um, 0, leaf.error_p95_um)
         if leaf.resolved:
-            _prove_resolved(index, leaf, table.goal, table.limits)
+            _prove_resolved(index, leaf, table)
 
 
 def job_of(table: Table) -> dict[str, Any] | None:
@@ -99,20 +99,24 @@ def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
     return low, (middle + spread) / (1 + z2 / trials) if successes < trials else 1.0
 
 
-def refuted(successes: int, trials: int, confidence: float) -> bool:
+def refuted(successes: int, trials: int, confidence: float, leaves: int = 1) -> bool:
     """Whether trials speak against a success probability of at least `confidence`, at the 2.5 % level.
 
-    Exact binomial test (Clopper and Pearson 1934) where its sum is short; Wilson's interval for more misses
-    than that, where the two agree. Leaves of few trials need the exact one: one miss in ten refutes nothing.
+    Exact binomial test (Clopper and Pearson 1934) where its sum is short; the score test (Wilson 1927) for
+    more misses than that, where the two agree. Of many leaves that are tested at once one in forty would be
+    refuted by chance: with `leaves` the level is that of all of them together (Bonferroni).
     """
-    misses, log_none = trials - successes, trials * log(confidence)
+    level, misses, log_none = LEVEL / leaves, trials - successes, trials * log(confidence)
     if misses > MOST_TERMS or log_none < LEAST_LOG:
-        return wilson_interval(successes, trials)[1] < confidence
+        spread = sqrt(2.0 * trials * confidence * (1.0 - confidence))
+        return misses > 0 and (
+            spread == 0.0 or 0.5 * erfc((misses - trials * (1.0 - confidence)) / spread) < level
+        )
     term, fewer = exp(log_none), 0.0  # probability of k misses, and of fewer than `misses`
     for k in range(misses):
         fewer += term
         term *= (trials - k) / (k + 1) * (1.0 - confidence) / confidence
-    return 1.0 - fewer < LEVEL
+    return 1.0 - fewer < level
 
 
 def _within(name: str, value: int, least: int, most: int = FAR) -> None:
@@ -254,8 +258,9 @@ def _prove_tree(table: Table) -> None:
         raise TableError(f"leaf {leaves} is never reached")
 
 
-def _prove_resolved(index: int, leaf: Leaf, goal: GoalSpec, limits: Limits) -> None:
-    x_min, y_min, x_max, y_max = limits.work_area_um
+def _prove_resolved(index: int, leaf: Leaf, table: Table) -> None:
+    goal, confidence = table.goal, table.goal.confidence_ppm / PPM
+    x_min, y_min, x_max, y_max = table.limits.work_area_um
     for x, y, _ in (leaf[:3], *leaf.alternatives):
         _within(f"leaf {index}: x_um", x, x_min, x_max)
         _within(f"leaf {index}: y_um", y, y_min, y_max)
@@ -265,8 +270,9 @@ def _prove_resolved(index: int, leaf: Leaf, goal: GoalSpec, limits: Limits) -> N
             f"leaf {index}: {poses} poses are more than the goal leaves open; mark it unresolved"
         )
     hits = round(leaf.success_ppm / PPM * leaf.trials)
-    if leaf.success_ppm < goal.confidence_ppm and refuted(hits, leaf.trials, goal.confidence_ppm / PPM):
+    below = leaf.success_ppm < goal.confidence_ppm
+    if below and refuted(hits, leaf.trials, confidence, len(table.leaves)):
         raise TableError(
             f"leaf {index}: {leaf.success_ppm / PPM:.4f} of {leaf.trials} trials met the goal, which refutes "
-            f"the confidence of {goal.confidence_ppm / PPM:.4f}; mark it unresolved or plan deeper"
+            f"the confidence of {confidence:.4f}; mark it unresolved or plan deeper"
         )

@@ -64,3 +64,13 @@ def test_first_squeezes_lie_beside_the_middle_and_no_turn_makes_two_of_them_one(
     beside = np.hypot(*first[:, :2].T) / job.gripper.finger_length_mm
     np.testing.assert_allclose(beside, [0.0, 0.25, 0.5], atol=1e-9)
     assert actions_of(proposing.replaced(uncertainty={"orientation_halfwidth_deg": 20.0})).first is None
+
+
+def test_first_squeezes_are_one_up_to_a_turn_of_the_part_and_half_a_turn_of_the_hand():
+    actions = actions_of(job_file.load(RECTANGLE))
+    placements = np.array([[10.0, 0.0, 0.0], [-10.0, 0.0, 0.0], [0.0, 10.0, np.pi / 2], [0.0, 10.0, 0.0]])
+    same, half, turned, across = actions.compared(placements, squeezed=False)
+    assert np.allclose(same, half)
+    assert np.allclose(same, turned)
+    assert np.hypot(*(across - same)[:2]) == pytest.approx(np.hypot(10.0, 10.0))
+    assert actions.compared(placements, squeezed=True) is placements

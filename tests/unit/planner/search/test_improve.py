@@ -13,7 +13,7 @@ from planner.belief.transition import Squeezed
 from planner.job import model as job_file
 from planner.search.expand import Found, Growth, TreeNode, breadth_first, grow, learn, squeeze_at
 from planner.search.handling import handling_of
-from planner.search.improve import bound, improve, price
+from planner.search.improve import improve, mend, price
 from planner.search.params import SearchParams
 
 RECTANGLE = Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml"
@@ -97,7 +97,7 @@ def test_a_node_that_is_done_after_one_squeeze_is_left_alone(growth):
 def test_an_unresolved_leaf_counts_as_a_failure_of_all_its_parts(growth):
     metric = growth.objective.metric
     nearly = BELIEF[np.repeat([0, -1], [95, 5])]
-    short = TreeNode(nearly, 0.5, metric.mode(nearly.poses))
+    short = TreeNode(nearly, 0.5, metric.mode(nearly.poses), squeezes_without_gain=MOST_WITHOUT_GAIN)
     assert short.mode.ratio == pytest.approx(0.95)
     assert price(short, growth) == pytest.approx(0.5 + 0.5 * 0.05)
     met = TreeNode(BELIEF[:1], 0.5, metric.mode(BELIEF[:1].poses))
@@ -111,13 +111,61 @@ def test_nodes_that_few_parts_come_to_are_left_alone(growth):
     assert node.squeeze.placement[2] == SILENT
 
 
-def test_a_tree_costs_its_squeezes_and_what_it_leaves_open(growth):
-    root = TreeNode(BELIEF, 1.0, growth.objective.metric.mode(BELIEF.poses))
-    assert price(root, growth) == pytest.approx(1.0 + 0.5)
-    squeeze = growth.objective.costs.least
-    assert bound(root, growth) == pytest.approx(squeeze)
+def test_a_leaf_that_may_be_grown_costs_what_it_is_expected_to_take(growth):
+    root = TreeNode(BELIEF, 0.5, growth.objective.metric.mode(BELIEF.poses))
+    squeeze, size = growth.objective.costs.least, np.array([len(BELIEF)])
+    (left,) = growth.objective.rule.estimate.squeezes(root.mode.ratio * size, size)
+    assert 1.0 < left < 2.0  # one squeeze more, and perhaps a second
+    assert price(root, growth) == pytest.approx(0.5 * left * squeeze)
     squeeze_at(root, None, placed(TELLING), growth, np.random.default_rng(0))
-    assert price(root, growth) == bound(root, growth) == pytest.approx(squeeze)
+    assert price(root, growth) == pytest.approx(0.5 * squeeze)
+
+
+def test_subtrees_are_compared_before_their_small_leaves_are_grown(growth):
+    """A share of one leaves all but the squeeze itself for later: J of its outcomes tells which is better."""
+    root, node = tree(growth, SILENT, TELLING)
+    squeezed = []
+
+    class Counting(Oracle):
+        def squeeze(self, cases, rng):
+            squeezed.extend(cases)
+            return super().squeeze(cases, rng)
+
+    improve(root, replace(growth, reference=Counting()), [1], rough=1.0)
+    (node,) = root.children
+    assert node.squeeze.placement[2] == TELLING
+    assert len(squeezed) == 1
+
+
+def test_leaves_of_less_than_a_share_are_left_for_later(growth):
+    root = TreeNode(BELIEF, 0.5, growth.objective.metric.mode(BELIEF.poses))
+    grow(root, growth, [1], least=0.3)  # half of it is not located
+    assert not root.children
+    grow(root, growth, [1], least=0.2)
+    assert root.children
+
+
+def test_a_leaf_that_fails_for_good_is_mended_by_another_squeeze_above_it(growth):
+    root, node = tree(growth, SILENT, TELLING)
+    node.children[0].squeezes_without_gain = MOST_WITHOUT_GAIN
+    node.children[0].children = []
+
+    def fails(leaf):
+        return leaf.mode.ratio < growth.objective.confidence
+
+    assert mend(root, growth, [1], fails)
+    (node,) = root.children
+    assert node.squeeze.placement[2] == TELLING
+    assert not mend(root, growth, [1], fails)
+
+
+def test_what_no_other_squeeze_mends_is_tried_once(growth):
+    root, node = tree(growth, SILENT, SILENT)
+    node.children[0].squeezes_without_gain = MOST_WITHOUT_GAIN
+    node.children[0].children = []
+    assert not mend(root, replace(growth, max_depth=2), [1], lambda leaf: leaf.mode.ratio < 1.0)
+    assert node.alternatives == []
+    assert root.children == [node]
 
 
 def test_a_belief_that_squeezes_tell_nothing_about_is_left_after_some(growth):
@@ -146,15 +194,6 @@ def test_one_worker_grows_a_tree_in_the_thread_of_its_caller_whose_time_may_be_l
     grow(root, alone, [1])
     assert root.children
     assert threads == {threading.get_ident()}
-
-
-def test_the_bound_never_exceeds_what_the_grown_tree_costs(growth):
-    for first in (SILENT, TELLING):
-        root = TreeNode(BELIEF, 1.0, growth.objective.metric.mode(BELIEF.poses))
-        squeeze_at(root, None, placed(first), growth, np.random.default_rng(0))
-        before = bound(root, growth)
-        grow(root, growth, [1])
-        assert before <= price(root, growth) + 1e-12
 
 
 def test_a_leaf_that_nearly_holds_is_left_unless_trials_speak_against_it(growth):

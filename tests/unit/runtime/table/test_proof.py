@@ -80,6 +80,16 @@ def test_both_methods_agree_where_one_follows_the_other(trials: int, off: int) -
     assert abs(by_table - exact) <= off
 
 
+@pytest.mark.parametrize("trials", [50, 300, 200_000])
+def test_of_many_leaves_tested_at_once_few_are_refuted_by_chance(trials: int) -> None:
+    """Bonferroni: the chance that any of them is refuted, all being as good as allowed, is at most 2.5 %."""
+    for leaves in (1, 30, 400):
+        least = next(n for n in range(trials) if refuted(trials - n, trials, 0.99, leaves))
+        chance = binom.cdf(trials - least, trials, 0.99)
+        assert leaves * chance < LEVEL * (1.0 if trials < 1000 else 1.5)  # the score test is not exact
+        assert leaves * binom.cdf(trials - least + 1, trials, 0.99) > LEVEL * 0.9
+
+
 def test_an_underflow_is_not_taken_for_a_refutation() -> None:
     """0.5 to the 2000th power is no float: every single success would seem impossible."""
     assert not refuted(1_000, 2_000, 0.5)
@@ -162,7 +172,7 @@ EDGES = [
         "0.9850 of 6000 trials met the goal, which",
     ),
     (leaf_with(success_ppm=950_000, trials=20), leaf_with(success_ppm=950_000, trials=1_000), "refutes the"),
-    (leaf_with(success_ppm=0, trials=0), leaf_with(success_ppm=0, trials=1), "refutes the confidence"),
+    (leaf_with(success_ppm=0, trials=0), leaf_with(success_ppm=0, trials=2), "refutes the confidence"),
     (
         leaf_with(alternatives=((0, 0, 1),), resolved=False),
         leaf_with(alternatives=((0, 0, 1),)),
