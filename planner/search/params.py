@@ -80,10 +80,10 @@ class SearchParams:
     least_particles: int = 100
     """A smaller belief is repeated before its next squeeze."""
 
-    improved_savings: tuple[tuple[int, float], ...] = ((1, 0.15), (2, 1.0))
+    improved_savings: tuple[tuple[int, float], ...] = ((1, 0.15), (2, 0.3))
     """Depths of the nodes whose alternatives are tried, in this order, and the least squeezes a part beyond
     the one needed that are left there."""
-    improved_share: float = 0.03
+    improved_share: float = 0.02
     """Least share of a node whose alternatives are tried; what locates all but less is grown after that."""
     rough: float = 0.03
     """Share of such a node, of which leaves that locate all but less cost J while its subtrees are compared:
