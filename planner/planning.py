@@ -196,13 +196,18 @@ class Planning:
         improve(self.root, self.growth, seed, lambda a, b: self.say("improve", a, a + b), late, rough)
 
     def _mended(self, attempt: int) -> bool:
-        """Whether other squeezes stand above leaves that fail for good; not under a budget."""
-        if self.anytime.limit.bounded or self.job.hypothesis:
+        """Whether other squeezes stand above leaves that fail for good, if there is time to judge them."""
+        limit = self.anytime.limit
+
+        def late() -> bool:
+            return limit.over(limit.reserve_s)
+
+        if self.anytime.hasty or self.job.hypothesis or late():
             return False
         failing = [leaf for leaf in _ends(self.root) if self._fails(leaf)]
         if sum(leaf.share for leaf in failing) < PARAMS.least_short:
             return False
-        return mend(self.root, self.growth, [self.job.seed, attempt], self._fails, self._late)
+        return mend(self.root, self.growth, [self.job.seed, attempt], self._fails, late)
 
     def _fails(self, leaf: TreeNode) -> bool:
         """Whether a leaf stays unresolved however the tree grows."""

@@ -90,7 +90,7 @@ def label_of(percent: float) -> str:
     """A share with one decimal; 100 only where nothing is missing."""
     if percent == 100.0:
         return "100"
-    return ">99.9" if percent >= 99.95 else f"{percent:.1f}"
+    return "<100" if percent >= 99.95 else f"{percent:.1f}"
 
 
 def speed(squeeze: Mapping[str, Any], kcde: Mapping[str, Any]) -> Figure:

@@ -22,7 +22,7 @@ import sys, time
 import planner.planning
 from planner.cli import compile
 
-def improve(root, growth, seed, progress, out_of_time):
+def improve(root, growth, seed, progress, out_of_time, rough):
     print("improving", file=sys.stderr, flush=True)
     while not out_of_time():
         time.sleep(0.01)

@@ -74,7 +74,7 @@ def test_the_same_table_gives_the_same_bytes(text):
 def test_the_summary_is_the_tables_own(text):
     trials = TABLE.predicted.trials
     low, high = wilson_interval(round(TABLE.predicted.success_ppm * trials / PPM), trials)
-    assert f"{100 * TABLE.predicted.success_ppm / PPM:.2f} %" in text
+    assert f"{TABLE.predicted.success_ppm / PPM:.2%}".replace("%", " %") in text
     assert f"{100 * low:.2f} % to {100 * high:.2f} %" in text
     assert TABLE.job_digest.hex() in text
     assert hashlib.sha256(dumps(TABLE)).hexdigest() in text
