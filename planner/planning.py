@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import dataclass, replace
+from itertools import count
 from typing import NamedTuple
 
 import numpy as np
@@ -150,18 +151,18 @@ class Planning:
         if not self.root.children:
             self._grow(0)
         attempt = 0
-        for looks_left in reversed(range(PARAMS.looks)):
+        for look in count(1):
             first = attempt
             evaluation, short = self._judged(judge, attempt)
             while short >= PARAMS.least_short and attempt < PARAMS.refinements and not self._late():
                 attempt += 1
                 self._grow(attempt)
                 evaluation, short = self._judged(judge, attempt, evaluation)
-            if attempt == PARAMS.refinements or self._late() or not looks_left:
+            if attempt == PARAMS.refinements or self._late():
                 break
             if self._mended(attempt + 1):
                 attempt += 1
-            elif attempt == first:
+            elif attempt == first or look >= PARAMS.looks:
                 break
         # The last trials, too, have told the leaves where parts lie.
         table = lower(self.root, self.job)
