@@ -60,6 +60,13 @@ def mend(
 ) -> bool:
     """Tries the alternatives above leaves that fail, the nearest node's first, each node's once.
 
+    Args:
+        root: a grown tree, modified in place.
+        growth: how it was grown; the alternatives are grown to their end.
+        seed: as of `improve`.
+        fails: whether a leaf stays unresolved however the tree grows.
+        out_of_time: asked before each alternative, and while it grows: one not grown to its end is dropped.
+
     Returns:
         Whether the tree was changed.
     """
