@@ -50,7 +50,14 @@ END_DEPTH_MM = 0.01  # How far behind the inner face a vertex must be to count a
 @inlined_kernel
 def place(outline: Array, q: Array, points: Array, listed: IntArray, count: int) -> None:
     """Places the `count` listed vertices of an outline (N, 2) at pose q = (x, y, theta) into `points`."""
-    c, s = np.cos(q[2]), np.sin(q[2])
+    place_turned(outline, q, np.cos(q[2]), np.sin(q[2]), points, listed, count)
+
+
+@inlined_kernel
+def place_turned(
+    outline: Array, q: Array, c: float, s: float, points: Array, listed: IntArray, count: int
+) -> None:
+    """`place` for a pose whose angle has the cosine c and the sine s."""
     for k in range(count):
         i = listed[k]
         points[i, 0] = q[0] + c * outline[i, 0] - s * outline[i, 1]

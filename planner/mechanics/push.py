@@ -113,8 +113,8 @@ def push(
             break
         share = min(share, 1.0 - done)
         _command(C, count, body.rho, path, done, share, q)
-        status = solve_surface(body.surface, q[2], mu, mu, count, work.step)
-        fraction = event_fraction(C, count, V) if status == SOLVED else 0.25
+        status = solve_surface(body.surface, np.cos(q[2]), np.sin(q[2]), mu, mu, count, work.step)
+        fraction = event_fraction(C, count, V, V) if status == SOLVED else 0.25
         if fraction < 0.95 and share > full * SMALLEST_STEP:
             share *= max(fraction, SMALLEST_STEP)
             continue

@@ -18,7 +18,6 @@ from planner.mechanics.lcp import SOLVED
 from planner.mechanics.step import directions, solve
 from planner.mechanics.stepping import (
     ACCEPTED,
-    EVENT,
     FOUND,
     FURTHEST,
     HELD,
@@ -30,6 +29,7 @@ from planner.mechanics.stepping import (
     approach,
     find_contacts,
     list_near,
+    touching,
     try_step,
 )
 
@@ -58,16 +58,16 @@ class Each(NamedTuple):
 
 @inner_kernel
 def _place_all(outline: Array, q: Array, scratch: Scratch) -> None:
-    n = outline.shape[0]
+    n, heading = outline.shape[0], scratch.work.heading
     for i in range(n):
         scratch.placed[i] = i
-    contact.place(outline, q, scratch.points, scratch.placed, n)
+    heading[0], heading[1] = np.cos(q[2]), np.sin(q[2])
+    contact.place_turned(outline, q, heading[0], heading[1], scratch.points, scratch.placed, n)
 
 
 @inner_kernel
-def _close_freely(body: Body, grip: Grip, q: Array, scratch: Scratch) -> float:
-    """Closes the fingers up to the first touch of the whole outline; returns how far, infinity for none."""
-    _place_all(body.outline, q, scratch)
+def _close_freely(grip: Grip, scratch: Scratch) -> float:
+    """Closes the fingers up to the first touch of the placed outline; returns how far, infinity for none."""
     work = scratch.work
     top_share, bottom_share = grip.top_share, grip.bottom_share
     top, bottom = work.fingers[0], work.fingers[1]
@@ -131,15 +131,17 @@ def squeeze(body: Body, grip: Grip, q: Array, scratch: Scratch, trace: Array) ->
     step, work = grip.step, scratch.work
     work.fingers[0], work.fingers[1] = 0.5 * grip.opening, -0.5 * grip.opening
     work.step.F[0], work.step.F[1], work.step.F[2] = 0.0, 1.0, 0.0
+    work.listed[FOUND] = 0
     touched, verdict = False, ACCEPTED
-    budget, size, margin, resumed = 0.0, step, 2.0 * step + 0.05, 0.0
+    budget, size, margin = 0.0, step, 2.0 * step + 0.05
     rows = _record(trace, 0, q, work.fingers)
     _place_all(body.outline, q, scratch)
     if stand(scratch.points, work.fingers[0], work.fingers[1], grip.h, grip.thickness):
         return grip.opening, JAMMED, 0, rows
     for _ in range(MAX_STEPS):
         if verdict == ACCEPTED and budget < FURTHEST * margin:
-            free = _close_freely(body, grip, q, scratch)
+            _place_all(body.outline, q, scratch)
+            free = 0.0 if touching(work) else _close_freely(grip, scratch)
             if free == np.inf:
                 work.fingers[0] = work.fingers[1] = 0.5 * (work.fingers[0] + work.fingers[1])
                 return 0.0, SLIPPED if touched else UNTOUCHED, 0, _record(trace, rows, q, work.fingers)
@@ -151,15 +153,12 @@ def squeeze(body: Body, grip: Grip, q: Array, scratch: Scratch, trace: Array) ->
             budget = 0.0
             continue
         size = min(size, 0.5 * (work.fingers[0] - work.fingers[1]))
-        tried = size
+        width = work.fingers[0] - work.fingers[1]
         verdict, size = try_step(body, grip, size, margin, q, scratch)
         if verdict >= HELD:
             break
-        if verdict == EVENT:
-            resumed = max(resumed, tried)
-        elif verdict == ACCEPTED:
-            size, resumed = max(size, resumed), 0.0  # an event asks for no shorter steps after it
-            budget -= approach(body, q, work.trial, (grip.top_share + grip.bottom_share) * tried)
+        if verdict == ACCEPTED:
+            budget -= approach(body, q, work.trial, width - (work.fingers[0] - work.fingers[1]))
             q[0], q[1], q[2] = work.trial[0], work.trial[1], work.trial[2]
             rows = _record(trace, rows, q, work.fingers)
             if work.fingers[0] - work.fingers[1] <= 1e-6:

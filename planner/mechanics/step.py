@@ -53,6 +53,9 @@ RESIDUAL = 5e-5  # Largest complementarity residual of an accepted solution [mm]
 ATTEMPTS = 3
 PERTURBATION_MM = 1e-8
 """Flush grasps are degenerate; where rounding defeats the lexicographic order, the gaps move by this much."""
+LARGEST_ESCAPE_MM = 1e4
+"""A part is blocked where only a longer motion would let the fingers close: exactly opposed contacts must not
+hang on rounding."""
 OVERLAP_MM = 1e-7  # Overlap that a contact outside the active set may have after a step
 
 
@@ -87,9 +90,8 @@ StepWork: TypeAlias = Any
 
 
 @inlined_kernel
-def rotate_surface(A: Array, theta: float, out: Array) -> None:
-    """A in the hand frame for a part turned by theta; `out` (3, 3) is modified in place."""
-    c, s = np.cos(theta), np.sin(theta)
+def rotate_surface(A: Array, c: float, s: float, out: Array) -> None:
+    """A in the hand frame for a part turned by an angle of cosine c and sine s, into `out` (3, 3)."""
     a, b, d = A[0, 0], A[0, 1], A[1, 1]
     out[0, 0] = c * c * a - 2.0 * c * s * b + s * s * d
     out[1, 1] = s * s * a + 2.0 * c * s * b + c * c * d
@@ -114,12 +116,13 @@ def directions(
 
 @inlined_kernel
 def turn(
-    C: Array, I: IntArray, count: int, q: Array, half: Array, top: float, bottom: float, h: float,
+    C: Array, I: IntArray, count: int, c: float, s: float, half: Array, top: float, bottom: float, h: float,
     thickness: float,
 ) -> None:  # fmt: skip
-    """Moves the contacts from pose q to the pose `half`, gaps unchanged: the midpoint rule's second look."""
-    angle = half[2] - q[2]
-    c, s = np.cos(angle), np.sin(angle)
+    """Moves the contacts to the pose `half`, gaps unchanged: the midpoint rule's second look.
+
+    The part turns on the way by an angle of cosine c and sine s.
+    """
     for k in range(count):
         if I[k, KIND] == CORNER or I[k, KIND] == OUTER:
             nx, ny = C[k, NX], C[k, NY]
@@ -180,14 +183,51 @@ def _judge(work: StepWork, m: int, order: int) -> int:
 
 
 @inner_kernel
+def _opposed(C: Array, I: IntArray, active: IntArray, m: int) -> bool:
+    """Whether the m active contacts oppose each other so that no motion lets the fingers close.
+
+    By Farkas' lemma eq. 3 has no solution V where forces f >= 0 balance, sum f_i N_i = 0, and
+    sum f_i (u_i - gap_i) > 0. Tried are forces of the outermost contacts of each finger that meet in one
+    line; what rounding leaves of their sum counts as balanced where V had to exceed `LARGEST_ESCAPE_MM`.
+    """
+    top_low, top_high, bottom_low, bottom_high = -1, -1, -1, -1
+    for a in range(m):
+        k = active[a]
+        if I[k, FINGER] == 1:
+            top_low = k if top_low < 0 or C[k, RX] < C[top_low, RX] else top_low
+            top_high = k if top_high < 0 or C[k, RX] > C[top_high, RX] else top_high
+        else:
+            bottom_low = k if bottom_low < 0 or C[k, RX] < C[bottom_low, RX] else bottom_low
+            bottom_high = k if bottom_high < 0 or C[k, RX] > C[bottom_high, RX] else bottom_high
+    if top_low < 0 or bottom_low < 0:
+        return False
+    line = 0.5 * (max(C[top_low, RX], C[bottom_low, RX]) + min(C[top_high, RX], C[bottom_high, RX]))
+    f0, f1, f2, gain = 0.0, 0.0, 0.0, 0.0
+    for low, high in ((top_low, top_high), (bottom_low, bottom_high)):
+        wide = C[high, RX] - C[low, RX]
+        share = (line - C[low, RX]) / wide if wide > 0.0 else 0.0
+        if share < 0.0 or share > 1.0:
+            return False
+        for k, f in ((low, 1.0 - share), (high, share)):
+            f0, f1, f2 = f0 + f * C[k, NX], f1 + f * C[k, NY], f2 + f * C[k, N2]
+            gain += f * (C[k, UN] - C[k, GAP])
+    return bool(gain > LARGEST_ESCAPE_MM * np.sqrt(f0 * f0 + f1 * f1 + f2 * f2))
+
+
+@inner_kernel
 def _all_touching(mu_top: float, mu_bottom: float, count: int, work: StepWork) -> int:
-    """All touching contacts: three in closed form if they all slide, else Lemke's method, with a check."""
+    """All touching contacts: held or all sliding in closed form, else Lemke's method, with a check.
+
+    One and two contacts have no other modes than those tried before.
+    """
     A, C, I, V = work.A, work.C, work.I, work.V
     m = 0
     for k in range(count):
         if C[k, GAP] <= TOUCHING_MM:
             work.active[m] = k
             m += 1
+    if m <= 2 or _opposed(C, I, work.active, m):
+        return RAY
     if m == 3 and three_contacts(A, C, I, work.active, mu_top, mu_bottom, work.G) == SOLVED:
         motion(A, C, work.active, 3, V)
         return SOLVED
@@ -270,21 +310,41 @@ def solve(mu_top: float, mu_bottom: float, count: int, work: StepWork) -> int:
 
 
 @inlined_kernel
-def event_fraction(C: Array, count: int, V: Array) -> float:
-    """Share of the step (linear in it) up to the first event; 1 without one.
+def along(first: Array, V: Array, f: float, i: int) -> float:
+    """Component i of the displacement in a share f of a step: the midpoint rule's dense output.
+
+    Of second order, from the displacements of the Euler step (`first`) and of the midpoint rule (`V`)
+    (Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, II.6).
+    """
+    return float(f * (first[i] + f * (V[i] - first[i])))
+
+
+@inlined_kernel
+def _reached(gap: float, rate: float, bend: float) -> float:
+    """The least f > 0 at which gap + rate f + bend f^2 is zero, where it is below zero at 1."""
+    root = np.sqrt(max(rate * rate - 4.0 * bend * gap, 0.0))
+    return float(2.0 * gap / (root - rate)) if root > rate else 1.0
+
+
+@inlined_kernel
+def event_fraction(C: Array, count: int, first: Array, V: Array) -> float:
+    """Share of a step (as `along`) up to the first event; 1 without one.
 
     Events are: an awaited contact touches; a pressed contact slides off the end of its feature.
     """
     fraction = 1.0
     for k in range(count):
-        gap = C[k, GAP]
+        nx, ny, gap = C[k, NX], C[k, NY], C[k, GAP]
         if gap > TOUCHING_MM:
             slack = _slack(C, k, V)
             if slack < -OVERLAP_MM:
-                fraction = min(fraction, gap / (gap - slack))
+                rate = nx * first[0] + ny * first[1] + C[k, N2] * first[2] - C[k, UN]
+                fraction = min(fraction, _reached(gap, rate, slack - gap - rate))
         elif C[k, FN] > 0.0:
-            slip = C[k, NX] * V[1] - C[k, NY] * V[0] + C[k, T2] * V[2] - C[k, UT]
-            limit = C[k, HIGH] if slip > 0.0 else -C[k, LOW]
-            if abs(slip) > limit + PAST_END_MM:
-                fraction = min(fraction, (limit + PAST_END_MM) / abs(slip))
+            slip = nx * V[1] - ny * V[0] + C[k, T2] * V[2] - C[k, UT]
+            limit = (C[k, HIGH] if slip > 0.0 else -C[k, LOW]) + PAST_END_MM
+            if abs(slip) > limit:
+                rate = nx * first[1] - ny * first[0] + C[k, T2] * first[2] - C[k, UT]
+                rate, slip = (-rate, -slip) if slip > 0.0 else (rate, slip)
+                fraction = min(fraction, _reached(max(limit, 0.0), rate, slip - rate))
     return fraction

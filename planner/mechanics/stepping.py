@@ -1,8 +1,8 @@
 """One accepted, retried or refused step of a squeeze: the midpoint rule with error control and events.
 
 The difference between the midpoint and the explicit Euler step controls the length of a step; it ends where
-an awaited contact touches or a pressed one leaves its feature, and is refused where the part would overlap a
-finger. Only the vertices near the fingers are followed from step to step.
+an awaited contact touches or a pressed one leaves its feature, by the rule's dense output, and is refused
+where the part would overlap a finger. Only the vertices near the fingers are followed from step to step.
 """
 
 from typing import Any, NamedTuple, TypeAlias
@@ -14,12 +14,13 @@ from planner.kernel import inlined_kernel, inner_kernel
 from planner.mechanics import contacts as contact
 from planner.mechanics.clearance import crosses
 from planner.mechanics.contacts import (
+    FINGER,
     GAP,
     MAX_CONTACTS,
     NY,
 )
 from planner.mechanics.lcp import RAY, SOLVED
-from planner.mechanics.step import STEP_WORK, directions, event_fraction, turn
+from planner.mechanics.step import STEP_WORK, TOUCHING_MM, along, directions, event_fraction, turn
 from planner.mechanics.surface_step import solve_surface
 
 PENETRATION_MM = 0.01  # Overlap at which a step is refused
@@ -27,7 +28,8 @@ LARGEST_TURN = 0.1  # Largest rotation in one step [rad]
 EULER_ERROR = 0.02  # Largest difference between Euler and midpoint step, as a share of the nominal step
 SMALLEST_STEP = 2.0**-18
 """Shortest step, as a share of the nominal one: a part at an unstable equilibrium turns that much faster."""
-NEAR_MM = 6.0  # How far around the fingers vertices are followed between two looks at the whole outline
+NEAR_MM = 8.0  # How far around the fingers vertices are followed between two looks at the whole outline
+LEAST_FACING = 0.1  # Sine of the least angle to the closing direction, of a face that stops a finger
 FURTHEST = 2.0
 """How much nearer they come in one step, in margins; the whole outline is looked at before less is left."""
 
@@ -37,8 +39,10 @@ SQUEEZE_WORK = np.dtype(
         ("before", np.float64, (MAX_CONTACTS, NY + 1)),
         ("step", STEP_WORK),
         ("listed", np.int64, 3),
+        ("heading", np.float64, 2),
         ("trial", np.float64, 3),
         ("half", np.float64, 3),
+        ("euler", np.float64, 3),
         ("fingers", np.float64, 2),
     ],
     align=True,
@@ -46,14 +50,15 @@ SQUEEZE_WORK = np.dtype(
 """Workspace of one squeeze.
 
 before: places and normals of the contacts before the midpoint's turn. step: the contacts, and the solution.
-listed: how many vertices are placed and near, how many contacts were found. trial, half: pose after the step
-and in its middle. fingers: y of the inner faces.
+listed: how many vertices are placed and near, how many contacts were found. heading: cosine and sine of the
+part's angle. trial, half: pose after the step and in its middle. euler: the displacement V of the explicit
+Euler step. fingers: y of the inner faces.
 """
 SqueezeWork: TypeAlias = Any
 
 PLACED, NEAR, FOUND = 0, 1, 2  # Columns of `SqueezeWork.listed`
-ACCEPTED, RETRY, EVENT, HELD, GIVEN_UP = range(5)
-"""What came of a step: taken; to be tried again, shorter; likewise, up to an event; no solution; neither."""
+ACCEPTED, RETRY, HELD, GIVEN_UP = range(4)
+"""What came of a step: taken; to be tried again, shorter; no solution; neither."""
 
 
 def squeeze_workspace() -> SqueezeWork:
@@ -104,33 +109,34 @@ def _turn_back(work: SqueezeWork) -> None:
 def _midpoint(
     body: Body, grip: Grip, q: Array, step_top: float, step_bottom: float, work: SqueezeWork
 ) -> tuple[int, float]:
-    """One midpoint step from pose q into `work.trial`, for contacts already found at q.
+    """One midpoint step from pose q, for contacts already found there, into `work.euler` and `work.step.V`.
 
     Returns the status and the difference between the Euler and the midpoint step [mm], or -1.
     """
-    C, I, V, count = work.step.C, work.step.I, work.step.V, work.listed[FOUND]
+    C, I, V, first, count = work.step.C, work.step.I, work.step.V, work.euler, work.listed[FOUND]
     surface, rho, mu_top, mu_bottom = body.surface, body.rho, grip.mu_top, grip.mu_bottom
     for k in range(count):
         for column in range(NY + 1):
             work.before[k, column] = C[k, column]
     directions(C, I, count, rho, step_top, step_bottom)
-    status = solve_surface(surface, q[2], mu_top, mu_bottom, count, work.step)
+    c, s = work.heading[0], work.heading[1]
+    status = solve_surface(surface, c, s, mu_top, mu_bottom, count, work.step)
     if status != SOLVED:
         return status, -1.0
-    v0, v1, v2 = V[0], V[1], V[2]
-    work.half[0] = q[0] + 0.5 * v0
-    work.half[1] = q[1] + 0.5 * v1
-    work.half[2] = q[2] + 0.5 * v2 / rho
+    first[0], first[1], first[2] = V[0], V[1], V[2]
+    work.half[0] = q[0] + 0.5 * V[0]
+    work.half[1] = q[1] + 0.5 * V[1]
+    work.half[2] = q[2] + 0.5 * V[2] / rho
+    turned = work.half[2] - q[2]
+    dc, ds = np.cos(turned), np.sin(turned)
     top, bottom = work.fingers[0] - 0.5 * step_top, work.fingers[1] + 0.5 * step_bottom
-    turn(C, I, count, q, work.half, top, bottom, grip.h, grip.thickness)
+    turn(C, I, count, dc, ds, work.half, top, bottom, grip.h, grip.thickness)
     directions(C, I, count, rho, step_top, step_bottom)
-    status = solve_surface(surface, work.half[2], mu_top, mu_bottom, count, work.step)
+    c, s = dc * c - ds * s, dc * s + ds * c
+    status = solve_surface(surface, c, s, mu_top, mu_bottom, count, work.step)
     if status != SOLVED:
         return status, 0.0
-    work.trial[0] = q[0] + V[0]
-    work.trial[1] = q[1] + V[1]
-    work.trial[2] = q[2] + V[2] / rho
-    return SOLVED, np.sqrt((V[0] - v0) ** 2 + (V[1] - v1) ** 2 + (V[2] - v2) ** 2)
+    return SOLVED, np.sqrt((V[0] - first[0]) ** 2 + (V[1] - first[1]) ** 2 + (V[2] - first[2]) ** 2)
 
 
 @inlined_kernel
@@ -176,6 +182,16 @@ def find_contacts(q: Array, grip: Grip, margin: float, scratch: Scratch) -> None
     )  # fmt: skip
 
 
+@inlined_kernel
+def touching(work: SqueezeWork) -> bool:
+    """Whether a found contact keeps a finger from closing any further without moving the part."""
+    C, I = work.step.C, work.step.I
+    for k in range(work.listed[FOUND]):
+        if C[k, GAP] <= TOUCHING_MM and I[k, FINGER] * C[k, NY] < -LEAST_FACING:
+            return True
+    return False
+
+
 @inner_kernel
 def _overlaps(grip: Grip, scratch: Scratch) -> bool:
     """Whether a contact overlaps by more than `PENETRATION_MM`, or a near edge runs that deep in a finger."""
@@ -218,8 +234,8 @@ def try_step(
     """Tries a closing step of `size` [mm] from pose q (3,); returns what came of it and the next size.
 
     The scratch holds the contacts at q, and those again where the step is to be retried. An accepted step
-    leaves the new pose in `work.trial`, the fingers advanced, and the contacts found there, with gaps of at
-    most `margin` [mm].
+    ends at its first event, if it has one; it leaves the new pose in `work.trial`, the fingers advanced, and
+    the contacts found there, with gaps of at most `margin` [mm].
     """
     step, work = grip.step, scratch.work
     step_top, step_bottom = grip.top_share * size, grip.bottom_share * size
@@ -230,28 +246,31 @@ def try_step(
             return (HELD if status == RAY else GIVEN_UP), size
         _turn_back(work)
         return RETRY, 0.25 * size
-    turned = abs(work.trial[2] - q[2])
-    allowed = EULER_ERROR * step
-    if (error > allowed or turned > LARGEST_TURN) and not smallest:
+    first, V = work.euler, work.step.V
+    f = max(event_fraction(work.step.C, work.listed[FOUND], first, V), SMALLEST_STEP)
+    for i in range(3):
+        moved = along(first, V, f, i)
+        work.trial[i] = q[i] + (moved / body.rho if i == 2 else moved)
+    step_top, step_bottom = f * step_top, f * step_bottom
+    turned, allowed = abs(work.trial[2] - q[2]), EULER_ERROR * step
+    longer = 0.8 * np.sqrt(allowed / (error + 1e-12))
+    if (f * f * error > allowed or turned > LARGEST_TURN) and not smallest:
         _turn_back(work)
-        return RETRY, size * max(
-            0.2, min(0.8 * np.sqrt(allowed / (error + 1e-12)), 0.8 * LARGEST_TURN / (turned + 1e-12))
-        )
+        return RETRY, f * size * max(0.2, min(longer / f, 0.8 * LARGEST_TURN / (turned + 1e-12)))
     if approach(body, q, work.trial, step_top + step_bottom) > FURTHEST * margin and not smallest:
         _turn_back(work)
-        return RETRY, 0.5 * size
-    fraction = event_fraction(work.step.C, work.listed[FOUND], work.step.V)
-    if fraction < 0.95 and not smallest:
-        _turn_back(work)
-        return EVENT, size * max(fraction, SMALLEST_STEP)
-    contact.place(body.outline, work.trial, scratch.points, scratch.placed, work.listed[PLACED])
+        return RETRY, 0.5 * f * size
+    c, s = np.cos(work.trial[2]), np.sin(work.trial[2])
+    placed, count = scratch.placed, work.listed[PLACED]
+    contact.place_turned(body.outline, work.trial, c, s, scratch.points, placed, count)
     work.fingers[0] -= step_top
     work.fingers[1] += step_bottom
     find_contacts(work.trial, grip, margin, scratch)
     if _overlaps(grip, scratch):
-        contact.place(body.outline, q, scratch.points, scratch.placed, work.listed[PLACED])
+        contact.place_turned(body.outline, q, work.heading[0], work.heading[1], scratch.points, placed, count)
         work.fingers[0] += step_top
         work.fingers[1] -= step_bottom
         find_contacts(q, grip, margin, scratch)
-        return (GIVEN_UP if smallest else RETRY), 0.25 * size
-    return ACCEPTED, min(step, size * min(2.0, 0.8 * np.sqrt(allowed / (error + 1e-12))))
+        return (GIVEN_UP if smallest else RETRY), 0.25 * f * size
+    work.heading[0], work.heading[1] = c, s
+    return ACCEPTED, min(step, size * min(2.0, longer))

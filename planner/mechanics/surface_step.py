@@ -35,7 +35,7 @@ def local_matrix(table: Array, F: Array, out: Array) -> None:
 
 
 @inner_kernel
-def _wrench(C: Array, count: int, theta: float, F: Array) -> float:
+def _wrench(C: Array, count: int, c: float, s: float, F: Array) -> float:
     """Unit wrench of all contact forces in the part's frame into `F` (3,); returns its former length."""
     f0, f1, f2 = 0.0, 0.0, 0.0
     for k in range(count):
@@ -45,16 +45,15 @@ def _wrench(C: Array, count: int, theta: float, F: Array) -> float:
         f2 += fn * C[k, N2] + ft * C[k, T2]
     length = np.sqrt(f0 * f0 + f1 * f1 + f2 * f2)
     if length > 0.0:
-        c, s = np.cos(theta), np.sin(theta)
         F[0], F[1], F[2] = (c * f0 + s * f1) / length, (c * f1 - s * f0) / length, f2 / length
     return float(length)
 
 
 @inner_kernel
 def solve_surface(
-    surface: Array, theta: float, mu_top: float, mu_bottom: float, count: int, work: StepWork
+    surface: Array, c: float, s: float, mu_top: float, mu_bottom: float, count: int, work: StepWork
 ) -> int:
-    """Solves the step for a part turned by theta; arguments and result as `step.solve`, but for these.
+    """Solves the step for a part turned by an angle of cosine c and sine s; otherwise as `step.solve`.
 
     The surface is (3, 3) the ellipsoid's matrix, or (6, 6) the quartic's table, in the part's frame; `work.A`
     receives the matrix of the last LCP. A quartic starts from the wrench `work.F`, which receives the last
@@ -62,16 +61,16 @@ def solve_surface(
     """
     A, F = work.A, work.F
     if surface.shape[0] == 3:
-        rotate_surface(surface, theta, A)
+        rotate_surface(surface, c, s, A)
         return solve(mu_top, mu_bottom, count, work)
     for iteration in range(MOST_ITERATIONS):
         local_matrix(surface, F, work.local)
-        rotate_surface(work.local, theta, A)
+        rotate_surface(work.local, c, s, A)
         status = solve(mu_top, mu_bottom, count, work)
         if status != SOLVED:
             return status
         x, y, z = F[0], F[1], F[2]
-        if _wrench(work.C, count, theta, F) == 0.0:
+        if _wrench(work.C, count, c, s, F) == 0.0:
             return SOLVED
         if (F[0] - x) ** 2 + (F[1] - y) ** 2 + (F[2] - z) ** 2 <= DIRECTION_TOLERANCE**2:
             return SOLVED

@@ -132,6 +132,15 @@ def jamming(offset_deg: float = 20.0, mu: float = 0.5) -> ContactProblem:
     return _problem([list(tip), list(-tip)], [DOWN, UP], [[0.0, -0.1], [0.0, 0.1]], mu)
 
 
+def flush(rng: np.random.Generator) -> ContactProblem:
+    """Two sides of a part, about parallel, between two faces that meet it at two points each."""
+    ends, tilt = rng.uniform(-15.0, 15.0, (2, 2)), rng.choice([0.0, 1e-2])
+    points = np.column_stack([ends.T.ravel(), np.tile([8.0, -8.0], 2)])
+    down, up = [math.sin(tilt), -math.cos(tilt)], UP
+    advance = np.tile([[0.0, -0.2], [0.0, 0.2]], (2, 1))
+    return _problem(list(points), [down, up, down, up], list(advance), rng.uniform(0.0, 0.8))
+
+
 def wedged() -> ContactProblem:
     """A finger's corner deep in a notch of 60 degrees, the other finger below: no way out."""
     left, right = math.radians(-60.0), math.radians(-120.0)

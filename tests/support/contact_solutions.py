@@ -105,7 +105,7 @@ def contact_solution(
     )
     directions(C, I, count, rho_mm, advance_mm, advance_mm)
     work.F[:] = 0.0, 1.0, 0.0
-    status = solve_surface(surface, pose[2], mu[0], mu[1], count, work)
+    status = solve_surface(surface, np.cos(pose[2]), np.sin(pose[2]), mu[0], mu[1], count, work)
     C, I = C[:count], I[:count]
     slack = C[:, GAP] - C[:, UN] + C[:, NX] * V[0] + C[:, NY] * V[1] + C[:, N2] * V[2]
     slip = C[:, NX] * V[1] - C[:, NY] * V[0] + C[:, T2] * V[2] - C[:, UT]

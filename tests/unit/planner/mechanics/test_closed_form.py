@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 from contact_problems import (
     ContactProblem,
+    flush,
     flush_push,
     goals,
     jamming,
     lcp,
     random_contacts,
+    receding,
     rows,
     sliding,
     sticking,
@@ -18,8 +20,9 @@ from contact_solutions import posed
 from lcp_twin import motions, solve
 
 from planner.mechanics.closed_form import LARGEST_FORCE, motion, one_contact, three_contacts, two_contacts
-from planner.mechanics.contacts import FN, FT
+from planner.mechanics.contacts import FN, FT, GAP, HIGH, LOW, UN, UT
 from planner.mechanics.lcp import RAY, SOLVED, residual
+from planner.mechanics.step import PAST_END_MM, UNBOUNDED, along, event_fraction
 from planner.mechanics.step import solve as solve_step
 
 pytestmark = pytest.mark.slow
@@ -145,6 +148,40 @@ def test_the_step_agrees_with_lemke_on_one_two_and_three_contacts():
         else:
             assert status == RAY
             assert solve(*lcp(problem))[0] == RAY
+
+
+def test_a_flush_grasp_is_held_where_lemke_finds_nothing():
+    """Faces that overlap hold the part, whatever the friction; where they do not, the part turns."""
+    rng, verdicts = np.random.default_rng(5), list[int]()
+    for _ in range(300):
+        problem = flush(rng)
+        status = solve_step(problem.mu[0], problem.mu[1], 4, posed(problem))
+        lcp_status, z = solve(*lcp(problem))
+        held = lcp_status == RAY or z[:4].max() > UNBOUNDED
+        assert (status == RAY) == held
+        verdicts.append(status)
+    assert 30 < np.sum(np.array(verdicts) == SOLVED) < 270
+
+
+@pytest.mark.parametrize("bend", [-0.3, 0.0, 0.3])
+def test_a_step_ends_where_an_awaited_contact_touches(bend):
+    """The dense output runs through the Euler step's direction and the midpoint's end: a parabola."""
+    C, _ = rows(receding())
+    C[0, [GAP, UN, UT]] = 0.2, 0.0, 0.0
+    first, V = np.array([0.0, -1.0, 0.0]), np.array([0.0, -1.0 + bend, 0.0])
+    f = event_fraction(C, 1, first, V)
+    assert 0.0 < f < 1.0
+    assert along(first, V, f, 1) == pytest.approx(-0.2, abs=1e-12)
+    assert [along(first, V, 1.0, i) for i in range(3)] == pytest.approx(list(V))
+
+
+@pytest.mark.parametrize("sense", [-1.0, 1.0])
+def test_a_step_ends_where_a_pressed_contact_slides_off_its_feature(sense):
+    C, _ = rows(receding())
+    C[0, [GAP, UN, UT, FN, LOW, HIGH]] = 0.0, 0.0, 0.0, 1.0, -0.3, 0.3
+    first, V = np.array([sense, 0.0, 0.0]), np.array([0.8 * sense, 0.0, 0.0])
+    f = event_fraction(C, 1, first, V)
+    assert abs(along(first, V, f, 0)) == pytest.approx(0.3 + PAST_END_MM)
 
 
 def test_a_sticking_contact_keeps_its_place_on_the_finger():

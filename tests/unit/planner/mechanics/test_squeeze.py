@@ -133,7 +133,7 @@ def pushed_by(outline, surface, jaws, pose, push):
     count = contacts.find(
         C, I, points, everything, len(outline), pose, jaws[0] / 2, -jaws[0] / 2, jaws[1] / 2, jaws[2], 0.05
     )
-    step.rotate_surface(surface.A, pose[2], work.A)
+    step.rotate_surface(surface.A, np.cos(pose[2]), np.sin(pose[2]), work.A)
     step.directions(C, I, count, surface.rho_mm, push, 0.0)
     assert step.solve(0.5, 0.5, count, work) == step.SOLVED
     return pose + work.V / [1, 1, surface.rho_mm]
