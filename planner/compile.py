@@ -30,10 +30,11 @@ from planner.paper.plan import plan_paper
 from planner.paper.search import METHODS
 from planner.planning import PARAMS, SEED_RARE, Planning, guarded, judged, marked, no_plan, pruned, within
 from planner.search.actions import actions_of
-from planner.search.anytime import Anytime, Cut, hasty_root
+from planner.search.anytime import Anytime, Cut
 from planner.search.closed_loop import LookAhead
 from planner.search.expand import Growth, TreeNode
 from planner.search.handling import handling_of
+from planner.search.hasty import hasty_root
 from planner.search.params import Objective
 from planner.search.ranking import Ranking
 from planner.work.limit import Limit

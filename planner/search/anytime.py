@@ -7,15 +7,13 @@ whole and turns out better.
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from planner.belief.particles import subsample
 from planner.search.expand import Growth, Progress, TreeNode, breadth_first, grow
+from planner.search.hasty import hasty_growth, squeeze_first
 from planner.work.limit import Limit
 
-HASTY_PARTICLES = 5  # A hasty tree's beliefs have the job's particles, divided by this
-HASTY_SEARCH = 4  # Its look-ahead, which is of one squeeze, has the job's search particles, divided by this
 MENDING = 0.5  # Time to mend a hasty tree in which other squeezes were tried, in units of its growth
 CAREFUL = 5.0  # Time of the careful growth in units of the hasty one
 AFTER_GROWTH = 0.75  # Time of improvement and refinement in units of the growth before them
@@ -63,12 +61,12 @@ class Anytime:
         """Grows a tree from its root; a hasty one with little effort, more where that gains nothing."""
         self.begun_s = self.limit.spent_s
         if self.hasty:
-            look_ahead = self.growth.look_ahead
-            few = max(1, look_ahead.particles // HASTY_SEARCH)
-            little = replace(self.growth, look_ahead=replace(look_ahead, depth=1, particles=few))
+            little = hasty_growth(self.growth)
             grow(root, little, [*seed, SEED_HASTY], progress, lambda: self.late(root))
             for node in breadth_first(root):
                 node.exhausted, node.searched = math.inf, 0
+        else:
+            squeeze_first(root, self.growth, seed, self.limit.over)
         least = 0.0 if self.hasty else self.growth.objective.params.improved_share
         grow(root, self.growth, seed, progress, lambda: self.late(root), least=least)
         self.growth_s = (self.limit.spent_s - self.begun_s) / max(self._done(root), LEAST_DONE)
@@ -106,9 +104,3 @@ class Anytime:
         confidence = self.growth.objective.confidence
         leaves = (node for node in breadth_first(root) if not node.children)
         return [leaf for leaf in leaves if self.growth.worth_growing(leaf, confidence)]
-
-
-def hasty_root(root: TreeNode) -> TreeNode:
-    """The root of a hasty tree: the same belief with fewer particles."""
-    few = subsample(root.belief, max(1, len(root.belief) // HASTY_PARTICLES))
-    return TreeNode(few, root.share, root.mode)

@@ -21,7 +21,7 @@ def improve(
     out_of_time: Callable[[], bool] = lambda: False,
     rough: float = 0.0,
 ) -> None:
-    """Tries the alternatives of the root, then of the nodes that one or two squeezes lead to.
+    """Tries the alternatives of the nodes that one or two squeezes lead to.
 
     Args:
         root: a tree of which all such nodes have a squeeze, modified in place.
@@ -32,12 +32,6 @@ def improve(
         rough: share of a node, of which leaves that locate all but less are not grown to compare subtrees.
     """
     params = growth.objective.params
-    for k, placement in enumerate(root.alternatives):
-        other = TreeNode(root.belief, root.share, root.mode)
-        limit = price(root, growth)
-        _grown(other, other, None, placement, limit, growth, [*seed, k + 1], out_of_time, rough)
-        if not out_of_time() and price(other, growth) < limit:
-            root.squeeze, root.children, root.named = other.squeeze, other.children, other.named
     for depth, saving in params.improved_savings:
         inner = [node for node in breadth_first(root) if node.children]
         pairs = [(child, node) for node in inner for child in node.children if child.depth == depth]
@@ -118,7 +112,7 @@ def _other(
     pieces: list[TreeNode], parent: TreeNode, placement: Array, limit: float, growth: Growth, seed: list[int],
     out_of_time: Callable[[], bool], rough: float,
 ) -> TreeNode:  # fmt: skip
-    """A parent's stand-in, its one child squeezed elsewhere and grown."""
+    """A parent's stand-in, its one child squeezed elsewhere and grown unless it seems to cost too much."""
     metric = growth.objective.metric
     belief = Belief.joined([piece.belief for piece in pieces])
     node = TreeNode(
@@ -130,21 +124,13 @@ def _other(
     )
     stand = TreeNode(belief, 0.0, node.mode, parent.path, squeeze=parent.squeeze, children=[node])
     stand.named = parent.named
-    _grown(node, stand, stand, placement, limit, growth, seed, out_of_time, rough)
-    return stand
-
-
-def _grown(
-    node: TreeNode, tree: TreeNode, parent: TreeNode | None, placement: Array, limit: float, growth: Growth,
-    seed: list[int], out_of_time: Callable[[], bool], rough: float,
-) -> None:  # fmt: skip
-    """Squeezes at a placement, and grows the tree that the node is of unless it seems to cost too much."""
-    squeeze_at(node, parent, placement, growth, np.random.default_rng([*seed, *node.path]))
+    squeeze_at(node, stand, placement, growth, np.random.default_rng([*seed, *node.path]))
     most = limit + growth.objective.params.dearer * growth.objective.costs.least * node.share
     grow(
-        tree, growth, seed, out_of_time=lambda: out_of_time() or price(tree, growth) >= most,
+        stand, growth, seed, out_of_time=lambda: out_of_time() or price(stand, growth) >= most,
         least=rough * node.share,
     )  # fmt: skip
+    return stand
 
 
 def price(node: TreeNode, growth: Growth) -> float:

@@ -69,8 +69,11 @@ class SearchParams:
     """Placements nearer than both are variants of one."""
     alternative_excess: float = 0.5
     """Squeezes that an alternative may seem to cost more than the best."""
-    first_excess: float = 0.05
-    """The same of the first squeeze, whose alternatives are whole trees."""
+    first_candidates: int = 8
+    """First squeezes that hasty trees are grown for."""
+    first_close: float = 0.3
+    """Squeezes a part by which such a tree may cost more than the cheapest, to be judged by a second one: two
+    of one squeeze differ by 0.1 to 0.3."""
     most_without_gain: int = 3
     """Squeezes in a row that may gain nothing: two or three may be needed to tell two poses apart."""
     least_loss: float = 0.002
