@@ -1,29 +1,31 @@
-"""Trees grown in a fraction of the time: what a first squeeze is worth, and plans within a budget.
+"""Trees grown in a fraction of the time: what a squeeze is worth, and plans within a budget.
 
-J of a first squeeze says little of what it costs: two squeezes ahead hardly any part is located. A whole tree
+J of a squeeze says little of what it costs where hardly any part is located two squeezes later. A whole tree
 does, grown with a fifth of the particles and one squeeze of look-ahead (decision 0043).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from planner.arrays import Array
 from planner.belief.particles import subsample
-from planner.search.expand import Growth, TreeNode, grow, squeeze_at
-from planner.search.improve import price
+from planner.search.expand import Growth, TreeNode, breadth_first, grow, squeeze_at
 from planner.search.ranking import unlike
 
 HASTY_PARTICLES = 5  # A hasty tree's beliefs have the job's particles, divided by this
+LEAST_PARTICLES = 1000  # A belief of fewer keeps all
 HASTY_SEARCH = 4  # Its look-ahead, which is of one squeeze, has the job's search particles, divided by this
-SEED_FIRST = 0x46495253
+ROUNDS = 2  # Trees of each squeeze that may be the cheapest
+SEED_COST = 0x434F5354
 
 
-def hasty_root(root: TreeNode) -> TreeNode:
+def hasty_root(node: TreeNode) -> TreeNode:
     """The root of a hasty tree: the same belief with fewer particles."""
-    few = subsample(root.belief, max(1, len(root.belief) // HASTY_PARTICLES))
-    return TreeNode(few, root.share, root.mode)
+    size = len(node.belief)
+    few = subsample(node.belief, max(size // HASTY_PARTICLES, min(size, LEAST_PARTICLES)))
+    return TreeNode(few, node.share, node.mode, node.path, node.squeezes_without_gain)
 
 
 def hasty_growth(growth: Growth) -> Growth:
@@ -33,12 +35,49 @@ def hasty_growth(growth: Growth) -> Growth:
     return replace(growth, look_ahead=replace(look_ahead, depth=1, particles=few))
 
 
+def costs(
+    node: TreeNode, placements: Sequence[Array], growth: Growth, seed: list[int],
+    out_of_time: Callable[[], bool],
+) -> Array:  # fmt: skip
+    """What squeezing a node's belief at placements (3,) costs, a part: the mean price of hasty trees.
+
+    Returns:
+        (k,) as probabilities of success; infinite where the first tree already costs clearly more than the
+        cheapest.
+    """
+    close = growth.objective.params.close * growth.objective.costs.least
+    cost, left = np.zeros(len(placements)), list(range(len(placements)))
+    for attempt in range(ROUNDS):
+        least = np.inf
+        for k in left:
+            most = least + close - cost[k]
+            cost[k] += _cost(node, placements[k], growth, [*seed, SEED_COST, attempt, k], most, out_of_time)
+            least = min(least, cost[k])
+        left = [k for k in left if cost[k] < least + close]
+    found = np.full(len(placements), np.inf)
+    found[left] = cost[left] / ROUNDS
+    return found
+
+
+def _cost(
+    node: TreeNode, placement: Array, growth: Growth, seed: list[int], most: float,
+    out_of_time: Callable[[], bool],
+) -> float:  # fmt: skip
+    """Price of one hasty tree, a part; it grows no further where it costs more than `most`."""
+    tree, little = hasty_root(node), hasty_growth(growth)
+    squeeze_at(tree, None, placement, little, np.random.default_rng(seed))
+    least = growth.objective.params.improved_share * tree.share
+    grow(
+        tree, little, seed, least=least,
+        out_of_time=lambda: out_of_time() or price(tree, little) >= most * tree.share,
+    )  # fmt: skip
+    return price(tree, little) / tree.share
+
+
 def squeeze_first(
     root: TreeNode, growth: Growth, seed: list[int], out_of_time: Callable[[], bool] = lambda: False
 ) -> None:
     """Squeezes the root where hasty trees cost least; leaves it as it is where there is nothing to choose.
-
-    Each candidate has a tree; those that cost little more than the cheapest have another, whose cost is added.
 
     Args:
         root: without a squeeze, modified in place.
@@ -47,26 +86,19 @@ def squeeze_first(
         out_of_time: asked before each node.
     """
     placements = _candidates(root, growth, seed)
-    close = growth.objective.params.first_close * growth.objective.costs.least
-    cost, left = np.zeros(len(placements)), list(range(len(placements)))
-    for attempt in range(2):
-        least = np.inf
-        for k in left if len(left) > 1 else []:
-            most = least + close - cost[k]
-            own = [*seed, SEED_FIRST, attempt, k]
-            cost[k] += _cost(root, placements[k], growth, own, most, out_of_time)
-            least = min(least, cost[k])
-        left = [k for k in left if cost[k] < least + close]
-    if len(placements) > 1 and not out_of_time():
-        best = min(left, key=lambda k: float(cost[k]))
-        squeeze_at(root, None, placements[best], growth, np.random.default_rng([*seed, SEED_FIRST]))
+    if len(placements) < 2:
+        return
+    cost = costs(root, list(placements), growth, seed, out_of_time)
+    if not out_of_time():
+        best = placements[int(np.argmin(cost))]
+        squeeze_at(root, None, best, growth, np.random.default_rng([*seed, SEED_COST]))
 
 
 def _candidates(root: TreeNode, growth: Growth, seed: list[int]) -> Array:
     """First squeezes (k, 3), no two nearly the same; those about the middle first, or the most promising."""
     ranking, params, belief = growth.look_ahead.ranking, growth.objective.params, root.belief
     if ranking.actions.first is None:
-        rng = np.random.default_rng([*seed, SEED_FIRST])
+        rng = np.random.default_rng([*seed, SEED_COST])
         choices = growth.look_ahead.choose(belief, rng, params.first_candidates)
         return np.array([choice.placement for choice in choices])
     placements = ranking.candidates(belief, belief)
@@ -75,16 +107,22 @@ def _candidates(root: TreeNode, growth: Growth, seed: list[int]) -> Array:
     return placements[order[unlike(compared[order], params.first_candidates, params)]]
 
 
-def _cost(
-    root: TreeNode, placement: Array, growth: Growth, seed: list[int], most: float,
-    out_of_time: Callable[[], bool],
-) -> float:  # fmt: skip
-    """Price of a hasty tree with this first squeeze; it grows no further where it costs more than `most`."""
-    tree, little = hasty_root(root), hasty_growth(growth)
-    squeeze_at(tree, None, placement, little, np.random.default_rng(seed))
-    least = growth.objective.params.improved_share
-    grow(
-        tree, little, seed, least=least,
-        out_of_time=lambda: out_of_time() or price(tree, little) >= most,
-    )  # fmt: skip
-    return price(tree, little)
+def price(node: TreeNode, growth: Growth) -> float:
+    """What a subtree costs, as a probability of success: its squeezes, and the parts it does not locate.
+
+    A leaf that may be grown further costs J. Any other that misses the goal stays unresolved and counts as
+    a failure of all its parts. The mass outside its mode is added, so that of two such leaves the one that
+    knows more is better.
+    """
+    squeezes, lost, objective = 0.0, 0.0, growth.objective
+    for each in breadth_first(node):
+        if each.squeeze is not None:
+            squeezes += each.cost
+            lost += each.share * each.squeeze.crashes
+        elif growth.worth_growing(each, objective.confidence):
+            size = np.array([len(each.belief)])
+            squeezes += each.share * float(objective.rule.estimate.squeezes(each.mode.ratio * size, size)[0])
+        else:
+            short = each.mode.ratio < objective.confidence
+            lost += each.unlocated_mass + each.share * short
+    return objective.costs.least * squeezes + lost

@@ -11,6 +11,7 @@ import numpy as np
 from planner.arrays import Array
 from planner.belief.particles import Belief
 from planner.search.expand import Growth, Progress, TreeNode, breadth_first, grow, replace_child, squeeze_at
+from planner.search.hasty import costs, price
 
 
 def improve(
@@ -41,6 +42,8 @@ def improve(
                 progress(done, len(pairs) - done)
             grow(node, growth, seed, out_of_time=out_of_time, least=rough * node.share)
             tried, left = node.alternatives, (1.0 + saving) * growth.objective.costs.least
+            if node.squeeze is not None and price(node, growth) >= left * node.share:
+                node.alternatives = _promising(node, growth, [*seed, *node.path], out_of_time)
             pieces = _cheapest(node, parent, left, growth, seed, out_of_time, rough)
             max(pieces, key=lambda piece: piece.share).alternatives = tried  # leaves below may fail later
 
@@ -83,6 +86,17 @@ def _above_failure(root: TreeNode, fails: Callable[[TreeNode], bool]) -> tuple[T
         if not leaf.children and node is not root and fails(leaf):
             return node, parents[id(node)]
     return None
+
+
+def _promising(
+    node: TreeNode, growth: Growth, seed: list[int], out_of_time: Callable[[], bool]
+) -> list[Array]:
+    """Those of a node's alternatives whose hasty trees cost no more than that of its squeeze."""
+    assert node.squeeze is not None
+    placements = [node.squeeze.placement, *node.alternatives]
+    cost = costs(node, placements, growth, seed, out_of_time)
+    order = np.argsort(cost, kind="stable")[: growth.objective.params.grown]
+    return [placements[k] for k in order if k > 0 and np.isfinite(cost[k])]
 
 
 def _cheapest(
@@ -131,24 +145,3 @@ def _other(
         least=rough * node.share,
     )  # fmt: skip
     return stand
-
-
-def price(node: TreeNode, growth: Growth) -> float:
-    """What a subtree costs, as a probability of success: its squeezes, and the parts it does not locate.
-
-    A leaf that may be grown further costs J. Any other that misses the goal stays unresolved and counts as
-    a failure of all its parts. The mass outside its mode is added, so that of two such leaves the one that
-    knows more is better.
-    """
-    squeezes, lost, objective = 0.0, 0.0, growth.objective
-    for each in breadth_first(node):
-        if each.squeeze is not None:
-            squeezes += each.cost
-            lost += each.share * each.squeeze.crashes
-        elif growth.worth_growing(each, objective.confidence):
-            size = np.array([len(each.belief)])
-            squeezes += each.share * float(objective.rule.estimate.squeezes(each.mode.ratio * size, size)[0])
-        else:
-            short = each.mode.ratio < objective.confidence
-            lost += each.unlocated_mass + each.share * short
-    return objective.costs.least * squeezes + lost

@@ -62,7 +62,7 @@ class SearchParams:
     selection_bias: float = 0.5
     """Standard deviations of the mode ratio that each cluster's mode gains by being chosen for it."""
 
-    alternatives: int = 2
+    alternatives: int = 7
     """Placements kept for a node besides the chosen one."""
     alike_mm: float = 6.0
     alike_deg: float = 20.0
@@ -71,9 +71,11 @@ class SearchParams:
     """Squeezes that an alternative may seem to cost more than the best."""
     first_candidates: int = 8
     """First squeezes that hasty trees are grown for."""
-    first_close: float = 0.3
-    """Squeezes a part by which such a tree may cost more than the cheapest, to be judged by a second one: two
-    of one squeeze differ by 0.1 to 0.3."""
+    close: float = 0.3
+    """Squeezes a part by which a squeeze's hasty tree may cost more than the cheapest, to be judged by
+    another: two trees of one squeeze differ by 0.1 to 0.3."""
+    grown: int = 2
+    """Of a node's squeeze and its alternatives the cheapest by hasty trees, that whole trees are grown for."""
     most_without_gain: int = 3
     """Squeezes in a row that may gain nothing: two or three may be needed to tell two poses apart."""
     least_loss: float = 0.002
