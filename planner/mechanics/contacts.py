@@ -184,11 +184,14 @@ def find(
     """
     n = points.shape[0]
     count = 0
-    beyond, within = h + margin, h - margin
+    beyond, within, high, low = h + margin, h - margin, top - margin, bottom + margin
     for m in range(listed_count):
         i = listed[m]
         j = i + 1 if i + 1 < n else 0
-        xi, xj, yi, yj = points[i, 0], points[j, 0], points[i, 1], points[j, 1]
+        yi, yj = points[i, 1], points[j, 1]
+        if low < yi < high and low < yj < high:
+            continue
+        xi, xj = points[i, 0], points[j, 0]
         if (xi > beyond and xj > beyond) or (xi < -beyond and xj < -beyond):
             continue
         beside = abs(xi) >= within or abs(xj) >= within

@@ -79,6 +79,8 @@ def squeeze_first(
 ) -> None:
     """Squeezes the root where hasty trees cost least; leaves it as it is where there is nothing to choose.
 
+    The next best stays an alternative where the trees do not decide between the two.
+
     Args:
         root: without a squeeze, modified in place.
         growth: how the tree will be grown.
@@ -90,8 +92,10 @@ def squeeze_first(
         return
     cost = costs(root, list(placements), growth, seed, out_of_time)
     if not out_of_time():
-        best = placements[int(np.argmin(cost))]
-        squeeze_at(root, None, best, growth, np.random.default_rng([*seed, SEED_COST]))
+        best, second = np.argsort(cost, kind="stable")[:2]
+        squeeze_at(root, None, placements[best], growth, np.random.default_rng([*seed, SEED_COST]))
+        undecided = growth.objective.params.undecided * growth.objective.costs.least
+        root.alternatives = [placements[second]] if cost[second] < cost[best] + undecided else []
 
 
 def _candidates(root: TreeNode, growth: Growth, seed: list[int]) -> Array:

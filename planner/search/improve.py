@@ -11,7 +11,7 @@ import numpy as np
 from planner.arrays import Array
 from planner.belief.particles import Belief
 from planner.search.expand import Growth, Progress, TreeNode, breadth_first, grow, replace_child, squeeze_at
-from planner.search.hasty import costs, price
+from planner.search.hasty import price
 
 
 def improve(
@@ -22,7 +22,7 @@ def improve(
     out_of_time: Callable[[], bool] = lambda: False,
     rough: float = 0.0,
 ) -> None:
-    """Tries the alternatives of the nodes that one or two squeezes lead to.
+    """Tries the alternatives of the root, then of the nodes that one or two squeezes lead to.
 
     Args:
         root: a tree of which all such nodes have a squeeze, modified in place.
@@ -33,6 +33,11 @@ def improve(
         rough: share of a node, of which leaves that locate all but less are not grown to compare subtrees.
     """
     params = growth.objective.params
+    for k, placement in enumerate(root.alternatives):
+        other, limit = TreeNode(root.belief, root.share, root.mode), price(root, growth)
+        _grown(other, other, None, placement, limit, growth, [*seed, k + 1], out_of_time, rough)
+        if not out_of_time() and price(other, growth) < limit:
+            root.squeeze, root.children, root.named = other.squeeze, other.children, other.named
     for depth, saving in params.improved_savings:
         inner = [node for node in breadth_first(root) if node.children]
         pairs = [(child, node) for node in inner for child in node.children if child.depth == depth]
@@ -42,8 +47,6 @@ def improve(
                 progress(done, len(pairs) - done)
             grow(node, growth, seed, out_of_time=out_of_time, least=rough * node.share)
             tried, left = node.alternatives, (1.0 + saving) * growth.objective.costs.least
-            if node.squeeze is not None and price(node, growth) >= left * node.share:
-                node.alternatives = _promising(node, growth, [*seed, *node.path], out_of_time)
             pieces = _cheapest(node, parent, left, growth, seed, out_of_time, rough)
             max(pieces, key=lambda piece: piece.share).alternatives = tried  # leaves below may fail later
 
@@ -88,17 +91,6 @@ def _above_failure(root: TreeNode, fails: Callable[[TreeNode], bool]) -> tuple[T
     return None
 
 
-def _promising(
-    node: TreeNode, growth: Growth, seed: list[int], out_of_time: Callable[[], bool]
-) -> list[Array]:
-    """Those of a node's alternatives whose hasty trees cost no more than that of its squeeze."""
-    assert node.squeeze is not None
-    placements = [node.squeeze.placement, *node.alternatives]
-    cost = costs(node, placements, growth, seed, out_of_time)
-    order = np.argsort(cost, kind="stable")[: growth.objective.params.grown]
-    return [placements[k] for k in order if k > 0 and np.isfinite(cost[k])]
-
-
 def _cheapest(
     node: TreeNode, parent: TreeNode, left: float, growth: Growth, seed: list[int],
     out_of_time: Callable[[], bool], rough: float,
@@ -126,7 +118,7 @@ def _other(
     pieces: list[TreeNode], parent: TreeNode, placement: Array, limit: float, growth: Growth, seed: list[int],
     out_of_time: Callable[[], bool], rough: float,
 ) -> TreeNode:  # fmt: skip
-    """A parent's stand-in, its one child squeezed elsewhere and grown unless it seems to cost too much."""
+    """A parent's stand-in, its one child squeezed elsewhere and grown."""
     metric = growth.objective.metric
     belief = Belief.joined([piece.belief for piece in pieces])
     node = TreeNode(
@@ -138,10 +130,18 @@ def _other(
     )
     stand = TreeNode(belief, 0.0, node.mode, parent.path, squeeze=parent.squeeze, children=[node])
     stand.named = parent.named
-    squeeze_at(node, stand, placement, growth, np.random.default_rng([*seed, *node.path]))
+    _grown(node, stand, stand, placement, limit, growth, seed, out_of_time, rough)
+    return stand
+
+
+def _grown(
+    node: TreeNode, tree: TreeNode, parent: TreeNode | None, placement: Array, limit: float, growth: Growth,
+    seed: list[int], out_of_time: Callable[[], bool], rough: float,
+) -> None:  # fmt: skip
+    """Squeezes at a placement, and grows the tree that the node is of unless it seems to cost too much."""
+    squeeze_at(node, parent, placement, growth, np.random.default_rng([*seed, *node.path]))
     most = limit + growth.objective.params.dearer * growth.objective.costs.least * node.share
     grow(
-        stand, growth, seed, out_of_time=lambda: out_of_time() or price(stand, growth) >= most,
+        tree, growth, seed, out_of_time=lambda: out_of_time() or price(tree, growth) >= most,
         least=rough * node.share,
     )  # fmt: skip
-    return stand

@@ -62,7 +62,7 @@ class SearchParams:
     selection_bias: float = 0.5
     """Standard deviations of the mode ratio that each cluster's mode gains by being chosen for it."""
 
-    alternatives: int = 7
+    alternatives: int = 2
     """Placements kept for a node besides the chosen one."""
     alike_mm: float = 6.0
     alike_deg: float = 20.0
@@ -73,9 +73,9 @@ class SearchParams:
     """First squeezes that hasty trees are grown for."""
     close: float = 0.3
     """Squeezes a part by which a squeeze's hasty tree may cost more than the cheapest, to be judged by
-    another: two trees of one squeeze differ by 0.1 to 0.3."""
-    grown: int = 2
-    """Of a node's squeeze and its alternatives the cheapest by hasty trees, that whole trees are grown for."""
+    another: two of one squeeze differ by 0.1 to 0.3."""
+    undecided: float = 0.15
+    """Squeezes a part by which the mean of both may be more, for a careful tree to be grown, too."""
     most_without_gain: int = 3
     """Squeezes in a row that may gain nothing: two or three may be needed to tell two poses apart."""
     least_loss: float = 0.002

@@ -13,7 +13,8 @@ from planner.belief.transition import Squeezed
 from planner.job import model as job_file
 from planner.search.expand import Found, Growth, TreeNode, breadth_first, grow, learn, squeeze_at
 from planner.search.handling import handling_of
-from planner.search.improve import improve, mend, price
+from planner.search.hasty import price
+from planner.search.improve import improve, mend
 from planner.search.params import SearchParams
 
 RECTANGLE = Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml"
@@ -79,6 +80,13 @@ def test_a_worse_one_does_not(growth):
     assert node.squeeze.placement[2] == TELLING
 
 
+def test_alternatives_whose_hasty_trees_cost_more_are_not_grown(growth, monkeypatch):
+    root, node = tree(growth, SILENT, TELLING)
+    monkeypatch.setattr("planner.search.improve.costs", lambda *_: np.array([0.1, np.inf]))
+    improve(root, growth, [1])
+    assert node.squeeze.placement[2] == SILENT
+
+
 def test_nothing_changes_once_time_is_out(growth):
     root, node = tree(growth, SILENT, TELLING)
     improve(root, growth, [1], out_of_time=lambda: True)
@@ -121,7 +129,7 @@ def test_a_leaf_that_may_be_grown_costs_what_it_is_expected_to_take(growth):
     assert price(root, growth) == pytest.approx(0.5 * squeeze)
 
 
-def test_subtrees_are_compared_before_their_small_leaves_are_grown(growth):
+def test_subtrees_are_compared_before_their_small_leaves_are_grown(growth, monkeypatch):
     """A share of one leaves all but the squeeze itself for later: J of its outcomes tells which is better."""
     root, node = tree(growth, SILENT, TELLING)
     squeezed = []
@@ -131,6 +139,7 @@ def test_subtrees_are_compared_before_their_small_leaves_are_grown(growth):
             squeezed.extend(cases)
             return super().squeeze(cases, rng)
 
+    monkeypatch.setattr("planner.search.improve.costs", lambda *_: np.zeros(2))
     improve(root, replace(growth, reference=Counting()), [1], rough=1.0)
     (node,) = root.children
     assert node.squeeze.placement[2] == TELLING

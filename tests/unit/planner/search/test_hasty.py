@@ -1,0 +1,94 @@
+"""Hasty trees: which squeeze costs least, told in a fraction of the time."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from oracle import BELIEF, SILENT, TELLING, Oracle, look_ahead
+
+from planner.job import model as job_file
+from planner.search.expand import Growth, TreeNode, breadth_first
+from planner.search.handling import handling_of
+from planner.search.hasty import costs, squeeze_first
+from planner.search.params import SearchParams
+
+RECTANGLE = Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml"
+SIDEWAYS = 20.0  # mm along the fingers from the middle
+
+
+def in_time():
+    return False
+
+
+def placed(angle, x=0.0):
+    return np.array([x, 0.0, angle])
+
+
+@pytest.fixture
+def growth():
+    return Growth(look_ahead([SILENT, TELLING]), Oracle(), handling_of(job_file.load(RECTANGLE)), 4)
+
+
+def with_first(growth, placements):
+    """The same with placements of the first squeeze's own, of parts that lie at any angle."""
+    ranking = growth.look_ahead.ranking
+    actions = replace(ranking.actions, first=np.array(placements))
+    return replace(growth, look_ahead=replace(growth.look_ahead, ranking=replace(ranking, actions=actions)))
+
+
+@pytest.fixture
+def root(growth):
+    return TreeNode(BELIEF, 1.0, growth.objective.metric.mode(BELIEF.poses))
+
+
+@pytest.mark.parametrize("share", [1.0, 0.05])
+def test_a_squeeze_that_tells_costs_one_and_one_that_does_not_costs_more_or_is_dropped(growth, root, share):
+    node = TreeNode(root.belief, share, root.mode)
+    telling, silent = costs(node, [placed(TELLING), placed(SILENT)], growth, [1], in_time)
+    assert telling == pytest.approx(growth.objective.costs.least)
+    assert silent > telling + growth.objective.params.close * growth.objective.costs.least
+
+
+def test_the_order_of_the_squeezes_does_not_matter_and_the_node_stays_as_it_is(growth, root):
+    silent, telling = costs(root, [placed(SILENT), placed(TELLING)], growth, [1], in_time)
+    assert telling < silent == np.inf
+    assert root.squeeze is None
+    assert not root.children
+
+
+def test_those_that_cost_about_as_much_are_judged_twice(growth, root):
+    alike = costs(root, [placed(TELLING), placed(TELLING)], growth, [1], in_time)
+    assert alike == pytest.approx(growth.objective.costs.least)
+
+
+def test_the_first_squeeze_is_that_of_the_cheapest_tree(growth, root):
+    squeeze_first(root, with_first(growth, [placed(SILENT, SIDEWAYS), placed(TELLING)]), [1])
+    assert root.squeeze.placement == pytest.approx(placed(TELLING))
+    assert all(leaf.mode.ratio == 1.0 for leaf in breadth_first(root) if not leaf.children)
+
+
+def test_nothing_is_squeezed_where_there_is_no_choice_or_no_time(growth, root):
+    squeeze_first(root, with_first(growth, [placed(TELLING)]), [1])
+    assert root.squeeze is None
+    squeeze_first(root, with_first(growth, [placed(SILENT, SIDEWAYS), placed(TELLING)]), [1], lambda: True)
+    assert root.squeeze is None
+
+
+def test_first_squeezes_are_unlike_those_about_the_middle_first_and_not_too_many(growth, root, monkeypatch):
+    """Many placements in a row: no more trees are grown than are allowed, the middle's among them."""
+    tried = []
+
+    def cost(node, placement, *_):
+        tried.append(placement[0])
+        return 1.0
+
+    monkeypatch.setattr("planner.search.hasty._cost", cost)
+    row = [placed(SILENT, x) for x in np.arange(-24.0, 25.0, 2.0)]
+    squeeze_first(root, with_first(growth, row), [1], lambda: bool(tried))
+    params = SearchParams()
+    first = tried[: len(tried) // 2]
+    assert first[0] == 0.0
+    assert 2 <= len(first) <= params.first_candidates
+    apart = np.abs(np.subtract.outer(np.abs(first), np.abs(first)))[~np.eye(len(first), dtype=bool)]
+    assert apart.min() >= params.alike_mm
