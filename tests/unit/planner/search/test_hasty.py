@@ -68,6 +68,15 @@ def test_the_first_squeeze_is_that_of_the_cheapest_tree(growth, root):
     assert all(leaf.mode.ratio == 1.0 for leaf in breadth_first(root) if not leaf.children)
 
 
+def test_where_the_trees_do_not_decide_the_next_best_stays_an_alternative(growth, root):
+    squeeze_first(root, with_first(growth, [placed(TELLING, SIDEWAYS), placed(TELLING)]), [1])
+    assert root.squeeze.placement == pytest.approx(placed(TELLING))
+    assert root.alternatives == [pytest.approx(placed(TELLING, SIDEWAYS))]
+    decided = TreeNode(root.belief, 1.0, root.mode)
+    squeeze_first(decided, with_first(growth, [placed(SILENT, SIDEWAYS), placed(TELLING)]), [1])
+    assert decided.alternatives == []
+
+
 def test_nothing_is_squeezed_where_there_is_no_choice_or_no_time(growth, root):
     squeeze_first(root, with_first(growth, [placed(TELLING)]), [1])
     assert root.squeeze is None
