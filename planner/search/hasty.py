@@ -1,10 +1,10 @@
-"""Trees grown in a fraction of the time: what a squeeze is worth, and plans within a budget.
+"""Trees grown in a fraction of the time: what a first squeeze costs, and plans within a budget.
 
-J of a squeeze says little of what it costs where hardly any part is located two squeezes later. A whole tree
+J of a first squeeze says little of its cost: two squeezes ahead hardly any part is located. A whole tree
 does, grown with a fifth of the particles and one squeeze of look-ahead (decision 0043).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -15,17 +15,15 @@ from planner.search.expand import Growth, TreeNode, breadth_first, grow, squeeze
 from planner.search.ranking import unlike
 
 HASTY_PARTICLES = 5  # A hasty tree's beliefs have the job's particles, divided by this
-LEAST_PARTICLES = 1000  # A belief of fewer keeps all
 HASTY_SEARCH = 4  # Its look-ahead, which is of one squeeze, has the job's search particles, divided by this
-ROUNDS = 2  # Trees of each squeeze that may be the cheapest
+ROUNDS = 2  # Trees of each first squeeze that may be the cheapest
 SEED_COST = 0x434F5354
 
 
-def hasty_root(node: TreeNode) -> TreeNode:
+def hasty_root(root: TreeNode) -> TreeNode:
     """The root of a hasty tree: the same belief with fewer particles."""
-    size = len(node.belief)
-    few = subsample(node.belief, max(size // HASTY_PARTICLES, min(size, LEAST_PARTICLES)))
-    return TreeNode(few, node.share, node.mode, node.path, node.squeezes_without_gain)
+    few = subsample(root.belief, max(1, len(root.belief) // HASTY_PARTICLES))
+    return TreeNode(few, root.share, root.mode)
 
 
 def hasty_growth(growth: Growth) -> Growth:
@@ -33,45 +31,6 @@ def hasty_growth(growth: Growth) -> Growth:
     look_ahead = growth.look_ahead
     few = max(1, look_ahead.particles // HASTY_SEARCH)
     return replace(growth, look_ahead=replace(look_ahead, depth=1, particles=few))
-
-
-def costs(
-    node: TreeNode, placements: Sequence[Array], growth: Growth, seed: list[int],
-    out_of_time: Callable[[], bool],
-) -> Array:  # fmt: skip
-    """What squeezing a node's belief at placements (3,) costs, a part: the mean price of hasty trees.
-
-    Returns:
-        (k,) as probabilities of success; infinite where the first tree already costs clearly more than the
-        cheapest.
-    """
-    close = growth.objective.params.close * growth.objective.costs.least
-    cost, left = np.zeros(len(placements)), list(range(len(placements)))
-    for attempt in range(ROUNDS):
-        least = np.inf
-        for k in left:
-            most = least + close - cost[k]
-            cost[k] += _cost(node, placements[k], growth, [*seed, SEED_COST, attempt, k], most, out_of_time)
-            least = min(least, cost[k])
-        left = [k for k in left if cost[k] < least + close]
-    found = np.full(len(placements), np.inf)
-    found[left] = cost[left] / ROUNDS
-    return found
-
-
-def _cost(
-    node: TreeNode, placement: Array, growth: Growth, seed: list[int], most: float,
-    out_of_time: Callable[[], bool],
-) -> float:  # fmt: skip
-    """Price of one hasty tree, a part; it grows no further where it costs more than `most`."""
-    tree, little = hasty_root(node), hasty_growth(growth)
-    squeeze_at(tree, None, placement, little, np.random.default_rng(seed))
-    least = growth.objective.params.improved_share * tree.share
-    grow(
-        tree, little, seed, least=least,
-        out_of_time=lambda: out_of_time() or price(tree, little) >= most * tree.share,
-    )  # fmt: skip
-    return price(tree, little) / tree.share
 
 
 def squeeze_first(
@@ -90,12 +49,48 @@ def squeeze_first(
     placements = _candidates(root, growth, seed)
     if len(placements) < 2:
         return
-    cost = costs(root, list(placements), growth, seed, out_of_time)
+    found = costs(root, placements, growth, seed, out_of_time)
     if not out_of_time():
-        best, second = np.argsort(cost, kind="stable")[:2]
+        best, second = np.argsort(found, kind="stable")[:2]
         squeeze_at(root, None, placements[best], growth, np.random.default_rng([*seed, SEED_COST]))
         undecided = growth.objective.params.undecided * growth.objective.costs.least
-        root.alternatives = [placements[second]] if cost[second] < cost[best] + undecided else []
+        root.alternatives = [placements[second]] if found[second] < found[best] + undecided else []
+
+
+def costs(
+    root: TreeNode, placements: Array, growth: Growth, seed: list[int], out_of_time: Callable[[], bool]
+) -> Array:
+    """What first squeezes at placements (k, 3) cost: the mean price of their hasty trees.
+
+    Returns:
+        (k,) as probabilities of success; infinite where a tree costs clearly more than the cheapest.
+    """
+    close = growth.objective.params.close * growth.objective.costs.least
+    total, left, trees = np.zeros(len(placements)), list(range(len(placements))), 0
+    while trees < ROUNDS and (len(left) > 1 or not trees):
+        least = np.inf
+        for k in left:
+            most = least + close - total[k]
+            total[k] += _cost(root, placements[k], growth, [*seed, SEED_COST, trees, k], most, out_of_time)
+            least = min(least, total[k])
+        left, trees = [k for k in left if total[k] < least + close], trees + 1
+    found = np.full(len(placements), np.inf)
+    found[left] = total[left] / trees
+    return found
+
+
+def _cost(
+    root: TreeNode, placement: Array, growth: Growth, seed: list[int], most: float,
+    out_of_time: Callable[[], bool],
+) -> float:  # fmt: skip
+    """Price of one hasty tree; it grows no further where it costs more than `most`."""
+    tree, little = hasty_root(root), hasty_growth(growth)
+    squeeze_at(tree, None, placement, little, np.random.default_rng(seed))
+    grow(
+        tree, little, seed, least=growth.objective.params.improved_share,
+        out_of_time=lambda: out_of_time() or price(tree, little) >= most,
+    )  # fmt: skip
+    return price(tree, little)
 
 
 def _candidates(root: TreeNode, growth: Growth, seed: list[int]) -> Array:

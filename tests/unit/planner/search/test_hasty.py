@@ -42,24 +42,28 @@ def root(growth):
     return TreeNode(BELIEF, 1.0, growth.objective.metric.mode(BELIEF.poses))
 
 
-@pytest.mark.parametrize("share", [1.0, 0.05])
-def test_a_squeeze_that_tells_costs_one_and_one_that_does_not_costs_more_or_is_dropped(growth, root, share):
-    node = TreeNode(root.belief, share, root.mode)
-    telling, silent = costs(node, [placed(TELLING), placed(SILENT)], growth, [1], in_time)
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_squeeze_that_tells_costs_one_and_one_that_does_not_is_dropped(growth, root, order):
+    angles = [TELLING, SILENT][::order]
+    telling, silent = costs(root, np.array([placed(a) for a in angles]), growth, [1], in_time)[::order]
     assert telling == pytest.approx(growth.objective.costs.least)
-    assert silent > telling + growth.objective.params.close * growth.objective.costs.least
-
-
-def test_the_order_of_the_squeezes_does_not_matter_and_the_node_stays_as_it_is(growth, root):
-    silent, telling = costs(root, [placed(SILENT), placed(TELLING)], growth, [1], in_time)
-    assert telling < silent == np.inf
+    assert silent == np.inf
     assert root.squeeze is None
     assert not root.children
 
 
-def test_those_that_cost_about_as_much_are_judged_twice(growth, root):
-    alike = costs(root, [placed(TELLING), placed(TELLING)], growth, [1], in_time)
-    assert alike == pytest.approx(growth.objective.costs.least)
+def test_those_that_cost_about_as_much_are_judged_twice(growth, root, monkeypatch):
+    seeds = []
+
+    def cost(root, placement, growth, seed, *_):
+        seeds.append(tuple(seed))
+        return growth.objective.costs.least * (1.0 + placement[0] / SIDEWAYS)
+
+    monkeypatch.setattr("planner.search.hasty._cost", cost)
+    row = np.array([placed(SILENT), placed(SILENT, 0.1 * SIDEWAYS), placed(SILENT, SIDEWAYS)])
+    found = costs(root, row, growth, [1], in_time)
+    assert found == pytest.approx([0.01, 0.011, np.inf])
+    assert len(seeds) == len(set(seeds)) == 5
 
 
 def test_the_first_squeeze_is_that_of_the_cheapest_tree(growth, root):
