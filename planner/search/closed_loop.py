@@ -79,9 +79,10 @@ class LookAhead:
             if gaining and gaining[0].cost_to_go < 1.0 + params.nearly_done:
                 gaining = self._rescored(belief, particles, gaining, rng)
             if gaining:
+                excess = params.alternative_excess if belief.squeezed else params.first_excess
                 placements = np.array([k.placement for k in gaining])
                 compared = self.ranking.actions.compared(placements, belief.squeezed)
-                return distinct(gaining, compared, most, params.alternative_excess, params)
+                return distinct(gaining, compared, most, excess, params)
         return []
 
     def _efforts(self, belief: Belief, share: float) -> Iterator[tuple[int, int, int]]:

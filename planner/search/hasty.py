@@ -46,7 +46,7 @@ def squeeze_first(
         seed: every hasty tree draws from a stream of its own.
         out_of_time: asked before each node.
     """
-    placements = _candidates(root, growth, seed)
+    placements = _candidates(root, growth)
     if len(placements) < 2:
         return
     found = costs(root, placements, growth, seed, out_of_time)
@@ -93,13 +93,14 @@ def _cost(
     return price(tree, little)
 
 
-def _candidates(root: TreeNode, growth: Growth, seed: list[int]) -> Array:
-    """First squeezes (k, 3), no two nearly the same; those about the middle first, or the most promising."""
+def _candidates(root: TreeNode, growth: Growth) -> Array:
+    """First squeezes (k, 3) of parts that lie at any angle, no two nearly the same, the middle's first.
+
+    None where the angle is known about: such parts are located within the look-ahead, and J tells more.
+    """
     ranking, params, belief = growth.look_ahead.ranking, growth.objective.params, root.belief
     if ranking.actions.first is None:
-        rng = np.random.default_rng([*seed, SEED_COST])
-        choices = growth.look_ahead.choose(belief, rng, params.first_candidates)
-        return np.array([choice.placement for choice in choices])
+        return np.zeros((0, 3))
     placements = ranking.candidates(belief, belief)
     compared = ranking.actions.compared(placements, belief.squeezed)
     order = np.argsort(np.hypot(*compared[:, :2].T).round(6), kind="stable")

@@ -69,6 +69,8 @@ class SearchParams:
     """Placements nearer than both are variants of one."""
     alternative_excess: float = 0.5
     """Squeezes that an alternative may seem to cost more than the best."""
+    first_excess: float = 0.05
+    """The same of the first squeeze, whose alternatives are whole trees."""
     first_candidates: int = 8
     """First squeezes that hasty trees are grown for."""
     close: float = 0.3
