@@ -195,7 +195,7 @@ def grow(
     with ThreadPoolExecutor(workers) as pool:
         while waiting and not out_of_time():
             _, path, node, parent = heapq.heappop(waiting)  # paths differ: no tie goes further
-            for _, its_path, leaf, _ in heapq.nsmallest(2 * (workers - 1), waiting):
+            for _, its_path, leaf, _ in heapq.nsmallest(workers - 1, waiting):
                 if its_path not in ahead:
                     ahead[its_path] = pool.submit(_chosen, leaf, growth, seed)
             chosen = ahead.pop(path).result() if path in ahead else _chosen(node, growth, seed)
