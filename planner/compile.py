@@ -92,7 +92,7 @@ def compile_job(
     say = report or silent
     if job.search.method in METHODS:
         return _paper_plan(job, workers, trials, say)
-    mixture = Mixture.of_job(job, workers)
+    mixture = Mixture.of_job(job, workers, PARAMS.step_mm)
     reference = Simulation(mixture, encoder_of(job), placing_of(job))
     belief = believed(job, job.search.particles, np.random.default_rng([job.seed, 0]))
     # Kernels compile at their first call; no budget pays for that.

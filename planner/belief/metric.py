@@ -101,11 +101,14 @@ class Metric(NamedTuple):
 
     def shares(self, beliefs: Sequence[Array], most: int) -> Array:
         """The shares (k, most) of `main_modes` of k beliefs (n, 3 or 4), n >= 1 each, much faster."""
-        shares, stops = np.zeros((len(beliefs), most)), np.cumsum([len(states) for states in beliefs])
-        states = np.zeros((int(stops[-1]) if beliefs else 0, 4 if self.further else 3))
+        shares, stops = (
+            np.zeros((len(beliefs), most)),
+            np.cumsum([len(states) for states in beliefs], dtype=np.int64),
+        )
+        columns = np.zeros((4 if self.further else 3, int(stops[-1]) if beliefs else 0))
         for belief, stop in zip(beliefs, stops, strict=True):
-            states[stop - len(belief) : stop, : belief.shape[1]] = belief
-        mode_shares(states, stops, self.weights(), shares)
+            columns[: belief.shape[1], stop - len(belief) : stop] = belief.T
+        mode_shares(columns, stops, self.weights(), shares)
         return shares
 
     def mode(self, states: Array) -> Mode:
@@ -130,12 +133,11 @@ class Metric(NamedTuple):
         Returns:
             Single modes, each with its share of all the particles.
         """
-        weights, total = self.weights(), len(states)
-        rest = np.ascontiguousarray(states)
+        weights, total, rest = self.weights(), len(states), states
         found: list[Mode] = []
         while len(found) < most and len(rest) and (not found or len(rest) >= least_share * total):
             state = np.empty(states.shape[1])
-            share = float(largest_mode(rest, weights, state)) * len(rest) / total
+            share = largest_mode(np.ascontiguousarray(rest.T), len(rest), weights, state) * len(rest) / total
             if found and share < least_share:
                 break
             found.append(Mode(state[:3], share, hypothesis=(int(_hypothesis(state)),)))
@@ -160,75 +162,104 @@ def metric_of(job: Job) -> Metric:
 
 
 @inlined_kernel
-def off(states: Array, i: int, centre: Array, weights: Array) -> tuple[float, float, float, float]:
-    """How state i lies off `centre`: the distance in goals, infinite for another part; x, y and the angle."""
+def off(columns: Array, i: int, centre: Array, weights: Array) -> tuple[float, float]:
+    """How far state i lies off `centre`, in goals, infinite for another part; by which angle."""
     which = 0
-    if states.shape[1] > 3:
-        if weights[0, 5] > 0.0 and states[i, 3] != centre[3]:
-            return np.inf, 0.0, 0.0, 0.0
-        which = int(states[i, 3])
-    dx, dy = states[i, 0] - centre[0], states[i, 1] - centre[1]
-    turn, period = states[i, 2] - centre[2], weights[which, 4]
+    if columns.shape[0] > 3:
+        if weights[0, 5] > 0.0 and columns[3, i] != centre[3]:
+            return np.inf, 0.0
+        which = int(columns[3, i])
+    turn, period = columns[2, i] - centre[2], weights[which, 4]
     turn -= period * np.round(turn / period)
-    x, y, angle = weights[which, 1] * dx, weights[which, 2] * dy, weights[which, 3] * abs(turn)
+    x, y = weights[which, 1] * (columns[0, i] - centre[0]), weights[which, 2] * (columns[1, i] - centre[1])
+    angle = weights[which, 3] * abs(turn)
     if weights[which, 0] > 0.0:
-        return np.sqrt(x * x + y * y) + angle, dx, dy, turn
-    return max(abs(x), abs(y), angle), dx, dy, turn
+        return np.sqrt(x * x + y * y) + angle, turn
+    return max(abs(x), abs(y), angle), turn
 
 
 @inner_kernel
-def inliers(states: Array, centre: Array, weights: Array, mean: Array) -> int:
-    """Counts states within the goal of `centre`, taken under the symmetry of each.
+def within(columns: Array, start: int, stop: int, centre: Array, weights: Array, inside: BoolArray) -> int:
+    """Marks which states from `start` up to `stop` are within the goal of `centre`; returns how many.
 
-    `mean` receives their mean pose, taken about the centre, and its hypothesis.
+    The states stand in columns (3 or 4, n): the loop for poses of one part runs on several at once.
+
+    Args:
+        columns: x, y [mm], theta [rad] and maybe the hypothesis of n states.
+        start: the first looked at.
+        stop: the first beyond.
+        centre: (3 or 4,) taken under the symmetry of each state.
+        weights: (h, 6) of the metric.
+        inside: (n,) receives the marks.
     """
     count = 0
-    mean[0] = mean[1] = mean[2] = 0.0
-    for i in range(states.shape[0]):
-        distance, dx, dy, turn = off(states, i, centre, weights)
-        if distance < 1.0:
-            count += 1
-            mean[0] += dx
-            mean[1] += dy
-            mean[2] += turn
+    if columns.shape[0] > 3 or weights[0, 0] == 0.0:
+        for i in range(start, stop):
+            inside[i] = off(columns, i, centre, weights)[0] < 1.0
+            count += int(inside[i])
+        return count
+    x, y, theta, period = weights[0, 1], weights[0, 2], weights[0, 3], weights[0, 4]
+    for i in range(start, stop):
+        dx, dy, turn = (
+            x * (columns[0, i] - centre[0]),
+            y * (columns[1, i] - centre[1]),
+            columns[2, i] - centre[2],
+        )
+        room = 1.0 - theta * abs(turn - period * np.round(turn / period))
+        inside[i] = (room > 0.0) & (dx * dx + dy * dy < room * room)
+        count += int(inside[i])
+    return count
+
+
+@inner_kernel
+def inliers(
+    columns: Array, start: int, stop: int, centre: Array, weights: Array, inside: BoolArray, mean: Array
+) -> int:
+    """`within`; `mean` receives their mean state, taken about the centre, and its hypothesis."""
+    count = within(columns, start, stop, centre, weights, inside)
+    mean[:] = 0.0
+    for i in range(start, stop):
+        if inside[i]:
+            mean[0] += columns[0, i] - centre[0]
+            mean[1] += columns[1, i] - centre[1]
+            mean[2] += off(columns, i, centre, weights)[1]
     for j in range(3):
         mean[j] = centre[j] + mean[j] / max(count, 1)
-    if states.shape[1] > 3:
+    if columns.shape[0] > 3:
         mean[3] = centre[3]
     return count
 
 
 @kernel
-def largest_mode(states: Array, weights: Array, state: Array) -> float:
-    """Share of the states within the goal of the best one found.
+def largest_mode(columns: Array, n: int, weights: Array, state: Array) -> float:
+    """Share of the first n states within the goal of the best one found.
 
     Starts from states spread evenly through the belief and climbs from the better ones to the mean of what is
     within the goal (mean shift with a flat kernel).
 
     Args:
-        states: (n, m), n >= 1 [mm, mm, rad, and maybe hypothesis].
+        columns: (m, N) the states [mm, mm, rad, and maybe hypothesis], as of `within`.
+        n: how many of them count, at least 1.
         weights: (h, 6) of the metric.
         state: (m,) receives the best; modified in place.
 
     Returns:
         The share, 0 to 1.
     """
-    n = states.shape[0]
-    stride = max(1, n // CANDIDATES)
-    centre, mean = np.empty(states.shape[1]), np.empty(states.shape[1])
-    best = -1
+    stride, best = max(1, n // CANDIDATES), -1
+    centre, mean, inside = np.empty(columns.shape[0]), np.empty(columns.shape[0]), np.empty(n, np.bool_)
     for start in range(0, n, stride):
-        centre[:] = states[start]
-        count = inliers(states, centre, weights, mean)
-        if 2 * count < best:
+        centre[:] = columns[:, start]
+        if 2 * within(columns, 0, n, centre, weights, inside) < best:
             continue
+        count = inliers(columns, 0, n, centre, weights, inside, mean)
         for _ in range(REFINEMENTS):
             if count > best:
                 best = count
                 state[:] = centre
             centre[:] = mean
             last = count
-            count = inliers(states, centre, weights, mean)
+            count = inliers(columns, 0, n, centre, weights, inside, mean)
             if count < last:
                 break
         if count > best:
@@ -237,10 +268,10 @@ def largest_mode(states: Array, weights: Array, state: Array) -> float:
         if best == n:
             break
     # Among equals the mean is the better prediction.
-    inliers(states, state, weights, mean)
+    inliers(columns, 0, n, state, weights, inside, mean)
     for _ in range(REFINEMENTS):
         centre[:] = mean
-        count = inliers(states, centre, weights, mean)
+        count = inliers(columns, 0, n, centre, weights, inside, mean)
         if count < best:
             break
         best = count
@@ -249,23 +280,26 @@ def largest_mode(states: Array, weights: Array, state: Array) -> float:
 
 
 @kernel
-def mode_shares(states: Array, stops: IntArray, weights: Array, shares: Array) -> None:
+def mode_shares(columns: Array, stops: IntArray, weights: Array, shares: Array) -> None:
     """Fills in the `shares` (k, most) of the heaviest modes of k beliefs, one after the other.
 
-    The states of all beliefs are one after the other, too; `stops` (k,) say where each ends.
+    The states of all beliefs stand in the columns (m, n) one after the other, too; `stops` (k,) say where
+    each ends.
     """
-    state, start = np.empty(states.shape[1]), 0
+    rest, inside = np.empty_like(columns), np.empty(columns.shape[1], np.bool_)
+    state, start = np.empty(columns.shape[0]), 0
     for k in range(len(stops)):
-        rest = np.copy(states[start : stops[k]])
         size = left = stops[k] - start
+        rest[:, :size] = columns[:, start : stops[k]]
         for j in range(shares.shape[1]):
             if left == 0:
                 break
-            shares[k, j] = largest_mode(rest[:left], weights, state) * left / size
+            shares[k, j] = largest_mode(rest, left, weights, state) * left / size
             kept = 0
+            within(rest, 0, left, state, weights, inside)
             for i in range(left):
-                if off(rest, i, state, weights)[0] >= 1.0:
-                    rest[kept] = rest[i]
+                if not inside[i]:
+                    rest[:, kept] = rest[:, i]
                     kept += 1
             left = kept
         start = stops[k]

@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.arrays import Array, BoolArray, IntArray
-from planner.belief.metric import Metric, inliers
+from planner.belief.metric import Metric, inliers, within
 from planner.belief.observation import COUNTS, Partition, Resolution, describe
 from planner.kernel import inner_kernel, kernel
 
@@ -76,7 +76,7 @@ def partition(poses: Array, counts: IntArray, rule: Rule) -> Partition:
     order = np.argsort(counts, kind="stable")
     bounds = np.empty(COUNTS + 1, np.int64)
     k = intervals(
-        np.ascontiguousarray(poses[order]), weight, rule.resolution.free, metric.weights(), metric.modes,
+        np.ascontiguousarray(poses[order].T), weight, rule.resolution.free, metric.weights(), metric.modes,
         np.array(rule.estimate), rule.prices(), bounds,
     )  # fmt: skip
     label = np.full(COUNTS, -1, np.int64)
@@ -105,9 +105,12 @@ def squeezes_left(
 
 
 @kernel
-def candidates(poses: Array, first: IntArray, counts: IntArray, m: int, weights: Array, found: Array) -> int:
+def candidates(
+    columns: Array, first: IntArray, counts: IntArray, m: int, weights: Array, found: Array
+) -> int:
     """Poses that explain many particles of a count and those beside it, into `found` (c, .); returns c."""
-    n, mean, centre, c = first[m], np.empty(poses.shape[1]), np.empty(poses.shape[1]), 0
+    n, width, c = first[m], columns.shape[0], 0
+    mean, centre, inside = np.empty(width), np.empty(width), np.empty(n, np.bool_)
     for a in range(m):
         low, high = first[a], first[a + 1]
         if a > 0 and counts[a - 1] == counts[a] - 1:
@@ -117,11 +120,10 @@ def candidates(poses: Array, first: IntArray, counts: IntArray, m: int, weights:
         size = first[a + 1] - first[a]
         wanted = min(size, 1 + CANDIDATES * size // n)
         for k in range(wanted):
-            start = first[a] + k * size // wanted
-            centre[:] = poses[start]
+            centre[:] = columns[:, first[a] + k * size // wanted]
             best = 0
             for _ in range(CLIMBS + 1):
-                hits = inliers(poses[low:high], centre, weights, mean)
+                hits = inliers(columns, low, high, centre, weights, inside, mean)
                 if hits <= best:
                     break
                 best = hits
@@ -133,28 +135,29 @@ def candidates(poses: Array, first: IntArray, counts: IntArray, m: int, weights:
 
 @kernel
 def explained(
-    poses: Array, first: IntArray, counts: IntArray, m: int, weights: Array, modes: int
+    columns: Array, first: IntArray, counts: IntArray, m: int, weights: Array, modes: int
 ) -> tuple[IntArray, BoolArray]:
-    """Particles (c, m + 1) within the goal of each candidate, summed over counts; which are apart."""
-    found, mean = np.empty((m + CANDIDATES, poses.shape[1])), np.empty(poses.shape[1])
-    found = found[: candidates(poses, first, counts, m, weights, found)]
-    hits = np.zeros((found.shape[0], m + 1), np.int64)
+    """Particles (m + 1, c) within the goal of each candidate, summed over counts; which are apart."""
+    found, inside = np.empty((m + CANDIDATES, columns.shape[0])), np.empty(first[m], np.bool_)
+    found = found[: candidates(columns, first, counts, m, weights, found)]
+    hits = np.zeros((m + 1, found.shape[0]), np.int64)
     for c in range(found.shape[0]):
+        within(columns, 0, first[m], found[c], weights, inside)
         for a in range(m):
-            here = inliers(poses[first[a] : first[a + 1]], found[c], weights, mean)
-            hits[c, a + 1] = hits[c, a] + here
+            hits[a + 1, c] = hits[a, c] + inside[first[a] : first[a + 1]].sum()
     return hits, mutually_apart(found if modes > 1 else found[:0], weights)
 
 
 @kernel
 def _best(hits: IntArray, i: int, j: int, modes: int, apart: BoolArray) -> tuple[int, int]:
     """Particles of counts i to j - 1 within the goal of the best candidates; which, if there is one mode."""
-    best, chosen = 0, 0
     if modes > 1:
         return _best_modes(hits, i, j, modes, apart), -1
-    for k in range(hits.shape[0]):
-        if hits[k, j] - hits[k, i] > best:
-            best, chosen = hits[k, j] - hits[k, i], k
+    best, chosen = 0, 0
+    for k in range(hits.shape[1]):
+        best = max(best, hits[j, k] - hits[i, k])
+    while hits[j, chosen] - hits[i, chosen] < best:
+        chosen += 1
     return best, chosen
 
 
@@ -169,7 +172,7 @@ def leaf_cost(
     open_still, rest = missed(best, here, estimate[0], estimate[2], estimate[3])
     wrong = size[high[j]] - size[j] + size[i] - size[low[i]]
     if chosen >= 0:
-        wrong -= hits[chosen, high[j]] - hits[chosen, j] + hits[chosen, i] - hits[chosen, low[i]]
+        wrong -= hits[high[j], chosen] - hits[j, chosen] + hits[i, chosen] - hits[low[i], chosen]
     return open_still, estimate[1] * (here * rest + prices[0] * wrong)
 
 
@@ -181,9 +184,9 @@ def least_cost(
     """The least cost of cutting particles of m counts into intervals; `start` says how, in place.
 
     Args:
-        hits: (c, m + 1) particles within the goal of each candidate, summed over counts.
+        hits: (m + 1, c) particles within the goal of each candidate, summed over counts.
         size: (m + 1,) particles, likewise.
-        more_hits: (c, m + 1) the same of particles that are here if the encoder is off.
+        more_hits: (m + 1, c) the same of particles that are here if the encoder is off.
         more_size: (m + 1,) likewise.
         low: (m + 1,) the first count within reach of the i-th.
         high: (m + 1,) the first count beyond reach of the one before the j-th.
@@ -208,8 +211,8 @@ def least_cost(
             best, chosen = _best(hits, i, j, modes, apart)
             wrong = strange
             if chosen >= 0:
-                wrong -= hits[chosen, high[j]] - hits[chosen, j] + hits[chosen, i] - hits[chosen, low[i]]
-                wrong -= more_hits[chosen, j] - more_hits[chosen, i]
+                wrong -= hits[high[j], chosen] - hits[j, chosen] + hits[i, chosen] - hits[low[i], chosen]
+                wrong -= more_hits[j, chosen] - more_hits[i, chosen]
             open_still, rest = missed(best, here, confidence, inside, outside)
             further = 2.0 - best / here
             left = open_still * further + (1.0 - open_still) * min(failure * rest, further)
@@ -246,20 +249,20 @@ def occupied(weight: IntArray, stop: int, counts: IntArray, first: IntArray) -> 
 
 @kernel
 def intervals(
-    poses: Array, weight: IntArray, free: int, weights: Array, modes: int, estimate: Array,
+    columns: Array, weight: IntArray, free: int, weights: Array, modes: int, estimate: Array,
     prices: Array, bounds: IntArray,
 ) -> int:  # fmt: skip
     """The bounds (k + 1,) of the intervals, falling, in place; returns k.
 
-    Interval j has the counts from bounds[j + 1] to bounds[j] - 1.
+    The states stand in columns, by rising count. Interval j has counts from bounds[j + 1] up to bounds[j].
     """
     n = weight.shape[0]
     counts, first = np.empty(n, np.int64), np.zeros(n + 1, np.int64)
     m = occupied(weight, free, counts, first)
-    hits, apart = explained(poses, first, counts, m, weights, modes)
+    hits, apart = explained(columns, first, counts, m, weights, modes)
     start, low, high = np.zeros(m + 1, np.int64), np.zeros(m + 1, np.int64), np.zeros(m + 1, np.int64)
     within_reach(counts, m, prices[3], low, high)
-    none = np.zeros((hits.shape[0], m + 1), np.int64)
+    none = np.zeros_like(hits)
     least_cost(
         hits, first[: m + 1], none, np.zeros(m + 1, np.int64), low, high, apart, modes, estimate, prices,
         start,
@@ -283,23 +286,22 @@ def mutually_apart(found: Array, weights: Array) -> BoolArray:
     c = found.shape[0]
     half = np.copy(weights)
     half[:, 1:4] *= 0.5
-    mean = np.empty(found.shape[1])
-    apart = np.zeros((c, c), np.bool_)
+    columns = np.ascontiguousarray(found.T)
+    near = np.zeros((c, c), np.bool_)
     for a in range(c):
-        for b in range(c):
-            apart[a, b] = inliers(found[b : b + 1], found[a], half, mean) == 0
-    return apart
+        within(columns, 0, c, found[a], half, near[a])
+    return ~near
 
 
 @kernel
 def _best_modes(hits: IntArray, i: int, j: int, modes: int, apart: BoolArray) -> int:
     """Particles of counts i to j - 1 within the goal of the best candidates, each apart from those before."""
-    c, total = hits.shape[0], 0
+    c, total = hits.shape[1], 0
     chosen = np.empty(modes, np.int64)
     for mode in range(modes):
         best = 0
         for k in range(c):
-            here = hits[k, j] - hits[k, i]
+            here = hits[j, k] - hits[i, k]
             if here <= best:
                 continue
             clear = True

@@ -3,7 +3,7 @@
 import numpy as np
 
 from planner.arrays import Array, IntArray
-from planner.belief.metric import inliers
+from planner.belief.metric import within
 from planner.belief.observation import COUNTS
 from planner.belief.particles import Belief
 from planner.belief.partition import (
@@ -37,24 +37,24 @@ def recut(old: Belief, new: Belief, rule: Rule) -> IntArray:
     metric, first = rule.metric, np.argsort(old.reading, kind="stable")
     order, cuts = np.argsort(new.reading, kind="stable"), np.empty(COUNTS, np.int64)
     made = _recut(
-        np.ascontiguousarray(old.states[first]), np.ascontiguousarray(new.states[order]), old.reading[order],
-        np.bincount(new.reading, minlength=COUNTS), rule.resolution.free, metric.weights(), metric.modes,
-        np.array(rule.estimate), rule.prices(), cuts,
+        np.ascontiguousarray(old.states[first].T), np.ascontiguousarray(new.states[order].T),
+        old.reading[order], np.bincount(new.reading, minlength=COUNTS), rule.resolution.free,
+        metric.weights(), metric.modes, np.array(rule.estimate), rule.prices(), cuts,
     )  # fmt: skip
     return np.sort(cuts[:made])
 
 
 @kernel
 def _recut(
-    poses_before: Array, poses: Array, before: IntArray, weight: IntArray, free: int, weights: Array,
+    columns_before: Array, columns: Array, before: IntArray, weight: IntArray, free: int, weights: Array,
     modes: int, estimate: Array, prices: Array, cuts: IntArray,
 ) -> int:  # fmt: skip
     """`recut`, `cuts` in place; returns how many.
 
-    The states `poses_before` stand by rising reading before the squeeze, `poses` and the readings `before`
-    (n,) it by rising count after it.
+    The states `columns_before` (m, n) stand by rising reading before the squeeze, `columns` and the readings
+    `before` (n,) it by rising count after it.
     """
-    n, bins = poses.shape[0], weight.shape[0]
+    n, bins = columns.shape[1], weight.shape[0]
     counts, first = np.empty(bins, np.int64), np.zeros(bins + 1, np.int64)
     m = occupied(weight, free, counts, first)
     held = first[m]
@@ -67,28 +67,30 @@ def _recut(
     place = np.zeros(bins, np.int64)
     for r in range(rows):
         place[old[r]] = r
-    mean, found = np.empty(poses.shape[1]), np.empty((m + CANDIDATES, poses.shape[1]))
-    found = found[: candidates(poses, first, counts, m, weights, found)]
+    inside, found = np.empty(n, np.bool_), np.empty((m + CANDIDATES, columns.shape[0]))
+    found = found[: candidates(columns, first, counts, m, weights, found)]
     c = found.shape[0]
     # Summed over readings before and counts after: of rows r.. and counts a.. those below both.
-    hits, size = np.zeros((rows + 1, c, m + 1), np.int64), np.zeros((rows + 1, m + 1), np.int64)
+    hits, size = np.zeros((rows + 1, m + 1, c), np.int64), np.zeros((rows + 1, m + 1), np.int64)
     for a in range(m):
         for i in range(first[a], first[a + 1]):
-            r = place[before[i]]
-            size[r + 1, a + 1] += 1
-            for k in range(c):
-                hits[r + 1, k, a + 1] += inliers(poses[i : i + 1], found[k], weights, mean)
+            size[place[before[i]] + 1, a + 1] += 1
+    for k in range(c):
+        within(columns, 0, n, found[k], weights, inside)
+        for a in range(m):
+            for i in range(first[a], first[a + 1]):
+                hits[place[before[i]] + 1, a + 1, k] += inside[i]
     for r in range(1, rows + 1):
         for a in range(1, m + 1):
             size[r, a] += size[r - 1, a] + size[r, a - 1] - size[r - 1, a - 1]
             for k in range(c):
-                hits[r, k, a] += hits[r - 1, k, a] + hits[r, k, a - 1] - hits[r - 1, k, a - 1]
+                hits[r, a, k] += hits[r - 1, a, k] + hits[r, a - 1, k] - hits[r - 1, a - 1, k]
     apart = mutually_apart(found if modes > 1 else found[:0], weights)
     start, low, high = np.zeros(m + 1, np.int64), np.zeros(m + 1, np.int64), np.zeros(m + 1, np.int64)
     within_reach(counts, m, prices[3], low, high)
     old_low, old_high = np.zeros(rows + 1, np.int64), np.zeros(rows + 1, np.int64)
     within_reach(old, rows, prices[3], old_low, old_high)
-    old_hits, old_apart = explained(poses_before, old_first, old, rows, weights, modes)
+    old_hits, old_apart = explained(columns_before, old_first, old, rows, weights, modes)
     cost = np.full((rows + 1, rows + 1), -1.0)  # of the pieces looked at
     waiting = np.empty((rows + 1, 2), np.int64)
     waiting[0, 0], waiting[0, 1] = 0, rows

@@ -48,7 +48,7 @@ def _most_located(poses: Array, start: IntArray, weights: Array, order: int, fou
     for k in range(found.shape[0]):
         group = poses[start[k] : start[k + 1]]
         n = group.shape[0]
-        best = round(largest_mode(group, weights, pose) * n)
+        best = round(largest_mode(np.ascontiguousarray(group.T), n, weights, pose) * n)
         least = int(np.ceil(LEAST_SHARE * n))
         if best == n:
             found[k] = n

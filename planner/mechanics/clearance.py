@@ -71,13 +71,15 @@ def blocked(points: Array, finger: int, face: float, h: float, thickness: float)
     """
     n = points.shape[0]
     inside = False
-    middle = face + 0.5 * finger * thickness
+    half, middle = 0.5 * thickness, face + 0.5 * finger * thickness
     for i in range(n):
         j = i + 1 if i + 1 < n else 0
         x0, y0, x1, y1 = points[i, 0], points[i, 1] - middle, points[j, 0], points[j, 1] - middle
+        if (y0 >= half and y1 >= half) or (y0 <= -half and y1 <= -half):
+            continue
         if (y0 > 0.0) != (y1 > 0.0) and x0 + (x1 - x0) * y0 / (y0 - y1) > 0.0:
             inside = not inside
-        if crosses(x0, y0, x1, y1, h, 0.5 * thickness):
+        if crosses(x0, y0, x1, y1, h, half):
             return True
     return inside
 

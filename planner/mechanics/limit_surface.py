@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.arrays import Array, IntArray
+from planner.kernel import kernel
 
 DIRECTIONS = 400  # Twists that friction is integrated over for a fit
 
@@ -122,12 +123,31 @@ def wishart(mean: Array, dof: int | IntArray, rng: np.random.Generator, n: int) 
     Var(X_ij) = (mean_ij^2 + mean_ii mean_jj) / dof (paper, footnote 1). Drawn by Bartlett's decomposition.
     """
     size = len(mean)
-    bartlett = np.zeros((n, size, size))
+    drawn = np.empty((n, size, size))
     for row in range(size):
-        bartlett[:, row, row] = np.sqrt(rng.chisquare(dof - row, size=n))
-        bartlett[:, row, :row] = rng.standard_normal((n, row))
-    factor = np.linalg.cholesky(mean) @ bartlett / np.sqrt(np.broadcast_to(dof, n))[:, None, None]
-    return np.asarray(factor @ factor.transpose(0, 2, 1))
+        drawn[:, row, row] = np.sqrt(rng.chisquare(dof - row, size=n) / dof)
+        drawn[:, row, :row] = rng.standard_normal((n, row)) / np.sqrt(np.broadcast_to(dof, n))[:, None]
+    _square(np.asarray(np.linalg.cholesky(mean), np.float64), drawn)
+    return drawn
+
+
+@kernel
+def _square(factor: Array, drawn: Array) -> None:
+    """(L B) (L B)^T of lower triangular L (D, D) and n of B (n, D, D), in their place."""
+    n, size = drawn.shape[0], drawn.shape[1]
+    product = np.empty((size, size))
+    for k in range(n):
+        for i in range(size):
+            for j in range(i + 1):
+                product[i, j] = 0.0
+                for m in range(j, i + 1):
+                    product[i, j] += factor[i, m] * drawn[k, m, j]
+        for i in range(size):
+            for j in range(i + 1):
+                total = 0.0
+                for m in range(j + 1):
+                    total += product[i, m] * product[j, m]
+                drawn[k, i, j] = drawn[k, j, i] = total
 
 
 def twist(A: Array, F: Array) -> Array:

@@ -18,10 +18,10 @@ from planner.mechanics.lcp import SOLVED
 from planner.mechanics.step import directions, solve
 from planner.mechanics.stepping import (
     ACCEPTED,
+    FOLLOWED,
     FOUND,
     FURTHEST,
     HELD,
-    NEAR_MM,
     Body,
     Grip,
     Scratch,
@@ -148,17 +148,17 @@ def squeeze(body: Body, grip: Grip, q: Array, scratch: Scratch, trace: Array) ->
             rows = _record(trace, rows, q, work.fingers)
             list_near(grip, scratch)
             find_contacts(q, grip, margin, scratch)
-            touched, budget = True, NEAR_MM
-        if work.listed[FOUND] == 0 and budget < NEAR_MM:
+            touched, budget = True, FOLLOWED * step
+        if work.listed[FOUND] == 0 and budget < FOLLOWED * step:
             budget = 0.0
             continue
         size = min(size, 0.5 * (work.fingers[0] - work.fingers[1]))
-        width = work.fingers[0] - work.fingers[1]
+        top, bottom = work.fingers[0], work.fingers[1]
         verdict, size = try_step(body, grip, size, margin, q, scratch)
         if verdict >= HELD:
             break
         if verdict == ACCEPTED:
-            budget -= approach(body, q, work.trial, width - (work.fingers[0] - work.fingers[1]))
+            budget -= approach(body, q, work.trial, top - work.fingers[0], work.fingers[1] - bottom)
             q[0], q[1], q[2] = work.trial[0], work.trial[1], work.trial[2]
             rows = _record(trace, rows, q, work.fingers)
             if work.fingers[0] - work.fingers[1] <= 1e-6:

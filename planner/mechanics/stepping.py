@@ -28,7 +28,8 @@ LARGEST_TURN = 0.1  # Largest rotation in one step [rad]
 EULER_ERROR = 0.02  # Largest difference between Euler and midpoint step, as a share of the nominal step
 SMALLEST_STEP = 2.0**-18
 """Shortest step, as a share of the nominal one: a part at an unstable equilibrium turns that much faster."""
-NEAR_MM = 8.0  # How far around the fingers vertices are followed between two looks at the whole outline
+FOLLOWED = 16.0
+"""How far around the fingers vertices are followed between two looks at the outline, in nominal steps."""
 LEAST_FACING = 0.1  # Sine of the least angle to the closing direction, of a face that stops a finger
 FURTHEST = 2.0
 """How much nearer they come in one step, in margins; the whole outline is looked at before less is left."""
@@ -154,7 +155,8 @@ def list_near(grip: Grip, scratch: Scratch) -> None:
     points, placed, near, work = scratch
     n = points.shape[0]
     near_count, placed_count = 0, 0
-    side, high, low = grip.h + NEAR_MM, work.fingers[0] - NEAR_MM, work.fingers[1] + NEAR_MM
+    distance = FOLLOWED * grip.step
+    side, high, low = grip.h + distance, work.fingers[0] - distance, work.fingers[1] + distance
     last = -3  # the latest edge near a finger, of those up to the next one
     for edge in range(-2, 1):
         if _near(points, edge % n, side, high, low):
@@ -221,10 +223,10 @@ def _overlaps(grip: Grip, scratch: Scratch) -> bool:
 
 
 @inlined_kernel
-def approach(body: Body, q: Array, trial: Array, advance: float) -> float:
-    """How much nearer part and fingers may have come [mm]: from q to `trial`, fingers by `advance`."""
+def approach(body: Body, q: Array, trial: Array, step_top: float, step_bottom: float) -> float:
+    """How much nearer any vertex may have come to a finger along x or y [mm]: part from q to `trial`."""
     dx, dy = trial[0] - q[0], trial[1] - q[1]
-    return float(np.sqrt(dx * dx + dy * dy) + abs(trial[2] - q[2]) * body.reach + advance)
+    return float(max(abs(dx), step_top + dy, step_bottom - dy) + abs(trial[2] - q[2]) * body.reach)
 
 
 @inner_kernel
@@ -257,7 +259,7 @@ def try_step(
     if (f * f * error > allowed or turned > LARGEST_TURN) and not smallest:
         _turn_back(work)
         return RETRY, f * size * max(0.2, min(longer / f, 0.8 * LARGEST_TURN / (turned + 1e-12)))
-    if approach(body, q, work.trial, step_top + step_bottom) > FURTHEST * margin and not smallest:
+    if approach(body, q, work.trial, step_top, step_bottom) > FURTHEST * margin and not smallest:
         _turn_back(work)
         return RETRY, 0.5 * f * size
     c, s = np.cos(work.trial[2]), np.sin(work.trial[2])

@@ -96,16 +96,16 @@ def sample_each(
         (n, 3, 3) ellipsoids or (n, 6, 6) quartics, and None. Where both forms occur, (n, 6, 6) whose
         (3, 3) corner an ellipsoid fills, and where (n,) it does.
     """
-    drawn = sample(surfaces[0], dof, rng, len(which))
-    ellipsoid = np.full(len(which), isinstance(surfaces[0], LimitSurface))
-    for number in np.unique(which[which > 0]).tolist():
-        rows = np.flatnonzero(which == number)
-        own = sample(surfaces[number], dof[rows], rng, len(rows))
-        size, most = own.shape[1], max(own.shape[1], drawn.shape[1])
-        drawn = np.pad(drawn, [(0, 0), *[(0, most - drawn.shape[1])] * 2])
-        drawn[rows, :size, :size] = own
-        ellipsoid[rows] = isinstance(surfaces[number], LimitSurface)
-    return drawn, ellipsoid if drawn.shape[1] > 3 and ellipsoid.any() else None
+    rows = [(number, np.flatnonzero(which == number)) for number in np.unique(which).tolist() or [0]]
+    drawn = [sample(surfaces[number], dof[own], rng, len(own)) for number, own in rows]
+    if len(rows) == 1:
+        return drawn[0], None
+    size = max(own.shape[1] for own in drawn)
+    whole, ellipsoid = np.zeros((len(which), size, size)), np.zeros(len(which), np.bool_)
+    for (number, own), some in zip(rows, drawn, strict=True):
+        whole[own, : some.shape[1], : some.shape[1]] = some
+        ellipsoid[own] = isinstance(surfaces[number], LimitSurface)
+    return whole, ellipsoid if size > 3 and ellipsoid.any() else None
 
 
 def hessian_tables(coefficients: Array) -> Array:

@@ -281,7 +281,7 @@ def judged(
     n = reading.shape[1]
     weight, start = np.empty(COUNTS, np.int64), np.empty(COUNTS + 1, np.int64)
     bounds, label = np.empty(COUNTS + 1, np.int64), np.empty(COUNTS, np.int64)
-    moved, stops = np.empty((n, states.shape[2])), np.empty(COUNTS, np.int64)
+    moved, stops = np.empty((states.shape[2], n)), np.empty(COUNTS, np.int64)
     shares = np.empty((COUNTS, modes + 1))
     for option in range(states.shape[0]):
         weight[:] = 0
@@ -292,7 +292,7 @@ def judged(
             start[count + 1] = start[count] + weight[count]
         for i in range(n):
             count = reading[option, i]
-            moved[start[count]] = states[option, i]
+            moved[:, start[count]] = states[option, i]
             start[count] += 1
         size = branches[option] = intervals(moved, weight, free, weights, modes, estimate, prices, bounds)
         stops[:size] = 0
@@ -305,7 +305,7 @@ def judged(
             stops[j] = start[j + 1]
         for i in range(n):
             j = label[reading[option, i]]
-            moved[start[j]] = states[option, i]
+            moved[:, start[j]] = states[option, i]
             start[j] += 1
         shares[:size] = 0.0
         mode_shares(moved, stops[:size], weights, shares[:size])
