@@ -29,14 +29,14 @@ def jaws_of(gripper: Gripper) -> Array:
 def clearance(points: Array, finger: int, face: float, h: float) -> float:
     """Distance a finger (+1 or -1) can close before it touches the part [mm]: exact, by rays along y.
 
-    Of an outline (N, 2) in the hand frame; the inner face lies at y = face, h is half the finger's length.
+    Of an outline (2, N) in the hand frame; the inner face lies at y = face, h is half the finger's length.
     Infinite where the part lies beside or behind the finger.
     """
-    n = points.shape[0]
+    n = points.shape[1]
     nearest = np.inf
     for i in range(n):
         j = i + 1 if i + 1 < n else 0
-        x0, y0, x1, y1 = points[i, 0], points[i, 1], points[j, 0], points[j, 1]
+        x0, y0, x1, y1 = points[0, i], points[1, i], points[0, j], points[1, j]
         gap = finger * (face - y0)
         if abs(x0) <= h and gap > -BEHIND_MM:
             nearest = min(nearest, gap)
@@ -69,12 +69,12 @@ def blocked(points: Array, finger: int, face: float, h: float, thickness: float)
 
     Arguments as `clearance`, and the finger's thickness [mm].
     """
-    n = points.shape[0]
+    n = points.shape[1]
     inside = False
     half, middle = 0.5 * thickness, face + 0.5 * finger * thickness
     for i in range(n):
         j = i + 1 if i + 1 < n else 0
-        x0, y0, x1, y1 = points[i, 0], points[i, 1] - middle, points[j, 0], points[j, 1] - middle
+        x0, y0, x1, y1 = points[0, i], points[1, i] - middle, points[0, j], points[1, j] - middle
         if (y0 >= half and y1 >= half) or (y0 <= -half and y1 <= -half):
             continue
         if (y0 > 0.0) != (y1 > 0.0) and x0 + (x1 - x0) * y0 / (y0 - y1) > 0.0:
@@ -96,7 +96,7 @@ def free_closing(
 ) -> float:
     """How far the fingers close before either touches the part [mm]; infinite where neither will.
 
-    Of an outline (N, 2) in the hand frame and inner faces at y = top and bottom; h is half the finger's
+    Of an outline (2, N) in the hand frame and inner faces at y = top and bottom; h is half the finger's
     length, the shares are a finger's motion for each millimetre of the mean finger's.
     """
     free = np.inf
@@ -119,11 +119,10 @@ def _room(points: Array, opening: float, h: float, thickness: float) -> float:
 
 @kernel
 def _classify(outline: Array, poses: Array, jaws: Array, verdict: IntArray) -> None:
-    n = outline.shape[0]
-    points, listed = np.empty((n, 2)), np.arange(n)
+    points = np.empty(outline.shape)
     h, top = 0.5 * jaws[1], 0.5 * jaws[0]
     for k in range(poses.shape[0]):
-        place(outline, poses[k], points, listed, n)
+        place(outline, poses[k], points)
         if stand(points, top, -top, h, jaws[2]):
             verdict[k] = STANDS_ON
         elif free_closing(points, top, -top, h, 2.0 * jaws[3], 2.0 * (1.0 - jaws[3])) <= top:
@@ -139,18 +138,17 @@ def classify_contact(outline: Array, jaws: Array, poses: Array) -> IntArray:
     come down on the part.
     """
     verdict = np.zeros(len(poses), np.int64)
-    _classify(outline, np.ascontiguousarray(poses), jaws, verdict)
+    _classify(np.ascontiguousarray(outline.T), np.ascontiguousarray(poses), jaws, verdict)
     return verdict
 
 
 @kernel
 def _least_room(outline: Array, poses: Array, opening: float, h: float, thickness: float) -> float:
     """Least `_room` of any of the poses [mm]; -1 in collision."""
-    n = outline.shape[0]
-    points, listed = np.empty((n, 2)), np.arange(n)
+    points = np.empty(outline.shape)
     least = 0.5 * opening
     for k in range(poses.shape[0]):
-        place(outline, poses[k], points, listed, n)
+        place(outline, poses[k], points)
         least = min(least, _room(points, opening, h, thickness))
         if least < 0.0:
             break
@@ -162,9 +160,8 @@ def _free(
     outline: Array, belief: Array, placements: Array, jaws: Array, least: float, spared: int, free: BoolArray
 ) -> None:
     """`free[a]`: whether the fingers at placement a keep `least` from all but `spared` poses."""
-    n, h = outline.shape[0], 0.5 * jaws[1] + SIDE_MARGIN_MM
-    points, listed, pose = np.empty((n, 2)), np.arange(n), np.empty(3)
-    reach = np.sqrt((outline[:, 0] ** 2 + outline[:, 1] ** 2).max())
+    h, points, pose = 0.5 * jaws[1] + SIDE_MARGIN_MM, np.empty(outline.shape), np.empty(3)
+    reach = np.sqrt((outline[0] ** 2 + outline[1] ** 2).max())
     for a in range(placements.shape[0]):
         c, s = np.cos(placements[a, 2]), np.sin(placements[a, 2])
         near = 0
@@ -173,7 +170,7 @@ def _free(
             pose[0], pose[1], pose[2] = c * dx + s * dy, c * dy - s * dx, belief[k, 2] - placements[a, 2]
             if abs(pose[1]) + reach + least <= 0.5 * jaws[0] or abs(pose[0]) - reach >= h:
                 continue
-            place(outline, pose, points, listed, n)
+            place(outline, pose, points)
             if _room(points, jaws[0], h, jaws[2]) < least:
                 near += 1
                 if near > spared:
@@ -191,7 +188,9 @@ def least_clearance(
     part.
     """
     hand = np.ascontiguousarray(to_hand(poses, placement))
-    return float(_least_room(outline, hand, jaws[0], 0.5 * jaws[1] + margin_mm, jaws[2]))
+    return float(
+        _least_room(np.ascontiguousarray(outline.T), hand, jaws[0], 0.5 * jaws[1] + margin_mm, jaws[2])
+    )
 
 
 def free_placements(
@@ -204,5 +203,5 @@ def free_placements(
     """
     free = np.empty(len(placements), np.bool_)
     belief, placements = np.ascontiguousarray(belief), np.ascontiguousarray(placements)
-    _free(outline, belief, placements, jaws, least_mm, int(share * len(belief)), free)
+    _free(np.ascontiguousarray(outline.T), belief, placements, jaws, least_mm, int(share * len(belief)), free)
     return free

@@ -13,7 +13,8 @@ A pusher of points (`find_points`) touches edges as a finger's corner does (CORN
 A pair counts only where its normal lies in the normal cones of both features; nearly parallel pairs are the
 exception, for they are what holds a flush edge that is longer than the finger.
 
-Contacts live in two plain arrays, one row a contact:
+Outlines stand in columns (2, N), so that loops over vertices take several at once. Contacts live in two plain
+arrays, one row a contact:
 
     C (MAX_CONTACTS, C_COLUMNS) float:  r - part origin (RX, RY) [mm], unit normal into the part (NX, NY),
         GAP [mm], moments of normal and tangent over rho (N2, T2), finger displacement along normal and
@@ -48,20 +49,17 @@ END_DEPTH_MM = 0.01  # How far behind the inner face a vertex must be to count a
 
 
 @inlined_kernel
-def place(outline: Array, q: Array, points: Array, listed: IntArray, count: int) -> None:
-    """Places the `count` listed vertices of an outline (N, 2) at pose q = (x, y, theta) into `points`."""
-    place_turned(outline, q, np.cos(q[2]), np.sin(q[2]), points, listed, count)
+def place(outline: Array, q: Array, points: Array) -> None:
+    """Places an outline (2, N) at pose q = (x, y, theta) into `points`."""
+    place_turned(outline, q, np.cos(q[2]), np.sin(q[2]), points)
 
 
 @inlined_kernel
-def place_turned(
-    outline: Array, q: Array, c: float, s: float, points: Array, listed: IntArray, count: int
-) -> None:
+def place_turned(outline: Array, q: Array, c: float, s: float, points: Array) -> None:
     """`place` for a pose whose angle has the cosine c and the sine s."""
-    for k in range(count):
-        i = listed[k]
-        points[i, 0] = q[0] + c * outline[i, 0] - s * outline[i, 1]
-        points[i, 1] = q[1] + s * outline[i, 0] + c * outline[i, 1]
+    for i in range(outline.shape[1]):
+        points[0, i] = q[0] + c * outline[0, i] - s * outline[1, i]
+        points[1, i] = q[1] + s * outline[0, i] + c * outline[1, i]
 
 
 @inlined_kernel
@@ -91,14 +89,14 @@ def _hidden(points: Array, i: int, j: int, px: float, py: float, gap: float) -> 
     A point is outside two edges that meet at a convex vertex when it is outside either, so only the edge with
     the wider gap can be touched. A point inside both is an overlap, which is not hidden.
     """
-    n = points.shape[0]
+    n = points.shape[1]
     b = i - 1 if i > 0 else n - 1
     k = j + 1 if j + 1 < n else 0
-    ex, ey = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]
+    ex, ey = points[0, j] - points[0, i], points[1, j] - points[1, i]
     for start, stop, turn in ((b, i, 1.0), (j, k, -1.0)):
-        ax, ay = points[stop, 0] - points[start, 0], points[stop, 1] - points[start, 1]
+        ax, ay = points[0, stop] - points[0, start], points[1, stop] - points[1, start]
         if turn * (ax * ey - ay * ex) > 0.0:
-            other = (px - points[start, 0]) * ay - (py - points[start, 1]) * ax
+            other = (px - points[0, start]) * ay - (py - points[1, start]) * ax
             if other > max(gap, -OUTSIDE_MM) * np.sqrt(ax * ax + ay * ay) + EDGE_SLACK_MM:
                 return True
     return False
@@ -110,19 +108,19 @@ def _add_face(
     margin: float,
 ) -> int:  # fmt: skip
     """Adds vertex i on the inner face, where it is under the face and near, and not yet there."""
-    gap = finger * (face - points[i, 1])
-    inside = h - abs(points[i, 0])
+    gap = finger * (face - points[1, i])
+    inside = h - abs(points[0, i])
     if inside < 0.0 or gap > margin or gap < -margin or (gap < 0.0 and inside < -gap):
         return count
     for k in range(count):
         if I[k, VERTEX] == i and I[k, KIND] == FACE and I[k, FINGER] == finger:
             return count
-    along = finger * points[i, 0]
+    along = finger * points[0, i]
     slot = _slot(C, count, gap)
     if slot < 0:
         return count
     I[slot, FINGER], I[slot, KIND], I[slot, SIDE], I[slot, VERTEX] = finger, FACE, 0, i
-    _write(C, slot, gap, points[i, 0], points[i, 1], 0.0, -float(finger), -h - along, h - along)
+    _write(C, slot, gap, points[0, i], points[1, i], 0.0, -float(finger), -h - along, h - along)
     return min(count + 1, MAX_CONTACTS)
 
 
@@ -136,7 +134,7 @@ def _add_corners(
     `face` is the y of the inner or the outer face; the outer corners look the other way.
     """
     outward = finger if kind == CORNER else -finger
-    x0, y0, x1, y1 = points[i, 0], points[i, 1], points[j, 0], points[j, 1]
+    x0, y0, x1, y1 = points[0, i], points[1, i], points[0, j], points[1, j]
     ex, ey = x1 - x0, y1 - y0
     length = np.sqrt(ex * ex + ey * ey)
     ex, ey = ex / length, ey / length
@@ -171,29 +169,38 @@ def _add_corners(
 
 
 @inner_kernel
+def mark(points: Array, out: IntArray, high: float, low: float, side: float) -> None:
+    """Marks in `out` (N,) on which sides of the fingers' surroundings each vertex lies outside.
+
+    An edge whose ends share a bit is far from both fingers (outcodes, after Cohen and Sutherland): between
+    y = low and high, beyond x = side, or beyond -side.
+    """
+    for i in range(points.shape[1]):
+        x, y = points[0, i], points[1, i]
+        out[i] = ((y > low) & (y < high)) | ((x > side) << 1) | ((x < -side) << 2)
+
+
+@inner_kernel
 def find(
-    C: Array, I: IntArray, points: Array, listed: IntArray, listed_count: int, q: Array, top: float,
-    bottom: float, h: float, thickness: float, margin: float,
+    C: Array, I: IntArray, points: Array, out: IntArray, q: Array, top: float, bottom: float, h: float,
+    thickness: float, margin: float,
 ) -> int:  # fmt: skip
     """Finds all pairs of features that are within `margin` [mm] of touching; returns how many.
 
     On the inner face only local minima of the gap count, and the lower neighbour of each. C and I are
-    modified in place. The outline (N, 2) is counter-clockwise in the hand frame [mm], the part's pose there q
-    (3,); the listed vertices are looked at, and must be placed, as must their neighbours. The fingers' inner
-    faces lie at y = top and bottom; h is half their length, `thickness` theirs [mm].
+    modified in place, and `out` (N,) as by `mark`. The outline (2, N) is counter-clockwise in the hand frame
+    [mm], the part's pose there q (3,). The fingers' inner faces lie at y = top and bottom; h is half their
+    length, `thickness` theirs [mm].
     """
-    n = points.shape[0]
+    n = points.shape[1]
     count = 0
-    beyond, within, high, low = h + margin, h - margin, top - margin, bottom + margin
-    for m in range(listed_count):
-        i = listed[m]
+    within = h - margin
+    mark(points, out, top - margin, bottom + margin, h + margin)
+    for i in range(n):
         j = i + 1 if i + 1 < n else 0
-        yi, yj = points[i, 1], points[j, 1]
-        if low < yi < high and low < yj < high:
+        if out[i] & out[j]:
             continue
-        xi, xj = points[i, 0], points[j, 0]
-        if (xi > beyond and xj > beyond) or (xi < -beyond and xj < -beyond):
-            continue
+        xi, xj, yi, yj = points[0, i], points[0, j], points[1, i], points[1, j]
         beside = abs(xi) >= within or abs(xj) >= within
         for finger in (1, -1):
             face = top if finger == 1 else bottom
@@ -202,7 +209,7 @@ def find(
             if y < reach and after < reach:
                 continue
             b = i - 1 if i > 0 else n - 1
-            before = finger * points[b, 1]
+            before = finger * points[1, b]
             if y >= reach and y >= before and y >= after and abs(xi) <= h:
                 count = _add_face(C, I, count, points, i, finger, face, h, margin)
                 if before >= after:
@@ -218,7 +225,7 @@ def find(
             if END_DEPTH_MM < behind < thickness and abs(xi) > h - margin:
                 side = 1 if xi > 0.0 else -1
                 gap = side * xi - h
-                local = side * points[b, 0] >= side * xi and side * xj >= side * xi
+                local = side * points[0, b] >= side * xi and side * xj >= side * xi
                 if gap <= margin and local and (gap >= 0.0 or behind >= -gap):
                     slot = _slot(C, count, gap)
                     if slot >= 0:
@@ -237,27 +244,27 @@ def find_points(C: Array, I: IntArray, points: Array, q: Array, pusher: Array, m
 
     A point is near an edge where it lies beside it and no neighbour keeps it out, and near a convex vertex
     where it lies in the vertex's normal cone; in a notch it is near both edges, also where it overlaps them.
-    C and I are modified in place; the outline (N, 2) is placed at the pose q (3,), counter-clockwise [mm];
+    C and I are modified in place; the outline (2, N) is placed at the pose q (3,), counter-clockwise [mm];
     the pusher has K points (K, 2).
     """
-    n = points.shape[0]
+    n = points.shape[1]
     count = 0
     for i in range(n):
         j = i + 1 if i + 1 < n else 0
         b, k = i - 1 if i > 0 else n - 1, j + 1 if j + 1 < n else 0
-        ex, ey = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]
+        ex, ey = points[0, j] - points[0, i], points[1, j] - points[1, i]
         length = np.sqrt(ex * ex + ey * ey)
         ex, ey = ex / length, ey / length
-        next_x, next_y = points[k, 0] - points[j, 0], points[k, 1] - points[j, 1]
-        notch_before = (points[i, 0] - points[b, 0]) * ey - (points[i, 1] - points[b, 1]) * ex < 0.0
+        next_x, next_y = points[0, k] - points[0, j], points[1, k] - points[1, j]
+        notch_before = (points[0, i] - points[0, b]) * ey - (points[1, i] - points[1, b]) * ex < 0.0
         notch_after = ex * next_y - ey * next_x < 0.0
         for finger in range(pusher.shape[0]):
             px, py = pusher[finger, 0], pusher[finger, 1]
-            dx, dy = px - points[i, 0], py - points[i, 1]
+            dx, dy = px - points[0, i], py - points[1, i]
             along, gap = dx * ex + dy * ey, dx * ey - dy * ex
             kind, nx, ny, low, high = CORNER, -ey, ex, -along, length - along
             if along > length and not notch_after:
-                dx, dy = px - points[j, 0], py - points[j, 1]
+                dx, dy = px - points[0, j], py - points[1, j]
                 gap = np.sqrt(dx * dx + dy * dy)
                 if gap == 0.0 or dx * next_x + dy * next_y >= 0.0:
                     continue

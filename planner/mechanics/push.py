@@ -95,18 +95,17 @@ def push(
     """Pushes one part at q (3,), which is modified into the final pose [mm, mm, rad].
 
     mu is the friction between pusher and part, `step` the most that the pusher goes in one step [mm].
-    `points` (N, 2), `pusher` (K, 2) and `work` are workspaces.
+    `points` (2, N), `pusher` (K, 2) and `work` are workspaces.
 
     Returns:
         Whether the pusher touches the part at the end, and whether the path was followed to its end.
     """
-    C, I, V, n = work.step.C, work.step.I, work.step.V, points.shape[0]
-    everything = np.arange(n)
+    C, I, V = work.step.C, work.step.I, work.step.V
     full = 1.0 / _steps(path, step)
     work.step.F[0], work.step.F[1], work.step.F[2] = 0.0, 1.0, 0.0
     done, share = 0.0, full
     for _ in range(int(TRIES / full)):
-        place(body.outline, q, points, everything, n)
+        place(body.outline, q, points)
         moved_along(path, done, path.points, pusher)
         count = find_points(C, I, points, q, pusher, 2.0 * step + APART_MM)
         if done >= 1.0 - FINISHED:
@@ -134,10 +133,11 @@ def push_many(
     touching: IntArray, given_up: IntArray, work: SqueezeWork,
 ) -> None:  # fmt: skip
     """`push` for every row of `poses` (n, 3), with its own surface, mu (n, 2) and path; outputs in place."""
-    placed, pusher = np.zeros(outline.shape), np.zeros(paths.points.shape[1:])
+    columns, pusher = np.ascontiguousarray(outline.T), np.zeros(paths.points.shape[1:])
+    placed = np.zeros(columns.shape)
     reach = np.sqrt((outline[:, 0] ** 2 + outline[:, 1] ** 2).max())
     for i in range(poses.shape[0]):
-        body = Body(outline, reach, surfaces[i], rho)
+        body = Body(columns, reach, surfaces[i], rho)
         path = Path(paths.points[i], paths.centres[i], paths.angles[i], paths.shifts[i])
         touches, followed = push(body, path, mu[i, 0], step, poses[i], placed, pusher, work)
         touching[i], given_up[i] = int(touches), int(not followed)

@@ -128,10 +128,9 @@ class Simulator:
         status.
         """
         n, q, rows = len(self.outline), np.array(pose, dtype=np.float64), np.zeros((TRACE_ROWS, 4))
-        body = Body(self.outline, reach(self.outline), surface, self.surface.rho_mm)
+        body = Body(np.ascontiguousarray(self.outline.T), reach(self.outline), surface, self.surface.rho_mm)
         grip = grip_of(np.full(2, mu), self.jaws, self.step_mm)
-        indices = np.zeros(n, np.int64), np.zeros(n, np.int64)
-        scratch = Scratch(np.zeros((n, 2)), *indices, squeeze_workspace())
+        scratch = Scratch(np.zeros((2, n)), np.zeros(n, np.int64), squeeze_workspace())
         width, status, _, count = squeeze(body, grip, q, scratch, rows)
         end = np.array([[*q, width]])
         return np.concatenate([rows[:count], end]), int(status)

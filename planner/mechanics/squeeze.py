@@ -18,17 +18,12 @@ from planner.mechanics.lcp import SOLVED
 from planner.mechanics.step import directions, solve
 from planner.mechanics.stepping import (
     ACCEPTED,
-    FOLLOWED,
-    FOUND,
-    FURTHEST,
     HELD,
     Body,
     Grip,
     Scratch,
     SqueezeWork,
-    approach,
     find_contacts,
-    list_near,
     touching,
     try_step,
 )
@@ -57,15 +52,6 @@ class Each(NamedTuple):
 
 
 @inner_kernel
-def _place_all(outline: Array, q: Array, scratch: Scratch) -> None:
-    n, heading = outline.shape[0], scratch.work.heading
-    for i in range(n):
-        scratch.placed[i] = i
-    heading[0], heading[1] = np.cos(q[2]), np.sin(q[2])
-    contact.place_turned(outline, q, heading[0], heading[1], scratch.points, scratch.placed, n)
-
-
-@inner_kernel
 def _close_freely(grip: Grip, scratch: Scratch) -> float:
     """Closes the fingers up to the first touch of the placed outline; returns how far, infinity for none."""
     work = scratch.work
@@ -88,7 +74,7 @@ def _held_as(body: Body, q: Array, grip: Grip, scratch: Scratch) -> int:
     proportion to the fingers' counts as none: exactly opposed contacts must not hang on rounding.
     """
     find_contacts(q, grip, HELD_GAP * body.reach, scratch)
-    count, work = scratch.work.listed[FOUND], scratch.work.step
+    count, work = scratch.work.found, scratch.work.step
     for k in range(count):
         work.C[k, GAP] = 0.0
     for i in range(3):
@@ -131,34 +117,27 @@ def squeeze(body: Body, grip: Grip, q: Array, scratch: Scratch, trace: Array) ->
     step, work = grip.step, scratch.work
     work.fingers[0], work.fingers[1] = 0.5 * grip.opening, -0.5 * grip.opening
     work.step.F[0], work.step.F[1], work.step.F[2] = 0.0, 1.0, 0.0
-    work.listed[FOUND] = 0
+    work.found, work.heading[0], work.heading[1] = 0, np.cos(q[2]), np.sin(q[2])
     touched, verdict = False, ACCEPTED
-    budget, size, margin = 0.0, step, 2.0 * step + 0.05
+    size, margin = step, 2.0 * step + 0.05
     rows = _record(trace, 0, q, work.fingers)
-    _place_all(body.outline, q, scratch)
+    contact.place_turned(body.outline, q, work.heading[0], work.heading[1], scratch.points)
     if stand(scratch.points, work.fingers[0], work.fingers[1], grip.h, grip.thickness):
         return grip.opening, JAMMED, 0, rows
     for _ in range(MAX_STEPS):
-        if verdict == ACCEPTED and budget < FURTHEST * margin:
-            _place_all(body.outline, q, scratch)
-            free = 0.0 if touching(work) else _close_freely(grip, scratch)
+        if verdict == ACCEPTED and not touching(work):
+            free = _close_freely(grip, scratch)
             if free == np.inf:
                 work.fingers[0] = work.fingers[1] = 0.5 * (work.fingers[0] + work.fingers[1])
                 return 0.0, SLIPPED if touched else UNTOUCHED, 0, _record(trace, rows, q, work.fingers)
             rows = _record(trace, rows, q, work.fingers)
-            list_near(grip, scratch)
             find_contacts(q, grip, margin, scratch)
-            touched, budget = True, FOLLOWED * step
-        if work.listed[FOUND] == 0 and budget < FOLLOWED * step:
-            budget = 0.0
-            continue
+            touched = True
         size = min(size, 0.5 * (work.fingers[0] - work.fingers[1]))
-        top, bottom = work.fingers[0], work.fingers[1]
         verdict, size = try_step(body, grip, size, margin, q, scratch)
         if verdict >= HELD:
             break
         if verdict == ACCEPTED:
-            budget -= approach(body, q, work.trial, top - work.fingers[0], work.fingers[1] - bottom)
             q[0], q[1], q[2] = work.trial[0], work.trial[1], work.trial[2]
             rows = _record(trace, rows, q, work.fingers)
             if work.fingers[0] - work.fingers[1] <= 1e-6:
@@ -177,9 +156,9 @@ def squeeze_many(
     `shapes` (m, N, 2) say how the vertices of the outline (N, 2) move for each of a part's deviations.
     """
     n = outline.shape[0]
-    scratch = Scratch(np.zeros((n, 2)), np.zeros(n, np.int64), np.zeros(n, np.int64), work)
-    own, own_jaws, trace = np.copy(outline), np.copy(jaws), np.zeros((0, 4))
-    reach = _reach(outline)
+    scratch = Scratch(np.zeros((2, n)), np.zeros(n, np.int64), work)
+    own, own_jaws, trace = outline.T.copy(), np.copy(jaws), np.zeros((0, 4))
+    reach = _reach(own)
     for i in range(poses.shape[0]):
         if shapes.shape[0] > 0:
             _deviate(outline, shapes, each.deviation[i], own)
@@ -193,16 +172,16 @@ def squeeze_many(
 def _reach(outline: Array) -> float:
     """Largest distance of a vertex from the origin."""
     farthest = 0.0
-    for i in range(outline.shape[0]):
-        farthest = max(farthest, outline[i, 0] ** 2 + outline[i, 1] ** 2)
+    for i in range(outline.shape[1]):
+        farthest = max(farthest, outline[0, i] ** 2 + outline[1, i] ** 2)
     return float(np.sqrt(farthest))
 
 
 @inner_kernel
 def _deviate(outline: Array, shapes: Array, deviation: Array, own: Array) -> None:
-    """The outline of a part that deviates (m,) [mm] from it, into `own` (N, 2)."""
+    """The outline of a part that deviates (m,) [mm] from it (N, 2), into `own` (2, N)."""
     for i in range(outline.shape[0]):
         for j in range(2):
-            own[i, j] = outline[i, j]
+            own[j, i] = outline[i, j]
             for k in range(shapes.shape[0]):
-                own[i, j] += deviation[k] * shapes[k, i, j]
+                own[j, i] += deviation[k] * shapes[k, i, j]

@@ -2,7 +2,7 @@
 
 The difference between the midpoint and the explicit Euler step controls the length of a step; it ends where
 an awaited contact touches or a pressed one leaves its feature, by the rule's dense output, and is refused
-where the part would overlap a finger. Only the vertices near the fingers are followed from step to step.
+where the part would overlap a finger.
 """
 
 from typing import Any, NamedTuple, TypeAlias
@@ -28,18 +28,15 @@ LARGEST_TURN = 0.1  # Largest rotation in one step [rad]
 EULER_ERROR = 0.02  # Largest difference between Euler and midpoint step, as a share of the nominal step
 SMALLEST_STEP = 2.0**-18
 """Shortest step, as a share of the nominal one: a part at an unstable equilibrium turns that much faster."""
-FOLLOWED = 16.0
-"""How far around the fingers vertices are followed between two looks at the outline, in nominal steps."""
 LEAST_FACING = 0.1  # Sine of the least angle to the closing direction, of a face that stops a finger
-FURTHEST = 2.0
-"""How much nearer they come in one step, in margins; the whole outline is looked at before less is left."""
+FURTHEST = 2.0  # How much nearer part and fingers may come in one step, in margins
 
 
 SQUEEZE_WORK = np.dtype(
     [
         ("before", np.float64, (MAX_CONTACTS, NY + 1)),
         ("step", STEP_WORK),
-        ("listed", np.int64, 3),
+        ("found", np.int64),
         ("heading", np.float64, 2),
         ("trial", np.float64, 3),
         ("half", np.float64, 3),
@@ -51,13 +48,12 @@ SQUEEZE_WORK = np.dtype(
 """Workspace of one squeeze.
 
 before: places and normals of the contacts before the midpoint's turn. step: the contacts, and the solution.
-listed: how many vertices are placed and near, how many contacts were found. heading: cosine and sine of the
-part's angle. trial, half: pose after the step and in its middle. euler: the displacement V of the explicit
-Euler step. fingers: y of the inner faces.
+found: how many contacts were found. heading: cosine and sine of the part's angle. trial, half: pose after
+the step and in its middle. euler: the displacement V of the explicit Euler step. fingers: y of the inner
+faces.
 """
 SqueezeWork: TypeAlias = Any
 
-PLACED, NEAR, FOUND = 0, 1, 2  # Columns of `SqueezeWork.listed`
 ACCEPTED, RETRY, HELD, GIVEN_UP = range(4)
 """What came of a step: taken; to be tried again, shorter; no solution; neither."""
 
@@ -70,7 +66,7 @@ def squeeze_workspace() -> SqueezeWork:
 class Body(NamedTuple):
     """A part, in its own frame."""
 
-    outline: Array  # (N, 2) counter-clockwise [mm]
+    outline: Array  # (2, N) counter-clockwise [mm]
     reach: float  # largest distance of a vertex from the part's origin [mm]
     surface: Array  # (3, 3) the ellipsoid's matrix or (6, 6) the quartic's table
     rho: float  # length that normalises rotations [mm]
@@ -92,16 +88,15 @@ class Grip(NamedTuple):
 class Scratch(NamedTuple):
     """Workspaces of a squeeze, modified in place."""
 
-    points: Array  # (N, 2) the placed outline
-    placed: IntArray  # (N,) the vertices kept placed
-    near: IntArray  # (N,) those near the fingers
+    points: Array  # (2, N) the placed outline
+    out: IntArray  # (N,) which vertices are far from the fingers, as `contacts.mark` says
     work: SqueezeWork  # a record of `SQUEEZE_WORK`
 
 
 @inlined_kernel
 def _turn_back(work: SqueezeWork) -> None:
     """Undoes what `_midpoint` did to the contacts."""
-    for k in range(work.listed[FOUND]):
+    for k in range(work.found):
         for column in range(NY + 1):
             work.step.C[k, column] = work.before[k, column]
 
@@ -114,7 +109,7 @@ def _midpoint(
 
     Returns the status and the difference between the Euler and the midpoint step [mm], or -1.
     """
-    C, I, V, first, count = work.step.C, work.step.I, work.step.V, work.euler, work.listed[FOUND]
+    C, I, V, first, count = work.step.C, work.step.I, work.step.V, work.euler, work.found
     surface, rho, mu_top, mu_bottom = body.surface, body.rho, grip.mu_top, grip.mu_bottom
     for k in range(count):
         for column in range(NY + 1):
@@ -140,46 +135,12 @@ def _midpoint(
     return SOLVED, np.sqrt((V[0] - first[0]) ** 2 + (V[1] - first[1]) ** 2 + (V[2] - first[2]) ** 2)
 
 
-@inlined_kernel
-def _near(points: Array, i: int, side: float, high: float, low: float) -> bool:
-    """Whether the edge from vertex i comes beyond y = high or low, and not only beside x = side or -side."""
-    j = i + 1 if i + 1 < points.shape[0] else 0
-    x0, x1, y0, y1 = points[i, 0], points[j, 0], points[i, 1], points[j, 1]
-    beside = (x0 > side and x1 > side) or (x0 < -side and x1 < -side)
-    return (y0 > high or y1 > high or y0 < low or y1 < low) and not beside
-
-
-@inner_kernel
-def list_near(grip: Grip, scratch: Scratch) -> None:
-    """Lists the vertices whose edges are near the fingers, and those with their neighbours."""
-    points, placed, near, work = scratch
-    n = points.shape[0]
-    near_count, placed_count = 0, 0
-    distance = FOLLOWED * grip.step
-    side, high, low = grip.h + distance, work.fingers[0] - distance, work.fingers[1] + distance
-    last = -3  # the latest edge near a finger, of those up to the next one
-    for edge in range(-2, 1):
-        if _near(points, edge % n, side, high, low):
-            last = edge
-    for i in range(n):
-        is_near = last == i
-        if _near(points, i + 1 if i + 1 < n else 0, side, high, low):
-            last = i + 1
-        if last >= i - 2:
-            placed[placed_count] = i
-            placed_count += 1
-        if is_near:
-            near[near_count] = i
-            near_count += 1
-    work.listed[NEAR], work.listed[PLACED] = near_count, placed_count
-
-
 @inner_kernel
 def find_contacts(q: Array, grip: Grip, margin: float, scratch: Scratch) -> None:
-    """Finds the contacts among the near vertices of a part at pose q (3,), gaps of at most `margin` [mm]."""
-    points, near, work = scratch.points, scratch.near, scratch.work
-    work.listed[FOUND] = contact.find(
-        work.step.C, work.step.I, points, near, work.listed[NEAR], q, work.fingers[0], work.fingers[1],
+    """Finds the contacts of a part placed at pose q (3,), gaps of at most `margin` [mm]."""
+    work = scratch.work
+    work.found = contact.find(
+        work.step.C, work.step.I, scratch.points, scratch.out, q, work.fingers[0], work.fingers[1],
         grip.h, grip.thickness, margin,
     )  # fmt: skip
 
@@ -188,7 +149,7 @@ def find_contacts(q: Array, grip: Grip, margin: float, scratch: Scratch) -> None
 def touching(work: SqueezeWork) -> bool:
     """Whether a found contact keeps a finger from closing any further without moving the part."""
     C, I = work.step.C, work.step.I
-    for k in range(work.listed[FOUND]):
+    for k in range(work.found):
         if C[k, GAP] <= TOUCHING_MM and I[k, FINGER] * C[k, NY] < -LEAST_FACING:
             return True
     return False
@@ -197,18 +158,19 @@ def touching(work: SqueezeWork) -> bool:
 @inner_kernel
 def _overlaps(grip: Grip, scratch: Scratch) -> bool:
     """Whether a contact overlaps by more than `PENETRATION_MM`, or a near edge runs that deep in a finger."""
-    points, near, work = scratch.points, scratch.near, scratch.work
+    points, out, work = scratch.points, scratch.out, scratch.work
     h, thickness = grip.h, grip.thickness
-    for k in range(work.listed[FOUND]):
+    for k in range(work.found):
         if work.step.C[k, GAP] < -PENETRATION_MM:
             return True
-    n = points.shape[0]
+    n = points.shape[1]
     half_x, half_y = h - PENETRATION_MM, 0.5 * thickness - PENETRATION_MM
     above, below = work.fingers[0] + PENETRATION_MM, work.fingers[1] - PENETRATION_MM
-    for m in range(work.listed[NEAR]):
-        i = near[m]
+    for i in range(n):
         j = i + 1 if i + 1 < n else 0
-        x0, x1, y0, y1 = points[i, 0], points[j, 0], points[i, 1], points[j, 1]
+        if out[i] & out[j]:
+            continue
+        x0, x1, y0, y1 = points[0, i], points[0, j], points[1, i], points[1, j]
         if (x0 > half_x and x1 > half_x) or (x0 < -half_x and x1 < -half_x):
             continue
         if y0 > above or y1 > above:
@@ -249,7 +211,7 @@ def try_step(
         _turn_back(work)
         return RETRY, 0.25 * size
     first, V = work.euler, work.step.V
-    f = max(event_fraction(work.step.C, work.listed[FOUND], first, V), SMALLEST_STEP)
+    f = max(event_fraction(work.step.C, work.found, first, V), SMALLEST_STEP)
     for i in range(3):
         moved = along(first, V, f, i)
         work.trial[i] = q[i] + (moved / body.rho if i == 2 else moved)
@@ -263,13 +225,12 @@ def try_step(
         _turn_back(work)
         return RETRY, 0.5 * f * size
     c, s = np.cos(work.trial[2]), np.sin(work.trial[2])
-    placed, count = scratch.placed, work.listed[PLACED]
-    contact.place_turned(body.outline, work.trial, c, s, scratch.points, placed, count)
+    contact.place_turned(body.outline, work.trial, c, s, scratch.points)
     work.fingers[0] -= step_top
     work.fingers[1] += step_bottom
     find_contacts(work.trial, grip, margin, scratch)
     if _overlaps(grip, scratch):
-        contact.place_turned(body.outline, q, work.heading[0], work.heading[1], scratch.points, placed, count)
+        contact.place_turned(body.outline, q, work.heading[0], work.heading[1], scratch.points)
         work.fingers[0] += step_top
         work.fingers[1] -= step_bottom
         find_contacts(q, grip, margin, scratch)

@@ -98,11 +98,9 @@ def contact_solution(
     """
     work = workspace()
     C, I, V = work.C, work.I, work.V
-    listed = np.arange(len(points))
+    columns, out = np.ascontiguousarray(points.T), np.zeros(len(points), np.int64)
     h, thickness = 0.5 * jaws[1], jaws[2]
-    count = contacts.find(
-        C, I, points, listed, len(points), pose, faces[0], faces[1], h, thickness, TOUCHING_MM
-    )
+    count = contacts.find(C, I, columns, out, pose, faces[0], faces[1], h, thickness, TOUCHING_MM)
     directions(C, I, count, rho_mm, advance_mm, advance_mm)
     work.F[:] = 0.0, 1.0, 0.0
     status = solve_surface(surface, np.cos(pose[2]), np.sin(pose[2]), mu[0], mu[1], count, work)

@@ -28,12 +28,17 @@ HALF, THICKNESS, FAR = 13.75, 9.5, 42.5
 FINGERS = pytest.mark.parametrize("finger", [1, -1])
 
 
+def columns(points: np.ndarray) -> np.ndarray:
+    """Points (N, 2) as the kernels have them."""
+    return np.ascontiguousarray(points.T)
+
+
 def found(points: np.ndarray, pose: np.ndarray, top: float, bottom: float, margin: float):
     """The valid rows of both contact arrays."""
     C = np.zeros((contacts.MAX_CONTACTS, contacts.C_COLUMNS))
     I = np.zeros((contacts.MAX_CONTACTS, contacts.I_COLUMNS), np.int64)
-    listed = np.arange(len(points))
-    count = contacts.find(C, I, points, listed, len(points), pose, top, bottom, HALF, THICKNESS, margin)
+    out = np.zeros(len(points), np.int64)
+    count = contacts.find(C, I, columns(points), out, pose, top, bottom, HALF, THICKNESS, margin)
     return C[:count], I[:count]
 
 
@@ -46,14 +51,23 @@ def scenes(seed: int, count: int, radius: float = 30.0):
         yield rng, place(outline, pose), pose
 
 
-def test_place_turns_and_shifts_the_listed_vertices_only():
+def test_place_turns_and_shifts_every_vertex():
     rng = np.random.default_rng(1)
     outline, pose = random_star(rng, 9), np.array([3.0, -4.0, 0.7])
-    points = np.zeros_like(outline)
-    listed = np.array([1, 4, 8, 0])
-    contacts.place(outline, pose, points, listed, 3)
-    assert np.allclose(points[[1, 4, 8]], place(outline, pose)[[1, 4, 8]], atol=1e-12)
-    assert not points[[0, 2, 3, 5, 6, 7]].any()
+    points = np.zeros((2, 9))
+    contacts.place(columns(outline), pose, points)
+    assert np.allclose(points.T, place(outline, pose), atol=1e-12)
+
+
+def test_an_edge_is_left_out_only_where_both_ends_lie_on_one_side_of_the_surroundings():
+    rng = np.random.default_rng(2)
+    points, out = rng.uniform(-30.0, 30.0, (200, 2)), np.zeros(200, np.int64)
+    contacts.mark(columns(points), out, 12.0, -9.0, 15.0)
+    for (x0, y0), (x1, y1), near in zip(
+        points, np.roll(points, -1, axis=0), out & np.roll(out, -1), strict=True
+    ):
+        between = max(y0, y1) < 12.0 and min(y0, y1) > -9.0
+        assert bool(near) == (between or min(x0, x1) > 15.0 or max(x0, x1) < -15.0)
 
 
 @FINGERS
@@ -62,7 +76,7 @@ def test_clearance_is_the_way_to_the_nearest_point_of_the_part_below_the_finger(
     strip = shapely.box(-HALF, -500.0, HALF, 500.0)
     for _, points, _ in scenes(2, 400):
         below = shapely.intersection(shapely.Polygon(points), strip)
-        way = clearance.clearance(points, finger, finger * 100.0, HALF)
+        way = clearance.clearance(columns(points), finger, finger * 100.0, HALF)
         if below.is_empty:
             missed += 1
             assert way == math.inf
@@ -75,7 +89,7 @@ def test_clearance_is_the_way_to_the_nearest_point_of_the_part_below_the_finger(
 @FINGERS
 def test_a_finger_that_closed_by_its_clearance_touches_and_does_not_overlap(finger):
     for _, points, _ in scenes(3, 300, radius=20.0):
-        way = clearance.clearance(points, finger, finger * 100.0, HALF)
+        way = clearance.clearance(columns(points), finger, finger * 100.0, HALF)
         if math.isinf(way):
             continue
         part, face = shapely.Polygon(points), finger * (100.0 - way)
@@ -93,7 +107,7 @@ def test_a_finger_is_blocked_where_it_shares_area_with_the_part(finger):
         shared = shapely.Polygon(points).intersection(finger_box(finger, face)).area
         if 0.0 < shared < 1e-6:
             continue
-        verdict = clearance.blocked(points, finger, face, HALF, THICKNESS)
+        verdict = clearance.blocked(columns(points), finger, face, HALF, THICKNESS)
         assert verdict == (shared > 0.0)
         verdicts.add(verdict)
     assert verdicts == {True, False}
@@ -104,7 +118,7 @@ def test_at_first_touch_a_contact_is_found_with_that_gap(finger):
     """However the part lies: no part is touched without a row that says so."""
     touched = 0
     for rng, points, pose in scenes(6, 500, radius=25.0):
-        way = clearance.clearance(points, finger, finger * 100.0, HALF)
+        way = clearance.clearance(columns(points), finger, finger * 100.0, HALF)
         if math.isinf(way):
             continue
         touched += 1
@@ -119,7 +133,7 @@ def test_at_first_touch_a_contact_is_found_with_that_gap(finger):
 
 def nearly_closed(rng: np.random.Generator, points: np.ndarray) -> tuple[float, float]:
     """Faces just before they touch; far apart where one passes by the part."""
-    ways = [clearance.clearance(points, f, f * 100.0, HALF) for f in (1, -1)]
+    ways = [clearance.clearance(columns(points), f, f * 100.0, HALF) for f in (1, -1)]
     top, bottom = (100.0 - way + rng.uniform(0.0, 0.3) if way < math.inf else FAR for way in ways)
     return top, -bottom
 

@@ -167,7 +167,7 @@ def test_a_point_near_a_convex_part_is_found_once_at_its_distance():
             distance = here.distance(part.exterior)
             if part.contains(here):
                 continue
-            count = contacts.find_points(C, I, outline, np.zeros(3), point[None], 2.0)
+            count = contacts.find_points(C, I, np.ascontiguousarray(outline.T), np.zeros(3), point[None], 2.0)
             assert count == (distance <= 2.0)
             if count:
                 assert C[0, contacts.GAP] == pytest.approx(distance)

@@ -25,7 +25,8 @@ def place(pose):
 
 def touching(pose):
     points = place(pose)
-    return points, tuple(f * (100.0 - clearance(points, f, f * 100.0, 13.75)) for f in (1, -1))
+    columns = np.ascontiguousarray(points.T)
+    return points, tuple(f * (100.0 - clearance(columns, f, f * 100.0, 13.75)) for f in (1, -1))
 
 
 @pytest.mark.parametrize(

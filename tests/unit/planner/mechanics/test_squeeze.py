@@ -128,11 +128,9 @@ def pushed_by(outline, surface, jaws, pose, push):
 
     work = workspace()
     C, I = work.C, work.I
-    points, everything = np.zeros_like(outline), np.arange(len(outline))
-    contacts.place(outline, pose, points, everything, len(outline))
-    count = contacts.find(
-        C, I, points, everything, len(outline), pose, jaws[0] / 2, -jaws[0] / 2, jaws[1] / 2, jaws[2], 0.05
-    )
+    points, out = np.zeros((2, len(outline))), np.zeros(len(outline), np.int64)
+    contacts.place(np.ascontiguousarray(outline.T), pose, points)
+    count = contacts.find(C, I, points, out, pose, jaws[0] / 2, -jaws[0] / 2, jaws[1] / 2, jaws[2], 0.05)
     step.rotate_surface(surface.A, np.cos(pose[2]), np.sin(pose[2]), work.A)
     step.directions(C, I, count, surface.rho_mm, push, 0.0)
     assert step.solve(0.5, 0.5, count, work) == step.SOLVED
