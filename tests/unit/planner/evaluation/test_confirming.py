@@ -64,7 +64,7 @@ def test_leaves_are_squeezed_again_until_few_strangers_are_answered(plain):
     plan = planned(stranger_rate=RATE)
     assert answered(plain) > 0.5
     assert answered(plan) < RATE + 3.0 * np.sqrt(RATE / 2000)
-    assert plan.evaluation.success.mean() > 0.99
+    assert plan.evaluation.wrong.mean() < 0.02  # the goal's; a leaf that own parts refute is unresolved
     assert plain.against is not None
     assert plain.against.answered is None
     assert plan.against is not None
