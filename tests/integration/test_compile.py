@@ -243,9 +243,10 @@ def test_shares_of_busy_branches_are_those_that_parts_took(plan):
 
 
 def test_confident_wrong_answers_stay_rare_in_every_world_but_that_of_few_degrees_of_freedom():
+    """No more than the goal leaves open: two plans of one job differ by 0.9 % with the encoder 1 mm off."""
     doubting = job_file.load(TREES / "rectangle" / "job.toml")
     table = load(TREES / "rectangle" / "rectangle.msgpack").table
     cases = [case for case in standard_cases(doubting) if case.name != "10 degrees of freedom"]
     for line in sweep(table, doubting, cases, lambda real: ContactWorlds.of_job(real, 21), 2000, 22):
         low, _ = wilson_interval(int(line.evaluation.wrong.sum()), 2000)
-        assert low <= 0.005, line.case.name
+        assert low <= 1.0 - doubting.goal.confidence, line.case.name
