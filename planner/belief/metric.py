@@ -101,10 +101,8 @@ class Metric(NamedTuple):
 
     def shares(self, beliefs: Sequence[Array], most: int) -> Array:
         """The shares (k, most) of `main_modes` of k beliefs (n, 3 or 4), n >= 1 each, much faster."""
-        shares, stops = (
-            np.zeros((len(beliefs), most)),
-            np.cumsum([len(states) for states in beliefs], dtype=np.int64),
-        )
+        shares, sizes = np.zeros((len(beliefs), most)), [len(states) for states in beliefs]
+        stops = np.cumsum(sizes, dtype=np.int64)
         columns = np.zeros((4 if self.further else 3, int(stops[-1]) if beliefs else 0))
         for belief, stop in zip(beliefs, stops, strict=True):
             columns[: belief.shape[1], stop - len(belief) : stop] = belief.T
@@ -200,11 +198,8 @@ def within(columns: Array, start: int, stop: int, centre: Array, weights: Array,
         return count
     x, y, theta, period = weights[0, 1], weights[0, 2], weights[0, 3], weights[0, 4]
     for i in range(start, stop):
-        dx, dy, turn = (
-            x * (columns[0, i] - centre[0]),
-            y * (columns[1, i] - centre[1]),
-            columns[2, i] - centre[2],
-        )
+        dx, dy = x * (columns[0, i] - centre[0]), y * (columns[1, i] - centre[1])
+        turn = columns[2, i] - centre[2]
         room = 1.0 - theta * abs(turn - period * np.round(turn / period))
         inside[i] = (room > 0.0) & (dx * dx + dy * dy < room * room)
         count += int(inside[i])

@@ -101,10 +101,10 @@ class SearchParams:
     reopen_margin: float = 0.75
     """Fraction of the goal's allowed errors above which a leaf is grown further: the rest is reserve."""
     step_mm: float = 0.8
-    """Closing step of the tree's own squeezes, twice that of the trials: all but one in 10 000 end within 0.3
+    """Closing step of the tree's own squeezes, twice that of the trials: all but one in 1000 end within 0.3
     mm and 1 degree of where steps of 0.05 mm do."""
     ahead_step_mm: float = 1.6
-    """The same of squeezes only looked ahead: all but one or two in 1000 do."""
+    """The same of squeezes only looked ahead: all but two in 1000 do."""
     refinements: int = 6
     """How often leaves are grown further that miss the goal."""
     looks: int = 3

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from planner.belief.metric import Metric
+from planner.belief.metric import Metric, within
 from planner.frames import to_hand, to_world, wrap
 
 
@@ -60,6 +60,23 @@ def test_mode_ratio_is_what_its_pose_explains():
         mode = metric().mode(belief)
         assert metric().reached(belief, mode.pose).mean() == pytest.approx(mode.ratio)
         assert metric().explained(belief, mode).mean() == pytest.approx(mode.ratio)
+
+
+TOLERANCES = Metric(3.0, 10.0, 2, "tolerances", (2.0, 3.0, 0.2))
+SEVERAL = Metric(3.0, 10.0, 2, further=((7.0, 1),))
+
+
+@pytest.mark.parametrize("goal", [metric(), metric(6), TOLERANCES, SEVERAL])
+def test_states_within_the_goal_are_those_that_the_metric_reaches(goal):
+    rng = np.random.default_rng(6)
+    states = rng.normal(size=(999, 3)) * [3.0, 3.0, 2.0]
+    if goal.further:
+        states = np.column_stack([states, rng.integers(0, 2, 999)])
+    for centre in states[100:120]:
+        inside = np.zeros(999, np.bool_)
+        count = within(np.ascontiguousarray(states.T), 100, 900, centre, goal.weights(), inside)
+        assert np.array_equal(inside[100:900], goal.reached(states[100:900], centre))
+        assert count == inside.sum() > 0
 
 
 def test_shares_are_those_of_the_main_modes():
