@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import count
 from typing import NamedTuple
 
@@ -179,7 +180,7 @@ class Planning:
         """
         seed = [self.job.seed, attempt]
         if attempt == 0:
-            self.anytime.grow(self.root, seed, self._watch)
+            self.anytime.grow(self.root, seed, self._watch, partial(self._told, "first squeeze"))
         else:
             grow(self.root, self.growth, seed, self._watch, self._late, self._reopen)
         if not self.root.children:
@@ -194,7 +195,10 @@ class Planning:
 
     def improve(self, seed: list[int], late: Callable[[], bool], rough: float = 0.0) -> None:
         """Tries other squeezes for the nodes that matter most, until it is late."""
-        improve(self.root, self.growth, seed, lambda a, b: self.say("improve", a, a + b), late, rough)
+        improve(self.root, self.growth, seed, partial(self._told, "improve"), late, rough)
+
+    def _told(self, stage: str, done: int, waiting: int) -> None:
+        self.say(stage, done, done + waiting)
 
     def _mended(self, attempt: int) -> bool:
         """Whether other squeezes stand above leaves that fail for good, if there is time to judge them."""

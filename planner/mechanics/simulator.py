@@ -24,7 +24,7 @@ from planner.work.scheduler import Threads
 DEFAULT_STEP_MM = 0.4
 SIMPLIFY_MM = 0.005
 """Densely sampled curves lose the vertices that lie this near to the rest: less than the step resolves."""
-CHUNK = 256
+CHUNK = 512
 TRACE_ROWS = 2000
 STUCK_MM, STUCK_DEG = 10.0, 5.0  # How far a part that sticks to its pusher may lie off where that took it
 

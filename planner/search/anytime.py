@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from planner.search.expand import Growth, Progress, TreeNode, breadth_first, grow
+from planner.search.expand import Growth, Progress, TreeNode, breadth_first, grow, untold
 from planner.search.hasty import hasty_growth, squeeze_first
 from planner.work.limit import Limit
 
@@ -57,8 +57,11 @@ class Anytime:
     growth_s: float = 0.0  # how long the growth took, or would have taken by estimate
     cut: bool = False  # whether something was left undone
 
-    def grow(self, root: TreeNode, seed: list[int], progress: Progress) -> None:
-        """Grows a tree from its root; a hasty one with little effort, more where that gains nothing."""
+    def grow(self, root: TreeNode, seed: list[int], progress: Progress, first: Progress = untold) -> None:
+        """Grows a tree from its root; a hasty one with little effort, more where that gains nothing.
+
+        Tells of the search for its `first` squeeze, then of its growth.
+        """
         self.begun_s = self.limit.spent_s
         if self.hasty:
             little = hasty_growth(self.growth)
@@ -66,7 +69,7 @@ class Anytime:
             for node in breadth_first(root):
                 node.exhausted, node.searched = math.inf, 0
         else:
-            squeeze_first(root, self.growth, seed, self.limit.over)
+            squeeze_first(root, self.growth, seed, first, self.limit.over)
         least = 0.0 if self.hasty else self.growth.objective.params.improved_share
         grow(root, self.growth, seed, progress, lambda: self.late(root), least=least)
         self.growth_s = (self.limit.spent_s - self.begun_s) / max(self._done(root), LEAST_DONE)

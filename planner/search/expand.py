@@ -6,7 +6,7 @@ import heapq
 import math
 from collections import deque
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from dataclasses import dataclass, field
 from typing import NamedTuple, TypeAlias
 
@@ -22,9 +22,14 @@ from planner.search.closed_loop import LookAhead
 from planner.search.handling import Handling
 from planner.search.params import Objective
 from planner.search.ranking import Choice, selection_bias
+from planner.work.scheduler import pool_of
 
 Progress = Callable[[int, int], None]
 Chosen: TypeAlias = tuple[list[Choice], np.random.Generator]  # a node's placements, and its stream after it
+
+
+def untold(_done: int, _waiting: int) -> None:
+    """Progress that nobody hears of."""
 
 
 class PlannedSqueeze(NamedTuple):
@@ -157,7 +162,7 @@ def grow(
     root: TreeNode,
     growth: Growth,
     seed: list[int],
-    progress: Progress | None = None,
+    progress: Progress = untold,
     out_of_time: Callable[[], bool] = lambda: False,
     reopen: float = 1.0,
     least: float = 0.0,
@@ -192,7 +197,7 @@ def grow(
     heapq.heapify(waiting)
     done, ahead = 0, dict[tuple[int, ...], Future[Chosen]]()
     workers = growth.look_ahead.ranking.mixture.workers
-    with ThreadPoolExecutor(workers) as pool:
+    with pool_of(workers) as pool:
         while waiting and not out_of_time():
             _, path, node, parent = heapq.heappop(waiting)  # paths differ: no tie goes further
             for _, its_path, leaf, _ in heapq.nsmallest(workers - 1, waiting):
@@ -203,8 +208,7 @@ def grow(
             for leaf, above in _expand(node, parent, growth, chosen):
                 if leaf.unlocated_mass >= least and growth.worth_growing(leaf, confidence):
                     heapq.heappush(waiting, (-leaf.unlocated_mass, leaf.path, leaf, above))
-            if progress is not None:
-                progress(done, len(waiting))
+            progress(done, len(waiting))
         pool.shutdown(cancel_futures=True)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from planner.arrays import Array
 from planner.belief.particles import subsample
-from planner.search.expand import Growth, TreeNode, breadth_first, grow, squeeze_at
+from planner.search.expand import Growth, Progress, TreeNode, breadth_first, grow, squeeze_at, untold
 from planner.search.ranking import unlike
 
 HASTY_PARTICLES = 5  # A hasty tree's beliefs have the job's particles, divided by this
@@ -34,7 +34,11 @@ def hasty_growth(growth: Growth) -> Growth:
 
 
 def squeeze_first(
-    root: TreeNode, growth: Growth, seed: list[int], out_of_time: Callable[[], bool] = lambda: False
+    root: TreeNode,
+    growth: Growth,
+    seed: list[int],
+    progress: Progress = untold,
+    out_of_time: Callable[[], bool] = lambda: False,
 ) -> None:
     """Squeezes the root where hasty trees cost least; leaves it as it is where there is nothing to choose.
 
@@ -44,12 +48,13 @@ def squeeze_first(
         root: without a squeeze, modified in place.
         growth: how the tree will be grown.
         seed: every hasty tree draws from a stream of its own.
+        progress: called with the number of hasty trees done and the number waiting.
         out_of_time: asked before each node.
     """
     placements = _candidates(root, growth)
     if len(placements) < 2:
         return
-    found = costs(root, placements, growth, seed, out_of_time)
+    found = costs(root, placements, growth, seed, progress, out_of_time)
     if not out_of_time():
         best, second = np.argsort(found, kind="stable")[:2]
         squeeze_at(root, None, placements[best], growth, np.random.default_rng([*seed, SEED_COST]))
@@ -58,8 +63,9 @@ def squeeze_first(
 
 
 def costs(
-    root: TreeNode, placements: Array, growth: Growth, seed: list[int], out_of_time: Callable[[], bool]
-) -> Array:
+    root: TreeNode, placements: Array, growth: Growth, seed: list[int], progress: Progress,
+    out_of_time: Callable[[], bool],
+) -> Array:  # fmt: skip
     """What first squeezes at placements (k, 3) cost: the mean price of their hasty trees.
 
     Returns:
@@ -69,7 +75,8 @@ def costs(
     total, left, trees = np.zeros(len(placements)), list(range(len(placements))), 0
     while trees < ROUNDS and (len(left) > 1 or not trees):
         least = np.inf
-        for k in left:
+        for done, k in enumerate(left):
+            progress(done + trees * len(placements), len(left) - done)
             most = least + close - total[k]
             total[k] += _cost(root, placements[k], growth, [*seed, SEED_COST, trees, k], most, out_of_time)
             least = min(least, total[k])

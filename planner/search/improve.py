@@ -10,7 +10,16 @@ import numpy as np
 
 from planner.arrays import Array
 from planner.belief.particles import Belief
-from planner.search.expand import Growth, Progress, TreeNode, breadth_first, grow, replace_child, squeeze_at
+from planner.search.expand import (
+    Growth,
+    Progress,
+    TreeNode,
+    breadth_first,
+    grow,
+    replace_child,
+    squeeze_at,
+    untold,
+)  # fmt: skip
 from planner.search.hasty import price
 
 
@@ -18,7 +27,7 @@ def improve(
     root: TreeNode,
     growth: Growth,
     seed: list[int],
-    progress: Progress | None = None,
+    progress: Progress = untold,
     out_of_time: Callable[[], bool] = lambda: False,
     rough: float = 0.0,
 ) -> None:
@@ -43,8 +52,7 @@ def improve(
         pairs = [(child, node) for node in inner for child in node.children if child.depth == depth]
         pairs = [(child, node) for child, node in pairs if child.share >= params.improved_share]
         for done, (node, parent) in enumerate(pairs):
-            if progress is not None:
-                progress(done, len(pairs) - done)
+            progress(done, len(pairs) - done)
             grow(node, growth, seed, out_of_time=out_of_time, least=rough * node.share)
             tried, left = node.alternatives, (1.0 + saving) * growth.objective.costs.least
             pieces = _cheapest(node, parent, left, growth, seed, out_of_time, rough)

@@ -6,9 +6,11 @@ Work is cut into items that carry all they depend on: results are the same bytes
 import os
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import cache
+from threading import current_thread
 from typing import TypeAlias, TypeVar
 
 from planner.work.cluster import Cluster
@@ -17,6 +19,17 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 AHEAD = 3  # Items handed out for each worker before the first of their results has been taken
+WORKER = "squeezetree worker"  # how the names of threads begin that share no work of theirs
+
+
+def pool_of(workers: int) -> ThreadPoolExecutor:
+    """Threads that do alone what they map, so that none waits for another."""
+    return ThreadPoolExecutor(workers, WORKER)
+
+
+_kept = cache(pool_of)  # starting threads takes as long as a hundred squeezes
+if hasattr(os, "register_at_fork"):  # a forked process has none of its parent's threads
+    os.register_at_fork(after_in_child=_kept.cache_clear)
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,11 +45,10 @@ class Threads:
             function: of a module where a cluster may run it; what it raises ends the work.
             items: its arguments; for a cluster they can be pickled.
         """
-        if self.workers == 1 or len(items) < 2:
+        if self.workers == 1 or len(items) < 2 or current_thread().name.startswith(WORKER):
             yield from map(function, items)
             return
-        pool = ThreadPoolExecutor(self.workers)
-        waiting: deque[Future[R]] = deque()
+        pool, waiting = _kept(self.workers), deque[Future[R]]()
         try:
             for item in items:
                 waiting.append(pool.submit(function, item))
@@ -45,7 +57,9 @@ class Threads:
             while waiting:
                 yield waiting.popleft().result()
         finally:
-            pool.shutdown(cancel_futures=True)
+            for future in waiting:
+                future.cancel()
+            wait(waiting)
 
 
 Scheduler: TypeAlias = Threads | Cluster  # Where work runs; `workers` is how many items run at once

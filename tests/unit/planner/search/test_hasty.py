@@ -8,7 +8,7 @@ import pytest
 from oracle import BELIEF, SILENT, TELLING, Oracle, look_ahead
 
 from planner.job import model as job_file
-from planner.search.expand import Growth, TreeNode, breadth_first
+from planner.search.expand import Growth, TreeNode, breadth_first, untold
 from planner.search.handling import handling_of
 from planner.search.hasty import costs, squeeze_first
 from planner.search.params import SearchParams
@@ -45,7 +45,9 @@ def root(growth):
 @pytest.mark.parametrize("order", [1, -1])
 def test_a_squeeze_that_tells_costs_one_and_one_that_does_not_is_dropped(growth, root, order):
     angles = [TELLING, SILENT][::order]
-    telling, silent = costs(root, np.array([placed(a) for a in angles]), growth, [1], in_time)[::order]
+    telling, silent = costs(root, np.array([placed(a) for a in angles]), growth, [1], untold, in_time)[
+        ::order
+    ]
     assert telling == pytest.approx(growth.objective.costs.least)
     assert silent == np.inf
     assert root.squeeze is None
@@ -61,9 +63,11 @@ def test_those_that_cost_about_as_much_are_judged_twice(growth, root, monkeypatc
 
     monkeypatch.setattr("planner.search.hasty._cost", cost)
     row = np.array([placed(SILENT), placed(SILENT, 0.1 * SIDEWAYS), placed(SILENT, SIDEWAYS)])
-    found = costs(root, row, growth, [1], in_time)
+    told = []
+    found = costs(root, row, growth, [1], lambda done, waiting: told.append((done, waiting)), in_time)
     assert found == pytest.approx([0.01, 0.011, np.inf])
     assert len(seeds) == len(set(seeds)) == 5
+    assert told == [(0, 3), (1, 2), (2, 1), (3, 2), (4, 1)]
 
 
 def test_the_first_squeeze_is_that_of_the_cheapest_tree(growth, root):
@@ -84,7 +88,9 @@ def test_where_the_trees_do_not_decide_the_next_best_stays_an_alternative(growth
 def test_nothing_is_squeezed_where_there_is_no_choice_or_no_time(growth, root):
     squeeze_first(root, with_first(growth, [placed(TELLING)]), [1])
     assert root.squeeze is None
-    squeeze_first(root, with_first(growth, [placed(SILENT, SIDEWAYS), placed(TELLING)]), [1], lambda: True)
+    squeeze_first(
+        root, with_first(growth, [placed(SILENT, SIDEWAYS), placed(TELLING)]), [1], out_of_time=lambda: True
+    )
     assert root.squeeze is None
 
 
@@ -98,7 +104,7 @@ def test_first_squeezes_are_unlike_those_about_the_middle_first_and_not_too_many
 
     monkeypatch.setattr("planner.search.hasty._cost", cost)
     row = [placed(SILENT, x) for x in np.arange(-24.0, 25.0, 2.0)]
-    squeeze_first(root, with_first(growth, row), [1], lambda: bool(tried))
+    squeeze_first(root, with_first(growth, row), [1], out_of_time=lambda: bool(tried))
     params = SearchParams()
     first = tried[: len(tried) // 2]
     assert first[0] == 0.0
