@@ -9,6 +9,9 @@ from functools import partial
 from statistics import NormalDist
 from typing import Any, NamedTuple
 
+import numpy as np
+
+from planner.belief.observation import COUNTS
 from planner.diagnosis.ambiguity import Ambiguity, Delay, ambiguities, delays
 from planner.diagnosis.margins import ClosePair, Margins, close_pairs, lines_of, margins_of
 from planner.evaluation.cases import EVERYTHING, PLANNED, Case, noise_cases
@@ -26,6 +29,7 @@ SEED_NOISE = 0x53454E53
 LONG = 3.6  # squeezes a part from which a plan is long
 MOST_LATE = 3
 MOST_TRIALS = 5000  # parts squeezed for each source of noise
+PINCHED = "as something thinner than a count is between the jaws and they read as closed"
 
 
 class Gain(NamedTuple):
@@ -81,6 +85,7 @@ class Advice(NamedTuple):
 
     failing: float  # share of the parts that are not located
     rejected: float  # share whose width no branch has
+    pinched: float  # of these, the share of all that stops the jaws at less than a count, which is no grip
     unresolved: float  # share that ends in leaves from which no squeeze gained anything
     at_depth_limit: float  # share that ends in unresolved leaves as deep as `search.max_depth` allows
     pairs: list[ClosePair]  # branches that the encoder may confuse, those that cost most first
@@ -116,6 +121,8 @@ class Advice(NamedTuple):
         if self.failing == 0.0:
             return ["every part was located"]
         lines = [f"{self.failing:.2%} of the parts are not located"]
+        if self.pinched > 0.5 * self.failing:
+            lines.append(f"{self.pinched:.2%} are rejected, {PINCHED}")
         if self.unresolved > 0.0:
             lines.append(
                 f"{self.unresolved:.2%} end unresolved, where no squeeze that was tried gained anything: "
@@ -131,10 +138,12 @@ def advise(
     margins: Margins | None = None,
 ) -> Advice:  # fmt: skip
     """Reads off what limits the plan of a job, given what the other modules found by further trials."""
+    last = evaluation.reading[np.arange(len(evaluation.leaf)), evaluation.squeezes - 1]
     deep = evaluation.unresolved & (evaluation.squeezes >= job.search.max_depth)
     return Advice(
         failing=1.0 - float(evaluation.success.mean()),
         rejected=float(evaluation.rejected.mean()),
+        pinched=float(np.mean(evaluation.rejected & (last >= COUNTS + job.gripper.count_closed))),
         unresolved=float(evaluation.unresolved.mean()),
         at_depth_limit=float(deep.mean()),
         pairs=close_pairs(table, evaluation, job),

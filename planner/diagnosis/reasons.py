@@ -7,7 +7,7 @@ import numpy as np
 import shapely
 
 from planner.belief.observation import encoder_of
-from planner.diagnosis.advice import Advice
+from planner.diagnosis.advice import PINCHED, Advice
 from planner.errors import NoPlanError
 from planner.job.model import Job
 from planner.part.outline import Outline, canonical, convex_hull
@@ -16,6 +16,7 @@ TURNS = 8  # symmetries of up to so many turns are looked for
 BOTH_SIDES = 2.0  # a width differs by no more than the outline does under both fingers
 TOO_LARGE = "too large for the gripper"
 BELOW = "feature below one count"
+THIN = "rim thinner than one count"
 REACH = "feature out of the fingers' reach"
 ALIKE = "poses not told apart"
 TIME = "search cut short"
@@ -84,6 +85,8 @@ def reason(job: Job, advice: Advice, cut: bool) -> Reason:
     several = [leaf for leaf in advice.open_poses if len(leaf.where.poses) > 1]
     if several and (found := likeness(job, cut)):
         return found
+    if advice.pinched > 0.5 * advice.failing:
+        return Reason(THIN, f"{advice.pinched:.1%} of the parts are rejected, {PINCHED}")
     if advice.rejected > 0.5 * advice.failing:
         return Reason(
             REJECTED, f"{advice.rejected:.1%} of the parts are rejected for a width that is not planned"

@@ -5,11 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from planner.belief.observation import encoder_of
+from planner.belief.observation import COUNTS, encoder_of
 from planner.diagnosis.advice import advise, gains_without_noise
 from planner.diagnosis.margins import THIN, Margins, margins_of, near_another
 from planner.evaluation.cases import EVERYTHING, OFFSET_COUNTS, noise_cases
 from planner.evaluation.evaluate import evaluate
+from planner.evaluation.outcome import REJECTED
 from planner.job import model as job_file
 from planner.world import ContactWorlds
 from runtime.table import REJECT, Calibration, by_count, decision_map, load
@@ -39,6 +40,18 @@ def test_shares_are_those_of_the_evaluation(table, job, evaluation):
     assert advice.failing == pytest.approx(1.0 - evaluation.success.mean())
     assert advice.unresolved == pytest.approx(evaluation.unresolved.mean())
     assert not advice.gains
+
+
+def test_rejects_of_closed_jaws_that_feel_something_are_told_apart(table, job, evaluation):
+    reading, leaf, squeezes = evaluation.reading.copy(), evaluation.leaf.copy(), evaluation.squeezes
+    for part, (count, felt) in enumerate([(230, True), (229, True), (230, False)]):
+        leaf[part] = REJECTED
+        reading[part, squeezes[part] - 1] = count + COUNTS * felt
+    found = advise(table, replace(evaluation, reading=reading, leaf=leaf, squeezes=squeezes), job)
+    assert found.pinched == 1.0 / len(leaf)
+    assert found.rejected >= 3.0 / len(leaf)
+    pinched = found._replace(pinched=0.02, failing=0.03)
+    assert any("thinner than a count" in line for line in pinched.lines())
 
 
 def test_pairs_are_close_or_overlap_and_no_others(table, job, evaluation):

@@ -24,6 +24,7 @@ def advice(**values):
     empty = {
         "failing": 0.5,
         "rejected": 0.0,
+        "pinched": 0.0,
         "unresolved": 0.0,
         "at_depth_limit": 0.0,
         "pairs": [],
@@ -83,5 +84,7 @@ def test_the_first_cause_that_applies_is_told():
     assert reason(bent, advice(unresolved=0.5), cut=True).kind == reasons.TIME
     assert reason(bent, advice(unresolved=0.5, at_depth_limit=0.4), cut=False).kind == reasons.DEPTH
     assert reason(bent, advice(rejected=0.3), cut=True).kind == reasons.REJECTED
+    assert reason(bent, advice(rejected=0.3, pinched=0.3), cut=True).kind == reasons.THIN
+    assert reason(bent, advice(rejected=0.3, pinched=0.1), cut=True).kind == reasons.REJECTED
     assert reason(bent, advice(), cut=False).kind == reasons.SCATTER
     assert math.isfinite(nearest_turn(bent.part.outline_mm, 1).apart_mm)
