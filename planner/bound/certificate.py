@@ -10,11 +10,13 @@ from typing import Any
 import numpy as np
 
 from planner.arrays import Array, IntArray
+from planner.belief.doubts import believed
 from planner.belief.metric import metric_of
 from planner.belief.observation import COUNTS, encoder_of
-from planner.belief.particles import initial, subsample
-from planner.bound.histories import Squeeze, gather
-from planner.bound.lagrangian import Term, leaves_term, overall_term
+from planner.belief.particles import Belief, subsample
+from planner.belief.transition import placing_of, read_as
+from planner.bound.histories import Histories, History, Squeeze
+from planner.bound.lagrangian import Term, leaves_term, overall_term, worth_trying
 from planner.evaluation.trials import placement_of
 from planner.frames import to_hand, to_world
 from planner.job.model import Job
@@ -24,61 +26,95 @@ from planner.search.proposals import along
 from planner.work.progress import Report, silent
 from runtime.table import PPM, REJECT, Calibration, Table, decision_map, wilson_interval
 
-PILOTS = 10_000  # parts that show what may be read after the first squeeze
+PILOTS = 20_000  # parts that show what may be read after the first squeezes
 BELIEF = 400  # parts of a history that its modes are sought among
 DENSE_ANGLES_DEG = np.arange(0.0, 180.0, 15.0)
 DENSE_SHIFTS = (-0.5, 0.0, 0.5)  # shifts along the fingers, in lengths of the finger
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Covered:
-    """The placements of a class of plans; called as `planner.bound.histories.Placements`."""
-
-    first: Array  # (k, 3) those of the first squeeze: the plan's own at the start, none equivalent to another
-    second: list[dict[int, Array]]  # for each of these, those (m, 3) of the second squeeze by what was read
-    common: Array  # (m, 3) those after a reading that is not among them
-
-    def __call__(self, squeezes: int, option: int, reading: int) -> Array:
-        """The placements (k, 3) of the next squeeze."""
-        return self.second[option].get(reading, self.common) if squeezes else self.first
-
-
-def covered(job: Job, table: Table, squeeze: Squeeze, dense: bool, rng: np.random.Generator) -> Covered:
-    """The placements for a table's job: with a grid about the middle if `dense`, and the table's first two.
-
-    Those proposed about modes are found with parts of their own, of `rng`: a certificate must not choose what
-    it covers by the sample that it judges with.
-    """
-    actions, metric = actions_of(job), metric_of(job)
-    parts, more = initial(job, PILOTS, rng), np.zeros((0, 3))
-    if dense:  # every 15 degrees, over the middle and to either side of it
-        middle = np.array([[0.0, 0.0, math.radians(angle)] for angle in DENSE_ANGLES_DEG])
-        shifts = [share * job.gripper.finger_length_mm for share in DENSE_SHIFTS]
-        more = np.concatenate([along(middle, shift) for shift in shifts])
-    common = np.concatenate([actions.placements, more])
-    root = placement_of(table.nodes[0].squeeze)[None]
-    first = inequivalent(np.concatenate([root, common]), common, job)
-    second: list[dict[int, Array]] = []
-    for placement in first:
-        after, readings = squeeze(parts, np.tile(placement, (len(parts), 1)), 1, rng)
-        about: dict[int, Array] = {}
-        for reading in np.unique(readings):
-            belief = subsample(after[readings[0] == reading], BELIEF)
-            about[int(reading)] = np.concatenate([actions.options(belief, metric), more])
-        second.append(about)
-    for reading, branch in enumerate(decision_map(table.nodes[0], Calibration.linear(table.gripper))):
-        if branch != REJECT and (target := table.nodes[0].branches[branch].target) >= 0:
-            own = placement_of(table.nodes[target].squeeze)[None]
-            second[0][reading] = np.concatenate([second[0].get(reading, common), own])
-    return Covered(first, second, common)
-
-
 PARTS = 50_000
 MOST_PARTS = 1_000_000
-DEPTH = 2
+TRIED = 2  # squeezes that are made at all placements
+DEPTH = 3  # squeezes that are made where the cheapest plans make them
+ROUNDS = 8  # how often these are asked for
+LEAST_PARTS = 20  # of a history after which they are made: fewer tell nothing
 CERTAINTY = 0.95
 SEED_BOUND = 0x424F554E
 SEED_PILOTS = 0x50494C4F
+
+
+class Covered:
+    """The placements of a class of plans; called as `planner.bound.histories.Placements`.
+
+    Those proposed about modes are found with parts of their own: a certificate must not choose what it covers
+    by the sample that it judges with.
+
+    Attributes:
+        first: (k, 3) those of the first squeeze: the table's own at the start, none equivalent to another.
+    """
+
+    def __init__(self, job: Job, table: Table, squeeze: Squeeze, dense: bool) -> None:
+        """The placements of a table's job and its own, and a grid about the middle if `dense`."""
+        self._actions, self._metric, self._squeeze = actions_of(job), metric_of(job), squeeze
+        self._more, self._seed = np.zeros((0, 3)), [job.seed, SEED_PILOTS]
+        if dense:  # every 15 degrees, over the middle and to either side of it
+            middle = np.array([[0.0, 0.0, math.radians(angle)] for angle in DENSE_ANGLES_DEG])
+            shifts = [share * job.gripper.finger_length_mm for share in DENSE_SHIFTS]
+            self._more = np.concatenate([along(middle, shift) for shift in shifts])
+        self._table, self._maps = table, dict[int, tuple[int, ...]]()
+        common = np.concatenate([self._actions.placements, self._more])
+        root = placement_of(table.nodes[0].squeeze)[None]
+        self.first = inequivalent(np.concatenate([root, common]), common, job)
+        pilots = believed(job, PILOTS, np.random.default_rng(self._seed))
+        self._pilots: dict[History, Belief] = {(): pilots}
+
+    def __call__(self, history: History) -> Array:
+        """The placements (k, 3) of the next squeeze, the table's own last where it has one."""
+        if not history:
+            return self.first
+        pilots = self._after(history)
+        rows = np.concatenate([self._actions.placements, self._more])
+        if pilots is not None:
+            belief = subsample(pilots, BELIEF)
+            rows = np.concatenate([self._actions.options(belief.states, self._metric), self._more])
+        node = self._node(history)
+        own = [placement_of(self._table.nodes[node].squeeze)] if node >= 0 else []
+        return np.concatenate([rows, *(placement[None] for placement in own)])
+
+    def _after(self, history: History) -> Belief | None:
+        """The pilots with a history, if there are any."""
+        *before, option, reading = history
+        squeezed = (*before, option)
+        if squeezed not in self._pilots:
+            parts = self._pilots[()] if not before else self._after(tuple(before))
+            if parts is None:
+                return None
+            placement = np.tile(self(tuple(before))[option], (len(parts), 1))
+            after, seen = self._squeeze(parts, placement, np.random.default_rng([*self._seed, *squeezed]))
+            self._pilots[squeezed] = Belief(after, parts.traits, seen)
+        parts = self._pilots[squeezed]
+        here = parts.reading == reading
+        return parts[here] if here.any() else None
+
+    def _node(self, history: History) -> int:
+        """The table's node after a history that is its own; negative if there is none."""
+        node, before = 0, list[int]()
+        for option, reading in zip(history[::2], history[1::2], strict=True):
+            own = placement_of(self._table.nodes[node].squeeze)
+            if not np.array_equal(self(tuple(before))[option], own):
+                return -1
+            branch = self._map(node)[reading]
+            node = -1 if branch == REJECT else self._table.nodes[node].branches[branch].target
+            if node < 0:
+                return -1
+            before += [option, reading]
+        return node
+
+    def _map(self, node: int) -> tuple[int, ...]:
+        """Which branch each reading takes at a node."""
+        if node not in self._maps:
+            calibration = Calibration.linear(self._table.gripper)
+            self._maps[node] = tuple(decision_map(self._table.nodes[node], calibration))
+        return self._maps[node]
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,15 +178,14 @@ class Certificate:
 
 
 def squeezes_of(job: Job, workers: int | None = None) -> Squeeze:
-    """Squeezes in the world that the evaluation judges plans in."""
-    simulator, encoder = Simulator.of_job(job, workers), encoder_of(job)
+    """Squeezes in the world that the evaluation judges plans in: what the job doubts may be off."""
+    simulator, encoder, placing = Simulator.of_job(job, workers), encoder_of(job), placing_of(job)
 
-    def squeeze(
-        poses: Array, placements: Array, times: int, rng: np.random.Generator
-    ) -> tuple[Array, IntArray]:
-        rolled = simulator.roll_out(to_hand(poses, placements.T), simulator.sample(len(poses), rng))
-        counts = encoder.read(np.tile(rolled.width_mm, (times, 1)), rng)
-        return to_world(rolled.poses, placements.T), counts + COUNTS * (rolled.width_mm > 0.0)
+    def squeeze(parts: Belief, placements: Array, rng: np.random.Generator) -> tuple[Array, IntArray]:
+        hand = placing.placed(placements, parts.traits, rng)
+        rolled = simulator.squeeze(to_hand(parts.poses, hand.T), rng, parts.traits)
+        counts = encoder.read(read_as(rolled.width_mm, parts.traits), rng)
+        return to_world(rolled.poses, hand.T), counts + COUNTS * (rolled.width_mm > 0.0)
 
     return squeeze
 
@@ -161,26 +196,38 @@ def certify(
 ) -> Certificate:  # fmt: skip
     """Proves a lower bound of the squeezes of plans that are as good as the evaluated table of a job.
 
-    Its first two squeezes and its success say what is compared. `parts` is the size of the sample, of which
-    more prove more; `dense` covers a grid of placements beside those of the job. The result does not depend
-    on the number of workers (threads), all cores if None.
+    Its first squeezes and its success say what is compared. `parts` is the size of the sample, of which more
+    prove more; `dense` covers a grid of placements beside those of the job. The result does not depend on the
+    number of workers (threads), all cores if None.
     """
     rng = np.random.default_rng([job.seed, SEED_BOUND])
-    metric = metric_of(job)
     squeeze = squeezes_of(job, workers)
-    placements = covered(job, table, squeeze, dense, np.random.default_rng([job.seed, SEED_PILOTS]))
-    levels = gather(squeeze, initial(job, parts, rng), metric, placements, DEPTH, rng, report)
+    placements = Covered(job, table, squeeze, dense)
+    sample = believed(job, parts, rng)
+    found = Histories(squeeze, sample, metric_of(job), placements, TRIED, DEPTH, rng, workers, report)
     predicted = table.predicted
     successes = round(predicted.success_ppm / PPM * predicted.trials)
-    success = wilson_interval(successes, predicted.trials)[0]
+    success, confidence = wilson_interval(successes, predicted.trials)[0], job.goal.confidence
+    for left in range(ROUNDS, -1, -1):
+        leaves = leaves_term(found.levels, confidence, success, CERTAINTY)
+        overall = overall_term(found.levels, success, CERTAINTY)
+        asked = [
+            worth_trying(found.levels, TRIED, term.price, share)
+            for term, share in ((leaves, confidence), (overall, 1.0))
+        ]
+        chosen = np.unique(np.concatenate(asked))
+        chosen = chosen[found.levels[TRIED].size[chosen] >= LEAST_PARTS]
+        if not (left and len(chosen)):
+            break
+        found.extend(TRIED, chosen)
     return Certificate(
-        leaves=leaves_term(levels, job.goal.confidence, success, CERTAINTY),
-        overall=overall_term(levels, success, CERTAINTY),
-        confidence=job.goal.confidence,
+        leaves=leaves,
+        overall=overall,
+        confidence=confidence,
         success=success,
         mean=predicted.mean_squeezes_ppm / PPM,
         parts=parts,
         first=len(placements.first),
-        second=float(np.mean([len(options) for about in placements.second for options in about.values()])),
+        second=len(found.levels[TRIED].owner) / len(found.levels[TRIED - 1].size),
         dense=dense,
     )

@@ -9,19 +9,26 @@ others cut in two until e is a hundredth of the goal.
 Lengths are in units of the goal, so that it is 1.
 """
 
+from collections import deque
+from itertools import pairwise
+
 import numpy as np
 
 from planner.arrays import Array, IntArray
 from planner.belief.metric import largest_mode
 from planner.kernel import kernel
+from planner.work.scheduler import Threads
 
 LEAST_SHARE = 0.75
 """Where no prediction locates this share of a group, only that is found out. It is above a half."""
 INFLATION = 0.01  # radius of a cell that is not cut any more: by so much the goal is too wide at most
+TOGETHER = 4096  # poses, about, that a thread covers at once
 MOST_CELLS = 20000  # cells looked at; the bound holds wherever the search ends, and more make it tighter
 
 
-def most_located(poses: Array, start: IntArray, weights: Array, order: int) -> IntArray:
+def most_located(
+    poses: Array, start: IntArray, weights: Array, order: int, workers: int | None = 1
+) -> IntArray:
     """For each group of poses, at most how many of them are within the goal of any one pose.
 
     Args:
@@ -29,12 +36,20 @@ def most_located(poses: Array, start: IntArray, weights: Array, order: int) -> I
         start: (k + 1,) where each begins, then n; none is empty.
         weights: (1, 6) of the metric (`Metric.weights`).
         order: rotational order of the part.
+        workers: threads that share the groups, all cores if None; the result does not depend on it.
 
     Returns:
         (k,) counts, never too small; nearly `LEAST_SHARE` of the group where that is more than any locates.
     """
-    found = np.zeros(len(start) - 1, np.int64)
-    _most_located(np.ascontiguousarray(poses), start, weights, order, found)
+    found, poses = np.zeros(len(start) - 1, np.int64), np.ascontiguousarray(poses)
+    pieces = np.unique(np.searchsorted(start, np.arange(0, len(poses), TOGETHER)))
+
+    def run(piece: tuple[int, int]) -> None:
+        first, last = piece
+        _most_located(poses, start[first : last + 1], weights, order, found[first:last])
+
+    threads = Threads(workers) if workers else Threads()
+    deque(threads.map(run, list(pairwise([*pieces.tolist(), len(found)]))), maxlen=0)
     return found
 
 
@@ -45,17 +60,19 @@ def _most_located(poses: Array, start: IntArray, weights: Array, order: int, fou
     for k in range(found.shape[0]):
         largest = max(largest, start[k + 1] - start[k])
     local, column, stack, pose = np.empty((largest, 3)), np.empty(largest), np.empty((64, 7)), np.empty(3)
+    turn = own[3] * 2.0 * np.pi / order
     for k in range(found.shape[0]):
         group = poses[start[k] : start[k + 1]]
         n = group.shape[0]
-        best = round(largest_mode(np.ascontiguousarray(group.T), n, weights, pose) * n)
         least = int(np.ceil(LEAST_SHARE * n))
-        if best == n:
+        found[k] = least - 1
+        if _localise(group, own, 2.0 * np.pi / order, least, local[:n], column[:n]) and _enclosed(
+            local[:n], column[:n], own, turn, least, stack[0]
+        ):
+            best = round(largest_mode(np.ascontiguousarray(group.T), n, weights, pose) * n)
             found[k] = n
-        elif _localise(group, own, 2.0 * np.pi / order, least, local[:n], column[:n]):
-            found[k] = _search(local[:n], column[:n], own, order, max(best, least - 1), least, stack)
-        else:
-            found[k] = max(best, least - 1)
+            if best < n:
+                found[k] = _search(local[:n], own[0] > 0.0, turn, max(best, least - 1), stack)
 
 
 @kernel
@@ -94,25 +111,18 @@ def _localise(poses: Array, weights: Array, period: float, least: int, local: Ar
 
 
 @kernel
-def _search(
-    local: Array, column: Array, weights: Array, order: int, best: int, least: int, stack: Array
-) -> int:
-    """Branch and bound over the predictions that may locate more than `best` poses.
+def _enclosed(local: Array, column: Array, weights: Array, turn: float, least: int, cell: Array) -> bool:
+    """Whether a prediction may matter; if so, the first cell, which holds all that do.
 
     Args:
         local: (n, 3) poses as `_localise` leaves them.
         column: (n,) work space.
         weights: (6,) of the metric, for the part.
-        order: rotational order of the part.
-        best: what to beat, the poses that some prediction locates or least - 1.
+        turn: the period of their angles.
         least: poses that a prediction must locate to matter.
-        stack: (m, 7) work space: middle and half sides of a cell, and the poses that may be located from it.
-
-    Returns:
-        At least the most that any prediction locates, or `best`.
+        cell: (7,) receives middle and half sides, and n.
     """
     n = local.shape[0]
-    turn = weights[3] * 2.0 * np.pi / order
     for axis in range(2):
         for i in range(n):
             column[i] = local[i, axis]
@@ -120,17 +130,35 @@ def _search(
         # A prediction has `least` poses less than one goal to either side.
         low, high = column[least - 1] - 1.0, column[n - least] + 1.0
         if low > high:
-            return best
-        stack[0, axis] = 0.5 * (low + high)
-        stack[0, 3 + axis] = 0.5 * (high - low) if weights[1 + axis] > 0.0 else 0.0
-    stack[0, 2], stack[0, 5], stack[0, 6] = 0.0, min(2.0, 0.5 * turn), n
+            return False
+        cell[axis] = 0.5 * (low + high)
+        cell[3 + axis] = 0.5 * (high - low) if weights[1 + axis] > 0.0 else 0.0
+    cell[2], cell[5], cell[6] = 0.0, min(2.0, 0.5 * turn), n
+    return True
+
+
+@kernel
+def _search(local: Array, added: bool, turn: float, best: int, stack: Array) -> int:
+    """Branch and bound over the predictions that may locate more than `best` poses.
+
+    Args:
+        local: (n, 3) poses as `_localise` leaves them.
+        added: whether the metric adds the angle to the distance.
+        turn: the period of their angles.
+        best: what to beat, the poses that some prediction locates or more.
+        stack: (m, 7) work space: middle and half sides of a cell, and the poses that may be located from it;
+            the first one is given.
+
+    Returns:
+        At least the most that any prediction locates, or `best`.
+    """
     size, cells = 1, 0
     while size > 0:
         size -= 1
         if stack[size, 6] <= best:
             continue
         x, y, angle, a, b, c = stack[size, :6]
-        radius = np.hypot(a, b) + c if weights[0] > 0.0 else max(a, b, c)
+        radius = np.hypot(a, b) + c if added else max(a, b, c)
         if radius <= INFLATION or cells >= MOST_CELLS:
             best = max(best, int(stack[size, 6]))
             continue
@@ -143,12 +171,12 @@ def _search(
         else:
             c *= 0.5
             dx, dy, dz = 0.0, 0.0, c
-        radius = np.hypot(a, b) + c if weights[0] > 0.0 else max(a, b, c)
+        radius = np.hypot(a, b) + c if added else max(a, b, c)
         cells += 2
         first = size
         for side in (-1.0, 1.0):
             middle = x + side * dx, y + side * dy, angle + side * dz
-            inner, outer = _count(local, middle, weights[0] > 0.0, turn, 1.0 + radius)
+            inner, outer = _count(local, middle, added, turn, 1.0 + radius)
             best = max(best, inner)
             stack[size, 0], stack[size, 1], stack[size, 2] = middle
             stack[size, 3], stack[size, 4], stack[size, 5], stack[size, 6] = a, b, c, outer

@@ -12,76 +12,122 @@ import numpy as np
 
 from planner.arrays import Array, IntArray
 from planner.belief.metric import Metric
+from planner.belief.particles import Belief
 from planner.bound.cover import most_located
 from planner.work.progress import Report, silent
 
 READINGS = 512  # a reading is an encoder count, and 256 more where the jaws feel a part
 
+Squeeze: TypeAlias = Callable[[Belief, Array, np.random.Generator], tuple[Array, IntArray]]
+"""Squeezes n parts once: where they lie, placements (n, 3) of the hand, one each, source of randomness ->
+poses (n, 3) in the world [mm, mm, rad], (n,) readings, 0 to `READINGS` - 1."""
 
-REPEATED = 4  # how often a part's last width is read: it counts as a quarter of a part with each reading
+History: TypeAlias = tuple[int, ...]
+"""The number of the placement and the reading of each squeeze so far, one after the other."""
 
-
-Squeeze: TypeAlias = Callable[[Array, Array, int, np.random.Generator], tuple[Array, IntArray]]
-"""Squeezes n parts once: poses (n, 3) in the world [mm, mm, rad], placements (n, 3) of the hand, one each,
-how often widths are read, source of randomness -> poses (n, 3), (times, n) readings, 0 to `READINGS` - 1."""
+Placements: TypeAlias = Callable[[History], Array]
+"""The placements (k, 3), k >= 1, of the next squeeze. They must not depend on the sample."""
 
 
 class Level(NamedTuple):
     """The histories of one length."""
 
-    size: IntArray  # (h,) parts that have each, times `times`
-    located: IntArray  # (h,) at most how many of them one prediction locates, likewise
-    option: IntArray  # (h,) which of the placements that end the histories one squeeze shorter led to it
-    times: int = 1  # how often each part was read
-    # (h,) where its own placements begin among those of its level; empty at the last level.
-    first: IntArray = np.zeros(0, np.int64)
+    size: IntArray  # (h,) parts that have each
+    located: IntArray  # (h,) at most how many of them one prediction locates
+    option: IntArray  # (h,) which of the squeezes below led to it
+    reading: IntArray  # (h,) what it read
+    owner: IntArray  # (o,) the history of the level before after which each squeeze is made
+    placement: IntArray  # (o,) which of that history's placements it is made at
+
+    def joined(self, more: "Level") -> "Level":
+        """The histories of both, of which `more` counts its squeezes from 0."""
+        more = more._replace(option=more.option + len(self.owner))
+        return Level(*(np.concatenate(columns) for columns in zip(self, more, strict=True)))
 
 
-Placements = Callable[[int, int, int], Array]
-"""The placements (k, 3), k >= 1, of the next squeeze after so many, where the last was made at that placement
-of its level, and read that. They must not depend on the sample."""
+class Lying(NamedTuple):
+    """Where the parts of a level's histories lie, those of one history together."""
+
+    poses: Array  # (n, 3) [mm, mm, rad]
+    part: IntArray  # (n,) which of the sample each is
+    start: IntArray  # (h + 1,) where those of each history begin, then n
+
+    def of(self, histories: IntArray) -> tuple[IntArray, IntArray]:
+        """The rows (m,) of some histories' parts, and which of these each belongs to."""
+        size = np.diff(self.start)[histories]
+        rows = np.arange(size.sum()) + np.repeat(self.start[histories] - np.cumsum(size) + size, size)
+        return rows, np.repeat(np.arange(len(histories)), size)
 
 
-def gather(
-    squeeze: Squeeze, poses: Array, metric: Metric, placements: Placements, depth: int,
-    rng: np.random.Generator, report: Report = silent,
-) -> list[Level]:  # fmt: skip
-    """The histories of a sample of parts at poses (n, 3), from none to `depth` squeezes.
+class Histories:
+    """The histories of a sample, from none to those of so many squeezes; longer ones only where asked for."""
 
-    Returns:
-        depth + 1 levels, the first of one history.
-    """
-    start, reading = np.array([0, len(poses)]), np.array([-1])
-    levels = [Level(np.diff(start), _located(poses, start, metric), np.zeros(1, np.int64))]
-    for done in range(depth):
-        histories = zip(levels[-1].option, reading, strict=True)
-        choices = [placements(done, int(option), int(last)) for option, last in histories]
+    def __init__(
+        self, squeeze: Squeeze, parts: Belief, metric: Metric, placements: Placements, depth: int,
+        deepest: int, rng: np.random.Generator, workers: int | None = 1, report: Report = silent,
+    ) -> None:  # fmt: skip
+        """Tries all placements up to `depth` squeezes on parts (n,) at the start; none beyond `deepest`."""
+        self._squeeze, self._parts, self._metric, self._placements = squeeze, parts, metric, placements
+        self._deepest, self._rng, self._workers, self._report = deepest, rng, workers, report
+        start, none = np.array([0, len(parts)]), np.zeros(0, np.int64)
+        located = self._located(parts.poses, start)
+        self.levels = [Level(np.diff(start), located, np.zeros(1, np.int64), np.full(1, -1), none, none)]
+        self._lying = [Lying(parts.poses, np.arange(len(parts)), start)]
+        for level in range(depth):
+            self.extend(level, np.arange(len(self.levels[level].size)))
+
+    def history(self, level: int, number: int) -> History:
+        """What led to one of a level's histories."""
+        found: History = ()
+        for longer in self.levels[level:0:-1]:
+            option = longer.option[number]
+            found = (int(longer.placement[option]), int(longer.reading[number]), *found)
+            number = int(longer.owner[option])
+        return found
+
+    def extend(self, level: int, chosen: IntArray) -> None:
+        """Tries all placements after some of a level's histories, of which none were tried there before."""
+        choices = [self._placements(self.history(level, int(number))) for number in chosen]
         count = np.array([len(choice) for choice in choices])
         first = np.cumsum(count) - count
-        levels[-1] = levels[-1]._replace(first=first)
-        node = np.repeat(np.arange(len(count)), np.diff(start))
-        times = REPEATED if done == depth - 1 else 1
-        columns, moved = [], []
+        placed = np.concatenate(choices)
+        lying, columns, moved = self._lying[level], [], []
+        rows, node = lying.of(chosen)
         for j in range(int(count.max())):
-            report("bound", j, int(count.max()))
-            rows = np.flatnonzero(count[node] > j)
-            at = np.array([choice[min(j, len(choice) - 1)] for choice in choices])[node[rows]]
-            after, seen = squeeze(poses[rows], at, times, rng)
-            key = ((first[node[rows]] + j) * READINGS + seen).ravel()
+            self._report("bound", j, int(count.max()), f"squeeze {level + 1}")
+            here = np.flatnonzero(count[node] > j)
+            part = lying.part[rows[here]]
+            parts = Belief.of(lying.poses[rows[here]], traits=self._parts.traits[part])
+            after, seen = self._squeeze(parts, placed[first[node[here]] + j], self._rng)
+            key = (first[node[here]] + j) * READINGS + seen
             order = np.argsort(key, kind="stable")
-            after, key = after[order % len(rows)], key[order]
+            after, key = after[order], key[order]
             begins = np.flatnonzero(np.diff(key, prepend=-1, append=-1))
-            columns.append((np.diff(begins), _located(after, begins, metric), key[begins[:-1]]))
-            if done < depth - 1:
-                moved.append(after)
-        size, located, history = (np.concatenate(column) for column in zip(*columns, strict=True))
-        option, reading = np.divmod(history, READINGS)
-        levels.append(Level(size, located, option, times))
-        poses, start = np.concatenate([poses[:0], *moved]), np.cumsum(np.insert(size, 0, 0))
-    return levels
+            columns.append((np.diff(begins), self._located(after, begins), key[begins[:-1]]))
+            if level + 1 < self._deepest:
+                moved.append(Lying(after, part[order], begins))
+        size, located, key = (np.concatenate(column) for column in zip(*columns, strict=True))
+        option, reading = np.divmod(key, READINGS)
+        placement = np.arange(len(placed)) - np.repeat(first, count)
+        found = Level(size, located, option, reading, np.repeat(chosen, count), placement)
+        if level + 1 == len(self.levels):
+            self.levels.append(found)
+            self._lying.append(_together(moved))
+        else:
+            self.levels[level + 1] = self.levels[level + 1].joined(found)
+            self._lying[level + 1] = _together([self._lying[level + 1], *moved])
+
+    def _located(self, poses: Array, start: IntArray) -> IntArray:
+        """At most how many parts of each group a claim locates; one of several modes names as many poses."""
+        metric = self._metric
+        most = most_located(poses, start, metric.weights(), metric.order, self._workers)
+        return np.minimum(metric.modes * most, np.diff(start))
 
 
-def _located(poses: Array, start: IntArray, metric: Metric) -> IntArray:
-    """At most how many parts of each group a claim locates; one of several modes names as many poses."""
-    most = most_located(poses, start, metric.weights(), metric.order)
-    return np.minimum(metric.modes * most, np.diff(start))
+def _together(pieces: list[Lying]) -> Lying:
+    """The parts of several sets of histories, one after the other."""
+    if not pieces:
+        return Lying(np.zeros((0, 3)), np.zeros(0, np.int64), np.zeros(1, np.int64))
+    poses, part, starts = zip(*pieces, strict=True)
+    sizes = np.concatenate([np.diff(start) for start in starts])
+    return Lying(np.concatenate(poses), np.concatenate(part), np.insert(np.cumsum(sizes), 0, 0))

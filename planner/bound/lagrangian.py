@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from planner.arrays import Array
+from planner.arrays import Array, IntArray
 from planner.bound.histories import Level
 
 PRICES = np.geomspace(1.0, 2000.0, 100)  # squeezes that a part is worth which is claimed and not located
@@ -56,16 +56,44 @@ def overall_term(levels: list[Level], success: float, certainty: float) -> Term:
 def least_cost(levels: list[Level], price: float, confidence: float) -> float:
     """Least mean cost of any plan on the sample: squeezes, and a price for what claims miss.
 
-    A claim of n parts of which m are located costs price (confidence n - m). After the last level every part
-    costs one squeeze more, and is taken for located.
+    A claim of n parts of which m are located costs price (confidence n - m). Where nothing was tried after a
+    history, every part costs one squeeze more, and is taken for located.
     """
-    last = levels[-1]
-    cost = np.minimum(last.size, price * (confidence * last.size - last.located))
-    for level, longer in zip(levels[-2::-1], levels[:0:-1], strict=True):
-        of_option = np.bincount(longer.option, cost) / longer.times
-        onward = level.size + np.minimum.reduceat(of_option, level.first)
-        cost = np.minimum(onward, price * (confidence * level.size - level.located))
+    _, onward, _ = _values(levels, price, confidence)[0]
     return float(onward[0] / levels[0].size[0])  # every plan begins with a squeeze
+
+
+def worth_trying(levels: list[Level], level: int, price: float, confidence: float) -> IntArray:
+    """The histories of a level after which the cheapest plan squeezes, and nothing was tried yet."""
+    values = _values(levels, price, confidence)
+    reached = np.zeros(1, np.int64)
+    for depth in range(level):
+        cost, onward, option = values[depth]
+        going = reached if depth == 0 else reached[onward[reached] <= cost[reached]]
+        chosen = np.zeros(len(levels[depth + 1].owner), np.bool_)
+        chosen[option[going][option[going] >= 0]] = True
+        reached = np.flatnonzero(chosen[levels[depth + 1].option])
+    cost, onward, option = values[level]
+    return reached[(onward[reached] <= cost[reached]) & (option[reached] < 0)]
+
+
+def _values(levels: list[Level], price: float, confidence: float) -> list[tuple[Array, Array, IntArray]]:
+    """For the histories (h,) of each level: least cost, that of squeezing on, and which option does so.
+
+    The option is -1 where nothing was tried.
+    """
+    found = list[tuple[Array, Array, IntArray]]()
+    for level, longer in zip(levels[::-1], [None, *levels[:0:-1]], strict=True):
+        onward, option = level.size.astype(np.float64), np.full(len(level.size), -1)
+        if longer is not None:
+            of_option = np.bincount(longer.option, found[0][0], minlength=len(longer.owner))
+            order = np.lexsort((of_option, longer.owner))
+            owner, first = np.unique(longer.owner[order], return_index=True)
+            option[owner] = order[first]
+            onward[owner] += of_option[option[owner]]
+        claim = price * (confidence * level.size - level.located)
+        found.insert(0, (np.minimum(onward, claim), onward, option))
+    return found
 
 
 def _best(estimates: Array, sampled: Array, levels: list[Level], error: float, unclaimed: float) -> Term:

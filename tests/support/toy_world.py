@@ -24,12 +24,13 @@ class Toy:
         """One at random."""
         return cls(rng.integers(size, size=(actions, size)), rng.integers(readings, size=(actions, size)))
 
-    def squeeze(self, poses, placements, times, rng):
+    def squeeze(self, parts, placements, rng):
         """As `planner.bound.histories.Squeeze`; x of a placement is the number of the action."""
-        state, action = np.rint(poses[:, 0] / SPACING_MM).astype(int), np.rint(placements[:, 0]).astype(int)
-        return poses_of(self.after[action, state]), np.tile(self.reading[action, state], (times, 1))
+        state = np.rint(parts.poses[:, 0] / SPACING_MM).astype(int)
+        action = np.rint(placements[:, 0]).astype(int)
+        return poses_of(self.after[action, state]), self.reading[action, state]
 
-    def placements(self, squeezes, option, reading):
+    def placements(self, history):
         """All actions, always."""
         return np.column_stack([np.arange(self.actions), np.zeros((self.actions, 2))])
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.bound.certificate import certify, covered, squeezes_of
+from planner.bound.certificate import Covered, certify, squeezes_of
 from planner.evaluation.trials import placement_of
 from planner.job import model as job_file
 from runtime.table import REJECT, Calibration, Prediction, decision_map, load
@@ -63,27 +63,45 @@ def test_a_table_that_located_nothing_is_compared_with_plans_that_need_not(job, 
 
 
 def placements_of(job, table, dense=False):
-    return covered(job, table, squeezes_of(job, 2), dense, np.random.default_rng(0))
+    return Covered(job, table, squeezes_of(job, 2), dense)
 
 
 def test_turned_plans_are_covered_once_and_the_plan_itself_is(job, table):
     alone = placements_of(job, table)
     assert len(alone.first) == 1  # the four angles are one up to a turn
     root, calibration = table.nodes[0], Calibration.linear(table.gripper)
-    assert np.allclose(alone(0, 0, -1)[0], placement_of(root.squeeze))
+    assert np.allclose(alone(())[0], placement_of(root.squeeze))
     for reading, branch in enumerate(decision_map(root, calibration)):
         if branch != REJECT and (target := root.branches[branch].target) >= 0:
-            own = placement_of(table.nodes[target].squeeze)
-            assert np.isclose(alone(1, 0, reading), own).all(axis=1).any()
-            seen = reading
-    assert len(alone(1, 0, seen)) == ANGLES + 1
+            assert np.array_equal(alone((0, reading))[-1], placement_of(table.nodes[target].squeeze))
+            seen, node = reading, table.nodes[target]
+    count = len(alone((0, seen)))
+    assert count == ANGLES + 1
+    deeper = [
+        (reading, node.branches[branch].target)
+        for reading, branch in enumerate(decision_map(node, calibration))
+        if branch != REJECT and node.branches[branch].target >= 0
+    ]
+    for reading, target in deeper:
+        third = alone((0, seen, count - 1, reading))
+        assert np.array_equal(third[-1], placement_of(table.nodes[target].squeeze))
+        assert len(alone((0, seen, 0, reading))) <= len(third)
     narrow = job.replaced(uncertainty={"orientation_halfwidth_deg": 30.0})
     assert len(placements_of(narrow, table).first) == ANGLES
     uneven = job.replaced(gripper={"upper_finger_share": 0.4})
     assert len(placements_of(uneven, table).first) == ANGLES  # half a turn is another squeeze
     dense = placements_of(job, table, dense=True)
     assert len(dense.first) == 2  # over the middle, and to one side of it
-    assert len(dense(1, 0, seen)) == len(alone(1, 0, seen)) + 36
+    assert len(dense((0, seen))) == count + 36
+
+
+def test_placements_do_not_depend_on_what_was_asked_before(table):
+    job = job_file.load(TREES / "butterfly-15" / "job.toml")
+    one, other = placements_of(job, table), placements_of(job, table)
+    histories = [(0, 300), (0, 310), (0, 300, 1, 300), (0, 310, 2, 320), (0, 300, 1, 320)]
+    found = [one(history) for history in histories]
+    for placements, history in zip(found[::-1], histories[::-1], strict=True):
+        assert np.array_equal(placements, other(history))
 
 
 def test_placements_beside_the_middle_differ_by_more_than_a_turn(table):

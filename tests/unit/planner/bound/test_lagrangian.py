@@ -5,7 +5,8 @@ import pytest
 from scipy import stats
 from toy_world import METRIC, Toy, poses_of
 
-from planner.bound.histories import gather
+from planner.belief.particles import Belief
+from planner.bound.histories import Histories
 from planner.bound.lagrangian import (
     PRICES,
     divergence,
@@ -14,6 +15,7 @@ from planner.bound.lagrangian import (
     leaves_term,
     overall_term,
     upper_tail,
+    worth_trying,
 )
 
 CERTAINTY = 0.95
@@ -30,9 +32,14 @@ def toy(seed):
     return Toy.drawn(np.random.default_rng(seed), actions=2 + seed % 2, size=6, readings=2)
 
 
+def histories_of(world, depth, deepest, states=None):
+    parts = Belief.of(poses_of(np.arange(world.size) if states is None else states))
+    rng = np.random.default_rng(0)
+    return Histories(world.squeeze, parts, METRIC, world.placements, depth, deepest, rng)
+
+
 def levels_of(world, depth, states=None):
-    states = np.arange(world.size) if states is None else states
-    return gather(world.squeeze, poses_of(states), METRIC, world.placements, depth, np.random.default_rng(0))
+    return histories_of(world, depth, depth, states).levels
 
 
 @pytest.mark.parametrize("depth", [1, 2, 3])
@@ -58,6 +65,60 @@ def test_where_all_parts_must_be_located_nothing_is_lost_but_beyond_the_horizon(
     assert overall_term(levels_of(world, depth), 1.0, CERTAINTY).estimate == pytest.approx(best)
     leaves = leaves_term(levels_of(world, depth), 0.999, 1.0, CERTAINTY).estimate
     assert leaves == pytest.approx(world.least(1.0, depth, granted=True, least_share=0.999), abs=0.02)
+
+
+@pytest.mark.parametrize("price", [1.0, 3.0, 30.0])
+@pytest.mark.parametrize("seed", TOYS)
+def test_squeezes_tried_where_the_cheapest_plan_makes_them_prove_what_all_of_them_do(seed, price):
+    some = histories_of(toy(seed), 1, 3)
+    costs = [least_cost(some.levels, price, 1.0)]
+    while waiting := [
+        (level, chosen)
+        for level in range(1, min(3, len(some.levels)))
+        if len(chosen := worth_trying(some.levels, level, price, 1.0))
+    ]:
+        some.extend(*waiting[0])
+        costs.append(least_cost(some.levels, price, 1.0))
+    assert np.all(np.diff(costs) >= -1e-12)
+    assert costs[-1] == pytest.approx(least_cost(levels_of(toy(seed), 3), price, 1.0))
+
+
+@pytest.mark.parametrize("seed", TOYS)
+def test_no_plan_is_below_the_bounds_wherever_more_was_tried(seed):
+    world, rng = toy(seed), np.random.default_rng(seed)
+    found = histories_of(world, 1, 3)
+    for level in (1, 2, 1):
+        untried = untried_of(found.levels, level)
+        found.extend(level, rng.permutation(untried)[: 1 + len(untried) // 2])
+        for success in SUCCESSES:
+            best = world.least(success, 4)
+            assert overall_term(found.levels, success, CERTAINTY).estimate <= best + 1e-9
+            for confidence in (0.99, 0.7):
+                best = world.least(success, 4, least_share=confidence)
+                term = leaves_term(found.levels, confidence, success, CERTAINTY)
+                assert term.estimate <= best + 1e-9
+
+
+def test_a_history_says_what_led_to_it():
+    found = histories_of(HALVES, 3, 3)
+    for number, (size, reading) in enumerate(zip(found.levels[3].size, found.levels[3].reading, strict=True)):
+        history = found.history(3, number)
+        assert history[-1] == reading
+        fits = [
+            s
+            for s in range(8)
+            if all(s >> bit & 1 == read for bit, read in zip(*pairs(history), strict=True))
+        ]
+        assert len(fits) == size
+
+
+def untried_of(levels, level):
+    tried = levels[level + 1].owner if level + 1 < len(levels) else []
+    return np.setdiff1d(np.arange(len(levels[level].size)), tried)
+
+
+def pairs(history):
+    return history[::2], history[1::2]
 
 
 def test_a_plan_that_wastes_a_squeeze_shows_as_much_above_the_bound():
