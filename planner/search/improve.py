@@ -1,14 +1,16 @@
 """Policy improvement by roll-out (Bertsekas, Dynamic Programming and Optimal Control, vol. 1, ch. 6).
 
 A look-ahead of two squeezes estimates what comes after them. Here the alternatives of the nodes that most
-parts pass are grown by the same search until only small leaves are open, and the cheapest subtree stays.
+parts pass are grown by the same search until only small leaves are open, and the cheapest subtree stays; so
+are those nodes' readings told apart, each piece with a squeeze of its own (decision 0046).
 """
 
+import math
 from collections.abc import Callable
 
 import numpy as np
 
-from planner.arrays import Array
+from planner.arrays import Array, IntArray
 from planner.belief.particles import Belief
 from planner.search.expand import (
     Growth,
@@ -19,7 +21,7 @@ from planner.search.expand import (
     replace_child,
     squeeze_at,
     untold,
-)  # fmt: skip
+)
 from planner.search.hasty import price
 
 
@@ -31,7 +33,7 @@ def improve(
     out_of_time: Callable[[], bool] = lambda: False,
     rough: float = 0.0,
 ) -> None:
-    """Tries the alternatives of the root, then of the nodes that one or two squeezes lead to.
+    """Tries the alternatives of the root, then those of the nodes that one or two squeezes lead to.
 
     Args:
         root: a tree of which all such nodes have a squeeze, modified in place.
@@ -56,6 +58,7 @@ def improve(
             grow(node, growth, seed, out_of_time=out_of_time, least=rough * node.share)
             tried, left = node.alternatives, (1.0 + saving) * growth.objective.costs.least
             pieces = _cheapest(node, parent, left, growth, seed, out_of_time, rough)
+            pieces = _told_apart(pieces, parent, left, growth, seed, out_of_time, rough)
             max(pieces, key=lambda piece: piece.share).alternatives = tried  # leaves below may fail later
 
 
@@ -114,12 +117,61 @@ def _cheapest(
             break
         other = _other(pieces, parent, placement, before, growth, [*seed, k + 1], out_of_time, rough)
         if not out_of_time() and price(other, growth) < before:
-            for piece in pieces[1:]:
-                parent.children.remove(piece)
-            replace_child(parent, pieces[0], other.children)
-            parent.named = other.named
-            pieces = other.children
+            pieces = _replaced(pieces, parent, other)
     return pieces
+
+
+def _replaced(pieces: list[TreeNode], parent: TreeNode, other: TreeNode) -> list[TreeNode]:
+    """Puts the children of a parent's stand-in where some of its own stand that hold the same parts."""
+    for piece in pieces[1:]:
+        parent.children.remove(piece)
+    replace_child(parent, pieces[0], other.children)
+    parent.named = other.named
+    return other.children
+
+
+def _told_apart(
+    pieces: list[TreeNode], parent: TreeNode, left: float, growth: Growth, seed: list[int],
+    out_of_time: Callable[[], bool], rough: float,
+) -> list[TreeNode]:  # fmt: skip
+    """As `_cheapest`, with the readings cut as finely as they hold parts enough, each piece for itself.
+
+    Which readings stay together was decided before anything was known of the squeezes that follow.
+    """
+    params = growth.objective.params
+    belief, share = Belief.joined([piece.belief for piece in pieces]), sum(piece.share for piece in pieces)
+    before = sum(price(piece, growth) for piece in pieces)
+    starts = _starts(belief.reading, params.piece_particles)
+    if out_of_time() or before < left * share or not len(starts):
+        return pieces
+    stand = TreeNode(belief, 0.0, pieces[0].mode, parent.path, squeeze=parent.squeeze)
+    stand.named = parent.named + len(starts) + 1
+    label = np.searchsorted(starts, belief.reading, side="right")
+    for k in range(len(starts), -1, -1):  # the widest first: counts fall as widths rise
+        part, path = belief[label == k], (*parent.path, parent.named + k)
+        mode, vain = growth.objective.metric.mode(part.states), pieces[0].squeezes_without_gain
+        stand.children.append(TreeNode(part, share * len(part) / len(belief), mode, path, vain))
+    most = (1.0 - params.piece_saving) * before
+    late = most + params.dearer * growth.objective.costs.least * share
+
+    def too_dear() -> bool:
+        begun = all(piece.children or math.isfinite(piece.exhausted) for piece in stand.children)
+        return out_of_time() or (begun and price(stand, growth) >= late)
+
+    grow(stand, growth, [*seed, 0], out_of_time=too_dear, least=rough * share)
+    return _replaced(pieces, parent, stand) if not out_of_time() and price(stand, growth) < most else pieces
+
+
+def _starts(reading: IntArray, least: int) -> IntArray:
+    """The first counts of all pieces but the lowest: each has so many readings, or is one count."""
+    counts, size = np.unique(reading, return_counts=True)
+    starts, held = list[int](), 0
+    for count, readings in zip(counts.tolist(), size.tolist(), strict=True):
+        if held >= least:
+            starts.append(count)
+            held = 0
+        held += readings
+    return np.array(starts[: len(starts) - (held < least)], np.int64)
 
 
 def _other(

@@ -92,6 +92,12 @@ class SearchParams:
     the one needed that are left there."""
     improved_share: float = 0.02
     """Least share of a node whose alternatives are tried; what locates all but less is grown after that."""
+    piece_particles: int = 1500
+    """Particles of the pieces that such a node is cut into, to see whether its readings had better be told
+    apart: with fewer its leaves seem better than they are."""
+    piece_saving: float = 0.2
+    """Fraction of the price that this must save: trees of more pieces seem up to 15 % cheaper than they
+    are."""
     rough: float = 0.03
     """Share of such a node, of which leaves that locate all but less cost J while its subtrees are compared:
     they hold half the work."""

@@ -6,15 +6,27 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from oracle import BELIEF, RISKY, SILENT, TELLING, Oracle, look_ahead
 
+from planner.belief.observation import Partition
 from planner.belief.particles import Belief
 from planner.belief.transition import Squeezed
 from planner.job import model as job_file
-from planner.search.expand import Found, Growth, TreeNode, breadth_first, grow, learn, squeeze_at
+from planner.search.expand import (
+    Found,
+    Growth,
+    PlannedSqueeze,
+    TreeNode,
+    breadth_first,
+    grow,
+    learn,
+    squeeze_at,
+)
 from planner.search.handling import handling_of
 from planner.search.hasty import price
-from planner.search.improve import improve, mend
+from planner.search.improve import _starts, improve, mend
 from planner.search.params import SearchParams
 
 RECTANGLE = Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml"
@@ -55,6 +67,57 @@ def test_a_squeeze_that_tells_at_once_takes_the_place_of_one_that_does_not(growt
     assert node.squeeze.placement[2] == TELLING
     assert price(root, growth) == pytest.approx(before - growth.objective.costs.least)
     assert all(leaf.mode.ratio == 1.0 for leaf in node.children)
+
+
+class Halves(Oracle):
+    """TELLING tells the side of the parts above the middle alone, RISKY that of those below."""
+
+    def squeeze(self, cases, rng):
+        squeezed = []
+        for belief, placement in cases:
+            above = belief.poses[:, 1] > 0.0
+            telling = above if placement[2] == TELLING else ~above & (placement[2] == RISKY)
+            counts = np.where(telling, np.where(belief.poses[:, 0] > 0, 200, 100), 50)
+            squeezed.append(Squeezed(replace(belief, reading=counts), 0.0, 20.0))
+        return squeezed
+
+
+@pytest.mark.parametrize("apart", [True, False])
+def test_readings_that_need_different_squeezes_are_told_apart_where_parts_are_many(growth, apart):
+    """Of each reading one squeeze tells the side; of both together it takes two for half of the parts."""
+    many = SearchParams().piece_particles if apart else SearchParams().piece_particles // 2
+    corners = [[6.0, 6.0, 0.0], [6.0, -6.0, 0.0], [-6.0, 6.0, 0.0], [-6.0, -6.0, 0.0]]
+    poses = np.tile(corners, (many // 2, 1))
+    belief = Belief.of(poses, np.where(poses[:, 1] > 0.0, 150, 151))
+    model = Halves()
+    halves = replace(growth, look_ahead=look_ahead([TELLING, RISKY], model=model), reference=model)
+    mode = growth.objective.metric.mode(poses)
+    first = PlannedSqueeze(placed(SILENT), 85.0, 0.0, Partition.of([belief.reading]), cost=1.0)
+    root = TreeNode(belief, 1.0, mode, squeeze=first)
+    node = TreeNode(belief, 1.0, mode, (0,))
+    root.children, root.named = [node], 1
+    squeeze_at(node, None, placed(TELLING), halves, np.random.default_rng(1))
+    grow(node, halves, [1])
+    before = price(root, halves)
+    improve(root, halves, [1])
+    saved = (before - price(root, halves)) / halves.objective.costs.least
+    assert saved == pytest.approx(0.5 if apart else 0.0)
+    assert len(root.children) == (2 if apart else 1)
+    if apart:
+        assert [child.squeeze.placement[2] for child in root.children] == [RISKY, TELLING]
+        assert [sorted(set(child.belief.reading)) for child in root.children] == [[151], [150]]
+    paths = [node.path for node in breadth_first(root)]
+    assert len(set(paths)) == len(paths)
+
+
+@given(st.lists(st.integers(0, 40), min_size=1, max_size=200), st.integers(1, 60))
+def test_pieces_hold_the_readings_asked_for_and_keep_counts_whole(reading, least):
+    reading = np.array(reading)
+    starts = _starts(reading, least)
+    size = np.bincount(np.searchsorted(starts, reading, side="right"), minlength=len(starts) + 1)
+    assert size.sum() == len(reading)
+    assert np.all(np.diff(starts) > 0)
+    assert size.min() >= least or len(starts) == 0
 
 
 def test_parts_under_a_finger_count_and_are_failures(growth):
