@@ -142,7 +142,7 @@ def _told_apart(
     belief, share = Belief.joined([piece.belief for piece in pieces]), sum(piece.share for piece in pieces)
     before = sum(price(piece, growth) for piece in pieces)
     starts = _starts(belief.reading, params.piece_particles)
-    if out_of_time() or before < left * share or not len(starts):
+    if out_of_time() or before < left * share or len(starts) + 1 < params.least_pieces:
         return pieces
     stand = TreeNode(belief, 0.0, pieces[0].mode, parent.path, squeeze=parent.squeeze)
     stand.named = parent.named + len(starts) + 1
@@ -152,11 +152,10 @@ def _told_apart(
         mode, vain = growth.objective.metric.mode(part.states), pieces[0].squeezes_without_gain
         stand.children.append(TreeNode(part, share * len(part) / len(belief), mode, path, vain))
     most = (1.0 - params.piece_saving) * before
-    late = most + params.dearer * growth.objective.costs.least * share
 
     def too_dear() -> bool:
         begun = all(piece.children or math.isfinite(piece.exhausted) for piece in stand.children)
-        return out_of_time() or (begun and price(stand, growth) >= late)
+        return out_of_time() or (begun and price(stand, growth) >= most)
 
     grow(stand, growth, [*seed, 0], out_of_time=too_dear, least=rough * share)
     return _replaced(pieces, parent, stand) if not out_of_time() and price(stand, growth) < most else pieces

@@ -95,6 +95,8 @@ class SearchParams:
     piece_particles: int = 1500
     """Particles of the pieces that such a node is cut into, to see whether its readings had better be told
     apart: with fewer its leaves seem better than they are."""
+    least_pieces: int = 3
+    """So many of them at least: fewer have never saved enough."""
     piece_saving: float = 0.2
     """Fraction of the price that this must save: trees of more pieces seem up to 15 % cheaper than they
     are."""
