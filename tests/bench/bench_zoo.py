@@ -1,9 +1,10 @@
 """A fixed sample of the outlines of tools/zoo500, planned and judged before a release; not in the gate.
 
-    python tests/bench/bench_zoo.py [--sample 20] [--budget 120s]
+    python tests/bench/bench_zoo.py [--sample 20] [--budget 120s] [--done out/zoo500.jsonl]
 
 Needs the packages that the outlines come from; without them it says how to get them. Prints a line for each
-and writes `results/zoo500.json` beside this file: names and figures, no outlines.
+and writes `results/zoo500.json` beside this file: names and figures, no outlines. What tools/zoo500 has done
+already is taken from where it says.
 """
 
 from __future__ import annotations
@@ -26,19 +27,20 @@ def main() -> int:
         "--sample", default="20", metavar="N", help="how many outlines (default: %(default)s)"
     )
     parser.add_argument("--budget", default="120s", help="of planning each (default: %(default)s)")
+    parser.add_argument("--done", type=Path, metavar="JSONL", help="where what is done is kept")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        lines, page = Path(folder) / "rows.jsonl", Path(folder) / "page.html"
+        lines, page = options.done or Path(folder) / "rows.jsonl", Path(folder) / "page.html"
         words = ["--sample", options.sample, "--workers", "1", "--budget", options.budget]
         code = subprocess.call(
             [sys.executable, str(ROOT / "tools" / "zoo500"), *words, "--results", str(lines), "-o", str(page)]
         )
         if code:
             return code
-        rows = [json.loads(line) for line in lines.read_text().splitlines()]
-    for row in rows:
+        rows = {row["name"]: row for row in map(json.loads, lines.read_text().splitlines())}
+    for row in rows.values():
         del row["outline_mm"], row["key"]
-    told = {"machine": platform.platform(), "budget": options.budget, "rows": rows}
+    told = {"machine": platform.platform(), "budget": options.budget, "rows": list(rows.values())}
     RESULTS.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
     return 0
 
