@@ -5,6 +5,7 @@ It covers the job's placements, those along stable sides and the plan's own; not
 
 import math
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -60,61 +61,50 @@ class Covered:
             middle = np.array([[0.0, 0.0, math.radians(angle)] for angle in DENSE_ANGLES_DEG])
             shifts = [share * job.gripper.finger_length_mm for share in DENSE_SHIFTS]
             self._more = np.concatenate([along(middle, shift) for shift in shifts])
-        self._table, self._maps = table, dict[int, tuple[int, ...]]()
         common = np.concatenate([self._actions.placements, self._more])
         root = placement_of(table.nodes[0].squeeze)[None]
         self.first = inequivalent(np.concatenate([root, common]), common, job)
-        pilots = believed(job, PILOTS, np.random.default_rng(self._seed))
-        self._pilots: dict[History, Belief] = {(): pilots}
+        calibration = Calibration.linear(table.gripper)
+        self._nodes = table.nodes
+        self._branches = cache(lambda node: decision_map(table.nodes[node], calibration))
+        self._all = believed(job, PILOTS, np.random.default_rng(self._seed))
+        self._squeezed = dict[History, Belief]()  # by their history and the number of the next placement
 
     def __call__(self, history: History) -> Array:
         """The placements (k, 3) of the next squeeze, the table's own last where it has one."""
         if not history:
             return self.first
-        pilots = self._after(history)
-        rows = np.concatenate([self._actions.placements, self._more])
-        if pilots is not None:
-            belief = subsample(pilots, BELIEF)
-            rows = np.concatenate([self._actions.options(belief.states, self._metric), self._more])
-        node = self._node(history)
-        own = [placement_of(self._table.nodes[node].squeeze)] if node >= 0 else []
-        return np.concatenate([rows, *(placement[None] for placement in own)])
+        pilots, node = self._after(history), self._node(history)
+        proposed = self._actions.placements
+        if len(pilots):
+            proposed = self._actions.options(subsample(pilots, BELIEF).states, self._metric)
+        own = [placement_of(self._nodes[node].squeeze)[None]] if node >= 0 else []
+        return np.concatenate([proposed, self._more, *own])
 
-    def _after(self, history: History) -> Belief | None:
-        """The pilots with a history, if there are any."""
+    def _after(self, history: History) -> Belief:
+        """The pilots with a history, of which there may be none."""
+        if not history:
+            return self._all
         *before, option, reading = history
         squeezed = (*before, option)
-        if squeezed not in self._pilots:
-            parts = self._pilots[()] if not before else self._after(tuple(before))
-            if parts is None:
-                return None
-            placement = np.tile(self(tuple(before))[option], (len(parts), 1))
-            after, seen = self._squeeze(parts, placement, np.random.default_rng([*self._seed, *squeezed]))
-            self._pilots[squeezed] = Belief(after, parts.traits, seen)
-        parts = self._pilots[squeezed]
-        here = parts.reading == reading
-        return parts[here] if here.any() else None
+        if squeezed not in self._squeezed:
+            parts, placement = self._after(tuple(before)), self(tuple(before))[option]
+            rng = np.random.default_rng([*self._seed, *squeezed])
+            after, seen = self._squeeze(parts, np.tile(placement, (len(parts), 1)), rng)
+            self._squeezed[squeezed] = Belief(after, parts.traits, seen)
+        parts = self._squeezed[squeezed]
+        return parts[parts.reading == reading]
 
     def _node(self, history: History) -> int:
         """The table's node after a history that is its own; negative if there is none."""
-        node, before = 0, list[int]()
-        for option, reading in zip(history[::2], history[1::2], strict=True):
-            own = placement_of(self._table.nodes[node].squeeze)
-            if not np.array_equal(self(tuple(before))[option], own):
-                return -1
-            branch = self._map(node)[reading]
-            node = -1 if branch == REJECT else self._table.nodes[node].branches[branch].target
-            if node < 0:
-                return -1
-            before += [option, reading]
-        return node
-
-    def _map(self, node: int) -> tuple[int, ...]:
-        """Which branch each reading takes at a node."""
-        if node not in self._maps:
-            calibration = Calibration.linear(self._table.gripper)
-            self._maps[node] = tuple(decision_map(self._table.nodes[node], calibration))
-        return self._maps[node]
+        if not history:
+            return 0
+        *before, option, reading = history
+        node, placement = self._node(tuple(before)), self(tuple(before))[option]
+        if node < 0 or not np.array_equal(placement, placement_of(self._nodes[node].squeeze)):
+            return -1
+        branch = self._branches(node)[reading]
+        return -1 if branch == REJECT else self._nodes[node].branches[branch].target
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +137,7 @@ class Certificate:
         grid = ", a dense grid" if self.dense else ""
         return (
             f"at least {self.success:.3%} of the parts located, at leaves that are right for "
-            f"{self.confidence:.2%} of theirs or more; first two squeezes at placements of the job, "
+            f"{self.confidence:.2%} of theirs or more; first three squeezes at placements of the job, "
             f"those along stable sides{grid} and this plan's own ({self.first} for the first, "
             f"{self.second:.0f} on average for the second), later ones anywhere"
         )

@@ -144,13 +144,11 @@ def _told_apart(
     starts = _starts(belief.reading, params.piece_particles)
     if out_of_time() or before < left * share or len(starts) + 1 < params.least_pieces:
         return pieces
-    stand = TreeNode(belief, 0.0, pieces[0].mode, parent.path, squeeze=parent.squeeze)
-    stand.named = parent.named + len(starts) + 1
     label = np.searchsorted(starts, belief.reading, side="right")
-    for k in range(len(starts), -1, -1):  # the widest first: counts fall as widths rise
-        part, path = belief[label == k], (*parent.path, parent.named + k)
-        mode, vain = growth.objective.metric.mode(part.states), pieces[0].squeezes_without_gain
-        stand.children.append(TreeNode(part, share * len(part) / len(belief), mode, path, vain))
+    numbers = range(len(starts), -1, -1)  # the widest first: counts fall as widths rise
+    parts = [((*parent.path, parent.named + k), belief[label == k]) for k in numbers]
+    stand = _stand(pieces, parent, parts, growth)
+    stand.named += len(parts)
     most = (1.0 - params.piece_saving) * before
 
     def too_dear() -> bool:
@@ -162,7 +160,7 @@ def _told_apart(
 
 
 def _starts(reading: IntArray, least: int) -> IntArray:
-    """The first counts of all pieces but the lowest: each has so many readings, or is one count."""
+    """The first counts of all pieces but the lowest: each has at least so many of the readings (n,)."""
     counts, size = np.unique(reading, return_counts=True)
     starts, held = list[int](), 0
     for count, readings in zip(counts.tolist(), size.tolist(), strict=True):
@@ -178,18 +176,21 @@ def _other(
     out_of_time: Callable[[], bool], rough: float,
 ) -> TreeNode:  # fmt: skip
     """A parent's stand-in, its one child squeezed elsewhere and grown."""
-    metric = growth.objective.metric
     belief = Belief.joined([piece.belief for piece in pieces])
-    node = TreeNode(
-        belief,
-        sum(piece.share for piece in pieces),
-        metric.mode(belief.states),
-        pieces[0].path,
-        pieces[0].squeezes_without_gain,
-    )
-    stand = TreeNode(belief, 0.0, node.mode, parent.path, squeeze=parent.squeeze, children=[node])
-    stand.named = parent.named
-    _grown(node, stand, stand, placement, limit, growth, seed, out_of_time, rough)
+    stand = _stand(pieces, parent, [(pieces[0].path, belief)], growth)
+    _grown(stand.children[0], stand, stand, placement, limit, growth, seed, out_of_time, rough)
+    return stand
+
+
+def _stand(
+    pieces: list[TreeNode], parent: TreeNode, parts: list[tuple[tuple[int, ...], Belief]], growth: Growth
+) -> TreeNode:
+    """A parent's stand-in: its children have the paths and beliefs stated, and no squeeze yet."""
+    whole, share = Belief.joined([belief for _, belief in parts]), sum(piece.share for piece in pieces)
+    stand = TreeNode(whole, 0.0, pieces[0].mode, parent.path, squeeze=parent.squeeze, named=parent.named)
+    for path, belief in parts:
+        mode, vain = growth.objective.metric.mode(belief.states), pieces[0].squeezes_without_gain
+        stand.children.append(TreeNode(belief, share * (len(belief) / len(whole)), mode, path, vain))
     return stand
 
 

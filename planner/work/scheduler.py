@@ -19,11 +19,11 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 AHEAD = 3  # Items handed out for each worker before the first of their results has been taken
-WORKER = "squeezetree worker"  # how the names of threads begin that share no work of theirs
+WORKER = "squeezetree worker"  # prefix of the names of threads that do alone what they map
 
 
 def pool_of(workers: int) -> ThreadPoolExecutor:
-    """Threads that do alone what they map, so that none waits for another."""
+    """Threads that do alone what they map: if one waited for others of its pool, all might wait."""
     return ThreadPoolExecutor(workers, WORKER)
 
 
