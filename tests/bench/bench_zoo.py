@@ -1,10 +1,10 @@
 """A fixed sample of the outlines of tools/zoo500, planned and judged before a release; not in the gate.
 
-    python tests/bench/bench_zoo.py [--sample 20] [--budget 120s] [--done out/zoo500.jsonl]
+    python tests/bench/bench_zoo.py [--sample 20] [--budget 120s] [--done]
 
 Needs the packages that the outlines come from; without them it says how to get them. Prints a line for each
-and writes `results/zoo500.json` beside this file: names and figures, no outlines. What tools/zoo500 has done
-already is taken from where it says.
+and writes `results/zoo500.json` beside this file: names and figures, no outlines. With `--done` it goes on
+from what tools/zoo500 has done.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 RESULTS = Path(__file__).parent / "results" / "zoo500.json"
+DONE = ROOT / "out" / "zoo500.jsonl"
 
 
 def main() -> int:
@@ -27,10 +28,11 @@ def main() -> int:
         "--sample", default="20", metavar="N", help="how many outlines (default: %(default)s)"
     )
     parser.add_argument("--budget", default="120s", help="of planning each (default: %(default)s)")
-    parser.add_argument("--done", type=Path, metavar="JSONL", help="where what is done is kept")
+    parser.add_argument("--done", action="store_true", help="go on from what tools/zoo500 has done")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        lines, page = options.done or Path(folder) / "rows.jsonl", Path(folder) / "page.html"
+        lines = DONE if options.done else Path(folder) / "rows.jsonl"
+        page = Path(folder) / "page.html"
         words = ["--sample", options.sample, "--workers", "1", "--budget", options.budget]
         code = subprocess.call(
             [sys.executable, str(ROOT / "tools" / "zoo500"), *words, "--results", str(lines), "-o", str(page)]
