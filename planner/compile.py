@@ -29,7 +29,7 @@ from planner.mechanics.simulator import Simulator
 from planner.paper.plan import plan_paper
 from planner.paper.search import METHODS
 from planner.planning import PARAMS, SEED_RARE, Planning, guarded, judged, marked, no_plan, pruned, within
-from planner.search.actions import actions_of
+from planner.search.actions import ActionSet, actions_of
 from planner.search.anytime import Anytime, Cut
 from planner.search.closed_loop import LookAhead
 from planner.search.expand import Growth, TreeNode
@@ -37,6 +37,7 @@ from planner.search.handling import handling_of
 from planner.search.hasty import hasty_root
 from planner.search.params import Objective
 from planner.search.ranking import Ranking
+from planner.search.telling import foremost
 from planner.work.limit import Limit
 from planner.work.progress import Report, silent
 from planner.work.scheduler import Scheduler, Threads
@@ -46,6 +47,7 @@ from runtime.table import Table
 EVALUATION_TRIALS = 20_000
 SEED_FIGURES = 0x46494755
 SEED_BEYOND = 0x42594E44
+SEED_TELLING = 0x54454C4C
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,9 +104,10 @@ def compile_job(
     limit = limit or Limit()
     limit.start()
     ahead: MotionModel = replace(reference, simulator=Mixture.of_job(job, workers, PARAMS.ahead_step_mm))
+    actions = foremost(actions_of(job), job, ahead, np.random.default_rng([job.seed, SEED_TELLING]))
     if learns(job):
         ahead = learned_model(job, mixture.simulators[0], store, scheduler, say)[0]
-    growth = _growth(job, mixture, ahead, reference)
+    growth = _growth(job, actions, mixture, ahead, reference)
     root = TreeNode(belief, 1.0, growth.objective.metric.mode(belief.states))
 
     work = scheduler or Threads(mixture.workers)
@@ -183,9 +186,11 @@ def objective_of(job: Job) -> Objective:
     return Objective(rule, costs, PARAMS)
 
 
-def _growth(job: Job, mixture: Mixture, ahead: MotionModel, reference: MotionModel) -> Growth:
+def _growth(
+    job: Job, actions: ActionSet, mixture: Mixture, ahead: MotionModel, reference: MotionModel
+) -> Growth:
     """How a job's tree is grown: one model to look ahead with, one for the beliefs of the tree itself."""
     objective = objective_of(job)
-    ranking = Ranking(actions_of(job), mixture, ahead, objective, job.goal.crash_share)
+    ranking = Ranking(actions, mixture, ahead, objective, job.goal.crash_share)
     look_ahead = LookAhead(ranking, job.search.depth, job.search.search_particles)
     return Growth(look_ahead, reference, handling_of(job), job.search.max_depth)

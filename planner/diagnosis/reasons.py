@@ -1,18 +1,14 @@
 """Why a part is not located, in one of few kinds: what to change, the part, the gripper or the search."""
 
-import math
 from typing import NamedTuple
-
-import numpy as np
-import shapely
 
 from planner.belief.observation import encoder_of
 from planner.diagnosis.advice import PINCHED, Advice
 from planner.errors import NoPlanError
 from planner.job.model import Job
-from planner.part.outline import Outline, canonical, convex_hull
+from planner.part.outline import canonical, convex_hull
+from planner.part.symmetry import nearest_turn
 
-TURNS = 8  # symmetries of up to so many turns are looked for
 BOTH_SIDES = 2.0  # a width differs by no more than the outline does under both fingers
 TOO_LARGE = "too large for the gripper"
 BELOW = "feature below one count"
@@ -31,27 +27,6 @@ class Reason(NamedTuple):
 
     kind: str  # one of the above
     text: str  # what was measured, as a sentence without its end
-
-
-class Turn(NamedTuple):
-    """A turn that a part looks nearly the same after, but for which it has no symmetry."""
-
-    degrees: float  # about the centroid
-    apart_mm: float  # how far the outline lies from the turned one at most
-
-
-def nearest_turn(outline: Outline, symmetry: int) -> Turn:
-    """The turn by a whole part of a circle after which an outline differs least; no symmetry of its own."""
-    ring, found = shapely.linearrings(outline), []
-    for parts in range(2, TURNS + 1):
-        for k in range(1, parts // 2 + 1):
-            if symmetry * k % parts:
-                angle = math.tau * k / parts
-                c, s = math.cos(angle), math.sin(angle)
-                turned = shapely.linearrings(outline @ np.array([[c, s], [-s, c]]))
-                apart = float(shapely.hausdorff_distance(ring, turned, densify=0.2))
-                found.append(Turn(math.degrees(angle), apart))
-    return min(found, key=lambda turn: turn.apart_mm)
 
 
 def likeness(job: Job, cut: bool = False) -> Reason | None:

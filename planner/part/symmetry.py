@@ -1,6 +1,7 @@
 """The rotational symmetry of an outline: which turns of the part nobody can tell apart."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -8,7 +9,15 @@ from numpy.typing import NDArray
 
 from planner.part.outline import Outline
 
+TURNS = 8  # symmetries of up to so many turns are looked for
 TOLERANCE_MM = 0.05  # How far boundaries may lie apart and still count as the same: far less than a count
+
+
+class Turn(NamedTuple):
+    """A turn that a part looks nearly the same after, but for which it has no symmetry."""
+
+    degrees: float  # about the centroid
+    apart_mm: float  # how far the outline lies from the turned one at most
 
 
 def order(outline: Outline, tolerance_mm: float = TOLERANCE_MM) -> int:
@@ -37,6 +46,20 @@ def congruent(outline: Outline, other: Outline, tolerance_mm: float = TOLERANCE_
     x, y = outline[np.argmax(np.hypot(*outline.T))]
     turns = [math.atan2(v[1], v[0]) - math.atan2(y, x) for v in other[far >= far.max() - tolerance_mm]]
     return any(bool(shapely.dwithin(boundary, _turned(outline, turn), tolerance_mm).all()) for turn in turns)
+
+
+def nearest_turn(outline: Outline, symmetry: int) -> Turn:
+    """The turn by a whole part of a circle after which an outline differs least; no symmetry of its own."""
+    ring, found = shapely.linearrings(outline), []
+    for parts in range(2, TURNS + 1):
+        for k in range(1, parts // 2 + 1):
+            if symmetry * k % parts:
+                angle = math.tau * k / parts
+                c, s = math.cos(angle), math.sin(angle)
+                turned = shapely.linearrings(outline @ np.array([[c, s], [-s, c]]))
+                apart = float(shapely.hausdorff_distance(ring, turned, densify=0.2))
+                found.append(Turn(math.degrees(angle), apart))
+    return min(found, key=lambda turn: turn.apart_mm)
 
 
 def _maps_onto_itself(boundary: shapely.LinearRing, outline: Outline, n: int, tolerance_mm: float) -> bool:

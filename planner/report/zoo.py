@@ -15,6 +15,7 @@ from planner.errors import ClusterError, FitError, JobError, NoPlanError
 from planner.job import model as job_file
 from planner.part import symmetry
 from planner.part.outline import canonical, reach
+from planner.planning import PARAMS
 from planner.report import canvas
 from planner.report.canvas import template
 from planner.work.limit import Limit
@@ -57,21 +58,22 @@ def judge(item: Item) -> Figures:
 def _judged(item: Item) -> Figures:
     base = job_file.from_canonical(item.base)
     room = 0.5 * base.gripper.opening_mm - reach(np.array(item.outline_mm))
-    if FITTING * room < LEAST_MM:
+    radius_mm = min(MOST_MM, FITTING * room, room - PARAMS.least_clearance_mm)
+    if radius_mm < LEAST_MM:
         text = f"turned, it leaves {room:.1f} mm to the open fingers"
         return {"kind": reasons.TOO_LARGE, "text": text}
     order = symmetry.order(canonical(item.outline_mm).outline_mm)
     job = base.replaced(
         item.name,
         part={"name": item.name[-LONGEST_NAME:], "outline_mm": item.outline_mm, "symmetry": order},
-        uncertainty={"radius_mm": min(MOST_MM, FITTING * room)},
+        uncertainty={"radius_mm": radius_mm},
     )
     told = {"symmetry": job.part.symmetry, "radius_mm": job.uncertainty.radius_mm}
     limit = Limit(item.budget_s, time.thread_time)  # which other work on the machine does not spend
     try:
         plan = compile_job(job, workers=1, limit=limit)
     except NoPlanError as error:
-        return told | reasons.no_plan(job, error)._asdict()
+        return told | {"cut": error.cut_short} | reasons.no_plan(job, error)._asdict()
     figures = plan.evaluation.summary()
     for key in ("success_rate", "wrong_rate", "reject_rate", "unresolved_rate", "mean_squeezes", "crashes"):
         told[key] = figures[key]

@@ -60,6 +60,7 @@ class LookAhead:
         Where nothing gains at the stated depth, one squeeze more is looked ahead if enough parts come here:
         a belief of several modes may need two before any progress shows. Then more particles are tried: the
         mass outside the mode may be too small for few of them to show; at last all the hands about the part.
+        So it goes where a belief lies at few poses and the best action still costs much.
 
         Args:
             belief: the node's.
@@ -72,18 +73,32 @@ class LookAhead:
             An empty list where no action is free of collision or gains anything.
         """
         params = self.objective.params
-        efforts = list(self._efforts(belief, share))
+        efforts, found = list(self._efforts(belief, share)), list[Choice]()
+        dear = self._dear(belief)
         for depth, particles, scattered in efforts[min(vain, len(efforts) - 1) :]:
             options = self._options(belief, subsample(belief, particles), depth, scattered, rng)
             gaining = sorted((k for k in options if k.gain > params.least_gain), key=attrgetter("cost_to_go"))
             if gaining and gaining[0].cost_to_go < 1.0 + params.nearly_done:
                 gaining = self._rescored(belief, particles, gaining, rng)
-            if gaining:
-                excess = params.alternative_excess if belief.squeezed else params.first_excess
-                placements = np.array([k.placement for k in gaining])
-                compared = self.ranking.actions.compared(placements, belief.squeezed)
-                return distinct(gaining, compared, most, excess, params)
-        return []
+            found = sorted(found + gaining, key=attrgetter("cost_to_go"))
+            if found and found[0].cost_to_go < dear:
+                break
+        if not found:
+            return []
+        excess = params.alternative_excess if belief.squeezed else params.first_excess
+        placements = np.array([k.placement for k in found])
+        compared = self.ranking.actions.compared(placements, belief.squeezed)
+        return distinct(found, compared, most, excess, params)
+
+    def _dear(self, belief: Belief) -> float:
+        """J from which the best action of a belief at few poses costs much; infinite at more."""
+        metric, params = self.objective.metric, self.objective.params
+        thin = subsample(belief, self.particles)
+        shares, size = metric.shares([thin.states], metric.modes + 1), np.array([len(thin)])
+        if self.depth == 1 or shares.sum() < params.few_poses:
+            return np.inf
+        hits = shares[:, : metric.modes].sum(axis=1) * size
+        return params.dear + float(self.objective.rule.estimate.squeezes(hits, size)[0])
 
     def _efforts(self, belief: Belief, share: float) -> Iterator[tuple[int, int, int]]:
         """Squeezes to look ahead, particles to do it with, and how many hands about the part are tried."""
