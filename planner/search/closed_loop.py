@@ -91,11 +91,16 @@ class LookAhead:
         return distinct(found, compared, most, excess, params)
 
     def _dear(self, belief: Belief) -> float:
-        """J from which the best action of a belief at few poses costs much; infinite at more."""
+        """J from which the best action of a belief at few poses costs much; infinite at more.
+
+        So it is where there are no hands but those that every effort tries.
+        """
         metric, params = self.objective.metric, self.objective.params
+        if self.depth == 1 or not self.ranking.actions.proposals:
+            return np.inf
         thin = subsample(belief, self.particles)
         shares, size = metric.shares([thin.states], metric.modes + 1), np.array([len(thin)])
-        if self.depth == 1 or shares.sum() < params.few_poses:
+        if shares.sum() < params.few_poses:
             return np.inf
         hits = shares[:, : metric.modes].sum(axis=1) * size
         return params.dear + float(self.objective.rule.estimate.squeezes(hits, size)[0])
