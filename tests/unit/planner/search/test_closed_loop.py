@@ -1,12 +1,15 @@
 """The look-ahead, on squeezes whose outcome is known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from oracle import BELIEF, RISKY, SILENT, TELLING, Oracle, look_ahead
+from oracle import BELIEF, PARAMS, RISKY, SILENT, TELLING, Oracle, look_ahead
 
 from planner.belief.particles import Belief
 from planner.search.proposals import Proposals
 
+HINT = 3.0
 LOPSIDED = np.repeat([[6.0, 0.0, 0.0], [-6.0, 0.0, 0.0]], [4950, 50], axis=0)
 LOPSIDED = Belief.of(LOPSIDED)[np.random.default_rng(0).permutation(len(LOPSIDED))]
 """One part in a hundred lies on the other side."""
@@ -43,6 +46,26 @@ def test_the_more_parts_are_at_stake_the_more_hands_all_about_them_are_tried(sha
     assert narrow.choose(BELIEF, np.random.default_rng(0), share=share) == []
     found = wide.choose(BELIEF, np.random.default_rng(0), share=share)
     assert [choice.placement[2] for choice in found] == ([TELLING] if share == 1.0 else [])
+
+
+class Hinting(Oracle):
+    """As the oracle, but at the angle HINT the width tells of half the parts on one side where they lie."""
+
+    def squeeze(self, cases, rng):
+        squeezed = super().squeeze(cases, rng)
+        for (_, placement), each in zip(cases, squeezed, strict=True):
+            told = (each.belief.poses[:, 0] > 0) & (rng.random(len(each.belief)) < 0.5)
+            each.belief.reading[told & (placement[2] == HINT)] = 200
+        return squeezed
+
+
+@pytest.mark.parametrize(("dear", "best"), [(0.0, TELLING), (9.0, HINT)])
+def test_more_hands_are_tried_where_the_best_of_few_leaves_much_to_do(dear, best):
+    scattered = np.repeat([[0.0, 0.0, SILENT], [0.0, 0.0, TELLING]], [100, 1], axis=0)
+    proposals = (Proposals(scattered[:1], scattered),)
+    ahead = look_ahead([HINT], model=Hinting(), proposals=proposals, params=replace(PARAMS, dear=dear))
+    found = ahead.choose(BELIEF, np.random.default_rng(0), share=0.01)
+    assert found[0].placement[2] == best
 
 
 def test_after_squeezes_in_vain_the_lesser_efforts_are_left_out():
