@@ -41,7 +41,12 @@ class Item(NamedTuple):
 def judge(item: Item) -> Figures:
     """Plans an outline and evaluates its table; never raises but where the cluster is lost."""
     started = time.thread_time(), time.perf_counter()
-    told: Figures = {"name": item.name, "outline_mm": item.outline_mm, "budget_s": item.budget_s}
+    told: Figures = {
+        "name": item.name,
+        "outline_mm": item.outline_mm,
+        "budget_s": item.budget_s,
+        "cut": False,
+    }
     try:
         told |= _judged(item)
     except ClusterError:
