@@ -252,20 +252,20 @@ class _Stage:
     """The stage of a command's work that is under way."""
 
     def __init__(self, clock: Callable[[], float]) -> None:
-        self.name, self.begun, self._clock = "", clock(), clock
+        self.name, self.begun, self.first, self._clock = "", clock(), 0, clock
 
-    def changed(self, name: str) -> bool:
-        """Whether work of this name begins now."""
-        if name == self.name:
+    def changed(self, name: str, done: int) -> bool:
+        """Whether work of this name begins now, or again, with so much of it done."""
+        if name == self.name and done >= self.first:
             return False
-        self.name, self.begun = name, self._clock()
+        self.name, self.begun, self.first = name, self._clock(), done
         return True
 
     def left(self, done: int, total: int) -> str:
-        """How long the rest will take, at the rate until now."""
-        if not done or done > total:
+        """How long the rest will take, at the rate since this stage was first heard of."""
+        if done <= self.first or done > total:
             return "left: not known yet"
-        seconds = (self._clock() - self.begun) * (total - done) / done
+        seconds = (self._clock() - self.begun) * (total - done) / (done - self.first)
         return f"left: about {math.ceil(seconds)} s"
 
 
@@ -274,7 +274,7 @@ def _lines(clock: Callable[[], float]) -> Report:
 
     def report(name: str, done: int, total: int, detail: str = "", /) -> None:
         nonlocal told
-        stage.changed(name)
+        stage.changed(name, done)
         if clock() - told < LINES_S:
             return
         told = clock()
@@ -289,7 +289,7 @@ def _drawn(bar: bars.Progress, clock: Callable[[], float]) -> Report:
     stage, task = _Stage(clock), bar.add_task("starting", total=None, left="", detail="")
 
     def report(name: str, done: int, total: int, detail: str = "", /) -> None:
-        if stage.changed(name):
+        if stage.changed(name, done):
             bar.reset(task, description=name)
         bar.update(task, completed=done, total=total, left=stage.left(done, total), detail=detail)
 

@@ -104,6 +104,18 @@ def test_an_estimate_is_of_the_stage_alone_and_none_is_made_before_something_is_
     assert second == "search 33%, left: about 12 s"
 
 
+def test_what_was_done_before_a_stage_is_heard_of_again_says_nothing_of_its_rate(capsys):
+    clock = Clock()
+    with shell.progress(False, clock) as report:
+        for now, done in ((6.0, 50), (12.0, 75), (18.0, 20), (24.0, 60)):
+            clock.now = now
+            report("evaluate", done, 100)
+    assert capsys.readouterr().err.splitlines() == [
+        "evaluate 50%, left: not known yet", "evaluate 75%, left: about 6 s",
+        "evaluate 20%, left: not known yet", "evaluate 60%, left: about 6 s",
+    ]  # fmt: skip
+
+
 def test_a_terminal_shows_the_same_estimate(capsys, monkeypatch):
     monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.setenv("COLUMNS", "120")
