@@ -74,14 +74,14 @@ class LookAhead:
         """
         params = self.objective.params
         efforts, found = list(self._efforts(belief, share)), list[Choice]()
-        dear = self._dear(belief)
+        enough = self._enough(belief)
         for depth, particles, scattered in efforts[min(vain, len(efforts) - 1) :]:
             options = self._options(belief, subsample(belief, particles), depth, scattered, rng)
             gaining = sorted((k for k in options if k.gain > params.least_gain), key=attrgetter("cost_to_go"))
             if gaining and gaining[0].cost_to_go < 1.0 + params.nearly_done:
                 gaining = self._rescored(belief, particles, gaining, rng)
             found = sorted(found + gaining, key=attrgetter("cost_to_go"))
-            if found and found[0].cost_to_go < dear:
+            if found and found[0].cost_to_go < enough:
                 break
         if not found:
             return []
@@ -90,10 +90,10 @@ class LookAhead:
         compared = self.ranking.actions.compared(placements, belief.squeezed)
         return distinct(found, compared, most, excess, params)
 
-    def _dear(self, belief: Belief) -> float:
-        """J from which the best action of a belief at few poses costs much; infinite at more.
+    def _enough(self, belief: Belief) -> float:
+        """J below which an action is good enough; any is, but of beliefs at few poses.
 
-        So it is where there are no hands but those that every effort tries.
+        And where there are no hands but those that every effort tries.
         """
         metric, params = self.objective.metric, self.objective.params
         if self.depth == 1 or not self.ranking.actions.proposals:
@@ -103,7 +103,7 @@ class LookAhead:
         if shares.sum() < params.few_poses:
             return np.inf
         hits = shares[:, : metric.modes].sum(axis=1) * size
-        return params.dear + float(self.objective.rule.estimate.squeezes(hits, size)[0])
+        return params.hard + float(self.objective.rule.estimate.squeezes(hits, size)[0])
 
     def _efforts(self, belief: Belief, share: float) -> Iterator[tuple[int, int, int]]:
         """Squeezes to look ahead, particles to do it with, and how many hands about the part are tried."""

@@ -40,7 +40,7 @@ class SearchParams:
     """The same for all the scattered hands, with as many particles as it takes to see those outside."""
     few_poses: float = 0.9
     """Share of a belief at as many poses as a prediction names and one more, from which these are few."""
-    dear: float = 1.0
+    hard: float = 1.0
     """Squeezes that the best action of such a belief may leave beyond J of the belief, before more is tried:
     where hands that tell are rare, few particles take the first that seems to gain for one."""
     outside_particles: int = 20

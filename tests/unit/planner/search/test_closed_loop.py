@@ -59,11 +59,11 @@ class Hinting(Oracle):
         return squeezed
 
 
-@pytest.mark.parametrize(("dear", "best"), [(0.0, TELLING), (9.0, HINT)])
-def test_more_hands_are_tried_where_the_best_of_few_leaves_much_to_do(dear, best):
+@pytest.mark.parametrize(("hard", "best"), [(0.0, TELLING), (9.0, HINT)])
+def test_more_hands_are_tried_where_the_best_of_few_leaves_much_to_do(hard, best):
     scattered = np.repeat([[0.0, 0.0, SILENT], [0.0, 0.0, TELLING]], [100, 1], axis=0)
     proposals = (Proposals(scattered[:1], scattered),)
-    ahead = look_ahead([HINT], model=Hinting(), proposals=proposals, params=replace(PARAMS, dear=dear))
+    ahead = look_ahead([HINT], model=Hinting(), proposals=proposals, params=replace(PARAMS, hard=hard))
     found = ahead.choose(BELIEF, np.random.default_rng(0), share=0.01)
     assert found[0].placement[2] == best
 
