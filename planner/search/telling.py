@@ -27,7 +27,14 @@ TELLS = 0.25  # overlap of its readings below which a hand tells the two poses a
 
 
 def foremost(actions: ActionSet, job: Job, model: MotionModel, rng: np.random.Generator) -> ActionSet:
-    """The actions, the scattered hands of each part of which few tell in the order of `order`."""
+    """The actions, the scattered hands of each part of which few tell in the order of `order`.
+
+    Args:
+        actions: what to choose from.
+        job: whose parts they are.
+        model: squeezes and reads them.
+        rng: source of randomness.
+    """
     own = [_foremost(each, job, k, model, rng) for k, each in enumerate(actions.proposals)]
     return replace(actions, proposals=tuple(own))
 
