@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -21,7 +22,9 @@ from planner.mechanics.traits import by_hypothesis
 from planner.search.actions import ActionSet
 from planner.search.params import Objective, SearchParams
 from planner.search.proposals import VARIED, varied
+from planner.work.scheduler import Threads
 
+TOGETHER = 32  # options that a thread judges at once
 GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)  # its multiples, cut to their fractions, fill an interval evenly
 
 
@@ -124,6 +127,14 @@ class _Contest:
         self.poses = np.concatenate([self.poses, np.stack(poses)], axis=1)
         self.reading = np.concatenate([self.reading, np.stack(reading)], axis=1)
 
+    def states(self, hypotheses: bool) -> Array:
+        """Where all particles so far came to lie (k, n, m), with the number of their hypothesis if asked."""
+        if not hypotheses:
+            return self.poses
+        hypothesis = self.belief.traits["hypothesis"][: self.start].astype(np.float64)
+        fourth = np.broadcast_to(hypothesis[:, None], (*self.poses.shape[:2], 1))
+        return np.concatenate([self.poses, fourth], axis=2)
+
     def squeezed(self) -> list[Squeezed]:
         """What all particles so far came to, for each option."""
         traits = self.belief.traits[: self.start]
@@ -187,7 +198,8 @@ class Ranking:
             squeezed = iter(self.model.squeeze(cases, rng))
             for contest in waiting:
                 contest.add([next(squeezed) for _ in contest.placements])
-                contest.halve(self._judge(contest), params)
+            for contest, judgement in zip(waiting, self._judge(waiting), strict=True):
+                contest.halve(self._options(contest, *judgement), params)
         return [contest.options for contest in contests]
 
     def varied(
@@ -226,19 +238,30 @@ class Ranking:
         """The branches of one of the options."""
         return Outcomes.of(squeezed, self.objective.rule)
 
-    def _judge(self, contest: _Contest) -> Options:
+    def _judge(self, contests: list[_Contest]) -> list[tuple[Array, IntArray]]:
+        """The figures (k, 3) of each one's options, and into how many branches (k,) they cut the belief."""
+        rule = self.objective.rule
+        found = list[tuple[Array, IntArray]]()
+        pieces = list[tuple[Array, IntArray, Array, IntArray]]()
+        for contest in contests:
+            states = contest.states(rule.metric.further)
+            found.append((np.zeros((len(states), 3)), np.zeros(len(states), np.int64)))
+            columns = states, contest.reading, *found[-1]
+            for start in range(0, len(states), TOGETHER):
+                pieces.append(tuple(column[start : start + TOGETHER] for column in columns))
+
+        def run(piece: tuple[Array, IntArray, Array, IntArray]) -> None:
+            judged(
+                *piece[:2], rule.resolution.free, rule.metric.weights(), rule.metric.modes,
+                np.array(rule.estimate), rule.prices(), *piece[2:],
+            )  # fmt: skip
+
+        deque(Threads(self.mixture.workers).map(run, pieces), maxlen=0)
+        return found
+
+    def _options(self, contest: _Contest, figures: Array, branches: IntArray) -> Options:
         """The options as `Outcomes` would have them, whose beliefs are not needed yet."""
-        rule, params, k = self.objective.rule, self.objective.params, len(contest.placements)
-        poses, hypothesis = contest.poses, contest.belief.traits["hypothesis"][: contest.start]
-        if rule.metric.further:
-            fourth = np.broadcast_to(hypothesis.astype(np.float64)[:, None], (*poses.shape[:2], 1))
-            poses = np.concatenate([poses, fourth], axis=2)
-        figures, branches = np.zeros((k, 3)), np.zeros(k, np.int64)
-        judged(
-            poses, contest.reading, rule.resolution.free, rule.metric.weights(), rule.metric.modes,
-            np.array(rule.estimate), rule.prices(), figures, branches,
-        )  # fmt: skip
-        ratio, left, further = figures.T
+        params, (ratio, left, further) = self.objective.params, figures.T
         cost = self.objective.costs.of(*contest.means.T)
         rank = cost + left - params.second_mode * further
         compared = self.actions.compared(contest.placements, contest.belief.squeezed)
