@@ -26,8 +26,16 @@ from planner.evaluation.outcome import Evaluation
 from planner.job.model import Job
 from planner.lower import holds, lower
 from planner.paper.search import METHODS
-from planner.search.anytime import AFTER_GROWTH, CAREFUL, MENDING, Anytime, Cut
+from planner.search.anytime import (
+    AFTER_GROWTH,
+    CAREFUL,
+    COMPLETING,
+    MENDING,
+    Anytime,
+    Cut,
+)
 from planner.search.expand import Found, Growth, TreeNode, breadth_first, grow, learn
+from planner.search.hasty import grow_hastily
 from planner.search.improve import improve, mend
 from planner.search.params import SearchParams
 from planner.work.progress import Report, silent
@@ -131,7 +139,7 @@ class Planning:
             if number <= PARAMS.refinements and not self._late():
                 attempt = PARAMS.refinements + number
                 doubts = rare.unsettle(self.root, blamed, self.growth.objective.metric)
-                self._grow(attempt)
+                self._grow_open([self.job.seed, attempt], self._reopen)
                 rare.settle(doubts, self.growth.objective.confidence)
                 table = lower(self.root, self.job)
                 run = judge(table, attempt, None)
@@ -150,14 +158,16 @@ class Planning:
         New parts judge it a few times. In between, its leaves are grown until those parts speak against none.
         """
         if not self.root.children:
-            self._grow(0)
+            self.begin()
+        if not self.anytime.hasty:
+            self._complete()
         attempt = 0
         for look in count(1):
             first = attempt
             evaluation, short = self._judged(judge, attempt)
             while short >= PARAMS.least_short and attempt < PARAMS.refinements and not self._late():
                 attempt += 1
-                self._grow(attempt)
+                self._grow_open([self.job.seed, attempt], self._reopen)
                 evaluation, short = self._judged(judge, attempt, evaluation)
             if attempt == PARAMS.refinements or self._late():
                 break
@@ -171,27 +181,30 @@ class Planning:
 
     def begin(self) -> None:
         """Grows the tree, without a look at what becomes of it."""
-        self._grow(0)
-
-    def _grow(self, attempt: int) -> None:
-        """Grows the leaves that fall short; at first, tries other squeezes for the nodes that matter most.
-
-        Not for several hypotheses: it would take a third of the time, and save 2 % of the squeezes.
-        """
-        seed = [self.job.seed, attempt]
-        if attempt == 0:
-            self.anytime.grow(self.root, seed, self._watch, partial(self._told, "first squeeze"))
-        else:
-            grow(self.root, self.growth, seed, self._watch, self._late, self._reopen)
+        seed = [self.job.seed, 0]
+        self.anytime.grow(self.root, seed, self._watch, partial(self._told, "first squeeze"))
         if not self.root.children:
             raise NoPlanError(
                 f"{self.job.name}: no first squeeze is free of collision and gains anything; open the "
                 "jaws wider, add actions, or reduce the uncertainty"
             )
-        if attempt == 0 and not self.anytime.hasty and not self.job.hypothesis:
-            self.improve(seed, self._late, PARAMS.rough)
-        if attempt == 0 and not self.anytime.hasty:
-            grow(self.root, self.growth, seed, self._watch, self._late)
+
+    def _complete(self) -> None:
+        """Tries other squeezes for the nodes that matter most, and grows what the first growth left open.
+
+        No other squeezes for several hypotheses: it would take a third of the time, and save 2 % of them.
+        """
+        seed, kept_s = [self.job.seed, 0], COMPLETING * self.anytime.growth_s
+        if not self.job.hypothesis:
+            self.improve(seed, lambda: self._late(kept_s), PARAMS.rough)
+        self._grow_open(seed)
+
+    def _grow_open(self, seed: list[int], reopen: float = 1.0) -> None:
+        """Grows what is open; hastily where a careful tree has spent half of the time that was left."""
+        kept_s = 0.0 if self.anytime.hasty else 0.5 * self.anytime.limit.left_s
+        grow(self.root, self.growth, seed, self._watch, lambda: self._late(kept_s), reopen)
+        if self.anytime.cut:
+            grow_hastily(self.root, self.growth, seed, self._watch, self._late, reopen)
 
     def improve(self, seed: list[int], late: Callable[[], bool], rough: float = 0.0) -> None:
         """Tries other squeezes for the nodes that matter most, until it is late."""
@@ -245,9 +258,9 @@ class Planning:
         """Mode ratio below which a leaf is grown further: fresh trials must not refute what stays."""
         return 1.0 - PARAMS.reopen_margin * (1.0 - self.job.goal.confidence)
 
-    def _late(self) -> bool:
-        """Whether the time is spent; never before there is a first squeeze, for a plan must be one."""
-        return self.anytime.late(self.root)
+    def _late(self, kept_s: float = 0.0) -> bool:
+        """Whether all time but `kept_s` is spent; never before there is a first squeeze: a plan is one."""
+        return self.anytime.late(self.root, kept_s)
 
     @property
     def deciding(self) -> int:

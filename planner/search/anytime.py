@@ -11,14 +11,14 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from planner.search.expand import Growth, Progress, TreeNode, breadth_first, grow, untold
-from planner.search.hasty import hasty_growth, squeeze_first
+from planner.search.hasty import grow_hastily, squeeze_first
 from planner.work.limit import Limit
 
 MENDING = 0.5  # Time to mend a hasty tree in which other squeezes were tried, in units of its growth
+COMPLETING = 0.5  # Time to grow what a careful growth left open, and to refine it, in units of that growth
 CAREFUL = 5.0  # Time of the careful growth in units of the hasty one
 AFTER_GROWTH = 0.75  # Time of improvement and refinement in units of the growth before them
 LEAST_DONE = 0.02  # Share of the growth from which its rate is believed
-SEED_HASTY = 0x48415354
 
 
 class Cut(NamedTuple):
@@ -64,20 +64,17 @@ class Anytime:
         """
         self.begun_s = self.limit.spent_s
         if self.hasty:
-            little = hasty_growth(self.growth)
-            grow(root, little, [*seed, SEED_HASTY], progress, lambda: self.late(root))
-            for node in breadth_first(root):
-                node.exhausted, node.searched = math.inf, 0
+            grow_hastily(root, self.growth, seed, progress, lambda: self.late(root))
         else:
             squeeze_first(root, self.growth, seed, first, self.limit.over)
         least = 0.0 if self.hasty else self.growth.objective.params.improved_share
         grow(root, self.growth, seed, progress, lambda: self.late(root), least=least)
         self.growth_s = (self.limit.spent_s - self.begun_s) / max(self._done(root), LEAST_DONE)
 
-    def late(self, root: TreeNode) -> bool:
-        """Whether to leave a tree as it is; never before it has a first squeeze, for a plan must be one."""
+    def late(self, root: TreeNode, kept_s: float = 0.0) -> bool:
+        """Whether to leave a tree as it is, with so many seconds left; never without a first squeeze."""
         self.limit.standing = self.limit.standing or bool(root.children)
-        late = bool(root.children) and self.limit.over()
+        late = bool(root.children) and self.limit.over(kept_s)
         self.cut = self.cut or late
         return late
 

@@ -4,6 +4,7 @@ J of a first squeeze says little of its cost: two squeezes ahead hardly any part
 does, grown with a fifth of the particles and one squeeze of look-ahead (decision 0043).
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -18,6 +19,7 @@ HASTY_PARTICLES = 5  # A hasty tree's beliefs have the job's particles, divided 
 HASTY_SEARCH = 4  # Its look-ahead, which is of one squeeze, has the job's search particles, divided by this
 ROUNDS = 2  # Trees of each first squeeze that may be the cheapest
 SEED_COST = 0x434F5354
+SEED_HASTY = 0x48415354
 
 
 def hasty_root(root: TreeNode) -> TreeNode:
@@ -31,6 +33,18 @@ def hasty_growth(growth: Growth) -> Growth:
     look_ahead = growth.look_ahead
     few = max(1, look_ahead.particles // HASTY_SEARCH)
     return replace(growth, look_ahead=replace(look_ahead, depth=1, particles=few))
+
+
+def grow_hastily(
+    root: TreeNode, growth: Growth, seed: list[int], progress: Progress,
+    out_of_time: Callable[[], bool], reopen: float = 1.0,
+) -> None:  # fmt: skip
+    """`grow` with little effort; where that gains nothing, a leaf stays open to more."""
+    exhausted = {leaf.path for leaf in breadth_first(root) if math.isfinite(leaf.exhausted)}
+    grow(root, hasty_growth(growth), [*seed, SEED_HASTY], progress, out_of_time, reopen)
+    for leaf in breadth_first(root):
+        if leaf.path not in exhausted:
+            leaf.exhausted, leaf.searched = math.inf, 0
 
 
 def squeeze_first(

@@ -23,6 +23,11 @@ class Limit:
         return self._clock() - self._start
 
     @property
+    def left_s(self) -> float:
+        """Seconds before the reserve; infinite without a budget."""
+        return self.budget_s - self.reserve_s - self.spent_s
+
+    @property
     def bounded(self) -> bool:
         """Whether there is a budget."""
         return math.isfinite(self.budget_s)
@@ -39,4 +44,4 @@ class Limit:
 
     def over(self, kept_s: float = 0.0) -> bool:
         """Whether to end now, with the reserve and so many seconds more left."""
-        return self.asked or self.spent_s + self.reserve_s + kept_s > self.budget_s
+        return self.asked or self.left_s < kept_s

@@ -50,6 +50,16 @@ def test_a_spent_budget_still_leaves_a_first_squeeze(growth, root):
     assert anytime.cut
 
 
+def test_time_that_is_kept_counts_as_spent(growth, root):
+    squeeze_at(root, None, np.array([0.0, 0.0, TELLING]), growth, np.random.default_rng(1))
+    anytime = Anytime(growth, Limit(10.0, lambda: 0.0))
+    assert not anytime.late(root, 10.0)
+    assert not anytime.cut
+    assert anytime.late(root, 10.1)
+    assert anytime.cut
+    assert not Anytime(growth, Limit()).late(root, np.inf)
+
+
 def test_a_tree_that_is_done_in_time_is_not_cut(growth, root):
     anytime = Anytime(growth, Limit(1e6, Clock()))
     anytime.grow(root, [1], nothing)

@@ -10,7 +10,7 @@ from oracle import BELIEF, SILENT, TELLING, Oracle, look_ahead
 from planner.job import model as job_file
 from planner.search.expand import Growth, TreeNode, breadth_first, untold
 from planner.search.handling import handling_of
-from planner.search.hasty import costs, squeeze_first
+from planner.search.hasty import costs, grow_hastily, squeeze_first
 from planner.search.params import SearchParams
 
 RECTANGLE = Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml"
@@ -111,3 +111,13 @@ def test_first_squeezes_are_unlike_those_about_the_middle_first_and_not_too_many
     assert 2 <= len(first) <= params.first_candidates
     apart = np.abs(np.subtract.outer(np.abs(first), np.abs(first)))[~np.eye(len(first), dtype=bool)]
     assert apart.min() >= params.alike_mm
+
+
+def test_a_leaf_where_little_effort_gains_nothing_stays_open_to_more(growth, root):
+    silent = replace(growth, look_ahead=look_ahead([SILENT]))
+    grow_hastily(root, silent, [1], untold, in_time)
+    assert not root.children
+    assert growth.worth_growing(root, 1.0)
+    root.exhausted, root.searched = root.mode.ratio, len(root.belief)
+    grow_hastily(root, silent, [1], untold, in_time)
+    assert not growth.worth_growing(root, 1.0)
