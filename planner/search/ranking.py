@@ -245,15 +245,17 @@ class Ranking:
         pieces = list[tuple[Array, IntArray, Array, IntArray]]()
         for contest in contests:
             states = contest.states(rule.metric.further)
-            found.append((np.zeros((len(states), 3)), np.zeros(len(states), np.int64)))
-            columns = states, contest.reading, *found[-1]
+            figures, branches = np.zeros((len(states), 3)), np.zeros(len(states), np.int64)
+            found.append((figures, branches))
             for start in range(0, len(states), TOGETHER):
-                pieces.append(tuple(column[start : start + TOGETHER] for column in columns))
+                some = slice(start, start + TOGETHER)
+                pieces.append((states[some], contest.reading[some], figures[some], branches[some]))
 
         def run(piece: tuple[Array, IntArray, Array, IntArray]) -> None:
+            states, reading, figures, branches = piece
             judged(
-                *piece[:2], rule.resolution.free, rule.metric.weights(), rule.metric.modes,
-                np.array(rule.estimate), rule.prices(), *piece[2:],
+                states, reading, rule.resolution.free, rule.metric.weights(), rule.metric.modes,
+                np.array(rule.estimate), rule.prices(), figures, branches,
             )  # fmt: skip
 
         deque(Threads(self.mixture.workers).map(run, pieces), maxlen=0)
