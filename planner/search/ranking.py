@@ -244,7 +244,7 @@ class Ranking:
         found = list[tuple[Array, IntArray]]()
         pieces = list[tuple[Array, IntArray, Array, IntArray]]()
         for contest in contests:
-            states = contest.states(rule.metric.further)
+            states = contest.states(bool(rule.metric.further))
             figures, branches = np.zeros((len(states), 3)), np.zeros(len(states), np.int64)
             found.append((figures, branches))
             for start in range(0, len(states), TOGETHER):
