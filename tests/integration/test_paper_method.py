@@ -58,7 +58,8 @@ def test_only_what_was_never_tried_is_rejected_and_hardly_anything_hit(plans, me
 
 def test_most_leaves_are_singletons_under_the_models(plans):
     leaves = [node for node in breadth_first(plans["paper"].root) if not node.children]
-    assert sum(leaf.share for leaf in leaves if leaf.mode.ratio > SINGLETON_SHARE) > 0.9
+    standing = sum(leaf.share for leaf in leaves)  # branches that no trial took went with theirs
+    assert sum(leaf.share for leaf in leaves if leaf.mode.ratio > SINGLETON_SHARE) > 0.9 * standing
 
 
 def test_a_leaf_that_the_evaluation_refutes_is_not_called_resolved(plans):
