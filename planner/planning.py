@@ -26,14 +26,7 @@ from planner.evaluation.outcome import Evaluation
 from planner.job.model import Job
 from planner.lower import holds, lower
 from planner.paper.search import METHODS
-from planner.search.anytime import (
-    AFTER_GROWTH,
-    CAREFUL,
-    COMPLETING,
-    MENDING,
-    Anytime,
-    Cut,
-)
+from planner.search.anytime import AFTER_GROWTH, CAREFUL, COMPLETING, MENDING, Anytime, Cut
 from planner.search.expand import Found, Growth, TreeNode, breadth_first, grow, learn
 from planner.search.hasty import grow_hastily
 from planner.search.improve import improve, mend

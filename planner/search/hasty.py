@@ -40,11 +40,10 @@ def grow_hastily(
     out_of_time: Callable[[], bool], reopen: float = 1.0,
 ) -> None:  # fmt: skip
     """`grow` with little effort; where that gains nothing, a leaf stays open to more."""
-    exhausted = {leaf.path for leaf in breadth_first(root) if math.isfinite(leaf.exhausted)}
+    before = {node.path: (node.exhausted, node.searched) for node in breadth_first(root)}
     grow(root, hasty_growth(growth), [*seed, SEED_HASTY], progress, out_of_time, reopen)
-    for leaf in breadth_first(root):
-        if leaf.path not in exhausted:
-            leaf.exhausted, leaf.searched = math.inf, 0
+    for node in breadth_first(root):
+        node.exhausted, node.searched = before.get(node.path, (math.inf, 0))
 
 
 def squeeze_first(

@@ -121,3 +121,6 @@ def test_a_leaf_where_little_effort_gains_nothing_stays_open_to_more(growth, roo
     root.exhausted, root.searched = root.mode.ratio, len(root.belief)
     grow_hastily(root, silent, [1], untold, in_time)
     assert not growth.worth_growing(root, 1.0)
+    root.searched = len(root.belief) // 2  # more particles show rarer poses
+    grow_hastily(root, silent, [1], untold, in_time)
+    assert growth.worth_growing(root, 1.0)
