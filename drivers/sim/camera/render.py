@@ -87,27 +87,24 @@ def _draw(levels: Levels, optics: Optics, card: Card) -> None:
     rows, columns = box
     behind = levels[rows, columns]
     total = np.zeros(behind.shape, np.float32)
-    normal = np.cross(card.right, card.down)
-    for moment, rays in _rays(optics, box):
-        centre = card.centre_mm + (moment - 0.5) * card.speed_mm
-        reach = ((centre - optics.eye_mm) @ normal) / (rays @ normal)
-        spot = reach[..., None] * rays + (optics.eye_mm - centre)
-        total += _tone(card, spot @ card.right, spot @ card.down, behind)
+    axes = np.stack([card.right, card.down, np.cross(card.right, card.down)], axis=1)
+    for moment, (along, across, away) in _rays(optics, box, axes):
+        eye = (optics.eye_mm - card.centre_mm - (moment - 0.5) * card.speed_mm) @ axes
+        reach = np.float32(-eye[2]) / away
+        total += _tone(card, reach * along + np.float32(eye[0]), reach * across + np.float32(eye[1]), behind)
     behind[:] = total / (SAMPLES * SAMPLES)
 
 
-def _tone(card: Card, along: Array, across: Array, behind: Levels) -> Levels:
+def _tone(card: Card, along: Levels, across: Levels, behind: Levels) -> Levels:
     """What is seen at places of a card's plane: its squares, its margin, or what is behind it."""
     rows, columns = card.cells.shape
-    column = np.floor(along / card.cell_mm + 0.5 * columns).astype(np.int64)
-    row = np.floor(across / card.cell_mm + 0.5 * rows).astype(np.int64)
-    inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
-    white = np.ones(inside.shape, np.uint8)
-    white[inside] = card.cells[row[inside], column[inside]]
+    column = np.clip(np.floor(along / card.cell_mm + 0.5 * columns), -1, columns).astype(np.intp)
+    row = np.clip(np.floor(across / card.cell_mm + 0.5 * rows), -1, rows).astype(np.intp)
     half_along, half_across = card.half_mm
     on_card = (np.abs(along) <= half_along) & (np.abs(across) <= half_across)
-    black, bright = card.tones
-    return np.where(on_card, np.where(white > 0, np.float32(bright), np.float32(black)), behind)
+    with_margin = np.pad(card.cells, 1, constant_values=1)
+    tones = np.array(card.tones, np.float32)[with_margin]
+    return np.where(on_card, tones[row + 1, column + 1], behind)
 
 
 def _outline(card: Card) -> Array:
@@ -128,13 +125,14 @@ def _box(optics: Optics, points_mm: Array) -> tuple[slice, slice] | None:
     return (slice(top, bottom), slice(left, right)) if top < bottom and left < right else None
 
 
-def _rays(optics: Optics, box: tuple[slice, slice]) -> Iterator[tuple[float, Array]]:
-    """For each sample: its moment of the exposure, 0 to 1, and the rays of all pixels of a box, (h, w, 3)."""
+def _rays(optics: Optics, box: tuple[slice, slice], axes: Array) -> Iterator[tuple[float, Levels]]:
+    """For each sample: its moment of the exposure, 0 to 1, and the rays of a box along axes, (3, h, w)."""
     rows, columns = box
-    grid = optics.corner_rays[rows.start : rows.stop + 1, columns.start : columns.stop + 1]
-    steps = (np.arange(SAMPLES) + 0.5) / SAMPLES
-    for number, (v, u) in enumerate((v, u) for v in steps for u in steps):
-        upper = (1.0 - u) * grid[:-1, :-1] + u * grid[:-1, 1:]
-        lower = (1.0 - u) * grid[1:, :-1] + u * grid[1:, 1:]
-        moment = (MOMENTS[number] + 0.5) / (SAMPLES * SAMPLES)
-        yield float(moment), (1.0 - v) * upper + v * lower
+    grid = optics.corner_rays[rows.start : rows.stop + 1, columns.start : columns.stop + 1] @ axes
+    corners = np.ascontiguousarray(np.moveaxis(grid, -1, 0), np.float32)
+    steps = (np.arange(SAMPLES, dtype=np.float32) + np.float32(0.5)) / np.float32(SAMPLES)
+    for column, u in enumerate(steps):
+        edges = corners[..., :-1] + u * np.diff(corners, axis=2)
+        for row, v in enumerate(steps):
+            moment = (MOMENTS[row * SAMPLES + column] + 0.5) / (SAMPLES * SAMPLES)
+            yield float(moment), edges[:, :-1] + v * np.diff(edges, axis=1)
