@@ -42,7 +42,7 @@ def push(part: Part, fingers: np.ndarray, centre: np.ndarray, angle: float, shif
         return np.array([V[0], V[1], V[2] / part.rho])
 
     found = solve_ivp(
-        velocity, (0.0, 1.0), np.zeros(3), max_step=CLOSING / 4, rtol=1e-3, atol=1e-3, method="RK23"
+        velocity, (0.0, 1.0), np.zeros(3), max_step=CLOSING / 2, rtol=1e-3, atol=1e-3, method="RK23"
     )
     return found.y[:, -1]
 
