@@ -36,16 +36,23 @@ FIRST = {"BOOL": False, "INT": 0, "DINT": 0, "REAL": 0.0, "STRING": ""}
 BLOCKS = {st.InputDeclarations: INPUT, st.OutputDeclarations: OUTPUT, st.VariableDeclarations: LOCAL}
 
 
+NARROWED = {
+    '| array_initial_element ( "," array_initial_element )*         -> bare_array_initialization': "",
+    "| _array_initial_element\n\n": "| integer_literal\n\n",
+}
+"""What it takes instead: without brackets an array takes cubic time, of expressions most of the rest."""
+
+
 @cache
 def parser() -> Lark:
-    """The parser without arrays that lack brackets, by which it takes cubic time for those that have them."""
-    bare = '| array_initial_element ( "," array_initial_element )*         -> bare_array_initialization'
+    """The parser of structured text whose arrays are integers in brackets."""
     grammar = blark.GRAMMAR_FILENAME.read_text()
-    assert grammar.count(bare) == 1
-    start = [rule.name for rule in BlarkStartingRule]
+    for general, narrow in NARROWED.items():
+        assert grammar.count(general) == 1
+        grammar = grammar.replace(general, narrow)
     return Lark(
-        grammar.replace(bare, ""), parser="earley", maybe_placeholders=True, propagate_positions=True,
-        start=start,
+        grammar, parser="earley", maybe_placeholders=True, propagate_positions=True,
+        start=[rule.name for rule in BlarkStartingRule],
     )  # fmt: skip
 
 
