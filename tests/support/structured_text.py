@@ -40,7 +40,8 @@ NARROWED = {
     '| array_initial_element ( "," array_initial_element )*         -> bare_array_initialization': "",
     "| _array_initial_element\n\n": "| integer_literal\n\n",
 }
-"""What it takes instead: without brackets an array takes cubic time, of expressions most of the rest."""
+"""Rules of blark's grammar, and what stands for them here: arrays without brackets take cubic time to parse,
+those of expressions most of the rest."""
 
 
 @cache
