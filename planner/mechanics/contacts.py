@@ -8,7 +8,8 @@ extend outwards by their thickness. Four pairs of features can touch:
 - END:    a vertex of the part on the end of a finger, normal along x;
 - OUTER:  an outer corner of a finger on an edge of a part that reaches behind it.
 
-A pusher of points (`find_points`) touches edges as a finger's corner does (CORNER) and convex vertices (TIP).
+A pusher of points (`find_points`) touches edges as a finger's corner does (CORNER) and convex vertices (TIP);
+where points are the corners of boxes, vertices also touch these boxes' sides (`add_sides`, FACE).
 
 A pair counts only where its normal lies in the normal cones of both features; nearly parallel pairs are the
 exception, for they are what holds a flush edge that is longer than the finger.
@@ -45,6 +46,7 @@ LEAST_ARM_MM = 0.5
 """Of a flush edge, only the vertex on the face counts where the finger's corner is nearer to it."""
 EDGE_SLACK_MM = 1e-9
 OUTSIDE_MM = 5e-3  # A corner deeper than this behind all edges is inside the part
+DRIFT_MM = 0.02  # A pusher's point that is inside two edges by less touches both
 END_DEPTH_MM = 0.01  # How far behind the inner face a vertex must be to count as beside the finger
 
 
@@ -271,11 +273,52 @@ def find_points(C: Array, I: IntArray, points: Array, q: Array, pusher: Array, m
                 kind, nx, ny, low, high = TIP, -dx / gap, -dy / gap, -np.inf, np.inf
             elif along < (-margin if notch_before else 0.0) or along > length + margin:
                 continue
-            if abs(gap) > margin or (kind == CORNER and _hidden(points, i, j, px, py, gap)):
+            drifted = 0.0 if -DRIFT_MM < gap < 0.0 else gap
+            if abs(gap) > margin or (kind == CORNER and _hidden(points, i, j, px, py, drifted)):
                 continue
             slot = _slot(C, count, gap)
             if slot >= 0:
                 I[slot, FINGER], I[slot, KIND], I[slot, SIDE], I[slot, VERTEX] = 1, kind, finger, i
                 _write(C, slot, gap, px + gap * nx - q[0], py + gap * ny - q[1], nx, ny, low, high)
+                count = min(count + 1, MAX_CONTACTS)
+    return count
+
+
+@inner_kernel
+def add_sides(
+    C: Array, I: IntArray, count: int, points: Array, q: Array, boxes: Array, dx: float, dy: float,
+    margin: float,
+) -> int:  # fmt: skip
+    """Adds the vertices that are within `margin` [mm] of the sides of boxes, not beyond their corners.
+
+    A vertex counts where neither of its edges leads nearer to the side; inside a box it touches the nearest
+    such side. Arguments as of `find_points`, whose
+    `count` contacts stay; the boxes (m, 4), with their sides along the axes, are x and y of their least and
+    their greatest corner, before they were moved by (dx, dy).
+    """
+    n = points.shape[1]
+    for i in range(n):
+        j, b = i + 1 if i + 1 < n else 0, i - 1 if i > 0 else n - 1
+        x, y = points[0, i] - dx, points[1, i] - dy
+        for box in range(boxes.shape[0]):
+            gap, nx, ny, low, high = -np.inf, 0.0, 0.0, 0.0, 0.0
+            for side in range(4):
+                axis, sign = side % 2, -1.0 if side < 2 else 1.0
+                mx, my = (sign, 0.0) if axis == 0 else (0.0, sign)
+                along = mx * y - my * x
+                first, last = sign * boxes[box, 1 - axis], sign * boxes[box, 3 - axis]
+                if axis == 1:
+                    first, last = -first, -last
+                own = mx * x + my * y - sign * boxes[box, side]
+                before = mx * (points[0, b] - points[0, i]) + my * (points[1, b] - points[1, i])
+                after = mx * (points[0, j] - points[0, i]) + my * (points[1, j] - points[1, i])
+                under = min(first, last) <= along <= max(first, last)
+                if under and own > gap and before >= 0.0 and after >= 0.0:
+                    gap, nx, ny = own, mx, my
+                    low, high = min(first, last) - along, max(first, last) - along
+            slot = _slot(C, count, gap) if abs(gap) <= margin else -1
+            if slot >= 0:
+                I[slot, FINGER], I[slot, KIND], I[slot, SIDE], I[slot, VERTEX] = 1, FACE, box, i
+                _write(C, slot, gap, points[0, i] - q[0], points[1, i] - q[1], nx, ny, low, high)
                 count = min(count + 1, MAX_CONTACTS)
     return count

@@ -44,3 +44,13 @@ class Mixture:
             for k, rows in by_hypothesis(traits)
         ]
         return pieces[0][1] if len(pieces) == 1 else in_order(pieces, len(poses))
+
+    def push_by_hand(
+        self, poses: Array, opening_mm: Array, way_mm: Array, rng: np.random.Generator, traits: Traits
+    ) -> Array:
+        """As `Simulator.push_by_hand`."""
+        final = np.empty((len(poses), 3))
+        for k, rows in by_hypothesis(traits):
+            own, each = self.simulators[k], (opening_mm[rows], way_mm[rows])
+            final[rows] = own.push_by_hand(poses[rows], *each, rng, traits[rows])
+        return final

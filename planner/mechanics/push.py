@@ -1,7 +1,9 @@
-"""A push: a rigid pusher of points follows a commanded path, and the part gives way.
+"""A push: a rigid pusher follows a commanded path, and the part gives way.
 
-The contacts are solved as in a squeeze (`surface_step.solve_surface`); only the pusher's displacement at each
-contact is another one. The part never jams: to move along with the pusher is always possible.
+The pusher is a set of points, or the fingers of a hand that goes straight on. The contacts are solved as in
+a squeeze (`surface_step.solve_surface`); only the pusher's displacement at each contact is another one. The
+part never jams: to move along with the pusher is always possible. That is what it does where friction wedges
+it between two places of the pusher, and the LCP has no solution.
 """
 
 from typing import NamedTuple
@@ -10,7 +12,7 @@ import numpy as np
 
 from planner.arrays import Array, IntArray
 from planner.kernel import inner_kernel, kernel
-from planner.mechanics.contacts import GAP, N2, NX, NY, RX, RY, T2, UN, UT, find_points, place
+from planner.mechanics.contacts import GAP, N2, NX, NY, RX, RY, T2, UN, UT, add_sides, find_points, place
 from planner.mechanics.lcp import SOLVED
 from planner.mechanics.step import event_fraction
 from planner.mechanics.stepping import SMALLEST_STEP, Body, SqueezeWork
@@ -20,7 +22,9 @@ STUCK, SLID, LOST = 0, 1, 2
 PUSH_NAMES = ("stuck", "slid", "lost")
 APART_MM = 0.05  # A wider gap at the end of a push: the pusher has left the part
 TRIES = 50  # Steps tried, for each step of full length that the path has
+WEDGED = 0.25  # Share of a full step, from which on a part is taken along where no LCP is solved
 FINISHED = 1e-9  # What may be left of a path that is followed to its end, as a share of it
+FAR_MM = 1e9  # Where a finger is that is not there
 
 
 class Path(NamedTuple):
@@ -67,6 +71,15 @@ def _command(C: Array, count: int, rho: float, path: Path, done: float, share: f
 
 
 @inner_kernel
+def _take_along(path: Path, rho: float, done: float, share: float, q: Array, V: Array) -> None:
+    """The displacement of a part that moves with the pusher in a further share of the path, into V (3,)."""
+    angle = share * path.angle
+    V[0] = share * path.shift[0] - angle * (q[1] - path.centre[1] - done * path.shift[1])
+    V[1] = share * path.shift[1] + angle * (q[0] - path.centre[0] - done * path.shift[0])
+    V[2] = rho * angle
+
+
+@inner_kernel
 def _move(q: Array, dx: float, dy: float, angle: float) -> None:
     """Moves a pose (3,) by a constant twist: so a part that sticks keeps to the pusher's circle."""
     along, across = 1.0, 0.5 * angle
@@ -88,37 +101,63 @@ def _steps(path: Path, step: float) -> int:
     return int(np.ceil(length / step)) + 1
 
 
+def fingers_of(opening_mm: Array, length_mm: float, thickness_mm: float) -> Array:
+    """The fingers of n hands as boxes (n, 2, 4): x and y of their least and greatest corners [mm].
+
+    Where fingers touch one another (`opening_mm` (n,) is 0) the first box is both of them, the other far off.
+    """
+    half, h, closed = 0.5 * opening_mm, np.full(len(opening_mm), 0.5 * length_mm), opening_mm <= 0.0
+    upper = np.column_stack([-h, np.where(closed, -thickness_mm, half), h, half + thickness_mm])
+    lower = np.column_stack([-h, -half - thickness_mm, h, -half])
+    lower[closed] += FAR_MM
+    return np.stack([upper, lower], axis=1)
+
+
+def corners_of(boxes: Array) -> Array:
+    """The corners (n, 4 m, 2) of boxes (n, m, 4)."""
+    pairs = [boxes[:, :, [i, j]] for i in (0, 2) for j in (1, 3)]
+    return np.concatenate(pairs, axis=1)
+
+
 @kernel
 def push(
-    body: Body, path: Path, mu: float, step: float, q: Array, points: Array, pusher: Array, work: SqueezeWork
-) -> tuple[bool, bool]:
+    body: Body, path: Path, boxes: Array, mu: float, step: float, q: Array, points: Array, pusher: Array,
+    work: SqueezeWork,
+) -> tuple[bool, bool]:  # fmt: skip
     """Pushes one part at q (3,), which is modified into the final pose [mm, mm, rad].
 
-    mu is the friction between pusher and part, `step` the most that the pusher goes in one step [mm].
-    `points` (2, N), `pusher` (K, 2) and `work` are workspaces.
+    The path's points may be the corners of `boxes` (m, 4) with their sides along the axes, which no path then
+    turns; there are none (0, 4) where points alone push. mu is the friction between pusher and part, `step`
+    the most that the pusher goes in one step [mm]. Workspaces are `points` (2, N), `pusher` (K, 2), `work`.
 
     Returns:
         Whether the pusher touches the part at the end, and whether the path was followed to its end.
     """
     C, I, V = work.step.C, work.step.I, work.step.V
+    margin = 2.0 * step + APART_MM
     full = 1.0 / _steps(path, step)
     work.step.F[0], work.step.F[1], work.step.F[2] = 0.0, 1.0, 0.0
     done, share = 0.0, full
     for _ in range(int(TRIES / full)):
         place(body.outline, q, points)
         moved_along(path, done, path.points, pusher)
-        count = find_points(C, I, points, q, pusher, 2.0 * step + APART_MM)
+        count = find_points(C, I, points, q, pusher, margin)
+        dx, dy = done * path.shift[0], done * path.shift[1]
+        count = add_sides(C, I, count, points, q, boxes, dx, dy, margin)
         if done >= 1.0 - FINISHED:
             break
         share = min(share, 1.0 - done)
         _command(C, count, body.rho, path, done, share, q)
         status = solve_surface(body.surface, np.cos(q[2]), np.sin(q[2]), mu, mu, count, work.step)
-        fraction = event_fraction(C, count, V, V) if status == SOLVED else 0.25
+        if status != SOLVED:
+            if share > WEDGED * full:
+                share *= WEDGED
+                continue
+            _take_along(path, body.rho, done, share, q, V)
+        fraction = event_fraction(C, count, V, V)
         if fraction < 0.95 and share > full * SMALLEST_STEP:
             share *= max(fraction, SMALLEST_STEP)
             continue
-        if status != SOLVED:
-            return True, False
         _move(q, V[0], V[1], V[2] / body.rho)
         done, share = done + share, min(full, 2.0 * share)
     touching = False
@@ -129,15 +168,20 @@ def push(
 
 @kernel
 def push_many(
-    outline: Array, surfaces: Array, rho: float, mu: Array, step: float, paths: Paths, poses: Array,
-    touching: IntArray, given_up: IntArray, work: SqueezeWork,
+    outline: Array, surfaces: Array, rho: float, mu: Array, step: float, paths: Paths, boxes: Array,
+    poses: Array, touching: IntArray, given_up: IntArray, work: SqueezeWork,
 ) -> None:  # fmt: skip
-    """`push` for every row of `poses` (n, 3), with its own surface, mu (n, 2) and path; outputs in place."""
+    """`push` for every row of `poses` (n, 3), each with its own of the rest; outputs in place.
+
+    That is surfaces, mu (n, 2), the path, and the boxes (n, m, 4).
+    """
     columns, pusher = np.ascontiguousarray(outline.T), np.zeros(paths.points.shape[1:])
     placed = np.zeros(columns.shape)
     reach = np.sqrt((outline[:, 0] ** 2 + outline[:, 1] ** 2).max())
     for i in range(poses.shape[0]):
         body = Body(columns, reach, surfaces[i], rho)
         path = Path(paths.points[i], paths.centres[i], paths.angles[i], paths.shifts[i])
-        touches, followed = push(body, path, mu[i, 0], step, poses[i], placed, pusher, work)
+        touches, followed = push(
+            body, path, boxes[i], mu[i, 0], step, poses[i], placed, pusher, work
+        )  # fmt: skip
         touching[i], given_up[i] = int(touches), int(not followed)

@@ -3,7 +3,7 @@
 import math
 import os
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple, Self
 
@@ -13,7 +13,7 @@ from planner.arrays import Array, BoolArray, IntArray
 from planner.job.model import Job
 from planner.mechanics import surface as limit_surface
 from planner.mechanics.clearance import jaws_of
-from planner.mechanics.push import LOST, SLID, STUCK, Paths, push_many
+from planner.mechanics.push import LOST, SLID, STUCK, Paths, corners_of, fingers_of, push_many
 from planner.mechanics.squeeze import GRASPED, JAMMED, STATUS_NAMES, Each, grip_of, squeeze, squeeze_many
 from planner.mechanics.stepping import Body, Scratch, squeeze_workspace
 from planner.mechanics.surface import Surface
@@ -138,7 +138,8 @@ class Simulator:
     def roll_out(self, poses: Array, parameters: Parameters) -> RollOut:
         """Squeezes each pose (n, 3) in the hand frame once, jaws open [mm, mm, rad]."""
         if parameters.ellipsoid is not None:
-            return self._by_form(poses, parameters, parameters.ellipsoid)
+            forms = by_form(parameters, parameters.ellipsoid)
+            return in_order([(rows, self.roll_out(poses[rows], own)) for rows, own in forms], len(poses))
         final = np.array(poses, dtype=np.float64, order="C", copy=True)
         n = len(final)
         width = np.zeros(n)
@@ -165,15 +166,6 @@ class Simulator:
             final += np.where(held, 1.0, 0.0)[:, None] * parameters.release
         return RollOut(final, width, status, given_up)
 
-    def _by_form(self, poses: Array, parameters: Parameters, ellipsoid: BoolArray) -> RollOut:
-        """`roll_out` of ellipsoids (n,) and quartics, each as a batch: kernels know one form at a time."""
-        bare, curved, pieces = parameters._replace(ellipsoid=None), np.flatnonzero(~ellipsoid), []
-        for rows, size in ((np.flatnonzero(ellipsoid), 3), (curved, 6)):
-            own = bare.of(rows)
-            corner = np.ascontiguousarray(own.surfaces[:, :size, :size])
-            pieces.append((rows, self.roll_out(poses[rows], own._replace(surfaces=corner))))
-        return in_order(pieces, len(poses))
-
     def push(self, paths: Paths, parameters: Parameters) -> Pushed:
         """Pushes the part once along each of n paths, given in the part's frame at the start.
 
@@ -181,21 +173,66 @@ class Simulator:
         it, lost where the pusher has left it or never met it, else it slid.
         """
         n = len(paths.angles)
-        moved, touching, given_up = np.zeros((n, 3)), np.zeros(n, np.int64), np.zeros(n, np.int64)
+        moved, touching, given_up = self._pushed(np.zeros((n, 3)), paths, np.zeros((n, 0, 4)), parameters)
+        off = moved - commanded(paths)
+        stuck = moved.any(axis=1) & (np.hypot(off[:, 0], off[:, 1]) < STUCK_MM)
+        stuck &= np.abs(off[:, 2]) < math.radians(STUCK_DEG)
+        return Pushed(moved, np.where(stuck, STUCK, np.where(touching == 1, SLID, LOST)), given_up)
+
+    def push_by_hand(
+        self, poses: Array, opening_mm: Array, way_mm: Array, rng: np.random.Generator,
+        traits: Traits | None = None,
+    ) -> Array:  # fmt: skip
+        """Pushes parts (n, 3) with the ends of the fingers, each with random mechanics.
+
+        Deviations of outlines, tenths of a millimetre, are left out.
+
+        Args:
+            poses: in the hand's frame at the start, clear of the fingers [mm, mm, rad].
+            opening_mm: (n,) of the jaws; 0: the fingers touch one another.
+            way_mm: (n,) how far the hand goes along its x axis.
+            rng: of the mechanics.
+            traits: (n,) of the parts; as planned if None.
+
+        Returns:
+            (n, 3) where they end, in the same frame.
+        """
+        n, final = len(poses), np.array(poses, dtype=np.float64, order="C", copy=True)
+        shifts = np.column_stack([way_mm, np.zeros(n)])
+        fingers = fingers_of(opening_mm, self.jaws[1], self.jaws[2])
+        paths = Paths(corners_of(fingers), np.zeros((n, 2)), np.zeros(n), shifts)
+        parameters = self.sample(n, rng, traits)
+        if parameters.ellipsoid is None:
+            return self._pushed(final, paths, fingers, parameters)[0]
+        for rows, own in by_form(parameters, parameters.ellipsoid):
+            path = Paths(*(values[rows] for values in paths))
+            final[rows] = self._pushed(final[rows], path, fingers[rows], own)[0]
+        return final
+
+    def _pushed(
+        self, poses: Array, paths: Paths, boxes: Array, parameters: Parameters
+    ) -> tuple[Array, IntArray, IntArray]:
+        """Poses (n, 3), modified into where they end; where the pusher touches, and where it gave up (n,)."""
+        touching, given_up = np.zeros(len(poses), np.int64), np.zeros(len(poses), np.int64)
 
         def run(start: int) -> None:
             part = slice(start, start + CHUNK)
             push_many(
                 self.outline, parameters.surfaces[part], self.surface.rho_mm, parameters.mu[part],
-                self.step_mm, Paths(*(values[part] for values in paths)), moved[part], touching[part],
-                given_up[part], squeeze_workspace(),
+                self.step_mm, Paths(*(values[part] for values in paths)), boxes[part], poses[part],
+                touching[part], given_up[part], squeeze_workspace(),
             )  # fmt: skip
 
-        deque(Threads(self.workers).map(run, range(0, n, CHUNK)), maxlen=0)
-        off = moved - commanded(paths)
-        stuck = moved.any(axis=1) & (np.hypot(off[:, 0], off[:, 1]) < STUCK_MM)
-        stuck &= np.abs(off[:, 2]) < math.radians(STUCK_DEG)
-        return Pushed(moved, np.where(stuck, STUCK, np.where(touching == 1, SLID, LOST)), given_up)
+        deque(Threads(self.workers).map(run, range(0, len(poses), CHUNK)), maxlen=0)
+        return poses, touching, given_up
+
+
+def by_form(parameters: Parameters, ellipsoid: BoolArray) -> Iterator[tuple[IntArray, Parameters]]:
+    """The rows of the ellipsoids (n,) and of the quartics, and their own: kernels know one form at a time."""
+    bare = parameters._replace(ellipsoid=None)
+    for rows, size in ((np.flatnonzero(ellipsoid), 3), (np.flatnonzero(~ellipsoid), 6)):
+        own = bare.of(rows)
+        yield rows, own._replace(surfaces=np.ascontiguousarray(own.surfaces[:, :size, :size]))
 
 
 def in_order(pieces: Sequence[tuple[slice | IntArray, RollOut]], n: int) -> RollOut:

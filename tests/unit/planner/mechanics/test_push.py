@@ -5,7 +5,19 @@ import math
 import numpy as np
 import pytest
 import shapely
-from problems import disc, hexagon, l_shape, place, random_convex, rectangle, regular_polygon, simulator
+from problems import (
+    JAWS,
+    bar,
+    disc,
+    hexagon,
+    l_shape,
+    place,
+    random_convex,
+    rectangle,
+    regular_polygon,
+    right_triangle,
+    simulator,
+)
 from push_paths import joined, paths, random_paths
 
 from planner.mechanics import contacts
@@ -182,3 +194,80 @@ def test_each_push_takes_its_own_mechanics():
     surfaces = np.stack([np.diag([1.0, 1.0, 0.2]), np.diag([1.0, 1.0, 3.0])])
     result = part.push(made, Parameters(surfaces, np.full((2, 2), 0.3)))
     assert result.moved[0, 2] < 0.5 * result.moved[1, 2]
+
+
+HANDS = [(0.0, 30.0), (12.0, 30.0), (40.0, 30.0)]  # opening and way [mm]
+
+
+def pushed_by_hand(outline, opening, way, n=60, seed=3):
+    """Parts strewn before a hand; where they lay and where they end, in its frame at the start."""
+    part, rng = simulator(outline), np.random.default_rng(seed)
+    before = np.column_stack([
+        np.hypot(*outline.T).max() + JAWS[1] / 2 + rng.uniform(0.1, 8.0, n), rng.uniform(-15.0, 15.0, n),
+        rng.uniform(-math.pi, math.pi, n),
+    ])  # fmt: skip
+    return before, part.push_by_hand(before, np.full(n, opening), np.full(n, way), rng)
+
+
+def fingers_at(opening, way):
+    inner, outer, h = opening / 2, opening / 2 + JAWS[2], JAWS[1] / 2
+    return shapely.box(way - h, [inner, -outer], way + h, [outer, -inner])
+
+
+@pytest.mark.parametrize("outline", [rectangle(), right_triangle(), l_shape(), disc(), bar()])
+@pytest.mark.parametrize(("opening", "way"), HANDS)
+def test_no_part_ends_inside_the_fingers(outline, opening, way):
+    before, after = pushed_by_hand(outline, opening, way)
+    for pose in after:
+        inside = shapely.Polygon(place(outline, pose)).buffer(-0.15)
+        assert not shapely.intersects(inside, fingers_at(opening, way)).any()
+    assert np.any(np.abs(after - before) > 1.0)  # else nothing was tried
+
+
+@pytest.mark.parametrize(("opening", "way"), HANDS)
+def test_only_parts_that_the_fingers_sweep_over_move(opening, way):
+    before, after = pushed_by_hand(rectangle(), opening, way)
+    swept = shapely.union_all([fingers_at(opening, at) for at in np.linspace(0.0, way, 200)])
+    for start, end in zip(before, after, strict=True):
+        met = shapely.Polygon(place(rectangle(), start)).intersects(swept)
+        assert met or np.array_equal(start, end)
+
+
+@pytest.mark.parametrize("opening", [0.0, 8.0])
+def test_a_flush_part_is_taken_along(opening):
+    part, rng = simulator(rectangle()), np.random.default_rng(0)
+    start = np.array([[JAWS[1] / 2 + 15.0 + 2.0, 0.0, 0.0]])
+    end = part.push_by_hand(start, np.array([opening]), np.array([20.0]), rng)
+    assert end[0] == pytest.approx(start[0] + [18.0, 0.0, 0.0], abs=0.02)
+
+
+def test_fingers_end_a_push_as_their_corners_alone_do():
+    """Before a part much wider than the hand, whose edge only their four corners ahead can meet."""
+    plate, opening, way, n = rectangle() * 8.0, 30.0, 25.0, 20
+    part, rng = simulator(plate), np.random.default_rng(5)
+    poses = np.column_stack(
+        [np.full(n, JAWS[1] / 2 + 150.0), rng.uniform(-20, 20, n), rng.uniform(-0.2, 0.2, n)]
+    )
+    drawn = part.sample(n, np.random.default_rng(9))
+    by_hand = part.push_by_hand(poses, np.full(n, opening), np.full(n, way), np.random.default_rng(9))
+    for k, pose in enumerate(poses):
+        ahead = np.array([(JAWS[1] / 2, side * y) for side in (-1, 1) for y in (15.0, 15.0 + JAWS[2])])
+        back = turned(ahead - pose[:2], -pose[2])
+        result = part.push(paths(back, shift=turned([way, 0.0], -pose[2])), drawn.of(np.array([k])))
+        moved = [*turned(result.moved[0, :2], pose[2]), result.moved[0, 2]]
+        assert by_hand[k] == pytest.approx(pose + moved, abs=0.05)
+
+
+def test_parts_wedged_between_two_points_go_with_them():
+    """Their tips point into the gap, and friction holds them: no LCP has a solution, the push goes on."""
+    part, rng, n = (
+        simulator(np.array([[-24.0, 0.0], [12.0, -14.5], [12.0, 14.5]])),
+        np.random.default_rng(2),
+        200,
+    )
+    poses = np.column_stack([np.zeros(n), rng.uniform(-3.0, 3.0, n), rng.uniform(-0.1, 0.1, n)])
+    ahead = np.array([(-21.0, -6.0), (-21.0, 6.0)])
+    made = [paths(turned(ahead - q[:2], -q[2]), shift=turned([40.0, 0.0], -q[2])) for q in poses]
+    result = part.push(joined(made), part.nominal(n, 0.55))
+    assert not result.given_up.any()
+    assert np.all(np.hypot(*result.moved[:, :2].T) > 25.0)
