@@ -43,6 +43,7 @@ from runtime.table.model import (
     Limits,
     Node,
     Prediction,
+    Push,
     Squeeze,
     Table,
 )
@@ -50,7 +51,7 @@ from runtime.table.proof import job_of, prove, refuted, wilson_interval
 
 __all__ = ["COUNTS", "HELD_UM", "KINDS", "PPM", "PROFILES", "REJECT", "UNDETECTED_UM"]
 __all__ += ["Calibration", "GoalSpec", "GripperSpec", "Hypothesis", "Limits", "Pose2", "Prediction"]
-__all__ += ["Branch", "Leaf", "Node", "Profile", "Squeeze", "Table", "TableError", "TableFile"]
+__all__ += ["Branch", "Leaf", "Node", "Profile", "Push", "Squeeze", "Table", "TableError", "TableFile"]
 __all__ += ["TableFileError", "by_count", "decide", "decision_map", "dump", "dumps", "job_of", "load"]
 __all__ += ["distance", "error_mm", "hypotheses_of", "loads", "meets", "misfits", "poses_of"]
 __all__ += ["predicted_pose", "profile_of", "refuted", "residual", "threshold", "wilson_interval"]

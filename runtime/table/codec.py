@@ -1,6 +1,7 @@
-"""The bytes of a table, formats 3 and 4: arrays of integers, one a field. `TABLE.md` is their specification.
+"""The bytes of a table, formats 3 to 6: arrays of integers, one a field. `TABLE.md` is their specification.
 
 Format 4 is that of tables for several hypotheses: the fields of format 3, then those of `SEVERAL_FIELDS`.
+Formats 5 and 6 are those of tables that push: the fields of 3 and of 4, then those of `PUSH_FIELDS`.
 """
 
 import hashlib
@@ -17,6 +18,7 @@ from runtime.table.model import (
     MAX_ALTERNATIVES,
     MAX_BRANCHES,
     MAX_LEAVES,
+    MAX_PUSHES,
     Branch,
     GoalSpec,
     GripperSpec,
@@ -25,12 +27,15 @@ from runtime.table.model import (
     Limits,
     Node,
     Prediction,
+    Push,
     Squeeze,
     Table,
 )
 
 FORMAT = 3
 SEVERAL = 4
+PUSHING = 5
+PUSHING_SEVERAL = 6
 MAGIC = "squeezetree"
 BEGINNING = 16  # bytes within which a table names itself
 MAX_BYTES = 2 << 20
@@ -43,10 +48,11 @@ COLUMNS = {
     "branch": Branch._fields,
     "leaf": (*POSE, "xx", "xy", "yy", "xt", "yt", "tt", *Leaf._fields[4:10]),
     "alternative": POSE,
+    "push": Push._fields,
 }
 PAYLOAD_FIELDS = (
     *HEADER_FIELDS,
-    *(f"{kind}_{field}" for kind, fields in COLUMNS.items() for field in fields),
+    *(f"{kind}_{field}" for kind, fields in COLUMNS.items() if kind != "push" for field in fields),
     "job",
 )
 
@@ -56,6 +62,13 @@ SEVERAL_FIELDS = (
     "leaf_hypothesis",
     "alternative_hypothesis",
 )
+PUSH_FIELDS = ("node_pushes", *(f"push_{field}" for field in Push._fields))
+FIELDS = {
+    FORMAT: PAYLOAD_FIELDS,
+    SEVERAL: (*PAYLOAD_FIELDS, *SEVERAL_FIELDS),
+    PUSHING: (*PAYLOAD_FIELDS, *PUSH_FIELDS),
+    PUSHING_SEVERAL: (*PAYLOAD_FIELDS, *SEVERAL_FIELDS, *PUSH_FIELDS),
+}  # of the payload, by the number of the format
 
 Kind = TypeVar("Kind")
 Row = tuple[int, ...]
@@ -68,9 +81,10 @@ def encode(table: Table) -> bytes:
         TableError: a value is not of the kind that its field holds.
     """
     try:
-        several = _several(table) if table.hypotheses else []
-        payload = bytes(msgpack.packb([*_header(table), *_columns(table), table.job, *several]))
-        number = SEVERAL if several else FORMAT
+        number = format_of(table)
+        several = _several(table) if number in (SEVERAL, PUSHING_SEVERAL) else []
+        pushes = _pushes(table) if number >= PUSHING else []
+        payload = bytes(msgpack.packb([*_header(table), *_columns(table), table.job, *several, *pushes]))
         frame = bytes(msgpack.packb([MAGIC, number, hashlib.sha256(payload).digest(), payload]))
     except (AttributeError, OverflowError, TypeError, ValueError) as error:
         raise TableError(f"a value of the table cannot be written: {error}") from error
@@ -91,10 +105,10 @@ def decode(data: bytes) -> Table:
     frame = _unpacked(data, "the file") if named else None
     if not isinstance(frame, tuple) or len(frame) < 2 or frame[0] != MAGIC:
         raise TableError("not a squeezetree table; pass the .msgpack file plan-compile wrote")
-    if type(frame[1]) is not int or frame[1] not in (FORMAT, SEVERAL):
+    if type(frame[1]) is not int or frame[1] not in FIELDS:
         told = frame[1] if type(frame[1]) is int else type(frame[1]).__name__
         raise TableError(
-            f"format {told} is not readable; this runtime reads {FORMAT} and {SEVERAL}, recompile it"
+            f"format {told} is not readable; this runtime reads {min(FIELDS)} to {max(FIELDS)}, recompile it"
         )
     if len(frame) != len(FRAME_FIELDS) or not all(type(part) is bytes for part in frame[2:]):
         raise TableError(f"the frame is not {', '.join(FRAME_FIELDS)}; copy the file again or recompile it")
@@ -103,11 +117,26 @@ def decode(data: bytes) -> Table:
     payload = _unpacked(frame[3], "the payload")
     if msgpack.packb(frame) != data or msgpack.packb(payload) != frame[3]:
         raise TableError("not in the one encoding a table has; recompile it")
-    names = (*PAYLOAD_FIELDS, *SEVERAL_FIELDS) if frame[1] == SEVERAL else PAYLOAD_FIELDS
+    names = FIELDS[frame[1]]
     if not isinstance(payload, tuple) or len(payload) != len(names):
         raise TableError(f"the payload is not an array of {len(names)}; recompile it")
     fields = dict(zip(names, payload, strict=True))
-    return _with_hypotheses(_table(fields), fields) if frame[1] == SEVERAL else _table(fields)
+    table = _table(fields)
+    if frame[1] in (SEVERAL, PUSHING_SEVERAL):
+        table = _with_hypotheses(table, fields)
+    if frame[1] >= PUSHING:
+        table = _with_pushes(table, fields)
+    if format_of(table) != frame[1]:
+        raise TableError(f"format {frame[1]} is not that of such a table, which is {format_of(table)}")
+    return table
+
+
+def format_of(table: Table) -> int:
+    """The number of the format in which a table is written."""
+    pushing = any(node.pushes for node in table.nodes)
+    if table.hypotheses:
+        return PUSHING_SEVERAL if pushing else SEVERAL
+    return PUSHING if pushing else FORMAT
 
 
 def rows_of(table: Table) -> dict[str, Sequence[Row]]:
@@ -122,6 +151,7 @@ def rows_of(table: Table) -> dict[str, Sequence[Row]]:
             for leaf in table.leaves
         ],
         "alternative": [pose for leaf in table.leaves for pose in leaf.alternatives],
+        "push": [push for node in table.nodes for push in node.pushes],
     }
 
 
@@ -157,6 +187,19 @@ def _several(table: Table) -> list[object]:
     return [int(table.goal.identify), names, *columns, [leaf.hypothesis for leaf in table.leaves], others]
 
 
+def _pushes(table: Table) -> list[list[int]]:
+    rows = rows_of(table)["push"]
+    return [[len(node.pushes) for node in table.nodes], *map(list, zip(*rows, strict=True))]
+
+
+def _with_pushes(table: Table, fields: dict[str, object]) -> Table:
+    """A table with what formats 5 and 6 add."""
+    sizes = _integers(fields, "node_pushes", len(table.nodes))
+    pushes = _parts(map(Push._make, _rows(fields, "push")), list(sizes), MAX_PUSHES, "node_pushes")
+    nodes = zip(table.nodes, pushes, strict=True)
+    return replace(table, nodes=tuple(node._replace(pushes=own) for node, own in nodes))
+
+
 def _with_hypotheses(table: Table, fields: dict[str, object]) -> Table:
     """A table with what format 4 adds."""
     identify, names = _typed(fields, "identify", int), _typed(fields, "hypothesis_name", tuple)
@@ -181,6 +224,8 @@ def _with_hypotheses(table: Table, fields: dict[str, object]) -> Table:
 
 def _columns(table: Table) -> Iterator[list[int]]:
     for kind, rows in rows_of(table).items():
+        if kind == "push":
+            continue
         columns = zip(*rows, strict=True) if rows else [()] * len(COLUMNS[kind])
         yield from map(list, columns)
 

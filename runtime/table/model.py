@@ -17,6 +17,7 @@ KINDS = ("pose", "tolerances", "modes", "orientation", "identity")
 MAX_NODES = 1 << 12
 MAX_LEAVES = 1 << 14
 MAX_BRANCHES = 32
+MAX_PUSHES = 4
 MAX_ALTERNATIVES = 32
 MAX_DEPTH = 64
 MAX_HYPOTHESES = 16
@@ -32,6 +33,17 @@ class Squeeze(NamedTuple):
     speed_um_s: int  # closing speed of the fingers
     force_mn: int  # closing force
     clearance_um: int  # least distance between the open fingers and any believed pose of the part, >= 0
+
+
+class Push(NamedTuple):
+    """One push: the hand comes down beside the part and goes straight on along its own x axis."""
+
+    x_um: int  # of the hand's centre in the world, where it comes down
+    y_um: int
+    angle_urad: int
+    opening_um: int  # of the jaws, 0: closed
+    length_um: int  # of the way
+    speed_um_s: int  # of the hand on it
 
 
 class Branch(NamedTuple):
@@ -50,13 +62,14 @@ class Branch(NamedTuple):
 
 
 class Node(NamedTuple):
-    """One decision: a squeeze and its outcomes, ordered by width."""
+    """One decision: a squeeze and its outcomes, ordered by width; and what is pushed before it."""
 
     squeeze: Squeeze
     branches: tuple[Branch, ...]
     # x, y of the hand centre, um, to which a held part (`HELD_UM`) is dragged at the same angle before the
     # jaws open, another place than the squeeze's; None: they open where they closed.
     release: tuple[int, int] | None = None
+    pushes: tuple[Push, ...] = ()  # in this order, at most `MAX_PUSHES`
 
 
 class Leaf(NamedTuple):

@@ -2,7 +2,7 @@
 
 import hashlib
 from itertools import chain
-from math import erfc, exp, log, sqrt
+from math import cos, erfc, exp, log, sin, sqrt
 from typing import Any
 
 from runtime.errors import TableError
@@ -16,11 +16,13 @@ from runtime.table.model import (
     MAX_HYPOTHESES,
     MAX_LEAVES,
     MAX_NODES,
+    MAX_PUSHES,
     PPM,
     GoalSpec,
     GripperSpec,
     Leaf,
     Limits,
+    Node,
     Table,
 )
 
@@ -49,6 +51,7 @@ def prove(table: Table) -> None:
     _prove_tree(table)
     calibration = Calibration.linear(table.gripper)
     for index, node in enumerate(table.nodes):
+        _prove_pushes(index, node, table.limits)
         total, below = 0, -1
         for number, branch in enumerate(node.branches):
             if not (branch.low_um <= branch.expected_um <= branch.high_um and below < branch.expected_um):
@@ -208,6 +211,7 @@ def _bounds(table: Table) -> dict[str, tuple[tuple[int, int], ...]]:
         "branch": (width, width, width, share, targets),
         "leaf": (*pose, *moments, share, (0, MAX_TRIALS), (0, 1), (0, MAX_ALTERNATIVES), (0, FAR), (0, FAR)),
         "alternative": pose,
+        "push": (*area, turn, width, (1, 1_000_000), (1, limits.arm_speed_um_s)),
     }
 
 
@@ -227,6 +231,7 @@ def _place(table: Table, kind: str, index: int) -> str:
     owners = {
         "branch": ("node", [len(node.branches) for node in table.nodes]),
         "alternative": ("leaf", [len(leaf.alternatives) for leaf in table.leaves]),
+        "push": ("node", [len(node.pushes) for node in table.nodes]),
     }
     if kind not in owners:
         return f"{kind} {index}"
@@ -256,6 +261,16 @@ def _prove_tree(table: Table) -> None:
                 leaves += 1
     if leaves < len(table.leaves):
         raise TableError(f"leaf {leaves} is never reached")
+
+
+def _prove_pushes(index: int, node: Node, limits: Limits) -> None:
+    """Check that there are not too many, and that each ends within the work area, too."""
+    _within(f"node {index}: number of pushes", len(node.pushes), 0, MAX_PUSHES)
+    x_min, y_min, x_max, y_max = limits.work_area_um
+    for number, push in enumerate(node.pushes):
+        turn, at = push.angle_urad / 1e6, f"node {index}, push {number}: "
+        _within(f"{at}x_um of its end", round(push.x_um + push.length_um * cos(turn)), x_min, x_max)
+        _within(f"{at}y_um of its end", round(push.y_um + push.length_um * sin(turn)), y_min, y_max)
 
 
 def _prove_resolved(index: int, leaf: Leaf, table: Table) -> None:

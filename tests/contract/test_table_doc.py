@@ -6,9 +6,26 @@ from pathlib import Path
 from sample_tables import small_table
 
 from runtime.table import HELD_UM, KINDS, UNDETECTED_UM, decide, decision_map, loads
-from runtime.table.codec import FORMAT, MAGIC, MAX_BYTES, PAYLOAD_FIELDS, SEVERAL, SEVERAL_FIELDS
+from runtime.table.codec import (
+    FORMAT,
+    MAGIC,
+    MAX_BYTES,
+    PAYLOAD_FIELDS,
+    PUSH_FIELDS,
+    PUSHING,
+    PUSHING_SEVERAL,
+    SEVERAL,
+    SEVERAL_FIELDS,
+)
 from runtime.table.lookup import REJECT, Calibration
-from runtime.table.model import MAX_ALTERNATIVES, MAX_BRANCHES, MAX_DEPTH, MAX_HYPOTHESES, MAX_LEAVES
+from runtime.table.model import (
+    MAX_ALTERNATIVES,
+    MAX_BRANCHES,
+    MAX_DEPTH,
+    MAX_HYPOTHESES,
+    MAX_LEAVES,
+    MAX_PUSHES,
+)
 from runtime.table.proof import MAX_ANGLE_URAD
 
 TEXT = (Path(__file__).parents[2] / "runtime" / "table" / "TABLE.md").read_text()
@@ -25,6 +42,15 @@ def test_the_fields_of_format_4_follow_in_their_order() -> None:
     assert [(int(number), name) for number, name in listed] == list(enumerate(SEVERAL_FIELDS, first))
     assert f"format {SEVERAL}\n" in TEXT
     assert f"2 to {MAX_HYPOTHESES} names" in TEXT
+
+
+def test_the_fields_of_pushes_follow_in_their_order() -> None:
+    listed = re.findall(r"^\| `(\w+)` \| int a (?:node|push) \| [^|]*\|$", TEXT, re.MULTILINE)
+    assert tuple(listed) == PUSH_FIELDS
+    assert f"formats {PUSHING} and {PUSHING_SEVERAL}\n" in TEXT
+    first = len(PAYLOAD_FIELDS)
+    assert f"has the number {first} or {first + len(SEVERAL_FIELDS)}. " in TEXT
+    assert f"come before its squeeze, 0..{MAX_PUSHES} |" in TEXT
 
 
 def test_the_example_is_a_file_byte_for_byte() -> None:
@@ -52,7 +78,7 @@ def test_numbers_in_the_prose_are_the_ones_of_the_code() -> None:
     assert f"how many branches it has, 1..{MAX_BRANCHES}" in TEXT
     assert f"how many alternatives it has, 0..{MAX_ALTERNATIVES}" in TEXT
     angle = f"{MAX_ANGLE_URAD:,}".replace(",", " ")
-    assert TEXT.count(f"-{angle}..{angle}") == 2
+    assert TEXT.count(f"-{angle}..{angle}") == 3
     assert f"expected width >= {HELD_UM} um is a grip" in TEXT
     assert f"up to {UNDETECTED_UM} um: what means that nothing is held" in TEXT
 

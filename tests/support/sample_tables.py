@@ -13,6 +13,7 @@ from runtime.table import (
     Limits,
     Node,
     Prediction,
+    Push,
     Squeeze,
     Table,
 )
@@ -67,6 +68,20 @@ def several_table() -> Table:
     unresolved = unresolved._replace(alternatives=((400, 0, -643_000),), hypothesis=1, other_hypotheses=(0,))
     leaves = (one, two._replace(hypothesis=1), unresolved)
     return replace(small_table(), leaves=leaves, hypotheses=(HAND, OTHER))
+
+
+PUSHES = (
+    Push(-50_000, 1_000, 0, 0, 30_000, 30_000),
+    Push(3_000, 50_000, -1_570_796, 24_000, 25_000, 30_000),
+)
+
+
+def pushing_table(table: Table | None = None) -> Table:
+    """The small table, or another; the hand pushes once before its first squeeze, twice before the second."""
+    table = table or small_table()
+    root, second, *others = table.nodes
+    nodes = (root._replace(pushes=PUSHES[:1]), second._replace(pushes=PUSHES), *others)
+    return replace(table, nodes=nodes)
 
 
 def every_field_table() -> Table:

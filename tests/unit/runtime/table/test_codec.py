@@ -11,7 +11,15 @@ import msgpack
 import numpy as np
 import pytest
 from grown_tables import grown_table
-from sample_tables import every_field_table, random_table, small_table, with_leaf, with_node
+from sample_tables import (
+    every_field_table,
+    pushing_table,
+    random_table,
+    several_table,
+    small_table,
+    with_leaf,
+    with_node,
+)
 
 from runtime import table as package
 from runtime.table import Table, TableError, TableFileError, dump, dumps, load, loads
@@ -34,13 +42,53 @@ def with_field(name: str, value: object, table: Table | None = None) -> bytes:
 
 @pytest.mark.parametrize(
     "table",
-    [small_table(), every_field_table(), random_table(1, 1), random_table(2, 300), grown_table(3, 400)],
-    ids=["small", "every field", "one node", "300 nodes", "400 nodes"],
+    [
+        small_table(),
+        every_field_table(),
+        pushing_table(),
+        pushing_table(several_table()),
+        random_table(1, 1),
+        random_table(2, 300),
+        grown_table(3, 400),
+    ],
+    ids=["small", "every field", "pushes", "pushes several", "one node", "300 nodes", "400 nodes"],
 )
 def test_a_table_comes_back_as_it_is(table: Table) -> None:
     data = dumps(table)
     assert loads(data) == table
     assert dumps(loads(data)) == data
+
+
+@pytest.mark.parametrize("whole", [small_table(), several_table()], ids=["one part", "several"])
+def test_a_table_without_pushes_has_no_format_of_pushes(whole: Table) -> None:
+    number, _, payload = msgpack.unpackb(dumps(whole))[1:]
+    fields = [*msgpack.unpackb(payload), [0, 0], *[[]] * 6]
+    with pytest.raises(
+        TableError, match=f"format {number + 2} is not that of such a table, which is {number}"
+    ):
+        loads(framed(bytes(msgpack.packb(fields)), number + 2))
+
+
+@pytest.mark.parametrize(
+    ("at", "column", "reason"),
+    [
+        (0, [1, 5], "node_pushes holds 5, but no more than 4 may be, and as many as follow"),
+        (0, [1, 1], "node_pushes adds up to fewer than there are"),
+        (0, [1], "node_pushes holds 1 integers where 2 belong"),
+        (1, [0, 60_001, 0], "node 1, push 0: x_um is 60001, allowed is -60000..60000"),
+        (4, [0, 0, 85_001], "node 1, push 1: opening_um is 85001, allowed is 0..85000"),
+        (5, [0, 1, 1], "node 0, push 0: length_um is 0, allowed is 1..1000000"),
+        (5, [110_001, 1, 1], "node 0, push 0: x_um of its end is 60001, allowed is -60000..60000"),
+        (6, [1, 1, 400_001], "node 1, push 1: speed_um_s is 400001, allowed is 1..400000"),
+        (6, [1, 1, 1.0], "push_speed_um_s holds float where int belongs"),
+    ],
+)
+def test_pushes_that_must_not_be_made_are_refused(at: int, column: list[int], reason: str) -> None:
+    fields = list(msgpack.unpackb(msgpack.unpackb(dumps(pushing_table()))[3]))
+    fields[len(PAYLOAD_FIELDS) + at] = column
+    with pytest.raises(TableError) as refusal:
+        loads(framed(bytes(msgpack.packb(fields)), 5))
+    assert str(refusal.value) == reason
 
 
 def test_a_table_of_400_nodes_is_small() -> None:
@@ -75,7 +123,7 @@ def test_an_integer_in_a_longer_form_is_refused() -> None:
         (b"\xc0", "not a squeezetree table"),
         (b"\x80", "not a squeezetree table"),
         (bytes(msgpack.packb(["squeezetree"])), "not a squeezetree table"),
-        (framed(b"\x90", 2), "format 2 is not readable; this runtime reads 3 and 4, recompile it"),
+        (framed(b"\x90", 2), "format 2 is not readable; this runtime reads 3 to 6, recompile it"),
         (framed(b"\x90", True), "format bool is not readable"),
         (bytes(msgpack.packb(["squeezetree", 3, b""])), "the frame is not magic, format, digest, payload"),
         (bytes(msgpack.packb(["squeezetree", 3, b"", "text"])), "the frame is not"),
