@@ -191,7 +191,7 @@ class Soak:
 
     def squeeze_s(self) -> float:
         """The longest that the executor lets a squeeze take."""
-        return DEADLINE_FACTOR * expected_s(self.table, self.table.nodes[0].squeeze) + SQUEEZE_S
+        return DEADLINE_FACTOR * expected_s(self.table, self.table.nodes[0]) + SQUEEZE_S
 
 
 def run(soak: Soak, seed: int, faults: Listed | None = None) -> Told:

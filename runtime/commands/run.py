@@ -117,11 +117,12 @@ class _Asked:
     def serve(self) -> int:
         """Answer a robot that asks, part after part; the same journal, and nothing of ours moves."""
         from runtime.commands import serve  # with a server, which no other run has to load
-        from runtime.execution.asked import AskedParts
+        from runtime.execution.asked import AskedParts, check_asked
         from runtime.monitoring.live.server import listening
 
         arguments, table, clock = self.arguments, self.loaded.table, SystemClock()
         header, policy = _header(arguments, self.options), arguments.after_crash
+        check_asked(table)
         address = serve.check(arguments)
         monitor = self.stack.enter_context(
             Monitor(self.console, self.loaded, arguments.tree, views(arguments))

@@ -11,7 +11,7 @@ from math import degrees
 
 from drivers.ports import Settled
 from runtime.devices.clock import SystemClock
-from runtime.errors import GripperStateError
+from runtime.errors import GripperStateError, TableError
 from runtime.execution.events import Console, Phase, Tally
 from runtime.execution.executor import DEADLINE_FACTOR, RunOptions, expected_s, reason_of
 from runtime.execution.reading import CLOSED_COUNTS, OPENED_COUNTS, check_closed
@@ -58,6 +58,20 @@ ERRORS = {
 def refused(number: int) -> str:
     """The line of an error."""
     return f"ERROR {number} {ERRORS[number]}"
+
+
+def check_asked(table: Table) -> None:
+    """Check that a robot that asks can do what a table wants: it knows squeezes, and no pushes.
+
+    Raises:
+        TableError: the first node before which parts are pushed.
+    """
+    for index, node in enumerate(table.nodes):
+        if node.pushes:
+            raise TableError(
+                f"parts are pushed before node {index}, which a robot that asks does not; "
+                'plan with actions.pushes = "none"'
+            )
 
 
 class RefusedError(Exception):
@@ -245,11 +259,12 @@ class AskedParts:
         if part.traversal.outcome is not None:
             result = self._end(part, part.traversal.outcome, reason_of(part.traversal, part.steps))
             return self._ended(result)
-        squeeze = self._table.nodes[part.traversal.node].squeeze
+        node = self._table.nodes[part.traversal.node]
+        squeeze = node.squeeze
         fields = {"part": part.number, "number": len(part.steps) + 1, "node": part.traversal.node}
         self._journal.record("placed", fields)
         self._console.phase(part.number, Phase.PLACE, part.traversal.node)
-        part.deadline = self._clock.deadline(DEADLINE_FACTOR * expected_s(self._table, squeeze))
+        part.deadline = self._clock.deadline(DEADLINE_FACTOR * expected_s(self._table, node))
         x_mm, y_mm, angle_rad = sent(placement(squeeze), self._middle_mm)
         return (
             f"SQUEEZE {part.traversal.node} {x_mm:.3f} {y_mm:.3f} {degrees(angle_rad):.5f} "

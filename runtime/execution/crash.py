@@ -9,7 +9,7 @@ from runtime.errors import BrokenRunError
 from runtime.execution.events import Console
 from runtime.execution.recovery import ABORT_REMEDY
 from runtime.journal.chain import Journal, records
-from runtime.journal.replay import Replay
+from runtime.journal.replay import Last, Replay
 from runtime.shell import interrupts
 from runtime.traversal.decision import TraversalState
 from runtime.traversal.results import Outcome, PartResult
@@ -74,6 +74,11 @@ def look(
             raise BrokenRunError(
                 f"the run that broke off had another {what}; start with that one, or with --after-crash abort"
             )
+    if broken.last is Last.PUSHING and policy == RESUME:
+        raise BrokenRunError(
+            f"{told}, while the part was pushed, and nobody knows where it lies; start with --after-crash "
+            f"{RESTART}, which begins with that part again, or with --after-crash {ABORT}"
+        )
     if broken.part is not None:
         _check_recent(broken.time, now, most_s)
     console.note(f"{told}; {'going on with it' if policy == RESUME else 'starting that part over'}")

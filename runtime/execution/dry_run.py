@@ -1,12 +1,13 @@
 """Tells what a run would send, without sending it."""
 
+from itertools import product
 from math import degrees
 
 from drivers.ports import Arm, Gripper
 from runtime.execution import carry, held, safety, strokes
 from runtime.execution.executor import RunOptions
 from runtime.table import Table, profile_of
-from runtime.traversal.geometry import placement, sent
+from runtime.traversal.geometry import end_of, placement, sent
 
 
 def tell(table: Table, gripper: Gripper, arm: Arm, options: RunOptions) -> list[str]:
@@ -36,6 +37,16 @@ def tell(table: Table, gripper: Gripper, arm: Arm, options: RunOptions) -> list[
         )
     heights = table.limits.squeeze_height_um / 1000, table.limits.retreat_height_um / 1000
     for index, node in enumerate(table.nodes):
+        for push in node.pushes:
+            ways = [sent(place, handling.middle_mm) for place in (placement(push), end_of(push))]
+            for (x_mm, y_mm, angle_rad), height_mm in product(ways, heights):
+                safety.check_target((x_mm, y_mm, height_mm, angle_rad), table.limits)
+            (x_mm, y_mm, angle_rad), (to_x_mm, to_y_mm, _) = ways
+            told.append(
+                f"node {index}, before: jaws to count {calibration.count(push.opening_um)}, push from "
+                f"({x_mm:.2f}, {y_mm:.2f}) mm, {degrees(angle_rad):.1f} deg, to ({to_x_mm:.2f}, "
+                f"{to_y_mm:.2f}) mm at {push.speed_um_s / 1000:g} mm/s"
+            )
         x_mm, y_mm, angle_rad = sent(placement(node.squeeze), handling.middle_mm)
         for height_mm in heights:
             safety.check_target((x_mm, y_mm, height_mm, angle_rad), table.limits)

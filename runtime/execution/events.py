@@ -14,6 +14,7 @@ class Phase(Enum):
 
     IDLE = "idle"
     RESUME = "resume"  # freeing the hand after a run that broke off
+    PUSH = "push"  # retreat, set the jaws, travel, descend, go on
     PLACE = "place"  # retreat, open, travel, descend
     SQUEEZE = "squeeze"  # close and settle
     READ = "read"  # decide and journal

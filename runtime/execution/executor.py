@@ -118,16 +118,18 @@ class Executor:
 
     def _descend(self, part: int, steps: list[Step], traversal: TraversalState) -> PartResult:
         while traversal.outcome is None:
-            step = self._squeeze_at(traversal.node, len(steps) + 1, part)
+            step = self._squeeze_at(traversal.node, len(steps) + 1, part, again=traversal.again)
             steps.append(step)
             self._console.step(part, step)
             traversal = advance(traversal, step.target, self._table, self._options.policy)
         return PartResult.of(part, traversal.outcome, steps, reason_of(traversal, steps))
 
-    def _squeeze_at(self, index: int, number: int, part: int) -> Step:
+    def _squeeze_at(self, index: int, number: int, part: int, *, again: bool) -> Step:
         node = self._table.nodes[index]
-        expected = self._options.patience * expected_s(self._table, node.squeeze)
+        expected = self._options.patience * expected_s(self._table, node)
         deadline = self._cell.clock.deadline(DEADLINE_FACTOR * expected)
+        if not again:
+            self._push(part, number, index, node)
         self._place(part, index, node.squeeze)
         # Before the part is touched: who resumes this run has to know that it may have been.
         self._cell.journal.record("placed", {"part": part, "number": number, "node": index})
@@ -144,6 +146,16 @@ class Executor:
         if (late_s := self._cell.clock.now() - deadline) > 0:
             raise GripperStateError(f"one squeeze ended {late_s:.1f} s late; check arm and gripper speed")
         return step
+
+    def _push(self, part: int, number: int, index: int, node: Node) -> None:
+        for push in node.pushes:
+            self._console.phase(part, Phase.PUSH, index)
+            self._hand.retreat()
+            self._hand.set_jaws(push, node.squeeze)
+            self._hand.travel(*placement(push))
+            # From here on the part may have been moved: who resumes this run has to start it over.
+            self._cell.journal.record("pushing", {"part": part, "number": number, "node": index})
+            self._hand.push(push)
 
     def _place(self, part: int, index: int, squeeze: Squeeze) -> None:
         self._console.phase(part, Phase.PLACE, index)
@@ -216,15 +228,20 @@ class Executor:
         return result
 
 
-def expected_s(table: Table, squeeze: Squeeze) -> float:
-    """Cell seconds of the longest path: across the work area, a turn, up, down, three slow strokes."""
+def expected_s(table: Table, node: Node) -> float:
+    """Cell seconds of the longest path: across the work area, a turn, up, down, three slow strokes.
+
+    The same for each push, and its way.
+    """
     limits = table.limits
     x_min, y_min, x_max, y_max = limits.work_area_um
     path_um = hypot(x_max - x_min, y_max - y_min)
     path_um += tau * 1000 * TURN_RADIUS_MM
     path_um += 3 * (limits.retreat_height_um - limits.squeeze_height_um)
-    speed_um_s = min(squeeze.speed_um_s, profile_of(table.gripper.model).speed_um_s[0])
-    return path_um / limits.arm_speed_um_s + 3 * table.gripper.opening_um / speed_um_s
+    speed_um_s = min(node.squeeze.speed_um_s, profile_of(table.gripper.model).speed_um_s[0])
+    one_s = path_um / limits.arm_speed_um_s + 3 * table.gripper.opening_um / speed_um_s
+    ways_s = sum(push.length_um / push.speed_um_s for push in node.pushes)
+    return (1 + len(node.pushes)) * one_s + ways_s
 
 
 def reason_of(traversal: TraversalState, steps: Sequence[Step]) -> str | None:

@@ -20,12 +20,13 @@ from runtime.execution.reading import (
     check_fresh,
     check_opened,
     check_passed,
+    check_set,
 )
 from runtime.execution.strokes import Stroke
 from runtime.execution.tips import TipArc
-from runtime.table import Calibration, Limits, Node, Squeeze, Table, profile_of
+from runtime.table import Calibration, Limits, Node, Push, Squeeze, Table, profile_of
 from runtime.traversal.decision import ARRIVED, CLOSING_CONTACT
-from runtime.traversal.geometry import same_turns, sent
+from runtime.traversal.geometry import end_of, placement, same_turns, sent
 
 # Nearer than this to a height the arm counts as standing there.
 LEVEL_MM = 0.05
@@ -164,9 +165,23 @@ class Hand:
 
     def drag(self, x_mm: float, y_mm: float) -> None:
         """Take what the fingers hold along the table to another place, without turning it."""
+        self._slide(x_mm, y_mm, self.limits.arm_speed_um_s)
+
+    def push(self, push: Push) -> None:
+        """Come down above the start of a push with the jaws set for it, and go to its end.
+
+        Raises:
+            GripperStateError: the jaws do not stand as they were set any more.
+        """
+        self.descend(*placement(push))
+        self._slide(*end_of(push)[:2], push.speed_um_s)
+        count = self.gripper.state().position_counts
+        check_set(count, self.calibration.count(push.opening_um), self.calibration)
+
+    def _slide(self, x_mm: float, y_mm: float, speed_um_s: int) -> None:
         _, _, z_mm, angle_rad = self.where()
         # The reading is rounded; what stands at the squeeze height must not be sent below it.
-        self._go((x_mm, y_mm, max(z_mm, self._low_mm(0.0)), angle_rad))
+        self._go((x_mm, y_mm, max(z_mm, self._low_mm(0.0)), angle_rad), speed_um_s)
 
     @contextmanager
     def limited(self, limits: Limits) -> Iterator[None]:
@@ -188,6 +203,15 @@ class Hand:
         force = self._profile.force_counts(squeeze.force_mn)
         settled = safety.stroke(self.gripper, request, speed, force)
         check_opened(settled, request, self.calibration)
+        self._open_mm = self.width_mm(settled.position_counts)
+
+    def set_jaws(self, push: Push, squeeze: Squeeze) -> None:
+        """Bring the jaws, with nothing between them, to the opening of a push before a squeeze."""
+        request, profile = self.calibration.count(push.opening_um), self._profile
+        speed, force = profile.speed_counts(squeeze.speed_um_s), profile.force_counts(squeeze.force_mn)
+        settled = safety.stroke(self.gripper, request, speed, force)
+        check_fresh(settled, request)
+        check_set(settled.position_counts, request, self.calibration)
         self._open_mm = self.width_mm(settled.position_counts)
 
     def release(self, squeeze: Squeeze) -> None:
@@ -245,13 +269,16 @@ class Hand:
         if abs(height_mm - z_mm) > LEVEL_MM:
             self._go((x_mm, y_mm, height_mm, angle_rad))
 
-    def _go(self, target: PoseOfHand) -> None:
+    def _go(self, target: PoseOfHand, speed_um_s: int | None = None) -> None:
         """Go to a place by the smallest turn of the hand."""
         now_rad = self._now_rad()
-        self._go_as_counted((*target[:3], now_rad + remainder(target[3] - now_rad, tau)))
+        self._go_as_counted((*target[:3], now_rad + remainder(target[3] - now_rad, tau)), speed_um_s)
 
-    def _go_as_counted(self, target: PoseOfHand) -> None:
-        """Go straight to a place, in several motions where the hand turns by about half a turn or more."""
+    def _go_as_counted(self, target: PoseOfHand, speed_um_s: int | None = None) -> None:
+        """Go straight to a place, in several motions where the hand turns by about half a turn or more.
+
+        At the arm's speed, unless another is stated.
+        """
         safety.check_target(self._sent(target), self.limits)
         motions = ceil(abs(target[3] - self._now_rad()) / MOST_TURN_RAD)
         if motions > 1:
@@ -259,17 +286,17 @@ class Hand:
             for number in range(1, motions):
                 x, y, z, angle = (a + (b - a) * number / motions for a, b in zip(start, target, strict=True))
                 safety.ready_gripper(self.gripper)
-                self._move_arm((x, y, z, angle))
+                self._move_arm((x, y, z, angle), speed_um_s)
         safety.ready_gripper(self.gripper)
-        self._move_arm(target)
+        self._move_arm(target, speed_um_s)
 
     def _now_rad(self) -> float:
         return self.where()[3] if self._angle_rad is None else self._angle_rad
 
-    def _move_arm(self, target: PoseOfHand) -> None:
+    def _move_arm(self, target: PoseOfHand, speed_um_s: int | None = None) -> None:
         self.arm_known, self._angle_rad = False, None  # until it is acknowledged; an interrupt leaves it so
         beside = self._sent(target)
-        self.arm.move_linear(*beside, self.limits.arm_speed_um_s / 1000)
+        self.arm.move_linear(*beside, (speed_um_s or self.limits.arm_speed_um_s) / 1000)
         safety.check_placed(self.arm, beside)
         self.arm_known, self._angle_rad = True, target[3]
 

@@ -20,7 +20,7 @@ from runtime.execution import safety
 from runtime.execution.hand import Hand
 from runtime.table import HELD_UM, PPM, Branch, Node, Pose2, Table, job_of, profile_of
 from runtime.traversal.decision import CLOSING_CONTACT, release_point
-from runtime.traversal.geometry import compose, placement, sent
+from runtime.traversal.geometry import compose, end_of, placement, sent
 
 ROOM_MM = 15.0  # between a block in the middle and each open finger
 COARSE_MM = 6.0  # beside its stated place where the block is looked for
@@ -113,10 +113,11 @@ def check(table: Table, middle_mm: float) -> None:
     """
     height_mm = table.limits.retreat_height_um / 1000
     for node in table.nodes:
-        for branch in range(len(node.branches)):
-            for place in (placement(node.squeeze), placement(node.squeeze, release_point(node, branch))):
-                x_mm, y_mm, angle_rad = sent(place, middle_mm)
-                safety.check_target((x_mm, y_mm, height_mm, angle_rad), table.limits)
+        found = [placement(node.squeeze, release_point(node, k)) for k in range(len(node.branches))]
+        ends = [end for push in node.pushes for end in (placement(push), end_of(push))]
+        for place in (placement(node.squeeze), *found, *ends):
+            x_mm, y_mm, angle_rad = sent(place, middle_mm)
+            safety.check_target((x_mm, y_mm, height_mm, angle_rad), table.limits)
 
 
 def gripping(table: Table, block_mm: float) -> Node:

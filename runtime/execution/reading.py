@@ -7,6 +7,7 @@ from runtime.traversal.decision import ARRIVED, CLOSING_CONTACT, OPENING_CONTACT
 
 CLOSED_COUNTS = 255
 OPENED_COUNTS = 2
+SET_UM = 1_000  # how far off jaws that push may stand
 
 
 # Motor currents that a gripper at rest on a part may report: the 2F-85 manual's own example of a held object
@@ -68,6 +69,20 @@ def check_opened(settled: Settled, requested_counts: int, calibration: Calibrati
         raise GripperStateError(
             f"the jaws stopped at {stopped_um / 1000:.2f} mm while opening to {asked_um / 1000:.2f} mm; "
             "remove what blocks them"
+        )
+
+
+def check_set(position_counts: int, requested_counts: int, calibration: Calibration) -> None:
+    """Check that the jaws stand, with nothing between them, about where they were set to push.
+
+    Raises:
+        GripperStateError: they do not.
+    """
+    stands_um, asked_um = (calibration.width_um(n) for n in (position_counts, requested_counts))
+    if abs(stands_um - asked_um) > SET_UM:
+        raise GripperStateError(
+            f"the jaws stand at {stands_um / 1000:.2f} mm and were set to {asked_um / 1000:.2f} mm to push; "
+            "look for what is between them or bends them"
         )
 
 

@@ -1,6 +1,7 @@
 """The state that a broken run left behind, and how the hand is freed without moving the part.
 
-A part's last record tells what the hand may be doing: after `placed` the fingers may be anywhere between
+A part's last record tells what the hand may be doing: after `pushing` it stands anywhere on the ways to, of
+and from the node's pushes, and holds nothing; after `placed` the fingers may be anywhere between
 open and closed at that node's place; after `squeeze` they hold the part, drag it, have let go of it, or are
 on their way; after `freed`, and before the first, they touch nothing. A squeeze cut short is repeated.
 """
@@ -33,7 +34,7 @@ def pending(broken: Replay, table: Table, hand: Hand) -> tuple[Node, int] | None
     """
     if broken.delivering:
         raise BrokenRunError("the part was being carried when the run broke off; take it out of the fingers")
-    if broken.held_at is None:
+    if broken.held_at is None or broken.last is Last.PUSHING:
         return None
     index, target = broken.held_at
     node = table.nodes[index]
@@ -57,7 +58,9 @@ def pending(broken: Replay, table: Table, hand: Hand) -> tuple[Node, int] | None
         return node, branch
     if not broken.steps:
         return None  # nothing is believed of the part that it could not have moved away from
-    coming = let_go if broken.traversal.outcome else placement(table.nodes[broken.traversal.node].squeeze)
+    after, again = table.nodes[broken.traversal.node], broken.traversal.again
+    first = after.squeeze if again or not after.pushes else after.pushes[0]
+    coming = let_go if broken.traversal.outcome else placement(first)
     ways = [(let_go, let_go), (coming, coming)] if low else [(let_go, coming)]
     if pose[2] > retreat_mm + PLACED_MM or not any(_between(pose, *way) for way in ways):
         raise _moved(pose, "after it had let go of the part, which may have been moved too")

@@ -23,6 +23,7 @@ class Last(Enum):
     """What a part's latest record tells of the hand."""
 
     AWAY = "away"  # it touches nothing
+    PUSHING = "pushing"  # between the first push before a squeeze and that squeeze's place
     PLACED = "placed"  # at the node's place, the squeeze may be under way
     SQUEEZED = "squeezed"  # the reading is decided, the part may still be held
 
@@ -70,9 +71,10 @@ class Replay:
         elif kind == "resume" and entry["how"] == "restart":
             self.traversal = TraversalState()
             self.steps.clear()
-        elif kind == "placed":
+        elif kind in ("pushing", "placed"):
             yield from self._expect(entry)
-            self.last, self.held_at = Last.PLACED, (_integer(entry, "node"), None)
+            self.last, self.held_at = Last(kind), (_integer(entry, "node"), None)
+            self.traversal = self.traversal._replace(again=kind == "placed")
         elif kind == "squeeze":
             yield from self._squeeze(entry)
         elif kind == "freed":

@@ -130,12 +130,13 @@ class TraversalState(NamedTuple):
     leaf: int | None = None  # index of the leaf reached, or None
     rejects: int = 0  # rejected squeezes so far
     unresolved: int = 0  # unresolved leaves so far
+    again: bool = False  # whether the node is squeezed once more: nothing is pushed before that
 
 
 def advance(traversal: TraversalState, target: int | None, table: Table, policy: Policy) -> TraversalState:
     """What follows a squeeze at `traversal.node` that led to `target` (`Decision.target`)."""
     if target is not None and target >= 0:
-        return traversal._replace(node=target)
+        return traversal._replace(node=target, again=False)
     if target is None:
         outcome, leaf = Outcome.REJECT, None
         action = policy.on_reject[traversal.rejects]  # the last is an end: there is no further one
@@ -148,7 +149,8 @@ def advance(traversal: TraversalState, target: int | None, table: Table, policy:
         traversal = traversal._replace(unresolved=traversal.unresolved + 1)
     if action in ENDS:
         return traversal._replace(outcome=outcome, leaf=leaf)
-    return traversal if action is RecoveryAction.RESQUEEZE else traversal._replace(node=0)
+    again = action is RecoveryAction.RESQUEEZE
+    return traversal._replace(node=traversal.node if again else 0, again=again)
 
 
 def _actions(option: str, text: str) -> tuple[RecoveryAction, ...]:

@@ -2,15 +2,20 @@
 
 from math import cos, sin, tau
 
-from runtime.table import Pose2, Squeeze
+from runtime.table import Pose2, Push, Squeeze
 
 MOST_TURNS = 3  # no wrist turns farther round, and none is counted farther
 
 
-def placement(squeeze: Squeeze, released_um: tuple[int, int] | None = None) -> Pose2:
-    """The hand frame in the world, mm, mm, rad: of the squeeze, or where it lets go if that is elsewhere."""
-    x_um, y_um = released_um or (squeeze.x_um, squeeze.y_um)
-    return x_um / 1000, y_um / 1000, squeeze.angle_urad / 1e6
+def placement(action: Squeeze | Push, released_um: tuple[int, int] | None = None) -> Pose2:
+    """The hand frame in the world, mm, mm, rad: where it comes down, or lets go if that is elsewhere."""
+    x_um, y_um = released_um or (action.x_um, action.y_um)
+    return x_um / 1000, y_um / 1000, action.angle_urad / 1e6
+
+
+def end_of(push: Push) -> Pose2:
+    """The hand frame in the world, mm, mm, rad, at the end of a push."""
+    return compose(placement(push), (push.length_um / 1000, 0.0, 0.0))
 
 
 def compose(frame: Pose2, pose: Pose2) -> Pose2:

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from crash_cell import KilledError, World, process, restart_takes_a_while
 from fake_cell import Deaf
-from sample_tables import small_table
+from sample_tables import pushing_table, small_table
 
 from runtime.errors import BrokenRunError
 from runtime.execution.executor import RunOptions
@@ -108,13 +108,53 @@ def test_a_resumed_run_may_be_killed_again(table: Table, tmp_path: Path) -> None
         assert survive(table, PLAIN, path, (first, second), "resume") == ("leaf", 1), (first, second)
 
 
+@pytest.mark.parametrize("table", [small_table(), pushing_table()], ids=["plain", "pushing"])
 def test_a_part_that_is_started_over_reaches_the_same_leaf(
-    tmp_path: Path, some: Callable[..., range]
+    table: Table, tmp_path: Path, some: Callable[..., range]
 ) -> None:
-    moments = moments_of(small_table(), PLAIN, tmp_path / "whole.jsonl")
+    moments = moments_of(table, PLAIN, tmp_path / "whole.jsonl")
     for last in some(0, moments, 7):
         path = tmp_path / f"{last}.jsonl"
-        assert survive(small_table(), PLAIN, path, (last,), "restart") == ("leaf", 1), last
+        assert survive(table, PLAIN, path, (last,), "restart") == ("leaf", 1), last
+
+
+def test_a_run_killed_while_it_pushed_is_not_resumed_but_may_be_started_over(
+    tmp_path: Path, some: Callable[..., range]
+) -> None:
+    table, refused = pushing_table(), 0
+    moments = moments_of(table, PLAIN, tmp_path / "whole.jsonl")
+    for last in some(0, moments, 5):
+        path, world = tmp_path / f"{last}.jsonl", World(table, PATH)
+        with pytest.raises(KilledError):
+            process(world, path, Deaf(), PLAIN, last=last)
+        pushing = [entry["kind"] for entry in _whole_records(path)][-1:] == ["pushing"]
+        path.unlink(missing_ok=True)
+        if pushing:
+            with pytest.raises(
+                BrokenRunError, match="while the part was pushed, and nobody knows where it lies"
+            ):
+                survive(table, PLAIN, path, (last,), "resume")
+            refused += 1
+        else:
+            assert survive(table, PLAIN, path, (last,), "resume") == ("leaf", 1), last
+    assert refused > 5
+
+
+def test_a_squeeze_cut_short_is_repeated_without_its_pushes(
+    tmp_path: Path, some: Callable[..., range]
+) -> None:
+    table = pushing_table()
+    moments = moments_of(table, PLAIN, tmp_path / "whole.jsonl")
+    for last in some(0, moments, 5):
+        path = tmp_path / f"{last}.jsonl"
+        with pytest.raises(KilledError):
+            process(World(table, PATH), path, Deaf(), PLAIN, last=last)
+        before = [entry["kind"] for entry in _whole_records(path)]
+        path.unlink(missing_ok=True)
+        if before[-1:] == ["placed"]:
+            assert survive(table, PLAIN, path, (last,), "resume") == ("leaf", 1), last
+            kinds = [entry["kind"] for entry in records(path)]
+            assert kinds.count("pushing") == 3  # once the first node's, once both of the second's
 
 
 def test_a_run_that_is_given_up_says_so_and_moves_nothing(tmp_path: Path, some: Callable[..., range]) -> None:

@@ -20,8 +20,8 @@ from runtime.execution.events import Console
 from runtime.execution.executor import Cell, RunOptions
 from runtime.journal import chain as journal
 from runtime.journal.chain import Journal
-from runtime.table import Calibration, Node, Table, dumps
-from runtime.traversal.geometry import placement
+from runtime.table import Calibration, Node, Pose2, Table, dumps
+from runtime.traversal.geometry import end_of, placement
 
 REACH_MM = 35.0
 RESUME_WITHIN_S = 60.0
@@ -82,6 +82,8 @@ class World:
         self.calibration = Calibration.linear(table.gripper)
         self.table = table
         self.path = path  # (node, branch), from the root to a leaf
+        pushes = [push for node in table.nodes for push in node.pushes]
+        self._ways = [(placement(push), end_of(push)) for push in pushes]
         self.at_mm = (5.0, 5.0, 60.0, 0.1)
         self.wrongs: list[str] = []
         self.squeezed: list[int] = []
@@ -129,17 +131,18 @@ class World:
         elif (
             min(target[2], self.at_mm[2]) <= REACH_MM
             and hypot(target[0] - self.at_mm[0], target[1] - self.at_mm[1]) > NEAR_MM
+            and not any(_near(self.at_mm, start) and _near(target, end) for start, end in self._ways)
         ):
             self.wrongs.append(f"the hand swept over the table from {self.at_mm} to {target}")
-        if target[2] <= REACH_MM < self.at_mm[2] and self.model.opening_mm(self.time.now()) < 60.0:
+        beside = any(_near(target, start) for start, _ in self._ways)
+        opening_mm = self.model.opening_mm(self.time.now())
+        if target[2] <= REACH_MM < self.at_mm[2] and opening_mm < 60.0 and not beside:
             self.wrongs.append("the hand came down with closed jaws")
         self.time.sleep(0.2)
         self.at_mm = target
 
     def _stands_at(self, node: Node) -> bool:
-        x, y, angle = placement(node.squeeze)
-        near = hypot(x - self.at_mm[0], y - self.at_mm[1]) <= NEAR_MM
-        return near and abs(remainder(angle - self.at_mm[3], tau)) <= NEAR_RAD
+        return _near(self.at_mm, placement(node.squeeze))
 
     def _lies_at(self, index: int) -> bool:
         x_mm, y_mm = self._expected(index)
@@ -154,6 +157,12 @@ class World:
                 x, y, _ = placement(node.squeeze)
                 place = (place[0] + node.release[0] / 1000 - x, place[1] + node.release[1] / 1000 - y)
         return place
+
+
+def _near(at_mm: tuple[float, ...], place: Pose2) -> bool:
+    """Whether the hand stands at a place, whatever its height."""
+    near = hypot(place[0] - at_mm[0], place[1] - at_mm[1]) <= NEAR_MM
+    return near and abs(remainder(place[2] - at_mm[3], tau)) <= NEAR_RAD
 
 
 class CountedLink:

@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import pytest
 from fake_cell import Deaf, FakeCell, FakeClock, FakeJournal, Log, State, fake_cell
-from sample_tables import GRIPPER, random_table, small_table, with_node
+from sample_tables import GRIPPER, pushing_table, random_table, small_table, with_node
 
 from runtime.errors import JournalError, TableError
-from runtime.execution.executor import Executor
+from runtime.execution.executor import Executor, RunOptions, expected_s
 from runtime.table import Calibration, Table
+from runtime.traversal.decision import Policy
 from runtime.traversal.results import Outcome, PartResult, Step
 
 CALIBRATION = Calibration.linear(GRIPPER)
@@ -37,13 +38,17 @@ def run(made: FakeCell, table: Table | None = None, seen: list[Step] | None = No
     return Executor(table or small_table(), made.cell, console).run_part(1)
 
 
-def number_of_calls() -> int:
+def number_of_calls(table: Table) -> int:
     made = fake_cell(LONGEST)
-    run(made)
+    run(made, table)
     return len(made.log.calls)
 
 
-CALLS = range(number_of_calls())
+CALLS = [
+    pytest.param(table, at, id=f"{name}-{at}")
+    for name, table in (("squeezes", small_table()), ("pushes", pushing_table()))
+    for at in range(number_of_calls(table))
+]
 
 
 @pytest.mark.parametrize(
@@ -81,6 +86,62 @@ def test_motions_come_in_the_order_place_open_descend_close_open_retreat() -> No
         *[(5.0, 5.0, 60.0, 0.1), *one, (0.0, 0.0, 60.0, 0.0)],  # straight up first, from wherever it stood
         *[*two, (1.0, -2.0, 60.0, 1.570796)],
     ]
+
+
+def test_before_a_squeeze_the_jaws_are_set_and_the_hand_pushes_along_its_own_x() -> None:
+    made = fake_cell(LONGEST)
+    result = run(made, pushing_table())
+    assert (result.outcome, result.leaf) == (Outcome.LEAF, 1)
+    motions = [call for call in made.log.calls if call.name in ("move", "move_linear")]
+    told = [("jaws", call.arguments[0]) if call.name == "move" else call.arguments for call in motions]
+    first = [
+        (5.0, 5.0, 60.0, 0.1, 400.0), ("jaws", 230), (-50.0, 1.0, 60.0, 0.0, 400.0),
+        (-50.0, 1.0, 10.0, 0.0, 400.0), (-20.0, 1.0, 10.0, 0.0, 30.0), (-20.0, 1.0, 60.0, 0.0, 400.0),
+        ("jaws", 0),
+    ]  # fmt: skip
+    assert told[: len(first)] == first
+    low = [motion for motion in told if motion[0] != "jaws" and motion[2] == 10.0]
+    assert low[6] == pytest.approx((3.0, 25.0, 10.0, -1.570796, 30.0), abs=1e-4)  # of the third push
+    pushed = ["pushing", "placed", "squeeze", "pushing", "pushing", "placed", "squeeze"]
+    assert made.journal.kinds() == ["part", *pushed, "outcome"]
+
+
+def test_what_is_squeezed_once_more_is_not_pushed_again_and_what_starts_over_is() -> None:
+    made = fake_cell([AT_36, AT_36, AT_21])
+    options = RunOptions(Policy.of("resqueeze,restart,next", "next"))
+    result = Executor(pushing_table(), made.cell, Deaf(), options).run_part(1)
+    assert (result.outcome, result.leaf) == (Outcome.LEAF, 0)
+    kinds = ["part", "pushing", "placed", "squeeze", "placed", "squeeze", "pushing", "placed", "squeeze"]
+    assert made.journal.kinds() == [*kinds, "outcome"]
+
+
+def test_jaws_that_do_not_stand_as_they_were_set_end_the_push() -> None:
+    made = fake_cell(LONGEST)
+    slide = made.arm.move_linear
+
+    def bend(x_mm: float, y_mm: float, z_mm: float, angle_rad: float, speed_mm_s: float) -> None:
+        slide(x_mm, y_mm, z_mm, angle_rad, speed_mm_s)
+        if speed_mm_s == 30.0:
+            made.gripper.now = made.gripper.now._replace(position_counts=220)
+
+    made.arm.move_linear = bend
+    result = run(made, pushing_table())
+    assert (result.outcome, result.exit_code) == (Outcome.FAULT, 21)
+    assert "the jaws stand at 3.74 mm and were set to 0.00 mm to push" in str(result.reason)
+    assert made.arm.at[2] == 60.0
+
+
+def test_jaws_that_something_keeps_apart_are_not_lowered_to_push() -> None:
+    made = fake_cell(LONGEST)
+    made.gripper.opened_to = -20
+    result = run(made, pushing_table())
+    assert "look for what is between them" in str(result.reason)
+    assert all(call.arguments[2] >= 30.0 for call in made.log.named("move_linear"))
+
+
+def test_ways_of_pushes_have_their_time() -> None:
+    plain, pushing = (expected_s(table, table.nodes[1]) for table in (small_table(), pushing_table()))
+    assert pushing == pytest.approx(3 * plain + 55.0 / 30.0)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -134,18 +195,18 @@ def assert_safe_end(made: FakeCell, result: PartResult, *, failed: int) -> None:
     )
 
 
-@pytest.mark.parametrize("at", CALLS)
-def test_a_link_lost_at_any_call_ends_in_the_safe_state(at: int) -> None:
+@pytest.mark.parametrize(("table", "at"), CALLS)
+def test_a_link_lost_at_any_call_ends_in_the_safe_state(table: Table, at: int) -> None:
     made = fake_cell(LONGEST, Log(at, LinkLostError("cable")))
-    result = run(made)
+    result = run(made, table)
     assert (result.outcome, result.exit_code, result.reason) == (Outcome.FAULT, 20, "cable")
     assert_safe_end(made, result, failed=at)
 
 
-@pytest.mark.parametrize("at", CALLS)
-def test_ctrl_c_at_any_call_ends_in_the_safe_state(at: int) -> None:
+@pytest.mark.parametrize(("table", "at"), CALLS)
+def test_ctrl_c_at_any_call_ends_in_the_safe_state(table: Table, at: int) -> None:
     made = fake_cell(LONGEST, Log(at, KeyboardInterrupt()))
-    result = run(made)
+    result = run(made, table)
     assert (result.outcome, result.exit_code) == (Outcome.STOPPED, 40)
     assert_safe_end(made, result, failed=at)
     # An arm that was interrupted in a call may be anywhere: it is left alone, any other one goes up.
@@ -156,11 +217,11 @@ def test_ctrl_c_at_any_call_ends_in_the_safe_state(at: int) -> None:
     assert failed_device == "arm" or not low
 
 
-@pytest.mark.parametrize("at", CALLS)
-def test_a_bug_is_raised_but_only_after_the_safe_state(at: int) -> None:
+@pytest.mark.parametrize(("table", "at"), CALLS)
+def test_a_bug_is_raised_but_only_after_the_safe_state(table: Table, at: int) -> None:
     made = fake_cell(LONGEST, Log(at, ZeroDivisionError("a bug")))
     with pytest.raises(ZeroDivisionError):
-        run(made)
+        run(made, table)
     assert ("gripper", "stop") in [(call.device, call.name) for call in made.log.calls[at + 1 :]]
     assert made.journal.kept[-1][1]["exit_code"] == 1
 
