@@ -97,7 +97,7 @@ class ManualArm:
             raise ReadOnlyError("a dry run was about to have the hand moved")
         if not all(map(math.isfinite, (*target, speed_mm_s))) or speed_mm_s <= 0.0:
             raise ArmError(f"arm not moved: {target} at {speed_mm_s} mm/s is no motion")
-        self._ask_for(target)
+        self._ask_for(target, speed_mm_s)
         if self._behind is not None:
             self._behind.move_linear(*target, speed_mm_s)
         self._at = target
@@ -107,7 +107,7 @@ class ManualArm:
         if self._behind is not None:
             self._behind.close()
 
-    def _ask_for(self, target: PoseOfHand) -> None:
+    def _ask_for(self, target: PoseOfHand, speed_mm_s: float) -> None:
         x_mm, y_mm, z_mm, angle_rad = target
         where = f"({x_mm:.2f}, {y_mm:.2f}) mm, {math.degrees(angle_rad):.1f} deg"
         before = self._at or (*ALOFT[:3], math.inf)
@@ -121,7 +121,8 @@ class ManualArm:
             self._confirm(f"Put the hand at {where}, the tips {z_mm:.1f} mm above the table; press Enter")
             self._down = True
         elif self._down:
-            self._confirm(f"Drag what the jaws hold along the table, to {where}; press Enter")
+            how = f"with the jaws as they are and no faster than {speed_mm_s:g} mm/s"
+            self._confirm(f"Go along the table to {where}, {how}; press Enter")
 
     def _confirm(self, sentence: str, seconds: float = ANSWER_S) -> None:
         try:

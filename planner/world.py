@@ -30,7 +30,9 @@ class World(Protocol):
     """What a world offers: `squeeze(pose_hand) -> (final_pose_hand, width_mm, status)`.
 
     Where a world has them, `squeeze_many(poses (n, 3))` and `collides(pose_hand, opening_mm)` are used, too;
-    parts that have traits of their own need `squeeze_many(poses, traits (n,))`.
+    parts that have traits of their own need `squeeze_many(poses, traits (n,))`. Tables that push need
+    `push(pose_hand, opening_mm, way_mm) -> final_pose_hand`, both in the frame that the hand has at the start
+    of its way along its x axis, or `push_many(poses, opening_mm (n,), way_mm (n,), traits (n,))`.
     """
 
     def squeeze(self, pose_hand: Pose) -> tuple[Any, float, str]:
@@ -88,6 +90,23 @@ class ContactWorld:
         """Squeezes (n, 3) poses, each with its own mechanics: the same as `squeeze`, in a batch."""
         parameters = self._simulator.sample(len(poses_hand), self._rng, traits)
         return self._simulator.roll_out(poses_hand, parameters)
+
+    def push(self, pose_hand: Pose, opening_mm: float, way_mm: float) -> Pose:
+        """Pushes the part with fingers held `opening_mm` apart, the hand going along its x axis.
+
+        Returns:
+            The final pose in the frame that the hand had at the start.
+        """
+        own, off = self._stated, np.array([0.0, self._stated["across_mm"][0], 0.0])
+        pose = np.array([pose_hand], dtype=np.float64) - off
+        x, y, theta = self.push_many(pose, np.array([opening_mm]), np.array([way_mm]), own)[0] + off
+        return float(x), float(y), float(theta)
+
+    def push_many(
+        self, poses_hand: Array, opening_mm: Array, way_mm: Array, traits: Traits | None = None
+    ) -> Array:
+        """Pushes (n, 3) poses, each with its own mechanics: the same as `push`, in a batch."""
+        return self._simulator.push_by_hand(poses_hand, opening_mm, way_mm, self._rng, traits)
 
     def collides(self, pose_hand: Pose, opening_mm: float) -> bool:
         """Whether fingers opened to `opening_mm` would stand on the part."""

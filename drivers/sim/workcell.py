@@ -36,7 +36,7 @@ class Workcell(Surroundings):
         self.table = (TableTop if setting.block is None else Vice)(setting, seed, self.desk)
         self._middle: Pose2 = (0.0, setting.middle_mm, 0.0)
         self.jaws = Jaws(geometry.opening_mm, geometry.count_open, geometry.count_closed)
-        self._low = False
+        self._low, self._stood = False, (0.0, 0.0, 0.0)  # where the hand was last
         self._moves = 0
         self._noise = random.Random(f"{seed}/line")
         self._faulty = faults is not None
@@ -86,8 +86,11 @@ class Workcell(Surroundings):
             return
         if not self.table.carried(hand, lifted=not low):
             self.gripper.lose_object(now_s)
-        if low and not was_low:
+        if low and was_low:
+            self.table.pushed(self._stood, hand, opening_mm)
+        elif low:
             self.table.placed(hand, opening_mm)
+        self._stood = hand
 
     def _hand(self) -> tuple[Pose2 | None, bool]:
         """Where the fingers of an upright hand meet, and whether it is down at the part."""

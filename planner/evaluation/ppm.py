@@ -28,7 +28,7 @@ from planner.belief.particles import initial
 from planner.errors import InputFileError
 from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.judge import judge
-from planner.evaluation.trials import DISMISSED, Program, crashing, step
+from planner.evaluation.trials import DISMISSED, Program, come_down, step
 from planner.job.model import Job
 from planner.mechanics.traits import Traits, hypothesis_alone, with_hypothesis
 from planner.work.scheduler import Scheduler
@@ -142,8 +142,9 @@ class Study:
         ends: list[tuple[IntArray, IntArray, Array, Array, IntArray]] = []
         rejected = crashed = squeezes = 0.0
         while len(node):
-            placement = self.disturbance.placed(program.placement[node], traits[part], rng)
-            stopped = crashing(program, node, poses, placement, world, self.job, traits[part])
+            poses, placement, stopped = come_down(
+                program, node, poses, world, self.job, traits[part], self.disturbance, rng
+            )
             crashed += float((1.0 / self.copies[node[stopped]]).sum())
             part, node = part[~stopped], node[~stopped]
             poses, placement = poses[~stopped], placement[~stopped]

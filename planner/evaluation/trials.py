@@ -3,6 +3,7 @@
 All the trials of a chunk take their squeeze in one batch, whichever nodes they stand at.
 """
 
+import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple, Self
 
@@ -12,6 +13,7 @@ from planner.arrays import Array, BoolArray, IntArray
 from planner.belief.observation import COUNTS, Encoder, encoder_of
 from planner.belief.particles import initial
 from planner.belief.transition import read_as
+from planner.errors import UsageError
 from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.judge import rejudged
 from planner.evaluation.outcome import CRASHED, NOWHERE, REJECTED, Evaluation
@@ -20,7 +22,7 @@ from planner.job.model import Job
 from planner.mechanics.squeeze import GRASPED, JAMMED, STATUS_NAMES
 from planner.mechanics.traits import Traits, as_planned, by_hypothesis, ordinary
 from planner.world import Assorted, ContactWorld, World, of_hypothesis
-from runtime.table import HELD_UM, Calibration, Squeeze, Table, decision_map
+from runtime.table import HELD_UM, Calibration, Node, Squeeze, Table, decision_map
 
 RUNNING = -2
 DISMISSED = int(np.iinfo(np.int64).min)  # target of a count that fits no branch
@@ -44,6 +46,7 @@ class Program:
     target: IntArray  # (N, 512) where it leads: a node, ~leaf, or `DISMISSED`
     drag: Array  # (N, 2) how far the hand carries a held part before the jaws open [mm]
     carries: BoolArray  # (N, 512) readings at which it does so
+    push_s: Array  # (N,) what pushing before the squeeze takes [s]
 
     @classmethod
     def of(cls, table: Table) -> Self:
@@ -68,6 +71,7 @@ class Program:
             target=target,
             drag=drag,
             carries=carries,
+            push_s=np.array([_push_s(node, table) for node in table.nodes]),
         )
 
     def carried(self, node: IntArray, reading: IntArray) -> Array:
@@ -206,9 +210,9 @@ def finish(
     at, told = (column[moved, found.squeezes[moved] - 1] for column in (found.path, found.reading))
     hand[moved] = program.placement[at, :2] + program.carried(at, told)
     while len(members := np.flatnonzero(node >= 0)):
-        placement = disturbance.placed(program.placement[node[members]], own[members], rng)
         at, lying = node[members], found.poses[members]
-        stopped = crashing(program, at, lying, placement, world, job, own[members])
+        arrived = come_down(program, at, lying, world, job, own[members], disturbance, rng)
+        found.poses[members], placement, stopped = arrived
         found.leaf[members[stopped]], node[members[stopped]] = CRASHED, NOWHERE
         members, placement = members[~stopped], placement[~stopped]
         if not len(members):
@@ -217,6 +221,7 @@ def finish(
         made = step(program, at, lying, placement, world, encoder, rng, own[members])
         found.poses[members] = made.released
         found.seconds[members] += _seconds(program, at, hand[members], made)
+        found.seconds[members] += program.push_s[at]
         hand[members] = program.placement[at, :2] + made.drag
         _note(program, found, node, members, made.reading)
     found.poses[:] -= disturbance.bias
@@ -238,29 +243,92 @@ def _note(program: Program, found: Evaluation, node: IntArray, members: IntArray
     node[members] = np.maximum(target, NOWHERE)
 
 
-def crashing(
-    program: Program, node: IntArray, poses: Array, placement: Array, world: World, job: Job, traits: Traits
-) -> BoolArray:
-    """Which parts (n,) an open finger would come down on, where the world can tell; the arm stops there.
+class Arrived(NamedTuple):
+    """The hand come down about n parts, each at a node of its own, after what is pushed there."""
+
+    poses: Array  # (n, 3) where the parts lie in the world [mm, mm, rad]
+    placement: Array  # (n, 3) and where the hand stands
+    stopped: BoolArray  # (n,) whether a finger came down on the part, where the world can tell; the arm stops
+
+
+def come_down(
+    program: Program, node: IntArray, poses: Array, world: World, job: Job, traits: Traits,
+    disturbance: Disturbance, rng: np.random.Generator,
+) -> Arrived:  # fmt: skip
+    """Pushes parts as their nodes say, and comes down to squeeze them.
 
     Args:
         program: the table.
         node: (n,) the node that each part is at.
         poses: (n, 3) where the parts lie in the world [mm, mm, rad].
-        placement: (n, 3) where the hand comes down.
-        world: is asked.
+        world: pushes them, and is asked.
         job: says how far a part reaches.
         traits: (n,) of the parts.
+        disturbance: errors of the cell.
+        rng: of the arm's errors.
     """
-    stopped, alone = np.zeros(len(node), np.bool_), job.alone
+    poses, pushed_on = pushed(program, node, poses, world, job, traits, disturbance, rng)
+    placement = disturbance.placed(program.placement[node], traits, rng)
     hand, opening_mm = to_hand(poses, placement.T), program.opening_mm[node]
+    return Arrived(poses, placement, pushed_on | _standing_on(hand, opening_mm, world, job, traits))
+
+
+def pushed(
+    program: Program, node: IntArray, poses: Array, world: World, job: Job, traits: Traits,
+    disturbance: Disturbance, rng: np.random.Generator,
+) -> tuple[Array, BoolArray]:  # fmt: skip
+    """Where parts lie (n, 3) after the pushes before their squeezes, and which (n,) a finger came down on.
+
+    Arguments as of `come_down`.
+
+    Raises:
+        UsageError: the world cannot push.
+    """
+    after, stopped = poses.copy(), np.zeros(len(node), np.bool_)
+    for index in np.flatnonzero(program.push_s):
+        for push in program.table.nodes[index].pushes:
+            rows = np.flatnonzero((node == index) & ~stopped)
+            placement = np.array([push.x_um / 1e3, push.y_um / 1e3, push.angle_urad / 1e6])
+            hand = disturbance.placed(np.tile(placement, (len(rows), 1)), traits[rows], rng)
+            lying, opening_mm = to_hand(after[rows], hand.T), np.full(len(rows), push.opening_um / 1e3)
+            stopped[rows] = _standing_on(lying, opening_mm, world, job, traits[rows])
+            way_mm = np.full(len(rows), push.length_um / 1e3)
+            after[rows] = to_world(_push_all(world, lying, opening_mm, way_mm, traits[rows]), hand.T)
+    return after, stopped
+
+
+def _push_all(world: World, hand: Array, opening_mm: Array, way_mm: Array, traits: Traits) -> Array:
+    """Pushes (n, 3) poses in the hand frame, in a batch where the world offers one."""
+    final = np.empty_like(hand)
+    for k, rows in by_hypothesis(traits):
+        own, each = of_hypothesis(world, k), (hand[rows], opening_mm[rows], way_mm[rows])
+        many, one = (getattr(own, name, None) for name in ("push_many", "push"))
+        if many is not None:
+            alone = traits[rows].copy()
+            alone["hypothesis"] = 0
+            final[rows] = many(*each, alone)
+        elif one is not None:
+            final[rows] = np.reshape(
+                [one(tuple(map(float, q)), float(w), float(d)) for q, w, d in zip(*each, strict=True)],
+                (-1, 3),
+            )
+        else:
+            told = f"the world {type(own).__name__} has no push()"
+            raise UsageError(f"the table pushes parts, and {told}; name another world")
+    return final
+
+
+def _standing_on(hand: Array, opening_mm: Array, world: World, job: Job, traits: Traits) -> BoolArray:
+    """Which parts (n, 3) in the hand frame fingers come down on (n,), where the world can tell."""
+    stopped, alone = np.zeros(len(hand), np.bool_), job.alone
     for k, rows in by_hypothesis(traits):
         collides = getattr(of_hypothesis(world, k), "collides", None)
         if collides is None:
             continue
         reach = float(np.max(np.hypot(*alone[k].part.outline_mm.T)))
         near = np.abs(hand[rows, 1]) + reach > 0.5 * opening_mm[rows]
-        for part in np.arange(len(node))[rows][near]:
+        near &= np.abs(hand[rows, 0]) < reach + job.gripper.finger_length_mm
+        for part in np.arange(len(hand))[rows][near]:
             stopped[part] = collides(tuple(hand[part]), float(opening_mm[part]))
     return stopped
 
@@ -272,6 +340,18 @@ def _seconds(program: Program, node: IntArray, hand: Array, made: Step) -> Array
     lift = 2.0 * (limits.retreat_height_um - limits.squeeze_height_um) / 1e3
     stroke = 2.0 * (program.opening_mm[node] - made.width_mm)
     return np.asarray((travel + lift) / (limits.arm_speed_um_s / 1e3) + stroke / program.speed_mm_s[node])
+
+
+def _push_s(node: Node, table: Table) -> float:
+    """How long a node's pushes take: jaws set and opened again, ways there, descents, ways, ascents."""
+    limits, seconds, at = table.limits, 0.0, node.squeeze[:2]
+    lift_um = 2 * (limits.retreat_height_um - limits.squeeze_height_um)
+    for push in node.pushes:
+        stroke_um = 2 * abs(node.squeeze.opening_um - push.opening_um)
+        travel_um = math.dist(at, (push.x_um, push.y_um)) + lift_um
+        seconds += stroke_um / node.squeeze.speed_um_s + travel_um / limits.arm_speed_um_s
+        seconds += push.length_um / push.speed_um_s
+    return seconds
 
 
 def _squeeze_all(world: World, hand: Array, traits: Traits) -> tuple[Array, Array, BoolArray]:

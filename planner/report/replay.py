@@ -12,7 +12,8 @@ from planner.arrays import Array
 from planner.belief.doubts import hypotheses_of
 from planner.belief.observation import encoder_of
 from planner.belief.particles import initial
-from planner.evaluation.trials import Program, Step, step
+from planner.evaluation.disturbance import NONE
+from planner.evaluation.trials import Program, Step, pushed, step
 from planner.job.model import Job
 from planner.mechanics.traits import with_hypothesis
 from planner.world import ContactWorld, world_of
@@ -41,7 +42,8 @@ def replay(table: Table, job: Job, trials: int, seed: int) -> Replay:
     visits = []
     for index, node in enumerate(table.nodes):  # each comes after the one that leads to it
         at = np.full(len(arrivals[index]), index)
-        made = step(program, at, arrivals[index], program.placement[at], world, encoder, rng, traits[index])
+        lying, _ = pushed(program, at, arrivals[index], world, job, traits[index], NONE, rng)
+        made = step(program, at, lying, program.placement[at], world, encoder, rng, traits[index])
         visits.append(made)
         for number, branch in enumerate(node.branches):
             poses, own = made.through(number), traits[index][made.branch == number]

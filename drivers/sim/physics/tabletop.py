@@ -8,6 +8,7 @@ from drivers.planar import Pose2, compose, relative
 from drivers.sim.faults import Channel, Desk
 from drivers.sim.physics.scene import Setting
 
+AHEAD_MM, AHEAD_RAD = 0.05, 0.005  # what a motion straight ahead may be off, as arms read themselves back
 BESIDE: Pose2 = (0.0, 70.0, 0.8)  # where a second part lies, in the frame of the first
 
 
@@ -97,8 +98,23 @@ class TableTop:
         self.pose, self._lifted = compose(hand, self._held), lifted
         return True
 
+    def pushed(self, start: Pose2, end: Pose2, opening_mm: float) -> None:
+        """The hand went along the table with jaws that hold nothing: straight ahead, it pushes the part.
+
+        A world that cannot push leaves it where it lies, as does any other way of the hand.
+        """
+        push, (way_mm, aside_mm, turn_rad) = getattr(self._world, "push", None), relative(start, end)
+        ahead = (
+            way_mm > AHEAD_MM
+            and abs(aside_mm) < AHEAD_MM
+            and abs(math.remainder(turn_rad, math.tau)) < AHEAD_RAD
+        )
+        if push is None or not ahead or self._held is not None or self._desk.holds("part_missing"):
+            return
+        self.pose = compose(start, push(relative(start, self.pose), opening_mm, way_mm))
+
     def placed(self, hand: Pose2, opening_mm: float) -> None:
-        """Open fingers came down here; standing on the part is a crash."""
+        """Fingers came down here; standing on the part is a crash."""
         if self._held is not None or self._desk.holds("part_missing"):
             return
         collides = getattr(self._world, "collides", None)
