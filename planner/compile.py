@@ -36,6 +36,7 @@ from planner.search.expand import Growth, TreeNode
 from planner.search.handling import handling_of
 from planner.search.hasty import hasty_root
 from planner.search.params import Objective
+from planner.search.pushes import pusher_of
 from planner.search.ranking import Ranking
 from planner.search.telling import foremost
 from planner.work.limit import Limit
@@ -193,4 +194,5 @@ def _growth(
     objective = objective_of(job)
     ranking = Ranking(actions, mixture, ahead, objective, job.goal.crash_share)
     look_ahead = LookAhead(ranking, job.search.depth, job.search.search_particles)
-    return Growth(look_ahead, reference, handling_of(job), job.search.max_depth)
+    pusher = pusher_of(job, mixture.workers)
+    return Growth(look_ahead, reference, handling_of(job), job.search.max_depth, pusher)

@@ -8,6 +8,7 @@ from planner.arrays import Array
 from planner.belief.metric import metric_of
 from planner.belief.observation import Encoder, Partition, encoder_of, resolution_of
 from planner.belief.particles import Belief
+from planner.belief.transition import Push, finger_speed_mm_s
 from planner.frames import wrap
 from planner.job.model import Job
 from planner.search.expand import TreeNode, breadth_first
@@ -42,7 +43,7 @@ def lower(root: TreeNode, job: Job) -> tables.Table:
 
 def _node(node: TreeNode, targets: dict[int, int], job: Job, encoder: Encoder) -> tables.Node:
     assert node.squeeze is not None
-    placement, opening_mm, clearance_mm, clusters, unstable, release_mm, *_ = node.squeeze
+    placement, opening_mm, clearance_mm, clusters, unstable, release_mm, *_, pushes = node.squeeze
     x_um, y_um, angle_urad = pose_of(placement)
     squeeze = tables.Squeeze(
         x_um=x_um,
@@ -61,7 +62,14 @@ def _node(node: TreeNode, targets: dict[int, int], job: Job, encoder: Encoder) -
         share = round(tables.PPM * float(clusters.size[k]) / total)
         branches.append(tables.Branch(low, expected, high, share, targets[id(child)]))
     release = None if release_mm is None else (round(1e3 * release_mm[0]), round(1e3 * release_mm[1]))
-    return tables.Node(squeeze, tuple(branches), None if release == squeeze[:2] else release)
+    pushed = tuple(_push(push, job) for push in pushes)
+    return tables.Node(squeeze, tuple(branches), None if release == squeeze[:2] else release, pushed)
+
+
+def _push(push: Push, job: Job) -> tables.Push:
+    speed_mm_s = min(finger_speed_mm_s(job.gripper.speed_mm_s), job.cell.arm_speed_mm_s)
+    numbers = (push.opening_mm, push.way_mm, speed_mm_s)
+    return tables.Push(*pose_of(push.start), *(round(1e3 * number) for number in numbers))
 
 
 def _reach(clusters: Partition, encoder: Encoder) -> list[tuple[int, int]]:

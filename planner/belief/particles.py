@@ -12,7 +12,7 @@ from planner.arrays import Array, BoolArray, IntArray
 from planner.job.model import Job
 from planner.mechanics.traits import Traits, as_planned, joined, with_hypothesis
 
-UNREAD = -1
+UNREAD, PUSHED = -1, -2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -24,7 +24,7 @@ class Belief:
 
     poses: Array  # (n, 3) in the world [mm, mm, rad]
     traits: Traits  # (n,)
-    reading: IntArray  # (n,) counts of the last squeeze; `UNREAD` before the first
+    reading: IntArray  # (n,) counts of the last squeeze; before the first `UNREAD`, once pushed `PUSHED`
 
     @classmethod
     def of(cls, poses: Array, reading: IntArray | None = None, traits: Traits | None = None) -> Self:
@@ -47,8 +47,8 @@ class Belief:
         return with_hypothesis(self.poses, self.traits)
 
     @property
-    def squeezed(self) -> bool:
-        """Whether these parts have been squeezed at all."""
+    def touched(self) -> bool:
+        """Whether these parts have been squeezed or pushed at all."""
         return bool(self.reading[0] != UNREAD)
 
     def __len__(self) -> int:

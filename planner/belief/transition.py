@@ -13,7 +13,7 @@ import numpy as np
 
 from planner.arrays import Array, BoolArray, IntArray
 from planner.belief.observation import Encoder, Partition
-from planner.belief.particles import Belief
+from planner.belief.particles import PUSHED, UNREAD, Belief
 from planner.belief.partition import Rule, partition
 from planner.frames import to_hand, to_world
 from planner.job.model import Job
@@ -26,9 +26,20 @@ LEAST_SQUEEZE = 0.001
 """A squeeze that costs nothing still costs this much: of two plans as good the shorter is better."""
 
 
+PUSH_SQUEEZES = 0.1
+"""What a push costs besides its time: J of two plans errs by about that."""
+
 Number = TypeVar("Number", float, Array)
 Case: TypeAlias = tuple[Belief, Array]
 """A belief, and the placement (3,) of the hand that squeezes it [mm, mm, rad]."""
+
+
+class Push(NamedTuple):
+    """The hand comes down beside the part and goes straight on along its own x axis."""
+
+    start: Array  # (3,) the hand frame in the world, where it comes down [mm, mm, rad]
+    opening_mm: float  # of the jaws; 0: closed
+    way_mm: float
 
 
 class Squeezed(NamedTuple):
@@ -136,6 +147,15 @@ class Simulation:
 
         return squeezed_by(cases, roll_out, self.encoder, rng, self.placing)
 
+    def push(self, belief: Belief, push: Push, rng: np.random.Generator) -> Belief:
+        """The belief after a push, each particle rolled out by itself."""
+        n = len(belief)
+        hand = self.placing.placed(np.tile(push.start, (n, 1)), belief.traits, rng)
+        opening, way = np.full(n, push.opening_mm), np.full(n, push.way_mm)
+        lying = to_hand(belief.poses, hand.T)
+        poses = to_world(self.simulator.push_by_hand(lying, opening, way, rng, belief.traits), hand.T)
+        return Belief(poses, belief.traits, np.where(belief.reading == UNREAD, PUSHED, belief.reading))
+
 
 def squeezed_by(
     cases: list[Case],
@@ -194,6 +214,17 @@ class Costs(NamedTuple):
         seconds = self.lift_s + 2.0 * (self.opening_mm - width_mm) / self.speed_mm_s
         extra = self.second * seconds + self.unstable * unstable
         return 1.0 + extra / self.least
+
+    def of_push(self, push: Push) -> float:
+        """The price of a push, in squeezes: its time, and little besides."""
+        strokes, speed = 2.0 * (self.opening_mm - push.opening_mm), finger_speed_mm_s(self.speed_mm_s)
+        seconds = self.lift_s + strokes / self.speed_mm_s + push.way_mm / speed
+        return PUSH_SQUEEZES + self.second * seconds / self.least
+
+
+def finger_speed_mm_s(speed_mm_s: float) -> float:
+    """How fast a finger goes while the jaws close at such a rate, and a hand that pushes: as slowly."""
+    return 0.5 * speed_mm_s
 
 
 def costs_of(job: Job) -> Costs:

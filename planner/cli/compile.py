@@ -141,6 +141,8 @@ def _job(arguments: argparse.Namespace) -> Job:
     for option in ("baseline", "models_report", "bound", "bound_dense"):
         if getattr(arguments, option):
             shell.check_one_part(job.hypothesis, str(arguments.job), f"--{option.replace('_', '-')}")
+    if job.actions.pushes and (arguments.bound or arguments.bound_dense):
+        raise UsageError(f'--bound is for squeezes alone; {arguments.job} has actions.pushes = "belief"')
     return job if arguments.seed is None else dataclasses.replace(job, seed=arguments.seed)
 
 

@@ -31,6 +31,7 @@ def parser() -> Parser:
 def _export(arguments: argparse.Namespace) -> None:
     found = load(arguments.tree)
     shell.check_one_part(found.table.hypotheses, str(arguments.tree), "an export")
+    shell.check_squeezes_alone(found.table, str(arguments.tree), "an export")
     files = write(found, arguments.to, arguments.output)
     told = ", ".join(f"{name} ({size:,} bytes)" for name, size in files.items())
     figures = {"folder": str(arguments.output), "to": arguments.to, "files": files}

@@ -55,6 +55,7 @@ def _report(arguments: argparse.Namespace) -> None:
     (table, data, digest), job = shell.loaded(arguments)
     if arguments.bound or arguments.bound_dense:
         shell.check_one_part(table.hypotheses, str(arguments.tree), "--bound")
+        shell.check_squeezes_alone(table, str(arguments.tree), "--bound")
     log = run_log.read(arguments.journal, digest) if arguments.journal else None
     judged = models.read(arguments.models, table.job_digest.hex()) if arguments.models else None
     source = dossier.Source(arguments.tree.name, data, log, judged, bounds.bound_of(arguments, job, table))

@@ -171,6 +171,18 @@ def check_one_part(several: object, name: str, what: str) -> None:
         raise UsageError(f"{what} is for one part, and {name} leaves open which part it is")
 
 
+def check_squeezes_alone(table: Table, name: str, what: str) -> None:
+    """Refuses what does not know pushes.
+
+    Raises:
+        UsageError: parts are pushed before some squeeze.
+    """
+    for index, node in enumerate(table.nodes):
+        if node.pushes:
+            told = f'plan with actions.pushes = "none"; {name} pushes before node {index}'
+            raise UsageError(f"{what} is for squeezes alone; {told}")
+
+
 def add_scheduler(parser: argparse.ArgumentParser) -> None:
     """The options that say who works; `planner.work.scheduler.scheduler_of` takes their values."""
     parser.add_argument(

@@ -14,6 +14,7 @@ from planner.belief.transition import MotionModel, Simulation, placing_of
 from planner.evaluation.outcome import Evaluation
 from planner.job.model import Job
 from planner.mechanics.mixture import Mixture
+from planner.search.actions import Action
 from planner.search.expand import Growth, TreeNode, breadth_first, squeeze_at
 
 PARTICLES = 200  # own particles of a leaf that each placement is tried with
@@ -50,7 +51,7 @@ def confirm(root: TreeNode, strange: Sequence[Evaluation], job: Job, growth: Gro
         rng = np.random.default_rng([*seed, leaf.depth, *leaf.path])
         placement = _telling(leaf, strays, growth, rng)
         if placement is not None:
-            squeeze_at(leaf, parents.get(id(leaf)), placement, growth, rng)
+            squeeze_at(leaf, parents.get(id(leaf)), Action(placement), growth, rng)
             confirmed += 1
     return confirmed
 

@@ -88,6 +88,9 @@ def check_conflicts(values: Values) -> None:
     _check_heights(values["part"]["height_mm"], values["cell"])
     _check_actions(values["actions"], values["cell"])
     _check_choices(values["actions"], values["gripper"], values["cell"])
+    if values["actions"]["pushes"] == "belief" and values["search"]["method"] != "closed-loop":
+        problem = 'is "belief", which the paper\'s methods do not know; leave method at "closed-loop"'
+        raise _conflict("actions", "pushes", problem)
     _check_fit(values["part"]["outline_mm"], values["gripper"]["opening_mm"])
     _check_stranger_rate(values["goal"], values["search"])
     if values["delivery"] is not None:

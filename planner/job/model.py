@@ -248,6 +248,8 @@ def _of_one(document: dict[str, Any], where: str, drawn: bool) -> Job:
     if cell["squeeze_height_mm"] is None:
         cell["squeeze_height_mm"] = job_checks.tips_height_mm(part["height_mm"])
     job_checks.check_conflicts(values)
+    if actions["pushes"] == "none":
+        actions["pushes"] = None  # a job that states what is so anyway is the same job
     for key in ("angles_deg", "openings_mm", "forces_n"):
         actions[key] = tuple(actions[key].tolist())
     for key in ("finger_share", "middle_mm", "encoder_mm", "encoder_gain"):

@@ -128,6 +128,8 @@ class Actions:
     centers_mm: Annotated[Array, Numbers(PLACE, columns=2, most=1_000)]
     # "belief": every node also considers placements relative to its own belief.
     proposals: Annotated[str, Text(("belief", "none"), default="belief")]
+    # "belief": parts may be pushed before a squeeze, as their belief suggests; None: they are not.
+    pushes: Annotated[str | None, Text(("belief", "none"), default=None)]
     # Openings to descend with; the least that stays clear is taken. Empty: fully open.
     openings_mm: Annotated[
         tuple[float, ...], Numbers(Number(0, MM, above=True), least=0, most=100, default=[])

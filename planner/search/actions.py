@@ -2,12 +2,13 @@
 
 import math
 from dataclasses import dataclass, replace
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from planner.arrays import Array
 from planner.belief.metric import Metric, Mode
+from planner.belief.transition import Push
 from planner.frames import to_hand
 from planner.job.model import Job
 from planner.search.proposals import Proposals, along, placed, proposals_of
@@ -20,6 +21,13 @@ ASIDE = (0.25, 0.5)
 ALIKE = 1e-3  # placements that differ by less are one [mm, mm, rad]
 
 Key: TypeAlias = tuple[tuple[int, ...], ...]
+
+
+class Action(NamedTuple):
+    """What is done at a node."""
+
+    placement: Array  # (3,) the hand frame to squeeze at, in the world [mm, mm, rad]
+    pushes: tuple[Push, ...] = ()  # before that
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,6 +48,12 @@ class ActionSet:
 
     def __len__(self) -> int:
         return len(self.placements)
+
+    def followed(self, poses: Array) -> Array:
+        """The fixed placements (k, 3), and their angles about the middle of where parts (n, 3) lie now."""
+        angles = np.unique(self.placements[:, 2])
+        about = np.column_stack([np.tile(poses[:, :2].mean(axis=0), (len(angles), 1)), angles])
+        return self.within(np.concatenate([self.placements, about]))
 
     def options(self, states: Array, metric: Metric) -> Array:
         """The fixed placements, and those along the part's sides about a belief's main modes.

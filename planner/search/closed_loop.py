@@ -85,9 +85,9 @@ class LookAhead:
                 break
         if not found:
             return []
-        excess = params.alternative_excess if belief.squeezed else params.first_excess
+        excess = params.alternative_excess if belief.touched else params.first_excess
         placements = np.array([k.placement for k in found])
-        compared = self.ranking.actions.compared(placements, belief.squeezed)
+        compared = self.ranking.actions.compared(placements, belief.touched)
         return distinct(found, compared, most, excess, params)
 
     def _enough(self, belief: Belief) -> float:

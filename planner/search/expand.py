@@ -17,10 +17,12 @@ from planner.belief.metric import Mode
 from planner.belief.observation import Partition
 from planner.belief.particles import Belief, replenish
 from planner.belief.recut import recut
-from planner.belief.transition import MotionModel, Outcomes, Squeezed
+from planner.belief.transition import MotionModel, Outcomes, Push, Squeezed
+from planner.search.actions import Action
 from planner.search.closed_loop import LookAhead
 from planner.search.handling import Handling
 from planner.search.params import Objective
+from planner.search.pushes import Pusher
 from planner.search.ranking import Choice, selection_bias
 from planner.work.scheduler import pool_of
 
@@ -44,6 +46,7 @@ class PlannedSqueeze(NamedTuple):
         release: (2,) where the hand opens after dragging a held part there; None: where it squeezed.
         cost: in squeezes.
         crashes: share of the parts here that an open finger would come down on.
+        pushes: made before it.
     """
 
     placement: Array
@@ -54,6 +57,7 @@ class PlannedSqueeze(NamedTuple):
     release: Array | None = None
     cost: float = 0.0
     crashes: float = 0.0
+    pushes: tuple[Push, ...] = ()
 
 
 class Found(NamedTuple):
@@ -76,7 +80,7 @@ class TreeNode:
         squeeze: what is done here; None at a leaf.
         children: one node for each cluster of its outcomes.
         named: how many names of children were given away.
-        alternatives: further placements (3,) that looked promising, the best first.
+        alternatives: further actions that looked promising, the best first.
         refuted: fresh trials spoke against it, as a leaf.
         doubted: how many of the last particles come from worlds that are off: they are nobody's share.
         exhausted: mode ratio at which no squeeze gained anything or none was left; above 1 where none was
@@ -92,7 +96,7 @@ class TreeNode:
     squeeze: PlannedSqueeze | None = None
     children: list[TreeNode] = field(default_factory=list)
     named: int = 0
-    alternatives: list[Array] = field(default_factory=list)
+    alternatives: list[Action] = field(default_factory=list)
     refuted: bool = False
     doubted: int = 0
     exhausted: float = math.inf
@@ -123,12 +127,14 @@ class Growth:
         reference: squeezes the beliefs of the tree itself, whatever model the look-ahead uses.
         handling: what is decided about a squeeze once its placement is chosen.
         max_depth: longest path [squeezes].
+        pusher: proposes pushes before squeezes; None: there are none.
     """
 
     look_ahead: LookAhead
     reference: MotionModel
     handling: Handling
     max_depth: int
+    pusher: Pusher | None = None
 
     @property
     def objective(self) -> Objective:
@@ -252,7 +258,10 @@ def _chosen(node: TreeNode, growth: Growth, seed: list[int]) -> Chosen:
     """Where to squeeze a node's belief: nowhere if nothing gains anything."""
     rng = np.random.default_rng([*seed, node.depth, *node.path])
     most, vain = 1 + growth.objective.params.alternatives, node.squeezes_without_gain
-    return growth.look_ahead.choose(node.belief, rng, most, node.share, vain), rng
+    choices = growth.look_ahead.choose(node.belief, rng, most, node.share, vain)
+    if growth.pusher is not None:
+        choices = growth.pusher.choose(node.belief, choices, growth.look_ahead, rng, most, node.share)
+    return choices, rng
 
 
 def _expand(
@@ -263,14 +272,23 @@ def _expand(
     if not choices:
         node.exhausted, node.searched = node.mode.ratio, len(node.belief)
         return []
-    node.alternatives = [choice.placement for choice in choices[1:]]
-    return squeeze_at(node, parent, choices[0].placement, growth, rng)
+    node.alternatives = [choice.action for choice in choices[1:]]
+    return squeeze_at(node, parent, choices[0].action, growth, rng)
+
+
+class _Made(NamedTuple):
+    """What an action makes of a node's belief."""
+
+    pushed: Belief  # as it lies after the pushes
+    begun: Belief  # what of it the squeeze begins with
+    squeezed: Squeezed
+    arrives: float  # share without a finger on the part
 
 
 def squeeze_at(
-    node: TreeNode, parent: TreeNode | None, placement: Array, growth: Growth, rng: np.random.Generator
+    node: TreeNode, parent: TreeNode | None, action: Action, growth: Growth, rng: np.random.Generator
 ) -> list[tuple[TreeNode, TreeNode]]:
-    """Squeezes a node's belief, and adds a child for each cluster of outcomes.
+    """Pushes and squeezes a node's belief, and adds a child for each cluster of outcomes.
 
     Where the squeeze shows that the readings which led here had better been told apart, the node becomes
     several children of its parent; the squeeze is the heaviest one's.
@@ -278,40 +296,39 @@ def squeeze_at(
     Args:
         node: a leaf of the tree, modified in place.
         parent: its parent, likewise; None for the root.
-        placement: (3,) the hand frame in the world.
+        action: what is done.
         growth: how the tree is grown.
         rng: source of randomness.
 
     Returns:
         New leaves, each with its parent.
     """
-    found = _squeezed(node, placement, growth, rng)
+    made = _made(node, action, growth, rng)
     others = []
     if parent is not None:
-        others = _separated(node, parent, found, growth)
+        others = _separated(node, parent, made, growth)
         if others:
-            found = _squeezed(node, placement, growth, rng)
-    _attach(node, placement, found, growth)
+            made = _made(node, action, growth, rng)
+    _attach(node, action, made, growth)
     leaves = [(child, node) for child in node.children]
     return leaves + [(other, parent) for other in others if parent is not None]
 
 
-def _squeezed(
-    node: TreeNode, placement: Array, growth: Growth, rng: np.random.Generator
-) -> tuple[Belief, Squeezed, float]:
-    """What a squeeze begins with, what it makes of that, and the share without a finger on the part."""
-    clear = growth.handling.clear(node.belief, placement)
-    belief = replenish(clear, growth.objective.params.least_particles)
-    squeezed = growth.reference.squeeze([(belief, placement)], rng)[0]
-    return belief, squeezed, len(clear) / len(node.belief)
+def _made(node: TreeNode, action: Action, growth: Growth, rng: np.random.Generator) -> _Made:
+    lying = node.belief
+    for push in action.pushes:
+        assert growth.pusher is not None
+        lying = growth.pusher.model.push(lying, push, rng)
+    clear = growth.handling.clear(lying, action.placement)
+    begun = replenish(clear, growth.objective.params.least_particles)
+    squeezed = growth.reference.squeeze([(begun, action.placement)], rng)[0]
+    return _Made(lying, begun, squeezed, len(clear) / len(lying))
 
 
-def _separated(
-    node: TreeNode, parent: TreeNode, found: tuple[Belief, Squeezed, float], growth: Growth
-) -> list[TreeNode]:
+def _separated(node: TreeNode, parent: TreeNode, made: _Made, growth: Growth) -> list[TreeNode]:
     """Cuts a node in several where that leaves fewer squeezes: it becomes the heaviest piece."""
     belief, metric, share = node.belief, growth.objective.metric, node.share
-    cuts = recut(found[0], found[1].belief, growth.objective.rule)
+    cuts = recut(made.begun, made.squeezed.belief, growth.objective.rule)
     piece = np.searchsorted(cuts, belief.reading, side="right")
     numbers, size = np.unique(piece, return_counts=True)
     if len(numbers) < 2:
@@ -347,19 +364,24 @@ def replace_child(parent: TreeNode, child: TreeNode, pieces: list[TreeNode]) -> 
     parent.squeeze = parent.squeeze._replace(clusters=clusters._replace(size=size))
 
 
-def _attach(node: TreeNode, placement: Array, found: tuple[Belief, Squeezed, float], growth: Growth) -> None:
-    """Adds a squeeze's outcomes to a node."""
+def _attach(node: TreeNode, action: Action, made: _Made, growth: Growth) -> None:
+    """Adds an action's outcomes to a node."""
     metric, params = growth.objective.metric, growth.objective.params
-    outcomes, arrives = Outcomes.of(found[1], growth.objective.rule), found[2]
+    outcomes, arrives, costs = (
+        Outcomes.of(made.squeezed, growth.objective.rule),
+        made.arrives,
+        growth.objective.costs,
+    )
     ratio = metric.shares([child.states for child in outcomes.beliefs], metric.modes).sum(axis=1)
     # No leaf takes a width far from what any part read: a stranger's, or of a part out of tolerance.
     most = 2 * growth.objective.rule.resolution.margin
     outcomes = outcomes.without_gaps(ratio >= growth.objective.confidence, most)
     release = growth.handling.release(outcomes)
+    placement, pushes = action
+    cost = costs.of(outcomes.unstable, outcomes.width_mm) + sum(map(costs.of_push, pushes))
     node.squeeze = PlannedSqueeze(
-        placement, *growth.handling.opening(node.belief, placement), outcomes.clusters, outcomes.unstable,
-        release, growth.objective.costs.of(outcomes.unstable, outcomes.width_mm),
-        1.0 - arrives,
+        placement, *growth.handling.opening(made.pushed, placement), outcomes.clusters, outcomes.unstable,
+        release, cost, 1.0 - arrives, pushes,
     )  # fmt: skip
     beliefs = growth.handling.released(placement, release, outcomes)
     modes = [metric.mode(child.states) for child in beliefs]

@@ -5,13 +5,14 @@ does, grown with a fifth of the particles and one squeeze of look-ahead (decisio
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from planner.arrays import Array
 from planner.belief.particles import subsample
+from planner.search.actions import Action
 from planner.search.expand import Growth, Progress, TreeNode, breadth_first, grow, squeeze_at, untold
 from planner.search.ranking import unlike
 
@@ -20,6 +21,7 @@ HASTY_SEARCH = 4  # Its look-ahead, which is of one squeeze, has the job's searc
 ROUNDS = 2  # Trees of each first squeeze that may be the cheapest
 SEED_COST = 0x434F5354
 SEED_HASTY = 0x48415354
+SEED_FIRST = 0x46525354
 
 
 def hasty_root(root: TreeNode) -> TreeNode:
@@ -32,7 +34,8 @@ def hasty_growth(growth: Growth) -> Growth:
     """The same growth with little effort."""
     look_ahead = growth.look_ahead
     few = max(1, look_ahead.particles // HASTY_SEARCH)
-    return replace(growth, look_ahead=replace(look_ahead, depth=1, particles=few))
+    pusher = growth.pusher and replace(growth.pusher, most=0)
+    return replace(growth, look_ahead=replace(look_ahead, depth=1, particles=few), pusher=pusher)
 
 
 def grow_hastily(
@@ -64,48 +67,48 @@ def squeeze_first(
         progress: called with the number of hasty trees done and the number waiting.
         out_of_time: asked before each node.
     """
-    placements = _candidates(root, growth)
-    if len(placements) < 2:
+    actions = _candidates(root, growth, np.random.default_rng([*seed, SEED_FIRST]))
+    if len(actions) < 2:
         return
-    found = costs(root, placements, growth, seed, progress, out_of_time)
+    found = costs(root, actions, growth, seed, progress, out_of_time)
     if not out_of_time():
         best, second = np.argsort(found, kind="stable")[:2]
-        squeeze_at(root, None, placements[best], growth, np.random.default_rng([*seed, SEED_COST]))
+        squeeze_at(root, None, actions[best], growth, np.random.default_rng([*seed, SEED_COST]))
         undecided = growth.objective.params.undecided * growth.objective.costs.least
-        root.alternatives = [placements[second]] if found[second] < found[best] + undecided else []
+        root.alternatives = [actions[second]] if found[second] < found[best] + undecided else []
 
 
 def costs(
-    root: TreeNode, placements: Array, growth: Growth, seed: list[int], progress: Progress,
+    root: TreeNode, actions: Sequence[Action], growth: Growth, seed: list[int], progress: Progress,
     out_of_time: Callable[[], bool],
 ) -> Array:  # fmt: skip
-    """What first squeezes at placements (k, 3) cost: the mean price of their hasty trees.
+    """What k first actions cost: the mean price of their hasty trees.
 
     Returns:
         (k,) as probabilities of success; infinite where a tree costs clearly more than the cheapest.
     """
     close = growth.objective.params.close * growth.objective.costs.least
-    total, left, trees = np.zeros(len(placements)), list(range(len(placements))), 0
+    total, left, trees = np.zeros(len(actions)), list(range(len(actions))), 0
     while trees < ROUNDS and (len(left) > 1 or not trees):
         least = np.inf
         for done, k in enumerate(left):
-            progress(done + trees * len(placements), len(left) - done)
+            progress(done + trees * len(actions), len(left) - done)
             most = least + close - total[k]
-            total[k] += _cost(root, placements[k], growth, [*seed, SEED_COST, trees, k], most, out_of_time)
+            total[k] += _cost(root, actions[k], growth, [*seed, SEED_COST, trees, k], most, out_of_time)
             least = min(least, total[k])
         left, trees = [k for k in left if total[k] < least + close], trees + 1
-    found = np.full(len(placements), np.inf)
+    found = np.full(len(actions), np.inf)
     found[left] = total[left] / trees
     return found
 
 
 def _cost(
-    root: TreeNode, placement: Array, growth: Growth, seed: list[int], most: float,
+    root: TreeNode, action: Action, growth: Growth, seed: list[int], most: float,
     out_of_time: Callable[[], bool],
 ) -> float:  # fmt: skip
     """Price of one hasty tree; it grows no further where it costs more than `most`."""
     tree, little = hasty_root(root), hasty_growth(growth)
-    squeeze_at(tree, None, placement, little, np.random.default_rng(seed))
+    squeeze_at(tree, None, action, little, np.random.default_rng(seed))
     grow(
         tree, little, seed, least=growth.objective.params.improved_share,
         out_of_time=lambda: out_of_time() or price(tree, little) >= most,
@@ -113,18 +116,22 @@ def _cost(
     return price(tree, little)
 
 
-def _candidates(root: TreeNode, growth: Growth) -> Array:
-    """First squeezes (k, 3) of parts that lie at any angle, no two nearly the same, the middle's first.
+def _candidates(root: TreeNode, growth: Growth, rng: np.random.Generator) -> list[Action]:
+    """First actions of parts that lie at any angle: squeezes, no two nearly alike, then some after pushes.
 
-    None where the angle is known about: such parts are located within the look-ahead, and J tells more.
+    The middle's squeezes come first. None where the angle is known about: such parts are located within the
+    look-ahead, and J tells more.
     """
     ranking, params, belief = growth.look_ahead.ranking, growth.objective.params, root.belief
     if ranking.actions.first is None:
-        return np.zeros((0, 3))
+        return []
     placements = ranking.candidates(belief, belief)
-    compared = ranking.actions.compared(placements, belief.squeezed)
+    compared = ranking.actions.compared(placements, belief.touched)
     order = np.argsort(np.hypot(*compared[:, :2].T).round(6), kind="stable")
-    return placements[order[unlike(compared[order], params.first_candidates, params)]]
+    found = [Action(placements[order[k]]) for k in unlike(compared[order], params.first_candidates, params)]
+    if growth.pusher is not None:
+        found += growth.pusher.first(belief, hasty_growth(growth).look_ahead, rng)
+    return found
 
 
 def price(node: TreeNode, growth: Growth) -> float:

@@ -10,8 +10,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from planner.arrays import Array, IntArray
+from planner.arrays import IntArray
 from planner.belief.particles import Belief
+from planner.search.actions import Action
 from planner.search.expand import (
     Growth,
     Progress,
@@ -44,9 +45,9 @@ def improve(
         rough: share of a node, of which leaves that locate all but less are not grown to compare subtrees.
     """
     params = growth.objective.params
-    for k, placement in enumerate(root.alternatives):
+    for k, action in enumerate(root.alternatives):
         other, limit = TreeNode(root.belief, root.share, root.mode), price(root, growth)
-        _grown(other, other, None, placement, limit, growth, [*seed, k + 1], out_of_time, rough)
+        _grown(other, other, None, action, limit, growth, [*seed, k + 1], out_of_time, rough)
         if not out_of_time() and price(other, growth) < limit:
             root.squeeze, root.children, root.named = other.squeeze, other.children, other.named
     for depth, saving in params.improved_savings:
@@ -111,11 +112,11 @@ def _cheapest(
     None is tried where the node costs no more than `left` a part.
     """
     pieces = [node]
-    for k, placement in enumerate(node.alternatives):
+    for k, action in enumerate(node.alternatives):
         before = sum(price(piece, growth) for piece in pieces)
         if out_of_time() or before < left * sum(piece.share for piece in pieces):
             break
-        other = _other(pieces, parent, placement, before, growth, [*seed, k + 1], out_of_time, rough)
+        other = _other(pieces, parent, action, before, growth, [*seed, k + 1], out_of_time, rough)
         if not out_of_time() and price(other, growth) < before:
             pieces = _replaced(pieces, parent, other)
     return pieces
@@ -172,13 +173,13 @@ def _starts(reading: IntArray, least: int) -> IntArray:
 
 
 def _other(
-    pieces: list[TreeNode], parent: TreeNode, placement: Array, limit: float, growth: Growth, seed: list[int],
+    pieces: list[TreeNode], parent: TreeNode, action: Action, limit: float, growth: Growth, seed: list[int],
     out_of_time: Callable[[], bool], rough: float,
 ) -> TreeNode:  # fmt: skip
     """A parent's stand-in, its one child squeezed elsewhere and grown."""
     belief = Belief.joined([piece.belief for piece in pieces])
     stand = _stand(pieces, parent, [(pieces[0].path, belief)], growth)
-    _grown(stand.children[0], stand, stand, placement, limit, growth, seed, out_of_time, rough)
+    _grown(stand.children[0], stand, stand, action, limit, growth, seed, out_of_time, rough)
     return stand
 
 
@@ -195,11 +196,11 @@ def _stand(
 
 
 def _grown(
-    node: TreeNode, tree: TreeNode, parent: TreeNode | None, placement: Array, limit: float, growth: Growth,
+    node: TreeNode, tree: TreeNode, parent: TreeNode | None, action: Action, limit: float, growth: Growth,
     seed: list[int], out_of_time: Callable[[], bool], rough: float,
 ) -> None:  # fmt: skip
-    """Squeezes at a placement, and grows the tree that the node is of unless it seems to cost too much."""
-    squeeze_at(node, parent, placement, growth, np.random.default_rng([*seed, *node.path]))
+    """Takes an action, and grows the tree that the node is of unless it seems to cost too much."""
+    squeeze_at(node, parent, action, growth, np.random.default_rng([*seed, *node.path]))
     most = limit + growth.objective.params.dearer * growth.objective.costs.least * node.share
     grow(
         tree, growth, seed, out_of_time=lambda: out_of_time() or price(tree, growth) >= most,

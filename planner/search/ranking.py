@@ -11,15 +11,15 @@ import numpy as np
 from planner.arrays import Array, BoolArray, IntArray
 from planner.belief.metric import mode_shares
 from planner.belief.observation import COUNTS
-from planner.belief.particles import Belief
+from planner.belief.particles import PUSHED, Belief
 from planner.belief.partition import intervals, squeezes_left
-from planner.belief.transition import MotionModel, Outcomes, Squeezed
+from planner.belief.transition import MotionModel, Outcomes, Push, Squeezed
 from planner.frames import wrap
 from planner.kernel import kernel
 from planner.mechanics.clearance import free_placements
 from planner.mechanics.mixture import Mixture
 from planner.mechanics.traits import by_hypothesis
-from planner.search.actions import ActionSet
+from planner.search.actions import Action, ActionSet
 from planner.search.params import Objective, SearchParams
 from planner.search.proposals import VARIED, varied
 from planner.work.scheduler import Threads
@@ -35,11 +35,18 @@ class Choice(NamedTuple):
         placement: (3,) the hand frame to squeeze at, in the world [mm, mm, rad].
         cost_to_go: J of squeezing there.
         gain: in mode ratio over stopping here, selection bias subtracted.
+        pushes: before that; J is with their price.
     """
 
     placement: Array
     cost_to_go: float
     gain: float
+    pushes: tuple[Push, ...] = ()
+
+    @property
+    def action(self) -> Action:
+        """What is done there."""
+        return Action(self.placement, self.pushes)
 
 
 class Options(NamedTuple):
@@ -172,13 +179,16 @@ class Ranking:
 
     def candidates(self, belief: Belief, about: Belief) -> Array:
         """Placements (k, 3) proposed about a belief, at which the open fingers stay clear of another."""
-        if self.actions.first is not None and not belief.squeezed:
+        if self.actions.first is not None and not belief.touched:
             return self._free(belief, self.actions.first)
-        return self._free(belief, self.actions.options(about.states, self.objective.metric))
+        options = self.actions.options(about.states, self.objective.metric)
+        if belief.reading[0] == PUSHED:
+            options = np.concatenate([options, self.actions.followed(about.poses)])
+        return self._free(belief, options)
 
     def scattered(self, belief: Belief, about: Belief, n: int) -> Array:
         """Likewise of n hands all about a belief; none for a first squeeze that has its own placements."""
-        if self.actions.first is not None and not belief.squeezed:
+        if self.actions.first is not None and not belief.touched:
             return np.zeros((0, 3))
         return self._free(belief, self.actions.scattered(about.states, self.objective.metric, n))
 
@@ -214,7 +224,7 @@ class Ranking:
             n: variants.
             rng: source of randomness.
         """
-        for spread in VARIED if self.actions.proposals and belief.squeezed else ():
+        for spread in VARIED if self.actions.proposals and belief.touched else ():
             top = squeezed.placements[squeezed.best(self.objective.params.followed)]
             near = self._free(belief, self.actions.within(varied(top, n, spread, rng)))
             if len(near):
@@ -266,7 +276,7 @@ class Ranking:
         params, (ratio, left, further) = self.objective.params, figures.T
         cost = self.objective.costs.of(*contest.means.T)
         rank = cost + left - params.second_mode * further
-        compared = self.actions.compared(contest.placements, contest.belief.squeezed)
+        compared = self.actions.compared(contest.placements, contest.belief.touched)
         return Options(
             contest.placements, contest.squeezed(), branches, cost, ratio, cost + left, rank, compared
         )  # fmt: skip

@@ -113,7 +113,7 @@ def test_ways_above_the_table_are_not_asked_for_and_a_drag_is(monkeypatch: pytes
     for target in ((0, 0, 60, 0.0), (3, 4, 60, 2.0), (3, 4, 10, 2.0), (5, 4, 10, 2.0), (5, 4, 60, 2.0)):
         arm.move_linear(*target, 100.0)
         assert arm.pose() == target
-    assert [sentence.split()[0] for sentence in person.heard] == ["Put", "Drag", "Lift"]
+    assert [sentence.split()[0] for sentence in person.heard] == ["Put", "Go", "Lift"]
     with pytest.raises(ArmError, match="not moved"):
         arm.move_linear(float("nan"), 0.0, 0.0, 0.0, 100.0)
     person.answer = TimeoutError("nobody answered within 60 s")

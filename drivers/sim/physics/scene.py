@@ -61,6 +61,7 @@ class Setting(NamedTuple):
     middle_mm: float = 0.0  # how far off the hand's middle the fingers meet, along its y
     block: Block | None = None  # what stands on the table instead of parts
     parts: tuple[tuple[float, Any], ...] = ()  # the share and the job of each part, where there are several
+    pushing: bool = False  # whether the table that will run here pushes parts
 
     def make_worlds(self, seed: int) -> list[World]:
         """A world for each part; SimulationError where the factory fails or returns what cannot squeeze."""
@@ -72,6 +73,10 @@ class Setting(NamedTuple):
             made: World = make_world(self.factory, subject, seed)
         except WorldError as error:
             raise SimulationError(f"world {self.world}: {error}") from error
+        if self.pushing and self.truthful and not hasattr(made, "push"):
+            raise SimulationError(
+                f"world {self.world} has no push(), and the table pushes parts; name another"
+            )
         return made
 
     @property
@@ -95,13 +100,14 @@ def load(tree: Path | None, job: Path | None, world: str | None) -> Setting:
     if tree is None:
         return _setting_of(_planner_job().load(path), world, factory)
     table = tables.load(tree).table
+    pushing = any(node.pushes for node in table.nodes)
     if world == REHEARSAL:
-        return Setting(table, table_geometry(table), world, factory)
+        return Setting(table, table_geometry(table), world, factory, pushing=pushing)
     if table.job is None:
         raise SimulationError(
             f"{tree}: the table carries no job; give the job file (--job) or --world {REHEARSAL}"
         )
-    return _setting_of(_planner_job().from_canonical(table.job), world, factory)
+    return _setting_of(_planner_job().from_canonical(table.job), world, factory)._replace(pushing=pushing)
 
 
 def _setting_of(job: Any, world: str, factory: Callable[[Any, int], World]) -> Setting:
@@ -158,6 +164,9 @@ def table_geometry(table: tables.Table) -> Geometry:
 
 
 def warm_up(setting: Setting, seed: int) -> None:
-    """Squeeze once in a world of its own, so that kernels compile before anything waits for an answer."""
+    """Act once in a world of its own, so that kernels compile before anything waits for an answer."""
     for world in setting.make_worlds(seed):
         world.squeeze((0.0, 0.0, 0.0))
+        push = getattr(world, "push", None)
+        if setting.pushing and push is not None:
+            push((setting.geometry.opening_mm, 0.0, 0.0), 0.0, 1.0)

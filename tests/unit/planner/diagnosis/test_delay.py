@@ -9,6 +9,7 @@ from oracle import BELIEF, SILENT, TELLING, Oracle, look_ahead
 from planner.diagnosis.ambiguity import LATE, delays
 from planner.job import model as job_file
 from planner.lower import lower
+from planner.search.actions import Action
 from planner.search.expand import Growth, TreeNode, grow, squeeze_at
 from planner.search.handling import handling_of
 
@@ -20,7 +21,7 @@ def planned(silent):
     growth = Growth(look_ahead([TELLING]), Oracle(), handling_of(JOB), 9)
     root = leaf = TreeNode(BELIEF, 1.0, growth.objective.metric.mode(BELIEF.poses))
     for _ in range(silent):
-        squeeze_at(leaf, None, np.array([0.0, 0.0, SILENT]), growth, np.random.default_rng(0))
+        squeeze_at(leaf, None, Action(np.array([0.0, 0.0, SILENT])), growth, np.random.default_rng(0))
         (leaf,) = leaf.children
     leaf.squeezes_without_gain = 0
     grow(root, growth, [1])

@@ -8,6 +8,7 @@ import pytest
 from oracle import BELIEF, SILENT, TELLING, Oracle, look_ahead
 
 from planner.job import model as job_file
+from planner.search.actions import Action
 from planner.search.anytime import Anytime
 from planner.search.expand import Growth, TreeNode, breadth_first, squeeze_at
 from planner.search.handling import handling_of
@@ -51,7 +52,7 @@ def test_a_spent_budget_still_leaves_a_first_squeeze(growth, root):
 
 
 def test_time_that_is_kept_counts_as_spent(growth, root):
-    squeeze_at(root, None, np.array([0.0, 0.0, TELLING]), growth, np.random.default_rng(1))
+    squeeze_at(root, None, Action(np.array([0.0, 0.0, TELLING])), growth, np.random.default_rng(1))
     anytime = Anytime(growth, Limit(10.0, lambda: 0.0))
     assert not anytime.late(root, 10.0)
     assert not anytime.cut
@@ -124,7 +125,7 @@ def test_what_finishing_takes_follows_from_the_rate_until_now(growth, root):
 def test_figures_name_the_cause(growth, root):
     limit = Limit(clock=Clock())
     anytime = Anytime(growth, limit)
-    squeeze_at(root, None, np.array([0.0, 0.0, SILENT]), growth, np.random.default_rng(0))
+    squeeze_at(root, None, Action(np.array([0.0, 0.0, SILENT])), growth, np.random.default_rng(0))
     limit.standing = True
     limit.ask()
     anytime.grow(root, [1], nothing)

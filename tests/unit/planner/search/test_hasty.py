@@ -8,6 +8,7 @@ import pytest
 from oracle import BELIEF, SILENT, TELLING, Oracle, look_ahead
 
 from planner.job import model as job_file
+from planner.search.actions import Action
 from planner.search.expand import Growth, TreeNode, breadth_first, untold
 from planner.search.handling import handling_of
 from planner.search.hasty import costs, grow_hastily, squeeze_first
@@ -45,9 +46,7 @@ def root(growth):
 @pytest.mark.parametrize("order", [1, -1])
 def test_a_squeeze_that_tells_costs_one_and_one_that_does_not_is_dropped(growth, root, order):
     angles = [TELLING, SILENT][::order]
-    telling, silent = costs(root, np.array([placed(a) for a in angles]), growth, [1], untold, in_time)[
-        ::order
-    ]
+    telling, silent = costs(root, [Action(placed(a)) for a in angles], growth, [1], untold, in_time)[::order]
     assert telling == pytest.approx(growth.objective.costs.least)
     assert silent == np.inf
     assert root.squeeze is None
@@ -57,12 +56,13 @@ def test_a_squeeze_that_tells_costs_one_and_one_that_does_not_is_dropped(growth,
 def test_those_that_cost_about_as_much_are_judged_twice(growth, root, monkeypatch):
     seeds = []
 
-    def cost(root, placement, growth, seed, *_):
+    def cost(root, action, growth, seed, *_):
         seeds.append(tuple(seed))
-        return growth.objective.costs.least * (1.0 + placement[0] / SIDEWAYS)
+        return growth.objective.costs.least * (1.0 + action.placement[0] / SIDEWAYS)
 
     monkeypatch.setattr("planner.search.hasty._cost", cost)
-    row = np.array([placed(SILENT), placed(SILENT, 0.1 * SIDEWAYS), placed(SILENT, SIDEWAYS)])
+    offs = (0.0, 0.1 * SIDEWAYS, SIDEWAYS)
+    row = [Action(placed(SILENT, off)) for off in offs]
     told = []
     found = costs(root, row, growth, [1], lambda done, waiting: told.append((done, waiting)), in_time)
     assert found == pytest.approx([0.01, 0.011, np.inf])
@@ -79,7 +79,7 @@ def test_the_first_squeeze_is_that_of_the_cheapest_tree(growth, root):
 def test_where_the_trees_do_not_decide_the_next_best_stays_an_alternative(growth, root):
     squeeze_first(root, with_first(growth, [placed(TELLING, SIDEWAYS), placed(TELLING)]), [1])
     assert root.squeeze.placement == pytest.approx(placed(TELLING))
-    assert root.alternatives == [pytest.approx(placed(TELLING, SIDEWAYS))]
+    assert [other.placement for other in root.alternatives] == [pytest.approx(placed(TELLING, SIDEWAYS))]
     decided = TreeNode(root.belief, 1.0, root.mode)
     squeeze_first(decided, with_first(growth, [placed(SILENT, SIDEWAYS), placed(TELLING)]), [1])
     assert decided.alternatives == []
@@ -98,8 +98,8 @@ def test_first_squeezes_are_unlike_those_about_the_middle_first_and_not_too_many
     """Many placements in a row: no more trees are grown than are allowed, the middle's among them."""
     tried = []
 
-    def cost(node, placement, *_):
-        tried.append(placement[0])
+    def cost(node, action, *_):
+        tried.append(action.placement[0])
         return 1.0
 
     monkeypatch.setattr("planner.search.hasty._cost", cost)

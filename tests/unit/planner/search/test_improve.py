@@ -14,6 +14,7 @@ from planner.belief.observation import Partition
 from planner.belief.particles import Belief
 from planner.belief.transition import Squeezed
 from planner.job import model as job_file
+from planner.search.actions import Action
 from planner.search.expand import (
     Found,
     Growth,
@@ -50,11 +51,11 @@ def placed(angle):
 def tree(growth, first, other):
     """A root, squeezed once without result, and a node that squeezes at an angle, with an alternative."""
     root = TreeNode(BELIEF, 1.0, growth.objective.metric.mode(BELIEF.poses))
-    squeeze_at(root, None, placed(SILENT), growth, np.random.default_rng(0))
+    squeeze_at(root, None, Action(placed(SILENT)), growth, np.random.default_rng(0))
     (node,) = root.children
     node.squeezes_without_gain = 0  # else one more squeeze that tells nothing would be the last
-    squeeze_at(node, root, placed(first), growth, np.random.default_rng(1))
-    node.alternatives = [placed(other)]
+    squeeze_at(node, root, Action(placed(first)), growth, np.random.default_rng(1))
+    node.alternatives = [Action(placed(other))]
     grow(node, growth, [1])
     return root, node
 
@@ -95,7 +96,7 @@ def test_readings_that_need_different_squeezes_are_told_apart_where_parts_are_ma
     first = PlannedSqueeze(placed(SILENT), 85.0, 0.0, Partition.of([belief.reading]), cost=1.0)
     root, node = TreeNode(belief, 1.0, mode, squeeze=first), TreeNode(belief, 1.0, mode, (0,))
     root.children, root.named = [node], 1
-    squeeze_at(node, None, placed(TELLING), halves, np.random.default_rng(1))
+    squeeze_at(node, None, Action(placed(TELLING)), halves, np.random.default_rng(1))
     grow(node, halves, [1])
     before = price(root, halves)
     improve(root, halves, [1])
@@ -124,7 +125,7 @@ def test_parts_under_a_finger_count_and_are_failures(growth):
     under = np.tile([0.0, 47.0, 0.0], (len(BELIEF) // 19, 1))
     belief = Belief.joined([BELIEF, Belief.of(under)])
     root = TreeNode(belief, 0.8, growth.objective.metric.mode(belief.poses))
-    squeeze_at(root, None, placed(TELLING), growth, np.random.default_rng(0))
+    squeeze_at(root, None, Action(placed(TELLING)), growth, np.random.default_rng(0))
     crashes = len(under) / len(belief)
     assert root.squeeze.crashes == pytest.approx(crashes)
     assert crashes > 0.04
@@ -136,8 +137,8 @@ def test_parts_under_a_finger_count_and_are_failures(growth):
 
 def test_an_alternative_of_the_first_squeeze_takes_its_place_where_it_costs_less(growth):
     root = TreeNode(BELIEF, 1.0, growth.objective.metric.mode(BELIEF.poses))
-    squeeze_at(root, None, placed(SILENT), growth, np.random.default_rng(0))
-    root.alternatives = [placed(TELLING)]
+    squeeze_at(root, None, Action(placed(SILENT)), growth, np.random.default_rng(0))
+    root.alternatives = [Action(placed(TELLING))]
     grow(root, growth, [1])
     improve(root, growth, [1])
     assert root.squeeze.placement[2] == TELLING
@@ -190,7 +191,7 @@ def test_a_leaf_that_may_be_grown_costs_what_it_is_expected_to_take(growth):
     (left,) = growth.objective.rule.estimate.squeezes(root.mode.ratio * size, size)
     assert 1.0 < left < 2.0  # one squeeze more, and perhaps a second
     assert price(root, growth) == pytest.approx(0.5 * left * squeeze)
-    squeeze_at(root, None, placed(TELLING), growth, np.random.default_rng(0))
+    squeeze_at(root, None, Action(placed(TELLING)), growth, np.random.default_rng(0))
     assert price(root, growth) == pytest.approx(0.5 * squeeze)
 
 
@@ -246,7 +247,7 @@ def test_a_belief_that_squeezes_tell_nothing_about_is_left_after_some(growth):
     root = leaf = TreeNode(BELIEF, 1.0, growth.objective.metric.mode(BELIEF.poses))
     above = None
     for squeezes_without_gain in range(1, MOST_WITHOUT_GAIN + 1):
-        squeeze_at(leaf, above, placed(SILENT), silent, np.random.default_rng(0))
+        squeeze_at(leaf, above, Action(placed(SILENT)), silent, np.random.default_rng(0))
         above, (leaf,) = leaf, leaf.children
         assert leaf.squeezes_without_gain == squeezes_without_gain
     grow(root, silent, [1])
@@ -317,8 +318,8 @@ def test_nodes_that_two_squeezes_lead_to_are_improved_too(growth):
     root, node = tree(growth, SILENT, SILENT)
     (later,) = node.children
     later.children = []
-    squeeze_at(later, node, placed(SILENT), growth, np.random.default_rng(2))
-    node.alternatives, later.alternatives = [], [placed(TELLING)]
+    squeeze_at(later, node, Action(placed(SILENT)), growth, np.random.default_rng(2))
+    node.alternatives, later.alternatives = [], [Action(placed(TELLING))]
     improve(root, growth, [1])
     (later,) = node.children
     assert later.squeeze.placement[2] == TELLING
@@ -349,10 +350,10 @@ def late_tree(growth):
     belief = Belief.of(np.concatenate([np.tile([0.0, 22.0, 0.0], (300, 1)), spread]))
     late = replace(growth, look_ahead=look_ahead([TELLING], params=DEAR), reference=Late())
     root = TreeNode(belief, 1.0, late.objective.metric.mode(belief.poses))
-    squeeze_at(root, None, placed(SILENT), late, np.random.default_rng(0))
+    squeeze_at(root, None, Action(placed(SILENT)), late, np.random.default_rng(0))
     assert len(root.children) == 2
     node = root.children[0]
-    squeeze_at(node, root, placed(RISKY), late, np.random.default_rng(1))
+    squeeze_at(node, root, Action(placed(RISKY)), late, np.random.default_rng(1))
     assert len(root.children) == 2
     node.squeezes_without_gain = 0
     return late, root, node
@@ -361,7 +362,7 @@ def late_tree(growth):
 def test_readings_that_a_later_squeeze_shows_to_differ_become_branches(growth):
     late, root, node = late_tree(growth)
     node.children = []
-    others = squeeze_at(node, root, placed(TELLING), late, np.random.default_rng(2))
+    others = squeeze_at(node, root, Action(placed(TELLING)), late, np.random.default_rng(2))
     assert len(root.children) == 3
     assert len(root.squeeze.clusters.mean) == 3
     arrived = 1.0 - root.squeeze.crashes
@@ -379,7 +380,7 @@ def test_particles_from_elsewhere_are_no_share_of_the_branches_that_a_node_becom
     told = node.belief.poses[:, 1] > 0.0
     node.belief = Belief.joined([node.belief, node.belief[np.flatnonzero(told).repeat(2)]])
     node.doubted = 2 * int(told.sum())
-    squeeze_at(node, root, placed(TELLING), late, np.random.default_rng(2))
+    squeeze_at(node, root, Action(placed(TELLING)), late, np.random.default_rng(2))
     pieces = [child for child in root.children if child.share < shares[1]]
     assert len(root.children) == 3
     assert sum(child.share for child in root.children) == pytest.approx(sum(shares))
@@ -393,7 +394,7 @@ def test_particles_from_elsewhere_are_no_share_of_the_branches_that_a_node_becom
 
 def test_no_two_nodes_have_one_name_after_branches_were_added(growth):
     late, root, node = late_tree(growth)
-    node.alternatives = [placed(TELLING)]
+    node.alternatives = [Action(placed(TELLING))]
     improve(root, late, [1])
     assert len(root.children) == 3
     paths = [node.path for node in breadth_first(root)]
