@@ -31,7 +31,7 @@ from planner.work.progress import Report, silent
 from runtime.shell import command
 from runtime.shell.command import INTERRUPTED, Parser
 from runtime.shell.files import folder
-from runtime.table import TableFile, load
+from runtime.table import Table, TableFile, load
 
 WIDTH = 98  # columns of what --help says
 PICTURES = (".png", ".svg", ".pdf")  # what matplotlib's pictures may end in
