@@ -8,6 +8,8 @@ chosen for its outcome. Lengths in the model are metres.
 """
 
 import math
+from collections.abc import Callable
+from functools import cached_property
 from itertools import product
 from typing import Any
 
@@ -15,6 +17,7 @@ import numpy as np
 import shapely
 
 from planner.arrays import Array
+from planner.belief.transition import finger_speed_mm_s
 from planner.job.model import Job
 from planner.mechanics.squeeze import GRASPED, JAMMED, SLIPPED, STATUS_NAMES, UNTOUCHED
 from planner.part.outline import Outline, area, radius_of_gyration, simplified
@@ -29,6 +32,7 @@ except ImportError as missing:
 TABLE_FRICTION = 0.3  # between part and table
 DENSITY_KG_M3 = 2700.0  # of the part: aluminium
 JAW_KG = 0.2  # moving mass of a finger, with its share of the drive
+ARM_KG = 1e3  # of a hand that pushes: the arm behind it does not give way
 FEET = 24  # a pressure along a line or over an area stands on so many
 FOOT_M = 5e-4  # radius of a foot
 ROUND_M = 2e-5  # radius of the corners of part and fingers
@@ -41,6 +45,7 @@ SIMPLIFY_MM = 0.01  # what a curve may lose with the vertices that are left out
 BLOCK = 20  # steps between two looks at the jaws
 WINDOW_S = 0.04
 STALLED = 0.01  # jaws that made less than this share of their way over the window stand still
+REST_S = 0.1  # after which a part that was pushed lies still
 UNMOVED_MM = 0.01  # by so much a part may settle when it is set down
 SEED_MUJOCO = 0x4D554A4F
 STIFF = {"solref": [CONTACT_S, 1.0], "solimp": [0.99, 0.999, 1e-5, 0.5, 2.0]}
@@ -53,7 +58,7 @@ class RigidWorld:
     def __init__(self, job: Job, seed: int, timestep_s: float = TIMESTEP_S) -> None:
         self._job = job
         self._rng = np.random.default_rng([seed, SEED_MUJOCO])
-        self.model = _model(job, timestep_s)
+        self.model = _model(job, timestep_s, _add_jaws)
         self.data = mujoco.MjData(self.model)
 
     def squeeze(self, pose_hand: Pose) -> tuple[Pose, float, str]:
@@ -62,8 +67,7 @@ class RigidWorld:
         Returns:
             The final pose in the hand frame, the width [mm] and the status.
         """
-        friction, release = self._job.friction, self._job.release
-        mu = self._rng.uniform(friction.finger_part_min, friction.finger_part_max)
+        mu, release = self._mu(), self._job.release
         scatter = np.array([release.shift_mm, release.shift_mm, math.radians(release.turn_deg)])
         shift = scatter * self._rng.standard_normal(3)
         if self.collides(pose_hand, self._job.gripper.opening_mm):
@@ -75,6 +79,24 @@ class RigidWorld:
             return pose, 0.0, STATUS_NAMES[SLIPPED if moved else UNTOUCHED]
         x, y, theta = (np.array(pose) + shift).tolist()
         return (x, y, theta), width_mm, STATUS_NAMES[GRASPED if self._blocked() else JAMMED]
+
+    def push(self, pose_hand: Pose, opening_mm: float, way_mm: float) -> Pose:
+        """Pushes the part with fingers held so far apart, the hand going along its x axis as a finger does.
+
+        Returns:
+            The final pose in the frame that the hand had at the start [mm, mm, rad].
+        """
+        model, data, gripper = self._pushing, mujoco.MjData(self._pushing), self._job.gripper
+        model.geom_friction[model.geom_priority > 0, 0] = self._mu()
+        _lay(data, pose_hand)
+        beside = 0.5 * (opening_mm + gripper.finger_width_mm) / 1e3
+        model.body("upper").pos[1], model.body("lower").pos[1] = beside, -beside
+        speed = finger_speed_mm_s(gripper.speed_mm_s) / 1e3
+        data.qvel[6] = speed
+        mujoco.mj_step(model, data, round(way_mm / 1e3 / speed / model.opt.timestep))
+        data.qvel[6] = 0.0
+        mujoco.mj_step(model, data, round(REST_S / model.opt.timestep))
+        return _pose(data)
 
     def collides(self, pose_hand: Pose, opening_mm: float) -> bool:
         """Whether fingers opened to `opening_mm` would stand on the part."""
@@ -90,8 +112,7 @@ class RigidWorld:
         model, data, gripper = self.model, self.data, self._job.gripper
         mujoco.mj_resetData(model, data)
         model.geom_friction[model.geom_priority > 0, 0] = mu
-        x, y, theta = pose_hand
-        data.qpos[:7] = [x / 1e3, y / 1e3, 0.0, math.cos(theta / 2), 0.0, 0.0, math.sin(theta / 2)]
+        _lay(data, pose_hand)
         shares = np.array([gripper.upper_finger_share, 1.0 - gripper.upper_finger_share])
         ends = _placed(self._job.part.outline_mm, pose_hand)[:, 1]
         rooms = (gripper.opening_mm / 2 - np.array([ends.max(), -ends.min()])) / 1e3 - LEAD_M
@@ -102,8 +123,15 @@ class RigidWorld:
 
     def pose(self) -> Pose:
         """Where the part is now, in the hand frame [mm, mm, rad]."""
-        x, y, _, w, i, j, k = self.data.qpos[:7].tolist()
-        return 1e3 * x, 1e3 * y, math.atan2(2.0 * (w * k + i * j), 1.0 - 2.0 * (j * j + k * k))
+        return _pose(self.data)
+
+    @cached_property
+    def _pushing(self) -> Any:
+        return _model(self._job, float(self.model.opt.timestep), _add_hand)
+
+    def _mu(self) -> float:
+        friction = self._job.friction
+        return float(self._rng.uniform(friction.finger_part_min, friction.finger_part_max))
 
     def _width(self) -> float:
         return float(self._job.gripper.opening_mm / 1e3 - self.data.qpos[7:].sum())
@@ -146,13 +174,23 @@ def feet(job: Job) -> tuple[Array, Array]:
     return points, centre
 
 
+def _lay(data: Any, pose: Pose) -> None:
+    x, y, theta = pose
+    data.qpos[:7] = [x / 1e3, y / 1e3, 0.0, math.cos(theta / 2), 0.0, 0.0, math.sin(theta / 2)]
+
+
+def _pose(data: Any) -> Pose:
+    x, y, _, w, i, j, k = data.qpos[:7].tolist()
+    return 1e3 * x, 1e3 * y, math.atan2(2.0 * (w * k + i * j), 1.0 - 2.0 * (j * j + k * k))
+
+
 def _placed(outline: Outline, pose: Pose) -> Array:
     c, s = math.cos(pose[2]), math.sin(pose[2])
     return np.asarray(outline @ np.array([[c, s], [-s, c]]) + np.array(pose[:2]))
 
 
-def _model(job: Job, timestep_s: float) -> Any:
-    """Table, part and fingers, jaws fully open."""
+def _model(job: Job, timestep_s: float, add_fingers: Callable[[Any, Job, float], None]) -> Any:
+    """Table, part and fingers."""
     spec = mujoco.MjSpec()
     spec.option.timestep, spec.option.integrator = timestep_s, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.cone, spec.option.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, 10.0
@@ -163,7 +201,7 @@ def _model(job: Job, timestep_s: float) -> Any:
     )  # fmt: skip
     height_mm = job.part.height_mm or 2.0 * job.cell.squeeze_height_mm
     _add_part(spec, job, height_mm / 1e3)
-    _add_fingers(spec, job, height_mm / 1e3)
+    add_fingers(spec, job, height_mm / 1e3)
     return spec.compile()
 
 
@@ -224,25 +262,36 @@ def _add_post(
         )  # fmt: skip
 
 
-def _add_fingers(spec: Any, job: Job, height: float) -> None:
-    """Boxes from the tips' height to above the part, on slides that one drive closes in the job's shares."""
+def _add_finger(body: Any, job: Job, height: float) -> None:
+    """A box from the tips' height to above the part, the body's middle in its own."""
+    tips, size = job.cell.squeeze_height_mm / 1e3, _finger_size(job, height)
+    # Its ends are the posts': a face as long as the finger would hold a corner that has slid off it.
+    face = [size[0] - ROUND_M, *size[1:]]
+    body.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_BOX, size=face, mass=JAW_KG, contype=FINGER, conaffinity=CORNER,
+        priority=1, **STIFF,
+    )  # fmt: skip
+    for x, y in product((-1.0, 1.0), repeat=2):
+        inset = np.array(size[:2]) - ROUND_M
+        ends = -size[2], height - tips - size[2]
+        _add_post(body, x * inset[0], y * inset[1], ends, POST, PLATE, priority=1, mass=0.0)
+
+
+def _finger_size(job: Job, height: float) -> list[float]:
+    """Half length, half width, half height [m]."""
     gripper, tips = job.gripper, job.cell.squeeze_height_mm / 1e3
-    size = [gripper.finger_length_mm / 2e3, gripper.finger_width_mm / 2e3, 0.5 * (height - tips) + FOOT_M]
+    return [gripper.finger_length_mm / 2e3, gripper.finger_width_mm / 2e3, 0.5 * (height - tips) + FOOT_M]
+
+
+def _add_jaws(spec: Any, job: Job, height: float) -> None:
+    """Fingers on slides that one drive closes in the job's shares."""
+    gripper, tips, size = job.gripper, job.cell.squeeze_height_mm / 1e3, _finger_size(job, height)
     drive = spec.add_tendon(name="drive")
     for name, side in (("upper", 1.0), ("lower", -1.0)):
         y = side * (gripper.opening_mm / 2e3 + size[1])
         body = spec.worldbody.add_body(pos=[0.0, y, tips + size[2]])
         body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0.0, -side, 0.0])
-        # Its ends are the posts': a face as long as the finger would hold a corner that has slid off it.
-        face = [size[0] - ROUND_M, *size[1:]]
-        body.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_BOX, size=face, mass=JAW_KG, contype=FINGER, conaffinity=CORNER,
-            priority=1, **STIFF,
-        )  # fmt: skip
-        for x, y in product((-1.0, 1.0), repeat=2):
-            inset = np.array(size[:2]) - ROUND_M
-            ends = -size[2], height - tips - size[2]
-            _add_post(body, x * inset[0], y * inset[1], ends, POST, PLATE, priority=1, mass=0.0)
+        _add_finger(body, job, height)
         drive.wrap_joint(name, 1.0)
     # Force falls evenly with speed, as that of a motor: the job's force at rest, none at the job's speed.
     slope = gripper.force_n / (gripper.speed_mm_s / 1e3)
@@ -256,3 +305,13 @@ def _add_fingers(spec: Any, job: Job, height: float) -> None:
         type=mujoco.mjtEq.mjEQ_JOINT, objtype=mujoco.mjtObj.mjOBJ_JOINT, name1=less, name2=more, **STIFF
     )
     couple.data[:2] = [0.0, shares[less] / shares[more]]
+
+
+def _add_hand(spec: Any, job: Job, height: float) -> None:
+    """Fingers of a hand that goes along x, heavy enough to keep its speed whatever it pushes."""
+    tips, size = job.cell.squeeze_height_mm / 1e3, _finger_size(job, height)
+    hand = spec.worldbody.add_body(name="hand", pos=[0.0, 0.0, tips + size[2]])
+    hand.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[1.0, 0.0, 0.0])
+    hand.explicitinertial, hand.mass, hand.inertia = True, ARM_KG, [ARM_KG] * 3
+    for name in ("upper", "lower"):
+        _add_finger(hand.add_body(name=name), job, height)

@@ -91,6 +91,9 @@ def check_conflicts(values: Values) -> None:
     if values["actions"]["pushes"] == "belief" and values["search"]["method"] != "closed-loop":
         problem = 'is "belief", which the paper\'s methods do not know; leave method at "closed-loop"'
         raise _conflict("actions", "pushes", problem)
+    if values["actions"]["pushes"] == "belief" and values["actions"]["proposals"] == "none":
+        problem = 'is "belief", and hands must follow what was pushed; leave proposals at "belief", too'
+        raise _conflict("actions", "pushes", problem)
     _check_fit(values["part"]["outline_mm"], values["gripper"]["opening_mm"])
     _check_stranger_rate(values["goal"], values["search"])
     if values["delivery"] is not None:

@@ -221,6 +221,7 @@ def _nodes(table: Table, beliefs: Replay, most: int) -> list[dict[str, Any]]:
         told.append({
             "place": squeeze[:3], "opening": squeeze.opening_um, "speed": squeeze.speed_um_s,
             "force": squeeze.force_mn, "clearance": squeeze.clearance_um, "release": node.release,
+            "pushes": node.pushes,
             "visits": len(visit.before), "belief": _poses(states, most),
             "branches": [[*branch[:5], taken[number]] for number, branch in enumerate(node.branches)],
             "rejected": taken[REJECT], "map": [run for run in decided if run[2] != REJECT],

@@ -24,9 +24,8 @@ class Replay(NamedTuple):
     """All parts, node by node."""
 
     visits: tuple[Step, ...]  # one for each node of the table
-    arrivals: tuple[
-        Array, ...
-    ]  # for each node, the states of the parts that come there, as `with_hypothesis`
+    # For each node, the states of the parts that come there, after its pushes, as `with_hypothesis`.
+    arrivals: tuple[Array, ...]
     leaves: tuple[Array, ...]  # for each leaf, those of the parts that ended there
 
 
@@ -42,7 +41,8 @@ def replay(table: Table, job: Job, trials: int, seed: int) -> Replay:
     visits = []
     for index, node in enumerate(table.nodes):  # each comes after the one that leads to it
         at = np.full(len(arrivals[index]), index)
-        lying, _ = pushed(program, at, arrivals[index], world, job, traits[index], NONE, rng)
+        arrivals[index], _ = pushed(program, at, arrivals[index], world, job, traits[index], NONE, rng)
+        lying = arrivals[index]
         made = step(program, at, lying, program.placement[at], world, encoder, rng, traits[index])
         visits.append(made)
         for number, branch in enumerate(node.branches):

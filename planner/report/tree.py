@@ -219,11 +219,12 @@ class _Tree:
         node, arrivals = self.table.nodes[index], self.beliefs.arrivals[index]
         angle = float(np.degrees(node.squeeze.angle_urad / 1e6))
         seen = f"{percent(len(arrivals) / self.trials)} of the parts"
-        label = f"Node {index}: squeeze at {angle:.0f} degrees, {len(node.branches)} outcomes, {seen}"
+        pushed = {0: "", 1: "a push, "}.get(len(node.pushes), f"{len(node.pushes)} pushes, ")
+        label = f"Node {index}: {pushed}squeeze at {angle:.0f} degrees, {len(node.branches)} outcomes, {seen}"
         text = (44.0, 74.0, "middle")
         if self.style.sideways:  # in that lower corner which has no arrow head
             text = (3.0, 61.0, "start") if np.sin(np.radians(2.0 * angle)) > 0.0 else (61.0, 61.0, "end")
-        lines = [f"{signed(angle, 0)}°"]
+        lines = [f"{pushed}{signed(angle, 0)}°"]
         return self._panel(index, "node", label, arrivals, lines, text, _arrows(np.radians(angle)), None)
 
     def leaf(self, index: int) -> Panel:

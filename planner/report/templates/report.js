@@ -169,6 +169,7 @@ function nodeDetails(index, mark) {
       ["hand", `${mm(x)}, ${mm(y)} mm, ${degrees(turn)}\u00b0`], ["opening", `${mm(node.opening)} mm`],
       ["force, speed", `${(node.force / 1000).toFixed(0)} N, ${(node.speed / 1000).toFixed(0)} mm/s`],
       ["clearance", `${mm(node.clearance)} mm`], ...(node.release ? [["dragged to", node.release.map(mm).join(", ") + " mm"]] : []),
+      ...node.pushes.map(([x, y, turn, opening, way]) => ["pushed before", `from ${mm(x)}, ${mm(y)} mm, ${mm(way)} mm along ${degrees(turn)}\u00b0, jaws ${mm(opening)} mm`]),
       ["parts here", `${node.visits} of ${data.trials} replayed (${percent(node.visits / data.trials)})`], ["rejected here", String(rejected)],
     ]),
     histogram(node, mark),
