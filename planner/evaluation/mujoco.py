@@ -89,8 +89,10 @@ class RigidWorld:
         model, data, gripper = self._pushing, mujoco.MjData(self._pushing), self._job.gripper
         model.geom_friction[model.geom_priority > 0, 0] = self._mu()
         _lay(data, pose_hand)
-        beside = 0.5 * (opening_mm + gripper.finger_width_mm) / 1e3
-        model.body("upper").pos[1], model.body("lower").pos[1] = beside, -beside
+        half = 0.5 * (opening_mm + gripper.finger_width_mm)
+        middle = (0.5 - gripper.upper_finger_share) * (gripper.opening_mm - opening_mm)
+        for name, y in (("upper", middle + half), ("lower", middle - half)):
+            model.body(name).pos[1] = y / 1e3
         speed = finger_speed_mm_s(gripper.speed_mm_s) / 1e3
         data.qvel[6] = speed
         mujoco.mj_step(model, data, round(way_mm / 1e3 / speed / model.opt.timestep))

@@ -19,6 +19,7 @@ from planner.evaluation.judge import rejudged
 from planner.evaluation.outcome import CRASHED, NOWHERE, REJECTED, Evaluation
 from planner.frames import to_hand, to_world
 from planner.job.model import Job
+from planner.mechanics.simulator import beside_mm
 from planner.mechanics.squeeze import GRASPED, JAMMED, STATUS_NAMES
 from planner.mechanics.traits import Traits, as_planned, by_hypothesis, ordinary
 from planner.world import Assorted, ContactWorld, World, of_hypothesis
@@ -291,7 +292,9 @@ def pushed(
             placement = np.array([push.x_um / 1e3, push.y_um / 1e3, push.angle_urad / 1e6])
             hand = disturbance.placed(np.tile(placement, (len(rows), 1)), traits[rows], rng)
             lying, opening_mm = to_hand(after[rows], hand.T), np.full(len(rows), push.opening_um / 1e3)
-            stopped[rows] = _standing_on(lying, opening_mm, world, job, traits[rows])
+            share = job.gripper.upper_finger_share + traits["share"][rows]
+            beside = np.outer(beside_mm(share, job.gripper.opening_mm - opening_mm), [0.0, 1.0, 0.0])
+            stopped[rows] = _standing_on(lying - beside, opening_mm, world, job, traits[rows])
             way_mm = np.full(len(rows), push.length_um / 1e3)
             after[rows] = to_world(_push_all(world, lying, opening_mm, way_mm, traits[rows]), hand.T)
     return after, stopped

@@ -185,7 +185,8 @@ class Simulator:
     ) -> Array:  # fmt: skip
         """Pushes parts (n, 3) with the ends of the fingers, each with random mechanics.
 
-        Deviations of outlines, tenths of a millimetre, are left out.
+        Fingers that close unevenly stand beside the middle by then. Deviations of outlines, tenths of a
+        millimetre, are left out.
 
         Args:
             poses: in the hand's frame at the start, clear of the fingers [mm, mm, rad].
@@ -199,9 +200,11 @@ class Simulator:
         """
         n, final = len(poses), np.array(poses, dtype=np.float64, order="C", copy=True)
         shifts = np.column_stack([way_mm, np.zeros(n)])
-        fingers = fingers_of(opening_mm, self.jaws[1], self.jaws[2])
-        paths = Paths(corners_of(fingers), np.zeros((n, 2)), np.zeros(n), shifts)
         parameters = self.sample(n, rng, traits)
+        assert parameters.share is not None
+        fingers = fingers_of(opening_mm, self.jaws[1], self.jaws[2])
+        fingers[:, :, 1::2] += beside_mm(parameters.share, self.jaws[0] - opening_mm)[:, None, None]
+        paths = Paths(corners_of(fingers), np.zeros((n, 2)), np.zeros(n), shifts)
         if parameters.ellipsoid is None:
             return self._pushed(final, paths, fingers, parameters)[0]
         for rows, own in by_form(parameters, parameters.ellipsoid):
@@ -225,6 +228,11 @@ class Simulator:
 
         deque(Threads(self.workers).map(run, range(0, len(poses), CHUNK)), maxlen=0)
         return poses, touching, given_up
+
+
+def beside_mm(share: Array, closed_mm: Array) -> Array:
+    """How far (n,) beside the hand's middle, along y, fingers stand that have closed unevenly so far (n,)."""
+    return np.asarray((0.5 - share) * closed_mm)
 
 
 def by_form(parameters: Parameters, ellipsoid: BoolArray) -> Iterator[tuple[IntArray, Parameters]]:

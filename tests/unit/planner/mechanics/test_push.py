@@ -1,6 +1,7 @@
 """Pushes with known answers, and what turning, mirroring or scaling the scene must not change."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -271,3 +272,15 @@ def test_parts_wedged_between_two_points_go_with_them():
     result = part.push(joined(made), part.nominal(n, 0.55))
     assert not result.given_up.any()
     assert np.all(np.hypot(*result.moved[:, :2].T) > 25.0)
+
+
+@pytest.mark.parametrize("share", [0.5, 0.6, 1.0])
+def test_fingers_that_close_unevenly_push_beside_the_middle(share):
+    """Of jaws half closed the upper finger has come so far down: where both stand, parts go along."""
+    jaws = JAWS.copy()
+    jaws[3] = share
+    part, opening = replace(simulator(rectangle()), jaws=jaws), 20.0
+    upper, lower = 0.5 * JAWS[0] - share * 65.0, -0.5 * JAWS[0] + (1.0 - share) * 65.0
+    start = np.array([[JAWS[1] / 2 + 16.0, 0.5 * (upper + lower), 0.0]])
+    end = part.push_by_hand(start, np.array([opening]), np.array([20.0]), np.random.default_rng(0))
+    assert end[0] == pytest.approx(start[0] + [19.0, 0.0, 0.0], abs=0.02)

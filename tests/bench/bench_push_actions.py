@@ -1,0 +1,83 @@
+"""Do pushes before squeezes pay? Plans with and without them (`actions.pushes`); not part of the gate.
+
+    python tests/bench/bench_push_actions.py [--seeds 3] [CASE ...]
+
+Each case is a job of `trees/` with proposals, as it is or in narrower jaws, planned with several seeds each way;
+"dear" is with pushes where a second costs as much as the cell's seconds say a squeeze's does. Prints squeezes,
+seconds and success of the cell, crashes of an open finger and processor time of planning, and writes
+`results/push_actions.json` beside this file: cases that are not named stay as they are there.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+ROOT = Path(__file__).parents[2]
+sys.path[:0] = [str(ROOT)]
+
+from planner.compile import compile_job  # noqa: E402
+from planner.errors import NoPlanError  # noqa: E402
+from planner.job import model as job_file  # noqa: E402
+
+RESULTS = Path(__file__).parent / "results" / "push_actions.json"
+WAYS: dict[str, dict[str, Any]] = {
+    "squeezes": {"actions": {"proposals": "belief", "pushes": "none"}},
+    "pushes": {"actions": {"proposals": "belief", "pushes": "belief"}},
+    "dear": {"actions": {"proposals": "belief", "pushes": "belief"}, "search": {"second_cost": 0.004}},
+}
+CASES: dict[str, tuple[str, dict[str, Any]]] = {
+    name: (name, {}) for name in ("rectangle", "rectangle-25", "wedge", "clevis", "hook-jaw", "butterfly-15")
+} | {
+    f"rectangle, {opening} mm jaws, disc of {radius} mm": (
+        "rectangle", {"gripper": {"opening_mm": opening}, "uncertainty": {"radius_mm": radius}}
+    )
+    for opening, radius in ((50.0, 10.0), (50.0, 15.0), (50.0, 20.0))
+}  # fmt: skip
+
+
+def planned(name: str, changes: dict[str, Any], seed: int) -> dict[str, Any]:
+    """The figures of one plan; none of them where there is none."""
+    job, begun = (
+        job_file.load(ROOT / "trees" / name / "job.toml", {**changes, "seed": seed}),
+        time.process_time(),
+    )
+    try:
+        plan = compile_job(job)
+    except NoPlanError as error:
+        return {"no_plan": str(error), "cpu_s": time.process_time() - begun}
+    found = plan.evaluation
+    return {
+        "success": float(found.success.mean()), "squeezes": float(found.squeezes.mean()),
+        "seconds": float(found.seconds.mean()), "crashes": int(found.crashes), "parts": len(found.leaf),
+        "pushes": float(np.mean([sum(len(plan.table.nodes[k].pushes) for k in row if k >= 0) for row in found.path])),
+        "cpu_s": time.process_time() - begun,
+    }  # fmt: skip
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("cases", nargs="*", metavar="CASE", help="default: all")
+    parser.add_argument("--seeds", type=int, default=3, help="plans each way; default: %(default)s")
+    options = parser.parse_args()
+    kept = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
+    for case in options.cases or CASES:
+        name, changes = CASES[case]
+        for way, more in WAYS.items():
+            rows = [planned(name, {**changes, **more}, seed) for seed in range(1, options.seeds + 1)]
+            kept.setdefault(case, {})[way] = rows
+            plans = [row for row in rows if "no_plan" not in row]
+            keys = ("squeezes", "seconds", "success", "crashes", "pushes", "cpu_s")
+            means = {key: round(float(np.mean([row[key] for row in plans])), 4) for key in keys if plans}
+            print(case, way, f"{len(plans)} of {len(rows)} plans", means, flush=True)
+            RESULTS.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
