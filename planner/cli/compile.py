@@ -166,6 +166,8 @@ def _text(plan: Plan, job: Job, output: Path, seconds: float) -> str:
     low, high = figures["success_ci95"]
     error = figures["error_mm"]
     leaves, untried, rare, thickness = f"{figures['leaves']} leaves", "", "", ""
+    if "pushes" in figures:
+        leaves = f"{figures['pushes']} pushes before them, {leaves}"
     if figures["unresolved_leaves"]:
         leaves += f", {figures['unresolved_leaves']} of them unresolved"
     if plan.untried:

@@ -150,6 +150,7 @@ def figures_of(plan: Plan, seconds: float) -> dict[str, Any]:
         more["narrowed"] = plan.against.figures()
     return {
         "nodes": len(plan.table.nodes),
+        **({"pushes": pushes} if (pushes := sum(len(node.pushes) for node in plan.table.nodes)) else {}),
         "leaves": len(plan.table.leaves),
         "untried_branches": plan.untried,
         "unresolved_leaves": sum(not leaf.resolved for leaf in plan.table.leaves),

@@ -3,9 +3,8 @@
     python tests/bench/bench_push_actions.py [--seeds 3] [CASE ...]
 
 Each case is a job of `trees/` with proposals, as it is or in narrower jaws, planned with several seeds each
-way; "dear" is with pushes where 2.5 seconds cost as much as a squeeze besides. Prints squeezes, seconds and
-success of the cell, crashes of an open finger and processor time of planning, and writes
-`results/push_actions.json` beside this file: cases that are not named stay as they are there.
+way. Prints squeezes, seconds and success of the cell, crashes of an open finger, processor time of planning,
+and writes `results/push_actions.json` beside this file: cases that are not named stay as they are there.
 """
 
 from __future__ import annotations
@@ -30,7 +29,6 @@ RESULTS = Path(__file__).parent / "results" / "push_actions.json"
 WAYS: dict[str, dict[str, Any]] = {
     "squeezes": {"actions": {"proposals": "belief", "pushes": "none"}},
     "pushes": {"actions": {"proposals": "belief", "pushes": "belief"}},
-    "dear": {"actions": {"proposals": "belief", "pushes": "belief"}, "search": {"second_cost": 0.004}},
 }
 CASES: dict[str, tuple[str, dict[str, Any]]] = {
     name: (name, {}) for name in ("rectangle", "rectangle-25", "wedge", "clevis", "hook-jaw", "butterfly-15")

@@ -16,7 +16,7 @@ from planner.job import model as job_file  # noqa: E402
 from planner.mechanics.clearance import least_clearance  # noqa: E402
 from planner.mechanics.simulator import Simulator  # noqa: E402
 from planner.part.outline import width as outline_width  # noqa: E402
-from planner.world import load_world  # noqa: E402
+from planner.world import ContactWorld, load_world  # noqa: E402
 
 JOB = job_file.load(Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml")
 MU = 0.5
@@ -160,3 +160,21 @@ def test_without_the_extra_one_line_says_what_to_install(monkeypatch):
     monkeypatch.delitem(sys.modules, "planner.evaluation.mujoco")
     with pytest.raises(UsageError, match=r"pip install 'squeezetree\[mujoco\]'"):
         load_world("planner.evaluation.mujoco:make", JOB, 0)
+
+
+def test_pushes_end_about_where_quasi_static_ones_do():
+    """Within what friction and pressure leave open there, and a millimetre."""
+    rng, (opening, way, n, draws) = np.random.default_rng(8), (20.0, 28.0, 6, 60)
+    far = JOB.gripper.finger_length_mm / 2 + np.hypot(*JOB.part.outline_mm.T).max() + 1.0
+    poses = np.column_stack(
+        [far + rng.uniform(0, 8, n), rng.uniform(-8, 8, n), rng.uniform(-np.pi, np.pi, n)]
+    )
+    world = make(JOB, 2)
+    rigid = np.array([world.push(tuple(pose), opening, way) for pose in poses])
+    many = ContactWorld(JOB, 1, 1).push_many(
+        np.repeat(poses, draws, axis=0), np.full(n * draws, opening), np.full(n * draws, way)
+    )
+    low, high = np.quantile(many.reshape(n, draws, 3)[:, :, :2], [0.02, 0.98], axis=1)
+    off = np.maximum(low - rigid[:, :2], rigid[:, :2] - high)
+    assert np.sort(off.max(axis=1))[-2] < 1.0  # but for one that may roll off another finger
+    assert np.hypot(*(rigid - poses)[:, :2].T).max() > 5.0

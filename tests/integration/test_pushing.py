@@ -1,0 +1,183 @@
+"""Parts that lie wider about than the jaws open: pushed together, squeezed, located, in a cell too."""
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from drivers.sim.errors import SimulationError
+from drivers.sim.physics import scene
+from planner.compile import compile_job
+from planner.errors import NoPlanError, UsageError
+from planner.evaluation.disturbance import NONE
+from planner.evaluation.evaluate import evaluate
+from planner.evaluation.ppm import Study, copies_of
+from planner.evaluation.trials import Program
+from planner.job import model as job_file
+from planner.world import ContactWorlds
+from runtime.table import Table, dump, dumps
+
+ROOT = Path(__file__).parents[2]
+JOB = """
+seed = 1
+[part]
+name = "plate"
+outline_mm = [[0, 0], [30, 0], [30, 21], [0, 21]]
+[friction]
+finger_part_min = 0.4
+finger_part_max = 0.6
+[gripper]
+finger_length_mm = 27.5
+finger_width_mm = 9.5
+opening_mm = 50.0
+[uncertainty]
+radius_mm = 14
+orientation = "unknown"
+[actions]
+angles_deg = [0, 45, 90, 135]
+centers_mm = [[0, 0]]
+pushes = "belief"
+[goal]
+distance_mm = 3.0
+confidence = 0.99
+[search]
+particles = 3000
+search_particles = 200
+"""
+
+
+@pytest.fixture(scope="module")
+def job() -> job_file.Job:
+    return job_file.parse(JOB)
+
+
+@pytest.fixture(scope="module")
+def table(job: job_file.Job) -> Table:
+    return compile_job(job, trials=1000).table
+
+
+@pytest.fixture(scope="module")
+def path(table: Table, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    found = tmp_path_factory.mktemp("pushing") / "plate.msgpack"
+    dump(table, found)
+    return found
+
+
+class Still:
+    """A world that cannot push."""
+
+    def squeeze(self, pose_hand: object) -> tuple[object, float, str]:
+        return pose_hand, 20.0, "grasped"
+
+
+def command(*words: object) -> subprocess.CompletedProcess[str]:
+    called = [str(Path(sys.executable).with_name(str(words[0]))), *map(str, words[1:])]
+    return subprocess.run(called, capture_output=True, text=True, timeout=300)
+
+
+def test_without_pushes_there_is_no_first_squeeze(job: job_file.Job) -> None:
+    with pytest.raises(NoPlanError, match="no first squeeze is free of collision"):
+        compile_job(job.replaced(actions={"pushes": "none"}), trials=100)
+
+
+def test_pushed_parts_are_located(job: job_file.Job, table: Table) -> None:
+    found = evaluate(table, job, ContactWorlds.of_job(job, 77), 2000, 77)
+    assert table.nodes[0].pushes
+    assert found.success.mean() >= 0.99
+    assert found.crashes <= 2
+    still = evaluate(without_pushes(table), job, ContactWorlds.of_job(job, 77), 300, 77)
+    assert still.crashes > 30  # else the pushes were for nothing
+
+
+def without_pushes(table: Table) -> Table:
+    return replace(table, nodes=tuple(node._replace(pushes=()) for node in table.nodes))
+
+
+def test_pushes_take_the_time_that_they_are_said_to(job: job_file.Job, table: Table) -> None:
+    found, plain = (
+        evaluate(each, job, ContactWorlds.of_job(job, 5), 200, 5) for each in (table, without_pushes(table))
+    )
+    root = table.nodes[0]
+    ways = sum(push.length_um / push.speed_um_s for push in root.pushes)
+    strokes = sum(2 * (root.squeeze.opening_um - push.opening_um) / 60_000 for push in root.pushes)
+    assert found.seconds.min() - plain.seconds[plain.squeezes > 0].min() > 0.9 * (ways + strokes)
+
+
+def test_a_study_of_rare_answers_pushes_too(job: job_file.Job, table: Table) -> None:
+    study = Study(Program.of(table), job, ContactWorlds.of_job(job, 3), 3, copies_of(table), NONE)
+    sums, _ = study.looked_into(0)
+    assert sums.wrong.sum() / sums.parts < 0.01
+    assert sums.crashed / sums.parts < 0.002
+
+
+def test_a_world_that_cannot_push_is_named(job: job_file.Job, table: Table) -> None:
+    with pytest.raises(UsageError, match=r"the table pushes parts, and the world Still has no push\(\)"):
+        evaluate(table, job, Still(), 10, 1)
+
+
+def test_a_cell_pushes_and_locates(path: Path, tmp_path: Path) -> None:
+    journal = tmp_path / "run.jsonl"
+    ran = command(
+        "grasp-runtime",
+        "--tree",
+        path,
+        "--port",
+        "sim",
+        "--count",
+        3,
+        "--time-scale",
+        20,
+        "--journal",
+        journal,
+    )
+    assert ran.returncode == 0, ran.stderr
+    assert "3 LEAF, 3 within 3 mm, 0 crashes" in ran.stderr + ran.stdout
+    assert '"kind": "pushing"' in journal.read_text() or '"kind":"pushing"' in journal.read_text()
+    replayed = command("grasp-journal", "replay", journal)
+    assert replayed.returncode == 0, replayed.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "told"),
+    [
+        (("plan-export", "TABLE", "--to", "c99", "-o", "OUT"), 2, "an export is for squeezes alone"),
+        (("plan-report", "TABLE", "-o", "OUT.html", "--bound"), 2, "--bound is for squeezes alone"),
+        (
+            ("grasp-runtime", "--tree", "TABLE", "--serve", "tcp://127.0.0.1:0"),
+            30,
+            "a robot that asks does not",
+        ),
+    ],
+)
+def test_what_knows_no_pushes_says_so(
+    words: tuple[str, ...], code: int, told: str, path: Path, tmp_path: Path
+) -> None:
+    at = {"TABLE": path, "OUT": tmp_path / "out", "OUT.html": tmp_path / "out.html"}
+    ended = command(*(at.get(word, word) for word in words))
+    assert ended.returncode == code
+    assert told in ended.stderr
+    assert 'plan with actions.pushes = "none"' in ended.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_dry_run_and_a_report_tell_of_pushes(path: Path, table: Table, tmp_path: Path) -> None:
+    dry = command("grasp-runtime", "--tree", path, "--port", "sim", "--dry-run")
+    push = table.nodes[0].pushes[0]
+    assert f"push from ({push.x_um / 1000:.2f}, {push.y_um / 1000:.2f}) mm" in dry.stdout
+    page = tmp_path / "report.html"
+    assert command("plan-report", path, "-o", page).returncode == 0
+    assert f"{len(table.nodes[0].pushes)} pushes, " in page.read_text(encoding="utf-8")
+
+
+def test_the_same_seed_gives_the_same_bytes_on_any_number_of_workers(job: job_file.Job, table: Table) -> None:
+    assert dumps(compile_job(job, workers=1, trials=1000).table) == dumps(table)
+
+
+def test_a_cell_does_not_begin_in_a_world_without_pushes(path: Path) -> None:
+    setting = scene.load(path, None, "planner.world:make")
+    assert setting.pushing
+    still = setting._replace(factory=lambda job, seed: Still())
+    with pytest.raises(SimulationError, match=r"has no push\(\), and the table pushes parts"):
+        still.make_worlds(1)
