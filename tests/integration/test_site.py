@@ -138,13 +138,23 @@ def test_every_file_of_figures_is_on_the_page_with_its_command(kept):
 
 def test_tables_are_filled_in_where_the_page_says(kept, monkeypatch, tmp_path):
     monkeypatch.setattr(kept, "RESULTS", tmp_path)
-    page = "a\n\n<!-- table push_first -->\nold\n<!-- end -->\n\nb\n"
+    page = "a\n\n<!-- table push_actions -->\nold\n<!-- end -->\n\nb\n"
     assert kept.filled(page) == page.replace("old", "\nNot measured in this version.\n")
-    figures = {"under_a_finger": 12, "parts": 100, "after_two_pushes": 5}
-    seconds = {"seconds_of_two_pushes": 3.0, "seconds_for_each_part_saved": 43.0}
-    (tmp_path / "push_first.json").write_text(json.dumps(figures | seconds))
+    row = {
+        "squeezes": 2.5,
+        "success": 0.99,
+        "crashes": 3,
+        "parts": 100,
+        "pushes": 0.0,
+        "seconds": 5.0,
+        "cpu_s": 9.0,
+    }
+    other = {**row, "squeezes": 2.1, "crashes": 6}
+    figures = {"plate": {"squeezes": [row, other], "pushes": [{"no_plan": "none", "cpu_s": 1.0}]}}
+    (tmp_path / "push_actions.json").write_text(json.dumps(figures))
     made = kept.filled(page)
-    assert "12 of 100 parts lie under a finger" in made
+    assert "| plate | none | 2.30 | 99.00 % | 4.5 of 100 | 0.0 | 5.0 | 9 s |" in made
+    assert "| plate | belief | no plan |" in made
     assert kept.filled(made) == made
     with pytest.raises(AttributeError):
         kept.table_of("nothing")
