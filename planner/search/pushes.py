@@ -28,9 +28,11 @@ BESIDE_MM = 2.0  # between the pusher and the nearest believed part where it com
 BEYOND_MM = 2.0  # how far it goes past where the farthest part begins
 FARTHER = (0.0, 0.7)
 """And how much farther, in reaches of the part: parts turn until a side lies at both fingers."""
-JUDGED = 100  # particles that judge pushes in the first place
-FINALISTS = 2  # pushes that are judged as thoroughly as a squeeze without
+JUDGED = 200  # particles that judge pushes in the first place
+KEPT = 3  # of single pushes, and of pairs of them
+FINALISTS = 2  # of these, that are judged as thoroughly as a squeeze without: the first that leave one clear
 LEAST_SHARE = 0.02  # of all parts, from which pushes are tried
+ROUND_MM = 0.01  # from the area's edge: tables hold whole micrometres
 SPREAD = 1e3  # in place of J where no hand is clear of a belief, for each millimetre that it is spread
 
 _Tried: TypeAlias = tuple[tuple[Push, ...], Belief]  # some pushes, and what they have made of a belief
@@ -72,10 +74,7 @@ class Pusher:
 
     def first(self, belief: Belief, look_ahead: LookAhead, rng: np.random.Generator) -> list[Action]:
         """Pushes before a first squeeze, with the squeeze that seems best after each; the finalists."""
-        found = [
-            self._after(belief, pushes, look_ahead, rng) for pushes in self._best(belief, look_ahead, rng)
-        ]
-        return [choices[0].action for choices in found if choices]
+        return [choice.action for choice in self._finalists(belief, look_ahead, rng, 1.0)]
 
     def choose(
         self, belief: Belief, plain: list[Choice], look_ahead: LookAhead, rng: np.random.Generator, most: int,
@@ -96,10 +95,18 @@ class Pusher:
         """
         if not self.most or share < LEAST_SHARE:
             return plain
-        others = plain[1:]
-        for pushes in self._best(belief, look_ahead, rng):
-            others += self._after(belief, pushes, look_ahead, rng, share)[:1]
+        others = [*plain[1:], *self._finalists(belief, look_ahead, rng, share)]
         return (plain[:1] + sorted(others, key=attrgetter("cost_to_go")))[:most]
+
+    def _finalists(
+        self, belief: Belief, look_ahead: LookAhead, rng: np.random.Generator, share: float
+    ) -> list[Choice]:
+        """The squeezes that seem best after the most promising pushes."""
+        found = list[Choice]()
+        for pushes in self._best(belief, look_ahead, rng):
+            if len(found) < FINALISTS:
+                found += self._after(belief, pushes, look_ahead, rng, share)
+        return found
 
     def _best(
         self, belief: Belief, look_ahead: LookAhead, rng: np.random.Generator
@@ -114,10 +121,10 @@ class Pusher:
                 for push in self.options(thin if before else belief)
             ]
             costs = self._costs(tried, look_ahead, rng)
-            order = np.argsort(costs, kind="stable")[:FINALISTS]
+            order = np.argsort(costs, kind="stable")[:KEPT]
             judged += [(float(costs[k]), len(judged) + n, tried[k][0]) for n, k in enumerate(order)]
             begun = [tried[k] for k in order]
-        return [pushes for _, _, pushes in sorted(judged)[:FINALISTS]]
+        return [pushes for _, _, pushes in sorted(judged)]
 
     def _costs(self, tried: list[_Tried], look_ahead: LookAhead, rng: np.random.Generator) -> Array:
         """J (k,) after one squeeze of each pushed belief, with the price of its pushes.
@@ -135,9 +142,9 @@ class Pusher:
 
     def _after(
         self, belief: Belief, pushes: tuple[Push, ...], look_ahead: LookAhead, rng: np.random.Generator,
-        share: float = 1.0,
+        share: float,
     ) -> list[Choice]:  # fmt: skip
-        """The squeezes after pushes that gain, the most promising first."""
+        """The squeeze that seems best after pushes; none where none gains."""
         made = list[Push]()
         for push in pushes:
             made.append(self._from_beside(push, belief))
@@ -160,7 +167,7 @@ class Pusher:
     def _within(self, push: Push) -> bool:
         """Whether a push begins and ends in the area."""
         ends = push.start[:2] + np.outer([0.0, push.way_mm], [np.cos(push.start[2]), np.sin(push.start[2])])
-        return bool(np.all((ends >= self.area[0]) & (ends <= self.area[1])))
+        return bool(np.all((ends >= self.area[0] + ROUND_MM) & (ends <= self.area[1] - ROUND_MM)))
 
     @property
     def _outlines(self) -> tuple[Array, ...]:
@@ -171,7 +178,7 @@ class Pusher:
         """Directions to push in: both ways along and across a belief; one for parts that lie anyhow."""
         if self.anyhow and not belief.touched:
             return [0.0]
-        _, axes = np.linalg.eigh(np.cov(belief.poses[:, :2].T) + 1e-9 * np.eye(2))
+        _, axes = np.linalg.eigh(np.cov(belief.poses[:, :2].T, bias=True))
         angle = float(np.arctan2(axes[1, 1], axes[0, 1]))
         return [angle + quarter * 0.5 * np.pi for quarter in (-2, -1, 0, 1)]
 

@@ -30,14 +30,13 @@ WAYS: dict[str, dict[str, Any]] = {
     "squeezes": {"actions": {"proposals": "belief", "pushes": "none"}},
     "pushes": {"actions": {"proposals": "belief", "pushes": "belief"}},
 }
+NARROW = ("rectangle", 10), ("rectangle", 15), ("rectangle", 20), ("wedge", 12)
 CASES: dict[str, tuple[str, dict[str, Any]]] = {
-    name: (name, {}) for name in ("rectangle", "rectangle-25", "wedge", "clevis", "hook-jaw", "butterfly-15")
-} | {
-    f"rectangle, {opening} mm jaws, disc of {radius} mm": (
-        "rectangle", {"gripper": {"opening_mm": opening}, "uncertainty": {"radius_mm": radius}}
+    f"{name}, 50 mm jaws, disc of {radius} mm": (
+        name, {"gripper": {"opening_mm": 50.0}, "uncertainty": {"radius_mm": float(radius)}}
     )
-    for opening, radius in ((50.0, 10.0), (50.0, 15.0), (50.0, 20.0))
-}  # fmt: skip
+    for name, radius in NARROW
+} | {name: (name, {}) for name in ("rectangle", "rectangle-25", "wedge", "clevis", "hook-jaw", "butterfly-15")}  # fmt: skip
 
 
 def planned(name: str, changes: dict[str, Any], seed: int) -> dict[str, Any]:

@@ -86,6 +86,11 @@ def test_none_begins_or_ends_outside_the_work_area(job, belief):
     assert pusher_of(narrow, 1).options(belief) == []
 
 
+def test_a_belief_of_one_particle_is_pushed_as_any(pusher, belief):
+    one = read(belief)[np.arange(1)]
+    assert len(pusher.options(one)) == len(pusher.options(read(belief)))
+
+
 def test_a_pushed_belief_is_touched_and_keeps_what_was_read(pusher, belief):
     push = pusher.options(belief)[0]
     pushed = pusher.model.push(belief, push, np.random.default_rng(4))
@@ -140,7 +145,7 @@ def test_a_push_after_another_begins_clear_of_all_that_the_first_has_moved(pushe
     pairs = [pushes for pushes in pusher._best(few, Squeezes(), rng) if len(pushes) == 2]
     assert pairs
     for pair in pairs:
-        first, second = pusher._after(belief, pair, Squeezes(), rng)[0].pushes
+        first, second = pusher._after(belief, pair, Squeezes(), rng, 1.0)[0].pushes
         lying = pusher.model.push(belief, first, np.random.default_rng(8))
         assert under(pusher, lying, second, 0.0) <= 2  # of other draws of the same push
         ends = [push.start[:2] + push.way_mm * np.array([math.cos(push.start[2]), math.sin(push.start[2])])
