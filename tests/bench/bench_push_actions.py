@@ -30,21 +30,22 @@ WAYS: dict[str, dict[str, Any]] = {
     "squeezes": {"actions": {"proposals": "belief", "pushes": "none"}},
     "pushes": {"actions": {"proposals": "belief", "pushes": "belief"}},
 }
-NARROW = ("rectangle", 10), ("rectangle", 15), ("rectangle", 20), ("wedge", 12)
+AS_THEY_ARE = ("rectangle", "rectangle-25", "wedge", "clevis", "hook-jaw", "butterfly-15")
+IN_NARROW_JAWS = (("rectangle", 10), ("rectangle", 15), ("rectangle", 20), ("wedge", 12))
 CASES: dict[str, tuple[str, dict[str, Any]]] = {
     f"{name}, 50 mm jaws, disc of {radius} mm": (
-        name, {"gripper": {"opening_mm": 50.0}, "uncertainty": {"radius_mm": float(radius)}}
+        name,
+        {"gripper": {"opening_mm": 50.0}, "uncertainty": {"radius_mm": float(radius)}},
     )
-    for name, radius in NARROW
-} | {name: (name, {}) for name in ("rectangle", "rectangle-25", "wedge", "clevis", "hook-jaw", "butterfly-15")}  # fmt: skip
+    for name, radius in IN_NARROW_JAWS
+}
+CASES |= {name: (name, {}) for name in AS_THEY_ARE}
 
 
 def planned(name: str, changes: dict[str, Any], seed: int) -> dict[str, Any]:
     """The figures of one plan; none of them where there is none."""
-    job, begun = (
-        job_file.load(ROOT / "trees" / name / "job.toml", {**changes, "seed": seed}),
-        time.process_time(),
-    )
+    job = job_file.load(ROOT / "trees" / name / "job.toml", {**changes, "seed": seed})
+    begun = time.process_time()
     try:
         plan = compile_job(job)
     except NoPlanError as error:
