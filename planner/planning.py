@@ -178,8 +178,8 @@ class Planning:
         self.anytime.grow(self.root, seed, self._watch, partial(self._told, "first squeeze"))
         if not self.root.children:
             raise NoPlanError(
-                f"{self.job.name}: no first squeeze is free of collision and gains anything; open the "
-                "jaws wider, add actions, or reduce the uncertainty"
+                f"{self.job.name}: no first squeeze is free of collision and gains anything; open the jaws "
+                f"wider, add actions{'' if self.job.actions.pushes else ' or pushes'}, or reduce the uncertainty"
             )
 
     def _complete(self) -> None:
