@@ -177,9 +177,10 @@ class Planning:
         seed = [self.job.seed, 0]
         self.anytime.grow(self.root, seed, self._watch, partial(self._told, "first squeeze"))
         if not self.root.children:
+            more = "actions" if self.job.actions.pushes else "actions or pushes"
             raise NoPlanError(
                 f"{self.job.name}: no first squeeze is free of collision and gains anything; open the jaws "
-                f"wider, add actions{'' if self.job.actions.pushes else ' or pushes'}, or reduce the uncertainty"
+                f"wider, add {more}, or reduce the uncertainty"
             )
 
     def _complete(self) -> None:

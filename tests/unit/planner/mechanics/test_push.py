@@ -284,3 +284,46 @@ def test_fingers_that_close_unevenly_push_beside_the_middle(share):
     start = np.array([[JAWS[1] / 2 + 16.0, 0.5 * (upper + lower), 0.0]])
     end = part.push_by_hand(start, np.array([opening]), np.array([20.0]), np.random.default_rng(0))
     assert end[0] == pytest.approx(start[0] + [19.0, 0.0, 0.0], abs=0.02)
+
+
+def sides_touched(outline, boxes, margin):
+    """A slow twin of `contacts.add_sides`: vertex, box, gap, normal, and how far it may slip either way."""
+    found = []
+    for i, vertex in enumerate(outline):
+        beside = [outline[i - 1] - vertex, outline[(i + 1) % len(outline)] - vertex]
+        for number, (x0, y0, x1, y1) in enumerate(boxes):
+            corners = np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
+            nearest = None
+            for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+                along = (end - start) / np.hypot(*(end - start))
+                normal = np.array([along[1], -along[0]])
+                gap, place = normal @ (vertex - start), along @ (vertex - start)
+                leads_nearer = min(normal @ edge for edge in beside) < 0.0
+                if 0.0 <= place <= np.hypot(*(end - start)) and not leads_nearer:
+                    slips = (-place, np.hypot(*(end - start)) - place)
+                    nearest = max(nearest or (-np.inf,), (gap, *normal, *slips))
+            if nearest is not None and abs(nearest[0]) <= margin:
+                found.append((i, number, *nearest))
+    return sorted(found)
+
+
+def test_vertices_at_the_sides_of_boxes_are_found_as_by_the_slow_twin():
+    rng, margin, seen = np.random.default_rng(11), 2.0, 0
+    for _ in range(600):
+        outline = random_convex(rng, 7) if rng.random() < 0.5 else l_shape()
+        q = np.array([*rng.uniform(-20.0, 20.0, 2), rng.uniform(-math.pi, math.pi)])
+        placed, low = place(outline, q), rng.uniform(-15.0, 5.0, (2, 2))
+        boxes = np.column_stack([low, low + rng.uniform(4.0, 30.0, (2, 2))])
+        C = np.zeros((contacts.MAX_CONTACTS, contacts.C_COLUMNS))
+        I = np.zeros((contacts.MAX_CONTACTS, contacts.I_COLUMNS), np.int64)
+        count = contacts.add_sides(C, I, 0, np.ascontiguousarray(placed.T), q, boxes, 0.0, 0.0, margin)
+        columns = [contacts.GAP, contacts.NX, contacts.NY, contacts.LOW, contacts.HIGH]
+        told = sorted((I[k, contacts.VERTEX], I[k, contacts.SIDE], *C[k, columns]) for k in range(count))
+        expected = sides_touched(placed, boxes, margin)
+        assert len(told) == len(expected)
+        for one, other in zip(told, expected, strict=True):
+            assert one == pytest.approx(other, abs=1e-9)
+        for k in range(count):
+            assert C[k, [contacts.RX, contacts.RY]] + q[:2] == pytest.approx(placed[I[k, contacts.VERTEX]])
+        seen += count
+    assert seen > 50
