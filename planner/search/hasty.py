@@ -34,7 +34,7 @@ def hasty_growth(growth: Growth) -> Growth:
     """The same growth with little effort."""
     look_ahead = growth.look_ahead
     few = max(1, look_ahead.particles // HASTY_SEARCH)
-    pusher = growth.pusher and replace(growth.pusher, most=0)
+    pusher = growth.pusher and replace(growth.pusher, sparing=True)
     return replace(growth, look_ahead=replace(look_ahead, depth=1, particles=few), pusher=pusher)
 
 

@@ -28,6 +28,7 @@ BESIDE_MM = 2.0  # between the pusher and the nearest believed part where it com
 BEYOND_MM = 2.0  # how far it goes past where the farthest part begins
 FARTHER = (0.0, 0.7)
 """And how much farther, in reaches of the part: parts turn until a side lies at both fingers."""
+MOST = 2  # pushes before one squeeze
 JUDGED = 200  # particles that judge pushes in the first place
 KEPT = 3  # of single pushes, and of pairs of them
 FINALISTS = 2  # of these, that are judged as thoroughly as a squeeze without: the first that leave one clear
@@ -49,7 +50,7 @@ class Pusher:
         area: ((x_min, y_min), (x_max, y_max)) that the hand may be placed in.
         anyhow: whether parts lie in the first place at any angle about the origin, so that one direction
             does for all.
-        most: pushes before one squeeze.
+        sparing: whether pushes are tried only where no squeeze gains without.
     """
 
     model: Simulation
@@ -57,7 +58,7 @@ class Pusher:
     jaws: Array
     area: Array
     anyhow: bool
-    most: int = 2
+    sparing: bool = False
 
     def options(self, belief: Belief) -> list[Push]:
         """Pushes through a belief, each from beside all of it to beyond where all of it begins."""
@@ -93,7 +94,7 @@ class Pusher:
             most: how many at most.
             share: of all parts that come to this belief; pushes are not tried for few.
         """
-        if not self.most or share < LEAST_SHARE:
+        if share < LEAST_SHARE or (plain and self.sparing):
             return plain
         others = [*plain[1:], *self._finalists(belief, look_ahead, rng, share)]
         return (plain[:1] + sorted(others, key=attrgetter("cost_to_go")))[:most]
@@ -114,7 +115,7 @@ class Pusher:
         """The most promising pushes, and pairs of them, by few particles and a squeeze each."""
         judged = list[tuple[float, int, tuple[Push, ...]]]()
         begun: list[_Tried] = [((), subsample(belief, JUDGED))]
-        for _ in range(self.most):
+        for _ in range(MOST):
             tried: list[_Tried] = [
                 ((*before, push), self.model.push(thin, push, rng))
                 for before, thin in begun

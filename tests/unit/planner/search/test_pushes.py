@@ -131,12 +131,14 @@ def test_where_nothing_can_be_squeezed_pushes_come_first_alone(pusher, belief):
     assert all(choice.pushes for choice in found)
 
 
-def test_pushes_are_not_tried_for_few_parts_nor_in_hasty_trees(pusher, belief):
+def test_pushes_are_not_tried_for_few_parts_nor_needlessly_in_hasty_trees(pusher, belief):
     plain = [Choice(np.zeros(3), 3.0, 1.0)]
     rng, state = np.random.default_rng(6), np.random.default_rng(6).bit_generator.state
     assert pusher.choose(belief, plain, Squeezes(), rng, 3, 0.5 * LEAST_SHARE) == plain
-    assert replace(pusher, most=0).choose(belief, plain, Squeezes(), rng, 3, 1.0) == plain
+    sparing = replace(pusher, sparing=True)
+    assert sparing.choose(belief, plain, Squeezes(), rng, 3, 1.0) == plain
     assert rng.bit_generator.state == state
+    assert sparing.choose(belief, [], Squeezes(), rng, 3, 1.0)
 
 
 def test_a_push_after_another_begins_clear_of_all_that_the_first_has_moved(pusher, belief):
