@@ -21,6 +21,7 @@ CALLS = {
     "ContactWorld": "job, seed, workers",
     "ContactWorld.squeeze": "self, pose_hand",
     "ContactWorld.squeeze_many": "self, poses_hand, traits",
+    "ContactWorld.push": "self, pose_hand, opening_mm, way_mm",
     "Job.load": "path, changes",
     "Job.replaced": "self, where, changes",
     "Limit": "budget_s, clock",
