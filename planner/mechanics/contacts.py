@@ -292,9 +292,8 @@ def add_sides(
     """Adds the vertices that are within `margin` [mm] of the sides of boxes, not beyond their corners.
 
     A vertex counts where neither of its edges leads nearer to the side; inside a box it touches the nearest
-    such side. Arguments as of `find_points`, whose
-    `count` contacts stay; the boxes (m, 4), with their sides along the axes, are x and y of their least and
-    their greatest corner, before they were moved by (dx, dy).
+    such side. Arguments as of `find_points`, whose `count` contacts stay; the boxes (m, 4), with their sides
+    along the axes, are x and y of their least and their greatest corner, before they moved by (dx, dy).
     """
     n = points.shape[1]
     for i in range(n):

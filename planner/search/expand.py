@@ -367,11 +367,8 @@ def replace_child(parent: TreeNode, child: TreeNode, pieces: list[TreeNode]) -> 
 def _attach(node: TreeNode, action: Action, made: _Made, growth: Growth) -> None:
     """Adds an action's outcomes to a node."""
     metric, params = growth.objective.metric, growth.objective.params
-    outcomes, arrives, costs = (
-        Outcomes.of(made.squeezed, growth.objective.rule),
-        made.arrives,
-        growth.objective.costs,
-    )
+    costs, arrives = growth.objective.costs, made.arrives
+    outcomes = Outcomes.of(made.squeezed, growth.objective.rule)
     ratio = metric.shares([child.states for child in outcomes.beliefs], metric.modes).sum(axis=1)
     # No leaf takes a width far from what any part read: a stranger's, or of a part out of tolerance.
     most = 2 * growth.objective.rule.resolution.margin

@@ -168,7 +168,7 @@ class Hand:
         self._slide(x_mm, y_mm, self.limits.arm_speed_um_s)
 
     def push(self, push: Push) -> None:
-        """Come down above the start of a push with the jaws set for it, and go to its end.
+        """Come down at the start of a push, with the jaws set for it, and go to its end.
 
         Raises:
             GripperStateError: the jaws do not stand as they were set any more.
