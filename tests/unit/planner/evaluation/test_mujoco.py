@@ -164,7 +164,7 @@ def test_without_the_extra_one_line_says_what_to_install(monkeypatch):
 
 def test_pushes_end_about_where_quasi_static_ones_do():
     """Within what friction and pressure leave open there, and a millimetre."""
-    rng, (opening, way, n, draws) = np.random.default_rng(8), (20.0, 28.0, 6, 60)
+    rng, (opening, way, n, draws) = np.random.default_rng(8), (20.0, 28.0, 4, 60)
     far = JOB.gripper.finger_length_mm / 2 + np.hypot(*JOB.part.outline_mm.T).max() + 1.0
     poses = np.column_stack(
         [far + rng.uniform(0, 8, n), rng.uniform(-8, 8, n), rng.uniform(-np.pi, np.pi, n)]
