@@ -77,8 +77,7 @@ class ContactWorld:
         Raises:
             ValueError: the pose is not finite.
         """
-        if not all(map(math.isfinite, pose_hand)):
-            raise ValueError(f"the pose {pose_hand} is not finite; a world squeezes parts that lie somewhere")
+        _check_finite(pose_hand)
         own = self._stated
         off = np.array([0.0, own["across_mm"][0], 0.0])
         rolled = self.squeeze_many(np.array([pose_hand], dtype=np.float64) - off, own)
@@ -95,8 +94,12 @@ class ContactWorld:
         """Pushes the part with fingers held `opening_mm` apart, the hand going along its x axis.
 
         Returns:
-            The final pose in the frame that the hand had at the start.
+            The final pose in the frame that the hand had at the start [mm, mm, rad].
+
+        Raises:
+            ValueError: the pose is not finite.
         """
+        _check_finite(pose_hand)
         own, off = self._stated, np.array([0.0, self._stated["across_mm"][0], 0.0])
         pose = np.array([pose_hand], dtype=np.float64) - off
         x, y, theta = self.push_many(pose, np.array([opening_mm]), np.array([way_mm]), own)[0] + off
@@ -114,6 +117,11 @@ class ContactWorld:
         jaws[0] = opening_mm
         pose = np.array([pose_hand], dtype=np.float64)
         return least_clearance(self._simulator.outline, jaws, pose, np.zeros(3), margin_mm=0.0) < 0.0
+
+
+def _check_finite(pose_hand: Pose) -> None:
+    if not all(map(math.isfinite, pose_hand)):
+        raise ValueError(f"the pose {pose_hand} is not finite; parts of a world lie somewhere")
 
 
 class Assorted:

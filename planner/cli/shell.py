@@ -177,10 +177,9 @@ def check_squeezes_alone(table: Table, name: str, what: str) -> None:
     Raises:
         UsageError: parts are pushed before some squeeze.
     """
-    for index, node in enumerate(table.nodes):
-        if node.pushes:
-            told = f'plan with actions.pushes = "none"; {name} pushes before node {index}'
-            raise UsageError(f"{what} is for squeezes alone; {told}")
+    if table.pushing is not None:
+        told = f'plan with actions.pushes = "none"; {name} pushes before node {table.pushing}'
+        raise UsageError(f"{what} is for squeezes alone; {told}")
 
 
 def add_scheduler(parser: argparse.ArgumentParser) -> None:

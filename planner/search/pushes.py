@@ -48,8 +48,8 @@ class Pusher:
         costs: of a push.
         jaws: (4,) as a `Simulator` has them.
         area: ((x_min, y_min), (x_max, y_max)) that the hand may be placed in.
-        anyhow: whether parts lie in the first place at any angle about the origin, so that one direction
-            does for all.
+        turnable: whether a turn of a whole plan about the origin changes nothing: one direction of the first
+            push does for all.
         sparing: whether pushes are tried only where no squeeze gains without.
     """
 
@@ -57,7 +57,7 @@ class Pusher:
     costs: Costs
     jaws: Array
     area: Array
-    anyhow: bool
+    turnable: bool
     sparing: bool = False
 
     def options(self, belief: Belief) -> list[Push]:
@@ -176,8 +176,8 @@ class Pusher:
         return self.model.simulator.outlines
 
     def _angles(self, belief: Belief) -> list[float]:
-        """Directions to push in: both ways along and across a belief; one for parts that lie anyhow."""
-        if self.anyhow and not belief.touched:
+        """Directions to push in: both ways along and across a belief; one where a turn changes nothing."""
+        if self.turnable and not belief.touched:
             return [0.0]
         _, axes = np.linalg.eigh(np.cov(belief.poses[:, :2].T, bias=True))
         angle = float(np.arctan2(axes[1, 1], axes[0, 1]))

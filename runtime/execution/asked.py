@@ -66,12 +66,11 @@ def check_asked(table: Table) -> None:
     Raises:
         TableError: the first node before which parts are pushed.
     """
-    for index, node in enumerate(table.nodes):
-        if node.pushes:
-            raise TableError(
-                f"parts are pushed before node {index}, which a robot that asks does not; "
-                'plan with actions.pushes = "none"'
-            )
+    if table.pushing is not None:
+        raise TableError(
+            f"parts are pushed before node {table.pushing}, which a robot that asks does not; "
+            'plan with actions.pushes = "none"'
+        )
 
 
 class RefusedError(Exception):

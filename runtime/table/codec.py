@@ -133,10 +133,9 @@ def decode(data: bytes) -> Table:
 
 def format_of(table: Table) -> int:
     """The number of the format in which a table is written."""
-    pushing = any(node.pushes for node in table.nodes)
-    if table.hypotheses:
-        return PUSHING_SEVERAL if pushing else SEVERAL
-    return PUSHING if pushing else FORMAT
+    if table.pushing is None:
+        return SEVERAL if table.hypotheses else FORMAT
+    return PUSHING_SEVERAL if table.hypotheses else PUSHING
 
 
 def rows_of(table: Table) -> dict[str, Sequence[Row]]:

@@ -177,6 +177,11 @@ class Table:
     # The parts that may lie there, where there are several: rho and symmetry of the goal are the first's.
     hypotheses: tuple[Hypothesis, ...] = ()
 
+    @property
+    def pushing(self) -> int | None:
+        """The first node before whose squeeze parts are pushed; None where there is none."""
+        return next((index for index, node in enumerate(self.nodes) if node.pushes), None)
+
     def goal_of(self, hypothesis: int) -> GoalSpec:
         """The goal for a part, under its own symmetry."""
         if not self.hypotheses:

@@ -21,37 +21,17 @@ from planner.world import ContactWorlds
 from runtime.table import Table, dump, dumps
 
 ROOT = Path(__file__).parents[2]
-JOB = """
-seed = 1
-[part]
-name = "plate"
-outline_mm = [[0, 0], [30, 0], [30, 21], [0, 21]]
-[friction]
-finger_part_min = 0.4
-finger_part_max = 0.6
-[gripper]
-finger_length_mm = 27.5
-finger_width_mm = 9.5
-opening_mm = 50.0
-[uncertainty]
-radius_mm = 12
-orientation = "unknown"
-[actions]
-angles_deg = [0, 45, 90, 135]
-centers_mm = [[0, 0]]
-pushes = "belief"
-[goal]
-distance_mm = 3.0
-confidence = 0.99
-[search]
-particles = 2000
-search_particles = 100
-"""
+CHANGES = {
+    "gripper": {"opening_mm": 50.0},
+    "uncertainty": {"radius_mm": 12.0},
+    "actions": {"proposals": "belief", "pushes": "belief"},
+    "search": {"particles": 2000, "search_particles": 100},
+}
 
 
 @pytest.fixture(scope="module")
 def job() -> job_file.Job:
-    return job_file.parse(JOB)
+    return job_file.load(ROOT / "trees" / "rectangle" / "job.toml", CHANGES)
 
 
 @pytest.fixture(scope="module")

@@ -100,7 +100,7 @@ def load(tree: Path | None, job: Path | None, world: str | None) -> Setting:
     if tree is None:
         return _setting_of(_planner_job().load(path), world, factory)
     table = tables.load(tree).table
-    pushing = any(node.pushes for node in table.nodes)
+    pushing = table.pushing is not None
     if world == REHEARSAL:
         return Setting(table, table_geometry(table), world, factory, pushing=pushing)
     if table.job is None:

@@ -226,11 +226,14 @@ def test_a_bug_is_raised_but_only_after_the_safe_state(table: Table, at: int) ->
     assert made.journal.kept[-1][1]["exit_code"] == 1
 
 
-@pytest.mark.parametrize("at", range(6))
-def test_a_journal_that_fails_at_any_record_lets_no_leaf_be_reported(at: int, tmp_path) -> None:
+@pytest.mark.parametrize(
+    ("table", "at"),
+    [(small_table(), at) for at in range(6)] + [(pushing_table(), at) for at in range(9)],
+)
+def test_a_journal_that_fails_at_any_record_lets_no_leaf_be_reported(table: Table, at: int, tmp_path) -> None:
     journal = FakeJournal(at, JournalError(tmp_path, "full"))
     made = fake_cell(LONGEST, journal=journal)
-    result = run(made)
+    result = run(made, table)
     assert (result.outcome, result.exit_code, result.leaf) == (Outcome.FAULT, 24, None)
     assert any("not journalled" in sentence for sentence in result.safe_state)
     assert made.log.named("stop")
