@@ -14,7 +14,7 @@ from planner.arrays import Array, BoolArray, IntArray
 from planner.belief.observation import encoder_of
 from planner.belief.particles import Belief
 from planner.belief.transition import Outcomes, Simulation
-from planner.compile import EVALUATION_TRIALS, Plan, objective_of
+from planner.compile import EVALUATION_TRIALS, Plan
 from planner.compile import compile_job as compile  # noqa: A004 - what it is called everywhere else
 from planner.errors import PlannerError
 from planner.evaluation import evaluate as trials_of
@@ -24,6 +24,7 @@ from planner.evaluation.trials import DISMISSED, Program
 from planner.job.model import Job, from_canonical
 from planner.mechanics.simulator import Simulator
 from planner.pomdp import Pomdp
+from planner.problem import Problem
 from planner.work.limit import Limit
 from planner.work.progress import Report, silent
 from planner.work.scheduler import Threads
@@ -132,4 +133,4 @@ def squeeze(
     """
     model = Simulation(Simulator.of_job(job, workers), encoder_of(job))
     squeezed = model.squeeze([(belief, np.asarray(placement, np.float64))], rng)[0]
-    return Outcomes.of(squeezed, objective_of(job).rule)
+    return Outcomes.of(squeezed, Problem.of(job).rule)

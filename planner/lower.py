@@ -8,19 +8,16 @@ from planner.arrays import Array
 from planner.belief.metric import metric_of
 from planner.belief.observation import Encoder, Partition, encoder_of, resolution_of
 from planner.belief.particles import Belief
+from planner.belief.stopping import StoppingRule
 from planner.belief.transition import Push, finger_speed_mm_s
 from planner.frames import wrap
 from planner.job.model import Job
-from planner.search.expand import TreeNode, breadth_first
 from planner.search.handling import handling_of
+from planner.search.tree import Node, breadth_first
 from runtime import table as tables
 
-LEAST_EVIDENCE = 300
-"""Particles from which a leaf's mode ratio may miss the goal by chance; where fewer miss it, they leave open
-too much."""
 
-
-def lower(root: TreeNode, job: Job) -> tables.Table:
+def lower(root: Node, job: Job) -> tables.Table:
     """Numbers an expanded tree of a job breadth first and writes it down, without evaluation figures yet."""
     encoder = encoder_of(job)
     nodes = [node for node in breadth_first(root) if node.children]
@@ -41,18 +38,18 @@ def lower(root: TreeNode, job: Job) -> tables.Table:
     )
 
 
-def _node(node: TreeNode, targets: dict[int, int], job: Job, encoder: Encoder) -> tables.Node:
+def _node(node: Node, targets: dict[int, int], job: Job, encoder: Encoder) -> tables.Node:
     assert node.squeeze is not None
-    placement, opening_mm, clearance_mm, clusters, unstable, release_mm, *_, pushes = node.squeeze
-    x_um, y_um, angle_urad = pose_of(placement)
+    planned, clusters = node.squeeze, node.squeeze.clusters
+    x_um, y_um, angle_urad = pose_of(planned.placement)
     squeeze = tables.Squeeze(
         x_um=x_um,
         y_um=y_um,
         angle_urad=angle_urad,
-        opening_um=round(1e3 * opening_mm),
+        opening_um=round(1e3 * planned.opening_mm),
         speed_um_s=round(1e3 * job.gripper.speed_mm_s),
-        force_mn=round(1e3 * handling_of(job).force_n(unstable)),
-        clearance_um=int(1e3 * clearance_mm),
+        force_mn=round(1e3 * handling_of(job).force_n(planned.unstable)),
+        clearance_um=int(1e3 * planned.clearance_mm),
     )
     total = float(clusters.size.sum())
     branches, reach = [], _reach(clusters, encoder)
@@ -61,8 +58,10 @@ def _node(node: TreeNode, targets: dict[int, int], job: Job, encoder: Encoder) -
         expected = min(max(round(1e3 * float(encoder.width_mm(clusters.mean[k]))), low), high)
         share = round(tables.PPM * float(clusters.size[k]) / total)
         branches.append(tables.Branch(low, expected, high, share, targets[id(child)]))
-    release = None if release_mm is None else (round(1e3 * release_mm[0]), round(1e3 * release_mm[1]))
-    pushed = tuple(_push(push, job) for push in pushes)
+    release = None
+    if planned.release is not None:
+        release = (round(1e3 * planned.release[0]), round(1e3 * planned.release[1]))
+    pushed = tuple(_push(push, job) for push in planned.pushes)
     return tables.Node(squeeze, tuple(branches), None if release == squeeze[:2] else release, pushed)
 
 
@@ -94,7 +93,7 @@ def interval_um(low_count: int, high_count: int, encoder: Encoder) -> tuple[int,
     return round(1e3 * least), round(1e3 * greatest)
 
 
-def _leaf(node: TreeNode, job: Job) -> tables.Leaf:
+def _leaf(node: Node, job: Job) -> tables.Leaf:
     x_um, y_um, theta_urad = pose_of(node.mode.pose)
     leaf = tables.Leaf(
         x_um=x_um,
@@ -103,20 +102,12 @@ def _leaf(node: TreeNode, job: Job) -> tables.Leaf:
         covariance=(0, 0, 0, 0, 0, 0),
         success_ppm=round(tables.PPM * node.mode.ratio),
         trials=0,
-        resolved=holds(node, job.goal.confidence),
+        resolved=StoppingRule(job.goal.confidence).holds(node.mode.ratio, len(node.belief)),
         alternatives=tuple(map(pose_of, node.mode.others)),
         hypothesis=node.mode.hypothesis[0],
         other_hypotheses=node.mode.hypothesis[1:] if job.hypothesis else (),
     )
     return leaf._replace(covariance=covariance_of(node.belief, leaf, job))
-
-
-def holds(leaf: TreeNode, confidence: float) -> bool:
-    """Whether a leaf meets the goal, or misses it by no more than fresh trials would of one that does."""
-    ratio, size = leaf.mode.ratio, len(leaf.belief)
-    return ratio >= confidence or (
-        size >= LEAST_EVIDENCE and not tables.refuted(round(ratio * size), size, confidence)
-    )
 
 
 def pose_of(pose: Array) -> tuple[int, int, int]:

@@ -18,9 +18,12 @@ SLIPPERY, ROUGH = 1.0 / 3.0, 1.5
 WAVY = 0.5  # standard deviation of all the waves of a contour together, in units of the tolerance
 
 
-def believed(job: Job, n: int, rng: np.random.Generator) -> Belief:
-    """Draws n parts as the job believes in them: where they lie, and their traits."""
-    poses, traits = initial(job, n, rng), traits_of(job, n, rng)
+Draw = Callable[[Job, int, np.random.Generator], Array]
+
+
+def believed(job: Job, n: int, rng: np.random.Generator, draw: Draw = initial) -> Belief:
+    """Draws n parts as the job believes in them: where they lie, by `draw`, and their traits."""
+    poses, traits = draw(job, n, rng), traits_of(job, n, rng)
     return Belief.of(poses + traits["arm"], traits=traits)
 
 

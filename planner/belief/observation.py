@@ -98,6 +98,19 @@ class Partition(NamedTuple):
             size=np.array([len(counts) for counts in readings]),
         )
 
+    def of_clusters(self, numbers: Sequence[int]) -> Self:
+        """Some of the clusters, numbered anew."""
+        label = np.full(len(self.mean) + 1, -1)  # the last is that of counts in no cluster
+        label[list(numbers)] = np.arange(len(numbers))
+        rows = np.array(numbers, np.int64)
+        return self._replace(
+            label=label[self.label],
+            mean=self.mean[rows],
+            low=self.low[rows],
+            high=self.high[rows],
+            size=self.size[rows],
+        )
+
 
 def resolution_of(encoder: Encoder) -> Resolution:
     """What an encoder with that noise, rounding to counts, can tell apart."""

@@ -13,6 +13,7 @@ from planner.job.model import Job
 from planner.mechanics.traits import Traits, as_planned, joined, with_hypothesis
 
 UNREAD, PUSHED = -1, -2
+RATIO = 1.2207440846057596  # the root of x^4 = x + 1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,10 +68,23 @@ def initial(job: Job, n: int, rng: np.random.Generator) -> Array:
     Returns:
         (n, 3) poses in the world [mm, mm, rad].
     """
-    radius = job.uncertainty.radius_mm * np.sqrt(rng.random(n))
-    bearing = rng.uniform(0.0, 2.0 * np.pi, n)
+    return _poses(job, np.stack([rng.random(n), rng.random(n), rng.random(n)], axis=1))
+
+
+def evenly(job: Job, n: int, rng: np.random.Generator) -> Array:
+    """Poses (n, 3) as of `initial`, by a randomly shifted lattice: plans vary less between seeds.
+
+    Multiples of the inverse powers of `RATIO`, cut to their fractions, fill a cube evenly (Roberts 2018).
+    """
+    return _poses(job, (rng.random(3) + np.outer(np.arange(n), RATIO ** -np.arange(1.0, 4.0))) % 1.0)
+
+
+def _poses(job: Job, uniform: Array) -> Array:
+    """Poses (n, 3) that numbers (n, 3) in [0, 1) stand for [mm, mm, rad]."""
+    radius = job.uncertainty.radius_mm * np.sqrt(uniform[:, 0])
+    bearing = 2.0 * np.pi * uniform[:, 1]
     half = np.radians(job.uncertainty.orientation_halfwidth_deg)
-    turn = rng.uniform(-half, half, n)
+    turn = half * (2.0 * uniform[:, 2] - 1.0)
     return np.stack([radius * np.cos(bearing), radius * np.sin(bearing), turn], axis=1)
 
 

@@ -16,7 +16,6 @@ out or was never touched) is always an interval of its own.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -24,40 +23,34 @@ import numpy as np
 from planner.arrays import Array, BoolArray, IntArray
 from planner.belief.metric import Metric, inliers, within
 from planner.belief.observation import COUNTS, Partition, Resolution, describe
+from planner.belief.stopping import StoppingRule, missed
 from planner.kernel import inner_kernel, kernel
 
 CANDIDATES = 48  # candidate poses of a belief, besides one of every count
 CLIMBS = 2  # steps of each candidate to the mean of what is within the goal
 
 
-class Estimate(NamedTuple):
-    """J of a belief from a sample of it, where nothing is looked ahead.
+class Rule(NamedTuple):
+    """How readings are cut into branches.
 
-    A belief that misses the goal needs one squeeze more, however little is missing, and a second one the more
-    likely the more is missing. One that meets it costs what its parts outside the mode are worth. The share
-    of its mode in truth has a Beta distribution, given the sample.
+    Attributes:
+        metric: of the goal.
+        stopping: when a branch is located, and the leaf heuristic.
+        resolution: what the encoder tells apart.
+        doubt: chance that a part near a cut strays into a leaf beyond it; more makes fewer answers wrong
+            where encoders are off, and more squeezes.
+        astray: cost of a part that strays into a branch that is squeezed again [squeezes]; likewise.
+        branch: cost of an interval [squeezes of one particle]; more makes smaller tables, less follows noise.
+        reach: distance from a cut that is near it [counts]; more asks for wider gaps between branches.
     """
 
-    confidence: float  # share of its mode at which a belief needs no squeeze
-    failure: float = 100.0  # what a part is worth that is not where the leaf says [squeezes]
-    inside: float = 10.0  # particles within the goal assumed to have been seen before the sample
-    outside: float = 0.5  # and outside it: small samples look too pure
-
-    def squeezes(self, hits: Array, size: IntArray) -> Array:
-        """J of beliefs of which `hits` (n,) particles of `size` (n,) lie within the goal of their modes."""
-        return np.array([squeezes_left(float(k), float(n), *self) for k, n in zip(hits, size, strict=True)])
-
-
-class Rule(NamedTuple):
-    """How readings are cut; `SearchParams` has the prices of a job."""
-
-    metric: Metric  # of the goal
-    estimate: Estimate  # J
-    resolution: Resolution  # of the encoder
-    doubt: float  # chance that a part near a cut strays into a leaf beyond it
-    astray: float  # cost of one that strays into a branch that is squeezed again [squeezes]
-    branch: float  # cost of an interval [squeezes of one particle]
-    reach: float  # how near a cut is near [counts]
+    metric: Metric
+    stopping: StoppingRule
+    resolution: Resolution
+    doubt: float = 0.05
+    astray: float = 0.3
+    branch: float = 8.0
+    reach: float = 2.7
 
     def prices(self) -> Array:
         """(4,) doubt, astray, branch, reach: for kernels."""
@@ -77,31 +70,12 @@ def partition(poses: Array, counts: IntArray, rule: Rule) -> Partition:
     bounds = np.empty(COUNTS + 1, np.int64)
     k = intervals(
         np.ascontiguousarray(poses[order].T), weight, rule.resolution.free, metric.weights(), metric.modes,
-        np.array(rule.estimate), rule.prices(), bounds,
+        np.array(rule.stopping), rule.prices(), bounds,
     )  # fmt: skip
     label = np.full(COUNTS, -1, np.int64)
     mean, low, high, size = np.empty(k), np.empty(k, np.int64), np.empty(k, np.int64), np.empty(k, np.int64)
     describe(weight, bounds[: k + 1], label, mean, low, high, size)
     return Partition(label, mean, low, high, size)
-
-
-@inner_kernel
-def missed(hits: float, size: float, confidence: float, inside: float, outside: float) -> tuple[float, float]:
-    """How likely a belief misses the goal, `hits` particles of `size` meeting it; the share that does not."""
-    total = size + inside + outside
-    share = (hits + inside) / total
-    deviation = math.sqrt(share * (1.0 - share) / total)
-    return 0.5 * math.erfc((share - confidence) / (deviation * math.sqrt(2.0))), 1.0 - share
-
-
-@inner_kernel
-def squeezes_left(
-    hits: float, size: float, confidence: float, failure: float, inside: float, outside: float
-) -> float:
-    """J of a belief of which `hits` particles of `size` lie within the goal of its modes."""
-    open_still, rest = missed(hits, size, confidence, inside, outside)
-    further = 2.0 - hits / size
-    return open_still * further + (1.0 - open_still) * min(failure * rest, further)
 
 
 @kernel
@@ -164,22 +138,22 @@ def _best(hits: IntArray, i: int, j: int, modes: int, apart: BoolArray) -> tuple
 @kernel
 def leaf_cost(
     hits: IntArray, size: IntArray, i: int, j: int, low: IntArray, high: IntArray, apart: BoolArray,
-    modes: int, estimate: Array, prices: Array,
+    modes: int, stopping: Array, prices: Array,
 ) -> tuple[float, float]:  # fmt: skip
     """How likely counts i to j - 1 miss the goal; what a leaf of them costs. Arguments as `least_cost`."""
     best, chosen = _best(hits, i, j, modes, apart)
     here = size[j] - size[i]
-    open_still, rest = missed(best, here, estimate[0], estimate[2], estimate[3])
+    open_still, rest = missed(best, here, stopping[0], stopping[2], stopping[3])
     wrong = size[high[j]] - size[j] + size[i] - size[low[i]]
     if chosen >= 0:
         wrong -= hits[high[j], chosen] - hits[j, chosen] + hits[i, chosen] - hits[low[i], chosen]
-    return open_still, estimate[1] * (here * rest + prices[0] * wrong)
+    return open_still, stopping[1] * (here * rest + prices[0] * wrong)
 
 
 @kernel
 def least_cost(
     hits: IntArray, size: IntArray, more_hits: IntArray, more_size: IntArray, low: IntArray, high: IntArray,
-    apart: BoolArray, modes: int, estimate: Array, prices: Array, start: IntArray,
+    apart: BoolArray, modes: int, stopping: Array, prices: Array, start: IntArray,
 ) -> float:  # fmt: skip
     """The least cost of cutting particles of m counts into intervals; `start` says how, in place.
 
@@ -192,14 +166,14 @@ def least_cost(
         high: (m + 1,) the first count beyond reach of the one before the j-th.
         apart: (c, c) candidates of which no particle can be near both; empty for one mode.
         modes: how many a belief may have.
-        estimate: of J.
+        stopping: the fields of a `StoppingRule`.
         prices: see `Rule.prices`.
         start: (m + 1,) receives where the last interval of the first j counts begins.
     """
     m = size.shape[0] - 1
     least = np.full(m + 1, np.inf)
     least[0] = 0.0
-    confidence, failure, inside, outside = estimate[0], estimate[1], estimate[2], estimate[3]
+    confidence, failure, inside, outside = stopping[0], stopping[1], stopping[2], stopping[3]
     doubt, astray, branch = prices[0], prices[1], prices[2]
     for i in range(m):
         if size[i + 1] == size[i]:
@@ -249,7 +223,7 @@ def occupied(weight: IntArray, stop: int, counts: IntArray, first: IntArray) -> 
 
 @kernel
 def intervals(
-    columns: Array, weight: IntArray, free: int, weights: Array, modes: int, estimate: Array,
+    columns: Array, weight: IntArray, free: int, weights: Array, modes: int, stopping: Array,
     prices: Array, bounds: IntArray,
 ) -> int:  # fmt: skip
     """The bounds (k + 1,) of the intervals, falling, in place; returns k.
@@ -264,7 +238,7 @@ def intervals(
     within_reach(counts, m, prices[3], low, high)
     none = np.zeros_like(hits)
     least_cost(
-        hits, first[: m + 1], none, np.zeros(m + 1, np.int64), low, high, apart, modes, estimate, prices,
+        hits, first[: m + 1], none, np.zeros(m + 1, np.int64), low, high, apart, modes, stopping, prices,
         start,
     )  # fmt: skip
     k = 0

@@ -39,7 +39,7 @@ def recut(old: Belief, new: Belief, rule: Rule) -> IntArray:
     made = _recut(
         np.ascontiguousarray(old.states[first].T), np.ascontiguousarray(new.states[order].T),
         old.reading[order], np.bincount(new.reading, minlength=COUNTS), rule.resolution.free,
-        metric.weights(), metric.modes, np.array(rule.estimate), rule.prices(), cuts,
+        metric.weights(), metric.modes, np.array(rule.stopping), rule.prices(), cuts,
     )  # fmt: skip
     return np.sort(cuts[:made])
 
@@ -47,7 +47,7 @@ def recut(old: Belief, new: Belief, rule: Rule) -> IntArray:
 @kernel
 def _recut(
     columns_before: Array, columns: Array, before: IntArray, weight: IntArray, free: int, weights: Array,
-    modes: int, estimate: Array, prices: Array, cuts: IntArray,
+    modes: int, stopping: Array, prices: Array, cuts: IntArray,
 ) -> int:  # fmt: skip
     """`recut`, `cuts` in place; returns how many.
 
@@ -108,11 +108,11 @@ def _recut(
                     p, q = old_low[a], old_high[b]
                     left_over = least_cost(
                         hits[b] - hits[a], size[b] - size[a], hits[q] - hits[b] + hits[a] - hits[p],
-                        size[q] - size[b] + size[a] - size[p], low, high, apart, modes, estimate, prices,
+                        size[q] - size[b] + size[a] - size[p], low, high, apart, modes, stopping, prices,
                         start,
                     )  # fmt: skip
                     open_still, ended = leaf_cost(
-                        old_hits, old_first, a, b, old_low, old_high, old_apart, modes, estimate, prices
+                        old_hits, old_first, a, b, old_low, old_high, old_apart, modes, stopping, prices
                     )
                     squeezed = float(old_first[b] - old_first[a]) + left_over
                     cost[a, b] = open_still * squeezed + (1.0 - open_still) * max(squeezed, ended)

@@ -165,19 +165,15 @@ def _text(plan: Plan, job: Job, output: Path, seconds: float) -> str:
     figures = figures_of(plan, seconds)
     low, high = figures["success_ci95"]
     error = figures["error_mm"]
-    leaves, untried, rare, thickness = f"{figures['leaves']} leaves", "", "", ""
+    leaves, untried, thickness = f"{figures['leaves']} leaves", "", ""
     if "pushes" in figures:
         leaves = f"{figures['pushes']} pushes before them, {leaves}"
     if figures["unresolved_leaves"]:
         leaves += f", {figures['unresolved_leaves']} of them unresolved"
     if plan.untried:
         untried = f"\nbranches that no trial took, and that are REJECT now: {plan.untried}"
-    if plan.against:
-        untried += f"\n{plan.against.line()}"
     if figures["crashes"]:
         untried += f"\nparts that a finger came down on, which count as failures: {figures['crashes']}"
-    if plan.wrong is not None and job.goal.wrong_ppm is not None:
-        rare = f"\n{plan.wrong.verdict(job.goal.wrong_ppm)}"
     if job.part.height_mm is None:
         tips_mm = job.cell.squeeze_height_mm
         thickness = (
@@ -193,7 +189,7 @@ rejected {figures["reject_rate"]:.2%}, unresolved {figures["unresolved_rate"]:.2
 wrong {figures["wrong_rate"]:.2%}
 {figures["mean_squeezes"]:.2f} squeezes a part, {plan.table.limits.max_depth} at most; \
 about {figures["mean_seconds"]:.1f} s
-error {error["median"]:.2f} mm median, 95 % within {error["p95"]:.2f} mm, where resolved{rare}{thickness}
+error {error["median"]:.2f} mm median, 95 % within {error["p95"]:.2f} mm, where resolved{thickness}
 wrote {output} ({output.stat().st_size} bytes) after {seconds:.1f} s"""
 
 

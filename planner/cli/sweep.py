@@ -145,9 +145,6 @@ def compiled(settings: Settings, order: Order, report: Report | None = None) -> 
 
 def figures_of(plan: Plan, seconds: float) -> dict[str, Any]:
     """What there is to say about a plan that took so long, in plain types."""
-    more = {} if plan.wrong is None else {"rare": plan.wrong.figures()}
-    if plan.against is not None:
-        more["narrowed"] = plan.against.figures()
     return {
         "nodes": len(plan.table.nodes),
         **({"pushes": pushes} if (pushes := sum(len(node.pushes) for node in plan.table.nodes)) else {}),
@@ -158,7 +155,6 @@ def figures_of(plan: Plan, seconds: float) -> dict[str, Any]:
         "cut_short": plan.cut and plan.cut.figures(),
         "trials_seed": plan.seed,
         **plan.evaluation.summary(),
-        **more,
     }
 
 

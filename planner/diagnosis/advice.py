@@ -18,7 +18,7 @@ from planner.evaluation.cases import EVERYTHING, PLANNED, Case, noise_cases
 from planner.evaluation.evaluate import sweep
 from planner.evaluation.outcome import Evaluation
 from planner.job.model import Job
-from planner.search.expand import TreeNode
+from planner.search.tree import Node
 from planner.work.progress import Report, silent
 from planner.work.scheduler import Scheduler
 from planner.world import ContactWorlds
@@ -156,7 +156,7 @@ def advise(
 
 
 def counsel(
-    table: Table, evaluation: Evaluation, root: TreeNode, job: Job, scheduler: Scheduler | None = None,
+    table: Table, evaluation: Evaluation, root: Node, job: Job, scheduler: Scheduler | None = None,
     report: Report = silent,
 ) -> Advice:  # fmt: skip
     """Everything there is to say about what `planner.compile.compile_job` returned for a job."""

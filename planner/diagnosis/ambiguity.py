@@ -16,8 +16,8 @@ from planner.mechanics.clearance import least_clearance
 from planner.mechanics.simulator import Simulator
 from planner.part.outline import reach
 from planner.search.actions import actions_of
-from planner.search.expand import TreeNode, breadth_first
 from planner.search.proposals import hands_about, placed
+from planner.search.tree import Node, breadth_first
 from runtime.table import HELD_UM, Table
 
 HANDS = 128  # placements that are tried to tell two poses apart
@@ -135,7 +135,7 @@ def ambiguities(table: Table, evaluation: Evaluation, job: Job, most: int = 3) -
     return found
 
 
-def delays(root: TreeNode, job: Job, most: int) -> list[Delay]:
+def delays(root: Node, job: Job, most: int) -> list[Delay]:
     """The nodes of a job's tree that most parts come to after `LATE` squeezes or more, at most so many."""
     metric = metric_of(job)
     inner = [node for node in breadth_first(root) if node.children]

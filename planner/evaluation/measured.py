@@ -10,13 +10,11 @@ import numpy as np
 
 from planner.arrays import Array
 from planner.belief.metric import Metric
-from planner.belief.observation import Partition
 from planner.belief.particles import Belief
 from planner.evaluation.judge import claimed, main_poses, metric_of_table
 from planner.evaluation.outcome import ERROR_SHARES, Evaluation
 from planner.job.model import Job
 from planner.lower import covariance_of, pose_of
-from planner.search.expand import TreeNode, breadth_first
 from runtime import table as tables
 
 LEAST_VISITS = 200  # a node that fewer parts came to keeps the shares that its branches were planned with
@@ -79,16 +77,11 @@ def ending(table: tables.Table, chosen: Sequence[Collection[int]]) -> list[list[
     return kept
 
 
-def without_untried(table: tables.Table, root: TreeNode, kept: list[list[int]]) -> tables.Table:
+def without_untried(table: tables.Table, kept: list[list[int]]) -> tables.Table:
     """Leaves out branches, all but those `kept` at each node, and what follows them.
 
-    This changes the tree under the root, from which the table was lowered. Returns the table, in which the
-    widths of what was left out are REJECT: the branches beside it get none.
+    The widths of what is left out are REJECT: the branches beside it get none.
     """
-    for node, numbers in zip([node for node in breadth_first(root) if node.children], kept, strict=True):
-        assert node.squeeze is not None
-        node.children = [node.children[number] for number in numbers]
-        node.squeeze = node.squeeze._replace(clusters=_clusters(node.squeeze.clusters, numbers))
     calibration = tables.Calibration.linear(table.gripper)
     order, nodes, leaves = [0], [], []
     for index in order:  # grows while it is walked
@@ -168,15 +161,3 @@ def _branches(node: tables.Node, numbers: list[int], calibration: tables.Calibra
         share = round(tables.PPM * (branch.probability_ppm + 1) / total)
         kept.append(tables.Branch(low, expected, high, share, branch.target))
     return kept
-
-
-def _clusters(clusters: Partition, numbers: list[int]) -> Partition:
-    label = np.full(len(clusters.mean) + 1, -1)  # the last is what was no cluster before
-    label[numbers] = np.arange(len(numbers))
-    return clusters._replace(
-        label=label[clusters.label],
-        mean=clusters.mean[numbers],
-        low=clusters.low[numbers],
-        high=clusters.high[numbers],
-        size=clusters.size[numbers],
-    )

@@ -95,20 +95,17 @@ def check_conflicts(values: Values) -> None:
         problem = 'is "belief", and hands must follow what was pushed; leave proposals at "belief", too'
         raise _conflict("actions", "pushes", problem)
     _check_fit(values["part"]["outline_mm"], values["gripper"]["opening_mm"])
-    _check_stranger_rate(values["goal"], values["search"])
     if values["delivery"] is not None:
         _check_delivery(values)
 
 
-def check_parts(job: Any, names: list[str], strange: bool) -> None:
-    """Refuses what does not go with the parts that may lie there, and with strangers or none (`strange`).
+def check_parts(job: Any, names: list[str]) -> None:
+    """Refuses what does not go with the parts that may lie there.
 
     Raises:
-        ValueRangeError: a question that one part leaves no choice of, two parts of one name, a section that
-            is not known for several, or a rate of strangers where the job names none.
+        ValueRangeError: a question that one part leaves no choice of, two parts of one name, or a section
+            that is not known for several.
     """
-    if job.goal.stranger_rate is not None and not strange:
-        raise _conflict("goal", "stranger_rate", "is of parts that the job must name; add [[stranger]]")
     if len(names) == 1 and job.goal.kind == "identity":
         problem = 'is "identity", but only one part may lie there; add [[hypothesis]], or ask for a pose'
         raise _conflict("goal", "kind", problem)
@@ -262,13 +259,6 @@ def _check_fit(part_outline: outline.Outline, opening_mm: float) -> None:
             f"{opening_mm:.4g} mm; take a wider gripper"
         )
         raise FitError(problem, section="gripper", key="opening_mm")
-
-
-def _check_stranger_rate(goal: dict[str, Any], search: dict[str, Any]) -> None:
-    if goal["stranger_rate"] is not None and goal["wrong_ppm"] is not None:
-        raise _conflict("goal", "stranger_rate", "is not planned for together with wrong_ppm; leave one out")
-    if goal["stranger_rate"] is not None and search["method"] != "closed-loop":
-        raise _conflict("goal", "stranger_rate", 'needs method = "closed-loop"; leave one of the two out')
 
 
 def _check_supports(points: Array, part_outline: outline.Outline) -> None:

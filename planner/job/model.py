@@ -199,7 +199,7 @@ def _of_document(document: dict[str, Any], where: str, drawn: bool) -> Job:
     others = _jobs(document, hypotheses.STRANGER, hypotheses.strangers(document), where, drawn)
     strange = tuple(Stranger(job.part, job.pressure, job.friction) for jobs in others for job in jobs) or None
     first = found[0][1]
-    job_checks.check_parts(first, [job.part.name for _, job in found], bool(strange) or not drawn)
+    job_checks.check_parts(first, [job.part.name for _, job in found])
     if len(found) == 1:
         return replace(first, stranger=strange)
     lowest_mm = min(job.cell.squeeze_height_mm for _, job in found)

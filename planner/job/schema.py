@@ -163,14 +163,8 @@ class Goal:
     # Share of the parts that may lie under an open finger coming down, where no placement is clear of all of
     # them: an uncertainty wider than the jaws open.
     crash_share: Annotated[float, Number(0, 0.05, default=0.0)]
-    # Most parts in a million that may be answered wrongly, by an upper bound; None: no such goal.
-    wrong_ppm: Annotated[int | None, Integer(1, 100_000, default=None)]
     # Whether an answer must also say which of several parts it is; None: yes.
     identify: Annotated[bool | None, Flag(default=None)] = None
-    # Share of the own parts that a table may lose by being narrowed against strangers; 0.001 if None.
-    stranger_loss: Annotated[float | None, Number(0, 0.1, default=None)] = None
-    # Largest share of each stranger that may be answered; leaves are squeezed once more for it. None: any.
-    stranger_rate: Annotated[float | None, Number(0, 1, above=True, default=None)] = None
 
 
 @dataclass(frozen=True, slots=True)

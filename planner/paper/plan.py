@@ -14,7 +14,7 @@ from planner.mechanics.simulator import Simulator
 from planner.paper.search import PaperPlanner, learn, search_depth
 from planner.part.outline import radius_of_gyration
 from planner.search.actions import actions_of
-from planner.search.expand import TreeNode
+from planner.search.tree import Node
 from planner.work.progress import Report, silent
 from planner.work.scheduler import Scheduler
 
@@ -22,7 +22,7 @@ from planner.work.scheduler import Scheduler
 def plan_paper(
     job: Job, simulator: Simulator, store: Store | None = None, scheduler: Scheduler | None = None,
     report: Report = silent,
-) -> TreeNode:  # fmt: skip
+) -> Node:  # fmt: skip
     """Plans a job with method "paper", "paper-sequence" or "sensorless".
 
     The paper's own numbers are used throughout: of the job's [search] only the method, the particles and the

@@ -25,7 +25,7 @@ from planner.paper.open_loop import Motion, OpenLoop
 from planner.paper.projection import Projection
 from planner.paper.sensor import CollisionTree, SensorModel
 from planner.paper.subspaces import Subspaces, subspaces_of
-from planner.search.expand import PlannedSqueeze, Progress, TreeNode
+from planner.search.tree import Action, Node, Progress, Squeeze
 
 PRINTED_ORDER = 2  # The paper maps theta to [cos 2 theta, sin 2 theta]
 METHODS = ("paper", "paper-sequence", "sensorless")
@@ -99,24 +99,25 @@ class PaperPlanner:
     max_depth: int = 12  # longest path of the tree, which the paper does not bound [squeezes]
     order: int = PRINTED_ORDER  # the part's rotational order; the paper's parts have 2
 
-    def plan(self, belief: Array, seed: list[int], progress: Progress | None = None) -> TreeNode:
+    def plan(self, belief: Array, seed: list[int], progress: Progress | None = None) -> Node:
         """ExpandTree(C, eps, r_s, d) from particles (n, 3) in the world, breadth first, not recursive.
 
         A leaf whose ratio is not above r_s could not be expanded: no action was free of collision and kept
-        the ratio, or the path was too long. Every node draws from a stream named after the seed and its path.
+        the ratio, or the path was too long. Every node draws from a
+        stream named after the seed and its number.
         """
-        root = TreeNode(Belief.of(belief), 1.0, singleton(belief, self.order))
+        root = Node(Belief.of(belief), 1.0, singleton(belief, self.order))
         waiting, done = deque([root]), 0
         while waiting:
             node = waiting.popleft()
             done += 1
             if node.mode.ratio <= SINGLETON_SHARE and node.depth < self.max_depth:
-                waiting.extend(self._expanded(node, np.random.default_rng([*seed, node.depth, *node.path])))
+                waiting.extend(self._expanded(node, np.random.default_rng([*seed, done])))
             if progress is not None:
                 progress(done, len(waiting))
         return root
 
-    def _expanded(self, node: TreeNode, rng: np.random.Generator) -> list[TreeNode]:
+    def _expanded(self, node: Node, rng: np.random.Generator) -> list[Node]:
         """Acts on a node; returns the nodes at the ends of what was added, for further expansion."""
         actions = self._search(self.max_depth - node.depth).search(node.belief.poses, rng).actions
         if self.method == "paper":
@@ -143,8 +144,8 @@ class PaperPlanner:
         )
 
     def _squeezed(
-        self, node: TreeNode, placement: Array, rng: np.random.Generator, branching: bool
-    ) -> list[TreeNode]:
+        self, node: Node, placement: Array, rng: np.random.Generator, branching: bool
+    ) -> list[Node]:
         """Gives a node its action, and a child for each observation or one that every width leads to."""
         hand = self.models.motion(to_hand(node.belief.poses, placement), rng)
         width = self.models.sensor.predict(hand)
@@ -156,13 +157,13 @@ class PaperPlanner:
         poses = to_world(hand, placement)
         # Particles that the learned detector let through would make the clearance negative.
         clearance = max(self.clearance(node.belief.poses, placement), 0.0)
-        node.squeeze = PlannedSqueeze(placement, self.encoder.opening_mm, clearance, clusters)
+        children = list[Node]()
         for k in range(len(clusters.mean)):
             belief = poses[label == k]
             share = node.share * len(belief) / len(node.belief)
-            mode = singleton(belief, self.order)
-            node.children.append(TreeNode(Belief.of(belief), share, mode, (*node.path, k)))
-        return node.children
+            children.append(Node(Belief.of(belief), share, singleton(belief, self.order), node.depth + 1))
+        node.actions = [Action(Squeeze(placement, self.encoder.opening_mm, clearance, clusters), children)]
+        return children
 
 
 def nearest_observation(encoder: Encoder, width_mm: Array, subspace: IntArray) -> tuple[Partition, IntArray]:

@@ -15,9 +15,9 @@ from planner.errors import ClusterError, FitError, JobError, NoPlanError
 from planner.job import model as job_file
 from planner.part import symmetry
 from planner.part.outline import canonical, reach
-from planner.planning import PARAMS
 from planner.report import canvas
 from planner.report.canvas import template
+from planner.search.ranking import LEAST_CLEARANCE_MM
 from planner.work.limit import Limit
 
 LOCATED = 0.99  # share of the parts from which an outline counts as located
@@ -63,7 +63,7 @@ def judge(item: Item) -> Figures:
 def _judged(item: Item) -> Figures:
     base = job_file.from_canonical(item.base)
     room = 0.5 * base.gripper.opening_mm - reach(np.array(item.outline_mm))
-    radius_mm = min(MOST_MM, FITTING * room, room - PARAMS.least_clearance_mm)
+    radius_mm = min(MOST_MM, FITTING * room, room - LEAST_CLEARANCE_MM)
     if radius_mm < LEAST_MM:
         text = f"turned, it leaves {room:.1f} mm to the open fingers"
         return {"kind": reasons.TOO_LARGE, "text": text}

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from planner.arrays import Array
+from planner.belief.particles import RATIO
 from planner.frames import wrap
 from planner.job.model import Job
 from planner.part.outline import reach
@@ -25,8 +26,6 @@ SCATTERED = 1024
 """Hands all about a part; the search takes as many of the first as it may."""
 ALONG, ACROSS = 0.8, 0.3
 """How far they lie beside the part's origin, in its reaches: along the fingers beyond half of these."""
-RATIO = 1.2207440846057596
-"""The root of x^4 = x + 1: fractions of multiples of its inverse powers fill a cube evenly (Roberts 2018)."""
 VARIED = ((3.0, np.radians(8.0)), (1.0, np.radians(3.0)))
 """Standard deviations of variants about a good placement, in each round [mm, rad]."""
 

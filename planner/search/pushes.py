@@ -6,21 +6,18 @@ takes the pusher past every believed part leaves all of them at its face.
 
 from dataclasses import dataclass
 from itertools import product
-from operator import attrgetter
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from planner.arrays import Array
-from planner.belief.observation import encoder_of
 from planner.belief.particles import Belief, subsample
-from planner.belief.transition import Costs, Push, Simulation, costs_of, placing_of
-from planner.job.model import Job
+from planner.belief.transition import Costs, Push, Simulation
 from planner.mechanics.mixture import Mixture
 from planner.mechanics.traits import by_hypothesis
-from planner.search.actions import Action, turnable
-from planner.search.closed_loop import LookAhead
-from planner.search.ranking import Choice
+from planner.problem import Problem
+from planner.search.actions import turnable
+from planner.search.ranking import Ranking
 
 OPENINGS = (0.0, 0.25, 0.5)
 """Of the jaws while they push, as shares of the full one."""
@@ -36,7 +33,14 @@ LEAST_SHARE = 0.02  # of all parts, from which pushes are tried
 ROUND_MM = 0.01  # from the area's edge: tables hold whole micrometres
 SPREAD = 1e3  # in place of J where no hand is clear of a belief, for each millimetre that it is spread
 
-_Tried: TypeAlias = tuple[tuple[Push, ...], Belief]  # some pushes, and what they have made of a belief
+Pushes: TypeAlias = tuple[Push, ...]
+
+
+class Pushed(NamedTuple):
+    """Pushes, and what they make of a belief."""
+
+    pushes: Pushes
+    belief: Belief
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,7 +54,7 @@ class Pusher:
         area: ((x_min, y_min), (x_max, y_max)) that the hand may be placed in.
         turnable: whether a turn of a whole plan about the origin changes nothing: one direction of the first
             push does for all.
-        sparing: whether pushes are tried only where no squeeze gains without.
+        least_share: probability of a node from which pushes are tried.
     """
 
     model: Simulation
@@ -58,7 +62,7 @@ class Pusher:
     jaws: Array
     area: Array
     turnable: bool
-    sparing: bool = False
+    least_share: float = LEAST_SHARE
 
     def options(self, belief: Belief) -> list[Push]:
         """Pushes through a belief, each from beside all of it to beyond where all of it begins."""
@@ -73,90 +77,58 @@ class Pusher:
                 found.append(Push(np.array([*place, angle]), opening * float(self.jaws[0]), way_mm))
         return [push for push in found if self._within(push)]
 
-    def first(self, belief: Belief, look_ahead: LookAhead, rng: np.random.Generator) -> list[Action]:
-        """Pushes before a first squeeze, with the squeeze that seems best after each; the finalists."""
-        return [choice.action for choice in self._finalists(belief, look_ahead, rng, 1.0)]
+    def best(self, belief: Belief, ranking: Ranking, rng: np.random.Generator) -> list[Pushed]:
+        """The most promising pushes, and pairs of them, by few particles and a squeeze each.
 
-    def choose(
-        self, belief: Belief, plain: list[Choice], look_ahead: LookAhead, rng: np.random.Generator, most: int,
-        share: float,
-    ) -> list[Choice]:  # fmt: skip
-        """The choices without a push, and those after one or two.
-
-        The best without comes first, the others as they promise. J is too uncertain for a push to take its
-        place at once: the best of dozens seems better than it is. Roll-outs of the alternatives decide.
-
-        Args:
-            belief: the node's.
-            plain: the choices without.
-            look_ahead: judges squeezes.
-            rng: source of randomness.
-            most: how many at most.
-            share: of all parts that come to this belief; pushes are not tried for few.
+        Returns:
+            At most `FINALISTS` after which open fingers clear the belief, with all of it as it lies then.
         """
-        if share < LEAST_SHARE or (plain and self.sparing):
-            return plain
-        others = [*plain[1:], *self._finalists(belief, look_ahead, rng, share)]
-        return (plain[:1] + sorted(others, key=attrgetter("cost_to_go")))[:most]
-
-    def _finalists(
-        self, belief: Belief, look_ahead: LookAhead, rng: np.random.Generator, share: float
-    ) -> list[Choice]:
-        """The squeezes that seem best after the most promising pushes."""
-        found = list[Choice]()
-        for pushes in self._best(belief, look_ahead, rng):
-            if len(found) < FINALISTS:
-                found += self._after(belief, pushes, look_ahead, rng, share)
-        return found
-
-    def _best(
-        self, belief: Belief, look_ahead: LookAhead, rng: np.random.Generator
-    ) -> list[tuple[Push, ...]]:
-        """The most promising pushes, and pairs of them, by few particles and a squeeze each."""
-        judged = list[tuple[float, int, tuple[Push, ...]]]()
-        begun: list[_Tried] = [((), subsample(belief, JUDGED))]
+        judged, begun = list[tuple[float, int, Pushes]](), [Pushed((), subsample(belief, JUDGED))]
         for _ in range(MOST):
-            tried: list[_Tried] = [
-                ((*before, push), self.model.push(thin, push, rng))
+            tried = [
+                Pushed((*before, push), self.model.push(thin, push, rng))
                 for before, thin in begun
                 for push in self.options(thin if before else belief)
             ]
-            costs = self._costs(tried, look_ahead, rng)
+            costs = self._costs(tried, ranking, rng)
             order = np.argsort(costs, kind="stable")[:KEPT]
-            judged += [(float(costs[k]), len(judged) + n, tried[k][0]) for n, k in enumerate(order)]
+            judged += [(float(costs[k]), len(judged) + n, tried[k].pushes) for n, k in enumerate(order)]
             begun = [tried[k] for k in order]
-        return [pushes for _, _, pushes in sorted(judged)]
+        finalists = list[Pushed]()
+        for _, _, pushes in sorted(judged):
+            pushed = self._from_beside_all(belief, pushes, rng) if len(finalists) < FINALISTS else None
+            if pushed is not None and len(ranking.candidates(pushed.belief, pushed.belief)):
+                finalists.append(pushed)
+        return finalists
 
-    def _costs(self, tried: list[_Tried], look_ahead: LookAhead, rng: np.random.Generator) -> Array:
-        """J (k,) after one squeeze of each pushed belief, with the price of its pushes.
+    def pushed(self, belief: Belief, pushes: Pushes, rng: np.random.Generator) -> Belief:
+        """A belief after pushes."""
+        for push in pushes:
+            belief = self.model.push(belief, push, rng)
+        return belief
 
-        Where no hand is clear of a belief, the more the farther it is spread.
+    def _costs(self, tried: list[Pushed], ranking: Ranking, rng: np.random.Generator) -> Array:
+        """Cost-to-go (k,) after one squeeze of each pushed belief, with the price of its pushes.
+
+        Where no grasp pose is clear of a belief, the more the farther it is spread.
         """
-        ranking = look_ahead.ranking
-        options = [ranking.candidates(belief, belief) for _, belief in tried]
-        clear = [k for k, own in enumerate(options) if len(own)]
-        squeezed = ranking.squeeze([tried[k][1] for k in clear], [options[k] for k in clear], rng)
-        costs = np.array([SPREAD * belief.poses[:, :2].std(axis=0).max() for _, belief in tried])
-        for k, found in zip(clear, squeezed, strict=True):
-            costs[k] = sum(map(self.costs.of_push, tried[k][0])) + found.cost_to_go.min()
+        options = [ranking.candidates(each.belief, each.belief) for each in tried]
+        costs = np.array([SPREAD * each.belief.poses[:, :2].std(axis=0).max() for each in tried])
+        ranked = ranking.rank([each.belief for each in tried], options, rng)
+        for k, (each, found) in enumerate(zip(tried, ranked, strict=True)):
+            if len(found.cost_to_go):
+                costs[k] = sum(map(self.costs.of_push, each.pushes)) + found.cost_to_go[0]
         return costs
 
-    def _after(
-        self, belief: Belief, pushes: tuple[Push, ...], look_ahead: LookAhead, rng: np.random.Generator,
-        share: float,
-    ) -> list[Choice]:  # fmt: skip
-        """The squeeze that seems best after pushes; none where none gains."""
+    def _from_beside_all(self, belief: Belief, pushes: Pushes, rng: np.random.Generator) -> Pushed | None:
+        """The same pushes begun clear of all of a belief, and what they make of it; None outside the area."""
         made = list[Push]()
         for push in pushes:
             made.append(self._from_beside(push, belief))
             if not self._within(made[-1]):
-                return []
+                return None
             belief = self.model.push(belief, made[-1], rng)
-        price = sum(map(self.costs.of_push, made))
-        choices = look_ahead.choose(belief, rng, 1, share)
-        return [
-            choice._replace(cost_to_go=choice.cost_to_go + price, pushes=tuple(made)) for choice in choices
-        ]
+        return Pushed(tuple(made), belief)
 
     def _from_beside(self, push: Push, belief: Belief) -> Push:
         """The same push to the same end, begun far enough back to be clear of all of a belief."""
@@ -194,11 +166,10 @@ class Pusher:
         return begins
 
 
-def pusher_of(job: Job, workers: int | None = None) -> Pusher | None:
-    """What proposes pushes for a job; None where it wants none."""
+def pusher_of(problem: Problem) -> Pusher | None:
+    """What proposes pushes for a problem; None where its job wants none."""
+    job = problem.job
     if job.actions.pushes is None:
         return None
-    mixture = Mixture.of_job(job, workers)
-    model = Simulation(mixture, encoder_of(job), placing_of(job))
     area = np.array(job.cell.work_area_mm)
-    return Pusher(model, costs_of(job), mixture.jaws, area, turnable(job))
+    return Pusher(problem.model, problem.costs, problem.mixture.jaws, area, turnable(job))

@@ -1,0 +1,424 @@
+"""Best-first search of an AND/OR tree of beliefs (AO*, Nilsson 1980), anytime by passes of doubling size.
+
+A pass expands the leaf of the best partial plan with the largest probability x value until none is open, and
+backs the values up; the best action of any node may change on the way. Expanding ranks many grasp poses by
+one squeeze each and then squeezes the node's whole belief at the best few; each becomes an action, at
+probable nodes once for each of two partitions. Every pass draws new particles, twice as many as the one
+before, and its nodes first try the actions that were best at their counterparts: a winner is valued by
+particles that did not choose it. Fresh trials join the beliefs of the leaves where they end; leaves that they
+refute are open again, and the same loop expands them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from planner.arrays import Array, BoolArray, IntArray
+from planner.belief.observation import COUNTS, Partition
+from planner.belief.particles import Belief, replenish, subsample
+from planner.belief.partition import Rule
+from planner.belief.recut import recut
+from planner.belief.transition import Outcomes, Push, Squeezed
+from planner.frames import to_hand
+from planner.problem import Problem
+from planner.search.actions import LEAST_MODE, MAIN_MODES, actions_of
+from planner.search.handling import Handling, handling_of
+from planner.search.proposals import placed, varied
+from planner.search.pushes import Pusher, pusher_of
+from planner.search.ranking import Ranking
+from planner.search.tree import Action, Node, Origin, Squeeze, breadth_first, leaves
+
+
+class Pass(NamedTuple):
+    """The settings of one pass."""
+
+    particles: float  # particles at the root, as a fraction of the job's
+    kept: int  # actions of the previous pass that a probable node tries again
+    new: int  # further actions that such a node tries
+    least: float  # leaves of smaller probability are not expanded
+    finer: float  # nodes of at least this probability also try a finer partition of the readings
+
+
+class Effort(NamedTuple):
+    """How thoroughly a node of at least some probability is expanded."""
+
+    least: float  # probability of the node
+    actions: int  # how many it tries
+    scattered: int  # grasp poses all about the part that are ranked
+    particles: int  # that the ranking uses at most
+
+
+PASSES = (
+    Pass(1 / 8, 0, 0, 0.002, 0.5),
+    Pass(1 / 4, 4, 2, 0.002, 0.1),
+    Pass(1 / 2, 3, 0, 0.002, 0.1),
+    Pass(1, 2, 0, 0.0, 0.1),
+)
+EFFORTS = (
+    Effort(0.5, 8, 192, 400),
+    Effort(0.1, 4, 192, 400),
+    Effort(0.02, 4, 96, 400),
+    Effort(0.004, 2, 48, 200),
+    Effort(0.0, 1, 16, 100),
+)
+PROBABLE = 0.02  # a node of smaller probability tries one action of the previous pass and no further one
+MARGIN = 0.2  # squeezes by which an action of the previous pass may exceed the best one to be tried again
+FURTHER = 0.2  # squeezes that an open leaf is taken to cost beyond the leaf heuristic
+REMEMBERED = 24  # grasp poses relative to the part, the last that won elsewhere, that every node also tries
+SPREAD = (2.0, np.radians(5.0))  # standard deviation of variants of the best old grasp poses [mm, rad]
+VARIANTS = 8
+LEAST_PARTICLES = 100  # a smaller belief is repeated before its next squeeze
+LEAST_GAIN = 0.001  # gain in mode ratio below which a squeeze is in vain
+SELECTION_BIAS = (
+    0.5  # standard deviations of the mode ratio that a branch's mode gains by being chosen for it
+)
+MOST_STALLED = 3  # squeezes in a row that may gain nothing: two or three may be needed to separate two poses
+LEAST_OVERLAP = 0.2  # of two histograms of readings, for nodes of two passes to be counterparts
+GROWN = 1.5  # growth of a belief by trials after which a dead end is searched again
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Candidate:
+    """A grasp pose, the pushes before it, and the belief as these leave it."""
+
+    placement: Array
+    lying: Belief
+    pushes: tuple[Push, ...] = ()
+
+
+@dataclass(slots=True, eq=False)
+class Search:
+    """The search for one problem.
+
+    Attributes:
+        problem: what to plan.
+        rng: source of randomness of everything but the initial beliefs.
+        stage: settings of the pass.
+    """
+
+    problem: Problem
+    rng: np.random.Generator
+    stage: Pass = PASSES[0]
+    ranking: Ranking = field(init=False)
+    handling: Handling = field(init=False)
+    pusher: Pusher | None = field(init=False)
+    remembered: list[Array] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        job = self.problem.job
+        self.ranking = Ranking(self.problem, actions_of(job))
+        self.handling, self.pusher = handling_of(job), pusher_of(self.problem)
+
+    def begin(self, stage: Pass, previous: Node | None) -> Node:
+        """The root of a pass: newly drawn particles."""
+        self.stage, job = stage, self.problem.job
+        rng = np.random.default_rng([job.seed, PASSES.index(stage)])
+        belief = self.problem.belief(max(1, round(stage.particles * job.search.particles)), rng)
+        root = Node(belief, 1.0, self.problem.metric.mode(belief.states), previous=previous)
+        root.value = self.leaf_value(root)
+        return root
+
+    def grow(self, root: Node, over: Callable[[], bool], progress: Callable[[float], None]) -> bool:
+        """Expands leaves of the best partial plan until none is open: the loop.
+
+        Args:
+            root: of the tree, modified in place; the tree is a whole plan after each step.
+            over: asked before each step whether to end.
+            progress: called with the share of the parts that is not located yet.
+
+        Returns:
+            Whether the search is complete.
+        """
+        while tips := [tip for tip in breadth_first(root) if self._is_due(tip)]:
+            if over() and root.best is not None:  # without its first squeeze a plan is none
+                return False
+            self._expand(max(tips, key=lambda tip: tip.share * tip.value))
+            progress(sum(tip.share for tip in tips))
+        return True
+
+    def _is_due(self, node: Node) -> bool:
+        """Whether this pass expands a node."""
+        return self.is_open(node) and node.share >= self.stage.least
+
+    def is_open(self, node: Node) -> bool:
+        """Whether a node is a leaf that misses the goal, or that trials refute, and may be expanded."""
+        short = node.refuted or not self.problem.stopping.reached(node.mode.ratio)
+        return short and node.actions is None and node.depth < self.problem.job.search.max_depth
+
+    def leaf_value(self, node: Node) -> float:
+        """The estimate of a leaf's value."""
+        stopping, ratio, first = self.problem.stopping, node.mode.ratio, self.stage is PASSES[0]
+        if not self.is_open(node) and (node.refuted or not stopping.reached(ratio)):
+            return stopping.failure * (2.0 - ratio)  # the plan gives all these parts up
+        # The heuristic distrusts small samples; later passes bring more particles.
+        size = np.array([len(node.belief) / self.stage.particles**0.5])
+        left = float(stopping.cost_to_go(ratio * size, size)[0])
+        if not self.is_open(node):
+            return left
+        if node.previous is not None and node.previous.actions:
+            return node.previous.value
+        # A lower bound of one squeeze makes the first pass expand every first action that may be the best.
+        return 1.0 if node.depth == 1 and first else max(left, 1.0) + FURTHER
+
+    def back_up(self, node: Node | None) -> None:
+        """Updates the values of a node and of all above it; their best actions may change."""
+        while node is not None:
+            for action in node.actions or ():
+                share = np.array([child.share for child in action.children])
+                left = float(share @ [child.value for child in action.children]) / float(share.sum())
+                crashes = action.squeeze.crashes
+                action.value = (
+                    action.squeeze.cost + self.problem.stopping.failure * crashes + (1.0 - crashes) * left
+                )
+            if node.actions:
+                node.actions.sort(key=lambda action: action.value)
+            node.value = node.actions[0].value if node.actions else self.leaf_value(node)
+            node = node.parent
+
+    def absorb(self, root: Node, ended: dict[int, Belief]) -> float:
+        """Adds fresh trials to the beliefs of the leaves where they ended.
+
+        Alternative actions stay at the nodes above leaves that fail for good; elsewhere the plan is the one
+        that was tried.
+
+        Args:
+            root: the plan that was tried, modified in place.
+            ended: by the leaf's number, the parts that came to it.
+
+        Returns:
+            The probability of the leaves that are open again.
+        """
+        metric, again, failing = self.problem.metric, 0.0, set[int]()
+        for number, node in enumerate(leaves(root)):
+            here = ended.get(number)
+            if here is None:
+                continue
+            if node.actions is not None and len(here) >= (GROWN - 1.0) * len(node.belief):
+                node.actions = None
+            node.belief, node.fresh = Belief.joined([here, node.belief]), node.fresh + len(here)
+            node.mode = metric.mode(node.belief.states)
+            hits = int(metric.explained(node.belief[: node.fresh].states, node.mode).sum())
+            node.refuted = self.problem.stopping.refuted(hits, node.fresh, node.mode.ratio)
+            if node.refuted and self.is_open(node):
+                again += node.share
+            elif node.refuted:
+                failing |= {id(above) for above in _above(node)}
+        for node in breadth_first(root):
+            if node.actions and id(node) not in failing:
+                del node.actions[1:]
+        for node in reversed(breadth_first(root)):
+            self.back_up(node)
+        return again
+
+    def _expand(self, node: Node) -> None:
+        """Adds actions to a leaf: squeezes its whole belief at each candidate grasp pose."""
+        tried, cases = list[tuple[_Candidate, float]](), list[tuple[Belief, Array]]()
+        for candidate in self._candidates(node):
+            clear = self.handling.clear(candidate.lying, candidate.placement)
+            if len(clear):
+                cases.append((replenish(clear, LEAST_PARTICLES), candidate.placement))
+                tried.append((candidate, 1.0 - len(clear) / len(candidate.lying)))
+        actions = list[Action]()
+        for (candidate, crashes), (before, _), squeezed in zip(
+            tried, cases, self.problem.model.squeeze(cases, self.rng), strict=True
+        ):
+            for rule in self._rules(node):
+                action = self._action(node, candidate, before, squeezed, rule, crashes)
+                if action.children[0].stalled < MOST_STALLED:
+                    actions.append(action)
+        if not actions and node.previous is not None:
+            node.previous = None  # the old actions gain nothing here: rank new candidates
+            self._expand(node)
+            return
+        node.actions = actions
+        self.back_up(node)
+        if node.best is None:
+            return
+        if node.depth and node.previous is None:
+            self.remembered.append(to_hand(node.best.squeeze.placement[None], node.mode.pose))
+        self._split(node)
+
+    def _rules(self, node: Node) -> Iterable[Rule]:
+        """The prices of a partition; at probable nodes also without the price of mistaken readings."""
+        rule = self.problem.rule
+        return (rule, rule._replace(astray=0.0)) if node.share >= self.stage.finer else (rule,)
+
+    def _candidates(self, node: Node) -> list[_Candidate]:
+        """What to expand: the best of the previous pass and the best of many new grasp poses."""
+        effort = next(row for row in EFFORTS if node.share >= row.least)
+        old, new, probable = list[_Candidate](), effort.actions, node.share >= PROBABLE
+        if node.previous is not None and node.previous.actions:
+            cheap = [a for a in node.previous.actions if a.value < node.previous.value + MARGIN]
+            old = self._again(node, cheap, self.stage.kept if probable else 1)
+            new = self.stage.new if probable else 0
+        if not new:
+            return old
+        near = np.array([each.placement for each in old[:2] if not each.pushes]).reshape(-1, 3)
+        grasps = self._ranked(node.belief, effort, near)[:new]
+        fresh = [_Candidate(grasp, node.belief) for grasp in grasps]
+        if self.pusher is not None and node.share >= self.pusher.least_share:
+            for pushes, lying in self.pusher.best(node.belief, self.ranking, self.rng):
+                fresh += [
+                    _Candidate(grasp, lying, pushes) for grasp in self._ranked(lying, effort, near[:0])[:1]
+                ]
+        return old + [each for each in fresh if not any(_same(each, other) for other in old)]
+
+    def _again(self, node: Node, actions: list[Action], most: int) -> list[_Candidate]:
+        """Actions of the previous pass as candidates for a node's belief, variants of one grasp pose once."""
+        plain = np.array([a.squeeze.placement for a in actions if not a.squeeze.pushes]).reshape(-1, 3)
+        again = [_Candidate(grasp, node.belief) for grasp in self.ranking.unlike(plain, most)]
+        for squeeze in [a.squeeze for a in actions if a.squeeze.pushes][:1]:
+            assert self.pusher is not None
+            again.append(
+                _Candidate(
+                    squeeze.placement,
+                    self.pusher.pushed(node.belief, squeeze.pushes, self.rng),
+                    squeeze.pushes,
+                )
+            )
+        return again
+
+    def _ranked(self, belief: Belief, effort: Effort, near: Array) -> Array:
+        """Grasp poses (k, 3) for a belief, the best first, no two of them variants of one.
+
+        Args:
+            belief: to squeeze.
+            effort: how many grasp poses are tried.
+            near: (m, 3) good ones, whose variants are tried, too.
+        """
+        ranking, thin = self.ranking, subsample(belief, effort.particles)
+        groups = [ranking.candidates(belief, thin)]
+        if belief.touched and ranking.actions.proposals:
+            groups.append(
+                ranking.free(belief, ranking.actions.within(varied(near, VARIANTS, SPREAD, self.rng)))
+            )
+            modes = self.problem.metric.main_modes(thin.states, MAIN_MODES, LEAST_MODE)
+            start, n = PASSES.index(self.stage) * effort.scattered, effort.scattered // len(modes)
+            for mode in modes:  # new ones in each pass
+                about = ranking.actions.proposals[mode.hypothesis[0]].scattered[start : start + n]
+                relative = np.concatenate([about, *self.remembered[-REMEMBERED:]])
+                grasps = ranking.actions.within(placed(relative, mode.pose))
+                groups.append(ranking.free(belief, grasps))
+        grasps = np.concatenate(groups)
+        if not len(grasps):
+            return grasps
+        options = ranking.rank([thin], [grasps], self.rng)[0]
+        if effort.actions > 1:
+            options = ranking.varied(belief, thin, options, self.rng)
+        return ranking.unlike(options.placements, effort.actions, belief.touched)
+
+    def _action(
+        self,
+        node: Node,
+        candidate: _Candidate,
+        before: Belief,
+        squeezed: Squeezed,
+        rule: Rule,
+        crashes: float,
+    ) -> Action:
+        """Partitions the readings of a squeeze, and makes a child of each interval's particles."""
+        problem, grasp = self.problem, candidate.placement
+        outcomes = Outcomes.of(squeezed, rule)
+        ratio = problem.metric.shares([b.states for b in outcomes.beliefs], problem.metric.modes).sum(axis=1)
+        # No leaf takes a width far from what any part read: a foreign part's, or one's out of tolerance.
+        outcomes = outcomes.without_gaps(ratio >= problem.stopping.confidence, 2 * rule.resolution.margin)
+        release = self.handling.release(outcomes)
+        opening_mm, clearance_mm = self.handling.opening(candidate.lying, grasp)
+        cost = float(problem.costs.of(outcomes.unstable, outcomes.width_mm))
+        cost += sum(map(problem.costs.of_push, candidate.pushes))
+        squeeze = Squeeze(
+            grasp, opening_mm, clearance_mm, outcomes.clusters, outcomes.unstable, release, candidate.pushes,
+            cost, crashes,
+        )  # fmt: skip
+        beliefs = self.handling.released(grasp, release, outcomes)
+        modes = [problem.metric.mode(belief.states) for belief in beliefs]
+        shares = (1.0 - crashes) * outcomes.probability
+        chance = SELECTION_BIAS * np.sqrt(
+            len(modes) * node.mode.ratio * (1.0 - node.mode.ratio) / len(node.belief)
+        )
+        gains = shares @ [mode.ratio for mode in modes] - node.mode.ratio - chance > LEAST_GAIN
+        stalled = 0 if gains else node.stalled + 1
+        tried = node.previous.actions if node.previous and node.previous.actions else []
+        old = [c for a in tried if np.array_equal(a.squeeze.placement, grasp) for c in a.children]
+        children = list[Node]()
+        for share, belief, mode in zip(shares, beliefs, modes, strict=True):
+            child = Node(belief, node.share * float(share), mode, node.depth + 1, stalled, parent=node)
+            child.previous = most_similar(belief, old)
+            child.value = self.leaf_value(child)
+            children.append(child)
+        return Action(squeeze, children, origin=Origin(before, squeezed, rule))
+
+    def _split(self, node: Node) -> None:
+        """Splits a node where its best action shows that its readings should be several intervals.
+
+        The partition of the action above was made before this one was known.
+        """
+        above, action = node.parent, node.best
+        if above is None or above.best is None or node not in above.best.children:
+            return
+        if action is None or action.origin is None or action.squeeze.pushes:
+            return
+        cuts = recut(action.origin.before, action.origin.after.belief, self.problem.rule)
+        piece = np.searchsorted(cuts, node.belief.reading, side="right")
+        numbers, sizes = np.unique(piece, return_counts=True)
+        if len(numbers) < 2:
+            return
+        largest, pieces = numbers[np.argmax(sizes)], list[Node]()
+        plain = [each for each in node.actions or () if not each.squeeze.pushes]
+        for k in numbers[::-1]:  # counts fall as widths rise
+            part, share = node.belief[piece == k], node.share * float(np.mean(piece == k))
+            child = replace(
+                node, belief=part, share=share, mode=self.problem.metric.mode(part.states), actions=None,
+                previous=node.previous if k == largest else None,
+            )  # fmt: skip
+            child.value = self.leaf_value(child)
+            if k == largest and self.is_open(child):
+                child.actions = [self._narrowed(child, each, _piece(each, cuts) == k) for each in plain]
+            pieces.append(child)
+        at = above.best.children.index(node)
+        above.best.children[at : at + 1] = pieces
+        clusters = Partition.of([child.belief.reading for child in above.best.children])
+        shares = np.array([child.share for child in above.best.children])
+        size = np.maximum(1, np.rint(above.best.squeeze.clusters.size.sum() * shares / shares.sum()))
+        clusters = clusters._replace(size=size.astype(np.int64))
+        above.best.squeeze = replace(above.best.squeeze, clusters=clusters)
+        for child in pieces:
+            self.back_up(child)
+
+    def _narrowed(self, node: Node, action: Action, rows: BoolArray) -> Action:
+        """An action of a node for some of the particles that it was made of."""
+        assert action.origin is not None
+        before, after, rule = action.origin
+        squeeze, part = action.squeeze, after._replace(belief=after.belief[rows])
+        candidate = _Candidate(squeeze.placement, node.belief, squeeze.pushes)
+        return self._action(node, candidate, before[rows], part, rule, squeeze.crashes)
+
+
+def most_similar(belief: Belief, nodes: list[Node]) -> Node | None:
+    """The node whose histogram of readings overlaps most with a belief's; None where it overlaps little."""
+    here = np.bincount(belief.reading, minlength=COUNTS) / len(belief)
+    there = [np.bincount(node.belief.reading, minlength=COUNTS) / len(node.belief) for node in nodes]
+    common = [float(np.minimum(here, other).sum()) for other in there]
+    return nodes[int(np.argmax(common))] if max(common, default=0.0) > LEAST_OVERLAP else None
+
+
+def _piece(action: Action, cuts: IntArray) -> IntArray:
+    """The interval (n,) between cuts that each particle of an action was read in before the squeeze."""
+    assert action.origin is not None
+    return np.searchsorted(cuts, action.origin.before.reading, side="right")
+
+
+def _above(node: Node) -> Iterable[Node]:
+    """The nodes above one, up to the root."""
+    while node.parent is not None:
+        node = node.parent
+        yield node
+
+
+def _same(one: _Candidate, other: _Candidate) -> bool:
+    """Whether two candidates are the same squeeze after the same number of pushes."""
+    return len(one.pushes) == len(other.pushes) and bool(np.allclose(one.placement, other.placement))

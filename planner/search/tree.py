@@ -1,0 +1,159 @@
+"""The tree of a plan: beliefs, the actions tried at each of them, and their values.
+
+An OR node (`Node`) is a belief, that is, a set of equally likely particles. An AND node (`Action`) is a
+squeeze at one grasp pose together with a partition of the encoder's readings; each interval leads to a child.
+Values are expected squeezes; a part that is not located costs `failure` of them:
+
+    value(node)   = min over its actions of value(action); the leaf heuristic if it has none
+    value(action) = cost + failure P(crash) + (1 - P(crash)) sum over children of P(child) value(child)
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+from planner.arrays import Array
+from planner.belief.metric import Mode
+from planner.belief.observation import Partition
+from planner.belief.particles import Belief
+from planner.belief.partition import Rule
+from planner.belief.transition import Push, Squeezed
+
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Squeeze:
+    """What the hand does at a node.
+
+    Attributes:
+        placement: (3,) grasp pose: the hand frame in the world [mm, mm, rad].
+        opening_mm: opening of the jaws on the way down.
+        clearance_mm: least distance between the open fingers there and the believed part.
+        clusters: the partition of the readings.
+        unstable: share of the outcomes that friction alone holds.
+        release: (2,) hand centre in the world where the jaws open after a drag; None: where it squeezed.
+        pushes: made before the squeeze.
+        cost: of pushes and squeeze, in squeezes.
+        crashes: share of the parts that an open finger would come down on.
+    """
+
+    placement: Array
+    opening_mm: float
+    clearance_mm: float
+    clusters: Partition
+    unstable: float = 0.0
+    release: Array | None = None
+    pushes: tuple[Push, ...] = ()
+    cost: float = 1.0
+    crashes: float = 0.0
+
+
+class Origin(NamedTuple):
+    """What an action's partition was made of."""
+
+    before: Belief  # particles as they lie when the jaws begin to close
+    after: Squeezed  # what the squeeze makes of them
+    rule: Rule  # prices that the partition minimises
+
+
+@dataclass(slots=True, eq=False)
+class Action:
+    """A squeeze of a node's belief and a child for each interval of readings.
+
+    Attributes:
+        squeeze: what the hand does.
+        children: in the order of the partition.
+        value: expected squeezes from the node on.
+        origin: what the partition was made of; None in plans of the paper's method.
+    """
+
+    squeeze: Squeeze
+    children: list[Node]
+    value: float = 0.0
+    origin: Origin | None = None
+
+
+@dataclass(slots=True, eq=False)
+class Node:
+    """A belief and the actions tried there.
+
+    Attributes:
+        belief: where the part may lie.
+        share: probability of getting here.
+        mode: the pose that explains most of the belief.
+        depth: squeezes made so far.
+        stalled: squeezes in a row before this node that gained nothing.
+        actions: the best first; None: not expanded yet, none: nothing gains.
+        value: expected squeezes from here on.
+        fresh: number of particles, the first ones, that come from trials which had no part in the plan.
+        refuted: whether those speak against the mode as a leaf.
+        parent: the node above; None at the root.
+        previous: the node of the pass before that the search takes for the same.
+    """
+
+    belief: Belief
+    share: float
+    mode: Mode
+    depth: int = 0
+    stalled: int = 0
+    actions: list[Action] | None = None
+    value: float = 0.0
+    fresh: int = 0
+    refuted: bool = False
+    parent: Node | None = None
+    previous: Node | None = None
+
+    @property
+    def best(self) -> Action | None:
+        """The cheapest action; None at a leaf."""
+        return self.actions[0] if self.actions else None
+
+    @property
+    def squeeze(self) -> Squeeze | None:
+        """What the plan does here; None at a leaf."""
+        return self.best.squeeze if self.best else None
+
+    @property
+    def children(self) -> Sequence[Node]:
+        """Those of the best action."""
+        return self.best.children if self.best else ()
+
+
+def breadth_first(root: Node) -> list[Node]:
+    """All nodes of the plan, the root first: the order in which a table numbers them."""
+    order, waiting = list[Node](), deque([root])
+    while waiting:
+        node = waiting.popleft()
+        order.append(node)
+        waiting.extend(node.children)
+    return order
+
+
+def leaves(root: Node) -> list[Node]:
+    """The leaves of the plan in the order of its table."""
+    return [node for node in breadth_first(root) if not node.children]
+
+
+def pruned(root: Node, kept: Sequence[Sequence[int]]) -> Node:
+    """The plan alone, with some children of each inner node, which `kept` names in the table's order."""
+    inner = [node for node in breadth_first(root) if node.children]
+    chosen = {id(node): numbers for node, numbers in zip(inner, kept, strict=True)}
+
+    def copied(node: Node) -> Node:
+        if node.best is None:
+            return replace(node, parent=None, previous=None)
+        numbers, clusters = chosen[id(node)], node.best.squeeze.clusters
+        squeeze = replace(node.best.squeeze, clusters=clusters.of_clusters(numbers))
+        children = [copied(node.children[k]) for k in numbers]
+        return replace(
+            node,
+            actions=[replace(node.best, squeeze=squeeze, children=children)],
+            parent=None,
+            previous=None,
+        )
+
+    return copied(root)
