@@ -35,7 +35,7 @@ ATTEMPTS = 6  # fresh trials reopen leaves at most so often
 LEAST_SHORT = 0.0005  # probability of leaves that miss the goal, from which they are searched further
 TIMED_TRIALS = 500  # parts squeezed to estimate how long an evaluation takes
 LEAST_TRIALS = 1000  # parts of an evaluation where a budget leaves no time for more
-AFTER_PASSES = 0.25  # share of all the work that follows the passes, for progress and estimates
+AFTER_PASSES = 0.15  # share of all the work that follows the passes, for progress and estimates
 
 
 class Cut(NamedTuple):
@@ -80,8 +80,8 @@ class Course:
 
     def in_pass(self, number: int, open_share: float) -> None:
         """Reports pass `number` with such a share of the parts not located."""
-        work = (2.0 ** (number + 1.0 - open_share) - 1.0) / (2.0 ** len(PASSES) - 1.0)
-        self._at((1.0 - AFTER_PASSES) * work)
+        before = sum(stage.work for stage in PASSES[:number])
+        self._at((1.0 - AFTER_PASSES) * (before + PASSES[number].work * (1.0 - open_share)))
 
     def after_trials(self, attempt: int, open_share: float) -> None:
         """Reports the search after trials `attempt`."""

@@ -16,8 +16,6 @@ LEAST_EVIDENCE = 300
 LEAST_TRIALS = 100
 """Fresh trials of a leaf from which their success rate itself is compared with the goal: by the exact test
 alone leaves just below the goal stay, and later trials refute them."""
-RESERVE = 0.75
-"""Fraction of the allowed errors above which a leaf is squeezed again once trials have begun."""
 
 
 class StoppingRule(NamedTuple):
@@ -42,18 +40,10 @@ class StoppingRule(NamedTuple):
         """Whether the search makes a leaf of a belief with such a mode ratio."""
         return ratio >= self.confidence
 
-    def refuted(self, hits: int, trials: int, ratio: float) -> bool:
-        """Whether fresh trials speak against a leaf, or are likely to once the plan is finished.
-
-        Args:
-            hits: trials within the goal of the leaf's pose.
-            trials: that came to the leaf.
-            ratio: mode ratio of the particles and the trials together.
-        """
-        if trials >= LEAST_TRIALS and hits < self.confidence * trials:
-            return True
-        short = ratio < 1.0 - RESERVE * (1.0 - self.confidence)
-        return short or tables.refuted(hits, trials, self.confidence)
+    def refuted(self, hits: int, trials: int) -> bool:
+        """Whether fresh trials of a leaf speak against it, or are likely to once the plan is finished."""
+        fails = trials >= LEAST_TRIALS and hits < self.confidence * trials
+        return fails or tables.refuted(hits, trials, self.confidence)
 
     def holds(self, ratio: float, size: int) -> bool:
         """Whether a table may call a leaf resolved: a miss is no larger than fresh trials of a good leaf."""

@@ -41,6 +41,8 @@ class Pass(NamedTuple):
     new: int  # further actions that such a node tries
     least: float  # leaves of smaller probability are not expanded
     finer: float  # nodes of at least this probability also try a finer partition of the readings
+    work: float  # share of the time of all passes, for progress
+    frugal: bool = False  # whether all nodes are expanded as cursorily as improbable ones
 
 
 class Effort(NamedTuple):
@@ -53,11 +55,13 @@ class Effort(NamedTuple):
 
 
 PASSES = (
-    Pass(1 / 8, 0, 0, 0.002, 0.5),
-    Pass(1 / 4, 4, 2, 0.002, 0.1),
-    Pass(1 / 2, 3, 0, 0.002, 0.1),
-    Pass(1, 2, 0, 0.0, 0.1),
+    Pass(1 / 16, 0, 0, 0.004, 2.0, work=0.05, frugal=True),
+    Pass(1 / 8, 1, 8, 0.002, 0.5, work=0.3),
+    Pass(1 / 4, 4, 2, 0.002, 0.1, work=0.2),
+    Pass(1 / 2, 3, 0, 0.002, 0.1, work=0.2),
+    Pass(1, 2, 0, 0.0, 0.1, work=0.25),
 )
+EXPLORING = PASSES[1]  # its first actions are followed until they are dearer than another
 EFFORTS = (
     Effort(0.5, 8, 192, 400),
     Effort(0.1, 4, 192, 400),
@@ -65,6 +69,7 @@ EFFORTS = (
     Effort(0.004, 2, 48, 200),
     Effort(0.0, 1, 16, 100),
 )
+FRUGAL = EFFORTS[-1:]
 PROBABLE = 0.02  # a node of smaller probability tries one action of the previous pass and no further one
 MARGIN = 0.2  # squeezes by which an action of the previous pass may exceed the best one to be tried again
 FURTHER = 0.2  # squeezes that an open leaf is taken to cost beyond the leaf heuristic
@@ -151,7 +156,7 @@ class Search:
 
     def leaf_value(self, node: Node) -> float:
         """The estimate of a leaf's value."""
-        stopping, ratio, first = self.problem.stopping, node.mode.ratio, self.stage is PASSES[0]
+        stopping, ratio = self.problem.stopping, node.mode.ratio
         if not self.is_open(node) and (node.refuted or not stopping.reached(ratio)):
             return stopping.failure * (2.0 - ratio)  # the plan gives all these parts up
         # The heuristic distrusts small samples; later passes bring more particles.
@@ -161,8 +166,9 @@ class Search:
             return left
         if node.previous is not None and node.previous.actions:
             return node.previous.value
-        # A lower bound of one squeeze makes the first pass expand every first action that may be the best.
-        return 1.0 if node.depth == 1 and first else max(left, 1.0) + FURTHER
+        # A lower bound of one squeeze makes a pass expand every first action that may be the best.
+        exploring = node.depth == 1 and self.stage is EXPLORING
+        return 1.0 if exploring else max(left, 1.0) + FURTHER
 
     def back_up(self, node: Node | None) -> None:
         """Updates the values of a node and of all above it; their best actions may change."""
@@ -202,7 +208,7 @@ class Search:
             node.belief, node.fresh = Belief.joined([here, node.belief]), node.fresh + len(here)
             node.mode = metric.mode(node.belief.states)
             hits = int(metric.explained(node.belief[: node.fresh].states, node.mode).sum())
-            node.refuted = self.problem.stopping.refuted(hits, node.fresh, node.mode.ratio)
+            node.refuted = self.problem.stopping.refuted(hits, node.fresh)
             if node.refuted and self.is_open(node):
                 again += node.share
             elif node.refuted:
@@ -249,12 +255,13 @@ class Search:
 
     def _candidates(self, node: Node) -> list[_Candidate]:
         """What to expand: the best of the previous pass and the best of many new grasp poses."""
-        effort = next(row for row in EFFORTS if node.share >= row.least)
+        rows = FRUGAL if self.stage.frugal else EFFORTS
+        effort = next(row for row in rows if node.share >= row.least)
         old, new, probable = list[_Candidate](), effort.actions, node.share >= PROBABLE
         if node.previous is not None and node.previous.actions:
             cheap = [a for a in node.previous.actions if a.value < node.previous.value + MARGIN]
             old = self._again(node, cheap, self.stage.kept if probable else 1)
-            new = self.stage.new if probable else 0
+            new = min(new, self.stage.new) if probable else 0
         if not new:
             return old
         near = np.array([each.placement for each in old[:2] if not each.pushes]).reshape(-1, 3)

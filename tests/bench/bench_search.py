@@ -22,10 +22,10 @@ ROOT = Path(__file__).parents[2]
 sys.path[:0] = [str(ROOT)]
 
 import numpy as np  # noqa: E402
+from planner.search.params import SearchParams  # noqa: E402
 
 from planner import compile as planning  # noqa: E402
 from planner.job import model as job_file  # noqa: E402
-from planner.search.params import SearchParams  # noqa: E402
 
 RESULTS = Path(__file__).parent / "results" / "search.json"
 JOB = ROOT / "trees" / "rectangle" / "job.toml"

@@ -14,7 +14,7 @@ from planner.evaluation.evaluate import evaluate, sweep
 from planner.evaluation.outcome import REJECTED
 from planner.frames import wrap
 from planner.job import model as job_file
-from planner.search.expand import breadth_first
+from planner.search.tree import breadth_first
 from planner.world import ContactWorlds, make
 from runtime.table import HELD_UM, Calibration, by_count, decision_map, dumps, load, loads, wilson_interval
 

@@ -11,10 +11,8 @@ from planner import compile as planning
 from planner import planning as course
 from planner.cli import compile as compile_
 from planner.cli import evaluate as evaluate_
-from planner.evaluation import ppm, rare
 from planner.evaluation.evaluate import evaluate
 from planner.job import model as job_file
-from planner.search.expand import breadth_first
 from planner.work.progress import silent
 from planner.work.scheduler import Threads
 from planner.world import ContactWorlds
@@ -25,8 +23,8 @@ QUICK = {"particles": 1000, "search_particles": 100}
 TRIALS = 1500
 
 
-def quick(**goal):
-    return job_file.load(TREES / "rectangle" / "job.toml", {"search": QUICK, "goal": goal})
+def quick():
+    return job_file.load(TREES / "rectangle" / "job.toml", {"search": QUICK})
 
 
 @pytest.fixture
@@ -44,7 +42,6 @@ def seeds(monkeypatch):
     taken = [
         (planning, "evaluate", 4),
         (course, "evaluate", 4),
-        (rare, "Study", 3),
     ]
     for module, name, position in taken:
         monkeypatch.setattr(module, name, recording(getattr(module, name), position))
@@ -79,7 +76,7 @@ def test_a_leaf_that_the_figures_refute_is_marked_and_its_parts_are_failures(see
     rows = list(table.leaves)
     rows[leaf] = rows[leaf]._replace(x_um=rows[leaf].x_um + 50_000)
     table = replace(table, leaves=tuple(rows))
-    plan = planning._stated(job, None, table, 0, TRIALS, Threads(2), silent)
+    plan = planning._measured(job, course.Planned(None, table, 0, None), TRIALS, Threads(2), silent)
     assert seeds == [plan.seed]
     assert not plan.table.leaves[leaf].resolved
     assert plan.table.leaves[leaf].success_ppm == 0
@@ -102,35 +99,3 @@ def test_the_command_names_the_seed_and_the_evaluation_repeats_the_figures(tmp_p
     seen = json.loads(capsys.readouterr().out)
     for name in ("success_rate", "wrong_rate", "reject_rate", "mean_squeezes", "crashes", "error_mm"):
         assert said[name] == seen[name], name
-
-
-@pytest.fixture
-def short_studies(monkeypatch):
-    for module in (ppm, rare):
-        monkeypatch.setattr(module, "CHUNK", 1000)
-    monkeypatch.setattr(rare, "MOST_PARTS", 20_000)
-
-
-def test_a_limit_on_wrong_answers_is_planned_for_and_shown_on_other_parts(seeds, short_studies):
-    plain = planning.compile_job(quick(), workers=2, trials=TRIALS)
-    assert plain.wrong is None
-    del seeds[:]
-    job = quick(wrong_ppm=2500)
-    plan = planning.compile_job(job, workers=2, trials=TRIALS)
-    dumps(plan.table)
-    assert seeds[-1] == job.seed + planning.SEED_RARE
-    assert seeds[-1] not in seeds[:-1]
-    assert plan.seed not in [*seeds[: seeds.index(plan.seed)], *seeds[seeds.index(plan.seed) + 1 :]]
-    assert plan.wrong.wrong.high < 2500
-    assert "below wrong_ppm = 2500" in plan.wrong.verdict(2500)
-    leaves = [node for node in breadth_first(plan.root) if not node.children]
-    assert len(leaves) == len(plan.table.leaves)
-
-
-def test_a_limit_that_is_out_of_reach_is_told_and_costs_no_more_parts_than_the_goal_allows(short_studies):
-    job = quick(wrong_ppm=1)
-    plan = planning.compile_job(job, workers=2, trials=TRIALS)
-    assert plan.wrong.wrong.high > 1.0
-    side = "ABOVE" if plan.wrong.wrong.low > 1.0 else "NOT shown to be below"
-    assert f"{side} wrong_ppm = 1" in plan.wrong.verdict(1)
-    assert np.mean(plan.evaluation.unresolved) <= 1.0 - job.goal.confidence + 0.02

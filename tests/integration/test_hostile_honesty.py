@@ -26,7 +26,7 @@ from planner.job import model as job_file
 from planner.mechanics.clearance import jaws_of
 from planner.report import canvas
 from planner.report.tree import leaf_label, leaf_lines
-from planner.search.expand import PlannedSqueeze, TreeNode
+from planner.search import tree as plans
 from planner.world import ContactWorlds
 from runtime.execution.executor import Executor
 from runtime.journal.replay import Replay
@@ -104,15 +104,15 @@ def test_the_evaluation_reads_by_the_same_rule() -> None:
     assert np.all(found.leaf[1:10] == REJECTED)  # something between the fingers, where nothing was planned
 
 
-def tree_of(table: Table, target: int = 0) -> TreeNode:
+def tree_of(table: Table, target: int = 0) -> plans.Node:
     """A tree of the table's shape, without beliefs."""
-    node = TreeNode(Belief.of(np.empty((0, 3))), 1.0, Mode(np.zeros(3), 1.0))
+    node = plans.Node(Belief.of(np.empty((0, 3))), 1.0, Mode(np.zeros(3), 1.0))
     if target >= 0:
         branches = table.nodes[target].branches
         size = np.ones(len(branches), np.int64)
         clusters = Partition(np.full(256, -1), 1.0 * size, size, size, size)
-        node.squeeze = PlannedSqueeze(np.zeros(3), 85.0, 0.0, clusters)
-        node.children = [tree_of(table, branch.target) for branch in branches]
+        children = [tree_of(table, branch.target) for branch in branches]
+        node.actions = [plans.Action(plans.Squeeze(np.zeros(3), 85.0, 0.0, clusters), children)]
     return node
 
 
@@ -124,8 +124,8 @@ def test_widths_of_what_was_left_out_are_rejected_and_all_others_mean_what_they_
     run = SimpleNamespace(
         path=np.array([[index] for index, _ in rows]), branch=np.array([[n] for _, n in rows])
     )
-    kept, root = tried(table, run), tree_of(table)
-    pruned = without_untried(table, root, kept)
+    kept = tried(table, run)
+    pruned, root = without_untried(table, kept), plans.pruned(tree_of(table), kept)
     dumps(pruned)  # proves it
     waiting = [(0, 0, root)]
     while waiting:

@@ -8,7 +8,7 @@ import pytest
 from planner.compile import compile_job
 from planner.job import model as job_file
 from planner.paper.search import METHODS, SINGLETON_SHARE
-from planner.search.expand import breadth_first
+from planner.search.tree import breadth_first
 from runtime.table import REJECT, Calibration, by_count, decision_map, dumps
 
 RECTANGLE = Path(__file__).parents[2] / "trees" / "rectangle" / "job.toml"

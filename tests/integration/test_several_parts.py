@@ -4,7 +4,6 @@ import json
 import re
 import subprocess
 import sys
-from copy import deepcopy
 from pathlib import Path
 
 import numpy as np
@@ -20,16 +19,13 @@ from planner.compile import compile_job
 from planner.evaluation.disturbance import NONE
 from planner.evaluation.evaluate import evaluate
 from planner.evaluation.leaves import identities
-from planner.evaluation.narrowing import LOSS, narrowed
-from planner.evaluation.outcome import Evaluation
 from planner.evaluation.strangers import strangers
-from planner.evaluation.trials import Program
 from planner.job import model as job_file
 from planner.report import dossier
 from planner.work.scheduler import Threads
 from planner.world import Assorted, ContactWorlds, World, load_world
 from runtime.journal.export import rows
-from runtime.table import COUNTS, REJECT, dump, dumps, loads
+from runtime.table import dump, dumps, loads
 
 ROOT = Path(__file__).parents[2]
 COUNT_MM = 0.38
@@ -174,44 +170,6 @@ def test_a_stranger_that_differs_where_no_squeeze_measures_is_explained_by_that(
     assert first.apart_mm < 0.5
     assert first.differ_mm == pytest.approx(6.0, abs=0.1)  # along the plate
     assert "some width differs by 6.0 mm" in short.lines()[1]
-
-
-@pytest.fixture(scope="module")
-def smaller(plan):
-    """Trials of a stranger: a square so little smaller that nothing but narrower intervals tells it apart."""
-
-    def trials(table):
-        stranger = job_file.parse(COMMON + squares(18.7, 34)).alone[0]
-        return evaluate(table, stranger, ContactWorlds.of_job(stranger, 5), 500, 5)
-
-    return trials
-
-
-def test_a_table_is_narrowed_to_what_its_own_parts_need(job, plan, smaller):
-    def trials(table):
-        return evaluate(table, job, ContactWorlds.of_job(job, 6), 6000, 6, Threads(2))
-
-    found, strange = trials(plan.table), smaller(plan.table)
-    done = narrowed(plan.table, deepcopy(plan.root), found, [strange], job)
-    assert loads(dumps(done.table)) == done.table
-    before, now = (Program.of(table).branch for table in (plan.table, done.table))
-    assert (now == before)[now != REJECT].all()  # it only takes away
-    by_count = [np.maximum(meant[:, :COUNTS], meant[:, COUNTS:]) for meant in (before, now)]
-    assert done.accepted == tuple(np.count_nonzero(meant != REJECT) for meant in by_count)
-    further = (np.arange(6000) >= 4000) & (found.success | found.unresolved)
-    assert trials(done.table).rejected[further].mean() == done.lost <= LOSS  # the same parts
-    assert strange.resolved.mean() > 0.9
-    assert smaller(done.table).resolved.mean() < 0.7
-
-
-def test_a_table_is_not_narrowed_where_its_own_parts_would_be_lost(job, plan, smaller):
-    other = job_file.parse(COMMON + squares(18.6, 32.6))
-    found = [
-        evaluate(plan.table, real, ContactWorlds.of_job(real, 6), number, 6)
-        for real, number in ((job, 2000), (other, 1000))
-    ]
-    strange = [smaller(plan.table)]
-    assert narrowed(plan.table, deepcopy(plan.root), Evaluation.joined(found), strange, job) is None
 
 
 class Lonely:

@@ -12,12 +12,12 @@ from planner.belief.particles import (
     Belief,
     initial,
 )
-from planner.belief.partition import Estimate
+from planner.belief.partition import Rule
+from planner.belief.stopping import StoppingRule
 from planner.belief.transition import Outcomes, Simulation, squeezed_by
 from planner.job import model as job_file
 from planner.mechanics.simulator import RollOut
 from planner.mechanics.traits import FRESH
-from planner.search.params import SearchParams
 
 TREES = Path(__file__).parents[4] / "trees"
 
@@ -55,6 +55,6 @@ def test_an_empty_hand_is_an_outcome_of_its_own_whatever_it_reads():
 
     case = (Belief.of(np.zeros((100, 3))), np.zeros(3))
     (squeezed,) = squeezed_by([case], roll_out, encoder, np.random.default_rng(0))
-    rule = SearchParams().rule(Metric(1.0, 5.0, 1), Estimate(0.99), resolution_of(encoder))
+    rule = Rule(Metric(1.0, 5.0, 1), StoppingRule(0.99), resolution_of(encoder))
     outcomes = Outcomes.of(squeezed, rule)
     assert outcomes.clusters.size.tolist() == [50, 50]

@@ -9,9 +9,9 @@ import pytest
 from planner.belief.metric import Metric
 from planner.belief.observation import HOLE, Resolution, cut
 from planner.belief.particles import Belief
-from planner.belief.partition import Estimate, partition
+from planner.belief.partition import Rule, partition
 from planner.belief.recut import recut
-from planner.search.params import SearchParams
+from planner.belief.stopping import StoppingRule
 
 FREE = 228
 PLACES = np.array([[0.0, 0.0, 0.0], [20.0, 0.0, 0.0], [-20.0, 0.0, 0.0], [0.0, 20.0, 0.0]])
@@ -21,7 +21,7 @@ MOST = 48
 
 
 def rule(modes=1, confidence=0.95):
-    return SearchParams().rule(Metric(3.0, 10.0, 2, modes=modes), Estimate(confidence), Resolution(free=FREE))
+    return Rule(Metric(3.0, 10.0, 2, modes=modes), StoppingRule(confidence), Resolution(free=FREE))
 
 
 def to_go(hits, size, estimate):
@@ -44,7 +44,7 @@ def cost(place, counts, starts, how):
         order = held[np.argsort(read, kind="stable")]
         names = list(dict.fromkeys(order.tolist()))
         often = [int(np.sum(held == name)) for name in names]
-        left, short = to_go(sum(sorted(often)[-how.metric.modes :]), len(read), how.estimate)
+        left, short = to_go(sum(sorted(often)[-how.metric.modes :]), len(read), how.stopping)
         near = (
             (counts >= read.min() - how.reach)
             & (counts <= read.max() + how.reach)
@@ -55,7 +55,7 @@ def cost(place, counts, starts, how):
         if how.metric.modes == 1:
             wrong = near & (place != names[int(np.argmax(often))])
         total += how.branch + len(read) * left + how.astray * short * np.sum(near)
-        total += (1.0 - short) * how.estimate.failure * how.doubt * np.sum(wrong)
+        total += (1.0 - short) * how.stopping.failure * how.doubt * np.sum(wrong)
     return total
 
 
@@ -176,11 +176,11 @@ def test_a_piece_that_would_be_a_leaf_is_not_cut_off_where_parts_of_another_pose
 
 def test_a_purer_belief_needs_fewer_squeezes_and_a_larger_sample_is_believed_more():
     hits = np.arange(0.0, 1001.0)
-    left = Estimate(0.99).squeezes(hits, np.full(1001, 1000))
+    left = StoppingRule(0.99).cost_to_go(hits, np.full(1001, 1000))
     assert np.all(np.diff(left) < 0.0)
     assert left[0] > 1.9
     assert left[950] > 1.0
     assert left[-1] < 0.1
     sizes = np.array([1, 10, 100, 1000])
-    few, some, many, all_of_them = Estimate(0.99).squeezes(sizes.astype(float), sizes)
+    few, some, many, all_of_them = StoppingRule(0.99).cost_to_go(sizes.astype(float), sizes)
     assert 1.0 >= few >= some > many > all_of_them

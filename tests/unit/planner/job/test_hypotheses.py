@@ -75,14 +75,6 @@ def broken(number=1, **entry):
     return document
 
 
-STRANGERS = [{"part": several()["hypothesis"][1]["part"]}]
-
-
-def counting(strangers=None, search=None, **goal):
-    document = several(search=search or {}) | ({"stranger": strangers} if strangers else {})
-    return document | {"goal": {**document["goal"], **goal}}
-
-
 @pytest.mark.parametrize(
     ("document", "message"),
     [
@@ -98,9 +90,6 @@ def counting(strangers=None, search=None, **goal):
         (several(search={"method": "paper"}), "plans for one part"),
         (several(search={"model": "kcde"}), "learned for one part"),
         (several(delivery={"drop_mm": [0, 0]}), "is of one part"),
-        (counting(stranger_rate=0.05), "stranger_rate: is of parts that the job must name"),
-        (counting(STRANGERS, stranger_rate=0.05, wrong_ppm=50), "leave one out"),
-        (counting(STRANGERS, {"method": "paper"}, stranger_rate=0.05), "needs method"),
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_told_with_its_place(document, message):
@@ -116,10 +105,6 @@ def test_strangers_are_parts_that_no_plan_is_made_for():
     assert (stranger.part.name, stranger.pressure.kind) == (one["part"]["name"], "uniform")
     assert all(not alone.strangers for alone in (*job.alone, stranger))
     assert len(job.alone) == 3
-    strict = read(counting(STRANGERS, stranger_rate=0.05))
-    assert strict.goal.stranger_rate == 0.05
-    assert job_file.from_canonical(strict.canonical()) == strict
-    assert all(alone.replaced(goal={"kind": "pose"}).goal.stranger_rate for alone in strict.alone)
 
 
 @pytest.mark.parametrize(

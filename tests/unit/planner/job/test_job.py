@@ -289,16 +289,6 @@ def test_the_papers_methods_take_its_particles_unless_the_job_says(method):
     assert particles(method=method, particles=777) == 777
 
 
-def test_a_limit_on_wrong_answers_is_optional_and_leaves_other_jobs_what_they_were():
-    plain, limited = job.parse(TEXT), job.parse(TEXT, changes={"goal": {"wrong_ppm": 50}})
-    assert plain.goal.wrong_ppm is None
-    assert "wrong_ppm" not in plain.canonical()
-    assert job.from_canonical(limited.canonical()).goal.wrong_ppm == 50
-    for wrong in (0, 2.5, 100_001, "few"):
-        with pytest.raises(errors.ValueRangeError, match="wrong_ppm"):
-            job.parse(TEXT, changes={"goal": {"wrong_ppm": wrong}})
-
-
 def test_datum_and_picks_move_with_the_outline_and_come_back_exactly():
     stated = "datum = [1.0, 2.0, 30.0]\npicks = {rim = [5, 0, 90]}\noutline_mm = ["
     made = job.parse(TEXT.replace("outline_mm = [", stated, 1))

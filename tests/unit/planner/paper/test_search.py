@@ -16,7 +16,7 @@ from planner.paper.search import (
     nearest_observation,
     search_depth,
 )
-from planner.search.expand import breadth_first
+from planner.search.tree import breadth_first
 from runtime.table import REJECT, Calibration, by_count, decision_map, dumps, loads
 
 JOB = job_file.load(Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml")

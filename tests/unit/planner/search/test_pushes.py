@@ -1,9 +1,7 @@
-"""Pushes proposed from a belief: where they begin and end, and that a choice without them comes first."""
+"""Pushes proposed from a belief: where they begin and end, and which are the best."""
 
 import math
-from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,8 +13,10 @@ from planner.frames import to_hand
 from planner.job import model as job_file
 from planner.lower import _push
 from planner.mechanics.clearance import STANDS_ON, classify_contact
-from planner.search.pushes import LEAST_SHARE, Pusher, pusher_of
-from planner.search.ranking import Choice
+from planner.problem import Problem
+from planner.search.actions import actions_of
+from planner.search.pushes import FINALISTS, MOST, Pusher, pusher_of
+from planner.search.ranking import Ranking
 
 RECTANGLE = Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml"
 PUSHING = {"actions": {"pushes": "belief", "proposals": "belief"}}
@@ -28,8 +28,13 @@ def job():
 
 
 @pytest.fixture(scope="module")
-def pusher(job):
-    return pusher_of(job, 1)
+def problem(job):
+    return Problem.of(job, 1)
+
+
+@pytest.fixture(scope="module")
+def pusher(problem):
+    return pusher_of(problem)
 
 
 @pytest.fixture(scope="module")
@@ -76,14 +81,14 @@ def test_closed_fingers_leave_no_part_behind_their_face(pusher, belief):
 def test_parts_anyhow_about_a_disc_are_pushed_one_way_and_others_four(job, pusher, belief):
     assert {float(push.start[2]) for push in pusher.options(belief)} == {0.0}
     known = job.replaced(uncertainty={"orientation_halfwidth_deg": 20.0})
-    for own, lying in ((pusher, read(belief)), (pusher_of(known, 1), belief)):
+    for own, lying in ((pusher, read(belief)), (pusher_of(Problem.of(known, 1)), belief)):
         angles = np.array(sorted({float(push.start[2]) for push in own.options(lying)}))
         assert np.diff(angles) == pytest.approx([0.5 * np.pi] * 3)
 
 
 def test_none_begins_or_ends_outside_the_work_area(job, belief):
     narrow = job.replaced(cell={"work_area_mm": [[-40, -40], [40, 40]]})
-    assert pusher_of(narrow, 1).options(belief) == []
+    assert pusher_of(Problem.of(narrow, 1)).options(belief) == []
 
 
 def test_a_belief_of_one_particle_is_pushed_as_any(pusher, belief):
@@ -103,56 +108,29 @@ def test_a_pushed_belief_is_touched_and_keeps_what_was_read(pusher, belief):
     assert again.traits is not None
 
 
-class Squeezes:
-    """A look-ahead whose choice costs as much as the belief is wide along x; few particles find none."""
-
-    def __init__(self):
-        self.ranking = SimpleNamespace(candidates=lambda *_: np.zeros((0, 3)), squeeze=lambda *_: [])
-
-    def choose(self, belief, rng, most=1, share=1.0, vain=0):
-        return [Choice(np.zeros(3), float(np.ptp(belief.poses[:, 0])), 1.0)]
-
-
-def test_the_best_without_a_push_comes_first_whatever_pushes_promise(pusher, belief):
-    plain = [Choice(np.zeros(3), 1e3, 1.0), Choice(np.ones(3), 2e3, 1.0)]
-    found = pusher.choose(belief, plain, Squeezes(), np.random.default_rng(5), 3, 1.0)
-    assert found[0] is plain[0]
-    assert len(found) == 3
-    assert found[1].pushes
-    assert found[1].cost_to_go < found[2].cost_to_go < plain[0].cost_to_go
-    width = np.ptp(belief.poses[:, 0])
-    price = sum(map(pusher.costs.of_push, found[1].pushes))
-    assert found[1].cost_to_go - price < width  # what it is pushed for
+def test_best_pushes_through_a_belief_reach_where_they_were_judged_to_end(problem, pusher, belief):
+    rng, ranking = np.random.default_rng(7), Ranking(problem, actions_of(problem.job))
+    finalists = pusher.best(belief, ranking, rng)
+    assert 0 < len(finalists) <= FINALISTS
+    for pushes, lying in finalists:
+        assert 1 <= len(pushes) <= MOST
+        assert lying.touched
+        assert len(lying) == len(belief)
+        assert len(ranking.candidates(lying, lying))
+        assert under(pusher, belief, pushes[0], 0.0) == 0
 
 
-def test_where_nothing_can_be_squeezed_pushes_come_first_alone(pusher, belief):
-    found = pusher.choose(belief, [], Squeezes(), np.random.default_rng(5), 3, 1.0)
-    assert found
-    assert all(choice.pushes for choice in found)
-
-
-def test_pushes_are_not_tried_for_few_parts_nor_needlessly_in_hasty_trees(pusher, belief):
-    plain = [Choice(np.zeros(3), 3.0, 1.0)]
-    rng, state = np.random.default_rng(6), np.random.default_rng(6).bit_generator.state
-    assert pusher.choose(belief, plain, Squeezes(), rng, 3, 0.5 * LEAST_SHARE) == plain
-    sparing = replace(pusher, sparing=True)
-    assert sparing.choose(belief, plain, Squeezes(), rng, 3, 1.0) == plain
-    assert rng.bit_generator.state == state
-    assert sparing.choose(belief, [], Squeezes(), rng, 3, 1.0)
-
-
-def test_a_push_after_another_begins_clear_of_all_that_the_first_has_moved(pusher, belief):
+def test_best_second_push_begins_clear_of_all_that_the_first_has_moved(pusher, belief):
     rng = np.random.default_rng(7)
     few = belief[np.arange(20)]
-    pairs = [pushes for pushes in pusher._best(few, Squeezes(), rng) if len(pushes) == 2]
-    assert pairs
-    for pair in pairs:
-        first, second = pusher._after(belief, pair, Squeezes(), rng, 1.0)[0].pushes
-        lying = pusher.model.push(belief, first, np.random.default_rng(8))
-        assert under(pusher, lying, second, 0.0) <= 2  # of other draws of the same push
-        ends = [push.start[:2] + push.way_mm * np.array([math.cos(push.start[2]), math.sin(push.start[2])])
-                for push in (pair[1], second)]  # fmt: skip
-        assert ends[0] == pytest.approx(ends[1])
+    first = pusher.options(few)[0]
+    second = pusher.options(pusher.model.push(few, first, rng))[0]
+    pushes, _ = pusher._from_beside_all(belief, (first, second), rng)
+    lying = pusher.model.push(belief, pushes[0], np.random.default_rng(8))
+    assert under(pusher, lying, pushes[1], 0.0) <= 2  # of other draws of the same push
+    ends = [push.start[:2] + push.way_mm * np.array([math.cos(push.start[2]), math.sin(push.start[2])])
+            for push in (second, pushes[1])]  # fmt: skip
+    assert ends[0] == pytest.approx(ends[1])
 
 
 def test_the_price_of_a_push_is_its_time_where_seconds_cost(job):
@@ -171,7 +149,7 @@ def test_a_table_pushes_where_the_plan_does_as_fast_as_a_finger_closes(job):
 def test_a_job_that_states_that_nothing_is_pushed_is_the_job_that_does_not(job):
     stated = job_file.load(RECTANGLE, {"actions": {"pushes": "none"}})
     assert stated.canonical() == job_file.load(RECTANGLE).canonical()
-    assert pusher_of(stated) is None
+    assert pusher_of(Problem.of(stated, 1)) is None
     assert job_file.from_canonical(job.canonical()) == job
 
 

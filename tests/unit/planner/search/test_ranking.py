@@ -1,50 +1,76 @@
-"""The ranking of options by its kernel, against the same from branches, one belief at a time."""
+"""The ranking of grasp poses by its kernel, against the same from branches, one belief at a time."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from planner.belief.observation import encoder_of
 from planner.belief.particles import Belief, initial
-from planner.belief.transition import Outcomes, Simulation
-from planner.compile import objective_of
+from planner.belief.transition import Outcomes
+from planner.frames import wrap
 from planner.job import model as job_file
-from planner.mechanics.mixture import Mixture
 from planner.mechanics.traits import as_planned
+from planner.problem import Problem
 from planner.search.actions import actions_of
-from planner.search.ranking import Ranking
+from planner.search.ranking import ALIKE, ALIKE_MM, Ranking, judged, unlike
 
 GUSSET = Path(__file__).parents[4] / "trees" / "gusset" / "job.toml"
 FACES = {"part": {"faces": "either"}}
 SORTED = {"goal": {"identify": False}}
-PRICES = {"search": {"stability_cost": 0.02, "second_cost": 0.01}}
 
 
-@pytest.mark.parametrize("changes", [{}, PRICES, FACES, FACES | SORTED], ids=str)
-def test_options_are_judged_as_their_branches_say(changes):
-    job = job_file.load(GUSSET, changes)
-    rng, objective = np.random.default_rng(5), objective_of(job)
-    mixture = Mixture.of_job(job, 1)
-    model = Simulation(mixture, encoder_of(job))
-    ranking = Ranking(actions_of(job), mixture, model, objective)
+@pytest.mark.parametrize("changes", [{}, FACES, FACES | SORTED], ids=str)
+def test_judged_options_equals_the_heuristic_of_their_branches(changes):
+    problem = Problem.of(job_file.load(GUSSET, changes), 1)
+    rng, rule = np.random.default_rng(5), problem.rule
     traits = as_planned(120)
-    traits["hypothesis"] = np.arange(120) % len(mixture.simulators)
-    belief = Belief.of(initial(job, 120, rng), traits=traits)
-    (options,) = ranking.squeeze([belief], [ranking.candidates(belief, belief)[:20]], rng)
-    assert 1 < len(options.placements) < 20
-    metric, params = objective.metric, objective.params
-    for k, squeezed in enumerate(options.squeezed):
-        outcomes = Outcomes.of(squeezed, objective.rule)
+    traits["hypothesis"] = np.arange(120) % len(problem.mixture.simulators)
+    belief = Belief.of(initial(problem.job, 120, rng), traits=traits)
+    grasps = Ranking(problem, actions_of(problem.job)).candidates(belief, belief)[:6]
+    squeezed = problem.ahead.squeeze([(belief, grasp) for grasp in grasps], rng)
+    left = np.empty(len(grasps))
+    judged(
+        np.stack([each.belief.states for each in squeezed]), np.stack([each.belief.reading for each in squeezed]),
+        rule.resolution.free, rule.metric.weights(), rule.metric.modes, np.array(rule.stopping), rule.prices(),
+        left,
+    )  # fmt: skip
+    for k, each in enumerate(squeezed):
+        outcomes = Outcomes.of(each, rule)
         size = outcomes.clusters.size
-        assert len(size) == options.branches[k]
-        assert size.sum() == len(belief)
-        shares = metric.shares([child.states for child in outcomes.beliefs], metric.modes + 1)
-        first, further = shares[:, : metric.modes].sum(axis=1), shares[:, metric.modes]
-        left = outcomes.probability @ objective.rule.estimate.squeezes(first * size, size)
-        cost = objective.costs.of(outcomes.unstable, outcomes.width_mm)
-        assert options.cost[k] == pytest.approx(cost)
-        assert options.ratio[k] == pytest.approx(outcomes.probability @ first)
-        assert options.cost_to_go[k] == pytest.approx(cost + left)
-        rank = cost + left - params.second_mode * (outcomes.probability @ further)
-        assert options.rank[k] == pytest.approx(rank)
+        shares = rule.metric.shares([child.states for child in outcomes.beliefs], rule.metric.modes).sum(
+            axis=1
+        )
+        assert left[k] == pytest.approx(outcomes.probability @ rule.stopping.cost_to_go(shares * size, size))
+
+
+def test_rank_many_grasp_poses_sorts_finalists_by_cost():
+    problem = Problem.of(job_file.load(GUSSET), 1)
+    ranking, rng = Ranking(problem, actions_of(problem.job)), np.random.default_rng(6)
+    belief = Belief.of(initial(problem.job, 120, rng))
+    grasps = ranking.candidates(belief, belief)
+    (options,) = ranking.rank([belief], [grasps], rng)
+    assert 0 < len(options.placements) <= len(grasps)
+    assert np.all(np.diff(options.cost_to_go) >= 0.0)
+    assert np.all(options.cost_to_go >= 1.0)  # one squeeze at least
+
+
+def test_rank_belief_without_grasp_poses_returns_no_option():
+    problem = Problem.of(job_file.load(GUSSET), 1)
+    belief = Belief.of(initial(problem.job, 20, np.random.default_rng(7)))
+    ranking = Ranking(problem, actions_of(problem.job))
+    (options,) = ranking.rank([belief], [np.zeros((0, 3))], np.random.default_rng(8))
+    assert len(options.placements) == len(options.cost_to_go) == 0
+
+
+def test_unlike_random_grasp_poses_leaves_no_variants_and_drops_nothing_else():
+    rng = np.random.default_rng(9)
+    grasps = rng.uniform([-15.0, -15.0, 0.0], [15.0, 15.0, np.pi], (60, 3))
+
+    def alike(one, other):
+        shift, turn = np.hypot(*(one - other)[:2]), abs(float(wrap(np.asarray(one[2] - other[2]), 2)))
+        return shift < ALIKE_MM and turn < ALIKE
+
+    chosen = unlike(grasps, 60)
+    for k, grasp in enumerate(grasps):
+        before = [grasps[j] for j in chosen if j < k]
+        assert (k in chosen) == (not any(alike(grasp, other) for other in before))

@@ -1,0 +1,39 @@
+"""Plans made by hand."""
+
+import numpy as np
+
+from planner.belief.metric import Mode
+from planner.belief.observation import Partition
+from planner.belief.particles import Belief
+from planner.search.tree import Action, Node, Squeeze
+
+PLACES = np.array([[-12.0, 0.0, 0.0], [0.0, 0.0, 0.0], [12.0, 0.0, 0.0]])
+
+
+def leaf(poses, counts, share, depth):
+    """A node without actions of particles (n, 3) that were read as counts (n,)."""
+    return Node(Belief.of(poses, counts), share, Mode(poses[0], 1.0), depth)
+
+
+def squeezed(node, angle, groups):
+    """Gives a node one action, whose children are (poses, counts) in the order of rising width."""
+    total = sum(len(poses) for poses, _ in groups)
+    children = [
+        leaf(poses, counts, node.share * len(poses) / total, node.depth + 1) for poses, counts in groups
+    ]
+    squeeze = Squeeze(np.array([0.0, 0.0, angle]), 85.0, 5.0, Partition.of([counts for _, counts in groups]))
+    node.actions = [Action(squeeze, children)]
+    return node
+
+
+def grown(silent=0):
+    """Three places told apart by two squeezes, after `silent` squeezes that tell nothing."""
+    node = root = leaf(np.repeat(PLACES, 100, axis=0), np.full(300, -1), 1.0, 0)
+    for _ in range(silent):
+        squeezed(node, 0.3, [(node.belief.poses, np.full(300, 100))])
+        (node,) = node.children
+    one, two, three = np.split(node.belief.poses, 3)
+    rest = np.concatenate([two, three])
+    squeezed(node, 0.0, [(one, np.full(100, 200)), (rest, np.full(200, 100))])
+    squeezed(node.children[1], 1.0, [(two, np.full(100, 180)), (three, np.full(100, 120))])
+    return root

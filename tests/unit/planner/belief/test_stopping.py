@@ -1,0 +1,72 @@
+"""When a belief counts as located: what the rule guarantees at each stage."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.stats import binom
+
+from planner.belief.stopping import LEAST_EVIDENCE, LEAST_TRIALS, StoppingRule
+from runtime.table import refuted
+
+RULE = StoppingRule(0.99)
+
+
+def test_reached_is_the_stated_confidence():
+    assert RULE.reached(0.99)
+    assert not RULE.reached(np.nextafter(0.99, 0.0))
+
+
+@pytest.mark.parametrize("trials", [200, 1000, 20_000])
+def test_refuted_leaf_well_above_the_goal_is_rare(trials):
+    """Of leaves that hold 99.8 % few are searched again."""
+    hits = np.arange(trials + 1)
+    again = np.array([RULE.refuted(int(k), trials) for k in hits])
+    assert binom.pmf(hits, trials, 0.998)[again].sum() < 0.05
+
+
+@pytest.mark.parametrize("trials", [1000, 20_000])
+def test_refuted_leaf_below_the_goal_is_likely(trials):
+    """Of leaves that hold 98 % nearly all are searched again."""
+    hits = np.arange(trials + 1)
+    again = np.array([RULE.refuted(int(k), trials) for k in hits])
+    assert binom.pmf(hits, trials, 0.98)[again].sum() > 0.95
+
+
+def test_refuted_follows_the_exact_test_where_trials_are_few():
+    for trials in (1, 5, 50, LEAST_TRIALS - 1):
+        for hits in range(trials + 1):
+            assert RULE.refuted(hits, trials) == refuted(hits, trials, 0.99)
+
+
+def test_refuted_more_hits_never_refute():
+    for trials in (10, 100, 1000):
+        verdicts = [RULE.refuted(hits, trials) for hits in range(trials + 1)]
+        assert verdicts == sorted(verdicts, reverse=True)
+
+
+def test_holds_allows_a_miss_by_chance_only_with_evidence():
+    few, many = LEAST_EVIDENCE - 1, LEAST_EVIDENCE
+    assert not RULE.holds(0.989, few)
+    assert RULE.holds(0.989, many)
+    assert not RULE.holds(0.95, many)
+    assert RULE.holds(0.99, 1)
+
+
+def test_cost_to_go_is_between_the_cost_of_a_sure_leaf_and_two_squeezes():
+    size = np.repeat([1, 10, 100, 10_000], 5)
+    ratio = np.tile([0.2, 0.5, 0.9, 0.99, 1.0], 4)
+    left = RULE.cost_to_go(ratio * size, size)
+    assert np.all((left > 0.0) & (left <= 2.0))
+    assert left[-1] == pytest.approx(0.005, abs=0.005)  # a pure and large belief
+
+
+def test_cost_to_go_matches_the_beta_distribution_it_approximates():
+    hits, size = 985.0, 1000
+    total = size + RULE.inside + RULE.outside
+    share = (hits + RULE.inside) / total
+    deviation = math.sqrt(share * (1.0 - share) / total)
+    miss = 0.5 * math.erfc((share - 0.99) / deviation / math.sqrt(2.0))
+    further = 2.0 - hits / size
+    expected = miss * further + (1.0 - miss) * min(100.0 * (1.0 - share), further)
+    assert RULE.cost_to_go(np.array([hits]), np.array([size]))[0] == pytest.approx(expected)

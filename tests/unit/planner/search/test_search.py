@@ -1,0 +1,173 @@
+"""The search against exhaustive enumeration in toy worlds, and what must hold of any tree that it grows."""
+
+import itertools
+from copy import deepcopy
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from planner.belief.particles import Belief
+from planner.belief.transition import Squeezed
+from planner.job import model as job_file
+from planner.mechanics.mixture import Mixture
+from planner.problem import Problem
+from planner.search.search import PASSES, Search
+from planner.search.tree import Node, breadth_first, leaves
+
+JOB = job_file.load(
+    Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml",
+    {
+        "actions": {"angles_deg": [0, 50, 100]},
+        "uncertainty": {"orientation": "within", "orientation_halfwidth_deg": 20},
+    },
+)
+ANGLES = np.radians(JOB.actions.angles_deg)
+PLACES = np.array([[-12.0, 0.0, 0.0], [-4.0, 8.0, 0.0], [4.0, -8.0, 0.0], [12.0, 0.0, 0.0]])
+EACH = 100  # particles at each place
+
+
+@dataclass(frozen=True)
+class Toy:
+    """Moves nothing; each angle reads a count that the place of the part determines."""
+
+    simulator: Mixture
+    counts: np.ndarray  # (angles, places)
+
+    def squeeze(self, cases, rng):
+        squeezed = []
+        for belief, grasp in cases:
+            place = np.argmin(np.linalg.norm(belief.poses[:, None, :2] - PLACES[:, :2], axis=2), axis=1)
+            angle = int(np.argmin(np.abs(ANGLES - grasp[2])))
+            squeezed.append(Squeezed(replace(belief, reading=self.counts[angle][place]), 0.0, 40.0))
+        return squeezed
+
+
+def least_squeezes(counts, places):
+    """The least expected squeezes to tell equally likely places apart; infinite where none does."""
+    if len(places) == 1:
+        return 0.0
+    best = np.inf
+    for row in counts:
+        groups = [[p for p in places if row[p] == count] for count in {row[p] for p in places}]
+        if len(groups) > 1:
+            rest = sum(len(group) * least_squeezes(counts, group) for group in groups) / len(places)
+            best = min(best, 1.0 + rest)
+    return best
+
+
+def searched(problem, belief, stage=PASSES[1]):
+    search = Search(problem, np.random.default_rng(1), stage)
+    root = Node(belief, 1.0, problem.metric.mode(belief.states))
+    root.value = search.leaf_value(root)
+    assert search.grow(root, lambda: False, lambda _: None)
+    return search, root
+
+
+def squeezes(root):
+    """Expected squeezes of a plan."""
+    return sum(node.share for node in breadth_first(root) if node.children)
+
+
+@pytest.fixture(scope="module")
+def problem():
+    return Problem.of(JOB, 1)
+
+
+@pytest.fixture(scope="module")
+def tree(problem):
+    """A tree of real squeezes."""
+    belief = problem.belief(500, np.random.default_rng(2))
+    return searched(problem, belief)
+
+
+def worlds():
+    """Counts (angles, places) of toy worlds that can be told apart."""
+    for seed in itertools.count():
+        counts = 90 + 40 * np.random.default_rng(seed).integers(0, 3, (len(ANGLES), len(PLACES)))
+        if np.isfinite(least_squeezes(counts, range(len(PLACES)))):
+            yield seed, counts
+
+
+@pytest.mark.parametrize(("seed", "counts"), list(itertools.islice(worlds(), 20)))
+def test_grow_toy_world_reaches_the_optimum_of_exhaustive_search(problem, seed, counts):
+    toy = Toy(problem.mixture, counts)
+    belief = Belief.of(np.repeat(PLACES, EACH, axis=0))
+    _, root = searched(replace(problem, model=toy, ahead=toy), belief)
+    assert squeezes(root) == pytest.approx(least_squeezes(counts, range(len(PLACES))))
+    assert all(problem.stopping.reached(leaf.mode.ratio) for leaf in leaves(root))
+
+
+def test_grow_places_that_read_alike_ends_with_a_leaf_that_does_not_know(problem):
+    counts = np.full((len(ANGLES), len(PLACES)), 100)
+    counts[:, 0] = 180
+    toy = Toy(problem.mixture, counts)
+    _, root = searched(replace(problem, model=toy, ahead=toy), Belief.of(np.repeat(PLACES, EACH, axis=0)))
+    known = [leaf for leaf in leaves(root) if problem.stopping.reached(leaf.mode.ratio)]
+    assert sum(leaf.share for leaf in known) == pytest.approx(0.25)
+    assert max(node.depth for node in breadth_first(root)) <= 4
+
+
+def test_grow_real_squeezes_conserves_probability_and_particles(tree):
+    _, root = tree
+    for node in breadth_first(root):
+        for action in node.actions or ():
+            shares = sum(child.share for child in action.children)
+            assert shares == pytest.approx(node.share * (1.0 - action.squeeze.crashes), rel=1e-9)
+            readings = [set(child.belief.reading.tolist()) for child in action.children]
+            assert sum(map(len, readings)) == len(set().union(*readings))
+
+
+def test_back_up_real_squeezes_satisfies_the_bellman_equation(tree, problem):
+    _, root = tree
+    for node in breadth_first(root):
+        if not node.actions:
+            continue
+        for action in node.actions:
+            shares = np.array([child.share for child in action.children])
+            left = shares @ [child.value for child in action.children] / shares.sum()
+            crashes = action.squeeze.crashes
+            value = action.squeeze.cost + crashes * problem.stopping.failure + (1.0 - crashes) * left
+            assert action.value == pytest.approx(value)
+        assert node.value == pytest.approx(min(action.value for action in node.actions))
+        assert node.best is node.actions[0]
+
+
+def test_grow_complete_search_leaves_no_tip_open(tree):
+    search, root = tree
+    assert not any(search.is_open(leaf) and leaf.share >= search.stage.least for leaf in leaves(root))
+
+
+def test_grow_spent_limit_leaves_a_whole_plan_of_one_squeeze(problem):
+    search = Search(problem, np.random.default_rng(1), PASSES[1])
+    belief = problem.belief(500, np.random.default_rng(2))
+    root = Node(belief, 1.0, problem.metric.mode(belief.states))
+    assert not search.grow(root, lambda: True, lambda _: None)
+    assert root.children
+    assert not any(child.children for child in root.children)
+
+
+def test_absorb_parts_beside_a_leaf_pose_reopens_it(tree):
+    search, root = deepcopy(tree)
+    ends = leaves(root)
+    number = max(range(len(ends)), key=lambda k: ends[k].share)
+    leaf, size = ends[number], len(ends[number].belief)
+    few = size // 4
+    beside = np.tile(leaf.mode.pose + [30.0, 0.0, 0.0], (few, 1))
+    again = search.absorb(root, {number: Belief.of(beside, np.full(few, leaf.belief.reading[0]))})
+    assert again == pytest.approx(leaf.share)
+    assert search.is_open(leaf)
+    assert (len(leaf.belief), leaf.fresh) == (size + few, few)
+
+
+def test_absorb_parts_at_a_leaf_pose_leaves_the_plan_as_it_is(tree, problem):
+    search, root = deepcopy(tree)
+    before = squeezes(root)
+    ended = {
+        k: Belief.of(np.tile(leaf.mode.pose, (150, 1)), np.full(150, leaf.belief.reading[0]))
+        for k, leaf in enumerate(leaves(root))
+        if problem.stopping.reached(leaf.mode.ratio)
+    }
+    assert search.absorb(root, ended) == 0.0
+    assert squeezes(root) == before
