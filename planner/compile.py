@@ -75,17 +75,15 @@ def compile_job(
     say = report or silent
     limit, work = limit or Limit(), scheduler or (Threads() if workers is None else Threads(workers))
     if job.search.method in METHODS:
-        plan = _by_the_paper(job, workers, trials, say)
-    else:
-        problem = Problem.of(job, workers)
-        say("kernels", 0, 1)
-        _load_kernels(problem)  # kernels compile at their first call; no budget pays for that
-        limit.start()
-        if learns(job):
-            learned, _ = learned_model(job, problem.mixture.simulators[0], store, scheduler, say)
-            problem = replace(problem, ahead=learned)
-        plan = planned(problem, limit, trials, say)
-    compiled = _measured(job, plan, trials, work, say)
+        return _measured(job, _by_the_paper(job, workers, trials, say), trials, work, say)
+    problem = Problem.of(job, workers)
+    say("kernels", 0, 1)
+    _load_kernels(problem)  # kernels compile at their first call; no budget pays for that
+    limit.start()
+    if learns(job):
+        learned, _ = learned_model(job, problem.mixture.simulators[0], store, scheduler, say)
+        problem = replace(problem, ahead=learned)
+    compiled = _measured(job, planned(problem, limit, trials, say), trials, work, say)
     if not compiled.evaluation.success.any():
         raise no_plan(compiled.table, compiled.evaluation, job, compiled.cut)
     return compiled

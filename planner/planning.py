@@ -22,7 +22,7 @@ from planner.lower import lower
 from planner.paper.search import METHODS
 from planner.problem import Problem
 from planner.search.search import PASSES, Search
-from planner.search.tree import Node, pruned
+from planner.search.tree import Node, breadth_first, pruned
 from planner.work.limit import Limit
 from planner.work.progress import Report, silent
 from planner.work.scheduler import Threads
@@ -32,6 +32,7 @@ from runtime.table import Table
 SEED_EVALUATION = 0x4556
 SEED_WORLD = 0x574F
 ATTEMPTS = 6  # fresh trials reopen leaves at most so often
+LOOKS = 2  # rounds of fresh trials that any plan passes
 LEAST_SHORT = 0.0005  # probability of leaves that miss the goal, from which they are searched further
 TIMED_TRIALS = 500  # parts squeezed to estimate how long an evaluation takes
 LEAST_TRIALS = 1000  # parts of an evaluation where a budget leaves no time for more
@@ -127,11 +128,13 @@ def planned(problem: Problem, limit: Limit, trials: int, report: Report = silent
             break
     assert root is not None
     for attempt in range(ATTEMPTS + 1):
-        table = lower(root, job)
+        table, tested = lower(root, job), breadth_first(root)
         run = judged(job, trials, problem.mixture.workers, table, attempt)
+        if attempt == ATTEMPTS or limit.over():
+            whole &= attempt == ATTEMPTS
+            break
         again = search.absorb(root, _ended(run))
-        if attempt == ATTEMPTS or again < LEAST_SHORT or limit.over():
-            whole &= again < LEAST_SHORT or attempt == ATTEMPTS
+        if again < LEAST_SHORT and breadth_first(root) == tested and attempt + 1 >= LOOKS:
             break
         whole &= search.grow(root, limit.over, partial(course.after_trials, attempt))
     cut = None if whole else Cut(limit.asked, 0.0, course.left_s)

@@ -68,7 +68,7 @@ def initial(job: Job, n: int, rng: np.random.Generator) -> Array:
     Returns:
         (n, 3) poses in the world [mm, mm, rad].
     """
-    return _poses(job, np.stack([rng.random(n), rng.random(n), rng.random(n)], axis=1))
+    return _poses(job, rng.random((3, n)))
 
 
 def evenly(job: Job, n: int, rng: np.random.Generator) -> Array:
@@ -76,15 +76,15 @@ def evenly(job: Job, n: int, rng: np.random.Generator) -> Array:
 
     Multiples of the inverse powers of `RATIO`, cut to their fractions, fill a cube evenly (Roberts 2018).
     """
-    return _poses(job, (rng.random(3) + np.outer(np.arange(n), RATIO ** -np.arange(1.0, 4.0))) % 1.0)
+    return _poses(job, (rng.random((3, 1)) + np.outer(RATIO ** -np.arange(1.0, 4.0), np.arange(n))) % 1.0)
 
 
 def _poses(job: Job, uniform: Array) -> Array:
-    """Poses (n, 3) that numbers (n, 3) in [0, 1) stand for [mm, mm, rad]."""
-    radius = job.uncertainty.radius_mm * np.sqrt(uniform[:, 0])
-    bearing = 2.0 * np.pi * uniform[:, 1]
+    """Poses (n, 3) that numbers (3, n) in [0, 1) stand for [mm, mm, rad]."""
+    radius = job.uncertainty.radius_mm * np.sqrt(uniform[0])
+    bearing = 2.0 * np.pi * uniform[1]
     half = np.radians(job.uncertainty.orientation_halfwidth_deg)
-    turn = half * (2.0 * uniform[:, 2] - 1.0)
+    turn = -half + 2.0 * half * uniform[2]
     return np.stack([radius * np.cos(bearing), radius * np.sin(bearing), turn], axis=1)
 
 

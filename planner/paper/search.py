@@ -9,7 +9,7 @@ import math
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -27,6 +27,7 @@ from planner.paper.sensor import CollisionTree, SensorModel
 from planner.paper.subspaces import Subspaces, subspaces_of
 from planner.search.tree import Action, Node, Progress, Squeeze
 
+Path: TypeAlias = tuple[int, ...]  # the branches taken on the way to a node
 PRINTED_ORDER = 2  # The paper maps theta to [cos 2 theta, sin 2 theta]
 METHODS = ("paper", "paper-sequence", "sensorless")
 """Algorithm 1; the whole open-loop sequence before each branching; no branching at all."""
@@ -104,15 +105,18 @@ class PaperPlanner:
 
         A leaf whose ratio is not above r_s could not be expanded: no action was free of collision and kept
         the ratio, or the path was too long. Every node draws from a
-        stream named after the seed and its number.
+        stream named after the seed and the branches on its way.
         """
         root = Node(Belief.of(belief), 1.0, singleton(belief, self.order))
-        waiting, done = deque([root]), 0
+        waiting, done = deque[tuple[Node, Path]]([(root, ())]), 0
         while waiting:
-            node = waiting.popleft()
+            node, path = waiting.popleft()
             done += 1
             if node.mode.ratio <= SINGLETON_SHARE and node.depth < self.max_depth:
-                waiting.extend(self._expanded(node, np.random.default_rng([*seed, done])))
+                rng = np.random.default_rng([*seed, node.depth, *path])
+                ends = self._expanded(node, rng)
+                blind = (0,) * (ends[0].depth - node.depth - 1) if ends else ()
+                waiting.extend((end, (*path, *blind, k)) for k, end in enumerate(ends))
             if progress is not None:
                 progress(done, len(waiting))
         return root

@@ -4,7 +4,7 @@ A push tells nothing. It may leave less to be told, and bring parts to where ope
 takes the pusher past every believed part leaves all of them at its face.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import NamedTuple, TypeAlias
 
@@ -77,11 +77,11 @@ class Pusher:
                 found.append(Push(np.array([*place, angle]), opening * float(self.jaws[0]), way_mm))
         return [push for push in found if self._within(push)]
 
-    def best(self, belief: Belief, ranking: Ranking, rng: np.random.Generator) -> list[Pushed]:
+    def best(self, belief: Belief, ranking: Ranking, rng: np.random.Generator) -> list[Pushes]:
         """The most promising pushes, and pairs of them, by few particles and a squeeze each.
 
         Returns:
-            At most `FINALISTS` after which open fingers clear the belief, with all of it as it lies then.
+            At most `FINALISTS` after which open fingers clear the belief.
         """
         judged, begun = list[tuple[float, int, Pushes]](), [Pushed((), subsample(belief, JUDGED))]
         for _ in range(MOST):
@@ -94,15 +94,16 @@ class Pusher:
             order = np.argsort(costs, kind="stable")[:KEPT]
             judged += [(float(costs[k]), len(judged) + n, tried[k].pushes) for n, k in enumerate(order)]
             begun = [tried[k] for k in order]
-        finalists = list[Pushed]()
+        finalists = list[Pushes]()
         for _, _, pushes in sorted(judged):
             pushed = self._from_beside_all(belief, pushes, rng) if len(finalists) < FINALISTS else None
             if pushed is not None and len(ranking.candidates(pushed.belief, pushed.belief)):
-                finalists.append(pushed)
+                finalists.append(pushed.pushes)
         return finalists
 
     def pushed(self, belief: Belief, pushes: Pushes, rng: np.random.Generator) -> Belief:
-        """A belief after pushes."""
+        """A belief after pushes, each particle twice: open fingers must clear what scatters, too."""
+        belief = Belief.joined([belief, belief])
         for push in pushes:
             belief = self.model.push(belief, push, rng)
         return belief
@@ -171,5 +172,7 @@ def pusher_of(problem: Problem) -> Pusher | None:
     job = problem.job
     if job.actions.pushes is None:
         return None
+    # Pushes end less alike for unlike steps than squeezes do: they take those of the trials.
+    model = replace(problem.model, simulator=Mixture.of_job(job, problem.mixture.workers))
     area = np.array(job.cell.work_area_mm)
-    return Pusher(problem.model, problem.costs, problem.mixture.jaws, area, turnable(job))
+    return Pusher(model, problem.costs, problem.mixture.jaws, area, turnable(job))

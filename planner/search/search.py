@@ -268,10 +268,10 @@ class Search:
         grasps = self._ranked(node.belief, effort, near)[:new]
         fresh = [_Candidate(grasp, node.belief) for grasp in grasps]
         if self.pusher is not None and node.share >= self.pusher.least_share:
-            for pushes, lying in self.pusher.best(node.belief, self.ranking, self.rng):
-                fresh += [
-                    _Candidate(grasp, lying, pushes) for grasp in self._ranked(lying, effort, near[:0])[:1]
-                ]
+            for pushes in self.pusher.best(node.belief, self.ranking, self.rng):
+                lying = self.pusher.pushed(node.belief, pushes, self.rng)
+                best = self._ranked(lying, effort, near[:0])[:1]
+                fresh += [_Candidate(grasp, lying, pushes) for grasp in best]
         return old + [each for each in fresh if not any(_same(each, other) for other in old)]
 
     def _again(self, node: Node, actions: list[Action], most: int) -> list[_Candidate]:

@@ -1,14 +1,14 @@
-"""Plans of every table of `trees/` over several seeds, by one planner or several in one run; not part of the gate.
+"""Plans every table of `trees/` with several seeds, by one planner or several; not part of the gate.
 
     python tests/bench/bench_planner.py                                    this checkout, ten seeds
     python tests/bench/bench_planner.py --only rectangle wedge --seeds 1 2
     python tests/bench/bench_planner.py --planner now=. --planner before=../before
     python tests/bench/bench_planner.py --report                           only print what is kept
 
-A planner is a checkout with an environment in its `.venv` (`tools/demo` makes one), run as `plan-compile` on one
-thread. Every planner plans the jobs of this checkout. A plan is judged by 20 000 parts that had no part in any
-decision. Seconds are processor seconds of the whole process. Plans are kept one by one in `results/planner.json`
-beside this file; what is kept is not planned again.
+A planner is a checkout with an environment in its `.venv` (`tools/demo` makes one); its `plan-compile` plans
+the jobs of this checkout on one thread. 20 000 parts that had no part in any decision judge a plan. Seconds are
+processor seconds of the whole process. Plans are kept one by one in `results/planner.json` beside this file;
+what is kept is not planned again.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def planned(planner: str, checkout: Path, part: str, seed: int) -> Plan:
     with tempfile.TemporaryDirectory() as folder:
         command = [checkout / ".venv" / "bin" / "plan-compile", JOBS[part], "-o", f"{folder}/t.msgpack"]
         command += ["--seed", str(seed), "--workers", "1", "--no-advice", "--json"]
-        with open(f"{folder}/json", "wb") as output:
+        with Path(folder, "json").open("wb") as output:
             process = subprocess.Popen(command, stdout=output, stderr=subprocess.DEVNULL, cwd=checkout)
             _, status, usage = os.wait4(process.pid, 0)
         process.returncode = os.waitstatus_to_exitcode(status)

@@ -19,15 +19,21 @@ RECTANGLE = Path(__file__).parents[2] / "trees" / "rectangle" / "job.toml"
 SEARCH = "\n[search]\nparticles = 4000\nsearch_particles = 100\n"
 WAITING = """
 import sys, time
-import planner.planning
 from planner.cli import compile
+from planner.search.search import PASSES, Search
 
-def improve(root, growth, seed, progress, out_of_time, rough):
+grow = Search.grow
+
+def growing(search, root, over, progress):
+    if search.stage is PASSES[0]:
+        return grow(search, root, over, progress)
     print("improving", file=sys.stderr, flush=True)
-    while not out_of_time():
+    grow(search, root, lambda: True, progress)
+    while not over():
         time.sleep(0.01)
+    return False
 
-planner.planning.improve = improve
+Search.grow = growing
 sys.exit(compile.main(sys.argv[1:]))
 """
 

