@@ -75,7 +75,7 @@ def compile_job(
     say = report or silent
     limit, work = limit or Limit(), scheduler or (Threads() if workers is None else Threads(workers))
     if job.search.method in METHODS:
-        return _measured(job, _by_the_paper(job, workers, trials, say), trials, work, say)
+        return _measured(job, _by_the_paper(job, workers, trials, say), work, say)
     problem = Problem.of(job, workers)
     say("kernels", 0, 1)
     _load_kernels(problem)  # kernels compile at their first call; no budget pays for that
@@ -83,7 +83,7 @@ def compile_job(
     if learns(job):
         learned, _ = learned_model(job, problem.mixture.simulators[0], store, scheduler, say)
         problem = replace(problem, ahead=learned)
-    compiled = _measured(job, planned(problem, limit, trials, say), trials, work, say)
+    compiled = _measured(job, planned(problem, limit, trials, say), work, say)
     if not compiled.evaluation.success.any():
         raise no_plan(compiled.table, compiled.evaluation, job, compiled.cut)
     return compiled
@@ -100,13 +100,13 @@ def _by_the_paper(job: Job, workers: int | None, trials: int, say: Report) -> Pl
     return finished(root, job, table, judged(job, trials, workers, table, 0, report=say), None)
 
 
-def _measured(job: Job, plan: Planned, trials: int, work: Scheduler, say: Report) -> Plan:
+def _measured(job: Job, plan: Planned, work: Scheduler, say: Report) -> Plan:
     """Puts figures in, of trials that had no part in any decision.
 
     A table must not call a leaf resolved that its own figures refute: it is marked, and its parts count as
     failures in these very figures. Other trials would be chosen for not refuting it.
     """
-    seed, table = job.seed + SEED_FIGURES, plan.table
+    seed, table, trials = job.seed + SEED_FIGURES, plan.table, plan.trials
     evaluation = evaluate(table, job, ContactWorlds.of_job(job, seed), trials, seed, work, report=say)
     beyond, reached = None, np.unique(evaluation.leaf[evaluation.leaf >= 0])
     if len(reached) < len(table.leaves) and not certain(job) and job.search.method not in METHODS:

@@ -36,6 +36,7 @@ LOOKS = 2  # rounds of fresh trials that any plan passes
 LEAST_SHORT = 0.0005  # probability of leaves that miss the goal, from which they are searched further
 TIMED_TRIALS = 500  # parts squeezed to estimate how long an evaluation takes
 LEAST_TRIALS = 1000  # parts of an evaluation where a budget leaves no time for more
+EVALUATING = 0.4  # share of what is left of a budget that evaluations may take
 AFTER_PASSES = 0.15  # share of all the work that follows the passes, for progress and estimates
 
 
@@ -70,6 +71,7 @@ class Planned:
     root: Node
     table: Table  # with the leaves unresolved that trials refute
     untried: int  # branches that no trial took
+    trials: int  # parts of an evaluation: fewer than asked for where a budget leaves no time for them
     cut: Cut | None  # None where the search is complete
 
 
@@ -143,11 +145,13 @@ def planned(problem: Problem, limit: Limit, trials: int, report: Report = silent
 
 def _reserved(root: Node, job: Job, workers: int, limit: Limit, trials: int) -> int:
     """Keeps time for two evaluations within the budget; returns how many trials each may have."""
-    table, began_s = lower(root, job), limit.spent_s
+    table = lower(root, job)
+    judged(job, 1, workers, table, 0)  # loads its kernels
+    began_s = limit.spent_s
     judged(job, TIMED_TRIALS, workers, table, 0)
     each_s = (limit.spent_s - began_s) / TIMED_TRIALS
-    affordable = 0.5 * max(limit.budget_s - limit.spent_s, 0.0) / (2.0 * each_s)
-    trials = max(min(trials, LEAST_TRIALS), min(trials, int(affordable)))
+    affordable = EVALUATING * max(limit.budget_s - limit.spent_s, 0.0) / (2.0 * each_s)
+    trials = min(trials, max(LEAST_TRIALS, int(affordable)))
     limit.reserve_s = 2.0 * trials * each_s
     return trials
 
@@ -169,7 +173,8 @@ def finished(root: Node, job: Job, table: Table, run: Evaluation, cut: Cut | Non
     if not kept[0]:
         raise no_plan(table, run, job, cut)
     untried = sum(len(node.branches) - len(numbers) for node, numbers in zip(table.nodes, kept, strict=True))
-    return Planned(pruned(root, kept), without_untried(marked(job, table, run), kept), untried, cut)
+    table = without_untried(marked(job, table, run), kept)
+    return Planned(pruned(root, kept), table, untried, len(run.leaf), cut)
 
 
 def marked(job: Job, table: Table, evaluation: Evaluation) -> Table:

@@ -55,7 +55,7 @@ class Effort(NamedTuple):
 
 
 PASSES = (
-    Pass(1 / 16, 0, 0, 0.004, 2.0, work=0.05, frugal=True),
+    Pass(1 / 8, 0, 0, 0.0005, 2.0, work=0.05, frugal=True),
     Pass(1 / 8, 1, 8, 0.002, 0.5, work=0.3),
     Pass(1 / 4, 4, 2, 0.002, 0.1, work=0.2),
     Pass(1 / 2, 3, 0, 0.002, 0.1, work=0.2),

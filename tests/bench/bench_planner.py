@@ -6,9 +6,9 @@
     python tests/bench/bench_planner.py --report                           only print what is kept
 
 A planner is a checkout with an environment in its `.venv` (`tools/demo` makes one); its `plan-compile` plans
-the jobs of this checkout on one thread. 20 000 parts that had no part in any decision judge a plan. Seconds are
-processor seconds of the whole process. Plans are kept one by one in `results/planner.json` beside this file;
-what is kept is not planned again.
+the jobs of this checkout on one thread. 20 000 parts that had no part in any decision judge a plan. Seconds
+are processor seconds of the whole process. Plans are kept one by one in `results/planner.json` beside this
+file; what is kept is not planned again.
 """
 
 from __future__ import annotations

@@ -76,7 +76,7 @@ def test_a_leaf_that_the_figures_refute_is_marked_and_its_parts_are_failures(see
     rows = list(table.leaves)
     rows[leaf] = rows[leaf]._replace(x_um=rows[leaf].x_um + 50_000)
     table = replace(table, leaves=tuple(rows))
-    plan = planning._measured(job, course.Planned(None, table, 0, None), TRIALS, Threads(2), silent)
+    plan = planning._measured(job, course.Planned(None, table, 0, TRIALS, None), Threads(2), silent)
     assert seeds == [plan.seed]
     assert not plan.table.leaves[leaf].resolved
     assert plan.table.leaves[leaf].success_ppm == 0
