@@ -278,14 +278,6 @@ class Findings:
         """Whether the rate is shown to be below a limit [ppm], or above it."""
         return self.wrong.high < limit or self.wrong.low > limit
 
-    def verdict(self, limit: float) -> str:
-        """What a goal of so few wrong answers [ppm] has come to, for people."""
-        wrong = self.wrong
-        side = "NOT shown to be below" if wrong.low <= limit else "ABOVE"
-        held = "below" if wrong.high < limit else side
-        most = f"wrong at most {wrong.high:.1f} ppm with {1.0 - ERROR:.0%} confidence"
-        return f"{most} ({wrong.rate:.1f} of {self.sums.parts} other parts): {held} wrong_ppm = {limit:g}"
-
     def standard_error(self, leaf: int | None = None) -> float:
         """Of the rate of a leaf, or of all of them [ppm]."""
         parts, index = self.sums.parts, -1 if leaf is None else leaf

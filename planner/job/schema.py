@@ -181,12 +181,11 @@ class Search:
     ]
     model: Annotated[str, Text(("auto", "simulation", "kcde"), default="auto")]  # what looks ahead
     rollouts: Annotated[int, Integer(1_000, 100_000_000, default=100_000)]  # to learn "kcde" from
-    depth: Annotated[int, Integer(1, 10, default=2)]  # squeezes to look ahead
     squeeze_cost: Annotated[float, Number(0, 1, default=0.01)]
     second_cost: Annotated[float, Number(0, 1, default=0.0)]
     stability_cost: Annotated[float, Number(0, 1, default=0.0)]
     particles: Annotated[int, Integer(10, 10_000_000, default=20_000)]  # to grow the tree with
-    search_particles: Annotated[int, Integer(10, 10_000_000, default=400)]  # to look ahead with
+    search_particles: Annotated[int, Integer(10, 10_000_000, default=400)]  # that rank grasp poses, at most
     max_depth: Annotated[int, Integer(1, 100, default=12)]  # longest path of the tree, squeezes
 
 

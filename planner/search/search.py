@@ -297,7 +297,8 @@ class Search:
             effort: how many grasp poses are tried.
             near: (m, 3) good ones, whose variants are tried, too.
         """
-        ranking, thin = self.ranking, subsample(belief, effort.particles)
+        most = min(effort.particles, self.problem.job.search.search_particles)
+        ranking, thin = self.ranking, subsample(belief, most)
         groups = [ranking.candidates(belief, thin)]
         if belief.touched and ranking.actions.proposals:
             groups.append(

@@ -28,7 +28,7 @@ ENVIRONMENT = os.environ | {
 }
 ITEMS = 60
 RECTANGLE = (ROOT / "trees" / "rectangle" / "job.toml").read_text(encoding="utf-8")
-QUICK = RECTANGLE + "\n[search]\nparticles = 600\nsearch_particles = 60\ndepth = 1\n"
+QUICK = RECTANGLE + "\n[search]\nparticles = 600\nsearch_particles = 60\n"
 
 
 @pytest.fixture(scope="module")

@@ -19,7 +19,7 @@ from planner.world import ContactWorlds, make
 from runtime.table import HELD_UM, Calibration, by_count, decision_map, dumps, load, loads, wilson_interval
 
 TREES = Path(__file__).parents[2] / "trees"
-FEW = {"particles": 300, "search_particles": 30, "depth": 1, "max_depth": 4}
+FEW = {"particles": 300, "search_particles": 30, "max_depth": 4}
 CERTAIN = {"doubt": {"chance": 0.0}, "part": {"tolerance_mm": 0.0}}
 
 

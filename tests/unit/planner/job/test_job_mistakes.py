@@ -103,7 +103,7 @@ WRONG = [
     ("centers_mm = [[0, 0]]", "centers_mm = [[0, 0], [0, 151]]", "actions", "centers_mm"),
     ("distance_mm = 3.0", "distance_mm = 0", "goal", "distance_mm"),
     ("confidence = 0.99", "confidence = 1", "goal", "confidence"),
-    ("[goal]", "[search]\ndepth = 0\n[goal]", "search", "depth"),
+    ("[goal]", "[search]\nmax_depth = 0\n[goal]", "search", "max_depth"),
     ("[goal]", "[search]\nmethod = 'open-loop'\n[goal]", "search", "method"),
     ("[goal]", "[cell]\nwork_area_mm = [[9, -9], [-9, 9]]\n[goal]", "cell", "work_area_mm"),
     ("[goal]", "[cell]\nwork_area_mm = [[-9, -9]]\n[goal]", "cell", "work_area_mm"),
