@@ -16,6 +16,15 @@ Every library error leaves a driver as one of these. `exit_code` is what a comma
 
 from typing import NamedTuple
 
+SHOWN = 60  # characters of what a device sent that a sentence shows
+
+
+def shown(sent: object) -> str:
+    """What a device sent, bytes or text, for a sentence: in quotes, escaped and shortened."""
+    text = sent.decode("latin-1") if isinstance(sent, bytes) else str(sent)
+    rest = len(text) - SHOWN
+    return ascii(text) if rest <= 0 else f"{ascii(text[:SHOWN])} and {rest} more"
+
 
 class LinkError(ConnectionError):
     """The gripper cannot be reached: port unplugged, connection lost, refused request."""
@@ -90,3 +99,6 @@ class ReadOnlyError(RuntimeError):
     """A device opened for reading was told to do something; nothing was sent."""
 
     exit_code = 1
+
+
+DEVICE_ERRORS = (LinkError, GripperFault, ArmError, PortError, ReadOnlyError)  # all that a driver may raise
