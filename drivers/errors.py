@@ -20,10 +20,12 @@ SHOWN = 60  # characters of what a device sent that a sentence shows
 
 
 def shown(sent: object) -> str:
-    """What a device sent, bytes or text, for a sentence: in quotes, escaped and shortened."""
+    """What a device sent, bytes or text, as a sentence may hold it: shortened, and escaped where it is no text."""
     text = sent.decode("latin-1") if isinstance(sent, bytes) else str(sent)
-    rest = len(text) - SHOWN
-    return ascii(text) if rest <= 0 else f"{ascii(text[:SHOWN])} and {rest} more"
+    plain = "".join(
+        letter if letter.isprintable() else ascii(letter)[1:-1] for letter in text[:SHOWN].strip()
+    )
+    return plain if len(text) <= SHOWN else f"{plain}... ({len(text)} characters)"
 
 
 class LinkError(ConnectionError):
