@@ -24,6 +24,7 @@ from runtime.execution.reading import (
 )
 from runtime.execution.strokes import Stroke
 from runtime.execution.tips import TipArc
+from runtime.execution.watch import ARM, GRIPPER, Watch
 from runtime.table import Calibration, Limits, Node, Push, Squeeze, Table, profile_of
 from runtime.traversal.decision import ARRIVED, CLOSING_CONTACT
 from runtime.traversal.geometry import end_of, placement, same_turns, sent
@@ -92,7 +93,8 @@ class Hand:
     def __init__(
         self, gripper: Gripper, arm: Arm, clock: SystemClock, table: Table, handling: Handling
     ) -> None:
-        self.gripper, self.arm = gripper, arm
+        self.watch = Watch(clock)
+        self.gripper, self.arm = self.watch.watched(gripper, GRIPPER), self.watch.watched(arm, ARM)
         self.limits = table.limits
         self.calibration = handling.widths(table)
         self.middle_mm = handling.middle_mm

@@ -62,7 +62,7 @@ def run(
 ) -> int:
     """Run a command; every error becomes one line on standard error and an exit code, which is returned.
 
-    An error with an `exit_code` ends with it; an OSError with 3 where a file cannot be read, with 20 where a
+    An error whose class is ours and has an `exit_code` ends with it; an OSError with 3 where a file cannot be read, with 20 where a
     connection fails, with 2 where an output cannot be written; anything else, which nobody foresaw, with 1.
     An answer that is lost ends a command that did well with 2; a reader who has seen enough (`| head`) does
     not.
@@ -197,10 +197,15 @@ def _guarded(
         return code
 
 
+def is_foreseen(error: BaseException) -> bool:
+    """Whether a class of ours gave the error its `exit_code`; other libraries use the name, too."""
+    kinds = (kind for kind in type(error).__mro__ if "exit_code" in vars(kind))
+    return any(kind.__module__.partition(".")[0] in OURS for kind in kinds)
+
+
 def _end_of(error: BaseException) -> tuple[int, str]:
-    code = getattr(error, "exit_code", None)
-    if isinstance(code, int):
-        return code, told(error)
+    if is_foreseen(error):
+        return int(error.exit_code), told(error)  # type: ignore[attr-defined]
     if isinstance(error, OSError):
         reason = error.strerror or told(error)
         if error.errno in UNWRITABLE:
