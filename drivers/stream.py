@@ -181,12 +181,13 @@ def connected(host: str, port: int, seconds: float) -> socket.socket:
         try:
             made.settimeout(max(until - time.monotonic(), 1e-3))
             made.connect(address)
-            return made
         except BaseException as error:
             made.close()
             if not isinstance(error, OSError):
                 raise
             failed = error
+        else:
+            return made
     raise failed
 
 

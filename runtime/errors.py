@@ -119,7 +119,7 @@ class StoppedError(CellError):
 
 
 def exit_code_of(error: BaseException) -> int:
-    """Exit code of a command that ends with this error: its class's, its built-in parent's, or 1 for a bug."""
+    """Exit code of a command that ends with an error: its class's, its built-in parent's, or 1 for a bug."""
     if isinstance(error, KeyboardInterrupt):
         return StoppedError.exit_code
     if not is_expected(error):

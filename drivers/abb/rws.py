@@ -117,16 +117,16 @@ class Rws:
             connection = self._connection
             connection.request(method, target, body if method == "POST" else None, headers)
             answer = connection.getresponse()
-            text = answer.read(MOST_BYTES).decode("utf-8", "replace")
-            if answer.length:
-                raise http.client.IncompleteRead(b"", answer.length)
+            text = _whole(answer).decode("utf-8", "replace")
         except BaseException as error:
             # Ctrl-C, too: what comes now answers nothing that is still to be asked.
             self.close()
             if isinstance(error, RwsError):
                 raise
             if isinstance(error, EndlessError):
-                raise RwsError(f"the answer to {method} {target} is longer than {MOST_BYTES} bytes") from error
+                raise RwsError(
+                    f"the answer to {method} {target} is longer than {MOST_BYTES} bytes"
+                ) from error
             if isinstance(error, OSError | http.client.HTTPException | ValueError):
                 told = shown(error) if str(error) else type(error).__name__
                 raise RwsError(f"no answer to {method} {target} ({told})") from error
@@ -199,6 +199,14 @@ class Rws:
                 self._challenge = given
                 return True
         return False
+
+
+def _whole(answer: http.client.HTTPResponse) -> bytes:
+    """A body; its length is the other side's word, so no more room than for `MOST_BYTES` is made."""
+    body = answer.read(MOST_BYTES)
+    if answer.length:
+        raise http.client.IncompleteRead(body, answer.length)
+    return body
 
 
 def _md5(text: str) -> str:

@@ -111,8 +111,8 @@ class CanLink(ReportingLink):
             reply: bytes = self._sdo.request_response(request)
         except canopen.SdoAbortedError as error:
             raise LinkError(
-                f"gripper at {self.endpoint} refused object 0x{index:04X}:{byte + 1} ({shown(error)}); the map is "
-                "not verified, set output and input in the port's name"
+                f"gripper at {self.endpoint} refused object 0x{index:04X}:{byte + 1} ({shown(error)}); the "
+                "map is not verified, set output and input in the port's name"
             ) from error
         except canopen.SdoCommunicationError as error:
             raise self._silent(index, byte) from error

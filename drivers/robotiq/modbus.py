@@ -53,7 +53,9 @@ class Refusal(NamedTuple):
     passes: bool = False  # whether the same request may be answered a moment later
 
 
-_WRONG_DEVICE = "check that it is a Robotiq 2F gripper, and unit, output, input and function of its port's name"
+_WRONG_DEVICE = (
+    "check that it is a Robotiq 2F gripper, and unit, output, input and function of its port's name"
+)
 # Modbus application protocol 1.1b3, section 7. The gripper itself sends none ([M16] p55): gateways do.
 EXCEPTIONS = {
     1: Refusal("the function is not known there", _WRONG_DEVICE),
@@ -69,6 +71,7 @@ EXCEPTIONS = {
         passes=True,
     ),
 }
+
 
 class ModbusLink(StreamLink):
     """A gripper's two register blocks on one Modbus connection, which is owned from now on."""
@@ -120,8 +123,8 @@ class ModbusLink(StreamLink):
         refusal = EXCEPTIONS.get(code, Refusal("an unknown reason", _WRONG_DEVICE))
         self._tell("refused", function=request.function_code, exception=code)
         return (LinkTimeout if refusal.passes else LinkError)(
-            f"gripper at {self.endpoint}, unit {self._wiring.unit}, refused function {request.function_code}: "
-            f"{refusal.sentence} (exception {code}); {refusal.remedy}"
+            f"gripper at {self.endpoint} (unit {self._wiring.unit}) refused function "
+            f"{request.function_code}: {refusal.sentence} (exception {code}); {refusal.remedy}"
         )
 
     def _wait_for_the_line(self) -> None:

@@ -32,6 +32,7 @@ PAUSED = frozenset({3, 4})  # runtime states: pausing, paused
 LEAST_FRACTION = 0.05  # of the speed slider; slower than this no deadline makes sense
 STILL_M_S = 0.002
 WHOLE_TURN_MARGIN = 2.0  # a motion given by its time may be so much faster in its middle
+REMOTE = "set the pendant to Remote Control, and see that port 30002 is not blocked (Settings, Security)"
 HINT = "check the address and that RTDE is enabled (Settings, Security, Services)"
 
 
@@ -131,7 +132,9 @@ class Arm(UprightArm):
         until = self._pace.deadline(ANSWER_S)
         while (seen := self._read()).started != self._moves:
             if self._pace.now() > until:
-                held = _hold(seen) or "set the pendant to Remote Control, and see that port 30002 is not blocked"
+                held = (
+                    _hold(seen) or "set the pendant to Remote Control, and see that port 30002 is not blocked"
+                )
                 raise self._lose(f"it did not take a program; {held} (Settings, Security)")
             self._pace.idle(until)
 
@@ -147,12 +150,12 @@ class Arm(UprightArm):
             if seen.done == self._moves and not runs and math.hypot(*seen.tcp_speed[:3]) < STILL_M_S:
                 return
             if seen.done != self._moves and not runs:
-                raise self._lose(
-                    f"its program ended on the way ({_stop(seen) or 'stopped by somebody'})"
-                )
+                raise self._lose(f"its program ended on the way ({_stop(seen) or 'stopped by somebody'})")
             if late:
                 lowered = f"the speed slider was lowered to {100.0 * seen.speed_fraction:.0f} %"
-                held = _hold(seen) or (lowered if seen.speed_fraction < self._fraction else "nothing tells why")
+                held = _hold(seen) or (
+                    lowered if seen.speed_fraction < self._fraction else "nothing tells why"
+                )
                 raise self._lose(f"not there after {budget_s:.1f} s ({held})")
             self._pace.idle(until)
 

@@ -79,9 +79,8 @@ class Rtde:
             odd = [
                 f"{name} ({kind})" for name, kind in zip(FIELDS, kinds, strict=False) if kind != FIELDS[name]
             ]
-            raise RtdeError(
-                f"the controller does not offer {shown(', '.join(odd)) or 'the fields needed'}; update PolyScope"
-            )
+            lacks = shown(", ".join(odd)) or "the fields needed"
+            raise RtdeError(f"the controller does not offer {lacks}; update PolyScope")
 
     def read(self) -> Reading:
         """The controller now.

@@ -13,8 +13,9 @@ from drivers.ports import Settled
 from runtime.devices.clock import SystemClock
 from runtime.errors import GripperStateError, TableError
 from runtime.execution.events import Console, Phase, Tally
-from runtime.execution.executor import DEADLINE_FACTOR, RunOptions, expected_s, reason_of
+from runtime.execution.executor import RunOptions, expected_s, reason_of
 from runtime.execution.reading import CLOSED_COUNTS, OPENED_COUNTS, check_closed
+from runtime.execution.watch import DEADLINE_FACTOR
 from runtime.journal.chain import Journal
 from runtime.table import COUNTS, HELD_UM, REJECT, Node, Table, decide, decision_map
 from runtime.traversal.answer import outcome_fields

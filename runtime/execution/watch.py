@@ -56,7 +56,7 @@ class Watch:
         """A squeeze, which may last `DEADLINE_FACTOR` times as long as expected, and `patience` times that.
 
         Raises:
-            GripperStateError: it lasts longer because of the gripper. MotionRefusedError: of something else.
+            MotionRefusedError: it lasts longer because of the arm. GripperStateError: of anything else.
         """
         self._expected, self._began = expected, self._clock.now()
         self._spent = dict.fromkeys(self._spent, 0.0)
@@ -92,11 +92,13 @@ class Watch:
         spent[MACHINE] = now - self._began - sum(spent.values())
         expected = {ARM: self._expected.arm_s, GRIPPER: self._expected.gripper_s, MACHINE: 0.0}
         slowest = max(spent, key=lambda name: spent[name] - expected[name])
+        most_s = self._deadline - self._began
         told = (
-            f"the squeeze was not over within {self._deadline - self._began:.1f} s: {_the(slowest)} took "
-            f"{spent[slowest]:.1f} s, {expected[slowest]:.1f} s are usual; {REMEDIES[slowest]}"
+            f"the squeeze may take {most_s:.1f} s and is {max(now - self._deadline, 0.0):.1f} s late: "
+            f"{_the(slowest)} took {spent[slowest]:.1f} s, {expected[slowest]:.1f} s are usual; "
+            f"{REMEDIES[slowest]}"
         )
-        return GripperStateError(told) if slowest == GRIPPER else MotionRefusedError(told)
+        return MotionRefusedError(told) if slowest == ARM else GripperStateError(told)
 
 
 def _the(name: str) -> str:

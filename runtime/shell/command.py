@@ -62,8 +62,9 @@ def run(
 ) -> int:
     """Run a command; every error becomes one line on standard error and an exit code, which is returned.
 
-    An error whose class is ours and has an `exit_code` ends with it; an OSError with 3 where a file cannot be read, with 20 where a
-    connection fails, with 2 where an output cannot be written; anything else, which nobody foresaw, with 1.
+    An error to which a class of ours gives an `exit_code` ends with it; an OSError with 3 where a file cannot
+    be read, with 20 where a connection fails, with 2 where an output cannot be written; anything else, which
+    nobody foresaw, with 1.
     An answer that is lost ends a command that did well with 2; a reader who has seen enough (`| head`) does
     not.
 
