@@ -15,6 +15,8 @@ from importlib import import_module
 from io import TextIOWrapper
 from typing import Any, NoReturn, TextIO
 
+from runtime.shell import output
+
 USAGE = 2
 INPUT_FILE = 3
 LINK = 20
@@ -39,10 +41,7 @@ class Parser(argparse.ArgumentParser):
 
     def _print_message(self, message: str, file: Any = None) -> None:
         """Print the text of --help; argparse itself would not tell that it was lost."""
-        try:
-            (file or sys.stderr).write(message)
-        except OSError as error:
-            _give_up(file or sys.stderr, error)
+        say(message.removesuffix("\n"), file or sys.stderr)
 
     def add_common(self, json: str = "print one JSON object instead of text") -> None:
         """Add --json, with its help, and --debug."""
@@ -115,8 +114,12 @@ def say(line: str, file: TextIO | None = None) -> None:
     What standard output has lost is told by `run` at the command's end.
     """
     file = file or sys.stdout
+    outlet = output.outlet_of(file)
     try:
-        print(line, file=file, flush=True)
+        if outlet is None:
+            print(line, file=file, flush=True)
+        else:
+            outlet.put(f"{line}\n".encode(file.encoding, "backslashreplace"))
     except OSError as error:
         _give_up(file, error)
 
@@ -192,7 +195,7 @@ def _guarded(
         return code
     except (Exception, SystemExit) as error:  # a world's factory may be any function
         if getattr(arguments, "debug", False):
-            traceback.print_exc()
+            say(traceback.format_exc().removesuffix("\n"), sys.stderr)
         code, words = _end_of(error)
         tell(name, words)
         return code
@@ -222,8 +225,11 @@ def _end_of(error: BaseException) -> tuple[int, str]:
 
 def _flushed(name: str, code: int) -> int:
     """The exit code, once standard output is written or known to be lost."""
+    outlet = output.outlet_of(sys.stdout)
     try:
         sys.stdout.flush()
+        if outlet is not None and (lines := outlet.end()):
+            _lost.append(TimeoutError(errno.ETIMEDOUT, f"nobody reads it, {lines} lines are lost"))
     except OSError as error:
         _give_up(sys.stdout, error)
     if not _lost:
