@@ -112,7 +112,7 @@ def run_options(arguments: argparse.Namespace, table: Table) -> RunOptions:
     measured = None if arguments.calibration is None else calibration.load(arguments.calibration)
     handling = Handling(
         calibration=None if measured is None else measured.table,
-        arc=arc_of(arguments, table, measured),
+        arc=None if arguments.serve is not None else arc_of(arguments, table, measured),
         regulated=arguments.force == "regulated" and arguments.port != MANUAL,
         grip_current_ma=arguments.grip_current,
         current_ma=(measured and measured.current_ma) or CURRENT_MA,

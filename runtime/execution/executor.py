@@ -76,6 +76,7 @@ class Executor:
         self._options = options
         self._found: int | None = None  # the leaf of the part that is being delivered
         self._hand = Hand(cell.gripper, cell.arm, cell.clock, table, options.handling)
+        self._slowest_um_s = profile_of(table.gripper.model).speed_um_s[0]
         self._maps = [decision_map(node, self._hand.calibration) for node in table.nodes]
 
     def run_part(self, part: int, broken: Replay | None = None) -> PartResult:
@@ -116,7 +117,8 @@ class Executor:
 
     def _descend(self, part: int, steps: list[Step], traversal: TraversalState) -> PartResult:
         while traversal.outcome is None:
-            expected = expected_of(self._table, self._table.nodes[traversal.node])
+            node = self._table.nodes[traversal.node]
+            expected = expected_of(self._table, node, self._slowest_um_s)
             with self._hand.watch.squeeze(expected, self._options.patience):
                 step = self._squeeze_at(traversal.node, len(steps) + 1, part, again=traversal.again)
             steps.append(step)
@@ -224,17 +226,17 @@ class Executor:
         return result
 
 
-def expected_of(table: Table, node: Node) -> Expected:
+def expected_of(table: Table, node: Node, slowest_um_s: int) -> Expected:
     """Cell seconds of the longest path: across the work area, a turn, up, down; and of three slow strokes.
 
-    The same for each push, and its way.
+    The same for each push, and its way. A stroke may be as slow as the gripper's least speed.
     """
     limits = table.limits
     x_min, y_min, x_max, y_max = limits.work_area_um
     path_um = hypot(x_max - x_min, y_max - y_min)
     path_um += tau * 1000 * TURN_RADIUS_MM
     path_um += 3 * (limits.retreat_height_um - limits.squeeze_height_um)
-    speed_um_s = min(node.squeeze.speed_um_s, profile_of(table.gripper.model).speed_um_s[0])
+    speed_um_s = min(node.squeeze.speed_um_s, slowest_um_s)
     ways_s = sum(push.length_um / push.speed_um_s for push in node.pushes)
     times = 1 + len(node.pushes)
     strokes_s = 3 * table.gripper.opening_um / speed_um_s
@@ -242,8 +244,8 @@ def expected_of(table: Table, node: Node) -> Expected:
 
 
 def expected_s(table: Table, node: Node) -> float:
-    """Cell seconds of arm and gripper together."""
-    return expected_of(table, node).total_s
+    """Cell seconds of arm and gripper together, of a gripper that is known."""
+    return expected_of(table, node, profile_of(table.gripper.model).speed_um_s[0]).total_s
 
 
 def reason_of(traversal: TraversalState, steps: Sequence[Step]) -> str | None:

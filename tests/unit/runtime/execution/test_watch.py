@@ -10,7 +10,7 @@ from sample_tables import small_table
 from runtime.devices import clock as clocks
 from runtime.devices.clock import SystemClock
 from runtime.errors import CellError
-from runtime.execution.executor import Executor, expected_of
+from runtime.execution.executor import Executor, expected_s
 from runtime.execution.watch import DEADLINE_FACTOR, Expected, Watch
 from runtime.shell.interrupts import StopRequests, stoppable
 from runtime.traversal.results import Outcome
@@ -102,7 +102,7 @@ def test_executor_whose_arm_is_too_slow_ends_before_the_jaws_close_and_names_the
     made = fake_cell([(200, 2)])
     clock = made.cell.clock
     table = small_table()
-    budget = DEADLINE_FACTOR * expected_of(table, table.nodes[0]).total_s
+    budget = DEADLINE_FACTOR * expected_s(table, table.nodes[0])
     obeys = made.arm.move_linear
 
     def slow(*target):
