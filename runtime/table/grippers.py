@@ -77,8 +77,8 @@ def _plugged_in(model: str, name: str) -> Profile:
     if not points:
         raise TableError(
             f"the table is for a gripper {model[:40]!r}, which is not known; there are "
-            f"{', '.join(PROFILES)}: correct gripper.model in the job and compile it again, or install the driver that brings the "
-            "gripper's profile (tools/docs/drivers.md)"
+            f"{', '.join(PROFILES)}: correct gripper.model in the job and compile it again, or install the "
+            "driver that brings the gripper's profile (tools/docs/drivers.md)"
         )
     try:
         (profile,) = {point.load() for point in points}
