@@ -116,8 +116,8 @@ class Rws:
             self._socket.allow(until, MOST_BYTES)
             connection = self._connection
             connection.request(method, target, body if method == "POST" else None, headers)
-            answer = connection.getresponse()
-            text = _whole(answer).decode("utf-8", "replace")
+            with connection.getresponse() as answer:
+                text = _whole(answer).decode("utf-8", "replace")
         except BaseException as error:
             # Ctrl-C, too: what comes now answers nothing that is still to be asked.
             self.close()
