@@ -3,8 +3,10 @@
 The timeout of a socket is one of each piece that comes: an answer that drips, or never ends, keeps within it.
 """
 
+import http.client
 import io
 import socket
+import urllib.request
 from collections.abc import Callable
 from typing import Any, cast
 
@@ -49,6 +51,30 @@ class BoundedSocket:
         if left_s <= 0.0:
             raise TimeoutError("timed out")
         self._socket.settimeout(left_s)
+
+
+def opener(until: float, most_bytes: int, now: Callable[[], float]) -> urllib.request.OpenerDirector:
+    """What opens URLs as `urllib.request.urlopen` does, within bounds of each exchange."""
+
+    def bounded(kind: type[http.client.HTTPConnection]) -> type[http.client.HTTPConnection]:
+        class Bounded(kind):  # type: ignore[misc, valid-type]
+            def connect(self) -> None:
+                super().connect()
+                within = BoundedSocket(cast(socket.socket, self.sock), now)
+                within.allow(until, most_bytes)
+                self.sock: Any = within
+
+        return Bounded
+
+    class Http(urllib.request.HTTPHandler):
+        def http_open(self, request: urllib.request.Request) -> http.client.HTTPResponse:
+            return self.do_open(bounded(http.client.HTTPConnection), request)
+
+    class Https(urllib.request.HTTPSHandler):
+        def https_open(self, request: urllib.request.Request) -> http.client.HTTPResponse:
+            return self.do_open(bounded(http.client.HTTPSConnection), request)
+
+    return urllib.request.build_opener(Http, Https)
 
 
 class _Incoming(io.RawIOBase):
