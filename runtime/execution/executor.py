@@ -19,7 +19,7 @@ from runtime.execution.events import Console, Phase
 from runtime.execution.hand import Hand, Handling
 from runtime.execution.reading import reading_fields
 from runtime.execution.safe_state import reach_safe_state
-from runtime.execution.watch import Expected
+from runtime.execution.watch import MACHINE, Expected
 from runtime.journal.chain import Journal
 from runtime.journal.replay import Replay
 from runtime.shell import interrupts
@@ -71,11 +71,11 @@ class Executor:
     def __init__(self, table: Table, cell: Cell, console: Console, options: RunOptions = PLAIN) -> None:
         safety.check_table(table)
         self._table = table
-        self._cell = cell
         self._console = console
         self._options = options
         self._found: int | None = None  # the leaf of the part that is being delivered
         self._hand = Hand(cell.gripper, cell.arm, cell.clock, table, options.handling)
+        self._cell = replace(cell, journal=self._hand.watch.watched(cell.journal, MACHINE))
         self._slowest_um_s = profile_of(table.gripper.model).speed_um_s[0]
         self._maps = [decision_map(node, self._hand.calibration) for node in table.nodes]
 

@@ -1,8 +1,7 @@
 """The deadline of one squeeze, checked while its devices are waited for, and which of them exceeded it."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import wraps
 from math import inf
 from typing import Any, NamedTuple, TypeVar, cast
 
@@ -36,19 +35,20 @@ class Expected(NamedTuple):
 class Watch:
     """Counts the seconds that each device is waited for; within `squeeze` each call has to begin in time.
 
-    Where stop requests are listened to, a call that is under way at the deadline is ended as by one.
+    The time from one call to the next counts for the device that was called. Where stop requests are listened
+    to, a call that is under way at the deadline is ended as by one.
     """
 
     def __init__(self, clock: SystemClock) -> None:
         self._clock = clock
         self._expected = Expected(0.0, 0.0)
-        self._began = 0.0
+        self._began = self._since = 0.0
         self._deadline = inf
-        self._spent = {ARM: 0.0, GRIPPER: 0.0}
-        self._waiting: tuple[str, float] | None = None  # for which device, since when
+        self._spent = dict.fromkeys(REMEDIES, 0.0)
+        self._called = MACHINE
 
     def watched(self, device: Device, name: str) -> Device:
-        """The same device, each of whose calls counts."""
+        """The same device, whose calls count; of `MACHINE`, the journal, none comes too late."""
         return cast(Device, _Watched(device, name, self))
 
     @contextmanager
@@ -58,45 +58,43 @@ class Watch:
         Raises:
             MotionRefusedError: it lasts longer because of the arm. GripperStateError: of anything else.
         """
-        self._expected, self._began = expected, self._clock.now()
-        self._spent = dict.fromkeys(self._spent, 0.0)
+        self._expected, self._spent = expected, dict.fromkeys(REMEDIES, 0.0)
+        self._began = self._since = self._clock.now()
+        self._called = MACHINE
         self._deadline = self._clock.deadline(DEADLINE_FACTOR * patience * expected.total_s)
         try:
             with interrupts.within(self._deadline - self._began, self._late):
                 yield
-                self.check()
+                self._check()
         finally:
             self._deadline = inf
 
-    def check(self) -> None:
-        """Raise if the squeeze is late."""
+    def call(self, name: str) -> None:
+        """A device is called now; raises if that is too late."""
+        self._count()
+        self._called = name
+        if name != MACHINE:
+            self._check()
+
+    def _check(self) -> None:
         if self._clock.now() > self._deadline:
             raise self._late()
 
-    def call(self, name: str, method: Callable[..., Any], *arguments: Any) -> Any:
-        """Call a device in time, and count how long it takes."""
-        self.check()
-        began = self._clock.now()
-        self._waiting = (name, began)
-        try:
-            return method(*arguments)
-        finally:
-            self._waiting = None
-            self._spent[name] += self._clock.now() - began
+    def _count(self) -> float:
+        """Count the time since the last call; returns the time."""
+        now = self._clock.now()
+        self._spent[self._called] += now - self._since
+        self._since = now
+        return now
 
     def _late(self) -> CellError:
-        now, spent = self._clock.now(), dict(self._spent)
-        if self._waiting is not None:
-            name, since = self._waiting
-            spent[name] += now - since
-        spent[MACHINE] = now - self._began - sum(spent.values())
+        now, spent = self._count(), self._spent
         expected = {ARM: self._expected.arm_s, GRIPPER: self._expected.gripper_s, MACHINE: 0.0}
         slowest = max(spent, key=lambda name: spent[name] - expected[name])
-        most_s = self._deadline - self._began
         told = (
-            f"the squeeze may take {most_s:.1f} s and is {max(now - self._deadline, 0.0):.1f} s late: "
-            f"{_the(slowest)} took {spent[slowest]:.1f} s, {expected[slowest]:.1f} s are usual; "
-            f"{REMEDIES[slowest]}"
+            f"the squeeze may take {self._deadline - self._began:.1f} s and is "
+            f"{max(now - self._deadline, 0.0):.1f} s late: {_the(slowest)} took {spent[slowest]:.1f} s, "
+            f"{expected[slowest]:.1f} s are usual; {REMEDIES[slowest]}"
         )
         return MotionRefusedError(told) if slowest == ARM else GripperStateError(told)
 
@@ -112,12 +110,5 @@ class _Watched:
         self._device, self._name, self._watch = device, name, watch
 
     def __getattr__(self, attribute: str) -> Any:
-        value = getattr(self._device, attribute)
-        if not callable(value):
-            return value
-
-        @wraps(value)
-        def counted(*arguments: Any) -> Any:
-            return self._watch.call(self._name, value, *arguments)
-
-        return counted
+        self._watch.call(self._name)
+        return getattr(self._device, attribute)

@@ -56,14 +56,16 @@ def test_squeeze_late_by_one_device_names_it_and_begins_no_further_call(slow, to
 def test_squeeze_late_by_neither_device_names_the_machine():
     clock = FakeClock()
     watch = Watch(clock)
-    arm = watch.watched(SlowDevice(clock, 1.0), "arm")
+    arm, journal = SlowDevice(clock, 1.0), SlowDevice(clock, 99.0)
+    arm, journal = watch.watched(arm, "arm"), watch.watched(journal, "this machine")
 
     def squeeze():
         with watch.squeeze(Expected(1.0, 1.0)):
             arm.call()
-            clock.sleep(99.0)
+            journal.call()
+            journal.call()
 
-    with pytest.raises(CellError, match=r"this machine took 99\.0 s"):
+    with pytest.raises(CellError, match=r"this machine took 198\.0 s"):
         squeeze()
 
 
