@@ -112,8 +112,12 @@ class ArmModel:
         begun = [leg for leg in self._legs if leg.start_s <= now_s]
         self._legs = [*begun, Leg(here, here, now_s, 0.0, joints, joints)]
 
-    def displace(self, by: tuple[float, float, float, float], moment_s: float) -> None:
-        """Something moves the hand by so much (x, y, z in mm, rad) at once, at that moment, in the world."""
+    def displace(self, by: tuple[float, float, float, float], moment_s: float) -> bool:
+        """Something moves the hand at once by x, y, z [mm] and a turn [rad], but not farther than it reaches.
+
+        Returns:
+            Whether it moved.
+        """
         hand, joints = self.pose_at(moment_s), self.joints_at(moment_s)
         half_rad = by[3] / 2.0
         turned = compose(
@@ -124,8 +128,9 @@ class ArmModel:
         target = self._flange_target(moved)
         *_, ends = kinematics.track(joints, self.flange_at(moment_s), target)
         if ends is None:
-            return  # nothing moves an arm farther than it reaches
+            return False
         self._go(Leg(target, target, moment_s, 0.0, ends, ends))
+        return True
 
     def flange_at(self, now_s: float) -> Pose:
         """Where the flange is, in the base frame."""
