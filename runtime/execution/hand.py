@@ -85,8 +85,9 @@ class Hand:
     """Arm and gripper of one cell, connected, within one table's limits.
 
     Its `calibration` is that of counts to widths; `arm_known` tells whether the arm stands where its last
-    acknowledged motion left it, or, before its first one, where it was read first. All its places are those
-    where the fingers meet: the arm is sent beside them where that is off its own middle.
+    acknowledged motion left it, or, before its first one, where it was read first; `may_hold` whether the fingers
+    may hold something: they have not opened since they closed, or since the hand was made. All its places are
+    those where the fingers meet: the arm is sent beside them where that is off its own middle.
 
     Raises:
         TableError: the limits leave no room for the tips' arc.
@@ -100,7 +101,7 @@ class Hand:
         self.calibration = handling.widths(table)
         self.middle_mm = handling.middle_mm
         self._profile = profile_of(table.gripper.model)
-        self.arm_known = True
+        self.arm_known = self.may_hold = True
         self._clock = clock
         self._handling = handling
         self._open_mm = 0.0
@@ -209,6 +210,7 @@ class Hand:
         force = self._profile.force_counts(squeeze.force_mn)
         settled = safety.stroke(self.gripper, request, speed, force)
         check_opened(settled, request, self.calibration)
+        self.may_hold = False
         self._open_mm = self.width_mm(settled.position_counts)
 
     def set_jaws(self, push: Push, squeeze: Squeeze) -> None:
@@ -274,6 +276,7 @@ class Hand:
         return reading
 
     def _stroke(self, stroke: Stroke) -> Settled:
+        self.may_hold = True
         return safety.stroke(self.gripper, stroke.request_counts, stroke.speed_counts, stroke.force_counts)
 
     def _level(self, advance_mm: float) -> None:
