@@ -84,10 +84,10 @@ def check_arc(arc: TipArc | None, limits: Limits, calibration: Calibration) -> N
 class Hand:
     """Arm and gripper of one cell, connected, within one table's limits.
 
-    Its `calibration` is that of counts to widths; `arm_known` tells whether the arm stands where its last
-    acknowledged motion left it, or, before its first one, where it was read first; `may_hold` whether the fingers
-    may hold something: they have not opened since they closed, or since the hand was made. All its places are
-    those where the fingers meet: the arm is sent beside them where that is off its own middle.
+    Its `calibration` is that of counts to widths. `arm_known` tells whether the arm stands where its last
+    acknowledged motion left it, or, before its first one, where it was read first; `may_hold` whether the
+    fingers may hold something: they have not opened since they closed, or since the hand was made. All its
+    places are those where the fingers meet: the arm is sent beside them where that is off its own middle.
 
     Raises:
         TableError: the limits leave no room for the tips' arc.

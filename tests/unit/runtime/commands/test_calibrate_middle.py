@@ -1,4 +1,4 @@
-"""`grasp-calibrate middle` stopped at any moment: what the fingers may hold is held fast, and never lifted."""
+"""`grasp-calibrate middle` stopped at any moment: what may be held is held fast, and never lifted."""
 
 import argparse
 from pathlib import Path
