@@ -14,6 +14,7 @@ from runtime.commands.cell import Devices, connect
 from runtime.commands.options import check_usage, run_options, views
 from runtime.devices.audit import AuditProcess
 from runtime.devices.clock import SystemClock
+from runtime.devices.lock import PortLock
 from runtime.errors import ArgumentsError, BrokenRunError, CalibrationError
 from runtime.execution import carry, crash, dry_run, held, middle, session
 from runtime.execution.events import Console
@@ -155,6 +156,7 @@ class _Asked:
                 "the part can be delivered from every leaf, as far as areas tell; --dry-run asks the arm"
             )
         if arguments.port is not None:
+            self.stack.enter_context(PortLock(arguments.port))
             gripper = self.drivers.gripper(arguments.port, read_only=True)
             self.stack.callback(gripper.close)
             count = gripper.state().position_counts

@@ -100,6 +100,7 @@ class Executor:
                     self._free(part, broken)
                 result = self._descend(part, steps, TraversalState() if broken is None else broken.traversal)
                 result = self._finish(result)
+                self._hand.where()  # an arm that was displaced makes any outcome a fault
             self._cell.journal.record("outcome", outcome_fields(self._table, result))
         except BrokenRunError as error:
             # Nothing was moved; the operator looks at the fingers.

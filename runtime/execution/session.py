@@ -85,7 +85,10 @@ def put_down(table: Table, cell: Cell, console: Console, options: RunOptions) ->
             with interrupts.stoppable():
                 return held.put_down(hand, table, options.delivery, cell.journal)
         except BaseException:
-            for sentence in reach_safe_state(cell.gripper, cell.arm, table.limits, arm_known=hand.arm_known):
+            # Nobody knows what they hold: after a calibration it may be a block that is clamped.
+            for sentence in reach_safe_state(
+                cell.gripper, cell.arm, table.limits, arm_known=hand.arm_known, may_hold_fixed=hand.may_hold
+            ):
                 console.note(sentence)
             raise
 
