@@ -10,9 +10,9 @@ broke off. In between, for each part: `part`, then a `placed` and a `squeeze` fo
 `resume` and `freed`; instead of parts `put_down`; and anywhere `link`, a retry or a failure on the way to the
 gripper.
 
-A file that has grown long is closed between two parts by a record of kind `seal`, and the chain goes on in a new
-file (`runtime.journal.files`), which begins with the run's header again: `after_part` tells after which part. So
-the latest file is enough to know how the last run stands, however long the journal is.
+A file that has grown long ends, between two parts, with a record of kind `seal`, and the chain goes on in a
+new file, which begins with the run's header again: `after_part` tells after which part. So the latest file is
+enough to know how the last run stands, however long the journal is.
 """
 
 import base64
@@ -20,6 +20,7 @@ import contextlib
 import hashlib
 import json
 import os
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Self
@@ -59,7 +60,7 @@ class Journal:
             path: the file.
             stamp: dates each record: `SystemClock.stamp`.
             uptime: tells by a clock that nobody sets when it was written: `SystemClock.uptime`.
-            segment_bytes: length from which on the file is sealed.
+            segment_bytes: length from which on the file is sealed, its first record left out.
 
         Raises:
             JournalError: it cannot be opened, another process writes it, or what it holds does not verify.
@@ -71,7 +72,7 @@ class Journal:
         self._stamp, self._uptime, self._segment_bytes = stamp, uptime, segment_bytes
         self._place = path  # of the file that is written
         self._header: Mapping[str, object] = {}  # the fields of the run's header
-        self._header_bytes = 0  # length of the file's records up to the latest header
+        self._full_bytes = segment_bytes  # length from which on the file is sealed
         self._failed = False
         try:
             self._file = files.claim(path)
@@ -92,7 +93,7 @@ class Journal:
         end = start
         with open(self._file, "rb", closefd=False) as file:
             for entry, end in follow(self.path, file, start, torn=True):
-                self._remember(entry, end)
+                self._remember(entry, end.size)
             size = file.seek(0, os.SEEK_END)
         if start.segments and not end.size:
             raise JournalError(self.path, "lost its records: a sealed segment comes before it; put them back")
@@ -102,10 +103,11 @@ class Journal:
             os.fsync(self._file)
         return end
 
-    def _remember(self, entry: Entry, end: Verified) -> None:
+    def _remember(self, entry: Entry, size: int) -> None:
+        if not self.last_part:
+            self._full_bytes = size + self._segment_bytes
         if entry["kind"] == "header":
             self._header = {name: value for name, value in entry.items() if name not in RESERVED}
-            self._header_bytes = end.size
             self.last_part = [entry]
         elif entry["kind"] == "part":
             self.last_part = [*self.last_part[:1], entry]
@@ -129,22 +131,21 @@ class Journal:
         """Append one record and bring it to the disk.
 
         Raises:
-            JournalError: it cannot be written: full disk, lost mount, closed journal; or the file is no longer
-                where it was, or what it was.
+            JournalError: it cannot be written: full disk, lost mount, closed journal, a file moved or cut.
             ValueError: a field has a reserved name or is not a number JSON can hold.
         """
         if clash := RESERVED & fields.keys():
             raise ValueError(f"reserved field names: {sorted(clash)}")
         self._check()
-        full = self._end.size - self._header_bytes >= self._segment_bytes and self._place == self.path
-        if full and kind == "header":
-            self._rotate(fields)
-            return
+        full = self._end.size >= self._full_bytes and self._place == self.path
+        if kind == "header":
+            self._header = fields
+            if full:
+                self._rotate(fields)
+                return
         if full and kind == "part" and self._header:
             self._rotate({**self._header, "after_part": int(str(fields["part"])) - 1})
         self._append(kind, fields)
-        if kind == "header":
-            self._header, self._header_bytes = fields, self._end.size
 
     def _check(self) -> None:
         """Check that the file is the one that was written."""
@@ -169,13 +170,10 @@ class Journal:
         try:
             self._file, size = files.copy_aside(self.path, before, self._end.size)
         except OSError as error:
-            return f"what the run records now is lost, too: {files.broken_of(self.path)}: {error.strerror}"
+            return f"what the run records now is lost: {files.broken_of(self.path)}: {error.strerror}"
         os.close(before)
-        self._place, self._end, self._failed = (
-            files.broken_of(self.path),
-            self._end._replace(size=size),
-            False,
-        )
+        self._place, self._failed = files.broken_of(self.path), False
+        self._end = self._end._replace(size=size)
         which = "all that it held and what follows is" if size else "what follows is"
         return f"{which} in {self._place} (runtime/OUTCOMES.md says how to go on)"
 
@@ -216,12 +214,13 @@ class Journal:
                 raise _unwritable(self.path, error) from error
             os.close(before)
             self._end = Verified(digest, self._end.records + 1, len(line), segments=number)
-            self._header, self._header_bytes = header, len(line)
+            self._full_bytes = len(line) + self._segment_bytes
 
     def _take_back(self) -> None:
         """Remove a line that was written in part, or wholly but is not counted yet."""
         with contextlib.suppress(OSError):
-            os.ftruncate(self._file, self._end.size)
+            if os.fstat(self._file).st_size > self._end.size:
+                os.ftruncate(self._file, self._end.size)
 
     def close(self) -> None:
         """Close the file; nothing can be recorded afterwards. Closing twice is harmless."""
@@ -263,13 +262,11 @@ class Incidents:
 
 def verify(path: Path) -> Verified:
     """Check every line of a journal: whole, numbered, chained, its tables intact; or JournalError."""
-    seen = Verified()
-    for _, seen in _followed(path):
-        pass
     files.check_whole(path)
-    if not seen.records:
+    latest = deque(_followed(path), maxlen=1)
+    if not latest:
         raise JournalError(path, "is empty")
-    return seen
+    return latest[0][1]
 
 
 def records(path: Path) -> Iterator[dict[str, object]]:
@@ -291,8 +288,9 @@ def _followed(path: Path) -> Iterator[tuple[dict[str, object], Verified]]:
                 with segment.open("rb") as file:
                     if os.path.sameopenfile(file.fileno(), latest.fileno()):
                         break  # sealed since it was opened
-                    for entry, seen in follow(segment, file, seen):
-                        yield entry, seen
+                    for entry, after in follow(segment, file, seen):
+                        seen = after
+                        yield entry, after
                 seen = seen._replace(size=0, segments=number)
             yield from follow(path, latest, seen)
     except OSError as error:

@@ -1,9 +1,9 @@
 """The files of a journal: the one being written, its sealed segments, and what a rotation leaves half done.
 
-Of the journal `J` the sealed segments are `J.000001`, `J.000002` and so on; `J` itself holds the latest records.
-A rotation writes the new segment as `J.next`, renames `J`, and then renames `J.next`: at any moment the latest
-records are in `J`, or in `J.next` where there is no `J`. `J.broken` keeps what a run recorded once its journal was
-moved or cut beneath it.
+Of the journal `J` the sealed segments are `J.000001`, `J.000002` and so on; `J` itself holds the latest
+records. A rotation writes the new segment as `J.next`, renames `J`, and then renames `J.next`: at any moment the
+latest records are in `J`, or in `J.next` where there is no `J`. `J.broken` keeps the records of a run whose
+journal was moved or cut beneath it.
 """
 
 import contextlib
@@ -64,7 +64,7 @@ def check_whole(path: Path) -> list[Path]:
 
 
 def start_of(path: Path) -> Verified:
-    """What a journal holds before its own file, by the last line of the segment before it; runs are not counted.
+    """What a journal holds before its own file, by the last line of the segment before it.
 
     Raises:
         JournalError: a segment is missing, or the last one does not end with its seal.
@@ -88,7 +88,7 @@ def claim(path: Path) -> int:
     """A descriptor of a journal's own file, locked; made if need be, and never reached through a link.
 
     Raises:
-        JournalError: it is no regular file, another process writes it, or it is gone while its segments are there.
+        JournalError: it is no regular file, another process writes it, or it is gone and its segments are there.
         OSError: it cannot be opened.
     """
     check_whole(path)
@@ -99,7 +99,7 @@ def claim(path: Path) -> int:
         opened = next_of(path)
         if not os.path.lexists(opened):
             raise JournalError(
-                path, "is missing, and its sealed segments are there; put it back, or move all away"
+                path, "is missing, its sealed segments are there; put it back, or move them away"
             )
     file = opened_regular(opened, 0o644)
     try:
@@ -107,15 +107,23 @@ def claim(path: Path) -> int:
         if opened != path:
             opened.rename(path)  # a rotation that a crash cut short
         bring_to_disk(path.parent)
-        if displacement(path, file, os.fstat(file).st_size):
-            raise BlockingIOError
+        _check_claimed(path, file)
     except BlockingIOError:
         os.close(file)
-        raise JournalError(path, "is being written by another process; name another file") from None
+        raise _busy(path) from None
     except BaseException:  # Ctrl-C, too, must not leave the file claimed
         os.close(file)
         raise
     return file
+
+
+def _check_claimed(path: Path, file: int) -> None:
+    if displacement(path, file, os.fstat(file).st_size):  # sealed between opening and locking
+        raise _busy(path)
+
+
+def _busy(path: Path) -> JournalError:
+    return JournalError(path, "is being written by another process; name another file")
 
 
 def opened_regular(path: Path, mode: int, flags: int = 0) -> int:
@@ -154,7 +162,7 @@ def copy_aside(path: Path, file: int, size: int) -> tuple[int, int]:
     """Begin a journal's `J.broken` with the first `size` bytes of its open file, as far as they are there.
 
     Returns:
-        Its descriptor, locked, and the number of bytes that it holds: `size` or, of a file that was cut, none.
+        Its descriptor, locked, and its length: `size` or, of a file that was cut, 0.
 
     Raises:
         OSError: it cannot be written, or is there already.

@@ -1,7 +1,7 @@
 """Lines of JSON whose last field, `digest`, is the SHA-256 of the line without it: a journal's records.
 
 `previous`, the field before it, is the digest of the line before, `GENESIS` in the first line. A long journal
-lies in several files, and the chain goes on from one to the next: read one after the other, they are one journal.
+lies in several files, and the chain goes on from one to the next: in their order, they are one journal.
 """
 
 import hashlib
