@@ -28,7 +28,7 @@ from typing import Self
 from runtime.errors import JournalError
 from runtime.journal import files
 from runtime.journal.files import write_all as _write_all
-from runtime.journal.lines import RESERVED, VERSION, Entry, Verified, follow
+from runtime.journal.lines import RESERVED, UPTIME, VERSION, Entry, Verified, follow
 from runtime.shell import interrupts
 from runtime.shell.sealed_lines import sealed, sealed_segments
 
@@ -107,7 +107,7 @@ class Journal:
         if not self.last_part:
             self._full_bytes = size + self._segment_bytes
         if entry["kind"] == "header":
-            self._header = {name: value for name, value in entry.items() if name not in RESERVED}
+            self._header = {name: value for name, value in entry.items() if name not in RESERVED | UPTIME}
             self.last_part = [entry]
         elif entry["kind"] == "part":
             self.last_part = [*self.last_part[:1], entry]

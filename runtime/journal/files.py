@@ -1,7 +1,7 @@
 """The files of a journal: the one being written, its sealed segments, and what a rotation leaves half done.
 
 Of the journal `J` the sealed segments are `J.000001`, `J.000002` and so on; `J` itself holds the latest
-records. A rotation writes the new segment as `J.next`, renames `J`, and then renames `J.next`: at any moment the
+records. A rotation writes the new segment as `J.next`, renames `J`, then renames `J.next`: at any moment the
 latest records are in `J`, or in `J.next` where there is no `J`. `J.broken` keeps the records of a run whose
 journal was moved or cut beneath it.
 """
@@ -88,10 +88,13 @@ def claim(path: Path) -> int:
     """A descriptor of a journal's own file, locked; made if need be, and never reached through a link.
 
     Raises:
-        JournalError: it is no regular file, another process writes it, or it is gone and its segments are there.
+        JournalError: it is no regular file, it is a segment, another process writes it, or it is gone and its
+            segments are there.
         OSError: it cannot be opened.
     """
     check_whole(path)
+    if path.suffix[1:].isdecimal() and path in sealed_segments(path.with_suffix("")):
+        raise JournalError(path, f"is a segment of {path.with_suffix('')}; name that one")
     if not os.access(path.parent, os.W_OK | os.X_OK):
         raise PermissionError(errno.EACCES, "its folder may not be written to")
     opened = path

@@ -14,8 +14,8 @@ from runtime.shell.sealed_lines import GENESIS, is_intact
 VERSION = 1
 MAX_LINE_BYTES = 8 << 20
 OPENING = b'{"seq":'
-FRAME = frozenset({"seq", "time", "kind", "previous", "digest"})  # what every record has
-RESERVED = FRAME | {"boot", "up_s"}  # what the journal itself writes
+RESERVED = frozenset({"seq", "time", "kind", "previous", "digest"})  # what every record has
+UPTIME = frozenset({"boot", "up_s"})  # what those of a machine that tells it have besides
 
 
 Entry = Mapping[str, object]
@@ -105,8 +105,8 @@ def checked(path: Path, number: int, line: bytes, seq: int, previous: str) -> di
         entry = strict_json.parse(line)
     except ValueError as error:
         raise JournalError(path, f"is {error}", number) from None
-    if not isinstance(entry, dict) or not entry.keys() >= FRAME:
-        raise JournalError(path, f"lacks one of {', '.join(sorted(FRAME))}", number)
+    if not isinstance(entry, dict) or not entry.keys() >= RESERVED:
+        raise JournalError(path, f"lacks one of {', '.join(sorted(RESERVED))}", number)
     if type(entry["seq"]) is not int or entry["seq"] != seq:
         remedy = "; the records before it are missing" if number == 1 else ""
         raise JournalError(path, f"has sequence number {entry['seq']}, expected {seq}{remedy}", number)
