@@ -96,7 +96,7 @@ class Journal:
                 self._remember(entry, end.size)
             size = file.seek(0, os.SEEK_END)
         if start.segments and not end.size:
-            raise JournalError(self.path, "lost its records: a sealed segment comes before it; put them back")
+            raise JournalError(self.path, "is empty, and comes after a sealed segment; put its records back")
         self.cut_bytes = size - end.size
         if self.cut_bytes:
             os.ftruncate(self._file, end.size)
@@ -180,6 +180,8 @@ class Journal:
     def _append(self, kind: str, fields: Mapping[str, object]) -> None:
         line, digest = self._line(kind, fields)
         end = self._end
+        if not end.size:
+            self._full_bytes = len(line) + self._segment_bytes
         try:
             _write_all(self._file, line)
             os.fsync(self._file)
@@ -262,9 +264,9 @@ class Incidents:
 
 def verify(path: Path) -> Verified:
     """Check every line of a journal: whole, numbered, chained, its tables intact; or JournalError."""
-    files.check_whole(path)
+    sealed_before = files.check_whole(path)
     latest = deque(_followed(path), maxlen=1)
-    if not latest:
+    if not latest or latest[0][1].segments < len(sealed_before):
         raise JournalError(path, "is empty")
     return latest[0][1]
 
