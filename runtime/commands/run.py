@@ -2,7 +2,6 @@
 
 import argparse
 import json
-import os
 from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -23,6 +22,7 @@ from runtime.execution.hand import check_arc
 from runtime.execution.held import Held
 from runtime.execution.safe_state import DECLARED
 from runtime.execution.safety import check_table, needs_activation, ready_gripper
+from runtime.journal import files
 from runtime.journal.chain import Incidents, Journal
 from runtime.journal.replay import Replay
 from runtime.monitoring.console import Lines, Objects
@@ -91,11 +91,11 @@ class _Asked:
         activate = arguments.activate or arguments.port == SIMULATED
         # What would be refused later is refused now: a run that never was leaves no record, and no file.
         if begun is None or begun.part is None:
-            holds = self._holds(devices, activate=activate)
+            holds = self._holds(devices, journal, activate=activate)
             if arguments.put_down and holds is None:
                 return self._say_put_down(None)
         auditor = self._auditor(devices)
-        journal = journal or self.stack.enter_context(Journal(arguments.journal, clock.stamp))
+        journal = journal or self._journal(clock)
         cell = Cell(devices.gripper, devices.arm, clock, journal, auditor)
         monitor.ready()
         self.stack.enter_context(interrupts.whole())  # a run with a header has a last record, too
@@ -131,7 +131,7 @@ class _Asked:
         )
         listener = self.stack.enter_context(listening(address, "--serve"))
         journal, _ = self._look_back(clock, header)
-        journal = journal or self.stack.enter_context(Journal(arguments.journal, clock.stamp))
+        journal = journal or self._journal(clock)
         self.console.note(f"a robot may ask at tcp://{address.host}:{listener.getsockname()[1]}")
         monitor.ready()
         self.stack.enter_context(interrupts.whole())
@@ -187,20 +187,23 @@ class _Asked:
     ) -> tuple[Journal | None, Replay | None]:
         """Open a journal that exists, and look for a run in it that broke off."""
         arguments = self.arguments
-        if not os.path.lexists(arguments.journal):
+        if not files.exists(arguments.journal):
             return None, None
-        journal = self.stack.enter_context(Journal(arguments.journal, clock.stamp))
-        within = {"now": clock.stamp(), "most_s": arguments.resume_within}
+        journal = self._journal(clock)
+        now = {"time": clock.stamp(), **clock.uptime()}
         try:
-            policy, data = arguments.after_crash, self.loaded.data
-            return journal, crash.look(journal, data, header, policy, self.console, **within)
+            policy, data, most_s = arguments.after_crash, self.loaded.data, arguments.resume_within
+            return journal, crash.look(journal, data, header, policy, self.console, now=now, most_s=most_s)
         except BrokenRunError as error:
             if not arguments.put_down:
                 raise
             self.console.note(str(error))
             return journal, None
 
-    def _holds(self, devices: Devices, *, activate: bool) -> Held | None:
+    def _journal(self, clock: SystemClock) -> Journal:
+        return self.stack.enter_context(Journal(self.arguments.journal, clock.stamp, clock.uptime))
+
+    def _holds(self, devices: Devices, journal: Journal | None, *, activate: bool) -> Held | None:
         """What the fingers may hold before a run begins, if they may be moved regardless; else raises."""
         arguments = self.arguments
         state = devices.gripper.state()
@@ -210,7 +213,7 @@ class _Asked:
         if not (activate and needs_activation(state)) or arguments.put_down:
             ready_gripper(devices.gripper)
         if holds is not None and not (arguments.put_down or arguments.jaws_empty):
-            raise holds.refusal(devices.arm.pose()[2], arguments.journal)
+            raise holds.refusal(devices.arm.pose()[2], journal)
         return holds
 
     def _auditor(self, devices: Devices) -> AuditProcess | None:
