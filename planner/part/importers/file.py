@@ -1,6 +1,7 @@
 """Any outline file, by its suffix: read, one contour chosen, simplified, checked and centred."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
@@ -8,10 +9,10 @@ import numpy as np
 import shapely
 
 from planner.arrays import Array
-from planner.errors import InputFileError, OutlineError, UsageError
+from planner.errors import InputFileError, OutlineError, PlannerError, UsageError
 from planner.part import outline, symmetry
 from planner.part.importers import contours, dxf, kicad, mesh, svg, table
-from planner.part.importers.pieces import MAX_BYTES, UNITS_MM, Options, time_limit
+from planner.part.importers.pieces import MAX_BYTES, UNITS_MM, Options, Pieces, time_limit
 
 READERS = {".svg": svg.read, ".csv": table.read, ".kicad_mod": kicad.read}
 SUFFIXES = (".dxf", *READERS, ".stl")
@@ -77,11 +78,25 @@ def read_outline(path: Path, options: Options) -> Imported:
             pieces = dxf.read(data, where, unit_mm, tolerance_mm, options.layer)
         else:
             pieces = READERS[suffix](data, where, unit_mm, tolerance_mm)
-        found, notes = contours.contours(pieces, options.tolerance_mm, where)
-        contour, more = contours.choose(found, options.contour, where)
-        imported, shift = _checked(contour.points, where, options.tolerance_mm, (*notes, *more))
+        with _noted(pieces):
+            found, notes = contours.contours(pieces, options.tolerance_mm, where)
+            contour, more = contours.choose(found, options.contour, where, pieces.lost)
+            all_notes = (*notes, *(shape.what for shape in pieces.lost), *more)
+            imported, shift = _checked(contour.points, where, options.tolerance_mm, all_notes)
         holes = tuple(hole + shift for hole in contours.holes_of(contour, found))
         return imported._replace(height_mm=pieces.height_mm, holes_mm=holes)
+
+
+@contextmanager
+def _noted(pieces: Pieces) -> Iterator[None]:
+    """Adds what a reader should know about a drawing to the error that refuses it."""
+    try:
+        yield
+    except PlannerError as error:
+        for note in (*pieces.notes, *(shape.what for shape in pieces.lost)):
+            if note not in str(error):
+                error.add_note(note)
+        raise
 
 
 def read_faces(path: Path, options: Options, tips_mm: Callable[[float], float]) -> list[Face]:
