@@ -10,8 +10,9 @@ from scipy.spatial import cKDTree
 
 from planner.arrays import Array
 from planner.errors import OutlineError, UsageError
-from planner.part.importers import noding
+from planner.part.importers import noding, seams
 from planner.part.importers.pieces import Lost, Pieces, place, too_much
+from planner.part.importers.seams import Drawn
 
 LISTED = 12
 MOST = 2000  # Most contours of one drawing
@@ -32,14 +33,6 @@ class Contour(NamedTuple):
     outer: bool  # whether it lies inside none
     note: str = ""  # how it was joined from several faces
     ambiguity: str = ""  # why its lines may also bound something else; where and what to do
-
-
-class _Drawn(NamedTuple):
-    """Lines that may bound something, about a local origin."""
-
-    lines: list[Array]  # each (n, 2) [mm]; a ring ends where it begins
-    layers: list[str]  # of each; "" in formats that have none
-    origin: Array  # (2,) [mm] in the drawing
 
 
 def contours(pieces: Pieces, join_mm: float, where: str) -> tuple[list[Contour], list[str]]:
@@ -130,13 +123,15 @@ def listing(found: list[Contour]) -> str:
     return "; ".join(told) + (f"; and {more} more" if more > 0 else "")
 
 
-def _sorted(pieces: Pieces, join_mm: float) -> tuple[list[Array], _Drawn]:
+def _sorted(pieces: Pieces, join_mm: float) -> tuple[list[Array], Drawn]:
     """Rings that nothing else is near, and all other lines, about a local origin.
 
     A ring that crosses itself stands alone, too, unless its lines bound one region: it is refused if chosen.
     """
     curves = [*pieces.rings, *pieces.strokes]
-    origin = np.round(curves[0][0]) if curves else np.zeros(2)
+    if not curves:
+        return [], Drawn([], [], np.zeros(2))
+    origin = np.round(curves[0][0])
     lines = [curve - origin for curve in curves]
     count = len(pieces.rings)
     lines[:count] = [np.concatenate([ring, ring[:1]]) for ring in lines[:count]]
@@ -150,7 +145,7 @@ def _sorted(pieces: Pieces, join_mm: float) -> tuple[list[Array], _Drawn]:
         if (simple and not neighbours[k]) or not (simple or _bounds_one_region(lines[k], join_mm)):
             apart.append(k)
     rest = sorted(set(range(len(lines))) - set(apart))
-    drawn = _Drawn([lines[k] for k in rest], [layers[k] for k in rest], origin)
+    drawn = Drawn([lines[k] for k in rest], [layers[k] for k in rest], origin)
     return [lines[k][:-1] for k in apart], drawn
 
 
@@ -162,51 +157,9 @@ def _plain(ring: Array) -> Contour:
     return Contour(ring, 0.0, 0, True)
 
 
-def _contour(region: noding.Region, loose: list[Array], drawn: _Drawn, join_mm: float) -> Contour:
-    """The outer boundary of a region, and what its seams mean."""
-    if not region.seams:
-        return _plain(region.ring)
-    named = sorted({_line(seam, drawn) for seam in region.seams})
-    what = "line" if len(named) == 1 else "lines"
-    seams = "; ".join(named[:LISTED]) + (f"; and {len(named) - LISTED} more" if len(named) > LISTED else "")
-    layered = any(drawn.layers)
-    remedy = "choose the outline's layer with --layer" if layered else "leave out what is no outline"
-    note = f"faces that share the {what} {seams} are one contour; if they are not one part, {remedy}"
-    ambiguity = ""
-    beyond = noding.overrun(region, loose, drawn.lines)
-    if beyond is not None:
-        ambiguity = f"{_line(drawn.lines[beyond], drawn)} bounds the contour and goes on beyond it; {remedy}"
-    elif other := _layer_that_differs(region, drawn, join_mm):
-        ambiguity = f"layer {other} alone bounds another contour than with the {what} {seams}; {remedy}"
-    return _plain(region.ring)._replace(note=note, ambiguity=ambiguity)
-
-
-def _line(points: Array, drawn: _Drawn) -> str:
-    """A line for people: where it runs, and on which layers."""
-    ends = " to ".join(place(point + drawn.origin) for point in sorted(points[[0, -1]].tolist()))
-    middle = shapely.line_interpolate_point(shapely.LineString(points), 0.5, normalized=True)
-    layers = {
-        layer
-        for line, layer in zip(drawn.lines, drawn.layers, strict=True)
-        if layer and shapely.LineString(line).distance(middle) < noding.BESIDE_MM
-    }
-    return f"from {ends} mm" + (f" (layer {', '.join(sorted(layers))})" if layers else "")
-
-
-def _layer_that_differs(region: noding.Region, drawn: _Drawn, join_mm: float) -> str:
-    """A layer whose lines alone bound something else than the region; "" where one of them bounds just it."""
-    face = _face(region.ring)
-    near = shapely.STRtree([shapely.LineString(line) for line in drawn.lines]).query(face, "intersects")
-    differing = ""
-    for layer in sorted({drawn.layers[k] for k in near}):
-        found = noding.regions([drawn.lines[k] for k in near if drawn.layers[k] == layer], join_mm).regions
-        if not found:
-            continue
-        apart = shapely.symmetric_difference(face, shapely.union_all([_face(each.ring) for each in found]))
-        if apart.area <= join_mm * face.length:
-            return ""
-        differing = layer
-    return differing
+def _contour(region: noding.Region, loose: list[Array], drawn: Drawn, join_mm: float) -> Contour:
+    found = seams.meaning(region, loose, drawn, join_mm)
+    return _plain(region.ring)._replace(note=found.note, ambiguity=found.ambiguity)
 
 
 def _is_wide(ring: Array, join_mm: float) -> bool:

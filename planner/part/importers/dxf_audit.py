@@ -1,0 +1,72 @@
+"""What ezdxf removed from a damaged DXF file, or guessed, before it could be read."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, NamedTuple
+
+from ezdxf.audit import AuditError
+
+from planner.part.importers.dxf_view import ANNOTATIONS
+from planner.part.importers.pieces import Lost
+
+if TYPE_CHECKING:
+    from ezdxf.audit import Auditor
+
+LISTED = 5
+GEOMETRY = frozenset({
+    AuditError.MISSING_SECTION_TAG, AuditError.MISSING_SECTION_NAME_TAG, AuditError.MISSING_ENDSEC_TAG,
+    AuditError.FOUND_TAG_OUTSIDE_SECTION, AuditError.REMOVED_INVALID_GRAPHIC_ENTITY,
+    AuditError.REMOVED_ENTITY_WITH_INVALID_OWNER_HANDLE, AuditError.UNDEFINED_BLOCK,
+    AuditError.UNDEFINED_BLOCK_NAME, AuditError.INVALID_BLOCK_REFERENCE_CYCLE,
+    AuditError.INVALID_INTEGER_VALUE, AuditError.INVALID_FLOATING_POINT_VALUE,
+    AuditError.INVALID_ENTITY_HANDLE, AuditError.INVALID_EXTRUSION_VECTOR, AuditError.INVALID_MAJOR_AXIS,
+    AuditError.INVALID_VERTEX_COUNT, AuditError.INVALID_MLINE_VERTEX, AuditError.INVALID_SPLINE_DEFINITION,
+    AuditError.INVALID_SPLINE_CONTROL_POINT_COUNT, AuditError.INVALID_SPLINE_FIT_POINT_COUNT,
+    AuditError.INVALID_SPLINE_KNOT_VALUE_COUNT, AuditError.INVALID_SPLINE_WEIGHT_COUNT,
+    AuditError.INVALID_ELLIPSE_RATIO, AuditError.INVALID_HATCH_BOUNDARY_PATH, AuditError.INVALID_MESH_DATA,
+})  # fmt: skip
+"""What concerns shapes; all else is about styles, tables and objects."""
+REMOVED = re.compile(r"(?:Removed|Deleted)(?: invalid| DXF| entity)* ([A-Z0-9_]+)\b")
+LINE = re.compile(r"near line:? (\d+)")
+SHAPE_SECTIONS = (b"BLOCKS", b"ENTITIES")
+
+
+class Losses(NamedTuple):
+    """What a repaired file does not hold, or holds otherwise."""
+
+    lost: list[Lost]  # shapes that are gone, or whose numbers were guessed
+    repairs: list[str]  # what was repaired, one sentence each
+
+
+def losses(auditor: Auditor, data: bytes) -> Losses:
+    """Sorts what the auditor reports about shapes; `data` is the file."""
+    lost, repairs = [], []
+    for entry in (*auditor.errors, *auditor.fixes):
+        if entry.code not in GEOMETRY:
+            continue
+        words = entry.message.strip().rstrip(".")
+        removed = REMOVED.match(words)
+        gone = removed is not None and removed[1] not in ANNOTATIONS
+        guessed = entry.code == AuditError.INVALID_FLOATING_POINT_VALUE and _among_shapes(words, data)
+        (lost if gone or guessed else repairs).append(f"ezdxf: {words}")
+    if not data.rstrip().endswith(b"EOF"):
+        ends = data.rfind(b"ENDSEC") > data.rfind(b"ENTITIES")
+        (repairs if ends else lost).append(f"the file is cut short{' behind its shapes' * ends}")
+    return Losses([Lost(words) for words in _listed(lost)], _listed(repairs))
+
+
+def _among_shapes(words: str, data: bytes) -> bool:
+    """Whether the line that a message names lies in a section that holds shapes."""
+    line = LINE.search(words)
+    if line is None:
+        return True
+    before = b"\n".join(data.splitlines()[: int(line[1])])
+    sections = re.findall(rb"SECTION\s+2\s+(\w+)", before)
+    return bool(sections) and sections[-1] in SHAPE_SECTIONS
+
+
+def _listed(words: list[str]) -> list[str]:
+    distinct = list(dict.fromkeys(words))
+    more = len(distinct) - LISTED
+    return distinct[:LISTED] + ([f"ezdxf: {more} more of the kind"] if more > 0 else [])
