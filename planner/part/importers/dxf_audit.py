@@ -7,26 +7,18 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from ezdxf.audit import AuditError
 
-from planner.part.importers.dxf_view import ANNOTATIONS
+from planner.part.importers.dxf_view import ANNOTATION
 from planner.part.importers.pieces import Lost
 
 if TYPE_CHECKING:
     from ezdxf.audit import Auditor
 
 LISTED = 5
-GEOMETRY = frozenset({
-    AuditError.MISSING_SECTION_TAG, AuditError.MISSING_SECTION_NAME_TAG, AuditError.MISSING_ENDSEC_TAG,
-    AuditError.FOUND_TAG_OUTSIDE_SECTION, AuditError.REMOVED_INVALID_GRAPHIC_ENTITY,
-    AuditError.REMOVED_ENTITY_WITH_INVALID_OWNER_HANDLE, AuditError.UNDEFINED_BLOCK,
-    AuditError.UNDEFINED_BLOCK_NAME, AuditError.INVALID_BLOCK_REFERENCE_CYCLE,
-    AuditError.INVALID_INTEGER_VALUE, AuditError.INVALID_FLOATING_POINT_VALUE,
-    AuditError.INVALID_ENTITY_HANDLE, AuditError.INVALID_EXTRUSION_VECTOR, AuditError.INVALID_MAJOR_AXIS,
-    AuditError.INVALID_VERTEX_COUNT, AuditError.INVALID_MLINE_VERTEX, AuditError.INVALID_SPLINE_DEFINITION,
-    AuditError.INVALID_SPLINE_CONTROL_POINT_COUNT, AuditError.INVALID_SPLINE_FIT_POINT_COUNT,
-    AuditError.INVALID_SPLINE_KNOT_VALUE_COUNT, AuditError.INVALID_SPLINE_WEIGHT_COUNT,
-    AuditError.INVALID_ELLIPSE_RATIO, AuditError.INVALID_HATCH_BOUNDARY_PATH, AuditError.INVALID_MESH_DATA,
-})  # fmt: skip
-"""What concerns shapes; all else is about styles, tables and objects."""
+GEOMETRY = re.compile(
+    "MISSING_(SECTION|ENDSEC)|FOUND_TAG|REMOVED_(INVALID_GRAPHIC|ENTITY)|UNDEFINED_BLOCK|BLOCK_REFERENCE_CYCLE|"
+    "INVALID_(INTEGER|FLOATING|ENTITY|EXTRUSION|MAJOR|VERTEX|MLINE_VERTEX|SPLINE|ELLIPSE|HATCH|MESH)"
+)
+"""Which of ezdxf's findings concern shapes; all others are about styles, tables and objects."""
 REMOVED = re.compile(r"(?:Removed|Deleted)(?: invalid| DXF| entity)* ([A-Z0-9_]+)\b")
 LINE = re.compile(r"near line:? (\d+)")
 SHAPE_SECTIONS = (b"BLOCKS", b"ENTITIES")
@@ -43,11 +35,11 @@ def losses(auditor: Auditor, data: bytes) -> Losses:
     """Sorts what the auditor reports about shapes; `data` is the file."""
     lost, repairs = [], []
     for entry in (*auditor.errors, *auditor.fixes):
-        if entry.code not in GEOMETRY:
+        if not GEOMETRY.search(AuditError(entry.code).name):
             continue
         words = entry.message.strip().rstrip(".")
         removed = REMOVED.match(words)
-        gone = removed is not None and removed[1] not in ANNOTATIONS
+        gone = removed is not None and not ANNOTATION.fullmatch(removed[1])
         guessed = entry.code == AuditError.INVALID_FLOATING_POINT_VALUE and _among_shapes(words, data)
         (lost if gone or guessed else repairs).append(f"ezdxf: {words}")
     if not data.rstrip().endswith(b"EOF"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Sequence
 from functools import partial
@@ -28,11 +29,10 @@ if TYPE_CHECKING:
     from ezdxf.entities import DXFGraphic
 
 SHAPES = frozenset({"LINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE", "LWPOLYLINE", "POLYLINE"})
-ANNOTATIONS = frozenset({
-    "ACAD_TABLE", "ARC_DIMENSION", "ATTDEF", "ATTRIB", "DIMENSION", "IMAGE", "LARGE_RADIAL_DIMENSION",
-    "LEADER", "MTEXT", "MULTILEADER", "MLEADER", "OLE2FRAME", "POINT", "RAY", "TEXT", "TOLERANCE",
-    "VIEWPORT", "WIPEOUT", "XLINE",
-})  # fmt: skip
+ANNOTATION = re.compile(
+    r"\w*DIMENSION|M?TEXT|ATTDEF|ATTRIB|M?(ULTI)?LEADER|TOLERANCE|ACAD_TABLE|POINT|RAY|XLINE|IMAGE|WIPEOUT|"
+    "OLE2FRAME|VIEWPORT"
+)
 """What is never an outline."""
 FILLED = frozenset({"HATCH", "MPOLYGON", "SOLID", "TRACE", "3DFACE", "MESH"})
 """What is no outline unless it goes around all that is one."""
@@ -151,7 +151,7 @@ class _Viewer(Frontend):
         elif kind in FILLED:
             self._strays[kind] += 1
             self.lost.append(pieces.Lost(f"{_name(entity)} is not read and goes around it", _box(entity)))
-        elif kind in ANNOTATIONS:
+        elif ANNOTATION.fullmatch(kind):
             self._strays[kind] += 1
         else:
             self._lose(entity, "such shapes are not read")

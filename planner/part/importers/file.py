@@ -12,7 +12,7 @@ from planner.arrays import Array
 from planner.errors import InputFileError, OutlineError, PlannerError, UsageError
 from planner.part import outline, symmetry
 from planner.part.importers import contours, dxf, kicad, mesh, svg, table
-from planner.part.importers.pieces import MAX_BYTES, UNITS_MM, Options, Pieces, time_limit
+from planner.part.importers.pieces import MAX_BYTES, UNITS_MM, Options, Pieces, place, time_limit
 
 READERS = {".svg": svg.read, ".csv": table.read, ".kicad_mod": kicad.read}
 SUFFIXES = (".dxf", *READERS, ".stl")
@@ -21,6 +21,10 @@ SMALLEST_MM, LARGEST_MM = 0.5, 2000.0
 MOST_VERTICES = 2000
 WIDER_MM = 0.1  # by which a solid must differ between heights or faces to be told
 LEAST_SHARE = 0.01  # of the parts that lie on a face; rarer ones are left out
+
+
+DATUM = "the drawing's origin"
+DATUM_MM = 10_000.0  # The furthest that a job's datum lies from its part
 
 
 class Imported(NamedTuple):
@@ -32,7 +36,8 @@ class Imported(NamedTuple):
     notes: tuple[str, ...]  # what a reader should know, one sentence each
     height_mm: float | None = None  # of the solid; None where the file holds an outline alone
     holes_mm: tuple[Array, ...] = ()  # its inner contours, each (n, 2), in the outline's frame
-    origin_mm: tuple[float, float] = (0.0, 0.0)  # the drawing's origin in the outline's frame
+    origin_mm: tuple[float, float] = (0.0, 0.0)  # the drawing's datum in the outline's frame
+    origin_name: str = DATUM  # what of the drawing that is
 
 
 class Face(NamedTuple):
@@ -204,7 +209,14 @@ def _checked(
         raise OutlineError(problem, where=where)
     order = symmetry.order(simple, max(tolerance_mm, symmetry.TOLERANCE_MM))
     shift = first + second
-    return Imported(simple, order, size, notes, origin_mm=(float(shift[0]), float(shift[1]))), shift
+    if np.abs(shift).max() <= DATUM_MM:
+        return Imported(simple, order, size, notes, origin_mm=(float(shift[0]), float(shift[1]))), shift
+    corner = simple.min(axis=0)  # nearer the part than the drawing's origin is
+    name = f"the lower left corner of the part's box, {place(corner - shift)} mm in the drawing"
+    metres = float(np.hypot(*shift)) / 1000
+    far = f"the drawing's origin, {metres:.4g} m away, is too far for a datum; that is {name}"
+    origin = float(corner[0]), float(corner[1])
+    return Imported(simple, order, size, (*notes, far), origin_mm=origin, origin_name=name), shift
 
 
 def _apart(points: Array, where: str) -> Array:

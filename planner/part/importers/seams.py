@@ -39,7 +39,7 @@ def meaning(region: noding.Region, loose: list[Array], drawn: Drawn, join_mm: fl
     lines = "; ".join(named[:LISTED]) + (f"; and {len(named) - LISTED} more" if len(named) > LISTED else "")
     remedy = "leave out of the drawing what is no outline"
     if any(drawn.layers):
-        remedy = "choose the outline's layer with --layer"
+        remedy = "choose the outline's layer with --layer, or leave out what is no outline"
     note = f"faces that share the {what} {lines} are one contour; if they are not one part, {remedy}"
     beyond = noding.overrun(region, loose, drawn.lines)
     if beyond is not None:
@@ -67,7 +67,8 @@ def _named(points: Array, drawn: Drawn) -> str:
 def _differing_layer(region: noding.Region, drawn: Drawn, join_mm: float) -> str:
     """A layer that alone bounds something else than the region; "" where one bounds it, or none anything."""
     face = _filled(region)
-    near = shapely.STRtree([shapely.LineString(line) for line in drawn.lines]).query(face, "intersects")
+    tree = shapely.STRtree([shapely.LineString(line) for line in drawn.lines])
+    near = tree.query(face, "dwithin", distance=join_mm)
     differing = ""
     for layer in sorted({drawn.layers[k] for k in near}):
         found = noding.regions([drawn.lines[k] for k in near if drawn.layers[k] == layer], join_mm).regions
