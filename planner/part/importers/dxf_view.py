@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections import Counter
 from collections.abc import Sequence
@@ -16,7 +17,7 @@ from ezdxf.addons.drawing.config import Configuration, LinePolicy, ProxyGraphicP
 from ezdxf.addons.drawing.recorder import PathRecord, Recorder
 from ezdxf.entities import Insert, LWPolyline, Polyline, Spline
 from ezdxf.lldxf.const import DXFError
-from ezdxf.math import InsertTransformationError, Matrix44, Vec3
+from ezdxf.math import Matrix44, Vec3
 from scipy.interpolate import BSpline
 
 from planner.arrays import Array
@@ -37,6 +38,7 @@ ANNOTATION = re.compile(
 FILLED = frozenset({"HATCH", "MPOLYGON", "SOLID", "TRACE", "3DFACE", "MESH"})
 """What is no outline unless it goes around all that is one."""
 INVISIBLE = "invisible"  # ezdxf's reason
+STRAIGHT = 1e-9  # sine of an angle that is none
 FAR = 1e4
 """From here on [units] shapes are drawn about an origin of their own: ezdxf takes points for equal that
 differ by 1e-9 of their coordinates."""
@@ -60,6 +62,7 @@ def view(document: Drawing, scale: float, tolerance_mm: float, where: str, only:
     Raises:
         OutlineError: a shape cannot be drawn.
     """
+    document.header["$XCLIPFRAME"] = 0  # the frame of a clip is no shape
     recorder = Recorder()
     viewer = _Viewer(document, recorder, tolerance_mm / scale, where, only)
     viewer.draw_layout(document.modelspace())
@@ -165,10 +168,8 @@ class _Viewer(Frontend):
         elif block.block.is_xref or block.block.is_xref_overlay:
             if self._only in (None, properties.layer.lower()):
                 self._lose(insert, f"block {insert.dxf.name!r} is another file (xref); bind it")
-        elif _is_skewed(insert, properties.layer):
-            self._lose(
-                insert, f"block {insert.dxf.name!r} is skewed, so its blocks lose their layers; explode it"
-            )
+        elif _is_skewed(insert):
+            self._lose(insert, f"block {insert.dxf.name!r} skews a block that it holds; explode it")
         else:
             super().draw_entity(insert, properties)
 
@@ -210,20 +211,12 @@ def _width(entity: LWPolyline | Polyline) -> float:
     return float(max(*own, *(vertex.dxf.get(end, 0.0) for vertex in entity.vertices for end in ends)))
 
 
-def _is_skewed(insert: Insert, layer: str) -> bool:
-    """Whether ezdxf would draw blocks in the block as if they lay on its own layer, though they do not."""
-    block = insert.block()
-    matrix = insert.matrix44()
-    for inner in block or ():
-        if not isinstance(inner, Insert):
-            continue
-        if inner.dxf.layer.lower() in ("0", layer.lower()) and not inner.dxf.invisible:
-            continue
-        try:
-            inner.copy().transform(matrix)
-        except InsertTransformationError:
-            return True
-    return False
+def _is_skewed(insert: Insert) -> bool:
+    """Whether ezdxf would turn a block in the block before it stretches it, not after."""
+    if math.isclose(abs(insert.dxf.xscale), abs(insert.dxf.yscale), rel_tol=1e-9):
+        return False
+    inner = (entity for entity in insert.block() or () if isinstance(entity, Insert))
+    return any(abs(math.sin(math.radians(entity.dxf.rotation))) > STRAIGHT for entity in inner)
 
 
 def _path(entity: DXFGraphic, tolerance: float) -> path.Path:
