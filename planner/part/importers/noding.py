@@ -159,16 +159,15 @@ def _shared_edges(polygons: Array) -> tuple[Array, Array]:
     return segments[order[twice]].reshape(-1, 2, 2), pairs
 
 
-def overrun(region: Region, loose: Sequence[Array], lines: Sequence[Array]) -> int | None:
+def overrun(region: Region, loose: Sequence[Array], lines: shapely.STRtree) -> int | None:
     """A line that bounds a region and goes on beyond it, as an extension line does; None where none does."""
     if not loose:
         return None
-    tree = shapely.STRtree([shapely.LineString(line) for line in lines])
     edges = np.stack([region.ring, np.roll(region.ring, -1, axis=0)], axis=1)
     beyond = [shapely.LineString(line) for line in loose]
     sides = [
         np.unique(
-            tree.query(
+            lines.query(
                 shapely.line_interpolate_point(each, 0.5, normalized=True), "dwithin", distance=BESIDE_MM
             )[1]
         )

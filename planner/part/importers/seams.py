@@ -34,40 +34,38 @@ def meaning(region: noding.Region, loose: list[Array], drawn: Drawn, join_mm: fl
     """
     if not region.seams:
         return Meaning()
-    named = sorted({_named(seam, drawn) for seam in region.seams})
-    what = "line" if len(named) == 1 else "lines"
-    lines = "; ".join(named[:LISTED]) + (f"; and {len(named) - LISTED} more" if len(named) > LISTED else "")
+    tree = shapely.STRtree([shapely.LineString(line) for line in drawn.lines])
+    named = [_named(seam, drawn, tree) for seam in region.seams[:LISTED]]
+    more = len(region.seams) - LISTED
+    what = "line" if len(region.seams) == 1 else "lines"
+    lines = "; ".join(named) + (f"; and {more} more" if more > 0 else "")
     remedy = "leave out of the drawing what is no outline"
     if any(drawn.layers):
         remedy = "choose the outline's layer with --layer, or leave out what is no outline"
     note = f"faces that share the {what} {lines} are one contour; if they are not one part, {remedy}"
-    beyond = noding.overrun(region, loose, drawn.lines)
+    beyond = noding.overrun(region, loose, tree)
     if beyond is not None:
-        line = _named(drawn.lines[beyond], drawn)
+        line = _named(drawn.lines[beyond], drawn, tree)
         return Meaning(note, f"the line {line} bounds the contour and goes on beyond it; {remedy}")
-    if layer := _differing_layer(region, drawn, join_mm):
+    if layer := _differing_layer(region, drawn, tree, join_mm):
         return Meaning(
             note, f"layer {layer} bounds one contour alone, another one with the {what} {lines}; {remedy}"
         )
     return Meaning(note)
 
 
-def _named(points: Array, drawn: Drawn) -> str:
+def _named(points: Array, drawn: Drawn, tree: shapely.STRtree) -> str:
     """A line (n, 2) for people: where it runs, and on which layers."""
     ends = " to ".join(place(end + drawn.origin) for end in sorted(points[[0, -1]].tolist()))
     middle = shapely.line_interpolate_point(shapely.LineString(points), 0.5, normalized=True)
-    layers = {
-        layer
-        for line, layer in zip(drawn.lines, drawn.layers, strict=True)
-        if layer and shapely.LineString(line).distance(middle) < noding.BESIDE_MM
-    }
+    near = tree.query(middle, "dwithin", distance=noding.BESIDE_MM)
+    layers = {drawn.layers[k] for k in near} - {""}
     return f"from {ends} mm" + (f" (layer {', '.join(sorted(layers))})" if layers else "")
 
 
-def _differing_layer(region: noding.Region, drawn: Drawn, join_mm: float) -> str:
+def _differing_layer(region: noding.Region, drawn: Drawn, tree: shapely.STRtree, join_mm: float) -> str:
     """A layer that alone bounds something else than the region; "" where one bounds it, or none anything."""
     face = _filled(region)
-    tree = shapely.STRtree([shapely.LineString(line) for line in drawn.lines])
     near = tree.query(face, "dwithin", distance=join_mm)
     differing = ""
     for layer in sorted({drawn.layers[k] for k in near}):

@@ -108,7 +108,7 @@ SMALL = (small_bulges, small_disc, small_ellipse, small_spline, closed_by_a_shor
 
 
 @pytest.mark.parametrize("draw", SMALL)
-@pytest.mark.parametrize("site_mm", [(0, 0), (5e8, -3e8)])
+@pytest.mark.parametrize("site_mm", [(0, 0), (5e9, -3e9)])
 @pytest.mark.parametrize("block", [False, True])
 def test_small_shapes_keep_their_form_far_away(tmp_path, draw, site_mm, block):
     right = []
