@@ -34,7 +34,7 @@ def read(
     scale, notes = _scale(document, where, unit_mm)
     space = document.modelspace()
     if layer is not None:
-        drawn = {str(entity.dxf.get("layer", "0")) for each in (space, *document.blocks) for entity in each}
+        drawn = {dxf_view.layer_of(entity) for each in (space, *document.blocks) for entity in each}
         names = {name.lower(): name for name in sorted(drawn)}
         if layer.lower() not in names:
             raise UsageError(

@@ -15,7 +15,8 @@ from ezdxf import bbox, path
 from ezdxf.addons.drawing import Frontend, RenderContext
 from ezdxf.addons.drawing.config import Configuration, LinePolicy, ProxyGraphicPolicy
 from ezdxf.addons.drawing.recorder import PathRecord, Recorder
-from ezdxf.entities import Insert, LWPolyline, Polyline, Spline
+from ezdxf.entities import DXFTagStorage, Insert, LWPolyline, Polyline, Spline
+from ezdxf.entities.polyline import DXFVertex
 from ezdxf.lldxf.const import DXFError
 from ezdxf.math import Matrix44, Vec3
 from scipy.interpolate import BSpline
@@ -27,17 +28,18 @@ from planner.part.importers import pieces
 if TYPE_CHECKING:
     from ezdxf.addons.drawing.properties import LayerProperties, Properties
     from ezdxf.document import Drawing
-    from ezdxf.entities import DXFGraphic
+    from ezdxf.entities import DXFEntity, DXFGraphic
 
 SHAPES = frozenset({"LINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE", "LWPOLYLINE", "POLYLINE"})
 ANNOTATION = re.compile(
-    r"\w*DIMENSION|M?TEXT|ATTDEF|ATTRIB|M?(ULTI)?LEADER|TOLERANCE|ACAD_TABLE|POINT|RAY|XLINE|IMAGE|WIPEOUT|"
-    "OLE2FRAME|VIEWPORT"
+    r"\w*DIMENSION|\w*TEXT|ATTDEF|ATTRIB|M?(ULTI)?LEADER|TOLERANCE|ACAD_TABLE|POINT|RAY|XLINE|IMAGE|WIPEOUT|"
+    r"OLE2FRAME|VIEWPORT|LIGHT|CAMERA|SECTION|GEOPOSITIONMARKER|\w+UNDERLAY"
 )
 """What is never an outline."""
 FILLED = frozenset({"HATCH", "MPOLYGON", "SOLID", "TRACE", "3DFACE", "MESH"})
 """What is no outline unless it goes around all that is one."""
 INVISIBLE = "invisible"  # ezdxf's reason
+LAYER = 8  # group code
 STRAIGHT = 1e-9  # sine of an angle that is none
 FAR = 1e4
 """From here on [units] shapes are drawn about an origin of their own: ezdxf takes points for equal that
@@ -129,11 +131,14 @@ class _Viewer(Frontend):
         for layer in layers:
             layer.is_visible |= layer.layer.lower() == self._only
 
-    def skip_entity(self, entity: DXFGraphic, msg: str) -> None:
+    def skip_entity(self, entity: DXFEntity, msg: str) -> None:
         """Called by ezdxf for what it does not draw, and why."""
-        if msg == INVISIBLE:
+        layer, block = layer_of(entity).lower(), self.ctx.current_block_reference_properties
+        if layer == "0" and block is not None:
+            layer = block.layer.lower()
+        if msg == INVISIBLE or (layer in self.ctx.layers and not self.ctx.layers[layer].is_visible):
             self._hidden[entity.dxftype()] += 1
-        else:
+        elif self._only in (None, layer):
             self._lose(entity, msg)
 
     def draw_entity(self, entity: DXFGraphic, properties: Properties) -> None:
@@ -147,15 +152,12 @@ class _Viewer(Frontend):
             super().draw_entity(entity, properties)
         elif layer in self._unplotted and kind in SHAPES:
             self._not_plotted[kind, properties.layer] += 1
-            words = f"{_name(entity)} on layer {properties.layer}, which is not plotted, goes around it"
-            self.lost.append(pieces.Lost(words, _box(entity)))
+            self._lose_around(entity, f"on layer {properties.layer} is not plotted")
         elif kind in SHAPES:
             self._draw_shape(entity, properties)
         elif kind in FILLED:
             self._strays[kind] += 1
-            self.lost.append(pieces.Lost(f"{_name(entity)} is not read and goes around it", _box(entity)))
-        elif ANNOTATION.fullmatch(kind):
-            self._strays[kind] += 1
+            self._lose_around(entity, "is not read")
         else:
             self._lose(entity, "such shapes are not read")
 
@@ -173,8 +175,18 @@ class _Viewer(Frontend):
         else:
             super().draw_entity(insert, properties)
 
-    def _lose(self, entity: DXFGraphic, why: str) -> None:
-        self.lost.append(pieces.Lost(f"{_name(entity)}: {why}"))
+    def _lose(self, entity: DXFEntity, why: str) -> None:
+        if ANNOTATION.fullmatch(entity.dxftype()):
+            self._strays[entity.dxftype()] += 1
+        else:
+            self.lost.append(pieces.Lost(f"{_name(entity)}: {why}"))
+
+    def _lose_around(self, entity: DXFGraphic, why: str) -> None:
+        """Records what is no outline unless it goes around all others."""
+        box = bbox.extents([entity])
+        if box.has_data:
+            corners = np.array([tuple(box.extmin)[:2], tuple(box.extmax)[:2]])
+            self.lost.append(pieces.Lost(f"{_name(entity)} {why}, and goes around it", corners))
 
     def _draw_shape(self, entity: DXFGraphic, properties: Properties) -> None:
         try:
@@ -192,13 +204,17 @@ def _counted(kinds: Counter[str]) -> str:
     return ", ".join(f"{count} {kind}" for kind, count in sorted(kinds.items()))
 
 
-def _name(entity: DXFGraphic) -> str:
-    return f"{entity.dxftype()} #{entity.dxf.get('handle', '?')}"
+def layer_of(entity: DXFEntity) -> str:
+    """The layer that an entity names, of a kind that ezdxf knows or not."""
+    if isinstance(entity, DXFTagStorage):
+        tags = (tag for part in entity.xtags.subclasses for tag in part)
+        return next((str(tag.value) for tag in tags if tag.code == LAYER), "0")
+    return str(entity.dxf.get("layer", "0"))
 
 
-def _box(entity: DXFGraphic) -> Array | None:
-    box = bbox.extents([entity])
-    return np.array([tuple(box.extmin)[:2], tuple(box.extmax)[:2]]) if box.has_data else None
+def _name(entity: DXFEntity) -> str:
+    handle = entity.dxf.get("handle")
+    return f"{entity.dxftype()} #{handle}" if handle else f"{entity.dxftype()} in a block"
 
 
 def _width(entity: LWPolyline | Polyline) -> float:
@@ -225,6 +241,10 @@ def _path(entity: DXFGraphic, tolerance: float) -> path.Path:
         points = _spline(entity, tolerance)
         origin = np.round(points[0])
         return _moved(path.from_vertices((points - origin).tolist()), Vec3(*origin))
+    if isinstance(entity, Polyline):  # points that frame a fitted curve are none of it
+        entity.vertices[:] = [
+            v for v in entity.vertices if not v.dxf.flags & DXFVertex.SPLINE_FRAME_CONTROL_POINT
+        ]
     shape = path.make_path(entity)
     if not len(shape) or shape.start.magnitude < FAR:
         return shape
@@ -241,7 +261,8 @@ def _spline(entity: Spline, tolerance: float) -> Array:
     degree, knots = entity.dxf.degree, np.array(entity.knots)
     control = np.array([tuple(point)[:2] for point in entity.control_points], dtype=np.float64)
     weights = np.array(entity.weights if len(entity.weights) else np.ones(len(control)))
-    if not _sane(control, 1.0) or not np.isfinite(knots).all() or not (weights > 0.0).all():
+    counted = len(knots) == len(control) + degree + 1 and (np.diff(knots) >= 0.0).all()
+    if not counted or not _sane(control, 1.0) or not np.isfinite(knots).all() or not (weights > 0.0).all():
         raise ValueError("no spline")
     homogeneous = BSpline(knots, np.column_stack([control * weights[:, None], weights]), degree)
     spans = np.unique(knots[degree : len(control) + 1])

@@ -86,7 +86,7 @@ def read_outline(path: Path, options: Options) -> Imported:
         with _noted(pieces):
             found, notes = contours.contours(pieces, options.tolerance_mm, where)
             contour, more = contours.choose(found, options.contour, where, pieces.lost)
-            all_notes = (*notes, *(shape.what for shape in pieces.lost), *more)
+            all_notes = (*notes, *(shape.what for shape in pieces.lost if shape.box is None), *more)
             imported, shift = _checked(contour.points, where, options.tolerance_mm, all_notes)
         holes = tuple(hole + shift for hole in contours.holes_of(contour, found))
         return imported._replace(height_mm=pieces.height_mm, holes_mm=holes)
@@ -98,7 +98,7 @@ def _noted(pieces: Pieces) -> Iterator[None]:
     try:
         yield
     except PlannerError as error:
-        for note in (*pieces.notes, *(shape.what for shape in pieces.lost)):
+        for note in (*pieces.notes, *(shape.what for shape in pieces.lost if shape.box is None)):
             if note not in str(error):
                 error.add_note(note)
         raise

@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+import numpy as np
 import shapely
 
 from planner.arrays import Array
@@ -29,8 +30,8 @@ class Meaning(NamedTuple):
 def meaning(region: noding.Region, loose: list[Array], drawn: Drawn, join_mm: float) -> Meaning:
     """What the seams of a region say; `loose` lines bound nothing.
 
-    A region is ambiguous where one of its lines goes on beyond it, as the extension lines of a dimension do,
-    or where no layer alone bounds it, but one bounds something else.
+    A region is ambiguous where closed contours overlap in it, where one of its lines goes on beyond it, as
+    the extension lines of a dimension do, or where no layer alone bounds it, but one bounds something else.
     """
     if not region.seams:
         return Meaning()
@@ -43,6 +44,10 @@ def meaning(region: noding.Region, loose: list[Array], drawn: Drawn, join_mm: fl
     if any(drawn.layers):
         remedy = "choose the outline's layer with --layer, or leave out what is no outline"
     note = f"faces that share the {what} {lines} are one contour; if they are not one part, {remedy}"
+    loops = [seam for seam in region.seams if np.array_equal(seam[0], seam[-1])]
+    if loops:
+        cross = place(loops[0][0] + drawn.origin)
+        return Meaning(note, f"closed contours overlap near {cross} mm; draw the outline as one, or {remedy}")
     beyond = noding.overrun(region, loose, tree)
     if beyond is not None:
         line = _named(drawn.lines[beyond], drawn, tree)

@@ -174,6 +174,60 @@ def test_file_cut_short_among_its_shapes_is_refused(tmp_path):
         read(path)
 
 
+def too_many_knots(space, _):
+    curve = spline(space)
+    curve.knots = [*curve.knots, 9.0, 10.0]
+
+
+def knots_that_fall(space, _):
+    curve = spline(space)
+    curve.knots = list(curve.knots)[::-1]
+
+
+def polygon_mesh(space, _):
+    space.add_polymesh((4, 4))
+
+
+@pytest.mark.parametrize("draw", [too_many_knots, knots_that_fall, polygon_mesh])
+def test_shape_that_cannot_be_drawn_is_named(tmp_path, draw):
+    path = dxf(tmp_path, lambda space, _: (hole(space), draw(space, _)))
+    with pytest.raises(OutlineError, match=r"its (SPLINE|POLYLINE) #\w+ cannot be drawn"):
+        read(path)
+
+
+def with_unknown(path, layer):
+    """The file with an entity of a kind that ezdxf does not know."""
+    unknown = f"  0\nNEWSHAPE\n  5\nABC\n330\n17\n100\nAcDbEntity\n  8\n{layer}\n100\nAcDbNewShape\n"
+    head, tail = path.read_text().split("ENTITIES\n", 1)
+    path.write_text(f"{head}ENTITIES\n{unknown}{tail}")
+
+
+def test_unknown_shape_is_lost_where_it_is_seen(tmp_path):
+    def draw(space, document):
+        document.layers.add("HIDDEN").off()
+        box(space, (0, 0), (40, 20), layer="CUT")
+
+    path = dxf(tmp_path, draw)
+    with_unknown(path, "OTHER")
+    with pytest.raises(OutlineError, match="may be missing: NEWSHAPE"):
+        read(path)
+    assert area(read(path, layer="CUT")) == pytest.approx(PLATE_MM2)
+    path = dxf(tmp_path, draw)
+    with_unknown(path, "HIDDEN")
+    assert area(read(path)) == pytest.approx(PLATE_MM2)
+
+
+def test_frame_of_a_fitted_polyline_is_no_part_of_it(tmp_path):
+    def draw(space, _):
+        shape = space.add_polyline2d([(0, 0), (40, 0), (40, 20), (0, 20)], close=True)
+        shape.dxf.flags |= shape.SPLINE_FIT_VERTICES_ADDED
+        for vertex in shape.vertices:
+            vertex.dxf.flags = vertex.SPLINE_FRAME_CONTROL_POINT
+        shape.append_vertices([(5, 5), (35, 5), (35, 15), (5, 15)], {"flags": 8})
+
+    assert area(read(dxf(tmp_path, draw))) == pytest.approx(300)
+
+
 def test_repairs_that_lose_nothing_are_noted(tmp_path):
     def draw(space, _):
         space.add_lwpolyline([(0, 0), (40, 0), (40, 20), (0, 20)], close=True)

@@ -242,7 +242,7 @@ def test_what_is_not_plotted_inside_the_part_is_left_out(tmp_path):
 
 def test_what_is_not_plotted_about_the_part_may_be_the_outline(tmp_path):
     path = dxf(tmp_path, unplotted(FRAME))
-    with pytest.raises(OutlineError, match="on layer GUIDE, which is not plotted, goes around it"):
+    with pytest.raises(OutlineError, match="on layer GUIDE is not plotted, and goes around it"):
         read(path)
     assert area(read(path, layer="0")) == pytest.approx(PLATE_MM2)
     assert area(read(path, layer="GUIDE")) == pytest.approx(65 * 45)

@@ -280,6 +280,51 @@ def test_faces_that_touch_at_a_point_are_two(tmp_path):
         read(dxf(tmp_path, draw))
 
 
+def notch_across_an_edge(space, _):
+    box(space, (0, 0), (40, 20))
+    box(space, (15, 15), (25, 25))
+
+
+def circle_at_a_corner(space, _):
+    lines(space)
+    space.add_circle((0, 0), 3)
+
+
+def plus_of_two_boxes(space, _):
+    lines(space, [(0, 10), (40, 10), (40, 20), (0, 20)])
+    lines(space, [(15, 0), (25, 0), (25, 30), (15, 30)])
+
+
+@pytest.mark.parametrize("draw", [notch_across_an_edge, circle_at_a_corner, plus_of_two_boxes])
+def test_closed_contours_that_overlap_are_refused(tmp_path, draw):
+    with pytest.raises(OutlineError, match=r"closed contours overlap near \(.*draw the outline as one"):
+        read(dxf(tmp_path, draw))
+
+
+def cross_of_centre_lines(space, _):
+    box(space, (-12, -9), (12, 9))
+    space.add_circle((0, 0), 5)
+    for end in ((15, 0), (0, 15)):
+        space.add_line(end, np.negative(end), dxfattribs={"layer": "CENTER"})
+
+
+def touching_holes(space, _):
+    box(space, (-12, -9), (12, 9))
+    space.add_circle((0, 4), 5)
+    space.add_circle((5, -4), 3)
+
+
+def lead_in(space, _):
+    box(space, (-12, -9), (12, 9))
+    space.add_circle((0, 0), 5)
+    space.add_line((5, 0), (12, 0))
+
+
+@pytest.mark.parametrize("draw", [cross_of_centre_lines, touching_holes, lead_in])
+def test_holes_and_centre_lines_leave_the_outline_as_it_is(tmp_path, draw):
+    assert area(read(dxf(tmp_path, draw))) == pytest.approx(24 * 18, rel=1e-3)
+
+
 def dimension_on(layer, beyond):
     """Extension lines from the plate's corners and a dimension line between them, exploded."""
 
