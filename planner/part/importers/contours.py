@@ -164,9 +164,8 @@ def _contour(region: noding.Region, loose: list[Array], drawn: Drawn, join_mm: f
 
 def _is_wide(ring: Array, join_mm: float) -> bool:
     """Whether a ring encloses more than a line drawn twice does."""
-    if len(ring) < 3:
-        return False
-    return float(_face(ring).area) > 0.5 * join_mm * shapely.LinearRing(ring).length
+    least = 0.5 * join_mm * float(shapely.LinearRing(ring).length) if len(ring) > 2 else 0.0
+    return len(ring) > 2 and _hull(ring).area > least and float(_face(ring).area) > least
 
 
 def _hull(points: Array) -> shapely.Geometry:
