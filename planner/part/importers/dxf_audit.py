@@ -33,7 +33,7 @@ class Losses(NamedTuple):
 
 def losses(auditor: Auditor, data: bytes) -> Losses:
     """Sorts what the auditor reports about shapes; `data` is the file."""
-    lost, repairs = [], []
+    lost, repairs = list[str](), list[str]()
     for entry in (*auditor.errors, *auditor.fixes):
         if not GEOMETRY.search(AuditError(entry.code).name):
             continue

@@ -12,11 +12,15 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from ezdxf import bbox, path
-from ezdxf.addons.drawing import Frontend, RenderContext
 from ezdxf.addons.drawing.config import Configuration, LinePolicy, ProxyGraphicPolicy
+from ezdxf.addons.drawing.frontend import Frontend
+from ezdxf.addons.drawing.properties import RenderContext
 from ezdxf.addons.drawing.recorder import PathRecord, Recorder
-from ezdxf.entities import DXFTagStorage, Insert, LWPolyline, Polyline, Spline
-from ezdxf.entities.polyline import DXFVertex
+from ezdxf.entities.dxfentity import DXFTagStorage
+from ezdxf.entities.insert import Insert
+from ezdxf.entities.lwpolyline import LWPolyline
+from ezdxf.entities.polyline import DXFVertex, Polyline
+from ezdxf.entities.spline import Spline
 from ezdxf.lldxf.const import DXFError
 from ezdxf.math import Matrix44, Vec3
 from scipy.interpolate import BSpline
@@ -28,7 +32,8 @@ from planner.part.importers import pieces
 if TYPE_CHECKING:
     from ezdxf.addons.drawing.properties import LayerProperties, Properties
     from ezdxf.document import Drawing
-    from ezdxf.entities import DXFEntity, DXFGraphic
+    from ezdxf.entities.dxfentity import DXFEntity
+    from ezdxf.entities.dxfgfx import DXFGraphic
 
 SHAPES = frozenset({"LINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE", "LWPOLYLINE", "POLYLINE"})
 ANNOTATION = re.compile(
@@ -122,7 +127,7 @@ class _Viewer(Frontend):
             notes.append(f"not plotted, left out: {_counted(each)}; --layer reads a layer")
         if self._widths:
             what = (
-                f"{len(self._widths)} polylines have a width, the largest {max(self._widths) * scale:.4g} mm"
+                f"polylines with a width: {len(self._widths)}, up to {max(self._widths) * scale:.4g} mm wide"
             )
             notes.append(f"{what}; the outline runs along their middle")
         return notes
@@ -219,12 +224,12 @@ def _name(entity: DXFEntity) -> str:
 
 def _width(entity: LWPolyline | Polyline) -> float:
     if isinstance(entity, LWPolyline):
-        return max(
-            entity.dxf.get("const_width", 0.0), *(max(point) for point in entity.get_points("se")), 0.0
-        )
-    ends = ("start_width", "end_width")
-    own = [entity.dxf.get(f"default_{end}", 0.0) for end in ends]
-    return float(max(*own, *(vertex.dxf.get(end, 0.0) for vertex in entity.vertices for end in ends)))
+        widths = [entity.dxf.get("const_width", 0.0), *(max(ends) for ends in entity.get_points("se"))]
+    else:
+        ends = ("start_width", "end_width")
+        widths = [entity.dxf.get(f"default_{end}", 0.0) for end in ends]
+        widths += [vertex.dxf.get(end, 0.0) for vertex in entity.vertices for end in ends]
+    return float(max(widths))
 
 
 def _is_skewed(insert: Insert) -> bool:

@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 from shapely.ops import substring
 
-from planner.arrays import Array
+from planner.arrays import Array, BoolArray, IntArray
 
 GRID_MM = 1e-6  # Of the snap rounding: what differs by less is a rounding error of the file
 BESIDE_MM = 1e-5  # A noded line lies no further from the one that it was
@@ -38,8 +38,8 @@ class _Ends(NamedTuple):
     """Ends of chains that meet no other line."""
 
     points: Array  # (n, 2)
-    chain: Array  # (n,) index of the chain that ends there
-    last: Array  # (n,) whether it is the chain's last point
+    chain: IntArray  # (n,) index of the chain that ends there
+    last: BoolArray  # (n,) whether it is the chain's last point
 
 
 def regions(lines: Sequence[Array], join_mm: float) -> Regions:
@@ -94,7 +94,7 @@ def _free_ends(chains: Array, join_mm: float) -> _Ends:
     return _Ends(points[free], chain[free], last[free])
 
 
-def _pairs(chains: Array, ends: _Ends, join_mm: float) -> tuple[Array, list[shapely.Geometry]]:
+def _pairs(chains: Array, ends: _Ends, join_mm: float) -> tuple[BoolArray, list[shapely.Geometry]]:
     """Which ends have another free end near them (n,), the nearest first, and the lines between the two.
 
     The two ends of a chain that is hardly longer than the gap belong to different neighbours.
@@ -127,7 +127,7 @@ def _to_nearest(tree: shapely.STRtree, ends: _Ends, k: int, join_mm: float) -> s
     return shapely.shortest_line(end, lines[int(np.argmin(distances))])
 
 
-def _joined(polygons: Array, thin: Array) -> list[Region]:
+def _joined(polygons: Array, thin: BoolArray) -> list[Region]:
     """Faces that share an edge of their outer boundaries as one region; `thin` ones make no seams."""
     segments, faces = _shared_edges(polygons)
     links = coo_array((np.ones(len(faces)), faces.T), shape=(len(polygons), len(polygons)))
@@ -146,7 +146,7 @@ def _joined(polygons: Array, thin: Array) -> list[Region]:
     return found
 
 
-def _shared_edges(polygons: Array) -> tuple[Array, Array]:
+def _shared_edges(polygons: Array) -> tuple[Array, IntArray]:
     """Segments (n, 2, 2) that two outer boundaries share, and whose (n, 2) they are."""
     points, owner = shapely.get_coordinates(shapely.get_exterior_ring(polygons), return_index=True)
     same = owner[1:] == owner[:-1]
@@ -163,15 +163,11 @@ def overrun(region: Region, loose: Sequence[Array], lines: shapely.STRtree) -> i
     """A line that bounds a region and goes on beyond it, as an extension line does; None where none does."""
     if not loose:
         return None
-    edges = np.stack([region.ring, np.roll(region.ring, -1, axis=0)], axis=1)
-    beyond = [shapely.LineString(line) for line in loose]
-    sides = [
-        np.unique(
-            lines.query(
-                shapely.line_interpolate_point(each, 0.5, normalized=True), "dwithin", distance=BESIDE_MM
-            )[1]
-        )
-        for each in (shapely.linestrings(edges), beyond)
-    ]
-    both = np.intersect1d(*sides)
-    return int(both[0]) if len(both) else None
+    edges = shapely.linestrings(np.stack([region.ring, np.roll(region.ring, -1, axis=0)], axis=1))
+    bounding, beyond = (
+        lines.query(
+            shapely.line_interpolate_point(each, 0.5, normalized=True), "dwithin", distance=BESIDE_MM
+        )[1]
+        for each in (edges, [shapely.LineString(line) for line in loose])
+    )
+    return min(set(bounding.tolist()) & set(beyond.tolist()), default=None)

@@ -267,7 +267,7 @@ def test_polyline_width_is_noted(tmp_path):
 
     found = read(dxf(tmp_path, draw))
     assert area(found) == pytest.approx(PLATE_MM2)
-    assert "3 polylines have a width, the largest 3 mm" in notes(found)
+    assert "polylines with a width: 3, up to 3 mm wide" in notes(found)
 
 
 def test_empty_model_space_names_the_layout(tmp_path):
