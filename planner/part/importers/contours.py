@@ -130,7 +130,7 @@ def _sorted(pieces: Pieces, join_mm: float) -> tuple[list[Array], Drawn]:
     """
     curves = [*pieces.rings, *pieces.strokes]
     if not curves:
-        return [], Drawn([], [], np.zeros(2))
+        return [], Drawn([], [], np.zeros(2), shapely.STRtree([]))
     origin = np.round(curves[0][0])
     lines = [curve - origin for curve in curves]
     count = len(pieces.rings)
@@ -145,7 +145,8 @@ def _sorted(pieces: Pieces, join_mm: float) -> tuple[list[Array], Drawn]:
         if (simple and not neighbours[k]) or not (simple or _bounds_one_region(lines[k], join_mm)):
             apart.append(k)
     rest = sorted(set(range(len(lines))) - set(apart))
-    drawn = Drawn([lines[k] for k in rest], [layers[k] for k in rest], origin)
+    tree = shapely.STRtree([strings[k] for k in rest])
+    drawn = Drawn([lines[k] for k in rest], [layers[k] for k in rest], origin, tree)
     return [lines[k][:-1] for k in apart], drawn
 
 

@@ -18,6 +18,7 @@ class Drawn(NamedTuple):
     lines: list[Array]  # each (n, 2) [mm]; a ring ends where it begins
     layers: list[str]  # of each; "" in formats that have none
     origin: Array  # (2,) [mm] in the drawing
+    tree: shapely.STRtree  # of the lines
 
 
 class Meaning(NamedTuple):
@@ -35,8 +36,7 @@ def meaning(region: noding.Region, loose: list[Array], drawn: Drawn, join_mm: fl
     """
     if not region.seams:
         return Meaning()
-    tree = shapely.STRtree([shapely.LineString(line) for line in drawn.lines])
-    named = [_named(seam, drawn, tree) for seam in region.seams[:LISTED]]
+    named = [_named(seam, drawn) for seam in region.seams[:LISTED]]
     more = len(region.seams) - LISTED
     what = "line" if len(region.seams) == 1 else "lines"
     lines = "; ".join(named) + (f"; and {more} more" if more > 0 else "")
@@ -48,32 +48,33 @@ def meaning(region: noding.Region, loose: list[Array], drawn: Drawn, join_mm: fl
     if loops:
         cross = place(loops[0][0] + drawn.origin)
         return Meaning(note, f"closed contours overlap near {cross} mm; draw the outline as one, or {remedy}")
-    beyond = noding.overrun(region, loose, tree)
+    beyond = noding.overrun(region, loose, drawn.tree)
     if beyond is not None:
-        line = _named(drawn.lines[beyond], drawn, tree)
+        line = _named(drawn.lines[beyond], drawn)
         return Meaning(note, f"the line {line} bounds the contour and goes on beyond it; {remedy}")
-    if layer := _differing_layer(region, drawn, tree, join_mm):
+    if layer := _differing_layer(region, drawn, join_mm):
         return Meaning(
             note, f"layer {layer} bounds one contour alone, another one with the {what} {lines}; {remedy}"
         )
     return Meaning(note)
 
 
-def _named(points: Array, drawn: Drawn, tree: shapely.STRtree) -> str:
+def _named(points: Array, drawn: Drawn) -> str:
     """A line (n, 2) for people: where it runs, and on which layers."""
     ends = " to ".join(place(end + drawn.origin) for end in sorted(points[[0, -1]].tolist()))
     middle = shapely.line_interpolate_point(shapely.LineString(points), 0.5, normalized=True)
-    near = tree.query(middle, "dwithin", distance=noding.BESIDE_MM)
+    near = drawn.tree.query(middle, "dwithin", distance=noding.BESIDE_MM)
     layers = {drawn.layers[k] for k in near} - {""}
     return f"from {ends} mm" + (f" (layer {', '.join(sorted(layers))})" if layers else "")
 
 
-def _differing_layer(region: noding.Region, drawn: Drawn, tree: shapely.STRtree, join_mm: float) -> str:
+def _differing_layer(region: noding.Region, drawn: Drawn, join_mm: float) -> str:
     """A layer that alone bounds something else than the region; "" where one bounds it, or none anything."""
     face = _filled(region)
-    near = tree.query(face, "dwithin", distance=join_mm)
+    near = drawn.tree.query(face, "dwithin", distance=join_mm)
+    layers = sorted({drawn.layers[k] for k in near})
     differing = ""
-    for layer in sorted({drawn.layers[k] for k in near}):
+    for layer in layers if len(layers) > 1 else ():
         found = noding.regions([drawn.lines[k] for k in near if drawn.layers[k] == layer], join_mm).regions
         if not found:
             continue
