@@ -109,6 +109,7 @@ def draft(imported: Imported, source: str, answers: Answers, faces: Sequence[Fac
         **_shape(imported),
         faces=[_face(number, face, answers.name) for number, face in enumerate(faces, start=1)],
         datum=[round(float(value), DECIMALS) + 0.0 for value in imported.origin_mm],
+        datum_name=imported.origin_name,
         fingers=FINGERS[answers.fingers],
         gripper=GRIPPERS[answers.gripper],
         radius=float(answers.radius_mm),

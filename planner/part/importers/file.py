@@ -1,6 +1,7 @@
 """Any outline file, by its suffix: read, one contour chosen, simplified, checked and centred."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
@@ -8,10 +9,10 @@ import numpy as np
 import shapely
 
 from planner.arrays import Array
-from planner.errors import InputFileError, OutlineError, UsageError
+from planner.errors import InputFileError, OutlineError, PlannerError, UsageError
 from planner.part import outline, symmetry
 from planner.part.importers import contours, dxf, kicad, mesh, svg, table
-from planner.part.importers.pieces import MAX_BYTES, UNITS_MM, Options, time_limit
+from planner.part.importers.pieces import MAX_BYTES, UNITS_MM, Options, Pieces, place, time_limit
 
 READERS = {".svg": svg.read, ".csv": table.read, ".kicad_mod": kicad.read}
 SUFFIXES = (".dxf", *READERS, ".stl")
@@ -20,6 +21,10 @@ SMALLEST_MM, LARGEST_MM = 0.5, 2000.0
 MOST_VERTICES = 2000
 WIDER_MM = 0.1  # by which a solid must differ between heights or faces to be told
 LEAST_SHARE = 0.01  # of the parts that lie on a face; rarer ones are left out
+
+
+DATUM = "the drawing's origin"
+DATUM_MM = 10_000.0  # The furthest that a job's datum lies from its part
 
 
 class Imported(NamedTuple):
@@ -31,7 +36,8 @@ class Imported(NamedTuple):
     notes: tuple[str, ...]  # what a reader should know, one sentence each
     height_mm: float | None = None  # of the solid; None where the file holds an outline alone
     holes_mm: tuple[Array, ...] = ()  # its inner contours, each (n, 2), in the outline's frame
-    origin_mm: tuple[float, float] = (0.0, 0.0)  # the drawing's origin in the outline's frame
+    origin_mm: tuple[float, float] = (0.0, 0.0)  # the drawing's datum in the outline's frame
+    origin_name: str = DATUM  # what of the drawing that is
 
 
 class Face(NamedTuple):
@@ -77,11 +83,25 @@ def read_outline(path: Path, options: Options) -> Imported:
             pieces = dxf.read(data, where, unit_mm, tolerance_mm, options.layer)
         else:
             pieces = READERS[suffix](data, where, unit_mm, tolerance_mm)
-        found, notes = contours.contours(pieces, options.tolerance_mm, where)
-        contour, more = contours.choose(found, options.contour, where)
-        imported, shift = _checked(contour.points, where, options.tolerance_mm, (*notes, *more))
+        with _noted(pieces):
+            found, notes = contours.contours(pieces, options.tolerance_mm, where)
+            contour, more = contours.choose(found, options.contour, where, pieces.lost)
+            all_notes = (*notes, *(shape.what for shape in pieces.lost if shape.box is None), *more)
+            imported, shift = _checked(contour.points, where, options.tolerance_mm, all_notes)
         holes = tuple(hole + shift for hole in contours.holes_of(contour, found))
         return imported._replace(height_mm=pieces.height_mm, holes_mm=holes)
+
+
+@contextmanager
+def _noted(pieces: Pieces) -> Iterator[None]:
+    """Adds what a reader should know about a drawing to the error that refuses it."""
+    try:
+        yield
+    except PlannerError as error:
+        for note in (*pieces.notes, *(shape.what for shape in pieces.lost if shape.box is None)):
+            if note not in str(error):
+                error.add_note(note)
+        raise
 
 
 def read_faces(path: Path, options: Options, tips_mm: Callable[[float], float]) -> list[Face]:
@@ -189,7 +209,14 @@ def _checked(
         raise OutlineError(problem, where=where)
     order = symmetry.order(simple, max(tolerance_mm, symmetry.TOLERANCE_MM))
     shift = first + second
-    return Imported(simple, order, size, notes, origin_mm=(float(shift[0]), float(shift[1]))), shift
+    if np.abs(shift).max() <= DATUM_MM:
+        return Imported(simple, order, size, notes, origin_mm=(float(shift[0]), float(shift[1]))), shift
+    corner = simple.min(axis=0)  # nearer the part than the drawing's origin is
+    name = f"the lower left corner of the part's box, {place(corner - shift)} mm in the drawing"
+    metres = float(np.hypot(*shift)) / 1000
+    far = f"the drawing's origin, {metres:.4g} m away, is too far for a datum; that is {name}"
+    origin = float(corner[0]), float(corner[1])
+    return Imported(simple, order, size, (*notes, far), origin_mm=origin, origin_name=name), shift
 
 
 def _apart(points: Array, where: str) -> Array:
