@@ -6,21 +6,19 @@ The file is parsed by defusedxml, which refuses entities. The picture's y axis p
 from xml.etree import ElementTree as Tree
 
 import numpy as np
+import shapely
 from defusedxml import DefusedXmlException
 from defusedxml import ElementTree as SafeTree
 
 from planner.arrays import Array
 from planner.errors import InputFileError, OutlineError
 from planner.part.importers import pieces
-from planner.part.importers.svg_scene import Scene
+from planner.part.importers.svg_scene import SIZES, Scene
 from planner.part.importers.svg_shapes import polylines
 from planner.part.importers.svg_style import INHERITED, Sheets
 from planner.part.importers.svg_values import LENGTH, PHYSICAL_MM, PIXEL_MM, PLACES, Values, Viewport
 
 ASPECT = 1e-3
-
-
-SIZES = ("width", "height")
 
 
 def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) -> pieces.Pieces:
@@ -81,9 +79,9 @@ def _stated_scale(page: Values, box: list[float] | None, where: str) -> float | 
     """Millimetres a user unit by the drawing's physical size and viewBox, None where one is missing."""
     scales = []
     for name, extent in zip(SIZES, box[2:] if box else (0.0, 0.0), strict=True):
-        parts = LENGTH.fullmatch(page.style.get(name, ""))
-        if parts and (parts[2] or "").lower() in PHYSICAL_MM and extent > 0.0:
-            scales.append(page.at(name) / extent)
+        size = page.stated(name)
+        if size and size.unit in PHYSICAL_MM and extent > 0.0:
+            scales.append(size.value * PHYSICAL_MM[size.unit] / extent)
     if not scales or min(scales) <= 0.0:
         return None
     if max(scales) / min(scales) > 1.0 + ASPECT:
@@ -112,13 +110,19 @@ def _curves(scene: Scene, scale: float, tolerance_mm: float, where: str) -> list
     """All shapes as polylines (n, 2) [mm]."""
     curves: list[Array] = []
     try:
-        for kind, values, matrix in scene.shapes():
+        for kind, values, matrix, window in scene.shapes():
             stretch = float(np.linalg.norm(matrix[:2, :2], 2))
-            if not stretch > 0.0:
-                continue
-            for curve in polylines(kind, values, tolerance_mm / (scale * stretch)):
-                curves.append((curve @ matrix[:2, :2].T + matrix[:2, 2]) * (scale, -scale))
+            tolerance = tolerance_mm / scale
+            drawn = polylines(kind, values, tolerance / stretch) if stretch > 0.0 else []
+            placed = [curve @ matrix[:2, :2].T + matrix[:2, 2] for curve in drawn if len(curve) > 1]
+            if window is not None and placed:
+                every = shapely.multipoints(np.concatenate(placed))
+                if shapely.disjoint(shapely.convex_hull(every), window):
+                    scene.unseen += 1
+                    continue
+                scene.cut += not shapely.covers(shapely.buffer(window, tolerance), every)
+            curves += [curve * (scale, -scale) for curve in placed]
     except (ValueError, TypeError, ArithmeticError, IndexError, AttributeError, KeyError) as error:
         problem = f"a shape cannot be drawn ({error}); export it again, as plain paths"
         raise InputFileError(problem, where=where) from error
-    return [curve for curve in curves if len(curve) > 1]
+    return curves

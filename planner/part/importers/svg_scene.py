@@ -9,6 +9,7 @@ from typing import NamedTuple
 from xml.etree import ElementTree as Tree
 
 import numpy as np
+import shapely
 
 from planner.arrays import Array
 from planner.errors import OutlineError
@@ -19,6 +20,7 @@ from planner.part.importers.svg_values import Values, Viewport
 
 MAX_DEPTH = 100
 XLINK = "{http://www.w3.org/1999/xlink}href"
+SIZES = ("width", "height")
 GROUPS = frozenset({"svg", "g", "a", "switch", "use"})
 STRAYS = frozenset({"text", "image", "foreignObject"})
 CONDITIONS = ("requiredExtensions", "systemLanguage")  # on which a viewer draws a child of `switch`
@@ -30,6 +32,7 @@ class Shape(NamedTuple):
     kind: str  # one of `SHAPES`
     values: Values
     matrix: Array  # (3, 3) from its user units to the drawing's
+    window: shapely.Geometry | None  # what is seen, in the drawing's user units; None for all
 
 
 class Frame(NamedTuple):
@@ -38,6 +41,7 @@ class Frame(NamedTuple):
     matrix: Array  # (3, 3)
     style: Style
     viewport: Viewport
+    window: shapely.Geometry | None = None  # as of `Shape`
     above: tuple[int, ...] = ()  # ids of the elements that it lies in
 
 
@@ -48,7 +52,7 @@ class Scene:
         self, root: Tree.Element, sheets: Sheets, viewport: Viewport, unit_mm: float, where: str
     ) -> None:
         self.unseen = 0  # elements that are hidden, transparent or without paint
-        self.cut = 0  # elements that a clip path or mask cuts
+        self.cut = 0  # elements that a clip path, mask or viewport cuts
         self.strays = Counter[str]()  # elements that are seen and no outlines
         self.missing: list[str] = []  # what is copied and not there
         self._root, self._viewport, self._unit_mm, self._where = root, viewport, unit_mm, where
@@ -72,10 +76,10 @@ class Scene:
         """What a reader should know of the elements that are not among the shapes."""
         notes = []
         if self.unseen:
-            why = "hidden, transparent, or neither filled nor stroked"
+            why = "hidden, transparent, out of sight, or neither filled nor stroked"
             notes.append(f"not seen ({why}), left out: {self.unseen} of its elements")
         if self.cut:
-            notes.append(f"clip paths and masks are not applied: {self.cut} of its elements taken whole")
+            notes.append(f"cut by clip paths, masks or viewports, taken whole: {self.cut} of its elements")
         if self.strays:
             told = ", ".join(f"{n} {kind}" for kind, n in sorted(self.strays.items()))
             notes.append(f"not outlines, ignored: {told}")
@@ -98,10 +102,10 @@ class Scene:
             return
         self.cut += any(style.get(name, "none").strip() != "none" for name in ("clip-path", "mask"))
         matrix = around.matrix @ values.transform()
-        frame = Frame(matrix, style, around.viewport, (*around.above, id(element)))
+        frame = Frame(matrix, style, around.viewport, around.window, (*around.above, id(element)))
         if kind in SHAPES:
             if paints(style, values.size("stroke-width"), where):
-                yield Shape(kind, values, matrix)
+                yield Shape(kind, values, matrix, around.window)
             else:
                 self.unseen += 1
         elif kind in STRAYS:
@@ -110,8 +114,9 @@ class Scene:
             yield from self._copy(element, frame, values)
         else:
             inside = frame if element is self._root else self._viewed(kind, frame, values, copy)
-            for child in self._children(element) if inside else ():
-                yield from self._draw(child, inside, None)
+            if inside is not None:
+                for child in self._children(element):
+                    yield from self._draw(child, inside, None)
 
     def _copy(self, element: Tree.Element, frame: Frame, values: Values) -> Iterator[Shape]:
         link = (element.get("href") or element.get(XLINK) or "").strip()
@@ -127,19 +132,31 @@ class Scene:
         """The frame inside a group; None where it shows nothing, being of no extent."""
         if kind not in ("svg", "symbol"):
             return frame
-        stated = {name: value for name in ("width", "height") if copy and (value := copy.style.get(name))}
-        values = values._replace(style={"width": "100%", "height": "100%", **values.style, **stated})
+        texts = {name: (copy and copy.style.get(name)) or values.style.get(name) for name in SIZES}
+        sizes = {name: text if text and text.strip() != "auto" else "100%" for name, text in texts.items()}
+        values = values._replace(style={**values.style, **sizes})
         box = values.box()
         known = None not in frame.viewport
-        size = Viewport(*(values.size(name) if known or "%" not in values.style[name] else None
-                          for name in ("width", "height")))  # fmt: skip
+        size = Viewport(*(values.size(name) if known or "%" not in sizes[name] else None for name in SIZES))
         if 0.0 in size or (box is not None and 0.0 in box[2:]):
             return None
-        if box is None:
-            place = np.eye(3)
-            place[:2, 2] = values.at("x"), values.at("y")
-            return frame._replace(matrix=frame.matrix @ place, viewport=size)
-        return frame._replace(matrix=frame.matrix @ values.fitted(box, size), viewport=Viewport(*box[2:]))
+        window = self._window(frame, values, size)
+        place = np.eye(3)
+        place[:2, 2] = values.at("x"), values.at("y")
+        fit = place if box is None else values.fitted(box, size)
+        inner = size if box is None else Viewport(*box[2:])
+        return frame._replace(matrix=frame.matrix @ fit, viewport=inner, window=window)
+
+    def _window(self, frame: Frame, values: Values, size: Viewport) -> shapely.Geometry | None:
+        """What is seen through a viewport at the element's x and y, and those around it."""
+        width, height = size
+        overflow = values.style.get("overflow", "hidden").split()
+        if width is None or height is None or "visible" in overflow or "auto" in overflow:
+            return frame.window
+        x, y = values.at("x"), values.at("y")
+        corners = np.array([[x, y], [x + width, y], [x + width, y + height], [x, y + height]])
+        window = shapely.polygons(corners @ frame.matrix[:2, :2].T + frame.matrix[:2, 2])
+        return window if frame.window is None else shapely.intersection(window, frame.window)
 
     def _children(self, element: Tree.Element) -> Iterable[Tree.Element]:
         if self._kind(element) != "switch":

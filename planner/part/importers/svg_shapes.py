@@ -20,9 +20,13 @@ def _command(letters: str, *arguments: str) -> str:
 
 FLAG = "[01]"
 COMMANDS = (
-    _command("MmLlTt", *[NUMBER] * 2), _command("HhVv", NUMBER), _command("Cc", *[NUMBER] * 6),
-    _command("SsQq", *[NUMBER] * 4), _command("Aa", *[NUMBER] * 3, FLAG, FLAG, *[NUMBER] * 2), "[Zz]",
-)  # fmt: skip
+    _command("MmLlTt", *[NUMBER] * 2),
+    _command("HhVv", NUMBER),
+    _command("Cc", *[NUMBER] * 6),
+    _command("SsQq", *[NUMBER] * 4),
+    _command("Aa", *[NUMBER] * 3, FLAG, FLAG, *[NUMBER] * 2),
+    "[Zz]",
+)
 PATH = re.compile(rf"\s*(?:(?=[Mm])(?:(?>{'|'.join(COMMANDS)})\s*)+)?")
 
 

@@ -14,9 +14,14 @@ from tinycss2.color4 import parse_color
 from planner.errors import InputFileError
 
 INHERITED = {
-    "color": "black", "visibility": "visible", "fill": "black", "stroke": "none", "fill-opacity": "1",
-    "stroke-opacity": "1", "stroke-width": "1",
-}  # fmt: skip
+    "color": "black",
+    "visibility": "visible",
+    "fill": "black",
+    "stroke": "none",
+    "fill-opacity": "1",
+    "stroke-opacity": "1",
+    "stroke-width": "1",
+}
 """Properties that an element has from its parent, and their initial values."""
 SHARE = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(%?)\s*")
 SCREEN = ("", "all", "screen")  # media whose style sheets count

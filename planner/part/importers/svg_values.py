@@ -14,15 +14,24 @@ from planner.part.importers.svg_style import Style
 NUMBER = r"(?>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
 GAP = r"(?>\s*,?\s*)"
 LENGTH = re.compile(rf"\s*({NUMBER})\s*(mm|cm|in|pt|pc|Q|px|%)?\s*", re.IGNORECASE)
-LIST = re.compile(rf"\s*(?:{NUMBER}{GAP})*")
-CALL = rf"([a-zA-Z]+)\s*\(\s*((?:{NUMBER}(?:px|deg|grad|rad|turn)?{GAP})*)\)"
+APART = r"(?!\.)"  # 1.1.1 is two numbers in a path alone
+LIST = re.compile(rf"\s*(?:{NUMBER}{APART}{GAP})*")
+CALL = rf"([a-zA-Z]+)\s*\(\s*((?:{NUMBER}{APART}(?:px|deg|grad|rad|turn)?{GAP})*)\)"
 CALLS = re.compile(rf"\s*(?:{CALL}{GAP})*")
 PHYSICAL_MM = {"mm": 1.0, "cm": 10.0, "in": 25.4, "pt": 25.4 / 72, "pc": 25.4 / 6, "q": 0.25}
 PIXEL_MM = 25.4 / 96  # CSS; what a user unit is where no view box says otherwise
 ARGUMENTS = {
-    "matrix": (6,), "translate": (1, 2), "translatex": (1,), "translatey": (1,), "scale": (1, 2),
-    "scalex": (1,), "scaley": (1,), "rotate": (1, 3), "skewx": (1,), "skewy": (1,),
-}  # fmt: skip
+    "matrix": (6,),
+    "translate": (1, 2),
+    "translatex": (1,),
+    "translatey": (1,),
+    "scale": (1, 2),
+    "scalex": (1,),
+    "scaley": (1,),
+    "rotate": (1, 3),
+    "skewx": (1,),
+    "skewy": (1,),
+}
 ACROSS = frozenset({"x", "cx", "rx", "x1", "x2", "width"})  # a share of these is one of the viewport's width
 ALONG = frozenset({"y", "cy", "ry", "y1", "y2", "height"})  # and of these of its height
 PLACES = ACROSS | ALONG | {"r"}
@@ -37,6 +46,13 @@ class Viewport(NamedTuple):
     height: float | None
 
 
+class Length(NamedTuple):
+    """A length as it is written."""
+
+    value: float
+    unit: str  # lower case; empty for user units
+
+
 class Values(NamedTuple):
     """The attributes of one element, as numbers in user units."""
 
@@ -45,14 +61,39 @@ class Values(NamedTuple):
     unit_mm: float  # what one unit of the drawing's outermost system is
     where: str  # file and element, for errors
 
+    def stated(self, name: str) -> Length | None:
+        """A length as it is written; None where it is not stated, or `auto`.
+
+        Raises:
+            InputFileError: it is malformed.
+        """
+        text = self.style.get(name, "").strip()
+        if text in ("auto", ""):
+            return None
+        parts = LENGTH.fullmatch(text)
+        if parts is None or not math.isfinite(float(parts[1])):
+            raise self.error(name, "is no length in mm, cm, in, pt, pc, Q, px, % or user units")
+        return Length(float(parts[1]), (parts[2] or "").lower())
+
     def length(self, name: str) -> float | None:
-        """A length; None where it is not stated, or `auto`.
+        """A length in user units; None where it is not stated, or `auto`.
 
         Raises:
             InputFileError: it is malformed, or a share of an unknown size.
         """
-        text = self.style.get(name, "auto")
-        return None if text.strip() in ("auto", "") else self._length(name, text)
+        stated = self.stated(name)
+        if stated is None:
+            return None
+        if stated.unit != "%":
+            return stated.value * PHYSICAL_MM.get(stated.unit, self.unit_mm) / self.unit_mm
+        width, height = self.viewport
+        if name in ACROSS or name in ALONG:
+            whole = width if name in ACROSS else height
+        else:
+            whole = None if width is None or height is None else math.hypot(width, height) / math.sqrt(2.0)
+        if whole is None:
+            raise self.error(name, "is a share of a size that nobody states")
+        return 0.01 * stated.value * whole
 
     def size(self, name: str) -> float:
         """A length that is not negative, 0 where it is not stated."""
@@ -113,22 +154,6 @@ class Values(NamedTuple):
         text = text if len(text) <= 40 else f"{text[:37]}..."
         return InputFileError(f'{name}="{text}" {problem}; correct it in the drawing', where=self.where)
 
-    def _length(self, name: str, text: str) -> float:
-        parts = LENGTH.fullmatch(text)
-        if parts is None or not math.isfinite(float(parts[1])):
-            raise self.error(name, "is no length in mm, cm, in, pt, pc, Q, px, % or user units")
-        value, unit = float(parts[1]), (parts[2] or "").lower()
-        if unit != "%":
-            return value * PHYSICAL_MM[unit] / self.unit_mm if unit in PHYSICAL_MM else value
-        width, height = self.viewport
-        if name in ACROSS or name in ALONG:
-            whole = width if name in ACROSS else height
-        else:
-            whole = None if width is None or height is None else math.hypot(width, height) / math.sqrt(2.0)
-        if whole is None:
-            raise self.error(name, "is a share of a size that nobody states")
-        return 0.01 * value * whole
-
     def _origin(self) -> tuple[float, float]:
         words = self.style.get("transform-origin", "").split()[:2]
         if not words:
@@ -138,7 +163,5 @@ class Values(NamedTuple):
         if words[0] in ("top", "bottom") or (len(words) > 1 and words[1] in ("left", "right")):
             words.reverse()
         words = [EDGES.get(word, word) for word in (*words, "center")]
-        return self._length_of("x", words[0]), self._length_of("y", words[1])
-
-    def _length_of(self, axis: str, text: str) -> float:
-        return self._replace(style={**self.style, axis: text})._length(axis, text)
+        placed = self._replace(style={"x": words[0], "y": words[1]})
+        return placed.at("x"), placed.at("y")
