@@ -25,12 +25,12 @@ def read(path, **options):
     return read_outline(path, Options(**options))
 
 
-def area(found):
-    return outlines.area(found.outline_mm)
+def area(part):
+    return outlines.area(part.outline_mm)
 
 
-def notes(found):
-    return "; ".join(found.notes)
+def notes(part):
+    return "; ".join(part.notes)
 
 
 def lines(space, corners=PLATE, layer="0", close=True):

@@ -46,20 +46,20 @@ def contours(pieces: Pieces, join_mm: float, where: str) -> tuple[list[Contour],
     """
     alone, drawn = _sorted(pieces, join_mm)
     origin = drawn.origin
-    found = noding.regions(drawn.lines, join_mm)
-    joined = [_contour(region, found.loose, drawn, join_mm) for region in found.regions]
+    bounded = noding.regions(drawn.lines, join_mm)
+    joined = [_contour(region, bounded.loose, drawn, join_mm) for region in bounded.regions]
     rings = [each for each in (*map(_plain, alone), *joined) if _is_wide(each.points, join_mm)]
-    if not rings or _around(found.loose, [ring.points for ring in rings]):
-        raise _no_contour(found.loose, origin, where)
+    if not rings or _around(bounded.loose, [ring.points for ring in rings]):
+        raise _no_contour(bounded.loose, origin, where)
     if len(rings) > MOST:
         raise too_much(where, f"has more than {MOST} contours")
     notes = list(pieces.notes)
-    if found.repeated_mm > join_mm:
-        notes.append(f"{found.repeated_mm:.4g} mm of lines drawn twice, taken once")
-    if found.loose:
-        gap = _gap(found.loose)
+    if bounded.repeated_mm > join_mm:
+        notes.append(f"{bounded.repeated_mm:.4g} mm of lines drawn twice, taken once")
+    if bounded.loose:
+        gap = _gap(bounded.loose)
         what = f"the narrowest gap, {gap.width_mm:.3g} mm, is at {place(gap.point + origin)} mm"
-        notes.append(f"{what}; {len(found.loose)} open lines ignored")
+        notes.append(f"{what}; {len(bounded.loose)} open lines ignored")
     distinct = _without_copies(rings, join_mm)
     if len(distinct) < len(rings):
         notes.append(f"{len(rings) - len(distinct)} contours drawn twice, taken once")
@@ -159,8 +159,8 @@ def _plain(ring: Array) -> Contour:
 
 
 def _contour(region: noding.Region, loose: list[Array], drawn: Drawn, join_mm: float) -> Contour:
-    found = seams.meaning(region, loose, drawn, join_mm)
-    return _plain(region.ring)._replace(note=found.note, ambiguity=found.ambiguity)
+    meaning = seams.meaning(region, loose, drawn, join_mm)
+    return _plain(region.ring)._replace(note=meaning.note, ambiguity=meaning.ambiguity)
 
 
 def _is_wide(ring: Array, join_mm: float) -> bool:

@@ -47,8 +47,8 @@ def read(
     notes += [*losses.repairs, *shown.notes]
     if not shown.curves:
         notes += _elsewhere(document)
-    found = pieces.sorted_out(shown.curves, tolerance_mm, where, notes)
-    return found._replace(lost=(*losses.lost, *shown.lost))
+    sorted_out = pieces.sorted_out(shown.curves, tolerance_mm, where, notes)
+    return sorted_out._replace(lost=(*losses.lost, *shown.lost))
 
 
 def _document(data: bytes, where: str) -> tuple[Drawing, Auditor]:

@@ -113,11 +113,11 @@ def _pairs(chains: Array, ends: _Ends, join_mm: float) -> tuple[BoolArray, list[
 
 
 def _to_nearest(tree: shapely.STRtree, ends: _Ends, k: int, join_mm: float) -> shapely.Geometry | None:
-    """The shortest line from an end to any other line within `join_mm`, its own chain's far part included."""
-    end, own = shapely.Point(ends.points[k]), int(ends.chain[k])
+    """The shortest line from an end to a line within `join_mm`, its own chain's far part included."""
+    end, index = shapely.Point(ends.points[k]), int(ends.chain[k])
     near = tree.query(end, predicate="dwithin", distance=join_mm)
-    lines = [tree.geometries[j] for j in near if j != own]
-    chain = tree.geometries[own]
+    lines = [tree.geometries[j] for j in near if j != index]
+    chain = tree.geometries[index]
     if chain.length > 4.0 * join_mm:
         away = 4.0 * join_mm
         lines.append(substring(chain, 0.0, -away) if ends.last[k] else substring(chain, away, chain.length))
@@ -133,7 +133,7 @@ def _joined(polygons: Array, thin: BoolArray) -> list[Region]:
     links = coo_array((np.ones(len(faces)), faces.T), shape=(len(polygons), len(polygons)))
     count, group = connected_components(links, directed=False)
     seam = ~thin[faces].any(axis=1) if len(faces) else np.empty(0, np.bool_)
-    found = []
+    result = []
     order = np.argsort(group, kind="stable")
     for members in np.split(order, np.searchsorted(group[order], np.arange(1, count))):
         filled = shapely.polygons(shapely.get_exterior_ring(polygons[members]))
@@ -142,8 +142,8 @@ def _joined(polygons: Array, thin: BoolArray) -> list[Region]:
         if len(members) > 1:
             inside = segments[seam & (group[faces[:, 0]] == group[members[0]])]
             seams = _coordinates(shapely.get_parts(shapely.line_merge(shapely.multilinestrings(inside))))
-        found += [Region(shapely.get_coordinates(part.exterior)[:-1], seams) for part in whole]
-    return found
+        result += [Region(shapely.get_coordinates(part.exterior)[:-1], seams) for part in whole]
+    return result
 
 
 def _shared_edges(polygons: Array) -> tuple[Array, IntArray]:

@@ -113,8 +113,8 @@ def sorted_out(curves: Iterable[Array | Curve], join_mm: float, where: str, note
         elif len(points) > 1 and steps.any():
             strokes.append(curve)
     layers = tuple(curve.layer for curve in (*rings, *strokes))
-    found = Pieces([ring.points for ring in rings], [stroke.points for stroke in strokes], notes)
-    return found._replace(layers=layers if any(layers) else ())
+    sorted_pieces = Pieces([ring.points for ring in rings], [stroke.points for stroke in strokes], notes)
+    return sorted_pieces._replace(layers=layers if any(layers) else ())
 
 
 def place(point: Array) -> str:

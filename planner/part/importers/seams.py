@@ -75,10 +75,10 @@ def _differing_layer(region: noding.Region, drawn: Drawn, join_mm: float) -> str
     layers = sorted({drawn.layers[k] for k in near})
     differing = ""
     for layer in layers if len(layers) > 1 else ():
-        found = noding.regions([drawn.lines[k] for k in near if drawn.layers[k] == layer], join_mm).regions
-        if not found:
+        bounded = noding.regions([drawn.lines[k] for k in near if drawn.layers[k] == layer], join_mm).regions
+        if not bounded:
             continue
-        apart = shapely.symmetric_difference(face, shapely.union_all([_filled(each) for each in found]))
+        apart = shapely.symmetric_difference(face, shapely.union_all([_filled(each) for each in bounded]))
         if apart.area <= join_mm * face.length:
             return ""
         differing = layer

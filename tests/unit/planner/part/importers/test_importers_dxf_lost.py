@@ -141,9 +141,9 @@ def test_hatch_within_the_outline_is_ignored(tmp_path, corners):
         hatch(space, *corners)
         space.add_solid([(50, 0), (51, 0), (50.5, 2)])  # an arrow head
 
-    found = read(dxf(tmp_path, draw))
-    assert area(found) == pytest.approx(PLATE_MM2)
-    assert "1 HATCH, 1 SOLID" in notes(found)
+    part = read(dxf(tmp_path, draw))
+    assert area(part) == pytest.approx(PLATE_MM2)
+    assert "1 HATCH, 1 SOLID" in notes(part)
 
 
 def test_what_no_outline_can_be_is_no_loss(tmp_path):
@@ -234,8 +234,8 @@ def test_repairs_that_lose_nothing_are_noted(tmp_path):
         space.add_ellipse((15, 10), (3, 0), 0.5).dxf.ratio = 2.0
 
     path = dxf(tmp_path, draw)
-    found = read(path)
-    assert area(found) == pytest.approx(PLATE_MM2)
+    part = read(path)
+    assert area(part) == pytest.approx(PLATE_MM2)
 
 
 def test_open_spline_of_the_right_count_is_read(tmp_path):
@@ -243,5 +243,5 @@ def test_open_spline_of_the_right_count_is_read(tmp_path):
     right = BSpline(ROUND, order=4)
     points = [(p.x, p.y) for p in right.approximate(2000)]
     twice = sum(x0 * y1 - x1 * y0 for (x0, y0), (x1, y1) in pairwise(points))
-    found = read(dxf(tmp_path, lambda space, _: spline(space)))
-    assert area(found) == pytest.approx(abs(twice) / 2, rel=2e-3)
+    part = read(dxf(tmp_path, lambda space, _: spline(space)))
+    assert area(part) == pytest.approx(abs(twice) / 2, rel=2e-3)

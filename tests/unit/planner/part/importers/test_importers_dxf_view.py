@@ -131,11 +131,11 @@ HIDDEN = (
 @pytest.mark.parametrize("draw", HIDDEN)
 def test_what_is_hidden_is_no_outline(tmp_path, draw):
     path = dxf(tmp_path, plate_and(draw))
-    found = read(path)
-    assert area(found) == pytest.approx(PLATE_MM2)
-    assert not found.holes_mm
+    part = read(path)
+    assert area(part) == pytest.approx(PLATE_MM2)
+    assert not part.holes_mm
     if draw not in (paper_space, unused_block, attribute):
-        assert "not visible, left out" in notes(found)
+        assert "not visible, left out" in notes(part)
     assert area(read(path, layer="SHOWN")) == pytest.approx(PLATE_MM2)
 
 
@@ -234,10 +234,10 @@ def unplotted(*boxes):
 
 
 def test_what_is_not_plotted_inside_the_part_is_left_out(tmp_path):
-    found = read(dxf(tmp_path, unplotted(((5, 5), (8, 8)))))
-    assert area(found) == pytest.approx(PLATE_MM2)
-    assert not found.holes_mm
-    assert "not plotted, left out: 1 LWPOLYLINE (layer GUIDE)" in notes(found)
+    part = read(dxf(tmp_path, unplotted(((5, 5), (8, 8)))))
+    assert area(part) == pytest.approx(PLATE_MM2)
+    assert not part.holes_mm
+    assert "not plotted, left out: 1 LWPOLYLINE (layer GUIDE)" in notes(part)
 
 
 def test_what_is_not_plotted_about_the_part_may_be_the_outline(tmp_path):
@@ -265,9 +265,9 @@ def test_polyline_width_is_noted(tmp_path):
         space.add_lwpolyline([(5, 5, 0.2, 0.5), (8, 5), (8, 8)], close=True)
         space.add_polyline2d([(25, 5), (28, 5), (28, 8)], close=True, dxfattribs={"default_start_width": 3.0})
 
-    found = read(dxf(tmp_path, draw))
-    assert area(found) == pytest.approx(PLATE_MM2)
-    assert "polylines with a width: 3, up to 3 mm wide" in notes(found)
+    part = read(dxf(tmp_path, draw))
+    assert area(part) == pytest.approx(PLATE_MM2)
+    assert "polylines with a width: 3, up to 3 mm wide" in notes(part)
 
 
 def test_empty_model_space_names_the_layout(tmp_path):

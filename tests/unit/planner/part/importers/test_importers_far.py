@@ -51,10 +51,10 @@ def test_job_of_a_drawing_far_away_has_a_datum_at_the_part(tmp_path, capsys, sit
 
 @pytest.mark.parametrize("site_mm", [(0, 0), (9900, -9900)])
 def test_datum_is_the_origin_of_a_drawing_near_it(tmp_path, site_mm):
-    found = read(dxf(tmp_path, lambda space, _: space.add_lwpolyline(moved(BRACKET, site_mm), close=True)))
+    imported = read(dxf(tmp_path, lambda space, _: space.add_lwpolyline(moved(BRACKET, site_mm), close=True)))
     centre = np.add(shapely.Polygon(BRACKET).centroid.coords[0], site_mm)
-    assert np.allclose(found.origin_mm, -centre, atol=1e-3)
-    assert "datum" not in notes(found)
+    assert np.allclose(imported.origin_mm, -centre, atol=1e-3)
+    assert "datum" not in notes(imported)
 
 
 def small_bulges(space, x, y):

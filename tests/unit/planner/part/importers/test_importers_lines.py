@@ -32,9 +32,9 @@ def test_chain_of_strokes_shorter_than_the_tolerance_keeps_its_shape(tmp_path, c
             end = points[(k + 1) % len(points)]
             space.add_line(np.add(start, noise[2 * k]), np.add(end, noise[2 * k + 1]))
 
-    found = read(dxf(tmp_path, draw))
-    assert area(found) == pytest.approx(right, abs=0.02 * 120)
-    assert shapely.Polygon(found.outline_mm).hausdorff_distance(_centred(points)) < 0.03
+    part = read(dxf(tmp_path, draw))
+    assert area(part) == pytest.approx(right, abs=0.02 * 120)
+    assert shapely.Polygon(part.outline_mm).hausdorff_distance(_centred(points)) < 0.03
 
 
 def _centred(points):
@@ -78,8 +78,8 @@ def test_small_slot_of_short_strokes_is_not_closed(tmp_path):
     """A notch 0.5 mm wide whose floor is drawn in steps of 0.005 mm."""
     floor = [(20.5 - k * 0.005, 15.0) for k in range(101)]
     points = [(0, 0), (40, 0), (40, 20), (20.5, 20), *floor, (20, 20), (0, 20)]
-    found = read(dxf(tmp_path, lambda space, _: lines(space, points)))
-    assert area(found) == pytest.approx(PLATE_MM2 - 2.5, abs=0.05)
+    part = read(dxf(tmp_path, lambda space, _: lines(space, points)))
+    assert area(part) == pytest.approx(PLATE_MM2 - 2.5, abs=0.05)
 
 
 BOTTOM, RIGHT, TOP, LEFT = (
@@ -113,8 +113,8 @@ def test_narrow_gaps_are_closed(tmp_path, name):
 
 def test_polyline_that_nearly_ends_on_itself_is_closed(tmp_path):
     points = [(10, 0.01), (10, -5), (20, -5), (20, 0), (40, 0), (40, 20), (0, 20), (0, 0), (20, 0)]
-    found = read(dxf(tmp_path, lambda space, _: space.add_lwpolyline(points)))
-    assert area(found) == pytest.approx(850, rel=1e-3)
+    part = read(dxf(tmp_path, lambda space, _: space.add_lwpolyline(points)))
+    assert area(part) == pytest.approx(850, rel=1e-3)
 
 
 def halves(space, _):
@@ -191,15 +191,15 @@ def test_arc_drawn_twice_otherwise_is_one(tmp_path):
         space.add_lwpolyline([(0, 0, -1), (40, 0, 0)], format="xyb")
         space.add_spline(arc((20, 0), 20, 0, math.pi, 60))
 
-    found = read(dxf(tmp_path, draw))
-    assert area(found) == pytest.approx(200 * math.pi, rel=2e-3)
-    assert "drawn twice" in notes(found)
+    part = read(dxf(tmp_path, draw))
+    assert area(part) == pytest.approx(200 * math.pi, rel=2e-3)
+    assert "drawn twice" in notes(part)
 
 
 def test_lines_drawn_twice_are_noted_with_their_length(tmp_path):
-    found = read(dxf(tmp_path, lambda space, _: [lines(space) for _ in range(2)]))
-    assert "120 mm of lines drawn twice" in notes(found)
-    assert len(found.outline_mm) == 4
+    part = read(dxf(tmp_path, lambda space, _: [lines(space) for _ in range(2)]))
+    assert "120 mm of lines drawn twice" in notes(part)
+    assert len(part.outline_mm) == 4
 
 
 def bends(*xs, low=0.0, high=20.0, layer="BEND"):
@@ -265,10 +265,10 @@ SEAMS = {
 @pytest.mark.parametrize("name", SEAMS)
 def test_faces_that_share_an_edge_are_one_and_the_edge_is_named(tmp_path, name):
     draw, sentence = SEAMS[name]
-    found = read(dxf(tmp_path, draw))
-    assert area(found) == pytest.approx(PLATE_MM2, rel=1e-3)
-    assert sentence in notes(found)
-    assert "--layer" in notes(found)
+    part = read(dxf(tmp_path, draw))
+    assert area(part) == pytest.approx(PLATE_MM2, rel=1e-3)
+    assert sentence in notes(part)
+    assert "--layer" in notes(part)
 
 
 def test_faces_that_touch_at_a_point_are_two(tmp_path):
@@ -353,9 +353,9 @@ def test_dimension_entities_are_no_lines(tmp_path):
         dimension = space.add_linear_dim(base=(0, -6), p1=(0, 0), p2=(40, 0), override={"dimexo": 0})
         dimension.render()
 
-    found = read(dxf(tmp_path, draw))
-    assert area(found) == pytest.approx(PLATE_MM2)
-    assert "1 DIMENSION" in notes(found)
+    part = read(dxf(tmp_path, draw))
+    assert area(part) == pytest.approx(PLATE_MM2)
+    assert "1 DIMENSION" in notes(part)
 
 
 def test_wide_open_outline_about_a_hole_is_refused(tmp_path):
@@ -381,9 +381,9 @@ def test_noding_does_not_depend_on_where_the_drawing_lies(tmp_path, where_mm, tu
         for entity in space:
             entity.transform(matrix)
 
-    found = read(dxf(tmp_path, draw))
-    assert area(found) == pytest.approx(right, rel=4e-4)
-    assert len(found.holes_mm) == 2
+    part = read(dxf(tmp_path, draw))
+    assert area(part) == pytest.approx(right, rel=4e-4)
+    assert len(part.holes_mm) == 2
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -392,12 +392,12 @@ def test_regions_are_those_of_a_slow_twin(seed):
     random = np.random.default_rng(seed)
     drawn = [random.integers(0, 12, (2, 2)).astype(float) for _ in range(14)]
     drawn = [line for line in drawn if (line[0] != line[1]).any()]
-    found = noding.regions(drawn, 1e-3).regions
+    bounded = noding.regions(drawn, 1e-3).regions
     noded = shapely.union_all([shapely.LineString(line) for line in drawn])
     faces = shapely.get_parts(shapely.polygonize(shapely.get_parts(noded)))
-    rings = [each.ring for each in found], [face.exterior.coords for face in faces]
+    rings = [each.ring for each in bounded], [face.exterior.coords for face in faces]
     one, other = (shapely.union_all([shapely.Polygon(ring) for ring in each]) for each in rings)
     assert shapely.symmetric_difference(one, other).area < 1e-3
-    for region, following in pairwise(found):
+    for region, following in pairwise(bounded):
         edge = shapely.intersection(shapely.LinearRing(region.ring), shapely.LinearRing(following.ring))
         assert edge.length < 1e-5
