@@ -146,8 +146,13 @@ def test_documented_world_by_its_name_runs_parts(tmp_path):
     words = ["--tree", str(ROOT / "trees" / "rectangle" / "rectangle.msgpack"), "--port", "sim"]
     words += ["--world", "worn:Worn", "--time-scale", "60", "--json"]
     done = subprocess.run(
-        [sys.executable, "-m", "runtime.cli", *words], cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(ROOT)},
-        capture_output=True, text=True, timeout=120, check=False,
-    )  # fmt: skip
+        [sys.executable, "-m", "runtime.cli", *words],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
     assert done.returncode in (0, 10, 11), done.stderr
     assert json.loads(done.stdout)["path"][0] == 0
