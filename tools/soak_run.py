@@ -43,7 +43,7 @@ SQUEEZE_S, PART_S = 30.0, 60.0  # beyond the executor's own deadline of a squeez
 # What makes a part lie, or be, other than the counts read say: the fingers may then come down on it.
 MOVED = {
     *(kind.name for kind in SCENE_KINDS),
-    *("count_frozen", "count_spike", "encoder_offset", "grip_lost"),
+    *("count_frozen", "count_spike", "encoder_offset", "grip_lost", "arm_displaced", "arm_turned"),
 }
 
 # What runs are handled by, one drawn a run: the command's default first.

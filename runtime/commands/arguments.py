@@ -120,7 +120,7 @@ def _add_handling(group: argparse._ArgumentGroup) -> None:
         metavar="ARC",
         help="how the tips move while the jaws do: arc, straight, or LINK,OFFSET in mm (default: arc on a "
         "2F-85, whose arm then moves with the jaws, and on a 2F-140, with a measured OFFSET; straight in a "
-        "simulated cell, whose tips do)",
+        "simulated cell, whose tips do); a person who is arm or gripper keeps the tips level without it",
     )
     add(
         "--force",

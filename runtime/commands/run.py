@@ -50,6 +50,10 @@ def run(arguments: argparse.Namespace, drivers: Drivers) -> int:
     options = run_options(arguments, table)
     console: Console = Objects(table, arguments.journal) if arguments.json else Lines(table)
     console.note(_headline(arguments.tree, table))
+    if arguments.tips not in (None, "straight") and options.handling.arc is None:
+        console.note(
+            f"--tips {arguments.tips} moves nothing here: you keep the tips at their height above the table"
+        )
     _check_fit(table, options)
     carry.check(options.delivery, table, middle_mm=options.handling.middle_mm)
     if arguments.audit is not None and (table.goal.kind == "identity" or not table.goal.identify):
