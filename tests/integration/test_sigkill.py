@@ -1,4 +1,4 @@
-"""A real process that is killed, or its journal moved, against a cell that outlives it; and the next process."""
+"""A real process that is killed, or its journal moved, against a cell that outlives it; and the next one."""
 
 import os
 import shutil
