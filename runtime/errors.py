@@ -32,7 +32,7 @@ class TableError(CellError):
 
 
 class JournalError(CellError):
-    """The journal cannot be written, or its line of this number, from 1, does not verify."""
+    """The journal cannot be written, was moved or cut, or its line (from 1) does not verify."""
 
     exit_code = 24
 

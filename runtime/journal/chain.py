@@ -74,23 +74,20 @@ class Journal:
         self._header: Mapping[str, object] = {}  # the fields of the run's header
         self._full_bytes = segment_bytes  # length from which on the file is sealed
         self._failed = False
+        self._file = -1
         try:
             self._file = files.claim(path)
-        except OSError as error:
-            raise _unwritable(path, error) from error
-        try:
             self._end = self._verify()
         except OSError as error:
             self.close()
-            raise _unwritable(self.path, error) from error
+            raise _unwritable(path, error) from error
         except BaseException:  # Ctrl-C, too, must not leave the file claimed
             self.close()
             raise
 
     def _verify(self) -> Verified:
         """Verify the file; only then cut what a crash left unfinished at its end."""
-        start = files.start_of(self.path)
-        end = start
+        start = end = files.start_of(self.path)
         with open(self._file, "rb", closefd=False) as file:
             for entry, end in follow(self.path, file, start, torn=True):
                 self._remember(entry, end.size)

@@ -98,18 +98,27 @@ def test_a_run_is_gone_on_with_as_it_was_begun(tmp_path: Path, changed: dict, wh
     assert not verify(path).closed
 
 
-LATER_BOOT = {"boot": "another", "up_s": 60.0}
+def after_boot(wall_s: float, up_s: float = 60.0) -> dict[str, object]:
+    """Now, by the wall clock so many seconds on, and up for so many since another boot."""
+    return {**moment(wall_s), "boot": "another", "up_s": up_s}
+
+
 TOO_OLD = {
-    "too long ago": moment(400.0, 400.0),
-    "too long ago, the wall clock set back": moment(-60.0, 400.0),
-    "written later in this boot": moment(0.0, -60.0),
-    "too long ago, another boot": {**moment(400.0), **LATER_BOOT},
-    "another boot, the wall clock set back": {**moment(-60.0), **LATER_BOOT},
-    "another boot, which is older than the record": {**moment(30.0), **LATER_BOOT},
-    "no boot": {**moment(), "boot": None},
-    "no uptime": {"time": STAMP(), "boot": moment()["boot"]},
-    "no date, another boot": {"time": "noon", **LATER_BOOT},
-    "no clock": {},
+    "too long ago": lambda: moment(400.0, 400.0),
+    "too long ago, the wall clock set back": lambda: moment(-60.0, 400.0),
+    "written later in this boot": lambda: moment(0.0, -600.0),
+    "too long ago, another boot": lambda: after_boot(400.0),
+    "another boot, the wall clock set back": lambda: after_boot(-600.0),
+    "another boot, which is older than the record": lambda: after_boot(200.0, 1e6),
+    "no boot": lambda: {**moment(), "boot": None},
+    "no uptime": lambda: {"time": STAMP(), "boot": moment()["boot"]},
+    "no date, another boot": lambda: {**after_boot(0.0), "time": "noon"},
+    "no clock": dict,
+}
+RECENT = {
+    "the wall clock set back": lambda: moment(-3600.0, 60.0),
+    "the wall clock set on": lambda: moment(1e6, 60.0),
+    "another boot": lambda: after_boot(120.0),
 }
 
 
@@ -118,14 +127,14 @@ TOO_OLD = {
 def test_look_a_part_that_is_old_or_of_unclear_age_is_refused(tmp_path: Path, policy: str, name: str) -> None:
     path = broken(tmp_path / "j.jsonl", 4)
     with pytest.raises(BrokenRunError, match=r"s ago; after 300 s|is not clear") as refused:
-        look_at(path, policy, TOO_OLD[name])
+        look_at(path, policy, TOO_OLD[name]())
     assert refused.value.exit_code == 25
     assert not verify(path).closed
 
 
-@pytest.mark.parametrize("now", [moment(-3600.0, 60.0), moment(1e6, 60.0), {**moment(120.0), **LATER_BOOT}])
-def test_look_a_part_of_known_recent_age_is_gone_on_with(tmp_path: Path, now: Mapping[str, object]) -> None:
-    assert look_at(broken(tmp_path / "j.jsonl", 4), crash.RESUME, now) is not None
+@pytest.mark.parametrize("name", RECENT)
+def test_look_a_part_of_known_recent_age_is_gone_on_with(tmp_path: Path, name: str) -> None:
+    assert look_at(broken(tmp_path / "j.jsonl", 4), crash.RESUME, RECENT[name]()) is not None
 
 
 def test_look_a_record_without_uptime_is_refused(tmp_path: Path) -> None:
