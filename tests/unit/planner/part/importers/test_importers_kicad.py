@@ -84,8 +84,8 @@ BODIES = {  # shapes as KiCad's versions write them, area of the body
     "arc first": (f'(fp_poly (pts {ARC} (xy 0 20) (xy 0 0)) (layer "F.Fab") {STROKE})', D_AREA),
     "polygon of arcs": (
         (
-            "(fp_poly (pts (arc (start -10 0) (mid 0 -10) (end 10 0)) (arc (start 10 0) (mid 0 10) (end -10 0)))"
-            ' (layer "F.Fab") (width 0.1))'
+            "(fp_poly (pts (arc (start -10 0) (mid 0 -10) (end 10 0))"
+            ' (arc (start 10 0) (mid 0 10) (end -10 0))) (layer "F.Fab") (width 0.1))'
         ),
         100 * math.pi,
     ),
