@@ -121,7 +121,7 @@ def _is_list(value: object) -> TypeGuard[list[object]]:
 
 
 def _word(value: object) -> str:
-    return str(value) if isinstance(value, str | sexpdata.Symbol) else ""
+    return " ".join(str(value).split()) if isinstance(value, str | sexpdata.Symbol) else ""
 
 
 def _reason(error: Exception) -> str:

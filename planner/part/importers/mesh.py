@@ -14,6 +14,7 @@ from planner.part.tips import tips_height_mm
 FARTHEST_MM = 1e6
 WIDER_MM = 0.1  # by which a solid must differ between heights or faces for a note
 CRACK_MM = 1e-3  # Gaps between triangles up to so wide come from rounded vertices
+GRID_MM = 1e-4  # on which polygons are united
 FLAT_MM2 = 1e-9  # Triangles that are seen smaller stand upright
 UP = (0.0, 0.0, 1.0)
 
@@ -92,18 +93,17 @@ def _shadow(solid: Any, height: float, where: str) -> shapely.Geometry:
     It is that of the triangles there: a vertical line that enters a closed solid leaves it through one. Where
     the surface is open, the section at the height belongs to it, too.
     """
-    cut = _trimesh(where).intersections
+    trimesh = _trimesh(where)
+    cut = trimesh.intersections
     above = cut.slice_mesh_plane(solid, UP, (0.0, 0.0, height))
-    triangles = shapely.polygons(np.asarray(above.triangles)[:, :, :2])
-    shadow = _closed([*triangles[shapely.area(triangles) > FLAT_MM2]])
+    above.merge_vertices()
+    shadow = _union(_patches(trimesh, above))
     if solid.is_watertight:
         return shadow
-    lines = shapely.linestrings(
-        np.reshape(cut.mesh_plane(solid, UP, (0.0, 0.0, height)), (-1, 2, 3))[:, :, :2]
-    )
-    section = shapely.set_precision(shapely.union_all(lines), CRACK_MM)
+    lines = np.reshape(cut.mesh_plane(solid, UP, (0.0, 0.0, height)), (-1, 2, 3))[:, :, :2]
+    section = shapely.union_all(shapely.linestrings(lines), grid_size=CRACK_MM)
     faces, cuts, dangles, _ = shapely.polygonize_full(shapely.get_parts(section))
-    shadow = _closed([shadow, *faces.geoms])
+    shadow = _union([shadow, *faces.geoms])
     for line in (*cuts.geoms, *dangles.geoms):
         if not shapely.covers(shapely.buffer(shadow, 2.0 * CRACK_MM), line):
             x, y = shapely.get_coordinates(line)[0]
@@ -112,9 +112,36 @@ def _shadow(solid: Any, height: float, where: str) -> shapely.Geometry:
     return shadow
 
 
-def _closed(polygons: list[shapely.Geometry]) -> shapely.Geometry:
-    """The union of polygons, cracks between them closed."""
-    wider = shapely.buffer(shapely.union_all(polygons), CRACK_MM, join_style="mitre")
+def _patches(trimesh: ModuleType, surface: Any) -> list[shapely.Geometry]:
+    """The projections of a surface's patches: triangles that join one another and face alike, up or down.
+
+    The triangles of most patches do not overlap, so that leaving out their common edges unites them.
+    """
+    corners = np.asarray(surface.triangles)[:, :, :2]
+    one, other = (corners[:, k] - corners[:, 0] for k in (1, 2))
+    areas = 0.5 * (one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0])
+    facing = np.where(np.abs(areas) > FLAT_MM2, np.sign(areas), 0.0)
+    seen = np.flatnonzero(facing)
+    joined = surface.face_adjacency
+    joined = joined[facing[joined[:, 0]] * facing[joined[:, 1]] > 0.0]
+    labels = trimesh.graph.connected_component_labels(joined, node_count=len(facing))[seen]
+    order = np.argsort(labels, kind="stable")
+    groups = np.split(shapely.polygons(corners[seen][order]), np.flatnonzero(np.diff(labels[order])) + 1)
+    return [
+        shapely.coverage_union_all(group)
+        if len(group) > 1 and shapely.coverage_is_valid(group)
+        else shapely.union_all(group, grid_size=GRID_MM)
+        for group in groups
+    ]
+
+
+def _union(polygons: list[shapely.Geometry]) -> shapely.Geometry:
+    """The union of polygons, cracks between them closed.
+
+    It is found on a grid: without one, GEOS loses some of the polygons whose edges nearly coincide.
+    """
+    whole = shapely.union_all(polygons, grid_size=GRID_MM)
+    wider = shapely.buffer(whole, CRACK_MM, join_style="mitre")
     return shapely.buffer(wider, -CRACK_MM, join_style="mitre")
 
 

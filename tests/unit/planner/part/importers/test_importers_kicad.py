@@ -177,6 +177,7 @@ DAMAGED = {
     "curve of three points": f"(fp_curve (pts (xy 0 0) (xy 9 0) (xy 9 3)) {FAB}",
     "not finite": f"(fp_rect (start 0 0) (end nan 3) {FAB}",
     "too far": f"(fp_rect (start 0 0) (end 1e999 3) {FAB}",
+    "a name on two lines": '(fp_line (start 0 "a\nb") (end 1 1) (layer "F.Fab"))',
     "open bracket": "((",
     "closed twice": "))",
     "open text": '(descr "abc',

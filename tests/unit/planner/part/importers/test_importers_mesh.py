@@ -147,6 +147,21 @@ def test_a_drafted_part_is_as_wide_as_fingers_find_it(tmp_path, draft, height):
     assert abs(found.size_mm.max() - widest) < 0.1 * COUNT_MM
 
 
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("kind", ["annulus", "torus"])
+def test_no_triangle_above_the_tips_is_lost_however_the_solid_lies(tmp_path, kind, seed):
+    body = trimesh.creation.annulus(8, 15, 10) if kind == "annulus" else trimesh.creation.torus(15, 5)
+    body.apply_transform(
+        trimesh.transformations.random_rotation_matrix(np.random.default_rng(seed).random(3))
+    )
+    found = read(solid(tmp_path, body), units="mm")
+    height = body.bounds[0, 2] + tips_height_mm(np.ptp(body.bounds[:, 2]))
+    above = trimesh.intersections.slice_mesh_plane(body, (0, 0, 1), (0, 0, height))
+    middles = above.triangles_center[:, :2] + found.origin_mm
+    shadow = shapely.buffer(shapely.Polygon(found.outline_mm, found.holes_mm), 0.05)
+    assert shapely.covers(shadow, shapely.points(middles)).all()
+
+
 def test_what_is_wider_below_the_tips_is_noted(tmp_path):
     found = read(solid(tmp_path, SILHOUETTES["mushroom upside down"][0]), units="mm")
     assert any("below the tips it is up to 11.2 mm wider" in note for note in found.notes)
