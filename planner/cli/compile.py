@@ -12,9 +12,9 @@ from planner.compile import EVALUATION_TRIALS, Plan, compile_job
 from planner.diagnosis.advice import counsel
 from planner.errors import UsageError
 from planner.job import model as job_file
-from planner.job.checks import TIP_MARGIN_MM
 from planner.job.model import Job
 from planner.paper import baseline
+from planner.part import tips
 from planner.report import models
 from planner.work.limit import Limit
 from planner.work.scheduler import scheduler_of
@@ -182,7 +182,7 @@ def _text(plan: Plan, job: Job, output: Path, seconds: float) -> str:
         tips_mm = job.cell.squeeze_height_mm
         thickness = (
             f"\nheight_mm of [part] is not stated: tips at squeeze_height_mm = {tips_mm:g} meet a part of "
-            f"{tips_mm + TIP_MARGIN_MM:g} mm or more"
+            f"{tips_mm + tips.MARGIN_MM:g} mm or more"
         )
     cut = f"{plan.cut.line()}\n" if plan.cut else ""
     return f"""\

@@ -215,7 +215,8 @@ def _defaults(arguments: argparse.Namespace, imported: Imported) -> tuple[Answer
         taken.append(f"its centre within {radius:g} mm of the expected place (--radius)")
     taken.append(f"located means to {arguments.distance:g} mm (--distance)")
     name = arguments.drawing.stem
-    return Answers(name, radius, turn, gripper, fingers, arguments.distance, imported.height_mm), taken
+    answers = Answers(name, radius, turn, gripper, fingers, arguments.distance, imported.height_mm)
+    return answers._replace(tips_mm=arguments.height), taken
 
 
 def _files(arguments: argparse.Namespace, text: str) -> Files:

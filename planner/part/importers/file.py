@@ -19,7 +19,6 @@ SUFFIXES = (".dxf", *READERS, ".stl")
 SMALLEST_MM, LARGEST_MM = 0.5, 2000.0
 """Extents of what fingers could close on, generously; beyond, the unit is wrong."""
 MOST_VERTICES = 2000
-WIDER_MM = 0.1  # by which a solid must differ between heights or faces to be told
 LEAST_SHARE = 0.01  # of the parts that lie on a face; rarer ones are left out
 
 
@@ -45,7 +44,7 @@ class Face(NamedTuple):
 
     share: float  # of the parts that come to lie so
     imported: Imported
-    cut_mm: float  # height of the cut, of all faces of the solid
+    cut_mm: float  # height of the finger tips, of all faces of the solid
     down: tuple[tuple[float, float, float], ...]  # outward normals of the solid's faces that may be down
 
     @property
@@ -107,8 +106,8 @@ def _noted(pieces: Pieces) -> Iterator[None]:
 def read_faces(path: Path, options: Options, tips_mm: Callable[[float], float]) -> list[Face]:
     """Reads a solid as it lies on each of its stable faces, the commonest first.
 
-    All are cut at one height: that of the options, or the least of `tips_mm` of their heights. Those whose
-    cuts look alike are one.
+    Fingers meet all at one height: that of the options, or the least of `tips_mm` of their heights. Those
+    whose silhouettes above it look alike are one.
 
     Raises:
         UsageError: the file is no solid.
@@ -139,7 +138,7 @@ def read_faces(path: Path, options: Options, tips_mm: Callable[[float], float]) 
 
 def _lying(face: mesh.Lying, where: str, height_mm: float, tolerance_mm: float) -> Imported:
     """The outline of a solid on a face; around several contours their hull, as flat jaws meet them."""
-    pieces = mesh.cut(face.solid, where, height_mm)
+    pieces = mesh.silhouette(face.solid, where, height_mm)
     found, notes = contours.contours(pieces, tolerance_mm, where)
     outer = [contour.points for contour in found if contour.outer]
     points = outer[0]
@@ -147,14 +146,6 @@ def _lying(face: mesh.Lying, where: str, height_mm: float, tolerance_mm: float) 
         hull = shapely.convex_hull(shapely.multipoints(np.concatenate(outer)))
         points = np.asarray(shapely.get_coordinates(hull)[:-1])
         notes.append(f"{len(outer)} contours, taken as their convex hull")
-    above = np.asarray(face.solid.vertices)
-    above = above[above[:, 2] > face.solid.bounds[0, 2] + height_mm, :2]
-    hull = shapely.convex_hull(shapely.multipoints(points))
-    beyond_mm = float(shapely.distance(shapely.points(above), hull).max(initial=0.0))
-    if beyond_mm > WIDER_MM:
-        notes.append(
-            f"above the cut it is up to {beyond_mm:.3g} mm wider, where fingers meet it first: raise --height"
-        )
     imported, _ = _checked(points, where, tolerance_mm, tuple(notes))
     return imported._replace(height_mm=pieces.height_mm)
 
@@ -163,8 +154,8 @@ def _alike(one: Imported, other: Imported) -> bool:
     """Whether nobody can tell two faces apart by what lies on the table."""
     assert one.height_mm is not None
     assert other.height_mm is not None
-    return abs(one.height_mm - other.height_mm) < WIDER_MM and symmetry.congruent(
-        one.outline_mm, other.outline_mm, WIDER_MM
+    return abs(one.height_mm - other.height_mm) < mesh.WIDER_MM and symmetry.congruent(
+        one.outline_mm, other.outline_mm, mesh.WIDER_MM
     )
 
 

@@ -29,7 +29,7 @@ class Options(NamedTuple):
     units: str | None = None  # one of `UNITS_MM`, or None to believe the file
     contour: int | None = None  # number of the contour, from 1, or None where there is only one
     tolerance_mm: float = TOLERANCE_MM  # largest distance of the outline from the curves drawn
-    height_mm: float | None = None  # of the cut through a solid, or None for half-way up
+    height_mm: float | None = None  # of the finger tips beside a solid, or None for `tips.tips_height_mm`
     layer: str | None = None  # of a DXF drawing, the only one to read; None for all that are visible
     scale: float | None = None  # mm a unit, for drawings in pixels; instead of units
 
