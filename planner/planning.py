@@ -14,6 +14,7 @@ import numpy as np
 from planner.arrays import BoolArray
 from planner.belief.particles import Belief
 from planner.diagnosis.ambiguity import ambiguities
+from planner.diagnosis.clearance import no_first_squeeze
 from planner.errors import NoPlanError
 from planner.evaluation import rare
 from planner.evaluation.confirming import confirm
@@ -177,11 +178,7 @@ class Planning:
         seed = [self.job.seed, 0]
         self.anytime.grow(self.root, seed, self._watch, partial(self._told, "first squeeze"))
         if not self.root.children:
-            more = "actions" if self.job.actions.pushes else "actions or pushes"
-            raise NoPlanError(
-                f"{self.job.name}: no first squeeze is free of collision and gains anything; open the jaws "
-                f"wider, add {more}, or reduce the uncertainty"
-            )
+            raise NoPlanError(f"{self.job.name}: {no_first_squeeze(self.job)}")
 
     def _complete(self) -> None:
         """Tries other squeezes for the nodes that matter most, and grows what the first growth left open.

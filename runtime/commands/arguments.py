@@ -1,6 +1,7 @@
 """The arguments of `grasp-runtime`."""
 
 import argparse
+import difflib
 from pathlib import Path
 
 from runtime.execution import safe_state
@@ -44,6 +45,17 @@ declared safe state; what came first gives the exit code:
 """
 
 
+def address(text: str) -> str:
+    """The address of a device, for argparse: anything but a misspelt `sim` or `manual`."""
+    words = (SIMULATED, MANUAL)
+    if text in words or ":" in text or Path(text).exists():
+        return text
+    near = difflib.get_close_matches(text.lower(), words, 1)
+    if near:
+        raise argparse.ArgumentTypeError(f"{text!r} is no port; is {near[0]} meant?")
+    return text
+
+
 def parser() -> Parser:
     """The command's arguments."""
     built = Parser(
@@ -55,11 +67,13 @@ def parser() -> Parser:
     add("--tree", type=Path, required=True, metavar="T", help="the table, as plan-compile wrote it")
     add(
         "--port",
+        type=address,
         help="the gripper: sim (starts grasp-cell), /dev/..., tcp://host:port, rtu+tcp://host:port, "
         "urcap://host, can:..., manual (you type the width that calipers show), or a driver's own scheme",
     )
     add(
         "--arm",
+        type=address,
         help="the arm: tcp://host:port, ur://host, omnicore://host, manual (you move the hand as you are "
         "asked to), or a driver's own scheme; with --port sim its own",
     )
