@@ -1,5 +1,6 @@
 """plan-simulate's pictures: options, errors in one line, nothing drawn costs nothing."""
 
+import csv
 import json
 import subprocess
 import sys
@@ -50,12 +51,13 @@ def test_pictures_do_not_change_the_results(poses: Path) -> None:
 def test_the_page_ends_where_the_results_do(poses: Path) -> None:
     page = poses.parent / "s.html"
     assert run(poses, "--html", str(page)) == 0
-    rows = [line.split(",") for line in (poses.parent / "out.csv").read_text().splitlines()[1:]]
+    rows = list(csv.DictReader((poses.parent / "out.csv").read_text().splitlines()))
+    names = ["final_x_mm", "final_y_mm", "final_theta_rad", "width_mm"]
     line = next(line for line in page.read_text().splitlines() if line.startswith("const data"))
     squeezes = json.loads(line.removeprefix("const data = ").removesuffix(";"))["squeezes"]
-    assert [squeeze["status"] for squeeze in squeezes] == [row[-1] for row in rows]
+    assert [squeeze["status"] for squeeze in squeezes] == [row["status"] for row in rows]
     for squeeze, row in zip(squeezes, rows, strict=True):
-        assert squeeze["states"][-1] == pytest.approx([float(value) for value in row[3:7]], abs=1e-3)
+        assert squeeze["states"][-1] == pytest.approx([float(row[name]) for name in names], abs=1e-3)
 
 
 @pytest.mark.parametrize(
