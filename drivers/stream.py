@@ -177,17 +177,17 @@ def connected(host: str, port: int, seconds: float) -> socket.socket:
     until = time.monotonic() + seconds
     failed: OSError = TimeoutError(errno.ETIMEDOUT, "timed out")
     for family, kind, protocol, _, address in _addresses(host, port, seconds):
-        made = socket.socket(family, kind, protocol)
+        connection = socket.socket(family, kind, protocol)
         try:
-            made.settimeout(max(until - time.monotonic(), 1e-3))
-            made.connect(address)
+            connection.settimeout(max(until - time.monotonic(), 1e-3))
+            connection.connect(address)
         except BaseException as error:
-            made.close()
+            connection.close()
             if not isinstance(error, OSError):
                 raise
             failed = error
         else:
-            return made
+            return connection
     raise failed
 
 

@@ -11,26 +11,11 @@ from pathlib import Path
 
 from runtime.shell.command import INPUT_FILE, entry, tell
 
-INPUTS = {
-    ".csv",
-    ".dxf",
-    ".jsonl",
-    ".kicad_mod",
-    ".msgpack",
-    ".stl",
-    ".svg",
-    ".toml",
-    ".txt",
-}  # of any command
+# Endings of the input files of all commands.
+INPUTS = {".csv", ".dxf", ".jsonl", ".kicad_mod", ".msgpack", ".stl", ".svg", ".toml", ".txt"}
 HELP = {"-h", "--help"}
-READ = {
-    "--debug",
-    "--force",
-    "--journal",
-    "--json",
-    "--poses",
-    "--push",
-}  # options before a file that is read
+# Options after which a word may be a file that is read.
+READ = {"--debug", "--force", "--journal", "--json", "--poses", "--push"}
 
 
 def missing_input(words: Sequence[str]) -> str | None:

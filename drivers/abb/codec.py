@@ -155,11 +155,11 @@ def parse_numbers(reply: Reply) -> tuple[float, ...]:
     Raises:
         ProtocolError: a field is not a number.
     """
-    told = shown(" ".join(reply.fields))
+    text = shown(" ".join(reply.fields))
     try:
         values = tuple(float(field) for field in reply.fields)
     except ValueError as error:
-        raise ProtocolError(f"reply to {reply.code} with a garbled number: {told}") from error
+        raise ProtocolError(f"reply to {reply.code} with a garbled number: {text}") from error
     if not all(map(math.isfinite, values)):
-        raise ProtocolError(f"reply to {reply.code} with a number that is not finite: {told}")
+        raise ProtocolError(f"reply to {reply.code} with a number that is not finite: {text}")
     return values

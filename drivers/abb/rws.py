@@ -128,8 +128,8 @@ class Rws:
                     f"the answer to {method} {target} is longer than {MOST_BYTES} bytes"
                 ) from error
             if isinstance(error, OSError | http.client.HTTPException | ValueError):
-                told = shown(error) if str(error) else type(error).__name__
-                raise RwsError(f"no answer to {method} {target} ({told})") from error
+                reason = shown(error) if str(error) else type(error).__name__
+                raise RwsError(f"no answer to {method} {target} ({reason})") from error
             raise
         for cookie in answer.headers.get_all("Set-Cookie") or ():
             name, _, value = cookie.partition(";")[0].strip().partition("=")

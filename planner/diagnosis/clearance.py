@@ -21,12 +21,15 @@ WIDEST = 16.0  # openings up to so many times the gripper's are looked at
 
 
 class Shortage(NamedTuple):
-    """What the first squeeze of a job lacks, at the best of its placements."""
+    """What the first squeeze of a job lacks, at the best of its placements.
 
-    missing_mm: float  # how much wider the jaws would have to open; 0 if they open wide enough
-    radius_mm: (
-        float | None
-    )  # largest radius of the disc for which the jaws open wide enough; None: there is none
+    Attributes:
+        missing_mm: how much wider the jaws would have to open; 0 if they open wide enough.
+        radius_mm: largest radius of the disc for which the jaws open wide enough; None: there is none.
+    """
+
+    missing_mm: float
+    radius_mm: float | None
 
     def line(self) -> str:
         """What is missing and which radius would do, for people."""

@@ -154,15 +154,15 @@ def check_rate(gripper: Gripper, clock: SystemClock, reads: int = READS) -> Iter
     middle, late = median(spent_ms), quantiles(spent_ms, n=100)[98]
     rate = 1e3 / max(middle, 1e-3)
     many = f"{len(spent_ms)} readings: {middle:.1f} ms each"
-    told = f"{many}, 99 of 100 within {late:.1f} ms, {rate:.0f} a second."
+    figures = f"{many}, 99 of 100 within {late:.1f} ms, {rate:.0f} a second."
     if middle > SLOW_MS or late > JITTER_MS:
         yield warning(
-            told,
+            figures,
             f"Up to {SLOW_MS:g} and {JITTER_MS:g} ms are usual: set the latency timer to 1, take load off "
             "this machine, avoid USB hubs.",
         )
     else:
-        yield good(told)
+        yield good(figures)
 
 
 def check_arm(arm: Arm, table: Table | None) -> Iterator[Finding]:

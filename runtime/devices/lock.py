@@ -126,8 +126,8 @@ def _canonical(text: str) -> str:
     except ValueError:
         return text
     address = getattr(address, "ipv4_mapped", None) or address
-    own = address.is_loopback or address.is_unspecified or _is_own(str(address))
-    return "this machine" if own else str(address)
+    is_local = address.is_loopback or address.is_unspecified or _is_own(str(address))
+    return "this machine" if is_local else str(address)
 
 
 def _is_own(address: str) -> bool:

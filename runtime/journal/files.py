@@ -149,16 +149,16 @@ def _check_regular(path: Path, mode: int) -> None:
 
 def displacement(path: Path, file: int, size: int) -> str:
     """What happened to an open file that should lie at a path with a size; "" where it still does."""
-    own = os.fstat(file)
+    opened = os.fstat(file)
     try:
         there = path.lstat()
     except OSError:
-        return "renamed" if own.st_nlink else "removed"
-    if (there.st_dev, there.st_ino) != (own.st_dev, own.st_ino):
+        return "renamed" if opened.st_nlink else "removed"
+    if (there.st_dev, there.st_ino) != (opened.st_dev, opened.st_ino):
         return "replaced by another file"
-    if own.st_size < size:
-        return f"cut from {size} to {own.st_size} bytes"
-    return "written to by somebody else" if own.st_size > size else ""
+    if opened.st_size < size:
+        return f"cut from {size} to {opened.st_size} bytes"
+    return "written to by somebody else" if opened.st_size > size else ""
 
 
 def copy_aside(path: Path, file: int, size: int) -> tuple[int, int]:

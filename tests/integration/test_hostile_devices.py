@@ -88,8 +88,12 @@ def test_run_whose_output_nobody_reads_goes_on_and_hears_a_stop_request(tree: Pa
     with contextlib.closing(Notices(tmp_path)) as notices:
         process = subprocess.Popen(
             [sys.executable, "-m", "runtime.cli", *words],
-            cwd=ROOT, env=notices.environment, stdout=writer, stderr=writer, text=True,
-        )  # fmt: skip
+            cwd=ROOT,
+            env=notices.environment,
+            stdout=writer,
+            stderr=writer,
+            text=True,
+        )
         for part in (1, 2, 3):
             assert notices.wait(f"part {part}: squeeze", process)
         process.send_signal(signal.SIGTERM)

@@ -49,9 +49,14 @@ from runtime.table import dump
 MODES = ("silent", "slow", "drip", "endless", "stopped", "gone")
 # Devices, and about how many calls of a run of one part each hears.
 CALLS = {
-    "gripper": 150, "gripper_tcp": 150, "gripper_rtu_tcp": 150, "gripper_urcap": 900,
-    "arm": 16, "arm_ur": 30, "arm_ur_script": 3,
-}  # fmt: skip
+    "gripper": 150,
+    "gripper_tcp": 150,
+    "gripper_rtu_tcp": 150,
+    "gripper_urcap": 900,
+    "arm": 16,
+    "arm_ur": 30,
+    "arm_ur_script": 3,
+}
 SCALE = 12.0
 SLOW_S, DRIP_S = 0.2, 0.1
 SPARE_S = 2.0
@@ -266,9 +271,13 @@ class Bench:
             words = runtime_command(self.tree, self.cell, journal, "--jaws-empty", "--count", "1")
             words[words.index("--port") + 1], words[words.index("--arm") + 1] = gripper, arm
             process = subprocess.Popen(
-                words, cwd=ROOT, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                words,
+                cwd=ROOT,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
                 text=True,
-            )  # fmt: skip
+            )
             try:
                 told = process.communicate(timeout=HANG_S)[0]
             except subprocess.TimeoutExpired:

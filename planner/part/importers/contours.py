@@ -72,7 +72,7 @@ def contours(pieces: Pieces, join_mm: float, where: str) -> tuple[list[Contour],
 
 
 def choose(
-    found: list[Contour], number: int | None, where: str, lost: Sequence[Lost] = ()
+    candidates: list[Contour], number: int | None, where: str, lost: Sequence[Lost] = ()
 ) -> tuple[Contour, list[str]]:
     """The contour asked for, or the only outer one; and notes.
 
@@ -81,25 +81,28 @@ def choose(
         OutlineError: the outline may be one of the `lost` shapes, or another contour of the same lines.
     """
     for shape in lost:
-        if shape.box is None or any(_exceeds(shape.box, contour) for contour in found if contour.outer):
+        if shape.box is None or any(_exceeds(shape.box, contour) for contour in candidates if contour.outer):
             problem = f"the outline may be missing: {shape.what}; repair or delete it in the drawing"
             raise OutlineError(problem, where=where)
-    outer = [contour for contour in found if contour.outer]
+    outer = [contour for contour in candidates if contour.outer]
     if number is None and len(outer) > 1:
-        raise UsageError(f"{where}: has {len(outer)} contours; choose with --contour N: {listing(found)}")
-    if number is not None and not 1 <= number <= len(found):
         raise UsageError(
-            f"{where}: has no contour {number}; choose with --contour 1 to {len(found)}: {listing(found)}"
+            f"{where}: has {len(outer)} contours; choose with --contour N: {listing(candidates)}"
         )
-    contour = found[(number or 1) - 1]
+    if number is not None and not 1 <= number <= len(candidates):
+        raise UsageError(
+            f"{where}: has no contour {number}; choose with --contour 1 to {len(candidates)}: "
+            f"{listing(candidates)}"
+        )
+    contour = candidates[(number or 1) - 1]
     if contour.ambiguity:
         raise OutlineError(contour.ambiguity, where=where)
     notes = [contour.note] if contour.note else []
     if contour.holes:
         what = "contour" if contour.holes == 1 else "contours"
         notes.append(f"{contour.holes} inner {what} (holes) ignored")
-    if len(found) > 1:
-        notes.append(f"contour {number or 1} of {len(found)} taken: {listing(found)}")
+    if len(candidates) > 1:
+        notes.append(f"contour {number or 1} of {len(candidates)} taken: {listing(candidates)}")
     return contour, notes
 
 

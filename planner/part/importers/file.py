@@ -83,11 +83,11 @@ def read_outline(path: Path, options: Options) -> Imported:
         else:
             pieces = READERS[suffix](data, where, unit_mm, tolerance_mm)
         with _noted(pieces):
-            found, notes = contours.contours(pieces, options.tolerance_mm, where)
-            contour, more = contours.choose(found, options.contour, where, pieces.lost)
+            candidates, notes = contours.contours(pieces, options.tolerance_mm, where)
+            contour, more = contours.choose(candidates, options.contour, where, pieces.lost)
             all_notes = (*notes, *(shape.what for shape in pieces.lost if shape.box is None), *more)
             imported, shift = _checked(contour.points, where, options.tolerance_mm, all_notes)
-        holes = tuple(hole + shift for hole in contours.holes_of(contour, found))
+        holes = tuple(hole + shift for hole in contours.holes_of(contour, candidates))
         return imported._replace(height_mm=pieces.height_mm, holes_mm=holes)
 
 

@@ -39,10 +39,10 @@ class Expression(NamedTuple):
 
     def part(self, name: str) -> "Expression":
         """The first part of that name; raises KeyError."""
-        found = [part for part in self.parts() if part.name == name]
-        if not found:
+        matches = [part for part in self.parts() if part.name == name]
+        if not matches:
             raise KeyError(name)
-        return found[0]
+        return matches[0]
 
     def numbers(self, name: str, count: int) -> Array:
         """The first numbers (count,) of a part; raises KeyError, and ValueError where they are none."""
@@ -52,8 +52,8 @@ class Expression(NamedTuple):
         """The first values as numbers (count,); raises ValueError where they are none."""
         values = [value for value in self.values[:count] if isinstance(value, int | float)]
         if len(values) != count or not all(map(math.isfinite, values)):
-            told = " ".join(map(str, (self.name, *self.values)))[:40]
-            raise ValueError(f"{told!r} should hold {count} numbers")
+            written = " ".join(map(str, (self.name, *self.values)))[:40]
+            raise ValueError(f"{written!r} should hold {count} numbers")
         return np.array(values, dtype=np.float64)
 
     def layers(self) -> frozenset[str]:

@@ -81,8 +81,8 @@ class Scene:
         if self.cut:
             notes.append(f"cut by clip paths, masks or viewports, taken whole: {self.cut} of its elements")
         if self.strays:
-            told = ", ".join(f"{n} {kind}" for kind, n in sorted(self.strays.items()))
-            notes.append(f"not outlines, ignored: {told}")
+            kinds = ", ".join(f"{n} {kind}" for kind, n in sorted(self.strays.items()))
+            notes.append(f"not outlines, ignored: {kinds}")
         if self.missing:
             notes.append(f"copied, but not in the file: {', '.join(dict.fromkeys(self.missing))}")
         return notes

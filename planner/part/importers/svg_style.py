@@ -52,16 +52,16 @@ class Sheets:
         stated = {name: value for name, value in element.attrib.items() if not name.startswith("{")}
         for each in (*(each for each in (*sheet, *inline) if not each.important), *last):
             stated[each.lower_name] = tinycss2.serialize(each.value).strip()
-        found = {name: parent[name] for name in INHERITED}
+        computed = {name: parent[name] for name in INHERITED}
         for name, value in stated.items():
             word = value.strip().lower()
             if word == "inherit":
-                found[name] = parent.get(name, "")
+                computed[name] = parent.get(name, "")
             elif word in ("initial", "unset", "revert"):
-                found[name] = INHERITED.get(name, "") if word == "initial" else found.get(name, "")
+                computed[name] = INHERITED.get(name, "") if word == "initial" else computed.get(name, "")
             else:
-                found[name] = value
-        return found
+                computed[name] = value
+        return computed
 
     def _add(self, sheet: str) -> None:
         for rule in tinycss2.parse_stylesheet(sheet, skip_comments=True, skip_whitespace=True):

@@ -30,9 +30,13 @@ def test_commands_with_a_missing_file_end_before_the_planner_is_loaded(name: str
     (tmp_path / "there.toml").touch()
     code = BLOCK.format(name) + LOADED
     done = subprocess.run(
-        [sys.executable, "-P", "-c", code, *CALLS[name]], cwd=tmp_path, capture_output=True, text=True,
-        timeout=60, check=False,
-    )  # fmt: skip
+        [sys.executable, "-P", "-c", code, *CALLS[name]],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
     assert (done.returncode, done.stdout.strip()) == (3, "False")
     assert done.stderr.startswith("plan-")
     assert "nope." in done.stderr
