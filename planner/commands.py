@@ -3,7 +3,6 @@
 A file that is not there is reported before the planner is loaded, which takes seconds of processor time.
 """
 
-import os
 import sys
 from collections.abc import Callable, Sequence
 from importlib.util import find_spec
@@ -12,9 +11,11 @@ from pathlib import Path
 
 from runtime.shell.command import INPUT_FILE, entry, tell
 
-INPUTS = {".csv", ".dxf", ".jsonl", ".kicad_mod", ".msgpack", ".stl", ".svg", ".toml", ".txt"}  # of any command
+# Suffixes of the files that some command reads.
+INPUTS = {".csv", ".dxf", ".jsonl", ".kicad_mod", ".msgpack", ".stl", ".svg", ".toml", ".txt"}
 HELP = {"-h", "--help"}
-READ = {"--debug", "--force", "--journal", "--json", "--poses", "--push"}  # options before a file that is read
+# Options after which a file that is read may stand.
+READ = {"--debug", "--force", "--journal", "--json", "--poses", "--push"}
 
 
 def missing_input(words: Sequence[str]) -> str | None:
@@ -28,7 +29,7 @@ def missing_input(words: Sequence[str]) -> str | None:
         read = not before.startswith("-") or before in READ
         if read and not word.startswith("-") and Path(word).suffix.lower() in INPUTS:
             try:
-                os.stat(word)
+                Path(word).stat()
             except FileNotFoundError:
                 return word
             except OSError:

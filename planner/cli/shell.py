@@ -10,6 +10,7 @@ import signal
 import sys
 import textwrap
 import time
+import traceback
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -232,6 +233,26 @@ def _warnings_in_one_line(name: str) -> Iterator[None]:
 def answer(as_json: bool, figures: Mapping[str, Any], *lines: str) -> None:
     """Prints what a command found: its figures as one JSON object on one line, or lines for people."""
     print(json.dumps(figures) if as_json else "\n".join(lines))
+
+
+@contextmanager
+def spared(what: str, notes: list[str], debug: bool = False) -> Iterator[None]:
+    """Work that an answer can do without: a failure of it becomes a note.
+
+    Args:
+        what: the work, in the words of the note.
+        notes: where the note is added.
+        debug: print the traceback, too.
+    """
+    try:
+        yield
+    except KeyboardInterrupt:
+        notes.append(f"no {what}: interrupted")
+    except Exception as error:
+        if debug:
+            traceback.print_exc()
+        reason = error if hasattr(error, "exit_code") else f"{type(error).__name__}: {error}"
+        notes.append(f"no {what}: {command.one_line(reason)}")
 
 
 @contextmanager

@@ -24,7 +24,7 @@ class Shortage(NamedTuple):
     """What the first squeeze of a job lacks, at the best of its placements."""
 
     missing_mm: float  # how much wider the jaws would have to open; 0 if they open wide enough
-    radius_mm: float | None  # largest radius of the disc for which the jaws open wide enough; None: there is none
+    radius_mm: float | None  # largest radius of the disc for which they do; None: there is none
 
     def line(self) -> str:
         """What is missing and which radius would do, for people."""
@@ -74,7 +74,8 @@ def _poses(radius_mm: float, halfwidth_deg: float) -> Array:
     """Poses (n, 3) all over a disc and an interval of angles, up to their edges [mm, mm, rad]."""
     radii = radius_mm * np.sqrt(np.arange(1, RINGS + 1) / RINGS)
     around = np.arange(DIRECTIONS) * math.tau / DIRECTIONS
-    angles = np.radians(np.linspace(-halfwidth_deg, halfwidth_deg, 1 + 2 * math.ceil(halfwidth_deg / STEP_DEG)))
+    steps = 2 * math.ceil(halfwidth_deg / STEP_DEG)
+    angles = np.radians(np.linspace(-halfwidth_deg, halfwidth_deg, steps + 1))
     r, phi, theta = (axis.ravel() for axis in np.meshgrid(radii, around, angles))
     return np.column_stack([r * np.cos(phi), r * np.sin(phi), theta])
 
