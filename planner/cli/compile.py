@@ -6,7 +6,7 @@ import math
 import time
 from pathlib import Path
 
-from planner.cli import bounds, shell, sweep
+from planner.cli import bounds, course, shell, sweep
 from planner.cli.sweep import Settings, figures_of, orders_of
 from planner.compile import EVALUATION_TRIALS, Plan, compile_job
 from planner.diagnosis.advice import counsel
@@ -102,13 +102,14 @@ def _single(arguments: argparse.Namespace) -> int:
         shell.checked_suffix("--models-report", picture, shell.PICTURES)
         for path in (picture, picture.with_suffix(".json")):
             files.usable(path, output, *read)
+    whole = course.of_time(arguments.budget) if math.isfinite(arguments.budget) else course.unknown
     for found in alike(job):
         if not found.hopeless:  # that is refused
             tell(NAME, f"warning: {found.line()}")
     store, limit, notes = shell.store_of(arguments), Limit(arguments.budget), list[str]()
     with (
         scheduler_of(arguments.scheduler, arguments.workers) as scheduler,
-        shell.progress(arguments.json) as report,
+        shell.progress(arguments.json, whole) as report,
     ):
         with shell.stopping(limit, NAME):
             plan = compile_job(job, arguments.workers, arguments.trials, report, limit, store, scheduler)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from planner.cli import shell
+from planner.cli import course, shell
 from planner.errors import UsageError
 from planner.evaluation import leaves
 from planner.evaluation.cases import believed_cases, standard_cases
@@ -170,7 +170,7 @@ def _rare(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Name
     wanted, kept = arguments.trials or DEFAULT_PPM_TRIALS, arguments.resume
     identity = study.identity(_name_of_world(arguments))
     sums = Sums.none(len(table.leaves)) if kept is None else resumed(kept, identity, len(table.leaves))
-    with shell.progress(arguments.json) as report:
+    with shell.progress(arguments.json, course.counted) as report:
         report("evaluate", sums.parts, wanted)
         for done in continued(study, sums, wanted, scheduler):
             sums = done

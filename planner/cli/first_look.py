@@ -2,11 +2,13 @@
 
 import argparse
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from planner.cli import shell
+from planner.cli import course, shell
 from planner.compile import Plan, compile_job
 from planner.diagnosis.advice import advise
 from planner.diagnosis.alike import alike
@@ -29,7 +31,7 @@ from planner.part.outline import smallest_rectangle
 from planner.report import canvas, paper_figures
 from planner.report.answer import QUESTION, Answer
 from planner.report.replay import replay
-from planner.report.verdict import verdict, weakest
+from planner.report.verdict import Grade, verdict, weakest
 from planner.report.worlds import tried
 from planner.work.limit import Limit
 from planner.work.progress import Report
@@ -41,6 +43,7 @@ from runtime.table import dump
 
 NAME = "plan-try"
 ANSWER_S = 45.0  # from the start to the answer, the picture aside
+REST_S = 15.0  # other worlds, advice and picture
 LEAST_SEARCH_S = 8.0
 SLOW_S = 120.0  # where the first search came to nothing: the machine is busy, or compiled its kernels
 QUICK = {"particles": 8000}  # of [search]: a rough tree in the time there is
@@ -51,6 +54,10 @@ LARGEST = 1  # number of the contour that is taken
 DRAWN_SQUEEZES = range(1, 4)  # of the path that the picture shows
 WORTH_TELLING = 0.005  # share of the parts for which the search was not done
 LEAST_DONE = 0.9  # share located of the parts for which the search was done, for that answer
+MOST_OPEN = 0.5  # share of the parts for which it was not done, beyond which nothing is known
+LOCATABLE = {"good": True, "fair": True, "cut": True, "poor": False, "unknown": None}
+
+Spared = Callable[[str], AbstractContextManager[None]]  # work that the answer can do without, by its name
 
 
 def parser() -> Parser:
@@ -112,6 +119,8 @@ def _try(arguments: argparse.Namespace) -> None:
     if not arguments.json:
         print(f"{answers.name}: {rectangle.text()}, {len(imported.outline_mm)} vertices")
         print("\n".join(f"assumed: {line}" for line in told["assumed"]), flush=True)
+    failures: list[str] = []
+    spared = partial(shell.spared, notes=failures, debug=arguments.debug)
     try:
         text = draft(imported, arguments.drawing.name, answers)
         files = _files(arguments, text)
@@ -121,9 +130,11 @@ def _try(arguments: argparse.Namespace) -> None:
         told["alike"] = [found.line() for found in alike(job)]
         if not arguments.json:
             print("".join(f"note: {line}\n" for line in told["alike"]), end="", flush=True)
-        with shell.progress(arguments.json) as report:
+        expected_s = (arguments.budget or ANSWER_S) + REST_S
+        with shell.progress(arguments.json, course.of_time(expected_s)) as report:
             plan = _planned(arguments, job, started, report)
             dump(plan.table, files.table)
+            answer = _answered(job, plan, setting.restrictions, spared, report)
     except (FitError, NoPlanError) as error:
         known = not getattr(error, "cut_short", False)
         reason = {"locatable": False if known else None, "verdict": "poor" if known else "unknown"}
@@ -131,19 +142,17 @@ def _try(arguments: argparse.Namespace) -> None:
         figures = {**told, **reason, "reason": str(error)}
         shell.answer(arguments.json, figures, "", f"{QUESTION} {short}")
         return
-    failures: list[str] = []
-    answer = _answered(arguments, job, plan, failures, setting.restrictions)
     if not arguments.json:
         print("\n".join(["", *answer.lines()]), flush=True)
     picture: Path | None = None
-    with shell.spared("picture", failures, arguments.debug):
+    with spared("picture"):
         beliefs = replay(plan.table, job, TRIALS, plan.seed)
         shown = plan.table, job, beliefs, DRAWN_SQUEEZES, imported.holes_mm
         canvas.save(files.picture, lambda: paper_figures.sequence(*shown))
         picture = files.picture
     seconds = time.monotonic() - started
     told |= {
-        "locatable": answer.short != "poor", "verdict": answer.short, "sentence": answer.verdict.sentence,
+        "locatable": LOCATABLE[answer.short], "verdict": answer.short, "sentence": answer.verdict.sentence,
         "restrictions": setting.restrictions, "conditions": answer.verdict.conditions,
         "warnings": answer.verdict.warnings, **answer.figures,
         "weakest": answer.worst and answer.worst._asdict(), "limits": answer.limits,
@@ -163,26 +172,29 @@ def _planned(arguments: argparse.Namespace, job: Job, started: float, report: Re
     return _within(job.replaced(search=QUICK), budgets, report)
 
 
-def _answered(
-    arguments: argparse.Namespace, job: Job, plan: Plan, failures: list[str], restrictions: list[str]
-) -> Answer:
+def _answered(job: Job, plan: Plan, restrictions: list[str], spared: Spared, report: Report) -> Answer:
     """How a plan does in its own world and in others, and what limits it."""
     figures, lines, limits = plan.evaluation.summary(), list[Line](), list[str]()
-    with shell.spared("other worlds", failures, arguments.debug), shell.progress(arguments.json) as report:
+    with spared("other worlds"):
         lines = tried(plan.table, job, plan.evaluation, scheduler=Threads(), report=report)
     open_share = plan.cut.open_share if plan.cut else 0.0
     if plan.cut and open_share >= WORTH_TELLING:
         limits = [plan.cut.line()]
     elif figures["success_rate"] < 1.0:
-        with shell.spared("advice", failures, arguments.debug):
+        with spared("advice"):
             limits = advise(plan.table, plan.evaluation, job).lines()
     found = verdict(job, figures, lines)
-    done = figures["success_rate"] / max(1.0 - open_share, 1e-9)
-    cut = found.grade == "poor" and open_share > 0.0 and done >= LEAST_DONE
     return Answer(
-        "cut" if cut else found.grade, found, figures, plan.table.limits.max_depth, weakest(lines), limits,
+        _short(found.grade, figures["success_rate"], open_share), found, figures, plan.table.limits.max_depth, weakest(lines), limits,
         restrictions, job.goal.confidence,
     )  # fmt: skip
+
+
+def _short(grade: Grade, success: float, open_share: float) -> str:
+    """The grade of a plan; of one whose search is not done, what is known so far."""
+    if grade != "poor" or not open_share or success < LEAST_DONE * (1.0 - open_share):
+        return grade
+    return "unknown" if open_share > MOST_OPEN else "cut"
 
 
 def _within(job: Job, budgets: Sequence[float], report: Report) -> Plan:

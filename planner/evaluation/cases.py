@@ -105,7 +105,7 @@ def believed_cases(job: Job) -> list[Case]:
     cases += [
         Case(
             f"fingers meet {off:+g} mm off", disturbance=Disturbance(across_mm=off),
-            broken=Condition("how far off the hand's middle the fingers meet", "below", abs(off), " mm"),
+            broken=Condition("the distance from the hand's middle to where fingers meet", "below", abs(off), " mm"),
         )
         for off in doubt.middle_mm
         if off
@@ -113,14 +113,16 @@ def believed_cases(job: Job) -> list[Case]:
     cases += [
         Case(
             f"encoder {off:+g} mm", disturbance=Disturbance(off),
-            broken=Condition("what widths read too much", "below" if off > 0.0 else "above", off, " mm"),
+            broken=Condition("the error of widths", "below" if off > 0.0 else "above", off, " mm"),
         )
         for off in doubt.encoder_mm
         if off
     ]  # fmt: skip
     cases += [
         outline_off(job, sign * job.part.tolerance_mm)._replace(
-            broken=Condition("how far contours lie off the drawing's", "below", job.part.tolerance_mm, " mm")
+            broken=Condition(
+                "the distance of contours from the drawing", "below", job.part.tolerance_mm, " mm"
+            )
         )
         for sign in (-1, 1)
         if job.part.tolerance_mm

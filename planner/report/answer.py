@@ -12,7 +12,7 @@ QUESTION = "Can it be located by squeezing?"
 class Answer(NamedTuple):
     """What is found of a part."""
 
-    short: str  # "good", "fair", "poor", or "cut" where the search is not done
+    short: str  # a grade; where the search is not done "cut" or, for most parts, "unknown"
     verdict: Verdict  # on the plan as it is
     figures: dict[str, Any]  # as `Evaluation.summary` returns them
     most_squeezes: int
@@ -25,6 +25,8 @@ class Answer(NamedTuple):
         """The answer in one sentence, with what it is restricted to and what it depends on."""
         if self.short == "poor":
             return "Not well enough: see what limits it."
+        if self.short == "unknown":
+            return "Not known yet: the search is not done for most parts; give it a longer --budget."
         share = self.figures["success_rate"]
         located = f"for {in_percent(shares_of(self.figures).located)} of the parts"
         reservation = "" if share >= self.confidence else located
