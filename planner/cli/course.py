@@ -88,7 +88,7 @@ class _Course:
 
     def left(self) -> str:
         """How long the rest will take, at the rate since a share was known first."""
-        if self._known and self._first and self.share and self.share > self._first[1]:
+        if self._known and self._first and self.share and self._first[1] < self.share < 1.0:
             since, share = self._first
             left_s = (self.seconds - since) * (1.0 - self.share) / (self.share - share)
             return f"left: about {math.ceil(left_s)} s"

@@ -122,6 +122,7 @@ def _try(arguments: argparse.Namespace) -> None:
     failures: list[str] = []
     spared = partial(shell.spared, notes=failures, debug=arguments.debug)
     try:
+        _check_thickness(imported)
         text = draft(imported, arguments.drawing.name, answers)
         files = _files(arguments, text)
         write(files.job, text)
@@ -184,10 +185,9 @@ def _answered(job: Job, plan: Plan, restrictions: list[str], spared: Spared, rep
         with spared("advice"):
             limits = advise(plan.table, plan.evaluation, job).lines()
     found = verdict(job, figures, lines)
-    return Answer(
-        _short(found.grade, figures["success_rate"], open_share), found, figures, plan.table.limits.max_depth, weakest(lines), limits,
-        restrictions, job.goal.confidence,
-    )  # fmt: skip
+    short = _short(found.grade, figures["success_rate"], open_share)
+    most, worst, confidence = plan.table.limits.max_depth, weakest(lines), job.goal.confidence
+    return Answer(short, found, figures, most, worst, limits, restrictions, confidence)
 
 
 def _short(grade: Grade, success: float, open_share: float) -> str:
@@ -195,6 +195,18 @@ def _short(grade: Grade, success: float, open_share: float) -> str:
     if grade != "poor" or not open_share or success < LEAST_DONE * (1.0 - open_share):
         return grade
     return "unknown" if open_share > MOST_OPEN else "cut"
+
+
+def _check_thickness(imported: Imported) -> None:
+    """Refuses a part that is too thin for finger tips, whatever the plan.
+
+    Raises:
+        FitError: it is.
+    """
+    height_mm = imported.height_mm
+    if height_mm is not None and tips_height_mm(height_mm) <= 0.0:
+        thin = f"it is {height_mm:.3g} mm thin"
+        raise FitError(f"{thin}, and finger tips must close {TIP_MARGIN_MM:g} mm below its top or lower")
 
 
 def _within(job: Job, budgets: Sequence[float], report: Report) -> Plan:

@@ -105,7 +105,7 @@ def believed_cases(job: Job) -> list[Case]:
     cases += [
         Case(
             f"fingers meet {off:+g} mm off", disturbance=Disturbance(across_mm=off),
-            broken=Condition("the distance from the hand's middle to where fingers meet", "below", abs(off), " mm"),
+            broken=Condition("the fingers' distance from the hand's middle", "below", abs(off), " mm"),
         )
         for off in doubt.middle_mm
         if off

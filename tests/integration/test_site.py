@@ -119,8 +119,8 @@ def test_every_command_is_in_the_reference(site, command):
 
 
 def test_the_performance_page_holds_what_is_kept(kept):
-    page = kept.PAGE.read_text()
-    assert kept.filled(page) == page, "run python tools/docs/site/kept.py"
+    for page in (kept.README.read_text(), kept.PAGE.read_text()):
+        assert kept.filled(page) == page, "run python tools/docs/site/kept.py"
     for row in json.loads((RESULTS / "table1.json").read_text())["rows"]:
         if "success_rate" in row:
             assert f"{100 * row['success_rate']:.3f} (" in page
@@ -158,6 +158,24 @@ def test_tables_are_filled_in_where_the_page_says(kept, monkeypatch, tmp_path):
     assert kept.filled(made) == made
     with pytest.raises(AttributeError):
         kept.table_of("nothing")
+
+
+def test_figures_over_seeds_are_told_as_mean_least_and_most(kept, monkeypatch, tmp_path):
+    monkeypatch.setattr(kept, "RESULTS", tmp_path)
+    values = {"mean": 0.995, "deviation": 0.001, "least": 0.99, "most": 0.9975}
+    squeezes = {"mean": 3.01, "deviation": 0.1, "least": 2.8, "most": 3.13}
+    spread = {"success_rate": values, "wrong_rate": values, "mean_squeezes": squeezes}
+    plans = [{"seed": seed, "part": "rectangle-25"} for seed in range(1, 11)]
+    rows = [{"row": "5", "method": "closed-loop", "spread": spread, "plans": plans}]
+    rows.append({"row": "5", "method": "paper", "spread": {}, "plans": plans})
+    (tmp_path / "table1_seeds.json").write_text(json.dumps(rows))
+    page = kept.table_of("table1_seeds")
+    assert "| 5 | rectangle-25 | closed-loop | 10 | 99.50 (99.00 to 99.75) % |" in page
+    assert "| 3.01 (2.80 to 3.13) |" in page
+    assert "| 5 | rectangle-25 | paper | 10 | no plan |" in page
+    shown = kept.table_of("table1_seeds-readme")
+    assert "With each of 10 seeds" in shown
+    assert shown.count("rectangle-25") == 1
 
 
 FAULTY = """<html><head><script src="https://cdn.example/x.js"></script></head><body>
