@@ -62,8 +62,8 @@ def main() -> int:
             print(json.dumps(done[name]), flush=True)
     rows = [done[name] for name in names if name in done]
     told = {
-        "machine": platform.platform(), "budget_s": options.budget, "turn_deg": options.turn, "seed": options.seed,
-        "drawn": len(names), "of": len(outlines), "rows": rows,
+        "machine": platform.platform(), "budget_s": options.budget, "turn_deg": options.turn,
+        "seed": options.seed, "drawn": len(names), "of": len(outlines), "rows": rows,
     }  # fmt: skip
     RESULTS.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
     wrong = [row["name"] for row in rows if row["faults"]]
