@@ -1,4 +1,4 @@
-"""Writes the tables of tools/docs/performance.md and README.md from tests/bench/results: no page copies a figure.
+"""Writes the tables of tools/docs/performance.md and README.md from tests/bench/results, so none is copied.
 
     python tools/docs/site/kept.py
 
