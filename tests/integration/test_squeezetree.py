@@ -119,7 +119,8 @@ def test_a_first_look_answers_and_writes_what_to_go_on_with(
     shares = [told[name] for name in ("success_rate", "wrong_rate", "unresolved_rate", "reject_rate")]
     assert sum(shares) + told["crashes"] / told["trials"] == pytest.approx(1.0)
     assert told["notes"] == []
-    # Another job of the same name is not overwritten, the same one is. No picture, advice or sweep costs the answer.
+    # Another job of the same name is not overwritten, the same one is.
+    # No picture, advice or sweep costs the answer.
 
     def fail(*_: object, **__: object) -> None:
         raise ValueError("no path of 1, 2, 3 squeezes")
