@@ -11,6 +11,7 @@ from planner.cli.sweep import Settings, figures_of, orders_of
 from planner.compile import EVALUATION_TRIALS, Plan, compile_job
 from planner.diagnosis.advice import counsel
 from planner.diagnosis.alike import alike
+from planner.diagnosis.cautions import warnings_of
 from planner.errors import UsageError
 from planner.job import model as job_file
 from planner.job.checks import TIP_MARGIN_MM
@@ -18,7 +19,6 @@ from planner.job.model import Job
 from planner.paper import baseline
 from planner.report import models
 from planner.report.shares import shares_of
-from planner.report.verdict import warnings_of
 from planner.work.limit import Limit
 from planner.work.scheduler import scheduler_of
 from runtime.shell import files

@@ -8,11 +8,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from planner.diagnosis.cautions import warnings_of
 from planner.evaluation.cases import Case, Condition, assumption_cases, believed_cases
 from planner.evaluation.evaluate import Line
 from planner.job import model as job_file
 from planner.report.run_log import PartLog, RunLog
-from planner.report.verdict import cell_result, percent, planned_spans, told_conditions, verdict, warnings_of
+from planner.report.verdict import cell_result, percent, planned_spans, told_conditions, verdict
 from runtime.table import Calibration, load
 
 TREE = Path(__file__).parents[4] / "trees" / "rectangle"
