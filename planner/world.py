@@ -18,7 +18,7 @@ from planner.errors import UsageError
 from planner.job.model import Job
 from planner.mechanics.clearance import least_clearance
 from planner.mechanics.simulator import STATUS_NAMES, RollOut, Simulator
-from planner.mechanics.traits import Traits, as_planned
+from planner.mechanics.traits import Traits, as_planned, ordinary
 from runtime.shell.worlds import DEFAULT_WORLD, WorldError, find_factory, make_world
 
 Pose = tuple[float, float, float]
@@ -80,7 +80,9 @@ class ContactWorld:
         _check_finite(pose_hand)
         own = self._stated
         off = np.array([0.0, own["across_mm"][0], 0.0])
-        rolled = self.squeeze_many(np.array([pose_hand], dtype=np.float64) - off, own)
+        pose = np.array([pose_hand], dtype=np.float64) - off
+        # As evaluations ask: a world derived from this one may know of no traits.
+        rolled = self.squeeze_many(pose) if ordinary(own).all() else self.squeeze_many(pose, own)
         x, y, theta = rolled.poses[0] + off
         width = float(read_as(rolled.width_mm, own)[0]) if rolled.width_mm[0] > 0.0 else 0.0
         return (float(x), float(y), float(theta)), max(width, 0.0), STATUS_NAMES[rolled.status[0]]
@@ -102,7 +104,9 @@ class ContactWorld:
         _check_finite(pose_hand)
         own, off = self._stated, np.array([0.0, self._stated["across_mm"][0], 0.0])
         pose = np.array([pose_hand], dtype=np.float64) - off
-        x, y, theta = self.push_many(pose, np.array([opening_mm]), np.array([way_mm]), own)[0] + off
+        way = pose, np.array([opening_mm]), np.array([way_mm])
+        pushed = self.push_many(*way) if ordinary(own).all() else self.push_many(*way, own)
+        x, y, theta = pushed[0] + off
         return float(x), float(y), float(theta)
 
     def push_many(

@@ -76,6 +76,8 @@ ARM_KINDS = _kinds(
     ("arm_disconnect", 0, 0, 1, "the connection breaks; the motion under way goes on to its end"),
     ("arm_stale_ack", 0, 0, 1, "an acknowledgement of an earlier move comes first"),
     ("arm_refuses", 0, 0, 1, "the instruction is answered as a bad message, nothing moves"),
+    ("arm_displaced", 1, 12, 1, "after an instruction the hand is moved `value` mm aside"),
+    ("arm_turned", 1, 30, 1, "after an instruction the hand is turned by `value` degrees"),
 )
 SCENE_KINDS = _kinds(
     Channel.SCENE,

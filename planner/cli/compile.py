@@ -14,9 +14,9 @@ from planner.diagnosis.alike import alike
 from planner.diagnosis.cautions import warnings_of
 from planner.errors import UsageError
 from planner.job import model as job_file
-from planner.job.checks import TIP_MARGIN_MM
 from planner.job.model import Job
 from planner.paper import baseline
+from planner.part import tips
 from planner.report import models
 from planner.report.shares import shares_of
 from planner.work.limit import Limit
@@ -194,7 +194,7 @@ def _text(plan: Plan, job: Job, output: Path, seconds: float) -> str:
         tips_mm = job.cell.squeeze_height_mm
         thickness = (
             f"\nheight_mm of [part] is not stated: tips at squeeze_height_mm = {tips_mm:g} meet a part of "
-            f"{tips_mm + TIP_MARGIN_MM:g} mm or more"
+            f"{tips_mm + tips.MARGIN_MM:g} mm or more"
         )
     cut = f"{plan.cut.line()}\n" if plan.cut else ""
     thickness += "".join(f"\nwarning: {line}" for line in warnings_of(job))

@@ -15,7 +15,6 @@ from planner.diagnosis.alike import alike
 from planner.errors import FitError, NoPlanError, UsageError
 from planner.evaluation.evaluate import Line
 from planner.job import model as job_file
-from planner.job.checks import TIP_MARGIN_MM, tips_height_mm
 from planner.job.drafts import (
     FINGERS,
     GRIPPERS,
@@ -28,6 +27,7 @@ from planner.job.drafts import (
 from planner.job.model import Job
 from planner.part.importers.file import SUFFIXES, Imported, read_outline
 from planner.part.outline import smallest_rectangle
+from planner.part.tips import MARGIN_MM, tips_height_mm
 from planner.report import canvas, paper_figures
 from planner.report.answer import QUESTION, Answer
 from planner.report.replay import replay
@@ -206,7 +206,7 @@ def _check_thickness(imported: Imported) -> None:
     height_mm = imported.height_mm
     if height_mm is not None and tips_height_mm(height_mm) <= 0.0:
         thin = f"it is {height_mm:.3g} mm thin"
-        raise FitError(f"{thin}, and finger tips must close {TIP_MARGIN_MM:g} mm below its top or lower")
+        raise FitError(f"{thin}, and finger tips must close {MARGIN_MM:g} mm below its top or lower")
 
 
 def _within(job: Job, budgets: Sequence[float], report: Report) -> Plan:
@@ -268,10 +268,10 @@ def _setting(arguments: argparse.Namespace, imported: Imported) -> Setting:
     taken.append(f"located means to {arguments.distance:g} mm (--distance)")
     height = imported.height_mm
     if height is None:
-        taken.append(f"at least {tips_height_mm(None) + TIP_MARGIN_MM:g} mm high (height_mm in the job)")
+        taken.append(f"at least {tips_height_mm(None) + MARGIN_MM:g} mm high (height_mm in the job)")
     name = arguments.drawing.stem
     answers = Answers(name, radius, turn, gripper, fingers, arguments.distance, height)
-    return Setting(answers, taken, restrictions)
+    return Setting(answers._replace(tips_mm=arguments.height), taken, restrictions)
 
 
 def _files(arguments: argparse.Namespace, text: str) -> Files:

@@ -118,7 +118,7 @@ def add_drawing(group: argparse._ArgumentGroup) -> None:
     )  # fmt: skip
     add(
         "--height", type=command.number, metavar="MM",
-        help="of the cut through an STL solid (default: half-way up)",
+        help="of the finger tips, above which they meet an STL solid (default: half-way up, at most 8)",
     )  # fmt: skip
 
 

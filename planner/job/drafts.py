@@ -12,9 +12,9 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from planner.job import model as job_file
-from planner.job.checks import tips_height_mm
 from planner.part.importers.file import Face, Imported
 from planner.part.outline import reach
+from planner.part.tips import tips_height_mm
 from runtime.table import PROFILES, Profile
 
 
@@ -84,6 +84,7 @@ class Answers(NamedTuple):
     fingers: str  # one of `FINGERS`
     distance_mm: float = 3.0  # the goal
     height_mm: float | None = None  # the part's thickness; None where nobody knows it
+    tips_mm: float | None = None  # of the finger tips above the table; None for where they squeeze by default
 
 
 def draft(imported: Imported, source: str, answers: Answers, faces: Sequence[Face] = ()) -> str:
@@ -100,7 +101,7 @@ def draft(imported: Imported, source: str, answers: Answers, faces: Sequence[Fac
     )  # fmt: skip
     environment.filters["toml"] = lambda text: json.dumps(text, ensure_ascii=False)
     thickness = None if answers.height_mm is None else round(float(answers.height_mm), DECIMALS)
-    tips = faces[0].cut_mm if faces else tips_height_mm(thickness)
+    tips = faces[0].cut_mm if faces else answers.tips_mm or tips_height_mm(thickness)
     text = environment.get_template("job.toml").render(
         name=answers.name,
         source=_one_line(source),
@@ -110,6 +111,7 @@ def draft(imported: Imported, source: str, answers: Answers, faces: Sequence[Fac
         **_shape(imported),
         faces=[_face(number, face, answers.name) for number, face in enumerate(faces, start=1)],
         datum=[round(float(value), DECIMALS) + 0.0 for value in imported.origin_mm],
+        datum_name=imported.origin_name,
         fingers=FINGERS[answers.fingers],
         gripper=GRIPPERS[answers.gripper],
         radius=float(answers.radius_mm),

@@ -100,7 +100,9 @@ def run(arguments: argparse.Namespace, drivers: Drivers, ask: Callable[[str], ob
             try:
                 found = middle.measure(hand, node, arguments.block, at, tell)
             except BaseException as error:
-                for note in reach_safe_state(gripper, arm, table.limits, arm_known=hand.arm_known):
+                for note in reach_safe_state(
+                    gripper, arm, table.limits, arm_known=hand.arm_known, may_hold_fixed=hand.may_hold
+                ):
                     error.add_note(note)
                 raise
     made = replace(known, middle=found)

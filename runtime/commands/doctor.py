@@ -125,7 +125,10 @@ def _gripper_findings(port: str, drivers: Drivers, system: System) -> Iterator[F
     if failed is not None:
         yield failed
         if is_tty:
-            yield from doctor.check_silence(port, drivers.scan)
+            try:
+                yield from doctor.check_silence(port, drivers.scan)
+            except OSError as error:
+                yield _failed("port", error, "Check cable and adapter.")
 
 
 def _failed(device: str, error: Exception, remedy: str) -> Finding:

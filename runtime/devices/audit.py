@@ -76,9 +76,9 @@ class AuditProcess(ChildProcess):
 
     def _ask(self, asked: Mapping[str, object], answer_s: float) -> Mapping[str, object]:
         try:
-            self._tell(json.dumps(asked).encode())
-            self._owed += 1
             until = SystemClock().now() + answer_s
+            self._owed += 1
+            self._tell(json.dumps(asked).encode(), until)
             answer = b""
             while self._owed:
                 answer = self._line(until)

@@ -69,6 +69,8 @@ def _is_deep(value: Any) -> bool:
     """Whether it has more than `MOST_LEVELS` levels, found without recursion."""
     level = [value]
     for _ in range(MOST_LEVELS):
+        if not level:
+            return False
         inner = [list(item.values()) if isinstance(item, dict) else item for item in level]
         level = [item for items in inner if isinstance(items, list) for item in items]
     return any(isinstance(item, dict | list) for item in level)

@@ -52,6 +52,7 @@ def understand(words, monkeypatch):
     with monkeypatch.context() as patched:
         patched.setattr(argparse.ArgumentParser, "parse_args", parse_args)
         patched.setattr(sys, "argv", list(words))
+        patched.setattr("planner.commands.missing_input", lambda _: None)  # examples name files of a reader
         try:
             getattr(importlib.import_module(module), function)()
         except Parsed:

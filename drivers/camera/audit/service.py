@@ -19,6 +19,7 @@ from pathlib import Path
 from drivers.camera.audit.auditor import UNKNOWN, Answer, Auditor
 from drivers.planar import Pose2
 from runtime.shell import strict_json
+from runtime.shell.command import is_foreseen
 
 MAX_LINE_BYTES = 65_536
 PICTURE_SHARE = 0.7  # of the deadline: what a picture may take, the rest is for measuring it
@@ -70,7 +71,7 @@ class Worker:
                 answer = Answer(UNKNOWN, "the memory the audit may use is used up; raise --memory-mb")
             except Exception as error:
                 said = " ".join(str(error).split())
-                foreseen = hasattr(error, "exit_code")
+                foreseen = is_foreseen(error)
                 answer = Answer(UNKNOWN, said if foreseen else f"{said} ({type(error).__name__})")
             self._answers.put(answer)
 

@@ -1,0 +1,129 @@
+"""Plans every table of `trees/` with several seeds, by one planner or several; not part of the gate.
+
+    python tests/bench/bench_planner.py                                    this checkout, ten seeds
+    python tests/bench/bench_planner.py --only rectangle wedge --seeds 1 2
+    python tests/bench/bench_planner.py --planner now=. --planner before=../before
+    python tests/bench/bench_planner.py --report                           only print what is kept
+
+A planner is a checkout with an environment in its `.venv` (`tools/demo` makes one); its `plan-compile` plans
+the jobs of this checkout on one thread. 20 000 parts that had no part in any decision judge a plan. Seconds
+are processor seconds of the whole process. Plans are kept one by one in `results/planner.json` beside this
+file; what is kept is not planned again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import tempfile
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from statistics import fmean
+
+ROOT = Path(__file__).parents[2]
+RESULTS = Path(__file__).parent / "results" / "planner.json"
+JOBS = {path.parent.name: path for path in sorted((ROOT / "trees").glob("*/job.toml"))}
+SEEDS = range(1, 11)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The figures of one plan."""
+
+    planner: str
+    part: str
+    seed: int
+    squeezes: float
+    success: float
+    wrong: float
+    nodes: int
+    cpu_s: float
+
+    @property
+    def total(self) -> float:
+        """What the job minimises: mean squeezes, a part that is not located counting as 100."""
+        return self.squeezes + 100.0 * (1.0 - self.success)
+
+
+def planned(planner: str, checkout: Path, part: str, seed: int) -> Plan:
+    """Plans one job in a process of its own."""
+    with tempfile.TemporaryDirectory() as folder:
+        command = [checkout / ".venv" / "bin" / "plan-compile", JOBS[part], "-o", f"{folder}/t.msgpack"]
+        command += ["--seed", str(seed), "--workers", "1", "--no-advice", "--json"]
+        with Path(folder, "json").open("wb") as output:
+            process = subprocess.Popen(command, stdout=output, stderr=subprocess.DEVNULL, cwd=checkout)
+            _, status, usage = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+        if process.returncode:
+            raise SystemExit(f"{planner}, {part}, seed {seed}: plan-compile ended with {process.returncode}")
+        figures = json.loads(Path(folder, "json").read_text())
+    return Plan(
+        planner=planner,
+        part=part,
+        seed=seed,
+        squeezes=figures["mean_squeezes"],
+        success=figures["success_rate"],
+        wrong=figures["wrong_rate"],
+        nodes=figures["nodes"],
+        cpu_s=round(usage.ru_utime + usage.ru_stime, 2),
+    )
+
+
+def kept() -> list[Plan]:
+    """The plans of former runs."""
+    return [Plan(**row) for row in json.loads(RESULTS.read_text())] if RESULTS.exists() else []
+
+
+def keep(plans: Iterable[Plan]) -> None:
+    """Writes all plans, one a line."""
+    rows = sorted(plans, key=lambda plan: (plan.planner, plan.part, plan.seed))
+    RESULTS.write_text("[\n" + ",\n".join(json.dumps(asdict(row)) for row in rows) + "\n]\n")
+
+
+def report(plans: list[Plan]) -> None:
+    """Prints mean and spread of each part and planner, and of all parts."""
+    print(f"{'part':16} {'planner':8} {'seeds':>5}  squeezes (spread)  success    wrong  total    cpu s")
+    for part in [*sorted({plan.part for plan in plans}), "all"]:
+        for planner in sorted({plan.planner for plan in plans}):
+            rows = [p for p in plans if p.planner == planner and part in (p.part, "all")]
+            if not rows:
+                continue
+            spread = fmean(
+                max(squeezes) - min(squeezes)
+                for name in {row.part for row in rows}
+                if (squeezes := [row.squeezes for row in rows if row.part == name])
+            )
+            print(
+                f"{part:16} {planner:8} {len(rows):5}  {fmean(p.squeezes for p in rows):8.3f} "
+                f"({spread:.3f})   {fmean(p.success for p in rows):.5f} {fmean(p.wrong for p in rows):.5f} "
+                f"{fmean(p.total for p in rows):6.3f} {fmean(p.cpu_s for p in rows):8.1f}"
+            )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--only", nargs="+", choices=JOBS, default=list(JOBS), help="these parts")
+    parser.add_argument("--seeds", nargs="+", type=int, default=list(SEEDS))
+    parser.add_argument(
+        "--planner", action="append", metavar="NAME=CHECKOUT", help="a planner (default: now=this checkout)"
+    )
+    parser.add_argument("--report", action="store_true", help="plan nothing, print what is kept")
+    arguments = parser.parse_args()
+    planners = dict(text.split("=", 1) for text in arguments.planner or [f"now={ROOT}"])
+    plans = {(plan.planner, plan.part, plan.seed): plan for plan in kept()}
+    for seed in arguments.seeds if not arguments.report else []:
+        for part in arguments.only:
+            for planner, checkout in planners.items():
+                if (planner, part, seed) not in plans:
+                    plan = planned(planner, Path(checkout).resolve(), part, seed)
+                    plans[planner, part, seed] = plan
+                    keep(plans.values())
+                    print(plan, flush=True)
+    report(list(plans.values()))
+
+
+if __name__ == "__main__":
+    main()
