@@ -13,12 +13,12 @@ from planner.diagnosis.advice import counsel
 from planner.diagnosis.alike import alike
 from planner.diagnosis.cautions import warnings_of
 from planner.errors import UsageError
+from planner.evaluation.shares import shares_of
 from planner.job import model as job_file
 from planner.job.model import Job
 from planner.paper import baseline
 from planner.part import tips
 from planner.report import models
-from planner.report.shares import shares_of
 from planner.work.limit import Limit
 from planner.work.scheduler import scheduler_of
 from runtime.shell import files

@@ -68,17 +68,17 @@ class _Course:
     """How far a command's work is, and when it will be done."""
 
     def __init__(self, whole: Whole, clock: Callable[[], float]) -> None:
-        self.share: float | None = None  # of the whole work, never less than before; None if not known
+        self.share = 0.0  # of the whole work, never less than before
         self._whole, self._clock, self._begun = whole, clock, clock()
         self._first: tuple[float, float] | None = None  # when a share was known first, and which
-        self._known = False
+        self.known = False  # whether the share is that of now
 
     def heard(self, done: int, total: int) -> None:
         """Takes note of how much of a stage is done."""
         found = self._whole(self.seconds, done, total)
-        self._known = found is not None and found < 1.0
+        self.known = found is not None and found < 1.0
         if found is not None:
-            self.share = max(self.share or 0.0, min(found, 1.0))
+            self.share = max(self.share, min(found, 1.0))
             self._first = self._first or (self.seconds, self.share)
 
     @property
@@ -88,7 +88,7 @@ class _Course:
 
     def left(self) -> str:
         """How long the rest will take, at the rate since a share was known first."""
-        if self._known and self._first and self.share and self._first[1] < self.share < 1.0:
+        if self.known and self._first and self._first[1] < self.share < 1.0:
             since, share = self._first
             left_s = (self.seconds - since) * (1.0 - self.share) / (self.share - share)
             return f"left: about {math.ceil(left_s)} s"
@@ -104,7 +104,7 @@ def _lines(course: _Course, clock: Callable[[], float]) -> Report:
         if clock() - told < LINES_S:
             return
         told = clock()
-        share = "" if course.share is None else f"{course.share:.0%} done, "
+        share = f"{course.share:.0%} done, " if course.known else ""
         words = [f"{share}{name}", f"{course.seconds:.0f} s so far", course.left()]
         words += [detail] if detail else []
         command.say(", ".join(words), sys.stderr)
@@ -117,7 +117,8 @@ def _drawn(bar: bars.Progress, course: _Course) -> Report:
 
     def report(name: str, done: int, total: int, detail: str = "", /) -> None:
         course.heard(done, total)
-        known = {} if course.share is None else {"completed": course.share, "total": 1.0}
-        bar.update(task, description=name, left=course.left(), detail=detail, **known)
+        end = 1.0 if course.known else None
+        left = course.left()
+        bar.update(task, description=name, completed=course.share, total=end, left=left, detail=detail)
 
     return report

@@ -17,11 +17,11 @@ from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.evaluate import evaluate, sweep, worst_of
 from planner.evaluation.outcome import Evaluation
 from planner.evaluation.ppm import Findings, Study, Sums, continued, copies_of, keep, resumed
+from planner.evaluation.shares import shares_of
 from planner.evaluation.strangers import family, strangers
 from planner.evaluation.trials import Program
 from planner.job.model import Job
 from planner.job.overrides import changes_of
-from planner.report.shares import shares_of
 from planner.work.scheduler import Scheduler, scheduler_of
 from planner.world import ContactWorlds, World, Worlds, supply
 from runtime.shell.command import Parser, natural, number, positive, positive_int

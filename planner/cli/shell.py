@@ -241,7 +241,7 @@ def spared(what: str, notes: list[str], debug: bool = False) -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        notes.append(f"no {what}: interrupted")
+        notes.append(f"interrupted: no {what}")
     except Exception as error:
         if debug:
             traceback.print_exc()

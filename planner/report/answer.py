@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from planner.report.shares import in_percent, shares_of
+from planner.evaluation.shares import in_percent, shares_of
 from planner.report.verdict import Verdict, Weakest, error_text, told_conditions
 
 QUESTION = "Can it be located by squeezing?"

@@ -17,6 +17,7 @@ from planner.belief.particles import subsample
 from planner.bound.certificate import Certificate
 from planner.evaluation.evaluate import evaluate
 from planner.evaluation.leaves import identities
+from planner.evaluation.shares import in_percent, shares_of
 from planner.evaluation.strangers import OFTEN, strangers
 from planner.job import hypotheses
 from planner.job.model import Job
@@ -28,7 +29,6 @@ from planner.report.canvas import points, template
 from planner.report.models import Models
 from planner.report.replay import Replay, replay
 from planner.report.run_log import PartLog, RunLog
-from planner.report.shares import in_percent, shares_of
 from planner.report.verdict import cell_result, reject_told
 from planner.world import World, make, supply, world_of
 from runtime.table import PPM, REJECT, Calibration, Leaf, Table, by_count, decision_map, wilson_interval

@@ -7,10 +7,10 @@ from typing import Any, Literal, NamedTuple
 from planner.diagnosis.cautions import warnings_of
 from planner.evaluation.cases import Condition
 from planner.evaluation.evaluate import Line
+from planner.evaluation.shares import in_percent, shares_of
 from planner.job.model import Job
 from planner.part.outline import smallest_rectangle
 from planner.report.run_log import RunLog
-from planner.report.shares import in_percent, shares_of
 from planner.report.tree import names_parts
 from runtime.table import Calibration, Node, Table
 

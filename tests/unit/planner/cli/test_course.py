@@ -70,7 +70,7 @@ def test_budget_is_counted_down_and_unknown_beyond_its_end(capsys):
     assert lines_of(capsys, course.of_time(60.0), told) == [
         "25% done, draft, 15 s so far, left: about 45 s",
         "75% done, search, 45 s so far, left: about 15 s",
-        "75% done, evaluate, 65 s so far, left: unknown",
+        "evaluate, 65 s so far, left: unknown",
     ]
 
 

@@ -86,5 +86,5 @@ def test_failure_of_what_an_answer_can_do_without_is_a_note(error, capsys):
     with shell.spared("advice", notes):
         pass
     assert len(notes) == 1
-    assert notes[0].startswith("no picture: ")
+    assert "no picture" in notes[0]
     assert capsys.readouterr().err == ""

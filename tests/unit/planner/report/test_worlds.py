@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 
 from planner.compile import compile_job
+from planner.evaluation.shares import in_percent, shares_of
 from planner.job import model as job_file
 from planner.report import dossier, worlds
 from planner.report.leaf_poses import WORTH_TELLING_MM, means
-from planner.report.shares import in_percent, shares_of
 from planner.report.verdict import weakest
 from runtime.table import dumps, predicted_pose
 

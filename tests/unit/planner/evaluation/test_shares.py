@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from planner.report.shares import in_percent, rounded, shares_of
+from planner.evaluation.shares import in_percent, rounded, shares_of
 
 
 @pytest.mark.parametrize(
