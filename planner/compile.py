@@ -12,6 +12,7 @@ from planner.belief.particles import Belief
 from planner.belief.partition import Estimate, partition
 from planner.belief.recut import recut
 from planner.belief.transition import MotionModel, Simulation, costs_of, placing_of
+from planner.diagnosis.alike import refuse_alike
 from planner.errors import NoPlanError
 from planner.evaluation import rare
 from planner.evaluation.disturbance import as_doubted
@@ -89,10 +90,11 @@ def compile_job(
 
     Raises:
         ClusterError: the cluster was lost.
-        NoPlanError: the first squeeze already has no placement free of collision that gains anything, or no
-            leaf of the tree is within the goal.
+        NoPlanError: no squeeze tells a pose that the goal asks for; or the first squeeze already has no
+            placement free of collision that gains anything; or no leaf of the tree is within the goal.
     """
     say = report or silent
+    refuse_alike(job)
     if job.search.method in METHODS:
         return _paper_plan(job, workers, trials, say)
     mixture = Mixture.of_job(job, workers, PARAMS.step_mm)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import tomlkit
 
-from planner.cli import shell
+from planner.cli import course, shell
 from planner.errors import InputFileError, UsageError
 from planner.evaluation.outcome import Evaluation
 from planner.job import documents
@@ -75,7 +75,7 @@ def _refit(arguments: argparse.Namespace) -> None:
     cells = Cells.of(job, loaded.table)
     with (
         scheduler_of(arguments.scheduler, arguments.workers) as scheduler,
-        shell.progress(arguments.json) as report,
+        shell.progress(arguments.json, course.counted) as report,
     ):
         effort = Effort(cells=arguments.cells)
         found = posterior(cells, seen, arguments.seed, scheduler, effort, report)

@@ -22,8 +22,8 @@ INPUTS = ("x_mm", "y_mm", "theta_rad")
 PICTURES = {"figure": shell.PICTURES, "gif": (".gif",), "html": (".html",)}  # what they may end in
 ANY_OPENING = {"gripper": {"opening_mm": 1000.0}}  # What is pushed need not pass between the jaws
 IN_DEGREES = ("x_mm", "y_mm", "theta_deg")  # the same poses
-OUTPUTS = ("final_x_mm", "final_y_mm", "final_theta_rad", "width_mm", "status")
-DEGREES = ("theta_deg", "final_theta_deg")  # columns after the others, for people
+RESULTS = ("final_x_mm", "final_y_mm", "final_theta_rad", "width_mm")
+OUTPUTS = (*RESULTS, "theta_deg", "final_theta_deg", "status")  # the angles once more, as jobs state them
 SAME_DEG = 1e-5  # what rounding leaves between an angle in degrees and the same in radians
 
 
@@ -55,14 +55,14 @@ def _simulate(arguments: argparse.Namespace) -> None:
         pushed = simulator.push(paths, parameters)
         status, given_up = pushed.status, int(pushed.given_up.sum())
         what, header = "pushes", (*pushes.NAMES, *pushes.OUTPUTS)
-        numbers, degrees = np.column_stack([rows, pushed.moved[:, :2], np.degrees(pushed.moved[:, 2])]), None
+        numbers = np.column_stack([rows, pushed.moved[:, :2], np.degrees(pushed.moved[:, 2])])
     else:
         rolled = simulator.roll_out(rows, parameters)
         status, given_up = rolled.status, int(rolled.given_up.sum())
-        what, header = "squeezes", (*INPUTS, *OUTPUTS, *DEGREES)
-        numbers = np.column_stack([rows, rolled.poses, rolled.width_mm])
+        what, header = "squeezes", (*INPUTS, *OUTPUTS)
         degrees = np.degrees(np.column_stack([rows[:, 2], rolled.poses[:, 2]]))
-    columns.write(arguments.output, header, numbers, [names[k] for k in status], degrees)
+        numbers = np.column_stack([rows, rolled.poses, rolled.width_mm, degrees])
+    columns.write(arguments.output, header, numbers, [names[k] for k in status])
     if pictures:
         draw(pictures, simulator, rows, parameters, f"{job.part.name}: {listed.name}")
     tally = {name: int(np.sum(status == k)) for k, name in enumerate(names)}

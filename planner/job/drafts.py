@@ -69,6 +69,7 @@ FINGERS = {
 }
 
 
+MOST_RADIUS_MM = 10.0  # that is proposed
 FITTING = 0.8  # share of the room between open fingers that is proposed for the uncertainty
 DECIMALS = 4  # Of a vertex: 0.1 um, far below any tolerance of a drawing
 
@@ -151,7 +152,7 @@ def room_mm(imported: Imported, gripper: GripperPreset) -> float:
 
 def proposed_radius_mm(imported: Imported, gripper: GripperPreset) -> float:
     """A radius of the disc that the centroid lies in, where nobody states one [mm]."""
-    return max(1.0, float(math.floor(min(10.0, FITTING * room_mm(imported, gripper)))))
+    return max(1.0, float(math.floor(min(MOST_RADIUS_MM, FITTING * room_mm(imported, gripper)))))
 
 
 def _one_line(text: str) -> str:

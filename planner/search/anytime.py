@@ -41,7 +41,7 @@ class Cut(NamedTuple):
         cause = "request" if self.asked else "the budget"
         return (
             f"CUT SHORT by {cause}: {self.open_share:.2%} of the parts end where the search is not done; "
-            f"finishing would take about {math.ceil(self.seconds)} s more"
+            "how long the rest of it takes is not known"
         )
 
 

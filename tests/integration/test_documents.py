@@ -217,7 +217,8 @@ def test_the_readme_shows_what_the_demo_runs():
         for line in re.findall(r"^show (.+)$", demo, re.MULTILINE)
     ]
     first = blocks(ROOT / "README.md")[0].commands
-    assert first == ["tools/demo", *shown]
+    assert "/bin/activate" in demo.rstrip().splitlines()[-1]
+    assert first == ["tools/demo", ". .venv/bin/activate", *shown]
 
 
 @pytest.mark.parametrize("script", ["check", "coverage", "demo", "site", "wheel"])

@@ -95,6 +95,8 @@ def test_the_readme_runs_as_written(work, environment):
     found = [block for block in found if block.commands]
     assert len(found) >= 2
     (work / "out").mkdir()
+    (work / ".venv" / "bin").mkdir(parents=True)  # made by tools/demo
+    (work / ".venv" / "bin" / "activate").touch()
     shutil.copytree(RECTANGLE.parent, work / "trees" / "rectangle")
     (work / "tools" / "docs").mkdir(parents=True)
     shutil.copy(DOCS / "lever.dxf", work / "tools" / "docs")

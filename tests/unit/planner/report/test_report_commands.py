@@ -2,6 +2,7 @@
 
 import csv
 import json
+import math
 import subprocess
 import sys
 from pathlib import Path
@@ -26,6 +27,30 @@ def poses(tmp_path: Path) -> Path:
 def run(poses: Path, *options: str) -> int:
     output = poses.parent / "out.csv"
     return simulate.main([str(JOB), "--poses", str(poses), "-o", str(output), *options])
+
+
+def test_poses_in_degrees_end_as_the_same_in_radians(poses: Path) -> None:
+    output = poses.parent / "out.csv"
+    assert run(poses, "--nominal", "--mu", "0.5") == 0
+    radians = list(csv.DictReader(output.read_text().splitlines()))
+    for row in radians:
+        for name in ("theta", "final_theta"):
+            assert float(row[f"{name}_deg"]) == pytest.approx(math.degrees(float(row[f"{name}_rad"])))
+    lines = [f"{row['x_mm']},{row['y_mm']},{row['theta_deg']}" for row in radians]
+    poses.write_text("\n".join(["x_mm,y_mm,theta_deg", *lines]) + "\n")
+    assert run(poses, "--nominal", "--mu", "0.5") == 0
+    for row, same in zip(radians, csv.DictReader(output.read_text().splitlines()), strict=True):
+        assert row["status"] == same["status"]
+        for name in ("final_x_mm", "final_y_mm", "final_theta_deg", "theta_rad"):
+            assert float(row[name]) == pytest.approx(float(same[name]), abs=1e-4)
+
+
+def test_poses_that_state_two_angles_are_refused(poses: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    poses.write_text("x_mm,y_mm,theta_rad,theta_deg\n1,2,0.1,5.729578\n1,2,0.1,30\n")
+    assert run(poses) == 6
+    err = capsys.readouterr().err
+    assert "pose 2" in err
+    assert err.count("\n") == 1
 
 
 def test_pictures_are_written_and_named(poses: Path, capsys: pytest.CaptureFixture[str]) -> None:
