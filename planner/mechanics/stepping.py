@@ -1,4 +1,4 @@
-"""One accepted, retried or refused step of a squeeze: the midpoint rule with error control and events.
+"""One accepted, retried or refused step of a squeeze or a push: the midpoint rule with error control and events.
 
 The difference between the midpoint and the explicit Euler step controls the length of a step; it ends where
 an awaited contact touches or a pressed one leaves its feature, by the rule's dense output, and is refused
@@ -12,6 +12,7 @@ import numpy as np
 from planner.arrays import Array, IntArray
 from planner.kernel import inlined_kernel, inner_kernel
 from planner.mechanics import contacts as contact
+from planner.mechanics.boundary import Boundary, Drive, directions, drive_of, hand_of, subtract_carriage, turn
 from planner.mechanics.clearance import crosses
 from planner.mechanics.contacts import (
     FINGER,
@@ -20,7 +21,7 @@ from planner.mechanics.contacts import (
     NY,
 )
 from planner.mechanics.lcp import RAY, SOLVED
-from planner.mechanics.step import STEP_WORK, TOUCHING_MM, along, directions, event_fraction, turn
+from planner.mechanics.step import STEP_WORK, TOUCHING_MM, along, event_fraction
 from planner.mechanics.surface_step import solve_surface
 
 PENETRATION_MM = 0.01  # Overlap at which a step is refused
@@ -42,6 +43,8 @@ SQUEEZE_WORK = np.dtype(
         ("half", np.float64, 3),
         ("euler", np.float64, 3),
         ("fingers", np.float64, 2),
+        ("done", np.float64),
+        ("moved", np.int64),
     ],
     align=True,
 )
@@ -50,7 +53,7 @@ SQUEEZE_WORK = np.dtype(
 before: places and normals of the contacts before the midpoint's turn. step: the contacts, and the solution.
 found: how many contacts were found. heading: cosine and sine of the part's angle. trial, half: pose after
 the step and in its middle. euler: the displacement V of the explicit Euler step. fingers: y of the inner
-faces.
+faces. done: how far the boundary has come [mm]. moved: 1 once the part has moved on the table.
 """
 SqueezeWork: TypeAlias = Any
 
@@ -72,24 +75,12 @@ class Body(NamedTuple):
     rho: float  # length that normalises rotations [mm]
 
 
-class Grip(NamedTuple):
-    """How the fingers close."""
-
-    mu_top: float  # friction at the upper finger
-    mu_bottom: float  # friction at the lower finger
-    opening: float  # of the jaws [mm]
-    h: float  # half the finger's length [mm]
-    thickness: float  # of a finger [mm]
-    top_share: float  # motion of the upper finger for each millimetre of the mean finger's; 1 = both alike
-    bottom_share: float  # of the lower one; both together are 2
-    step: float  # nominal closing step of a finger [mm]
-
-
 class Scratch(NamedTuple):
     """Workspaces of a squeeze, modified in place."""
 
     points: Array  # (2, N) the placed outline
     out: IntArray  # (N,) which vertices are far from the fingers, as `contacts.mark` says
+    pusher: Array  # (K, 2) the points of a pusher; none (0, 2) where fingers are the boundary
     work: SqueezeWork  # a record of `SQUEEZE_WORK`
 
 
@@ -101,48 +92,60 @@ def _turn_back(work: SqueezeWork) -> None:
             work.step.C[k, column] = work.before[k, column]
 
 
+@inlined_kernel
+def _displacement(body: Body, boundary: Boundary, drive: Drive, c: float, s: float, work: SqueezeWork) -> int:
+    """Solves the step for the found contacts; leaves the displacement in the boundary's frame in `step.V`."""
+    C, I, V, count = work.step.C, work.step.I, work.step.V, work.found
+    directions(C, I, count, body.rho, drive)
+    status = solve_surface(body.surface, c, s, boundary.mu_top, boundary.mu_bottom, count, work.step)
+    if status == SOLVED:
+        if V[0] != 0.0 or V[1] != 0.0 or V[2] != 0.0:
+            work.moved = 1
+        subtract_carriage(C, count, body.rho, drive, V)
+    return status
+
+
 @inner_kernel
 def _midpoint(
-    body: Body, grip: Grip, q: Array, step_top: float, step_bottom: float, work: SqueezeWork
+    body: Body, boundary: Boundary, q: Array, size: float, work: SqueezeWork
 ) -> tuple[int, float]:
     """One midpoint step from pose q, for contacts already found there, into `work.euler` and `work.step.V`.
 
     Returns the status and the difference between the Euler and the midpoint step [mm], or -1.
     """
     C, I, V, first, count = work.step.C, work.step.I, work.step.V, work.euler, work.found
-    surface, rho, mu_top, mu_bottom = body.surface, body.rho, grip.mu_top, grip.mu_bottom
     for k in range(count):
         for column in range(NY + 1):
             work.before[k, column] = C[k, column]
-    directions(C, I, count, rho, step_top, step_bottom)
+    drive = drive_of(boundary, size, work.done, q)
     c, s = work.heading[0], work.heading[1]
-    status = solve_surface(surface, c, s, mu_top, mu_bottom, count, work.step)
+    status = _displacement(body, boundary, drive, c, s, work)
     if status != SOLVED:
         return status, -1.0
     first[0], first[1], first[2] = V[0], V[1], V[2]
     work.half[0] = q[0] + 0.5 * V[0]
     work.half[1] = q[1] + 0.5 * V[1]
-    work.half[2] = q[2] + 0.5 * V[2] / rho
+    work.half[2] = q[2] + 0.5 * V[2] / body.rho
     turned = work.half[2] - q[2]
     dc, ds = np.cos(turned), np.sin(turned)
-    top, bottom = work.fingers[0] - 0.5 * step_top, work.fingers[1] + 0.5 * step_bottom
-    turn(C, I, count, dc, ds, work.half, top, bottom, grip.h, grip.thickness)
-    directions(C, I, count, rho, step_top, step_bottom)
-    c, s = dc * c - ds * s, dc * s + ds * c
-    status = solve_surface(surface, c, s, mu_top, mu_bottom, count, work.step)
+    turn(C, I, count, dc, ds, q, work.half, drive)
+    drive = drive_of(boundary, size, work.done + 0.5 * size, work.half)
+    status = _displacement(body, boundary, drive, dc * c - ds * s, dc * s + ds * c, work)
     if status != SOLVED:
         return status, 0.0
     return SOLVED, np.sqrt((V[0] - first[0]) ** 2 + (V[1] - first[1]) ** 2 + (V[2] - first[2]) ** 2)
 
 
 @inner_kernel
-def find_contacts(q: Array, grip: Grip, margin: float, scratch: Scratch) -> None:
+def find_contacts(q: Array, boundary: Boundary, margin: float, scratch: Scratch) -> None:
     """Finds the contacts of a part placed at pose q (3,), gaps of at most `margin` [mm]."""
     work = scratch.work
-    work.found = contact.find(
-        work.step.C, work.step.I, scratch.points, scratch.out, q, work.fingers[0], work.fingers[1],
-        grip.h, grip.thickness, margin,
-    )  # fmt: skip
+    C, I, points = work.step.C, work.step.I, scratch.points
+    if boundary.fingers > 0:
+        hand = hand_of(boundary, work.fingers)
+        work.found = contact.find(C, I, points, scratch.out, q, hand, margin)
+    else:
+        work.found = contact.find_points(C, I, points, q, scratch.pusher, margin)
 
 
 @inlined_kernel
@@ -156,31 +159,30 @@ def touching(work: SqueezeWork) -> bool:
 
 
 @inner_kernel
-def _overlaps(grip: Grip, scratch: Scratch) -> bool:
+def _overlaps(boundary: Boundary, scratch: Scratch) -> bool:
     """Whether a contact overlaps by more than `PENETRATION_MM`, or a near edge runs that deep in a finger."""
     points, out, work = scratch.points, scratch.out, scratch.work
-    h, thickness = grip.h, grip.thickness
     for k in range(work.found):
         if work.step.C[k, GAP] < -PENETRATION_MM:
             return True
-    n = points.shape[1]
-    half_x, half_y = h - PENETRATION_MM, 0.5 * thickness - PENETRATION_MM
-    above, below = work.fingers[0] + PENETRATION_MM, work.fingers[1] - PENETRATION_MM
+    if boundary.fingers == 0:
+        return False
+    half_x, half_y = boundary.h - PENETRATION_MM, 0.5 * boundary.thickness - PENETRATION_MM
+    n, hand = points.shape[1], hand_of(boundary, work.fingers)
     for i in range(n):
         j = i + 1 if i + 1 < n else 0
         if out[i] & out[j]:
             continue
-        x0, x1, y0, y1 = points[0, i], points[0, j], points[1, i], points[1, j]
-        if (x0 > half_x and x1 > half_x) or (x0 < -half_x and x1 < -half_x):
-            continue
-        if y0 > above or y1 > above:
-            middle = work.fingers[0] + 0.5 * thickness
-            if crosses(x0, y0 - middle, x1, y1 - middle, half_x, half_y):
-                return True
-        if y0 < below or y1 < below:
-            middle = work.fingers[1] - 0.5 * thickness
-            if crosses(x0, y0 - middle, x1, y1 - middle, half_x, half_y):
-                return True
+        for number in range(hand.count):
+            finger = hand.first if number == 0 else hand.second
+            x0, x1 = points[0, i] - finger.centre, points[0, j] - finger.centre
+            behind = finger.side * finger.face + PENETRATION_MM
+            if (x0 > half_x and x1 > half_x) or (x0 < -half_x and x1 < -half_x):
+                continue
+            if finger.side * points[1, i] > behind or finger.side * points[1, j] > behind:
+                middle = finger.face + 0.5 * finger.side * finger.thickness
+                if crosses(x0, points[1, i] - middle, x1, points[1, j] - middle, half_x, half_y):
+                    return True
     return False
 
 
@@ -193,18 +195,17 @@ def approach(body: Body, q: Array, trial: Array, step_top: float, step_bottom: f
 
 @inner_kernel
 def try_step(
-    body: Body, grip: Grip, size: float, margin: float, q: Array, scratch: Scratch
+    body: Body, boundary: Boundary, size: float, margin: float, q: Array, scratch: Scratch
 ) -> tuple[int, float]:
-    """Tries a closing step of `size` [mm] from pose q (3,); returns what came of it and the next size.
+    """Tries a step of `size` [mm] from pose q (3,); returns what came of it and the next size.
 
     The scratch holds the contacts at q, and those again where the step is to be retried. An accepted step
-    ends at its first event, if it has one; it leaves the new pose in `work.trial`, the fingers advanced, and
+    ends at its first event, if it has one; it leaves the new pose in `work.trial`, the boundary advanced, and
     the contacts found there, with gaps of at most `margin` [mm].
     """
-    step, work = grip.step, scratch.work
-    step_top, step_bottom = grip.top_share * size, grip.bottom_share * size
+    step, work = boundary.step, scratch.work
     smallest = size <= step * SMALLEST_STEP
-    status, error = _midpoint(body, grip, q, step_top, step_bottom, work)
+    status, error = _midpoint(body, boundary, q, size, work)
     if status != SOLVED:
         if error < 0.0 or smallest:
             return (HELD if status == RAY else GIVEN_UP), size
@@ -215,7 +216,7 @@ def try_step(
     for i in range(3):
         moved = along(first, V, f, i)
         work.trial[i] = q[i] + (moved / body.rho if i == 2 else moved)
-    step_top, step_bottom = f * step_top, f * step_bottom
+    step_top, step_bottom = f * size * boundary.top_share, f * size * boundary.bottom_share
     turned, allowed = abs(work.trial[2] - q[2]), EULER_ERROR * step
     longer = 0.8 * np.sqrt(allowed / (error + 1e-12))
     if (f * f * error > allowed or turned > LARGEST_TURN) and not smallest:
@@ -228,12 +229,12 @@ def try_step(
     contact.place_turned(body.outline, work.trial, c, s, scratch.points)
     work.fingers[0] -= step_top
     work.fingers[1] += step_bottom
-    find_contacts(work.trial, grip, margin, scratch)
-    if _overlaps(grip, scratch):
+    find_contacts(work.trial, boundary, margin, scratch)
+    if _overlaps(boundary, scratch):
         contact.place_turned(body.outline, q, work.heading[0], work.heading[1], scratch.points)
         work.fingers[0] += step_top
         work.fingers[1] -= step_bottom
-        find_contacts(q, grip, margin, scratch)
+        find_contacts(q, boundary, margin, scratch)
         return (GIVEN_UP if smallest else RETRY), 0.25 * f * size
-    work.heading[0], work.heading[1] = c, s
+    work.heading[0], work.heading[1], work.done = c, s, work.done + f * size
     return ACCEPTED, min(step, size * min(2.0, longer))

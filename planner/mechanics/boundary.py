@@ -1,0 +1,130 @@
+"""What moves against a part: fingers that close, or a pusher whose frame is carried along a path.
+
+All is seen in the frame of the hand or the pusher. There a part that goes along with a pusher stands still, so that
+it stays where it is to the last bit, however long the way and whatever the steps.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from planner.arrays import Array, IntArray
+from planner.kernel import inlined_kernel
+from planner.mechanics.contacts import (
+    CORNER,
+    FINGER,
+    GAP,
+    KIND,
+    N2,
+    NX,
+    NY,
+    OUTER,
+    RX,
+    RY,
+    T2,
+    UN,
+    UT,
+    Finger,
+    Hand,
+)
+
+
+class Carriage(NamedTuple):
+    """How a frame moves for each millimetre of its way: it turns about a centre, which moves straight on."""
+
+    x: float  # of the centre [mm / mm]
+    y: float
+    turn: float  # [rad / mm]
+    centre_x: float  # in the frame [mm]
+    centre_y: float
+
+
+class Boundary(NamedTuple):
+    """What moves against the part: fingers, or the points of a pusher, and the frame that they stand in."""
+
+    mu_top: float  # friction at fingers that look down, and at points
+    mu_bottom: float  # friction at a finger that looks up
+    fingers: int  # 0: points alone push
+    facing: int  # -1: the second finger looks up at the first; 1: it looks down beside it
+    apart: float  # x of the fingers' middles, -apart and apart [mm]
+    h: float  # half a finger's length [mm]
+    thickness: float  # of a finger [mm]
+    top_share: float  # motion of the finger that looks down for each millimetre of a step
+    bottom_share: float  # of the one that looks up
+    carriage: Carriage
+    step: float  # nominal step [mm]
+
+
+STANDING = (0.0, 0.0, 0.0, 0.0, 0.0)  # The `Carriage` of a hand that closes
+
+
+class Drive(NamedTuple):
+    """One step of a boundary."""
+
+    top: float  # how far the finger that looks down comes down [mm]
+    bottom: float  # how far the finger that looks up comes up [mm]
+    x: float  # displacement of the frame over the table, where the part's origin is [mm]
+    y: float
+    turn: float  # rotation of the frame [rad]
+
+
+@inlined_kernel
+def drive_of(boundary: Boundary, size: float, done: float, q: Array) -> Drive:
+    """A step of `size` [mm] after `done` [mm], to first order, for a part at q (3,)."""
+    carriage = boundary.carriage
+    turn = size * carriage.turn
+    c, s = 1.0, 0.0
+    if carriage.turn != 0.0:
+        c, s = np.cos(done * carriage.turn), np.sin(done * carriage.turn)
+    x = size * (c * carriage.x + s * carriage.y) - turn * (q[1] - carriage.centre_y)
+    y = size * (c * carriage.y - s * carriage.x) + turn * (q[0] - carriage.centre_x)
+    return Drive(boundary.top_share * size, boundary.bottom_share * size, x, y, turn)
+
+
+@inlined_kernel
+def hand_of(boundary: Boundary, faces: Array) -> Hand:
+    """The fingers with inner faces at y = `faces` (2,) [mm]."""
+    h, thickness, apart = boundary.h, boundary.thickness, boundary.apart
+    first = Finger(1, -apart, faces[0], h, thickness)
+    return Hand(first, Finger(boundary.facing, apart, faces[1], h, thickness), boundary.fingers)
+
+
+@inlined_kernel
+def directions(C: Array, I: IntArray, count: int, rho: float, drive: Drive) -> None:
+    """Moments and pusher displacements of all contacts (the Jacobian of eq. 2); `C` is modified in place."""
+    for k in range(count):
+        nx, ny, rx, ry = C[k, NX], C[k, NY], C[k, RX], C[k, RY]
+        C[k, N2], C[k, T2] = (rx * ny - ry * nx) / rho, (rx * nx + ry * ny) / rho
+        ux = drive.x - drive.turn * ry
+        uy = drive.y + drive.turn * rx + (-drive.top if I[k, FINGER] == 1 else drive.bottom)
+        C[k, UN], C[k, UT] = ux * nx + uy * ny, uy * nx - ux * ny
+
+
+@inlined_kernel
+def subtract_carriage(C: Array, count: int, rho: float, drive: Drive, V: Array) -> None:
+    """Turns displacements over the table, of the part (V) and at the contacts, into those in the frame."""
+    turn = rho * drive.turn
+    V[0], V[1], V[2] = V[0] - drive.x, V[1] - drive.y, V[2] - turn
+    for k in range(count):
+        C[k, UN] -= C[k, NX] * drive.x + C[k, NY] * drive.y + C[k, N2] * turn
+        C[k, UT] -= C[k, NX] * drive.y - C[k, NY] * drive.x + C[k, T2] * turn
+
+
+@inlined_kernel
+def turn(C: Array, I: IntArray, count: int, c: float, s: float, q: Array, half: Array, drive: Drive) -> None:
+    """Moves the contacts from the pose q to the pose `half`, gaps unchanged: the midpoint rule's second look.
+
+    The part turns on the way by an angle of cosine c and sine s, and the fingers close by half of `drive`.
+    An edge takes its normal along; of a vertex the normal is the finger's.
+    """
+    for k in range(count):
+        rx, ry = C[k, RX], C[k, RY]
+        if I[k, KIND] == CORNER or I[k, KIND] == OUTER:
+            nx, ny, gap = C[k, NX], C[k, NY], C[k, GAP]
+            mx, my = c * nx - s * ny, s * nx + c * ny
+            closed = -0.5 * drive.top if I[k, FINGER] == 1 else 0.5 * drive.bottom
+            C[k, NX], C[k, NY] = mx, my
+            C[k, RX] = q[0] + rx - gap * nx + gap * mx - half[0]
+            C[k, RY] = q[1] + ry - gap * ny + closed + gap * my - half[1]
+        else:
+            C[k, RX], C[k, RY] = c * rx - s * ry, s * rx + c * ry
