@@ -48,6 +48,7 @@ LEAST_ARM_MM = 0.5
 """Of a flush edge, only the vertex on the face counts where the finger's corner is nearer to it."""
 EDGE_SLACK_MM = 1e-9
 OUTSIDE_MM = 5e-3  # A corner deeper than this behind all edges is inside the part
+VERTEX_MM = 2e-4  # A point this near a vertex is at both edges; more than a step goes past the end of one
 DRIFT_MM = 0.02  # A pusher's point that is inside two edges by less touches both
 END_DEPTH_MM = 0.01  # How far behind the inner face a vertex must be to count as beside the finger
 
@@ -284,13 +285,13 @@ def find_points(C: Array, I: IntArray, points: Array, q: Array, pusher: Array, m
             dx, dy = px - points[0, i], py - points[1, i]
             along, gap = dx * ex + dy * ey, dx * ey - dy * ex
             kind, nx, ny, low, high = CORNER, -ey, ex, -along, length - along
-            if along > length and not notch_after:
+            if along > length + VERTEX_MM and not notch_after:
                 dx, dy = px - points[0, j], py - points[1, j]
                 gap = np.sqrt(dx * dx + dy * dy)
-                if gap == 0.0 or dx * next_x + dy * next_y >= 0.0:
+                if dx * next_x + dy * next_y >= -VERTEX_MM * np.sqrt(next_x * next_x + next_y * next_y):
                     continue
                 kind, nx, ny, low, high = TIP, -dx / gap, -dy / gap, -np.inf, np.inf
-            elif along < (-margin if notch_before else 0.0) or along > length + margin:
+            elif along < (-margin if notch_before else -VERTEX_MM) or along > length + margin:
                 continue
             drifted = 0.0 if -DRIFT_MM < gap < 0.0 else gap
             if abs(gap) > margin or (kind == CORNER and _hidden(points, i, j, px, py, drifted)):

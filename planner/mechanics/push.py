@@ -102,6 +102,8 @@ def push(
         if left <= FINISHED * way:
             break
         verdict, size = try_step(body, boundary, min(size, left), margin, q, scratch)
+        if verdict >= HELD:
+            work.moved = 1
         if verdict == GIVEN_UP:
             break
         if verdict == HELD:

@@ -38,7 +38,8 @@ def found(points: np.ndarray, pose: np.ndarray, top: float, bottom: float, margi
     C = np.zeros((contacts.MAX_CONTACTS, contacts.C_COLUMNS))
     I = np.zeros((contacts.MAX_CONTACTS, contacts.I_COLUMNS), np.int64)
     out = np.zeros(len(points), np.int64)
-    count = contacts.find(C, I, columns(points), out, pose, top, bottom, HALF, THICKNESS, margin)
+    hand = contacts.Hand(*(contacts.Finger(side, 0.0, face, HALF, THICKNESS) for side, face in ((1, top), (-1, bottom))), 2)
+    count = contacts.find(C, I, columns(points), out, pose, hand, margin)
     return C[:count], I[:count]
 
 
