@@ -50,6 +50,8 @@ EDGE_SLACK_MM = 1e-9
 OUTSIDE_MM = 5e-3  # A corner deeper than this behind all edges is inside the part
 VERTEX_MM = 2e-4  # A point this near a vertex is at both edges; more than a step goes past the end of one
 DRIFT_MM = 0.02  # A pusher's point that is inside two edges by less touches both
+PENETRATION_MM = 0.01  # Overlap at which a step is refused
+FAR = 7  # The bits of `mark` that say that a vertex is far from the fingers
 END_DEPTH_MM = 0.01  # How far behind the inner face a vertex must be to count as beside the finger
 
 
@@ -194,66 +196,72 @@ def _add_corners(
 
 
 @inner_kernel
-def mark(points: Array, out: IntArray, high: float, low: float, side: float) -> None:
+def mark(points: Array, out: IntArray, hand: Hand, margin: float) -> None:
     """Marks in `out` (N,) on which sides of the fingers' surroundings each vertex lies outside.
 
-    An edge whose ends share a bit is far from both fingers (outcodes, after Cohen and Sutherland): between
-    y = low and high, beyond x = side, or beyond -side.
+    Outcodes, after Cohen and Sutherland: an edge whose ends share one of the `FAR` bits is farther than
+    `margin` from all fingers, one whose ends share any bit runs no deeper than `PENETRATION_MM` in one.
     """
+    first, second = hand.first, hand.second
+    high, low = first.face, second.face if hand.count == 2 and second.side < 0 else -np.inf
+    side = max(abs(first.centre), abs(second.centre)) + first.h + margin
+    above, below, deep, deep_below = high - margin, low + margin, high + PENETRATION_MM, low - PENETRATION_MM
     for i in range(points.shape[1]):
         x, y = points[0, i], points[1, i]
-        out[i] = ((y > low) & (y < high)) | ((x > side) << 1) | ((x < -side) << 2)
+        between, outside = (y > below) & (y < above), (y >= deep_below) & (y <= deep)
+        out[i] = between | ((x > side) << 1) | ((x < -side) << 2) | (outside << 3)
+
+
+@inlined_kernel
+def _add_pairs(C: Array, I: IntArray, count: int, points: Array, i: int, finger: Finger, margin: float) -> int:
+    """Adds the pairs of a finger with vertex i, and with the edge from there to the next vertex."""
+    n, side, h, thickness = points.shape[1], finger.side, finger.h, finger.thickness
+    j, face = i + 1 if i + 1 < n else 0, side * finger.face
+    y, after = side * points[1, i], side * points[1, j]
+    if y < face - margin and after < face - margin:
+        return count
+    b = i - 1 if i > 0 else n - 1
+    xi, xj = points[0, i] - finger.centre, points[0, j] - finger.centre
+    before = side * points[1, b]
+    if y >= face - margin and y >= before and y >= after and abs(xi) <= h:
+        count = _add_face(C, I, count, points, i, finger, margin)
+        if before >= after:
+            count = _add_face(C, I, count, points, b, finger, margin)
+        if after >= before:
+            count = _add_face(C, I, count, points, j, finger, margin)
+    if abs(xi) >= h - margin or abs(xj) >= h - margin:
+        count = _add_corners(C, I, count, points, i, j, finger, CORNER, margin)
+        if max(y, after) >= face + thickness - margin:
+            count = _add_corners(C, I, count, points, i, j, finger, OUTER, margin)
+    if END_DEPTH_MM < y - face < thickness and abs(xi) > h - margin:
+        end = 1 if xi > 0.0 else -1
+        gap = end * xi - h
+        local = end * points[0, b] >= end * points[0, i] and end * xj >= end * xi
+        if gap <= margin and local and (gap >= 0.0 or y - face >= -gap):
+            slot = _slot(C, count, gap)
+            if slot >= 0:
+                I[slot, FINGER], I[slot, KIND], I[slot, SIDE], I[slot, VERTEX] = side, END, end, i
+                _write(C, slot, gap, points[0, i], points[1, i], float(end), 0.0, -np.inf, np.inf)
+                count = min(count + 1, MAX_CONTACTS)
+    return count
 
 
 @inner_kernel
-def find(
-    C: Array, I: IntArray, points: Array, out: IntArray, q: Array, hand: Hand, margin: float
-) -> int:
+def find(C: Array, I: IntArray, points: Array, out: IntArray, q: Array, hand: Hand, margin: float) -> int:
     """Finds all pairs of features that are within `margin` [mm] of touching; returns how many.
 
     On the inner face only local minima of the gap count, and the lower neighbour of each. C and I are
     modified in place, and `out` (N,) as by `mark`. The outline (2, N) is counter-clockwise in the hand frame
     [mm], the part's pose there q (3,).
     """
-    n = points.shape[1]
-    count = 0
-    facing = hand.count == 2 and hand.second.side < 0
-    farthest = max(abs(hand.first.centre), abs(hand.second.centre)) + hand.first.h + margin
-    mark(points, out, hand.first.face - margin, hand.second.face + margin if facing else -np.inf, farthest)
+    n, count = points.shape[1], 0
+    mark(points, out, hand, margin)
     for i in range(n):
-        j = i + 1 if i + 1 < n else 0
-        if out[i] & out[j]:
+        if out[i] & out[i + 1 if i + 1 < n else 0] & FAR:
             continue
-        b = i - 1 if i > 0 else n - 1
-        for number in range(hand.count):
-            finger = hand.first if number == 0 else hand.second
-            side, h, thickness = finger.side, finger.h, finger.thickness
-            face = side * finger.face
-            y, after = side * points[1, i], side * points[1, j]
-            if y < face - margin and after < face - margin:
-                continue
-            xi, xj = points[0, i] - finger.centre, points[0, j] - finger.centre
-            before = side * points[1, b]
-            if y >= face - margin and y >= before and y >= after and abs(xi) <= h:
-                count = _add_face(C, I, count, points, i, finger, margin)
-                if before >= after:
-                    count = _add_face(C, I, count, points, b, finger, margin)
-                if after >= before:
-                    count = _add_face(C, I, count, points, j, finger, margin)
-            if abs(xi) >= h - margin or abs(xj) >= h - margin:
-                count = _add_corners(C, I, count, points, i, j, finger, CORNER, margin)
-                if max(y, after) >= face + thickness - margin:
-                    count = _add_corners(C, I, count, points, i, j, finger, OUTER, margin)
-            if END_DEPTH_MM < y - face < thickness and abs(xi) > h - margin:
-                end = 1 if xi > 0.0 else -1
-                gap = end * xi - h
-                local = end * points[0, b] >= end * points[0, i] and end * xj >= end * xi
-                if gap <= margin and local and (gap >= 0.0 or y - face >= -gap):
-                    slot = _slot(C, count, gap)
-                    if slot >= 0:
-                        I[slot, FINGER], I[slot, KIND], I[slot, SIDE], I[slot, VERTEX] = side, END, end, i
-                        _write(C, slot, gap, points[0, i], points[1, i], float(end), 0.0, -np.inf, np.inf)
-                        count = min(count + 1, MAX_CONTACTS)
+        count = _add_pairs(C, I, count, points, i, hand.first, margin)
+        if hand.count == 2:
+            count = _add_pairs(C, I, count, points, i, hand.second, margin)
     for k in range(count):
         C[k, RX] -= q[0]
         C[k, RY] -= q[1]

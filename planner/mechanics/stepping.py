@@ -19,12 +19,12 @@ from planner.mechanics.contacts import (
     GAP,
     MAX_CONTACTS,
     NY,
+    PENETRATION_MM,
 )
 from planner.mechanics.lcp import RAY, SOLVED
 from planner.mechanics.step import STEP_WORK, TOUCHING_MM, along, event_fraction
 from planner.mechanics.surface_step import solve_surface
 
-PENETRATION_MM = 0.01  # Overlap at which a step is refused
 LARGEST_TURN = 0.1  # Largest rotation in one step [rad]
 EULER_ERROR = 0.02  # Largest difference between Euler and midpoint step, as a share of the nominal step
 SMALLEST_STEP = 2.0**-18
@@ -99,9 +99,9 @@ def _displacement(body: Body, boundary: Boundary, drive: Drive, c: float, s: flo
     directions(C, I, count, body.rho, drive)
     status = solve_surface(body.surface, c, s, boundary.mu_top, boundary.mu_bottom, count, work.step)
     if status == SOLVED:
-        if V[0] != 0.0 or V[1] != 0.0 or V[2] != 0.0:
-            work.moved = 1
-        subtract_carriage(C, count, body.rho, drive, V)
+        work.moved |= V[0] != 0.0 or V[1] != 0.0 or V[2] != 0.0
+        if boundary.top_share + boundary.bottom_share == 0.0:
+            subtract_carriage(C, count, body.rho, drive, V)
     return status
 
 
@@ -158,6 +158,20 @@ def touching(work: SqueezeWork) -> bool:
     return False
 
 
+@inlined_kernel
+def _runs_into(finger: contact.Finger, points: Array, i: int, j: int) -> bool:
+    """Whether the edge from vertex i to j runs deeper than `PENETRATION_MM` in the finger."""
+    half_x, half_y = finger.h - PENETRATION_MM, 0.5 * finger.thickness - PENETRATION_MM
+    x0, x1 = points[0, i] - finger.centre, points[0, j] - finger.centre
+    if (x0 > half_x and x1 > half_x) or (x0 < -half_x and x1 < -half_x):
+        return False
+    y0, y1 = points[1, i] - finger.face, points[1, j] - finger.face
+    if finger.side * y0 <= PENETRATION_MM and finger.side * y1 <= PENETRATION_MM:
+        return False
+    middle = 0.5 * finger.side * finger.thickness
+    return crosses(x0, y0 - middle, x1, y1 - middle, half_x, half_y)
+
+
 @inner_kernel
 def _overlaps(boundary: Boundary, scratch: Scratch) -> bool:
     """Whether a contact overlaps by more than `PENETRATION_MM`, or a near edge runs that deep in a finger."""
@@ -165,24 +179,14 @@ def _overlaps(boundary: Boundary, scratch: Scratch) -> bool:
     for k in range(work.found):
         if work.step.C[k, GAP] < -PENETRATION_MM:
             return True
-    if boundary.fingers == 0:
-        return False
-    half_x, half_y = boundary.h - PENETRATION_MM, 0.5 * boundary.thickness - PENETRATION_MM
-    n, hand = points.shape[1], hand_of(boundary, work.fingers)
+    hand = hand_of(boundary, work.fingers)
+    n = points.shape[1] if hand.count > 0 else 0
     for i in range(n):
         j = i + 1 if i + 1 < n else 0
         if out[i] & out[j]:
             continue
-        for number in range(hand.count):
-            finger = hand.first if number == 0 else hand.second
-            x0, x1 = points[0, i] - finger.centre, points[0, j] - finger.centre
-            behind = finger.side * finger.face + PENETRATION_MM
-            if (x0 > half_x and x1 > half_x) or (x0 < -half_x and x1 < -half_x):
-                continue
-            if finger.side * points[1, i] > behind or finger.side * points[1, j] > behind:
-                middle = finger.face + 0.5 * finger.side * finger.thickness
-                if crosses(x0, points[1, i] - middle, x1, points[1, j] - middle, half_x, half_y):
-                    return True
+        if _runs_into(hand.first, points, i, j) or (hand.count == 2 and _runs_into(hand.second, points, i, j)):
+            return True
     return False
 
 
