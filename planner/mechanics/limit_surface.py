@@ -26,6 +26,9 @@ STILL = 1e-12
 MIN_EIGENVALUE = 1e-3
 """Floor of a fitted A's eigenvalues: semi-axes of 30, longer than any pressure under the outline gives."""
 
+DIGITS = 10
+"""Decimals of an ellipsoid fitted to a pressure: what LAPACK gives beyond hangs on the processor."""
+
 _UPPER = np.triu_indices(3)
 
 
@@ -40,7 +43,7 @@ class LimitSurface:
 def fit_ellipsoid(points: Array, weights: Array, rho_mm: float) -> LimitSurface:
     """Fits the ellipsoid to a pressure distribution; arguments as `about_centre`."""
     F, V, shift = about_centre(points, weights, rho_mm)
-    return LimitSurface(_frozen(shift.T @ fit(F, V) @ shift), rho_mm)
+    return LimitSurface(_frozen(np.round(shift.T @ fit(F, V) @ shift, DIGITS)), rho_mm)
 
 
 def about_centre(points: Array, weights: Array, rho_mm: float) -> tuple[Array, Array, Array]:
@@ -120,15 +123,26 @@ def fit(F: Array, V: Array, weights: Array | None = None) -> Array:
 def wishart(mean: Array, dof: int | IntArray, rng: np.random.Generator, n: int) -> Array:
     """Draws (n, D, D) Wishart matrices with `dof` >= D, one or (n,), and a positive definite mean (D, D).
 
-    Var(X_ij) = (mean_ij^2 + mean_ii mean_jj) / dof (paper, footnote 1). Drawn by Bartlett's decomposition.
+    Var(X_ij) = (mean_ij^2 + mean_ii mean_jj) / dof (paper, footnote 1). Drawn by Bartlett's decomposition,
+    without LAPACK and BLAS: one seed gives the same draws on every processor.
     """
     size = len(mean)
     drawn = np.empty((n, size, size))
     for row in range(size):
         drawn[:, row, row] = np.sqrt(rng.chisquare(dof - row, size=n) / dof)
         drawn[:, row, :row] = rng.standard_normal((n, row)) / np.sqrt(np.broadcast_to(dof, n))[:, None]
-    _square(np.asarray(np.linalg.cholesky(mean), np.float64), drawn)
+    _square(cholesky(mean), drawn)
     return drawn
+
+
+def cholesky(A: Array) -> Array:
+    """Lower triangular L with L L^T = A (D, D) positive definite, to the same last bits on every processor."""
+    L = np.zeros(A.shape)
+    for i in range(len(A)):
+        for j in range(i + 1):
+            rest = A[i, j] - math.fsum(L[i, :j] * L[j, :j])
+            L[i, j] = math.sqrt(rest) if i == j else rest / L[j, j]
+    return L
 
 
 @kernel

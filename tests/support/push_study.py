@@ -18,6 +18,8 @@ from planner.part.outline import reach
 TREES = Path(__file__).parents[2] / "trees"
 WAY_MM, FIRST_MM = 40.0, 25.0
 CLOSE_MM, CLOSE_RAD = 0.5, 0.02
+ALLOWED, STEPS_ALLOWED, OVERLAP_MM2 = 0.001, 0.005, 0.1
+"""Largest share of pushes that may end elsewhere, and with other steps; largest overlap with the fingers."""
 OPENINGS = (0.0, 1.0, 12.0, 21.25, 42.5)  # of the jaws [mm]
 
 
