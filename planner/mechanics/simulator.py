@@ -138,7 +138,7 @@ class Simulator:
     def roll_out(self, poses: Array, parameters: Parameters) -> RollOut:
         """Squeezes each pose (n, 3) in the hand frame once, jaws open [mm, mm, rad]."""
         if parameters.ellipsoid is not None:
-            forms = by_form(parameters, parameters.ellipsoid)
+            forms = by_form(parameters)
             return in_order([(rows, self.roll_out(poses[rows], own)) for rows, own in forms], len(poses))
         final = np.array(poses, dtype=np.float64, order="C", copy=True)
         n = len(final)
@@ -217,20 +217,18 @@ class Simulator:
         touching, given_up = np.zeros(len(poses), np.int64), np.zeros(len(poses), np.int64)
         farthest = reach(self.outline)
 
-        def run(rows: IntArray, own: Parameters) -> None:
-            ends, touches, failed = final[rows], touching[rows], given_up[rows]
-            push_many(
-                self.outline, farthest, self.surface.rho_mm, self.step_mm, pushers.of(rows), own.surfaces, own.mu,
-                ends, touches, failed, squeeze_workspace(),
-            )  # fmt: skip
-            final[rows], touching[rows], given_up[rows] = ends, touches, failed
+        def run(start: int) -> None:
+            chunk = np.arange(start, min(start + CHUNK, len(poses)))
+            for some, own in by_form(parameters.of(chunk)):
+                rows = chunk[some]
+                ends, touches, failed = final[rows], touching[rows], given_up[rows]
+                push_many(
+                    self.outline, farthest, self.surface.rho_mm, self.step_mm, pushers.of(rows), own.surfaces,
+                    own.mu, ends, touches, failed, squeeze_workspace(),
+                )  # fmt: skip
+                final[rows], touching[rows], given_up[rows] = ends, touches, failed
 
-        forms = [(np.arange(len(poses)), parameters)]
-        if parameters.ellipsoid is not None:
-            forms = list(by_form(parameters, parameters.ellipsoid))
-        for rows, own in forms:
-            chunks = [np.arange(start, min(start + CHUNK, len(rows))) for start in range(0, len(rows), CHUNK)]
-            deque(Threads(self.workers).map(lambda chunk: run(rows[chunk], own.of(chunk)), chunks), maxlen=0)
+        deque(Threads(self.workers).map(run, range(0, len(poses), CHUNK)), maxlen=0)
         return final, touching, given_up
 
 
@@ -239,8 +237,12 @@ def beside_mm(share: Array, closed_mm: Array) -> Array:
     return np.asarray((0.5 - share) * closed_mm)
 
 
-def by_form(parameters: Parameters, ellipsoid: BoolArray) -> Iterator[tuple[IntArray, Parameters]]:
+def by_form(parameters: Parameters) -> Iterator[tuple[IntArray, Parameters]]:
     """The rows of the ellipsoids (n,) and of the quartics, and their own: kernels know one form at a time."""
+    ellipsoid = parameters.ellipsoid
+    if ellipsoid is None:
+        yield np.arange(len(parameters.surfaces)), parameters
+        return
     bare = parameters._replace(ellipsoid=None)
     for rows, size in ((np.flatnonzero(ellipsoid), 3), (np.flatnonzero(~ellipsoid), 6)):
         own = bare.of(rows)

@@ -100,7 +100,7 @@ def _displacement(body: Body, boundary: Boundary, drive: Drive, c: float, s: flo
     status = solve_surface(body.surface, c, s, boundary.mu_top, boundary.mu_bottom, count, work.step)
     if status == SOLVED:
         work.moved |= V[0] != 0.0 or V[1] != 0.0 or V[2] != 0.0
-        if boundary.top_share + boundary.bottom_share == 0.0:
+        if drive.x != 0.0 or drive.y != 0.0 or drive.turn != 0.0:
             subtract_carriage(C, count, body.rho, drive, V)
     return status
 
