@@ -4,7 +4,7 @@ All is seen in the frame of the hand or the pusher. There a part that goes along
 it stays where it is to the last bit, however long the way and whatever the steps.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -29,33 +29,40 @@ from planner.mechanics.contacts import (
 )
 
 
-class Carriage(NamedTuple):
-    """How a frame moves for each millimetre of its way: it turns about a centre, which moves straight on."""
+MAX_POINTS = 16
+BOUNDARY = np.dtype(
+    [
+        ("fingers", np.int64),
+        ("facing", np.int64),
+        ("apart", np.float64),
+        ("h", np.float64),
+        ("thickness", np.float64),
+        ("points", np.int64),
+        ("pusher", np.float64, (MAX_POINTS, 2)),
+        ("mu_top", np.float64),
+        ("mu_bottom", np.float64),
+        ("top_share", np.float64),
+        ("bottom_share", np.float64),
+        ("x", np.float64),
+        ("y", np.float64),
+        ("turn", np.float64),
+        ("centre", np.float64, 2),
+        ("step", np.float64),
+    ],
+    align=True,
+)
+"""What moves against the part: fingers, or the points of a pusher, and the frame that they stand in.
 
-    x: float  # of the centre [mm / mm]
-    y: float
-    turn: float  # [rad / mm]
-    centre_x: float  # in the frame [mm]
-    centre_y: float
+fingers: how many; 0 where points push. facing: -1 where the second finger looks up at the first, 1 where it looks
+down beside it. apart: x of their middles is -apart and apart [mm]. h, thickness: half a finger's length, and its
+thickness [mm]. points, pusher: how many points, and where they stand [mm]. mu_top: friction at fingers that look
+down and at points; mu_bottom: at a finger that looks up. top_share, bottom_share: how far fingers that look down,
+and up, come for each millimetre of a step. x, y, turn, centre: for each millimetre the frame turns [rad] about the
+centre [mm], which moves along a straight line [mm]. step: the nominal one [mm].
 
-
-class Boundary(NamedTuple):
-    """What moves against the part: fingers, or the points of a pusher, and the frame that they stand in."""
-
-    mu_top: float  # friction at fingers that look down, and at points
-    mu_bottom: float  # friction at a finger that looks up
-    fingers: int  # 0: points alone push
-    facing: int  # -1: the second finger looks up at the first; 1: it looks down beside it
-    apart: float  # x of the fingers' middles, -apart and apart [mm]
-    h: float  # half a finger's length [mm]
-    thickness: float  # of a finger [mm]
-    top_share: float  # motion of the finger that looks down for each millimetre of a step
-    bottom_share: float  # of the one that looks up
-    carriage: Carriage
-    step: float  # nominal step [mm]
-
-
-STANDING = (0.0, 0.0, 0.0, 0.0, 0.0)  # The `Carriage` of a hand that closes
+One record is handed on as one pointer (decision 0008).
+"""
+Boundary: TypeAlias = Any
 
 
 class Drive(NamedTuple):
@@ -71,13 +78,12 @@ class Drive(NamedTuple):
 @inlined_kernel
 def drive_of(boundary: Boundary, size: float, done: float, q: Array) -> Drive:
     """A step of `size` [mm] after `done` [mm], to first order, for a part at q (3,)."""
-    carriage = boundary.carriage
-    turn = size * carriage.turn
+    turn = size * boundary.turn
     c, s = 1.0, 0.0
-    if carriage.turn != 0.0:
-        c, s = np.cos(done * carriage.turn), np.sin(done * carriage.turn)
-    x = size * (c * carriage.x + s * carriage.y) - turn * (q[1] - carriage.centre_y)
-    y = size * (c * carriage.y - s * carriage.x) + turn * (q[0] - carriage.centre_x)
+    if boundary.turn != 0.0:
+        c, s = np.cos(done * boundary.turn), np.sin(done * boundary.turn)
+    x = size * (c * boundary.x + s * boundary.y) - turn * (q[1] - boundary.centre[1])
+    y = size * (c * boundary.y - s * boundary.x) + turn * (q[0] - boundary.centre[0])
     return Drive(boundary.top_share * size, boundary.bottom_share * size, x, y, turn)
 
 

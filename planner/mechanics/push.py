@@ -12,7 +12,7 @@ import numpy as np
 
 from planner.arrays import Array, IntArray
 from planner.kernel import inner_kernel, kernel
-from planner.mechanics.boundary import Boundary, Carriage
+from planner.mechanics.boundary import MAX_POINTS, Boundary
 from planner.mechanics.contacts import GAP, place_turned
 from planner.mechanics.stepping import (
     ACCEPTED,
@@ -58,7 +58,13 @@ class Pushers(NamedTuple):
 
 
 def of_points(paths: Paths) -> Pushers:
-    """Pushers that are points."""
+    """Pushers that are points, `MAX_POINTS` at most.
+
+    Raises:
+        ValueError: there are more.
+    """
+    if paths.points.shape[1] > MAX_POINTS:
+        raise ValueError(f"a pusher of {paths.points.shape[1]} points; give {MAX_POINTS} at most")
     n, arms = len(paths.angles), np.linalg.norm(paths.points - paths.centres[:, None], axis=2).max(axis=1)
     way = np.abs(paths.angles) * arms + np.hypot(*paths.shifts.T)
     return Pushers(paths, way, np.zeros(n, np.int64), *np.zeros((3, n)))
@@ -78,9 +84,7 @@ def of_fingers(opening_mm: Array, way_mm: Array, length_mm: float, thickness_mm:
 
 
 @inner_kernel
-def push(
-    body: Body, boundary: Boundary, way: float, q: Array, scratch: Scratch
-) -> tuple[bool, bool]:
+def push(body: Body, way: float, q: Array, scratch: Scratch) -> tuple[bool, bool]:
     """Pushes one part at q (3,) on a way [mm]; q is modified into the final pose [mm, mm, rad].
 
     Both are in the pusher's frame at the start.
@@ -89,32 +93,32 @@ def push(
         Whether the pusher touches the part at the end, and whether the stepping failed: the part was taken
         along from there.
     """
-    step, work = boundary.step, scratch.work
+    work, step = scratch.work, scratch.work.boundary.step
     work.step.F[0], work.step.F[1], work.step.F[2] = 0.0, 1.0, 0.0
     work.fingers[0] = work.fingers[1] = 0.0
     work.done, work.moved, work.heading[0], work.heading[1] = 0.0, 0, np.cos(q[2]), np.sin(q[2])
     start_x, start_y, start_angle = q[0], q[1], q[2]
     size, margin, verdict = step, 2.0 * step + APART_MM, ACCEPTED
     place_turned(body.outline, q, work.heading[0], work.heading[1], scratch.points)
-    find_contacts(q, boundary, margin, scratch)
+    find_contacts(q, margin, scratch)
     for _ in range(MAX_STEPS):
         left = way - work.done
         if left <= FINISHED * way:
             break
-        verdict, size = try_step(body, boundary, min(size, left), margin, q, scratch)
+        verdict, size = try_step(body, min(size, left), margin, q, scratch)
         if verdict >= HELD:
             work.moved = 1
         if verdict == GIVEN_UP:
             break
         if verdict == HELD:
             work.done, size = work.done + min(step, left), step
-            find_contacts(q, boundary, margin, scratch)
+            find_contacts(q, margin, scratch)
         elif verdict == ACCEPTED:
             q[0], q[1], q[2] = work.trial[0], work.trial[1], work.trial[2]
     if work.moved == 0:
         q[0], q[1], q[2] = start_x, start_y, start_angle
     else:
-        _carry(boundary.carriage, way, q)
+        _carry(work.boundary, way, q)
     touching = False
     for k in range(work.found):
         touching = touching or work.step.C[k, GAP] <= APART_MM
@@ -122,14 +126,30 @@ def push(
 
 
 @inner_kernel
-def _carry(carriage: Carriage, way: float, q: Array) -> None:
+def _carry(boundary: Boundary, way: float, q: Array) -> None:
     """Where a pose (3,) of the pusher's frame lies in the frame at the start, once that has gone its way."""
-    angle = way * carriage.turn
+    angle, centre = way * boundary.turn, boundary.centre
     c, s = np.cos(angle), np.sin(angle)
-    dx, dy = q[0] - carriage.centre_x, q[1] - carriage.centre_y
-    q[0] = carriage.centre_x + way * carriage.x + c * dx - s * dy
-    q[1] = carriage.centre_y + way * carriage.y + s * dx + c * dy
+    dx, dy = q[0] - centre[0], q[1] - centre[1]
+    q[0] = centre[0] + way * boundary.x + c * dx - s * dy
+    q[1] = centre[1] + way * boundary.y + s * dx + c * dy
     q[2] += angle
+
+
+@inner_kernel
+def _carry_by(boundary: Boundary, pushers: Pushers, i: int) -> None:
+    """Makes the boundary the pusher of row i."""
+    paths, way = pushers.paths, pushers.way[i]
+    boundary.fingers, boundary.facing, boundary.apart = pushers.fingers[i], 1, pushers.apart[i]
+    boundary.h, boundary.thickness = pushers.h[i], pushers.thickness[i]
+    boundary.points = paths.points.shape[1]
+    for k in range(boundary.points):
+        boundary.pusher[k, 0], boundary.pusher[k, 1] = paths.points[i, k, 0], paths.points[i, k, 1]
+    boundary.top_share = boundary.bottom_share = 0.0
+    per_mm = 1.0 / way if way > 0.0 else 0.0
+    boundary.x, boundary.y = per_mm * paths.shifts[i, 0], per_mm * paths.shifts[i, 1]
+    boundary.turn = per_mm * paths.angles[i]
+    boundary.centre[0], boundary.centre[1] = paths.centres[i, 0], paths.centres[i, 1]
 
 
 @kernel
@@ -141,19 +161,10 @@ def push_many(
 
     That is the pusher, the surface and friction mu (n, 2).
     """
-    columns, n, paths = np.ascontiguousarray(outline.T), outline.shape[0], pushers.paths
-    points, out = np.zeros((2, n)), np.zeros(n, np.int64)
+    columns, n, boundary = np.ascontiguousarray(outline.T), outline.shape[0], work.boundary
+    scratch = Scratch(np.zeros((2, n)), np.zeros(n, np.int64), work)
     for i in range(poses.shape[0]):
-        way = pushers.way[i]
-        per_mm = 1.0 / way if way > 0.0 else 0.0
-        carriage = Carriage(
-            per_mm * paths.shifts[i, 0], per_mm * paths.shifts[i, 1], per_mm * paths.angles[i], paths.centres[i, 0],
-            paths.centres[i, 1],
-        )  # fmt: skip
-        boundary = Boundary(
-            mu[i, 0], mu[i, 1], pushers.fingers[i], 1, pushers.apart[i], pushers.h[i], pushers.thickness[i],
-            0.0, 0.0, carriage, step,
-        )  # fmt: skip
-        scratch = Scratch(points, out, paths.points[i], work)
-        touches, failed = push(Body(columns, reach, surfaces[i], rho), boundary, way, poses[i], scratch)
+        _carry_by(boundary, pushers, i)
+        boundary.mu_top, boundary.mu_bottom, boundary.step = mu[i, 0], mu[i, 1], step
+        touches, failed = push(Body(columns, reach, surfaces[i], rho), pushers.way[i], poses[i], scratch)
         touching[i], given_up[i] = int(touches), int(failed)

@@ -14,7 +14,7 @@ from planner.job.model import Job
 from planner.mechanics import surface as limit_surface
 from planner.mechanics.clearance import jaws_of
 from planner.mechanics.push import LOST, SLID, STUCK, Paths, Pushers, of_fingers, of_points, push_many
-from planner.mechanics.squeeze import GRASPED, JAMMED, STATUS_NAMES, Each, closing, squeeze, squeeze_many
+from planner.mechanics.squeeze import GRASPED, JAMMED, STATUS_NAMES, Each, close_by, squeeze, squeeze_many
 from planner.mechanics.stepping import Body, Scratch, squeeze_workspace
 from planner.mechanics.surface import Surface
 from planner.mechanics.traits import FRESH, Traits, as_planned, shapes
@@ -129,9 +129,10 @@ class Simulator:
         """
         n, q, rows = len(self.outline), np.array(pose, dtype=np.float64), np.zeros((TRACE_ROWS, 4))
         body = Body(np.ascontiguousarray(self.outline.T), reach(self.outline), surface, self.surface.rho_mm)
-        boundary = closing(np.full(2, mu), self.jaws, self.step_mm)
-        scratch = Scratch(np.zeros((2, n)), np.zeros(n, np.int64), np.zeros((0, 2)), squeeze_workspace())
-        width, status, _, count = squeeze(body, boundary, self.jaws[0], q, scratch, rows)
+        work = squeeze_workspace()
+        close_by(work.boundary, self.jaws, mu, mu, self.step_mm)
+        scratch = Scratch(np.zeros((2, n)), np.zeros(n, np.int64), work)
+        width, status, _, count = squeeze(body, self.jaws[0], q, scratch, rows)
         end = np.array([[*q, width]])
         return np.concatenate([rows[:count], end]), int(status)
 

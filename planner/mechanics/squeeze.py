@@ -12,7 +12,7 @@ import numpy as np
 from planner.arrays import Array, IntArray
 from planner.kernel import inner_kernel, kernel
 from planner.mechanics import contacts as contact
-from planner.mechanics.boundary import STANDING, Boundary, Carriage, Drive, directions
+from planner.mechanics.boundary import Boundary, Drive, directions
 from planner.mechanics.clearance import free_closing, stand
 from planner.mechanics.contacts import GAP
 from planner.mechanics.lcp import SOLVED
@@ -52,9 +52,9 @@ class Each(NamedTuple):
 
 
 @inner_kernel
-def _close_freely(boundary: Boundary, scratch: Scratch) -> float:
+def _close_freely(scratch: Scratch) -> float:
     """Closes the fingers up to the first touch of the placed outline; returns how far, infinity for none."""
-    work = scratch.work
+    work, boundary = scratch.work, scratch.work.boundary
     top_share, bottom_share = boundary.top_share, boundary.bottom_share
     top, bottom = work.fingers[0], work.fingers[1]
     free = free_closing(scratch.points, top, bottom, boundary.h, top_share, bottom_share)
@@ -67,13 +67,13 @@ def _close_freely(boundary: Boundary, scratch: Scratch) -> float:
 
 
 @inner_kernel
-def _held_as(body: Body, q: Array, boundary: Boundary, scratch: Scratch) -> int:
+def _held_as(body: Body, q: Array, scratch: Scratch) -> int:
     """GRASPED where the part is blocked without friction too, else JAMMED; alike for parts of any size.
 
     Without friction only the contact normals decide, so any limit surface will do. A motion out of all
     proportion to the fingers' counts as none: exactly opposed contacts must not hang on rounding.
     """
-    find_contacts(q, boundary, HELD_GAP * body.reach, scratch)
+    find_contacts(q, HELD_GAP * body.reach, scratch)
     count, work = scratch.work.found, scratch.work.step
     for k in range(count):
         work.C[k, GAP] = 0.0
@@ -99,28 +99,30 @@ def _record(trace: Array, row: int, q: Array, fingers: Array) -> int:
     return row + 1
 
 
-@inner_kernel
-def closing(mu: Array, jaws: Array, step: float) -> Boundary:
-    """Fingers that close: `mu` (2,) at the upper and the lower one, `jaws` (4,) and a closing step [mm]."""
-    upper = 2.0 * jaws[3]
-    return Boundary(
-        mu[0], mu[1], 2, -1, 0.0, 0.5 * jaws[1], jaws[2], upper, 2.0 - upper, Carriage(*STANDING), step
-    )
+@kernel
+def close_by(boundary: Boundary, jaws: Array, mu_top: float, mu_bottom: float, step: float) -> None:
+    """Makes the boundary fingers that close: `jaws` (4,), friction at the upper and the lower, a step [mm]."""
+    boundary.fingers, boundary.facing, boundary.apart = 2, -1, 0.0
+    boundary.h, boundary.thickness = 0.5 * jaws[1], jaws[2]
+    boundary.mu_top, boundary.mu_bottom, boundary.step = mu_top, mu_bottom, step
+    boundary.top_share, boundary.bottom_share = 2.0 * jaws[3], 2.0 * (1.0 - jaws[3])
+    boundary.x = boundary.y = boundary.turn = 0.0
 
 
 @inner_kernel
 def squeeze(
-    body: Body, boundary: Boundary, opening: float, q: Array, scratch: Scratch, trace: Array
+    body: Body, opening: float, q: Array, scratch: Scratch, trace: Array
 ) -> tuple[float, int, int, int]:
     """Closes the fingers on one part at q (3,) in the hand frame [mm, mm, rad], modified into the final pose.
 
-    They are `opening` [mm] apart at first.
+    They are `opening` [mm] apart at first, else as `close_by` says.
     `trace` (rows, 4) receives poses and widths on the way; no rows for none.
 
     Returns:
         Final width [mm], status, 1 where the squeeze had to be given up (else 0), rows of the trace.
     """
-    step, work = boundary.step, scratch.work
+    work, boundary = scratch.work, scratch.work.boundary
+    step = boundary.step
     work.fingers[0], work.fingers[1] = 0.5 * opening, -0.5 * opening
     work.step.F[0], work.step.F[1], work.step.F[2] = 0.0, 1.0, 0.0
     work.done, work.found, work.heading[0], work.heading[1] = 0.0, 0, np.cos(q[2]), np.sin(q[2])
@@ -132,15 +134,15 @@ def squeeze(
         return opening, JAMMED, 0, rows
     for _ in range(MAX_STEPS):
         if verdict == ACCEPTED and not touching(work):
-            free = _close_freely(boundary, scratch)
+            free = _close_freely(scratch)
             if free == np.inf:
                 work.fingers[0] = work.fingers[1] = 0.5 * (work.fingers[0] + work.fingers[1])
                 return 0.0, SLIPPED if touched else UNTOUCHED, 0, _record(trace, rows, q, work.fingers)
             rows = _record(trace, rows, q, work.fingers)
-            find_contacts(q, boundary, margin, scratch)
+            find_contacts(q, margin, scratch)
             touched = True
         size = min(size, 0.5 * (work.fingers[0] - work.fingers[1]))
-        verdict, size = try_step(body, boundary, size, margin, q, scratch)
+        verdict, size = try_step(body, size, margin, q, scratch)
         if verdict >= HELD:
             break
         if verdict == ACCEPTED:
@@ -148,7 +150,7 @@ def squeeze(
             rows = _record(trace, rows, q, work.fingers)
             if work.fingers[0] - work.fingers[1] <= 1e-6:
                 return 0.0, SLIPPED, 0, rows
-    held = _held_as(body, q, boundary, scratch)
+    held = _held_as(body, q, scratch)
     return work.fingers[0] - work.fingers[1], held, 0 if verdict == HELD else 1, rows
 
 
@@ -162,7 +164,7 @@ def squeeze_many(
     `shapes` (m, N, 2) say how the vertices of the outline (N, 2) move for each of a part's deviations.
     """
     n = outline.shape[0]
-    scratch = Scratch(np.zeros((2, n)), np.zeros(n, np.int64), np.zeros((0, 2)), work)
+    scratch = Scratch(np.zeros((2, n)), np.zeros(n, np.int64), work)
     own, own_jaws, trace = outline.T.copy(), np.copy(jaws), np.zeros((0, 4))
     reach = _reach(own)
     for i in range(poses.shape[0]):
@@ -170,8 +172,9 @@ def squeeze_many(
             _deviate(outline, shapes, each.deviation[i], own)
             reach = _reach(own)
         own_jaws[3] = each.share[i]
-        body, boundary = Body(own, reach, each.surfaces[i], rho), closing(each.mu[i], own_jaws, step)
-        width[i], status[i], given_up[i], _ = squeeze(body, boundary, jaws[0], poses[i], scratch, trace)
+        close_by(work.boundary, own_jaws, each.mu[i, 0], each.mu[i, 1], step)
+        body = Body(own, reach, each.surfaces[i], rho)
+        width[i], status[i], given_up[i], _ = squeeze(body, jaws[0], poses[i], scratch, trace)
 
 
 @inner_kernel

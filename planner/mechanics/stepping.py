@@ -12,7 +12,7 @@ import numpy as np
 from planner.arrays import Array, IntArray
 from planner.kernel import inlined_kernel, inner_kernel
 from planner.mechanics import contacts as contact
-from planner.mechanics.boundary import Boundary, Drive, directions, drive_of, hand_of, subtract_carriage, turn
+from planner.mechanics.boundary import BOUNDARY, Drive, directions, drive_of, hand_of, subtract_carriage, turn
 from planner.mechanics.clearance import crosses
 from planner.mechanics.contacts import (
     FINGER,
@@ -35,6 +35,7 @@ FURTHEST = 2.0  # How much nearer part and fingers may come in one step, in marg
 
 SQUEEZE_WORK = np.dtype(
     [
+        ("boundary", BOUNDARY),
         ("before", np.float64, (MAX_CONTACTS, NY + 1)),
         ("step", STEP_WORK),
         ("found", np.int64),
@@ -50,7 +51,7 @@ SQUEEZE_WORK = np.dtype(
 )
 """Workspace of one squeeze.
 
-before: places and normals of the contacts before the midpoint's turn. step: the contacts, and the solution.
+boundary: what moves against the part. before: places and normals of the contacts before the midpoint's turn. step: the contacts, and the solution.
 found: how many contacts were found. heading: cosine and sine of the part's angle. trial, half: pose after
 the step and in its middle. euler: the displacement V of the explicit Euler step. fingers: y of the inner
 faces. done: how far the boundary has come [mm]. moved: 1 once the part has moved on the table.
@@ -80,7 +81,6 @@ class Scratch(NamedTuple):
 
     points: Array  # (2, N) the placed outline
     out: IntArray  # (N,) which vertices are far from the fingers, as `contacts.mark` says
-    pusher: Array  # (K, 2) the points of a pusher; none (0, 2) where fingers are the boundary
     work: SqueezeWork  # a record of `SQUEEZE_WORK`
 
 
@@ -93,22 +93,19 @@ def _turn_back(work: SqueezeWork) -> None:
 
 
 @inlined_kernel
-def _displacement(body: Body, boundary: Boundary, drive: Drive, c: float, s: float, work: SqueezeWork) -> int:
+def _displacement(body: Body, drive: Drive, c: float, s: float, work: SqueezeWork) -> int:
     """Solves the step for the found contacts; leaves the displacement in the boundary's frame in `step.V`."""
-    C, I, V, count = work.step.C, work.step.I, work.step.V, work.found
+    C, I, V, count, boundary = work.step.C, work.step.I, work.step.V, work.found, work.boundary
     directions(C, I, count, body.rho, drive)
     status = solve_surface(body.surface, c, s, boundary.mu_top, boundary.mu_bottom, count, work.step)
-    if status == SOLVED:
+    if status == SOLVED and (drive.x != 0.0 or drive.y != 0.0 or drive.turn != 0.0):
         work.moved |= V[0] != 0.0 or V[1] != 0.0 or V[2] != 0.0
-        if drive.x != 0.0 or drive.y != 0.0 or drive.turn != 0.0:
-            subtract_carriage(C, count, body.rho, drive, V)
+        subtract_carriage(C, count, body.rho, drive, V)
     return status
 
 
 @inner_kernel
-def _midpoint(
-    body: Body, boundary: Boundary, q: Array, size: float, work: SqueezeWork
-) -> tuple[int, float]:
+def _midpoint(body: Body, q: Array, size: float, work: SqueezeWork) -> tuple[int, float]:
     """One midpoint step from pose q, for contacts already found there, into `work.euler` and `work.step.V`.
 
     Returns the status and the difference between the Euler and the midpoint step [mm], or -1.
@@ -117,9 +114,9 @@ def _midpoint(
     for k in range(count):
         for column in range(NY + 1):
             work.before[k, column] = C[k, column]
-    drive = drive_of(boundary, size, work.done, q)
+    drive = drive_of(work.boundary, size, work.done, q)
     c, s = work.heading[0], work.heading[1]
-    status = _displacement(body, boundary, drive, c, s, work)
+    status = _displacement(body, drive, c, s, work)
     if status != SOLVED:
         return status, -1.0
     first[0], first[1], first[2] = V[0], V[1], V[2]
@@ -129,23 +126,23 @@ def _midpoint(
     turned = work.half[2] - q[2]
     dc, ds = np.cos(turned), np.sin(turned)
     turn(C, I, count, dc, ds, q, work.half, drive)
-    drive = drive_of(boundary, size, work.done + 0.5 * size, work.half)
-    status = _displacement(body, boundary, drive, dc * c - ds * s, dc * s + ds * c, work)
+    drive = drive_of(work.boundary, size, work.done + 0.5 * size, work.half)
+    status = _displacement(body, drive, dc * c - ds * s, dc * s + ds * c, work)
     if status != SOLVED:
         return status, 0.0
     return SOLVED, np.sqrt((V[0] - first[0]) ** 2 + (V[1] - first[1]) ** 2 + (V[2] - first[2]) ** 2)
 
 
 @inner_kernel
-def find_contacts(q: Array, boundary: Boundary, margin: float, scratch: Scratch) -> None:
+def find_contacts(q: Array, margin: float, scratch: Scratch) -> None:
     """Finds the contacts of a part placed at pose q (3,), gaps of at most `margin` [mm]."""
     work = scratch.work
-    C, I, points = work.step.C, work.step.I, scratch.points
+    C, I, points, boundary = work.step.C, work.step.I, scratch.points, work.boundary
     if boundary.fingers > 0:
         hand = hand_of(boundary, work.fingers)
         work.found = contact.find(C, I, points, scratch.out, q, hand, margin)
     else:
-        work.found = contact.find_points(C, I, points, q, scratch.pusher, margin)
+        work.found = contact.find_points(C, I, points, q, boundary.pusher[: boundary.points], margin)
 
 
 @inlined_kernel
@@ -173,13 +170,13 @@ def _runs_into(finger: contact.Finger, points: Array, i: int, j: int) -> bool:
 
 
 @inner_kernel
-def _overlaps(boundary: Boundary, scratch: Scratch) -> bool:
+def _overlaps(scratch: Scratch) -> bool:
     """Whether a contact overlaps by more than `PENETRATION_MM`, or a near edge runs that deep in a finger."""
     points, out, work = scratch.points, scratch.out, scratch.work
     for k in range(work.found):
         if work.step.C[k, GAP] < -PENETRATION_MM:
             return True
-    hand = hand_of(boundary, work.fingers)
+    hand = hand_of(work.boundary, work.fingers)
     n = points.shape[1] if hand.count > 0 else 0
     for i in range(n):
         j = i + 1 if i + 1 < n else 0
@@ -199,7 +196,7 @@ def approach(body: Body, q: Array, trial: Array, step_top: float, step_bottom: f
 
 @inner_kernel
 def try_step(
-    body: Body, boundary: Boundary, size: float, margin: float, q: Array, scratch: Scratch
+    body: Body, size: float, margin: float, q: Array, scratch: Scratch
 ) -> tuple[int, float]:
     """Tries a step of `size` [mm] from pose q (3,); returns what came of it and the next size.
 
@@ -207,9 +204,10 @@ def try_step(
     ends at its first event, if it has one; it leaves the new pose in `work.trial`, the boundary advanced, and
     the contacts found there, with gaps of at most `margin` [mm].
     """
-    step, work = boundary.step, scratch.work
+    work, boundary = scratch.work, scratch.work.boundary
+    step = boundary.step
     smallest = size <= step * SMALLEST_STEP
-    status, error = _midpoint(body, boundary, q, size, work)
+    status, error = _midpoint(body, q, size, work)
     if status != SOLVED:
         if error < 0.0 or smallest:
             return (HELD if status == RAY else GIVEN_UP), size
@@ -233,12 +231,12 @@ def try_step(
     contact.place_turned(body.outline, work.trial, c, s, scratch.points)
     work.fingers[0] -= step_top
     work.fingers[1] += step_bottom
-    find_contacts(work.trial, boundary, margin, scratch)
-    if _overlaps(boundary, scratch):
+    find_contacts(work.trial, margin, scratch)
+    if _overlaps(scratch):
         contact.place_turned(body.outline, q, work.heading[0], work.heading[1], scratch.points)
         work.fingers[0] += step_top
         work.fingers[1] -= step_bottom
-        find_contacts(q, boundary, margin, scratch)
+        find_contacts(q, margin, scratch)
         return (GIVEN_UP if smallest else RETRY), 0.25 * f * size
     work.heading[0], work.heading[1], work.done = c, s, work.done + f * size
     return ACCEPTED, min(step, size * min(2.0, longer))
