@@ -1,6 +1,6 @@
 """What moves against a part: fingers that close, or a pusher whose frame is carried along a path.
 
-All is seen in the frame of the hand or the pusher. There a part that goes along with a pusher stands still, so that
+All is seen in the frame of the hand or the pusher. There a part that goes along with a pusher stands still:
 it stays where it is to the last bit, however long the way and whatever the steps.
 """
 
@@ -28,7 +28,6 @@ from planner.mechanics.contacts import (
     Hand,
 )
 
-
 MAX_POINTS = 16
 BOUNDARY = np.dtype(
     [
@@ -53,12 +52,13 @@ BOUNDARY = np.dtype(
 )
 """What moves against the part: fingers, or the points of a pusher, and the frame that they stand in.
 
-fingers: how many; 0 where points push. facing: -1 where the second finger looks up at the first, 1 where it looks
-down beside it. apart: x of their middles is -apart and apart [mm]. h, thickness: half a finger's length, and its
-thickness [mm]. points, pusher: how many points, and where they stand [mm]. mu_top: friction at fingers that look
-down and at points; mu_bottom: at a finger that looks up. top_share, bottom_share: how far fingers that look down,
-and up, come for each millimetre of a step. x, y, turn, centre: for each millimetre the frame turns [rad] about the
-centre [mm], which moves along a straight line [mm]. step: the nominal one [mm].
+fingers: how many; 0 where points push. facing: -1 where the second finger looks up at the first, 1 where it
+looks down beside it. apart: x of their middles is -apart and apart [mm]. h, thickness: half a finger's
+length, and its thickness [mm]. points, pusher: how many points, and where they stand [mm]. mu_top: friction
+at fingers that look down and at points; mu_bottom: at a finger that looks up. top_share, bottom_share: how
+far fingers that look down, and up, come for each millimetre of a step. x, y, turn, centre: for each
+millimetre the frame turns [rad] about the centre [mm], which moves along a straight line [mm]. step: the
+nominal one [mm].
 
 One record is handed on as one pointer (decision 0008).
 """

@@ -20,8 +20,8 @@ arrays, one row a contact:
         GAP [mm], moments of normal and tangent over rho (N2, T2), finger displacement along normal and
         tangent (UN, UT) [mm], forces (FN, FT), the slip along the tangent (-NY, NX) after which the pair of
         features ends (LOW, HIGH) [mm];
-    I (MAX_CONTACTS, I_COLUMNS) int:    FINGER (+1 looks down, -1 up), KIND, SIDE (sign of the finger end's x),
-                                        VERTEX.
+    I (MAX_CONTACTS, I_COLUMNS) int:    FINGER (+1 looks down, -1 up), KIND, SIDE (of the finger, the sign of
+        x), VERTEX.
 """
 
 from typing import NamedTuple
@@ -128,9 +128,7 @@ def _hidden(points: Array, i: int, j: int, px: float, py: float, gap: float) -> 
 
 
 @inlined_kernel
-def _add_face(
-    C: Array, I: IntArray, count: int, points: Array, i: int, finger: Finger, margin: float
-) -> int:
+def _add_face(C: Array, I: IntArray, count: int, points: Array, i: int, finger: Finger, margin: float) -> int:
     """Adds vertex i on the inner face, where it is under the face and near, and not yet there."""
     side, h, x = finger.side, finger.h, points[0, i] - finger.centre
     gap = side * (finger.face - points[1, i])
@@ -213,7 +211,9 @@ def mark(points: Array, out: IntArray, hand: Hand, margin: float) -> None:
 
 
 @inlined_kernel
-def _add_pairs(C: Array, I: IntArray, count: int, points: Array, i: int, finger: Finger, margin: float) -> int:
+def _add_pairs(
+    C: Array, I: IntArray, count: int, points: Array, i: int, finger: Finger, margin: float
+) -> int:
     """Adds the pairs of a finger with vertex i, and with the edge from there to the next vertex."""
     n, side, h, thickness = points.shape[1], finger.side, finger.h, finger.thickness
     j, face = i + 1 if i + 1 < n else 0, side * finger.face

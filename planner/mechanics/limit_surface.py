@@ -43,7 +43,10 @@ class LimitSurface:
 def fit_ellipsoid(points: Array, weights: Array, rho_mm: float) -> LimitSurface:
     """Fits the ellipsoid to a pressure distribution; arguments as `about_centre`."""
     F, V, shift = about_centre(points, weights, rho_mm)
-    return LimitSurface(_frozen(np.round(shift.T @ fit(F, V) @ shift, DIGITS)), rho_mm)
+    A = np.round(fit(F, V), DIGITS)
+    A[:, :2] += A[:, 2:] * shift[2, :2]  # A S, then S^T A S
+    A[:2] += shift[2, :2, None] * A[2]
+    return LimitSurface(_frozen(A), rho_mm)
 
 
 def about_centre(points: Array, weights: Array, rho_mm: float) -> tuple[Array, Array, Array]:
@@ -53,7 +56,7 @@ def about_centre(points: Array, weights: Array, rho_mm: float) -> tuple[Array, A
     frame lies, and a force through the centre of pressure turns the part as little as it should. The pressure
     has support points (M, 2) in the part's frame [mm] and weights (M,) of sum 1.
     """
-    centre = weights @ points
+    centre = np.array([math.fsum(weights * column) for column in points.T])
     twists = twist_directions()
     shift = np.eye(3)
     shift[2, :2] = centre[1] / rho_mm, -centre[0] / rho_mm
@@ -136,7 +139,7 @@ def wishart(mean: Array, dof: int | IntArray, rng: np.random.Generator, n: int) 
 
 
 def cholesky(A: Array) -> Array:
-    """Lower triangular L with L L^T = A (D, D) positive definite, to the same last bits on every processor."""
+    """Lower triangular L with L L^T = A (D, D), positive definite: the same bits on every processor."""
     L = np.zeros(A.shape)
     for i in range(len(A)):
         for j in range(i + 1):

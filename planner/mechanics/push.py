@@ -1,9 +1,9 @@
 """A push: a rigid pusher follows a commanded path, and the part gives way.
 
-The pusher is a set of points, or the fingers of a hand that goes straight on. It is a boundary that is carried: the
-steps are those of a squeeze (`stepping.try_step`), seen from the pusher. The part never jams: to move along
-with the pusher is always possible. That is what it does where friction wedges it between two places of the
-pusher, and the LCP has no solution.
+The pusher is a set of points, or the fingers of a hand that goes straight on. It is a boundary that is
+carried: the steps are those of a squeeze (`stepping.try_step`), seen from the pusher. The part never jams: to
+move along with the pusher is always possible. That is what it does where friction wedges it between two
+places of the pusher, and the LCP has no solution.
 """
 
 from typing import NamedTuple
@@ -154,8 +154,8 @@ def _carry_by(boundary: Boundary, pushers: Pushers, i: int) -> None:
 
 @kernel
 def push_many(
-    outline: Array, reach: float, rho: float, step: float, pushers: Pushers, surfaces: Array, mu: Array, poses: Array,
-    touching: IntArray, given_up: IntArray, work: SqueezeWork,
+    outline: Array, reach: float, rho: float, step: float, pushers: Pushers, surfaces: Array, mu: Array,
+    poses: Array, touching: IntArray, given_up: IntArray, work: SqueezeWork,
 ) -> None:  # fmt: skip
     """`push` for every row of `poses` (n, 3), each with its own of the rest; outputs in place.
 

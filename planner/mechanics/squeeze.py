@@ -101,7 +101,7 @@ def _record(trace: Array, row: int, q: Array, fingers: Array) -> int:
 
 @kernel
 def close_by(boundary: Boundary, jaws: Array, mu_top: float, mu_bottom: float, step: float) -> None:
-    """Makes the boundary fingers that close: `jaws` (4,), friction at the upper and the lower, a step [mm]."""
+    """Makes the boundary fingers that close: `jaws` (4,), their friction, and the nominal step [mm]."""
     boundary.fingers, boundary.facing, boundary.apart = 2, -1, 0.0
     boundary.h, boundary.thickness = 0.5 * jaws[1], jaws[2]
     boundary.mu_top, boundary.mu_bottom, boundary.step = mu_top, mu_bottom, step

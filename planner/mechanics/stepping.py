@@ -1,4 +1,4 @@
-"""One accepted, retried or refused step of a squeeze or a push: the midpoint rule with error control and events.
+"""One accepted, retried or refused step of a squeeze or a push: midpoint rule, error control and events.
 
 The difference between the midpoint and the explicit Euler step controls the length of a step; it ends where
 an awaited contact touches or a pressed one leaves its feature, by the rule's dense output, and is refused
@@ -51,7 +51,8 @@ SQUEEZE_WORK = np.dtype(
 )
 """Workspace of one squeeze.
 
-boundary: what moves against the part. before: places and normals of the contacts before the midpoint's turn. step: the contacts, and the solution.
+boundary: what moves against the part. before: places and normals of the contacts before the midpoint's turn.
+step: the contacts, and the solution.
 found: how many contacts were found. heading: cosine and sine of the part's angle. trial, half: pose after
 the step and in its middle. euler: the displacement V of the explicit Euler step. fingers: y of the inner
 faces. done: how far the boundary has come [mm]. moved: 1 once the part has moved on the table.
@@ -182,7 +183,9 @@ def _overlaps(scratch: Scratch) -> bool:
         j = i + 1 if i + 1 < n else 0
         if out[i] & out[j]:
             continue
-        if _runs_into(hand.first, points, i, j) or (hand.count == 2 and _runs_into(hand.second, points, i, j)):
+        if _runs_into(hand.first, points, i, j) or (
+            hand.count == 2 and _runs_into(hand.second, points, i, j)
+        ):
             return True
     return False
 
@@ -195,9 +198,7 @@ def approach(body: Body, q: Array, trial: Array, step_top: float, step_bottom: f
 
 
 @inner_kernel
-def try_step(
-    body: Body, size: float, margin: float, q: Array, scratch: Scratch
-) -> tuple[int, float]:
+def try_step(body: Body, size: float, margin: float, q: Array, scratch: Scratch) -> tuple[int, float]:
     """Tries a step of `size` [mm] from pose q (3,); returns what came of it and the next size.
 
     The scratch holds the contacts at q, and those again where the step is to be retried. An accepted step

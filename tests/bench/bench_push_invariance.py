@@ -1,9 +1,9 @@
-"""Do pushes by hand hang on how they are computed? The whole study of the property test; not part of the gate.
+"""Do pushes by hand hang on how they are computed? The property test at length; not part of the gate.
 
     python tests/bench/bench_push_invariance.py [--pushes 3000]
 
-Random pushes of seven shapes, each once as it is, in two parts, with other steps, with the vertices in another
-order, with further ones on the edges, and with 1e-9 mm of start: prints which share ends more than 0.5 mm or
+Random pushes of seven shapes, each as it is, in two pushes, with other steps, with the vertices in another
+order, with more of them on the edges, and with 1e-9 mm of start. Prints which share ends more than 0.5 mm or
 0.02 rad elsewhere, the largest overlap of part and fingers, and the time of a push, and writes
 `results/push_invariance.json`.
 """
@@ -45,7 +45,9 @@ def main() -> None:
         outline = shape()
         rows[name] = studied(outline, options.pushes, 1) | {"push_us": microseconds(outline, options.pushes)}
         print(name, json.dumps({key: round(value, 5) for key, value in rows[name].items()}), flush=True)
-    RESULTS.write_text(json.dumps({"pushes": options.pushes, "shapes": rows}, indent=1) + "\n", encoding="utf-8")
+    RESULTS.write_text(
+        json.dumps({"pushes": options.pushes, "shapes": rows}, indent=1) + "\n", encoding="utf-8"
+    )
 
 
 if __name__ == "__main__":

@@ -30,7 +30,7 @@ def test_push_by_hand_of_a_flush_part_stays_flush(opening, beside):
     end = simulator(rectangle()).push_by_hand(
         start, np.full(n, opening), np.full(n, 40.0), np.random.default_rng(0)
     )
-    assert end == pytest.approx(start + [39.0, 0.0, 0.0], abs=FLUSH_MM)
+    assert end == pytest.approx(start + np.array([39.0, 0.0, 0.0]), abs=FLUSH_MM)
 
 
 def test_push_by_hand_of_a_wedged_part_takes_it_along_from_the_start():
@@ -38,7 +38,9 @@ def test_push_by_hand_of_a_wedged_part_takes_it_along_from_the_start():
     tip = np.array([[-24.0, 0.0], [12.0, -14.5], [12.0, 14.5]])
     part, n, opening = simulator(tip), 200, np.full(200, 12.0)
     rng = np.random.default_rng(2)
-    ahead = np.column_stack([np.full(n, JAWS[1] / 2 + 25.0), rng.uniform(-2, 2, n), rng.uniform(-0.1, 0.1, n)])
+    ahead = np.column_stack(
+        [np.full(n, JAWS[1] / 2 + 25.0), rng.uniform(-2, 2, n), rng.uniform(-0.1, 0.1, n)]
+    )
     first, second = (np.random.default_rng(3) for _ in range(2))
     wedged = part.push_by_hand(ahead, opening, np.full(n, 40.0), first) - [40.0, 0.0, 0.0]
     again = part.push_by_hand(wedged, opening, np.full(n, 15.0), second)

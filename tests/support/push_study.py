@@ -32,7 +32,10 @@ SHAPES: dict[str, Callable[[], np.ndarray]] = {
     "rectangle": rectangle,
     "right triangle": right_triangle,
     "bar": bar,
-    **{name: lambda name=name: of_tree(name) for name in ("butterfly-15", "hex-nut", "angle-cleat", "oval-cover")},
+    **{
+        name: lambda name=name: of_tree(name)
+        for name in ("butterfly-15", "hex-nut", "angle-cleat", "oval-cover")
+    },
 }
 
 
@@ -73,7 +76,7 @@ def variants(part: Simulator, poses: np.ndarray, opening: np.ndarray, seed: int)
         "in two pushes": in_two(part, poses, opening, seed),
         "vertices in another order": whole(replace(part, outline=np.roll(part.outline, 1, axis=0))),
         "collinear vertices": whole(replace(part, outline=divided(part.outline))),
-        "1e-9 mm of start": whole(part, poses + [1e-9, -1e-9, 0.0]),
+        "1e-9 mm of start": whole(part, poses + np.array([1e-9, -1e-9, 0.0])),
         "step of 0.1 mm": whole(replace(part, step_mm=0.1)),
         "step of 0.8 mm": whole(replace(part, step_mm=0.8)),
     }
