@@ -201,7 +201,7 @@ def mark(points: Array, out: IntArray, hand: Hand, margin: float) -> None:
     `margin` from all fingers, one whose ends share any bit runs no deeper than `PENETRATION_MM` in one.
     """
     first, second = hand.first, hand.second
-    high, low = first.face, second.face if hand.count == 2 and second.side < 0 else -np.inf
+    high, low = first.face, second.face if hand.fingers == 2 and second.side < 0 else -np.inf
     side = max(abs(first.centre), abs(second.centre)) + first.h + margin
     above, below, deep, deep_below = high - margin, low + margin, high + PENETRATION_MM, low - PENETRATION_MM
     for i in range(points.shape[1]):
@@ -260,7 +260,7 @@ def find(C: Array, I: IntArray, points: Array, out: IntArray, q: Array, hand: Ha
         if out[i] & out[i + 1 if i + 1 < n else 0] & FAR:
             continue
         count = _add_pairs(C, I, count, points, i, hand.first, margin)
-        if hand.count == 2:
+        if hand.fingers == 2:
             count = _add_pairs(C, I, count, points, i, hand.second, margin)
     for k in range(count):
         C[k, RX] -= q[0]

@@ -67,7 +67,8 @@ def of_points(paths: Paths) -> Pushers:
         raise ValueError(f"a pusher of {paths.points.shape[1]} points; give {MAX_POINTS} at most")
     n, arms = len(paths.angles), np.linalg.norm(paths.points - paths.centres[:, None], axis=2).max(axis=1)
     way = np.abs(paths.angles) * arms + np.hypot(*paths.shifts.T)
-    return Pushers(paths, way, np.zeros(n, np.int64), *np.zeros((3, n)))
+    none = np.zeros(n)
+    return Pushers(paths, way, np.zeros(n, np.int64), none, none, none)
 
 
 def of_fingers(opening_mm: Array, way_mm: Array, length_mm: float, thickness_mm: float) -> Pushers:

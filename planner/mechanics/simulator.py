@@ -208,7 +208,7 @@ class Simulator:
         x, y, theta = start.T
         turned = np.column_stack([y - beside, 0.5 * self.jaws[1] - x, theta - 0.5 * math.pi])
         across, back, angle = (self._pushed(turned, pushers, parameters)[0] - turned).T
-        return start + np.column_stack([-back, across, angle])
+        return np.asarray(start + np.column_stack([-back, across, angle]))
 
     def _pushed(
         self, poses: Array, pushers: Pushers, parameters: Parameters

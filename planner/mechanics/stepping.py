@@ -178,13 +178,13 @@ def _overlaps(scratch: Scratch) -> bool:
         if work.step.C[k, GAP] < -PENETRATION_MM:
             return True
     hand = hand_of(work.boundary, work.fingers)
-    n = points.shape[1] if hand.count > 0 else 0
+    n = points.shape[1] if hand.fingers > 0 else 0
     for i in range(n):
         j = i + 1 if i + 1 < n else 0
         if out[i] & out[j]:
             continue
         if _runs_into(hand.first, points, i, j) or (
-            hand.count == 2 and _runs_into(hand.second, points, i, j)
+            hand.fingers == 2 and _runs_into(hand.second, points, i, j)
         ):
             return True
     return False
