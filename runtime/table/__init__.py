@@ -17,6 +17,7 @@ from typing import NamedTuple
 from runtime.errors import TableError, TableFileError
 from runtime.shell.files import writing
 from runtime.table.codec import MAX_BYTES, decode, encode
+from runtime.table.evidence import refuted, wilson_interval
 from runtime.table.goal import (
     Pose2,
     distance,
@@ -47,7 +48,7 @@ from runtime.table.model import (
     Squeeze,
     Table,
 )
-from runtime.table.proof import job_of, prove, refuted, wilson_interval
+from runtime.table.proof import job_of, prove
 
 __all__ = ["COUNTS", "HELD_UM", "KINDS", "PPM", "PROFILES", "REJECT", "UNDETECTED_UM"]
 __all__ += ["Calibration", "GoalSpec", "GripperSpec", "Hypothesis", "Limits", "Pose2", "Prediction"]
