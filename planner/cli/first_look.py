@@ -25,7 +25,7 @@ from planner.work.limit import Limit
 from planner.work.progress import Report
 from planner.work.scheduler import Threads
 from planner.world import ContactWorlds, make
-from runtime.shell.command import Parser, number
+from runtime.shell.command import Parser, number, say
 from runtime.shell.files import usable, write
 from runtime.table import dump
 
@@ -110,7 +110,8 @@ def _try(arguments: argparse.Namespace) -> None:
     }  # fmt: skip
     if not arguments.json:
         print(f"{answers.name}: {rectangle.text()}, {len(imported.outline_mm)} vertices")
-        print("\n".join(f"assumed: {line}" for line in told["assumed"]), flush=True)
+        for line in told["assumed"]:
+            say(f"assumed: {line}")
     try:
         text = draft(imported, arguments.drawing.name, answers)
         files = _files(arguments, text)

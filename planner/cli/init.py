@@ -13,7 +13,7 @@ from planner.job.drafts import FINGERS, GRIPPERS, Answers, draft, proposed_radiu
 from planner.part.importers.file import SUFFIXES, Face, Imported, read_faces, read_outline
 from planner.part.importers.pieces import UNITS_MM, Options
 from planner.part.outline import reach, smallest_rectangle
-from runtime.shell.command import Parser, number
+from runtime.shell.command import Parser, number, say
 from runtime.shell.files import usable, write
 
 NAME = "plan-init"
@@ -104,7 +104,7 @@ def _show_faces(faces: list[Face]) -> None:
             f"{width:.3f} x {height:.3f} mm, {face.imported.height_mm:.4g} mm high"
         )
         for note in face.imported.notes:
-            print(f"note: {note}")
+            say(f"note: {note}")
     print(
         "note: the shares are those of the directions in which the part may be dropped; bouncing and rolling "
         "on are ignored, so count some parts"
@@ -118,7 +118,7 @@ def _imported(path: Path, options: Options, asking: bool) -> Imported:
     except UsageError as error:
         if not (asking and error.units_missing):
             raise
-        print(error)
+        say(str(error))
         return read_outline(path, options._replace(units=_choice("one unit is", UNITS_MM)))
 
 
@@ -129,7 +129,7 @@ def _show(imported: Imported) -> None:
     print(f"outline: {len(imported.outline_mm)} vertices, {width:.3f} x {height:.3f} mm; symmetry: {told}")
     print(f"smallest rectangle about it: {smallest_rectangle(imported.outline_mm).text()}")
     for note in imported.notes:
-        print(f"note: {note}")
+        say(f"note: {note}")
 
 
 def _answers(arguments: argparse.Namespace, imported: Imported, asking: bool) -> Answers:

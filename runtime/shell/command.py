@@ -15,6 +15,8 @@ from importlib import import_module
 from io import TextIOWrapper
 from typing import Any, NoReturn, TextIO
 
+from runtime.shell.plain_text import cleaned
+
 USAGE = 2
 INPUT_FILE = 3
 LINK = 20
@@ -109,13 +111,13 @@ def entry(name: str, module: str, extra: str, argv: Sequence[str] | None = None)
 
 
 def say(line: str, file: TextIO | None = None) -> None:
-    """Print a line at once; that nobody reads it or the disk is full must not stop a cell.
+    """Print a line at once, `cleaned`; that nobody reads it or the disk is full must not stop a cell.
 
     What standard output has lost is told by `run` at the command's end.
     """
     file = file or sys.stdout
     try:
-        print(line, file=file, flush=True)
+        print(cleaned(line), file=file, flush=True)
     except OSError as error:
         _give_up(file, error)
 
@@ -135,7 +137,7 @@ def one_line(words: object) -> str:
     text = " ".join(str(words).split()) or type(words).__name__
     if len(text) > LONGEST_LINE:
         text = f"{text[:LONGEST_LINE]}..."
-    return "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in text)
+    return cleaned(text)
 
 
 def positive_int(text: str) -> int:

@@ -2,7 +2,8 @@
 
 A name with a line break puts a second line into an answer, an escape sequence moves a terminal's cursor, a
 mark of direction turns the rest of a line round. So every border refuses them: `runtime.table` in a table and
-the job inside it, `planner.job` in a job, `runtime.shell.strict_json` in files of JSON.
+the job inside it, `planner.job` in a job, `runtime.shell.strict_json` in files of JSON. What devices, errors
+and journals say cannot be refused: whatever prints a line prints it `cleaned`.
 """
 
 from typing import Any
@@ -31,6 +32,13 @@ def unprintable(value: Any) -> str | None:
         elif isinstance(item, list | tuple):
             waiting += item
     return None
+
+
+def cleaned(text: str) -> str:
+    """A text as one line: line breaks, escape sequences and all else that does not print, escaped."""
+    if text.isprintable():
+        return text
+    return "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in text)
 
 
 def shortened(text: str, longest: int = 40) -> str:
