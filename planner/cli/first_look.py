@@ -26,7 +26,7 @@ from planner.work.progress import Report
 from planner.work.scheduler import Threads
 from planner.world import ContactWorlds, make
 from runtime.shell.command import Parser, number, say
-from runtime.shell.files import usable, write
+from runtime.shell.files import quoted, usable, write
 from runtime.table import dump
 
 NAME = "plan-try"
@@ -261,13 +261,14 @@ def _lines(answer: Answer, plan: Plan) -> list[str]:
 def _next(files: Files, plan: Plan, seconds: float) -> list[str]:
     """What was written, and what to do with it."""
     longer = " (a full search)" if plan.cut else ""
+    job, table, report = map(quoted, (files.job, files.table, files.job.with_suffix(".html")))
     return [
         "",
         f"wrote {files.job}, {files.table} and {files.picture} after {seconds:.0f} s",
         f"look       {files.picture}",
-        f"plan       squeezetree plan {files.job} -o {files.table}{longer}",
-        f"report     squeezetree report {files.table} -o {files.job.with_suffix('.html')}",
-        f"simulate   squeezetree run --tree {files.table} --port sim --time-scale 100 --count 20",
+        f"plan       squeezetree plan {job} -o {table}{longer}",
+        f"report     squeezetree report {table} -o {report}",
+        f"simulate   squeezetree run --tree {table} --port sim --time-scale 100 --count 20",
     ]
 
 

@@ -14,7 +14,7 @@ from planner.part.importers.file import SUFFIXES, Face, Imported, read_faces, re
 from planner.part.importers.pieces import UNITS_MM, Options
 from planner.part.outline import reach, smallest_rectangle
 from runtime.shell.command import Parser, number, say
-from runtime.shell.files import usable, write
+from runtime.shell.files import quoted, usable, write
 
 NAME = "plan-init"
 T = TypeVar("T")
@@ -78,7 +78,8 @@ def _init(arguments: argparse.Namespace) -> None:
         **({"faces": [_told(face) for face in faces]} if arguments.faces else {}),
     }  # fmt: skip
     missing = "note: the part's thickness is not stated; state --thickness, or height_mm in the file"
-    next_step = f"wrote {output}; next: plan-compile {output} -o {output.with_suffix('.msgpack')}"
+    table = output.with_suffix(".msgpack")
+    next_step = f"wrote {output}; next: plan-compile {quoted(output)} -o {quoted(table)}"
     shell.answer(arguments.json, figures, *([missing] if answers.height_mm is None else ()), next_step)
 
 
