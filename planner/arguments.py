@@ -66,7 +66,7 @@ def indices(values: ArrayLike, name: str, size: int) -> IntArray:
     array = np.asarray(values)
     if array.ndim != 1 or (array.size and not np.issubdtype(array.dtype, np.integer)):
         raise ValueError(f"{name} has shape {array.shape} of {array.dtype}; pass whole numbers (n,)")
-    if array.size and not (0 <= array.min() and array.max() < size):
+    if array.size and not (array.min() >= 0 and array.max() < size):
         beyond = array[(array < 0) | (array >= size)][0]
         raise ValueError(f"{name} holds {beyond}; there are 0 to {size - 1}")
     return array.astype(np.int64)
@@ -78,10 +78,9 @@ def count(value: int, name: str, least: int = 1, most: int = MOST) -> int:
     Raises:
         ValueError: it is none.
     """
-    if isinstance(value, bool | np.bool_) or not isinstance(value, int | np.integer):
-        raise ValueError(f"{name} is {value!r}; pass a whole number from {least}")
-    if not least <= value <= most:
-        raise ValueError(f"{name} is {value}; pass {least} to {most}")
+    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if not (whole and least <= value <= most):
+        raise ValueError(f"{name} is {value!r}; pass a whole number from {least} to {most}")
     return int(value)
 
 

@@ -5,6 +5,7 @@ from functools import partial
 
 import numpy as np
 
+from planner import arguments
 from planner.belief.doubts import believed, certain
 from planner.belief.metric import metric_of
 from planner.belief.observation import encoder_of, resolution_of
@@ -91,8 +92,11 @@ def compile_job(
         ClusterError: the cluster was lost.
         NoPlanError: the first squeeze already has no placement free of collision that gains anything, or no
             leaf of the tree is within the goal.
+        ValueError: workers or trials are no such number.
     """
     say = report or silent
+    arguments.count(trials, "trials")
+    arguments.count(1 if workers is None else workers, "workers")
     if job.search.method in METHODS:
         return _paper_plan(job, workers, trials, say)
     mixture = Mixture.of_job(job, workers, PARAMS.step_mm)

@@ -31,15 +31,16 @@ def read(path: str | Path, advice: str = "check the path") -> str:
     try:
         with Path(path).open("rb") as file:
             data = file.read(MOST_BYTES + 1)
-        if len(data) > MOST_BYTES:
-            raise ValueError(f"it is larger than {MOST_BYTES >> 20} MiB")
-        return data.decode("utf-8-sig")
+        text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         problem = f"not UTF-8 text (byte {error.start + 1}); save the file as UTF-8"
         raise InputFileError(problem, where=where) from error
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         raise InputFileError(f"cannot be read: {reason}; {advice}", where=where) from error
+    if len(data) > MOST_BYTES:
+        raise InputFileError(f"larger than {MOST_BYTES >> 20} MiB; {advice}", where=where)
+    return text
 
 
 def from_toml(text: str, where: str) -> dict[str, Any]:

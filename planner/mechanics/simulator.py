@@ -94,7 +94,7 @@ class Simulator:
             wishart_dof=job.pressure.wishart_dof,
             release=(job.release.shift_mm, job.release.shift_mm, math.radians(job.release.turn_deg)),
             step_mm=step_mm,
-            workers=workers or os.cpu_count() or 1,
+            workers=(os.cpu_count() or 1) if workers is None else arguments.count(workers, "workers"),
         )
 
     def nominal(self, n: int, mu: float) -> Parameters:

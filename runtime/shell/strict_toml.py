@@ -1,7 +1,7 @@
 """A strict parser for TOML of unknown origin: limited size and nesting.
 
-`tomllib` takes time and memory with the square of a key's depth, and Python's stack with that of a value: both
-are bounded before it begins.
+`tomllib` takes time and memory with the square of a key's depth, and Python's stack with that of a value:
+both are bounded before it begins.
 """
 
 import re
@@ -12,8 +12,13 @@ MOST_BYTES = 1 << 20
 MOST_LEVELS = 16
 
 _TOKENS = re.compile(
-    r'"""(?:[^\\]|\\.)*?"""|' r"'''.*?'''|" r'"(?:[^"\\\n]|\\[^\n])*"|' r"'[^'\n]*'|#[^\n]*|[.,=\n\[\]{}]",
-    re.DOTALL,
+    r"""
+    \"{3} (?: [^\\] | \\. )*? \"{3} | '{3} .*? '{3}       # strings of several lines
+    | " (?: [^"\\\n] | \\[^\n] )* " | ' [^'\n]* '  # strings
+    | \# [^\n]*
+    | [.,=\n\[\]{}]
+    """,
+    re.DOTALL | re.VERBOSE,
 )
 
 
