@@ -126,7 +126,7 @@ def test_poses_that_are_none_reach_no_kernel(world, model, poses, said):
             lambda: squeeze(JOB, Belief.of(np.zeros((10, 3))), one, RNG, workers=1),
         ]
     for call in calls:
-        with pytest.raises(ValueError, match="shape|holds|no array of numbers"):
+        with pytest.raises(ValueError, match=r"shape|holds|no array of numbers"):
             call()
     with pytest.raises(ValueError, match=said):
         calls[2]()
@@ -168,6 +168,6 @@ def test_poses_that_are_none_reach_no_kernel(world, model, poses, said):
     ],
 )
 def test_numbers_out_of_range_are_refused_in_a_sentence(world, model, wrong):
-    with pytest.raises(ValueError, match="pass|there are") as refused:
+    with pytest.raises(ValueError, match=r"pass|there are") as refused:
         wrong(world, model)
     assert "\n" not in str(refused.value)
