@@ -11,17 +11,10 @@ from pathlib import Path
 
 from runtime.shell.command import INPUT_FILE, entry, tell
 
-<<<<<<< HEAD
-# Endings of the input files of all commands.
-INPUTS = {".csv", ".dxf", ".jsonl", ".kicad_mod", ".msgpack", ".stl", ".svg", ".toml", ".txt"}
-HELP = {"-h", "--help"}
-# Options after which a word may be a file that is read.
-=======
 # Suffixes of the files that some command reads.
 INPUTS = {".csv", ".dxf", ".jsonl", ".kicad_mod", ".msgpack", ".stl", ".svg", ".toml", ".txt"}
 HELP = {"-h", "--help"}
 # Options after which a file that is read may stand.
->>>>>>> h
 READ = {"--debug", "--force", "--journal", "--json", "--poses", "--push"}
 
 

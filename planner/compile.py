@@ -5,6 +5,7 @@ from functools import partial
 
 import numpy as np
 
+from planner import arguments
 from planner.belief.doubts import believed, certain
 from planner.belief.metric import metric_of
 from planner.belief.observation import encoder_of, resolution_of
@@ -92,8 +93,11 @@ def compile_job(
         ClusterError: the cluster was lost.
         NoPlanError: no squeeze tells a pose that the goal asks for; or the first squeeze already has no
             placement free of collision that gains anything; or no leaf of the tree is within the goal.
+        ValueError: workers or trials are no such number.
     """
     say = report or silent
+    arguments.count(trials, "trials")
+    arguments.count(1 if workers is None else workers, "workers")
     refuse_alike(job)
     if job.search.method in METHODS:
         return _paper_plan(job, workers, trials, say)

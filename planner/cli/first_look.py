@@ -37,8 +37,8 @@ from planner.work.limit import Limit
 from planner.work.progress import Report
 from planner.work.scheduler import Threads
 from planner.world import make
-from runtime.shell.command import Parser, number
-from runtime.shell.files import usable, write
+from runtime.shell.command import Parser, number, say
+from runtime.shell.files import quoted, usable, write
 from runtime.table import dump
 
 NAME = "plan-try"
@@ -118,7 +118,8 @@ def _try(arguments: argparse.Namespace) -> None:
     }  # fmt: skip
     if not arguments.json:
         print(f"{answers.name}: {rectangle.text()}, {len(imported.outline_mm)} vertices")
-        print("\n".join(f"assumed: {line}" for line in told["assumed"]), flush=True)
+        for line in told["assumed"]:
+            say(f"assumed: {line}")
     failures: list[str] = []
     spared = partial(shell.spared, notes=failures, debug=arguments.debug)
     try:
@@ -297,13 +298,14 @@ def _next(files: Files, picture: Path | None, plan: Plan, seconds: float) -> lis
     """What was written, and what to do with it."""
     longer = " (a full search)" if plan.cut else ""
     written = [files.job, files.table, *filter(None, (picture,))]
+    job, table, report = map(quoted, (files.job, files.table, files.job.with_suffix(".html")))
     return [
         "",
         f"wrote {', '.join(map(str, written[:-1]))} and {written[-1]} after {seconds:.0f} s",
         *([f"look       {picture}"] if picture else []),
-        f"plan       squeezetree plan {files.job} -o {files.table}{longer}",
-        f"report     squeezetree report {files.table} -o {files.job.with_suffix('.html')}",
-        f"simulate   squeezetree run --tree {files.table} --port sim --time-scale 100 --count 20",
+        f"plan       squeezetree plan {job} -o {table}{longer}",
+        f"report     squeezetree report {table} -o {report}",
+        f"simulate   squeezetree run --tree {table} --port sim --time-scale 100 --count 20",
     ]
 
 

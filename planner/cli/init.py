@@ -13,8 +13,8 @@ from planner.part.importers.file import SUFFIXES, Face, Imported, read_faces, re
 from planner.part.importers.pieces import UNITS_MM, Options
 from planner.part.outline import reach, smallest_rectangle
 from planner.part.tips import tips_height_mm
-from runtime.shell.command import Parser, number
-from runtime.shell.files import usable, write
+from runtime.shell.command import Parser, number, say
+from runtime.shell.files import quoted, usable, write
 
 NAME = "plan-init"
 T = TypeVar("T")
@@ -78,7 +78,8 @@ def _init(arguments: argparse.Namespace) -> None:
         **({"faces": [_told(face) for face in faces]} if arguments.faces else {}),
     }  # fmt: skip
     missing = "note: the part's thickness is not stated; state --thickness, or height_mm in the file"
-    next_step = f"wrote {output}; next: plan-compile {output} -o {output.with_suffix('.msgpack')}"
+    table = output.with_suffix(".msgpack")
+    next_step = f"wrote {output}; next: plan-compile {quoted(output)} -o {quoted(table)}"
     shell.answer(arguments.json, figures, *([missing] if answers.height_mm is None else ()), next_step)
 
 
@@ -113,7 +114,7 @@ def _show_faces(faces: list[Face]) -> None:
             f"{width:.3f} x {height:.3f} mm, {face.imported.height_mm:.4g} mm high"
         )
         for note in face.imported.notes:
-            print(f"note: {note}")
+            say(f"note: {note}")
     print(
         "note: the shares are those of the directions in which the part may be dropped; bouncing and rolling "
         "on are ignored, so count some parts"
@@ -127,7 +128,7 @@ def _imported(path: Path, options: Options, asking: bool) -> Imported:
     except UsageError as error:
         if not (asking and error.units_missing):
             raise
-        print(error)
+        say(str(error))
         return read_outline(path, options._replace(units=_choice("one unit is", UNITS_MM)))
 
 
@@ -138,7 +139,7 @@ def _show(imported: Imported) -> None:
     print(f"outline: {len(imported.outline_mm)} vertices, {width:.3f} x {height:.3f} mm; symmetry: {told}")
     print(f"smallest rectangle about it: {smallest_rectangle(imported.outline_mm).text()}")
     for note in imported.notes:
-        print(f"note: {note}")
+        say(f"note: {note}")
 
 
 def _answers(arguments: argparse.Namespace, imported: Imported, asking: bool) -> Answers:

@@ -15,6 +15,7 @@ from planner.job import model as job_file
 from planner.part.importers.file import Face, Imported
 from planner.part.outline import reach
 from planner.part.tips import tips_height_mm
+from runtime.shell.plain_text import cleaned
 from runtime.table import PROFILES, Profile
 
 
@@ -104,7 +105,7 @@ def draft(imported: Imported, source: str, answers: Answers, faces: Sequence[Fac
     tips = faces[0].cut_mm if faces else answers.tips_mm or tips_height_mm(thickness)
     text = environment.get_template("job.toml").render(
         name=answers.name,
-        source=_one_line(source),
+        source=cleaned(source),
         order=imported.symmetry,
         height=thickness,
         tips=tips,
@@ -137,7 +138,7 @@ def _shape(imported: Imported) -> dict[str, object]:
     width, height = imported.size_mm
     return {
         "size": f"{width:.3f} x {height:.3f}",
-        "notes": [_one_line(note) for note in imported.notes],
+        "notes": [cleaned(note) for note in imported.notes],
         "vertices": np.round(imported.outline_mm, DECIMALS).tolist(),
     }
 
@@ -153,8 +154,3 @@ def room_mm(imported: Imported, gripper: GripperPreset) -> float:
 def proposed_radius_mm(imported: Imported, gripper: GripperPreset) -> float:
     """A radius of the disc that the centroid lies in, where nobody states one [mm]."""
     return max(1.0, float(math.floor(min(MOST_RADIUS_MM, FITTING * room_mm(imported, gripper)))))
-
-
-def _one_line(text: str) -> str:
-    """Text that stays within a comment: printable, on one line."""
-    return "".join(letter if letter.isprintable() else " " for letter in text)

@@ -70,7 +70,7 @@ class Hand(NamedTuple):
 
     first: Finger  # looks down
     second: Finger
-    count: int
+    fingers: int
 
 
 @inlined_kernel

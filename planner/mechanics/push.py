@@ -54,7 +54,9 @@ class Pushers(NamedTuple):
     def of(self, rows: IntArray) -> "Pushers":
         """Those of some pushes."""
         paths = Paths(*(values[rows] for values in self.paths))
-        return Pushers(paths, *(values[rows] for values in self[1:]))
+        return Pushers(
+            paths, self.way[rows], self.fingers[rows], self.apart[rows], self.h[rows], self.thickness[rows]
+        )
 
 
 def of_points(paths: Paths) -> Pushers:

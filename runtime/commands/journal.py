@@ -15,6 +15,7 @@ from runtime.journal.lines import Entry, begins_run
 from runtime.journal.replay import Replay
 from runtime.shell.command import Parser, natural, run
 from runtime.shell.files import STDOUT, usable, words_of
+from runtime.shell.plain_text import cleaned
 from runtime.traversal.results import Outcome
 
 EXIT_CODES = """\
@@ -107,7 +108,7 @@ def _replay(arguments: argparse.Namespace) -> int:
         print(json.dumps({"decisions": replay.decisions, "findings": told}))
     else:
         for finding in findings:
-            print(f"record {finding.seq}: {finding.sentence}")
+            print(cleaned(f"record {finding.seq}: {finding.sentence}"))
     if findings:
         raise JournalError(
             arguments.journal, f"{len(findings)} records claim what their counts do not justify"
@@ -127,7 +128,7 @@ def _show(arguments: argparse.Namespace) -> int:
         if not _is_wanted(arguments, entry) or (ended is not None and part not in ended):
             continue
         try:
-            print(json.dumps(entry) if arguments.json else _line(entry))
+            print(json.dumps(entry) if arguments.json else cleaned(_line(entry)))
         except BrokenPipeError:  # whoever reads has seen enough
             break
     return 0

@@ -225,7 +225,7 @@ class _Asked:
         if self.arguments.audit is None:
             return None
         command = self.arguments.audit.replace(SIMULATED_CAMERA, devices.camera)
-        auditor = self.stack.enter_context(AuditProcess(command))
+        auditor = self.stack.enter_context(AuditProcess(command, table_sha256=self.loaded.digest))
         auditor.check()
         return auditor
 

@@ -17,6 +17,7 @@ from runtime.execution.executor import RunOptions, expected_of, reason_of
 from runtime.execution.reading import CLOSED_COUNTS, OPENED_COUNTS, check_closed
 from runtime.execution.watch import DEADLINE_FACTOR
 from runtime.journal.chain import Journal
+from runtime.shell.plain_text import cleaned
 from runtime.table import COUNTS, HELD_UM, REJECT, Node, Table, decide, decision_map
 from runtime.traversal.answer import outcome_fields
 from runtime.traversal.decision import (
@@ -298,7 +299,7 @@ class AskedParts:
 
 def _plain(name: str) -> str:
     """A part's name as the end of a line: ASCII, and cut where the line would become too long."""
-    return name.encode("ascii", "replace").decode()[:MAX_NAME]
+    return cleaned(name).encode("ascii", "replace").decode()[:MAX_NAME]
 
 
 def _check(holds: bool, number: int) -> None:

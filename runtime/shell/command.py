@@ -16,6 +16,7 @@ from io import TextIOWrapper
 from typing import Any, NoReturn, TextIO
 
 from runtime.shell import output
+from runtime.shell.plain_text import cleaned
 
 USAGE = 2
 INPUT_FILE = 3
@@ -109,7 +110,7 @@ def entry(name: str, module: str, extra: str, argv: Sequence[str] | None = None)
 
 
 def say(line: str, file: TextIO | None = None) -> None:
-    """Print a line at once; that nobody reads it or the disk is full must not stop a cell.
+    """Print a line at once, `cleaned`; that nobody reads it or the disk is full must not stop a cell.
 
     What standard output has lost is told by `run` at the command's end.
     """
@@ -117,9 +118,9 @@ def say(line: str, file: TextIO | None = None) -> None:
     outlet = output.outlet_of(file)
     try:
         if outlet is None:
-            print(line, file=file, flush=True)
+            print(cleaned(line), file=file, flush=True)
         else:
-            outlet.put(f"{line}\n".encode(file.encoding, "backslashreplace"))
+            outlet.put(f"{cleaned(line)}\n".encode(file.encoding, "backslashreplace"))
     except OSError as error:
         _give_up(file, error)
 
@@ -139,7 +140,7 @@ def one_line(words: object) -> str:
     text = " ".join(str(words).split()) or type(words).__name__
     if len(text) > LONGEST_LINE:
         text = f"{text[:LONGEST_LINE]}..."
-    return "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in text)
+    return cleaned(text)
 
 
 def positive_int(text: str) -> int:
