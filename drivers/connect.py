@@ -1,7 +1,8 @@
 """Open a device by its port name: the one module a runtime needs from this package.
 
 Gripper ports: a tty path (Modbus RTU, 115200 8N1, slave 9), `rtu+tcp://host:port` (RTU frames over a raw TCP
-port), `tcp://host:port` (Modbus TCP), `urcap://host` (text socket of Robotiq's URCap on a UR controller),
+port), `tcp://host:port` (Modbus TCP; `?unit=9` and others, see `drivers.robotiq.modbus`, name another unit
+than 2), `urcap://host` (text socket of Robotiq's URCap on a UR controller),
 `can:channel` (CANopen, see `drivers.robotiq.canopen`), `manual` (somebody types widths). Arms:
 `tcp://host:port` (open_abb), `ur://host` (UR controller), `omnicore://host` (Robot Web Services 2), with
 frames and limits after a `?`: `tcp://192.168.125.1:5000?tool=0,0,150&base=-300,0,0`; `manual` (somebody moves
@@ -16,7 +17,7 @@ from importlib import import_module
 from typing import Any, NamedTuple
 
 from drivers.clock import Clock, Pace
-from drivers.errors import PortError
+from drivers.errors import DEVICE_ERRORS, PortError
 from drivers.ports import Answered, Arm, Gripper, Report, Scene
 from drivers.robotiq.link import Link, no_report
 
@@ -69,20 +70,23 @@ def gripper(
 def robotiq_gripper(port: str, pace: Pace, report: Report, *, read_only: bool) -> Gripper:
     """A Robotiq gripper on a tty, behind a serial device server, with Modbus TCP, or behind its URCap."""
     from drivers.robotiq import modbus, urcap
+    from drivers.robotiq.frames import RTU, TCP
     from drivers.robotiq.gripper import over
-    from drivers.stream import SerialStream, Stream, open_tcp, tcp_address
+    from drivers.stream import SerialStream, open_tcp, tcp_address
 
-    stream: Stream
-    open_link: Callable[..., Link] = modbus.rtu_link
-    if "://" in port:
-        behind_urcap = port.startswith("urcap:")
-        hint = urcap.HINT if behind_urcap else "check address, cable and power"
-        stream = open_tcp(*tcp_address(port, urcap.PORT if behind_urcap else 0), port, hint)
-        if not port.startswith("rtu+tcp:"):
-            open_link = urcap.UrcapLink if behind_urcap else modbus.tcp_link
+    scheme, address = port.partition("://")[0], port.partition("?")[0]
+    link: Link
+    if scheme == "urcap":
+        link = urcap.UrcapLink(open_tcp(*tcp_address(port, urcap.PORT), port, urcap.HINT), pace, report)
+    elif scheme in ("tcp", "rtu+tcp"):
+        wiring = modbus.wiring_of(port, TCP if scheme == "tcp" else RTU)
+        host, number = tcp_address(address, modbus.TCP_PORT if scheme == "tcp" else 0)
+        stream = open_tcp(host, number, port, "check address, cable and power")
+        open_link = modbus.tcp_link if scheme == "tcp" else modbus.rtu_link
+        link = open_link(stream, pace, report, wiring)
     else:
-        stream = SerialStream(port, modbus.BAUD)
-    return over(open_link(stream, pace, report), pace, report, read_only=read_only)
+        link = modbus.rtu_link(SerialStream(port, modbus.BAUD), pace, report)
+    return over(link, pace, report, read_only=read_only)
 
 
 def scan(port: str) -> Iterator[Answered]:
@@ -150,7 +154,7 @@ def _plugged_in(makes: Makes, scheme: str, port: str, *settings: object, read_on
     try:
         device = open_device(port, *settings, read_only=read_only)
     except Exception as error:
-        if hasattr(error, "exit_code"):
+        if isinstance(error, DEVICE_ERRORS):
             raise
         raise PortError(f"{name} failed to open {port}: {type(error).__name__}: {error}") from error
     if not isinstance(device, makes.kind):

@@ -16,6 +16,17 @@ Every library error leaves a driver as one of these. `exit_code` is what a comma
 
 from typing import NamedTuple
 
+SHOWN = 60  # characters of what a device sent that a sentence shows
+
+
+def shown(sent: object) -> str:
+    """What a device sent, bytes or text, for a sentence: shortened, and without control characters."""
+    text = sent.decode("latin-1") if isinstance(sent, bytes) else str(sent)
+    plain = "".join(
+        letter if letter.isprintable() else ascii(letter)[1:-1] for letter in text[:SHOWN].strip()
+    )
+    return plain if len(text) <= SHOWN else f"{plain}... ({len(text)} characters)"
+
 
 class LinkError(ConnectionError):
     """The gripper cannot be reached: port unplugged, connection lost, refused request."""
@@ -90,3 +101,6 @@ class ReadOnlyError(RuntimeError):
     """A device opened for reading was told to do something; nothing was sent."""
 
     exit_code = 1
+
+
+DEVICE_ERRORS = (LinkError, GripperFault, ArmError, PortError, ReadOnlyError)  # all that a driver may raise

@@ -38,6 +38,9 @@ class Person:
             TimeoutError: nothing was, for so many seconds. EOFError: standard input has ended.
         """
         self._forget()
+        # A terminal that is held (Ctrl-S) tells nobody what to do, and printing would wait for it.
+        if not select.select([], [sys.stderr.fileno()], [], seconds)[1]:
+            raise TimeoutError(f"nobody read the question within {seconds:g} s")
         print(sentence, file=sys.stderr, flush=True)
         file = sys.stdin.fileno()
         while b"\n" not in self._read:

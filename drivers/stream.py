@@ -3,19 +3,31 @@
 import contextlib
 import errno
 import os
+import queue
 import select
 import socket
 import stat
+import termios
+import threading
+import time
 from pathlib import Path
-from typing import Protocol
+from typing import Any, NoReturn, Protocol
 from urllib.parse import urlsplit
 
 import serial
 
 from drivers.errors import PortError
 
-CONNECT_S = 5.0
+CONNECT_S = 5.0  # wall; to find a host's address and to be accepted there
+SEND_S = 0.5  # wall; a request has some hundred bytes at most, which a line takes in milliseconds
 CHUNK = 4096
+
+
+class StalledError(TimeoutError):
+    """A connection takes no bytes: its flow is stopped, or nobody reads at the other end."""
+
+    def __init__(self) -> None:
+        super().__init__(errno.ETIMEDOUT, f"it has taken no bytes for {SEND_S:g} s; is its flow stopped?")
 
 
 class Stream(Protocol):
@@ -24,7 +36,7 @@ class Stream(Protocol):
     endpoint: str
 
     def send(self, data: bytes) -> None:
-        """Send in one piece."""
+        """Send in one piece; StalledError where it is not taken within `SEND_S`: part of it may be."""
 
     def receive(self, seconds: float) -> bytes:
         """What has come, waiting at most so many seconds (of the clock) for it; empty: nothing came."""
@@ -40,11 +52,14 @@ class TcpStream:
         self.endpoint = endpoint
         self._socket = connection
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        connection.settimeout(CONNECT_S)
+        connection.settimeout(SEND_S)
 
     def send(self, data: bytes) -> None:
         """Send in one piece."""
-        self._socket.sendall(data)
+        try:
+            self._socket.sendall(data)
+        except TimeoutError as error:
+            raise StalledError from error
 
     def receive(self, seconds: float) -> bytes:
         """What has come by then."""
@@ -74,8 +89,15 @@ class SerialStream:
             self._port.set_low_latency_mode(True)
 
     def send(self, data: bytes) -> None:
-        """Send in one piece."""
-        self._port.write(data)
+        """Send in one piece; not pyserial's `write`, which waits without an end for a stopped line."""
+        file, until = self._port.fileno(), time.monotonic() + SEND_S
+        if self._unsent():  # of an earlier request, which must not be obeyed now
+            self._stall()
+        while data:
+            if not select.select([], [file], [], max(until - time.monotonic(), 0.0))[1]:
+                self._stall()
+            with contextlib.suppress(BlockingIOError):
+                data = data[os.write(file, data) :]
 
     def receive(self, seconds: float) -> bytes:
         """What has come by then."""
@@ -86,13 +108,37 @@ class SerialStream:
             return data
         raise OSError(errno.EIO, "the port is gone")
 
+    def set_baud(self, baud: int) -> None:
+        """Change the baud rate."""
+        self._port.baudrate = baud
+
     def close(self) -> None:
-        """Close the port."""
+        """Close the port; what a stopped line still holds is not sent, nor waited for."""
+        if self._port.is_open:
+            self._discard()
         self._port.close()
+
+    def _unsent(self) -> int:
+        """How many bytes the line still holds; 0 where its driver does not tell."""
+        try:
+            return int(self._port.out_waiting)
+        except OSError:
+            return 0
+
+    def _stall(self) -> NoReturn:
+        self._discard()
+        raise StalledError
+
+    def _discard(self) -> None:
+        """Forget what was not sent yet: once the flow goes on it would be obeyed."""
+        with contextlib.suppress(OSError, termios.error):
+            termios.tcflush(self._port.fileno(), termios.TCOFLUSH)
 
 
 def tcp_address(url: str, usual: int = 0) -> tuple[str, int]:
     """Host and port of `scheme://host:port`; the port may be left out where a usual one is given.
+
+    Settings after a `?` are the caller's to read and to take off before.
 
     Raises:
         PortError: it is written otherwise.
@@ -115,11 +161,56 @@ def open_tcp(host: str, port: int, endpoint: str, hint: str) -> TcpStream:
         PortError: nobody accepts the connection.
     """
     try:
-        connection = socket.create_connection((host, port), timeout=CONNECT_S)
+        connection = connected(host, port, CONNECT_S)
     except (OSError, UnicodeError) as error:  # the latter for a name that no host can have
         reason = getattr(error, "strerror", None) or error
         raise PortError(f"nobody accepts a connection at {endpoint} ({reason}); {hint}") from error
     return TcpStream(connection, endpoint)
+
+
+def connected(host: str, port: int, seconds: float) -> socket.socket:
+    """A TCP connection to the first of a host's addresses that accepts one, within so many wall seconds.
+
+    Raises:
+        OSError: the name is not found, or nobody accepts in time. UnicodeError: no host can have that name.
+    """
+    until = time.monotonic() + seconds
+    failed: OSError = TimeoutError(errno.ETIMEDOUT, "timed out")
+    for family, kind, protocol, _, address in _addresses(host, port, seconds):
+        connection = socket.socket(family, kind, protocol)
+        try:
+            connection.settimeout(max(until - time.monotonic(), 1e-3))
+            connection.connect(address)
+        except BaseException as error:
+            connection.close()
+            if not isinstance(error, OSError):
+                raise
+            failed = error
+        else:
+            return connection
+    raise failed
+
+
+def _addresses(host: str, port: int, seconds: float) -> list[Any]:
+    """A host's addresses; a name server that is silent is left to a thread of its own."""
+    with contextlib.suppress(socket.gaierror):
+        return socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_NUMERICHOST)
+    answers: queue.SimpleQueue[list[Any] | Exception] = queue.SimpleQueue()
+
+    def look_up() -> None:
+        try:
+            answers.put(socket.getaddrinfo(host, port, type=socket.SOCK_STREAM))
+        except Exception as error:
+            answers.put(error)
+
+    threading.Thread(target=look_up, name="look-up", daemon=True).start()
+    try:
+        answer = answers.get(timeout=seconds)
+    except queue.Empty:
+        raise TimeoutError(errno.ETIMEDOUT, f"no name server tells the address of {host}") from None
+    if isinstance(answer, Exception):
+        raise answer
+    return answer
 
 
 def _opened(path: str, baud: int) -> serial.Serial:

@@ -10,6 +10,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
+from planner import arguments
 from planner.arrays import Array, BoolArray, IntArray
 from planner.belief.observation import encoder_of
 from planner.belief.particles import Belief
@@ -91,7 +92,14 @@ class Table:
         return claimed(self.record, np.arange(len(self.record.leaves)))
 
     def lookup(self, nodes: IntArray, counts: IntArray) -> Next:
-        """What encoder counts (n,) at nodes (n,) lead to, with the object flag that goes with each width."""
+        """What encoder counts (n,) at nodes (n,) lead to, with the object flag that goes with each width.
+
+        Raises:
+            ValueError: a node that the table has not, no count, or not as many of each.
+        """
+        nodes = arguments.indices(nodes, "nodes", len(self.record.nodes))
+        counts = arguments.indices(counts, "counts", tables.COUNTS)
+        arguments.same_length(nodes=nodes, counts=counts)
         target = self.program.target[nodes].reshape(-1, 2, tables.COUNTS).max(axis=1)
         found = target[np.arange(len(target)), counts]
         leaves = np.where((found < 0) & (found != DISMISSED), ~found, -1)
@@ -115,10 +123,15 @@ def evaluate(
 
     Returns:
         One row a part; `summary()` has the figures for all.
+
+    Raises:
+        ValueError: trials, seed or workers are no such number.
     """
+    arguments.count(trials, "trials")
+    arguments.count(seed, "seed", 0, 2**63 - 1)
     job = job or table.job
     worlds = ContactWorlds.of_job(job, seed) if world is None else world
-    threads = Threads() if workers is None else Threads(workers)
+    threads = Threads() if workers is None else Threads(arguments.count(workers, "workers"))
     return trials_of.evaluate(table.record, job, worlds, trials, seed, threads, report=report)
 
 
@@ -130,7 +143,13 @@ def squeeze(
     Returns:
         Its `beliefs`, one for each cluster of widths, with their `probability` (k,), in the order of rising
         width.
+
+    Raises:
+        ValueError: the belief is empty or not (n, 3), the placement not (3,), or a number is none.
     """
+    arguments.rows(belief.poses, "poses of the belief", 3)
+    arguments.count(len(belief), "size of the belief")
+    arguments.same_length(poses=belief.poses, traits=belief.traits, readings=belief.reading)
     model = Simulation(Simulator.of_job(job, workers), encoder_of(job))
-    squeezed = model.squeeze([(belief, np.asarray(placement, np.float64))], rng)[0]
+    squeezed = model.squeeze([(belief, arguments.row(placement, "placement", 3))], rng)[0]
     return Outcomes.of(squeezed, Problem.of(job).rule)

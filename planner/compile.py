@@ -4,9 +4,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from planner import arguments
 from planner.belief.doubts import certain
 from planner.belief.partition import partition
 from planner.belief.recut import recut
+from planner.diagnosis.alike import refuse_alike
 from planner.errors import NoPlanError
 from planner.evaluation.disturbance import as_doubted
 from planner.evaluation.evaluate import evaluate
@@ -69,10 +71,14 @@ def compile_job(
 
     Raises:
         ClusterError: the cluster was lost.
-        NoPlanError: the first squeeze already has no grasp pose free of collision that gains anything, or no
-            leaf of the tree is within the goal.
+        NoPlanError: no squeeze tells a pose that the goal asks for; or the first squeeze already has no grasp
+            pose free of collision that gains anything; or no leaf of the tree is within the goal.
+        ValueError: workers or trials are no such number.
     """
     say = report or silent
+    arguments.count(trials, "trials")
+    arguments.count(1 if workers is None else workers, "workers")
+    refuse_alike(job)
     limit, work = limit or Limit(), scheduler or (Threads() if workers is None else Threads(workers))
     if job.search.method in METHODS:
         return _measured(job, _by_the_paper(job, workers, trials, say), work, say)

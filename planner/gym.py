@@ -18,6 +18,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from planner import arguments
 from planner.arrays import Array, BoolArray, IntArray
 from planner.belief.observation import COUNTS
 from planner.job.model import Job, load, parse
@@ -66,7 +67,7 @@ class Episodes:
         if kind not in get_args(Kind):
             raise ValueError(f'actions are {kind!r}; write "set" or "box"')
         self.model = model
-        self.states = np.zeros((number, 4))
+        self.states = np.zeros((arguments.count(number, "num_envs"), 4))
         self.squeezes = np.zeros(number, np.int64)
         self.box = _box(model.job) if kind == "box" else None  # (2, 4) bounds of an action; None for a set
 
@@ -79,12 +80,13 @@ class Episodes:
         """The actions (n, 4) of the problem that those of the space, (n,) or (n, 4), stand for.
 
         Raises:
-            ValueError: one of them is not in the set.
+            ValueError: one of them is not in the space.
         """
         if self.box is None:
-            if np.any((actions < 0) | (actions >= len(self.model.actions))):
-                raise ValueError(f"an action is none of 0 to {len(self.model.actions) - 1}")
-            return np.asarray(self.model.actions[actions])
+            return np.asarray(
+                self.model.actions[arguments.indices(actions, "actions", len(self.model.actions))]
+            )
+        actions = arguments.rows(actions, "actions", 4, least=-1.0, most=1.0)
         return np.asarray(self.box.mean(axis=0) + 0.5 * (self.box[1] - self.box[0]) * actions)
 
     def begin(self, rows: IntArray | BoolArray, rng: np.random.Generator) -> None:
@@ -181,7 +183,9 @@ class SqueezeLocalizeVector(VectorEnv[IntArray, Actions, NDArray[Any]]):
         begun = self._over
         if begun.any():
             self._episodes.begin(begun, self.np_random)
-        counts, rewards, ended, cut = self._episodes.step(~begun, np.asarray(actions), self.np_random)
+        actions = np.asarray(actions)
+        arguments.same_length(episodes=begun, actions=np.atleast_1d(actions))
+        counts, rewards, ended, cut = self._episodes.step(~begun, actions, self.np_random)
         self._over = ended | cut
         return counts, rewards, ended, cut, self._info()
 

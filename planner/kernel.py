@@ -1,16 +1,20 @@
 """The one place that compiles kernels: numba, cached on disk.
 
 Numba does not notice a change in the files of the functions that a cached one calls. So the cache folder is
-named after the content of all kernels and numba's version.
+named after the content of all kernels and numba's version. Where it cannot be used, numba would fall back to
+`__pycache__`, which has no such name; there kernels are compiled anew in every process instead.
 """
 
 import hashlib
 import os
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
+
+from runtime.shell.command import tell
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -55,5 +59,26 @@ def inlined_kernel(function: F) -> F:
 
 
 def _compiled(function: F, **own: bool) -> F:
-    options: Any = {"cache": True, "nogil": True, "error_model": "numpy", **own}
-    return cast(F, numba.njit(**options)(function))
+    options: Any = {"nogil": True, "error_model": "numpy", **own}
+    try:
+        made = numba.njit(cache=True, **options)(function)
+    except RuntimeError:  # numba found no place at all
+        made = None
+    if made is None or not _is_ours(made.stats.cache_path):
+        _warn_once()
+        made = numba.njit(**options)(function)
+    return cast(F, made)
+
+
+def _is_ours(place: str | None) -> bool:
+    """Whether kernels are kept in the folder that is named after their content."""
+    return place is not None and Path(place).is_relative_to(numba_config.CACHE_DIR)
+
+
+@cache
+def _warn_once() -> None:
+    tell(
+        "squeezetree",
+        f"{numba_config.CACHE_DIR} cannot be written, so kernels are compiled anew each time, half a minute; "
+        f"name another folder in {CACHE_VARIABLE}",
+    )

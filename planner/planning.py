@@ -11,6 +11,7 @@ import numpy as np
 
 from planner.belief.particles import Belief
 from planner.diagnosis.ambiguity import ambiguities
+from planner.diagnosis.clearance import no_first_squeeze
 from planner.errors import NoPlanError
 from planner.evaluation.disturbance import NONE, as_doubted
 from planner.evaluation.evaluate import evaluate
@@ -121,7 +122,7 @@ def planned(problem: Problem, limit: Limit, trials: int, report: Report = silent
         if root is None or whole:
             root = begun
         if not root.actions:
-            raise NoPlanError(f"{job.name}: no first squeeze is free of collision and gains anything")
+            raise NoPlanError(f"{job.name}: {no_first_squeeze(job)}")
         limit.standing = True
         if number == 0 and limit.bounded:
             trials = _reserved(root, job, problem.mixture.workers, limit, trials)

@@ -17,9 +17,10 @@ from typing import NamedTuple, Self
 import numpy as np
 from scipy.special import ndtr
 
+from planner import arguments
 from planner.arrays import Array, BoolArray, IntArray
 from planner.belief.metric import Metric, metric_of
-from planner.belief.observation import Encoder, encoder_of
+from planner.belief.observation import COUNTS, Encoder, encoder_of
 from planner.belief.particles import initial
 from planner.belief.transition import costs_of
 from planner.frames import to_hand, to_world
@@ -77,6 +78,7 @@ class Pomdp:
 
     def initial(self, n: int, rng: np.random.Generator) -> Array:
         """Draws n states (n, 4) from the job's uncertainty, jaws open."""
+        n = arguments.count(n, "n", 0)
         return np.column_stack([initial(self.job, n, rng), np.full(n, self.encoder.opening_mm)])
 
     def sample(self, s: Array, a: Array, rng: np.random.Generator) -> Sampled:
@@ -85,11 +87,8 @@ class Pomdp:
         Raises:
             ValueError: the shapes do not fit, or a number is not finite.
         """
-        states, actions = np.array(s, dtype=np.float64), np.broadcast_to(a, np.shape(s))
-        if states.ndim != 2 or states.shape[1] != 4:
-            raise ValueError(f"states have shape {states.shape}; pass x, y, theta, width in rows, (n, 4)")
-        if not (np.isfinite(states).all() and np.isfinite(actions).all()):
-            raise ValueError("a state or an action is not finite; pass mm and rad")
+        states = arguments.rows(s, "states", 4).copy()
+        actions = arguments.rows(np.broadcast_to(a, states.shape), "actions", 4)
         ended = actions[:, 3] >= 0.5 * (SQUEEZE + DECLARE)
         right = self.metric.reached(states[:, :3], actions[:, :3])
         rewards = np.where(ended, self.success * right, -1.0)
@@ -106,22 +105,28 @@ class Pomdp:
         """Probability (n,) of reading the count o after action a has led to states s (n, 4).
 
         The action acts through the width in the state alone.
+
+        Raises:
+            ValueError: the states are not (n, 4), or o is no count.
         """
+        s = arguments.rows(s, "states", 4)
+        read = arguments.indices(np.atleast_1d(o), "o", COUNTS).astype(np.float64)
         encoder = self.encoder
         noise = max(encoder.noise_mm, 1e-9)
-        narrow = np.where(o >= encoder.count_closed, -np.inf, encoder.width_mm(np.asarray(o) + 0.5))
-        wide = np.where(o <= encoder.count_open, np.inf, encoder.width_mm(np.asarray(o) - 0.5))
+        narrow = np.where(read >= encoder.count_closed, -np.inf, encoder.width_mm(read + 0.5))
+        wide = np.where(read <= encoder.count_open, np.inf, encoder.width_mm(read - 0.5))
         below = ndtr((wide - s[:, 3]) / noise) - ndtr((narrow - s[:, 3]) / noise)
-        reachable = (o >= encoder.count_open) & (o <= encoder.count_closed)
+        reachable = (read >= encoder.count_open) & (read <= encoder.count_closed)
         return np.asarray(np.where(reachable, below, 0.0))
 
     def updated(self, belief: Array, a: Array, o: int, rng: np.random.Generator) -> Array:
         """The belief (n, 4) after action a (4,) and count o: drawn on, weighed, drawn again (n, 4).
 
         Raises:
-            ValueError: none of the states explains the count.
+            ValueError: as `sample`, or none of the states explains the count.
         """
-        states = self.sample(belief, a, rng).states
+        o = arguments.count(o, "o", 0, COUNTS - 1)
+        states = self.sample(belief, arguments.row(a, "a", 4), rng).states
         weight = self.likelihood(o, states, a)
         if not weight.any():
             raise ValueError(f"none of {len(belief)} states explains the count {o}; begin with more of them")

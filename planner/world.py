@@ -3,7 +3,6 @@
 `make` is the default world factory of `plan-evaluate --world` and `grasp-cell --world`.
 """
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from typing import Any, Protocol, Self
 
 import numpy as np
 
+from planner import arguments
 from planner.arrays import Array
 from planner.belief.doubts import stated
 from planner.belief.transition import read_as
@@ -18,7 +18,7 @@ from planner.errors import UsageError
 from planner.job.model import Job
 from planner.mechanics.clearance import least_clearance
 from planner.mechanics.simulator import STATUS_NAMES, RollOut, Simulator
-from planner.mechanics.traits import Traits, as_planned
+from planner.mechanics.traits import Traits, as_planned, ordinary
 from runtime.shell.worlds import DEFAULT_WORLD, WorldError, find_factory, make_world
 
 Pose = tuple[float, float, float]
@@ -75,18 +75,23 @@ class ContactWorld:
             The final pose in the hand frame, the width [mm] that an encoder like the job's tells, the status.
 
         Raises:
-            ValueError: the pose is not finite.
+            ValueError: the pose is not three finite numbers.
         """
-        _check_finite(pose_hand)
         own = self._stated
         off = np.array([0.0, own["across_mm"][0], 0.0])
-        rolled = self.squeeze_many(np.array([pose_hand], dtype=np.float64) - off, own)
+        pose = arguments.row(pose_hand, "pose_hand", 3)[None] - off
+        # As evaluations ask: a world derived from this one may know of no traits.
+        rolled = self.squeeze_many(pose) if ordinary(own).all() else self.squeeze_many(pose, own)
         x, y, theta = rolled.poses[0] + off
         width = float(read_as(rolled.width_mm, own)[0]) if rolled.width_mm[0] > 0.0 else 0.0
         return (float(x), float(y), float(theta)), max(width, 0.0), STATUS_NAMES[rolled.status[0]]
 
     def squeeze_many(self, poses_hand: Array, traits: Traits | None = None) -> RollOut:
-        """Squeezes (n, 3) poses, each with its own mechanics: the same as `squeeze`, in a batch."""
+        """Squeezes (n, 3) poses, each with its own mechanics: the same as `squeeze`, in a batch.
+
+        Raises:
+            ValueError: as `squeeze`, or there are not as many traits as poses.
+        """
         parameters = self._simulator.sample(len(poses_hand), self._rng, traits)
         return self._simulator.roll_out(poses_hand, parameters)
 
@@ -97,31 +102,31 @@ class ContactWorld:
             The final pose in the frame that the hand had at the start [mm, mm, rad].
 
         Raises:
-            ValueError: the pose is not finite.
+            ValueError: the pose is not three finite numbers, the jaws do not open so far, or the way is none.
         """
-        _check_finite(pose_hand)
         own, off = self._stated, np.array([0.0, self._stated["across_mm"][0], 0.0])
-        pose = np.array([pose_hand], dtype=np.float64) - off
-        x, y, theta = self.push_many(pose, np.array([opening_mm]), np.array([way_mm]), own)[0] + off
+        pose = arguments.row(pose_hand, "pose_hand", 3)[None] - off
+        way = pose, np.array([opening_mm]), np.array([way_mm])
+        pushed = self.push_many(*way) if ordinary(own).all() else self.push_many(*way, own)
+        x, y, theta = pushed[0] + off
         return float(x), float(y), float(theta)
 
     def push_many(
         self, poses_hand: Array, opening_mm: Array, way_mm: Array, traits: Traits | None = None
     ) -> Array:
-        """Pushes (n, 3) poses, each with its own mechanics: the same as `push`, in a batch."""
+        """Pushes (n, 3) poses, each with its own mechanics: the same as `push`, in a batch.
+
+        Raises:
+            ValueError: as `push`, or there are not as many of each argument.
+        """
         return self._simulator.push_by_hand(poses_hand, opening_mm, way_mm, self._rng, traits)
 
     def collides(self, pose_hand: Pose, opening_mm: float) -> bool:
         """Whether fingers opened to `opening_mm` would stand on the part."""
         jaws = self._simulator.jaws.copy()
-        jaws[0] = opening_mm
-        pose = np.array([pose_hand], dtype=np.float64)
+        jaws[0] = arguments.number(opening_mm, "opening_mm", 0.0, jaws[0])
+        pose = arguments.row(pose_hand, "pose_hand", 3)[None]
         return least_clearance(self._simulator.outline, jaws, pose, np.zeros(3), margin_mm=0.0) < 0.0
-
-
-def _check_finite(pose_hand: Pose) -> None:
-    if not all(map(math.isfinite, pose_hand)):
-        raise ValueError(f"the pose {pose_hand} is not finite; parts of a world lie somewhere")
 
 
 class Assorted:
@@ -143,7 +148,9 @@ def world_of(job: Job, seed: int, make: Callable[[Job, int], World]) -> World:
 
 
 def of_hypothesis(world: World, hypothesis: int) -> World:
-    """The world of a hypothesis."""
+    """The world of a hypothesis, by its number from 0."""
+    if isinstance(world, Assorted):
+        arguments.count(hypothesis, "hypothesis", 0, len(world.worlds) - 1)
     return world.worlds[hypothesis] if isinstance(world, Assorted) else world
 
 

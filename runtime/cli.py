@@ -8,8 +8,9 @@ import sys
 from collections.abc import Callable, Sequence
 
 from drivers import connect
+from runtime.devices.clock import SystemClock
 from runtime.errors import StoppedError
-from runtime.shell import command, interrupts
+from runtime.shell import command, interrupts, output
 from runtime.shell.command import Parser
 from runtime.shell.interrupts import StopRequests
 
@@ -42,8 +43,8 @@ def calibrate(argv: Sequence[str] | None = None) -> int:
 
 
 def guarded(built: Parser, argv: Sequence[str] | None, body: Callable[[argparse.Namespace], int]) -> int:
-    """Run a command of the cell under the handling of stop requests; returns its exit code."""
-    with StopRequests(last=argv is None):
+    """Run a command of the cell, which stop requests end and no reader delays; returns its exit code."""
+    with StopRequests(last=argv is None), output.unblocked(SystemClock().now):
         return command.run(built, argv, lambda arguments: stopped(body, arguments))
 
 

@@ -1,10 +1,13 @@
 """Errors of the cell controller.
 
 Every class carries `exit_code`, the process exit code of the command that ends with it: decision 0003 lists
-them. Errors of the drivers are known to the runtime by their built-in parents and by the same attribute.
+them. Errors of the drivers are known to the runtime by their built-in parents and by the module of their
+class.
 """
 
 from pathlib import Path
+
+DRIVERS = "drivers.errors"
 
 
 class CellError(Exception):
@@ -29,7 +32,7 @@ class TableError(CellError):
 
 
 class JournalError(CellError):
-    """The journal cannot be written, or its line of this number, from 1, does not verify."""
+    """The journal cannot be written, was moved or cut, or its line (from 1) does not verify."""
 
     exit_code = 24
 
@@ -116,15 +119,20 @@ class StoppedError(CellError):
 
 
 def exit_code_of(error: BaseException) -> int:
-    """Exit code of a command that ends with this error: its own, its built-in parent's, or 1 for a bug."""
+    """Exit code of a command that ends with an error: its class's, its built-in parent's, or 1 for a bug."""
     if isinstance(error, KeyboardInterrupt):
         return StoppedError.exit_code
-    code = getattr(error, "exit_code", None)
-    if isinstance(code, int):
-        return code
-    return 20 if isinstance(error, OSError) else 1
+    if not is_expected(error):
+        return 1
+    codes = (vars(kind)["exit_code"] for kind in _listed(error) if "exit_code" in vars(kind))
+    return next(codes, 20)
 
 
 def is_expected(error: BaseException) -> bool:
-    """Whether an error is one that devices, disk or people make, and no bug."""
-    return hasattr(error, "exit_code") or isinstance(error, OSError)
+    """Whether an error is one that devices, disk or people make, and no bug: by its class."""
+    return isinstance(error, CellError | OSError) or bool(_listed(error))
+
+
+def _listed(error: BaseException) -> list[type]:
+    """The classes of an error that this module or `drivers.errors`, which runtime does not import, lists."""
+    return [kind for kind in type(error).__mro__ if kind.__module__ in (__name__, DRIVERS)]

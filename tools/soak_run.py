@@ -15,11 +15,13 @@ from drivers.sim.faults import SCENE_KINDS, Listed, Seeded
 from drivers.sim.physics.scene import Setting
 from drivers.sim.virtual.cell import VirtualCell
 from drivers.sim.virtual.clock import VirtualClock
+from runtime.errors import is_expected
 from runtime.execution.delivery import Delivery
 from runtime.execution.events import Console, Phase
-from runtime.execution.executor import DEADLINE_FACTOR, Cell, Executor, RunOptions, expected_s
+from runtime.execution.executor import Cell, Executor, RunOptions, expected_s
 from runtime.execution.hand import Handling
 from runtime.execution.session import sight
+from runtime.execution.watch import DEADLINE_FACTOR
 from runtime.journal.replay import Replay
 from runtime.table import PPM, Table, dumps
 from runtime.traversal.decision import Policy
@@ -41,7 +43,7 @@ SQUEEZE_S, PART_S = 30.0, 60.0  # beyond the executor's own deadline of a squeez
 # What makes a part lie, or be, other than the counts read say: the fingers may then come down on it.
 MOVED = {
     *(kind.name for kind in SCENE_KINDS),
-    *("count_frozen", "count_spike", "encoder_offset", "grip_lost"),
+    *("count_frozen", "count_spike", "encoder_offset", "grip_lost", "arm_displaced", "arm_turned"),
 }
 
 # What runs are handled by, one drawn a run: the command's default first.
@@ -207,7 +209,7 @@ def run(soak: Soak, seed: int, faults: Listed | None = None) -> Told:
         arm = cell.arm()
     except (OSError, RuntimeError) as error:  # a fault met while connecting: nothing has moved
         told.outcomes["not connected"] += 1
-        told.findings += [] if hasattr(error, "exit_code") else [f"connecting: {error!r}"]
+        told.findings += [] if is_expected(error) else [f"connecting: {error!r}"]
         told.met.update(cell.works.desk.met)
         return told
     pulse = Pulse(cell.clock)

@@ -9,7 +9,10 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from drivers.errors import shown
+
 MAX_LINE = 80  # RAPID string limit of one SocketReceive \\Str
+MAX_REPLY = 200  # seven numbers, of some ten characters each
 MAX_NUMBERS = 10  # params{10} in SERVER.mod
 MAX_MAGNITUDE = 1e5  # nothing an arm is told is larger; keeps lines short
 
@@ -112,15 +115,19 @@ def parse_reply(text: str, code: int) -> Reply | None:
     """
     head, *payload = text.split(" ")
     if head != str(code)[: len(head)] or (payload and head != str(code)):
-        raise ProtocolError(f"asked {code}, answered {text!r}")
+        raise ProtocolError(f"asked {code}, answered '{shown(text)}'")
     if len(payload) < 2:
+        if len(text) > MAX_REPLY:
+            raise ProtocolError(f"asked {code}, answered '{shown(text)}', without an end")
         return None
     flag, fields = payload[0], tuple(payload[1:])
     if flag not in {"0", "1"}:
-        raise ProtocolError(f"asked {code}, answered {text!r}: no ok flag")
+        raise ProtocolError(f"asked {code}, answered '{shown(text)}': no ok flag")
     wanted = REPLY_FIELDS[code] if flag == "1" else 0
     if (wanted == 0 and fields != ("",)) or len(fields) > max(wanted, 1):
-        raise ProtocolError(f"asked {code}, answered {text!r}: more than {wanted} fields")
+        raise ProtocolError(f"asked {code}, answered '{shown(text)}': more than {wanted} fields")
+    if len(text) > MAX_REPLY:
+        raise ProtocolError(f"asked {code}, answered '{shown(text)}', without an end")
     if wanted == 0:
         return Reply(code, flag == "1", ())
     if len(fields) < wanted or fields[-1] in {"", "-"}:
@@ -148,11 +155,11 @@ def parse_numbers(reply: Reply) -> tuple[float, ...]:
     Raises:
         ProtocolError: a field is not a number.
     """
-    told = " ".join(reply.fields)
+    text = shown(" ".join(reply.fields))
     try:
         values = tuple(float(field) for field in reply.fields)
     except ValueError as error:
-        raise ProtocolError(f"reply to {reply.code} with a garbled number: {told}") from error
+        raise ProtocolError(f"reply to {reply.code} with a garbled number: {text}") from error
     if not all(map(math.isfinite, values)):
-        raise ProtocolError(f"reply to {reply.code} with a number that is not finite: {told}")
+        raise ProtocolError(f"reply to {reply.code} with a number that is not finite: {text}")
     return values

@@ -15,7 +15,7 @@ from drivers.abb.reach import Setup, setup_of, within_sphere
 from drivers.abb.rws import Rws, RwsError, State
 from drivers.abb.upright import ArmPose, UprightArm
 from drivers.clock import Pace
-from drivers.errors import ArmError, ReadOnlyError
+from drivers.errors import ArmError, ReadOnlyError, shown
 from drivers.ports import TURN_RADIUS_MM
 from drivers.stream import open_tcp, tcp_address
 
@@ -54,7 +54,7 @@ class Arm(UprightArm):
             raise ArmError(f"{error}; load {MODULE}.modx into {TASK} (tools/docs/arms.md)") from error
         if version != VERSION:
             raise ArmError(
-                f"arm at {endpoint} has {MODULE}.modx of version {version}; load version {VERSION}"
+                f"arm at {endpoint} has {MODULE}.modx of version {shown(version)}; load version {VERSION}"
             )
 
     def close(self) -> None:
@@ -115,11 +115,11 @@ class Arm(UprightArm):
         mode = str(self._look("/rw/panel/opmode").get("opmode", "unknown"))
         motors = str(self._look("/rw/panel/ctrl-state").get("ctrlstate", "unknown"))
         if mode.upper() != "AUTO":
-            return f"the controller is in mode {mode}; switch it to automatic"
+            return f"the controller is in mode {shown(mode)}; switch it to automatic"
         if motors != "motoron":
-            return f"the controller is in state {motors}; put it right and switch the motors on"
+            return f"the controller is in state {shown(motors)}; put it right and switch the motors on"
         if self._runs() and (module := self._pointer()[0]) not in (None, MODULE):
-            return f"module {module} runs on the controller; stop it first"
+            return f"module {shown(module)} runs on the controller; stop it first"
         return ""
 
     def _pointer(self) -> tuple[str | None, str | None]:
@@ -186,7 +186,7 @@ class Arm(UprightArm):
 def _numbers(seen: State, *names: str) -> tuple[float, ...]:
     try:
         values = tuple(float(seen[name]) for name in names)
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise ProtocolError(f"no numbers {', '.join(names)} in the answer") from error
     if not all(map(math.isfinite, values)):
         raise ProtocolError(f"numbers that are not finite: {values}")

@@ -1,7 +1,8 @@
 """Robot Web Services 2 of an ABB OmniCore controller (RobotWare 7): resources over HTTPS.
 
-One connection, one request after the other, each with a deadline. After one that failed the connection is
-made anew, so that no answer is ever taken for a later one's. Sign-in is Basic, or Digest where the controller
+One connection, one request after the other. Each has one deadline for all of it (connection, handshake,
+sign-in, answer), and its answer a limit. After one that failed the connection is made anew, so that no answer
+is ever taken for a later one's. Sign-in is Basic, or Digest where the controller
 asks for it; user and password come from the environment, since an address is printed and journalled. Neither
 is sent before the certificate is known to be the one that was stated.
 """
@@ -19,10 +20,13 @@ from typing import Any
 from urllib.parse import quote, urlencode
 from urllib.request import parse_http_list, parse_keqv_list
 
+from drivers.bounds import BoundedSocket, EndlessError
 from drivers.clock import Pace
-from drivers.errors import ReadOnlyError
+from drivers.errors import ReadOnlyError, shown
+from drivers.stream import connected
 
 ANSWER_S = 4.0  # wall; controllers take some tenths of a second under load
+MOST_BYTES = 1 << 20  # of an answer with its headers; ours have less than 10 kB
 USER, PASSWORD = "SQUEEZETREE_RWS_USER", "SQUEEZETREE_RWS_PASSWORD"
 CERTIFICATE = "SQUEEZETREE_RWS_CERTIFICATE"  # a PEM file, the SHA-256 of a certificate, or `ANY`
 ANY = "any"
@@ -49,6 +53,7 @@ class Rws:
         self._read_only = read_only
         self._user = os.environ.get(USER, FACTORY[0]), os.environ.get(PASSWORD, FACTORY[1])
         self._connection: http.client.HTTPSConnection | None = None
+        self._socket: BoundedSocket | None = None
         self._cookies: dict[str, str] = {}
         self._challenge: dict[str, str] = {}  # of a controller that asks for Digest
         self._count = 0
@@ -84,47 +89,55 @@ class Rws:
         """Hang up."""
         if self._connection is not None:
             self._connection.close()
-            self._connection = None
+            self._connection = self._socket = None
 
     def _request(self, method: str, target: str, body: str) -> str:
-        status, headers, text = self._exchange(method, target, body)
+        until = self._pace.now() + ANSWER_S
+        status, headers, text = self._exchange(method, target, body, until)
         if status == http.client.UNAUTHORIZED and not self._challenge and self._take(headers):
-            status, headers, text = self._exchange(method, target, body)
+            status, headers, text = self._exchange(method, target, body, until)
         if status == http.client.UNAUTHORIZED:
             raise RwsError(f"the controller refuses the user {self._user[0]!r}; set {USER} and {PASSWORD}")
         if not 200 <= status < 300:
             raise RwsError(f"the controller answered {method} {target} by {status}: {_message(text)}")
         return text
 
-    def _exchange(self, method: str, target: str, body: str) -> tuple[int, http.client.HTTPMessage, str]:
+    def _exchange(
+        self, method: str, target: str, body: str, until: float
+    ) -> tuple[int, http.client.HTTPMessage, str]:
         headers = {"Accept": ACCEPT, "Authorization": self._authorization(method, target)}
         if self._cookies:
             headers["Cookie"] = "; ".join(f"{name}={value}" for name, value in self._cookies.items())
         if method == "POST":
             headers["Content-Type"] = FORM
         try:
-            if self._connection is None or self._connection.sock is None:
-                self._connection = self._connected()
+            if self._connection is None or self._socket is None or self._connection.sock is None:
+                self._socket, self._connection = self._connected(until)
+            self._socket.allow(until, MOST_BYTES)
             connection = self._connection
             connection.request(method, target, body if method == "POST" else None, headers)
-            answer = connection.getresponse()
-            text = answer.read().decode("utf-8", "replace")
-        except (
-            BaseException
-        ) as error:  # Ctrl-C, too: what comes now answers nothing that is still to be asked
+            with connection.getresponse() as answer:
+                text = _whole(answer).decode("utf-8", "replace")
+        except BaseException as error:
+            # Ctrl-C, too: what comes now answers nothing that is still to be asked.
             self.close()
             if isinstance(error, RwsError):
                 raise
-            if isinstance(error, OSError | http.client.HTTPException):
-                raise RwsError(f"no answer to {method} {target} ({error or type(error).__name__})") from error
+            if isinstance(error, EndlessError):
+                raise RwsError(
+                    f"the answer to {method} {target} is longer than {MOST_BYTES} bytes"
+                ) from error
+            if isinstance(error, OSError | http.client.HTTPException | ValueError):
+                reason = shown(error) if str(error) else type(error).__name__
+                raise RwsError(f"no answer to {method} {target} ({reason})") from error
             raise
         for cookie in answer.headers.get_all("Set-Cookie") or ():
             name, _, value = cookie.partition(";")[0].strip().partition("=")
             self._cookies[name] = value
         return answer.status, answer.headers, text
 
-    def _connected(self) -> http.client.HTTPSConnection:
-        """A connection to a controller that shows the certificate which was stated.
+    def _connected(self, until: float) -> tuple[BoundedSocket, http.client.HTTPSConnection]:
+        """A connection to a controller that shows the certificate which was stated, made until a moment.
 
         Raises:
             RwsError: it shows another, or none was stated.
@@ -138,18 +151,27 @@ class Rws:
         context.check_hostname = False  # controllers are reached by address, and certify themselves
         if not in_file:
             context.verify_mode = ssl.CERT_NONE
-        connection = http.client.HTTPSConnection(self._host, self._port, timeout=ANSWER_S, context=context)
-        connection.auto_open = 0  # by this way alone
-        connection.connect()
-        shown = hashlib.sha256(connection.sock.getpeercert(binary_form=True) or b"").hexdigest()
-        if not in_file and stated != ANY and shown != stated.replace(":", "").lower():
-            connection.close()
+        plain = connected(self._host, self._port, max(until - self._pace.now(), 1e-3))
+        try:
+            plain.settimeout(max(until - self._pace.now(), 1e-3))
+            # The timeout is one of the whole handshake (Modules/_ssl.c).
+            secure = context.wrap_socket(plain, server_hostname=self._host)
+        except BaseException:
+            plain.close()
+            raise
+        certificate = hashlib.sha256(secure.getpeercert(binary_form=True) or b"").hexdigest()
+        if not in_file and stated != ANY and certificate != stated.replace(":", "").lower():
+            secure.close()
             told = "is another than was stated" if stated else "is not known"
             raise RwsError(
                 f"the controller's certificate {told}, and no password was sent; if it is the controller's "
-                f"own, set {CERTIFICATE} to its SHA-256: {shown}"
+                f"own, set {CERTIFICATE} to its SHA-256: {certificate}"
             )
-        return connection
+        bounded = BoundedSocket(secure, self._pace.now)
+        connection = http.client.HTTPSConnection(self._host, self._port, context=context)
+        connection.auto_open = 0  # by this way alone
+        connection.sock = bounded
+        return bounded, connection
 
     def _authorization(self, method: str, target: str) -> str:
         user, password = self._user
@@ -169,11 +191,22 @@ class Rws:
         """Whether the controller asks for Digest, as RFC 7616 has it with MD5."""
         for told in headers.get_all("WWW-Authenticate") or ():
             scheme, _, rest = told.partition(" ")
-            given = parse_keqv_list(parse_http_list(rest)) if scheme.lower() == "digest" else {}
+            try:
+                given = parse_keqv_list(parse_http_list(rest)) if scheme.lower() == "digest" else {}
+            except ValueError:  # garbled
+                continue
             if {"realm", "nonce"} <= given.keys() and given.get("algorithm", "MD5").upper() == "MD5":
                 self._challenge = given
                 return True
         return False
+
+
+def _whole(answer: http.client.HTTPResponse) -> bytes:
+    """A body; its length is the other side's word, so no more room than for `MOST_BYTES` is made."""
+    body = answer.read(MOST_BYTES)
+    if answer.length:
+        raise http.client.IncompleteRead(body, answer.length)
+    return body
 
 
 def _md5(text: str) -> str:
@@ -185,14 +218,14 @@ def _states(path: str, body: str) -> list[State]:
         found = json.loads(body)["state"]
         if isinstance(found, list) and found and all(isinstance(state, dict) for state in found):
             return found
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, RecursionError):
         pass
-    raise RwsError(f"the controller's answer for {path} is not understood: {body[:60]!r}")
+    raise RwsError(f"the controller's answer for {path} is not understood: '{shown(body)}'")
 
 
 def _message(text: str) -> str:
     """The reason in an error's document, or its beginning."""
     try:
-        return str(json.loads(text)["status"]["msg"])
-    except (ValueError, KeyError, TypeError):
-        return text[:80] or "no reason given"
+        return shown(json.loads(text)["status"]["msg"])
+    except (ValueError, KeyError, TypeError, RecursionError):
+        return shown(text) if text else "no reason given"

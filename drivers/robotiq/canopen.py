@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from urllib.parse import parse_qsl
 
 from drivers.clock import LINK_TIMEOUT_S, Pace
-from drivers.errors import LinkError, LinkTimeout, PortError
+from drivers.errors import LinkError, LinkTimeout, PortError, shown
 from drivers.ports import Report
 from drivers.robotiq.gripper import Gripper, over
 from drivers.robotiq.link import ReportingLink, no_report
@@ -111,14 +111,14 @@ class CanLink(ReportingLink):
             reply: bytes = self._sdo.request_response(request)
         except canopen.SdoAbortedError as error:
             raise LinkError(
-                f"gripper at {self.endpoint} refused object 0x{index:04X}:{byte + 1} ({error}); the map is "
-                "not verified, set output and input in the port's name"
+                f"gripper at {self.endpoint} refused object 0x{index:04X}:{byte + 1} ({shown(error)}); the "
+                "map is not verified, set output and input in the port's name"
             ) from error
         except canopen.SdoCommunicationError as error:
             raise self._silent(index, byte) from error
         except (can.CanError, OSError) as error:
             self._lost = "the bus broke"
-            raise LinkError(f"gripper link {self.endpoint} broke ({error}); check the bus") from error
+            raise LinkError(f"gripper link {self.endpoint} broke ({shown(error)}); check the bus") from error
         return reply
 
     def _silent(self, index: int, byte: int) -> LinkTimeout:
@@ -175,7 +175,7 @@ def _network(port: str, where: CanMap, *, read_only: bool) -> "canopen.Network":
     try:
         network.connect(interface=where.interface, channel=where.channel, **options)
     except (can.CanError, OSError, ValueError) as error:
-        raise PortError(f"port {port} cannot be opened ({error}); check `ip link`") from error
+        raise PortError(f"port {port} cannot be opened ({shown(error)}); check `ip link`") from error
     if not read_only:  # the one thing sent before any request; it makes no node move
         network.send_message(0, bytes((1, where.node)))
     return network

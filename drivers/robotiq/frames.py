@@ -26,13 +26,13 @@ class Wiring(NamedTuple):
     """Where the register blocks are on one kind of link, and with which function they are read."""
 
     unit: int
-    output_address: int
-    input_address: int
-    read_function: int
+    output: int  # address of the first register of the output block
+    input: int
+    function: int  # of reading: 3 or 4
 
 
-RTU = Wiring(unit=9, output_address=0x03E8, input_address=0x07D0, read_function=3)  # [M16] p55
-TCP = Wiring(unit=2, output_address=0, input_address=0, read_function=4)  # [M200] p66-78
+RTU = Wiring(unit=9, output=0x03E8, input=0x07D0, function=3)  # [M16] p55
+TCP = Wiring(unit=2, output=0, input=0, function=4)  # [M200] p66-78
 
 
 class RtuFraming:
@@ -108,16 +108,14 @@ def _decoder() -> DecodePDU:
 
 def read_request(wiring: Wiring, count: int) -> ModbusPDU:
     """Ask for the first `count` registers of the input block."""
-    kind = ReadInputRegistersRequest if wiring.read_function == 4 else ReadHoldingRegistersRequest
-    return kind(address=wiring.input_address, count=count, dev_id=wiring.unit)
+    kind = ReadInputRegistersRequest if wiring.function == 4 else ReadHoldingRegistersRequest
+    return kind(address=wiring.input, count=count, dev_id=wiring.unit)
 
 
 def write_request(wiring: Wiring, block: bytes) -> ModbusPDU:
     """Write the first registers of the output block, high byte first."""
     registers = list(struct.unpack(f">{len(block) // 2}H", block))
-    return WriteMultipleRegistersRequest(
-        address=wiring.output_address, registers=registers, dev_id=wiring.unit
-    )
+    return WriteMultipleRegistersRequest(address=wiring.output, registers=registers, dev_id=wiring.unit)
 
 
 def is_answer(answer: ModbusPDU, request: ModbusPDU) -> bool:

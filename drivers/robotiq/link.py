@@ -6,7 +6,7 @@ from typing import Protocol, TypeVar
 from drivers.clock import LINK_TIMEOUT_S, Pace
 from drivers.errors import LinkError, LinkTimeout, ReadOnlyError
 from drivers.ports import Report
-from drivers.stream import Stream
+from drivers.stream import StalledError, Stream
 
 READ_TRIES = 3  # as the SDK: the link is down after 3 failures in a row
 Read = TypeVar("Read")
@@ -98,6 +98,8 @@ class StreamLink(ReportingLink):
         self._lost = "the connection broke"
         self._stream.close()
         self._tell("connection broke", error=str(error))
+        if isinstance(error, StalledError):
+            return LinkError(f"gripper link {self.endpoint}: {error.strerror}; check {suspects}")
         return LinkError(f"gripper link {self.endpoint} broke; check {suspects}")
 
 

@@ -10,7 +10,7 @@ import re
 from functools import partial
 
 from drivers.clock import LINK_TIMEOUT_S, Pace
-from drivers.errors import LinkError, LinkTimeout
+from drivers.errors import LinkError, LinkTimeout, shown
 from drivers.ports import Report
 from drivers.robotiq.link import StreamLink, no_report
 from drivers.robotiq.registers import INPUT_FIELDS, OUTPUT_FIELDS, pack, unpack
@@ -25,6 +25,7 @@ FENCES = ("SPE", "FOR")  # asked only to find the step again
 QUIET_S = 0.003  # wall: an answer without a line end is whole when nothing follows for so long
 ANSWER = re.compile(rb"([A-Z]{3}) +(\d{1,3})(?!\d)(\s?)")
 MOST_STALE = 16  # pieces of a line that is never quiet
+MOST_BYTES = 600  # of answers that are looked at together
 HINT = "check that the Robotiq URCap is installed, its gripper enabled, and port 63352 not blocked"
 
 
@@ -98,7 +99,7 @@ class UrcapLink(StreamLink):
                 break
         self._stream.send(line.encode("ascii") + b"\n")
         for piece in self._pieces():
-            self._text += piece
+            self._text = (self._text + piece)[-MOST_BYTES:]
             value = self._answer(line, wanted, stale=stale)
             if value is not None:
                 return value
@@ -129,7 +130,7 @@ class UrcapLink(StreamLink):
                 return value
             if not stale:
                 raise LinkError(
-                    f"gripper at {self.endpoint} answered {line!r} by {text[:40].decode('latin-1')!r}; "
+                    f"gripper at {self.endpoint} answered {line!r} by '{shown(text)}'; "
                     "check that it is Robotiq's URCap, and the only one for this gripper"
                 )
         return None

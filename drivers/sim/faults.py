@@ -1,13 +1,13 @@
 """What can go wrong in a simulated cell: the classes, and schedules that say when, as FAULTS.md has them."""
 
 import random
-import tomllib
 from collections.abc import Iterable
 from enum import StrEnum
 from pathlib import Path
 from typing import NamedTuple
 
 from drivers.sim.errors import SimulationError, SimulationFileError
+from runtime.shell import strict_toml
 
 
 class Channel(StrEnum):
@@ -76,6 +76,8 @@ ARM_KINDS = _kinds(
     ("arm_disconnect", 0, 0, 1, "the connection breaks; the motion under way goes on to its end"),
     ("arm_stale_ack", 0, 0, 1, "an acknowledgement of an earlier move comes first"),
     ("arm_refuses", 0, 0, 1, "the instruction is answered as a bad message, nothing moves"),
+    ("arm_displaced", 1, 12, 1, "after an instruction the hand is moved `value` mm aside"),
+    ("arm_turned", 1, 30, 1, "after an instruction the hand is turned by `value` degrees"),
 )
 SCENE_KINDS = _kinds(
     Channel.SCENE,
@@ -186,10 +188,10 @@ def parse(text: str | None) -> Listed:
         return Seeded(int(number))
     path = Path(text)
     try:
-        written = tomllib.loads(path.read_text(encoding="utf-8"))
+        written = strict_toml.parse(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
         raise SimulationFileError(f"{path}: no such file; name a fault schedule, or write seed:N") from error
-    except (OSError, ValueError, RecursionError) as error:
+    except (OSError, ValueError) as error:
         raise SimulationError(f"{path}: not readable as a fault schedule ({error})") from error
     if set(written) - {"fault"} or not isinstance(written.get("fault", []), list):
         raise SimulationError(f"{path}: write one [[fault]] table a fault, nothing else")

@@ -45,7 +45,7 @@ class Workcell(Surroundings):
         self.arm: ArmModel
         if self._faulty:
             self.gripper = FaultyGripper(lags, self.jaws, self, self.desk)
-            self.arm = FaultyArm(ARM_BASE, self.desk)
+            self.arm = FaultyArm(random.Random(f"{seed}/arm"), ARM_BASE, self.desk)
         else:
             self.gripper, self.arm = GripperModel(lags, self.jaws, self), ArmModel(ARM_BASE)
 

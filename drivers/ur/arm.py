@@ -28,9 +28,11 @@ SAFETY = (
     "normal", "reduced mode", "protective stop", "recovery mode", "safeguard stop", "system emergency stop",
     "robot emergency stop", "emergency stop", "violation", "fault", "stopped due to safety",
 )  # fmt: skip
+PAUSED = frozenset({3, 4})  # runtime states: pausing, paused
 LEAST_FRACTION = 0.05  # of the speed slider; slower than this no deadline makes sense
 STILL_M_S = 0.002
 WHOLE_TURN_MARGIN = 2.0  # a motion given by its time may be so much faster in its middle
+REMOTE = "set the pendant to Remote Control, and see that port 30002 is not blocked (Settings, Security)"
 HINT = "check the address and that RTDE is enabled (Settings, Security, Services)"
 
 
@@ -54,6 +56,7 @@ class Arm(UprightArm):
         self._pace = pace
         self._displaced = False  # whether somebody's program took the place of ours
         self._speed_mm_s = math.nan
+        self._fraction = 1.0  # where the speed slider stood when the last motion began
         self._start: ArmPose | None = None
         self._moves = secrets.randbelow(1 << 30)  # no number of an earlier client
         # The table in the base frame.
@@ -90,6 +93,7 @@ class Arm(UprightArm):
             raise ArmError(f"arm at {self.endpoint} not moved: {reason}")
         pacing, seconds = self._pacing(target)
         # A program waits at the pendant's slider.
+        self._fraction = seen.speed_fraction
         budget_s = max(budget_s, seconds + ANSWER_S) / seen.speed_fraction
         self._moves = self._moves % (1 << 30) + 1
         program = script.move(self._moves, self._setup.tool, compose(self._table, target.frame), pacing)
@@ -126,12 +130,12 @@ class Arm(UprightArm):
 
     def _await_start(self) -> None:
         until = self._pace.deadline(ANSWER_S)
-        while self._read().started != self._moves:
+        while (seen := self._read()).started != self._moves:
             if self._pace.now() > until:
-                raise self._lose(
-                    "it did not take a program; set the pendant to Remote Control, and see that port 30002 "
-                    "is not blocked (Settings, Security)"
+                held = (
+                    _hold(seen) or "set the pendant to Remote Control, and see that port 30002 is not blocked"
                 )
+                raise self._lose(f"it did not take a program; {held} (Settings, Security)")
             self._pace.idle(until)
 
     def _await_end(self, budget_s: float) -> None:
@@ -139,18 +143,20 @@ class Arm(UprightArm):
         while True:
             late = self._pace.now() > until
             seen = self._read()
-            runs = seen.status_bits & PROGRAM_RUNS
+            runs = seen.status_bits & PROGRAM_RUNS or seen.runtime_state in PAUSED
             if seen.started != self._moves:
                 self._displaced = True  # not ours to stop
                 raise self._lose("another program moves it")
             if seen.done == self._moves and not runs and math.hypot(*seen.tcp_speed[:3]) < STILL_M_S:
                 return
             if seen.done != self._moves and not runs:
-                raise self._lose(
-                    f"its program ended on the way ({_objection(seen) or 'stopped by somebody'})"
-                )
+                raise self._lose(f"its program ended on the way ({_stop(seen) or 'stopped by somebody'})")
             if late:
-                raise self._lose(f"not there after {budget_s:.1f} s")
+                lowered = f"the speed slider was lowered to {100.0 * seen.speed_fraction:.0f} %"
+                held = _hold(seen) or (
+                    lowered if seen.speed_fraction < self._fraction else "nothing tells why"
+                )
+                raise self._lose(f"not there after {budget_s:.1f} s ({held})")
             self._pace.idle(until)
 
     def _read(self) -> Reading:
@@ -163,13 +169,33 @@ class Arm(UprightArm):
 
 def _objection(seen: Reading) -> str:
     """Why it may not be moved; empty: it may."""
+    if reason := _stop(seen):
+        return reason
+    if seen.status_bits & PROGRAM_RUNS:
+        return "a program runs on the controller; stop it first"
+    return _slider(seen)
+
+
+def _hold(seen: Reading) -> str:
+    """What keeps a program of ours from going on, as far as the controller tells; empty: nothing."""
+    if reason := _stop(seen):
+        return reason
+    if seen.runtime_state in PAUSED:
+        return "the program is paused on the pendant; stop it there"
+    return _slider(seen)
+
+
+def _stop(seen: Reading) -> str:
+    """The stop that the controller is in; empty: it is ready."""
     if seen.safety_bits & ~MAY_MOVE or not seen.safety_bits & MAY_MOVE:
         told = ", ".join(name for bit, name in enumerate(SAFETY) if bit > 1 and seen.safety_bits >> bit & 1)
         return f"{told or 'safety state unknown'}; put it right on the pendant"
     if seen.mode != READY:
         return f"it is not ready (robot mode {seen.mode}); power it on and release the brakes"
-    if seen.status_bits & PROGRAM_RUNS:
-        return "a program runs on the controller; stop it first"
+    return ""
+
+
+def _slider(seen: Reading) -> str:
     if not LEAST_FRACTION <= seen.speed_fraction <= 1.0:
         return f"the speed slider stands at {100.0 * seen.speed_fraction:.0f} %; raise it"
     return ""

@@ -9,6 +9,7 @@ import struct
 from typing import NamedTuple
 
 from drivers.clock import Pace
+from drivers.errors import shown
 from drivers.stream import Stream
 
 PORT = 30004
@@ -28,6 +29,7 @@ FIELDS = {
     "robot_status_bits": "UINT32",
     "safety_status_bits": "UINT32",
     "target_speed_fraction": "DOUBLE",
+    "runtime_state": "UINT32",
     f"output_int_register_{STARTED}": "INT32",
     f"output_int_register_{DONE}": "INT32",
 }
@@ -50,6 +52,7 @@ class Reading(NamedTuple):
     status_bits: int  # bit 0 powered, 1 a program runs
     safety_bits: int  # bit 0 normal, 1 reduced, others: some stop
     speed_fraction: float  # of the pendant's slider
+    runtime_state: int  # of the program: 0 stopping, 1 stopped, 2 playing, 3 pausing, 4 paused, 5 resuming
     started: int  # number of our move that began last
     done: int  # number of our move that ended last
 
@@ -76,9 +79,8 @@ class Rtde:
             odd = [
                 f"{name} ({kind})" for name, kind in zip(FIELDS, kinds, strict=False) if kind != FIELDS[name]
             ]
-            raise RtdeError(
-                f"the controller does not offer {', '.join(odd) or 'the fields needed'}; update PolyScope"
-            )
+            lacks = shown(", ".join(odd)) or "the fields needed"
+            raise RtdeError(f"the controller does not offer {lacks}; update PolyScope")
 
     def read(self) -> Reading:
         """The controller now.

@@ -42,13 +42,16 @@ def read(path: Path, names: Sequence[str], defaults: Mapping[str, float] | None 
     return np.array(rows, dtype=np.float64).reshape(-1, len(names) + len(defaults))
 
 
-def write(path: Path, names: Sequence[str], numbers: Array, words: Sequence[str]) -> None:
-    """Writes rows of numbers (n, k), each with a word at its end, under a header of all the names."""
+def write(
+    path: Path, names: Sequence[str], numbers: Array, words: Sequence[str], further: Array | None = None
+) -> None:
+    """Writes rows of numbers (n, k), a word and further numbers (n, m), under a header of all the names."""
+    after = np.empty((len(numbers), 0)) if further is None else further
     with writing(path) as draft, draft.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(names)
-        for row, word in zip(numbers, words, strict=True):
-            writer.writerow([*(f"{value:.9g}" for value in row), word])
+        for row, word, rest in zip(numbers, words, after, strict=True):
+            writer.writerow([*(f"{value:.9g}" for value in row), word, *(f"{value:.9g}" for value in rest)])
 
 
 def _number(text: str | None, name: str, where: str, line: int) -> float:

@@ -6,15 +6,18 @@ import math
 import time
 from pathlib import Path
 
-from planner.cli import bounds, shell, sweep
+from planner.cli import bounds, course, shell, sweep
 from planner.cli.sweep import Settings, figures_of, orders_of
 from planner.compile import EVALUATION_TRIALS, Plan, compile_job
 from planner.diagnosis.advice import counsel
+from planner.diagnosis.alike import alike
+from planner.diagnosis.cautions import warnings_of
 from planner.errors import UsageError
+from planner.evaluation.shares import shares_of
 from planner.job import model as job_file
-from planner.job.checks import TIP_MARGIN_MM
 from planner.job.model import Job
 from planner.paper import baseline
+from planner.part import tips
 from planner.report import models
 from planner.work.limit import Limit
 from planner.work.scheduler import scheduler_of
@@ -99,23 +102,28 @@ def _single(arguments: argparse.Namespace) -> int:
         shell.checked_suffix("--models-report", picture, shell.PICTURES)
         for path in (picture, picture.with_suffix(".json")):
             files.usable(path, output, *read)
-    store, limit = shell.store_of(arguments), Limit(arguments.budget)
+    whole = course.of_time(arguments.budget) if math.isfinite(arguments.budget) else course.unknown
+    for found in alike(job):
+        if not found.hopeless:  # that is refused
+            tell(NAME, f"warning: {found.line()}")
+    store, limit, notes = shell.store_of(arguments), Limit(arguments.budget), list[str]()
     with (
         scheduler_of(arguments.scheduler, arguments.workers) as scheduler,
-        shell.progress(arguments.json) as report,
+        shell.progress(arguments.json, whole) as report,
     ):
         with shell.stopping(limit, NAME):
             plan = compile_job(job, arguments.workers, arguments.trials, report, limit, store, scheduler)
-        judged = picture and models.made(job, arguments.workers, store, scheduler, report, picture)
         dump(dataclasses.replace(plan.table, job=None) if arguments.strip else plan.table, output)
         seconds = time.perf_counter() - started
-        bound = bounds.bound_of(arguments, job, plan.table, arguments.workers, report)
-        advice = None
+        judged = bound = advice = None
+        if picture:
+            with shell.spared("report on the models", notes, arguments.debug):
+                judged = models.made(job, arguments.workers, store, scheduler, report, picture)
+        with shell.spared("bound", notes, arguments.debug):
+            bound = bounds.bound_of(arguments, job, plan.table, arguments.workers, report)
         if not (arguments.no_advice or plan.cut):  # what a longer search might contradict is not advised
-            try:
+            with shell.spared("advice", notes, arguments.debug):
                 advice = counsel(plan.table, plan.evaluation, plan.root, job, scheduler, report)
-            except KeyboardInterrupt:
-                tell(NAME, f"interrupted: no advice; {output} is written")
     figures = {"table": str(output), "bytes": output.stat().st_size, **figures_of(plan, seconds)}
     lines = [_text(plan, job, output, seconds), *(advice.lines() if advice else ())]
     if judged:
@@ -124,6 +132,8 @@ def _single(arguments: argparse.Namespace) -> int:
         lines += bound.lines()
         figures |= {"squeezes_lower_bound": bound.squeezes, "bound": bound.figures()}
     figures["advice"] = advice and advice.figures()
+    for note in notes:
+        tell(NAME, f"{note}; {output} is written")
     shell.answer(arguments.json, figures, *lines, *(judged[1:] if judged else ()))
     return INTERRUPTED if plan.cut and plan.cut.asked else 0
 
@@ -163,6 +173,7 @@ def _sweep(arguments: argparse.Namespace) -> int:
 
 def _text(plan: Plan, job: Job, output: Path, seconds: float) -> str:
     figures = figures_of(plan, seconds)
+    shares = shares_of(figures)
     low, high = figures["success_ci95"]
     error = figures["error_mm"]
     leaves, untried, thickness = f"{figures['leaves']} leaves", "", ""
@@ -174,19 +185,21 @@ def _text(plan: Plan, job: Job, output: Path, seconds: float) -> str:
         untried = f"\nbranches that no trial took, and that are REJECT now: {plan.untried}"
     if figures["crashes"]:
         untried += f"\nparts that a finger came down on, which count as failures: {figures['crashes']}"
+        untried += f" ({shares.crashed:.2f}%)"
     if job.part.height_mm is None:
         tips_mm = job.cell.squeeze_height_mm
         thickness = (
             f"\nheight_mm of [part] is not stated: tips at squeeze_height_mm = {tips_mm:g} meet a part of "
-            f"{tips_mm + TIP_MARGIN_MM:g} mm or more"
+            f"{tips_mm + tips.MARGIN_MM:g} mm or more"
         )
     cut = f"{plan.cut.line()}\n" if plan.cut else ""
+    thickness += "".join(f"\nwarning: {line}" for line in warnings_of(job))
     return f"""\
 {cut}{job.name}: {figures["nodes"]} squeezes planned, {leaves}{untried}
-success {figures["success_rate"]:.2%} of {figures["trials"]} fresh trials \
+success {shares.located:.2f}% of {figures["trials"]} fresh trials \
 (95 % interval {low:.2%} to {high:.2%})
-rejected {figures["reject_rate"]:.2%}, unresolved {figures["unresolved_rate"]:.2%}, \
-wrong {figures["wrong_rate"]:.2%}
+rejected {shares.rejected:.2f}%, unresolved {shares.unresolved:.2f}%, \
+wrong {shares.wrong:.2f}%
 {figures["mean_squeezes"]:.2f} squeezes a part, {plan.table.limits.max_depth} at most; \
 about {figures["mean_seconds"]:.1f} s
 error {error["median"]:.2f} mm median, 95 % within {error["p95"]:.2f} mm, where resolved{thickness}

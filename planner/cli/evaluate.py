@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from planner.cli import shell
+from planner.cli import course, shell
 from planner.errors import UsageError
 from planner.evaluation import leaves
 from planner.evaluation.cases import believed_cases, standard_cases
@@ -17,6 +17,7 @@ from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.evaluate import evaluate, sweep, worst_of
 from planner.evaluation.outcome import Evaluation
 from planner.evaluation.ppm import Findings, Study, Sums, continued, copies_of, keep, resumed
+from planner.evaluation.shares import shares_of
 from planner.evaluation.strangers import family, strangers
 from planner.evaluation.trials import Program
 from planner.job.model import Job
@@ -169,7 +170,7 @@ def _rare(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Name
     wanted, kept = arguments.trials or DEFAULT_PPM_TRIALS, arguments.resume
     identity = study.identity(_name_of_world(arguments))
     sums = Sums.none(len(table.leaves)) if kept is None else resumed(kept, identity, len(table.leaves))
-    with shell.progress(arguments.json) as report:
+    with shell.progress(arguments.json, course.counted) as report:
         report("evaluate", sums.parts, wanted)
         for done in continued(study, sums, wanted, scheduler):
             sums = done
@@ -247,16 +248,17 @@ def _overview(evaluation: Evaluation, world: str) -> list[str]:
     error = figures["error_mm"]
     share = f"95 % within {error['p95']:.2f} mm" if error else ""
     spread = ", ".join(f"{k}: {share:.1%}" for k, share in enumerate(taken / taken.sum()) if share > 0)
+    shares = shares_of(figures)
     return [
         f"{figures['trials']} parts in {world}",
-        f"success    {figures['success_rate']:7.2%}  95 % interval {low:.2%} to {high:.2%}",
-        f"wrong      {figures['wrong_rate']:7.2%}  confident, but not within the goal",
-        f"rejected   {figures['reject_rate']:7.2%}",
-        f"unresolved {figures['unresolved_rate']:7.2%}",
+        f"success    {shares.located:6.2f}%  95 % interval {low:.2%} to {high:.2%}",
+        f"wrong      {shares.wrong:6.2f}%  confident, but not within the goal",
+        f"rejected   {shares.rejected:6.2f}%",
+        f"unresolved {shares.unresolved:6.2f}%",
         f"squeezes   {figures['mean_squeezes']:7.2f}  a part, up to {most} here ({spread})",
         f"seconds    {figures['mean_seconds']:7.1f}  a part, estimated",
         *([f"error      {error['median']:7.2f}  mm median where resolved, {share}"] if error else ()),
-        f"crashes    {figures['crashes']:7d}  parts that a finger came down on: failures",
+        f"crashes    {shares.crashed:6.2f}%  {figures['crashes']} parts that a finger came down on: failures",
     ]
 
 
@@ -317,9 +319,10 @@ SWEEP_HEAD = f"{'world':31s} success    wrong reject unresolved squeezes seconds
 def sweep_row(world: str, evaluation: Evaluation) -> str:
     """One world of a sweep, in the columns of `SWEEP_HEAD`."""
     figures = evaluation.summary()
+    shares = shares_of(figures)
     return (
-        f"{world:31s} {figures['success_rate']:7.2%} {figures['wrong_rate']:8.2%} "
-        f"{figures['reject_rate']:6.2%} {figures['unresolved_rate']:10.2%} {figures['mean_squeezes']:8.2f} "
+        f"{world:31s} {shares.located:6.2f}% {shares.wrong:7.2f}% "
+        f"{shares.rejected:5.2f}% {shares.unresolved:9.2f}% {figures['mean_squeezes']:8.2f} "
         f"{figures['mean_seconds']:7.1f}"
     )
 

@@ -4,7 +4,8 @@ import argparse
 from pathlib import Path
 
 from planner.cli import shell
-from planner.export.write import FORMS, write
+from planner.errors import UsageError
+from planner.export.write import FORMS, PREFIX, PREFIXES, write
 from runtime.shell.command import Parser
 from runtime.table import load
 
@@ -25,14 +26,27 @@ def parser() -> Parser:
     built.add_argument(
         "-o", "--output", type=Path, required=True, metavar="DIR", help="folder for the files, new or empty"
     )
+    built.add_argument(
+        "--prefix",
+        metavar="NAME",
+        help="begins all names that the C or the structured text defines, and the files' (default: "
+        f"{PREFIX}); two tables in one program need two",
+    )
     return built
 
 
 def _export(arguments: argparse.Namespace) -> None:
+    prefix = arguments.prefix
+    if prefix is not None and arguments.to == "json":
+        raise UsageError("--prefix is for names that programs define; leave it out with --to json")
+    if prefix is not None and PREFIXES.fullmatch(prefix) is None:
+        raise UsageError(
+            f"--prefix {prefix}: write 1 to 24 of a-z, 0-9 and single underscores, a letter first"
+        )
     found = load(arguments.tree)
     shell.check_one_part(found.table.hypotheses, str(arguments.tree), "an export")
     shell.check_squeezes_alone(found.table, str(arguments.tree), "an export")
-    files = write(found, arguments.to, arguments.output)
+    files = write(found, arguments.to, arguments.output, prefix or PREFIX)
     told = ", ".join(f"{name} ({size:,} bytes)" for name, size in files.items())
     figures = {"folder": str(arguments.output), "to": arguments.to, "files": files}
     shell.answer(arguments.json, figures, f"wrote {told} to {arguments.output}")

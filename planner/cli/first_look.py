@@ -2,52 +2,62 @@
 
 import argparse
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from planner.cli import shell
+from planner.cli import course, shell
 from planner.compile import Plan, compile_job
 from planner.diagnosis.advice import advise
+from planner.diagnosis.alike import alike
 from planner.errors import FitError, NoPlanError, UsageError
-from planner.evaluation.cases import assumption_cases
-from planner.evaluation.evaluate import sweep
+from planner.evaluation.evaluate import Line
 from planner.job import model as job_file
-from planner.job.drafts import FINGERS, GRIPPERS, Answers, draft, proposed_radius_mm, room_mm
+from planner.job.drafts import (
+    FINGERS,
+    GRIPPERS,
+    MOST_RADIUS_MM,
+    Answers,
+    draft,
+    proposed_radius_mm,
+    room_mm,
+)
 from planner.job.model import Job
 from planner.part.importers.file import SUFFIXES, Imported, read_outline
 from planner.part.outline import smallest_rectangle
+from planner.part.tips import MARGIN_MM, tips_height_mm
 from planner.report import canvas, paper_figures
+from planner.report.answer import QUESTION, Answer
 from planner.report.replay import replay
-from planner.report.verdict import Weakest, error_text, percent, verdict, weakest
+from planner.report.verdict import Grade, verdict, weakest
+from planner.report.worlds import tried
 from planner.work.limit import Limit
 from planner.work.progress import Report
 from planner.work.scheduler import Threads
-from planner.world import ContactWorlds, make
-from runtime.shell.command import Parser, number
-from runtime.shell.files import usable, write
+from planner.world import make
+from runtime.shell.command import Parser, number, say
+from runtime.shell.files import quoted, usable, write
 from runtime.table import dump
 
 NAME = "plan-try"
 ANSWER_S = 45.0  # from the start to the answer, the picture aside
+REST_S = 15.0  # other worlds, advice and picture
 LEAST_SEARCH_S = 8.0
 SLOW_S = 120.0  # where the first search came to nothing: the machine is busy, or compiled its kernels
 QUICK = {"particles": 8000}  # of [search]: a rough tree in the time there is
-TRIALS = 4000
-WORLD_TRIALS = 1000
+TRIALS = 5000  # so that shares are whole hundredths of a percent
 LEAST_ROOM_MM = 4.0  # between open fingers and the part at any angle, for a gripper to be chosen
 TURN_DEG = 20.0  # either way: as parts come from a chute; any angle is more than a minute's search
 LARGEST = 1  # number of the contour that is taken
 DRAWN_SQUEEZES = range(1, 4)  # of the path that the picture shows
-ANSWERS = {
-    "good": "Yes.",
-    "fair": "Yes, but not in every case: see what limits it and what it leans on.",
-    "poor": "Not well enough: see what limits it.",
-    "cut": "Yes, as far as the search came; plan for longer to know the rest.",
-}
 WORTH_TELLING = 0.005  # share of the parts for which the search was not done
 LEAST_DONE = 0.9  # share located of the parts for which the search was done, for that answer
+MOST_OPEN = 0.5  # share of the parts for which it was not done, beyond which nothing is known
+LOCATABLE = {"good": True, "fair": True, "cut": True, "poor": False, "unknown": None}
+
+Spared = Callable[[str], AbstractContextManager[None]]  # work that the answer can do without, by its name
 
 
 def parser() -> Parser:
@@ -87,14 +97,12 @@ class Files(NamedTuple):
     picture: Path
 
 
-class Answer(NamedTuple):
-    """What was found."""
+class Setting(NamedTuple):
+    """What a job is begun with."""
 
-    short: str  # a key of `ANSWERS`
-    sentence: str  # the verdict on the plan as it is
-    figures: dict[str, Any]  # as `Evaluation.summary` returns them
-    worst: Weakest | None
-    limits: list[str]  # what limits the plan, one sentence each
+    answers: Answers
+    assumed: list[str]  # what was not stated
+    restrictions: list[str]  # what was assumed because the part is large, as clauses: "within 1 mm of ..."
 
 
 def _try(arguments: argparse.Namespace) -> None:
@@ -102,65 +110,104 @@ def _try(arguments: argparse.Namespace) -> None:
     if arguments.output is not None:
         usable(arguments.output, arguments.drawing)
     imported, notes = _imported(arguments)
-    answers, taken = _defaults(arguments, imported)
-    rectangle = smallest_rectangle(imported.outline_mm)
+    setting = _setting(arguments, imported)
+    answers, rectangle = setting.answers, smallest_rectangle(imported.outline_mm)
     told: dict[str, Any] = {
         "part": answers.name, "size_mm": [rectangle.length_mm, rectangle.width_mm],
-        "turn_deg": rectangle.turn_deg, "assumed": [*notes, *taken],
+        "turn_deg": rectangle.turn_deg, "assumed": [*notes, *setting.assumed],
     }  # fmt: skip
     if not arguments.json:
         print(f"{answers.name}: {rectangle.text()}, {len(imported.outline_mm)} vertices")
-        print("\n".join(f"assumed: {line}" for line in told["assumed"]), flush=True)
+        for line in told["assumed"]:
+            say(f"assumed: {line}")
+    failures: list[str] = []
+    spared = partial(shell.spared, notes=failures, debug=arguments.debug)
     try:
+        _check_thickness(imported)
         text = draft(imported, arguments.drawing.name, answers)
         files = _files(arguments, text)
         write(files.job, text)
         told["job"] = str(files.job)
-        with shell.progress(arguments.json) as report:
-            job = job_file.load(files.job)
-            plan, answer = _planned(arguments, job, started, report)
+        job = job_file.load(files.job)
+        told["alike"] = [found.line() for found in alike(job)]
+        if not arguments.json:
+            print("".join(f"note: {line}\n" for line in told["alike"]), end="", flush=True)
+        expected_s = (arguments.budget or ANSWER_S) + REST_S
+        with shell.progress(arguments.json, course.of_time(expected_s)) as report:
+            plan = _planned(arguments, job, started, report)
             dump(plan.table, files.table)
-            report("picture", 0, 1)
-            beliefs = replay(plan.table, job, TRIALS, plan.seed)
-            shown = plan.table, job, beliefs, DRAWN_SQUEEZES, imported.holes_mm
-            canvas.save(files.picture, lambda: paper_figures.sequence(*shown))
+            answer = _answered(job, plan, setting.restrictions, spared, report)
     except (FitError, NoPlanError) as error:
         known = not getattr(error, "cut_short", False)
         reason = {"locatable": False if known else None, "verdict": "poor" if known else "unknown"}
         short = f"No: {error}." if known else f"Not known: {error}; give it a longer --budget."
         figures = {**told, **reason, "reason": str(error)}
-        shell.answer(arguments.json, figures, "", f"Can it be located by squeezing? {short}")
+        shell.answer(arguments.json, figures, "", f"{QUESTION} {short}")
         return
+    if not arguments.json:
+        print("\n".join(["", *answer.lines()]), flush=True)
+    picture: Path | None = None
+    with spared("picture"):
+        beliefs = replay(plan.table, job, TRIALS, plan.seed)
+        shown = plan.table, job, beliefs, DRAWN_SQUEEZES, imported.holes_mm
+        canvas.save(files.picture, lambda: paper_figures.sequence(*shown))
+        picture = files.picture
     seconds = time.monotonic() - started
     told |= {
-        "locatable": answer.short != "poor", "verdict": answer.short, "sentence": answer.sentence,
-        **answer.figures, "weakest": answer.worst and answer.worst._asdict(), "limits": answer.limits,
+        "locatable": LOCATABLE[answer.short], "verdict": answer.short, "sentence": answer.verdict.sentence,
+        "restrictions": setting.restrictions, "conditions": answer.verdict.conditions,
+        "warnings": answer.verdict.warnings, **answer.figures,
+        "weakest": answer.worst and answer.worst._asdict(), "limits": answer.limits,
         "cut_short": plan.cut and plan.cut.figures(), "table": str(files.table),
-        "picture": str(files.picture), "seconds": round(seconds, 1),
+        "picture": picture and str(picture), "notes": failures, "seconds": round(seconds, 1),
     }  # fmt: skip
-    shell.answer(arguments.json, told, *_lines(answer, plan), *_next(files, plan, seconds))
+    after = [f"note       {line}" for line in failures]
+    shell.answer(arguments.json, told, *after, *_next(files, picture, plan, seconds))
 
 
-def _planned(arguments: argparse.Namespace, job: Job, started: float, report: Report) -> tuple[Plan, Answer]:
-    """The plan that the time is enough for, and how it does as planned and elsewhere."""
+def _planned(arguments: argparse.Namespace, job: Job, started: float, report: Report) -> Plan:
+    """The plan that the time is enough for."""
     report("kernels", 0, 1)
     make(job, seed=0).squeeze((0.0, 0.0, 0.0))
-    quick = job.replaced(search=QUICK)
     left_s = ANSWER_S - (time.monotonic() - started)
     budgets = [arguments.budget] if arguments.budget else [max(LEAST_SEARCH_S, left_s), SLOW_S]
-    plan = _within(quick, budgets, report)
-    seed, cases = plan.seed, assumption_cases(job)
-    worlds = partial(ContactWorlds.of_job, seed=seed)
-    lines = list(sweep(plan.table, quick, cases, worlds, WORLD_TRIALS, seed, Threads(), report))
+    return _within(job.replaced(search=QUICK), budgets, report)
+
+
+def _answered(job: Job, plan: Plan, restrictions: list[str], spared: Spared, report: Report) -> Answer:
+    """How a plan does in its own world and in others, and what limits it."""
+    figures, lines, limits = plan.evaluation.summary(), list[Line](), list[str]()
+    with spared("other worlds"):
+        lines = tried(plan.table, job, plan.evaluation, scheduler=Threads(), report=report)
     open_share = plan.cut.open_share if plan.cut else 0.0
-    limits = advise(plan.table, plan.evaluation, job).lines()
     if plan.cut and open_share >= WORTH_TELLING:
         limits = [plan.cut.line()]
-    figures, worst = plan.evaluation.summary(), weakest(lines)
-    grade, sentence, _ = verdict(job, figures, worst)
-    done = figures["success_rate"] / max(1.0 - open_share, 1e-9)
-    short = "cut" if grade == "poor" and open_share > 0.0 and done >= LEAST_DONE else grade
-    return plan, Answer(short, sentence, figures, worst, limits)
+    elif figures["success_rate"] < 1.0:
+        with spared("advice"):
+            limits = advise(plan.table, plan.evaluation, job).lines()
+    found = verdict(job, figures, lines)
+    short = _short(found.grade, figures["success_rate"], open_share)
+    most, worst, confidence = plan.table.limits.max_depth, weakest(lines), job.goal.confidence
+    return Answer(short, found, figures, most, worst, limits, restrictions, confidence)
+
+
+def _short(grade: Grade, success: float, open_share: float) -> str:
+    """The grade of a plan; of one whose search is not done, what is known so far."""
+    if grade != "poor" or not open_share or success < LEAST_DONE * (1.0 - open_share):
+        return grade
+    return "unknown" if open_share > MOST_OPEN else "cut"
+
+
+def _check_thickness(imported: Imported) -> None:
+    """Refuses a part that is too thin for finger tips, whatever the plan.
+
+    Raises:
+        FitError: it is.
+    """
+    height_mm = imported.height_mm
+    if height_mm is not None and tips_height_mm(height_mm) <= 0.0:
+        thin = f"it is {height_mm:.3g} mm thin"
+        raise FitError(f"{thin}, and finger tips must close {MARGIN_MM:g} mm below its top or lower")
 
 
 def _within(job: Job, budgets: Sequence[float], report: Report) -> Plan:
@@ -193,15 +240,18 @@ def _imported(arguments: argparse.Namespace) -> tuple[Imported, list[str]]:
     return imported, list(imported.notes)
 
 
-def _defaults(arguments: argparse.Namespace, imported: Imported) -> tuple[Answers, list[str]]:
+def _setting(arguments: argparse.Namespace, imported: Imported) -> Setting:
     """The answers that a job needs, and which of them are defaults."""
-    taken = []
+    taken, restrictions = list[str](), list[str]()
     rooms = {name: room_mm(imported, preset) for name, preset in GRIPPERS.items()}
-    gripper = arguments.gripper
+    gripper, usual = arguments.gripper, next(iter(GRIPPERS))
     if gripper is None:
         widest = max(rooms, key=lambda name: rooms[name])
         gripper = next((name for name, room in rooms.items() if room >= LEAST_ROOM_MM), widest)
-        taken.append(f"gripper {gripper} (--gripper)")
+        larger = "" if gripper == usual else f", since a {usual} does not open wide enough"
+        taken.append(f"gripper {gripper}{larger} (--gripper)")
+        if larger:
+            restrictions.append(f"with a {gripper}")
     fingers = arguments.fingers or "rubber"
     pads = FINGERS[fingers]
     if arguments.fingers is None:
@@ -212,10 +262,17 @@ def _defaults(arguments: argparse.Namespace, imported: Imported) -> tuple[Answer
     radius = arguments.radius
     if radius is None:
         radius = proposed_radius_mm(imported, GRIPPERS[gripper])
-        taken.append(f"its centre within {radius:g} mm of the expected place (--radius)")
+        room = "" if radius >= MOST_RADIUS_MM else ", for the open jaws leave no more room"
+        taken.append(f"its centre within {radius:g} mm of the expected place{room} (--radius)")
+        if room:
+            restrictions.append(f"within {radius:g} mm of the expected place")
     taken.append(f"located means to {arguments.distance:g} mm (--distance)")
+    height = imported.height_mm
+    if height is None:
+        taken.append(f"at least {tips_height_mm(None) + MARGIN_MM:g} mm high (height_mm in the job)")
     name = arguments.drawing.stem
-    return Answers(name, radius, turn, gripper, fingers, arguments.distance, imported.height_mm), taken
+    answers = Answers(name, radius, turn, gripper, fingers, arguments.distance, height)
+    return Setting(answers._replace(tips_mm=arguments.height), taken, restrictions)
 
 
 def _files(arguments: argparse.Namespace, text: str) -> Files:
@@ -237,36 +294,18 @@ def _says(path: Path, text: str) -> bool:
     return path.is_file() and path.read_bytes() == text.encode()
 
 
-def _lines(answer: Answer, plan: Plan) -> list[str]:
-    figures = answer.figures
-    low, high = figures["success_ci95"]
-    located = f"{percent(figures['success_rate'])} (95 % interval {low:.2%} to {high:.2%})"
-    others = {"wrong": "wrong_rate", "given up": "unresolved_rate", "rejected": "reject_rate"}
-    shares = ", ".join(f"{word} {percent(figures[name])}" for word, name in others.items())
-    most = f"{plan.table.limits.max_depth} at most"
-    limits = [f"{'limit' if not k else '':10s} {line}" for k, line in enumerate(answer.limits)]
-    return [
-        "",
-        f"Can it be located by squeezing? {ANSWERS[answer.short]}",
-        f"The plan {answer.sentence}.",
-        f"located    {located}, {shares}",
-        f"error      {error_text(figures['error_mm']).removeprefix('expected error ')}",
-        f"effort     {figures['mean_squeezes']:.2f} squeezes a part, {most}; {figures['mean_seconds']:.1f} s",
-        f"weakest    {answer.worst.text() if answer.worst else 'not tried'}",
-        *limits,
-    ]
-
-
-def _next(files: Files, plan: Plan, seconds: float) -> list[str]:
+def _next(files: Files, picture: Path | None, plan: Plan, seconds: float) -> list[str]:
     """What was written, and what to do with it."""
     longer = " (a full search)" if plan.cut else ""
+    written = [files.job, files.table, *filter(None, (picture,))]
+    job, table, report = map(quoted, (files.job, files.table, files.job.with_suffix(".html")))
     return [
         "",
-        f"wrote {files.job}, {files.table} and {files.picture} after {seconds:.0f} s",
-        f"look       {files.picture}",
-        f"plan       squeezetree plan {files.job} -o {files.table}{longer}",
-        f"report     squeezetree report {files.table} -o {files.job.with_suffix('.html')}",
-        f"simulate   squeezetree run --tree {files.table} --port sim --time-scale 100 --count 20",
+        f"wrote {', '.join(map(str, written[:-1]))} and {written[-1]} after {seconds:.0f} s",
+        *([f"look       {picture}"] if picture else []),
+        f"plan       squeezetree plan {job} -o {table}{longer}",
+        f"report     squeezetree report {table} -o {report}",
+        f"simulate   squeezetree run --tree {table} --port sim --time-scale 100 --count 20",
     ]
 
 

@@ -19,6 +19,25 @@ from runtime.shell.files import usable, write
 
 NAME = "plan-identify"
 KINDS: tuple[Kind, ...] = ("ellipsoid", "quartic")
+FORMATS = """\
+tables of pairs (.csv), one push a line, with a header:
+  fx_n,fy_n,tau_n_mm      the wrench on the part: force along the axes of its frame, torque about its
+                          centroid [N, N, N mm]
+  vx_mm,vy_mm,omega_rad   the twist that it answers with, in the same frame; only the direction matters
+  weight                  may be left out: how much the pair counts, positive
+
+push logs (any other name), numbers separated by blanks, one record a line, as in the public data of
+arXiv 1602.06056; empty lines do not count:
+  N                       how many pushes follow; then for each of them
+  x y z qw qx qy qz       the block's marker frame before the push [mm, unit quaternion]
+  x y z qw qx qy qz       the same after it
+  K                       how many force readings follow
+  t fx fy                 K lines: time and force on the sensor's axes [s, N, N]
+  P                       how many poses of the pusher follow
+  t x y z qw qx qy qz     P lines: time and pose [s, mm, unit quaternion]
+the block is a right triangle with legs of 150 mm; for any other part write a table of pairs.
+
+"""
 
 
 def _identify(arguments: argparse.Namespace) -> None:
@@ -54,6 +73,7 @@ def parser() -> Parser:
         f"{NAME} pushes.txt -o surface.toml --figure surface.png",
         f"{NAME} monday.txt tuesday.txt --kind quartic --json",
     )
+    built.epilog = FORMATS + (built.epilog or "")
     add = built.add_argument
     add("logs", type=Path, nargs="+", metavar="LOG", help="push logs, or tables of pairs (.csv)")
     add("-o", "--output", type=Path, metavar="SURFACE.toml", help="the limit surface")

@@ -8,13 +8,13 @@ from typing import TypeVar
 
 from planner.cli import shell
 from planner.errors import UsageError
-from planner.job.checks import tips_height_mm
 from planner.job.drafts import FINGERS, GRIPPERS, Answers, draft, proposed_radius_mm, room_mm
 from planner.part.importers.file import SUFFIXES, Face, Imported, read_faces, read_outline
 from planner.part.importers.pieces import UNITS_MM, Options
 from planner.part.outline import reach, smallest_rectangle
-from runtime.shell.command import Parser, number
-from runtime.shell.files import usable, write
+from planner.part.tips import tips_height_mm
+from runtime.shell.command import Parser, number, say
+from runtime.shell.files import quoted, usable, write
 
 NAME = "plan-init"
 T = TypeVar("T")
@@ -65,7 +65,7 @@ def _init(arguments: argparse.Namespace) -> None:
     if faces:  # the answers have to do for all
         imported = max((face.imported for face in faces), key=lambda each: reach(each.outline_mm))
     else:
-        imported = _imported(arguments.outline, shell.drawing_of(arguments), asking)
+        imported = _imported(arguments.outline, _drawing(arguments), asking)
     several = faces if len(faces) > 1 else []
     if not arguments.json:
         _show_faces(faces) if several else _show(imported)
@@ -78,8 +78,18 @@ def _init(arguments: argparse.Namespace) -> None:
         **({"faces": [_told(face) for face in faces]} if arguments.faces else {}),
     }  # fmt: skip
     missing = "note: the part's thickness is not stated; state --thickness, or height_mm in the file"
-    next_step = f"wrote {output}; next: plan-compile {output} -o {output.with_suffix('.msgpack')}"
+    table = output.with_suffix(".msgpack")
+    next_step = f"wrote {output}; next: plan-compile {quoted(output)} -o {quoted(table)}"
     shell.answer(arguments.json, figures, *([missing] if answers.height_mm is None else ()), next_step)
+
+
+def _drawing(arguments: argparse.Namespace) -> Options:
+    """How to read the drawing: the tips are where they squeeze a part of the stated thickness."""
+    options = shell.drawing_of(arguments)
+    if options.height_mm is None and arguments.thickness is not None:
+        tips_mm = tips_height_mm(arguments.thickness)
+        options = options._replace(height_mm=tips_mm if tips_mm > 0.0 else None)
+    return options
 
 
 def _faces(arguments: argparse.Namespace) -> list[Face]:
@@ -104,7 +114,7 @@ def _show_faces(faces: list[Face]) -> None:
             f"{width:.3f} x {height:.3f} mm, {face.imported.height_mm:.4g} mm high"
         )
         for note in face.imported.notes:
-            print(f"note: {note}")
+            say(f"note: {note}")
     print(
         "note: the shares are those of the directions in which the part may be dropped; bouncing and rolling "
         "on are ignored, so count some parts"
@@ -118,7 +128,7 @@ def _imported(path: Path, options: Options, asking: bool) -> Imported:
     except UsageError as error:
         if not (asking and error.units_missing):
             raise
-        print(error)
+        say(str(error))
         return read_outline(path, options._replace(units=_choice("one unit is", UNITS_MM)))
 
 
@@ -129,7 +139,7 @@ def _show(imported: Imported) -> None:
     print(f"outline: {len(imported.outline_mm)} vertices, {width:.3f} x {height:.3f} mm; symmetry: {told}")
     print(f"smallest rectangle about it: {smallest_rectangle(imported.outline_mm).text()}")
     for note in imported.notes:
-        print(f"note: {note}")
+        say(f"note: {note}")
 
 
 def _answers(arguments: argparse.Namespace, imported: Imported, asking: bool) -> Answers:
@@ -163,7 +173,8 @@ def _answers(arguments: argparse.Namespace, imported: Imported, asking: bool) ->
             "its thickness, table to top [mm; empty: not known]: ",
             lambda text: number(text) if text else None,
         )
-    return Answers(name, radius, arguments.turn, gripper, fingers, arguments.distance, thickness)
+    answers = Answers(name, radius, arguments.turn, gripper, fingers, arguments.distance, thickness)
+    return answers._replace(tips_mm=arguments.height)
 
 
 def _choice(question: str, choices: Collection[str]) -> str:

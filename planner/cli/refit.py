@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import tomlkit
 
-from planner.cli import shell
+from planner.cli import course, shell
 from planner.errors import InputFileError, UsageError
 from planner.evaluation.outcome import Evaluation
 from planner.job import documents
@@ -23,7 +23,7 @@ from planner.report import run_log
 from planner.report.run_log import PartLog
 from planner.work.scheduler import Scheduler, scheduler_of
 from runtime.shell.command import Parser, natural, positive_int
-from runtime.shell.files import usable, write
+from runtime.shell.files import quoted, usable, write
 from runtime.table import COUNTS, Table, TableFile
 
 NAME = "plan-refit"
@@ -75,7 +75,7 @@ def _refit(arguments: argparse.Namespace) -> None:
     cells = Cells.of(job, loaded.table)
     with (
         scheduler_of(arguments.scheduler, arguments.workers) as scheduler,
-        shell.progress(arguments.json) as report,
+        shell.progress(arguments.json, course.counted) as report,
     ):
         effort = Effort(cells=arguments.cells)
         found = posterior(cells, seen, arguments.seed, scheduler, effort, report)
@@ -97,7 +97,7 @@ def _refit(arguments: argparse.Namespace) -> None:
         f"{seen.parts} parts, {seen.readings.sum()} squeezes, {len(seen.leaves)} audited; 90 % intervals:",
         *(f"  {finding.sentence}" for finding in sorted(told, key=lambda finding: not finding.told)),
         f"in such a cell this table answers {100 * wrong:.1f} % wrongly and rejects {100 * rejected:.1f} %",
-        f"wrote {arguments.output}; next: plan-compile {arguments.output}",
+        f"wrote {arguments.output}; next: plan-compile {quoted(arguments.output)}",
     )  # fmt: skip
 
 

@@ -4,12 +4,10 @@ import argparse
 import contextlib
 import json
 import logging
-import math
 import os
 import signal
-import sys
 import textwrap
-import time
+import traceback
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -17,9 +15,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
-from rich import progress as bars
-from rich.console import Console
-
+from planner.cli import course
 from planner.errors import InputFileError, UsageError
 from planner.job import model as job_file
 from planner.job.model import Job
@@ -27,17 +23,16 @@ from planner.kernel import CACHE_VARIABLE, cache_folder
 from planner.learned.store import Store, StoreWarning
 from planner.part.importers.pieces import TOLERANCE_MM, UNITS_MM, Options
 from planner.work.limit import Limit
-from planner.work.progress import Report, silent
 from runtime.shell import command
 from runtime.shell.command import INTERRUPTED, Parser
 from runtime.shell.files import folder
 from runtime.table import Table, TableFile, load
 
+progress = course.shown
 WIDTH = 98  # columns of what --help says
 PICTURES = (".png", ".svg", ".pdf")  # what matplotlib's pictures may end in
 FORMATS = (*PICTURES, ".csv", ".dxf", ".gif", ".html", ".json", ".msgpack", ".stl", ".toml")
 STOPPING = "stopping: the tree that stands is evaluated and kept; Ctrl-C again ends at once"
-LINES_S = 5.0  # between two lines of progress, where no terminal shows a bar
 ROLL_OUTS = "rollouts"  # folder of the roll-outs in the cache folder
 EXIT_CODES = """\
 exit codes:
@@ -123,7 +118,7 @@ def add_drawing(group: argparse._ArgumentGroup) -> None:
     )  # fmt: skip
     add(
         "--height", type=command.number, metavar="MM",
-        help="of the cut through an STL solid (default: half-way up)",
+        help="of the finger tips, above which they meet an STL solid (default: half-way up, at most 8)",
     )  # fmt: skip
 
 
@@ -235,76 +230,23 @@ def answer(as_json: bool, figures: Mapping[str, Any], *lines: str) -> None:
 
 
 @contextmanager
-def progress(quiet: bool, clock: Callable[[], float] = time.monotonic) -> Iterator[Report]:
-    """Shows progress on standard error; yields `report(stage, done, total, detail)`.
-
-    On a terminal that is a bar with an estimate of the time that the stage still takes; elsewhere a line
-    every `LINES_S` seconds, so that what takes less says nothing.
+def spared(what: str, notes: list[str], debug: bool = False) -> Iterator[None]:
+    """Work that an answer can do without: a failure of it becomes a note.
 
     Args:
-        quiet: show nothing.
-        clock: tells seconds.
+        what: the work, in the words of the note.
+        notes: where the note is added.
+        debug: print the traceback, too.
     """
-    console = Console(stderr=True)
-    if quiet:
-        yield silent
-    elif not console.is_terminal:
-        yield _lines(clock)
-    else:
-        columns = [
-            bars.SpinnerColumn(), bars.TextColumn("{task.description}"), bars.BarColumn(),
-            bars.TimeElapsedColumn(), bars.TextColumn("{task.fields[left]} {task.fields[detail]}"),
-        ]  # fmt: skip
-        with bars.Progress(*columns, console=console, transient=True) as bar:
-            yield _drawn(bar, clock)
-
-
-class _Stage:
-    """The stage of a command's work that is under way."""
-
-    def __init__(self, clock: Callable[[], float]) -> None:
-        self.name, self.begun, self.first, self._clock = "", clock(), 0, clock
-
-    def changed(self, name: str, done: int) -> bool:
-        """Whether work of this name begins now, or again, with so much of it done."""
-        if name == self.name and done >= self.first:
-            return False
-        self.name, self.begun, self.first = name, self._clock(), done
-        return True
-
-    def left(self, done: int, total: int) -> str:
-        """How long the rest will take, at the rate since this stage was first heard of."""
-        if done <= self.first or done > total:
-            return "left: not known yet"
-        seconds = (self._clock() - self.begun) * (total - done) / (done - self.first)
-        return f"left: about {math.ceil(seconds)} s"
-
-
-def _lines(clock: Callable[[], float]) -> Report:
-    stage, told = _Stage(clock), clock()
-
-    def report(name: str, done: int, total: int, detail: str = "", /) -> None:
-        nonlocal told
-        stage.changed(name, done)
-        if clock() - told < LINES_S:
-            return
-        told = clock()
-        share = f" {done / total:.0%}" if total else ""
-        words = [f"{name}{share}", stage.left(done, total), *([detail] if detail else ())]
-        command.say(", ".join(words), sys.stderr)
-
-    return report
-
-
-def _drawn(bar: bars.Progress, clock: Callable[[], float]) -> Report:
-    stage, task = _Stage(clock), bar.add_task("starting", total=None, left="", detail="")
-
-    def report(name: str, done: int, total: int, detail: str = "", /) -> None:
-        if stage.changed(name, done):
-            bar.reset(task, description=name)
-        bar.update(task, completed=done, total=total, left=stage.left(done, total), detail=detail)
-
-    return report
+    try:
+        yield
+    except KeyboardInterrupt:
+        notes.append(f"interrupted: no {what}")
+    except Exception as error:
+        if debug:
+            traceback.print_exc()
+        reason = error if hasattr(error, "exit_code") else f"{type(error).__name__}: {error}"
+        notes.append(f"no {what}: {command.one_line(reason)}")
 
 
 @contextmanager

@@ -1,15 +1,16 @@
 """plan-simulate: single squeezes, rolled out from a list of poses, or single pushes along a list of paths."""
 
 import argparse
+import math
 import sys
-from contextlib import redirect_stdout
+from contextlib import redirect_stdout, suppress
 from pathlib import Path
 
 import numpy as np
 
 from planner.arrays import Array
 from planner.cli import columns, pushes, shell
-from planner.errors import UsageError, ValueRangeError
+from planner.errors import KeyNameError, UsageError, ValueRangeError
 from planner.job import model as job_file
 from planner.mechanics.push import PUSH_NAMES
 from planner.mechanics.simulator import DEFAULT_STEP_MM, STATUS_NAMES, Parameters, Simulator
@@ -20,7 +21,10 @@ NAME = "plan-simulate"
 INPUTS = ("x_mm", "y_mm", "theta_rad")
 PICTURES = {"figure": shell.PICTURES, "gif": (".gif",), "html": (".html",)}  # what they may end in
 ANY_OPENING = {"gripper": {"opening_mm": 1000.0}}  # What is pushed need not pass between the jaws
-OUTPUTS = ("final_x_mm", "final_y_mm", "final_theta_rad", "width_mm", "status")
+IN_DEGREES = ("x_mm", "y_mm", "theta_deg")  # the same poses
+RESULTS = ("final_x_mm", "final_y_mm", "final_theta_rad", "width_mm")
+OUTPUTS = (*RESULTS, "theta_deg", "final_theta_deg", "status")  # the angles once more, as jobs state them
+SAME_DEG = 1e-5  # what rounding leaves between an angle in degrees and the same in radians
 
 
 def _simulate(arguments: argparse.Namespace) -> None:
@@ -35,7 +39,7 @@ def _simulate(arguments: argparse.Namespace) -> None:
     outputs = [usable(arguments.output, *read, stdout=True)]
     for path in pictures.values():
         outputs.append(usable(path, *read, *outputs))
-    rows = columns.read(listed, INPUTS) if arguments.poses else pushes.read(listed, arguments.fingers_mm)
+    rows = read_poses(listed) if arguments.poses else pushes.read(listed, arguments.fingers_mm)
     if pictures and not len(rows):
         raise ValueRangeError("has no poses to draw; add a line", where=str(listed))
     simulator = Simulator.of_job(job, arguments.workers, arguments.step_mm)
@@ -56,7 +60,8 @@ def _simulate(arguments: argparse.Namespace) -> None:
         rolled = simulator.roll_out(rows, parameters)
         status, given_up = rolled.status, int(rolled.given_up.sum())
         what, header = "squeezes", (*INPUTS, *OUTPUTS)
-        numbers = np.column_stack([rows, rolled.poses, rolled.width_mm])
+        degrees = np.degrees(np.column_stack([rows[:, 2], rolled.poses[:, 2]]))
+        numbers = np.column_stack([rows, rolled.poses, rolled.width_mm, degrees])
     columns.write(arguments.output, header, numbers, [names[k] for k in status])
     if pictures:
         draw(pictures, simulator, rows, parameters, f"{job.part.name}: {listed.name}")
@@ -92,7 +97,8 @@ def parser() -> Parser:
     add("job", type=Path, metavar="JOB.toml", help="the job file")
     listed = built.add_mutually_exclusive_group(required=True)
     listed.add_argument(
-        "--poses", type=Path, metavar="IN.csv", help=f"squeeze; with a header: {','.join(INPUTS)}"
+        "--poses", type=Path, metavar="IN.csv",
+        help=f"squeeze; with a header: {','.join(INPUTS)}, or {IN_DEGREES[2]} in place of {INPUTS[2]}",
     )  # fmt: skip
     listed.add_argument(
         "--push", type=Path, metavar="IN.csv",
@@ -119,6 +125,28 @@ def parser() -> Parser:
     add("--gif", type=Path, metavar="OUT.gif", help="animate the first squeeze")
     add("--html", type=Path, metavar="OUT.html", help="a page with a slider: the first squeezes, up to 12")
     return built
+
+
+def read_poses(path: Path) -> Array:
+    """Reads poses (n, 3) [mm, mm, rad], whose angles are stated in radians or in degrees.
+
+    Raises:
+        InputFileError, KeyNameError, ValueRangeError: as `columns.read`; or a line states two angles.
+    """
+    try:
+        poses = columns.read(path, INPUTS)
+    except KeyNameError:
+        with suppress(KeyNameError):
+            poses = columns.read(path, IN_DEGREES)
+            poses[:, 2] = np.radians(poses[:, 2])
+            return poses
+        raise
+    stated = columns.read(path, (), {IN_DEGREES[2]: math.nan})[:, 0]
+    apart = np.abs(np.degrees(poses[:, 2]) - stated)
+    if (apart > SAME_DEG).any():
+        problem = f"pose {int(np.argmax(apart > SAME_DEG)) + 1}: the two differ; leave one column out"
+        raise ValueRangeError(problem, where=str(path), key=f"{INPUTS[2]}, {IN_DEGREES[2]}")
+    return poses
 
 
 def draw(

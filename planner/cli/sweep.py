@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 from rich.console import Console
 from rich.table import Table
 
-from planner.cli import shell
+from planner.cli import course, shell
 from planner.compile import Plan, compile_job
 from planner.errors import PlannerError, UsageError
 from planner.job import documents
@@ -119,10 +119,16 @@ def outcomes(
             yield outcome
         return
     for k, order in enumerate(orders, start=1):
-        prefix = f"job {k} of {len(orders)}"
-        yield compiled(
-            settings, order, lambda stage, *rest, prefix=prefix: report(f"{prefix}: {stage}", *rest)
-        )
+        yield compiled(settings, order, _of_job(k, len(orders), report))
+
+
+def _of_job(number: int, jobs: int, report: Report) -> Report:
+    """Tells of the stages of one of several jobs; what is done are the jobs before it."""
+
+    def told(stage: str, _done: int, _total: int, detail: str = "", /) -> None:
+        report(f"job {number} of {jobs}: {stage}", number - 1, jobs, detail)
+
+    return told
 
 
 def compiled(settings: Settings, order: Order, report: Report | None = None) -> Outcome:
@@ -180,7 +186,7 @@ def run(
         usable(path, *read)
     rows: list[dict[str, Any]] = []
     try:
-        with shell.progress(as_json) as report:
+        with shell.progress(as_json, course.counted) as report:
             all_outcomes = outcomes(orders, settings, scheduler, report)
             for order, path, (table, figures) in zip(orders, paths, all_outcomes, strict=True):
                 row: dict[str, Any] = {"overrides": dict(order.overrides)}

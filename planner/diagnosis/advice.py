@@ -17,6 +17,7 @@ from planner.diagnosis.margins import ClosePair, Margins, close_pairs, lines_of,
 from planner.evaluation.cases import EVERYTHING, PLANNED, Case, noise_cases
 from planner.evaluation.evaluate import sweep
 from planner.evaluation.outcome import Evaluation
+from planner.evaluation.shares import Shares, shares_of
 from planner.job.model import Job
 from planner.search.tree import Node
 from planner.work.progress import Report, silent
@@ -94,6 +95,7 @@ class Advice(NamedTuple):
     proposing: bool  # whether placements were proposed besides the stated ones
     delays: Sequence[Delay]  # of a long plan, the nodes that many parts still come to late
     margins: Margins | None = None  # what widths a little off do; None if not asked for
+    shares: Shares | None = None  # of the same parts, rounded as they are told elsewhere
 
     def figures(self) -> dict[str, Any]:
         """For JSON."""
@@ -104,7 +106,7 @@ class Advice(NamedTuple):
             "delays": [delay.figures() for delay in self.delays],
             "margins": self.margins and {**self.margins._asdict(), "thin": self.margins.thin},
         }
-        del told["proposing"]
+        del told["proposing"], told["shares"]
         return told
 
     def lines(self) -> list[str]:
@@ -120,12 +122,16 @@ class Advice(NamedTuple):
     def _shares(self) -> list[str]:
         if self.failing == 0.0:
             return ["every part was located"]
-        lines = [f"{self.failing:.2%} of the parts are not located"]
+        failing, rejected, unresolved = self.failing, self.rejected, self.unresolved
+        if self.shares is not None:
+            failing = 1.0 - 0.01 * self.shares.located
+            rejected, unresolved = 0.01 * self.shares.rejected, 0.01 * self.shares.unresolved
+        lines = [f"{failing:.2%} of the parts are not located"]
         if self.pinched > 0.5 * self.failing:
-            lines.append(f"{self.pinched:.2%} are rejected, {PINCHED}")
+            lines.append(f"{min(self.pinched, rejected):.2%} are rejected, {PINCHED}")
         if self.unresolved > 0.0:
             lines.append(
-                f"{self.unresolved:.2%} end unresolved, where no squeeze that was tried gained anything: "
+                f"{unresolved:.2%} end unresolved, where no squeeze that was tried gained anything: "
                 "add angles or centres" + ("" if self.proposing else ", or plan with proposals")
             )
         if self.at_depth_limit > 0.0:
@@ -152,6 +158,7 @@ def advise(
         proposing=job.actions.proposals != "none",
         delays=late,
         margins=margins,
+        shares=shares_of(evaluation.summary()),
     )
 
 

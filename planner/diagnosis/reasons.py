@@ -4,12 +4,12 @@ from typing import NamedTuple
 
 from planner.belief.observation import encoder_of
 from planner.diagnosis.advice import PINCHED, Advice
+from planner.diagnosis.alike import BOTH_SIDES
 from planner.errors import NoPlanError
 from planner.job.model import Job
 from planner.part.outline import canonical, convex_hull
 from planner.part.symmetry import nearest_turn
 
-BOTH_SIDES = 2.0  # a width differs by no more than the outline does under both fingers
 TOO_LARGE = "too large for the gripper"
 BELOW = "feature below one count"
 THIN = "rim thinner than one count"

@@ -26,12 +26,34 @@ PLANNED = "as planned"
 EVERYTHING = "all of them"
 
 
+class Condition(NamedTuple):
+    """What must hold for a world not to occur: a quantity stays on one side of a bound."""
+
+    quantity: str
+    side: str = ""  # "above" or "below"; "" where the quantity is the whole condition
+    bound: float = 0.0
+    unit: str = ""
+
+    def text(self) -> str:
+        """The condition as a clause: "friction stays below 1.35"."""
+        return f"{self.quantity} stays {self.side} {self.value()}" if self.side else self.quantity
+
+    def value(self) -> str:
+        """The bound with its unit."""
+        return f"{self.bound:.3g}{self.unit}"
+
+    def stricter(self, other: "Condition") -> bool:
+        """Whether it asks for more than another one of the same quantity and side."""
+        return self.bound < other.bound if self.side == "below" else self.bound > other.bound
+
+
 class Case(NamedTuple):
     """One world."""
 
     name: str  # what is different
     changes: Mapping[str, Mapping[str, Any]] = MappingProxyType({})  # as `Job.replaced` takes them
     disturbance: Disturbance = NONE  # errors of the cell
+    broken: Condition | None = None  # the assumption that does not hold in it
 
     def job(self, planned: Job) -> Job:
         """What parts and gripper are like in this world.
@@ -75,15 +97,44 @@ def believed_cases(job: Job) -> list[Case]:
     """For the first row of a report: each thing that the job doubts, at the ends of its interval."""
     doubt, share = job.doubt, job.gripper.upper_finger_share
     low, high = job.friction.finger_part_min, job.friction.finger_part_max
-    cases = [uneven(job, share + off, centred=True) for off in doubt.finger_share if off]
-    across = [Disturbance(across_mm=off) for off in doubt.middle_mm if off]
-    cases += [Case(f"fingers meet {cell.across_mm:+g} mm off", disturbance=cell) for cell in across]
-    cases += [Case(f"encoder {off:+g} mm", disturbance=Disturbance(off)) for off in doubt.encoder_mm if off]
-    cases += [outline_off(job, sign * job.part.tolerance_mm) for sign in (-1, 1) if job.part.tolerance_mm]
+    cases = [
+        uneven(job, share + off, centred=True)._replace(broken=_share(share + off, off > 0.0))
+        for off in doubt.finger_share
+        if off
+    ]
+    cases += [
+        Case(
+            f"fingers meet {off:+g} mm off", disturbance=Disturbance(across_mm=off),
+            broken=Condition("the fingers' distance from the hand's middle", "below", abs(off), " mm"),
+        )
+        for off in doubt.middle_mm
+        if off
+    ]  # fmt: skip
+    cases += [
+        Case(
+            f"encoder {off:+g} mm", disturbance=Disturbance(off),
+            broken=Condition("the error of widths", "below" if off > 0.0 else "above", off, " mm"),
+        )
+        for off in doubt.encoder_mm
+        if off
+    ]  # fmt: skip
+    cases += [
+        outline_off(job, sign * job.part.tolerance_mm)._replace(
+            broken=Condition(
+                "the distance of contours from the drawing", "below", job.part.tolerance_mm, " mm"
+            )
+        )
+        for sign in (-1, 1)
+        if job.part.tolerance_mm
+    ]
     if job.friction.doubt:
-        cases += [friction(round(SLIPPERY * low, 3), low), friction(high, round(ROUGH * high, 3))]
+        slippery, rough = friction(round(SLIPPERY * low, 3), low), friction(high, round(ROUGH * high, 3))
+        cases += [
+            slippery._replace(broken=Condition("friction", "above", low)),
+            rough._replace(broken=Condition("friction", "below", high)),
+        ]
     if doubt.pressure != "stated" and job.pressure.limit_surface is not None:
-        cases.append(on_three_feet(job))
+        cases.append(on_three_feet(job)._replace(broken=Condition("parts do not stand on three feet")))
     if doubt.limit_surface == "any":
         cases += _other_surface(job)
     if doubt.least_dof:
@@ -152,20 +203,37 @@ def assumption_cases(job: Job) -> list[Case]:
     share = planned + (SLIGHTLY_UNEVEN if planned < 0.9 else -SLIGHTLY_UNEVEN)
     cases = [
         Case("as the job says"),
-        Case(f"friction only {low:g}", _bounds(low, low)),
-        Case(f"friction only {high:g}", _bounds(high, high)),
-        Case(f"friction {less:.3g}, half the least", _bounds(less, less)),
-        Case(f"friction {more:.3g}, half as much again as the most", _bounds(more, more)),
-        Case(f"encoder noise {noise:g} mm, twice as much", {"gripper": {"encoder_noise_mm": noise}}),
-    ]
+        Case(f"friction only {low:g}", _bounds(low, low), broken=Condition("friction", "above", low)),
+        Case(f"friction only {high:g}", _bounds(high, high), broken=Condition("friction", "below", high)),
+        Case(
+            f"friction {less:.3g}, half the least", _bounds(less, less),
+            broken=Condition("friction", "above", less),
+        ),
+        Case(
+            f"friction {more:.3g}, half as much again as the most", _bounds(more, more),
+            broken=Condition("friction", "below", more),
+        ),
+        Case(
+            f"encoder noise {noise:g} mm, twice as much", {"gripper": {"encoder_noise_mm": noise}},
+            broken=Condition("the encoder's noise", "below", noise, " mm"),
+        ),
+    ]  # fmt: skip
     if not job.actions.openings_mm:  # such a job needs fingers that move alike
         name = f"the upper finger makes {100 * share:.3g} % of the way"
-        cases.append(Case(name, {"gripper": {"upper_finger_share": share}}))
+        change = {"gripper": {"upper_finger_share": share}}
+        cases.append(Case(name, change, broken=_share(share, share > planned)))
     released = {"release": {"shift_mm": 0.5, "turn_deg": 1.0}}
-    cases.append(Case("parts shift by 0.5 mm and 1 degree when let go", released))
+    cases.append(
+        Case(
+            "parts shift by 0.5 mm and 1 degree when let go", released,
+            broken=Condition("the shift of parts that are let go", "below", 0.5, " mm"),
+        )
+    )  # fmt: skip
     if job.pressure.kind in ("boundary", "uniform"):
         other = "uniform" if job.pressure.kind == "boundary" else "boundary"
-        cases.append(_pressure(other)._replace(name=f"pressure {other}, not {job.pressure.kind}"))
+        where = {"boundary": "with its rim", "uniform": "with its whole area"}[job.pressure.kind]
+        pressed = f"pressure {other}, not {job.pressure.kind}"
+        cases.append(_pressure(other)._replace(name=pressed, broken=Condition(f"parts press {where}")))
     return cases
 
 
@@ -207,6 +275,11 @@ def outline_off(job: Job, mm: float) -> Case:
     """The part is larger than planned, all around by so much."""
     outline = grown(job.part.outline_mm, mm)
     return Case(f"outline {mm:+g} mm", {"part": {"outline_mm": outline, "symmetry": job.part.symmetry}})
+
+
+def _share(share: float, more: bool) -> Condition:
+    """The upper finger makes less, or more, than a share of the way."""
+    return Condition("the upper finger's share of the way", "below" if more else "above", 100.0 * share, " %")
 
 
 def _beside(share: float, more: float) -> list[float]:

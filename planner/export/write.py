@@ -7,6 +7,7 @@ import json
 import re
 import textwrap
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import asdict
 from functools import cache
 from itertools import groupby
@@ -87,6 +88,9 @@ FORMS = {
     "json": ("squeezetree_table.json", "squeezetree_table.schema.json"),
 }
 VECTORS = "vectors.csv"
+PREFIX = "squeezetree"
+PREFIXES = re.compile(r"(?=.{1,24}$)[a-z][a-z0-9]*(_[a-z0-9]+)*")
+"""Prefixes that stay within the 63 characters of C99 and the single underscores of IEC 61131-3."""
 JSON_VERSION = 1  # as in the schema
 WIDTH = 100  # of a line of numbers
 OF_SEVERAL = ("identify", "hypothesis", "other_hypotheses")  # fields of goal and leaf
@@ -95,8 +99,14 @@ UNKNOWN = -1  # success of a leaf without trials
 LONGEST_TEXT = 60  # of the table's own, in comments
 
 
-def write(found: TableFile, form: str, path: Path) -> dict[str, int]:
+def write(found: TableFile, form: str, path: Path, prefix: str = PREFIX) -> dict[str, int]:
     """Write a table in one of `FORMS`, and its vectors, into a new or an empty folder.
+
+    Args:
+        found: the table.
+        form: one of `FORMS`.
+        path: the folder.
+        prefix: begins the name of each file that a program includes, and all names that it defines.
 
     Returns:
         The bytes of each file, by name.
@@ -106,7 +116,8 @@ def write(found: TableFile, form: str, path: Path) -> dict[str, int]:
     """
     rows = (VECTOR, *vectors(found.table))
     texts = {VECTORS: "".join(",".join(map(str, row)) + "\n" for row in rows)}
-    texts |= {name: _text(name, found) for name in FORMS[form]}
+    texts |= {name.replace(PREFIX, prefix): _text(name, found, prefix) for name in FORMS[form]}
+    new = [place for place in (path, *path.parents) if not place.exists()]
     folder(path)
     try:
         empty = not any(path.iterdir())
@@ -122,14 +133,17 @@ def write(found: TableFile, form: str, path: Path) -> dict[str, int]:
     except BaseException:
         for file in written:
             file.unlink(missing_ok=True)
+        with suppress(OSError):
+            for place in new:
+                place.rmdir()
         raise
     return {file.name: file.stat().st_size for file in written}
 
 
-def _text(name: str, found: TableFile) -> str:
+def _text(name: str, found: TableFile, prefix: str = PREFIX) -> str:
     if name == "squeezetree_table.json":
         return json.dumps(_document(found), indent=1) + "\n"
-    return _templates().get_template(name).render(_values(found))
+    return _templates().get_template(name).render(_values(found), prefix=prefix)
 
 
 def _document(found: TableFile) -> dict[str, Any]:

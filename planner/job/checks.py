@@ -9,15 +9,12 @@ import shapely
 from planner.arrays import Array
 from planner.errors import FitError, OutlineError, ValueRangeError
 from planner.job.surface_file import check_ellipsoid
-from planner.part import outline, symmetry
+from planner.part import outline, symmetry, tips
 
 Values = dict[str, Any]
 
 LEAST_DOF = 3  # Of an ellipsoid's scatter, which is 3 x 3
 LEAST_QUARTIC_DOF = 9  # As many degrees of freedom as the certificate of a quartic has rows
-TIP_MARGIN_MM = 1.0
-"""How far below the part's top the finger tips squeeze at least: the arm is off, a rim is rounded."""
-HIGHEST_TIPS_MM = 8.0  # Where the tips squeeze a part whose height nobody states, or a high one
 ON_PART_MM = 1e-3  # How far outside the outline a support point may lie, for rounded drawings
 
 
@@ -58,12 +55,6 @@ def place_supports(pressure: dict[str, Any], part_outline: outline.Outline, shif
     points.setflags(write=False)
     weights.setflags(write=False)
     pressure.update(points_mm=points, weights=weights)
-
-
-def tips_height_mm(height_mm: float | None) -> float:
-    """Where the tips squeeze if nobody says: half-way up the part, at most `HIGHEST_TIPS_MM`."""
-    top_mm = math.inf if height_mm is None else height_mm
-    return min(HIGHEST_TIPS_MM, 0.5 * top_mm, top_mm - TIP_MARGIN_MM)
 
 
 def check_conflicts(values: Values) -> None:
@@ -171,10 +162,10 @@ def _check_heights(height_mm: float | None, cell: dict[str, Any]) -> None:
     if height_mm is None:
         return
     squeeze_mm, retreat_mm = cell["squeeze_height_mm"], cell["retreat_height_mm"]
-    if squeeze_mm > height_mm - TIP_MARGIN_MM:
+    if squeeze_mm > height_mm - tips.MARGIN_MM:
         problem = (
             f"is {squeeze_mm:g}, which closes the tips above or at the rim of a part of height_mm = "
-            f"{height_mm:g}; lower it to {height_mm - TIP_MARGIN_MM:g} or less, or leave it out"
+            f"{height_mm:g}; lower it to {height_mm - tips.MARGIN_MM:g} or less, or leave it out"
         )
         raise _conflict("cell", "squeeze_height_mm", problem)
     if retreat_mm <= height_mm:

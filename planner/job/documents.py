@@ -11,12 +11,13 @@ from planner.errors import InputFileError, JobError, KeyNameError, TomlError, Us
 from planner.job import hypotheses
 from planner.job.fields import Field, check_names, missing_names, read_section, shown
 from planner.job.schema import ABSENT_SECTIONS, FIELDS, OPTIONAL_SECTIONS, PRESSURE_FIELDS, RETIRED, TOP_LEVEL
-from runtime.shell import strict_json
+from runtime.shell import strict_json, strict_toml
 
 INSTEAD = {
     "orientation": "orientation_halfwidth_deg",
     "orientation_halfwidth_deg": "orientation",
 }  # Keys that state the same thing in two ways: to set one drops the other
+MOST_BYTES = 64 << 20  # of a file that a person wrote
 PAPER_PARTICLES = 6_000  # of its methods, where the job does not say (paper, VII)
 
 
@@ -28,13 +29,18 @@ def read(path: str | Path, advice: str = "check the path") -> str:
     """
     where = str(path)
     try:
-        return Path(path).read_bytes().decode("utf-8-sig")
+        with Path(path).open("rb") as file:
+            data = file.read(MOST_BYTES + 1)
+        text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         problem = f"not UTF-8 text (byte {error.start + 1}); save the file as UTF-8"
         raise InputFileError(problem, where=where) from error
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         raise InputFileError(f"cannot be read: {reason}; {advice}", where=where) from error
+    if len(data) > MOST_BYTES:
+        raise InputFileError(f"larger than {MOST_BYTES >> 20} MiB; {advice}", where=where)
+    return text
 
 
 def from_toml(text: str, where: str) -> dict[str, Any]:
@@ -44,16 +50,16 @@ def from_toml(text: str, where: str) -> dict[str, Any]:
         TomlError: not valid TOML; names line and column.
     """
     try:
-        return tomllib.loads(text.replace("\r\n", "\n"))
-    except RecursionError as error:
-        raise TomlError("not valid TOML: nested too deeply", where=where) from error
-    except ValueError as error:
+        return strict_toml.parse(text.replace("\r\n", "\n"))
+    except tomllib.TOMLDecodeError as error:
         reason, _, place = str(error).partition(" (at ")
         line, column = text.count("\n") + 1, len(text) - text.rfind("\n")
         if match := re.search(r"line (\d+), column (\d+)", place):
             line, column = int(match[1]), int(match[2])
         problem = f"not valid TOML at line {line}, column {column}: {reason}"
         raise TomlError(problem, where=where) from error
+    except ValueError as error:
+        raise TomlError(f"not valid TOML: {error}", where=where) from error
 
 
 def from_json(text: str, where: str) -> dict[str, Any]:

@@ -12,9 +12,10 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from planner.job import model as job_file
-from planner.job.checks import tips_height_mm
 from planner.part.importers.file import Face, Imported
 from planner.part.outline import reach
+from planner.part.tips import tips_height_mm
+from runtime.shell.plain_text import cleaned
 from runtime.table import PROFILES, Profile
 
 
@@ -69,6 +70,7 @@ FINGERS = {
 }
 
 
+MOST_RADIUS_MM = 10.0  # that is proposed
 FITTING = 0.8  # share of the room between open fingers that is proposed for the uncertainty
 DECIMALS = 4  # Of a vertex: 0.1 um, far below any tolerance of a drawing
 
@@ -83,6 +85,7 @@ class Answers(NamedTuple):
     fingers: str  # one of `FINGERS`
     distance_mm: float = 3.0  # the goal
     height_mm: float | None = None  # the part's thickness; None where nobody knows it
+    tips_mm: float | None = None  # of the finger tips above the table; None for where they squeeze by default
 
 
 def draft(imported: Imported, source: str, answers: Answers, faces: Sequence[Face] = ()) -> str:
@@ -99,16 +102,17 @@ def draft(imported: Imported, source: str, answers: Answers, faces: Sequence[Fac
     )  # fmt: skip
     environment.filters["toml"] = lambda text: json.dumps(text, ensure_ascii=False)
     thickness = None if answers.height_mm is None else round(float(answers.height_mm), DECIMALS)
-    tips = faces[0].cut_mm if faces else tips_height_mm(thickness)
+    tips = faces[0].cut_mm if faces else answers.tips_mm or tips_height_mm(thickness)
     text = environment.get_template("job.toml").render(
         name=answers.name,
-        source=_one_line(source),
+        source=cleaned(source),
         order=imported.symmetry,
         height=thickness,
         tips=tips,
         **_shape(imported),
         faces=[_face(number, face, answers.name) for number, face in enumerate(faces, start=1)],
         datum=[round(float(value), DECIMALS) + 0.0 for value in imported.origin_mm],
+        datum_name=imported.origin_name,
         fingers=FINGERS[answers.fingers],
         gripper=GRIPPERS[answers.gripper],
         radius=float(answers.radius_mm),
@@ -134,7 +138,7 @@ def _shape(imported: Imported) -> dict[str, object]:
     width, height = imported.size_mm
     return {
         "size": f"{width:.3f} x {height:.3f}",
-        "notes": [_one_line(note) for note in imported.notes],
+        "notes": [cleaned(note) for note in imported.notes],
         "vertices": np.round(imported.outline_mm, DECIMALS).tolist(),
     }
 
@@ -149,9 +153,4 @@ def room_mm(imported: Imported, gripper: GripperPreset) -> float:
 
 def proposed_radius_mm(imported: Imported, gripper: GripperPreset) -> float:
     """A radius of the disc that the centroid lies in, where nobody states one [mm]."""
-    return max(1.0, float(math.floor(min(10.0, FITTING * room_mm(imported, gripper)))))
-
-
-def _one_line(text: str) -> str:
-    """Text that stays within a comment: printable, on one line."""
-    return "".join(letter if letter.isprintable() else " " for letter in text)
+    return max(1.0, float(math.floor(min(MOST_RADIUS_MM, FITTING * room_mm(imported, gripper)))))

@@ -14,6 +14,7 @@ import numpy as np
 
 from planner.arrays import Array
 from planner.errors import KeyNameError, ValueRangeError
+from runtime.shell.plain_text import is_plain
 
 REQUIRED: Final = object()  # Default of a field that must be stated
 
@@ -90,7 +91,7 @@ class Text:
         if self.choices and value not in self.choices:
             wanted = f"must be {one_of(self.choices)}, not {shown(value)}"
             raise ValueRangeError(wanted + _meant(value, self.choices))
-        if not value.strip() or not value.isprintable() or len(value) > self.longest:
+        if not is_plain(value, self.longest):
             wanted = f"one line of 1 to {self.longest} printable characters"
             raise ValueRangeError(f"must be {wanted}, not {shown(value)}")
         return value

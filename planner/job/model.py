@@ -22,6 +22,7 @@ from planner.job import checks as job_checks
 from planner.job import documents, hypotheses, schema, surface_file
 from planner.part import symmetry
 from planner.part.pressure import Pressure
+from planner.part.tips import tips_height_mm
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -246,7 +247,7 @@ def _of_one(document: dict[str, Any], where: str, drawn: bool) -> Job:
     surface_file.resolve(values["pressure"], where, drawn)
     job_checks.place_supports(values["pressure"], part["outline_mm"], shift)
     if cell["squeeze_height_mm"] is None:
-        cell["squeeze_height_mm"] = job_checks.tips_height_mm(part["height_mm"])
+        cell["squeeze_height_mm"] = tips_height_mm(part["height_mm"])
     job_checks.check_conflicts(values)
     if actions["pushes"] == "none":
         actions["pushes"] = None  # a job that states what is so anyway is the same job

@@ -1,12 +1,12 @@
 """Values of a job stated on the command line: `uncertainty.radius_mm=15`."""
 
 import re
-import tomllib
 from collections.abc import Iterable
 from typing import Any
 
 from planner.errors import UsageError
 from planner.job.fields import shown
+from runtime.shell import strict_toml
 
 _WORD = re.compile(r"[A-Za-z][\w.-]*")
 
@@ -41,8 +41,8 @@ def value_of(name: str, text: str) -> Any:
     if not re.fullmatch(r"(\w+\.)?\w+", name):
         raise UsageError(f"{shown(name)} names no value of a job; write it as section.key=value")
     try:
-        parsed = tomllib.loads(f"value = {text}")
-    except (ValueError, RecursionError):
+        parsed = strict_toml.parse(f"value = {text}")
+    except ValueError:
         parsed = {}
     if list(parsed) == ["value"]:
         return parsed["value"]

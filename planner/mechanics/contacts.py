@@ -1,15 +1,14 @@
 """Contacts between a polygonal part and the two fingers, with their gaps.
 
-Finger +1 closes downwards from y = top, finger -1 upwards from y = bottom; both are boxes |x| <= h that
-extend outwards by their thickness. Four pairs of features can touch:
+Fingers are boxes with their sides along the axes; the faces of two that close look at each other, those of
+two that push side by side look one way. Four pairs of features can touch:
 
 - FACE:   a vertex of the part on the inner face of a finger, normal along y;
 - CORNER: an inner corner of a finger on an edge of the part, normal across the edge;
 - END:    a vertex of the part on the end of a finger, normal along x;
 - OUTER:  an outer corner of a finger on an edge of a part that reaches behind it.
 
-A pusher of points (`find_points`) touches edges as a finger's corner does (CORNER) and convex vertices (TIP);
-where points are the corners of boxes, vertices also touch these boxes' sides (`add_sides`, FACE).
+A pusher of points (`find_points`) touches edges as a finger's corner does (CORNER) and convex vertices (TIP).
 
 A pair counts only where its normal lies in the normal cones of both features; nearly parallel pairs are the
 exception, for they are what holds a flush edge that is longer than the finger.
@@ -21,8 +20,11 @@ arrays, one row a contact:
         GAP [mm], moments of normal and tangent over rho (N2, T2), finger displacement along normal and
         tangent (UN, UT) [mm], forces (FN, FT), the slip along the tangent (-NY, NX) after which the pair of
         features ends (LOW, HIGH) [mm];
-    I (MAX_CONTACTS, I_COLUMNS) int:    FINGER (+1, -1), KIND, SIDE (sign of the finger end's x), VERTEX.
+    I (MAX_CONTACTS, I_COLUMNS) int:    FINGER (+1 looks down, -1 up), KIND, SIDE (of the finger, the sign of
+        x), VERTEX.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -46,8 +48,29 @@ LEAST_ARM_MM = 0.5
 """Of a flush edge, only the vertex on the face counts where the finger's corner is nearer to it."""
 EDGE_SLACK_MM = 1e-9
 OUTSIDE_MM = 5e-3  # A corner deeper than this behind all edges is inside the part
+VERTEX_MM = 2e-4  # A point this near a vertex is at both edges; more than a step goes past the end of one
 DRIFT_MM = 0.02  # A pusher's point that is inside two edges by less touches both
+PENETRATION_MM = 0.01  # Overlap at which a step is refused
+FAR = 7  # The bits of `mark` that say that a vertex is far from the fingers
 END_DEPTH_MM = 0.01  # How far behind the inner face a vertex must be to count as beside the finger
+
+
+class Finger(NamedTuple):
+    """A finger at one moment: a box |x - centre| <= h that extends from its inner face by its thickness."""
+
+    side: int  # +1: its inner face looks down, -1: up
+    centre: float  # x of its middle [mm]
+    face: float  # y of its inner face [mm]
+    h: float  # half its length [mm]
+    thickness: float  # [mm]
+
+
+class Hand(NamedTuple):
+    """The fingers that may touch the part: both, or the first alone."""
+
+    first: Finger  # looks down
+    second: Finger
+    fingers: int
 
 
 @inlined_kernel
@@ -105,37 +128,36 @@ def _hidden(points: Array, i: int, j: int, px: float, py: float, gap: float) -> 
 
 
 @inlined_kernel
-def _add_face(
-    C: Array, I: IntArray, count: int, points: Array, i: int, finger: int, face: float, h: float,
-    margin: float,
-) -> int:  # fmt: skip
+def _add_face(C: Array, I: IntArray, count: int, points: Array, i: int, finger: Finger, margin: float) -> int:
     """Adds vertex i on the inner face, where it is under the face and near, and not yet there."""
-    gap = finger * (face - points[1, i])
-    inside = h - abs(points[0, i])
+    side, h, x = finger.side, finger.h, points[0, i] - finger.centre
+    gap = side * (finger.face - points[1, i])
+    inside = h - abs(x)
     if inside < 0.0 or gap > margin or gap < -margin or (gap < 0.0 and inside < -gap):
         return count
     for k in range(count):
-        if I[k, VERTEX] == i and I[k, KIND] == FACE and I[k, FINGER] == finger:
+        if I[k, VERTEX] == i and I[k, KIND] == FACE and I[k, FINGER] == side:
             return count
-    along = finger * points[0, i]
+    along = side * x
     slot = _slot(C, count, gap)
     if slot < 0:
         return count
-    I[slot, FINGER], I[slot, KIND], I[slot, SIDE], I[slot, VERTEX] = finger, FACE, 0, i
-    _write(C, slot, gap, points[0, i], points[1, i], 0.0, -float(finger), -h - along, h - along)
+    I[slot, FINGER], I[slot, KIND], I[slot, SIDE], I[slot, VERTEX] = side, FACE, 0, i
+    _write(C, slot, gap, points[0, i], points[1, i], 0.0, -float(side), -h - along, h - along)
     return min(count + 1, MAX_CONTACTS)
 
 
 @inlined_kernel
 def _add_corners(
-    C: Array, I: IntArray, count: int, points: Array, i: int, j: int, finger: int, kind: int, face: float,
-    h: float, margin: float,
-) -> int:  # fmt: skip
+    C: Array, I: IntArray, count: int, points: Array, i: int, j: int, finger: Finger, kind: int, margin: float
+) -> int:
     """Adds the edge from vertex i to j at the two inner (CORNER) or outer (OUTER) corners of a finger.
 
-    `face` is the y of the inner or the outer face; the outer corners look the other way.
+    The outer corners look the other way.
     """
-    outward = finger if kind == CORNER else -finger
+    h = finger.h
+    outward = finger.side if kind == CORNER else -finger.side
+    face = finger.face if kind == CORNER else finger.face + finger.side * finger.thickness
     x0, y0, x1, y1 = points[0, i], points[1, i], points[0, j], points[1, j]
     ex, ey = x1 - x0, y1 - y0
     length = np.sqrt(ex * ex + ey * ey)
@@ -145,7 +167,8 @@ def _add_corners(
     for side in (-1, 1):
         if side * ey > NEARLY_PARALLEL:
             continue
-        dx, dy = side * h - x0, face - y0
+        x = finger.centre + side * h
+        dx, dy = x - x0, face - y0
         gap = dx * ey - dy * ex
         along = dx * ex + dy * ey
         if gap < -margin or gap > margin or along < -EDGE_SLACK_MM or along > length + EDGE_SLACK_MM:
@@ -153,87 +176,92 @@ def _add_corners(
         lower = along if outward * y0 >= outward * y1 else length - along
         if side * ey > 0.0 and lower < LEAST_ARM_MM:
             continue
-        if _hidden(points, i, j, side * h, face, gap):
+        if _hidden(points, i, j, x, face, gap):
             continue
         slot = _slot(C, count, gap)
         if slot < 0:
             continue
         count = min(count + 1, MAX_CONTACTS)
-        rx, ry = side * h - gap * ey, face + gap * ex
-        I[slot, FINGER], I[slot, KIND], I[slot, SIDE], I[slot, VERTEX] = finger, kind, side, i
+        rx, ry = x - gap * ey, face + gap * ex
+        I[slot, FINGER], I[slot, KIND], I[slot, SIDE], I[slot, VERTEX] = finger.side, kind, side, i
         _write(C, slot, gap, rx, ry, -ey, ex, -along, length - along)
         if kind == CORNER and abs(ey) <= NEARLY_PARALLEL:
             if along > LEAST_ARM_MM:
-                count = _add_face(C, I, count, points, i, finger, face, h, margin)
+                count = _add_face(C, I, count, points, i, finger, margin)
             if length - along > LEAST_ARM_MM:
-                count = _add_face(C, I, count, points, j, finger, face, h, margin)
+                count = _add_face(C, I, count, points, j, finger, margin)
     return count
 
 
 @inner_kernel
-def mark(points: Array, out: IntArray, high: float, low: float, side: float) -> None:
+def mark(points: Array, out: IntArray, hand: Hand, margin: float) -> None:
     """Marks in `out` (N,) on which sides of the fingers' surroundings each vertex lies outside.
 
-    An edge whose ends share a bit is far from both fingers (outcodes, after Cohen and Sutherland): between
-    y = low and high, beyond x = side, or beyond -side.
+    Outcodes, after Cohen and Sutherland: an edge whose ends share one of the `FAR` bits is farther than
+    `margin` from all fingers, one whose ends share any bit runs no deeper than `PENETRATION_MM` in one.
     """
+    first, second = hand.first, hand.second
+    high, low = first.face, second.face if hand.fingers == 2 and second.side < 0 else -np.inf
+    side = max(abs(first.centre), abs(second.centre)) + first.h + margin
+    above, below, deep, deep_below = high - margin, low + margin, high + PENETRATION_MM, low - PENETRATION_MM
     for i in range(points.shape[1]):
         x, y = points[0, i], points[1, i]
-        out[i] = ((y > low) & (y < high)) | ((x > side) << 1) | ((x < -side) << 2)
+        between, outside = (y > below) & (y < above), (y >= deep_below) & (y <= deep)
+        out[i] = between | ((x > side) << 1) | ((x < -side) << 2) | (outside << 3)
+
+
+@inlined_kernel
+def _add_pairs(
+    C: Array, I: IntArray, count: int, points: Array, i: int, finger: Finger, margin: float
+) -> int:
+    """Adds the pairs of a finger with vertex i, and with the edge from there to the next vertex."""
+    n, side, h, thickness = points.shape[1], finger.side, finger.h, finger.thickness
+    j, face = i + 1 if i + 1 < n else 0, side * finger.face
+    y, after = side * points[1, i], side * points[1, j]
+    if y < face - margin and after < face - margin:
+        return count
+    b = i - 1 if i > 0 else n - 1
+    xi, xj = points[0, i] - finger.centre, points[0, j] - finger.centre
+    before = side * points[1, b]
+    if y >= face - margin and y >= before and y >= after and abs(xi) <= h:
+        count = _add_face(C, I, count, points, i, finger, margin)
+        if before >= after:
+            count = _add_face(C, I, count, points, b, finger, margin)
+        if after >= before:
+            count = _add_face(C, I, count, points, j, finger, margin)
+    if abs(xi) >= h - margin or abs(xj) >= h - margin:
+        count = _add_corners(C, I, count, points, i, j, finger, CORNER, margin)
+        if max(y, after) >= face + thickness - margin:
+            count = _add_corners(C, I, count, points, i, j, finger, OUTER, margin)
+    if END_DEPTH_MM < y - face < thickness and abs(xi) > h - margin:
+        end = 1 if xi > 0.0 else -1
+        gap = end * xi - h
+        local = end * points[0, b] >= end * points[0, i] and end * xj >= end * xi
+        if gap <= margin and local and (gap >= 0.0 or y - face >= -gap):
+            slot = _slot(C, count, gap)
+            if slot >= 0:
+                I[slot, FINGER], I[slot, KIND], I[slot, SIDE], I[slot, VERTEX] = side, END, end, i
+                _write(C, slot, gap, points[0, i], points[1, i], float(end), 0.0, -np.inf, np.inf)
+                count = min(count + 1, MAX_CONTACTS)
+    return count
 
 
 @inner_kernel
-def find(
-    C: Array, I: IntArray, points: Array, out: IntArray, q: Array, top: float, bottom: float, h: float,
-    thickness: float, margin: float,
-) -> int:  # fmt: skip
+def find(C: Array, I: IntArray, points: Array, out: IntArray, q: Array, hand: Hand, margin: float) -> int:
     """Finds all pairs of features that are within `margin` [mm] of touching; returns how many.
 
     On the inner face only local minima of the gap count, and the lower neighbour of each. C and I are
     modified in place, and `out` (N,) as by `mark`. The outline (2, N) is counter-clockwise in the hand frame
-    [mm], the part's pose there q (3,). The fingers' inner faces lie at y = top and bottom; h is half their
-    length, `thickness` theirs [mm].
+    [mm], the part's pose there q (3,).
     """
-    n = points.shape[1]
-    count = 0
-    within = h - margin
-    mark(points, out, top - margin, bottom + margin, h + margin)
+    n, count = points.shape[1], 0
+    mark(points, out, hand, margin)
     for i in range(n):
-        j = i + 1 if i + 1 < n else 0
-        if out[i] & out[j]:
+        if out[i] & out[i + 1 if i + 1 < n else 0] & FAR:
             continue
-        xi, xj, yi, yj = points[0, i], points[0, j], points[1, i], points[1, j]
-        beside = abs(xi) >= within or abs(xj) >= within
-        for finger in (1, -1):
-            face = top if finger == 1 else bottom
-            reach = finger * face - margin
-            y, after = finger * yi, finger * yj
-            if y < reach and after < reach:
-                continue
-            b = i - 1 if i > 0 else n - 1
-            before = finger * points[1, b]
-            if y >= reach and y >= before and y >= after and abs(xi) <= h:
-                count = _add_face(C, I, count, points, i, finger, face, h, margin)
-                if before >= after:
-                    count = _add_face(C, I, count, points, b, finger, face, h, margin)
-                if after >= before:
-                    count = _add_face(C, I, count, points, j, finger, face, h, margin)
-            if beside:
-                count = _add_corners(C, I, count, points, i, j, finger, CORNER, face, h, margin)
-                if max(y, after) >= finger * face + thickness - margin:
-                    outer = face + finger * thickness
-                    count = _add_corners(C, I, count, points, i, j, finger, OUTER, outer, h, margin)
-            behind = y - finger * face
-            if END_DEPTH_MM < behind < thickness and abs(xi) > h - margin:
-                side = 1 if xi > 0.0 else -1
-                gap = side * xi - h
-                local = side * points[0, b] >= side * xi and side * xj >= side * xi
-                if gap <= margin and local and (gap >= 0.0 or behind >= -gap):
-                    slot = _slot(C, count, gap)
-                    if slot >= 0:
-                        I[slot, FINGER], I[slot, KIND], I[slot, SIDE], I[slot, VERTEX] = finger, END, side, i
-                        _write(C, slot, gap, xi, yi, float(side), 0.0, -np.inf, np.inf)
-                        count = min(count + 1, MAX_CONTACTS)
+        count = _add_pairs(C, I, count, points, i, hand.first, margin)
+        if hand.fingers == 2:
+            count = _add_pairs(C, I, count, points, i, hand.second, margin)
     for k in range(count):
         C[k, RX] -= q[0]
         C[k, RY] -= q[1]
@@ -265,13 +293,13 @@ def find_points(C: Array, I: IntArray, points: Array, q: Array, pusher: Array, m
             dx, dy = px - points[0, i], py - points[1, i]
             along, gap = dx * ex + dy * ey, dx * ey - dy * ex
             kind, nx, ny, low, high = CORNER, -ey, ex, -along, length - along
-            if along > length and not notch_after:
+            if along > length + VERTEX_MM and not notch_after:
                 dx, dy = px - points[0, j], py - points[1, j]
                 gap = np.sqrt(dx * dx + dy * dy)
-                if gap == 0.0 or dx * next_x + dy * next_y >= 0.0:
+                if dx * next_x + dy * next_y >= -VERTEX_MM * np.sqrt(next_x * next_x + next_y * next_y):
                     continue
                 kind, nx, ny, low, high = TIP, -dx / gap, -dy / gap, -np.inf, np.inf
-            elif along < (-margin if notch_before else 0.0) or along > length + margin:
+            elif along < (-margin if notch_before else -VERTEX_MM) or along > length + margin:
                 continue
             drifted = 0.0 if -DRIFT_MM < gap < 0.0 else gap
             if abs(gap) > margin or (kind == CORNER and _hidden(points, i, j, px, py, drifted)):
@@ -280,44 +308,5 @@ def find_points(C: Array, I: IntArray, points: Array, q: Array, pusher: Array, m
             if slot >= 0:
                 I[slot, FINGER], I[slot, KIND], I[slot, SIDE], I[slot, VERTEX] = 1, kind, finger, i
                 _write(C, slot, gap, px + gap * nx - q[0], py + gap * ny - q[1], nx, ny, low, high)
-                count = min(count + 1, MAX_CONTACTS)
-    return count
-
-
-@inner_kernel
-def add_sides(
-    C: Array, I: IntArray, count: int, points: Array, q: Array, boxes: Array, dx: float, dy: float,
-    margin: float,
-) -> int:  # fmt: skip
-    """Adds the vertices that are within `margin` [mm] of the sides of boxes, not beyond their corners.
-
-    A vertex counts where neither of its edges leads nearer to the side; inside a box it touches the nearest
-    such side. Arguments as of `find_points`, whose `count` contacts stay; the boxes (m, 4), with their sides
-    along the axes, are x and y of their least and their greatest corner, before they moved by (dx, dy).
-    """
-    n = points.shape[1]
-    for i in range(n):
-        j, b = i + 1 if i + 1 < n else 0, i - 1 if i > 0 else n - 1
-        x, y = points[0, i] - dx, points[1, i] - dy
-        for box in range(boxes.shape[0]):
-            gap, nx, ny, low, high = -np.inf, 0.0, 0.0, 0.0, 0.0
-            for side in range(4):
-                axis, sign = side % 2, -1.0 if side < 2 else 1.0
-                mx, my = (sign, 0.0) if axis == 0 else (0.0, sign)
-                along = mx * y - my * x
-                first, last = sign * boxes[box, 1 - axis], sign * boxes[box, 3 - axis]
-                if axis == 1:
-                    first, last = -first, -last
-                own = mx * x + my * y - sign * boxes[box, side]
-                before = mx * (points[0, b] - points[0, i]) + my * (points[1, b] - points[1, i])
-                after = mx * (points[0, j] - points[0, i]) + my * (points[1, j] - points[1, i])
-                under = min(first, last) <= along <= max(first, last)
-                if under and own > gap and before >= 0.0 and after >= 0.0:
-                    gap, nx, ny = own, mx, my
-                    low, high = min(first, last) - along, max(first, last) - along
-            slot = _slot(C, count, gap) if abs(gap) <= margin else -1
-            if slot >= 0:
-                I[slot, FINGER], I[slot, KIND], I[slot, SIDE], I[slot, VERTEX] = 1, FACE, box, i
-                _write(C, slot, gap, points[0, i] - q[0], points[1, i] - q[1], nx, ny, low, high)
                 count = min(count + 1, MAX_CONTACTS)
     return count

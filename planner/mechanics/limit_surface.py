@@ -26,6 +26,9 @@ STILL = 1e-12
 MIN_EIGENVALUE = 1e-3
 """Floor of a fitted A's eigenvalues: semi-axes of 30, longer than any pressure under the outline gives."""
 
+DIGITS = 10
+"""Decimals of an ellipsoid fitted to a pressure: what LAPACK gives beyond hangs on the processor."""
+
 _UPPER = np.triu_indices(3)
 
 
@@ -40,7 +43,10 @@ class LimitSurface:
 def fit_ellipsoid(points: Array, weights: Array, rho_mm: float) -> LimitSurface:
     """Fits the ellipsoid to a pressure distribution; arguments as `about_centre`."""
     F, V, shift = about_centre(points, weights, rho_mm)
-    return LimitSurface(_frozen(shift.T @ fit(F, V) @ shift), rho_mm)
+    A = np.round(fit(F, V), DIGITS)
+    A[:, :2] += A[:, 2:] * shift[2, :2]  # A S, then S^T A S
+    A[:2] += shift[2, :2, None] * A[2]
+    return LimitSurface(_frozen(A), rho_mm)
 
 
 def about_centre(points: Array, weights: Array, rho_mm: float) -> tuple[Array, Array, Array]:
@@ -50,7 +56,7 @@ def about_centre(points: Array, weights: Array, rho_mm: float) -> tuple[Array, A
     frame lies, and a force through the centre of pressure turns the part as little as it should. The pressure
     has support points (M, 2) in the part's frame [mm] and weights (M,) of sum 1.
     """
-    centre = weights @ points
+    centre = np.array([math.fsum(weights * column) for column in points.T])
     twists = twist_directions()
     shift = np.eye(3)
     shift[2, :2] = centre[1] / rho_mm, -centre[0] / rho_mm
@@ -120,15 +126,26 @@ def fit(F: Array, V: Array, weights: Array | None = None) -> Array:
 def wishart(mean: Array, dof: int | IntArray, rng: np.random.Generator, n: int) -> Array:
     """Draws (n, D, D) Wishart matrices with `dof` >= D, one or (n,), and a positive definite mean (D, D).
 
-    Var(X_ij) = (mean_ij^2 + mean_ii mean_jj) / dof (paper, footnote 1). Drawn by Bartlett's decomposition.
+    Var(X_ij) = (mean_ij^2 + mean_ii mean_jj) / dof (paper, footnote 1). Drawn by Bartlett's decomposition,
+    without LAPACK and BLAS: one seed gives the same draws on every processor.
     """
     size = len(mean)
     drawn = np.empty((n, size, size))
     for row in range(size):
         drawn[:, row, row] = np.sqrt(rng.chisquare(dof - row, size=n) / dof)
         drawn[:, row, :row] = rng.standard_normal((n, row)) / np.sqrt(np.broadcast_to(dof, n))[:, None]
-    _square(np.asarray(np.linalg.cholesky(mean), np.float64), drawn)
+    _square(cholesky(mean), drawn)
     return drawn
+
+
+def cholesky(A: Array) -> Array:
+    """Lower triangular L with L L^T = A (D, D), positive definite: the same bits on every processor."""
+    L = np.zeros(A.shape)
+    for i in range(len(A)):
+        for j in range(i + 1):
+            rest = A[i, j] - math.fsum(L[i, :j] * L[j, :j])
+            L[i, j] = math.sqrt(rest) if i == j else rest / L[j, j]
+    return L
 
 
 @kernel

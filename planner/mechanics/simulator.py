@@ -9,12 +9,14 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
+from planner import arguments
 from planner.arrays import Array, BoolArray, IntArray
 from planner.job.model import Job
+from planner.job.schema import MOST_FRICTION
 from planner.mechanics import surface as limit_surface
 from planner.mechanics.clearance import jaws_of
-from planner.mechanics.push import LOST, SLID, STUCK, Paths, corners_of, fingers_of, push_many
-from planner.mechanics.squeeze import GRASPED, JAMMED, STATUS_NAMES, Each, grip_of, squeeze, squeeze_many
+from planner.mechanics.push import LOST, SLID, STUCK, Paths, Pushers, of_fingers, of_points, push_many
+from planner.mechanics.squeeze import GRASPED, JAMMED, STATUS_NAMES, Each, close_by, squeeze, squeeze_many
 from planner.mechanics.stepping import Body, Scratch, squeeze_workspace
 from planner.mechanics.surface import Surface
 from planner.mechanics.traits import FRESH, Traits, as_planned, shapes
@@ -92,12 +94,13 @@ class Simulator:
             wishart_dof=job.pressure.wishart_dof,
             release=(job.release.shift_mm, job.release.shift_mm, math.radians(job.release.turn_deg)),
             step_mm=step_mm,
-            workers=workers or os.cpu_count() or 1,
+            workers=(os.cpu_count() or 1) if workers is None else arguments.count(workers, "workers"),
         )
 
     def nominal(self, n: int, mu: float) -> Parameters:
         """Parameters without scatter: the nominal limit surface and one friction value, n times."""
         surface = limit_surface.nominal(self.surface)
+        mu, n = arguments.number(mu, "mu", 0.0, MOST_FRICTION), arguments.count(n, "n", 0)
         return Parameters(np.repeat(surface[None], n, axis=0), np.full((n, 2), mu))
 
     def sample(self, n: int, rng: np.random.Generator, traits: Traits | None = None) -> Parameters:
@@ -105,7 +108,8 @@ class Simulator:
 
         What the `traits` (n,) of the parts say is not drawn.
         """
-        own = as_planned(n) if traits is None else traits
+        own = as_planned(arguments.count(n, "n", 0)) if traits is None else traits
+        arguments.same_length(poses=range(n), traits=own)
         dof = np.where(own["dof"] > 0, own["dof"], self.wishart_dof)
         surfaces, ellipsoid = limit_surface.sample_each(
             (self.surface, *self.others), own["surface"], dof, rng
@@ -127,18 +131,27 @@ class Simulator:
         Returns x, y, theta, width on the way (k, 4) [mm, mm, rad, mm], from the start to the end, and the
         status.
         """
-        n, q, rows = len(self.outline), np.array(pose, dtype=np.float64), np.zeros((TRACE_ROWS, 4))
+        n, q, rows = len(self.outline), arguments.row(pose, "pose", 3).copy(), np.zeros((TRACE_ROWS, 4))
+        mu = arguments.number(mu, "mu", 0.0, MOST_FRICTION)
+        surface = checked_surfaces(np.asarray(surface)[None])[0]
         body = Body(np.ascontiguousarray(self.outline.T), reach(self.outline), surface, self.surface.rho_mm)
-        grip = grip_of(np.full(2, mu), self.jaws, self.step_mm)
-        scratch = Scratch(np.zeros((2, n)), np.zeros(n, np.int64), squeeze_workspace())
-        width, status, _, count = squeeze(body, grip, q, scratch, rows)
+        work = squeeze_workspace()
+        close_by(work.boundary, self.jaws, mu, mu, self.step_mm)
+        scratch = Scratch(np.zeros((2, n)), np.zeros(n, np.int64), work)
+        width, status, _, count = squeeze(body, self.jaws[0], q, scratch, rows)
         end = np.array([[*q, width]])
         return np.concatenate([rows[:count], end]), int(status)
 
     def roll_out(self, poses: Array, parameters: Parameters) -> RollOut:
-        """Squeezes each pose (n, 3) in the hand frame once, jaws open [mm, mm, rad]."""
+        """Squeezes each pose (n, 3) in the hand frame once, jaws open [mm, mm, rad].
+
+        Raises:
+            ValueError: a shape does not fit, or a number is none.
+        """
+        poses = arguments.rows(poses, "poses", 3)
+        check(parameters, len(poses))
         if parameters.ellipsoid is not None:
-            forms = by_form(parameters, parameters.ellipsoid)
+            forms = by_form(parameters)
             return in_order([(rows, self.roll_out(poses[rows], own)) for rows, own in forms], len(poses))
         final = np.array(poses, dtype=np.float64, order="C", copy=True)
         n = len(final)
@@ -173,7 +186,15 @@ class Simulator:
         it, lost where the pusher has left it or never met it, else it slid.
         """
         n = len(paths.angles)
-        moved, touching, given_up = self._pushed(np.zeros((n, 3)), paths, np.zeros((n, 0, 4)), parameters)
+        checked = Paths(
+            arguments.rows(paths.points, "points", *np.shape(paths.points)[1:2], 2),
+            arguments.rows(paths.centres, "centres", 2),
+            arguments.rows(paths.angles, "angles", least=-arguments.MOST_TURN, most=arguments.MOST_TURN),
+            arguments.rows(paths.shifts, "shifts", 2, least=-arguments.LONGEST_MM, most=arguments.LONGEST_MM),
+        )
+        arguments.same_length(**checked._asdict())
+        check(parameters, n)
+        moved, touching, given_up = self._pushed(np.zeros((n, 3)), of_points(checked), parameters)
         off = moved - commanded(paths)
         stuck = moved.any(axis=1) & (np.hypot(off[:, 0], off[:, 1]) < STUCK_MM)
         stuck &= np.abs(off[:, 2]) < math.radians(STUCK_DEG)
@@ -197,37 +218,68 @@ class Simulator:
 
         Returns:
             (n, 3) where they end, in the same frame.
+
+        Raises:
+            ValueError: a shape does not fit, or a number is none or out of range.
         """
-        n, final = len(poses), np.array(poses, dtype=np.float64, order="C", copy=True)
-        shifts = np.column_stack([way_mm, np.zeros(n)])
+        n, start = len(poses), arguments.rows(poses, "poses", 3)
+        opening_mm = arguments.rows(opening_mm, "opening_mm", least=0.0, most=self.jaws[0])
+        way_mm = arguments.rows(way_mm, "way_mm", least=0.0, most=arguments.LONGEST_MM)
+        arguments.same_length(poses=start, opening_mm=opening_mm, way_mm=way_mm, traits=traits)
         parameters = self.sample(n, rng, traits)
         assert parameters.share is not None
-        fingers = fingers_of(opening_mm, self.jaws[1], self.jaws[2])
-        fingers[:, :, 1::2] += beside_mm(parameters.share, self.jaws[0] - opening_mm)[:, None, None]
-        paths = Paths(corners_of(fingers), np.zeros((n, 2)), np.zeros(n), shifts)
-        if parameters.ellipsoid is None:
-            return self._pushed(final, paths, fingers, parameters)[0]
-        for rows, own in by_form(parameters, parameters.ellipsoid):
-            path = Paths(*(values[rows] for values in paths))
-            final[rows] = self._pushed(final[rows], path, fingers[rows], own)[0]
-        return final
+        beside = beside_mm(parameters.share, self.jaws[0] - opening_mm)
+        pushers = of_fingers(opening_mm, np.asarray(way_mm, np.float64), self.jaws[1], self.jaws[2])
+        # Turned by a quarter, the hand's x axis points down: so fingers look that push.
+        x, y, theta = start.T
+        turned = np.column_stack([y - beside, 0.5 * self.jaws[1] - x, theta - 0.5 * math.pi])
+        across, back, angle = (self._pushed(turned, pushers, parameters)[0] - turned).T
+        return np.asarray(start + np.column_stack([-back, across, angle]))
 
     def _pushed(
-        self, poses: Array, paths: Paths, boxes: Array, parameters: Parameters
+        self, poses: Array, pushers: Pushers, parameters: Parameters
     ) -> tuple[Array, IntArray, IntArray]:
-        """Poses (n, 3), modified into where they end; where the pusher touches, and where it gave up (n,)."""
+        """Where parts at poses (n, 3) end; where the pusher touches, and where it gave up (n,)."""
+        final = np.array(poses, dtype=np.float64, order="C", copy=True)
         touching, given_up = np.zeros(len(poses), np.int64), np.zeros(len(poses), np.int64)
+        farthest = reach(self.outline)
 
         def run(start: int) -> None:
-            part = slice(start, start + CHUNK)
-            push_many(
-                self.outline, parameters.surfaces[part], self.surface.rho_mm, parameters.mu[part],
-                self.step_mm, Paths(*(values[part] for values in paths)), boxes[part], poses[part],
-                touching[part], given_up[part], squeeze_workspace(),
-            )  # fmt: skip
+            chunk = np.arange(start, min(start + CHUNK, len(poses)))
+            for some, own in by_form(parameters.of(chunk)):
+                rows = chunk[some]
+                ends, touches, failed = final[rows], touching[rows], given_up[rows]
+                push_many(
+                    self.outline, farthest, self.surface.rho_mm, self.step_mm, pushers.of(rows), own.surfaces,
+                    own.mu, ends, touches, failed, squeeze_workspace(),
+                )  # fmt: skip
+                final[rows], touching[rows], given_up[rows] = ends, touches, failed
 
         deque(Threads(self.workers).map(run, range(0, len(poses), CHUNK)), maxlen=0)
-        return poses, touching, given_up
+        return final, touching, given_up
+
+
+def check(parameters: Parameters, n: int) -> None:
+    """Check that parameters are those of n roll-outs.
+
+    Raises:
+        ValueError: a shape does not fit, or a number is none.
+    """
+    checked_surfaces(parameters.surfaces)
+    arguments.rows(parameters.mu, "mu", 2, least=0.0)
+    arguments.same_length(poses=range(n), **parameters._asdict())
+
+
+def checked_surfaces(surfaces: Array) -> Array:
+    """Limit surfaces (n, 3, 3) or (n, 6, 6), finite.
+
+    Raises:
+        ValueError: they are not.
+    """
+    size = 6 if np.shape(surfaces)[1:] == (6, 6) else 3
+    return arguments.rows(
+        surfaces, "surfaces", size, size, least=-np.finfo(float).max, most=np.finfo(float).max
+    )
 
 
 def beside_mm(share: Array, closed_mm: Array) -> Array:
@@ -235,8 +287,12 @@ def beside_mm(share: Array, closed_mm: Array) -> Array:
     return np.asarray((0.5 - share) * closed_mm)
 
 
-def by_form(parameters: Parameters, ellipsoid: BoolArray) -> Iterator[tuple[IntArray, Parameters]]:
+def by_form(parameters: Parameters) -> Iterator[tuple[IntArray, Parameters]]:
     """The rows of the ellipsoids (n,) and of the quartics, and their own: kernels know one form at a time."""
+    ellipsoid = parameters.ellipsoid
+    if ellipsoid is None:
+        yield np.arange(len(parameters.surfaces)), parameters
+        return
     bare = parameters._replace(ellipsoid=None)
     for rows, size in ((np.flatnonzero(ellipsoid), 3), (np.flatnonzero(~ellipsoid), 6)):
         own = bare.of(rows)

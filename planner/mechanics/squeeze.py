@@ -12,15 +12,15 @@ import numpy as np
 from planner.arrays import Array, IntArray
 from planner.kernel import inner_kernel, kernel
 from planner.mechanics import contacts as contact
+from planner.mechanics.boundary import Boundary, Drive, directions
 from planner.mechanics.clearance import free_closing, stand
 from planner.mechanics.contacts import GAP
 from planner.mechanics.lcp import SOLVED
-from planner.mechanics.step import directions, solve
+from planner.mechanics.step import solve
 from planner.mechanics.stepping import (
     ACCEPTED,
     HELD,
     Body,
-    Grip,
     Scratch,
     SqueezeWork,
     find_contacts,
@@ -52,12 +52,12 @@ class Each(NamedTuple):
 
 
 @inner_kernel
-def _close_freely(grip: Grip, scratch: Scratch) -> float:
+def _close_freely(scratch: Scratch) -> float:
     """Closes the fingers up to the first touch of the placed outline; returns how far, infinity for none."""
-    work = scratch.work
-    top_share, bottom_share = grip.top_share, grip.bottom_share
+    work, boundary = scratch.work, scratch.work.boundary
+    top_share, bottom_share = boundary.top_share, boundary.bottom_share
     top, bottom = work.fingers[0], work.fingers[1]
-    free = free_closing(scratch.points, top, bottom, grip.h, top_share, bottom_share)
+    free = free_closing(scratch.points, top, bottom, boundary.h, top_share, bottom_share)
     if free > 0.5 * (top - bottom):
         return np.inf
     if free > 0.0:
@@ -67,13 +67,13 @@ def _close_freely(grip: Grip, scratch: Scratch) -> float:
 
 
 @inner_kernel
-def _held_as(body: Body, q: Array, grip: Grip, scratch: Scratch) -> int:
+def _held_as(body: Body, q: Array, scratch: Scratch) -> int:
     """GRASPED where the part is blocked without friction too, else JAMMED; alike for parts of any size.
 
     Without friction only the contact normals decide, so any limit surface will do. A motion out of all
     proportion to the fingers' counts as none: exactly opposed contacts must not hang on rounding.
     """
-    find_contacts(q, grip, HELD_GAP * body.reach, scratch)
+    find_contacts(q, HELD_GAP * body.reach, scratch)
     count, work = scratch.work.found, scratch.work.step
     for k in range(count):
         work.C[k, GAP] = 0.0
@@ -81,7 +81,7 @@ def _held_as(body: Body, q: Array, grip: Grip, scratch: Scratch) -> int:
         for j in range(3):
             work.A[i, j] = 1.0 if i == j else 0.0
     probe = HELD_PROBE * body.reach
-    directions(work.C, work.I, count, body.rho, probe, probe)
+    directions(work.C, work.I, count, body.rho, Drive(probe, probe, 0.0, 0.0, 0.0))
     status = solve(0.0, 0.0, count, work)
     V = work.V
     far = V[0] * V[0] + V[1] * V[1] + V[2] * V[2] > (LARGEST_ESCAPE * probe) ** 2
@@ -99,42 +99,50 @@ def _record(trace: Array, row: int, q: Array, fingers: Array) -> int:
     return row + 1
 
 
-@inner_kernel
-def grip_of(mu: Array, jaws: Array, step: float) -> Grip:
-    """How fingers close: `mu` (2,) at the upper and the lower one, `jaws` (4,) and a closing step [mm]."""
-    return Grip(mu[0], mu[1], jaws[0], 0.5 * jaws[1], jaws[2], 2.0 * jaws[3], 2.0 * (1.0 - jaws[3]), step)
+@kernel
+def close_by(boundary: Boundary, jaws: Array, mu_top: float, mu_bottom: float, step: float) -> None:
+    """Makes the boundary fingers that close: `jaws` (4,), their friction, and the nominal step [mm]."""
+    boundary.fingers, boundary.facing, boundary.apart = 2, -1, 0.0
+    boundary.h, boundary.thickness = 0.5 * jaws[1], jaws[2]
+    boundary.mu_top, boundary.mu_bottom, boundary.step = mu_top, mu_bottom, step
+    boundary.top_share, boundary.bottom_share = 2.0 * jaws[3], 2.0 * (1.0 - jaws[3])
+    boundary.x = boundary.y = boundary.turn = 0.0
 
 
 @inner_kernel
-def squeeze(body: Body, grip: Grip, q: Array, scratch: Scratch, trace: Array) -> tuple[float, int, int, int]:
+def squeeze(
+    body: Body, opening: float, q: Array, scratch: Scratch, trace: Array
+) -> tuple[float, int, int, int]:
     """Closes the fingers on one part at q (3,) in the hand frame [mm, mm, rad], modified into the final pose.
 
+    They are `opening` [mm] apart at first, else as `close_by` says.
     `trace` (rows, 4) receives poses and widths on the way; no rows for none.
 
     Returns:
         Final width [mm], status, 1 where the squeeze had to be given up (else 0), rows of the trace.
     """
-    step, work = grip.step, scratch.work
-    work.fingers[0], work.fingers[1] = 0.5 * grip.opening, -0.5 * grip.opening
+    work, boundary = scratch.work, scratch.work.boundary
+    step = boundary.step
+    work.fingers[0], work.fingers[1] = 0.5 * opening, -0.5 * opening
     work.step.F[0], work.step.F[1], work.step.F[2] = 0.0, 1.0, 0.0
-    work.found, work.heading[0], work.heading[1] = 0, np.cos(q[2]), np.sin(q[2])
+    work.done, work.found, work.heading[0], work.heading[1] = 0.0, 0, np.cos(q[2]), np.sin(q[2])
     touched, verdict = False, ACCEPTED
     size, margin = step, 2.0 * step + 0.05
     rows = _record(trace, 0, q, work.fingers)
     contact.place_turned(body.outline, q, work.heading[0], work.heading[1], scratch.points)
-    if stand(scratch.points, work.fingers[0], work.fingers[1], grip.h, grip.thickness):
-        return grip.opening, JAMMED, 0, rows
+    if stand(scratch.points, work.fingers[0], work.fingers[1], boundary.h, boundary.thickness):
+        return opening, JAMMED, 0, rows
     for _ in range(MAX_STEPS):
         if verdict == ACCEPTED and not touching(work):
-            free = _close_freely(grip, scratch)
+            free = _close_freely(scratch)
             if free == np.inf:
                 work.fingers[0] = work.fingers[1] = 0.5 * (work.fingers[0] + work.fingers[1])
                 return 0.0, SLIPPED if touched else UNTOUCHED, 0, _record(trace, rows, q, work.fingers)
             rows = _record(trace, rows, q, work.fingers)
-            find_contacts(q, grip, margin, scratch)
+            find_contacts(q, margin, scratch)
             touched = True
         size = min(size, 0.5 * (work.fingers[0] - work.fingers[1]))
-        verdict, size = try_step(body, grip, size, margin, q, scratch)
+        verdict, size = try_step(body, size, margin, q, scratch)
         if verdict >= HELD:
             break
         if verdict == ACCEPTED:
@@ -142,7 +150,7 @@ def squeeze(body: Body, grip: Grip, q: Array, scratch: Scratch, trace: Array) ->
             rows = _record(trace, rows, q, work.fingers)
             if work.fingers[0] - work.fingers[1] <= 1e-6:
                 return 0.0, SLIPPED, 0, rows
-    held = _held_as(body, q, grip, scratch)
+    held = _held_as(body, q, scratch)
     return work.fingers[0] - work.fingers[1], held, 0 if verdict == HELD else 1, rows
 
 
@@ -164,8 +172,9 @@ def squeeze_many(
             _deviate(outline, shapes, each.deviation[i], own)
             reach = _reach(own)
         own_jaws[3] = each.share[i]
-        body, grip = Body(own, reach, each.surfaces[i], rho), grip_of(each.mu[i], own_jaws, step)
-        width[i], status[i], given_up[i], _ = squeeze(body, grip, poses[i], scratch, trace)
+        close_by(work.boundary, own_jaws, each.mu[i, 0], each.mu[i, 1], step)
+        body = Body(own, reach, each.surfaces[i], rho)
+        width[i], status[i], given_up[i], _ = squeeze(body, jaws[0], poses[i], scratch, trace)
 
 
 @inner_kernel

@@ -9,7 +9,7 @@ positive factor that the forces absorb, so for wrench directions N_i (normal) an
     0 <= f_t- _|_ -(T_i . V - u_t) + lambda_i   >= 0                                     (4)
     0 <= lambda_i _|_ mu f_n - f_t+ - f_t-      >= 0                                     (5)
 
-where V is a displacement and u the finger's; the gap in eq. 3 closes contacts within the step and removes
+where V is a displacement and u the pusher's; the gap in eq. 3 closes contacts within the step and removes
 drift. Twists and wrenches are normalised: V = (dx, dy, rho dtheta), F = (f_x, f_y, tau / rho).
 """
 
@@ -22,23 +22,18 @@ from planner.kernel import inlined_kernel, inner_kernel
 from planner.mechanics.closed_form import form, motion, one_contact, three_contacts, two_contacts
 from planner.mechanics.contacts import (
     C_COLUMNS,
-    CORNER,
     FINGER,
     FN,
     FT,
     GAP,
     HIGH,
     I_COLUMNS,
-    KIND,
     LOW,
     MAX_CONTACTS,
     N2,
     NX,
     NY,
-    OUTER,
     RX,
-    RY,
-    SIDE,
     T2,
     UN,
     UT,
@@ -100,42 +95,6 @@ def rotate_surface(A: Array, c: float, s: float, out: Array) -> None:
     out[0, 2] = c * A[0, 2] - s * A[1, 2]
     out[1, 2] = s * A[0, 2] + c * A[1, 2]
     out[2, 0], out[2, 1], out[2, 2] = out[0, 2], out[1, 2], A[2, 2]
-
-
-@inlined_kernel
-def directions(
-    C: Array, I: IntArray, count: int, rho: float, top_advance: float, bottom_advance: float
-) -> None:
-    """Moments and finger displacements of all contacts (the Jacobian of eq. 2); `C` is modified in place."""
-    for k in range(count):
-        nx, ny, rx, ry = C[k, NX], C[k, NY], C[k, RX], C[k, RY]
-        C[k, N2], C[k, T2] = (rx * ny - ry * nx) / rho, (rx * nx + ry * ny) / rho
-        advance = -top_advance if I[k, FINGER] == 1 else bottom_advance
-        C[k, UN], C[k, UT] = advance * ny, advance * nx
-
-
-@inlined_kernel
-def turn(
-    C: Array, I: IntArray, count: int, c: float, s: float, half: Array, top: float, bottom: float, h: float,
-    thickness: float,
-) -> None:  # fmt: skip
-    """Moves the contacts to the pose `half`, gaps unchanged: the midpoint rule's second look.
-
-    The part turns on the way by an angle of cosine c and sine s.
-    """
-    for k in range(count):
-        if I[k, KIND] == CORNER or I[k, KIND] == OUTER:
-            nx, ny = C[k, NX], C[k, NY]
-            nx, ny = c * nx - s * ny, s * nx + c * ny
-            face = top if I[k, FINGER] == 1 else bottom
-            if I[k, KIND] == OUTER:
-                face += I[k, FINGER] * thickness
-            C[k, NX], C[k, NY] = nx, ny
-            C[k, RX] = I[k, SIDE] * h + C[k, GAP] * nx - half[0]
-            C[k, RY] = face + C[k, GAP] * ny - half[1]
-        else:
-            rx, ry = C[k, RX], C[k, RY]
-            C[k, RX], C[k, RY] = c * rx - s * ry, s * rx + c * ry
 
 
 @inner_kernel

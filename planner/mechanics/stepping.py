@@ -1,4 +1,4 @@
-"""One accepted, retried or refused step of a squeeze: the midpoint rule with error control and events.
+"""One accepted, retried or refused step of a squeeze or a push: midpoint rule, error control and events.
 
 The difference between the midpoint and the explicit Euler step controls the length of a step; it ends where
 an awaited contact touches or a pressed one leaves its feature, by the rule's dense output, and is refused
@@ -12,18 +12,19 @@ import numpy as np
 from planner.arrays import Array, IntArray
 from planner.kernel import inlined_kernel, inner_kernel
 from planner.mechanics import contacts as contact
+from planner.mechanics.boundary import BOUNDARY, Drive, directions, drive_of, hand_of, subtract_carriage, turn
 from planner.mechanics.clearance import crosses
 from planner.mechanics.contacts import (
     FINGER,
     GAP,
     MAX_CONTACTS,
     NY,
+    PENETRATION_MM,
 )
 from planner.mechanics.lcp import RAY, SOLVED
-from planner.mechanics.step import STEP_WORK, TOUCHING_MM, along, directions, event_fraction, turn
+from planner.mechanics.step import STEP_WORK, TOUCHING_MM, along, event_fraction
 from planner.mechanics.surface_step import solve_surface
 
-PENETRATION_MM = 0.01  # Overlap at which a step is refused
 LARGEST_TURN = 0.1  # Largest rotation in one step [rad]
 EULER_ERROR = 0.02  # Largest difference between Euler and midpoint step, as a share of the nominal step
 SMALLEST_STEP = 2.0**-18
@@ -34,6 +35,7 @@ FURTHEST = 2.0  # How much nearer part and fingers may come in one step, in marg
 
 SQUEEZE_WORK = np.dtype(
     [
+        ("boundary", BOUNDARY),
         ("before", np.float64, (MAX_CONTACTS, NY + 1)),
         ("step", STEP_WORK),
         ("found", np.int64),
@@ -42,15 +44,18 @@ SQUEEZE_WORK = np.dtype(
         ("half", np.float64, 3),
         ("euler", np.float64, 3),
         ("fingers", np.float64, 2),
+        ("done", np.float64),
+        ("moved", np.int64),
     ],
     align=True,
 )
 """Workspace of one squeeze.
 
-before: places and normals of the contacts before the midpoint's turn. step: the contacts, and the solution.
+boundary: what moves against the part. before: places and normals of the contacts before the midpoint's turn.
+step: the contacts, and the solution.
 found: how many contacts were found. heading: cosine and sine of the part's angle. trial, half: pose after
 the step and in its middle. euler: the displacement V of the explicit Euler step. fingers: y of the inner
-faces.
+faces. done: how far the boundary has come [mm]. moved: 1 once the part has moved on the table.
 """
 SqueezeWork: TypeAlias = Any
 
@@ -72,19 +77,6 @@ class Body(NamedTuple):
     rho: float  # length that normalises rotations [mm]
 
 
-class Grip(NamedTuple):
-    """How the fingers close."""
-
-    mu_top: float  # friction at the upper finger
-    mu_bottom: float  # friction at the lower finger
-    opening: float  # of the jaws [mm]
-    h: float  # half the finger's length [mm]
-    thickness: float  # of a finger [mm]
-    top_share: float  # motion of the upper finger for each millimetre of the mean finger's; 1 = both alike
-    bottom_share: float  # of the lower one; both together are 2
-    step: float  # nominal closing step of a finger [mm]
-
-
 class Scratch(NamedTuple):
     """Workspaces of a squeeze, modified in place."""
 
@@ -101,48 +93,57 @@ def _turn_back(work: SqueezeWork) -> None:
             work.step.C[k, column] = work.before[k, column]
 
 
+@inlined_kernel
+def _displacement(body: Body, drive: Drive, c: float, s: float, work: SqueezeWork) -> int:
+    """Solves the step for the found contacts; leaves the displacement in the boundary's frame in `step.V`."""
+    C, I, V, count, boundary = work.step.C, work.step.I, work.step.V, work.found, work.boundary
+    directions(C, I, count, body.rho, drive)
+    status = solve_surface(body.surface, c, s, boundary.mu_top, boundary.mu_bottom, count, work.step)
+    if status == SOLVED and (drive.x != 0.0 or drive.y != 0.0 or drive.turn != 0.0):
+        work.moved |= V[0] != 0.0 or V[1] != 0.0 or V[2] != 0.0
+        subtract_carriage(C, count, body.rho, drive, V)
+    return status
+
+
 @inner_kernel
-def _midpoint(
-    body: Body, grip: Grip, q: Array, step_top: float, step_bottom: float, work: SqueezeWork
-) -> tuple[int, float]:
+def _midpoint(body: Body, q: Array, size: float, work: SqueezeWork) -> tuple[int, float]:
     """One midpoint step from pose q, for contacts already found there, into `work.euler` and `work.step.V`.
 
     Returns the status and the difference between the Euler and the midpoint step [mm], or -1.
     """
     C, I, V, first, count = work.step.C, work.step.I, work.step.V, work.euler, work.found
-    surface, rho, mu_top, mu_bottom = body.surface, body.rho, grip.mu_top, grip.mu_bottom
     for k in range(count):
         for column in range(NY + 1):
             work.before[k, column] = C[k, column]
-    directions(C, I, count, rho, step_top, step_bottom)
+    drive = drive_of(work.boundary, size, work.done, q)
     c, s = work.heading[0], work.heading[1]
-    status = solve_surface(surface, c, s, mu_top, mu_bottom, count, work.step)
+    status = _displacement(body, drive, c, s, work)
     if status != SOLVED:
         return status, -1.0
     first[0], first[1], first[2] = V[0], V[1], V[2]
     work.half[0] = q[0] + 0.5 * V[0]
     work.half[1] = q[1] + 0.5 * V[1]
-    work.half[2] = q[2] + 0.5 * V[2] / rho
+    work.half[2] = q[2] + 0.5 * V[2] / body.rho
     turned = work.half[2] - q[2]
     dc, ds = np.cos(turned), np.sin(turned)
-    top, bottom = work.fingers[0] - 0.5 * step_top, work.fingers[1] + 0.5 * step_bottom
-    turn(C, I, count, dc, ds, work.half, top, bottom, grip.h, grip.thickness)
-    directions(C, I, count, rho, step_top, step_bottom)
-    c, s = dc * c - ds * s, dc * s + ds * c
-    status = solve_surface(surface, c, s, mu_top, mu_bottom, count, work.step)
+    turn(C, I, count, dc, ds, q, work.half, drive)
+    drive = drive_of(work.boundary, size, work.done + 0.5 * size, work.half)
+    status = _displacement(body, drive, dc * c - ds * s, dc * s + ds * c, work)
     if status != SOLVED:
         return status, 0.0
     return SOLVED, np.sqrt((V[0] - first[0]) ** 2 + (V[1] - first[1]) ** 2 + (V[2] - first[2]) ** 2)
 
 
 @inner_kernel
-def find_contacts(q: Array, grip: Grip, margin: float, scratch: Scratch) -> None:
+def find_contacts(q: Array, margin: float, scratch: Scratch) -> None:
     """Finds the contacts of a part placed at pose q (3,), gaps of at most `margin` [mm]."""
     work = scratch.work
-    work.found = contact.find(
-        work.step.C, work.step.I, scratch.points, scratch.out, q, work.fingers[0], work.fingers[1],
-        grip.h, grip.thickness, margin,
-    )  # fmt: skip
+    C, I, points, boundary = work.step.C, work.step.I, scratch.points, work.boundary
+    if boundary.fingers > 0:
+        hand = hand_of(boundary, work.fingers)
+        work.found = contact.find(C, I, points, scratch.out, q, hand, margin)
+    else:
+        work.found = contact.find_points(C, I, points, q, boundary.pusher[: boundary.points], margin)
 
 
 @inlined_kernel
@@ -155,32 +156,37 @@ def touching(work: SqueezeWork) -> bool:
     return False
 
 
+@inlined_kernel
+def _runs_into(finger: contact.Finger, points: Array, i: int, j: int) -> bool:
+    """Whether the edge from vertex i to j runs deeper than `PENETRATION_MM` in the finger."""
+    half_x, half_y = finger.h - PENETRATION_MM, 0.5 * finger.thickness - PENETRATION_MM
+    x0, x1 = points[0, i] - finger.centre, points[0, j] - finger.centre
+    if (x0 > half_x and x1 > half_x) or (x0 < -half_x and x1 < -half_x):
+        return False
+    y0, y1 = points[1, i] - finger.face, points[1, j] - finger.face
+    if finger.side * y0 <= PENETRATION_MM and finger.side * y1 <= PENETRATION_MM:
+        return False
+    middle = 0.5 * finger.side * finger.thickness
+    return crosses(x0, y0 - middle, x1, y1 - middle, half_x, half_y)
+
+
 @inner_kernel
-def _overlaps(grip: Grip, scratch: Scratch) -> bool:
+def _overlaps(scratch: Scratch) -> bool:
     """Whether a contact overlaps by more than `PENETRATION_MM`, or a near edge runs that deep in a finger."""
     points, out, work = scratch.points, scratch.out, scratch.work
-    h, thickness = grip.h, grip.thickness
     for k in range(work.found):
         if work.step.C[k, GAP] < -PENETRATION_MM:
             return True
-    n = points.shape[1]
-    half_x, half_y = h - PENETRATION_MM, 0.5 * thickness - PENETRATION_MM
-    above, below = work.fingers[0] + PENETRATION_MM, work.fingers[1] - PENETRATION_MM
+    hand = hand_of(work.boundary, work.fingers)
+    n = points.shape[1] if hand.fingers > 0 else 0
     for i in range(n):
         j = i + 1 if i + 1 < n else 0
         if out[i] & out[j]:
             continue
-        x0, x1, y0, y1 = points[0, i], points[0, j], points[1, i], points[1, j]
-        if (x0 > half_x and x1 > half_x) or (x0 < -half_x and x1 < -half_x):
-            continue
-        if y0 > above or y1 > above:
-            middle = work.fingers[0] + 0.5 * thickness
-            if crosses(x0, y0 - middle, x1, y1 - middle, half_x, half_y):
-                return True
-        if y0 < below or y1 < below:
-            middle = work.fingers[1] - 0.5 * thickness
-            if crosses(x0, y0 - middle, x1, y1 - middle, half_x, half_y):
-                return True
+        if _runs_into(hand.first, points, i, j) or (
+            hand.fingers == 2 and _runs_into(hand.second, points, i, j)
+        ):
+            return True
     return False
 
 
@@ -192,19 +198,17 @@ def approach(body: Body, q: Array, trial: Array, step_top: float, step_bottom: f
 
 
 @inner_kernel
-def try_step(
-    body: Body, grip: Grip, size: float, margin: float, q: Array, scratch: Scratch
-) -> tuple[int, float]:
-    """Tries a closing step of `size` [mm] from pose q (3,); returns what came of it and the next size.
+def try_step(body: Body, size: float, margin: float, q: Array, scratch: Scratch) -> tuple[int, float]:
+    """Tries a step of `size` [mm] from pose q (3,); returns what came of it and the next size.
 
     The scratch holds the contacts at q, and those again where the step is to be retried. An accepted step
-    ends at its first event, if it has one; it leaves the new pose in `work.trial`, the fingers advanced, and
+    ends at its first event, if it has one; it leaves the new pose in `work.trial`, the boundary advanced, and
     the contacts found there, with gaps of at most `margin` [mm].
     """
-    step, work = grip.step, scratch.work
-    step_top, step_bottom = grip.top_share * size, grip.bottom_share * size
+    work, boundary = scratch.work, scratch.work.boundary
+    step = boundary.step
     smallest = size <= step * SMALLEST_STEP
-    status, error = _midpoint(body, grip, q, step_top, step_bottom, work)
+    status, error = _midpoint(body, q, size, work)
     if status != SOLVED:
         if error < 0.0 or smallest:
             return (HELD if status == RAY else GIVEN_UP), size
@@ -215,7 +219,7 @@ def try_step(
     for i in range(3):
         moved = along(first, V, f, i)
         work.trial[i] = q[i] + (moved / body.rho if i == 2 else moved)
-    step_top, step_bottom = f * step_top, f * step_bottom
+    step_top, step_bottom = f * size * boundary.top_share, f * size * boundary.bottom_share
     turned, allowed = abs(work.trial[2] - q[2]), EULER_ERROR * step
     longer = 0.8 * np.sqrt(allowed / (error + 1e-12))
     if (f * f * error > allowed or turned > LARGEST_TURN) and not smallest:
@@ -228,12 +232,12 @@ def try_step(
     contact.place_turned(body.outline, work.trial, c, s, scratch.points)
     work.fingers[0] -= step_top
     work.fingers[1] += step_bottom
-    find_contacts(work.trial, grip, margin, scratch)
-    if _overlaps(grip, scratch):
+    find_contacts(work.trial, margin, scratch)
+    if _overlaps(scratch):
         contact.place_turned(body.outline, q, work.heading[0], work.heading[1], scratch.points)
         work.fingers[0] += step_top
         work.fingers[1] -= step_bottom
-        find_contacts(q, grip, margin, scratch)
+        find_contacts(q, margin, scratch)
         return (GIVEN_UP if smallest else RETRY), 0.25 * f * size
-    work.heading[0], work.heading[1] = c, s
+    work.heading[0], work.heading[1], work.done = c, s, work.done + f * size
     return ACCEPTED, min(step, size * min(2.0, longer))

@@ -15,15 +15,15 @@ import numpy as np
 from planner.arrays import Array
 from planner.belief.particles import subsample
 from planner.bound.certificate import Certificate
-from planner.evaluation.cases import assumption_cases, believed_cases
-from planner.evaluation.evaluate import Line, evaluate, sweep, worst_of
+from planner.evaluation.evaluate import evaluate
 from planner.evaluation.leaves import identities
+from planner.evaluation.shares import in_percent, shares_of
 from planner.evaluation.strangers import OFTEN, strangers
 from planner.job import hypotheses
 from planner.job.model import Job
 from planner.mechanics.clearance import jaws_of
 from planner.part import outline as outlines
-from planner.report import canvas, tree
+from planner.report import canvas, leaf_poses, tree, worlds
 from planner.report import verdict as verdicts
 from planner.report.canvas import points, template
 from planner.report.models import Models
@@ -84,24 +84,22 @@ def page(
     def worlds_of(real: Job) -> World:
         return world_of(real, seed, make)
 
-    others = list(sweep(table, job, assumption_cases(job), worlds_of, few, seed))
-    worlds = [_told(line) for line in others]
+    judged = worlds.evaluation_of(table, job, trials)
+    lines = worlds.tried(table, job, judged, few)
+    rows = [_row(line.case.name, line.evaluation.summary()) for line in lines]
     if world is not None:
-        other = evaluate(table, job, supply(world, job, seed), min(trials, OTHER_TRIALS), seed).summary()
-        worlds.append((f"{world}, {other['trials']} parts", other))
-    believed = worst_of(sweep(table, job, believed_cases(job), worlds_of, few, seed))
-    judged = evaluate(table, job, worlds_of(job), trials, seed)
+        other = evaluate(table, job, supply(world, job, seed), min(trials, OTHER_TRIALS), seed)
+        rows.append(_row(f"{world}, {len(other.leaf)} parts", other.summary()))
     named = identities(table, judged).figures() if table.hypotheses else {}
-    worst, summary = verdicts.weakest(others), _summary(table, judged.summary() | named)
+    summary = judged.summary() | named
     return template("report.html").render(
         table=table, job=job, source=source, drawing=drawing, data=data, trials=trials, seed=seed,
-        summary=summary, worst=worst,
+        summary=summary, shares=_shown(summary), worst=verdicts.weakest(lines),
         widths=[(alone.part.name, _width_function(alone)) for alone in job.alone],
-        believed=believed and _told(believed),
-        verdict=verdicts.verdict(job, summary, worst),
+        verdict=verdicts.verdict(job, summary, lines), means=leaf_poses.means(table, judged),
         cell=cell_result(table, source.log) if source.log else None,
         strips=[node["map"] for node in nodes[:STRIPS]],
-        worlds=worlds, sha256=hashlib.sha256(source.data).hexdigest(), job_text=_job_text(job),
+        worlds=rows, sha256=hashlib.sha256(source.data).hexdigest(), job_text=_job_text(job),
         colors=vars(canvas), outlines=[alone.part.outline_mm for alone in job.alone],
         named=tree.names_parts(table), posed=table.goal.kind != "identity",
         strange=list(strangers(table, job, job.strangers, judged, worlds_of, few, seed)), often=OFTEN,
@@ -123,29 +121,19 @@ def _datum(job: Job) -> list[float] | None:
     return None if job.part.datum is None else cast(list[float], job.part.datum.tolist())
 
 
-def _told(line: Line) -> tuple[str, dict[str, Any]]:
-    return line.case.name, line.evaluation.summary()
+def _row(name: str, figures: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+    """A world, its figures, and its shares of all parts as they are printed."""
+    return name, {**figures, "shares": _shown(figures)}
+
+
+def _shown(figures: dict[str, Any]) -> dict[str, str]:
+    return {name: in_percent(share) for name, share in shares_of(figures)._asdict().items()}
 
 
 def runs(outcome: tuple[int, ...]) -> list[tuple[int, int, int]]:
     """Neighbouring encoder counts of one meaning: the first, the last, and the branch's index or `REJECT`."""
     groups = (list(group) for _, group in groupby(range(len(outcome)), key=outcome.__getitem__))
     return [(counts[0], counts[-1], outcome[counts[0]]) for counts in groups]
-
-
-def _summary(table: Table, evaluation: dict[str, Any]) -> dict[str, Any]:
-    """The figures on top: the compiler's own where it measured some, else the replay's."""
-    predicted, figures = table.predicted, dict(evaluation)
-    if predicted.trials:
-        figures |= {
-            "trials": predicted.trials,
-            "success_rate": predicted.success_ppm / PPM,
-            "reject_rate": predicted.reject_ppm / PPM,
-            "mean_squeezes": predicted.mean_squeezes_ppm / PPM,
-            "error_mm": {"median": predicted.error_median_um / 1e3, "p95": predicted.error_p95_um / 1e3},
-        }
-    right = round(figures["success_rate"] * figures["trials"])
-    return {**figures, "interval": wilson_interval(right, figures["trials"])}
 
 
 def _width_function(job: Job) -> dict[str, Any]:

@@ -34,10 +34,9 @@ class Step(NamedTuple):
 
 
 def likeliest_path(table: Table, beliefs: Replay, squeezes: Collection[int]) -> list[Step]:
-    """The path from the root to a leaf that most parts take, of those with one of these numbers of squeezes.
+    """The path from the root to a leaf that most parts take.
 
-    Raises:
-        ValueError: no path is that long.
+    It has one of these numbers of squeezes where some part takes such a path.
     """
     found: list[tuple[int, list[Step]]] = []
     waiting: list[tuple[int, list[Step]]] = [(0, [])]
@@ -47,11 +46,9 @@ def likeliest_path(table: Table, beliefs: Replay, squeezes: Collection[int]) -> 
             steps = [*path, Step(index, number)]
             if branch.target >= 0:
                 waiting.append((branch.target, steps))
-            elif len(steps) in squeezes:
+            else:
                 found.append((len(beliefs.visits[index].through(number)), steps))
-    if not found:
-        raise ValueError(f"no path of {', '.join(map(str, squeezes))} squeezes leads to a leaf")
-    return max(found)[1]
+    return max(found, key=lambda path: (path[0] > 0 and len(path[1]) in squeezes, path[0]))[1]
 
 
 def sequence(

@@ -1,12 +1,14 @@
 """The journal of a run, read for a picture: what each part was squeezed to, and how it ended.
 
-JSON lines, each with the SHA-256 of itself without that field and that of the line before: this is checked.
-Whether every decision follows from its counts is what `grasp-journal replay` tells.
+JSON lines, each with the SHA-256 of itself without that field and that of the line before: this is checked,
+through all files of a journal that was sealed in segments. Whether every decision follows from its counts is
+what `grasp-journal replay` tells.
 """
 
 import base64
 import hashlib
 from collections import Counter
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,10 +16,8 @@ from typing import Any, NamedTuple
 
 from planner.errors import InputFileError
 from runtime.shell import strict_json
-from runtime.shell.sealed_lines import GENESIS, is_intact
+from runtime.shell.sealed_lines import GENESIS, is_intact, sealed_segments
 from runtime.table import TableError, TableFile, loads
-
-MAX_BYTES = 256 << 20
 
 
 @dataclass(slots=True)
@@ -67,21 +67,24 @@ def read(path: Path, table_sha256: str) -> RunLog:
     """
     parts: list[PartLog] = []
     runs, others, ours = 0, 0, False
-    entries = _entries(path)
-    for line, entry in enumerate(entries, 1):
+    first = last = ""
+    for number, entry in enumerate(_entries(path), 1):
+        last = str(entry["time"])
+        first = first or last
         if entry["kind"] == "header":
             ours = entry.get("table_sha256") == table_sha256
-            runs, others = runs + ours, others + (not ours)
+            begins = "after_part" not in entry  # it does not where a segment goes on with a run
+            runs, others = runs + (ours and begins), others + (begins and not ours)
         elif ours:
             try:
                 _take(entry, parts)
             except (KeyError, IndexError, TypeError, ValueError) as error:
-                problem = f"line {line} is no record of a run; `grasp-journal verify` says why"
+                problem = f"record {number} is no record of a run; `grasp-journal verify` says why"
                 raise InputFileError(problem, where=str(path)) from error
     if not runs:
         problem = "holds no run of this table; name the table that it was written with"
         raise InputFileError(problem, where=str(path))
-    return RunLog(parts, runs, others, str(entries[0]["time"]), str(entries[-1]["time"]))
+    return RunLog(parts, runs, others, first, last)
 
 
 def table_of(path: Path) -> TableFile:
@@ -90,7 +93,7 @@ def table_of(path: Path) -> TableFile:
     Raises:
         InputFileError: the journal cannot be read or does not verify, or holds no table.
     """
-    header = _entries(path)[0]
+    header = next(_entries(path))
     try:
         data = base64.b64decode(str(header["table_base64"]), validate=True)
         return TableFile(loads(data), data, hashlib.sha256(data).hexdigest())
@@ -120,27 +123,30 @@ def _take(entry: dict[str, Any], parts: list[PartLog]) -> None:
         part.name = None if entry.get("hypothesis") is None else str(entry["hypothesis"])
 
 
-def _entries(path: Path) -> list[dict[str, Any]]:
-    where = str(path)
+def _entries(path: Path) -> Iterator[dict[str, Any]]:
+    head = GENESIS
     try:
-        if path.stat().st_size > MAX_BYTES:
-            raise InputFileError(f"is larger than {MAX_BYTES >> 20} MB; export a part of it", where=where)
-        lines = path.read_bytes().splitlines(keepends=True)
+        for file in (*sealed_segments(path), path):
+            for entry in _entries_of(file, head):
+                head = str(entry["digest"])
+                yield entry
     except OSError as error:
-        raise InputFileError(f"cannot be read: {error.strerror}; check the path", where=where) from error
-    head, found = GENESIS, list[dict[str, Any]]()
-    if lines and not lines[-1].endswith(b"\n"):  # a crash cut it short; its record was never acted upon
-        lines.pop()
-    for number, line in enumerate(lines, 1):
-        entry: Any = None
-        with suppress(ValueError):
-            entry = strict_json.parse(line) if is_intact(line) else None
-        known = isinstance(entry, dict) and entry.get("previous") == head
-        if not (known and isinstance(entry.get("kind"), str) and isinstance(entry.get("time"), str)):
-            problem = f"line {number} does not verify; `grasp-journal verify` says why"
-            raise InputFileError(problem, where=where)
-        found.append(entry)
-        head = str(entry["digest"])
-    if not found:
-        raise InputFileError("is empty; name the journal of a run", where=where)
-    return found
+        raise InputFileError(f"cannot be read: {error.strerror}; check the path", where=str(path)) from error
+    if head == GENESIS:
+        raise InputFileError("is empty; name the journal of a run", where=str(path))
+
+
+def _entries_of(path: Path, head: str) -> Iterator[dict[str, Any]]:
+    with path.open("rb") as lines:
+        for number, line in enumerate(lines, 1):
+            if not line.endswith(b"\n"):
+                return  # a crash cut it short; its record was never acted upon
+            entry: Any = None
+            with suppress(ValueError):
+                entry = strict_json.parse(line) if is_intact(line) else None
+            known = isinstance(entry, dict) and entry.get("previous") == head
+            if not (known and isinstance(entry.get("kind"), str) and isinstance(entry.get("time"), str)):
+                problem = f"line {number} does not verify; `grasp-journal verify` says why"
+                raise InputFileError(problem, where=str(path))
+            head = str(entry["digest"])
+            yield entry

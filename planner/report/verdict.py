@@ -4,7 +4,10 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import Any, Literal, NamedTuple
 
+from planner.diagnosis.cautions import warnings_of
+from planner.evaluation.cases import Condition
 from planner.evaluation.evaluate import Line
+from planner.evaluation.shares import in_percent, shares_of
 from planner.job.model import Job
 from planner.part.outline import smallest_rectangle
 from planner.report.run_log import RunLog
@@ -13,6 +16,8 @@ from runtime.table import Calibration, Node, Table
 
 GOOD_WRONG = 0.005  # share of confident wrong answers that an assumption may cost before it is warned of
 POOR_SUCCESS = 0.9
+MOST_CONDITIONS = 3  # that a sentence states
+
 
 Grade = Literal["good", "fair", "poor"]
 
@@ -37,24 +42,28 @@ class Verdict(NamedTuple):
     grade: Grade
     sentence: str
     error: str  # expected error, as a clause
+    conditions: list[str]  # what must hold for wrong answers to stay few, the most harmful first
+    warnings: list[str]  # what makes the answer worth less than it says
 
 
 def weakest(lines: Sequence[Line]) -> Weakest | None:
     """The worst of some worlds, the first of which is as planned: most wrong answers, then least success."""
-    told = [(line.case.name, line.evaluation.summary()) for line in lines[1:]]
-    if not told:
+    if len(lines) < 2:
         return None
-    name, worst = max(told, key=lambda row: (round(row[1]["wrong_rate"], 3), -row[1]["success_rate"]))
-    return Weakest(name, worst["wrong_rate"], worst["success_rate"])
+    line = max(lines[1:], key=_harm)
+    figures = line.evaluation.summary()
+    return Weakest(line.case.name, figures["wrong_rate"], figures["success_rate"])
 
 
-def verdict(job: Job, figures: dict[str, Any], worst: Weakest | None) -> Verdict:
+def verdict(job: Job, figures: dict[str, Any], lines: Sequence[Line] = ()) -> Verdict:
     """The verdict on a job's table.
 
-    The figures are as `Evaluation.summary` returns them; of several parts, also those of `Identities`.
-    `worst` is the assumption that the table leans on most, if worlds were tried.
+    Args:
+        job: of the table.
+        figures: as `Evaluation.summary` returns them; of several parts, also those of `Identities`.
+        lines: what came of other worlds, the first of which is as planned; none if none was tried.
     """
-    success, wrong = figures["success_rate"], figures["wrong_rate"]
+    success, wrong, worst = figures["success_rate"], figures["wrong_rate"], weakest(lines)
     grade: Grade = "good"
     if success < job.goal.confidence or (worst is not None and worst.wrong >= GOOD_WRONG):
         grade = "fair"
@@ -66,12 +75,51 @@ def verdict(job: Job, figures: dict[str, Any], worst: Weakest | None) -> Verdict
     )
     sorts = job.goal.kind == "identity"
     error = "where the part lies is not asked for" if sorts else error_text(figures["error_mm"])
-    return Verdict(grade, found + _leaning(job, worst), error)
+    sentence = found + _leaning(job, worst)
+    return Verdict(grade, sentence, error, _conditions(lines), warnings_of(job))
+
+
+def _harm(line: Line) -> tuple[float, float]:
+    wrong, success = line.evaluation.wrong.mean(), line.evaluation.success.mean()
+    return round(float(wrong), 3), -float(success)
+
+
+def _conditions(lines: Sequence[Line]) -> list[str]:
+    """The assumptions without which wrong answers are too many, the most harmful first.
+
+    Of those that bound one quantity on the same side the strictest stands for all.
+    """
+    failing = [line for line in lines[1:] if float(line.evaluation.wrong.mean()) >= GOOD_WRONG]
+    strictest: dict[tuple[str, str], Condition] = {}
+    for case, _ in sorted(failing, key=_harm, reverse=True):
+        condition = case.broken or Condition(f"this does not occur: {case.name}")
+        key = condition.quantity, condition.side
+        if key not in strictest or condition.stricter(strictest[key]):
+            strictest[key] = condition
+    found = {}
+    for condition in strictest.values():
+        above, below = (strictest.get((condition.quantity, side)) for side in ("above", "below"))
+        between = (
+            above and below and f"{condition.quantity} stays between {above.bound:.3g} and {below.value()}"
+        )
+        found[condition.quantity] = between or condition.text()
+    return list(found.values())
+
+
+def told_conditions(conditions: Sequence[str]) -> str:
+    """Some conditions as a clause: "if friction stays below 1.35 and ..."; nothing of none."""
+    if not conditions:
+        return ""
+    shown = [*conditions[:MOST_CONDITIONS]]
+    rest = len(conditions) - len(shown)
+    if rest:
+        shown.append(f"{rest} more assumption{'s' * (rest > 1)} hold{'s' * (rest == 1)}")
+    return "if " + (", ".join(shown[:-1]) + " and " if len(shown) > 1 else "") + shown[-1]
 
 
 def _found(job: Job, figures: dict[str, Any]) -> str:
     """What is found, and how often; of several parts, also how often the name is right."""
-    share = f"in {percent(figures['success_rate'])} of trials"
+    share = f"in {in_percent(shares_of(figures).located)} of trials"
     if not job.hypothesis:
         return f"finds a {described(job)} lying {belief(job)} {aim(job)} {share}"
     lying = f"a part ({job.name}) lying {belief(job)}"

@@ -4,6 +4,7 @@ A push tells nothing. It may leave less to be told, and bring parts to where ope
 takes the pusher past every believed part leaves all of them at its face.
 """
 
+import math
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import NamedTuple, TypeAlias
@@ -152,8 +153,8 @@ class Pusher:
         """Directions to push in: both ways along and across a belief; one where a turn changes nothing."""
         if self.turnable and not belief.touched:
             return [0.0]
-        _, axes = np.linalg.eigh(np.cov(belief.poses[:, :2].T, bias=True))
-        angle = float(np.arctan2(axes[1, 1], axes[0, 1]))
+        x, y = (belief.poses[:, :2] - belief.poses[:, :2].mean(axis=0)).T
+        angle = 0.5 * math.atan2(2.0 * float((x * y).mean()), float((x * x - y * y).mean()))
         return [angle + quarter * 0.5 * np.pi for quarter in (-2, -1, 0, 1)]
 
     def _begins(self, belief: Belief, along: Array) -> Array:

@@ -1,6 +1,7 @@
 """The arguments of `grasp-runtime`."""
 
 import argparse
+import difflib
 from pathlib import Path
 
 from runtime.execution import safe_state
@@ -24,7 +25,7 @@ examples:
   grasp-runtime --tree T.msgpack --serve tcp://127.0.0.1:5020
 
 exit codes (runtime/OUTCOMES.md tells what each outcome leaves behind):
-   0  every part reached a leaf        24  journal cannot be written
+   0  every part reached a leaf        24  journal not written, or moved
    1  internal error: a bug            25  the last run broke off and was given up
    2  usage                            30  table invalid
    3  table file missing or unreadable 31  simulated cell failed to start
@@ -44,6 +45,17 @@ declared safe state; what came first gives the exit code:
 """
 
 
+def address(text: str) -> str:
+    """The address of a device, for argparse: anything but a misspelt `sim` or `manual`."""
+    words = (SIMULATED, MANUAL)
+    if text in words or ":" in text or Path(text).exists():
+        return text
+    near = difflib.get_close_matches(text.lower(), words, 1)
+    if near:
+        raise argparse.ArgumentTypeError(f"{text!r} is no port; is {near[0]} meant?")
+    return text
+
+
 def parser() -> Parser:
     """The command's arguments."""
     built = Parser(
@@ -55,22 +67,29 @@ def parser() -> Parser:
     add("--tree", type=Path, required=True, metavar="T", help="the table, as plan-compile wrote it")
     add(
         "--port",
+        type=address,
         help="the gripper: sim (starts grasp-cell), /dev/..., tcp://host:port, rtu+tcp://host:port, "
         "urcap://host, can:..., manual (you type the width that calipers show), or a driver's own scheme",
     )
     add(
         "--arm",
+        type=address,
         help="the arm: tcp://host:port, ur://host, omnicore://host, manual (you move the hand as you are "
         "asked to), or a driver's own scheme; with --port sim its own",
     )
-    add("--count", type=positive_int, metavar="N", help="number of parts (default: 1; with --serve no end)")
+    add(
+        "--count",
+        type=positive_int,
+        metavar="N",
+        help="number of parts, after a crash with those before it (default: 1; with --serve no end)",
+    )
     add("--activate", action="store_true", help="activate the gripper if need be: the fingers sweep fully")
     add(
         "--journal",
         type=Path,
         default=DEFAULT_JOURNAL,
         metavar="P",
-        help=f"append the run to this file, after verifying it (default: ./{DEFAULT_JOURNAL})",
+        help=f"append the run to this file, verified from its last seal on (default: ./{DEFAULT_JOURNAL})",
     )
     built.add_common(
         "print one JSON object a part, or one of a --check or --dry-run; sentences go to standard error"
@@ -120,7 +139,7 @@ def _add_handling(group: argparse._ArgumentGroup) -> None:
         metavar="ARC",
         help="how the tips move while the jaws do: arc, straight, or LINK,OFFSET in mm (default: arc on a "
         "2F-85, whose arm then moves with the jaws, and on a 2F-140, with a measured OFFSET; straight in a "
-        "simulated cell, whose tips do)",
+        "simulated cell, whose tips do); a person who is arm or gripper keeps the tips level without it",
     )
     add(
         "--force",
@@ -180,7 +199,7 @@ def _add_policy(group: argparse._ArgumentGroup) -> None:
         type=positive,
         default=300.0,
         metavar="S",
-        help="go on with a part only if its last record is at most so many seconds old (default: 300)",
+        help="go on with a part only if its last record is surely at most so many seconds old (default: 300)",
     )
 
 

@@ -14,6 +14,7 @@ from typing import Any, TextIO
 
 from drivers.ports import Drivers, Gripper
 from runtime.commands import calibrate_middle
+from runtime.commands.arguments import address
 from runtime.devices.clock import SystemClock
 from runtime.devices.lock import PortLock
 from runtime.errors import ArgumentsError
@@ -75,7 +76,7 @@ def parser() -> Parser:
     for name, told in OF_THE_AUDIT.items():
         subcommands.add_parser(name, help=told, add_help=False)
     add = width.add_argument
-    add("--port", required=True, help="the gripper, as for grasp-runtime")
+    add("--port", type=address, required=True, help="the gripper, as for grasp-runtime")
     add("--gripper", required=True, metavar="NAME", help="its serial number: the file is for this one alone")
     add("-o", "--output", type=Path, required=True, metavar="F", help="the calibration file")
     add("--model", choices=PROFILES, default=DEFAULT_MODEL, help=f"its kind (default: {DEFAULT_MODEL})")

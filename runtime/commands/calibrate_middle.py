@@ -13,7 +13,7 @@ from typing import Any
 
 from drivers.ports import Drivers
 from runtime.commands import options
-from runtime.commands.arguments import MANUAL, SIMULATED
+from runtime.commands.arguments import MANUAL, SIMULATED, address
 from runtime.devices.clock import SystemClock
 from runtime.devices.lock import PortLock
 from runtime.errors import ArgumentsError, GripperStateError
@@ -46,8 +46,8 @@ def add_to(subcommands: Any, codes: str) -> None:
         epilog=f"example:\n  {EXAMPLE}\n\n{codes}",
     )  # fmt: skip
     add = made.add_argument
-    add("--port", required=True, help="the gripper, as for grasp-runtime")
-    add("--arm", required=True, metavar="URL", help="the arm, as for grasp-runtime")
+    add("--port", type=address, required=True, help="the gripper, as for grasp-runtime")
+    add("--arm", type=address, required=True, metavar="URL", help="the arm, as for grasp-runtime")
     add("--tree", type=Path, required=True, metavar="T.msgpack", help="the table that the cell will run")
     add(
         "--calibration", type=Path, required=True, metavar="F", help="of its widths, by grasp-calibrate width"
@@ -100,7 +100,9 @@ def run(arguments: argparse.Namespace, drivers: Drivers, ask: Callable[[str], ob
             try:
                 found = middle.measure(hand, node, arguments.block, at, tell)
             except BaseException as error:
-                for note in reach_safe_state(gripper, arm, table.limits, arm_known=hand.arm_known):
+                for note in reach_safe_state(
+                    gripper, arm, table.limits, arm_known=hand.arm_known, may_hold_fixed=hand.may_hold
+                ):
                     error.add_note(note)
                 raise
     made = replace(known, middle=found)

@@ -58,8 +58,7 @@ def connect(
         made = table.gripper
         gripper_port = f"{MANUAL}:{made.opening_um / 1000},{made.count_open},{made.count_closed}"
     for port in (gripper_port, arm_url):
-        if not port.startswith(MANUAL):
-            stack.enter_context(PortLock(port))
+        stack.enter_context(PortLock(port))
     only, scale = arguments.dry_run, arguments.time_scale
     gripper = drivers.gripper(gripper_port, time_scale=scale, read_only=only, report=report)
     stack.callback(gripper.close)

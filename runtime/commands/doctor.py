@@ -8,7 +8,7 @@ from pathlib import Path
 
 from drivers.ports import Drivers
 from runtime.commands import checks as doctor
-from runtime.commands.arguments import MANUAL, SIMULATED
+from runtime.commands.arguments import MANUAL, SIMULATED, address
 from runtime.commands.cell import REHEARSAL
 from runtime.commands.checks import Finding, System, Verdict
 from runtime.commands.ur_checks import Accepts, accepts, check_controllers
@@ -40,8 +40,8 @@ def parser() -> Parser:
         prog="grasp-doctor", description="Check a cell before it runs; moves nothing.", epilog=EPILOG
     )
     add = built.add_argument
-    add("--port", required=True, help="the gripper, as for grasp-runtime; sim with --tree")
-    add("--arm", help="the arm, as for grasp-runtime")
+    add("--port", type=address, required=True, help="the gripper, as for grasp-runtime; sim with --tree")
+    add("--arm", type=address, help="the arm, as for grasp-runtime")
     add("--tree", type=Path, metavar="T", help="the table that is to run")
     add("--calibration", type=Path, metavar="F", help="the gripper's calibration")
     built.add_common()
@@ -125,7 +125,10 @@ def _gripper_findings(port: str, drivers: Drivers, system: System) -> Iterator[F
     if failed is not None:
         yield failed
         if is_tty:
-            yield from doctor.check_silence(port, drivers.scan)
+            try:
+                yield from doctor.check_silence(port, drivers.scan)
+            except OSError as error:
+                yield _failed("port", error, "Check cable and adapter.")
 
 
 def _failed(device: str, error: Exception, remedy: str) -> Finding:

@@ -11,9 +11,11 @@ from runtime.devices.clock import date
 from runtime.errors import ArgumentsError, JournalError
 from runtime.journal import export, recording
 from runtime.journal.chain import records, verify
-from runtime.journal.replay import Entry, Replay
+from runtime.journal.lines import Entry, begins_run
+from runtime.journal.replay import Replay
 from runtime.shell.command import Parser, natural, run
 from runtime.shell.files import STDOUT, usable, words_of
+from runtime.shell.plain_text import cleaned
 from runtime.traversal.results import Outcome
 
 EXIT_CODES = """\
@@ -30,6 +32,7 @@ examples:
   grasp-journal export squeezetree-journal.jsonl --to mcap -o run.mcap
 
 {EXIT_CODES}"""
+VERIFIED = ("records", "runs", "segments", "closed", "head")
 FORMATS = ("csv", "parquet", "mcap")
 EXAMPLES = {"show": " --outcome reject", "export": " -o squeezes.csv"}
 
@@ -78,7 +81,7 @@ def _subcommand(
     made = subcommands.add_parser(
         name, help=told, description=f"{told[0].upper()}{told[1:]}.", epilog=f"{example}\n\n{EXIT_CODES}",
     )  # fmt: skip
-    made.add_argument("journal", type=Path, help="the journal")
+    made.add_argument("journal", type=Path, help="the journal; its sealed segments are read with it")
     which = "a record" if name == "show" else "instead of text"
     made.add_common(f"print one JSON object {which}")
     made.set_defaults(run=body)
@@ -88,12 +91,12 @@ def _subcommand(
 def _verify(arguments: argparse.Namespace) -> int:
     seen = verify(arguments.journal)
     if arguments.json:
-        print(
-            json.dumps({"records": seen.records, "runs": seen.runs, "closed": seen.closed, "head": seen.head})
-        )
+        print(json.dumps({name: getattr(seen, name) for name in VERIFIED}))
     else:
         end = "ended" if seen.closed else "BROKE OFF"
-        print(f"{arguments.journal}: {seen.records} records in {seen.runs} runs verify; the last run {end}")
+        where = f" and {seen.segments + 1} files" if seen.segments else ""
+        counted = f"{seen.records} records in {seen.runs} runs{where}"
+        print(f"{arguments.journal}: {counted} verify; the last run {end}")
     return 0
 
 
@@ -105,7 +108,7 @@ def _replay(arguments: argparse.Namespace) -> int:
         print(json.dumps({"decisions": replay.decisions, "findings": told}))
     else:
         for finding in findings:
-            print(f"record {finding.seq}: {finding.sentence}")
+            print(cleaned(f"record {finding.seq}: {finding.sentence}"))
     if findings:
         raise JournalError(
             arguments.journal, f"{len(findings)} records claim what their counts do not justify"
@@ -125,7 +128,7 @@ def _show(arguments: argparse.Namespace) -> int:
         if not _is_wanted(arguments, entry) or (ended is not None and part not in ended):
             continue
         try:
-            print(json.dumps(entry) if arguments.json else _line(entry))
+            print(json.dumps(entry) if arguments.json else cleaned(_line(entry)))
         except BrokenPipeError:  # whoever reads has seen enough
             break
     return 0
@@ -158,7 +161,7 @@ def _numbered(entries: Iterator[dict[str, object]]) -> Iterator[tuple[tuple[int,
     """Each record with its run and its part: parts count from 1 in every run."""
     run = 0
     for entry in entries:
-        run += entry["kind"] == "header"
+        run += begins_run(entry)
         yield (run, _short(entry.get("part"))), entry
 
 

@@ -112,7 +112,7 @@ def run_options(arguments: argparse.Namespace, table: Table) -> RunOptions:
     measured = None if arguments.calibration is None else calibration.load(arguments.calibration)
     handling = Handling(
         calibration=None if measured is None else measured.table,
-        arc=arc_of(arguments, table, measured),
+        arc=None if arguments.serve is not None else arc_of(arguments, table, measured),
         regulated=arguments.force == "regulated" and arguments.port != MANUAL,
         grip_current_ma=arguments.grip_current,
         current_ma=(measured and measured.current_ma) or CURRENT_MA,
@@ -121,7 +121,7 @@ def run_options(arguments: argparse.Namespace, table: Table) -> RunOptions:
     policy = Policy.of(arguments.on_reject, arguments.on_unresolved)
     # A robot that asks carries the part wherever it likes.
     asked = ["no"] if arguments.serve is not None else arguments.deliver
-    patience = PATIENCE if MANUAL in (arguments.port, arguments.arm) else 1.0
+    patience = PATIENCE if _takes_part(arguments) else 1.0
     return RunOptions(policy, handling, _delivery(asked, table), patience)
 
 
@@ -138,8 +138,17 @@ def _delivery(words: list[str] | None, table: Table) -> delivery.Delivery | deli
     return delivery.from_text(named) if "," in named else delivery.from_file(Path(named))
 
 
+def _takes_part(arguments: argparse.Namespace) -> bool:
+    """Whether a person is the gripper or the arm."""
+    devices = (arguments.port, arguments.arm)
+    return any(device is not None and device.partition("+")[0] == MANUAL for device in devices)
+
+
 def arc_of(arguments: argparse.Namespace, table: Table, measured: GripperCalibration | None) -> TipArc | None:
-    """The tips' arc: as named, else as measured, else that of the model; none in a simulated cell."""
+    """The tips' arc: as named, else as measured, else that of the model.
+
+    None in a simulated cell, unless named, and where a person keeps the tips above the table.
+    """
     taught_mm = table.gripper.opening_um / 1000
     if arguments.tips not in (None, "arc", "straight"):
         try:
@@ -148,10 +157,9 @@ def arc_of(arguments: argparse.Namespace, table: Table, measured: GripperCalibra
             raise ArgumentsError(
                 f"--tips {arguments.tips}: write straight, arc, or LINK,OFFSET in mm"
             ) from None
-        return TipArc(link_mm, offset_mm, taught_mm)
-    # A person keeps the tips above the table without being told so in steps.
-    level = arguments.port in (SIMULATED, MANUAL) or arguments.arm == MANUAL
-    if arguments.tips == "straight" or (arguments.tips is None and level):
+        return None if _takes_part(arguments) else TipArc(link_mm, offset_mm, taught_mm)
+    level = arguments.tips is None and arguments.port == SIMULATED
+    if arguments.tips == "straight" or level or _takes_part(arguments):
         return None
     if measured is not None and measured.tips_mm is not None:
         return TipArc(*measured.tips_mm, taught_mm)

@@ -2,7 +2,6 @@
 
 import argparse
 import json
-import os
 from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ from runtime.commands.cell import Devices, connect
 from runtime.commands.options import check_usage, run_options, views
 from runtime.devices.audit import AuditProcess
 from runtime.devices.clock import SystemClock
+from runtime.devices.lock import PortLock
 from runtime.errors import ArgumentsError, BrokenRunError, CalibrationError
 from runtime.execution import carry, crash, dry_run, held, middle, session
 from runtime.execution.events import Console
@@ -22,6 +22,7 @@ from runtime.execution.hand import check_arc
 from runtime.execution.held import Held
 from runtime.execution.safe_state import DECLARED
 from runtime.execution.safety import check_table, needs_activation, ready_gripper
+from runtime.journal import files
 from runtime.journal.chain import Incidents, Journal
 from runtime.journal.replay import Replay
 from runtime.monitoring.console import Lines, Objects
@@ -44,10 +45,15 @@ def run(arguments: argparse.Namespace, drivers: Drivers) -> int:
     check_usage(arguments)
     loaded = load(arguments.tree)
     table = loaded.table
-    check_table(table)
+    if arguments.serve is None:  # a robot that asks may have any gripper
+        check_table(table)
     options = run_options(arguments, table)
     console: Console = Objects(table, arguments.journal) if arguments.json else Lines(table)
     console.note(_headline(arguments.tree, table))
+    if arguments.tips not in (None, "straight") and options.handling.arc is None:
+        console.note(
+            f"--tips {arguments.tips} moves nothing here: you keep the tips at their height above the table"
+        )
     _check_fit(table, options)
     carry.check(options.delivery, table, middle_mm=options.handling.middle_mm)
     if arguments.audit is not None and (table.goal.kind == "identity" or not table.goal.identify):
@@ -89,11 +95,11 @@ class _Asked:
         activate = arguments.activate or arguments.port == SIMULATED
         # What would be refused later is refused now: a run that never was leaves no record, and no file.
         if begun is None or begun.part is None:
-            holds = self._holds(devices, activate=activate)
+            holds = self._holds(devices, journal, activate=activate)
             if arguments.put_down and holds is None:
                 return self._say_put_down(None)
         auditor = self._auditor(devices)
-        journal = journal or self.stack.enter_context(Journal(arguments.journal, clock.stamp))
+        journal = journal or self._journal(clock)
         cell = Cell(devices.gripper, devices.arm, clock, journal, auditor)
         monitor.ready()
         self.stack.enter_context(interrupts.whole())  # a run with a header has a last record, too
@@ -129,7 +135,7 @@ class _Asked:
         )
         listener = self.stack.enter_context(listening(address, "--serve"))
         journal, _ = self._look_back(clock, header)
-        journal = journal or self.stack.enter_context(Journal(arguments.journal, clock.stamp))
+        journal = journal or self._journal(clock)
         self.console.note(f"a robot may ask at tcp://{address.host}:{listener.getsockname()[1]}")
         monitor.ready()
         self.stack.enter_context(interrupts.whole())
@@ -154,6 +160,7 @@ class _Asked:
                 "the part can be delivered from every leaf, as far as areas tell; --dry-run asks the arm"
             )
         if arguments.port is not None:
+            self.stack.enter_context(PortLock(arguments.port))
             gripper = self.drivers.gripper(arguments.port, read_only=True)
             self.stack.callback(gripper.close)
             count = gripper.state().position_counts
@@ -184,20 +191,23 @@ class _Asked:
     ) -> tuple[Journal | None, Replay | None]:
         """Open a journal that exists, and look for a run in it that broke off."""
         arguments = self.arguments
-        if not os.path.lexists(arguments.journal):
+        if not files.exists(arguments.journal):
             return None, None
-        journal = self.stack.enter_context(Journal(arguments.journal, clock.stamp))
-        within = {"now": clock.stamp(), "most_s": arguments.resume_within}
+        journal = self._journal(clock)
+        now = {"time": clock.stamp(), **clock.uptime()}
         try:
-            policy, data = arguments.after_crash, self.loaded.data
-            return journal, crash.look(journal, data, header, policy, self.console, **within)
+            policy, data, most_s = arguments.after_crash, self.loaded.data, arguments.resume_within
+            return journal, crash.look(journal, data, header, policy, self.console, now=now, most_s=most_s)
         except BrokenRunError as error:
             if not arguments.put_down:
                 raise
             self.console.note(str(error))
             return journal, None
 
-    def _holds(self, devices: Devices, *, activate: bool) -> Held | None:
+    def _journal(self, clock: SystemClock) -> Journal:
+        return self.stack.enter_context(Journal(self.arguments.journal, clock.stamp, clock.uptime))
+
+    def _holds(self, devices: Devices, journal: Journal | None, *, activate: bool) -> Held | None:
         """What the fingers may hold before a run begins, if they may be moved regardless; else raises."""
         arguments = self.arguments
         state = devices.gripper.state()
@@ -207,7 +217,7 @@ class _Asked:
         if not (activate and needs_activation(state)) or arguments.put_down:
             ready_gripper(devices.gripper)
         if holds is not None and not (arguments.put_down or arguments.jaws_empty):
-            raise holds.refusal(devices.arm.pose()[2], arguments.journal)
+            raise holds.refusal(devices.arm.pose()[2], journal)
         return holds
 
     def _auditor(self, devices: Devices) -> AuditProcess | None:
@@ -215,7 +225,7 @@ class _Asked:
         if self.arguments.audit is None:
             return None
         command = self.arguments.audit.replace(SIMULATED_CAMERA, devices.camera)
-        auditor = self.stack.enter_context(AuditProcess(command))
+        auditor = self.stack.enter_context(AuditProcess(command, table_sha256=self.loaded.digest))
         auditor.check()
         return auditor
 

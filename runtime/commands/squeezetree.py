@@ -110,7 +110,8 @@ def _described() -> str:
 
 
 def _overview(_: argparse.Namespace) -> int:
-    say(parser().format_help().rstrip())
+    for line in parser().format_help().rstrip().splitlines():
+        say(line)
     return 0
 
 

@@ -6,9 +6,10 @@
 ```
 
 Before a run, `{"part": 0}` asks for no more than a verdict: a program that is not there, ends or says
-something else is refused then. A camera never stops the cell: whatever is wrong with it, the verdict is
-"unknown" and the run goes on. Where several parts may lie there, the question holds the `hypothesis` that the
-leaf names, too.
+something else is refused then. Every question holds `table_sha256`, the digest of the run's table; an auditor
+that judges by a table answers the first one with the digest of its own, and the run is refused where the two
+differ. A camera never stops the cell: whatever is wrong with it, the verdict is "unknown" and the run goes
+on. Where several parts may lie there, the question holds the `hypothesis` that the leaf names, too.
 """
 
 import json
@@ -20,6 +21,8 @@ from runtime.devices.child import ChildProcess
 from runtime.devices.clock import SystemClock
 from runtime.errors import ArgumentsError
 from runtime.shell import strict_json
+from runtime.shell.command import one_line
+from runtime.shell.plain_text import is_plain
 from runtime.table import Pose2
 
 VERDICTS = ("pass", "fail")
@@ -30,14 +33,20 @@ MAX_TEXT = 500
 
 
 class AuditProcess(ChildProcess):
-    """An auditor started as a child; it may take `answer_s` to judge one part.
+    """An auditor started as a child.
+
+    Args:
+        command: starts it.
+        answer_s: what it may take to judge one part.
+        table_sha256: digest of the table that is run, None: it is not compared.
 
     Raises:
         ArgumentsError: the program cannot be started.
     """
 
-    def __init__(self, command: str, answer_s: float = ANSWER_S) -> None:
+    def __init__(self, command: str, answer_s: float = ANSWER_S, table_sha256: str | None = None) -> None:
         self._command = command
+        self._common = {} if table_sha256 is None else {"table_sha256": table_sha256}
         self._answer_s = answer_s
         self._owed = 0  # answers still to come from questions that were not waited for
         try:
@@ -61,7 +70,8 @@ class AuditProcess(ChildProcess):
         """Ask a question without a pose, which any verdict answers.
 
         Raises:
-            ArgumentsError: the program has ended, is silent, or answers something else.
+            ArgumentsError: the program has ended, is silent, answers something else, or judges by another
+                table.
         """
         try:
             told = self._ask({"part": 0}, START_S)
@@ -73,12 +83,18 @@ class AuditProcess(ChildProcess):
             raise ArgumentsError(
                 f"--audit {self._command!r} answers without a verdict; for a JSON line a part it gives one"
             )
+        stated, run = told.get("table_sha256"), self._common.get("table_sha256")
+        if run is not None and stated not in (None, run):
+            raise ArgumentsError(
+                f"--audit judges by another table, with the SHA-256 {str(stated)[:16]}, than the one that is "
+                f"run, {run[:16]}; name the same --tree to both"
+            )
 
     def _ask(self, asked: Mapping[str, object], answer_s: float) -> Mapping[str, object]:
         try:
-            self._tell(json.dumps(asked).encode())
-            self._owed += 1
             until = SystemClock().now() + answer_s
+            self._owed += 1
+            self._tell(json.dumps({**asked, **self._common}).encode(), until)
             answer = b""
             while self._owed:
                 answer = self._line(until)
@@ -105,12 +121,12 @@ def answer_of(
     try:
         told = dict(auditor.judge(part, *pose, hypothesis))
     except Exception as error:
-        return {"verdict": UNKNOWN, "reason": " ".join(str(error).split())[:MAX_TEXT]}
+        return {"verdict": UNKNOWN, "reason": one_line(error)[:MAX_TEXT]}
     plain = {name: value for name, value in told.items() if name.isidentifier() and _is_plain(value)}
     return {**plain, "verdict": told.get("verdict") if told.get("verdict") in VERDICTS else UNKNOWN}
 
 
 def _is_plain(value: object) -> bool:
     if isinstance(value, str):
-        return len(value) <= MAX_TEXT
+        return is_plain(value, MAX_TEXT)
     return value is None or isinstance(value, bool | int) or (isinstance(value, float) and isfinite(value))

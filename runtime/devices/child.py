@@ -30,6 +30,8 @@ class ChildProcess:
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         self._input, self._output = self._process.stdin, self._process.stdout
+        os.set_blocking(self._input.fileno(), False)
+        self._unsent = b""
 
     def close(self) -> None:
         """End it: ask by closing its input, then by signals. Closing twice is harmless."""
@@ -51,8 +53,14 @@ class ChildProcess:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _tell(self, line: bytes) -> None:
-        os.write(self._input.fileno(), line + b"\n")
+    def _tell(self, line: bytes, until: float) -> None:
+        """Send a line; TimeoutError where it is not taken until then: its rest goes before the next."""
+        pipe, self._unsent = self._input.fileno(), self._unsent + line + b"\n"
+        while self._unsent:
+            if not select.select([], [pipe], [], max(until - SystemClock().now(), 0.0))[1]:
+                raise TimeoutError
+            with contextlib.suppress(BlockingIOError):
+                self._unsent = self._unsent[os.write(pipe, self._unsent) :]
 
     def _line(self, until: float) -> bytes:
         """The next line; TimeoutError: none until then, EOFError: it has ended, or talks without end."""

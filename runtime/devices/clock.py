@@ -1,10 +1,14 @@
 """The machine's clock; no other runtime module reads the time."""
 
 import time
+from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from pathlib import Path
 
 LINK_MARGIN_S = 30.0
+BOOT_ID = Path("/proc/sys/kernel/random/boot_id")  # random(4)
 
 
 def date(text: str) -> datetime:
@@ -38,3 +42,38 @@ class SystemClock:
     def stamp(self) -> str:
         """Date and time in UTC, ISO 8601 to the millisecond: what a record is dated with."""
         return datetime.now(UTC).isoformat(timespec="milliseconds")
+
+    def uptime(self) -> Mapping[str, object]:
+        """What nobody sets: `boot`, the first digits of the boot's id, and `up_s`, the seconds since.
+
+        They include the time that the machine was suspended. Empty where the machine does not tell them.
+        """
+        with suppress(OSError):
+            up_s = time.clock_gettime(time.CLOCK_BOOTTIME)
+            return {"boot": BOOT_ID.read_text(encoding="ascii")[:8], "up_s": round(up_s, 3)}
+        return {}
+
+
+def age_s(record: Mapping[str, object], now: Mapping[str, object]) -> float | None:
+    """Seconds that have passed since a record was written; None where that is not clear.
+
+    Within one boot `up_s` tells. Later boots have the wall clock alone: it is believed if at least the time
+    since the machine was started has passed by it.
+
+    Args:
+        record: with `time`, `boot` and `up_s`, as a journal holds them.
+        now: the same of this moment.
+    """
+    since_s, up_s = record.get("up_s"), now.get("up_s")
+    known = isinstance(since_s, int | float) and isinstance(up_s, int | float)
+    if not (known and record.get("boot") and now.get("boot")):
+        return None
+    assert isinstance(since_s, int | float)
+    assert isinstance(up_s, int | float)
+    if record["boot"] == now["boot"]:
+        return up_s - since_s if up_s >= since_s else None
+    try:
+        passed_s = (date(str(now["time"])) - date(str(record["time"]))).total_seconds()
+    except (ValueError, KeyError):
+        return None
+    return passed_s if passed_s >= up_s else None

@@ -18,6 +18,16 @@ from urllib.parse import urlsplit
 from runtime.errors import PortBusyError
 
 CREDENTIALS = struct.Struct("3i")  # process, user and group, as SO_PEERCRED tells them
+MANUAL = "manual"  # a person, whom a simulated arm may follow: manual+tcp://host:port
+# Where a device listens if its address names no port.
+USUAL = {"ur": 30004, "urcap": 63352, "omnicore": 443, "tcp": 502}
+# Ports of a host at which one and the same device is moved.
+ONE_DEVICE = (
+    frozenset({30001, 30002, 30003, 30004}),  # a UR arm: its interfaces
+    frozenset({63352, 54321}),  # the gripper at its tool connector: Robotiq's URCap, and the forwarder
+    frozenset({443, 5000}),  # an ABB arm: Robot Web Services, and open_abb
+)
+SCRIPT_PORT_BELOW = 2  # below its RTDE, wherever that is, a UR arm takes its programs
 
 
 class PortLock(ExitStack):
@@ -72,6 +82,9 @@ def _owner(address: str) -> str:
 
 def _devices(port: str) -> list[str]:
     """The device's own names: all addresses of a host, the numbers of a tty; one that no port shares."""
+    port = port.removeprefix(f"{MANUAL}+")
+    if port.partition(":")[0] == MANUAL:
+        return []
     if port.startswith("can:"):
         return [port.partition("?")[0]]
     if "://" in port:
@@ -85,17 +98,26 @@ def _devices(port: str) -> list[str]:
 
 
 def _addresses(url: str) -> list[str]:
-    """Host and port of an address, the host as each of its numbers; this machine is one under all names."""
+    """Hosts and ports of an address, the host as each of its numbers; this machine is one under all names."""
     try:
         parts = urlsplit(url)
-        host, number = parts.hostname or "", parts.port
+        host, number = (parts.hostname or "").rstrip("."), parts.port or USUAL.get(parts.scheme)
     except ValueError:
         return [url]
     try:
         found = {str(row[4][0]) for row in socket.getaddrinfo(host, number, type=socket.SOCK_STREAM)}
     except (OSError, UnicodeError):
         found = {host}  # which nobody can connect to
-    return [f"{address} {number}" for address in sorted({_canonical(text) for text in found})]
+    addresses = {_canonical(text) for text in found}
+    return sorted(f"{address} {port}" for address in addresses for port in _together(parts.scheme, number))
+
+
+def _together(scheme: str, number: int | None) -> set[int | None]:
+    """All ports at which the device behind a port is moved."""
+    ports = {number}
+    if scheme == "ur" and number is not None:
+        ports.add(number - SCRIPT_PORT_BELOW)
+    return ports.union(*(group for group in ONE_DEVICE if not ports.isdisjoint(group)))
 
 
 def _canonical(text: str) -> str:
@@ -104,4 +126,16 @@ def _canonical(text: str) -> str:
     except ValueError:
         return text
     address = getattr(address, "ipv4_mapped", None) or address
-    return "this machine" if address.is_loopback or address.is_unspecified else str(address)
+    is_local = address.is_loopback or address.is_unspecified or _is_own(str(address))
+    return "this machine" if is_local else str(address)
+
+
+def _is_own(address: str) -> bool:
+    """Whether it is an address of this machine, which is then what it speaks from; nothing is sent."""
+    family = socket.AF_INET6 if ":" in address else socket.AF_INET
+    with socket.socket(family, socket.SOCK_DGRAM) as looking:
+        try:
+            looking.connect((address, 9))
+        except OSError:  # no way leads there
+            return False
+        return str(looking.getsockname()[0]) == address

@@ -13,9 +13,11 @@ from drivers.ports import Settled
 from runtime.devices.clock import SystemClock
 from runtime.errors import GripperStateError, TableError
 from runtime.execution.events import Console, Phase, Tally
-from runtime.execution.executor import DEADLINE_FACTOR, RunOptions, expected_s, reason_of
+from runtime.execution.executor import RunOptions, expected_of, reason_of
 from runtime.execution.reading import CLOSED_COUNTS, OPENED_COUNTS, check_closed
+from runtime.execution.watch import DEADLINE_FACTOR
 from runtime.journal.chain import Journal
+from runtime.shell.plain_text import cleaned
 from runtime.table import COUNTS, HELD_UM, REJECT, Node, Table, decide, decision_map
 from runtime.traversal.answer import outcome_fields
 from runtime.traversal.decision import (
@@ -33,6 +35,7 @@ from runtime.traversal.results import Outcome, PartResult, Step
 VERSION = 1
 MAX_LINE = 80  # with its end: what a string of RAPID holds (RAPID reference, data type string)
 MAX_NAME = 20  # of a part, so that its line stays within that
+SLOWEST_UM_S = 20_000  # of the stroke of a gripper that may be any
 NUMBER = re.compile(r"[+-]?\d{1,4}(\.\d{0,9})?([eE][+-]?\d{1,2})?")
 FLAGS = {"OBJECT": CLOSING_CONTACT, "NONE": ARRIVED}
 UNTRIED = -1.0  # in place of the success of a leaf where no trial ended
@@ -263,7 +266,8 @@ class AskedParts:
         fields = {"part": part.number, "number": len(part.steps) + 1, "node": part.traversal.node}
         self._journal.record("placed", fields)
         self._console.phase(part.number, Phase.PLACE, part.traversal.node)
-        part.deadline = self._clock.deadline(DEADLINE_FACTOR * expected_s(self._table, node))
+        expected = expected_of(self._table, node, SLOWEST_UM_S)
+        part.deadline = self._clock.deadline(DEADLINE_FACTOR * expected.total_s)
         x_mm, y_mm, angle_rad = sent(placement(squeeze), self._middle_mm)
         return (
             f"SQUEEZE {part.traversal.node} {x_mm:.3f} {y_mm:.3f} {degrees(angle_rad):.5f} "
@@ -295,7 +299,7 @@ class AskedParts:
 
 def _plain(name: str) -> str:
     """A part's name as the end of a line: ASCII, and cut where the line would become too long."""
-    return name.encode("ascii", "replace").decode()[:MAX_NAME]
+    return cleaned(name).encode("ascii", "replace").decode()[:MAX_NAME]
 
 
 def _check(holds: bool, number: int) -> None:

@@ -1,14 +1,15 @@
 """Applies the declared policy to a run that broke off, before any device is opened."""
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from runtime.devices.clock import date
+from runtime.devices.clock import age_s
 from runtime.errors import BrokenRunError
 from runtime.execution.events import Console
 from runtime.execution.recovery import ABORT_REMEDY
-from runtime.journal.chain import Journal, records
+from runtime.journal.chain import Journal
+from runtime.journal.lines import Entry
 from runtime.journal.replay import Last, Replay
 from runtime.shell import interrupts
 from runtime.traversal.decision import TraversalState
@@ -34,14 +35,14 @@ def look(
     policy: str,
     console: Console,
     *,
-    now: str,
+    now: Entry,
     most_s: float,
 ) -> Replay | None:
     """Look for a run that broke off, and give it up if that is the policy; nothing else is written.
 
     Returns the run that can be gone on with, None where the last one ended. BrokenRunError where the policy
-    is to give it up, or it cannot be gone on with: another table, another calibration, a record that its
-    counts do not justify, or too old a part.
+    is to give it up, or it cannot be gone on with: another table, another calibration, a record of its last
+    part that its counts do not justify, or too old a part.
 
     Args:
         journal: open; what a crash cut short is cut off.
@@ -49,11 +50,11 @@ def look(
         fields: what the header of a new run would tell.
         policy: `ABORT`, `RESUME` or `RESTART`.
         console: told what was found.
-        now: what a record would be dated with now, ISO 8601.
+        now: `time`, `boot` and `up_s` as a record would hold them now.
         most_s: age of the last record from which on a part is not gone on with, s.
     """
     try:
-        broken = broken_run(journal.path)
+        broken = broken_run(journal.path, journal.last_part)
     except BrokenRunError:
         if policy == ABORT:
             interrupts.conclude()
@@ -80,7 +81,7 @@ def look(
             f"{RESTART}, which begins with that part again, or with --after-crash {ABORT}"
         )
     if broken.part is not None:
-        _check_recent(broken.time, now, most_s)
+        _check_recent(journal.last_part[-1], now, most_s)
     console.note(f"{told}; {'going on with it' if policy == RESUME else 'starting that part over'}")
     if policy == RESTART:  # from the root; what the hand may hold is kept
         broken.traversal, broken.steps = TraversalState(), []
@@ -102,15 +103,18 @@ def begin(
         journal.record("resume", {"part": broken.part, "how": policy, **cut})
 
 
-def broken_run(path: Path) -> Replay | None:
+def broken_run(path: Path, entries: Iterable[Entry]) -> Replay | None:
     """The run at the end of a journal, if it broke off; None where it ended.
 
+    Args:
+        path: the journal, for errors.
+        entries: its records, or `Journal.last_part`.
+
     Raises:
-        JournalError: a line does not verify.
         BrokenRunError: the run's own counts do not justify what it recorded.
     """
     replay = Replay()
-    findings = list(replay.follow(records(path)))
+    findings = list(replay.follow(entries))
     if replay.closed or replay.over:
         return None
     if findings:
@@ -121,18 +125,18 @@ def broken_run(path: Path) -> Replay | None:
     return replay
 
 
-def _check_recent(stamp: str, now: str, most_s: float) -> None:
+def _check_recent(last: Entry, now: Entry, most_s: float) -> None:
     """Check that a part's last record is recent enough for the part to be unchanged since."""
-    told = f"the run that broke off wrote its last record at {stamp}"
-    try:
-        passed_s = (date(now) - date(stamp)).total_seconds()
-    except (ValueError, TypeError):
-        raise BrokenRunError(f"{told}, which is no time; {ABORT_REMEDY}") from None
-    if passed_s < 0.0:
-        raise BrokenRunError(f"{told}, and the clock says {now}: it went back; {ABORT_REMEDY}")
+    written = f"the run that broke off wrote its last record at {last['time']}"
+    passed_s = age_s(last, now)
+    if passed_s is None:
+        raise BrokenRunError(
+            f"{written}, and the clock says {now.get('time')}: how long ago that is, is not clear (another "
+            f"boot, a clock that went back, or a record without `boot` and `up_s`); {ABORT_REMEDY}"
+        )
     if passed_s > most_s:
         raise BrokenRunError(
-            f"{told}, {passed_s:.0f} s ago; after {most_s:g} s (--resume-within) it may be another: "
+            f"{written}, {passed_s:.0f} s ago; after {most_s:g} s (--resume-within) it may be another: "
             f"{ABORT_REMEDY}"
         )
 

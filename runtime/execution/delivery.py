@@ -4,13 +4,13 @@ Declared in a job's section `delivery`, in a TOML file of the same keys (OUTCOME
 """
 
 import math
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Self
 
 from runtime.errors import ArgumentsError
+from runtime.shell import strict_toml
 from runtime.table import Pose2, Table
 from runtime.traversal.answer import frames_in
 
@@ -124,10 +124,10 @@ def from_file(path: Path) -> Delivery:
     """
     try:
         with path.open("rb") as file:
-            document = tomllib.load(file)
+            document = strict_toml.parse(file.read(strict_toml.MOST_BYTES + 1).decode())
     except OSError as error:
         raise ArgumentsError(f"--deliver {path}: {error.strerror or error}; name a TOML file") from error
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         raise ArgumentsError(f"--deliver {path}: no TOML file ({error})") from error
     return from_keys(document.get("delivery", document), f"--deliver {path}")
 

@@ -19,6 +19,7 @@ from runtime.execution.events import Console, Phase
 from runtime.execution.hand import Hand, Handling
 from runtime.execution.reading import reading_fields
 from runtime.execution.safe_state import reach_safe_state
+from runtime.execution.watch import MACHINE, Expected
 from runtime.journal.chain import Journal
 from runtime.journal.replay import Replay
 from runtime.shell import interrupts
@@ -34,9 +35,6 @@ from runtime.traversal.decision import (
 )
 from runtime.traversal.geometry import placement
 from runtime.traversal.results import Outcome, PartResult, Step
-
-# How much longer than stroke and path take at the commanded speeds one squeeze may last.
-DEADLINE_FACTOR = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,11 +71,12 @@ class Executor:
     def __init__(self, table: Table, cell: Cell, console: Console, options: RunOptions = PLAIN) -> None:
         safety.check_table(table)
         self._table = table
-        self._cell = cell
         self._console = console
         self._options = options
         self._found: int | None = None  # the leaf of the part that is being delivered
         self._hand = Hand(cell.gripper, cell.arm, cell.clock, table, options.handling)
+        self._cell = replace(cell, journal=self._hand.watch.watched(cell.journal, MACHINE))
+        self._slowest_um_s = profile_of(table.gripper.model).speed_um_s[0]
         self._maps = [decision_map(node, self._hand.calibration) for node in table.nodes]
 
     def run_part(self, part: int, broken: Replay | None = None) -> PartResult:
@@ -101,6 +100,7 @@ class Executor:
                     self._free(part, broken)
                 result = self._descend(part, steps, TraversalState() if broken is None else broken.traversal)
                 result = self._finish(result)
+                self._hand.where()  # an arm that was displaced makes any outcome a fault
             self._cell.journal.record("outcome", outcome_fields(self._table, result))
         except BrokenRunError as error:
             # Nothing was moved; the operator looks at the fingers.
@@ -118,7 +118,10 @@ class Executor:
 
     def _descend(self, part: int, steps: list[Step], traversal: TraversalState) -> PartResult:
         while traversal.outcome is None:
-            step = self._squeeze_at(traversal.node, len(steps) + 1, part, again=traversal.again)
+            node = self._table.nodes[traversal.node]
+            expected = expected_of(self._table, node, self._slowest_um_s)
+            with self._hand.watch.squeeze(expected, self._options.patience):
+                step = self._squeeze_at(traversal.node, len(steps) + 1, part, again=traversal.again)
             steps.append(step)
             self._console.step(part, step)
             traversal = advance(traversal, step.target, self._table, self._options.policy)
@@ -126,8 +129,6 @@ class Executor:
 
     def _squeeze_at(self, index: int, number: int, part: int, *, again: bool) -> Step:
         node = self._table.nodes[index]
-        expected = self._options.patience * expected_s(self._table, node)
-        deadline = self._cell.clock.deadline(DEADLINE_FACTOR * expected)
         if not again:
             self._push(part, number, index, node)
         self._place(part, index, node.squeeze)
@@ -143,8 +144,6 @@ class Executor:
         self._console.phase(part, Phase.RELEASE, index)
         self._release(node, decision.branch)
         self._hand.retreat()
-        if (late_s := self._cell.clock.now() - deadline) > 0:
-            raise GripperStateError(f"one squeeze ended {late_s:.1f} s late; check arm and gripper speed")
         return step
 
     def _push(self, part: int, number: int, index: int, node: Node) -> None:
@@ -228,20 +227,26 @@ class Executor:
         return result
 
 
-def expected_s(table: Table, node: Node) -> float:
-    """Cell seconds of the longest path: across the work area, a turn, up, down, three slow strokes.
+def expected_of(table: Table, node: Node, slowest_um_s: int) -> Expected:
+    """Cell seconds of the longest path: across the work area, a turn, up, down; and of three slow strokes.
 
-    The same for each push, and its way.
+    The same for each push, and its way. A stroke may be as slow as the gripper's least speed.
     """
     limits = table.limits
     x_min, y_min, x_max, y_max = limits.work_area_um
     path_um = hypot(x_max - x_min, y_max - y_min)
     path_um += tau * 1000 * TURN_RADIUS_MM
     path_um += 3 * (limits.retreat_height_um - limits.squeeze_height_um)
-    speed_um_s = min(node.squeeze.speed_um_s, profile_of(table.gripper.model).speed_um_s[0])
-    one_s = path_um / limits.arm_speed_um_s + 3 * table.gripper.opening_um / speed_um_s
+    speed_um_s = min(node.squeeze.speed_um_s, slowest_um_s)
     ways_s = sum(push.length_um / push.speed_um_s for push in node.pushes)
-    return (1 + len(node.pushes)) * one_s + ways_s
+    times = 1 + len(node.pushes)
+    strokes_s = 3 * table.gripper.opening_um / speed_um_s
+    return Expected(times * path_um / limits.arm_speed_um_s + ways_s, times * strokes_s)
+
+
+def expected_s(table: Table, node: Node) -> float:
+    """Cell seconds of arm and gripper together, of a gripper that is known."""
+    return expected_of(table, node, profile_of(table.gripper.model).speed_um_s[0]).total_s
 
 
 def reason_of(traversal: TraversalState, steps: Sequence[Step]) -> str | None:

@@ -2,6 +2,9 @@
 
 No motion is commanded before the gripper has answered that it is ready and the arm that it stands where its
 last motion left it. Between two squeezes the hand retreats straight up, travels, and comes straight down.
+
+The arm is read before and after each of its motions and after each squeeze, and compared with where it was
+sent (`safety.check_placed`): what displaced it may have moved the part, too.
 """
 
 from collections.abc import Iterator
@@ -24,6 +27,7 @@ from runtime.execution.reading import (
 )
 from runtime.execution.strokes import Stroke
 from runtime.execution.tips import TipArc
+from runtime.execution.watch import ARM, GRIPPER, Watch
 from runtime.table import Calibration, Limits, Node, Push, Squeeze, Table, profile_of
 from runtime.traversal.decision import ARRIVED, CLOSING_CONTACT
 from runtime.traversal.geometry import end_of, placement, same_turns, sent
@@ -81,9 +85,10 @@ def check_arc(arc: TipArc | None, limits: Limits, calibration: Calibration) -> N
 class Hand:
     """Arm and gripper of one cell, connected, within one table's limits.
 
-    Its `calibration` is that of counts to widths; `arm_known` tells whether the arm stands where its last
-    acknowledged motion left it. All its places are those where the fingers meet: the arm is sent beside them
-    where that is off its own middle.
+    Its `calibration` is that of counts to widths. `arm_known` tells whether the arm stands where its last
+    acknowledged motion left it, or, before its first one, where it was read first; `may_hold` whether the
+    fingers may hold something: they have not opened since they closed, or since the hand was made. All its
+    places are those where the fingers meet: the arm is sent beside them where that is off its own middle.
 
     Raises:
         TableError: the limits leave no room for the tips' arc.
@@ -92,17 +97,18 @@ class Hand:
     def __init__(
         self, gripper: Gripper, arm: Arm, clock: SystemClock, table: Table, handling: Handling
     ) -> None:
-        self.gripper, self.arm = gripper, arm
+        self.watch = Watch(clock)
+        self.gripper, self.arm = self.watch.watched(gripper, GRIPPER), self.watch.watched(arm, ARM)
         self.limits = table.limits
         self.calibration = handling.widths(table)
         self.middle_mm = handling.middle_mm
         self._profile = profile_of(table.gripper.model)
-        self.arm_known = True
+        self.arm_known = self.may_hold = True
         self._clock = clock
         self._handling = handling
         self._open_mm = 0.0
         check_arc(handling.arc, table.limits, self.calibration)
-        self._angle_rad: float | None = None
+        self._sent_to: PoseOfHand | None = None  # where the arm should stand, None where nobody knows
 
     def await_stillness(self) -> None:
         """Wait until a motion that was begun before this run is over.
@@ -116,18 +122,21 @@ class Hand:
         safety.ready_gripper(self.gripper)
 
     def where(self) -> PoseOfHand:
-        """Read where the arm stands."""
+        """Read where the arm stands.
+
+        Raises:
+            MotionRefusedError: something else than its last motion brought it there.
+        """
         self.arm_known = False  # until it answers
-        x_mm, y_mm, z_mm, angle_rad = self.arm.pose()
+        pose = self.arm.pose() if self._sent_to is None else safety.check_placed(self.arm, self._sent_to)
+        self._sent_to = self._sent_to or pose
         self.arm_known = True
-        self._angle_rad = angle_rad
-        x_mm, y_mm, _ = sent((x_mm, y_mm, angle_rad), -self.middle_mm)
-        return x_mm, y_mm, z_mm, angle_rad
+        return _beside(pose, -self.middle_mm)
 
     def retreat(self) -> None:
         """Go straight up, from wherever the arm stands; nothing to do if it is up already."""
         safety.ready_gripper(self.gripper)
-        x_mm, y_mm, z_mm, angle_rad = self.where()
+        x_mm, y_mm, z_mm, angle_rad = self._place()
         height_mm = self.limits.retreat_height_um / 1000
         if z_mm < height_mm - LEVEL_MM:
             self._move_arm((x_mm, y_mm, height_mm, angle_rad))
@@ -141,7 +150,7 @@ class Hand:
         self.arm_known = False  # until it answers
         low_rad, high_rad = self.arm.turn_range(x_mm, y_mm)
         self.arm_known = True
-        turns = same_turns(angle_rad, low_rad, high_rad, self._now_rad())
+        turns = same_turns(angle_rad, low_rad, high_rad, self._place()[3])
         if not turns:
             raise MotionRefusedError(
                 f"the wrist cannot turn the hand to {degrees(angle_rad):.1f} deg at ({x_mm:.2f}, {y_mm:.2f}) "
@@ -179,8 +188,8 @@ class Hand:
         check_set(count, self.calibration.count(push.opening_um), self.calibration)
 
     def _slide(self, x_mm: float, y_mm: float, speed_um_s: int) -> None:
-        _, _, z_mm, angle_rad = self.where()
-        # The reading is rounded; what stands at the squeeze height must not be sent below it.
+        _, _, z_mm, angle_rad = self._place()
+        # An arm that was only read may stand below the squeeze height by what its reading is rounded.
         self._go((x_mm, y_mm, max(z_mm, self._low_mm(0.0)), angle_rad), speed_um_s)
 
     @contextmanager
@@ -203,6 +212,7 @@ class Hand:
         force = self._profile.force_counts(squeeze.force_mn)
         settled = safety.stroke(self.gripper, request, speed, force)
         check_opened(settled, request, self.calibration)
+        self.may_hold = False
         self._open_mm = self.width_mm(settled.position_counts)
 
     def set_jaws(self, push: Push, squeeze: Squeeze) -> None:
@@ -216,6 +226,7 @@ class Hand:
 
     def release(self, squeeze: Squeeze) -> None:
         """Open the jaws at the part; the tips stay level until they are clear of its sides."""
+        self.where()  # a part that was displaced with the hand is not let go
         arc = self._handling.arc
         if arc is not None:
             held_mm = self.width_mm(self.gripper.state().position_counts)
@@ -227,7 +238,15 @@ class Hand:
         self.open(squeeze)
 
     def close(self, node: Node) -> Settled:
-        """Close the jaws at a node; the last stroke's fresh reading, or GripperStateError if it is none."""
+        """Close the jaws at a node.
+
+        Returns:
+            The last stroke's reading, of jaws that closed where the arm was sent.
+
+        Raises:
+            GripperStateError: it is not fresh, or contradicts itself.
+            MotionRefusedError: the arm was displaced meanwhile.
+        """
         handling, profile = self._handling, self._profile
         regulated = strokes.is_regulated(node.squeeze, profile, wanted=handling.regulated)
         plan = strokes.closing(
@@ -243,6 +262,7 @@ class Hand:
         check_fresh(reading, CLOSED_COUNTS)
         if regulated and reading.object_flag == CLOSING_CONTACT:
             reading = self._raise_force(plan[-1], node.squeeze, reading)
+        self.where()
         check_closed(reading, self.calibration, handling.current_ma)
         return reading
 
@@ -258,20 +278,21 @@ class Hand:
         return reading
 
     def _stroke(self, stroke: Stroke) -> Settled:
+        self.may_hold = True
         return safety.stroke(self.gripper, stroke.request_counts, stroke.speed_counts, stroke.force_counts)
 
     def _level(self, advance_mm: float) -> None:
         """Bring the arm to the height at which tips that advance so far are at the squeeze height."""
         if self._handling.arc is None:
             return
-        x_mm, y_mm, z_mm, angle_rad = self.where()
+        x_mm, y_mm, z_mm, angle_rad = self._place()
         height_mm = self._low_mm(advance_mm)
         if abs(height_mm - z_mm) > LEVEL_MM:
             self._go((x_mm, y_mm, height_mm, angle_rad))
 
     def _go(self, target: PoseOfHand, speed_um_s: int | None = None) -> None:
         """Go to a place by the smallest turn of the hand."""
-        now_rad = self._now_rad()
+        now_rad = self._place()[3]
         self._go_as_counted((*target[:3], now_rad + remainder(target[3] - now_rad, tau)), speed_um_s)
 
     def _go_as_counted(self, target: PoseOfHand, speed_um_s: int | None = None) -> None:
@@ -279,31 +300,34 @@ class Hand:
 
         At the arm's speed, unless another is stated.
         """
-        safety.check_target(self._sent(target), self.limits)
-        motions = ceil(abs(target[3] - self._now_rad()) / MOST_TURN_RAD)
-        if motions > 1:
-            start = self.where()
-            for number in range(1, motions):
-                x, y, z, angle = (a + (b - a) * number / motions for a, b in zip(start, target, strict=True))
-                safety.ready_gripper(self.gripper)
-                self._move_arm((x, y, z, angle), speed_um_s)
+        safety.check_target(_beside(target, self.middle_mm), self.limits)
+        start = self._place()
+        motions = ceil(abs(target[3] - start[3]) / MOST_TURN_RAD)
+        for number in range(1, motions):
+            x, y, z, angle = (a + (b - a) * number / motions for a, b in zip(start, target, strict=True))
+            safety.ready_gripper(self.gripper)
+            self._move_arm((x, y, z, angle), speed_um_s)
         safety.ready_gripper(self.gripper)
         self._move_arm(target, speed_um_s)
 
-    def _now_rad(self) -> float:
-        return self.where()[3] if self._angle_rad is None else self._angle_rad
+    def _place(self) -> PoseOfHand:
+        """Where the arm was sent, else where it stands."""
+        return self.where() if self._sent_to is None else _beside(self._sent_to, -self.middle_mm)
 
     def _move_arm(self, target: PoseOfHand, speed_um_s: int | None = None) -> None:
-        self.arm_known, self._angle_rad = False, None  # until it is acknowledged; an interrupt leaves it so
-        beside = self._sent(target)
+        self.where()
+        self.arm_known, self._sent_to = False, None  # until it is acknowledged; an interrupt leaves it so
+        beside = _beside(target, self.middle_mm)
         self.arm.move_linear(*beside, (speed_um_s or self.limits.arm_speed_um_s) / 1000)
         safety.check_placed(self.arm, beside)
-        self.arm_known, self._angle_rad = True, target[3]
-
-    def _sent(self, target: PoseOfHand) -> PoseOfHand:
-        x_mm, y_mm, z_mm, angle_rad = target
-        x_mm, y_mm, _ = sent((x_mm, y_mm, angle_rad), self.middle_mm)
-        return x_mm, y_mm, z_mm, angle_rad
+        self.arm_known, self._sent_to = True, beside
 
     def _low_mm(self, advance_mm: float) -> float:
         return self.limits.squeeze_height_um / 1000 + max(advance_mm, 0.0)
+
+
+def _beside(place: PoseOfHand, middle_mm: float) -> PoseOfHand:
+    """Where the arm has to stand for the fingers to meet at a place, so far off the hand's middle."""
+    x_mm, y_mm, z_mm, angle_rad = place
+    x_mm, y_mm, _ = sent((x_mm, y_mm, angle_rad), middle_mm)
+    return x_mm, y_mm, z_mm, angle_rad

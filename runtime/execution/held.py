@@ -4,7 +4,7 @@ Jaws that stand short of a request to close may hold something: the flag tells i
 stop or a loss of power. Jaws that stand where they were sent, wide open or closed hold nothing.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -15,7 +15,8 @@ from runtime.execution.delivery import Delivery, Sorting
 from runtime.execution.hand import CLEAR_MM, Hand
 from runtime.execution.reading import OPENED_COUNTS
 from runtime.execution.safety import needs_activation
-from runtime.journal.chain import Journal, records
+from runtime.journal.chain import Journal
+from runtime.journal.lines import Entry
 from runtime.journal.replay import UNDECIDED
 from runtime.table import Calibration, Table
 from runtime.traversal.decision import CLOSING_CONTACT
@@ -43,13 +44,14 @@ class Held(NamedTuple):
         stands = f"the fingers stand at count {self.position_counts} ({self.width_mm:.2f} mm) and "
         return f"{stands}{'hold' if self.certain else 'may hold'} something: {known}"
 
-    def refusal(self, arm_mm: float, journal: Path) -> GripperStateError:
+    def refusal(self, arm_mm: float, journal: Journal | None) -> GripperStateError:
         """Why a run does not begin, where the arm stands, how the journal's last run ended, what to do."""
+        before = "" if journal is None else _last_end(journal.path, journal.last_part)
         remedy = "start with --put-down: straight down where the arm stands, open, retreat"
         if not self.active:
             remedy = "take it out before they sweep"
         return GripperStateError(
-            f"{self.sentence()}; the arm stands {arm_mm:.1f} mm high{_last_end(journal)}; {remedy}; "
+            f"{self.sentence()}; the arm stands {arm_mm:.1f} mm high{before}; {remedy}; "
             "or, if you see that there is nothing, start with --jaws-empty"
         )
 
@@ -98,13 +100,12 @@ def put_down(
     return told
 
 
-def _last_end(journal: Path) -> str:
+def _last_end(path: Path, entries: Iterable[Entry]) -> str:
     """How a journal's last part ended, if it is one of those that may leave a part in the fingers."""
-    last: Mapping[str, object] = {}
-    if journal.is_file():
-        for entry in records(journal):
-            if entry["kind"] in ("header", "outcome", "put_down"):
-                last = entry
+    last: Entry = {}
+    for entry in entries:
+        if entry["kind"] in ("header", "outcome", "put_down"):
+            last = entry
     if last.get("outcome") not in UNDECIDED:
         return ""
-    return f"; part {last['part']} of the last run in {journal} ended as {last['outcome']}"
+    return f"; part {last['part']} of the last run in {path} ended as {last['outcome']}"

@@ -4,7 +4,7 @@ The declared safe state, in this order, each step tried even if the one before f
 
 1. The fingers stop where they are; what they hold stays held.
 2. The arm goes straight up to the retreat height, if its last motion was acknowledged; an arm whose state
-   is not known is not moved.
+   is not known is not moved, nor is one whose fingers may hold what is fixed to the table.
 """
 
 from collections.abc import Iterator
@@ -16,13 +16,31 @@ from runtime.table import Limits
 DECLARED = "fingers stopped where they are, arm straight up to the retreat height if its state is known"
 
 
-def reach_safe_state(gripper: Gripper, arm: Arm, limits: Limits, *, arm_known: bool) -> list[str]:
-    """Bring the cell into the declared safe state as far as its devices respond; nothing is raised.
+HOLDS_FIXED = (
+    "arm not moved: the fingers may hold what is fixed; open them before the arm goes up "
+    "(grasp-runtime --put-down does both)"
+)
 
-    The arm is moved only if it is `arm_known` where it stands: its last motion was acknowledged. Returns one
-    sentence a step: what was reached, and what failed.
+
+def reach_safe_state(
+    gripper: Gripper, arm: Arm, limits: Limits, *, arm_known: bool, may_hold_fixed: bool = False
+) -> list[str]:
+    """Bring the cell into the declared safe state as far as its devices respond; no error is raised.
+
+    Args:
+        gripper: whose fingers stop.
+        arm: that goes up.
+        limits: of the table, with the retreat height.
+        arm_known: whether it is known where the arm stands: its last motion was acknowledged.
+        may_hold_fixed: whether the fingers may hold something that may be fixed to the table.
+
+    Returns:
+        One sentence a step: what was reached, and what failed.
     """
-    return [_stop_fingers(gripper), _raise_arm(arm, limits) if arm_known else "arm not moved: state unknown"]
+    fingers = _stop_fingers(gripper)
+    if not arm_known:
+        return [fingers, "arm not moved: state unknown"]
+    return [fingers, HOLDS_FIXED if may_hold_fixed else _raise_arm(arm, limits)]
 
 
 @contextmanager

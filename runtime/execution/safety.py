@@ -10,7 +10,8 @@ from runtime.traversal.geometry import MOST_TURNS
 # Tells of a silence before this reading, which by itself is the end of it (2F-85 manual, fault 0x09).
 NO_COMMUNICATION = 0x09
 
-# The arm reads back 0.01 mm and a quaternion of three decimals, about 0.1 deg (open_abb, SERVER.mod).
+# How far an arm, as it tells itself, may stand from where it was sent; farther off, it was displaced.
+# It reads back 0.01 mm and a quaternion of three decimals, about 0.1 deg (open_abb, SERVER.mod).
 PLACED_MM = 0.5
 PLACED_RAD = 0.01
 
@@ -99,18 +100,22 @@ def check_target(pose: PoseOfHand, limits: Limits) -> None:
         raise MotionRefusedError(f"angle {angle_rad:.3f} rad is more than {MOST_TURNS} whole turns")
 
 
-def check_placed(arm: Arm, target: PoseOfHand) -> None:
-    """Read the arm and check that it stands where it was sent.
+def check_placed(arm: Arm, target: PoseOfHand) -> PoseOfHand:
+    """Read the arm and check that it stands where it was sent, the hand turned as it was sent.
+
+    Returns:
+        Where it stands.
 
     Raises:
         MotionRefusedError: it does not, so nothing may be moved next.
     """
-    x_mm, y_mm, z_mm, angle_rad = arm.pose()
+    pose = x_mm, y_mm, z_mm, angle_rad = arm.pose()
     off_mm = hypot(x_mm - target[0], y_mm - target[1], z_mm - target[2])
     off_rad = abs(remainder(angle_rad - target[3], tau))
     # Written so that a reading that is no number fails too.
     if not (off_mm <= PLACED_MM and off_rad <= PLACED_RAD):
         raise MotionRefusedError(
             f"the arm stands {off_mm:.2f} mm and {off_rad:.3f} rad off the place it was sent to; "
-            "check the controller before the next run"
+            "find out what moved it, and check the controller before the next run"
         )
+    return pose

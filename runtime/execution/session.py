@@ -47,9 +47,10 @@ def run_journalled(
 ) -> Tally:
     """Prepare the gripper, run the parts until one ends the run, and write its last record however it ends.
 
-    The journal has its header; `count` includes the parts of a broken run that is gone on with. Only where
-    `activate` says so is a gripper activated that is inactive or in fault. JournalError where the last record
-    cannot be written; any other error once it is recorded.
+    The journal has its header. `count` includes the parts that a broken run did before; the part at which it
+    broke off comes to its outcome whatever the count. Only where `activate` says so is a gripper activated
+    that is inactive or in fault. JournalError where the last record cannot be written; any other error once
+    it is recorded.
     """
     with ending(cell.journal) as tally:
         # Fingers that may hold a part are the executor's to look at, and never sweep.
@@ -58,7 +59,10 @@ def run_journalled(
                 prepare_gripper(cell.gripper, console, activate=activate)
         executor = Executor(table, cell, console, options)
         first = 1 if broken is None else broken.parts + 1
-        for number in range(first, count + 1):
+        last = count if broken is None or broken.part is None else max(count, broken.part)
+        if first > last:
+            console.note(f"no part is left: the run that broke off did {first - 1}, and --count is {count}")
+        for number in range(first, last + 1):
             resumed = broken if broken is not None and broken.part == number else None
             if scene is not None and resumed is None:
                 scene.next_part()
@@ -85,7 +89,10 @@ def put_down(table: Table, cell: Cell, console: Console, options: RunOptions) ->
             with interrupts.stoppable():
                 return held.put_down(hand, table, options.delivery, cell.journal)
         except BaseException:
-            for sentence in reach_safe_state(cell.gripper, cell.arm, table.limits, arm_known=hand.arm_known):
+            # Nobody knows what they hold: after a calibration it may be a block that is clamped.
+            for sentence in reach_safe_state(
+                cell.gripper, cell.arm, table.limits, arm_known=hand.arm_known, may_hold_fixed=hand.may_hold
+            ):
                 console.note(sentence)
             raise
 
@@ -100,13 +107,13 @@ def ending(journal: Journal) -> Iterator[Tally]:
     tally = Tally()
     try:
         yield tally
+        interrupts.conclude()
+        journal.record("end", _end_fields(tally, tally.exit_code, None))
     except BaseException as error:
         interrupts.conclude()
         with suppress(JournalError):
             journal.record("end", _end_fields(tally, exit_code_of(error), _reason(error)))
         raise
-    interrupts.conclude()
-    journal.record("end", _end_fields(tally, tally.exit_code, None))
 
 
 def sight(table: Table, scene: Scene, result: PartResult) -> Sighting:

@@ -9,84 +9,107 @@ broke off. In between, for each part: `part`, then a `placed` and a `squeeze` fo
 `delivery` where there is one, `outcome`, and `truth`, where a simulated part really lay; after a crash
 `resume` and `freed`; instead of parts `put_down`; and anywhere `link`, a retry or a failure on the way to the
 gripper.
+
+A file that has grown long ends, between two parts, with a record of kind `seal`, and the chain goes on in a
+new file, which begins with the run's header again: `after_part` tells after which part. So the latest file is
+enough to know how the last run stands, however long the journal is.
 """
 
 import base64
 import contextlib
-import fcntl
 import hashlib
 import json
 import os
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping
-from itertools import count
 from pathlib import Path
-from typing import BinaryIO, NamedTuple, Self
+from typing import Self
 
-from runtime.errors import JournalError, TornError
-from runtime.shell import strict_json
-from runtime.shell.files import bring_to_disk, oddity
-from runtime.shell.sealed_lines import GENESIS, is_intact, sealed
+from runtime.errors import JournalError
+from runtime.journal import files
+from runtime.journal.files import write_all as _write_all
+from runtime.journal.lines import RESERVED, UPTIME, VERSION, Entry, Verified, follow
+from runtime.shell import interrupts
+from runtime.shell.sealed_lines import sealed, sealed_segments
 
-VERSION = 1
-MAX_LINE_BYTES = 8 << 20
-OPENING = b'{"seq":'
+SEGMENT_BYTES = 8 << 20  # records of a file, its header left out, before it is sealed
 MOST_INCIDENTS = 1000  # kept; of a link so bad that connecting takes more, the first ones tell enough
-RESERVED = frozenset({"seq", "time", "kind", "previous", "digest"})
-
-
-class Verified(NamedTuple):
-    """What a journal that verifies holds."""
-
-    head: str = GENESIS  # digest of the last record, what the next one has to hold
-    records: int = 0  # number of records
-    size: int = 0  # their length, bytes
-    runs: int = 0  # number of runs, each begun by a header
-    closed: bool = True  # whether the last run wrote its last record
 
 
 class Journal:
-    """A journal being written. An existing one is verified and continued, never overwritten.
+    """A journal being written. An existing one is verified from its last seal on and continued.
 
     A last line that a crash cut short is cut off: its record never returned, so nothing was done upon it. A
     file that holds anything else is left as it is.
+
+    Before each record the file is compared with what was written. Where it was removed, renamed, replaced or
+    cut, the record is refused; it may have been missing for the next run otherwise. What the run has recorded
+    and still records is kept in `files.broken_of`, and no run goes on with the journal before it is put back.
     """
 
-    def __init__(self, path: Path, stamp: Callable[[], str]) -> None:
-        """Create the file, or verify it and go on at its end; `stamp` (`Clock.stamp`) dates each record.
+    def __init__(
+        self,
+        path: Path,
+        stamp: Callable[[], str],
+        uptime: Callable[[], Mapping[str, object]] = dict,
+        segment_bytes: int = SEGMENT_BYTES,
+    ) -> None:
+        """Create the file, or verify it and go on at its end.
+
+        Args:
+            path: the file.
+            stamp: dates each record: `SystemClock.stamp`.
+            uptime: tells by a clock that nobody sets when it was written: `SystemClock.uptime`.
+            segment_bytes: length from which on the file is sealed, its first record left out.
 
         Raises:
             JournalError: it cannot be opened, another process writes it, or what it holds does not verify.
         """
         self.path = path
         self.cut_bytes = 0  # length of the unfinished line that was cut off
-        self._stamp = stamp
-        self._end = Verified()
+        # The last run's header and the records of its last part, as they were when the journal was opened.
+        self.last_part: list[Entry] = []
+        self._stamp, self._uptime, self._segment_bytes = stamp, uptime, segment_bytes
+        self._place = path  # of the file that is written
+        self._header: Mapping[str, object] = {}  # the fields of the run's header
+        self._full_bytes = segment_bytes  # length from which on the file is sealed
         self._failed = False
+        self._file = -1
         try:
-            self._file = _opened(path)
+            self._file = files.claim(path)
+            self._end = self._verify()
         except OSError as error:
+            self.close()
             raise _unwritable(path, error) from error
-        try:
-            self._claim()
         except BaseException:  # Ctrl-C, too, must not leave the file claimed
             self.close()
             raise
 
-    def _claim(self) -> None:
-        """Lock and verify the file; only then cut what a crash left unfinished at its end."""
-        try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            bring_to_disk(self.path.parent)
-            with open(self._file, "rb", closefd=False) as file:
-                self._end = _verified(self.path, file, torn=True)
-                self.cut_bytes = file.seek(0, os.SEEK_END) - self._end.size
-            if self.cut_bytes:
-                os.ftruncate(self._file, self._end.size)
-                os.fsync(self._file)
-        except BlockingIOError:
-            raise JournalError(self.path, "is being written by another process; name another file") from None
-        except OSError as error:
-            raise _unwritable(self.path, error) from error
+    def _verify(self) -> Verified:
+        """Verify the file; only then cut what a crash left unfinished at its end."""
+        start = end = files.start_of(self.path)
+        with open(self._file, "rb", closefd=False) as file:
+            for entry, end in follow(self.path, file, start, torn=True):
+                self._remember(entry, end.size)
+            size = file.seek(0, os.SEEK_END)
+        if start.segments and not end.size:
+            raise JournalError(self.path, "is empty, and comes after a sealed segment; put its records back")
+        self.cut_bytes = size - end.size
+        if self.cut_bytes:
+            os.ftruncate(self._file, end.size)
+            os.fsync(self._file)
+        return end
+
+    def _remember(self, entry: Entry, size: int) -> None:
+        if not self.last_part:
+            self._full_bytes = size + self._segment_bytes
+        if entry["kind"] == "header":
+            self._header = {name: value for name, value in entry.items() if name not in RESERVED | UPTIME}
+            self.last_part = [entry]
+        elif entry["kind"] == "part":
+            self.last_part = [*self.last_part[:1], entry]
+        else:
+            self.last_part.append(entry)
 
     def header(self, table: bytes, fields: Mapping[str, object]) -> None:
         """Write the first record: the table's bytes and their digest, and what else tells the run apart.
@@ -105,23 +128,62 @@ class Journal:
         """Append one record and bring it to the disk.
 
         Raises:
-            JournalError: it cannot be written: full disk, lost mount, closed journal.
+            JournalError: it cannot be written: full disk, lost mount, closed journal, a file moved or cut.
             ValueError: a field has a reserved name or is not a number JSON can hold.
         """
-        if self._failed:
-            told = "could not be written before, and what it holds since is not known"
-            raise JournalError(self.path, f"{told}; free the disk or name another file")
         if clash := RESERVED & fields.keys():
             raise ValueError(f"reserved field names: {sorted(clash)}")
+        self._check()
+        full = self._end.size >= self._full_bytes and self._place == self.path
+        if kind == "header":
+            self._header = fields
+            if full:
+                self._rotate(fields)
+                return
+        if full and kind == "part" and self._header:
+            self._rotate({**self._header, "after_part": int(str(fields["part"])) - 1})
+        self._append(kind, fields)
+
+    def _check(self) -> None:
+        """Check that the file is the one that was written."""
+        if self._failed:
+            raise JournalError(
+                self.path,
+                "could not be written before, and what it holds since is not known; free the disk or name "
+                "another file",
+            )
+        try:
+            reason = files.displacement(self._place, self._file, self._end.size)
+        except OSError as error:
+            self._failed = True
+            raise _unwritable(self.path, error) from error
+        if reason:
+            raise JournalError(self.path, f"was {reason} while it was written; {self._keep_apart()}")
+
+    def _keep_apart(self) -> str:
+        """Go on in a file of its own; tells what is in it."""
+        before = self._file
+        self._failed = True
+        try:
+            self._file, size = files.copy_aside(self.path, before, self._end.size)
+        except OSError as error:
+            return f"what the run records now is lost: {files.broken_of(self.path)}: {error.strerror}"
+        os.close(before)
+        self._place, self._failed = files.broken_of(self.path), False
+        self._end = self._end._replace(size=size)
+        which = "all that it held and what follows is" if size else "what follows is"
+        return f"{which} in {self._place} (runtime/OUTCOMES.md says how to go on)"
+
+    def _append(self, kind: str, fields: Mapping[str, object]) -> None:
+        line, digest = self._line(kind, fields)
         end = self._end
-        frame = {"seq": end.records, "time": self._stamp(), "kind": kind, **fields, "previous": end.head}
-        body = json.dumps(frame, separators=(",", ":"), allow_nan=False).encode("ascii")
-        line, digest = sealed(body)
+        if not end.size:
+            self._full_bytes = len(line) + self._segment_bytes
         try:
             _write_all(self._file, line)
             os.fsync(self._file)
             # One assignment: a stop request comes before it or after it, never in between.
-            self._end = Verified(digest, end.records + 1, end.size + len(line))
+            self._end = end._replace(head=digest, records=end.records + 1, size=end.size + len(line))
         except OSError as error:
             self._failed = True  # a failed sync cannot be repeated
             self._take_back()
@@ -130,10 +192,34 @@ class Journal:
             self._take_back()
             raise
 
+    def _line(self, kind: str, fields: Mapping[str, object]) -> tuple[bytes, str]:
+        frame = {"seq": self._end.records, "time": self._stamp(), **self._uptime(), "kind": kind}
+        body = json.dumps(
+            {**frame, **fields, "previous": self._end.head}, separators=(",", ":"), allow_nan=False
+        )
+        return sealed(body.encode("ascii"))
+
+    def _rotate(self, header: Mapping[str, object]) -> None:
+        """Seal the file, and begin the next one with a header."""
+        with interrupts.whole():
+            number = self._end.segments + 1
+            self._append("seal", {"segment": number})
+            line, digest = self._line("header", header)
+            before = self._file
+            try:
+                self._file = files.rotate(self.path, before, number, line)
+            except OSError as error:
+                self._failed = True
+                raise _unwritable(self.path, error) from error
+            os.close(before)
+            self._end = Verified(digest, self._end.records + 1, len(line), segments=number)
+            self._full_bytes = len(line) + self._segment_bytes
+
     def _take_back(self) -> None:
         """Remove a line that was written in part, or wholly but is not counted yet."""
         with contextlib.suppress(OSError):
-            os.ftruncate(self._file, self._end.size)
+            if os.fstat(self._file).st_size > self._end.size:
+                os.ftruncate(self._file, self._end.size)
 
     def close(self) -> None:
         """Close the file; nothing can be recorded afterwards. Closing twice is harmless."""
@@ -175,130 +261,39 @@ class Incidents:
 
 def verify(path: Path) -> Verified:
     """Check every line of a journal: whole, numbered, chained, its tables intact; or JournalError."""
-    with _reading(path) as file:
-        seen = _verified(path, file)
-    if not seen.records:
+    sealed_before = files.check_whole(path)
+    latest = deque(_followed(path), maxlen=1)
+    if not latest or latest[0][1].segments < len(sealed_before):
         raise JournalError(path, "is empty")
-    return seen
-
-
-def _verified(path: Path, file: BinaryIO, *, torn: bool = False) -> Verified:
-    seen = Verified()
-    for entry, length in _chain(path, file, torn=torn):
-        begins = entry["kind"] == "header"
-        if seen.closed and not begins:
-            told = "does not belong to a run; a header was expected"
-            raise JournalError(path, told, seen.records + 1)
-        seen = Verified(
-            str(entry["digest"]),
-            seen.records + 1,
-            seen.size + length,
-            seen.runs + begins,
-            entry["kind"] == "end",
-        )
-    return seen
+    return latest[0][1]
 
 
 def records(path: Path) -> Iterator[dict[str, object]]:
     """The records of a journal, each checked against the chain before it is given out.
 
     Raises:
-        JournalError: the file cannot be read, or naming the first line that does not verify.
+        JournalError: a file cannot be read, or naming the first line that does not verify.
     """
-    with _reading(path) as file:
-        for entry, _ in _chain(path, file):
-            yield entry
+    for entry, _ in _followed(path):
+        yield entry
 
 
-@contextlib.contextmanager
-def _reading(path: Path) -> Iterator[BinaryIO]:
+def _followed(path: Path) -> Iterator[tuple[dict[str, object], Verified]]:
+    """The records of all segments, each with what the journal then holds."""
+    seen = Verified()
     try:
-        with path.open("rb") as file:
-            yield file
+        with path.open("rb") as latest:
+            for number, segment in enumerate(sealed_segments(path), 1):
+                with segment.open("rb") as file:
+                    if os.path.sameopenfile(file.fileno(), latest.fileno()):
+                        break  # sealed since it was opened
+                    for entry, after in follow(segment, file, seen):
+                        seen = after
+                        yield entry, after
+                seen = seen._replace(size=0, segments=number)
+            yield from follow(path, latest, seen)
     except OSError as error:
         raise JournalError(path, f"cannot be read: {error.strerror}") from error
-
-
-def _chain(path: Path, file: BinaryIO, *, torn: bool = False) -> Iterator[tuple[dict[str, object], int]]:
-    """Each record with the length of its line; `torn` lets the file end with the beginning of one."""
-    head = GENESIS
-    for number in count(1):
-        line = file.readline(MAX_LINE_BYTES)
-        if not line or (torn and _is_begun(line, number) and not file.read(1)):
-            return
-        entry = _checked(path, number, line, head)
-        head = str(entry["digest"])
-        yield entry, len(line)
-
-
-def _is_begun(line: bytes, number: int) -> bool:
-    """Whether a line may be a record cut short by a crash; a file system may fill its end with zeros."""
-    opening = OPENING + b'%d,"time":"' % (number - 1)
-    if line.endswith(b"\n"):
-        return False
-    left = line.rstrip(b"\0")
-    return left.startswith(opening) or (number > 1 and opening.startswith(left))
-
-
-def _checked(path: Path, number: int, line: bytes, previous: str) -> dict[str, object]:
-    if _is_begun(line, number) or (line.startswith(OPENING) and not line.endswith(b"\n")):
-        raise TornError(path, "cut short; the run ended while it was written", number)
-    intact = is_intact(line)
-    if intact is None:
-        raise JournalError(path, "is no record of a journal", number)
-    if not intact:
-        raise JournalError(path, "does not have its digest; it was changed after it was written", number)
-    try:
-        entry = strict_json.parse(line)
-    except ValueError as error:
-        raise JournalError(path, f"is {error}", number) from None
-    if not isinstance(entry, dict) or not entry.keys() >= RESERVED:
-        raise JournalError(path, f"lacks one of {', '.join(sorted(RESERVED))}", number)
-    if type(entry["seq"]) is not int or entry["seq"] != number - 1:
-        raise JournalError(path, f"has sequence number {entry['seq']}, expected {number - 1}", number)
-    if entry["previous"] != previous:
-        raise JournalError(path, "does not follow the line before it", number)
-    kind = entry["kind"]
-    if not (isinstance(kind, str) and kind.isidentifier() and isinstance(entry["time"], str)):
-        raise JournalError(path, "has a kind that is no word, or a time that is no text", number)
-    if kind == "header":
-        _check_header(path, number, entry)
-    return entry
-
-
-def _check_header(path: Path, number: int, entry: Mapping[str, object]) -> None:
-    if entry.get("journal_version") != VERSION:
-        raise JournalError(path, f"is not a header of journal version {VERSION}", number)
-    try:
-        table = base64.b64decode(str(entry.get("table_base64")), validate=True)
-    except ValueError:
-        raise JournalError(path, "the embedded table is not base64", number) from None
-    if hashlib.sha256(table).hexdigest() != entry.get("table_sha256"):
-        raise JournalError(path, "the embedded table is not the one of its digest", number)
-
-
-def _write_all(file: int, data: bytes) -> None:
-    while data:
-        data = data[os.write(file, data) :]
-
-
-def _opened(path: Path) -> int:
-    """A descriptor of a regular file, made if need be and never reached through a link."""
-    with contextlib.suppress(FileNotFoundError):
-        _check_regular(path, path.lstat().st_mode)
-    flags = os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
-    file = os.open(path, flags, 0o644)
-    try:
-        _check_regular(path, os.fstat(file).st_mode)
-    except JournalError:
-        os.close(file)
-        raise
-    return file
-
-
-def _check_regular(path: Path, mode: int) -> None:
-    if reason := oddity(mode):
-        raise JournalError(path, f"cannot be written: {reason}; name another file")
 
 
 def _unwritable(path: Path, error: OSError) -> JournalError:

@@ -6,7 +6,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from runtime.errors import ArgumentsError
-from runtime.journal.replay import Entry
+from runtime.journal.lines import Entry, begins_run
 from runtime.shell.files import STDOUT, writing
 
 UNITS = {"um": ("mm", 1e3), "urad": ("rad", 1e6)}  # of records, and what rows are in instead
@@ -43,7 +43,7 @@ def rows(entries: Iterable[Entry]) -> Iterator[Row]:
             yield from ({**row, **ended} for row in part)
             part = []
         if kind == "header":
-            run, table = run + 1, str(entry["table_sha256"])
+            run, table = run + begins_run(entry), str(entry["table_sha256"])
     yield from part
 
 

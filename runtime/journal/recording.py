@@ -14,9 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 from runtime.errors import ArgumentsError, JournalError
-from runtime.journal.chain import RESERVED
 from runtime.journal.export import PART, SQUEEZE, scaled
-from runtime.journal.replay import Entry
+from runtime.journal.lines import RESERVED, UPTIME, Entry, begins_run
 from runtime.shell.files import writing
 from runtime.table import Table, TableError, loads
 
@@ -26,7 +25,7 @@ if TYPE_CHECKING:
 INFO, WARNING, ERROR = 2, 3, 4  # levels of foxglove.Log
 LIBRARY = "squeezetree"
 TEXTS = frozenset({"time", "outcome", "hypothesis", "audit", "delivery", "reject_reason"})
-HIDDEN = RESERVED | {"table_base64", "widths_um"}  # in a line of a record
+HIDDEN = RESERVED | UPTIME | {"table_base64", "widths_um"}  # in a line of a record
 
 OUTCOME = {name: name for name in ("part", *PART)} | {"reject_reason": "reason"}
 
@@ -115,6 +114,8 @@ class _Recording:
 
     def _header(self, entry: Entry, moment_ns: int) -> None:
         data = base64.b64decode(str(entry["table_base64"]))
+        if self._table is not None and not begins_run(entry):
+            return  # it is the run's table again
         name = f"table-{str(entry['table_sha256'])[:12]}.msgpack"
         self._writer.add_attachment(moment_ns, moment_ns, name, "application/msgpack", data)
         try:

@@ -5,18 +5,17 @@ agree on where a part stood, or report where they do not.
 """
 
 import base64
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from enum import Enum
 from typing import NamedTuple
 
+from runtime.journal.lines import Entry
 from runtime.table import Calibration, Table, decision_map, loads
 from runtime.traversal.decision import Policy, TraversalState, advance, decide, step_of
 from runtime.traversal.results import EXIT_CODES, Outcome, Step
 
 DECIDED = {outcome.value: outcome for outcome in (Outcome.LEAF, Outcome.REJECT, Outcome.UNRESOLVED)}
 UNDECIDED = {outcome.value for outcome in Outcome} - DECIDED.keys()
-
-Entry = Mapping[str, object]
 
 
 class Last(Enum):
@@ -46,7 +45,6 @@ class Replay:
         self.over = False  # whether its last part's outcome was one that ends a run
         self.decisions = 0  # squeezes derived so far, over all runs
         self.parts = 0  # parts that came to an outcome
-        self.time = ""  # what the latest record is dated with
         # The node that last squeezed the part and the target it led to; AWAY: the fingers have let go there.
         self.held_at: tuple[int, int | None] | None = None
         self._found: int | None = None  # the leaf whose delivery was begun
@@ -55,7 +53,7 @@ class Replay:
     def follow(self, entries: Iterable[Entry]) -> Iterator[Finding]:
         """Go through a journal's records in order and tell what does not follow from those before."""
         for entry in entries:
-            seq, self.time = int(str(entry["seq"])), str(entry.get("time"))
+            seq = int(str(entry["seq"]))
             try:
                 yield from (Finding(seq, sentence) for sentence in self._take(entry))
             except Exception as error:  # a journal is a file, and holds what anybody wrote
@@ -68,6 +66,7 @@ class Replay:
         elif kind == "part":
             self.over = False  # a robot that asks goes on after a part that was given up
             self._begin(_integer(entry, "part"))
+            self.parts = _integer(entry, "part") - 1
         elif kind == "resume" and entry["how"] == "restart":
             self.traversal = TraversalState()
             self.steps.clear()
@@ -97,7 +96,9 @@ class Replay:
         )
         self._maps = [decision_map(node, self.calibration) for node in table.nodes]
         self.policy = Policy.of(str(entry.get("on_reject", "next")), str(entry.get("on_unresolved", "next")))
-        self.header, self.closed, self.parts, self.over = entry, False, 0, False
+        self.header, self.closed, self.over = entry, False, False
+        # The header of a segment in the midst of a run: the parts before it are in the segments before.
+        self.parts = _integer(entry, "after_part") if "after_part" in entry else 0
         self._begin(None)
 
     def _begin(self, part: int | None) -> None:

@@ -120,6 +120,7 @@ def notify(*lines: str, environment: Mapping[str, str] = os.environ) -> bool:
         suppress(OSError),
         socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC) as channel,
     ):
+        channel.setblocking(False)  # a manager that hangs is not waited for
         channel.connect(name)
         channel.sendall("\n".join(lines).encode())
         return True

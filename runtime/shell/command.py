@@ -15,6 +15,9 @@ from importlib import import_module
 from io import TextIOWrapper
 from typing import Any, NoReturn, TextIO
 
+from runtime.shell import output
+from runtime.shell.plain_text import cleaned
+
 USAGE = 2
 INPUT_FILE = 3
 LINK = 20
@@ -39,10 +42,7 @@ class Parser(argparse.ArgumentParser):
 
     def _print_message(self, message: str, file: Any = None) -> None:
         """Print the text of --help; argparse itself would not tell that it was lost."""
-        try:
-            (file or sys.stderr).write(message)
-        except OSError as error:
-            _give_up(file or sys.stderr, error)
+        say(message.removesuffix("\n"), file or sys.stderr)
 
     def add_common(self, json: str = "print one JSON object instead of text") -> None:
         """Add --json, with its help, and --debug."""
@@ -62,8 +62,9 @@ def run(
 ) -> int:
     """Run a command; every error becomes one line on standard error and an exit code, which is returned.
 
-    An error with an `exit_code` ends with it; an OSError with 3 where a file cannot be read, with 20 where a
-    connection fails, with 2 where an output cannot be written; anything else, which nobody foresaw, with 1.
+    An error to which a class of ours gives an `exit_code` ends with it; an OSError with 3 where a file cannot
+    be read, with 20 where a connection fails, with 2 where an output cannot be written; anything else, which
+    nobody foresaw, with 1.
     An answer that is lost ends a command that did well with 2; a reader who has seen enough (`| head`) does
     not.
 
@@ -109,13 +110,17 @@ def entry(name: str, module: str, extra: str, argv: Sequence[str] | None = None)
 
 
 def say(line: str, file: TextIO | None = None) -> None:
-    """Print a line at once; that nobody reads it or the disk is full must not stop a cell.
+    """Print a line at once, `cleaned`; that nobody reads it or the disk is full must not stop a cell.
 
     What standard output has lost is told by `run` at the command's end.
     """
     file = file or sys.stdout
+    outlet = output.outlet_of(file)
     try:
-        print(line, file=file, flush=True)
+        if outlet is None:
+            print(cleaned(line), file=file, flush=True)
+        else:
+            outlet.put(f"{cleaned(line)}\n".encode(file.encoding, "backslashreplace"))
     except OSError as error:
         _give_up(file, error)
 
@@ -135,7 +140,7 @@ def one_line(words: object) -> str:
     text = " ".join(str(words).split()) or type(words).__name__
     if len(text) > LONGEST_LINE:
         text = f"{text[:LONGEST_LINE]}..."
-    return "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in text)
+    return cleaned(text)
 
 
 def positive_int(text: str) -> int:
@@ -191,16 +196,21 @@ def _guarded(
         return code
     except (Exception, SystemExit) as error:  # a world's factory may be any function
         if getattr(arguments, "debug", False):
-            traceback.print_exc()
+            say(traceback.format_exc().removesuffix("\n"), sys.stderr)
         code, words = _end_of(error)
         tell(name, words)
         return code
 
 
+def is_foreseen(error: BaseException) -> bool:
+    """Whether a class of ours gave the error its `exit_code`; other libraries use the name, too."""
+    kinds = (kind for kind in type(error).__mro__ if "exit_code" in vars(kind))
+    return any(kind.__module__.partition(".")[0] in OURS for kind in kinds)
+
+
 def _end_of(error: BaseException) -> tuple[int, str]:
-    code = getattr(error, "exit_code", None)
-    if isinstance(code, int):
-        return code, told(error)
+    if is_foreseen(error):
+        return int(error.exit_code), told(error)  # type: ignore[attr-defined]
     if isinstance(error, OSError):
         reason = error.strerror or told(error)
         if error.errno in UNWRITABLE:
@@ -216,8 +226,11 @@ def _end_of(error: BaseException) -> tuple[int, str]:
 
 def _flushed(name: str, code: int) -> int:
     """The exit code, once standard output is written or known to be lost."""
+    outlet = output.outlet_of(sys.stdout)
     try:
         sys.stdout.flush()
+        if outlet is not None and (lines := outlet.end()):
+            _lost.append(TimeoutError(errno.ETIMEDOUT, f"nobody reads it, {lines} lines are lost"))
     except OSError as error:
         _give_up(sys.stdout, error)
     if not _lost:

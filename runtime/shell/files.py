@@ -5,6 +5,7 @@ command reads. `usable` says so before the work is done, `writing` writes.
 """
 
 import os
+import shlex
 import stat
 import sys
 import tempfile
@@ -87,8 +88,7 @@ def writing(path: Path) -> Iterator[Path]:
     draft = path.with_name(f".{path.stem[:LONGEST_STEM]}.{os.urandom(4).hex()}{path.suffix}")
     usable(path)
     try:
-        # New, so never through a link that somebody put there; its mode is what the umask leaves.
-        os.close(os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666))
+        _begin(draft, path)
         try:
             yield draft
             bring_to_disk(draft)
@@ -104,6 +104,27 @@ def writing(path: Path) -> Iterator[Path]:
         raise OutputError(
             f"{path} cannot be written: {reason}; free the disk or name another file"
         ) from error
+
+
+def _begin(draft: Path, path: Path) -> None:
+    """Make an empty draft: as the umask says, or with owner and mode of the file whose place it takes."""
+    old = path.stat() if path.exists() else None
+    # New, so never through a link that somebody put there; what is private is so before anything is in it.
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
+    handle = os.open(draft, flags, 0o666 if old is None else 0o600)
+    try:
+        if old is not None:
+            with suppress(PermissionError):  # another's file in a folder of ours becomes ours
+                os.fchown(handle, old.st_uid, old.st_gid)
+            os.fchmod(handle, old.st_mode & 0o777)
+    finally:
+        os.close(handle)
+
+
+def quoted(path: Path | str) -> str:
+    """A path as a word of a command line that a message proposes."""
+    text = str(path)
+    return shlex.quote(f"./{text}" if text.startswith("-") else text)
 
 
 def write(path: Path, text: str) -> None:

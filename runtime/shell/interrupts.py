@@ -3,7 +3,7 @@
 A request raises KeyboardInterrupt only in what is `stoppable`, and never while an exception is being handled:
 what came first, a fault or the request, is what the command ends with, and nothing cuts short what follows
 from it: safe sequence, records, last words. At any other time it waits for the next `stoppable`. Decision
-0018 says why.
+0018 says why. A deadline (`within`) is delivered in the same way, by an error of its own.
 """
 
 import contextlib
@@ -11,7 +11,8 @@ import os
 import select
 import signal
 import sys
-from collections.abc import Iterator
+import threading
+from collections.abc import Callable, Iterator
 from types import FrameType, TracebackType
 from typing import Self
 
@@ -24,13 +25,16 @@ LOST_S = 0.1  # until one that was raised where Python drops exceptions (finaliz
 class _Request:
     """State of the stop request; one a process, as signals are."""
 
+    listening = False  # whether signals are requests
     asked = False  # whether a signal came
     open = False  # whether it may raise now
     over = False  # whether it was heard, or can change nothing any more
+    late: Callable[[], Exception] | None = None  # what a deadline that has passed raises; None: none has
 
     def deliver(self) -> None:
-        """Raise it if it may."""
-        if not (self.asked and self.open) or self.over:
+        """Raise it if it may, or the error of a deadline that has passed."""
+        stop = self.asked and not self.over
+        if not self.open or not (stop or self.late):
             return
         if sys.exception() is not None:
             # A driver may be about to try again, and the exception no fault at all.
@@ -38,7 +42,7 @@ class _Request:
             return
         # Heard, it leaves what is stoppable.
         signal.setitimer(signal.ITIMER_REAL, LOST_S)
-        raise KeyboardInterrupt
+        raise KeyboardInterrupt if stop or self.late is None else self.late()
 
 
 _request = _Request()
@@ -68,6 +72,31 @@ def whole() -> "contextlib._GeneratorContextManager[None]":
     return _region(opened=False)
 
 
+@contextlib.contextmanager
+def within(seconds: float, late: Callable[[], Exception]) -> Iterator[None]:
+    """After so many wall seconds in here `late()` is raised, where and when a stop request would be.
+
+    Nothing is raised where no `StopRequests` are entered: there are no signals then that end a call.
+    """
+    if not _request.listening:
+        yield
+        return
+
+    def passed() -> None:
+        _request.late = late
+        signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGALRM)
+
+    timer = threading.Timer(seconds, passed)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+        timer.join()  # from now on it sends no signal
+        _request.late = None
+
+
 def conclude() -> None:
     """The command's outcome is decided: a stop request raises nothing any more."""
     _request.over = True
@@ -86,6 +115,7 @@ class StopRequests:
 
     def __enter__(self) -> Self:
         _request.asked = _request.open = _request.over = False
+        _request.listening = True
         for number in SIGNALS:
             if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
                 self._before[number] = signal.signal(number, self._hear)
@@ -96,6 +126,7 @@ class StopRequests:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         conclude()
+        _request.listening = False
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         for number, handler in self._before.items():
             signal.signal(number, signal.SIG_IGN if self._last else handler)

@@ -1,9 +1,12 @@
 """Lines of JSON whose last field, `digest`, is the SHA-256 of the line without it: a journal's records.
 
-`previous`, the field before it, is the digest of the line before, `GENESIS` in the first line.
+`previous`, the field before it, is the digest of the line before, `GENESIS` in the first line. A long journal
+lies in several files, and the chain goes on from one to the next: in their order, they are one journal.
 """
 
 import hashlib
+import re
+from pathlib import Path
 
 GENESIS = "0" * 64
 _MARK, _END = b',"digest":"', b'"}\n'
@@ -21,3 +24,19 @@ def is_intact(line: bytes) -> bool | None:
     if not line[-_LENGTH:].startswith(_MARK):
         return None
     return line == sealed(line[:-_LENGTH] + b"}")[0]
+
+
+def segment(path: Path, number: int) -> Path:
+    """The file of a journal's segment of this number, from 1, once it is sealed."""
+    return path.with_name(f"{path.name}.{number:06d}")
+
+
+def sealed_segments(path: Path) -> list[Path]:
+    """The sealed segments of a journal that are there, in order; after them comes the journal's own file.
+
+    Raises:
+        OSError: their folder cannot be read.
+    """
+    name = re.compile(re.escape(path.name) + r"\.(\d{6,})")
+    matches = [name.fullmatch(file.name) for file in path.parent.iterdir()]
+    return [segment(path, number) for number in sorted(int(match[1]) for match in matches if match)]

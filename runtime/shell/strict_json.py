@@ -7,6 +7,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NoReturn
 
+from runtime.shell.plain_text import unprintable
+
 MOST_LEVELS = 64
 MOST_DIGITS = 19
 MOST_BYTES = 4 << 20  # of a file
@@ -44,7 +46,8 @@ def load(path: Path, refused: Callable[[str], Exception], most_bytes: int = MOST
         most_bytes: size from which on it is not read.
 
     Raises:
-        Exception: what `refused` makes, where the file cannot be read, is too large, or is no such JSON.
+        Exception: what `refused` makes, where the file cannot be read, is too large, is no such JSON, or
+            holds text that does not print.
     """
     try:
         with path.open("rb") as file:
@@ -54,9 +57,12 @@ def load(path: Path, refused: Callable[[str], Exception], most_bytes: int = MOST
     if len(text) > most_bytes:
         raise refused(f"is larger than {most_bytes >> 20} MiB")
     try:
-        return parse(text)
+        value = parse(text)
     except ValueError as error:
         raise refused(f"is {error}") from error
+    if (strange := unprintable(value)) is not None:
+        raise refused(f"is not usable: it holds {strange}, which does not print")
+    return value
 
 
 def digest(document: Mapping[str, Any]) -> str:
@@ -69,6 +75,8 @@ def _is_deep(value: Any) -> bool:
     """Whether it has more than `MOST_LEVELS` levels, found without recursion."""
     level = [value]
     for _ in range(MOST_LEVELS):
+        if not level:
+            return False
         inner = [list(item.values()) if isinstance(item, dict) else item for item in level]
         level = [item for items in inner if isinstance(items, list) for item in items]
     return any(isinstance(item, dict | list) for item in level)

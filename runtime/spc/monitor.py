@@ -1,6 +1,6 @@
 """All charts over a history: what each of them shows, and where it alarms."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from math import hypot, inf, log1p, sqrt
 from typing import NamedTuple
 
@@ -41,9 +41,22 @@ MEANING = {
 
 
 class Monitor:
-    """The charts of one table; sees one part after the other."""
+    """The charts of one table; sees one part after the other, and keeps no more than its charts' windows."""
 
-    def __init__(self, table: Table, expected: Expectation | None = None) -> None:
+    def __init__(
+        self,
+        table: Table,
+        expected: Expectation | None = None,
+        draw: Callable[[str, float], object] = lambda _name, _value: None,
+    ) -> None:
+        """Begin with no part.
+
+        Args:
+            table: the table.
+            expected: what the encoder should read, where that is known.
+            draw: gets the values of the charts that are drawn, by name: `wider` and `narrower` a squeeze,
+                `COORDINATES` an audited part, `friction` a part.
+        """
         predicted = table.predicted
         _, rejected = wilson_interval(round(predicted.reject_ppm / PPM * predicted.trials), predicted.trials)
         shares = branch_shares(table)
@@ -55,10 +68,7 @@ class Monitor:
         self.residuals = (Ewma(), Ewma(), Ewma())
         # Only where it is known what to expect of them.
         self.readings = None if expected is None else ShiryaevRoberts(expected)
-        # Values of the charts that are drawn, by name: of the widths a step a squeeze, of the residuals
-        # (named as `COORDINATES`) an audited part, of the readings a part.
-        names = ("wider", "narrower", *COORDINATES, "friction")
-        self.lines: dict[str, list[float]] = {name: [] for name in names}
+        self._draw = draw
 
     def watch(self, history: History) -> Iterator[Alarm]:
         """All alarms of a history of this table, in order.
@@ -77,7 +87,7 @@ class Monitor:
         found = [(chart, MEANING[chart]) for chart in self._alarmed(part)]
         if self.readings is not None:
             world = self.readings.add(self.table, part)
-            self.lines["friction"].append(log1p(self.readings.value if world is None else LIMIT))
+            self._draw("friction", log1p(self.readings.value if world is None else LIMIT))
             if world is not None:
                 found.append(("readings", MEANING["readings"].format(world)))
         return found
@@ -86,8 +96,8 @@ class Monitor:
         shifted = False
         for squeeze in part.squeezes:
             shifted |= self.widths.add(*deviation(self.table, squeeze))
-            self.lines["wider"].append(self.widths.up)
-            self.lines["narrower"].append(-self.widths.down)
+            self._draw("wider", self.widths.up)
+            self._draw("narrower", -self.widths.down)
         if shifted:
             yield "widths"
         taken = tuple((s.node, s.branch) for s in part.squeezes if s.branch is not None)
@@ -102,7 +112,7 @@ class Monitor:
         for name, chart, value in zip(COORDINATES, self.residuals, values, strict=False):
             if chart.add(value):
                 yield f"residual {name}"
-            self.lines[name].append(chart.mean)
+            self._draw(name, chart.mean)
 
 
 def failure_share(predicted: Prediction) -> float:

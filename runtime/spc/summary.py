@@ -1,7 +1,7 @@
 """What a report says: success against the prediction, residuals by leaf, fit of the branches, charts."""
 
-from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import log1p
 from statistics import fmean, stdev
@@ -147,7 +147,8 @@ def summarise(history: History, expected: Expectation | None = None) -> Summary:
     interval, predicted = wilson_interval(passed, judged), table.predicted.success_ppm / PPM
     nodes = tuple(_nodes(history))
     statistic, freedom = sum(row.statistic for row in nodes), sum(row.freedom for row in nodes)
-    monitor = Monitor(table, expected)
+    drawn: dict[str, list[float]] = defaultdict(list)
+    monitor = Monitor(table, expected, lambda name, value: drawn[name].append(value))
     alarms = tuple(monitor.watch(history))
     return Summary(
         _counted(part.outcome or "broken off" for part in parts),
@@ -161,7 +162,7 @@ def summarise(history: History, expected: Expectation | None = None) -> Summary:
         nodes,
         chi_square_tail(statistic, freedom),
         alarms,
-        tuple(_charts(history, monitor)),
+        tuple(_charts(history, monitor, drawn)),
         tuple(_names(history)),
     )
 
@@ -171,9 +172,9 @@ def moments(values: Sequence[float]) -> tuple[float, float]:
     return fmean(values), stdev(values) if len(values) > 1 else 0.0
 
 
-def _charts(history: History, monitor: Monitor) -> Iterator[Series]:
+def _charts(history: History, monitor: Monitor, drawn: Mapping[str, Sequence[float]]) -> Iterator[Series]:
     def lines(*names: str) -> tuple[tuple[str, Sequence[float]], ...]:
-        return tuple((name, monitor.lines[name]) for name in names)
+        return tuple((name, drawn.get(name, ())) for name in names)
 
     yield failures(history)
     limit = monitor.residuals[0].limit

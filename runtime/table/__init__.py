@@ -15,8 +15,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from runtime.errors import TableError, TableFileError
-from runtime.shell.files import writing
+from runtime.shell.files import quoted, writing
 from runtime.table.codec import MAX_BYTES, decode, encode
+from runtime.table.evidence import refuted, wilson_interval
 from runtime.table.goal import (
     Pose2,
     distance,
@@ -47,7 +48,7 @@ from runtime.table.model import (
     Squeeze,
     Table,
 )
-from runtime.table.proof import job_of, prove, refuted, wilson_interval
+from runtime.table.proof import job_of, prove
 
 __all__ = ["COUNTS", "HELD_UM", "KINDS", "PPM", "PROFILES", "REJECT", "UNDETECTED_UM"]
 __all__ += ["Calibration", "GoalSpec", "GripperSpec", "Hypothesis", "Limits", "Pose2", "Prediction"]
@@ -116,6 +117,7 @@ def load(path: Path | str) -> TableFile:
         return TableFile(loads(data), data, hashlib.sha256(data).hexdigest())
     except TableError as error:
         hint = (
-            f"; it is a job file: squeezetree plan {path} -o {path.with_suffix('.msgpack')} makes its table"
+            f"; it is a job file: squeezetree plan {quoted(path)} -o {quoted(path.with_suffix('.msgpack'))} "
+            "makes its table"
         )
         raise TableError(f"table {path.name}: {error}{hint if path.suffix == '.toml' else ''}") from error

@@ -1,12 +1,17 @@
 """What a gripper's settings of 0 to 255 mean, by the model that a table names.
 
 A calibration with gauge blocks (`grasp-calibrate width`) takes the place of the encoder's ends; speed and
-force are nominal. Nothing here was measured on a gripper of our own.
+force are nominal. Nothing here was measured on a gripper of our own. A driver of another make brings the
+profile of its gripper as an entry point of the group `squeezetree.profiles` (tools/docs/drivers.md).
 """
 
+import re
 from typing import NamedTuple
 
+from runtime.errors import TableError
 from runtime.table.model import GripperSpec
+
+GROUP = "squeezetree.profiles"
 
 
 class Profile(NamedTuple):
@@ -49,15 +54,52 @@ PROFILES = {
         Profile("hand-e", 50_000, 0, 255, (20_000, 150_000), (20_000, 185_000), ()),
     )
 }
+# Further names of the same models, as `_normalised`.
 NAMES = {"2f-85": "robotiq-2f-85", "c-85": "robotiq-2f-85", "2f-140": "robotiq-2f-140", "hand-e": "hand-e"}
 
 
 def profile_of(model: str) -> Profile:
-    """The profile of a model as a table names it; another make's settings are taken as a 2F-85's."""
-    for name, known in NAMES.items():
-        if name in model.lower():
-            return PROFILES[known]
-    return PROFILES["robotiq-2f-85"]._replace(model=model, arc_mm=())
+    """The profile of a model as a table names it: its name, whatever its case, spaces and dashes.
+
+    Raises:
+        TableError: no such model is known; its settings would be guessed.
+    """
+    name = _normalised(model)
+    if name in NAMES:
+        return PROFILES[NAMES[name]]
+    return _plugged_in(model, name)
+
+
+def _plugged_in(model: str, name: str) -> Profile:
+    from importlib.metadata import entry_points  # only for a model that is none of ours
+
+    points = [point for point in entry_points(group=GROUP) if _normalised(point.name) == name]
+    if not points:
+        raise TableError(
+            f"the table is for a gripper {model[:40]!r}, which is not known; there are "
+            f"{', '.join(PROFILES)}: correct gripper.model in the job and compile it again, or install the "
+            "driver that brings the gripper's profile (tools/docs/drivers.md)"
+        )
+    try:
+        (profile,) = {point.load() for point in points}
+    except Exception as error:
+        raise TableError(f"the profile of gripper {model!r} cannot be loaded: {error}") from error
+    if not isinstance(profile, Profile) or not _is_sound(profile):
+        raise TableError(f"the profile of gripper {model!r} is not understood: {profile!r:.200}")
+    return profile
+
+
+def _is_sound(profile: Profile) -> bool:
+    """Whether its numbers can be those of a gripper."""
+    rising = (profile.speed_um_s, profile.force_mn, (profile.count_open, profile.count_closed))
+    numbers = [profile.opening_um, *(number for pair in rising for number in pair)]
+    if not all(isinstance(number, int) and number >= 0 for number in numbers):
+        return False
+    return profile.opening_um > 0 and all(low < high for low, high in rising) and len(profile.arc_mm) <= 2
+
+
+def _normalised(model: str) -> str:
+    return "-".join(re.split(r"[\s_-]+", model.strip().casefold())).removeprefix("robotiq-")
 
 
 def _setting(value: int, least: int, most: int) -> int:

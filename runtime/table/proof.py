@@ -2,12 +2,15 @@
 
 import hashlib
 from itertools import chain
-from math import cos, erfc, exp, log, sin, sqrt
+from math import cos, sin
 from typing import Any
 
 from runtime.errors import TableError
 from runtime.shell import strict_json
+from runtime.shell.plain_text import LONGEST, is_plain, unprintable
+from runtime.table.agreement import prove_agreement
 from runtime.table.codec import COLUMNS, rows_of
+from runtime.table.evidence import prove_figures, refuted, successes_of
 from runtime.table.lookup import Calibration, decision_map
 from runtime.table.model import (
     MAX_ALTERNATIVES,
@@ -31,10 +34,6 @@ MAX_ANGLE_URAD = 3_142_000
 MAX_TRIALS = 10**10
 MAX_MODES = 64
 MAX_SYMMETRY = 1000
-Z95 = 1.959963984540054  # two-sided 95 %
-LEVEL = 0.025
-MOST_TERMS = 1000
-LEAST_LOG = -700.0  # exp of less is zero
 
 
 def prove(table: Table) -> None:
@@ -43,7 +42,7 @@ def prove(table: Table) -> None:
     Raises:
         TableError: naming the first node, branch, leaf or field that is wrong.
     """
-    _prove_header(table)
+    job = _prove_header(table)
     _within("number of nodes", len(table.nodes), 1, MAX_NODES)
     _within("number of leaves", len(table.leaves), 1, MAX_LEAVES)
     _prove_hypotheses(table)
@@ -70,6 +69,9 @@ def prove(table: Table) -> None:
         _within(f"leaf {index}: error_median_um", leaf.error_median_um, 0, leaf.error_p95_um)
         if leaf.resolved:
             _prove_resolved(index, leaf, table)
+    prove_figures(table)
+    if job is not None:
+        prove_agreement(table, job)
 
 
 def job_of(table: Table) -> dict[str, Any] | None:
@@ -88,38 +90,9 @@ def job_of(table: Table) -> dict[str, Any] | None:
         raise TableError(f"the embedded job is {error}; recompile it") from None
     if not isinstance(job, dict):
         raise TableError("the embedded job is no JSON object; recompile it")
+    if (text := unprintable(job)) is not None:
+        raise TableError(f"the embedded job holds {text}, which does not print; recompile it")
     return job
-
-
-def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
-    """The 95 % score interval of a share (Wilson 1927); all of [0, 1] without trials."""
-    if trials == 0:
-        return 0.0, 1.0
-    share, z2 = successes / trials, Z95**2
-    middle = share + z2 / (2 * trials)
-    spread = Z95 * sqrt(share * (1 - share) / trials + z2 / (4 * trials**2))
-    low = (middle - spread) / (1 + z2 / trials) if successes else 0.0
-    return low, (middle + spread) / (1 + z2 / trials) if successes < trials else 1.0
-
-
-def refuted(successes: int, trials: int, confidence: float, leaves: int = 1) -> bool:
-    """Whether trials speak against a success probability of at least `confidence`, at the 2.5 % level.
-
-    Exact binomial test (Clopper and Pearson 1934) where its sum is short; the score test (Wilson 1927) for
-    more misses than that, where the two agree. Of many leaves that are tested at once one in forty would be
-    refuted by chance: with `leaves` the level is that of all of them together (Bonferroni).
-    """
-    level, misses, log_none = LEVEL / leaves, trials - successes, trials * log(confidence)
-    if misses > MOST_TERMS or log_none < LEAST_LOG:
-        spread = sqrt(2.0 * trials * confidence * (1.0 - confidence))
-        return misses > 0 and (
-            spread == 0.0 or 0.5 * erfc((misses - trials * (1.0 - confidence)) / spread) < level
-        )
-    term, fewer = exp(log_none), 0.0  # probability of k misses, and of fewer than `misses`
-    for k in range(misses):
-        fewer += term
-        term *= (trials - k) / (k + 1) * (1.0 - confidence) / confidence
-    return 1.0 - fewer < level
 
 
 def _within(name: str, value: int, least: int, most: int = FAR) -> None:
@@ -127,9 +100,15 @@ def _within(name: str, value: int, least: int, most: int = FAR) -> None:
         raise TableError(f"{name} is {value}, allowed is {least}..{most}")
 
 
-def _prove_header(table: Table) -> None:
+def _prove_header(table: Table) -> dict[str, Any] | None:
+    """Check texts, job, gripper, goal, limits and figures of the whole; returns the job."""
     _within("bytes of job_digest", len(table.job_digest), 32, 32)
-    job_of(table)
+    texts = {"tool": table.tool, "gripper_model": table.gripper.model}
+    texts |= {f"hypothesis {index}: name": own.name for index, own in enumerate(table.hypotheses)}
+    for name, text in texts.items():
+        if not is_plain(text):
+            raise TableError(f"{name} is no line of 1 to {LONGEST} printable characters; recompile it")
+    job = job_of(table)
     _prove_gripper(table.gripper)
     _prove_goal(table.goal)
     _prove_limits(table.limits)
@@ -140,6 +119,7 @@ def _prove_header(table: Table) -> None:
     _within("predicted.reject_ppm", predicted.reject_ppm, 0, PPM)
     _within("predicted.error_p95_um", predicted.error_p95_um, 0)
     _within("predicted.error_median_um", predicted.error_median_um, 0, predicted.error_p95_um)
+    return job
 
 
 def _prove_gripper(gripper: GripperSpec) -> None:
@@ -284,9 +264,8 @@ def _prove_resolved(index: int, leaf: Leaf, table: Table) -> None:
         raise TableError(
             f"leaf {index}: {poses} poses are more than the goal leaves open; mark it unresolved"
         )
-    hits = round(leaf.success_ppm / PPM * leaf.trials)
     below = leaf.success_ppm < goal.confidence_ppm
-    if below and refuted(hits, leaf.trials, confidence, len(table.leaves)):
+    if below and refuted(successes_of(leaf), leaf.trials, confidence, len(table.leaves)):
         raise TableError(
             f"leaf {index}: {leaf.success_ppm / PPM:.4f} of {leaf.trials} trials met the goal, which refutes "
             f"the confidence of {confidence:.4f}; mark it unresolved or plan deeper"

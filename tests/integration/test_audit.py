@@ -6,6 +6,7 @@ import socket
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -19,6 +20,8 @@ from drivers.camera.calibration import file as calibration
 from drivers.camera.vision import tag_file
 from drivers.sim.camera.server import CameraServer
 from drivers.sim.physics.tabletop import Look
+from runtime.cli import main as runtime
+from runtime.table import dump, load
 
 ROOT = Path(__file__).parents[2]
 TREE = ROOT / "trees" / "rectangle" / "rectangle.msgpack"
@@ -210,3 +213,33 @@ def test_full_process_ends_between_questions_only():
     finally:
         os.close(write)
         os.close(read)
+
+
+def test_run_by_another_table_is_refused_before_the_first_motion(files, tmp_path, capsys):
+    """The auditor's leaves would lie 14.8 mm off; it says so itself, and the run asks it before it begins."""
+    other = tmp_path / "other.msgpack"
+    dump(replace(load(TREE).table, job=None), other)
+    words = " ".join(f"--{name} {path}" for name, path in {**files, "tree": other}.items())
+    command = f"{sys.executable} -P -m drivers.camera.audit.command judge {words}"
+    journal = tmp_path / "run.jsonl"
+    run = [
+        "--tree",
+        str(TREE),
+        "--port",
+        "sim",
+        "--arm",
+        "sim",
+        "--audit",
+        command,
+        "--journal",
+        str(journal),
+    ]
+    assert runtime(run) == 2
+    assert "--audit judges by another table" in capsys.readouterr().err
+    assert not journal.exists()
+    with Asked(**{**files, "tree": other}) as audits:
+        asked = {"part": 1, "x_mm": 12.0, "y_mm": -8.0, "theta_rad": 0.7, "table_sha256": load(TREE).digest}
+        answer = audits.say(asked)
+        assert (answer["verdict"], answer["table_sha256"]) == (UNKNOWN, load(other).digest)
+        assert "another table" in answer["reason"]
+        assert audits.say({**asked, "table_sha256": load(other).digest})["verdict"] == PASS

@@ -224,3 +224,48 @@ def test_the_interpreter_refuses_what_a_controller_would(statement):
     block = FunctionBlock(REFUSED.format(statement))
     with pytest.raises((AssertionError, IndexError, KeyError, TypeError)):
         block(n=1)
+
+
+TWO = """\
+#include "left_table.h"
+#include "left_table.h"
+#include "right_table.h"
+#include <stdio.h>
+int main(void)
+{
+    left_decision one = left_decide(0, 174, 2);
+    right_decision two = right_decide(0, 174, 2);
+    printf("%ld %ld %ld %ld %d %d\\n", (long)one.release_x_um, (long)one.release_y_um, (long)two.release_x_um,
+           (long)two.release_y_um, LEFT_NODES, RIGHT_NODES);
+    return 0;
+}
+"""
+
+
+def test_two_tables_in_one_program(tmp_path):
+    """Each under its own prefix; under one prefix the compiler says so instead of skipping the second."""
+    tables = {"left": small_table(), "right": every_field_table()}
+    for name, table in tables.items():
+        dump(table, tmp_path / "t.msgpack")
+        for form in ("c99", "st"):
+            words = [str(tmp_path / "t.msgpack"), "--to", form, "-o", str(tmp_path / f"{name}-{form}")]
+            assert export.main([*words, "--prefix", name]) == 0
+        assert export.main([*words[:2], "c99", "-o", str(tmp_path / f"{name}-same")]) == 0
+    (tmp_path / "two.c").write_text(TWO)
+    folders = ("-I", tmp_path / "left-c99", "-I", tmp_path / "right-c99")
+    (tmp_path / "same.c").write_text(
+        '#include "left-same/squeezetree_table.h"\n#include "right-same/squeezetree_table.h"\n'
+    )
+    for compiler in compilers():
+        said(*folders, tmp_path / "two.c", *STRICT, "-o", tmp_path / "two", program=compiler)
+        one, two = (Oracle(table).answer(0, 174, 2)[2:] for table in tables.values())
+        assert one != two
+        assert [int(word) for word in said(program=tmp_path / "two").split()] == [*one, *two, 2, 2]
+        refused = subprocess.run(
+            [compiler, "-fsyntax-only", tmp_path / "same.c"], capture_output=True, text=True, check=False
+        )
+        assert refused.returncode != 0
+        assert "another table has the prefix squeezetree" in refused.stderr
+    texts = [(tmp_path / f"{name}-st" / f"{name}_table.st").read_text() for name in tables]
+    names = [re.findall(r"FUNCTION_BLOCK (\w+)", text)[0] for text in texts]
+    assert names == ["LeftTable", "RightTable"]

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from sample_tables import small_table
+from sample_tables import small_table, with_node
 
 from drivers import connect, manual
 from drivers.errors import ArmError, GripperFault, LinkError, PortError, ReadOnlyError
@@ -59,6 +59,35 @@ def test_a_person_moves_the_simulated_arm(words: list[str]) -> None:
     assert (part["outcome"], code) in (("leaf", 0), ("unresolved", 11))
     asked = [line.split()[0] for line in told if line.endswith("press Enter")]
     assert asked == ["Put", "Lift"] * len(part["path"])
+
+
+@pytest.mark.parametrize("tips", ["arc", "57.15,5"])
+def test_person_with_tips_on_an_arc_is_asked_for_drags_along_the_table(
+    words: list[str], tmp_path: Path, tips: str
+) -> None:
+    table = small_table()
+    dump(with_node(table, 0, table.nodes[0]._replace(release=(5_000, 0))), tmp_path / "t.msgpack")
+    said = "\n".join(["", "", "29,9", "", "", "", "", "", "21.1", "", ""])
+    code, (part,), asked = run(words, said + "\n", "--port", "manual", "--arm", "manual", "--tips", tips)
+    assert (code, part["leaf"]) == (0, 1)
+    assert any("you keep the tips" in line for line in asked)
+    questions = [line for line in asked if line.endswith(("press Enter", "nothing)?"))]
+    assert [line.split()[0] for line in questions] == [
+        *("Open", "Put", "Close", "Go", "Open", "Lift"),
+        *("Put", "Close", "Open", "Lift"),
+    ]
+    assert all("10.0 mm above" in line for line in questions if line.startswith("Put"))
+
+
+@pytest.mark.parametrize("arm", ["manual", "manual+tcp://127.0.0.1:1", "tcp://127.0.0.1:1"])
+@pytest.mark.parametrize("port", ["manual", "/dev/x"])
+def test_person_who_holds_hand_or_jaws_follows_no_arc(arm: str, port: str) -> None:
+    arguments = parser().parse_args(["--tree", "t", "--port", port, "--arm", arm, "--tips", "57.15,5"])
+    arc = options.arc_of(arguments, small_table(), None)
+    assert (arc is None) == ("manual" in (port, arm.partition("+")[0]))
+    arguments.tips = "57.15"
+    with pytest.raises(ArgumentsError, match="LINK,OFFSET"):
+        options.arc_of(arguments, small_table(), None)
 
 
 @pytest.mark.parametrize(("said", "code"), [("\n", 22), ("\n\n", 20), ("", 20)])

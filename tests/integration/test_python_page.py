@@ -6,12 +6,16 @@ import json
 import os
 import re
 import shutil
+import subprocess
+import sys
 
 import pytest
 from documents import DOCS, ROOT, blocks, run, shims
 
 import planner.api
-from planner.api import Job, Limit
+from drivers.sim.errors import SimulationError
+from drivers.sim.physics import scene
+from planner.api import ContactWorld, Job, Limit
 
 NOTEBOOKS = sorted((DOCS / "notebooks").glob("*.ipynb"))
 QUICK = {"search": {"particles": 500, "search_particles": 50}}
@@ -106,3 +110,49 @@ def test_the_world_of_the_notebook_is_found_by_its_name(tmp_path):
     }  # fmt: skip
     printed = run([block._replace(commands=[f"{block.commands[0]} --trials 500"])], tmp_path, environment)
     assert any("success" in line for line in printed[0])
+
+
+def documented_worlds():
+    """The class of the page and that of the notebook; and one whose batch knows of no traits."""
+    page = re.search(r"^>>> class Worn.*?(?=^>>> worn)", PAGE, re.DOTALL | re.MULTILINE)[0]
+    of_page = "\n".join(line[4:] for line in page.splitlines())
+    cells = ["".join(cell["source"]) for cell in json.loads(NOTEBOOKS[-1].read_text())["cells"]]
+    of_notebook = next(cell for cell in cells if "class Worn" in cell)
+    without_traits = of_page.replace(", traits=None", "").replace(", traits", "")
+    header = "from planner.api import ContactWorld\n"
+    return {"page": header + of_page, "notebook": of_notebook, "without_traits": header + without_traits}
+
+
+@pytest.mark.parametrize("name", documented_worlds())
+def test_documented_worlds_run_in_a_simulated_cell(name, tmp_path, monkeypatch):
+    (tmp_path / f"worn_{name}.py").write_text(documented_worlds()[name])
+    monkeypatch.syspath_prepend(tmp_path)
+    tree = ROOT / "trees" / "rectangle" / "rectangle.msgpack"
+    setting = scene.load(tree, None, f"worn_{name}:Worn")
+    scene.warm_up(setting, 3)
+    pose = (1.0, 2.0, 0.3)
+    worn, sound = (make(setting.subject, 3).squeeze(pose) for make in (setting.factory, ContactWorld))
+    assert worn[1] == pytest.approx(sound[1] + 0.5)
+    doubting = setting.subject.replaced(doubt={"finger_share": [0.0, 0.1]})
+    if name == "without_traits":
+        with pytest.raises(SimulationError, match=r"worn_without_traits:Worn: squeeze\(\) failed: TypeError"):
+            scene.warm_up(setting._replace(subject=doubting), 3)
+    else:
+        scene.warm_up(setting._replace(subject=doubting), 3)
+
+
+def test_documented_world_by_its_name_runs_parts(tmp_path):
+    (tmp_path / "worn.py").write_text(documented_worlds()["page"])
+    words = ["--tree", str(ROOT / "trees" / "rectangle" / "rectangle.msgpack"), "--port", "sim"]
+    words += ["--world", "worn:Worn", "--time-scale", "60", "--json"]
+    done = subprocess.run(
+        [sys.executable, "-m", "runtime.cli", *words],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode in (0, 10, 11), done.stderr
+    assert json.loads(done.stdout)["path"][0] == 0

@@ -1,9 +1,11 @@
-"""A real process killed by a real signal, against a cell that outlives it: the next one ends the part."""
+"""A real process that is killed, or its journal moved, against a cell that outlives it; and the next one."""
 
 import os
+import shutil
 import signal
 import subprocess
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -11,6 +13,7 @@ from running_cells import ROOT, WAIT_S, RunningCell, runtime_command
 from sample_tables import small_table
 
 from runtime.journal.chain import records, verify
+from runtime.journal.files import broken_of
 from runtime.journal.replay import Replay
 from runtime.table import dump
 
@@ -80,6 +83,66 @@ def test_without_a_policy_the_next_one_gives_up_and_the_one_after_begins_anew(tr
         assert anew.returncode in (0, 10, 11), err
     assert verify(journal).runs == 2
     assert list(Replay().follow(records(journal))) == []
+
+
+@pytest.mark.parametrize("policy", ["resume", "restart"])
+def test_the_part_a_run_broke_off_at_ends_though_count_is_smaller(tree: Path, policy: str) -> None:
+    journal = tree.with_name("journal.jsonl")
+    with RunningCell(tree, time_scale=40) as cell:
+        process = start(tree, cell, "--count", "5")
+        wait_for(journal, "part", 3)
+        os.kill(process.pid, signal.SIGKILL)
+        process.communicate(timeout=WAIT_S)
+        broken = next(entry["part"] for entry in reversed(list(records(journal))) if "part" in entry)
+        resumed = start(tree, cell, "--after-crash", policy, "--count", "2")
+        out, err = resumed.communicate(timeout=WAIT_S)
+    assert broken >= 3
+    ended = [entry["part"] for entry in records(journal) if entry["kind"] == "outcome"]
+    assert ended == list(range(1, broken + 1)), (out, err)
+    assert resumed.returncode in (0, 10, 11)
+
+
+def removed(path: Path) -> None:
+    path.unlink()
+
+
+def copied_and_truncated(path: Path) -> None:
+    shutil.copy(path, path.with_name("journal.jsonl.old"))
+    os.truncate(path, 0)
+
+
+@pytest.mark.parametrize("displace", [removed, copied_and_truncated])
+def test_a_run_whose_journal_is_displaced_stops_safely_and_the_next_one_is_refused(
+    tree: Path, displace: Callable[[Path], None]
+) -> None:
+    journal = tree.with_name("journal.jsonl")
+    with RunningCell(tree, time_scale=40) as cell:
+        process = start(tree, cell, "--count", "1000")
+        wait_for(journal, "outcome", 1)
+        process.send_signal(signal.SIGSTOP)  # no record comes between the copy and the cut
+        displace(journal)
+        process.send_signal(signal.SIGCONT)
+        out, err = process.communicate(timeout=WAIT_S)
+        assert process.returncode == 24, (out, err)
+        assert "while it was written" in out
+        following = start(tree, cell, "--jaws-empty")
+        _, err = following.communicate(timeout=WAIT_S)
+        assert following.returncode == 24
+        assert f"beneath a run, whose records are in {broken_of(journal)}" in err
+    kept = broken_of(journal).read_bytes()
+    old = journal.with_name("journal.jsonl.old")
+    journal.write_bytes((old.read_bytes() if old.exists() else b"") + kept)
+    broken_of(journal).unlink()
+    assert verify(journal).closed
+    assert list(Replay().follow(records(journal))) == []
+    *_, outcome, end = records(journal)
+    assert (outcome["kind"], outcome["exit_code"], end["kind"], end["exit_code"]) == (
+        "outcome",
+        24,
+        "end",
+        24,
+    )
+    assert any("retreat height" in sentence for sentence in outcome["safe_state"])
 
 
 def test_two_processes_do_not_share_a_gripper(tree: Path) -> None:

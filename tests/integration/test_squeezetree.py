@@ -11,6 +11,8 @@ import pytest
 
 from planner.cli import first_look
 from planner.job import model as job_file
+from planner.report.answer import Answer
+from planner.report.verdict import Verdict
 from runtime.commands import squeezetree
 from runtime.commands.squeezetree import PROGRAMS
 from runtime.table import load
@@ -100,7 +102,7 @@ QUICK = ["--radius", "2", "--turn", "8", "--budget", "2s"]
 
 @pytest.mark.slow
 def test_a_first_look_answers_and_writes_what_to_go_on_with(
-    plate: Path, capsys: pytest.CaptureFixture[str]
+    plate: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert first_look.main([str(plate), *QUICK, "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
@@ -114,10 +116,28 @@ def test_a_first_look_answers_and_writes_what_to_go_on_with(
     assert (job.uncertainty.radius_mm, job.gripper.model) == (2.0, "robotiq-2f-85")
     quick = job.replaced(search=first_look.QUICK)
     assert load(Path(told["table"])).table.job_digest == quick.digest()
+    shares = [told[name] for name in ("success_rate", "wrong_rate", "unresolved_rate", "reject_rate")]
+    assert sum(shares) + told["crashes"] / told["trials"] == pytest.approx(1.0)
+    assert told["notes"] == []
     # Another job of the same name is not overwritten, the same one is.
+    # No picture, advice or sweep costs the answer.
+
+    def fail(*_: object, **__: object) -> None:
+        raise ValueError("no path of 1, 2, 3 squeezes")
+
+    for place, name in (
+        (first_look.paper_figures, "sequence"),
+        (first_look, "tried"),
+        (first_look, "advise"),
+    ):
+        monkeypatch.setattr(place, name, fail)
     assert first_look.main([str(plate), *QUICK, "--fingers", "steel"]) == 0
-    out = capsys.readouterr().out
-    assert "Can it be located by squeezing?" in out
+    out, err = capsys.readouterr()
+    assert "Can it be located by squeezing? Yes" in out
+    assert "internal error" not in out + err
+    assert out.index("located ") < out.index("no picture: ValueError: no path of 1, 2, 3 squeezes")
+    assert "note       no other worlds" in out
+    assert "plate-2.look.svg" not in out
     assert "wrote plate-2.toml" in out
     assert Path("plate.toml").read_text() != Path("plate-2.toml").read_text()
 
@@ -130,3 +150,45 @@ def test_a_part_that_no_gripper_takes_is_an_answer_too(
     path.write_text("0,0\n300,0\n300,200\n0,200\n")
     assert first_look.main([str(path), "--units", "mm"]) == 0
     assert "Can it be located by squeezing? No:" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("size", "height", "gripper", "restrictions"),
+    [
+        ((30, 20), None, "robotiq-2f-85", []),
+        ((60, 20), None, "robotiq-2f-85", ["within 8 mm of the expected place"]),
+        ((80, 60), None, "robotiq-2f-140", ["with a robotiq-2f-140"]),
+        ((110, 60), None, "robotiq-2f-140", ["with a robotiq-2f-140", "within 5 mm of the expected place"]),
+        ((140, 110), None, "robotiq-2f-140", ["with a robotiq-2f-140", "within 1 mm of the expected place"]),
+    ],
+)
+def test_a_larger_gripper_and_a_smaller_radius_are_part_of_the_answer(
+    size: tuple[float, float], height: float | None, gripper: str, restrictions: list[str], tmp_path: Path
+) -> None:
+    length, width = size
+    path = tmp_path / "plate.csv"
+    path.write_text(f"0,0\n{length},0\n{length},{width}\n0,{width}\n")
+    arguments = first_look.parser().parse_args([str(path), "--units", "mm"])
+    setting = first_look._setting(arguments, first_look._imported(arguments)[0])
+    assert setting.answers.gripper == gripper
+    assert setting.restrictions == restrictions
+    figures = {
+        "trials": 4000, "crashes": 0, "success_rate": 0.995, "wrong_rate": 0.001, "unresolved_rate": 0.004,
+        "reject_rate": 0.0,
+    }  # fmt: skip
+    found = Verdict("fair", "", "", ["friction stays below 1.35"], [])
+    answer = Answer("fair", found, figures, 4, None, [], setting.restrictions, 0.99)
+    limits = "".join(f"{', ' if not k else ' and '}{text}" for k, text in enumerate(restrictions))
+    assert answer.short_text() == f"Yes{limits}, if friction stays below 1.35."
+    assert "for 99.5 % of the parts" in answer._replace(confidence=0.999).short_text()
+    assert answer._replace(short="unknown").short_text().startswith("Not known yet")
+
+
+def test_a_sheet_too_thin_for_finger_tips_is_answered(
+    plate: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    read = first_look.read_outline
+    thin = lambda *words: read(*words)._replace(height_mm=0.5)  # noqa: E731
+    monkeypatch.setattr(first_look, "read_outline", thin)
+    assert first_look.main([str(plate), "--units", "mm"]) == 0
+    assert "squeezing? No: it is 0.5 mm thin" in capsys.readouterr().out

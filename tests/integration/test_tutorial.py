@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 from documents import DOCS, ROOT, Block, blocks, matches, run, shims
 
+from planner.job import model as job_file
 from planner.kernel import CACHE_VARIABLE, cache_folder
 from runtime.execution import calibration
 from runtime.table import wilson_interval
@@ -94,6 +95,8 @@ def test_the_readme_runs_as_written(work, environment):
     found = [block for block in found if block.commands]
     assert len(found) >= 2
     (work / "out").mkdir()
+    (work / ".venv" / "bin").mkdir(parents=True)  # made by tools/demo
+    (work / ".venv" / "bin" / "activate").touch()
     shutil.copytree(RECTANGLE.parent, work / "trees" / "rectangle")
     (work / "tools" / "docs").mkdir(parents=True)
     shutil.copy(DOCS / "lever.dxf", work / "tools" / "docs")
@@ -138,6 +141,29 @@ def test_commissioning_runs_as_written_on_a_simulated_cell(work, environment):
     for block, lines in zip([look, *others], printed[1:], strict=False):
         assert matches(block.printed, lines)
     assert (work / "report.html").stat().st_size < 3_000_000
+
+
+@pytest.mark.parametrize(
+    "job", sorted((ROOT / "trees").glob("*/job.toml")), ids=lambda path: path.parent.name
+)
+def test_rehearsal_in_the_air_is_a_job_that_is_accepted(job):
+    """Every height that the page names, and that a job has, raised by what the page says."""
+    step = re.search(r"\*\*In the air\.\*\*(.*?)\n\d\. ", (DOCS / "commissioning.md").read_text(), re.DOTALL)[
+        1
+    ]
+    (more_mm,) = map(float, re.findall(r"by (\d+) mm", step))
+    keys = set(re.findall(r"`(\w+_mm)`", step))
+    assert "squeeze_height_mm" in keys
+    sound = job_file.load(job)
+    raised = {}
+    for section in ("part", "cell"):
+        of_section = getattr(sound, section)
+        stated = {key: getattr(of_section, key) for key in keys if hasattr(of_section, key)}
+        raised[section] = {key: height + more_mm for key, height in stated.items() if height is not None}
+    assert raised["cell"].keys() == {"squeeze_height_mm", "retreat_height_mm"}
+    air = job_file.load(job, raised)
+    assert air.cell.squeeze_height_mm == sound.cell.squeeze_height_mm + more_mm
+    assert air.cell.retreat_height_mm == sound.cell.retreat_height_mm + more_mm
 
 
 # What a page says of hundreds of parts, as a test tries it.

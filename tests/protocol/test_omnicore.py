@@ -1,9 +1,11 @@
 """The OmniCore driver and its simulated controller: sign-in, refusals, stops, the RAPID module."""
 
+import contextlib
 import http.client
 import math
 import re
 import socket
+import ssl
 import threading
 import time
 from pathlib import Path
@@ -259,3 +261,89 @@ def test_the_rapid_program_forgets_old_requests_and_tells_in_order():
 def test_the_base_frame_is_taken_into_account(basic):
     with basic.open(base=BASE) as arm:
         assert arm.pose() == pytest.approx((0.0, 0.0, 100.0, 0.0), abs=1e-4)
+
+
+class Talker:
+    """A TLS server that answers a request by what a generator gives, as fast as it is taken."""
+
+    def __init__(self, pieces, pause_s=0.0):
+        self._pieces, self._pause_s = pieces, pause_s
+        self._context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+        self._context.load_cert_chain(certificate())
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self.port = self._listener.getsockname()[1]
+        self.sent = 0
+        self._closed = threading.Event()
+        threading.Thread(target=self._serve, daemon=True).start()
+
+    def close(self):
+        self._closed.set()
+        self._listener.close()
+
+    def _serve(self):
+        while not self._closed.is_set():
+            with contextlib.suppress(OSError):  # a client that only looks whether somebody listens
+                self._talk(self._context.wrap_socket(self._listener.accept()[0], server_side=True))
+
+    def _talk(self, client):
+        with client:
+            client.recv(4096)
+            for piece in self._pieces():
+                client.sendall(piece)
+                self.sent += len(piece)
+                if self._closed.wait(self._pause_s):
+                    return
+
+
+def endless(start, piece):
+    yield start
+    while True:
+        yield piece
+
+
+HEAD = b"HTTP/1.1 200 OK\r\n"
+CHUNKED, CHUNK = b"Transfer-Encoding: chunked\r\n\r\n", b"8000\r\n" + b"x" * 0x8000 + b"\r\n"
+ENDLESS = {
+    "a body without a length": lambda: endless(HEAD + b"\r\n", b"x" * 65536),
+    "a body of any length": lambda: endless(HEAD + b"Content-Length: 99999999999\r\n\r\n", b"x" * 65536),
+    "chunks": lambda: endless(HEAD + CHUNKED, CHUNK),
+    "a chunk": lambda: endless(HEAD + CHUNKED + b"fffffffffff\r\n", b"x" * 65536),
+    "headers": lambda: endless(HEAD, b"X-A: b\r\n" * 1000),
+    "a header": lambda: endless(HEAD + b"X-A: ", b"x" * 65536),
+    "promises to go on": lambda: endless(b"", b"HTTP/1.1 100 Continue\r\n\r\n" * 100),
+}
+
+
+@pytest.mark.parametrize("name", ENDLESS)
+def test_answer_without_an_end_is_refused_and_takes_no_room(name, monkeypatch):
+    monkeypatch.setenv(rws.CERTIFICATE, "any")
+    with contextlib.closing(Talker(ENDLESS[name])) as talker:
+        with pytest.raises(ArmError, match=r"longer than 1048576 bytes|no answer to GET") as raised:
+            connect.arm(f"omnicore://127.0.0.1:{talker.port}")
+        assert talker.sent < 16 << 20
+    assert len(str(raised.value)) < 400
+
+
+DRIPS = {
+    "a body": lambda: endless(HEAD + b"Content-Length: 1000\r\n\r\n", b"x"),
+    "headers": lambda: endless(HEAD, b"X"),
+}
+
+
+@pytest.mark.parametrize("name", DRIPS)
+def test_answer_that_drips_ends_at_the_deadline_of_the_whole_exchange(name, monkeypatch):
+    """At this pace each piece comes in time, and the whole answer after more than a minute."""
+    monkeypatch.setenv(rws.CERTIFICATE, "any")
+    monkeypatch.setattr(rws, "ANSWER_S", 0.5)
+    with contextlib.closing(Talker(DRIPS[name], 0.1)) as talker:
+        with pytest.raises(ArmError, match=r"no answer to GET .*timed out"):
+            connect.arm(f"omnicore://127.0.0.1:{talker.port}")
+        assert talker.sent < 100
+
+
+def test_sentence_of_a_controller_is_shortened(basic):
+    basic.model.mode = "MANR\r\n" + "\x1b[31m" * 1000
+    with basic.open() as arm, pytest.raises(ArmError, match=r"in mode MANR") as raised:
+        arm.move_linear(*TARGET, 200.0)
+    assert len(str(raised.value)) < 300
+    assert str(raised.value).isprintable()

@@ -255,3 +255,43 @@ def test_a_simulated_controller_survives_noise(rig):
     with rig.open() as arm:
         arm.move_linear(*TARGET, 200.0)
     assert rig.moves == 1
+
+
+@pytest.mark.parametrize(
+    ("hinder", "reason"),
+    [
+        (lambda model, now: model.pause(now), "the program is paused on the pendant"),
+        (lambda model, now: model.slide(0.0, now), "the speed slider stands at 0 %; raise it"),
+        (lambda model, now: model.slide(0.06, now), "the speed slider was lowered to 6 %"),
+    ],
+    ids=["paused", "slider at 0", "slider lowered"],
+)
+def test_move_held_up_on_the_pendant_names_what_holds_it(rig, hinder, reason):
+    with rig.open() as arm:
+        arm.pose()
+        began = arm._await_start
+
+        def hindered():
+            began()
+            hinder(rig.model, rig.now())
+
+        arm._await_start = hindered
+        with pytest.raises(ArmError, match=f"not there after .*{reason}.*look at the pendant"):
+            arm.move_linear(*TARGET, 100.0)
+
+
+def test_move_paused_and_resumed_arrives(rig):
+    with rig.open() as arm:
+        arm.pose()
+        began = arm._await_start
+
+        def interrupted():
+            began()
+            rig.model.pause(rig.now())
+            assert arm._read().runtime_state == 4
+            rig.model.slide(0.5, rig.now())
+            rig.model.play(rig.now())
+
+        arm._await_start = interrupted
+        arm.move_linear(*TARGET, 50.0)
+        assert rig.truth() == pytest.approx(TARGET, abs=1e-3)

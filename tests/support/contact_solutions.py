@@ -9,9 +9,10 @@ from contact_problems import ContactProblem, rows
 
 from planner.arrays import Array
 from planner.mechanics import contacts
-from planner.mechanics.contacts import FINGER, FN, FT, GAP, N2, NX, NY, T2, UN, UT
+from planner.mechanics.boundary import Drive, directions
+from planner.mechanics.contacts import FINGER, FN, FT, GAP, N2, NX, NY, T2, UN, UT, Finger
 from planner.mechanics.lcp import SOLVED
-from planner.mechanics.step import STEP_WORK, TOUCHING_MM, StepWork, directions
+from planner.mechanics.step import STEP_WORK, TOUCHING_MM, StepWork
 from planner.mechanics.surface_step import solve_surface
 
 
@@ -99,9 +100,11 @@ def contact_solution(
     work = workspace()
     C, I, V = work.C, work.I, work.V
     columns, out = np.ascontiguousarray(points.T), np.zeros(len(points), np.int64)
-    h, thickness = 0.5 * jaws[1], jaws[2]
-    count = contacts.find(C, I, columns, out, pose, faces[0], faces[1], h, thickness, TOUCHING_MM)
-    directions(C, I, count, rho_mm, advance_mm, advance_mm)
+    upper, lower = (
+        Finger(side, 0.0, y, 0.5 * jaws[1], jaws[2]) for side, y in zip((1, -1), faces, strict=True)
+    )
+    count = contacts.find(C, I, columns, out, pose, contacts.Hand(upper, lower, 2), TOUCHING_MM)
+    directions(C, I, count, rho_mm, Drive(advance_mm, advance_mm, 0.0, 0.0, 0.0))
     work.F[:] = 0.0, 1.0, 0.0
     status = solve_surface(surface, np.cos(pose[2]), np.sin(pose[2]), mu[0], mu[1], count, work)
     C, I = C[:count], I[:count]

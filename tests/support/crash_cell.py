@@ -69,6 +69,9 @@ class Time:
         moment = datetime(2026, 11, 21, tzinfo=UTC) + timedelta(seconds=self.seconds)
         return moment.isoformat(timespec="milliseconds")
 
+    def uptime(self) -> Mapping[str, object]:
+        return {"boot": "a boot", "up_s": self.seconds}
+
 
 class World:
     """Part, gripper and controller: all that outlives a process.
@@ -223,7 +226,7 @@ class CountedJournal(Journal):
 
     def __init__(self, path: Path, world: World, life: Life) -> None:
         self._life = life
-        super().__init__(path, world.time.stamp)
+        super().__init__(path, world.time.stamp, world.time.uptime)
 
     def record(self, kind: str, fields: Mapping[str, object]) -> None:
         self._life.moment_passes()
@@ -266,7 +269,9 @@ def process(
     fields = {"on_reject": on_reject, "on_unresolved": on_unresolved}
     with CountedJournal(path, world, life) as journal:
         begun = crash.look(
-            *(journal, data, fields, after_crash, console), now=world.time.stamp(), most_s=RESUME_WITHIN_S
+            *(journal, data, fields, after_crash, console),
+            now={"time": world.time.stamp(), **world.time.uptime()},
+            most_s=RESUME_WITHIN_S,
         )
         gripper = Gripper(CountedLink(world, life), Pace(world.time))
         crash.begin(journal, begun, data, fields, after_crash)

@@ -60,7 +60,7 @@ def _numbered(random: Random, drafts: list[Draft], ends: dict[tuple[int, int], f
                 leaves.append(_leaf(random, squeeze, ends[index, number]))
             links.append(Branch(low, expected, high, part, target))
         records.append(Node(squeeze, tuple(links)))
-    predicted = Prediction(997_400, TRIALS, 5_284_450, 400)
+    predicted = Prediction(990_000, TRIALS, 5_284_450, 400)
     table = Table(
         "squeezetree 0.1.0", NO_JOB, GRIPPER, GOAL, LIMITS, tuple(records), tuple(leaves), predicted, None
     )

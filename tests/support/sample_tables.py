@@ -131,7 +131,8 @@ def random_table(seed: int, nodes: int) -> Table:
                 leaves.append(_random_leaf(random))
         records.append(Node(_random_squeeze(random), _random_branches(random, targets)))
     limits = replace(LIMITS, max_depth=64)
-    predicted = Prediction(999_000, 20_000, 2_860_000, 300)
+    trials = sum(leaf.trials for leaf in leaves)
+    predicted = Prediction(990_000, trials, 2_860_000, 300)
     return Table(
         "squeezetree test", NO_JOB, GRIPPER, GOAL, limits, tuple(records), tuple(leaves), predicted, None
     )
@@ -179,6 +180,6 @@ def _random_leaf(random: Random) -> Leaf:
     covariance = (random.randint(0, 120), random.randint(-40, 40), random.randint(0, 120))
     covariance += (random.randint(-30, 30), random.randint(-30, 30), random.randint(0, 60))
     theta = random.randint(-3_141_592, 3_141_592)
-    return Leaf(
-        x, y, theta, covariance, 1_000_000 - random.choice([0, 0, 5_000]), random.randint(0, 300), True
-    )
+    trials = random.randint(0, 300)
+    success_ppm = round(1e6 * (trials - (trials > 200)) / trials) if trials else 1_000_000
+    return Leaf(x, y, theta, covariance, success_ppm, trials, True)

@@ -8,7 +8,7 @@ from sample_tables import GRIPPER, small_table
 from runtime.devices.clock import SystemClock
 from runtime.execution import session
 from runtime.execution.executor import Cell, RunOptions
-from runtime.journal.chain import Journal
+from runtime.journal.chain import SEGMENT_BYTES, Journal
 from runtime.monitoring.console import Objects
 from runtime.table import Calibration, dumps
 from runtime.traversal.decision import Policy
@@ -18,13 +18,18 @@ AT_21, AT_30, AT_36 = ((CALIBRATION.count(width), 2) for width in (21_000, 30_00
 ENDS = ["leaf", "leaf", "unresolved", "reject"]
 
 
-def write_run(path: Path, policy: Policy | None = None, calibration: Calibration | None = None) -> Path:
+def write_run(
+    path: Path,
+    policy: Policy | None = None,
+    calibration: Calibration | None = None,
+    segment_bytes: int = SEGMENT_BYTES,
+) -> Path:
     """One run of four parts: leaf 0, leaf 1 by two squeezes, unresolved leaf 2, reject."""
     made = fake_cell([AT_21, AT_30, AT_21, AT_30, AT_36, AT_36])
     policy = policy or Policy()
     on_reject, on_unresolved = policy.texts()
     table = small_table()
-    with Journal(path, SystemClock().stamp) as journal:
+    with Journal(path, SystemClock().stamp, SystemClock().uptime, segment_bytes) as journal:
         fields: dict[str, object] = {"port": "memory", "on_reject": on_reject, "on_unresolved": on_unresolved}
         if calibration is not None:
             fields["widths_um"] = list(calibration.widths_um)

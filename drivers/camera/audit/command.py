@@ -16,6 +16,7 @@ from drivers.camera.vision import tag_file
 from drivers.camera.vision.sources import open_source
 from runtime.shell.command import Parser, positive, run
 from runtime.shell.files import folder
+from runtime.table import TableError, TableFileError, load
 
 EXIT_CODES = """\
 exit codes:
@@ -33,6 +34,7 @@ examples:
 
 judge reads questions from its standard input, one JSON object a line, and answers each by one line:
   {"part": 3, "x_mm": 0.0, "y_mm": 0.5, "theta_rad": 0.0} -> {"verdict": "pass", "reason": "...", ...}
+A question may name the run's table by "table_sha256"; with another --tree its verdict is "unknown".
 
 """
     + EXIT_CODES
@@ -86,7 +88,8 @@ def judge(options: argparse.Namespace, words: Sequence[str]) -> int:
     full = service.limit_memory(options.memory_mb)
     worker = service.Worker(lambda: make(options))
     lines = service.Lines(sys.stdin.fileno())
-    if service.serve(lines, worker, lambda line: os.write(1, line), options.deadline, full):
+    judged_by = digest_of(options.tree)
+    if service.serve(lines, worker, lambda line: os.write(1, line), options.deadline, full, judged_by):
         os.execv(sys.executable, [sys.executable, "-P", "-m", "drivers.camera.audit.command", *words])
     if worker.why_not is not None:
         raise worker.why_not
@@ -99,6 +102,14 @@ def read(options: argparse.Namespace) -> tuple[calibration.CameraCalibration, tu
     """What the files of a command line say; errors of their readers pass as they are."""
     tags = [tag_file.load(path) for path in options.tag]
     return calibration.load(options.calibration), subject.from_table(options.tree, tags)
+
+
+def digest_of(tree: Path) -> str | None:
+    """SHA-256 of the table that is judged by; None where its file is refused, which `read` tells."""
+    try:
+        return load(tree).digest
+    except (TableError, TableFileError):
+        return None
 
 
 def make(options: argparse.Namespace) -> Auditor:

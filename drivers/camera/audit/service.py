@@ -19,11 +19,13 @@ from pathlib import Path
 from drivers.camera.audit.auditor import UNKNOWN, Answer, Auditor
 from drivers.planar import Pose2
 from runtime.shell import strict_json
+from runtime.shell.command import is_foreseen
 
 MAX_LINE_BYTES = 65_536
 PICTURE_SHARE = 0.7  # of the deadline: what a picture may take, the rest is for measuring it
 RESERVE_BYTES = 1 << 30  # of address space: thread stacks and allocators' pools, most of it never touched
 PAGE_BYTES = resource.getpagesize()
+MISUNDERSTOOD = "the question is not understood; it takes part, x_mm, y_mm and theta_rad"
 
 
 class Worker:
@@ -70,7 +72,7 @@ class Worker:
                 answer = Answer(UNKNOWN, "the memory the audit may use is used up; raise --memory-mb")
             except Exception as error:
                 said = " ".join(str(error).split())
-                foreseen = hasattr(error, "exit_code")
+                foreseen = is_foreseen(error)
                 answer = Answer(UNKNOWN, said if foreseen else f"{said} ({type(error).__name__})")
             self._answers.put(answer)
 
@@ -112,6 +114,7 @@ def serve(
     write: Callable[[bytes], object],
     deadline_s: float,
     full: Callable[[], bool],
+    table_sha256: str | None = None,
 ) -> bool:
     """Answer questions until there are no more.
 
@@ -121,14 +124,15 @@ def serve(
         write: takes an answer's line.
         deadline_s: for each.
         full: whether the process has grown too large.
+        table_sha256: digest of the table that is judged by, None: not known.
 
     Returns:
         Whether it ended because it should start anew.
     """
     while (line := lines.next()) is not None:
-        answer = _answered(line, worker, deadline_s)
+        answer = _answered(line, worker, deadline_s, table_sha256)
         try:
-            write(json.dumps(answer.fields()).encode("ascii") + b"\n")
+            write(json.dumps(answer).encode("ascii") + b"\n")
         except BrokenPipeError:  # who asked has gone
             return False
         if full() and not lines.waiting:
@@ -149,15 +153,24 @@ def limit_memory(memory_mb: float) -> Callable[[], bool]:
     return lambda: _memory()[1] > resident + extra
 
 
-def _answered(line: bytes, worker: Worker, deadline_s: float) -> Answer:
+def _answered(line: bytes, worker: Worker, deadline_s: float, table_sha256: str | None) -> dict[str, object]:
+    """The answer to a line; to one for another table, or without a pose, it names the table judged by."""
     try:
         asked = strict_json.parse(line)
+        run = asked.get("table_sha256")
+    except (AttributeError, ValueError):
+        return Answer(UNKNOWN, MISUNDERSTOOD).fields()
+    if table_sha256 is not None and run is not None and (run != table_sha256 or "x_mm" not in asked):
+        others = f"the auditor judges by another table, {table_sha256[:16]}; name the same --tree to both"
+        reason = "ready" if run == table_sha256 else others
+        return {**Answer(UNKNOWN, reason).fields(), "table_sha256": table_sha256}
+    try:
         part = int(asked["part"])
         name = None if asked.get("hypothesis") is None else str(asked["hypothesis"])
         predicted = (float(asked["x_mm"]), float(asked["y_mm"]), float(asked["theta_rad"]))
-    except (AttributeError, ValueError, TypeError, KeyError, OverflowError):
-        return Answer(UNKNOWN, "the question is not understood; it takes part, x_mm, y_mm and theta_rad")
-    return worker.ask(part, predicted, deadline_s, name)
+    except (ValueError, TypeError, KeyError, OverflowError):
+        return Answer(UNKNOWN, MISUNDERSTOOD).fields()
+    return worker.ask(part, predicted, deadline_s, name).fields()
 
 
 def _memory() -> tuple[int, int]:

@@ -1,17 +1,19 @@
 """Where pictures come from: a device, a network camera, a folder. Every picture has a deadline."""
 
+import http.client
 import os
 import threading
 import time
 import urllib.error
-import urllib.request
 from pathlib import Path
 
 import cv2
 import numpy as np
 
+from drivers.bounds import opener
 from drivers.camera.errors import PictureError, SourceError
 from drivers.camera.vision.arrays import Picture
+from drivers.errors import shown
 
 FRESH_FRAMES = 2  # the first frame after the question may have been exposed before it
 POLL_S = 0.005
@@ -111,14 +113,15 @@ class Still(Source):
         """Ask for a picture."""
         left = max(until - time.monotonic(), 1e-3)
         try:
-            with urllib.request.urlopen(self._address, timeout=left) as answer:
+            within = opener(until, MAX_PICTURE_BYTES, time.monotonic)
+            with within.open(self._address, timeout=left) as answer:
                 data = answer.read(MAX_PICTURE_BYTES)
         except urllib.error.HTTPError as error:
             error.close()
-            raise SourceError(f"camera {self._address} answers {error.code} {error.reason}") from error
-        except (OSError, ValueError) as error:
+            raise SourceError(f"camera {self._address} answers {error.code} {shown(error.reason)}") from error
+        except (OSError, ValueError, http.client.HTTPException) as error:
             reason = getattr(error, "reason", error)
-            reason = getattr(reason, "strerror", None) or reason
+            reason = shown(getattr(reason, "strerror", None) or reason)
             raise SourceError(f"camera {self._address}: {reason}; is it on, and in this network?") from error
         return decoded(data, self._address)
 

@@ -112,6 +112,26 @@ class ArmModel:
         begun = [leg for leg in self._legs if leg.start_s <= now_s]
         self._legs = [*begun, Leg(here, here, now_s, 0.0, joints, joints)]
 
+    def displace(self, by: tuple[float, float, float, float], moment_s: float) -> bool:
+        """Something moves the hand at once by x, y, z [mm] and a turn [rad], but not farther than it reaches.
+
+        Returns:
+            Whether it moved.
+        """
+        hand, joints = self.pose_at(moment_s), self.joints_at(moment_s)
+        half_rad = by[3] / 2.0
+        turned = compose(
+            Pose(0.0, 0.0, 0.0, (math.cos(half_rad), 0.0, 0.0, math.sin(half_rad))),
+            Pose(0.0, 0.0, 0.0, hand.rotation),
+        )
+        moved = Pose(hand.x_mm + by[0], hand.y_mm + by[1], hand.z_mm + by[2], turned.rotation)
+        target = self._flange_target(moved)
+        *_, ends = kinematics.track(joints, self.flange_at(moment_s), target)
+        if ends is None:
+            return False
+        self._go(Leg(target, target, moment_s, 0.0, ends, ends))
+        return True
+
     def flange_at(self, now_s: float) -> Pose:
         """Where the flange is, in the base frame."""
         return self._leg(now_s).at(now_s)

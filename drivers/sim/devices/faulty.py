@@ -17,10 +17,17 @@ LEAST_MAJOR = 0x0A  # these the model itself has from then on; lesser ones only 
 
 
 class FaultyArm(ArmModel):
-    """A controller that fails as the desk says; each instruction is one event of it."""
+    """A controller that fails as the desk says; each instruction is one event of it.
 
-    def __init__(self, base: Pose, desk: Desk) -> None:
+    Args:
+        rng: draws where to a hand is displaced.
+        base: as of `ArmModel`.
+        desk: says what holds when.
+    """
+
+    def __init__(self, rng: random.Random, base: Pose, desk: Desk) -> None:
         super().__init__(base)
+        self._rng = rng
         self._desk = desk
 
     def execute(self, text: str, now_s: float) -> Answer:
@@ -36,9 +43,21 @@ class FaultyArm(ArmModel):
         if "arm_refuses" in kinds:
             return Answer(f"{text.split(' ', 1)[0].lstrip('0') or '0'} 0 ", now_s)
         answer = super().execute(text, now_s)
+        self._displace_hand(answer.ready_s)
         if "arm_disconnect" in kinds:
             return answer._replace(broken=True)
         return answer._replace(before=STALE) if "arm_stale_ack" in kinds else answer
+
+    def _displace_hand(self, moment_s: float) -> None:
+        """A bump or a slipped joint: what the controller knows of, but was not asked for."""
+        for fault in self._desk.beginning(Channel.ARM):
+            if fault.kind == "arm_displaced":
+                bearing = self._rng.uniform(-math.pi, math.pi)
+                aside = (fault.value * math.cos(bearing), fault.value * math.sin(bearing))
+                self.displace((*aside, 0.0, 0.0), moment_s)
+            elif fault.kind == "arm_turned":
+                turn_rad = math.copysign(math.radians(fault.value), self._rng.uniform(-1.0, 1.0))
+                self.displace((0.0, 0.0, 0.0, turn_rad), moment_s)
 
 
 class FaultyGripper(GripperModel):

@@ -25,6 +25,7 @@ STATEMENT = re.compile(r"(\w+)\((.*)\)")
 POSE = re.compile(r"p\[([^\]]*)\]")
 NORMAL, PROTECTIVE_STOP = 0b1, 0b100
 POWERED, RUNS = 0b1, 0b10
+STOPPED, PLAYING, PAUSED = 1, 2, 4  # runtime states
 LEAST_HZ, MOST_HZ = 1.0, 500.0
 Fields = dict[str, tuple[str, tuple[float, ...]]]
 
@@ -50,6 +51,9 @@ class UrModel:
         ] = []  # moment, register, value: what a program has still to do
         self._ends_s = 0.0
         self._motion_ends_s = 0.0
+        self._motion = ""  # arguments of the `movel` that was begun last
+        self._paused = False
+        self._held_s: float | None = None  # since when the program does not go on
 
     def take(self, program: str, now_s: float) -> None:
         """A program arrives on the secondary interface."""
@@ -58,6 +62,7 @@ class UrModel:
             return
         self.advance(now_s)
         self._halt(now_s)
+        self._paused, self._held_s = False, None
         at_s = now_s
         for name, words in statements:
             at_s = self._run(name, words, at_s)
@@ -67,11 +72,29 @@ class UrModel:
 
     def advance(self, now_s: float) -> None:
         """Let time pass."""
+        if self._held_s is not None:
+            return
         while self._events and self._events[0][0] <= now_s:
             _, register, value = self._events.pop(0)
             self.registers[register] = value
         if self._motion_ends_s <= now_s:
             self._executed()
+
+    def pause(self, now_s: float) -> None:
+        """Somebody pauses the program on the pendant."""
+        self._hold(now_s)
+        self._paused = True
+
+    def play(self, now_s: float) -> None:
+        """And lets it go on."""
+        self._paused = False
+        self._go_on(now_s)
+
+    def slide(self, fraction: float, now_s: float) -> None:
+        """Somebody moves the speed slider; at 0 the program runs, and the arm stands."""
+        self._hold(now_s)
+        self.speed_fraction = fraction
+        self._go_on(now_s)
 
     def protective_stop(self, now_s: float) -> None:
         """Something was in the way: the program ends, the arm stands."""
@@ -85,7 +108,8 @@ class UrModel:
         pose, soon = self._tcp_at(now_s), self._tcp_at(now_s + 0.002)
         vector, speed = _vector(pose), tuple((b - a) / 2.0 for a, b in zip(pose[:3], soon[:3], strict=True))
         turning = turn_between(pose.rotation, soon.rotation) / 0.002
-        bits = POWERED | (RUNS if now_s < self._ends_s else 0)
+        runs = self._held_s is not None or now_s < self._ends_s
+        bits = POWERED | (RUNS if runs else 0)
         joints = tuple(math.radians(angle) for angle in self._arm.joints_at(now_s))
         fields: Fields = {
             "timestamp": ("DOUBLE", (now_s,)),
@@ -96,7 +120,7 @@ class UrModel:
             "robot_mode": ("INT32", (self.mode,)),
             "robot_status_bits": ("UINT32", (bits,)),
             "safety_status_bits": ("UINT32", (self.safety_bits,)),
-            "runtime_state": ("UINT32", (2 if bits & RUNS else 1,)),
+            "runtime_state": ("UINT32", (PAUSED if self._paused else PLAYING if runs else STOPPED,)),
             "target_speed_fraction": ("DOUBLE", (self.speed_fraction,)),
         }
         told: Fields = {
@@ -107,6 +131,25 @@ class UrModel:
     def _tcp_at(self, now_s: float) -> Pose:
         """The active tool in the base frame."""
         return compose(self._arm.flange_at(now_s), self._tool)
+
+    def _hold(self, now_s: float) -> None:
+        if self._held_s is None:
+            self.advance(now_s)
+            if now_s < self._ends_s:
+                self._held_s = now_s
+                self._arm.stop(now_s)
+
+    def _go_on(self, now_s: float) -> None:
+        """Go on with what is left of the program, if anything; later by as long as the arm stood."""
+        if self._held_s is None or self._paused or self.speed_fraction <= 0.0:
+            return
+        before_s, later_s = self._motion_ends_s, now_s - self._held_s
+        if self._held_s < before_s:
+            target = compose(self._base, _pose(self._motion))
+            self._motion_ends_s = self._arm.line(target, self._speed(self._motion, now_s), now_s)
+            later_s = self._motion_ends_s - before_s
+        self._events = [(at_s + later_s, register, value) for at_s, register, value in self._events]
+        self._ends_s, self._held_s = self._ends_s + later_s, None
 
     def _halt(self, now_s: float) -> None:
         self._events.clear()
@@ -122,6 +165,7 @@ class UrModel:
             self._events.append((at_s, register, value))
         elif name == "movel":
             self._arm.frames(self._tool, IDENTITY)
+            self._motion = words
             try:
                 at_s = self._motion_ends_s = self._arm.line(
                     compose(self._base, _pose(words)), self._speed(words, at_s), at_s

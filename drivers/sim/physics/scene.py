@@ -4,7 +4,8 @@ The planner may be missing, so its job reader is imported when a job is read; th
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
@@ -164,9 +165,24 @@ def table_geometry(table: tables.Table) -> Geometry:
 
 
 def warm_up(setting: Setting, seed: int) -> None:
-    """Act once in a world of its own, so that kernels compile before anything waits for an answer."""
+    """Act once in a world of its own, so that kernels compile before anything waits for an answer.
+
+    Raises:
+        SimulationError: the world fails.
+    """
     for world in setting.make_worlds(seed):
-        world.squeeze((0.0, 0.0, 0.0))
+        with _telling(setting.world, "squeeze"):
+            world.squeeze((0.0, 0.0, 0.0))
         push = getattr(world, "push", None)
         if setting.pushing and push is not None:
-            push((setting.geometry.opening_mm, 0.0, 0.0), 0.0, 1.0)
+            with _telling(setting.world, "push"):
+                push((setting.geometry.opening_mm, 0.0, 0.0), 0.0, 1.0)
+
+
+@contextmanager
+def _telling(world: str, method: str) -> Iterator[None]:
+    """What a world from elsewhere raises, as a sentence that names it."""
+    try:
+        yield
+    except Exception as error:
+        raise SimulationError(f"world {world}: {method}() failed: {type(error).__name__}: {error}") from error

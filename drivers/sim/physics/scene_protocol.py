@@ -8,14 +8,15 @@ ends the cell. Nothing of this exists in a real cell.
 import contextlib
 import json
 import math
-import socket
 import socketserver
 import threading
+import time
 from collections.abc import Callable, Mapping
 
-from drivers.errors import LinkError, PortError
+from drivers.errors import LinkError, shown
 from drivers.ports import Truth
 from drivers.sim.wire.serving import LibraryServer
+from drivers.stream import open_tcp
 from runtime.shell import strict_json
 
 ANSWER_S = 10.0
@@ -56,29 +57,36 @@ class Scene(Feeder):
     def __init__(self, host: str, port: int) -> None:
         super().__init__(self._sent)
         self.endpoint = f"tcp://{host}:{port}"
-        try:
-            self._socket = socket.create_connection((host, port), timeout=ANSWER_S)
-        except OSError as error:
-            raise PortError(
-                f"nobody accepts a connection at {self.endpoint}; is grasp-cell running?"
-            ) from error
-        self._file = self._socket.makefile("rb")
+        self._stream = open_tcp(host, port, self.endpoint, "is grasp-cell running?")
+        self._lost = False  # whether what comes may answer an earlier question
 
     def close(self) -> None:
         """Hang up; the cell stays."""
-        self._file.close()
-        self._socket.close()
+        self._stream.close()
 
     def _sent(self, what: str) -> Mapping[str, object]:
+        if self._lost:
+            raise LinkError(f"scene {self.endpoint} broke before")
         try:
-            self._socket.sendall(json.dumps({"do": what}).encode() + b"\n")
-            said = json.loads(self._file.readline(MAX_LINE) or "null")
-        except (OSError, ValueError) as error:
-            raise LinkError(f"scene {self.endpoint} broke: {error}") from error
+            self._lost = True  # until it has answered
+            self._stream.send(json.dumps({"do": what}).encode() + b"\n")
+            said = json.loads(self._line())
+            self._lost = False
+        except (OSError, ValueError, RecursionError) as error:
+            raise LinkError(f"scene {self.endpoint} broke: {shown(error)}") from error
         if not isinstance(said, dict) or "error" in said:
             reason = said.get("error") if isinstance(said, dict) else "the cell is gone"
-            raise LinkError(f"scene {self.endpoint}: {reason}")
+            raise LinkError(f"scene {self.endpoint}: {shown(reason)}")
         return said
+
+    def _line(self) -> bytes:
+        """An answer; TimeoutError without a whole one in time."""
+        until, line = time.monotonic() + ANSWER_S, b""
+        while not line.endswith(b"\n") and len(line) < MAX_LINE:
+            if (left_s := until - time.monotonic()) <= 0.0:
+                raise TimeoutError(f"no answer within {ANSWER_S:g} s")
+            line += self._stream.receive(left_s)
+        return line
 
 
 class _ThreadForEach(socketserver.ThreadingTCPServer):

@@ -43,8 +43,8 @@ class GripperRegisters:
     def __init__(self, device: Device, now: Callable[[], float], wiring: Wiring = RTU) -> None:
         self._device = device
         self._now = now
-        self._output = wiring.output_address
-        self._input = wiring.input_address
+        self._output = wiring.output
+        self._input = wiring.input
         self._functions = FUNCTIONS[wiring]
 
     def serves(self, function: int, address: int, count: int) -> bool:

@@ -1,22 +1,23 @@
 """From shapes to contours: strokes joined, copies and holes told apart, one contour chosen."""
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 import shapely
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from planner.arrays import Array
 from planner.errors import OutlineError, UsageError
-from planner.part.importers.pieces import Pieces, too_much
+from planner.part.importers import noding, seams
+from planner.part.importers.pieces import Lost, Pieces, place, too_much
+from planner.part.importers.seams import Drawn
 
 LISTED = 12
 MOST = 2000  # Most contours of one drawing
 NEARLY = 0.1  # of its size: an outline that is open by no more was meant to be closed
-
+LARGER_MM = 0.1  # by which what was not read must extend beyond a contour to go around it
 
 SHEETS_MM = ((841, 1189), (594, 841), (420, 594), (297, 420), (210, 297), (148, 210))  # ISO 216, A0 to A5
 MARGINS_MM = 50.0  # both sides together: 20 mm to file it and 10 mm (ISO 5457), and some more
@@ -30,57 +31,78 @@ class Contour(NamedTuple):
     area_mm2: float  # what it encloses
     holes: int  # how many contours lie inside it
     outer: bool  # whether it lies inside none
+    note: str = ""  # how it was joined from several faces
+    ambiguity: str = ""  # why its lines may also bound something else; where and what to do
 
 
 def contours(pieces: Pieces, join_mm: float, where: str) -> tuple[list[Contour], list[str]]:
     """All contours of a drawing, the outer ones first, the larger before the smaller; and notes.
 
-    Ends of strokes within `join_mm` of each other are one point.
+    Gaps of up to `join_mm` at ends of strokes are closed; lines that cross or lie upon others are noded, and
+    faces that share an edge are one contour.
 
     Raises:
         OutlineError: there is none; says where the drawing is open.
     """
-    joined, loose = _joined(pieces.strokes, join_mm)
-    rings = [ring for ring in (*pieces.rings, *joined) if len(ring) > 2 and _hull(ring).area > join_mm**2]
-    if not rings or _around(loose, rings):
-        raise _no_contour(loose, where)
+    alone, drawn = _sorted(pieces, join_mm)
+    origin = drawn.origin
+    bounded = noding.regions(drawn.lines, join_mm)
+    joined = [_contour(region, bounded.loose, drawn, join_mm) for region in bounded.regions]
+    rings = [each for each in (*map(_plain, alone), *joined) if _is_wide(each.points, join_mm)]
+    if not rings or _around(bounded.loose, [ring.points for ring in rings]):
+        raise _no_contour(bounded.loose, origin, where)
     if len(rings) > MOST:
         raise too_much(where, f"has more than {MOST} contours")
     notes = list(pieces.notes)
-    if loose:
-        gap = _gap(loose)
-        what = f"the narrowest gap, {gap.width_mm:.3g} mm, is at ({gap.x:.4g}, {gap.y:.4g}) mm"
-        notes.append(f"{what}; {len(loose)} open lines ignored")
+    if bounded.repeated_mm > join_mm:
+        notes.append(f"{bounded.repeated_mm:.4g} mm of lines drawn twice, taken once")
+    if bounded.loose:
+        gap = _gap(bounded.loose)
+        what = f"the narrowest gap, {gap.width_mm:.3g} mm, is at {place(gap.point + origin)} mm"
+        notes.append(f"{what}; {len(bounded.loose)} open lines ignored")
     distinct = _without_copies(rings, join_mm)
     if len(distinct) < len(rings):
         notes.append(f"{len(rings) - len(distinct)} contours drawn twice, taken once")
-    frames = [k for k, ring in enumerate(distinct) if _is_frame(ring, distinct)]
+    frames = [k for k, ring in enumerate(distinct) if _is_frame(ring.points, distinct)]
     for k in frames:
-        width, height = np.ptp(distinct[k], axis=0)
+        width, height = np.ptp(distinct[k].points, axis=0)
         notes.append(f"the frame of a sheet, {width:.4g} x {height:.4g} mm, left out")
-    return _nested([ring for k, ring in enumerate(distinct) if k not in frames]), notes
+    nested = _nested([ring for k, ring in enumerate(distinct) if k not in frames])
+    return [contour._replace(points=contour.points + origin) for contour in nested], notes
 
 
-def choose(found: list[Contour], number: int | None, where: str) -> tuple[Contour, list[str]]:
+def choose(
+    candidates: list[Contour], number: int | None, where: str, lost: Sequence[Lost] = ()
+) -> tuple[Contour, list[str]]:
     """The contour asked for, or the only outer one; and notes.
 
     Raises:
         UsageError: there is no such contour, or there are several to choose from; lists them.
+        OutlineError: the outline may be one of the `lost` shapes, or another contour of the same lines.
     """
-    outer = [contour for contour in found if contour.outer]
+    for shape in lost:
+        if shape.box is None or any(_exceeds(shape.box, contour) for contour in candidates if contour.outer):
+            problem = f"the outline may be missing: {shape.what}; repair or delete it in the drawing"
+            raise OutlineError(problem, where=where)
+    outer = [contour for contour in candidates if contour.outer]
     if number is None and len(outer) > 1:
-        raise UsageError(f"{where}: has {len(outer)} contours; choose with --contour N: {listing(found)}")
-    if number is not None and not 1 <= number <= len(found):
         raise UsageError(
-            f"{where}: has no contour {number}; choose with --contour 1 to {len(found)}: {listing(found)}"
+            f"{where}: has {len(outer)} contours; choose with --contour N: {listing(candidates)}"
         )
-    contour = found[(number or 1) - 1]
-    notes = []
+    if number is not None and not 1 <= number <= len(candidates):
+        raise UsageError(
+            f"{where}: has no contour {number}; choose with --contour 1 to {len(candidates)}: "
+            f"{listing(candidates)}"
+        )
+    contour = candidates[(number or 1) - 1]
+    if contour.ambiguity:
+        raise OutlineError(contour.ambiguity, where=where)
+    notes = [contour.note] if contour.note else []
     if contour.holes:
         what = "contour" if contour.holes == 1 else "contours"
         notes.append(f"{contour.holes} inner {what} (holes) ignored")
-    if len(found) > 1:
-        notes.append(f"contour {number or 1} of {len(found)} taken: {listing(found)}")
+    if len(candidates) > 1:
+        notes.append(f"contour {number or 1} of {len(candidates)} taken: {listing(candidates)}")
     return contour, notes
 
 
@@ -104,40 +126,57 @@ def listing(found: list[Contour]) -> str:
     return "; ".join(told) + (f"; and {more} more" if more > 0 else "")
 
 
-def _joined(strokes: list[Array], join_mm: float) -> tuple[list[Array], list[Array]]:
-    """Strokes put together to rings, and those that belong to none.
+def _sorted(pieces: Pieces, join_mm: float) -> tuple[list[Array], Drawn]:
+    """Rings that nothing else is near, and all other lines, about a local origin.
 
-    Ends within `join_mm` of each other become one point; then GEOS finds the faces that the strokes bound.
+    A ring that crosses itself stands alone, too, unless its lines bound one region: it is refused if chosen.
     """
-    if not strokes:
-        return [], []
-    ends = np.array([stroke[k] for stroke in strokes for k in (0, -1)])
-    names = _clusters(ends, join_mm)
-    middles = np.array([ends[names == name].mean(axis=0) for name in range(names.max() + 1)])
-    lines = []
-    for k, stroke in enumerate(strokes):
-        line = stroke.copy()
-        line[0], line[-1] = middles[names[2 * k]], middles[names[2 * k + 1]]
-        if len(np.unique(line, axis=0)) > 1:
-            lines.append(shapely.LineString(line))
-    faces, cuts, dangles, _ = shapely.polygonize_full(lines)
-    rings = [shapely.get_coordinates(face.exterior)[:-1] for face in faces.geoms]
-    return rings, [shapely.get_coordinates(line) for line in (*cuts.geoms, *dangles.geoms)]
+    curves = [*pieces.rings, *pieces.strokes]
+    if not curves:
+        return [], Drawn([], [], np.zeros(2), shapely.STRtree([]))
+    origin = np.round(curves[0][0])
+    lines = [curve - origin for curve in curves]
+    count = len(pieces.rings)
+    lines[:count] = [np.concatenate([ring, ring[:1]]) for ring in lines[:count]]
+    layers = [*pieces.layers] or [""] * len(lines)
+    strings = [shapely.LineString(line) for line in lines]
+    near = shapely.STRtree(strings).query(strings, predicate="dwithin", distance=join_mm)
+    neighbours = np.bincount(near[0], minlength=len(lines)) - 1
+    apart = []
+    for k in range(count):
+        simple = bool(strings[k].is_simple)
+        if (simple and not neighbours[k]) or not (simple or _bounds_one_region(lines[k], join_mm)):
+            apart.append(k)
+    rest = sorted(set(range(len(lines))) - set(apart))
+    tree = shapely.STRtree([strings[k] for k in rest])
+    drawn = Drawn([lines[k] for k in rest], [layers[k] for k in rest], origin, tree)
+    return [lines[k][:-1] for k in apart], drawn
 
 
-def _clusters(points: Array, radius: float) -> Array:
-    """A number for each point (n,); points that neighbours of `radius` connect have the same one."""
-    cells, member = np.unique(np.rint(points / (0.1 * radius)), axis=0, return_inverse=True)
-    pairs = cKDTree(cells).query_pairs(10.0, output_type="ndarray")  # crowds on one point are one cell
-    links = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(cells), len(cells)))
-    return np.asarray(connected_components(links, directed=False)[1][member.ravel()])
+def _bounds_one_region(line: Array, join_mm: float) -> bool:
+    return len(noding.regions([line], join_mm).regions) == 1
+
+
+def _plain(ring: Array) -> Contour:
+    return Contour(ring, 0.0, 0, True)
+
+
+def _contour(region: noding.Region, loose: list[Array], drawn: Drawn, join_mm: float) -> Contour:
+    meaning = seams.meaning(region, loose, drawn, join_mm)
+    return _plain(region.ring)._replace(note=meaning.note, ambiguity=meaning.ambiguity)
+
+
+def _is_wide(ring: Array, join_mm: float) -> bool:
+    """Whether a ring encloses more than a line drawn twice does."""
+    least = 0.5 * join_mm * float(shapely.LinearRing(ring).length) if len(ring) > 2 else 0.0
+    return len(ring) > 2 and _hull(ring).area > least and float(_face(ring).area) > least
 
 
 def _hull(points: Array) -> shapely.Geometry:
     return shapely.convex_hull(shapely.multipoints(points))
 
 
-def _is_frame(ring: Array, rings: list[Array]) -> bool:
+def _is_frame(ring: Array, others: Sequence[Contour]) -> bool:
     """Whether a ring is the border of an ISO 216 sheet, or of its margins, about at least one other ring.
 
     What no gripper takes is no part: the shorter side of the smallest such border is that of A5 less margins.
@@ -152,13 +191,14 @@ def _is_frame(ring: Array, rings: list[Array]) -> bool:
         for sheet in SHEETS_MM
     )
     return fits and any(
-        other is not ring and box.contains_properly(shapely.multipoints(other)) for other in rings
+        other.points is not ring and box.contains_properly(shapely.multipoints(other.points))
+        for other in others
     )
 
 
-def _without_copies(rings: list[Array], tolerance_mm: float) -> list[Array]:
+def _without_copies(rings: list[Contour], tolerance_mm: float) -> list[Contour]:
     """The rings without those that lie upon an earlier one."""
-    lines = [shapely.LinearRing(ring) for ring in rings]
+    lines = [shapely.LinearRing(ring.points) for ring in rings]
     boxes = shapely.bounds(lines)
     kept: list[int] = []
     for k, line in enumerate(lines):
@@ -168,55 +208,71 @@ def _without_copies(rings: list[Array], tolerance_mm: float) -> list[Array]:
     return [rings[k] for k in kept]
 
 
-def _nested(rings: list[Array]) -> list[Contour]:
+def _nested(rings: list[Contour]) -> list[Contour]:
     """Which ring lies inside which: by a point of each, since contours of a part do not cross."""
-    faces = [_face(ring) for ring in rings]
+    faces = [_face(ring.points) for ring in rings]
     tree = shapely.STRtree(faces)
     inner, outer = tree.query(faces, predicate="within")
     proper = inner != outer
     inner, outer = inner[proper], outer[proper]
     depth, holes = np.bincount(inner, minlength=len(rings)), np.bincount(outer, minlength=len(rings))
     found = [
-        Contour(ring, float(face.area), int(holes[k]), not depth[k])
+        ring._replace(area_mm2=float(face.area), holes=int(holes[k]), outer=not depth[k])
         for k, (ring, face) in enumerate(zip(rings, faces, strict=True))
     ]
     return sorted(found, key=lambda contour: (not contour.outer, -contour.area_mm2))
 
 
-def _no_contour(loose: list[Array], where: str) -> OutlineError:
+def _no_contour(loose: list[Array], origin: Array, where: str) -> OutlineError:
     if not loose:
         return OutlineError("holds no closed contour; draw the part's outline as one", where=where)
     gap = _gap(loose)
     problem = (
-        f"the contour is open at ({gap.x:.4g}, {gap.y:.4g}) mm, where the nearest end is "
+        f"the contour is open at {place(gap.point + origin)} mm, where the nearest end is "
         f"{gap.width_mm:.4g} mm away; close it in the drawing"
     )
     return OutlineError(problem, where=where)
 
 
 def _around(loose: list[Array], rings: list[Array]) -> bool:
-    """Whether open lines that nearly close go around all rings: an open outline, and closed holes in it."""
+    """Whether open lines go around all rings: an open outline, and closed holes in it.
+
+    One chain of them does so however wide it is open, several do where they nearly close.
+    """
     if not loose:
         return False
-    hull = _hull(np.concatenate(loose))
-    nearly = _gap(loose).width_mm <= NEARLY * math.sqrt(hull.area)
-    return nearly and all(hull.contains_properly(shapely.multipoints(ring)) for ring in rings)
+    hulls = [_hull(chain) for chain in _chains(loose)]
+    every = _hull(np.concatenate(loose))
+    if _gap(loose).width_mm <= NEARLY * math.sqrt(every.area):
+        hulls.append(every)
+    points = shapely.multipoints(np.concatenate(rings))
+    return any(hull.contains_properly(points) for hull in hulls)
 
 
 class Gap(NamedTuple):
     """Where a contour is open."""
 
-    x: float  # [mm]
-    y: float  # [mm]
-    width_mm: float  # to the nearest end of a line
+    point: Array  # (2,) an end of a line [mm]
+    width_mm: float  # to the nearest end of another
+
+
+def _chains(lines: list[Array]) -> list[Array]:
+    """Lines put together where two of them meet."""
+    merged = shapely.line_merge(shapely.multilinestrings([shapely.linestrings(line) for line in lines]))
+    return [shapely.get_coordinates(chain) for chain in shapely.get_parts(merged)]
 
 
 def _gap(lines: list[Array]) -> Gap:
     """The smallest distance between ends of lines that are put together where they meet."""
-    merged = shapely.line_merge(shapely.multilinestrings([shapely.linestrings(line) for line in lines]))
-    chains = [shapely.get_coordinates(chain) for chain in shapely.get_parts(merged)]
-    ends = np.array([chain[k] for chain in chains for k in (0, -1)])
+    ends = np.array([chain[k] for chain in _chains(lines) for k in (0, -1)])
     gaps = cKDTree(ends).query(ends, k=2)[0][:, 1]
     apart = np.where(gaps > 0.0, gaps, np.inf)  # where three lines meet, two ends have no gap
     k = int(np.argmin(apart)) if np.isfinite(apart).any() else 0
-    return Gap(float(ends[k, 0]), float(ends[k, 1]), float(gaps[k]))
+    return Gap(ends[k], float(gaps[k]))
+
+
+def _exceeds(box: Array, contour: Contour) -> bool:
+    """Whether a box holds a contour, and more."""
+    low, high = contour.points.min(axis=0), contour.points.max(axis=0)
+    beyond = np.concatenate([low - box[0], box[1] - high])
+    return bool((beyond > -LARGER_MM).all() and (beyond > LARGER_MM).any())

@@ -1,6 +1,7 @@
 """Any outline file, by its suffix: read, one contour chosen, simplified, checked and centred."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
@@ -8,18 +9,21 @@ import numpy as np
 import shapely
 
 from planner.arrays import Array
-from planner.errors import InputFileError, OutlineError, UsageError
+from planner.errors import InputFileError, OutlineError, PlannerError, UsageError
 from planner.part import outline, symmetry
 from planner.part.importers import contours, dxf, kicad, mesh, svg, table
-from planner.part.importers.pieces import MAX_BYTES, UNITS_MM, Options, time_limit
+from planner.part.importers.pieces import MAX_BYTES, UNITS_MM, Options, Pieces, place, time_limit
 
 READERS = {".svg": svg.read, ".csv": table.read, ".kicad_mod": kicad.read}
 SUFFIXES = (".dxf", *READERS, ".stl")
 SMALLEST_MM, LARGEST_MM = 0.5, 2000.0
 """Extents of what fingers could close on, generously; beyond, the unit is wrong."""
 MOST_VERTICES = 2000
-WIDER_MM = 0.1  # by which a solid must differ between heights or faces to be told
 LEAST_SHARE = 0.01  # of the parts that lie on a face; rarer ones are left out
+
+
+DATUM = "the drawing's origin"
+DATUM_MM = 10_000.0  # The furthest that a job's datum lies from its part
 
 
 class Imported(NamedTuple):
@@ -31,7 +35,8 @@ class Imported(NamedTuple):
     notes: tuple[str, ...]  # what a reader should know, one sentence each
     height_mm: float | None = None  # of the solid; None where the file holds an outline alone
     holes_mm: tuple[Array, ...] = ()  # its inner contours, each (n, 2), in the outline's frame
-    origin_mm: tuple[float, float] = (0.0, 0.0)  # the drawing's origin in the outline's frame
+    origin_mm: tuple[float, float] = (0.0, 0.0)  # the drawing's datum in the outline's frame
+    origin_name: str = DATUM  # what of the drawing that is
 
 
 class Face(NamedTuple):
@@ -39,7 +44,7 @@ class Face(NamedTuple):
 
     share: float  # of the parts that come to lie so
     imported: Imported
-    cut_mm: float  # height of the cut, of all faces of the solid
+    cut_mm: float  # height of the finger tips, of all faces of the solid
     down: tuple[tuple[float, float, float], ...]  # outward normals of the solid's faces that may be down
 
     @property
@@ -77,18 +82,32 @@ def read_outline(path: Path, options: Options) -> Imported:
             pieces = dxf.read(data, where, unit_mm, tolerance_mm, options.layer)
         else:
             pieces = READERS[suffix](data, where, unit_mm, tolerance_mm)
-        found, notes = contours.contours(pieces, options.tolerance_mm, where)
-        contour, more = contours.choose(found, options.contour, where)
-        imported, shift = _checked(contour.points, where, options.tolerance_mm, (*notes, *more))
-        holes = tuple(hole + shift for hole in contours.holes_of(contour, found))
+        with _noted(pieces):
+            candidates, notes = contours.contours(pieces, options.tolerance_mm, where)
+            contour, more = contours.choose(candidates, options.contour, where, pieces.lost)
+            all_notes = (*notes, *(shape.what for shape in pieces.lost if shape.box is None), *more)
+            imported, shift = _checked(contour.points, where, options.tolerance_mm, all_notes)
+        holes = tuple(hole + shift for hole in contours.holes_of(contour, candidates))
         return imported._replace(height_mm=pieces.height_mm, holes_mm=holes)
+
+
+@contextmanager
+def _noted(pieces: Pieces) -> Iterator[None]:
+    """Adds what a reader should know about a drawing to the error that refuses it."""
+    try:
+        yield
+    except PlannerError as error:
+        for note in (*pieces.notes, *(shape.what for shape in pieces.lost if shape.box is None)):
+            if note not in str(error):
+                error.add_note(note)
+        raise
 
 
 def read_faces(path: Path, options: Options, tips_mm: Callable[[float], float]) -> list[Face]:
     """Reads a solid as it lies on each of its stable faces, the commonest first.
 
-    All are cut at one height: that of the options, or the least of `tips_mm` of their heights. Those whose
-    cuts look alike are one.
+    Fingers meet all at one height: that of the options, or the least of `tips_mm` of their heights. Those
+    whose silhouettes above it look alike are one.
 
     Raises:
         UsageError: the file is no solid.
@@ -119,7 +138,7 @@ def read_faces(path: Path, options: Options, tips_mm: Callable[[float], float]) 
 
 def _lying(face: mesh.Lying, where: str, height_mm: float, tolerance_mm: float) -> Imported:
     """The outline of a solid on a face; around several contours their hull, as flat jaws meet them."""
-    pieces = mesh.cut(face.solid, where, height_mm)
+    pieces = mesh.silhouette(face.solid, where, height_mm)
     found, notes = contours.contours(pieces, tolerance_mm, where)
     outer = [contour.points for contour in found if contour.outer]
     points = outer[0]
@@ -127,14 +146,6 @@ def _lying(face: mesh.Lying, where: str, height_mm: float, tolerance_mm: float) 
         hull = shapely.convex_hull(shapely.multipoints(np.concatenate(outer)))
         points = np.asarray(shapely.get_coordinates(hull)[:-1])
         notes.append(f"{len(outer)} contours, taken as their convex hull")
-    above = np.asarray(face.solid.vertices)
-    above = above[above[:, 2] > face.solid.bounds[0, 2] + height_mm, :2]
-    hull = shapely.convex_hull(shapely.multipoints(points))
-    beyond_mm = float(shapely.distance(shapely.points(above), hull).max(initial=0.0))
-    if beyond_mm > WIDER_MM:
-        notes.append(
-            f"above the cut it is up to {beyond_mm:.3g} mm wider, where fingers meet it first: raise --height"
-        )
     imported, _ = _checked(points, where, tolerance_mm, tuple(notes))
     return imported._replace(height_mm=pieces.height_mm)
 
@@ -143,8 +154,8 @@ def _alike(one: Imported, other: Imported) -> bool:
     """Whether nobody can tell two faces apart by what lies on the table."""
     assert one.height_mm is not None
     assert other.height_mm is not None
-    return abs(one.height_mm - other.height_mm) < WIDER_MM and symmetry.congruent(
-        one.outline_mm, other.outline_mm, WIDER_MM
+    return abs(one.height_mm - other.height_mm) < mesh.WIDER_MM and symmetry.congruent(
+        one.outline_mm, other.outline_mm, mesh.WIDER_MM
     )
 
 
@@ -189,7 +200,14 @@ def _checked(
         raise OutlineError(problem, where=where)
     order = symmetry.order(simple, max(tolerance_mm, symmetry.TOLERANCE_MM))
     shift = first + second
-    return Imported(simple, order, size, notes, origin_mm=(float(shift[0]), float(shift[1]))), shift
+    if np.abs(shift).max() <= DATUM_MM:
+        return Imported(simple, order, size, notes, origin_mm=(float(shift[0]), float(shift[1]))), shift
+    corner = simple.min(axis=0)  # nearer the part than the drawing's origin is
+    name = f"the lower left corner of the part's box, {place(corner - shift)} mm in the drawing"
+    metres = float(np.hypot(*shift)) / 1000
+    far = f"the drawing's origin, {metres:.4g} m away, is too far for a datum; that is {name}"
+    origin = float(corner[0]), float(corner[1])
+    return Imported(simple, order, size, (*notes, far), origin_mm=origin, origin_name=name), shift
 
 
 def _apart(points: Array, where: str) -> Array:

@@ -1,62 +1,201 @@
-"""KiCad footprints: the component's body, as the fabrication layer of a `.kicad_mod` file draws it."""
+"""KiCad footprints: the component's body, as the fabrication layer of a `.kicad_mod` file draws it.
+
+A footprint is one S-expression, read by sexpdata; its shapes are those of KiCad 5 (`module`) to 9.
+"""
 
 import math
 import re
+from collections import Counter
+from collections.abc import Callable
+from typing import NamedTuple, TypeGuard
 
 import numpy as np
+import sexpdata
+import shapely
 
 from planner.arrays import Array
-from planner.errors import InputFileError
+from planner.errors import InputFileError, OutlineError
 from planner.part.importers.pieces import MAX_SHAPES, Pieces, flattened, sorted_out, too_much
 
-LAYER = re.compile(r'\(layer "?F\.Fab"?\)')
-POINT = re.compile(r"\((start|mid|end|center|xy) (\S+?) (\S+?)\)")
-ANGLE = re.compile(r"\(angle (\S+?)\)")
+BODY = "F.Fab"
+ON_BODY = frozenset({BODY, "*.Fab", "F&B.Fab"})  # names of layers that hold the body
+TEXTS = frozenset({"fp_text", "fp_text_box", "property"})
+ROUNDS = 32  # chords of a rounded corner: off by 3e-4 of its radius
+
+
+class Expression(NamedTuple):
+    """A list of a footprint that begins with a name."""
+
+    name: str
+    values: list[object]  # what follows: words, texts, numbers and lists
+
+    def parts(self) -> list["Expression"]:
+        """The lists in it that are not empty."""
+        return [Expression(_word(value[0]), value[1:]) for value in self.values if _is_list(value)]
+
+    def has(self, name: str) -> bool:
+        """Whether there is a part of that name."""
+        return any(part.name == name for part in self.parts())
+
+    def part(self, name: str) -> "Expression":
+        """The first part of that name; raises KeyError."""
+        matches = [part for part in self.parts() if part.name == name]
+        if not matches:
+            raise KeyError(name)
+        return matches[0]
+
+    def numbers(self, name: str, count: int) -> Array:
+        """The first numbers (count,) of a part; raises KeyError, and ValueError where they are none."""
+        return self.part(name).first(count)
+
+    def first(self, count: int) -> Array:
+        """The first values as numbers (count,); raises ValueError where they are none."""
+        values = [value for value in self.values[:count] if isinstance(value, int | float)]
+        if len(values) != count or not all(map(math.isfinite, values)):
+            written = " ".join(map(str, (self.name, *self.values)))[:40]
+            raise ValueError(f"{written!r} should hold {count} numbers")
+        return np.array(values, dtype=np.float64)
+
+    def layers(self) -> frozenset[str]:
+        """The layers that it lies on, if it states some."""
+        stated = [part for part in self.parts() if part.name in ("layer", "layers")]
+        return frozenset(_word(value) for part in stated for value in part.values)
 
 
 def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) -> Pieces:
-    """The body's lines, arcs, circles, rectangles and polygons; millimetres, unless told otherwise.
+    """The body's lines, arcs, circles, rectangles, polygons and curves; millimetres, unless stated otherwise.
 
     Raises:
-        InputFileError: it is not a footprint.
-        OutlineError: it holds more shapes than any body has.
+        InputFileError: it is not a footprint, or one of its shapes is damaged.
+        OutlineError: it holds more shapes than any body has, or none on the layer of the body.
     """
-    text = data.decode("utf-8", errors="replace")
-    if not re.match(r"\s*\((footprint|module)\b", text):
-        raise InputFileError("is not a KiCad footprint; export one, or a DXF", where=where)
-    shapes = text.split("(fp_")[1:]
+    shapes = _shapes(data.decode("utf-8", errors="replace"), where)
     if len(shapes) > MAX_SHAPES:
         raise too_much(where, f"holds more than {MAX_SHAPES} shapes")
     scale = np.array([1.0, -1.0]) * (unit_mm or 1.0)  # the file's y axis points down
+    curves, strays = list[Array](), Counter[str]()
+    for shape in shapes:
+        if not shape.layers() & ON_BODY or shape.name in TEXTS:
+            continue
+        draw = CURVES.get(shape.name)
+        if draw is None:
+            strays[shape.name] += 1
+            continue
+        try:
+            curves.append(scale * draw(shape, tolerance_mm / (unit_mm or 1.0)))
+        except (KeyError, ValueError, IndexError) as error:
+            problem = f"has a {shape.name} that cannot be read ({_reason(error)}); export it anew"
+            raise InputFileError(problem, where=where) from error
+    left_out = ", ".join(f"{n} {name}" for name, n in sorted(strays.items()))
+    if not curves:
+        raise _nothing(shapes, left_out, where)
+    notes = [f"not known, ignored on {BODY}: {left_out}"] if strays else []
+    return sorted_out(curves, 2.0 * tolerance_mm, where, notes)
+
+
+def _shapes(text: str, where: str) -> list[Expression]:
+    """The expressions of a footprint that state their layers."""
+    if not re.match(r"\s*\((footprint|module)\b", text):
+        raise InputFileError("is not a KiCad footprint; export one, or a DXF", where=where)
     try:
-        curves = [scale * _curve(shape, tolerance_mm) for shape in shapes if _drawn(shape)]
-    except (KeyError, ValueError, IndexError) as error:
-        problem = f"has a shape that cannot be read ({error}); export it anew"
+        footprint = sexpdata.loads(text, nil=None, true=None, line_comment="\0")
+    except InputFileError:  # its time is over
+        raise
+    except Exception as error:  # the parser asserts, recurses and looks up attributes
+        problem = f"is a damaged KiCad footprint ({_reason(error)}); export it anew"
         raise InputFileError(problem, where=where) from error
-    return sorted_out(curves, 2.0 * tolerance_mm, where, [])
+    return [part for part in Expression("", footprint).parts() if part.layers()]
 
 
-def _drawn(shape: str) -> bool:
-    return not shape.startswith("text") and LAYER.search(shape) is not None
+def _nothing(shapes: list[Expression], left_out: str, where: str) -> OutlineError:
+    drawn = {layer for shape in shapes if shape.name in CURVES for layer in shape.layers()}
+    others = f"it draws on {', '.join(sorted(drawn))}" if drawn else "it draws nothing at all"
+    if left_out:
+        others = f"what is there is not known: {left_out}"
+    problem = f"has no shape on {BODY}, the layer of the body ({others}); draw the body's outline there"
+    return OutlineError(problem, where=where)
 
 
-def _curve(shape: str, tolerance: float) -> Array:
-    found = [(name, (float(x), float(y))) for name, x, y in POINT.findall(shape)]
-    at = {name: np.array(point) for name, point in found}
-    kind = shape.split(None, 1)[0]
-    if kind == "poly":
-        corners = np.array([point for name, point in found if name == "xy"])
-        return np.concatenate([corners, corners[:1]])
-    if kind == "rect":
-        (x0, y0), (x1, y1) = at["start"], at["end"]
-        return np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1], [x0, y0]])
-    if kind == "circle":
-        return _arc(at["center"], at["end"], math.tau, tolerance)
-    if kind == "arc":
-        if turn := ANGLE.search(shape):  # as before version 6: the centre, an end and the angle
-            return _arc(at["start"], at["end"], math.radians(float(turn[1])), tolerance)
-        return _through(at["start"], at["mid"], at["end"], tolerance)
-    return np.array([at["start"], at["end"]])
+def _is_list(value: object) -> TypeGuard[list[object]]:
+    return isinstance(value, list) and bool(value)
+
+
+def _word(value: object) -> str:
+    return " ".join(str(value).split()) if isinstance(value, str | sexpdata.Symbol) else ""
+
+
+def _reason(error: Exception) -> str:
+    """Why something could not be read, on one line."""
+    if isinstance(error, KeyError):
+        return f"no {error.args[0]}"
+    return str(error).split("\n")[0][:120] or type(error).__name__
+
+
+def _line(shape: Expression, _tolerance: float) -> Array:
+    return np.array([shape.numbers("start", 2), shape.numbers("end", 2)])
+
+
+def _rectangle(shape: Expression, _tolerance: float) -> Array:
+    start, end = shape.numbers("start", 2), shape.numbers("end", 2)
+    box = shapely.box(*np.minimum(start, end), *np.maximum(start, end))
+    radius = float(shape.numbers("radius", 1)[0]) if shape.has("radius") else 0.0
+    if radius > 0.0:
+        box = shapely.buffer(shapely.buffer(box, -radius, join_style="mitre"), radius, quad_segs=ROUNDS)
+    if box.is_empty:
+        raise ValueError(f"no corners of radius {radius:g} fit")
+    return np.asarray(shapely.get_coordinates(box))
+
+
+def _circle(shape: Expression, tolerance: float) -> Array:
+    return _arc(shape.numbers("center", 2), shape.numbers("end", 2), math.tau, tolerance)
+
+
+def _bow(shape: Expression, tolerance: float) -> Array:
+    """An arc: through three points, or, as before KiCad 6, of a centre (`start`), an end and an angle."""
+    start, end = shape.numbers("start", 2), shape.numbers("end", 2)
+    if shape.has("angle"):
+        return _arc(start, end, math.radians(float(shape.numbers("angle", 1)[0])), tolerance)
+    return _through(start, shape.numbers("mid", 2), end, tolerance)
+
+
+def _polygon(shape: Expression, tolerance: float) -> Array:
+    """Points and arcs, in order, and back to the first point."""
+    points = np.concatenate([_run(part, tolerance) for part in shape.part("pts").parts()])
+    return np.concatenate([points, points[:1]])
+
+
+def _run(part: Expression, tolerance: float) -> Array:
+    """A point (1, 2) or an arc (n, 2) of a polygon."""
+    if part.name == "xy":
+        return part.first(2)[None]
+    if part.name == "arc":
+        return _bow(part, tolerance)
+    raise ValueError(f"{part.name!r} is not known among its points")
+
+
+def _bezier(shape: Expression, tolerance: float) -> Array:
+    """A cubic Bezier curve of four points."""
+    control = np.concatenate([part.first(2)[None] for part in shape.part("pts").parts()])
+    if len(control) != 4:
+        raise ValueError(f"{len(control)} points of 4")
+
+    def curve(share: Array) -> Array:
+        rest = 1.0 - share
+        weights = [rest**3, 3.0 * rest**2 * share, 3.0 * rest * share**2, share**3]
+        return np.asarray(np.column_stack(weights) @ control)
+
+    return flattened(curve, tolerance)
+
+
+CURVES: dict[str, Callable[[Expression, float], Array]] = {
+    "fp_line": _line,
+    "fp_rect": _rectangle,
+    "fp_circle": _circle,
+    "fp_arc": _bow,
+    "fp_poly": _polygon,
+    "fp_curve": _bezier,
+}
+"""How each kind of shape becomes a polyline (n, 2), in the file's units."""
 
 
 def _arc(centre: Array, start: Array, turn: float, tolerance: float) -> Array:

@@ -1,15 +1,22 @@
-"""STL solids, by trimesh: the cross-section where the fingers close, and the faces that they rest on."""
+"""STL solids, by trimesh: the silhouette that closing fingers meet, and the faces that solids rest on."""
 
 import io
 from types import ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
+import shapely
 
 from planner.errors import InputFileError, OutlineError, UsageError
-from planner.part.importers.pieces import MAX_SHAPES, Pieces, need_units, sorted_out, too_much
+from planner.part.importers.pieces import Pieces, need_units, sorted_out
+from planner.part.tips import tips_height_mm
 
 FARTHEST_MM = 1e6
+WIDER_MM = 0.1  # by which a solid must differ between heights or faces for a note
+CRACK_MM = 1e-3  # Gaps between triangles up to so wide come from rounded vertices
+GRID_MM = 1e-4  # on which polygons are united
+FLAT_MM2 = 1e-9  # Triangles that are seen smaller stand upright
+UP = (0.0, 0.0, 1.0)
 
 
 class Lying(NamedTuple):
@@ -21,8 +28,8 @@ class Lying(NamedTuple):
 
 
 def read(data: bytes, where: str, unit_mm: float | None, height_mm: float | None) -> Pieces:
-    """The cuts of a solid with a plane `height_mm` above its lowest point, or half-way up; as `dxf.read`."""
-    return cut(_solid(_trimesh(where), data, where, unit_mm), where, height_mm)
+    """The silhouette of a solid above `height_mm`; as `silhouette`."""
+    return silhouette(_solid(_trimesh(where), data, where, unit_mm), where, height_mm)
 
 
 def lying(data: bytes, where: str, unit_mm: float | None) -> list[Lying]:
@@ -33,7 +40,6 @@ def lying(data: bytes, where: str, unit_mm: float | None) -> list[Lying]:
     """
     trimesh = _trimesh(where)
     solid = _solid(trimesh, data, where, unit_mm)
-    solid.merge_vertices()
     if not (solid.is_watertight and solid.is_winding_consistent):
         problem = "is no closed solid, so that its centre of mass is not known; repair it and export it again"
         raise InputFileError(problem, where=where)
@@ -45,27 +51,98 @@ def lying(data: bytes, where: str, unit_mm: float | None) -> list[Lying]:
     return sorted(found, key=lambda face: (-round(face.share, 6), -face.down[2], face.down))
 
 
-def cut(solid: Any, where: str, height_mm: float | None) -> Pieces:
-    """The cuts of a solid with a plane `height_mm` above its lowest point, or half-way up.
+def silhouette(solid: Any, where: str, height_mm: float | None) -> Pieces:
+    """What closing fingers meet: all of a solid above their tips, seen from above.
+
+    The tips are `height_mm` above its lowest point, or where they squeeze a part of its height by default.
 
     Raises:
-        UsageError: the plane misses it.
-        OutlineError: nothing is cut, or too much.
+        UsageError: they pass beside it.
+        OutlineError: nothing is above them.
     """
     low, high = solid.bounds[:, 2].tolist()
-    height = 0.5 * (high - low) if height_mm is None else height_mm
+    height = tips_height_mm(high - low) if height_mm is None else height_mm
     if not 0.0 < height < high - low:
         raise UsageError(
-            f"{where}: --height {height:g} is not between 0 and {high - low:.4g} mm; choose another"
+            f"{where}: --height {height:g} is not between 0 and {high - low:.4g} mm, the solid's height; "
+            "choose another, or leave it out: it follows from the thickness"
         )
-    cuts = _trimesh(where).intersections.mesh_plane(solid, (0.0, 0.0, 1.0), (0.0, 0.0, low + height))
-    if len(cuts) > MAX_SHAPES:
-        raise too_much(where, f"is cut in more than {MAX_SHAPES} places")
-    if len(cuts) == 0:
-        raise OutlineError("has no outline at that height; choose another --height", where=where)
-    note = f"cut {height:.4g} mm above its lowest point, of {high - low:.4g} mm"
-    found = sorted_out((np.asarray(cut)[:, :2] for cut in cuts), 0.0, where, [note])
-    return found._replace(height_mm=high - low)
+    above = _shadow(solid, low + height, where)
+    if above.is_empty:
+        raise OutlineError("has no outline above that height; choose another --height", where=where)
+    notes = [
+        f"silhouette of what is above the tips, {height:.4g} of {high - low:.4g} mm above its lowest point"
+    ]
+    if not solid.is_watertight:
+        notes.append(
+            "its surface is not closed; compare the outline with the part, or repair it and export again"
+        )
+    everything = shapely.get_coordinates(shapely.convex_hull(shapely.multipoints(solid.vertices[:, :2])))
+    beyond_mm = float(shapely.distance(shapely.points(everything), shapely.convex_hull(above)).max())
+    if beyond_mm > WIDER_MM:
+        notes.append(f"below the tips it is up to {beyond_mm:.3g} mm wider, where no finger meets it")
+    polygons = shapely.get_parts(above)
+    rings = [ring for polygon in polygons for ring in (polygon.exterior, *polygon.interiors)]
+    pieces = sorted_out((shapely.get_coordinates(ring) for ring in rings), 0.0, where, notes)
+    return pieces._replace(height_mm=high - low)
+
+
+def _shadow(solid: Any, height: float, where: str) -> shapely.Geometry:
+    """The projection of all of a solid above a height.
+
+    It is that of the triangles there: a vertical line that enters a closed solid leaves it through one. Where
+    the surface is open, the section at the height belongs to it, too.
+    """
+    trimesh = _trimesh(where)
+    cut = trimesh.intersections
+    above = cut.slice_mesh_plane(solid, UP, (0.0, 0.0, height))
+    above.merge_vertices()
+    shadow = _union(_patches(trimesh, above))
+    if solid.is_watertight:
+        return shadow
+    lines = np.reshape(cut.mesh_plane(solid, UP, (0.0, 0.0, height)), (-1, 2, 3))[:, :, :2]
+    section = shapely.union_all(shapely.linestrings(lines), grid_size=CRACK_MM)
+    faces, cuts, dangles, _ = shapely.polygonize_full(shapely.get_parts(section))
+    shadow = _union([shadow, *faces.geoms])
+    for line in (*cuts.geoms, *dangles.geoms):
+        if not shapely.covers(shapely.buffer(shadow, 2.0 * CRACK_MM), line):
+            x, y = shapely.get_coordinates(line)[0]
+            problem = f"has a hole in its surface near ({x:.4g}, {y:.4g}, {height:.4g}) mm; repair the solid"
+            raise OutlineError(problem, where=where)
+    return shadow
+
+
+def _patches(trimesh: ModuleType, surface: Any) -> list[shapely.Geometry]:
+    """The projections of a surface's patches: triangles that join one another and face alike, up or down.
+
+    The triangles of most patches do not overlap, so that leaving out their common edges unites them.
+    """
+    corners = np.asarray(surface.triangles)[:, :, :2]
+    one, other = (corners[:, k] - corners[:, 0] for k in (1, 2))
+    areas = 0.5 * (one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0])
+    facing = np.where(np.abs(areas) > FLAT_MM2, np.sign(areas), 0.0)
+    seen = np.flatnonzero(facing)
+    joined = surface.face_adjacency
+    joined = joined[facing[joined[:, 0]] * facing[joined[:, 1]] > 0.0]
+    labels = trimesh.graph.connected_component_labels(joined, node_count=len(facing))[seen]
+    order = np.argsort(labels, kind="stable")
+    groups = np.split(shapely.polygons(corners[seen][order]), np.flatnonzero(np.diff(labels[order])) + 1)
+    return [
+        shapely.coverage_union_all(group)
+        if len(group) > 1 and shapely.coverage_is_valid(group)
+        else shapely.union_all(group, grid_size=GRID_MM)
+        for group in groups
+    ]
+
+
+def _union(polygons: list[shapely.Geometry]) -> shapely.Geometry:
+    """The union of polygons, cracks between them closed.
+
+    It is found on a grid: without one, GEOS loses some of the polygons whose edges nearly coincide.
+    """
+    whole = shapely.union_all(polygons, grid_size=GRID_MM)
+    wider = shapely.buffer(whole, CRACK_MM, join_style="mitre")
+    return shapely.buffer(wider, -CRACK_MM, join_style="mitre")
 
 
 def _solid(trimesh: ModuleType, data: bytes, where: str, unit_mm: float | None) -> Any:
@@ -75,13 +152,17 @@ def _solid(trimesh: ModuleType, data: bytes, where: str, unit_mm: float | None) 
         solid = trimesh.load_mesh(io.BytesIO(data), file_type="stl", process=False)
         vertices = np.asarray(solid.vertices, dtype=np.float64) * unit_mm
         faces = np.asarray(solid.faces)
+    except InputFileError:  # its time is over
+        raise
     except Exception as error:  # damage shows in many places of the parser
         raise InputFileError("is no STL file that can be read; export it again", where=where) from error
     if len(faces) == 0 or not np.isfinite(vertices).all():
         raise InputFileError("holds no triangles; export it again", where=where)
     if np.abs(vertices).max() > FARTHEST_MM:
         raise InputFileError(f"has a corner beyond {FARTHEST_MM:g} mm; export it again", where=where)
-    return trimesh.Trimesh(vertices, faces, process=False)
+    whole = trimesh.Trimesh(vertices, faces, process=False)
+    whole.merge_vertices()
+    return whole
 
 
 def _trimesh(where: str) -> ModuleType:

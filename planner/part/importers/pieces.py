@@ -18,7 +18,9 @@ MAX_POINTS = 500_000  # Most points of all shapes together, curves flattened
 SECONDS = 30.0  # Longest time that one file is read for
 TOLERANCE_MM = 0.02
 UNITS_MM = {"mm": 1.0, "cm": 10.0, "in": 25.4, "m": 1000.0}
-LARGEST_MM = 1e8  # Where the coordinates of a drawing end; beyond, a double no longer holds a micrometre well
+CLOSED = 0.1  # of its length: a stroke whose ends are no further apart is a ring
+REPEAT_MM = 1e-6  # Points that are closer are one, written twice
+LARGEST_MM = 1e10  # Where coordinates end, as those of maps do; beyond, a double holds no micrometre
 
 
 class Options(NamedTuple):
@@ -27,9 +29,16 @@ class Options(NamedTuple):
     units: str | None = None  # one of `UNITS_MM`, or None to believe the file
     contour: int | None = None  # number of the contour, from 1, or None where there is only one
     tolerance_mm: float = TOLERANCE_MM  # largest distance of the outline from the curves drawn
-    height_mm: float | None = None  # of the cut through a solid, or None for half-way up
+    height_mm: float | None = None  # of the finger tips beside a solid, or None for `tips.tips_height_mm`
     layer: str | None = None  # of a DXF drawing, the only one to read; None for all that are visible
     scale: float | None = None  # mm a unit, for drawings in pixels; instead of units
+
+
+class Lost(NamedTuple):
+    """A shape of a drawing that is not read, and may be the part's outline."""
+
+    what: str  # which, and why, for people
+    box: Array | None = None  # (2, 2) its least and largest corner [mm]; None where nobody knows
 
 
 class Pieces(NamedTuple):
@@ -39,6 +48,8 @@ class Pieces(NamedTuple):
     strokes: list[Array]  # open ones, each (n, 2) [mm]
     notes: list[str]  # what a reader should know, one sentence each
     height_mm: float | None = None  # of a solid, from its lowest to its highest point
+    layers: tuple[str, ...] = ()  # of each ring, then of each stroke; empty where the format has none
+    lost: tuple[Lost, ...] = ()  # what was not read
 
 
 def need_units(where: str, said: str) -> UsageError:
@@ -68,27 +79,48 @@ def flattened(curve: Callable[[Array], Array], tolerance: float) -> Array:
         n *= 2
 
 
-def sorted_out(curves: Iterable[Array], join_mm: float, where: str, notes: list[str]) -> Pieces:
+class Curve(NamedTuple):
+    """A curve of a drawing that has layers."""
+
+    points: Array  # (n, 2) [mm]
+    layer: str
+
+
+def sorted_out(curves: Iterable[Array | Curve], join_mm: float, where: str, notes: list[str]) -> Pieces:
     """Curves (n, 2) [mm] as rings and strokes: a ring ends where it began.
+
+    A stroke that is hardly longer than `join_mm` is no ring: it belongs to a chain of such.
 
     Raises:
         OutlineError: a coordinate is not finite or too large, or there are too many points.
     """
-    rings, strokes = [], []
+    rings, strokes = list[Curve](), list[Curve]()
     total = 0
-    for curve in curves:
-        total += len(curve)
+    for drawn in curves:
+        curve = drawn if isinstance(drawn, Curve) else Curve(drawn, "")
+        points = curve.points
+        total += len(points)
         if total > MAX_POINTS:
             raise too_much(where, f"has more than {MAX_POINTS} points")
-        if not np.isfinite(curve).all() or np.abs(curve).max(initial=0.0) > LARGEST_MM:
+        if not np.isfinite(points).all() or np.abs(points).max(initial=0.0) > LARGEST_MM:
             raise OutlineError(
-                "has a coordinate that is not finite or beyond 100 km; repair the drawing", where=where
+                "has a coordinate that is not finite or beyond 10000 km; repair the drawing", where=where
             )
-        if len(curve) > 2 and np.hypot(*(curve[0] - curve[-1])) <= join_mm:
-            rings.append(curve[:-1])
-        elif len(curve) > 1:
+        steps = np.hypot(*np.diff(points, axis=0).T)
+        gap = float(np.hypot(*(points[0] - points[-1]))) if len(points) else 0.0
+        if len(points) > 2 and gap <= min(join_mm, CLOSED * float(steps.sum())):
+            rings.append(curve._replace(points=points[:-1] if gap <= REPEAT_MM else points))
+        elif len(points) > 1 and steps.any():
             strokes.append(curve)
-    return Pieces(rings, strokes, notes)
+    layers = tuple(curve.layer for curve in (*rings, *strokes))
+    sorted_pieces = Pieces([ring.points for ring in rings], [stroke.points for stroke in strokes], notes)
+    return sorted_pieces._replace(layers=layers if any(layers) else ())
+
+
+def place(point: Array) -> str:
+    """A point of a drawing for people, to 0.01 mm however far away it is."""
+    x, y = (np.round(point, 2) + 0.0).tolist()
+    return f"({x:.12g}, {y:.12g})"
 
 
 @contextmanager

@@ -1,35 +1,36 @@
-"""SVG drawings, by svgelements: paths and basic shapes, transforms and copies (`use`) worked out.
+"""SVG drawings: what a viewer would show, with shapes, transforms and copies (`use`) worked out.
 
 The file is parsed by defusedxml, which refuses entities. The picture's y axis points down, the part's up.
 """
 
-import io
-import re
-from functools import partial
 from xml.etree import ElementTree as Tree
 
 import numpy as np
-import svgelements
+import shapely
 from defusedxml import DefusedXmlException
 from defusedxml import ElementTree as SafeTree
 
 from planner.arrays import Array
 from planner.errors import InputFileError, OutlineError
 from planner.part.importers import pieces
+from planner.part.importers.svg_scene import SIZES, Scene
+from planner.part.importers.svg_shapes import polylines
+from planner.part.importers.svg_style import INHERITED, Sheets
+from planner.part.importers.svg_values import LENGTH, PHYSICAL_MM, PIXEL_MM, PLACES, Values, Viewport
 
-LENGTH = re.compile(r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(mm|cm|in|pt|pc|Q|px|%)?\s*$")
-PHYSICAL_MM = {"mm": 1.0, "cm": 10.0, "in": 25.4, "pt": 25.4 / 72, "pc": 25.4 / 6, "Q": 0.25}
-MAX_DEPTH = 100
-XLINK = "{http://www.w3.org/1999/xlink}href"
 ASPECT = 1e-3
 
 
 def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) -> pieces.Pieces:
-    """The shapes of an SVG file; as `dxf.read`, a unit_mm of None believes its width and viewBox."""
+    """The shapes of an SVG file; as `dxf.read`, a unit_mm of None believes its width and viewBox.
+
+    A length with a unit, such as 40mm, is that long whatever one user unit is.
+    """
     root = _root(data, where)
-    if _size(root, where) > pieces.MAX_SHAPES:
-        raise pieces.too_much(where, f"draws more than {pieces.MAX_SHAPES} shapes, its copies written out")
-    stated = _stated_scale(root, where)
+    sheets = Sheets(root)
+    page = Values(sheets.style(root, INHERITED), Viewport(None, None), 1.0, f"{where}: <svg>")
+    box = _box(page)
+    stated = _stated_scale(page, box, where)
     scale = unit_mm if unit_mm is not None else stated
     if scale is None:
         raise pieces.need_units(
@@ -40,10 +41,16 @@ def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) ->
         notes.append(f"scale: {scale:.6g} mm a unit, as the file's width and viewBox say")
     elif stated is not None and abs(stated / unit_mm - 1.0) > ASPECT:
         notes.append(f"the file says {stated:.6g} mm a unit, overruled by --units")
-    for name in ("width", "height", "viewBox", "preserveAspectRatio"):
-        root.attrib.pop(name, None)
-    curves = _curves(Tree.tostring(root, "utf-8"), scale, tolerance_mm, where)
-    return pieces.sorted_out(curves, tolerance_mm, where, notes)
+    if stated is not None and abs(stated / PIXEL_MM - 1.0) > ASPECT and _states_lengths(root):
+        notes.append(
+            f"lengths with a unit taken as they are; viewers draw them {stated / PIXEL_MM:.4g} times so long"
+        )
+    scene = Scene(root, sheets, _viewport(page._replace(unit_mm=scale), box), scale, where)
+    curves = _curves(scene, scale, tolerance_mm, where)
+    if scene.unseen and not curves:
+        problem = f"shows no line: {'; '.join(scene.notes())}; make the part's outline visible"
+        raise OutlineError(problem, where=where)
+    return pieces.sorted_out(curves, tolerance_mm, where, [*notes, *scene.notes()])
 
 
 def _root(data: bytes, where: str) -> Tree.Element:
@@ -54,47 +61,27 @@ def _root(data: bytes, where: str) -> Tree.Element:
         raise InputFileError(problem, where=where) from error
     except (Tree.ParseError, ValueError, LookupError, RecursionError) as error:
         raise InputFileError(f"is no SVG file ({error}); export it again", where=where) from error
-    if not isinstance(root, Tree.Element) or _local(root) != "svg":
+    if not isinstance(root, Tree.Element) or str(root.tag).rpartition("}")[2] != "svg":
         raise InputFileError("is XML, but no SVG drawing; export it again", where=where)
     return root
 
 
-def _local(element: Tree.Element) -> str:
-    return element.tag.rpartition("}")[2] if isinstance(element.tag, str) else ""
-
-
-def _size(root: Tree.Element, where: str) -> int:
-    """How many elements there are when each `use` is written out."""
-    named = {element.get("id"): element for element in root.iter() if element.get("id")}
-    known: dict[int, int] = {}
-
-    def count(element: Tree.Element, above: tuple[int, ...]) -> int:
-        if id(element) in known:
-            return known[id(element)]
-        if len(above) > MAX_DEPTH or id(element) in above:
-            raise OutlineError("is nested too deeply, or in itself; export it again", where=where)
-        inside = (*above, id(element))
-        total = 1 + sum(count(child, inside) for child in element)
-        if _local(element) == "use":
-            target = named.get((element.get("href") or element.get(XLINK) or "").removeprefix("#"))
-            total += count(target, inside) if target is not None else 0
-        known[id(element)] = total
-        return total
-
-    return count(root, ())
-
-
-def _stated_scale(root: Tree.Element, where: str) -> float | None:
-    """Millimetres a user unit by the root's physical size and viewBox, None where one is missing."""
+def _box(page: Values) -> list[float] | None:
+    """The view box of the whole drawing; None where there is none that can be used."""
     try:
-        box = [float(part) for part in re.split(r"[\s,]+", root.get("viewBox", "").strip())]
-    except ValueError:
+        box = page.box()
+    except InputFileError:  # with --units, nothing depends on it
         return None
+    return box if box and min(box[2:]) > 0.0 else None
+
+
+def _stated_scale(page: Values, box: list[float] | None, where: str) -> float | None:
+    """Millimetres a user unit by the drawing's physical size and viewBox, None where one is missing."""
     scales = []
-    for name, extent in zip(("width", "height"), box[2:4], strict=False):
-        found = LENGTH.match(root.get(name, ""))
-        if found and found[2] in PHYSICAL_MM and extent > 0.0:
-            scales.append(float(found[1]) * PHYSICAL_MM[found[2]] / extent)
+    for name, extent in zip(SIZES, box[2:] if box else (0.0, 0.0), strict=True):
+        size = page.stated(name)
+        if size and size.unit in PHYSICAL_MM and extent > 0.0:
+            scales.append(size.value * PHYSICAL_MM[size.unit] / extent)
     if not scales or min(scales) <= 0.0:
         return None
     if max(scales) / min(scales) > 1.0 + ASPECT:
@@ -103,43 +90,39 @@ def _stated_scale(root: Tree.Element, where: str) -> float | None:
     return scales[0]
 
 
-def _curves(svg: bytes, scale: float, tolerance_mm: float, where: str) -> list[Array]:
+def _viewport(page: Values, box: list[float] | None) -> Viewport:
+    """The size of the drawing in user units."""
+    if box:
+        return Viewport(*box[2:])
+    return Viewport(*(None if "%" in page.style.get(name, "") else page.length(name) for name in SIZES))
+
+
+def _states_lengths(root: Tree.Element) -> bool:
+    """Whether some shape's size or place has a physical unit."""
+    texts = (
+        text for each in root.iter() if each is not root for name, text in each.items() if name in PLACES
+    )
+    matches = (LENGTH.fullmatch(text) for text in texts)
+    return any(parts is not None and (parts[2] or "").lower() in PHYSICAL_MM for parts in matches)
+
+
+def _curves(scene: Scene, scale: float, tolerance_mm: float, where: str) -> list[Array]:
     """All shapes as polylines (n, 2) [mm]."""
     curves: list[Array] = []
     try:
-        drawing = svgelements.SVG.parse(io.BytesIO(svg), reify=True, ppi=96.0)
-        for element in drawing.elements():
-            if isinstance(element, svgelements.Shape) and element.values.get("display") != "none":
-                for part in svgelements.Path(element).as_subpaths():
-                    curves.append(_polyline(part, tolerance_mm / scale) * (scale, -scale))
-    except OutlineError as error:
-        raise OutlineError(error.problem, where=where) from None
+        for kind, values, matrix, window in scene.shapes():
+            stretch = float(np.linalg.norm(matrix[:2, :2], 2))
+            tolerance = tolerance_mm / scale
+            drawn = polylines(kind, values, tolerance / stretch) if stretch > 0.0 else []
+            placed = [curve @ matrix[:2, :2].T + matrix[:2, 2] for curve in drawn if len(curve) > 1]
+            if window is not None and placed:
+                every = shapely.multipoints(np.concatenate(placed))
+                if shapely.disjoint(shapely.convex_hull(every), window):
+                    scene.unseen += 1
+                    continue
+                scene.cut += not shapely.covers(shapely.buffer(window, tolerance), every)
+            curves += [curve * (scale, -scale) for curve in placed]
     except (ValueError, TypeError, ArithmeticError, IndexError, AttributeError, KeyError) as error:
         problem = f"a shape cannot be drawn ({error}); export it again, as plain paths"
         raise InputFileError(problem, where=where) from error
-    return [curve for curve in curves if len(curve) > 1]
-
-
-def _polyline(part: svgelements.Subpath, tolerance: float) -> Array:
-    points: list[Array] = []
-    for segment in part:
-        if isinstance(segment, svgelements.Move) or segment.start is None or segment.end is None:
-            continue
-        if isinstance(segment, svgelements.Line | svgelements.Close):
-            ends = [(segment.start.x, segment.start.y), (segment.end.x, segment.end.y)]
-            points.append(np.array(ends, dtype=np.float64))
-            continue
-        coarse = _at(segment, np.linspace(0.0, 1.0, 9))
-        if not np.isfinite(coarse).all() or np.abs(coarse).max() > pieces.LARGEST_MM / tolerance * 0.02:
-            raise OutlineError("has a coordinate that is not finite or absurdly large; repair the drawing")
-        points.append(pieces.flattened(partial(_at, segment), tolerance))
-    if not points:
-        return np.empty((0, 2))
-    every = np.concatenate(points)
-    fresh = np.ones(len(every), np.bool_)
-    fresh[1:] = np.any(every[1:] != every[:-1], axis=1)
-    return np.asarray(every[fresh])
-
-
-def _at(segment: svgelements.PathSegment, parameters: Array) -> Array:
-    return np.array([(point.x, point.y) for point in map(segment.point, parameters)], dtype=np.float64)
+    return curves

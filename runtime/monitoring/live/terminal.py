@@ -19,6 +19,7 @@ from rich.text import Text
 from runtime.execution.events import Console, Sighting, Tally
 from runtime.monitoring.live.rows import Outline, Row
 from runtime.monitoring.status import Status
+from runtime.shell.plain_text import cleaned
 from runtime.spc.summary import REFIT
 from runtime.table import Table
 from runtime.traversal.results import PartResult, Step
@@ -48,7 +49,7 @@ class View(Console):
 
     def note(self, sentence: str) -> None:
         """Printed above the picture."""
-        self._notes.append(sentence)
+        self._notes.append(cleaned(sentence))
 
     def step(self, part: int, step: Step) -> None:
         """The status has it."""

@@ -6,8 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.api import Job, Table, evaluate
+from planner.api import Belief, ContactWorld, Job, Pomdp, Simulator, Table, evaluate, squeeze
+from planner.belief.metric import metric_of
+from planner.belief.observation import encoder_of
+from planner.compile import compile_job
 from planner.errors import PlannerError
+from planner.mechanics.traits import as_planned
+from planner.world import Assorted, of_hypothesis
 from runtime.table import COUNTS, REJECT, Calibration, by_count, decision_map
 
 FOLDER = Path(__file__).parents[3] / "trees" / "rectangle"
@@ -47,3 +52,122 @@ def test_a_table_without_its_job_says_so(table):
     stripped = Table.of(replace(table.record, job=None))
     with pytest.raises(PlannerError, match="carries no job"):
         evaluate(stripped, trials=10)
+
+
+JOB = Job.load(FOLDER / "job.toml")
+RNG = np.random.default_rng(0)
+NAN = float("nan")
+
+
+@pytest.fixture(scope="module")
+def world():
+    return ContactWorld(JOB, 0, workers=1)
+
+
+@pytest.fixture(scope="module")
+def model():
+    simulator = Simulator.of_job(JOB, 1)
+    return Pomdp(JOB, simulator, encoder_of(JOB), metric_of(JOB), 100.0, 1, np.zeros((1, 4)))
+
+
+@pytest.mark.parametrize(
+    ("nodes", "counts", "said"),
+    [
+        ([-1], [0], "nodes holds -1; there are 0 to 35"),
+        ([36], [0], "nodes holds 36"),
+        ([0], [-1], "counts holds -1; there are 0 to 255"),
+        ([0], [256], "counts holds 256"),
+        ([0, 1], [0], "2 nodes, 1 counts"),
+        ([0.5], [0], "pass whole numbers"),
+        ([NAN], [0], "pass whole numbers"),
+        (0, 0, "pass whole numbers"),
+    ],
+)
+def test_a_lookup_takes_nodes_and_counts_that_there_are(table, nodes, counts, said):
+    with pytest.raises(ValueError, match=said):
+        table.lookup(np.array(nodes), np.array(counts))
+
+
+POSES = [
+    (np.zeros((5, 2)), "shape"),
+    (np.zeros(3), "shape"),
+    (np.zeros((1, 5, 3)), "shape"),
+    (np.full((4, 3), NAN), "holds nan; pass finite numbers"),
+    (np.array([[0.0, np.inf, 0.0]]), "holds inf"),
+    (np.array([[0.0, 0.0, 1e9]]), r"holds 1e\+09"),
+    ([["a", 0, 0]], "no array of numbers"),
+]
+
+
+@pytest.mark.parametrize(("poses", "said"), POSES)
+def test_poses_that_are_none_reach_no_kernel(world, model, poses, said):
+    simulator = model.simulator
+    size = np.shape(poses)[0]
+    calls = [
+        lambda: simulator.squeeze(poses, RNG),
+        lambda: simulator.roll_out(poses, simulator.nominal(size, 0.5)),
+        lambda: simulator.push_by_hand(poses, np.zeros(size), np.ones(size), RNG),
+        lambda: world.squeeze_many(poses),
+        lambda: world.push_many(poses, np.zeros(size), np.ones(size)),
+    ]
+    if np.ndim(poses) == 2:
+        columns = np.column_stack([np.asarray(poses, dtype=object), np.zeros(size)])
+        calls.append(lambda: model.sample(columns, np.zeros(4), RNG))
+        calls.append(lambda: model.likelihood(100, columns, np.zeros(4)))
+    if np.asarray(poses).dtype == np.float64 and np.ndim(poses) == 2:
+        calls.append(lambda: squeeze(JOB, Belief.of(poses), np.zeros(3), RNG, workers=1))
+    if np.size(poses) <= 3:
+        one = np.ravel(np.asarray(poses, dtype=object)) if np.ndim(poses) > 1 else [0.0, 0.0]
+        calls += [
+            lambda: world.squeeze(one),
+            lambda: world.push(one, 0.0, 1.0),
+            lambda: world.collides(one, 85.0),
+            lambda: simulator.trace(one, simulator.nominal(1, 0.5).surfaces[0], 0.5),
+            lambda: squeeze(JOB, Belief.of(np.zeros((10, 3))), one, RNG, workers=1),
+        ]
+    for call in calls:
+        with pytest.raises(ValueError, match=r"shape|holds|no array of numbers"):
+            call()
+    with pytest.raises(ValueError, match=said):
+        calls[2]()
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        lambda world, model: world.push((0.0, 0.0, 0.0), 0.0, 1e9),
+        lambda world, model: world.push((0.0, 0.0, 0.0), 0.0, NAN),
+        lambda world, model: world.push((0.0, 0.0, 0.0), 0.0, -1.0),
+        lambda world, model: world.push((0.0, 0.0, 0.0), 86.0, 1.0),
+        lambda world, model: world.push((0.0, 0.0, 0.0), NAN, 1.0),
+        lambda world, model: world.push_many(np.zeros((3, 3)), np.zeros(2), np.ones(3)),
+        lambda world, model: world.push_many(np.zeros((3, 3)), np.zeros(3), np.ones((3, 1))),
+        lambda world, model: world.squeeze_many(np.zeros((3, 3)), as_planned(2)),
+        lambda world, model: world.collides((0.0, 0.0, 0.0), NAN),
+        lambda world, model: model.simulator.roll_out(np.zeros((3, 3)), model.simulator.nominal(2, 0.5)),
+        lambda world, model: model.simulator.nominal(2, NAN),
+        lambda world, model: model.simulator.nominal(-1, 0.5),
+        lambda world, model: model.simulator.trace(np.zeros(3), np.eye(4), 0.5),
+        lambda world, model: model.simulator.trace(np.zeros(3), np.full((3, 3), NAN), 0.5),
+        lambda world, model: model.initial(-1, RNG),
+        lambda world, model: model.likelihood(256, np.zeros((2, 4)), np.zeros(4)),
+        lambda world, model: model.likelihood(-1, np.zeros((2, 4)), np.zeros(4)),
+        lambda world, model: model.updated(np.zeros((2, 4)), np.zeros(3), 100, RNG),
+        lambda world, model: model.updated(np.zeros((2, 4)), np.zeros(4), 1.5, RNG),
+        lambda world, model: squeeze(JOB, Belief.of(np.zeros((0, 3))), np.zeros(3), RNG, workers=1),
+        lambda world, model: squeeze(
+            JOB, Belief(np.zeros((3, 3)), as_planned(2), np.zeros(3)), np.zeros(3), RNG
+        ),
+        lambda world, model: evaluate(Table.load(FOLDER / "rectangle.msgpack"), trials=0),
+        lambda world, model: evaluate(Table.load(FOLDER / "rectangle.msgpack"), trials=10, workers=0),
+        lambda world, model: evaluate(Table.load(FOLDER / "rectangle.msgpack"), trials=10, seed=-1),
+        lambda world, model: compile_job(JOB, workers=0),
+        lambda world, model: compile_job(JOB, trials=-5),
+        lambda world, model: of_hypothesis(Assorted([world, world]), -1),
+        lambda world, model: Simulator.of_job(JOB, -2),
+    ],
+)
+def test_numbers_out_of_range_are_refused_in_a_sentence(world, model, wrong):
+    with pytest.raises(ValueError, match=r"pass|there are") as refused:
+        wrong(world, model)
+    assert "\n" not in str(refused.value)

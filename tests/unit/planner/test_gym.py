@@ -96,7 +96,7 @@ def test_an_episode_of_a_batch_begins_anew_at_the_step_after_its_end(many):
 @pytest.mark.parametrize("action", [-1, 68])
 def test_an_action_that_there_is_not_is_refused(alone, action):
     alone.reset(seed=1)
-    with pytest.raises(ValueError, match="none of 0 to 67"):
+    with pytest.raises(ValueError, match="there are 0 to 67"):
         alone.unwrapped.step(action)
 
 

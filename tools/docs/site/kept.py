@@ -1,9 +1,9 @@
-"""Writes the tables of tools/docs/performance.md from tests/bench/results, so that the page copies no figure.
+"""Writes the tables of tools/docs/performance.md and README.md from tests/bench/results, so none is copied.
 
     python tools/docs/site/kept.py
 
 A table stands between `<!-- table NAME -->` and `<!-- end -->`; one of several of a file is named after the
-file and a dash, such as `squeeze-speed`. `kept.jinja` holds the tables. The tests fail where the page is not
+file and a dash, such as `squeeze-speed`. `kept.jinja` holds the tables. The tests fail where a page is not
 what this writes.
 """
 
@@ -16,6 +16,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 HERE = Path(__file__).resolve().parent
 PAGE = HERE.parent / "performance.md"
+README = HERE.parents[2] / "README.md"
 RESULTS = HERE.parents[2] / "tests" / "bench" / "results"
 PLACE = re.compile(r"(?<=^<!-- table )(\S+) -->\n.*?^(?=<!-- end -->$)", re.MULTILINE | re.DOTALL)
 MACROS = Environment(loader=FileSystemLoader(HERE), undefined=StrictUndefined, autoescape=False)
@@ -41,8 +42,9 @@ def filled(page: str) -> str:
 
 
 def main() -> int:
-    """Writes the page; returns the exit code."""
-    PAGE.write_text(filled(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+    """Writes the pages; returns the exit code."""
+    for page in (PAGE, README):
+        page.write_text(filled(page.read_text(encoding="utf-8")), encoding="utf-8")
     return 0
 
 

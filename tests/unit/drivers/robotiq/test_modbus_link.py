@@ -7,10 +7,11 @@ from lines import Line
 from pymodbus.framer import FramerRTU
 from pymodbus.pdu import DecodePDU, ExceptionResponse
 
+from drivers import connect
 from drivers.clock import LINK_TIMEOUT_S, Pace
-from drivers.errors import LinkError, LinkTimeout
+from drivers.errors import LinkError, LinkTimeout, PortError
 from drivers.robotiq.frames import RTU, TCP, RtuFraming, TcpFraming, read_request
-from drivers.robotiq.modbus import DRAIN_S, GAP_S, ModbusLink, rtu_link
+from drivers.robotiq.modbus import DRAIN_S, GAP_S, ModbusLink, rtu_link, wiring_of
 from drivers.sim.wire.modbus import crc16
 
 STATUS = bytes.fromhex("B900 00FF BD00")
@@ -276,3 +277,66 @@ def test_an_acknowledgement_of_another_write_is_none():
         with pytest.raises(LinkTimeout):
             made.write(bytes(6))
         assert len(line.sent) == 1
+
+
+def enveloped(number, unit, pdu):
+    return number.to_bytes(2, "big") + b"\0\0" + (len(pdu) + 1).to_bytes(2, "big") + bytes((unit,)) + pdu
+
+
+def gateway(*codes):
+    """A link to unit 9 behind a gateway that answers with these exceptions, and then with the status."""
+    wiring = wiring_of("tcp://h:502?unit=9&output=0x03E8&input=0x07D0&function=3", TCP)
+    pdus = [bytes((0x83, code)) for code in codes] + [b"\x03\x06" + STATUS]
+    line = Line(*([(0.004, enveloped(number, 9, pdu))] for number, pdu in enumerate(pdus, 1)))
+    return ModbusLink(line, TcpFraming(), wiring, Pace(line.clock)), line
+
+
+def test_unit_and_addresses_behind_a_gateway_are_those_of_the_port():
+    made, line = gateway()
+    assert made.read() == STATUS
+    assert line.sent[0][1] == enveloped(1, 9, bytes.fromhex("03 07D0 0003"))
+    with pytest.raises(LinkTimeout):
+        made.write(bytes(6))
+    assert line.sent[1][1] == enveloped(2, 9, bytes.fromhex("10 03E8 0003 06") + bytes(6))
+
+
+@pytest.mark.parametrize("code", [5, 6, 11])
+def test_read_refused_for_a_moment_is_repeated(code):
+    made, line = gateway(code, code)
+    assert made.read() == STATUS
+    assert len(line.sent) == 3
+
+
+@pytest.mark.parametrize(
+    ("code", "kind", "told"),
+    [
+        (2, LinkError, r"no such register \(exception 2\); check that it is a Robotiq 2F gripper, and unit"),
+        (5, LinkTimeout, r"takes longer \(exception 5\)"),
+        (6, LinkTimeout, r"busy \(exception 6\); stop other programs"),
+        (10, LinkError, r"the gateway has no way to that unit \(exception 10\)"),
+        (11, LinkTimeout, r"the gripper behind the gateway is silent \(exception 11\); check its power"),
+        (99, LinkError, r"unknown reason \(exception 99\)"),
+    ],
+)
+def test_refusals_of_a_gateway_are_told_apart(code, kind, told):
+    made, _ = gateway(code, code, code)
+    with pytest.raises(LinkError, match=rf"\(unit 9\) refused function 3: .*{told}") as raised:
+        made.read()
+    assert type(raised.value) is kind
+
+
+@pytest.mark.parametrize(
+    "query",
+    ["unit=256", "unit=x", "unit=", "uint=9", "unit=9&unit=9", "function=6", "output=65536", "baud=1"],
+)
+def test_setting_of_a_port_that_is_not_understood_is_refused(query):
+    key = query.partition("=")[0]
+    with pytest.raises(PortError, match=rf"{key}=.* is not understood; there are unit \(0 to 255\)"):
+        connect.gripper(f"tcp://127.0.0.1:1?{query}")
+
+
+def test_units_of_a_bus_begin_at_1():
+    with pytest.raises(PortError, match=r"unit \(1 to 247\)"):
+        connect.gripper("rtu+tcp://127.0.0.1:1?unit=0")
+    with pytest.raises(PortError, match="nobody accepts"):
+        connect.gripper("tcp://127.0.0.1:1?unit=0")

@@ -12,8 +12,10 @@ from pathlib import Path
 import ezdxf
 import numpy as np
 import pytest
+import trimesh
 
 from planner.cli import init
+from planner.errors import InputFileError
 from planner.job import model as job_file
 from planner.job.drafts import FINGERS, GRIPPERS
 from planner.job.fields import REQUIRED
@@ -170,3 +172,32 @@ def test_json_tells_what_was_found(drawing, tmp_path, capsys):
     told = json.loads(capsys.readouterr().out)
     assert told["size_mm"] == [32.0, 24.0]
     assert (told["vertices"], told["symmetry"]) == (6, 1)
+
+
+TALL = [(40.0, 20.0), (34.0, 14.0)]  # of a tapered block 30 mm high, its bottom and its top
+
+
+@pytest.mark.parametrize(
+    ("stated", "tips", "length"),
+    [((), 8.0, 38.4), (("--height", "20"), 20.0, 36.0), (("--thickness", "10"), 5.0, 39.0)],
+)
+def test_a_solid_is_met_where_the_job_squeezes_it(tmp_path, stated, tips, length):
+    (a, b), (c, d) = TALL
+    corners = [
+        (x * side, y * depth, z) for z, side, depth in ((0, a, b), (30, c, d)) for x in (0, 1) for y in (0, 1)
+    ]
+    solid, output = tmp_path / "tall.stl", tmp_path / "job.toml"
+    trimesh.convex.convex_hull(np.array(corners, float)).export(solid)
+    assert init.main(words(solid, output, "--units", "mm", *stated)) == 0
+    job = job_file.load(output)
+    assert job.cell.squeeze_height_mm == pytest.approx(tips)
+    assert np.ptp(job.part.outline_mm, axis=0).max() == pytest.approx(length)
+
+
+def test_a_malformed_length_ends_in_one_line_without_a_traceback(tmp_path, capsys):
+    drawing = tmp_path / "part.svg"
+    drawing.write_text('<svg xmlns="http://www.w3.org/2000/svg"><rect width="1.1.1mm" height="3"/></svg>')
+    assert init.main(words(drawing, tmp_path / "job.toml", "--units", "mm")) == InputFileError.exit_code
+    message = capsys.readouterr().err
+    assert message.count("\n") == 1
+    assert 'width="1.1.1mm" is no length' in message

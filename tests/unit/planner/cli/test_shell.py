@@ -58,87 +58,6 @@ def test_other_warnings_stay_what_they_are():
         run(lambda _: warnings.warn("old", DeprecationWarning, stacklevel=1) or 0)
 
 
-def test_a_terminal_is_told_the_stage_and_the_time_that_is_left(capsys, monkeypatch):
-    monkeypatch.setenv("FORCE_COLOR", "1")
-    monkeypatch.setenv("COLUMNS", "120")
-    with shell.progress(quiet=False) as report:
-        for done in range(4):
-            report("roll-outs", done, 3)
-        report("search", 0, 9)
-    err = capsys.readouterr().err
-    assert "left:" in err
-    assert "search" in err
-
-
-class Clock:
-    """Stands until it is told to go on."""
-
-    now = 0.0
-
-    def __call__(self):
-        return self.now
-
-
-def test_a_pipe_gets_a_line_every_few_seconds_with_the_time_that_is_left(capsys):
-    clock = Clock()
-    with shell.progress(False, clock) as report:
-        for done in range(13):
-            clock.now = float(done)
-            report("search", done, 100, "12.0% of the parts open")
-    assert capsys.readouterr().err.splitlines() == [
-        "search 5%, left: about 95 s, 12.0% of the parts open",
-        "search 10%, left: about 90 s, 12.0% of the parts open",
-    ]
-
-
-def test_an_estimate_is_of_the_stage_alone_and_none_is_made_before_something_is_done(capsys):
-    clock = Clock()
-    with shell.progress(False, clock) as report:
-        report("roll-outs", 3, 3)
-        clock.now = 6.0
-        report("search", 0, 9)
-        clock.now = 12.0
-        report("search", 3, 9)
-    first, second = capsys.readouterr().err.splitlines()
-    assert first == "search 0%, left: not known yet"
-    assert second == "search 33%, left: about 12 s"
-
-
-def test_what_was_done_before_a_stage_is_heard_of_again_says_nothing_of_its_rate(capsys):
-    clock = Clock()
-    with shell.progress(False, clock) as report:
-        for now, done in ((6.0, 50), (12.0, 75), (18.0, 20), (24.0, 60)):
-            clock.now = now
-            report("evaluate", done, 100)
-    assert capsys.readouterr().err.splitlines() == [
-        "evaluate 50%, left: not known yet", "evaluate 75%, left: about 6 s",
-        "evaluate 20%, left: not known yet", "evaluate 60%, left: about 6 s",
-    ]  # fmt: skip
-
-
-def test_a_terminal_shows_the_same_estimate(capsys, monkeypatch):
-    monkeypatch.setenv("FORCE_COLOR", "1")
-    monkeypatch.setenv("COLUMNS", "120")
-    clock = Clock()
-    with shell.progress(False, clock) as report:
-        report("search", 0, 4)
-        clock.now = 10.0
-        report("search", 1, 4, "9.0% of the parts open")
-    err = capsys.readouterr().err
-    assert "left: about 30 s" in err
-    assert "-:--:--" not in err
-
-
-def test_nobody_is_told_where_it_is_to_be_quiet_or_what_takes_little_time(capsys):
-    clock = Clock()
-    with shell.progress(True, clock) as report:
-        clock.now = 99.0
-        report("search", 1, 3)
-    with shell.progress(False) as report:
-        report("search", 1, 3)
-    assert capsys.readouterr() == ("", "")
-
-
 def test_the_first_interrupt_asks_and_the_next_one_interrupts(capfd):
     limit = Limit()
     limit.standing = True
@@ -155,3 +74,17 @@ def test_the_first_interrupt_asks_and_the_next_one_interrupts(capfd):
 def test_an_interrupt_before_anything_stands_is_one():
     with shell.stopping(Limit(), "plan-x"), pytest.raises(KeyboardInterrupt):
         signal.raise_signal(signal.SIGINT)
+
+
+@pytest.mark.parametrize(
+    "error", [ValueError("no path of 3 squeezes"), KeyboardInterrupt(), OSError(28, "full")]
+)
+def test_failure_of_what_an_answer_can_do_without_is_a_note(error, capsys):
+    notes = []
+    with shell.spared("picture", notes):
+        raise error
+    with shell.spared("advice", notes):
+        pass
+    assert len(notes) == 1
+    assert "no picture" in notes[0]
+    assert capsys.readouterr().err == ""

@@ -2,19 +2,20 @@
 
 import csv
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import jsonschema
 import pytest
-from sample_tables import every_field_table, random_table, small_table, with_leaf
+from sample_tables import every_field_table, small_table, with_leaf
 from tree_tables import committed
 
 from planner.cli import export
 from planner.export import write as writer
 from planner.export.write import FORMS, VECTORS
 from runtime.shell.files import OutputError
-from runtime.table import TableFile, dump, dumps, load
+from runtime.table import TableFile, dump, load
 
 COMMITTED = committed()
 
@@ -89,7 +90,7 @@ def test_texts_of_a_table_cannot_end_a_comment(tmp_path):
     hostile = "*/ int a; /* (* *) ??/\n\\ \u00e9"
     table = replace(small_table(), tool=hostile, gripper=replace(small_table().gripper, model=hostile))
     for form in ("c99", "st"):
-        writer.write(TableFile(table, dumps(table), "0" * 64), form, tmp_path / form)
+        writer.write(TableFile(table, b"", "0" * 64), form, tmp_path / form)
         text = (tmp_path / form / FORMS[form][0]).read_text()
         assert "int a" in text
         assert "*/ int a" not in text
@@ -115,22 +116,6 @@ def test_numbers_fit_into_32_bits(tmp_path):
     assert document(many, tmp_path / "json")[0]["leaves"][0]["trials"] == 10**10
 
 
-def test_nothing_is_left_of_an_export_that_broke_off(tmp_path, monkeypatch):
-    found, written = TableFile(random_table(1, 3), b"", "0" * 64), []
-
-    def broken(path, text):
-        written.append(path)
-        if len(written) == 3:
-            raise OutputError("the disk is full")
-        whole(path, text)
-
-    whole = writer.write_text
-    monkeypatch.setattr(writer, "write_text", broken)
-    with pytest.raises(OutputError):
-        writer.write(found, "json", tmp_path / "o")
-    assert list((tmp_path / "o").iterdir()) == []
-
-
 def test_wrong_input_is_told_in_one_line(tree, tmp_path, capsys):
     full = tmp_path / "full"
     full.mkdir()
@@ -154,3 +139,44 @@ def test_wrong_input_is_told_in_one_line(tree, tmp_path, capsys):
     with pytest.raises(SystemExit) as ended:
         export.main([str(tree), "--to", "ada", "-o", str(tmp_path / "o")])
     assert ended.value.code == 2
+
+
+@pytest.mark.parametrize(
+    "prefix", ["", "Left", "2left", "left-hand", "left__hand", "_left", "left_", "x" * 25, "é"]
+)
+def test_a_prefix_that_is_no_name_is_usage(prefix, tree, tmp_path, capsys):
+    assert export.main([str(tree), "--to", "c99", "-o", str(tmp_path / "o"), "--prefix", prefix]) == 2
+    assert capsys.readouterr().err.startswith("plan-export: --prefix")
+    assert not (tmp_path / "o").exists()
+
+
+def test_a_prefix_begins_every_name_and_json_has_none(tree, tmp_path, capsys):
+    for form in ("c99", "st"):
+        out = tmp_path / form
+        assert export.main([str(tree), "--to", form, "-o", str(out), "--prefix", "left_hand"]) == 0
+        (name,) = (path.name for path in out.iterdir() if path.name != VECTORS)
+        assert name == FORMS[form][0].replace("squeezetree", "left_hand")
+        text = (out / name).read_text()
+        assert not re.findall(r"(?i)squeezetree\w", text.replace("--prefix NAME", ""))
+    assert export.main([str(tree), "--to", "json", "-o", str(tmp_path / "j"), "--prefix", "a"]) == 2
+    assert "leave it out with --to json" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("there", [[], ["made"], ["made", "made/deep"]])
+def test_a_full_disk_leaves_no_folder_that_was_not_there(there, tree, tmp_path, monkeypatch):
+    """The third write fails, as if the disk were full then."""
+    for name in there:
+        (tmp_path / name).mkdir()
+    before = sorted(tmp_path.rglob("*"))
+    calls = []
+
+    def full(path, text):
+        calls.append(path)
+        if len(calls) == 2:
+            raise OutputError(f"{path} cannot be written: No space left on device")
+        path.write_text(text)
+
+    monkeypatch.setattr(writer, "write_text", full)
+    with pytest.raises(OutputError, match="No space left"):
+        writer.write(load(tree), "c99", tmp_path / "made" / "deep")
+    assert sorted(tmp_path.rglob("*")) == before

@@ -33,12 +33,25 @@ def columns(points: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(points.T)
 
 
+def hand_at(top: float, bottom: float, half: float = HALF) -> contacts.Hand:
+    """Two fingers that face each other, with their inner faces at y = top and bottom."""
+    upper, lower = (
+        contacts.Finger(side, 0.0, face, half, THICKNESS) for side, face in ((1, top), (-1, bottom))
+    )
+    return contacts.Hand(upper, lower, 2)
+
+
 def found(points: np.ndarray, pose: np.ndarray, top: float, bottom: float, margin: float):
+    """The valid rows of both contact arrays."""
+    return found_by(hand_at(top, bottom), points, pose, margin)
+
+
+def found_by(hand: contacts.Hand, points: np.ndarray, pose: np.ndarray, margin: float):
     """The valid rows of both contact arrays."""
     C = np.zeros((contacts.MAX_CONTACTS, contacts.C_COLUMNS))
     I = np.zeros((contacts.MAX_CONTACTS, contacts.I_COLUMNS), np.int64)
     out = np.zeros(len(points), np.int64)
-    count = contacts.find(C, I, columns(points), out, pose, top, bottom, HALF, THICKNESS, margin)
+    count = contacts.find(C, I, columns(points), out, pose, hand, margin)
     return C[:count], I[:count]
 
 
@@ -62,12 +75,35 @@ def test_place_turns_and_shifts_every_vertex():
 def test_an_edge_is_left_out_only_where_both_ends_lie_on_one_side_of_the_surroundings():
     rng = np.random.default_rng(2)
     points, out = rng.uniform(-30.0, 30.0, (200, 2)), np.zeros(200, np.int64)
-    contacts.mark(columns(points), out, 12.0, -9.0, 15.0)
+    contacts.mark(columns(points), out, hand_at(14.0, -11.0, half=13.0), 2.0)
+    out &= contacts.FAR
     for (x0, y0), (x1, y1), near in zip(
         points, np.roll(points, -1, axis=0), out & np.roll(out, -1), strict=True
     ):
         between = max(y0, y1) < 12.0 and min(y0, y1) > -9.0
         assert bool(near) == (between or min(x0, x1) > 15.0 or max(x0, x1) < -15.0)
+
+
+def test_contacts_of_fingers_side_by_side_are_those_of_each_alone():
+    """A hand that pushes: its fingers look one way, and each is found as a single one in the middle is."""
+    rng, apart, near_both = np.random.default_rng(13), 6.0, 0
+    for _, points, pose in scenes(5, 200):
+        face = points[:, 1].max() - rng.uniform(0.0, 8.0)
+
+        def rows(middle: float, *centres: float, points=points, pose=pose, face=face):
+            fingers = [contacts.Finger(1, x, face, 4.75, 27.5) for x in centres]
+            hand = contacts.Hand(fingers[0], fingers[-1], len(centres))
+            C, I = found_by(hand, points - [middle, 0.0], pose - [middle, 0.0, 0.0], 0.5)
+            rounded = np.round(C[:, [RX, RY, NX, NY, GAP]], 9)
+            return sorted(
+                (*kind, *numbers) for kind, numbers in zip(I.tolist(), rounded.tolist(), strict=True)
+            )
+
+        both, left, right = rows(0.0, -apart, apart), rows(-apart, 0.0), rows(apart, 0.0)
+        near_both += bool(left) and bool(right)
+        if len(both) < contacts.MAX_CONTACTS:
+            assert both == sorted(left + right)
+    assert near_both > 10
 
 
 @FINGERS

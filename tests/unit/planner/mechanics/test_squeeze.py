@@ -125,14 +125,16 @@ def test_a_vertex_that_is_pushed_turns_the_part_as_the_limit_surface_says():
 def pushed_by(outline, surface, jaws, pose, push):
     """Pose after the upper finger has pushed by that much, alone: one step of the simulator's own kernels."""
     from planner.mechanics import contacts, step
+    from planner.mechanics.boundary import Drive, directions
 
     work = workspace()
     C, I = work.C, work.I
     points, out = np.zeros((2, len(outline))), np.zeros(len(outline), np.int64)
     contacts.place(np.ascontiguousarray(outline.T), pose, points)
-    count = contacts.find(C, I, points, out, pose, jaws[0] / 2, -jaws[0] / 2, jaws[1] / 2, jaws[2], 0.05)
+    upper, lower = (contacts.Finger(side, 0.0, side * jaws[0] / 2, jaws[1] / 2, jaws[2]) for side in (1, -1))
+    count = contacts.find(C, I, points, out, pose, contacts.Hand(upper, lower, 2), 0.05)
     step.rotate_surface(surface.A, np.cos(pose[2]), np.sin(pose[2]), work.A)
-    step.directions(C, I, count, surface.rho_mm, push, 0.0)
+    directions(C, I, count, surface.rho_mm, Drive(push, 0.0, 0.0, 0.0, 0.0))
     assert step.solve(0.5, 0.5, count, work) == step.SOLVED
     return pose + work.V / [1, 1, surface.rho_mm]
 

@@ -123,8 +123,19 @@ def test_the_likeliest_path_is_one_of_the_table_and_no_other_is_taken_more(plann
     taken = len(beliefs.leaves[~targets[-1]])
     ends = {~b.target for node in table.nodes for b in node.branches if b.target < 0}
     assert taken * len(ends) >= len(beliefs.visits[0].before) * 0.5
-    with pytest.raises(ValueError, match="no path of 40"):
-        paper_figures.likeliest_path(table, beliefs, [40])
+
+
+def test_where_no_path_is_so_long_the_likeliest_of_all_is_drawn(planned):
+    table, job, beliefs = planned
+    path = paper_figures.likeliest_path(table, beliefs, [40])
+    taken = [
+        len(visit.through(k)) for visit in beliefs.visits for k in range(40) if (visit.branch == k).any()
+    ]
+    targets = [table.nodes[step.node].branches[step.branch].target for step in path]
+    assert targets[-1] < 0
+    assert 0 < len(beliefs.leaves[~targets[-1]]) <= max(taken)
+    with canvas.style():
+        assert len(paper_figures.sequence(table, job, beliefs, [40]).axes) == 2 * (len(path) + 1)
 
 
 def test_the_sequence_follows_one_part_of_the_path(planned):

@@ -1,6 +1,8 @@
 """plan-simulate's pictures: options, errors in one line, nothing drawn costs nothing."""
 
+import csv
 import json
+import math
 import subprocess
 import sys
 from pathlib import Path
@@ -27,6 +29,30 @@ def run(poses: Path, *options: str) -> int:
     return simulate.main([str(JOB), "--poses", str(poses), "-o", str(output), *options])
 
 
+def test_poses_in_degrees_end_as_the_same_in_radians(poses: Path) -> None:
+    output = poses.parent / "out.csv"
+    assert run(poses, "--nominal", "--mu", "0.5") == 0
+    radians = list(csv.DictReader(output.read_text().splitlines()))
+    for row in radians:
+        for name in ("theta", "final_theta"):
+            assert float(row[f"{name}_deg"]) == pytest.approx(math.degrees(float(row[f"{name}_rad"])))
+    lines = [f"{row['x_mm']},{row['y_mm']},{row['theta_deg']}" for row in radians]
+    poses.write_text("\n".join(["x_mm,y_mm,theta_deg", *lines]) + "\n")
+    assert run(poses, "--nominal", "--mu", "0.5") == 0
+    for row, same in zip(radians, csv.DictReader(output.read_text().splitlines()), strict=True):
+        assert row["status"] == same["status"]
+        for name in ("final_x_mm", "final_y_mm", "final_theta_deg", "theta_rad"):
+            assert float(row[name]) == pytest.approx(float(same[name]), abs=1e-4)
+
+
+def test_poses_that_state_two_angles_are_refused(poses: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    poses.write_text("x_mm,y_mm,theta_rad,theta_deg\n1,2,0.1,5.729578\n1,2,0.1,30\n")
+    assert run(poses) == 6
+    err = capsys.readouterr().err
+    assert "pose 2" in err
+    assert err.count("\n") == 1
+
+
 def test_pictures_are_written_and_named(poses: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = poses.parent
     files = {option: str(folder / f"s.{option}") for option in ("gif", "html")} | {
@@ -50,12 +76,13 @@ def test_pictures_do_not_change_the_results(poses: Path) -> None:
 def test_the_page_ends_where_the_results_do(poses: Path) -> None:
     page = poses.parent / "s.html"
     assert run(poses, "--html", str(page)) == 0
-    rows = [line.split(",") for line in (poses.parent / "out.csv").read_text().splitlines()[1:]]
+    rows = list(csv.DictReader((poses.parent / "out.csv").read_text().splitlines()))
+    names = ["final_x_mm", "final_y_mm", "final_theta_rad", "width_mm"]
     line = next(line for line in page.read_text().splitlines() if line.startswith("const data"))
     squeezes = json.loads(line.removeprefix("const data = ").removesuffix(";"))["squeezes"]
-    assert [squeeze["status"] for squeeze in squeezes] == [row[-1] for row in rows]
+    assert [squeeze["status"] for squeeze in squeezes] == [row["status"] for row in rows]
     for squeeze, row in zip(squeezes, rows, strict=True):
-        assert squeeze["states"][-1] == pytest.approx([float(value) for value in row[3:7]], abs=1e-3)
+        assert squeeze["states"][-1] == pytest.approx([float(row[name]) for name in names], abs=1e-3)
 
 
 @pytest.mark.parametrize(

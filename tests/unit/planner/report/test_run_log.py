@@ -72,9 +72,9 @@ DAMAGED = {
     "lines exchanged": (b"".join([LINES[0], LINES[2], LINES[1]]), "line 2 does not verify"),
     "another table": (chained([header(b"other"), *PARTS]), "holds no run of this table"),
     "a field missing": (
-        chained([header(TABLE), {"kind": "part", "part": 1}, {"kind": "squeeze", "part": 1}]), "line 3 is no"
+        chained([header(TABLE), {"kind": "part", "part": 1}, {"kind": "squeeze", "part": 1}]), "record 3 is"
     ),
-    "a squeeze of no part": (chained([header(TABLE), PARTS[1]]), "line 2 is no record"),
+    "a squeeze of no part": (chained([header(TABLE), PARTS[1]]), "record 2 is no record"),
 }  # fmt: skip
 
 

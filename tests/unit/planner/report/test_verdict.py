@@ -3,25 +3,41 @@
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
+from planner.diagnosis.cautions import warnings_of
+from planner.evaluation.cases import Case, Condition, assumption_cases, believed_cases
+from planner.evaluation.evaluate import Line
 from planner.job import model as job_file
 from planner.report.run_log import PartLog, RunLog
-from planner.report.verdict import Weakest, cell_result, percent, planned_spans, verdict
+from planner.report.verdict import cell_result, percent, planned_spans, told_conditions, verdict
 from runtime.table import Calibration, load
 
 TREE = Path(__file__).parents[4] / "trees" / "rectangle"
 JOB, TABLE = job_file.load(TREE / "job.toml"), load(TREE / "rectangle.msgpack").table
 FIGURES = {
-    "success_rate": 0.999, "wrong_rate": 0.0005, "mean_squeezes": 2.2, "mean_seconds": 5.8,
-    "error_mm": {"median": 0.7, "p95": 1.7},
+    "trials": 4000, "crashes": 0, "success_rate": 0.999, "wrong_rate": 0.0005, "unresolved_rate": 0.0005,
+    "reject_rate": 0.0, "mean_squeezes": 2.2, "mean_seconds": 5.8, "error_mm": {"median": 0.7, "p95": 1.7},
 }  # fmt: skip
-SKEWED = Weakest("fingers that share 52:48", 0.18, 0.8)
+
+
+def world(name, wrong=0.0, success=None, broken=None):
+    """What came of a world, with so many wrong answers."""
+    success = 1.0 - wrong if success is None else success
+    figures = {"wrong_rate": wrong, "success_rate": success}
+    found = SimpleNamespace(wrong=np.float64(wrong), success=np.float64(success), summary=lambda: figures)
+    return Line(Case(name, broken=broken), found)
+
+
+PLANNED = world("as planned")
+SKEWED = world("fingers that share 52:48", 0.18, 0.8)
 
 
 def test_a_good_plan_says_what_it_finds_how_well_and_what_it_leans_on():
-    found = verdict(JOB, FIGURES, None)
+    found = verdict(JOB, FIGURES)
     assert found.grade == "good"
     assert "30 x 21 mm rectangle" in found.sentence
     assert "to 3 mm in 99.9 % of trials, 2.2 squeezes, about 5.8 s" in found.sentence
@@ -29,14 +45,14 @@ def test_a_good_plan_says_what_it_finds_how_well_and_what_it_leans_on():
 
 
 def test_an_assumption_that_makes_it_wrong_is_a_weakness():
-    found = verdict(JOB, FIGURES, SKEWED)
+    found = verdict(JOB, FIGURES, [PLANNED, SKEWED])
     assert found.grade == "fair"
     assert found.sentence.endswith("weakest assumption: fingers that share 52:48 (18 % wrong)")
 
 
 @pytest.mark.parametrize("worse", [{"success_rate": 0.6}, {"wrong_rate": 0.05}])
 def test_a_plan_that_misses_the_goal_by_far_is_poor(worse):
-    assert verdict(JOB, FIGURES | worse, None).grade == "poor"
+    assert verdict(JOB, FIGURES | worse).grade == "poor"
 
 
 @pytest.mark.parametrize(
@@ -68,3 +84,57 @@ def test_spans_hold_every_branch_and_do_not_meet():
         assert all(high < low for (_, high), (low, _) in pairwise(spans))
         for branch in node.branches:
             assert any(low <= branch.low_um / 1e3 and branch.high_um / 1e3 <= high for low, high in spans)
+
+
+def test_conditions_are_those_that_cost_wrong_answers_the_strictest_of_each_kind():
+    lines = [
+        PLANNED,
+        world("friction 0.9", 0.02, broken=Condition("friction", "below", 0.9)),
+        world("friction 1.35", 0.06, broken=Condition("friction", "below", 1.35)),
+        world("friction 0.25", 0.004, broken=Condition("friction", "above", 0.25)),
+        world("52 %", 0.01, broken=Condition("the share", "below", 52.0, " %")),
+        world("39 %", 0.05, broken=Condition("the share", "above", 39.0, " %")),
+    ]
+    found = verdict(JOB, FIGURES, lines)
+    assert found.grade == "fair"
+    assert found.conditions == ["friction stays below 0.9", "the share stays between 39 and 52 %"]
+    assert told_conditions(found.conditions) == f"if {found.conditions[0]} and {found.conditions[1]}"
+    assert told_conditions([]) == ""
+    assert told_conditions(list("abcde")).endswith("a, b, c and 2 more assumptions hold")
+
+
+def test_every_world_that_is_tried_names_the_condition_that_it_breaks():
+    job = JOB.replaced(part={"tolerance_mm": 0.2}, friction={"doubt": 0.3}, doubt={"pressure": "any"})
+    for case in (*assumption_cases(job)[1:], *believed_cases(job)):
+        assert case.broken is not None, case.name
+        assert " " in case.broken.text()
+
+
+def outlined(length, width, **changes):
+    outline = [[0, 0], [length, 0], [length, width], [0, width]]
+    return JOB.replaced(
+        part={"outline_mm": outline, "symmetry": "auto", **changes.pop("part", {})}, **changes
+    )
+
+
+@pytest.mark.parametrize(
+    ("job", "words"),
+    [
+        (
+            outlined(30, 21, part={"height_mm": 2.0}, cell={"squeeze_height_mm": 1.0}),
+            ["1 mm above", "below the top"],
+        ),
+        (outlined(30, 21, part={"height_mm": 9.0}, cell={"squeeze_height_mm": 8.0}), ["below the top"]),
+        (outlined(30, 21, part={"height_mm": 20.0}, cell={"squeeze_height_mm": 1.5}), ["1.5 mm above"]),
+        (outlined(3, 2.2), ["2.2 mm wide"]),
+        (outlined(40, 5), ["5 mm wide"]),
+        (outlined(30, 21, goal={"distance_mm": 11.0}), ["21 mm wide"]),
+        (outlined(30, 21), []),
+    ],
+)  # fmt: skip
+def test_what_makes_an_answer_worth_less_is_a_warning_of_the_verdict(job, words):
+    found = verdict(job, FIGURES).warnings
+    assert found == warnings_of(job)
+    assert len(found) == len(words)
+    for word, warning in zip(words, found, strict=True):
+        assert word in warning

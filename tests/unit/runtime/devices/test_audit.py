@@ -17,6 +17,13 @@ for line in sys.stdin:
     assert asked == {"part": asked["part"], "x_mm": 1.0, "y_mm": 2.0, "theta_rad": 0.5}
     print(json.dumps({"verdict": "pass" if asked["part"] % 2 else "fail"}), flush=True)
 """,
+    "of a table": """
+for line in sys.stdin:
+    asked = json.loads(line)
+    run, own = asked.pop("table_sha256"), "ab" * 32
+    assert run == own or asked == {"part": 0}
+    print(json.dumps({"verdict": "pass", "reason": "\\x1b[2J", "table_sha256": own}), flush=True)
+""",
     "nonsense": 'sys.stdin.readline(); print("nonsense", flush=True); sys.stdin.readline()',
     "list": 'sys.stdin.readline(); print("[1]", flush=True); sys.stdin.readline()',
     "gone": "",
@@ -86,3 +93,14 @@ def test_a_deaf_one_is_ended_by_a_signal(auditor: AuditProcess, monkeypatch: pyt
 def test_a_program_that_cannot_be_started_is_usage(command: str) -> None:
     with pytest.raises(ArgumentsError, match="cannot be started"):
         AuditProcess(command)
+
+
+@pytest.mark.parametrize("auditor", ["of a table"], indirect=True)
+def test_an_auditor_of_another_table_is_refused(auditor: AuditProcess) -> None:
+    auditor._common = {"table_sha256": "ab" * 32}
+    auditor.check()
+    assert verdict_of(auditor, 1, POSE) == "pass"
+    assert "reason" not in answer_of(auditor, 1, POSE)  # an escape sequence is no sentence
+    auditor._common = {"table_sha256": "cd" * 32}
+    with pytest.raises(ArgumentsError, match=r"judges by another table, with the SHA-256 abab.*same --tree"):
+        auditor.check()

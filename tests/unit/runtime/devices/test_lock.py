@@ -1,6 +1,7 @@
 """One process a device, whatever it is called, whoever asks, and nothing on the disk."""
 
 import os
+import socket
 import subprocess
 import sys
 import tempfile
@@ -8,6 +9,10 @@ from pathlib import Path
 
 import pytest
 
+from drivers.abb import omnicore
+from drivers.robotiq import urcap
+from drivers.ur import rtde
+from drivers.ur.arm import SCRIPT_PORT_BELOW
 from runtime.devices import lock as locks
 from runtime.devices.lock import PortLock
 from runtime.errors import PortBusyError
@@ -94,6 +99,62 @@ def test_a_name_is_all_its_addresses(monkeypatch: pytest.MonkeyPatch) -> None:
     with PortLock("tcp://192.0.2.7:5000"):
         assert busy("tcp://cell.example:5000")
         assert not busy("tcp://[2001:db8::7]:5000"), "an attempt that failed has let go of all"
+
+
+HOST = f"192.0.2.{os.getpid() % 250}"
+
+
+@pytest.mark.parametrize(
+    ("port", "same"),
+    [
+        ("ur://{}", "ur://{}:30004"),
+        ("ur://{}?reach=850", "ur://{}:30002"),  # where its programs go
+        ("ur://{}:40004", "ur://{}:40002"),
+        ("urcap://{}", "urcap://{}:63352"),
+        ("urcap://{}", "rtu+tcp://{}:54321"),  # the same tool connector, forwarded
+        ("omnicore://{}", "omnicore://{}:443?base=0,0,0"),
+        ("omnicore://{}", "tcp://{}:5000"),  # open_abb on the same controller
+        ("tcp://{}", "tcp://{}:502"),
+        ("tcp://{}:5000", "manual+tcp://{}:5000"),
+    ],
+)
+def test_ports_of_one_device_are_one_lock(port: str, same: str) -> None:
+    for one, other in ((port, same), (same, port)):
+        with PortLock(one.format(HOST)):
+            assert busy(other.format(HOST))
+            assert not busy(other.format("192.0.2.251"))
+
+
+@pytest.mark.parametrize(
+    ("gripper", "arm"),
+    [
+        ("urcap://{}", "ur://{}"),
+        ("rtu+tcp://{}:54321", "ur://{}:30004"),
+        ("tcp://{}:502", "omnicore://{}"),
+        ("manual", "manual"),
+    ],
+)
+def test_gripper_and_arm_of_one_controller_are_two_locks(gripper: str, arm: str) -> None:
+    with PortLock(gripper.format(HOST)), PortLock(arm.format(HOST)):
+        pass
+
+
+def test_machine_by_the_address_it_has_on_the_network_is_this_machine() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as looking:
+        try:
+            looking.connect(("192.0.2.1", 9))  # nothing is sent
+        except OSError:
+            pytest.skip("this machine has no network")
+        ours = looking.getsockname()[0]
+    with PortLock(PORT):
+        assert busy(f"tcp://{ours}:{PORT.rpartition(':')[2]}")
+
+
+def test_usual_ports_are_those_of_the_drivers() -> None:
+    assert locks.USUAL["ur"] == rtde.PORT
+    assert {rtde.PORT, rtde.PORT - SCRIPT_PORT_BELOW} <= locks.ONE_DEVICE[0]
+    assert locks.USUAL["urcap"] == urcap.PORT
+    assert locks.USUAL["omnicore"] == omnicore.PORT
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """What is done about a run that broke off, before any device is opened."""
 
 import base64
+from collections.abc import Mapping
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -29,12 +30,22 @@ def broken(path: Path, lines: int) -> Path:
     return path
 
 
-def look(path: Path, policy: str, table: bytes = TABLE, late_s: float = 0.0, **fields: object):
-    now = (datetime.now(UTC) + timedelta(seconds=late_s)).isoformat()
+def look(path: Path, policy: str, table: bytes = TABLE, **fields: object):
+    return look_at(path, policy, moment(), table, **fields)
+
+
+def look_at(path: Path, policy: str, now: Mapping[str, object], table: bytes = TABLE, **fields: object):
     with Journal(path, STAMP) as journal:
         return crash.look(
             *(journal, table, {**FIELDS, **fields}, policy, Quiet()), now=now, most_s=RESUME_WITHIN_S
         )
+
+
+def moment(wall_s: float = 0.0, up_s: float = 0.0, boot: str | None = None) -> dict[str, object]:
+    """Now, by clocks that are so many seconds on."""
+    uptime = SystemClock().uptime()
+    date = datetime.now(UTC) + timedelta(seconds=wall_s)
+    return {"time": date.isoformat(), "boot": boot or uptime["boot"], "up_s": float(uptime["up_s"]) + up_s}
 
 
 def test_a_run_that_ended_is_nothing_to_go_on_with(tmp_path: Path) -> None:
@@ -87,20 +98,56 @@ def test_a_run_is_gone_on_with_as_it_was_begun(tmp_path: Path, changed: dict, wh
     assert not verify(path).closed
 
 
-@pytest.mark.parametrize(("late_s", "says"), [(400.0, "s ago; after 300 s"), (-60.0, "went back")])
+def after_boot(wall_s: float, up_s: float = 60.0) -> dict[str, object]:
+    """Now, by the wall clock so many seconds on, and up for so many since another boot."""
+    return {**moment(wall_s), "boot": "another", "up_s": up_s}
+
+
+TOO_OLD = {
+    "too long ago": lambda: moment(400.0, 400.0),
+    "too long ago, the wall clock set back": lambda: moment(-60.0, 400.0),
+    "written later in this boot": lambda: moment(0.0, -600.0),
+    "too long ago, another boot": lambda: after_boot(400.0),
+    "another boot, the wall clock set back": lambda: after_boot(-600.0),
+    "another boot, which is older than the record": lambda: after_boot(200.0, 1e6),
+    "no boot": lambda: {**moment(), "boot": None},
+    "no uptime": lambda: {"time": STAMP(), "boot": moment()["boot"]},
+    "no date, another boot": lambda: {**after_boot(0.0), "time": "noon"},
+    "no clock": dict,
+}
+RECENT = {
+    "the wall clock set back": lambda: moment(-3600.0, 60.0),
+    "the wall clock set on": lambda: moment(1e6, 60.0),
+    "another boot": lambda: after_boot(120.0),
+}
+
+
 @pytest.mark.parametrize("policy", [crash.RESUME, crash.RESTART])
-def test_a_part_of_long_ago_or_of_tomorrow_is_not_gone_on_with(
-    tmp_path: Path, policy: str, late_s: float, says: str
-) -> None:
+@pytest.mark.parametrize("name", TOO_OLD)
+def test_look_a_part_that_is_old_or_of_unclear_age_is_refused(tmp_path: Path, policy: str, name: str) -> None:
     path = broken(tmp_path / "j.jsonl", 4)
-    with pytest.raises(BrokenRunError, match=says) as refused:
-        look(path, policy, late_s=late_s)
+    with pytest.raises(BrokenRunError, match=r"s ago; after 300 s|is not clear") as refused:
+        look_at(path, policy, TOO_OLD[name]())
     assert refused.value.exit_code == 25
     assert not verify(path).closed
 
 
+@pytest.mark.parametrize("name", RECENT)
+def test_look_a_part_of_known_recent_age_is_gone_on_with(tmp_path: Path, name: str) -> None:
+    assert look_at(broken(tmp_path / "j.jsonl", 4), crash.RESUME, RECENT[name]()) is not None
+
+
+def test_look_a_record_without_uptime_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "j.jsonl"
+    with Journal(path, STAMP) as journal:
+        journal.header(TABLE, FIELDS)
+        journal.record("part", {"part": 1})
+    with pytest.raises(BrokenRunError, match="is not clear"):
+        look(path, crash.RESUME)
+
+
 def test_between_two_parts_there_is_nothing_that_could_be_too_old(tmp_path: Path) -> None:
-    seen = look(broken(tmp_path / "j.jsonl", 5), crash.RESUME, late_s=1e6)
+    seen = look_at(broken(tmp_path / "j.jsonl", 5), crash.RESUME, moment(1e6, 1e6))
     assert seen is not None
     assert seen.part is None
 
@@ -123,7 +170,7 @@ def test_going_on_is_recorded_with_what_was_cut_off(tmp_path: Path) -> None:
         file.write(b'{"seq":4,"ti')
     with Journal(path, STAMP) as journal:
         seen = crash.look(
-            *(journal, TABLE, FIELDS, crash.RESUME, Quiet()), now=STAMP(), most_s=RESUME_WITHIN_S
+            *(journal, TABLE, FIELDS, crash.RESUME, Quiet()), now=moment(), most_s=RESUME_WITHIN_S
         )
         crash.begin(journal, seen, TABLE, FIELDS, crash.RESUME)
     last = list(records(path))[-1]

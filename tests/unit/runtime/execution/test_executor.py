@@ -6,6 +6,7 @@ import pytest
 from fake_cell import Deaf, FakeCell, FakeClock, FakeJournal, Log, State, fake_cell
 from sample_tables import GRIPPER, pushing_table, random_table, small_table, with_node
 
+from drivers.errors import ArmError, GripperFault, LinkError
 from runtime.errors import JournalError, TableError
 from runtime.execution.executor import Executor, RunOptions, expected_s
 from runtime.table import Calibration, Table
@@ -18,17 +19,9 @@ AT_21, AT_30, AT_36 = ((CALIBRATION.count(width), CONTACT) for width in (21_000,
 LONGEST = [AT_30, AT_21]  # reaches leaf 1 by both nodes
 
 
-class LinkLostError(ConnectionError):
-    """Like a driver's: a built-in parent and an exit code of its own."""
+class ForeignError(Exception):
+    """Of a library, which gives its exceptions exit codes, too."""
 
-    exit_code = 20
-
-
-class ArmLostError(ConnectionError):
-    exit_code = 22
-
-
-class GripperFaultError(RuntimeError):
     exit_code = 21
 
 
@@ -197,7 +190,7 @@ def assert_safe_end(made: FakeCell, result: PartResult, *, failed: int) -> None:
 
 @pytest.mark.parametrize(("table", "at"), CALLS)
 def test_a_link_lost_at_any_call_ends_in_the_safe_state(table: Table, at: int) -> None:
-    made = fake_cell(LONGEST, Log(at, LinkLostError("cable")))
+    made = fake_cell(LONGEST, Log(at, LinkError("cable")))
     result = run(made, table)
     assert (result.outcome, result.exit_code, result.reason) == (Outcome.FAULT, 20, "cable")
     assert_safe_end(made, result, failed=at)
@@ -215,6 +208,13 @@ def test_ctrl_c_at_any_call_ends_in_the_safe_state(table: Table, at: int) -> Non
     low = made.arm.at[2] < 60.0
     assert not (failed_device == "arm" and lifted)
     assert failed_device == "arm" or not low
+
+
+def test_error_of_a_library_with_an_exit_code_is_a_bug() -> None:
+    made = fake_cell(LONGEST, Log(4, ForeignError("x")))
+    with pytest.raises(ForeignError):
+        run(made)
+    assert made.journal.kept[-1][1]["exit_code"] == 1
 
 
 @pytest.mark.parametrize(("table", "at"), CALLS)
@@ -242,9 +242,9 @@ def test_a_journal_that_fails_at_any_record_lets_no_leaf_be_reported(table: Tabl
 @pytest.mark.parametrize(
     ("error", "exit_code"),
     [
-        (LinkLostError("x"), 20),
-        (GripperFaultError("x"), 21),
-        (ArmLostError("x"), 22),
+        (LinkError("x"), 20),
+        (GripperFault("x"), 21),
+        (ArmError("x"), 22),
         (TimeoutError("x"), 20),
         (OSError("x"), 20),
     ],
@@ -257,11 +257,11 @@ def test_an_error_brings_its_exit_code_or_the_one_of_its_built_in_parent(
 
 
 def test_a_failure_of_the_safe_sequence_is_told_and_does_not_end_it() -> None:
-    made = fake_cell(LONGEST, Log(0, LinkLostError("first")))
+    made = fake_cell(LONGEST, Log(0, LinkError("first")))
 
     def refuse() -> None:
         made.log.call("gripper", "stop")
-        raise LinkLostError("second")
+        raise LinkError("second")
 
     made.gripper.stop = refuse
     result = run(made)

@@ -1,5 +1,6 @@
 """What the executor does beyond the plain loop: gentle force, drags, policies."""
 
+import math
 from dataclasses import FrozenInstanceError, replace
 
 import pytest
@@ -171,3 +172,44 @@ def test_where_the_arm_stands_is_known_once_it_has_answered() -> None:
     with pytest.raises(ConnectionError):
         hand.where()
     assert not hand.arm_known
+
+
+@pytest.mark.parametrize("request_counts", [255, 0], ids=["while the jaws close", "before they open"])
+@pytest.mark.parametrize(
+    "by", [(0.6, 0.0, 0.0, 0.0), (0.0, 0.0, 5.0, 0.0), (0.0, 0.0, 0.0, 0.02), (0.0, 0.0, 0.0, math.pi)]
+)
+def test_displaced_arm_in_a_squeeze_ends_the_part_and_is_not_moved_again(
+    request_counts: int, by: tuple[float, ...]
+) -> None:
+    made = fake_cell([AT_21])
+    move = made.gripper.move
+
+    def bump(position_counts: int, speed_counts: int, force_counts: int) -> None:
+        squeezes = position_counts == 255 or made.gripper.gripping
+        move(position_counts, speed_counts, force_counts)
+        if squeezes and (position_counts == 255) == (request_counts == 255):
+            made.arm.at = tuple(a + b for a, b in zip(made.arm.at, by, strict=True))
+            made.log.call("test", "bump")
+
+    made.gripper.move = bump
+    result = run(made, RunOptions())
+    assert (result.outcome, result.exit_code, result.leaf) == (Outcome.FAULT, 22, None)
+    assert "off the place it was sent to" in str(result.reason)
+    after = made.log.calls[made.log.calls.index(made.log.named("bump")[0]) :]
+    assert "stop" in [call.name for call in after]
+    assert "move_linear" not in [call.name for call in after]
+    assert result.safe_state[1] == "arm not moved: state unknown"
+
+
+@pytest.mark.parametrize("turn_rad", [0.0, 0.009, -0.009])
+def test_arm_that_settles_within_the_tolerance_is_no_fault(turn_rad: float) -> None:
+    made = fake_cell([AT_21])
+    move_linear = made.arm.move_linear
+
+    def settle(*target: float) -> None:
+        move_linear(*target)
+        x, y, z, angle = made.arm.at
+        made.arm.at = (x + 0.3, y - 0.3, z + 0.2, angle + turn_rad)
+
+    made.arm.move_linear = settle
+    assert run(made, RunOptions()).leaf == 0

@@ -93,6 +93,8 @@ def test_whatever_goes_wrong_meanwhile_ends_in_the_safe_state_and_is_recorded() 
         with pytest.raises(GripperStateError, match="something"):
             session.put_down(small_table(), made.cell, Quiet(), RunOptions())
         assert made.log.named("stop")
+        opened = made.gripper.now.position_counts < HOLDING.position_counts
+        assert opened or max(heights(made), default=10.0) == 10.0, "what may be fixed is never lifted"
         assert made.journal.kept[-1][1]["exit_code"] == 21
 
 

@@ -1,11 +1,15 @@
 """The strokes of a squeeze: gentle until contact, never stronger or faster than the node, and level."""
 
+import sys
+from pathlib import Path
+
 import pytest
 from sample_tables import GRIPPER, random_table, small_table
 
+from runtime.errors import TableError
 from runtime.execution import strokes
 from runtime.execution.tips import TipArc
-from runtime.table import PROFILES, Calibration, Node, profile_of
+from runtime.table import PROFILES, Calibration, Node, Profile, profile_of
 
 CALIBRATION = Calibration.linear(GRIPPER)
 PROFILE = profile_of(GRIPPER.model)
@@ -110,7 +114,7 @@ def test_speeds_and_forces_are_never_more_than_asked_and_the_next_setting_would_
     [
         ("Robotiq 2F-85", "robotiq-2f-85"),
         ("C-85", "robotiq-2f-85"),
-        ("My 2F-140", "robotiq-2f-140"),
+        (" ROBOTIQ_2f  140 ", "robotiq-2f-140"),
         ("Robotiq Hand-E", "hand-e"),
     ],
 )
@@ -118,8 +122,41 @@ def test_a_model_is_found_by_its_name(told: str, model: str) -> None:
     assert profile_of(told) is PROFILES[model]
 
 
-def test_another_make_is_not_given_the_tips_of_a_2f_85() -> None:
-    assert profile_of("parallel jaws").arc_mm == ()
+@pytest.mark.parametrize(
+    "model", ["left-hand-effector", "My 2F-140", "2F-850", "parallel jaws", "robotiq", "", "hand-e\n2f-85"]
+)
+def test_profile_of_a_model_that_is_not_known_is_refused(model: str) -> None:
+    with pytest.raises(TableError, match=r"not known; there are robotiq-2f-85") as raised:
+        profile_of(model)
+    assert "\n" not in str(raised.value)
+
+
+def point_at(profile: object, folder: Path) -> None:
+    """A package that brings a profile, as pip leaves it."""
+    info = folder / "other_make-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: other_make\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[squeezetree.profiles]\nother-60 = other_profile:PROFILE\n")
+    (folder / "other_profile.py").write_text(f"from runtime.table import Profile\nPROFILE = {profile!r}\n")
+
+
+def test_profile_comes_from_the_driver_that_brings_the_gripper(tmp_path: Path, monkeypatch) -> None:
+    brought = Profile("other-60", 60_000, 0, 255, (5_000, 50_000), (1_000, 60_000), ())
+    point_at(brought, tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "other_profile", raising=False)
+    assert profile_of("Other 60") == brought
+
+
+@pytest.mark.parametrize(
+    "profile", [None, Profile("other-60", 60_000, 0, 255, (50_000, 5_000), (1_000, 60_000), ())]
+)
+def test_profile_that_is_none_is_refused(profile: object, tmp_path: Path, monkeypatch) -> None:
+    point_at(profile, tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "other_profile", raising=False)
+    with pytest.raises(TableError, match="not understood"):
+        profile_of("other-60")
 
 
 def test_an_opening_is_at_least_as_wide_as_asked() -> None:

@@ -73,7 +73,6 @@ def test_a_coarse_level_needs_one_stage_and_a_fine_one_many() -> None:
         ("robotiq-2f-140", "100,5.4", (100.0, 5.4)),
         ("robotiq-2f-140", "straight", None),
         ("hand-e", None, None),
-        ("another make", None, None),
     ],
 )
 def test_the_arc_follows_from_the_model(

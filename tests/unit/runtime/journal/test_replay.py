@@ -108,15 +108,15 @@ def cut_after(journal: Path, kind: str, number: int) -> Path:
 
 
 def test_where_a_run_broke_off_is_told_by_its_last_records(journal: Path) -> None:
-    assert broken_run(journal) is None
-    cut = broken_run(cut_after(journal, "squeeze", 2))
+    assert broken_run(journal, records(journal)) is None
+    cut = broken_run(journal, records(cut_after(journal, "squeeze", 2)))
     assert cut is not None
     assert (cut.parts, cut.part, cut.last, cut.held_at) == (1, 2, Last.SQUEEZED, (0, 1))
     assert (cut.traversal.node, [step.node for step in cut.steps]) == (1, [0])
-    cut = broken_run(cut_after(journal, "placed", 2))
+    cut = broken_run(journal, records(cut_after(journal, "placed", 2)))
     assert cut is not None
     assert (cut.last, cut.held_at, cut.steps) == (Last.PLACED, (0, None), [])
-    cut = broken_run(cut_after(journal, "outcome", 1))
+    cut = broken_run(journal, records(cut_after(journal, "outcome", 1)))
     assert cut is not None
     assert (cut.parts, cut.part) == (1, None)
 
@@ -125,7 +125,7 @@ def test_a_part_that_was_being_carried_is_known_to_be(journal: Path) -> None:
     cut_after(journal, "squeeze", 1)
     with Journal(journal, SystemClock().stamp) as writing:
         writing.record("delivery", {"part": 1, "begun": True})
-    cut = broken_run(journal)
+    cut = broken_run(journal, records(journal))
     assert cut is not None
     assert cut.delivering
 
@@ -134,7 +134,7 @@ def test_a_run_that_was_over_but_for_its_last_record_did_not_break_off(tmp_path:
     path = write_run(tmp_path / "stop.jsonl", Policy.of("stop", "next"))
     entries = path.read_bytes().splitlines(keepends=True)
     path.write_bytes(b"".join(entries[:-1]))
-    assert broken_run(path) is None
+    assert broken_run(path, records(path)) is None
 
 
 def test_a_broken_run_that_cannot_be_followed_is_not_resumed(tmp_path: Path, journal: Path) -> None:
@@ -151,7 +151,7 @@ def test_a_broken_run_that_cannot_be_followed_is_not_resumed(tmp_path: Path, jou
                 fields["leaf"] = 1
             writing.record(str(entry["kind"]), fields)
     with pytest.raises(BrokenRunError, match="clear the cell and use --after-crash abort"):
-        broken_run(forged)
+        broken_run(forged, records(forged))
 
 
 def test_a_replay_needs_nothing_but_the_records(journal: Path) -> None:

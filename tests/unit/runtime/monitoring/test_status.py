@@ -1,10 +1,12 @@
 """The status socket, the watchdog's datagrams, and the lock of a port."""
 
 import contextlib
+import gc
 import json
 import os
 import re
 import socket
+import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 
@@ -145,3 +147,29 @@ def test_without_a_service_manager_nothing_is_told() -> None:
     assert not notify("READY=1", environment={})
     assert not notify("READY=1", environment={"NOTIFY_SOCKET": "relative"})
     assert not notify("READY=1", environment={"NOTIFY_SOCKET": "/nobody/listens/here"})
+
+
+def test_monitor_after_many_parts_holds_no_more_memory_than_before(tmp_path: Path) -> None:
+    """All charts of a healthy and of a drifting cell; the charts' windows are full after 200 parts."""
+    dump(small_table(), tmp_path / "t")
+    with Monitor(Quiet(), load(tmp_path / "t"), tmp_path / "t") as monitor:
+
+        def run(first: int, last: int) -> int:
+            for number in range(first, last):
+                step = STEP._replace(width_um=20_000 + number % 3000)
+                monitor.phase(number, Phase.SQUEEZE, 0)
+                monitor.step(number, step)
+                outcome = Outcome.REJECT if number % 5 == 0 else Outcome.LEAF
+                result = PartResult.of(number, outcome, [step], None)
+                monitor.part(replace(result, audit="fail" if number % 7 else "pass"), None)
+            gc.collect()
+            return tracemalloc.get_traced_memory()[0]
+
+        run(0, 400)
+        tracemalloc.start()
+        try:
+            before = run(400, 800)
+            after = run(800, 3800)
+        finally:
+            tracemalloc.stop()
+    assert after - before < 3000  # less than a byte a part

@@ -146,6 +146,25 @@ def test_still_camera_that_is_gone_or_silent_is_told_in_time(server):
             Still(address).picture(soon(0.1))
 
 
+@pytest.mark.parametrize("start", [b"HTTP/1.1 200 OK\r\nX: ", b"HTTP/1.1 200 OK\r\n\r\n"])
+def test_still_camera_that_drips_is_told_in_time(start):
+    """Each byte comes in time, and the picture never."""
+
+    def drip(listener, stopped):
+        client = listener.accept()[0]
+        with contextlib.suppress(OSError), client:
+            client.sendall(start)
+            while not stopped.wait(0.05):
+                client.sendall(b"x")
+
+    stopped = threading.Event()
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        threading.Thread(target=drip, args=(listener, stopped), daemon=True).start()
+        with pytest.raises(SourceError, match="timed out"):
+            Still(f"http://127.0.0.1:{listener.getsockname()[1]}/picture.jpg").picture(soon(0.3))
+        stopped.set()
+
+
 def test_address_without_a_picture_is_told(server):
     with pytest.raises(SourceError, match="404"):
         open_source(server.url.replace("picture", "else")).picture(soon())

@@ -7,9 +7,9 @@ import pytest
 import trimesh
 
 from planner.errors import InputFileError, UsageError
-from planner.job.checks import tips_height_mm
 from planner.part.importers.file import read_faces
 from planner.part.importers.pieces import Options
+from planner.part.tips import tips_height_mm
 
 BRACKET = [(0, 0), (34, 0), (34, 5), (5, 34), (0, 34)]
 
@@ -64,15 +64,42 @@ def test_a_mirrored_end_is_a_face_of_its_own(tmp_path):
     assert ends[0].share == pytest.approx(ends[1].share, rel=1e-6)
 
 
-def test_a_solid_in_two_legs_is_met_at_their_hull_and_an_overhang_is_told(tmp_path):
-    seat = [trimesh.creation.box((6, 20, 14)).apply_translation((x, 0, 7)) for x in (-15, 15)]
+def stool():
+    legs = [trimesh.creation.box((6, 20, 14)).apply_translation((x, 0, 7)) for x in (-15, 15)]
     plate = trimesh.creation.box((50, 20, 6)).apply_translation((0, 0, 17))
-    stool = trimesh.util.concatenate([*seat, plate])
-    faces = read(tmp_path / "stool.stl", stool, height_mm=4.0)
+    return trimesh.util.concatenate([*legs, plate])
+
+
+def test_legs_alone_above_the_tips_are_met_at_their_hull_and_a_wider_foot_is_noted(tmp_path):
+    faces = read(tmp_path / "stool.stl", stool(), height_mm=8.0)
+    upside_down = next(face for face in faces if face.down[0] == (0.0, 0.0, 1.0))
+    assert upside_down.imported.size_mm == pytest.approx([36, 20])
+    notes = " ".join(upside_down.imported.notes)
+    assert "2 contours, taken as their convex hull" in notes
+    assert "below the tips it is up to 7 mm wider" in notes
     upright = next(face for face in faces if face.down[0] == (0.0, 0.0, -1.0))
-    assert any("2 contours, taken as their convex hull" in note for note in upright.imported.notes)
-    assert any("up to 7 mm wider" in note for note in upright.imported.notes)
-    assert upright.imported.size_mm == pytest.approx([36, 20])
+    assert upright.imported.size_mm == pytest.approx([50, 20])
+    assert not any("wider" in note for note in upright.imported.notes)
+
+
+def mushroom(cap_mm):
+    """A cap of 40 x 20 mm on a stem of 20 x 10 mm, 10 mm high in all."""
+    stem = trimesh.creation.box(bounds=[(10, 5, 0), (30, 15, 10)])
+    cap = trimesh.creation.box(bounds=[(0, 0, 10 - cap_mm), (40, 20, 10)])
+    return trimesh.util.concatenate([stem, cap])
+
+
+def test_cap_up_and_cap_down_differ_where_the_fingers_meet_other_silhouettes(tmp_path):
+    faces = read(tmp_path / "thin.stl", mushroom(4.0))
+    ends = {face.down: face.imported.size_mm.tolist() for face in faces if abs(face.down[0][2]) == 1.0}
+    assert ends == {((0.0, 0.0, -1.0),): [40, 20], ((0.0, 0.0, 1.0),): [20, 10]}
+
+
+def test_cap_up_and_cap_down_are_one_where_the_fingers_meet_the_cap_either_way(tmp_path):
+    faces = read(tmp_path / "thick.stl", mushroom(6.0))
+    ends = [face for face in faces if abs(face.down[0][2]) == 1.0]
+    assert [len(face.down) for face in ends] == [2]
+    assert ends[0].imported.size_mm == pytest.approx([40, 20])
 
 
 def test_what_is_no_solid_has_no_faces(tmp_path):

@@ -7,8 +7,9 @@ import pytest
 import shapely
 
 from planner.errors import InputFileError, OutlineError
+from planner.part.importers import kicad
 from planner.part.importers.file import read_outline
-from planner.part.importers.pieces import Options
+from planner.part.importers.pieces import Options, time_limit
 
 FAB = '(layer "F.Fab") (width 0.1))'
 
@@ -70,3 +71,129 @@ def test_what_cannot_be_read_is_told_in_one_line(tmp_path):
         read(tmp_path, f"(fp_arc (start 0 0) (end 1 1) {FAB}")
     with pytest.raises(OutlineError):
         read(tmp_path, f"(fp_arc (start 0 0) (mid 0 0) (end 0 0) {FAB}")
+
+
+D_AREA = 400 + 50 * math.pi  # a square of 20 mm and half a disc on one side
+ARC = "(arc (start 20 0) (mid 30 10) (end 20 20))"
+STROKE = "(stroke (width 0.1) (type solid)) (fill none)"
+BODIES = {  # shapes as KiCad's versions write them, area of the body
+    "arc in a polygon": (
+        f'(fp_poly (pts (xy 0 0) (xy 20 0) {ARC} (xy 0 20)) {STROKE} (layer "F.Fab"))',
+        D_AREA,
+    ),
+    "arc first": (f'(fp_poly (pts {ARC} (xy 0 20) (xy 0 0)) (layer "F.Fab") {STROKE})', D_AREA),
+    "polygon of arcs": (
+        (
+            "(fp_poly (pts (arc (start -10 0) (mid 0 -10) (end 10 0))"
+            ' (arc (start 10 0) (mid 0 10) (end -10 0))) (layer "F.Fab") (width 0.1))'
+        ),
+        100 * math.pi,
+    ),
+    "inward arc": (
+        f'(fp_poly (pts (xy 0 0) (xy 20 0) {ARC.replace("30 10", "10 10")} (xy 0 20)) (layer "F.Fab"))',
+        400 - 50 * math.pi,
+    ),
+    "many lines, comments of a kind, one name a line": (
+        '(fp_poly\n\t(pts\n\t\t(xy 0 0)\n\t\t(xy 9 0)\n\t\t(xy 9 3)\n\t)\n\t(layer "F.Fab")\n)',
+        13.5,
+    ),
+    "curve": (
+        (
+            '(fp_curve (pts (xy 0 0) (xy 0 20) (xy 30 20) (xy 30 0)) (layer "F.Fab") (width 0.1))'
+            '(fp_line (start 0 0) (end 30 0) (layer "F.Fab") (width 0.1))'
+        ),
+        360.0,  # 3/5 of 30 x 20, by its Bernstein integral
+    ),
+    "rectangle": ('(fp_rect (start 10 5) (end -10 -5) (layer "F.Fab") (fill no) (uuid "a-1"))', 200),
+    "rounded rectangle": (
+        '(fp_rect (start -10 -5) (end 10 5) (radius 2) (layer "F.Fab"))',
+        200 - 16 + 4 * math.pi,
+    ),
+    "list of layers": ('(fp_rect (start -10 -5) (end 10 5) (layers "F.Fab" "F.SilkS"))', 200),
+    "name without quotes": (
+        "(fp_rect (start -10 -5) (end 10 5) (layer F.Fab) (width 0.1) (tstamp 5E9A))",
+        200,
+    ),
+    "all sides": ('(fp_circle (center 0 0) (end 6 8) (layers "*.Fab" "F.SilkS"))', 100 * math.pi),
+    "a filled disc": (
+        '(fp_circle (center 1 1) (end 1 6) (stroke (width 0) (type default)) (fill solid) (layer "F.Fab"))',
+        25 * math.pi,
+    ),
+    "old arcs": (
+        (
+            "(fp_arc (start 0 0) (end 0 -10) (angle 180) (layer F.Fab) (width 0.1))"
+            "(fp_arc (start 0 0) (end 0 10) (angle 180.0) (layer F.Fab) (width 0.1))"
+        ),
+        100 * math.pi,
+    ),
+}
+OTHERS = (  # what stands around a body
+    '(descr "a (body) on \\"F.Fab\\"; [odd") (tags "a b")',
+    "(attr smd)",
+    "(model ${K}/x.wrl (at (xyz 0 0 0)))",
+    '(property "Reference" "REF**" (at 0 0 0) (layer "F.Fab") (effects (font (size 1 1))))',
+    '(fp_text user %R (at 0 0) (layer "F.Fab") (effects (font (size 1 1) (thickness 0.1))))',
+    '(fp_text_box "x" (start 0 0) (end 50 50) (layer "F.Fab"))',
+    '(fp_rect (start -90 -90) (end 90 90) (layer "F.CrtYd") (width 0.05))',
+    '(pad "1" smd roundrect (at 0 0) (size 60 60) (layers "F.Cu" "F.Paste") (roundrect_rratio 0.25))',
+)
+
+
+@pytest.mark.parametrize(
+    "head", ['(footprint "x:y" (version 20240108)', "(module R_0603 (layer F.Cu) (tedit 5A)"]
+)
+@pytest.mark.parametrize("name", BODIES)
+def test_bodies_of_all_versions_keep_their_area(tmp_path, name, head):
+    shapes, area = BODIES[name]
+    path = tmp_path / "part.kicad_mod"
+    path.write_text(f"{head}{' '.join(OTHERS)}{shapes})")
+    found = read_outline(path, Options())
+    assert shapely.Polygon(found.outline_mm).area == pytest.approx(area, rel=3e-3)
+    assert found.notes == ()
+
+
+def test_what_is_not_known_on_the_body_is_named(tmp_path):
+    odd = '(fp_ellipse (center 0 0) (layer "F.Fab"))'
+    found = read(tmp_path, odd, odd, f"(fp_rect (start -10 -5) (end 10 5) {FAB}")
+    assert found.notes == ("not known, ignored on F.Fab: 2 fp_ellipse",)
+    with pytest.raises(OutlineError, match=r"no shape on F\.Fab.*not known: 1 fp_ellipse"):
+        read(tmp_path, odd)
+
+
+def test_a_footprint_without_a_body_names_the_layer_and_those_that_it_draws_on(tmp_path):
+    silk = lines((0, 0), (9, 0), (9, 5), layer='(layer "F.SilkS") (width 0.1))')
+    with pytest.raises(OutlineError, match=r"no shape on F\.Fab.*draws on F\.SilkS.*draw the body's outline"):
+        read(tmp_path, *silk)
+    with pytest.raises(OutlineError, match="draws nothing at all"):
+        read(tmp_path)
+
+
+DAMAGED = {
+    "a number of two points": f"(fp_line (start 1.1.1 0) (end 1 1) {FAB}",
+    "one number": f"(fp_line (start 1) (end 1 1) {FAB}",
+    "no end": f"(fp_circle (center 1 1) {FAB}",
+    "odd point": f"(fp_poly (pts (xy 0 0) (spiral 9 0) (xy 9 3)) {FAB}",
+    "empty polygon": f"(fp_poly (pts) {FAB}",
+    "curve of three points": f"(fp_curve (pts (xy 0 0) (xy 9 0) (xy 9 3)) {FAB}",
+    "not finite": f"(fp_rect (start 0 0) (end nan 3) {FAB}",
+    "too far": f"(fp_rect (start 0 0) (end 1e999 3) {FAB}",
+    "a name on two lines": '(fp_line (start 0 "a\nb") (end 1 1) (layer "F.Fab"))',
+    "open bracket": "((",
+    "closed twice": "))",
+    "open text": '(descr "abc',
+    "deep": "(" * 3000 + ")" * 3000,
+}
+
+
+@pytest.mark.parametrize("name", DAMAGED)
+def test_damage_is_refused_in_a_line(tmp_path, name):
+    with pytest.raises((InputFileError, OutlineError)) as caught:
+        read(tmp_path, DAMAGED[name], f"(fp_rect (start -10 -5) (end 10 5) {FAB}")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_footprint_that_takes_too_long_is_not_called_damaged(tmp_path):
+    path = tmp_path / "part.kicad_mod"
+    path.write_text("(footprint x " + "(at 0 0 0)" * 400_000 + ")")
+    with pytest.raises(InputFileError, match="longer than"), time_limit("x", 0.2):
+        kicad.read(path.read_bytes(), "x", None, 0.01)

@@ -1,13 +1,12 @@
-"""CSV and STL files as outlines; the time limit; the order of a symmetric part."""
+"""CSV files as outlines; the time limit; the order of a symmetric part."""
 
 import threading
 import time
 
 import numpy as np
 import pytest
-import trimesh
 
-from planner.errors import InputFileError, OutlineError, PlannerError, UsageError, ValueRangeError
+from planner.errors import InputFileError, OutlineError, UsageError, ValueRangeError
 from planner.part import outline as outlines
 from planner.part.importers.file import read_outline
 from planner.part.importers.pieces import MAX_BYTES, Options, flattened, time_limit
@@ -60,42 +59,6 @@ def test_bad_csv_files_are_refused_in_a_sentence(tmp_path, name):
     path.write_bytes(data)
     with pytest.raises(kind, match=sentence) as caught:
         read(path, units=units)
-    assert "\n" not in str(caught.value)
-
-
-def solid(tmp_path, mesh, **how):
-    path = tmp_path / "part.stl"
-    path.write_bytes(trimesh.exchange.stl.export_stl(mesh, **how))
-    return path
-
-
-def test_a_block_is_cut_into_its_rectangle(tmp_path):
-    path = solid(tmp_path, trimesh.creation.box((30, 21, 8)))
-    found = read(path, units="mm")
-    assert outlines.area(found.outline_mm) == pytest.approx(630, rel=1e-4)
-    assert len(found.outline_mm) == 4
-    assert any("cut 4 mm above" in note for note in found.notes)
-    with pytest.raises(UsageError, match="never says its units"):
-        read(path)
-
-
-def test_the_height_of_the_cut_matters(tmp_path):
-    path = solid(tmp_path, trimesh.creation.cone(20.0, 40.0, sections=64))
-    low, high = (read(path, units="mm", height_mm=height).size_mm.max() for height in (10.0, 30.0))
-    assert low == pytest.approx(30.0, rel=1e-2)
-    assert high == pytest.approx(10.0, rel=1e-2)
-    with pytest.raises(UsageError, match="--height 50"):
-        read(path, units="mm", height_mm=50.0)
-
-
-@pytest.mark.parametrize(
-    "data", [b"", b"solid nothing\nendsolid", b"\0" * 84, b"\xff" * 200, b"solid x\nfacet"]
-)
-def test_bad_solids_are_refused(tmp_path, data):
-    path = tmp_path / "bad.stl"
-    path.write_bytes(data)
-    with pytest.raises(PlannerError) as caught:
-        read(path, units="mm")
     assert "\n" not in str(caught.value)
 
 

@@ -158,7 +158,7 @@ REFUSED = {
     "no shapes": ("", "<text>part</text>", "no closed contour"),
     "an open path": ("", '<path d="M0 0 h30 v21 h-30"/>', r"open at .* 21 mm away"),
     "a crossed path": ("", '<path d="M0 0 L30 20 V0 L0 20 Z"/>', "crosses itself"),
-    "huge numbers": ("", '<path d="M0 0 H1e30 V1e30 Z"/>', "beyond 100 km"),
+    "huge numbers": ("", '<path d="M0 0 H1e30 V1e30 Z"/>', "beyond 10000 km"),
     "a huge curve": ("", '<path d="M0 0 C 1e30 0 1e30 1e30 0 1e30 Z"/>', "absurdly large"),
     "a tiny part": ("", '<rect width="0.001" height="0.001"/>', "no closed contour|is the unit right"),
     "a line": ("", '<path d="M0 0 L30 0 Z"/>', "no closed contour"),

@@ -1,0 +1,103 @@
+"""An HTTP exchange within bounds: a moment by which it is over, and bytes that its answer may have.
+
+The timeout of a socket is one of each piece that comes: an answer that drips, or never ends, keeps within it.
+"""
+
+import http.client
+import io
+import socket
+import urllib.request
+from collections.abc import Callable
+from typing import Any, cast
+
+
+class EndlessError(OSError):
+    """The answer is longer than it may be."""
+
+
+class BoundedSocket:
+    """A connected socket as `http.client` uses one; `allow` sets the bounds of the next exchange.
+
+    Args:
+        connection: owned from now on; with TLS, if there is any.
+        now: the clock, wall seconds.
+    """
+
+    def __init__(self, connection: socket.socket, now: Callable[[], float]) -> None:
+        self._socket = connection
+        self._now = now
+        self._until, self._left_bytes = now(), 0
+
+    def allow(self, until: float, most_bytes: int) -> None:
+        """Let the next exchange last until a moment, and its answer have so many bytes."""
+        self._until, self._left_bytes = until, most_bytes
+
+    def sendall(self, data: bytes) -> None:
+        """Send; TimeoutError where it is not taken in time."""
+        self._set_timeout()
+        self._socket.sendall(data)
+
+    def makefile(self, mode: str) -> io.BufferedReader:
+        """The answer; reading raises a TimeoutError or an `EndlessError` at its bounds."""
+        assert mode == "rb"
+        return io.BufferedReader(_Incoming(self))
+
+    def close(self) -> None:
+        """Hang up, once the files made of it are closed, too."""
+        self._socket.close()
+
+    def _set_timeout(self) -> None:
+        left_s = self._until - self._now()
+        if left_s <= 0.0:
+            raise TimeoutError("timed out")
+        self._socket.settimeout(left_s)
+
+
+def opener(until: float, most_bytes: int, now: Callable[[], float]) -> urllib.request.OpenerDirector:
+    """What opens URLs as `urllib.request.urlopen` does, within bounds of each exchange."""
+
+    def bounded(kind: type[http.client.HTTPConnection]) -> type[http.client.HTTPConnection]:
+        class Bounded(kind):  # type: ignore[misc, valid-type]
+            def connect(self) -> None:
+                super().connect()
+                within = BoundedSocket(cast(socket.socket, self.sock), now)
+                within.allow(until, most_bytes)
+                self.sock: Any = within
+
+        return Bounded
+
+    class Http(urllib.request.HTTPHandler):
+        def http_open(self, request: urllib.request.Request) -> http.client.HTTPResponse:
+            return self.do_open(bounded(http.client.HTTPConnection), request)
+
+    class Https(urllib.request.HTTPSHandler):
+        def https_open(self, request: urllib.request.Request) -> http.client.HTTPResponse:
+            return self.do_open(bounded(http.client.HTTPSConnection), request)
+
+    return urllib.request.build_opener(Http, Https)
+
+
+class _Incoming(io.RawIOBase):
+    """What comes over a bounded socket."""
+
+    def __init__(self, bounded: BoundedSocket) -> None:
+        self._bounded = bounded
+        self._raw = cast(io.RawIOBase, bounded._socket.makefile("rb", buffering=0))
+
+    def readable(self) -> bool:
+        """It is."""
+        return True
+
+    def readinto(self, buffer: Any) -> int | None:
+        """The next piece."""
+        self._bounded._set_timeout()
+        count = self._raw.readinto(buffer) or 0
+        self._bounded._left_bytes -= count
+        if self._bounded._left_bytes < 0:
+            raise EndlessError("the answer does not end")
+        return count
+
+    def close(self) -> None:
+        """Let the socket go."""
+        self._raw.close()
+        super().close()

@@ -1,0 +1,124 @@
+"""How far the work of a command is: one bar on a terminal, lines in a pipe."""
+
+import math
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from rich import progress as bars
+from rich.console import Console
+
+from planner.work.progress import Report, silent
+from runtime.shell import command
+
+LINES_S = 5.0  # between two lines of progress, where no terminal shows a bar
+
+Whole = Callable[[float, int, int], float | None]
+"""The share of a command's whole work that is done, 0 to 1, or None where nobody knows.
+
+Of the seconds so far, and of how much of the stage under way is done, of how much.
+"""
+
+
+def unknown(_seconds: float, _done: int, _total: int) -> float | None:
+    """Of a search: how much work there is turns out only when it is done."""
+    return None
+
+
+def counted(_seconds: float, done: int, total: int) -> float | None:
+    """Of work that is one stage, or many with one count."""
+    return done / total if total else None
+
+
+def of_time(expected_s: float) -> Whole:
+    """Of work that ends after a stated time [s]; unknown once it takes longer."""
+    return lambda seconds, _done, _total: seconds / expected_s if seconds < expected_s else None
+
+
+@contextmanager
+def shown(
+    quiet: bool, whole: Whole = unknown, clock: Callable[[], float] = time.monotonic
+) -> Iterator[Report]:
+    """Shows progress on standard error; yields `report(stage, done, total, detail)`.
+
+    On a terminal that is one bar for the whole work, which never goes back; elsewhere a line every `LINES_S`
+    seconds, so that what takes less says nothing. Both tell the time that is left, or that it is unknown.
+
+    Args:
+        quiet: show nothing.
+        whole: how much of the work is done.
+        clock: tells seconds.
+    """
+    console = Console(stderr=True)
+    if quiet:
+        yield silent
+    elif not console.is_terminal:
+        yield _lines(_Course(whole, clock), clock)
+    else:
+        columns = [
+            bars.SpinnerColumn(), bars.TextColumn("{task.description}"), bars.BarColumn(),
+            bars.TimeElapsedColumn(), bars.TextColumn("{task.fields[left]} {task.fields[detail]}"),
+        ]  # fmt: skip
+        with bars.Progress(*columns, console=console, transient=True) as bar:
+            yield _drawn(bar, _Course(whole, clock))
+
+
+class _Course:
+    """How far a command's work is, and when it will be done."""
+
+    def __init__(self, whole: Whole, clock: Callable[[], float]) -> None:
+        self.share = 0.0  # of the whole work, never less than before
+        self._whole, self._clock, self._begun = whole, clock, clock()
+        self._first: tuple[float, float] | None = None  # when a share was known first, and which
+        self.known = False  # whether the share is that of now
+
+    def heard(self, done: int, total: int) -> None:
+        """Takes note of how much of a stage is done."""
+        found = self._whole(self.seconds, done, total)
+        self.known = found is not None and found < 1.0
+        if found is not None:
+            self.share = max(self.share, min(found, 1.0))
+            self._first = self._first or (self.seconds, self.share)
+
+    @property
+    def seconds(self) -> float:
+        """Since the beginning."""
+        return self._clock() - self._begun
+
+    def left(self) -> str:
+        """How long the rest will take, at the rate since a share was known first."""
+        if self.known and self._first and self._first[1] < self.share < 1.0:
+            since, share = self._first
+            left_s = (self.seconds - since) * (1.0 - self.share) / (self.share - share)
+            return f"left: about {math.ceil(left_s)} s"
+        return "left: unknown"
+
+
+def _lines(course: _Course, clock: Callable[[], float]) -> Report:
+    told = clock()
+
+    def report(name: str, done: int, total: int, detail: str = "", /) -> None:
+        nonlocal told
+        course.heard(done, total)
+        if clock() - told < LINES_S:
+            return
+        told = clock()
+        share = f"{course.share:.0%} done, " if course.known else ""
+        words = [f"{share}{name}", f"{course.seconds:.0f} s so far", course.left()]
+        words += [detail] if detail else []
+        command.say(", ".join(words), sys.stderr)
+
+    return report
+
+
+def _drawn(bar: bars.Progress, course: _Course) -> Report:
+    task = bar.add_task("starting", total=None, left="", detail="")
+
+    def report(name: str, done: int, total: int, detail: str = "", /) -> None:
+        course.heard(done, total)
+        end = 1.0 if course.known else None
+        left = course.left()
+        bar.update(task, description=name, completed=course.share, total=end, left=left, detail=detail)
+
+    return report

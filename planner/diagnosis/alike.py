@@ -1,0 +1,101 @@
+"""Poses that no squeeze tells apart, found from the outline and the goal before anything is searched."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from planner.arrays import Array
+from planner.belief.metric import metric_of
+from planner.belief.observation import encoder_of
+from planner.errors import NoPlanError
+from planner.job.model import Job
+from planner.part import symmetry
+
+BOTH_SIDES = 2.0  # a width differs by no more than the outline does under both fingers
+ALL = 1.0 - 1e-9  # share of the parts
+ANGLES = 3600  # at which parts are looked at
+
+
+class Alike(NamedTuple):
+    """A turn of a part after which no squeeze reads otherwise, and which the goal asks to tell."""
+
+    name: str  # of the part
+    degrees: float  # of the turn
+    apart_mm: float  # how far the outline lies from the turned one at most
+    count_mm: float  # what a count of the encoder stands for
+    share: float  # of the parts, those that may lie turned so within the stated uncertainty
+    order: int  # the outline's rotational order
+    stated: int  # the one that the job states
+    exact: bool  # whether outline, pressure and friction are the same after the turn
+
+    @property
+    def hopeless(self) -> bool:
+        """Whether no part can be located, however long a search takes."""
+        return self.exact and self.share >= ALL
+
+    def line(self) -> str:
+        """What is alike, and what to change, for people."""
+        differs = "its outline is the same"
+        if self.apart_mm > symmetry.TOLERANCE_MM:
+            differs = f"its outline differs by {self.apart_mm:.2f} mm at most"
+            differs += f", and a count is {self.count_mm:.2f} mm"
+        told = f"{self.name}: no squeeze tells how it lies from the same turned by {self.degrees:.4g} degrees"
+        half, modes = 0.5 * self.degrees, round(360.0 / self.degrees)
+        ways = [f'[goal] kind = "modes" with modes = {modes}', f"orientation_halfwidth_deg below {half:.4g}"]
+        if self.order > self.stated:
+            ways.insert(0, f'[part] symmetry = "auto", which is {self.order} and counts them as one')
+        some = "" if self.share >= ALL else f" ({self.share:.0%} of the parts may lie either way)"
+        return f"{told}: {differs}{some}; state {', or '.join(ways)}"
+
+
+def alike(job: Job) -> list[Alike]:
+    """For each part of a job the turn that no squeeze tells, where there is one and the goal asks for it."""
+    return [found for k, alone in enumerate(job.alone) if (found := _of_part(job, alone, k))]
+
+
+def refuse_alike(job: Job) -> None:
+    """Refuses a job for which no search can find a plan.
+
+    Raises:
+        NoPlanError: every part has another pose that reads alike in all squeezes, and that the goal tells
+            from it.
+    """
+    found = alike(job)
+    if len(found) == len(job.alone) and all(each.hopeless for each in found):
+        raise NoPlanError(found[0].line())
+
+
+def _of_part(job: Job, alone: Job, index: int) -> Alike | None:
+    outline, stated = alone.part.outline_mm, alone.part.symmetry
+    order, count_mm = symmetry.order(outline), encoder_of(job).mm_per_count
+    turns = [(math.tau * k / order, 0.0) for k in range(1, order // 2 + 1) if k * stated % order]
+    if not turns:
+        near = symmetry.nearest_turn(outline, stated)
+        if BOTH_SIDES * near.apart_mm >= count_mm:
+            return None
+        turns = [(math.radians(near.degrees), near.apart_mm)]
+    halfwidth = math.radians(job.uncertainty.orientation_halfwidth_deg)
+    metric = metric_of(job)
+    pose = np.array([0.0, 0.0, 0.0, float(index)])
+    asked = [
+        (_share(turn, halfwidth), math.degrees(turn), apart)
+        for turn, apart in turns
+        if job.goal.kind != "identity"
+        and not metric.reached(pose, pose + np.array([0.0, 0.0, turn, 0.0]))
+        and metric.modes < round(math.tau / turn)
+    ]
+    share, degrees, apart = max(asked, default=(0.0, 0.0, 0.0))
+    if share == 0.0:
+        return None
+    exact = apart == 0.0 and alone.pressure.kind in ("boundary", "uniform")
+    return Alike(alone.part.name, degrees, apart, count_mm, share, order, stated, exact)
+
+
+def _share(turn: float, halfwidth: float) -> float:
+    """Of parts turned by at most so much either way, those that may also lie turned on by `turn`."""
+    if halfwidth >= math.pi:
+        return 1.0
+    angles = np.linspace(-halfwidth, halfwidth, ANGLES)
+    turned: list[Array] = [np.abs(np.angle(np.exp(1j * (angles + sign * turn)))) for sign in (-1.0, 1.0)]
+    return float(np.mean((turned[0] <= halfwidth) | (turned[1] <= halfwidth)))

@@ -1,0 +1,95 @@
+"""Why no first squeeze is free of collision: what is missing between the open fingers and the parts."""
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from planner.arrays import Array
+from planner.job.model import Job
+from planner.mechanics.clearance import free_placements, jaws_of
+from planner.search.actions import actions_of
+from planner.search.ranking import LEAST_CLEARANCE_MM
+
+DIRECTIONS = 24  # in which a part's centre may lie from the middle of its disc
+RINGS = 8  # of equal area, at whose outer edges centres lie
+STEP_DEG = 3.0  # between the angles that a part may have
+TURNS = 12  # angles of the hand at the middle of the disc, besides the job's placements
+HALVINGS = 12
+WIDEST = 16.0  # openings up to so many times the gripper's are looked at
+
+
+class Shortage(NamedTuple):
+    """What the first squeeze of a job lacks, at the best of its placements.
+
+    Attributes:
+        missing_mm: how much wider the jaws would have to open; 0 if they open wide enough.
+        radius_mm: largest radius of the disc for which the jaws open wide enough; None: there is none.
+    """
+
+    missing_mm: float
+    radius_mm: float | None
+
+    def line(self) -> str:
+        """What is missing and which radius would do, for people."""
+        if self.radius_mm is None:
+            return f"the jaws open {self.missing_mm:.2g} mm too little, even for a part in the middle"
+        return (
+            f"the jaws open {self.missing_mm:.2g} mm too little; radius_mm = {self.radius_mm:g} or less "
+            "would do"
+        )
+
+
+def shortage(job: Job) -> Shortage | None:
+    """What the first squeeze of a job lacks; None where some placement is free of collision."""
+    opening, radius = job.gripper.opening_mm, job.uncertainty.radius_mm
+    if _is_free(job, opening, radius):
+        return None
+    wider = _least(lambda mm: _is_free(job, mm, radius), opening, WIDEST * opening)
+    if not _is_free(job, opening, 0.0):
+        return Shortage(wider - opening, None)
+    less = _least(lambda mm: _is_free(job, opening, radius - mm), 0.0, radius)
+    return Shortage(wider - opening, math.floor(10.0 * (radius - less)) / 10.0 or None)
+
+
+def _least(holds: Callable[[float], bool], low: float, high: float) -> float:
+    """The least number for which a condition holds that holds at `high`, and not at `low`."""
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if holds(middle) else (middle, high)
+    return high
+
+
+def _is_free(job: Job, opening_mm: float, radius_mm: float) -> bool:
+    """Whether some placement of the hand is free of collision for all parts that may lie in a disc."""
+    jaws, poses = jaws_of(job.gripper), _poses(radius_mm, job.uncertainty.orientation_halfwidth_deg)
+    jaws[0] = opening_mm
+    turned = np.zeros((TURNS, 3))
+    turned[:, 2] = np.arange(TURNS) * math.pi / TURNS
+    placements = np.concatenate([actions_of(job).placements, turned])
+    share = job.goal.crash_share
+    least_mm = 0.0 if share else LEAST_CLEARANCE_MM
+    outlines = [alone.part.outline_mm for alone in job.alone]
+    free = [free_placements(outline, jaws, poses, placements, least_mm, share) for outline in outlines]
+    return bool(np.all(free, axis=0).any())
+
+
+def _poses(radius_mm: float, halfwidth_deg: float) -> Array:
+    """Poses (n, 3) all over a disc and an interval of angles, up to their edges [mm, mm, rad]."""
+    radii = radius_mm * np.sqrt(np.arange(1, RINGS + 1) / RINGS)
+    around = np.arange(DIRECTIONS) * math.tau / DIRECTIONS
+    angles = np.radians(
+        np.linspace(-halfwidth_deg, halfwidth_deg, 1 + 2 * math.ceil(halfwidth_deg / STEP_DEG))
+    )
+    r, phi, theta = (axis.ravel() for axis in np.meshgrid(radii, around, angles))
+    return np.column_stack([r * np.cos(phi), r * np.sin(phi), theta])
+
+
+def no_first_squeeze(job: Job) -> str:
+    """Why a job has no first squeeze, by how much it fails, and what to do, as a sentence without its end."""
+    more = "actions" if job.actions.pushes else "actions or pushes"
+    lacking = shortage(job)
+    if lacking is None:
+        return f"no first squeeze gains anything; add {more}, or reduce the uncertainty"
+    return f"no first squeeze is free of collision: {lacking.line()}; or take a wider gripper, or add {more}"

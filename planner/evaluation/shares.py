@@ -1,0 +1,45 @@
+"""Shares of all parts in percent, rounded so that what is printed adds up."""
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+OUTCOMES = ("success_rate", "wrong_rate", "unresolved_rate", "reject_rate")
+DECIMALS = 2
+
+
+class Shares(NamedTuple):
+    """How all parts of an evaluation ended [percent]: the five add up to 100."""
+
+    located: float
+    wrong: float
+    unresolved: float
+    rejected: float
+    crashed: float  # a finger came down on the part
+
+
+def shares_of(figures: dict[str, Any]) -> Shares:
+    """The shares of figures as `Evaluation.summary` returns them."""
+    crashed = figures["crashes"] / figures["trials"]
+    return Shares(*rounded([*(figures[name] for name in OUTCOMES), crashed]))
+
+
+def rounded(shares: Sequence[float], decimals: int = DECIMALS) -> list[float]:
+    """Shares in percent, rounded by the largest remainder: they add up as the exact ones do.
+
+    One that is not 0 is not rounded to 0, so that none but all is rounded to 100.
+    """
+    unit = 10**decimals
+    exact = [100.0 * unit * share for share in shares]
+    whole = [max(math.floor(value + 1e-6), int(value > 1e-6)) for value in exact]
+    remainder = sorted(range(len(exact)), key=lambda k: whole[k] - exact[k])
+    missing = round(math.fsum(exact)) - sum(whole)
+    for k in remainder[: max(missing, 0)]:
+        whole[k] += 1
+    whole[whole.index(max(whole))] += min(missing, 0)
+    return [value / unit for value in whole]
+
+
+def in_percent(percent: float) -> str:
+    """A rounded share for people."""
+    return f"{percent:g} %"

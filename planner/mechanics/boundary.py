@@ -1,0 +1,136 @@
+"""What moves against a part: fingers that close, or a pusher whose frame is carried along a path.
+
+All is seen in the frame of the hand or the pusher. There a part that goes along with a pusher stands still:
+it stays where it is to the last bit, however long the way and whatever the steps.
+"""
+
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+
+from planner.arrays import Array, IntArray
+from planner.kernel import inlined_kernel
+from planner.mechanics.contacts import (
+    CORNER,
+    FINGER,
+    GAP,
+    KIND,
+    N2,
+    NX,
+    NY,
+    OUTER,
+    RX,
+    RY,
+    T2,
+    UN,
+    UT,
+    Finger,
+    Hand,
+)
+
+MAX_POINTS = 16
+BOUNDARY = np.dtype(
+    [
+        ("fingers", np.int64),
+        ("facing", np.int64),
+        ("apart", np.float64),
+        ("h", np.float64),
+        ("thickness", np.float64),
+        ("points", np.int64),
+        ("pusher", np.float64, (MAX_POINTS, 2)),
+        ("mu_top", np.float64),
+        ("mu_bottom", np.float64),
+        ("top_share", np.float64),
+        ("bottom_share", np.float64),
+        ("x", np.float64),
+        ("y", np.float64),
+        ("turn", np.float64),
+        ("centre", np.float64, 2),
+        ("step", np.float64),
+    ],
+    align=True,
+)
+"""What moves against the part: fingers, or the points of a pusher, and the frame that they stand in.
+
+fingers: how many; 0 where points push. facing: -1 where the second finger looks up at the first, 1 where it
+looks down beside it. apart: x of their middles is -apart and apart [mm]. h, thickness: half a finger's
+length, and its thickness [mm]. points, pusher: how many points, and where they stand [mm]. mu_top: friction
+at fingers that look down and at points; mu_bottom: at a finger that looks up. top_share, bottom_share: how
+far fingers that look down, and up, come for each millimetre of a step. x, y, turn, centre: for each
+millimetre the frame turns [rad] about the centre [mm], which moves along a straight line [mm]. step: the
+nominal one [mm].
+
+One record is handed on as one pointer (decision 0008).
+"""
+Boundary: TypeAlias = Any
+
+
+class Drive(NamedTuple):
+    """One step of a boundary."""
+
+    top: float  # how far the finger that looks down comes down [mm]
+    bottom: float  # how far the finger that looks up comes up [mm]
+    x: float  # displacement of the frame over the table, where the part's origin is [mm]
+    y: float
+    turn: float  # rotation of the frame [rad]
+
+
+@inlined_kernel
+def drive_of(boundary: Boundary, size: float, done: float, q: Array) -> Drive:
+    """A step of `size` [mm] after `done` [mm], to first order, for a part at q (3,)."""
+    turn = size * boundary.turn
+    c, s = 1.0, 0.0
+    if boundary.turn != 0.0:
+        c, s = np.cos(done * boundary.turn), np.sin(done * boundary.turn)
+    x = size * (c * boundary.x + s * boundary.y) - turn * (q[1] - boundary.centre[1])
+    y = size * (c * boundary.y - s * boundary.x) + turn * (q[0] - boundary.centre[0])
+    return Drive(boundary.top_share * size, boundary.bottom_share * size, x, y, turn)
+
+
+@inlined_kernel
+def hand_of(boundary: Boundary, faces: Array) -> Hand:
+    """The fingers with inner faces at y = `faces` (2,) [mm]."""
+    h, thickness, apart = boundary.h, boundary.thickness, boundary.apart
+    first = Finger(1, -apart, faces[0], h, thickness)
+    return Hand(first, Finger(boundary.facing, apart, faces[1], h, thickness), boundary.fingers)
+
+
+@inlined_kernel
+def directions(C: Array, I: IntArray, count: int, rho: float, drive: Drive) -> None:
+    """Moments and pusher displacements of all contacts (the Jacobian of eq. 2); `C` is modified in place."""
+    for k in range(count):
+        nx, ny, rx, ry = C[k, NX], C[k, NY], C[k, RX], C[k, RY]
+        C[k, N2], C[k, T2] = (rx * ny - ry * nx) / rho, (rx * nx + ry * ny) / rho
+        ux = drive.x - drive.turn * ry
+        uy = drive.y + drive.turn * rx + (-drive.top if I[k, FINGER] == 1 else drive.bottom)
+        C[k, UN], C[k, UT] = ux * nx + uy * ny, uy * nx - ux * ny
+
+
+@inlined_kernel
+def subtract_carriage(C: Array, count: int, rho: float, drive: Drive, V: Array) -> None:
+    """Turns displacements over the table, of the part (V) and at the contacts, into those in the frame."""
+    turn = rho * drive.turn
+    V[0], V[1], V[2] = V[0] - drive.x, V[1] - drive.y, V[2] - turn
+    for k in range(count):
+        C[k, UN] -= C[k, NX] * drive.x + C[k, NY] * drive.y + C[k, N2] * turn
+        C[k, UT] -= C[k, NX] * drive.y - C[k, NY] * drive.x + C[k, T2] * turn
+
+
+@inlined_kernel
+def turn(C: Array, I: IntArray, count: int, c: float, s: float, q: Array, half: Array, drive: Drive) -> None:
+    """Moves the contacts from the pose q to the pose `half`, gaps unchanged: the midpoint rule's second look.
+
+    The part turns on the way by an angle of cosine c and sine s, and the fingers close by half of `drive`.
+    An edge takes its normal along; of a vertex the normal is the finger's.
+    """
+    for k in range(count):
+        rx, ry = C[k, RX], C[k, RY]
+        if I[k, KIND] == CORNER or I[k, KIND] == OUTER:
+            nx, ny, gap = C[k, NX], C[k, NY], C[k, GAP]
+            mx, my = c * nx - s * ny, s * nx + c * ny
+            closed = -0.5 * drive.top if I[k, FINGER] == 1 else 0.5 * drive.bottom
+            C[k, NX], C[k, NY] = mx, my
+            C[k, RX] = q[0] + rx - gap * nx + gap * mx - half[0]
+            C[k, RY] = q[1] + ry - gap * ny + closed + gap * my - half[1]
+        else:
+            C[k, RX], C[k, RY] = c * rx - s * ry, s * rx + c * ry

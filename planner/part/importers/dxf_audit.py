@@ -1,0 +1,64 @@
+"""What ezdxf removed from a damaged DXF file, or guessed, before it could be read."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, NamedTuple
+
+from ezdxf.audit import AuditError
+
+from planner.part.importers.dxf_view import ANNOTATION
+from planner.part.importers.pieces import Lost
+
+if TYPE_CHECKING:
+    from ezdxf.audit import Auditor
+
+LISTED = 5
+GEOMETRY = re.compile(
+    "MISSING_(SECTION|ENDSEC)|FOUND_TAG|REMOVED_(INVALID_GRAPHIC|ENTITY)|UNDEFINED_BLOCK|BLOCK_REFERENCE_CYCLE|"
+    "INVALID_(INTEGER|FLOATING|ENTITY|EXTRUSION|MAJOR|VERTEX|MLINE_VERTEX|SPLINE|ELLIPSE|HATCH|MESH)"
+)
+"""Which of ezdxf's findings concern shapes; all others are about styles, tables and objects."""
+REMOVED = re.compile(r"(?:Removed|Deleted)(?: invalid| DXF| entity)* ([A-Z0-9_]+)\b")
+LINE = re.compile(r"near line:? (\d+)")
+SHAPE_SECTIONS = (b"BLOCKS", b"ENTITIES")
+
+
+class Losses(NamedTuple):
+    """What a repaired file does not hold, or holds otherwise."""
+
+    lost: list[Lost]  # shapes that are gone, or whose numbers were guessed
+    repairs: list[str]  # what was repaired, one sentence each
+
+
+def losses(auditor: Auditor, data: bytes) -> Losses:
+    """Sorts what the auditor reports about shapes; `data` is the file."""
+    lost, repairs = list[str](), list[str]()
+    for entry in (*auditor.errors, *auditor.fixes):
+        if not GEOMETRY.search(AuditError(entry.code).name):
+            continue
+        words = entry.message.strip().rstrip(".")
+        removed = REMOVED.match(words)
+        gone = removed is not None and not ANNOTATION.fullmatch(removed[1])
+        guessed = entry.code == AuditError.INVALID_FLOATING_POINT_VALUE and _among_shapes(words, data)
+        (lost if gone or guessed else repairs).append(f"ezdxf: {words}")
+    if not data.rstrip().endswith(b"EOF"):
+        ends = data.rfind(b"ENDSEC") > data.rfind(b"ENTITIES")
+        (repairs if ends else lost).append(f"the file is cut short{' behind its shapes' * ends}")
+    return Losses([Lost(words) for words in _listed(lost)], _listed(repairs))
+
+
+def _among_shapes(words: str, data: bytes) -> bool:
+    """Whether the line that a message names lies in a section that holds shapes."""
+    line = LINE.search(words)
+    if line is None:
+        return True
+    before = b"\n".join(data.splitlines()[: int(line[1])])
+    sections = re.findall(rb"SECTION\s+2\s+(\w+)", before)
+    return bool(sections) and sections[-1] in SHAPE_SECTIONS
+
+
+def _listed(words: list[str]) -> list[str]:
+    distinct = list(dict.fromkeys(words))
+    more = len(distinct) - LISTED
+    return distinct[:LISTED] + ([f"ezdxf: {more} more of the kind"] if more > 0 else [])

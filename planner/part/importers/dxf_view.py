@@ -1,0 +1,288 @@
+"""What the model space of a DXF drawing shows, by ezdxf's rendering front end: layers, blocks, flags."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import Counter
+from collections.abc import Sequence
+from functools import partial
+from itertools import pairwise
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from ezdxf import bbox, path
+from ezdxf.addons.drawing.config import Configuration, LinePolicy, ProxyGraphicPolicy
+from ezdxf.addons.drawing.frontend import Frontend
+from ezdxf.addons.drawing.properties import RenderContext
+from ezdxf.addons.drawing.recorder import PathRecord, Recorder
+from ezdxf.entities.dxfentity import DXFTagStorage
+from ezdxf.entities.insert import Insert
+from ezdxf.entities.lwpolyline import LWPolyline
+from ezdxf.entities.polyline import DXFVertex, Polyline
+from ezdxf.entities.spline import Spline
+from ezdxf.lldxf.const import DXFError
+from ezdxf.math import Matrix44, Vec3
+from scipy.interpolate import BSpline
+
+from planner.arrays import Array
+from planner.errors import OutlineError
+from planner.part.importers import pieces
+
+if TYPE_CHECKING:
+    from ezdxf.addons.drawing.properties import LayerProperties, Properties
+    from ezdxf.document import Drawing
+    from ezdxf.entities.dxfentity import DXFEntity
+    from ezdxf.entities.dxfgfx import DXFGraphic
+
+SHAPES = frozenset({"LINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE", "LWPOLYLINE", "POLYLINE"})
+ANNOTATION = re.compile(
+    r"\w*DIMENSION|\w*TEXT|ATTDEF|ATTRIB|M?(ULTI)?LEADER|TOLERANCE|ACAD_TABLE|POINT|RAY|XLINE|IMAGE|WIPEOUT|"
+    r"OLE2FRAME|VIEWPORT|LIGHT|CAMERA|SECTION|GEOPOSITIONMARKER|\w+UNDERLAY"
+)
+"""What is never an outline."""
+FILLED = frozenset({"HATCH", "MPOLYGON", "SOLID", "TRACE", "3DFACE", "MESH"})
+"""What is no outline unless it goes around all that is one."""
+INVISIBLE = "invisible"  # ezdxf's reason
+LAYER = 8  # group code
+STRAIGHT = 1e-9  # sine of an angle that is none
+FAR = 1e4
+"""From here on [units] shapes are drawn about an origin of their own: ezdxf takes points for equal that
+differ by 1e-9 of their coordinates."""
+ABSURD: Array = np.full((1, 2), np.inf)
+"""Stands for a shape that is not flattened, since its coordinates are absurd; refused later."""
+
+
+class View(NamedTuple):
+    """What is seen, and what not."""
+
+    curves: list[pieces.Curve]
+    lost: list[pieces.Lost]  # shown, but not read
+    notes: list[str]
+
+
+def view(document: Drawing, scale: float, tolerance_mm: float, where: str, only: str | None) -> View:
+    """The curves of the model space that are visible and plotted, or lie on the layer that is asked for.
+
+    `scale` is mm a unit; the rest is as in `dxf.read`.
+
+    Raises:
+        OutlineError: a shape cannot be drawn.
+    """
+    document.header["$XCLIPFRAME"] = 0  # the frame of a clip is no shape
+    recorder = Recorder()
+    viewer = _Viewer(document, recorder, tolerance_mm / scale, where, only)
+    viewer.draw_layout(document.modelspace())
+    curves = [
+        pieces.Curve(_flattened(record, scale, tolerance_mm), properties.layer)
+        for record, properties in recorder.player().recordings()
+        if isinstance(record, PathRecord)
+    ]
+    lost = [pieces.Lost(each.what, None if each.box is None else each.box * scale) for each in viewer.lost]
+    return View([curve for curve in curves if len(curve.points)], lost, viewer.notes(scale))
+
+
+def _flattened(record: PathRecord, scale: float, tolerance_mm: float) -> Array:
+    control = np.array([(point.x, point.y) for point in record.path.vertices()])
+    if not _sane(control, scale):
+        return ABSURD
+    points = np.array([(point.x, point.y) for point in record.path.flattening(tolerance_mm / scale)])
+    return points.reshape(-1, 2) * scale
+
+
+class _Viewer(Frontend):
+    """Draws the shapes that are seen, and records those that are not."""
+
+    def __init__(
+        self, document: Drawing, recorder: Recorder, tolerance: float, where: str, only: str | None
+    ) -> None:
+        context = RenderContext(document)
+        context.set_layer_properties_override(self._show_asked)
+        settings = Configuration(
+            line_policy=LinePolicy.SOLID,
+            proxy_graphic_policy=ProxyGraphicPolicy.IGNORE,
+            max_flattening_distance=tolerance,
+        )
+        self._only = only.lower() if only is not None else None
+        super().__init__(context, recorder, settings)
+        layers = {layer.dxf.name.lower(): layer for layer in document.layers}
+        layers.pop(self._only, None)
+        self._frozen = {name for name, layer in layers.items() if layer.is_frozen()}
+        self._unplotted = {name for name, layer in layers.items() if not layer.dxf.plot}
+        self._tolerance, self._where = tolerance, where
+        self._hidden, self._strays = Counter[str](), Counter[str]()
+        self._not_plotted = Counter[tuple[str, str]]()
+        self._widths: list[float] = []
+        self.lost: list[pieces.Lost] = []
+
+    def notes(self, scale: float) -> list[str]:
+        """What a reader should know, one sentence each; `scale` is mm a unit."""
+        notes = []
+        if self._strays:
+            notes.append(f"not outlines, ignored: {_counted(self._strays)}")
+        if self._hidden:
+            notes.append(f"not visible, left out: {_counted(self._hidden)}")
+        if self._not_plotted:
+            each = Counter({f"{kind} (layer {layer})": n for (kind, layer), n in self._not_plotted.items()})
+            notes.append(f"not plotted, left out: {_counted(each)}; --layer reads a layer")
+        if self._widths:
+            what = (
+                f"polylines with a width: {len(self._widths)}, up to {max(self._widths) * scale:.4g} mm wide"
+            )
+            notes.append(f"{what}; the outline runs along their middle")
+        return notes
+
+    def _show_asked(self, layers: Sequence[LayerProperties]) -> None:
+        for layer in layers:
+            layer.is_visible |= layer.layer.lower() == self._only
+
+    def skip_entity(self, entity: DXFEntity, msg: str) -> None:
+        """Called by ezdxf for what it does not draw, and why."""
+        layer, block = layer_of(entity).lower(), self.ctx.current_block_reference_properties
+        if layer == "0" and block is not None:
+            layer = block.layer.lower()
+        if msg == INVISIBLE or (layer in self.ctx.layers and not self.ctx.layers[layer].is_visible):
+            self._hidden[entity.dxftype()] += 1
+        elif self._only in (None, layer):
+            self._lose(entity, msg)
+
+    def draw_entity(self, entity: DXFGraphic, properties: Properties) -> None:
+        """Called by ezdxf for what is visible; INSERTs that are hidden otherwise end here."""
+        kind, layer = entity.dxftype(), properties.layer.lower()
+        if isinstance(entity, Insert):
+            self._draw_block(entity, properties)
+        elif self._only is not None and layer != self._only:
+            return
+        elif kind == "MLINE":
+            super().draw_entity(entity, properties)
+        elif layer in self._unplotted and kind in SHAPES:
+            self._not_plotted[kind, properties.layer] += 1
+            self._lose_around(entity, f"on layer {properties.layer} is not plotted")
+        elif kind in SHAPES:
+            self._draw_shape(entity, properties)
+        elif kind in FILLED:
+            self._strays[kind] += 1
+            self._lose_around(entity, "is not read")
+        else:
+            self._lose(entity, "such shapes are not read")
+
+    def _draw_block(self, insert: Insert, properties: Properties) -> None:
+        block = insert.block()
+        if properties.layer.lower() in self._frozen:
+            self.skip_entity(insert, INVISIBLE)
+        elif block is None or block.block is None:
+            self._lose(insert, f"block {insert.dxf.name!r} is not defined")
+        elif block.block.is_xref or block.block.is_xref_overlay:
+            if self._only in (None, properties.layer.lower()):
+                self._lose(insert, f"block {insert.dxf.name!r} is another file (xref); bind it")
+        elif _is_skewed(insert):
+            self._lose(insert, f"block {insert.dxf.name!r} skews a block that it holds; explode it")
+        else:
+            super().draw_entity(insert, properties)
+
+    def _lose(self, entity: DXFEntity, why: str) -> None:
+        if ANNOTATION.fullmatch(entity.dxftype()):
+            self._strays[entity.dxftype()] += 1
+        else:
+            self.lost.append(pieces.Lost(f"{_name(entity)}: {why}"))
+
+    def _lose_around(self, entity: DXFGraphic, why: str) -> None:
+        """Records what is no outline unless it goes around all others."""
+        box = bbox.extents([entity])
+        if box.has_data:
+            corners = np.array([tuple(box.extmin)[:2], tuple(box.extmax)[:2]])
+            self.lost.append(pieces.Lost(f"{_name(entity)} {why}, and goes around it", corners))
+
+    def _draw_shape(self, entity: DXFGraphic, properties: Properties) -> None:
+        try:
+            shape = _path(entity, self._tolerance)
+            if len(shape):
+                self.pipeline.draw_path(shape, properties)
+        except (DXFError, ValueError, TypeError, ArithmeticError, IndexError) as error:
+            problem = f"its {_name(entity)} cannot be drawn; repair the drawing"
+            raise OutlineError(problem, where=self._where) from error
+        if isinstance(entity, LWPolyline | Polyline) and entity.has_width:
+            self._widths.append(_width(entity))
+
+
+def _counted(kinds: Counter[str]) -> str:
+    return ", ".join(f"{count} {kind}" for kind, count in sorted(kinds.items()))
+
+
+def layer_of(entity: DXFEntity) -> str:
+    """The layer that an entity names, of a kind that ezdxf knows or not."""
+    if isinstance(entity, DXFTagStorage):
+        tags = (tag for part in entity.xtags.subclasses for tag in part)
+        return next((str(tag.value) for tag in tags if tag.code == LAYER), "0")
+    return str(entity.dxf.get("layer", "0"))
+
+
+def _name(entity: DXFEntity) -> str:
+    handle = entity.dxf.get("handle")
+    return f"{entity.dxftype()} #{handle}" if handle else f"{entity.dxftype()} in a block"
+
+
+def _width(entity: LWPolyline | Polyline) -> float:
+    if isinstance(entity, LWPolyline):
+        widths = [entity.dxf.get("const_width", 0.0), *(max(ends) for ends in entity.get_points("se"))]
+    else:
+        ends = ("start_width", "end_width")
+        widths = [entity.dxf.get(f"default_{end}", 0.0) for end in ends]
+        widths += [vertex.dxf.get(end, 0.0) for vertex in entity.vertices for end in ends]
+    return float(max(widths))
+
+
+def _is_skewed(insert: Insert) -> bool:
+    """Whether ezdxf would turn a block in the block before it stretches it, not after."""
+    if math.isclose(abs(insert.dxf.xscale), abs(insert.dxf.yscale), rel_tol=1e-9):
+        return False
+    inner = (entity for entity in insert.block() or () if isinstance(entity, Insert))
+    return any(abs(math.sin(math.radians(entity.dxf.rotation))) > STRAIGHT for entity in inner)
+
+
+def _path(entity: DXFGraphic, tolerance: float) -> path.Path:
+    """The path of a shape, worked out about an origin near it."""
+    if isinstance(entity, Spline) and len(entity.control_points):
+        points = _spline(entity, tolerance)
+        origin = np.round(points[0])
+        return _moved(path.from_vertices((points - origin).tolist()), Vec3(*origin))
+    if isinstance(entity, Polyline):  # points that frame a fitted curve are none of it
+        entity.vertices[:] = [
+            v for v in entity.vertices if not v.dxf.flags & DXFVertex.SPLINE_FRAME_CONTROL_POINT
+        ]
+    shape = path.make_path(entity)
+    if not len(shape) or shape.start.magnitude < FAR:
+        return shape
+    origin = shape.start.round(0)
+    return _moved(path.make_path(entity.copy().translate(*-origin)), origin)
+
+
+def _moved(shape: path.Path, origin: Vec3) -> path.Path:
+    return shape.transform(Matrix44.translate(*origin))
+
+
+def _spline(entity: Spline, tolerance: float) -> Array:
+    """A B-spline as a polyline (n, 2), over its own domain: from knot p to the last but p, p its degree."""
+    degree, knots = entity.dxf.degree, np.array(entity.knots)
+    control = np.array([tuple(point)[:2] for point in entity.control_points], dtype=np.float64)
+    weights = np.array(entity.weights if len(entity.weights) else np.ones(len(control)))
+    counted = len(knots) == len(control) + degree + 1 and (np.diff(knots) >= 0.0).all()
+    if not counted or not _sane(control, 1.0) or not np.isfinite(knots).all() or not (weights > 0.0).all():
+        raise ValueError("no spline")
+    homogeneous = BSpline(knots, np.column_stack([control * weights[:, None], weights]), degree)
+    spans = np.unique(knots[degree : len(control) + 1])
+
+    def piece(low: float, high: float, parameters: Array) -> Array:
+        values = homogeneous(low + (high - low) * parameters)
+        return np.asarray(values[:, :2] / values[:, 2:])
+
+    return np.concatenate(
+        [pieces.flattened(partial(piece, low, high), tolerance) for low, high in pairwise(spans.tolist())]
+    )
+
+
+def _sane(points: Array, scale: float) -> bool:
+    return (
+        bool(np.isfinite(points).all())
+        and float(np.abs(points).max(initial=0.0)) * scale <= pieces.LARGEST_MM
+    )

@@ -1,0 +1,173 @@
+"""Lines that meet, cross or lie upon each other become regions: nodes, faces, and faces that share an edge.
+
+GEOS nodes the lines by snap rounding and finds the faces that they bound (`polygonize`).
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+from shapely.ops import substring
+
+from planner.arrays import Array, BoolArray, IntArray
+
+GRID_MM = 1e-6  # Of the snap rounding: what differs by less is a rounding error of the file
+BESIDE_MM = 1e-5  # A noded line lies no further from the one that it was
+
+
+class Region(NamedTuple):
+    """One face, or several that share edges, joined."""
+
+    ring: Array  # (n, 2) outer boundary, not closed [mm]
+    seams: list[Array]  # lines (n, 2) that two of its faces share [mm]
+
+
+class Regions(NamedTuple):
+    """What lines bound."""
+
+    regions: list[Region]
+    loose: list[Array]  # lines (n, 2) that bound no face [mm]
+    repeated_mm: float  # length of the lines that lie upon others
+
+
+class _Ends(NamedTuple):
+    """Ends of chains that meet no other line."""
+
+    points: Array  # (n, 2)
+    chain: IntArray  # (n,) index of the chain that ends there
+    last: BoolArray  # (n,) whether it is the chain's last point
+
+
+def regions(lines: Sequence[Array], join_mm: float) -> Regions:
+    """The regions that lines (n, 2) [mm] bound; gaps of up to `join_mm` at their ends are closed.
+
+    Faces thinner than `join_mm` lie between two drawings of one line; they join their neighbours, too, but
+    make no seams.
+    """
+    if not lines:
+        return Regions([], [], 0.0)
+    drawn = [shapely.LineString(line) for line in lines]
+    noded = shapely.union_all(drawn, grid_size=GRID_MM)
+    repeated_mm = float(shapely.length(drawn).sum() - noded.length)
+    faces, cuts, dangles, _ = shapely.polygonize_full([_bridged(noded, join_mm)])
+    polygons = shapely.get_parts(faces)
+    loose = np.concatenate([shapely.get_parts(cuts), shapely.get_parts(dangles)])
+    loose = loose[shapely.length(loose) > join_mm]
+    if not len(polygons):
+        return Regions([], _coordinates(loose), repeated_mm)
+    thin = shapely.area(polygons) <= 0.5 * join_mm * shapely.length(shapely.get_exterior_ring(polygons))
+    repeated_mm += 0.5 * float(shapely.length(polygons[thin]).sum())
+    return Regions(_joined(polygons, thin), _coordinates(loose), repeated_mm)
+
+
+def _coordinates(lines: Array) -> list[Array]:
+    return [shapely.get_coordinates(line) for line in lines]
+
+
+def _bridged(noded: shapely.Geometry, join_mm: float) -> shapely.Geometry:
+    """Noded lines with the narrow gaps at their free ends closed by lines."""
+    chains = shapely.get_parts(shapely.line_merge(noded))
+    ends = _free_ends(chains, join_mm)
+    if not len(ends.points):
+        return noded
+    paired, bridges = _pairs(chains, ends, join_mm)
+    tree = shapely.STRtree(chains)
+    for k in np.flatnonzero(~paired):
+        if (bridge := _to_nearest(tree, ends, int(k), join_mm)) is not None:
+            bridges.append(bridge)
+    return shapely.union_all([*chains, *bridges], grid_size=GRID_MM) if bridges else noded
+
+
+def _free_ends(chains: Array, join_mm: float) -> _Ends:
+    """The ends of chains where no other line begins, but for those of short overshoots."""
+    points = np.concatenate([shapely.get_coordinates(shapely.get_point(chains, index)) for index in (0, -1)])
+    chain = np.tile(np.arange(len(chains)), 2)
+    last = np.repeat([False, True], len(chains))
+    _, name, count = np.unique(points, axis=0, return_inverse=True, return_counts=True)
+    free = count[name.ravel()] == 1
+    other_free = np.concatenate([free[len(chains) :], free[: len(chains)]])
+    free &= other_free | (shapely.length(chains)[chain] > join_mm)
+    return _Ends(points[free], chain[free], last[free])
+
+
+def _pairs(chains: Array, ends: _Ends, join_mm: float) -> tuple[BoolArray, list[shapely.Geometry]]:
+    """Which ends have another free end near them (n,), the nearest first, and the lines between the two.
+
+    The two ends of a chain that is hardly longer than the gap belong to different neighbours.
+    """
+    pairs = cKDTree(ends.points).query_pairs(join_mm, output_type="ndarray")
+    gaps = np.hypot(*(ends.points[pairs[:, 0]] - ends.points[pairs[:, 1]]).T)
+    lengths = shapely.length(chains)
+    paired = np.zeros(len(ends.points), np.bool_)
+    bridges = []
+    for one, other in pairs[np.lexsort((pairs[:, 1], pairs[:, 0], gaps))]:
+        short = ends.chain[one] == ends.chain[other] and lengths[ends.chain[one]] <= 4.0 * join_mm
+        if not (paired[one] or paired[other] or short):
+            paired[[one, other]] = True
+            bridges.append(shapely.LineString(ends.points[[one, other]]))
+    return paired, bridges
+
+
+def _to_nearest(tree: shapely.STRtree, ends: _Ends, k: int, join_mm: float) -> shapely.Geometry | None:
+    """The shortest line from an end to a line within `join_mm`, its own chain's far part included."""
+    end, index = shapely.Point(ends.points[k]), int(ends.chain[k])
+    near = tree.query(end, predicate="dwithin", distance=join_mm)
+    lines = [tree.geometries[j] for j in near if j != index]
+    chain = tree.geometries[index]
+    if chain.length > 4.0 * join_mm:
+        away = 4.0 * join_mm
+        lines.append(substring(chain, 0.0, -away) if ends.last[k] else substring(chain, away, chain.length))
+    distances = [line.distance(end) for line in lines]
+    if not distances or not 0.0 < min(distances) <= join_mm:
+        return None
+    return shapely.shortest_line(end, lines[int(np.argmin(distances))])
+
+
+def _joined(polygons: Array, thin: BoolArray) -> list[Region]:
+    """Faces that share an edge of their outer boundaries as one region; `thin` ones make no seams."""
+    segments, faces = _shared_edges(polygons)
+    links = coo_array((np.ones(len(faces)), faces.T), shape=(len(polygons), len(polygons)))
+    count, group = connected_components(links, directed=False)
+    seam = ~thin[faces].any(axis=1) if len(faces) else np.empty(0, np.bool_)
+    result = []
+    order = np.argsort(group, kind="stable")
+    for members in np.split(order, np.searchsorted(group[order], np.arange(1, count))):
+        filled = shapely.polygons(shapely.get_exterior_ring(polygons[members]))
+        whole = shapely.get_parts(shapely.union_all(filled)) if len(members) > 1 else filled
+        seams = []
+        if len(members) > 1:
+            inside = segments[seam & (group[faces[:, 0]] == group[members[0]])]
+            seams = _coordinates(shapely.get_parts(shapely.line_merge(shapely.multilinestrings(inside))))
+        result += [Region(shapely.get_coordinates(part.exterior)[:-1], seams) for part in whole]
+    return result
+
+
+def _shared_edges(polygons: Array) -> tuple[Array, IntArray]:
+    """Segments (n, 2, 2) that two outer boundaries share, and whose (n, 2) they are."""
+    points, owner = shapely.get_coordinates(shapely.get_exterior_ring(polygons), return_index=True)
+    same = owner[1:] == owner[:-1]
+    first, second, owner = points[:-1][same], points[1:][same], owner[:-1][same]
+    back = (first[:, 0] > second[:, 0]) | ((first[:, 0] == second[:, 0]) & (first[:, 1] > second[:, 1]))
+    segments = np.where(back[:, None], np.hstack([second, first]), np.hstack([first, second]))
+    order = np.lexsort(segments.T)
+    twice = np.flatnonzero((segments[order[1:]] == segments[order[:-1]]).all(axis=1))
+    pairs = np.column_stack([owner[order[twice]], owner[order[twice + 1]]])
+    return segments[order[twice]].reshape(-1, 2, 2), pairs
+
+
+def overrun(region: Region, loose: Sequence[Array], lines: shapely.STRtree) -> int | None:
+    """A line that bounds a region and goes on beyond it, as an extension line does; None where none does."""
+    if not loose:
+        return None
+    edges = shapely.linestrings(np.stack([region.ring, np.roll(region.ring, -1, axis=0)], axis=1))
+    bounding, beyond = (
+        lines.query(
+            shapely.line_interpolate_point(each, 0.5, normalized=True), "dwithin", distance=BESIDE_MM
+        )[1]
+        for each in (edges, [shapely.LineString(line) for line in loose])
+    )
+    return min(set(bounding.tolist()) & set(beyond.tolist()), default=None)

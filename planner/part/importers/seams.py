@@ -1,0 +1,89 @@
+"""Lines inside a contour that two of its faces share: bend lines, or signs that it is not the outline."""
+
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+
+from planner.arrays import Array
+from planner.part.importers import noding
+from planner.part.importers.pieces import place
+
+LISTED = 6
+
+
+class Drawn(NamedTuple):
+    """Lines of a drawing that may bound something, about a local origin."""
+
+    lines: list[Array]  # each (n, 2) [mm]; a ring ends where it begins
+    layers: list[str]  # of each; "" in formats that have none
+    origin: Array  # (2,) [mm] in the drawing
+    tree: shapely.STRtree  # of the lines
+
+
+class Meaning(NamedTuple):
+    """What the seams of a region say about it; "" where they say nothing."""
+
+    note: str = ""  # that faces were joined, and along which lines
+    ambiguity: str = ""  # why the contour may be another one, and what to do
+
+
+def meaning(region: noding.Region, loose: list[Array], drawn: Drawn, join_mm: float) -> Meaning:
+    """What the seams of a region say; `loose` lines bound nothing.
+
+    A region is ambiguous where closed contours overlap in it, where one of its lines goes on beyond it, as
+    the extension lines of a dimension do, or where no layer alone bounds it, but one bounds something else.
+    """
+    if not region.seams:
+        return Meaning()
+    named = [_named(seam, drawn) for seam in region.seams[:LISTED]]
+    more = len(region.seams) - LISTED
+    what = "line" if len(region.seams) == 1 else "lines"
+    lines = "; ".join(named) + (f"; and {more} more" if more > 0 else "")
+    remedy = "leave out of the drawing what is no outline"
+    if any(drawn.layers):
+        remedy = "choose the outline's layer with --layer, or leave out what is no outline"
+    note = f"faces that share the {what} {lines} are one contour; if they are not one part, {remedy}"
+    loops = [seam for seam in region.seams if np.array_equal(seam[0], seam[-1])]
+    if loops:
+        cross = place(loops[0][0] + drawn.origin)
+        return Meaning(note, f"closed contours overlap near {cross} mm; draw the outline as one, or {remedy}")
+    beyond = noding.overrun(region, loose, drawn.tree)
+    if beyond is not None:
+        line = _named(drawn.lines[beyond], drawn)
+        return Meaning(note, f"the line {line} bounds the contour and goes on beyond it; {remedy}")
+    if layer := _differing_layer(region, drawn, join_mm):
+        return Meaning(
+            note, f"layer {layer} bounds one contour alone, another one with the {what} {lines}; {remedy}"
+        )
+    return Meaning(note)
+
+
+def _named(points: Array, drawn: Drawn) -> str:
+    """A line (n, 2) for people: where it runs, and on which layers."""
+    ends = " to ".join(place(end + drawn.origin) for end in sorted(points[[0, -1]].tolist()))
+    middle = shapely.line_interpolate_point(shapely.LineString(points), 0.5, normalized=True)
+    near = drawn.tree.query(middle, "dwithin", distance=noding.BESIDE_MM)
+    layers = {drawn.layers[k] for k in near} - {""}
+    return f"from {ends} mm" + (f" (layer {', '.join(sorted(layers))})" if layers else "")
+
+
+def _differing_layer(region: noding.Region, drawn: Drawn, join_mm: float) -> str:
+    """A layer that alone bounds something else than the region; "" where one bounds it, or none anything."""
+    face = _filled(region)
+    near = drawn.tree.query(face, "dwithin", distance=join_mm)
+    layers = sorted({drawn.layers[k] for k in near})
+    differing = ""
+    for layer in layers if len(layers) > 1 else ():
+        bounded = noding.regions([drawn.lines[k] for k in near if drawn.layers[k] == layer], join_mm).regions
+        if not bounded:
+            continue
+        apart = shapely.symmetric_difference(face, shapely.union_all([_filled(each) for each in bounded]))
+        if apart.area <= join_mm * face.length:
+            return ""
+        differing = layer
+    return differing
+
+
+def _filled(region: noding.Region) -> shapely.Geometry:
+    return shapely.make_valid(shapely.Polygon(region.ring))

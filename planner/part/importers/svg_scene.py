@@ -1,0 +1,180 @@
+"""What an SVG drawing shows: its tree walked as a viewer does, copies (`use`) written out.
+
+Definitions (`defs`, `symbol`, `marker`, `mask`, `clipPath`, `pattern`) show only where a copy places them.
+"""
+
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+from xml.etree import ElementTree as Tree
+
+import numpy as np
+import shapely
+
+from planner.arrays import Array
+from planner.errors import OutlineError
+from planner.part.importers import pieces
+from planner.part.importers.svg_shapes import SHAPES
+from planner.part.importers.svg_style import INHERITED, Sheets, Style, paints, shows
+from planner.part.importers.svg_values import Values, Viewport
+
+MAX_DEPTH = 100
+XLINK = "{http://www.w3.org/1999/xlink}href"
+SIZES = ("width", "height")
+GROUPS = frozenset({"svg", "g", "a", "switch", "use"})
+STRAYS = frozenset({"text", "image", "foreignObject"})
+CONDITIONS = ("requiredExtensions", "systemLanguage")  # on which a viewer draws a child of `switch`
+
+
+class Shape(NamedTuple):
+    """A shape that is seen."""
+
+    kind: str  # one of `SHAPES`
+    values: Values
+    matrix: Array  # (3, 3) from its user units to the drawing's
+    window: shapely.Geometry | None  # what is seen, in the drawing's user units; None for all
+
+
+class Frame(NamedTuple):
+    """What an element has from those around it."""
+
+    matrix: Array  # (3, 3)
+    style: Style
+    viewport: Viewport
+    window: shapely.Geometry | None = None  # as of `Shape`
+    above: tuple[int, ...] = ()  # ids of the elements that it lies in
+
+
+class Scene:
+    """The shapes of a drawing, and what else became of its elements."""
+
+    def __init__(
+        self, root: Tree.Element, sheets: Sheets, viewport: Viewport, unit_mm: float, where: str
+    ) -> None:
+        self.unseen = 0  # elements that are hidden, transparent or without paint
+        self.cut = 0  # elements that a clip path, mask or viewport cuts
+        self.strays = Counter[str]()  # elements that are seen and no outlines
+        self.missing: list[str] = []  # what is copied and not there
+        self._root, self._viewport, self._unit_mm, self._where = root, viewport, unit_mm, where
+        self._namespace = str(root.tag).rpartition("}")[0]
+        self._sheets = sheets
+        self._named: dict[str, Tree.Element] = {}
+        for element in root.iter():
+            self._named.setdefault(element.get("id", ""), element)
+        self._elements = 0
+
+    def shapes(self) -> Iterator[Shape]:
+        """The shapes that are seen, in the order in which they are drawn.
+
+        Raises:
+            InputFileError: an attribute is malformed.
+            OutlineError: there are too many, or an element contains itself.
+        """
+        return self._draw(self._root, Frame(np.eye(3), INHERITED, self._viewport), None)
+
+    def notes(self) -> list[str]:
+        """What a reader should know of the elements that are not among the shapes."""
+        notes = []
+        if self.unseen:
+            why = "hidden, transparent, out of sight, or neither filled nor stroked"
+            notes.append(f"not seen ({why}), left out: {self.unseen} of its elements")
+        if self.cut:
+            notes.append(f"cut by clip paths, masks or viewports, taken whole: {self.cut} of its elements")
+        if self.strays:
+            kinds = ", ".join(f"{n} {kind}" for kind, n in sorted(self.strays.items()))
+            notes.append(f"not outlines, ignored: {kinds}")
+        if self.missing:
+            notes.append(f"copied, but not in the file: {', '.join(dict.fromkeys(self.missing))}")
+        return notes
+
+    def _draw(self, element: Tree.Element, around: Frame, copy: Values | None) -> Iterator[Shape]:
+        """The shapes of one element; `copy` is the `use` that places it."""
+        kind = self._kind(element)
+        if not (kind in SHAPES or kind in GROUPS or kind in STRAYS or (kind == "symbol" and copy)):
+            return
+        self._count(element, around)
+        name = f" {element.get('id')!r}" if element.get("id") else ""
+        where = f"{self._where}: <{kind}>{name}"
+        style = self._sheets.style(element, around.style)
+        values = Values(style, around.viewport, self._unit_mm, where)
+        if not shows(style, where):
+            self.unseen += 1
+            return
+        self.cut += any(style.get(name, "none").strip() != "none" for name in ("clip-path", "mask"))
+        matrix = around.matrix @ values.transform()
+        frame = Frame(matrix, style, around.viewport, around.window, (*around.above, id(element)))
+        if kind in SHAPES:
+            if paints(style, values.size("stroke-width"), where):
+                yield Shape(kind, values, matrix, around.window)
+            else:
+                self.unseen += 1
+        elif kind in STRAYS:
+            self.strays[kind] += 1
+        elif kind == "use":
+            yield from self._copy(element, frame, values)
+        else:
+            inside = frame if element is self._root else self._viewed(kind, frame, values, copy)
+            if inside is not None:
+                for child in self._children(element):
+                    yield from self._draw(child, inside, None)
+
+    def _copy(self, element: Tree.Element, frame: Frame, values: Values) -> Iterator[Shape]:
+        link = (element.get("href") or element.get(XLINK) or "").strip()
+        target = self._named.get(link[1:]) if link.startswith("#") and link != "#" else None
+        if target is None:
+            self.missing.append(link or "<use> without href")
+            return
+        place = np.eye(3)
+        place[:2, 2] = values.at("x"), values.at("y")
+        yield from self._draw(target, frame._replace(matrix=frame.matrix @ place), values)
+
+    def _viewed(self, kind: str, frame: Frame, values: Values, copy: Values | None) -> Frame | None:
+        """The frame inside a group; None where it shows nothing, being of no extent."""
+        if kind not in ("svg", "symbol"):
+            return frame
+        texts = {name: (copy and copy.style.get(name)) or values.style.get(name) for name in SIZES}
+        sizes = {name: text if text and text.strip() != "auto" else "100%" for name, text in texts.items()}
+        values = values._replace(style={**values.style, **sizes})
+        box = values.box()
+        known = None not in frame.viewport
+        size = Viewport(*(values.size(name) if known or "%" not in sizes[name] else None for name in SIZES))
+        if 0.0 in size or (box is not None and 0.0 in box[2:]):
+            return None
+        window = self._window(frame, values, size)
+        place = np.eye(3)
+        place[:2, 2] = values.at("x"), values.at("y")
+        fit = place if box is None else values.fitted(box, size)
+        inner = size if box is None else Viewport(*box[2:])
+        return frame._replace(matrix=frame.matrix @ fit, viewport=inner, window=window)
+
+    def _window(self, frame: Frame, values: Values, size: Viewport) -> shapely.Geometry | None:
+        """What is seen through a viewport at the element's x and y, and those around it."""
+        width, height = size
+        overflow = values.style.get("overflow", "hidden").split()
+        if width is None or height is None or "visible" in overflow or "auto" in overflow:
+            return frame.window
+        x, y = values.at("x"), values.at("y")
+        corners = np.array([[x, y], [x + width, y], [x + width, y + height], [x, y + height]])
+        window = shapely.polygons(corners @ frame.matrix[:2, :2].T + frame.matrix[:2, 2])
+        return window if frame.window is None else shapely.intersection(window, frame.window)
+
+    def _children(self, element: Tree.Element) -> Iterable[Tree.Element]:
+        if self._kind(element) != "switch":
+            return element
+        free = (child for child in element if not any(child.get(name) for name in CONDITIONS))
+        return [child for child in free if self._kind(child) in GROUPS | SHAPES | STRAYS][:1]
+
+    def _count(self, element: Tree.Element, around: Frame) -> None:
+        if id(element) in around.above or len(around.above) > MAX_DEPTH:
+            problem = "is nested too deeply, or in itself; export it again"
+            raise OutlineError(problem, where=self._where)
+        self._elements += 1
+        if self._elements > pieces.MAX_SHAPES:
+            raise pieces.too_much(
+                self._where, f"draws more than {pieces.MAX_SHAPES} shapes, its copies written out"
+            )
+
+    def _kind(self, element: Tree.Element) -> str:
+        """An element's name in SVG, empty for those of other vocabularies."""
+        namespace, _, name = str(element.tag).rpartition("}")
+        return name if namespace == self._namespace else ""

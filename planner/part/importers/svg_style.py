@@ -1,0 +1,112 @@
+"""How SVG elements look: presentation attributes, style sheets and `style`, as CSS cascades them.
+
+Selectors are matched by cssselect2, declarations and colours parsed by tinycss2.
+"""
+
+import re
+from collections.abc import Iterable, Mapping
+from xml.etree import ElementTree as Tree
+
+import cssselect2
+import tinycss2
+from tinycss2.color4 import parse_color
+
+from planner.errors import InputFileError
+
+INHERITED = {
+    "color": "black",
+    "visibility": "visible",
+    "fill": "black",
+    "stroke": "none",
+    "fill-opacity": "1",
+    "stroke-opacity": "1",
+    "stroke-width": "1",
+}
+"""Properties that an element has from its parent, and their initial values."""
+SHARE = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(%?)\s*")
+SCREEN = ("", "all", "screen")  # media whose style sheets count
+
+Style = Mapping[str, str]
+"""The properties of one element, lower-case names; those of `INHERITED` are always there."""
+
+
+class Sheets:
+    """The style sheets of a drawing."""
+
+    def __init__(self, root: Tree.Element) -> None:
+        self._matcher = cssselect2.Matcher()
+        self._empty = True
+        for element in root.iter():
+            is_sheet = isinstance(element.tag, str) and element.tag.rpartition("}")[2] == "style"
+            if is_sheet and element.get("media", "").strip() in SCREEN:
+                self._add("".join(element.itertext()))
+        every = () if self._empty else cssselect2.ElementWrapper.from_xml_root(root).iter_subtree()
+        self._wrappers = {wrapper.etree_element: wrapper for wrapper in every}
+
+    def style(self, element: Tree.Element, parent: Style) -> Style:
+        """The properties of an element, inherited ones included."""
+        rules = self._matcher.match(self._wrappers[element]) if self._wrappers else ()
+        sheet = [declaration for *_, content in rules for declaration in content]
+        inline = _declarations(element.get("style", ""))
+        last = [each for each in (*sheet, *inline) if each.important]
+        stated = {name: value for name, value in element.attrib.items() if not name.startswith("{")}
+        for each in (*(each for each in (*sheet, *inline) if not each.important), *last):
+            stated[each.lower_name] = tinycss2.serialize(each.value).strip()
+        computed = {name: parent[name] for name in INHERITED}
+        for name, value in stated.items():
+            word = value.strip().lower()
+            if word == "inherit":
+                computed[name] = parent.get(name, "")
+            elif word in ("initial", "unset", "revert"):
+                computed[name] = INHERITED.get(name, "") if word == "initial" else computed.get(name, "")
+            else:
+                computed[name] = value
+        return computed
+
+    def _add(self, sheet: str) -> None:
+        for rule in tinycss2.parse_stylesheet(sheet, skip_comments=True, skip_whitespace=True):
+            if rule.type != "qualified-rule":
+                continue
+            try:
+                selectors = cssselect2.compile_selector_list(rule.prelude)
+            except cssselect2.SelectorError:  # such a rule counts for nothing, says CSS
+                continue
+            content = _declarations(rule.content)
+            self._empty = False
+            for selector in selectors:
+                self._matcher.add_selector(selector, content)
+
+
+def shows(style: Style, where: str) -> bool:
+    """Whether an element shows anything of itself and of what it contains."""
+    return style.get("display", "").strip() != "none" and _share(style, "opacity", where) > 0.0
+
+
+def paints(style: Style, stroke_width: float, where: str) -> bool:
+    """Whether a shape is seen: visible, and filled or stroked with some colour."""
+    filled = _inks(style, "fill", where)
+    stroked = stroke_width > 0.0 and _inks(style, "stroke", where)
+    return style["visibility"].strip() == "visible" and (filled or stroked)
+
+
+def _inks(style: Style, what: str, where: str) -> bool:
+    paint = style[what].strip()
+    if paint.lower() == "currentcolor":
+        paint = style["color"].strip()
+    colour = parse_color(paint)
+    clear = getattr(colour, "alpha", 1.0) == 0.0
+    return paint.lower() != "none" and not clear and _share(style, f"{what}-opacity", where) > 0.0
+
+
+def _share(style: Style, name: str, where: str) -> float:
+    text = style.get(name) or "1"
+    share = SHARE.fullmatch(text)
+    if share is None:
+        problem = f"{name}={text[:40]!r} is no number; correct it in the drawing"
+        raise InputFileError(problem, where=where)
+    return float(share[1])
+
+
+def _declarations(content: str | Iterable[object]) -> list[tinycss2.ast.Declaration]:
+    every = tinycss2.parse_blocks_contents(content, skip_comments=True, skip_whitespace=True)
+    return [each for each in every if each.type == "declaration"]

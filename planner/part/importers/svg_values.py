@@ -1,0 +1,167 @@
+"""Numbers of SVG attributes: lengths, lists, transforms and view boxes. What is malformed is refused."""
+
+import math
+import re
+from typing import NamedTuple
+
+import numpy as np
+import svgelements
+
+from planner.arrays import Array
+from planner.errors import InputFileError
+from planner.part.importers.svg_style import Style
+
+NUMBER = r"(?>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
+GAP = r"(?>\s*,?\s*)"
+LENGTH = re.compile(rf"\s*({NUMBER})\s*(mm|cm|in|pt|pc|Q|px|%)?\s*", re.IGNORECASE)
+APART = r"(?!\.)"  # 1.1.1 is two numbers in a path alone
+LIST = re.compile(rf"\s*(?:{NUMBER}{APART}{GAP})*")
+CALL = rf"([a-zA-Z]+)\s*\(\s*((?:{NUMBER}{APART}(?:px|deg|grad|rad|turn)?{GAP})*)\)"
+CALLS = re.compile(rf"\s*(?:{CALL}{GAP})*")
+PHYSICAL_MM = {"mm": 1.0, "cm": 10.0, "in": 25.4, "pt": 25.4 / 72, "pc": 25.4 / 6, "q": 0.25}
+PIXEL_MM = 25.4 / 96  # CSS; what a user unit is where no view box says otherwise
+ARGUMENTS = {
+    "matrix": (6,),
+    "translate": (1, 2),
+    "translatex": (1,),
+    "translatey": (1,),
+    "scale": (1, 2),
+    "scalex": (1,),
+    "scaley": (1,),
+    "rotate": (1, 3),
+    "skewx": (1,),
+    "skewy": (1,),
+}
+ACROSS = frozenset({"x", "cx", "rx", "x1", "x2", "width"})  # a share of these is one of the viewport's width
+ALONG = frozenset({"y", "cy", "ry", "y1", "y2", "height"})  # and of these of its height
+PLACES = ACROSS | ALONG | {"r"}
+EDGES = {"left": "0%", "top": "0%", "center": "50%", "right": "100%", "bottom": "100%"}
+ASPECT = re.compile(r"\s*(?:defer\s+)?(none|x(?:Min|Mid|Max)Y(?:Min|Mid|Max))(?:\s+(meet|slice))?\s*")
+
+
+class Viewport(NamedTuple):
+    """What percentages refer to, in user units; None where nobody says."""
+
+    width: float | None
+    height: float | None
+
+
+class Length(NamedTuple):
+    """A length as it is written."""
+
+    value: float
+    unit: str  # lower case; empty for user units
+
+
+class Values(NamedTuple):
+    """The attributes of one element, as numbers in user units."""
+
+    style: Style
+    viewport: Viewport
+    unit_mm: float  # what one unit of the drawing's outermost system is
+    where: str  # file and element, for errors
+
+    def stated(self, name: str) -> Length | None:
+        """A length as it is written; None where it is not stated, or `auto`.
+
+        Raises:
+            InputFileError: it is malformed.
+        """
+        text = self.style.get(name, "").strip()
+        if text in ("auto", ""):
+            return None
+        parts = LENGTH.fullmatch(text)
+        if parts is None or not math.isfinite(float(parts[1])):
+            raise self.error(name, "is no length in mm, cm, in, pt, pc, Q, px, % or user units")
+        return Length(float(parts[1]), (parts[2] or "").lower())
+
+    def length(self, name: str) -> float | None:
+        """A length in user units; None where it is not stated, or `auto`.
+
+        Raises:
+            InputFileError: it is malformed, or a share of an unknown size.
+        """
+        stated = self.stated(name)
+        if stated is None:
+            return None
+        if stated.unit != "%":
+            return stated.value * PHYSICAL_MM.get(stated.unit, self.unit_mm) / self.unit_mm
+        width, height = self.viewport
+        if name in ACROSS or name in ALONG:
+            whole = width if name in ACROSS else height
+        else:
+            whole = None if width is None or height is None else math.hypot(width, height) / math.sqrt(2.0)
+        if whole is None:
+            raise self.error(name, "is a share of a size that nobody states")
+        return 0.01 * stated.value * whole
+
+    def size(self, name: str) -> float:
+        """A length that is not negative, 0 where it is not stated."""
+        value = self.length(name) or 0.0
+        if value < 0.0:
+            raise self.error(name, "is negative")
+        return value
+
+    def at(self, name: str) -> float:
+        """A coordinate, 0 where it is not stated."""
+        return self.length(name) or 0.0
+
+    def numbers(self, name: str) -> list[float]:
+        """A list of plain numbers."""
+        text = self.style.get(name, "")
+        if not LIST.fullmatch(text):
+            raise self.error(name, "is no list of numbers")
+        return [float(number) for number in re.findall(NUMBER, text)]
+
+    def transform(self) -> Array:
+        """The element's own transform (3, 3), of columns (x, y, 1)."""
+        text = self.style.get("transform", "none").strip()
+        if text in ("none", ""):
+            return np.eye(3)
+        calls = re.findall(CALL, text)
+        if not CALLS.fullmatch(text) or not all(
+            len(re.findall(NUMBER, inside)) in ARGUMENTS.get(name.lower(), ()) for name, inside in calls
+        ):
+            raise self.error("transform", "is no transform")
+        parsed = svgelements.Matrix(text)
+        matrix = np.array([[parsed.a, parsed.c, parsed.e], [parsed.b, parsed.d, parsed.f], [0.0, 0.0, 1.0]])
+        origin = np.eye(3)
+        origin[:2, 2] = self._origin()
+        return np.asarray(origin @ matrix @ np.linalg.inv(origin))
+
+    def box(self) -> list[float] | None:
+        """The view box: least x and y, width and height; None where there is none."""
+        if not self.style.get("viewBox", "").strip():
+            return None
+        box = self.numbers("viewBox")
+        if len(box) != 4 or min(box[2:]) < 0.0:
+            raise self.error("viewBox", "is no view box of four numbers")
+        return box
+
+    def fitted(self, box: list[float], size: Viewport) -> Array:
+        """The transform (3, 3) that fits a view box into a viewport at the element's x and y."""
+        if size.width is None or size.height is None:
+            raise self.error("viewBox", "is drawn at a size that nobody states")
+        aspect = ASPECT.fullmatch(self.style.get("preserveAspectRatio", ""))
+        how = f"{aspect[1]} {aspect[2] or 'meet'}" if aspect else None
+        place = self.at("x"), self.at("y"), size.width, size.height
+        parsed = svgelements.Matrix(svgelements.Viewbox.viewbox_transform(*place, *box, how))
+        return np.array([[parsed.a, 0.0, parsed.e], [0.0, parsed.d, parsed.f], [0.0, 0.0, 1.0]])
+
+    def error(self, name: str, problem: str) -> InputFileError:
+        """What is wrong with an attribute."""
+        text = " ".join(self.style.get(name, "").split())
+        text = text if len(text) <= 40 else f"{text[:37]}..."
+        return InputFileError(f'{name}="{text}" {problem}; correct it in the drawing', where=self.where)
+
+    def _origin(self) -> tuple[float, float]:
+        words = self.style.get("transform-origin", "").split()[:2]
+        if not words:
+            return 0.0, 0.0
+        if self.style.get("transform-box", "view-box").strip() != "view-box":
+            raise self.error("transform-box", "is not read")
+        if words[0] in ("top", "bottom") or (len(words) > 1 and words[1] in ("left", "right")):
+            words.reverse()
+        words = [EDGES.get(word, word) for word in (*words, "center")]
+        placed = self._replace(style={"x": words[0], "y": words[1]})
+        return placed.at("x"), placed.at("y")

@@ -1,0 +1,62 @@
+"""The answer of `squeezetree try` as lines for people."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from planner.evaluation.shares import in_percent, shares_of
+from planner.report.verdict import Verdict, Weakest, error_text, told_conditions
+
+QUESTION = "Can it be located by squeezing?"
+
+
+class Answer(NamedTuple):
+    """What is found of a part."""
+
+    short: str  # a grade; where the search is not done "cut" or, for most parts, "unknown"
+    verdict: Verdict  # on the plan as it is
+    figures: dict[str, Any]  # as `Evaluation.summary` returns them
+    most_squeezes: int
+    worst: Weakest | None
+    limits: list[str]  # what limits the plan, one sentence each
+    restrictions: list[str]  # what is assumed because the part is large, as clauses: "within 1 mm of ..."
+    confidence: float  # share of the parts that the goal asks for
+
+    def short_text(self) -> str:
+        """The answer in one sentence, with what it is restricted to and what it depends on."""
+        if self.short == "poor":
+            return "Not well enough: see what limits it."
+        if self.short == "unknown":
+            return "Not known yet: the search is not done for most parts; give it a longer --budget."
+        share = self.figures["success_rate"]
+        located = f"for {in_percent(shares_of(self.figures).located)} of the parts"
+        reservation = "" if share >= self.confidence else located
+        if self.short == "cut":
+            reservation = "as far as the search came; plan for longer to know the rest"
+        conditions = told_conditions(self.verdict.conditions)
+        parts = ["Yes", " and ".join(self.restrictions), conditions, reservation]
+        return ", ".join(filter(None, parts)) + "."
+
+    def lines(self) -> list[str]:
+        """Everything there is to say, the answer first."""
+        figures, shares = self.figures, shares_of(self.figures)
+        low, high = figures["success_ci95"]
+        others = {"wrong": shares.wrong, "given up": shares.unresolved, "rejected": shares.rejected}
+        if figures["crashes"]:
+            others["under a finger"] = shares.crashed
+        rest = ", ".join(f"{word} {in_percent(share)}" for word, share in others.items())
+        error = error_text(figures["error_mm"]).removeprefix("expected error ")
+        squeezes = f"{figures['mean_squeezes']:.2f} squeezes a part, {self.most_squeezes} at most"
+        return [
+            f"{QUESTION} {self.short_text()}",
+            *(f"Warning: {line}." for line in self.verdict.warnings),
+            f"The plan {self.verdict.sentence}.",
+            f"located    {in_percent(shares.located)} (95 % interval {low:.2%} to {high:.2%}), {rest}",
+            f"error      {error}",
+            f"effort     {squeezes}; {figures['mean_seconds']:.1f} s",
+            f"weakest    {self.worst.text() if self.worst else 'not tried'}",
+            *_block("limit", self.limits),
+        ]
+
+
+def _block(head: str, lines: Sequence[str]) -> list[str]:
+    return [f"{head if not k else '':10s} {line}" for k, line in enumerate(lines)]

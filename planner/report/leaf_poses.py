@@ -1,0 +1,58 @@
+"""Where the parts of each leaf lie in the stated cell, beside the pose that the leaf answers.
+
+A leaf's pose is the one that is within the goal of most parts in all cells that the job doubts. In the stated
+cell alone their mean may lie elsewhere, on purpose.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from planner.evaluation.judge import metric_of_table
+from planner.evaluation.outcome import Evaluation
+from planner.frames import wrap
+from runtime.table import Table, predicted_pose
+
+WORTH_TELLING_MM = 0.1  # a mean pose farther than this from the answer is no rounding
+LEAST_PARTS = 20  # fewer have no mean that tells anything
+
+
+class Mean(NamedTuple):
+    """The mean pose of a leaf's parts in the stated cell."""
+
+    x_mm: float
+    y_mm: float
+    theta_rad: float
+    apart_mm: float  # the goal's distance from the pose that the leaf answers
+
+    @property
+    def deliberate(self) -> bool:
+        """Whether the answer lies beside it."""
+        return self.apart_mm > WORTH_TELLING_MM
+
+
+def means(table: Table, evaluation: Evaluation) -> list[Mean | None]:
+    """The mean for each leaf of a table, of the parts for which its first pose holds; None of too few."""
+    metric = metric_of_table(table)
+    audit = metric._replace(kind="pose", distance_mm=metric.distance_mm or 1.0, identify=False)
+    found: list[Mean | None] = []
+    for index, leaf in enumerate(table.leaves):
+        here = (evaluation.leaf == index) & (evaluation.traits["hypothesis"] == leaf.hypothesis)
+        order = (metric.order, *(order for _, order in metric.further))[leaf.hypothesis]
+        pose = np.array(predicted_pose(leaf))
+        off = evaluation.poses[here] - pose
+        off[:, 2] = wrap(off[:, 2], order)
+        # The first pose alone: parts at one of the others lie where that one says.
+        state = np.array([*pose, leaf.hypothesis])
+        near = audit.reached(
+            np.column_stack([evaluation.poses[here], np.full(len(off), leaf.hypothesis)]), state
+        )
+        if not leaf.resolved or near.sum() < LEAST_PARTS:
+            found.append(None)
+            continue
+        mean = off[near].mean(axis=0)
+        at = pose + mean
+        apart = float(audit.between(np.array([*at, leaf.hypothesis]), state))
+        found.append(Mean(float(at[0]), float(at[1]), math.remainder(float(at[2]), math.tau), apart))
+    return found

@@ -1,0 +1,114 @@
+"""The deadline of one squeeze, checked while its devices are waited for, and which of them exceeded it."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from math import inf
+from typing import Any, NamedTuple, TypeVar, cast
+
+from runtime.devices.clock import SystemClock
+from runtime.errors import CellError, GripperStateError, MotionRefusedError
+from runtime.shell import interrupts
+
+# How much longer than stroke and path take at the commanded speeds one squeeze may last.
+DEADLINE_FACTOR = 3.0
+ARM, GRIPPER, MACHINE = "arm", "gripper", "this machine"
+REMEDIES = {
+    ARM: "check its speed, and what slows it down",
+    GRIPPER: "check its speed, and what slows it down",
+    MACHINE: "take load off it, and check its disk",
+}
+Device = TypeVar("Device")
+
+
+class Expected(NamedTuple):
+    """Cell seconds that a squeeze takes at the commanded speeds, by the device that is waited for."""
+
+    arm_s: float
+    gripper_s: float
+
+    @property
+    def total_s(self) -> float:
+        """Both, one after the other."""
+        return self.arm_s + self.gripper_s
+
+
+class Watch:
+    """Counts the seconds that each device is waited for; within `squeeze` each call has to begin in time.
+
+    The time from one call to the next counts for the device that was called. Where stop requests are listened
+    to, a call that is under way at the deadline is ended as by one.
+    """
+
+    def __init__(self, clock: SystemClock) -> None:
+        self._clock = clock
+        self._expected = Expected(0.0, 0.0)
+        self._began = self._since = 0.0
+        self._deadline = inf
+        self._spent = dict.fromkeys(REMEDIES, 0.0)
+        self._called = MACHINE
+
+    def watched(self, device: Device, name: str) -> Device:
+        """The same device, whose calls count; of `MACHINE`, the journal, none comes too late."""
+        return cast(Device, _Watched(device, name, self))
+
+    @contextmanager
+    def squeeze(self, expected: Expected, patience: float = 1.0) -> Iterator[None]:
+        """A squeeze, which may last `DEADLINE_FACTOR` times as long as expected, and `patience` times that.
+
+        Raises:
+            MotionRefusedError: it lasts longer because of the arm. GripperStateError: of anything else.
+        """
+        self._expected, self._spent = expected, dict.fromkeys(REMEDIES, 0.0)
+        self._began = self._since = self._clock.now()
+        self._called = MACHINE
+        self._deadline = self._clock.deadline(DEADLINE_FACTOR * patience * expected.total_s)
+        try:
+            with interrupts.within(self._deadline - self._began, self._late):
+                yield
+                self._check()
+        finally:
+            self._deadline = inf
+
+    def call(self, name: str) -> None:
+        """A device is called now; raises if that is too late."""
+        self._count()
+        self._called = name
+        if name != MACHINE:
+            self._check()
+
+    def _check(self) -> None:
+        if self._clock.now() > self._deadline:
+            raise self._late()
+
+    def _count(self) -> float:
+        """Count the time since the last call; returns the time."""
+        now = self._clock.now()
+        self._spent[self._called] += now - self._since
+        self._since = now
+        return now
+
+    def _late(self) -> CellError:
+        now, spent = self._count(), self._spent
+        expected = {ARM: self._expected.arm_s, GRIPPER: self._expected.gripper_s, MACHINE: 0.0}
+        slowest = max(spent, key=lambda name: spent[name] - expected[name])
+        problem = (
+            f"the squeeze may take {self._deadline - self._began:.1f} s and is "
+            f"{max(now - self._deadline, 0.0):.1f} s late: {_the(slowest)} took {spent[slowest]:.1f} s, "
+            f"{expected[slowest]:.1f} s are usual; {REMEDIES[slowest]}"
+        )
+        return MotionRefusedError(problem) if slowest == ARM else GripperStateError(problem)
+
+
+def _the(name: str) -> str:
+    return name if name == MACHINE else f"the {name}"
+
+
+class _Watched:
+    """A device whose calls a watch counts."""
+
+    def __init__(self, device: object, name: str, watch: Watch) -> None:
+        self._device, self._name, self._watch = device, name, watch
+
+    def __getattr__(self, attribute: str) -> Any:
+        self._watch.call(self._name)
+        return getattr(self._device, attribute)

@@ -1,0 +1,131 @@
+"""The lines of a journal, each checked against those before it."""
+
+import base64
+import hashlib
+from collections.abc import Iterator, Mapping
+from itertools import count
+from pathlib import Path
+from typing import BinaryIO, NamedTuple
+
+from runtime.errors import JournalError, TornError
+from runtime.shell import strict_json
+from runtime.shell.sealed_lines import GENESIS, is_intact
+
+VERSION = 1
+MAX_LINE_BYTES = 8 << 20
+OPENING = b'{"seq":'
+RESERVED = frozenset({"seq", "time", "kind", "previous", "digest"})  # what every record has
+UPTIME = frozenset({"boot", "up_s"})  # what those of a machine that tells it have besides
+
+
+Entry = Mapping[str, object]
+
+
+class Verified(NamedTuple):
+    """What a journal that verifies holds."""
+
+    head: str = GENESIS  # digest of the last record, what the next one has to hold
+    records: int = 0  # number of records
+    size: int = 0  # length of those in the journal's own file, bytes
+    runs: int = 0  # number of runs, each begun by a header
+    closed: bool = True  # whether the last run wrote its last record
+    segments: int = 0  # number of sealed segments before the journal's own file
+
+    def after(self, entry: Entry, length: int) -> "Verified":
+        """What it is with one more record, of a line of so many bytes."""
+        return self._replace(
+            head=str(entry["digest"]),
+            records=self.records + 1,
+            size=self.size + length,
+            runs=self.runs + begins_run(entry),
+            closed=self.closed if entry["kind"] == "seal" else entry["kind"] == "end",
+        )
+
+
+def begins_run(entry: Entry) -> bool:
+    """Whether a record begins a run; the header of a segment in the midst of one does not."""
+    return entry["kind"] == "header" and "after_part" not in entry
+
+
+def follow(
+    path: Path, file: BinaryIO, seen: Verified, *, torn: bool = False
+) -> Iterator[tuple[dict[str, object], Verified]]:
+    """The records of an open file, each with what the journal then holds.
+
+    Args:
+        path: the file's name.
+        file: the file, at its beginning.
+        seen: what the journal holds before it.
+        torn: whether it may end with the beginning of a record.
+
+    Raises:
+        JournalError: naming the first line that does not verify.
+    """
+    for number in count(1):
+        line = file.readline(MAX_LINE_BYTES)
+        if not line or (torn and is_begun(line, seen.records) and not file.read(1)):
+            return
+        entry = checked(path, number, line, seen.records, seen.head)
+        if seen.closed and entry["kind"] not in ("header", "seal"):
+            raise JournalError(path, "does not belong to a run; a header was expected", number)
+        seen = seen.after(entry, len(line))
+        yield entry, seen
+
+
+def is_begun(line: bytes, seq: int) -> bool:
+    """Whether a line may be a record cut short by a crash; a file system may fill its end with zeros."""
+    opening = OPENING + b'%d,"time":"' % seq
+    if line.endswith(b"\n"):
+        return False
+    left = line.rstrip(b"\0")
+    return left.startswith(opening) or (seq > 0 and opening.startswith(left))
+
+
+def checked(path: Path, number: int, line: bytes, seq: int, previous: str) -> dict[str, object]:
+    """The record of a line.
+
+    Args:
+        path: the file.
+        number: of the line in it, from 1.
+        line: the line with its end.
+        seq: the sequence number that it has to have.
+        previous: digest of the line before.
+
+    Raises:
+        JournalError: the line is no such record.
+    """
+    if is_begun(line, seq) or (line.startswith(OPENING) and not line.endswith(b"\n")):
+        raise TornError(path, "cut short; the run ended while it was written", number)
+    intact = is_intact(line)
+    if intact is None:
+        raise JournalError(path, "is no record of a journal", number)
+    if not intact:
+        raise JournalError(path, "does not have its digest; it was changed after it was written", number)
+    try:
+        entry = strict_json.parse(line)
+    except ValueError as error:
+        raise JournalError(path, f"is {error}", number) from None
+    if not isinstance(entry, dict) or not entry.keys() >= RESERVED:
+        raise JournalError(path, f"lacks one of {', '.join(sorted(RESERVED))}", number)
+    if type(entry["seq"]) is not int or entry["seq"] != seq:
+        remedy = "; the records before it are missing" if number == 1 else ""
+        raise JournalError(path, f"has sequence number {entry['seq']}, expected {seq}{remedy}", number)
+    if entry["previous"] != previous:
+        raise JournalError(path, "does not follow the line before it", number)
+    kind = entry["kind"]
+    if not (isinstance(kind, str) and kind.isidentifier() and isinstance(entry["time"], str)):
+        raise JournalError(path, "has a kind that is no word, or a time that is no text", number)
+    if kind == "header":
+        _check_header(path, number, entry)
+    return entry
+
+
+def _check_header(path: Path, number: int, entry: Mapping[str, object]) -> None:
+    if entry.get("journal_version") != VERSION:
+        raise JournalError(path, f"is not a header of journal version {VERSION}", number)
+    try:
+        table = base64.b64decode(str(entry.get("table_base64")), validate=True)
+    except ValueError:
+        raise JournalError(path, "the embedded table is not base64", number) from None
+    if hashlib.sha256(table).hexdigest() != entry.get("table_sha256"):
+        raise JournalError(path, "the embedded table is not the one of its digest", number)

@@ -1,0 +1,123 @@
+"""Standard output and error of a command that must not wait for who reads them.
+
+A full pipe, a socket that nobody empties and a terminal that is held (Ctrl-S) block whoever writes. Within
+`unblocked` nothing does: lines that are not taken at once are kept, up to `KEPT_BYTES`, and sent before later
+ones; lines beyond that are dropped, each as a whole. At the command's end who reads has `END_S` to take the
+rest. The journal holds everything; what is printed is a copy.
+"""
+
+import contextlib
+import fcntl
+import os
+import select
+import socket
+import stat
+from collections.abc import Callable, Iterator
+from io import FileIO
+from typing import TextIO
+
+KEPT_BYTES = 1 << 20  # lines of some hundred bytes
+END_S = 1.0
+STDOUT, STDERR = 1, 2
+PIECE = 512  # a pipe that is ready takes as much at once (POSIX: PIPE_BUF)
+
+_outlets: dict[int, "Outlet"] = {}
+
+
+class Outlet:
+    """A way to a standard stream that never waits.
+
+    Args:
+        descriptor: of a pipe, a socket or a terminal.
+        now: the clock, wall seconds.
+    """
+
+    def __init__(self, descriptor: int, now: Callable[[], float]) -> None:
+        self.lost = 0  # lines that were dropped
+        self._now = now
+        self._kept = bytearray()
+        self._file, self._write = _writer(descriptor)
+
+    def put(self, data: bytes) -> None:
+        """Send what there is room for and keep the rest; OSError where nobody will ever read."""
+        if len(self._kept) + len(data) > KEPT_BYTES:
+            self.lost += 1
+        else:
+            self._kept += data
+        self._push()
+
+    def end(self) -> int:
+        """Wait a moment for who reads; returns how many lines are lost in all."""
+        until = self._now() + END_S
+        while self._kept and (left_s := until - self._now()) > 0.0:
+            select.select([], [self._file], [], left_s)
+            self._push()
+        self.lost += self._kept.count(b"\n")
+        self._kept.clear()
+        return self.lost
+
+    def close(self) -> None:
+        """Give it up."""
+        self._file.close()
+
+    def _push(self) -> None:
+        try:
+            while self._kept:
+                del self._kept[: self._write(bytes(self._kept[:PIECE]))]
+        except BlockingIOError:
+            pass
+        except OSError:
+            self._kept.clear()
+            raise
+
+
+def _writer(descriptor: int) -> tuple[socket.socket | FileIO, Callable[[bytes], int]]:
+    """A file of our own, and what writes to it without waiting.
+
+    The one that others share must not be made so itself: they would not expect it.
+    """
+    if stat.S_ISSOCK(os.fstat(descriptor).st_mode):
+        connection = socket.socket(fileno=fcntl.fcntl(descriptor, fcntl.F_DUPFD_CLOEXEC, 3))
+        return connection, lambda data: connection.send(data, socket.MSG_DONTWAIT)
+    flags = os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY
+    try:
+        opened = os.open(f"/proc/self/fd/{descriptor}", flags)
+    except OSError:  # no /proc, or another user's terminal
+        file = FileIO(fcntl.fcntl(descriptor, fcntl.F_DUPFD_CLOEXEC, 3), "w")
+        return file, lambda data: _write_if_ready(file.fileno(), data)
+    # Not as one of the three streams, should one of them be closed.
+    file = FileIO(fcntl.fcntl(opened, fcntl.F_DUPFD_CLOEXEC, 3), "w")
+    os.close(opened)
+    return file, lambda data: os.write(file.fileno(), data)
+
+
+def _write_if_ready(descriptor: int, data: bytes) -> int:
+    if not select.select([], [descriptor], [], 0.0)[1]:
+        raise BlockingIOError
+    return os.write(descriptor, data)
+
+
+def outlet_of(file: TextIO) -> Outlet | None:
+    """The outlet of a standard stream; None: it is written as ever."""
+    try:
+        return _outlets.get(file.fileno())
+    except (OSError, ValueError):  # in memory, or closed
+        return None
+
+
+@contextlib.contextmanager
+def unblocked(now: Callable[[], float]) -> Iterator[None]:
+    """Within it `command.say` never waits for who reads; regular files are written as ever."""
+    for descriptor in (STDOUT, STDERR):
+        with contextlib.suppress(OSError):
+            mode = os.fstat(descriptor).st_mode
+            if stat.S_ISFIFO(mode) or stat.S_ISSOCK(mode) or stat.S_ISCHR(mode):
+                _outlets[descriptor] = Outlet(descriptor, now)
+    try:
+        yield
+    finally:
+        for descriptor in list(_outlets):
+            outlet = _outlets.pop(descriptor)
+            with contextlib.suppress(OSError):
+                outlet.end()
+            outlet.close()

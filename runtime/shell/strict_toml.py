@@ -1,0 +1,52 @@
+"""A strict parser for TOML of unknown origin: limited size and nesting.
+
+`tomllib` takes time and memory with the square of a key's depth, and Python's stack with that of a value:
+both are bounded before it begins.
+"""
+
+import re
+import tomllib
+from typing import Any
+
+MOST_BYTES = 1 << 20
+MOST_LEVELS = 16
+
+_TOKENS = re.compile(
+    r"""
+    \"{3} (?: [^\\] | \\. )*? \"{3} | '{3} .*? '{3}       # strings of several lines
+    | " (?: [^"\\\n] | \\[^\n] )* " | ' [^'\n]* '  # strings
+    | \# [^\n]*
+    | [.,=\n\[\]{}]
+    """,
+    re.DOTALL | re.VERBOSE,
+)
+
+
+def parse(text: str) -> dict[str, Any]:
+    """Read TOML text that is not large and not nested deeply.
+
+    Raises:
+        ValueError: it is no such TOML; from `tomllib` with line and column.
+    """
+    if len(text) > MOST_BYTES:
+        raise ValueError(f"larger than {MOST_BYTES >> 20} MiB")
+    if _levels(text) > MOST_LEVELS:
+        raise ValueError("nested too deeply")
+    return tomllib.loads(text)
+
+
+def _levels(text: str) -> int:
+    """The most brackets that are open at once, or dots within one key."""
+    most = depth = dots = 0
+    for match in _TOKENS.finditer(text):
+        token = match[0]
+        if token == ".":
+            dots += 1
+        elif token in "[{":
+            depth += 1
+        elif token in "]}":
+            depth = max(depth - 1, 0)
+        if token in ",=\n":
+            dots = 0
+        most = max(most, depth, dots)
+    return most

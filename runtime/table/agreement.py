@@ -1,0 +1,115 @@
+"""A table held against the job inside it, wherever the two speak of the same.
+
+What a job leaves out is not compared. What was measured has no twin in a job; `evidence` bounds it.
+"""
+
+from collections.abc import Iterator, Mapping
+from math import radians
+from typing import Any
+
+from runtime.errors import TableError
+from runtime.table.embedded import Section, gyration_mm, number, numbers, parts_of, points, section
+from runtime.table.grip import prove_grips
+from runtime.table.model import PPM, Table
+
+RHO_UM = 2  # rho is summed in another order than the planner's
+UM = 1e3  # a mm, a N, a mm/s
+
+
+def prove_agreement(table: Table, job: Mapping[str, Any]) -> None:
+    """Check a table against the job inside it.
+
+    Raises:
+        TableError: naming the first figure that the job contradicts.
+    """
+    for name, stated, wanted in (*_header(table, job), *_parts(table, job), *_squeezes(table, job)):
+        if stated != wanted:
+            raise TableError(f"{name} is {stated}, but the embedded job says {wanted}; recompile it")
+    prove_grips(table, job)
+
+
+Compared = Iterator[tuple[str, object, object]]  # a figure's name, the table's value, the job's
+
+
+def _header(table: Table, job: Section) -> Compared:
+    gripper, limits = table.gripper, table.limits
+    stated, cell = section(job, "gripper"), section(job, "cell")
+    if "model" in stated:
+        yield "gripper.model", gripper.model, stated["model"]
+    for name in ("opening", "finger_length", "finger_width", "encoder_noise"):
+        yield from _scaled(f"gripper.{name}_um", getattr(gripper, f"{name}_um"), stated, f"{name}_mm")
+    for name in ("count_open", "count_closed"):
+        yield from _scaled(f"gripper.{name}", getattr(gripper, name), stated, name, scale=1)
+    yield from _scaled("limits.max_force_mn", limits.max_force_mn, cell, "max_force_n")
+    for name in ("max_speed", "arm_speed"):
+        yield from _scaled(f"limits.{name}_um_s", getattr(limits, f"{name}_um_s"), cell, f"{name}_mm_s")
+    for name in ("retreat_height", "squeeze_height"):
+        yield from _scaled(f"limits.{name}_um", getattr(limits, f"{name}_um"), cell, f"{name}_mm")
+    if area := points(cell, "work_area_mm"):
+        wanted = tuple(round(UM * value) for corner in area for value in corner)
+        yield "limits.work_area_um", limits.work_area_um, wanted
+    yield from _goal(table, section(job, "goal"))
+
+
+def _goal(table: Table, stated: Section) -> Compared:
+    goal, kind = table.goal, stated.get("kind")
+    if kind is not None:
+        yield "goal.kind", goal.kind, kind
+    yield from _scaled("goal.distance_um", goal.distance_um, stated, "distance_mm")
+    yield from _scaled("goal.confidence_ppm", goal.confidence_ppm, stated, "confidence", scale=PPM)
+    if kind == "modes":
+        yield from _scaled("goal.modes", goal.modes, stated, "modes", scale=1)
+    if kind == "tolerances":
+        shifts = tuple(round(UM * value) for value in numbers(stated, "tolerance_mm"))
+        yield "goal.tolerance", goal.tolerance[:2], shifts or goal.tolerance[:2]
+    turn_deg = number(stated, "tolerance_deg")
+    if turn_deg is not None and kind in ("tolerances", "orientation"):
+        yield "goal.tolerance theta", goal.tolerance[2], round(1e6 * radians(turn_deg))
+    if stated and table.hypotheses:
+        yield "goal.identify", goal.identify, stated.get("identify") is not False
+
+
+def _parts(table: Table, job: Section) -> Compared:
+    """Number, names, shares, symmetry and rho of the parts that may lie there."""
+    parts = parts_of(job)
+    if not parts:
+        return
+    yield "the number of parts", max(1, len(table.hypotheses)), len(parts)
+    for index, entry in enumerate(parts):
+        part, goal = section(entry, "part"), table.goal_of(index)
+        where = f"hypothesis {index}: " if table.hypotheses else "goal."
+        yield from _scaled(f"{where}symmetry", goal.symmetry, part, "symmetry", scale=1)
+        if table.hypotheses:
+            own = table.hypotheses[index]
+            yield f"{where}name", own.name, part.get("name", own.name)
+            yield from _scaled(f"{where}share_ppm", own.share_ppm, entry, "share", scale=PPM)
+        if outline := points(part, "outline_mm"):
+            rho_um = round(UM * gyration_mm(outline))
+            agrees = abs(rho_um - goal.rho_um) <= RHO_UM
+            yield f"{where}rho_um", goal.rho_um, goal.rho_um if agrees else rho_um
+
+
+def _squeezes(table: Table, job: Section) -> Compared:
+    """Opening, speed and force of each squeeze; and whether anything may be pushed."""
+    gripper, actions = section(job, "gripper"), section(job, "actions")
+    allowed = {
+        "opening_um": numbers(gripper, "opening_mm") and numbers(actions, "openings_mm"),
+        "speed_um_s": numbers(gripper, "speed_mm_s"),
+        "force_mn": numbers(actions, "forces_n") or numbers(gripper, "force_n"),
+    }
+    allowed["opening_um"] += numbers(gripper, "opening_mm")
+    for field, values in allowed.items():
+        wanted = sorted({round(UM * value) for value in values})
+        for index, node in enumerate(table.nodes if wanted else ()):
+            value = getattr(node.squeeze, field)
+            choice = wanted[0] if len(wanted) == 1 else f"one of {', '.join(map(str, wanted))}"
+            yield f"node {index}: {field}", value, value if value in wanted else choice
+    if actions and table.pushing is not None:
+        yield f"node {table.pushing} is pushed before, which", "belief", actions.get("pushes") or "none"
+
+
+def _scaled(name: str, value: int, stated: Section, key: str, scale: float = UM) -> Compared:
+    """An integer of the table against a key of the job, of which one is `scale` of the table's units."""
+    wanted = number(stated, key)
+    if wanted is not None:
+        yield name, value, round(scale * wanted)

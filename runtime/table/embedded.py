@@ -1,0 +1,73 @@
+"""The job inside a table: its sections, numbers and outlines, of which it may leave out any."""
+
+from collections.abc import Mapping, Sequence
+from math import fsum, sqrt
+from typing import Any
+
+from runtime.errors import TableError
+
+Section = Mapping[str, Any]
+Outline = Sequence[tuple[float, float]]  # vertices, counter-clockwise about the origin, mm
+
+
+def section(job: Section, name: str) -> Section:
+    """A section of a job; empty where it has none."""
+    found = job.get(name, {})
+    if not isinstance(found, dict):
+        raise _refusal(name, "is no section")
+    return found
+
+
+def parts_of(job: Section) -> list[Section]:
+    """What each part that may lie there has for itself; empty where the job states no part."""
+    listed = job.get("hypothesis") or ([job] if "part" in job else [])
+    if not isinstance(listed, list) or not all(isinstance(entry, dict) for entry in listed):
+        raise _refusal("hypothesis", "is no list of parts")
+    return listed
+
+
+def number(table: Section, key: str) -> float | None:
+    """A number; None where none is stated."""
+    value = table.get(key)
+    return None if value is None else _number(value, key)
+
+
+def numbers(table: Section, *keys: str) -> list[float]:
+    """The numbers that stand under some keys, one or a list each; those that are not stated are left out."""
+    found: list[float] = []
+    for key in keys:
+        value = table.get(key)
+        values = value if isinstance(value, list) else [] if value is None else [value]
+        found += [_number(item, key) for item in values]
+    return found
+
+
+def points(table: Section, key: str) -> Outline:
+    """A list of points [x, y]; empty where none is stated."""
+    rows = table.get(key)
+    if rows is None:
+        return []
+    if not isinstance(rows, list) or not all(isinstance(row, list) and len(row) == 2 for row in rows):
+        raise _refusal(key, "is no list of points")
+    return [(_number(x, key), _number(y, key)) for x, y in rows]
+
+
+def gyration_mm(outline: Outline) -> float:
+    """The radius of gyration of the enclosed area about the origin, 0 of no area."""
+    crosses, moments = [], []
+    for (x0, y0), (x1, y1) in zip(outline, (*outline[1:], *outline[:1]), strict=True):
+        cross = x0 * y1 - x1 * y0
+        crosses.append(cross)
+        moments.append(cross * (x0 * x0 + x0 * x1 + x1 * x1 + y0 * y0 + y0 * y1 + y1 * y1))
+    area = 6.0 * fsum(crosses)
+    return sqrt(max(fsum(moments) / area, 0.0)) if area > 0.0 else 0.0
+
+
+def _number(value: object, key: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise _refusal(key, "is no number")
+    return float(value)
+
+
+def _refusal(name: str, problem: str) -> TableError:
+    return TableError(f"{name} of the embedded job {problem}; recompile it")

@@ -1,0 +1,97 @@
+"""The figures of a table: what trials say about a share, and whether its figures can be those of one run.
+
+No figure can be checked without an evaluation. But figures of one run are bound to one another.
+"""
+
+from math import erfc, exp, log, sqrt
+
+from runtime.errors import TableError
+from runtime.table.model import PPM, GoalSpec, Leaf, Table
+
+Z95 = 1.959963984540054  # two-sided 95 %
+LEVEL = 0.025
+MOST_TERMS = 1000
+LEAST_LOG = -700.0  # exp of less is zero
+MOST_EXACT_TRIALS = PPM // 2  # of so many, a share in ppm names each number of successes
+
+
+def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
+    """The 95 % score interval of a share (Wilson 1927); all of [0, 1] without trials."""
+    if trials == 0:
+        return 0.0, 1.0
+    share, z2 = successes / trials, Z95**2
+    middle = share + z2 / (2 * trials)
+    spread = Z95 * sqrt(share * (1 - share) / trials + z2 / (4 * trials**2))
+    low = (middle - spread) / (1 + z2 / trials) if successes else 0.0
+    return low, (middle + spread) / (1 + z2 / trials) if successes < trials else 1.0
+
+
+def refuted(successes: int, trials: int, confidence: float, leaves: int = 1) -> bool:
+    """Whether trials speak against a success probability of at least `confidence`, at the 2.5 % level.
+
+    Exact binomial test (Clopper and Pearson 1934) where its sum is short; the score test (Wilson 1927) for
+    more misses than that, where the two agree. Of many leaves that are tested at once one in forty would be
+    refuted by chance: with `leaves` the level is that of all of them together (Bonferroni).
+    """
+    level, misses, log_none = LEVEL / leaves, trials - successes, trials * log(confidence)
+    if misses > MOST_TERMS or log_none < LEAST_LOG:
+        spread = sqrt(2.0 * trials * confidence * (1.0 - confidence))
+        return misses > 0 and (
+            spread == 0.0 or 0.5 * erfc((misses - trials * (1.0 - confidence)) / spread) < level
+        )
+    term, fewer = exp(log_none), 0.0  # probability of k misses, and of fewer than `misses`
+    for k in range(misses):
+        fewer += term
+        term *= (trials - k) / (k + 1) * (1.0 - confidence) / confidence
+    return 1.0 - fewer < level
+
+
+def successes_of(leaf: Leaf) -> int:
+    """How many of a leaf's trials met the goal."""
+    return round(leaf.success_ppm * leaf.trials / PPM)
+
+
+def prove_figures(table: Table) -> None:
+    """Check that the figures of a table can be those of one evaluation.
+
+    A leaf's success is a share of whole trials, and its errors lie on the right side of the goal's distance;
+    the table as a whole has no more successes than its leaves, and no more trials than ended somewhere.
+
+    Raises:
+        TableError: naming the leaf or the figure that the others contradict.
+    """
+    for index, leaf in enumerate(table.leaves):
+        if 0 < leaf.trials <= MOST_EXACT_TRIALS:
+            share = round(PPM * successes_of(leaf) / leaf.trials)
+            if abs(share - leaf.success_ppm) > 1:  # halves are rounded either way
+                raise TableError(
+                    f"leaf {index}: success_ppm is {leaf.success_ppm}, no share of {leaf.trials} trials"
+                )
+        _prove_errors(index, leaf, table.goal)
+    predicted = table.predicted
+    if predicted.trials == 0 or not any(leaf.trials for leaf in table.leaves):
+        return
+    # Shares are rounded to a ppm. Leaves that no part came to have trials of another run, on top of these.
+    slack = 1 + predicted.trials / PPM
+    successes = predicted.success_ppm * predicted.trials / PPM
+    least, at_leaves = successes - slack, sum(map(successes_of, table.leaves))
+    if at_leaves < least:
+        raise TableError(
+            f"predicted.success_ppm is {predicted.success_ppm}, {round(successes)} of {predicted.trials} "
+            f"trials, but only {at_leaves} met the goal at the leaves"
+        )
+
+
+def _prove_errors(index: int, leaf: Leaf, goal: GoalSpec) -> None:
+    """Check that as many errors lie below the goal's distance as trials met it (kinds measured by one)."""
+    if goal.kind not in ("pose", "modes") or not leaf.trials:
+        return
+    successes = successes_of(leaf)
+    figures = (("error_median_um", leaf.error_median_um, 0.5), ("error_p95_um", leaf.error_p95_um, 0.95))
+    for name, error_um, share in figures:
+        # The quantile lies between two errors next to one another, both of trials that met the goal.
+        if successes >= share * (leaf.trials - 1) + 2 and error_um > goal.distance_um:
+            raise TableError(
+                f"leaf {index}: {name} is {error_um}, but {successes} of {leaf.trials} trials lay within "
+                f"{goal.distance_um}"
+            )

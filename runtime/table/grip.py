@@ -1,0 +1,210 @@
+"""Whether the part of the embedded job, lying as a leaf says, is what the last squeeze held.
+
+A part that jaws hold touches both of them. So the outline, moved to the leaf's pose, reaches both faces
+between the ends of the fingers, and runs through neither, but for what the leaf's error and the job's doubts
+allow.
+"""
+
+from collections.abc import Iterator
+from math import cos, hypot, inf, pi, radians, sin
+from typing import NamedTuple
+
+from runtime.errors import TableError
+from runtime.table.embedded import Outline, Section, gyration_mm, number, numbers, parts_of, points, section
+from runtime.table.goal import Pose2, hypotheses_of, poses_of
+from runtime.table.model import HELD_UM, Branch, Leaf, Node, Table
+
+MOST_POINTS = 48  # of an outline that is held against hundreds of leaves within milliseconds
+DIRECTIONS = 90  # in which the narrowest width is looked for
+MARGIN_MM = 0.5
+TAIL = 4.0  # standard deviations
+WAVES = 3.0  # how far a wavy contour lies off its drawing, in units of its tolerance
+
+
+class Shape(NamedTuple):
+    """The outline of a part, of few points; lengths in mm."""
+
+    outline: Outline
+    reach: float  # farthest point from the origin
+    rho: float  # radius of gyration
+    narrowest: float  # width
+    coarse: float  # how far points that are left out lie off the lines between those that are kept
+
+
+class Slack(NamedTuple):
+    """What may be off in the cell, by the job's doubts; all that a job does not doubt is 0."""
+
+    place_mm: float
+    turn_rad: float
+    width_mm: float
+    gain: float  # of a width, for each mm
+    share: float  # of the closing
+    lead: float  # what the finger at +y closes beyond half of the way, as planned
+
+
+class Grip(NamedTuple):
+    """Closed jaws about a part; lengths in mm."""
+
+    hand: Pose2  # in the world, where it opens
+    half_length: float  # of a finger
+    low: float  # y of the lower face in the hand frame
+    high: float
+    off: float  # how far either face may be from there
+
+
+def prove_grips(table: Table, job: Section) -> None:
+    """Check each resolved leaf that follows a grip against the outline in the job.
+
+    Raises:
+        TableError: naming the first leaf where the jaws would not hold the part as it says.
+    """
+    outlines = [points(section(part, "part"), "outline_mm") for part in parts_of(job)]
+    if not outlines or min(map(len, outlines)) < 3 or not table.goal.identify:
+        return
+    shapes, slack = [_shape(outline) for outline in outlines], _slack(job)
+    _prove_first(table, job, max(shape.reach for shape in shapes), slack)
+    for index, node, branch, leaf in _grips(table):
+        error_mm = _error_mm(table, leaf)
+        named = zip(poses_of(table.goal, leaf), hypotheses_of(table.goal, leaf), strict=True)
+        if not any(
+            _is_held(shapes[which], pose, _grip(table, node, branch, shapes[which], slack), error_mm)
+            for pose, which in named
+        ):
+            raise TableError(
+                f"leaf {~branch.target}: the part of the embedded job, at ({leaf.x_um / 1e3:.2f}, "
+                f"{leaf.y_um / 1e3:.2f}) mm, does not lie between the jaws of node {index}; recompile it"
+            )
+
+
+def _prove_first(table: Table, job: Section, reach_mm: float, slack: Slack) -> None:
+    """Check that the first squeeze can touch a part that lies where the job says that parts lie."""
+    radius_mm, root = number(section(job, "uncertainty"), "radius_mm"), table.nodes[0]
+    if radius_mm is None or root.pushes:
+        return
+    x_mm, y_mm = root.squeeze.x_um / 1e3, root.squeeze.y_um / 1e3
+    most_mm = hypot(root.squeeze.opening_um, table.gripper.finger_length_um) / 2e3
+    most_mm += radius_mm + reach_mm + slack.place_mm + MARGIN_MM
+    if hypot(x_mm, y_mm) > most_mm:
+        raise TableError(
+            f"node 0: at ({x_mm:.2f}, {y_mm:.2f}) mm the jaws touch no part within radius_mm = {radius_mm:g} "
+            "of the embedded job; recompile it"
+        )
+
+
+def _grips(table: Table) -> Iterator[tuple[int, Node, Branch, Leaf]]:
+    """Each resolved leaf that follows a grip, after its node's number, its node and its branch."""
+    for index, node in enumerate(table.nodes):
+        for branch in node.branches:
+            if branch.target < 0 and branch.low_um > 0 and branch.expected_um >= HELD_UM:
+                leaf = table.leaves[~branch.target]
+                if leaf.resolved:
+                    yield index, node, branch, leaf
+
+
+def _error_mm(table: Table, leaf: Leaf) -> float:
+    """An error (eq. 9) below which a part at the leaf lay: half of its trials did, or met the goal."""
+    if leaf.trials:
+        return leaf.error_median_um / 1e3
+    goal = table.goal
+    if goal.kind in ("pose", "modes"):
+        return goal.distance_um / 1e3
+    x_um, y_um, theta_urad = goal.tolerance
+    return (hypot(x_um, y_um) + goal.rho_um * theta_urad / 1e6) / 1e3 if goal.kind == "tolerances" else inf
+
+
+def _grip(table: Table, node: Node, branch: Branch, shape: Shape, slack: Slack) -> Grip:
+    """The jaws as they close on a branch and then stand at the release."""
+    squeeze, expected = node.squeeze, branch.expected_um / 1e3
+    x_um, y_um = node.release or (squeeze.x_um, squeeze.y_um)
+    read = max(branch.high_um - branch.expected_um, branch.expected_um - branch.low_um) / 1e3
+    width = read + slack.width_mm + slack.gain * branch.high_um / 1e3
+    middle = -slack.lead * (squeeze.opening_um / 1e3 - expected)
+    uneven = slack.share * (abs(expected - shape.narrowest) + width) + abs(slack.lead) * width
+    turned = slack.turn_rad * (shape.reach + squeeze.opening_um / 2e3)
+    return Grip(
+        (x_um / 1e3, y_um / 1e3, squeeze.angle_urad / 1e6),
+        table.gripper.finger_length_um / 2e3,
+        middle - expected / 2,
+        middle + expected / 2,
+        width / 2 + uneven + turned + slack.place_mm + MARGIN_MM,
+    )
+
+
+def _is_held(shape: Shape, pose: Pose2, grip: Grip, error_mm: float) -> bool:
+    """Whether a part at a pose lies between the jaws; its pose may be off by an error (eq. 9)."""
+    off = grip.off + shape.coarse + error_mm * max(1.0, shape.reach / max(shape.rho, 1e-9))
+    outline = _in_hand(shape.outline, pose, grip.hand)
+    low, high = _extent(outline, grip.half_length + off)
+    if low > grip.low + off or high < grip.high - off:
+        return False
+    inner_low, inner_high = _extent(outline, grip.half_length - off)
+    return inner_low >= grip.low - off and inner_high <= grip.high + off
+
+
+def _in_hand(outline: Outline, pose: Pose2, hand: Pose2) -> Outline:
+    """An outline of a part at a pose in the world, in the frame of a hand."""
+    turn = pose[2] - hand[2]
+    c, s, ch, sh = cos(turn), sin(turn), cos(hand[2]), sin(hand[2])
+    dx, dy = pose[0] - hand[0], pose[1] - hand[1]
+    x0, y0 = ch * dx + sh * dy, ch * dy - sh * dx
+    return [(x0 + c * x - s * y, y0 + s * x + c * y) for x, y in outline]
+
+
+def _extent(outline: Outline, half: float) -> tuple[float, float]:
+    """Least and greatest y of an outline's points where |x| <= half; inf and -inf where there are none."""
+    low, high = inf, -inf
+    if half <= 0.0:
+        return low, high
+    x0, y0 = outline[-1]
+    for x1, y1 in outline:
+        if -half <= x1 <= half:
+            low, high = min(low, y1), max(high, y1)
+        for x in (-half, half):
+            if (x0 - x) * (x1 - x) < 0.0:
+                y = y0 + (y1 - y0) * (x - x0) / (x1 - x0)
+                low, high = min(low, y), max(high, y)
+        x0, y0 = x1, y1
+    return low, high
+
+
+def _shape(outline: Outline) -> Shape:
+    step = -(-len(outline) // MOST_POINTS)
+    kept, coarse = outline[::step], 0.0
+    for k, start in enumerate(kept):
+        end = kept[(k + 1) % len(kept)]
+        left_out = outline[k * step + 1 : (k + 1) * step]
+        coarse = max([coarse, *(_beside(point, start, end) for point in left_out)])
+    turns = [pi * k / DIRECTIONS for k in range(DIRECTIONS)]
+    across = [[cos(turn) * x + sin(turn) * y for x, y in kept] for turn in turns]
+    narrowest = min(max(row) - min(row) for row in across)
+    return Shape(kept, max(hypot(*point) for point in outline), gyration_mm(outline), narrowest, coarse)
+
+
+def _beside(point: tuple[float, float], start: tuple[float, float], end: tuple[float, float]) -> float:
+    """The distance of a point from a segment."""
+    dx, dy = end[0] - start[0], end[1] - start[1]
+    px, py = point[0] - start[0], point[1] - start[1]
+    along = (px * dx + py * dy) / max(dx * dx + dy * dy, 1e-18)
+    share = min(max(along, 0.0), 1.0)
+    return hypot(px - share * dx, py - share * dy)
+
+
+def _slack(job: Section) -> Slack:
+    gripper, doubt, release = (section(job, name) for name in ("gripper", "doubt", "release"))
+
+    def most(table: Section, *keys: str) -> float:
+        return sum(max(map(abs, numbers(table, key)), default=0.0) for key in keys)
+
+    contour = WAVES * most(section(job, "part"), "tolerance_mm")
+    contour = max([contour, *(WAVES * most(section(part, "part"), "tolerance_mm") for part in parts_of(job))])
+    scatter = most(doubt, "placement_mm", "release_mm") + most(release, "shift_mm")
+    turns = most(doubt, "placement_deg", "release_deg") + most(release, "turn_deg")
+    share = number(gripper, "upper_finger_share")
+    return Slack(
+        place_mm=most(doubt, "middle_mm", "arm_mm") + TAIL * scatter + contour,
+        turn_rad=radians(most(doubt, "arm_deg") + TAIL * turns),
+        width_mm=most(doubt, "encoder_mm") + TAIL * most(gripper, "encoder_noise_mm") + 2 * contour,
+        gain=most(doubt, "encoder_gain"),
+        share=most(doubt, "finger_share"),
+        lead=0.0 if share is None else share - 0.5,
+    )

@@ -1,0 +1,115 @@
+"""What `squeezetree try` answers for a random draw of the outlines of tools/zoo500; not in the gate.
+
+    python tests/bench/bench_first_answers.py [--sample 60] [--seed 50] [--budget 60s]
+
+Each outline is written as CSV and tried as a user would, in a process of its own. What is checked of each:
+there is an answer (exit code 0, with a verdict), it comes within the budget and `SPARE_S` of processor time
+and wall time for all that is not search, and its shares add up. What is done is kept line by line in
+--results, and started again it goes on. Figures go to `results/first_answers.json` beside this file: names
+and figures, no outlines. Needs the packages that the outlines come from; without them it says how to get
+them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import platform
+import random
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT / "tools"))
+
+import zoo_sources  # noqa: E402
+
+from planner.cli.shell import seconds  # noqa: E402
+
+RESULTS = Path(__file__).parent / "results" / "first_answers.json"
+SPARE_S = 60.0  # for imports, kernels, other worlds and the picture, on a machine that others use, too
+SHARES = ("success_rate", "wrong_rate", "unresolved_rate", "reject_rate")
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    add = parser.add_argument
+    add("--sample", type=int, default=60, metavar="N", help="outlines (default: %(default)s)")
+    add("--seed", type=int, default=50, help="of the draw (default: %(default)s)")
+    add("--budget", type=seconds, default=60.0, metavar="60s", help="of each search (default: 60s)")
+    add("--turn", default="20", metavar="DEG", help="passed on (default: %(default)s)")
+    add("--most", type=int, default=None, metavar="N", help="end after so many of them")
+    add("--results", type=Path, default=ROOT / "out" / "first_answers.jsonl", help="what is done")
+    options = parser.parse_args()
+    outlines = zoo_sources.outlines()
+    if not outlines:
+        print(f"no outlines; get them with: {zoo_sources.HOW}", file=sys.stderr)
+        return 3
+    names = random.Random(options.seed).sample(sorted(outlines), min(options.sample, len(outlines)))
+    options.results.parent.mkdir(parents=True, exist_ok=True)
+    lines = options.results.read_text().splitlines() if options.results.exists() else []
+    done = {row["name"]: row for row in map(json.loads, lines)}
+    for name in names[: options.most]:
+        if name not in done:
+            done[name] = answered(name, outlines[name], options)
+            with options.results.open("a") as file:
+                file.write(json.dumps(done[name]) + "\n")
+            print(json.dumps(done[name]), flush=True)
+    rows = [done[name] for name in names if name in done]
+    told = {
+        "machine": platform.platform(), "budget_s": options.budget, "turn_deg": options.turn,
+        "seed": options.seed, "drawn": len(names), "of": len(outlines), "rows": rows,
+    }  # fmt: skip
+    RESULTS.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
+    wrong = [row["name"] for row in rows if row["faults"]]
+    print(f"{len(rows)} of {len(names)} tried, {len(wrong)} with a fault: {', '.join(wrong) or 'none'}")
+    return 1 if wrong else 0
+
+
+def answered(name: str, outline: Any, options: argparse.Namespace) -> dict[str, Any]:
+    """What is answered for an outline (n, 2), and what is wrong with that."""
+    with tempfile.TemporaryDirectory() as folder:
+        drawing = Path(folder) / "part.csv"
+        drawing.write_text("x_mm,y_mm\n" + "".join(f"{x:.4f},{y:.4f}\n" for x, y in outline))
+        words = ["squeezetree", "try", "part.csv", "--units", "mm", "--json", "--turn", options.turn]
+        words += ["--budget", f"{options.budget:g}s"]
+        began, used = time.monotonic(), resource.getrusage(resource.RUSAGE_CHILDREN)
+        done = subprocess.run(
+            [str(Path(sys.executable).with_name(words[0])), *words[1:]], cwd=folder, capture_output=True,
+            text=True, check=False,
+        )  # fmt: skip
+        wall_s, after = time.monotonic() - began, resource.getrusage(resource.RUSAGE_CHILDREN)
+    cpu_s = after.ru_utime + after.ru_stime - used.ru_utime - used.ru_stime
+    row: dict[str, Any] = {"name": name, "seconds": round(wall_s, 1), "cpu_s": round(cpu_s, 1)}
+    if done.returncode:
+        return row | {"faults": [f"exit code {done.returncode}: {done.stderr.strip()[-300:]}"]}
+    told = json.loads(done.stdout)
+    figures = {key: told[key] for key in (*SHARES, "crashes", "mean_squeezes", "verdict") if key in told}
+    return row | figures | {"reason": told.get("reason"), "faults": faults(told, wall_s, options.budget)}
+
+
+def faults(told: dict[str, Any], wall_s: float, budget_s: float) -> list[str]:
+    """What is wrong with an answer."""
+    found = []
+    if told.get("verdict") not in ("good", "fair", "poor", "cut", "unknown"):
+        found.append("no verdict")
+    if wall_s > budget_s + SPARE_S:
+        found.append(f"{wall_s:.0f} s for a budget of {budget_s:.0f} s")
+    if "success_rate" in told:
+        total = sum(told[key] for key in SHARES) + told["crashes"] / told["trials"]
+        if abs(total - 1.0) > 1e-9:
+            found.append(f"shares add up to {total}")
+        low, high = told["success_ci95"]
+        if not low <= told["success_rate"] <= high:
+            found.append("the rate lies outside its interval")
+    found += [f"note: {note}" for note in told.get("notes", ())]
+    return found
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,54 @@
+"""Do pushes by hand hang on how they are computed? The property test at length; not part of the gate.
+
+    python tests/bench/bench_push_invariance.py [--pushes 3000]
+
+Random pushes of seven shapes, each as it is, in two pushes, with other steps, with the vertices in another
+order, with more of them on the edges, and with 1e-9 mm of start. Prints which share ends more than 0.5 mm or
+0.02 rad elsewhere, the largest overlap of part and fingers, and the time of a push, and writes
+`results/push_invariance.json`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).parents[2]
+sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
+
+from problems import simulator  # noqa: E402
+from push_study import SHAPES, WAY_MM, pushed, scattered, studied  # noqa: E402
+
+RESULTS = Path(__file__).parent / "results" / "push_invariance.json"
+
+
+def microseconds(outline: np.ndarray, n: int) -> float:
+    """Processor time of a push."""
+    part, (poses, opening) = simulator(outline), scattered(outline, n, 1)
+    start = time.process_time()
+    pushed(part, poses, opening, WAY_MM, 1)
+    return 1e6 * (time.process_time() - start) / n
+
+
+def main() -> None:
+    """Study each shape."""
+    parser = argparse.ArgumentParser(description="Do pushes by hand hang on how they are computed?")
+    parser.add_argument("--pushes", type=int, default=3000, help="of each shape")
+    options = parser.parse_args()
+    rows = {}
+    for name, shape in SHAPES.items():
+        outline = shape()
+        rows[name] = studied(outline, options.pushes, 1) | {"push_us": microseconds(outline, options.pushes)}
+        print(name, json.dumps({key: round(value, 5) for key, value in rows[name].items()}), flush=True)
+    RESULTS.write_text(
+        json.dumps({"pushes": options.pushes, "shapes": rows}, indent=1) + "\n", encoding="utf-8"
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,142 @@
+"""Text that came from a file: no border lets through what does not print, and no sink prints it."""
+
+import contextlib
+import io
+import json
+import unicodedata
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from fake_cell import FakeClock, FakeJournal
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sample_tables import several_table, small_table, with_job
+
+from planner.errors import JobError
+from planner.export.write import FORMS, _text
+from planner.job import model as job_file
+from runtime.commands.journal import _line
+from runtime.execution.asked import MAX_LINE, AskedParts
+from runtime.execution.events import Tally
+from runtime.execution.executor import RunOptions
+from runtime.monitoring.console import Lines, Objects
+from runtime.monitoring.live.terminal import View
+from runtime.monitoring.status import Status
+from runtime.shell import strict_json
+from runtime.shell.command import say, tell
+from runtime.shell.plain_text import cleaned
+from runtime.table import Table, TableError, TableFile, dumps, loads
+from runtime.table.codec import encode
+from runtime.traversal.decision import Policy
+from runtime.traversal.results import Outcome, PartResult
+
+ODD = "\n\r\t\x00\x07\x1b\x7f\x85\x9b\u2028\u2029\u202e\u2066\ufeff"
+odd = st.builds(
+    lambda before, strange, after: f"{before}{strange}{after}"[:60],
+    st.text(st.characters(exclude_categories=("Cs",)), max_size=8),
+    st.sampled_from([*ODD, "\x1b[2J", "\nLEAF 0 0 0 0 1"]),
+    st.text(st.characters(exclude_categories=("Cs",)), max_size=8),
+)
+JOB = (Path(__file__).parents[2] / "trees" / "rectangle" / "job.toml").read_text()
+
+
+def prints(text: str) -> bool:
+    """Whether nothing in a text moves a cursor, breaks a line or turns a reading direction."""
+    return not any(
+        unicodedata.category(letter) in ("Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp") for letter in text
+    )
+
+
+def named(name: str) -> Table:
+    one, two = several_table().hypotheses
+    return replace(several_table(), hypotheses=(one._replace(name=name), two))
+
+
+TABLES: list[Callable[[str], Table]] = [
+    named,
+    lambda text: replace(small_table(), tool=text),
+    lambda text: replace(small_table(), gripper=replace(small_table().gripper, model=text)),
+    lambda text: with_job(small_table(), json.dumps({"part": {"name": text}})),
+    lambda text: with_job(small_table(), json.dumps({"part": {"picks": {text: [0, 0, 0]}}})),
+]
+
+
+@given(odd)
+@settings(max_examples=40)
+def test_a_border_refuses_text_that_does_not_print_in_one_line_that_prints(text: str) -> None:
+    for table in TABLES:
+        for refuse in (lambda made: loads(encode(made)), dumps):
+            with pytest.raises(TableError) as refused:
+                refuse(table(text))
+            assert prints(str(refused.value))
+    for name in ("name", "picks"):
+        value = json.dumps(text) if name == "name" else f"{{ {json.dumps(text)} = [0, 0, 0] }}"
+        stated = JOB.replace('name = "rectangle"', f"{name} = {value}".replace("\x7f", "\\u007f"))
+        with pytest.raises(JobError) as refused_job:
+            job_file.parse(stated)
+        assert prints(str(refused_job.value))
+
+
+@given(odd)
+@settings(max_examples=20)
+def test_a_file_of_json_is_refused(tmp_path_factory: pytest.TempPathFactory, text: str) -> None:
+    path = tmp_path_factory.mktemp("json") / "tag.json"
+    for document in ({"part": text}, {text: 1}, [[{"a": [text]}]]):
+        path.write_text(json.dumps(document))
+        with pytest.raises(ValueError, match="which does not print") as refused:
+            strict_json.load(path, ValueError)
+        assert prints(str(refused.value))
+
+
+def printed(written: Callable[[], object]) -> str:
+    """What is printed on standard output and on standard error."""
+    stream = io.StringIO()
+    with contextlib.redirect_stdout(stream), contextlib.redirect_stderr(stream):
+        written()
+    return stream.getvalue()
+
+
+def asked(table: Table) -> list[str]:
+    """All answers to a robot that comes to leaf 0, which names the part."""
+    parts = AskedParts(
+        table, "0" * 64, FakeJournal(), FakeClock(), Objects(table, Path("j")), Tally(), RunOptions(Policy())
+    )
+    return [parts.answer(line) for line in ("NEXT", "COUNTS 174 OBJECT", "TABLE", "STATUS")]
+
+
+@given(odd)
+@settings(max_examples=40, deadline=None)
+def test_no_sink_prints_what_does_not_print(text: str) -> None:
+    """Even where a text came past every border: in an error, from a device, in a journal."""
+    table = named(text)
+    answers: list[str] = []
+    printed(lambda: answers.extend(asked(table)))
+    assert answers[1].startswith("LEAF 0 ")
+    for answer in answers:
+        assert answer.isascii()
+        assert prints(answer)
+        assert len(answer) < MAX_LINE
+    result = replace(PartResult.of(1, Outcome.FAULT, [], text, exit_code=20), leaf=0)
+    for written in (
+        lambda: Lines(table).part(result, None),
+        lambda: Lines(table).note(text),
+        lambda: Objects(table, Path("j")).part(result, None),
+        lambda: say(text),
+        lambda: tell("grasp-runtime", text),
+        lambda: print(cleaned(_line({"seq": 1, "time": text, "kind": text, text: text}))),
+    ):
+        said = printed(written)
+        assert said.count("\n") == 1
+        assert prints(said.removesuffix("\n"))
+    stream = io.StringIO()
+    watch = View(table, "t", Status("t", "ab" * 32, 1), Lines(table), stream)
+    watch.note(text)
+    assert all(map(prints, watch._notes))
+    plain = replace(small_table(), tool=text, gripper=replace(small_table().gripper, model=text))
+    for forms in FORMS.values():
+        for name in forms:
+            exported = _text(name, TableFile(plain, b"", "ab" * 32))
+            assert prints(exported.replace("\n", ""))
+            assert exported.count("\n") == _text(name, TableFile(small_table(), b"", "ab" * 32)).count("\n")

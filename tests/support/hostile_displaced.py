@@ -1,0 +1,143 @@
+"""An arm that something displaces while it stands: above the tolerance the part has to end in a fault.
+
+Every part runs twice by the same seed: undisturbed, which tells when the arm stands at the part and for how
+long, and with a displacement at a random moment of one of those rests. Every tenth displacement stays below
+the tolerance and has to change nothing but the place.
+"""
+
+import math
+import random
+from collections import Counter
+from collections.abc import Callable
+from itertools import pairwise
+from typing import NamedTuple
+
+from fake_cell import FakeJournal
+
+from drivers.sim.physics.scene import Setting
+from drivers.sim.virtual.cell import VirtualCell
+from runtime.execution.events import Console
+from runtime.execution.executor import Cell, Executor, RunOptions
+from runtime.execution.hand import Handling
+from runtime.execution.safety import PLACED_MM, PLACED_RAD
+from runtime.table import Table
+from runtime.traversal.results import Outcome, PartResult
+
+READ = "3 "  # the instruction that asks where the arm stands
+SHORT_S, EDGE_S = 0.02, 0.005  # rests that no jaws move in; from a reading to the displacement
+BELOW, ABOVE = 0.8, 1.2  # of the tolerance: an arm reads itself back to 0.01 mm and about 1 mrad
+MOST_MM, MOST_RAD = 12.0, math.pi
+EVERY = 10
+HANDLED = (RunOptions(), RunOptions(handling=Handling(regulated=True)))
+ARM_CODE = 22
+
+
+class Displacement(NamedTuple):
+    """What befalls the hand, and when."""
+
+    moment_s: float
+    by: tuple[float, float, float, float]  # mm, mm, mm, rad
+
+    @property
+    def above(self) -> bool:
+        """Whether it is above the tolerance."""
+        return math.hypot(*self.by[:3]) > PLACED_MM or abs(self.by[3]) > PLACED_RAD
+
+
+class Run(NamedTuple):
+    """One part."""
+
+    result: PartResult
+    rests: list[tuple[float, float]]  # from when to when the arm stands while the jaws may move
+    met: bool
+
+
+def campaign(
+    setting: Setting, table: Table, numbers: range, seed: int, report: Callable[[str], object] = print
+) -> Counter[str]:
+    """Displace the arm once in each of so many parts; returns how often each end was met."""
+    ends: Counter[str] = Counter()
+    for number in numbers:
+        draw = random.Random(f"{seed}/{number}")
+        options = draw.choice(HANDLED)
+        sound = run_part(setting, table, options, number, None)
+        case = drawn(draw, sound.rests, above=number % EVERY != 0)
+        ended = run_part(setting, table, options, number, case)
+        end = _judged(sound, ended, case)
+        ends[end] += 1
+        if end.startswith("FAILED"):
+            report(f"{end}: number {number}, {case}: {ended.result}")
+    return ends
+
+
+def run_part(
+    setting: Setting, table: Table, options: RunOptions, seed: int, case: Displacement | None
+) -> Run:
+    """The first part of a cell, displaced or not."""
+    heard: list[tuple[float, str]] = []
+    cell = VirtualCell(setting, seed, None, lambda text: heard.append((cell.clock.now(), text)))
+    gripper = cell.gripper()
+    gripper.activate()
+    arm = cell.arm()
+    cell.scene.next_part()
+    moved: list[bool] = []
+    if case is not None:
+        cell.clock.at(case.moment_s, lambda: moved.append(_displace(cell, case)))
+    begun = len(heard)
+    executor = Executor(table, Cell(gripper, arm, cell.clock, FakeJournal()), Console(), options)
+    result = executor.run_part(1)
+    rests = [
+        (start_s, end_s)
+        for (start_s, first), (end_s, second) in pairwise(heard[begun:])
+        if first.startswith(READ) and second.startswith(READ) and end_s - start_s > SHORT_S
+    ]
+    return Run(result, rests, any(moved))
+
+
+def drawn(draw: random.Random, rests: list[tuple[float, float]], *, above: bool) -> Displacement:
+    """A displacement at a moment of a rest: of the hand's place, of its turn, or of both."""
+    (start_s, end_s) = draw.choices(rests, [end - start for start, end in rests])[0]
+    moment_s = draw.uniform(start_s + EDGE_S, end_s - EDGE_S)
+    if not above:
+        return Displacement(moment_s, _by(draw, BELOW * PLACED_MM * draw.random(), BELOW * PLACED_RAD))
+    far_mm, turn_rad = (
+        math.exp(draw.uniform(math.log(ABOVE * least), math.log(most)))
+        for least, most in ((PLACED_MM, MOST_MM), (PLACED_RAD, MOST_RAD))
+    )
+    which = draw.choice(("place", "turn", "both"))
+    return Displacement(
+        moment_s, _by(draw, 0.0 if which == "turn" else far_mm, 0.0 if which == "place" else turn_rad)
+    )
+
+
+def _by(draw: random.Random, far_mm: float, turn_rad: float) -> tuple[float, float, float, float]:
+    bearing, rise = draw.uniform(-math.pi, math.pi), math.asin(draw.uniform(0.0, 1.0))
+    level_mm = far_mm * math.cos(rise)
+    turn = draw.choice((-turn_rad, turn_rad))
+    return level_mm * math.cos(bearing), level_mm * math.sin(bearing), far_mm * math.sin(rise), turn
+
+
+def _displace(cell: VirtualCell, case: Displacement) -> bool:
+    moved = cell.works.arm.displace(case.by, cell.clock.now())
+    cell.works.arm_stands()
+    return moved
+
+
+def _judged(sound: Run, ended: Run, case: Displacement) -> str:
+    before, after = sound.result, ended.result
+    if not ended.met:
+        return "out of the arm's reach"
+    if not case.above:
+        same = (before.outcome, before.exit_code) == (
+            after.outcome,
+            after.exit_code,
+        ) or after.exit_code < ARM_CODE
+        return "below the tolerance: no fault" if same else "FAILED below the tolerance: a fault"
+    if (
+        after.outcome is Outcome.FAULT
+        and after.exit_code == ARM_CODE
+        and after.leaf is None
+        and after.safe_state
+    ):
+        return "above the tolerance: a fault"
+    return "FAILED above the tolerance: no fault of the arm"

@@ -1,0 +1,114 @@
+"""Pushes by hand that must not hang on how they are computed: variants of one study, for a test and a bench.
+
+Each variant pushes the same parts with the same mechanics along the same way, computed otherwise.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import shapely
+from problems import JAWS, bar, place, rectangle, right_triangle, simulator
+
+from planner.job import model as job_file
+from planner.mechanics.simulator import Simulator
+from planner.part.outline import reach
+
+TREES = Path(__file__).parents[2] / "trees"
+WAY_MM, FIRST_MM = 40.0, 25.0
+CLOSE_MM, CLOSE_RAD = 0.5, 0.02
+ALLOWED, STEPS_ALLOWED, OVERLAP_MM2 = 0.001, 0.005, 0.1
+"""Largest share of pushes that may end elsewhere, and with other steps; largest overlap with the fingers."""
+OPENINGS = (0.0, 1.0, 12.0, 21.25, 42.5)  # of the jaws [mm]
+
+
+def of_tree(name: str) -> np.ndarray:
+    """The outline of a job in `trees/`."""
+    return np.asarray(Simulator.of_job(job_file.load(TREES / name / "job.toml"), 1).outline)
+
+
+SHAPES: dict[str, Callable[[], np.ndarray]] = {
+    "rectangle": rectangle,
+    "right triangle": right_triangle,
+    "bar": bar,
+    **{
+        name: lambda name=name: of_tree(name)
+        for name in ("butterfly-15", "hex-nut", "angle-cleat", "oval-cover")
+    },
+}
+
+
+def scattered(outline: np.ndarray, n: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Poses (n, 3) of parts strewn before a hand, in its frame at the start, and its openings (n,)."""
+    rng = np.random.default_rng(seed)
+    ahead = JAWS[1] / 2 + reach(outline) + rng.uniform(0.1, 8.0, n)
+    poses = np.column_stack([ahead, rng.uniform(-15.0, 15.0, n), rng.uniform(-np.pi, np.pi, n)])
+    return poses, rng.choice(OPENINGS, n)
+
+
+def pushed(part: Simulator, poses: np.ndarray, opening: np.ndarray, way_mm: float, seed: int) -> np.ndarray:
+    """Where parts end that a hand pushes, each with the mechanics that the seed draws for it."""
+    return part.push_by_hand(poses, opening, np.full(len(poses), way_mm), np.random.default_rng(seed))
+
+
+def divided(outline: np.ndarray, pieces: int = 3) -> np.ndarray:
+    """The same outline with its edges cut into pieces: vertices that change nothing."""
+    edges = np.roll(outline, -1, axis=0) - outline
+    return np.concatenate([outline + k / pieces * edges for k in range(pieces)], axis=1).reshape(-1, 2)
+
+
+def in_two(part: Simulator, poses: np.ndarray, opening: np.ndarray, seed: int) -> np.ndarray:
+    """The same way in two pushes."""
+    there = np.array([FIRST_MM, 0.0, 0.0])
+    halfway = pushed(part, poses, opening, FIRST_MM, seed) - there
+    return pushed(part, halfway, opening, WAY_MM - FIRST_MM, seed) + there
+
+
+def variants(part: Simulator, poses: np.ndarray, opening: np.ndarray, seed: int) -> dict[str, np.ndarray]:
+    """Where the parts end (n, 3), by what is done otherwise; `as it is` is the reference."""
+
+    def whole(own: Simulator, start: np.ndarray = poses) -> np.ndarray:
+        return pushed(own, start, opening, WAY_MM, seed)
+
+    return {
+        "as it is": whole(part),
+        "in two pushes": in_two(part, poses, opening, seed),
+        "vertices in another order": whole(replace(part, outline=np.roll(part.outline, 1, axis=0))),
+        "collinear vertices": whole(replace(part, outline=divided(part.outline))),
+        "1e-9 mm of start": whole(part, poses + np.array([1e-9, -1e-9, 0.0])),
+        "step of 0.1 mm": whole(replace(part, step_mm=0.1)),
+        "step of 0.8 mm": whole(replace(part, step_mm=0.8)),
+    }
+
+
+def differ(ends: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Which (n,) poses are farther apart than `CLOSE_MM` or `CLOSE_RAD`."""
+    off = others - ends
+    turned = np.abs(np.remainder(off[:, 2] + np.pi, 2.0 * np.pi) - np.pi)
+    return (np.hypot(off[:, 0], off[:, 1]) > CLOSE_MM) | (turned > CLOSE_RAD)
+
+
+def fingers_at(opening_mm: float, way_mm: float) -> shapely.Geometry:
+    """The fingers of a hand that has gone so far."""
+    inner, outer, h = opening_mm / 2, opening_mm / 2 + JAWS[2], JAWS[1] / 2
+    return shapely.union_all(shapely.box(way_mm - h, [inner, -outer], way_mm + h, [outer, -inner]))
+
+
+def overlaps(outline: np.ndarray, ends: np.ndarray, opening: np.ndarray) -> np.ndarray:
+    """Area (n,) that parts share with the fingers at the end [mm^2]."""
+    hands = {value: fingers_at(value, WAY_MM) for value in np.unique(opening)}
+    parts = [shapely.Polygon(place(outline, pose)) for pose in ends]
+    return np.array([
+        shapely.intersection(own, hands[value]).area for own, value in zip(parts, opening, strict=True)
+    ])  # fmt: skip
+
+
+def studied(outline: np.ndarray, n: int, seed: int) -> dict[str, float]:
+    """Share of n pushes that end elsewhere, by variant, and the largest overlap [mm^2]."""
+    part = simulator(outline)
+    poses, opening = scattered(outline, n, seed)
+    ends = variants(part, poses, opening, seed)
+    reference = ends.pop("as it is")
+    shares = {name: float(differ(reference, other).mean()) for name, other in ends.items()}
+    return shares | {"overlap_mm2": float(overlaps(outline, reference, opening).max())}

@@ -1,0 +1,109 @@
+"""Streams to devices: no send, look-up or connection outlasts its deadline, whatever the other side does."""
+
+import os
+import socket
+import termios
+import threading
+import time
+import tty
+
+import pytest
+
+from drivers import stream
+from drivers.errors import LinkError, PortError, shown
+from drivers.robotiq import modbus
+from drivers.stream import SerialStream, StalledError, connected, open_tcp
+
+
+@pytest.fixture
+def terminal():
+    """Both ends of a pseudo-terminal, and the path of the second."""
+    ends = os.openpty()
+    tty.setraw(ends[1])
+    yield *ends, os.ttyname(ends[1])
+    for end in ends:
+        os.close(end)
+
+
+def test_serial_send_over_a_stopped_line_ends_and_is_not_sent_later(terminal):
+    master, slave, path = terminal
+    made = SerialStream(path, 115200)
+    made.send(b"before")
+    termios.tcflow(slave, termios.TCOOFF)
+    with pytest.raises(StalledError, match=r"has taken no bytes for 0\.5 s"):
+        made.send(b"stopped")
+    termios.tcflow(slave, termios.TCOON)
+    made.send(b"after")
+    assert os.read(master, 6) + os.read(master, 100) == b"beforeafter"
+    made.close()
+    made.close()
+
+
+def test_serial_send_to_a_peer_that_never_reads_ends(terminal):
+    made = SerialStream(terminal[2], 115200)
+    with pytest.raises(StalledError):
+        made.send(bytes(1 << 20))
+    made.close()
+
+
+def test_serial_send_drops_what_an_earlier_one_left_in_the_line(terminal, monkeypatch):
+    """A UART's driver takes bytes while the flow is stopped; they must not be obeyed with later ones."""
+    made = SerialStream(terminal[2], 115200)
+    monkeypatch.setattr(type(made._port), "out_waiting", property(lambda port: 8))
+    with pytest.raises(StalledError):
+        made.send(b"next")
+
+
+def test_tcp_send_to_a_peer_that_never_reads_ends():
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        made = open_tcp("127.0.0.1", server.getsockname()[1], "tcp://x", "hint")
+        with pytest.raises(StalledError):
+            made.send(bytes(64 << 20))
+        made.close()
+
+
+def test_scan_of_a_stopped_line_is_an_error(terminal):
+    termios.tcflow(terminal[1], termios.TCOOFF)
+    with pytest.raises(LinkError, match=r"cannot be searched: .*taken no bytes"):
+        list(modbus.scan(terminal[2]))
+
+
+def test_addresses_that_do_not_answer_share_one_deadline(monkeypatch):
+    """A listener whose queue is full drops further connections without a word."""
+    with socket.create_server(("127.0.0.1", 0), backlog=0) as server:
+        place = server.getsockname()
+        waiting = [socket.socket() for _ in range(3)]
+        for one in waiting:
+            one.setblocking(False)
+            one.connect_ex(place)
+        row = (socket.AF_INET, socket.SOCK_STREAM, 6, "", place)
+        monkeypatch.setattr(socket, "getaddrinfo", lambda *_, **__: [row] * 200)
+        began = time.monotonic()
+        with pytest.raises(TimeoutError):
+            connected("host", place[1], 0.2)
+        assert time.monotonic() - began < 200 * 0.2 / 2
+        for one in waiting:
+            one.close()
+
+
+def test_silent_name_server_is_not_waited_for(monkeypatch):
+    asked, answered = socket.getaddrinfo, threading.Event()
+
+    def silent(*words, **settings):
+        if settings.get("flags"):
+            return asked(*words, **settings)
+        answered.wait(60.0)
+        return []
+
+    monkeypatch.setattr(socket, "getaddrinfo", silent)
+    monkeypatch.setattr(stream, "CONNECT_S", 0.1)
+    with pytest.raises(PortError, match=r"no name server tells the address of robot\.local.*; hint"):
+        open_tcp("robot.local", 1, "tcp://robot.local:1", "hint")
+    answered.set()
+
+
+@pytest.mark.parametrize("sent", [b"\x1b[2J\r\n" * 200, "x" * 5000, {"a": "\u202e" * 500}, b"", "mode\nAUTO"])
+def test_shown_is_short_and_of_one_line(sent):
+    text = shown(sent)
+    assert len(text) <= 60 * 6 + 30
+    assert text.isprintable()

@@ -1,0 +1,88 @@
+"""Poses that no squeeze tells apart are named before the search, where the goal asks for them."""
+
+import math
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from planner.compile import compile_job
+from planner.diagnosis.alike import alike
+from planner.errors import NoPlanError
+from planner.job import model as job_file
+
+JOB = job_file.load(Path(__file__).parents[4] / "trees" / "ratchet" / "job.toml")
+
+
+def box(length, width):
+    return [[0, 0], [length, 0], [length, width], [0, width]]
+
+
+def ring(n, radius=14.0):
+    angles = np.arange(n) * math.tau / n
+    return np.round(radius * np.column_stack([np.cos(angles), np.sin(angles)]), 4).tolist()
+
+
+def chamfered(cut):
+    return [[0, 0], [30, 0], [30, 20 - cut], [30 - cut, 20], [0, 20]]
+
+
+def job_of(outline, symmetry=1, **changes):
+    return JOB.replaced(part={"outline_mm": outline, "symmetry": symmetry}, **changes)
+
+
+@pytest.mark.parametrize(
+    ("outline", "stated", "order"),
+    [
+        (box(30, 20), 1, 2), (box(20, 20), 1, 4), (box(20, 20), 2, 4), (ring(6), 1, 6), (ring(6), 3, 6),
+        (ring(9), 3, 9),
+    ],
+)  # fmt: skip
+def test_stated_symmetry_below_the_outlines_is_refused_before_the_search(outline, stated, order):
+    job, spent = job_of(outline, stated), time.process_time()
+    with pytest.raises(NoPlanError) as error:
+        compile_job(job)
+    assert time.process_time() - spent < 2.0
+    told = str(error.value)
+    assert "no squeeze tells" in told
+    assert f"which is {order}" in told
+    found = alike(job)[0]
+    assert order * found.degrees % 360.0 == pytest.approx(0.0, abs=1e-6)  # a symmetry of the outline,
+    assert stated * found.degrees % 360.0 != pytest.approx(0.0, abs=1e-6)  # that the job does not state
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"uncertainty": {"orientation_halfwidth_deg": 20.0}},
+        {"goal": {"kind": "modes", "modes": 2}},
+        {"goal": {"distance_mm": 60.0}},
+    ],
+)
+def test_goal_or_uncertainty_that_leaves_no_question_is_not_refused(changes):
+    assert alike(job_of(box(30, 20), 1, **changes)) == []
+
+
+def test_symmetry_found_from_the_outline_leaves_nothing_alike():
+    assert alike(job_of(box(30, 20), "auto")) == []
+    assert alike(job_of(chamfered(8.0), "auto")) == []
+
+
+def test_difference_below_a_count_is_told_and_searched_all_the_same():
+    (found,) = alike(job_of(chamfered(0.2), "auto"))
+    assert (found.degrees, found.hopeless) == (pytest.approx(180.0), False)
+    assert "a count is 0.37 mm" in found.line()
+    assert alike(job_of(chamfered(1.0), "auto")) == []
+
+
+def test_parts_that_may_lie_either_way_are_counted():
+    (found,) = alike(job_of(box(30, 20), 1, uncertainty={"orientation_halfwidth_deg": 120.0}))
+    assert found.share == pytest.approx(0.5, abs=0.01)  # those beyond 60 degrees
+    assert not found.hopeless
+    assert "50% of the parts" in found.line()
+
+
+def test_pressure_that_is_stated_may_tell_what_the_outline_does_not():
+    pressure = {"kind": "points", "points_mm": [[3.0, 2.0], [27.0, 2.0], [15.0, 12.0]]}
+    assert not alike(job_of(box(30, 20), 1, pressure=pressure))[0].hopeless

@@ -1,0 +1,46 @@
+"""What a job without a first squeeze is told: how much is missing, and which radius would do."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from planner.compile import compile_job
+from planner.diagnosis.clearance import no_first_squeeze, shortage
+from planner.errors import NoPlanError
+from planner.job import model as job_file
+from planner.part.outline import reach
+
+JOB = job_file.load(Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml")
+WIDE = JOB.replaced(uncertainty={"radius_mm": 40.0})
+
+
+def test_shortage_of_a_wide_disc_is_what_reach_and_radius_exceed_the_jaws_by():
+    found = shortage(WIDE)
+    # At any angle the farthest vertex lies in every direction, and half a millimetre stays free.
+    around = reach(JOB.part.outline_mm) + 0.5
+    assert found.missing_mm == pytest.approx(2.0 * (40.0 + around) - JOB.gripper.opening_mm, abs=1.0)
+    assert found.radius_mm == pytest.approx(0.5 * JOB.gripper.opening_mm - around, abs=0.5)
+
+
+def test_radius_of_the_message_has_a_first_squeeze_and_the_stated_one_has_none():
+    found = shortage(WIDE)
+    assert shortage(WIDE.replaced(uncertainty={"radius_mm": found.radius_mm})) is None
+    assert shortage(WIDE.replaced(uncertainty={"radius_mm": found.radius_mm + 0.5})) is not None
+
+
+def test_compile_without_a_free_squeeze_tells_the_shortage_and_the_radius():
+    with pytest.raises(NoPlanError, match=r"free of collision: .* mm too little; radius_mm"):
+        compile_job(WIDE, trials=10)
+
+
+def test_part_that_never_passes_at_its_angles_is_told_that_no_radius_will_do():
+    long = np.array([[0.0, 0.0], [90.0, 0.0], [90.0, 20.0], [0.0, 20.0]])
+    job = JOB.replaced(part={"outline_mm": long - long.mean(axis=0), "symmetry": 2})
+    assert shortage(job).radius_mm is None
+    assert "even for a part in the middle" in no_first_squeeze(job)
+
+
+def test_job_that_is_free_of_collision_is_not_told_of_a_collision():
+    assert shortage(JOB) is None
+    assert "collision" not in no_first_squeeze(JOB)

@@ -1,0 +1,403 @@
+"""Lines of drawings that meet, nearly meet, cross or lie upon each other: the outline that they mean."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import shapely
+from drawings import PLATE, PLATE_MM2, arc, area, box, dxf, lines, notes, read
+from ezdxf.math import Matrix44
+
+from planner.errors import OutlineError, UsageError
+from planner.part.importers import noding
+
+FILLET_MM2 = PLATE_MM2 - (4 - math.pi)  # one corner of the plate with a fillet of 2 mm
+
+
+def filleted(count, radius=2.0):
+    """The plate's outline as points, its fillet as `count` chords; and its area."""
+    points = [(0, 0), (40, 0), *arc((40 - radius, 20 - radius), radius, 0, math.pi / 2, count), (0, 20)]
+    return points, shapely.Polygon(points).area
+
+
+@pytest.mark.parametrize("count", [20, 200, 1000])
+@pytest.mark.parametrize("noise_mm", [0.0, 1e-9, 1e-4])
+def test_chain_of_strokes_shorter_than_the_tolerance_keeps_its_shape(tmp_path, count, noise_mm):
+    points, right = filleted(count)
+    noise = np.random.default_rng(count).uniform(-noise_mm, noise_mm, (2 * len(points), 2))
+
+    def draw(space, _):
+        for k, start in enumerate(points):
+            end = points[(k + 1) % len(points)]
+            space.add_line(np.add(start, noise[2 * k]), np.add(end, noise[2 * k + 1]))
+
+    part = read(dxf(tmp_path, draw))
+    assert area(part) == pytest.approx(right, abs=0.02 * 120)
+    assert shapely.Polygon(part.outline_mm).hausdorff_distance(_centred(points)) < 0.03
+
+
+def _centred(points):
+    whole = shapely.Polygon(points)
+    return shapely.transform(whole, lambda xy: xy - np.array(whole.centroid.coords[0]))
+
+
+def short_arc(space, a, b):
+    first, last = (math.degrees(math.atan2(y - 18, x - 38)) for x, y in (a, b))
+    space.add_arc((38, 18), 2.0, first, last)
+
+
+def short_polyline(space, a, b):
+    space.add_lwpolyline([a, np.add(a, b) / 2, b])
+
+
+def short_spline(space, a, b):
+    space.add_open_spline([(*a, 0), (*np.add(a, b) / 2, 0), (*b, 0)], degree=2)
+
+
+def short_line_of_any_sense(space, a, b):
+    space.add_line(*((b, a) if a[0] % 0.02 < 0.01 else (a, b)))
+
+
+SHORT = (short_arc, short_polyline, short_spline, short_line_of_any_sense)
+
+
+@pytest.mark.parametrize("add", SHORT)
+def test_short_strokes_of_any_kind_are_a_chain(tmp_path, add):
+    points = arc((38, 18), 2.0, 0, math.pi / 2, 200)
+
+    def draw(space, _):
+        for a, b in zip(points[:-1].tolist(), points[1:].tolist(), strict=True):
+            add(space, a, b)
+        lines(space, [(38, 20), (0, 20), (0, 0), (40, 0), (40, 18)], close=False)
+
+    assert area(read(dxf(tmp_path, draw))) == pytest.approx(FILLET_MM2, rel=4e-4)
+
+
+def test_small_slot_of_short_strokes_is_not_closed(tmp_path):
+    """A notch 0.5 mm wide whose floor is drawn in steps of 0.005 mm."""
+    floor = [(20.5 - k * 0.005, 15.0) for k in range(101)]
+    points = [(0, 0), (40, 0), (40, 20), (20.5, 20), *floor, (20, 20), (0, 20)]
+    part = read(dxf(tmp_path, lambda space, _: lines(space, points)))
+    assert area(part) == pytest.approx(PLATE_MM2 - 2.5, abs=0.05)
+
+
+BOTTOM, RIGHT, TOP, LEFT = (
+    ((0, 0), (40, 0)),
+    ((40, 0), (40, 20)),
+    ((40, 20), (0, 20)),
+    ((0, 20), (0, 0)),
+)
+GAPS = {
+    "at a corner": [BOTTOM, ((40, 0.015), (40, 20)), TOP, LEFT],
+    "at each corner": [
+        ((0.01, 0), (39.99, 0)),
+        ((40, 0.01), (40, 19.99)),
+        ((39.99, 20), (0.01, 20)),
+        ((0, 19.99), (0, 0.01)),
+    ],
+    "a corner that overshoots": [((-0.01, 0), (40, 0)), RIGHT, TOP, LEFT],
+    "a tee that falls short": [BOTTOM, RIGHT, ((45, 20), (0, 20)), ((0, 20), (0, 0.012))],
+    "an edge in halves": [((0, 0), (20, 0)), ((20.015, 0), (40, 0)), RIGHT, TOP, LEFT],
+}
+
+
+@pytest.mark.parametrize("name", GAPS)
+def test_narrow_gaps_are_closed(tmp_path, name):
+    def draw(space, _):
+        for ends in GAPS[name]:
+            space.add_line(*ends)
+
+    assert area(read(dxf(tmp_path, draw))) == pytest.approx(PLATE_MM2, rel=1e-3)
+
+
+def test_polyline_that_nearly_ends_on_itself_is_closed(tmp_path):
+    points = [(10, 0.01), (10, -5), (20, -5), (20, 0), (40, 0), (40, 20), (0, 20), (0, 0), (20, 0)]
+    part = read(dxf(tmp_path, lambda space, _: space.add_lwpolyline(points)))
+    assert area(part) == pytest.approx(850, rel=1e-3)
+
+
+def halves(space, _):
+    lines(space, [(0, 0), (25, 0), (25, 20), (0, 20)])
+    lines(space, [(15, 0), (40, 0), (40, 20), (15, 20)])
+
+
+def overlapping_strokes(space, _):
+    space.add_line((0, 0), (25, 0))
+    space.add_line((15, 0), (40, 0))
+    space.add_line((40, 12), (40, 20))
+    space.add_line((40, 0), (40, 20))
+    lines(space, [(40, 20), (0, 20), (0, 0)], close=False)
+
+
+def nearly_upon_each_other(space, _):
+    lines(space)
+    lines(space, [(0.004, 0.003), (40.003, -0.004), (39.997, 20.003), (0.002, 19.996)])
+
+
+def polyline_and_lines(space, _):
+    box(space, (0, 0), (40, 20))
+    lines(space)
+
+
+def crossing(space, _):
+    space.add_line((-5, 0), (45, 0))
+    space.add_line((-5, 20), (45, 20))
+    space.add_line((0, -5), (0, 25))
+    space.add_line((40, -5), (40, 25))
+
+
+def lap_and_a_half(space, _):
+    space.add_lwpolyline([*PLATE, *PLATE[:3]])
+
+
+def twice_around(space, _):
+    space.add_lwpolyline([*PLATE, *PLATE], close=True)
+
+
+def spur(space, _):
+    space.add_lwpolyline([(0, 0), (40, 0), (50, 0), (40, 0), (40, 20), (0, 20)], close=True)
+
+
+def thrice(space, _):
+    for k in range(3):
+        lines(space, PLATE[k:] + PLATE[:k])
+
+
+LINES = (
+    halves,
+    overlapping_strokes,
+    nearly_upon_each_other,
+    polyline_and_lines,
+    crossing,
+    lap_and_a_half,
+    twice_around,
+    spur,
+    thrice,
+)
+
+
+@pytest.mark.parametrize("draw", LINES)
+def test_double_and_crossing_lines_are_the_plate(tmp_path, draw):
+    assert area(read(dxf(tmp_path, draw))) == pytest.approx(PLATE_MM2, rel=2e-3)
+
+
+def test_arc_drawn_twice_otherwise_is_one(tmp_path):
+    """Half discs as an ARC, as a bulge the other way round, and as a spline through them."""
+
+    def draw(space, _):
+        space.add_line((0, 0), (40, 0))
+        space.add_arc((20, 0), 20, 0, 180)
+        space.add_lwpolyline([(0, 0, -1), (40, 0, 0)], format="xyb")
+        space.add_spline(arc((20, 0), 20, 0, math.pi, 60))
+
+    part = read(dxf(tmp_path, draw))
+    assert area(part) == pytest.approx(200 * math.pi, rel=2e-3)
+    assert "drawn twice" in notes(part)
+
+
+def test_lines_drawn_twice_are_noted_with_their_length(tmp_path):
+    part = read(dxf(tmp_path, lambda space, _: [lines(space) for _ in range(2)]))
+    assert "120 mm of lines drawn twice" in notes(part)
+    assert len(part.outline_mm) == 4
+
+
+def bends(*xs, low=0.0, high=20.0, layer="BEND"):
+    def draw(space, _):
+        lines(space)
+        for x in xs:
+            space.add_line((x, low), (x, high), dxfattribs={"layer": layer})
+
+    return draw
+
+
+def diagonal(space, _):
+    lines(space)
+    space.add_line((0, 0), (40, 20))
+
+
+def quarter(space, _):
+    lines(space)
+    space.add_arc((0, 0), 10, 0, 90)
+
+
+def split_outline(space, _):
+    lines(space, [(12, 0), (0, 0), (0, 20), (12, 20)])
+    lines(space, [(12, 20), (40, 20), (40, 0), (12, 0)], close=False)
+
+
+def two_closed_halves(space, _):
+    box(space, (0, 0), (12, 20))
+    box(space, (12, 0), (40, 20))
+
+
+def flange_on_a_closed_polyline(space, _):
+    box(space, (0, 0), (28, 20))
+    lines(space, [(28, 0), (40, 0), (40, 20), (28, 20)], close=False)
+
+
+def grid_of_bends(space, _):
+    bends(10, 30)(space, _)
+    space.add_line((0, 8), (40, 8), dxfattribs={"layer": "BEND"})
+
+
+def bend_through_a_hole(space, _):
+    bends(20)(space, _)
+    space.add_circle((20, 10), 4, dxfattribs={"layer": "HOLES"})
+
+
+SEAMS = {
+    "tee": (bends(12), "from (12, 0) to (12, 20) mm (layer BEND)"),
+    "overshoot": (bends(12, low=-3, high=24), "from (12, 0) to (12, 20) mm (layer BEND)"),
+    "one layer": (bends(12, layer="0"), "from (12, 0) to (12, 20) mm (layer 0)"),
+    "two": (bends(12, 25), "from (25, 0) to (25, 20) mm (layer BEND)"),
+    "short by 0.01": (bends(12, low=0.01, high=19.99), "from (12, 0) to (12, 20) mm (layer BEND)"),
+    "diagonal": (diagonal, "from (0, 0) to (40, 20) mm"),
+    "arc": (quarter, "from (0, 10) to (10, 0) mm"),
+    "split outline": (split_outline, "from (12, 0) to (12, 20) mm"),
+    "two closed halves": (two_closed_halves, "from (12, 0) to (12, 20) mm"),
+    "flange": (flange_on_a_closed_polyline, "from (28, 0) to (28, 20) mm"),
+    "grid": (grid_of_bends, "(layer BEND)"),
+    "through a hole": (bend_through_a_hole, "(layer BEND)"),
+}
+
+
+@pytest.mark.parametrize("name", SEAMS)
+def test_faces_that_share_an_edge_are_one_and_the_edge_is_named(tmp_path, name):
+    draw, sentence = SEAMS[name]
+    part = read(dxf(tmp_path, draw))
+    assert area(part) == pytest.approx(PLATE_MM2, rel=1e-3)
+    assert sentence in notes(part)
+    assert "--layer" in notes(part)
+
+
+def test_faces_that_touch_at_a_point_are_two(tmp_path):
+    def draw(space, _):
+        lines(space, [(0, 0), (10, 0), (10, 10), (0, 10)])
+        lines(space, [(10, 10), (30, 10), (30, 20), (10, 20)])
+
+    with pytest.raises(UsageError, match=r"2 contours.* 20 x 10 mm; 2: 10 x 10 mm"):
+        read(dxf(tmp_path, draw))
+
+
+def notch_across_an_edge(space, _):
+    box(space, (0, 0), (40, 20))
+    box(space, (15, 15), (25, 25))
+
+
+def circle_at_a_corner(space, _):
+    lines(space)
+    space.add_circle((0, 0), 3)
+
+
+def plus_of_two_boxes(space, _):
+    lines(space, [(0, 10), (40, 10), (40, 20), (0, 20)])
+    lines(space, [(15, 0), (25, 0), (25, 30), (15, 30)])
+
+
+@pytest.mark.parametrize("draw", [notch_across_an_edge, circle_at_a_corner, plus_of_two_boxes])
+def test_closed_contours_that_overlap_are_refused(tmp_path, draw):
+    with pytest.raises(OutlineError, match=r"closed contours overlap near \(.*draw the outline as one"):
+        read(dxf(tmp_path, draw))
+
+
+def cross_of_centre_lines(space, _):
+    box(space, (-12, -9), (12, 9))
+    space.add_circle((0, 0), 5)
+    for end in ((15, 0), (0, 15)):
+        space.add_line(end, np.negative(end), dxfattribs={"layer": "CENTER"})
+
+
+def touching_holes(space, _):
+    box(space, (-12, -9), (12, 9))
+    space.add_circle((0, 4), 5)
+    space.add_circle((5, -4), 3)
+
+
+def lead_in(space, _):
+    box(space, (-12, -9), (12, 9))
+    space.add_circle((0, 0), 5)
+    space.add_line((5, 0), (12, 0))
+
+
+@pytest.mark.parametrize("draw", [cross_of_centre_lines, touching_holes, lead_in])
+def test_holes_and_centre_lines_leave_the_outline_as_it_is(tmp_path, draw):
+    assert area(read(dxf(tmp_path, draw))) == pytest.approx(24 * 18, rel=1e-3)
+
+
+def dimension_on(layer, beyond):
+    """Extension lines from the plate's corners and a dimension line between them, exploded."""
+
+    def draw(space, _):
+        lines(space, layer="CUT")
+        attributes = {"layer": layer}
+        for x in (0, 40):
+            space.add_line((x, 0), (x, -6 - beyond), dxfattribs=attributes)
+        space.add_line((0, -6), (40, -6), dxfattribs=attributes)
+
+    return draw
+
+
+@pytest.mark.parametrize(("layer", "beyond"), [("DIM", 0), ("DIM", 2), ("CUT", 2)])
+def test_dimension_lines_that_bound_another_contour_are_refused(tmp_path, layer, beyond):
+    path = dxf(tmp_path, dimension_on(layer, beyond))
+    with pytest.raises(OutlineError, match=r"from \(0, .*--layer"):
+        read(path)
+    if layer == "DIM":
+        assert area(read(path, layer="cut")) == pytest.approx(PLATE_MM2)
+
+
+def test_dimension_entities_are_no_lines(tmp_path):
+    def draw(space, _):
+        lines(space)
+        dimension = space.add_linear_dim(base=(0, -6), p1=(0, 0), p2=(40, 0), override={"dimexo": 0})
+        dimension.render()
+
+    part = read(dxf(tmp_path, draw))
+    assert area(part) == pytest.approx(PLATE_MM2)
+    assert "1 DIMENSION" in notes(part)
+
+
+def test_wide_open_outline_about_a_hole_is_refused(tmp_path):
+    def draw(space, _):
+        space.add_lwpolyline([(0, 0), (40, 0), (40, 20), (0, 20)])  # not closed: 20 mm are missing
+        space.add_circle((20, 10), 4)
+
+    with pytest.raises(OutlineError, match="20 mm away; close it"):
+        read(dxf(tmp_path, draw))
+
+
+@pytest.mark.parametrize("where_mm", [(12e3, -500), (5e8, 3e8), (-3.4e9, 5.8e9)])
+@pytest.mark.parametrize("turn", [0.0, 0.3])
+def test_noding_does_not_depend_on_where_the_drawing_lies(tmp_path, where_mm, turn):
+    points, right = filleted(200)
+
+    def draw(space, _):
+        lines(space, points)
+        space.add_line((12, 0), (12, 20))
+        box(space, (20, 5), (20.4, 9))
+        space.add_circle((30, 10), 0.4)
+        matrix = Matrix44.chain(Matrix44.z_rotate(turn), Matrix44.translate(*where_mm, 0))
+        for entity in space:
+            entity.transform(matrix)
+
+    part = read(dxf(tmp_path, draw))
+    assert area(part) == pytest.approx(right, rel=4e-4)
+    assert len(part.holes_mm) == 2
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_regions_are_those_of_a_slow_twin(seed):
+    """Random lines and boxes: the regions' union is that of the bounded faces by shapely alone."""
+    random = np.random.default_rng(seed)
+    drawn = [random.integers(0, 12, (2, 2)).astype(float) for _ in range(14)]
+    drawn = [line for line in drawn if (line[0] != line[1]).any()]
+    bounded = noding.regions(drawn, 1e-3).regions
+    noded = shapely.union_all([shapely.LineString(line) for line in drawn])
+    faces = shapely.get_parts(shapely.polygonize(shapely.get_parts(noded)))
+    rings = [each.ring for each in bounded], [face.exterior.coords for face in faces]
+    one, other = (shapely.union_all([shapely.Polygon(ring) for ring in each]) for each in rings)
+    assert shapely.symmetric_difference(one, other).area < 1e-3
+    for region, following in pairwise(bounded):
+        edge = shapely.intersection(shapely.LinearRing(region.ring), shapely.LinearRing(following.ring))
+        assert edge.length < 1e-5

@@ -1,0 +1,198 @@
+"""STL solids as outlines: the silhouette of what lies above the finger tips."""
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+import trimesh
+
+from planner.errors import OutlineError, PlannerError, UsageError
+from planner.part import outline as outlines
+from planner.part.importers import mesh
+from planner.part.importers.file import read_outline
+from planner.part.importers.pieces import Options, time_limit
+from planner.part.tips import tips_height_mm
+from runtime.table import PROFILES
+
+COUNT_MM = 0.001 * PROFILES["robotiq-2f-85"].opening_um / 230  # of the encoder
+
+
+def read(path, **options):
+    return read_outline(path, Options(**options))
+
+
+def solid(tmp_path, mesh, **how):
+    path = tmp_path / "part.stl"
+    path.write_bytes(trimesh.exchange.stl.export_stl(mesh, **how))
+    return path
+
+
+def test_a_block_is_cut_into_its_rectangle(tmp_path):
+    path = solid(tmp_path, trimesh.creation.box((30, 21, 8)))
+    found = read(path, units="mm")
+    assert outlines.area(found.outline_mm) == pytest.approx(630, rel=1e-4)
+    assert len(found.outline_mm) == 4
+    assert any("above the tips, 4 of 8 mm" in note for note in found.notes)
+    with pytest.raises(UsageError, match="never says its units"):
+        read(path)
+
+
+def test_the_height_of_the_cut_matters(tmp_path):
+    path = solid(tmp_path, trimesh.creation.cone(20.0, 40.0, sections=64))
+    low, high = (read(path, units="mm", height_mm=height).size_mm.max() for height in (10.0, 30.0))
+    assert low == pytest.approx(30.0, rel=1e-2)
+    assert high == pytest.approx(10.0, rel=1e-2)
+    with pytest.raises(UsageError, match="--height 50"):
+        read(path, units="mm", height_mm=50.0)
+
+
+@pytest.mark.parametrize(
+    "data", [b"", b"solid nothing\nendsolid", b"\0" * 84, b"\xff" * 200, b"solid x\nfacet"]
+)
+def test_bad_solids_are_refused(tmp_path, data):
+    path = tmp_path / "bad.stl"
+    path.write_bytes(data)
+    with pytest.raises(PlannerError) as caught:
+        read(path, units="mm")
+    assert "\n" not in str(caught.value)
+
+
+def box(low, high):
+    return trimesh.creation.box(bounds=[low, high])
+
+
+def frustum(bottom, top, height):
+    """A tapered block on centred rectangles."""
+    corners = [
+        [x * a, y * b, z]
+        for (a, b), z in ((bottom, 0.0), (top, height))
+        for x, y in ((-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5))
+    ]
+    return trimesh.convex.convex_hull(np.array(corners, dtype=float))
+
+
+def together(*solids):
+    return trimesh.util.concatenate(solids)
+
+
+def turned(body, degrees, axis):
+    return body.apply_transform(trimesh.transformations.rotation_matrix(math.radians(degrees), axis))
+
+
+TAPER = 2.0 * math.tan(math.radians(3.0))
+SILHOUETTES = {  # solid, area above the tips of half its height or 8 mm, by hand
+    "mushroom": (together(box((10, 5, 0), (30, 15, 6)), box((0, 0, 6), (40, 20, 10))), 800),
+    "mushroom upside down": (together(box((10, 5, 4), (30, 15, 10)), box((0, 0, 0), (40, 20, 4))), 200),
+    "waisted reel": (
+        together(
+            trimesh.creation.cylinder(15, 3, sections=128).apply_translation((0, 0, 1.5)),
+            trimesh.creation.cylinder(5, 10, sections=128).apply_translation((0, 0, 5)),
+            trimesh.creation.cylinder(10, 2, sections=128).apply_translation((0, 0, 9)),
+        ),
+        100 * math.pi,
+    ),
+    "ball": (trimesh.creation.icosphere(subdivisions=4, radius=12), 144 * math.pi),
+    "small ball": (trimesh.creation.icosphere(subdivisions=4, radius=7), 49 * math.pi),
+    "bridge": (
+        together(box((0, 0, 0), (5, 20, 12)), box((35, 0, 0), (40, 20, 12)), box((0, 0, 8), (40, 20, 12))),
+        800,
+    ),
+    "leaning block": (turned(box((0, 0, 0), (40, 20, 10)), 20.0, (0, 1, 0)), None),
+    "two heights": (together(box((0, 0, 0), (40, 10, 10)), box((0, 10, 0), (20, 20, 9))), 600),
+    "draft of a low part": (
+        frustum((40, 20), (40 - 10 * TAPER, 20 - 10 * TAPER), 10),
+        (40 - 5 * TAPER) * (20 - 5 * TAPER),
+    ),
+    "draft of a high part": (
+        frustum((40, 20), (40 - 50 * TAPER, 20 - 50 * TAPER), 50),
+        (40 - 8 * TAPER) * (20 - 8 * TAPER),
+    ),
+    "draft upside down": (frustum((40 - 50 * TAPER, 20 - 50 * TAPER), (40, 20), 50), 800),
+    "ring": (trimesh.creation.annulus(8, 15, 10, sections=128), 225 * math.pi),
+    "turned inside out": (together(box((10, 5, 0), (30, 15, 6)), box((0, 0, 6), (40, 20, 10))), 800),
+}
+SILHOUETTES["turned inside out"][0].invert()
+
+
+@pytest.mark.parametrize("name", SILHOUETTES)
+def test_the_outline_is_the_silhouette_of_all_above_the_tips(tmp_path, name):
+    body, area = SILHOUETTES[name]
+    found = read(solid(tmp_path, body), units="mm")
+    low, high = body.bounds[:, 2]
+    tips = low + tips_height_mm(high - low)
+    if area is None:  # of a convex solid: the hull of the corners above, and of where the edges pass the tips
+        corners = body.vertices[body.vertices[:, 2] >= tips, :2]
+        area = shapely.convex_hull(shapely.multipoints(np.concatenate([corners, crossings(body, tips)]))).area
+    assert outlines.area(found.outline_mm) == pytest.approx(area, rel=4e-3)
+
+
+def crossings(body, height):
+    """Where the edges of a solid pass a height (n, 2)."""
+    one, other = body.vertices[body.edges_unique].transpose(1, 0, 2)
+    passes = (one[:, 2] - height) * (other[:, 2] - height) < 0.0
+    one, other = one[passes], other[passes]
+    share = (height - one[:, 2]) / (other[:, 2] - one[:, 2])
+    return (one + share[:, None] * (other - one))[:, :2]
+
+
+@pytest.mark.parametrize("height", [6.0, 12.0, 40.0])
+@pytest.mark.parametrize("draft", [-3.0, 3.0])
+def test_a_drafted_part_is_as_wide_as_fingers_find_it(tmp_path, draft, height):
+    loss = 2.0 * math.tan(math.radians(draft)) * height
+    path = solid(tmp_path, frustum((40, 20), (40 - loss, 20 - loss), height))
+    found = read(path, units="mm")
+    tips = tips_height_mm(height)
+    widest = max(40 - loss, 40 - loss * tips / height)
+    assert abs(found.size_mm.max() - widest) < 0.1 * COUNT_MM
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("kind", ["annulus", "torus"])
+def test_no_triangle_above_the_tips_is_lost_however_the_solid_lies(tmp_path, kind, seed):
+    body = trimesh.creation.annulus(8, 15, 10) if kind == "annulus" else trimesh.creation.torus(15, 5)
+    body.apply_transform(
+        trimesh.transformations.random_rotation_matrix(np.random.default_rng(seed).random(3))
+    )
+    found = read(solid(tmp_path, body), units="mm")
+    height = body.bounds[0, 2] + tips_height_mm(np.ptp(body.bounds[:, 2]))
+    above = trimesh.intersections.slice_mesh_plane(body, (0, 0, 1), (0, 0, height))
+    middles = above.triangles_center[:, :2] + found.origin_mm
+    shadow = shapely.buffer(shapely.Polygon(found.outline_mm, found.holes_mm), 0.05)
+    assert shapely.covers(shadow, shapely.points(middles)).all()
+
+
+def test_what_is_wider_below_the_tips_is_noted(tmp_path):
+    found = read(solid(tmp_path, SILHOUETTES["mushroom upside down"][0]), units="mm")
+    assert any("below the tips it is up to 11.2 mm wider" in note for note in found.notes)
+    found = read(solid(tmp_path, SILHOUETTES["mushroom"][0]), units="mm")
+    assert not any("wider" in note for note in found.notes)
+
+
+def opened(body, *missing):
+    return trimesh.Trimesh(body.vertices, np.delete(body.faces, missing, axis=0), process=False)
+
+
+def test_a_surface_that_is_open_is_noted_where_the_outline_is_still_known(tmp_path):
+    plain = box((0, 0, 0), (40, 20, 10))
+    for normal in ((0, 0, 1), (0, 0, -1)):  # a tray without a lid, or without a floor
+        missing = np.flatnonzero(plain.face_normals @ normal > 0.5)
+        for some in (missing, missing[:1]):
+            found = read(solid(tmp_path, opened(plain, *some)), units="mm")
+            assert outlines.area(found.outline_mm) == pytest.approx(800)
+            assert any("surface is not closed" in note for note in found.notes)
+
+
+def test_a_surface_that_is_open_where_the_fingers_meet_it_is_refused_with_the_place(tmp_path):
+    plain = box((0, 0, 0), (40, 20, 10))
+    missing = np.flatnonzero((plain.face_normals @ (0, 0, 1) > 0.5) | (plain.face_normals @ (1, 0, 0) > 0.5))
+    with pytest.raises(OutlineError, match=r"hole in its surface near \(.*, 5\) mm"):
+        read(solid(tmp_path, opened(plain, *missing)), units="mm")
+
+
+def test_a_fine_mesh_is_read_in_its_time_and_a_slow_one_is_not_called_damaged(tmp_path):
+    path = solid(tmp_path, trimesh.creation.icosphere(subdivisions=5, radius=7))
+    assert outlines.area(read(path, units="mm").outline_mm) == pytest.approx(49 * math.pi, rel=4e-3)
+    data = path.read_bytes()
+    with pytest.raises(PlannerError, match="longer than"), time_limit("x.stl", 0.02):
+        mesh.read(data, "x.stl", 1.0, None)

@@ -1,0 +1,76 @@
+"""One set of figures: the compiler's, in the report, in the rows of other worlds and in the verdict."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from planner.compile import compile_job
+from planner.evaluation.shares import in_percent, shares_of
+from planner.job import model as job_file
+from planner.report import dossier, worlds
+from planner.report.leaf_poses import WORTH_TELLING_MM, means
+from planner.report.verdict import weakest
+from runtime.table import dumps, predicted_pose
+
+TREE = Path(__file__).parents[4] / "trees" / "rectangle"
+
+
+@pytest.fixture(scope="module")
+def planned():
+    job = job_file.load(TREE / "job.toml").replaced(search={"particles": 2000})
+    return job, compile_job(job, trials=1500)
+
+
+@pytest.fixture(scope="module")
+def page(planned):
+    job, plan = planned
+    return dossier.page(plan.table, job, dossier.Source("t.msgpack", dumps(plan.table)), 600)
+
+
+def test_evaluation_of_a_table_is_the_compilers(planned):
+    job, plan = planned
+    found = worlds.evaluation_of(plan.table, job, 7)
+    assert found.summary() == plan.evaluation.summary()
+    (line, *others) = worlds.tried(plan.table, job, plan.evaluation, 100)
+    assert line.evaluation is plan.evaluation
+    assert len({other.case.name for other in others}) == len(others)
+
+
+def test_page_tells_the_compilers_figures_in_cards_verdict_and_first_row(planned, page):
+    _, plan = planned
+    figures = plan.evaluation.summary()
+    shares = [in_percent(share) for share in shares_of(figures)]
+    cards = dict(re.findall(r"<dt>([^<]+)</dt><dd>([^<]+)</dd>", page))
+    assert [cards[name] for name in ("Success", "Wrong", "Unresolved", "Rejected")] == shares[:4]
+    assert f"of {figures['trials']} trials" in page
+    assert f"{shares[0]} of trials" in page
+    row = re.search(r'<th scope="row">as the job says.*?</tr>', page, re.DOTALL)[0]
+    cells = re.findall(r"<td>([^<]*)</td>", row)
+    assert [cells[0], *cells[2:6]] == shares
+
+
+def test_card_headline_and_row_of_the_worst_world_agree(planned, page):
+    job, plan = planned
+    worst = weakest(worlds.tried(plan.table, job, plan.evaluation, 600))
+    assert f"{worst.name} (" in page
+    row = re.search(rf'<th scope="row">{re.escape(worst.name)} <strong>\(worst\).*?</tr>', page, re.DOTALL)[0]
+    wrong = re.findall(r"<td>([^<]*)</td>", row)[2]
+    assert f"<dt>Worst other world</dt><dd>{wrong} wrong</dd>" in page
+
+
+def test_pose_beside_the_parts_of_the_stated_cell_is_told_with_theirs(planned, page):
+    _, plan = planned
+    found = means(plan.table, plan.evaluation)
+    for index, (leaf, mean) in enumerate(zip(plan.table.leaves, found, strict=True)):
+        here = plan.evaluation.poses[plan.evaluation.leaf == index]
+        if mean is None:
+            continue
+        x, y, _ = predicted_pose(leaf)
+        assert mean.x_mm - x == pytest.approx((here[:, 0] - x).mean(), abs=0.5)
+        assert mean.y_mm - y == pytest.approx((here[:, 1] - y).mean(), abs=0.5)
+        assert mean.deliberate == (mean.apart_mm > WORTH_TELLING_MM)
+    assert any(found)
+    apart = next(mean for mean in found if mean)
+    assert f"<td>{apart.apart_mm:.2f}</td>" in page
+    assert ("this is deliberate" in page) == any(mean.deliberate for mean in found if mean)

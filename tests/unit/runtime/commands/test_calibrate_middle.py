@@ -1,0 +1,77 @@
+"""`grasp-calibrate middle` stopped at any moment: what may be held is held fast, and never lifted."""
+
+import argparse
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from fake_scene import setting
+from sample_tables import small_table
+
+from drivers.sim.physics.scene import Block
+from drivers.sim.virtual.cell import VirtualCell
+from runtime.commands import calibrate, calibrate_middle
+from runtime.execution import calibration
+from runtime.execution.calibration import Gauge
+from runtime.table import dump
+
+BLOCK_MM = 30.0
+LOW_MM = small_table().limits.squeeze_height_um / 1000
+MOVING = ("move", "wait", "move_linear")
+
+
+class Interrupted:
+    """A device whose call with a number, of those that move something, ends in a stop request."""
+
+    def __init__(self, device: object, log: list[str], at: int) -> None:
+        self._device, self._log, self._at = device, log, at
+
+    def __getattr__(self, name: str) -> object:
+        method = getattr(self._device, name)
+        if name not in MOVING:
+            return method
+
+        def call(*arguments: float) -> object:
+            self._log.append(name)
+            answer = method(*arguments)
+            if len(self._log) - 1 == self._at:
+                raise KeyboardInterrupt
+            return answer
+
+        return call
+
+
+@pytest.fixture
+def arguments(tmp_path: Path) -> argparse.Namespace:
+    tree, widths = tmp_path / "t.msgpack", tmp_path / "g.json"
+    dump(small_table(), tree)
+    gauges = [Gauge((230 - count) * 85.0 / 227.0, (count,)) for count in (230, 200, 150, 100, 50, 3)]
+    calibration.save(calibration.fit(gauges, "S/N-1", "2026-01-01T00:00:00Z"), widths)
+    words = ["middle", "--port", str(tmp_path / "gripper"), "--arm", str(tmp_path / "arm"), "--activate"]
+    words += ["--tree", str(tree), "--calibration", str(widths), "--block", f"{BLOCK_MM:g}"]
+    return calibrate.parser().parse_args([*words, "-o", str(tmp_path / "o.json")])
+
+
+@pytest.mark.parametrize("tips", ["straight", "57.15,5"])
+def test_stopped_calibration_never_lifts_the_fixed_block(arguments: argparse.Namespace, tips: str) -> None:
+    arguments.tips = tips
+    gripped = 0
+    for number in range(45):  # the first two grips
+        cell = VirtualCell(setting()._replace(block=Block(BLOCK_MM)), 5)
+        log: list[str] = []
+        devices = SimpleNamespace(
+            gripper=lambda port, cell=cell, log=log, at=number: Interrupted(cell.gripper(), log, at),
+            arm=lambda port, cell=cell, log=log, at=number: Interrupted(cell.arm(), log, at),
+        )
+        with pytest.raises(KeyboardInterrupt) as stopped:
+            calibrate_middle.run(arguments, devices, lambda sentence: None)
+        now_s = cell.clock.now()
+        holds = cell.works.gripper.opening_mm(now_s) < BLOCK_MM + 15.0
+        height_mm = cell.works.arm.pose_at(now_s).z_mm
+        notes = stopped.value.__notes__
+        assert notes[0].startswith("fingers stopped")
+        if holds:
+            gripped += 1
+            assert height_mm < LOW_MM + 20.0, (number, log)
+            assert "arm not moved" in notes[1]
+    assert gripped >= 2

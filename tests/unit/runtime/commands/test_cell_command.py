@@ -1,0 +1,34 @@
+"""Which devices a run connects to, and locks."""
+
+from contextlib import ExitStack
+from types import SimpleNamespace
+
+import pytest
+from fake_cell import Deaf, fake_cell
+from sample_tables import small_table
+
+from runtime.commands import arguments
+from runtime.commands.cell import connect
+from runtime.devices.lock import PortLock
+from runtime.errors import PortBusyError
+
+
+@pytest.mark.parametrize(
+    ("gripper", "arm"),
+    [
+        ("urcap://192.0.2.10", "ur://192.0.2.10"),
+        ("rtu+tcp://192.0.2.10:54321", "ur://192.0.2.10"),
+        ("urcap://192.0.2.10", "manual"),
+        ("manual", "ur://192.0.2.10:30004"),
+    ],
+)
+def test_documented_ur_commands_connect_and_hold_both_devices(gripper: str, arm: str) -> None:
+    made = fake_cell([])
+    drivers = SimpleNamespace(gripper=lambda port, **_: made.gripper, arm=lambda url, **_: made.arm)
+    parsed = arguments.parser().parse_args(["--tree", "t", "--port", gripper, "--arm", arm])
+    with ExitStack() as stack:
+        connect(parsed, small_table(), Deaf(), drivers, stack, lambda kind, fields: None)
+        for device in (gripper, arm):
+            if device != "manual":
+                with pytest.raises(PortBusyError):
+                    PortLock(device)

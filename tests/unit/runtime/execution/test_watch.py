@@ -1,0 +1,119 @@
+"""The deadline of a squeeze: what raises it, when, and which device it names."""
+
+import time
+from dataclasses import replace
+
+import pytest
+from fake_cell import Deaf, FakeClock, fake_cell
+from sample_tables import small_table
+
+from runtime.devices import clock as clocks
+from runtime.devices.clock import SystemClock
+from runtime.errors import CellError
+from runtime.execution.executor import Executor, expected_s
+from runtime.execution.watch import DEADLINE_FACTOR, Expected, Watch
+from runtime.shell.interrupts import StopRequests, stoppable
+from runtime.traversal.results import Outcome
+
+
+class SlowDevice:
+    """A device whose call takes so many seconds of the clock."""
+
+    def __init__(self, clock, seconds):
+        self.clock, self.seconds, self.calls = clock, seconds, 0
+        self.colour = "grey"
+
+    def call(self):
+        self.calls += 1
+        self.clock.sleep(self.seconds)
+        return self.calls
+
+
+@pytest.mark.parametrize(
+    ("slow", "told", "code"),
+    [
+        ("arm", "the arm took 40.0 s, 6.0 s are usual", 22),
+        ("gripper", "the gripper took 40.0 s, 4.0 s are usual", 21),
+    ],
+)
+def test_squeeze_late_by_one_device_names_it_and_begins_no_further_call(slow, told, code):
+    clock = FakeClock()
+    watch = Watch(clock)
+    devices = {name: SlowDevice(clock, 40.0 if name == slow else 1.0) for name in ("arm", "gripper")}
+    arm, gripper = (watch.watched(devices[name], name) for name in ("arm", "gripper"))
+
+    def squeeze():
+        with watch.squeeze(Expected(6.0, 4.0)):
+            for device in (gripper, arm, gripper, arm):
+                device.call()
+
+    with pytest.raises(CellError, match=told) as raised:
+        squeeze()
+    assert raised.value.exit_code == code
+    assert devices["gripper"].calls + devices["arm"].calls == (1 if slow == "gripper" else 2)
+
+
+def test_squeeze_late_by_neither_device_names_the_machine():
+    clock = FakeClock()
+    watch = Watch(clock)
+    arm, journal = SlowDevice(clock, 1.0), SlowDevice(clock, 99.0)
+    arm, journal = watch.watched(arm, "arm"), watch.watched(journal, "this machine")
+
+    def squeeze():
+        with watch.squeeze(Expected(1.0, 1.0)):
+            arm.call()
+            journal.call()
+            journal.call()
+
+    with pytest.raises(CellError, match=r"this machine took 198\.0 s"):
+        squeeze()
+
+
+def test_calls_after_a_squeeze_have_no_deadline_of_it():
+    clock = FakeClock()
+    watch = Watch(clock)
+    device = watch.watched(SlowDevice(clock, 1000.0), "arm")
+    with pytest.raises(CellError, match="arm"), watch.squeeze(Expected(1.0, 1.0)):
+        device.call()
+    device.call()
+    device.call()
+    assert device.colour == "grey"
+
+
+def test_a_call_that_does_not_return_ends_at_the_deadline(monkeypatch):
+    """As a stop request ends it: whatever the driver waits for."""
+    monkeypatch.setattr(clocks, "LINK_MARGIN_S", 0.1)
+    watch = Watch(SystemClock())
+
+    class Endless:
+        def call(self):
+            time.sleep(600.0)
+
+    arm = watch.watched(Endless(), "arm")
+
+    def squeeze():
+        with stoppable(), watch.squeeze(Expected(0.01, 0.01)):
+            arm.call()
+
+    with StopRequests(), pytest.raises(CellError, match="the arm took") as raised:
+        squeeze()
+    assert raised.value.exit_code == 22
+
+
+def test_executor_whose_arm_is_too_slow_ends_before_the_jaws_close_and_names_the_arm():
+    made = fake_cell([(200, 2)])
+    clock = made.cell.clock
+    table = small_table()
+    budget = DEADLINE_FACTOR * expected_s(table, table.nodes[0])
+    obeys = made.arm.move_linear
+
+    def slow(*target):
+        clock.sleep(budget)
+        obeys(*target)
+
+    made.arm.move_linear = slow
+    result = Executor(table, replace(made.cell), Deaf()).run_part(1)
+    assert (result.outcome, result.exit_code) == (Outcome.FAULT, 22)
+    assert "the arm took" in str(result.reason)
+    assert not [call for call in made.log.named("move") if call.arguments[0] == 255]
+    assert "the arm took" in str(made.journal.kept[-1])

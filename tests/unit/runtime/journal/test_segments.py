@@ -1,0 +1,336 @@
+"""A journal in segments: sealed between two parts, one chain, and only the last of them read at the start."""
+
+import os
+import shutil
+import stat
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from itertools import count
+from pathlib import Path
+
+import pytest
+from sample_tables import small_table
+from written_journals import write_run
+
+from planner.report import run_log
+from runtime.commands.journal import main as grasp_journal
+from runtime.devices.clock import SystemClock
+from runtime.errors import JournalError
+from runtime.execution.crash import broken_run
+from runtime.journal import chain
+from runtime.journal.chain import Journal, records, verify
+from runtime.journal.export import rows
+from runtime.journal.files import broken_of
+from runtime.journal.replay import Replay
+from runtime.shell.sealed_lines import sealed_segments, segment
+from runtime.spc import history
+from runtime.table import dumps
+
+STAMP = SystemClock().stamp
+
+
+def write_part(journal: Journal, number: int) -> None:
+    journal.record("part", {"part": number})
+    journal.record("outcome", {"part": number, "outcome": "reject"})
+
+
+def segmented(path: Path, *, closed: bool = True) -> Path:
+    """One run of three parts in three files."""
+    with Journal(path, STAMP, segment_bytes=1) as journal:
+        journal.header(b"table", {"port": "sim"})
+        for number in (1, 2, 3):
+            write_part(journal, number)
+        if closed:
+            journal.record("end", {"exit_code": 0})
+    assert len(sealed_segments(path)) == 2
+    return path
+
+
+def without(entries: Iterator[dict], *names: str) -> list[dict]:
+    return [{name: value for name, value in entry.items() if name not in names} for entry in entries]
+
+
+@pytest.fixture
+def pair(tmp_path: Path) -> tuple[Path, Path]:
+    """The same two runs in one file, and sealed after every part."""
+    whole, cut = tmp_path / "whole.jsonl", tmp_path / "cut.jsonl"
+    for path, size in ((whole, chain.SEGMENT_BYTES), (cut, 1)):
+        for _ in range(2):
+            write_run(path, segment_bytes=size)
+    assert len(sealed_segments(whole)) == 0
+    assert len(sealed_segments(cut)) == 7  # between two parts, and between the runs
+    return whole, cut
+
+
+def test_journal_sealed_after_every_part_tells_the_same_to_every_reader(pair: tuple[Path, Path]) -> None:
+    whole, cut = pair
+    one, other = verify(whole), verify(cut)
+    assert (other.runs, other.closed, other.segments) == (one.runs, one.closed, 7) == (2, True, 7)
+    own = [entry for entry in records(cut) if entry["kind"] != "seal" and "after_part" not in entry]
+    varying = ("seq", "time", "up_s", "previous", "digest", "settle_s")
+    assert without(iter(own), *varying) == without(records(whole), *varying)
+    assert without(rows(records(cut)), "time", "settle_s") == without(
+        rows(records(whole)), "time", "settle_s"
+    )
+    parts = [history.read([path]).parts for path in pair]
+    assert [part.squeezes for part in parts[0]] == [part.squeezes for part in parts[1]]
+    digest = str(next(records(whole))["table_sha256"])
+    logs = [run_log.read(path, digest) for path in pair]
+    assert logs[0].parts == logs[1].parts
+    assert (logs[1].runs, logs[1].others) == (2, 0)
+    assert run_log.table_of(cut).digest == digest
+    replay = Replay()
+    assert list(replay.follow(records(cut))) == []
+    assert (replay.decisions, replay.parts, replay.closed) == (12, 4, True)
+
+
+def test_commands_read_all_segments_by_the_base_name(pair: tuple[Path, Path], capsys) -> None:
+    told = []
+    for path in pair:
+        assert grasp_journal(["show", str(path), "--outcome", "unresolved", "--json"]) == 0
+        told.append(capsys.readouterr().out.count("\n"))
+        assert grasp_journal(["replay", str(path)]) == 0
+        assert grasp_journal(["export", str(path), "--to", "csv", "-o", "-"]) == 0
+        told.append(capsys.readouterr().out.count("\n"))
+    assert told[:2] == told[2:]
+    assert grasp_journal(["verify", str(pair[1])]) == 0
+    assert "records in 2 runs and 8 files verify; the last run ended" in capsys.readouterr().out
+
+
+def test_segments_in_their_order_are_one_journal_file(tmp_path: Path) -> None:
+    path = segmented(tmp_path / "j.jsonl")
+    joined = tmp_path / "joined.jsonl"
+    joined.write_bytes(b"".join(file.read_bytes() for file in (*sealed_segments(path), path)))
+    assert verify(joined)._replace(size=0, segments=2) == verify(path)._replace(size=0)
+
+
+def test_a_run_that_broke_off_is_known_by_the_last_segment_alone(tmp_path: Path) -> None:
+    """Wherever it broke off: the same as by all records."""
+    for cut in count(1):
+        path = tmp_path / f"{cut}.jsonl"
+        write_run(path, segment_bytes=1)
+        lines = path.read_bytes().splitlines(keepends=True)
+        if cut > len(lines):
+            break
+        path.write_bytes(b"".join(lines[:cut]))
+        before = [broken_run(path, records(path))]
+        with Journal(path, STAMP) as journal:
+            before.append(broken_run(path, journal.last_part))
+        told = [
+            None if run is None else (run.parts, run.part, run.steps, run.traversal, run.last)
+            for run in before
+        ]
+        assert told[0] == told[1]
+    assert cut > 5
+
+
+def test_opening_reads_the_last_segment_and_verify_reads_all(tmp_path: Path) -> None:
+    path = segmented(tmp_path / "j.jsonl")
+    first = segment(path, 1)
+    first.write_bytes(first.read_bytes().replace(b'"port":"sim"', b'"port":"sun"'))
+    with Journal(path, STAMP) as journal:
+        journal.header(b"table", {})
+    with pytest.raises(JournalError, match=r"j\.jsonl\.000001, line 1: does not have its digest"):
+        verify(path)
+
+
+def test_a_file_that_grew_long_before_is_sealed_by_the_next_run(tmp_path: Path) -> None:
+    path = tmp_path / "j.jsonl"
+    write_run(path)
+    before = path.read_bytes()
+    write_run(path, segment_bytes=1000)
+    assert segment(path, 1).read_bytes().startswith(before)
+    assert verify(path).runs == 2
+
+
+def test_a_header_larger_than_a_segment_does_not_seal_an_empty_one(tmp_path: Path) -> None:
+    path = tmp_path / "j.jsonl"
+    with Journal(path, STAMP, segment_bytes=1000) as journal:
+        journal.header(b"a long table" * 1000, {})
+        for number in (1, 2):
+            write_part(journal, number)
+    assert sealed_segments(path) == []
+
+
+def test_a_new_segment_keeps_the_mode_of_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "j.jsonl"
+    with Journal(path, STAMP, segment_bytes=1) as journal:
+        path.chmod(0o600)
+        journal.header(b"table", {})
+        write_part(journal, 1)
+        write_part(journal, 2)
+    assert [stat.S_IMODE(file.stat().st_mode) for file in (path, segment(path, 1))] == [0o600, 0o600]
+
+
+@pytest.mark.parametrize("name", ["j.jsonl", "j.jsonl.000001", "j.jsonl.000002"])
+@pytest.mark.parametrize("how", ["missing", "empty", "first line missing", "last line missing"])
+def test_a_segment_that_lost_records_is_refused(tmp_path: Path, name: str, how: str) -> None:
+    path = segmented(tmp_path / "j.jsonl")
+    lost = tmp_path / name
+    lines = lost.read_bytes().splitlines(keepends=True)
+    kept = {"empty": [], "first line missing": lines[1:], "last line missing": lines[:-1]}.get(how)
+    lost.unlink() if kept is None else lost.write_bytes(b"".join(kept))
+    if (name, how) != ("j.jsonl", "last line missing"):  # which is a run that broke off
+        with pytest.raises(JournalError):
+            verify(path)
+        # Of the segments before it, a start looks at their number and at the last one's seal.
+        if name == "j.jsonl" or how == "missing" or (name, how[:4]) == ("j.jsonl.000002", "last"):
+            with pytest.raises(JournalError) as refused:
+                Journal(path, STAMP)
+            assert refused.value.exit_code == 24
+    assert lost.exists() == (kept is not None)
+
+
+def test_a_segment_is_no_journal_to_write_to(tmp_path: Path) -> None:
+    path = segmented(tmp_path / "j.jsonl")
+    with pytest.raises(JournalError, match=r"is a segment of .*j\.jsonl; name that one"):
+        Journal(segment(path, 1), STAMP)
+
+
+class KilledError(BaseException):
+    """The process is gone."""
+
+
+def test_a_process_killed_at_any_moment_of_a_rotation_leaves_a_whole_journal(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    deaths = 0
+    for last in count():
+        path = tmp_path / f"{last}.jsonl"
+        journal = Journal(path, STAMP, segment_bytes=1)
+        journal.header(b"table", {})
+        write_part(journal, 1)
+        before = list(records(path))
+        left = last
+
+        def dying(call: Callable) -> Callable:
+            def called(*arguments: object, **named: object) -> object:
+                nonlocal left
+                left -= 1
+                if left < 0:
+                    raise KilledError
+                return call(*arguments, **named)
+
+            return called
+
+        with monkeypatch.context() as patched:
+            for name in ("open", "write", "fsync", "rename", "fchmod"):
+                patched.setattr(os, name, dying(getattr(os, name)))
+            patched.setattr(os, "ftruncate", lambda *_: None)  # who is gone takes nothing back
+            with suppress(KilledError):
+                write_part(journal, 2)
+        journal.close()
+        deaths += left < 0
+        with Journal(path, STAMP) as again:
+            run = [entry["kind"] for entry in again.last_part]
+            again.record("end", {})
+        assert list(records(path))[: len(before)] == before
+        assert run[0] == "header"
+        assert verify(path).closed
+        assert verify(path).runs == 1
+        if left >= 0:
+            break
+    assert deaths > 10
+
+
+def test_a_reader_that_opened_the_file_before_it_was_sealed_reads_it_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "j.jsonl"
+    with Journal(path, STAMP, segment_bytes=1) as journal:
+        journal.header(b"table", {})
+        write_part(journal, 1)
+
+        def sealed_meanwhile(asked: Path) -> list[Path]:
+            write_part(journal, 2)
+            return sealed_segments(asked)
+
+        with monkeypatch.context() as patched:
+            patched.setattr(chain, "sealed_segments", sealed_meanwhile)
+            kinds = [entry["kind"] for entry in records(path)]
+    assert kinds == ["header", "part", "outcome", "seal"]
+
+
+def removed(path: Path) -> None:
+    path.unlink()
+
+
+def renamed(path: Path) -> None:
+    path.rename(path.with_name("j.jsonl.old"))
+
+
+def renamed_and_created(path: Path) -> None:
+    renamed(path)
+    path.touch()
+
+
+def copied_and_truncated(path: Path) -> None:
+    shutil.copy(path, path.with_name("j.jsonl.old"))
+    os.truncate(path, 0)
+
+
+def cut(path: Path) -> None:
+    os.truncate(path, path.stat().st_size // 2)
+
+
+def replaced(path: Path) -> None:
+    copy = path.with_name("copy")
+    shutil.copy(path, copy)
+    copy.rename(path)
+
+
+def linked(path: Path) -> None:
+    renamed(path)
+    path.symlink_to("j.jsonl.old")
+
+
+def written_to(path: Path) -> None:
+    with path.open("ab") as file:
+        file.write(b"a line\n")
+
+
+WHOLE = (removed, renamed, renamed_and_created, replaced, linked, written_to)
+
+
+@pytest.mark.parametrize("displace", [*WHOLE, copied_and_truncated, cut], ids=lambda how: how.__name__)
+@pytest.mark.parametrize("begin", [write_run, segmented])
+def test_a_journal_displaced_beneath_a_run_loses_nothing_and_is_seen_by_the_next(
+    tmp_path: Path, displace: Callable[[Path], None], begin: Callable[[Path], Path]
+) -> None:
+    path = begin(tmp_path / "j.jsonl")
+    with Journal(path, STAMP) as journal:
+        journal.header(dumps(small_table()), {})
+        journal.record("part", {"part": 1})
+        whole, held = list(records(path)), path.read_bytes()
+        displace(path)
+        left = path.read_bytes() if path.exists() else None
+        with pytest.raises(JournalError, match=r"while it was written; .* in .*j\.jsonl\.broken") as refused:
+            journal.record("placed", {"part": 1})
+        assert refused.value.exit_code == 24
+        journal.record("outcome", {"part": 1, "outcome": "fault"})
+        journal.record("end", {"exit_code": 24})
+    assert (path.read_bytes() if path.exists() else None) == left
+    for refuse in (lambda: Journal(path, STAMP), lambda: verify(path)):
+        with pytest.raises(JournalError, match="was moved or cut beneath a run, whose records are in"):
+            refuse()
+    kept = broken_of(path).read_bytes()
+    assert kept.startswith(held) == (displace in WHOLE)
+    broken_of(path).unlink()
+    path.unlink(missing_ok=True)
+    path.write_bytes(kept if displace in WHOLE else held + kept)
+    assert [entry["kind"] for entry in records(path)][len(whole) :] == ["outcome", "end"]
+    assert verify(path).closed
+    Journal(path, STAMP).close()
+
+
+def test_a_journal_whose_folder_is_gone_is_refused_for_good(tmp_path: Path) -> None:
+    folder = tmp_path / "runs"
+    folder.mkdir()
+    with Journal(folder / "j.jsonl", STAMP) as journal:
+        journal.header(b"table", {})
+        folder.rename(tmp_path / "moved")
+        with pytest.raises(JournalError, match=r"was renamed .* what the run records now is lost"):
+            journal.record("part", {"part": 1})
+        with pytest.raises(JournalError, match="could not be written before"):
+            journal.record("outcome", {"part": 1})
+    assert verify(tmp_path / "moved" / "j.jsonl").records == 1

@@ -1,0 +1,77 @@
+"""TOML of unknown origin: what tomllib would take minutes for is refused at once."""
+
+import time
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from runtime.shell.strict_toml import MOST_BYTES, MOST_LEVELS, parse
+
+DEEP = 100_000
+NESTED = {
+    "dotted key": ".".join("a" * DEEP) + " = 1",
+    "dotted digits": "1." * DEEP + "1 = 1",
+    "spaced key": " . ".join("a" * DEEP) + " = 1",
+    "quoted key": ".".join(['"a"'] * 50_000) + " = 1",
+    "header": "[" + ".".join("a" * DEEP) + "]",
+    "list header": "[[" + ".".join("a" * DEEP) + "]]",
+    "list": "a = " + "[" * DEEP + "]" * DEEP,
+    "inline tables": "a = " + "{a=" * DEEP + "1" + "}" * DEEP,
+    "behind a string": 'a = """x"""\nb = ' + "[" * DEEP,
+    "behind a comment": "# '''\n" + ".".join("a" * DEEP) + " = 1",
+}
+
+
+@pytest.mark.parametrize("text", NESTED.values(), ids=NESTED)
+def test_deep_nesting_is_refused_before_it_costs_anything(text: str) -> None:
+    start = time.process_time()
+    with pytest.raises(ValueError, match="nested too deeply"):
+        parse(text)
+    assert time.process_time() - start < 1.0
+
+
+def test_a_large_text_is_refused() -> None:
+    with pytest.raises(ValueError, match="larger than 1 MiB"):
+        parse("#" * (MOST_BYTES + 1))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a.b.c.d = 1",
+        "[a.b]\nc = [[1.5, 2.5], [3.5]]\nd = {e = {f = 1}}",
+        'a = "[[[[[[[[[[[[[[[[[[[[[[[["',
+        "a = '.......................'",
+        "# [[[[[[[[[[[[[[[[[[[[[[[[ a.b.c.d.e.f.g.h.i.j.k.l.m.n.o.p.q",
+        'a = """\n[[[[[[[[[[[[[[[[[[[[\\""" " \n"""',
+        "a = [" + ", ".join(["1.25"] * 1_000) + "]",
+        "a = " + "[" * MOST_LEVELS + "]" * MOST_LEVELS,
+    ],
+)
+def test_what_a_person_writes_is_read_as_by_tomllib(text: str) -> None:
+    assert parse(text) == tomllib.loads(text)
+
+
+def test_every_job_of_the_trees_is_read() -> None:
+    paths = list((Path(__file__).parents[4] / "trees").rglob("*.toml"))
+    assert len(paths) > 15
+    for path in paths:
+        assert parse(path.read_text()) == tomllib.loads(path.read_text())
+
+
+@given(st.text(alphabet="ab.=[]{}\"'#\n\\ 1,", max_size=MOST_LEVELS))
+def test_no_text_is_read_otherwise_than_by_tomllib(text: str) -> None:
+    """So short a text is never nested too deeply."""
+    assert outcome(parse, text) == outcome(tomllib.loads, text)
+
+
+def outcome(read: Callable[[str], object], text: str) -> object:
+    """What is read, or why it is not."""
+    try:
+        return read(text)
+    except ValueError as error:
+        return str(error)

@@ -1,0 +1,172 @@
+"""A table held against the job inside it: what the two both say, and parts that no jaws would hold so."""
+
+import json
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from math import cos, pi, sin
+from pathlib import Path
+
+import pytest
+from sample_tables import several_table, with_job
+
+from runtime.cli import main
+from runtime.table import Push, Table, TableError, dumps, load, loads
+from runtime.table.codec import encode
+from runtime.table.embedded import gyration_mm
+
+RECTANGLE = Path(__file__).parents[4] / "trees" / "rectangle" / "rectangle.msgpack"
+TABLE = load(RECTANGLE).table
+Forge = Callable[[Table], Table]
+
+
+def limits(**changes: object) -> Forge:
+    return lambda table: replace(table, limits=replace(table.limits, **changes))
+
+
+def gripper(**changes: object) -> Forge:
+    return lambda table: replace(table, gripper=replace(table.gripper, **changes))
+
+
+def goal(**changes: object) -> Forge:
+    return lambda table: replace(table, goal=replace(table.goal, **changes))
+
+
+def squeeze(**changes: int) -> Forge:
+    def forge(table: Table) -> Table:
+        root, *others = table.nodes
+        return replace(table, nodes=(root._replace(squeeze=root.squeeze._replace(**changes)), *others))
+
+    return forge
+
+
+def shifted(x_um: int, y_um: int = 0) -> Forge:
+    """All leaves moved together, as if the table had been made for another place."""
+    return lambda table: replace(
+        table,
+        leaves=tuple(leaf._replace(x_um=leaf.x_um + x_um, y_um=leaf.y_um + y_um) for leaf in table.leaves),
+    )
+
+
+def with_push(table: Table) -> Table:
+    root, *others = table.nodes
+    push = Push(-60_000, 0, 0, 0, 30_000, 30_000)
+    return replace(table, nodes=(root._replace(pushes=(push,)), *others))
+
+
+@pytest.mark.parametrize(
+    ("forge", "said"),
+    [
+        (limits(squeeze_height_um=-50_000), "squeeze_height_um is -50000, but the embedded job says 8000"),
+        (limits(retreat_height_um=900_000), "limits.retreat_height_um is 900000, but"),
+        (limits(max_force_mn=500_000), "limits.max_force_mn is 500000, but"),
+        (limits(max_speed_um_s=150_001), "limits.max_speed_um_s is 150001, but"),
+        (limits(arm_speed_um_s=2_000_000), "limits.arm_speed_um_s is 2000000, but"),
+        (limits(work_area_um=(-900_000, -150_000, 150_000, 150_000)), "limits.work_area_um is "),
+        (gripper(model="robotiq-hand-e"), "gripper.model is robotiq-hand-e, but the embedded job"),
+        (gripper(encoder_noise_um=0), "gripper.encoder_noise_um is 0, but"),
+        (gripper(finger_length_um=99_000), "gripper.finger_length_um is 99000, but"),
+        (goal(distance_um=2_999), "goal.distance_um is 2999, but the embedded job says 3000"),
+        (goal(confidence_ppm=900_000), "goal.confidence_ppm is 900000, but"),
+        (goal(symmetry=1), "goal.symmetry is 1, but"),
+        (goal(rho_um=10_000), "goal.rho_um is 10000, but the embedded job says 10571"),
+        (goal(kind="modes", modes=1), "goal.kind is modes, but the embedded job says pose"),
+        (squeeze(force_mn=200_000), "node 0: force_mn is 200000, but the embedded job says 40000"),
+        (squeeze(speed_um_s=150_000), "node 0: speed_um_s is 150000, but the embedded job says 60000"),
+        (squeeze(opening_um=60_000), "node 0: opening_um is 60000, but the embedded job says 85000"),
+        (squeeze(x_um=90_000), "node 0: at (90.00, 0.00) mm the jaws touch no part within radius_mm = 12.75"),
+        (with_push, "node 0 is pushed before, which is belief, but the embedded job says none"),
+        (shifted(15_000), "does not lie between the jaws of node"),
+    ],
+)
+def test_a_table_that_its_job_contradicts_is_refused(forge: Forge, said: str) -> None:
+    with pytest.raises(TableError) as refused:
+        loads(encode(forge(TABLE)))
+    assert said in str(refused.value)
+    assert str(refused.value).endswith("recompile it")
+
+
+@pytest.mark.parametrize("direction", range(8))
+def test_leaves_that_all_lie_15_mm_off_are_refused_in_any_direction(direction: int) -> None:
+    turn = direction * pi / 4
+    with pytest.raises(TableError, match="does not lie between the jaws"):
+        dumps(shifted(round(15_000 * cos(turn)), round(15_000 * sin(turn)))(TABLE))
+
+
+def test_a_leaf_that_is_turned_is_refused() -> None:
+    """By a quarter: the jaws read 21 mm where the rectangle is 30 mm wide, in a cell without doubts."""
+    certain = with_job(TABLE, json.dumps({**json.loads(TABLE.job or ""), "doubt": {}}))
+    turned = tuple(leaf._replace(theta_urad=leaf.theta_urad // 2) for leaf in TABLE.leaves[:1])
+    dumps(certain)
+    with pytest.raises(TableError, match="leaf 0: the part of the embedded job"):
+        dumps(replace(certain, leaves=(*turned, *TABLE.leaves[1:])))
+
+
+def test_a_forged_table_is_refused_before_anything_is_connected(tmp_path: Path, capsys) -> None:
+    path = tmp_path / "forged.msgpack"
+    path.write_bytes(encode(limits(squeeze_height_um=-50_000)(TABLE)))
+    assert main(["--tree", str(path), "--check"]) == 30
+    err = capsys.readouterr().err
+    assert err.count("\n") == 1
+    assert "limits.squeeze_height_um is -50000, but the embedded job says 8000; recompile it" in err
+
+
+def two_parts(**changes: object) -> dict[str, object]:
+    one, two = several_table().hypotheses
+    entries = [
+        {"part": {"name": own.name, "symmetry": own.symmetry}, "share": own.share_ppm / 1e6}
+        for own in (one, two)
+    ]
+    return {"hypothesis": [entries[0], entries[1] | changes]}
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"part": {"name": "hammer"}}, "hypothesis 1: name is right hand, but the embedded job says hammer"),
+        ({"share": 0.5}, "hypothesis 1: share_ppm is 600000, but the embedded job says 500000"),
+        ({"part": {"symmetry": 4}}, "hypothesis 1: symmetry is 1, but the embedded job says 4"),
+        ({"part": 3}, "part of the embedded job is no section; recompile it"),
+        ({"share": "half"}, "share of the embedded job is no number; recompile it"),
+        ({"part": {"outline_mm": [[1, 2, 3]]}}, "outline_mm of the embedded job is no list of points"),
+    ],
+)
+def test_parts_that_the_job_names_otherwise_are_refused(changes: dict[str, object], said: str) -> None:
+    dumps(with_job(several_table(), json.dumps(two_parts())))
+    with pytest.raises(TableError, match=said):
+        dumps(with_job(several_table(), json.dumps(two_parts(**changes))))
+
+
+def test_the_number_of_parts_is_the_jobs() -> None:
+    job = {"part": {"name": "left hand"}}
+    with pytest.raises(TableError, match="the number of parts is 2, but the embedded job says 1"):
+        dumps(with_job(several_table(), json.dumps(job)))
+
+
+def test_what_a_job_leaves_out_is_not_compared() -> None:
+    """Each section alone passes as well: none is taken for granted."""
+    job = json.loads(TABLE.job or "")
+    for name, value in job.items():
+        dumps(with_job(TABLE, json.dumps({name: value})))
+        dumps(with_job(TABLE, json.dumps({key: kept for key, kept in job.items() if key != name})))
+
+
+def test_an_outline_of_thousands_of_points_takes_milliseconds() -> None:
+    """A wavy disc that the job of the rectangle's table names: its grips are refused, and soon."""
+    job = json.loads(TABLE.job or "")
+    steps = [2 * pi * k / 9_999 for k in range(9_999)]
+    job["part"]["outline_mm"] = [[(40 + cos(40 * t)) * cos(t), (40 + cos(40 * t)) * sin(t)] for t in steps]
+    rho_um = round(1e3 * gyration_mm([(x, y) for x, y in job["part"]["outline_mm"]]))
+    forged = with_job(goal(rho_um=rho_um)(TABLE), json.dumps(job))
+    start = time.process_time()
+    with pytest.raises(TableError, match="does not lie between the jaws"):
+        dumps(forged)
+    assert time.process_time() - start < 2.0
+
+
+@pytest.mark.parametrize(
+    ("outline", "expected"),
+    [([(-15, -10), (15, -10), (15, 10), (-15, 10)], ((30**2 + 20**2) / 12) ** 0.5), ([(0, 0), (1, 1)], 0.0)],
+)
+def test_the_radius_of_gyration_is_that_of_the_area(outline, expected: float) -> None:
+    assert gyration_mm(outline) == pytest.approx(expected)
