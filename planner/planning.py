@@ -22,7 +22,7 @@ from planner.job.model import Job
 from planner.lower import lower
 from planner.paper.search import METHODS
 from planner.problem import Problem
-from planner.search.search import PASSES, Search
+from planner.search.search import LEAVES, PASSES, Search
 from planner.search.tree import Node, breadth_first, pruned
 from planner.work.limit import Limit
 from planner.work.progress import Report, silent
@@ -130,13 +130,14 @@ def planned(problem: Problem, limit: Limit, trials: int, report: Report = silent
             whole &= number == len(PASSES) - 1
             break
     assert root is not None
+    search.stage = LEAVES
     for attempt in range(ATTEMPTS + 1):
         table, tested = lower(root, job), breadth_first(root)
         run = judged(job, trials, problem.mixture.workers, table, attempt)
         if attempt == ATTEMPTS or limit.over():
             whole &= attempt == ATTEMPTS
             break
-        again = search.absorb(root, _ended(run))
+        again = search.absorb(root, _ended(run), _strays(run))
         if again < LEAST_SHORT and breadth_first(root) == tested and attempt + 1 >= LOOKS:
             break
         whole &= search.grow(root, limit.over, partial(course.after_trials, attempt))
@@ -159,9 +160,20 @@ def _reserved(root: Node, job: Job, workers: int, limit: Limit, trials: int) -> 
 
 def _ended(run: Evaluation) -> dict[int, Belief]:
     """The parts of an evaluation by the leaf that they came to."""
-    last = run.counts[np.arange(len(run.leaf)), run.squeezes - 1]
-    ended = Belief(run.poses, run.traits, last)
-    return {int(leaf): ended[run.leaf == leaf] for leaf in np.unique(run.leaf[run.leaf >= 0])}
+    parts = _parts(run)
+    return {int(leaf): parts[run.leaf == leaf] for leaf in np.unique(run.leaf[run.leaf >= 0])}
+
+
+def _strays(run: Evaluation) -> dict[int, Belief]:
+    """The parts whose last width fitted no branch, by the node that read it."""
+    parts, rejected = _parts(run), run.rejected & (run.squeezes > 0)
+    node = run.path[np.arange(len(run.leaf)), run.squeezes - 1]
+    return {int(k): parts[rejected & (node == k)] for k in np.unique(node[rejected])}
+
+
+def _parts(run: Evaluation) -> Belief:
+    """All parts of an evaluation with their last readings."""
+    return Belief(run.poses, run.traits, run.counts[np.arange(len(run.leaf)), run.squeezes - 1])
 
 
 def finished(root: Node, job: Job, table: Table, run: Evaluation, cut: Cut | None) -> Planned:

@@ -59,8 +59,9 @@ PASSES = (
     Pass(1 / 8, 1, 8, 0.002, 0.5, work=0.3),
     Pass(1 / 4, 4, 2, 0.002, 0.1, work=0.2),
     Pass(1 / 2, 3, 0, 0.002, 0.1, work=0.2),
-    Pass(1, 2, 0, 0.0, 0.1, work=0.25),
+    Pass(1, 2, 0, 0.002, 0.1, work=0.25),
 )
+LEAVES = PASSES[-1]._replace(kept=1, least=0.0)  # once fresh trials have come to the leaves of the last pass
 EXPLORING = PASSES[1]  # its first actions are followed until they are dearer than another
 EFFORTS = (
     Effort(0.5, 8, 192, 400),
@@ -83,6 +84,7 @@ SELECTION_BIAS = (
 )
 MOST_STALLED = 3  # squeezes in a row that may gain nothing: two or three may be needed to separate two poses
 LEAST_OVERLAP = 0.2  # of two histograms of readings, for nodes of two passes to be counterparts
+LEAST_STRAYS = 5  # readings far from all branches that make one of their own
 GROWN = 1.5  # growth of a belief by trials after which a dead end is searched again
 
 
@@ -185,7 +187,7 @@ class Search:
             node.value = node.actions[0].value if node.actions else self.leaf_value(node)
             node = node.parent
 
-    def absorb(self, root: Node, ended: dict[int, Belief]) -> float:
+    def absorb(self, root: Node, ended: dict[int, Belief], strays: dict[int, Belief]) -> float:
         """Adds fresh trials to the beliefs of the leaves where they ended.
 
         Alternative actions stay at the nodes above leaves that fail for good; elsewhere the plan is the one
@@ -194,12 +196,16 @@ class Search:
         Args:
             root: the plan that was tried, modified in place.
             ended: by the leaf's number, the parts that came to it.
+            strays: by the inner node's number, the parts whose readings fitted no branch.
 
         Returns:
             The probability of the leaves that are open again.
         """
         metric, again, failing = self.problem.metric, 0.0, set[int]()
-        for number, node in enumerate(leaves(root)):
+        inner, ends = [node for node in breadth_first(root) if node.children], leaves(root)
+        for number, parts in strays.items():
+            self._reach(inner[number], parts)
+        for number, node in enumerate(ends):
             here = ended.get(number)
             if here is None:
                 continue
@@ -219,6 +225,34 @@ class Search:
         for node in reversed(breadth_first(root)):
             self.back_up(node)
         return again
+
+    def _reach(self, node: Node, strays: Belief) -> None:
+        """Makes the branches of a node reach the readings of parts that fitted none.
+
+        Readings far from all of them become branches of their own where there are several.
+        """
+        assert node.best is not None
+        free, most = self.problem.rule.resolution.free, 2 * self.problem.rule.resolution.margin
+        children, clusters = list(node.best.children), node.best.squeeze.clusters
+        seen = sum(len(child.belief) for child in children) + len(strays)
+        order = np.argsort(strays.reading, kind="stable")
+        strays = strays[order]
+        counts = strays.reading[:, None]
+        away = np.maximum(clusters.low - counts, counts - clusters.high)
+        away = np.where((counts < free) == (clusters.low < free), away, COUNTS)
+        nearest = np.where(away.min(axis=1) <= most, away.argmin(axis=1), -1)
+        for k in np.unique(nearest[nearest >= 0]):
+            here, child = strays[nearest == k], children[k]
+            child.belief, child.fresh = Belief.joined([here, child.belief]), child.fresh + len(here)
+        far = strays[nearest < 0]
+        starts = np.flatnonzero((np.diff(far.reading) > most + 1) | (np.diff(far.reading >= free)))
+        for rows in np.split(np.arange(len(far)), starts + 1):
+            if len(rows) >= LEAST_STRAYS:
+                belief = far[rows]
+                mode, share = self.problem.metric.mode(belief.states), node.share * len(rows) / seen
+                children.append(Node(belief, share, mode, node.depth + 1, parent=node, fresh=len(rows)))
+        children.sort(key=lambda child: -float(child.belief.reading.mean()))
+        _partition(node.best, children)
 
     def _expand(self, node: Node) -> None:
         """Adds actions to a leaf: squeezes its whole belief at each candidate grasp pose."""
@@ -305,7 +339,7 @@ class Search:
                 ranking.free(belief, ranking.actions.within(varied(near, VARIANTS, SPREAD, self.rng)))
             )
             modes = self.problem.metric.main_modes(thin.states, MAIN_MODES, LEAST_MODE)
-            start, n = PASSES.index(self.stage) * effort.scattered, effort.scattered // len(modes)
+            start, n = self._number() * effort.scattered, effort.scattered // len(modes)
             for mode in modes:  # new ones in each pass
                 about = ranking.actions.proposals[mode.hypothesis[0]].scattered[start : start + n]
                 relative = np.concatenate([about, *self.remembered[-REMEMBERED:]])
@@ -318,6 +352,9 @@ class Search:
         if effort.actions > 1:
             options = ranking.varied(belief, thin, options, self.rng)
         return ranking.unlike(options.placements, effort.actions, belief.touched)
+
+    def _number(self) -> int:
+        return PASSES.index(self.stage) if self.stage in PASSES else len(PASSES)
 
     def _action(
         self,
@@ -388,12 +425,7 @@ class Search:
                 child.actions = [self._narrowed(child, each, _piece(each, cuts) == k) for each in plain]
             pieces.append(child)
         at = above.best.children.index(node)
-        above.best.children[at : at + 1] = pieces
-        clusters = Partition.of([child.belief.reading for child in above.best.children])
-        shares = np.array([child.share for child in above.best.children])
-        size = np.maximum(1, np.rint(above.best.squeeze.clusters.size.sum() * shares / shares.sum()))
-        clusters = clusters._replace(size=size.astype(np.int64))
-        above.best.squeeze = replace(above.best.squeeze, clusters=clusters)
+        _partition(above.best, [*above.best.children[:at], *pieces, *above.best.children[at + 1 :]])
         for child in pieces:
             self.back_up(child)
 
@@ -412,6 +444,15 @@ def most_similar(belief: Belief, nodes: list[Node]) -> Node | None:
     there = [np.bincount(node.belief.reading, minlength=COUNTS) / len(node.belief) for node in nodes]
     common = [float(np.minimum(here, other).sum()) for other in there]
     return nodes[int(np.argmax(common))] if max(common, default=0.0) > LEAST_OVERLAP else None
+
+
+def _partition(action: Action, children: list[Node]) -> None:
+    """Makes the readings of children, in the order of rising width, the partition of an action."""
+    clusters = Partition.of([child.belief.reading for child in children])
+    shares = np.array([child.share for child in children])
+    size = np.maximum(1, np.rint(action.squeeze.clusters.size.sum() * shares / shares.sum()))
+    action.children = children
+    action.squeeze = replace(action.squeeze, clusters=clusters._replace(size=size.astype(np.int64)))
 
 
 def _piece(action: Action, cuts: IntArray) -> IntArray:
