@@ -98,6 +98,12 @@ def _is_sound(profile: Profile) -> bool:
     return profile.opening_um > 0 and all(low < high for low, high in rising) and len(profile.arc_mm) <= 2
 
 
+def same_model(one: str, other: str) -> bool:
+    """Whether two names are of one model, whatever their case, spaces and dashes."""
+    one, other = _normalised(one), _normalised(other)
+    return NAMES.get(one, one) == NAMES.get(other, other)
+
+
 def _normalised(model: str) -> str:
     return "-".join(re.split(r"[\s_-]+", model.strip().casefold())).removeprefix("robotiq-")
 
