@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from planner.cli import shell
+from planner.errors import UsageError
 from planner.identification import pushes
-from planner.identification.identify import Identified, Kind, Normalised, identify, normalise
+from planner.identification.identify import Identified, Kind, Normalised, directions, identify, normalise
 from planner.job import surface_file
 from planner.mechanics.limit_surface import LimitSurface
 from runtime.shell.command import Parser, natural, number, positive, positive_int
@@ -25,6 +26,11 @@ tables of pairs (.csv), one push a line, with a header:
                           centroid [N, N, N mm]
   vx_mm,vy_mm,omega_rad   the twist that it answers with, in the same frame; only the direction matters
   weight                  may be left out: how much the pair counts, positive
+
+tables of directions (--pairs), one pair a line, with a header:
+  fx,fy,tau_rho           the direction of the wrench on the part about its centroid, torque over rho
+  vx,vy,om_rho            the direction of the twist, angular velocity times rho; the scale of both is free
+  weight                  may be left out, as above
 
 push logs (any other name), numbers separated by blanks, one record a line, as in the public data of
 arXiv 1602.06056; empty lines do not count:
@@ -41,16 +47,26 @@ the block is a right triangle with legs of 150 mm; for any other part write a ta
 
 
 def _identify(arguments: argparse.Namespace) -> None:
+    sources = [*arguments.logs, *arguments.pairs]
+    if bool(arguments.logs) == bool(arguments.pairs):
+        raise UsageError("state push logs, or tables of directions with --pairs")
+    if arguments.pairs and arguments.friction_n is not None:
+        raise UsageError("--friction-n goes with logs: --pairs takes no magnitudes")
     if arguments.figure is not None:
         shell.checked_suffix("--figure", arguments.figure, shell.PICTURES)
-        usable(arguments.figure, arguments.output, *arguments.logs)
+        usable(arguments.figure, arguments.output, *sources)
     if arguments.output is not None:
-        usable(arguments.output, *arguments.logs)
-    data = normalise(pushes.join([pushes.load(path) for path in arguments.logs]), arguments.rho_mm)
+        usable(arguments.output, *sources)
+    rho_mm = arguments.rho_mm
+    if arguments.pairs:
+        tables = [pushes.load_directions(path) for path in arguments.pairs]
+        data: Normalised = directions(pushes.join(tables))
+    else:
+        data = normalise(pushes.join([pushes.load(path) for path in arguments.logs]), rho_mm)
     kinds = KINDS if arguments.kind == "both" else (arguments.kind,)
     with shell.progress(arguments.json) as report:
         found = identify(
-            data, arguments.rho_mm, kinds, splits=arguments.splits, train_share=arguments.train_share,
+            data, rho_mm, kinds, splits=arguments.splits, train_share=arguments.train_share,
             seed=arguments.seed, friction_n=arguments.friction_n, report=report,
         )  # fmt: skip
     best = min(found, key=lambda result: float(result.errors_rad.mean()))
@@ -59,7 +75,7 @@ def _identify(arguments: argparse.Namespace) -> None:
     if arguments.figure is not None:
         from planner.report import canvas, identification  # matplotlib takes a second
 
-        title = f"{', '.join(path.stem for path in arguments.logs)}: {len(data.F)} pushes"
+        title = f"{', '.join(path.stem for path in sources)}: {len(data.F)} pushes"
         canvas.save(arguments.figure, lambda: identification.figure(data, found, title))
     _print(data, found, best, arguments)
 
@@ -72,10 +88,15 @@ def parser() -> Parser:
         "it was not fitted to. A job takes the result in place of a pressure distribution.",
         f"{NAME} pushes.txt -o surface.toml --figure surface.png",
         f"{NAME} monday.txt tuesday.txt --kind quartic --json",
+        f"{NAME} --pairs pairs.csv --rho-mm 45.6 --splits 10 -o surface.toml",
     )
     built.epilog = FORMATS + (built.epilog or "")
     add = built.add_argument
-    add("logs", type=Path, nargs="+", metavar="LOG", help="push logs, or tables of pairs (.csv)")
+    add("logs", type=Path, nargs="*", metavar="LOG", help="push logs, or tables of pairs (.csv)")
+    add(
+        "--pairs", type=Path, nargs="+", default=[], metavar="PAIRS.csv",
+        help=f"tables of directions in place of logs: {','.join(pushes.DIRECTIONS)}",
+    )  # fmt: skip
     add("-o", "--output", type=Path, metavar="SURFACE.toml", help="the limit surface")
     add("--figure", type=Path, metavar="OUT.png", help="draw it (.png, .svg, .pdf)")
     add(
@@ -105,7 +126,7 @@ def surface_text(result: Identified, data: Normalised, arguments: argparse.Names
     else:
         values |= {"quartic": surface.coefficients, "certificate": surface.certificate}
     facts = {
-        "logs": [str(path) for path in arguments.logs],
+        "logs": [str(path) for path in (*arguments.logs, *arguments.pairs)],
         "pairs": len(data.F),
         "splits": arguments.splits,
         "train_share": arguments.train_share,
@@ -113,6 +134,8 @@ def surface_text(result: Identified, data: Normalised, arguments: argparse.Names
         **_figures(result),
     }
     del facts["kind"]
+    if facts["friction_n"] is None:
+        del facts["friction_n"]
     return surface_file.dumps(values, facts)
 
 
@@ -124,7 +147,7 @@ def _figures(result: Identified) -> dict[str, Any]:
         "held_out_error_sd_deg": round(float(errors.std()), 3),
         "held_out_error_range_deg": [round(float(errors.min()), 3), round(float(errors.max()), 3)],
         "fit_error_deg": round(math.degrees(result.fit_error_rad), 3),
-        "friction_n": round(result.fit.friction_n, 4),
+        "friction_n": None if result.fit.friction_n is None else round(result.fit.friction_n, 4),
         "ridge_pairs": result.fit.ridge,
     }
 
@@ -137,8 +160,10 @@ def _print(
     figures = {"pairs": pairs, "against_motion": against, "splits": arguments.splits}
     figures |= {"surfaces": [_figures(each) for each in found], "best": best.kind, "written": written}
     train = round(arguments.train_share * pairs)
+    newtons = best.fit.friction_n
+    friction = "directions only" if newtons is None else f"friction {newtons:.2f} N"
     lines = [
-        f"{pairs} pushes, rho {arguments.rho_mm:g} mm, friction {best.fit.friction_n:.2f} N",
+        f"{pairs} pushes, rho {arguments.rho_mm:g} mm, {friction}",
         f"held-out twist error over {arguments.splits} random splits, {train} pushes to fit each:",
     ]
     for result in found:

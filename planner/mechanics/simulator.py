@@ -179,8 +179,10 @@ class Simulator:
             final += np.where(held, 1.0, 0.0)[:, None] * parameters.release
         return RollOut(final, width, status, given_up)
 
-    def push(self, paths: Paths, parameters: Parameters) -> Pushed:
+    def push(self, paths: Paths, parameters: Parameters, radius_mm: float = 0.0) -> Pushed:
         """Pushes the part once along each of n paths, given in the part's frame at the start.
+
+        The pusher's points are the centres of round tips of `radius_mm`, which start clear of the part.
 
         A part is stuck where it ends within `STUCK_MM` and `STUCK_DEG` of where the pusher would have taken
         it, lost where the pusher has left it or never met it, else it slid.
@@ -194,7 +196,7 @@ class Simulator:
         )
         arguments.same_length(**checked._asdict())
         check(parameters, n)
-        moved, touching, given_up = self._pushed(np.zeros((n, 3)), of_points(checked), parameters)
+        moved, touching, given_up = self._pushed(np.zeros((n, 3)), of_points(checked, radius_mm), parameters)
         off = moved - commanded(paths)
         stuck = moved.any(axis=1) & (np.hypot(off[:, 0], off[:, 1]) < STUCK_MM)
         stuck &= np.abs(off[:, 2]) < math.radians(STUCK_DEG)
