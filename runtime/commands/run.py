@@ -18,7 +18,7 @@ from runtime.errors import ArgumentsError, BrokenRunError, CalibrationError
 from runtime.execution import carry, crash, dry_run, held, middle, session
 from runtime.execution.events import Console
 from runtime.execution.executor import Cell, RunOptions
-from runtime.execution.hand import check_arc
+from runtime.execution.handling import check_arc
 from runtime.execution.held import Held
 from runtime.execution.safe_state import DECLARED
 from runtime.execution.safety import check_table, needs_activation, ready_gripper
