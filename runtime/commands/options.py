@@ -11,7 +11,7 @@ from runtime.errors import ArgumentsError
 from runtime.execution import calibration, delivery, middle
 from runtime.execution.calibration import GripperCalibration
 from runtime.execution.executor import RunOptions
-from runtime.execution.hand import Handling
+from runtime.execution.handling import Handling
 from runtime.execution.reading import CURRENT_MA
 from runtime.execution.tips import TipArc
 from runtime.monitoring.monitor import Views

@@ -18,7 +18,7 @@ from runtime.errors import ArgumentsError, BrokenRunError, CalibrationError
 from runtime.execution import carry, crash, dry_run, held, middle, session
 from runtime.execution.events import Console
 from runtime.execution.executor import Cell, RunOptions
-from runtime.execution.hand import check_arc
+from runtime.execution.handling import check_arc
 from runtime.execution.held import Held
 from runtime.execution.safe_state import DECLARED
 from runtime.execution.safety import check_table, needs_activation, ready_gripper
@@ -155,6 +155,7 @@ class _Asked:
         told: dict[str, object] = {"nodes": len(table.nodes), "gripper": None}
         origin = arguments.calibration or "the linear map"
         console.note(f"the table fits the gripper: {len(table.nodes)} nodes, 256 counts each, by {origin}")
+        console.note(_believed(table))
         if self.options.delivery is not None:
             console.note(
                 "the part can be delivered from every leaf, as far as areas tell; --dry-run asks the arm"
@@ -258,6 +259,16 @@ def _headline(path: Path, table: Table) -> str:
         told += f", predicted success {predicted.success_ppm / PPM:.4f}"
         told += f", {predicted.mean_squeezes_ppm / PPM:.2f} squeezes a part"
     return told
+
+
+def _believed(table: Table) -> str:
+    """What of the table was held against something else, and what was not."""
+    figures = "whether its figures are right only an evaluation tells: plan-evaluate"
+    if table.job is None:
+        return (
+            f"the table carries no job: its heights, limits and poses were compared with nothing; {figures}"
+        )
+    return f"heights, limits, squeezes and poses agree with the job in the table; {figures}"
 
 
 def _header(arguments: argparse.Namespace, options: RunOptions) -> dict[str, object]:

@@ -16,7 +16,8 @@ from runtime.execution import recovery, safety
 from runtime.execution.carry import deliver
 from runtime.execution.delivery import Delivery, Sorting
 from runtime.execution.events import Console, Phase
-from runtime.execution.hand import Hand, Handling
+from runtime.execution.hand import Hand
+from runtime.execution.handling import Handling
 from runtime.execution.reading import reading_fields
 from runtime.execution.safe_state import reach_safe_state
 from runtime.execution.watch import MACHINE, Expected

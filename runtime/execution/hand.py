@@ -9,16 +9,15 @@ sent (`safety.check_placed`): what displaced it may have moved the part, too.
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from math import ceil, degrees, remainder, tau
 
 from drivers.ports import Arm, Gripper, PoseOfHand, Settled
 from runtime.devices.clock import SystemClock
-from runtime.errors import MotionRefusedError, TableError
+from runtime.errors import MotionRefusedError
 from runtime.execution import safety, strokes
+from runtime.execution.handling import CLEAR_MM, Handling, check_arc
 from runtime.execution.reading import (
     CLOSED_COUNTS,
-    CURRENT_MA,
     check_closed,
     check_fresh,
     check_opened,
@@ -26,60 +25,17 @@ from runtime.execution.reading import (
     check_set,
 )
 from runtime.execution.strokes import Stroke
-from runtime.execution.tips import TipArc
 from runtime.execution.watch import ARM, GRIPPER, Watch
-from runtime.table import Calibration, Limits, Node, Push, Squeeze, Table, profile_of
+from runtime.table import Limits, Node, Push, Squeeze, Table, profile_of
 from runtime.traversal.decision import ARRIVED, CLOSING_CONTACT
 from runtime.traversal.geometry import end_of, placement, same_turns, sent
 
 # Nearer than this to a height the arm counts as standing there.
 LEVEL_MM = 0.05
-# How far the jaws have let go of a part before its sides no longer touch the tips.
-CLEAR_MM = 5.0
 # How long a motion begun before a crash may still take (full stroke at the slowest speed, and some).
 STILL_S = 8.0
 MOST_TURN_RAD = 2.5
 LOOK_S = 0.05
-
-
-@dataclass(frozen=True, slots=True)
-class Handling:
-    """How the hand is used; what differs from cell to cell and not from table to table."""
-
-    calibration: Calibration | None = None  # counts to widths as measured, None where they were not
-    arc: TipArc | None = None  # the tips' arc; None where they move straight
-    regulated: bool = False  # whether squeezes close gently and raise their force after contact
-    # motor current at which a regulated squeeze raises its force no further, or None
-    grip_current_ma: int | None = None
-    current_ma: tuple[int, int] = CURRENT_MA  # least and greatest motor currents a gripper at rest may report
-    middle_mm: float = 0.0  # how far the fingers meet off the hand's middle, along its y, as measured
-
-    def widths(self, table: Table) -> Calibration:
-        """Counts to widths: as measured, else the linear map of the table's gripper."""
-        return self.calibration or Calibration.linear(table.gripper)
-
-
-def check_arc(arc: TipArc | None, limits: Limits, calibration: Calibration) -> None:
-    """Check that the tips' arc fits between a table's heights.
-
-    Raises:
-        TableError: it does not.
-    """
-    if arc is None:
-        return
-    widest_mm = calibration.widths_um[0] / 1000
-    if arc.taught_mm < widest_mm - CLEAR_MM or widest_mm / 2 - arc.offset_mm >= arc.link_mm:
-        raise TableError(
-            f"the tips' arc was taught at {arc.taught_mm:g} mm and the jaws open to {widest_mm:g} mm; "
-            "teach the tool frame with the jaws fully open, and check link and offset"
-        )
-    top_mm = limits.squeeze_height_um / 1000 + max(arc.most_mm(0.0, widest_mm), 0.0)
-    retreat_mm = limits.retreat_height_um / 1000
-    if top_mm >= retreat_mm:
-        raise TableError(
-            f"closing the jaws takes the arm up to {top_mm:.1f} mm, the retreat height is {retreat_mm:g} mm; "
-            "raise cell.retreat_height_mm and recompile"
-        )
 
 
 class Hand:

@@ -12,7 +12,8 @@ from typing import NamedTuple
 from drivers.ports import GripperState
 from runtime.errors import GripperStateError
 from runtime.execution.delivery import Delivery, Sorting
-from runtime.execution.hand import CLEAR_MM, Hand
+from runtime.execution.hand import Hand
+from runtime.execution.handling import CLEAR_MM
 from runtime.execution.reading import OPENED_COUNTS
 from runtime.execution.safety import needs_activation
 from runtime.journal.chain import Journal

@@ -11,7 +11,8 @@ from squeezes import ARRIVED, AT_21, AT_30, AT_36, AT_60, EMPTY, jaw_moves, meet
 from runtime.errors import GripperStateError
 from runtime.execution.events import Phase
 from runtime.execution.executor import RunOptions
-from runtime.execution.hand import Hand, Handling
+from runtime.execution.hand import Hand
+from runtime.execution.handling import Handling
 from runtime.execution.strokes import GENTLE_FORCE, GENTLE_SPEED
 from runtime.table import profile_of
 from runtime.traversal.decision import Policy

@@ -21,7 +21,8 @@ from squeezes import (
 
 from runtime.errors import TableError
 from runtime.execution.executor import RunOptions
-from runtime.execution.hand import Hand, Handling
+from runtime.execution.hand import Hand
+from runtime.execution.handling import Handling
 from runtime.execution.strokes import GENTLE_FORCE, opening_counts
 from runtime.execution.tips import TipArc
 from runtime.table import Calibration

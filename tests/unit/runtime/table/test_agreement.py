@@ -11,7 +11,7 @@ import pytest
 from sample_tables import several_table, with_job
 
 from runtime.cli import main
-from runtime.table import Push, Table, TableError, dumps, load, loads
+from runtime.table import Push, Table, TableError, dump, dumps, load, loads
 from runtime.table.codec import encode
 from runtime.table.embedded import gyration_mm
 
@@ -170,3 +170,23 @@ def test_an_outline_of_thousands_of_points_takes_milliseconds() -> None:
 )
 def test_the_radius_of_gyration_is_that_of_the_area(outline, expected: float) -> None:
     assert gyration_mm(outline) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("table", "said"),
+    [
+        (TABLE, "heights, limits, squeezes and poses agree with the job in the table"),
+        (
+            replace(TABLE, job=None),
+            "the table carries no job: its heights, limits and poses were compared with",
+        ),
+    ],
+)
+def test_check_says_what_was_compared_and_what_was_not(
+    table: Table, said: str, tmp_path: Path, capsys
+) -> None:
+    dump(table, tmp_path / "table.msgpack")
+    assert main(["--tree", str(tmp_path / "table.msgpack"), "--check"]) == 0
+    out = capsys.readouterr().out
+    assert said in out
+    assert "plan-evaluate" in out
