@@ -9,16 +9,28 @@ from typing import Any
 
 import numpy as np
 
-from planner.cli import shell
-from planner.errors import UsageError
-from planner.identification import pushes
-from planner.identification.identify import Identified, Kind, Normalised, directions, identify, normalise
+from planner.cli import columns, shell, tips
+from planner.errors import UsageError, ValueRangeError
+from planner.identification import motions, pushes
+from planner.identification.identify import (
+    LEAST_PAIRS,
+    Identified,
+    Kind,
+    Normalised,
+    directions,
+    identify,
+    normalise,
+)
+from planner.job import model as job_file
 from planner.job import surface_file
 from planner.mechanics.limit_surface import LimitSurface
+from planner.mechanics.simulator import Simulator
 from runtime.shell.command import Parser, natural, number, positive, positive_int
 from runtime.shell.files import usable, write
 
 NAME = "plan-identify"
+MOVED = ("moved_x_mm", "moved_y_mm", "turned_deg")
+MOST_SPLITS = 10  # of motions
 KINDS: tuple[Kind, ...] = ("ellipsoid", "quartic")
 FORMATS = """\
 tables of pairs (.csv), one push a line, with a header:
@@ -47,6 +59,11 @@ the block is a right triangle with legs of 150 mm; for any other part write a ta
 
 
 def _identify(arguments: argparse.Namespace) -> None:
+    if arguments.motions is not None:
+        _from_motions(arguments)
+        return
+    if arguments.job is not None or arguments.tip_radius_mm is not None:
+        raise UsageError("--job and --tip-radius-mm go with --motions")
     sources = [*arguments.logs, *arguments.pairs]
     if bool(arguments.logs) == bool(arguments.pairs):
         raise UsageError("state push logs, or tables of directions with --pairs")
@@ -80,6 +97,45 @@ def _identify(arguments: argparse.Namespace) -> None:
     _print(data, found, best, arguments)
 
 
+def _from_motions(arguments: argparse.Namespace) -> None:
+    if arguments.job is None or arguments.tip_radius_mm is None or arguments.logs or arguments.pairs:
+        raise UsageError("--motions needs --job and --tip-radius-mm, and goes without logs and --pairs")
+    if arguments.figure is not None or arguments.friction_n is not None or arguments.kind == "quartic":
+        raise UsageError("--motions gives an ellipsoid; leave out --figure, --friction-n and --kind quartic")
+    path, radius_mm = arguments.motions, arguments.tip_radius_mm
+    job = job_file.load(arguments.job, {"gripper": {"opening_mm": 1000.0}})
+    shell.check_one_part(job.hypothesis, str(arguments.job), "an identification")
+    if arguments.output is not None:
+        usable(arguments.output, path, *job_file.files(arguments.job))
+    rows = columns.read(path, (*tips.NAMES, *MOVED))
+    if len(rows) < LEAST_PAIRS:
+        raise ValueRangeError(f"{len(rows)} pushes; give at least {LEAST_PAIRS}", where=str(path))
+    made = tips.paths(rows[:, :4], job_file.centroid_as_drawn(arguments.job))
+    beside = tips.beside(made, radius_mm, job.part.outline_mm, path)
+    measured = motions.Motions(beside.paths, rows[:, 4:] * [1.0, 1.0, math.pi / 180.0])
+    part = Simulator.of_job(job, 1)
+    fitted = motions.fit(measured, part, radius_mm)
+    own = motions.errors_mm(fitted, measured, part, radius_mm)
+    rng = np.random.default_rng(arguments.seed)
+    unseen = motions.held_out_mm(measured, part, radius_mm, min(arguments.splits, MOST_SPLITS), rng)
+    figures = {
+        "pushes": len(rows),
+        "friction": round(fitted.friction, 4),
+        "median_error_mm": round(float(np.median(own)), 3),
+        "held_out_error_mm": round(float(unseen.mean()), 3),
+    }
+    if arguments.output is not None:
+        values = {"rho_mm": fitted.surface.rho_mm, "ellipsoid": fitted.surface.A}
+        write(arguments.output, surface_file.dumps(values, {"motions": str(path), **figures}))
+    shell.answer(
+        arguments.json,
+        {**figures, "written": [] if arguments.output is None else [str(arguments.output)]},
+        f"{len(rows)} pushes: friction of the tip {fitted.friction:.3f}; median error "
+        f"{np.median(own):.2f} mm, {unseen.mean():.2f} mm on halves that were not fitted to",
+        *([] if arguments.output is None else [f"wrote {arguments.output}: the ellipsoid"]),
+    )
+
+
 def parser() -> Parser:
     """The command's arguments."""
     built = shell.parser(
@@ -88,6 +144,7 @@ def parser() -> Parser:
         "it was not fitted to. A job takes the result in place of a pressure distribution.",
         f"{NAME} pushes.txt -o surface.toml --figure surface.png",
         f"{NAME} monday.txt tuesday.txt --kind quartic --json",
+        f"{NAME} --motions pushes.csv --job job.toml --tip-radius-mm 4.75 -o surface.toml",
         f"{NAME} --pairs pairs.csv --rho-mm 45.6 --splits 10 -o surface.toml",
     )
     built.epilog = FORMATS + (built.epilog or "")
@@ -97,6 +154,13 @@ def parser() -> Parser:
         "--pairs", type=Path, nargs="+", default=[], metavar="PAIRS.csv",
         help=f"tables of directions in place of logs: {','.join(pushes.DIRECTIONS)}",
     )  # fmt: skip
+    add(
+        "--motions", type=Path, metavar="PUSHES.csv",
+        help=f"without forces: pushes by a round tip, {','.join((*tips.NAMES, *MOVED))}, as plan-simulate "
+        "--push --tip-radius-mm has them; gives the tip's friction, too",
+    )  # fmt: skip
+    add("--job", type=Path, metavar="JOB.toml", help="the part of --motions")
+    add("--tip-radius-mm", type=positive, metavar="MM", help="the tip of --motions")
     add("-o", "--output", type=Path, metavar="SURFACE.toml", help="the limit surface")
     add("--figure", type=Path, metavar="OUT.png", help="draw it (.png, .svg, .pdf)")
     add(

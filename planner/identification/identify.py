@@ -5,7 +5,7 @@ the force for which the fitted ellipsoid slides the part without turning it, ave
 Wrenches of which only the direction is known are each scaled onto the fitted surface instead.
 The quartic is fitted robustly, and pulled towards the ellipsoid by the strongest ridge whose cross-validated
 error is within one standard error of the least (Hastie, Tibshirani and Friedman, "The Elements of Statistical
-Learning", 7.10).
+Learning", 7.10); of directions, by that of the least error, for such tables are long.
 """
 
 import math
@@ -155,7 +155,7 @@ def _fit_directions(data: Directions, rho_mm: float, kind: Kind, rng: np.random.
     if kind == "ellipsoid":
         return Fit(LimitSurface(A, rho_mm), None, 0.0)
     scaled = scaled._replace(F=data.F / np.sqrt(_ellipsoid_value(A, data.F))[:, None])
-    ridge = choose_ridge(scaled, rho_mm, rng)
+    ridge = choose_ridge(scaled, rho_mm, rng, 0.0)
     surface = _quartic(scaled, rho_mm, ridge)
     for _ in range(_QUARTIC_ROUNDS):
         scaled = scaled._replace(F=scaled.F / surface.value(scaled.F)[:, None] ** 0.25)
@@ -180,8 +180,8 @@ def friction(data: Normalised) -> float:
     return scale
 
 
-def choose_ridge(data: Normalised, rho_mm: float, rng: np.random.Generator) -> float:
-    """Return the strongest of `RIDGES` that is within one standard error of the best, cross-validated."""
+def choose_ridge(data: Normalised, rho_mm: float, rng: np.random.Generator, tolerance: float = 1.0) -> float:
+    """The strongest of `RIDGES` within `tolerance` standard errors of the best, cross-validated."""
     count = len(data.F)
     errors = np.empty((len(RIDGES), count))
     order = rng.permutation(count)
@@ -194,8 +194,8 @@ def choose_ridge(data: Normalised, rho_mm: float, rng: np.random.Generator) -> f
     errors *= data.weights
     mean = errors.mean(axis=1)
     best = int(np.argmin(mean))
-    tolerance = errors[best].std() / math.sqrt(count)
-    return max(ridge for ridge, error in zip(RIDGES, mean, strict=True) if error <= mean[best] + tolerance)
+    most = mean[best] + tolerance * errors[best].std() / math.sqrt(count)
+    return max(ridge for ridge, error in zip(RIDGES, mean, strict=True) if error <= most)
 
 
 def predict(surface: Surface, F: Array) -> Array:
