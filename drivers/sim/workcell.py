@@ -1,10 +1,12 @@
 """Gripper, arm and part of a simulated cell, joined by what they do to one another; no ports, no clock."""
 
+import math
 import random
 from collections.abc import Callable, Mapping
 
 from drivers.abb.codec import Pose, ProtocolError, hand_angle
 from drivers.planar import Pose2, compose
+from drivers.ports import TURN_RADIUS_MM
 from drivers.sim.devices.arm import ArmModel
 from drivers.sim.devices.faulty import FaultyArm, FaultyGripper
 from drivers.sim.devices.gripper import GripperModel
@@ -41,13 +43,16 @@ class Workcell(Surroundings):
         self._noise = random.Random(f"{seed}/line")
         self._faulty = faults is not None
         lags = random.Random(f"{seed}/gripper")
+        ramps = None
+        if (line := geometry.acceleration_mm_s2) is not None:
+            ramps = (line, math.degrees(line / TURN_RADIUS_MM))
         self.gripper: GripperModel
         self.arm: ArmModel
         if self._faulty:
             self.gripper = FaultyGripper(lags, self.jaws, self, self.desk)
-            self.arm = FaultyArm(random.Random(f"{seed}/arm"), ARM_BASE, self.desk)
+            self.arm = FaultyArm(random.Random(f"{seed}/arm"), ARM_BASE, self.desk, ramps)
         else:
-            self.gripper, self.arm = GripperModel(lags, self.jaws, self), ArmModel(ARM_BASE)
+            self.gripper, self.arm = GripperModel(lags, self.jaws, self), ArmModel(ARM_BASE, ramps)
 
     def line(self, *, checked: bool = True) -> CleanLine:
         """A line to the gripper; `checked`: its frames end in a CRC."""

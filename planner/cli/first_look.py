@@ -38,6 +38,7 @@ from planner.work.progress import Report
 from planner.work.scheduler import Threads
 from planner.world import make
 from runtime.shell.command import Parser, number, say
+from runtime.shell.command import seconds as seconds_text
 from runtime.shell.files import quoted, usable, write
 from runtime.table import dump
 
@@ -85,7 +86,7 @@ def parser() -> Parser:
         "--distance", type=number, default=3.0, metavar="MM",
         help="how well the part must be located (default: %(default)s)",
     )  # fmt: skip
-    add("--budget", type=shell.seconds, metavar="30s", help="for the search (default: what a minute leaves)")
+    add("--budget", type=seconds_text, metavar="30s", help="for the search (default: what a minute leaves)")
     return built
 
 

@@ -162,9 +162,19 @@ def _check_doubt(doubt: dict[str, Any], pressure: dict[str, Any]) -> None:
 
 def _check_heights(height_mm: float | None, cell: dict[str, Any]) -> None:
     """The tips must meet the part where they squeeze, and pass above it where they travel."""
+    squeeze_mm, retreat_mm = cell["squeeze_height_mm"], cell["retreat_height_mm"]
+    regrasp_mm = cell["regrasp_height_mm"]
+    if regrasp_mm is not None:
+        least_mm = max(squeeze_mm, height_mm or 0.0)
+        if not least_mm < regrasp_mm <= retreat_mm:
+            of = "squeeze_height_mm" if least_mm == squeeze_mm else "height_mm of [part]"
+            problem = (
+                f"is {regrasp_mm:g}, which does not clear the part; it belongs above {of} = {least_mm:g} "
+                f"and at most at retreat_height_mm = {retreat_mm:g}"
+            )
+            raise _conflict("cell", "regrasp_height_mm", problem)
     if height_mm is None:
         return
-    squeeze_mm, retreat_mm = cell["squeeze_height_mm"], cell["retreat_height_mm"]
     if squeeze_mm > height_mm - tips.MARGIN_MM:
         problem = (
             f"is {squeeze_mm:g}, which closes the tips above or at the rim of a part of height_mm = "

@@ -210,6 +210,13 @@ class Cell:
     arm_speed_mm_s: Annotated[float, Number(0, 10_000, above=True, default=250.0)]
     max_force_n: Annotated[float, Number(0, 10_000, above=True, default=235.0)]
     max_speed_mm_s: Annotated[float, Number(0, MM, above=True, default=150.0)]  # of closing
+    # As `runtime.table.timing.DEFAULTS` where they are None, which leaves the job's text as it was.
+    arm_acceleration_mm_s2: Annotated[float | None, Number(0, 100_000, above=True, default=None)] = None
+    # Tips between two squeezes of one part; just above it if None.
+    regrasp_height_mm: Annotated[float | None, Number(0, MM, above=True, default=None)] = None
+    arm_answer_s: Annotated[float | None, Number(0, 10, default=None)] = None  # beside each motion
+    jaw_answer_s: Annotated[float | None, Number(0, 10, default=None)] = None  # beside each stroke
+    poll_s: Annotated[float | None, Number(0, 1, default=None)] = None  # between two looks at the gripper
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -5,6 +5,7 @@ import json
 from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 
 from drivers.ports import Drivers, Report
@@ -100,7 +101,7 @@ class _Asked:
                 return self._say_put_down(None)
         auditor = self._auditor(devices)
         journal = journal or self._journal(clock)
-        cell = Cell(devices.gripper, devices.arm, clock, journal, auditor)
+        cell = Cell(devices.gripper, devices.arm, devices.clock or clock, journal, auditor)
         monitor.ready()
         self.stack.enter_context(interrupts.whole())  # a run with a header has a last record, too
         crash.begin(journal, begun, self.loaded.data, header, policy)
@@ -280,7 +281,7 @@ def _header(arguments: argparse.Namespace, options: RunOptions) -> dict[str, obj
         "arm": arguments.arm,
         "serve": arguments.serve,
         "count": arguments.count if arguments.serve else arguments.count or 1,
-        "time_scale": arguments.time_scale,
+        "time_scale": "max" if arguments.time_scale == inf else arguments.time_scale,
         "seed": arguments.seed if arguments.port == SIMULATED else None,
         "on_reject": on_reject,
         "on_unresolved": on_unresolved,

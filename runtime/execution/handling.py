@@ -5,10 +5,7 @@ from dataclasses import dataclass
 from runtime.errors import TableError
 from runtime.execution.reading import CURRENT_MA
 from runtime.execution.tips import TipArc
-from runtime.table import Calibration, Limits, Table
-
-# How far the jaws have let go of a part before its sides no longer touch the tips.
-CLEAR_MM = 5.0
+from runtime.table import CLEAR_MM, Calibration, Limits, Table
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,6 +15,7 @@ class Handling:
     calibration: Calibration | None = None  # counts to widths as measured, None where they were not
     arc: TipArc | None = None  # the tips' arc; None where they move straight
     regulated: bool = False  # whether squeezes close gently and raise their force after contact
+    approaches: bool = True  # whether jaws close fast to just before the part, which nobody asks of a person
     # motor current at which a regulated squeeze raises its force no further, or None
     grip_current_ma: int | None = None
     current_ma: tuple[int, int] = CURRENT_MA  # least and greatest motor currents a gripper at rest may report

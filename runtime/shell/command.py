@@ -172,6 +172,13 @@ def positive(text: str) -> float:
     return value
 
 
+def seconds(text: str) -> float:
+    """A positive time such as 90, 90s or 1.5min, for argparse [s]."""
+    if text.endswith("min"):
+        return 60.0 * positive(text.removesuffix("min"))
+    return positive(text.removesuffix("s"))
+
+
 def _at_least(least: int, text: str) -> int:
     try:
         value = int(text)

@@ -12,6 +12,7 @@ from runtime.table.embedded import Section, gyration_mm, number, numbers, parts_
 from runtime.table.grip import prove_grips
 from runtime.table.grippers import same_model
 from runtime.table.model import PPM, Table
+from runtime.table.timing import checked
 
 RHO_UM = 2  # rho is summed in another order than the planner's
 UM = 1e3  # a mm, a N, a mm/s
@@ -26,6 +27,7 @@ def prove_agreement(table: Table, job: Mapping[str, Any]) -> None:
     for name, stated, wanted in (*_header(table, job), *_parts(table, job), *_squeezes(table, job)):
         if stated != wanted:
             raise TableError(f"{name} is {stated}, but the embedded job says {wanted}; recompile it")
+    checked(table.limits, job)
     prove_grips(table, job)
 
 

@@ -149,7 +149,7 @@ def test_contact_while_opening_is_no_contact_to_squeeze_harder_on() -> None:
     result = run(made, RunOptions(handling=Handling(regulated=True)))
     assert (result.outcome, result.exit_code) == (Outcome.FAULT, 21)
     assert "contact while opening" in str(result.reason)
-    assert [force for position, _, force in jaw_moves(made) if position > 0] == [GENTLE_FORCE, GENTLE_FORCE]
+    assert [force for position, _, force in jaw_moves(made) if position > 0] == [GENTLE_FORCE]
 
 
 def test_tips_that_draw_back_are_not_followed_below_the_squeeze_height() -> None:
