@@ -16,6 +16,7 @@ Values = dict[str, Any]
 LEAST_DOF = 3  # Of an ellipsoid's scatter, which is 3 x 3
 LEAST_QUARTIC_DOF = 9  # As many degrees of freedom as the certificate of a quartic has rows
 ON_PART_MM = 1e-3  # How far outside the outline a support point may lie, for rounded drawings
+LEAST_COUNTS = 8  # Between open and closed jaws
 
 
 def place_outline(points: Array, drawn: bool) -> outline.Canonical:
@@ -136,6 +137,9 @@ def _check_gripper(gripper: dict[str, Any], cell: dict[str, Any]) -> None:
     low, high = gripper["count_open"], gripper["count_closed"]
     if low >= high:
         problem = f"is {low}, not below count_closed = {high}; counts grow as the jaws close"
+        raise _conflict("gripper", "count_open", problem)
+    if high - low < LEAST_COUNTS:
+        problem = f"is {low}, less than {LEAST_COUNTS} below count_closed = {high}: no width would be told"
         raise _conflict("gripper", "count_open", problem)
     for key, limit in (("speed_mm_s", "max_speed_mm_s"), ("force_n", "max_force_n")):
         if gripper[key] > cell[limit]:
