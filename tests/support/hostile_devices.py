@@ -61,6 +61,7 @@ SPARE_S = 2.0
 HANG_S = 120.0
 NEVER = 1 << 40  # a call that no run comes to
 REPORTED = 50
+AGAIN = 8
 CODES = {0, 10, 20, 21, 22, 23}  # 10: the jaws met no part, where the arm is not the cell's
 UP_MM = small_table().limits.retreat_height_um / 1000
 _TRIES_S = READ_TRIES * (LINK_TIMEOUT_S + DRAIN_S)
@@ -267,7 +268,11 @@ def campaign(count: int, seed: int, first: int = 0, devices: Collection[str] = (
     with tempfile.TemporaryDirectory() as folder, contextlib.closing(Bench(Path(folder))) as bench:
         for number, case in every(bench, devices) if devices else cases(count, seed, first):
             end = bench.run(case)
-            ends[f"exit {end.code}"] += 1
+            for _ in range(AGAIN if devices else 0):  # a part that takes fewer squeezes has fewer calls
+                if end.calls > case.call or end.wrong:
+                    break
+                end = bench.run(case)
+            ends[f"exit {end.code}" if end.calls > case.call else "not reached"] += 1
             slowest[case.mode] = max(slowest[case.mode], end.took_s)
             if end.wrong:
                 failed += 1
