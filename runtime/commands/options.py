@@ -135,7 +135,8 @@ def run_options(arguments: argparse.Namespace, table: Table) -> RunOptions:
     # A robot that asks carries the part wherever it likes.
     asked = ["no"] if arguments.serve is not None else arguments.deliver
     patience = PATIENCE if _takes_part(arguments) else 1.0
-    return RunOptions(policy, handling, _delivery(asked, table), patience, arguments.takt)
+    timed = arguments.time_scale in (1.0, inf)
+    return RunOptions(policy, handling, _delivery(asked, table), patience, arguments.takt, timed)
 
 
 def _delivery(words: list[str] | None, table: Table) -> delivery.Delivery | delivery.Sorting | None:

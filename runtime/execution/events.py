@@ -41,6 +41,7 @@ class Tally:
     """The sum over a run's parts; its size does not grow with their number."""
 
     takt_s: float | None = None  # the time within which parts should be done
+    timed: bool = True  # whether its seconds are the cell's; not those of a clock that runs faster than life
     parts: int = 0
     outcomes: Counter[Outcome] = field(default_factory=Counter)
     squeezes: int = 0
@@ -74,8 +75,11 @@ class Tally:
         }
 
     def times(self) -> dict[str, float]:
-        """What parts took, of `runtime.table.takt`; nothing before the first."""
-        return takt_figures(self.seconds, self.takt_s) if self.seconds else {}
+        """What parts took, of `runtime.table.takt`; nothing before the first or of a clock faster than life.
+
+        Where a simulated cell runs faster than life, programs that are no faster count as much longer.
+        """
+        return takt_figures(self.seconds, self.takt_s) if self.seconds and self.timed else {}
 
 
 class Console:

@@ -70,6 +70,7 @@ class RunOptions:
     delivery: Delivery | Sorting | None = None
     patience: float = 1.0  # how much longer than by arm and gripper a squeeze may take: for a person
     takt_s: float | None = None  # within which parts should be done; only told
+    timed: bool = True  # whether the clock's seconds are the cell's, which runs no faster than its programs
 
 
 PLAIN = RunOptions()
