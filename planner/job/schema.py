@@ -8,6 +8,7 @@ from planner.arrays import Array
 from planner.job.fields import Field, Flag, Integer, Number, Numbers, Poses, Text
 from planner.part.outline import Outline
 from planner.part.pressure import Pressure
+from planner.part.symmetry import MOST_ORDER
 
 PLACE = Number(-10_000, 10_000)  # a coordinate, mm
 MOST_FRICTION = 2.0
@@ -16,15 +17,19 @@ LEAST_MM, LEAST_DEG, LEAST_RATE = 0.01, 0.001, 0.1
 MM = 1_000.0  # no part, gripper or height of such a cell exceeds a metre
 
 
+MOST_VERTICES = 2000
+"""Of an outline: checks of symmetry take the square of their number, and a budget cannot cut them short."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Part:
     """The part on the table."""
 
     name: Annotated[str, Text()]  # for people
     # (N, 2) vertices, counter-clockwise, area centroid at the origin, read-only.
-    outline_mm: Annotated[Outline, Numbers(PLACE, columns=2)]
+    outline_mm: Annotated[Outline, Numbers(PLACE, columns=2, most=MOST_VERTICES)]
     # Rotational order n: turns by 2 pi / n look the same, 1 = none.
-    symmetry: Annotated[int, Integer(1, 10_000, default="auto", word="auto")]
+    symmetry: Annotated[int, Integer(1, MOST_ORDER, default="auto", word="auto")]
     # How far contours lie off the drawing's: moulded about 0.2, cut 0.1, cast 0.5; 0 = not at all.
     tolerance_mm: Annotated[float, Number(0, 10, default=0.0)]
     # From the table to the part's top where the fingers close; None: not stated.

@@ -73,6 +73,7 @@ WRONG = [
     ('name = "rectangle"', 'name = "a\\nb"', "part", "name"),
     ("[[0, 0], [30, 0], [30, 21], [0, 21]]", "[[0, 0], [30, 0, 1]]", "part", "outline_mm"),
     ("[[0, 0], [30, 0], [30, 21], [0, 21]]", '"square"', "part", "outline_mm"),
+    ("[[0, 0], [30, 0], [30, 21], [0, 21]]", f"[{'[0, 1], ' * 2001}]", "part", "outline_mm"),
     ("[[0, 0], [30, 0], [30, 21], [0, 21]]", "[[0, 0], [30, nan], [3, 3]]", "part", "outline_mm"),
     ('symmetry = "auto"', "symmetry = 4", "part", "symmetry"),
     ('symmetry = "auto"', "symmetry = 0", "part", "symmetry"),
