@@ -62,8 +62,8 @@ class Workcell(Surroundings):
 
     def closing(self) -> int | None:
         """The jaws start to close: where they will stop, given where the arm really is."""
-        hand, low = self._hand()
-        if hand is None or not low:
+        hand, height_mm = self._hand()
+        if hand is None or height_mm > self.table.geometry.closing_mm:
             return None
         width_mm = self.table.squeeze(hand)
         return None if width_mm is None else self.jaws.count_at(width_mm)
@@ -85,7 +85,8 @@ class Workcell(Surroundings):
         self._moves = self.arm.moves
         now_s = self.now()
         opening_mm = self.gripper.opening_mm(now_s)  # whatever the jaws did on the way is over now
-        hand, low = self._hand()
+        hand, height_mm = self._hand()
+        low = height_mm <= self.table.geometry.reach_mm
         was_low, self._low = self._low, low
         if hand is None:
             return
@@ -97,13 +98,13 @@ class Workcell(Surroundings):
             self.table.placed(hand, opening_mm)
         self._stood = hand
 
-    def _hand(self) -> tuple[Pose2 | None, bool]:
-        """Where the fingers of an upright hand meet, and whether it is down at the part."""
+    def _hand(self) -> tuple[Pose2 | None, float]:
+        """Where the fingers of an upright hand meet, and its height [mm]; None where it is not upright."""
         x, y, z, rotation = self.arm.pose_at(self.now())
         try:
-            return compose((x, y, hand_angle(rotation)), self._middle), z <= self.table.geometry.reach_mm
+            return compose((x, y, hand_angle(rotation)), self._middle), z
         except ProtocolError:
-            return None, False
+            return None, z
 
     # -- feeder and ground truth ------------------------------------------------------------------
 

@@ -117,7 +117,8 @@ class Executor:
                 result = self._descend(part, steps, TraversalState() if broken is None else broken.traversal)
                 result = self._finish(result)
                 self._hand.where()  # an arm that was displaced makes any outcome a fault
-                result = replace(result, seconds=began.lap(), phases=tuple(self._phases))
+                if self._options.timed:
+                    result = replace(result, seconds=began.lap(), phases=tuple(self._phases))
             self._cell.journal.record("outcome", outcome_fields(self._table, result))
         except BrokenRunError as error:
             # Nothing was moved; the operator looks at the fingers.

@@ -37,7 +37,6 @@ from planner.mechanics.simulator import Parameters, Simulator  # noqa: E402
 from planner.part.outline import canonical, radius_of_gyration  # noqa: E402
 
 RESULTS = Path(__file__).parent / "results" / "contact.json"
-DATA = ROOT.parent / "shared" / "data" / "mit"
 FILES = ("outlines.csv", "pushes.csv", "wrench_twist.csv")
 RADIUS_MM = 4.75
 NEAR_MM, NEAR_DEG = 3.0, 5.0
@@ -285,7 +284,7 @@ def measured(folder: Path) -> dict[str, Any]:
 def main() -> int:
     """Measures and keeps the figures."""
     parser = argparse.ArgumentParser(description="Judge foretold pushes by round tips by recorded ones.")
-    parser.add_argument("--data", type=Path, default=DATA, help="folder of the recordings")
+    parser.add_argument("--data", type=Path, required=True, metavar="FOLDER", help="folder of the recordings")
     parser.add_argument("--no-results", action="store_true", help="print only")
     options = parser.parse_args()
     if missing := [name for name in FILES if not (options.data / name).is_file()]:

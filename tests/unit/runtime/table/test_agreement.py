@@ -73,7 +73,7 @@ def with_push(table: Table) -> Table:
         (goal(kind="modes", modes=1), "goal.kind is modes, but the embedded job says pose"),
         (squeeze(force_mn=200_000), "node 0: force_mn is 200000, but the embedded job says 40000"),
         (squeeze(speed_um_s=150_000), "node 0: speed_um_s is 150000, but the embedded job says 60000"),
-        (squeeze(opening_um=60_000), "node 0: opening_um is 60000, but the embedded job says 85000"),
+        (squeeze(opening_um=80_000), "node 0: opening_um is 80000, but the embedded job says 85000"),
         (squeeze(x_um=90_000), "node 0: at (90.00, 0.00) mm the jaws touch no part within radius_mm = 12.75"),
         (with_push, "node 0 is pushed before, which is belief, but the embedded job says none"),
         (shifted(15_000), "does not lie between the jaws of node"),
