@@ -194,9 +194,11 @@ def _answered(job: Job, plan: Plan, restrictions: list[str], spared: Spared, rep
 
 def _short(grade: Grade, success: float, open_share: float) -> str:
     """The grade of a plan; of one whose search is not done, what is known so far."""
-    if grade != "poor" or not open_share or success < LEAST_DONE * (1.0 - open_share):
+    if grade != "poor" or not open_share:
         return grade
-    return "unknown" if open_share > MOST_OPEN else "cut"
+    if open_share > MOST_OPEN:
+        return "unknown"
+    return grade if success < LEAST_DONE * (1.0 - open_share) else "cut"
 
 
 def _check_thickness(imported: Imported) -> None:
