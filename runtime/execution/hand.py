@@ -119,12 +119,12 @@ class Hand:
         low_rad, high_rad = self.arm.turn_range(x_mm, y_mm)
         self.arm_known = True
         near_rad = self._place()[3]
-        found = [
+        turns = [
             turn
             for half in range(round(tau / step_rad))
             for turn in same_turns(angle_rad + half * step_rad, low_rad, high_rad, near_rad)
         ]
-        return sorted(found, key=lambda turn: abs(turn - near_rad))
+        return sorted(turns, key=lambda turn: abs(turn - near_rad))
 
     def travel(self, x_mm: float, y_mm: float, angle_rad: float) -> None:
         """Go to a place at the height where `rise` or `retreat` left the hand, by the wrist's nearest turn.
@@ -219,7 +219,7 @@ class Hand:
         """
         self.where()  # a part that was displaced with the hand is not let go
         held_mm = self.width_mm(self._jaws.ready().position_counts)
-        wide = max(squeeze, following, key=lambda own: own.opening_um)
+        wide = max(squeeze, following, key=lambda each: each.opening_um)
         free_mm = min(held_mm + CLEAR_MM, wide.opening_um / 1000)
         arc = self._handling.arc
         if arc is not None:

@@ -57,20 +57,20 @@ class Schedule:
 
     def part(self, squeezes: Sequence[Squeezed], start: Stand | None = None) -> list[Phases]:
         """The phases of each squeeze of a part, the hand at first above `start` or above its first place."""
-        before, jaws_s, found = start, 0.0, []
-        for number, made in enumerate(squeezes):
+        before, jaws_s, all_phases = start, 0.0, []
+        for number, squeezed in enumerate(squeezes):
             after = squeezes[number + 1].node if number + 1 < len(squeezes) else None
-            phases, before, jaws_s = self.squeeze(made, before, after, jaws_s, first=number == 0)
-            found.append(phases)
-        return found
+            phases, before, jaws_s = self.squeeze(squeezed, before, after, jaws_s, first=number == 0)
+            all_phases.append(phases)
+        return all_phases
 
     def squeeze(
-        self, made: Squeezed, before: Stand | None, after: int | None, jaws_s: float = 0.0, *, first: bool
+        self, squeezed: Squeezed, before: Stand | None, after: int | None, jaws_s: float = 0.0, *, first: bool
     ) -> tuple[Phases, Stand, float]:
         """One squeeze.
 
         Args:
-            made: what it comes to.
+            squeezed: its node, and how it came out.
             before: where the hand stands; None: above the squeeze's place.
             after: the node that follows for the same part, None: none does.
             jaws_s: how long the jaws still move.
@@ -79,19 +79,23 @@ class Schedule:
         Returns:
             Its phases; where the hand stands after it, and how long the jaws still move then.
         """
-        node, timing = self.table.nodes[made.node], self.timing
+        node, timing = self.table.nodes[squeezed.node], self.timing
         squeeze, place = node.squeeze, Stand.at(node.squeeze)
         following = self.table.nodes[0 if after is None else after]
         push_s, before = self._push_s(node, before or place)
         let_go = place
-        if made.branch != REJECT and node.release and node.branches[made.branch].expected_um >= HELD_UM:
+        if (
+            squeezed.branch != REJECT
+            and node.release
+            and node.branches[squeezed.branch].expected_um >= HELD_UM
+        ):
             let_go = place._replace(x_mm=node.release[0] / 1e3, y_mm=node.release[1] / 1e3)
         visit = Visit(
             way_mm=hypot(place.x_mm - before.x_mm, place.y_mm - before.y_mm),
             turn_rad=remainder(place.angle_rad - before.angle_rad, pi if self.alike else tau),
             opening_mm=squeeze.opening_um / 1e3,
             contact_mm=None if node.contact_um is None else node.contact_um / 1e3,
-            width_mm=made.width_mm,
+            width_mm=squeezed.width_mm,
             speed_mm_s=squeeze.speed_um_s / 1e3,
             next_mm=following.squeeze.opening_um / 1e3,
             drag_mm=hypot(let_go.x_mm - place.x_mm, let_go.y_mm - place.y_mm),

@@ -18,13 +18,13 @@ def figures(seconds: Mapping[float, int], takt_s: float | None = None) -> dict[s
         `takt_probability`. A percentile is the least time within which so many of the parts are done.
     """
     parts, rising = sum(seconds.values()), sorted(seconds.items())
-    told = {"seconds_mean": fsum(taken * many for taken, many in rising) / parts}
+    summary = {"seconds_mean": fsum(taken * many for taken, many in rising) / parts}
     for percentile in PERCENTILES:
-        told[f"seconds_p{percentile}"] = _within(rising, ceil(percentile * parts / 100))
-    told["seconds_max"] = rising[-1][0]
+        summary[f"seconds_p{percentile}"] = _within(rising, ceil(percentile * parts / 100))
+    summary["seconds_max"] = rising[-1][0]
     if takt_s is not None:
-        told["takt_probability"] = sum(many for taken, many in rising if taken <= takt_s) / parts
-    return told
+        summary["takt_probability"] = sum(many for taken, many in rising if taken <= takt_s) / parts
+    return summary
 
 
 def _within(rising: list[tuple[float, int]], parts: int) -> float:
