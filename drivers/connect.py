@@ -14,6 +14,7 @@ scheme and the function that opens it as an entry point (tools/docs/drivers.md).
 
 from collections.abc import Callable, Iterator
 from importlib import import_module
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from drivers.clock import Clock, Pace
@@ -136,6 +137,33 @@ def scene(url: str) -> Scene:
     from drivers.stream import tcp_address
 
     return scene_protocol.Scene(*tcp_address(url))
+
+
+class VirtualDevices(NamedTuple):
+    """A simulated cell in this process, whose time passes only when somebody waits."""
+
+    gripper: Gripper
+    arm: Arm
+    scene: Scene
+    clock: Clock
+
+
+def virtual(tree: Path, *, world: str, seed: int, report: Report = no_report) -> VirtualDevices:
+    """The simulated cell of a table, its devices connected.
+
+    Raises:
+        SimulationError: the world cannot be had, or fails.
+    """
+    from drivers.robotiq.gripper import Gripper as RobotiqGripper
+    from drivers.sim.physics.scene import load, warm_up
+    from drivers.sim.virtual.cell import VirtualCell
+
+    setting = load(tree, None, world)
+    warm_up(setting, seed)
+    cell = VirtualCell(setting, seed)
+    return VirtualDevices(
+        RobotiqGripper(cell.link(report), cell.pace, report), cell.arm(), cell.scene, cell.clock
+    )
 
 
 def _opened(makes: Makes, port: str, *settings: object, read_only: bool) -> Any:

@@ -17,7 +17,8 @@ Rules that a type cannot express:
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol, runtime_checkable
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 PoseOfHand = tuple[float, float, float, float]  # x mm, y mm, z mm, angle rad, of the point between the tips
 TURN_RADIUS_MM = 160.0  # nothing so near to the hand's axis moves faster than asked for as it turns
@@ -171,6 +172,9 @@ class Drivers(Protocol):
 
     def scene(self, url: str) -> Scene:
         """Connect to a simulated cell's scene."""
+
+    def virtual(self, tree: Path, *, world: str, seed: int, report: Report = ...) -> Any:
+        """A simulated cell in this process, in virtual time: gripper, arm, scene and clock."""
 
     def scan(self, port: str) -> Iterator[Answered]:
         """Who answers on a serial port."""

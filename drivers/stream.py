@@ -3,20 +3,19 @@
 import contextlib
 import errno
 import os
-import queue
 import select
 import socket
 import stat
 import termios
-import threading
 import time
 from pathlib import Path
-from typing import Any, NoReturn, Protocol
+from typing import NoReturn, Protocol
 from urllib.parse import urlsplit
 
 import serial
 
 from drivers.errors import PortError
+from runtime.shell.host_names import addresses_of
 
 CONNECT_S = 5.0  # wall; to find a host's address and to be accepted there
 SEND_S = 0.5  # wall; a request has some hundred bytes at most, which a line takes in milliseconds
@@ -176,7 +175,7 @@ def connected(host: str, port: int, seconds: float) -> socket.socket:
     """
     until = time.monotonic() + seconds
     failed: OSError = TimeoutError(errno.ETIMEDOUT, "timed out")
-    for family, kind, protocol, _, address in _addresses(host, port, seconds):
+    for family, kind, protocol, _, address in addresses_of(host, port, seconds):
         connection = socket.socket(family, kind, protocol)
         try:
             connection.settimeout(max(until - time.monotonic(), 1e-3))
@@ -189,28 +188,6 @@ def connected(host: str, port: int, seconds: float) -> socket.socket:
         else:
             return connection
     raise failed
-
-
-def _addresses(host: str, port: int, seconds: float) -> list[Any]:
-    """A host's addresses; a name server that is silent is left to a thread of its own."""
-    with contextlib.suppress(socket.gaierror):
-        return socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_NUMERICHOST)
-    answers: queue.SimpleQueue[list[Any] | Exception] = queue.SimpleQueue()
-
-    def look_up() -> None:
-        try:
-            answers.put(socket.getaddrinfo(host, port, type=socket.SOCK_STREAM))
-        except Exception as error:
-            answers.put(error)
-
-    threading.Thread(target=look_up, name="look-up", daemon=True).start()
-    try:
-        answer = answers.get(timeout=seconds)
-    except queue.Empty:
-        raise TimeoutError(errno.ETIMEDOUT, f"no name server tells the address of {host}") from None
-    if isinstance(answer, Exception):
-        raise answer
-    return answer
 
 
 def _opened(path: str, baud: int) -> serial.Serial:

@@ -97,6 +97,8 @@ def same_length(**arrays: Sequence[Any] | NDArray[Any] | None) -> None:
 
 
 def _array(values: ArrayLike, name: str) -> Array:
+    if np.iscomplexobj(values):
+        raise ValueError(f"{name} is complex; pass an array of real numbers")
     try:
         return np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError) as error:

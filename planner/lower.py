@@ -1,5 +1,6 @@
 """Lowering: the tree of beliefs becomes the integers of the decision table."""
 
+from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, version
 
 import numpy as np
@@ -12,9 +13,13 @@ from planner.belief.stopping import StoppingRule
 from planner.belief.transition import Push, finger_speed_mm_s
 from planner.frames import wrap
 from planner.job.model import Job
+from planner.mechanics.clearance import first_contact_mm, jaws_of
 from planner.search.handling import handling_of
-from planner.search.tree import Node, breadth_first
+from planner.search.tree import Node, Squeeze, breadth_first
 from runtime import table as tables
+
+CONTACT_MARGIN_MM = 2.0
+"""How much wider than the particles of a belief say its parts may be met: particles are samples."""
 
 
 def lower(root: Node, job: Job) -> tables.Table:
@@ -62,7 +67,27 @@ def _node(node: Node, targets: dict[int, int], job: Job, encoder: Encoder) -> ta
     if planned.release is not None:
         release = (round(1e3 * planned.release[0]), round(1e3 * planned.release[1]))
     pushed = tuple(_push(push, job) for push in planned.pushes)
-    return tables.Node(squeeze, tuple(branches), None if release == squeeze[:2] else release, pushed)
+    contact = None if pushed else contact_um(job, node.belief, planned, branches)
+    return tables.Node(squeeze, tuple(branches), None if release == squeeze[:2] else release, pushed, contact)
+
+
+def contact_um(job: Job, belief: Belief, squeeze: Squeeze, branches: Sequence[tables.Branch]) -> int | None:
+    """The greatest width at which closing jaws may meet a part of a belief, whatever is off in the cell.
+
+    None where that is as soon as they move. A part that was pushed lies elsewhere than its belief.
+    """
+    doubt, share = job.doubt, job.gripper.upper_finger_share
+    shares = (max(share + doubt.finger_share[0], 0.0), min(share + doubt.finger_share[1], 1.0))
+    off_mm = 2.0 * max(map(abs, doubt.middle_mm)) + max(map(abs, doubt.encoder_mm)) + CONTACT_MARGIN_MM
+    jaws, widest_um = jaws_of(job.gripper), max(branch.high_um for branch in branches)
+    jaws[0] = squeeze.opening_mm
+    which = belief.traits["hypothesis"]
+    widths = [
+        first_contact_mm(own.part.outline_mm, jaws, belief.poses[which == k], squeeze.placement, shares)
+        for k, own in enumerate(job.alone)
+    ]
+    contact = max(round(1e3 * (max(widths) + off_mm)), widest_um)
+    return contact if contact < round(1e3 * squeeze.opening_mm) else None
 
 
 def _push(push: Push, job: Job) -> tables.Push:

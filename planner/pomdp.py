@@ -101,15 +101,16 @@ class Pomdp:
         ended[rows] = (rolled.status == JAMMED) & (rolled.width_mm >= self.encoder.opening_mm)
         return Sampled(states, self.encoder.read(states[:, 3], rng), rewards, ended)
 
-    def likelihood(self, o: int | IntArray, s: Array, a: Array) -> Array:  # noqa: ARG002
+    def likelihood(self, o: int | IntArray, s: Array, a: Array) -> Array:
         """Probability (n,) of reading the count o after action a has led to states s (n, 4).
 
         The action acts through the width in the state alone.
 
         Raises:
-            ValueError: the states are not (n, 4), or o is no count.
+            ValueError: the states are not (n, 4), the action not (4,), or o is no count.
         """
         s = arguments.rows(s, "states", 4)
+        arguments.row(a, "a", 4)
         read = arguments.indices(np.atleast_1d(o), "o", COUNTS).astype(np.float64)
         encoder = self.encoder
         noise = max(encoder.noise_mm, 1e-9)

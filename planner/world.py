@@ -92,8 +92,7 @@ class ContactWorld:
         Raises:
             ValueError: as `squeeze`, or there are not as many traits as poses.
         """
-        parameters = self._simulator.sample(len(poses_hand), self._rng, traits)
-        return self._simulator.roll_out(poses_hand, parameters)
+        return self._simulator.squeeze(poses_hand, self._rng, traits)
 
     def push(self, pose_hand: Pose, opening_mm: float, way_mm: float) -> Pose:
         """Pushes the part with fingers held `opening_mm` apart, the hand going along its x axis.

@@ -19,7 +19,7 @@ from runtime.errors import is_expected
 from runtime.execution.delivery import Delivery
 from runtime.execution.events import Console, Phase
 from runtime.execution.executor import Cell, Executor, RunOptions, expected_s
-from runtime.execution.hand import Handling
+from runtime.execution.handling import Handling
 from runtime.execution.session import sight
 from runtime.execution.watch import DEADLINE_FACTOR
 from runtime.journal.replay import Replay

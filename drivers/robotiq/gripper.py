@@ -28,7 +28,7 @@ ECHO_S = 1.0  # gPR must echo rPR within this ([SDK] gripper.cpp)
 STALE_FLAG_S = 0.2  # how long gOBJ may still tell of the previous move ([SDK] gripper.cpp)
 MOVE_MARGIN_S = 2.0  # beyond stroke / speed: start, contact detection, settling
 EQUAL_COUNTS = 3  # readings in a row with one count before a width is believed
-SETTLE_S = 0.02  # between them: at 20 mm/s the count changes once in as long
+SETTLE_COUNTS = 1.0  # between them: as long as jaws at the speed asked for take for so many counts
 ARRIVED_COUNTS = 12  # gOBJ 3 farther than this from the request contradicts the count (open ends at 3 to 13)
 COMM_SILENCE = 0x09
 WRITE_TRIES = 3  # as the SDK: the link is down after 3 failures in a row
@@ -39,6 +39,7 @@ class _Move(NamedTuple):
     start_counts: int
     written_at: float
     budget_s: float
+    settle_s: float  # between two readings of jaws at rest
 
 
 class Gripper:
@@ -88,7 +89,8 @@ class Gripper:
         stroke_mm = abs(position_counts - seen.position_counts) * OPENING_MM / (COUNT_CLOSED - COUNT_OPEN)
         budget_s = stroke_mm / speed_mm_s(speed_counts) + MOVE_MARGIN_S
         self._send(request)
-        self._move = _Move(position_counts, seen.position_counts, self._pace.now(), budget_s)
+        settle_s = SETTLE_COUNTS * OPENING_MM / (COUNT_CLOSED - COUNT_OPEN) / speed_mm_s(speed_counts)
+        self._move = _Move(position_counts, seen.position_counts, self._pace.now(), budget_s, settle_s)
 
     def wait(self) -> Settled:
         """Wait until the last move has ended and the count stands still.
@@ -190,7 +192,7 @@ class Gripper:
             if late > EQUAL_COUNTS:
                 raise GripperFault(f"gripper count does not settle; last seen {_sketch(seen)}")
             if equal < EQUAL_COUNTS:
-                self._pace.pause(SETTLE_S)
+                self._pace.pause(move.settle_s)
             else:
                 self._pace.idle(deadline)
             last, seen = seen, self._checked("settling")

@@ -10,7 +10,8 @@ from drivers.sim.camera.server import CameraServer
 from drivers.sim.devices.arm_server import ArmLogger, ArmServer
 from drivers.sim.devices.gripper_tcp import MbapSlave, TcpPort, stop_jaws
 from drivers.sim.devices.gripper_urcap import Urcap, UrcapPort
-from drivers.sim.devices.ur_controller import UrModel, served
+from drivers.sim.devices.ur_controller import UrModel
+from drivers.sim.devices.ur_ports import served
 from drivers.sim.faults import Listed
 from drivers.sim.physics.scene import Setting
 from drivers.sim.physics.scene_protocol import SceneServer

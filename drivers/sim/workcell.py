@@ -1,10 +1,12 @@
 """Gripper, arm and part of a simulated cell, joined by what they do to one another; no ports, no clock."""
 
+import math
 import random
 from collections.abc import Callable, Mapping
 
 from drivers.abb.codec import Pose, ProtocolError, hand_angle
 from drivers.planar import Pose2, compose
+from drivers.ports import TURN_RADIUS_MM
 from drivers.sim.devices.arm import ArmModel
 from drivers.sim.devices.faulty import FaultyArm, FaultyGripper
 from drivers.sim.devices.gripper import GripperModel
@@ -41,13 +43,16 @@ class Workcell(Surroundings):
         self._noise = random.Random(f"{seed}/line")
         self._faulty = faults is not None
         lags = random.Random(f"{seed}/gripper")
+        ramps = None
+        if (line := geometry.acceleration_mm_s2) is not None:
+            ramps = (line, math.degrees(line / TURN_RADIUS_MM))
         self.gripper: GripperModel
         self.arm: ArmModel
         if self._faulty:
             self.gripper = FaultyGripper(lags, self.jaws, self, self.desk)
-            self.arm = FaultyArm(random.Random(f"{seed}/arm"), ARM_BASE, self.desk)
+            self.arm = FaultyArm(random.Random(f"{seed}/arm"), ARM_BASE, self.desk, ramps)
         else:
-            self.gripper, self.arm = GripperModel(lags, self.jaws, self), ArmModel(ARM_BASE)
+            self.gripper, self.arm = GripperModel(lags, self.jaws, self), ArmModel(ARM_BASE, ramps)
 
     def line(self, *, checked: bool = True) -> CleanLine:
         """A line to the gripper; `checked`: its frames end in a CRC."""
@@ -57,8 +62,8 @@ class Workcell(Surroundings):
 
     def closing(self) -> int | None:
         """The jaws start to close: where they will stop, given where the arm really is."""
-        hand, low = self._hand()
-        if hand is None or not low:
+        hand, height_mm = self._hand()
+        if hand is None or height_mm > self.table.geometry.closing_mm:
             return None
         width_mm = self.table.squeeze(hand)
         return None if width_mm is None else self.jaws.count_at(width_mm)
@@ -80,7 +85,8 @@ class Workcell(Surroundings):
         self._moves = self.arm.moves
         now_s = self.now()
         opening_mm = self.gripper.opening_mm(now_s)  # whatever the jaws did on the way is over now
-        hand, low = self._hand()
+        hand, height_mm = self._hand()
+        low = height_mm <= self.table.geometry.reach_mm
         was_low, self._low = self._low, low
         if hand is None:
             return
@@ -92,13 +98,13 @@ class Workcell(Surroundings):
             self.table.placed(hand, opening_mm)
         self._stood = hand
 
-    def _hand(self) -> tuple[Pose2 | None, bool]:
-        """Where the fingers of an upright hand meet, and whether it is down at the part."""
+    def _hand(self) -> tuple[Pose2 | None, float]:
+        """Where the fingers of an upright hand meet, and its height [mm]; None where it is not upright."""
         x, y, z, rotation = self.arm.pose_at(self.now())
         try:
-            return compose((x, y, hand_angle(rotation)), self._middle), z <= self.table.geometry.reach_mm
+            return compose((x, y, hand_angle(rotation)), self._middle), z
         except ProtocolError:
-            return None, False
+            return None, z
 
     # -- feeder and ground truth ------------------------------------------------------------------
 

@@ -23,6 +23,7 @@ from planner.work.limit import Limit
 from planner.work.scheduler import scheduler_of
 from runtime.shell import files
 from runtime.shell.command import INTERRUPTED, Parser, natural, positive_int, tell
+from runtime.shell.command import seconds as seconds_text
 from runtime.table import dump
 
 NAME = "plan-compile"
@@ -55,7 +56,7 @@ def parser() -> Parser:
         help="parts squeezed to evaluate the table (default: %(default)s)",
     )  # fmt: skip
     add(
-        "--budget", type=shell.seconds, default=math.inf, metavar="60s",
+        "--budget", type=seconds_text, default=math.inf, metavar="60s",
         help="end after so long, evaluation included, with the best tree so far, as Ctrl-C does at once "
         "(default: search until done)",
     )  # fmt: skip

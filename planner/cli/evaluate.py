@@ -24,7 +24,7 @@ from planner.job.model import Job
 from planner.job.overrides import changes_of
 from planner.work.scheduler import Scheduler, scheduler_of
 from planner.world import ContactWorlds, World, Worlds, supply
-from runtime.shell.command import Parser, natural, number, positive, positive_int
+from runtime.shell.command import Parser, natural, number, positive, positive_int, seconds
 from runtime.shell.files import usable
 from runtime.shell.worlds import DEFAULT_WORLD
 from runtime.table import Table
@@ -51,6 +51,9 @@ def parser() -> Parser:
         "--trials", type=positive_int, metavar="N",
         help=f"parts squeezed (default: {DEFAULT_TRIALS}, with --ppm {DEFAULT_PPM_TRIALS})",
     )  # fmt: skip
+    built.add_argument(
+        "--takt", type=seconds, metavar="6s", help="also tell how many parts are done within this time"
+    )
     built.add_argument("--seed", type=natural, default=0, help="of the trials (default: %(default)s)")
     built.add_argument(
         "--worst", type=natural, default=3, metavar="N",
@@ -137,7 +140,7 @@ def _single(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Na
     mistakes = leaves.worst(table, evaluation, arguments.worst)
     worst = believed and {"world": believed.case.name, **believed.evaluation.summary()}
     figures = {
-        **evaluation.summary(),
+        **evaluation.summary(arguments.takt),
         "worst_believed": worst,
         **({"identities": known.figures()} if known else {}),
         **({"strangers": [each.figures() for each in strange]} if strange else {}),
@@ -153,7 +156,7 @@ def _single(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Na
             if worst
             else []
         ),
-        *_overview(evaluation, _name_of_world(arguments)),
+        *_overview(evaluation, _name_of_world(arguments), arguments.takt),
         *(_named(known) if known else ()),
         *(line for each in strange for line in each.lines()),
         *_predictions(table, outcome),
@@ -241,12 +244,13 @@ def _spread(value: str) -> float:
     return spread
 
 
-def _overview(evaluation: Evaluation, world: str) -> list[str]:
-    figures = evaluation.summary()
+def _overview(evaluation: Evaluation, world: str, takt_s: float | None = None) -> list[str]:
+    figures = evaluation.summary(takt_s)
     low, high = figures["success_ci95"]
     taken, most = np.bincount(evaluation.squeezes), figures["max_squeezes"]
     error = figures["error_mm"]
     share = f"95 % within {error['p95']:.2f} mm" if error else ""
+    takt = "" if takt_s is None else f"; {figures['takt_probability']:.1%} within {takt_s:g} s"
     spread = ", ".join(f"{k}: {share:.1%}" for k, share in enumerate(taken / taken.sum()) if share > 0)
     shares = shares_of(figures)
     return [
@@ -256,7 +260,7 @@ def _overview(evaluation: Evaluation, world: str) -> list[str]:
         f"rejected   {shares.rejected:6.2f}%",
         f"unresolved {shares.unresolved:6.2f}%",
         f"squeezes   {figures['mean_squeezes']:7.2f}  a part, up to {most} here ({spread})",
-        f"seconds    {figures['mean_seconds']:7.1f}  a part, estimated",
+        f"seconds    {figures['seconds_mean']:7.1f}  a part, 95 % within {figures['seconds_p95']:.1f}{takt}",
         *([f"error      {error['median']:7.2f}  mm median where resolved, {share}"] if error else ()),
         f"crashes    {shares.crashed:6.2f}%  {figures['crashes']} parts that a finger came down on: failures",
     ]

@@ -38,6 +38,7 @@ from planner.work.progress import Report
 from planner.work.scheduler import Threads
 from planner.world import make
 from runtime.shell.command import Parser, number, say
+from runtime.shell.command import seconds as seconds_text
 from runtime.shell.files import quoted, usable, write
 from runtime.table import dump
 
@@ -85,7 +86,7 @@ def parser() -> Parser:
         "--distance", type=number, default=3.0, metavar="MM",
         help="how well the part must be located (default: %(default)s)",
     )  # fmt: skip
-    add("--budget", type=shell.seconds, metavar="30s", help="for the search (default: what a minute leaves)")
+    add("--budget", type=seconds_text, metavar="30s", help="for the search (default: what a minute leaves)")
     return built
 
 
@@ -193,9 +194,11 @@ def _answered(job: Job, plan: Plan, restrictions: list[str], spared: Spared, rep
 
 def _short(grade: Grade, success: float, open_share: float) -> str:
     """The grade of a plan; of one whose search is not done, what is known so far."""
-    if grade != "poor" or not open_share or success < LEAST_DONE * (1.0 - open_share):
+    if grade != "poor" or not open_share:
         return grade
-    return "unknown" if open_share > MOST_OPEN else "cut"
+    if open_share > MOST_OPEN:
+        return "unknown"
+    return grade if success < LEAST_DONE * (1.0 - open_share) else "cut"
 
 
 def _check_thickness(imported: Imported) -> None:

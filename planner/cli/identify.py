@@ -9,15 +9,28 @@ from typing import Any
 
 import numpy as np
 
-from planner.cli import shell
-from planner.identification import pushes
-from planner.identification.identify import Identified, Kind, Normalised, identify, normalise
+from planner.cli import columns, shell, tips
+from planner.errors import UsageError, ValueRangeError
+from planner.identification import motions, pushes
+from planner.identification.identify import (
+    LEAST_PAIRS,
+    Identified,
+    Kind,
+    Normalised,
+    directions,
+    identify,
+    normalise,
+)
+from planner.job import model as job_file
 from planner.job import surface_file
 from planner.mechanics.limit_surface import LimitSurface
+from planner.mechanics.simulator import Simulator
 from runtime.shell.command import Parser, natural, number, positive, positive_int
 from runtime.shell.files import usable, write
 
 NAME = "plan-identify"
+MOVED = ("moved_x_mm", "moved_y_mm", "turned_deg")
+MOST_SPLITS = 10  # of motions
 KINDS: tuple[Kind, ...] = ("ellipsoid", "quartic")
 FORMATS = """\
 tables of pairs (.csv), one push a line, with a header:
@@ -25,6 +38,11 @@ tables of pairs (.csv), one push a line, with a header:
                           centroid [N, N, N mm]
   vx_mm,vy_mm,omega_rad   the twist that it answers with, in the same frame; only the direction matters
   weight                  may be left out: how much the pair counts, positive
+
+tables of directions (--pairs), one pair a line, with a header:
+  fx,fy,tau_rho           the direction of the wrench on the part about its centroid, torque over rho
+  vx,vy,om_rho            the direction of the twist, angular velocity times rho; the scale of both is free
+  weight                  may be left out, as above
 
 push logs (any other name), numbers separated by blanks, one record a line, as in the public data of
 arXiv 1602.06056; empty lines do not count:
@@ -41,16 +59,31 @@ the block is a right triangle with legs of 150 mm; for any other part write a ta
 
 
 def _identify(arguments: argparse.Namespace) -> None:
+    if arguments.motions is not None:
+        _from_motions(arguments)
+        return
+    if arguments.job is not None or arguments.tip_radius_mm is not None:
+        raise UsageError("--job and --tip-radius-mm go with --motions")
+    sources = [*arguments.logs, *arguments.pairs]
+    if bool(arguments.logs) == bool(arguments.pairs):
+        raise UsageError("state push logs, or tables of directions with --pairs")
+    if arguments.pairs and arguments.friction_n is not None:
+        raise UsageError("--friction-n goes with logs: --pairs takes no magnitudes")
     if arguments.figure is not None:
         shell.checked_suffix("--figure", arguments.figure, shell.PICTURES)
-        usable(arguments.figure, arguments.output, *arguments.logs)
+        usable(arguments.figure, arguments.output, *sources)
     if arguments.output is not None:
-        usable(arguments.output, *arguments.logs)
-    data = normalise(pushes.join([pushes.load(path) for path in arguments.logs]), arguments.rho_mm)
+        usable(arguments.output, *sources)
+    rho_mm = arguments.rho_mm
+    if arguments.pairs:
+        tables = [pushes.load_directions(path) for path in arguments.pairs]
+        data: Normalised = directions(pushes.join(tables))
+    else:
+        data = normalise(pushes.join([pushes.load(path) for path in arguments.logs]), rho_mm)
     kinds = KINDS if arguments.kind == "both" else (arguments.kind,)
     with shell.progress(arguments.json) as report:
         found = identify(
-            data, arguments.rho_mm, kinds, splits=arguments.splits, train_share=arguments.train_share,
+            data, rho_mm, kinds, splits=arguments.splits, train_share=arguments.train_share,
             seed=arguments.seed, friction_n=arguments.friction_n, report=report,
         )  # fmt: skip
     best = min(found, key=lambda result: float(result.errors_rad.mean()))
@@ -59,9 +92,48 @@ def _identify(arguments: argparse.Namespace) -> None:
     if arguments.figure is not None:
         from planner.report import canvas, identification  # matplotlib takes a second
 
-        title = f"{', '.join(path.stem for path in arguments.logs)}: {len(data.F)} pushes"
+        title = f"{', '.join(path.stem for path in sources)}: {len(data.F)} pushes"
         canvas.save(arguments.figure, lambda: identification.figure(data, found, title))
     _print(data, found, best, arguments)
+
+
+def _from_motions(arguments: argparse.Namespace) -> None:
+    if arguments.job is None or arguments.tip_radius_mm is None or arguments.logs or arguments.pairs:
+        raise UsageError("--motions needs --job and --tip-radius-mm, and goes without logs and --pairs")
+    if arguments.figure is not None or arguments.friction_n is not None or arguments.kind == "quartic":
+        raise UsageError("--motions gives an ellipsoid; leave out --figure, --friction-n and --kind quartic")
+    path, radius_mm = arguments.motions, arguments.tip_radius_mm
+    job = job_file.load(arguments.job, {"gripper": {"opening_mm": 1000.0}})
+    shell.check_one_part(job.hypothesis, str(arguments.job), "an identification")
+    if arguments.output is not None:
+        usable(arguments.output, path, *job_file.files(arguments.job))
+    rows = columns.read(path, (*tips.NAMES, *MOVED))
+    if len(rows) < LEAST_PAIRS:
+        raise ValueRangeError(f"{len(rows)} pushes; give at least {LEAST_PAIRS}", where=str(path))
+    made = tips.paths(rows[:, :4], job_file.centroid_as_drawn(arguments.job))
+    beside = tips.beside(made, radius_mm, job.part.outline_mm, path)
+    measured = motions.Motions(beside.paths, rows[:, 4:] * [1.0, 1.0, math.pi / 180.0])
+    part = Simulator.of_job(job, 1)
+    fitted = motions.fit(measured, part, radius_mm)
+    own = motions.errors_mm(fitted, measured, part, radius_mm)
+    rng = np.random.default_rng(arguments.seed)
+    unseen = motions.held_out_mm(measured, part, radius_mm, min(arguments.splits, MOST_SPLITS), rng)
+    figures = {
+        "pushes": len(rows),
+        "friction": round(fitted.friction, 4),
+        "median_error_mm": round(float(np.median(own)), 3),
+        "held_out_error_mm": round(float(unseen.mean()), 3),
+    }
+    if arguments.output is not None:
+        values = {"rho_mm": fitted.surface.rho_mm, "ellipsoid": fitted.surface.A}
+        write(arguments.output, surface_file.dumps(values, {"motions": str(path), **figures}))
+    shell.answer(
+        arguments.json,
+        {**figures, "written": [] if arguments.output is None else [str(arguments.output)]},
+        f"{len(rows)} pushes: friction of the tip {fitted.friction:.3f}; median error "
+        f"{np.median(own):.2f} mm, {unseen.mean():.2f} mm on halves that were not fitted to",
+        *([] if arguments.output is None else [f"wrote {arguments.output}: the ellipsoid"]),
+    )
 
 
 def parser() -> Parser:
@@ -72,10 +144,23 @@ def parser() -> Parser:
         "it was not fitted to. A job takes the result in place of a pressure distribution.",
         f"{NAME} pushes.txt -o surface.toml --figure surface.png",
         f"{NAME} monday.txt tuesday.txt --kind quartic --json",
+        f"{NAME} --motions pushes.csv --job job.toml --tip-radius-mm 4.75 -o surface.toml",
+        f"{NAME} --pairs pairs.csv --rho-mm 45.6 --splits 10 -o surface.toml",
     )
     built.epilog = FORMATS + (built.epilog or "")
     add = built.add_argument
-    add("logs", type=Path, nargs="+", metavar="LOG", help="push logs, or tables of pairs (.csv)")
+    add("logs", type=Path, nargs="*", metavar="LOG", help="push logs, or tables of pairs (.csv)")
+    add(
+        "--pairs", type=Path, nargs="+", default=[], metavar="PAIRS.csv",
+        help=f"tables of directions in place of logs: {','.join(pushes.DIRECTIONS)}",
+    )  # fmt: skip
+    add(
+        "--motions", type=Path, metavar="PUSHES.csv",
+        help=f"without forces: pushes by a round tip, {','.join((*tips.NAMES, *MOVED))}, as plan-simulate "
+        "--push --tip-radius-mm has them; gives the tip's friction, too",
+    )  # fmt: skip
+    add("--job", type=Path, metavar="JOB.toml", help="the part of --motions")
+    add("--tip-radius-mm", type=positive, metavar="MM", help="the tip of --motions")
     add("-o", "--output", type=Path, metavar="SURFACE.toml", help="the limit surface")
     add("--figure", type=Path, metavar="OUT.png", help="draw it (.png, .svg, .pdf)")
     add(
@@ -105,7 +190,7 @@ def surface_text(result: Identified, data: Normalised, arguments: argparse.Names
     else:
         values |= {"quartic": surface.coefficients, "certificate": surface.certificate}
     facts = {
-        "logs": [str(path) for path in arguments.logs],
+        "logs": [str(path) for path in (*arguments.logs, *arguments.pairs)],
         "pairs": len(data.F),
         "splits": arguments.splits,
         "train_share": arguments.train_share,
@@ -113,6 +198,8 @@ def surface_text(result: Identified, data: Normalised, arguments: argparse.Names
         **_figures(result),
     }
     del facts["kind"]
+    if facts["friction_n"] is None:
+        del facts["friction_n"]
     return surface_file.dumps(values, facts)
 
 
@@ -124,7 +211,7 @@ def _figures(result: Identified) -> dict[str, Any]:
         "held_out_error_sd_deg": round(float(errors.std()), 3),
         "held_out_error_range_deg": [round(float(errors.min()), 3), round(float(errors.max()), 3)],
         "fit_error_deg": round(math.degrees(result.fit_error_rad), 3),
-        "friction_n": round(result.fit.friction_n, 4),
+        "friction_n": None if result.fit.friction_n is None else round(result.fit.friction_n, 4),
         "ridge_pairs": result.fit.ridge,
     }
 
@@ -137,8 +224,10 @@ def _print(
     figures = {"pairs": pairs, "against_motion": against, "splits": arguments.splits}
     figures |= {"surfaces": [_figures(each) for each in found], "best": best.kind, "written": written}
     train = round(arguments.train_share * pairs)
+    newtons = best.fit.friction_n
+    friction = "directions only" if newtons is None else f"friction {newtons:.2f} N"
     lines = [
-        f"{pairs} pushes, rho {arguments.rho_mm:g} mm, friction {best.fit.friction_n:.2f} N",
+        f"{pairs} pushes, rho {arguments.rho_mm:g} mm, {friction}",
         f"held-out twist error over {arguments.splits} random splits, {train} pushes to fit each:",
     ]
     for result in found:

@@ -4,14 +4,18 @@ Coordinates are in the frame in which the job writes `outline_mm`.
 """
 
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import shapely
 
 from planner.arrays import Array
+from planner.belief.doubts import traits_of
 from planner.cli import columns
 from planner.errors import KeyNameError, ValueRangeError
+from planner.job.model import Job
 from planner.mechanics.push import Paths
+from planner.mechanics.simulator import Simulator
 
 PLACES = ("push_x_mm", "push_y_mm", "approach_x", "approach_y", "cor_x_mm", "cor_y_mm", "angle_deg")
 FINGERS = "fingers_mm"
@@ -19,7 +23,17 @@ SHIFTS = {"shift_x_mm": 0.0, "shift_y_mm": 0.0}
 NAMES = (*PLACES, FINGERS, *SHIFTS)
 OUTPUTS = ("moved_x_mm", "moved_y_mm", "turned_deg", "status")
 MOST = np.array([1e4, 1e4, 1e4, 1e4, 1e4, 1e4, 360.0, 1e3, 1e4, 1e4])  # magnitude of an entry
+BOUNDS = tuple(f"{name}_{end}" for name in OUTPUTS[:3] for end in ("low", "high"))
+SHARES = (0.05, 0.95)  # Quantiles that `BOUNDS` are
+AT_ONCE = 100_000  # pushes whose mechanics are drawn together
 DEEPEST_MM = 1.0  # How far inside the outline a finger may start, for rounded places on an edge
+
+
+class Drawn(NamedTuple):
+    """What many draws of the mechanics say of n pushes."""
+
+    bounds: Array  # (n, 6) of x, y [mm] and the angle [degrees], each for itself, low and high
+    given_up: int  # how many of all pushes were cut short
 
 
 def read(path: Path, fingers_mm: float | None) -> Array:
@@ -77,3 +91,25 @@ def check_clear(made: Paths, outline: Array, where: Path) -> None:
             "the fingers meet it, in the frame of the job's outline_mm"
         )
         raise ValueRangeError(problem, where=str(where))
+
+
+def drawn(
+    simulator: Simulator, job: Job, made: Paths, radius_mm: float, draws: int, rng: np.random.Generator
+) -> Drawn:
+    """Pushes with `draws` parts each, drawn as the job believes in them: its scatter, friction and doubts."""
+    n, given_up = len(made.angles), 0
+    bounds, some = np.empty((n, 3, 2)), max(AT_ONCE // draws, 1)
+    for start in range(0, n, some):
+        rows = np.arange(start, min(start + some, n))
+        many = Paths(*(np.repeat(values[rows], draws, axis=0) for values in made))
+        count = len(rows) * draws
+        pushed = simulator.push(many, simulator.sample(count, rng, traits_of(job, count, rng)), radius_mm)
+        moved = in_degrees(pushed.moved).reshape(len(rows), draws, 3)
+        bounds[rows] = np.moveaxis(np.quantile(moved, SHARES, axis=1), 0, 2)
+        given_up += int(pushed.given_up.sum())
+    return Drawn(bounds.reshape(n, 6), given_up)
+
+
+def in_degrees(moved: Array) -> Array:
+    """Displacements (n, 3) [mm, mm, rad] in mm and degrees."""
+    return np.column_stack([moved[:, :2], np.degrees(moved[:, 2])])

@@ -15,6 +15,8 @@ from planner.evaluation.outcome import Evaluation
 from planner.job import documents
 from planner.job import model as job_file
 from planner.job.model import Job
+from planner.refit import cell_times
+from planner.refit.cell_times import Timed
 from planner.refit.cells import Cells
 from planner.refit.findings import changes, findings
 from planner.refit.outcomes import Seen
@@ -80,7 +82,8 @@ def _refit(arguments: argparse.Namespace) -> None:
         effort = Effort(cells=arguments.cells)
         found = posterior(cells, seen, arguments.seed, scheduler, effort, report)
         tried = _preview(cells, found, arguments.seed, scheduler)
-    changed = changes(found, cells)
+    cell = cell_times.learned(loaded.table, timed(parts))
+    changed = {**changes(found, cells), **({"cell": cell} if cell else {})}
     learned = edited(text, changed)
     refitted = job_file.parse(learned, str(arguments.output))
     if refitted != job.replaced(str(arguments.output), **changed):
@@ -97,6 +100,7 @@ def _refit(arguments: argparse.Namespace) -> None:
         f"{seen.parts} parts, {seen.readings.sum()} squeezes, {len(seen.leaves)} audited; 90 % intervals:",
         *(f"  {finding.sentence}" for finding in sorted(told, key=lambda finding: not finding.told)),
         f"in such a cell this table answers {100 * wrong:.1f} % wrongly and rejects {100 * rejected:.1f} %",
+        *(f"  cell.{key} = {value:g}" for key, value in cell.items()),
         f"wrote {arguments.output}; next: plan-compile {quoted(arguments.output)}",
     )  # fmt: skip
 
@@ -160,6 +164,19 @@ def seen_of_parts(parts: Sequence[PartLog], table: Table) -> Seen:
             leaves.append(part.leaf)
             residuals.append(part.residual)
     return Seen(counts, squeezed, np.array(leaves, np.int64), np.array(residuals).reshape(-1, 3))
+
+
+def timed(parts: Sequence[PartLog]) -> list[Timed]:
+    """The squeezes of parts whose seconds are told, each as often as it was squeezed."""
+    return [
+        Timed(node, width_um / 1e3, number == 0, phases)
+        for part in parts
+        if len(part.phases) == len(part.squeezes)
+        for number, ((node, _, _), width_um, phases) in enumerate(
+            zip(part.squeezes, part.widths_um, part.phases, strict=True)
+        )
+        if width_um is not None
+    ]
 
 
 def _preview(cells: Cells, found: Posterior, seed: int, scheduler: Scheduler) -> tuple[float, float]:

@@ -76,13 +76,6 @@ def checked_output(path: Path, what: str, suffix: str) -> Path:
     return path
 
 
-def seconds(text: str) -> float:
-    """A positive time such as 90, 90s or 1.5min, for argparse [s]."""
-    if text.endswith("min"):
-        return 60.0 * command.positive(text.removesuffix("min"))
-    return command.positive(text.removesuffix("s"))
-
-
 def add_cache(parser: argparse.ArgumentParser) -> None:
     """The options that say where roll-outs are kept; `store_of` reads them."""
     group = parser.add_mutually_exclusive_group()

@@ -5,16 +5,19 @@ import math
 import sys
 from contextlib import redirect_stdout, suppress
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.cli import columns, pushes, shell
+from planner.arrays import Array, IntArray
+from planner.belief.doubts import traits_of
+from planner.cli import columns, pushes, shell, tips
 from planner.errors import KeyNameError, UsageError, ValueRangeError
 from planner.job import model as job_file
+from planner.job.model import Job
 from planner.mechanics.push import PUSH_NAMES
 from planner.mechanics.simulator import DEFAULT_STEP_MM, STATUS_NAMES, Parameters, Simulator
-from runtime.shell.command import Parser, natural, positive_int
+from runtime.shell.command import Parser, natural, positive, positive_int
 from runtime.shell.files import usable, words_of
 
 NAME = "plan-simulate"
@@ -24,7 +27,21 @@ ANY_OPENING = {"gripper": {"opening_mm": 1000.0}}  # What is pushed need not pas
 IN_DEGREES = ("x_mm", "y_mm", "theta_deg")  # the same poses
 RESULTS = ("final_x_mm", "final_y_mm", "final_theta_rad", "width_mm")
 OUTPUTS = (*RESULTS, "theta_deg", "final_theta_deg", "status")  # the angles once more, as jobs state them
+MOST_RADIUS_MM, MOST_DRAWS = 1000.0, 100_000
 SAME_DEG = 1e-5  # what rounding leaves between an angle in degrees and the same in radians
+
+
+class Results(NamedTuple):
+    """What is written of n squeezes or pushes."""
+
+    what: str  # they are
+    header: tuple[str, ...]  # of the numbers, the status, and what is further
+    numbers: Array  # (n, k)
+    status: IntArray  # (n,) index into `names`
+    names: tuple[str, ...]
+    given_up: int  # how many were cut short
+    further: Array | None = None  # (n, m)
+    drawn: tuple[Array, Parameters] | None = None  # poses (n, 3) and mechanics that pictures are drawn from
 
 
 def _simulate(arguments: argparse.Namespace) -> None:
@@ -39,32 +56,14 @@ def _simulate(arguments: argparse.Namespace) -> None:
     outputs = [usable(arguments.output, *read, stdout=True)]
     for path in pictures.values():
         outputs.append(usable(path, *read, *outputs))
-    rows = read_poses(listed) if arguments.poses else pushes.read(listed, arguments.fingers_mm)
-    if pictures and not len(rows):
-        raise ValueRangeError("has no poses to draw; add a line", where=str(listed))
     simulator = Simulator.of_job(job, arguments.workers, arguments.step_mm)
-    if arguments.nominal:
-        parameters = simulator.nominal(len(rows), arguments.mu)
-    else:
-        seed = job.seed if arguments.seed is None else arguments.seed
-        parameters = simulator.sample(len(rows), np.random.default_rng(seed))
-    names: tuple[str, ...] = PUSH_NAMES if arguments.push else STATUS_NAMES
-    if arguments.push:
-        paths = pushes.paths(rows, job_file.centroid_as_drawn(arguments.job))
-        pushes.check_clear(paths, job.part.outline_mm, listed)
-        pushed = simulator.push(paths, parameters)
-        status, given_up = pushed.status, int(pushed.given_up.sum())
-        what, header = "pushes", (*pushes.NAMES, *pushes.OUTPUTS)
-        numbers = np.column_stack([rows, pushed.moved[:, :2], np.degrees(pushed.moved[:, 2])])
-    else:
-        rolled = simulator.roll_out(rows, parameters)
-        status, given_up = rolled.status, int(rolled.given_up.sum())
-        what, header = "squeezes", (*INPUTS, *OUTPUTS)
-        degrees = np.degrees(np.column_stack([rows[:, 2], rolled.poses[:, 2]]))
-        numbers = np.column_stack([rows, rolled.poses, rolled.width_mm, degrees])
-    columns.write(arguments.output, header, numbers, [names[k] for k in status])
-    if pictures:
-        draw(pictures, simulator, rows, parameters, f"{job.part.name}: {listed.name}")
+    results = _squeezed(simulator, arguments, job) if arguments.poses else _pushed(simulator, arguments, job)
+    status, given_up, names, what = results.status, results.given_up, results.names, results.what
+    columns.write(
+        arguments.output, results.header, results.numbers, [names[k] for k in status], results.further
+    )
+    if results.drawn is not None and pictures:
+        draw(pictures, simulator, *results.drawn, f"{job.part.name}: {listed.name}")
     tally = {name: int(np.sum(status == k)) for k, name in enumerate(names)}
     drawn = {name: str(path) for name, path in pictures.items()}
     counts = ", ".join(f"{count} {name}" for name, count in tally.items() if count)
@@ -72,12 +71,70 @@ def _simulate(arguments: argparse.Namespace) -> None:
     with redirect_stdout(words_of(arguments.output)):
         shell.answer(
             arguments.json,
-            {"output": str(arguments.output), what: len(rows), **tally, "given_up": given_up, **drawn},
-            f"{len(rows)} {what}: {counts or 'none'}; wrote {written}",
+            {"output": str(arguments.output), what: len(status), **tally, "given_up": given_up, **drawn},
+            f"{len(status)} {what}: {counts or 'none'}; wrote {written}",
         )
     if given_up and not arguments.json:
         words = f"{given_up} {what} could not be stepped to their end; try --step-mm"
         print(f"{NAME}: {words}", file=sys.stderr)
+
+
+def _rng(arguments: argparse.Namespace, job: Job, *stream: int) -> np.random.Generator:
+    """The generator of a stream of draws, of the stated seed or the job's."""
+    seed = job.seed if arguments.seed is None else arguments.seed
+    return np.random.default_rng([seed, *stream] if stream else seed)
+
+
+def _squeezed(simulator: Simulator, arguments: argparse.Namespace, job: Job) -> Results:
+    poses = read_poses(arguments.poses)
+    if not len(poses) and any(getattr(arguments, name) is not None for name in PICTURES):
+        raise ValueRangeError("has no poses to draw; add a line", where=str(arguments.poses))
+    if arguments.nominal:
+        parameters = simulator.nominal(len(poses), arguments.mu)
+    else:
+        parameters = simulator.sample(len(poses), _rng(arguments, job))
+    rolled = simulator.roll_out(poses, parameters)
+    degrees = np.degrees(np.column_stack([poses[:, 2], rolled.poses[:, 2]]))
+    numbers = np.column_stack([poses, rolled.poses, rolled.width_mm, degrees])
+    given_up, header = int(rolled.given_up.sum()), (*INPUTS, *OUTPUTS)
+    return Results(
+        "squeezes", header, numbers, rolled.status, STATUS_NAMES, given_up, None, (poses, parameters)
+    )
+
+
+def _pushed(simulator: Simulator, arguments: argparse.Namespace, job: Job) -> Results:
+    path, centroid, outline = arguments.push, job_file.centroid_as_drawn(arguments.job), job.part.outline_mm
+    radius = arguments.tip_radius_mm
+    columns_in: tuple[str, ...] = pushes.NAMES
+    if radius is None or arguments.fingers_mm is not None:
+        rows = pushes.read(path, arguments.fingers_mm)
+        made = pushes.paths(rows, centroid)
+    else:
+        rows, columns_in = tips.read(path), tips.NAMES
+        made = tips.paths(rows, centroid)
+    n, further, header = len(rows), np.empty((len(rows), 0)), (*columns_in, *pushes.OUTPUTS)
+    if radius is None:
+        pushes.check_clear(made, outline, path)
+    else:
+        made, overlap = tips.beside(made, radius, outline, path)
+        further, header = overlap[:, None], (*header, tips.OVERLAP)
+    if arguments.nominal:
+        parameters = simulator.nominal(n, arguments.mu)
+    else:
+        rng = _rng(arguments, job)
+        parameters = simulator.sample(n, rng, None if radius is None else traits_of(job, n, rng))
+    pushed = simulator.push(made, parameters, radius or 0.0)
+    numbers = np.column_stack([rows, pushes.in_degrees(pushed.moved)])
+    given_up = int(pushed.given_up.sum())
+    if arguments.draws is not None:
+        # Another stream than that of the lines: they are the same with and without --draws.
+        rng = _rng(arguments, job, arguments.draws)
+        drawn = pushes.drawn(simulator, job, made, radius or 0.0, arguments.draws, rng)
+        further, given_up = np.column_stack([further, drawn.bounds]), given_up + drawn.given_up
+        header = (*header, *pushes.BOUNDS)
+    if radius is None:
+        return Results("pushes", header, numbers, pushed.status, PUSH_NAMES, given_up, further)
+    return Results("pushes", header, numbers, tips.status(pushed), tips.STATUS_NAMES, given_up, further)
 
 
 def parser() -> Parser:
@@ -92,6 +149,7 @@ def parser() -> Parser:
         f"{NAME} trees/rectangle/job.toml --poses in.csv -o out.csv --nominal --mu 0.5",
         f"{NAME} job.toml --poses in.csv -o out.csv --figure squeezes.svg --html squeezes.html",
         f"{NAME} job.toml --push in.csv -o out.csv --nominal --mu 0.5 --fingers-mm 50",
+        f"{NAME} job.toml --push in.csv -o out.csv --tip-radius-mm 4.75 --draws 200",
     )
     add = built.add_argument
     add("job", type=Path, metavar="JOB.toml", help="the job file")
@@ -112,6 +170,17 @@ def parser() -> Parser:
     add(
         "-o", "--output", type=Path, required=True, metavar="OUT.csv",
         help="the results; - for standard output",
+    )  # fmt: skip
+    add(
+        "--tip-radius-mm", type=positive, metavar="MM",
+        help=f"push with a round tip of this radius; with a header: {','.join(tips.NAMES)}, the tip's centre "
+        "at the start and its whole way; a tip that overlaps the part starts at the nearest place beside it. "
+        "With --fingers-mm: two such tips, on the columns of two fingers",
+    )  # fmt: skip
+    add(
+        "--draws", type=positive_int, metavar="N",
+        help="add the 5th and 95th percentile of each push's displacement over so many draws of the "
+        "mechanics and of what the job doubts",
     )  # fmt: skip
     add("--nominal", action="store_true", help="the nominal limit surface, no scatter; needs --mu")
     add("--mu", type=float, help="friction between finger and part, with --nominal")
@@ -182,6 +251,15 @@ def _check_options(arguments: argparse.Namespace, pictures: dict[str, Path]) -> 
         raise UsageError(f"--step-mm {step_mm} is not between 0.0001 and 2")
     if arguments.push and pictures:
         raise UsageError(f"--{next(iter(pictures))} draws squeezes; leave it out with --push")
+    if arguments.nominal and arguments.draws is not None:
+        raise UsageError("--draws draws the mechanics and --nominal does not; leave one of them out")
+    for option in ("tip_radius_mm", "draws"):
+        if arguments.poses and getattr(arguments, option) is not None:
+            raise UsageError(f"--{option.replace('_', '-')} goes with --push")
+    if arguments.tip_radius_mm is not None and arguments.tip_radius_mm > MOST_RADIUS_MM:
+        raise UsageError(f"--tip-radius-mm {arguments.tip_radius_mm:g} is beyond {MOST_RADIUS_MM:g}")
+    if arguments.draws is not None and arguments.draws > MOST_DRAWS:
+        raise UsageError(f"--draws {arguments.draws} is beyond {MOST_DRAWS}")
     if arguments.poses and fingers_mm is not None:
         raise UsageError("--fingers-mm goes with --push; the job's [gripper] has the jaws that squeeze")
     if fingers_mm is not None and not 0.0 <= fingers_mm <= 1000.0:

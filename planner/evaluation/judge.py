@@ -8,6 +8,7 @@ import numpy as np
 from planner.arrays import Array, BoolArray, IntArray
 from planner.belief.metric import Metric, Mode
 from planner.evaluation.outcome import Evaluation
+from planner.evaluation.times import seconds_of
 from runtime.table import Leaf, Table, hypotheses_of, poses_of
 
 MOST_POSES = 4
@@ -77,4 +78,6 @@ def judge(table: Table, leaf: IntArray, poses: Array) -> Verdict:
 def rejudged(table: Table, evaluation: Evaluation) -> Evaluation:
     """The same trials against what the leaves of a table say, numbered as those that the parts came to."""
     error_mm, within = judge(table, evaluation.leaf, evaluation.states)
-    return replace(evaluation, error_mm=error_mm, within=within, resolved=claimed(table, evaluation.leaf))
+    seconds = seconds_of(table, evaluation.path, evaluation.reading, evaluation.branch)
+    known = claimed(table, evaluation.leaf)
+    return replace(evaluation, seconds=seconds, error_mm=error_mm, within=within, resolved=known)

@@ -7,6 +7,7 @@ from typing import Any, Self
 import numpy as np
 
 from planner.arrays import Array, BoolArray, IntArray
+from planner.evaluation.times import figures as seconds_figures
 from planner.mechanics.traits import Traits, with_hypothesis
 from runtime.table import COUNTS, wilson_interval
 
@@ -70,8 +71,8 @@ class Evaluation:
         """How many trials ended with an open finger on the part."""
         return int(np.sum(self.leaf == CRASHED))
 
-    def summary(self) -> dict[str, Any]:
-        """The figures of `plan-evaluate --json`."""
+    def summary(self, takt_s: float | None = None) -> dict[str, Any]:
+        """The figures of `plan-evaluate --json`; with a takt [s], the share of parts done within it, too."""
         n, known = len(self.leaf), self.error_mm[self.resolved]
         successes, wrong = int(self.success.sum()), int(self.wrong.sum())
         return {
@@ -85,6 +86,7 @@ class Evaluation:
             "mean_squeezes": float(self.squeezes.mean()),
             "max_squeezes": int(self.squeezes.max()),
             "mean_seconds": float(self.seconds.mean()),
+            **seconds_figures(self.seconds, takt_s),
             "crashes": self.crashes,
             "error_mm": dict(zip(("median", "p95"), np.quantile(known, ERROR_SHARES).tolist(), strict=True))
             if len(known)

@@ -3,7 +3,6 @@
 All the trials of a chunk take their squeeze in one batch, whichever nodes they stand at.
 """
 
-import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple, Self
 
@@ -23,7 +22,7 @@ from planner.mechanics.simulator import beside_mm
 from planner.mechanics.squeeze import GRASPED, JAMMED, STATUS_NAMES
 from planner.mechanics.traits import Traits, as_planned, by_hypothesis, ordinary
 from planner.world import Assorted, ContactWorld, World, of_hypothesis
-from runtime.table import HELD_UM, Calibration, Node, Squeeze, Table, decision_map
+from runtime.table import HELD_UM, Calibration, Squeeze, Table, decision_map
 
 RUNNING = -2
 DISMISSED = int(np.iinfo(np.int64).min)  # target of a count that fits no branch
@@ -42,12 +41,11 @@ class Program:
     table: Table  # where they come from
     placement: Array  # (N, 3) the hand frame in the world [mm, mm, rad]
     opening_mm: Array  # (N,) before the squeeze
-    speed_mm_s: Array  # (N,) of closing
     branch: IntArray  # (N, 512) what every reading means, a branch or `REJECT`: `runtime.table.decision_map`
     target: IntArray  # (N, 512) where it leads: a node, ~leaf, or `DISMISSED`
     drag: Array  # (N, 2) how far the hand carries a held part before the jaws open [mm]
     carries: BoolArray  # (N, 512) readings at which it does so
-    push_s: Array  # (N,) what pushing before the squeeze takes [s]
+    pushes: BoolArray  # (N,) whether parts are pushed before the squeeze
 
     @classmethod
     def of(cls, table: Table) -> Self:
@@ -67,12 +65,11 @@ class Program:
             table=table,
             placement=np.array([placement_of(node.squeeze) for node in table.nodes]),
             opening_mm=np.array([node.squeeze.opening_um / 1e3 for node in table.nodes]),
-            speed_mm_s=np.array([node.squeeze.speed_um_s / 1e3 for node in table.nodes]),
             branch=branch,
             target=target,
             drag=drag,
             carries=carries,
-            push_s=np.array([_push_s(node, table) for node in table.nodes]),
+            pushes=np.array([bool(node.pushes) for node in table.nodes]),
         )
 
     def carried(self, node: IntArray, reading: IntArray) -> Array:
@@ -145,7 +142,7 @@ def run(
     begun = Evaluation(
         leaf=np.full(trials, RUNNING, np.int64),
         squeezes=np.zeros(trials, np.int64),
-        seconds=np.zeros(trials),
+        seconds=np.zeros(trials),  # `rejudged` tells them
         error_mm=np.zeros(trials),
         within=np.zeros(trials, np.bool_),
         resolved=np.zeros(trials, np.bool_),
@@ -182,7 +179,7 @@ def replayed(program: Program, before: Evaluation, bias: Array) -> tuple[Evaluat
         members = np.flatnonzero((before.squeezes > k) & (node >= 0))
         _note(program, found, node, members, before.reading[members, k])
     again = found.squeezes < before.squeezes
-    node[again], found.squeezes[again], found.seconds[again] = 0, 0, 0.0
+    node[again], found.squeezes[again] = 0, 0
     found.poses[again] = found.initial[again] - bias
     for column in (found.path, found.reading, found.branch):
         column[again] = NOWHERE
@@ -206,10 +203,6 @@ def finish(
     """
     encoder, own = encoder_of(job), found.traits
     found.poses[:] += disturbance.bias
-    hand = np.zeros((len(node), 2))
-    moved = np.flatnonzero(found.squeezes)
-    at, told = (column[moved, found.squeezes[moved] - 1] for column in (found.path, found.reading))
-    hand[moved] = program.placement[at, :2] + program.carried(at, told)
     while len(members := np.flatnonzero(node >= 0)):
         at, lying = node[members], found.poses[members]
         arrived = come_down(program, at, lying, world, job, own[members], disturbance, rng)
@@ -221,9 +214,6 @@ def finish(
         at, lying = node[members], found.poses[members]
         made = step(program, at, lying, placement, world, encoder, rng, own[members])
         found.poses[members] = made.released
-        found.seconds[members] += _seconds(program, at, hand[members], made)
-        found.seconds[members] += program.push_s[at]
-        hand[members] = program.placement[at, :2] + made.drag
         _note(program, found, node, members, made.reading)
     found.poses[:] -= disturbance.bias
 
@@ -286,7 +276,7 @@ def pushed(
         UsageError: the world cannot push.
     """
     after, stopped = poses.copy(), np.zeros(len(node), np.bool_)
-    for index in np.flatnonzero(program.push_s):
+    for index in np.flatnonzero(program.pushes):
         for push in program.table.nodes[index].pushes:
             rows = np.flatnonzero((node == index) & ~stopped)
             placement = np.array([push.x_um / 1e3, push.y_um / 1e3, push.angle_urad / 1e6])
@@ -334,27 +324,6 @@ def _standing_on(hand: Array, opening_mm: Array, world: World, job: Job, traits:
         for part in np.arange(len(hand))[rows][near]:
             stopped[part] = collides(tuple(hand[part]), float(opening_mm[part]))
     return stopped
-
-
-def _seconds(program: Program, node: IntArray, hand: Array, made: Step) -> Array:
-    """The time of a squeeze: travel above the part, descent, closing, dragging, opening, ascent."""
-    limits = program.table.limits
-    travel = np.hypot(*(program.placement[node, :2] - hand).T) + np.hypot(*made.drag.T)
-    lift = 2.0 * (limits.retreat_height_um - limits.squeeze_height_um) / 1e3
-    stroke = 2.0 * (program.opening_mm[node] - made.width_mm)
-    return np.asarray((travel + lift) / (limits.arm_speed_um_s / 1e3) + stroke / program.speed_mm_s[node])
-
-
-def _push_s(node: Node, table: Table) -> float:
-    """How long a node's pushes take: jaws set and opened again, ways there, descents, ways, ascents."""
-    limits, seconds, at = table.limits, 0.0, node.squeeze[:2]
-    lift_um = 2 * (limits.retreat_height_um - limits.squeeze_height_um)
-    for push in node.pushes:
-        stroke_um = 2 * abs(node.squeeze.opening_um - push.opening_um)
-        travel_um = math.dist(at, (push.x_um, push.y_um)) + lift_um
-        seconds += stroke_um / node.squeeze.speed_um_s + travel_um / limits.arm_speed_um_s
-        seconds += push.length_um / push.speed_um_s
-    return seconds
 
 
 def _squeeze_all(world: World, hand: Array, traits: Traits) -> tuple[Array, Array, BoolArray]:

@@ -2,9 +2,10 @@
 
 Wrenches are normalised by the friction with the table (mu N), which a log does not hold: unless stated, it is
 the force for which the fitted ellipsoid slides the part without turning it, averaged over the directions.
+Wrenches of which only the direction is known are each scaled onto the fitted surface instead.
 The quartic is fitted robustly, and pulled towards the ellipsoid by the strongest ridge whose cross-validated
 error is within one standard error of the least (Hastie, Tibshirani and Friedman, "The Elements of Statistical
-Learning", 7.10).
+Learning", 7.10); of directions, by that of the least error, for such tables are long.
 """
 
 import math
@@ -30,6 +31,8 @@ FOLDS = 5
 LEAST_PAIRS = 12  # of a file; a split keeps at least half of them for the fit
 
 _FRICTION_ROUNDS = 5
+_SCALING_ROUNDS = 8
+_QUARTIC_ROUNDS = 2
 
 
 class Normalised(NamedTuple):
@@ -44,11 +47,15 @@ class Normalised(NamedTuple):
         return type(self)(*(column[rows] for column in self))
 
 
+class Directions(Normalised):
+    """Pairs of whose wrenches only the direction is known."""
+
+
 class Fit(NamedTuple):
     """A surface with what it was fitted with."""
 
     surface: Surface  # the limit surface, of wrenches divided by `friction_n`
-    friction_n: float  # friction with the table at full slip, N
+    friction_n: float | None  # friction with the table at full slip, N; None: magnitudes are not known
     ridge: float  # pull towards the ellipsoid, in pairs; 0 for an ellipsoid
 
 
@@ -68,6 +75,12 @@ def normalise(pairs: Pairs, rho_mm: float) -> Normalised:
     V = pairs.twists * [1.0, 1.0, rho_mm]
     unit = V / np.linalg.norm(V, axis=1, keepdims=True)
     return Normalised(F, unit, pairs.weights / pairs.weights.mean())
+
+
+def directions(pairs: Pairs) -> Directions:
+    """Pairs in the units of `planner.mechanics.limit_surface` but for their magnitudes, which are dropped."""
+    F, V = (each / np.linalg.norm(each, axis=1, keepdims=True) for each in (pairs.wrenches, pairs.twists))
+    return Directions(F, V, pairs.weights / pairs.weights.mean())
 
 
 def identify(
@@ -121,6 +134,8 @@ def fit(
     Raises:
         QuarticFitError: the conic solver fails.
     """
+    if isinstance(data, Directions):
+        return _fit_directions(data, rho_mm, kind, rng)
     scale = friction(data) if friction_n is None else friction_n
     scaled = data._replace(F=data.F / scale)
     if kind == "ellipsoid":
@@ -128,6 +143,28 @@ def fit(
         return Fit(LimitSurface(A, rho_mm), scale, 0.0)
     ridge = choose_ridge(scaled, rho_mm, rng)
     return Fit(_quartic(scaled, rho_mm, ridge), scale, ridge)
+
+
+def _fit_directions(data: Directions, rho_mm: float, kind: Kind, rng: np.random.Generator) -> Fit:
+    """`fit` where wrenches have no magnitude: they are scaled onto the surface, which is fitted again."""
+    A, emphasis = np.eye(3), data.weights
+    for _ in range(_SCALING_ROUNDS):
+        scaled = Normalised(data.F / np.sqrt(_ellipsoid_value(A, data.F))[:, None], data.V, data.weights)
+        A = limit_surface.fit(scaled.F, scaled.V, emphasis)
+        emphasis = data.weights * quartic_fit.emphasis(scaled.F @ A, data.V)
+    if kind == "ellipsoid":
+        return Fit(LimitSurface(A, rho_mm), None, 0.0)
+    scaled = scaled._replace(F=data.F / np.sqrt(_ellipsoid_value(A, data.F))[:, None])
+    ridge = choose_ridge(scaled, rho_mm, rng, 0.0)
+    surface = _quartic(scaled, rho_mm, ridge)
+    for _ in range(_QUARTIC_ROUNDS):
+        scaled = scaled._replace(F=scaled.F / surface.value(scaled.F)[:, None] ** 0.25)
+        surface = _quartic(scaled, rho_mm, ridge)
+    return Fit(surface, None, ridge)
+
+
+def _ellipsoid_value(A: Array, F: Array) -> Array:
+    return np.asarray(np.einsum("ki,ij,kj->k", F, A, F))
 
 
 def friction(data: Normalised) -> float:
@@ -143,8 +180,8 @@ def friction(data: Normalised) -> float:
     return scale
 
 
-def choose_ridge(data: Normalised, rho_mm: float, rng: np.random.Generator) -> float:
-    """Return the strongest of `RIDGES` that is within one standard error of the best, cross-validated."""
+def choose_ridge(data: Normalised, rho_mm: float, rng: np.random.Generator, tolerance: float = 1.0) -> float:
+    """The strongest of `RIDGES` within `tolerance` standard errors of the best, cross-validated."""
     count = len(data.F)
     errors = np.empty((len(RIDGES), count))
     order = rng.permutation(count)
@@ -157,8 +194,8 @@ def choose_ridge(data: Normalised, rho_mm: float, rng: np.random.Generator) -> f
     errors *= data.weights
     mean = errors.mean(axis=1)
     best = int(np.argmin(mean))
-    tolerance = errors[best].std() / math.sqrt(count)
-    return max(ridge for ridge, error in zip(RIDGES, mean, strict=True) if error <= mean[best] + tolerance)
+    most = mean[best] + tolerance * errors[best].std() / math.sqrt(count)
+    return max(ridge for ridge, error in zip(RIDGES, mean, strict=True) if error <= most)
 
 
 def predict(surface: Surface, F: Array) -> Array:

@@ -23,6 +23,7 @@ and the poses (t x y z qw qx qy qz). What turns a push into a pair:
 
 import csv
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -242,6 +243,7 @@ class _Reader:
 
 
 COLUMNS = ("fx_n", "fy_n", "tau_n_mm", "vx_mm", "vy_mm", "omega_rad")
+DIRECTIONS = ("fx", "fy", "tau_rho", "vx", "vy", "om_rho")  # torque over rho, angle times rho; any scale
 WEIGHT = "weight"
 
 
@@ -268,13 +270,22 @@ def load(path: str | Path) -> Pairs:
     return Pairs(wrenches, twists, np.ones(len(twists)))
 
 
+def load_directions(path: str | Path) -> Pairs:
+    """Read a table of directions, in the columns `DIRECTIONS`: wrenches and twists of any scale.
+
+    Raises:
+        InputFileError, ValueRangeError: as `load`.
+    """
+    return parse_table(documents.read(path), str(path), DIRECTIONS)
+
+
 def join(parts: list[Pairs]) -> Pairs:
     """Return the pairs of several files as one."""
     return Pairs(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
 
 
-def parse_table(text: str, where: str = "table") -> Pairs:
-    """Read a table of pairs.
+def parse_table(text: str, where: str = "table", columns: Sequence[str] = COLUMNS) -> Pairs:
+    """Read a table of pairs, with the columns of wrench and twist that `columns` names.
 
     Raises:
         ValueRangeError: a column or all rows missing, or a value that is not a number, not positive (a
@@ -283,11 +294,11 @@ def parse_table(text: str, where: str = "table") -> Pairs:
     reader = csv.DictReader(text.splitlines(), skipinitialspace=True)
     header = [name.strip() for name in reader.fieldnames or []]
     reader.fieldnames = header
-    missing = [name for name in COLUMNS if name not in header]
+    missing = [name for name in columns if name not in header]
     if missing:
-        problem = f"line 1: column {', '.join(missing)} is missing; the header must name {','.join(COLUMNS)}"
+        problem = f"line 1: column {', '.join(missing)} is missing; the header must name {','.join(columns)}"
         raise ValueRangeError(problem, where=where)
-    wanted = [*COLUMNS, WEIGHT] if WEIGHT in header else list(COLUMNS)
+    wanted = [*columns, WEIGHT] if WEIGHT in header else list(columns)
     rows = []
     for record in reader:
         place = f"line {reader.line_num}"

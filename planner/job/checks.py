@@ -16,6 +16,7 @@ Values = dict[str, Any]
 LEAST_DOF = 3  # Of an ellipsoid's scatter, which is 3 x 3
 LEAST_QUARTIC_DOF = 9  # As many degrees of freedom as the certificate of a quartic has rows
 ON_PART_MM = 1e-3  # How far outside the outline a support point may lie, for rounded drawings
+LEAST_COUNTS = 8  # Between open and closed jaws
 
 
 def place_outline(points: Array, drawn: bool) -> outline.Canonical:
@@ -134,6 +135,9 @@ def _check_gripper(gripper: dict[str, Any], cell: dict[str, Any]) -> None:
     if low >= high:
         problem = f"is {low}, not below count_closed = {high}; counts grow as the jaws close"
         raise _conflict("gripper", "count_open", problem)
+    if high - low < LEAST_COUNTS:
+        problem = f"is {low}, less than {LEAST_COUNTS} below count_closed = {high}: no width would be told"
+        raise _conflict("gripper", "count_open", problem)
     for key, limit in (("speed_mm_s", "max_speed_mm_s"), ("force_n", "max_force_n")):
         if gripper[key] > cell[limit]:
             problem = f"is {gripper[key]:g}, above {limit} = {cell[limit]:g} of [cell]; lower it"
@@ -159,9 +163,19 @@ def _check_doubt(doubt: dict[str, Any], pressure: dict[str, Any]) -> None:
 
 def _check_heights(height_mm: float | None, cell: dict[str, Any]) -> None:
     """The tips must meet the part where they squeeze, and pass above it where they travel."""
+    squeeze_mm, retreat_mm = cell["squeeze_height_mm"], cell["retreat_height_mm"]
+    regrasp_mm = cell["regrasp_height_mm"]
+    if regrasp_mm is not None:
+        least_mm = max(squeeze_mm, height_mm or 0.0)
+        if not least_mm < regrasp_mm <= retreat_mm:
+            of = "squeeze_height_mm" if least_mm == squeeze_mm else "height_mm of [part]"
+            problem = (
+                f"is {regrasp_mm:g}, which does not clear the part; it belongs above {of} = {least_mm:g} "
+                f"and at most at retreat_height_mm = {retreat_mm:g}"
+            )
+            raise _conflict("cell", "regrasp_height_mm", problem)
     if height_mm is None:
         return
-    squeeze_mm, retreat_mm = cell["squeeze_height_mm"], cell["retreat_height_mm"]
     if squeeze_mm > height_mm - tips.MARGIN_MM:
         problem = (
             f"is {squeeze_mm:g}, which closes the tips above or at the rim of a part of height_mm = "

@@ -64,7 +64,7 @@ FINGERS = {
     "rubber": Fingers(0.5, 0.9, "rubber or polyurethane pads"),
     "silicone": Fingers(0.6, 1.0, "silicone pads"),
     "aluminium": Fingers(0.25, 0.5, "bare aluminium"),
-    "steel": Fingers(0.15, 0.4, "bare steel"),
+    "steel": Fingers(0.1, 0.3, "bare steel"),
     "plastic": Fingers(0.2, 0.4, "nylon, POM or printed plastic"),
     "unknown": Fingers(0.2, 0.8, "nobody knows: a wide interval costs squeezes, not truth"),
 }

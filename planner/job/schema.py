@@ -8,10 +8,17 @@ from planner.arrays import Array
 from planner.job.fields import Field, Flag, Integer, Number, Numbers, Poses, Text
 from planner.part.outline import Outline
 from planner.part.pressure import Pressure
+from planner.part.symmetry import MOST_ORDER
 
 PLACE = Number(-10_000, 10_000)  # a coordinate, mm
 MOST_FRICTION = 2.0
+# Tables have integers of um, urad, um/s and mN, of which a goal, a speed or a force has ten at least.
+LEAST_MM, LEAST_DEG, LEAST_RATE = 0.01, 0.001, 0.1
 MM = 1_000.0  # no part, gripper or height of such a cell exceeds a metre
+
+
+MOST_VERTICES = 2000
+"""Of an outline: checks of symmetry take the square of their number, and a budget cannot cut them short."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -20,9 +27,9 @@ class Part:
 
     name: Annotated[str, Text()]  # for people
     # (N, 2) vertices, counter-clockwise, area centroid at the origin, read-only.
-    outline_mm: Annotated[Outline, Numbers(PLACE, columns=2)]
+    outline_mm: Annotated[Outline, Numbers(PLACE, columns=2, most=MOST_VERTICES)]
     # Rotational order n: turns by 2 pi / n look the same, 1 = none.
-    symmetry: Annotated[int, Integer(1, 10_000, default="auto", word="auto")]
+    symmetry: Annotated[int, Integer(1, MOST_ORDER, default="auto", word="auto")]
     # How far contours lie off the drawing's: moulded about 0.2, cut 0.1, cast 0.5; 0 = not at all.
     tolerance_mm: Annotated[float, Number(0, 10, default=0.0)]
     # From the table to the part's top where the fingers close; None: not stated.
@@ -56,8 +63,8 @@ class Gripper:
     count_closed: Annotated[int, Integer(0, 255, default=230)]  # encoder reading, jaws fully closed
     encoder_noise_mm: Annotated[float, Number(0, 10, default=0.15)]  # std of a width before rounding
     # Rate at which the opening closes; each finger moves at half of it.
-    speed_mm_s: Annotated[float, Number(0, MM, above=True, default=60.0)]
-    force_n: Annotated[float, Number(0, 10_000, above=True, default=40.0)]  # grip force
+    speed_mm_s: Annotated[float, Number(LEAST_RATE, MM, default=60.0)]
+    force_n: Annotated[float, Number(LEAST_RATE, 10_000, default=40.0)]  # grip force
     # Share of the closing motion that the finger at +y makes; 0.5 = both alike, 1 = the other one sticks.
     upper_finger_share: Annotated[float, Number(0, 1, default=0.5)]
 
@@ -151,14 +158,14 @@ class Goal:
     """
 
     kind: Annotated[str, Text(("pose", "tolerances", "modes", "orientation", "identity"), default="pose")]
-    distance_mm: Annotated[float, Number(0, 100, above=True)]  # for "pose" and "modes"
+    distance_mm: Annotated[float, Number(LEAST_MM, 100)]  # for "pose" and "modes"
     confidence: Annotated[float, Number(0, 1, above=True, below=True)]  # least probability of a leaf
     # Bounds on x and y, for "tolerances".
     tolerance_mm: Annotated[
-        tuple[float, float], Numbers(Number(0, 100, above=True), least=2, most=2, default=[2.5, 2.5])
+        tuple[float, float], Numbers(Number(LEAST_MM, 100), least=2, most=2, default=[2.5, 2.5])
     ]
     # Bound on theta, for "tolerances" and "orientation".
-    tolerance_deg: Annotated[float, Number(0, 180, above=True, default=5.0)]
+    tolerance_deg: Annotated[float, Number(LEAST_DEG, 180, default=5.0)]
     modes: Annotated[int, Integer(1, 8, default=1)]  # how many poses a leaf may leave open
     # Share of the parts that may lie under an open finger coming down, where no placement is clear of all of
     # them: an uncertainty wider than the jaws open.
@@ -200,9 +207,16 @@ class Cell:
     ]
     retreat_height_mm: Annotated[float, Number(0, MM, above=True, default=60.0)]  # tips between squeezes
     squeeze_height_mm: Annotated[float, Number(0, MM, default=None)]  # tips while squeezing
-    arm_speed_mm_s: Annotated[float, Number(0, 10_000, above=True, default=250.0)]
-    max_force_n: Annotated[float, Number(0, 10_000, above=True, default=235.0)]
-    max_speed_mm_s: Annotated[float, Number(0, MM, above=True, default=150.0)]  # of closing
+    arm_speed_mm_s: Annotated[float, Number(LEAST_RATE, 10_000, default=250.0)]
+    max_force_n: Annotated[float, Number(LEAST_RATE, 10_000, default=235.0)]
+    max_speed_mm_s: Annotated[float, Number(LEAST_RATE, MM, default=150.0)]  # of closing
+    # As `runtime.table.timing.DEFAULTS` where they are None, which leaves the job's text as it was.
+    arm_acceleration_mm_s2: Annotated[float | None, Number(LEAST_RATE, 100_000, default=None)] = None
+    # Tips between two squeezes of one part; just above it if None.
+    regrasp_height_mm: Annotated[float | None, Number(0, MM, above=True, default=None)] = None
+    arm_answer_s: Annotated[float | None, Number(0, 10, default=None)] = None  # beside each motion
+    jaw_answer_s: Annotated[float | None, Number(0, 10, default=None)] = None  # beside each stroke
+    poll_s: Annotated[float | None, Number(0, 1, default=None)] = None  # between two looks at the gripper
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -22,6 +22,7 @@ from planner.mechanics.contacts import (
     RX,
     RY,
     T2,
+    TIP,
     UN,
     UT,
     Finger,
@@ -38,6 +39,7 @@ BOUNDARY = np.dtype(
         ("thickness", np.float64),
         ("points", np.int64),
         ("pusher", np.float64, (MAX_POINTS, 2)),
+        ("radius", np.float64),
         ("mu_top", np.float64),
         ("mu_bottom", np.float64),
         ("top_share", np.float64),
@@ -54,11 +56,11 @@ BOUNDARY = np.dtype(
 
 fingers: how many; 0 where points push. facing: -1 where the second finger looks up at the first, 1 where it
 looks down beside it. apart: x of their middles is -apart and apart [mm]. h, thickness: half a finger's
-length, and its thickness [mm]. points, pusher: how many points, and where they stand [mm]. mu_top: friction
-at fingers that look down and at points; mu_bottom: at a finger that looks up. top_share, bottom_share: how
-far fingers that look down, and up, come for each millimetre of a step. x, y, turn, centre: for each
-millimetre the frame turns [rad] about the centre [mm], which moves along a straight line [mm]. step: the
-nominal one [mm].
+length, and its thickness [mm]. points, pusher: how many points, and where they stand [mm]. radius: of the
+round tips about them [mm]. mu_top: friction at fingers that look down and at points; mu_bottom: at a finger
+that looks up. top_share, bottom_share: how far fingers that look down, and up, come for each millimetre of a
+step. x, y, turn, centre: for each millimetre the frame turns [rad] about the centre [mm], which moves along a
+straight line [mm]. step: the nominal one [mm].
 
 One record is handed on as one pointer (decision 0008).
 """
@@ -117,16 +119,21 @@ def subtract_carriage(C: Array, count: int, rho: float, drive: Drive, V: Array) 
 
 
 @inlined_kernel
-def turn(C: Array, I: IntArray, count: int, c: float, s: float, q: Array, half: Array, drive: Drive) -> None:
+def turn(
+    C: Array, I: IntArray, count: int, turned: tuple[float, float], q: Array, half: Array, drive: Drive,
+    radius: float,
+) -> None:  # fmt: skip
     """Moves the contacts from the pose q to the pose `half`, gaps unchanged: the midpoint rule's second look.
 
-    The part turns on the way by an angle of cosine c and sine s, and the fingers close by half of `drive`.
-    An edge takes its normal along; of a vertex the normal is the finger's.
+    The part turns on the way by an angle whose cosine and sine are `turned`, and the fingers close by half of
+    `drive`. An edge takes its normal along; of a vertex the normal is the finger's, and that of a round tip
+    (of `radius`) points from its centre to the vertex.
     """
+    c, s = turned
     for k in range(count):
         rx, ry = C[k, RX], C[k, RY]
         if I[k, KIND] == CORNER or I[k, KIND] == OUTER:
-            nx, ny, gap = C[k, NX], C[k, NY], C[k, GAP]
+            nx, ny, gap = C[k, NX], C[k, NY], C[k, GAP] + radius
             mx, my = c * nx - s * ny, s * nx + c * ny
             closed = -0.5 * drive.top if I[k, FINGER] == 1 else 0.5 * drive.bottom
             C[k, NX], C[k, NY] = mx, my
@@ -134,3 +141,9 @@ def turn(C: Array, I: IntArray, count: int, c: float, s: float, q: Array, half: 
             C[k, RY] = q[1] + ry - gap * ny + closed + gap * my - half[1]
         else:
             C[k, RX], C[k, RY] = c * rx - s * ry, s * rx + c * ry
+            if I[k, KIND] == TIP and radius > 0.0:
+                away = C[k, GAP] + radius
+                dx = half[0] + C[k, RX] - (q[0] + rx - away * C[k, NX])
+                dy = half[1] + C[k, RY] - (q[1] + ry - away * C[k, NY])
+                distance = np.sqrt(dx * dx + dy * dy)
+                C[k, NX], C[k, NY] = dx / distance, dy / distance

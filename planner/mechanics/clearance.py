@@ -193,6 +193,33 @@ def least_clearance(
     )
 
 
+@kernel
+def _least_free(
+    outline: Array, poses: Array, opening: float, h: float, top_share: float, low_share: float
+) -> float:
+    """Least `free_closing` of any of the poses [mm]; half the opening where the fingers meet first."""
+    points, top = np.empty(outline.shape), 0.5 * opening
+    least = top
+    for k in range(poses.shape[0]):
+        place(outline, poses[k], points)
+        least = min(least, free_closing(points, top, -top, h, top_share, low_share))
+    return max(least, 0.0)
+
+
+def first_contact_mm(
+    outline: Array, jaws: Array, poses: Array, placement: Array, shares: tuple[float, float]
+) -> float:
+    """The greatest width at which closing jaws may meet any of the believed parts [mm]; 0 for none.
+
+    For an outline (N, 2) with believed poses (n, 3) in the world and the hand placed at (3,); the fingers
+    count as `SIDE_MARGIN_MM` longer at both ends, the upper one's share of the closing lies within `shares`.
+    """
+    hand, (least, most) = np.ascontiguousarray(to_hand(poses, placement)), shares
+    h = 0.5 * jaws[1] + SIDE_MARGIN_MM
+    free = _least_free(np.ascontiguousarray(outline.T), hand, jaws[0], h, 2.0 * most, 2.0 * (1.0 - least))
+    return float(jaws[0] - 2.0 * free)
+
+
 def free_placements(
     outline: Array, jaws: Array, belief: Array, placements: Array, least_mm: float, share: float = 0.0
 ) -> BoolArray:

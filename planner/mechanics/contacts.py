@@ -8,7 +8,8 @@ two that push side by side look one way. Four pairs of features can touch:
 - END:    a vertex of the part on the end of a finger, normal along x;
 - OUTER:  an outer corner of a finger on an edge of a part that reaches behind it.
 
-A pusher of points (`find_points`) touches edges as a finger's corner does (CORNER) and convex vertices (TIP).
+A pusher of points or round tips (`find_points`) touches edges as a finger's corner does (CORNER) and convex
+vertices (TIP).
 
 A pair counts only where its normal lies in the normal cones of both features; nearly parallel pairs are the
 exception, for they are what holds a flush edge that is longer than the finger.
@@ -63,6 +64,13 @@ class Finger(NamedTuple):
     face: float  # y of its inner face [mm]
     h: float  # half its length [mm]
     thickness: float  # [mm]
+
+
+class Tips(NamedTuple):
+    """A pusher of points, or of round tips about them."""
+
+    centres: Array  # (K, 2) [mm]
+    radius: float  # of each; 0 for points [mm]
 
 
 class Hand(NamedTuple):
@@ -269,15 +277,15 @@ def find(C: Array, I: IntArray, points: Array, out: IntArray, q: Array, hand: Ha
 
 
 @inner_kernel
-def find_points(C: Array, I: IntArray, points: Array, q: Array, pusher: Array, margin: float) -> int:
-    """Finds where the points of a pusher are within `margin` [mm] of touching; returns how many times.
+def find_points(C: Array, I: IntArray, points: Array, q: Array, pusher: Tips, margin: float) -> int:
+    """Finds where the tips of a pusher are within `margin` [mm] of touching; returns how many times.
 
     A point is near an edge where it lies beside it and no neighbour keeps it out, and near a convex vertex
     where it lies in the vertex's normal cone; in a notch it is near both edges, also where it overlaps them.
-    C and I are modified in place; the outline (2, N) is placed at the pose q (3,), counter-clockwise [mm];
-    the pusher has K points (K, 2).
+    A round tip touches where its centre is its radius away. C and I are modified in place; the
+    outline (2, N) is placed at the pose q (3,), counter-clockwise [mm].
     """
-    n = points.shape[1]
+    n, radius = points.shape[1], pusher.radius
     count = 0
     for i in range(n):
         j = i + 1 if i + 1 < n else 0
@@ -288,25 +296,29 @@ def find_points(C: Array, I: IntArray, points: Array, q: Array, pusher: Array, m
         next_x, next_y = points[0, k] - points[0, j], points[1, k] - points[1, j]
         notch_before = (points[0, i] - points[0, b]) * ey - (points[1, i] - points[1, b]) * ex < 0.0
         notch_after = ex * next_y - ey * next_x < 0.0
-        for finger in range(pusher.shape[0]):
-            px, py = pusher[finger, 0], pusher[finger, 1]
+        for finger in range(pusher.centres.shape[0]):
+            px, py = pusher.centres[finger, 0], pusher.centres[finger, 1]
             dx, dy = px - points[0, i], py - points[1, i]
-            along, gap = dx * ex + dy * ey, dx * ey - dy * ex
+            along, away = dx * ex + dy * ey, dx * ey - dy * ex
             kind, nx, ny, low, high = CORNER, -ey, ex, -along, length - along
             if along > length + VERTEX_MM and not notch_after:
                 dx, dy = px - points[0, j], py - points[1, j]
-                gap = np.sqrt(dx * dx + dy * dy)
+                away = np.sqrt(dx * dx + dy * dy)
                 if dx * next_x + dy * next_y >= -VERTEX_MM * np.sqrt(next_x * next_x + next_y * next_y):
                     continue
-                kind, nx, ny, low, high = TIP, -dx / gap, -dy / gap, -np.inf, np.inf
+                kind, nx, ny, low, high = TIP, -dx / away, -dy / away, -np.inf, np.inf
             elif along < (-margin if notch_before else -VERTEX_MM) or along > length + margin:
                 continue
-            drifted = 0.0 if -DRIFT_MM < gap < 0.0 else gap
-            if abs(gap) > margin or (kind == CORNER and _hidden(points, i, j, px, py, drifted)):
+            gap = away - radius
+            if abs(gap) > margin:
+                continue
+            drifted = 0.0 if -DRIFT_MM < away < 0.0 else away
+            outside = radius > 0.0 and away > 0.0  # The edge beside a tip's centre is the nearest
+            if kind == CORNER and not outside and _hidden(points, i, j, px, py, drifted):
                 continue
             slot = _slot(C, count, gap)
             if slot >= 0:
                 I[slot, FINGER], I[slot, KIND], I[slot, SIDE], I[slot, VERTEX] = 1, kind, finger, i
-                _write(C, slot, gap, px + gap * nx - q[0], py + gap * ny - q[1], nx, ny, low, high)
+                _write(C, slot, gap, px + away * nx - q[0], py + away * ny - q[1], nx, ny, low, high)
                 count = min(count + 1, MAX_CONTACTS)
     return count

@@ -50,17 +50,24 @@ class Pushers(NamedTuple):
     apart: Array  # (n,) x of the two fingers' middles, -apart and apart [mm]
     h: Array  # (n,) half a finger's length [mm]
     thickness: Array  # (n,) of a finger [mm]
+    radius: Array  # (n,) of round tips about the points [mm]
 
     def of(self, rows: IntArray) -> "Pushers":
         """Those of some pushes."""
         paths = Paths(*(values[rows] for values in self.paths))
-        return Pushers(
-            paths, self.way[rows], self.fingers[rows], self.apart[rows], self.h[rows], self.thickness[rows]
+        return self._replace(
+            paths=paths,
+            way=self.way[rows],
+            fingers=self.fingers[rows],
+            apart=self.apart[rows],
+            h=self.h[rows],
+            thickness=self.thickness[rows],
+            radius=self.radius[rows],
         )
 
 
-def of_points(paths: Paths) -> Pushers:
-    """Pushers that are points, `MAX_POINTS` at most.
+def of_points(paths: Paths, radius_mm: float = 0.0) -> Pushers:
+    """Pushers that are points, `MAX_POINTS` at most, or round tips about them.
 
     Raises:
         ValueError: there are more.
@@ -70,7 +77,7 @@ def of_points(paths: Paths) -> Pushers:
     n, arms = len(paths.angles), np.linalg.norm(paths.points - paths.centres[:, None], axis=2).max(axis=1)
     way = np.abs(paths.angles) * arms + np.hypot(*paths.shifts.T)
     none = np.zeros(n)
-    return Pushers(paths, way, np.zeros(n, np.int64), none, none, none)
+    return Pushers(paths, way, np.zeros(n, np.int64), none, none, none, np.full(n, radius_mm))
 
 
 def of_fingers(opening_mm: Array, way_mm: Array, length_mm: float, thickness_mm: float) -> Pushers:
@@ -83,7 +90,7 @@ def of_fingers(opening_mm: Array, way_mm: Array, length_mm: float, thickness_mm:
     paths = Paths(np.zeros((n, 0, 2)), np.zeros((n, 2)), np.zeros(n), shifts)
     apart = np.where(closed, 0.0, 0.5 * (opening_mm + thickness_mm))
     h = np.where(closed, thickness_mm, 0.5 * thickness_mm)
-    return Pushers(paths, way_mm, np.where(closed, 1, 2), apart, h, np.full(n, length_mm))
+    return Pushers(paths, way_mm, np.where(closed, 1, 2), apart, h, np.full(n, length_mm), np.zeros(n))
 
 
 @inner_kernel
@@ -145,7 +152,7 @@ def _carry_by(boundary: Boundary, pushers: Pushers, i: int) -> None:
     paths, way = pushers.paths, pushers.way[i]
     boundary.fingers, boundary.facing, boundary.apart = pushers.fingers[i], 1, pushers.apart[i]
     boundary.h, boundary.thickness = pushers.h[i], pushers.thickness[i]
-    boundary.points = paths.points.shape[1]
+    boundary.points, boundary.radius = paths.points.shape[1], pushers.radius[i]
     for k in range(boundary.points):
         boundary.pusher[k, 0], boundary.pusher[k, 1] = paths.points[i, k, 0], paths.points[i, k, 1]
     boundary.top_share = boundary.bottom_share = 0.0

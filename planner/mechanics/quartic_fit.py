@@ -63,16 +63,16 @@ def fit(
     across = gradient - unit[:, :, None] * np.einsum("ki,kib->kb", unit, gradient)[:, None, :]
     pull = np.sqrt(ridge) * _SPREAD
     target = np.concatenate([np.sqrt(weights), np.zeros(3 * len(F)), pull @ _SPHERE.coefficients])
-    emphasis = weights
+    weighed = weights
     for _ in range(REWEIGHTS + 1 if robust else 1):
-        turned = (np.sqrt(emphasis)[:, None, None] * across).reshape(-1, 15)
+        turned = (np.sqrt(weighed)[:, None, None] * across).reshape(-1, 15)
         rows = np.concatenate([np.sqrt(weights)[:, None] * level, turned, pull])
         surface = _solve(rows, target, rho_mm, len(F))
-        emphasis = weights * _emphasis(gradient @ surface.coefficients, unit)
+        weighed = weights * emphasis(gradient @ surface.coefficients, unit)
     return surface.in_coordinates(whiten)
 
 
-def _emphasis(gradient: Array, unit: Array) -> Array:
+def emphasis(gradient: Array, unit: Array) -> Array:
     """Weights (K,) that turn squares across the twist into angles, large ones by their size."""
     size = np.linalg.norm(gradient, axis=1)
     angle = np.arccos(np.clip((gradient * unit).sum(axis=1) / size, -1.0, 1.0))

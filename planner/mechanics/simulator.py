@@ -19,11 +19,12 @@ from planner.mechanics.push import LOST, SLID, STUCK, Paths, Pushers, of_fingers
 from planner.mechanics.squeeze import GRASPED, JAMMED, STATUS_NAMES, Each, close_by, squeeze, squeeze_many
 from planner.mechanics.stepping import Body, Scratch, squeeze_workspace
 from planner.mechanics.surface import Surface
-from planner.mechanics.traits import FRESH, Traits, as_planned, shapes
+from planner.mechanics.traits import FRESH, TRAITS, Traits, as_planned, shapes
 from planner.part.outline import reach, simplified
 from planner.work.scheduler import Threads
 
-DEFAULT_STEP_MM = 0.4
+DEFAULT_STEP_MM, LEAST_STEP_MM = 0.4, 1e-3
+MOST_JAWS_MM = 1e4
 SIMPLIFY_MM = 0.005
 """Densely sampled curves lose the vertices that lie this near to the rest: less than the step resolves."""
 CHUNK = 512
@@ -80,6 +81,18 @@ class Simulator:
     step_mm: float = DEFAULT_STEP_MM  # nominal closing step of each finger
     workers: int = 1  # threads that share the roll-outs
 
+    def __post_init__(self) -> None:
+        arguments.rows(self.outline, "outline", 2)
+        arguments.count(len(self.outline), "number of vertices", 3)
+        arguments.number(
+            arguments.row(self.jaws, "jaws", 4)[:3].min(), "least of the jaws", 0.0, MOST_JAWS_MM
+        )
+        arguments.number(self.jaws[3], "upper finger's share", 0.0, 1.0)
+        arguments.row(self.friction, "friction", 2)
+        arguments.row(self.release, "release", 3)
+        arguments.number(self.step_mm, "step_mm", LEAST_STEP_MM, MOST_JAWS_MM)
+        arguments.count(self.workers, "workers")
+
     @classmethod
     def of_job(cls, job: Job, workers: int | None = None, step_mm: float = DEFAULT_STEP_MM) -> Self:
         """The simulator of a job, on all cores unless told otherwise."""
@@ -110,6 +123,7 @@ class Simulator:
         """
         own = as_planned(arguments.count(n, "n", 0)) if traits is None else traits
         arguments.same_length(poses=range(n), traits=own)
+        checked_traits(own, 1 + len(self.others))
         dof = np.where(own["dof"] > 0, own["dof"], self.wishart_dof)
         surfaces, ellipsoid = limit_surface.sample_each(
             (self.surface, *self.others), own["surface"], dof, rng
@@ -123,6 +137,7 @@ class Simulator:
 
     def squeeze(self, poses: Array, rng: np.random.Generator, traits: Traits | None = None) -> RollOut:
         """Squeezes poses (n, 3) in the hand frame, each with random mechanics, of parts with traits (n,)."""
+        poses = arguments.rows(poses, "poses", 3)
         return self.roll_out(poses, self.sample(len(poses), rng, traits))
 
     def trace(self, pose: Array, surface: Array, mu: float) -> tuple[Array, int]:
@@ -149,7 +164,7 @@ class Simulator:
             ValueError: a shape does not fit, or a number is none.
         """
         poses = arguments.rows(poses, "poses", 3)
-        check(parameters, len(poses))
+        check(parameters, len(poses), len(self.shapes))
         if parameters.ellipsoid is not None:
             forms = by_form(parameters)
             return in_order([(rows, self.roll_out(poses[rows], own)) for rows, own in forms], len(poses))
@@ -179,13 +194,14 @@ class Simulator:
             final += np.where(held, 1.0, 0.0)[:, None] * parameters.release
         return RollOut(final, width, status, given_up)
 
-    def push(self, paths: Paths, parameters: Parameters) -> Pushed:
+    def push(self, paths: Paths, parameters: Parameters, radius_mm: float = 0.0) -> Pushed:
         """Pushes the part once along each of n paths, given in the part's frame at the start.
+
+        The pusher's points are the centres of round tips of `radius_mm`, which start clear of the part.
 
         A part is stuck where it ends within `STUCK_MM` and `STUCK_DEG` of where the pusher would have taken
         it, lost where the pusher has left it or never met it, else it slid.
         """
-        n = len(paths.angles)
         checked = Paths(
             arguments.rows(paths.points, "points", *np.shape(paths.points)[1:2], 2),
             arguments.rows(paths.centres, "centres", 2),
@@ -193,8 +209,9 @@ class Simulator:
             arguments.rows(paths.shifts, "shifts", 2, least=-arguments.LONGEST_MM, most=arguments.LONGEST_MM),
         )
         arguments.same_length(**checked._asdict())
-        check(parameters, n)
-        moved, touching, given_up = self._pushed(np.zeros((n, 3)), of_points(checked), parameters)
+        n = len(checked.angles)
+        check(parameters, n, len(self.shapes))
+        moved, touching, given_up = self._pushed(np.zeros((n, 3)), of_points(checked, radius_mm), parameters)
         off = moved - commanded(paths)
         stuck = moved.any(axis=1) & (np.hypot(off[:, 0], off[:, 1]) < STUCK_MM)
         stuck &= np.abs(off[:, 2]) < math.radians(STUCK_DEG)
@@ -222,11 +239,11 @@ class Simulator:
         Raises:
             ValueError: a shape does not fit, or a number is none or out of range.
         """
-        n, start = len(poses), arguments.rows(poses, "poses", 3)
+        start = arguments.rows(poses, "poses", 3)
         opening_mm = arguments.rows(opening_mm, "opening_mm", least=0.0, most=self.jaws[0])
         way_mm = arguments.rows(way_mm, "way_mm", least=0.0, most=arguments.LONGEST_MM)
         arguments.same_length(poses=start, opening_mm=opening_mm, way_mm=way_mm, traits=traits)
-        parameters = self.sample(n, rng, traits)
+        parameters = self.sample(len(start), rng, traits)
         assert parameters.share is not None
         beside = beside_mm(parameters.share, self.jaws[0] - opening_mm)
         pushers = of_fingers(opening_mm, np.asarray(way_mm, np.float64), self.jaws[1], self.jaws[2])
@@ -259,15 +276,36 @@ class Simulator:
         return final, touching, given_up
 
 
-def check(parameters: Parameters, n: int) -> None:
-    """Check that parameters are those of n roll-outs.
+def check(parameters: Parameters, n: int, shapes: int) -> None:
+    """Check that parameters are those of n roll-outs, with a deviation for each of so many shapes.
 
     Raises:
-        ValueError: a shape does not fit, or a number is none.
+        ValueError: a shape does not fit, or a number is none or out of range.
     """
     checked_surfaces(parameters.surfaces)
-    arguments.rows(parameters.mu, "mu", 2, least=0.0)
+    arguments.rows(parameters.mu, "mu", 2, least=0.0, most=MOST_FRICTION)
+    if parameters.release is not None:
+        arguments.rows(parameters.release, "release", 3)
+    if parameters.share is not None:
+        arguments.rows(parameters.share, "share", least=0.0, most=1.0)
+    if parameters.deviation is not None and shapes:
+        arguments.rows(parameters.deviation, "deviation", shapes)
     arguments.same_length(poses=range(n), **parameters._asdict())
+
+
+def checked_traits(traits: Traits, surfaces: int) -> None:
+    """Check that traits (n,) are such, of parts on one of so many limit surfaces each.
+
+    Raises:
+        ValueError: they are no traits, or a number is none or out of range.
+    """
+    if np.shape(traits)[1:] or getattr(traits, "dtype", None) != TRAITS:
+        raise ValueError("traits are no array (n,) of the planner's; pass what as_planned(n) gives, changed")
+    arguments.indices(traits["surface"], "surface of the traits", surfaces)
+    for name in ("friction", "share", "encoder_mm", "gain", "across_mm"):
+        arguments.rows(traits[name], f"{name} of the traits")
+    for name in ("deviation", "release", "arm"):
+        arguments.rows(traits[name], f"{name} of the traits", traits[name].shape[1])
 
 
 def checked_surfaces(surfaces: Array) -> Array:

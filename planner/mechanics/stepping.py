@@ -126,7 +126,7 @@ def _midpoint(body: Body, q: Array, size: float, work: SqueezeWork) -> tuple[int
     work.half[2] = q[2] + 0.5 * V[2] / body.rho
     turned = work.half[2] - q[2]
     dc, ds = np.cos(turned), np.sin(turned)
-    turn(C, I, count, dc, ds, q, work.half, drive)
+    turn(C, I, count, (dc, ds), q, work.half, drive, work.boundary.radius)
     drive = drive_of(work.boundary, size, work.done + 0.5 * size, work.half)
     status = _displacement(body, drive, dc * c - ds * s, dc * s + ds * c, work)
     if status != SOLVED:
@@ -143,7 +143,8 @@ def find_contacts(q: Array, margin: float, scratch: Scratch) -> None:
         hand = hand_of(boundary, work.fingers)
         work.found = contact.find(C, I, points, scratch.out, q, hand, margin)
     else:
-        work.found = contact.find_points(C, I, points, q, boundary.pusher[: boundary.points], margin)
+        pusher = contact.Tips(boundary.pusher[: boundary.points], boundary.radius)
+        work.found = contact.find_points(C, I, points, q, pusher, margin)
 
 
 @inlined_kernel

@@ -7,10 +7,13 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from planner.part.outline import Outline
+from planner.part.outline import Outline, simplified
 
 TURNS = 8  # symmetries of up to so many turns are looked for
 TOLERANCE_MM = 0.05  # How far boundaries may lie apart and still count as the same: far less than a count
+FEW = 400  # vertices between which distances are measured; their number is squared
+MOST_ORDER = 1000  # that a table can state
+SOME = 16  # vertices, of the least radius to the greatest, that are turned first
 
 
 class Turn(NamedTuple):
@@ -21,10 +24,12 @@ class Turn(NamedTuple):
 
 
 def order(outline: Outline, tolerance_mm: float = TOLERANCE_MM) -> int:
-    """The largest n for which `has_order` holds, at most the number of vertices; 1 always does."""
+    """The largest n for which `has_order` holds, at most `MOST_ORDER` and the number of vertices."""
     boundary = _boundary(outline)
     return next(
-        n for n in range(len(outline), 0, -1) if _maps_onto_itself(boundary, outline, n, tolerance_mm)
+        n
+        for n in range(min(len(outline), MOST_ORDER), 0, -1)
+        if _maps_onto_itself(boundary, outline, n, tolerance_mm)
     )
 
 
@@ -45,11 +50,12 @@ def congruent(outline: Outline, other: Outline, tolerance_mm: float = TOLERANCE_
     boundary, far = _boundary(other), np.hypot(*other.T)
     x, y = outline[np.argmax(np.hypot(*outline.T))]
     turns = [math.atan2(v[1], v[0]) - math.atan2(y, x) for v in other[far >= far.max() - tolerance_mm]]
-    return any(bool(shapely.dwithin(boundary, _turned(outline, turn), tolerance_mm).all()) for turn in turns)
+    return any(_is_on(boundary, outline, turn, tolerance_mm) for turn in turns)
 
 
 def nearest_turn(outline: Outline, symmetry: int) -> Turn:
     """The turn by a whole part of a circle after which an outline differs least; no symmetry of its own."""
+    outline = _with_few_vertices(outline)
     ring, found = shapely.linearrings(outline), []
     for parts in range(2, TURNS + 1):
         for k in range(1, parts // 2 + 1):
@@ -62,14 +68,37 @@ def nearest_turn(outline: Outline, symmetry: int) -> Turn:
     return min(found, key=lambda turn: turn.apart_mm)
 
 
+def _with_few_vertices(outline: Outline) -> Outline:
+    """An outline of at most `FEW` vertices, which deviates from the given one as little as that allows."""
+    tolerance_mm = 0.1 * TOLERANCE_MM
+    while len(outline) > FEW:
+        outline, tolerance_mm = simplified(outline, tolerance_mm), 2.0 * tolerance_mm
+    return outline
+
+
 def _maps_onto_itself(boundary: shapely.LinearRing, outline: Outline, n: int, tolerance_mm: float) -> bool:
-    """Checks the turns one by one, those first that a part without this symmetry is likeliest to fail."""
+    """Checks the turns one by one, those first that a part without this symmetry is likeliest to fail.
+
+    A few vertices are turned before all of them are. A part between two circles as near as the tolerance
+    passes every turn.
+    """
+    radii = np.hypot(*outline.T)
+    if radii.max() - shapely.distance(boundary, shapely.Point(0.0, 0.0)) <= tolerance_mm:
+        return True
+    some = outline[np.argsort(radii, kind="stable")[:: max(len(outline) // SOME, 1)]]
+    if n > 1 and not _is_on(boundary, some, math.tau * max(round(n / 4), 1) / n, tolerance_mm):
+        return False
     turns = np.arange(1, n)
-    likely = np.argsort(np.abs(turns / n - 0.25), kind="stable")
+    likely = turns[np.argsort(np.abs(turns / n - 0.25), kind="stable")]
     return all(
-        bool(shapely.dwithin(boundary, _turned(outline, math.tau * k / n), tolerance_mm).all())
-        for k in turns[likely]
+        _is_on(boundary, vertices, math.tau * k / n, tolerance_mm)
+        for vertices in (some, outline)
+        for k in likely
     )
+
+
+def _is_on(boundary: shapely.LinearRing, vertices: Outline, angle: float, tolerance_mm: float) -> bool:
+    return bool(shapely.dwithin(boundary, _turned(vertices, angle), tolerance_mm).all())
 
 
 def _boundary(outline: Outline) -> shapely.LinearRing:

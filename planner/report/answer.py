@@ -31,7 +31,7 @@ class Answer(NamedTuple):
         located = f"for {in_percent(shares_of(self.figures).located)} of the parts"
         reservation = "" if share >= self.confidence else located
         if self.short == "cut":
-            reservation = "as far as the search came; plan for longer to know the rest"
+            reservation = f"{located} so far; plan for longer to know the rest"
         conditions = told_conditions(self.verdict.conditions)
         parts = ["Yes", " and ".join(self.restrictions), conditions, reservation]
         return ", ".join(filter(None, parts)) + "."

@@ -57,13 +57,14 @@ def section(surface: Surface, plane: tuple[int, int], count: int = 241) -> Array
 
 
 def _section(axes: Axes, data: Normalised, found: Sequence[Identified], plane: tuple[int, int]) -> None:
-    F = data.F / found[0].fit.friction_n
+    scale = found[0].fit.friction_n or 1.0  # Directions lie on the unit sphere
+    F = data.F / scale
     out = np.delete(F, plane, axis=1)[:, 0]
     near = np.abs(out) < NEAR * np.linalg.norm(F, axis=1)
     for rows, colour, size in ((~near, canvas.PALE, 5.0), (near, canvas.BLACK, 8.0)):
         axes.scatter(F[rows, plane[0]], F[rows, plane[1]], s=size, color=colour, linewidths=0.0, zorder=1)
     for result in found:
-        curve = section(result.fit.surface, plane) * result.fit.friction_n / found[0].fit.friction_n
+        curve = section(result.fit.surface, plane) * (result.fit.friction_n or 1.0) / scale
         axes.plot(*curve.T, color=COLOURS[result.kind], linewidth=1.2, zorder=2)
     axes.set(
         xlabel=AXES[plane[0]], ylabel=AXES[plane[1]], title=f"cut at {AXES[3 - sum(plane)].split(' ')[0]} = 0"

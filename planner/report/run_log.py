@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 from planner.errors import InputFileError
 from runtime.shell import strict_json
 from runtime.shell.sealed_lines import GENESIS, is_intact, sealed_segments
-from runtime.table import TableError, TableFile, loads
+from runtime.table import Phases, TableError, TableFile, loads, phases_of
 
 
 @dataclass(slots=True)
@@ -34,6 +34,8 @@ class PartLog:
     name: str | None = None  # of the part that was found, where there are several
     residual: tuple[float, float, float] | None = None  # measured less predicted pose [mm, mm, rad]
     widths_um: list[int | None] = field(default_factory=list)  # what each count meant, None where not told
+
+    phases: list[Phases] = field(default_factory=list)  # seconds of each squeeze, where they are told
 
     @property
     def failed(self) -> bool:
@@ -120,6 +122,7 @@ def _take(entry: dict[str, Any], parts: list[PartLog]) -> None:
         part = parts[-1]
         part.outcome, part.leaf = str(entry["outcome"]), entry.get("leaf")
         part.reason, part.audit = str(entry.get("reason") or ""), entry.get("audit")
+        part.phases = [phases_of(record) for record in entry.get("phases", ())]
         part.name = None if entry.get("hypothesis") is None else str(entry["hypothesis"])
 
 

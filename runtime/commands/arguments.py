@@ -2,10 +2,11 @@
 
 import argparse
 import difflib
+from math import inf
 from pathlib import Path
 
 from runtime.execution import safe_state
-from runtime.shell.command import Parser, positive, positive_int
+from runtime.shell.command import Parser, positive, positive_int, seconds
 
 DEFAULT_JOURNAL = Path("squeezetree-journal.jsonl")
 SIMULATED = "sim"
@@ -97,7 +98,9 @@ def parser() -> Parser:
     _add_instead(built.add_argument_group("instead of a run"))
     _add_handling(built.add_argument_group("how parts are handled"))
     _add_policy(built.add_argument_group("what follows"))
-    _add_views(built.add_argument_group("who watches"))
+    views = built.add_argument_group("who watches")
+    _add_views(views)
+    _add_takt(views)
     _add_simulated(built.add_argument_group("with --port sim"))
     return built
 
@@ -219,8 +222,25 @@ def _add_views(group: argparse._ArgumentGroup) -> None:
     add("--status", type=Path, metavar="SOCKET", help="tell JSON and Prometheus text on this Unix socket")
 
 
+def _add_takt(group: argparse._ArgumentGroup) -> None:
+    group.add_argument(
+        "--takt", type=seconds, metavar="6s", help="also tell at the end how many parts were done within it"
+    )
+
+
 def _add_simulated(group: argparse._ArgumentGroup) -> None:
     add = group.add_argument
-    add("--time-scale", type=positive, default=1.0, metavar="S", help="times as fast as life")
+    add(
+        "--time-scale",
+        type=time_scale,
+        default=1.0,
+        metavar="S",
+        help="times as fast as life; max: in virtual time, in this process",
+    )
     add("--seed", type=int, default=0, metavar="N", help="of the simulated cell (default: 0)")
     add("--world", metavar="M:F", help="physics of the cell (default: the planner's; without it a rehearsal)")
+
+
+def time_scale(text: str) -> float:
+    """How much faster than life a simulated cell is, infinite for virtual time."""
+    return inf if text == "max" else positive(text)

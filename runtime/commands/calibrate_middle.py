@@ -19,7 +19,8 @@ from runtime.devices.lock import PortLock
 from runtime.errors import ArgumentsError, GripperStateError
 from runtime.execution import calibration, held, middle, safety
 from runtime.execution.calibration import GripperCalibration
-from runtime.execution.hand import Hand, Handling, check_arc
+from runtime.execution.hand import Hand
+from runtime.execution.handling import Handling, check_arc
 from runtime.execution.middle import Middle
 from runtime.execution.reading import CURRENT_MA
 from runtime.execution.safe_state import fingers_stop, reach_safe_state

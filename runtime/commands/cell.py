@@ -3,11 +3,13 @@
 import argparse
 from contextlib import ExitStack
 from importlib.util import find_spec
-from typing import NamedTuple
+from math import inf
+from typing import NamedTuple, cast
 
 from drivers.ports import Arm, Drivers, Gripper, Report, Scene
 from runtime.commands.arguments import MANUAL, SIMULATED, SIMULATED_CAMERA
 from runtime.devices.cell_process import CellProcess
+from runtime.devices.clock import SystemClock
 from runtime.devices.lock import PortLock
 from runtime.execution.events import Console
 from runtime.table import Table
@@ -24,6 +26,7 @@ class Devices(NamedTuple):
     arm: Arm
     scene: Scene | None
     camera: str = ""
+    clock: SystemClock | None = None  # the cell's own, where its time is not the machine's
 
 
 def connect(
@@ -42,6 +45,8 @@ def connect(
     """
     gripper_port, arm_url, scene_url, camera = arguments.port, arguments.arm, None, ""
     if arguments.port == SIMULATED:
+        if arguments.time_scale == inf:
+            return _virtual(arguments, table, console, drivers, report)
         process = CellProcess(
             arguments.tree,
             world=arguments.world or _default_world(table, console),
@@ -69,6 +74,16 @@ def connect(
     scene = drivers.scene(scene_url)
     stack.callback(scene.close)
     return Devices(gripper, arm, scene, camera)
+
+
+def _virtual(
+    arguments: argparse.Namespace, table: Table, console: Console, drivers: Drivers, report: Report
+) -> Devices:
+    """A cell in this process, in virtual time."""
+    world = arguments.world or _default_world(table, console)
+    made = drivers.virtual(arguments.tree, world=world, seed=arguments.seed, report=report)
+    console.note(f"simulated cell ({world}), in virtual time")
+    return Devices(made.gripper, made.arm, made.scene, clock=cast(SystemClock, made.clock))
 
 
 def _default_world(table: Table, console: Console) -> str:

@@ -13,7 +13,8 @@ from runtime.journal import export, recording
 from runtime.journal.chain import records, verify
 from runtime.journal.lines import Entry, begins_run
 from runtime.journal.replay import Replay
-from runtime.shell.command import Parser, natural, run
+from runtime.journal.times import times_of
+from runtime.shell.command import Parser, natural, run, seconds
 from runtime.shell.files import STDOUT, usable, words_of
 from runtime.shell.plain_text import cleaned
 from runtime.traversal.results import Outcome
@@ -26,6 +27,7 @@ exit codes:
 EPILOG = f"""\
 examples:
   grasp-journal show squeezetree-journal.jsonl --outcome reject
+  grasp-journal show squeezetree-journal.jsonl --times --takt 6s
   grasp-journal verify squeezetree-journal.jsonl
   grasp-journal replay squeezetree-journal.jsonl
   grasp-journal export squeezetree-journal.jsonl -o squeezes.csv
@@ -58,6 +60,10 @@ def parser() -> Parser:
     )
     shown.add_argument(
         "--since", type=_since, metavar="TIME", help="only from this time on, e.g. 2026-11-21T09:00 (UTC)"
+    )
+    shown.add_argument("--times", action="store_true", help="instead: where the seconds of its parts go")
+    shown.add_argument(
+        "--takt", type=seconds, metavar="6s", help="with --times: also how many parts were done within it"
     )
     _subcommand(subcommands, "verify", _verify, "check every line's digest and the chain")
     _subcommand(subcommands, "replay", _replay, "derive every decision again from counts and table")
@@ -119,6 +125,10 @@ def _replay(arguments: argparse.Namespace) -> int:
 
 
 def _show(arguments: argparse.Namespace) -> int:
+    if arguments.takt is not None and not arguments.times:
+        raise ArgumentsError("--takt is for --times; state both, or leave it out")
+    if arguments.times:
+        return _show_times(arguments)
     ended = None
     if arguments.outcome is not None:
         numbered = _numbered(records(arguments.journal))
@@ -131,6 +141,22 @@ def _show(arguments: argparse.Namespace) -> int:
             print(json.dumps(entry) if arguments.json else cleaned(_line(entry)))
         except BrokenPipeError:  # whoever reads has seen enough
             break
+    return 0
+
+
+def _show_times(arguments: argparse.Namespace) -> int:
+    entries = (
+        entry
+        for entry in _entries(arguments.journal)
+        if _is_wanted(arguments, entry) and arguments.outcome in (None, entry.get("outcome"))
+    )
+    if arguments.node is not None:
+        raise ArgumentsError("--times is of whole parts; leave out --node")
+    try:
+        found = times_of(entries, arguments.takt)
+    except ValueError as error:
+        raise JournalError(arguments.journal, f"an outcome's {error}") from error
+    print(json.dumps(found.fields()) if arguments.json else "\n".join(found.lines(arguments.takt)))
     return 0
 
 

@@ -4,6 +4,7 @@ import argparse
 import os
 import sys
 from importlib.util import find_spec
+from math import inf
 from pathlib import Path
 
 from runtime.commands.arguments import MANUAL, SIMULATED, SIMULATED_CAMERA
@@ -11,7 +12,7 @@ from runtime.errors import ArgumentsError
 from runtime.execution import calibration, delivery, middle
 from runtime.execution.calibration import GripperCalibration
 from runtime.execution.executor import RunOptions
-from runtime.execution.hand import Handling
+from runtime.execution.handling import Handling
 from runtime.execution.reading import CURRENT_MA
 from runtime.execution.tips import TipArc
 from runtime.monitoring.monitor import Views
@@ -48,6 +49,8 @@ def check_usage(arguments: argparse.Namespace) -> None:
         raise ArgumentsError(
             "--port sim brings its own arm; leave out --arm, or write --arm manual, or name the real gripper"
         )
+    if simulated and arguments.time_scale == inf:
+        _check_virtual(arguments)
     if simulated and arguments.check:
         raise ArgumentsError("--check looks at an attached gripper; name its port, or leave --port out")
     if simulated or arguments.check:
@@ -64,6 +67,15 @@ def check_usage(arguments: argparse.Namespace) -> None:
         raise ArgumentsError(
             "--time-scale and --world are for --port sim; a real cell has its own time and world"
         )
+
+
+def _check_virtual(arguments: argparse.Namespace) -> None:
+    """In virtual time nobody outside this process takes part."""
+    problem = "has no camera and no person in it, and is over too soon to watch"
+    if arguments.dry_run:
+        raise ArgumentsError("--dry-run moves nothing, so that time has no scale; leave out --time-scale max")
+    if arguments.arm == MANUAL or SIMULATED_CAMERA in (arguments.audit or "") or arguments.watch:
+        raise ArgumentsError(f"--time-scale max {problem}; name a number, e.g. --time-scale 20")
 
 
 def _check_manual(arguments: argparse.Namespace) -> None:
@@ -114,6 +126,7 @@ def run_options(arguments: argparse.Namespace, table: Table) -> RunOptions:
         calibration=None if measured is None else measured.table,
         arc=None if arguments.serve is not None else arc_of(arguments, table, measured),
         regulated=arguments.force == "regulated" and arguments.port != MANUAL,
+        approaches=arguments.port != MANUAL,
         grip_current_ma=arguments.grip_current,
         current_ma=(measured and measured.current_ma) or CURRENT_MA,
         middle_mm=0.0 if measured is None else middle.off_mm(measured.middle, table),
@@ -122,7 +135,8 @@ def run_options(arguments: argparse.Namespace, table: Table) -> RunOptions:
     # A robot that asks carries the part wherever it likes.
     asked = ["no"] if arguments.serve is not None else arguments.deliver
     patience = PATIENCE if _takes_part(arguments) else 1.0
-    return RunOptions(policy, handling, _delivery(asked, table), patience)
+    timed = arguments.time_scale in (1.0, inf)
+    return RunOptions(policy, handling, _delivery(asked, table), patience, arguments.takt, timed)
 
 
 def _delivery(words: list[str] | None, table: Table) -> delivery.Delivery | delivery.Sorting | None:

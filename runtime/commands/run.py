@@ -5,6 +5,7 @@ import json
 from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 
 from drivers.ports import Drivers, Report
@@ -18,7 +19,7 @@ from runtime.errors import ArgumentsError, BrokenRunError, CalibrationError
 from runtime.execution import carry, crash, dry_run, held, middle, session
 from runtime.execution.events import Console
 from runtime.execution.executor import Cell, RunOptions
-from runtime.execution.hand import check_arc
+from runtime.execution.handling import check_arc
 from runtime.execution.held import Held
 from runtime.execution.safe_state import DECLARED
 from runtime.execution.safety import check_table, needs_activation, ready_gripper
@@ -100,7 +101,7 @@ class _Asked:
                 return self._say_put_down(None)
         auditor = self._auditor(devices)
         journal = journal or self._journal(clock)
-        cell = Cell(devices.gripper, devices.arm, clock, journal, auditor)
+        cell = Cell(devices.gripper, devices.arm, devices.clock or clock, journal, auditor)
         monitor.ready()
         self.stack.enter_context(interrupts.whole())  # a run with a header has a last record, too
         crash.begin(journal, begun, self.loaded.data, header, policy)
@@ -155,6 +156,7 @@ class _Asked:
         told: dict[str, object] = {"nodes": len(table.nodes), "gripper": None}
         origin = arguments.calibration or "the linear map"
         console.note(f"the table fits the gripper: {len(table.nodes)} nodes, 256 counts each, by {origin}")
+        console.note(_believed(table))
         if self.options.delivery is not None:
             console.note(
                 "the part can be delivered from every leaf, as far as areas tell; --dry-run asks the arm"
@@ -260,6 +262,16 @@ def _headline(path: Path, table: Table) -> str:
     return told
 
 
+def _believed(table: Table) -> str:
+    """What of the table was held against something else, and what was not."""
+    figures = "whether its figures are right only an evaluation tells: plan-evaluate"
+    if table.job is None:
+        return (
+            f"the table carries no job: its heights, limits and poses were compared with nothing; {figures}"
+        )
+    return f"heights, limits, squeezes and poses agree with the job in the table; {figures}"
+
+
 def _header(arguments: argparse.Namespace, options: RunOptions) -> dict[str, object]:
     on_reject, on_unresolved = options.policy.texts()
     measured = options.handling.calibration
@@ -269,7 +281,7 @@ def _header(arguments: argparse.Namespace, options: RunOptions) -> dict[str, obj
         "arm": arguments.arm,
         "serve": arguments.serve,
         "count": arguments.count if arguments.serve else arguments.count or 1,
-        "time_scale": arguments.time_scale,
+        "time_scale": "max" if arguments.time_scale == inf else arguments.time_scale,
         "seed": arguments.seed if arguments.port == SIMULATED else None,
         "on_reject": on_reject,
         "on_unresolved": on_unresolved,

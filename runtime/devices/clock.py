@@ -77,3 +77,16 @@ def age_s(record: Mapping[str, object], now: Mapping[str, object]) -> float | No
     except (ValueError, KeyError):
         return None
     return passed_s if passed_s >= up_s else None
+
+
+class Lap:
+    """A stopwatch in cell seconds."""
+
+    def __init__(self, clock: SystemClock) -> None:
+        self._clock, self._since = clock, clock.now()
+        self._scale = getattr(clock, "time_scale", 1.0)  # only a clock of the machine's own time has one
+
+    def lap(self) -> float:
+        """Seconds since the last lap, or since it was made."""
+        before, self._since = self._since, self._clock.now()
+        return float((self._since - before) * self._scale)

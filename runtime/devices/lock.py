@@ -13,12 +13,16 @@ import stat
 import struct
 from contextlib import ExitStack
 from pathlib import Path
-from urllib.parse import urlsplit
+from urllib.parse import SplitResult, parse_qs, urlsplit
 
 from runtime.errors import PortBusyError
+from runtime.shell.host_names import addresses_of
 
 CREDENTIALS = struct.Struct("3i")  # process, user and group, as SO_PEERCRED tells them
 MANUAL = "manual"  # a person, whom a simulated arm may follow: manual+tcp://host:port
+GATEWAYS = frozenset({"tcp", "rtu+tcp"})  # schemes at one port of which several units may listen
+USUAL_UNIT = 9
+LOOK_UP_S = 5.0  # wall
 # Where a device listens if its address names no port.
 USUAL = {"ur": 30004, "urcap": 63352, "omnicore": 443, "tcp": 502}
 # Ports of a host at which one and the same device is moved.
@@ -105,11 +109,23 @@ def _addresses(url: str) -> list[str]:
     except ValueError:
         return [url]
     try:
-        found = {str(row[4][0]) for row in socket.getaddrinfo(host, number, type=socket.SOCK_STREAM)}
+        found = {str(row[4][0]) for row in addresses_of(host, number, LOOK_UP_S)}
     except (OSError, UnicodeError):
         found = {host}  # which nobody can connect to
     addresses = {_canonical(text) for text in found}
-    return sorted(f"{address} {port}" for address in addresses for port in _together(parts.scheme, number))
+    ports, unit = _together(parts.scheme, number), _unit(parts)
+    return sorted(f"{address} {port}{unit}" for address in addresses for port in ports)
+
+
+def _unit(parts: SplitResult) -> str:
+    """What tells a unit behind a gateway from the usual one, which needs no name."""
+    if parts.scheme not in GATEWAYS:
+        return ""
+    try:
+        unit = int(parse_qs(parts.query).get("unit", [str(USUAL_UNIT)])[-1], 0)
+    except ValueError:  # no driver takes it
+        return ""
+    return "" if unit == USUAL_UNIT else f" unit {unit}"
 
 
 def _together(scheme: str, number: int | None) -> set[int | None]:

@@ -16,7 +16,7 @@ from runtime.execution import safety
 from runtime.execution.delivery import Delivery, Sorting
 from runtime.execution.hand import Hand
 from runtime.execution.reading import OPENED_COUNTS
-from runtime.table import PPM, Branch, Leaf, Limits, Node, Pose2, Table, job_of, predicted_pose
+from runtime.table import PPM, Branch, Leaf, Limits, Node, Pose2, Table, close_alike, job_of, predicted_pose
 from runtime.traversal.decision import ARRIVED, CLOSING_CONTACT
 from runtime.traversal.geometry import compose, placement, same_turns, sent
 
@@ -128,19 +128,13 @@ def deliver(hand: Hand, delivery: Delivery, leaf: Leaf, table: Table) -> str | N
 
 def _same(delivery: Delivery, table: Table, leaf: Leaf) -> Iterator[Way]:
     """The equivalent paths; the one without a turn of the part's symmetry first."""
-    halves = (0.0, pi) if _close_alike(table) else (0.0,)
+    halves = (0.0, pi) if close_alike(job_of(table)) else (0.0,)
     x_mm, y_mm, theta_rad = delivery.drop
     symmetry = table.goal_of(leaf.hypothesis).symmetry
     for turn, half in product(range(symmetry), halves):
         taken = compose(predicted_pose(leaf), delivery.grasp)
         put = compose((x_mm, y_mm, theta_rad + tau * turn / symmetry), delivery.grasp)
         yield Way((*taken[:2], taken[2] + half), (*put[:2], put[2] + half))
-
-
-def _close_alike(table: Table) -> bool:
-    """Whether both fingers make half of the closing, so that a hand half a turn round grasps the same way."""
-    gripper = (job_of(table) or {}).get("gripper")
-    return isinstance(gripper, dict) and gripper.get("upper_finger_share") == 0.5
 
 
 def _refusal(delivery: Delivery, limits: Limits, start: PoseOfHand, to: Way, arm: Arm | None) -> str:

@@ -6,7 +6,7 @@ from math import degrees
 from drivers.ports import Arm, Gripper
 from runtime.execution import carry, held, safety, strokes
 from runtime.execution.executor import RunOptions
-from runtime.table import Table, profile_of
+from runtime.table import Schedule, Table, job_of, profile_of
 from runtime.traversal.geometry import end_of, placement, sent
 
 
@@ -21,6 +21,7 @@ def tell(table: Table, gripper: Gripper, arm: Arm, options: RunOptions) -> list[
     """
     handling = options.handling
     calibration, profile = handling.widths(table), profile_of(table.gripper.model)
+    timing = Schedule.of(table, job_of(table)).timing
     seen, pose = gripper.state(), arm.pose()
     width_mm = calibration.width_um(seen.position_counts) / 1000
     activity = "active" if seen.activated else "NOT ACTIVE"
@@ -52,10 +53,14 @@ def tell(table: Table, gripper: Gripper, arm: Arm, options: RunOptions) -> list[
             safety.check_target((x_mm, y_mm, height_mm, angle_rad), table.limits)
         regulated = strokes.is_regulated(node.squeeze, profile, wanted=handling.regulated)
         open_mm = node.squeeze.opening_um / 1000
-        plan_of_jaws = strokes.closing(node, profile, calibration, handling.arc, open_mm, regulated=regulated)
+        plan_of_jaws = strokes.closing(
+            node, profile, calibration, handling.arc, open_mm, timing, regulated=regulated
+        )
         forces = strokes.raising(node.squeeze, profile) if regulated else []
         requests = [f"{s.request_counts}/{s.speed_counts}/{s.force_counts}" for s in plan_of_jaws]
-        requests += [f"{plan_of_jaws[-1].request_counts}/{strokes.GENTLE_SPEED}/{force}" for force in forces]
+        requests += [
+            f"{plan_of_jaws[-1].request_counts}/{plan_of_jaws[-1].speed_counts}/{force}" for force in forces
+        ]
         told.append(
             f"node {index}: open to count {strokes.opening_counts(node.squeeze.opening_um, calibration)}, "
             f"hand to ({x_mm:.2f}, {y_mm:.2f}) mm, {degrees(angle_rad):.1f} deg, down to {heights[0]:g} mm, "

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from pathlib import Path
 
-from runtime.table import Pose2
+from runtime.table import Pose2, takt_figures
 from runtime.traversal.results import Outcome, PartResult, Step
 
 
@@ -40,12 +40,15 @@ class Sighting:
 class Tally:
     """The sum over a run's parts; its size does not grow with their number."""
 
+    takt_s: float | None = None  # the time within which parts should be done
+    timed: bool = True  # whether its seconds are the cell's; not those of a clock that runs faster than life
     parts: int = 0
     outcomes: Counter[Outcome] = field(default_factory=Counter)
     squeezes: int = 0
     exit_code: int = 0  # the highest of the parts' codes, which are numbered by gravity
     within: int | None = None  # parts whose leaf met the goal, None where no truth is known or they are gone
     crashes: int | None = None  # times open fingers were placed onto a part, None on a real cell
+    seconds: Counter[float] = field(default_factory=Counter)  # of parts with an outcome, to hundredths
 
     def add(self, result: PartResult, seen: Sighting | None) -> None:
         """One more part."""
@@ -53,6 +56,8 @@ class Tally:
         self.squeezes += len(result.steps)
         self.outcomes[result.outcome] += 1
         self.exit_code = max(self.exit_code, result.exit_code)
+        if result.seconds:  # a clock that stands still times nothing
+            self.seconds[round(result.seconds, 2)] += 1
         if seen is None:
             return
         self.crashes = (self.crashes or 0) + seen.crashes
@@ -66,7 +71,15 @@ class Tally:
             "outcomes": {
                 outcome.value: self.outcomes[outcome] for outcome in Outcome if self.outcomes[outcome]
             },
+            **{name: round(value, 4) for name, value in self.times().items()},
         }
+
+    def times(self) -> dict[str, float]:
+        """What parts took, of `runtime.table.takt`; nothing before the first or of a clock faster than life.
+
+        Where a simulated cell runs faster than life, programs that are no faster count as much longer.
+        """
+        return takt_figures(self.seconds, self.takt_s) if self.seconds and self.timed else {}
 
 
 class Console:

@@ -8,24 +8,37 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from math import hypot, tau
 
-from drivers.ports import TURN_RADIUS_MM, Arm, Gripper
+from drivers.ports import Arm, Gripper, Settled
 from runtime.devices.audit import AuditProcess, answer_of
-from runtime.devices.clock import SystemClock
+from runtime.devices.clock import Lap, SystemClock
 from runtime.errors import BrokenRunError, CellError, GripperStateError, exit_code_of, is_expected
 from runtime.execution import recovery, safety
 from runtime.execution.carry import deliver
 from runtime.execution.delivery import Delivery, Sorting
 from runtime.execution.events import Console, Phase
-from runtime.execution.hand import Hand, Handling
+from runtime.execution.hand import Hand
+from runtime.execution.handling import Handling
 from runtime.execution.reading import reading_fields
 from runtime.execution.safe_state import reach_safe_state
 from runtime.execution.watch import MACHINE, Expected
 from runtime.journal.chain import Journal
 from runtime.journal.replay import Replay
 from runtime.shell import interrupts
-from runtime.table import Node, Squeeze, Table, decision_map, predicted_pose, profile_of
+from runtime.table import (
+    REJECT,
+    Node,
+    Phases,
+    Schedule,
+    Squeeze,
+    Table,
+    decision_map,
+    job_of,
+    predicted_pose,
+    profile_of,
+)
 from runtime.traversal.answer import outcome_fields
 from runtime.traversal.decision import (
+    Decision,
     Policy,
     TraversalState,
     advance,
@@ -56,6 +69,8 @@ class RunOptions:
     handling: Handling = field(default_factory=Handling)
     delivery: Delivery | Sorting | None = None
     patience: float = 1.0  # how much longer than by arm and gripper a squeeze may take: for a person
+    takt_s: float | None = None  # within which parts should be done; only told
+    timed: bool = True  # whether the clock's seconds are the cell's, which runs no faster than its programs
 
 
 PLAIN = RunOptions()
@@ -74,6 +89,7 @@ class Executor:
         self._console = console
         self._options = options
         self._found: int | None = None  # the leaf of the part that is being delivered
+        self._phases: list[Phases] = []  # of the part's squeezes so far
         self._hand = Hand(cell.gripper, cell.arm, cell.clock, table, options.handling)
         self._cell = replace(cell, journal=self._hand.watch.watched(cell.journal, MACHINE))
         self._slowest_um_s = profile_of(table.gripper.model).speed_um_s[0]
@@ -90,7 +106,7 @@ class Executor:
             Exception: an error that no device makes is a bug, and raised once the safe state is reached.
         """
         steps: list[Step] = []
-        self._found = None
+        self._found, began = None, Lap(self._cell.clock)
         try:
             if broken is None:
                 self._cell.journal.record("part", {"part": part})
@@ -101,6 +117,8 @@ class Executor:
                 result = self._descend(part, steps, TraversalState() if broken is None else broken.traversal)
                 result = self._finish(result)
                 self._hand.where()  # an arm that was displaced makes any outcome a fault
+                if self._options.timed:
+                    result = replace(result, seconds=began.lap(), phases=tuple(self._phases))
             self._cell.journal.record("outcome", outcome_fields(self._table, result))
         except BrokenRunError as error:
             # Nothing was moved; the operator looks at the fingers.
@@ -117,34 +135,58 @@ class Executor:
         return result
 
     def _descend(self, part: int, steps: list[Step], traversal: TraversalState) -> PartResult:
+        self._phases.clear()
         while traversal.outcome is None:
             node = self._table.nodes[traversal.node]
             expected = expected_of(self._table, node, self._slowest_um_s)
             with self._hand.watch.squeeze(expected, self._options.patience):
-                step = self._squeeze_at(traversal.node, len(steps) + 1, part, again=traversal.again)
+                step, traversal = self._squeeze(part, traversal, len(steps) + 1)
             steps.append(step)
             self._console.step(part, step)
-            traversal = advance(traversal, step.target, self._table, self._options.policy)
         return PartResult.of(part, traversal.outcome, steps, reason_of(traversal, steps))
 
-    def _squeeze_at(self, index: int, number: int, part: int, *, again: bool) -> Step:
-        node = self._table.nodes[index]
-        if not again:
+    def _squeeze(self, part: int, traversal: TraversalState, number: int) -> tuple[Step, TraversalState]:
+        """One squeeze, from the hand above the part to the hand above the part; and what follows."""
+        index, table = traversal.node, self._table
+        node, began = table.nodes[index], Lap(self._cell.clock)
+        if not traversal.again:
             self._push(part, number, index, node)
-        self._place(part, index, node.squeeze)
+        push_s = began.lap()
+        angle_rad = self._travel(part, index, node.squeeze, first=number == 1)
+        travel_s = began.lap()
+        self._hand.descend(*placement(node.squeeze)[:2], angle_rad)
+        lower_s = began.lap()
         # Before the part is touched: who resumes this run has to know that it may have been.
         self._cell.journal.record("placed", {"part": part, "number": number, "node": index})
         self._console.phase(part, Phase.SQUEEZE, index)
-        reading = self._hand.close(node)
+        reading, decision = self._read(node, index)
         self._console.phase(part, Phase.READ, index)
-        decision = decide(node, self._maps[index], reading.position_counts, reading.object_flag)
         step = step_of(decision, number, index, reading.position_counts, self._hand.calibration)
         # Before anything moves on: a decision that is not on the disk was never taken.
         self._cell.journal.record("squeeze", {"part": part, **step.fields(), **reading_fields(reading)})
+        close_s = began.lap()
         self._console.phase(part, Phase.RELEASE, index)
-        self._release(node, decision.branch)
-        self._hand.retreat()
-        return step
+        after = advance(traversal, step.target, table, self._options.policy)
+        following = table.nodes[0 if after.outcome is not None else after.node]
+        self._drag(node, decision.branch)
+        self._hand.let_go(node.squeeze, following.squeeze)
+        release_s = began.lap()
+        if after.outcome is not None or (following.pushes and not after.again):
+            self._hand.retreat()
+            self._hand.open(following.squeeze)
+        else:
+            self._hand.rise()
+        self._phases.append(Phases(push_s, travel_s, lower_s, close_s, release_s, began.lap()))
+        return step, after
+
+    def _read(self, node: Node, index: int) -> tuple[Settled, Decision]:
+        """Close the jaws and decide; the force is raised where a reading decides nothing, or for a drag."""
+        reading = self._hand.meet(node)
+        decision = decide(node, self._maps[index], reading.position_counts, reading.object_flag)
+        if decision.branch != REJECT and release_point(node, decision.branch) is None:
+            return reading, decision
+        reading = self._hand.tighten(node, reading)
+        return reading, decide(node, self._maps[index], reading.position_counts, reading.object_flag)
 
     def _push(self, part: int, number: int, index: int, node: Node) -> None:
         for push in node.pushes:
@@ -155,20 +197,29 @@ class Executor:
             # From here on the part may have been moved: who resumes this run has to start it over.
             self._cell.journal.record("pushing", {"part": part, "number": number, "node": index})
             self._hand.push(push)
+        if node.pushes:
+            self._hand.retreat()
+            self._hand.open(node.squeeze)
 
-    def _place(self, part: int, index: int, squeeze: Squeeze) -> None:
+    def _travel(self, part: int, index: int, squeeze: Squeeze, *, first: bool) -> float:
+        """Go above a squeeze's place, the jaws on their way to its opening; the angle of the hand there."""
         self._console.phase(part, Phase.PLACE, index)
-        self._hand.retreat()
+        if first:
+            self._hand.retreat()
+        else:
+            self._hand.rise()
+        self._hand.set_out(squeeze)
+        x_mm, y_mm, angle_rad = placement(squeeze)
+        angle_rad = self._hand.turn_to(x_mm, y_mm, angle_rad)
+        self._hand.travel(x_mm, y_mm, angle_rad)
         self._hand.open(squeeze)
-        self._hand.travel(*placement(squeeze))
-        self._hand.descend(*placement(squeeze))
+        return angle_rad
 
-    def _release(self, node: Node, branch: int) -> None:
-        """Open the jaws, what they hold first dragged to where the node wants it let go."""
+    def _drag(self, node: Node, branch: int) -> None:
+        """Take what the jaws hold to where the node wants it let go."""
         target = release_point(node, branch)
         if target is not None:
             self._hand.drag(target[0] / 1000, target[1] / 1000)
-        self._hand.release(node.squeeze)
 
     def _free(self, part: int, broken: Replay) -> None:
         """Let go of what a run that broke off may still hold, where it holds it."""
@@ -180,7 +231,9 @@ class Executor:
         pending = recovery.pending(broken, self._table, self._hand)
         if pending is None:
             return
-        self._release(*pending)
+        node, branch = pending
+        self._drag(node, branch)
+        self._hand.release(node.squeeze)
         self._cell.journal.record("freed", {"part": part})
         self._hand.retreat()
 
@@ -232,16 +285,15 @@ def expected_of(table: Table, node: Node, slowest_um_s: int) -> Expected:
 
     The same for each push, and its way. A stroke may be as slow as the gripper's least speed.
     """
-    limits = table.limits
-    x_min, y_min, x_max, y_max = limits.work_area_um
-    path_um = hypot(x_max - x_min, y_max - y_min)
-    path_um += tau * 1000 * TURN_RADIUS_MM
-    path_um += 3 * (limits.retreat_height_um - limits.squeeze_height_um)
-    speed_um_s = min(node.squeeze.speed_um_s, slowest_um_s)
-    ways_s = sum(push.length_um / push.speed_um_s for push in node.pushes)
+    timing = Schedule.of(table, job_of(table)).timing
+    x_min, y_min, x_max, y_max = (edge / 1e3 for edge in table.limits.work_area_um)
+    arm_s = timing.move_s(hypot(x_max - x_min, y_max - y_min)) + timing.move_s(0.0, tau)
+    arm_s += 3 * timing.move_s(timing.retreat_mm - timing.squeeze_mm)
+    speed_mm_s = min(node.squeeze.speed_um_s, slowest_um_s) / 1e3
+    ways_s = sum(timing.move_s(push.length_um / 1e3, 0.0, push.speed_um_s / 1e3) for push in node.pushes)
     times = 1 + len(node.pushes)
-    strokes_s = 3 * table.gripper.opening_um / speed_um_s
-    return Expected(times * path_um / limits.arm_speed_um_s + ways_s, times * strokes_s)
+    strokes_s = 3 * timing.close_s(table.gripper.opening_um / 1e3, None, 0.0, speed_mm_s)
+    return Expected(times * arm_s + ways_s, times * strokes_s)
 
 
 def expected_s(table: Table, node: Node) -> float:

@@ -1,7 +1,8 @@
 """The hand: arm and gripper moved together, one checked motion after the other.
 
 No motion is commanded before the gripper has answered that it is ready and the arm that it stands where its
-last motion left it. Between two squeezes the hand retreats straight up, travels, and comes straight down.
+last motion left it. Between two squeezes the hand goes straight up, travels, and comes straight down; jaws
+that are free of the part may go on opening meanwhile, and have arrived before it comes down.
 
 The arm is read before and after each of its motions and after each squeeze, and compared with where it was
 sent (`safety.check_placed`): what displaced it may have moved the part, too.
@@ -9,77 +10,33 @@ sent (`safety.check_placed`): what displaced it may have moved the part, too.
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
-from math import ceil, degrees, remainder, tau
+from itertools import pairwise
+from math import ceil, degrees, pi, remainder, tau
 
 from drivers.ports import Arm, Gripper, PoseOfHand, Settled
 from runtime.devices.clock import SystemClock
-from runtime.errors import MotionRefusedError, TableError
+from runtime.errors import MotionRefusedError
 from runtime.execution import safety, strokes
+from runtime.execution.handling import Handling, check_arc
+from runtime.execution.jaws import Jaws
 from runtime.execution.reading import (
     CLOSED_COUNTS,
-    CURRENT_MA,
     check_closed,
     check_fresh,
-    check_opened,
-    check_passed,
     check_set,
 )
 from runtime.execution.strokes import Stroke
-from runtime.execution.tips import TipArc
 from runtime.execution.watch import ARM, GRIPPER, Watch
-from runtime.table import Calibration, Limits, Node, Push, Squeeze, Table, profile_of
+from runtime.table import CLEAR_MM, Limits, Node, Push, Schedule, Squeeze, Table, job_of, profile_of
 from runtime.traversal.decision import ARRIVED, CLOSING_CONTACT
 from runtime.traversal.geometry import end_of, placement, same_turns, sent
 
 # Nearer than this to a height the arm counts as standing there.
 LEVEL_MM = 0.05
-# How far the jaws have let go of a part before its sides no longer touch the tips.
-CLEAR_MM = 5.0
 # How long a motion begun before a crash may still take (full stroke at the slowest speed, and some).
 STILL_S = 8.0
 MOST_TURN_RAD = 2.5
 LOOK_S = 0.05
-
-
-@dataclass(frozen=True, slots=True)
-class Handling:
-    """How the hand is used; what differs from cell to cell and not from table to table."""
-
-    calibration: Calibration | None = None  # counts to widths as measured, None where they were not
-    arc: TipArc | None = None  # the tips' arc; None where they move straight
-    regulated: bool = False  # whether squeezes close gently and raise their force after contact
-    # motor current at which a regulated squeeze raises its force no further, or None
-    grip_current_ma: int | None = None
-    current_ma: tuple[int, int] = CURRENT_MA  # least and greatest motor currents a gripper at rest may report
-    middle_mm: float = 0.0  # how far the fingers meet off the hand's middle, along its y, as measured
-
-    def widths(self, table: Table) -> Calibration:
-        """Counts to widths: as measured, else the linear map of the table's gripper."""
-        return self.calibration or Calibration.linear(table.gripper)
-
-
-def check_arc(arc: TipArc | None, limits: Limits, calibration: Calibration) -> None:
-    """Check that the tips' arc fits between a table's heights.
-
-    Raises:
-        TableError: it does not.
-    """
-    if arc is None:
-        return
-    widest_mm = calibration.widths_um[0] / 1000
-    if arc.taught_mm < widest_mm - CLEAR_MM or widest_mm / 2 - arc.offset_mm >= arc.link_mm:
-        raise TableError(
-            f"the tips' arc was taught at {arc.taught_mm:g} mm and the jaws open to {widest_mm:g} mm; "
-            "teach the tool frame with the jaws fully open, and check link and offset"
-        )
-    top_mm = limits.squeeze_height_um / 1000 + max(arc.most_mm(0.0, widest_mm), 0.0)
-    retreat_mm = limits.retreat_height_um / 1000
-    if top_mm >= retreat_mm:
-        raise TableError(
-            f"closing the jaws takes the arm up to {top_mm:.1f} mm, the retreat height is {retreat_mm:g} mm; "
-            "raise cell.retreat_height_mm and recompile"
-        )
 
 
 class Hand:
@@ -103,10 +60,12 @@ class Hand:
         self.calibration = handling.widths(table)
         self.middle_mm = handling.middle_mm
         self._profile = profile_of(table.gripper.model)
-        self.arm_known = self.may_hold = True
+        self.arm_known = True
         self._clock = clock
         self._handling = handling
-        self._open_mm = 0.0
+        schedule = Schedule.of(table, job_of(table))
+        self.timing, self._half_turn = schedule.timing, pi if schedule.alike else tau
+        self._jaws = Jaws(self.gripper, clock, self.calibration, self._profile, self.timing)
         check_arc(handling.arc, table.limits, self.calibration)
         self._sent_to: PoseOfHand | None = None  # where the arm should stand, None where nobody knows
 
@@ -119,7 +78,7 @@ class Hand:
         until = self._clock.now() + STILL_S
         while self.gripper.state().moving and self._clock.now() < until:
             self._clock.sleep(LOOK_S)
-        safety.ready_gripper(self.gripper)
+        self._jaws.ready()
 
     def where(self) -> PoseOfHand:
         """Read where the arm stands.
@@ -135,23 +94,47 @@ class Hand:
 
     def retreat(self) -> None:
         """Go straight up, from wherever the arm stands; nothing to do if it is up already."""
-        safety.ready_gripper(self.gripper)
+        self._rise(self.limits.retreat_height_um / 1000)
+
+    def rise(self) -> None:
+        """Go straight up, as high as the ways between two squeezes of one part are gone."""
+        self._rise(self.timing.regrasp_mm)
+
+    def _rise(self, height_mm: float) -> None:
+        self._jaws.ready()
         x_mm, y_mm, z_mm, angle_rad = self._place()
-        height_mm = self.limits.retreat_height_um / 1000
         if z_mm < height_mm - LEVEL_MM:
             self._move_arm((x_mm, y_mm, height_mm, angle_rad))
 
+    def turn_to(self, x_mm: float, y_mm: float, angle_rad: float) -> float:
+        """The angle, or where the fingers close alike one half a turn off, to which the hand turns least.
+
+        Of those that the wrist can go to at a place; the angle itself where it can go to none.
+        """
+        turns = self._turns(x_mm, y_mm, angle_rad, self._half_turn)
+        return turns[0] if turns else angle_rad
+
+    def _turns(self, x_mm: float, y_mm: float, angle_rad: float, step_rad: float) -> list[float]:
+        self.arm_known = False  # until it answers
+        low_rad, high_rad = self.arm.turn_range(x_mm, y_mm)
+        self.arm_known = True
+        near_rad = self._place()[3]
+        turns = [
+            turn
+            for half in range(round(tau / step_rad))
+            for turn in same_turns(angle_rad + half * step_rad, low_rad, high_rad, near_rad)
+        ]
+        return sorted(turns, key=lambda turn: abs(turn - near_rad))
+
     def travel(self, x_mm: float, y_mm: float, angle_rad: float) -> None:
-        """Go to a place at the retreat height, turning the nearest way that the wrist can go.
+        """Go to a place at the height where `rise` or `retreat` left the hand, by the wrist's nearest turn.
 
         Raises:
             MotionRefusedError: the place is outside the area, or the wrist cannot be turned so far.
         """
-        self.arm_known = False  # until it answers
-        low_rad, high_rad = self.arm.turn_range(x_mm, y_mm)
-        self.arm_known = True
-        turns = same_turns(angle_rad, low_rad, high_rad, self._place()[3])
+        turns = self._turns(x_mm, y_mm, angle_rad, tau)
         if not turns:
+            low_rad, high_rad = self.arm.turn_range(x_mm, y_mm)
             raise MotionRefusedError(
                 f"the wrist cannot turn the hand to {degrees(angle_rad):.1f} deg at ({x_mm:.2f}, {y_mm:.2f}) "
                 f"mm, only to {degrees(low_rad):.0f}..{degrees(high_rad):.0f} deg"
@@ -159,12 +142,14 @@ class Hand:
         self.travel_as_counted(x_mm, y_mm, turns[0])
 
     def travel_as_counted(self, x_mm: float, y_mm: float, angle_rad: float) -> None:
-        """Go to a place at the retreat height, whole turns of the angle counted."""
-        self._go_as_counted((x_mm, y_mm, self.limits.retreat_height_um / 1000, angle_rad))
+        """Go to a place as `travel`, whole turns of the angle counted."""
+        low_mm, high_mm = self.timing.regrasp_mm, self.limits.retreat_height_um / 1000
+        risen = abs(self._place()[2] - low_mm) <= LEVEL_MM
+        self._go_as_counted((x_mm, y_mm, low_mm if risen else high_mm, angle_rad))
 
     def descend(self, x_mm: float, y_mm: float, angle_rad: float) -> None:
         """Come straight down with the jaws open, the tips to the squeeze height."""
-        self.lower(x_mm, y_mm, angle_rad, self._open_mm)
+        self.lower(x_mm, y_mm, angle_rad, self._jaws.open_mm)
 
     def lower(self, x_mm: float, y_mm: float, angle_rad: float, width_mm: float) -> None:
         """Come straight down with a part of that width in the fingers."""
@@ -201,44 +186,66 @@ class Hand:
         finally:
             self.limits = before
 
+    @property
+    def may_hold(self) -> bool:
+        """Whether the fingers may hold something."""
+        return self._jaws.may_hold
+
     def width_mm(self, position_counts: int) -> float:
         """The opening at an encoder count."""
-        return self.calibration.width_um(position_counts) / 1000
+        return self._jaws.width_mm(position_counts)
 
     def open(self, squeeze: Squeeze) -> None:
-        """Open the jaws as wide as the squeeze wants them; the collision proof counts on it."""
-        request = strokes.opening_counts(squeeze.opening_um, self.calibration)
-        speed = self._profile.speed_counts(squeeze.speed_um_s)
-        force = self._profile.force_counts(squeeze.force_mn)
-        settled = safety.stroke(self.gripper, request, speed, force)
-        check_opened(settled, request, self.calibration)
-        self.may_hold = False
-        self._open_mm = self.width_mm(settled.position_counts)
+        """Have the jaws open as wide as the squeeze wants them, as `Jaws.open`."""
+        self._jaws.open(squeeze)
+
+    def set_out(self, squeeze: Squeeze) -> None:
+        """Ask jaws that hold nothing to open so wide, as fast as they can, and return at once."""
+        self._jaws.set_out(squeeze, fast=True)
 
     def set_jaws(self, push: Push, squeeze: Squeeze) -> None:
         """Bring the jaws, with nothing between them, to the opening of a push before a squeeze."""
-        request, profile = self.calibration.count(push.opening_um), self._profile
-        speed, force = profile.speed_counts(squeeze.speed_um_s), profile.force_counts(squeeze.force_mn)
-        settled = safety.stroke(self.gripper, request, speed, force)
-        check_fresh(settled, request)
-        check_set(settled.position_counts, request, self.calibration)
-        self._open_mm = self.width_mm(settled.position_counts)
+        self._jaws.set_to(push, squeeze)
 
     def release(self, squeeze: Squeeze) -> None:
-        """Open the jaws at the part; the tips stay level until they are clear of its sides."""
+        """Open the jaws at the part as wide as a squeeze wants them, and wait until they are."""
+        self.let_go(squeeze, squeeze)
+        self._jaws.wait()
+
+    def let_go(self, squeeze: Squeeze, following: Squeeze) -> None:
+        """Open the jaws until they are free of the part, and on, as wide as the squeeze that follows wants.
+
+        The tips stay level until they are clear of the part's sides; `open` waits for the rest.
+        """
         self.where()  # a part that was displaced with the hand is not let go
+        held_mm = self.width_mm(self._jaws.ready().position_counts)
+        wide = max(squeeze, following, key=lambda each: each.opening_um)
+        free_mm = min(held_mm + CLEAR_MM, wide.opening_um / 1000)
         arc = self._handling.arc
         if arc is not None:
-            held_mm = self.width_mm(self.gripper.state().position_counts)
-            clear_mm = min(held_mm + CLEAR_MM, squeeze.opening_um / 1000)
-            widths = [*arc.stages(clear_mm, held_mm)[-2::-1], clear_mm]
-            for width_mm in widths:
-                self.open(squeeze._replace(opening_um=round(1000 * width_mm)))
-                self._level(arc.advance_mm(self._open_mm))
-        self.open(squeeze)
+            for width_mm in [*arc.stages(free_mm, held_mm)[-2::-1], free_mm]:
+                self._jaws.open_to(squeeze, width_mm)
+                self._level(arc.advance_mm(self._jaws.open_mm))
+        elif following.opening_um / 1000 < free_mm:
+            self._jaws.open_to(squeeze, free_mm)
+        else:
+            self._jaws.set_free(squeeze, following, free_mm)
+            return
+        if strokes.opening_counts(following.opening_um, self.calibration) > self.calibration.count(
+            round(1000 * self._jaws.open_mm)
+        ):
+            return  # narrower: the jaws are set once the hand is up
+        self._jaws.set_out(squeeze._replace(opening_um=following.opening_um), fast=True)
 
     def close(self, node: Node) -> Settled:
-        """Close the jaws at a node.
+        """Close the jaws at a node, and hold what they met with its force.
+
+        Returns and raises as `meet`.
+        """
+        return self.tighten(node, self.meet(node))
+
+    def meet(self, node: Node) -> Settled:
+        """Close the jaws at a node; with the least force where that is regulated.
 
         Returns:
             The last stroke's reading, of jaws that closed where the arm was sent.
@@ -248,38 +255,46 @@ class Hand:
             MotionRefusedError: the arm was displaced meanwhile.
         """
         handling, profile = self._handling, self._profile
-        regulated = strokes.is_regulated(node.squeeze, profile, wanted=handling.regulated)
         plan = strokes.closing(
-            node, profile, self.calibration, handling.arc, self._open_mm, regulated=regulated
+            node if handling.approaches else node._replace(contact_um=None),
+            profile,
+            self.calibration,
+            handling.arc,
+            self._jaws.open_mm,
+            self.timing,
+            regulated=self._is_regulated(node),
         )
-        for stroke in plan[:-1]:
+        for stroke, following in pairwise(plan):
             self._level(stroke.advance_mm)
-            if not check_passed(self._stroke(stroke), stroke.request_counts, self.calibration):
+            through = profile.redirects and stroke.advance_mm == following.advance_mm
+            if not (self._jaws.passes(stroke) if through else self._jaws.arrives(stroke)):
                 break
         else:
             self._level(plan[-1].advance_mm)
-        reading = self._stroke(plan[-1])
-        check_fresh(reading, CLOSED_COUNTS)
-        if regulated and reading.object_flag == CLOSING_CONTACT:
-            reading = self._raise_force(plan[-1], node.squeeze, reading)
-        self.where()
-        check_closed(reading, self.calibration, handling.current_ma)
-        return reading
+        return self._checked(self._jaws.stroke(plan[-1]))
 
-    def _raise_force(self, stroke: Stroke, squeeze: Squeeze, reading: Settled) -> Settled:
-        limit_ma = self._handling.grip_current_ma
-        for force in strokes.raising(squeeze, self._profile):
+    def tighten(self, node: Node, reading: Settled) -> Settled:
+        """Raise the force on what a regulated squeeze met to the node's; the reading after that."""
+        if not self._is_regulated(node) or reading.object_flag != CLOSING_CONTACT:
+            return reading
+        limit_ma, speed = self._handling.grip_current_ma, self._profile.speed_counts(node.squeeze.speed_um_s)
+        for force in strokes.raising(node.squeeze, self._profile):
             if limit_ma is not None and reading.current_ma >= limit_ma:
                 break
-            reading = self._stroke(stroke._replace(force_counts=force))
+            reading = self._jaws.stroke(Stroke(CLOSED_COUNTS, speed, force, 0.0))
             check_fresh(reading, CLOSED_COUNTS)
             if reading.object_flag == ARRIVED:  # it slipped out: the width tells
                 break
-        return reading
+        return self._checked(reading)
 
-    def _stroke(self, stroke: Stroke) -> Settled:
-        self.may_hold = True
-        return safety.stroke(self.gripper, stroke.request_counts, stroke.speed_counts, stroke.force_counts)
+    def _is_regulated(self, node: Node) -> bool:
+        return strokes.is_regulated(node.squeeze, self._profile, wanted=self._handling.regulated)
+
+    def _checked(self, reading: Settled) -> Settled:
+        check_fresh(reading, CLOSED_COUNTS)
+        self.where()
+        check_closed(reading, self.calibration, self._handling.current_ma)
+        return reading
 
     def _level(self, advance_mm: float) -> None:
         """Bring the arm to the height at which tips that advance so far are at the squeeze height."""
@@ -305,9 +320,9 @@ class Hand:
         motions = ceil(abs(target[3] - start[3]) / MOST_TURN_RAD)
         for number in range(1, motions):
             x, y, z, angle = (a + (b - a) * number / motions for a, b in zip(start, target, strict=True))
-            safety.ready_gripper(self.gripper)
+            self._jaws.ready()
             self._move_arm((x, y, z, angle), speed_um_s)
-        safety.ready_gripper(self.gripper)
+        self._jaws.ready()
         self._move_arm(target, speed_um_s)
 
     def _place(self) -> PoseOfHand:

@@ -12,13 +12,13 @@ from typing import NamedTuple
 from drivers.ports import GripperState
 from runtime.errors import GripperStateError
 from runtime.execution.delivery import Delivery, Sorting
-from runtime.execution.hand import CLEAR_MM, Hand
+from runtime.execution.hand import Hand
 from runtime.execution.reading import OPENED_COUNTS
 from runtime.execution.safety import needs_activation
 from runtime.journal.chain import Journal
 from runtime.journal.lines import Entry
 from runtime.journal.replay import UNDECIDED
-from runtime.table import Calibration, Table
+from runtime.table import CLEAR_MM, Calibration, Table
 from runtime.traversal.decision import CLOSING_CONTACT
 
 # Jaws within this of their widest are open: they settle at counts 3 to 13 (Robotiq SDK); the thinnest part.

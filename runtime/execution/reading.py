@@ -63,13 +63,19 @@ def check_opened(settled: Settled, requested_counts: int, calibration: Calibrati
         GripperStateError: the reading is stale, or the jaws are blocked.
     """
     check_fresh(settled, requested_counts)
-    asked_um = calibration.width_um(requested_counts)
-    stopped_um = calibration.width_um(settled.position_counts)
-    if stopped_um < calibration.width_um(min(requested_counts + OPENED_COUNTS, CLOSED_COUNTS)):
+    if not is_open(settled.position_counts, requested_counts, calibration):
+        asked_um = calibration.width_um(requested_counts)
+        stopped_um = calibration.width_um(settled.position_counts)
         raise GripperStateError(
             f"the jaws stopped at {stopped_um / 1000:.2f} mm while opening to {asked_um / 1000:.2f} mm; "
             "remove what blocks them"
         )
+
+
+def is_open(position_counts: int, requested_counts: int, calibration: Calibration) -> bool:
+    """Whether jaws at a count are open as far as requested."""
+    least_um = calibration.width_um(min(requested_counts + OPENED_COUNTS, CLOSED_COUNTS))
+    return calibration.width_um(position_counts) >= least_um
 
 
 def check_set(position_counts: int, requested_counts: int, calibration: Calibration) -> None:

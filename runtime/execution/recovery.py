@@ -6,7 +6,7 @@ open and closed at that node's place; after `squeeze` they hold the part, drag i
 on their way; after `freed`, and before the first, they touch nothing. A squeeze cut short is repeated.
 """
 
-from math import dist, remainder, tau
+from math import dist, pi, remainder, tau
 
 from drivers.ports import PoseOfHand
 from runtime.errors import BrokenRunError
@@ -14,7 +14,7 @@ from runtime.execution.hand import LEVEL_MM, Hand
 from runtime.execution.reading import CLOSED_COUNTS, OPENED_COUNTS
 from runtime.execution.safety import PLACED_MM, PLACED_RAD
 from runtime.journal.replay import Last, Replay
-from runtime.table import REJECT, Node, Pose2, Table
+from runtime.table import REJECT, Node, Pose2, Table, close_alike, job_of
 from runtime.traversal.decision import ARRIVED, release_point
 from runtime.traversal.geometry import placement
 
@@ -42,11 +42,12 @@ def pending(broken: Replay, table: Table, hand: Hand) -> tuple[Node, int] | None
     branch = next((k for k, branch in enumerate(node.branches) if branch.target == target), REJECT)
     place, let_go = placement(node.squeeze), placement(node.squeeze, release_point(node, branch))
     retreat_mm = hand.limits.retreat_height_um / 1000
-    low = pose[2] < retreat_mm - LEVEL_MM
+    low = pose[2] < (hand.timing.regrasp_mm if broken.steps else retreat_mm) - LEVEL_MM
+    alike = close_alike(job_of(table))
     closed = state.echo_counts == CLOSED_COUNTS
     held = broken.last is Last.SQUEEZED and (closed or state.object_flag != ARRIVED)
     if held or broken.last is Last.PLACED:
-        if not (low and _between(pose, place, let_go)):
+        if not (low and _between(pose, place, let_go, alike)):
             raise _moved(pose, "with the part between the fingers; take it out")
         if held and closed and broken.steps:
             count, before = state.position_counts, broken.steps[-1].position_counts
@@ -62,7 +63,7 @@ def pending(broken: Replay, table: Table, hand: Hand) -> tuple[Node, int] | None
     first = after.squeeze if again or not after.pushes else after.pushes[0]
     coming = let_go if broken.traversal.outcome else placement(first)
     ways = [(let_go, let_go), (coming, coming)] if low else [(let_go, coming)]
-    if pose[2] > retreat_mm + PLACED_MM or not any(_between(pose, *way) for way in ways):
+    if pose[2] > retreat_mm + PLACED_MM or not any(_between(pose, *way, alike) for way in ways):
         raise _moved(pose, "after it had let go of the part, which may have been moved too")
     return None
 
@@ -74,11 +75,15 @@ def _moved(pose: PoseOfHand, where: str) -> BrokenRunError:
     )
 
 
-def _between(pose: PoseOfHand, start: Pose2, end: Pose2) -> bool:
-    """Whether the arm stands on the way from one place to another, whatever its height."""
+def _between(pose: PoseOfHand, start: Pose2, end: Pose2, alike: bool) -> bool:
+    """Whether the arm stands on the way from one place to another, whatever its height.
+
+    Hands whose fingers close alike may be half a turn round.
+    """
+    turn = pi if alike else tau
     off_mm = _distance(pose[:2], start[:2], end[:2])
     whole, done, left = (
-        abs(remainder(a - b, tau)) for a, b in ((end[2], start[2]), (pose[3], start[2]), (end[2], pose[3]))
+        abs(remainder(a - b, turn)) for a, b in ((end[2], start[2]), (pose[3], start[2]), (end[2], pose[3]))
     )
     return off_mm <= PLACED_MM and done + left <= whole + 2 * PLACED_RAD
 

@@ -44,11 +44,13 @@ def needs_activation(state: GripperState) -> bool:
     return not state.activated or state.fault not in (0, NO_COMMUNICATION)
 
 
-def ready_gripper(gripper: Gripper) -> None:
-    """Read the gripper and check that it may be moved.
+def ready_gripper(gripper: Gripper, asked_counts: int | None = None) -> GripperState:
+    """Read the gripper and check that it, or the arm, may be moved.
+
+    It may be on its way to `asked_counts`, where this run asked it to go there.
 
     Raises:
-        GripperStateError: not activated, in fault, or still moving.
+        GripperStateError: not activated, in fault, or moving without having been asked to.
     """
     state = gripper.state()
     if state.fault not in (0, NO_COMMUNICATION):
@@ -61,17 +63,26 @@ def ready_gripper(gripper: Gripper) -> None:
             "the gripper is not activated; clear the space between the fingers, "
             "then start again with --activate"
         )
-    if state.moving:
+    if state.moving and state.echo_counts != asked_counts:
         raise GripperStateError("the gripper moves without having been asked to; who else commands it?")
+    return state
 
 
-def stroke(gripper: Gripper, position_counts: int, speed_counts: int, force_counts: int) -> Settled:
+def stroke(
+    gripper: Gripper,
+    position_counts: int,
+    speed_counts: int,
+    force_counts: int,
+    asked_counts: int | None = None,
+) -> Settled:
     """Move the jaws of a gripper that is ready, and wait until they have settled.
+
+    They may be on their way to `asked_counts`, as of `ready_gripper`.
 
     Raises:
         GripperStateError: it is not ready.
     """
-    ready_gripper(gripper)
+    ready_gripper(gripper, asked_counts)
     gripper.move(position_counts, speed_counts, force_counts)
     return gripper.wait()
 

@@ -53,6 +53,7 @@ def run_journalled(
     it is recorded.
     """
     with ending(cell.journal) as tally:
+        tally.takt_s, tally.timed = options.takt_s, options.timed
         # Fingers that may hold a part are the executor's to look at, and never sweep.
         if broken is None or broken.part is None:
             with interrupts.stoppable():

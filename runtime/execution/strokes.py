@@ -1,17 +1,17 @@
 """How the jaws get from one opening to another: settings in counts, and the strokes of a closing motion.
 
-A regulated squeeze (the paper's experiment 8*) runs at the node's speed and the least force to just wider
-than the widest planned outcome, then as slowly as it can until contact, and only then raises the force.
+Jaws close at full speed to just before the first contact that the belief allows, then at the squeeze's speed.
+A regulated squeeze (the paper's experiment 8*) closes with the least force until contact, and raises it only
+where that can change anything.
 """
 
 from typing import NamedTuple
 
 from runtime.execution.reading import CLOSED_COUNTS
 from runtime.execution.tips import TipArc
-from runtime.table import Calibration, Node, Profile, Squeeze
+from runtime.table import Calibration, Node, Profile, Squeeze, Timing
 
 GENTLE_SPEED, GENTLE_FORCE = 0, 0  # counts: the gripper's least, of a 2F-85 20 mm/s and about 20 N
-NEAR_UM = 3_000  # how much wider than the widest outcome the gentle part begins
 RAISE_COUNTS = (
     64  # the force rises by at most so much (a quarter of its range) before the reading is looked at again
 )
@@ -44,6 +44,7 @@ def closing(
     calibration: Calibration,
     arc: TipArc | None,
     open_mm: float,
+    timing: Timing,
     *,
     regulated: bool,
 ) -> list[Stroke]:
@@ -53,20 +54,20 @@ def closing(
     """
     squeeze = node.squeeze
     force = GENTLE_FORCE if regulated else profile.force_counts(squeeze.force_mn)
+    slow = profile.speed_counts(squeeze.speed_um_s)
+    fast = max(slow, profile.speed_counts(round(1000 * timing.fastest_mm_s)))
+    contact_mm = None if node.contact_um is None else node.contact_um / 1000
+    near_mm = timing.approach_mm(open_mm, contact_mm, squeeze.speed_um_s / 1000)
     ends = [0.0] if arc is None else arc.stages(open_mm, 0.0)
-    near_counts = 0
-    near_mm = (max(branch.high_um for branch in node.branches) + NEAR_UM) / 1000
-    if regulated and near_mm < open_mm:
+    if near_mm < open_mm:
         ends = sorted({*ends, near_mm}, reverse=True)
-        near_counts = calibration.count(round(1000 * near_mm))
     strokes: list[Stroke] = []
     start_mm, start_counts = open_mm, calibration.count(round(1000 * open_mm))
     for end_mm in ends:
         request = calibration.count(round(1000 * end_mm)) if end_mm > 0.0 else CLOSED_COUNTS
         if request == start_counts:  # two ends within one count
             continue
-        gentle = regulated and start_counts >= near_counts
-        speed = GENTLE_SPEED if gentle else profile.speed_counts(squeeze.speed_um_s)
+        speed = fast if near_mm <= end_mm < open_mm else slow
         advance_mm = 0.0 if arc is None else arc.most_mm(end_mm, start_mm)
         strokes.append(Stroke(request, speed, force, advance_mm))
         start_mm, start_counts = end_mm, request

@@ -60,6 +60,10 @@ class Lines(Console):
         if tally.crashes is not None:
             told.append(f"{tally.crashes} crashes")
         told.append(f"{tally.squeezes / max(tally.parts, 1):.2f} squeezes a part")
+        if times := tally.times():
+            told.append(f"{times['seconds_mean']:.1f} s a part, 95 % within {times['seconds_p95']:.1f} s")
+        if "takt_probability" in times:
+            told.append(f"{times['takt_probability']:.1%} within {tally.takt_s:g} s")
         parts = "1 part" if tally.parts == 1 else f"{tally.parts} parts"
         say(f"{parts}: {', '.join(told)}; journal {journal}")
 
@@ -96,6 +100,7 @@ def as_object(table: Table, result: PartResult, seen: Sighting | None, journal: 
         "success_trials": None if leaf is None else leaf.trials,
         "expected_error_mm": None if leaf is None else _expected_error(leaf),
         **_names(table, leaf, seen),
+        "seconds": None if result.seconds is None else round(result.seconds, 4),
         "audit": result.audit,
         "delivery": result.delivery,
         "true_pose": None if seen is None or seen.true is None else _pose_object(seen.true),

@@ -42,7 +42,7 @@ class Parser(argparse.ArgumentParser):
 
     def _print_message(self, message: str, file: Any = None) -> None:
         """Print the text of --help; argparse itself would not tell that it was lost."""
-        say(message.removesuffix("\n"), file or sys.stderr)
+        say_lines(message, file or sys.stderr)
 
     def add_common(self, json: str = "print one JSON object instead of text") -> None:
         """Add --json, with its help, and --debug."""
@@ -125,6 +125,12 @@ def say(line: str, file: TextIO | None = None) -> None:
         _give_up(file, error)
 
 
+def say_lines(text: str, file: TextIO | None = None) -> None:
+    """Print each line of a text, as `say`."""
+    for line in text.removesuffix("\n").split("\n"):
+        say(line, file)
+
+
 def tell(name: str, words: object) -> None:
     """Print what is wrong as one line on standard error, if there is one."""
     say(f"{name}: {one_line(words)}", sys.stderr)
@@ -172,6 +178,13 @@ def positive(text: str) -> float:
     return value
 
 
+def seconds(text: str) -> float:
+    """A positive time such as 90, 90s or 1.5min, for argparse [s]."""
+    if text.endswith("min"):
+        return 60.0 * positive(text.removesuffix("min"))
+    return positive(text.removesuffix("s"))
+
+
 def _at_least(least: int, text: str) -> int:
     try:
         value = int(text)
@@ -196,7 +209,7 @@ def _guarded(
         return code
     except (Exception, SystemExit) as error:  # a world's factory may be any function
         if getattr(arguments, "debug", False):
-            say(traceback.format_exc().removesuffix("\n"), sys.stderr)
+            say_lines(traceback.format_exc(), sys.stderr)
         code, words = _end_of(error)
         tell(name, words)
         return code

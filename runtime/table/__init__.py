@@ -49,12 +49,29 @@ from runtime.table.model import (
     Table,
 )
 from runtime.table.proof import job_of, prove
+from runtime.table.schedule import Schedule, Squeezed, Stand, close_alike
+from runtime.table.takt import figures as takt_figures
+from runtime.table.timing import (
+    ABOVE_MM,
+    ARM_ACCELERATION_MM_S2,
+    CLEAR_MM,
+    LEAD_MM,
+    Phases,
+    Timing,
+    Visit,
+    phases_of,
+    time_of,
+    trapezoid_s,
+)
 
 __all__ = ["COUNTS", "HELD_UM", "KINDS", "PPM", "PROFILES", "REJECT", "UNDETECTED_UM"]
 __all__ += ["Calibration", "GoalSpec", "GripperSpec", "Hypothesis", "Limits", "Pose2", "Prediction"]
 __all__ += ["Branch", "Leaf", "Node", "Profile", "Push", "Squeeze", "Table", "TableError", "TableFile"]
 __all__ += ["TableFileError", "by_count", "decide", "decision_map", "dump", "dumps", "job_of", "load"]
 __all__ += ["distance", "error_mm", "hypotheses_of", "loads", "meets", "misfits", "poses_of"]
+__all__ += ["phases_of", "takt_figures", "time_of", "trapezoid_s"]
+__all__ += ["ABOVE_MM", "ARM_ACCELERATION_MM_S2", "LEAD_MM"]
+__all__ += ["CLEAR_MM", "Phases", "Schedule", "Squeezed", "Stand", "Timing", "Visit", "close_alike"]
 __all__ += ["predicted_pose", "profile_of", "refuted", "residual", "threshold", "wilson_interval"]
 
 

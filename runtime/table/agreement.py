@@ -10,7 +10,9 @@ from typing import Any
 from runtime.errors import TableError
 from runtime.table.embedded import Section, gyration_mm, number, numbers, parts_of, points, section
 from runtime.table.grip import prove_grips
+from runtime.table.grippers import same_model
 from runtime.table.model import PPM, Table
+from runtime.table.timing import checked
 
 RHO_UM = 2  # rho is summed in another order than the planner's
 UM = 1e3  # a mm, a N, a mm/s
@@ -25,6 +27,7 @@ def prove_agreement(table: Table, job: Mapping[str, Any]) -> None:
     for name, stated, wanted in (*_header(table, job), *_parts(table, job), *_squeezes(table, job)):
         if stated != wanted:
             raise TableError(f"{name} is {stated}, but the embedded job says {wanted}; recompile it")
+    checked(table.limits, job)
     prove_grips(table, job)
 
 
@@ -35,7 +38,8 @@ def _header(table: Table, job: Section) -> Compared:
     gripper, limits = table.gripper, table.limits
     stated, cell = section(job, "gripper"), section(job, "cell")
     if "model" in stated:
-        yield "gripper.model", gripper.model, stated["model"]
+        model = str(stated["model"])
+        yield "gripper.model", gripper.model, gripper.model if same_model(gripper.model, model) else model
     for name in ("opening", "finger_length", "finger_width", "encoder_noise"):
         yield from _scaled(f"gripper.{name}_um", getattr(gripper, f"{name}_um"), stated, f"{name}_mm")
     for name in ("count_open", "count_closed"):

@@ -1,11 +1,11 @@
-"""The bytes of a table, formats 3 to 6: arrays of integers, one a field. `TABLE.md` is their specification.
+"""The bytes of a table, formats 3 to 10: arrays of integers, one a field. `TABLE.md` is their specification.
 
-Format 4 is that of tables for several hypotheses: the fields of format 3, then those of `SEVERAL_FIELDS`.
-Formats 5 and 6 are those of tables that push: the fields of 3 and of 4, then those of `PUSH_FIELDS`.
+The number is 3, and 1 more with fields for several hypotheses (`SEVERAL_FIELDS`), 2 more with fields for
+pushes (`PUSH_FIELDS`), 4 more with the widths of first contact (`CONTACT_FIELDS`), in this order.
 """
 
 import hashlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import astuple, replace
 from itertools import islice
 from typing import TypeVar
@@ -36,6 +36,7 @@ FORMAT = 3
 SEVERAL = 4
 PUSHING = 5
 PUSHING_SEVERAL = 6
+CONTACTS = 7
 MAGIC = "squeezetree"
 BEGINNING = 16  # bytes within which a table names itself
 MAX_BYTES = 2 << 20
@@ -63,12 +64,9 @@ SEVERAL_FIELDS = (
     "alternative_hypothesis",
 )
 PUSH_FIELDS = ("node_pushes", *(f"push_{field}" for field in Push._fields))
-FIELDS = {
-    FORMAT: PAYLOAD_FIELDS,
-    SEVERAL: (*PAYLOAD_FIELDS, *SEVERAL_FIELDS),
-    PUSHING: (*PAYLOAD_FIELDS, *PUSH_FIELDS),
-    PUSHING_SEVERAL: (*PAYLOAD_FIELDS, *SEVERAL_FIELDS, *PUSH_FIELDS),
-}  # of the payload, by the number of the format
+CONTACT_FIELDS = ("node_contact_um",)
+MORE_FIELDS = {SEVERAL: SEVERAL_FIELDS, PUSHING: PUSH_FIELDS, CONTACTS: CONTACT_FIELDS}
+FORMATS = range(FORMAT, FORMAT + sum(more - FORMAT for more in MORE_FIELDS) + 1)
 
 Kind = TypeVar("Kind")
 Row = tuple[int, ...]
@@ -82,9 +80,13 @@ def encode(table: Table) -> bytes:
     """
     try:
         number = format_of(table)
-        several = _several(table) if number in (SEVERAL, PUSHING_SEVERAL) else []
-        pushes = _pushes(table) if number >= PUSHING else []
-        payload = bytes(msgpack.packb([*_header(table), *_columns(table), table.job, *several, *pushes]))
+        writers: dict[int, Callable[[Table], Sequence[object]]] = {
+            SEVERAL: _several,
+            PUSHING: _pushes,
+            CONTACTS: _contacts,
+        }
+        more = [value for part in _parts_in(number) for value in writers[part](table)]
+        payload = bytes(msgpack.packb([*_header(table), *_columns(table), table.job, *more]))
         frame = bytes(msgpack.packb([MAGIC, number, hashlib.sha256(payload).digest(), payload]))
     except (AttributeError, OverflowError, TypeError, ValueError) as error:
         raise TableError(f"a value of the table cannot be written: {error}") from error
@@ -105,10 +107,10 @@ def decode(data: bytes) -> Table:
     frame = _unpacked(data, "the file") if named else None
     if not isinstance(frame, tuple) or len(frame) < 2 or frame[0] != MAGIC:
         raise TableError("not a squeezetree table; pass the .msgpack file plan-compile wrote")
-    if type(frame[1]) is not int or frame[1] not in FIELDS:
+    if type(frame[1]) is not int or frame[1] not in FORMATS:
         told = frame[1] if type(frame[1]) is int else type(frame[1]).__name__
         raise TableError(
-            f"format {told} is not readable; this runtime reads {min(FIELDS)} to {max(FIELDS)}, recompile it"
+            f"format {told} is not readable; this runtime reads {FORMATS[0]} to {FORMATS[-1]}, recompile it"
         )
     if len(frame) != len(FRAME_FIELDS) or not all(type(part) is bytes for part in frame[2:]):
         raise TableError(f"the frame is not {', '.join(FRAME_FIELDS)}; copy the file again or recompile it")
@@ -117,15 +119,14 @@ def decode(data: bytes) -> Table:
     payload = _unpacked(frame[3], "the payload")
     if msgpack.packb(frame) != data or msgpack.packb(payload) != frame[3]:
         raise TableError("not in the one encoding a table has; recompile it")
-    names = FIELDS[frame[1]]
+    names = fields_of(frame[1])
     if not isinstance(payload, tuple) or len(payload) != len(names):
         raise TableError(f"the payload is not an array of {len(names)}; recompile it")
     fields = dict(zip(names, payload, strict=True))
     table = _table(fields)
-    if frame[1] in (SEVERAL, PUSHING_SEVERAL):
-        table = _with_hypotheses(table, fields)
-    if frame[1] >= PUSHING:
-        table = _with_pushes(table, fields)
+    readers = {SEVERAL: _with_hypotheses, PUSHING: _with_pushes, CONTACTS: _with_contacts}
+    for part in _parts_in(frame[1]):
+        table = readers[part](table, fields)
     if format_of(table) != frame[1]:
         raise TableError(f"format {frame[1]} is not that of such a table, which is {format_of(table)}")
     return table
@@ -133,9 +134,19 @@ def decode(data: bytes) -> Table:
 
 def format_of(table: Table) -> int:
     """The number of the format in which a table is written."""
-    if table.pushing is None:
-        return SEVERAL if table.hypotheses else FORMAT
-    return PUSHING_SEVERAL if table.hypotheses else PUSHING
+    contacts = any(node.contact_um is not None for node in table.nodes)
+    has = {SEVERAL: bool(table.hypotheses), PUSHING: table.pushing is not None, CONTACTS: contacts}
+    return FORMAT + sum(more - FORMAT for more in MORE_FIELDS if has[more])
+
+
+def fields_of(number: int) -> tuple[str, ...]:
+    """The fields of the payload in the format of a number."""
+    return (*PAYLOAD_FIELDS, *(field for part in _parts_in(number) for field in MORE_FIELDS[part]))
+
+
+def _parts_in(number: int) -> list[int]:
+    """What a format has beside format 3, in its order."""
+    return [part for part in MORE_FIELDS if (number - FORMAT) & (part - FORMAT)]
 
 
 def rows_of(table: Table) -> dict[str, Sequence[Row]]:
@@ -191,8 +202,24 @@ def _pushes(table: Table) -> list[list[int]]:
     return [[len(node.pushes) for node in table.nodes], *map(list, zip(*rows, strict=True))]
 
 
+def _contacts(table: Table) -> list[list[int]]:
+    openings = (node.squeeze.opening_um for node in table.nodes)
+    contacts = (node.contact_um for node in table.nodes)
+    return [[wide if own is None else own for wide, own in zip(openings, contacts, strict=True)]]
+
+
+def _with_contacts(table: Table, fields: dict[str, object]) -> Table:
+    """A table with the widths of first contact; the opening itself stands where none is known."""
+    contacts = _integers(fields, "node_contact_um", len(table.nodes))
+    nodes = (
+        node._replace(contact_um=None if own == node.squeeze.opening_um else own)
+        for node, own in zip(table.nodes, contacts, strict=True)
+    )
+    return replace(table, nodes=tuple(nodes))
+
+
 def _with_pushes(table: Table, fields: dict[str, object]) -> Table:
-    """A table with what formats 5 and 6 add."""
+    """A table with what is pushed before its squeezes."""
     sizes = _integers(fields, "node_pushes", len(table.nodes))
     pushes = _parts(map(Push._make, _rows(fields, "push")), list(sizes), MAX_PUSHES, "node_pushes")
     nodes = zip(table.nodes, pushes, strict=True)
@@ -200,7 +227,7 @@ def _with_pushes(table: Table, fields: dict[str, object]) -> Table:
 
 
 def _with_hypotheses(table: Table, fields: dict[str, object]) -> Table:
-    """A table with what format 4 adds."""
+    """A table with the parts that may lie there."""
     identify, names = _typed(fields, "identify", int), _typed(fields, "hypothesis_name", tuple)
     if not 0 <= identify <= 1:
         raise TableError("identify is neither 0 nor 1")

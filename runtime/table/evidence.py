@@ -69,7 +69,10 @@ def prove_figures(table: Table) -> None:
                 )
         _prove_errors(index, leaf, table.goal)
     predicted = table.predicted
-    if predicted.trials == 0 or not any(leaf.trials for leaf in table.leaves):
+    if predicted.trials == 0:
+        return
+    _prove_predicted(table)
+    if not any(leaf.trials for leaf in table.leaves):
         return
     # Shares are rounded to a ppm. Leaves that no part came to have trials of another run, on top of these.
     slack = 1 + predicted.trials / PPM
@@ -79,6 +82,21 @@ def prove_figures(table: Table) -> None:
         raise TableError(
             f"predicted.success_ppm is {predicted.success_ppm}, {round(successes)} of {predicted.trials} "
             f"trials, but only {at_leaves} met the goal at the leaves"
+        )
+
+
+def _prove_predicted(table: Table) -> None:
+    """Check that the shares are of the same trials, and that a part is squeezed as often as the tree says."""
+    predicted = table.predicted
+    most_ppm = PPM - predicted.reject_ppm + 1  # both are rounded
+    if predicted.success_ppm > most_ppm:
+        raise TableError(
+            f"predicted.success_ppm is {predicted.success_ppm}, but {predicted.reject_ppm} ppm were rejected"
+        )
+    if not PPM <= predicted.mean_squeezes_ppm <= PPM * table.limits.max_depth:
+        raise TableError(
+            f"predicted.mean_squeezes_ppm is {predicted.mean_squeezes_ppm}, allowed is {PPM}.."
+            f"{PPM * table.limits.max_depth}: the tree is {table.limits.max_depth} squeezes deep"
         )
 
 

@@ -26,6 +26,7 @@ class Profile(NamedTuple):
     # link and offset of the arc that the tips move on, mm; a link alone: the offset has to be measured;
     # empty: they move straight
     arc_mm: tuple[float, ...]
+    redirects: bool = False  # whether it takes another position, speed and force while the jaws move
 
     def speed_counts(self, speed_um_s: int) -> int:
         """The fastest speed setting that is not faster than asked, 0..255."""
@@ -45,7 +46,17 @@ PROFILES = {
     profile.model: profile
     for profile in (
         # Robotiq's SDK, device_profile.hpp: counts read on a bench. The arc is that of its URDF models.
-        Profile("robotiq-2f-85", 85_000, 3, 230, (20_000, 150_000), (20_000, 235_000), (57.15, 5.0)),
+        # Teleoperation streams positions to it while it moves.
+        Profile(
+            "robotiq-2f-85",
+            85_000,
+            3,
+            230,
+            (20_000, 150_000),
+            (20_000, 235_000),
+            (57.15, 5.0),
+            redirects=True,
+        ),
         # Commonly published figures, not compared with a manual's page; a user read 230 closed on nothing
         # (ur_rtde issue 356). The URDF models agree on the link and differ by 5 mm in where the pads are.
         Profile("robotiq-2f-140", 140_000, 3, 230, (30_000, 250_000), (10_000, 125_000), (100.0,)),
@@ -95,7 +106,14 @@ def _is_sound(profile: Profile) -> bool:
     numbers = [profile.opening_um, *(number for pair in rising for number in pair)]
     if not all(isinstance(number, int) and number >= 0 for number in numbers):
         return False
-    return profile.opening_um > 0 and all(low < high for low, high in rising) and len(profile.arc_mm) <= 2
+    sound = profile.opening_um > 0 and all(low < high for low, high in rising)
+    return sound and len(profile.arc_mm) <= 2 and isinstance(profile.redirects, bool)
+
+
+def same_model(one: str, other: str) -> bool:
+    """Whether two names are of one model, whatever their case, spaces and dashes."""
+    one, other = _normalised(one), _normalised(other)
+    return NAMES.get(one, one) == NAMES.get(other, other)
 
 
 def _normalised(model: str) -> str:

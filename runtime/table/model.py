@@ -70,6 +70,9 @@ class Node(NamedTuple):
     # jaws open, another place than the squeeze's; None: they open where they closed.
     release: tuple[int, int] | None = None
     pushes: tuple[Push, ...] = ()  # in this order, at most `MAX_PUSHES`
+    # Greatest width at which the closing jaws may meet the part, by the belief there; None: nobody knows, so
+    # they close at the squeeze's speed all the way.
+    contact_um: int | None = None
 
 
 class Leaf(NamedTuple):

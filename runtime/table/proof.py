@@ -51,6 +51,9 @@ def prove(table: Table) -> None:
     calibration = Calibration.linear(table.gripper)
     for index, node in enumerate(table.nodes):
         _prove_pushes(index, node, table.limits)
+        if node.contact_um is not None:
+            widest_um = max(branch.expected_um for branch in node.branches)
+            _within(f"node {index}: contact_um", node.contact_um, widest_um, node.squeeze.opening_um - 1)
         total, below = 0, -1
         for number, branch in enumerate(node.branches):
             if not (branch.low_um <= branch.expected_um <= branch.high_um and below < branch.expected_um):

@@ -12,7 +12,7 @@ from runtime.errors import (
     PartUnresolvedError,
     StoppedError,
 )
-from runtime.table import Squeeze
+from runtime.table import Phases, Squeeze
 
 
 class Outcome(Enum):
@@ -68,6 +68,8 @@ class PartResult:
     safe_state: tuple[str, ...] = ()
     audit: str | None = None  # the auditor's verdict, "pass", "fail" or "unknown"; None without one
     delivery: str | None = None  # "done" or "missed", None where no delivery was asked for
+    seconds: float | None = None  # from the part's first motion to its outcome; None where none was reached
+    phases: tuple[Phases, ...] = ()  # of each squeeze; of those after a crash where the part was resumed
 
     @classmethod
     def of(
@@ -105,4 +107,8 @@ class PartResult:
             "safe_state": list(self.safe_state),
             "audit": self.audit,
             "delivery": self.delivery,
+            "seconds": None if self.seconds is None else round(self.seconds, 4),
+            "phases": [
+                {name: round(value, 4) for name, value in own._asdict().items()} for own in self.phases
+            ],
         }

@@ -3,9 +3,9 @@
     python tests/bench/bench_first_answers.py [--sample 60] [--seed 50] [--budget 60s]
 
 Each outline is written as CSV and tried as a user would, in a process of its own. What is checked of each:
-there is an answer (exit code 0, with a verdict), it comes within the budget and `SPARE_S` of processor time
-and wall time for all that is not search, and its shares add up. What is done is kept line by line in
---results, and started again it goes on. Figures go to `results/first_answers.json` beside this file: names
+there is an answer (exit code 0, with a verdict), it comes within the budget and `SPARE_S` for all that is not
+search, its shares add up, and verdict, weakest world and conditions agree. What is done is kept line by line
+in --results, and started again it goes on. Figures go to `results/first_answers.json` beside this file: names
 and figures, no outlines. Needs the packages that the outlines come from; without them it says how to get
 them.
 """
@@ -29,7 +29,8 @@ sys.path.insert(0, str(ROOT / "tools"))
 
 import zoo_sources  # noqa: E402
 
-from planner.cli.shell import seconds  # noqa: E402
+from planner.report.verdict import GOOD_WRONG  # noqa: E402
+from runtime.shell.command import seconds  # noqa: E402
 
 RESULTS = Path(__file__).parent / "results" / "first_answers.json"
 SPARE_S = 60.0  # for imports, kernels, other worlds and the picture, on a machine that others use, too
@@ -61,11 +62,11 @@ def main() -> int:
                 file.write(json.dumps(done[name]) + "\n")
             print(json.dumps(done[name]), flush=True)
     rows = [done[name] for name in names if name in done]
-    told = {
+    figures = {
         "machine": platform.platform(), "budget_s": options.budget, "turn_deg": options.turn,
         "seed": options.seed, "drawn": len(names), "of": len(outlines), "rows": rows,
     }  # fmt: skip
-    RESULTS.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
+    RESULTS.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
     wrong = [row["name"] for row in rows if row["faults"]]
     print(f"{len(rows)} of {len(names)} tried, {len(wrong)} with a fault: {', '.join(wrong) or 'none'}")
     return 1 if wrong else 0
@@ -88,27 +89,32 @@ def answered(name: str, outline: Any, options: argparse.Namespace) -> dict[str, 
     row: dict[str, Any] = {"name": name, "seconds": round(wall_s, 1), "cpu_s": round(cpu_s, 1)}
     if done.returncode:
         return row | {"faults": [f"exit code {done.returncode}: {done.stderr.strip()[-300:]}"]}
-    told = json.loads(done.stdout)
-    figures = {key: told[key] for key in (*SHARES, "crashes", "mean_squeezes", "verdict") if key in told}
-    return row | figures | {"reason": told.get("reason"), "faults": faults(told, wall_s, options.budget)}
+    answer = json.loads(done.stdout)
+    figures = {key: answer[key] for key in (*SHARES, "crashes", "mean_squeezes", "verdict") if key in answer}
+    return row | figures | {"reason": answer.get("reason"), "faults": faults(answer, wall_s, options.budget)}
 
 
-def faults(told: dict[str, Any], wall_s: float, budget_s: float) -> list[str]:
+def faults(answer: dict[str, Any], wall_s: float, budget_s: float) -> list[str]:
     """What is wrong with an answer."""
-    found = []
-    if told.get("verdict") not in ("good", "fair", "poor", "cut", "unknown"):
-        found.append("no verdict")
+    wrong = []
+    if answer.get("verdict") not in ("good", "fair", "poor", "cut", "unknown"):
+        wrong.append("no verdict")
     if wall_s > budget_s + SPARE_S:
-        found.append(f"{wall_s:.0f} s for a budget of {budget_s:.0f} s")
-    if "success_rate" in told:
-        total = sum(told[key] for key in SHARES) + told["crashes"] / told["trials"]
+        wrong.append(f"{wall_s:.0f} s for a budget of {budget_s:.0f} s")
+    if "success_rate" in answer:
+        total = sum(answer[key] for key in SHARES) + answer["crashes"] / answer["trials"]
         if abs(total - 1.0) > 1e-9:
-            found.append(f"shares add up to {total}")
-        low, high = told["success_ci95"]
-        if not low <= told["success_rate"] <= high:
-            found.append("the rate lies outside its interval")
-    found += [f"note: {note}" for note in told.get("notes", ())]
-    return found
+            wrong.append(f"shares add up to {total}")
+        low, high = answer["success_ci95"]
+        if not low <= answer["success_rate"] <= high:
+            wrong.append("the rate lies outside its interval")
+        weakest = answer["weakest"]
+        if bool(answer["conditions"]) != (weakest["wrong"] >= GOOD_WRONG):
+            wrong.append("conditions and the weakest world contradict each other")
+        if weakest["name"] not in answer["sentence"]:
+            wrong.append("the sentence names another world than the weakest")
+    wrong += [f"note: {note}" for note in answer.get("notes", ())]
+    return wrong
 
 
 if __name__ == "__main__":

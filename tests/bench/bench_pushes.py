@@ -4,7 +4,8 @@
 
 FOLDER holds two push logs, `hardboard_3pts3.txt` and `plywood_3pts1.txt` (as `plan-identify` reads them), and
 `two_fingers.csv`: one push a line in the columns that `plan-simulate --push` reads, with `support` (3pts1,
-3pts3 or patch), `run`, `index` and what was measured, `moved_x_mm`, `moved_y_mm` and `turned_deg`.
+3pts3 or patch), `run`, `index` and what was measured, `moved_x_mm`, `moved_y_mm` and `turned_deg`. The other
+runs, `two_fingers_more.csv`, are judged beside them where they are there.
 
 Friction and the scatter of the limit surface are fitted to the logs, in which a single finger pushes:
 friction by the least mean error of the final pose, the Wishart distribution's degrees of freedom by the
@@ -39,6 +40,9 @@ RESULTS = Path(__file__).parent / "results" / "pushes.json"
 DATA = ROOT.parent / "shared" / "data" / "pushes"
 LOGS = {"hardboard_3pts3.txt": "3pts3", "plywood_3pts1.txt": "3pts1"}
 TWO_FINGERS = "two_fingers.csv"
+MORE = (
+    "two_fingers_more.csv"  # the other runs of the same recordings, judged beside them where they are there
+)
 SOURCE = (
     "the pushes are public logs of Carnegie Mellon University's Manipulation Lab (2015, the robot data of "
     "arXiv 1602.06056), in the columns that the head of this file states; give their folder with --data"
@@ -208,6 +212,18 @@ def judged(
     return figures, off, right
 
 
+def judged_more(
+    path: Path, interval: tuple[float, float], dof: int, mu: float
+) -> dict[str, dict[str, float]]:
+    """Figures of further pushes with two fingers, by support."""
+    recorded, lines = read_two_fingers(path)
+    supports = np.array([line["support"] for line in lines])
+    return {
+        support: judged(recorded.take(supports == support), simulator(support, interval, dof), mu, seed)[0]
+        for seed, support in enumerate(SUPPORTS, 1)
+    }
+
+
 def too_far(recorded: Recorded) -> BoolArray:
     """Pushes after which the block lies farther from its start than any finger went: not by pushing."""
     paths = recorded.paths
@@ -265,6 +281,10 @@ def main() -> int:
         )
         found["supports"][support] = figures
         print(support, json.dumps({name: round(value, 3) for name, value in figures.items()}))
+    if (options.data / MORE).is_file():
+        found["more"] = judged_more(options.data / MORE, interval, dof, mu)
+        for support, figures in found["more"].items():
+            print(f"more, {support}", json.dumps({name: round(value, 3) for name, value in figures.items()}))
     slid, distance = ~is_stuck(recorded), np.hypot(off[:, 0], off[:, 1])
     found["median_mm_slid"] = float(np.median(distance[slid]))
     found["runs"] = runs_of(lines, recorded, off, right)

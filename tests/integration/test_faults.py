@@ -8,7 +8,7 @@ from soaking import small_soak, soak_run
 
 from drivers.sim.faults import KINDS, Channel, Fault, Listed
 from runtime.execution.executor import RunOptions
-from runtime.execution.hand import Handling
+from runtime.execution.handling import Handling
 
 TABLE = (Path(__file__).parents[2] / "drivers" / "sim" / "FAULTS.md").read_text()
 ROWS = {

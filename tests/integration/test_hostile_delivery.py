@@ -23,7 +23,7 @@ from drivers.sim.virtual.cell import VirtualCell
 from runtime.cli import main
 from runtime.execution.delivery import from_text
 from runtime.execution.executor import RunOptions
-from runtime.execution.hand import Handling
+from runtime.execution.handling import Handling
 from runtime.journal.chain import records
 from runtime.table import Table, dump
 from runtime.traversal.results import Outcome

@@ -13,7 +13,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from hostile_devices import Bench, Case
+from hostile_devices import Bench
+from relays import Case
 from running_cells import REHEARSAL, ROOT, WAIT_S, Notices
 from sample_tables import small_table
 
@@ -28,6 +29,7 @@ CASES = [
     Case("gripper_urcap", "endless", 300),
     Case("arm", "drip", 10),
     Case("arm_ur", "silent", 20),
+    Case("arm_omnicore", "endless", 12),
 ]
 
 
@@ -42,10 +44,10 @@ def test_run_whose_device_fails_ends_safely_and_in_the_journal(
     case: Case, bench: Bench, record_property: Record
 ) -> None:
     """`tools/hostile devices` tries hundreds, and looks at the time: this machine may be busy."""
-    code, _, wrong = bench.run(case)
-    assert [sentence for sentence in wrong if not sentence.startswith("it took")] == []
-    record_property("exit_code", code)
-    assert code in ("20", "22")
+    end = bench.run(case)
+    assert [sentence for sentence in end.wrong if not sentence.startswith("it took")] == []
+    record_property("exit_code", end.code)
+    assert end.code in ("20", "22")
 
 
 @pytest.fixture

@@ -16,7 +16,7 @@ from sample_tables import pushing_table, small_table
 
 from runtime.errors import BrokenRunError
 from runtime.execution.executor import RunOptions
-from runtime.execution.hand import Handling
+from runtime.execution.handling import Handling
 from runtime.execution.tips import TipArc
 from runtime.journal.chain import records, verify
 from runtime.journal.replay import Replay

@@ -126,6 +126,11 @@ def test_the_performance_page_holds_what_is_kept(kept):
             assert f"{100 * row['success_rate']:.3f} (" in page
 
 
+def test_mutation_table_names_modules_that_exist():
+    modules = json.loads((RESULTS / "mutation.json").read_text())["modules"]
+    assert [name for name in modules if not (ROOT / name).is_file()] == []
+
+
 def test_every_file_of_figures_is_on_the_page_with_its_command(kept):
     page = kept.PAGE.read_text()
     shown = {found[1].partition("-")[0] for found in kept.PLACE.finditer(page)}

@@ -14,7 +14,7 @@ import pytest
 
 from drivers.abb.codec import Pose
 from drivers.sim.devices import rapid
-from drivers.sim.devices.arm import ArmModel
+from drivers.sim.devices.arm import HAND_DOWN, ArmModel
 from drivers.sim.devices.arm_server import ArmServer
 from drivers.sim.wire.serving import SimulatedTime
 
@@ -361,3 +361,14 @@ def test_a_speed_that_is_none_halts_at_the_next_move(arm):
     assert ask(arm, "8 0 90 #") == "8 1 "
     assert arm.execute("1 10 0 100 0 1 0 0 #", 0.0).text is None
     assert arm.halted
+
+
+@pytest.mark.parametrize(("way_mm", "seconds"), [(100.0, 0.525), (8.0, 2.0 * (8.0 / 2000.0) ** 0.5)])
+def test_line_with_an_acceleration_starts_and_ends_slowly(way_mm: float, seconds: float) -> None:
+    arm = ArmModel(BASE, (2000.0, 700.0))
+    ends_s = arm.line(Pose(0.0, 0.0, 100.0 - way_mm, HAND_DOWN), (250.0, 90.0), 0.0)
+    assert ends_s == pytest.approx(seconds)
+    heights = [arm.pose_at(ends_s * share).z_mm for share in (0.0, 0.01, 0.5, 0.99, 1.0)]
+    assert heights[0] - heights[2] == pytest.approx(way_mm / 2)
+    assert heights[0] - heights[1] == pytest.approx(1000.0 * (0.01 * ends_s) ** 2)
+    assert heights[3] - heights[4] == pytest.approx(heights[0] - heights[1])

@@ -19,7 +19,8 @@ from drivers.abb.codec import Pose, hand_rotation
 from drivers.clock import Pace
 from drivers.errors import ArmError
 from drivers.sim.devices.arm import ArmModel
-from drivers.sim.devices.ur_controller import PROTECTIVE_STOP, RtdePort, UrModel
+from drivers.sim.devices.ur_controller import PROTECTIVE_STOP, UrModel
+from drivers.sim.devices.ur_ports import RtdePort
 from drivers.sim.wire.serving import SimulatedTime
 from drivers.ur import arm as ur_arm
 from drivers.ur import rtde, script

@@ -18,7 +18,8 @@ from drivers.abb.codec import Pose, hand_angle
 from drivers.abb.kinematics import compose
 from drivers.sim.devices.arm import Answer, ArmModel
 from drivers.sim.devices.arm_server import ArmServer
-from drivers.sim.devices.ur_controller import UrModel, served
+from drivers.sim.devices.ur_controller import UrModel
+from drivers.sim.devices.ur_ports import served
 from drivers.sim.wire.serving import SimulatedTime
 
 SCALE = 40.0

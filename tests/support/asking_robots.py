@@ -15,7 +15,8 @@ from drivers.sim.physics.scene import Setting
 from drivers.sim.virtual.cell import VirtualCell
 from runtime.execution.events import Console
 from runtime.execution.executor import Cell
-from runtime.execution.hand import Hand, Handling
+from runtime.execution.hand import Hand
+from runtime.execution.handling import Handling
 from runtime.execution.session import run_journalled
 from runtime.journal.chain import Journal
 from runtime.table import PPM, Branch, Node, Squeeze, Table

@@ -60,7 +60,9 @@ def _numbered(random: Random, drafts: list[Draft], ends: dict[tuple[int, int], f
                 leaves.append(_leaf(random, squeeze, ends[index, number]))
             links.append(Branch(low, expected, high, part, target))
         records.append(Node(squeeze, tuple(links)))
-    predicted = Prediction(990_000, TRIALS, 5_284_450, 400)
+    trials = sum(leaf.trials for leaf in leaves)
+    met = sum(round(leaf.success_ppm * leaf.trials / 1e6) for leaf in leaves)
+    predicted = Prediction(round(1e6 * met / trials), trials, 5_284_450, 400)
     table = Table(
         "squeezetree 0.1.0", NO_JOB, GRIPPER, GOAL, LIMITS, tuple(records), tuple(leaves), predicted, None
     )

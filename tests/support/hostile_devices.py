@@ -12,30 +12,29 @@ there. At the call with a given number the relay changes what comes back, for go
 
 A run has to end by its deadline and `SPARE_S`, with a documented exit code, the arm and the fingers at rest,
 the arm up where its state was known, and the part's outcome and the run's end in the journal.
-`campaign(count, seed)` tries random cases, prints those that fail, and returns how many did.
+`campaign` tries random cases, or every call of a run, prints those that fail, and returns how many did.
+The OmniCore controller is not part of the cell: its arm moves beside it.
 """
 
 import contextlib
-import os
 import random
 import re
-import select
-import socket
 import subprocess
 import tempfile
-import termios
-import threading
 import time
-import tty
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Mapping
+from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
 
+from arm_rigs import BASE, OmniCoreRig
+from relays import MODES, Case, Hindrance, Relay, TcpRelay, TtyRelay
 from running_cells import ROOT, RunningCell, runtime_command
 from sample_tables import small_table
 
 from drivers import connect
+from drivers.abb import rws
 from drivers.clock import LINK_TIMEOUT_S
 from drivers.robotiq.link import READ_TRIES
 from drivers.robotiq.modbus import DRAIN_S
@@ -46,8 +45,7 @@ from runtime.execution.watch import DEADLINE_FACTOR
 from runtime.journal.chain import records, verify
 from runtime.table import dump
 
-MODES = ("silent", "slow", "drip", "endless", "stopped", "gone")
-# Devices, and about how many calls of a run of one part each hears.
+# Devices, and about how many calls of a run of one part each hears; `every` counts them.
 CALLS = {
     "gripper": 150,
     "gripper_tcp": 150,
@@ -56,12 +54,15 @@ CALLS = {
     "arm": 16,
     "arm_ur": 30,
     "arm_ur_script": 3,
+    "arm_omnicore": 60,
 }
 SCALE = 12.0
-SLOW_S, DRIP_S = 0.2, 0.1
 SPARE_S = 2.0
 HANG_S = 120.0
-CODES = {0, 20, 21, 22, 23}
+NEVER = 1 << 40  # a call that no run comes to
+REPORTED = 50
+AGAIN = 8
+CODES = {0, 10, 20, 21, 22, 23}  # 10: the jaws met no part, where the arm is not the cell's
 UP_MM = small_table().limits.retreat_height_um / 1000
 _TRIES_S = READ_TRIES * (LINK_TIMEOUT_S + DRAIN_S)
 # By when a run ends whose device does not answer: the call's own deadline and, for the gripper, as much again
@@ -74,153 +75,27 @@ DEADLINES_S = {
     "arm": 2.0 + MOTION_S,
     "arm_ur": 3.0 * ANSWER_S + MOTION_S,
     "arm_ur_script": 3.0 * ANSWER_S + MOTION_S,
+    "arm_omnicore": 2.0 * rws.ANSWER_S + MOTION_S,
 }
 
 
-class Case(NamedTuple):
-    """Which device changes how, at which of the run's calls to it."""
-
-    device: str
-    mode: str
-    call: int
-
-    @property
-    def deadline_s(self) -> float:
-        """By when after that call the run has to end; a slow device makes no call late, but the squeeze."""
-        if self.mode == "slow":
-            table = small_table()
-            squeezes = [expected_s(table, node) for node in table.nodes]
-            # Activation and end of the run count as one more.
-            return (len(squeezes) + 1) * (DEADLINE_FACTOR * max(squeezes) / SCALE + LINK_MARGIN_S)
-        return DEADLINES_S[self.device]
+def deadline_s(case: Case) -> float:
+    """By when after its call the run has to end; a slow device makes no call late, but the squeeze."""
+    if case.mode != "slow":
+        return DEADLINES_S[case.device]
+    table = small_table()
+    squeezes = [expected_s(table, node) for node in table.nodes]
+    # Activation and end of the run count as one more.
+    return (len(squeezes) + 1) * (DEADLINE_FACTOR * max(squeezes) / SCALE + LINK_MARGIN_S)
 
 
-class Hindrance:
-    """Counts calls; from the case's call on its mode holds."""
+class End(NamedTuple):
+    """How a run ended."""
 
-    def __init__(self, case: Case | None) -> None:
-        self.case, self.calls = case, 0
-        self.began_s: float | None = None
-
-    def heard(self) -> str:
-        """One more call; the mode that holds now, empty for none."""
-        self.calls += 1
-        if self.case is None or self.calls <= self.case.call:
-            return ""
-        if self.began_s is None:
-            self.began_s = time.monotonic()
-        return self.case.mode
-
-    @property
-    def mode(self) -> str:
-        """The mode that holds."""
-        return "" if self.began_s is None or self.case is None else self.case.mode
-
-
-class Relay:
-    """Bytes between a run and one device, both ways, until it is closed."""
-
-    def __init__(self, hindrance: Hindrance) -> None:
-        self._hindrance = hindrance
-        self._closed = threading.Event()
-        self._thread = threading.Thread(target=self._run, daemon=True)
-
-    def start(self) -> None:
-        self._thread.start()
-
-    def close(self) -> None:
-        self._closed.set()
-        self._thread.join()
-
-    def _run(self) -> None:
-        raise NotImplementedError
-
-    def _stop_flow(self) -> None:
-        """Take nothing any more."""
-
-    def _relay(self, run: int, device: int) -> None:
-        """Relay between two descriptors until one hangs up."""
-        while not self._closed.is_set():
-            mode = self._hindrance.mode
-            if mode == "gone":
-                return
-            if mode == "endless":
-                with contextlib.suppress(BlockingIOError):
-                    if select.select([], [run], [], 0.01)[1]:
-                        os.write(run, os.urandom(200))
-            listened = [device] if mode == "stopped" else [run, device]
-            ready = select.select(listened, [], [], 0.0 if mode == "endless" else 0.02)[0]
-            if run in ready:
-                if not (data := os.read(run, 4096)):
-                    return
-                mode = self._hindrance.heard()
-                if mode == "stopped":
-                    self._stop_flow()
-                if mode in ("", "slow", "drip"):
-                    os.write(device, data)
-            if device in ready:
-                if not (data := os.read(device, 4096)):
-                    return
-                self._answer(run, data, mode)
-
-    def _answer(self, run: int, data: bytes, mode: str) -> None:
-        if mode == "slow":
-            self._closed.wait(SLOW_S)
-        if mode == "drip":
-            for at in range(len(data)):
-                self._closed.wait(DRIP_S)
-                os.write(run, data[at : at + 1])
-        elif mode in ("", "slow"):
-            os.write(run, data)
-
-
-class TcpRelay(Relay):
-    """In front of a TCP port."""
-
-    def __init__(self, hindrance: Hindrance, place: tuple[str, int], port: int = 0) -> None:
-        super().__init__(hindrance)
-        self._place = place
-        self._listener = socket.create_server(("127.0.0.1", port))
-        self.port = self._listener.getsockname()[1]
-
-    def close(self) -> None:
-        super().close()
-        self._listener.close()
-
-    def _run(self) -> None:
-        while not self._closed.is_set():
-            if not select.select([self._listener], [], [], 0.05)[0]:
-                continue
-            run = self._listener.accept()[0]
-            with contextlib.suppress(OSError), run, socket.create_connection(self._place) as device:
-                self._relay(run.fileno(), device.fileno())
-
-
-class TtyRelay(Relay):
-    """In front of a pseudo-terminal."""
-
-    def __init__(self, hindrance: Hindrance, path: str) -> None:
-        super().__init__(hindrance)
-        self._device = os.open(path, os.O_RDWR | os.O_NOCTTY)
-        tty.setraw(self._device)
-        self._ends = os.openpty()
-        tty.setraw(self._ends[1])
-        self.path = os.ttyname(self._ends[1])
-
-    def close(self) -> None:
-        super().close()
-        for descriptor in (*self._ends, self._device):
-            with contextlib.suppress(OSError):
-                os.close(descriptor)
-
-    def _run(self) -> None:
-        with contextlib.suppress(OSError):
-            self._relay(self._ends[0], self._device)
-        for descriptor in self._ends:
-            os.close(descriptor)
-
-    def _stop_flow(self) -> None:
-        termios.tcflow(self._ends[1], termios.TCOOFF)
+    code: str
+    took_s: float  # after the hindrance
+    wrong: list[str]
+    calls: int  # that its device heard
 
 
 class Bench:
@@ -232,8 +107,17 @@ class Bench:
         dump(small_table(), self.tree)
         self.cell = RunningCell(self.tree, time_scale=SCALE)
         self._runs = 0
+        self._closing = contextlib.ExitStack()
+
+    @cached_property
+    def _omnicore(self) -> OmniCoreRig:
+        """A controller of its own, whose arm moves nothing in the cell."""
+        rig = OmniCoreRig()
+        self._closing.callback(rig.close)
+        return rig
 
     def close(self) -> None:
+        self._closing.close()
         self.cell.__exit__()
 
     @contextlib.contextmanager
@@ -253,6 +137,10 @@ class Bench:
             _, place = _place(arm)
             relays.append(TcpRelay(hindrance, place))
             arm = f"tcp://127.0.0.1:{relays[0].port}?{arm.partition('?')[2]}"
+        elif case.device == "arm_omnicore":
+            relays.append(TcpRelay(hindrance, ("127.0.0.1", self._omnicore.server.port)))
+            base = ",".join(map(str, (*BASE[:3], *BASE[3])))
+            arm = f"omnicore://127.0.0.1:{relays[0].port}?base={base}{OmniCoreRig.limits}"
         else:
             relays, arm = _ur_relays(ends["arm_ur"], hindrance, case.device)
         try:
@@ -263,8 +151,8 @@ class Bench:
             for relay in relays:
                 relay.close()
 
-    def run(self, case: Case) -> tuple[str, float, list[str]]:
-        """How a run ended, after how many seconds of the hindrance, and what is wrong with that."""
+    def run(self, case: Case) -> End:
+        """How a run ended, and what is wrong with that."""
         self._runs += 1
         journal = self._folder / f"journal-{self._runs}.jsonl"
         with self.addresses(case) as (gripper, arm, hindrance):
@@ -282,16 +170,18 @@ class Bench:
                 told = process.communicate(timeout=HANG_S)[0]
             except subprocess.TimeoutExpired:
                 process.kill()
-                return "hangs", HANG_S, [f"it hangs: {process.communicate()[0][-400:]}"]
+                said = process.communicate()[0][-400:]
+                return End("hangs", HANG_S, [f"it hangs: {said}"], hindrance.calls)
             ended_s = time.monotonic()
         took_s = 0.0 if hindrance.began_s is None else ended_s - hindrance.began_s
         code = process.returncode
         wrong = [] if code in CODES else [f"exit code {code}: {told[-400:]}"]
-        if took_s > case.deadline_s + SPARE_S:
-            wrong.append(f"it took {took_s:.1f} s, its deadline is {case.deadline_s:.1f} s")
+        if took_s > deadline_s(case) + SPARE_S:
+            wrong.append(f"it took {took_s:.1f} s, its deadline is {deadline_s(case):.1f} s")
         wrong += ["a traceback"] * ("Traceback" in told)
         wrong += [f"a line of {len(line)} characters" for line in told.splitlines() if len(line) > 600]
-        return str(code), took_s, [*wrong, *_journal_faults(journal, code), *self._rest_faults(case, told)]
+        wrong += [*_journal_faults(journal, code), *self._rest_faults(case, told)]
+        return End(str(code), took_s, wrong, hindrance.calls)
 
     def _rest_faults(self, case: Case, told: str) -> Iterator[str]:
         """Whether arm and fingers rest, and the arm is up where its state was known."""
@@ -356,17 +246,43 @@ def cases(count: int, seed: int, first: int = 0) -> Iterator[tuple[int, Case]]:
         yield number, Case(device, mode, draw.randrange(CALLS[device]))
 
 
-def campaign(count: int, seed: int, first: int = 0) -> int:
-    """Try so many cases; returns how many failed, each of which is printed with its number."""
+def every(bench: Bench, devices: Collection[str]) -> Iterator[tuple[int, Case]]:
+    """Each call of a part's run to each device, in each mode; a run without a fault counts them."""
+    number = 0
+    for device in devices:
+        calls = bench.run(Case(device, "silent", NEVER)).calls
+        print(f"{device}: {calls} calls", flush=True)
+        for call in range(calls):
+            for mode in MODES:
+                yield number, Case(device, mode, call)
+                number += 1
+
+
+def campaign(count: int, seed: int, first: int = 0, devices: Collection[str] = ()) -> int:
+    """Try so many random cases, or every call of the devices named.
+
+    Returns:
+        How many failed, each of which is printed with its number.
+    """
     failed, ends, slowest = 0, Counter[str](), dict.fromkeys(MODES, 0.0)
     with tempfile.TemporaryDirectory() as folder, contextlib.closing(Bench(Path(folder))) as bench:
-        for number, case in cases(count, seed, first):
-            end, took_s, wrong = bench.run(case)
-            ends[f"exit {end}"] += 1
-            slowest[case.mode] = max(slowest[case.mode], took_s)
-            if wrong:
+        for number, case in every(bench, devices) if devices else cases(count, seed, first):
+            end = bench.run(case)
+            for _ in range(AGAIN if devices else 0):  # a part that takes fewer squeezes has fewer calls
+                if end.calls > case.call or end.wrong:
+                    break
+                end = bench.run(case)
+            ends[f"exit {end.code}" if end.calls > case.call else "not reached"] += 1
+            slowest[case.mode] = max(slowest[case.mode], end.took_s)
+            if end.wrong:
                 failed += 1
-                print(f"FAILED {number} {case}: {'; '.join(wrong)}", flush=True)
-    told = ", ".join(f"{mode} {seconds:.1f} s" for mode, seconds in slowest.items())
-    print(f"{count} cases, {dict(ends)}; longest: {told}")
+                print(f"FAILED {number} {case}: {'; '.join(end.wrong)}", flush=True)
+            if sum(ends.values()) % REPORTED == 0:
+                print(_figures(ends, slowest), flush=True)
+    print(_figures(ends, slowest))
     return failed
+
+
+def _figures(ends: Counter[str], slowest: Mapping[str, float]) -> str:
+    longest = ", ".join(f"{mode} {seconds:.1f} s" for mode, seconds in slowest.items())
+    return f"{sum(ends.values())} cases, {dict(ends)}; longest: {longest}"

@@ -18,7 +18,7 @@ from drivers.sim.physics.scene import Setting
 from drivers.sim.virtual.cell import VirtualCell
 from runtime.execution.events import Console
 from runtime.execution.executor import Cell, Executor, RunOptions
-from runtime.execution.hand import Handling
+from runtime.execution.handling import Handling
 from runtime.execution.safety import PLACED_MM, PLACED_RAD
 from runtime.table import Table
 from runtime.traversal.results import Outcome, PartResult

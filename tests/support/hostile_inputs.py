@@ -24,6 +24,7 @@ import tempfile
 import traceback
 from collections import Counter
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from functools import cache
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -152,7 +153,8 @@ def kinds() -> tuple[Kind, ...]:
 
 def recorded() -> tuple[bytes, bytes]:
     """A journal of two runs, and the table that it says they were made with: a small one with a job."""
-    whole = dumps(with_job(small_table(), job_text().decode()))
+    limits = load(RECTANGLE / "rectangle.msgpack").table.limits
+    whole = dumps(with_job(replace(small_table(), limits=limits), job_text().decode()))
     with tempfile.TemporaryDirectory() as name:
         path = write_run(write_run(Path(name) / "j.jsonl"))
         entries = [json.loads(line) for line in path.read_bytes().splitlines()]

@@ -1,8 +1,8 @@
 """A second push simulator: slow, obvious, and built another way than the kernels.
 
 An ordinary differential equation in the share of the path, as in `twin`: at every pose shapely finds where
-the pusher's points are about to touch, and the velocity follows from trying all modes of contact. Meant for
-convex polygons of few vertices. Shares no code with `planner.mechanics`.
+the pusher's points, or the round tips about them, are about to touch, and the velocity follows from trying
+all modes of contact. Meant for convex polygons of few vertices. Shares no code with `planner.mechanics`.
 """
 
 import math
@@ -19,7 +19,9 @@ CLOSING = 0.004
 NEAR_MM = 0.02
 
 
-def push(part: Part, fingers: np.ndarray, centre: np.ndarray, angle: float, shift: np.ndarray) -> np.ndarray:
+def push(
+    part: Part, fingers: np.ndarray, centre: np.ndarray, angle: float, shift: np.ndarray, radius: float = 0.0
+) -> np.ndarray:
     """The pose (3,) of the part, from (0, 0, 0), after a pusher with points (K, 2) went its way."""
 
     def velocity(share: float, q: np.ndarray) -> np.ndarray:
@@ -28,7 +30,7 @@ def push(part: Part, fingers: np.ndarray, centre: np.ndarray, angle: float, shif
         now = (fingers - centre) @ np.array([[c, s], [-s, c]]) + middle
         c, s = math.cos(q[2]), math.sin(q[2])
         boundary = shapely.Polygon(part.outline @ np.array([[c, s], [-s, c]]) + q[:2])
-        rows = [row for point in now if (row := _contact(boundary, point)) is not None]
+        rows = [row for point in now if (row := _contact(boundary, point, radius)) is not None]
         if not rows:
             return np.zeros(3)
         gap, px, py, nx, ny = np.array(rows).T
@@ -47,16 +49,16 @@ def push(part: Part, fingers: np.ndarray, centre: np.ndarray, angle: float, shif
     return found.y[:, -1]
 
 
-def _contact(part: shapely.Polygon, point: np.ndarray) -> tuple[float, ...] | None:
+def _contact(part: shapely.Polygon, point: np.ndarray, radius: float) -> tuple[float, ...] | None:
     """Gap, nearest boundary point and normal into the part, where the point is near or inside."""
     boundary, here = part.exterior, shapely.Point(point)
     touched = np.array(boundary.interpolate(boundary.project(here)).coords[0])
     outside = -1.0 if part.contains(here) else 1.0
     distance = here.distance(boundary)
-    if distance > NEAR_MM and outside > 0.0:
+    if distance > radius + NEAR_MM and outside > 0.0:
         return None
     normal = _inward(part, touched) if distance < 1e-6 else outside * (touched - point) / distance
-    return (outside * distance, *touched, *normal)
+    return (outside * distance - radius, *touched, *normal)
 
 
 def _inward(part: shapely.Polygon, point: np.ndarray) -> np.ndarray:

@@ -45,6 +45,7 @@ class Leg(NamedTuple):
     seconds: float
     joints_deg: kinematics.Joints
     ends_deg: kinematics.Joints
+    ramp_s: float = 0.0  # of speeding up, and as long of slowing down
 
     def at(self, now_s: float) -> Pose:
         """Where the flange is."""
@@ -62,7 +63,12 @@ class Leg(NamedTuple):
     def _share(self, now_s: float) -> float:
         if now_s >= self.start_s + self.seconds:
             return 1.0
-        return max(now_s - self.start_s, 0.0) / self.seconds
+        since, ramp, flat = max(now_s - self.start_s, 0.0), self.ramp_s, self.seconds - self.ramp_s
+        if since < ramp:
+            return 0.5 * since**2 / (ramp * flat)
+        if since > flat:
+            return 1.0 - 0.5 * (self.seconds - since) ** 2 / (ramp * flat)
+        return (since - 0.5 * ramp) / flat
 
 
 class HaltError(Exception):
@@ -70,9 +76,15 @@ class HaltError(Exception):
 
 
 class ArmModel:
-    """The server's state and the arm's, whose base frame in the world is `base`."""
+    """The server's state and the arm's.
 
-    def __init__(self, base: Pose) -> None:
+    Args:
+        base: its base frame in the world.
+        acceleration: of lines, mm/s2 and deg/s2; none: the arm is at its speed at once.
+    """
+
+    def __init__(self, base: Pose, acceleration: tuple[float, float] | None = None) -> None:
+        self._acceleration = acceleration
         self.halted = ""
         self.moves = 0
         self._base = base
@@ -203,7 +215,7 @@ class ArmModel:
         world = compose(compose(self._work_object, _unit(tip)), invert(self._tool))
         return compose(invert(self._base), world)
 
-    def _drive(self, target: Pose, seconds: float, now_s: float) -> float:
+    def _drive(self, target: Pose, seconds: float, now_s: float, ramp_s: float = 0.0) -> float:
         """Add a straight motion after what is under way; returns when it ends."""
         here, joints = self._leg(now_s).at(now_s), self.joints_at(now_s)
         ends = joints
@@ -213,7 +225,7 @@ class ArmModel:
             if not kinematics.within_limits(step):
                 raise HaltError("50027 joint out of range")
             ends = step
-        return self._go(Leg(here, target, now_s, seconds, joints, ends))
+        return self._go(Leg(here, target, now_s, seconds, joints, ends, ramp_s))
 
     def _go(self, leg: Leg) -> float:
         self._legs = [*self._legs[-8:], leg]
@@ -228,11 +240,21 @@ class ArmModel:
         here = self.pose_at(now_s)
         path_mm = math.dist(here[:3], tip[:3])
         turn_deg = math.degrees(kinematics.turn_between(here.rotation, _unit(tip).rotation))
-        seconds = max(path_mm / speed[0], turn_deg / speed[1])
-        end_s = self._drive(target, seconds, now_s)
+        seconds, ramp_s = self._profile((path_mm, turn_deg), speed)
+        end_s = self._drive(target, seconds, now_s, ramp_s)
         # A fly-by point lets the program go on when its zone is entered, at most half way.
         early = min(self._zone_mm / path_mm, 0.5) * seconds if path_mm > 0.0 else 0.0
         return end_s - early, end_s
+
+    def _profile(self, ways: tuple[float, float], speeds: tuple[float, float]) -> tuple[float, float]:
+        """How long a line takes, in all and to speed up, whichever of way and turn takes longer."""
+        if self._acceleration is None:
+            return max(way / speed for way, speed in zip(ways, speeds, strict=True)), 0.0
+        found = []
+        for way, speed, acceleration in zip(ways, speeds, self._acceleration, strict=True):
+            ramp_s = min(speed / acceleration, math.sqrt(way / acceleration))
+            found.append((ramp_s + way / (ramp_s * acceleration) if way > 0.0 else 0.0, ramp_s))
+        return max(found)
 
     def _move_circle(self, end: Pose, now_s: float) -> float:
         """MoveC, driven as two chords through the via-point."""

@@ -23,10 +23,13 @@ class FaultyArm(ArmModel):
         rng: draws where to a hand is displaced.
         base: as of `ArmModel`.
         desk: says what holds when.
+        acceleration: as of `ArmModel`.
     """
 
-    def __init__(self, rng: random.Random, base: Pose, desk: Desk) -> None:
-        super().__init__(base)
+    def __init__(
+        self, rng: random.Random, base: Pose, desk: Desk, acceleration: tuple[float, float] | None = None
+    ) -> None:
+        super().__init__(base, acceleration)
         self._rng = rng
         self._desk = desk
 

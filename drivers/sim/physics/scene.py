@@ -37,10 +37,20 @@ class Geometry(NamedTuple):
     retreat_height_mm: float
     radius_mm: float
     halfwidth_rad: float
+    height_mm: float | None = None  # of the part
+    acceleration_mm_s2: float | None = None  # of the arm, None: it needs no time for that
 
     @property
     def reach_mm(self) -> float:
-        """Hand height at and below which the fingers meet the part: half way to the retreat height."""
+        """Hand height at and below which open fingers meet the part: its own, else as for closing ones."""
+        return self.closing_mm if self.height_mm is None else self.height_mm
+
+    @property
+    def closing_mm(self) -> float:
+        """Hand height at and below which closing fingers meet the part: half way to the retreat.
+
+        That is above the part: a hand whose tips move on an arc rises as they close, and these are straight.
+        """
         return (self.squeeze_height_mm + self.retreat_height_mm) / 2.0
 
 
@@ -146,12 +156,21 @@ def job_geometry(job: Any) -> Geometry:
         cell.retreat_height_mm,
         uncertainty.radius_mm,
         math.radians(uncertainty.orientation_halfwidth_deg),
+        _height_mm(job),
+        cell.arm_acceleration_mm_s2 or tables.ARM_ACCELERATION_MM_S2,
     )
+
+
+def _height_mm(job: Any) -> float | None:
+    """Of the highest of the parts that may lie there; None where one's is not known."""
+    heights = [own.part.height_mm for own in job.alone]
+    return None if None in heights else max(heights)
 
 
 def table_geometry(table: tables.Table) -> Geometry:
     """What the cell needs, from a table's header."""
     gripper, limits = table.gripper, table.limits
+    timing = tables.Schedule.of(table, tables.job_of(table)).timing
     return Geometry(
         gripper.opening_um / 1000.0,
         gripper.count_open,
@@ -161,6 +180,8 @@ def table_geometry(table: tables.Table) -> Geometry:
         limits.retreat_height_um / 1000.0,
         REHEARSAL_RADIUS_MM,
         math.pi,
+        height_mm=None if timing.regrasp_mm == timing.retreat_mm else timing.regrasp_mm - tables.ABOVE_MM,
+        acceleration_mm_s2=timing.arm_acceleration_mm_s2,
     )
 
 

@@ -123,6 +123,9 @@ def place(point: Array) -> str:
     return f"({x:.12g}, {y:.12g})"
 
 
+REPEAT_S = 0.1
+
+
 @contextmanager
 def time_limit(where: str, seconds: float = SECONDS) -> Iterator[None]:
     """Ends the reading of a file that takes too long; only in the main thread, where signals arrive."""
@@ -136,7 +139,8 @@ def time_limit(where: str, seconds: float = SECONDS) -> Iterator[None]:
         )
 
     usual = signal.signal(signal.SIGALRM, stop)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
+    # Again and again: Python drops what is raised within a finalizer or a callback of the collector.
+    signal.setitimer(signal.ITIMER_REAL, seconds, REPEAT_S)
     try:
         yield
     finally:

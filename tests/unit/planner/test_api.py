@@ -11,7 +11,8 @@ from planner.belief.metric import metric_of
 from planner.belief.observation import encoder_of
 from planner.compile import compile_job
 from planner.errors import PlannerError
-from planner.mechanics.traits import as_planned
+from planner.mechanics.simulator import RollOut
+from planner.mechanics.traits import Traits, as_planned
 from planner.world import Assorted, of_hypothesis
 from runtime.table import COUNTS, REJECT, Calibration, by_count, decision_map
 
@@ -132,6 +133,20 @@ def test_poses_that_are_none_reach_no_kernel(world, model, poses, said):
         calls[2]()
 
 
+def rolled_with(model: Pomdp, **changes: np.ndarray) -> RollOut:
+    """Three squeezes with one of their parameters replaced."""
+    simulator = model.simulator
+    return simulator.roll_out(np.zeros((3, 3)), simulator.sample(3, RNG)._replace(**changes))
+
+
+def traits_with(**changes: float) -> Traits:
+    """The traits of three parts, one of them changed."""
+    traits = as_planned(3)
+    for name, value in changes.items():
+        traits[name] = value
+    return traits
+
+
 @pytest.mark.parametrize(
     "wrong",
     [
@@ -165,6 +180,23 @@ def test_poses_that_are_none_reach_no_kernel(world, model, poses, said):
         lambda world, model: compile_job(JOB, trials=-5),
         lambda world, model: of_hypothesis(Assorted([world, world]), -1),
         lambda world, model: Simulator.of_job(JOB, -2),
+        lambda world, model: Simulator.of_job(JOB, 1, 0.0),
+        lambda world, model: Simulator.of_job(JOB, 1, NAN),
+        lambda world, model: replace(model.simulator, workers=0),
+        lambda world, model: replace(model.simulator, jaws=np.zeros(2)),
+        lambda world, model: replace(model.simulator, jaws=np.array([NAN, 1.0, 1.0, 0.5])),
+        lambda world, model: replace(model.simulator, outline=np.zeros((2, 2))),
+        lambda world, model: replace(model.simulator, friction=(NAN, NAN)),
+        lambda world, model: rolled_with(model, deviation=np.zeros((3, 1))),
+        lambda world, model: rolled_with(model, share=np.full(3, NAN)),
+        lambda world, model: rolled_with(model, share=np.zeros((3, 2))),
+        lambda world, model: rolled_with(model, release=np.zeros((3, 2))),
+        lambda world, model: rolled_with(model, release=np.full((3, 3), NAN)),
+        lambda world, model: world.squeeze_many(np.zeros((3, 3)), traits_with(surface=99)),
+        lambda world, model: world.squeeze_many(np.zeros((3, 3)), traits_with(share=NAN)),
+        lambda world, model: world.squeeze_many(np.zeros((3, 3)), np.zeros(3)),
+        lambda world, model: world.squeeze_many(np.zeros((3, 3)) + 1j),
+        lambda world, model: model.likelihood(100, np.zeros((2, 4)), np.zeros(3)),
     ],
 )
 def test_numbers_out_of_range_are_refused_in_a_sentence(world, model, wrong):

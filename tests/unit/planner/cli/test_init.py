@@ -22,6 +22,7 @@ from planner.job.fields import REQUIRED
 from planner.job.schema import ABSENT_SECTIONS, FIELDS, TOP_LEVEL
 from planner.part.importers.file import read_outline
 from planner.part.importers.pieces import Options
+from runtime.table import timing
 
 pytestmark = pytest.mark.slow
 
@@ -86,6 +87,9 @@ def test_the_defaults_that_the_comments_show_are_the_defaults(drawing, tmp_path)
     examples = ("part", "height_mm"), ("part", "faces"), ("part", "picks")
     for example in (*examples, ("doubt", "limit_surface"), ("actions", "pushes"), ("goal", "identify")):
         del shown[example]  # it has no default
+    del shown["cell", "regrasp_height_mm"]
+    cell = {key: shown.pop(("cell", key)) for key in timing.DEFAULTS}
+    assert cell == timing.DEFAULTS  # where a job says nothing
     for (name, key), value in shown.items():
         if name in ABSENT_SECTIONS and FIELDS[name][key].default in (None, REQUIRED):
             continue  # an example: left out, it has no value

@@ -1,55 +1,13 @@
 """`plan-simulate --push`: files in, files out, and one line for what is wrong with them."""
 
-import csv
-import io
 import json
 import math
-from contextlib import redirect_stderr, redirect_stdout
 
 import numpy as np
 import pytest
+from push_commands import HEADER, JOB, NOMINAL, OUTPUTS, STRAIGHT, run
 
-from planner.cli import simulate
 from planner.errors import InputFileError, KeyNameError, ValueRangeError
-
-JOB = """
-part = { name = "triangle", outline_mm = [[0, 0], [150, 0], [0, 150]] }
-friction = { finger_part_min = 0.4, finger_part_max = 0.5 }
-gripper = { finger_length_mm = 20, finger_width_mm = 10, opening_mm = 85 }
-uncertainty = { radius_mm = 10, orientation = "unknown" }
-actions = { angles_deg = [0], centers_mm = [[0, 0]] }
-goal = { distance_mm = 3, confidence = 0.9 }
-pressure = { kind = "points", points_mm = [[30, 30], [90, 30], [30, 90]] }
-"""
-HEADER = "push_x_mm,push_y_mm,approach_x,approach_y,cor_x_mm,cor_y_mm,angle_deg"
-STRAIGHT = "50,0,0,2,-5000,0,0.4"  # a wide turn: 35 mm up, nearly straight
-OUTPUTS = ["moved_x_mm", "moved_y_mm", "turned_deg", "status"]
-
-
-def run(folder, text, *options, job=JOB):
-    """Exit code, lines of the result, standard output and standard error."""
-    (folder / "job.toml").write_text(job)
-    (folder / "in.csv").write_text(text)
-    out, err = io.StringIO(), io.StringIO()
-    words = [
-        str(folder / "job.toml"),
-        "--push",
-        str(folder / "in.csv"),
-        "-o",
-        str(folder / "out.csv"),
-        *options,
-    ]
-    with redirect_stdout(out), redirect_stderr(err):
-        try:
-            code = simulate.main(words)
-        except SystemExit as end:
-            code = end.code
-    result = folder / "out.csv"
-    rows = list(csv.DictReader(io.StringIO(result.read_text()))) if result.exists() else []
-    return code, rows, out.getvalue(), err.getvalue()
-
-
-NOMINAL = ("--nominal", "--mu", "0.45")
 
 
 def test_the_block_moves_along_in_the_frame_of_its_outline(tmp_path):

@@ -16,13 +16,14 @@ from planner.belief.observation import encoder_of
 from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.evaluate import Chunk, carried_on, evaluate, run_chunk
 from planner.evaluation.outcome import CRASHED, NOWHERE, REJECTED, Evaluation
+from planner.evaluation.times import seconds_of
 from planner.evaluation.trials import Program, placement_of
 from planner.frames import to_hand, to_world
 from planner.job import model as job_file
 from planner.mechanics.squeeze import GRASPED, SLIPPED, STATUS_NAMES
 from planner.work.scheduler import Threads
 from planner.world import ContactWorlds, NamedWorlds
-from runtime.table import HELD_UM, REJECT, Calibration, by_count, decision_map, load
+from runtime.table import HELD_UM, REJECT, Calibration, Schedule, Squeezed, by_count, decision_map, load
 
 TREES = Path(__file__).parents[4] / "trees" / "rectangle"
 
@@ -71,7 +72,7 @@ def walk(table, job, start):
     """The slow twin: one part, one node after another, as a runtime would go."""
     calibration, encoder = Calibration.linear(table.gripper), encoder_of(job)
     rng, world = np.random.default_rng(0), Wrung()
-    pose, target, path, seconds, hand = start, 0, [], 0.0, np.zeros(2)
+    pose, target, path, made = start, 0, [], []
     while target >= 0:
         node = table.nodes[target]
         place = placement_of(node.squeeze)
@@ -79,39 +80,38 @@ def walk(table, job, start):
         count = int(encoder.read(np.array([width]), rng)[0])
         path.append((target, count))
         pose = to_world(np.array(final), place)
-        lift = 2 * (table.limits.retreat_height_um - table.limits.squeeze_height_um) / 1e3
-        seconds += (np.hypot(*(place[:2] - hand)) + lift) / (table.limits.arm_speed_um_s / 1e3)
-        stroke = 2 * (node.squeeze.opening_um / 1e3 - width)
-        seconds += stroke / (node.squeeze.speed_um_s / 1e3)
-        hand = place[:2]
         number = by_count(decision_map(node, calibration))[count]
+        made.append(Squeezed(path[-1][0], calibration.width_um(count) / 1e3, number))
         if number == REJECT:
-            return REJECTED, path, pose, seconds
+            return REJECTED, path, pose, made
         branch = node.branches[number]
         if node.release is not None and branch.expected_um >= HELD_UM:
             release = np.array(node.release) / 1e3
             if status == STATUS_NAMES[GRASPED]:
                 pose = pose + np.array([*(release - place[:2]), 0.0])
-            seconds += np.hypot(*(release - place[:2])) / (table.limits.arm_speed_um_s / 1e3)
-            hand = release
         target = branch.target
-    return ~target, path, pose, seconds
+    return ~target, path, pose, made
 
 
 def test_trials_go_as_one_part_after_another_would(job):
     table = spread_table()
     assert any(node.release is not None for node in table.nodes)
     evaluation = evaluate(table, job, Wrung(), 300, seed=5)
-    outcomes = set()
+    outcomes, schedule = set(), Schedule.of(table, None)
+    seconds = seconds_of(table, evaluation.path, evaluation.reading, evaluation.branch)
+    *_, before = walk(table, job, evaluation.initial[-1])
     for trial in range(300):
-        leaf, path, pose, seconds = walk(table, job, evaluation.initial[trial])
+        leaf, path, pose, made = walk(table, job, evaluation.initial[trial])
         outcomes.add(leaf)
         assert evaluation.leaf[trial] == leaf
         assert evaluation.squeezes[trial] == len(path)
         assert list(zip(evaluation.path[trial], evaluation.counts[trial], strict=True))[: len(path)] == path
         assert np.all(evaluation.path[trial, len(path) :] == NOWHERE)
         assert np.allclose(evaluation.poses[trial], pose, atol=1e-9)
-        assert evaluation.seconds[trial] == pytest.approx(seconds)
+        _, stands, _ = schedule.squeeze(before[-1], None, None, first=True)
+        expected = sum(phases.total_s for phases in schedule.part(made, stands))
+        assert seconds[trial] == pytest.approx(expected)
+        before = made
     assert REJECTED in outcomes
     assert len(outcomes) > 5
 

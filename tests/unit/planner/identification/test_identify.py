@@ -187,3 +187,83 @@ def test_sections_lie_on_the_surface():
             surface = result.fit.surface
             level = surface.value(F) if result is squared else np.einsum("ki,ij,kj->k", F, surface.A, F)
             assert np.allclose(level, 1.0)
+
+
+def scaled_anyhow(pairs: pushes.Pairs, seed: int = 5) -> pushes.Pairs:
+    """The same directions, each wrench and twist of a magnitude of its own."""
+    rng = np.random.default_rng(seed)
+    factors = np.exp(rng.normal(scale=2.0, size=(2, len(pairs.weights), 1)))
+    return pairs._replace(wrenches=factors[0] * pairs.wrenches, twists=factors[1] * pairs.twists)
+
+
+def in_rho(pairs: pushes.Pairs) -> pushes.Pairs:
+    return pairs._replace(wrenches=pairs.wrenches / [1, 1, RHO], twists=pairs.twists * [1, 1, RHO])
+
+
+@pytest.mark.parametrize("kind", ["ellipsoid", "quartic"])
+def test_directions_alone_find_an_exact_ellipsoid(kind):
+    data = identify.directions(in_rho(scaled_anyhow(ellipsoid_pairs(60, 0.0))))
+    found = identify.fit(data, RHO, kind, np.random.default_rng(0))
+    F = np.random.default_rng(1).normal(size=(200, 3))
+    errors = identify.angles(identify.predict(found.surface, F), limit_surface.twist(A, F))
+    assert np.degrees(errors).max() < 1.0
+    assert found.friction_n is None
+
+
+def test_magnitudes_of_directions_change_nothing():
+    pairs = rectangle_pairs(80, 0.05)
+    data, other = (identify.directions(in_rho(each)) for each in (pairs, scaled_anyhow(pairs)))
+    for kind in ("ellipsoid", "quartic"):
+        first, second = (identify.fit(each, RHO, kind, np.random.default_rng(0)) for each in (data, other))
+        F = np.random.default_rng(1).normal(size=(200, 3))
+        twists = (identify.predict(fit.surface, F) for fit in (first, second))
+        assert np.degrees(identify.angles(*twists)).max() < 0.01
+
+
+def test_directions_with_outliers_are_fitted_nearly_as_well():
+    clean = in_rho(rectangle_pairs(150, 0.02))
+    spoiled = clean._replace(twists=clean.twists.copy())
+    spoiled.twists[::15] *= [-1.0, 1.0, -1.0]
+    surface = identify.fit(identify.directions(spoiled), RHO, "quartic", np.random.default_rng(0)).surface
+    predicted = identify.predict(surface, clean.wrenches)
+    errors = identify.angles(predicted, identify.directions(clean).V)
+    assert np.degrees(np.median(errors)) < 5.0
+
+
+def write_directions(path: Path, pairs: pushes.Pairs) -> str:
+    table = np.column_stack([in_rho(pairs).wrenches, in_rho(pairs).twists])
+    lines = [",".join(pushes.DIRECTIONS), *(",".join(map(repr, row)) for row in table.tolist())]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return str(path)
+
+
+def test_command_identifies_from_directions(tmp_path, capsys):
+    table = write_directions(tmp_path / "pairs.csv", scaled_anyhow(rectangle_pairs(40, 0.03)))
+    output, picture = tmp_path / "surface.toml", tmp_path / "surface.png"
+    options = ["--rho-mm", "10", "--splits", "2", "-o", str(output), "--figure", str(picture)]
+    assert main(["--pairs", table, *options]) == 0
+    assert "directions only" in capsys.readouterr().out
+    assert surface_file.load(output)["quartic"] is not None
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert main(["--pairs", table, "--json", *options]) == 0
+    assert json.loads(capsys.readouterr().out)["surfaces"][0]["friction_n"] is None
+
+
+def test_command_refuses_directions_that_are_none_in_one_line(tmp_path, capsys):
+    table = write_directions(tmp_path / "pairs.csv", rectangle_pairs(20, 0.0))
+    text = Path(table).read_text(encoding="utf-8").splitlines()
+    spoiled = {
+        "no column": "\n".join(line.rsplit(",", 1)[0] for line in text),
+        "no number": "\n".join([*text, "1,2,3,4,5,x"]),
+        "no wrench": "\n".join([*text, "0,0,0,1,1,1"]),
+        "empty": "",
+    }
+    for name, content in spoiled.items():
+        (tmp_path / "bad.csv").write_text(content, encoding="utf-8")
+        assert main(["--pairs", str(tmp_path / "bad.csv"), "--splits", "1"]) == 6, name
+        error = capsys.readouterr().err
+        assert "bad.csv" in error
+        assert error.count("\n") == 1
+    for arguments in ([table, "--pairs", table], [], ["--pairs", table, "--friction-n", "3"]):
+        assert main(arguments) == 2
+        assert capsys.readouterr().err.count("\n") == 1

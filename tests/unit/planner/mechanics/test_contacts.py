@@ -86,9 +86,9 @@ def test_an_edge_is_left_out_only_where_both_ends_lie_on_one_side_of_the_surroun
 
 def test_contacts_of_fingers_side_by_side_are_those_of_each_alone():
     """A hand that pushes: its fingers look one way, and each is found as a single one in the middle is."""
-    rng, apart, near_both = np.random.default_rng(13), 6.0, 0
-    for _, points, pose in scenes(5, 200):
-        face = points[:, 1].max() - rng.uniform(0.0, 8.0)
+    rng, apart, near_both = np.random.default_rng(13), 5.0, 0
+    for _, points, pose in scenes(5, 600):
+        face = points[:, 1].max() - rng.uniform(0.0, 3.0)
 
         def rows(middle: float, *centres: float, points=points, pose=pose, face=face):
             fingers = [contacts.Finger(1, x, face, 4.75, 27.5) for x in centres]

@@ -4,6 +4,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+import push_twin
 import pytest
 import shapely
 from problems import (
@@ -20,6 +21,7 @@ from problems import (
     simulator,
 )
 from push_paths import joined, paths, random_paths
+from twin import Part
 
 from planner.mechanics import contacts
 from planner.mechanics.limit_surface import LimitSurface
@@ -147,6 +149,77 @@ def test_no_finger_ends_inside_the_part(outline):
         assert depths.max() < 0.02
 
 
+def test_round_tip_slides_off_a_disc_along_the_closed_form():
+    """As a point does, with the sum of both radii for the disc's."""
+    radius, tip, way, phi = 13.0, 4.75, 6.0, math.radians(30.0)
+    along = np.array([math.cos(phi), math.sin(phi)])
+    part = simulator(regular_polygon(720, radius))
+    made = paths([-(radius + tip) * along], shift=(way, 0.0))
+    result = part.push(made, part.nominal(1, 0.0), tip)
+    end = 2.0 * math.atan(math.tan(phi / 2.0) * math.exp(way / (radius + tip)))
+    expected = (radius + tip) * (np.array([math.cos(end), math.sin(end)]) - along) + [way, 0.0]
+    assert result.moved[0, :2] == pytest.approx(expected, abs=0.05)
+
+
+@pytest.mark.parametrize("mu", [0.1, 0.4])
+@pytest.mark.parametrize("outline", [right_triangle(), rectangle()])
+def test_round_tip_ends_where_the_twin_does(outline, mu):
+    rng, tip = np.random.default_rng(5), 4.75
+    part = simulator(outline)
+    twin = Part(np.asarray(part.outline), part.surface.A, part.surface.rho_mm, mu, JAWS)
+    for _ in range(2):
+        made = beside(outline, rng, tip)
+        moved = part.push(made, part.nominal(1, mu), tip).moved[0]
+        reference = push_twin.push(twin, made.points[0], made.centres[0], 0.0, made.shifts[0], tip)
+        assert moved == pytest.approx(reference, abs=0.1)
+        assert np.abs(moved[:2]).max() > 1.0
+
+
+def beside(outline, rng, tip):
+    """A way of a round tip that touches an outline near a vertex and goes past it, or not."""
+    k = rng.integers(len(outline))
+    start, end = outline[k], outline[(k + 1) % len(outline)]
+    edge = (end - start) / math.hypot(*(end - start))
+    inward = np.array([-edge[1], edge[0]])
+    place = start + rng.uniform(0.05, 0.2) * (end - start) - (tip + 0.01) * inward
+    return paths([place], shift=12.0 * inward + rng.uniform(-6.0, 6.0) * edge)
+
+
+def test_round_tip_of_no_size_is_a_point():
+    made, part = random_paths(hexagon(), np.random.default_rng(3), 40), simulator(hexagon())
+    straight = made._replace(angles=np.zeros(40), shifts=np.tile([3.0, 5.0], (40, 1)))
+    point, tip = (part.push(straight, part.nominal(40, 0.3), size).moved for size in (0.0, 1e-4))
+    assert np.quantile(np.abs(point - tip).max(axis=1), 0.95) < 0.01
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.5])
+def test_round_tip_in_a_notch_rests_on_both_edges(mu):
+    outline, tip = l_shape(), 3.0
+    notch, part = outline[3], simulator(l_shape())
+    result = part.push(paths([notch + tip + 0.5], shift=(-9.0, -9.0)), part.nominal(1, mu), tip)
+    centre = notch + tip + 0.5 - 9.0
+    assert np.hypot(*(place(outline, result.moved[0])[3] - centre)) == pytest.approx(
+        math.sqrt(2.0) * tip, abs=0.03
+    )
+
+
+def test_round_tips_never_end_inside_a_part():
+    """Past vertices, around concave outlines and along edges: the tip's whole disc stays outside."""
+    rng, tip = np.random.default_rng(8), 4.75
+    for outline in (l_shape(), hexagon(), right_triangle()):
+        part, ring = simulator(outline), shapely.Polygon(outline).buffer(tip + 0.01).exterior
+        starts = shapely.get_coordinates(
+            shapely.line_interpolate_point(ring, rng.uniform(0.0, ring.length, 60))
+        )
+        ways = -starts + rng.uniform(-8.0, 8.0, (60, 2))
+        made = Paths(starts[:, None], starts, np.zeros(60), 0.6 * ways)
+        result = part.push(made, part.nominal(60, 0.3), tip)
+        assert not result.given_up.any()
+        for start, way, moved in zip(starts, made.shifts, result.moved, strict=True):
+            end = shapely.Polygon(place(outline, moved))
+            assert end.distance(shapely.Point(start + way)) > tip - 0.03
+
+
 @pytest.mark.parametrize("mu", [0.0, 0.5])
 def test_a_finger_in_a_notch_stays_there(mu):
     """Pushed from within the cone of the notch's two edges: neither lets it pass."""
@@ -180,7 +253,9 @@ def test_a_point_near_a_convex_part_is_found_once_at_its_distance():
             distance = here.distance(part.exterior)
             if part.contains(here):
                 continue
-            count = contacts.find_points(C, I, np.ascontiguousarray(outline.T), np.zeros(3), point[None], 2.0)
+            count = contacts.find_points(
+                C, I, np.ascontiguousarray(outline.T), np.zeros(3), contacts.Tips(point[None], 0.0), 2.0
+            )
             assert count == (distance <= 2.0)
             if count:
                 assert C[0, contacts.GAP] == pytest.approx(distance)

@@ -75,3 +75,22 @@ def test_order_refuses_what_only_a_small_turn_allows():
     # Each turn by 1 / 240 moves this boundary by less than the tolerance; sixty of them do not.
     part = KNOWN["nearly round ellipse"][0]
     assert not symmetry.has_order(part, 240)
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_has_order_of_few_vertices_first_is_that_of_all_turns_of_all_vertices(name):
+    part = outline.canonical(np.asarray(KNOWN[name][0])).outline_mm
+    boundary = shapely.LinearRing(part)
+
+    def whole(n: int) -> bool:
+        angles = math.tau * np.arange(1, n) / n
+        turned = [part @ np.array([[math.cos(a), math.sin(a)], [-math.sin(a), math.cos(a)]]) for a in angles]
+        return all(bool((shapely.distance(boundary, shapely.points(each)) <= 0.05).all()) for each in turned)
+
+    for n in (2, 3, 4, 5, 6, 9):
+        assert symmetry.has_order(part, n) == whole(n)
+
+
+def test_order_of_a_disc_of_many_vertices_is_what_a_table_can_state():
+    assert symmetry.order(ring(2000, 20.0)) == symmetry.MOST_ORDER
+    assert symmetry.order(ring(2000, 20.0, 12.0)) == 2

@@ -5,6 +5,7 @@ import socket
 import subprocess
 import sys
 import tempfile
+import threading
 from pathlib import Path
 
 import pytest
@@ -99,6 +100,34 @@ def test_a_name_is_all_its_addresses(monkeypatch: pytest.MonkeyPatch) -> None:
     with PortLock("tcp://192.0.2.7:5000"):
         assert busy("tcp://cell.example:5000")
         assert not busy("tcp://[2001:db8::7]:5000"), "an attempt that failed has let go of all"
+
+
+def test_lock_of_a_name_that_no_server_tells_is_taken_in_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked, answered = socket.getaddrinfo, threading.Event()
+
+    def silent(host: str, number: int, **settings: int) -> list[object]:
+        if settings.get("flags"):
+            return list(asked(host, number, **settings))
+        assert answered.wait(60.0)
+        return []
+
+    monkeypatch.setattr(socket, "getaddrinfo", silent)
+    monkeypatch.setattr(locks, "LOOK_UP_S", 0.1)
+    with PortLock("ur://robot.example"):
+        assert busy("ur://robot.example:30004")
+    answered.set()
+
+
+def test_units_behind_one_gateway_are_locks_of_their_own() -> None:
+    gateway = f"tcp://{HOST}:502"
+    with PortLock(f"{gateway}?unit=9"):
+        assert busy(gateway)
+        assert busy(f"tcp://{HOST}")
+        assert busy(f"{gateway}?unit=0x09&function=3")
+        assert busy(f"rtu+{gateway}?output=1&unit=9")
+        assert not busy(f"{gateway}?unit=10")
+        with PortLock(f"rtu+{gateway}?unit=10"):
+            assert busy(f"{gateway}?unit=0xA")
 
 
 HOST = f"192.0.2.{os.getpid() % 250}"

@@ -5,49 +5,56 @@ from dataclasses import FrozenInstanceError, replace
 
 import pytest
 from fake_cell import Log, State, fake_cell
-from sample_tables import GRIPPER, small_table, with_node
-from squeezes import ARRIVED, AT_21, AT_30, AT_36, AT_60, EMPTY, jaw_moves, meeting, run
+from sample_tables import GRIPPER, small_table, with_job, with_node
+from squeezes import ARRIVED, AT_21, AT_30, AT_36, AT_60, CALIBRATION, EMPTY, jaw_moves, meeting, run
 
 from runtime.errors import GripperStateError
 from runtime.execution.events import Phase
 from runtime.execution.executor import RunOptions
-from runtime.execution.hand import Hand, Handling
-from runtime.execution.strokes import GENTLE_FORCE, GENTLE_SPEED
-from runtime.table import profile_of
+from runtime.execution.hand import Hand
+from runtime.execution.handling import Handling
+from runtime.execution.strokes import GENTLE_FORCE
+from runtime.table import PROFILES, Table, profile_of
 from runtime.traversal.decision import Policy
 from runtime.traversal.results import Outcome
 
 # -- force ----------------------------------------------------------------------------------------
 
 
-def test_a_regulated_squeeze_meets_the_part_gently_and_only_then_raises_the_force() -> None:
+def dragging_table(force_mn: int = 40_000) -> Table:
+    """The small table; what the root holds is dragged, so that it has to be held with its force."""
+    root = small_table().nodes[0]
+    root = root._replace(squeeze=root.squeeze._replace(force_mn=force_mn), release=(12_000, -7_000))
+    table = with_node(small_table(), 0, root)
+    return replace(table, limits=replace(table.limits, max_force_mn=235_000))
+
+
+def test_squeeze_regulated_meets_the_part_with_the_least_force() -> None:
     made = fake_cell([AT_21])
     assert run(made, RunOptions(handling=Handling(regulated=True))).leaf == 0
-    near, touch, hold = jaw_moves(made)[1:4]
+    assert [force for position, _, force in jaw_moves(made) if position == 255] == [GENTLE_FORCE]
+
+
+def test_squeeze_regulated_raises_the_force_for_a_drag() -> None:
+    made = fake_cell([AT_21])
+    assert run(made, RunOptions(handling=Handling(regulated=True)), dragging_table()).leaf == 0
     node_force = profile_of(GRIPPER.model).force_counts(40_000)
-    assert near[0] < AT_30[0]  # wider than any outcome
-    assert near[2] == GENTLE_FORCE
-    assert touch == (255, GENTLE_SPEED, GENTLE_FORCE)
-    assert hold == (255, GENTLE_SPEED, node_force)
+    assert [force for position, _, force in jaw_moves(made) if position == 255] == [GENTLE_FORCE, node_force]
 
 
-def test_a_part_met_early_is_still_only_touched_first() -> None:
+def test_squeeze_regulated_raises_the_force_where_the_reading_decides_nothing() -> None:
     made = meeting(AT_60[0])
     result = run(made, RunOptions(handling=Handling(regulated=True)))
     assert result.outcome is Outcome.REJECT  # nobody planned for 60 mm
     forces = [force for position, _, force in jaw_moves(made) if position > 0]
-    assert forces == [GENTLE_FORCE, GENTLE_FORCE, profile_of(GRIPPER.model).force_counts(40_000)]
+    assert forces == [GENTLE_FORCE, profile_of(GRIPPER.model).force_counts(40_000)]
 
 
 def test_the_motor_current_ends_the_raising() -> None:
-    table = small_table()
-    squeeze = table.nodes[0].squeeze._replace(force_mn=200_000)
-    table = with_node(table, 0, table.nodes[0]._replace(squeeze=squeeze))
-    table = replace(table, limits=replace(table.limits, max_force_mn=235_000))
     for grip_current_ma, raises in [(None, 4), (299, 0), (300, 0), (301, 4)]:
         made = fake_cell([AT_21])
         handling = Handling(regulated=True, grip_current_ma=grip_current_ma)
-        assert run(made, RunOptions(handling=handling), table).leaf == 0
+        assert run(made, RunOptions(handling=handling), dragging_table(200_000)).leaf == 0
         closings = [force for position, _, force in jaw_moves(made) if position == 255]
         assert len(closings) == 1 + raises
 
@@ -62,11 +69,7 @@ def test_a_part_that_slips_out_while_the_force_rises_is_told_by_its_width() -> N
             made.gripper.now = made.gripper.now._replace(position_counts=229, object_flag=ARRIVED)
 
     made.gripper.move = slip
-    table = small_table()
-    squeeze = table.nodes[0].squeeze._replace(force_mn=200_000)  # four raises, of which the first loses it
-    table = with_node(table, 0, table.nodes[0]._replace(squeeze=squeeze))
-    table = replace(table, limits=replace(table.limits, max_force_mn=235_000))
-    result = run(made, RunOptions(handling=Handling(regulated=True)), table)
+    result = run(made, RunOptions(handling=Handling(regulated=True)), dragging_table(200_000))
     assert (result.outcome, result.reason) == (Outcome.REJECT, "the fingers closed on nothing")
     assert [force for position, _, force in jaw_moves(made) if position == 255] == [GENTLE_FORCE, 64]
 
@@ -74,7 +77,95 @@ def test_a_part_that_slips_out_while_the_force_rises_is_told_by_its_width() -> N
 def test_nothing_between_the_fingers_is_not_squeezed_harder() -> None:
     made = fake_cell([EMPTY])
     assert run(made, RunOptions(handling=Handling(regulated=True))).outcome is Outcome.REJECT
-    assert [force for position, _, force in jaw_moves(made) if position > 0] == [GENTLE_FORCE, GENTLE_FORCE]
+    assert [force for position, _, force in jaw_moves(made) if position > 0] == [GENTLE_FORCE]
+
+
+# -- short squeezes ---------------------------------------------------------------------------------
+
+
+def known_table() -> Table:
+    """The small table of a part 16 mm high, whose second squeeze needs an opening of 50 mm."""
+    table = with_job(small_table(), '{"gripper":{"upper_finger_share":0.5},"part":{"height_mm":16.0}}')
+    second = table.nodes[1]._replace(contact_um=42_000)
+    return with_node(table, 1, second._replace(squeeze=second.squeeze._replace(opening_um=50_000)))
+
+
+def test_between_squeezes_hand_rises_to_just_above_the_part_and_jaws_open_for_the_next() -> None:
+    made = fake_cell([AT_30, AT_21])
+    assert run(made, RunOptions(), known_table()).leaf == 1
+    heights = [call.arguments[2] for call in made.log.named("move_linear")]
+    assert heights == [60.0, 60.0, 10.0, 20.0, 20.0, 10.0, 60.0]
+    opened = [CALIBRATION.width_um(position) for position, *_ in jaw_moves(made) if position < 255]
+    assert [width >= 50_000 for width in opened] == [True] * len(opened)
+    assert min(opened) < 51_000
+    assert opened[-1] == 85_000  # for the next part
+
+
+def test_jaws_are_freed_before_the_hand_rises_though_the_next_opening_is_narrower() -> None:
+    root, second = known_table().nodes
+    narrow = second._replace(contact_um=None, squeeze=second.squeeze._replace(opening_um=38_000))
+    made = fake_cell([AT_36, AT_21])
+    wide = root.branches[1]._replace(low_um=35_000, expected_um=36_000, high_um=37_000)
+    table = with_node(
+        with_node(known_table(), 1, narrow), 0, root._replace(branches=(root.branches[0], wide))
+    )
+    run(made, RunOptions(), table)
+    log = made.log.calls
+    rise = next(k for k, call in enumerate(log) if call.name == "move_linear" and call.arguments[2] == 20.0)
+    before = [call.arguments[0] for call in log[:rise] if call.name == "move"]
+    assert CALIBRATION.width_um(before[-1]) >= 40_500
+    after = [call.arguments[0] for call in log[rise:] if call.name == "move"]
+    assert 38_000 <= CALIBRATION.width_um(after[0]) < 39_000
+
+
+def test_jaws_that_stand_open_by_a_fresh_reading_are_not_opened_again() -> None:
+    made = fake_cell([AT_30, AT_21])
+    run(made, RunOptions())
+    positions = [position for position, *_ in jaw_moves(made)]
+    assert positions == [0, 255, 0, 255, 0]  # at first nobody knows what they hold
+
+
+def test_jaws_blocked_on_the_way_to_the_next_opening_never_come_down() -> None:
+    made = fake_cell([AT_30, AT_21])
+    made.gripper.opened_to = 40
+    result = run(made, RunOptions(), known_table())
+    assert (result.outcome, result.exit_code) == (Outcome.FAULT, 21)
+    assert "remove what blocks them" in str(result.reason)
+
+
+def test_hand_of_alike_fingers_turns_the_short_way() -> None:
+    table = known_table()
+    turned = table.nodes[1]._replace(squeeze=table.nodes[1].squeeze._replace(angle_urad=3_000_000))
+    made = fake_cell([AT_30, AT_21])
+    assert run(made, RunOptions(), with_node(table, 1, turned)).leaf == 1
+    angles = [call.arguments[3] for call in made.log.named("move_linear")]
+    assert angles[-1] == pytest.approx(3.0 - math.pi, abs=1e-6)
+    made = fake_cell([AT_30, AT_21])
+    made.arm.turns = (0.0, math.tau)
+    run(made, RunOptions(), with_node(table, 1, turned))
+    assert made.log.named("move_linear")[-1].arguments[3] == pytest.approx(3.0)
+
+
+def test_gripper_that_takes_no_command_on_the_way_closes_in_one_stroke_or_stops_between(monkeypatch) -> None:
+    for redirects, waits in ((True, 1), (False, 2)):
+        profile = profile_of(GRIPPER.model)._replace(redirects=redirects)
+        monkeypatch.setitem(PROFILES, "robotiq-2f-85", profile)
+        root = small_table().nodes[0]._replace(contact_um=33_000)
+        table = with_node(small_table(), 0, root)
+        table = replace(table, limits=replace(table.limits, max_speed_um_s=150_000))
+        made = fake_cell([AT_21])
+        assert run(made, RunOptions(), table).leaf == 0
+        calls = [call.name for call in made.log.calls if call.name in ("move", "wait")]
+        assert calls[2 : 3 + waits] == ["move", *["wait"] * (waits - 1), "move"]
+
+
+def test_phases_of_each_squeeze_add_up_to_the_seconds_of_the_part() -> None:
+    made = fake_cell([AT_30, AT_21])
+    made.cell.clock.step_s = 0.001
+    result = run(made, RunOptions())
+    assert len(result.phases) == 2
+    assert sum(phases.total_s for phases in result.phases) == pytest.approx(result.seconds, abs=0.1)
+    assert made.journal.kept[-1][1]["phases"][0].keys() == result.phases[0]._asdict().keys()
 
 
 def test_a_current_that_cannot_be_is_a_fault_and_no_child() -> None:

@@ -9,7 +9,7 @@ from runtime.errors import GripperStateError, MotionRefusedError
 from runtime.execution import dry_run, held, session
 from runtime.execution.delivery import Delivery
 from runtime.execution.executor import RunOptions
-from runtime.execution.hand import Handling
+from runtime.execution.handling import Handling
 from runtime.execution.tips import TipArc
 from runtime.table import Calibration
 

@@ -21,7 +21,8 @@ from squeezes import (
 
 from runtime.errors import TableError
 from runtime.execution.executor import RunOptions
-from runtime.execution.hand import Hand, Handling
+from runtime.execution.hand import Hand
+from runtime.execution.handling import Handling
 from runtime.execution.strokes import GENTLE_FORCE, opening_counts
 from runtime.execution.tips import TipArc
 from runtime.table import Calibration
@@ -148,7 +149,7 @@ def test_contact_while_opening_is_no_contact_to_squeeze_harder_on() -> None:
     result = run(made, RunOptions(handling=Handling(regulated=True)))
     assert (result.outcome, result.exit_code) == (Outcome.FAULT, 21)
     assert "contact while opening" in str(result.reason)
-    assert [force for position, _, force in jaw_moves(made) if position > 0] == [GENTLE_FORCE, GENTLE_FORCE]
+    assert [force for position, _, force in jaw_moves(made) if position > 0] == [GENTLE_FORCE]
 
 
 def test_tips_that_draw_back_are_not_followed_below_the_squeeze_height() -> None:

@@ -18,7 +18,8 @@ from runtime.execution.asked import AskedParts
 from runtime.execution.delivery import from_text
 from runtime.execution.events import Tally
 from runtime.execution.executor import RunOptions
-from runtime.execution.hand import Hand, Handling
+from runtime.execution.hand import Hand
+from runtime.execution.handling import Handling
 from runtime.execution.middle import Grip, Middle, fit, gripping, measure
 from runtime.monitoring.console import Objects
 from runtime.traversal.geometry import compose, placement, sent

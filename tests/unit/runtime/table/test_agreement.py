@@ -11,7 +11,7 @@ import pytest
 from sample_tables import several_table, with_job
 
 from runtime.cli import main
-from runtime.table import Push, Table, TableError, dumps, load, loads
+from runtime.table import Push, Table, TableError, dump, dumps, load, loads
 from runtime.table.codec import encode
 from runtime.table.embedded import gyration_mm
 
@@ -73,7 +73,7 @@ def with_push(table: Table) -> Table:
         (goal(kind="modes", modes=1), "goal.kind is modes, but the embedded job says pose"),
         (squeeze(force_mn=200_000), "node 0: force_mn is 200000, but the embedded job says 40000"),
         (squeeze(speed_um_s=150_000), "node 0: speed_um_s is 150000, but the embedded job says 60000"),
-        (squeeze(opening_um=60_000), "node 0: opening_um is 60000, but the embedded job says 85000"),
+        (squeeze(opening_um=80_000), "node 0: opening_um is 80000, but the embedded job says 85000"),
         (squeeze(x_um=90_000), "node 0: at (90.00, 0.00) mm the jaws touch no part within radius_mm = 12.75"),
         (with_push, "node 0 is pushed before, which is belief, but the embedded job says none"),
         (shifted(15_000), "does not lie between the jaws of node"),
@@ -170,3 +170,23 @@ def test_an_outline_of_thousands_of_points_takes_milliseconds() -> None:
 )
 def test_the_radius_of_gyration_is_that_of_the_area(outline, expected: float) -> None:
     assert gyration_mm(outline) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("table", "said"),
+    [
+        (TABLE, "heights, limits, squeezes and poses agree with the job in the table"),
+        (
+            replace(TABLE, job=None),
+            "the table carries no job: its heights, limits and poses were compared with",
+        ),
+    ],
+)
+def test_check_says_what_was_compared_and_what_was_not(
+    table: Table, said: str, tmp_path: Path, capsys
+) -> None:
+    dump(table, tmp_path / "table.msgpack")
+    assert main(["--tree", str(tmp_path / "table.msgpack"), "--check"]) == 0
+    out = capsys.readouterr().out
+    assert said in out
+    assert "plan-evaluate" in out

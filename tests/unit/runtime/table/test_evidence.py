@@ -111,6 +111,18 @@ def leaf_with(**changes: int) -> Table:
             replace(TABLE, predicted=replace(TABLE.predicted, success_ppm=1_000_000)),
             "predicted.success_ppm is 1000000, 10000 of 10000 trials, but only 9589 met the goal",
         ),
+        (
+            replace(TABLE, predicted=replace(TABLE.predicted, reject_ppm=42_002)),
+            "predicted.success_ppm is 958000, but 42002 ppm were rejected",
+        ),
+        (
+            replace(TABLE, predicted=replace(TABLE.predicted, mean_squeezes_ppm=4_000_001)),
+            "predicted.mean_squeezes_ppm is 4000001, allowed is 1000000..4000000",
+        ),
+        (
+            replace(TABLE, predicted=replace(TABLE.predicted, mean_squeezes_ppm=999_999)),
+            "predicted.mean_squeezes_ppm is 999999, allowed is 1000000..4000000",
+        ),
     ],
 )
 def test_figures_that_cannot_be_of_one_evaluation_are_refused(table: Table, said: str) -> None:

@@ -192,6 +192,8 @@ def test_damage_is_refused_in_a_line(tmp_path, name):
     assert "\n" not in str(caught.value)
 
 
+# The alarm may come while a collector's callback runs, where Python drops it; the next one is heard.
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_a_footprint_that_takes_too_long_is_not_called_damaged(tmp_path):
     path = tmp_path / "part.kicad_mod"
     path.write_text("(footprint x " + "(at 0 0 0)" * 400_000 + ")")

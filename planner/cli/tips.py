@@ -1,0 +1,101 @@
+"""Pushes by round tips, for `plan-simulate --push --tip-radius-mm`.
+
+A line states the centre of a tip at the start and its whole straight way, in the frame in which the job
+writes `outline_mm`. Recorded tips often overlap the part at the start, by millimetres. Such a tip begins
+where it just touches, at the nearest place outside, and goes the same way: of the corrections tried on
+recorded pushes this one comes nearest to what was measured (decision 0050).
+"""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+
+from planner.arrays import Array, IntArray
+from planner.cli import columns
+from planner.errors import ValueRangeError
+from planner.mechanics.push import PUSH_NAMES, Paths
+from planner.mechanics.simulator import Pushed
+
+NAMES = ("tip_x_mm", "tip_y_mm", "way_x_mm", "way_y_mm")
+OVERLAP = "overlap_mm"
+STATUS_NAMES = (*PUSH_NAMES, "untouched")
+UNTOUCHED = len(PUSH_NAMES)
+MOST_MM = 1e4  # magnitude of an entry
+CLEAR_MM = 1e-3  # what may be left of an overlap
+ROUNDS = 20
+ARCS = 256  # Segments of a quarter of the grown outline's arcs
+
+
+class Beside(NamedTuple):
+    """Round tips that start clear of the part."""
+
+    paths: Paths
+    overlap_mm: Array  # (n,) of the deepest tip, as stated; 0 where they start clear
+
+
+def read(path: Path) -> Array:
+    """Reads pushes (n, 4) with the columns `NAMES`.
+
+    Raises:
+        InputFileError, KeyNameError, ValueRangeError: as `columns.read`; or an entry is out of range.
+    """
+    rows = columns.read(path, NAMES)
+    for number, row in enumerate(rows, 1):
+        far = np.abs(row) > MOST_MM
+        if far.any():
+            k = int(np.argmax(far))
+            problem = f"push {number}: {row[k]:g} is beyond {MOST_MM:g}; correct it"
+            raise ValueRangeError(problem, where=str(path), key=NAMES[k])
+    return rows
+
+
+def paths(rows: Array, centroid: Array) -> Paths:
+    """The paths of pushes (n, 4), seen from the part's frame, whose origin is at `centroid` (2,)."""
+    centres = rows[:, :2] - centroid
+    return Paths(centres[:, None], centres, np.zeros(len(rows)), rows[:, 2:].copy())
+
+
+def beside(made: Paths, radius_mm: float, outline: Array, where: Path) -> Beside:
+    """Pushers of round tips, each moved whole by the shortest way that frees its deepest tip of the part.
+
+    Raises:
+        ValueRangeError: a tip overlaps the part by its diameter or more, or no place beside it is free.
+    """
+    part = shapely.Polygon(outline)
+    edge = part.buffer(radius_mm, quad_segs=ARCS).boundary
+    points, overlap = made.points.copy(), np.zeros(len(made.points))
+    for round_ in range(ROUNDS):
+        centres = shapely.points(points)  # (n, K)
+        away = shapely.distance(part.exterior, centres)
+        depth = radius_mm - np.where(shapely.contains(part, centres), -away, away)
+        deepest = depth.argmax(axis=1)
+        most = depth.max(axis=1)
+        if round_ == 0:
+            overlap = np.maximum(most, 0.0)
+            _check_depth(overlap, radius_mm, where)
+        rows = np.flatnonzero(most > CLEAR_MM)
+        if not len(rows):
+            shift = points[:, 0] - made.points[:, 0]
+            return Beside(made._replace(points=points, centres=made.centres + shift), overlap)
+        tips = points[rows, deepest[rows]]
+        nearest = shapely.line_interpolate_point(edge, shapely.line_locate_point(edge, shapely.points(tips)))
+        points[rows] += (shapely.get_coordinates(nearest) - tips)[:, None]
+    problem = f"push {rows[0] + 1}: no place beside the part is free for all tips; correct where they start"
+    raise ValueRangeError(problem, where=str(where))
+
+
+def _check_depth(overlap: Array, radius_mm: float, where: Path) -> None:
+    if overlap.max(initial=0.0) >= 2.0 * radius_mm:
+        number = int(np.argmax(overlap))
+        problem = (
+            f"push {number + 1}: the tip overlaps the part by {overlap[number]:.3g} mm at the start, its "
+            "diameter or more; state its centre, in the frame of the job's outline_mm"
+        )
+        raise ValueRangeError(problem, where=str(where))
+
+
+def status(pushed: Pushed) -> IntArray:
+    """Indices (n,) into `STATUS_NAMES`: those of `pushed`, or untouched where the part did not move."""
+    return np.where(pushed.moved.any(axis=1), pushed.status, UNTOUCHED)

@@ -1,0 +1,72 @@
+"""Seconds of trials, from the paths that they took, by the table's model of time.
+
+Parts come one after the other: the hand sets out from where it left the part before.
+"""
+
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.arrays import Array, IntArray
+from planner.belief.observation import COUNTS
+from runtime.table import Calibration, Schedule, Squeezed, Table, job_of, takt_figures
+
+
+def figures(seconds: Array, takt_s: float | None = None) -> dict[str, float]:
+    """Of the seconds (n,), n >= 1, of trials: `runtime.table.takt.figures`."""
+    return takt_figures(Counter(seconds.tolist()), takt_s)
+
+
+def seconds_of(table: Table, path: IntArray, reading: IntArray, branch: IntArray) -> Array:
+    """Seconds (n,) of trials of a table.
+
+    Args:
+        table: whose nodes and cell they are.
+        path: (n, d) the nodes passed, in order, then negative.
+        reading: (n, d) what was read at each of them, as `Evaluation.reading`.
+        branch: (n, d) the branch taken at each of them, negative for none.
+    """
+    return _Paths(Schedule.of(table, job_of(table)), Calibration.linear(table.gripper)).seconds(
+        path, reading, branch
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Paths:
+    schedule: Schedule
+    calibration: Calibration
+
+    def seconds(self, path: IntArray, reading: IntArray, branch: IntArray) -> Array:
+        """Seconds (n,), squeeze by squeeze; each combination of two squeezes is timed once."""
+        trials, depth = path.shape
+        found = np.zeros(trials)
+        squeezes = (path >= 0).sum(axis=1)
+        rows = np.arange(trials)
+        last = rows, np.maximum(squeezes - 1, 0)
+        states = np.stack([path, np.where(path >= 0, reading % COUNTS, -1), branch], axis=2)
+        before = np.roll(states[last], 1, axis=0)  # the part before, at its last squeeze
+        for k in range(depth):
+            here = np.flatnonzero(squeezes > k)
+            if not len(here):
+                break
+            after = np.where(squeezes[here] > k + 1, path[here, min(k + 1, depth - 1)], -1)
+            keys = np.column_stack([before[here], states[here, k], after])
+            each, inverse = np.unique(keys, axis=0, return_inverse=True)
+            times = np.array([self._time(row, first=k == 0) for row in each.tolist()])
+            found[here] += times[inverse.ravel()]
+            before[here] = states[here, k]
+        return found
+
+    def _time(self, key: list[int], *, first: bool) -> float:
+        came, made, after = self._squeezed(key[:3]), self._squeezed(key[3:6]), key[6]
+        if came is None or made is None:
+            return 0.0
+        node = None if after < 0 else after
+        _, stands, jaws_s = self.schedule.squeeze(came, None, None if first else made.node, first=True)
+        phases, *_ = self.schedule.squeeze(made, stands, node, 0.0 if first else jaws_s, first=first)
+        return phases.total_s
+
+    def _squeezed(self, state: list[int]) -> Squeezed | None:
+        node, count, branch = state
+        return None if node < 0 else Squeezed(node, self.calibration.width_um(count) / 1e3, branch)

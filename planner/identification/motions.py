@@ -1,0 +1,97 @@
+"""Identify a limit surface from motions alone: pushes with a round tip, no force sensor.
+
+The ellipsoid and the friction of the tip are those whose simulated pushes end nearest to the measured ones:
+least squares of x, y and rho times the angle, robust against outliers (soft L1, `SCALE_MM`), by the
+trust-region method of scipy. The scale of the ellipsoid does not change where pushes end.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from planner.arrays import Array, IntArray
+from planner.errors import ValueRangeError
+from planner.mechanics.limit_surface import LimitSurface
+from planner.mechanics.push import Paths
+from planner.mechanics.simulator import Parameters, Simulator
+
+SCALE_MM = 2.0  # Residuals beyond this pull with their size, not its square
+LEAST_PUSHES = 6
+FRICTION = (0.01, 1.5)  # bounds
+STEP = 1e-2  # of the differences that stand for derivatives: a push is smooth but for its contacts' changes
+
+
+class Motions(NamedTuple):
+    """Pushes by a round tip, and what they did."""
+
+    paths: Paths  # in the part's frame at the start, clear of it
+    moved: Array  # (n, 3) measured displacement of the centroid [mm, mm, rad]
+
+    def of(self, rows: IntArray) -> "Motions":
+        """Some of them."""
+        return Motions(Paths(*(values[rows] for values in self.paths)), self.moved[rows])
+
+
+class Fitted(NamedTuple):
+    """What was identified."""
+
+    surface: LimitSurface
+    friction: float  # of the tip
+
+
+def fit(motions: Motions, part: Simulator, radius_mm: float, friction: float = 0.3) -> Fitted:
+    """Fits an ellipsoid to motions, beginning at the unit sphere and a friction of the tip.
+
+    Raises:
+        ValueRangeError: fewer than `LEAST_PUSHES` pushes, one for each unknown.
+    """
+    n, rho = len(motions.moved), part.surface.rho_mm
+    if n < LEAST_PUSHES:
+        raise ValueRangeError(f"{n} pushes to fit to; give at least {LEAST_PUSHES}", key="pushes")
+
+    def residuals(unknown: Array) -> Array:
+        values = unknown - 1.0
+        return _off(motions, part, _ellipsoid(values[:5]), float(values[5]), radius_mm).ravel()
+
+    # All unknowns are shifted by 1, so that relative steps of derivatives are of one size.
+    start = 1.0 + np.append(np.zeros(5), friction)
+    low, high = 1.0 + np.append(np.full(5, -3.0), FRICTION[0]), 1.0 + np.append(np.full(5, 3.0), FRICTION[1])
+    found = least_squares(
+        residuals, start, bounds=(low, high), loss="soft_l1", f_scale=SCALE_MM, diff_step=STEP, max_nfev=40
+    )
+    values = found.x - 1.0
+    return Fitted(LimitSurface(_ellipsoid(values[:5]), rho), float(values[5]))
+
+
+def errors_mm(fitted: Fitted, motions: Motions, part: Simulator, radius_mm: float) -> Array:
+    """Errors (n,) of foretold motions in place and angle, as in the success metric."""
+    off = _off(motions, part, fitted.surface.A, fitted.friction, radius_mm)
+    return np.asarray(np.hypot(off[:, 0], off[:, 1]) + np.abs(off[:, 2]))
+
+
+def held_out_mm(
+    motions: Motions, part: Simulator, radius_mm: float, splits: int, rng: np.random.Generator
+) -> Array:
+    """Median errors (splits,) of the halves that fits have not seen."""
+    n, errors = len(motions.moved), np.empty(splits)
+    for split in range(splits):
+        order = rng.permutation(n)
+        known, unseen = motions.of(order[: n // 2]), motions.of(order[n // 2 :])
+        errors[split] = np.median(errors_mm(fit(known, part, radius_mm), unseen, part, radius_mm))
+    return errors
+
+
+def _off(motions: Motions, part: Simulator, A: Array, friction: float, radius_mm: float) -> Array:
+    """How far (n, 3) simulated pushes end from the measured ones: x, y, rho times the angle [mm]."""
+    n = len(motions.moved)
+    parameters = Parameters(np.repeat(A[None], n, axis=0), np.full((n, 2), friction))
+    pushed = part.push(motions.paths, parameters, radius_mm)
+    return np.asarray((pushed.moved - motions.moved) * [1.0, 1.0, part.surface.rho_mm])
+
+
+def _ellipsoid(unknown: Array) -> Array:
+    """A positive definite matrix (3, 3) whose first entry is 1."""
+    x, y, z, log_y, log_z = unknown
+    L = np.array([[1.0, 0.0, 0.0], [x, np.exp(log_y), 0.0], [y, z, np.exp(log_z)]])
+    return np.asarray(L @ L.T)

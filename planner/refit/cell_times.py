@@ -1,0 +1,75 @@
+"""What a journal's seconds tell of a cell: the arm's acceleration, and what arm and jaws take to answer."""
+
+import math
+from collections.abc import Sequence
+from statistics import median
+from typing import NamedTuple
+
+from runtime.table import CLEAR_MM, Phases, Schedule, Table, Timing, job_of, trapezoid_s
+
+LEAST_SQUEEZES = 20
+LEAST, MOST = 10.0, 100_000.0  # accelerations that are looked among [mm/s2]
+HALVINGS = 60
+
+
+class Timed(NamedTuple):
+    """One squeeze of a journal."""
+
+    node: int
+    width_mm: float
+    first: bool  # of its part
+    phases: Phases
+
+
+def learned(table: Table, squeezes: Sequence[Timed]) -> dict[str, float]:
+    """Keys of the job's section `cell`; those of which the journal tells nothing are missing.
+
+    The ways down are of two lengths, from the retreat height and from just above the part: what they differ
+    by in time is the acceleration, the rest is the answer.
+    """
+    timing, found = Schedule.of(table, job_of(table)).timing, dict[str, float]()
+    if len(squeezes) < LEAST_SQUEEZES:
+        return found
+    plain = [made for made in squeezes if not table.nodes[made.node].pushes]
+    low, high = timing.regrasp_mm - timing.squeeze_mm, timing.retreat_mm - timing.squeeze_mm
+    short, long = ([made.phases.lower_s for made in plain if made.first == first] for first in (False, True))
+    if low < high and short and long:
+        acceleration = _acceleration(median(long) - median(short), low, high, timing.arm_speed_mm_s)
+        found["arm_acceleration_mm_s2"] = round(acceleration, 1)
+        answer_s = median(short) - trapezoid_s(low, timing.arm_speed_mm_s, acceleration)
+        found["arm_answer_s"] = round(max(answer_s, 0.0), 4)
+    if plain:
+        found["jaw_answer_s"] = round(max(median(_jaws(table, timing, made) for made in plain), 0.0), 4)
+        looks = [
+            made.phases.release_s - CLEAR_MM / _speed(table, made) for made in plain if _stays(table, made)
+        ]
+        if looks:
+            found["poll_s"] = round(max(median(looks), 0.0) / 3.0, 4)
+    return found
+
+
+def _acceleration(gap_s: float, low_mm: float, high_mm: float, speed_mm_s: float) -> float:
+    """Of an arm that takes so much longer for the longer of two ways, by halving."""
+    least, most = LEAST, MOST
+    for _ in range(HALVINGS):
+        middle = math.sqrt(least * most)
+        gap = trapezoid_s(high_mm, speed_mm_s, middle) - trapezoid_s(low_mm, speed_mm_s, middle)
+        least, most = (middle, most) if gap > gap_s else (least, middle)
+    return math.sqrt(least * most)
+
+
+def _jaws(table: Table, timing: Timing, made: Timed) -> float:
+    """What closing took beyond its strokes."""
+    node, speed = table.nodes[made.node], _speed(table, made)
+    contact = None if node.contact_um is None else node.contact_um / 1e3
+    told_s = timing.close_s(node.squeeze.opening_um / 1e3, contact, made.width_mm, speed)
+    return made.phases.close_s - told_s + timing.jaw_answer_s
+
+
+def _speed(table: Table, made: Timed) -> float:
+    return table.nodes[made.node].squeeze.speed_um_s / 1e3
+
+
+def _stays(table: Table, made: Timed) -> bool:
+    """Whether the hand lets go where it squeezed."""
+    return table.nodes[made.node].release is None

@@ -1,0 +1,49 @@
+"""How a hand is used in a cell: its calibration, the arc of its tips, and how it grips."""
+
+from dataclasses import dataclass
+
+from runtime.errors import TableError
+from runtime.execution.reading import CURRENT_MA
+from runtime.execution.tips import TipArc
+from runtime.table import CLEAR_MM, Calibration, Limits, Table
+
+
+@dataclass(frozen=True, slots=True)
+class Handling:
+    """How the hand is used; what differs from cell to cell and not from table to table."""
+
+    calibration: Calibration | None = None  # counts to widths as measured, None where they were not
+    arc: TipArc | None = None  # the tips' arc; None where they move straight
+    regulated: bool = False  # whether squeezes close gently and raise their force after contact
+    approaches: bool = True  # whether jaws close fast to just before the part, which nobody asks of a person
+    # motor current at which a regulated squeeze raises its force no further, or None
+    grip_current_ma: int | None = None
+    current_ma: tuple[int, int] = CURRENT_MA  # least and greatest motor currents a gripper at rest may report
+    middle_mm: float = 0.0  # how far the fingers meet off the hand's middle, along its y, as measured
+
+    def widths(self, table: Table) -> Calibration:
+        """Counts to widths: as measured, else the linear map of the table's gripper."""
+        return self.calibration or Calibration.linear(table.gripper)
+
+
+def check_arc(arc: TipArc | None, limits: Limits, calibration: Calibration) -> None:
+    """Check that the tips' arc fits between a table's heights.
+
+    Raises:
+        TableError: it does not.
+    """
+    if arc is None:
+        return
+    widest_mm = calibration.widths_um[0] / 1000
+    if arc.taught_mm < widest_mm - CLEAR_MM or widest_mm / 2 - arc.offset_mm >= arc.link_mm:
+        raise TableError(
+            f"the tips' arc was taught at {arc.taught_mm:g} mm and the jaws open to {widest_mm:g} mm; "
+            "teach the tool frame with the jaws fully open, and check link and offset"
+        )
+    top_mm = limits.squeeze_height_um / 1000 + max(arc.most_mm(0.0, widest_mm), 0.0)
+    retreat_mm = limits.retreat_height_um / 1000
+    if top_mm >= retreat_mm:
+        raise TableError(
+            f"closing the jaws takes the arm up to {top_mm:.1f} mm, the retreat height is {retreat_mm:g} mm; "
+            "raise cell.retreat_height_mm and recompile"
+        )

@@ -1,0 +1,66 @@
+"""Where the seconds of a journal's parts go: phase by phase, and as a distribution."""
+
+from collections import Counter
+from collections.abc import Iterable
+from math import fsum
+from typing import NamedTuple
+
+from runtime.journal.lines import Entry
+from runtime.table import Phases, phases_of, takt_figures, time_of
+
+
+class Times(NamedTuple):
+    """What the parts of a journal took."""
+
+    parts: int  # with an outcome and seconds
+    squeezes: int
+    phases: dict[str, float]  # mean seconds a part, by the name of the phase
+    figures: dict[str, float]  # of `runtime.table.takt`; empty without a part
+
+    def fields(self) -> dict[str, object]:
+        """For machines."""
+        return {"parts": self.parts, "squeezes": self.squeezes, "phases": self.phases, **self.figures}
+
+    def lines(self, takt_s: float | None) -> list[str]:
+        """For people."""
+        if not self.parts:
+            return ["no part tells its seconds"]
+        mean_s = self.figures["seconds_mean"]
+        lines = [f"{self.parts} parts, {self.squeezes} squeezes; seconds a part:"]
+        lines += [
+            f"  {name:9}{value:7.2f}  {value / mean_s:4.0%}" for name, value in self.phases.items() if value
+        ]
+        lines += [f"  {name.removeprefix('seconds_'):9}{value:7.2f}" for name, value in self.figures.items()][
+            :-1
+        ]
+        last = [*self.figures.items()][-1]
+        if takt_s is None:
+            return [*lines, f"  {last[0].removeprefix('seconds_'):9}{last[1]:7.2f}"]
+        return [*lines, f"  within {takt_s:g} s {last[1]:.1%}"]
+
+
+def times_of(entries: Iterable[Entry], takt_s: float | None = None) -> Times:
+    """What the records of outcomes tell; those without seconds are passed over.
+
+    Raises:
+        ValueError: a record's seconds are no times.
+    """
+    seconds: Counter[float] = Counter()
+    spent: list[Phases] = []
+    for entry in entries:
+        if entry["kind"] == "outcome" and entry.get("seconds") is not None:
+            seconds[time_of(entry["seconds"])] += 1
+            listed = entry.get("phases")
+            if not isinstance(listed, list):
+                raise ValueError("phases are no list")
+            spent += map(phases_of, listed)
+    parts = seconds.total()
+    sums = [fsum(column) for column in zip(*spent, strict=True)] or [0.0] * len(Phases._fields)
+    means = {name: value / max(parts, 1) for name, value in zip(_names(), sums, strict=True)}
+    if parts:
+        means["other"] = max(fsum(taken * many for taken, many in seconds.items()) - fsum(sums), 0.0) / parts
+    return Times(parts, len(spent), means, takt_figures(seconds, takt_s) if parts else {})
+
+
+def _names() -> list[str]:
+    return [name.removesuffix("_s") for name in Phases._fields]

@@ -1,0 +1,36 @@
+"""The addresses of a host by its name."""
+
+import contextlib
+import errno
+import queue
+import socket
+import threading
+from typing import Any
+
+
+def addresses_of(host: str, port: int | None, seconds: float) -> list[Any]:
+    """A host's addresses as `socket.getaddrinfo` gives them, looked up within so many wall seconds.
+
+    A name server that is silent is left to a thread of its own.
+
+    Raises:
+        OSError: the name is not known, or nobody answers in time. UnicodeError: no host can have that name.
+    """
+    with contextlib.suppress(socket.gaierror):
+        return socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_NUMERICHOST)
+    answers: queue.SimpleQueue[list[Any] | Exception] = queue.SimpleQueue()
+
+    def look_up() -> None:
+        try:
+            answers.put(socket.getaddrinfo(host, port, type=socket.SOCK_STREAM))
+        except Exception as error:
+            answers.put(error)
+
+    threading.Thread(target=look_up, name="look-up", daemon=True).start()
+    try:
+        answer = answers.get(timeout=seconds)
+    except queue.Empty:
+        raise TimeoutError(errno.ETIMEDOUT, f"no name server tells the address of {host}") from None
+    if isinstance(answer, Exception):
+        raise answer
+    return answer

@@ -1,0 +1,131 @@
+"""Seconds of the squeezes of a table, along the path of each part, by the one model of time in `timing`."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import cos, hypot, pi, remainder, sin, tau
+from typing import Any, NamedTuple, Self
+
+from runtime.table.embedded import section
+from runtime.table.grippers import profile_of
+from runtime.table.lookup import REJECT
+from runtime.table.model import HELD_UM, Node, Push, Squeeze, Table
+from runtime.table.timing import Phases, Timing, Visit
+
+
+class Stand(NamedTuple):
+    """Where the hand is, above the table."""
+
+    x_mm: float
+    y_mm: float
+    angle_rad: float
+
+    @classmethod
+    def at(cls, action: Squeeze | Push) -> Self:
+        """Where the hand comes down for it."""
+        return cls(action.x_um / 1e3, action.y_um / 1e3, action.angle_urad / 1e6)
+
+    def moved(self, way_mm: float) -> Self:
+        """So far along the hand's own x axis."""
+        x_mm, y_mm = self.x_mm + way_mm * cos(self.angle_rad), self.y_mm + way_mm * sin(self.angle_rad)
+        return self._replace(x_mm=x_mm, y_mm=y_mm)
+
+
+class Squeezed(NamedTuple):
+    """One squeeze as it came out."""
+
+    node: int
+    width_mm: float
+    branch: int  # of the node, `REJECT` for none
+
+
+@dataclass(frozen=True, slots=True)
+class Schedule:
+    """Seconds of the squeezes of one table in one cell, of parts that come one after the other."""
+
+    table: Table
+    timing: Timing
+    alike: bool  # whether a hand half a turn round does the same
+
+    @classmethod
+    def of(cls, table: Table, job: Mapping[str, Any] | None) -> Self:
+        """Of a table and the job inside it, None where it was stripped.
+
+        Raises:
+            TableError: the gripper is not known, or the job's figures can be no cell's.
+        """
+        return cls(table, Timing.of(table.limits, profile_of(table.gripper.model), job), close_alike(job))
+
+    def part(self, squeezes: Sequence[Squeezed], start: Stand | None = None) -> list[Phases]:
+        """The phases of each squeeze of a part, the hand at first above `start` or above its first place."""
+        before, jaws_s, all_phases = start, 0.0, []
+        for number, squeezed in enumerate(squeezes):
+            after = squeezes[number + 1].node if number + 1 < len(squeezes) else None
+            phases, before, jaws_s = self.squeeze(squeezed, before, after, jaws_s, first=number == 0)
+            all_phases.append(phases)
+        return all_phases
+
+    def squeeze(
+        self, squeezed: Squeezed, before: Stand | None, after: int | None, jaws_s: float = 0.0, *, first: bool
+    ) -> tuple[Phases, Stand, float]:
+        """One squeeze.
+
+        Args:
+            squeezed: its node, and how it came out.
+            before: where the hand stands; None: above the squeeze's place.
+            after: the node that follows for the same part, None: none does.
+            jaws_s: how long the jaws still move.
+            first: whether it is the part's first, before which the hand is at the retreat height.
+
+        Returns:
+            Its phases; where the hand stands after it, and how long the jaws still move then.
+        """
+        node, timing = self.table.nodes[squeezed.node], self.timing
+        squeeze, place = node.squeeze, Stand.at(node.squeeze)
+        following = self.table.nodes[0 if after is None else after]
+        push_s, before = self._push_s(node, before or place)
+        let_go = place
+        if (
+            squeezed.branch != REJECT
+            and node.release
+            and node.branches[squeezed.branch].expected_um >= HELD_UM
+        ):
+            let_go = place._replace(x_mm=node.release[0] / 1e3, y_mm=node.release[1] / 1e3)
+        visit = Visit(
+            way_mm=hypot(place.x_mm - before.x_mm, place.y_mm - before.y_mm),
+            turn_rad=remainder(place.angle_rad - before.angle_rad, pi if self.alike else tau),
+            opening_mm=squeeze.opening_um / 1e3,
+            contact_mm=None if node.contact_um is None else node.contact_um / 1e3,
+            width_mm=squeezed.width_mm,
+            speed_mm_s=squeeze.speed_um_s / 1e3,
+            next_mm=following.squeeze.opening_um / 1e3,
+            drag_mm=hypot(let_go.x_mm - place.x_mm, let_go.y_mm - place.y_mm),
+            from_retreat=first or bool(node.pushes),
+            to_retreat=after is None or bool(following.pushes),
+            jaws_s=0.0 if node.pushes else jaws_s,
+        )
+        phases = timing.squeeze(visit)._replace(push_s=push_s)
+        left_s = timing.opening_s(visit.width_mm, visit.next_mm, visit.speed_mm_s) - phases.rise_s
+        return phases, let_go, max(left_s, 0.0)
+
+    def _push_s(self, node: Node, at: Stand) -> tuple[float, Stand]:
+        """What the pushes before a squeeze take, and where the hand stands after them."""
+        timing, seconds = self.timing, 0.0
+        lift_s = timing.move_s(timing.retreat_mm - timing.squeeze_mm)
+        open_mm, speed_mm_s = node.squeeze.opening_um / 1e3, node.squeeze.speed_um_s / 1e3
+        for push in node.pushes:
+            start, way_mm, wanted_mm = Stand.at(push), push.length_um / 1e3, push.opening_um / 1e3
+            seconds += abs(open_mm - wanted_mm) / speed_mm_s + timing.jaw_answer_s
+            seconds += timing.move_s(
+                hypot(start.x_mm - at.x_mm, start.y_mm - at.y_mm),
+                remainder(start.angle_rad - at.angle_rad, tau),
+            )
+            seconds += 2.0 * lift_s + timing.move_s(way_mm, 0.0, push.speed_um_s / 1e3)
+            at, open_mm = start.moved(way_mm), wanted_mm
+        if node.pushes:
+            seconds += abs(node.squeeze.opening_um / 1e3 - open_mm) / speed_mm_s + timing.jaw_answer_s
+        return seconds, at
+
+
+def close_alike(job: Mapping[str, Any] | None) -> bool:
+    """Whether both fingers make half of the closing, so that a hand half a turn round does the same."""
+    return section(job or {}, "gripper").get("upper_finger_share") == 0.5

@@ -1,0 +1,37 @@
+"""What parts take as a distribution: mean, percentiles, and how often they are done within a takt."""
+
+from collections.abc import Mapping
+from math import ceil, fsum
+
+PERCENTILES = (50, 95, 99)
+
+
+def figures(seconds: Mapping[float, int], takt_s: float | None = None) -> dict[str, float]:
+    """Mean, percentiles and most of what parts take; with a takt, the share that is done within it.
+
+    Args:
+        seconds: how many parts took so long, at least one of them.
+        takt_s: the takt.
+
+    Returns:
+        `seconds_mean`, `seconds_p50`, `seconds_p95`, `seconds_p99`, `seconds_max` and, with a takt,
+        `takt_probability`. A percentile is the least time within which so many of the parts are done.
+    """
+    parts, rising = sum(seconds.values()), sorted(seconds.items())
+    summary = {"seconds_mean": fsum(taken * many for taken, many in rising) / parts}
+    for percentile in PERCENTILES:
+        summary[f"seconds_p{percentile}"] = _within(rising, ceil(percentile * parts / 100))
+    summary["seconds_max"] = rising[-1][0]
+    if takt_s is not None:
+        summary["takt_probability"] = sum(many for taken, many in rising if taken <= takt_s) / parts
+    return summary
+
+
+def _within(rising: list[tuple[float, int]], parts: int) -> float:
+    """The least time within which so many parts are done."""
+    done = 0
+    for taken, many in rising:
+        done += many
+        if done >= parts:
+            return taken
+    return rising[-1][0]

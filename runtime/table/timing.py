@@ -1,0 +1,241 @@
+"""How long the motions of a cell take: the one model of time of plans, evaluations, runs and their deadlines.
+
+The arm keeps to a speed and an acceleration (a trapezoid, or a triangle where the way is short), and a turn
+counts as the way of a point `TURN_RADIUS_MM` off the hand's axis. Jaws run at constant speeds. What a device
+takes to answer is added to each of its motions. Lengths are in mm, angles in rad, times in s.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import isfinite, sqrt
+from typing import Any, NamedTuple, Self
+
+from runtime.errors import TableError
+from runtime.table.embedded import number, parts_of, section
+from runtime.table.grippers import Profile
+from runtime.table.model import Limits
+
+TURN_RADIUS_MM = 160.0
+"""A turn takes as long as a straight way of this radius times its angle: what drivers ask of arms."""
+CLEAR_MM = 5.0
+"""How far jaws open before they count as free of what they held."""
+APPROACH_MM = 2.0
+"""How far before the first possible contact jaws are down to the squeeze's speed."""
+LEAD_MM = 1.5
+"""How far before the end of a stroke the next one is asked for, of jaws that take it while they move."""
+ABOVE_MM = 4.0
+"""How far above the top of a part the tips pass between two of its squeezes."""
+
+ARM_ACCELERATION_MM_S2 = 2_000.0
+DEFAULTS: Mapping[str, float] = {
+    "arm_acceleration_mm_s2": ARM_ACCELERATION_MM_S2,
+    "arm_answer_s": 0.034,
+    "jaw_answer_s": 0.066,
+    "poll_s": 0.018,
+}
+"""What holds where the section `cell` of a job does not say. The acceleration is a limit; the rest
+are guesses, which `plan-refit` replaces by what a journal shows."""
+
+
+def trapezoid_s(way_mm: float, speed_mm_s: float, acceleration_mm_s2: float) -> float:
+    """The least time of a way from rest to rest, within a speed and an acceleration."""
+    if way_mm <= 0.0:
+        return 0.0
+    ramps_mm = speed_mm_s**2 / acceleration_mm_s2
+    if way_mm < ramps_mm:
+        return 2.0 * sqrt(way_mm / acceleration_mm_s2)
+    return way_mm / speed_mm_s + speed_mm_s / acceleration_mm_s2
+
+
+class Phases(NamedTuple):
+    """Seconds of one squeeze, one phase after the other."""
+
+    push_s: float = 0.0  # pushes before it
+    travel_s: float = 0.0  # across to its place, the jaws on their way to its opening meanwhile
+    lower_s: float = 0.0
+    close_s: float = 0.0  # the strokes, until the reading is believed
+    release_s: float = 0.0  # a drag, and the jaws until they are free of the part
+    rise_s: float = 0.0  # the jaws may open on meanwhile
+
+    @property
+    def total_s(self) -> float:
+        """All of them."""
+        return sum(self)
+
+
+def phases_of(record: object) -> Phases:
+    """The phases of a squeeze as a journal's record holds them.
+
+    Raises:
+        ValueError: they are no phases.
+    """
+    if not isinstance(record, Mapping) or set(record) != set(Phases._fields):
+        raise ValueError(f"phases are not {', '.join(Phases._fields)}")
+    return Phases(**{name: time_of(value) for name, value in record.items()})
+
+
+def time_of(value: object) -> float:
+    """A time of a record, s.
+
+    Raises:
+        ValueError: it is none.
+    """
+    if (
+        isinstance(value, bool)
+        or not isinstance(value, int | float)
+        or not (isfinite(value) and value >= 0.0)
+    ):
+        raise ValueError(f"{value!r} is no time")
+    return float(value)
+
+
+class Visit(NamedTuple):
+    """One squeeze, as far as its time depends on it."""
+
+    way_mm: float  # of the hand, from where it stood before
+    turn_rad: float  # of the hand, either way
+    opening_mm: float  # the jaws before it
+    contact_mm: float | None  # greatest width at which they may meet the part; None: it is not known
+    width_mm: float  # where they stop
+    speed_mm_s: float  # at which they close where they may meet the part
+    next_mm: float  # the opening that is wanted next
+    drag_mm: float = 0.0  # how far a held part is dragged before it is let go
+    from_retreat: bool = False  # whether the hand comes down from the retreat height
+    to_retreat: bool = False  # whether it goes back up there
+    jaws_s: float = 0.0  # how long the jaws still move when the hand sets out
+
+
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """What arm, gripper and heights of a cell allow; `squeeze` is what everything asks."""
+
+    arm_speed_mm_s: float
+    arm_acceleration_mm_s2: float
+    arm_answer_s: float  # of a motion of the arm: asked for, begun, and its end believed, beside the motion
+    jaw_answer_s: float  # of a stroke of the jaws, likewise: settled is three equal readings
+    poll_s: float  # of a look at jaws on their way, and of asking them for something else
+    fastest_mm_s: float  # of the jaws, where they touch nothing
+    redirects: bool  # whether the jaws take another stroke while they move
+    squeeze_mm: float  # heights of the tips
+    regrasp_mm: float
+    retreat_mm: float
+
+    @classmethod
+    def of(cls, limits: Limits, profile: Profile, job: Mapping[str, Any] | None) -> Self:
+        """Of a table's limits, its gripper, and what its job says of the cell, if it has one.
+
+        Raises:
+            TableError: the job's figures can be no cell's.
+        """
+        stated, regrasp_um = checked(limits, job)
+        return cls(
+            arm_speed_mm_s=limits.arm_speed_um_s / 1e3,
+            fastest_mm_s=min(profile.speed_um_s[1], limits.max_speed_um_s) / 1e3,
+            redirects=profile.redirects,
+            squeeze_mm=limits.squeeze_height_um / 1e3,
+            regrasp_mm=regrasp_um / 1e3,
+            retreat_mm=limits.retreat_height_um / 1e3,
+            **stated,
+        )
+
+    def move_s(self, way_mm: float, turn_rad: float = 0.0, speed_mm_s: float | None = None) -> float:
+        """One motion of the arm, as far as its hand goes and turns; none takes no time."""
+        way_mm = max(way_mm, TURN_RADIUS_MM * abs(turn_rad))
+        if way_mm <= 0.0:
+            return 0.0
+        speed_mm_s = min(speed_mm_s or self.arm_speed_mm_s, self.arm_speed_mm_s)
+        return self.arm_answer_s + trapezoid_s(way_mm, speed_mm_s, self.arm_acceleration_mm_s2)
+
+    def approach_mm(self, opening_mm: float, contact_mm: float | None, speed_mm_s: float) -> float:
+        """Down to which opening the jaws close at full speed; `opening_mm` where that would save nothing."""
+        if contact_mm is None:
+            return opening_mm
+        near_mm = min(contact_mm + APPROACH_MM, opening_mm)
+        saved_s = (opening_mm - near_mm) * (1.0 / speed_mm_s - 1.0 / max(self.fastest_mm_s, speed_mm_s))
+        return near_mm if saved_s > self._between_s else opening_mm
+
+    def close_s(
+        self, opening_mm: float, contact_mm: float | None, width_mm: float, speed_mm_s: float
+    ) -> float:
+        """Closing to where the jaws stop, until the reading is believed."""
+        near_mm = max(self.approach_mm(opening_mm, contact_mm, speed_mm_s), width_mm)
+        fast_s = (opening_mm - near_mm) / max(self.fastest_mm_s, speed_mm_s)
+        between_s = self._between_s if near_mm < opening_mm else 0.0
+        return fast_s + between_s + max(near_mm - width_mm, 0.0) / speed_mm_s + self.jaw_answer_s
+
+    def free_s(self, width_mm: float, next_mm: float, speed_mm_s: float) -> float:
+        """Opening until the jaws are free of what they hold."""
+        stroke_s = CLEAR_MM / speed_mm_s
+        return stroke_s + (3.0 * self.poll_s if next_mm > width_mm + CLEAR_MM else self.jaw_answer_s)
+
+    def opening_s(self, width_mm: float, next_mm: float, speed_mm_s: float) -> float:
+        """How long jaws that are free of a part go on to the next opening, as the hand rises and travels."""
+        stroke_mm = abs(next_mm - width_mm - CLEAR_MM)
+        return stroke_mm / (max(self.fastest_mm_s, speed_mm_s) if self.redirects else speed_mm_s)
+
+    def squeeze(self, visit: Visit) -> Phases:
+        """The phases of one squeeze, from the hand at its height to the hand at its height."""
+        high_mm = self.retreat_mm if visit.from_retreat else self.regrasp_mm
+        top_mm = self.retreat_mm if visit.to_retreat else self.regrasp_mm
+        rise_s = self.move_s(top_mm - self.squeeze_mm)
+        left_s = self.opening_s(visit.width_mm, visit.next_mm, visit.speed_mm_s) + self.jaw_answer_s
+        return Phases(
+            travel_s=max(self.move_s(visit.way_mm, visit.turn_rad), visit.jaws_s) + self.jaw_answer_s,
+            lower_s=self.move_s(high_mm - self.squeeze_mm),
+            close_s=self.close_s(visit.opening_mm, visit.contact_mm, visit.width_mm, visit.speed_mm_s),
+            release_s=self.move_s(visit.drag_mm)
+            + self.free_s(visit.width_mm, visit.next_mm, visit.speed_mm_s),
+            rise_s=max(rise_s, left_s) if visit.to_retreat else rise_s,
+        )
+
+    @property
+    def _between_s(self) -> float:
+        """What the change from one stroke to the next takes."""
+        return self.poll_s if self.redirects else self.jaw_answer_s
+
+
+def checked(limits: Limits, job: Mapping[str, Any] | None) -> tuple[dict[str, float], int]:
+    """What a job says of the cell's times, defaults where it does not, and the regrasp height in um.
+
+    Raises:
+        TableError: the figures can be no cell's.
+    """
+    cell = section(job or {}, "cell")
+    stated = {key: _positive(cell, key, default) for key, default in DEFAULTS.items()}
+    return stated, _regrasp_height_um(limits, job)
+
+
+def _regrasp_height_um(limits: Limits, job: Mapping[str, Any] | None) -> int:
+    """Height of the tips between two squeezes of one part: as the job states it, else just above the part.
+
+    The retreat height where nobody knows how high the part is.
+
+    Raises:
+        TableError: it is not above the part and below the retreat height.
+    """
+    heights_mm = [number(section(entry, "part"), "height_mm") for entry in parts_of(job or {})]
+    known = [height for height in heights_mm if height is not None]
+    stated_mm = number(section(job or {}, "cell"), "regrasp_height_mm")
+    if stated_mm is None:
+        if not known or len(known) < len(heights_mm):
+            return limits.retreat_height_um
+        return min(round(1e3 * (max(known) + ABOVE_MM)), limits.retreat_height_um)
+    least_um = max([limits.squeeze_height_um, *(round(1e3 * height) for height in known)])
+    if not least_um < round(1e3 * stated_mm) <= limits.retreat_height_um:
+        raise TableError(
+            f"cell.regrasp_height_mm of the embedded job is {stated_mm:g}; it belongs above the part, "
+            f"{least_um / 1e3:g}, and at most at the retreat height, {limits.retreat_height_um / 1e3:g}: "
+            "correct it and recompile"
+        )
+    return round(1e3 * stated_mm)
+
+
+def _positive(cell: Mapping[str, Any], key: str, default: float) -> float:
+    value = number(cell, key)
+    if value is None:
+        return default
+    if not (isfinite(value) and value >= 0.0 and (value > 0.0 or key.endswith("_s"))):
+        raise TableError(
+            f"cell.{key} of the embedded job is {value:g}, which no motion can keep; recompile it"
+        )
+    return value

@@ -1,0 +1,302 @@
+"""How well recorded pushes by a round tip are foretold, beside the simulator of the paper's authors.
+
+    python tests/bench/bench_contact.py --data FOLDER
+
+FOLDER holds `outlines.csv` (shape, x, y), `pushes.csv` and `wrench_twist.csv`, in m and rad: pushes of MIT's
+planar push data set (Yu, Bauza, Fazeli and Rodriguez 2016, arXiv 1604.04038), condensed, with where the
+authors' own simulator puts each part (`ell_*`, `quartic_*`), and wrench-twist pairs about the origin of the
+poses. Judged are the pushes of the set `held20`, which neither model was fitted to. Not part of the gate.
+Prints figures and writes `results/contact.json`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+
+ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT))
+
+from planner.arrays import Array, BoolArray  # noqa: E402
+from planner.belief.doubts import traits_of  # noqa: E402
+from planner.cli import tips  # noqa: E402
+from planner.identification import identify  # noqa: E402
+from planner.identification.pushes import Pairs  # noqa: E402
+from planner.job import model as job_file  # noqa: E402
+from planner.job.drafts import FINGERS  # noqa: E402
+from planner.mechanics.push import Paths  # noqa: E402
+from planner.mechanics.simulator import Parameters, Simulator  # noqa: E402
+from planner.part.outline import canonical, radius_of_gyration  # noqa: E402
+
+RESULTS = Path(__file__).parent / "results" / "contact.json"
+FILES = ("outlines.csv", "pushes.csv", "wrench_twist.csv")
+RADIUS_MM = 4.75
+NEAR_MM, NEAR_DEG = 3.0, 5.0
+FRICTIONS = (0.15, 0.175, 0.2, 0.225, 0.25, 0.3)
+SURFACES = ("abs", "plywood")
+DRAWS, EVERY = 200, 5  # of every so many pushes, for intervals
+MODELS = ("uniform, friction .25", "authors' ellipsoid", "authors' quartic", "new job", "from own pairs")
+JOB = """
+friction = {{ finger_part_min = {low}, finger_part_max = {high} }}
+gripper = {{ finger_length_mm = 27.5, finger_width_mm = 9.5, opening_mm = 1000 }}
+uncertainty = {{ radius_mm = 10, orientation = "unknown" }}
+actions = {{ angles_deg = [0], centers_mm = [[0, 0]] }}
+goal = {{ distance_mm = 3, confidence = 0.9 }}
+part = {{ name = "{name}", tolerance_mm = 0.33, outline_mm = {outline} }}
+[pressure]
+{pressure}
+[doubt]
+finger_share = [-0.11, 0.11]
+middle_mm = [-1.4, 1.4]
+encoder_mm = [-1.1, 1.1]
+pressure = "any"
+"""
+UNIFORM = 'kind = "uniform"'
+
+
+class Recorded(NamedTuple):
+    """Pushes of one shape on one surface, in the part's frame at the start: about the centroid, in mm."""
+
+    shape: str
+    surface: str
+    outline: Array  # (N, 2)
+    origin: Array  # (2,) of the data's poses
+    paths: Paths  # of tips that start beside the part
+    overlap_mm: Array  # (n,) before
+    moved: Array  # (n, 3) measured displacement of the centroid
+    authors: dict[str, Array]  # (n, 3) the same by the authors' models
+
+
+class Errors(NamedTuple):
+    """How far pushes end from where they were measured, at the origin of the data's poses."""
+
+    mm: Array  # (n,)
+    deg: Array
+
+    @property
+    def near(self) -> BoolArray:
+        """Which are within `NEAR_MM` and `NEAR_DEG`."""
+        return np.asarray((self.mm < NEAR_MM) & (self.deg < NEAR_DEG))
+
+
+def read(path: Path) -> list[dict[str, str]]:
+    """The lines of a table."""
+    with path.open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def outlines(folder: Path) -> dict[str, Array]:
+    """Outlines (N, 2) by shape, in the frame of the poses [mm]."""
+    points: dict[str, list[list[float]]] = {}
+    for row in read(folder / "outlines.csv"):
+        points.setdefault(row["shape"], []).append([1e3 * float(row["x"]), 1e3 * float(row["y"])])
+    return {shape: np.array(rows) for shape, rows in points.items()}
+
+
+def recorded(folder: Path, kind: str) -> Iterator[Recorded]:
+    """The pushes of one set."""
+    rows = [row for row in read(folder / "pushes.csv") if row["set"] == kind]
+    for shape, drawn in outlines(folder).items():
+        centroid = shapely.get_coordinates(shapely.centroid(shapely.Polygon(drawn)))[0]
+        for surface in SURFACES:
+            own = [row for row in rows if (row["shape"], row["surface"]) == (shape, surface)]
+            yield _recorded(own, shape, surface, drawn, centroid)
+
+
+def _recorded(
+    rows: list[dict[str, str]], shape: str, surface: str, drawn: Array, centroid: Array
+) -> Recorded:
+    def column(*names: str) -> Array:
+        return np.array([[float(row[name]) for name in names] for row in rows])
+
+    start, angle = 1e3 * column("x0", "y0"), column("th0")[:, 0]
+
+    def in_part(x: str, y: str) -> Array:
+        return turned(1e3 * column(x, y) - start, -angle)
+
+    def displacement(x: str, y: str, theta: str) -> Array:
+        turn = wrapped(column(theta)[:, 0] - angle)
+        return about(np.column_stack([in_part(x, y), turn]), centroid)
+
+    first, last = in_part("tip_x0", "tip_y0") - centroid, in_part("tip_x1", "tip_y1") - centroid
+    made = Paths(first[:, None], first, np.zeros(len(rows)), last - first)
+    outline = canonical(drawn).outline_mm
+    beside = tips.beside(made, RADIUS_MM, outline, Path("pushes.csv"))
+    authors = {
+        f"authors' {name}": displacement(f"{key}_x1", f"{key}_y1", f"{key}_th1")
+        for name, key in (("ellipsoid", "ell"), ("quartic", "quartic"))
+    }
+    measured = displacement("x1", "y1", "th1")
+    return Recorded(shape, surface, outline, -centroid, beside.paths, beside.overlap_mm, measured, authors)
+
+
+def wrapped(angle: Array) -> Array:
+    """Angles between -pi and pi."""
+    return np.asarray(np.remainder(angle + np.pi, 2.0 * np.pi) - np.pi)
+
+
+def turned(points: Array, angle: Array) -> Array:
+    """Points (n, 2), each turned by its angle (n,)."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.column_stack([c * points[:, 0] - s * points[:, 1], s * points[:, 0] + c * points[:, 1]])
+
+
+def about(moved: Array, place: Array) -> Array:
+    """Displacements (n, 3) of a place (2,) of the part, from those of its origin."""
+    there = np.repeat(place[None], len(moved), axis=0)
+    return np.column_stack([moved[:, :2] + turned(there, moved[:, 2]) - place, moved[:, 2]])
+
+
+def errors(moved: Array, pushes: Recorded) -> Errors:
+    """Errors of foretold displacements (n, 3) of the centroid."""
+    off = about(moved, pushes.origin) - about(pushes.moved, pushes.origin)
+    return Errors(np.hypot(off[:, 0], off[:, 1]), np.degrees(np.abs(wrapped(off[:, 2]))))
+
+
+def job_of(pushes: Recorded, pressure: str, friction: tuple[float, float]) -> Any:
+    """The job of a part that presses as stated."""
+    text = JOB.format(
+        low=friction[0], high=friction[1], name=pushes.shape, pressure=pressure,
+        outline=np.round(pushes.outline, 4).tolist(),
+    )  # fmt: skip
+    return job_file.parse(text, f"the job of {pushes.shape}")
+
+
+def new_pressure() -> str:
+    """What `plan-init` writes under [pressure], bar comments."""
+    lines = (ROOT / "planner" / "templates" / "job.toml").read_text(encoding="utf-8").splitlines()
+    first = lines.index("[pressure]") + 1
+    own = lines[first : lines.index("", first)]
+    return "\n".join(line for line in own if not line.lstrip().startswith("#"))
+
+
+def foretold(pushes: Recorded, part: Simulator, mu: float) -> Errors:
+    """Errors of a simulator's nominal pushes."""
+    pushed = part.push(pushes.paths, part.nominal(len(pushes.moved), mu), RADIUS_MM)
+    return errors(pushed.moved, pushes)
+
+
+def identified(folder: Path, pushes: Recorded, part: Simulator) -> Simulator:
+    """The simulator with a quartic identified from the pairs of the same shape and surface."""
+    rows = [
+        [float(row[name]) for name in ("fx", "fy", "tau_rho", "vx", "vy", "om_rho")]
+        for row in read(folder / "wrench_twist.csv")
+        if (row["shape"], row["surface"]) == (pushes.shape, pushes.surface)
+    ]
+    F, V = np.split(np.array(rows), 2, axis=1)
+    drawn = pushes.outline - pushes.origin  # about the origin of the poses
+    own, rho = np.hypot(*(drawn - drawn.mean(axis=0)).T).mean(), radius_of_gyration(pushes.outline)
+    x, y = -pushes.origin  # of the centroid
+    torque = F[:, 2] * own - (x * F[:, 1] - y * F[:, 0])
+    turn = V[:, 2] / own
+    wrenches = np.column_stack([F[:, :2], torque / rho])
+    twists = np.column_stack([V[:, 0] - turn * y, V[:, 1] + turn * x, turn * rho])
+    data = identify.directions(Pairs(wrenches, twists, np.ones(len(F))))
+    surface = identify.fit(data, rho, "quartic", np.random.default_rng(0)).surface
+    return Simulator(part.outline, surface, part.jaws, part.friction, part.wishart_dof, workers=part.workers)
+
+
+def leave_one_out(found: dict[tuple[str, str], dict[float, Errors]], shape: str) -> float:
+    """The friction with which most pushes of the other shapes are near."""
+    shares = {
+        mu: np.mean([own[mu].near.mean() for (other, _), own in found.items() if other != shape])
+        for mu in FRICTIONS
+    }
+    return max(FRICTIONS, key=lambda mu: shares[mu])
+
+
+def coverage(pushes: Recorded, friction: tuple[float, float], seed: int) -> BoolArray:
+    """Whether x, y and the angle (n, 3) of some pushes lie in 90 % intervals of a new job's draws."""
+    job = job_of(pushes, new_pressure(), friction)
+    part, rows = Simulator.of_job(job, 1), np.arange(0, len(pushes.moved), EVERY)
+    many = Paths(*(np.repeat(values[rows], DRAWS, axis=0) for values in pushes.paths))
+    n, rng = len(rows) * DRAWS, np.random.default_rng(seed)
+    parameters: Parameters = part.sample(n, rng, traits_of(job, n, rng))
+    moved = part.push(many, parameters, RADIUS_MM).moved.reshape(len(rows), DRAWS, 3)
+    low, high = np.quantile(moved, (0.05, 0.95), axis=1)
+    return np.asarray((low <= pushes.moved[rows]) & (pushes.moved[rows] <= high))
+
+
+def figures(own: list[Errors]) -> dict[str, float]:
+    """What is kept of some pushes' errors."""
+    mm, deg = (np.concatenate(column) for column in zip(*own, strict=True))
+    return {
+        "pushes": len(mm),
+        "near": round(float(Errors(mm, deg).near.mean()), 4),
+        "median_mm": round(float(np.median(mm)), 3),
+        "p90_mm": round(float(np.quantile(mm, 0.9)), 3),
+        "median_deg": round(float(np.median(deg)), 3),
+        "p90_deg": round(float(np.quantile(deg, 0.9)), 3),
+    }
+
+
+def measured(folder: Path) -> dict[str, Any]:
+    """All figures."""
+    friction = (FINGERS["steel"].low, FINGERS["steel"].high)
+    middle = 0.5 * sum(friction)
+    sets = {(each.shape, each.surface): each for each in recorded(folder, "held20")}
+    own: dict[str, dict[tuple[str, str], Errors]] = {model: {} for model in MODELS}
+    pairs: dict[tuple[str, str], dict[float, Errors]] = {}
+    covered: dict[tuple[str, str], BoolArray] = {}
+    for number, (key, pushes) in enumerate(sets.items()):
+        uniform, new = (
+            Simulator.of_job(job_of(pushes, pressure, friction), 1) for pressure in (UNIFORM, new_pressure())
+        )
+        own["uniform, friction .25"][key] = foretold(pushes, uniform, 0.25)
+        own["new job"][key] = foretold(pushes, new, middle)
+        for model, moved in pushes.authors.items():
+            own[model][key] = errors(moved, pushes)
+        part = identified(folder, pushes, uniform)
+        pairs[key] = {mu: foretold(pushes, part, mu) for mu in FRICTIONS}
+        covered[key] = coverage(pushes, friction, number)
+    chosen = {shape: leave_one_out(pairs, shape) for shape, _ in sets}
+    own["from own pairs"] = {key: values[chosen[key[0]]] for key, values in pairs.items()}
+
+    def grouped(pick: Callable[[tuple[str, str]], bool]) -> dict[str, Any]:
+        keys = [key for key in sets if pick(key)]
+        shares = np.concatenate([covered[key] for key in keys]).mean(axis=0)
+        return {
+            **{model: figures([own[model][key] for key in keys]) for model in MODELS},
+            "coverage": dict(zip(("x", "y", "turn"), np.round(shares, 4).tolist(), strict=True)),
+        }
+
+    groups = {"all": grouped(lambda _: True)}
+    groups |= {surface: grouped(lambda key, s=surface: key[1] == s) for surface in SURFACES}  # type: ignore[misc]
+    for shape in dict.fromkeys(shape for shape, _ in sets):
+        groups[shape] = grouped(lambda key, s=shape: key[0] == s)  # type: ignore[misc]
+    overlap = np.concatenate([pushes.overlap_mm for pushes in sets.values()])
+    return {
+        "friction": {"new job": middle, "from own pairs": chosen},
+        "pressure": new_pressure().split("  #")[0],
+        "overlapping": round(float((overlap > 0.05).mean()), 4),
+        "groups": groups,
+    }
+
+
+def main() -> int:
+    """Measures and keeps the figures."""
+    parser = argparse.ArgumentParser(description="Judge foretold pushes by round tips by recorded ones.")
+    parser.add_argument("--data", type=Path, required=True, metavar="FOLDER", help="folder of the recordings")
+    parser.add_argument("--no-results", action="store_true", help="print only")
+    options = parser.parse_args()
+    if missing := [name for name in FILES if not (options.data / name).is_file()]:
+        print(f"bench_contact: {options.data} has no {', '.join(missing)}; see --help", file=sys.stderr)
+        return 3
+    found = measured(options.data)
+    for name, group in found["groups"].items():
+        print(name, json.dumps(group))
+    if not options.no_results:
+        RESULTS.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

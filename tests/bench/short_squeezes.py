@@ -1,0 +1,152 @@
+"""Seconds a part in the simulated cell, in virtual time, with and without each measure that saves some.
+
+    python tests/bench/short_squeezes.py trees/rectangle/rectangle.msgpack --parts 100
+
+Beside it what the model of time says of the same squeezes. The measures are switched off in the code at hand.
+"""
+
+import argparse
+import statistics
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+from unittest.mock import patch
+
+from drivers.robotiq import gripper as driver
+from drivers.sim.physics.scene import load
+from drivers.sim.virtual.cell import VirtualCell
+from runtime.execution.events import Console
+from runtime.execution.executor import Cell, Executor, RunOptions
+from runtime.execution.hand import Hand, Handling
+from runtime.execution.jaws import Jaws
+from runtime.table import Schedule, Squeezed, Table, job_of
+from runtime.table import load as load_table
+
+
+class Nowhere:
+    """A journal that keeps nothing."""
+
+    def record(self, kind: str, fields: object) -> None:
+        """Forget it."""
+
+
+def _sequential(hand: Hand, squeeze, following) -> None:
+    """Open as far as the squeeze to come wants, at the squeeze's speed, and wait."""
+    hand.where()
+    wide = max(squeeze, following, key=lambda own: own.opening_um)
+    hand._jaws.open_to(squeeze, wide.opening_um / 1000)
+
+
+def _tightened(original: Callable) -> Callable:
+    def read(executor: Executor, node, index):
+        reading, decision = original(executor, node, index)
+        return executor._hand.tighten(node, reading), decision
+
+    return read
+
+
+def _driver(original: Callable) -> Callable:
+    def move(gripper, *settings: int) -> None:
+        original(gripper, *settings)
+        gripper._move = gripper._move._replace(settle_s=0.02)
+
+    return move
+
+
+# Each measure, and what switches it off.
+OFF: dict[str, Callable[[ExitStack], None]] = {
+    "arm and jaws at once, jaws fast once free": lambda stack: stack.enter_context(
+        patch.object(Hand, "let_go", _sequential)
+    ),
+    "no second opening": lambda stack: stack.enter_context(
+        patch.object(Jaws, "_stands_open", lambda *_: False)
+    ),
+    "settled: three equal readings as fast as the count may change": lambda stack: stack.enter_context(
+        patch.object(driver.Gripper, "move", _driver(driver.Gripper.move))
+    ),
+    "force raised only where it changes anything": lambda stack: stack.enter_context(
+        patch.object(Executor, "_read", _tightened(Executor._read))
+    ),
+}
+OF_THE_HAND = {
+    "rise to the regrasp height": lambda hand: replace(hand.timing, regrasp_mm=hand.timing.retreat_mm),
+    "turn the short way": None,
+}
+CONTACT = "close fast until shortly before contact"
+MEASURES = (CONTACT, *OF_THE_HAND, *OFF)
+
+
+def seconds(table: Table, tree: Path, parts: int, without: set[str]) -> list[tuple[float, float]]:
+    """What parts take, and what the model says."""
+    if CONTACT in without:
+        table = replace(table, nodes=tuple(node._replace(contact_um=None) for node in table.nodes))
+    with ExitStack() as stack:
+        for name, off in OFF.items():
+            if name in without:
+                off(stack)
+        cell = VirtualCell(load(tree, None, None), 1)
+        gripper = cell.gripper()
+        gripper.activate()
+        options = RunOptions(handling=Handling(regulated=True))
+        executor = Executor(table, Cell(gripper, cell.arm(), cell.clock, Nowhere()), Console(), options)
+        hand = executor._hand
+        if "rise to the regrasp height" in without:
+            hand.timing = OF_THE_HAND["rise to the regrasp height"](hand)
+        if "turn the short way" in without:
+            hand._half_turn = 2.0 * hand._half_turn
+        return list(_run(table, cell, executor, parts))
+
+
+def _run(table: Table, cell: VirtualCell, executor: Executor, parts: int):
+    schedule, before = Schedule.of(table, job_of(table)), None
+    for number in range(parts):
+        result = executor.run_part(cell.scene.next_part())
+        assert result.seconds is not None, result.reason
+        made = [
+            Squeezed(step.node, step.width_um / 1e3, _branch(table, step.node, step.target))
+            for step in result.steps
+        ]
+        told = sum(phases.total_s for phases in schedule.part(made, before))
+        before = schedule.squeeze(made[-1], None, None, first=True)[1]
+        if number:  # the first begins wherever the arm stood
+            yield result.seconds, told
+
+
+def _branch(table: Table, node: int, target: int | None) -> int:
+    targets = [branch.target for branch in table.nodes[node].branches]
+    return targets.index(target) if target in targets else -1
+
+
+def main() -> None:
+    """Print a row a measure."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("tree", type=Path)
+    parser.add_argument("--parts", type=int, default=100)
+    arguments = parser.parse_args()
+    table = load_table(arguments.tree).table
+    print(f"{arguments.tree.name}, {arguments.parts} parts; seconds a part: mean (95th percentile)")
+    whole = seconds(table, arguments.tree, arguments.parts, set())
+    none = seconds(table, arguments.tree, arguments.parts, set(MEASURES))
+    print(f"{'all measures':64s} {_told([real for real, _ in whole])}")
+    print(f"{'forecast of the same squeezes':64s} {_told([told for _, told in whole])}")
+    print(f"{'none of them':64s} {_told([real for real, _ in none])}")
+    print(f"{'measure':64s} alone saves   without it more")
+    for name in MEASURES:
+        alone = seconds(table, arguments.tree, arguments.parts, set(MEASURES) - {name})
+        rest = seconds(table, arguments.tree, arguments.parts, {name})
+        print(
+            f"{name:64s} {_mean(none) - _mean(alone):11.2f}   {_mean(rest) - _mean(whole):15.2f}", flush=True
+        )
+
+
+def _mean(rows: list[tuple[float, float]]) -> float:
+    return statistics.fmean(real for real, _ in rows)
+
+
+def _told(values: list[float]) -> str:
+    return f"{statistics.fmean(values):6.2f} ({sorted(values)[int(0.95 * len(values))]:.2f})"
+
+
+if __name__ == "__main__":
+    main()

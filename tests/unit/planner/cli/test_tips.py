@@ -1,0 +1,130 @@
+"""`plan-simulate --push --tip-radius-mm`: round tips, tips that overlap the part, and draws."""
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+from push_commands import HEADER, JOB, NOMINAL, run
+
+from planner.cli import tips
+from planner.errors import KeyNameError, ValueRangeError
+from planner.mechanics.push import Paths
+
+TIPS = "tip_x_mm,tip_y_mm,way_x_mm,way_y_mm"
+RADIUS = ("--tip-radius-mm", "4.75")
+OUTPUTS = ["moved_x_mm", "moved_y_mm", "turned_deg"]
+BOUNDS = [f"{name}_{end}" for name in OUTPUTS for end in ("low", "high")]
+
+
+def moved(row):
+    return [float(row[name]) for name in OUTPUTS]
+
+
+def test_tip_pushes_the_part_in_the_frame_of_its_outline(tmp_path):
+    """Through the centroid (50, 50): 1 mm to contact, and no turn; the second line passes by."""
+    text = f"{TIPS},note\n-5.75,50,21,0,a\n-5.75,-5.75,0,-30,b\n"
+    code, rows, out, err = run(tmp_path, text, *NOMINAL, *RADIUS)
+    assert (code, err) == (0, "")
+    assert "2 pushes: 1 stuck, 1 untouched" in out
+    assert list(rows[0]) == [*TIPS.split(","), *OUTPUTS, "status", "overlap_mm"]
+    assert moved(rows[0])[0] == pytest.approx(20.0, abs=0.1)
+    assert moved(rows[1]) == [0.0, 0.0, 0.0]
+    assert [row["status"] for row in rows] == ["stuck", "untouched"]
+    assert [float(row["overlap_mm"]) for row in rows] == [0.0, 0.0]
+
+
+@pytest.mark.parametrize("deep", [2.0, 9.0])
+def test_tip_that_overlaps_the_part_starts_beside_it_and_goes_the_same_way(tmp_path, deep):
+    clear, inside = f"{-4.75},40,15,4", f"{deep - 4.75},40,15,4"
+    _, rows, _, _ = run(tmp_path, f"{TIPS}\n{clear}\n{inside}\n", *NOMINAL, *RADIUS)
+    assert float(rows[1]["overlap_mm"]) == pytest.approx(deep)
+    assert moved(rows[1]) == pytest.approx(moved(rows[0]), abs=0.01)
+
+
+def test_tip_that_overlaps_by_its_diameter_is_refused_in_one_line(tmp_path):
+    code, rows, _, err = run(tmp_path, f"{TIPS}\n-9,40,9,0\n9.5,40,9,0\n", *NOMINAL, *RADIUS, job=JOB)
+    assert code == ValueRangeError.exit_code
+    assert "in.csv: push 2: the tip overlaps the part by" in err
+    assert err.count("\n") == 1
+    assert rows == []
+
+
+def test_tips_are_freed_by_the_shortest_way_also_of_notches():
+    outline = np.array([[0.0, 0], [40, 0], [40, 12], [12, 12], [12, 40], [0, 40]])
+    rng, part, radius = np.random.default_rng(2), shapely.Polygon(outline), 3.0
+    ring = part.buffer(radius - 0.01)
+    points = rng.uniform(-2.0, 42.0, (400, 2))
+    away = shapely.distance(part.exterior, shapely.points(points))
+    points = points[~shapely.contains(part, shapely.points(points)) | (away < radius)]
+    n = len(points)
+    made = Paths(points[:, None], points, np.zeros(n), np.ones((n, 2)))
+    freed = tips.beside(made, radius, outline, "here")
+    starts = freed.paths.points[:, 0]
+    assert not shapely.contains(ring, shapely.points(starts)).any()
+    inside = shapely.contains(part.buffer(radius), shapely.points(points))
+    assert (starts[~inside] == points[~inside]).all()
+    assert ((freed.overlap_mm > 0.0) == inside).all()
+    shifted = np.hypot(*(starts - points).T)
+    assert (shifted >= freed.overlap_mm - 0.01).all()
+    edge = part.buffer(radius, quad_segs=64).exterior
+    assert shifted[inside] == pytest.approx(shapely.distance(edge, shapely.points(points[inside])), abs=0.01)
+
+
+def test_two_round_fingers_take_the_columns_of_two_fingers(tmp_path):
+    text = f"{HEADER}\n50,-4.75,0,1,-5000,0,0.4\n50,-2,0,1,-5000,0,0.4\n"
+    code, rows, _, _ = run(tmp_path, text, *NOMINAL, *RADIUS, "--fingers-mm", "50")
+    assert code == 0
+    assert [row["status"] for row in rows] == ["stuck", "stuck"]
+    assert float(rows[1]["overlap_mm"]) == pytest.approx(2.75)
+    angle = math.radians(0.4)
+    assert moved(rows[0])[1] == pytest.approx(5050 * math.sin(angle), abs=0.5)
+
+
+def test_draws_bound_what_single_draws_say(tmp_path):
+    """Of many lines that are each a draw, 90 % lie between the bounds; the lines do not depend on them."""
+    text = f"{TIPS}\n" + "-4.75,30,20,3\n" * 300
+    _, rows, _, _ = run(tmp_path, text, *RADIUS, "--seed", "4")
+    options = (*RADIUS, "--seed", "4", "--draws", "300")
+    _, some, _, _ = run(tmp_path, f"{TIPS}\n-4.75,30,20,3\n", *options)
+    assert list(some[0])[-7:] == ["overlap_mm", *BOUNDS]
+    values = np.array([moved(row) for row in rows])
+    low, high = (np.array([float(some[0][f"{name}_{end}"]) for name in OUTPUTS]) for end in ("low", "high"))
+    inside = ((low <= values) & (values <= high)).mean(axis=0)
+    assert (inside > 0.8).all()
+    assert (inside < 0.97).all()
+    assert run(tmp_path, f"{TIPS}\n-4.75,30,20,3\n", *options)[1] == some
+
+
+@pytest.mark.parametrize(("text", "error", "words"), [
+    ("tip_x_mm,tip_y_mm\n1,2\n", KeyNameError, "way_x_mm, way_y_mm is missing"),
+    (f"{TIPS}\n1,2,3,x\n", ValueRangeError, "line 2: 'x' is not a finite number"),
+    (f"{TIPS}\n-9,2,3,1e9\n", ValueRangeError, "way_y_mm: push 1: 1e+09 is beyond"),
+])  # fmt: skip
+def test_spoiled_file_of_tips_is_refused_in_one_line(tmp_path, text, error, words):
+    code, rows, _, err = run(tmp_path, text, *NOMINAL, *RADIUS)
+    assert code == error.exit_code
+    assert words in err
+    assert "in.csv" in err
+    assert err.count("\n") == 1
+    assert rows == []
+
+
+@pytest.mark.parametrize("options", [
+    ("--tip-radius-mm", "0"), ("--tip-radius-mm", "-1"), ("--tip-radius-mm", "nan"),
+    ("--tip-radius-mm", "2000"), (*RADIUS, "--draws", "0"), (*RADIUS, "--draws", "9"),
+    (*RADIUS, "--draws", "1000000000"),
+])  # fmt: skip
+def test_options_that_do_not_fit_are_refused(tmp_path, options):
+    """Draws do not go with --nominal."""
+    code, rows, _, err = run(tmp_path, f"{TIPS}\n-9,2,3,1\n", *NOMINAL, *options)
+    assert code == 2
+    assert rows == []
+    assert "--" in err
+
+
+def test_file_without_lines_gives_a_header(tmp_path):
+    code, rows, out, _ = run(tmp_path, f"{TIPS}\n", *RADIUS, "--draws", "5")
+    assert (code, rows) == (0, [])
+    assert "0 pushes: none" in out
+    assert (tmp_path / "out.csv").read_text().strip().endswith(BOUNDS[-1])

@@ -1,0 +1,87 @@
+"""Identification from motions alone: simulated pushes whose surface and friction are known."""
+
+import json
+
+import numpy as np
+import pytest
+from problems import rectangle, simulator
+
+from planner.cli.identify import main
+from planner.errors import ValueRangeError
+from planner.identification import motions
+from planner.mechanics.push import Paths
+from planner.mechanics.simulator import Parameters
+
+pytestmark = pytest.mark.slow
+
+A = np.array([[1.0, 0.1, -0.1], [0.1, 1.2, 0.15], [-0.1, 0.15, 0.7]])
+MU, TIP_MM = 0.22, 3.0
+JOB = """
+part = { name = "rectangle", outline_mm = [[0, 0], [30, 0], [30, 21], [0, 21]] }
+friction = { finger_part_min = 0.1, finger_part_max = 0.3 }
+gripper = { finger_length_mm = 20, finger_width_mm = 10, opening_mm = 85 }
+uncertainty = { radius_mm = 10, orientation = "unknown" }
+actions = { angles_deg = [0], centers_mm = [[0, 0]] }
+goal = { distance_mm = 3, confidence = 0.9 }
+pressure = { kind = "uniform" }
+"""
+
+
+def known(n: int, noise_mm: float) -> motions.Motions:
+    """Pushes across all sides of the rectangle, of about 20 mm."""
+    rng = np.random.default_rng(7)
+    angle = rng.uniform(-np.pi, np.pi, n)
+    away = np.column_stack([np.cos(angle), np.sin(angle)])
+    starts, aside = 24.0 * away, rng.uniform(-7.0, 7.0, (n, 1)) * away[:, ::-1] * [-1.0, 1.0]
+    starts = starts + aside
+    paths = Paths(starts[:, None], starts, np.zeros(n), -28.0 * away)
+    part = simulator(rectangle())
+    truth = Parameters(np.repeat(A[None], n, axis=0), np.full((n, 2), MU))
+    moved = part.push(paths, truth, TIP_MM).moved
+    return motions.Motions(paths, moved + noise_mm * rng.normal(size=(n, 3)) * [1.0, 1.0, 0.1])
+
+
+@pytest.mark.parametrize(("noise_mm", "close"), [(0.0, 0.03), (0.3, 0.15)])
+def test_surface_and_friction_are_recovered_from_motions(noise_mm, close):
+    fitted = motions.fit(known(60, noise_mm), simulator(rectangle()), TIP_MM)
+    assert fitted.friction == pytest.approx(MU, abs=close)
+    assert pytest.approx(A, abs=2.0 * close) == fitted.surface.A
+
+
+def test_outliers_among_motions_pull_little():
+    spoiled = known(60, 0.1)
+    spoiled.moved[::12] += [9.0, -9.0, 0.5]
+    fitted = motions.fit(spoiled, simulator(rectangle()), TIP_MM)
+    assert fitted.friction == pytest.approx(MU, abs=0.1)
+
+
+def test_too_few_motions_are_refused():
+    with pytest.raises(ValueRangeError, match="5 pushes to fit to; give at least 6"):
+        motions.fit(known(5, 0.0), simulator(rectangle()), TIP_MM)
+
+
+def test_command_identifies_from_motions(tmp_path, capsys):
+    data, table, job = known(40, 0.1), tmp_path / "pushes.csv", tmp_path / "job.toml"
+    job.write_text(JOB)
+    centroid = [15.0, 10.5]
+    rows = np.column_stack([
+        data.paths.points[:, 0] + centroid, data.paths.shifts, data.moved[:, :2], np.degrees(data.moved[:, 2])
+    ])  # fmt: skip
+    header = "tip_x_mm,tip_y_mm,way_x_mm,way_y_mm,moved_x_mm,moved_y_mm,turned_deg"
+    np.savetxt(table, rows, delimiter=",", header=header, comments="")
+    surface = tmp_path / "surface.toml"
+    words = ["--motions", str(table), "--job", str(job), "--tip-radius-mm", "3", "--splits", "2"]
+    assert main([*words, "--json", "-o", str(surface)]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["friction"] == pytest.approx(MU, abs=0.1)
+    assert answer["held_out_error_mm"] < 2.0
+    assert "ellipsoid" in surface.read_text()
+    for spoiled in (words[:4], words[:2] + words[4:], [*words, "--pairs", str(table)]):
+        assert main(spoiled) == 2
+        assert capsys.readouterr().err.count("\n") == 1
+    table.write_text(header + "\n" + "1,2,3,4,5,6,7\n" * 11)
+    assert main(words) == 6
+    assert "11 pushes; give at least 12" in capsys.readouterr().err
+    table.write_text(header.replace("turned_deg", "turned") + "\n1,2,3,4,5,6,7\n")
+    assert main(words) == 5
+    assert "column turned_deg is missing" in capsys.readouterr().err

@@ -1,0 +1,34 @@
+"""What seconds of a cell tell of it: the values that the seconds were made with."""
+
+from dataclasses import replace
+
+import pytest
+from sample_tables import small_table, with_job
+
+from planner.refit.cell_times import Timed, learned
+from runtime.table import Schedule, Squeezed, job_of
+
+CELL = {"arm_acceleration_mm_s2": 750.0, "arm_answer_s": 0.021, "jaw_answer_s": 0.11, "poll_s": 0.025}
+
+
+def test_learned_values_are_those_of_the_cell_that_took_the_seconds() -> None:
+    table = with_job(small_table(), '{"part":{"height_mm":16.0}}')
+    schedule = Schedule.of(table, job_of(table))
+    cell = replace(schedule, timing=replace(schedule.timing, **CELL))
+    squeezes = [
+        Timed(made.node, made.width_mm, number == 0, phases)
+        for width in range(20, 31)
+        for made, number, phases in _part(cell, width)
+    ]
+    found = learned(table, squeezes)
+    for key, value in CELL.items():
+        assert found[key] == pytest.approx(value, rel=1e-3, abs=1e-4)
+
+
+def _part(cell: Schedule, width: float) -> list[tuple]:
+    made = [Squeezed(0, 30.0, 1), Squeezed(1, float(width), 0)]
+    return list(zip(made, range(2), cell.part(made), strict=True))
+
+
+def test_too_few_squeezes_teach_nothing() -> None:
+    assert learned(small_table(), []) == {}

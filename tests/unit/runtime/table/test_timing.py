@@ -1,0 +1,93 @@
+"""The model of time: against laws of motion, and what a job may say of its cell."""
+
+import json
+from dataclasses import replace
+from math import pi
+
+import pytest
+from sample_tables import pushing_table, small_table, with_job, with_node
+
+from runtime.table import Schedule, Squeezed, Stand, TableError, dumps, loads
+from runtime.table.timing import ABOVE_MM, TURN_RADIUS_MM, Visit, trapezoid_s
+
+VISIT = Visit(0.0, 0.0, 85.0, None, 25.0, 60.0, 85.0)
+
+
+def timing(**cell: float):
+    return Schedule.of(small_table(), {"cell": cell}).timing
+
+
+@pytest.mark.parametrize("way_mm", [0.0, 1.0, 31.0, 32.0, 500.0])
+def test_trapezoid_covers_the_way_within_speed_and_acceleration(way_mm: float) -> None:
+    speed, acceleration = 250.0, 2000.0
+    seconds = trapezoid_s(way_mm, speed, acceleration)
+    ramp_s = min(speed / acceleration, seconds / 2)
+    assert acceleration * ramp_s * (seconds - ramp_s) == pytest.approx(way_mm)  # area under the profile
+
+
+def test_move_turning_takes_as_long_as_the_arc_of_its_radius() -> None:
+    cell = timing()
+    assert cell.move_s(3.0, pi / 2) == cell.move_s(TURN_RADIUS_MM * pi / 2)
+    assert cell.move_s(0.0) == 0.0
+
+
+def test_squeeze_known_contact_opening_and_height_each_save_seconds() -> None:
+    cell = Schedule.of(small_table(), {"hypothesis": [{"part": {"height_mm": 16.0}}]}).timing
+    cell = replace(cell, fastest_mm_s=150.0)
+    plain = cell.squeeze(VISIT).total_s
+    assert cell.squeeze(VISIT._replace(contact_mm=40.0)).total_s < plain
+    assert cell.squeeze(VISIT._replace(opening_mm=50.0)).total_s < plain
+    assert cell.regrasp_mm == 16.0 + ABOVE_MM
+    assert cell.squeeze(VISIT._replace(from_retreat=True, to_retreat=True)).total_s > plain
+
+
+def test_approach_of_jaws_that_stop_between_strokes_needs_more_to_pay() -> None:
+    cell = replace(timing(), fastest_mm_s=150.0, redirects=False, jaw_answer_s=0.2)
+    assert cell.approach_mm(60.0, 50.0, 60.0) == 60.0
+    assert cell.approach_mm(85.0, 40.0, 60.0) == 42.0
+    assert replace(cell, redirects=True).approach_mm(60.0, 50.0, 60.0) == 52.0
+
+
+def test_schedule_of_alike_fingers_turns_the_short_way() -> None:
+    _, second = small_table().nodes
+    turned = second._replace(squeeze=second.squeeze._replace(angle_urad=3_000_000))
+    table = with_node(small_table(), 1, turned)
+    made = [Squeezed(0, 30.0, 1), Squeezed(1, 21.0, 0)]
+    alike, not_alike = (
+        Schedule.of(table, {"gripper": {"upper_finger_share": share}}).part(made, Stand(0.0, 0.0, 0.0))
+        for share in (0.5, 0.6)
+    )
+    assert alike[0] == not_alike[0]
+    assert alike[1].travel_s < not_alike[1].travel_s
+
+
+def test_schedule_of_pushes_comes_down_from_the_retreat_height() -> None:
+    phases = Schedule.of(pushing_table(), None).part([Squeezed(0, 21.0, 0)])
+    assert phases[0].push_s > 0.0
+    assert phases[0].total_s == pytest.approx(sum(phases[0]))
+
+
+@pytest.mark.parametrize(
+    ("cell", "problem"),
+    [
+        ({"arm_acceleration_mm_s2": 0}, "arm_acceleration_mm_s2 .* no motion can keep"),
+        ({"arm_acceleration_mm_s2": -5.0}, "no motion can keep"),
+        ({"poll_s": -1}, "poll_s"),
+        ({"regrasp_height_mm": 9.0}, "belongs above the part"),
+        ({"regrasp_height_mm": 61.0}, "at most at the retreat height"),
+        ({"regrasp_height_mm": "high"}, "regrasp_height_mm"),
+    ],
+)
+def test_table_with_a_job_no_motion_can_keep_is_refused(cell: dict, problem: str) -> None:
+    table = with_job(small_table(), json.dumps({"cell": cell}))
+    with pytest.raises(TableError, match=problem):
+        dumps(table)
+
+
+def test_contact_of_nodes_comes_back_from_the_bytes() -> None:
+    table = with_node(small_table(), 0, small_table().nodes[0]._replace(contact_um=52_000))
+    for made in (table, pushing_table(table)):
+        assert loads(dumps(made)) == made
+    low = with_node(table, 0, table.nodes[0]._replace(contact_um=10_000))
+    with pytest.raises(TableError, match="node 0: contact_um is 10000, allowed is 30000"):
+        dumps(low)
