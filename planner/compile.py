@@ -103,7 +103,7 @@ def _by_the_paper(job: Job, workers: int | None, trials: int, say: Report) -> Pl
             f"{job.part.name}: no first squeeze is free of collision and keeps the singleton ratio"
         )
     table = lower(root, job)
-    return finished(root, job, table, judged(job, trials, workers, table, 0, report=say), None)
+    return finished(root, job, table, judged(job, trials, workers, table, 0, report=say), trials)
 
 
 def _measured(job: Job, plan: Planned, work: Scheduler, say: Report) -> Plan:

@@ -23,7 +23,7 @@ from planner.lower import lower
 from planner.paper.search import METHODS
 from planner.problem import Problem
 from planner.search.search import LEAVES, PASSES, Search
-from planner.search.tree import Node, breadth_first, pruned
+from planner.search.tree import Node, pruned
 from planner.work.limit import Limit
 from planner.work.progress import Report, silent
 from planner.work.scheduler import Threads
@@ -33,7 +33,7 @@ from runtime.table import Table
 SEED_EVALUATION = 0x4556
 SEED_WORLD = 0x574F
 ATTEMPTS = 6  # fresh trials reopen leaves at most so often
-LOOKS = 2  # rounds of fresh trials that any plan passes
+FRESH = 3.0  # fresh trials of a round, for each particle of the search
 LEAST_SHORT = 0.0005  # probability of leaves that miss the goal, from which they are searched further
 TIMED_TRIALS = 500  # parts squeezed to estimate how long an evaluation takes
 LEAST_TRIALS = 1000  # parts of an evaluation where a budget leaves no time for more
@@ -76,6 +76,31 @@ class Planned:
     cut: Cut | None  # None where the search is complete
 
 
+class Rounds(NamedTuple):
+    """How many parts are squeezed to try a plan."""
+
+    fresh: int  # in each round, before leaves are searched further
+    figures: int  # in the evaluation of the finished table
+
+    @classmethod
+    def of(cls, job: Job, trials: int) -> Rounds:
+        """Those of a search without a budget."""
+        return cls(max(1, round(FRESH * job.search.particles)), trials)
+
+    def within(self, limit: Limit, root: Node, job: Job, workers: int) -> Rounds:
+        """At most as many as a budget leaves time for, which is kept for them from now on."""
+        table = lower(root, job)
+        judged(job, 1, workers, table, 0)  # loads its kernels
+        began_s = limit.spent_s
+        judged(job, TIMED_TRIALS, workers, table, 0)
+        each_s = (limit.spent_s - began_s) / TIMED_TRIALS
+        share_s = EVALUATING * max(limit.budget_s - limit.spent_s, 0.0) / len(self)
+        most = max(LEAST_TRIALS, int(share_s / each_s))
+        affordable = Rounds(min(self.fresh, most), min(self.figures, most))
+        limit.reserve_s = sum(affordable) * each_s
+        return affordable
+
+
 class Course:
     """Says how far planning has come: passes double in work, and trials follow."""
 
@@ -108,13 +133,13 @@ def planned(problem: Problem, limit: Limit, trials: int, report: Report = silent
     Args:
         problem: what to plan.
         limit: when to end with the best plan so far.
-        trials: fresh parts of each round.
+        trials: parts of the evaluation that follows, for which a budget keeps time.
         report: progress.
 
     Raises:
         NoPlanError: no first squeeze is free of collision and gains anything, or no leaf is within the goal.
     """
-    job, course = problem.job, Course(limit, report)
+    job, course, rounds = problem.job, Course(limit, report), Rounds.of(problem.job, trials)
     search, root, whole = Search(problem, np.random.default_rng([job.seed, len(PASSES)])), None, True
     for number, stage in enumerate(PASSES):
         begun = search.begin(stage, root)
@@ -125,37 +150,22 @@ def planned(problem: Problem, limit: Limit, trials: int, report: Report = silent
             raise NoPlanError(f"{job.name}: {no_first_squeeze(job)}")
         limit.standing = True
         if number == 0 and limit.bounded:
-            trials = _reserved(root, job, problem.mixture.workers, limit, trials)
+            rounds = rounds.within(limit, root, job, problem.mixture.workers)
         if not whole or limit.over():
             whole &= number == len(PASSES) - 1
             break
     assert root is not None
-    search.stage = LEAVES
+    search.stage, settled = LEAVES, False
     for attempt in range(ATTEMPTS + 1):
-        table, tested = lower(root, job), breadth_first(root)
-        run = judged(job, trials, problem.mixture.workers, table, attempt)
-        if attempt == ATTEMPTS or limit.over():
-            whole &= attempt == ATTEMPTS
+        table = lower(root, job)
+        run = judged(job, rounds.fresh, problem.mixture.workers, table, attempt)
+        if settled or attempt == ATTEMPTS or limit.over():
+            whole &= settled or attempt == ATTEMPTS
             break
-        again = search.absorb(root, _ended(run), _strays(run))
-        if again < LEAST_SHORT and breadth_first(root) == tested and attempt + 1 >= LOOKS:
-            break
+        settled = search.absorb(root, _ended(run), _strays(run)) < LEAST_SHORT
         whole &= search.grow(root, limit.over, partial(course.after_trials, attempt))
     cut = None if whole else Cut(limit.asked, 0.0, course.left_s)
-    return finished(root, job, table, run, cut)
-
-
-def _reserved(root: Node, job: Job, workers: int, limit: Limit, trials: int) -> int:
-    """Keeps time for two evaluations within the budget; returns how many trials each may have."""
-    table = lower(root, job)
-    judged(job, 1, workers, table, 0)  # loads its kernels
-    began_s = limit.spent_s
-    judged(job, TIMED_TRIALS, workers, table, 0)
-    each_s = (limit.spent_s - began_s) / TIMED_TRIALS
-    affordable = EVALUATING * max(limit.budget_s - limit.spent_s, 0.0) / (2.0 * each_s)
-    trials = min(trials, max(LEAST_TRIALS, int(affordable)))
-    limit.reserve_s = 2.0 * trials * each_s
-    return trials
+    return finished(root, job, table, run, rounds.figures, cut)
 
 
 def _ended(run: Evaluation) -> dict[int, Belief]:
@@ -176,7 +186,9 @@ def _parts(run: Evaluation) -> Belief:
     return Belief(run.poses, run.traits, run.counts[np.arange(len(run.leaf)), run.squeezes - 1])
 
 
-def finished(root: Node, job: Job, table: Table, run: Evaluation, cut: Cut | None) -> Planned:
+def finished(
+    root: Node, job: Job, table: Table, run: Evaluation, trials: int, cut: Cut | None = None
+) -> Planned:
     """The plan without branches that no trial took: their widths are REJECT.
 
     Raises:
@@ -187,7 +199,7 @@ def finished(root: Node, job: Job, table: Table, run: Evaluation, cut: Cut | Non
         raise no_plan(table, run, job, cut)
     untried = sum(len(node.branches) - len(numbers) for node, numbers in zip(table.nodes, kept, strict=True))
     table = without_untried(marked(job, table, run), kept)
-    return Planned(pruned(root, kept), table, untried, len(run.leaf), cut)
+    return Planned(pruned(root, kept), table, untried, trials, cut)
 
 
 def marked(job: Job, table: Table, evaluation: Evaluation) -> Table:

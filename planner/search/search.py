@@ -56,28 +56,28 @@ class Effort(NamedTuple):
 
 PASSES = (
     Pass(1 / 8, 0, 0, 0.0005, 2.0, work=0.05, frugal=True),
-    Pass(1 / 8, 1, 8, 0.002, 0.5, work=0.3),
-    Pass(1 / 4, 4, 2, 0.002, 0.1, work=0.2),
-    Pass(1 / 2, 3, 0, 0.002, 0.1, work=0.2),
-    Pass(1, 2, 0, 0.002, 0.1, work=0.25),
+    Pass(1 / 8, 1, 16, 0.002, 0.5, work=0.3),
+    Pass(1 / 4, 8, 8, 0.002, 0.1, work=0.2),
+    Pass(1 / 2, 6, 2, 0.002, 0.1, work=0.2),
+    Pass(1, 4, 0, 0.002, 0.1, work=0.25),
 )
 LEAVES = PASSES[-1]._replace(kept=1, least=0.0)  # once fresh trials have come to the leaves of the last pass
 EXPLORING = PASSES[1]  # its first actions are followed until they are dearer than another
 EFFORTS = (
-    Effort(0.5, 8, 192, 400),
-    Effort(0.1, 4, 192, 400),
-    Effort(0.02, 4, 96, 400),
-    Effort(0.004, 2, 48, 200),
-    Effort(0.0, 1, 16, 100),
+    Effort(0.5, 16, 192, 400),
+    Effort(0.1, 12, 192, 400),
+    Effort(0.02, 8, 192, 400),
+    Effort(0.004, 4, 96, 400),
+    Effort(0.0, 2, 32, 100),
 )
 FRUGAL = EFFORTS[-1:]
-PROBABLE = 0.02  # a node of smaller probability tries one action of the previous pass and no further one
-MARGIN = 0.2  # squeezes by which an action of the previous pass may exceed the best one to be tried again
+PROBABLE = 0.01  # a node of smaller probability tries one action of the previous pass and no further one
+MARGIN = 0.4  # squeezes by which an action of the previous pass may exceed the best one to be tried again
 FURTHER = 0.2  # squeezes that an open leaf is taken to cost beyond the leaf heuristic
 REMEMBERED = 24  # grasp poses relative to the part, the last that won elsewhere, that every node also tries
 SPREAD = (2.0, np.radians(5.0))  # standard deviation of variants of the best old grasp poses [mm, rad]
 VARIANTS = 8
-LEAST_PARTICLES = 100  # a smaller belief is repeated before its next squeeze
+LEAST_PARTICLES = 400  # a smaller belief is repeated before its next squeeze
 LEAST_GAIN = 0.001  # gain in mode ratio below which a squeeze is in vain
 SELECTION_BIAS = (
     0.5  # standard deviations of the mode ratio that a branch's mode gains by being chosen for it
