@@ -74,8 +74,8 @@ def model():
 @pytest.mark.parametrize(
     ("nodes", "counts", "said"),
     [
-        ([-1], [0], "nodes holds -1; there are 0 to 35"),
-        ([36], [0], "nodes holds 36"),
+        ([-1], [0], "nodes holds -1; there are 0 to [0-9]+$"),
+        ([10_000], [0], "nodes holds 10000"),
         ([0], [-1], "counts holds -1; there are 0 to 255"),
         ([0], [256], "counts holds 256"),
         ([0, 1], [0], "2 nodes, 1 counts"),

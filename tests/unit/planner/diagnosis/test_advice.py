@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from planner.belief.observation import COUNTS, encoder_of
@@ -65,16 +66,19 @@ def test_pairs_are_close_or_overlap_and_no_others(table, job, evaluation):
 
 
 def test_a_branch_split_in_two_at_random_is_a_pair_that_costs(table, job, evaluation):
-    # The first branch of the root becomes two, a count apart, and the new one ends in some leaf.
+    # The most probable branch of the root becomes two, a count apart; the new one ends in the rarest leaf.
     root = table.nodes[0]
-    first = root.branches[0]
-    middle = first.expected_um
-    low = first._replace(expected_um=middle - 200)
-    stray = first._replace(expected_um=middle + 200, target=~0)
-    split = root._replace(branches=(low, stray, *root.branches[1:]))
-    spoiled = replace(table, nodes=(split, *table.nodes[1:]))
+    at = int(np.argmax([branch.probability_ppm for branch in root.branches]))
+    split, rarest = (
+        root.branches[at],
+        int(np.argmin(np.bincount(evaluation.leaf, minlength=len(table.leaves)))),
+    )
+    low = split._replace(expected_um=split.expected_um - 200)
+    stray = split._replace(expected_um=split.expected_um + 200, target=~rarest)
+    branches = (*root.branches[:at], low, stray, *root.branches[at + 1 :])
+    spoiled = replace(table, nodes=(root._replace(branches=branches), *table.nodes[1:]))
     run = evaluate(spoiled, job, ContactWorlds.of_job(job, 1), 4000, 2)
-    worst = next(pair for pair in advise(spoiled, run, job).pairs if (pair.node, pair.lower) == (0, 0))
+    worst = next(pair for pair in advise(spoiled, run, job).pairs if (pair.node, pair.lower) == (0, at))
     assert worst.counts < 2.0
     assert worst.overlap
     assert worst.excess > 0.02

@@ -13,7 +13,7 @@ from planner.belief.transition import Squeezed
 from planner.job import model as job_file
 from planner.mechanics.mixture import Mixture
 from planner.problem import Problem
-from planner.search.search import PASSES, Search
+from planner.search.search import LEAST_STRAYS, PASSES, Search
 from planner.search.tree import Node, breadth_first, leaves
 
 JOB = job_file.load(
@@ -155,7 +155,7 @@ def test_absorb_parts_beside_a_leaf_pose_reopens_it(tree):
     leaf, size = ends[number], len(ends[number].belief)
     few = size // 4
     beside = np.tile(leaf.mode.pose + np.array([30.0, 0.0, 0.0]), (few, 1))
-    again = search.absorb(root, {number: Belief.of(beside, np.full(few, leaf.belief.reading[0]))})
+    again = search.absorb(root, {number: Belief.of(beside, np.full(few, leaf.belief.reading[0]))}, {})
     assert again == pytest.approx(leaf.share)
     assert search.is_open(leaf)
     assert (len(leaf.belief), leaf.fresh) == (size + few, few)
@@ -169,5 +169,29 @@ def test_absorb_parts_at_a_leaf_pose_leaves_the_plan_as_it_is(tree, problem):
         for k, leaf in enumerate(leaves(root))
         if problem.stopping.reached(leaf.mode.ratio)
     }
-    assert search.absorb(root, ended) == 0.0
+    assert search.absorb(root, ended, {}) == 0.0
     assert squeezes(root) == before
+
+
+def read_at(root, count, size):
+    """Parts whose reading at the root is a count."""
+    return Belief.of(np.tile(root.children[0].mode.pose, (size, 1)), np.full(size, count))
+
+
+def test_absorb_strays_next_to_a_branch_makes_it_reach_them(tree):
+    search, root = deepcopy(tree)
+    clusters, children = root.squeeze.clusters, len(root.children)
+    search.absorb(root, {}, {0: read_at(root, int(clusters.low[-1]) - 1, 1)})
+    assert len(root.children) == children
+    assert root.squeeze.clusters.low[-1] == clusters.low[-1] - 1
+    assert root.squeeze.clusters.label[clusters.low[-1] - 1] == children - 1
+
+
+@pytest.mark.parametrize("size", [LEAST_STRAYS - 1, LEAST_STRAYS])
+def test_absorb_strays_far_from_all_branches_are_one_where_there_are_several(tree, size):
+    search, root = deepcopy(tree)
+    children, far = len(root.children), int(root.squeeze.clusters.low[-1]) - 40
+    search.absorb(root, {}, {0: read_at(root, far, size)})
+    assert len(root.children) == children + (size >= LEAST_STRAYS)
+    assert (far in root.squeeze.clusters.low) == (size >= LEAST_STRAYS)
+    assert sum(child.share for child in root.children) == pytest.approx(1.0, abs=size / len(root.belief))
