@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NamedTuple
@@ -38,22 +37,21 @@ LEAST_SHORT = 0.0005  # probability of leaves that miss the goal, from which the
 TIMED_TRIALS = 500  # parts squeezed to estimate how long an evaluation takes
 LEAST_TRIALS = 1000  # parts of an evaluation where a budget leaves no time for more
 EVALUATING = 0.4  # share of what is left of a budget that evaluations may take
-AFTER_PASSES = 0.15  # share of all the work that follows the passes, for progress and estimates
+AFTER_PASSES = 0.5  # share of all the work that follows the passes, for progress
 
 
 class Cut(NamedTuple):
     """How a search was cut short."""
 
     asked: bool  # by a request; else by the budget
-    open_share: float  # of all parts, those that end in leaves which are not resolved
-    seconds: float  # that the rest of the search would take, estimated
+    open_share: float = 0.0  # of all parts, those that end in leaves which are not resolved
 
     def figures(self) -> dict[str, Any]:
         """For JSON."""
         return {
             "by": "interrupt" if self.asked else "budget",
             "open_share": round(self.open_share, 6),
-            "seconds_to_finish": math.ceil(self.seconds),
+            "seconds_to_finish": None,
         }
 
     def line(self) -> str:
@@ -61,7 +59,7 @@ class Cut(NamedTuple):
         cause = "request" if self.asked else "the budget"
         return (
             f"CUT SHORT by {cause}: {self.open_share:.2%} of the parts end where the search is not done; "
-            f"finishing would take about {math.ceil(self.seconds)} s more"
+            "how long the rest of it takes is not known"
         )
 
 
@@ -104,8 +102,8 @@ class Rounds(NamedTuple):
 class Course:
     """Says how far planning has come: passes double in work, and trials follow."""
 
-    def __init__(self, limit: Limit, report: Report) -> None:
-        self.limit, self.report, self.done = limit, report, 0.0
+    def __init__(self, report: Report) -> None:
+        self.report, self.done = report, 0.0
 
     def in_pass(self, number: int, open_share: float) -> None:
         """Reports pass `number` with such a share of the parts not located."""
@@ -121,11 +119,6 @@ class Course:
         self.done = max(self.done, min(done, 1.0))
         self.report("search", round(1000 * self.done), 1000)
 
-    @property
-    def left_s(self) -> float:
-        """Seconds to the end, estimated from those spent."""
-        return self.limit.spent_s * (1.0 - self.done) / max(self.done, 0.01)
-
 
 def planned(problem: Problem, limit: Limit, trials: int, report: Report = silent) -> Planned:
     """Plans by passes, and searches leaves further that fresh trials refute.
@@ -139,7 +132,7 @@ def planned(problem: Problem, limit: Limit, trials: int, report: Report = silent
     Raises:
         NoPlanError: no first squeeze is free of collision and gains anything, or no leaf is within the goal.
     """
-    job, course, rounds = problem.job, Course(limit, report), Rounds.of(problem.job, trials)
+    job, course, rounds = problem.job, Course(report), Rounds.of(problem.job, trials)
     search, root, whole = Search(problem, np.random.default_rng([job.seed, len(PASSES)])), None, True
     for number, stage in enumerate(PASSES):
         begun = search.begin(stage, root)
@@ -164,7 +157,7 @@ def planned(problem: Problem, limit: Limit, trials: int, report: Report = silent
             break
         settled = search.absorb(root, _ended(run), _strays(run)) < LEAST_SHORT
         whole &= search.grow(root, limit.over, partial(course.after_trials, attempt))
-    cut = None if whole else Cut(limit.asked, 0.0, course.left_s)
+    cut = None if whole else Cut(limit.asked)
     return finished(root, job, table, run, rounds.figures, cut)
 
 

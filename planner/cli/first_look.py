@@ -32,7 +32,7 @@ from planner.report import canvas, paper_figures
 from planner.report.answer import QUESTION, Answer
 from planner.report.replay import replay
 from planner.report.verdict import Grade, verdict, weakest
-from planner.report.worlds import tried
+from planner.report.worlds import affordable, tried
 from planner.work.limit import Limit
 from planner.work.progress import Report
 from planner.work.scheduler import Threads
@@ -43,9 +43,10 @@ from runtime.shell.files import quoted, usable, write
 from runtime.table import dump
 
 NAME = "plan-try"
-ANSWER_S = 45.0  # from the start to the answer, the picture aside
-REST_S = 15.0  # other worlds, advice and picture
-LEAST_SEARCH_S = 8.0
+ANSWER_S = 60.0  # from the start to the last line, once kernels are compiled
+REST_S, REST = 15.0, 0.3  # of it, what other worlds, advice and picture take at most: time, share
+LEAST_ANSWER_S = 12.0  # where compiling kernels took the rest
+PICTURE_S = 3.0
 SLOW_S = 120.0  # where the first search came to nothing: the machine is busy, or compiled its kernels
 QUICK = {"particles": 8000}  # of [search]: a rough tree in the time there is
 TRIALS = 5000  # so that shares are whole hundredths of a percent
@@ -86,7 +87,12 @@ def parser() -> Parser:
         "--distance", type=number, default=3.0, metavar="MM",
         help="how well the part must be located (default: %(default)s)",
     )  # fmt: skip
-    add("--budget", type=seconds_text, metavar="30s", help="for the search (default: what a minute leaves)")
+    add(
+        "--budget",
+        type=seconds_text,
+        metavar="30s",
+        help="for the answer, once kernels are loaded (default: a minute)",
+    )
     return built
 
 
@@ -133,11 +139,15 @@ def _try(arguments: argparse.Namespace) -> None:
         told["alike"] = [found.line() for found in alike(job)]
         if not arguments.json:
             print("".join(f"note: {line}\n" for line in told["alike"]), end="", flush=True)
-        expected_s = (arguments.budget or ANSWER_S) + REST_S
-        with shell.progress(arguments.json, course.of_time(expected_s)) as report:
-            plan = _planned(arguments, job, started, report)
+        with shell.progress(arguments.json, course.of_time(arguments.budget or ANSWER_S)) as report:
+            report("kernels", 0, 1)
+            make(job, seed=0).squeeze((0.0, 0.0, 0.0))
+            ready = time.monotonic()
+            answer_s = arguments.budget or max(LEAST_ANSWER_S, ANSWER_S - (ready - started))
+            plan = _planned(job, answer_s, arguments.budget is None, report)
             dump(plan.table, files.table)
-            answer = _answered(job, plan, setting.restrictions, spared, report)
+            left_s = ready + answer_s - PICTURE_S - time.monotonic()
+            answer = _answered(job, plan, setting.restrictions, left_s, spared, report)
     except (FitError, NoPlanError) as error:
         known = not getattr(error, "cut_short", False)
         reason = {"locatable": False if known else None, "verdict": "poor" if known else "unknown"}
@@ -166,20 +176,20 @@ def _try(arguments: argparse.Namespace) -> None:
     shell.answer(arguments.json, told, *after, *_next(files, picture, plan, seconds))
 
 
-def _planned(arguments: argparse.Namespace, job: Job, started: float, report: Report) -> Plan:
-    """The plan that the time is enough for."""
-    report("kernels", 0, 1)
-    make(job, seed=0).squeeze((0.0, 0.0, 0.0))
-    left_s = ANSWER_S - (time.monotonic() - started)
-    budgets = [arguments.budget] if arguments.budget else [max(LEAST_SEARCH_S, left_s), SLOW_S]
-    return _within(job.replaced(search=QUICK), budgets, report)
+def _planned(job: Job, answer_s: float, patient: bool, report: Report) -> Plan:
+    """The plan that the time until an answer [s] is enough for; if `patient`, else in longer time."""
+    search_s = answer_s - min(REST_S, REST * answer_s)
+    return _within(job.replaced(search=QUICK), [search_s, SLOW_S] if patient else [search_s], report)
 
 
-def _answered(job: Job, plan: Plan, restrictions: list[str], spared: Spared, report: Report) -> Answer:
-    """How a plan does in its own world and in others, and what limits it."""
+def _answered(
+    job: Job, plan: Plan, restrictions: list[str], left_s: float, spared: Spared, report: Report
+) -> Answer:
+    """How a plan does in its own world and, as far as the time left [s] allows, in others; what limits it."""
     figures, lines, limits = plan.evaluation.summary(), list[Line](), list[str]()
     with spared("other worlds"):
-        lines = tried(plan.table, job, plan.evaluation, scheduler=Threads(), report=report)
+        trials = affordable(plan.table, job, left_s, Threads())
+        lines = tried(plan.table, job, plan.evaluation, trials, Threads(), report)
     open_share = plan.cut.open_share if plan.cut else 0.0
     if plan.cut and open_share >= WORTH_TELLING:
         limits = [plan.cut.line()]

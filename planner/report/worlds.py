@@ -3,10 +3,11 @@
 Every command that tells figures of a plan tells these, so that they are the same everywhere.
 """
 
+import time
 from functools import partial
 
 from planner.compile import SEED_FIGURES
-from planner.evaluation.cases import assumption_cases, believed_cases
+from planner.evaluation.cases import Case, assumption_cases, believed_cases
 from planner.evaluation.evaluate import Line, evaluate, sweep
 from planner.evaluation.outcome import Evaluation
 from planner.job.model import Job
@@ -16,6 +17,8 @@ from planner.world import ContactWorlds
 from runtime.table import Table
 
 TRIALS = 2000  # in each world where an assumption is broken
+LEAST_TRIALS = 200  # the same where time is short
+TIMED_TRIALS = 200  # parts squeezed to estimate how long a world takes
 
 
 def evaluation_of(table: Table, job: Job, trials: int, scheduler: Scheduler | None = None) -> Evaluation:
@@ -33,9 +36,19 @@ def tried(
 
     These are the assumptions that plans make, and what the job doubts at the ends of its intervals.
     """
-    seed = job.seed + SEED_FIGURES
-    own, *assumed = assumption_cases(job)
-    cases = {case.name: case for case in (*assumed, *believed_cases(job))}
+    seed, (own, *others) = job.seed + SEED_FIGURES, _cases(job)
     worlds = partial(ContactWorlds.of_job, seed=seed)
-    others = sweep(table, job, list(cases.values()), worlds, trials, seed, scheduler, report)
-    return [Line(own, planned), *others]
+    return [Line(own, planned), *sweep(table, job, others, worlds, trials, seed, scheduler, report)]
+
+
+def affordable(table: Table, job: Job, seconds: float, scheduler: Scheduler | None = None) -> int:
+    """Trials for `tried` to take about so many seconds: at most `TRIALS`, at least `LEAST_TRIALS`."""
+    began = time.monotonic()
+    evaluate(table, job, ContactWorlds.of_job(job, job.seed), TIMED_TRIALS, job.seed, scheduler)
+    each_s = (time.monotonic() - began) / TIMED_TRIALS
+    return min(TRIALS, max(LEAST_TRIALS, int(seconds / (len(_cases(job)) * each_s))))
+
+
+def _cases(job: Job) -> list[Case]:
+    """The job's own world first."""
+    return list({case.name: case for case in (*assumption_cases(job), *believed_cases(job))}.values())

@@ -83,9 +83,9 @@ def test_command_has_an_entry_point_and_a_main(command: str) -> None:
         assert callable(importlib.import_module(f"planner.cli.{RENAMED.get(name, name)}").main)
 
 
-def test_decision_records_are_numbered_without_gaps() -> None:
-    numbers = sorted(int(path.name[:4]) for path in (ROOT / "tools" / "decisions").glob("[0-9]*.md"))
-    assert numbers == list(range(1, len(numbers) + 1))
+def test_decision_records_have_a_number_each() -> None:
+    numbers = [path.name[:4] for path in (ROOT / "tools" / "decisions").glob("[0-9]*.md")]
+    assert len(set(numbers)) == len(numbers)
 
 
 @pytest.mark.parametrize(

@@ -79,7 +79,7 @@ def test_a_report_may_end_the_work_with_what_there_is_or_with_nothing():
     limit = Limit()
 
     def grown(stage, *_):
-        if stage == "improve":
+        if stage == "search" and limit.standing:
             limit.ask()
 
     plan = planner.api.compile(job, trials=500, report=grown, limit=limit)

@@ -96,7 +96,8 @@ def test_leaves_that_all_lie_15_mm_off_are_refused_in_any_direction(direction: i
 def test_a_leaf_that_is_turned_is_refused() -> None:
     """By a quarter: the jaws read 21 mm where the rectangle is 30 mm wide, in a cell without doubts."""
     certain = with_job(TABLE, json.dumps({**json.loads(TABLE.job or ""), "doubt": {}}))
-    turned = tuple(leaf._replace(theta_urad=leaf.theta_urad // 2) for leaf in TABLE.leaves[:1])
+    quarter = round(1e6 * pi / 2)
+    turned = tuple(leaf._replace(theta_urad=leaf.theta_urad + quarter) for leaf in TABLE.leaves[:1])
     dumps(certain)
     with pytest.raises(TableError, match="leaf 0: the part of the embedded job"):
         dumps(replace(certain, leaves=(*turned, *TABLE.leaves[1:])))
