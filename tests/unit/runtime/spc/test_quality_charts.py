@@ -148,7 +148,7 @@ def test_a_healthy_cell_hardly_raises_an_alarm():
         ({"residual_shift": (0.0, 0.0, 0.06)}, {"residual theta"}),
         ({"fail_rate": 0.3}, {"failures"}),
     ],
-    ids=lambda value: " ".join(value) if isinstance(value, (set, dict)) else None,
+    ids=lambda value: " ".join(sorted(value)) if isinstance(value, (set, dict)) else None,
 )
 def test_drift_is_flagged_within_fifty_parts_by_the_chart_that_tells_it(drift, charts):
     rng = np.random.default_rng(7)
