@@ -78,7 +78,6 @@ def test_a_spent_budget_leaves_a_whole_tree_and_says_what_is_missing(job, whole,
     assert plan.cut is not None
     assert plan.cut.open_share == pytest.approx(plan.evaluation.unresolved.mean())
     assert plan.evaluation.success.mean() >= 0.95 or plan.cut.open_share > 0.0
-    assert plan.cut.seconds >= 1.0
 
 
 def test_a_budget_of_nothing_is_no_reason_to_ask_for_more_actions(job):
