@@ -22,6 +22,7 @@ PARSED = {
     DOCS / "python.md": "they install; tests/integration/test_python_page.py runs its Python",
     DOCS
     / "drivers.md": "tests/integration/test_driver_guide.py runs its example, which is installed otherwise",
+    DOCS / "evidence.md": "tests/integration/test_evidence.py runs it",
     DOCS / "refit.md": "tests/integration/test_tutorial.py runs it with fewer parts",
     DOCS / "performance.md": "each command measures for minutes, some need MuJoCo",
 }
