@@ -49,7 +49,9 @@ GROUPS: dict[str, dict[str, Program]] = {
     },
     "what happened": {
         "journal": Program("grasp-journal", "runtime.commands.journal", "show, verify, replay or export it"),
-        "audit": Program("grasp-audit", "drivers.camera.audit.command", "answers judged by camera; charts"),
+        "audit": Program(
+            "grasp-audit", "drivers.camera.audit.command", "answers judged by camera; charts, acceptance"
+        ),
     },
     "what is installed": {
         "pack": Program(

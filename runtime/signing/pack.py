@@ -135,7 +135,8 @@ def covering(tree: Path, table: bytes, calibration: bytes | None, trusted: Publi
     """
     wanted = {TABLE: table} if calibration is None else {TABLE: table, CALIBRATION: calibration}
     reasons = []
-    for path in sorted(tree.parent.glob("*.zip")):
+    folders = sorted({tree.parent, tree.resolve().parent})  # of a link, and of what it leads to
+    for path in (path for folder in folders for path in sorted(folder.glob("*.zip"))):
         try:
             pack = verified(read(path), trusted)
         except (PackError, PackFileError) as error:

@@ -74,6 +74,7 @@ tools/docs/performance
 :caption: In the cell
 
 tools/docs/commissioning
+tools/docs/acceptance
 tools/docs/arms
 tools/docs/grippers
 tools/docs/refit

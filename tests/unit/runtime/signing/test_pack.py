@@ -153,6 +153,10 @@ def test_covering_takes_the_pack_with_these_bytes_and_no_other(tmp_path):
     (tmp_path / "a.zip").write_bytes(pack_of(small_table(), SIGNER))
     (tmp_path / "b.zip").write_bytes(pack_of(small_table(), SIGNER, b"{}"))
     assert CALIBRATION not in covering(tree, data, None, SIGNER.public).members
+    tree.write_bytes(data)
+    (tmp_path / "linked").mkdir()
+    (tmp_path / "linked" / "t").symlink_to(tree)
+    assert covering(tmp_path / "linked" / "t", data, None, SIGNER.public).members[TABLE] == data
     assert covering(tree, data, b"{}", SIGNER.public).members[CALIBRATION] == b"{}"
     with pytest.raises(PackError, match=r"its calibration\.json is not the one of this run"):
         covering(tree, data, b"{} ", SIGNER.public)
