@@ -82,6 +82,27 @@ class MotionRefusedError(CellError):
     exit_code = 22
 
 
+class KeyFileError(CellError):
+    """A key file cannot be read, may be read by others, or holds no key of the kind that is asked for."""
+
+    exit_code = 3
+
+    def __init__(self, path: Path, reason: str) -> None:
+        super().__init__(f"key {path} {reason}")
+
+
+class PackFileError(CellError):
+    """A pack's file cannot be read."""
+
+    exit_code = 3
+
+
+class PackError(CellError):
+    """A pack is refused, or none vouches for what a run is about to use."""
+
+    exit_code = 34
+
+
 class CellStartError(CellError):
     """The simulated cell ended, or stayed silent, before it told its endpoints."""
 

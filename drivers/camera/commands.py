@@ -1,4 +1,4 @@
-"""Entry points of the audit's commands; without the audit extra all but the report say what to install."""
+"""Entry points of the audit's commands; all that need a camera say which extra is missing."""
 
 import os
 import sys
@@ -8,16 +8,16 @@ from importlib import import_module
 from runtime.shell.command import entry
 
 AUDIT, CALIBRATE = "drivers.camera.audit.command", "drivers.camera.calibration.command"
-REPORT = "runtime.spc.command"
+FROM_JOURNALS = {"report": "runtime.spc.command", "study": "runtime.spc.study.command"}
 # Read on import: a missing camera is told with the verdict, and would be logged once a second.
 QUIET = {"OPENCV_LOG_LEVEL": "OFF", "OPENCV_FFMPEG_LOGLEVEL": "-8"}
 
 
 def audit(arguments: Sequence[str] | None = None) -> int:
-    """grasp-audit: `report` from journals alone, `judge` with a camera."""
+    """grasp-audit: `report` and `study` from journals alone, `judge` with a camera."""
     words = list(sys.argv[1:] if arguments is None else arguments)
-    if words[:1] == ["report"]:
-        return int(import_module(REPORT).main(words[1:]))
+    if words and words[0] in FROM_JOURNALS:
+        return int(import_module(FROM_JOURNALS[words[0]]).main(words[1:]))
     return _run("grasp-audit", AUDIT, words)
 
 

@@ -26,7 +26,7 @@ from planner.report.run_log import PartLog
 from planner.work.scheduler import Scheduler, scheduler_of
 from runtime.shell.command import Parser, natural, positive_int
 from runtime.shell.files import quoted, usable, write
-from runtime.table import COUNTS, Table, TableFile
+from runtime.table import COUNTS, Table, TableFile, names_table
 
 NAME = "plan-refit"
 LEAST_PARTS = 20
@@ -66,6 +66,10 @@ def parser() -> Parser:
 
 def _refit(arguments: argparse.Namespace) -> None:
     usable(arguments.output, *job_file.files(arguments.job), *arguments.journal, *arguments.audit)
+    if arguments.output.exists() and names_table(arguments.output.read_bytes()):
+        raise UsageError(
+            f"{arguments.output} is a table, which a cell may run; a refit writes a job: name JOB2.toml"
+        )
     text, job = documents.read(arguments.job), job_file.load(arguments.job)
     shell.check_one_part(job.hypothesis, str(arguments.job), "a refit")
     loaded, parts = _parts(arguments, job)

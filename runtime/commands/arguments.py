@@ -14,7 +14,7 @@ MANUAL = "manual"  # a person at the terminal
 SIMULATED_CAMERA = "{camera}"  # in --audit: the address of the simulated cell's camera
 # What --serve goes with; the other options are about devices, which a robot that asks moves by itself.
 SERVED = {"serve", "network", "tree", "count", "journal", "json", "debug", "calibration", "on_reject"}
-SERVED |= {"on_unresolved", "watch", "http", "status"}
+SERVED |= {"on_unresolved", "watch", "http", "status", "require_signed"}
 
 EPILOG = f"""\
 examples:
@@ -32,7 +32,7 @@ exit codes (runtime/OUTCOMES.md tells what each outcome leaves behind):
    3  table file missing or unreadable 31  simulated cell failed to start
   10  a part was rejected              33  calibration refused, or unfit for the table
   11  a part stayed unresolved         40  stopped by the operator
-  12  a part could not be delivered
+  12  a part could not be delivered    34  table not signed as required
   20  gripper link fault               22  arm fault, or a motion refused
   21  gripper fault, or not activated  23  a device's port cannot be opened, or is in use
 
@@ -91,6 +91,13 @@ def parser() -> Parser:
         default=DEFAULT_JOURNAL,
         metavar="P",
         help=f"append the run to this file, verified from its last seal on (default: ./{DEFAULT_JOURNAL})",
+    )
+    add(
+        "--require-signed",
+        type=Path,
+        metavar="KEY",
+        help="public key: refuse the table unless a pack in its folder that is signed with it holds table "
+        "and calibration of this run (squeezetree pack)",
     )
     built.add_common(
         "print one JSON object a part, or one of a --check or --dry-run; sentences go to standard error"

@@ -32,7 +32,7 @@ COMMANDS = {
 # Those of subcommands that have a parser of their own.
 APART = {
     "grasp-calibrate": {"camera": CAMERA, "tag": CAMERA, "pictures": CAMERA},
-    "grasp-audit": {"report": "runtime.spc.command"},
+    "grasp-audit": {"report": "runtime.spc.command", "study": "runtime.spc.study.command"},
     squeezetree.NAME: {word: program.parser for word, program in squeezetree.PROGRAMS.items()},
 }
 

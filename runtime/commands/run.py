@@ -5,13 +5,13 @@ import json
 from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
-from math import inf
 from pathlib import Path
 
 from drivers.ports import Drivers, Report
 from runtime.commands.arguments import SIMULATED, SIMULATED_CAMERA
 from runtime.commands.cell import Devices, connect
-from runtime.commands.options import check_usage, run_options, views
+from runtime.commands.options import check_usage, header_of, run_options, views
+from runtime.commands.software import installed
 from runtime.devices.audit import AuditProcess
 from runtime.devices.clock import SystemClock
 from runtime.devices.lock import PortLock
@@ -21,9 +21,9 @@ from runtime.execution.events import Console
 from runtime.execution.executor import Cell, RunOptions
 from runtime.execution.handling import check_arc
 from runtime.execution.held import Held
-from runtime.execution.safe_state import DECLARED
 from runtime.execution.safety import check_table, needs_activation, ready_gripper
 from runtime.journal import files
+from runtime.journal import installed as log
 from runtime.journal.chain import Incidents, Journal
 from runtime.journal.replay import Replay
 from runtime.monitoring.console import Lines, Objects
@@ -45,7 +45,7 @@ def run(arguments: argparse.Namespace, drivers: Drivers) -> int:
     """
     check_usage(arguments)
     loaded = load(arguments.tree)
-    table = loaded.table
+    table, software = loaded.table, installed(arguments, loaded)
     if arguments.serve is None:  # a robot that asks may have any gripper
         check_table(table)
     options = run_options(arguments, table)
@@ -60,7 +60,7 @@ def run(arguments: argparse.Namespace, drivers: Drivers) -> int:
     if arguments.audit is not None and (table.goal.kind == "identity" or not table.goal.identify):
         raise ArgumentsError("--audit judges a pose; this goal leaves open the pose, or which part it is")
     with ExitStack() as stack:
-        asked = _Asked(arguments, loaded, options, console, drivers, stack)
+        asked = _Asked(arguments, loaded, software, options, console, drivers, stack)
         if arguments.check:
             return asked.check()
         if arguments.serve is not None:
@@ -74,6 +74,7 @@ class _Asked:
 
     arguments: argparse.Namespace
     loaded: TableFile
+    software: Mapping[str, object]  # what the log of installed software says of it
     options: RunOptions
     console: Console
     drivers: Drivers
@@ -83,7 +84,7 @@ class _Asked:
         """Look for a broken run, connect, refuse what must be; then begin the journal and run the parts."""
         arguments, table = self.arguments, self.loaded.table
         clock = SystemClock(arguments.time_scale)
-        header, policy = _header(arguments, self.options), arguments.after_crash
+        header, policy = header_of(arguments, self.options), arguments.after_crash
         # First of all, since it may be refused; what runs below closes before it, and is watched until then.
         monitor = self.stack.enter_context(
             Monitor(self.console, self.loaded, arguments.tree, views(arguments))
@@ -104,6 +105,7 @@ class _Asked:
         cell = Cell(devices.gripper, devices.arm, devices.clock or clock, journal, auditor)
         monitor.ready()
         self.stack.enter_context(interrupts.whole())  # a run with a header has a last record, too
+        self._note_software(clock)
         crash.begin(journal, begun, self.loaded.data, header, policy)
         incidents.hand_over(journal)
         if arguments.put_down:
@@ -128,7 +130,7 @@ class _Asked:
         from runtime.monitoring.live.server import listening
 
         arguments, table, clock = self.arguments, self.loaded.table, SystemClock()
-        header, policy = _header(arguments, self.options), arguments.after_crash
+        header, policy = header_of(arguments, self.options), arguments.after_crash
         check_asked(table)
         address = serve.check(arguments)
         monitor = self.stack.enter_context(
@@ -140,6 +142,7 @@ class _Asked:
         self.console.note(f"a robot may ask at tcp://{address.host}:{listener.getsockname()[1]}")
         monitor.ready()
         self.stack.enter_context(interrupts.whole())
+        self._note_software(clock)
         crash.begin(journal, None, self.loaded.data, header, policy)
         with session.ending(journal) as tally:
             parts = AskedParts(
@@ -209,6 +212,9 @@ class _Asked:
     def _journal(self, clock: SystemClock) -> Journal:
         return self.stack.enter_context(Journal(self.arguments.journal, clock.stamp, clock.uptime))
 
+    def _note_software(self, clock: SystemClock) -> None:
+        log.note(self.arguments.journal, self.loaded.data, self.software, clock.stamp, clock.uptime)
+
     def _holds(self, devices: Devices, journal: Journal | None, *, activate: bool) -> Held | None:
         """What the fingers may hold before a run begins, if they may be moved regardless; else raises."""
         arguments = self.arguments
@@ -270,27 +276,3 @@ def _believed(table: Table) -> str:
             f"the table carries no job: its heights, limits and poses were compared with nothing; {figures}"
         )
     return f"heights, limits, squeezes and poses agree with the job in the table; {figures}"
-
-
-def _header(arguments: argparse.Namespace, options: RunOptions) -> dict[str, object]:
-    on_reject, on_unresolved = options.policy.texts()
-    measured = options.handling.calibration
-    return {
-        "table": str(arguments.tree),
-        "port": arguments.port,
-        "arm": arguments.arm,
-        "serve": arguments.serve,
-        "count": arguments.count if arguments.serve else arguments.count or 1,
-        "time_scale": "max" if arguments.time_scale == inf else arguments.time_scale,
-        "seed": arguments.seed if arguments.port == SIMULATED else None,
-        "on_reject": on_reject,
-        "on_unresolved": on_unresolved,
-        "delivery": None if options.delivery is None else options.delivery.told(),
-        "after_crash": arguments.after_crash,
-        "force": arguments.force,
-        "tips": None if options.handling.arc is None else str(options.handling.arc),
-        "calibration": None if arguments.calibration is None else str(arguments.calibration),
-        "widths_um": None if measured is None else list(measured.widths_um),
-        "middle_um": round(1000 * options.handling.middle_mm),
-        "declared_safe_state": DECLARED,
-    }

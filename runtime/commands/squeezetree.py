@@ -49,7 +49,18 @@ GROUPS: dict[str, dict[str, Program]] = {
     },
     "what happened": {
         "journal": Program("grasp-journal", "runtime.commands.journal", "show, verify, replay or export it"),
-        "audit": Program("grasp-audit", "drivers.camera.audit.command", "answers judged by camera; charts"),
+        "audit": Program(
+            "grasp-audit", "drivers.camera.audit.command", "answers judged by camera; charts, acceptance"
+        ),
+    },
+    "what is installed": {
+        "pack": Program(
+            "grasp-evidence", "runtime.commands.evidence", "sign a table and its calibration", ("pack",)
+        ),
+        "verify": Program(
+            "grasp-evidence", "runtime.commands.evidence", "check every byte of a pack", ("verify",)
+        ),
+        "key": Program("grasp-evidence", "runtime.commands.evidence", "make a key to sign with", ("key",)),
     },
     "further": {
         "simulate": Program("plan-simulate", "planner.cli.simulate", "how single squeezes and pushes end"),
@@ -117,7 +128,8 @@ def _overview(_: argparse.Namespace) -> int:
 
 def _call(program: Program, rest: list[str]) -> int:
     """Run a program as if it had been called by its name."""
-    before = () if {"-h", "--help"} & set(rest) else program.before
+    asks = bool({"-h", "--help"} & set(rest))  # an option of the program would take --help for its value
+    before = [word for word in program.before if not (asks and word.startswith("-"))]
     sys.argv = [program.name, *before, *rest]
     (entry,) = metadata.distribution(NAME).entry_points.select(group="console_scripts", name=program.name)
     return int(entry.load()())

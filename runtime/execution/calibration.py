@@ -14,7 +14,7 @@ from runtime.execution.reading import CLOSED_COUNTS, check_fresh
 from runtime.execution.safety import stroke
 from runtime.execution.strokes import GENTLE_FORCE, GENTLE_SPEED
 from runtime.shell import strict_json
-from runtime.shell.files import writing
+from runtime.shell.files import read_regular, writing
 from runtime.table import COUNTS, Calibration, GripperSpec
 from runtime.traversal.decision import CLOSING_CONTACT
 
@@ -162,6 +162,19 @@ def load(path: Path) -> GripperCalibration:
         return _parsed(told)
     except (LookupError, TypeError, ValueError, TableError, CalibrationError) as error:
         raise refused(str(error)) from error
+
+
+def bytes_of(path: Path) -> bytes:
+    """The bytes of a file that `load` accepts.
+
+    Raises:
+        CalibrationError: as `load`.
+    """
+    load(path)
+    try:
+        return read_regular(path, strict_json.MOST_BYTES)[0]
+    except OSError as error:
+        raise CalibrationError(f"calibration {path}: cannot be read: {error.strerror}") from error
 
 
 def _parsed(told: object) -> GripperCalibration:

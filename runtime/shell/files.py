@@ -4,6 +4,7 @@ Only regular files are written, or standard output where a command offers that, 
 command reads. `usable` says so before the work is done, `writing` writes.
 """
 
+import errno
 import os
 import shlex
 import stat
@@ -166,6 +167,23 @@ def same(one: Path, other: Path) -> bool:
         return one.samefile(other)
     except OSError:
         return os.path.realpath(one) == os.path.realpath(other)
+
+
+def read_regular(path: Path, most_bytes: int) -> tuple[bytes, int]:
+    """The bytes of a regular file, `most_bytes` at most, and its `st_mode`.
+
+    Raises:
+        OSError: it cannot be read, or is no regular file; a pipe without a writer blocks nobody.
+    """
+    file = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
+    try:
+        mode = os.fstat(file).st_mode
+        if reason := oddity(mode):
+            raise OSError(errno.EINVAL, reason, str(path))
+        with open(file, "rb", closefd=False) as opened:
+            return opened.read(most_bytes), mode
+    finally:
+        os.close(file)
 
 
 def bring_to_disk(path: Path) -> None:

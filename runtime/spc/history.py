@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from runtime.errors import ArgumentsError, JournalError, TornError
 from runtime.journal.chain import records
-from runtime.table import Table, loads
+from runtime.table import Pose2, Table, loads
 
 Entry = Mapping[str, object]
 RESIDUAL = ("residual_x_mm", "residual_y_mm", "residual_theta_rad")
@@ -35,6 +35,8 @@ class Part:
     # measured less predicted pose (mm, mm, rad), None where it was not measured.
     residual: tuple[float, float, float] | None = None
     time: str = ""  # of its end, ISO 8601
+    true: Pose2 | None = None  # pose of a simulated part, where that is on record
+    within: bool | None = None  # whether that is within the goal of its leaf, None without a leaf
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +72,8 @@ def read(paths: Sequence[Path]) -> History:
                         told = "is of another table; report on one table at a time"
                         raise ArgumentsError(f"journal {path}: {told}")
                     running = None
+                elif kind == "truth" and parts and running is None:
+                    parts[-1] = _with_truth(parts[-1], entry)
                 elif kind == "part":
                     running, audit = Part(_whole(entry["part"])), {}
                 elif table is None or running is None:
@@ -108,6 +112,13 @@ def _ended(part: Part, audit: Entry, entry: Entry, table: Table) -> Part:
         residual=None if x is None or y is None or theta is None else (x, y, theta),
         time=str(entry.get("time", "")),
     )
+
+
+def _with_truth(part: Part, entry: Entry) -> Part:
+    x_um, y_um, theta_urad = (_whole(entry[name]) for name in ("x_um", "y_um", "theta_urad"))
+    within = entry.get("within_goal")
+    true = (x_um / 1e3, y_um / 1e3, theta_urad / 1e6)
+    return replace(part, true=true, within=within if isinstance(within, bool) else None)
 
 
 def _squeezed(entry: Entry, table: Table) -> Squeezed:

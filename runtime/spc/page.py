@@ -30,15 +30,21 @@ def page(title: str, summary: Summary) -> str:
         *(part for chart in summary.charts for part in (f"<h2>{escape(chart.title)}</h2>", picture(chart))),
         *_names(summary),
         "<h2>Residuals by leaf</h2>",
-        _table(
+        table_of(
             ("leaf", "parts", "passed", "predicted", "x mm", "y mm", "theta deg"),
             map(_leaf, summary.leaves),
         ),
         "<h2>Branches against the table</h2>",
         f"<p>Chi-square over all nodes: p = {summary.tail:.3g}.</p>",
-        _table(("node", "taken", "predicted %", "rejects", "chi-square", "p"), map(_node, summary.nodes)),
+        table_of(("node", "taken", "predicted %", "rejects", "chi-square", "p"), map(_node, summary.nodes)),
     ]
-    return Template(TEMPLATE.read_text("utf-8")).substitute(title=escape(title), body="\n".join(body))
+    return whole(title, body)
+
+
+def whole(title: str, body: Iterable[str], kind: str = "report") -> str:
+    """A page of these pieces of HTML; `kind` is the class of its body."""
+    template = Template(TEMPLATE.read_text("utf-8"))
+    return template.substitute(title=escape(title), body="\n".join(body), kind=kind)
 
 
 def picture(chart: Series) -> str:
@@ -107,10 +113,11 @@ def _alarms(summary: Summary) -> Iterator[str]:
         yield f'<p class="bad">Part {alarm.number}: {escape(alarm.sentence)}.</p>'
 
 
-def _table(names: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+def table_of(names: Iterable[str], rows: Iterable[Iterable[str]], kind: str = "wide") -> str:
+    """A table as HTML, a text a cell; `kind` is the class of what is round it."""
     head = "".join(f"<th>{escape(name)}</th>" for name in names)
     lines = ["<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows]
-    return "\n".join(['<div class="wide"><table>', f"<tr>{head}</tr>", *lines, "</table></div>"])
+    return "\n".join([f'<div class="{kind}"><table>', f"<tr>{head}</tr>", *lines, "</table></div>"])
 
 
 def _names(summary: Summary) -> Iterator[str]:
@@ -119,7 +126,7 @@ def _names(summary: Summary) -> Iterator[str]:
     yield "<h2>Which part it was</h2>"
     yield f"<p>Chi-square against the planned shares: p = {summary.names_tail:.3g}.</p>"
     rows = ((row.name, str(row.parts), f"{100.0 * row.share:.1f}") for row in summary.names)
-    yield _table(("part", "parts", "planned %"), rows)
+    yield table_of(("part", "parts", "planned %"), rows)
 
 
 def _leaf(row: LeafRow) -> Iterator[str]:

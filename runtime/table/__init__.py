@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 from runtime.errors import TableError, TableFileError
 from runtime.shell.files import quoted, writing
-from runtime.table.codec import MAX_BYTES, decode, encode
+from runtime.table.codec import MAX_BYTES, decode, encode, names_table
 from runtime.table.evidence import refuted, wilson_interval
 from runtime.table.goal import (
     Pose2,
@@ -68,7 +68,7 @@ __all__ = ["COUNTS", "HELD_UM", "KINDS", "PPM", "PROFILES", "REJECT", "UNDETECTE
 __all__ += ["Calibration", "GoalSpec", "GripperSpec", "Hypothesis", "Limits", "Pose2", "Prediction"]
 __all__ += ["Branch", "Leaf", "Node", "Profile", "Push", "Squeeze", "Table", "TableError", "TableFile"]
 __all__ += ["TableFileError", "by_count", "decide", "decision_map", "dump", "dumps", "job_of", "load"]
-__all__ += ["distance", "error_mm", "hypotheses_of", "loads", "meets", "misfits", "poses_of"]
+__all__ += ["distance", "error_mm", "hypotheses_of", "loads", "meets", "misfits", "names_table", "poses_of"]
 __all__ += ["phases_of", "takt_figures", "time_of", "trapezoid_s"]
 __all__ += ["ABOVE_MM", "ARM_ACCELERATION_MM_S2", "LEAD_MM"]
 __all__ += ["CLEAR_MM", "Phases", "Schedule", "Squeezed", "Stand", "Timing", "Visit", "close_alike"]

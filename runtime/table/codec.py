@@ -95,6 +95,11 @@ def encode(table: Table) -> bytes:
     return frame
 
 
+def names_table(data: bytes) -> bool:
+    """Whether bytes begin as those of a table do, of whatever format and however damaged."""
+    return MAGIC.encode() in data[:BEGINNING]
+
+
 def decode(data: bytes) -> Table:
     """The table in some bytes, if `encode` gives these very bytes for it; proves nothing.
 
@@ -103,7 +108,7 @@ def decode(data: bytes) -> Table:
     """
     if len(data) > MAX_BYTES:
         raise TableError(f"{len(data)} bytes, allowed are {MAX_BYTES}; this is not a table")
-    named = not data or MAGIC.encode() in data[:BEGINNING]
+    named = not data or names_table(data)
     frame = _unpacked(data, "the file") if named else None
     if not isinstance(frame, tuple) or len(frame) < 2 or frame[0] != MAGIC:
         raise TableError("not a squeezetree table; pass the .msgpack file plan-compile wrote")

@@ -22,6 +22,8 @@ PARSED = {
     DOCS / "python.md": "they install; tests/integration/test_python_page.py runs its Python",
     DOCS
     / "drivers.md": "tests/integration/test_driver_guide.py runs its example, which is installed otherwise",
+    DOCS / "acceptance.md": "tests/unit/runtime/spc/study/test_study_command.py runs it",
+    DOCS / "evidence.md": "tests/integration/test_evidence.py runs it",
     DOCS / "refit.md": "tests/integration/test_tutorial.py runs it with fewer parts",
     DOCS / "performance.md": "each command measures for minutes, some need MuJoCo",
 }
@@ -162,7 +164,7 @@ def known_options():
     with pytest.MonkeyPatch.context() as monkeypatch:
         lines = [[name] for name in COMMANDS] + [
             *(["grasp-calibrate", name] for name in ("camera", "tag", "pictures")),
-            *(["grasp-audit", name] for name in ("judge", "report")),
+            *(["grasp-audit", name] for name in ("judge", "report", "study")),
         ]
         found = set().union(*(options_of(understand(words, monkeypatch)[0]) for words in lines))
     tools = [path for path in (ROOT / "tools").iterdir() if path.is_file()]

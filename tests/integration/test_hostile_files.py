@@ -84,6 +84,7 @@ COMMANDS = {
         "planner.cli.report", "{tree} --job {job} --journal {journal} --models {expected} -o {out}", ".html"
     ),
     "grasp-journal export": Command("runtime.commands.journal", "export {journal} -o {out}", ".csv"),
+    "grasp-evidence pack": Command("runtime.commands.evidence", "pack {tree} -o {out}", ".zip"),
     "grasp-audit report": Command("runtime.spc.command", "{journal} --expected {expected} -o {out}", ".html"),
     "grasp-audit report --export": Command("runtime.spc.command", "{journal} --export {out}", ".csv"),
     "grasp-calibrate tag": Command(CALIBRATE, f"{TAG} -o {{out}}", ".json"),

@@ -31,10 +31,11 @@ def test_without_opencv_one_line_names_the_audit_extra(call):
     assert "squeezetree[audit]" in done.stderr
 
 
-def test_report_needs_neither_numpy_nor_opencv():
+@pytest.mark.parametrize("word", ["report", "study"])
+def test_report_and_study_need_neither_numpy_nor_opencv(word):
     code = (
         "import sys; sys.modules['numpy'] = sys.modules['cv2'] = None; "
-        "from drivers.camera.commands import audit; sys.exit(audit(['report', 'none.jsonl']))"
+        f"from drivers.camera.commands import audit; sys.exit(audit(['{word}', 'none.jsonl']))"
     )
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=60, check=False

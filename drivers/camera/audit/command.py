@@ -1,4 +1,4 @@
-"""`grasp-audit judge`: judge parts by a camera; `report` is only told of here, for it needs none."""
+"""`grasp-audit judge`: judge parts by a camera; `report` and `study` need none, and are elsewhere."""
 
 import argparse
 import os
@@ -22,6 +22,7 @@ EXIT_CODES = """\
 exit codes:
   0  done (the questions ended)     2  usage            3  table missing  23  no camera
   13 a chart of the report alarms  24  a journal does not verify
+  14 a study refuses the cell      15  a study is not decided yet
   30 table refused                 33  calibration or tag file refused
   130 interrupted (Ctrl-C)
 """
@@ -31,6 +32,7 @@ examples:
   grasp-runtime --tree T.msgpack --port ... \\
       --audit "grasp-audit judge --tree T.msgpack --camera /dev/video0 --calibration cam.json --tag tag.json"
   grasp-audit report runs/*.jsonl -o report.html
+  grasp-audit study run-off.jsonl -o run-off.html
 
 judge reads questions from its standard input, one JSON object a line, and answers each by one line:
   {"part": 3, "x_mm": 0.0, "y_mm": 0.5, "theta_rad": 0.0} -> {"verdict": "pass", "reason": "...", ...}
@@ -42,9 +44,9 @@ A question may name the run's table by "table_sha256"; with another --tree its v
 
 
 def parser() -> Parser:
-    """The command line of `grasp-audit judge`; `report` has its own."""
+    """The command line of `grasp-audit judge`; `report` and `study` have their own."""
     built = Parser(prog="grasp-audit", description="Was the answer right, in millimetres?", epilog=EPILOG)
-    commands = built.add_subparsers(required=True, metavar="judge | report", dest="command")
+    commands = built.add_subparsers(required=True, metavar="judge | report | study", dest="command")
     told = "answer questions about parts, one a line"
     example = "grasp-audit judge --tree T.msgpack --camera /dev/video0 --calibration cam.json --tag tag.json"
     made = commands.add_parser(
@@ -66,6 +68,7 @@ def parser() -> Parser:
     add("--memory-mb", type=positive, default=400.0, metavar="MB", help="to grow by (default: %(default)s)")
     made.add_debug()
     commands.add_parser("report", help="success, residuals and control charts from journals", add_help=False)
+    commands.add_parser("study", help="acceptance of a cell, gauge studies, run-off sheet", add_help=False)
     return built
 
 

@@ -74,11 +74,13 @@ tools/docs/performance
 :caption: In the cell
 
 tools/docs/commissioning
+tools/docs/acceptance
 tools/docs/arms
 tools/docs/grippers
 tools/docs/refit
 tools/docs/controllers
 tools/docs/serve
+tools/docs/evidence
 tools/docs/drivers
 tools/docs/several-parts
 runtime/OUTCOMES

@@ -37,10 +37,15 @@ def journal(path: Path, parts: int, table: Path = TREE, seed: int = 1) -> Path:
 
 
 @pytest.mark.slow
-def test_it_learns_the_encoder_and_keeps_the_text(tmp_path, capsys):
+def test_refit_learns_the_encoder_keeps_the_text_and_never_changes_a_running_table(tmp_path, capsys):
     seen, output = journal(tmp_path / "run.jsonl", 60), tmp_path / "job2.toml"
-    command = [str(JOB), "--journal", str(seen), "-o", str(output), "--cells", "20", "--json"]
+    for path in (JOB, TREE):
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    job = tmp_path / JOB.name
+    command = [str(job), "--journal", str(seen), "-o", str(output), "--cells", "20", "--json"]
     assert refit.main(command) == 0
+    assert {path: path.read_bytes() for path in tmp_path.iterdir() if path != output} == before
     told = json.loads(capsys.readouterr().out)
     found = {finding["quantity"]: finding for finding in told["findings"]}
     assert found["encoder_mm"]["told"]
@@ -49,6 +54,17 @@ def test_it_learns_the_encoder_and_keeps_the_text(tmp_path, capsys):
     assert 0.4 < low < high < 0.8
     kept = [line for line in JOB.read_text().splitlines() if line.strip().startswith("#")]
     assert set(kept) <= set(output.read_text().splitlines())
+
+
+def test_refit_onto_a_table_that_a_cell_may_run_is_refused(tmp_path, capsys):
+    tree = tmp_path / "t.msgpack"
+    tree.write_bytes(TREE.read_bytes())
+    seen = journal(tmp_path / "run.jsonl", 20)
+    assert refit.main([str(JOB), "--journal", str(seen), "-o", str(tree)]) == 2
+    said = capsys.readouterr().err
+    assert "is a table, which a cell may run" in said
+    assert said.count("\n") == 1
+    assert tree.read_bytes() == TREE.read_bytes()
 
 
 def test_edited_text_keeps_comments_and_takes_sections_that_were_not_there():

@@ -1,0 +1,210 @@
+"""The command `grasp-evidence`: signs what is installed in a cell, and checks it."""
+
+import argparse
+import json
+import socket
+import sys
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from getpass import getuser
+from pathlib import Path
+
+from runtime import VERSION
+from runtime.devices.clock import SystemClock
+from runtime.errors import PackError
+from runtime.execution import calibration
+from runtime.shell.command import Parser, run, say, tell
+from runtime.shell.files import OutputError, usable, writing
+from runtime.shell.plain_text import is_plain
+from runtime.signing import keys
+from runtime.signing.pack import Pack, read, signed, verified
+from runtime.table import load
+
+NAME = "grasp-evidence"
+EXIT_CODES = """\
+exit codes:
+   0  done    2  usage, an output that cannot be written or is there already, or the extra is missing
+   3  a table, calibration, key or pack is missing or cannot be read; a key is of another kind
+  30  the table is refused     33  the calibration is refused
+  34  the pack was changed, is none, or is signed by another key   130  interrupted (Ctrl-C)
+"""
+EPILOG = f"""\
+examples:
+  {NAME} key -o acme.pem
+  {NAME} pack T.msgpack -o T.zip --calibration gripper.json --key acme.pem
+  {NAME} verify T.zip --key acme.pem.pub
+
+{EXIT_CODES}"""
+EXAMPLES = {"key": "-o acme.pem", "pack": "T.msgpack -o T.zip", "verify": "T.zip --key acme.pem.pub"}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command; returns its exit code."""
+    return run(parser(), argv, lambda arguments: int(arguments.run(arguments)))
+
+
+def parser() -> Parser:
+    """The command's arguments."""
+    built = Parser(
+        prog=NAME,
+        description="Sign a table with its calibration and job, and check that nothing was changed since.",
+        epilog=EPILOG,
+    )
+    subcommands = built.add_subparsers(required=True, metavar="key | pack | verify")
+    made = _subcommand(subcommands, "key", _key, "make a key to sign with")
+    made.add_argument(
+        "-o", "--output", type=Path, metavar="K.pem",
+        help="private key, for its owner alone; the public one goes to K.pem.pub; neither is overwritten "
+        "(default: ~/.config/squeezetree/signing-key.pem)",
+    )  # fmt: skip
+    made = _subcommand(subcommands, "pack", _pack, "sign a table, its calibration and its job as one zip")
+    made.add_argument("tree", type=Path, metavar="T", help="the table, as plan-compile wrote it")
+    made.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="P.zip", help="the pack, a new file"
+    )
+    made.add_argument("--calibration", type=Path, metavar="F", help="of the gripper that will run the table")
+    made.add_argument(
+        "--key", type=Path, metavar="K.pem",
+        help="private key (default: the one of grasp-evidence key, which is made if need be)",
+    )  # fmt: skip
+    made.add_argument(
+        "--signer", type=_name, metavar="NAME", help="who signs, for people (default: user@host)"
+    )
+    made = _subcommand(subcommands, "verify", _verify, "check every byte of a pack; needs no network")
+    made.add_argument("pack", type=Path, metavar="P.zip", help="the pack")
+    made.add_argument(
+        "--key", type=Path, metavar="K.pub",
+        help="public key that must have signed; without it the pack's own, which says nothing of who signed",
+    )  # fmt: skip
+    return built
+
+
+def _subcommand(
+    subcommands: "argparse._SubParsersAction[Parser]",
+    name: str,
+    body: Callable[[argparse.Namespace], int],
+    purpose: str,
+) -> Parser:
+    made = subcommands.add_parser(
+        name, help=purpose, description=f"{purpose[0].upper()}{purpose[1:]}.",
+        epilog=f"example:\n  {NAME} {name} {EXAMPLES[name]}\n\n{EXIT_CODES}",
+    )  # fmt: skip
+    made.add_common()
+    made.set_defaults(run=body)
+    return made
+
+
+def _key(arguments: argparse.Namespace) -> int:
+    path = arguments.output or _default_key()
+    key = keys.generate(path)
+    fields = {"key": str(path), "public": str(keys.public_of(path)), "fingerprint": key.public.fingerprint}
+    if arguments.json:
+        say(json.dumps(fields))
+    else:
+        say(f"{path}: private key, keep it where the signer alone can read it")
+        say(f"{keys.public_of(path)}: public key, for verify and --require-signed")
+        say(f"fingerprint {key.public.fingerprint}")
+    return 0
+
+
+def _pack(arguments: argparse.Namespace) -> int:
+    output = usable(arguments.output, arguments.tree, arguments.calibration, arguments.key)
+    if output.exists():
+        raise OutputError(f"{output} is there, and a pack is never overwritten; name another file")
+    table = load(arguments.tree)
+    measured = None if arguments.calibration is None else calibration.bytes_of(arguments.calibration)
+    key = _signing_key(arguments.key)
+    facts = {
+        "signer": arguments.signer or _person(),
+        "created": SystemClock().stamp(),
+        "versions": _versions(),
+    }
+    data = signed(table, measured, key, facts)
+    pack = verified(data, key.public)
+    with writing(output) as draft:
+        draft.write_bytes(data)
+    if arguments.json:
+        say(json.dumps({"pack": str(output), **pack.fields()}))
+    else:
+        say(f"{output}: {', '.join(pack.members)}")
+        say(f"signed by {pack.manifest['signer']}, fingerprint {pack.key.fingerprint}")
+    return 0
+
+
+def _verify(arguments: argparse.Namespace) -> int:
+    trusted = None if arguments.key is None else keys.load_public(arguments.key)
+    try:
+        pack = verified(read(arguments.pack), trusted)
+    except PackError as error:
+        raise PackError(f"pack {arguments.pack}: {error}") from error
+    if arguments.json:
+        checked = None if arguments.key is None else str(arguments.key)
+        say(json.dumps({"pack": str(arguments.pack), "checked_against": checked, **pack.fields()}))
+    else:
+        for line in _lines(arguments, pack):
+            say(line)
+    return 0
+
+
+def _lines(arguments: argparse.Namespace, pack: Pack) -> list[str]:
+    told = pack.manifest
+    name = f"{told['signer']} on {told['created']}, fingerprint {pack.key.fingerprint}"
+    if arguments.key is None:
+        who = f"it says that it was signed by {name}; that was not checked against anyone (--key K.pub)"
+    else:
+        who = f"signed with {arguments.key} by {name}"
+    digests = [f"  {digest}  {member}" for member, digest in told["sha256"].items()]
+    return [f"{arguments.pack}: whole, every byte of it; {who}", *digests]
+
+
+def _signing_key(path: Path | None) -> keys.SigningKey:
+    """The key to sign with; the default one is made where there is none yet."""
+    if path is not None:
+        return keys.load_private(path)
+    path = _default_key()
+    if path.exists():
+        return keys.load_private(path)
+    key = keys.generate(path)
+    tell(NAME, f"made a key to sign with: {path}; others check by {keys.public_of(path)}")
+    return key
+
+
+def _default_key() -> Path:
+    """The default key's file; its folder is made, for its owner alone."""
+    path = keys.default_path()
+    try:
+        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(
+            f"{path.parent} cannot be made: {error.strerror}; name a key's file instead"
+        ) from error
+    return path
+
+
+def _versions() -> dict[str, str]:
+    """What the pack was made with: of squeezetree, Python and what the base install needs."""
+    from importlib import metadata
+
+    versions = {"squeezetree": VERSION, "python": sys.version.split()[0]}
+    for name in ("msgpack", "pymodbus", "pyserial"):
+        with suppress(metadata.PackageNotFoundError):
+            versions[name] = metadata.version(name)
+    return versions
+
+
+def _person() -> str:
+    try:
+        user = getuser()
+    except (OSError, KeyError):  # of a user id that has no name
+        user = "somebody"
+    return f"{user}@{socket.gethostname()}"
+
+
+def _name(text: str) -> str:
+    if not is_plain(text):
+        raise argparse.ArgumentTypeError(f"{text!r} is no name on one line")
+    return text
+
+
+if __name__ == "__main__":
+    sys.exit(main())

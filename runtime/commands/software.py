@@ -1,0 +1,43 @@
+"""What a run is about to use: which files, which versions, and whose signature covers them."""
+
+import argparse
+import hashlib
+import sys
+
+from runtime import VERSION
+from runtime.execution import calibration
+from runtime.table import TableFile
+
+
+def installed(arguments: argparse.Namespace, loaded: TableFile) -> dict[str, object]:
+    """What the log of installed software says of a run besides its table's bytes.
+
+    Args:
+        arguments: of `grasp-runtime`.
+        loaded: the table of the run.
+
+    Raises:
+        CalibrationError: the calibration's file is refused.
+        KeyFileError: the key of `--require-signed` cannot be used.
+        PackError: no pack signed by it vouches for table and calibration.
+        ArgumentsError: the extra that signatures need is missing.
+    """
+    path = arguments.calibration
+    measured = None if path is None else calibration.bytes_of(path)
+    signer: dict[str, object] = {"signer": None, "fingerprint": None, "pack_sha256": None}
+    if arguments.require_signed is not None:
+        from runtime.signing import keys, pack  # with a library that no other run has to load
+
+        trusted = keys.load_public(arguments.require_signed)
+        told = pack.covering(arguments.tree, loaded.data, measured, trusted).fields()
+        signer = {name: told[name] for name in signer}
+    return {
+        "table": str(arguments.tree),
+        "compiled_by": loaded.table.tool,
+        "job_sha256": loaded.table.job_digest.hex(),
+        "calibration": None if path is None else str(path),
+        "calibration_sha256": None if measured is None else hashlib.sha256(measured).hexdigest(),
+        "squeezetree": VERSION,
+        "python": sys.version.split()[0],
+        **signer,
+    }

@@ -1,0 +1,1 @@
+"""Signed packs: what is installed in a cell, and who answers for it."""

@@ -1,0 +1,213 @@
+"""Ed25519 keys in PEM files, as OpenSSL reads and writes them.
+
+A private key is a file that its owner alone may read, and is never overwritten. The library that signs,
+`cryptography`, is loaded by what needs it.
+"""
+
+import base64
+import hashlib
+import os
+import stat
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from runtime.errors import ArgumentsError, KeyFileError
+from runtime.shell.files import OutputError, bring_to_disk, quoted, read_regular, usable
+
+if TYPE_CHECKING:
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
+
+_PREFIX = bytes.fromhex("302a300506032b6570032100")  # of a public key in DER (RFC 8410, section 4)
+_MOST_BYTES = 1 << 16
+_OTHERS = stat.S_IRWXG | stat.S_IRWXO
+
+
+@dataclass(frozen=True, slots=True)
+class PublicKey:
+    """A public key; equal ones are the same key."""
+
+    raw: bytes  # 32 bytes
+
+    @property
+    def fingerprint(self) -> str:
+        """SHA-256 of the key in DER: `openssl pkey -pubin -in K.pub -outform DER | sha256sum`."""
+        return hashlib.sha256(_PREFIX + self.raw).hexdigest()
+
+    @property
+    def pem(self) -> bytes:
+        """The key's file."""
+        text = base64.b64encode(_PREFIX + self.raw)
+        return b"-----BEGIN PUBLIC KEY-----\n" + text + b"\n-----END PUBLIC KEY-----\n"
+
+    def signed(self, data: bytes, signature: bytes) -> bool:
+        """Whether a signature of some data is this key's."""
+        from cryptography.exceptions import InvalidSignature
+
+        try:
+            _ed25519().Ed25519PublicKey.from_public_bytes(self.raw).verify(signature, data)
+        except InvalidSignature:
+            return False
+        return True
+
+
+@dataclass(frozen=True, slots=True)
+class SigningKey:
+    """A private key."""
+
+    private: "Ed25519PrivateKey"
+
+    @property
+    def public(self) -> PublicKey:
+        """The public key to it."""
+        return _public(self.private.public_key())
+
+    def sign(self, data: bytes) -> bytes:
+        """The signature of some data, 64 bytes."""
+        return self.private.sign(data)
+
+
+def default_path() -> Path:
+    """Where the key lies that packs are signed with unless one is named."""
+    home = os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config"
+    return Path(home) / "squeezetree" / "signing-key.pem"
+
+
+def public_of(path: Path) -> Path:
+    """The file of the public key beside a private one's."""
+    return path.with_name(f"{path.name}.pub")
+
+
+def generate(path: Path) -> SigningKey:
+    """Make a key: the private one in a file of mode 0600, the public one beside it.
+
+    Raises:
+        OutputError: one of the files is there already, or cannot be written; neither is left behind.
+        ArgumentsError: the extra is missing.
+    """
+    from_library = _ed25519().Ed25519PrivateKey.generate()
+    key, public = SigningKey(from_library), public_of(path)
+    for file in (path, public):
+        usable(file)
+        if os.path.lexists(file):
+            raise OutputError(f"{file} is there, and a key is never overwritten; name another file")
+    _write_new(path, _private_pem(from_library), 0o600)
+    try:
+        _write_new(public, key.public.pem, 0o644)
+        bring_to_disk(path.parent)
+    except BaseException:
+        path.unlink(missing_ok=True)
+        raise
+    return key
+
+
+def load_private(path: Path) -> SigningKey:
+    """Read a private key.
+
+    Raises:
+        KeyFileError: it cannot be read, may be read by others, or is no Ed25519 key without a passphrase.
+        ArgumentsError: the extra is missing.
+    """
+    private = _ed25519().Ed25519PrivateKey
+    data, mode = _read(path)
+    if b"PRIVATE KEY" not in data and b"PUBLIC KEY" in data:
+        raise KeyFileError(path, "holds a public key; name the private one")
+    if mode & _OTHERS:
+        raise KeyFileError(path, f"may be read by others; chmod 600 {quoted(path)}")
+    from cryptography.hazmat.primitives.serialization import load_pem_private_key
+
+    try:
+        loaded = load_pem_private_key(data, None)
+    except TypeError:
+        raise KeyFileError(path, "has a passphrase; name a key without one") from None
+    except Exception as error:  # the library has several of its own for what it cannot parse
+        raise KeyFileError(path, "holds no private key in PEM; squeezetree key makes one") from error
+    if not isinstance(loaded, private):
+        raise KeyFileError(path, f"holds {_kind(loaded)}; squeezetree key makes an Ed25519 key")
+    return SigningKey(loaded)
+
+
+def load_public(path: Path) -> PublicKey:
+    """Read a public key; errors as `load_private`."""
+    data, _ = _read(path)
+    if b"PRIVATE KEY" in data:
+        raise KeyFileError(path, f"holds a private key; name the public one, {public_of(path).name}")
+    try:
+        return parse_public(data)
+    except ValueError as error:
+        raise KeyFileError(path, str(error)) from error
+
+
+def parse_public(data: bytes) -> PublicKey:
+    """The public key in a PEM file's bytes.
+
+    Raises:
+        ValueError: there is none, or none for Ed25519.
+        ArgumentsError: the extra is missing.
+    """
+    public = _ed25519().Ed25519PublicKey
+    from cryptography.hazmat.primitives.serialization import load_pem_public_key
+
+    try:
+        loaded = load_pem_public_key(data)
+    except Exception as error:  # as in `load_private`
+        raise ValueError("holds no public key in PEM") from error
+    if not isinstance(loaded, public):
+        raise ValueError(f"holds {_kind(loaded)}, not an Ed25519 key")  # noqa: TRY004 - of a file's content
+    return _public(loaded)
+
+
+def _ed25519() -> Any:
+    """The module of the library that has the keys' classes."""
+    try:
+        from cryptography.hazmat.primitives.asymmetric import ed25519
+    except ModuleNotFoundError:
+        raise ArgumentsError(
+            "signatures need the evidence extra (cryptography is missing); install squeezetree[evidence]; "
+            "in a clone: pip install '.[evidence]'"
+        ) from None
+    return ed25519
+
+
+def _public(key: "Ed25519PublicKey") -> PublicKey:
+    return PublicKey(key.public_bytes_raw())
+
+
+def _private_pem(key: "Ed25519PrivateKey") -> bytes:
+    from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
+
+    return key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
+
+
+def _kind(key: object) -> str:
+    """What sort of key an object of the library is, as "an RSA key"."""
+    name = type(key).__name__.removesuffix("PrivateKey").removesuffix("PublicKey").strip("_")
+    return f"{'an' if name[:1] in 'AEIORSX' else 'a'} {name} key"
+
+
+def _write_new(path: Path, data: bytes, mode: int) -> None:
+    """Write a file that is not there yet, with this mode from its beginning on."""
+    try:
+        file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, mode)
+        try:
+            os.fchmod(file, mode)  # whatever the umask
+            with open(file, "wb", closefd=False) as written:
+                written.write(data)
+            os.fsync(file)
+        except BaseException:
+            with suppress(OSError):
+                path.unlink()
+            raise
+        finally:
+            os.close(file)
+    except OSError as error:
+        raise OutputError(f"{path} cannot be written: {error.strerror}; name another file") from error
+
+
+def _read(path: Path) -> tuple[bytes, int]:
+    """A key file's bytes and mode."""
+    try:
+        return read_regular(path, _MOST_BYTES)
+    except OSError as error:
+        raise KeyFileError(path, f"cannot be read: {error.strerror}; squeezetree key makes one") from error

@@ -1,0 +1,173 @@
+"""A signed pack: table, calibration, job, versions and digests in one zip archive.
+
+`manifest.json` names the signer and the SHA-256 of each other member; the archive's comment is the signature
+of all bytes before it, so that the pack is one file and OpenSSL alone can check it (tools/docs/evidence.md).
+"""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from runtime.errors import PackError, PackFileError
+from runtime.shell import strict_json
+from runtime.shell.files import read_regular
+from runtime.shell.plain_text import unprintable
+from runtime.signing.archive import SIGNATURE_BYTES, members_of, unsigned
+from runtime.signing.keys import PublicKey, SigningKey, parse_public
+from runtime.table import TableFile
+
+KIND, VERSION = "squeezetree pack", 1
+MANIFEST, KEY, TABLE, JOB, CALIBRATION = MEMBERS = (
+    "manifest.json", "public-key.pem", "table.msgpack", "job.json", "calibration.json",
+)  # fmt: skip
+REQUIRED = (MANIFEST, KEY, TABLE)
+MOST_BYTES = 16 << 20
+
+
+@dataclass(frozen=True, slots=True)
+class Pack:
+    """A pack whose signature holds."""
+
+    members: Mapping[str, bytes]  # contents by name, the manifest first
+    manifest: Mapping[str, Any]  # what it says
+    key: PublicKey  # of its signer
+    digest: str  # SHA-256 of the file
+
+    def fields(self) -> dict[str, object]:
+        """What it says as JSON holds it."""
+        told = {name: value for name, value in self.manifest.items() if name not in ("kind", "version")}
+        return {**told, "fingerprint": self.key.fingerprint, "pack_sha256": self.digest}
+
+
+def signed(
+    table: TableFile, calibration: bytes | None, key: SigningKey, facts: Mapping[str, object]
+) -> bytes:
+    """The bytes of a pack.
+
+    Args:
+        table: what is installed; its job goes along, unless it was stripped.
+        calibration: the bytes of the calibration's file, if there is one.
+        key: of the signer.
+        facts: what the manifest says besides digests: `signer`, `created`, `versions`.
+    """
+    job = table.table.job
+    contents = {KEY: key.public.pem, TABLE: table.data}
+    contents |= {} if job is None else {JOB: job.encode()}
+    contents |= {} if calibration is None else {CALIBRATION: calibration}
+    manifest = {
+        "kind": KIND,
+        "version": VERSION,
+        **facts,
+        "compiled_by": table.table.tool,
+        "job_sha256": table.table.job_digest.hex(),
+        "sha256": _digests(contents),
+    }
+    text = json.dumps(manifest, indent=1, ensure_ascii=True, allow_nan=False) + "\n"
+    body = unsigned({MANIFEST: text.encode(), **contents})
+    return body + key.sign(body)
+
+
+def read(path: Path) -> bytes:
+    """The bytes of a pack's file.
+
+    Raises:
+        PackFileError: it cannot be read.
+        PackError: it is too large for a pack.
+    """
+    try:
+        data, _ = read_regular(path, MOST_BYTES + 1)
+    except OSError as error:
+        raise PackFileError(f"pack {path}: cannot be read: {error.strerror}") from error
+    if len(data) > MOST_BYTES:
+        raise PackError(f"is larger than {MOST_BYTES >> 20} MiB, which no pack is")
+    return data
+
+
+def verified(data: bytes, trusted: PublicKey | None = None) -> Pack:
+    """Check every byte of a pack.
+
+    Args:
+        data: of the file.
+        trusted: the key that must have signed it; None takes the one that it brings along, which proves that
+            nothing was changed since, but not by whom it was signed.
+
+    Raises:
+        PackError: naming what was changed, or whose key signed it.
+        ArgumentsError: the extra is missing.
+    """
+    members = members_of(data, MEMBERS)
+    for name in REQUIRED:
+        if name not in members:
+            raise PackError(f"lacks {name}")
+    manifest = _manifest(members)
+    try:
+        key = parse_public(members[KEY])
+    except ValueError as error:
+        raise PackError(f"{KEY} {error}") from error
+    if trusted is not None and key != trusted:
+        raise PackError(
+            f"is signed by another key, of {manifest['signer']}: its fingerprint is {key.fingerprint}, asked "
+            f"for is {trusted.fingerprint}"
+        )
+    if not key.signed(data[:-SIGNATURE_BYTES], data[-SIGNATURE_BYTES:]):
+        raise PackError(
+            f"its signature does not hold: the signature, {MANIFEST} or what it lists was changed after "
+            f"{manifest['signer']} signed it"
+        )
+    return Pack(members, manifest, key, hashlib.sha256(data).hexdigest())
+
+
+def covering(tree: Path, table: bytes, calibration: bytes | None, trusted: PublicKey) -> Pack:
+    """The pack beside a table's file that vouches for what a run is about to use.
+
+    Args:
+        tree: the table's file; packs are looked for in its folder, as `*.zip`.
+        table: the table's bytes.
+        calibration: the bytes of the calibration's file, None for a run without one.
+        trusted: the key that must have signed.
+
+    Raises:
+        PackError: there is none.
+        ArgumentsError: the extra is missing.
+    """
+    wanted = {TABLE: table} if calibration is None else {TABLE: table, CALIBRATION: calibration}
+    reasons = []
+    folders = sorted({tree.parent, tree.resolve().parent})  # of a link, and of what it leads to
+    for path in (path for folder in folders for path in sorted(folder.glob("*.zip"))):
+        try:
+            pack = verified(read(path), trusted)
+        except (PackError, PackFileError) as error:
+            reasons.append(f"{path.name} {error}")
+            continue
+        if all(pack.members.get(name) == wanted.get(name) for name in (TABLE, CALIBRATION)):
+            return pack
+        differs = TABLE if pack.members[TABLE] != table else CALIBRATION
+        reasons.append(f"{path.name} is signed, but its {differs} is not the one of this run")
+    why = "; ".join(reasons) or "there is no pack beside it"
+    raise PackError(f"table {tree} is not covered by a signature of the required key: {why}")
+
+
+def _manifest(members: Mapping[str, bytes]) -> Mapping[str, Any]:
+    try:
+        manifest = strict_json.parse(members[MANIFEST])
+    except ValueError as error:
+        raise PackError(f"{MANIFEST} is {error}") from error
+    others = _digests({name: content for name, content in members.items() if name != MANIFEST})
+    if not isinstance(manifest, dict) or (manifest.get("kind"), manifest.get("version")) != (KIND, VERSION):
+        raise PackError(f"{MANIFEST} is none of a pack of version {VERSION}")
+    stated = manifest.get("sha256")
+    if not isinstance(stated, dict) or unprintable(manifest) is not None:
+        raise PackError(f"{MANIFEST} lists no digests, or does not print")
+    for name in {**others, **stated}:
+        if others.get(name) != stated.get(name):
+            raise PackError(f"{name} is not the file that {MANIFEST} lists")
+    if not all(isinstance(manifest.get(name), str) for name in ("signer", "created")):
+        raise PackError(f"{MANIFEST} does not say who signed, or when")
+    return manifest
+
+
+def _digests(contents: Mapping[str, bytes]) -> dict[str, str]:
+    return {name: hashlib.sha256(content).hexdigest() for name, content in contents.items()}

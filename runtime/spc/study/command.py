@@ -1,0 +1,213 @@
+"""`grasp-audit study`: the acceptance of a cell from its journals, and how many parts that takes."""
+
+import argparse
+import csv
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from runtime.errors import ArgumentsError
+from runtime.shell.command import Parser, number, positive_int, run, say
+from runtime.shell.files import usable, write
+from runtime.spc.history import read
+from runtime.spc.study.acceptance import ERROR, POWER, Planned, Verdict, planned
+from runtime.spc.study.figures import (
+    CROSSED,
+    by_truth,
+    crossed_of,
+    expected_failures,
+    parts_of_leaves,
+    studied,
+)
+from runtime.spc.study.gauge import ACCEPTABLE, LEAST_READINGS, Crossed, crossed
+from runtime.spc.study.sheet import crossed_words, gauge_words, page, verdict_words
+from runtime.table import PPM, load
+
+EPILOG = """\
+examples:
+  grasp-audit study --plan T.msgpack
+  grasp-audit study run-off.jsonl -o run-off.html
+  grasp-audit study monday.jsonl tuesday.jsonl wednesday.jsonl --crossed 10
+  grasp-audit study --measurements gauge.csv
+
+exit codes:
+   0  accepted; planned; %GRR up to 30   2  usage, no audits, too few parts, journals of different tables
+   3  a file cannot be read             14  refused: more failures than allowed, or %GRR above 30
+  15  not decided yet, or not known      24  a journal cannot be read, or does not verify
+  30  a table is refused               130  interrupted (Ctrl-C)
+"""
+REFUSED, OPEN = 14, 15
+COLUMNS = ("part", "appraiser", "value")
+MOST_ROWS = 100_000
+
+
+def parser() -> Parser:
+    """The command line."""
+    built = Parser(
+        prog="grasp-audit study",
+        description="Accept a cell by its audited parts, at whatever look; study the squeeze as a gauge.",
+        epilog=EPILOG,
+    )
+    add = built.add_argument
+    add(
+        "journals",
+        type=Path,
+        nargs="*",
+        metavar="JOURNAL",
+        help="of audited runs of one table, in their order",
+    )
+    add("-o", "--output", type=Path, metavar="F.html", help="the run-off sheet, to print on two pages")
+    add(
+        "--required", type=_share, metavar="SHARE",
+        help="of parts to be located within the goal (default: the confidence of the table's goal)",
+    )  # fmt: skip
+    add(
+        "--crossed", type=positive_int, metavar="PARTS",
+        help="gauge R&R: each journal is an appraiser with the same PARTS, in the same order again and again",
+    )  # fmt: skip
+    add(
+        "--truth",
+        action="store_true",
+        help="judge a simulated cell's parts by where they were, not by audits",
+    )
+    add(
+        "--plan",
+        type=Path,
+        metavar="T",
+        help="instead: how many parts to run for a table, before they are run",
+    )
+    add(
+        "--measurements", type=Path, metavar="F.csv",
+        help=f"instead: gauge R&R of a table with the columns {', '.join(COLUMNS)}, a row a reading",
+    )  # fmt: skip
+    built.add_common()
+    return built
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; returns its exit code."""
+    return run(parser(), arguments, _study)
+
+
+def _study(options: argparse.Namespace) -> int:
+    asked = [bool(options.journals), options.plan is not None, options.measurements is not None]
+    if sum(asked) != 1:
+        raise ArgumentsError("name journals, or a table with --plan, or a file with --measurements")
+    if not options.journals and (options.crossed or options.truth or options.output):
+        raise ArgumentsError("--crossed, --truth and --output are of journals; name some, or leave them out")
+    if options.plan is not None:
+        return _plan(options)
+    return _of_measurements(options) if options.measurements is not None else _of_journals(options)
+
+
+def _of_journals(options: argparse.Namespace) -> int:
+    if options.output is not None:
+        usable(options.output, *options.journals)
+    history = read(options.journals)
+    if options.truth:
+        history = by_truth(history)
+    others: Mapping[str, Crossed] = {}
+    if options.crossed is not None:
+        others = crossed_of([read([path]) for path in options.journals], options.crossed)
+    if others and options.output is None and not any(part.verdict for part in history.parts):
+        return _say_crossed(options, others)  # which asks for no audit
+    study = studied(history, _limit(options, history.table.goal.confidence_ppm), others)
+    if options.output is not None:
+        write(options.output, page(study, [path.name for path in options.journals]))
+    if options.json:
+        say(json.dumps(study.fields()))
+    else:
+        for line in (verdict_words(study), *gauge_words(study), *crossed_words(study.crossed)):
+            say(line)
+    return {Verdict.ACCEPTED: 0, Verdict.REFUSED: REFUSED, Verdict.OPEN: OPEN}[study.acceptance.verdict]
+
+
+def _plan(options: argparse.Namespace) -> int:
+    table = load(options.plan).table
+    limit = _limit(options, table.goal.confidence_ppm)
+    expected, leaves = expected_failures(table), parts_of_leaves(table)
+    count = planned(limit, expected)
+    if options.json:
+        told = {"required": 1.0 - limit, "expected_failures": expected, "confidence": 1.0 - ERROR}
+        told |= {"parts_least": count.least, "parts_likely": count.likely, "parts_type1": leaves}
+        say(json.dumps({**told, "readings_type1": LEAST_READINGS, "crossed": CROSSED}))
+    else:
+        for line in _planned_lines(limit, expected, leaves, count):
+            say(line)
+    return REFUSED if expected is not None and expected >= limit else 0
+
+
+def _planned_lines(limit: float, expected: float | None, leaves: int | None, count: Planned) -> list[str]:
+    lines = [f"accepted   after {count.least} parts without a failure, to show {1.0 - limit:.6g} located"]
+    if expected is None:
+        lines.append("           the table says nothing of failures to expect: evaluate it (plan-evaluate)")
+    elif expected >= limit:
+        lines.append(f"           but {expected:.3%} failures are expected: no number of parts would do")
+    else:
+        likely = "more than anybody runs" if count.likely is None else f"after {count.likely} parts"
+        lines.append(
+            f"           {likely} with probability {POWER:.0%}, of the {expected:.3%} expected to fail"
+        )
+    if leaves is not None:
+        lines.append(f"type 1     {leaves} parts for {LEAST_READINGS} readings at each leaf but the rarest")
+    return [*lines, "gauge R&R  10 parts, 3 appraisers, 3 trials: 90 parts (AIAG)"]
+
+
+def _of_measurements(options: argparse.Namespace) -> int:
+    try:
+        study = crossed(_readings(options.measurements))
+    except ValueError as error:
+        raise ArgumentsError(f"{options.measurements}: {error}") from error
+    return _say_crossed(options, {"value": study})
+
+
+def _say_crossed(options: argparse.Namespace, studies: Mapping[str, Crossed]) -> int:
+    """Print crossed studies alone; the exit code is that of the worst that is known."""
+    if options.json:
+        say(json.dumps({"crossed": {name: study.fields() for name, study in studies.items()}}))
+    else:
+        for line in crossed_words(studies):
+            say(line)
+    known = [study.percent for study in studies.values() if study.percent is not None]
+    return OPEN if not known else REFUSED if max(known) > ACCEPTABLE else 0
+
+
+def _readings(path: Path) -> list[list[list[float]]]:
+    """The readings of a file by part, appraiser and trial.
+
+    Raises:
+        ArgumentsError: naming what is wrong, and the row.
+        OSError: it cannot be read.
+    """
+    cells: dict[tuple[str, str], list[float]] = {}
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            rows = csv.DictReader(file)
+            if not set(COLUMNS) <= set(rows.fieldnames or ()):
+                raise ArgumentsError(f"{path}: write the columns {', '.join(COLUMNS)} in its first row")
+            for count, row in enumerate(rows, 2):
+                if count > MOST_ROWS:
+                    raise ArgumentsError(f"{path}: has more than {MOST_ROWS} rows")
+                part, appraiser = str(row["part"]).strip(), str(row["appraiser"]).strip()
+                cells.setdefault((part, appraiser), []).append(number(str(row["value"])))
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise ArgumentsError(f"{path}: is no table of text: {error}") from error
+    except argparse.ArgumentTypeError as error:
+        raise ArgumentsError(f"{path}, row {count}: {error}") from error
+    parts, appraisers = (list(dict.fromkeys(key[k] for key in cells)) for k in (0, 1))
+    return [[cells.get((part, appraiser), []) for appraiser in appraisers] for part in parts]
+
+
+def _limit(options: argparse.Namespace, confidence_ppm: int) -> float:
+    """Share of failures that is to be undercut."""
+    limit = 1.0 - options.required if options.required is not None else 1.0 - confidence_ppm / PPM
+    if not 0.0 < limit < 1.0:
+        raise ArgumentsError("the table's goal asks for all parts, which none can show; state --required")
+    return limit
+
+
+def _share(text: str) -> float:
+    value = number(text)
+    if not 0.0 < value < 1.0:
+        raise argparse.ArgumentTypeError(f"{text!r} is no share between 0 and 1, e.g. 0.99")
+    return value

@@ -1,0 +1,222 @@
+"""The figures of a study: the squeeze as a gauge of poses, leaf by leaf, and the cell's acceptance."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import degrees, remainder, tau
+from typing import NamedTuple
+
+from runtime.errors import ArgumentsError
+from runtime.spc.history import History, Part
+from runtime.spc.study.acceptance import Acceptance, Bounds, Planned, followed, parts_for, planned
+from runtime.spc.study.gauge import LEAST_READINGS, Crossed, TypeOne, crossed, type_one
+from runtime.table import PPM, GoalSpec, Table, distance, poses_of, predicted_pose, residual
+
+COORDINATES = ("x_mm", "y_mm", "theta_rad")
+COVERED = 0.95  # share of the parts whose leaves a type-1 study is planned for
+CHECKPOINTS = 200  # of the curve of bounds
+CROSSED = {"parts": 10, "appraisers": 3, "trials": 3}  # the usual design
+
+
+class GaugeRow(NamedTuple):
+    """Type-1 studies of one leaf, or of all."""
+
+    leaf: int | None  # None for all of the table
+    readings: int
+    studies: Mapping[str, TypeOne]  # by coordinate, those that the goal has a tolerance for
+
+    def fields(self) -> dict[str, object]:
+        """For JSON."""
+        told = {name: {**study._asdict(), "capable": study.capable} for name, study in self.studies.items()}
+        return {"leaf": self.leaf, "readings": self.readings, **told}
+
+
+@dataclass(frozen=True, slots=True)
+class Study:
+    """What the journals of a run-off say."""
+
+    history: History
+    acceptance: Acceptance
+    curve: tuple[Acceptance, ...]  # looks evenly spread over the run, that of the verdict, and the last
+    table: GaugeRow
+    leaves: tuple[GaugeRow, ...]
+    crossed: Mapping[str, Crossed]  # by quantity; empty where none was asked for
+    planned: Planned
+
+    @property
+    def bounds(self) -> Bounds:
+        """Of the share of failures: bounds of all looks hold together, so the narrowest do.
+
+        Where they exclude one another the share has changed on the way, and those of the last look are given.
+        """
+        last, looks = self.acceptance.bounds, [now.bounds for now in self.curve]
+        low, high = max(look.low for look in looks), min(look.high for look in looks)
+        return Bounds(low, last.share, high) if low <= high else last
+
+    def fields(self) -> dict[str, object]:
+        """For JSON."""
+        return {
+            **self.acceptance.fields(),
+            "failures": self.bounds._asdict(),
+            "table_sha256": self.history.table_sha256,
+            "parts": len(self.history.parts),
+            "parts_least": self.planned.least,
+            "parts_likely": self.planned.likely,
+            "type1": {"table": self.table.fields(), "leaves": [row.fields() for row in self.leaves]},
+            "crossed": {name: study.fields() for name, study in self.crossed.items()},
+        }
+
+
+def studied(history: History, limit: float, others: Mapping[str, Crossed]) -> Study:
+    """The study of a history.
+
+    Args:
+        history: of the run-off.
+        limit: share of failures that is to be undercut.
+        others: crossed studies to go with it.
+
+    Raises:
+        ArgumentsError: no part was audited, or too few were measured.
+    """
+    if not any(part.verdict for part in history.parts):
+        raise ArgumentsError(
+            "the journals hold no audited part; run with --audit, or study a simulated cell with --truth"
+        )
+    measured = [part for part in history.parts if part.residual is not None and part.leaf is not None]
+    tolerances = tolerances_of(history.table.goal)
+    if tolerances and len(measured) < LEAST_READINGS:
+        raise ArgumentsError(
+            f"the journals hold {len(measured)} measured parts; a type-1 study takes {LEAST_READINGS} or more"
+        )
+    course = list(followed(history.parts, limit))
+    if not course:
+        raise ArgumentsError("the operator stopped every part of the journals; run some to their end")
+    step = max(1, len(course) // CHECKPOINTS)
+    decided = course[-1].decided_at
+    curve = (now for now in course if now.parts % step == 0 or now.parts in (decided, len(course)))
+    by_leaf: dict[int, list[Part]] = {}
+    for part in measured:
+        assert part.leaf is not None
+        by_leaf.setdefault(part.leaf, []).append(part)
+    leaves = (
+        _row(leaf, parts, tolerances_of(history.table.goal_of(history.table.leaves[leaf].hypothesis)))
+        for leaf, parts in sorted(by_leaf.items())
+    )
+    return Study(
+        history,
+        course[-1],
+        tuple(curve),
+        _row(None, measured, tolerances),
+        tuple(leaves),
+        others,
+        planned(limit, expected_failures(history.table)),
+    )
+
+
+def by_truth(history: History) -> History:
+    """A history whose parts are judged by where the simulated cell says that they were."""
+    return replace(history, parts=tuple(_judged(history.table, part) for part in history.parts))
+
+
+def tolerances_of(goal: GoalSpec) -> dict[str, float]:
+    """Whole widths of what a goal allows by coordinate, mm and rad; of a distance each has all alone."""
+    if goal.kind in ("tolerances", "orientation"):
+        widths = (goal.tolerance[0] / 500, goal.tolerance[1] / 500, goal.tolerance[2] / 5e5)
+        return dict(list(zip(COORDINATES, widths, strict=True))[2 if goal.kind == "orientation" else 0 :])
+    if goal.kind == "identity":
+        return {}
+    width = goal.distance_um / 500
+    turn = {"theta_rad": width / (goal.rho_um / 1000)} if goal.rho_um else {}
+    return {"x_mm": width, "y_mm": width, **turn}
+
+
+def expected_failures(table: Table) -> float | None:
+    """Share of parts that the table's own evaluation did not locate; None without one."""
+    return 1.0 - table.predicted.success_ppm / PPM if table.predicted.trials else None
+
+
+def parts_of_leaves(table: Table) -> int | None:
+    """How many parts give a type-1 study at each of the leaves that most parts end at; None: not known."""
+    trials = sorted((leaf.trials for leaf in table.leaves), reverse=True)
+    total, seen = sum(trials), 0
+    for count in trials:
+        seen += count
+        if total and seen >= COVERED * total:
+            return parts_for(LEAST_READINGS, count / total)
+    return None
+
+
+def crossed_of(runs: Sequence[History], parts: int) -> dict[str, Crossed]:
+    """Crossed studies of the squeeze as the gauge: journals are appraisers, each with the same parts in turn.
+
+    Quantities are the width of the first squeeze, whose hand stands where it did for every part, and the pose
+    of the leaf, if every part was located.
+
+    Args:
+        runs: one a journal, of one table.
+        parts: how many parts there are, presented in the same order again and again.
+
+    Raises:
+        ArgumentsError: the journals do not hold such a study.
+    """
+    for number, run in enumerate(runs, 1):
+        if len(run.parts) % parts or len(run.parts) != len(runs[0].parts):
+            raise ArgumentsError(
+                f"--crossed {parts}: journal {number} holds {len(run.parts)} parts, the first one "
+                f"{len(runs[0].parts)}; each holds all parts equally often"
+            )
+        if not all(part.squeezes for part in run.parts):
+            raise ArgumentsError(
+                f"--crossed {parts}: a part of journal {number} was never squeezed; run it again"
+            )
+    table = runs[0].table
+    quantities: dict[str, Callable[[Part], float]] = {
+        "width_mm": lambda part: part.squeezes[0].width_um / 1000
+    }
+    if all(part.outcome == "leaf" for run in runs for part in run.parts):
+        quantities |= {name: _coordinate(table, k) for k, name in enumerate(COORDINATES)}
+    try:
+        return {name: crossed(_readings(name, runs, parts, of)) for name, of in quantities.items()}
+    except ValueError as error:
+        raise ArgumentsError(f"--crossed {parts}: {error}") from error
+
+
+def _coordinate(table: Table, number: int) -> Callable[[Part], float]:
+    """Reads a coordinate of the pose that the leaf of a part predicts."""
+    return lambda part: predicted_pose(table.leaves[part.leaf or 0])[number]
+
+
+def _readings(
+    name: str, runs: Sequence[History], parts: int, of: Callable[[Part], float]
+) -> list[list[list[float]]]:
+    """The readings of a quantity by part, journal and trial; angles of a part beside one another."""
+    readings = [[[of(part) for part in run.parts[k::parts]] for run in runs] for k in range(parts)]
+    if name != "theta_rad":
+        return readings
+    period = tau / runs[0].table.goal.symmetry
+    return [
+        [[row[0][0] + remainder(angle - row[0][0], period) for angle in cell] for cell in row]
+        for row in readings
+    ]
+
+
+def _row(leaf: int | None, parts: Sequence[Part], tolerances: Mapping[str, float]) -> GaugeRow:
+    off = [part.residual for part in parts if part.residual is not None]
+    columns = {name: [-deviation[k] for deviation in off] for k, name in enumerate(COORDINATES)}
+    studies = {name: type_one(columns[name], width) for name, width in tolerances.items() if off}
+    return GaugeRow(leaf, len(parts), studies)
+
+
+def _judged(table: Table, part: Part) -> Part:
+    true = part.true
+    if true is None or part.leaf is None or part.within is None:
+        return replace(part, verdict=None, residual=None)
+    leaf = table.leaves[part.leaf]
+    goal = table.goal_of(leaf.hypothesis)
+    pose = min(poses_of(goal, leaf), key=lambda pose: distance(goal, pose, true))
+    off = residual(goal, pose, true)
+    return replace(part, verdict="pass" if part.within else "fail", residual=off)
+
+
+def in_degrees(name: str, value: float) -> float:
+    """A value of a coordinate as people read it: mm, or degrees."""
+    return degrees(value) if name == "theta_rad" else value

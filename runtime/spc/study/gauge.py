@@ -1,0 +1,213 @@
+"""Studies of a gauge: type 1 (Cg, Cgk, bias) and crossed repeatability and reproducibility (gauge R&R).
+
+Formulas and constants: AIAG, Measurement Systems Analysis, 4th edition 2010, chapter III; the type-1 study as
+VDA volume 5 has it: a fifth of the tolerance against six standard deviations of repeated readings.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import exp, lgamma, log, log1p, sqrt
+from statistics import fmean, stdev
+from typing import NamedTuple
+
+LEAST_READINGS = 25  # of a type-1 study
+CAPABLE = 1.33  # Cg and Cgk from which on a gauge counts as capable
+GOOD, ACCEPTABLE = 10.0, 30.0  # %GRR up to which a gauge is good, and up to which it may do
+POOLED_FROM = 0.05  # probability from which on the interaction counts as repeatability
+CATEGORIES = 1.41
+# 1 / d2* by number of trials, of appraisers, and of parts.
+K1 = {2: 0.8862, 3: 0.5908}
+K2 = {2: 0.7071, 3: 0.5231}
+K3 = {2: 0.7071, 3: 0.5231, 4: 0.4467, 5: 0.4030, 6: 0.3742, 7: 0.3534, 8: 0.3375, 9: 0.3249, 10: 0.3146}
+
+
+class TypeOne(NamedTuple):
+    """A type-1 study, in the unit of its deviations; what cannot be computed is None."""
+
+    readings: int
+    bias: float  # mean of what the gauge said less the reference
+    sigma: float | None  # standard deviation of the readings
+    cg: float | None  # repeatability against the tolerance
+    cgk: float | None  # repeatability and bias against it
+    bias_p: float | None  # probability of such a bias by chance alone (Student's t)
+
+    @property
+    def capable(self) -> bool | None:
+        """Whether Cg and Cgk reach `CAPABLE`; None where there are too few readings to say so."""
+        if self.readings < LEAST_READINGS:
+            return None
+        if self.cg is None or self.cgk is None:  # all readings are equal
+            return self.cgk is not None
+        return min(self.cg, self.cgk) >= CAPABLE
+
+
+def type_one(deviations: Sequence[float], tolerance: float) -> TypeOne:
+    """A type-1 study.
+
+    Args:
+        deviations: what the gauge said less the reference, at least one.
+        tolerance: whole width of what is allowed, in the same unit.
+    """
+    count, bias = len(deviations), fmean(deviations)
+    if count < 2:
+        return TypeOne(count, bias, None, None, None, None)
+    sigma = stdev(deviations)
+    if sigma == 0.0:
+        return TypeOne(count, bias, sigma, None, None, None)
+    cg, cgk = 0.2 * tolerance / (6.0 * sigma), (0.1 * tolerance - abs(bias)) / (3.0 * sigma)
+    return TypeOne(count, bias, sigma, cg, cgk, t_tail(bias * sqrt(count) / sigma, count - 1))
+
+
+class Spread(NamedTuple):
+    """Standard deviations of a crossed study, in the unit of its readings."""
+
+    repeatability: float  # EV: the gauge, one part and one appraiser
+    reproducibility: float  # AV: appraisers, and their interaction with parts where there is one
+    part: float  # PV
+
+    @property
+    def gauge(self) -> float:
+        """GRR: repeatability and reproducibility."""
+        return sqrt(self.repeatability**2 + self.reproducibility**2)
+
+    @property
+    def total(self) -> float:
+        """TV: gauge and parts."""
+        return sqrt(self.gauge**2 + self.part**2)
+
+    def percent(self, value: float) -> float | None:
+        """A standard deviation against the total; None where nothing varied."""
+        return 100.0 * value / self.total if self.total else None
+
+    @property
+    def categories(self) -> float | None:
+        """Number of distinct categories before it is truncated; None where the gauge never varied."""
+        return CATEGORIES * self.part / self.gauge if self.gauge else None
+
+    def fields(self) -> dict[str, object]:
+        """For JSON."""
+        percent = {f"{name}_percent": self.percent(value) for name, value in self._named().items()}
+        ndc = self.categories
+        return {
+            **self._named(), "total": self.total, **percent,
+            "ndc": None if ndc is None else max(int(ndc), 1), "ndc_unrounded": ndc,
+        }  # fmt: skip
+
+    def _named(self) -> dict[str, float]:
+        names = ("repeatability", "reproducibility", "gauge", "part")
+        return {name: getattr(self, name) for name in names}
+
+
+Readings = Sequence[Sequence[Sequence[float]]]
+
+
+@dataclass(frozen=True, slots=True)
+class Crossed:
+    """A crossed study by both methods."""
+
+    parts: int
+    appraisers: int
+    trials: int
+    interaction_p: float | None  # probability of such an interaction by chance; None where nothing repeats
+    anova: Spread
+    ranges: Spread | None  # average and range; None where there are no constants for so many
+
+    def fields(self) -> dict[str, object]:
+        """For JSON."""
+        return {
+            "parts": self.parts, "appraisers": self.appraisers, "trials": self.trials,
+            "interaction_p": self.interaction_p, "anova": self.anova.fields(),
+            "average_and_range": None if self.ranges is None else self.ranges.fields(),
+        }  # fmt: skip
+
+    @property
+    def percent(self) -> float | None:
+        """%GRR of the total variation, by the analysis of variance."""
+        return self.anova.percent(self.anova.gauge)
+
+
+def crossed(readings: Readings) -> Crossed:
+    """A crossed study.
+
+    Args:
+        readings: of part, appraiser and trial, (p, o, r), each at least 2.
+
+    Raises:
+        ValueError: there are fewer, or the study is not balanced.
+    """
+    parts, appraisers = len(readings), len(readings[0]) if readings else 0
+    trials = len(readings[0][0]) if appraisers else 0
+    if min(parts, appraisers, trials) < 2:
+        told = f"{parts} parts, {appraisers} appraisers, {trials} trials"
+        raise ValueError(f"{told}: a crossed study has at least two of each")
+    if any(len(cells) != appraisers or any(len(cell) != trials for cell in cells) for cells in readings):
+        raise ValueError("each appraiser measures each part equally often in a crossed study")
+    tail, spread = _analysis(readings, parts, appraisers, trials)
+    return Crossed(parts, appraisers, trials, tail, spread, _average_and_range(readings))
+
+
+def _analysis(readings: Readings, p: int, o: int, r: int) -> tuple[float | None, Spread]:
+    """Two-way analysis of variance with interaction, which is pooled where nothing speaks for it."""
+    cells = [[fmean(cell) for cell in row] for row in readings]
+    rows, columns = [fmean(row) for row in cells], [fmean(column) for column in zip(*cells, strict=True)]
+    mean = fmean(rows)
+    within = sum(
+        (x - cells[i][j]) ** 2 for i, row in enumerate(readings) for j, cell in enumerate(row) for x in cell
+    )
+    between_parts = o * r * sum((x - mean) ** 2 for x in rows)
+    between_appraisers = p * r * sum((x - mean) ** 2 for x in columns)
+    both = r * sum((cells[i][j] - rows[i] - columns[j] + mean) ** 2 for i in range(p) for j in range(o))
+    free_both, free_within = (p - 1) * (o - 1), p * o * (r - 1)
+    tail = f_tail(both / free_both / (within / free_within), free_both, free_within) if within else None
+    if tail is None or tail < POOLED_FROM:
+        error, noise = both / free_both, within / free_within
+        interaction = max((error - noise) / r, 0.0)
+    else:
+        error = noise = (both + within) / (free_both + free_within)
+        interaction = 0.0
+    part = max((between_parts / (p - 1) - error) / (o * r), 0.0)
+    appraiser = max((between_appraisers / (o - 1) - error) / (p * r), 0.0)
+    return tail, Spread(sqrt(noise), sqrt(appraiser + interaction), sqrt(part))
+
+
+def _average_and_range(readings: Readings) -> Spread | None:
+    p, o, r = len(readings), len(readings[0]), len(readings[0][0])
+    if r not in K1 or o not in K2 or p not in K3:
+        return None
+    repeatability = fmean(max(cell) - min(cell) for row in readings for cell in row) * K1[r]
+    columns = [fmean(fmean(row[j]) for row in readings) for j in range(o)]
+    rows = [fmean(fmean(cell) for cell in row) for row in readings]
+    apart = (max(columns) - min(columns)) * K2[o]
+    reproducibility = sqrt(max(apart**2 - repeatability**2 / (p * r), 0.0))
+    return Spread(repeatability, reproducibility, (max(rows) - min(rows)) * K3[p])
+
+
+def f_tail(statistic: float, above: int, below: int) -> float:
+    """Probability that an F variable of these degrees of freedom exceeds the statistic."""
+    return beta_share(below / (below + above * statistic), below / 2, above / 2)
+
+
+def t_tail(statistic: float, freedom: int) -> float:
+    """Probability that Student's t exceeds the statistic in size, on either side."""
+    return beta_share(freedom / (freedom + statistic**2), freedom / 2, 0.5)
+
+
+def beta_share(x: float, a: float, b: float) -> float:
+    """The regularised incomplete beta function, by its continued fraction (Abramowitz and Stegun, 26.5.8)."""
+    if x <= 0.0 or x >= 1.0:
+        return float(x >= 1.0)
+    if x > (a + 1.0) / (a + b + 2.0):  # where the fraction of the complement converges faster
+        return 1.0 - beta_share(1.0 - x, b, a)
+    front = exp(lgamma(a + b) - lgamma(a) - lgamma(b) + a * log(x) + b * log1p(-x)) / a
+    fraction, above, below = 1.0, 1.0, 1.0 / (1.0 - (a + b) * x / (a + 1.0))
+    fraction = below
+    for m in range(1, 500):
+        for term in (
+            m * (b - m) * x / ((a + 2 * m - 1) * (a + 2 * m)),
+            -(a + m) * (a + b + m) * x / ((a + 2 * m) * (a + 2 * m + 1)),
+        ):
+            below, above = 1.0 / (1.0 + term * below), 1.0 + term / above
+            fraction *= below * above
+        if abs(below * above - 1.0) < 1e-15:
+            break
+    return front * fraction

@@ -1,0 +1,172 @@
+"""The run-off sheet: a study as an HTML page that prints on two sheets, and the sentences of a terminal."""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from html import escape
+
+from runtime import VERSION
+from runtime.spc.page import picture, table_of, whole
+from runtime.spc.study.acceptance import ERROR, Verdict
+from runtime.spc.study.figures import GaugeRow, Study, in_degrees
+from runtime.spc.study.gauge import ACCEPTABLE, CAPABLE, GOOD, LEAST_READINGS, Crossed, TypeOne
+from runtime.spc.summary import Series
+
+MOST_LEAVES = 16  # on the sheet, those with the most parts; --json has all
+MOST_JOURNALS = 6
+UNITS = {"x_mm": ("x", "mm"), "y_mm": ("y", "mm"), "theta_rad": ("angle", "deg"), "width_mm": ("width", "mm")}
+MEANING = (
+    f"Bias: what the leaf says less what was measured. A gauge is capable from Cg and Cgk {CAPABLE} on; "
+    f"below {LEAST_READINGS} readings nothing is said of it. The measurement's own scatter counts, too."
+)
+SIGNED = ("supplier", "customer")
+
+
+def page(study: Study, journals: Sequence[str]) -> str:
+    """The sheet.
+
+    Args:
+        study: what it says.
+        journals: names of the files it was made from.
+    """
+    accepted = study.acceptance.verdict is Verdict.ACCEPTED
+    body = [
+        f'<p class="{"good" if accepted else "bad"}">{escape(verdict_words(study).capitalize())}.</p>',
+        table_of(("what", ""), _facts(study, journals)),
+        "<h2>Share of failures, with its bounds at each look</h2>",
+        picture(_curve(study)),
+        '<h2 class="next">The squeeze as a gauge of poses</h2>',
+        f"<p>{escape(MEANING)}</p>",
+        table_of(("leaf", "readings", *_heads(study.table)), map(_gauge_cells, _shown(study))),
+        *_left_out(study),
+        *_crossed(study.crossed),
+        "<h2>Signatures</h2>",
+        table_of(("", "name", "date", "signature"), ((who, "", "", "") for who in SIGNED), "signatures"),
+    ]  # fmt: skip
+    return whole("Run-off sheet", body, "sheet")
+
+
+def verdict_words(study: Study) -> str:
+    """The verdict as a sentence."""
+    now, bounds = study.acceptance, study.bounds
+    required = f"{1.0 - now.limit:.6g} of all parts located"
+    shown = f"{now.failed} of {now.parts} failed"
+    shown += f" and {now.unknown} are not known" if now.unknown else ""
+    interval = f"failures {bounds.low:.4%} to {bounds.high:.4%} with {1.0 - ERROR:.0%} confidence at any look"
+    if now.verdict is Verdict.OPEN:
+        more = max(study.planned.likely or study.planned.least, study.planned.least)
+        return (
+            f"not decided yet: {required} is asked for; {shown}; {interval}; {more} parts in all were planned"
+        )
+    return f"{now.verdict} after {now.decided_at} parts: {required} was asked for; {shown}; {interval}"
+
+
+def gauge_words(study: Study) -> Iterator[str]:
+    """The type-1 studies, a line each."""
+    for row in (study.table, *study.leaves):
+        name = "table" if row.leaf is None else f"leaf {row.leaf}"
+        figures = "; ".join(_type_one_words(key, one) for key, one in row.studies.items())
+        few = "" if row.readings >= LEAST_READINGS else f" (too few: {LEAST_READINGS})"
+        yield f"type 1   {name}, {row.readings} readings{few}: {figures or 'the goal has no tolerance'}"
+
+
+def crossed_words(studies: Mapping[str, Crossed]) -> Iterator[str]:
+    """The crossed studies, a line each."""
+    for name, study in studies.items():
+        word = UNITS.get(name, (name, ""))[0]
+        percent, ndc = _figure(study.percent, ".2f"), _known(study.anova.fields()["ndc"])
+        line = f"R&R      {word}: %GRR {percent} ({judged(study)}), ndc {ndc}"
+        if study.ranges is not None:
+            line += f"; by average and range {_figure(study.ranges.percent(study.ranges.gauge), '.2f')}"
+        yield f"{line}; {study.parts} parts, {study.appraisers} appraisers, {study.trials} trials"
+
+
+def judged(study: Crossed) -> str:
+    """What a %GRR means by AIAG's limits."""
+    if study.percent is None:
+        return "not known: nothing varied"
+    if study.percent <= GOOD:
+        return "good"
+    return "may do" if study.percent <= ACCEPTABLE else "not acceptable"
+
+
+def _facts(study: Study, journals: Sequence[str]) -> Iterator[tuple[str, str]]:
+    history, table = study.history, study.history.table
+    more = f" and {len(journals) - MOST_JOURNALS} more" if len(journals) > MOST_JOURNALS else ""
+    times = [part.time[:19] for part in history.parts if part.time]
+    outcomes = Counter(part.outcome for part in history.parts)
+    yield "journals", ", ".join(journals[:MOST_JOURNALS]) + more
+    yield "parts", f"{times[0]} to {times[-1]} UTC" if times else "undated"
+    yield "outcomes", ", ".join(f"{count} {name}" for name, count in sorted(outcomes.items()))
+    yield "table, SHA-256", history.table_sha256
+    yield "job, SHA-256", table.job_digest.hex()
+    yield "compiled by, sheet by", f"{table.tool}, squeezetree {VERSION}"
+    yield "gripper", table.gripper.model
+    likely = "not known" if study.planned.likely is None else str(study.planned.likely)
+    yield "parts that were needed", f"{study.planned.least} without a failure; planned {likely}"
+
+
+def _curve(study: Study) -> Series:
+    course = [(now.bounds, now.parts) for now in study.curve]
+    most = 8.0 * study.acceptance.limit  # the first parts say next to nothing
+    lines = (
+        ("at most", [min(bounds.high, most) for bounds, _ in course]),
+        ("failures", [min(bounds.share, most) for bounds, _ in course]),
+        ("at least", [min(bounds.low, most) for bounds, _ in course]),
+    )
+    return Series("failures", lines, (study.acceptance.limit,), f"{study.acceptance.parts} parts, look")
+
+
+def _shown(study: Study) -> list[GaugeRow]:
+    most = sorted(study.leaves, key=lambda row: -row.readings)[:MOST_LEAVES]
+    return [study.table, *sorted(most, key=lambda row: row.leaf or 0)]
+
+
+def _left_out(study: Study) -> Iterator[str]:
+    more = len(study.leaves) - MOST_LEAVES
+    if more > 0:
+        yield f"<p>{more} leaves with fewer readings are left out; --json has them.</p>"
+
+
+def _heads(row: GaugeRow) -> Iterator[str]:
+    for name in row.studies:
+        word, unit = UNITS[name]
+        yield from (f"{word}: bias {unit}", "Cg", "Cgk")
+
+
+def _gauge_cells(row: GaugeRow) -> Iterator[str]:
+    yield from ("all" if row.leaf is None else str(row.leaf), str(row.readings))
+    for name, one in row.studies.items():
+        enough = one.readings >= LEAST_READINGS
+        yield f"{in_degrees(name, one.bias):+.3f}"
+        yield from (_figure(one.cg, ".2f") if enough else "-", _figure(one.cgk, ".2f") if enough else "-")
+
+
+def _type_one_words(name: str, one: TypeOne) -> str:
+    word, unit = UNITS[name]
+    bias = f"{in_degrees(name, one.bias):+.3f} {unit}"
+    return f"{word} bias {bias}, Cg {_figure(one.cg, '.2f')}, Cgk {_figure(one.cgk, '.2f')}"
+
+
+def _crossed(studies: Mapping[str, Crossed]) -> Iterator[str]:
+    if not studies:
+        return
+    yield "<h2>Gauge R&amp;R, crossed, analysis of variance</h2>"
+    heads = ("quantity", "EV", "AV", "GRR", "PV", "%GRR", "ndc", "")
+    yield table_of(heads, (_crossed_cells(name, study) for name, study in studies.items()))
+
+
+def _crossed_cells(name: str, study: Crossed) -> Iterator[str]:
+    word, unit = UNITS[name]
+    spread = study.anova
+    yield f"{word} {unit}"
+    for value in (spread.repeatability, spread.reproducibility, spread.gauge, spread.part):
+        yield f"{in_degrees(name, value):.4g}"
+    yield from (_figure(study.percent, ".2f"), _known(spread.fields()["ndc"]), judged(study))
+
+
+def _figure(value: float | None, form: str) -> str:
+    return "not known" if value is None else format(value, form)
+
+
+def _known(value: object) -> str:
+    return "not known" if value is None else str(value)

@@ -1,0 +1,204 @@
+"""Packs as users meet them: made, checked, required by a run; what was installed is on a log of its own."""
+
+import json
+import os
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+from asking_robots import Line, Served
+from documents import DOCS, blocks, matches, run, shims
+from sample_tables import several_table, small_table
+
+from runtime import VERSION, cli
+from runtime.commands.evidence import main
+from runtime.execution.calibration import Gauge, fit, save
+from runtime.journal.chain import records, verify
+from runtime.table import dump
+
+ROOT = Path(__file__).parents[2]
+REHEARSAL = ["--port", "sim", "--time-scale", "max", "--world", "runtime.devices.rehearsal:make"]
+
+
+@pytest.fixture
+def desk(tmp_path, monkeypatch):
+    """A folder with a table, a pair of keys and a signed pack; nothing is read or written elsewhere."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
+    dump(small_table(), tmp_path / "t.msgpack")
+    assert main(["key", "-o", "k.pem"]) == 0
+    assert main(["pack", "t.msgpack", "-o", "p.zip", "--key", "k.pem", "--signer", "Ada"]) == 0
+    return tmp_path
+
+
+def one_line(capsys):
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1, said
+    return said
+
+
+def test_verify_says_whose_key_was_checked_and_whose_was_not(desk, capsys):
+    assert main(["verify", "p.zip", "--key", "k.pem.pub"]) == 0
+    assert "signed with k.pem.pub by Ada" in capsys.readouterr().out
+    assert main(["verify", "p.zip"]) == 0
+    assert "signed by Ada" in (said := capsys.readouterr().out)
+    assert "was not checked against anyone" in said
+    assert main(["verify", "p.zip", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["checked_against"] is None
+    assert told["signer"] == "Ada"
+    assert set(told["versions"]) >= {"squeezetree", "python", "msgpack"}
+
+
+def test_pack_without_a_key_makes_one_once(desk, capsys):
+    assert main(["pack", "t.msgpack", "-o", "q.zip"]) == 0
+    made = desk / "config" / "squeezetree" / "signing-key.pem"
+    assert made.stat().st_mode & 0o777 == 0o600
+    assert "made a key to sign with" in capsys.readouterr().err
+    before = made.read_bytes()
+    assert main(["pack", "t.msgpack", "-o", "r.zip"]) == 0
+    assert made.read_bytes() == before
+    assert main(["verify", "r.zip", "--key", f"{made}.pub"]) == 0
+    assert main(["key"]) == 2
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "says"),
+    [
+        ("verify none.zip", 3, "cannot be read"),
+        ("verify .", 3, "it is a folder"),
+        ("verify t.msgpack", 34, "is no zip archive"),
+        ("verify k.pem", 34, "is no zip archive"),
+        ("verify p.zip --key none.pub", 3, "cannot be read"),
+        ("verify p.zip --key k.pem", 3, "name the public one"),
+        ("verify p.zip --key t.msgpack", 3, "holds no public key"),
+        ("pack none.msgpack -o q.zip --key k.pem", 3, "none.msgpack"),
+        ("pack p.zip -o q.zip --key k.pem", 30, "table p.zip"),
+        ("pack t.msgpack -o p.zip --key k.pem", 2, "never overwritten"),
+        ("pack t.msgpack -o t.msgpack --key k.pem", 2, "the same file"),
+        ("pack t.msgpack -o k.pem --key k.pem", 2, "the same file"),
+        ("pack t.msgpack -o none/q.zip --key k.pem", 2, "no folder"),
+        ("pack t.msgpack -o q.zip --key none.pem", 3, "squeezetree key makes one"),
+        ("pack t.msgpack -o q.zip --key k.pem.pub", 3, "name the private one"),
+        ("pack t.msgpack -o q.zip --key k.pem --calibration k.pem", 33, "calibration k.pem"),
+        ("key -o k.pem", 2, "never overwritten"),
+        ("key -o none/k.pem", 2, "no folder"),
+    ],
+)
+def test_bad_input_ends_in_one_line_and_a_code_of_the_list(desk, capsys, words, code, says):
+    before = sorted(path.name for path in desk.iterdir())
+    capsys.readouterr()
+    assert main(words.split()) == code
+    assert says in one_line(capsys)
+    assert sorted(path.name for path in desk.iterdir()) == before
+
+
+def test_a_changed_pack_is_34_and_its_file_named(desk, capsys):
+    data = bytearray((desk / "p.zip").read_bytes())
+    data[data.index((desk / "t.msgpack").read_bytes()) + 100] ^= 1
+    (desk / "p.zip").write_bytes(data)
+    capsys.readouterr()
+    assert main(["verify", "p.zip", "--key", "k.pem.pub"]) == 34
+    assert "pack p.zip: table.msgpack was changed" in one_line(capsys)
+
+
+def test_a_full_disk_leaves_neither_pack_nor_key(desk, capsys):
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    before, ignored = sorted(desk.iterdir()), signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    capsys.readouterr()
+    resource.setrlimit(resource.RLIMIT_FSIZE, (10, limits[1]))
+    try:
+        assert main(["pack", "t.msgpack", "-o", "q.zip", "--key", "k.pem"]) == 2
+        assert main(["key", "-o", "l.pem"]) == 2
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        signal.signal(signal.SIGXFSZ, ignored)
+    assert capsys.readouterr().err.count("cannot be written") == 2
+    assert sorted(desk.iterdir()) == before
+
+
+def test_a_run_that_requires_a_signature_refuses_what_has_none(desk, capsys):
+    check = ["--check", "--require-signed", "k.pem.pub"]
+    assert cli.main(["--tree", "t.msgpack", *check]) == 0
+    assert main(["key", "-o", "other.pem"]) == 0
+    capsys.readouterr()
+    assert cli.main(["--tree", "t.msgpack", "--check", "--require-signed", "other.pem.pub"]) == 34
+    assert "p.zip is signed by another key" in one_line(capsys)
+    assert cli.main(["--tree", "t.msgpack", "--check", "--require-signed", "none.pub"]) == 3
+    capsys.readouterr()
+    dump(several_table(), desk / "t.msgpack")
+    assert cli.main(["--tree", "t.msgpack", *check]) == 34
+    assert "its table.msgpack is not the one of this run" in one_line(capsys)
+    (desk / "p.zip").unlink()
+    words = ["--tree", "t.msgpack", "--require-signed", "k.pem.pub", "--journal", "j.jsonl", *REHEARSAL]
+    assert cli.main(words) == 34
+    assert "there is no pack beside it" in one_line(capsys)
+    assert not list(desk.glob("j.jsonl*"))
+
+
+def test_runs_leave_a_log_of_what_was_installed_by_whom(desk):
+    def code_of(*more):
+        return cli.main(["--tree", "t.msgpack", "--journal", "j.jsonl", *REHEARSAL, *more])
+
+    assert code_of("--require-signed", "k.pem.pub") in (0, 10, 11)
+    assert code_of("--require-signed", "k.pem.pub") in (0, 10, 11)
+    assert code_of() in (0, 10, 11)
+    dump(several_table(), desk / "t.msgpack")
+    assert code_of() in (0, 10, 11)
+    log = desk / "j.jsonl.installed"
+    assert verify(log).closed
+    headers = [entry for entry in records(log) if entry["kind"] == "header"]
+    assert [entry["signer"] for entry in headers] == ["Ada", None, None]
+    assert len({entry["table_sha256"] for entry in headers}) == 2
+    log.write_bytes(log.read_bytes().replace(b'"Ada"', b'"Eve"'))
+    assert code_of() == 24
+
+
+def test_a_run_keeps_its_table_whatever_becomes_of_the_file(desk):
+    with Served(desk / "t.msgpack") as served, Line(served) as line:
+        line.send(b"TABLE\n")
+        before = line.read()
+        dump(several_table(), desk / "t.msgpack")
+        line.send(b"TABLE\n")
+        assert line.read() == before
+
+
+def test_without_the_library_one_line_names_the_extra(desk):
+    code = "import sys; sys.modules['cryptography'] = None; from runtime import cli; "
+    code += "sys.exit(cli.main(['--tree', 't.msgpack', '--check', '--require-signed', 'k.pem.pub']))"
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert "squeezetree[evidence]" in done.stderr
+
+
+def test_a_run_that_requires_nothing_loads_no_library_for_it(desk):
+    code = "import sys; from runtime import cli; assert cli.main(['--tree', 't.msgpack', '--check']) == 0; "
+    code += "names = {'cryptography', 'zipfile', 'importlib.metadata', 'runtime.signing'}; "
+    code += "assert not names & set(sys.modules), names & set(sys.modules)"
+    subprocess.run([sys.executable, "-c", code], timeout=60, check=True)
+
+
+def test_version_in_the_code_is_that_of_the_distribution():
+    assert tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"] == VERSION
+
+
+@pytest.mark.skipif(shutil.which("openssl") is None, reason="openssl is not installed")
+def test_the_commands_of_the_page_do_what_it_says(tmp_path):
+    work = tmp_path / "work"
+    work.mkdir()
+    shutil.copyfile(ROOT / "trees" / "rectangle" / "rectangle.msgpack", work / "lever.msgpack")
+    widths = (0.0, 20.0, 40.0, 60.0, 80.0)
+    gauges = [Gauge(width, (round(230 - 2.67 * width),) * 3) for width in widths]
+    save(fit(gauges, "S/N 1", "today"), work / "gripper.json")
+    environment = {**os.environ, "PATH": f"{shims(tmp_path / 'bin')}:{os.environ['PATH']}"}
+    found = blocks(DOCS / "evidence.md")
+    for block, printed in zip(found, run(found, work, environment), strict=False):
+        assert matches(block.printed, printed)

@@ -1,0 +1,108 @@
+"""Keys in files: made once, private, in OpenSSL's form, and refused with a sentence where they are none."""
+
+import os
+import shutil
+import subprocess
+
+import pytest
+from cryptography.hazmat.primitives import serialization
+from cryptography.hazmat.primitives.asymmetric import ec, ed25519, rsa
+
+from runtime.errors import KeyFileError
+from runtime.shell.files import OutputError
+from runtime.signing import keys
+
+PEM, PKCS8 = serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8
+PUBLIC = serialization.PublicFormat.SubjectPublicKeyInfo
+PLAIN = serialization.NoEncryption()
+
+
+def test_generated_key_is_its_owners_alone_whatever_the_umask(tmp_path):
+    path = tmp_path / "k.pem"
+    before = os.umask(0)
+    try:
+        made = keys.generate(path)
+    finally:
+        os.umask(before)
+    assert path.stat().st_mode & 0o777 == 0o600
+    assert keys.load_private(path).public == made.public == keys.load_public(keys.public_of(path))
+    signature = made.sign(b"data")
+    assert made.public.signed(b"data", signature)
+    assert not made.public.signed(b"date", signature)
+
+
+@pytest.mark.parametrize("there", ["k.pem", "k.pem.pub"])
+def test_generate_never_overwrites_and_leaves_nothing_half_done(tmp_path, there):
+    (tmp_path / there).write_text("precious")
+    with pytest.raises(OutputError, match="never overwritten"):
+        keys.generate(tmp_path / "k.pem")
+    assert [path.name for path in tmp_path.iterdir()] == [there]
+    assert (tmp_path / there).read_text() == "precious"
+
+
+def test_generate_through_a_link_is_refused(tmp_path):
+    (tmp_path / "k.pem").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(OutputError):
+        keys.generate(tmp_path / "k.pem")
+    assert not (tmp_path / "elsewhere").exists()
+
+
+def test_a_key_that_others_may_read_is_refused(tmp_path):
+    keys.generate(tmp_path / "k.pem")
+    (tmp_path / "k.pem").chmod(0o640)
+    with pytest.raises(KeyFileError, match="chmod 600"):
+        keys.load_private(tmp_path / "k.pem")
+
+
+def _write(path, data):
+    path.write_bytes(data)
+    path.chmod(0o600)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("key", "words"),
+    [(rsa.generate_private_key(65537, 1024), "an RSA key"), (ec.generate_private_key(ec.SECP256R1()), "key")],
+)
+def test_a_key_of_another_kind_is_refused_by_its_name(tmp_path, key, words):
+    private = _write(tmp_path / "k", key.private_bytes(PEM, PKCS8, PLAIN))
+    public = _write(tmp_path / "p", key.public_key().public_bytes(PEM, PUBLIC))
+    with pytest.raises(KeyFileError, match=f"holds .*{words}"):
+        keys.load_private(private)
+    with pytest.raises(KeyFileError, match=f"holds .*{words}"):
+        keys.load_public(public)
+
+
+def test_what_is_no_such_key_is_refused_in_a_sentence(tmp_path):
+    made = ed25519.Ed25519PrivateKey.generate()
+    locked = made.private_bytes(PEM, PKCS8, serialization.BestAvailableEncryption(b"x"))
+    with pytest.raises(KeyFileError, match="passphrase"):
+        keys.load_private(_write(tmp_path / "locked", locked))
+    keys.generate(tmp_path / "k")
+    with pytest.raises(KeyFileError, match="holds a public key; name the private one"):
+        keys.load_private(tmp_path / "k.pub")
+    with pytest.raises(KeyFileError, match=r"holds a private key; name the public one, k\.pub"):
+        keys.load_public(tmp_path / "k")
+    for data in (b"", b"\0" * 100, b"-----BEGIN PUBLIC KEY-----\nAAAA\n-----END PUBLIC KEY-----\n"):
+        with pytest.raises(KeyFileError, match="no public key"):
+            keys.load_public(_write(tmp_path / "odd", data))
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path / "none", tmp_path, tmp_path / "pipe"):
+        with pytest.raises(KeyFileError, match="cannot be read"):
+            keys.load_public(path)
+
+
+@pytest.mark.skipif(shutil.which("openssl") is None, reason="openssl is not installed")
+def test_openssl_makes_keys_for_us_and_reads_ours(tmp_path):
+    def openssl(*words):
+        return subprocess.run(["openssl", *words], capture_output=True, timeout=30, check=True).stdout
+
+    theirs, public = tmp_path / "theirs.pem", tmp_path / "theirs.pub"
+    openssl("genpkey", "-algorithm", "ed25519", "-out", str(theirs))
+    theirs.chmod(0o600)
+    openssl("pkey", "-in", str(theirs), "-pubout", "-out", str(public))
+    loaded = keys.load_private(theirs)
+    assert loaded.public == keys.load_public(public)
+    assert loaded.public.pem == public.read_bytes()
+    der = openssl("pkey", "-pubin", "-in", str(public), "-outform", "DER")
+    assert der == keys._PREFIX + loaded.public.raw

@@ -1,0 +1,185 @@
+"""Signed packs: every changed byte is noticed and named, and only the trusted key's signature counts."""
+
+import io
+import json
+import shutil
+import subprocess
+import zipfile
+from dataclasses import replace
+
+import pytest
+from packs import FACTS, new_key, pack_of
+from sample_tables import small_table
+
+from runtime.errors import PackError
+from runtime.signing.archive import SIGNATURE_BYTES, unsigned
+from runtime.signing.keys import public_of
+from runtime.signing.pack import CALIBRATION, JOB, KEY, MANIFEST, MEMBERS, TABLE, covering, verified
+from runtime.table import dumps
+
+SIGNER = new_key()
+TREE = replace(small_table(), job='{"part": 1}')
+PACK = pack_of(small_table(), SIGNER, b'{"format": 1}')
+
+
+def resealed(members, key=SIGNER):
+    body = unsigned(members)
+    return body + key.sign(body)
+
+
+def spans(data):
+    """Where each member's header and content lie, by zipfile."""
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        return {
+            info.filename: (info.header_offset, info.header_offset + 30 + len(info.filename) + info.file_size)
+            for info in archive.infolist()
+        }
+
+
+def test_verified_pack_holds_what_was_signed():
+    pack = verified(PACK, SIGNER.public)
+    assert list(pack.members) == [MANIFEST, KEY, TABLE, CALIBRATION]
+    assert pack.members[TABLE] == dumps(small_table())
+    assert {name: pack.manifest[name] for name in FACTS} == FACTS
+    assert verified(PACK).key == SIGNER.public
+
+
+def test_pack_is_a_zip_that_other_programs_read():
+    with zipfile.ZipFile(io.BytesIO(PACK)) as archive:
+        assert archive.testzip() is None
+        assert archive.read(TABLE) == dumps(small_table())
+        assert archive.comment == PACK[-SIGNATURE_BYTES:]
+
+
+def test_every_flipped_byte_is_refused_and_its_file_named():
+    where = spans(PACK)
+    for at in range(len(PACK)):
+        changed = bytearray(PACK)
+        changed[at] ^= 1 << (at % 8)
+        with pytest.raises(PackError) as refused:
+            verified(bytes(changed))
+        name = next((name for name, (start, end) in where.items() if start <= at < end), None)
+        words = str(refused.value)
+        if name is None:
+            assert "zip's own fields" in words or "signature does not hold" in words, (at, words)
+        elif at >= 4:
+            renamed = "which is no file of a pack" in words
+            assert name in words or renamed, (at, name, words)
+
+
+@pytest.mark.parametrize("cut", [0, 1, 3, 40, 700, len(PACK) - 100, len(PACK) - 64, len(PACK) - 1])
+def test_pack_cut_short_is_refused(cut):
+    with pytest.raises(PackError):
+        verified(PACK[:cut], SIGNER.public)
+
+
+@pytest.mark.parametrize(
+    "data",
+    [PACK + b"\0", b"\0" + PACK, PACK + PACK, PACK[:-SIGNATURE_BYTES] + b"x" + PACK[-SIGNATURE_BYTES:]],
+)
+def test_pack_with_bytes_added_is_refused(data):
+    with pytest.raises(PackError):
+        verified(data, SIGNER.public)
+
+
+@pytest.mark.parametrize(
+    "name", ["../../etc/passwd", "/etc/passwd", "table.msgpack/../x", "a\nb", "TABLE.MSGPACK"]
+)
+def test_pack_with_a_strange_name_is_refused_on_one_line(name):
+    members = verified(PACK).members
+    with pytest.raises(PackError, match="no file of a pack") as refused:
+        verified(resealed({**members, name: b"x"}), SIGNER.public)
+    assert "\n" not in str(refused.value)
+
+
+def test_pack_with_a_member_twice_is_refused():
+    body = PACK[: spans(PACK)[TABLE][1]]
+    start, end = spans(PACK)[TABLE]
+    with pytest.raises(PackError, match=r"holds table\.msgpack twice"):
+        verified(body + PACK[start:end] + PACK[end:])
+
+
+@pytest.mark.parametrize("compression", [zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED])
+def test_zip_that_others_wrote_is_refused(compression):
+    written = io.BytesIO()
+    with zipfile.ZipFile(written, "w", compression) as archive:
+        for name, content in verified(PACK).members.items():
+            archive.writestr(name, content)
+    with pytest.raises(PackError):
+        verified(written.getvalue())
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({TABLE: b"other"}, r"table\.msgpack is not the file that manifest\.json lists"),
+        ({JOB: b"{}"}, r"job\.json is not the file"),
+        ({MANIFEST: b"{"}, r"manifest\.json is not JSON"),
+        ({MANIFEST: b"{}"}, r"manifest\.json is none of a pack"),
+        ({KEY: b"no key"}, r"public-key\.pem"),
+        ({KEY: None}, r"lacks public-key\.pem"),
+        ({TABLE: None}, r"lacks table\.msgpack"),
+        ({CALIBRATION: None}, r"calibration\.json is not the file"),
+    ],
+)
+def test_pack_whose_signer_contradicts_himself_is_refused(change, words):
+    changed = {**verified(PACK).members, **change}
+    members = {name: changed[name] for name in MEMBERS if changed.get(name) is not None}
+    with pytest.raises(PackError, match=words):
+        verified(resealed(members))
+
+
+def test_content_changed_with_its_digests_breaks_the_signature():
+    members = dict(verified(PACK).members)
+    manifest = json.loads(members[MANIFEST])
+    members[MANIFEST] = json.dumps({**manifest, "signer": "eve"}).encode()
+    with pytest.raises(PackError, match="signature does not hold"):
+        verified(unsigned(members) + PACK[-SIGNATURE_BYTES:])
+
+
+def test_pack_of_another_key_is_refused_with_both_fingerprints():
+    other = new_key()
+    with pytest.raises(PackError) as refused:
+        verified(PACK, other.public)
+    assert SIGNER.public.fingerprint in str(refused.value)
+    assert other.public.fingerprint in str(refused.value)
+
+
+def test_covering_takes_the_pack_with_these_bytes_and_no_other(tmp_path):
+    tree, data = tmp_path / "t.msgpack", dumps(small_table())
+    (tmp_path / "broken.zip").write_bytes(b"PK")
+    with pytest.raises(PackError, match=r"broken\.zip is no zip archive"):
+        covering(tree, data, None, SIGNER.public)
+    (tmp_path / "a.zip").write_bytes(pack_of(small_table(), SIGNER))
+    (tmp_path / "b.zip").write_bytes(pack_of(small_table(), SIGNER, b"{}"))
+    assert CALIBRATION not in covering(tree, data, None, SIGNER.public).members
+    tree.write_bytes(data)
+    (tmp_path / "linked").mkdir()
+    (tmp_path / "linked" / "t").symlink_to(tree)
+    assert covering(tmp_path / "linked" / "t", data, None, SIGNER.public).members[TABLE] == data
+    assert covering(tree, data, b"{}", SIGNER.public).members[CALIBRATION] == b"{}"
+    with pytest.raises(PackError, match=r"its calibration\.json is not the one of this run"):
+        covering(tree, data, b"{} ", SIGNER.public)
+    with pytest.raises(PackError, match=r"its table\.msgpack is not"):
+        covering(tree, data + b"x", None, SIGNER.public)
+    with pytest.raises(PackError, match="another key"):
+        covering(tree, data, None, new_key().public)
+
+
+@pytest.mark.skipif(shutil.which("openssl") is None, reason="openssl is not installed")
+def test_openssl_checks_the_signature_of_the_whole_file(tmp_path):
+    key = public_of(tmp_path / "k.pem")
+    key.write_bytes(SIGNER.public.pem)
+
+    def holds(data):
+        (tmp_path / "body").write_bytes(data[:-SIGNATURE_BYTES])
+        (tmp_path / "signature").write_bytes(data[-SIGNATURE_BYTES:])
+        words = ["openssl", "pkeyutl", "-verify", "-rawin", "-pubin", "-inkey", str(key)]
+        words += ["-in", str(tmp_path / "body"), "-sigfile", str(tmp_path / "signature")]
+        return subprocess.run(words, capture_output=True, timeout=30, check=False).returncode == 0
+
+    assert holds(PACK)
+    for at in range(0, len(PACK), len(PACK) // 24):
+        changed = bytearray(PACK)
+        changed[at] ^= 0x20
+        assert not holds(bytes(changed)), at

@@ -1,0 +1,122 @@
+"""The sequential verdict: the planner's bound as its twin, its error at any look, the parts it takes."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from acceptance_cells import Tried, tried
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import stats
+from scipy.special import betaln
+
+from planner.evaluation import ppm
+from runtime.spc.history import Part
+from runtime.spc.study.acceptance import (
+    ERROR,
+    POWER,
+    SequentialTest,
+    Verdict,
+    binomial_at_most,
+    followed,
+    parts_for,
+    planned,
+)
+
+GOOD, WRONG = Part(1, outcome="leaf", verdict="pass"), Part(1, outcome="leaf", verdict="fail")
+UNSEEN, REJECT = Part(1, outcome="leaf", verdict="unknown"), Part(1, outcome="reject")
+
+
+@settings(max_examples=40)
+@given(st.integers(1, 5000), st.floats(0.0, 1.0), st.sampled_from([0.5, 0.05, 0.01, 5e-5]))
+def test_bounds_are_the_planners_for_the_same_prior(parts, share, limit):
+    failures = int(share * parts)
+    ours = SequentialTest(limit).bounds(failures, failures, parts)
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(ppm, "PRIOR", (0.5, 0.5 * (1.0 - limit) / limit))
+        theirs = ppm.Bound.of(float(failures), parts)
+    assert 1e6 * ours.low == pytest.approx(theirs.low, rel=1e-6, abs=1e-3)
+    assert 1e6 * ours.high == pytest.approx(theirs.high, rel=1e-6, abs=1e-3)
+
+
+@given(st.integers(0, 300), st.integers(0, 300), st.floats(0.001, 0.5))
+def test_verdict_and_bounds_agree(failures, good, limit):
+    test, parts = SequentialTest(limit), failures + good
+    bounds = test.bounds(failures, failures, parts)
+    assert bounds.low <= bounds.share <= bounds.high or parts == 0
+    if test.accepts(failures, parts):
+        assert bounds.high <= limit * (1 + 1e-9)
+    if test.refuses(failures, parts):
+        assert bounds.low >= limit * (1 - 1e-9)
+
+
+def test_evidence_is_a_mixture_of_likelihood_ratios():
+    # At the true share its mean over all outcomes of n parts is 1: what Ville's inequality asks for.
+    test, parts, share = SequentialTest(0.05), 40, 0.05
+    weights = stats.binom.pmf(np.arange(parts + 1), parts, share)
+    ratios = np.exp([test.evidence(k, parts, share) for k in range(parts + 1)])
+    assert weights @ ratios == pytest.approx(1.0, rel=1e-9)
+    assert np.isfinite(betaln(0.5, 9.5))
+
+
+@pytest.mark.parametrize("rate", [0.05, 0.02, 0.09])
+def test_verdict_is_wrong_seldom_though_looked_at_after_each_part(rate):
+    # A sample of tests/bench/bench_acceptance.py; at the limit itself either verdict counts as wrong.
+    found = [tried(np.random.default_rng([seed, 7]), rate, 0.05, 600) for seed in range(60)]
+    assert sum(cell is Tried.WRONG for cell in found) <= stats.binom.ppf(0.999, len(found), ERROR)
+    if rate != 0.05:
+        assert sum(cell is Tried.RIGHT for cell in found) > 20
+
+
+def test_what_is_not_known_counts_against_either_verdict():
+    accepted = list(followed([GOOD] * 2000, 0.01))[-1]
+    assert accepted.verdict is Verdict.ACCEPTED
+    hidden = list(followed([GOOD, UNSEEN] * 1000, 0.01))[-1]
+    assert (hidden.verdict, hidden.unknown) == (Verdict.OPEN, 1000)
+    assert hidden.bounds.high > 0.4
+    assert hidden.bounds.low == 0.0
+    refused = list(followed([WRONG, UNSEEN] * 100, 0.01))[-1]
+    assert refused.verdict is Verdict.REFUSED
+
+
+def test_a_reject_is_a_failure_and_a_stopped_part_is_left_out():
+    (*_, last) = followed([GOOD, REJECT, Part(3, outcome="fault"), Part(4, outcome="stopped"), WRONG], 0.01)
+    assert (last.parts, last.failed, last.unknown) == (4, 3, 0)
+
+
+def test_a_verdict_once_there_stays():
+    course = list(followed([GOOD] * 2000 + [WRONG] * 500, 0.01))
+    decided = [now.decided_at for now in course if now.decided_at]
+    assert course[-1].verdict is Verdict.ACCEPTED
+    assert set(decided) == {course[-1].decided_at}
+    assert all(after.parts == before.parts + 1 for before, after in pairwise(course))
+
+
+def test_planned_parts_are_the_fewest_that_do():
+    test, count = SequentialTest(0.01), planned(0.01, 0.002)
+    assert test.accepts(0, count.least)
+    assert not test.accepts(0, count.least - 1)
+    assert count.least < count.likely < 5000
+    rng = np.random.default_rng(3)
+    done = 0
+    for _ in range(60):
+        parts = [WRONG if wrong else GOOD for wrong in rng.random(count.likely) < 0.002]
+        done += list(followed(parts, 0.01))[-1].verdict is Verdict.ACCEPTED
+    assert done >= stats.binom.ppf(0.001, 60, POWER)
+
+
+@pytest.mark.parametrize("expected", [None, 0.01, 0.5])
+def test_planned_says_so_where_no_number_would_do(expected):
+    assert planned(0.01, expected).likely is None
+
+
+@given(st.integers(0, 60), st.integers(1, 60), st.floats(0.0, 1.0))
+def test_binomial_at_most_is_scipys(most, trials, share):
+    assert binomial_at_most(most, trials, share) == pytest.approx(
+        stats.binom.cdf(most, trials, share), abs=1e-9
+    )
+
+
+def test_parts_for_gives_the_readings_with_its_probability():
+    count = parts_for(25, 0.1)
+    assert stats.binom.sf(24, count, 0.1) >= 0.95 > stats.binom.sf(24, count - 1, 0.1)

@@ -1,0 +1,127 @@
+"""Gauge studies: AIAG's published examples to their digits, and conditions that make any study right."""
+
+from math import sqrt
+from statistics import stdev
+
+import numpy as np
+import pytest
+from gauge_readings import AIAG, AIAG_BIAS
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import special, stats
+
+from runtime.spc.study.gauge import beta_share, crossed, f_tail, t_tail, type_one
+
+
+def test_crossed_anova_is_aiags_example_to_four_digits():
+    # Measurement Systems Analysis, 4th edition, tables III-B 7 and 8; three and six printed digits.
+    study = crossed(AIAG)
+    spread = study.anova
+    assert spread.repeatability == pytest.approx(0.199933, abs=5e-6)
+    assert spread.reproducibility == pytest.approx(0.226838, abs=5e-6)
+    assert spread.gauge == pytest.approx(0.302373, abs=5e-6)
+    assert spread.part == pytest.approx(1.042327, abs=5e-6)
+    assert spread.total == pytest.approx(1.0853, abs=5e-5)
+    percents = [
+        spread.percent(value) for value in (spread.repeatability, spread.reproducibility, spread.gauge)
+    ]
+    assert [round(value, 2) for value in percents] == [18.42, 20.90, 27.86]
+    assert round(spread.percent(spread.part), 2) == 96.04
+    assert spread.categories == pytest.approx(4.861, abs=1e-3)
+    assert study.interaction_p == pytest.approx(0.974, abs=1e-3)
+
+
+def test_crossed_average_and_range_is_aiags_example_to_four_digits():
+    # The same data by the other method, figure III-B 16. The manual rounds averages to four
+    # digits before it goes on, so that its fourth digit may be one off.
+    spread = crossed(AIAG).ranges
+    assert spread.repeatability == pytest.approx(0.20188, abs=5e-5)
+    assert spread.reproducibility == pytest.approx(0.22963, abs=5e-5)
+    assert spread.gauge == pytest.approx(0.30575, abs=5e-5)
+    assert spread.part == pytest.approx(1.10456, abs=5e-5)
+    assert spread.total == pytest.approx(1.14610, abs=5e-5)
+    percents = (spread.repeatability, spread.reproducibility, spread.gauge, spread.part)
+    assert [spread.percent(value) for value in percents] == pytest.approx(
+        [17.62, 20.04, 26.68, 96.38], abs=0.01
+    )
+    assert spread.categories == pytest.approx(5.094, abs=1e-3)
+
+
+def test_type_one_bias_is_aiags_example_to_four_digits():
+    # Chapter III-B, independent sample method: fifteen readings of a reference of 6.00.
+    study = type_one([reading - 6.0 for reading in AIAG_BIAS], 1.0)
+    assert study.bias == pytest.approx(0.0067, abs=5e-5)
+    t = study.bias / (study.sigma / sqrt(len(AIAG_BIAS)))
+    assert study.bias_p == pytest.approx(2 * stats.t.sf(abs(t), len(AIAG_BIAS) - 1), rel=1e-9)
+    assert study.bias_p > 0.9
+
+
+@given(st.floats(0.5, 30.0), st.floats(0.5, 30.0), st.floats(0.0, 1.0))
+def test_beta_share_is_scipys(a, b, x):
+    assert beta_share(x, a, b) == pytest.approx(special.betainc(a, b, x), rel=1e-9, abs=1e-13)
+
+
+@given(st.floats(0.0, 50.0), st.integers(1, 60), st.integers(1, 120))
+def test_tails_are_scipys(statistic, above, below):
+    assert f_tail(statistic, above, below) == pytest.approx(
+        stats.f.sf(statistic, above, below), rel=1e-6, abs=1e-12
+    )
+    assert t_tail(statistic, below) == pytest.approx(2 * stats.t.sf(statistic, below), rel=1e-6, abs=1e-12)
+
+
+def test_crossed_is_unbiased_in_what_it_was_drawn_from():
+    rng = np.random.default_rng(4)
+    drawn = {"repeatability": 0.3, "reproducibility": 0.5, "part": 2.0}
+    squares = []
+    for _ in range(400):
+        parts, appraisers = rng.normal(0, 2.0, (10, 1, 1)), rng.normal(0, 0.5, (1, 3, 1))
+        readings = parts + appraisers + rng.normal(0, 0.3, (10, 3, 3))
+        spread = crossed(readings.tolist()).anova
+        squares.append([getattr(spread, name) ** 2 for name in drawn])
+    means, errors = np.mean(squares, 0), np.std(squares, 0) / sqrt(len(squares))
+    assert np.all(np.abs(means - np.square(list(drawn.values()))) < 4 * errors + 1e-3)
+
+
+def test_crossed_keeps_a_real_interaction():
+    rng = np.random.default_rng(5)
+    readings = rng.normal(0, 1, (10, 1, 1)) + rng.normal(0, 1.5, (10, 3, 1)) + rng.normal(0, 0.1, (10, 3, 3))
+    study = crossed(readings.tolist())
+    assert study.interaction_p < 0.05
+    assert study.anova.repeatability == pytest.approx(0.1, rel=0.3)
+    assert study.anova.reproducibility > 1.0
+
+
+@given(st.floats(0.1, 10.0), st.floats(-5.0, 5.0))
+def test_crossed_scales_with_the_unit_and_ignores_an_offset(scale, offset):
+    ours = crossed([[[scale * x + offset for x in cell] for cell in row] for row in AIAG])
+    assert ours.anova.gauge == pytest.approx(scale * crossed(AIAG).anova.gauge, rel=1e-6)
+    assert ours.percent == pytest.approx(crossed(AIAG).percent, rel=1e-6)
+
+
+def test_crossed_of_readings_that_never_differ_knows_nothing():
+    same = crossed([[[1.0, 1.0]] * 2] * 2)
+    assert (same.percent, same.anova.categories) == (None, None)
+    exact = crossed([[[float(part)] * 2] * 2 for part in range(3)])
+    assert exact.percent == 0.0
+    assert exact.anova.categories is None
+
+
+@pytest.mark.parametrize(
+    "readings",
+    [[], [[[1.0, 2.0]] * 2], [[[1.0, 2.0]], [[1.0, 2.0]]], [[[1.0]] * 2] * 2, [[[1.0, 2.0], [1.0]]] * 2],
+)
+def test_crossed_refuses_what_is_no_balanced_study(readings):
+    with pytest.raises(ValueError, match="crossed study"):
+        crossed(readings)
+
+
+@given(st.lists(st.floats(-1.0, 1.0), min_size=25, max_size=60).filter(lambda values: stdev(values) > 1e-3))
+def test_type_one_never_has_cgk_above_cg(deviations):
+    study = type_one(deviations, 4.0)
+    assert study.cgk <= study.cg
+    assert study.capable == (study.cgk >= 1.33)
+
+
+def test_type_one_says_nothing_of_too_few_readings():
+    assert type_one([0.1] * 24, 1.0).capable is None
+    assert type_one([0.1], 1.0).sigma is None

@@ -1,0 +1,262 @@
+"""`grasp-audit study`: a verdict with its own exit code, the sheet, the plan, and bad input in one line."""
+
+import csv
+import json
+import shlex
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from audited_journals import TABLE, Chain, write
+from documents import DOCS, ROOT, blocks, matches
+from gauge_readings import AIAG
+from histories import TREE, drawn
+from sample_tables import several_table
+
+from drivers.camera.commands import audit
+from runtime.spc.history import Part, Squeezed
+from runtime.table import dump
+
+
+def main(*words):
+    return audit(["study", *map(str, words)])
+
+
+def told(capsys):
+    return json.loads(capsys.readouterr().out)
+
+
+def one_line(capsys):
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1, said
+    return said
+
+
+@pytest.fixture(scope="module")
+def healthy():
+    return drawn(TABLE, 700, np.random.default_rng(1))
+
+
+def test_study_of_a_healthy_cell_accepts_it_and_writes_the_sheet(healthy, tmp_path, capsys):
+    journal, sheet = write(tmp_path / "j.jsonl", healthy), tmp_path / "sheet.html"
+    assert main(journal, "-o", sheet, "--json") == 0
+    found = told(capsys)
+    assert found["verdict"] == "accepted"
+    assert found["parts_least"] <= found["decided_at"] <= 700
+    assert found["failures"]["low"] <= found["failures"]["share"] <= found["failures"]["high"] < 0.01
+    assert found["good"] + found["failed"] + found["not_known"] == found["counted"] == 700
+    rows = found["type1"]
+    assert sum(row["readings"] for row in rows["leaves"]) == rows["table"]["readings"]
+    residuals = np.array([part.residual for part in healthy if part.residual])
+    assert rows["table"]["x_mm"]["bias"] == pytest.approx(-residuals[:, 0].mean())
+    tolerance = 2 * TABLE.goal.distance_um / 1000
+    assert rows["table"]["y_mm"]["cg"] == pytest.approx(0.2 * tolerance / (6 * residuals[:, 1].std(ddof=1)))
+    few = [row for row in rows["leaves"] if row["readings"] < 25]
+    assert few
+    assert all(row["x_mm"]["capable"] is None for row in few)
+    assert main(journal) == 0
+    assert capsys.readouterr().out.startswith("accepted after ")
+    text = sheet.read_text()
+    assert "Accepted after" in text
+    assert "Signatures" in text
+    assert "@media print" in text
+    assert text.count('class="next"') == 1  # one break: two sheets of paper
+    assert text.count("<tr>") < 45
+    assert "http" not in text.replace("http-equiv", "")
+
+
+@pytest.mark.parametrize(("rate", "count", "code"), [(0.2, 200, 14), (0.01, 60, 15)])
+def test_study_of_a_bad_cell_refuses_it_and_of_few_parts_asks_for_more(tmp_path, capsys, rate, count, code):
+    parts = drawn(TABLE, count, np.random.default_rng(2), fail_rate=rate)
+    assert main(write(tmp_path / "j.jsonl", parts)) == code
+    said = capsys.readouterr().out.splitlines()[0]
+    assert said.startswith("refused after" if code == 14 else "not decided yet")
+
+
+def test_study_may_be_looked_at_after_any_journal(healthy, tmp_path, capsys):
+    paths = [write(tmp_path / f"{k}.jsonl", healthy[100 * k : 100 * k + 100]) for k in range(7)]
+    codes = [main(*paths[:looks]) for looks in (1, 3, 7)]
+    assert codes == sorted(codes, reverse=True)
+    assert codes[0] == 15
+    assert codes[-1] == 0
+
+
+def with_truth(path, parts, off_mm):
+    """A journal without audits whose simulated parts lay off their leaves' poses."""
+    with Chain(path) as journal:
+        journal.header(TABLE)
+        for part in parts:
+            journal.record("part", {"part": part.number})
+            journal.record(
+                "outcome", {"part": part.number, "outcome": part.outcome, "leaf": part.leaf, "audit": None}
+            )
+            if part.leaf is not None:
+                leaf = TABLE.leaves[part.leaf]
+                true = {
+                    "x_um": leaf.x_um + round(1000 * off_mm),
+                    "y_um": leaf.y_um,
+                    "theta_urad": leaf.theta_urad,
+                }
+                journal.record("truth", {"part": part.number, **true, "within_goal": off_mm < 3.0})
+        journal.record("end", {})
+    return path
+
+
+def test_study_by_truth_is_of_a_simulated_cell(healthy, tmp_path, capsys):
+    journal = with_truth(tmp_path / "j.jsonl", healthy, 0.5)
+    assert main(journal) == 2
+    assert "--audit" in one_line(capsys)
+    assert main(journal, "--truth", "--json") == 0
+    study = told(capsys)["type1"]["table"]
+    assert study["x_mm"]["bias"] == pytest.approx(-0.5)
+    assert study["y_mm"]["sigma"] == 0.0
+    assert main(with_truth(tmp_path / "k.jsonl", healthy, 4.0), "--truth") == 14
+
+
+def crossed_journals(folder, audited=True):
+    """Three cells that squeeze the same ten parts three times each, which scatters by 0.3 mm."""
+    rng = np.random.default_rng(3)
+    widths = rng.uniform(29_000, 32_000, 10)
+    paths = []
+    for cell in range(3):
+        parts = [
+            Part(
+                10 * trial + k,
+                (Squeezed(0, 0, round(widths[k] + rng.normal(200.0 * cell, 300.0))),),
+                "reject",
+            )
+            for trial in range(3)
+            for k in range(10)
+        ]
+        seen = {"verdict": "pass", "residual": (0.1, 0.1, 0.0)} if audited else {}
+        located = [replace(part, outcome="leaf", leaf=k % 3, **seen) for k, part in enumerate(parts)]
+        paths.append(write(folder / f"cell{cell}{'' if audited else '-bare'}.jsonl", located))
+    return paths
+
+
+def test_study_crossed_takes_journals_for_appraisers(tmp_path, capsys):
+    paths = crossed_journals(tmp_path)
+    assert main(*paths, "--crossed", 10, "-o", tmp_path / "s.html", "--json") == 15
+    found = told(capsys)["crossed"]
+    assert set(found) == {"width_mm", "x_mm", "y_mm", "theta_rad"}
+    width = found["width_mm"]
+    assert (width["parts"], width["appraisers"], width["trials"]) == (10, 3, 3)
+    assert width["anova"]["repeatability"] == pytest.approx(0.3, rel=0.3)
+    assert 0.0 < width["anova"]["gauge_percent"] < 100.0
+    assert "Gauge R&amp;R" in (tmp_path / "s.html").read_text()
+    bare = crossed_journals(tmp_path, audited=False)
+    assert main(*bare, "--crossed", 10, "--json") == 14
+    assert told(capsys)["crossed"]["width_mm"] == width
+    assert main(*bare, "--crossed", 10, "-o", tmp_path / "t.html") == 2
+    assert "no audited part" in one_line(capsys)
+    for words in (["--crossed", 7], ["--crossed", 30], ["--crossed", 1]):
+        assert main(*paths, *words) == 2
+        assert f"--crossed {words[1]}" in one_line(capsys)
+    assert main(paths[0], "--crossed", 10) == 2
+    assert "at least two of each" in one_line(capsys)
+
+
+def measured(path, change=lambda rows: rows):
+    rows = [
+        [f"P{part}", "ABC"[who], value]
+        for part, row in enumerate(AIAG)
+        for who, cell in enumerate(row)
+        for value in cell
+    ]
+    with path.open("w", newline="") as file:
+        csv.writer(file).writerows([["part", "appraiser", "value"], *change(rows)])
+    return path
+
+
+def test_study_of_measurements_is_aiags_example(tmp_path, capsys):
+    assert main("--measurements", measured(tmp_path / "m.csv"), "--json") == 0
+    found = told(capsys)["crossed"]["value"]
+    assert found["anova"]["gauge_percent"] == pytest.approx(27.86, abs=0.005)
+    assert found["anova"]["ndc"] == 4
+    assert found["anova"]["ndc_unrounded"] == pytest.approx(4.861, abs=0.001)
+    assert found["average_and_range"]["gauge_percent"] == pytest.approx(26.68, abs=0.005)
+    assert main("--measurements", measured(tmp_path / "m.csv")) == 0
+    assert "%GRR 27.86 (may do), ndc 4" in capsys.readouterr().out
+    shuffled = measured(
+        tmp_path / "s.csv", lambda rows: [rows[k] for k in np.random.default_rng(1).permutation(90)]
+    )
+    assert main("--measurements", shuffled, "--json") == 0
+    assert told(capsys)["crossed"]["value"]["anova"]["gauge_percent"] == pytest.approx(27.86, abs=0.005)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda rows: rows[:-1], "equally often"),
+        (lambda rows: [["P0", "A", 1.0]], "at least two of each"),
+        (lambda rows: [], "at least two of each"),
+        (lambda rows: [*rows[:5], ["P9", "A", "nan"]], "row 7: 'nan' is not a number"),
+        (lambda rows: [*rows[:5], ["P9", "A"]], "row 7"),
+        (lambda rows: [["P0", "A", 1.0], ["P0", "A", 2.0]], "at least two of each"),
+    ],
+)
+def test_measurements_that_are_no_study_end_in_one_line(tmp_path, capsys, change, says):
+    assert main("--measurements", measured(tmp_path / "m.csv", change)) == 2
+    assert says in one_line(capsys)
+
+
+def test_plan_says_how_many_parts_before_they_are_run(tmp_path, capsys):
+    assert main("--plan", TREE, "--json") == 0
+    found = told(capsys)
+    assert 0 < found["parts_least"] <= found["parts_likely"] < 2000
+    assert found["parts_type1"] > 25
+    assert main("--plan", TREE, "--required", "0.99999") == 14
+    assert "no number of parts" in capsys.readouterr().out
+    dump(several_table(), tmp_path / "t.msgpack")
+    assert main("--plan", tmp_path / "t.msgpack") in (0, 14)
+    capsys.readouterr()
+    assert main("--plan", tmp_path / "none.msgpack") == 3
+    assert "none.msgpack" in one_line(capsys)
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "says"),
+    [
+        ([], 2, "name journals"),
+        (["none.jsonl"], 24, "cannot be read"),
+        (["{few}"], 2, "10 measured parts; a type-1 study takes 25"),
+        (["{unaudited}"], 2, "no audited part"),
+        (["{few}", "{other}"], 2, "is of another table"),
+        (["{broken}"], 24, "does not have its digest"),
+        (["{empty}"], 2, "no part yet"),
+        (["{few}", "--plan", "t"], 2, "name journals"),
+        (["{few}", "--required", "1"], 2, "no share between 0 and 1"),
+        (["--plan", "t", "--truth"], 2, "are of journals"),
+        (["--measurements", "none.csv"], 3, "none.csv"),
+        (["--measurements", "{few}"], 2, "write the columns"),
+        (["{few}", "-o", "{few}"], 2, "the same file"),
+    ],
+)
+def test_study_of_bad_input_ends_in_one_line(healthy, tmp_path, capsys, words, code, says):
+    bare = [replace(part, verdict=None, residual=None) for part in healthy[:40]]
+    paths = {
+        "few": write(tmp_path / "few.jsonl", [part for part in healthy[:20] if part.residual][:10]),
+        "other": write(tmp_path / "other.jsonl", [], tree=several_table()),
+        "unaudited": write(tmp_path / "bare.jsonl", bare),
+        "broken": write(tmp_path / "broken.jsonl", healthy[:30]),
+        "empty": write(tmp_path / "empty.jsonl", []),
+    }  # fmt: skip
+    paths["broken"].write_bytes(paths["broken"].read_bytes().replace(b'"pass"', b'"Pass"', 1))
+    given = [word.format(**paths) for word in words]
+    with pytest.raises(SystemExit) as ended:  # as of argparse
+        raise SystemExit(main(*given))
+    assert ended.value.code == code
+    assert says in one_line(capsys)
+
+
+def test_the_commands_of_the_page_do_what_it_says(healthy, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "trees").symlink_to(ROOT / "trees")
+    write(tmp_path / "run-off.jsonl", healthy)
+    (tmp_path / "made").mkdir()
+    for number, path in enumerate(crossed_journals(tmp_path / "made"), 1):
+        path.rename(tmp_path / f"cell{number}.jsonl")
+    for block in blocks(DOCS / "acceptance.md"):
+        (line,) = block.commands
+        assert audit(shlex.split(line)[1:]) in (0, 15)
+        assert matches(block.printed, capsys.readouterr().out.splitlines())
