@@ -102,8 +102,9 @@ def _leaf(
 ) -> tables.Leaf:
     here = evaluation.leaf == index
     trials, hits = int(here.sum()), int((here & evaluation.within).sum())
-    if trials == 0:
-        return leaf
+    if trials == 0:  # its figures are those of the trials before, when there were more leaves
+        held = not tables.refuted(tables.successes_of(leaf), leaf.trials, job.goal.confidence, leaves)
+        return leaf._replace(resolved=leaf.resolved and held)
     resolved = leaf.resolved and not tables.refuted(hits, trials, job.goal.confidence, leaves)
     leaf = leaf._replace(success_ppm=round(tables.PPM * hits / trials), trials=trials, resolved=resolved)
     median_um, p95_um = _errors_um(evaluation.error_mm[here])
