@@ -30,13 +30,21 @@ def check_usage(arguments: argparse.Namespace) -> None:
     """
     simulated = arguments.port == SIMULATED
     _check_views(arguments)
+    if arguments.plc is not None:
+        from runtime.commands import plc
+
+        plc.check(arguments)
+    elif len(arguments.trees) > 1:
+        raise ArgumentsError("--tree stands twice; only a PLC chooses among tables (--plc): name one")
     if arguments.serve is not None:
         from runtime.commands import serve
 
         serve.check(arguments)
         return
-    if arguments.network:
-        raise ArgumentsError("--network is for --serve; leave it out, or name an address with --serve")
+    if arguments.network and arguments.plc is None:
+        raise ArgumentsError(
+            "--network is for --serve and --plc; leave it out, or name an address with one of them"
+        )
     if arguments.put_down and (arguments.check or arguments.dry_run or arguments.jaws_empty):
         raise ArgumentsError("--put-down moves what is held; leave out --check, --dry-run and --jaws-empty")
     if arguments.put_down and arguments.after_crash != "abort":

@@ -23,6 +23,7 @@ PARSED = {
     DOCS
     / "drivers.md": "tests/integration/test_driver_guide.py runs its example, which is installed otherwise",
     DOCS / "refit.md": "tests/integration/test_tutorial.py runs it with fewer parts",
+    DOCS / "plc.md": "it serves until it is stopped; tests/integration/test_plc.py runs such a command",
     DOCS / "performance.md": "each command measures for minutes, some need MuJoCo",
 }
 SENTENCE = re.compile(r"`((?:plan|grasp)-[a-z]+ [^`]+)`")

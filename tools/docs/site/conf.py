@@ -79,6 +79,7 @@ tools/docs/grippers
 tools/docs/refit
 tools/docs/controllers
 tools/docs/serve
+tools/docs/plc
 tools/docs/drivers
 tools/docs/several-parts
 runtime/OUTCOMES
