@@ -13,7 +13,7 @@ from drivers.ports import Scene
 from runtime.commands.arguments import parser
 from runtime.commands.recipe import Recipe
 from runtime.devices.clock import SystemClock
-from runtime.errors import ArgumentsError, exit_code_of
+from runtime.errors import ArgumentsError, StoppedError, exit_code_of
 from runtime.execution import crash, session
 from runtime.execution.events import Sighting
 from runtime.execution.executor import Cell
@@ -34,8 +34,13 @@ FAREWELL_S = 1.0  # for a PLC to take the result of a part that was stopped; and
 ENDING_S = 5.0  # for a PLC to take its signals back after the last part
 GLANCE_S = 0.5  # for a PLC to read once more
 ALL_BUT_READY = frozenset(State) - {State.READY}
-# What goes with no PLC: another master, nothing that moves, or a part that no trigger began.
-EXCLUDED = ("serve", "check", "dry_run", "put_down", "after_crash")
+EXCLUDED = {
+    "serve": "answers a robot that moves itself",
+    "check": "moves nothing",
+    "dry_run": "moves nothing",
+    "put_down": "runs no parts",
+    "after_crash": "goes on with a part that no trigger began",
+}
 OF_ONE_TABLE = ("watch", "http", "status", "audit")
 
 
@@ -44,13 +49,12 @@ def check(arguments: argparse.Namespace) -> Address:
 
     Raises:
         ArgumentsError: it names no address, one of another machine's reach that was not allowed, or comes
-            with an option that leaves the PLC nothing to do, or needs the only table.
+            with an option that needs the only table, or with which no trigger begins the parts.
     """
     defaults = parser()
     several = OF_ONE_TABLE if len(arguments.trees) > 1 else ()
-    for name in (*EXCLUDED, *several):
+    for name, reason in (EXCLUDED | dict.fromkeys(several, "needs the only table")).items():
         if getattr(arguments, name) != defaults.get_default(name):
-            reason = "needs the only table" if name in several else "leaves a PLC nothing to ask for"
             option = f"--{name.replace('_', '-')}"
             raise ArgumentsError(f"{option} {reason}; leave it out, or leave out --plc")
     scheme, _, place = arguments.plc.partition("://")
@@ -153,6 +157,9 @@ class PlcRun:
             order = self._exchange.order
             if order is None:
                 self._wait()
+                continue
+            if not self._exchange.enabled:  # withdrawn before anything has moved
+                self._exchange.finish(Answer(FAULT, StoppedError.exit_code))
                 continue
             if order.table != table:
                 return

@@ -298,6 +298,7 @@ def test_client_that_takes_no_answers_is_disconnected(
     monkeypatch.setattr(modbus, "MOST_UNREAD_BYTES", -1)
     deaf = served.raw()
     deaf.send(frame(read(STATUS, 21)))
+    assert deaf.read()[2][0] == 3  # what the system still sent
     assert deaf.is_closed()
 
 

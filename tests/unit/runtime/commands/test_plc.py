@@ -236,6 +236,31 @@ def test_nothing_is_moved_before_enabling(tmp_path: Path, tree: Path) -> None:
     assert len(made.log.named("activate")) == 1
 
 
+def test_enable_withdrawn_before_a_part_begins_ends_it_without_a_motion(tmp_path: Path, tree: Path) -> None:
+    made, triggered = fake_cell([AT_21]), threading.Event()
+    made.gripper.now = State(activated=False)
+    sweep = made.gripper.activate
+
+    def slow_sweep() -> None:
+        triggered.wait(30)
+        sweep()
+
+    made.gripper.activate = slow_sweep
+
+    def program(client: TcpPlc) -> None:
+        client.enable()
+        client.begin(6)
+        client.write(enable=0)
+        triggered.set()
+        result = client.result(6)
+        assert (result["outcome"], result["error_id"]) == (4, 40)
+        assert made.log.named("move_linear") == []
+        client.enable()
+        assert client.part(7)["outcome"] == 1
+
+    assert Running(tmp_path, made, tree, count=1).run(program) == 0
+
+
 def test_fault_is_a_result_of_its_id_that_stays_until_it_is_taken(tmp_path: Path, tree: Path) -> None:
     def program(client: TcpPlc) -> None:
         client.enable()
