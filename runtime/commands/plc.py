@@ -30,10 +30,9 @@ from runtime.traversal.results import Outcome, PartResult
 
 SCHEME = "modbus-tcp"
 WAKE_S = 2.0  # between two words to the service manager
-FAREWELL_S = 1.0  # for a PLC to take the result of a part that was stopped; and to take its signals back
-ENDING_S = 5.0  # for a PLC to take its signals back after the last part
-GLANCE_S = 0.5  # for a PLC to read once more
-ALL_BUT_READY = frozenset(State) - {State.READY}
+ENDING_S = 5.0  # for a PLC to end the handshake of the last part
+FAREWELL_S = 3.0  # the same where a stop request or an error ends the run
+GLANCE_S = 1.0  # for a PLC to read once more
 EXCLUDED = {
     "serve": "answers a robot that moves itself",
     "check": "moves nothing",
@@ -146,7 +145,7 @@ class PlcRun:
             self._exchange.end()
             self._exchange.finish(Answer(FAULT, exit_code_of(error)))
             if self._exchange.state is not State.READY:
-                self._part_with(FAREWELL_S, FAREWELL_S)
+                self._part_with(FAREWELL_S)
             raise
         self._monitors[number].summary(tally, journal.path)
         return tally.exit_code
@@ -174,19 +173,22 @@ class PlcRun:
         """The run is over: no trigger counts, and the last result stays until it is taken."""
         self._exchange.end()
         with suppress(KeyboardInterrupt):  # what ended the run came first
-            self._part_with(*((FAREWELL_S, FAREWELL_S) if self._stopped else (inf, ENDING_S)))
+            while self._exchange.state in OPEN and not self._stopped:
+                self._wait()
+            self._part_with(FAREWELL_S if self._stopped else ENDING_S)
 
-    def _part_with(self, taken_s: float, back_s: float) -> None:
-        """Wait until the result is taken, the signals are back and the PLC has seen that."""
-        self._wait_while(OPEN, taken_s)
-        self._wait_while(ALL_BUT_READY, back_s)
-        with interrupts.stoppable():
-            self._clock.sleep(GLANCE_S)
-
-    def _wait_while(self, states: frozenset[State], seconds: float) -> None:
+    def _part_with(self, seconds: float) -> None:
+        """Leave a PLC that is connected time to end the handshake, and to see that it has ended."""
         until = self._clock.now() + seconds
-        while self._exchange.state in states and (left := until - self._clock.now()) > 0.0:
-            self._wait(left)
+        while self._exchange.state is not State.READY and self._left(until) > 0.0:
+            self._wait(self._left(until))
+        until = self._clock.now() + GLANCE_S
+        while self._left(until) > 0.0:
+            self._wait(self._left(until))
+
+    def _left(self, until: float) -> float:
+        """Seconds that are left for a PLC; none once it is gone."""
+        return until - self._clock.now() if self._exchange.connected else 0.0
 
     def _wait(self, seconds: float = inf) -> None:
         with interrupts.stoppable():

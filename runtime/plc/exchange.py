@@ -26,6 +26,7 @@ class Exchange:
     def __init__(self, station: Station, clock: SystemClock) -> None:
         self._station, self._clock = station, clock
         self._lock = threading.Lock()
+        self.connected = False  # whether there is a client that may write
         # Waited on in place of a condition: a stop request may end the wait, and must leave no lock behind.
         self._news: queue.SimpleQueue[None] = queue.SimpleQueue()
 
@@ -44,10 +45,16 @@ class Exchange:
             self._news.put(None)
         return refusal
 
+    def connect(self) -> None:
+        """A client may write from now on."""
+        self.connected = True
+
     def disconnect(self) -> None:
         """As `Station.disconnect`."""
         with self._lock:
             self._station.disconnect()
+        self.connected = False
+        self._news.put(None)
 
     # -- the run's side -------------------------------------------------------------------------------
 

@@ -63,7 +63,7 @@ class ModbusServer:
             return False
         self._connections.append(connection)
         if self._writer is None:
-            self._writer = connection
+            self._appoint(connection)
         return True
 
     def leave(self, connection: "Connection") -> None:
@@ -78,8 +78,12 @@ class ModbusServer:
         """Whether a connection is the one that writes: the first, until it ends or only reads."""
         writer = self._writer
         if writer is None or (not writer.has_written and self.clock.now() - writer.began_s > PANEL_S):
-            self._writer = connection
+            self._appoint(connection)
         return self._writer is connection
+
+    def _appoint(self, connection: "Connection") -> None:
+        self._writer = connection
+        self.exchange.connect()
 
     def _run(self) -> None:
         # Stop requests are the main thread's: a signal that this one took would not wake it.

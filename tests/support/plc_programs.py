@@ -10,6 +10,7 @@ from types import TracebackType
 
 from pymodbus.client import ModbusTcpClient
 
+from runtime.plc.handshake import Error
 from runtime.plc.registers import MAP, Register, as_json
 from runtime.plc.station import Answer, Refusal, Station
 
@@ -67,7 +68,10 @@ class TcpPlc:
         self.unit = unit
         self._beat = 0
         self.client = ModbusTcpClient("127.0.0.1", port=port, timeout=WAIT_S, retries=0)
-        assert self.client.connect()
+        until = time.monotonic() + WAIT_S
+        while not self.client.connect():
+            assert time.monotonic() < until
+            time.sleep(0.05)
 
     def write(self, **values: int) -> None:
         for name, value in values.items():
@@ -110,9 +114,16 @@ class TcpPlc:
         self.write(enable=1)
 
     def begin(self, trigger_id: int) -> None:
-        """Trigger a part, and drop the trigger once it is acknowledged."""
+        """Trigger a part, and drop the trigger once it is acknowledged.
+
+        On a machine so busy that the heartbeat stood still, enable and trigger once more.
+        """
         self.write(trigger_id=trigger_id, trigger=1)
-        self.wait("acknowledge", 1)
+        while not (self["acknowledge"] or self["busy"] or self["result_valid"]):
+            assert self["error_id"] in (Error.NOT_ENABLED, Error.HEARTBEAT)
+            self.write(trigger=0)
+            self.enable()
+            self.write(trigger=1)
         self.write(trigger=0)
 
     def result(self, trigger_id: int) -> dict[str, int]:
@@ -167,6 +178,13 @@ class PlcServed:
 
     def plc(self, unit: int = 1) -> TcpPlc:
         return TcpPlc(self.port, unit)
+
+    def until_squeezing(self, part: int) -> None:
+        """Wait until the hand is at a part, which is under way from then on."""
+        until = time.monotonic() + WAIT_S
+        while f'"kind":"placed","part":{part},' not in self.journal.read_text():
+            assert time.monotonic() < until
+            time.sleep(0.01)
 
     def ended(self) -> tuple[int, list[dict[str, object]], str]:
         """Its exit code, its parts and its last words, once it has ended by itself or been asked to."""

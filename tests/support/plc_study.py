@@ -15,6 +15,7 @@ from runtime.plc.registers import HEARTBEAT_LIMIT_S, READ, READ_AT, WRITTEN, WRI
 from runtime.plc.station import Answer, Station
 
 CYCLE_S = 0.05
+MOST_PART_S = 0.3  # a part takes, at most
 MOST_UNDER_WAY = 6  # exchanges
 PATIENCE = 20  # cycles, until an acknowledge that took nothing is raised once more
 _OFFSET = {register.name: register.address - READ_AT for register in READ}
@@ -164,7 +165,7 @@ class Study:
     def _runtime(self) -> None:
         order = self.station.order
         if order is None:
-            self._ends_s = self._now + self._random.random()
+            self._ends_s = self._now + MOST_PART_S * self._random.random()
         elif self._now >= self._ends_s:
             x = self._random.randrange(2**32)
             self.given.append((order.trigger_id, x))

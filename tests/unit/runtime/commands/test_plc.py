@@ -36,9 +36,10 @@ PLC = ["--tree", "t", "--port", "sim", "--plc", "modbus-tcp://127.0.0.1:0"]
 
 
 @pytest.fixture(autouse=True)
-def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
+def _patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A run waits for its PLC, which hangs up at the end, however slow it is."""
     for name in ("FAREWELL_S", "ENDING_S", "GLANCE_S"):
-        monkeypatch.setattr(plc, name, 0.3)
+        monkeypatch.setattr(plc, name, 30.0)
 
 
 @pytest.mark.parametrize(
@@ -261,13 +262,17 @@ def test_enable_withdrawn_before_a_part_begins_ends_it_without_a_motion(tmp_path
     assert Running(tmp_path, made, tree, count=1).run(program) == 0
 
 
-def test_fault_is_a_result_of_its_id_that_stays_until_it_is_taken(tmp_path: Path, tree: Path) -> None:
+def test_fault_is_a_result_of_its_id_that_stays_until_it_is_taken(
+    tmp_path: Path, tree: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(plc, "FAREWELL_S", 0.1)
+
     def program(client: TcpPlc) -> None:
         client.enable()
         client.part(1)
         client.begin(2)
         client.wait("result_valid", 1)
-        time.sleep(0.5)  # longer than a run that was stopped waits
+        time.sleep(0.3)  # longer than a run that was stopped would wait
         assert client["result_id"] == 2
         assert (client["outcome"], client["error_id"], client["x"]) == (4, 20, 0)
         client.write(enable=0, trigger_id=3)
