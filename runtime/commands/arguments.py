@@ -2,11 +2,13 @@
 
 import argparse
 import difflib
+import json
 from math import inf
 from pathlib import Path
+from typing import Any
 
 from runtime.execution import safe_state
-from runtime.shell.command import Parser, positive, positive_int, seconds
+from runtime.shell.command import Parser, positive, positive_int, say, seconds
 
 DEFAULT_JOURNAL = Path("squeezetree-journal.jsonl")
 SIMULATED = "sim"
@@ -23,6 +25,7 @@ examples:
   grasp-runtime --tree T.msgpack --port /dev/ttyUSB0 --calibration gripper.json --check
   grasp-runtime --tree T.msgpack --port /dev/ttyUSB0 --arm tcp://192.168.125.1:5000 --dry-run
   grasp-runtime --tree T.msgpack --port manual --arm manual
+  grasp-runtime --tree T.msgpack --port sim --plc modbus-tcp://127.0.0.1:5020 --json
   grasp-runtime --tree T.msgpack --serve tcp://127.0.0.1:5020
 
 exit codes (runtime/OUTCOMES.md tells what each outcome leaves behind):
@@ -57,6 +60,32 @@ def address(text: str) -> str:
     return text
 
 
+class Trees(argparse.Action):
+    """Takes an option that may stand several times: `tree` is the first value, `trees` are all."""
+
+    def __call__(
+        self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any, option: Any = None
+    ) -> None:
+        """Add a value."""
+        del parser, option
+        namespace.trees = (*namespace.trees, values)
+        namespace.tree = namespace.trees[0]
+
+
+class PrintedMap(argparse.Action):
+    """Prints the registers of `--plc` and ends, as --help does."""
+
+    def __call__(
+        self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any, option: Any = None
+    ) -> None:
+        """Print them."""
+        del namespace, values, option
+        from runtime.plc import registers  # not loaded into a run without a PLC
+
+        say(json.dumps(registers.as_json()))
+        parser.exit()
+
+
 def parser() -> Parser:
     """The command's arguments."""
     built = Parser(
@@ -65,7 +94,15 @@ def parser() -> Parser:
         epilog=EPILOG,
     )
     add = built.add_argument
-    add("--tree", type=Path, required=True, metavar="T", help="the table, as plan-compile wrote it")
+    add(
+        "--tree",
+        type=Path,
+        required=True,
+        action=Trees,
+        metavar="T",
+        help="the table, as plan-compile wrote it; with --plc several, each with its --tree",
+    )
+    built.set_defaults(trees=())
     add(
         "--port",
         type=address,
@@ -82,7 +119,7 @@ def parser() -> Parser:
         "--count",
         type=positive_int,
         metavar="N",
-        help="number of parts, after a crash with those before it (default: 1; with --serve no end)",
+        help="number of parts, after a crash with those before it (default: 1; no end with --serve, --plc)",
     )
     add("--activate", action="store_true", help="activate the gripper if need be: the fingers sweep fully")
     add(
@@ -135,9 +172,21 @@ def _add_instead(group: argparse._ArgumentGroup) -> None:
         "a free one and says which",
     )
     group.add_argument(
+        "--plc",
+        metavar="modbus-tcp://HOST:PORT",
+        help="a PLC is the master: serve its registers there, and run a part at each of its triggers "
+        "(tools/docs/plc.md); port 0 takes a free one and says which",
+    )
+    group.add_argument(
+        "--plc-map",
+        action=PrintedMap,
+        choices=("json",),
+        help="print the registers of --plc, and start nothing",
+    )
+    group.add_argument(
         "--network",
         action="store_true",
-        help="with --serve: HOST may be another address than this machine's own; there is no password",
+        help="with --serve, --plc: HOST may be another address than this machine's own; there is no password",
     )
 
 

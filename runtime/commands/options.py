@@ -14,7 +14,6 @@ from runtime.execution.calibration import GripperCalibration
 from runtime.execution.executor import RunOptions
 from runtime.execution.handling import Handling
 from runtime.execution.reading import CURRENT_MA
-from runtime.execution.safe_state import DECLARED
 from runtime.execution.tips import TipArc
 from runtime.monitoring.monitor import Views
 from runtime.table import Table, job_of, profile_of
@@ -31,13 +30,21 @@ def check_usage(arguments: argparse.Namespace) -> None:
     """
     simulated = arguments.port == SIMULATED
     _check_views(arguments)
+    if arguments.plc is not None:
+        from runtime.commands import plc
+
+        plc.check(arguments)
+    elif len(arguments.trees) > 1:
+        raise ArgumentsError("--tree stands twice; only a PLC chooses among tables (--plc): name one")
     if arguments.serve is not None:
         from runtime.commands import serve
 
         serve.check(arguments)
         return
-    if arguments.network:
-        raise ArgumentsError("--network is for --serve; leave it out, or name an address with --serve")
+    if arguments.network and arguments.plc is None:
+        raise ArgumentsError(
+            "--network is for --serve and --plc; leave it out, or name an address with one of them"
+        )
     if arguments.put_down and (arguments.check or arguments.dry_run or arguments.jaws_empty):
         raise ArgumentsError("--put-down moves what is held; leave out --check, --dry-run and --jaws-empty")
     if arguments.put_down and arguments.after_crash != "abort":
@@ -188,28 +195,3 @@ def arc_of(arguments: argparse.Namespace, table: Table, measured: GripperCalibra
                 f"{link_mm:g},OFFSET in mm (tools/docs/grippers.md), or --tips straight for tips that do not"
             )
     return TipArc(taught_mm=taught_mm) if arguments.tips == "arc" else None
-
-
-def header_of(arguments: argparse.Namespace, options: RunOptions) -> dict[str, object]:
-    """What the journal's header says of a run besides its table."""
-    on_reject, on_unresolved = options.policy.texts()
-    measured = options.handling.calibration
-    return {
-        "table": str(arguments.tree),
-        "port": arguments.port,
-        "arm": arguments.arm,
-        "serve": arguments.serve,
-        "count": arguments.count if arguments.serve else arguments.count or 1,
-        "time_scale": "max" if arguments.time_scale == inf else arguments.time_scale,
-        "seed": arguments.seed if arguments.port == SIMULATED else None,
-        "on_reject": on_reject,
-        "on_unresolved": on_unresolved,
-        "delivery": None if options.delivery is None else options.delivery.told(),
-        "after_crash": arguments.after_crash,
-        "force": arguments.force,
-        "tips": None if options.handling.arc is None else str(options.handling.arc),
-        "calibration": None if arguments.calibration is None else str(arguments.calibration),
-        "widths_um": None if measured is None else list(measured.widths_um),
-        "middle_um": round(1000 * options.handling.middle_mm),
-        "declared_safe_state": DECLARED,
-    }

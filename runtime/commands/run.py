@@ -2,35 +2,35 @@
 
 import argparse
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 from drivers.ports import Drivers, Report
 from runtime.commands.arguments import SIMULATED, SIMULATED_CAMERA
 from runtime.commands.cell import Devices, connect
-from runtime.commands.options import check_usage, header_of, run_options, views
-from runtime.commands.software import installed
+from runtime.commands.options import check_usage, views
+from runtime.commands.recipe import Recipe, prepare
 from runtime.devices.audit import AuditProcess
 from runtime.devices.clock import SystemClock
 from runtime.devices.lock import PortLock
-from runtime.errors import ArgumentsError, BrokenRunError, CalibrationError
-from runtime.execution import carry, crash, dry_run, held, middle, session
-from runtime.execution.events import Console
-from runtime.execution.executor import Cell, RunOptions
-from runtime.execution.handling import check_arc
+from runtime.errors import ArgumentsError, BrokenRunError
+from runtime.execution import carry, crash, dry_run, held, session
+from runtime.execution.executor import Cell
 from runtime.execution.held import Held
-from runtime.execution.safety import check_table, needs_activation, ready_gripper
+from runtime.execution.safety import needs_activation, ready_gripper
 from runtime.journal import files
 from runtime.journal import installed as log
 from runtime.journal.chain import Incidents, Journal
 from runtime.journal.replay import Replay
-from runtime.monitoring.console import Lines, Objects
 from runtime.monitoring.monitor import Monitor
 from runtime.shell import interrupts
 from runtime.shell.command import say
-from runtime.table import PPM, Table, TableFile, load, misfits
+from runtime.table import Table
+
+if TYPE_CHECKING:
+    from runtime.commands.plc import PlcRun
 
 
 def run(arguments: argparse.Namespace, drivers: Drivers) -> int:
@@ -44,23 +44,16 @@ def run(arguments: argparse.Namespace, drivers: Drivers) -> int:
         Exception: any error of ours or of a device; each carries its `exit_code`.
     """
     check_usage(arguments)
-    loaded = load(arguments.tree)
-    table, software = loaded.table, installed(arguments, loaded)
-    if arguments.serve is None:  # a robot that asks may have any gripper
-        check_table(table)
-    options = run_options(arguments, table)
-    console: Console = Objects(table, arguments.journal) if arguments.json else Lines(table)
-    console.note(_headline(arguments.tree, table))
-    if arguments.tips not in (None, "straight") and options.handling.arc is None:
-        console.note(
+    recipe = prepare(arguments, arguments.tree)
+    goal = recipe.loaded.table.goal
+    if arguments.tips not in (None, "straight") and recipe.options.handling.arc is None:
+        recipe.console.note(
             f"--tips {arguments.tips} moves nothing here: you keep the tips at their height above the table"
         )
-    _check_fit(table, options)
-    carry.check(options.delivery, table, middle_mm=options.handling.middle_mm)
-    if arguments.audit is not None and (table.goal.kind == "identity" or not table.goal.identify):
+    if arguments.audit is not None and (goal.kind == "identity" or not goal.identify):
         raise ArgumentsError("--audit judges a pose; this goal leaves open the pose, or which part it is")
     with ExitStack() as stack:
-        asked = _Asked(arguments, loaded, software, options, console, drivers, stack)
+        asked = _Asked(arguments, recipe, drivers, stack)
         if arguments.check:
             return asked.check()
         if arguments.serve is not None:
@@ -73,26 +66,28 @@ class _Asked:
     """What one call of the command asks for; `stack` closes what it opens."""
 
     arguments: argparse.Namespace
-    loaded: TableFile
-    software: Mapping[str, object]  # what the log of installed software says of it
-    options: RunOptions
-    console: Console
+    recipe: Recipe
     drivers: Drivers
     stack: ExitStack
 
     def execute(self) -> int:
         """Look for a broken run, connect, refuse what must be; then begin the journal and run the parts."""
-        arguments, table = self.arguments, self.loaded.table
+        arguments, table = self.arguments, self.recipe.loaded.table
         clock = SystemClock(arguments.time_scale)
-        header, policy = header_of(arguments, self.options), arguments.after_crash
+        header, policy = self.recipe.header, arguments.after_crash
+        plc = None if arguments.plc is None else self._plc()
         # First of all, since it may be refused; what runs below closes before it, and is watched until then.
         monitor = self.stack.enter_context(
-            Monitor(self.console, self.loaded, arguments.tree, views(arguments))
+            Monitor(self.recipe.console, self.recipe.loaded, arguments.tree, views(arguments))
+            if plc is None
+            else plc.monitor
         )
         journal, begun = self._look_back(clock, header)
         incidents = Incidents()
         devices = self._connect(incidents.record)
-        carry.check(self.options.delivery, table, devices.arm, self.options.handling.middle_mm)
+        for recipe in (self.recipe,) if plc is None else plc.recipes:
+            options = recipe.options
+            carry.check(options.delivery, recipe.loaded.table, devices.arm, options.handling.middle_mm)
         # A simulated gripper powers up in reset like a real one, and nothing real is between its fingers.
         activate = arguments.activate or arguments.port == SIMULATED
         # What would be refused later is refused now: a run that never was leaves no record, and no file.
@@ -105,11 +100,13 @@ class _Asked:
         cell = Cell(devices.gripper, devices.arm, devices.clock or clock, journal, auditor)
         monitor.ready()
         self.stack.enter_context(interrupts.whole())  # a run with a header has a last record, too
-        self._note_software(clock)
-        crash.begin(journal, begun, self.loaded.data, header, policy)
+        self._note_software(clock, (self.recipe,) if plc is None else plc.recipes)
+        crash.begin(journal, begun, self.recipe.loaded.data, header, policy)
         incidents.hand_over(journal)
         if arguments.put_down:
-            return self._say_put_down(session.put_down(table, cell, monitor, self.options))
+            return self._say_put_down(session.put_down(table, cell, monitor, self.recipe.options))
+        if plc is not None:
+            return plc.run(cell, devices.scene, activate=activate)
         tally = session.run_journalled(
             table,
             cell,
@@ -117,11 +114,19 @@ class _Asked:
             monitor,
             count=arguments.count or 1,
             activate=activate,
-            options=self.options,
+            options=self.recipe.options,
             broken=begun,
         )
         monitor.summary(tally, arguments.journal)
         return tally.exit_code
+
+    def _plc(self) -> "PlcRun":
+        """Listen for a PLC, and prepare the further tables that it may choose."""
+        from runtime.commands import plc  # with a server, which no other run has to load
+
+        arguments = self.arguments
+        others = (prepare(arguments, tree) for tree in arguments.trees[1:])
+        return plc.opened(arguments, (self.recipe, *others), views(arguments), self.stack)
 
     def serve(self) -> int:
         """Answer a robot that asks, part after part; the same journal, and nothing of ours moves."""
@@ -129,24 +134,24 @@ class _Asked:
         from runtime.execution.asked import AskedParts, check_asked
         from runtime.monitoring.live.server import listening
 
-        arguments, table, clock = self.arguments, self.loaded.table, SystemClock()
-        header, policy = header_of(arguments, self.options), arguments.after_crash
+        arguments, table, clock = self.arguments, self.recipe.loaded.table, SystemClock()
+        header, policy = self.recipe.header, arguments.after_crash
         check_asked(table)
         address = serve.check(arguments)
         monitor = self.stack.enter_context(
-            Monitor(self.console, self.loaded, arguments.tree, views(arguments))
+            Monitor(self.recipe.console, self.recipe.loaded, arguments.tree, views(arguments))
         )
         listener = self.stack.enter_context(listening(address, "--serve"))
         journal, _ = self._look_back(clock, header)
         journal = journal or self._journal(clock)
-        self.console.note(f"a robot may ask at tcp://{address.host}:{listener.getsockname()[1]}")
+        self.recipe.console.note(f"a robot may ask at tcp://{address.host}:{listener.getsockname()[1]}")
         monitor.ready()
         self.stack.enter_context(interrupts.whole())
-        self._note_software(clock)
-        crash.begin(journal, None, self.loaded.data, header, policy)
+        self._note_software(clock, (self.recipe,))
+        crash.begin(journal, None, self.recipe.loaded.data, header, policy)
         with session.ending(journal) as tally:
             parts = AskedParts(
-                table, self.loaded.digest, journal, clock, monitor, tally, self.options,
+                table, self.recipe.loaded.digest, journal, clock, monitor, tally, self.recipe.options,
                 arguments.count,
             )  # fmt: skip
             serve.RobotServer(listener, parts, clock).serve()
@@ -155,12 +160,12 @@ class _Asked:
 
     def check(self) -> int:
         """Tell that the table fits; look at the gripper where there is one. Nothing moves."""
-        arguments, table, console = self.arguments, self.loaded.table, self.console
+        arguments, table, console = self.arguments, self.recipe.loaded.table, self.recipe.console
         told: dict[str, object] = {"nodes": len(table.nodes), "gripper": None}
         origin = arguments.calibration or "the linear map"
         console.note(f"the table fits the gripper: {len(table.nodes)} nodes, 256 counts each, by {origin}")
         console.note(_believed(table))
-        if self.options.delivery is not None:
+        if self.recipe.options.delivery is not None:
             console.note(
                 "the part can be delivered from every leaf, as far as areas tell; --dry-run asks the arm"
             )
@@ -169,7 +174,7 @@ class _Asked:
             gripper = self.drivers.gripper(arguments.port, read_only=True)
             self.stack.callback(gripper.close)
             count = gripper.state().position_counts
-            width_mm = self.options.handling.widths(table).width_um(count) / 1000
+            width_mm = self.recipe.options.handling.widths(table).width_um(count) / 1000
             console.note(f"the gripper stands at count {count}, which is {width_mm:.2f} mm")
             told["gripper"] = {"position_counts": count, "width_mm": width_mm}
         if arguments.json:
@@ -179,17 +184,21 @@ class _Asked:
     def dry_run(self) -> int:
         """Tell what would be sent to the devices, over links that cannot write."""
         devices = self._connect(Incidents().record)
-        told = dry_run.tell(self.loaded.table, devices.gripper, devices.arm, self.options)
+        told = dry_run.tell(self.recipe.loaded.table, devices.gripper, devices.arm, self.recipe.options)
         if self.arguments.json:
             say(json.dumps({"told": told}))
         else:
             for sentence in told:
-                self.console.note(sentence)
-        self.console.note("dry run: nothing was written to the gripper, and nothing but questions to the arm")
+                self.recipe.console.note(sentence)
+        self.recipe.console.note(
+            "dry run: nothing was written to the gripper, and nothing but questions to the arm"
+        )
         return 0
 
     def _connect(self, report: Report) -> Devices:
-        return connect(self.arguments, self.loaded.table, self.console, self.drivers, self.stack, report)
+        return connect(
+            self.arguments, self.recipe.loaded.table, self.recipe.console, self.drivers, self.stack, report
+        )
 
     def _look_back(
         self, clock: SystemClock, header: Mapping[str, object]
@@ -201,25 +210,28 @@ class _Asked:
         journal = self._journal(clock)
         now = {"time": clock.stamp(), **clock.uptime()}
         try:
-            policy, data, most_s = arguments.after_crash, self.loaded.data, arguments.resume_within
-            return journal, crash.look(journal, data, header, policy, self.console, now=now, most_s=most_s)
+            policy, data, most_s = arguments.after_crash, self.recipe.loaded.data, arguments.resume_within
+            return journal, crash.look(
+                journal, data, header, policy, self.recipe.console, now=now, most_s=most_s
+            )
         except BrokenRunError as error:
             if not arguments.put_down:
                 raise
-            self.console.note(str(error))
+            self.recipe.console.note(str(error))
             return journal, None
 
     def _journal(self, clock: SystemClock) -> Journal:
         return self.stack.enter_context(Journal(self.arguments.journal, clock.stamp, clock.uptime))
 
-    def _note_software(self, clock: SystemClock) -> None:
-        log.note(self.arguments.journal, self.loaded.data, self.software, clock.stamp, clock.uptime)
+    def _note_software(self, clock: SystemClock, recipes: Sequence[Recipe]) -> None:
+        for recipe in recipes:
+            log.note(self.arguments.journal, recipe.loaded.data, recipe.software, clock.stamp, clock.uptime)
 
     def _holds(self, devices: Devices, journal: Journal | None, *, activate: bool) -> Held | None:
         """What the fingers may hold before a run begins, if they may be moved regardless; else raises."""
         arguments = self.arguments
         state = devices.gripper.state()
-        holds = held.look(state, self.options.handling.widths(self.loaded.table))
+        holds = held.look(state, self.recipe.options.handling.widths(self.recipe.loaded.table))
         if arguments.put_down and holds is None:
             return None
         if not (activate and needs_activation(state)) or arguments.put_down:
@@ -233,7 +245,7 @@ class _Asked:
         if self.arguments.audit is None:
             return None
         command = self.arguments.audit.replace(SIMULATED_CAMERA, devices.camera)
-        auditor = self.stack.enter_context(AuditProcess(command, table_sha256=self.loaded.digest))
+        auditor = self.stack.enter_context(AuditProcess(command, table_sha256=self.recipe.loaded.digest))
         auditor.check()
         return auditor
 
@@ -241,31 +253,13 @@ class _Asked:
         if self.arguments.json:
             say(json.dumps({"put_down": told}))
         elif told is None:
-            self.console.note("the fingers hold nothing; nothing was moved")
+            self.recipe.console.note("the fingers hold nothing; nothing was moved")
         else:
-            self.console.note(
+            self.recipe.console.note(
                 f"put down at ({told['x_mm']:.2f}, {told['y_mm']:.2f}) mm, {told['width_mm']:.2f} mm between "
                 "the fingers; the run ends here: look where it lies, then start again"
             )
         return 0
-
-
-def _check_fit(table: Table, options: RunOptions) -> None:
-    calibration = options.handling.widths(table)
-    problems = misfits(table, calibration)
-    if problems:
-        raise CalibrationError(problems[0])
-    check_arc(options.handling.arc, table.limits, calibration)
-    middle.check(table, options.handling.middle_mm)
-
-
-def _headline(path: Path, table: Table) -> str:
-    told = f"table {path}: {len(table.nodes)} nodes, {len(table.leaves)} leaves"
-    predicted = table.predicted
-    if predicted.trials:
-        told += f", predicted success {predicted.success_ppm / PPM:.4f}"
-        told += f", {predicted.mean_squeezes_ppm / PPM:.2f} squeezes a part"
-    return told
 
 
 def _believed(table: Table) -> str:

@@ -3,17 +3,19 @@
 import argparse
 import hashlib
 import sys
+from pathlib import Path
 
 from runtime import VERSION
 from runtime.execution import calibration
 from runtime.table import TableFile
 
 
-def installed(arguments: argparse.Namespace, loaded: TableFile) -> dict[str, object]:
+def installed(arguments: argparse.Namespace, tree: Path, loaded: TableFile) -> dict[str, object]:
     """What the log of installed software says of a run besides its table's bytes.
 
     Args:
         arguments: of `grasp-runtime`.
+        tree: the table's file.
         loaded: the table of the run.
 
     Raises:
@@ -29,10 +31,10 @@ def installed(arguments: argparse.Namespace, loaded: TableFile) -> dict[str, obj
         from runtime.signing import keys, pack  # with a library that no other run has to load
 
         trusted = keys.load_public(arguments.require_signed)
-        told = pack.covering(arguments.tree, loaded.data, measured, trusted).fields()
+        told = pack.covering(tree, loaded.data, measured, trusted).fields()
         signer = {name: told[name] for name in signer}
     return {
-        "table": str(arguments.tree),
+        "table": str(tree),
         "compiled_by": loaded.table.tool,
         "job_sha256": loaded.table.job_digest.hex(),
         "calibration": None if path is None else str(path),

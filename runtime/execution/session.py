@@ -1,8 +1,9 @@
 """A run of many parts: feed, execute, compare with the truth where there is one, sum up."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from math import isfinite
+from typing import NamedTuple
 
 from drivers.ports import Gripper, Scene, Truth
 from runtime.errors import JournalError, exit_code_of
@@ -53,29 +54,56 @@ def run_journalled(
     it is recorded.
     """
     with ending(cell.journal) as tally:
-        tally.takt_s, tally.timed = options.takt_s, options.timed
-        # Fingers that may hold a part are the executor's to look at, and never sweep.
-        if broken is None or broken.part is None:
-            with interrupts.stoppable():
-                prepare_gripper(cell.gripper, console, activate=activate)
-        executor = Executor(table, cell, console, options)
         first = 1 if broken is None else broken.parts + 1
         last = count if broken is None or broken.part is None else max(count, broken.part)
         if first > last:
             console.note(f"no part is left: the run that broke off did {first - 1}, and --count is {count}")
-        for number in range(first, last + 1):
-            resumed = broken if broken is not None and broken.part == number else None
-            if scene is not None and resumed is None:
-                scene.next_part()
-            result = executor.run_part(number, resumed)
-            seen = None if scene is None or result.outcome not in CONTINUING else sight(table, scene, result)
-            if seen is not None and seen.true is not None:
-                cell.journal.record("truth", {"part": number, **truth_fields(seen)})
-            console.part(result, seen)
-            tally.add(result, seen)
-            if options.policy.ends_run(result.outcome):
-                break
+        batch = Batch(range(first, last + 1), activate, broken)
+        run_batch(table, cell, scene, console, tally, batch, options)
     return tally
+
+
+class Batch(NamedTuple):
+    """Parts that are run one after the other."""
+
+    numbers: Iterable[int]  # of the parts; the next one is asked for once the one before has its outcome
+    activate: bool  # whether a gripper that is inactive or in fault may be activated
+    broken: Replay | None = None  # a run that broke off and is gone on with
+
+
+def run_batch(
+    table: Table,
+    cell: Cell,
+    scene: Scene | None,
+    console: Console,
+    tally: Tally,
+    batch: Batch,
+    options: RunOptions,
+) -> None:
+    """Prepare the gripper, and run parts until they are over or one ends the run.
+
+    Raises:
+        Exception: any error but those that a part ends with.
+    """
+    tally.takt_s, tally.timed = options.takt_s, options.timed
+    broken = batch.broken
+    # Fingers that may hold a part are the executor's to look at, and never sweep.
+    if broken is None or broken.part is None:
+        with interrupts.stoppable():
+            prepare_gripper(cell.gripper, console, activate=batch.activate)
+    executor = Executor(table, cell, console, options)
+    for number in batch.numbers:
+        resumed = broken if broken is not None and broken.part == number else None
+        if scene is not None and resumed is None:
+            scene.next_part()
+        result = executor.run_part(number, resumed)
+        seen = None if scene is None or result.outcome not in CONTINUING else sight(table, scene, result)
+        if seen is not None and seen.true is not None:
+            cell.journal.record("truth", {"part": number, **truth_fields(seen)})
+        console.part(result, seen)
+        tally.add(result, seen)
+        if options.policy.ends_run(result.outcome):
+            return
 
 
 def put_down(table: Table, cell: Cell, console: Console, options: RunOptions) -> Mapping[str, object]:
@@ -115,6 +143,11 @@ def ending(journal: Journal) -> Iterator[Tally]:
         with suppress(JournalError):
             journal.record("end", _end_fields(tally, exit_code_of(error), _reason(error)))
         raise
+
+
+def end_run(journal: Journal, tally: Tally) -> None:
+    """Write the last record of a run after which another begins in the same call."""
+    journal.record("end", _end_fields(tally, tally.exit_code, None))
 
 
 def sight(table: Table, scene: Scene, result: PartResult) -> Sighting:

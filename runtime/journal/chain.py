@@ -6,9 +6,9 @@ line before. So a changed, missing or inserted line shows.
 A record is on the disk when `Journal.record` returns. A run begins with a header that embeds the table, so
 that the file alone is enough to check every decision, and ends with a record of kind `end`; a run without it
 broke off. In between, for each part: `part`, then a `placed` and a `squeeze` for each squeeze, `audit` and
-`delivery` where there is one, `outcome`, and `truth`, where a simulated part really lay; after a crash
-`resume` and `freed`; instead of parts `put_down`; and anywhere `link`, a retry or a failure on the way to the
-gripper.
+`delivery` where there is one, `outcome`, and `truth`, where a simulated part really lay; before a part that a
+PLC asked for `trigger`; after a crash `resume` and `freed`; instead of parts `put_down`; and anywhere `link`,
+a retry or a failure on the way to the gripper.
 
 A file that has grown long ends, between two parts, with a record of kind `seal`, and the chain goes on in a
 new file, which begins with the run's header again: `after_part` tells after which part. So the latest file is

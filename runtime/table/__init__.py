@@ -17,7 +17,7 @@ from typing import NamedTuple
 from runtime.errors import TableError, TableFileError
 from runtime.shell.files import quoted, writing
 from runtime.table.codec import MAX_BYTES, decode, encode, names_table
-from runtime.table.evidence import refuted, wilson_interval
+from runtime.table.evidence import refuted, successes_of, wilson_interval
 from runtime.table.goal import (
     Pose2,
     distance,
@@ -72,7 +72,15 @@ __all__ += ["distance", "error_mm", "hypotheses_of", "loads", "meets", "misfits"
 __all__ += ["phases_of", "takt_figures", "time_of", "trapezoid_s"]
 __all__ += ["ABOVE_MM", "ARM_ACCELERATION_MM_S2", "LEAD_MM"]
 __all__ += ["CLEAR_MM", "Phases", "Schedule", "Squeezed", "Stand", "Timing", "Visit", "close_alike"]
-__all__ += ["predicted_pose", "profile_of", "refuted", "residual", "threshold", "wilson_interval"]
+__all__ += [
+    "predicted_pose",
+    "profile_of",
+    "refuted",
+    "residual",
+    "successes_of",
+    "threshold",
+    "wilson_interval",
+]
 
 
 class TableFile(NamedTuple):

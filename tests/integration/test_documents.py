@@ -25,6 +25,7 @@ PARSED = {
     DOCS / "acceptance.md": "tests/unit/runtime/spc/study/test_study_command.py runs it",
     DOCS / "evidence.md": "tests/integration/test_evidence.py runs it",
     DOCS / "refit.md": "tests/integration/test_tutorial.py runs it with fewer parts",
+    DOCS / "plc.md": "it serves until it is stopped; tests/integration/test_plc.py runs such a command",
     DOCS / "performance.md": "each command measures for minutes, some need MuJoCo",
 }
 SENTENCE = re.compile(r"`((?:plan|grasp)-[a-z]+ [^`]+)`")

@@ -261,12 +261,12 @@ def test_a_judge_without_its_files_ends_with_what_is_missing(tell: Tell, tmp_pat
 
 def test_the_unforeseen_is_one_broad_sentence(monkeypatch, capsys, record_property, tmp_path) -> None:
     from runtime import cli
-    from runtime.commands import run
+    from runtime.commands import recipe
 
     def broken(path: Path) -> None:
         raise ZeroDivisionError("of\nnothing")
 
-    monkeypatch.setattr(run, "load", broken)
+    monkeypatch.setattr(recipe, "load", broken)
     assert cli.main(["--tree", "t", "--check"]) == 1
     err = capsys.readouterr().err
     assert err.count("\n") == 1

@@ -9,7 +9,7 @@ from sample_tables import small_table
 from runtime.table import dump
 
 ROOT = Path(__file__).parents[2]
-HEAVY = ("numpy", "scipy", "numba", "sklearn", "cv2", "planner.job.model")
+HEAVY = ("numpy", "scipy", "numba", "sklearn", "cv2", "planner.job.model", "runtime.plc")
 CHECK = f"import sys; print([name for name in {HEAVY} if name in sys.modules])"
 
 

@@ -81,6 +81,7 @@ tools/docs/refit
 tools/docs/controllers
 tools/docs/serve
 tools/docs/evidence
+tools/docs/plc
 tools/docs/drivers
 tools/docs/several-parts
 runtime/OUTCOMES

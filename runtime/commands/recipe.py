@@ -1,0 +1,93 @@
+"""A table that is proved and fits the cell, and how it is run."""
+
+import argparse
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import inf
+from pathlib import Path
+
+from runtime.commands.arguments import SIMULATED
+from runtime.commands.options import run_options
+from runtime.commands.software import installed
+from runtime.errors import CalibrationError
+from runtime.execution import carry, middle
+from runtime.execution.events import Console
+from runtime.execution.executor import RunOptions
+from runtime.execution.handling import check_arc
+from runtime.execution.safe_state import DECLARED
+from runtime.execution.safety import check_table
+from runtime.monitoring.console import Lines, Objects
+from runtime.table import PPM, Table, TableFile, load, misfits
+
+
+@dataclass(frozen=True, slots=True)
+class Recipe:
+    """A table with its options and console, and what journal and log of installed software say of its runs."""
+
+    path: Path
+    loaded: TableFile
+    options: RunOptions
+    console: Console
+    header: Mapping[str, object]
+    software: Mapping[str, object]
+
+
+def prepare(arguments: argparse.Namespace, tree: Path) -> Recipe:
+    """Load a table, prove it and check that it fits the cell as the arguments describe it.
+
+    Raises:
+        CellError: it is missing or damaged, or does not fit; each class carries its `exit_code`.
+    """
+    loaded = load(tree)
+    table, software = loaded.table, installed(arguments, tree, loaded)
+    if arguments.serve is None:  # a robot that asks may have any gripper
+        check_table(table)
+    options = run_options(arguments, table)
+    console: Console = Objects(table, arguments.journal) if arguments.json else Lines(table)
+    console.note(_headline(tree, table))
+    _check_fit(table, options)
+    carry.check(options.delivery, table, middle_mm=options.handling.middle_mm)
+    return Recipe(tree, loaded, options, console, _header(arguments, tree, options), software)
+
+
+def _check_fit(table: Table, options: RunOptions) -> None:
+    calibration = options.handling.widths(table)
+    problems = misfits(table, calibration)
+    if problems:
+        raise CalibrationError(problems[0])
+    check_arc(options.handling.arc, table.limits, calibration)
+    middle.check(table, options.handling.middle_mm)
+
+
+def _headline(path: Path, table: Table) -> str:
+    told = f"table {path}: {len(table.nodes)} nodes, {len(table.leaves)} leaves"
+    predicted = table.predicted
+    if predicted.trials:
+        told += f", predicted success {predicted.success_ppm / PPM:.4f}"
+        told += f", {predicted.mean_squeezes_ppm / PPM:.2f} squeezes a part"
+    return told
+
+
+def _header(arguments: argparse.Namespace, tree: Path, options: RunOptions) -> dict[str, object]:
+    on_reject, on_unresolved = options.policy.texts()
+    measured = options.handling.calibration
+    return {
+        "table": str(tree),
+        "port": arguments.port,
+        "arm": arguments.arm,
+        "serve": arguments.serve,
+        "plc": arguments.plc,
+        "count": arguments.count if arguments.serve or arguments.plc else arguments.count or 1,
+        "time_scale": "max" if arguments.time_scale == inf else arguments.time_scale,
+        "seed": arguments.seed if arguments.port == SIMULATED else None,
+        "on_reject": on_reject,
+        "on_unresolved": on_unresolved,
+        "delivery": None if options.delivery is None else options.delivery.told(),
+        "after_crash": arguments.after_crash,
+        "force": arguments.force,
+        "tips": None if options.handling.arc is None else str(options.handling.arc),
+        "calibration": None if arguments.calibration is None else str(arguments.calibration),
+        "widths_um": None if measured is None else list(measured.widths_um),
+        "middle_um": round(1000 * options.handling.middle_mm),
+        "declared_safe_state": DECLARED,
+    }

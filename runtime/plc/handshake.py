@@ -1,0 +1,126 @@
+"""The handshake of a part with a PLC: one table, from a state and an event to the state that follows.
+
+Nothing here knows registers, sockets or clocks. `tools/docs/plc.md` shows the same table.
+"""
+
+from collections.abc import Mapping
+from enum import Enum, IntEnum
+from types import MappingProxyType
+from typing import NamedTuple
+
+
+class State(Enum):
+    """Where the handshake stands; the value is its name in the documentation."""
+
+    READY = "ready"  # for a trigger
+    ACCEPTED = "accepted"  # the part is under way, `trigger` still up
+    WORKING = "working"  # the part is under way
+    PRESENTED = "presented"  # the result waits, `trigger` still up
+    WAITING = "waiting"  # the result waits
+    TAKEN = "taken"  # the result is taken; `trigger` and `result_acknowledge` still up
+    TRIGGER_HELD = "trigger held"  # the result is taken; `trigger` still up
+    ACKNOWLEDGE_HELD = "acknowledge held"  # the result is taken; `result_acknowledge` still up
+
+
+class Event(Enum):
+    """What happens to the handshake; the value is its name in the documentation."""
+
+    TRIGGER = "trigger rises"
+    TRIGGER_DISABLED = "trigger rises, not enabled"
+    TRIGGER_UNKNOWN_TABLE = "trigger rises, no such table"
+    TRIGGER_AFTER_END = "trigger rises, run ended"
+    TRIGGER_BACK = "trigger falls"
+    RESULT = "the part ends"
+    ACKNOWLEDGE = "result_acknowledge rises"
+    ACKNOWLEDGE_BACK = "result_acknowledge falls"
+
+
+class Error(IntEnum):
+    """What `error_id` says of the handshake; smaller numbers are exit codes of a fault."""
+
+    NONE = 0
+    NOT_ENABLED = 101
+    PART_UNDER_WAY = 102
+    RESULT_WAITS = 103
+    UNKNOWN_TABLE = 104
+    HEARTBEAT = 105
+    CONNECTION_LOST = 106
+    RUN_ENDED = 107
+
+
+class Signals(NamedTuple):
+    """What a PLC sees of a state."""
+
+    acknowledge: bool
+    busy: bool
+    result_valid: bool
+
+
+class Transition(NamedTuple):
+    """What follows from an event: the next state, and an error that leaves all else as it is."""
+
+    following: State
+    error: Error = Error.NONE
+
+
+SIGNALS: Mapping[State, Signals] = MappingProxyType(
+    {
+        State.READY: Signals(acknowledge=False, busy=False, result_valid=False),
+        State.ACCEPTED: Signals(acknowledge=True, busy=True, result_valid=False),
+        State.WORKING: Signals(acknowledge=False, busy=True, result_valid=False),
+        State.PRESENTED: Signals(acknowledge=True, busy=False, result_valid=True),
+        State.WAITING: Signals(acknowledge=False, busy=False, result_valid=True),
+        State.TAKEN: Signals(acknowledge=True, busy=False, result_valid=False),
+        State.TRIGGER_HELD: Signals(acknowledge=True, busy=False, result_valid=False),
+        State.ACKNOWLEDGE_HELD: Signals(acknowledge=False, busy=False, result_valid=False),
+    }
+)
+
+OPEN = frozenset(state for state in State if SIGNALS[state].busy or SIGNALS[state].result_valid)
+"""The states in which a part is under way or its result waits."""
+
+_CHANGES = {
+    (State.READY, Event.TRIGGER): State.ACCEPTED,
+    (State.ACCEPTED, Event.TRIGGER_BACK): State.WORKING,
+    (State.ACCEPTED, Event.RESULT): State.PRESENTED,
+    (State.WORKING, Event.RESULT): State.WAITING,
+    (State.PRESENTED, Event.TRIGGER_BACK): State.WAITING,
+    (State.PRESENTED, Event.ACKNOWLEDGE): State.TAKEN,
+    (State.WAITING, Event.ACKNOWLEDGE): State.ACKNOWLEDGE_HELD,
+    (State.TAKEN, Event.TRIGGER_BACK): State.ACKNOWLEDGE_HELD,
+    (State.TAKEN, Event.ACKNOWLEDGE_BACK): State.TRIGGER_HELD,
+    (State.TRIGGER_HELD, Event.TRIGGER_BACK): State.READY,
+    (State.TRIGGER_HELD, Event.ACKNOWLEDGE): State.TAKEN,
+    (State.ACKNOWLEDGE_HELD, Event.ACKNOWLEDGE_BACK): State.READY,
+    # A PLC that leaves its acknowledge up may begin the next part: only the next rise takes that result.
+    (State.ACKNOWLEDGE_HELD, Event.TRIGGER): State.ACCEPTED,
+}
+
+_REFUSALS = {
+    Event.TRIGGER_DISABLED: Error.NOT_ENABLED,
+    Event.TRIGGER_UNKNOWN_TABLE: Error.UNKNOWN_TABLE,
+    Event.TRIGGER_AFTER_END: Error.RUN_ENDED,
+}
+
+_OCCUPIED = {
+    State.ACCEPTED: Error.PART_UNDER_WAY,
+    State.WORKING: Error.PART_UNDER_WAY,
+    State.PRESENTED: Error.RESULT_WAITS,
+    State.WAITING: Error.RESULT_WAITS,
+    State.TAKEN: Error.RESULT_WAITS,
+    State.TRIGGER_HELD: Error.RESULT_WAITS,
+}
+
+
+def _transition(state: State, event: Event) -> Transition:
+    if (state, event) in _CHANGES:
+        return Transition(_CHANGES[state, event])
+    if event is Event.TRIGGER:
+        return Transition(state, _OCCUPIED[state])
+    return Transition(state, _REFUSALS.get(event, Error.NONE))
+
+
+TABLE: Mapping[tuple[State, Event], Transition] = MappingProxyType(
+    {(state, event): _transition(state, event) for state in State for event in Event}
+)
+"""The state machine: an entry for each state and each event."""

@@ -1,0 +1,208 @@
+"""A Modbus TCP server for one PLC and any number of readers, in a thread of its own.
+
+pymodbus decodes requests, checks them and encodes the answers. Its server has no identity for a connection
+and drops what a client sends ahead of an answer, so frames are cut here.
+"""
+
+import asyncio
+import logging
+import signal
+import socket
+import struct
+import threading
+from collections.abc import Coroutine
+from typing import Any, Self, cast
+
+from pymodbus.constants import ExcCodes
+from pymodbus.framer import FramerSocket
+from pymodbus.pdu import DecodePDU, ExceptionResponse, ModbusPDU
+
+from runtime.devices.clock import SystemClock
+from runtime.plc.exchange import Exchange
+from runtime.plc.station import Refusal
+from runtime.shell import interrupts
+
+HEADER = struct.Struct(">HHH")  # transaction, protocol, length of what follows (Modbus TCP guide 3.1.3)
+LONGEST = 254  # of that length: a unit and a PDU of 253 bytes
+PATIENCE_S = 5.0  # for the rest of a frame
+PANEL_S = 10.0  # a first client that has only read for so long lets another one write
+MOST_CONNECTIONS = 16
+PIECE_BYTES = 1024
+MOST_UNREAD_BYTES = 1 << 16  # of answers that a client does not take
+# A PLC that lost its power is noticed after 3 + 3 x 1 s, and its successor may write.
+KEEPALIVE = {socket.TCP_KEEPIDLE: 3, socket.TCP_KEEPINTVL: 1, socket.TCP_KEEPCNT: 3}
+BIT_FUNCTIONS = frozenset({1, 2, 5, 15})  # of coils and discrete inputs, of which there are none
+LENGTHS = {3: 5, 4: 5, 6: 5, 16: None, 22: 7, 23: None}  # of the PDUs that are understood; None: they vary
+
+logging.getLogger("pymodbus.logging").setLevel(logging.CRITICAL)  # of frames by anybody
+
+
+class ModbusServer:
+    """Serves an exchange on a socket that listens, which it closes; leaving the context ends both."""
+
+    def __init__(self, listener: socket.socket, exchange: Exchange, clock: SystemClock) -> None:
+        self.exchange, self.clock = exchange, clock
+        self._listener = listener
+        self._connections: list[Connection] = []
+        self._writer: Connection | None = None
+        self._started = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="modbus", daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        self._started.wait()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._loop.call_soon_threadsafe(self._stop.set)
+        self._thread.join()
+
+    def enter(self, connection: "Connection") -> bool:
+        """A connection begins; False where there are too many."""
+        if len(self._connections) >= MOST_CONNECTIONS:
+            return False
+        self._connections.append(connection)
+        if self._writer is None:
+            self._appoint(connection)
+        return True
+
+    def leave(self, connection: "Connection") -> None:
+        """A connection has ended."""
+        if connection in self._connections:
+            self._connections.remove(connection)
+        if self._writer is connection:
+            self._writer = None
+            self.exchange.disconnect()
+
+    def may_write(self, connection: "Connection") -> bool:
+        """Whether a connection is the one that writes: the first, until it ends or only reads."""
+        writer = self._writer
+        if writer is None or (not writer.has_written and self.clock.now() - writer.began_s > PANEL_S):
+            self._appoint(connection)
+        return self._writer is connection
+
+    def _appoint(self, connection: "Connection") -> None:
+        self._writer = connection
+        self.exchange.connect()
+
+    def _run(self) -> None:
+        # Stop requests are the main thread's: a signal that this one took would not wake it.
+        signal.pthread_sigmask(signal.SIG_BLOCK, {*interrupts.SIGNALS, signal.SIGALRM})
+        asyncio.run(self._serve())
+
+    async def _serve(self) -> None:
+        self._loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
+        self._started.set()
+        server = await self._loop.create_server(lambda: Connection(self), sock=self._listener)
+        await self._stop.wait()
+        server.close()
+        for connection in tuple(self._connections):
+            connection.close()
+
+
+class Connection(asyncio.BufferedProtocol):
+    """One client; also what pymodbus' requests read from and write to."""
+
+    def __init__(self, server: ModbusServer) -> None:
+        self._server = server
+        self._framer = FramerSocket(DecodePDU(True))
+        self._piece, self._buffer = bytearray(PIECE_BYTES), b""
+        self._late: asyncio.TimerHandle | None = None
+        self._last: list[int] = []
+        self.has_written = False
+        self.began_s = server.clock.now()
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """A client has connected."""
+        self._transport = cast(asyncio.Transport, transport)
+        if not self._server.enter(self):
+            self._transport.abort()
+            return
+        client: socket.socket = transport.get_extra_info("socket")
+        client.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        for option, value in KEEPALIVE.items():
+            client.setsockopt(socket.IPPROTO_TCP, option, value)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """The client is gone."""
+        del exc
+        self._forget_late()
+        self._server.leave(self)
+
+    def close(self) -> None:
+        """End the connection, once what was answered is sent."""
+        self._transport.close()
+
+    def get_buffer(self, sizehint: int) -> bytearray:
+        """Where the next bytes go: few at a time, so that no client keeps the others waiting."""
+        del sizehint
+        return self._piece
+
+    def buffer_updated(self, nbytes: int) -> None:
+        """Answer each frame that is whole, in order; who sends no frame is disconnected."""
+        self._buffer += self._piece[:nbytes]
+        while len(self._buffer) >= HEADER.size:
+            number, protocol, length = HEADER.unpack_from(self._buffer)
+            if protocol != 0 or not 2 <= length <= LONGEST:
+                self._transport.abort()
+                return
+            end = HEADER.size + length
+            if len(self._buffer) < end:
+                break
+            frame, self._buffer = self._buffer[HEADER.size : end], self._buffer[end:]
+            answer = self._answer(frame[1:], frame[0])
+            answer.transaction_id, answer.dev_id = number, frame[0]
+            self._transport.write(self._framer.buildFrame(answer))
+            self._forget_late()
+            if self._transport.get_write_buffer_size() > MOST_UNREAD_BYTES:
+                self._transport.abort()
+                return
+        if self._buffer and self._late is None:
+            self._late = asyncio.get_running_loop().call_later(PATIENCE_S, self._transport.abort)
+
+    async def async_getValues(  # noqa: N802 - pymodbus' name
+        self, device_id: int, func_code: int, address: int, count: int = 1
+    ) -> list[int] | ExcCodes:
+        """Read registers, for pymodbus; what a single write reads back is what it wrote."""
+        del device_id
+        if func_code == 6:
+            return self._last
+        values = self._server.exchange.read(address, count)
+        return ExcCodes(values) if isinstance(values, Refusal) else values
+
+    async def async_setValues(  # noqa: N802 - pymodbus' name
+        self, device_id: int, func_code: int, address: int, values: list[int]
+    ) -> ExcCodes | None:
+        """Write registers, for pymodbus."""
+        del device_id, func_code
+        if not self._server.may_write(self):
+            return ExcCodes.DEVICE_BUSY
+        self.has_written = True
+        self._last = values
+        refusal = self._server.exchange.write(address, values)
+        return None if refusal is None else ExcCodes(refusal)
+
+    def _answer(self, pdu: bytes, unit: int) -> ModbusPDU:
+        function = pdu[0]
+        if function in BIT_FUNCTIONS:
+            return ExceptionResponse(function, ExcCodes.ILLEGAL_ADDRESS)
+        if function not in LENGTHS:
+            return ExceptionResponse(function, ExcCodes.ILLEGAL_FUNCTION)
+        request = self._framer.decoder.decode(pdu) if LENGTHS[function] in (None, len(pdu)) else None
+        if request is None:
+            return ExceptionResponse(function, ExcCodes.ILLEGAL_VALUE)
+        return _completed(request.datastore_update(cast(Any, self), unit))
+
+    def _forget_late(self) -> None:
+        if self._late is not None:
+            self._late.cancel()
+            self._late = None
+
+
+def _completed(request: Coroutine[Any, Any, ModbusPDU]) -> ModbusPDU:
+    """The answer of a request, which waits for nothing: it is complete after one step."""
+    try:
+        request.send(None)
+    except StopIteration as end:
+        return cast(ModbusPDU, end.value)
+    raise RuntimeError("a request waited")

@@ -1,0 +1,190 @@
+"""What a PLC wrote, what it reads, and the part that it asked for: levels become events of the handshake.
+
+No sockets, no threads; times come from outside.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from enum import IntEnum
+from typing import NamedTuple
+
+from runtime.plc.handshake import SIGNALS, TABLE, Error, Event, State
+from runtime.plc.registers import HEARTBEAT_LIMIT_S, MAP, READ, WRITTEN, Register, words
+
+BEAT_S = 0.25  # between two changes of `heartbeat_out`
+
+
+class Refusal(IntEnum):
+    """Why an access is refused, as a Modbus exception code."""
+
+    ADDRESS = 2
+    VALUE = 3
+
+
+class Order(NamedTuple):
+    """A part that a PLC asked for."""
+
+    trigger_id: int
+    table: int  # number of the table to use
+
+
+class Answer(NamedTuple):
+    """How a part ended, in the units of the registers; a pose only where it is located."""
+
+    outcome: int = 0
+    exit_code: int = 0
+    x: int = 0
+    y: int = 0
+    angle: int = 0
+    part: int = 0
+    face: int = 0
+    expected_error: int = 0
+    expected_error_p95: int = 0
+
+
+EMPTY = Answer()
+FAULT = 4  # of `Answer.outcome`
+_ADDRESSES = {register.address: register for register in WRITTEN}
+_BLOCKS = tuple((block[0].address, block) for block in (WRITTEN, READ))
+
+
+class Station:
+    """The registers of one PLC and its handshake.
+
+    Args:
+        digests: of each table, the first four bytes.
+
+    Attributes:
+        state: where the handshake stands.
+        order: the part under way, None between two.
+        enabled: whether triggers count.
+        error_id: an `Error`, or the exit code of a fault.
+    """
+
+    def __init__(self, digests: Sequence[int]) -> None:
+        self.state = State.READY
+        self.order: Order | None = None
+        self.enabled = False
+        self.error_id = 0
+        self._digests = digests
+        self._written = dict.fromkeys((register.name for register in WRITTEN), 0)
+        self._in_use = 0  # number of a table
+        self._result_id, self._answer = 0, EMPTY
+        self._beat_s = 0.0  # when `heartbeat_in` last changed, or enabling began
+        self._standing = False  # whether `heartbeat_in` ended enabling and has not changed since
+        self._ended = False
+
+    def write(self, address: int, values: Sequence[int], now: float) -> Refusal | None:
+        """Write registers, all or none; a refusal changes nothing.
+
+        Args:
+            address: of the first one.
+            values: one word each.
+            now: seconds of a clock that never goes back.
+        """
+        self.tick(now)
+        changes: dict[str, int] = {}
+        for place, value in enumerate(values, address):
+            register = _ADDRESSES.get(place)
+            if register is None:
+                return Refusal.ADDRESS
+            if not 0 <= value <= register.greatest:
+                return Refusal.VALUE
+            changes[register.name] = value
+        before, self._written = self._written, {**self._written, **changes}
+        if self._written["heartbeat_in"] != before["heartbeat_in"]:
+            self._beat_s, self._standing = now, False
+        if "enable" in changes:
+            self._enable(wanted=changes["enable"] == 1, now=now)
+        self._edge(before, "result_acknowledge", lambda: Event.ACKNOWLEDGE, Event.ACKNOWLEDGE_BACK)
+        self._edge(before, "trigger", self._trigger, Event.TRIGGER_BACK)
+        return None
+
+    def read(self, address: int, count: int, now: float) -> list[int] | Refusal:
+        """Read words of one of the two blocks."""
+        self.tick(now)
+        for start, block in _BLOCKS:
+            if address >= start:
+                content = words(block, self._values(block, now))[address - start :]
+                if 0 < count <= len(content):
+                    return content[:count]
+        return Refusal.ADDRESS
+
+    def value(self, name: str, now: float) -> int:
+        """One value, by its name."""
+        self.tick(now)
+        (register,) = (register for register in MAP if register.name == name)
+        return self._values((register,), now)[name]
+
+    def tick(self, now: float) -> None:
+        """End enabling where the PLC's heartbeat has stood still for too long."""
+        if self.enabled and now - self._beat_s > HEARTBEAT_LIMIT_S:
+            self._standing = True
+            self._disable(Error.HEARTBEAT)
+
+    def disconnect(self) -> None:
+        """The connection that may write is lost: enabling ends; levels stay, so that no edge is invented."""
+        if self.enabled:
+            self._disable(Error.CONNECTION_LOST)
+
+    def finish(self, answer: Answer) -> None:
+        """The part under way has ended; its answer stays until it is taken."""
+        assert self.order is not None
+        self._result_id, self._answer, self.order = self.order.trigger_id, answer, None
+        self._follow(Event.RESULT)
+        if answer.outcome == FAULT:
+            self.error_id = answer.exit_code
+
+    def end(self) -> None:
+        """No trigger is accepted from now on."""
+        self._ended = True
+
+    def _enable(self, *, wanted: bool, now: float) -> None:
+        if wanted and not self.enabled:
+            if self._standing:
+                self._disable(Error.HEARTBEAT)
+                return
+            self.enabled, self.error_id, self._beat_s = True, Error.NONE, now
+        elif not wanted:
+            self.enabled = False
+
+    def _disable(self, error: Error) -> None:
+        self.enabled, self.error_id = False, error
+        self._written["enable"] = 0
+
+    def _edge(self, before: Mapping[str, int], name: str, rise: Callable[[], Event], fall: Event) -> None:
+        if self._written[name] != before[name]:
+            self._follow(rise() if self._written[name] else fall)
+
+    def _trigger(self) -> Event:
+        if self._ended:
+            return Event.TRIGGER_AFTER_END
+        if not self.enabled:
+            return Event.TRIGGER_DISABLED
+        if self._written["table"] >= len(self._digests):
+            return Event.TRIGGER_UNKNOWN_TABLE
+        return Event.TRIGGER
+
+    def _follow(self, event: Event) -> None:
+        before, (self.state, error) = self.state, TABLE[self.state, event]
+        if error:
+            self.error_id = error
+        if self.state is before:
+            return
+        if event is Event.TRIGGER:
+            self.order = Order(self._written["trigger_id"], self._written["table"])
+            self._in_use = self.order.table
+        if self.state in (State.READY, State.ACCEPTED):
+            self._result_id, self._answer = 0, EMPTY
+
+    def _values(self, registers: Sequence[Register], now: float) -> Mapping[str, int]:
+        if registers[0].kind == "holding":
+            return self._written
+        return {
+            **SIGNALS[self.state]._asdict(),
+            **self._answer._asdict(),
+            "result_id": self._result_id,
+            "error_id": self.error_id,
+            "heartbeat_out": int(now / BEAT_S) & 0xFFFF,
+            "table_in_use": self._in_use,
+            "table_digest": self._digests[self._in_use],
+        }

@@ -1,0 +1,72 @@
+"""tools/docs/plc.md shows the registers, the state machine and the errors of the code."""
+
+import re
+from pathlib import Path
+
+from runtime.commands import plc
+from runtime.plc import modbus
+from runtime.plc.handshake import SIGNALS, TABLE, Error, Event, State
+from runtime.plc.registers import HEARTBEAT_LIMIT_S, MAP, READ, WRITTEN, Register
+
+PAGE = (Path(__file__).parents[2] / "tools" / "docs" / "plc.md").read_text()
+
+
+def rows(first: str) -> list[list[str]]:
+    """The cells of the table whose head begins with a word, without that head."""
+    (table,) = re.findall(rf"^\| {re.escape(first)} \|.*\n\| ---.*\n((?:\|.*\n)+)", PAGE, re.MULTILINE)
+    return [[cell.strip() for cell in line.strip("|").split(" | ")] for line in table.splitlines()]
+
+
+def shown(state: State, event: Event) -> str:
+    after, error = TABLE[state, event]
+    if error:
+        return f"error {error.value}"
+    return "-" if after is state else after.value
+
+
+def test_page_shows_the_table_of_the_code() -> None:
+    head = re.search(r"^\| state \| (.*) \|$", PAGE, re.MULTILINE)
+    assert head is not None
+    signals, *names = head[1].split(" | ")
+    assert signals.split(", ") == ["acknowledge", "busy", "result_valid"]
+    events = [Event(name) for name in names]
+    expected = [
+        [state.value, ", ".join(str(int(signal)) for signal in SIGNALS[state])]
+        + [shown(state, event) for event in events]
+        for state in State
+    ]
+    assert rows("state") == expected
+    refused = dict(rows("event"))
+    assert {*events, *map(Event, refused)} == set(Event)
+    for name, error in refused.items():
+        for state in State:
+            assert shown(state, Event(name)) == f"error {error}"
+
+
+def test_page_lists_every_register() -> None:
+    def expected(register: Register) -> list[str]:
+        last = register.address + register.words - 1
+        address = str(register.address) if register.words == 1 else f"{register.address}, {last}"
+        value = f"x {register.scale:g} {register.unit}" if register.unit else ""
+        return [f"`{register.name}`", address, register.type, value, register.meaning]
+
+    found = re.findall(r"^\| (`\w+`) \| (\d+(?:, \d+)?) \| (\w+) \| ([^|]*)\| (.*) \|$", PAGE, re.MULTILINE)
+    assert [[cell.strip() for cell in row] for row in found] == [expected(register) for register in MAP]
+    assert f"read {sum(each.words for each in READ)} registers from address {READ[0].address}" in PAGE
+    assert f"write {len(WRITTEN)} from address {WRITTEN[0].address}" in PAGE
+
+
+def test_page_explains_every_error_and_limit() -> None:
+    explained = [row[0] for row in rows("`error_id`")]
+    assert explained == ["20 to 25, 40", *(str(error.value) for error in Error if error)]
+    seconds = modbus.KEEPALIVE.values()
+    idle, interval, count = seconds
+    for words in (
+        f"has not changed for {HEARTBEAT_LIMIT_S:g} s",
+        f"only reads gives way after {modbus.PANEL_S:g} s",
+        f"not complete within {modbus.PATIENCE_S:g} s",
+        f"lost its power is noticed after {idle + interval * count} s",
+    ):
+        assert words in PAGE
+    for option in (f"--{name}" for name in plc.OF_ONE_TABLE):
+        assert f"`{option}`" in PAGE

@@ -1,0 +1,213 @@
+"""`grasp-runtime --plc` as a process: a PLC's program, by pymodbus' client and in structured text."""
+
+import json
+import os
+import signal
+import socket
+import threading
+import time
+from collections.abc import Callable
+from math import degrees
+from pathlib import Path
+
+import pytest
+from plc_programs import ROOT, MemoryPlc, PlcServed, TcpPlc, integer
+from plc_study import Program
+from sample_tables import small_table
+from structured_text import FunctionBlock
+
+from runtime.cli import main
+from runtime.journal.chain import records, verify
+from runtime.journal.replay import Replay
+from runtime.plc import station
+from runtime.plc.registers import READ, READ_AT, WRITTEN_AT
+from runtime.table import dump
+
+PARTS = 100
+VIRTUAL = ("--time-scale", "max", "--world", "runtime.devices.rehearsal:make")
+SOURCE = ROOT / "tools" / "docs" / "clients" / "plc.st"
+INPUTS = {
+    "acknowledge": "is_acknowledged",
+    "busy": "is_busy",
+    "result_valid": "is_valid",
+    "result_id": "valid_id",
+    "outcome": "read_outcome",
+    "error_id": "error",
+    "x": "read_x",
+    "y": "read_y",
+    "angle": "read_angle",
+}
+FLAGS = {"acknowledge", "busy", "result_valid"}
+OUTPUTS = ("enable", "trigger", "trigger_id", "result_acknowledge", "heartbeat")
+
+
+class StructuredPlc:
+    """The documented program, with the two exchanges of each of its cycles."""
+
+    def __init__(self, plc: TcpPlc) -> None:
+        self._client, self._block = plc.client, FunctionBlock(SOURCE.read_text())
+        self._count = READ[-1].address + READ[-1].words - READ_AT
+
+    def cycle(self, *, start: bool, number: int) -> dict[str, object]:
+        words = self._client.read_input_registers(READ_AT, count=self._count).registers
+        values: dict[str, object] = {}
+        for register in READ:
+            if register.name in INPUTS:
+                first = register.address - READ_AT
+                value = integer(register, words[first : first + register.words])
+                values[INPUTS[register.name]] = bool(value) if register.name in FLAGS else value
+        told = self._block(start=start, id=number, **values)
+        answer = self._client.write_registers(WRITTEN_AT, [*(int(told[name]) for name in OUTPUTS), 0])
+        assert not answer.isError()
+        time.sleep(0.003)  # a PLC has a cycle, too
+        return told
+
+    def part(self, number: int) -> dict[str, int]:
+        told = self.cycle(start=True, number=number)
+        while not told["done"]:
+            told = self.cycle(start=bool(told["refused"]), number=number)
+        return {name: told[name] for name in ("outcome", "x", "y", "angle")}
+
+
+def by_client(plc: TcpPlc) -> list[dict[str, int]]:
+    plc.enable()
+    return [plc.part(number) for number in range(1, PARTS + 1)]
+
+
+def in_structured_text(plc: TcpPlc) -> list[dict[str, int]]:
+    program = StructuredPlc(plc)
+    return [program.part(number) for number in range(1, PARTS + 1)]
+
+
+def free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        return int(taken.getsockname()[1])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("program", [by_client, in_structured_text])
+def test_hundred_parts_have_the_results_that_are_printed_and_journalled(
+    program: Callable[[TcpPlc], list[dict[str, int]]],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(station, "HEARTBEAT_LIMIT_S", 1e6)  # of a machine that may be busy
+    tree, journal, port = ROOT / "trees" / "rectangle" / "rectangle.msgpack", tmp_path / "j", free_port()
+    told: list[dict[str, int]] = []
+
+    def with_plc() -> None:
+        with TcpPlc(port, unit=17) as plc:
+            told.extend(program(plc))
+
+    thread = threading.Thread(target=with_plc)
+    thread.start()
+    words = ["--tree", str(tree), "--port", "sim", "--json", "--journal", str(journal), *VIRTUAL]
+    code = main([*words, "--plc", f"modbus-tcp://127.0.0.1:{port}", "--count", str(PARTS)])
+    thread.join()
+    parts = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert len(told) == len(parts) == PARTS
+    assert code == max(part["exit_code"] for part in parts)
+    for answer, part in zip(told, parts, strict=True):
+        assert answer["outcome"] == ["leaf", "reject", "unresolved", "fault"].index(part["outcome"]) + 1
+        pose = part["predicted_pose"] if part["outcome"] == "leaf" else None
+        expected = (0, 0, 0)
+        if pose is not None:
+            expected = (1e3 * pose["x_mm"], 1e3 * pose["y_mm"], 1e4 * degrees(pose["theta_rad"]))
+        assert [answer[name] for name in ("x", "y", "angle")] == pytest.approx(expected, abs=0.51)
+    assert verify(journal).closed
+    assert list(Replay().follow(records(journal))) == []
+    triggers = [each["trigger_id"] for each in records(journal) if each["kind"] == "trigger"]
+    assert triggers == list(range(1, PARTS + 1))
+
+
+def test_structured_text_does_what_the_program_of_the_study_does() -> None:
+    block, twin, plc = FunctionBlock(SOURCE.read_text()), Program(), MemoryPlc()
+    ends = 0
+    for cycle in range(400):
+        plc.now += 0.1
+        values: dict[str, object] = {
+            entry: bool(plc[name]) if name in FLAGS else plc[name] for name, entry in INPUTS.items()
+        }
+        words = plc.station.read(READ_AT, READ[-1].address + READ[-1].words - READ_AT, plc.now)
+        number = ends % 0xFFFF + 1
+        told = block(start=True, id=number, **values)
+        twin.cycle(words, number)
+        assert [told[name] for name in OUTPUTS] == [
+            *(twin.enable, twin.trigger, twin.trigger_id, twin.acknowledge, twin.heartbeat)
+        ]
+        assert told["state"] == twin.state
+        ends += bool(told["done"])
+        assert plc.station.write(WRITTEN_AT, twin.image(), plc.now) is None
+        if plc.station.order is not None and cycle % 5 == 0:
+            plc.end_part(x=cycle)
+        if cycle % 37 == 0:
+            plc.station.disconnect()
+    assert ends > 20
+
+
+@pytest.fixture
+def tree(tmp_path: Path) -> Path:
+    dump(small_table(), tmp_path / "small.msgpack")
+    return tmp_path / "small.msgpack"
+
+
+SLOW = ("--time-scale", "12", "--world", "runtime.devices.rehearsal:make")
+
+
+@pytest.mark.slow
+def test_lost_connection_while_busy_ends_in_the_result_of_that_id(tree: Path) -> None:
+    with PlcServed(tree, more=SLOW) as served:
+        with served.plc() as plc:
+            plc.begin(77)
+            served.until_squeezing(1)
+            plc.client.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\1\0\0\0\0\0\0\0")
+        with served.plc() as plc:
+            plc.wait("result_valid", 1)
+            assert (plc["result_id"], plc["enable"]) == (77, 0)
+            assert plc.result(77)["outcome"] in (1, 3)
+            plc.begin(78)
+            served.until_squeezing(2)
+            assert plc.result(78)["outcome"] in (1, 3)
+        served.process.send_signal(signal.SIGTERM)
+        code, parts, _ = served.ended()
+    assert (code, len(parts)) == (40, 2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("busy", [True, False])
+def test_stop_request_ends_safely_and_the_plc_is_told(busy: bool, tree: Path) -> None:
+    with PlcServed(tree, more=SLOW) as served, served.plc() as plc:
+        plc.begin(4)
+        served.until_squeezing(1)
+        plc.result(4)
+        if busy:
+            plc.begin(5)
+            served.until_squeezing(2)
+        served.process.send_signal(signal.SIGTERM)
+        if busy:
+            result = plc.result(5)
+            assert (result["outcome"], result["exit_code"], result["error_id"]) == (4, 40, 40)
+        code, parts, _ = served.ended()
+    assert code == 40
+    assert [part["outcome"] for part in parts] == [parts[0]["outcome"], *["stopped"] * busy]
+    assert all(part["safe_state"] for part in parts[1:])
+    assert verify(served.journal).closed
+
+
+@pytest.mark.slow
+def test_fault_of_the_cell_is_the_result_of_the_part_under_way(tree: Path) -> None:
+    with PlcServed(tree, more=SLOW) as served, served.plc() as plc:
+        plc.begin(8)
+        served.until_squeezing(1)
+        plc.result(8)
+        plc.begin(9)
+        served.until_squeezing(2)
+        children = Path(f"/proc/{served.process.pid}/task/{served.process.pid}/children")
+        (cell,) = children.read_text().split()
+        os.kill(int(cell), signal.SIGKILL)
+        result = plc.result(9)
+        code, parts, _ = served.ended()
+    assert (result["outcome"], result["exit_code"], result["error_id"]) == (4, code, code)
+    assert code in (20, 21, 22)
+    assert [part["outcome"] for part in parts][1:] == ["fault"]

@@ -1,0 +1,203 @@
+"""A PLC's side of the handshake for tests: registers by name, in memory or over pymodbus' client."""
+
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from types import TracebackType
+
+from pymodbus.client import ModbusTcpClient
+
+from runtime.plc.handshake import Error
+from runtime.plc.registers import MAP, Register, as_json
+from runtime.plc.station import Answer, Refusal, Station
+
+ROOT = Path(__file__).parents[2]
+WAIT_S = 60
+NAMED = {register.name: register for register in MAP}
+
+
+def integer(register: Register, words: Sequence[int]) -> int:
+    """What words mean: high word first, two's complement where signed."""
+    value = int("".join(f"{word:016b}" for word in words), 2)
+    return value - 2**32 if register.type == "int32" and value >= 2**31 else value
+
+
+class MemoryPlc:
+    """Reads and writes a station's registers by name; `now` is the time of either.
+
+    A part ends when the test says so (`end_part`).
+    """
+
+    def __init__(self, digests: Sequence[int] = (0x12345678,)) -> None:
+        self.station = Station(digests)
+        self.now = 100.0
+
+    def write(self, **values: int) -> None:
+        """One exchange for each value."""
+        for name, value in values.items():
+            assert self.station.write(NAMED[name].address, [value], self.now) is None
+
+    def __getitem__(self, name: str) -> int:
+        register = NAMED[name]
+        words = self.station.read(register.address, register.words, self.now)
+        assert not isinstance(words, Refusal)
+        return integer(register, words)
+
+    def __call__(self, *names: str) -> list[int]:
+        """Several values."""
+        return [self[name] for name in names]
+
+    def pulse(self, name: str) -> None:
+        """Raise and drop a signal."""
+        self.write(**{name: 1})
+        self.write(**{name: 0})
+
+    def end_part(self, **fields: int) -> None:
+        """The part under way ends."""
+        self.station.finish(Answer(**{"outcome": 1, **fields}))
+
+
+class TcpPlc:
+    """The same over Modbus TCP, by pymodbus' client and the map that the command prints."""
+
+    def __init__(self, port: int, unit: int = 1) -> None:
+        self.map = {entry["name"]: entry for entry in as_json()["registers"]}
+        self.unit = unit
+        self._beat = 0
+        self.client = ModbusTcpClient("127.0.0.1", port=port, timeout=WAIT_S, retries=0)
+        until = time.monotonic() + WAIT_S
+        while not self.client.connect():
+            assert time.monotonic() < until
+            time.sleep(0.05)
+
+    def write(self, **values: int) -> None:
+        for name, value in values.items():
+            assert self.code(name, value) == 0, name
+
+    def code(self, name: str, value: int) -> int:
+        """Write; returns the exception's code, 0 where it was accepted."""
+        answer = self.client.write_register(self.map[name]["address"], value, device_id=self.unit)
+        return answer.exception_code if answer.isError() else 0
+
+    def __getitem__(self, name: str) -> int:
+        register = NAMED[name]
+        read = {
+            "holding": self.client.read_holding_registers,
+            "input": self.client.read_input_registers,
+        }[register.kind]
+        answer = read(register.address, count=register.words, device_id=self.unit)
+        assert not answer.isError()
+        return integer(register, answer.registers)
+
+    def beat(self) -> None:
+        """One more beat of the heart."""
+        self._beat = 1 - self._beat
+        self.write(heartbeat_in=self._beat)
+
+    def wait(self, name: str, value: int) -> None:
+        """Wait until a register has a value, with a heartbeat."""
+        self.wait_for(lambda: self[name] == value, name)
+
+    def wait_for(self, holds: Callable[[], bool], what: str) -> None:
+        until = time.monotonic() + WAIT_S
+        while not holds():
+            assert time.monotonic() < until, f"{what} is not so in {WAIT_S} s"
+            self.beat()
+            time.sleep(0.002)
+
+    def enable(self) -> None:
+        self.beat()
+        self.write(enable=0)
+        self.write(enable=1)
+
+    def begin(self, trigger_id: int) -> None:
+        """Trigger a part, and drop the trigger once it is acknowledged.
+
+        On a machine so busy that the heartbeat stood still, enable and trigger once more.
+        """
+        self.write(trigger_id=trigger_id, trigger=1)
+        while not (self["acknowledge"] or self["busy"] or self["result_valid"]):
+            assert self["error_id"] in (Error.NOT_ENABLED, Error.HEARTBEAT)
+            self.write(trigger=0)
+            self.enable()
+            self.write(trigger=1)
+        self.write(trigger=0)
+
+    def result(self, trigger_id: int) -> dict[str, int]:
+        """Wait for the result of that id, take it and end the handshake."""
+        self.wait("result_valid", 1)
+        assert self["result_id"] == trigger_id
+        values = {name: self[name] for name in ("outcome", "x", "y", "angle", "exit_code", "error_id")}
+        self.write(result_acknowledge=1)
+        self.wait("result_valid", 0)
+        self.write(result_acknowledge=0)
+        self.wait("result_id", 0)
+        return values
+
+    def part(self, trigger_id: int) -> dict[str, int]:
+        """A whole part."""
+        self.begin(trigger_id)
+        return self.result(trigger_id)
+
+    def close(self) -> None:
+        self.client.close()
+
+    def __enter__(self) -> "TcpPlc":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+class PlcServed:
+    """`grasp-runtime --plc` as a process; `port` is where it answers."""
+
+    def __init__(
+        self, *trees: Path, more: Sequence[str] = (), port: str = "sim", count: int | None = None
+    ) -> None:
+        folder = trees[0].parent
+        self.journal = folder / "journal.jsonl"
+        command = [sys.executable, "-m", "runtime.cli", "--json", "--journal", str(self.journal)]
+        command += ["--plc", "modbus-tcp://127.0.0.1:0", "--port", port, *more]
+        command += [word for tree in trees for word in ("--tree", str(tree))]
+        command += [] if count is None else ["--count", str(count)]
+        self._said = folder / "said.jsonl"
+        with self._said.open("w") as said:
+            self.process = subprocess.Popen(command, cwd=ROOT, text=True, stdout=said, stderr=subprocess.PIPE)
+        assert self.process.stderr is not None
+        line = ""
+        while "a PLC may connect at" not in line:
+            line = self.process.stderr.readline()
+            if not line:
+                self.process.communicate()
+                raise AssertionError(f"ended with {self.process.returncode}")
+        self.port = int(line.rpartition(":")[2])
+
+    def plc(self, unit: int = 1) -> TcpPlc:
+        return TcpPlc(self.port, unit)
+
+    def until_squeezing(self, part: int) -> None:
+        """Wait until the hand is at a part, which is under way from then on."""
+        until = time.monotonic() + WAIT_S
+        while f'"kind":"placed","part":{part},' not in self.journal.read_text():
+            assert time.monotonic() < until
+            time.sleep(0.01)
+
+    def ended(self) -> tuple[int, list[dict[str, object]], str]:
+        """Its exit code, its parts and its last words, once it has ended by itself or been asked to."""
+        _, err = self.process.communicate(timeout=WAIT_S)
+        parts = [json.loads(line) for line in self._said.read_text().splitlines()]
+        return self.process.returncode, parts, err
+
+    def __enter__(self) -> "PlcServed":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self.process.poll() is None:
+            self.process.kill()
+            self.process.communicate()

@@ -1,0 +1,371 @@
+"""A PLC as the master of a run: which options go with it, and how each ending reaches the PLC."""
+
+import json
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from fake_cell import FakeCell, Log, State, fake_cell
+from plc_programs import TcpPlc
+from sample_tables import GRIPPER, small_table
+
+from runtime.cli import main
+from runtime.commands import options, plc
+from runtime.commands.arguments import parser
+from runtime.commands.recipe import prepare
+from runtime.errors import ArgumentsError, JournalError
+from runtime.execution import crash
+from runtime.journal.chain import Journal, records
+from runtime.journal.replay import Replay
+from runtime.monitoring.live.server import Address, listening
+from runtime.monitoring.monitor import Views
+from runtime.plc.registers import as_json
+from runtime.shell.interrupts import StopRequests
+from runtime.table import Calibration, dump
+from runtime.traversal.decision import Policy
+
+CALIBRATION = Calibration.linear(GRIPPER)
+AT_21, AT_30, AT_36 = ((CALIBRATION.count(width), 2) for width in (21_000, 30_000, 36_000))
+PLC = ["--tree", "t", "--port", "sim", "--plc", "modbus-tcp://127.0.0.1:0"]
+
+
+@pytest.fixture(autouse=True)
+def _patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A run waits for its PLC, which hangs up at the end, however slow it is."""
+    for name in ("FAREWELL_S", "ENDING_S", "GLANCE_S"):
+        monkeypatch.setattr(plc, name, 30.0)
+
+
+@pytest.mark.parametrize(
+    ("url", "words"),
+    [
+        ("modbus-tcp://", "write modbus-tcp"),
+        ("127.0.0.1:5020", "write modbus-tcp"),
+        ("tcp://127.0.0.1:5020", "write modbus-tcp"),
+        ("opc.tcp://127.0.0.1:4840", "write modbus-tcp"),
+        ("modbus-rtu:///dev/ttyS0", "write modbus-tcp"),
+        ("modbus-tcp://127.0.0.1:5020/x", "write modbus-tcp"),
+        ("modbus-tcp://127.0.0.1:99999", "PORT"),
+        ("modbus-tcp://127.0.0.1:port", "PORT"),
+        ("modbus-tcp://a b:5020", "PORT"),
+        ("modbus-tcp://192.0.2.1:5020", "--network"),
+        ("modbus-tcp://0.0.0.0:5020", "--network"),
+        ("", "write modbus-tcp"),
+    ],
+)
+def test_address_that_cannot_be_used_is_refused(url: str, words: str) -> None:
+    with pytest.raises(ArgumentsError, match=words):
+        options.check_usage(parser().parse_args([*PLC[:-1], url]))
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        ["--serve", "tcp://127.0.0.1:0"],
+        ["--check"],
+        ["--dry-run"],
+        ["--put-down"],
+        ["--after-crash", "resume"],
+        ["--tree", "u", "--http", "0"],
+        ["--tree", "u", "--status", "s.sock"],
+        ["--tree", "u", "--watch"],
+        ["--tree", "u", "--audit", "./see"],
+    ],
+    ids=lambda more: more[-2].strip("-") if more[0] == "--tree" else more[0].strip("-"),
+)
+def test_option_that_leaves_the_plc_nothing_to_do_is_refused(more: list[str]) -> None:
+    with pytest.raises(ArgumentsError, match="leave it out"):
+        options.check_usage(parser().parse_args([*PLC, *more]))
+
+
+def test_options_of_a_run_go_with_it() -> None:
+    more = [
+        "--count",
+        "3",
+        "--activate",
+        "--on-reject",
+        "stop",
+        "--takt",
+        "6s",
+        "--time-scale",
+        "max",
+        "--network",
+    ]
+    options.check_usage(parser().parse_args([*PLC, *more, "--http", "0"]))
+    options.check_usage(parser().parse_args([*PLC, "--tree", "u"]))
+
+
+def test_several_tables_without_a_plc_are_refused() -> None:
+    with pytest.raises(ArgumentsError, match="--tree stands twice"):
+        options.check_usage(parser().parse_args(["--tree", "t", "--tree", "u", "--port", "sim"]))
+
+
+def test_map_is_printed_without_a_table_and_starts_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["--plc-map", "json"])
+    assert ended.value.code == 0
+    assert json.loads(capsys.readouterr().out) == json.loads(json.dumps(as_json()))
+    with pytest.raises(SystemExit) as ended:
+        main(["--plc-map", "xml"])
+    assert ended.value.code == 2
+
+
+def test_port_in_use_is_one_line_and_code_2(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    dump(small_table(), tmp_path / "t")
+    with listening(Address("127.0.0.1", 0), "x") as taken:
+        url = f"modbus-tcp://127.0.0.1:{taken.getsockname()[1]}"
+        words = ["--tree", str(tmp_path / "t"), "--port", "sim", "--json", "--journal", str(tmp_path / "j")]
+        assert main([*words, "--plc", url]) == 2
+    said = capsys.readouterr().err.splitlines()[1:]
+    assert len(said) == 1
+    assert said[0].startswith("grasp-runtime: --plc ")
+    assert "in use" in said[0]
+    assert not (tmp_path / "j").exists()
+
+
+class Running:
+    """A run on a cell in memory, in the main thread; the PLC's program is in another one."""
+
+    def __init__(
+        self,
+        folder: Path,
+        made: FakeCell,
+        *trees: Path,
+        count: int | None = None,
+        journal: type[Journal] = Journal,
+    ) -> None:
+        self.journal = journal(folder / "j.jsonl", lambda: "")
+        self._cell = replace(made.cell, journal=self.journal)
+        words = [word for tree in trees for word in ("--tree", str(tree))]
+        arguments = parser().parse_args(
+            [
+                *words,
+                *PLC[2:],
+                "--json",
+                "--journal",
+                str(folder / "j"),
+                *(["--count", str(count)] if count else []),
+            ]
+        )
+        self._stack = ExitStack()
+        self.recipes = [prepare(arguments, tree) for tree in trees]
+        self._run = plc.opened(arguments, self.recipes, Views(), self._stack)
+        self.port = self._run._address.port
+        self.raised: BaseException | None = None
+
+    def kept(self) -> list[dict[str, object]]:
+        """The records of the journal, which is whole and follows from its counts."""
+        kept = list(records(self.journal.path))
+        assert list(Replay().follow(kept)) == []
+        return kept
+
+    def run(self, program: Callable[[TcpPlc], None]) -> int:
+        """Run with a PLC's program; returns the exit code.
+
+        Raises:
+            Exception: what the program or the run raised.
+        """
+
+        def with_plc() -> None:
+            try:
+                with TcpPlc(self.port) as client:
+                    program(client)
+            except BaseException as error:
+                self.raised = error
+                os.kill(os.getpid(), signal.SIGTERM)
+
+        thread, first = threading.Thread(target=with_plc), self.recipes[0]
+        with StopRequests(), self._stack, self.journal:
+            crash.begin(self.journal, None, first.loaded.data, first.header, crash.ABORT)
+            thread.start()
+            try:
+                return self._run.run(self._cell, None, activate=True)
+            finally:
+                thread.join()
+                if self.raised is not None:
+                    raise self.raised
+
+
+@pytest.fixture
+def tree(tmp_path: Path) -> Path:
+    dump(small_table(), tmp_path / "t.msgpack")
+    return tmp_path / "t.msgpack"
+
+
+def test_parts_of_each_outcome_have_their_code_and_only_a_located_one_a_pose(
+    tmp_path: Path, tree: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    results = []
+
+    def program(client: TcpPlc) -> None:
+        client.enable()
+        results.extend(client.part(number) for number in (5, 5, 65535))
+
+    running = Running(tmp_path, fake_cell([AT_21, AT_36, AT_30, AT_36]), tree, count=3)
+    assert running.run(program) == 11
+    assert [result["outcome"] for result in results] == [1, 2, 3]
+    assert [result["exit_code"] for result in results] == [0, 10, 11]
+    assert [(each["x"], each["y"], each["angle"]) for each in results] == [(0, 500, 0), (0, 0, 0), (0, 0, 0)]
+    assert [json.loads(line)["outcome"] for line in capsys.readouterr().out.splitlines()] == [
+        "leaf", "reject", "unresolved",
+    ]  # fmt: skip
+    kept = [each for each in running.kept() if each["kind"] in ("trigger", "part", "outcome", "end")]
+    assert [each["kind"] for each in kept] == [*["trigger", "part", "outcome"] * 3, "end"]
+    assert [each["trigger_id"] for each in kept if each["kind"] == "trigger"] == [5, 5, 65535]
+
+
+def test_nothing_is_moved_before_enabling(tmp_path: Path, tree: Path) -> None:
+    made = fake_cell([AT_21])
+    made.gripper.now = State(activated=False)
+
+    def program(client: TcpPlc) -> None:
+        client.write(trigger=1)
+        assert client["error_id"] == 101
+        client.write(trigger=0)
+        time.sleep(0.05)
+        assert (made.log.named("activate"), made.log.named("move_linear")) == ([], [])
+        client.enable()
+        assert client.part(1)["outcome"] == 1
+
+    assert Running(tmp_path, made, tree, count=1).run(program) == 0
+    assert len(made.log.named("activate")) == 1
+
+
+def test_enable_withdrawn_before_a_part_begins_ends_it_without_a_motion(tmp_path: Path, tree: Path) -> None:
+    made, triggered = fake_cell([AT_21]), threading.Event()
+    made.gripper.now = State(activated=False)
+    sweep = made.gripper.activate
+
+    def slow_sweep() -> None:
+        triggered.wait(30)
+        sweep()
+
+    made.gripper.activate = slow_sweep
+
+    def program(client: TcpPlc) -> None:
+        client.enable()
+        client.begin(6)
+        client.write(enable=0)
+        triggered.set()
+        result = client.result(6)
+        assert (result["outcome"], result["error_id"]) == (4, 40)
+        assert made.log.named("move_linear") == []
+        client.enable()
+        assert client.part(7)["outcome"] == 1
+
+    assert Running(tmp_path, made, tree, count=1).run(program) == 0
+
+
+def test_fault_is_a_result_of_its_id_that_stays_until_it_is_taken(
+    tmp_path: Path, tree: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(plc, "FAREWELL_S", 0.1)
+
+    def program(client: TcpPlc) -> None:
+        client.enable()
+        client.part(1)
+        client.begin(2)
+        client.wait("result_valid", 1)
+        time.sleep(0.3)  # longer than a run that was stopped would wait
+        assert client["result_id"] == 2
+        assert (client["outcome"], client["error_id"], client["x"]) == (4, 20, 0)
+        client.write(enable=0, trigger_id=3)
+        client.write(enable=1, trigger=1)
+        assert client["error_id"] == 107
+        client.write(trigger=0)
+        assert client.result(2)["outcome"] == 4
+
+    running = Running(tmp_path, fake_cell([AT_21, AT_21], Log(40, ConnectionError("cable"))), tree)
+    assert running.run(program) == 20
+    assert running.kept()[-1]["exit_code"] == 20
+
+
+def test_policy_that_ends_the_run_lets_the_result_be_taken(tmp_path: Path, tree: Path) -> None:
+    def program(client: TcpPlc) -> None:
+        client.enable()
+        assert client.part(9)["outcome"] == 2
+
+    running = Running(tmp_path, fake_cell([AT_36]), tree)
+    stops = replace(running.recipes[0].options, policy=Policy.of("stop", "next"))
+    running._run.recipes = [replace(running.recipes[0], options=stops)]
+    running._run._monitors[0]._recipe = running._run.recipes[0]
+    assert running.run(program) == 10
+
+
+def test_error_that_no_part_ends_with_is_a_fault_of_the_part_under_way(tmp_path: Path, tree: Path) -> None:
+    def program(client: TcpPlc) -> None:
+        client.enable()
+        client.begin(4)
+        assert client.result(4)["exit_code"] == 24
+
+    class Full(Journal):
+        def record(self, kind: str, fields: Mapping[str, object]) -> None:
+            if kind == "trigger":
+                raise JournalError(self.path, "cannot be written")
+            super().record(kind, fields)
+
+    made = fake_cell([AT_21])
+    with pytest.raises(JournalError):
+        Running(tmp_path, made, tree, journal=Full).run(program)
+    assert made.log.named("move_linear") == []
+
+
+def test_stop_request_between_parts_ends_the_run_at_once(tmp_path: Path, tree: Path) -> None:
+    def program(client: TcpPlc) -> None:
+        client.enable()
+        client.part(1)
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    running = Running(tmp_path, fake_cell([AT_21]), tree)
+    with pytest.raises(KeyboardInterrupt):
+        running.run(program)
+    end = running.kept()[-1]
+    assert (end["kind"], end["parts"], end["exit_code"]) == ("end", 1, 40)
+
+
+def test_stop_request_ends_the_wait_for_a_result_to_be_taken(tmp_path: Path, tree: Path) -> None:
+    def program(client: TcpPlc) -> None:
+        client.enable()
+        client.begin(1)
+        client.wait("result_valid", 1)
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    assert Running(tmp_path, fake_cell([AT_21]), tree, count=1).run(program) == 0
+
+
+def test_change_of_the_table_ends_a_run_and_begins_another(tmp_path: Path, tree: Path) -> None:
+    other = tmp_path / "u.msgpack"
+    table = small_table()
+    dump(replace(table, tool="squeezetree other"), other)
+
+    def program(client: TcpPlc) -> None:
+        client.enable()
+        for number, chosen in enumerate((1, 1, 0), 1):
+            client.write(table=chosen)
+            assert client.part(number)["outcome"] == 1
+            assert client["table_in_use"] == chosen
+            assert client["table_digest"] == int(running.recipes[chosen].loaded.digest[:8], 16)
+        client.write(table=2, trigger=1)
+        assert client["error_id"] == 104
+        client.write(trigger=0)
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    running = Running(tmp_path, fake_cell([AT_21] * 3), tree, other)
+    with pytest.raises(KeyboardInterrupt):
+        running.run(program)
+    kinds = [each["kind"] for each in running.kept() if each["kind"] in ("header", "trigger", "end")]
+    assert kinds == ["header", "end", "header", "trigger", "trigger", "end", "header", "trigger", "end"]
+
+
+def test_tables_for_different_grippers_are_refused(tmp_path: Path, tree: Path) -> None:
+    other = tmp_path / "u.msgpack"
+    table = small_table()
+    dump(replace(table, gripper=replace(table.gripper, finger_width_um=1000)), other)
+    with pytest.raises(ArgumentsError, match="another gripper"):
+        Running(tmp_path, fake_cell([]), tree, other)

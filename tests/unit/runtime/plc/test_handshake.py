@@ -1,0 +1,84 @@
+"""The handshake's table: every state with every event, by rules that make it a handshake."""
+
+import pytest
+
+from runtime.plc.handshake import SIGNALS, TABLE, Error, Event, Signals, State, Transition
+
+REFUSED = {
+    Event.TRIGGER_DISABLED: Error.NOT_ENABLED,
+    Event.TRIGGER_UNKNOWN_TABLE: Error.UNKNOWN_TABLE,
+    Event.TRIGGER_AFTER_END: Error.RUN_ENDED,
+}
+BUSY = {state for state in State if SIGNALS[state].busy}
+VALID = {state for state in State if SIGNALS[state].result_valid}
+ALL = [(state, event) for state in State for event in Event]
+
+
+def test_table_holds_every_state_with_every_event() -> None:
+    assert list(TABLE) == ALL
+    assert len(TABLE) == 8 * 8
+
+
+@pytest.mark.parametrize(("state", "event"), ALL, ids=lambda each: each.name)
+def test_transition_follows_the_rules_of_the_handshake(state: State, event: Event) -> None:
+    after, error = TABLE[state, event]
+    before, shown = SIGNALS[state], SIGNALS[after]
+    # A part begins at a trigger that counts, and at nothing else; an error changes nothing.
+    if shown.busy and not before.busy:
+        assert event is Event.TRIGGER
+        assert not before.result_valid
+    if error:
+        assert after is state
+    if event in REFUSED:
+        assert error is REFUSED[event]
+    # A part that is under way ends with a result, and at nothing else.
+    if state in BUSY:
+        assert (after in BUSY) == (event is not Event.RESULT)
+        assert (after in VALID) == (event is Event.RESULT)
+    # A result goes at a rising acknowledge, and comes at the end of a part.
+    if state in VALID:
+        assert (after in VALID) == (event is not Event.ACKNOWLEDGE)
+    if after in VALID and state not in VALID:
+        assert event is Event.RESULT
+    # A second trigger is an error exactly where a part is under way or a result is not back.
+    if event is Event.TRIGGER:
+        expected = Error.NONE
+        if state in BUSY:
+            expected = Error.PART_UNDER_WAY
+        elif state in VALID or before.acknowledge:
+            expected = Error.RESULT_WAITS
+        assert error is expected
+        assert error or after is State.ACCEPTED
+    # `acknowledge` comes with the trigger that counts and falls with that trigger.
+    if shown.acknowledge != before.acknowledge:
+        assert event is (Event.TRIGGER if shown.acknowledge else Event.TRIGGER_BACK)
+    if before.acknowledge and event is Event.TRIGGER_BACK:
+        assert not shown.acknowledge
+
+
+@pytest.mark.parametrize("state", State)
+def test_every_state_is_reached_from_ready_and_leads_back_to_it(state: State) -> None:
+    def reached(start: State) -> set[State]:
+        known = {start}
+        while more := {TABLE[each, event].following for each in known for event in Event} - known:
+            known |= more
+        return known
+
+    assert state in reached(State.READY)
+    assert State.READY in reached(state)
+
+
+def test_ready_shows_nothing_and_only_the_last_states_share_signals() -> None:
+    assert SIGNALS[State.READY] == Signals(acknowledge=False, busy=False, result_valid=False)
+    quiet = [state for state in State if SIGNALS[state] == SIGNALS[State.READY]]
+    assert quiet == [State.READY, State.ACKNOWLEDGE_HELD]
+
+
+def test_ready_comes_only_once_trigger_and_acknowledge_are_back() -> None:
+    into = {
+        key for key, after in TABLE.items() if after == Transition(State.READY) and key[0] is not State.READY
+    }
+    assert into == {
+        (State.TRIGGER_HELD, Event.TRIGGER_BACK),
+        (State.ACKNOWLEDGE_HELD, Event.ACKNOWLEDGE_BACK),
+    }

@@ -1,0 +1,36 @@
+"""The register map: complete, without overlaps, and words in the documented order."""
+
+from runtime.plc.registers import MAP, READ, READ_AT, WRITTEN, WRITTEN_AT, as_json, words
+
+KINDS = {"holding", "input", "coil", "discrete"}
+TYPES = {"int16", "uint16", "int32", "uint32", "bool"}
+
+
+def test_map_names_what_the_handshake_needs() -> None:
+    assert {register.name for register in WRITTEN} == {
+        *("enable", "trigger", "trigger_id", "result_acknowledge", "heartbeat_in", "table"),
+    }
+    assert {register.name for register in READ} >= {
+        *("acknowledge", "busy", "result_valid", "result_id", "x", "y", "angle", "part", "face"),
+        *("expected_error", "outcome", "error_id", "heartbeat_out", "table_digest", "table_in_use"),
+    }
+
+
+def test_registers_do_not_overlap_and_each_block_has_no_gap() -> None:
+    for start, block in ((WRITTEN_AT, WRITTEN), (READ_AT, READ)):
+        used = [register.address + word for register in block for word in range(register.words)]
+        assert used == list(range(start, start + len(used)))
+
+
+def test_json_has_the_documented_keys() -> None:
+    for entry, register in zip(as_json()["registers"], MAP, strict=True):
+        assert entry.keys() >= {"name", "address", "kind", "type", "scale", "unit"}
+        assert entry["kind"] in KINDS
+        assert entry["type"] in TYPES
+        assert entry["unit"] in ("", "mm", "deg", "rad")
+        assert entry["name"] == register.name
+
+
+def test_words_of_a_long_value_have_the_high_word_first() -> None:
+    registers = [register for register in READ if register.name in ("table_digest", "x")]
+    assert words(registers, {"table_digest": 0xCAFE_0001, "x": -2}) == [0xCAFE, 0x0001, 0xFFFF, 0xFFFE]
