@@ -15,7 +15,7 @@ from pathlib import Path
 import hostile_campaign
 import pytest
 from hostile_devices import Bench, End
-from relays import Case, Row, Rows
+from relays import MODES, Case, Row, Rows
 from running_cells import REHEARSAL, ROOT, WAIT_S, Notices
 from sample_tables import small_table
 
@@ -76,17 +76,22 @@ def test_row_names_its_first_second_and_last_poll() -> None:
 
 
 class Rehearsed:
-    """A bench whose runs end as their case says: late always, late among others alone, wrong, or well."""
+    """A bench whose runs end as their case says: late always, late among others alone, wrong, or well.
+
+    Their polls are nine or more.
+    """
 
     alone = os.getpid()
 
     def __init__(self, folder: Path) -> None:
-        """Its cell would be here."""
+        self._runs = 0
 
     def run(self, case: Case) -> End:
+        self._runs += 1
+        rows = [Row(1, 1), Row(8 + self._runs, 1)]
         late = case.device == "late" or (case.device == "loaded" and os.getpid() != self.alone)
         wrong = ["a traceback"] if case.device == "wrong" else []
-        return End("20", float(case.row), wrong, "it took 9.0 s" * late, reached=True, rows=[])
+        return End("20", float(case.row), wrong, "it took 9.0 s" * late, reached=True, rows=rows)
 
     def close(self) -> None:
         """And end here."""
@@ -105,6 +110,22 @@ def test_campaign_case_that_is_late_among_others_fails_only_if_it_is_late_alone(
     assert kept["good"]["slow"] == {"cases": 2, "ends": {"exit 20": 2}, "longest_s": 4.0}
     assert summary.count == 5
     assert "1 were late among others, and in time alone" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("device", "polls", "taken"),
+    [
+        ("gripper", False, [(0, 0), (1, 0), (1, 1), (1, 8)]),
+        ("gripper", True, [(0, 0), *((1, poll) for poll in range(9))]),
+        ("arm", False, [(0, 0), *((1, poll) for poll in range(9))]),
+    ],
+)
+def test_every_call_that_two_runs_make_is_a_case_in_each_mode(
+    device: str, polls: bool, taken: list[tuple[int, int]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(hostile_campaign, "Bench", Rehearsed)
+    cases = list(hostile_campaign.every([device], polls=polls))
+    assert cases == [Case(device, mode, *call) for call in taken for mode in MODES]
 
 
 @pytest.fixture
