@@ -22,7 +22,7 @@ from runtime.table import PPM, Table, TableFile, load, misfits
 
 @dataclass(frozen=True, slots=True)
 class Recipe:
-    """A table with its options and console, and what journal and log of installed software say of its runs."""
+    """A table with its options and console, and what journal and log of installations say of its runs."""
 
     path: Path
     loaded: TableFile

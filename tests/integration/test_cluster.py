@@ -63,27 +63,43 @@ def appeared(path):
 
 
 class Machines:
-    """`dask scheduler` and `dask worker` processes on loopback."""
+    """`dask scheduler` and `dask worker` processes on loopback; for each test those that live, and more."""
 
-    def __init__(self, folder, stack, workers=2):
+    def __init__(self, folder, stack):
         self._folder, self._stack = folder, stack
-        file = folder / "scheduler.json"
-        self.scheduler = stack.enter_context(
-            started("scheduler", "--port", 0, "--dashboard-address", "127.0.0.1:0", "--scheduler-file", file)
-        )
+        self.scheduler, self.workers = None, []
+
+    def with_workers(self, n):
+        """So many workers that live, and their scheduler."""
+        if self.scheduler is None or self.scheduler.poll() is not None:
+            self._start_scheduler()
+        self.workers = [worker for worker in self.workers if worker.poll() is None]
+        while len(self.workers) < n:
+            self.add_worker()
+        return self
+
+    def kill_workers(self):
+        for worker in self.workers:
+            worker.kill()
+            worker.wait()
+
+    def _start_scheduler(self):
+        file = self._folder / "scheduler.json"
+        file.unlink(missing_ok=True)
+        options = ("--port", 0, "--dashboard-address", "127.0.0.1:0", "--scheduler-file", file)
+        self.scheduler = self._stack.enter_context(started("scheduler", *options))
         self.address = json.loads(appeared(file))["address"]
-        self.workers = [self.add_worker() for _ in range(workers)]
 
     def add_worker(self):
         """One more, with one thread and nobody to start it again."""
         options = ("--nthreads", 1, "--no-nanny", "--no-dashboard", "--local-directory", self._folder)
-        return self._stack.enter_context(started("worker", self.address, *options))
+        self.workers.append(self._stack.enter_context(started("worker", self.address, *options)))
 
 
-@pytest.fixture
-def machines(tmp_path):
+@pytest.fixture(scope="module")
+def machines(tmp_path_factory):
     with ExitStack() as stack:
-        yield Machines(tmp_path, stack)
+        yield Machines(tmp_path_factory.mktemp("machines"), stack)
 
 
 def wait_for_workers(cluster, n):
@@ -168,7 +184,7 @@ def test_work_that_nobody_takes_is_dropped(local_cluster, tmp_path):
 
 def test_a_killed_worker_costs_its_item_only(machines, tmp_path):
     log = tmp_path / "log"
-    with Cluster(machines.address) as cluster:
+    with Cluster(machines.with_workers(2).address) as cluster:
         wait_for_workers(cluster, 2)
         results = []
         for value in cluster.map(partial(logged_work.logged, str(log), 0.1), range(ITEMS)):
@@ -191,7 +207,7 @@ def test_roll_outs_survive_a_killed_worker(machines, direct):
         if done == total // 3:
             machines.workers[0].send_signal(signal.SIGKILL)
 
-    with Cluster(machines.address) as cluster:
+    with Cluster(machines.with_workers(2).address) as cluster:
         wait_for_workers(cluster, 2)
         result = rolling.roll_outs(rolling.PART, rolling.RADIUS_MM, rolling.COUNT, None, cluster, kill)
     assert same(result, direct)
@@ -199,43 +215,39 @@ def test_roll_outs_survive_a_killed_worker(machines, direct):
 
 
 def test_a_worker_that_comes_after_all_have_died_finishes_the_work(machines, tmp_path):
-    with Cluster(machines.address) as cluster:
-        wait_for_workers(cluster, 2)
+    with Cluster(machines.with_workers(1).address) as cluster:
         results = cluster.map(partial(logged_work.logged, str(tmp_path / "log"), 0.05), range(20))
         first = [next(results) for _ in range(5)]
-        for worker in machines.workers:
-            worker.kill()
+        machines.kill_workers()
         machines.add_worker()
         assert first + list(results) == [k * k for k in range(20)]
 
 
 def test_a_cluster_that_stays_without_workers_is_one_error(machines, tmp_path):
-    with Cluster(machines.address) as cluster:
+    with Cluster(machines.with_workers(1).address) as cluster:
         cluster.patience_s = 1.0
         results = cluster.map(partial(logged_work.logged, str(tmp_path / "log"), 0.05), range(50))
         next(results)
-        for worker in machines.workers:
-            worker.kill()
+        machines.kill_workers()
         with pytest.raises(ClusterError, match=r"no workers for 1 s.* dask worker tcp://") as caught:
             list(results)
         assert str(caught.value).isprintable()
 
 
+def test_a_scheduler_without_workers_is_refused_after_a_while(machines):
+    machines.with_workers(0).kill_workers()
+    with pytest.raises(ClusterError, match="no workers"), Cluster(machines.address, patience_s=0.5):
+        pass
+
+
 def test_a_lost_scheduler_is_one_error(machines, tmp_path):
-    with Cluster(machines.address, connect_s=5.0) as cluster:
+    with Cluster(machines.with_workers(1).address, connect_s=5.0) as cluster:
         results = cluster.map(partial(logged_work.logged, str(tmp_path / "log"), 0.05), range(100))
         next(results)
         machines.scheduler.kill()
         with pytest.raises(ClusterError, match="scheduler is lost") as caught:
             list(results)
         assert str(caught.value).isprintable()
-
-
-def test_a_scheduler_without_workers_is_refused_after_a_while(tmp_path):
-    with ExitStack() as stack:
-        machines = Machines(tmp_path, stack, workers=0)
-        with pytest.raises(ClusterError, match="no workers"), Cluster(machines.address, patience_s=0.5):
-            pass
 
 
 def test_an_address_where_nothing_answers_is_one_error():

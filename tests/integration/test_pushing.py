@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import pytest
 
 from drivers.sim.errors import SimulationError
 from drivers.sim.physics import scene
+from planner.cli import export, report
 from planner.compile import compile_job
 from planner.errors import NoPlanError, UsageError
 from planner.evaluation.disturbance import NONE
@@ -17,6 +19,9 @@ from planner.evaluation.ppm import Study, copies_of
 from planner.evaluation.trials import Program
 from planner.job import model as job_file
 from planner.world import ContactWorlds
+from runtime import cli
+from runtime.journal.chain import records
+from runtime.journal.replay import Replay
 from runtime.table import Schedule, Squeezed, Table, dump, dumps, job_of
 
 ROOT = Path(__file__).parents[2]
@@ -50,11 +55,6 @@ class Still:
 
     def squeeze(self, pose_hand: object) -> tuple[object, float, str]:
         return pose_hand, 20.0, "grasped"
-
-
-def command(*words: object) -> subprocess.CompletedProcess[str]:
-    called = [str(Path(sys.executable).with_name(str(words[0]))), *map(str, words[1:])]
-    return subprocess.run(called, capture_output=True, text=True, timeout=300)
 
 
 def test_without_pushes_there_is_no_first_squeeze(job: job_file.Job) -> None:
@@ -100,57 +100,47 @@ def test_a_world_that_cannot_push_is_named(job: job_file.Job, table: Table) -> N
         evaluate(table, job, Still(), 10, 1)
 
 
-def test_a_cell_pushes_and_locates(path: Path, tmp_path: Path) -> None:
+def test_a_cell_pushes_and_locates(path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     journal = tmp_path / "run.jsonl"
-    ran = command(
-        "grasp-runtime",
-        "--tree",
-        path,
-        "--port",
-        "sim",
-        "--count",
-        3,
-        "--time-scale",
-        20,
-        "--journal",
-        journal,
-    )
-    assert ran.returncode == 0, ran.stderr
-    assert "3 LEAF, 3 within 3 mm, 0 crashes" in ran.stderr + ran.stdout
-    assert '"kind": "pushing"' in journal.read_text() or '"kind":"pushing"' in journal.read_text()
-    replayed = command("grasp-journal", "replay", journal)
-    assert replayed.returncode == 0, replayed.stderr
+    words = ["--tree", str(path), "--port", "sim", "--count", "3", "--time-scale", "max"]
+    assert cli.main([*words, "--journal", str(journal)]) == 0
+    assert "3 LEAF, 3 within 3 mm, 0 crashes" in capsys.readouterr().out
+    assert "pushing" in {record["kind"] for record in records(journal)}
+    assert list(Replay().follow(records(journal))) == []
 
 
 @pytest.mark.parametrize(
-    ("words", "code", "told"),
+    ("command", "words", "code", "told"),
     [
-        (("plan-export", "TABLE", "--to", "c99", "-o", "OUT"), 2, "an export is for squeezes alone"),
-        (("plan-report", "TABLE", "-o", "OUT.html", "--bound"), 2, "--bound is for squeezes alone"),
-        (
-            ("grasp-runtime", "--tree", "TABLE", "--serve", "tcp://127.0.0.1:0"),
-            30,
-            "a robot that asks does not",
-        ),
+        (export.main, ("TABLE", "--to", "c99", "-o", "OUT"), 2, "an export is for squeezes alone"),
+        (report.main, ("TABLE", "-o", "OUT.html", "--bound"), 2, "--bound is for squeezes alone"),
+        (cli.main, ("--tree", "TABLE", "--serve", "tcp://127.0.0.1:0"), 30, "a robot that asks does not"),
     ],
 )
 def test_what_knows_no_pushes_says_so(
-    words: tuple[str, ...], code: int, told: str, path: Path, tmp_path: Path
+    command: Callable[[Sequence[str]], int],
+    words: tuple[str, ...],
+    code: int,
+    told: str,
+    path: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     at = {"TABLE": path, "OUT": tmp_path / "out", "OUT.html": tmp_path / "out.html"}
-    ended = command(*(at.get(word, word) for word in words))
-    assert ended.returncode == code
-    assert told in ended.stderr
-    assert 'plan with actions.pushes = "none"' in ended.stderr
+    assert command([str(at.get(word, word)) for word in words]) == code
+    said = capsys.readouterr().err
+    assert told in said
+    assert 'plan with actions.pushes = "none"' in said
     assert not list(tmp_path.iterdir())
 
 
 def test_a_dry_run_and_a_report_tell_of_pushes(path: Path, table: Table, tmp_path: Path) -> None:
-    dry = command("grasp-runtime", "--tree", path, "--port", "sim", "--dry-run")
+    words = [sys.executable, "-m", "runtime.cli", "--tree", str(path), "--port", "sim", "--dry-run"]
+    dry = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, timeout=300)
     push = table.nodes[0].pushes[0]
     assert f"push from ({push.x_um / 1000:.2f}, {push.y_um / 1000:.2f}) mm" in dry.stdout
     page = tmp_path / "report.html"
-    assert command("plan-report", path, "-o", page, "--trials", 100).returncode == 0
+    assert report.main([str(path), "-o", str(page), "--trials", "100"]) == 0
     assert f"{len(table.nodes[0].pushes)} pushes, " in page.read_text(encoding="utf-8")
 
 

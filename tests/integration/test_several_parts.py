@@ -1,9 +1,10 @@
 """From a job with several parts to a run: two squares are sorted by their size, wherever they lie."""
 
+import io
 import json
 import re
-import subprocess
 import sys
+from contextlib import redirect_stdout
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,7 @@ from planner.job import model as job_file
 from planner.report import dossier
 from planner.work.scheduler import Threads
 from planner.world import Assorted, ContactWorlds, World, load_world
+from runtime import cli
 from runtime.journal.export import rows
 from runtime.table import dump, dumps, loads
 
@@ -191,17 +193,29 @@ def test_a_world_from_elsewhere_is_made_once_for_each_part(job, plan, monkeypatc
     assert found.success.mean() > 0.98
 
 
-def test_a_run_names_the_part_and_its_truth(plan, tmp_path):
-    tree = tmp_path / "squares.msgpack"
-    dump(plan.table, tree)
-    command = [sys.executable, "-m", "runtime.cli", "--tree", str(tree), "--port", "sim", "--json"]
-    command += ["--time-scale", "100", "--count", "4", "--seed", "5", "--journal", str(tmp_path / "journal")]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True, timeout=120)
-    told = [json.loads(line) for line in done.stdout.splitlines()]
+def simulated(table, folder, *more):
+    """Parts of a run in virtual time, as `--json` prints them, and its journal."""
+    tree, journal, output = folder / "t.msgpack", folder / "journal", io.StringIO()
+    dump(table, tree)
+    words = ["--tree", str(tree), "--port", "sim", "--time-scale", "max", "--seed", "5", "--json"]
+    with redirect_stdout(output):
+        code = cli.main([*words, "--journal", str(journal), *more])
+    return code, [json.loads(line) for line in output.getvalue().splitlines()], journal
+
+
+@pytest.fixture(scope="module")
+def ran(plan, tmp_path_factory):
+    code, told, journal = simulated(plan.table, tmp_path_factory.mktemp("run"), "--count", "4")
+    assert code == 0
+    return told, journal
+
+
+def test_a_run_names_the_part_and_its_truth(ran):
+    told, journal = ran
     assert {part["hypothesis"] for part in told} == {"small", "large"}
     assert all(part["hypothesis"] == part["true_hypothesis"] for part in told)
     assert all(part["within_goal"] for part in told)
-    recorded = [json.loads(line) for line in (tmp_path / "journal").read_text().splitlines()]
+    recorded = [json.loads(line) for line in journal.read_text().splitlines()]
     names = [part["hypothesis"] for part in told]
     assert [row["hypothesis"] for row in recorded if row["kind"] in ("outcome", "truth")] == [
         name for name in names for _ in range(2)
@@ -210,14 +224,13 @@ def test_a_run_names_the_part_and_its_truth(plan, tmp_path):
 
 
 @pytest.mark.parametrize("more", [["--deliver", "50,0,0"], ["--audit", "python3 judge.py"]])
-def test_what_is_for_one_part_is_refused_before_anything_moves(plan, tmp_path, more):
+def test_what_is_for_one_part_is_refused_before_anything_moves(plan, tmp_path, more, capsys):
     tree = tmp_path / "squares.msgpack"
     dump(plan.table, tree)
-    command = [sys.executable, "-m", "runtime.cli", "--tree", str(tree), "--port", "sim", *more]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
-    assert done.returncode != 0
-    assert "which part it is" in done.stderr
-    assert len(done.stderr.splitlines()) == 1
+    assert cli.main(["--tree", str(tree), "--port", "sim", *more]) != 0
+    error = capsys.readouterr().err
+    assert "which part it is" in error
+    assert len(error.splitlines()) == 1
 
 
 EVIL = "large <i>&"
@@ -238,16 +251,13 @@ def posed():
 
 
 def test_an_auditor_is_told_which_part_it_is_said_to_be(posed, tmp_path):
-    dump(posed.table, tmp_path / "t.msgpack")
     (tmp_path / "judge.py").write_text(JUDGE)
-    command = [sys.executable, "-m", "runtime.cli", "--tree", str(tmp_path / "t.msgpack"), "--port", "sim"]
-    command += ["--time-scale", "100", "--count", "6", "--seed", "5", "--journal", str(tmp_path / "journal")]
-    command += ["--json", "--audit", f"{sys.executable} {tmp_path / 'judge.py'} small"]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120)
-    told = [part for part in map(json.loads, done.stdout.splitlines()) if part.get("leaf") is not None]
-    assert {part["hypothesis"] for part in told} == {"small", EVIL}, done.stderr
+    audit = f"{sys.executable} {tmp_path / 'judge.py'} small"
+    _, told, journal = simulated(posed.table, tmp_path, "--count", "6", "--audit", audit)
+    told = [part for part in told if part.get("leaf") is not None]
+    assert {part["hypothesis"] for part in told} == {"small", EVIL}
     assert all((part["audit"] == "pass") == (part["hypothesis"] == "small") for part in told)
-    recorded = [json.loads(line) for line in (tmp_path / "journal").read_text().splitlines()]
+    recorded = [json.loads(line) for line in journal.read_text().splitlines()]
     assert [r["hypothesis"] for r in recorded if r["kind"] == "audit"] == ["seen"] * len(told)
 
 
@@ -334,13 +344,9 @@ def test_a_report_of_parts_that_are_sorted_shows_names_and_no_poses(plan, tmp_pa
     assert np.trace(np.array(named_in(text))) > 0.97 * 400
 
 
-def test_names_of_a_journal_stand_in_the_report(plan, tmp_path):
-    tree, journal = tmp_path / "t.msgpack", tmp_path / "journal"
-    dump(plan.table, tree)
-    command = [sys.executable, "-m", "runtime.cli", "--tree", str(tree), "--port", "sim", "--json"]
-    command += ["--time-scale", "100", "--count", "4", "--seed", "5", "--journal", str(journal)]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True, timeout=120)
-    told = [json.loads(line)["hypothesis"] for line in done.stdout.splitlines()]
+def test_names_of_a_journal_stand_in_the_report(plan, ran, tmp_path):
+    parts, journal = ran
+    told = [part["hypothesis"] for part in parts]
     text, _, data = report_of(plan.table, tmp_path, "--journal", str(journal))
     assert [entry[6] for entry in data["log"]["parts"]] == told
     assert all(f"{told.count(name)} {name}" in text for name in set(told))

@@ -29,23 +29,23 @@ def script(*arguments):
 
 
 def test_a_slice_under_random_faults_finds_nothing():
-    code, told, out = script("--transactions", "40000")
+    code, told, out = script("--transactions", "15000")
     assert (code, told["findings"]) == (0, 0), out
-    assert told["transactions"] >= 40_000
+    assert told["transactions"] >= 15_000
     assert len(told["faults_met"]) >= 24
     assert set(told["outcomes"]) <= {"leaf", "unresolved", "reject", "fault", "not connected"}
 
 
 def test_without_faults_no_part_ends_in_one():
-    code, told, out = script("--parts", "300", "--no-faults", "--parts-per-run", "100")
+    code, told, out = script("--parts", "120", "--no-faults", "--parts-per-run", "40")
     assert (code, told["crashes"], told["runs"]) == (0, 0, 3), out
     assert told["outcomes"].keys() <= {"leaf", "unresolved", "reject"}
 
 
 def test_the_same_seed_gives_the_same_run_on_any_number_of_workers():
-    alone = script("--seed", "40", "--runs", "16")[1]
-    assert script("--seed", "40", "--runs", "16", "--workers", "2")[1] == alone
-    assert script("--seed", "41", "--runs", "16")[1]["digest"] != alone["digest"]
+    alone = script("--seed", "40", "--runs", "6")[1]
+    assert script("--seed", "40", "--runs", "6", "--workers", "2")[1] == alone
+    assert script("--seed", "41", "--runs", "6")[1]["digest"] != alone["digest"]
 
 
 def runs(count=12):

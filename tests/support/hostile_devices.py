@@ -1,7 +1,7 @@
 """Devices of a simulated cell that fall silent, slow, endless, stopped or gone at any call of a run.
 
 Between a run (a process) and its `grasp-cell` stands a relay for each device, which counts what the run sends
-there. At the call with a given number the relay changes what comes back, for good:
+there. At a given call the relay changes what comes back, for good:
 
 - silent: it hears and never answers
 - slow: each answer comes `SLOW_S` late
@@ -12,56 +12,70 @@ there. At the call with a given number the relay changes what comes back, for go
 
 A run has to end by its deadline and `SPARE_S`, with a documented exit code, the arm and the fingers at rest,
 the arm up where its state was known, and the part's outcome and the run's end in the journal.
-`campaign` tries random cases, or every call of a run, prints those that fail, and returns how many did.
-The OmniCore controller is not part of the cell: its arm moves beside it.
+`hostile_campaign` tries random cases, or every call of a run. The OmniCore controller is not part of the
+cell: its arm moves beside it. Scene and camera are heard only by a run that has started its cell: it takes
+one that runs already for its own (`run_on_cell`).
 """
 
 import contextlib
-import random
-import re
+import json
+import os
+import shlex
 import subprocess
-import tempfile
+import sys
 import time
-from collections import Counter
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
+from urllib.parse import urlsplit
 
 from arm_rigs import BASE, OmniCoreRig
-from relays import MODES, Case, Hindrance, Relay, TcpRelay, TtyRelay
-from running_cells import ROOT, RunningCell, runtime_command
-from sample_tables import small_table
+from cameras import part_tag, true_calibration
+from relays import SLOW_S, Case, Hindrance, Relay, Row, TcpRelay, TtyRelay
+from running_cells import ROOT, RunningCell
+from sample_tables import small_table, two_squeeze_table
 
 from drivers import connect
 from drivers.abb import rws
+from drivers.camera.calibration import file as calibration
+from drivers.camera.calibration.file import Reference
+from drivers.camera.vision import tag_file
 from drivers.clock import LINK_TIMEOUT_S
 from drivers.robotiq.link import READ_TRIES
 from drivers.robotiq.modbus import DRAIN_S
+from drivers.sim.camera.rig import standard_rig
+from drivers.sim.physics import scene_protocol
 from drivers.ur.rtde import ANSWER_S
+from runtime.commands.cell import CONTACT_WORLD
+from runtime.devices import audit
 from runtime.devices.clock import LINK_MARGIN_S
 from runtime.execution.executor import expected_s
 from runtime.execution.watch import DEADLINE_FACTOR
 from runtime.journal.chain import records, verify
 from runtime.table import dump
 
-# Devices, and about how many calls of a run of one part each hears; `every` counts them.
-CALLS = {
-    "gripper": 150,
-    "gripper_tcp": 150,
-    "gripper_rtu_tcp": 150,
-    "gripper_urcap": 900,
-    "arm": 16,
-    "arm_ur": 30,
+# Devices, and about how many rows of calls each hears in a run of one part.
+ROWS = {
+    "gripper": 19,
+    "gripper_tcp": 19,
+    "gripper_rtu_tcp": 19,
+    "gripper_urcap": 79,
+    "arm": 22,
+    "arm_ur": 4,
     "arm_ur_script": 3,
-    "arm_omnicore": 60,
+    "arm_omnicore": 80,
+    "scene": 2,
+    "camera": 1,
 }
+SIMULATED = ("scene", "camera")  # heard by runs with --port sim
+RECTANGLE = ROOT / "trees" / "rectangle" / "rectangle.msgpack"
 SCALE = 12.0
 SPARE_S = 2.0
-HANG_S = 120.0
+HANG_S = 240.0
+URCAP_CALLS = 1000  # of a run
 NEVER = 1 << 40  # a call that no run comes to
-REPORTED = 50
-AGAIN = 8
 CODES = {0, 10, 20, 21, 22, 23}  # 10: the jaws met no part, where the arm is not the cell's
 UP_MM = small_table().limits.retreat_height_um / 1000
 _TRIES_S = READ_TRIES * (LINK_TIMEOUT_S + DRAIN_S)
@@ -76,26 +90,40 @@ DEADLINES_S = {
     "arm_ur": 3.0 * ANSWER_S + MOTION_S,
     "arm_ur_script": 3.0 * ANSWER_S + MOTION_S,
     "arm_omnicore": 2.0 * rws.ANSWER_S + MOTION_S,
+    "scene": scene_protocol.ANSWER_S + MOTION_S,
+    "camera": audit.ANSWER_S + MOTION_S,
 }
 
 
 def deadline_s(case: Case) -> float:
     """By when after its call the run has to end; a slow device makes no call late, but the squeeze."""
-    if case.mode != "slow":
+    if case.mode != "slow" or case.device in SIMULATED:
         return DEADLINES_S[case.device]
     table = small_table()
     squeezes = [expected_s(table, node) for node in table.nodes]
-    # Activation and end of the run count as one more.
-    return (len(squeezes) + 1) * (DEADLINE_FACTOR * max(squeezes) / SCALE + LINK_MARGIN_S)
+    # Activation and end count as one more.
+    squeezing_s = (len(squeezes) + 1) * (DEADLINE_FACTOR * max(squeezes) / SCALE + LINK_MARGIN_S)
+    # What is outside of squeezes has its calls, each late: seven a reading where the URCap is asked.
+    return max(squeezing_s, URCAP_CALLS * SLOW_S if case.device == "gripper_urcap" else 0.0)
 
 
 class End(NamedTuple):
-    """How a run ended."""
+    """How a run ended.
+
+    Attributes:
+        took_s: time since its device changed.
+        wrong: what must not be, whatever the machine's load.
+        late: what may be so because the machine is loaded, empty: it ended in time.
+        reached: whether the run came to the case's call.
+        rows: the calls that its device heard.
+    """
 
     code: str
-    took_s: float  # after the hindrance
+    took_s: float
     wrong: list[str]
-    calls: int  # that its device heard
+    late: str
+    reached: bool
+    rows: list[Row]
 
 
 class Bench:
@@ -104,7 +132,7 @@ class Bench:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self.tree = folder / "small.msgpack"
-        dump(small_table(), self.tree)
+        dump(two_squeeze_table(), self.tree)
         self.cell = RunningCell(self.tree, time_scale=SCALE)
         self._runs = 0
         self._closing = contextlib.ExitStack()
@@ -116,37 +144,57 @@ class Bench:
         self._closing.callback(rig.close)
         return rig
 
+    @cached_property
+    def _seen_cell(self) -> RunningCell:
+        """A cell with a camera, which needs parts that lie somewhere."""
+        more = ("--world", CONTACT_WORLD, "--camera")
+        return self._closing.enter_context(RunningCell(RECTANGLE, *more, time_scale=SCALE))
+
+    @cached_property
+    def _auditor(self) -> str:
+        """The command that looks through that camera."""
+        optics = standard_rig()
+        places = tuple(Reference(number, x, y) for number, (x, y, _) in optics.references)
+        known = replace(true_calibration(optics.optics), references=places)
+        calibration.save(known, self._folder / "camera.json")
+        tag = part_tag(on_part=optics.on_part)
+        tag_file.save(tag, self._folder / "tag.json", "2026-01-01T00:00:00+00:00")
+        words = [sys.executable, "-m", "drivers.camera.audit.command", "judge", "--tree", str(RECTANGLE)]
+        words += ["--calibration", str(self._folder / "camera.json"), "--tag", str(self._folder / "tag.json")]
+        return f"{shlex.join(words)} --camera {{camera}}"
+
     def close(self) -> None:
         self._closing.close()
         self.cell.__exit__()
 
+    def _cell_of(self, case: Case) -> RunningCell:
+        return self._seen_cell if case.device == "camera" else self.cell
+
     @contextlib.contextmanager
-    def addresses(self, case: Case) -> Iterator[tuple[str, str, Hindrance]]:
-        """Addresses of gripper and arm for a run; the case's device is behind a relay that obeys it."""
-        ends, hindrance = self.cell.endpoints, Hindrance(case)
+    def endpoints(self, case: Case) -> Iterator[tuple[dict[str, str], Hindrance]]:
+        """The addresses of a cell's devices for a run; the case's device is behind a relay that obeys it."""
+        hindrance, device = Hindrance(case), case.device
+        ends = dict(self._cell_of(case).endpoints)
+        # Which of its grippers or arms a run takes.
+        kind = device.partition("_")[0]
         relays: list[Relay] = []
-        gripper, arm = ends["gripper"], ends["arm"]
-        if case.device == "gripper":
-            relays.append(TtyRelay(hindrance, gripper))
-            gripper = relays[0].path
-        elif case.device.startswith("gripper"):
-            scheme, place = _place(ends[case.device])
-            relays.append(TcpRelay(hindrance, place))
-            gripper = f"{scheme}://127.0.0.1:{relays[0].port}"
-        elif case.device == "arm":
-            _, place = _place(arm)
-            relays.append(TcpRelay(hindrance, place))
-            arm = f"tcp://127.0.0.1:{relays[0].port}?{arm.partition('?')[2]}"
-        elif case.device == "arm_omnicore":
-            relays.append(TcpRelay(hindrance, ("127.0.0.1", self._omnicore.server.port)))
+        if device == "gripper":
+            relays.append(tty := TtyRelay(hindrance, ends["gripper"]))
+            ends["gripper"] = tty.path
+        elif device == "arm_omnicore":
+            relays.append(tcp := TcpRelay(hindrance, ("127.0.0.1", self._omnicore.server.port)))
             base = ",".join(map(str, (*BASE[:3], *BASE[3])))
-            arm = f"omnicore://127.0.0.1:{relays[0].port}?base={base}{OmniCoreRig.limits}"
+            ends["arm"] = f"omnicore://127.0.0.1:{tcp.port}?base={base}{OmniCoreRig.limits}"
+        elif device.startswith("arm_ur"):
+            relays, ends["arm"] = _ur_relays(ends["arm_ur"], hindrance, device)
         else:
-            relays, arm = _ur_relays(ends["arm_ur"], hindrance, case.device)
+            host, port = _place(ends[device])
+            relays.append(tcp := TcpRelay(hindrance, (host, port)))
+            ends[kind] = ends[device].replace(f"{host}:{port}", f"127.0.0.1:{tcp.port}", 1)
         try:
             for relay in relays:
                 relay.start()
-            yield gripper, arm, hindrance
+            yield ends, hindrance
         finally:
             for relay in relays:
                 relay.close()
@@ -155,63 +203,77 @@ class Bench:
         """How a run ended, and what is wrong with that."""
         self._runs += 1
         journal = self._folder / f"journal-{self._runs}.jsonl"
-        with self.addresses(case) as (gripper, arm, hindrance):
-            words = runtime_command(self.tree, self.cell, journal, "--jaws-empty", "--count", "1")
-            words[words.index("--port") + 1], words[words.index("--arm") + 1] = gripper, arm
+        with self.endpoints(case) as (endpoints, hindrance):
             process = subprocess.Popen(
-                words,
+                self._words(case, endpoints, journal),
                 cwd=ROOT,
+                env={**os.environ, "PYTHONPATH": str(ROOT), "CELL": json.dumps(endpoints)},
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.STDOUT,
                 text=True,
             )
             try:
-                told = process.communicate(timeout=HANG_S)[0]
+                said = process.communicate(timeout=HANG_S)[0]
             except subprocess.TimeoutExpired:
                 process.kill()
                 said = process.communicate()[0][-400:]
-                return End("hangs", HANG_S, [f"it hangs: {said}"], hindrance.calls)
+                return End("hangs", HANG_S, [f"it hangs: {said}"], "", True, hindrance.rows)
             ended_s = time.monotonic()
         took_s = 0.0 if hindrance.began_s is None else ended_s - hindrance.began_s
         code = process.returncode
-        wrong = [] if code in CODES else [f"exit code {code}: {told[-400:]}"]
-        if took_s > deadline_s(case) + SPARE_S:
-            wrong.append(f"it took {took_s:.1f} s, its deadline is {deadline_s(case):.1f} s")
-        wrong += ["a traceback"] * ("Traceback" in told)
-        wrong += [f"a line of {len(line)} characters" for line in told.splitlines() if len(line) > 600]
-        wrong += [*_journal_faults(journal, code), *self._rest_faults(case, told)]
-        return End(str(code), took_s, wrong, hindrance.calls)
+        wrong = [] if code in CODES else [f"exit code {code}: {said[-400:]}"]
+        wrong += ["a traceback"] * ("Traceback" in said)
+        wrong += [f"a line of {len(line)} characters" for line in said.splitlines() if len(line) > 600]
+        wrong += [*_journal_faults(journal, code), *self._rest_faults(case, said)]
+        bound_s = deadline_s(case)
+        late = (
+            f"it took {took_s:.1f} s, its deadline is {bound_s:.1f} s" if took_s > bound_s + SPARE_S else ""
+        )
+        return End(str(code), took_s, wrong, late, hindrance.began_s is not None, hindrance.rows)
 
-    def _rest_faults(self, case: Case, told: str) -> Iterator[str]:
+    def _words(self, case: Case, endpoints: Mapping[str, str], journal: Path) -> list[str]:
+        """The command of a run of one part."""
+        start, where = ["-m", "runtime.cli"], ["--port", endpoints["gripper"], "--arm", endpoints["arm"]]
+        if case.device in SIMULATED:
+            start = [str(ROOT / "tests" / "support" / "run_on_cell.py")]
+            where = ["--port", "sim", "--time-scale", str(SCALE)]
+        tree = self.tree
+        if case.device == "camera":
+            tree = RECTANGLE
+            where += ["--audit", self._auditor]
+        words = [sys.executable, *start, "--tree", str(tree), *where, "--activate", "--tips", "straight"]
+        return [*words, "--journal", str(journal), "--jaws-empty", "--count", "1"]
+
+    def _rest_faults(self, case: Case, said: str) -> Iterator[str]:
         """Whether arm and fingers rest, and the arm is up where its state was known."""
-        with contextlib.closing(connect.gripper(self.cell.endpoints["gripper"], time_scale=SCALE)) as gripper:
-            if gripper.state().moving and "NOT KNOWN TO BE STOPPED" not in told:
+        ends = self._cell_of(case).endpoints
+        with contextlib.closing(connect.gripper(ends["gripper"], time_scale=SCALE)) as gripper:
+            if gripper.state().moving and "NOT KNOWN TO BE STOPPED" not in said:
                 yield "the fingers move"
-            with contextlib.closing(connect.arm(self.cell.endpoints["arm"], time_scale=SCALE)) as arm:
+            with contextlib.closing(connect.arm(ends["arm"], time_scale=SCALE)) as arm:
                 before, after = arm.pose(), arm.pose()
-                if before != after and "arm not moved: state unknown" not in told:
+                if before != after and "arm not moved: state unknown" not in said:
                     yield "the arm moves"
                 if (
                     not case.device.startswith("arm")
-                    and "state unknown" not in told
+                    and "state unknown" not in said
                     and after[2] < UP_MM - 0.1
                 ):
                     yield f"the arm stands at {after[2]:.1f} mm"
                 if after[2] < UP_MM - 0.1:  # for the next one
                     arm.move_linear(*after[:2], UP_MM, after[3], 100.0)
-            gripper.stop()
+            gripper._send({})  # inactive again, so that each run has the same calls
 
 
-def _place(url: str) -> tuple[str, tuple[str, int]]:
-    found = re.match(r"([\w+]+)://([\w.]+):(\d+)", url)
-    assert found is not None
-    return found[1], (found[2], int(found[3]))
+def _place(url: str) -> tuple[str, int]:
+    host, _, port = urlsplit(url).netloc.partition(":")
+    return host, int(port)
 
 
 def _ur_relays(url: str, hindrance: Hindrance, device: str) -> tuple[list[Relay], str]:
     """Relays of both ports of a UR controller, the one for programs two below; the other obeys nothing."""
-    _, (host, port) = _place(url)
+    host, port = _place(url)
     sound = Hindrance(None)
     reading, programs = (hindrance, sound) if device == "arm_ur" else (sound, hindrance)
     while True:
@@ -235,54 +297,3 @@ def _journal_faults(journal: Path, code: int) -> Iterator[str]:
     kinds = [record["kind"] for record in records(journal)]
     if kinds.count("part") != kinds.count("outcome"):
         yield "a part without an outcome"
-
-
-def cases(count: int, seed: int, first: int = 0) -> Iterator[tuple[int, Case]]:
-    """Random cases by their numbers: every device and mode in turn, each at a random call."""
-    pairs = [(device, mode) for device in CALLS for mode in MODES]
-    for number in range(first, first + count):
-        device, mode = pairs[number % len(pairs)]
-        draw = random.Random(f"{seed}/{number}")
-        yield number, Case(device, mode, draw.randrange(CALLS[device]))
-
-
-def every(bench: Bench, devices: Collection[str]) -> Iterator[tuple[int, Case]]:
-    """Each call of a part's run to each device, in each mode; a run without a fault counts them."""
-    number = 0
-    for device in devices:
-        calls = bench.run(Case(device, "silent", NEVER)).calls
-        print(f"{device}: {calls} calls", flush=True)
-        for call in range(calls):
-            for mode in MODES:
-                yield number, Case(device, mode, call)
-                number += 1
-
-
-def campaign(count: int, seed: int, first: int = 0, devices: Collection[str] = ()) -> int:
-    """Try so many random cases, or every call of the devices named.
-
-    Returns:
-        How many failed, each of which is printed with its number.
-    """
-    failed, ends, slowest = 0, Counter[str](), dict.fromkeys(MODES, 0.0)
-    with tempfile.TemporaryDirectory() as folder, contextlib.closing(Bench(Path(folder))) as bench:
-        for number, case in every(bench, devices) if devices else cases(count, seed, first):
-            end = bench.run(case)
-            for _ in range(AGAIN if devices else 0):  # a part that takes fewer squeezes has fewer calls
-                if end.calls > case.call or end.wrong:
-                    break
-                end = bench.run(case)
-            ends[f"exit {end.code}" if end.calls > case.call else "not reached"] += 1
-            slowest[case.mode] = max(slowest[case.mode], end.took_s)
-            if end.wrong:
-                failed += 1
-                print(f"FAILED {number} {case}: {'; '.join(end.wrong)}", flush=True)
-            if sum(ends.values()) % REPORTED == 0:
-                print(_figures(ends, slowest), flush=True)
-    print(_figures(ends, slowest))
-    return failed
-
-
-def _figures(ends: Counter[str], slowest: Mapping[str, float]) -> str:
-    longest = ", ".join(f"{mode} {seconds:.1f} s" for mode, seconds in slowest.items())
-    return f"{sum(ends.values())} cases, {dict(ends)}; longest: {longest}"

@@ -12,27 +12,92 @@ from typing import NamedTuple
 
 MODES = ("silent", "slow", "drip", "endless", "stopped", "gone")
 SLOW_S, DRIP_S = 0.2, 0.1
+# What a device sends without an end: at most 64 kB in 5 ms, or its relay and the run's reader fill two cores.
+FLOOD, FLOOD_S = os.urandom(1 << 16), 0.005
 
 
 class Case(NamedTuple):
-    """Which device changes how, at which of the run's calls to it."""
+    """Which device changes how, at which of the run's calls to it.
+
+    How often a run polls depends on the machine's load, so a call is named by its row and its number there,
+    both from 0 (see `Rows`); where the row has fewer, it is the first call after them.
+    """
 
     device: str
     mode: str
-    call: int
+    row: int
+    poll: int = 0
+
+
+class Row(NamedTuple):
+    """A call and the polls after it that repeat, in a cycle, what was asked before.
+
+    Attributes:
+        calls: how many, with the first.
+        cycle: how many calls ask everything once.
+    """
+
+    calls: int
+    cycle: int
+
+    def polls(self) -> list[int]:
+        """Numbers of the first call and of the first and the last cycle of polls after it."""
+        ends = (*range(1 + self.cycle), *range(self.calls - self.cycle, self.calls))
+        return sorted({poll for poll in ends if 0 <= poll < self.calls})
+
+
+class Rows:
+    """Calls in rows: one begins with each call that asks what the polls before it did not.
+
+    Attributes:
+        rows: all of them, the last one still growing.
+    """
+
+    def __init__(self) -> None:
+        self.rows: list[Row] = []
+        self._asked: list[bytes] = []
+        self._next = -1  # of the cycle that repeats, negative: none does yet
+
+    def add(self, asked: bytes) -> None:
+        """Count a call."""
+        if self._repeats(asked):
+            self.rows[-1] = Row(self.rows[-1].calls + 1, len(self._asked))
+        else:
+            self.rows.append(Row(1, 1))
+
+    def _repeats(self, asked: bytes) -> bool:
+        if self._next < 0:
+            if asked not in self._asked:
+                self._asked.append(asked)
+                return False
+            del self._asked[: self._asked.index(asked)]
+            self._next = 0
+        if asked != self._asked[self._next]:
+            self._asked, self._next = [asked], -1
+            return False
+        self._next = (self._next + 1) % len(self._asked)
+        return True
 
 
 class Hindrance:
     """Counts calls; from the case's call on its mode holds."""
 
     def __init__(self, case: Case | None) -> None:
-        self.case, self.calls = case, 0
+        self.case = case
         self.began_s: float | None = None
+        self._calls = Rows()
 
-    def heard(self) -> str:
-        """One more call; the mode that holds now, empty for none."""
-        self.calls += 1
-        if self.case is None or self.calls <= self.case.call:
+    @property
+    def rows(self) -> list[Row]:
+        """The calls so far."""
+        return self._calls.rows
+
+    def heard(self, data: bytes) -> str:
+        """Count a call; returns the mode that holds now, empty for none."""
+        # Of Modbus TCP without the transaction's number, which differs where the same is asked.
+        self._calls.add(data[2:] if data[2:4] == b"\0\0" else data)
+        at = (len(self.rows) - 1, self.rows[-1].calls - 1)
+        if self.case is None or at < (self.case.row, self.case.poll):
             return ""
         if self.began_s is None:
             self.began_s = time.monotonic()
@@ -72,15 +137,13 @@ class Relay:
             if mode == "gone":
                 return
             if mode == "endless":
-                with contextlib.suppress(BlockingIOError):
-                    if select.select([], [run], [], 0.01)[1]:
-                        os.write(run, os.urandom(200))
+                self._flood(run)
             listened = [device] if mode == "stopped" else [run, device]
-            ready = select.select(listened, [], [], 0.0 if mode == "endless" else 0.02)[0]
+            ready = select.select(listened, [], [], FLOOD_S if mode == "endless" else 0.02)[0]
             if run in ready:
                 if not (data := os.read(run, 4096)):
                     return
-                mode = self._hindrance.heard()
+                mode = self._hindrance.heard(data)
                 if mode == "stopped":
                     self._stop_flow()
                 if mode in ("", "slow", "drip"):
@@ -89,6 +152,12 @@ class Relay:
                 if not (data := os.read(device, 4096)):
                     return
                 self._answer(run, data, mode)
+
+    def _flood(self, run: int) -> None:
+        """Send as many bytes as go without waiting."""
+        os.set_blocking(run, False)
+        with contextlib.suppress(BlockingIOError):
+            os.write(run, FLOOD)
 
     def _answer(self, run: int, data: bytes, mode: str) -> None:
         if mode == "slow":

@@ -58,6 +58,18 @@ def small_table() -> Table:
     return Table("squeezetree test", NO_JOB, GRIPPER, GOAL, LIMITS, (root, second), leaves, predicted, None)
 
 
+def two_squeeze_table() -> Table:
+    """The small table, whose parts nearly always take both squeezes and are located."""
+    table = small_table()
+    shares = ((1, 999_999), (999_999, 1))
+    nodes = []
+    for node, likely in zip(table.nodes, shares, strict=True):
+        pairs = zip(node.branches, likely, strict=True)
+        branches = tuple(branch._replace(probability_ppm=ppm) for branch, ppm in pairs)
+        nodes.append(node._replace(branches=branches))
+    return replace(table, nodes=tuple(nodes))
+
+
 HAND = Hypothesis("left hand", 400_000, 10_571, 2)
 OTHER = Hypothesis("right hand", 600_000, 9_000, 1)
 
