@@ -1,8 +1,8 @@
 """Whether the part of the embedded job, lying as a leaf says, is what the last squeeze held.
 
 A part that jaws hold touches both of them. So the outline, moved to the leaf's pose, reaches both faces
-between the ends of the fingers, and runs through neither, but for what the leaf's error and the job's doubts
-allow.
+between the ends of the fingers, and fills no place just behind either of them, but for what the leaf's error
+and the job's doubts allow. Farther behind a face it may go on: a finger may stand in a slot.
 """
 
 from collections.abc import Iterator
@@ -137,8 +137,8 @@ def _is_held(shape: Shape, pose: Pose2, grip: Grip, error_mm: float) -> bool:
     low, high = _extent(outline, grip.half_length + off)
     if low > grip.low + off or high < grip.high - off:
         return False
-    inner_low, inner_high = _extent(outline, grip.half_length - off)
-    return inner_low >= grip.low - off and inner_high <= grip.high + off
+    inner = grip.half_length - off
+    return not (_blocks(outline, grip.low - off, inner) or _blocks(outline, grip.high + off, inner))
 
 
 def _in_hand(outline: Outline, pose: Pose2, hand: Pose2) -> Outline:
@@ -165,6 +165,20 @@ def _extent(outline: Outline, half: float) -> tuple[float, float]:
                 low, high = min(low, y), max(high, y)
         x0, y0 = x1, y1
     return low, high
+
+
+def _blocks(outline: Outline, y: float, half: float) -> bool:
+    """Whether the inside of an outline meets the line at y where |x| < half."""
+    crossings = list[float]()
+    x0, y0 = outline[-1]
+    for x1, y1 in outline:
+        if (y0 > y) != (y1 > y):
+            crossings.append(x0 + (x1 - x0) * (y - y0) / (y1 - y0))
+        x0, y0 = x1, y1
+    crossings.sort()
+    return any(
+        max(start, -half) < min(end, half) for start, end in zip(crossings[::2], crossings[1::2], strict=True)
+    )
 
 
 def _shape(outline: Outline) -> Shape:
