@@ -167,9 +167,12 @@ def test_tables_are_filled_in_where_the_page_says(kept, monkeypatch, tmp_path):
 
 def test_figures_over_seeds_are_told_as_mean_least_and_most(kept, monkeypatch, tmp_path):
     monkeypatch.setattr(kept, "RESULTS", tmp_path)
-    plan = {"part": "rectangle-25", "wrong": 0.001, "cpu_s": 30.0}
+    plan = {"planner": "now", "part": "rectangle-25", "wrong": 0.001, "cpu_s": 30.0}
     plans = [plan | {"success": 0.99 + 0.001 * k, "squeezes": 2.8 + 0.1 * k} for k in range(4)]
-    (tmp_path / "planner.json").write_text(json.dumps(plans))
-    assert "| rectangle-25 | 4 | 2.95 (2.80 to 3.10) |" in kept.table_of("planner")
+    before = plans[0] | {"planner": "before"}
+    (tmp_path / "planner.json").write_text(json.dumps([*plans, before]))
+    made = kept.table_of("planner")
+    assert "| rectangle-25 | now | 4 | 2.95 (2.80 to 3.10) | 99.15 % | 0.10 % | 3.80 | 30 |" in made
+    assert "| rectangle-25 | before | 1 | 2.80 (2.80 to 2.80) | 99.00 % | 0.10 % | 3.80 | 30 |" in made
     shown = "| rectangle-25 | 4 | 99.15 (99.00 to 99.30) % | 2.95 (2.80 to 3.10) |"
     assert shown in kept.table_of("planner-readme")
