@@ -31,6 +31,7 @@ from planner.search.proposals import placed, varied
 from planner.search.pushes import Pusher, pusher_of
 from planner.search.ranking import Ranking
 from planner.search.tree import Action, Node, Origin, Squeeze, breadth_first, leaves
+from runtime.table import MAX_BRANCHES
 
 
 class Pass(NamedTuple):
@@ -247,7 +248,7 @@ class Search:
         far = strays[nearest < 0]
         starts = np.flatnonzero((np.diff(far.reading) > most + 1) | (np.diff(far.reading >= free)))
         for rows in np.split(np.arange(len(far)), starts + 1):
-            if len(rows) >= LEAST_STRAYS:
+            if len(rows) >= LEAST_STRAYS and len(children) < MAX_BRANCHES:
                 belief = far[rows]
                 mode, share = self.problem.metric.mode(belief.states), node.share * len(rows) / seen
                 children.append(Node(belief, share, mode, node.depth + 1, parent=node, fresh=len(rows)))
@@ -410,7 +411,7 @@ class Search:
         cuts = recut(action.origin.before, action.origin.after.belief, self.problem.rule)
         piece = np.searchsorted(cuts, node.belief.reading, side="right")
         numbers, sizes = np.unique(piece, return_counts=True)
-        if len(numbers) < 2:
+        if len(numbers) < 2 or len(above.best.children) + len(numbers) - 1 > MAX_BRANCHES:
             return
         largest, pieces = numbers[np.argmax(sizes)], list[Node]()
         plain = [each for each in node.actions or () if not each.squeeze.pushes]

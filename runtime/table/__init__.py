@@ -34,6 +34,7 @@ from runtime.table.lookup import COUNTS, REJECT, Calibration, by_count, decide, 
 from runtime.table.model import (
     HELD_UM,
     KINDS,
+    MAX_BRANCHES,
     PPM,
     UNDETECTED_UM,
     Branch,
@@ -64,7 +65,7 @@ from runtime.table.timing import (
     trapezoid_s,
 )
 
-__all__ = ["COUNTS", "HELD_UM", "KINDS", "PPM", "PROFILES", "REJECT", "UNDETECTED_UM"]
+__all__ = ["COUNTS", "HELD_UM", "KINDS", "MAX_BRANCHES", "PPM", "PROFILES", "REJECT", "UNDETECTED_UM"]
 __all__ += ["Calibration", "GoalSpec", "GripperSpec", "Hypothesis", "Limits", "Pose2", "Prediction"]
 __all__ += ["Branch", "Leaf", "Node", "Profile", "Push", "Squeeze", "Table", "TableError", "TableFile"]
 __all__ += ["TableFileError", "by_count", "decide", "decision_map", "dump", "dumps", "job_of", "load"]

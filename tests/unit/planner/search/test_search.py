@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import planner.search.search
 from planner.belief.particles import Belief
 from planner.belief.transition import Squeezed
 from planner.job import model as job_file
@@ -195,3 +196,13 @@ def test_absorb_strays_far_from_all_branches_are_one_where_there_are_several(tre
     assert len(root.children) == children + (size >= LEAST_STRAYS)
     assert (far in root.squeeze.clusters.low) == (size >= LEAST_STRAYS)
     assert sum(child.share for child in root.children) == pytest.approx(1.0, abs=size / len(root.belief))
+
+
+def test_absorb_strays_at_many_readings_keeps_to_the_number_of_branches_of_a_table(tree, monkeypatch):
+    search, root = deepcopy(tree)
+    lowest, most = int(root.squeeze.clusters.low[-1]), len(root.children) + 2
+    monkeypatch.setattr(planner.search.search, "MAX_BRANCHES", most)
+    strays = [read_at(root, count, LEAST_STRAYS) for count in range(0, lowest - 10, 10)]
+    assert len(strays) > 2
+    search.absorb(root, {}, {0: Belief.joined(strays)})
+    assert len(root.children) == most
