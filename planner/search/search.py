@@ -85,6 +85,7 @@ SELECTION_BIAS = (
 )
 MOST_STALLED = 3  # squeezes in a row that may gain nothing: two or three may be needed to separate two poses
 LEAST_OVERLAP = 0.2  # of two histograms of readings, for nodes of two passes to be counterparts
+MOST_COARSER = 6  # doublings of the price of a branch, for no more of them than a table holds
 LEAST_STRAYS = 5  # readings far from all branches that make one of their own
 GROWN = 1.5  # growth of a belief by trials after which a dead end is searched again
 
@@ -368,10 +369,11 @@ class Search:
     ) -> Action:
         """Partitions the readings of a squeeze, and makes a child of each interval's particles."""
         problem, grasp = self.problem, candidate.placement
-        outcomes = Outcomes.of(squeezed, rule)
-        ratio = problem.metric.shares([b.states for b in outcomes.beliefs], problem.metric.modes).sum(axis=1)
-        # No leaf takes a width far from what any part read: a foreign part's, or one's out of tolerance.
-        outcomes = outcomes.without_gaps(ratio >= problem.stopping.confidence, 2 * rule.resolution.margin)
+        outcomes = self._outcomes(squeezed, rule)
+        for _ in range(MOST_COARSER):
+            if len(outcomes.beliefs) > MAX_BRANCHES:
+                rule = rule._replace(branch=2.0 * rule.branch)
+                outcomes = self._outcomes(squeezed, rule)
         release = self.handling.release(outcomes)
         opening_mm, clearance_mm = self.handling.opening(candidate.lying, grasp)
         cost = float(problem.costs.of(outcomes.unstable, outcomes.width_mm))
@@ -397,6 +399,15 @@ class Search:
             child.value = self.leaf_value(child)
             children.append(child)
         return Action(squeeze, children, origin=Origin(before, squeezed, rule))
+
+    def _outcomes(self, squeezed: Squeezed, rule: Rule) -> Outcomes:
+        """Cuts readings into branches.
+
+        No leaf takes a width far from what any part read: a foreign part's, or one's out of tolerance.
+        """
+        metric, outcomes = self.problem.metric, Outcomes.of(squeezed, rule)
+        ratio = metric.shares([belief.states for belief in outcomes.beliefs], metric.modes).sum(axis=1)
+        return outcomes.without_gaps(ratio >= self.problem.stopping.confidence, 2 * rule.resolution.margin)
 
     def _split(self, node: Node) -> None:
         """Splits a node where its best action shows that its readings should be several intervals.
