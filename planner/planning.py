@@ -21,7 +21,8 @@ from planner.job.model import Job
 from planner.lower import lower
 from planner.paper.search import METHODS
 from planner.problem import Problem
-from planner.search.search import LEAVES, PASSES, Search
+from planner.search.effort import LEAVES, PASSES
+from planner.search.search import Search
 from planner.search.tree import Node, pruned
 from planner.work.limit import Limit
 from planner.work.progress import Report, silent

@@ -1,7 +1,7 @@
 """Pushes proposed from a belief: the hand comes down beside all of it and goes straight on through it.
 
-A push tells nothing. It may leave less to be told, and bring parts to where open fingers clear them: one that
-takes the pusher past every believed part leaves all of them at its face.
+A push yields no reading. It may leave less to locate, and bring parts to where open fingers clear them: one
+that takes the pusher past every believed part leaves all of them at its face.
 """
 
 import math
@@ -124,13 +124,13 @@ class Pusher:
 
     def _from_beside_all(self, belief: Belief, pushes: Pushes, rng: np.random.Generator) -> Pushed | None:
         """The same pushes begun clear of all of a belief, and what they make of it; None outside the area."""
-        made = list[Push]()
+        beside = list[Push]()
         for push in pushes:
-            made.append(self._from_beside(push, belief))
-            if not self._within(made[-1]):
+            beside.append(self._from_beside(push, belief))
+            if not self._within(beside[-1]):
                 return None
-            belief = self.model.push(belief, made[-1], rng)
-        return Pushed(tuple(made), belief)
+            belief = self.model.push(belief, beside[-1], rng)
+        return Pushed(tuple(beside), belief)
 
     def _from_beside(self, push: Push, belief: Belief) -> Push:
         """The same push to the same end, begun far enough back to be clear of all of a belief."""

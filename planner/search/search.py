@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -26,6 +25,7 @@ from planner.belief.transition import Outcomes, Push, Squeezed
 from planner.frames import to_hand
 from planner.problem import Problem
 from planner.search.actions import LEAST_MODE, MAIN_MODES, actions_of
+from planner.search.effort import EFFORTS, EXPLORING, FRUGAL, PASSES, Effort, Pass
 from planner.search.handling import Handling, handling_of
 from planner.search.proposals import placed, varied
 from planner.search.pushes import Pusher, pusher_of
@@ -33,45 +33,6 @@ from planner.search.ranking import Ranking
 from planner.search.tree import Action, Node, Origin, Squeeze, breadth_first, leaves
 from runtime.table import MAX_BRANCHES
 
-
-class Pass(NamedTuple):
-    """The settings of one pass."""
-
-    particles: float  # particles at the root, as a fraction of the job's
-    kept: int  # actions of the previous pass that a probable node tries again
-    new: int  # further actions that such a node tries
-    least: float  # leaves of smaller probability are not expanded
-    finer: float  # nodes of at least this probability also try a finer partition of the readings
-    work: float  # share of the time of all passes, for progress
-    frugal: bool = False  # whether all nodes are expanded as cursorily as improbable ones
-
-
-class Effort(NamedTuple):
-    """How thoroughly a node of at least some probability is expanded."""
-
-    least: float  # probability of the node
-    actions: int  # how many it tries
-    scattered: int  # grasp poses all about the part that are ranked
-    particles: int  # that the ranking uses at most
-
-
-PASSES = (
-    Pass(1 / 8, 0, 0, 0.0005, 2.0, work=0.1, frugal=True),
-    Pass(1 / 8, 1, 16, 0.002, 0.5, work=0.25),
-    Pass(1 / 4, 8, 8, 0.002, 0.1, work=0.25),
-    Pass(1 / 2, 6, 2, 0.002, 0.1, work=0.25),
-    Pass(1, 4, 0, 0.002, 0.1, work=0.15),
-)
-LEAVES = PASSES[-1]._replace(kept=1, least=0.0)  # once fresh trials have come to the leaves of the last pass
-EXPLORING = PASSES[1]  # its first actions are followed until they are dearer than another
-EFFORTS = (
-    Effort(0.5, 16, 192, 400),
-    Effort(0.1, 12, 192, 400),
-    Effort(0.02, 8, 192, 400),
-    Effort(0.004, 4, 96, 400),
-    Effort(0.0, 2, 32, 100),
-)
-FRUGAL = EFFORTS[-1:]
 PROBABLE = 0.01  # a node of smaller probability tries one action of the previous pass and no further one
 MARGIN = 0.4  # squeezes by which an action of the previous pass may exceed the best one to be tried again
 FURTHER = 0.2  # squeezes that an open leaf is taken to cost beyond the leaf heuristic
@@ -80,9 +41,7 @@ SPREAD = (2.0, np.radians(5.0))  # standard deviation of variants of the best ol
 VARIANTS = 8
 LEAST_PARTICLES = 400  # a smaller belief is repeated before its next squeeze
 LEAST_GAIN = 0.001  # gain in mode ratio below which a squeeze is in vain
-SELECTION_BIAS = (
-    0.5  # standard deviations of the mode ratio that a branch's mode gains by being chosen for it
-)
+SELECTION_BIAS = 0.5  # standard deviations of its ratio that a branch's mode gains by being the best one
 MOST_STALLED = 3  # squeezes in a row that may gain nothing: two or three may be needed to separate two poses
 LEAST_OVERLAP = 0.2  # of two histograms of readings, for nodes of two passes to be counterparts
 MOST_COARSER = 6  # doublings of the price of a branch, for no more of them than a table holds

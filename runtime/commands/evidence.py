@@ -51,28 +51,32 @@ def parser() -> Parser:
         epilog=EPILOG,
     )
     subcommands = built.add_subparsers(required=True, metavar="key | pack | verify")
-    made = _subcommand(subcommands, "key", _key, "make a key to sign with")
-    made.add_argument(
+    subcommand = _subcommand(subcommands, "key", _key, "make a key to sign with")
+    subcommand.add_argument(
         "-o", "--output", type=Path, metavar="K.pem",
         help="private key, for its owner alone; the public one goes to K.pem.pub; neither is overwritten "
         "(default: ~/.config/squeezetree/signing-key.pem)",
     )  # fmt: skip
-    made = _subcommand(subcommands, "pack", _pack, "sign a table, its calibration and its job as one zip")
-    made.add_argument("tree", type=Path, metavar="T", help="the table, as plan-compile wrote it")
-    made.add_argument(
+    subcommand = _subcommand(
+        subcommands, "pack", _pack, "sign a table, its calibration and its job as one zip"
+    )
+    subcommand.add_argument("tree", type=Path, metavar="T", help="the table, as plan-compile wrote it")
+    subcommand.add_argument(
         "-o", "--output", type=Path, required=True, metavar="P.zip", help="the pack, a new file"
     )
-    made.add_argument("--calibration", type=Path, metavar="F", help="of the gripper that will run the table")
-    made.add_argument(
+    subcommand.add_argument(
+        "--calibration", type=Path, metavar="F", help="of the gripper that will run the table"
+    )
+    subcommand.add_argument(
         "--key", type=Path, metavar="K.pem",
         help="private key (default: the one of grasp-evidence key, which is made if need be)",
     )  # fmt: skip
-    made.add_argument(
+    subcommand.add_argument(
         "--signer", type=_name, metavar="NAME", help="who signs, for people (default: user@host)"
     )
-    made = _subcommand(subcommands, "verify", _verify, "check every byte of a pack; needs no network")
-    made.add_argument("pack", type=Path, metavar="P.zip", help="the pack")
-    made.add_argument(
+    subcommand = _subcommand(subcommands, "verify", _verify, "check every byte of a pack; needs no network")
+    subcommand.add_argument("pack", type=Path, metavar="P.zip", help="the pack")
+    subcommand.add_argument(
         "--key", type=Path, metavar="K.pub",
         help="public key that must have signed; without it the pack's own, which says nothing of who signed",
     )  # fmt: skip
@@ -85,13 +89,13 @@ def _subcommand(
     body: Callable[[argparse.Namespace], int],
     purpose: str,
 ) -> Parser:
-    made = subcommands.add_parser(
+    subcommand = subcommands.add_parser(
         name, help=purpose, description=f"{purpose[0].upper()}{purpose[1:]}.",
         epilog=f"example:\n  {NAME} {name} {EXAMPLES[name]}\n\n{EXIT_CODES}",
     )  # fmt: skip
-    made.add_common()
-    made.set_defaults(run=body)
-    return made
+    subcommand.add_common()
+    subcommand.set_defaults(run=body)
+    return subcommand
 
 
 def _key(arguments: argparse.Namespace) -> int:
@@ -147,13 +151,13 @@ def _verify(arguments: argparse.Namespace) -> int:
 
 
 def _lines(arguments: argparse.Namespace, pack: Pack) -> list[str]:
-    told = pack.manifest
-    name = f"{told['signer']} on {told['created']}, fingerprint {pack.key.fingerprint}"
+    manifest = pack.manifest
+    name = f"{manifest['signer']} on {manifest['created']}, fingerprint {pack.key.fingerprint}"
     if arguments.key is None:
         who = f"it says that it was signed by {name}; that was not checked against anyone (--key K.pub)"
     else:
         who = f"signed with {arguments.key} by {name}"
-    digests = [f"  {digest}  {member}" for member, digest in told["sha256"].items()]
+    digests = [f"  {digest}  {member}" for member, digest in manifest["sha256"].items()]
     return [f"{arguments.pack}: whole, every byte of it; {who}", *digests]
 
 

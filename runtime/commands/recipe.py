@@ -60,12 +60,12 @@ def _check_fit(table: Table, options: RunOptions) -> None:
 
 
 def _headline(path: Path, table: Table) -> str:
-    told = f"table {path}: {len(table.nodes)} nodes, {len(table.leaves)} leaves"
+    headline = f"table {path}: {len(table.nodes)} nodes, {len(table.leaves)} leaves"
     predicted = table.predicted
     if predicted.trials:
-        told += f", predicted success {predicted.success_ppm / PPM:.4f}"
-        told += f", {predicted.mean_squeezes_ppm / PPM:.2f} squeezes a part"
-    return told
+        headline += f", predicted success {predicted.success_ppm / PPM:.4f}"
+        headline += f", {predicted.mean_squeezes_ppm / PPM:.2f} squeezes a part"
+    return headline
 
 
 def _header(arguments: argparse.Namespace, tree: Path, options: RunOptions) -> dict[str, object]:

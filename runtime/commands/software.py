@@ -31,8 +31,8 @@ def installed(arguments: argparse.Namespace, tree: Path, loaded: TableFile) -> d
         from runtime.signing import keys, pack  # with a library that no other run has to load
 
         trusted = keys.load_public(arguments.require_signed)
-        told = pack.covering(tree, loaded.data, measured, trusted).fields()
-        signer = {name: told[name] for name in signer}
+        fields = pack.covering(tree, loaded.data, measured, trusted).fields()
+        signer = {name: fields[name] for name in signer}
     return {
         "table": str(tree),
         "compiled_by": loaded.table.tool,

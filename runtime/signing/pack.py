@@ -38,8 +38,8 @@ class Pack:
 
     def fields(self) -> dict[str, object]:
         """What it says as JSON holds it."""
-        told = {name: value for name, value in self.manifest.items() if name not in ("kind", "version")}
-        return {**told, "fingerprint": self.key.fingerprint, "pack_sha256": self.digest}
+        stated = {name: value for name, value in self.manifest.items() if name not in ("kind", "version")}
+        return {**stated, "fingerprint": self.key.fingerprint, "pack_sha256": self.digest}
 
 
 def signed(

@@ -20,7 +20,8 @@ SEARCH = "\n[search]\nparticles = 4000\nsearch_particles = 100\n"
 WAITING = """
 import sys, time
 from planner.cli import compile
-from planner.search.search import PASSES, Search
+from planner.search.effort import PASSES
+from planner.search.search import Search
 
 grow = Search.grow
 

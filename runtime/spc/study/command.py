@@ -128,9 +128,9 @@ def _plan(options: argparse.Namespace) -> int:
     expected, leaves = expected_failures(table), parts_of_leaves(table)
     count = planned(limit, expected)
     if options.json:
-        told = {"required": 1.0 - limit, "expected_failures": expected, "confidence": 1.0 - ERROR}
-        told |= {"parts_least": count.least, "parts_likely": count.likely, "parts_type1": leaves}
-        say(json.dumps({**told, "readings_type1": LEAST_READINGS, "crossed": CROSSED}))
+        plan = {"required": 1.0 - limit, "expected_failures": expected, "confidence": 1.0 - ERROR}
+        plan |= {"parts_least": count.least, "parts_likely": count.likely, "parts_type1": leaves}
+        say(json.dumps({**plan, "readings_type1": LEAST_READINGS, "crossed": CROSSED}))
     else:
         for line in _planned_lines(limit, expected, leaves, count):
             say(line)

@@ -26,8 +26,10 @@ class GaugeRow(NamedTuple):
 
     def fields(self) -> dict[str, object]:
         """For JSON."""
-        told = {name: {**study._asdict(), "capable": study.capable} for name, study in self.studies.items()}
-        return {"leaf": self.leaf, "readings": self.readings, **told}
+        studies = {
+            name: {**study._asdict(), "capable": study.capable} for name, study in self.studies.items()
+        }
+        return {"leaf": self.leaf, "readings": self.readings, **studies}
 
 
 @dataclass(frozen=True, slots=True)

@@ -138,8 +138,8 @@ def crossed(readings: Readings) -> Crossed:
     parts, appraisers = len(readings), len(readings[0]) if readings else 0
     trials = len(readings[0][0]) if appraisers else 0
     if min(parts, appraisers, trials) < 2:
-        told = f"{parts} parts, {appraisers} appraisers, {trials} trials"
-        raise ValueError(f"{told}: a crossed study has at least two of each")
+        size = f"{parts} parts, {appraisers} appraisers, {trials} trials"
+        raise ValueError(f"{size}: a crossed study has at least two of each")
     if any(len(cells) != appraisers or any(len(cell) != trials for cell in cells) for cells in readings):
         raise ValueError("each appraiser measures each part equally often in a crossed study")
     tail, spread = _analysis(readings, parts, appraisers, trials)

@@ -14,7 +14,8 @@ from planner.belief.transition import Squeezed
 from planner.job import model as job_file
 from planner.mechanics.mixture import Mixture
 from planner.problem import Problem
-from planner.search.search import LEAST_STRAYS, PASSES, Search
+from planner.search.effort import PASSES
+from planner.search.search import LEAST_STRAYS, Search
 from planner.search.tree import Node, breadth_first, leaves
 
 JOB = job_file.load(
