@@ -53,7 +53,9 @@ class BoundedSocket:
         self._socket.settimeout(left_s)
 
 
-def opener(until: float, most_bytes: int, now: Callable[[], float]) -> urllib.request.OpenerDirector:
+def opener(
+    until: float, most_bytes: int, now: Callable[[], float]
+) -> urllib.request.OpenerDirector:
     """What opens URLs as `urllib.request.urlopen` does, within bounds of each exchange."""
 
     def bounded(kind: type[http.client.HTTPConnection]) -> type[http.client.HTTPConnection]:

@@ -2,7 +2,9 @@
 
 import time
 
-LINK_TIMEOUT_S = 0.5  # one transaction, wall time (Robotiq SDK connection_config; devices answer in ~5 ms)
+LINK_TIMEOUT_S = (
+    0.5  # one transaction, wall time (Robotiq SDK connection_config; devices answer in ~5 ms)
+)
 POLL_S = 0.005  # between two looks at a busy device: a 2F gripper refreshes at 200 Hz ([M16] p55)
 
 

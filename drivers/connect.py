@@ -64,7 +64,9 @@ def gripper(
     With `read_only` it has a link that cannot write; `report` is told of every retry and failure on it.
     PortError where port or driver cannot be opened; LinkError where nothing answers.
     """
-    opened: Gripper = _opened(GRIPPERS, port, Pace(Clock(), time_scale), report, read_only=read_only)
+    opened: Gripper = _opened(
+        GRIPPERS, port, Pace(Clock(), time_scale), report, read_only=read_only
+    )
     return opened
 
 
@@ -78,7 +80,9 @@ def robotiq_gripper(port: str, pace: Pace, report: Report, *, read_only: bool) -
     scheme, address = port.partition("://")[0], port.partition("?")[0]
     link: Link
     if scheme == "urcap":
-        link = urcap.UrcapLink(open_tcp(*tcp_address(port, urcap.PORT), port, urcap.HINT), pace, report)
+        link = urcap.UrcapLink(
+            open_tcp(*tcp_address(port, urcap.PORT), port, urcap.HINT), pace, report
+        )
     elif scheme in ("tcp", "rtu+tcp"):
         wiring = modbus.wiring_of(port, TCP if scheme == "tcp" else RTU)
         host, number = tcp_address(address, modbus.TCP_PORT if scheme == "tcp" else 0)
@@ -186,7 +190,9 @@ def _plugged_in(makes: Makes, scheme: str, port: str, *settings: object, read_on
             raise
         raise PortError(f"{name} failed to open {port}: {type(error).__name__}: {error}") from error
     if not isinstance(device, makes.kind):
-        raise PortError(f"{name} opened no {makes.kind.__name__} (drivers/ports.py): {type(device).__name__}")
+        raise PortError(
+            f"{name} opened no {makes.kind.__name__} (drivers/ports.py): {type(device).__name__}"
+        )
     return device
 
 
@@ -198,10 +204,14 @@ def _plug_in(makes: Makes, scheme: str, port: str) -> tuple[str, Callable[..., A
     if not named:
         schemes = {*makes.known, *(point.name for _, point in found)} - {TTY, "can", MANUAL}
         written = " or ".join(f"{one}://host:port" for one in sorted(schemes))
-        raise PortError(f"port {port} is not understood; write it as {written}, or install its driver")
+        raise PortError(
+            f"port {port} is not understood; write it as {written}, or install its driver"
+        )
     if len(named) > 1:
         packages = " and ".join(sorted(str(package) for package, _ in named))
-        raise PortError(f"port {port}: {packages} both have a driver for {scheme}://; uninstall one of them")
+        raise PortError(
+            f"port {port}: {packages} both have a driver for {scheme}://; uninstall one of them"
+        )
     package, point = named[0]
     name = f"the driver of {scheme}:// ({package}, {point.value})"
     try:

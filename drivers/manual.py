@@ -20,7 +20,12 @@ ANSWER_S = 600.0  # a person may be called away
 LIFT_S = 60.0  # also asked for in a safe sequence, which is not to wait for long
 HELD_MM = 2.0  # from this width on something is between the fingers, as tables take it
 SAME_MM, SAME_RAD = 0.1, 0.01  # an arm behind reads itself back with so much room
-ALOFT: PoseOfHand = (0.0, 0.0, 1000.0, 0.0)  # where a hand is taken to be that was not asked for yet
+ALOFT: PoseOfHand = (
+    0.0,
+    0.0,
+    1000.0,
+    0.0,
+)  # where a hand is taken to be that was not asked for yet
 CLOSED_COUNTS = 255
 LINEAR = (85.0, 3, 230)  # of a 2F-85
 
@@ -82,13 +87,17 @@ class ManualArm:
 
     def turn_range(self, x_mm: float, y_mm: float) -> tuple[float, float]:
         """A person's wrist is not counted."""
-        return (-math.inf, math.inf) if self._behind is None else self._behind.turn_range(x_mm, y_mm)
+        return (
+            (-math.inf, math.inf) if self._behind is None else self._behind.turn_range(x_mm, y_mm)
+        )
 
     def obstacle(self, start: PoseOfHand, target: PoseOfHand) -> str:
         """Nothing is known against any way of a person."""
         return "" if self._behind is None else self._behind.obstacle(start, target)
 
-    def move_linear(self, x_mm: float, y_mm: float, z_mm: float, angle_rad: float, speed_mm_s: float) -> None:
+    def move_linear(
+        self, x_mm: float, y_mm: float, z_mm: float, angle_rad: float, speed_mm_s: float
+    ) -> None:
         """Ask for it; a way above the table is only taken down with the next place to come down to.
 
         Raises:
@@ -118,10 +127,14 @@ class ManualArm:
         straight = math.dist(before[:2], target[:2]) < SAME_MM and turn_rad < SAME_RAD
         risen_mm = z_mm - before[2]
         if straight and risen_mm > 0.0:
-            self._confirm(f"Lift the hand straight up, {z_mm:.0f} mm above the table; press Enter", LIFT_S)
+            self._confirm(
+                f"Lift the hand straight up, {z_mm:.0f} mm above the table; press Enter", LIFT_S
+            )
             self._down = False
         elif straight and risen_mm < 0.0:
-            self._confirm(f"Put the hand at {where}, the tips {z_mm:.1f} mm above the table; press Enter")
+            self._confirm(
+                f"Put the hand at {where}, the tips {z_mm:.1f} mm above the table; press Enter"
+            )
             self._down = True
         elif self._down:
             how = f"with the jaws as they are and no faster than {speed_mm_s:g} mm/s"
@@ -144,7 +157,9 @@ class ManualArm:
 class ManualGripper:
     """Calipers, or a gripper without a link: somebody opens and closes it, and tells the width."""
 
-    def __init__(self, opening_mm: float, count_open: int, count_closed: int, *, read_only: bool) -> None:
+    def __init__(
+        self, opening_mm: float, count_open: int, count_closed: int, *, read_only: bool
+    ) -> None:
         self._opening_mm, self._counts = opening_mm, (count_open, count_closed)
         self._read_only = read_only
         self._seen = GripperState(True, False, 0, 3, 0, 0, 0)
@@ -177,7 +192,9 @@ class ManualGripper:
         if asked == CLOSED_COUNTS:
             width_mm = self._width_mm()
             self._saw(asked, self._count(width_mm), 2 if width_mm >= HELD_MM else 3)
-        elif not (self._was_asked and (asked, 3) == (self._seen.position_counts, self._seen.object_flag)):
+        elif not (
+            self._was_asked and (asked, 3) == (self._seen.position_counts, self._seen.object_flag)
+        ):
             self._ask(f"Open the jaws to {self._mm(asked):.1f} mm or a little more; press Enter")
             self._saw(asked, asked, 3)
         return Settled(self._seen.position_counts, self._seen.object_flag, 0, asked, 0.0)

@@ -20,7 +20,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
-PoseOfHand = tuple[float, float, float, float]  # x mm, y mm, z mm, angle rad, of the point between the tips
+PoseOfHand = tuple[
+    float, float, float, float
+]  # x mm, y mm, z mm, angle rad, of the point between the tips
 TURN_RADIUS_MM = 160.0  # nothing so near to the hand's axis moves faster than asked for as it turns
 
 # Told of every retry and failure on a link, as kind and fields of a record: a journal's `record` fits.
@@ -45,7 +47,9 @@ class Settled(NamedTuple):
     """How a move ended: all of it from readings after the fingers came to rest."""
 
     position_counts: int  # where the fingers rest
-    object_flag: int  # 1 contact while opening, 2 contact while closing, 3 at the requested position
+    object_flag: (
+        int  # 1 contact while opening, 2 contact while closing, 3 at the requested position
+    )
     current_ma: int  # motor current
     echo_counts: int  # the request this reading belongs to
     seconds: float  # device seconds since the move was asked for
@@ -111,7 +115,9 @@ class Arm(Protocol):
     def obstacle(self, start: PoseOfHand, target: PoseOfHand) -> str:
         """Why a straight way cannot be gone, as far as that is known beforehand; empty where nothing is."""
 
-    def move_linear(self, x_mm: float, y_mm: float, z_mm: float, angle_rad: float, speed_mm_s: float) -> None:
+    def move_linear(
+        self, x_mm: float, y_mm: float, z_mm: float, angle_rad: float, speed_mm_s: float
+    ) -> None:
         """Move in a straight line and return when it stands there.
 
         The angle is taken as it is counted, not the shortest way; half a turn or more, whose way an arm may

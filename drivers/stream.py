@@ -26,7 +26,9 @@ class StalledError(TimeoutError):
     """A connection takes no bytes: its flow is stopped, or nobody reads at the other end."""
 
     def __init__(self) -> None:
-        super().__init__(errno.ETIMEDOUT, f"it has taken no bytes for {SEND_S:g} s; is its flow stopped?")
+        super().__init__(
+            errno.ETIMEDOUT, f"it has taken no bytes for {SEND_S:g} s; is its flow stopped?"
+        )
 
 
 class Stream(Protocol):
@@ -202,11 +204,11 @@ def _opened(path: str, baud: int) -> serial.Serial:
 def port_error(path: str, error: OSError) -> PortError:
     """Why a port cannot be opened, as a sentence."""
     if error.errno == errno.ENOENT:
-        told = f"port {path} does not exist; list ports with `ls /dev/serial/by-id`, or use --port sim"
-    elif error.errno in (errno.EACCES, errno.EPERM):
         told = (
-            f"no permission to open port {path}; add this user to its group (often dialout) and log in again"
+            f"port {path} does not exist; list ports with `ls /dev/serial/by-id`, or use --port sim"
         )
+    elif error.errno in (errno.EACCES, errno.EPERM):
+        told = f"no permission to open port {path}; add this user to its group (dialout) and log in again"
     elif error.errno in (errno.EBUSY, errno.EAGAIN):
         told = f"port {path} is in use by another program; stop that program first"
     elif error.errno is not None:

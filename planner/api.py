@@ -107,9 +107,14 @@ class Table:
 
 
 def evaluate(
-    table: Table, job: Job | None = None, world: World | Worlds | None = None,
-    trials: int = EVALUATION_TRIALS, seed: int = 0, workers: int | None = None, report: Report = silent,
-) -> Evaluation:  # fmt: skip
+    table: Table,
+    job: Job | None = None,
+    world: World | Worlds | None = None,
+    trials: int = EVALUATION_TRIALS,
+    seed: int = 0,
+    workers: int | None = None,
+    report: Report = silent,
+) -> Evaluation:
     """Runs a table on many parts, as `plan-evaluate` does.
 
     Args:

@@ -65,7 +65,9 @@ def indices(values: ArrayLike, name: str, size: int) -> IntArray:
     """
     array = np.asarray(values)
     if array.ndim != 1 or (array.size and not np.issubdtype(array.dtype, np.integer)):
-        raise ValueError(f"{name} has shape {array.shape} of {array.dtype}; pass whole numbers (n,)")
+        raise ValueError(
+            f"{name} has shape {array.shape} of {array.dtype}; pass whole numbers (n,)"
+        )
     if array.size and not (array.min() >= 0 and array.max() < size):
         beyond = array[(array < 0) | (array >= size)][0]
         raise ValueError(f"{name} holds {beyond}; there are 0 to {size - 1}")
@@ -106,7 +108,9 @@ def _array(values: ArrayLike, name: str) -> Array:
 
 
 def _within(array: Array, name: str, least: float, most: float) -> Array:
-    if array.size and not (least <= array.min() and array.max() <= most):  # so that nan is not within
+    if array.size and not (
+        least <= array.min() and array.max() <= most
+    ):  # so that nan is not within
         wrong = array[~((array >= least) & (array <= most))].flat[0]
         raise ValueError(f"{name} holds {wrong:g}; pass finite numbers from {least:g} to {most:g}")
     return array

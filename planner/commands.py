@@ -43,7 +43,10 @@ def _command(name: str, module: str = "") -> Callable[[], int]:
     def run() -> int:
         missing = missing_input(sys.argv[1:])
         if missing is not None and find_spec("numpy"):
-            tell(f"plan-{name}", f"{missing}: cannot be read: No such file or directory; check the path")
+            tell(
+                f"plan-{name}",
+                f"{missing}: cannot be read: No such file or directory; check the path",
+            )
             return INPUT_FILE
         return entry(f"plan-{name}", f"planner.cli.{module or name}", "planner")
 

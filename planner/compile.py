@@ -79,7 +79,10 @@ def compile_job(
     arguments.count(trials, "trials")
     arguments.count(1 if workers is None else workers, "workers")
     refuse_alike(job)
-    limit, work = limit or Limit(), scheduler or (Threads() if workers is None else Threads(workers))
+    limit, work = (
+        limit or Limit(),
+        scheduler or (Threads() if workers is None else Threads(workers)),
+    )
     if job.search.method in METHODS:
         return _measured(job, _by_the_paper(job, workers, trials, say), work, say)
     problem = Problem.of(job, workers)
@@ -113,7 +116,9 @@ def _measured(job: Job, plan: Planned, work: Scheduler, say: Report) -> Plan:
     failures in these very figures. Other trials would be chosen for not refuting it.
     """
     seed, table, trials = job.seed + SEED_FIGURES, plan.table, plan.trials
-    evaluation = evaluate(table, job, ContactWorlds.of_job(job, seed), trials, seed, work, report=say)
+    evaluation = evaluate(
+        table, job, ContactWorlds.of_job(job, seed), trials, seed, work, report=say
+    )
     beyond, reached = None, np.unique(evaluation.leaf[evaluation.leaf >= 0])
     if len(reached) < len(table.leaves) and not certain(job) and job.search.method not in METHODS:
         other = job.seed + SEED_BEYOND

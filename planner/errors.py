@@ -42,7 +42,11 @@ class JobError(PlannerError):
 
     def at(self, where: str = "", section: str = "", key: str = "") -> Self:
         """The same error with its place added; what it has already stays."""
-        place = {"where": self.where or where, "section": self.section or section, "key": self.key or key}
+        place = {
+            "where": self.where or where,
+            "section": self.section or section,
+            "key": self.key or key,
+        }
         return type(self)(self.problem, **place)
 
 

@@ -17,7 +17,8 @@ def to_world(poses: Array, placement: Array) -> Array:
     c, s = np.cos(placement[2]), np.sin(placement[2])
     x, y = poses[..., 0], poses[..., 1]
     return np.stack(
-        [placement[0] + c * x - s * y, placement[1] + s * x + c * y, poses[..., 2] + placement[2]], axis=-1
+        [placement[0] + c * x - s * y, placement[1] + s * x + c * y, poses[..., 2] + placement[2]],
+        axis=-1,
     )
 
 

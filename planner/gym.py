@@ -32,7 +32,9 @@ try:
     from gymnasium.vector.utils import batch_space
 except ImportError as missing:
     hint = "install it with: pip install 'squeezetree[gym]'"
-    raise ImportError(f"planner.gym needs the gym extra ({missing.name} is missing); {hint}") from missing
+    raise ImportError(
+        f"planner.gym needs the gym extra ({missing.name} is missing); {hint}"
+    ) from missing
 
 NAME = "SqueezeLocalize-v0"
 RECTANGLE = """
@@ -69,12 +71,18 @@ class Episodes:
         self.model = model
         self.states = np.zeros((arguments.count(number, "num_envs"), 4))
         self.squeezes = np.zeros(number, np.int64)
-        self.box = _box(model.job) if kind == "box" else None  # (2, 4) bounds of an action; None for a set
+        self.box = (
+            _box(model.job) if kind == "box" else None
+        )  # (2, 4) bounds of an action; None for a set
 
     @property
     def action_space(self) -> spaces.Discrete | spaces.Box:
         """Of one of them."""
-        return spaces.Discrete(len(self.model.actions)) if self.box is None else spaces.Box(-1.0, 1.0, (4,))
+        return (
+            spaces.Discrete(len(self.model.actions))
+            if self.box is None
+            else spaces.Box(-1.0, 1.0, (4,))
+        )
 
     def chosen(self, actions: Actions) -> Array:
         """The actions (n, 4) of the problem that those of the space, (n,) or (n, 4), stand for.
@@ -106,7 +114,11 @@ class Episodes:
         counts, rewards = np.full(n, self.model.encoder.count_open, np.int64), np.zeros(n)
         ended, cut = np.zeros(n, np.bool_), np.zeros(n, np.bool_)
         made = self.model.sample(self.states[rows], self.chosen(actions[rows]), rng)
-        self.states[rows], counts[rows], rewards[rows] = made.states, made.observations, made.rewards
+        self.states[rows], counts[rows], rewards[rows] = (
+            made.states,
+            made.observations,
+            made.rewards,
+        )
         self.squeezes[rows] += made.rewards < 0.0
         ended[rows] = made.ended
         cut[rows] = ~made.ended & (self.squeezes[rows] > self.model.job.search.max_depth)
@@ -156,7 +168,11 @@ class SqueezeLocalizeVector(VectorEnv[IntArray, Actions, NDArray[Any]]):
     metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
 
     def __init__(
-        self, num_envs: int = 1, job: Job | str | None = None, actions: Kind = "set", workers: int = 1
+        self,
+        num_envs: int = 1,
+        job: Job | str | None = None,
+        actions: Kind = "set",
+        workers: int = 1,
     ) -> None:
         self.num_envs = num_envs
         self._episodes = Episodes(problem_of(job, workers), num_envs, actions)
@@ -190,7 +206,10 @@ class SqueezeLocalizeVector(VectorEnv[IntArray, Actions, NDArray[Any]]):
         return counts, rewards, ended, cut, self._info()
 
     def _info(self) -> dict[str, Any]:
-        return {"pose": self._episodes.states[:, :3].copy(), "_pose": np.ones(self.num_envs, np.bool_)}
+        return {
+            "pose": self._episodes.states[:, :3].copy(),
+            "_pose": np.ones(self.num_envs, np.bool_),
+        }
 
 
 gymnasium.register(

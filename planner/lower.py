@@ -68,22 +68,30 @@ def _node(node: Node, targets: dict[int, int], job: Job, encoder: Encoder) -> ta
         release = (round(1e3 * planned.release[0]), round(1e3 * planned.release[1]))
     pushed = tuple(_push(push, job) for push in planned.pushes)
     contact = None if pushed else contact_um(job, node.belief, planned, branches)
-    return tables.Node(squeeze, tuple(branches), None if release == squeeze[:2] else release, pushed, contact)
+    return tables.Node(
+        squeeze, tuple(branches), None if release == squeeze[:2] else release, pushed, contact
+    )
 
 
-def contact_um(job: Job, belief: Belief, squeeze: Squeeze, branches: Sequence[tables.Branch]) -> int | None:
+def contact_um(
+    job: Job, belief: Belief, squeeze: Squeeze, branches: Sequence[tables.Branch]
+) -> int | None:
     """The greatest width at which closing jaws may meet a part of a belief, whatever is off in the cell.
 
     None where that is as soon as they move. A part that was pushed lies elsewhere than its belief.
     """
     doubt, share = job.doubt, job.gripper.upper_finger_share
     shares = (max(share + doubt.finger_share[0], 0.0), min(share + doubt.finger_share[1], 1.0))
-    off_mm = 2.0 * max(map(abs, doubt.middle_mm)) + max(map(abs, doubt.encoder_mm)) + CONTACT_MARGIN_MM
+    off_mm = (
+        2.0 * max(map(abs, doubt.middle_mm)) + max(map(abs, doubt.encoder_mm)) + CONTACT_MARGIN_MM
+    )
     jaws, widest_um = jaws_of(job.gripper), max(branch.high_um for branch in branches)
     jaws[0] = squeeze.opening_mm
     which = belief.traits["hypothesis"]
     widths = [
-        first_contact_mm(own.part.outline_mm, jaws, belief.poses[which == k], squeeze.placement, shares)
+        first_contact_mm(
+            own.part.outline_mm, jaws, belief.poses[which == k], squeeze.placement, shares
+        )
         for k, own in enumerate(job.alone)
     ]
     contact = max(round(1e3 * (max(widths) + off_mm)), widest_um)
@@ -108,7 +116,9 @@ def _reach(clusters: Partition, encoder: Encoder) -> list[tuple[int, int]]:
     thin = (clusters.low < free) & (clusters.high >= free - 1)
     above = np.where(thin, encoder.count_closed - 1 - clusters.high, above)
     below = np.concatenate([np.minimum(margin, gap - gap // 2), [margin]])
-    return [(int(a), int(b)) for a, b in zip(clusters.low - below, clusters.high + above, strict=True)]
+    return [
+        (int(a), int(b)) for a, b in zip(clusters.low - below, clusters.high + above, strict=True)
+    ]
 
 
 def interval_um(low_count: int, high_count: int, encoder: Encoder) -> tuple[int, int]:
@@ -141,7 +151,9 @@ def pose_of(pose: Array) -> tuple[int, int, int]:
     return round(1e3 * float(x)), round(1e3 * float(y)), round(1e6 * float(wrap(theta)))
 
 
-def covariance_of(belief: Belief, leaf: tables.Leaf, job: Job) -> tuple[int, int, int, int, int, int]:
+def covariance_of(
+    belief: Belief, leaf: tables.Leaf, job: Job
+) -> tuple[int, int, int, int, int, int]:
     """Second moments about the leaf's pose, of parts that are as it says, if any are.
 
     They are xx, xy, yy, xt, yt, tt in 0.1 mm and 10 mrad.
@@ -173,7 +185,9 @@ def _goal(job: Job) -> tables.GoalSpec:
         round(scale * value) for scale, value in zip((1e3, 1e3, 1e6), metric.tolerance, strict=True)
     )
     # Tolerances that the kind of goal does not look at are zero.
-    tolerance = {"tolerances": (x, y, theta), "orientation": (0, 0, theta)}.get(metric.kind, (0, 0, 0))
+    tolerance = {"tolerances": (x, y, theta), "orientation": (0, 0, theta)}.get(
+        metric.kind, (0, 0, 0)
+    )
     return tables.GoalSpec(
         distance_um=round(1e3 * job.goal.distance_mm),
         confidence_ppm=round(tables.PPM * job.goal.confidence),
@@ -204,7 +218,12 @@ def _limits(job: Job, depth: int) -> tables.Limits:
         max_depth=depth,
         max_force_mn=round(1e3 * cell.max_force_n),
         max_speed_um_s=round(1e3 * cell.max_speed_mm_s),
-        work_area_um=(round(1e3 * x_min), round(1e3 * y_min), round(1e3 * x_max), round(1e3 * y_max)),
+        work_area_um=(
+            round(1e3 * x_min),
+            round(1e3 * y_min),
+            round(1e3 * x_max),
+            round(1e3 * y_max),
+        ),
         retreat_height_um=round(1e3 * cell.retreat_height_mm),
         squeeze_height_um=round(1e3 * cell.squeeze_height_mm),
         arm_speed_um_s=round(1e3 * cell.arm_speed_mm_s),

@@ -34,7 +34,9 @@ SEED_EVALUATION = 0x4556
 SEED_WORLD = 0x574F
 ATTEMPTS = 6  # fresh trials reopen leaves at most so often
 FRESH = 3.0  # fresh trials of a round, for each particle of the search
-LEAST_SHORT = 0.0005  # probability of leaves that miss the goal, from which they are searched further
+LEAST_SHORT = (
+    0.0005  # probability of leaves that miss the goal, from which they are searched further
+)
 TIMED_TRIALS = 500  # parts squeezed to estimate how long an evaluation takes
 LEAST_TRIALS = 1000  # parts of an evaluation where a budget leaves no time for more
 EVALUATING = 0.4  # share of what is left of a budget that evaluations may take
@@ -71,7 +73,9 @@ class Planned:
     root: Node
     table: Table  # with the leaves unresolved that trials refute
     untried: int  # branches that no trial took
-    trials: int  # parts of an evaluation: fewer than asked for where a budget leaves no time for them
+    trials: (
+        int  # parts of an evaluation: fewer than asked for where a budget leaves no time for them
+    )
     cut: Cut | None  # None where the search is complete
 
 
@@ -134,7 +138,11 @@ def planned(problem: Problem, limit: Limit, trials: int, report: Report = silent
         NoPlanError: no first squeeze is free of collision and gains anything, or no leaf is within the goal.
     """
     job, course, rounds = problem.job, Course(report), Rounds.of(problem.job, trials)
-    search, root, whole = Search(problem, np.random.default_rng([job.seed, len(PASSES)])), None, True
+    search, root, whole = (
+        Search(problem, np.random.default_rng([job.seed, len(PASSES)])),
+        None,
+        True,
+    )
     for number, stage in enumerate(PASSES):
         begun = search.begin(stage, root)
         whole = search.grow(begun, limit.over, partial(course.in_pass, number))
@@ -191,7 +199,9 @@ def finished(
     kept = tried(table, run)
     if not kept[0]:
         raise no_plan(table, run, job, cut)
-    untried = sum(len(node.branches) - len(numbers) for node, numbers in zip(table.nodes, kept, strict=True))
+    untried = sum(
+        len(node.branches) - len(numbers) for node, numbers in zip(table.nodes, kept, strict=True)
+    )
     table = without_untried(marked(job, table, run), kept)
     return Planned(pruned(root, kept), table, untried, trials, cut)
 

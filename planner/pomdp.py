@@ -31,7 +31,10 @@ from planner.search.actions import actions_of
 
 SQUEEZE, DECLARE = 0.0, 1.0  # what an action does with its pose; from midway on it declares
 MOST_CANDIDATES = 64
-TRIED, SQUEEZED = 4000, 3  # so many parts, each squeezed so often at random, show what the candidates are
+TRIED, SQUEEZED = (
+    4000,
+    3,
+)  # so many parts, each squeezed so often at random, show what the candidates are
 SEED_CANDIDATES = 0x43414E44
 
 
@@ -52,7 +55,9 @@ class Pomdp:
     simulator: Simulator
     encoder: Encoder
     metric: Metric  # of the goal
-    success: float  # reward of a right answer, in squeezes: what `search.squeeze_cost` says it is worth
+    success: (
+        float  # reward of a right answer, in squeezes: what `search.squeeze_cost` says it is worth
+    )
     placements: int  # how many of `actions` squeeze; they come first
     actions: Array  # (k, 4) the job's placements of the hand, then declarations of candidate poses
 
@@ -65,16 +70,26 @@ class Pomdp:
         """
         if job.hypothesis:
             raise ValueError(f"{job.name}: this problem is of one part; pass one of `job.alone`")
-        simulator, metric, success = Simulator.of_job(job, workers), metric_of(job), 1.0 / costs_of(job).least
-        squeezes = np.column_stack([actions_of(job).placements, np.full(len(actions_of(job)), SQUEEZE)])
+        simulator, metric, success = (
+            Simulator.of_job(job, workers),
+            metric_of(job),
+            1.0 / costs_of(job).least,
+        )
+        squeezes = np.column_stack(
+            [actions_of(job).placements, np.full(len(actions_of(job)), SQUEEZE)]
+        )
         model = cls(job, simulator, encoder_of(job), metric, success, len(squeezes), squeezes)
         # Candidates are the commonest poses of parts after some squeezes, the commonest first.
         rng = np.random.default_rng([job.seed, SEED_CANDIDATES])
         states = model.initial(TRIED, rng)
         for _ in range(SQUEEZED):
-            states = model.sample(states, squeezes[rng.integers(len(squeezes), size=TRIED)], rng).states
+            states = model.sample(
+                states, squeezes[rng.integers(len(squeezes), size=TRIED)], rng
+            ).states
         modes = metric.main_modes(states[:, :3], MOST_CANDIDATES)
-        return replace(model, actions=np.concatenate([squeezes, [[*mode.pose, DECLARE] for mode in modes]]))
+        return replace(
+            model, actions=np.concatenate([squeezes, [[*mode.pose, DECLARE] for mode in modes]])
+        )
 
     def initial(self, n: int, rng: np.random.Generator) -> Array:
         """Draws n states (n, 4) from the job's uncertainty, jaws open."""
@@ -130,5 +145,7 @@ class Pomdp:
         states = self.sample(belief, arguments.row(a, "a", 4), rng).states
         weight = self.likelihood(o, states, a)
         if not weight.any():
-            raise ValueError(f"none of {len(belief)} states explains the count {o}; begin with more of them")
+            raise ValueError(
+                f"none of {len(belief)} states explains the count {o}; begin with more of them"
+            )
         return np.asarray(states[rng.choice(len(states), len(states), p=weight / weight.sum())])

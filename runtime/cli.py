@@ -34,15 +34,22 @@ def calibrate(argv: Sequence[str] | None = None) -> int:
     from runtime.commands import calibrate as calibrate_command
 
     words = list(sys.argv[1:] if argv is None else argv)
-    if next((word for word in words if not word.startswith("-")), "") in calibrate_command.OF_THE_AUDIT:
+    if (
+        next((word for word in words if not word.startswith("-")), "")
+        in calibrate_command.OF_THE_AUDIT
+    ):
         from drivers.camera.commands import calibrate as of_the_audit
 
         return of_the_audit(words)
 
-    return guarded(calibrate_command.parser(), argv, lambda given: calibrate_command.measured(given, connect))
+    return guarded(
+        calibrate_command.parser(), argv, lambda given: calibrate_command.measured(given, connect)
+    )
 
 
-def guarded(built: Parser, argv: Sequence[str] | None, body: Callable[[argparse.Namespace], int]) -> int:
+def guarded(
+    built: Parser, argv: Sequence[str] | None, body: Callable[[argparse.Namespace], int]
+) -> int:
     """Run a command of the cell, which stop requests end and no reader delays; returns its exit code."""
     with StopRequests(last=argv is None), output.unblocked(SystemClock().now):
         return command.run(built, argv, lambda arguments: stopped(body, arguments))

@@ -21,7 +21,10 @@ METHODS = {
     "paper-sequence": ("the paper's method, whole sequences", canvas.GREEN),
     "sensorless": ("no sensor", canvas.RED),
 }
-PAPER_SIMULATED = (1 / 3.0, 1 / 0.5)  # squeezes a second: "0.5 to 3 seconds for rolling out 1 particle" (V.B)
+PAPER_SIMULATED = (
+    1 / 3.0,
+    1 / 0.5,
+)  # squeezes a second: "0.5 to 3 seconds for rolling out 1 particle" (V.B)
 PAPER_LEARNED = 5000.0  # particles a second: "about 1 second to roll out 5000 particles" (V.B)
 
 
@@ -58,7 +61,9 @@ def table_one(rows: Sequence[Mapping[str, Any]], radii_mm: Mapping[str, float]) 
     _bars(axes, places, paper, width, canvas.GREY, "the paper's robot")
     for k, method in enumerate(methods):
         shown = [
-            (x, judged[n, method]) for x, n in zip(places, experiments, strict=True) if (n, method) in judged
+            (x, judged[n, method])
+            for x, n in zip(places, experiments, strict=True)
+            if (n, method) in judged
         ]
         at = np.array([x for x, _ in shown]) + (k + 1) * width
         values = [100.0 * row["within_rate"] for _, row in shown]
@@ -66,9 +71,14 @@ def table_one(rows: Sequence[Mapping[str, Any]], radii_mm: Mapping[str, float]) 
         _bars(axes, at, values, width, colour, f"{label}, in simulation")
         bounds = 100.0 * np.array([row["within_ci95"] for _, row in shown]).reshape(-1, 2)
         axes.errorbar(
-            at, values, np.abs(bounds.T - values),
-            fmt="none", ecolor=canvas.BLACK, elinewidth=0.8, capsize=1.5,
-        )  # fmt: skip
+            at,
+            values,
+            np.abs(bounds.T - values),
+            fmt="none",
+            ecolor=canvas.BLACK,
+            elinewidth=0.8,
+            capsize=1.5,
+        )
     ticks = [
         f"{name}\n{row['part'].split('-')[0]}\n{radii_mm[row['part']]:g} mm\n{row['materials']}"
         for name, row in first.items()
@@ -81,7 +91,9 @@ def table_one(rows: Sequence[Mapping[str, Any]], radii_mm: Mapping[str, float]) 
     return figure
 
 
-def _bars(axes: Axes, at: np.ndarray, values: Sequence[float], width: float, colour: str, label: str) -> None:
+def _bars(
+    axes: Axes, at: np.ndarray, values: Sequence[float], width: float, colour: str, label: str
+) -> None:
     drawn = axes.bar(at, values, 0.94 * width, color=colour, label=label, zorder=2)
     axes.bar_label(drawn, [label_of(value) for value in values], fontsize=SMALL - 1.0, padding=2.5)
 
@@ -99,7 +111,9 @@ def speed(squeeze: Mapping[str, Any], kcde: Mapping[str, Any]) -> Figure:
     The figures are those that `tests/bench/bench_squeeze.py` and `tests/bench/bench_kcde.py` keep.
     """
     by_part = {row["part"]: row for row in squeeze["speed"]}
-    simulated = [Bar("the paper's Matlab program", PAPER_SIMULATED[1], PAPER_SIMULATED[0], canvas.GREY)]
+    simulated = [
+        Bar("the paper's Matlab program", PAPER_SIMULATED[1], PAPER_SIMULATED[0], canvas.GREY)
+    ]
     for part, row in by_part.items():
         simulated += [
             Bar(f"plain numpy, {part}", row["twin_per_second"], 0.0, SKY),
@@ -125,7 +139,9 @@ def _lines(axes: Axes, bars: Sequence[Bar], title: str) -> None:
     axes.barh(rows, [bar.value for bar in bars], 0.72, color=[bar.colour for bar in bars], zorder=2)
     for row, bar in zip(rows, bars, strict=True):
         range_ = f"{_round(bar.low)} to " if bar.low else ""
-        axes.text(1.12 * bar.value, float(row), range_ + _round(bar.value), fontsize=SMALL, va="center")
+        axes.text(
+            1.12 * bar.value, float(row), range_ + _round(bar.value), fontsize=SMALL, va="center"
+        )
     axes.set_yticks(rows, [bar.name for bar in bars], fontsize=SMALL)
     axes.set_xscale("log")
     axes.set(xlim=(0.1, 4e6), ylim=(len(bars) - 0.4, -0.6))
@@ -144,4 +160,6 @@ def _open_frame(axes: Axes, named: Literal["x", "y"], measured: Literal["x", "y"
 def _round(value: float) -> str:
     """Two significant digits, thousands set apart."""
     rounded = float(f"{value:.2g}")
-    return f"{rounded:,.0f}".replace(",", "\N{NO-BREAK SPACE}") if rounded >= 10.0 else f"{rounded:g}"
+    return (
+        f"{rounded:,.0f}".replace(",", "\N{NO-BREAK SPACE}") if rounded >= 10.0 else f"{rounded:g}"
+    )

@@ -32,8 +32,12 @@ class Row(NamedTuple):
     part: str  # folder of `trees/`
     materials: str = ""  # of finger and part, for people
     paper: float | None = None  # success rate that the paper reports; None without one
-    job: tuple[str, ...] = ()  # values of the job that differ from the file, each as "section.key=value"
-    world: tuple[str, ...] = ()  # values that differ in the world that judges, which the planner is not told
+    job: tuple[
+        str, ...
+    ] = ()  # values of the job that differ from the file, each as "section.key=value"
+    world: tuple[
+        str, ...
+    ] = ()  # values that differ in the world that judges, which the planner is not told
 
 
 class Method(NamedTuple):
@@ -61,11 +65,15 @@ def table_rows(trees: Path) -> list[Row]:
     document = tomllib.loads((trees / "table1.toml").read_text())
     return [
         Row(
-            row["experiment"], row["part"], row["materials"], row["paper"], tuple(row.get("job", ())),
+            row["experiment"],
+            row["part"],
+            row["materials"],
+            row["paper"],
+            tuple(row.get("job", ())),
             tuple(row.get("world", ())),
         )
         for row in document["row"]
-    ]  # fmt: skip
+    ]
 
 
 def zoo_rows(trees: Path) -> list[Row]:
@@ -84,7 +92,12 @@ def run(row: Row, method: Method, trees: Path, trials: int, workers: int | None 
         counts, whose robot predicts a pose at every leaf. Without a plan, `no_plan` says why.
     """
     job = job_file.load(trees / row.part / "job.toml", changes_of((*row.job, *method.job)))
-    figures: Figures = {"row": row.name, "part": row.part, "materials": row.materials, "paper": row.paper}
+    figures: Figures = {
+        "row": row.name,
+        "part": row.part,
+        "materials": row.materials,
+        "paper": row.paper,
+    }
     figures["method"] = method.name
     started = perf_counter()
     try:
@@ -133,7 +146,10 @@ def markdown(results: Sequence[Figures]) -> str:
     lines = [[COLUMNS[k][0] for k in shown], ["---"] * len(shown)]
     lines += [[row[k] for k in shown] for row in cells]
     notes = [f"{f['row']}, {f['method']}: {f['no_plan']}" for f in results if "no_plan" in f]
-    return "\n".join(["| " + " | ".join(line) + " |" for line in lines] + [""] * bool(notes) + notes) + "\n"
+    return (
+        "\n".join(["| " + " | ".join(line) + " |" for line in lines] + [""] * bool(notes) + notes)
+        + "\n"
+    )
 
 
 def _cell(make: Callable[[Figures], str], figures: Figures) -> str:

@@ -78,7 +78,8 @@ def followed(table: Table, simulator: Simulator, pose: Array, squeezes: int) -> 
         return None
     x, y, angle = map(float, pose)
     off = min(
-        error_mm(table.goal, told, (x, y, angle)) for told in poses_of(table.goal, table.leaves[~target])
+        error_mm(table.goal, told, (x, y, angle))
+        for told in poses_of(table.goal, table.leaves[~target])
     )
     return Story(found, ~target, off)
 
@@ -113,19 +114,27 @@ def _drawn(table: Table, job: Job, beliefs: Replay, story: Story) -> str:
         widths = [opening, opening, *seen, seen[-1], opening, opening]
         hands.append(
             {
-                "pose": squeeze.hand, "upper": Track(times, [f"{0.5 * w:.2f}" for w in widths]),
+                "pose": squeeze.hand,
+                "upper": Track(times, [f"{0.5 * w:.2f}" for w in widths]),
                 "lower": Track(times, [f"{-0.5 * w:.2f}" for w in widths]),
                 "seen": _seen(begun, begun + ARRIVE_S, shut, shut + OPEN_S, total_s),
-                "told": _seen(float(closing[-1]), float(closing[-1]) + 0.2, total_s - 0.3, total_s, total_s),
-                "angle": math.degrees(squeeze.hand[2]), "count": squeeze.reading,
+                "told": _seen(
+                    float(closing[-1]), float(closing[-1]) + 0.2, total_s - 0.3, total_s, total_s
+                ),
+                "angle": math.degrees(squeeze.hand[2]),
+                "count": squeeze.reading,
                 "width": Calibration.linear(table.gripper).width_um(squeeze.reading) / 1e3,
                 "belief": _belief(beliefs.visits[squeeze.node].before),
                 "share": len(beliefs.visits[squeeze.node].before) / len(beliefs.visits[0].before),
                 "believed": _seen(
-                    max(begun - 0.3, 0.0), begun, float(closing[-1]), float(closing[-1]) + 0.6, total_s
+                    max(begun - 0.3, 0.0),
+                    begun,
+                    float(closing[-1]),
+                    float(closing[-1]) + 0.6,
+                    total_s,
                 ),
             }
-        )  # fmt: skip
+        )
     end_s = total_s - END_S
     moving.append((total_s, story.squeezes[-1].states[-1]))
     times = [time for time, _ in moving]
@@ -134,17 +143,30 @@ def _drawn(table: Table, job: Job, beliefs: Replay, story: Story) -> str:
     jaws = Simulator.of_job(job, workers=1).jaws
     reach = float(np.max(np.hypot(*job.part.outline_mm.T)))
     text = Path(__file__).with_suffix(".svg").read_text()
-    return canvas.template("tree.svg").environment.from_string(text).render(
-        job=job, total=total_s, hands=hands, length=float(jaws[1]), thickness=float(jaws[2]),
-        half=0.5 * float(jaws[0]) + float(jaws[2]) + 1.0, reach=reach, error=story.error_mm,
-        shift=Track(times, [f"{state[0]:.2f} {state[1]:.2f}" for _, state in moving]),
-        turn=Track(times, [f"{angle:.1f}" for angle in turns]), colors=vars(canvas),
-        leaf={
-            "belief": _belief(leaf), "seen": _seen(end_s - 0.3, end_s, total_s - 0.3, total_s, total_s),
-            "pose": np.array(poses_of(table.goal, table.leaves[story.leaf])[0]), "number": story.leaf,
-            "success": table.leaves[story.leaf].success,
-        },
-    )  # fmt: skip
+    return (
+        canvas.template("tree.svg")
+        .environment.from_string(text)
+        .render(
+            job=job,
+            total=total_s,
+            hands=hands,
+            length=float(jaws[1]),
+            thickness=float(jaws[2]),
+            half=0.5 * float(jaws[0]) + float(jaws[2]) + 1.0,
+            reach=reach,
+            error=story.error_mm,
+            shift=Track(times, [f"{state[0]:.2f} {state[1]:.2f}" for _, state in moving]),
+            turn=Track(times, [f"{angle:.1f}" for angle in turns]),
+            colors=vars(canvas),
+            leaf={
+                "belief": _belief(leaf),
+                "seen": _seen(end_s - 0.3, end_s, total_s - 0.3, total_s, total_s),
+                "pose": np.array(poses_of(table.goal, table.leaves[story.leaf])[0]),
+                "number": story.leaf,
+                "success": table.leaves[story.leaf].success,
+            },
+        )
+    )
 
 
 def _belief(poses: Array) -> dict[str, object]:

@@ -40,7 +40,9 @@ def read(path: Path) -> Wheel:
     """
     try:
         with zipfile.ZipFile(path) as archive:
-            (inside,) = (name for name in archive.namelist() if name.endswith(".dist-info/METADATA"))
+            (inside,) = (
+                name for name in archive.namelist() if name.endswith(".dist-info/METADATA")
+            )
             metadata = BytesParser().parsebytes(archive.read(inside))
     except (zipfile.BadZipFile, ValueError) as error:
         raise ValueError(f"{path.name} is no wheel; run tools/wheel again") from error
@@ -53,7 +55,11 @@ def read(path: Path) -> Wheel:
         version=version,
         purl=PackageURL("pypi", name=name, version=version),
         description=metadata["Summary"],
-        hashes=[HashType(alg=HashAlgorithm.SHA_256, content=hashlib.sha256(path.read_bytes()).hexdigest())],
+        hashes=[
+            HashType(
+                alg=HashAlgorithm.SHA_256, content=hashlib.sha256(path.read_bytes()).hexdigest()
+            )
+        ],
         licenses=[LicenseFactory().make_from_string(licence)] if licence else [],
     )
     return Wheel(component, tuple(_needs(metadata.get_all("Requires-Dist", []))))

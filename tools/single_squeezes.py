@@ -24,7 +24,9 @@ MU = 0.5
 STATES = ((canvas.BLACK, "before"), (canvas.GREY, "on the way"), (canvas.RED, "at the end"))
 
 SQUEEZES = 8000  # rolled out for the subspaces of Fig. 4
-SPREAD_MM = 20.0  # half the side of the square that their centres start in: enough for some to be missed
+SPREAD_MM = (
+    20.0  # half the side of the square that their centres start in: enough for some to be missed
+)
 SEED = 4
 
 
@@ -38,13 +40,24 @@ def squeezes(job: Job) -> Figure:
         traces.append(trajectory.Squeezed(states, STATUS_NAMES[status]))
     result = trajectory.figure(job.part.outline_mm, simulator.jaws, traces)
     result.set_size_inches(WIDTH_IN, 2.95)
-    for k, (axes, trace, (end, _)) in enumerate(zip(result.axes, traces, BUTTERFLY_POSES, strict=True)):
-        axes.set_title(f"({chr(97 + k)}) {end}\nwidth {trace.states[-1, 3]:.1f} mm", fontsize=FONT, pad=4.0)
+    for k, (axes, trace, (end, _)) in enumerate(
+        zip(result.axes, traces, BUTTERFLY_POSES, strict=True)
+    ):
+        axes.set_title(
+            f"({chr(97 + k)}) {end}\nwidth {trace.states[-1, 3]:.1f} mm", fontsize=FONT, pad=4.0
+        )
     signs = [Line2D([], [], color=color, label=name) for color, name in STATES]
     centre = Line2D(
-        [], [], color=canvas.BLUE, marker="+", linestyle="none", label="centre of mass, every 1.5 mm"
+        [],
+        [],
+        color=canvas.BLUE,
+        marker="+",
+        linestyle="none",
+        label="centre of mass, every 1.5 mm",
     )
-    result.legend(handles=[*signs, centre], loc="outside upper center", ncols=4, frameon=False, fontsize=FONT)
+    result.legend(
+        handles=[*signs, centre], loc="outside upper center", ncols=4, frameon=False, fontsize=FONT
+    )
     return result
 
 
@@ -65,6 +78,11 @@ def partition(job: Job, names: Sequence[str]) -> Figure:
         raise ValueError(f"{len(found)} subspaces, but {len(names)} names for them")
     shares = 100 * found.size / found.size.sum()
     told = [f"{shares[0]:.0f} % of squeezes"]
-    told += [f"{m:.1f} mm, {s:.0f} % of squeezes" for m, s in zip(found.mean_mm[1:], shares[1:], strict=True)]
+    told += [
+        f"{m:.1f} mm, {s:.0f} % of squeezes"
+        for m, s in zip(found.mean_mm[1:], shares[1:], strict=True)
+    ]
     titles = [f"{name}\n{words}" for name, words in zip(names, told, strict=True)]
-    return subspaces(found, found.label(width_mm), final, job.part.outline_mm, simulator.jaws, titles)
+    return subspaces(
+        found, found.label(width_mm), final, job.part.outline_mm, simulator.jaws, titles
+    )

@@ -38,7 +38,10 @@ SUMMED = (
     "simulated_s",
 )
 WATCHDOG_S = 90.0  # tools/systemd/squeezetree@.service
-SQUEEZE_S, PART_S = 30.0, 60.0  # beyond the executor's own deadline of a squeeze, and for the safe sequence
+SQUEEZE_S, PART_S = (
+    30.0,
+    60.0,
+)  # beyond the executor's own deadline of a squeeze, and for the safe sequence
 
 # What makes a part lie, or be, other than the counts read say: the fingers may then come down on it.
 MOVED = {
@@ -79,7 +82,9 @@ class Watch:
         if not block[0] & GOES:
             return
         if self.now() - self.read_s > FRESH_S:
-            self.findings.append(f"jaws told to go to {block[3]} without a look since the last command")
+            self.findings.append(
+                f"jaws told to go to {block[3]} without a look since the last command"
+            )
         elif not self.ready:
             self.findings.append(f"jaws told to go to {block[3]} though not ready")
         self.read_s = -math.inf
@@ -159,7 +164,9 @@ class Records:
         self.digest.update(json.dumps([kind, fields], sort_keys=True).encode())
         entry = {"seq": self._seq, "kind": kind, **fields}
         self._seq += 1
-        self.findings += [f"record {found.seq}: {found.sentence}" for found in self._replay.follow([entry])]
+        self.findings += [
+            f"record {found.seq}: {found.sentence}" for found in self._replay.follow([entry])
+        ]
 
 
 @dataclass
@@ -242,7 +249,9 @@ def _run_part(soak: Soak, cell: VirtualCell, executor: Executor, told: Told) -> 
     result = executor.run_part(part)
     _count(soak.table, cell, result, told)
     if cell.scene.truth().crashes and not MOVED & set(cell.works.desk.met[before:]):
-        told.findings.append(f"part {part}: open fingers came down on a part that nothing had moved")
+        told.findings.append(
+            f"part {part}: open fingers came down on a part that nothing had moved"
+        )
     told.findings += _judge(soak, part, result, cell.clock.now() - began)
     return result.outcome
 
@@ -251,7 +260,10 @@ def _count(table: Table, cell: VirtualCell, result: PartResult, told: Told) -> N
     """Add up a part; a leaf whose prediction is off too, and what the table predicts of it."""
     truth = cell.scene.truth()
     told.sums.update(
-        parts=1, squeezes=len(result.steps), crashes=truth.crashes, delivered=result.delivery == "done"
+        parts=1,
+        squeezes=len(result.steps),
+        crashes=truth.crashes,
+        delivered=result.delivery == "done",
     )
     told.outcomes[result.outcome.value] += 1
     told.last = result

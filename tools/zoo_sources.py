@@ -54,7 +54,9 @@ def trivial(outline: np.ndarray) -> bool:
     part = shapely.Polygon(outline)
     box, (x, y) = part.minimum_rotated_rectangle, part.centroid.coords[0]
     disc = shapely.Point(x, y).buffer(math.sqrt(part.area / math.pi), quad_segs=64)
-    return any(part.symmetric_difference(shape).area < SAME_MM * part.length for shape in (box, disc))
+    return any(
+        part.symmetric_difference(shape).area < SAME_MM * part.length for shape in (box, disc)
+    )
 
 
 def footprints() -> Iterator[tuple[str, np.ndarray]]:
@@ -82,7 +84,10 @@ def screws() -> Iterator[tuple[str, np.ndarray]]:
 def rings() -> Iterator[tuple[str, np.ndarray]]:
     """Retaining rings DIN 471 at rest: eccentric within the two radial widths, two lugs beside the gap."""
     for row in table("din471.csv"):
-        inner, lug, width, hole = 0.5 * float(row["d3"]), *(float(row[key]) for key in ("a", "b", "d5"))
+        inner, lug, width, hole = (
+            0.5 * float(row["d3"]),
+            *(float(row[key]) for key in ("a", "b", "d5")),
+        )
         ring = shapely.Point(0.0, -width / 4).buffer(inner + 0.75 * width, quad_segs=32)
         for side in (-1.0, 1.0):
             near, far = sorted((0.5 * side * hole, 2.5 * side * hole))

@@ -19,10 +19,17 @@ MAX_MAGNITUDE = 1e5  # nothing an arm is told is larger; keeps lines short
 PING, MOVE_LINEAR, READ_POSE, READ_JOINTS = 0, 1, 3, 4
 SET_TOOL, SET_WORK_OBJECT, SET_SPEED, SET_ZONE = 6, 7, 8, 9
 CLOSE = 99  # answered by silence
-HARMLESS = frozenset({PING, READ_POSE, READ_JOINTS, CLOSE})  # neither move anything nor change a setting
+HARMLESS = frozenset(
+    {PING, READ_POSE, READ_JOINTS, CLOSE}
+)  # neither move anything nor change a setting
 
 # Code -> how many fields its reply carries. 98 answers free text and is left out.
-REPLY_FIELDS = dict.fromkeys((0, 1, 2, 6, 7, 8, 9, 30, 31, 33, 34, 35, 36), 0) | {3: 7, 4: 6, 5: 6, 32: 1}
+REPLY_FIELDS = dict.fromkeys((0, 1, 2, 6, 7, 8, 9, 30, 31, 33, 34, 35, 36), 0) | {
+    3: 7,
+    4: 6,
+    5: 6,
+    32: 1,
+}
 
 Quaternion = tuple[float, float, float, float]
 
@@ -58,7 +65,9 @@ def number(value: float, decimals: int) -> str:
         ProtocolError: it is not finite, or larger than anything an arm is told.
     """
     if not math.isfinite(value) or abs(value) >= MAX_MAGNITUDE:
-        raise ProtocolError(f"{value} cannot be sent to the arm; give one below {MAX_MAGNITUDE:.0f}")
+        raise ProtocolError(
+            f"{value} cannot be sent to the arm; give one below {MAX_MAGNITUDE:.0f}"
+        )
     text = f"{value:.{decimals}f}"
     return text[1:] if float(text) == 0.0 and text.startswith("-") else text
 
@@ -71,7 +80,9 @@ def command(code: int, *numbers: str) -> bytes:
     """
     line = " ".join((str(code), *numbers, "#"))
     if len(line) > MAX_LINE or len(numbers) > MAX_NUMBERS:
-        raise ProtocolError(f"command too long, {len(line)} characters and {len(numbers)} numbers: {line}")
+        raise ProtocolError(
+            f"command too long, {len(line)} characters and {len(numbers)} numbers: {line}"
+        )
     return line.encode("ascii")
 
 
@@ -101,7 +112,9 @@ def hand_angle(rotation: Sequence[float]) -> float:
     """
     w, x, y, z = rotation
     if math.hypot(w, z) > 0.02 or math.hypot(x, y) < 0.9:
-        raise ProtocolError(f"the hand does not point down (quaternion {rotation}); jog it upright first")
+        raise ProtocolError(
+            f"the hand does not point down (quaternion {rotation}); jog it upright first"
+        )
     return math.remainder(2.0 * math.atan2(y, x), math.tau)
 
 

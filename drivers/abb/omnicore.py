@@ -24,9 +24,13 @@ VERSION = "1"
 SYMBOL = f"/rw/rapid/symbol/RAPID/{TASK}/{MODULE}"
 POINTER = f"/rw/rapid/tasks/{TASK}/pcp"
 START = {
-    "regain": "continue", "execmode": "continue", "cycle": "once", "condition": "none",
-    "stopatbp": "disabled", "alltaskbytsp": "false",
-}  # fmt: skip
+    "regain": "continue",
+    "execmode": "continue",
+    "cycle": "once",
+    "condition": "none",
+    "stopatbp": "disabled",
+    "alltaskbytsp": "false",
+}
 PORT = 443
 START_S = 3.0  # from a request, or from the program's start, to its first sign of life
 LOOK_S = 0.1  # between two looks: the controller serves some twenty requests a second
@@ -46,12 +50,16 @@ class Arm(UprightArm):
         self._rws = rws
         self._pace = pace
         self._speed_mm_s = math.nan
-        self._table = compose(invert(setup.base or IDENTITY), setup.work_object)  # in the base frame
+        self._table = compose(
+            invert(setup.base or IDENTITY), setup.work_object
+        )  # in the base frame
         self._moves = secrets.randbelow(MOST_NUMBER)  # no number of an earlier client
         try:
             version = self._symbol("sq_version")
         except ArmError as error:
-            raise ArmError(f"{error}; load {MODULE}.modx into {TASK} (tools/docs/arms.md)") from error
+            raise ArmError(
+                f"{error}; load {MODULE}.modx into {TASK} (tools/docs/arms.md)"
+            ) from error
         if version != VERSION:
             raise ArmError(
                 f"arm at {endpoint} has {MODULE}.modx of version {shown(version)}; load version {VERSION}"
@@ -64,7 +72,10 @@ class Arm(UprightArm):
 
     def _read_hand(self) -> Pose:
         seen = self._look(
-            f"/rw/motionsystem/mechunits/{UNIT}/cartesian", tool="tool0", wobj="wobj0", coordinate="Base"
+            f"/rw/motionsystem/mechunits/{UNIT}/cartesian",
+            tool="tool0",
+            wobj="wobj0",
+            coordinate="Base",
         )
         x, y, z, *turn = _numbers(seen, "x", "y", "z", "q1", "q2", "q3", "q4")
         length = math.hypot(*turn)
@@ -117,15 +128,21 @@ class Arm(UprightArm):
         if mode.upper() != "AUTO":
             return f"the controller is in mode {shown(mode)}; switch it to automatic"
         if motors != "motoron":
-            return f"the controller is in state {shown(motors)}; put it right and switch the motors on"
+            return (
+                f"the controller is in state {shown(motors)}; put it right and switch the motors on"
+            )
         if self._runs() and (module := self._pointer()[0]) not in (None, MODULE):
             return f"module {shown(module)} runs on the controller; stop it first"
         return ""
 
     def _pointer(self) -> tuple[str | None, str | None]:
         """Module and routine that the program pointer is in; None: not told."""
-        told = next((state for state in self._states(POINTER) if state.get("_title") == "progpointer"), {})
-        return told.get("modulemame") or told.get("modulename"), told.get("routinename")  # RWS spells it so
+        told = next(
+            (state for state in self._states(POINTER) if state.get("_title") == "progpointer"), {}
+        )
+        return told.get("modulemame") or told.get("modulename"), told.get(
+            "routinename"
+        )  # RWS spells it so
 
     def _runs(self) -> bool:
         return self._look("/rw/rapid/execution").get("ctrlexecstate") == "running"
@@ -139,7 +156,9 @@ class Arm(UprightArm):
         finally:
             self._rws.post("/rw/mastership/edit/release", {})
         if self._pointer() != (MODULE, ROUTINE):
-            raise self._lose("the program pointer could not be set to our module; start it on the pendant")
+            raise self._lose(
+                "the program pointer could not be set to our module; start it on the pendant"
+            )
         # What was asked for before it starts it takes for done, and so tells that it has begun.
         self._next()
         self._rws.post("/rw/rapid/execution/start", START, mastership="implicit")

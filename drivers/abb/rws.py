@@ -71,7 +71,9 @@ class Rws:
             late_s = self._pace.now() - since - ANSWER_S
             if late_s <= 0.0:  # otherwise it tells of a moment that is too long ago
                 return _states(path, body)
-        raise RwsError(f"this process was stopped or starved and read an answer {late_s:.1f} s too late")
+        raise RwsError(
+            f"this process was stopped or starved and read an answer {late_s:.1f} s too late"
+        )
 
     def post(self, path: str, form: Mapping[str, str], **query: str) -> None:
         """Ask for a change, once.
@@ -82,7 +84,9 @@ class Rws:
         """
         body = urlencode(form, quote_via=quote)
         if self._read_only:
-            raise ReadOnlyError(f"a dry run was about to send {path} {body!r} to the arm at {self._host}")
+            raise ReadOnlyError(
+                f"a dry run was about to send {path} {body!r} to the arm at {self._host}"
+            )
         self._request("POST", path + ("?" + urlencode(query) if query else ""), body)
 
     def close(self) -> None:
@@ -97,9 +101,13 @@ class Rws:
         if status == http.client.UNAUTHORIZED and not self._challenge and self._take(headers):
             status, headers, text = self._exchange(method, target, body, until)
         if status == http.client.UNAUTHORIZED:
-            raise RwsError(f"the controller refuses the user {self._user[0]!r}; set {USER} and {PASSWORD}")
+            raise RwsError(
+                f"the controller refuses the user {self._user[0]!r}; set {USER} and {PASSWORD}"
+            )
         if not 200 <= status < 300:
-            raise RwsError(f"the controller answered {method} {target} by {status}: {_message(text)}")
+            raise RwsError(
+                f"the controller answered {method} {target} by {status}: {_message(text)}"
+            )
         return text
 
     def _exchange(
@@ -107,7 +115,9 @@ class Rws:
     ) -> tuple[int, http.client.HTTPMessage, str]:
         headers = {"Accept": ACCEPT, "Authorization": self._authorization(method, target)}
         if self._cookies:
-            headers["Cookie"] = "; ".join(f"{name}={value}" for name, value in self._cookies.items())
+            headers["Cookie"] = "; ".join(
+                f"{name}={value}" for name, value in self._cookies.items()
+            )
         if method == "POST":
             headers["Content-Type"] = FORM
         try:
@@ -147,7 +157,9 @@ class Rws:
         try:
             context = ssl.create_default_context(cafile=stated if in_file else None)
         except OSError as error:
-            raise RwsError(f"{CERTIFICATE}: {stated} cannot be read as certificates ({error})") from error
+            raise RwsError(
+                f"{CERTIFICATE}: {stated} cannot be read as certificates ({error})"
+            ) from error
         context.check_hostname = False  # controllers are reached by address, and certify themselves
         if not in_file:
             context.verify_mode = ssl.CERT_NONE
@@ -183,7 +195,10 @@ class Rws:
         ours, asked = _md5(f"{user}:{realm}:{password}"), _md5(f"{method}:{target}")
         response = _md5(f"{ours}:{nonce}:{count}:{cnonce}:auth:{asked}")
         fields = {"username": user, "realm": realm, "nonce": nonce, "uri": target, "cnonce": cnonce}
-        fields |= {"response": response, **({"opaque": given["opaque"]} if "opaque" in given else {})}
+        fields |= {
+            "response": response,
+            **({"opaque": given["opaque"]} if "opaque" in given else {}),
+        }
         quoted = ", ".join(f'{name}="{value}"' for name, value in fields.items())
         return f"Digest {quoted}, qop=auth, nc={count}"
 
@@ -195,7 +210,9 @@ class Rws:
                 given = parse_keqv_list(parse_http_list(rest)) if scheme.lower() == "digest" else {}
             except ValueError:  # garbled
                 continue
-            if {"realm", "nonce"} <= given.keys() and given.get("algorithm", "MD5").upper() == "MD5":
+            if {"realm", "nonce"} <= given.keys() and given.get(
+                "algorithm", "MD5"
+            ).upper() == "MD5":
                 self._challenge = given
                 return True
         return False

@@ -16,7 +16,9 @@ from drivers.errors import ArmError
 from drivers.ports import TURN_RADIUS_MM, PoseOfHand
 
 MOVE_MARGIN_S = 3.0  # acceleration, fine point, network
-MOST_TURN_RAD = 3.0  # in one motion: the controller turns the shortest way, at half a turn it may be either
+MOST_TURN_RAD = (
+    3.0  # in one motion: the controller turns the shortest way, at half a turn it may be either
+)
 Read = TypeVar("Read")
 
 
@@ -43,7 +45,9 @@ class UprightArm(ABC):
         reaches: whether the flange can be at a pose in the base frame.
     """
 
-    def __init__(self, endpoint: str, setup: Setup, reaches: Callable[[Pose], bool] = within_irb_120) -> None:
+    def __init__(
+        self, endpoint: str, setup: Setup, reaches: Callable[[Pose], bool] = within_irb_120
+    ) -> None:
         self.endpoint = endpoint
         self._setup = setup
         self._reaches = reaches
@@ -123,7 +127,9 @@ class UprightArm(ABC):
         """Why a straight way cannot be gone; empty where nothing is known against it."""
         return obstacle(ArmPose(*start).frame, ArmPose(*target).frame, self._setup, self._reaches)
 
-    def move_linear(self, x_mm: float, y_mm: float, z_mm: float, angle_rad: float, speed_mm_s: float) -> None:
+    def move_linear(
+        self, x_mm: float, y_mm: float, z_mm: float, angle_rad: float, speed_mm_s: float
+    ) -> None:
         """Move the hand, pointing down, in a straight line and return when it stands (`ports.Arm`).
 
         Nothing is sent where the target cannot be sent or reached; of an arm that does not arrive in time the
@@ -142,7 +148,10 @@ class UprightArm(ABC):
             raise ArmError(f"arm speed {speed_mm_s} mm/s; give a positive one")
         self._set_speed(speed_mm_s)
         self._at, self._wrist_is_fresh = None, False
-        path_mm, turn_rad = math.dist(start[:3], target[:3]), abs(target.angle_rad - start.angle_rad)
+        path_mm, turn_rad = (
+            math.dist(start[:3], target[:3]),
+            abs(target.angle_rad - start.angle_rad),
+        )
         travel_s = max(path_mm, TURN_RADIUS_MM * turn_rad) / speed_mm_s
         self._drive(target, travel_s * 1.5 + MOVE_MARGIN_S)
         self._at, self._angle_rad = target, target.angle_rad
@@ -165,10 +174,14 @@ class UprightArm(ABC):
                 "look at the arm, then connect again"
             )
 
-    def _lose(self, reason: str, kind: type[ArmError] = ArmError, look_at: str = "the pendant") -> ArmError:
+    def _lose(
+        self, reason: str, kind: type[ArmError] = ArmError, look_at: str = "the pendant"
+    ) -> ArmError:
         """The state is unknown from now on: the error that says so."""
         self._unknown = reason
-        return kind(f"arm at {self.endpoint} lost, its state is unknown: {reason}; look at {look_at}")
+        return kind(
+            f"arm at {self.endpoint} lost, its state is unknown: {reason}; look at {look_at}"
+        )
 
     def _understood(self, read: Callable[[], Read]) -> Read:
         try:

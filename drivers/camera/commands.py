@@ -23,7 +23,9 @@ def audit(arguments: Sequence[str] | None = None) -> int:
 
 def calibrate(arguments: Sequence[str] | None = None) -> int:
     """grasp-calibrate camera, tag and pictures."""
-    return _run("grasp-calibrate", CALIBRATE, list(sys.argv[1:] if arguments is None else arguments))
+    return _run(
+        "grasp-calibrate", CALIBRATE, list(sys.argv[1:] if arguments is None else arguments)
+    )
 
 
 def _run(command: str, module: str, words: Sequence[str]) -> int:

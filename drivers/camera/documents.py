@@ -28,7 +28,10 @@ def save(path: Path, kind: str, body: Mapping[str, Any]) -> None:
         CameraFileError: it cannot be written.
     """
     document = {"kind": kind, "version": VERSION, **body}
-    text = json.dumps({**document, "sha256": strict_json.digest(document)}, indent=1, allow_nan=False) + "\n"
+    text = (
+        json.dumps({**document, "sha256": strict_json.digest(document)}, indent=1, allow_nan=False)
+        + "\n"
+    )
     try:
         with writing(path) as draft:
             draft.write_text(text, encoding="ascii")

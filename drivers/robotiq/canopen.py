@@ -77,7 +77,8 @@ class CanLink(ReportingLink):
     def read(self) -> bytes:
         """The input block; each byte tried up to 3 times."""
         return bytes(
-            self._repeated(partial(self._transact, self._where.input, byte)) for byte in range(BLOCK_BYTES)
+            self._repeated(partial(self._transact, self._where.input, byte))
+            for byte in range(BLOCK_BYTES)
         )
 
     def write(self, block: bytes) -> None:
@@ -118,7 +119,9 @@ class CanLink(ReportingLink):
             raise self._silent(index, byte) from error
         except (can.CanError, OSError) as error:
             self._lost = "the bus broke"
-            raise LinkError(f"gripper link {self.endpoint} broke ({shown(error)}); check the bus") from error
+            raise LinkError(
+                f"gripper link {self.endpoint} broke ({shown(error)}); check the bus"
+            ) from error
         return reply
 
     def _silent(self, index: int, byte: int) -> LinkTimeout:
@@ -158,7 +161,9 @@ def parse(port: str) -> CanMap:
             raise PortError(f"port {port}: {key}={text} is not understood; there are {known}")
     where = CanMap(name, **settings)
     if not name or not 0 < where.node < 128:
-        raise PortError(f"port {port}: name a channel and a node of 1 to 127, e.g. can:can0?node=11")
+        raise PortError(
+            f"port {port}: name a channel and a node of 1 to 127, e.g. can:can0?node=11"
+        )
     return where
 
 
@@ -168,14 +173,18 @@ def _network(port: str, where: CanMap, *, read_only: bool) -> "canopen.Network":
         import canopen
     except ImportError as error:
         raise PortError(f"port {port}: {error}; install squeezetree[can]") from error
-    logging.getLogger("canopen").setLevel(logging.CRITICAL + 1)  # its failures reach the caller as ours
+    logging.getLogger("canopen").setLevel(
+        logging.CRITICAL + 1
+    )  # its failures reach the caller as ours
     network = canopen.Network()
     network.NOTIFIER_CYCLE = HEAR_S
     options = {"bitrate": where.bitrate} if where.bitrate else {}
     try:
         network.connect(interface=where.interface, channel=where.channel, **options)
     except (can.CanError, OSError, ValueError) as error:
-        raise PortError(f"port {port} cannot be opened ({shown(error)}); check `ip link`") from error
+        raise PortError(
+            f"port {port} cannot be opened ({shown(error)}); check `ip link`"
+        ) from error
     if not read_only:  # the one thing sent before any request; it makes no node move
         network.send_message(0, bytes((1, where.node)))
     return network

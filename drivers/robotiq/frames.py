@@ -115,7 +115,9 @@ def read_request(wiring: Wiring, count: int) -> ModbusPDU:
 def write_request(wiring: Wiring, block: bytes) -> ModbusPDU:
     """Write the first registers of the output block, high byte first."""
     registers = list(struct.unpack(f">{len(block) // 2}H", block))
-    return WriteMultipleRegistersRequest(address=wiring.output, registers=registers, dev_id=wiring.unit)
+    return WriteMultipleRegistersRequest(
+        address=wiring.output, registers=registers, dev_id=wiring.unit
+    )
 
 
 def is_answer(answer: ModbusPDU, request: ModbusPDU) -> bool:

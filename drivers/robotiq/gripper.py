@@ -23,13 +23,17 @@ from drivers.robotiq.registers import (
     speed_mm_s,
 )
 
-ACTIVATION_S = 15.0  # reset, sweep and report, all told ([SDK] gripper.cpp; 5 s was too short for some)
+ACTIVATION_S = (
+    15.0  # reset, sweep and report, all told ([SDK] gripper.cpp; 5 s was too short for some)
+)
 ECHO_S = 1.0  # gPR must echo rPR within this ([SDK] gripper.cpp)
 STALE_FLAG_S = 0.2  # how long gOBJ may still tell of the previous move ([SDK] gripper.cpp)
 MOVE_MARGIN_S = 2.0  # beyond stroke / speed: start, contact detection, settling
 EQUAL_COUNTS = 3  # readings in a row with one count before a width is believed
 SETTLE_COUNTS = 1.0  # between them: as long as jaws at the speed asked for take for so many counts
-ARRIVED_COUNTS = 12  # gOBJ 3 farther than this from the request contradicts the count (open ends at 3 to 13)
+ARRIVED_COUNTS = (
+    12  # gOBJ 3 farther than this from the request contradicts the count (open ends at 3 to 13)
+)
 COMM_SILENCE = 0x09
 WRITE_TRIES = 3  # as the SDK: the link is down after 3 failures in a row
 
@@ -85,12 +89,24 @@ class Gripper:
         self._move = None
         seen = self.state()
         _require_ready(seen, "asked to move")
-        request = {"rACT": 1, "rGTO": 1, "rPR": position_counts, "rSP": speed_counts, "rFR": force_counts}
-        stroke_mm = abs(position_counts - seen.position_counts) * OPENING_MM / (COUNT_CLOSED - COUNT_OPEN)
+        request = {
+            "rACT": 1,
+            "rGTO": 1,
+            "rPR": position_counts,
+            "rSP": speed_counts,
+            "rFR": force_counts,
+        }
+        stroke_mm = (
+            abs(position_counts - seen.position_counts) * OPENING_MM / (COUNT_CLOSED - COUNT_OPEN)
+        )
         budget_s = stroke_mm / speed_mm_s(speed_counts) + MOVE_MARGIN_S
         self._send(request)
-        settle_s = SETTLE_COUNTS * OPENING_MM / (COUNT_CLOSED - COUNT_OPEN) / speed_mm_s(speed_counts)
-        self._move = _Move(position_counts, seen.position_counts, self._pace.now(), budget_s, settle_s)
+        settle_s = (
+            SETTLE_COUNTS * OPENING_MM / (COUNT_CLOSED - COUNT_OPEN) / speed_mm_s(speed_counts)
+        )
+        self._move = _Move(
+            position_counts, seen.position_counts, self._pace.now(), budget_s, settle_s
+        )
 
     def wait(self) -> Settled:
         """Wait until the last move has ended and the count stands still.
@@ -104,19 +120,27 @@ class Gripper:
         move, self._move = self._move, None
         deadline = self._pace.deadline(ECHO_S)
         asked = move.position_counts
-        self._until(lambda now: now.echo_counts == asked, deadline, "taking the request", _require_ready)
+        self._until(
+            lambda now: now.echo_counts == asked, deadline, "taking the request", _require_ready
+        )
         stale_until = move.written_at + STALE_FLAG_S / self._pace.time_scale
         deadline = self._pace.deadline(move.budget_s)
         seen = self._checked("moving")
         while not seen.moving and self._pace.now() < stale_until:
             self._pace.idle(stale_until)
             seen = self._checked("moving")
-        seen = self._until(lambda now: now.going and not now.moving, deadline, "moving", _require_ready)
+        seen = self._until(
+            lambda now: now.going and not now.moving, deadline, "moving", _require_ready
+        )
         seen = self._steady(seen, move, deadline)
         if seen.echo_counts != asked:
-            raise GripperFault("the gripper's request changed during the move; is another program using it?")
+            raise GripperFault(
+                "the gripper's request changed during the move; is another program using it?"
+            )
         seconds = self._pace.elapsed(move.written_at)
-        return Settled(seen.position_counts, seen.object_flag, seen.current_ma, seen.echo_counts, seconds)
+        return Settled(
+            seen.position_counts, seen.object_flag, seen.current_ma, seen.echo_counts, seconds
+        )
 
     def stop(self) -> None:
         """Stop the jaws where they are; the request stays, a held part stays held. An activation is reset."""
@@ -154,7 +178,9 @@ class Gripper:
         """Whether the echoes tell that it arrived; looked at before the block is written once more."""
         seen = self.state()
         sweeps = not seen.enabled and self._image.get("rACT") == image.get("rACT") == 1
-        if image.get("rGTO") == 1 or sweeps:  # rACT set in a gripper that lost power starts the sweep
+        if (
+            image.get("rGTO") == 1 or sweeps
+        ):  # rACT set in a gripper that lost power starts the sweep
             _require_ready(seen, "repeating a write whose answer was lost")
         wanted = (image.get("rACT", 0) == 1, image.get("rGTO", 0) == 1, image.get("rPR", 0))
         return (seen.enabled, seen.going, seen.echo_counts) == wanted
@@ -196,7 +222,9 @@ class Gripper:
             else:
                 self._pace.idle(deadline)
             last, seen = seen, self._checked("settling")
-            equal = equal + 1 if seen.position_counts == last.position_counts and not seen.moving else 1
+            equal = (
+                equal + 1 if seen.position_counts == last.position_counts and not seen.moving else 1
+            )
         return seen
 
 
@@ -234,7 +262,9 @@ def _require_ready(seen: GripperState, doing: str) -> None:
     if seen.fault and fault_text(seen.fault).severity in {MAJOR, PRIORITY}:
         raise GripperFault.from_code(seen.fault, doing)
     if not seen.activated:
-        raise GripperFault(f"gripper not active while {doing}; clear the jaws and activate it (--activate)")
+        raise GripperFault(
+            f"gripper not active while {doing}; clear the jaws and activate it (--activate)"
+        )
 
 
 def _sketch(seen: GripperState) -> str:

@@ -112,4 +112,6 @@ class ReadOnlyLink:
 
     def write(self, block: bytes) -> None:
         """Refuse, by a ReadOnlyError."""
-        raise ReadOnlyError(f"a dry run was about to write {block.hex()} to the gripper at {self.endpoint}")
+        raise ReadOnlyError(
+            f"a dry run was about to write {block.hex()} to the gripper at {self.endpoint}"
+        )

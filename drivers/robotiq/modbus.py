@@ -62,9 +62,15 @@ EXCEPTIONS = {
     2: Refusal("no such register", _WRONG_DEVICE),
     3: Refusal("a value that is not allowed", _WRONG_DEVICE),
     4: Refusal("the device failed", "look at its LED and its supply"),
-    5: Refusal("it is taken, but takes longer", "ask less often, or raise the gateway's speed", passes=True),
-    6: Refusal("the gateway or the gripper is busy", "stop other programs that use it", passes=True),
-    10: Refusal("the gateway has no way to that unit", "set up its serial side and its table of units"),
+    5: Refusal(
+        "it is taken, but takes longer", "ask less often, or raise the gateway's speed", passes=True
+    ),
+    6: Refusal(
+        "the gateway or the gripper is busy", "stop other programs that use it", passes=True
+    ),
+    10: Refusal(
+        "the gateway has no way to that unit", "set up its serial side and its table of units"
+    ),
     11: Refusal(
         "the gripper behind the gateway is silent",
         "check its power, its slave id (unit) and the wiring behind the gateway",
@@ -77,7 +83,12 @@ class ModbusLink(StreamLink):
     """A gripper's two register blocks on one Modbus connection, which is owned from now on."""
 
     def __init__(
-        self, stream: Stream, framing: Framing, wiring: Wiring, pace: Pace, report: Report = no_report
+        self,
+        stream: Stream,
+        framing: Framing,
+        wiring: Wiring,
+        pace: Pace,
+        report: Report = no_report,
     ) -> None:
         super().__init__(stream, pace, report)
         self._framing = framing
@@ -156,12 +167,16 @@ class ModbusLink(StreamLink):
         )
 
 
-def rtu_link(stream: Stream, pace: Pace, report: Report = no_report, wiring: Wiring = RTU) -> ModbusLink:
+def rtu_link(
+    stream: Stream, pace: Pace, report: Report = no_report, wiring: Wiring = RTU
+) -> ModbusLink:
     """RTU frames on whatever carries bytes."""
     return ModbusLink(stream, RtuFraming(), wiring, pace, report)
 
 
-def tcp_link(stream: Stream, pace: Pace, report: Report = no_report, wiring: Wiring = TCP) -> ModbusLink:
+def tcp_link(
+    stream: Stream, pace: Pace, report: Report = no_report, wiring: Wiring = TCP
+) -> ModbusLink:
     """Modbus TCP."""
     return ModbusLink(stream, TcpFraming(), wiring, pace, report)
 
@@ -173,7 +188,9 @@ def wiring_of(port: str, usual: Wiring) -> Wiring:
         PortError: a setting is not understood, or stated twice.
     """
     block = range(0x10000 - MOST_REGISTERS + 1)
-    units = range(1, 248) if usual is RTU else range(256)  # on a bus 0 speaks to all, and nobody answers
+    units = (
+        range(1, 248) if usual is RTU else range(256)
+    )  # on a bus 0 speaks to all, and nobody answers
     allowed = {"unit": units, "output": block, "input": block, "function": (3, 4)}
     settings: dict[str, int] = {}
     for key, text in parse_qsl(port.partition("?")[2], keep_blank_values=True):
@@ -214,5 +231,7 @@ def _answers(stream: SerialStream, unit: int) -> bool:
             if framing.find(buffer, request) is not None:
                 return True
     except OSError as error:
-        raise LinkError(f"port {stream.endpoint} cannot be searched: {error}; check the cable") from error
+        raise LinkError(
+            f"port {stream.endpoint} cannot be searched: {error}; check the cable"
+        ) from error
     return False

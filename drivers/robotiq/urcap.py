@@ -18,8 +18,18 @@ from drivers.stream import Stream
 
 PORT = 63352
 # Position last: a flag read before it is never newer than the count.
-READ = {"ACT": "gACT", "GTO": "gGTO", "STA": "gSTA", "FLT": "gFLT", "PRE": "gPR", "OBJ": "gOBJ", "POS": "gPO"}
-DIGITS = dict.fromkeys(("ACT", "GTO", "STA", "OBJ"), 1)  # answers whole after so many; others after a pause
+READ = {
+    "ACT": "gACT",
+    "GTO": "gGTO",
+    "STA": "gSTA",
+    "FLT": "gFLT",
+    "PRE": "gPR",
+    "OBJ": "gOBJ",
+    "POS": "gPO",
+}
+DIGITS = dict.fromkeys(
+    ("ACT", "GTO", "STA", "OBJ"), 1
+)  # answers whole after so many; others after a pause
 MOST_DIGITS = 3
 FENCES = ("SPE", "FOR")  # asked only to find the step again
 QUIET_S = 0.003  # wall: an answer without a line end is whole when nothing follows for so long
@@ -64,7 +74,9 @@ class UrcapLink(StreamLink):
         value = self._transact(f"GET {name}", name)
         self._check_in_time()
         if value > 255:
-            raise LinkError(f"gripper at {self.endpoint} answered {name} {value}, which is no register value")
+            raise LinkError(
+                f"gripper at {self.endpoint} answered {name} {value}, which is no register value"
+            )
         return value
 
     def _transact(self, line: str, wanted: str) -> int:
@@ -116,7 +128,9 @@ class UrcapLink(StreamLink):
                 name, value, size = "ack", 0, 3
             elif found := ANSWER.match(text):
                 name, value, size = found[1].decode(), int(found[2]), found.end()
-                if not (found[3] or len(found[2]) >= DIGITS.get(name, MOST_DIGITS) or len(text) > size):
+                if not (
+                    found[3] or len(found[2]) >= DIGITS.get(name, MOST_DIGITS) or len(text) > size
+                ):
                     more = self._stream.receive(QUIET_S)
                     self._text += more
                     if more:

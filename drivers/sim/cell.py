@@ -59,7 +59,17 @@ class Cell:
         ur_script, ur_rtde = served(ur, self._lock, self._time)
         logger = ArmLogger(self._look_at_arm, self._time)
         scene = SceneServer(self._answer, self.stopped)
-        self._servers: list[Server] = [pty, rtu_tcp, tcp, urcap, arm, ur_script, ur_rtde, logger, scene]
+        self._servers: list[Server] = [
+            pty,
+            rtu_tcp,
+            tcp,
+            urcap,
+            arm,
+            ur_script,
+            ur_rtde,
+            logger,
+            scene,
+        ]
         # Where its devices are, as `drivers.connect` takes them.
         base = ",".join(f"{value:g}" for value in ARM_BASE[:3])
         self.endpoints = {

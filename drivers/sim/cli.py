@@ -41,8 +41,12 @@ def parser() -> Parser:
         epilog=EPILOG,
     )
     source = made.add_mutually_exclusive_group(required=True)
-    source.add_argument("--tree", type=Path, metavar="TREE.msgpack", help="part and world from a table's job")
-    source.add_argument("--job", type=Path, metavar="JOB.toml", help="part and world from a job file")
+    source.add_argument(
+        "--tree", type=Path, metavar="TREE.msgpack", help="part and world from a table's job"
+    )
+    source.add_argument(
+        "--job", type=Path, metavar="JOB.toml", help="part and world from a job file"
+    )
     add = made.add_argument
     world = f"the physics (default: planner.world:make; without the planner extra {REHEARSAL})"
     add("--world", metavar="MODULE:FACTORY", help=world)
@@ -102,7 +106,9 @@ def serve(options: argparse.Namespace) -> int:
         if options.json:
             print(json.dumps(cell.endpoints), flush=True)
         else:
-            print("\n".join(f"{name:16}{value}" for name, value in cell.endpoints.items()), flush=True)
+            print(
+                "\n".join(f"{name:16}{value}" for name, value in cell.endpoints.items()), flush=True
+            )
         cell.stopped.wait()
     for failure in failures[:1]:
         tell("grasp-cell", f"stopped: {failure}")
@@ -112,7 +118,9 @@ def serve(options: argparse.Namespace) -> int:
 def _block(text: str) -> Block:
     numbers = [number(word) for word in text.split(",")]
     if len(numbers) not in (1, 3) or numbers[0] <= 0.0:
-        raise argparse.ArgumentTypeError(f"{text!r}: write its width, or MM,X,Y with the place of its centre")
+        raise argparse.ArgumentTypeError(
+            f"{text!r}: write its width, or MM,X,Y with the place of its centre"
+        )
     return Block(*numbers)
 
 

@@ -31,7 +31,9 @@ class Kind(NamedTuple):
 
 
 def _kinds(channel: Channel, *rows: tuple[str, float, float, int, str]) -> tuple[Kind, ...]:
-    return tuple(Kind(name, channel, low, high, lasts, meaning) for name, low, high, lasts, meaning in rows)
+    return tuple(
+        Kind(name, channel, low, high, lasts, meaning) for name, low, high, lasts, meaning in rows
+    )
 
 
 LINE_KINDS = _kinds(
@@ -154,7 +156,9 @@ class Desk:
     def begin(self, part: int) -> None:
         """The next part is fed."""
         faults = self._schedule.of_part(part)
-        self._of = {channel: [fault for fault in faults if fault.channel is channel] for channel in Channel}
+        self._of = {
+            channel: [fault for fault in faults if fault.channel is channel] for channel in Channel
+        }
         self._events = dict.fromkeys(Channel, -1)
 
     def next(self, channel: Channel) -> None:
@@ -184,18 +188,24 @@ def parse(text: str | None) -> Listed:
     if text.startswith("seed:"):
         number = text.removeprefix("seed:")
         if not number.isdecimal():
-            raise SimulationError(f"--faults {text}: write seed:N with a whole number, or name a file")
+            raise SimulationError(
+                f"--faults {text}: write seed:N with a whole number, or name a file"
+            )
         return Seeded(int(number))
     path = Path(text)
     try:
         written = strict_toml.parse(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
-        raise SimulationFileError(f"{path}: no such file; name a fault schedule, or write seed:N") from error
+        raise SimulationFileError(
+            f"{path}: no such file; name a fault schedule, or write seed:N"
+        ) from error
     except (OSError, ValueError) as error:
         raise SimulationError(f"{path}: not readable as a fault schedule ({error})") from error
     if set(written) - {"fault"} or not isinstance(written.get("fault", []), list):
         raise SimulationError(f"{path}: write one [[fault]] table a fault, nothing else")
-    return Listed(_written_fault(path, number, row) for number, row in enumerate(written.get("fault", []), 1))
+    return Listed(
+        _written_fault(path, number, row) for number, row in enumerate(written.get("fault", []), 1)
+    )
 
 
 def _written_fault(path: Path, number: int, row: object) -> Fault:
@@ -203,7 +213,9 @@ def _written_fault(path: Path, number: int, row: object) -> Fault:
     if not isinstance(row, dict) or set(row) - set(Fault._fields):
         raise SimulationError(f"{where}: the keys are {', '.join(Fault._fields)}")
     if row.get("kind") not in KINDS:
-        raise SimulationError(f"{where}: kind {row.get('kind')!r} is unknown; there are {', '.join(KINDS)}")
+        raise SimulationError(
+            f"{where}: kind {row.get('kind')!r} is unknown; there are {', '.join(KINDS)}"
+        )
     counts = [(row.get("part", 0), 0), (row.get("at", 0), 0), (row.get("length", 1), 1)]
     whole = all(type(count) is int and count >= least for count, least in counts)
     if not whole or type(row.get("value", 0.0)) not in (int, float):

@@ -25,14 +25,25 @@ READY = 7  # robot mode: powered, brakes released
 PROGRAM_RUNS = 0b10  # of the status bits
 MAY_MOVE = 0b11  # of the safety bits: normal or reduced, and nothing else
 SAFETY = (
-    "normal", "reduced mode", "protective stop", "recovery mode", "safeguard stop", "system emergency stop",
-    "robot emergency stop", "emergency stop", "violation", "fault", "stopped due to safety",
-)  # fmt: skip
+    "normal",
+    "reduced mode",
+    "protective stop",
+    "recovery mode",
+    "safeguard stop",
+    "system emergency stop",
+    "robot emergency stop",
+    "emergency stop",
+    "violation",
+    "fault",
+    "stopped due to safety",
+)
 PAUSED = frozenset({3, 4})  # runtime states: pausing, paused
 LEAST_FRACTION = 0.05  # of the speed slider; slower than this no deadline makes sense
 STILL_M_S = 0.002
 WHOLE_TURN_MARGIN = 2.0  # a motion given by its time may be so much faster in its middle
-REMOTE = "set the pendant to Remote Control, and see that port 30002 is not blocked (Settings, Security)"
+REMOTE = (
+    "set the pendant to Remote Control, and see that port 30002 is not blocked (Settings, Security)"
+)
 HINT = "check the address and that RTDE is enabled (Settings, Security, Services)"
 
 
@@ -49,7 +60,9 @@ class Arm(UprightArm):
         ArmError: it does not answer as a UR controller.
     """
 
-    def __init__(self, stream: Stream, open_script: Callable[[], Stream], pace: Pace, setup: Setup) -> None:
+    def __init__(
+        self, stream: Stream, open_script: Callable[[], Stream], pace: Pace, setup: Setup
+    ) -> None:
         # Axis 1 turns the hand by more than its bearing alone: the arm is offset from the base's middle.
         super().__init__(stream.endpoint, setup, within_sphere(setup))
         self._open_script = open_script
@@ -96,7 +109,9 @@ class Arm(UprightArm):
         self._fraction = seen.speed_fraction
         budget_s = max(budget_s, seconds + ANSWER_S) / seen.speed_fraction
         self._moves = self._moves % (1 << 30) + 1
-        program = script.move(self._moves, self._setup.tool, compose(self._table, target.frame), pacing)
+        program = script.move(
+            self._moves, self._setup.tool, compose(self._table, target.frame), pacing
+        )
         try:
             opened = self._open_script()
         except PortError as error:
@@ -133,7 +148,8 @@ class Arm(UprightArm):
         while (seen := self._read()).started != self._moves:
             if self._pace.now() > until:
                 held = (
-                    _hold(seen) or "set the pendant to Remote Control, and see that port 30002 is not blocked"
+                    _hold(seen)
+                    or "set the pendant to Remote Control, and see that port 30002 is not blocked"
                 )
                 raise self._lose(f"it did not take a program; {held} (Settings, Security)")
             self._pace.idle(until)
@@ -147,10 +163,16 @@ class Arm(UprightArm):
             if seen.started != self._moves:
                 self._displaced = True  # not ours to stop
                 raise self._lose("another program moves it")
-            if seen.done == self._moves and not runs and math.hypot(*seen.tcp_speed[:3]) < STILL_M_S:
+            if (
+                seen.done == self._moves
+                and not runs
+                and math.hypot(*seen.tcp_speed[:3]) < STILL_M_S
+            ):
                 return
             if seen.done != self._moves and not runs:
-                raise self._lose(f"its program ended on the way ({_stop(seen) or 'stopped by somebody'})")
+                raise self._lose(
+                    f"its program ended on the way ({_stop(seen) or 'stopped by somebody'})"
+                )
             if late:
                 lowered = f"the speed slider was lowered to {100.0 * seen.speed_fraction:.0f} %"
                 held = _hold(seen) or (
@@ -188,7 +210,9 @@ def _hold(seen: Reading) -> str:
 def _stop(seen: Reading) -> str:
     """The stop that the controller is in; empty: it is ready."""
     if seen.safety_bits & ~MAY_MOVE or not seen.safety_bits & MAY_MOVE:
-        told = ", ".join(name for bit, name in enumerate(SAFETY) if bit > 1 and seen.safety_bits >> bit & 1)
+        told = ", ".join(
+            name for bit, name in enumerate(SAFETY) if bit > 1 and seen.safety_bits >> bit & 1
+        )
         return f"{told or 'safety state unknown'}; put it right on the pendant"
     if seen.mode != READY:
         return f"it is not ready (robot mode {seen.mode}); power it on and release the brakes"
@@ -215,7 +239,9 @@ def connect(url: str, pace: Pace, *, read_only: bool) -> Arm:
     hint = "enable the secondary interface (Settings, Security, Services)"
     stream = open_tcp(host, port, endpoint, HINT)
     try:
-        return Arm(stream, lambda: open_tcp(host, script_port, f"{host}:{script_port}", hint), pace, setup)
+        return Arm(
+            stream, lambda: open_tcp(host, script_port, f"{host}:{script_port}", hint), pace, setup
+        )
     except BaseException:  # Ctrl-C, too, must not leave the socket open
         stream.close()
         raise

@@ -16,10 +16,15 @@ PORT = 30004
 VERSION = 2
 FREQUENCY_HZ = 125.0
 ANSWER_S = 2.0  # wall
-LATE_LOOKS = 3  # past a deadline, at what is there already: this process may have been stopped meanwhile
+LATE_LOOKS = (
+    3  # past a deadline, at what is there already: this process may have been stopped meanwhile
+)
 HEADER = struct.Struct(">HB")
 FORMATS = {"DOUBLE": "d", "VECTOR6D": "6d", "INT32": "i", "UINT32": "I"}
-STARTED, DONE = 25, 24  # output integer registers: number of the move that began, and of the one that ended
+STARTED, DONE = (
+    25,
+    24,
+)  # output integer registers: number of the move that began, and of the one that ended
 FIELDS = {
     "actual_TCP_pose": "VECTOR6D",
     "tcp_offset": "VECTOR6D",
@@ -52,7 +57,9 @@ class Reading(NamedTuple):
     status_bits: int  # bit 0 powered, 1 a program runs
     safety_bits: int  # bit 0 normal, 1 reduced, others: some stop
     speed_fraction: float  # of the pendant's slider
-    runtime_state: int  # of the program: 0 stopping, 1 stopped, 2 playing, 3 pausing, 4 paused, 5 resuming
+    runtime_state: (
+        int  # of the program: 0 stopping, 1 stopped, 2 playing, 3 pausing, 4 paused, 5 resuming
+    )
     started: int  # number of our move that began last
     done: int  # number of our move that ended last
 
@@ -71,13 +78,17 @@ class Rtde:
         self._late_s = 0.0
         self._out_of_step = False  # what was streamed before an interrupt may still be there
         if self._ask("V", struct.pack(">H", VERSION))[:1] != b"\1":
-            raise RtdeError(f"the controller does not speak RTDE version {VERSION}; update PolyScope")
+            raise RtdeError(
+                f"the controller does not speak RTDE version {VERSION}; update PolyScope"
+            )
         names = ",".join(FIELDS).encode("ascii")
         reply = self._ask("O", struct.pack(">d", FREQUENCY_HZ) + names)
         self._recipe, kinds = reply[:1], reply[1:].decode("latin-1").split(",")
         if kinds != list(FIELDS.values()):
             odd = [
-                f"{name} ({kind})" for name, kind in zip(FIELDS, kinds, strict=False) if kind != FIELDS[name]
+                f"{name} ({kind})"
+                for name, kind in zip(FIELDS, kinds, strict=False)
+                if kind != FIELDS[name]
             ]
             lacks = shown(", ".join(odd)) or "the fields needed"
             raise RtdeError(f"the controller does not offer {lacks}; update PolyScope")
@@ -100,7 +111,9 @@ class Rtde:
             self._out_of_step = False
             if late_s <= 0.0:  # otherwise it tells of a moment that is too long ago
                 return self._unpacked(payload)
-        raise RtdeError(f"this process was stopped or starved and read an answer {late_s:.1f} s too late")
+        raise RtdeError(
+            f"this process was stopped or starved and read an answer {late_s:.1f} s too late"
+        )
 
     def close(self) -> None:
         """Hang up."""
@@ -108,7 +121,9 @@ class Rtde:
 
     def _unpacked(self, payload: bytes) -> Reading:
         if payload[:1] != self._recipe or len(payload) != 1 + LAYOUT.size:
-            raise RtdeError(f"a data package of {len(payload)} bytes, expected are {1 + LAYOUT.size}")
+            raise RtdeError(
+                f"a data package of {len(payload)} bytes, expected are {1 + LAYOUT.size}"
+            )
         values = iter(LAYOUT.unpack(payload[1:]))
         fields = [
             tuple(next(values) for _ in range(6)) if kind == "VECTOR6D" else next(values)

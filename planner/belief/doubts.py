@@ -30,7 +30,11 @@ def believed(job: Job, n: int, rng: np.random.Generator, draw: Draw = initial) -
 def certain(job: Job) -> bool:
     """Whether a job doubts nothing."""
     faults = job.doubt.chance > 0.0 and bool(_draws(job, np.random.default_rng(0)))
-    return not faults and job.friction.doubt == 0.0 and not job.doubt.placement_mm + job.doubt.placement_deg
+    return (
+        not faults
+        and job.friction.doubt == 0.0
+        and not job.doubt.placement_mm + job.doubt.placement_deg
+    )
 
 
 def traits_of(job: Job, n: int, rng: np.random.Generator) -> Traits:
@@ -75,7 +79,9 @@ def _traits_of(job: Job, n: int, rng: np.random.Generator) -> Traits:
     return traits
 
 
-def _draws(job: Job, rng: np.random.Generator) -> list[tuple[str, float, Callable[[int], Array | IntArray]]]:
+def _draws(
+    job: Job, rng: np.random.Generator
+) -> list[tuple[str, float, Callable[[int], Array | IntArray]]]:
     """For each thing doubted: its trait, the middle that it has where it is not off, and how it is drawn."""
     doubt, others, tolerance_mm = job.doubt, len(doubted_of(job)), job.part.tolerance_mm
     low, high = sorted((max(doubt.least_dof, 1), job.pressure.wishart_dof))
@@ -93,7 +99,9 @@ def _draws(job: Job, rng: np.random.Generator) -> list[tuple[str, float, Callabl
     if others:
         draws.append(("surface", 0, lambda n: rng.integers(1, 1 + others, n)))
     if doubt.least_dof:
-        draws.append(("dof", 0, lambda n: np.exp(rng.uniform(np.log(low), np.log(high), n)).astype(np.int64)))
+        draws.append(
+            ("dof", 0, lambda n: np.exp(rng.uniform(np.log(low), np.log(high), n)).astype(np.int64))
+        )
     if tolerance_mm:
         draws.append(("deviation", 0, partial(_deviations, tolerance_mm, rng=rng)))
     if doubt.release_mm or doubt.release_deg:
@@ -121,7 +129,9 @@ def _friction(job: Job, n: int, rng: np.random.Generator) -> Array:
 def _within(interval: Interval, n: int, rng: np.random.Generator) -> Array:
     """Values (n,) by the arcsine law: faults that matter lie near the ends of their interval."""
     low, high = interval
-    return np.asarray(0.5 * (low + high) + 0.5 * (high - low) * np.sin(np.pi * (rng.random(n) - 0.5)))
+    return np.asarray(
+        0.5 * (low + high) + 0.5 * (high - low) * np.sin(np.pi * (rng.random(n) - 0.5))
+    )
 
 
 def _arms(most_mm: float, most_deg: float, n: int, rng: np.random.Generator) -> Array:
@@ -136,7 +146,9 @@ def _deviations(tolerance_mm: float, n: int, rng: np.random.Generator) -> Array:
     shapes = np.empty((n, SHAPES))
     for k in range(2):
         shapes[:, k] = _within((-tolerance_mm, tolerance_mm), n, rng) * (rng.random(n) < 0.5)
-    shapes[:, 2:] = tolerance_mm * WAVY / np.sqrt(0.5 * (SHAPES - 2)) * rng.standard_normal((n, SHAPES - 2))
+    shapes[:, 2:] = (
+        tolerance_mm * WAVY / np.sqrt(0.5 * (SHAPES - 2)) * rng.standard_normal((n, SHAPES - 2))
+    )
     return shapes
 
 

@@ -53,7 +53,9 @@ class Metric(NamedTuple):
     kind: str = "pose"  # one of `runtime.table.KINDS`
     tolerance: tuple[float, float, float] = (1.0, 1.0, 1.0)  # bounds on x, y [mm] and theta [rad]
     modes: int = 1  # how many poses a prediction may name
-    further: tuple[tuple[float, int], ...] = ()  # rho [mm] and order of each hypothesis after the first
+    further: tuple[
+        tuple[float, int], ...
+    ] = ()  # rho [mm] and order of each hypothesis after the first
     identify: bool = True  # whether a prediction must name the right hypothesis
 
     @property
@@ -135,7 +137,11 @@ class Metric(NamedTuple):
         found: list[Mode] = []
         while len(found) < most and len(rest) and (not found or len(rest) >= least_share * total):
             state = np.empty(states.shape[1])
-            share = largest_mode(np.ascontiguousarray(rest.T), len(rest), weights, state) * len(rest) / total
+            share = (
+                largest_mode(np.ascontiguousarray(rest.T), len(rest), weights, state)
+                * len(rest)
+                / total
+            )
             if found and share < least_share:
                 break
             found.append(Mode(state[:3], share, hypothesis=(int(_hypothesis(state)),)))
@@ -146,7 +152,9 @@ class Metric(NamedTuple):
 
 def _hypothesis(states: Array) -> IntArray:
     """(...,) that of states (..., 3 or 4)."""
-    return np.asarray(states[..., 3] if states.shape[-1] > 3 else np.zeros(states.shape[:-1]), np.int64)
+    return np.asarray(
+        states[..., 3] if states.shape[-1] > 3 else np.zeros(states.shape[:-1]), np.int64
+    )
 
 
 def metric_of(job: Job) -> Metric:
@@ -169,7 +177,10 @@ def off(columns: Array, i: int, centre: Array, weights: Array) -> tuple[float, f
         which = int(columns[3, i])
     turn, period = columns[2, i] - centre[2], weights[which, 4]
     turn -= period * np.round(turn / period)
-    x, y = weights[which, 1] * (columns[0, i] - centre[0]), weights[which, 2] * (columns[1, i] - centre[1])
+    x, y = (
+        weights[which, 1] * (columns[0, i] - centre[0]),
+        weights[which, 2] * (columns[1, i] - centre[1]),
+    )
     angle = weights[which, 3] * abs(turn)
     if weights[which, 0] > 0.0:
         return np.sqrt(x * x + y * y) + angle, turn
@@ -177,7 +188,9 @@ def off(columns: Array, i: int, centre: Array, weights: Array) -> tuple[float, f
 
 
 @inner_kernel
-def within(columns: Array, start: int, stop: int, centre: Array, weights: Array, inside: BoolArray) -> int:
+def within(
+    columns: Array, start: int, stop: int, centre: Array, weights: Array, inside: BoolArray
+) -> int:
     """Marks which states from `start` up to `stop` are within the goal of `centre`; returns how many.
 
     The states stand in columns (3 or 4, n): the loop for poses of one part runs on several at once.
@@ -208,7 +221,13 @@ def within(columns: Array, start: int, stop: int, centre: Array, weights: Array,
 
 @inner_kernel
 def inliers(
-    columns: Array, start: int, stop: int, centre: Array, weights: Array, inside: BoolArray, mean: Array
+    columns: Array,
+    start: int,
+    stop: int,
+    centre: Array,
+    weights: Array,
+    inside: BoolArray,
+    mean: Array,
 ) -> int:
     """`within`; `mean` receives their mean state, taken about the centre, and its hypothesis."""
     count = within(columns, start, stop, centre, weights, inside)
@@ -242,7 +261,11 @@ def largest_mode(columns: Array, n: int, weights: Array, state: Array) -> float:
         The share, 0 to 1.
     """
     stride, best = max(1, n // CANDIDATES), -1
-    centre, mean, inside = np.empty(columns.shape[0]), np.empty(columns.shape[0]), np.empty(n, np.bool_)
+    centre, mean, inside = (
+        np.empty(columns.shape[0]),
+        np.empty(columns.shape[0]),
+        np.empty(n, np.bool_),
+    )
     for start in range(0, n, stride):
         centre[:] = columns[:, start]
         if 2 * within(columns, 0, n, centre, weights, inside) < best:

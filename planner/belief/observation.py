@@ -58,13 +58,17 @@ class Encoder:
 
     def width_mm(self, counts: Array | IntArray) -> Array:
         """Width at a count, the middle of what reads so; fractions of a count allowed."""
-        return np.asarray((self.count_closed - np.asarray(counts, dtype=np.float64)) * self.mm_per_count)
+        return np.asarray(
+            (self.count_closed - np.asarray(counts, dtype=np.float64)) * self.mm_per_count
+        )
 
 
 def encoder_of(job: Job) -> Encoder:
     """The encoder of a job's gripper."""
     gripper = job.gripper
-    return Encoder(gripper.opening_mm, gripper.count_open, gripper.count_closed, gripper.encoder_noise_mm)
+    return Encoder(
+        gripper.opening_mm, gripper.count_open, gripper.count_closed, gripper.encoder_noise_mm
+    )
 
 
 class Resolution(NamedTuple):
@@ -145,9 +149,15 @@ def cut(
 
 @kernel
 def _bounds(
-    weight: IntArray, free: int, spread: float, within: float, apart: float, hole: float, bounds: IntArray,
+    weight: IntArray,
+    free: int,
+    spread: float,
+    within: float,
+    apart: float,
+    hole: float,
+    bounds: IntArray,
     merged: Array,
-) -> tuple[int, int]:  # fmt: skip
+) -> tuple[int, int]:
     """`cut`, with `bounds` (n + 1,) and `merged` (n, 2) in place; returns how many clusters and merges."""
     n = weight.shape[0]
     values, m = np.empty(n, np.int64), 0
@@ -175,7 +185,9 @@ def _bounds(
 
 
 @kernel
-def _k_means(weight: IntArray, values: IntArray, spread: float, within: float, first: IntArray) -> int:
+def _k_means(
+    weight: IntArray, values: IntArray, spread: float, within: float, first: IntArray
+) -> int:
     """Exact k-means for the smallest k that spreads little enough.
 
     Args:
@@ -197,7 +209,10 @@ def _k_means(weight: IntArray, values: IntArray, spread: float, within: float, f
         s[i + 1] = s[i] + weight[values[i]] * x
         q[i + 1] = q[i] + weight[values[i]] * x * x
     most = min(m, MOST_CLUSTERS)
-    reach, last = np.empty(m + 1), np.empty(m + 1)  # least cost of the first j values in k and in k - 1
+    reach, last = (
+        np.empty(m + 1),
+        np.empty(m + 1),
+    )  # least cost of the first j values in k and in k - 1
     split = np.zeros((most + 1, m + 1), np.int64)
     for j in range(1, m + 1):
         reach[j] = q[j] - s[j] * s[j] / w[j]
@@ -280,9 +295,14 @@ def _merge_near(
 
 @kernel
 def describe(
-    weight: IntArray, bounds: IntArray, label: IntArray, mean: Array, low: IntArray, high: IntArray,
+    weight: IntArray,
+    bounds: IntArray,
+    label: IntArray,
+    mean: Array,
+    low: IntArray,
+    high: IntArray,
     size: IntArray,
-) -> None:  # fmt: skip
+) -> None:
     """Fills in the columns of a `Partition` of a histogram (n,) cut at `bounds` (k + 1,), in place."""
     for k in range(mean.shape[0]):
         total, moment = 0, 0.0

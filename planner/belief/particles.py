@@ -25,10 +25,14 @@ class Belief:
 
     poses: Array  # (n, 3) in the world [mm, mm, rad]
     traits: Traits  # (n,)
-    reading: IntArray  # (n,) counts of the last squeeze; before the first `UNREAD`, once pushed `PUSHED`
+    reading: (
+        IntArray  # (n,) counts of the last squeeze; before the first `UNREAD`, once pushed `PUSHED`
+    )
 
     @classmethod
-    def of(cls, poses: Array, reading: IntArray | None = None, traits: Traits | None = None) -> Self:
+    def of(
+        cls, poses: Array, reading: IntArray | None = None, traits: Traits | None = None
+    ) -> Self:
         """Poses (n, 3), of parts as planned where nothing else is said."""
         read = np.full(len(poses), UNREAD) if reading is None else reading
         return cls(poses, as_planned(len(poses)) if traits is None else traits, read)
@@ -76,7 +80,9 @@ def evenly(job: Job, n: int, rng: np.random.Generator) -> Array:
 
     Multiples of the inverse powers of `RATIO`, cut to their fractions, fill a cube evenly (Roberts 2018).
     """
-    return _poses(job, (rng.random((3, 1)) + np.outer(RATIO ** -np.arange(1.0, 4.0), np.arange(n))) % 1.0)
+    return _poses(
+        job, (rng.random((3, 1)) + np.outer(RATIO ** -np.arange(1.0, 4.0), np.arange(n))) % 1.0
+    )
 
 
 def _poses(job: Job, uniform: Array) -> Array:

@@ -69,11 +69,22 @@ def partition(poses: Array, counts: IntArray, rule: Rule) -> Partition:
     order = np.argsort(counts, kind="stable")
     bounds = np.empty(COUNTS + 1, np.int64)
     k = intervals(
-        np.ascontiguousarray(poses[order].T), weight, rule.resolution.free, metric.weights(), metric.modes,
-        np.array(rule.stopping), rule.prices(), bounds,
-    )  # fmt: skip
+        np.ascontiguousarray(poses[order].T),
+        weight,
+        rule.resolution.free,
+        metric.weights(),
+        metric.modes,
+        np.array(rule.stopping),
+        rule.prices(),
+        bounds,
+    )
     label = np.full(COUNTS, -1, np.int64)
-    mean, low, high, size = np.empty(k), np.empty(k, np.int64), np.empty(k, np.int64), np.empty(k, np.int64)
+    mean, low, high, size = (
+        np.empty(k),
+        np.empty(k, np.int64),
+        np.empty(k, np.int64),
+        np.empty(k, np.int64),
+    )
     describe(weight, bounds[: k + 1], label, mean, low, high, size)
     return Partition(label, mean, low, high, size)
 
@@ -137,9 +148,17 @@ def _best(hits: IntArray, i: int, j: int, modes: int, apart: BoolArray) -> tuple
 
 @kernel
 def leaf_cost(
-    hits: IntArray, size: IntArray, i: int, j: int, low: IntArray, high: IntArray, apart: BoolArray,
-    modes: int, stopping: Array, prices: Array,
-) -> tuple[float, float]:  # fmt: skip
+    hits: IntArray,
+    size: IntArray,
+    i: int,
+    j: int,
+    low: IntArray,
+    high: IntArray,
+    apart: BoolArray,
+    modes: int,
+    stopping: Array,
+    prices: Array,
+) -> tuple[float, float]:
     """How likely counts i to j - 1 miss the goal; what a leaf of them costs. Arguments as `least_cost`."""
     best, chosen = _best(hits, i, j, modes, apart)
     here = size[j] - size[i]
@@ -152,9 +171,18 @@ def leaf_cost(
 
 @kernel
 def least_cost(
-    hits: IntArray, size: IntArray, more_hits: IntArray, more_size: IntArray, low: IntArray, high: IntArray,
-    apart: BoolArray, modes: int, stopping: Array, prices: Array, start: IntArray,
-) -> float:  # fmt: skip
+    hits: IntArray,
+    size: IntArray,
+    more_hits: IntArray,
+    more_size: IntArray,
+    low: IntArray,
+    high: IntArray,
+    apart: BoolArray,
+    modes: int,
+    stopping: Array,
+    prices: Array,
+    start: IntArray,
+) -> float:
     """The least cost of cutting particles of m counts into intervals; `start` says how, in place.
 
     Args:
@@ -185,7 +213,9 @@ def least_cost(
             best, chosen = _best(hits, i, j, modes, apart)
             wrong = strange
             if chosen >= 0:
-                wrong -= hits[high[j], chosen] - hits[j, chosen] + hits[i, chosen] - hits[low[i], chosen]
+                wrong -= (
+                    hits[high[j], chosen] - hits[j, chosen] + hits[i, chosen] - hits[low[i], chosen]
+                )
                 wrong -= more_hits[j, chosen] - more_hits[i, chosen]
             open_still, rest = missed(best, here, confidence, inside, outside)
             further = 2.0 - best / here
@@ -223,9 +253,15 @@ def occupied(weight: IntArray, stop: int, counts: IntArray, first: IntArray) -> 
 
 @kernel
 def intervals(
-    columns: Array, weight: IntArray, free: int, weights: Array, modes: int, stopping: Array,
-    prices: Array, bounds: IntArray,
-) -> int:  # fmt: skip
+    columns: Array,
+    weight: IntArray,
+    free: int,
+    weights: Array,
+    modes: int,
+    stopping: Array,
+    prices: Array,
+    bounds: IntArray,
+) -> int:
     """The bounds (k + 1,) of the intervals, falling, in place; returns k.
 
     The states stand in columns, by rising count. Interval j has counts from bounds[j + 1] up to bounds[j].
@@ -234,13 +270,26 @@ def intervals(
     counts, first = np.empty(n, np.int64), np.zeros(n + 1, np.int64)
     m = occupied(weight, free, counts, first)
     hits, apart = explained(columns, first, counts, m, weights, modes)
-    start, low, high = np.zeros(m + 1, np.int64), np.zeros(m + 1, np.int64), np.zeros(m + 1, np.int64)
+    start, low, high = (
+        np.zeros(m + 1, np.int64),
+        np.zeros(m + 1, np.int64),
+        np.zeros(m + 1, np.int64),
+    )
     within_reach(counts, m, prices[3], low, high)
     none = np.zeros_like(hits)
     least_cost(
-        hits, first[: m + 1], none, np.zeros(m + 1, np.int64), low, high, apart, modes, stopping, prices,
+        hits,
+        first[: m + 1],
+        none,
+        np.zeros(m + 1, np.int64),
+        low,
+        high,
+        apart,
+        modes,
+        stopping,
+        prices,
         start,
-    )  # fmt: skip
+    )
     k = 0
     if weight[max(free, 0) :].sum() > 0:
         bounds[0] = n

@@ -37,18 +37,33 @@ def recut(old: Belief, new: Belief, rule: Rule) -> IntArray:
     metric, first = rule.metric, np.argsort(old.reading, kind="stable")
     order, cuts = np.argsort(new.reading, kind="stable"), np.empty(COUNTS, np.int64)
     made = _recut(
-        np.ascontiguousarray(old.states[first].T), np.ascontiguousarray(new.states[order].T),
-        old.reading[order], np.bincount(new.reading, minlength=COUNTS), rule.resolution.free,
-        metric.weights(), metric.modes, np.array(rule.stopping), rule.prices(), cuts,
-    )  # fmt: skip
+        np.ascontiguousarray(old.states[first].T),
+        np.ascontiguousarray(new.states[order].T),
+        old.reading[order],
+        np.bincount(new.reading, minlength=COUNTS),
+        rule.resolution.free,
+        metric.weights(),
+        metric.modes,
+        np.array(rule.stopping),
+        rule.prices(),
+        cuts,
+    )
     return np.sort(cuts[:made])
 
 
 @kernel
 def _recut(
-    columns_before: Array, columns: Array, before: IntArray, weight: IntArray, free: int, weights: Array,
-    modes: int, stopping: Array, prices: Array, cuts: IntArray,
-) -> int:  # fmt: skip
+    columns_before: Array,
+    columns: Array,
+    before: IntArray,
+    weight: IntArray,
+    free: int,
+    weights: Array,
+    modes: int,
+    stopping: Array,
+    prices: Array,
+    cuts: IntArray,
+) -> int:
     """`recut`, `cuts` in place; returns how many.
 
     The states `columns_before` (m, n) stand by rising reading before the squeeze, `columns` and the readings
@@ -86,7 +101,11 @@ def _recut(
             for k in range(c):
                 hits[r, a, k] += hits[r - 1, a, k] + hits[r, a - 1, k] - hits[r - 1, a - 1, k]
     apart = mutually_apart(found if modes > 1 else found[:0], weights)
-    start, low, high = np.zeros(m + 1, np.int64), np.zeros(m + 1, np.int64), np.zeros(m + 1, np.int64)
+    start, low, high = (
+        np.zeros(m + 1, np.int64),
+        np.zeros(m + 1, np.int64),
+        np.zeros(m + 1, np.int64),
+    )
     within_reach(counts, m, prices[3], low, high)
     old_low, old_high = np.zeros(rows + 1, np.int64), np.zeros(rows + 1, np.int64)
     within_reach(old, rows, prices[3], old_low, old_high)
@@ -107,12 +126,29 @@ def _recut(
                 if cost[a, b] < 0.0:
                     p, q = old_low[a], old_high[b]
                     left_over = least_cost(
-                        hits[b] - hits[a], size[b] - size[a], hits[q] - hits[b] + hits[a] - hits[p],
-                        size[q] - size[b] + size[a] - size[p], low, high, apart, modes, stopping, prices,
+                        hits[b] - hits[a],
+                        size[b] - size[a],
+                        hits[q] - hits[b] + hits[a] - hits[p],
+                        size[q] - size[b] + size[a] - size[p],
+                        low,
+                        high,
+                        apart,
+                        modes,
+                        stopping,
+                        prices,
                         start,
-                    )  # fmt: skip
+                    )
                     open_still, ended = leaf_cost(
-                        old_hits, old_first, a, b, old_low, old_high, old_apart, modes, stopping, prices
+                        old_hits,
+                        old_first,
+                        a,
+                        b,
+                        old_low,
+                        old_high,
+                        old_apart,
+                        modes,
+                        stopping,
+                        prices,
                     )
                     squeezed = float(old_first[b] - old_first[a]) + left_over
                     cost[a, b] = open_still * squeezed + (1.0 - open_still) * max(squeezed, ended)

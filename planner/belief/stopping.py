@@ -49,15 +49,21 @@ class StoppingRule(NamedTuple):
         """Whether a table may call a leaf resolved: a miss is no larger than fresh trials of a good leaf."""
         if self.reached(ratio):
             return True
-        return size >= LEAST_EVIDENCE and not tables.refuted(round(ratio * size), size, self.confidence)
+        return size >= LEAST_EVIDENCE and not tables.refuted(
+            round(ratio * size), size, self.confidence
+        )
 
     def cost_to_go(self, hits: Array, size: IntArray) -> Array:
         """Squeezes left (n,) of beliefs with `hits` (n,) of `size` (n,) particles in their modes."""
-        return np.array([squeezes_left(float(k), float(n), *self) for k, n in zip(hits, size, strict=True)])
+        return np.array(
+            [squeezes_left(float(k), float(n), *self) for k, n in zip(hits, size, strict=True)]
+        )
 
 
 @inner_kernel
-def missed(hits: float, size: float, confidence: float, inside: float, outside: float) -> tuple[float, float]:
+def missed(
+    hits: float, size: float, confidence: float, inside: float, outside: float
+) -> tuple[float, float]:
     """Probability that a belief misses the goal, and the expected share outside its modes."""
     total = size + inside + outside
     share = (hits + inside) / total

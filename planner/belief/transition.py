@@ -65,7 +65,9 @@ class Outcomes(NamedTuple):
         belief, unstable, width_mm = squeezed
         clusters = partition(belief.states, belief.reading, rule)
         label = clusters.label[belief.reading]
-        return cls(clusters, [belief[label == k] for k in range(len(clusters.mean))], unstable, width_mm)
+        return cls(
+            clusters, [belief[label == k] for k in range(len(clusters.mean))], unstable, width_mm
+        )
 
     def without_gaps(self, holds: BoolArray, most: int) -> Self:
         """Cuts branches that hold a pose (k,) where more than `most` counts in a row were not read."""
@@ -77,7 +79,9 @@ class Outcomes(NamedTuple):
             beliefs += [belief[piece == k] for k in range(len(starts), -1, -1)]
         if len(beliefs) == len(self.beliefs):
             return self
-        return self._replace(clusters=Partition.of([piece.reading for piece in beliefs]), beliefs=beliefs)
+        return self._replace(
+            clusters=Partition.of([piece.reading for piece in beliefs]), beliefs=beliefs
+        )
 
     @property
     def probability(self) -> Array:
@@ -153,8 +157,12 @@ class Simulation:
         hand = self.placing.placed(np.tile(push.start, (n, 1)), belief.traits, rng)
         opening, way = np.full(n, push.opening_mm), np.full(n, push.way_mm)
         lying = to_hand(belief.poses, hand.T)
-        poses = to_world(self.simulator.push_by_hand(lying, opening, way, rng, belief.traits), hand.T)
-        return Belief(poses, belief.traits, np.where(belief.reading == UNREAD, PUSHED, belief.reading))
+        poses = to_world(
+            self.simulator.push_by_hand(lying, opening, way, rng, belief.traits), hand.T
+        )
+        return Belief(
+            poses, belief.traits, np.where(belief.reading == UNREAD, PUSHED, belief.reading)
+        )
 
 
 def squeezed_by(
@@ -178,7 +186,9 @@ def squeezed_by(
         return []
     size = np.array([len(belief) for belief, _ in cases])
     traits = joined(belief.traits for belief, _ in cases)
-    hand = placing.placed(np.repeat([placement for _, placement in cases], size, axis=0), traits, rng)
+    hand = placing.placed(
+        np.repeat([placement for _, placement in cases], size, axis=0), traits, rng
+    )
     poses = np.concatenate([belief.poses for belief, _ in cases])
     rolled = roll_out(to_hand(poses, hand.T), np.repeat(np.arange(len(cases)), size), traits)
     counts = encoder.with_flag(encoder.read(read_as(rolled.width_mm, traits), rng), rolled.width_mm)
@@ -187,7 +197,9 @@ def squeezed_by(
     starts: IntArray = stops - size
     unstable = np.add.reduceat(rolled.status == JAMMED, starts, dtype=np.float64) / size
     width_mm = np.add.reduceat(rolled.width_mm, starts) / size
-    each = zip(cases, starts.tolist(), stops.tolist(), unstable.tolist(), width_mm.tolist(), strict=True)
+    each = zip(
+        cases, starts.tolist(), stops.tolist(), unstable.tolist(), width_mm.tolist(), strict=True
+    )
     return [
         Squeezed(Belief(after[start:stop], belief.traits, counts[start:stop]), jammed, width)
         for (belief, _), start, stop, jammed, width in each
@@ -217,7 +229,10 @@ class Costs(NamedTuple):
 
     def of_push(self, push: Push) -> float:
         """The price of a push, in squeezes: its time, and little besides."""
-        strokes, speed = 2.0 * (self.opening_mm - push.opening_mm), finger_speed_mm_s(self.speed_mm_s)
+        strokes, speed = (
+            2.0 * (self.opening_mm - push.opening_mm),
+            finger_speed_mm_s(self.speed_mm_s),
+        )
         seconds = self.lift_s + strokes / self.speed_mm_s + push.way_mm / speed
         return PUSH_SQUEEZES + self.second * seconds / self.least
 
@@ -232,6 +247,10 @@ def costs_of(job: Job) -> Costs:
     search, cell, gripper = job.search, job.cell, job.gripper
     lift = 2.0 * (cell.retreat_height_mm - cell.squeeze_height_mm) / cell.arm_speed_mm_s
     return Costs(
-        search.squeeze_cost, search.second_cost, search.stability_cost, lift, gripper.opening_mm,
+        search.squeeze_cost,
+        search.second_cost,
+        search.stability_cost,
+        lift,
+        gripper.opening_mm,
         gripper.speed_mm_s,
-    )  # fmt: skip
+    )

@@ -68,7 +68,9 @@ class Covered:
         self._nodes = table.nodes
         self._branches = cache(lambda node: decision_map(table.nodes[node], calibration))
         self._all = believed(job, PILOTS, np.random.default_rng(self._seed))
-        self._squeezed = dict[History, Belief]()  # by their history and the number of the next placement
+        self._squeezed = dict[
+            History, Belief
+        ]()  # by their history and the number of the next placement
 
     def __call__(self, history: History) -> Array:
         """The placements (k, 3) of the next squeeze, the table's own last where it has one."""
@@ -171,7 +173,9 @@ def squeezes_of(job: Job, workers: int | None = None) -> Squeeze:
     """Squeezes in the world that the evaluation judges plans in: what the job doubts may be off."""
     simulator, encoder, placing = Simulator.of_job(job, workers), encoder_of(job), placing_of(job)
 
-    def squeeze(parts: Belief, placements: Array, rng: np.random.Generator) -> tuple[Array, IntArray]:
+    def squeeze(
+        parts: Belief, placements: Array, rng: np.random.Generator
+    ) -> tuple[Array, IntArray]:
         hand = placing.placed(placements, parts.traits, rng)
         rolled = simulator.squeeze(to_hand(parts.poses, hand.T), rng, parts.traits)
         counts = encoder.read(read_as(rolled.width_mm, parts.traits), rng)
@@ -181,9 +185,13 @@ def squeezes_of(job: Job, workers: int | None = None) -> Squeeze:
 
 
 def certify(
-    job: Job, table: Table, parts: int = PARTS, dense: bool = False, workers: int | None = None,
+    job: Job,
+    table: Table,
+    parts: int = PARTS,
+    dense: bool = False,
+    workers: int | None = None,
     report: Report = silent,
-) -> Certificate:  # fmt: skip
+) -> Certificate:
     """Proves a lower bound of the squeezes of plans that are as good as the evaluated table of a job.
 
     Its first squeezes and its success say what is compared. `parts` is the size of the sample, of which more
@@ -194,7 +202,9 @@ def certify(
     squeeze = squeezes_of(job, workers)
     placements = Covered(job, table, squeeze, dense)
     sample = believed(job, parts, rng)
-    found = Histories(squeeze, sample, metric_of(job), placements, TRIED, DEPTH, rng, workers, report)
+    found = Histories(
+        squeeze, sample, metric_of(job), placements, TRIED, DEPTH, rng, workers, report
+    )
     predicted = table.predicted
     successes = round(predicted.success_ppm / PPM * predicted.trials)
     success, confidence = wilson_interval(successes, predicted.trials)[0], job.goal.confidence

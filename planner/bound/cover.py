@@ -21,9 +21,13 @@ from planner.work.scheduler import Threads
 
 LEAST_SHARE = 0.75
 """Where no prediction locates this share of a group, only that is found out. It is above a half."""
-INFLATION = 0.01  # radius of a cell that is not cut any more: by so much the goal is too wide at most
+INFLATION = (
+    0.01  # radius of a cell that is not cut any more: by so much the goal is too wide at most
+)
 TOGETHER = 4096  # poses, about, that a thread covers at once
-MOST_CELLS = 20000  # cells looked at; the bound holds wherever the search ends, and more make it tighter
+MOST_CELLS = (
+    20000  # cells looked at; the bound holds wherever the search ends, and more make it tighter
+)
 
 
 def most_located(
@@ -54,12 +58,19 @@ def most_located(
 
 
 @kernel
-def _most_located(poses: Array, start: IntArray, weights: Array, order: int, found: IntArray) -> None:
+def _most_located(
+    poses: Array, start: IntArray, weights: Array, order: int, found: IntArray
+) -> None:
     """`most_located`, with `found` (k,) in place."""
     largest, own = 1, weights[0]
     for k in range(found.shape[0]):
         largest = max(largest, start[k + 1] - start[k])
-    local, column, stack, pose = np.empty((largest, 3)), np.empty(largest), np.empty((64, 7)), np.empty(3)
+    local, column, stack, pose = (
+        np.empty((largest, 3)),
+        np.empty(largest),
+        np.empty((64, 7)),
+        np.empty(3),
+    )
     turn = own[3] * 2.0 * np.pi / order
     for k in range(found.shape[0]):
         group = poses[start[k] : start[k + 1]]
@@ -76,7 +87,9 @@ def _most_located(poses: Array, start: IntArray, weights: Array, order: int, fou
 
 
 @kernel
-def _localise(poses: Array, weights: Array, period: float, least: int, local: Array, column: Array) -> bool:
+def _localise(
+    poses: Array, weights: Array, period: float, least: int, local: Array, column: Array
+) -> bool:
     """Poses in units of the goal, their angles about the middle of the window, two goals wide, that has most.
 
     Args:
@@ -111,7 +124,9 @@ def _localise(poses: Array, weights: Array, period: float, least: int, local: Ar
 
 
 @kernel
-def _enclosed(local: Array, column: Array, weights: Array, turn: float, least: int, cell: Array) -> bool:
+def _enclosed(
+    local: Array, column: Array, weights: Array, turn: float, least: int, cell: Array
+) -> bool:
     """Whether a prediction may matter; if so, the first cell, which holds all that do.
 
     Args:

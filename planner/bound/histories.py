@@ -55,7 +55,9 @@ class Lying(NamedTuple):
     def of(self, histories: IntArray) -> tuple[IntArray, IntArray]:
         """The rows (m,) of some histories' parts, and which of these each belongs to."""
         size = np.diff(self.start)[histories]
-        rows = np.arange(size.sum()) + np.repeat(self.start[histories] - np.cumsum(size) + size, size)
+        rows = np.arange(size.sum()) + np.repeat(
+            self.start[histories] - np.cumsum(size) + size, size
+        )
         return rows, np.repeat(np.arange(len(histories)), size)
 
 
@@ -63,15 +65,30 @@ class Histories:
     """The histories of a sample, from none to those of so many squeezes; longer ones only where asked for."""
 
     def __init__(
-        self, squeeze: Squeeze, parts: Belief, metric: Metric, placements: Placements, depth: int,
-        deepest: int, rng: np.random.Generator, workers: int | None = 1, report: Report = silent,
-    ) -> None:  # fmt: skip
+        self,
+        squeeze: Squeeze,
+        parts: Belief,
+        metric: Metric,
+        placements: Placements,
+        depth: int,
+        deepest: int,
+        rng: np.random.Generator,
+        workers: int | None = 1,
+        report: Report = silent,
+    ) -> None:
         """Tries all placements up to `depth` squeezes on parts (n,) at the start; none beyond `deepest`."""
-        self._squeeze, self._parts, self._metric, self._placements = squeeze, parts, metric, placements
+        self._squeeze, self._parts, self._metric, self._placements = (
+            squeeze,
+            parts,
+            metric,
+            placements,
+        )
         self._deepest, self._rng, self._workers, self._report = deepest, rng, workers, report
         start, none = np.array([0, len(parts)]), np.zeros(0, np.int64)
         located = self._located(parts.poses, start)
-        self.levels = [Level(np.diff(start), located, np.zeros(1, np.int64), np.full(1, -1), none, none)]
+        self.levels = [
+            Level(np.diff(start), located, np.zeros(1, np.int64), np.full(1, -1), none, none)
+        ]
         self._lying = [Lying(parts.poses, np.arange(len(parts)), start)]
         for level in range(depth):
             self.extend(level, np.arange(len(self.levels[level].size)))

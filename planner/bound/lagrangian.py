@@ -19,7 +19,9 @@ import numpy as np
 from planner.arrays import Array, IntArray
 from planner.bound.histories import Level
 
-PRICES = np.geomspace(1.0, 2000.0, 100)  # squeezes that a part is worth which is claimed and not located
+PRICES = np.geomspace(
+    1.0, 2000.0, 100
+)  # squeezes that a part is worth which is claimed and not located
 BISECTIONS = 60
 EVENTS = 4  # inequalities that must hold at once: for either class one of its constraint, one of its mean
 
@@ -77,7 +79,9 @@ def worth_trying(levels: list[Level], level: int, price: float, confidence: floa
     return reached[(onward[reached] <= cost[reached]) & (option[reached] < 0)]
 
 
-def _values(levels: list[Level], price: float, confidence: float) -> list[tuple[Array, Array, IntArray]]:
+def _values(
+    levels: list[Level], price: float, confidence: float
+) -> list[tuple[Array, Array, IntArray]]:
     """For the histories (h,) of each level: least cost, that of squeezing on, and which option does so.
 
     The option is -1 where nothing was tried.
@@ -96,7 +100,9 @@ def _values(levels: list[Level], price: float, confidence: float) -> list[tuple[
     return found
 
 
-def _best(estimates: Array, sampled: Array, levels: list[Level], error: float, unclaimed: float) -> Term:
+def _best(
+    estimates: Array, sampled: Array, levels: list[Level], error: float, unclaimed: float
+) -> Term:
     """The greatest bound over all prices: a mean of n numbers between 1 and depth + 1, less `unclaimed`."""
     k, depth, n = int(np.argmax(sampled)), len(levels) - 1, int(levels[0].size.sum())
     share = min(max((float(sampled[k]) - 1.0) / depth, 0.0), 1.0)

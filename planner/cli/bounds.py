@@ -12,10 +12,14 @@ from runtime.table import Table
 def add_options(parser: argparse.ArgumentParser) -> None:
     """The options that ask for a certificate; `bound_of` reads them."""
     parser.add_argument(
-        "--bound", nargs="?", const=PARTS, type=_parts, metavar="PARTS",
+        "--bound",
+        nargs="?",
+        const=PARTS,
+        type=_parts,
+        metavar="PARTS",
         help="prove how many squeezes any plan as good takes at least, on a sample of so many parts "
         f"(default: {PARTS}); takes seconds to minutes, and more parts prove more",
-    )  # fmt: skip
+    )
     parser.add_argument(
         "--bound-dense",
         action="store_true",
@@ -24,7 +28,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def bound_of(
-    arguments: argparse.Namespace, job: Job, table: Table, workers: int | None = None, report: Report = silent
+    arguments: argparse.Namespace,
+    job: Job,
+    table: Table,
+    workers: int | None = None,
+    report: Report = silent,
 ) -> Certificate | None:
     """The certificate that the options ask for, if they do; the other arguments as of `certify`."""
     if not (arguments.bound or arguments.bound_dense):

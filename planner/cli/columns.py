@@ -28,7 +28,9 @@ def read(path: Path, names: Sequence[str], defaults: Mapping[str, float] | None 
         header = [name.strip() for name in reader.fieldnames or []]
         reader.fieldnames = header
         if missing := [name for name in names if name not in header]:
-            problem = f"column {', '.join(missing)} is missing; the header must name {','.join(names)}"
+            problem = (
+                f"column {', '.join(missing)} is missing; the header must name {','.join(names)}"
+            )
             raise KeyNameError(problem, where=where)
         rows = []
         for row in reader:
@@ -43,7 +45,11 @@ def read(path: Path, names: Sequence[str], defaults: Mapping[str, float] | None 
 
 
 def write(
-    path: Path, names: Sequence[str], numbers: Array, words: Sequence[str], further: Array | None = None
+    path: Path,
+    names: Sequence[str],
+    numbers: Array,
+    words: Sequence[str],
+    further: Array | None = None,
 ) -> None:
     """Writes rows of numbers (n, k), a word and further numbers (n, m), under a header of all the names."""
     after = np.empty((len(numbers), 0)) if further is None else further
@@ -51,7 +57,9 @@ def write(
         writer = csv.writer(file)
         writer.writerow(names)
         for row, word, rest in zip(numbers, words, after, strict=True):
-            writer.writerow([*(f"{value:.9g}" for value in row), word, *(f"{value:.9g}" for value in rest)])
+            writer.writerow(
+                [*(f"{value:.9g}" for value in row), word, *(f"{value:.9g}" for value in rest)]
+            )
 
 
 def _number(text: str | None, name: str, where: str, line: int) -> float:
@@ -60,5 +68,7 @@ def _number(text: str | None, name: str, where: str, line: int) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise ValueRangeError(f"line {line}: {text!r} is not a finite number", where=where, key=name)
+        raise ValueRangeError(
+            f"line {line}: {text!r} is not a finite number", where=where, key=name
+        )
     return value

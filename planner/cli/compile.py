@@ -43,35 +43,54 @@ def parser() -> Parser:
     add = built.add_argument
     add("job", type=Path, metavar="JOB.toml", help="the job file")
     add(
-        "-o", "--output", type=Path, metavar="TREE.msgpack",
+        "-o",
+        "--output",
+        type=Path,
+        metavar="TREE.msgpack",
         help="the table; with --vary a folder, or a name such as 'r{uncertainty.radius_mm}.msgpack'",
-    )  # fmt: skip
+    )
     add(
-        "--vary", action="append", default=[], metavar="SECTION.KEY=VALUE,VALUE",
+        "--vary",
+        action="append",
+        default=[],
+        metavar="SECTION.KEY=VALUE,VALUE",
         help="one table for each value in place of the job's; given twice, for each combination",
-    )  # fmt: skip
+    )
     add("--seed", type=natural, help="instead of the job's seed")
     add(
-        "--trials", type=positive_int, default=EVALUATION_TRIALS,
+        "--trials",
+        type=positive_int,
+        default=EVALUATION_TRIALS,
         help="parts squeezed to evaluate the table (default: %(default)s)",
-    )  # fmt: skip
+    )
     add(
-        "--budget", type=seconds_text, default=math.inf, metavar="60s",
+        "--budget",
+        type=seconds_text,
+        default=math.inf,
+        metavar="60s",
         help="end after so long, evaluation included, with the best tree so far, as Ctrl-C does at once "
         "(default: search until done)",
-    )  # fmt: skip
+    )
     add(
-        "--models-report", nargs="?", const=BESIDE, metavar="FILE",
+        "--models-report",
+        nargs="?",
+        const=BESIDE,
+        metavar="FILE",
         help="say how good the learned models of the job are, and draw what widths stand for (.svg, .png, "
         ".pdf; default: TREE.models.svg beside the table); the figures go to a .json beside it",
-    )  # fmt: skip
+    )
     bounds.add_options(built)
     add("--strip", action="store_true", help="leave the job out of the table")
-    add("--no-advice", action="store_true", help="do not look for what limits the plan, which takes seconds")
     add(
-        "--baseline", choices=["sensorless"],
+        "--no-advice",
+        action="store_true",
+        help="do not look for what limits the plan, which takes seconds",
+    )
+    add(
+        "--baseline",
+        choices=["sensorless"],
         help="no table, but Goldberg's plan without sensors, and what it achieves",
-    )  # fmt: skip
+    )
     shell.add_cache(built)
     shell.add_scheduler(built)
     return built
@@ -94,7 +113,9 @@ def _single(arguments: argparse.Namespace) -> int:
     started = time.perf_counter()
     job = _job(arguments)
     read = job_file.files(arguments.job)
-    output = shell.checked_output(arguments.output, "a table, which squeezetree report draws", ".msgpack")
+    output = shell.checked_output(
+        arguments.output, "a table, which squeezetree report draws", ".msgpack"
+    )
     files.usable(output, *read)
     picture = None
     if arguments.models_report:
@@ -113,7 +134,9 @@ def _single(arguments: argparse.Namespace) -> int:
         shell.progress(arguments.json, whole) as report,
     ):
         with shell.stopping(limit, NAME):
-            plan = compile_job(job, arguments.workers, arguments.trials, report, limit, store, scheduler)
+            plan = compile_job(
+                job, arguments.workers, arguments.trials, report, limit, store, scheduler
+            )
         dump(dataclasses.replace(plan.table, job=None) if arguments.strip else plan.table, output)
         seconds = time.perf_counter() - started
         judged = bound = advice = None
@@ -122,7 +145,9 @@ def _single(arguments: argparse.Namespace) -> int:
                 judged = models.made(job, arguments.workers, store, scheduler, report, picture)
         with shell.spared("bound", notes, arguments.debug):
             bound = bounds.bound_of(arguments, job, plan.table, arguments.workers, report)
-        if not (arguments.no_advice or plan.cut):  # what a longer search might contradict is not advised
+        if not (
+            arguments.no_advice or plan.cut
+        ):  # what a longer search might contradict is not advised
             with shell.spared("advice", notes, arguments.debug):
                 advice = counsel(plan.table, plan.evaluation, plan.root, job, scheduler, report)
     figures = {"table": str(output), "bytes": output.stat().st_size, **figures_of(plan, seconds)}
@@ -151,9 +176,13 @@ def _job(arguments: argparse.Namespace) -> Job:
     job = job_file.load(arguments.job)
     for option in ("baseline", "models_report", "bound", "bound_dense"):
         if getattr(arguments, option):
-            shell.check_one_part(job.hypothesis, str(arguments.job), f"--{option.replace('_', '-')}")
+            shell.check_one_part(
+                job.hypothesis, str(arguments.job), f"--{option.replace('_', '-')}"
+            )
     if job.actions.pushes and (arguments.bound or arguments.bound_dense):
-        raise UsageError(f'--bound is for squeezes alone; {arguments.job} has actions.pushes = "belief"')
+        raise UsageError(
+            f'--bound is for squeezes alone; {arguments.job} has actions.pushes = "belief"'
+        )
     return job if arguments.seed is None else dataclasses.replace(job, seed=arguments.seed)
 
 
@@ -166,7 +195,9 @@ def _sweep(arguments: argparse.Namespace) -> int:
     orders = orders_of(arguments.job, arguments.vary, common)
     store = shell.store_of(arguments)
     cache = store.folder if store else None
-    settings = Settings(arguments.trials, arguments.workers, arguments.strip, cache, arguments.budget)
+    settings = Settings(
+        arguments.trials, arguments.workers, arguments.strip, cache, arguments.budget
+    )
     with scheduler_of(arguments.scheduler, arguments.workers) as scheduler:
         read = job_file.files(arguments.job)
         return sweep.run(orders, arguments.output, read, settings, scheduler, arguments.json)
@@ -185,7 +216,9 @@ def _text(plan: Plan, job: Job, output: Path, seconds: float) -> str:
     if plan.untried:
         untried = f"\nbranches that no trial took, and that are REJECT now: {plan.untried}"
     if figures["crashes"]:
-        untried += f"\nparts that a finger came down on, which count as failures: {figures['crashes']}"
+        untried += (
+            f"\nparts that a finger came down on, which count as failures: {figures['crashes']}"
+        )
         untried += f" ({shares.crashed:.2f}%)"
     if job.part.height_mm is None:
         tips_mm = job.cell.squeeze_height_mm

@@ -57,9 +57,12 @@ def shown(
         yield _lines(_Course(whole, clock), clock)
     else:
         columns = [
-            bars.SpinnerColumn(), bars.TextColumn("{task.description}"), bars.BarColumn(),
-            bars.TimeElapsedColumn(), bars.TextColumn("{task.fields[left]} {task.fields[detail]}"),
-        ]  # fmt: skip
+            bars.SpinnerColumn(),
+            bars.TextColumn("{task.description}"),
+            bars.BarColumn(),
+            bars.TimeElapsedColumn(),
+            bars.TextColumn("{task.fields[left]} {task.fields[detail]}"),
+        ]
         with bars.Progress(*columns, console=console, transient=True) as bar:
             yield _drawn(bar, _Course(whole, clock))
 
@@ -119,6 +122,8 @@ def _drawn(bar: bars.Progress, course: _Course) -> Report:
         course.heard(done, total)
         end = 1.0 if course.known else None
         left = course.left()
-        bar.update(task, description=name, completed=course.share, total=end, left=left, detail=detail)
+        bar.update(
+            task, description=name, completed=course.share, total=end, left=left, detail=detail
+        )
 
     return report

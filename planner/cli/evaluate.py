@@ -48,21 +48,32 @@ def parser() -> Parser:
     )
     shell.add_table(built)
     built.add_argument(
-        "--trials", type=positive_int, metavar="N",
+        "--trials",
+        type=positive_int,
+        metavar="N",
         help=f"parts squeezed (default: {DEFAULT_TRIALS}, with --ppm {DEFAULT_PPM_TRIALS})",
-    )  # fmt: skip
-    built.add_argument(
-        "--takt", type=seconds, metavar="6s", help="also tell how many parts are done within this time"
     )
-    built.add_argument("--seed", type=natural, default=0, help="of the trials (default: %(default)s)")
     built.add_argument(
-        "--worst", type=natural, default=3, metavar="N",
+        "--takt",
+        type=seconds,
+        metavar="6s",
+        help="also tell how many parts are done within this time",
+    )
+    built.add_argument(
+        "--seed", type=natural, default=0, help="of the trials (default: %(default)s)"
+    )
+    built.add_argument(
+        "--worst",
+        type=natural,
+        default=3,
+        metavar="N",
         help="how many of the worst errors to show (default: %(default)s)",
-    )  # fmt: skip
+    )
     built.add_argument(
-        "--strangers", action="store_true",
+        "--strangers",
+        action="store_true",
         help="also parts that do not belong there: each part a tenth smaller and larger, a disc, a rectangle",
-    )  # fmt: skip
+    )
     shell.add_scheduler(built)
     _add_rare(built.add_argument_group("wrong answers in parts per million"))
     _add_world(built.add_argument_group("the world, where it is not what the plan believes"))
@@ -71,45 +82,67 @@ def parser() -> Parser:
 
 def _add_rare(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
-        "--ppm", action="store_true",
+        "--ppm",
+        action="store_true",
         help="count confident wrong answers of the table and of each leaf, with upper bounds; parts "
         "that come to rare nodes are followed as several copies",
-    )  # fmt: skip
+    )
     group.add_argument(
-        "--until", type=positive, metavar="PPM",
+        "--until",
+        type=positive,
+        metavar="PPM",
         help="end as soon as the rate is shown to be below this, or above it",
-    )  # fmt: skip
+    )
     group.add_argument(
-        "--resume", type=Path, metavar="FILE.json",
+        "--resume",
+        type=Path,
+        metavar="FILE.json",
         help="go on with the study in this file, and keep it there; it is begun where there is none",
-    )  # fmt: skip
+    )
 
 
 def _add_world(group: argparse._ArgumentGroup) -> None:
     add = group.add_argument
     add(
-        "--world", default=DEFAULT_WORLD, metavar="MODULE:FACTORY",
+        "--world",
+        default=DEFAULT_WORLD,
+        metavar="MODULE:FACTORY",
         help="where the parts are squeezed (default: %(default)s)",
-    )  # fmt: skip
+    )
     add(
-        "--world-copies", action="store_true",
+        "--world-copies",
+        action="store_true",
         help="make the world anew for every 1000 trials, with a seed of its own, so that workers share them",
-    )  # fmt: skip
+    )
     add(
-        "--world-set", action="append", default=[], metavar="SECTION.KEY=VALUE",
+        "--world-set",
+        action="append",
+        default=[],
+        metavar="SECTION.KEY=VALUE",
         help="a value of the job that the world gets instead, such as pressure.kind=uniform; repeatable",
-    )  # fmt: skip
-    add("--sweep", action="store_true", help="a standard set of such worlds, one line each; no other change")
+    )
+    add(
+        "--sweep",
+        action="store_true",
+        help="a standard set of such worlds, one line each; no other change",
+    )
     add("--encoder-offset-mm", type=number, default=0.0, metavar="MM", help="added to every width")
     add(
-        "--placement-error-mm", type=_spread, default=0.0, metavar="MM",
+        "--placement-error-mm",
+        type=_spread,
+        default=0.0,
+        metavar="MM",
         help="standard deviation of the hand's x and y, drawn for every squeeze",
-    )  # fmt: skip
+    )
     add("--placement-error-deg", type=_spread, default=0.0, metavar="DEG", help="and of its angle")
     add(
-        "--placement-bias-mm", type=number, nargs=2, default=(0.0, 0.0), metavar=("X", "Y"),
+        "--placement-bias-mm",
+        type=number,
+        nargs=2,
+        default=(0.0, 0.0),
+        metavar=("X", "Y"),
         help="constant error of the hand's place in the world",
-    )  # fmt: skip
+    )
     add("--placement-bias-deg", type=number, default=0.0, metavar="DEG", help="and of its angle")
 
 
@@ -130,11 +163,16 @@ def _single(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Na
         evaluation = evaluate(table, real, worlds(real), trials, seed, scheduler, cell, report)
         # In each world that the job believes in, where the contact world stands for them.
         cases = believed_cases(job) if arguments.world == DEFAULT_WORLD else []
-        contact, fewer = partial(ContactWorlds.of_job, seed=seed), arguments.trials or BELIEVED_TRIALS
+        contact, fewer = (
+            partial(ContactWorlds.of_job, seed=seed),
+            arguments.trials or BELIEVED_TRIALS,
+        )
         lines = sweep(table, job, cases, contact, min(fewer, BELIEVED_TRIALS), seed, scheduler)
         believed = worst_of(lines)
         others = (*real.strangers, *(family(real) if arguments.strangers else ()))
-        strange = list(strangers(table, real, others, evaluation, worlds, trials, seed, scheduler, cell))
+        strange = list(
+            strangers(table, real, others, evaluation, worlds, trials, seed, scheduler, cell)
+        )
     outcome, confused = leaves.reliability(table, evaluation), leaves.confusions(table, evaluation)
     known = leaves.identities(table, evaluation) if table.hypotheses else None
     mistakes = leaves.worst(table, evaluation, arguments.worst)
@@ -169,10 +207,14 @@ def _rare(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Name
     real = job.replaced("the job with --world-set", **changes_of(arguments.world_set))
     worlds = supply(arguments.world, real, arguments.seed, copies=True)
     assert isinstance(worlds, Worlds)
-    study = Study(Program.of(table), real, worlds, arguments.seed, copies_of(table), _disturbance(arguments))
+    study = Study(
+        Program.of(table), real, worlds, arguments.seed, copies_of(table), _disturbance(arguments)
+    )
     wanted, kept = arguments.trials or DEFAULT_PPM_TRIALS, arguments.resume
     identity = study.identity(_name_of_world(arguments))
-    sums = Sums.none(len(table.leaves)) if kept is None else resumed(kept, identity, len(table.leaves))
+    sums = (
+        Sums.none(len(table.leaves)) if kept is None else resumed(kept, identity, len(table.leaves))
+    )
     with shell.progress(arguments.json, course.counted) as report:
         report("evaluate", sums.parts, wanted)
         for done in continued(study, sums, wanted, scheduler):
@@ -208,7 +250,9 @@ def _sweep(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Nam
         print(SWEEP_HEAD)
     told = []
     worlds, trials = _worlds_of(arguments), arguments.trials or DEFAULT_TRIALS
-    for case, found in sweep(table, job, standard_cases(job), worlds, trials, arguments.seed, scheduler):
+    for case, found in sweep(
+        table, job, standard_cases(job), worlds, trials, arguments.seed, scheduler
+    ):
         told.append({"world": case.name, "set": case.stated(), **found.summary()})
         if not arguments.json:
             print(sweep_row(case.name, found), flush=True)
@@ -251,7 +295,9 @@ def _overview(evaluation: Evaluation, world: str, takt_s: float | None = None) -
     error = figures["error_mm"]
     share = f"95 % within {error['p95']:.2f} mm" if error else ""
     takt = "" if takt_s is None else f"; {figures['takt_probability']:.1%} within {takt_s:g} s"
-    spread = ", ".join(f"{k}: {share:.1%}" for k, share in enumerate(taken / taken.sum()) if share > 0)
+    spread = ", ".join(
+        f"{k}: {share:.1%}" for k, share in enumerate(taken / taken.sum()) if share > 0
+    )
     shares = shares_of(figures)
     return [
         f"{figures['trials']} parts in {world}",
@@ -261,7 +307,11 @@ def _overview(evaluation: Evaluation, world: str, takt_s: float | None = None) -
         f"unresolved {shares.unresolved:6.2f}%",
         f"squeezes   {figures['mean_squeezes']:7.2f}  a part, up to {most} here ({spread})",
         f"seconds    {figures['seconds_mean']:7.1f}  a part, 95 % within {figures['seconds_p95']:.1f}{takt}",
-        *([f"error      {error['median']:7.2f}  mm median where resolved, {share}"] if error else ()),
+        *(
+            [f"error      {error['median']:7.2f}  mm median where resolved, {share}"]
+            if error
+            else ()
+        ),
         f"crashes    {shares.crashed:6.2f}%  {figures['crashes']} parts that a finger came down on: failures",
     ]
 
@@ -272,7 +322,9 @@ def _named(found: leaves.Identities) -> list[str]:
     told = f"of the parts that were named ({figures['named_rate']:.2%})"
     lines = [f"{found.right:7.2%}  right, {told}"]
     for truth, row in zip(found.names, found.named, strict=True):
-        wrong = ((name, n) for name, n in zip(found.names, row, strict=False) if n and name != truth)
+        wrong = (
+            (name, n) for name, n in zip(found.names, row, strict=False) if n and name != truth
+        )
         lines += [f"{n} of {row.sum()} {truth} were named {name}" for name, n in wrong]
     return _block("identity", lines)
 
@@ -281,7 +333,9 @@ def _predictions(table: Table, outcome: leaves.Reliability) -> list[str]:
     """Whether the leaves' probabilities hold, and those that do not."""
     held, total = sum(row.holds for row in outcome.rows), len(outcome.rows)
     if total == 0:
-        return [f"leaves     no leaf of {len(table.leaves)} has {leaves.LEAST_VISITS} visits; raise --trials"]
+        return [
+            f"leaves     no leaf of {len(table.leaves)} has {leaves.LEAST_VISITS} visits; raise --trials"
+        ]
     share = f"{held} of {total} with {leaves.LEAST_VISITS} visits or more"
     lines = [f"{share} do as the table predicts ({outcome.share:.0%})"]
     failed = sorted((row for row in outcome.rows if not row.holds), key=lambda row: -row.visits)

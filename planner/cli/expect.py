@@ -25,12 +25,22 @@ def parser() -> Parser:
     )
     shell.add_table(made)
     made.add_argument(
-        "-o", "--output", type=Path, required=True, metavar="EXPECTED.json", help="the file to write"
+        "-o",
+        "--output",
+        type=Path,
+        required=True,
+        metavar="EXPECTED.json",
+        help="the file to write",
     )
     made.add_argument(
-        "--trials", type=positive_int, default=DEFAULT_TRIALS, help="in each world (default: %(default)s)"
+        "--trials",
+        type=positive_int,
+        default=DEFAULT_TRIALS,
+        help="in each world (default: %(default)s)",
     )
-    made.add_argument("--seed", type=natural, default=0, help="of the trials (default: %(default)s)")
+    made.add_argument(
+        "--seed", type=natural, default=0, help="of the trials (default: %(default)s)"
+    )
     shell.add_scheduler(made)
     return made
 
@@ -45,9 +55,13 @@ def _expect(arguments: argparse.Namespace) -> None:
     ):
         worlds = list(expected(table, job, arguments.trials, arguments.seed, scheduler, report))
     told = {
-        "kind": "expected readings", "version": 1, "table_sha256": digest, "trials": arguments.trials,
-        "seed": arguments.seed, "worlds": worlds,
-    }  # fmt: skip
+        "kind": "expected readings",
+        "version": 1,
+        "table_sha256": digest,
+        "trials": arguments.trials,
+        "seed": arguments.seed,
+        "worlds": worlds,
+    }
     write(arguments.output, json.dumps(told, separators=(",", ":")) + "\n")
     names = [world["name"] for world in worlds]
     shell.answer(

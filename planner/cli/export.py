@@ -24,7 +24,12 @@ def parser() -> Parser:
     built.add_argument("tree", type=Path, metavar="TREE.msgpack", help="the table")
     built.add_argument("--to", choices=tuple(FORMS), required=True, help="the form of the table")
     built.add_argument(
-        "-o", "--output", type=Path, required=True, metavar="DIR", help="folder for the files, new or empty"
+        "-o",
+        "--output",
+        type=Path,
+        required=True,
+        metavar="DIR",
+        help="folder for the files, new or empty",
     )
     built.add_argument(
         "--prefix",

@@ -47,7 +47,9 @@ ANSWER_S = 60.0  # from the start to the last line, once kernels are compiled
 REST_S, REST = 15.0, 0.3  # of it, what other worlds, advice and picture take at most: time, share
 LEAST_ANSWER_S = 12.0  # where compiling kernels took the rest
 PICTURE_S = 3.0
-SLOW_S = 120.0  # where the first search came to nothing: the machine is busy, or compiled its kernels
+SLOW_S = (
+    120.0  # where the first search came to nothing: the machine is busy, or compiled its kernels
+)
 QUICK = {"particles": 8000}  # of [search]: a rough tree in the time there is
 TRIALS = 5000  # so that shares are whole hundredths of a percent
 LEAST_ROOM_MM = 4.0  # between open fingers and the part at any angle, for a gripper to be chosen
@@ -59,7 +61,9 @@ LEAST_DONE = 0.9  # share located of the parts for which the search was done, fo
 MOST_OPEN = 0.5  # share of the parts for which it was not done, beyond which nothing is known
 LOCATABLE = {"good": True, "fair": True, "cut": True, "poor": False, "unknown": None}
 
-Spared = Callable[[str], AbstractContextManager[None]]  # work that the answer can do without, by its name
+Spared = Callable[
+    [str], AbstractContextManager[None]
+]  # work that the answer can do without, by its name
 
 
 def parser() -> Parser:
@@ -73,20 +77,36 @@ def parser() -> Parser:
     )
     built.add_argument("drawing", type=Path, help=f"of the part: {', '.join(SUFFIXES)}")
     built.add_argument(
-        "-o", "--output", type=Path, metavar="JOB.toml",
+        "-o",
+        "--output",
+        type=Path,
+        metavar="JOB.toml",
         help="the job file; table and picture go beside it (default: named after the drawing, and "
         "numbered where another job has the name, in this folder)",
-    )  # fmt: skip
+    )
     shell.add_drawing(built.add_argument_group("the drawing"))
     add = built.add_argument_group("in place of defaults").add_argument
-    add("--radius", type=number, metavar="MM", help="the part's centre lies in a disc of this radius")
-    add("--turn", type=number, metavar="DEG", help=f"it is turned by at most this (default: {TURN_DEG:g})")
+    add(
+        "--radius",
+        type=number,
+        metavar="MM",
+        help="the part's centre lies in a disc of this radius",
+    )
+    add(
+        "--turn",
+        type=number,
+        metavar="DEG",
+        help=f"it is turned by at most this (default: {TURN_DEG:g})",
+    )
     add("--gripper", choices=GRIPPERS, help="which one (default: the first that opens wide enough)")
     add("--fingers", choices=FINGERS, help="what they are faced with (default: rubber)")
     add(
-        "--distance", type=number, default=3.0, metavar="MM",
+        "--distance",
+        type=number,
+        default=3.0,
+        metavar="MM",
         help="how well the part must be located (default: %(default)s)",
-    )  # fmt: skip
+    )
     add(
         "--budget",
         type=seconds_text,
@@ -109,7 +129,9 @@ class Setting(NamedTuple):
 
     answers: Answers
     assumed: list[str]  # what was not stated
-    restrictions: list[str]  # what was assumed because the part is large, as clauses: "within 1 mm of ..."
+    restrictions: list[
+        str
+    ]  # what was assumed because the part is large, as clauses: "within 1 mm of ..."
 
 
 def _try(arguments: argparse.Namespace) -> None:
@@ -120,9 +142,11 @@ def _try(arguments: argparse.Namespace) -> None:
     setting = _setting(arguments, imported)
     answers, rectangle = setting.answers, smallest_rectangle(imported.outline_mm)
     told: dict[str, Any] = {
-        "part": answers.name, "size_mm": [rectangle.length_mm, rectangle.width_mm],
-        "turn_deg": rectangle.turn_deg, "assumed": [*notes, *setting.assumed],
-    }  # fmt: skip
+        "part": answers.name,
+        "size_mm": [rectangle.length_mm, rectangle.width_mm],
+        "turn_deg": rectangle.turn_deg,
+        "assumed": [*notes, *setting.assumed],
+    }
     if not arguments.json:
         print(f"{answers.name}: {rectangle.text()}, {len(imported.outline_mm)} vertices")
         for line in told["assumed"]:
@@ -165,13 +189,21 @@ def _try(arguments: argparse.Namespace) -> None:
         picture = files.picture
     seconds = time.monotonic() - started
     told |= {
-        "locatable": LOCATABLE[answer.short], "verdict": answer.short, "sentence": answer.verdict.sentence,
-        "restrictions": setting.restrictions, "conditions": answer.verdict.conditions,
-        "warnings": answer.verdict.warnings, **answer.figures,
-        "weakest": answer.worst and answer.worst._asdict(), "limits": answer.limits,
-        "cut_short": plan.cut and plan.cut.figures(), "table": str(files.table),
-        "picture": picture and str(picture), "notes": failures, "seconds": round(seconds, 1),
-    }  # fmt: skip
+        "locatable": LOCATABLE[answer.short],
+        "verdict": answer.short,
+        "sentence": answer.verdict.sentence,
+        "restrictions": setting.restrictions,
+        "conditions": answer.verdict.conditions,
+        "warnings": answer.verdict.warnings,
+        **answer.figures,
+        "weakest": answer.worst and answer.worst._asdict(),
+        "limits": answer.limits,
+        "cut_short": plan.cut and plan.cut.figures(),
+        "table": str(files.table),
+        "picture": picture and str(picture),
+        "notes": failures,
+        "seconds": round(seconds, 1),
+    }
     after = [f"note       {line}" for line in failures]
     shell.answer(arguments.json, told, *after, *_next(files, picture, plan, seconds))
 
@@ -179,7 +211,9 @@ def _try(arguments: argparse.Namespace) -> None:
 def _planned(job: Job, answer_s: float, patient: bool, report: Report) -> Plan:
     """The plan that the time until an answer [s] is enough for; if `patient`, else in longer time."""
     search_s = answer_s - min(REST_S, REST * answer_s)
-    return _within(job.replaced(search=QUICK), [search_s, SLOW_S] if patient else [search_s], report)
+    return _within(
+        job.replaced(search=QUICK), [search_s, SLOW_S] if patient else [search_s], report
+    )
 
 
 def _answered(
@@ -220,7 +254,9 @@ def _check_thickness(imported: Imported) -> None:
     height_mm = imported.height_mm
     if height_mm is not None and tips_height_mm(height_mm) <= 0.0:
         thin = f"it is {height_mm:.3g} mm thin"
-        raise FitError(f"{thin}, and finger tips must close {MARGIN_MM:g} mm below its top or lower")
+        raise FitError(
+            f"{thin}, and finger tips must close {MARGIN_MM:g} mm below its top or lower"
+        )
 
 
 def _within(job: Job, budgets: Sequence[float], report: Report) -> Plan:
@@ -249,7 +285,10 @@ def _imported(arguments: argparse.Namespace) -> tuple[Imported, list[str]]:
         if not error.units_missing:
             raise
         imported = read_outline(arguments.drawing, options._replace(units="mm"))
-        return imported, ["one unit of the drawing is 1 mm, for it does not say (--units)", *imported.notes]
+        return imported, [
+            "one unit of the drawing is 1 mm, for it does not say (--units)",
+            *imported.notes,
+        ]
     return imported, list(imported.notes)
 
 
@@ -271,7 +310,9 @@ def _setting(arguments: argparse.Namespace, imported: Imported) -> Setting:
         taken.append(f"{pads.told}, friction {pads.low:g} to {pads.high:g} (--fingers)")
     turn = TURN_DEG if arguments.turn is None else arguments.turn
     if arguments.turn is None:
-        taken.append(f"turned by at most {turn:g} degrees (--turn; 180 is any angle, and takes longer)")
+        taken.append(
+            f"turned by at most {turn:g} degrees (--turn; 180 is any angle, and takes longer)"
+        )
     radius = arguments.radius
     if radius is None:
         radius = proposed_radius_mm(imported, GRIPPERS[gripper])
@@ -282,7 +323,9 @@ def _setting(arguments: argparse.Namespace, imported: Imported) -> Setting:
     taken.append(f"located means to {arguments.distance:g} mm (--distance)")
     height = imported.height_mm
     if height is None:
-        taken.append(f"at least {tips_height_mm(None) + MARGIN_MM:g} mm high (height_mm in the job)")
+        taken.append(
+            f"at least {tips_height_mm(None) + MARGIN_MM:g} mm high (height_mm in the job)"
+        )
     name = arguments.drawing.stem
     answers = Answers(name, radius, turn, gripper, fingers, arguments.distance, height)
     return Setting(answers._replace(tips_mm=arguments.height), taken, restrictions)

@@ -83,9 +83,15 @@ def _identify(arguments: argparse.Namespace) -> None:
     kinds = KINDS if arguments.kind == "both" else (arguments.kind,)
     with shell.progress(arguments.json) as report:
         found = identify(
-            data, rho_mm, kinds, splits=arguments.splits, train_share=arguments.train_share,
-            seed=arguments.seed, friction_n=arguments.friction_n, report=report,
-        )  # fmt: skip
+            data,
+            rho_mm,
+            kinds,
+            splits=arguments.splits,
+            train_share=arguments.train_share,
+            seed=arguments.seed,
+            friction_n=arguments.friction_n,
+            report=report,
+        )
     best = min(found, key=lambda result: float(result.errors_rad.mean()))
     if arguments.output is not None:
         write(arguments.output, surface_text(best, data, arguments))
@@ -98,10 +104,23 @@ def _identify(arguments: argparse.Namespace) -> None:
 
 
 def _from_motions(arguments: argparse.Namespace) -> None:
-    if arguments.job is None or arguments.tip_radius_mm is None or arguments.logs or arguments.pairs:
-        raise UsageError("--motions needs --job and --tip-radius-mm, and goes without logs and --pairs")
-    if arguments.figure is not None or arguments.friction_n is not None or arguments.kind == "quartic":
-        raise UsageError("--motions gives an ellipsoid; leave out --figure, --friction-n and --kind quartic")
+    if (
+        arguments.job is None
+        or arguments.tip_radius_mm is None
+        or arguments.logs
+        or arguments.pairs
+    ):
+        raise UsageError(
+            "--motions needs --job and --tip-radius-mm, and goes without logs and --pairs"
+        )
+    if (
+        arguments.figure is not None
+        or arguments.friction_n is not None
+        or arguments.kind == "quartic"
+    ):
+        raise UsageError(
+            "--motions gives an ellipsoid; leave out --figure, --friction-n and --kind quartic"
+        )
     path, radius_mm = arguments.motions, arguments.tip_radius_mm
     job = job_file.load(arguments.job, {"gripper": {"opening_mm": 1000.0}})
     shell.check_one_part(job.hypothesis, str(arguments.job), "an identification")
@@ -151,32 +170,53 @@ def parser() -> Parser:
     add = built.add_argument
     add("logs", type=Path, nargs="*", metavar="LOG", help="push logs, or tables of pairs (.csv)")
     add(
-        "--pairs", type=Path, nargs="+", default=[], metavar="PAIRS.csv",
+        "--pairs",
+        type=Path,
+        nargs="+",
+        default=[],
+        metavar="PAIRS.csv",
         help=f"tables of directions in place of logs: {','.join(pushes.DIRECTIONS)}",
-    )  # fmt: skip
+    )
     add(
-        "--motions", type=Path, metavar="PUSHES.csv",
+        "--motions",
+        type=Path,
+        metavar="PUSHES.csv",
         help=f"without forces: pushes by a round tip, {','.join((*tips.NAMES, *MOVED))}, as plan-simulate "
         "--push --tip-radius-mm has them; gives the tip's friction, too",
-    )  # fmt: skip
+    )
     add("--job", type=Path, metavar="JOB.toml", help="the part of --motions")
     add("--tip-radius-mm", type=positive, metavar="MM", help="the tip of --motions")
     add("-o", "--output", type=Path, metavar="SURFACE.toml", help="the limit surface")
     add("--figure", type=Path, metavar="OUT.png", help="draw it (.png, .svg, .pdf)")
     add(
-        "--kind", choices=(*KINDS, "both"), default="both",
+        "--kind",
+        choices=(*KINDS, "both"),
+        default="both",
         help="with both, the one that predicts better is written (default: %(default)s)",
-    )  # fmt: skip
+    )
     add(
-        "--rho-mm", type=positive, default=75.0,
+        "--rho-mm",
+        type=positive,
+        default=75.0,
         help="length that torques are divided by (default: %(default)g)",
-    )  # fmt: skip
-    add("--friction-n", type=positive, help="friction of part and table (default: estimated from the pushes)")
-    add("--splits", type=positive_int, default=50, help="random splits to judge by (default: %(default)s)")
+    )
     add(
-        "--train-share", type=_share, default=0.5,
+        "--friction-n",
+        type=positive,
+        help="friction of part and table (default: estimated from the pushes)",
+    )
+    add(
+        "--splits",
+        type=positive_int,
+        default=50,
+        help="random splits to judge by (default: %(default)s)",
+    )
+    add(
+        "--train-share",
+        type=_share,
+        default=0.5,
         help="share of the pushes that a split fits to (default: %(default)g)",
-    )  # fmt: skip
+    )
     add("--seed", type=natural, default=0, help="of the splits (default: %(default)s)")
     return built
 
@@ -222,7 +262,11 @@ def _print(
     pairs, against = len(data.F), int(((data.F * data.V).sum(axis=1) <= 0.0).sum())
     written = [str(path) for path in (arguments.output, arguments.figure) if path is not None]
     figures = {"pairs": pairs, "against_motion": against, "splits": arguments.splits}
-    figures |= {"surfaces": [_figures(each) for each in found], "best": best.kind, "written": written}
+    figures |= {
+        "surfaces": [_figures(each) for each in found],
+        "best": best.kind,
+        "written": written,
+    }
     train = round(arguments.train_share * pairs)
     newtons = best.fit.friction_n
     friction = "directions only" if newtons is None else f"friction {newtons:.2f} N"
@@ -238,7 +282,9 @@ def _print(
             "pushes when fitted to all"
         )
     if written:
-        lines.append(f"wrote {' and '.join(written)}" + (f": the {best.kind}" if arguments.output else ""))
+        lines.append(
+            f"wrote {' and '.join(written)}" + (f": the {best.kind}" if arguments.output else "")
+        )
     shell.answer(arguments.json, figures, *lines)
     if against and not arguments.json:
         words = f"in {against} of {pairs} pushes the wrench works against the motion; check signs and frames"

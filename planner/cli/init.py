@@ -31,35 +31,50 @@ def parser() -> Parser:
         f"{NAME} bracket.stl --units mm --faces -o job.toml",
     )
     built.add_argument("outline", type=Path, help=f"the drawing: {', '.join(SUFFIXES)}")
-    built.add_argument("-o", "--output", type=Path, required=True, metavar="JOB.toml", help="the job file")
+    built.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="JOB.toml", help="the job file"
+    )
     built.add_argument("--force", action="store_true", help="overwrite it if it is there")
     shell.add_drawing(built.add_argument_group("the drawing"))
     built.add_argument(
-        "--faces", action="store_true",
+        "--faces",
+        action="store_true",
         help="of an STL solid, that may lie on any of its stable faces: each becomes one of several parts",
-    )  # fmt: skip
+    )
     answers = built.add_argument_group("the answers")
     add = answers.add_argument
     add("--name", help="of the part")
     add("--radius", type=number, metavar="MM", help="its centre lies in a disc of this radius")
-    add("--turn", type=number, metavar="DEG", help="it is turned by at most this (default: any angle)")
     add(
-        "--thickness", type=number, metavar="MM",
+        "--turn",
+        type=number,
+        metavar="DEG",
+        help="it is turned by at most this (default: any angle)",
+    )
+    add(
+        "--thickness",
+        type=number,
+        metavar="MM",
         help="of the part, from the table to its top (default: the height of an STL solid)",
-    )  # fmt: skip
+    )
     add("--gripper", choices=GRIPPERS, help="which one")
     add("--fingers", choices=FINGERS, help="what they are faced with")
     add(
-        "--distance", type=number, default=3.0, metavar="MM",
+        "--distance",
+        type=number,
+        default=3.0,
+        metavar="MM",
         help="how well the part must be located (default: %(default)s)",
-    )  # fmt: skip
+    )
     return built
 
 
 def _init(arguments: argparse.Namespace) -> None:
     output = usable(arguments.output, arguments.outline)
     if output.exists() and not arguments.force:
-        raise UsageError(f"{output} is there already; name another file, or overwrite it with --force")
+        raise UsageError(
+            f"{output} is there already; name another file, or overwrite it with --force"
+        )
     asking = sys.stdin.isatty() and not arguments.json
     faces = _faces(arguments) if arguments.faces else []
     if faces:  # the answers have to do for all
@@ -73,14 +88,22 @@ def _init(arguments: argparse.Namespace) -> None:
     text = draft(imported, arguments.outline.name, answers, several)
     write(output, text)
     figures = {
-        "output": str(output), "vertices": len(imported.outline_mm), "symmetry": imported.symmetry,
-        "size_mm": imported.size_mm.tolist(), "height_mm": answers.height_mm, "notes": imported.notes,
+        "output": str(output),
+        "vertices": len(imported.outline_mm),
+        "symmetry": imported.symmetry,
+        "size_mm": imported.size_mm.tolist(),
+        "height_mm": answers.height_mm,
+        "notes": imported.notes,
         **({"faces": [_told(face) for face in faces]} if arguments.faces else {}),
-    }  # fmt: skip
-    missing = "note: the part's thickness is not stated; state --thickness, or height_mm in the file"
+    }
+    missing = (
+        "note: the part's thickness is not stated; state --thickness, or height_mm in the file"
+    )
     table = output.with_suffix(".msgpack")
     next_step = f"wrote {output}; next: plan-compile {quoted(output)} -o {quoted(table)}"
-    shell.answer(arguments.json, figures, *([missing] if answers.height_mm is None else ()), next_step)
+    shell.answer(
+        arguments.json, figures, *([missing] if answers.height_mm is None else ()), next_step
+    )
 
 
 def _drawing(arguments: argparse.Namespace) -> Options:
@@ -101,9 +124,13 @@ def _faces(arguments: argparse.Namespace) -> list[Face]:
 
 def _told(face: Face) -> dict[str, object]:
     return {
-        "share": round(face.share, 6), "down": face.down, "size_mm": face.imported.size_mm.tolist(),
-        "height_mm": face.imported.height_mm, "cut_mm": face.cut_mm, "notes": face.imported.notes,
-    }  # fmt: skip
+        "share": round(face.share, 6),
+        "down": face.down,
+        "size_mm": face.imported.size_mm.tolist(),
+        "height_mm": face.imported.height_mm,
+        "cut_mm": face.cut_mm,
+        "notes": face.imported.notes,
+    }
 
 
 def _show_faces(faces: list[Face]) -> None:
@@ -135,8 +162,14 @@ def _imported(path: Path, options: Options, asking: bool) -> Imported:
 def _show(imported: Imported) -> None:
     width, height = imported.size_mm
     order = imported.symmetry
-    told = "none" if order == 1 else f"order {order}: a turn by {360 / order:.4g} degrees looks the same"
-    print(f"outline: {len(imported.outline_mm)} vertices, {width:.3f} x {height:.3f} mm; symmetry: {told}")
+    told = (
+        "none"
+        if order == 1
+        else f"order {order}: a turn by {360 / order:.4g} degrees looks the same"
+    )
+    print(
+        f"outline: {len(imported.outline_mm)} vertices, {width:.3f} x {height:.3f} mm; symmetry: {told}"
+    )
     print(f"smallest rectangle about it: {smallest_rectangle(imported.outline_mm).text()}")
     for note in imported.notes:
         say(f"note: {note}")
@@ -146,7 +179,9 @@ def _answers(arguments: argparse.Namespace, imported: Imported, asking: bool) ->
     needed = ("radius", "gripper", "fingers")
     missing = [f"--{name}" for name in needed if getattr(arguments, name) is None]
     if missing and not asking:
-        raise UsageError(f"{', '.join(missing)} must be stated where there is no terminal to ask at")
+        raise UsageError(
+            f"{', '.join(missing)} must be stated where there is no terminal to ask at"
+        )
     name = arguments.name
     if name is None:
         stem = arguments.outline.stem
@@ -198,7 +233,9 @@ def _ask(question: str, parse: Callable[[str], T]) -> T:
         try:
             return parse(input(question).strip())
         except EOFError:
-            raise UsageError("the input ended before all was answered; state the rest as flags") from None
+            raise UsageError(
+                "the input ended before all was answered; state the rest as flags"
+            ) from None
         except (ValueError, argparse.ArgumentTypeError) as error:
             print(f"  {error}")
 

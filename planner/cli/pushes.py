@@ -94,7 +94,12 @@ def check_clear(made: Paths, outline: Array, where: Path) -> None:
 
 
 def drawn(
-    simulator: Simulator, job: Job, made: Paths, radius_mm: float, draws: int, rng: np.random.Generator
+    simulator: Simulator,
+    job: Job,
+    made: Paths,
+    radius_mm: float,
+    draws: int,
+    rng: np.random.Generator,
 ) -> Drawn:
     """Pushes with `draws` parts each, drawn as the job believes in them: its scatter, friction and doubts."""
     n, given_up = len(made.angles), 0
@@ -103,7 +108,9 @@ def drawn(
         rows = np.arange(start, min(start + some, n))
         many = Paths(*(np.repeat(values[rows], draws, axis=0) for values in made))
         count = len(rows) * draws
-        pushed = simulator.push(many, simulator.sample(count, rng, traits_of(job, count, rng)), radius_mm)
+        pushed = simulator.push(
+            many, simulator.sample(count, rng, traits_of(job, count, rng)), radius_mm
+        )
         moved = in_degrees(pushed.moved).reshape(len(rows), draws, 3)
         bounds[rows] = np.moveaxis(np.quantile(moved, SHARES, axis=1), 0, 2)
         given_up += int(pushed.given_up.sum())

@@ -47,19 +47,38 @@ def parser() -> Parser:
     add = made.add_argument
     add("job", type=Path, metavar="JOB.toml", help="the job that the table was compiled from")
     add(
-        "--journal", type=Path, nargs="+", required=True, action="extend", metavar="J",
+        "--journal",
+        type=Path,
+        nargs="+",
+        required=True,
+        action="extend",
+        metavar="J",
         help="of runs of one table of this job; audits in them count, too",
-    )  # fmt: skip
+    )
     add(
-        "--audit", type=Path, nargs="+", default=[], action="extend", metavar="A.csv",
+        "--audit",
+        type=Path,
+        nargs="+",
+        default=[],
+        action="extend",
+        metavar="A.csv",
         help="measured poses, as grasp-audit report --export writes them, one for each journal",
-    )  # fmt: skip
-    add("-o", "--output", type=Path, required=True, metavar="JOB2.toml", help="the job that was learned")
+    )
+    add(
+        "-o",
+        "--output",
+        type=Path,
+        required=True,
+        metavar="JOB2.toml",
+        help="the job that was learned",
+    )
     add("--seed", type=natural, default=0, help="of what is simulated (default: %(default)s)")
     add(
-        "--cells", type=positive_int, default=Effort().cells,
+        "--cells",
+        type=positive_int,
+        default=Effort().cells,
         help="cells to simulate in each round: more take longer and tell finer (default: %(default)s)",
-    )  # fmt: skip
+    )
     shell.add_scheduler(made)
     return made
 
@@ -91,22 +110,33 @@ def _refit(arguments: argparse.Namespace) -> None:
     learned = edited(text, changed)
     refitted = job_file.parse(learned, str(arguments.output))
     if refitted != job.replaced(str(arguments.output), **changed):
-        raise InputFileError("its text cannot be edited; write each section once", where=str(arguments.job))
+        raise InputFileError(
+            "its text cannot be edited; write each section once", where=str(arguments.job)
+        )
     write(arguments.output, learned)
     told, (wrong, rejected) = findings(found, cells), tried
     figures = {
-        "parts": seen.parts, "squeezes": int(seen.readings.sum()), "audited": len(seen.leaves),
-        "findings": [finding._asdict() for finding in told], "changes": changed,
-        "wrong_rate_as_learned": wrong, "reject_rate_as_learned": rejected, "written": str(arguments.output),
-    }  # fmt: skip
+        "parts": seen.parts,
+        "squeezes": int(seen.readings.sum()),
+        "audited": len(seen.leaves),
+        "findings": [finding._asdict() for finding in told],
+        "changes": changed,
+        "wrong_rate_as_learned": wrong,
+        "reject_rate_as_learned": rejected,
+        "written": str(arguments.output),
+    }
     shell.answer(
-        arguments.json, figures,
+        arguments.json,
+        figures,
         f"{seen.parts} parts, {seen.readings.sum()} squeezes, {len(seen.leaves)} audited; 90 % intervals:",
-        *(f"  {finding.sentence}" for finding in sorted(told, key=lambda finding: not finding.told)),
+        *(
+            f"  {finding.sentence}"
+            for finding in sorted(told, key=lambda finding: not finding.told)
+        ),
         f"in such a cell this table answers {100 * wrong:.1f} % wrongly and rejects {100 * rejected:.1f} %",
         *(f"  cell.{key} = {value:g}" for key, value in cell.items()),
         f"wrote {arguments.output}; next: plan-compile {quoted(arguments.output)}",
-    )  # fmt: skip
+    )
 
 
 def _parts(arguments: argparse.Namespace, job: Job) -> tuple[TableFile, list[PartLog]]:
@@ -127,7 +157,9 @@ def _parts(arguments: argparse.Namespace, job: Job) -> tuple[TableFile, list[Par
                 "holds runs of another table, too; refit one table at a time", where=str(path)
             )
     if arguments.audit and len(arguments.audit) != len(runs):
-        raise UsageError(f"{len(arguments.audit)} --audit for {len(runs)} --journal; name one for each")
+        raise UsageError(
+            f"{len(arguments.audit)} --audit for {len(runs)} --journal; name one for each"
+        )
     for path, run in zip(arguments.audit, runs, strict=False):
         _measured(path, [part for part in run.parts if part.outcome != "cut short"])
     return loaded, [part for run in runs for part in run.parts]
@@ -183,7 +215,9 @@ def timed(parts: Sequence[PartLog]) -> list[Timed]:
     ]
 
 
-def _preview(cells: Cells, found: Posterior, seed: int, scheduler: Scheduler) -> tuple[float, float]:
+def _preview(
+    cells: Cells, found: Posterior, seed: int, scheduler: Scheduler
+) -> tuple[float, float]:
     """Shares of wrong and of rejected parts that the table gives in the cell, as it was learned."""
     number, parts = PREVIEW
     jobs = [(cells, point, parts, seed + k) for k, point in enumerate(found.cells[:number])]

@@ -25,24 +25,33 @@ def parser() -> Parser:
         f"{NAME} tree.msgpack -o report.html --world planner.evaluation.mujoco:make",
     )
     shell.add_table(built)
-    built.add_argument("-o", "--output", type=Path, required=True, metavar="PAGE.html", help="the page")
+    built.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="PAGE.html", help="the page"
+    )
     built.add_argument(
         "--journal", type=Path, metavar="J.jsonl", help="lay the runs of this journal over the tree"
     )
     built.add_argument(
-        "--models", type=Path, metavar="M.json",
+        "--models",
+        type=Path,
+        metavar="M.json",
         help="show how good the learned models are, as plan-compile --models-report wrote it",
-    )  # fmt: skip
+    )
     built.add_argument(
-        "--world", metavar="MODULE:FACTORY",
+        "--world",
+        metavar="MODULE:FACTORY",
         help=f"judge the table in this world too, by {dossier.OTHER_TRIALS} parts: one more row",
-    )  # fmt: skip
+    )
     bounds.add_options(built)
     built.add_argument(
-        "--trials", type=positive_int, default=dossier.TRIALS,
+        "--trials",
+        type=positive_int,
+        default=dossier.TRIALS,
         help="parts sent through the table to draw its beliefs (default: %(default)s)",
-    )  # fmt: skip
-    built.add_argument("--seed", type=natural, default=0, help="of these parts (default: %(default)s)")
+    )
+    built.add_argument(
+        "--seed", type=natural, default=0, help="of these parts (default: %(default)s)"
+    )
     return built
 
 
@@ -51,15 +60,21 @@ def _report(arguments: argparse.Namespace) -> None:
     output = shell.checked_output(arguments.output, "a page for a browser", ".html")
     usable(output, arguments.tree, arguments.journal, arguments.models, *read)
     if arguments.trials > MAX_TRIALS:
-        raise UsageError(f"--trials {arguments.trials} is more than {MAX_TRIALS}; a picture needs less")
+        raise UsageError(
+            f"--trials {arguments.trials} is more than {MAX_TRIALS}; a picture needs less"
+        )
     (table, data, digest), job = shell.loaded(arguments)
     if arguments.bound or arguments.bound_dense:
         shell.check_one_part(table.hypotheses, str(arguments.tree), "--bound")
         shell.check_squeezes_alone(table, str(arguments.tree), "--bound")
     log = run_log.read(arguments.journal, digest) if arguments.journal else None
     judged = models.read(arguments.models, table.job_digest.hex()) if arguments.models else None
-    source = dossier.Source(arguments.tree.name, data, log, judged, bounds.bound_of(arguments, job, table))
-    write(output, dossier.page(table, job, source, arguments.trials, arguments.seed, arguments.world))
+    source = dossier.Source(
+        arguments.tree.name, data, log, judged, bounds.bound_of(arguments, job, table)
+    )
+    write(
+        output, dossier.page(table, job, source, arguments.trials, arguments.seed, arguments.world)
+    )
     size, nodes, leaves = output.stat().st_size, len(table.nodes), len(table.leaves)
     figures = {"output": str(output), "bytes": size, "nodes": nodes, "leaves": leaves}
     told = f"drew {nodes} nodes and {leaves} leaves; wrote {output}, {size:,} bytes"

@@ -72,18 +72,24 @@ def checked_output(path: Path, what: str, suffix: str) -> Path:
         UsageError: its suffix promises something else.
     """
     if path.suffix.lower() in FORMATS and path.suffix.lower() != suffix:
-        raise UsageError(f"-o {path}: what is written is {what}; name it {path.with_suffix(suffix)}")
+        raise UsageError(
+            f"-o {path}: what is written is {what}; name it {path.with_suffix(suffix)}"
+        )
     return path
 
 
 def add_cache(parser: argparse.ArgumentParser) -> None:
     """The options that say where roll-outs are kept; `store_of` reads them."""
     group = parser.add_mutually_exclusive_group()
-    group.add_argument("--no-cache", action="store_true", help="roll everything out again, and keep nothing")
     group.add_argument(
-        "--cache-dir", type=Path, metavar="DIR",
+        "--no-cache", action="store_true", help="roll everything out again, and keep nothing"
+    )
+    group.add_argument(
+        "--cache-dir",
+        type=Path,
+        metavar="DIR",
         help=f"folder that keeps roll-outs (default: ${CACHE_VARIABLE} or the user's cache folder)",
-    )  # fmt: skip
+    )
 
 
 def store_of(arguments: argparse.Namespace) -> Store | None:
@@ -102,25 +108,43 @@ def add_drawing(group: argparse._ArgumentGroup) -> None:
     """The options that say how to read a drawing; `drawing_of` reads them."""
     add = group.add_argument
     add("--units", choices=UNITS_MM, help="what one unit is (default: what the file says)")
-    add("--scale", type=command.positive, metavar="MM", help="the same in mm, for a drawing in pixels")
-    add("--layer", metavar="NAME", help="of a DXF drawing, the only one to read (default: all visible ones)")
+    add(
+        "--scale",
+        type=command.positive,
+        metavar="MM",
+        help="the same in mm, for a drawing in pixels",
+    )
+    add(
+        "--layer",
+        metavar="NAME",
+        help="of a DXF drawing, the only one to read (default: all visible ones)",
+    )
     add("--contour", type=command.positive_int, metavar="N", help="which one, if there are several")
     add(
-        "--tolerance", type=command.number, default=TOLERANCE_MM, metavar="MM",
+        "--tolerance",
+        type=command.number,
+        default=TOLERANCE_MM,
+        metavar="MM",
         help="of curves made polygons (default: %(default)s)",
-    )  # fmt: skip
+    )
     add(
-        "--height", type=command.number, metavar="MM",
+        "--height",
+        type=command.number,
+        metavar="MM",
         help="of the finger tips, above which they meet an STL solid (default: half-way up, at most 8)",
-    )  # fmt: skip
+    )
 
 
 def drawing_of(arguments: argparse.Namespace) -> Options:
     """What the options of `add_drawing` say."""
     return Options(
-        arguments.units, arguments.contour, arguments.tolerance, arguments.height, arguments.layer,
+        arguments.units,
+        arguments.contour,
+        arguments.tolerance,
+        arguments.height,
+        arguments.layer,
         arguments.scale,
-    )  # fmt: skip
+    )
 
 
 def add_table(parser: argparse.ArgumentParser) -> None:
@@ -173,12 +197,15 @@ def check_squeezes_alone(table: Table, name: str, what: str) -> None:
 def add_scheduler(parser: argparse.ArgumentParser) -> None:
     """The options that say who works; `planner.work.scheduler.scheduler_of` takes their values."""
     parser.add_argument(
-        "--workers", type=command.positive_int, help="threads; the result is the same (default: cores)"
+        "--workers",
+        type=command.positive_int,
+        help="threads; the result is the same (default: cores)",
     )
     parser.add_argument(
-        "--scheduler", metavar="tcp://HOST:PORT",
+        "--scheduler",
+        metavar="tcp://HOST:PORT",
         help="work on the Dask cluster of this scheduler (default: threads of this machine)",
-    )  # fmt: skip
+    )
 
 
 Body = Callable[[argparse.Namespace], int | None]
@@ -194,7 +221,9 @@ def run(built: Parser, argv: Sequence[str] | None, body: Body) -> int:
 
     A body that returns nothing did well.
     """
-    logging.lastResort = None  # what a library logs beside the error that it raises is not told twice
+    logging.lastResort = (
+        None  # what a library logs beside the error that it raises is not told twice
+    )
     stopped = INTERRUPTED, "interrupted; nothing was written"
     with _warnings_in_one_line(built.prog):
         return command.run(built, argv, lambda arguments: body(arguments) or 0, stopped)
@@ -249,7 +278,9 @@ def stopping(limit: Limit, name: str) -> Iterator[None]:
     def hear(number: int, frame: FrameType | None) -> None:
         if not limit.ask():
             signal.default_int_handler(number, frame)
-        with contextlib.suppress(OSError):  # not by way of sys.stderr, which may be in the middle of a line
+        with contextlib.suppress(
+            OSError
+        ):  # not by way of sys.stderr, which may be in the middle of a line
             os.write(2, f"{name}: {STOPPING}\n".encode())
 
     usual = signal.signal(signal.SIGINT, hear)

@@ -26,7 +26,12 @@ PICTURES = {"figure": shell.PICTURES, "gif": (".gif",), "html": (".html",)}  # w
 ANY_OPENING = {"gripper": {"opening_mm": 1000.0}}  # What is pushed need not pass between the jaws
 IN_DEGREES = ("x_mm", "y_mm", "theta_deg")  # the same poses
 RESULTS = ("final_x_mm", "final_y_mm", "final_theta_rad", "width_mm")
-OUTPUTS = (*RESULTS, "theta_deg", "final_theta_deg", "status")  # the angles once more, as jobs state them
+OUTPUTS = (
+    *RESULTS,
+    "theta_deg",
+    "final_theta_deg",
+    "status",
+)  # the angles once more, as jobs state them
 MOST_RADIUS_MM, MOST_DRAWS = 1000.0, 100_000
 SAME_DEG = 1e-5  # what rounding leaves between an angle in degrees and the same in radians
 
@@ -41,7 +46,9 @@ class Results(NamedTuple):
     names: tuple[str, ...]
     given_up: int  # how many were cut short
     further: Array | None = None  # (n, m)
-    drawn: tuple[Array, Parameters] | None = None  # poses (n, 3) and mechanics that pictures are drawn from
+    drawn: tuple[Array, Parameters] | None = (
+        None  # poses (n, 3) and mechanics that pictures are drawn from
+    )
 
 
 def _simulate(arguments: argparse.Namespace) -> None:
@@ -57,10 +64,18 @@ def _simulate(arguments: argparse.Namespace) -> None:
     for path in pictures.values():
         outputs.append(usable(path, *read, *outputs))
     simulator = Simulator.of_job(job, arguments.workers, arguments.step_mm)
-    results = _squeezed(simulator, arguments, job) if arguments.poses else _pushed(simulator, arguments, job)
+    results = (
+        _squeezed(simulator, arguments, job)
+        if arguments.poses
+        else _pushed(simulator, arguments, job)
+    )
     status, given_up, names, what = results.status, results.given_up, results.names, results.what
     columns.write(
-        arguments.output, results.header, results.numbers, [names[k] for k in status], results.further
+        arguments.output,
+        results.header,
+        results.numbers,
+        [names[k] for k in status],
+        results.further,
     )
     if results.drawn is not None and pictures:
         draw(pictures, simulator, *results.drawn, f"{job.part.name}: {listed.name}")
@@ -71,7 +86,13 @@ def _simulate(arguments: argparse.Namespace) -> None:
     with redirect_stdout(words_of(arguments.output)):
         shell.answer(
             arguments.json,
-            {"output": str(arguments.output), what: len(status), **tally, "given_up": given_up, **drawn},
+            {
+                "output": str(arguments.output),
+                what: len(status),
+                **tally,
+                "given_up": given_up,
+                **drawn,
+            },
             f"{len(status)} {what}: {counts or 'none'}; wrote {written}",
         )
     if given_up and not arguments.json:
@@ -98,12 +119,23 @@ def _squeezed(simulator: Simulator, arguments: argparse.Namespace, job: Job) -> 
     numbers = np.column_stack([poses, rolled.poses, rolled.width_mm, degrees])
     given_up, header = int(rolled.given_up.sum()), (*INPUTS, *OUTPUTS)
     return Results(
-        "squeezes", header, numbers, rolled.status, STATUS_NAMES, given_up, None, (poses, parameters)
+        "squeezes",
+        header,
+        numbers,
+        rolled.status,
+        STATUS_NAMES,
+        given_up,
+        None,
+        (poses, parameters),
     )
 
 
 def _pushed(simulator: Simulator, arguments: argparse.Namespace, job: Job) -> Results:
-    path, centroid, outline = arguments.push, job_file.centroid_as_drawn(arguments.job), job.part.outline_mm
+    path, centroid, outline = (
+        arguments.push,
+        job_file.centroid_as_drawn(arguments.job),
+        job.part.outline_mm,
+    )
     radius = arguments.tip_radius_mm
     columns_in: tuple[str, ...] = pushes.NAMES
     if radius is None or arguments.fingers_mm is not None:
@@ -134,7 +166,9 @@ def _pushed(simulator: Simulator, arguments: argparse.Namespace, job: Job) -> Re
         header = (*header, *pushes.BOUNDS)
     if radius is None:
         return Results("pushes", header, numbers, pushed.status, PUSH_NAMES, given_up, further)
-    return Results("pushes", header, numbers, tips.status(pushed), tips.STATUS_NAMES, given_up, further)
+    return Results(
+        "pushes", header, numbers, tips.status(pushed), tips.STATUS_NAMES, given_up, further
+    )
 
 
 def parser() -> Parser:
@@ -155,44 +189,70 @@ def parser() -> Parser:
     add("job", type=Path, metavar="JOB.toml", help="the job file")
     listed = built.add_mutually_exclusive_group(required=True)
     listed.add_argument(
-        "--poses", type=Path, metavar="IN.csv",
+        "--poses",
+        type=Path,
+        metavar="IN.csv",
         help=f"squeeze; with a header: {','.join(INPUTS)}, or {IN_DEGREES[2]} in place of {INPUTS[2]}",
-    )  # fmt: skip
+    )
     listed.add_argument(
-        "--push", type=Path, metavar="IN.csv",
+        "--push",
+        type=Path,
+        metavar="IN.csv",
         help=f"push; with a header: {','.join((*pushes.PLACES, pushes.FINGERS))}, and where the centre "
         f"moves, too, {','.join(pushes.SHIFTS)}",
-    )  # fmt: skip
+    )
     add(
-        "--fingers-mm", type=float, metavar="MM",
+        "--fingers-mm",
+        type=float,
+        metavar="MM",
         help=f"distance of the two fingers, for pushes without a column {pushes.FINGERS}; 0: one finger",
-    )  # fmt: skip
+    )
     add(
-        "-o", "--output", type=Path, required=True, metavar="OUT.csv",
+        "-o",
+        "--output",
+        type=Path,
+        required=True,
+        metavar="OUT.csv",
         help="the results; - for standard output",
-    )  # fmt: skip
+    )
     add(
-        "--tip-radius-mm", type=positive, metavar="MM",
+        "--tip-radius-mm",
+        type=positive,
+        metavar="MM",
         help=f"push with a round tip of this radius; with a header: {','.join(tips.NAMES)}, the tip's centre "
         "at the start and its whole way; a tip that overlaps the part starts at the nearest place beside it. "
         "With --fingers-mm: two such tips, on the columns of two fingers",
-    )  # fmt: skip
+    )
     add(
-        "--draws", type=positive_int, metavar="N",
+        "--draws",
+        type=positive_int,
+        metavar="N",
         help="add the 5th and 95th percentile of each push's displacement over so many draws of the "
         "mechanics and of what the job doubts",
-    )  # fmt: skip
+    )
     add("--nominal", action="store_true", help="the nominal limit surface, no scatter; needs --mu")
     add("--mu", type=float, help="friction between finger and part, with --nominal")
     add("--seed", type=natural, help="of the scatter (default: the job's)")
     add(
-        "--step-mm", type=float, default=DEFAULT_STEP_MM,
+        "--step-mm",
+        type=float,
+        default=DEFAULT_STEP_MM,
         help="step of a finger that closes or pushes (default: %(default)s)",
-    )  # fmt: skip
+    )
     add("--workers", type=positive_int, help="threads (default: cores)")
-    add("--figure", type=Path, metavar="OUT.png", help="draw the first squeezes, up to 12 (.png, .svg, .pdf)")
+    add(
+        "--figure",
+        type=Path,
+        metavar="OUT.png",
+        help="draw the first squeezes, up to 12 (.png, .svg, .pdf)",
+    )
     add("--gif", type=Path, metavar="OUT.gif", help="animate the first squeeze")
-    add("--html", type=Path, metavar="OUT.html", help="a page with a slider: the first squeezes, up to 12")
+    add(
+        "--html",
+        type=Path,
+        metavar="OUT.html",
+        help="a page with a slider: the first squeezes, up to 12",
+    )
     return built
 
 
@@ -213,13 +273,19 @@ def read_poses(path: Path) -> Array:
     stated = columns.read(path, (), {IN_DEGREES[2]: math.nan})[:, 0]
     apart = np.abs(np.degrees(poses[:, 2]) - stated)
     if (apart > SAME_DEG).any():
-        problem = f"pose {int(np.argmax(apart > SAME_DEG)) + 1}: the two differ; leave one column out"
+        problem = (
+            f"pose {int(np.argmax(apart > SAME_DEG)) + 1}: the two differ; leave one column out"
+        )
         raise ValueRangeError(problem, where=str(path), key=f"{INPUTS[2]}, {IN_DEGREES[2]}")
     return poses
 
 
 def draw(
-    pictures: dict[str, Path], simulator: Simulator, poses: Array, parameters: Parameters, title: str
+    pictures: dict[str, Path],
+    simulator: Simulator,
+    poses: Array,
+    parameters: Parameters,
+    title: str,
 ) -> None:
     """Squeezes the first poses (n, 3), n >= 1, once more, step by step, and draws what was asked for.
 
@@ -244,7 +310,9 @@ def draw(
 def _check_options(arguments: argparse.Namespace, pictures: dict[str, Path]) -> None:
     mu, step_mm, fingers_mm = arguments.mu, arguments.step_mm, arguments.fingers_mm
     if arguments.nominal != (mu is not None):
-        raise UsageError("--nominal and --mu go together: state the one friction value, such as --mu 0.5")
+        raise UsageError(
+            "--nominal and --mu go together: state the one friction value, such as --mu 0.5"
+        )
     if mu is not None and not 0.0 <= mu <= 2.0:
         raise UsageError(f"--mu {mu} is not between 0 and 2")
     if not 1e-4 <= step_mm <= 2.0:
@@ -252,16 +320,22 @@ def _check_options(arguments: argparse.Namespace, pictures: dict[str, Path]) -> 
     if arguments.push and pictures:
         raise UsageError(f"--{next(iter(pictures))} draws squeezes; leave it out with --push")
     if arguments.nominal and arguments.draws is not None:
-        raise UsageError("--draws draws the mechanics and --nominal does not; leave one of them out")
+        raise UsageError(
+            "--draws draws the mechanics and --nominal does not; leave one of them out"
+        )
     for option in ("tip_radius_mm", "draws"):
         if arguments.poses and getattr(arguments, option) is not None:
             raise UsageError(f"--{option.replace('_', '-')} goes with --push")
     if arguments.tip_radius_mm is not None and arguments.tip_radius_mm > MOST_RADIUS_MM:
-        raise UsageError(f"--tip-radius-mm {arguments.tip_radius_mm:g} is beyond {MOST_RADIUS_MM:g}")
+        raise UsageError(
+            f"--tip-radius-mm {arguments.tip_radius_mm:g} is beyond {MOST_RADIUS_MM:g}"
+        )
     if arguments.draws is not None and arguments.draws > MOST_DRAWS:
         raise UsageError(f"--draws {arguments.draws} is beyond {MOST_DRAWS}")
     if arguments.poses and fingers_mm is not None:
-        raise UsageError("--fingers-mm goes with --push; the job's [gripper] has the jaws that squeeze")
+        raise UsageError(
+            "--fingers-mm goes with --push; the job's [gripper] has the jaws that squeeze"
+        )
     if fingers_mm is not None and not 0.0 <= fingers_mm <= 1000.0:
         raise UsageError(f"--fingers-mm {fingers_mm} is not between 0 and 1000")
 

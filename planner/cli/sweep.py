@@ -51,7 +51,9 @@ class Settings(NamedTuple):
     trials: int  # parts squeezed to evaluate a table
     workers: int | None  # threads for a job; all cores if None
     strip: bool  # leave the jobs out of the tables
-    cache: Path | None  # folder of the roll-outs, on the machine that compiles; none are kept if None
+    cache: (
+        Path | None
+    )  # folder of the roll-outs, on the machine that compiles; none are kept if None
     budget_s: float  # for each job; its tree is left as it stands then
 
 
@@ -94,7 +96,9 @@ def orders_of(path: Path, sweeps: Sequence[str], common: Overrides = ()) -> list
     documents.from_toml(text, str(path))
     total = math.prod(len(values) for _, values in axes)
     if total > MOST_JOBS:
-        raise UsageError(f"--vary: {total} combinations are more than {MOST_JOBS}; sweep fewer values")
+        raise UsageError(
+            f"--vary: {total} combinations are more than {MOST_JOBS}; sweep fewer values"
+        )
     combinations = itertools.product(*(values for _, values in axes))
     chosen = [tuple(zip(names, values, strict=True)) for values in combinations]
     return [_order(text, str(path), common, overrides) for overrides in dict.fromkeys(chosen)]
@@ -139,7 +143,9 @@ def compiled(settings: Settings, order: Order, report: Report | None = None) -> 
     try:
         job = job_file.from_canonical(order.text)
         store = None if settings.cache is None else Store(settings.cache)
-        plan = compile_job(job, settings.workers, settings.trials, report, Limit(settings.budget_s), store)
+        plan = compile_job(
+            job, settings.workers, settings.trials, report, Limit(settings.budget_s), store
+        )
     except PlannerError as error:
         return Outcome(None, _failure(error))
     except Exception as error:
@@ -153,7 +159,11 @@ def figures_of(plan: Plan, seconds: float) -> dict[str, Any]:
     """What there is to say about a plan that took so long, in plain types."""
     return {
         "nodes": len(plan.table.nodes),
-        **({"pushes": pushes} if (pushes := sum(len(node.pushes) for node in plan.table.nodes)) else {}),
+        **(
+            {"pushes": pushes}
+            if (pushes := sum(len(node.pushes) for node in plan.table.nodes))
+            else {}
+        ),
         "leaves": len(plan.table.leaves),
         "untried_branches": plan.untried,
         "unresolved_leaves": sum(not leaf.resolved for leaf in plan.table.leaves),
@@ -165,9 +175,13 @@ def figures_of(plan: Plan, seconds: float) -> dict[str, Any]:
 
 
 def run(
-    orders: Sequence[Order], output: Path, read: Sequence[Path], settings: Settings, scheduler: Scheduler,
+    orders: Sequence[Order],
+    output: Path,
+    read: Sequence[Path],
+    settings: Settings,
+    scheduler: Scheduler,
     as_json: bool,
-) -> int:  # fmt: skip
+) -> int:
     """Compiles all orders, writes each table as soon as it is there, and the summary last.
 
     `output` is as in `paths_of`; `read` are the job file and what it names.
@@ -216,11 +230,15 @@ def paths_of(orders: Sequence[Order], output: Path) -> list[Path]:
     if output.suffix == SUFFIX:
         paths = [_filled(output, dict(order.overrides)) for order in orders]
     else:
-        labels = [",".join(f"{name}={value}" for name, value in order.overrides) for order in orders]
+        labels = [
+            ",".join(f"{name}={value}" for name, value in order.overrides) for order in orders
+        ]
         paths = [output / (_fit(label) + SUFFIX) for label in labels]
     path, jobs = Counter(paths).most_common(1)[0]
     if jobs > 1:
-        raise UsageError(f"-o {output}: {jobs} jobs would be written to {path}; name every swept value")
+        raise UsageError(
+            f"-o {output}: {jobs} jobs would be written to {path}; name every swept value"
+        )
     return paths
 
 
@@ -228,7 +246,9 @@ def _filled(pattern: Path, values: dict[str, str]) -> Path:
     """The pattern's file for one job; placeholders stand in its last part only."""
     for name in _PLACEHOLDER.findall(str(pattern)):
         if name not in values:
-            raise UsageError(f"-o {pattern}: {{{name}}} is not swept; swept are {', '.join(values)}")
+            raise UsageError(
+                f"-o {pattern}: {{{name}}} is not swept; swept are {', '.join(values)}"
+            )
     name = _PLACEHOLDER.sub(lambda match: _fit(values[match[1]]), pattern.name)
     return pattern.with_name(name)
 

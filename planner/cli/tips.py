@@ -80,7 +80,9 @@ def beside(made: Paths, radius_mm: float, outline: Array, where: Path) -> Beside
             shift = points[:, 0] - made.points[:, 0]
             return Beside(made._replace(points=points, centres=made.centres + shift), overlap)
         tips = points[rows, deepest[rows]]
-        nearest = shapely.line_interpolate_point(edge, shapely.line_locate_point(edge, shapely.points(tips)))
+        nearest = shapely.line_interpolate_point(
+            edge, shapely.line_locate_point(edge, shapely.points(tips))
+        )
         points[rows] += (shapely.get_coordinates(nearest) - tips)[:, None]
     problem = f"push {rows[0] + 1}: no place beside the part is free for all tips; correct where they start"
     raise ValueRangeError(problem, where=str(where))

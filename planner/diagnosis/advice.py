@@ -78,7 +78,10 @@ def _noise_told(gains: Sequence[Gain]) -> list[str]:
         measured = ", ".join(f"{gain.source} {gain.gain:+.2%}" for gain in single)
         lines.append(f"no source of noise alone limits this plan: {measured}")
     missing = 1.0 - gains[-1].success_rate
-    return [*lines, f"{missing:.2%} would not be located without any noise: that is up to the action set"]
+    return [
+        *lines,
+        f"{missing:.2%} would not be located without any noise: that is up to the action set",
+    ]
 
 
 class Advice(NamedTuple):
@@ -88,9 +91,13 @@ class Advice(NamedTuple):
     rejected: float  # share whose width no branch has
     pinched: float  # of these, the share of all that stops the jaws at less than a count, which is no grip
     unresolved: float  # share that ends in leaves from which no squeeze gained anything
-    at_depth_limit: float  # share that ends in unresolved leaves as deep as `search.max_depth` allows
+    at_depth_limit: (
+        float  # share that ends in unresolved leaves as deep as `search.max_depth` allows
+    )
     pairs: list[ClosePair]  # branches that the encoder may confuse, those that cost most first
-    open_poses: list[Ambiguity]  # the unresolved leaves that hold most parts, and what would resolve them
+    open_poses: list[
+        Ambiguity
+    ]  # the unresolved leaves that hold most parts, and what would resolve them
     gains: Sequence[Gain]  # what each source of noise costs; empty if not asked for
     proposing: bool  # whether placements were proposed besides the stated ones
     delays: Sequence[Delay]  # of a long plan, the nodes that many parts still come to late
@@ -135,14 +142,20 @@ class Advice(NamedTuple):
                 "add angles or centres" + ("" if self.proposing else ", or plan with proposals")
             )
         if self.at_depth_limit > 0.0:
-            lines.append(f"{self.at_depth_limit:.2%} end unresolved at max_depth of [search]: raise it")
+            lines.append(
+                f"{self.at_depth_limit:.2%} end unresolved at max_depth of [search]: raise it"
+            )
         return lines + _noise_told(self.gains)
 
 
 def advise(
-    table: Table, evaluation: Evaluation, job: Job, gains: Sequence[Gain] = (), late: Sequence[Delay] = (),
+    table: Table,
+    evaluation: Evaluation,
+    job: Job,
+    gains: Sequence[Gain] = (),
+    late: Sequence[Delay] = (),
     margins: Margins | None = None,
-) -> Advice:  # fmt: skip
+) -> Advice:
     """Reads off what limits the plan of a job, given what the other modules found by further trials."""
     last = evaluation.reading[np.arange(len(evaluation.leaf)), evaluation.squeezes - 1]
     deep = evaluation.unresolved & (evaluation.squeezes >= job.search.max_depth)
@@ -163,12 +176,20 @@ def advise(
 
 
 def counsel(
-    table: Table, evaluation: Evaluation, root: Node, job: Job, scheduler: Scheduler | None = None,
+    table: Table,
+    evaluation: Evaluation,
+    root: Node,
+    job: Job,
+    scheduler: Scheduler | None = None,
     report: Report = silent,
-) -> Advice:  # fmt: skip
+) -> Advice:
     """Everything there is to say about what `planner.compile.compile_job` returned for a job."""
     trials = min(len(evaluation.leaf), MOST_TRIALS)
     gains = gains_without_noise(table, job, trials, scheduler, report)
-    late = delays(root, job, MOST_LATE) if evaluation.squeezes.mean() >= LONG and not job.hypothesis else []
+    late = (
+        delays(root, job, MOST_LATE)
+        if evaluation.squeezes.mean() >= LONG and not job.hypothesis
+        else []
+    )
     margins = margins_of(table, evaluation, job, trials, scheduler, report)
     return advise(table, evaluation, job, gains, late, margins)

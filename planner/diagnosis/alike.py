@@ -42,9 +42,14 @@ class Alike(NamedTuple):
             differs += f", and a count is {self.count_mm:.2f} mm"
         told = f"{self.name}: no squeeze tells how it lies from the same turned by {self.degrees:.4g} degrees"
         half, modes = 0.5 * self.degrees, round(360.0 / self.degrees)
-        ways = [f'[goal] kind = "modes" with modes = {modes}', f"orientation_halfwidth_deg below {half:.4g}"]
+        ways = [
+            f'[goal] kind = "modes" with modes = {modes}',
+            f"orientation_halfwidth_deg below {half:.4g}",
+        ]
         if self.order > self.stated:
-            ways.insert(0, f'[part] symmetry = "auto", which is {self.order} and counts them as one')
+            ways.insert(
+                0, f'[part] symmetry = "auto", which is {self.order} and counts them as one'
+            )
         some = "" if self.share >= ALL else f" ({self.share:.0%} of the parts may lie either way)"
         return f"{told}: {differs}{some}; state {', or '.join(ways)}"
 
@@ -97,5 +102,7 @@ def _share(turn: float, halfwidth: float) -> float:
     if halfwidth >= math.pi:
         return 1.0
     angles = np.linspace(-halfwidth, halfwidth, ANGLES)
-    turned: list[Array] = [np.abs(np.angle(np.exp(1j * (angles + sign * turn)))) for sign in (-1.0, 1.0)]
+    turned: list[Array] = [
+        np.abs(np.angle(np.exp(1j * (angles + sign * turn)))) for sign in (-1.0, 1.0)
+    ]
     return float(np.mean((turned[0] <= halfwidth) | (turned[1] <= halfwidth)))

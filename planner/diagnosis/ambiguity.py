@@ -23,7 +23,9 @@ from runtime.table import HELD_UM, Table
 HANDS = 128  # placements that are tried to tell two poses apart
 SAMPLES = 40  # squeezes of each pose at each placement that is tried
 HALF_TURN_ALIKE = 2  # a hand turned by half a turn squeezes alike
-TELLING = 4.0  # least distance of mean widths that tells two poses apart, in standard deviations of both
+TELLING = (
+    4.0  # least distance of mean widths that tells two poses apart, in standard deviations of both
+)
 LEAST_TRIALS = 20
 APART = 3.0  # so many times the goal, and poses differ; nearer ones scatter about one
 SEED_AMBIGUITY = 0x414D4249
@@ -86,9 +88,15 @@ class Ambiguity(NamedTuple):
             self.where.scatter,
         )
         if len(self.where.poses) == 1 and scatter < 1.0:
-            return text + "the plan was less sure of it than its trials: more particles of [search] may be"
+            return (
+                text
+                + "the plan was less sure of it than its trials: more particles of [search] may be"
+            )
         if len(self.where.poses) == 1:
-            return text + f"nearly all others lie about it, within {scatter:.1f} times the goal: ask for less"
+            return (
+                text
+                + f"nearly all others lie about it, within {scatter:.1f} times the goal: ask for less"
+            )
         if self.separator is None:
             return text + "no squeeze that was tried gives the first two different widths"
         (x, y, angle), (one, other) = self.separator.placement, self.separator.widths_mm
@@ -115,13 +123,17 @@ class Delay(NamedTuple):
         poses, shares, scatter = self.where
         named = Whereabouts(poses[:MOST_TOLD], shares[:MOST_TOLD]).text(0)
         text = f"node {self.node}: after {self.made} squeezes {self.share:.1%} of the parts lie at {named}"
-        return text + f", nearly all others within {scatter:.1f} times the goal" if scatter else text
+        return (
+            text + f", nearly all others within {scatter:.1f} times the goal" if scatter else text
+        )
 
 
 def ambiguities(table: Table, evaluation: Evaluation, job: Job, most: int = 3) -> list[Ambiguity]:
     """At most so many of the unresolved leaves that hold most parts of a job, and what would resolve them."""
     visits = np.bincount(evaluation.leaf[evaluation.unresolved], minlength=len(table.leaves))
-    order = [int(leaf) for leaf in np.argsort(-visits, kind="stable") if visits[leaf] >= LEAST_TRIALS]
+    order = [
+        int(leaf) for leaf in np.argsort(-visits, kind="stable") if visits[leaf] >= LEAST_TRIALS
+    ]
     metric = metric_of_table(table)
     simulator = Simulator.of_job(job, workers=1)
     found = []
@@ -129,7 +141,9 @@ def ambiguities(table: Table, evaluation: Evaluation, job: Job, most: int = 3) -
         here = evaluation.poses[evaluation.leaf == leaf]
         where = whereabouts(here, metric)
         rng = np.random.default_rng([job.seed, leaf, SEED_AMBIGUITY])
-        separator = _separator(where.poses[:2], job, simulator, rng) if len(where.poses) > 1 else None
+        separator = (
+            _separator(where.poses[:2], job, simulator, rng) if len(where.poses) > 1 else None
+        )
         share = float(visits[leaf] / len(evaluation.leaf))
         found.append(Ambiguity(leaf, share, where, separator))
     return found
@@ -159,26 +173,34 @@ def whereabouts(here: Array, metric: Metric) -> Whereabouts:
         far = distance > APART
         outside = np.sum(distance >= 1.0)
         if 2 * np.sum(far) <= outside:
-            return Whereabouts(modes[0].pose[None], (modes[0].ratio,), float(np.max(distance[~far])))
+            return Whereabouts(
+                modes[0].pose[None], (modes[0].ratio,), float(np.max(distance[~far]))
+            )
         other = metric.main_modes(here[far], 1)[0]
         modes.append(other._replace(ratio=other.ratio * float(np.mean(far))))
     return Whereabouts(np.array([mode.pose for mode in modes]), tuple(mode.ratio for mode in modes))
 
 
-def _separator(pair: Array, job: Job, simulator: Simulator, rng: np.random.Generator) -> Separator | None:
+def _separator(
+    pair: Array, job: Job, simulator: Simulator, rng: np.random.Generator
+) -> Separator | None:
     """The placement at which the widths of two poses differ most, in units of their scatter."""
     encoder = encoder_of(job)
     # Rounding to counts scatters like the step over the square root of 12.
     floor = math.hypot(encoder.noise_mm, encoder.mm_per_count / math.sqrt(12.0))
     best, clearest = None, (False, TELLING)
     hands = hands_about(reach(job.part.outline_mm), 0.5 * job.gripper.finger_length_mm, HANDS)
-    about = placed(hands, np.array([*pair[:, :2].mean(axis=0), pair[0, 2]]))  # the middle of the two
+    about = placed(
+        hands, np.array([*pair[:, :2].mean(axis=0), pair[0, 2]])
+    )  # the middle of the two
     about[:, 2] = wrap(about[:, 2], HALF_TURN_ALIKE)
     for placement in actions_of(job).within(about):
         if least_clearance(simulator.outline, simulator.jaws, pair, placement) < 0.0:
             continue
         hand = np.repeat(to_hand(pair, placement), SAMPLES, axis=0)
-        width = simulator.roll_out(hand, simulator.sample(len(hand), rng)).width_mm.reshape(2, SAMPLES)
+        width = simulator.roll_out(hand, simulator.sample(len(hand), rng)).width_mm.reshape(
+            2, SAMPLES
+        )
         one, other = width.mean(axis=1)
         clarity = abs(one - other) / math.sqrt(float((width.var(axis=1) + floor**2).sum()))
         # Hands that miss the part in one of the poses tell it too, but leave it where it was.

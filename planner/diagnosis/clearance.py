@@ -34,7 +34,9 @@ class Shortage(NamedTuple):
     def line(self) -> str:
         """What is missing and which radius would do, for people."""
         if self.radius_mm is None:
-            return f"the jaws open {self.missing_mm:.2g} mm too little, even for a part in the middle"
+            return (
+                f"the jaws open {self.missing_mm:.2g} mm too little, even for a part in the middle"
+            )
         return (
             f"the jaws open {self.missing_mm:.2g} mm too little; radius_mm = {self.radius_mm:g} or less "
             "would do"
@@ -71,7 +73,9 @@ def _is_free(job: Job, opening_mm: float, radius_mm: float) -> bool:
     share = job.goal.crash_share
     least_mm = 0.0 if share else LEAST_CLEARANCE_MM
     outlines = [alone.part.outline_mm for alone in job.alone]
-    free = [free_placements(outline, jaws, poses, placements, least_mm, share) for outline in outlines]
+    free = [
+        free_placements(outline, jaws, poses, placements, least_mm, share) for outline in outlines
+    ]
     return bool(np.all(free, axis=0).any())
 
 

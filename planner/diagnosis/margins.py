@@ -17,7 +17,9 @@ from planner.work.scheduler import Scheduler
 from planner.world import ContactWorlds
 from runtime.table import REJECT, Calibration, Table, by_count, decision_map
 
-THIN = 0.02  # share of the parts answered wrongly, where widths are off, from which margins are thin
+THIN = (
+    0.02  # share of the parts answered wrongly, where widths are off, from which margins are thin
+)
 SEED_MARGINS = 0x4D415247
 
 
@@ -44,9 +46,13 @@ class Margins(NamedTuple):
 
 
 def margins_of(
-    table: Table, evaluation: Evaluation, job: Job, trials: int, scheduler: Scheduler | None = None,
+    table: Table,
+    evaluation: Evaluation,
+    job: Job,
+    trials: int,
+    scheduler: Scheduler | None = None,
     report: Report = silent,
-) -> Margins:  # fmt: skip
+) -> Margins:
     """Runs a table with widths off to either side, `trials` parts each."""
     seed = job.seed + SEED_MARGINS
     worlds = partial(ContactWorlds.of_job, seed=seed)
@@ -62,11 +68,15 @@ def near_another(table: Table, evaluation: Evaluation) -> float:
     around = np.pad(meant, ((0, 0), (reach, reach)), constant_values=REJECT)
     around = sliding_window_view(around, 2 * reach + 1, axis=1)
     other = ((around != meant[..., None]) & (around != REJECT)).any(axis=2)
-    return float(((evaluation.path >= 0) & other[evaluation.path, evaluation.counts]).any(axis=1).mean())
+    return float(
+        ((evaluation.path >= 0) & other[evaluation.path, evaluation.counts]).any(axis=1).mean()
+    )
 
 
 CLOSE_COUNTS = 4.0  # nearer widths share readings: settled grippers of the kind differ by as much
-BORDER_COUNTS = 2.0  # a reading this near to the border between two branches may have been the other one
+BORDER_COUNTS = (
+    2.0  # a reading this near to the border between two branches may have been the other one
+)
 MOST_LINES = 5
 
 
@@ -97,11 +107,15 @@ def close_pairs(table: Table, evaluation: Evaluation, job: Job) -> list[ClosePai
             if counts >= CLOSE_COUNTS and not overlap:
                 continue
             reads = np.abs(evaluation.counts - _border(outcome, number)) <= BORDER_COUNTS
-            near = ((evaluation.path == index) & reads).any(axis=1)  # no trial comes to a node twice
+            near = ((evaluation.path == index) & reads).any(
+                axis=1
+            )  # no trial comes to a node twice
             widths_mm = below.expected_um / 1e3, above.expected_um / 1e3
             share, lost = float(near.mean()), float((near & failed).mean())
             excess = float(lost - share * failed.mean())
-            pairs.append(ClosePair(index, number, widths_mm, round(counts, 2), overlap, share, lost, excess))
+            pairs.append(
+                ClosePair(index, number, widths_mm, round(counts, 2), overlap, share, lost, excess)
+            )
     return sorted(pairs, key=lambda pair: -pair.excess)
 
 

@@ -34,7 +34,9 @@ class Comparison(NamedTuple):
     """A model's push-forward of a belief beside the simulator's, after some squeezes."""
 
     squeezes: int  # how many
-    model_mm: float  # energy distance of a run of the model from one of the simulator, mean of all pairs
+    model_mm: (
+        float  # energy distance of a run of the model from one of the simulator, mean of all pairs
+    )
     simulator_mm: float  # the same between two runs of the simulator
 
     @property
@@ -57,7 +59,9 @@ def energy_distance(a: Array, b: Array, rho_mm: float, order: int = 1) -> float:
     def points(poses: Array) -> Array:
         """(n, 4) whose Euclidean distances respect the part's symmetry [mm]."""
         turn = order * poses[:, 2]
-        return np.column_stack([poses[:, 0], poses[:, 1], radius * np.cos(turn), radius * np.sin(turn)])
+        return np.column_stack(
+            [poses[:, 0], poses[:, 1], radius * np.cos(turn), radius * np.sin(turn)]
+        )
 
     first, second = points(a), points(b)
     within = float(cdist(first, first).mean() + cdist(second, second).mean())
@@ -65,9 +69,14 @@ def energy_distance(a: Array, b: Array, rho_mm: float, order: int = 1) -> float:
 
 
 def compare(
-    model: MotionModel, reference: MotionModel, beliefs: Sequence[Array], placements: Array, rho_mm: float,
-    order: int, rng: np.random.Generator,
-) -> list[Comparison]:  # fmt: skip
+    model: MotionModel,
+    reference: MotionModel,
+    beliefs: Sequence[Array],
+    placements: Array,
+    rho_mm: float,
+    order: int,
+    rng: np.random.Generator,
+) -> list[Comparison]:
     """Compares push-forwards of a belief through squeezes at placements (k, 3), one comparison after each.
 
     Runs that start from the same particles differ by the squeezes' doing alone: that is the strictest
@@ -88,10 +97,14 @@ def compare(
 
     tried, true = runs[:half], runs[half:]
     between, within = list(product(tried, true)), list(combinations(true, 2))
-    return [Comparison(k + 1, mean_mm(k, between), mean_mm(k, within)) for k in range(len(placements))]
+    return [
+        Comparison(k + 1, mean_mm(k, between), mean_mm(k, within)) for k in range(len(placements))
+    ]
 
 
-def _push(model: MotionModel, belief: Belief, placements: Array, rng: np.random.Generator) -> list[Array]:
+def _push(
+    model: MotionModel, belief: Belief, placements: Array, rng: np.random.Generator
+) -> list[Array]:
     """The poses (n, 3) after each of a sequence of squeezes."""
     poses = []
     for placement in placements:
@@ -171,7 +184,9 @@ def quality(job: Job, model: LearnedModel, rolled: RollOuts, report: Report = si
     )
 
 
-def _confusion(job: Job, rolled: RollOuts, simulator: Simulator, rng: np.random.Generator) -> Confusion:
+def _confusion(
+    job: Job, rolled: RollOuts, simulator: Simulator, rng: np.random.Generator
+) -> Confusion:
     """The paper's collision detector, learned from the roll-outs, on placements all over their region."""
     detector = CollisionTree.fit(rolled.initial, rolled.status == COLLIDES, job.part.symmetry)
     poses = rng.uniform([0.0, -np.pi, -np.pi], [1.0, np.pi, np.pi], (PLACEMENTS, 3))
@@ -181,10 +196,14 @@ def _confusion(job: Job, rolled: RollOuts, simulator: Simulator, rng: np.random.
     said = detector.collides(poses)
     free, colliding = int(np.count_nonzero(~hits)), int(np.count_nonzero(hits))
     alarms, missed = np.count_nonzero(said & ~hits), np.count_nonzero(hits & ~said)
-    return Confusion(free, colliding, float(alarms / max(free, 1)), float(missed / max(colliding, 1)))
+    return Confusion(
+        free, colliding, float(alarms / max(free, 1)), float(missed / max(colliding, 1))
+    )
 
 
-def _judged(model: LearnedModel, belief: Array, placement: Array, rng: np.random.Generator) -> ActionQuality:
+def _judged(
+    model: LearnedModel, belief: Array, placement: Array, rng: np.random.Generator
+) -> ActionQuality:
     reference = Simulation(model.simulator, model.encoder)
     rho, order = model.motion.rho_mm, model.motion.order
     (comparison,) = compare(model, reference, [belief] * 2 * RUNS, placement[None], rho, order, rng)

@@ -64,10 +64,13 @@ def reason(job: Job, advice: Advice, cut: bool) -> Reason:
         return Reason(THIN, f"{advice.pinched:.1%} of the parts are rejected, {PINCHED}")
     if advice.rejected > 0.5 * advice.failing:
         return Reason(
-            REJECTED, f"{advice.rejected:.1%} of the parts are rejected for a width that is not planned"
+            REJECTED,
+            f"{advice.rejected:.1%} of the parts are rejected for a width that is not planned",
         )
     if cut:
-        return Reason(TIME, f"{advice.unresolved:.1%} of the parts were still open when the time was over")
+        return Reason(
+            TIME, f"{advice.unresolved:.1%} of the parts were still open when the time was over"
+        )
     if advice.at_depth_limit > 0.5 * advice.failing:
         return Reason(DEPTH, f"{advice.at_depth_limit:.1%} of the parts end there")
     if several:
@@ -75,5 +78,6 @@ def reason(job: Job, advice: Advice, cut: bool) -> Reason:
     if advice.open_poses:
         return Reason(SCATTER, advice.open_poses[0].line())
     return Reason(
-        SCATTER, f"{advice.failing - advice.unresolved:.1%} of the parts are answered wrongly or rejected"
+        SCATTER,
+        f"{advice.failing - advice.unresolved:.1%} of the parts are answered wrongly or rejected",
     )

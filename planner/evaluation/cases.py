@@ -16,7 +16,9 @@ from planner.part.outline import grown, min_width
 from planner.part.pressure import stances
 
 OFFSET_COUNTS = 2.0  # an encoder's zero may be off by so much
-SLIGHTLY_UNEVEN = 0.02  # more or less of the closing than planned, by a finger: 1.3 mm where they close by 64
+SLIGHTLY_UNEVEN = (
+    0.02  # more or less of the closing than planned, by a finger: 1.3 mm where they close by 64
+)
 STEADY_DOF = 1_000_000  # degrees of freedom at which the limit surface no longer scatters
 FACTORS = (0.5, 0.7, 1.15, 1.3, 1.6)
 """Of the friction between finger and part, for charts. Each world takes its share of the false alarms, so
@@ -79,16 +81,32 @@ def standard_cases(job: Job) -> list[Case]:
     return [
         Case(PLANNED),
         *(_pressure(kind) for kind in ("boundary", "uniform") if job.pressure.kind != kind),
-        *([] if job.hypothesis else [on_three_feet(job)]),  # each of several parts has corners of its own
+        *(
+            [] if job.hypothesis else [on_three_feet(job)]
+        ),  # each of several parts has corners of its own
         *_other_surface(job),
         Case("10 degrees of freedom", {"pressure": {"wishart_dof": 10}}),
-        *(friction(*pair) for pair in ((0.4 * low, 0.6 * low), (0.6 * low, low), (high, 1.5 * high))),
+        *(
+            friction(*pair)
+            for pair in ((0.4 * low, 0.6 * low), (0.6 * low, low), (high, 1.5 * high))
+        ),
         *(Case(f"encoder {mm:+g} mm", disturbance=Disturbance(mm)) for mm in (-1.0, 1.0)),
-        Case("encoder noise x 3", {"gripper": {"encoder_noise_mm": 3.0 * gripper.encoder_noise_mm}}),
+        Case(
+            "encoder noise x 3", {"gripper": {"encoder_noise_mm": 3.0 * gripper.encoder_noise_mm}}
+        ),
         *(uneven(job, other, centred=False) for other in _beside(share, 0.02)),
-        *(uneven(job, other, centred=True) for more in (0.1, 0.05) for other in _beside(share, more)),
-        Case("placement 0.5 mm, 0.5 deg", disturbance=Disturbance(placement_mm=0.5, placement_deg=0.5)),
-        Case("arm off by 0.7 mm, 0.5 deg", disturbance=Disturbance(bias_mm=(0.5, 0.5), bias_deg=0.5)),
+        *(
+            uneven(job, other, centred=True)
+            for more in (0.1, 0.05)
+            for other in _beside(share, more)
+        ),
+        Case(
+            "placement 0.5 mm, 0.5 deg",
+            disturbance=Disturbance(placement_mm=0.5, placement_deg=0.5),
+        ),
+        Case(
+            "arm off by 0.7 mm, 0.5 deg", disturbance=Disturbance(bias_mm=(0.5, 0.5), bias_deg=0.5)
+        ),
         *(outline_off(job, mm) for mm in (-0.3, 0.3) if not job.hypothesis),
     ]
 
@@ -104,20 +122,24 @@ def believed_cases(job: Job) -> list[Case]:
     ]
     cases += [
         Case(
-            f"fingers meet {off:+g} mm off", disturbance=Disturbance(across_mm=off),
-            broken=Condition("the fingers' distance from the hand's middle", "below", abs(off), " mm"),
+            f"fingers meet {off:+g} mm off",
+            disturbance=Disturbance(across_mm=off),
+            broken=Condition(
+                "the fingers' distance from the hand's middle", "below", abs(off), " mm"
+            ),
         )
         for off in doubt.middle_mm
         if off
-    ]  # fmt: skip
+    ]
     cases += [
         Case(
-            f"encoder {off:+g} mm", disturbance=Disturbance(off),
+            f"encoder {off:+g} mm",
+            disturbance=Disturbance(off),
             broken=Condition("the error of widths", "below" if off > 0.0 else "above", off, " mm"),
         )
         for off in doubt.encoder_mm
         if off
-    ]  # fmt: skip
+    ]
     cases += [
         outline_off(job, sign * job.part.tolerance_mm)._replace(
             broken=Condition(
@@ -128,13 +150,18 @@ def believed_cases(job: Job) -> list[Case]:
         if job.part.tolerance_mm
     ]
     if job.friction.doubt:
-        slippery, rough = friction(round(SLIPPERY * low, 3), low), friction(high, round(ROUGH * high, 3))
+        slippery, rough = (
+            friction(round(SLIPPERY * low, 3), low),
+            friction(high, round(ROUGH * high, 3)),
+        )
         cases += [
             slippery._replace(broken=Condition("friction", "above", low)),
             rough._replace(broken=Condition("friction", "below", high)),
         ]
     if doubt.pressure != "stated" and job.pressure.limit_surface is not None:
-        cases.append(on_three_feet(job)._replace(broken=Condition("parts do not stand on three feet")))
+        cases.append(
+            on_three_feet(job)._replace(broken=Condition("parts do not stand on three feet"))
+        )
     if doubt.limit_surface == "any":
         cases += _other_surface(job)
     if doubt.least_dof:
@@ -191,8 +218,13 @@ def noise_cases(job: Job) -> list[Case]:
 def friction_cases(job: Job) -> list[Case]:
     """For charts of readings: as planned, then with the planned interval of friction times a factor."""
     low, high = job.friction.finger_part_min, job.friction.finger_part_max
-    others = ((factor, friction(round(low * factor, 6), round(high * factor, 6))) for factor in FACTORS)
-    return [Case(PLANNED), *(case._replace(name=case.name + BEYOND.get(f, "")) for f, case in others)]
+    others = (
+        (factor, friction(round(low * factor, 6), round(high * factor, 6))) for factor in FACTORS
+    )
+    return [
+        Case(PLANNED),
+        *(case._replace(name=case.name + BEYOND.get(f, "")) for f, case in others),
+    ]
 
 
 def assumption_cases(job: Job) -> list[Case]:
@@ -203,21 +235,30 @@ def assumption_cases(job: Job) -> list[Case]:
     share = planned + (SLIGHTLY_UNEVEN if planned < 0.9 else -SLIGHTLY_UNEVEN)
     cases = [
         Case("as the job says"),
-        Case(f"friction only {low:g}", _bounds(low, low), broken=Condition("friction", "above", low)),
-        Case(f"friction only {high:g}", _bounds(high, high), broken=Condition("friction", "below", high)),
         Case(
-            f"friction {less:.3g}, half the least", _bounds(less, less),
+            f"friction only {low:g}", _bounds(low, low), broken=Condition("friction", "above", low)
+        ),
+        Case(
+            f"friction only {high:g}",
+            _bounds(high, high),
+            broken=Condition("friction", "below", high),
+        ),
+        Case(
+            f"friction {less:.3g}, half the least",
+            _bounds(less, less),
             broken=Condition("friction", "above", less),
         ),
         Case(
-            f"friction {more:.3g}, half as much again as the most", _bounds(more, more),
+            f"friction {more:.3g}, half as much again as the most",
+            _bounds(more, more),
             broken=Condition("friction", "below", more),
         ),
         Case(
-            f"encoder noise {noise:g} mm, twice as much", {"gripper": {"encoder_noise_mm": noise}},
+            f"encoder noise {noise:g} mm, twice as much",
+            {"gripper": {"encoder_noise_mm": noise}},
             broken=Condition("the encoder's noise", "below", noise, " mm"),
         ),
-    ]  # fmt: skip
+    ]
     if not job.actions.openings_mm:  # such a job needs fingers that move alike
         name = f"the upper finger makes {100 * share:.3g} % of the way"
         change = {"gripper": {"upper_finger_share": share}}
@@ -225,15 +266,18 @@ def assumption_cases(job: Job) -> list[Case]:
     released = {"release": {"shift_mm": 0.5, "turn_deg": 1.0}}
     cases.append(
         Case(
-            "parts shift by 0.5 mm and 1 degree when let go", released,
+            "parts shift by 0.5 mm and 1 degree when let go",
+            released,
             broken=Condition("the shift of parts that are let go", "below", 0.5, " mm"),
         )
-    )  # fmt: skip
+    )
     if job.pressure.kind in ("boundary", "uniform"):
         other = "uniform" if job.pressure.kind == "boundary" else "boundary"
         where = {"boundary": "with its rim", "uniform": "with its whole area"}[job.pressure.kind]
         pressed = f"pressure {other}, not {job.pressure.kind}"
-        cases.append(_pressure(other)._replace(name=pressed, broken=Condition(f"parts press {where}")))
+        cases.append(
+            _pressure(other)._replace(name=pressed, broken=Condition(f"parts press {where}"))
+        )
     return cases
 
 
@@ -261,7 +305,9 @@ def uneven(job: Job, share: float, centred: bool) -> Case:
     tells. Centred, the hand is calibrated where the fingers meet on the part's narrowest side, and what is
     left is how an uneven squeeze moves the part.
     """
-    off = (job.gripper.upper_finger_share - share) * (job.gripper.opening_mm - min_width(job.part.outline_mm))
+    off = (job.gripper.upper_finger_share - share) * (
+        job.gripper.opening_mm - min_width(job.part.outline_mm)
+    )
     # A job that chooses openings insists on fingers that move alike; the world has no use for the choice.
     changes: dict[str, dict[str, Any]] = {
         "actions": {"openings_mm": []},
@@ -274,12 +320,16 @@ def uneven(job: Job, share: float, centred: bool) -> Case:
 def outline_off(job: Job, mm: float) -> Case:
     """The part is larger than planned, all around by so much."""
     outline = grown(job.part.outline_mm, mm)
-    return Case(f"outline {mm:+g} mm", {"part": {"outline_mm": outline, "symmetry": job.part.symmetry}})
+    return Case(
+        f"outline {mm:+g} mm", {"part": {"outline_mm": outline, "symmetry": job.part.symmetry}}
+    )
 
 
 def _share(share: float, more: bool) -> Condition:
     """The upper finger makes less, or more, than a share of the way."""
-    return Condition("the upper finger's share of the way", "below" if more else "above", 100.0 * share, " %")
+    return Condition(
+        "the upper finger's share of the way", "below" if more else "above", 100.0 * share, " %"
+    )
 
 
 def _beside(share: float, more: float) -> list[float]:

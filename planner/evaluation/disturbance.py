@@ -22,7 +22,9 @@ class Disturbance:
     bias_mm: tuple[float, float] = (0.0, 0.0)  # constant error of the hand's x and y in the world
     bias_deg: float = 0.0  # constant error of its angle
     across_mm: float = 0.0  # constant error of its place along the closing direction
-    believed: bool = False  # whether each part has traits as the job doubts them, besides these errors
+    believed: bool = (
+        False  # whether each part has traits as the job doubts them, besides these errors
+    )
 
     @property
     def bias(self) -> Array:

@@ -38,7 +38,12 @@ def chunks_of(trials: int) -> list[Chunk]:
 
 
 def run_chunk(
-    program: Program, job: Job, world: World | Worlds, seed: int, disturbance: Disturbance, chunk: Chunk
+    program: Program,
+    job: Job,
+    world: World | Worlds,
+    seed: int,
+    disturbance: Disturbance,
+    chunk: Chunk,
 ) -> Evaluation:
     """Runs the trials of a chunk in its world, in whatever process."""
     rng = np.random.default_rng([seed, chunk.number, SEED_TRIALS])
@@ -47,9 +52,15 @@ def run_chunk(
 
 
 def evaluate(
-    table: Table, job: Job, world: World | Worlds, trials: int, seed: int,
-    scheduler: Scheduler | None = None, disturbance: Disturbance = NONE, report: Report = silent,
-) -> Evaluation:  # fmt: skip
+    table: Table,
+    job: Job,
+    world: World | Worlds,
+    trials: int,
+    seed: int,
+    scheduler: Scheduler | None = None,
+    disturbance: Disturbance = NONE,
+    report: Report = silent,
+) -> Evaluation:
     """Runs a table on at least one part, in chunks of 1000.
 
     The job says what parts and gripper are like in truth; it may differ from the one the table was compiled
@@ -92,9 +103,15 @@ class Line(NamedTuple):
 
 
 def sweep(
-    table: Table, job: Job, cases: Sequence[Case], worlds: Callable[[Job], World | Worlds], trials: int,
-    seed: int, scheduler: Scheduler | None = None, report: Report = silent,
-) -> Iterator[Line]:  # fmt: skip
+    table: Table,
+    job: Job,
+    cases: Sequence[Case],
+    worlds: Callable[[Job], World | Worlds],
+    trials: int,
+    seed: int,
+    scheduler: Scheduler | None = None,
+    report: Report = silent,
+) -> Iterator[Line]:
     """Evaluates a table in one case after another, with the same initial poses in all of them.
 
     `worlds` makes the worlds of a case's job; the other arguments are those of `evaluate`.
@@ -102,7 +119,9 @@ def sweep(
     for number, case in enumerate(cases):
         report("worlds", number, len(cases))
         real = case.job(job)
-        yield Line(case, evaluate(table, real, worlds(real), trials, seed, scheduler, case.disturbance))
+        yield Line(
+            case, evaluate(table, real, worlds(real), trials, seed, scheduler, case.disturbance)
+        )
 
 
 def worst_of(lines: Iterable[Line]) -> Line | None:

@@ -24,7 +24,9 @@ class LeafRecord(NamedTuple):
     predicted: float  # success probability that the table states
     predicted_trials: int  # on how many trials the table's figure rests
     observed: float  # share of the visits in which its pose was within the goal
-    interval95: tuple[float, float]  # that 95 % of such shares lie within, if the prediction is right
+    interval95: tuple[
+        float, float
+    ]  # that 95 % of such shares lie within, if the prediction is right
     holds: bool  # whether the observed share does
 
 
@@ -42,7 +44,12 @@ class Reliability(NamedTuple):
     def figures(self) -> dict[str, Any]:
         """For JSON."""
         rows = [row._asdict() for row in self.rows]
-        return {"leaves": len(rows), "share_within_95": self.share, "mean_gap": self.gap, "table": rows}
+        return {
+            "leaves": len(rows),
+            "share_within_95": self.share,
+            "mean_gap": self.gap,
+            "table": rows,
+        }
 
 
 def reliability(table: Table, evaluation: Evaluation) -> Reliability:
@@ -66,7 +73,9 @@ def reliability(table: Table, evaluation: Evaluation) -> Reliability:
         prior = (seen + JEFFREYS, leaf.trials - seen + JEFFREYS)
         low, high = (int(betabinom.ppf(q, visits, *prior)) for q in (TAIL, 1.0 - TAIL))
         interval, holds = (low / visits, high / visits), low <= hits <= high
-        rows.append(LeafRecord(index, visits, predicted, leaf.trials, hits / visits, interval, holds))
+        rows.append(
+            LeafRecord(index, visits, predicted, leaf.trials, hits / visits, interval, holds)
+        )
     total = sum(row.visits for row in rows)
     gap = sum(row.visits * abs(row.observed - row.predicted) for row in rows) / max(total, 1)
     return Reliability(tuple(rows), float(np.round(gap, 12)))

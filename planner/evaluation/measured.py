@@ -17,7 +17,9 @@ from planner.job.model import Job
 from planner.lower import covariance_of, pose_of
 from runtime import table as tables
 
-LEAST_VISITS = 200  # a node that fewer parts came to keeps the shares that its branches were planned with
+LEAST_VISITS = (
+    200  # a node that fewer parts came to keeps the shares that its branches were planned with
+)
 
 
 def with_figures(
@@ -63,7 +65,9 @@ def tried(table: tables.Table, run: Evaluation) -> list[list[int]]:
     """The branches of each node that trials took, and after which there was an outcome."""
     took = [set[int]() for _ in table.nodes]
     passed = run.path >= 0
-    for index, number in set(zip(run.path[passed].tolist(), run.branch[passed].tolist(), strict=True)):
+    for index, number in set(
+        zip(run.path[passed].tolist(), run.branch[passed].tolist(), strict=True)
+    ):
         took[index].add(number)
     return ending(table, took)
 
@@ -73,7 +77,9 @@ def ending(table: tables.Table, chosen: Sequence[Collection[int]]) -> list[list[
     kept: list[list[int]] = [[] for _ in table.nodes]
     for index in reversed(range(len(table.nodes))):  # children come after their parents
         targets = enumerate(branch.target for branch in table.nodes[index].branches)
-        kept[index] = [n for n, target in targets if n in chosen[index] and (target < 0 or kept[target])]
+        kept[index] = [
+            n for n, target in targets if n in chosen[index] and (target < 0 or kept[target])
+        ]
     return kept
 
 
@@ -103,10 +109,14 @@ def _leaf(
     here = evaluation.leaf == index
     trials, hits = int(here.sum()), int((here & evaluation.within).sum())
     if trials == 0:  # its figures are those of the trials before, when there were more leaves
-        held = not tables.refuted(tables.successes_of(leaf), leaf.trials, job.goal.confidence, leaves)
+        held = not tables.refuted(
+            tables.successes_of(leaf), leaf.trials, job.goal.confidence, leaves
+        )
         return leaf._replace(resolved=leaf.resolved and held)
     resolved = leaf.resolved and not tables.refuted(hits, trials, job.goal.confidence, leaves)
-    leaf = leaf._replace(success_ppm=round(tables.PPM * hits / trials), trials=trials, resolved=resolved)
+    leaf = leaf._replace(
+        success_ppm=round(tables.PPM * hits / trials), trials=trials, resolved=resolved
+    )
     median_um, p95_um = _errors_um(evaluation.error_mm[here])
     leaf = leaf._replace(error_median_um=median_um, error_p95_um=p95_um)
     if trials > 2:
@@ -126,9 +136,13 @@ def _errors_um(error_mm: Array) -> tuple[int, int]:
 def _open(leaf: tables.Leaf, states: Array, metric: Metric) -> tables.Leaf:
     """An unresolved leaf with what it cannot tell apart: its parts' main poses, but for its own."""
     predicted = np.array([*tables.predicted_pose(leaf), leaf.hypothesis])
-    modes = [mode for mode in main_poses(states, metric) if not metric.reached(mode.state, predicted)]
+    modes = [
+        mode for mode in main_poses(states, metric) if not metric.reached(mode.state, predicted)
+    ]
     others = tuple(mode.hypothesis[0] for mode in modes) if metric.further else ()
-    return leaf._replace(alternatives=tuple(pose_of(mode.pose) for mode in modes), other_hypotheses=others)
+    return leaf._replace(
+        alternatives=tuple(pose_of(mode.pose) for mode in modes), other_hypotheses=others
+    )
 
 
 def _measured(table: tables.Table, evaluation: Evaluation) -> tuple[tables.Node, ...]:
@@ -140,12 +154,16 @@ def _measured(table: tables.Table, evaluation: Evaluation) -> tuple[tables.Node,
         if total >= LEAST_VISITS:
             shares = [round(tables.PPM * int(count) / total) for count in visits]
             branches = zip(node.branches, shares, strict=True)
-            node = node._replace(branches=tuple(b._replace(probability_ppm=share) for b, share in branches))
+            node = node._replace(
+                branches=tuple(b._replace(probability_ppm=share) for b, share in branches)
+            )
         nodes.append(node)
     return tuple(nodes)
 
 
-def _branches(node: tables.Node, numbers: list[int], calibration: tables.Calibration) -> list[tables.Branch]:
+def _branches(
+    node: tables.Node, numbers: list[int], calibration: tables.Calibration
+) -> list[tables.Branch]:
     """The branches that stay; where one goes, the others keep to the widths that they were read at."""
     if len(numbers) == len(node.branches):
         return list(node.branches)
@@ -155,7 +173,8 @@ def _branches(node: tables.Node, numbers: list[int], calibration: tables.Calibra
     for number in numbers:
         branch = node.branches[number]
         widths = [
-            calibration.widths_um[reading % tables.COUNTS] for reading in np.flatnonzero(decided == number)
+            calibration.widths_um[reading % tables.COUNTS]
+            for reading in np.flatnonzero(decided == number)
         ]
         low, high = min(widths), max(widths)
         expected = min(max(branch.expected_um, low), high)

@@ -36,8 +36,12 @@ ARM_KG = 1e3  # of a hand that pushes: the arm behind it does not give way
 FEET = 24  # a pressure along a line or over an area stands on so many
 FOOT_M = 5e-4  # radius of a foot
 ROUND_M = 2e-5  # radius of the corners of part and fingers
-PLATE_M = 2e-4  # thickness of the faces: impacts drive a corner in by 0.035 mm, and not past their middle
-CLOSED_M = 5e-5  # jaws that are nearer have met: a sharp corner's rounding is all that fits between them
+PLATE_M = (
+    2e-4  # thickness of the faces: impacts drive a corner in by 0.035 mm, and not past their middle
+)
+CLOSED_M = (
+    5e-5  # jaws that are nearer have met: a sharp corner's rounding is all that fits between them
+)
 TIMESTEP_S = 2.5e-4
 CONTACT_S = 5e-4  # time constant of contacts: they give way by less than 0.05 mm under 40 N
 LEAD_M = 5e-4  # the fingers start at least so far from the first touch
@@ -194,13 +198,20 @@ def _placed(outline: Outline, pose: Pose) -> Array:
 def _model(job: Job, timestep_s: float, add_fingers: Callable[[Any, Job, float], None]) -> Any:
     """Table, part and fingers."""
     spec = mujoco.MjSpec()
-    spec.option.timestep, spec.option.integrator = timestep_s, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.option.timestep, spec.option.integrator = (
+        timestep_s,
+        mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
+    )
     spec.option.cone, spec.option.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, 10.0
     spec.option.noslip_iterations = 10  # else what friction holds creeps
     spec.worldbody.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_PLANE, size=[1.0, 1.0, 0.1], friction=[TABLE_FRICTION, 0.0, 0.0],
-        contype=TABLE, conaffinity=0, **STIFF,
-    )  # fmt: skip
+        type=mujoco.mjtGeom.mjGEOM_PLANE,
+        size=[1.0, 1.0, 0.1],
+        friction=[TABLE_FRICTION, 0.0, 0.0],
+        contype=TABLE,
+        conaffinity=0,
+        **STIFF,
+    )
     height_mm = job.part.height_mm or 2.0 * job.cell.squeeze_height_mm
     _add_part(spec, job, height_mm / 1e3)
     add_fingers(spec, job, height_mm / 1e3)
@@ -211,16 +222,24 @@ def _add_part(spec: Any, job: Job, height: float) -> None:
     outline, body = job.part.outline_mm, spec.worldbody.add_body()
     body.add_freejoint()
     points, centre = feet(job)
-    mass, gyration = DENSITY_KG_M3 * area(outline) / 1e6 * height, (radius_of_gyration(outline) / 1e3) ** 2
+    mass, gyration = (
+        DENSITY_KG_M3 * area(outline) / 1e6 * height,
+        (radius_of_gyration(outline) / 1e3) ** 2,
+    )
     tilting = mass * (0.5 * gyration + height**2 / 12.0)  # as a round part's; it hardly tilts
     body.explicitinertial, body.mass, body.ipos = True, mass, [*centre / 1e3, 0.5 * height]
     body.inertia = [tilting, tilting, mass * gyration]
     _add_rim(body, simplified(outline, SIMPLIFY_MM) / 1e3, height, job.cell.squeeze_height_mm / 1e3)
     for x, y in points / 1e3:
         body.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[FOOT_M, 0.0, 0.0], pos=[x, y, FOOT_M],
-            friction=[TABLE_FRICTION, 0.0, 0.0], contype=0, conaffinity=TABLE, **STIFF,
-        )  # fmt: skip
+            type=mujoco.mjtGeom.mjGEOM_SPHERE,
+            size=[FOOT_M, 0.0, 0.0],
+            pos=[x, y, FOOT_M],
+            friction=[TABLE_FRICTION, 0.0, 0.0],
+            contype=0,
+            conaffinity=TABLE,
+            **STIFF,
+        )
 
 
 def _add_rim(body: Any, outline: Array, height: float, tips: float) -> None:
@@ -232,7 +251,10 @@ def _add_rim(body: Any, outline: Array, height: float, tips: float) -> None:
     """
     ahead = np.roll(outline, -1, axis=0) - outline
     angles = np.arctan2(ahead[:, 1], ahead[:, 0])
-    lengths, bends = np.hypot(*ahead.T), np.remainder(angles - np.roll(angles, 1) + np.pi, math.tau) - np.pi
+    lengths, bends = (
+        np.hypot(*ahead.T),
+        np.remainder(angles - np.roll(angles, 1) + np.pi, math.tau) - np.pi,
+    )
     for corner, angle, bend in zip(outline, angles, bends, strict=True):
         if bend > 0.0:  # others are notches
             inwards = angle + 0.5 * (math.pi - bend)
@@ -245,12 +267,18 @@ def _add_rim(body: Any, outline: Array, height: float, tips: float) -> None:
         first, last = trims[k], length - trims[(k + 1) % len(trims)]
         if last > first:
             c, s, middle = math.cos(angle), math.sin(angle), 0.5 * (first + last)
-            x, y = corner + np.array([c * middle - s * 0.5 * PLATE_M, s * middle + c * 0.5 * PLATE_M])
+            x, y = corner + np.array(
+                [c * middle - s * 0.5 * PLATE_M, s * middle + c * 0.5 * PLATE_M]
+            )
             body.add_geom(
-                type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.5 * (last - first), 0.5 * PLATE_M, 0.5 * height],
-                pos=[x, y, 0.5 * height], quat=[math.cos(0.5 * angle), 0.0, 0.0, math.sin(0.5 * angle)],
-                contype=PLATE, conaffinity=POST, **STIFF,
-            )  # fmt: skip
+                type=mujoco.mjtGeom.mjGEOM_BOX,
+                size=[0.5 * (last - first), 0.5 * PLATE_M, 0.5 * height],
+                pos=[x, y, 0.5 * height],
+                quat=[math.cos(0.5 * angle), 0.0, 0.0, math.sin(0.5 * angle)],
+                contype=PLATE,
+                conaffinity=POST,
+                **STIFF,
+            )
 
 
 def _add_post(
@@ -259,9 +287,14 @@ def _add_post(
     """A vertical edge, by its ends."""
     for z in (ends[0] + ROUND_M, ends[1] - ROUND_M):
         body.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[ROUND_M, 0.0, 0.0], pos=[x, y, z],
-            contype=kind, conaffinity=other, **more, **STIFF,
-        )  # fmt: skip
+            type=mujoco.mjtGeom.mjGEOM_SPHERE,
+            size=[ROUND_M, 0.0, 0.0],
+            pos=[x, y, z],
+            contype=kind,
+            conaffinity=other,
+            **more,
+            **STIFF,
+        )
 
 
 def _add_finger(body: Any, job: Job, height: float) -> None:
@@ -270,9 +303,14 @@ def _add_finger(body: Any, job: Job, height: float) -> None:
     # Its ends are the posts': a face as long as the finger would hold a corner that has slid off it.
     face = [size[0] - ROUND_M, *size[1:]]
     body.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_BOX, size=face, mass=JAW_KG, contype=FINGER, conaffinity=CORNER,
-        priority=1, **STIFF,
-    )  # fmt: skip
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        size=face,
+        mass=JAW_KG,
+        contype=FINGER,
+        conaffinity=CORNER,
+        priority=1,
+        **STIFF,
+    )
     for x, y in product((-1.0, 1.0), repeat=2):
         inset = np.array(size[:2]) - ROUND_M
         ends = -size[2], height - tips - size[2]
@@ -282,7 +320,11 @@ def _add_finger(body: Any, job: Job, height: float) -> None:
 def _finger_size(job: Job, height: float) -> list[float]:
     """Half length, half width, half height [m]."""
     gripper, tips = job.gripper, job.cell.squeeze_height_mm / 1e3
-    return [gripper.finger_length_mm / 2e3, gripper.finger_width_mm / 2e3, 0.5 * (height - tips) + FOOT_M]
+    return [
+        gripper.finger_length_mm / 2e3,
+        gripper.finger_width_mm / 2e3,
+        0.5 * (height - tips) + FOOT_M,
+    ]
 
 
 def _add_jaws(spec: Any, job: Job, height: float) -> None:
@@ -298,13 +340,20 @@ def _add_jaws(spec: Any, job: Job, height: float) -> None:
     # Force falls evenly with speed, as that of a motor: the job's force at rest, none at the job's speed.
     slope = gripper.force_n / (gripper.speed_mm_s / 1e3)
     spec.add_actuator(
-        target="drive", trntype=mujoco.mjtTrn.mjTRN_TENDON, gainprm=[slope, *[0.0] * 9],
-        biastype=mujoco.mjtBias.mjBIAS_AFFINE, biasprm=[0.0, 0.0, -slope, *[0.0] * 7],
-    )  # fmt: skip
+        target="drive",
+        trntype=mujoco.mjtTrn.mjTRN_TENDON,
+        gainprm=[slope, *[0.0] * 9],
+        biastype=mujoco.mjtBias.mjBIAS_AFFINE,
+        biasprm=[0.0, 0.0, -slope, *[0.0] * 7],
+    )
     shares = {"upper": gripper.upper_finger_share, "lower": 1.0 - gripper.upper_finger_share}
     less, more = sorted(shares, key=lambda name: shares[name])
     couple = spec.add_equality(
-        type=mujoco.mjtEq.mjEQ_JOINT, objtype=mujoco.mjtObj.mjOBJ_JOINT, name1=less, name2=more, **STIFF
+        type=mujoco.mjtEq.mjEQ_JOINT,
+        objtype=mujoco.mjtObj.mjOBJ_JOINT,
+        name1=less,
+        name2=more,
+        **STIFF,
     )
     couple.data[:2] = [0.0, shares[less] / shares[more]]
 

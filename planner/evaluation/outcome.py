@@ -25,7 +25,9 @@ class Evaluation:
     leaf: IntArray  # (n,) the leaf reached, `REJECTED` where a width fitted no branch, or `CRASHED`
     squeezes: IntArray  # (n,) how many it took
     seconds: Array  # (n,) estimated time
-    error_mm: Array  # (n,) audit metric of the leaf's pose against the true pose; infinite without a leaf
+    error_mm: (
+        Array  # (n,) audit metric of the leaf's pose against the true pose; infinite without a leaf
+    )
     within: BoolArray  # (n,) whether the leaf's pose is within the goal of the true pose
     resolved: BoolArray  # (n,) whether the leaf claims to know the pose
     poses: Array  # (n, 3) true final poses, in the arm's frame
@@ -88,7 +90,9 @@ class Evaluation:
             "mean_seconds": float(self.seconds.mean()),
             **seconds_figures(self.seconds, takt_s),
             "crashes": self.crashes,
-            "error_mm": dict(zip(("median", "p95"), np.quantile(known, ERROR_SHARES).tolist(), strict=True))
+            "error_mm": dict(
+                zip(("median", "p95"), np.quantile(known, ERROR_SHARES).tolist(), strict=True)
+            )
             if len(known)
             else None,
         }
@@ -106,6 +110,7 @@ class Evaluation:
     def joined(cls, parts: Sequence[Self]) -> Self:
         """One evaluation of the trials of several, in their order; at least one."""
         rows: dict[str, Any] = {
-            field.name: np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(cls)
+            field.name: np.concatenate([getattr(part, field.name) for part in parts])
+            for field in fields(cls)
         }
         return cls(**rows)

@@ -82,7 +82,10 @@ class Sums:
         Raises:
             KeyError, TypeError, ValueError: it is not one, or of another number of leaves.
         """
-        empty, row = cls.none(leaves), {name: np.array(document[name], np.float64) for name in NAMES}
+        empty, row = (
+            cls.none(leaves),
+            {name: np.array(document[name], np.float64) for name in NAMES},
+        )
         if any(row[name].shape != np.shape(getattr(empty, name)) for name in NAMES):
             raise ValueError("sums of another table")
         arrays = row["visits"], row["wrong"], row["squares"]
@@ -120,7 +123,14 @@ class Study:
         Args:
             world: the world and its changes, in words.
         """
-        parts = [self.program.table, self.job.digest(), world, self.seed, CHUNK, self.copies.tolist()]
+        parts = [
+            self.program.table,
+            self.job.digest(),
+            world,
+            self.seed,
+            CHUNK,
+            self.copies.tolist(),
+        ]
         return hashlib.sha256(repr([*parts, self.disturbance]).encode()).hexdigest()
 
     def __call__(self, chunk: int) -> Sums:
@@ -159,7 +169,9 @@ class Study:
             times = self.copies[made.target[on]] // self.copies[node[on]]
             part, node = np.repeat(part[on], times), np.repeat(made.target[on], times)
             poses = np.repeat(made.released[on], times, axis=0)
-        part, leaf, weight, poses, counts = (np.concatenate(column) for column in zip(*ends, strict=True))
+        part, leaf, weight, poses, counts = (
+            np.concatenate(column) for column in zip(*ends, strict=True)
+        )
         resolved, own = np.array([known.resolved for known in program.table.leaves]), traits[part]
         states = with_hypothesis(poses - self.disturbance.bias, own)
         wrong = resolved[leaf] & ~judge(program.table, leaf, states).within
@@ -177,7 +189,9 @@ class Study:
 
 def _sum(group: IntArray, weight: Array, groups: int) -> Array:
     """(groups,) the weight in each."""
-    return np.asarray(np.bincount(group, weight, groups), np.float64)  # of integers where there is none
+    return np.asarray(
+        np.bincount(group, weight, groups), np.float64
+    )  # of integers where there is none
 
 
 def _squares(part: IntArray, leaf: IntArray, weight: Array, leaves: int) -> Array:
@@ -282,7 +296,9 @@ class Findings:
         """Of the rate of a leaf, or of all of them [ppm]."""
         parts, index = self.sums.parts, -1 if leaf is None else leaf
         rate = (self.wrong if leaf is None else self.leaves[leaf]).rate / PPM
-        return PPM * math.sqrt(max(float(self.sums.squares[index]) / parts - rate * rate, 0.0) / parts)
+        return PPM * math.sqrt(
+            max(float(self.sums.squares[index]) / parts - rate * rate, 0.0) / parts
+        )
 
     def worst(self, most: int) -> list[int]:
         """The leaves with wrong answers, those with the highest rate first."""
@@ -328,7 +344,11 @@ class Findings:
         ]
         if limit is not None:
             side = (
-                "below" if wrong.high < limit else "above" if wrong.low > limit else "neither below nor above"
+                "below"
+                if wrong.high < limit
+                else "above"
+                if wrong.low > limit
+                else "neither below nor above"
             )
             more = "" if self.decided(limit) else "; raise --trials"
             told.append(f"limit      shown to be {side} {limit:g} ppm{more}")

@@ -33,7 +33,9 @@ class Answer(NamedTuple):
     share: float  # of the strangers that it answers
     widths_mm: tuple[float, ...]  # at each squeeze: median of theirs
     ours_mm: tuple[float, ...]  # and of the own parts that end there; empty where none did
-    differ_mm: float  # by how much some width of the two parts differs, turned so that they differ least
+    differ_mm: (
+        float  # by how much some width of the two parts differs, turned so that they differ least
+    )
 
     @property
     def apart_mm(self) -> float | None:
@@ -82,7 +84,9 @@ class Strange(NamedTuple):
 
     def lines(self) -> list[str]:
         """For people; by which widths it is taken for which part, where that is too often."""
-        told = f"stranger   {self.answered:7.2%}  of {self.name} answered as a part that belongs there"
+        told = (
+            f"stranger   {self.answered:7.2%}  of {self.name} answered as a part that belongs there"
+        )
         if not self.often:
             return [told]
         return [f"{told}, more than {OFTEN:.0%}:", *(answer.line() for answer in self.answers)]
@@ -106,20 +110,30 @@ def family(job: Job) -> tuple[Job, ...]:
         for told, shape in shapes.items():
             part = {"name": f"{own.part.name} {told}", "outline_mm": shape.tolist(), "symmetry": 1}
             with suppress(FitError):
-                found.append(own.replaced(part=part, pressure={"kind": "uniform"}, goal={"kind": "pose"}))
+                found.append(
+                    own.replaced(part=part, pressure={"kind": "uniform"}, goal={"kind": "pose"})
+                )
     return tuple(found)
 
 
 def strangers(
-    table: Table, job: Job, parts: Sequence[Job], own: Evaluation,
-    worlds: Callable[[Job], World | Worlds], trials: int, seed: int,
-    scheduler: Scheduler | None = None, disturbance: Disturbance = NONE,
-) -> Iterator[Strange]:  # fmt: skip
+    table: Table,
+    job: Job,
+    parts: Sequence[Job],
+    own: Evaluation,
+    worlds: Callable[[Job], World | Worlds],
+    trials: int,
+    seed: int,
+    scheduler: Scheduler | None = None,
+    disturbance: Disturbance = NONE,
+) -> Iterator[Strange]:
     """Runs a table on each of some parts; `own`: trials of those that belong; the rest as of `evaluate`."""
     for stranger in parts:
         found = evaluate(table, stranger, worlds(stranger), trials, seed, scheduler, disturbance)
         outlines = [each.part.outline_mm for each in job.alone]
-        differ = [round(widths_differ_mm(stranger.part.outline_mm, outline), 2) for outline in outlines]
+        differ = [
+            round(widths_differ_mm(stranger.part.outline_mm, outline), 2) for outline in outlines
+        ]
         yield Strange(stranger.part.name, found, tuple(_answers(table, found, own, job, differ)))
 
 
@@ -149,7 +163,9 @@ def _widths(found: Evaluation, leaf: int, job: Job) -> tuple[float, ...]:
     here = found.leaf == leaf
     if not here.any():
         return ()
-    counts = found.counts[here][:, : int(found.squeezes[here][0])]  # a tree: one way leads to a leaf
+    counts = found.counts[here][
+        :, : int(found.squeezes[here][0])
+    ]  # a tree: one way leads to a leaf
     medians = encoder_of(job).width_mm(np.median(counts, axis=0))
     return tuple(round(float(width), 2) for width in medians)
 

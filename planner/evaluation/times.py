@@ -63,8 +63,12 @@ class _Paths:
         if came is None or made is None:
             return 0.0
         node = None if after < 0 else after
-        _, stands, jaws_s = self.schedule.squeeze(came, None, None if first else made.node, first=True)
-        phases, *_ = self.schedule.squeeze(made, stands, node, 0.0 if first else jaws_s, first=first)
+        _, stands, jaws_s = self.schedule.squeeze(
+            came, None, None if first else made.node, first=True
+        )
+        phases, *_ = self.schedule.squeeze(
+            made, stands, node, 0.0 if first else jaws_s, first=first
+        )
         return phases.total_s
 
     def _squeezed(self, state: list[int]) -> Squeezed | None:

@@ -100,9 +100,15 @@ class Step(NamedTuple):
 
 
 def step(
-    program: Program, node: IntArray, poses: Array, placement: Array, world: World, encoder: Encoder,
-    rng: np.random.Generator, traits: Traits | None = None,
-) -> Step:  # fmt: skip
+    program: Program,
+    node: IntArray,
+    poses: Array,
+    placement: Array,
+    world: World,
+    encoder: Encoder,
+    rng: np.random.Generator,
+    traits: Traits | None = None,
+) -> Step:
     """Squeezes parts once, reads, looks up and lets go, as the runtime would.
 
     Args:
@@ -128,7 +134,12 @@ def step(
 
 
 def run(
-    program: Program, job: Job, world: World, trials: int, rng: np.random.Generator, disturbance: Disturbance
+    program: Program,
+    job: Job,
+    world: World,
+    trials: int,
+    rng: np.random.Generator,
+    disturbance: Disturbance,
 ) -> Evaluation:
     """Runs a table on a number of parts, at least 1.
 
@@ -172,9 +183,12 @@ def replayed(program: Program, before: Evaluation, bias: Array) -> tuple[Evaluat
     trials = len(before.leaf)
     nowhere, node = _nowhere(program, trials), np.zeros(trials, np.int64)
     found = replace(
-        before[np.arange(trials)], squeezes=np.zeros(trials, np.int64), path=nowhere, reading=nowhere.copy(),
+        before[np.arange(trials)],
+        squeezes=np.zeros(trials, np.int64),
+        path=nowhere,
+        reading=nowhere.copy(),
         branch=nowhere.copy(),
-    )  # fmt: skip
+    )
     for k in range(before.reading.shape[1]):
         members = np.flatnonzero((before.squeezes > k) & (node >= 0))
         _note(program, found, node, members, before.reading[members, k])
@@ -187,9 +201,14 @@ def replayed(program: Program, before: Evaluation, bias: Array) -> tuple[Evaluat
 
 
 def finish(
-    program: Program, found: Evaluation, node: IntArray, job: Job, world: World, rng: np.random.Generator,
+    program: Program,
+    found: Evaluation,
+    node: IntArray,
+    job: Job,
+    world: World,
+    rng: np.random.Generator,
     disturbance: Disturbance,
-) -> None:  # fmt: skip
+) -> None:
     """Runs trials to their ends, without judging them.
 
     Args:
@@ -223,11 +242,17 @@ def _nowhere(program: Program, trials: int) -> IntArray:
     return np.full((trials, program.table.limits.max_depth), NOWHERE, np.int64)
 
 
-def _note(program: Program, found: Evaluation, node: IntArray, members: IntArray, reading: IntArray) -> None:
+def _note(
+    program: Program, found: Evaluation, node: IntArray, members: IntArray, reading: IntArray
+) -> None:
     """Notes what was read at the nodes of some trials, and sends these on."""
     at = node[members]
     row, target = (members, found.squeezes[members]), program.target[at, reading]
-    found.path[row], found.reading[row], found.branch[row] = at, reading, program.branch[at, reading]
+    found.path[row], found.reading[row], found.branch[row] = (
+        at,
+        reading,
+        program.branch[at, reading],
+    )
     found.squeezes[members] += 1
     leaf = np.where(target == DISMISSED, REJECTED, ~target)
     found.leaf[members] = np.where(target < 0, leaf, RUNNING)
@@ -243,9 +268,15 @@ class Arrived(NamedTuple):
 
 
 def come_down(
-    program: Program, node: IntArray, poses: Array, world: World, job: Job, traits: Traits,
-    disturbance: Disturbance, rng: np.random.Generator,
-) -> Arrived:  # fmt: skip
+    program: Program,
+    node: IntArray,
+    poses: Array,
+    world: World,
+    job: Job,
+    traits: Traits,
+    disturbance: Disturbance,
+    rng: np.random.Generator,
+) -> Arrived:
     """Pushes parts as their nodes say, and comes down to squeeze them.
 
     Args:
@@ -265,9 +296,15 @@ def come_down(
 
 
 def pushed(
-    program: Program, node: IntArray, poses: Array, world: World, job: Job, traits: Traits,
-    disturbance: Disturbance, rng: np.random.Generator,
-) -> tuple[Array, BoolArray]:  # fmt: skip
+    program: Program,
+    node: IntArray,
+    poses: Array,
+    world: World,
+    job: Job,
+    traits: Traits,
+    disturbance: Disturbance,
+    rng: np.random.Generator,
+) -> tuple[Array, BoolArray]:
     """Where parts lie (n, 3) after the pushes before their squeezes, and which (n,) a finger came down on.
 
     Arguments as of `come_down`.
@@ -281,12 +318,19 @@ def pushed(
             rows = np.flatnonzero((node == index) & ~stopped)
             placement = np.array([push.x_um / 1e3, push.y_um / 1e3, push.angle_urad / 1e6])
             hand = disturbance.placed(np.tile(placement, (len(rows), 1)), traits[rows], rng)
-            lying, opening_mm = to_hand(after[rows], hand.T), np.full(len(rows), push.opening_um / 1e3)
+            lying, opening_mm = (
+                to_hand(after[rows], hand.T),
+                np.full(len(rows), push.opening_um / 1e3),
+            )
             share = job.gripper.upper_finger_share + traits["share"][rows]
-            beside = np.outer(beside_mm(share, job.gripper.opening_mm - opening_mm), [0.0, 1.0, 0.0])
+            beside = np.outer(
+                beside_mm(share, job.gripper.opening_mm - opening_mm), [0.0, 1.0, 0.0]
+            )
             stopped[rows] = _standing_on(lying - beside, opening_mm, world, job, traits[rows])
             way_mm = np.full(len(rows), push.length_um / 1e3)
-            after[rows] = to_world(_push_all(world, lying, opening_mm, way_mm, traits[rows]), hand.T)
+            after[rows] = to_world(
+                _push_all(world, lying, opening_mm, way_mm, traits[rows]), hand.T
+            )
     return after, stopped
 
 
@@ -302,7 +346,10 @@ def _push_all(world: World, hand: Array, opening_mm: Array, way_mm: Array, trait
             final[rows] = many(*each, alone)
         elif one is not None:
             final[rows] = np.reshape(
-                [one(tuple(map(float, q)), float(w), float(d)) for q, w, d in zip(*each, strict=True)],
+                [
+                    one(tuple(map(float, q)), float(w), float(d))
+                    for q, w, d in zip(*each, strict=True)
+                ],
                 (-1, 3),
             )
         else:
@@ -311,7 +358,9 @@ def _push_all(world: World, hand: Array, opening_mm: Array, way_mm: Array, trait
     return final
 
 
-def _standing_on(hand: Array, opening_mm: Array, world: World, job: Job, traits: Traits) -> BoolArray:
+def _standing_on(
+    hand: Array, opening_mm: Array, world: World, job: Job, traits: Traits
+) -> BoolArray:
     """Which parts (n, 3) in the hand frame fingers come down on (n,), where the world can tell."""
     stopped, alone = np.zeros(len(hand), np.bool_), job.alone
     for k, rows in by_hypothesis(traits):

@@ -18,10 +18,25 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from runtime.shell.files import OutputError, folder
 from runtime.shell.files import write as write_text
-from runtime.table import COUNTS, HELD_UM, REJECT, Calibration, Node, Table, TableFile, decide, decision_map
+from runtime.table import (
+    COUNTS,
+    HELD_UM,
+    REJECT,
+    Calibration,
+    Node,
+    Table,
+    TableFile,
+    decide,
+    decision_map,
+)
 
-FELT, NOT_FELT = 2, 3  # the object flag (gOBJ) of jaws that met something, and of jaws that met nothing
-NODE, LEAF, UNRESOLVED, REJECTED, FAULT = range(5)  # what follows a reading, as the vectors and programs say
+FELT, NOT_FELT = (
+    2,
+    3,
+)  # the object flag (gOBJ) of jaws that met something, and of jaws that met nothing
+NODE, LEAF, UNRESOLVED, REJECTED, FAULT = range(
+    5
+)  # what follows a reading, as the vectors and programs say
 VECTOR = ("node", "count", "object_flag", "outcome", "index", "release_x_um", "release_y_um")
 
 
@@ -122,9 +137,13 @@ def write(found: TableFile, form: str, path: Path, prefix: str = PREFIX) -> dict
     try:
         empty = not any(path.iterdir())
     except OSError as error:
-        raise OutputError(f"{path} cannot be looked into: {error.strerror}; name another folder") from error
+        raise OutputError(
+            f"{path} cannot be looked into: {error.strerror}; name another folder"
+        ) from error
     if not empty:
-        raise OutputError(f"{path} holds files already, which stay; name another folder, new or empty")
+        raise OutputError(
+            f"{path} holds files already, which stay; name another folder, new or empty"
+        )
     written: list[Path] = []
     try:
         for name, text in texts.items():
@@ -213,9 +232,13 @@ def _plain(text: str) -> str:
 @cache
 def _templates() -> Environment:
     made = Environment(
-        loader=PackageLoader("planner.export", "templates"), autoescape=False, undefined=StrictUndefined,
-        trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True,
-    )  # fmt: skip
+        loader=PackageLoader("planner.export", "templates"),
+        autoescape=False,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
     made.filters["numbers"] = lambda row: ", ".join(map(str, row))
     made.filters["wrapped"] = lambda column: textwrap.fill(
         ", ".join(map(str, column)), WIDTH, initial_indent=" " * 8, subsequent_indent=" " * 8

@@ -55,7 +55,9 @@ class Fit(NamedTuple):
     """A surface with what it was fitted with."""
 
     surface: Surface  # the limit surface, of wrenches divided by `friction_n`
-    friction_n: float | None  # friction with the table at full slip, N; None: magnitudes are not known
+    friction_n: (
+        float | None
+    )  # friction with the table at full slip, N; None: magnitudes are not known
     ridge: float  # pull towards the ellipsoid, in pairs; 0 for an ellipsoid
 
 
@@ -64,8 +66,12 @@ class Identified(NamedTuple):
 
     kind: Kind  # "ellipsoid" or "quartic"
     fit: Fit  # to all pairs
-    errors_rad: Array  # (splits,) mean angle between measured and predicted twist over the held-out half
-    held_out: Array  # (K, 3) mean predicted unit twist of each pair while held out; nan if it never was
+    errors_rad: (
+        Array  # (splits,) mean angle between measured and predicted twist over the held-out half
+    )
+    held_out: (
+        Array  # (K, 3) mean predicted unit twist of each pair while held out; nan if it never was
+    )
     fit_error_rad: float  # the same of the final fit on its own pairs
 
 
@@ -79,14 +85,24 @@ def normalise(pairs: Pairs, rho_mm: float) -> Normalised:
 
 def directions(pairs: Pairs) -> Directions:
     """Pairs in the units of `planner.mechanics.limit_surface` but for their magnitudes, which are dropped."""
-    F, V = (each / np.linalg.norm(each, axis=1, keepdims=True) for each in (pairs.wrenches, pairs.twists))
+    F, V = (
+        each / np.linalg.norm(each, axis=1, keepdims=True)
+        for each in (pairs.wrenches, pairs.twists)
+    )
     return Directions(F, V, pairs.weights / pairs.weights.mean())
 
 
 def identify(
-    data: Normalised, rho_mm: float, kinds: Sequence[Kind], *, splits: int, train_share: float, seed: int,
-    friction_n: float | None = None, report: Report = silent,
-) -> list[Identified]:  # fmt: skip
+    data: Normalised,
+    rho_mm: float,
+    kinds: Sequence[Kind],
+    *,
+    splits: int,
+    train_share: float,
+    seed: int,
+    friction_n: float | None = None,
+    report: Report = silent,
+) -> list[Identified]:
     """Fit limit surfaces to pairs, normalised with `rho_mm`, and judge each kind on the same random splits.
 
     A split fits to the share `train_share` of the pairs, 0 to 1, and holds out the rest. The friction with
@@ -121,13 +137,19 @@ def identify(
         fitted = fit(data, rho_mm, kind, np.random.default_rng(seed), friction_n)
         own = np.average(angles(predict(fitted.surface, data.F), data.V), weights=data.weights)
         length = np.linalg.norm(predicted[kind], axis=1, keepdims=True)
-        mean = np.divide(predicted[kind], length, out=np.full((count, 3), np.nan), where=length > 0.0)
+        mean = np.divide(
+            predicted[kind], length, out=np.full((count, 3), np.nan), where=length > 0.0
+        )
         found.append(Identified(kind, fitted, errors[kind], mean, float(own)))
     return found
 
 
 def fit(
-    data: Normalised, rho_mm: float, kind: Kind, rng: np.random.Generator, friction_n: float | None = None
+    data: Normalised,
+    rho_mm: float,
+    kind: Kind,
+    rng: np.random.Generator,
+    friction_n: float | None = None,
 ) -> Fit:
     """Fit one surface to pairs; a quartic's ridge is chosen by cross-validation on them.
 
@@ -149,7 +171,9 @@ def _fit_directions(data: Directions, rho_mm: float, kind: Kind, rng: np.random.
     """`fit` where wrenches have no magnitude: they are scaled onto the surface, which is fitted again."""
     A, emphasis = np.eye(3), data.weights
     for _ in range(_SCALING_ROUNDS):
-        scaled = Normalised(data.F / np.sqrt(_ellipsoid_value(A, data.F))[:, None], data.V, data.weights)
+        scaled = Normalised(
+            data.F / np.sqrt(_ellipsoid_value(A, data.F))[:, None], data.V, data.weights
+        )
         A = limit_surface.fit(scaled.F, scaled.V, emphasis)
         emphasis = data.weights * quartic_fit.emphasis(scaled.F @ A, data.V)
     if kind == "ellipsoid":
@@ -180,7 +204,9 @@ def friction(data: Normalised) -> float:
     return scale
 
 
-def choose_ridge(data: Normalised, rho_mm: float, rng: np.random.Generator, tolerance: float = 1.0) -> float:
+def choose_ridge(
+    data: Normalised, rho_mm: float, rng: np.random.Generator, tolerance: float = 1.0
+) -> float:
     """The strongest of `RIDGES` within `tolerance` standard errors of the best, cross-validated."""
     count = len(data.F)
     errors = np.empty((len(RIDGES), count))

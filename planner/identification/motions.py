@@ -56,9 +56,18 @@ def fit(motions: Motions, part: Simulator, radius_mm: float, friction: float = 0
 
     # All unknowns are shifted by 1, so that relative steps of derivatives are of one size.
     start = 1.0 + np.append(np.zeros(5), friction)
-    low, high = 1.0 + np.append(np.full(5, -3.0), FRICTION[0]), 1.0 + np.append(np.full(5, 3.0), FRICTION[1])
+    low, high = (
+        1.0 + np.append(np.full(5, -3.0), FRICTION[0]),
+        1.0 + np.append(np.full(5, 3.0), FRICTION[1]),
+    )
     found = least_squares(
-        residuals, start, bounds=(low, high), loss="soft_l1", f_scale=SCALE_MM, diff_step=STEP, max_nfev=40
+        residuals,
+        start,
+        bounds=(low, high),
+        loss="soft_l1",
+        f_scale=SCALE_MM,
+        diff_step=STEP,
+        max_nfev=40,
     )
     values = found.x - 1.0
     return Fitted(LimitSurface(_ellipsoid(values[:5]), rho), float(values[5]))

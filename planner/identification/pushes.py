@@ -42,7 +42,9 @@ FACES_MM = np.array([50.0, 50.0, 50.0 * math.sqrt(0.5)])  # distances of the fac
 
 SENSOR_AXES = math.sqrt(0.5) * np.array([[1.0, 1.0], [1.0, -1.0]])
 APPROACH = 0.3
-TIP_PRIOR = 0.5  # scatter of a contact's distance from its face over the likely size of the tip's offset
+TIP_PRIOR = (
+    0.5  # scatter of a contact's distance from its face over the likely size of the tip's offset
+)
 
 MAX_TILT_DEG = 15.0  # of a block on a table; beyond it the numbers are in another order
 
@@ -93,7 +95,9 @@ def pairs(pushes: list[Push], where: str = "push log") -> tuple[Array, Array]:
     for number, (wrench, twist) in enumerate(zip(wrenches, twists, strict=True), 1):
         if not twist.any() or not wrench[:2].any():
             lacks = "no force reading shows contact" if twist.any() else "the block does not move"
-            raise ValueRangeError(f"push {number} of {len(pushes)}: {lacks}; drop this push", where=where)
+            raise ValueRangeError(
+                f"push {number} of {len(pushes)}: {lacks}; drop this push", where=where
+            )
     return wrenches, twists
 
 
@@ -212,7 +216,9 @@ class _Reader:
             problem = f"the file ends where {what} should follow; it is truncated, copy it again"
             raise self._error(problem) from None
         if len(fields) != columns:
-            raise self._error(f"{what}: expected {columns} numbers, found {len(fields)}; correct the line")
+            raise self._error(
+                f"{what}: expected {columns} numbers, found {len(fields)}; correct the line"
+            )
         place = f"line {self._line}, {self.place}: {what}"
         return [finite(field, place, self._where) for field in fields]
 
@@ -228,7 +234,9 @@ class _Reader:
         if abs(w * w + x * x + y * y + z * z - 1.0) > 1e-2:
             raise self._error(f"{what}: qw qx qy qz is not a unit quaternion; correct the line")
         if math.degrees(2.0 * math.asin(min(1.0, math.hypot(x, y)))) > MAX_TILT_DEG:
-            problem = f"{what}: tilted by more than {MAX_TILT_DEG:g} deg; the order is x y z qw qx qy qz"
+            problem = (
+                f"{what}: tilted by more than {MAX_TILT_DEG:g} deg; the order is x y z qw qx qy qz"
+            )
             raise self._error(problem)
         return pose
 
@@ -243,7 +251,14 @@ class _Reader:
 
 
 COLUMNS = ("fx_n", "fy_n", "tau_n_mm", "vx_mm", "vy_mm", "omega_rad")
-DIRECTIONS = ("fx", "fy", "tau_rho", "vx", "vy", "om_rho")  # torque over rho, angle times rho; any scale
+DIRECTIONS = (
+    "fx",
+    "fy",
+    "tau_rho",
+    "vx",
+    "vy",
+    "om_rho",
+)  # torque over rho, angle times rho; any scale
 WEIGHT = "weight"
 
 
@@ -310,4 +325,6 @@ def parse_table(text: str, where: str = "table", columns: Sequence[str] = COLUMN
     if not rows:
         raise ValueRangeError("line 2: holds no pair; add lines of numbers", where=where)
     table = np.array(rows)
-    return Pairs(table[:, :3], table[:, 3:6], table[:, 6] if len(wanted) > 6 else np.ones(len(table)))
+    return Pairs(
+        table[:, :3], table[:, 3:6], table[:, 6] if len(wanted) > 6 else np.ones(len(table))
+    )

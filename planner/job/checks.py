@@ -26,7 +26,11 @@ def place_outline(points: Array, drawn: bool) -> outline.Canonical:
         OutlineError: it is not a simple polygon, or claims to be in the part's frame and is not.
     """
     try:
-        return outline.canonical(points) if drawn else outline.Canonical(outline.checked(points), np.zeros(2))
+        return (
+            outline.canonical(points)
+            if drawn
+            else outline.Canonical(outline.checked(points), np.zeros(2))
+        )
     except OutlineError as error:
         raise error.at(section="part", key="outline_mm") from None
 
@@ -51,7 +55,9 @@ def place_supports(pressure: dict[str, Any], part_outline: outline.Outline, shif
         problem = f"has {len(weights)} entries for {len(points)} points; give one weight a point"
         raise _conflict("pressure", "weights", problem)
     total = math.fsum(weights)
-    if abs(total - 1.0) > 1e-12:  # weights that are normalised already stay what they are, to the last bit
+    if (
+        abs(total - 1.0) > 1e-12
+    ):  # weights that are normalised already stay what they are, to the last bit
         weights = weights / total
     points.setflags(write=False)
     weights.setflags(write=False)
@@ -81,10 +87,14 @@ def check_conflicts(values: Values) -> None:
     _check_actions(values["actions"], values["cell"])
     _check_choices(values["actions"], values["gripper"], values["cell"])
     if values["actions"]["pushes"] == "belief" and values["search"]["method"] != "closed-loop":
-        problem = 'is "belief", which the paper\'s methods do not know; leave method at "closed-loop"'
+        problem = (
+            'is "belief", which the paper\'s methods do not know; leave method at "closed-loop"'
+        )
         raise _conflict("actions", "pushes", problem)
     if values["actions"]["pushes"] == "belief" and values["actions"]["proposals"] == "none":
-        problem = 'is "belief", and hands must follow what was pushed; leave proposals at "belief", too'
+        problem = (
+            'is "belief", and hands must follow what was pushed; leave proposals at "belief", too'
+        )
         raise _conflict("actions", "pushes", problem)
     _check_fit(values["part"]["outline_mm"], values["gripper"]["opening_mm"])
     if values["delivery"] is not None:
@@ -99,31 +109,43 @@ def check_parts(job: Any, names: list[str]) -> None:
             that is not known for several.
     """
     if len(names) == 1 and job.goal.kind == "identity":
-        problem = 'is "identity", but only one part may lie there; add [[hypothesis]], or ask for a pose'
+        problem = (
+            'is "identity", but only one part may lie there; add [[hypothesis]], or ask for a pose'
+        )
         raise _conflict("goal", "kind", problem)
     if len(names) == 1:
         return
     if len(set(names)) < len(names):
         raise _conflict("hypothesis", "name", "stands twice; give each part a name of its own")
     if job.goal.kind == "identity" and job.goal.identify is False:
-        raise _conflict("goal", "identify", 'is false, but kind = "identity" asks for nothing else; drop it')
+        raise _conflict(
+            "goal", "identify", 'is false, but kind = "identity" asks for nothing else; drop it'
+        )
     if job.search.method != "closed-loop":
-        raise _conflict("search", "method", 'of the paper plans for one part; leave it at "closed-loop"')
+        raise _conflict(
+            "search", "method", 'of the paper plans for one part; leave it at "closed-loop"'
+        )
     if job.search.model == "kcde":
         raise _conflict("search", "model", 'is learned for one part; leave it at "simulation"')
     if job.delivery is not None:
-        raise _conflict("delivery", "drop_mm", "is of one part; leave the section out for several hypotheses")
+        raise _conflict(
+            "delivery", "drop_mm", "is of one part; leave the section out for several hypotheses"
+        )
 
 
 def _check_symmetry(part: dict[str, Any]) -> None:
     n = part["symmetry"]
     if not symmetry.has_order(part["outline_mm"], n):
         found = symmetry.order(part["outline_mm"])
-        problem = f'is {n}, but the outline has order {found}; write "auto", or a divisor of {found}'
+        problem = (
+            f'is {n}, but the outline has order {found}; write "auto", or a divisor of {found}'
+        )
         raise _conflict("part", "symmetry", problem)
 
 
-def _check_dof(pressure: dict[str, Any], place: tuple[str, str] = ("pressure", "wishart_dof")) -> None:
+def _check_dof(
+    pressure: dict[str, Any], place: tuple[str, str] = ("pressure", "wishart_dof")
+) -> None:
     quartic = pressure.get("limit_surface") == "quartic" or pressure.get("quartic") is not None
     if quartic and pressure["wishart_dof"] < LEAST_QUARTIC_DOF:
         problem = f"must be at least {LEAST_QUARTIC_DOF} for a quartic, whose certificate is 9 x 9"
@@ -151,7 +173,9 @@ def _check_doubt(doubt: dict[str, Any], pressure: dict[str, Any]) -> None:
             raise _conflict("doubt", key, f"is [{low:g}, {high:g}]; write the lower bound first")
     least = doubt["least_dof"]
     if 0 < least < LEAST_DOF:
-        raise _conflict("doubt", "least_dof", f"is {least}; write 0 for no doubt, or {LEAST_DOF} or more")
+        raise _conflict(
+            "doubt", "least_dof", f"is {least}; write 0 for no doubt, or {LEAST_DOF} or more"
+        )
     if least:
         _check_dof({**pressure, "wishart_dof": least}, ("doubt", "least_dof"))
     if doubt["limit_surface"] == "any":
@@ -205,15 +229,22 @@ def _check_actions(actions: dict[str, Any], cell: dict[str, Any]) -> None:
 
 def _check_choices(actions: dict[str, Any], gripper: dict[str, Any], cell: dict[str, Any]) -> None:
     """Openings and forces to choose from must be within what gripper and cell allow."""
-    widest, strongest = actions["openings_mm"].max(initial=0.0), actions["forces_n"].max(initial=0.0)
+    widest, strongest = (
+        actions["openings_mm"].max(initial=0.0),
+        actions["forces_n"].max(initial=0.0),
+    )
     if widest > gripper["opening_mm"]:
-        problem = f"{widest:g} is more than opening_mm = {gripper['opening_mm']:g} of [gripper]; lower it"
+        problem = (
+            f"{widest:g} is more than opening_mm = {gripper['opening_mm']:g} of [gripper]; lower it"
+        )
         raise _conflict("actions", "openings_mm", problem)
     if widest and gripper["upper_finger_share"] != 0.5:
         problem = "needs upper_finger_share = 0.5: otherwise the opening decides which finger touches first"
         raise _conflict("actions", "openings_mm", problem)
     if strongest > cell["max_force_n"]:
-        problem = f"{strongest:g} is above max_force_n = {cell['max_force_n']:g} of [cell]; lower it"
+        problem = (
+            f"{strongest:g} is above max_force_n = {cell['max_force_n']:g} of [cell]; lower it"
+        )
         raise _conflict("actions", "forces_n", problem)
 
 
@@ -247,7 +278,9 @@ def _check_delivery(values: Values) -> None:
     order = values["part"]["symmetry"]
     turns = math.radians(delivery["drop_angle_deg"]) + np.arange(order) * math.tau / order
     x, y = _grasp(delivery, values["part"])
-    across = np.column_stack([np.cos(turns) * x - np.sin(turns) * y, np.sin(turns) * x + np.cos(turns) * y])
+    across = np.column_stack(
+        [np.cos(turns) * x - np.sin(turns) * y, np.sin(turns) * x + np.cos(turns) * y]
+    )
     hands = delivery["drop_mm"] + across
     if not ((low <= hands) & (hands <= high)).all(axis=1).any():
         outside = "work_area_mm of [cell]" if delivery["area_mm"] is None else "area_mm"
@@ -273,7 +306,9 @@ def _check_supports(points: Array, part_outline: outline.Outline) -> None:
         problem = f"entry {entry} lies outside the outline; a part stands on points below it"
         raise _conflict("pressure", "points_mm", problem)
     if np.ptp(points, axis=0).max() <= ON_PART_MM:
-        problem = "lie all in one place, where friction resists no turning; give at least two places"
+        problem = (
+            "lie all in one place, where friction resists no turning; give at least two places"
+        )
         raise _conflict("pressure", "points_mm", problem)
 
 

@@ -7,10 +7,24 @@ from collections.abc import Container, Mapping
 from pathlib import Path
 from typing import Any
 
-from planner.errors import InputFileError, JobError, KeyNameError, TomlError, UsageError, ValueRangeError
+from planner.errors import (
+    InputFileError,
+    JobError,
+    KeyNameError,
+    TomlError,
+    UsageError,
+    ValueRangeError,
+)
 from planner.job import hypotheses
 from planner.job.fields import Field, check_names, missing_names, read_section, shown
-from planner.job.schema import ABSENT_SECTIONS, FIELDS, OPTIONAL_SECTIONS, PRESSURE_FIELDS, RETIRED, TOP_LEVEL
+from planner.job.schema import (
+    ABSENT_SECTIONS,
+    FIELDS,
+    OPTIONAL_SECTIONS,
+    PRESSURE_FIELDS,
+    RETIRED,
+    TOP_LEVEL,
+)
 from runtime.shell import strict_json, strict_toml
 
 INSTEAD = {
@@ -107,7 +121,9 @@ def checked(document: Mapping[str, Any]) -> dict[str, Any]:
         _check_strays(table, section_fields, name)
         values[name] = read_section(table, section_fields, name)
     _fill_orientation(values["uncertainty"])
-    if values["search"]["method"] != "closed-loop" and "particles" not in document.get("search", {}):
+    if values["search"]["method"] != "closed-loop" and "particles" not in document.get(
+        "search", {}
+    ):
         values["search"]["particles"] = PAPER_PARTICLES
     return values
 
@@ -133,11 +149,16 @@ def changed(document: Mapping[str, Any], changes: Mapping[str, Any], where: str)
                 problem = "is not one for all; change each [[hypothesis]]"
                 raise ValueRangeError(problem, where=where, section="part")
             entries = result[hypotheses.KEY]
-            own = [{**entry, name: _with_values(entry.get(name, {}), name, values)} for entry in entries]
+            own = [
+                {**entry, name: _with_values(entry.get(name, {}), name, values)}
+                for entry in entries
+            ]
             result[hypotheses.KEY] = own
         table = result.get(name, {})
         if is_section and not isinstance(table, dict):
-            raise UsageError(f"{name} is no section of {where}, but one value; write it as {name}=value")
+            raise UsageError(
+                f"{name} is no section of {where}, but one value; write it as {name}=value"
+            )
         result[name] = _with_values(table, name, values) if is_section else values
     return result
 
@@ -168,7 +189,9 @@ def _check_strays(table: Any, valid: Container[str], section: str) -> None:
     for name, key in RETIRED:
         if name == section and key in table:
             raise KeyNameError(f"{key} is no longer known; {RETIRED[name, key]}", section=section)
-    homes = {key: f"belongs in [{name}]; move it there" for name, home in FIELDS.items() for key in home}
+    homes = {
+        key: f"belongs in [{name}]; move it there" for name, home in FIELDS.items() for key in home
+    }
     for kind, home in PRESSURE_FIELDS.items():
         homes |= dict.fromkeys(
             home, f'goes with kind = "{kind}" in [pressure]; change the kind or drop the key'

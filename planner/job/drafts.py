@@ -28,7 +28,9 @@ class GripperPreset(NamedTuple):
     speed_mm_s: float  # closing speed to begin with, moderate
     force_n: float  # grip force to begin with, low
     share_off: float = 0.11  # a finger may make so much more or less of the closing
-    middle_off_mm: float = 1.4  # the fingers may meet so far off the hand's middle: 2 % of the way to a part
+    middle_off_mm: float = (
+        1.4  # the fingers may meet so far off the hand's middle: 2 % of the way to a part
+    )
     encoder_off_mm: float = 1.1  # a width may read so much too much or too little: 3 counts
 
     @property
@@ -85,7 +87,9 @@ class Answers(NamedTuple):
     fingers: str  # one of `FINGERS`
     distance_mm: float = 3.0  # the goal
     height_mm: float | None = None  # the part's thickness; None where nobody knows it
-    tips_mm: float | None = None  # of the finger tips above the table; None for where they squeeze by default
+    tips_mm: float | None = (
+        None  # of the finger tips above the table; None for where they squeeze by default
+    )
 
 
 def draft(imported: Imported, source: str, answers: Answers, faces: Sequence[Face] = ()) -> str:
@@ -97,9 +101,12 @@ def draft(imported: Imported, source: str, answers: Answers, faces: Sequence[Fac
         JobError: the job is refused: the part does not fit the gripper, or an answer is out of range.
     """
     environment = Environment(
-        loader=PackageLoader("planner"), undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
+        loader=PackageLoader("planner"),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
         keep_trailing_newline=True,
-    )  # fmt: skip
+    )
     environment.filters["toml"] = lambda text: json.dumps(text, ensure_ascii=False)
     thickness = None if answers.height_mm is None else round(float(answers.height_mm), DECIMALS)
     tips = faces[0].cut_mm if faces else answers.tips_mm or tips_height_mm(thickness)

@@ -59,7 +59,9 @@ class Integer:
         if isinstance(value, bool) or not isinstance(value, int):
             raise ValueRangeError(f"must be a whole number, not {shown(value)}{advice}")
         if not self.low <= value <= self.high:
-            raise ValueRangeError(f"must be from {self.low} to {self.high}, not {shown(value)}{advice}")
+            raise ValueRangeError(
+                f"must be from {self.low} to {self.high}, not {shown(value)}{advice}"
+            )
         return value
 
 
@@ -114,15 +116,23 @@ class Numbers:
         if not self.least <= len(value) <= self.most:
             count = str(self.least) if self.least == self.most else f"{self.least} to {self.most}"
             raise ValueRangeError(f"must have {count} entries, not {len(value)}")
-        array = np.array([self._entry(index, entry) for index, entry in enumerate(value)], dtype=np.float64)
+        array = np.array(
+            [self._entry(index, entry) for index, entry in enumerate(value)], dtype=np.float64
+        )
         array.setflags(write=False)
         return array
 
     def _entry(self, index: int, entry: Any) -> float | list[float]:
         if self.columns and (not isinstance(entry, list | tuple) or len(entry) != self.columns):
-            raise ValueRangeError(f"must be a list {self._shape()}; entry {index + 1} is {shown(entry)}")
+            raise ValueRangeError(
+                f"must be a list {self._shape()}; entry {index + 1} is {shown(entry)}"
+            )
         try:
-            return [self.item.read(number) for number in entry] if self.columns else self.item.read(entry)
+            return (
+                [self.item.read(number) for number in entry]
+                if self.columns
+                else self.item.read(entry)
+            )
         except ValueRangeError as error:
             raise ValueRangeError(f"entry {index + 1} {error}") from None
 
@@ -143,7 +153,9 @@ class Poses:
     def read(self, value: Any) -> dict[str, list[float]]:
         """The poses, in the order of their names."""
         if not isinstance(value, dict) or not 1 <= len(value) <= self.most:
-            raise ValueRangeError(f"must be 1 to {self.most} lines name = [x, y, angle], not {shown(value)}")
+            raise ValueRangeError(
+                f"must be 1 to {self.most} lines name = [x, y, angle], not {shown(value)}"
+            )
         row = Numbers(self.item, least=3, most=3)
         found = {}
         for name in sorted(value):
@@ -165,9 +177,13 @@ def read_section(table: Any, fields: Mapping[str, Field], section: str) -> dict[
         KeyNameError: a key that is not known, or keys that are missing.
     """
     if not isinstance(table, dict):
-        raise ValueRangeError(f"must be a section of keys and values, not {shown(table)}", section=section)
+        raise ValueRangeError(
+            f"must be a section of keys and values, not {shown(table)}", section=section
+        )
     check_names(table, fields, section)
-    missing = [key for key, field in fields.items() if key not in table and field.default is REQUIRED]
+    missing = [
+        key for key, field in fields.items() if key not in table and field.default is REQUIRED
+    ]
     if missing:
         raise missing_names(missing, section)
     return {key: _read_field(table, key, field, section) for key, field in fields.items()}

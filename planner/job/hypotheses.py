@@ -25,7 +25,9 @@ KEY, STRANGER = "hypothesis", "stranger"
 OWN = ("part", "pressure", "friction")  # sections that a hypothesis has for itself
 MOST = 16
 TURNED_OVER = "turned over"  # added to the name of a part that lies on its other face
-TURN = np.array([1.0, -1.0, -1.0])  # what turning a part over about its x axis makes of fx, fy and torque
+TURN = np.array(
+    [1.0, -1.0, -1.0]
+)  # what turning a part over about its x axis makes of fx, fy and torque
 
 _FIELDS: Mapping[str, Field] = {
     "name": Text(default=None),
@@ -43,13 +45,17 @@ def stated(document: Mapping[str, Any]) -> list[tuple[float, dict[str, Any]]]:
     if KEY not in document:
         return [(1.0, common)]
     if "part" in document:
-        raise KeyNameError("stands beside [[hypothesis]]; each of these has its own", section="part")
+        raise KeyNameError(
+            "stands beside [[hypothesis]]; each of these has its own", section="part"
+        )
     found = _entries(KEY, 2, document[KEY], common)
     shares = [share for share, _ in found if share is not None]
     if not shares:
         return [(1.0 / len(found), alone) for _, alone in found]
     if len(shares) < len(found) or abs(math.fsum(shares) - 1.0) > 1e-6:
-        raise ValueRangeError("must be stated for all or none, and add up to 1", section=KEY, key="share")
+        raise ValueRangeError(
+            "must be stated for all or none, and add up to 1", section=KEY, key="share"
+        )
     return [(share, alone) for share, (_, alone) in zip(shares, found, strict=True)]
 
 
@@ -76,15 +82,25 @@ def turned_over(document: Mapping[str, Any]) -> dict[str, Any] | None:
     if symmetry.congruent(outline, mirrored):
         return None
     if pressure.get("quartic") is not None:
-        raise ValueRangeError('of a quartic goes with one face; drop faces = "either"', section="pressure")
+        raise ValueRangeError(
+            'of a quartic goes with one face; drop faces = "either"', section="pressure"
+        )
     if pressure.get("points_mm") is not None:
-        pressure["points_mm"] = (np.array(pressure["points_mm"]) * np.array([1.0, -1.0]) + 0.0).tolist()
+        pressure["points_mm"] = (
+            np.array(pressure["points_mm"]) * np.array([1.0, -1.0]) + 0.0
+        ).tolist()
     if pressure.get("ellipsoid") is not None:
-        pressure["ellipsoid"] = (TURN[:, None] * np.array(pressure["ellipsoid"]) * TURN + 0.0).tolist()
+        pressure["ellipsoid"] = (
+            TURN[:, None] * np.array(pressure["ellipsoid"]) * TURN + 0.0
+        ).tolist()
     part |= {"name": f"{part['name']}, {TURNED_OVER}", "outline_mm": mirrored.tolist()}
-    if part.get("datum") is not None:  # whose y axis would be left-handed: that of the picks turns, too
+    if (
+        part.get("datum") is not None
+    ):  # whose y axis would be left-handed: that of the picks turns, too
         part["datum"] = _mirrored(part["datum"])
-        part["picks"] = {name: _mirrored(pick) for name, pick in (part.get("picks") or {}).items()} or None
+        part["picks"] = {
+            name: _mirrored(pick) for name, pick in (part.get("picks") or {}).items()
+        } or None
     return {**document, "part": part, "pressure": pressure}
 
 
@@ -99,8 +115,13 @@ def _entries(
 ) -> list[tuple[float | None, dict[str, Any]]]:
     """The share, if any, and the document of each entry of a list of parts."""
     if not isinstance(entries, list) or not least <= len(entries) <= MOST:
-        raise ValueRangeError(f"must be {least} to {MOST} entries, each under [[{key}]]", section=key)
-    return [_entry(key, f"{key} {number}", entry, common) for number, entry in enumerate(entries, start=1)]
+        raise ValueRangeError(
+            f"must be {least} to {MOST} entries, each under [[{key}]]", section=key
+        )
+    return [
+        _entry(key, f"{key} {number}", entry, common)
+        for number, entry in enumerate(entries, start=1)
+    ]
 
 
 def _entry(
@@ -115,7 +136,9 @@ def _entry(
         raise KeyNameError(f"missing section part; add [{key}.part]", section=where)
     if values["name"] is not None:
         if part.get("name", values["name"]) != values["name"]:
-            raise ValueRangeError("differs from the name of its part; keep one", section=where, key="name")
+            raise ValueRangeError(
+                "differs from the name of its part; keep one", section=where, key="name"
+            )
         own["part"] = {**part, "name": values["name"]}
     if "friction" not in {**common, **own}:
         raise KeyNameError(

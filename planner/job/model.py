@@ -73,7 +73,9 @@ class Job:
         return self._each(self.stranger)
 
     def _each(self, parts: Sequence[Stranger] | None) -> tuple[Job, ...]:
-        own = ({"part": p.part, "pressure": p.pressure, "friction": p.friction} for p in parts or ())
+        own = (
+            {"part": p.part, "pressure": p.pressure, "friction": p.friction} for p in parts or ()
+        )
         alone = replace(self, hypothesis=None, stranger=None)
         return tuple(replace(alone, **fields) for fields in own)  # type: ignore[arg-type]
 
@@ -115,7 +117,9 @@ class Job:
             JobError: as `parse`.
         """
         document = documents.changed(_document(self), _plain(changes), where)
-        drawn = "outline_mm" in changes.get("part", ()) or "surface_file" in changes.get("pressure", ())
+        drawn = "outline_mm" in changes.get("part", ()) or "surface_file" in changes.get(
+            "pressure", ()
+        )
         return of_document(document, where, drawn)
 
     def __eq__(self, other: object) -> bool:
@@ -139,7 +143,9 @@ def files(path: str | Path) -> list[Path]:
     listed = [entry for entries in lists if isinstance(entries, list) for entry in entries]
     tables = [document, *(entry for entry in listed if isinstance(entry, dict))]
     stated = [table["pressure"] for table in tables if isinstance(table.get("pressure"), dict)]
-    named = [table["surface_file"] for table in stated if isinstance(table.get("surface_file"), str)]
+    named = [
+        table["surface_file"] for table in stated if isinstance(table.get("surface_file"), str)
+    ]
     return [Path(path), *(Path(path).parent / name for name in named)]
 
 
@@ -195,10 +201,15 @@ def _of_document(document: dict[str, Any], where: str, drawn: bool) -> Job:
     found: list[tuple[float, Job]] = []
     stated = hypotheses.stated(document)
     listed = [alone for _, alone in stated]
-    for (share, _), jobs in zip(stated, _jobs(document, hypotheses.KEY, listed, where, drawn), strict=True):
+    for (share, _), jobs in zip(
+        stated, _jobs(document, hypotheses.KEY, listed, where, drawn), strict=True
+    ):
         found += [(share / len(jobs), job) for job in jobs]
     others = _jobs(document, hypotheses.STRANGER, hypotheses.strangers(document), where, drawn)
-    strange = tuple(Stranger(job.part, job.pressure, job.friction) for jobs in others for job in jobs) or None
+    strange = (
+        tuple(Stranger(job.part, job.pressure, job.friction) for jobs in others for job in jobs)
+        or None
+    )
     first = found[0][1]
     job_checks.check_parts(first, [job.part.name for _, job in found])
     if len(found) == 1:
@@ -257,7 +268,9 @@ def _of_one(document: dict[str, Any], where: str, drawn: bool) -> Job:
         values["doubt"][key] = tuple(values["doubt"][key].tolist())
     values["goal"]["tolerance_mm"] = tuple(values["goal"]["tolerance_mm"].tolist())
     cell["work_area_mm"] = tuple(map(tuple, cell["work_area_mm"].tolist()))
-    records = {name: values[name] and record(**values[name]) for name, record in schema.SECTIONS.items()}
+    records = {
+        name: values[name] and record(**values[name]) for name, record in schema.SECTIONS.items()
+    }
     return Job(seed=values[""]["seed"], **records)
 
 

@@ -58,10 +58,14 @@ class Gripper:
     model: Annotated[str, Text(default="robotiq-2f-85")]
     finger_length_mm: Annotated[float, Number(0, MM, above=True)]  # along x of the hand frame
     finger_width_mm: Annotated[float, Number(0, MM, above=True)]  # along y, the closing direction
-    opening_mm: Annotated[float, Number(0, MM, above=True)]  # between the inner faces, jaws fully open
+    opening_mm: Annotated[
+        float, Number(0, MM, above=True)
+    ]  # between the inner faces, jaws fully open
     count_open: Annotated[int, Integer(0, 255, default=3)]  # encoder reading, jaws fully open
     count_closed: Annotated[int, Integer(0, 255, default=230)]  # encoder reading, jaws fully closed
-    encoder_noise_mm: Annotated[float, Number(0, 10, default=0.15)]  # std of a width before rounding
+    encoder_noise_mm: Annotated[
+        float, Number(0, 10, default=0.15)
+    ]  # std of a width before rounding
     # Rate at which the opening closes; each finger moves at half of it.
     speed_mm_s: Annotated[float, Number(LEAST_RATE, MM, default=60.0)]
     force_n: Annotated[float, Number(LEAST_RATE, 10_000, default=40.0)]  # grip force
@@ -98,7 +102,9 @@ class Doubt:
     limit_surface: Annotated[str | None, Text(("stated", "any"), default=None)]
     # Least degrees of freedom of the limit surface's scatter; those of [pressure] are the most. 0: no doubt.
     least_dof: Annotated[int, Integer(0, 1_000_000, default=0)]
-    placement_mm: Annotated[float, Number(0, 10, default=0.0)]  # std of the hand's x and y, in each squeeze
+    placement_mm: Annotated[
+        float, Number(0, 10, default=0.0)
+    ]  # std of the hand's x and y, in each squeeze
     placement_deg: Annotated[float, Number(0, 45, default=0.0)]  # and of its angle
     # How far the arm's frame may lie off where parts are expected, in every motion.
     arm_mm: Annotated[float | None, Number(0, 20, default=None)]
@@ -157,9 +163,13 @@ class Goal:
     part's symmetry.
     """
 
-    kind: Annotated[str, Text(("pose", "tolerances", "modes", "orientation", "identity"), default="pose")]
+    kind: Annotated[
+        str, Text(("pose", "tolerances", "modes", "orientation", "identity"), default="pose")
+    ]
     distance_mm: Annotated[float, Number(LEAST_MM, 100)]  # for "pose" and "modes"
-    confidence: Annotated[float, Number(0, 1, above=True, below=True)]  # least probability of a leaf
+    confidence: Annotated[
+        float, Number(0, 1, above=True, below=True)
+    ]  # least probability of a leaf
     # Bounds on x and y, for "tolerances".
     tolerance_mm: Annotated[
         tuple[float, float], Numbers(Number(LEAST_MM, 100), least=2, most=2, default=[2.5, 2.5])
@@ -192,7 +202,9 @@ class Search:
     second_cost: Annotated[float, Number(0, 1, default=0.0)]
     stability_cost: Annotated[float, Number(0, 1, default=0.0)]
     particles: Annotated[int, Integer(10, 10_000_000, default=20_000)]  # to grow the tree with
-    search_particles: Annotated[int, Integer(10, 10_000_000, default=400)]  # that rank grasp poses, at most
+    search_particles: Annotated[
+        int, Integer(10, 10_000_000, default=400)
+    ]  # that rank grasp poses, at most
     max_depth: Annotated[int, Integer(1, 100, default=12)]  # longest path of the tree, squeezes
 
 
@@ -205,18 +217,24 @@ class Cell:
         tuple[tuple[float, float], tuple[float, float]],
         Numbers(PLACE, columns=2, least=2, most=2, default=[[-150, -150], [150, 150]]),
     ]
-    retreat_height_mm: Annotated[float, Number(0, MM, above=True, default=60.0)]  # tips between squeezes
+    retreat_height_mm: Annotated[
+        float, Number(0, MM, above=True, default=60.0)
+    ]  # tips between squeezes
     squeeze_height_mm: Annotated[float, Number(0, MM, default=None)]  # tips while squeezing
     arm_speed_mm_s: Annotated[float, Number(LEAST_RATE, 10_000, default=250.0)]
     max_force_n: Annotated[float, Number(LEAST_RATE, 10_000, default=235.0)]
     max_speed_mm_s: Annotated[float, Number(LEAST_RATE, MM, default=150.0)]  # of closing
     # As `runtime.table.timing.DEFAULTS` where they are None, which leaves the job's text as it was.
-    arm_acceleration_mm_s2: Annotated[float | None, Number(LEAST_RATE, 100_000, default=None)] = None
+    arm_acceleration_mm_s2: Annotated[float | None, Number(LEAST_RATE, 100_000, default=None)] = (
+        None
+    )
     # Tips between two squeezes of one part; just above it if None.
     regrasp_height_mm: Annotated[float | None, Number(0, MM, above=True, default=None)] = None
     arm_answer_s: Annotated[float | None, Number(0, 10, default=None)] = None  # beside each motion
     jaw_answer_s: Annotated[float | None, Number(0, 10, default=None)] = None  # beside each stroke
-    poll_s: Annotated[float | None, Number(0, 1, default=None)] = None  # between two looks at the gripper
+    poll_s: Annotated[float | None, Number(0, 1, default=None)] = (
+        None  # between two looks at the gripper
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -287,7 +305,9 @@ LIMIT_SURFACE: Mapping[str, Field] = {
     "rho_mm": Number(0, MM, above=True, default=None),
 }  # An identified limit surface: an ellipsoid, or a quartic with its certificate; and rho
 
-_FITTED: Mapping[str, Field] = {"limit_surface": Text(("ellipsoid", "quartic"), default="ellipsoid")}
+_FITTED: Mapping[str, Field] = {
+    "limit_surface": Text(("ellipsoid", "quartic"), default="ellipsoid")
+}
 
 PRESSURE_FIELDS: Mapping[str, Mapping[str, Field]] = {
     "boundary": _FITTED,

@@ -85,7 +85,9 @@ def resolve(pressure: dict[str, Any], where: str, drawn: bool) -> None:
         check(pressure, "pressure")
     elif inline or not drawn:
         problem = (
-            f"and {inline[0]} are both stated; keep one" if inline else "must be resolved; compile again"
+            f"and {inline[0]} are both stated; keep one"
+            if inline
+            else "must be resolved; compile again"
         )
         raise ValueRangeError(problem, section="pressure", key="surface_file")
     else:
@@ -99,7 +101,9 @@ def check(values: Mapping[str, Any], section: str) -> None:
         KeyNameError: rho, the surface or the certificate of a quartic is missing.
         ValueRangeError: both an ellipsoid and a quartic, or not shown to be convex.
     """
-    ellipsoid, coefficients, certificate = (values[k] for k in ("ellipsoid", "quartic", "certificate"))
+    ellipsoid, coefficients, certificate = (
+        values[k] for k in ("ellipsoid", "quartic", "certificate")
+    )
     if values["rho_mm"] is None:
         raise _missing("rho_mm", "the length that torques are divided by", section)
     if ellipsoid is None and coefficients is None:
@@ -114,7 +118,9 @@ def check(values: Mapping[str, Any], section: str) -> None:
         absent = "certificate" if certificate is None else "quartic"
         raise _missing(absent, "a quartic comes with its certificate", section)
     if not quartic_form.certifies(certificate, coefficients):
-        problem = "does not show that the quartic is convex; take both from one file of plan-identify"
+        problem = (
+            "does not show that the quartic is convex; take both from one file of plan-identify"
+        )
         raise ValueRangeError(problem, section=section, key="certificate")
 
 

@@ -33,8 +33,12 @@ class Sampled(NamedTuple):
     """Draws from the estimate, one for each pose asked about."""
 
     poses: Array  # (n, 3) in the hand frame [mm, mm, rad]
-    width_mm: Array  # (n,) where the fingers stopped; 0: missed the part, full opening: came down on it
-    source: IntArray  # (n,) the roll-out drawn; -1 where the fingers miss the part or come down on it
+    width_mm: (
+        Array  # (n,) where the fingers stopped; 0: missed the part, full opening: came down on it
+    )
+    source: (
+        IntArray  # (n,) the roll-out drawn; -1 where the fingers miss the part or come down on it
+    )
     nearest_mm: Array  # (n,) distance of the nearest roll-out, 0 where none was needed
 
 
@@ -55,9 +59,16 @@ class Kcde(NamedTuple):
 
     @classmethod
     def fit(
-        cls, rolled: RollOuts, outline: Array, jaws: Array, rho_mm: float, order: int,
-        h1_mm: float = PAPER_MM, h2_mm: float = PAPER_MM, paper: bool = False,
-    ) -> Self:  # fmt: skip
+        cls,
+        rolled: RollOuts,
+        outline: Array,
+        jaws: Array,
+        rho_mm: float,
+        order: int,
+        h1_mm: float = PAPER_MM,
+        h2_mm: float = PAPER_MM,
+        paper: bool = False,
+    ) -> Self:
         """Makes the estimate of n roll-outs; only those whose fingers touch the part are used.
 
         The part is an outline (N, 2) [mm] of a rotational order, a radian weighs `rho_mm`, the jaws (4,) are
@@ -71,7 +82,9 @@ class Kcde(NamedTuple):
             raise ValueError(f"h1 = {h1_mm} mm must be above 0, and h2 = {h2_mm} mm not below")
         used = np.flatnonzero(classify_contact(outline, jaws, rolled.initial) == TOUCHES)
         if not len(used):
-            raise ValueError("no roll-out touches the part; roll out a region that the fingers reach")
+            raise ValueError(
+                "no roll-out touches the part; roll out a region that the fingers reach"
+            )
         initial = rolled.initial[used]
         end = np.column_stack([rolled.final[used], rolled.width_mm[used]])
         if jaws[3] == 0.5 and not paper:
@@ -80,7 +93,19 @@ class Kcde(NamedTuple):
             end, used = np.concatenate([end, turned]), np.concatenate([used, used])
         grid = grid_of(initial * np.array([1.0, 1.0, rho_mm]), rho_mm * math.tau / order)
         row, most = grid.row, PAPER_NEIGHBOURS if paper else 0
-        return cls(grid, initial[row], end[row], used[row], outline, jaws, rho_mm, order, h1_mm, h2_mm, most)
+        return cls(
+            grid,
+            initial[row],
+            end[row],
+            used[row],
+            outline,
+            jaws,
+            rho_mm,
+            order,
+            h1_mm,
+            h2_mm,
+            most,
+        )
 
     def sample(self, poses: Array, rng: np.random.Generator, workers: int = 1) -> Sampled:
         """Draws where parts at poses (n, 3) in the hand frame end, jaws open [mm, mm, rad].
@@ -97,7 +122,16 @@ class Kcde(NamedTuple):
 
         def run(start: int) -> None:
             part = slice(start, start + CHUNK)
-            _draw(self, look, asked[part], chance[part], noise[part], end[part], source[part], nearest[part])
+            _draw(
+                self,
+                look,
+                asked[part],
+                chance[part],
+                noise[part],
+                end[part],
+                source[part],
+                nearest[part],
+            )
 
         deque(Threads(workers).map(run, range(0, n, CHUNK)), maxlen=0)
         result = Sampled(
@@ -128,9 +162,15 @@ def _pick(squares: Array, found: int, h1: float, chance: float) -> int:
 
 @kernel
 def _draw(
-    model: Kcde, look: float, poses: Array, chance: Array, noise: Array, out: Array, source: IntArray,
+    model: Kcde,
+    look: float,
+    poses: Array,
+    chance: Array,
+    noise: Array,
+    out: Array,
+    source: IntArray,
     nearest: Array,
-) -> None:  # fmt: skip
+) -> None:
     """Draws one roll-out for each of `poses` (n, 3), looking `look` [mm] far at first.
 
     `out` (n, 4), `source` (n,) and `nearest` (n,) are modified in place.

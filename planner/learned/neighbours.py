@@ -18,7 +18,9 @@ LARGEST_GRID = 4_000_000  # Cells; thin data spread over much space gets larger 
 class Grid(NamedTuple):
     """Points in the cells of a grid."""
 
-    points: Array  # (N, 3) normalised, in order of their cells, the last coordinate in [0, period) [mm]
+    points: (
+        Array  # (N, 3) normalised, in order of their cells, the last coordinate in [0, period) [mm]
+    )
     row: IntArray  # (N,) the row each had before
     first: IntArray  # (cells + 1,) the first point of each cell
     corner: Array  # (2,) least x and y of the grid [mm]
@@ -63,7 +65,14 @@ def _gap(coordinate: float, low: float, size: float) -> float:
 
 @kernel
 def _scan(
-    grid: Grid, start: int, stop: int, q: Array, square: float, place: IntArray, squares: Array, found: int
+    grid: Grid,
+    start: int,
+    stop: int,
+    q: Array,
+    square: float,
+    place: IntArray,
+    squares: Array,
+    found: int,
 ) -> int:
     """Adds the points start to stop - 1 that lie within sqrt(square) of q; returns the new count."""
     points, period = grid.points, grid.period
@@ -89,8 +98,14 @@ def within(grid: Grid, q: Array, reach: float, place: IntArray, squares: Array) 
     sx, sy, sz = grid.size
     x, y, z = q[0] - grid.corner[0], q[1] - grid.corner[1], q[2]
     square, found = reach * reach, 0
-    x_first, x_last = int(max(np.floor((x - reach) / sx), 0)), int(min(np.floor((x + reach) / sx), nx - 1))
-    y_first, y_last = int(max(np.floor((y - reach) / sy), 0)), int(min(np.floor((y + reach) / sy), ny - 1))
+    x_first, x_last = (
+        int(max(np.floor((x - reach) / sx), 0)),
+        int(min(np.floor((x + reach) / sx), nx - 1)),
+    )
+    y_first, y_last = (
+        int(max(np.floor((y - reach) / sy), 0)),
+        int(min(np.floor((y + reach) / sy), ny - 1)),
+    )
     for i in range(x_first, x_last + 1):
         gap_x = _gap(x, i * sx, sx)
         for j in range(y_first, y_last + 1):
@@ -106,11 +121,22 @@ def within(grid: Grid, q: Array, reach: float, place: IntArray, squares: Array) 
                 found = _scan(grid, first[base], first[base + nz], q, square, place, squares, found)
             elif low < 0 or high >= nz:
                 low, high = (low + nz) % nz, high % nz
-                found = _scan(grid, first[base], first[base + high + 1], q, square, place, squares, found)
-                found = _scan(grid, first[base + low], first[base + nz], q, square, place, squares, found)
+                found = _scan(
+                    grid, first[base], first[base + high + 1], q, square, place, squares, found
+                )
+                found = _scan(
+                    grid, first[base + low], first[base + nz], q, square, place, squares, found
+                )
             else:
                 found = _scan(
-                    grid, first[base + low], first[base + high + 1], q, square, place, squares, found
+                    grid,
+                    first[base + low],
+                    first[base + high + 1],
+                    q,
+                    square,
+                    place,
+                    squares,
+                    found,
                 )
     return found
 

@@ -38,7 +38,13 @@ FACTOR = 3.0  # Radius of the region in radii of the job's uncertainty (paper, V
 
 Rows: TypeAlias = NDArray[np.void]
 ROW = np.dtype(
-    [("index", "<u2"), ("status", "i1"), ("initial", "<f8", 3), ("final", "<f8", 3), ("width_mm", "<f8")]
+    [
+        ("index", "<u2"),
+        ("status", "i1"),
+        ("initial", "<f8", 3),
+        ("final", "<f8", 3),
+        ("width_mm", "<f8"),
+    ]
 )  # One roll-out of a block, in the store and on the way between machines
 
 
@@ -59,9 +65,13 @@ class Block(NamedTuple):
 
 
 def roll_outs(
-    simulator: Simulator, radius_mm: float, count: int, store: Store | None = None,
-    scheduler: Scheduler | None = None, report: Report = silent,
-) -> RollOuts:  # fmt: skip
+    simulator: Simulator,
+    radius_mm: float,
+    count: int,
+    store: Store | None = None,
+    scheduler: Scheduler | None = None,
+    report: Report = silent,
+) -> RollOuts:
     """Roll-outs over a disc of part centres about the hand, at any angle.
 
     The result depends on the simulator, the radius and the count alone. Starts beyond the fingers' reach are
@@ -85,12 +95,18 @@ def roll_outs(
     ]
     table = np.concatenate([np.empty(0, ROW), *kept])
     table = table[np.hypot(table["initial"][:, 0], table["initial"][:, 1]) <= radius_mm]
-    initial, final, width = (np.ascontiguousarray(table[name]) for name in ("initial", "final", "width_mm"))
+    initial, final, width = (
+        np.ascontiguousarray(table[name]) for name in ("initial", "final", "width_mm")
+    )
     return RollOuts(initial, final, width, table["status"].astype(np.int64))
 
 
 def _finished(
-    simulator: Simulator, blocks: list[Block], store: Store | None, scheduler: Scheduler, report: Report
+    simulator: Simulator,
+    blocks: list[Block],
+    store: Store | None,
+    scheduler: Scheduler,
+    report: Report,
 ) -> list[Rows]:
     content, version = content_of(simulator), code_version()
     names = {block: hashlib.sha256(version + _seed(content, block)).hexdigest() for block in blocks}

@@ -68,7 +68,9 @@ class Store:
             os.replace(draft, path)  # noqa: PTH105
         except OSError as error:
             reason = f"{self.folder}: cannot be written: {error.strerror}"
-            self._warn("write", f"{reason}; going on without the cache (--cache-dir names another folder)")
+            self._warn(
+                "write", f"{reason}; going on without the cache (--cache-dir names another folder)"
+            )
             with suppress(OSError):
                 if draft is not None:
                     os.unlink(draft)  # noqa: PTH108

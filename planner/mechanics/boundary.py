@@ -120,9 +120,15 @@ def subtract_carriage(C: Array, count: int, rho: float, drive: Drive, V: Array) 
 
 @inlined_kernel
 def turn(
-    C: Array, I: IntArray, count: int, turned: tuple[float, float], q: Array, half: Array, drive: Drive,
+    C: Array,
+    I: IntArray,
+    count: int,
+    turned: tuple[float, float],
+    q: Array,
+    half: Array,
+    drive: Drive,
     radius: float,
-) -> None:  # fmt: skip
+) -> None:
     """Moves the contacts from the pose q to the pose `half`, gaps unchanged: the midpoint rule's second look.
 
     The part turns on the way by an angle whose cosine and sine are `turned`, and the fingers close by half of

@@ -21,7 +21,12 @@ STANDS_ON = 2  # Verdicts of `classify_contact`
 def jaws_of(gripper: Gripper) -> Array:
     """A gripper for kernels: (4,) opening, finger length, finger thickness [mm], the upper finger's share."""
     return np.array(
-        [gripper.opening_mm, gripper.finger_length_mm, gripper.finger_width_mm, gripper.upper_finger_share]
+        [
+            gripper.opening_mm,
+            gripper.finger_length_mm,
+            gripper.finger_width_mm,
+            gripper.upper_finger_share,
+        ]
     )
 
 
@@ -157,7 +162,13 @@ def _least_room(outline: Array, poses: Array, opening: float, h: float, thicknes
 
 @kernel
 def _free(
-    outline: Array, belief: Array, placements: Array, jaws: Array, least: float, spared: int, free: BoolArray
+    outline: Array,
+    belief: Array,
+    placements: Array,
+    jaws: Array,
+    least: float,
+    spared: int,
+    free: BoolArray,
 ) -> None:
     """`free[a]`: whether the fingers at placement a keep `least` from all but `spared` poses."""
     h, points, pose = 0.5 * jaws[1] + SIDE_MARGIN_MM, np.empty(outline.shape), np.empty(3)
@@ -167,7 +178,11 @@ def _free(
         near = 0
         for k in range(belief.shape[0]):
             dx, dy = belief[k, 0] - placements[a, 0], belief[k, 1] - placements[a, 1]
-            pose[0], pose[1], pose[2] = c * dx + s * dy, c * dy - s * dx, belief[k, 2] - placements[a, 2]
+            pose[0], pose[1], pose[2] = (
+                c * dx + s * dy,
+                c * dy - s * dx,
+                belief[k, 2] - placements[a, 2],
+            )
             if abs(pose[1]) + reach + least <= 0.5 * jaws[0] or abs(pose[0]) - reach >= h:
                 continue
             place(outline, pose, points)
@@ -189,7 +204,9 @@ def least_clearance(
     """
     hand = np.ascontiguousarray(to_hand(poses, placement))
     return float(
-        _least_room(np.ascontiguousarray(outline.T), hand, jaws[0], 0.5 * jaws[1] + margin_mm, jaws[2])
+        _least_room(
+            np.ascontiguousarray(outline.T), hand, jaws[0], 0.5 * jaws[1] + margin_mm, jaws[2]
+        )
     )
 
 
@@ -216,12 +233,19 @@ def first_contact_mm(
     """
     hand, (least, most) = np.ascontiguousarray(to_hand(poses, placement)), shares
     h = 0.5 * jaws[1] + SIDE_MARGIN_MM
-    free = _least_free(np.ascontiguousarray(outline.T), hand, jaws[0], h, 2.0 * most, 2.0 * (1.0 - least))
+    free = _least_free(
+        np.ascontiguousarray(outline.T), hand, jaws[0], h, 2.0 * most, 2.0 * (1.0 - least)
+    )
     return float(jaws[0] - 2.0 * free)
 
 
 def free_placements(
-    outline: Array, jaws: Array, belief: Array, placements: Array, least_mm: float, share: float = 0.0
+    outline: Array,
+    jaws: Array,
+    belief: Array,
+    placements: Array,
+    least_mm: float,
+    share: float = 0.0,
 ) -> BoolArray:
     """Which placements (k, 3) keep `least_mm` from believed poses (n, 3), all or but a share of them: (k,).
 
@@ -230,5 +254,13 @@ def free_placements(
     """
     free = np.empty(len(placements), np.bool_)
     belief, placements = np.ascontiguousarray(belief), np.ascontiguousarray(placements)
-    _free(np.ascontiguousarray(outline.T), belief, placements, jaws, least_mm, int(share * len(belief)), free)
+    _free(
+        np.ascontiguousarray(outline.T),
+        belief,
+        placements,
+        jaws,
+        least_mm,
+        int(share * len(belief)),
+        free,
+    )
     return free

@@ -73,7 +73,9 @@ def _gram(A: Array, C: Array, i: int, j: int, G: Array) -> None:
 
 
 @inlined_kernel
-def _both_slide(C: Array, i: int, j: int, mu_i: float, mu_j: float, si: float, sj: float, G: Array) -> bool:
+def _both_slide(
+    C: Array, i: int, j: int, mu_i: float, mu_j: float, si: float, sj: float, G: Array
+) -> bool:
     """Contacts i and j slide with the senses si and sj."""
     a, b = G[0, 0] + si * mu_i * G[0, 1], G[0, 2] + sj * mu_j * G[0, 3]
     c, d = G[2, 0] + si * mu_i * G[2, 1], G[2, 2] + sj * mu_j * G[2, 3]
@@ -94,7 +96,9 @@ def _both_slide(C: Array, i: int, j: int, mu_i: float, mu_j: float, si: float, s
 
 
 @inlined_kernel
-def _one_sticks(C: Array, i: int, j: int, o: int, mu_i: float, mu_j: float, sj: float, G: Array) -> bool:
+def _one_sticks(
+    C: Array, i: int, j: int, o: int, mu_i: float, mu_j: float, sj: float, G: Array
+) -> bool:
     """Contact i sticks while j slides with sense sj; `o` is 0 where i is the pair's first in G, else 2."""
     v = 2 - o
     a00, a01, a02 = G[o, o], G[o, o + 1], G[o, v] + sj * mu_j * G[o, v + 1]
@@ -111,7 +115,9 @@ def _one_sticks(C: Array, i: int, j: int, o: int, mu_i: float, mu_j: float, sj: 
     if fj < 0.0 or abs(ti) > mu_i * fi:
         return False
     tj = sj * mu_j * fj
-    slip = G[v + 1, o] * fi + G[v + 1, o + 1] * ti + G[v + 1, v] * fj + G[v + 1, v + 1] * tj - C[j, UT]
+    slip = (
+        G[v + 1, o] * fi + G[v + 1, o + 1] * ti + G[v + 1, v] * fj + G[v + 1, v + 1] * tj - C[j, UT]
+    )
     if sj * slip > SLIP_TOLERANCE_MM:
         return False
     C[i, FN], C[i, FT], C[j, FN], C[j, FT] = fi, ti, fj, tj

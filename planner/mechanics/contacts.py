@@ -44,12 +44,16 @@ FINGER, KIND, SIDE, VERTEX = range(4)
 I_COLUMNS = 4
 
 MAX_CONTACTS = 12
-NEARLY_PARALLEL = 0.08  # Sine of the angle below which an edge counts as parallel to a finger's face
+NEARLY_PARALLEL = (
+    0.08  # Sine of the angle below which an edge counts as parallel to a finger's face
+)
 LEAST_ARM_MM = 0.5
 """Of a flush edge, only the vertex on the face counts where the finger's corner is nearer to it."""
 EDGE_SLACK_MM = 1e-9
 OUTSIDE_MM = 5e-3  # A corner deeper than this behind all edges is inside the part
-VERTEX_MM = 2e-4  # A point this near a vertex is at both edges; more than a step goes past the end of one
+VERTEX_MM = (
+    2e-4  # A point this near a vertex is at both edges; more than a step goes past the end of one
+)
 DRIFT_MM = 0.02  # A pusher's point that is inside two edges by less touches both
 PENETRATION_MM = 0.01  # Overlap at which a step is refused
 FAR = 7  # The bits of `mark` that say that a vertex is far from the fingers
@@ -109,7 +113,15 @@ def _slot(C: Array, count: int, gap: float) -> int:
 
 @inlined_kernel
 def _write(
-    C: Array, slot: int, gap: float, rx: float, ry: float, nx: float, ny: float, low: float, high: float
+    C: Array,
+    slot: int,
+    gap: float,
+    rx: float,
+    ry: float,
+    nx: float,
+    ny: float,
+    low: float,
+    high: float,
 ) -> None:
     C[slot, RX], C[slot, RY], C[slot, NX], C[slot, NY], C[slot, GAP] = rx, ry, nx, ny, gap
     C[slot, LOW], C[slot, HIGH] = low, high
@@ -136,7 +148,9 @@ def _hidden(points: Array, i: int, j: int, px: float, py: float, gap: float) -> 
 
 
 @inlined_kernel
-def _add_face(C: Array, I: IntArray, count: int, points: Array, i: int, finger: Finger, margin: float) -> int:
+def _add_face(
+    C: Array, I: IntArray, count: int, points: Array, i: int, finger: Finger, margin: float
+) -> int:
     """Adds vertex i on the inner face, where it is under the face and near, and not yet there."""
     side, h, x = finger.side, finger.h, points[0, i] - finger.centre
     gap = side * (finger.face - points[1, i])
@@ -157,7 +171,15 @@ def _add_face(C: Array, I: IntArray, count: int, points: Array, i: int, finger: 
 
 @inlined_kernel
 def _add_corners(
-    C: Array, I: IntArray, count: int, points: Array, i: int, j: int, finger: Finger, kind: int, margin: float
+    C: Array,
+    I: IntArray,
+    count: int,
+    points: Array,
+    i: int,
+    j: int,
+    finger: Finger,
+    kind: int,
+    margin: float,
 ) -> int:
     """Adds the edge from vertex i to j at the two inner (CORNER) or outer (OUTER) corners of a finger.
 
@@ -179,7 +201,12 @@ def _add_corners(
         dx, dy = x - x0, face - y0
         gap = dx * ey - dy * ex
         along = dx * ex + dy * ey
-        if gap < -margin or gap > margin or along < -EDGE_SLACK_MM or along > length + EDGE_SLACK_MM:
+        if (
+            gap < -margin
+            or gap > margin
+            or along < -EDGE_SLACK_MM
+            or along > length + EDGE_SLACK_MM
+        ):
             continue
         lower = along if outward * y0 >= outward * y1 else length - along
         if side * ey > 0.0 and lower < LEAST_ARM_MM:
@@ -211,7 +238,12 @@ def mark(points: Array, out: IntArray, hand: Hand, margin: float) -> None:
     first, second = hand.first, hand.second
     high, low = first.face, second.face if hand.fingers == 2 and second.side < 0 else -np.inf
     side = max(abs(first.centre), abs(second.centre)) + first.h + margin
-    above, below, deep, deep_below = high - margin, low + margin, high + PENETRATION_MM, low - PENETRATION_MM
+    above, below, deep, deep_below = (
+        high - margin,
+        low + margin,
+        high + PENETRATION_MM,
+        low - PENETRATION_MM,
+    )
     for i in range(points.shape[1]):
         x, y = points[0, i], points[1, i]
         between, outside = (y > below) & (y < above), (y >= deep_below) & (y <= deep)
@@ -255,7 +287,9 @@ def _add_pairs(
 
 
 @inner_kernel
-def find(C: Array, I: IntArray, points: Array, out: IntArray, q: Array, hand: Hand, margin: float) -> int:
+def find(
+    C: Array, I: IntArray, points: Array, out: IntArray, q: Array, hand: Hand, margin: float
+) -> int:
     """Finds all pairs of features that are within `margin` [mm] of touching; returns how many.
 
     On the inner face only local minima of the gap count, and the lower neighbour of each. C and I are
@@ -304,7 +338,9 @@ def find_points(C: Array, I: IntArray, points: Array, q: Array, pusher: Tips, ma
             if along > length + VERTEX_MM and not notch_after:
                 dx, dy = px - points[0, j], py - points[1, j]
                 away = np.sqrt(dx * dx + dy * dy)
-                if dx * next_x + dy * next_y >= -VERTEX_MM * np.sqrt(next_x * next_x + next_y * next_y):
+                if dx * next_x + dy * next_y >= -VERTEX_MM * np.sqrt(
+                    next_x * next_x + next_y * next_y
+                ):
                     continue
                 kind, nx, ny, low, high = TIP, -dx / away, -dy / away, -np.inf, np.inf
             elif along < (-margin if notch_before else -VERTEX_MM) or along > length + margin:
@@ -319,6 +355,8 @@ def find_points(C: Array, I: IntArray, points: Array, q: Array, pusher: Tips, ma
             slot = _slot(C, count, gap)
             if slot >= 0:
                 I[slot, FINGER], I[slot, KIND], I[slot, SIDE], I[slot, VERTEX] = 1, kind, finger, i
-                _write(C, slot, gap, px + away * nx - q[0], py + away * ny - q[1], nx, ny, low, high)
+                _write(
+                    C, slot, gap, px + away * nx - q[0], py + away * ny - q[1], nx, ny, low, high
+                )
                 count = min(count + 1, MAX_CONTACTS)
     return count

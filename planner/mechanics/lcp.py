@@ -13,7 +13,9 @@ SOLVED = 0
 RAY = 1
 PIVOT_LIMIT = 2
 
-PIVOT_TOLERANCE = 1e-8  # A smaller pivot is rounding: forces beyond its inverse have no finite cause
+PIVOT_TOLERANCE = (
+    1e-8  # A smaller pivot is rounding: forces beyond its inverse have no finite cause
+)
 TIE = 1e-9  # Ratios nearer than this are equal, and the lexicographic order decides
 PIVOTS_PER_ROW = 50
 

@@ -133,7 +133,9 @@ def wishart(mean: Array, dof: int | IntArray, rng: np.random.Generator, n: int) 
     drawn = np.empty((n, size, size))
     for row in range(size):
         drawn[:, row, row] = np.sqrt(rng.chisquare(dof - row, size=n) / dof)
-        drawn[:, row, :row] = rng.standard_normal((n, row)) / np.sqrt(np.broadcast_to(dof, n))[:, None]
+        drawn[:, row, :row] = (
+            rng.standard_normal((n, row)) / np.sqrt(np.broadcast_to(dof, n))[:, None]
+        )
     _square(cholesky(mean), drawn)
     return drawn
 

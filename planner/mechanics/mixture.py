@@ -46,7 +46,12 @@ class Mixture:
         return pieces[0][1] if len(pieces) == 1 else in_order(pieces, len(poses))
 
     def push_by_hand(
-        self, poses: Array, opening_mm: Array, way_mm: Array, rng: np.random.Generator, traits: Traits
+        self,
+        poses: Array,
+        opening_mm: Array,
+        way_mm: Array,
+        rng: np.random.Generator,
+        traits: Traits,
     ) -> Array:
         """As `Simulator.push_by_hand`."""
         final = np.empty((len(poses), 3))

@@ -74,7 +74,10 @@ def of_points(paths: Paths, radius_mm: float = 0.0) -> Pushers:
     """
     if paths.points.shape[1] > MAX_POINTS:
         raise ValueError(f"a pusher of {paths.points.shape[1]} points; give {MAX_POINTS} at most")
-    n, arms = len(paths.angles), np.linalg.norm(paths.points - paths.centres[:, None], axis=2).max(axis=1)
+    n, arms = (
+        len(paths.angles),
+        np.linalg.norm(paths.points - paths.centres[:, None], axis=2).max(axis=1),
+    )
     way = np.abs(paths.angles) * arms + np.hypot(*paths.shifts.T)
     none = np.zeros(n)
     return Pushers(paths, way, np.zeros(n, np.int64), none, none, none, np.full(n, radius_mm))
@@ -90,7 +93,9 @@ def of_fingers(opening_mm: Array, way_mm: Array, length_mm: float, thickness_mm:
     paths = Paths(np.zeros((n, 0, 2)), np.zeros((n, 2)), np.zeros(n), shifts)
     apart = np.where(closed, 0.0, 0.5 * (opening_mm + thickness_mm))
     h = np.where(closed, thickness_mm, 0.5 * thickness_mm)
-    return Pushers(paths, way_mm, np.where(closed, 1, 2), apart, h, np.full(n, length_mm), np.zeros(n))
+    return Pushers(
+        paths, way_mm, np.where(closed, 1, 2), apart, h, np.full(n, length_mm), np.zeros(n)
+    )
 
 
 @inner_kernel
@@ -164,9 +169,18 @@ def _carry_by(boundary: Boundary, pushers: Pushers, i: int) -> None:
 
 @kernel
 def push_many(
-    outline: Array, reach: float, rho: float, step: float, pushers: Pushers, surfaces: Array, mu: Array,
-    poses: Array, touching: IntArray, given_up: IntArray, work: SqueezeWork,
-) -> None:  # fmt: skip
+    outline: Array,
+    reach: float,
+    rho: float,
+    step: float,
+    pushers: Pushers,
+    surfaces: Array,
+    mu: Array,
+    poses: Array,
+    touching: IntArray,
+    given_up: IntArray,
+    work: SqueezeWork,
+) -> None:
     """`push` for every row of `poses` (n, 3), each with its own of the rest; outputs in place.
 
     That is the pusher, the surface and friction mu (n, 2).
@@ -176,5 +190,7 @@ def push_many(
     for i in range(poses.shape[0]):
         _carry_by(boundary, pushers, i)
         boundary.mu_top, boundary.mu_bottom, boundary.step = mu[i, 0], mu[i, 1], step
-        touches, failed = push(Body(columns, reach, surfaces[i], rho), pushers.way[i], poses[i], scratch)
+        touches, failed = push(
+            Body(columns, reach, surfaces[i], rho), pushers.way[i], poses[i], scratch
+        )
         touching[i], given_up[i] = int(touches), int(failed)

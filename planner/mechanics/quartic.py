@@ -75,7 +75,9 @@ def from_certificate(Q: Array, rho_mm: float) -> QuarticSurface:
     """
     Q = np.einsum("kij,k->ij", CERTIFICATES, np.einsum("kij,ij->k", CERTIFICATES, Q))
     if np.linalg.eigvalsh(Q)[0] <= 0.0:
-        raise ValueError("the certificate is not positive definite; the quartic is not shown to be convex")
+        raise ValueError(
+            "the certificate is not positive definite; the quartic is not shown to be convex"
+        )
     certificate = _centred(Q)
     coefficients = coefficients_of(certificate)
     certificate.setflags(write=False)

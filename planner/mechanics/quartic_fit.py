@@ -24,7 +24,9 @@ MARGIN = 1e-3
 
 REWEIGHTS = 2  # Rounds of a robust fit after the first
 
-TYPICAL_ERROR_RAD = 0.1  # Twist errors above this pull with their size, not its square, in a robust fit
+TYPICAL_ERROR_RAD = (
+    0.1  # Twist errors above this pull with their size, not its square, in a robust fit
+)
 
 _SPHERE = quartic.of_ellipsoid(np.eye(3), 1.0)
 _DIRECTIONS = limit_surface.twist_directions(200)
@@ -43,7 +45,12 @@ def fit_pressure(points: Array, weights: Array, rho_mm: float) -> QuarticSurface
 
 
 def fit(
-    F: Array, V: Array, rho_mm: float, weights: Array | None = None, ridge: float = 0.0, robust: bool = False
+    F: Array,
+    V: Array,
+    rho_mm: float,
+    weights: Array | None = None,
+    ridge: float = 0.0,
+    robust: bool = False,
 ) -> QuarticSurface:
     """Fits a convex quartic to pairs of normalised wrenches (K, 3) and twists (K, 3) of any magnitude but 0.
 
@@ -100,7 +107,9 @@ def _program() -> _Program:
         coefficients == quartic_form.COEFFICIENT_ROWS @ flat,
         _independent(quartic_form.HESSIAN_ROWS) @ flat == 0.0,
     ]
-    problem = cvxpy.Problem(cvxpy.Minimize(cvxpy.sum_squares(factor @ coefficients - target)), constraints)
+    problem = cvxpy.Problem(
+        cvxpy.Minimize(cvxpy.sum_squares(factor @ coefficients - target)), constraints
+    )
     return _Program(problem, factor, target, certificate)
 
 

@@ -15,8 +15,25 @@ from planner.job.model import Job
 from planner.job.schema import MOST_FRICTION
 from planner.mechanics import surface as limit_surface
 from planner.mechanics.clearance import jaws_of
-from planner.mechanics.push import LOST, SLID, STUCK, Paths, Pushers, of_fingers, of_points, push_many
-from planner.mechanics.squeeze import GRASPED, JAMMED, STATUS_NAMES, Each, close_by, squeeze, squeeze_many
+from planner.mechanics.push import (
+    LOST,
+    SLID,
+    STUCK,
+    Paths,
+    Pushers,
+    of_fingers,
+    of_points,
+    push_many,
+)
+from planner.mechanics.squeeze import (
+    GRASPED,
+    JAMMED,
+    STATUS_NAMES,
+    Each,
+    close_by,
+    squeeze,
+    squeeze_many,
+)
 from planner.mechanics.stepping import Body, Scratch, squeeze_workspace
 from planner.mechanics.surface import Surface
 from planner.mechanics.traits import FRESH, TRAITS, Traits, as_planned, shapes
@@ -29,7 +46,10 @@ SIMPLIFY_MM = 0.005
 """Densely sampled curves lose the vertices that lie this near to the rest: less than the step resolves."""
 CHUNK = 512
 TRACE_ROWS = 2000
-STUCK_MM, STUCK_DEG = 10.0, 5.0  # How far a part that sticks to its pusher may lie off where that took it
+STUCK_MM, STUCK_DEG = (
+    10.0,
+    5.0,
+)  # How far a part that sticks to its pusher may lie off where that took it
 
 
 class Parameters(NamedTuple):
@@ -37,10 +57,18 @@ class Parameters(NamedTuple):
 
     surfaces: Array  # (n, 3, 3) ellipsoids or (n, 6, 6), as `surface.sample_each` makes them
     mu: Array  # (n, 2) friction at the upper and the lower finger
-    release: Array | None = None  # (n, 3) what a held part does on opening [mm, mm, rad]; None: nothing
-    share: Array | None = None  # (n,) of the closing that the upper finger makes; None: the gripper's
-    deviation: Array | None = None  # (n, m) of the outline, for each of the simulator's shapes; None: 0
-    ellipsoid: BoolArray | None = None  # (n,) where a (6, 6) surface is an ellipsoid after all; None: nowhere
+    release: Array | None = (
+        None  # (n, 3) what a held part does on opening [mm, mm, rad]; None: nothing
+    )
+    share: Array | None = (
+        None  # (n,) of the closing that the upper finger makes; None: the gripper's
+    )
+    deviation: Array | None = (
+        None  # (n, m) of the outline, for each of the simulator's shapes; None: 0
+    )
+    ellipsoid: BoolArray | None = (
+        None  # (n,) where a (6, 6) surface is an ellipsoid after all; None: nowhere
+    )
 
     def of(self, rows: IntArray) -> "Parameters":
         """Those of some roll-outs."""
@@ -60,7 +88,9 @@ class RollOut(NamedTuple):
 class Pushed(NamedTuple):
     """What n pushes came to."""
 
-    moved: Array  # (n, 3) displacements of the part's frame, along its axes at the start [mm, mm, rad]
+    moved: (
+        Array  # (n, 3) displacements of the part's frame, along its axes at the start [mm, mm, rad]
+    )
     status: IntArray  # (n,) index into `planner.mechanics.push.PUSH_NAMES`
     given_up: IntArray  # (n,) 1 where the stepping failed and the push was cut short there
 
@@ -74,10 +104,16 @@ class Simulator:
     jaws: Array  # (4,) opening, finger length, finger thickness [mm], the upper finger's share of the closing
     friction: tuple[float, float]  # bounds of the coefficient between finger and part
     wishart_dof: int  # degrees of freedom of the limit surface's scatter (paper, IV: n_df)
-    others: tuple[Surface, ...] = ()  # limit surfaces that a part may have instead: 1, 2, ... of its traits
+    others: tuple[
+        Surface, ...
+    ] = ()  # limit surfaces that a part may have instead: 1, 2, ... of its traits
     # (m, N, 2) how the outline may deviate: none, or `planner.mechanics.traits.shapes`
     shapes: Array = field(default_factory=lambda: np.zeros((0, 1, 2)))
-    release: tuple[float, float, float] = (0.0, 0.0, 0.0)  # std of x, y [mm] and angle [rad] on opening
+    release: tuple[float, float, float] = (
+        0.0,
+        0.0,
+        0.0,
+    )  # std of x, y [mm] and angle [rad] on opening
     step_mm: float = DEFAULT_STEP_MM  # nominal closing step of each finger
     workers: int = 1  # threads that share the roll-outs
 
@@ -105,9 +141,15 @@ class Simulator:
             jaws=jaws_of(job.gripper),
             friction=(job.friction.finger_part_min, job.friction.finger_part_max),
             wishart_dof=job.pressure.wishart_dof,
-            release=(job.release.shift_mm, job.release.shift_mm, math.radians(job.release.turn_deg)),
+            release=(
+                job.release.shift_mm,
+                job.release.shift_mm,
+                math.radians(job.release.turn_deg),
+            ),
             step_mm=step_mm,
-            workers=(os.cpu_count() or 1) if workers is None else arguments.count(workers, "workers"),
+            workers=(os.cpu_count() or 1)
+            if workers is None
+            else arguments.count(workers, "workers"),
         )
 
     def nominal(self, n: int, mu: float) -> Parameters:
@@ -135,7 +177,9 @@ class Simulator:
         mus = np.repeat(mu[:, None], 2, axis=1)
         return Parameters(surfaces, mus, release, share, own["deviation"], ellipsoid)
 
-    def squeeze(self, poses: Array, rng: np.random.Generator, traits: Traits | None = None) -> RollOut:
+    def squeeze(
+        self, poses: Array, rng: np.random.Generator, traits: Traits | None = None
+    ) -> RollOut:
         """Squeezes poses (n, 3) in the hand frame, each with random mechanics, of parts with traits (n,)."""
         poses = arguments.rows(poses, "poses", 3)
         return self.roll_out(poses, self.sample(len(poses), rng, traits))
@@ -146,10 +190,16 @@ class Simulator:
         Returns x, y, theta, width on the way (k, 4) [mm, mm, rad, mm], from the start to the end, and the
         status.
         """
-        n, q, rows = len(self.outline), arguments.row(pose, "pose", 3).copy(), np.zeros((TRACE_ROWS, 4))
+        n, q, rows = (
+            len(self.outline),
+            arguments.row(pose, "pose", 3).copy(),
+            np.zeros((TRACE_ROWS, 4)),
+        )
         mu = arguments.number(mu, "mu", 0.0, MOST_FRICTION)
         surface = checked_surfaces(np.asarray(surface)[None])[0]
-        body = Body(np.ascontiguousarray(self.outline.T), reach(self.outline), surface, self.surface.rho_mm)
+        body = Body(
+            np.ascontiguousarray(self.outline.T), reach(self.outline), surface, self.surface.rho_mm
+        )
         work = squeeze_workspace()
         close_by(work.boundary, self.jaws, mu, mu, self.step_mm)
         scratch = Scratch(np.zeros((2, n)), np.zeros(n, np.int64), work)
@@ -167,7 +217,9 @@ class Simulator:
         check(parameters, len(poses), len(self.shapes))
         if parameters.ellipsoid is not None:
             forms = by_form(parameters)
-            return in_order([(rows, self.roll_out(poses[rows], own)) for rows, own in forms], len(poses))
+            return in_order(
+                [(rows, self.roll_out(poses[rows], own)) for rows, own in forms], len(poses)
+            )
         final = np.array(poses, dtype=np.float64, order="C", copy=True)
         n = len(final)
         width = np.zeros(n)
@@ -177,16 +229,26 @@ class Simulator:
             parameters.surfaces,
             parameters.mu,
             np.full(n, self.jaws[3]) if share is None else share,
-            np.zeros((n, len(self.shapes))) if deviation is None else np.ascontiguousarray(deviation),
+            np.zeros((n, len(self.shapes)))
+            if deviation is None
+            else np.ascontiguousarray(deviation),
         )
 
         def run(start: int) -> None:
             part = slice(start, start + CHUNK)
             squeeze_many(
-                self.outline, self.shapes, self.surface.rho_mm, self.jaws, self.step_mm,
-                Each(*(values[part] for values in each)), final[part], width[part], status[part],
-                given_up[part], squeeze_workspace(),
-            )  # fmt: skip
+                self.outline,
+                self.shapes,
+                self.surface.rho_mm,
+                self.jaws,
+                self.step_mm,
+                Each(*(values[part] for values in each)),
+                final[part],
+                width[part],
+                status[part],
+                given_up[part],
+                squeeze_workspace(),
+            )
 
         deque(Threads(self.workers).map(run, range(0, n, CHUNK)), maxlen=0)
         if parameters.release is not None:
@@ -205,22 +267,32 @@ class Simulator:
         checked = Paths(
             arguments.rows(paths.points, "points", *np.shape(paths.points)[1:2], 2),
             arguments.rows(paths.centres, "centres", 2),
-            arguments.rows(paths.angles, "angles", least=-arguments.MOST_TURN, most=arguments.MOST_TURN),
-            arguments.rows(paths.shifts, "shifts", 2, least=-arguments.LONGEST_MM, most=arguments.LONGEST_MM),
+            arguments.rows(
+                paths.angles, "angles", least=-arguments.MOST_TURN, most=arguments.MOST_TURN
+            ),
+            arguments.rows(
+                paths.shifts, "shifts", 2, least=-arguments.LONGEST_MM, most=arguments.LONGEST_MM
+            ),
         )
         arguments.same_length(**checked._asdict())
         n = len(checked.angles)
         check(parameters, n, len(self.shapes))
-        moved, touching, given_up = self._pushed(np.zeros((n, 3)), of_points(checked, radius_mm), parameters)
+        moved, touching, given_up = self._pushed(
+            np.zeros((n, 3)), of_points(checked, radius_mm), parameters
+        )
         off = moved - commanded(paths)
         stuck = moved.any(axis=1) & (np.hypot(off[:, 0], off[:, 1]) < STUCK_MM)
         stuck &= np.abs(off[:, 2]) < math.radians(STUCK_DEG)
         return Pushed(moved, np.where(stuck, STUCK, np.where(touching == 1, SLID, LOST)), given_up)
 
     def push_by_hand(
-        self, poses: Array, opening_mm: Array, way_mm: Array, rng: np.random.Generator,
+        self,
+        poses: Array,
+        opening_mm: Array,
+        way_mm: Array,
+        rng: np.random.Generator,
         traits: Traits | None = None,
-    ) -> Array:  # fmt: skip
+    ) -> Array:
         """Pushes parts (n, 3) with the ends of the fingers, each with random mechanics.
 
         Fingers that close unevenly stand beside the middle by then. Deviations of outlines, tenths of a
@@ -267,9 +339,18 @@ class Simulator:
                 rows = chunk[some]
                 ends, touches, failed = final[rows], touching[rows], given_up[rows]
                 push_many(
-                    self.outline, farthest, self.surface.rho_mm, self.step_mm, pushers.of(rows), own.surfaces,
-                    own.mu, ends, touches, failed, squeeze_workspace(),
-                )  # fmt: skip
+                    self.outline,
+                    farthest,
+                    self.surface.rho_mm,
+                    self.step_mm,
+                    pushers.of(rows),
+                    own.surfaces,
+                    own.mu,
+                    ends,
+                    touches,
+                    failed,
+                    squeeze_workspace(),
+                )
                 final[rows], touching[rows], given_up[rows] = ends, touches, failed
 
         deque(Threads(self.workers).map(run, range(0, len(poses), CHUNK)), maxlen=0)
@@ -300,7 +381,9 @@ def checked_traits(traits: Traits, surfaces: int) -> None:
         ValueError: they are no traits, or a number is none or out of range.
     """
     if np.shape(traits)[1:] or getattr(traits, "dtype", None) != TRAITS:
-        raise ValueError("traits are no array (n,) of the planner's; pass what as_planned(n) gives, changed")
+        raise ValueError(
+            "traits are no array (n,) of the planner's; pass what as_planned(n) gives, changed"
+        )
     arguments.indices(traits["surface"], "surface of the traits", surfaces)
     for name in ("friction", "share", "encoder_mm", "gain", "across_mm"):
         arguments.rows(traits[name], f"{name} of the traits")

@@ -137,7 +137,12 @@ def squeeze(
             free = _close_freely(scratch)
             if free == np.inf:
                 work.fingers[0] = work.fingers[1] = 0.5 * (work.fingers[0] + work.fingers[1])
-                return 0.0, SLIPPED if touched else UNTOUCHED, 0, _record(trace, rows, q, work.fingers)
+                return (
+                    0.0,
+                    SLIPPED if touched else UNTOUCHED,
+                    0,
+                    _record(trace, rows, q, work.fingers),
+                )
             rows = _record(trace, rows, q, work.fingers)
             find_contacts(q, margin, scratch)
             touched = True
@@ -156,9 +161,18 @@ def squeeze(
 
 @kernel
 def squeeze_many(
-    outline: Array, shapes: Array, rho: float, jaws: Array, step: float, each: Each, poses: Array,
-    width: Array, status: IntArray, given_up: IntArray, work: SqueezeWork,
-) -> None:  # fmt: skip
+    outline: Array,
+    shapes: Array,
+    rho: float,
+    jaws: Array,
+    step: float,
+    each: Each,
+    poses: Array,
+    width: Array,
+    status: IntArray,
+    given_up: IntArray,
+    work: SqueezeWork,
+) -> None:
     """`squeeze` for every row of `poses` (n, 3), with what is its own; outputs in place.
 
     `shapes` (m, N, 2) say how the vertices of the outline (N, 2) move for each of a part's deviations.

@@ -41,7 +41,9 @@ from planner.mechanics.contacts import (
 from planner.mechanics.lcp import PIVOT_LIMIT, RAY, SOLVED, lemke, residual
 
 TOUCHING_MM = 1e-3  # Contacts with a smaller gap enter the step; the others are awaited as events
-PAST_END_MM = 1e-4  # How far a contact goes past the end of its feature, so that the next feature takes over
+PAST_END_MM = (
+    1e-4  # How far a contact goes past the end of its feature, so that the next feature takes over
+)
 UNBOUNDED = 1e7
 """A force beyond this, where 1 moves the part by about 1 mm, is an exact ray seen through rounding."""
 RESIDUAL = 5e-5  # Largest complementarity residual of an accepted solution [mm]

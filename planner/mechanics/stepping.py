@@ -12,7 +12,15 @@ import numpy as np
 from planner.arrays import Array, IntArray
 from planner.kernel import inlined_kernel, inner_kernel
 from planner.mechanics import contacts as contact
-from planner.mechanics.boundary import BOUNDARY, Drive, directions, drive_of, hand_of, subtract_carriage, turn
+from planner.mechanics.boundary import (
+    BOUNDARY,
+    Drive,
+    directions,
+    drive_of,
+    hand_of,
+    subtract_carriage,
+    turn,
+)
 from planner.mechanics.clearance import crosses
 from planner.mechanics.contacts import (
     FINGER,
@@ -26,10 +34,14 @@ from planner.mechanics.step import STEP_WORK, TOUCHING_MM, along, event_fraction
 from planner.mechanics.surface_step import solve_surface
 
 LARGEST_TURN = 0.1  # Largest rotation in one step [rad]
-EULER_ERROR = 0.02  # Largest difference between Euler and midpoint step, as a share of the nominal step
+EULER_ERROR = (
+    0.02  # Largest difference between Euler and midpoint step, as a share of the nominal step
+)
 SMALLEST_STEP = 2.0**-18
 """Shortest step, as a share of the nominal one: a part at an unstable equilibrium turns that much faster."""
-LEAST_FACING = 0.1  # Sine of the least angle to the closing direction, of a face that stops a finger
+LEAST_FACING = (
+    0.1  # Sine of the least angle to the closing direction, of a face that stops a finger
+)
 FURTHEST = 2.0  # How much nearer part and fingers may come in one step, in margins
 
 
@@ -98,7 +110,9 @@ def _displacement(body: Body, drive: Drive, c: float, s: float, work: SqueezeWor
     """Solves the step for the found contacts; leaves the displacement in the boundary's frame in `step.V`."""
     C, I, V, count, boundary = work.step.C, work.step.I, work.step.V, work.found, work.boundary
     directions(C, I, count, body.rho, drive)
-    status = solve_surface(body.surface, c, s, boundary.mu_top, boundary.mu_bottom, count, work.step)
+    status = solve_surface(
+        body.surface, c, s, boundary.mu_top, boundary.mu_bottom, count, work.step
+    )
     if status == SOLVED and (drive.x != 0.0 or drive.y != 0.0 or drive.turn != 0.0):
         work.moved |= V[0] != 0.0 or V[1] != 0.0 or V[2] != 0.0
         subtract_carriage(C, count, body.rho, drive, V)
@@ -199,7 +213,9 @@ def approach(body: Body, q: Array, trial: Array, step_top: float, step_bottom: f
 
 
 @inner_kernel
-def try_step(body: Body, size: float, margin: float, q: Array, scratch: Scratch) -> tuple[int, float]:
+def try_step(
+    body: Body, size: float, margin: float, q: Array, scratch: Scratch
+) -> tuple[int, float]:
     """Tries a step of `size` [mm] from pose q (3,); returns what came of it and the next size.
 
     The scratch holds the contacts at q, and those again where the step is to be retried. An accepted step

@@ -25,7 +25,11 @@ FEET = 8  # how many sets of three feet, at most, stand for all that a part may 
 def of_job(job: Job) -> Surface:
     """The nominal limit surface of a job: fitted to its pressure, stated, or identified."""
     pressure, outline = job.pressure, job.part.outline_mm
-    if pressure.quartic is not None and pressure.certificate is not None and pressure.rho_mm is not None:
+    if (
+        pressure.quartic is not None
+        and pressure.certificate is not None
+        and pressure.rho_mm is not None
+    ):
         return QuarticSurface(pressure.quartic, pressure.certificate, pressure.rho_mm)
     if pressure.ellipsoid is not None and pressure.rho_mm is not None:
         return LimitSurface(pressure.ellipsoid, pressure.rho_mm)
@@ -60,7 +64,9 @@ def others_of(job: Job) -> tuple[Surface, ...]:
 def doubted_of(job: Job) -> list[tuple[Fit, Support]]:
     """What `others_of` are fitted with and to: other pressures, other forms of the surface, or both."""
     doubt = job.doubt
-    if job.pressure.limit_surface is None or (doubt.pressure == "stated" and doubt.limit_surface != "any"):
+    if job.pressure.limit_surface is None or (
+        doubt.pressure == "stated" and doubt.limit_surface != "any"
+    ):
         return []
     pressures = [support(job.pressure, job.part.outline_mm), *_other_pressures(job)]
     return [(fit, held) for fit in _forms_of(job) for held in pressures][1:]
@@ -71,7 +77,9 @@ def _other_pressures(job: Job) -> list[Support]:
     if job.doubt.pressure == "stated":
         return []
     kinds: tuple[Kind, ...] = ("boundary", "uniform")
-    spread = [support(replace(pressure, kind=kind), outline) for kind in kinds if kind != pressure.kind]
+    spread = [
+        support(replace(pressure, kind=kind), outline) for kind in kinds if kind != pressure.kind
+    ]
     return [*spread, *map(even, rng.permutation(stances(outline))[:FEET])]
 
 
@@ -96,7 +104,9 @@ def sample_each(
         (n, 3, 3) ellipsoids or (n, 6, 6) quartics, and None. Where both forms occur, (n, 6, 6) whose
         (3, 3) corner an ellipsoid fills, and where (n,) it does.
     """
-    rows = [(number, np.flatnonzero(which == number)) for number in np.unique(which).tolist() or [0]]
+    rows = [
+        (number, np.flatnonzero(which == number)) for number in np.unique(which).tolist() or [0]
+    ]
     drawn = [sample(surfaces[number], dof[own], rng, len(own)) for number, own in rows]
     if len(rows) == 1:
         return drawn[0], None

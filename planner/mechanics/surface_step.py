@@ -28,8 +28,12 @@ def local_matrix(table: Array, F: Array, out: Array) -> None:
     for row in range(6):
         i = 0 if row < 3 else (1 if row < 5 else 2)
         j = row if row < 3 else (row - 2 if row < 5 else 2)
-        entry = table[row, 0] * F[0] * F[0] + table[row, 1] * F[0] * F[1] + table[row, 2] * F[0] * F[2]
-        entry += table[row, 3] * F[1] * F[1] + table[row, 4] * F[1] * F[2] + table[row, 5] * F[2] * F[2]
+        entry = (
+            table[row, 0] * F[0] * F[0] + table[row, 1] * F[0] * F[1] + table[row, 2] * F[0] * F[2]
+        )
+        entry += (
+            table[row, 3] * F[1] * F[1] + table[row, 4] * F[1] * F[2] + table[row, 5] * F[2] * F[2]
+        )
         out[i, j] = entry / 3.0
         out[j, i] = entry / 3.0
 

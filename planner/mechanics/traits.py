@@ -21,15 +21,29 @@ TRAITS = np.dtype(
     [
         ("hypothesis", np.int64),  # which of the job's parts it is
         ("friction", np.float64),  # between fingers and part; `FRESH`: drawn anew for every squeeze
-        ("share", np.float64),  # what the upper finger makes of the closing, more than its share in the job
+        (
+            "share",
+            np.float64,
+        ),  # what the upper finger makes of the closing, more than its share in the job
         ("surface", np.int64),  # which of the simulator's limit surfaces
         ("dof", np.int64),  # degrees of freedom of that surface's scatter; 0: those of the job
         ("deviation", np.float64, SHAPES),  # of the outline, for each of `shapes` [mm]
         ("encoder_mm", np.float64),  # added to every width before it is read
         ("gain", np.float64),  # of the encoder: so much of a width is added to it
-        ("across_mm", np.float64),  # how far the hand stands off its place, along the closing direction
-        ("release", np.float64, 2),  # what held parts do on opening, besides the job's: std [mm, rad]
-        ("arm", np.float64, 3),  # how far the part lies off in the arm's frame before the first squeeze
+        (
+            "across_mm",
+            np.float64,
+        ),  # how far the hand stands off its place, along the closing direction
+        (
+            "release",
+            np.float64,
+            2,
+        ),  # what held parts do on opening, besides the job's: std [mm, rad]
+        (
+            "arm",
+            np.float64,
+            3,
+        ),  # how far the part lies off in the arm's frame before the first squeeze
     ]
 )
 Traits: TypeAlias = NDArray[np.void]
@@ -95,5 +109,9 @@ def shapes(outline: Array) -> Array:
     outwards = offsets(outline)
     lengths = np.hypot(*(np.roll(outline, -1, axis=0) - outline).T)
     along = 2.0 * np.pi * np.concatenate([[0.0], np.cumsum(lengths[:-1])]) / lengths.sum()
-    waves = [wave(k * along)[:, None] * outwards for k in range(1, WAVES + 1) for wave in (np.cos, np.sin)]
+    waves = [
+        wave(k * along)[:, None] * outwards
+        for k in range(1, WAVES + 1)
+        for wave in (np.cos, np.sin)
+    ]
     return np.stack([outwards, outline / reach(outline), *waves])

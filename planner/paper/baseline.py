@@ -27,7 +27,9 @@ SEED_BASELINE = 0x42415345
 class Achieved(NamedTuple):
     """What the plan does in one world."""
 
-    oriented: float  # share that ends within `ORIENTED_DEG` of the angle in theory, modulo the period
+    oriented: (
+        float  # share that ends within `ORIENTED_DEG` of the angle in theory, modulo the period
+    )
     located: float  # share within the job's goal of the pose(s) that most are within it of
     located_modulo: float  # the same, modulo the plan's period
     seconds: float  # a part, estimated
@@ -65,7 +67,9 @@ def sensorless(job: Job, trials: int, scheduler: Scheduler | None = None) -> Bas
     """
     squeezes = plan(job.part.outline_mm)
     ideal = job.replaced("the job without friction", **IDEAL)
-    real, without = (_achieved(true, squeezes, trials, scheduler or Threads()) for true in (job, ideal))
+    real, without = (
+        _achieved(true, squeezes, trials, scheduler or Threads()) for true in (job, ideal)
+    )
     bound = 2 * len(convex_hull(job.part.outline_mm)) - 1
     return Baseline(squeezes, bound, real, without, trials)
 
@@ -105,7 +109,9 @@ def _squeezed(job: Job, worlds: ContactWorlds, angles: Array, chunk: Chunk) -> t
 
 
 def _achieved(job: Job, squeezes: SqueezePlan, trials: int, scheduler: Scheduler) -> Achieved:
-    run = partial(_squeezed, job, ContactWorlds.of_job(job, job.seed + SEED_BASELINE), squeezes.angles)
+    run = partial(
+        _squeezed, job, ContactWorlds.of_job(job, job.seed + SEED_BASELINE), squeezes.angles
+    )
     parts = list(scheduler.map(run, chunks_of(trials)))
     poses, seconds = (np.concatenate(rows) for rows in zip(*parts, strict=True))
     metric = metric_of(job)

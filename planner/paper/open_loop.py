@@ -32,7 +32,9 @@ COLLIDING_SHARE = 0.005
 class Sequence(NamedTuple):
     """A sequence of actions and what it comes to."""
 
-    actions: tuple[int, ...]  # indices of placements; empty if every first action collides or is pruned
+    actions: tuple[
+        int, ...
+    ]  # indices of placements; empty if every first action collides or is pruned
     ratio: float  # singleton ratio of the belief afterwards
 
 
@@ -55,7 +57,9 @@ class OpenLoop:
     depth: int  # d, the longest sequence
     alpha: float = ALPHA  # share of its ratio that a belief must keep
     enough: float = 2.0  # a sequence that exceeds this ratio ends the search; above 1, none does
-    budget: int | None = None  # beliefs expanded before the search ends, in place of the paper's time limit
+    budget: int | None = (
+        None  # beliefs expanded before the search ends, in place of the paper's time limit
+    )
 
     def search(self, poses: Array, rng: np.random.Generator) -> Sequence:
         """Algorithm 2 up to a*, for particles (n, 3) in the world: the sequence of largest ratio."""
@@ -65,7 +69,9 @@ class OpenLoop:
             element = queue.popleft()
             if element.actions and element.ratio > best.ratio:
                 best = Sequence(element.actions, element.ratio)
-            if len(element.actions) < self.depth and (self.budget is None or expanded < self.budget):
+            if len(element.actions) < self.depth and (
+                self.budget is None or expanded < self.budget
+            ):
                 queue.extend(self._expand(element, rng))
                 expanded += 1
         return best

@@ -20,9 +20,12 @@ from planner.work.scheduler import Scheduler
 
 
 def plan_paper(
-    job: Job, simulator: Simulator, store: Store | None = None, scheduler: Scheduler | None = None,
+    job: Job,
+    simulator: Simulator,
+    store: Store | None = None,
+    scheduler: Scheduler | None = None,
     report: Report = silent,
-) -> Node:  # fmt: skip
+) -> Node:
     """Plans a job with method "paper", "paper-sequence" or "sensorless".
 
     The paper's own numbers are used throughout: of the job's [search] only the method, the particles and the
@@ -43,4 +46,6 @@ def plan_paper(
         order=job.part.symmetry,
     )
     belief = initial(job, job.search.particles, np.random.default_rng([job.seed, 0]))
-    return planner.plan(belief, [job.seed], lambda done, waiting: report("search", done, done + waiting))
+    return planner.plan(
+        belief, [job.seed], lambda done, waiting: report("search", done, done + waiting)
+    )

@@ -23,7 +23,9 @@ STILL_MM = 1e-6  # A particle this near to a stored pose is that pose already
 class Projection:
     """The subspaces of one part, as final poses in the hand frame."""
 
-    stored: dict[int, tuple[Array, cKDTree]]  # by subspace: the poses (n_k, 3) seen in it, and their tree
+    stored: dict[
+        int, tuple[Array, cKDTree]
+    ]  # by subspace: the poses (n_k, 3) seen in it, and their tree
     rho_mm: float  # what one radian weighs
     order: int  # rotational order of the part
 
@@ -38,7 +40,9 @@ class Projection:
         for k in range(1, int(label.max(initial=0)) + 1):
             poses = np.ascontiguousarray(final[label == k])
             if not len(poses):
-                raise ValueError(f"subspace {k} has no final pose; number the subspaces without gaps")
+                raise ValueError(
+                    f"subspace {k} has no final pose; number the subspaces without gaps"
+                )
             box = [0.0, 0.0, rho_mm * math.tau / order]
             stored[k] = poses, cKDTree(_points(poses, rho_mm, order), boxsize=box)
         return cls(stored, rho_mm, order)

@@ -66,7 +66,9 @@ class Models(NamedTuple):
     projection: Projection
 
 
-def learn(rolled: RollOuts, simulator: Simulator, encoder: Encoder, rho_mm: float, order: int) -> Models:
+def learn(
+    rolled: RollOuts, simulator: Simulator, encoder: Encoder, rho_mm: float, order: int
+) -> Models:
     """Fits all models to roll-outs, of which some touch the part and some collide with it.
 
     `rho_mm` is what one radian weighs, `order` the part's rotational order.
@@ -94,7 +96,9 @@ class PaperPlanner:
     placements: Array  # (k, 3) the actions: the hand frame in the world
     models: Models  # what moves and observes beliefs
     encoder: Encoder  # turns expected widths into counts
-    clearance: Callable[[Array, Array], float]  # open fingers at (3,) from poses (n, 3) [mm], < 0: collide
+    clearance: Callable[
+        [Array, Array], float
+    ]  # open fingers at (3,) from poses (n, 3) [mm], < 0: collide
     method: str = "paper"  # one of `METHODS`
     depth: int = DEEPEST  # d, the longest open-loop sequence
     max_depth: int = 12  # longest path of the tree, which the paper does not bound [squeezes]
@@ -131,7 +135,11 @@ class PaperPlanner:
             blind, last = actions, ()
         for action in blind:
             (node,) = self._squeezed(node, self.placements[action], rng, branching=False)
-        return [end for a in last for end in self._squeezed(node, self.placements[a], rng, branching=True)]
+        return [
+            end
+            for a in last
+            for end in self._squeezed(node, self.placements[a], rng, branching=True)
+        ]
 
     def _search(self, longest: int) -> OpenLoop:
         search = OpenLoop(
@@ -144,7 +152,10 @@ class PaperPlanner:
         if self.method != "sensorless":
             return search
         return dataclasses.replace(
-            search, depth=min(SENSORLESS_DEPTH, longest), enough=SINGLETON_SHARE, budget=SENSORLESS_BUDGET
+            search,
+            depth=min(SENSORLESS_DEPTH, longest),
+            enough=SINGLETON_SHARE,
+            budget=SENSORLESS_BUDGET,
         )
 
     def _squeezed(
@@ -165,12 +176,18 @@ class PaperPlanner:
         for k in range(len(clusters.mean)):
             belief = poses[label == k]
             share = node.share * len(belief) / len(node.belief)
-            children.append(Node(Belief.of(belief), share, singleton(belief, self.order), node.depth + 1))
-        node.actions = [Action(Squeeze(placement, self.encoder.opening_mm, clearance, clusters), children)]
+            children.append(
+                Node(Belief.of(belief), share, singleton(belief, self.order), node.depth + 1)
+            )
+        node.actions = [
+            Action(Squeeze(placement, self.encoder.opening_mm, clearance, clusters), children)
+        ]
         return children
 
 
-def nearest_observation(encoder: Encoder, width_mm: Array, subspace: IntArray) -> tuple[Partition, IntArray]:
+def nearest_observation(
+    encoder: Encoder, width_mm: Array, subspace: IntArray
+) -> tuple[Partition, IntArray]:
     """The paper's rule at run time: the child with the closest expected observation, whatever the width.
 
     Particles (n,) have an expected width [mm] and a subspace; subspaces whose mean widths fall on one count
@@ -178,12 +195,16 @@ def nearest_observation(encoder: Encoder, width_mm: Array, subspace: IntArray) -
     counts, and each particle's child (n,).
     """
     counts = np.clip(
-        encoder.count_closed - width_mm / encoder.mm_per_count, encoder.count_open, encoder.count_closed
+        encoder.count_closed - width_mm / encoder.mm_per_count,
+        encoder.count_open,
+        encoder.count_closed,
     )
     member = np.unique(subspace, return_inverse=True)[1]
     size = np.bincount(member)
     expected = np.rint(np.bincount(member, counts) / size).astype(np.int64)
-    found, child = np.unique(-expected[member], return_inverse=True)  # rising widths are falling counts
+    found, child = np.unique(
+        -expected[member], return_inverse=True
+    )  # rising widths are falling counts
     size = np.bincount(child)
     mean = np.bincount(child, counts) / size
     label = np.argmin(np.abs(np.arange(COUNTS)[:, None] - mean[None]), axis=1)

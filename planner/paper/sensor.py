@@ -44,7 +44,9 @@ class SensorModel:
         Raises:
             ValueError: there are fewer than `HELD_OUT` roll-outs.
         """
-        from sklearn.tree import DecisionTreeRegressor  # takes two seconds; most plans learn nothing
+        from sklearn.tree import (
+            DecisionTreeRegressor,
+        )  # takes two seconds; most plans learn nothing
 
         if len(final) < HELD_OUT:
             raise ValueError(f"{len(final)} roll-outs are too few for a sensor model; ask for more")
@@ -70,7 +72,9 @@ class CollisionTree:
     @classmethod
     def fit(cls, initial: Array, stands: BoolArray, order: int) -> Self:
         """Learns from initial poses (n, 3) where an open finger stands on the part (n,)."""
-        from sklearn.tree import DecisionTreeClassifier  # takes two seconds; most plans learn nothing
+        from sklearn.tree import (
+            DecisionTreeClassifier,
+        )  # takes two seconds; most plans learn nothing
 
         tree = DecisionTreeClassifier(random_state=0)
         return cls(tree.fit(features(initial, order), stands), order)

@@ -38,7 +38,9 @@ class WidthFunction:
     def __call__(self, direction: Array) -> Array:
         """Widths in some directions [rad] -> [mm]."""
         reduced = np.mod(direction, math.pi)
-        arc = np.searchsorted(self.knots, reduced, side="right") - 1  # -1: the last one, from before pi
+        arc = (
+            np.searchsorted(self.knots, reduced, side="right") - 1
+        )  # -1: the last one, from before pi
         chord = self.chords[arc]
         return np.abs(chord[..., 0] * np.cos(reduced) + chord[..., 1] * np.sin(reduced))
 
@@ -98,7 +100,9 @@ def _slope(chords: Array, directions: Array) -> Array:
     return np.asarray(chords[:, 1] * np.cos(directions) - chords[:, 0] * np.sin(directions))
 
 
-RIPPLE_MM = 0.05  # Minima of the width shallower than this hold no part: the facets of a sampled curve
+RIPPLE_MM = (
+    0.05  # Minima of the width shallower than this hold no part: the facets of a sampled curve
+)
 ALIKE_RAD = 1e-6  # Steps of the squeeze function that differ by less are equal
 
 
@@ -179,7 +183,9 @@ def chain(function: SqueezeFunction) -> list[Interval]:
         target = found[-1].length
         wider = [i for i in intervals if i.spread < target - ALIKE_RAD]
         best = max(wider, key=lambda i: (i.length, -i.spread))
-        if best.length <= target + ALIKE_RAD:  # does not happen, by his theorem, but for steps alike to 1e-6
+        if (
+            best.length <= target + ALIKE_RAD
+        ):  # does not happen, by his theorem, but for steps alike to 1e-6
             break
         found.append(best)
     return found[::-1]

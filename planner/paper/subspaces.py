@@ -28,7 +28,9 @@ class Subspaces:
     high_mm: Array  # (k,) greatest width
     size: IntArray  # (k,) roll-outs that ended in it
     edges_mm: Array  # (k - 1,) widths between neighbours
-    merged_mm: Array  # (m, 2) mean widths of the pairs of clusters that were made one, narrower first
+    merged_mm: (
+        Array  # (m, 2) mean widths of the pairs of clusters that were made one, narrower first
+    )
     apart_mm: float  # least distance of two mean widths that the encoder tells apart
     overlooked: int  # roll-outs that ended held at a width that reads like an empty hand; they count as free
 
@@ -43,7 +45,12 @@ class Subspaces:
         """For JSON."""
         columns = zip(self.low_mm, self.mean_mm, self.high_mm, self.size, strict=True)
         return [
-            {"low_mm": float(low), "mean_mm": float(mean), "high_mm": float(high), "rollouts": int(size)}
+            {
+                "low_mm": float(low),
+                "mean_mm": float(mean),
+                "high_mm": float(high),
+                "rollouts": int(size),
+            }
             for low, mean, high, size in columns
         ]
 
@@ -71,7 +78,9 @@ def subspaces_of(width_mm: Array, encoder: Encoder) -> Subspaces:
     held = width_mm[~empty]
     groups, merged = _held_groups(held, encoder.opening_mm, apart_mm, 1.0 - EXPLAINED)
     groups = [width_mm[empty], *groups]
-    measures = [(part.min(), part.mean(), part.max()) if len(part) else (0.0, 0.0, 0.0) for part in groups]
+    measures = [
+        (part.min(), part.mean(), part.max()) if len(part) else (0.0, 0.0, 0.0) for part in groups
+    ]
     low, mean, high = np.array(measures).T
     between = 0.5 * (high[1:-1] + low[2:])
     return Subspaces(
@@ -86,7 +95,9 @@ def subspaces_of(width_mm: Array, encoder: Encoder) -> Subspaces:
     )
 
 
-def _held_groups(held: Array, opening_mm: float, apart_mm: float, within: float) -> tuple[list[Array], Array]:
+def _held_groups(
+    held: Array, opening_mm: float, apart_mm: float, within: float
+) -> tuple[list[Array], Array]:
     """The widths (n,) of held parts, cluster by cluster in rising order, and the merged means (m, 2)."""
     if not len(held):
         return [], np.empty((0, 2))

@@ -116,7 +116,9 @@ def min_width(outline: Outline) -> float:
     """
     hull = convex_hull(outline)
     edges = np.roll(hull, -1, axis=0) - hull
-    normals = np.column_stack([edges[:, 1], -edges[:, 0]]) / np.hypot(edges[:, 0], edges[:, 1])[:, None]
+    normals = (
+        np.column_stack([edges[:, 1], -edges[:, 0]]) / np.hypot(edges[:, 0], edges[:, 1])[:, None]
+    )
     along = normals @ hull.T  # (edges, vertices)
     return float((along.max(axis=1) - along.min(axis=1)).min())
 

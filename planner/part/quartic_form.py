@@ -53,7 +53,9 @@ def _null_space(rows: Array) -> Array:
 
 def gram(coefficients: Array) -> Array:
     """12 T, (..., 9, 9): one of the Q with y^T Q y = z^T hess H z; symmetric, not always definite."""
-    return np.asarray(np.tensordot(12.0 * np.asarray(coefficients) / _MULTIPLICITY, _ENTRIES, axes=1))
+    return np.asarray(
+        np.tensordot(12.0 * np.asarray(coefficients) / _MULTIPLICITY, _ENTRIES, axes=1)
+    )
 
 
 def coefficients_of(certificate: Array) -> Array:
@@ -72,7 +74,9 @@ HESSIAN_ROWS = FORM @ (np.eye(81) - 144.0 * COEFFICIENT_ROWS.T / _MULTIPLICITY @
 
 GAUGE = _null_space(FORM)  # (9, 9, 9) orthonormal directions of Q that do not show in y^T Q y
 
-CERTIFICATES = _null_space(HESSIAN_ROWS)  # (24, 9, 9) orthonormal basis of the Q that belong to a quartic
+CERTIFICATES = _null_space(
+    HESSIAN_ROWS
+)  # (24, 9, 9) orthonormal basis of the Q that belong to a quartic
 
 
 def monomials(F: Array) -> Array:

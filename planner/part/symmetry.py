@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 from planner.part.outline import Outline, simplified
 
 TURNS = 8  # symmetries of up to so many turns are looked for
-TOLERANCE_MM = 0.05  # How far boundaries may lie apart and still count as the same: far less than a count
+TOLERANCE_MM = (
+    0.05  # How far boundaries may lie apart and still count as the same: far less than a count
+)
 FEW = 400  # vertices between which distances are measured; their number is squared
 MOST_ORDER = 1000  # that a table can state
 SOME = 16  # vertices, of the least radius to the greatest, that are turned first
@@ -49,7 +51,9 @@ def congruent(outline: Outline, other: Outline, tolerance_mm: float = TOLERANCE_
     """
     boundary, far = _boundary(other), np.hypot(*other.T)
     x, y = outline[np.argmax(np.hypot(*outline.T))]
-    turns = [math.atan2(v[1], v[0]) - math.atan2(y, x) for v in other[far >= far.max() - tolerance_mm]]
+    turns = [
+        math.atan2(v[1], v[0]) - math.atan2(y, x) for v in other[far >= far.max() - tolerance_mm]
+    ]
     return any(_is_on(boundary, outline, turn, tolerance_mm) for turn in turns)
 
 
@@ -76,7 +80,9 @@ def _with_few_vertices(outline: Outline) -> Outline:
     return outline
 
 
-def _maps_onto_itself(boundary: shapely.LinearRing, outline: Outline, n: int, tolerance_mm: float) -> bool:
+def _maps_onto_itself(
+    boundary: shapely.LinearRing, outline: Outline, n: int, tolerance_mm: float
+) -> bool:
     """Checks the turns one by one, those first that a part without this symmetry is likeliest to fail.
 
     A few vertices are turned before all of them are. A part between two circles as near as the tolerance
@@ -97,7 +103,9 @@ def _maps_onto_itself(boundary: shapely.LinearRing, outline: Outline, n: int, to
     )
 
 
-def _is_on(boundary: shapely.LinearRing, vertices: Outline, angle: float, tolerance_mm: float) -> bool:
+def _is_on(
+    boundary: shapely.LinearRing, vertices: Outline, angle: float, tolerance_mm: float
+) -> bool:
     return bool(shapely.dwithin(boundary, _turned(vertices, angle), tolerance_mm).all())
 
 

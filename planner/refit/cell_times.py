@@ -32,16 +32,22 @@ def learned(table: Table, squeezes: Sequence[Timed]) -> dict[str, float]:
         return found
     plain = [made for made in squeezes if not table.nodes[made.node].pushes]
     low, high = timing.regrasp_mm - timing.squeeze_mm, timing.retreat_mm - timing.squeeze_mm
-    short, long = ([made.phases.lower_s for made in plain if made.first == first] for first in (False, True))
+    short, long = (
+        [made.phases.lower_s for made in plain if made.first == first] for first in (False, True)
+    )
     if low < high and short and long:
         acceleration = _acceleration(median(long) - median(short), low, high, timing.arm_speed_mm_s)
         found["arm_acceleration_mm_s2"] = round(acceleration, 1)
         answer_s = median(short) - trapezoid_s(low, timing.arm_speed_mm_s, acceleration)
         found["arm_answer_s"] = round(max(answer_s, 0.0), 4)
     if plain:
-        found["jaw_answer_s"] = round(max(median(_jaws(table, timing, made) for made in plain), 0.0), 4)
+        found["jaw_answer_s"] = round(
+            max(median(_jaws(table, timing, made) for made in plain), 0.0), 4
+        )
         looks = [
-            made.phases.release_s - CLEAR_MM / _speed(table, made) for made in plain if _stays(table, made)
+            made.phases.release_s - CLEAR_MM / _speed(table, made)
+            for made in plain
+            if _stays(table, made)
         ]
         if looks:
             found["poll_s"] = round(max(median(looks), 0.0) / 3.0, 4)

@@ -20,7 +20,11 @@ from planner.part.pressure import stances
 from planner.world import ContactWorld
 from runtime.table import Table
 
-LEAST_FRICTION, SLIPPERY, ROUGH = 0.05, 1.0 / 3.0, 1.5  # ends of the range, the latter of the job's bounds
+LEAST_FRICTION, SLIPPERY, ROUGH = (
+    0.05,
+    1.0 / 3.0,
+    1.5,
+)  # ends of the range, the latter of the job's bounds
 UNEVEN = 0.1  # how far off the fingers' share may be where the job states less, either way
 OFFSET_MM = 1.5  # the same for what widths read too much
 FEET = 20  # sets of three feet that parts may stand on, besides those that plans doubt
@@ -46,9 +50,11 @@ class Space(NamedTuple):
         """All that may be off about a job: its doubts, and no less than is usual."""
         doubt, friction = job.doubt, job.friction
         usual = {
-            "finger_share": UNEVEN, "middle_mm": UNEVEN * closing_mm(job), "encoder_mm": OFFSET_MM,
+            "finger_share": UNEVEN,
+            "middle_mm": UNEVEN * closing_mm(job),
+            "encoder_mm": OFFSET_MM,
             "encoder_gain": 0.0,
-        }  # fmt: skip
+        }
         found = []
         for key, most in usual.items():
             low, high = getattr(doubt, key)
@@ -56,7 +62,9 @@ class Space(NamedTuple):
         if doubt.least_dof and doubt.least_dof != job.pressure.wishart_dof:
             low, high = sorted((doubt.least_dof, job.pressure.wishart_dof))
             found.append(Quantity("least_dof", float(np.log(low)), float(np.log(high))))
-        least = max(min(LEAST_FRICTION, friction.finger_part_min), SLIPPERY * friction.finger_part_min)
+        least = max(
+            min(LEAST_FRICTION, friction.finger_part_min), SLIPPERY * friction.finger_part_min
+        )
         most = min(ROUGH * friction.finger_part_max, MOST_FRICTION)
         found += [Quantity(key, least, most) for key in ("finger_part_min", "finger_part_max")]
         return cls(tuple(quantity for quantity in found if quantity.high > quantity.low), surfaces)
@@ -85,7 +93,9 @@ class Space(NamedTuple):
     def density(self, points: Array) -> Array:
         """The prior's density (n,) at points, but for a factor."""
         low, high = self.bounds
-        inside = ((points[:, :-1] >= low) & (points[:, :-1] <= high)).all(axis=1) & self._ordered(points)
+        inside = ((points[:, :-1] >= low) & (points[:, :-1] <= high)).all(axis=1) & self._ordered(
+            points
+        )
         share = np.where(points[:, -1] == 0, 0.5, 0.5 / max(1, self.surfaces - 1))
         return np.where(inside, share, 0.0)
 
@@ -137,18 +147,24 @@ class Cells:
     def run(self, point: Array, parts: int, seed: int) -> Evaluation:
         """Sends parts through the table in the cell at a point (d + 1,)."""
         told = self.told(point)
-        simulator = replace(self.simulator, friction=(told["finger_part_min"], told["finger_part_max"]))
+        simulator = replace(
+            self.simulator, friction=(told["finger_part_min"], told["finger_part_max"])
+        )
         world = ContactWorld.of_simulator(simulator, [seed])
         rng = np.random.default_rng([seed, 0x524546])
         cell = Off(
-            placement_mm=self.job.doubt.placement_mm, placement_deg=self.job.doubt.placement_deg,
+            placement_mm=self.job.doubt.placement_mm,
+            placement_deg=self.job.doubt.placement_deg,
             all_alike=self._traits(told, int(point[-1])),
-        )  # fmt: skip
+        )
         return run(self.program, self.job, world, parts, rng, cell)
 
     def told(self, point: Array) -> dict[str, Any]:
         """The quantities at a point, by key."""
-        return {quantity.key: value for quantity, value in zip(self.space.quantities, point, strict=False)}
+        return {
+            quantity.key: value
+            for quantity, value in zip(self.space.quantities, point, strict=False)
+        }
 
     def surface_entries(self) -> Array:
         """The nominal limit surfaces, entry by entry (surfaces, k)."""

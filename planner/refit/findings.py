@@ -14,7 +14,9 @@ from planner.refit.posterior import Posterior
 TOLD = 0.4  # of the prior's standard deviation: what is not known better than that was not told by the data
 ENDS = (0.05, 0.95)  # the interval that sentences and jobs name
 KEPT_DOUBT = 0.1  # share of particles with friction beyond the bounds that were learned
-SURE = 0.8  # probability from which the limit surface of another pressure takes the place of the job's
+SURE = (
+    0.8  # probability from which the limit surface of another pressure takes the place of the job's
+)
 OFF_MM = 0.5  # fingers that meet farther off than that want mending
 OFF = 0.02  # a share of the fingers that is off by more than that is a fault of the gripper
 
@@ -40,7 +42,9 @@ def _finding(quantity: Quantity, found: Posterior, job: Job) -> Finding:
     values = found.of(quantity.key)
     mean, spread = float(values.mean()), float(values.std())
     low, high = (float(end) for end in np.quantile(values, ENDS))
-    prior = (quantity.high - quantity.low) / np.sqrt(18.0 if "finger_part" in quantity.key else 12.0)
+    prior = (quantity.high - quantity.low) / np.sqrt(
+        18.0 if "finger_part" in quantity.key else 12.0
+    )
     told = bool(spread < TOLD * prior)
     sentence = _sentence(quantity.key, mean, low, high, job) if told else _untold(quantity.key)
     return Finding(quantity.key, mean, low, high, told, sentence)
@@ -60,7 +64,8 @@ def _sentence(key: str, mean: float, low: float, high: float, job: Job) -> str:
         uneven = f"{100.0 * share:.1f} +- {100.0 * half / closing_mm(job):.1f} %"
         fault = min(abs(low), abs(high)) > OFF_MM and low * high > 0.0
         return told + (
-            f", as if the upper one made {uneven} of the closing: have the gripper looked at" * fault
+            f", as if the upper one made {uneven} of the closing: have the gripper looked at"
+            * fault
         )
     if key == "encoder_mm":
         return f"widths read {mean:+.2f} +- {half:.2f} mm too much"
@@ -68,10 +73,12 @@ def _sentence(key: str, mean: float, low: float, high: float, job: Job) -> str:
         return f"widths read {100.0 * mean:+.2f} +- {100.0 * half:.2f} % too much"
     if key == "least_dof":
         ends = f"{np.exp(low):.0f} to {np.exp(high):.0f}"
-        return (
-            f"friction with the table scatters by {ends} degrees of freedom, not {job.pressure.wishart_dof}"
-        )
-    end, stated = ("least", job.friction.finger_part_min), ("greatest", job.friction.finger_part_max)
+        dof = job.pressure.wishart_dof
+        return f"friction with the table scatters by {ends} degrees of freedom, not {dof}"
+    end, stated = (
+        ("least", job.friction.finger_part_min),
+        ("greatest", job.friction.finger_part_max),
+    )
     name, believed = end if key == "finger_part_min" else stated
     agrees = f", as stated ({believed:g})" if low <= believed <= high else f", not {believed:g}"
     return f"the {name} friction between finger and part is {low:.2f} to {high:.2f}{agrees}"
@@ -99,9 +106,13 @@ def _pressed(found: Posterior) -> Finding:
     if stated > 0.95:
         sentence = "parts press on the table as the job says"
     elif stated < 0.05:
-        sentence = "parts do not press on the table as the job says: they may stand on feet or on a rim"
+        sentence = (
+            "parts do not press on the table as the job says: they may stand on feet or on a rim"
+        )
     else:
-        sentence = f"the journals do not tell how parts press on the table (as stated: {stated:.0%})"
+        sentence = (
+            f"the journals do not tell how parts press on the table (as stated: {stated:.0%})"
+        )
     return Finding("pressure", stated, stated, best, told, sentence)
 
 
@@ -116,7 +127,12 @@ def changes(found: Posterior, cells: Cells) -> Mapping[str, Mapping[str, Any]]:
     told = {finding.quantity: finding for finding in findings(found, cells) if finding.told}
     doubt: dict[str, Any] = {
         key: [round(told[key].low_5, digits), round(told[key].high_95, digits)]
-        for key, digits in (("finger_share", 4), ("middle_mm", 3), ("encoder_mm", 3), ("encoder_gain", 5))
+        for key, digits in (
+            ("finger_share", 4),
+            ("middle_mm", 3),
+            ("encoder_mm", 3),
+            ("encoder_gain", 5),
+        )
         if key in told
     }
     if "least_dof" in told:
@@ -137,7 +153,11 @@ def _friction(told: Mapping[str, Finding], job: Job) -> dict[str, Any]:
     low, high = (getattr(job.friction, key) for key in keys)
     low = round(told[keys[0]].low_5, 3) if keys[0] in told else low
     high = round(told[keys[1]].high_95, 3) if keys[1] in told else high
-    doubt = min(job.friction.doubt, KEPT_DOUBT) if all(key in told for key in keys) else job.friction.doubt
+    doubt = (
+        min(job.friction.doubt, KEPT_DOUBT)
+        if all(key in told for key in keys)
+        else job.friction.doubt
+    )
     return {keys[0]: min(low, high), keys[1]: max(low, high), "doubt": doubt}
 
 

@@ -60,7 +60,9 @@ class Likelihood:
     def log(self, features: Array) -> Array:
         """Its logarithm (n,) at features (n, k), but for a constant."""
         terms = _terms((features - self.centre) / self.scale, self.curved)
-        wider = 1.0 + np.einsum("ij,ij->i", terms @ self.doubt, terms)  # far from all cells simulated
+        wider = 1.0 + np.einsum(
+            "ij,ij->i", terms @ self.doubt, terms
+        )  # far from all cells simulated
         off = (self.statistics - terms @ self.slopes) @ self.whiten.T
         return np.asarray(-0.5 * (off**2).sum(axis=1) / wider - 0.5 * off.shape[1] * np.log(wider))
 

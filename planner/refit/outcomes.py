@@ -56,7 +56,9 @@ class Outcomes:
 
     def of_seen(self, seen: Seen) -> Array:
         """How often each (size,) is in journals."""
-        read = COUNTS * np.arange(len(seen.readings))[:, None] + np.minimum(np.arange(COUNTS), self._empty)
+        read = COUNTS * np.arange(len(seen.readings))[:, None] + np.minimum(
+            np.arange(COUNTS), self._empty
+        )
         lies = self._lying(seen.leaves, seen.residuals)
         weights = np.concatenate([seen.readings.ravel(), np.ones(lies.size)])
         numbers = np.concatenate([read.ravel(), lies.ravel()])

@@ -31,7 +31,9 @@ STEPS = 200  # of each chain
 ROOM = 0.25  # of the range of cells tried that others lie beyond its ends, where polynomials still hold
 ACROSS = 0.1  # share of the steps as long as two chains are apart: from one mode to another
 
-Task = tuple[Array, int, int]  # a cell to simulate: its point (d + 1,), pairs of sets of parts, and the seed
+Task = tuple[
+    Array, int, int
+]  # a cell to simulate: its point (d + 1,), pairs of sets of parts, and the seed
 
 
 class Effort(NamedTuple):
@@ -63,12 +65,18 @@ class Posterior:
 
 
 def posterior(
-    cells: Cells, seen: Seen, seed: int, scheduler: Scheduler, effort: Effort = USUAL,
+    cells: Cells,
+    seen: Seen,
+    seed: int,
+    scheduler: Scheduler,
+    effort: Effort = USUAL,
     report: Report = silent,
-) -> Posterior:  # fmt: skip
+) -> Posterior:
     """Draws cells from the posterior, given what was seen."""
     rng = np.random.default_rng([seed, 0x504F53])
-    outcomes = Outcomes(cells.program.table, np.isin(np.arange(len(cells.program.table.leaves)), seen.leaves))
+    outcomes = Outcomes(
+        cells.program.table, np.isin(np.arange(len(cells.program.table.leaves)), seen.leaves)
+    )
     features, counted = _features(cells), outcomes.of_seen(seen)
     points, rounds = cells.space.draw(2 * effort.cells, rng), []
     done, total = 0, (effort.rounds + 1) * effort.cells
@@ -82,14 +90,18 @@ def posterior(
         done += len(sets)
         rounds.append((np.repeat(points, pairs, axis=0), np.concatenate(sets)))
         # The first rounds were far from what explains anything.
-        points, shown = (np.concatenate(column) for column in zip(*rounds[(turn + 1) // 2 :], strict=True))
+        points, shown = (
+            np.concatenate(column) for column in zip(*rounds[(turn + 1) // 2 :], strict=True)
+        )
         found = Likelihood.of(features(points), shown, counted, seen.readings.size)
         drawn, power = (DRAWN, 1.0) if turn + 1 == effort.rounds else (effort.cells, WIDE)
         points = _drawn(cells.space, partial(_log, found, features, power), points, drawn, rng)
     return Posterior(points, cells.space)
 
 
-def _log(found: Likelihood, features: Callable[[Array], Array], power: float, points: Array) -> Array:
+def _log(
+    found: Likelihood, features: Callable[[Array], Array], power: float, points: Array
+) -> Array:
     return power * found.log(features(points))
 
 
@@ -117,7 +129,9 @@ def _drawn(
     low, high = tried[:, :-1].min(axis=0), tried[:, :-1].max(axis=0)
 
     def density(at: Array) -> Array:
-        known = (np.abs(2.0 * at[:, :-1] - low - high) <= (1.0 + 2.0 * ROOM) * (high - low)).all(axis=1)
+        known = (np.abs(2.0 * at[:, :-1] - low - high) <= (1.0 + 2.0 * ROOM) * (high - low)).all(
+            axis=1
+        )
         with np.errstate(divide="ignore"):
             return np.asarray(log(at) + np.log(known * space.density(at)))
 
@@ -126,7 +140,9 @@ def _drawn(
     for _ in range(STEPS):
         one, two = points[rng.integers(0, chains, (2, chains)), :-1]
         far = np.where(rng.random(chains) < ACROSS, 1.0, usual)
-        surface = np.where(rng.random(chains) < 0.5, points[:, -1], rng.integers(0, space.surfaces, chains))
+        surface = np.where(
+            rng.random(chains) < 0.5, points[:, -1], rng.integers(0, space.surfaces, chains)
+        )
         proposed = np.column_stack([points[:, :-1] + far[:, None] * (one - two), surface])
         reached = density(proposed)
         taken = np.log(rng.random(chains)) < reached - level

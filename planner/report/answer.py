@@ -18,7 +18,9 @@ class Answer(NamedTuple):
     most_squeezes: int
     worst: Weakest | None
     limits: list[str]  # what limits the plan, one sentence each
-    restrictions: list[str]  # what is assumed because the part is large, as clauses: "within 1 mm of ..."
+    restrictions: list[
+        str
+    ]  # what is assumed because the part is large, as clauses: "within 1 mm of ..."
     confidence: float  # share of the parts that the goal asks for
 
     def short_text(self) -> str:
@@ -26,7 +28,9 @@ class Answer(NamedTuple):
         if self.short == "poor":
             return "Not well enough: see what limits it."
         if self.short == "unknown":
-            return "Not known yet: the search is not done for most parts; give it a longer --budget."
+            return (
+                "Not known yet: the search is not done for most parts; give it a longer --budget."
+            )
         share = self.figures["success_rate"]
         located = f"for {in_percent(shares_of(self.figures).located)} of the parts"
         reservation = "" if share >= self.confidence else located

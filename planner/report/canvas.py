@@ -87,16 +87,25 @@ def caption(figure: Figure, x: str, y: str, size: float) -> None:
 
 
 def polygons(
-    axes: Axes, shapes: Sequence[Array] | Array, colour: str, width: float, order: float = 2.0,
-    fill: float = 0.0, edge: float = 1.0,
-) -> None:  # fmt: skip
+    axes: Axes,
+    shapes: Sequence[Array] | Array,
+    colour: str,
+    width: float,
+    order: float = 2.0,
+    fill: float = 0.0,
+    edge: float = 1.0,
+) -> None:
     """Draws closed polygons (n, N, 2) [mm]; the limits of the axes stay.
 
     `width` of the edges is in points, `fill` and `edge` are opacities, a greater `order` covers a lesser.
     """
     faces = to_rgba(colour, fill) if fill else "none"
     drawn = PolyCollection(
-        list(shapes), linewidths=width, zorder=order, facecolors=faces, edgecolors=to_rgba(colour, edge)
+        list(shapes),
+        linewidths=width,
+        zorder=order,
+        facecolors=faces,
+        edgecolors=to_rgba(colour, edge),
     )
     axes.add_collection(drawn, autolim=False)
 
@@ -133,9 +142,12 @@ def finger_boxes(jaws: Array, width_mm: float) -> Array:
 def template(name: str) -> Template:
     """A file of `planner/report/templates`."""
     environment = Environment(
-        loader=PackageLoader("planner.report", "templates"), autoescape=True, undefined=StrictUndefined,
-        trim_blocks=True, lstrip_blocks=True,
-    )  # fmt: skip
+        loader=PackageLoader("planner.report", "templates"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
     environment.filters["mm"] = lambda um: f"{um / 1e3:.2f}"
     environment.filters["degrees"] = lambda urad: f"{np.degrees(urad / 1e6):.1f}"
     environment.filters["percent"] = lambda share: f"{100 * share:.2f} %"

@@ -31,7 +31,16 @@ from planner.report.replay import Replay, replay
 from planner.report.run_log import PartLog, RunLog
 from planner.report.verdict import cell_result, reject_told
 from planner.world import World, make, supply, world_of
-from runtime.table import PPM, REJECT, Calibration, Leaf, Table, by_count, decision_map, wilson_interval
+from runtime.table import (
+    PPM,
+    REJECT,
+    Calibration,
+    Leaf,
+    Table,
+    by_count,
+    decision_map,
+    wilson_interval,
+)
 
 TRIALS = 4000
 SENSITIVITY_TRIALS = 2000
@@ -54,7 +63,12 @@ class Source(NamedTuple):
 
 
 def page(
-    table: Table, job: Job, source: Source, trials: int = TRIALS, seed: int = 0, world: str | None = None
+    table: Table,
+    job: Job,
+    source: Source,
+    trials: int = TRIALS,
+    seed: int = 0,
+    world: str | None = None,
 ) -> str:
     """The page's text for a table and its job; beliefs and times are found with `trials` parts.
 
@@ -76,7 +90,9 @@ def page(
         "trials": trials,
         "counts": [table.gripper.count_open, table.gripper.count_closed, table.gripper.opening_um],
         "nodes": nodes,
-        "leaves": [_leaf(leaf, at, most) for leaf, at in zip(table.leaves, beliefs.leaves, strict=True)],
+        "leaves": [
+            _leaf(leaf, at, most) for leaf, at in zip(table.leaves, beliefs.leaves, strict=True)
+        ],
         "log": _log(table, source.log) if source.log else None,
     }
     few = min(trials, SENSITIVITY_TRIALS)
@@ -93,17 +109,31 @@ def page(
     named = identities(table, judged).figures() if table.hypotheses else {}
     summary = judged.summary() | named
     return template("report.html").render(
-        table=table, job=job, source=source, drawing=drawing, data=data, trials=trials, seed=seed,
-        summary=summary, shares=_shown(summary), worst=verdicts.weakest(lines),
+        table=table,
+        job=job,
+        source=source,
+        drawing=drawing,
+        data=data,
+        trials=trials,
+        seed=seed,
+        summary=summary,
+        shares=_shown(summary),
+        worst=verdicts.weakest(lines),
         widths=[(alone.part.name, _width_function(alone)) for alone in job.alone],
-        verdict=verdicts.verdict(job, summary, lines), means=leaf_poses.means(table, judged),
+        verdict=verdicts.verdict(job, summary, lines),
+        means=leaf_poses.means(table, judged),
         cell=cell_result(table, source.log) if source.log else None,
         strips=[node["map"] for node in nodes[:STRIPS]],
-        worlds=rows, sha256=hashlib.sha256(source.data).hexdigest(), job_text=_job_text(job),
-        colors=vars(canvas), outlines=[alone.part.outline_mm for alone in job.alone],
-        named=tree.names_parts(table), posed=table.goal.kind != "identity",
-        strange=list(strangers(table, job, job.strangers, judged, worlds_of, few, seed)), often=OFTEN,
-    )  # fmt: skip
+        worlds=rows,
+        sha256=hashlib.sha256(source.data).hexdigest(),
+        job_text=_job_text(job),
+        colors=vars(canvas),
+        outlines=[alone.part.outline_mm for alone in job.alone],
+        named=tree.names_parts(table),
+        posed=table.goal.kind != "identity",
+        strange=list(strangers(table, job, job.strangers, judged, worlds_of, few, seed)),
+        often=OFTEN,
+    )
 
 
 def _several(table: Table, job: Job) -> dict[str, Any]:
@@ -142,7 +172,9 @@ def _width_function(job: Job) -> dict[str, Any]:
     top = 1.08 * max(widths)
     rows = [f"{3 * a} {140 - 130 * w / top:.1f}" for a, w in zip(angles, widths, strict=True)]
     closed = widths[:-1]  # 180 degrees is 0 degrees again
-    minima = [(a, w) for a, w in enumerate(closed) if closed[a - 1] > w <= closed[(a + 1) % len(closed)]]
+    minima = [
+        (a, w) for a, w in enumerate(closed) if closed[a - 1] > w <= closed[(a + 1) % len(closed)]
+    ]
     step = next(s for s in (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0) if top / s <= 6)
     ticks = [(k * step, 140 - 130 * k * step / top) for k in range(int(top / step) + 1)]
     return {"path": "M" + "L".join(rows), "minima": minima, "ticks": ticks, "top": top}
@@ -185,7 +217,15 @@ def _log(table: Table, log: RunLog) -> dict[str, Any]:
         "outcomes": dict(log.outcomes().most_common()),
         "branches": [[node, target, n] for (node, target), n in log.branch_counts().items()],
         "parts": [
-            [part.part, part.outcome, part.leaf, part.reason, part.audit, part.squeezes, *named(part)]
+            [
+                part.part,
+                part.outcome,
+                part.leaf,
+                part.reason,
+                part.audit,
+                part.squeezes,
+                *named(part),
+            ]
             for part in (log.parts[number] for number in shown)
         ],
         "rejects": [
@@ -206,15 +246,25 @@ def _nodes(table: Table, beliefs: Replay, most: int) -> list[dict[str, Any]]:
     for node, visit, states in zip(table.nodes, beliefs.visits, beliefs.arrivals, strict=True):
         squeeze, taken = node.squeeze, Counter(visit.branch.tolist())
         decided = runs(by_count(decision_map(node, calibration)))
-        told.append({
-            "place": squeeze[:3], "opening": squeeze.opening_um, "speed": squeeze.speed_um_s,
-            "force": squeeze.force_mn, "clearance": squeeze.clearance_um, "release": node.release,
-            "pushes": node.pushes,
-            "visits": len(visit.before), "belief": _poses(states, most),
-            "branches": [[*branch[:5], taken[number]] for number, branch in enumerate(node.branches)],
-            "rejected": taken[REJECT], "map": [run for run in decided if run[2] != REJECT],
-            "seen": sorted(Counter(visit.counts.tolist()).items()),
-        })  # fmt: skip
+        told.append(
+            {
+                "place": squeeze[:3],
+                "opening": squeeze.opening_um,
+                "speed": squeeze.speed_um_s,
+                "force": squeeze.force_mn,
+                "clearance": squeeze.clearance_um,
+                "release": node.release,
+                "pushes": node.pushes,
+                "visits": len(visit.before),
+                "belief": _poses(states, most),
+                "branches": [
+                    [*branch[:5], taken[number]] for number, branch in enumerate(node.branches)
+                ],
+                "rejected": taken[REJECT],
+                "map": [run for run in decided if run[2] != REJECT],
+                "seen": sorted(Counter(visit.counts.tolist()).items()),
+            }
+        )
     return told
 
 

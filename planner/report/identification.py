@@ -16,7 +16,9 @@ MARKS = {"ellipsoid": "o", "quartic": "^"}
 AXES = ("fx / μN", "fy / μN", "τ / (ρ μN)")  # noqa: RUF001
 SECTIONS = ((0, 1), (0, 2), (1, 2))  # axes of each cross-section; the third is zero there
 
-NEAR = 0.35  # wrenches out of a section's plane by less than this share of their length are drawn dark
+NEAR = (
+    0.35  # wrenches out of a section's plane by less than this share of their length are drawn dark
+)
 
 SIZE_IN = (7.4, 5.0)
 
@@ -56,18 +58,24 @@ def section(surface: Surface, plane: tuple[int, int], count: int = 241) -> Array
     return np.asarray(directions[:, list(plane)] * reach[:, None])
 
 
-def _section(axes: Axes, data: Normalised, found: Sequence[Identified], plane: tuple[int, int]) -> None:
+def _section(
+    axes: Axes, data: Normalised, found: Sequence[Identified], plane: tuple[int, int]
+) -> None:
     scale = found[0].fit.friction_n or 1.0  # Directions lie on the unit sphere
     F = data.F / scale
     out = np.delete(F, plane, axis=1)[:, 0]
     near = np.abs(out) < NEAR * np.linalg.norm(F, axis=1)
     for rows, colour, size in ((~near, canvas.PALE, 5.0), (near, canvas.BLACK, 8.0)):
-        axes.scatter(F[rows, plane[0]], F[rows, plane[1]], s=size, color=colour, linewidths=0.0, zorder=1)
+        axes.scatter(
+            F[rows, plane[0]], F[rows, plane[1]], s=size, color=colour, linewidths=0.0, zorder=1
+        )
     for result in found:
         curve = section(result.fit.surface, plane) * (result.fit.friction_n or 1.0) / scale
         axes.plot(*curve.T, color=COLOURS[result.kind], linewidth=1.2, zorder=2)
     axes.set(
-        xlabel=AXES[plane[0]], ylabel=AXES[plane[1]], title=f"cut at {AXES[3 - sum(plane)].split(' ')[0]} = 0"
+        xlabel=AXES[plane[0]],
+        ylabel=AXES[plane[1]],
+        title=f"cut at {AXES[3 - sum(plane)].split(' ')[0]} = 0",
     )
     axes.title.set_fontsize(8.0)
     axes.set_aspect("equal", adjustable="datalim")
@@ -75,15 +83,24 @@ def _section(axes: Axes, data: Normalised, found: Sequence[Identified], plane: t
 
 
 def _twists(
-    axes: Axes, what: str, limit: float, angle: Callable[[Array], Array], V: Array,
+    axes: Axes,
+    what: str,
+    limit: float,
+    angle: Callable[[Array], Array],
+    V: Array,
     found: Sequence[Identified],
-) -> None:  # fmt: skip
+) -> None:
     axes.plot([-limit, limit], [-limit, limit], color=canvas.GREY, linewidth=0.6, zorder=0)
     for result in found:
         axes.scatter(
-            angle(V), angle(result.held_out), s=9.0, marker=MARKS[result.kind], facecolors="none",
-            edgecolors=COLOURS[result.kind], linewidths=0.7,
-        )  # fmt: skip
+            angle(V),
+            angle(result.held_out),
+            s=9.0,
+            marker=MARKS[result.kind],
+            facecolors="none",
+            edgecolors=COLOURS[result.kind],
+            linewidths=0.7,
+        )
     ticks = np.linspace(-limit, limit, 5)
     axes.set(xlim=(-limit, limit), ylim=(-limit, limit), xticks=ticks, yticks=ticks, aspect="equal")
     axes.set(xlabel=f"measured {what}", ylabel="predicted, held out")
@@ -95,10 +112,16 @@ def _errors(axes: Axes, data: Normalised, found: Sequence[Identified]) -> None:
         error = np.sort(np.degrees(angles(result.held_out[seen], data.V[seen])))
         mean = np.degrees(result.errors_rad.mean())
         axes.step(
-            np.append(0.0, error), np.linspace(0.0, 1.0, len(error) + 1), where="post", linewidth=1.2,
-            color=COLOURS[result.kind], label=f"{result.kind}: mean {mean:.1f} deg",
-        )  # fmt: skip
-    axes.set(xlabel="error of the held-out twist / deg", ylabel="share of the pushes", ylim=(0.0, 1.0))
+            np.append(0.0, error),
+            np.linspace(0.0, 1.0, len(error) + 1),
+            where="post",
+            linewidth=1.2,
+            color=COLOURS[result.kind],
+            label=f"{result.kind}: mean {mean:.1f} deg",
+        )
+    axes.set(
+        xlabel="error of the held-out twist / deg", ylabel="share of the pushes", ylim=(0.0, 1.0)
+    )
     axes.set_xlim(left=0.0)
     axes.grid(color="#ececec", linewidth=0.5)
     axes.legend(frameon=False, fontsize=7.0, loc="lower right")

@@ -54,5 +54,7 @@ def means(table: Table, evaluation: Evaluation) -> list[Mean | None]:
         mean = off[near].mean(axis=0)
         at = pose + mean
         apart = float(audit.between(np.array([*at, leaf.hypothesis]), state))
-        found.append(Mean(float(at[0]), float(at[1]), math.remainder(float(at[2]), math.tau), apart))
+        found.append(
+            Mean(float(at[0]), float(at[1]), math.remainder(float(at[2]), math.tau), apart)
+        )
     return found

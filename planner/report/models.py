@@ -18,7 +18,12 @@ from runtime.shell.files import write
 
 
 def made(
-    job: Job, workers: int | None, store: Store | None, scheduler: Scheduler, report: Report, picture: Path
+    job: Job,
+    workers: int | None,
+    store: Store | None,
+    scheduler: Scheduler,
+    report: Report,
+    picture: Path,
 ) -> tuple[dict[str, Any], str]:
     """Learns and judges the models of a job; writes the picture and, beside it, the figures for plan-report.
 
@@ -33,7 +38,14 @@ def made(
     simulator = Simulator.of_job(job, workers)
     model, rolled = learned_model(job, simulator, store, scheduler, report)
     judged = quality(job, model, rolled, report)
-    shown = judged.subspaces, judged.label, judged.final, simulator.outline, simulator.jaws, names(judged)
+    shown = (
+        judged.subspaces,
+        judged.label,
+        judged.final,
+        simulator.outline,
+        simulator.jaws,
+        names(judged),
+    )
     canvas.save(picture, lambda: paper_figures.subspaces(*shown))
     told = {"job_digest": job.digest().hex(), **figures(judged), "picture": str(picture)}
     beside = picture.with_suffix(".json")
@@ -45,7 +57,9 @@ def names(judged: Quality) -> list[str]:
     """What the subspaces are called: the widths in each, and its share of the roll-outs."""
     found = judged.subspaces
     shares = found.size / max(found.size.sum(), 1)
-    spans = [f"{low:.1f} to {high:.1f} mm" for low, high in zip(found.low_mm, found.high_mm, strict=True)]
+    spans = [
+        f"{low:.1f} to {high:.1f} mm" for low, high in zip(found.low_mm, found.high_mm, strict=True)
+    ]
     spans[0] = "free space"
     return [f"{span}, {share:.0%}" for span, share in zip(spans, shares, strict=True)]
 
@@ -95,10 +109,14 @@ def _action(action: ActionQuality) -> dict[str, Any]:
     x, y, theta = (float(value) for value in action.placement)
     compared = action.comparison
     return {
-        "x_mm": x, "y_mm": y, "theta_rad": theta, "model_mm": compared.model_mm,
+        "x_mm": x,
+        "y_mm": y,
+        "theta_rad": theta,
+        "model_mm": compared.model_mm,
         "simulator_mm": compared.simulator_mm,
-        "ratio": compared.ratio if math.isfinite(compared.ratio) else None, "simulated": action.simulated,
-    }  # fmt: skip
+        "ratio": compared.ratio if math.isfinite(compared.ratio) else None,
+        "simulated": action.simulated,
+    }
 
 
 def _action_line(action: ActionQuality) -> str:
@@ -133,8 +151,12 @@ SHAPE: Models = {
     "h2_mm": _number,
     "actions": [
         {
-            "x_mm": _number, "y_mm": _number, "theta_rad": _number, "model_mm": _number,
-            "simulator_mm": _number, "simulated": _number,
+            "x_mm": _number,
+            "y_mm": _number,
+            "theta_rad": _number,
+            "model_mm": _number,
+            "simulator_mm": _number,
+            "simulated": _number,
             "ratio": lambda told: None if told is None else _number(told),
         }
     ],
@@ -143,7 +165,7 @@ SHAPE: Models = {
     "collision": {"colliding": int, "free": int, "miss_rate": _number, "false_alarm_rate": _number},
     "subspaces": [{"low_mm": _number, "mean_mm": _number, "high_mm": _number, "rollouts": int}],
     "notes": [str],
-}  # fmt: skip
+}
 
 
 def read(path: Path, job_digest: str) -> Models:

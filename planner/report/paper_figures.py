@@ -52,7 +52,11 @@ def likeliest_path(table: Table, beliefs: Replay, squeezes: Collection[int]) -> 
 
 
 def sequence(
-    table: Table, job: Job, beliefs: Replay, squeezes: Collection[int] = (3,), holes: Sequence[Array] = ()
+    table: Table,
+    job: Job,
+    beliefs: Replay,
+    squeezes: Collection[int] = (3,),
+    holes: Sequence[Array] = (),
 ) -> Figure:
     """Fig. 1: how widths shrink the beliefs of a table on a path of squeezes, and one part that takes it.
 
@@ -64,7 +68,9 @@ def sequence(
     track, widths = _track(beliefs, path)
     expected = [table.nodes[s.node].branches[s.branch].expected_um / 1e3 for s in path]
     hands = [placement_of(table.nodes[s.node].squeeze) for s in path]
-    boxes = [canvas.placed(canvas.finger_boxes(jaws, w), h) for w, h in zip(expected, hands, strict=True)]
+    boxes = [
+        canvas.placed(canvas.finger_boxes(jaws, w), h) for w, h in zip(expected, hands, strict=True)
+    ]
     reach = float(np.max(np.hypot(*outline.T)))
     spread = max(float(np.quantile(np.hypot(*belief[:, :2].T), 0.98)) for belief in poses)
     half = 1.05 * max(spread + reach, *(float(np.abs(box).max()) for box in boxes))
@@ -83,14 +89,15 @@ def sequence(
         if k:
             _fingers(above, boxes[k - 1])
             _fingers(below, canvas.placed(canvas.finger_boxes(jaws, widths[k - 1]), hands[k - 1]))
-            canvas.polygons(below, canvas.outlines(outline, track[k][None]), canvas.BLUE, 1.4, fill=0.25)
+            canvas.polygons(
+                below, canvas.outlines(outline, track[k][None]), canvas.BLUE, 1.4, fill=0.25
+            )
             for hole in holes:
                 canvas.polygons(below, canvas.outlines(hole, track[k][None]), canvas.BLUE, 0.8)
             percent = 100 * len(poses[k]) / len(poses[0])
             share = f"{percent:.{0 if percent >= 10 else 1}f} % of parts"
-            title = (
-                f"squeeze {k} at {np.degrees(hands[k - 1][2]):.0f}°\nreads {expected[k - 1]:.1f} mm, {share}"
-            )
+            angle_deg, reads_mm = np.degrees(hands[k - 1][2]), expected[k - 1]
+            title = f"squeeze {k} at {angle_deg:.0f}°\nreads {reads_mm:.1f} mm, {share}"
         above.set_title(title, fontsize=FONT, pad=4.0)
     canvas.caption(result, "x / mm", "y / mm", FONT)
     grid[0, 0].set_ylabel("what is believed", fontsize=FONT)
@@ -112,7 +119,12 @@ def _track(beliefs: Replay, path: Sequence[Step]) -> tuple[list[Array], list[flo
 
 
 def subspaces(
-    found: Subspaces, label: IntArray, final: Array, outline: Array, jaws: Array, titles: Sequence[str]
+    found: Subspaces,
+    label: IntArray,
+    final: Array,
+    outline: Array,
+    jaws: Array,
+    titles: Sequence[str],
 ) -> Figure:
     """Fig. 4: the subspaces that widths tell apart, a panel, a title and an SVG group each.
 

@@ -41,7 +41,9 @@ def replay(table: Table, job: Job, trials: int, seed: int) -> Replay:
     visits = []
     for index, node in enumerate(table.nodes):  # each comes after the one that leads to it
         at = np.full(len(arrivals[index]), index)
-        arrivals[index], _ = pushed(program, at, arrivals[index], world, job, traits[index], NONE, rng)
+        arrivals[index], _ = pushed(
+            program, at, arrivals[index], world, job, traits[index], NONE, rng
+        )
         lying = arrivals[index]
         made = step(program, at, lying, program.placement[at], world, encoder, rng, traits[index])
         visits.append(made)

@@ -33,9 +33,13 @@ class PartLog:
     audit: str | None = None
     name: str | None = None  # of the part that was found, where there are several
     residual: tuple[float, float, float] | None = None  # measured less predicted pose [mm, mm, rad]
-    widths_um: list[int | None] = field(default_factory=list)  # what each count meant, None where not told
+    widths_um: list[int | None] = field(
+        default_factory=list
+    )  # what each count meant, None where not told
 
-    phases: list[Phases] = field(default_factory=list)  # seconds of each squeeze, where they are told
+    phases: list[Phases] = field(
+        default_factory=list
+    )  # seconds of each squeeze, where they are told
 
     @property
     def failed(self) -> bool:
@@ -134,7 +138,9 @@ def _entries(path: Path) -> Iterator[dict[str, Any]]:
                 head = str(entry["digest"])
                 yield entry
     except OSError as error:
-        raise InputFileError(f"cannot be read: {error.strerror}; check the path", where=str(path)) from error
+        raise InputFileError(
+            f"cannot be read: {error.strerror}; check the path", where=str(path)
+        ) from error
     if head == GENESIS:
         raise InputFileError("is empty; name the journal of a run", where=str(path))
 
@@ -148,7 +154,9 @@ def _entries_of(path: Path, head: str) -> Iterator[dict[str, Any]]:
             with suppress(ValueError):
                 entry = strict_json.parse(line) if is_intact(line) else None
             known = isinstance(entry, dict) and entry.get("previous") == head
-            if not (known and isinstance(entry.get("kind"), str) and isinstance(entry.get("time"), str)):
+            if not (
+                known and isinstance(entry.get("kind"), str) and isinstance(entry.get("time"), str)
+            ):
                 problem = f"line {number} does not verify; `grasp-journal verify` says why"
                 raise InputFileError(problem, where=str(path))
             head = str(entry["digest"])

@@ -78,7 +78,9 @@ def figure(outline: Array, jaws: Array, traces: Sequence[Squeezed]) -> Figure:
         axes.set_gid(f"squeeze-{k + 1}")
         frame(axes, half)
         _draw(axes, outline, jaws, trace.states)
-        axes.set_title(f"{k + 1}  {trace.status}, {trace.states[-1, 3]:.2f} mm", fontsize=8.0, pad=4.0)
+        axes.set_title(
+            f"{k + 1}  {trace.status}, {trace.states[-1, 3]:.2f} mm", fontsize=8.0, pad=4.0
+        )
     canvas.caption(result, "x / mm, along the fingers", "y / mm, closing", 8.0)
     return result
 
@@ -112,7 +114,15 @@ def _draw(axes: Axes, outline: Array, jaws: Array, states: Array) -> None:
         boxes = [box for state in rows for box in canvas.finger_boxes(jaws, float(state[3]))]
         canvas.polygons(axes, [*boxes, *canvas.outlines(outline, rows[:, :3])], color, width, order)
     marks = trail(states[:, :2])
-    axes.plot(marks[:, 0], marks[:, 1], "+", color=canvas.BLUE, markersize=4.5, markeredgewidth=0.8, zorder=4)
+    axes.plot(
+        marks[:, 0],
+        marks[:, 1],
+        "+",
+        color=canvas.BLUE,
+        markersize=4.5,
+        markeredgewidth=0.8,
+        zorder=4,
+    )
 
 
 def timeline(states: Array) -> Array:

@@ -81,22 +81,30 @@ def _subtree(table: Table, target: int, depth: int, sizes: Sizes) -> _Subtree:
     panel = {2 * depth: (-sizes.panel, sizes.panel)}
     if target < 0:
         return _Subtree(target, panel | {2 * depth + 1: (-sizes.text, sizes.text)})
-    children = [_subtree(table, branch.target, depth + 1, sizes) for branch in table.nodes[target].branches]
+    children = [
+        _subtree(table, branch.target, depth + 1, sizes) for branch in table.nodes[target].branches
+    ]
     xs, merged = _row(children, sizes.margin)
     middle = 0.5 * (xs[0] + xs[-1])
     contour = {slot: (low - middle, high - middle) for slot, (low, high) in merged.items()}
     first, last = xs[0] - middle, xs[-1] - middle
     contour |= panel | {2 * depth + 1: (first - sizes.label, last + sizes.label)}
-    return _Subtree(target, contour, [(x - middle, child) for x, child in zip(xs, children, strict=True)])
+    return _Subtree(
+        target, contour, [(x - middle, child) for x, child in zip(xs, children, strict=True)]
+    )
 
 
-def _row(subtrees: list[_Subtree], margin: float) -> tuple[list[float], dict[int, tuple[float, float]]]:
+def _row(
+    subtrees: list[_Subtree], margin: float
+) -> tuple[list[float], dict[int, tuple[float, float]]]:
     """Places of subtrees beside each other, as close as they may be, and their common contour."""
     xs: list[float] = []
     merged: dict[int, tuple[float, float]] = {}
     for subtree in subtrees:
         shared = merged.keys() & subtree.contour.keys()
-        x = max((merged[slot][1] - subtree.contour[slot][0] + margin for slot in shared), default=0.0)
+        x = max(
+            (merged[slot][1] - subtree.contour[slot][0] + margin for slot in shared), default=0.0
+        )
         xs.append(x)
         for slot, (low, high) in subtree.contour.items():
             held = merged.get(slot, (low + x, high + x))
@@ -176,7 +184,10 @@ def drawing(table: Table, job: Job, beliefs: Replay, style: Style = DOWNWARDS) -
         width=along if style.sideways else across,
         height=across if style.sideways else along,
         reach=tree.reach,
-        panels=[*map(tree.node, range(len(table.nodes))), *map(tree.leaf, range(len(table.leaves)))],
+        panels=[
+            *map(tree.node, range(len(table.nodes))),
+            *map(tree.leaf, range(len(table.leaves))),
+        ],
         lines=[tree.line(*step) for step in tree.parent.items()],
     )
 
@@ -184,9 +195,11 @@ def drawing(table: Table, job: Job, beliefs: Replay, style: Style = DOWNWARDS) -
 def picture(table: Table, job: Job, beliefs: Replay, style: Style = DOWNWARDS) -> str:
     """The tree as an SVG of its own, with a legend; arguments as of `drawing`."""
     return template("tree.svg").render(
-        table=table, drawing=drawing(table, job, beliefs, style), colors=vars(canvas),
+        table=table,
+        drawing=drawing(table, job, beliefs, style),
+        colors=vars(canvas),
         outlines=[alone.part.outline_mm for alone in job.alone],
-    )  # fmt: skip
+    )
 
 
 def draw(table: Table, job: Job, path: Path, trials: int = TRIALS) -> None:
@@ -210,7 +223,9 @@ class _Tree:
         self.most = max(1, min(MOST, BUDGET // (len(table.nodes) + len(table.leaves))))
         # Half the side of a square in the world that holds nearly all beliefs and closed fingers [mm].
         spread = float(np.quantile(np.hypot(*beliefs.visits[0].before[:, :2].T), 0.9))
-        reach = spread + max(float(np.max(np.hypot(*alone.part.outline_mm.T))) for alone in job.alone)
+        reach = spread + max(
+            float(np.max(np.hypot(*alone.part.outline_mm.T))) for alone in job.alone
+        )
         self.reach = 1.03 * max(
             reach, *(float(np.abs(self._fingers(target)).max()) for target in self.parent)
         )
@@ -223,9 +238,15 @@ class _Tree:
         label = f"Node {index}: {pushed}squeeze at {angle:.0f} degrees, {len(node.branches)} outcomes, {seen}"
         text = (44.0, 74.0, "middle")
         if self.style.sideways:  # in that lower corner which has no arrow head
-            text = (3.0, 61.0, "start") if np.sin(np.radians(2.0 * angle)) > 0.0 else (61.0, 61.0, "end")
+            text = (
+                (3.0, 61.0, "start")
+                if np.sin(np.radians(2.0 * angle)) > 0.0
+                else (61.0, 61.0, "end")
+            )
         lines = [f"{pushed}{signed(angle, 0)}°"]
-        return self._panel(index, "node", label, arrivals, lines, text, _arrows(np.radians(angle)), None)
+        return self._panel(
+            index, "node", label, arrivals, lines, text, _arrows(np.radians(angle)), None
+        )
 
     def leaf(self, index: int) -> Panel:
         leaf, poses = self.table.leaves[index], self.beliefs.leaves[index]
@@ -236,9 +257,18 @@ class _Tree:
         if self.style.sideways:
             text = (PANEL + 4.0, 35.0 - 5.5 * (len(lines) - 1), "start")
         kind = ("leaf" if leaf.trials else "untried") if leaf.resolved else "unresolved"
-        predicted = np.array([*predicted_pose(leaf), leaf.hypothesis]) if leaf.resolved and posed else None
+        predicted = (
+            np.array([*predicted_pose(leaf), leaf.hypothesis]) if leaf.resolved and posed else None
+        )
         return self._panel(
-            ~index, kind, leaf_label(index, leaf, name, posed), poses, lines, text, NOTHING, predicted
+            ~index,
+            kind,
+            leaf_label(index, leaf, name, posed),
+            poses,
+            lines,
+            text,
+            NOTHING,
+            predicted,
         )
 
     def line(self, target: int, step: tuple[int, int]) -> Line:
@@ -258,14 +288,23 @@ class _Tree:
         return Line(_key(target), path, 0.8 + 3.0 * share, x, y, interval, percent(share), share_y)
 
     def _panel(
-        self, target: int, kind: str, label: str, poses: Array, lines: list[str],
-        text: tuple[float, float, str], arrows: Array, predicted: Array | None,
-    ) -> Panel:  # fmt: skip
+        self,
+        target: int,
+        kind: str,
+        label: str,
+        poses: Array,
+        lines: list[str],
+        text: tuple[float, float, str],
+        arrows: Array,
+        predicted: Array | None,
+    ) -> Panel:
         x, y = (round(middle - 0.5 * PANEL, 1) for middle in self._middle(target))
         shown = subsample(poses, self.most)
         opacity = round(canvas.overlay_opacity(len(shown), DARKNESS), 4)
         fingers = self._fingers(target) if target in self.parent else NOTHING
-        return Panel(_key(target), kind, label, x, y, shown, opacity, fingers, lines, text, arrows, predicted)
+        return Panel(
+            _key(target), kind, label, x, y, shown, opacity, fingers, lines, text, arrows, predicted
+        )
 
     def _fingers(self, target: int) -> Array:
         """The fingers (2, 4, 2) in the world after the squeeze that leads to a target."""

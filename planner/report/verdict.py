@@ -14,7 +14,9 @@ from planner.report.run_log import RunLog
 from planner.report.tree import names_parts
 from runtime.table import Calibration, Node, Table
 
-GOOD_WRONG = 0.005  # share of confident wrong answers that an assumption may cost before it is warned of
+GOOD_WRONG = (
+    0.005  # share of confident wrong answers that an assumption may cost before it is warned of
+)
 POOR_SUCCESS = 0.9
 MOST_CONDITIONS = 3  # that a sentence states
 
@@ -100,7 +102,9 @@ def _conditions(lines: Sequence[Line]) -> list[str]:
     for condition in strictest.values():
         above, below = (strictest.get((condition.quantity, side)) for side in ("above", "below"))
         between = (
-            above and below and f"{condition.quantity} stays between {above.bound:.3g} and {below.value()}"
+            above
+            and below
+            and f"{condition.quantity} stays between {above.bound:.3g} and {below.value()}"
         )
         found[condition.quantity] = between or condition.text()
     return list(found.values())
@@ -125,7 +129,9 @@ def _found(job: Job, figures: dict[str, Any]) -> str:
     lying = f"a part ({job.name}) lying {belief(job)}"
     if job.goal.identify is False:
         return f"finds {lying} {aim(job)} {share}, whichever it is"
-    done = f"names {lying}" if job.goal.kind == "identity" else f"finds and names {lying} {aim(job)}"
+    done = (
+        f"names {lying}" if job.goal.kind == "identity" else f"finds and names {lying} {aim(job)}"
+    )
     return f"{done} {share} ({percent(figures['identity_rate'])} of the names given are right)"
 
 
@@ -141,7 +147,9 @@ def error_text(error_mm: dict[str, float] | None) -> str:
     """The expected error as a clause."""
     if error_mm is None:
         return "no expected error: no part was located"
-    return f"expected error {error_mm['median']:.2f} mm median, 95 % within {error_mm['p95']:.2f} mm"
+    return (
+        f"expected error {error_mm['median']:.2f} mm median, 95 % within {error_mm['p95']:.2f} mm"
+    )
 
 
 def described(job: Job) -> str:
@@ -164,7 +172,9 @@ def aim(job: Job) -> str:
         return f"to {goal.tolerance_mm[0]:g} x {goal.tolerance_mm[1]:g} mm and {goal.tolerance_deg:g} degrees"
     if goal.kind == "orientation":
         return f"to {goal.tolerance_deg:g} degrees"
-    return f"to {goal.distance_mm:g} mm" + (f" in one of {goal.modes} poses" if goal.kind == "modes" else "")
+    return f"to {goal.distance_mm:g} mm" + (
+        f" in one of {goal.modes} poses" if goal.kind == "modes" else ""
+    )
 
 
 def percent(share: float) -> str:
@@ -193,14 +203,18 @@ def cell_result(table: Table, log: RunLog) -> CellResult:
         return CellResult("fair", "no part was begun")
     located = sum(not part.failed for part in log.parts)
     told = f"{located} of {total} parts {'named' if table.goal.kind == 'identity' else 'located'}"
-    names = Counter(part.name for part in log.parts if part.outcome == "leaf" and part.name is not None)
+    names = Counter(
+        part.name for part in log.parts if part.outcome == "leaf" and part.name is not None
+    )
     if names and names_parts(table):
         told += f" ({', '.join(f'{number} {name}' for name, number in names.most_common())})"
     wrong = sum(part.audit == "fail" for part in log.parts)
     told += f", {wrong} of them found elsewhere by the audit" if wrong else ""
     others = Counter(part.outcome for part in log.parts if part.outcome != "leaf")
     told += "".join(f", {number} {outcome}" for outcome, number in others.most_common())
-    rejects = [part.squeezes[-1] for part in log.parts if part.squeezes and part.squeezes[-1][2] is None]
+    rejects = [
+        part.squeezes[-1] for part in log.parts if part.squeezes and part.squeezes[-1][2] is None
+    ]
     if rejects:  # what was read at the node that rejected most parts
         node = Counter(node for node, _, _ in rejects).most_common(1)[0][0]
         counts = [count for at, count, _ in rejects if at == node]

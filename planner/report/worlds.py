@@ -21,7 +21,9 @@ LEAST_TRIALS = 200  # the same where time is short
 TIMED_TRIALS = 200  # parts squeezed to estimate how long a world takes
 
 
-def evaluation_of(table: Table, job: Job, trials: int, scheduler: Scheduler | None = None) -> Evaluation:
+def evaluation_of(
+    table: Table, job: Job, trials: int, scheduler: Scheduler | None = None
+) -> Evaluation:
     """The evaluation whose figures the compiler put into a table; of so many trials where it put none in."""
     seed = job.seed + SEED_FIGURES
     worlds = ContactWorlds.of_job(job, seed)
@@ -29,9 +31,13 @@ def evaluation_of(table: Table, job: Job, trials: int, scheduler: Scheduler | No
 
 
 def tried(
-    table: Table, job: Job, planned: Evaluation, trials: int = TRIALS, scheduler: Scheduler | None = None,
+    table: Table,
+    job: Job,
+    planned: Evaluation,
+    trials: int = TRIALS,
+    scheduler: Scheduler | None = None,
     report: Report = silent,
-) -> list[Line]:  # fmt: skip
+) -> list[Line]:
     """A table in its own world, as `evaluation_of` has it, and in each where an assumption is broken.
 
     These are the assumptions that plans make, and what the job doubts at the ends of its intervals.
@@ -51,4 +57,6 @@ def affordable(table: Table, job: Job, seconds: float, scheduler: Scheduler | No
 
 def _cases(job: Job) -> list[Case]:
     """The job's own world first."""
-    return list({case.name: case for case in (*assumption_cases(job), *believed_cases(job))}.values())
+    return list(
+        {case.name: case for case in (*assumption_cases(job), *believed_cases(job))}.values()
+    )

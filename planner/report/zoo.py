@@ -80,7 +80,14 @@ def _judged(item: Item) -> Figures:
     except NoPlanError as error:
         return told | {"cut": error.cut_short} | reasons.no_plan(job, error)._asdict()
     figures = plan.evaluation.summary()
-    for key in ("success_rate", "wrong_rate", "reject_rate", "unresolved_rate", "mean_squeezes", "crashes"):
+    for key in (
+        "success_rate",
+        "wrong_rate",
+        "reject_rate",
+        "unresolved_rate",
+        "mean_squeezes",
+        "crashes",
+    ):
         told[key] = figures[key]
     told |= {"nodes": len(plan.table.nodes), "cut": plan.cut is not None}
     if figures["success_rate"] >= LOCATED:
@@ -96,16 +103,25 @@ def page(rows: Sequence[Figures]) -> str:
     graspable = [row for row in rows if row["kind"] not in (reasons.TOO_LARGE, reasons.BELOW)]
     shown = sorted(rows, key=lambda row: (row["kind"] is None, row["kind"] or "", row["name"]))
     return template("zoo.html").render(
-        rows=[(row, _thumbnail(row["outline_mm"])) for row in shown], located=len(located),
-        graspable=len(graspable), kinds=kinds.most_common(), times=_quantiles(rows, "cpu_s"),
-        squeezes=_quantiles(located, "mean_squeezes"), least=LOCATED, colors=vars(canvas),
-    )  # fmt: skip
+        rows=[(row, _thumbnail(row["outline_mm"])) for row in shown],
+        located=len(located),
+        graspable=len(graspable),
+        kinds=kinds.most_common(),
+        times=_quantiles(rows, "cpu_s"),
+        squeezes=_quantiles(located, "mean_squeezes"),
+        least=LOCATED,
+        colors=vars(canvas),
+    )
 
 
 def _quantiles(rows: Sequence[Figures], key: str) -> list[float]:
     """The median and the 90th percentile; not a number without any."""
     values = [row[key] for row in rows if key in row]
-    return [float(value) for value in np.quantile(values, (0.5, 0.9))] if values else [math.nan, math.nan]
+    return (
+        [float(value) for value in np.quantile(values, (0.5, 0.9))]
+        if values
+        else [math.nan, math.nan]
+    )
 
 
 def _thumbnail(outline: list[list[float]]) -> str:
@@ -113,5 +129,6 @@ def _thumbnail(outline: list[list[float]]) -> str:
     shape = np.array(outline)
     scale = 90.0 / float(np.ptp(shape, axis=0).max())
     return " ".join(
-        f"{50 + scale * x:.1f},{50 - scale * y:.1f}" for x, y in shape - 0.5 * (shape.max(0) + shape.min(0))
+        f"{50 + scale * x:.1f},{50 - scale * y:.1f}"
+        for x, y in shape - 0.5 * (shape.max(0) + shape.min(0))
     )

@@ -92,7 +92,9 @@ class ActionSet:
 
     def within(self, placements: Array) -> Array:
         """Those of the placements whose hand centre lies in the area."""
-        inside = np.all((placements[:, :2] >= self.area[0]) & (placements[:, :2] <= self.area[1]), axis=1)
+        inside = np.all(
+            (placements[:, :2] >= self.area[0]) & (placements[:, :2] <= self.area[1]), axis=1
+        )
         return np.asarray(placements[inside])
 
 
@@ -123,7 +125,9 @@ def inequivalent(placements: Array, common: Array, job: Job) -> Array:
     Where parts lie in a disc about the origin at any angle, a turn of the whole plan changes nothing. It must
     carry the placements (m, 3) common to all squeezes onto themselves; those about modes turn with the parts.
     """
-    alike = job.gripper.upper_finger_share == 0.5  # then half a turn of the hand changes nothing either
+    alike = (
+        job.gripper.upper_finger_share == 0.5
+    )  # then half a turn of the hand changes nothing either
     seen: dict[tuple[Key, Key], Array] = {}
     for placement in placements:
         turns = [placement[2], placement[2] + math.pi] if turnable(job) else [0.0]

@@ -31,7 +31,9 @@ PASSES = (
     Pass(1 / 2, 6, 2, 0.002, 0.1, work=0.25),
     Pass(1, 4, 0, 0.002, 0.1, work=0.15),
 )
-LEAVES = PASSES[-1]._replace(kept=1, least=0.0)  # once fresh trials have come to the leaves of the last pass
+LEAVES = PASSES[-1]._replace(
+    kept=1, least=0.0
+)  # once fresh trials have come to the leaves of the last pass
 EXPLORING = PASSES[1]  # its first actions are followed until they are dearer than another
 EFFORTS = (
     Effort(0.5, 16, 192, 400),

@@ -80,7 +80,9 @@ class Handling:
         reach = max(float(np.max(np.hypot(*outline.T))) for outline in self.outlines)
         low, high = self.area[0] + reach, self.area[1] - reach
         held = [
-            b.poses for b, w in zip(outcomes.beliefs, self._widths(outcomes), strict=True) if w >= HELD_MM
+            b.poses
+            for b, w in zip(outcomes.beliefs, self._widths(outcomes), strict=True)
+            if w >= HELD_MM
         ]
         if not held or bool(np.any(low >= high)):
             return None
@@ -116,7 +118,10 @@ def handling_of(job: Job) -> Handling:
     openings = sorted({*job.actions.openings_mm, gripper.opening_mm})
     jaws = jaws_of(gripper)
     return Handling(
-        tuple(alone.part.outline_mm for alone in job.alone), jaws, tuple(openings),
+        tuple(alone.part.outline_mm for alone in job.alone),
+        jaws,
+        tuple(openings),
         tuple(sorted(job.actions.forces_n or (gripper.force_n,))),
-        np.array(job.cell.work_area_mm), encoder_of(job),
-    )  # fmt: skip
+        np.array(job.cell.work_area_mm),
+        encoder_of(job),
+    )

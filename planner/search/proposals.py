@@ -83,7 +83,9 @@ def hands_about(reach_mm: float, half_mm: float, n: int) -> Array:
     return np.stack([shift * c - aside * s, shift * s + aside * c, angle], axis=-1)
 
 
-def varied(placements: Array, n: int, spread: tuple[float, float], rng: np.random.Generator) -> Array:
+def varied(
+    placements: Array, n: int, spread: tuple[float, float], rng: np.random.Generator
+) -> Array:
     """Variants (k n, 3) of placements (k, 3), normally distributed about each.
 
     Args:
@@ -130,7 +132,10 @@ def stable_angles(outline: Array) -> Array:
     width = np.ptp(across, axis=0)
     rest = (width <= np.roll(width, 1)) & (width <= np.roll(width, -1))
     found: list[float] = []
-    for angle in [*angles[rest][np.argsort(width[rest], kind="stable")], *(angles[rest][:1] + np.pi / 2)]:
+    for angle in [
+        *angles[rest][np.argsort(width[rest], kind="stable")],
+        *(angles[rest][:1] + np.pi / 2),
+    ]:
         apart = [abs(float(wrap(np.asarray(angle - other), 2))) for other in found]
         if len(found) < MOST_ANGLES and min(apart, default=np.inf) > np.radians(APART_DEG):
             found.append(float(angle) % np.pi)

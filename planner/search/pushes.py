@@ -32,7 +32,9 @@ KEPT = 3  # of single pushes, and of pairs of them
 FINALISTS = 2  # of these, that are judged as thoroughly as a squeeze without: the first that leave one clear
 LEAST_SHARE = 0.02  # of all parts, from which pushes are tried
 ROUND_MM = 0.01  # from the area's edge: tables hold whole micrometres
-SPREAD = 1e3  # in place of J where no hand is clear of a belief, for each millimetre that it is spread
+SPREAD = (
+    1e3  # in place of J where no hand is clear of a belief, for each millimetre that it is spread
+)
 
 Pushes: TypeAlias = tuple[Push, ...]
 
@@ -67,9 +69,14 @@ class Pusher:
 
     def options(self, belief: Belief) -> list[Push]:
         """Pushes through a belief, each from beside all of it to beyond where all of it begins."""
-        found, reach = list[Push](), max(float(np.hypot(*outline.T).max()) for outline in self._outlines)
+        found, reach = (
+            list[Push](),
+            max(float(np.hypot(*outline.T).max()) for outline in self._outlines),
+        )
         for angle in self._angles(belief):
-            along, across = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+            along, across = np.array(
+                [[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]]
+            )
             begins, middle = self._begins(belief, along), belief.poses[:, :2].mean(axis=0) @ across
             start, beyond = float(begins.min()) - BESIDE_MM, float(begins.max()) + BEYOND_MM
             place = (start - 0.5 * self.jaws[1]) * along + middle * across
@@ -93,11 +100,15 @@ class Pusher:
             ]
             costs = self._costs(tried, ranking, rng)
             order = np.argsort(costs, kind="stable")[:KEPT]
-            judged += [(float(costs[k]), len(judged) + n, tried[k].pushes) for n, k in enumerate(order)]
+            judged += [
+                (float(costs[k]), len(judged) + n, tried[k].pushes) for n, k in enumerate(order)
+            ]
             begun = [tried[k] for k in order]
         finalists = list[Pushes]()
         for _, _, pushes in sorted(judged):
-            pushed = self._from_beside_all(belief, pushes, rng) if len(finalists) < FINALISTS else None
+            pushed = (
+                self._from_beside_all(belief, pushes, rng) if len(finalists) < FINALISTS else None
+            )
             if pushed is not None and len(ranking.candidates(pushed.belief, pushed.belief)):
                 finalists.append(pushed.pushes)
         return finalists
@@ -122,7 +133,9 @@ class Pusher:
                 costs[k] = sum(map(self.costs.of_push, each.pushes)) + found.cost_to_go[0]
         return costs
 
-    def _from_beside_all(self, belief: Belief, pushes: Pushes, rng: np.random.Generator) -> Pushed | None:
+    def _from_beside_all(
+        self, belief: Belief, pushes: Pushes, rng: np.random.Generator
+    ) -> Pushed | None:
         """The same pushes begun clear of all of a belief, and what they make of it; None outside the area."""
         beside = list[Push]()
         for push in pushes:
@@ -137,11 +150,15 @@ class Pusher:
         along = np.array([np.cos(push.start[2]), np.sin(push.start[2])])
         face = float(push.start[:2] @ along) + 0.5 * float(self.jaws[1])
         back = max(0.0, face + BESIDE_MM - float(self._begins(belief, along).min()))
-        return push._replace(start=push.start - back * np.array([*along, 0.0]), way_mm=push.way_mm + back)
+        return push._replace(
+            start=push.start - back * np.array([*along, 0.0]), way_mm=push.way_mm + back
+        )
 
     def _within(self, push: Push) -> bool:
         """Whether a push begins and ends in the area."""
-        ends = push.start[:2] + np.outer([0.0, push.way_mm], [np.cos(push.start[2]), np.sin(push.start[2])])
+        ends = push.start[:2] + np.outer(
+            [0.0, push.way_mm], [np.cos(push.start[2]), np.sin(push.start[2])]
+        )
         return bool(np.all((ends >= self.area[0] + ROUND_MM) & (ends <= self.area[1] - ROUND_MM)))
 
     @property

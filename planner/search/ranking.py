@@ -26,12 +26,16 @@ from planner.work.scheduler import Threads
 
 LEAST_CLEARANCE_MM = 0.5  # open fingers are never planned nearer to a believed part
 FINALISTS = 8  # grasp poses that all particles judge; of more, half are dropped after each round
-FIRST_SHARE = 0.04  # share of the particles that judge in the first round; each round takes twice as many
+FIRST_SHARE = (
+    0.04  # share of the particles that judge in the first round; each round takes twice as many
+)
 FIRST_PARTICLES = 16  # the least number of them
 VARIED_BEST = 4  # grasp poses of which variants are tried, and variants of each
 ALIKE_MM, ALIKE = 6.0, np.radians(20.0)  # grasp poses nearer than both are variants of one
 TOGETHER = 32  # options that a thread judges at once
-GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)  # its multiples, cut to their fractions, fill an interval evenly
+GOLDEN = 0.5 * (
+    np.sqrt(5.0) - 1.0
+)  # its multiples, cut to their fractions, fill an interval evenly
 
 
 class Options(NamedTuple):
@@ -98,7 +102,9 @@ class _Contest:
         """Takes this round's outcomes, one for each option."""
         means = np.array([(new.unstable, new.width_mm) for new in squeezed])
         self.means = (self.start * self.means + (self.stop - self.start) * means) / self.stop
-        poses, reading = zip(*((new.belief.poses, new.belief.reading) for new in squeezed), strict=True)
+        poses, reading = zip(
+            *((new.belief.poses, new.belief.reading) for new in squeezed), strict=True
+        )
         self.poses = np.concatenate([self.poses, np.stack(poses)], axis=1)
         self.reading = np.concatenate([self.reading, np.stack(reading)], axis=1)
 
@@ -118,7 +124,9 @@ class _Contest:
             kept = np.sort(np.argsort(cost_to_go, kind="stable")[:most])
             self.placements, self.means = self.placements[kept], self.means[kept]
             self.poses, self.reading = self.poses[kept], self.reading[kept]
-            self.stop = len(self.belief) if len(kept) <= FINALISTS else min(len(self.belief), 2 * self.stop)
+            self.stop = (
+                len(self.belief) if len(kept) <= FINALISTS else min(len(self.belief), 2 * self.stop)
+            )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -137,14 +145,20 @@ class Ranking:
             options = np.concatenate([options, self.actions.followed(about.poses)])
         return self.free(belief, options)
 
-    def rank(self, beliefs: list[Belief], options: list[Array], rng: np.random.Generator) -> list[Options]:
+    def rank(
+        self, beliefs: list[Belief], options: list[Array], rng: np.random.Generator
+    ) -> list[Options]:
         """The best of every belief's grasp poses (k, 3), each squeezed by all its particles.
 
         All grasp poses are squeezed by few particles first, the better half by twice as many, and so on,
         until few are left (sequential halving: Karnin, Koren and Somekh, ICML 2013).
         """
-        contests = [_Contest.of(belief, choice) for belief, choice in zip(beliefs, options, strict=True)]
-        while waiting := [contest for contest in contests if contest.waiting and len(contest.placements)]:
+        contests = [
+            _Contest.of(belief, choice) for belief, choice in zip(beliefs, options, strict=True)
+        ]
+        while waiting := [
+            contest for contest in contests if contest.waiting and len(contest.placements)
+        ]:
             rounds = [(contest.next, contest.placements) for contest in waiting]
             cases = [(particles, a) for particles, placements in rounds for a in placements]
             squeezed = iter(self.problem.ahead.squeeze(cases, rng))
@@ -154,7 +168,9 @@ class Ranking:
                 contest.halve(self.problem.costs.of(*contest.means.T) + left)
         return [Options.sorted(contest.placements, contest.cost_to_go) for contest in contests]
 
-    def varied(self, belief: Belief, thin: Belief, options: Options, rng: np.random.Generator) -> Options:
+    def varied(
+        self, belief: Belief, thin: Belief, options: Options, rng: np.random.Generator
+    ) -> Options:
         """The options and variants of the best of them, thinner each round: a random local search.
 
         Args:
@@ -182,7 +198,9 @@ class Ranking:
             free = self._clear(belief, placements, 0.0, crash_share)
         return np.asarray(placements[free])
 
-    def _clear(self, belief: Belief, placements: Array, least_mm: float, share: float = 0.0) -> BoolArray:
+    def _clear(
+        self, belief: Belief, placements: Array, least_mm: float, share: float = 0.0
+    ) -> BoolArray:
         """Where the fingers keep clear of all but a share of the particles of each hypothesis."""
         clear, mixture = np.ones(len(placements), np.bool_), self.problem.mixture
         for k, rows in by_hypothesis(belief.traits):
@@ -205,9 +223,15 @@ class Ranking:
         def run(piece: tuple[Array, IntArray, Array]) -> None:
             states, reading, mine = piece
             judged(
-                states, reading, rule.resolution.free, rule.metric.weights(), rule.metric.modes,
-                np.array(rule.stopping), rule.prices(), mine,
-            )  # fmt: skip
+                states,
+                reading,
+                rule.resolution.free,
+                rule.metric.weights(),
+                rule.metric.modes,
+                np.array(rule.stopping),
+                rule.prices(),
+                mine,
+            )
 
         deque(Threads(self.problem.mixture.workers).map(run, pieces), maxlen=0)
         return left
@@ -215,9 +239,15 @@ class Ranking:
 
 @kernel
 def judged(
-    states: Array, reading: IntArray, free: int, weights: Array, modes: int, stopping: Array, prices: Array,
+    states: Array,
+    reading: IntArray,
+    free: int,
+    weights: Array,
+    modes: int,
+    stopping: Array,
+    prices: Array,
     left: Array,
-) -> None:  # fmt: skip
+) -> None:
     """Cuts what options make of a belief into branches, and sums the squeezes left after each option.
 
     Args:
@@ -267,7 +297,9 @@ def judged(
             left[option] += (
                 here
                 / n
-                * squeezes_left(first * here, here, stopping[0], stopping[1], stopping[2], stopping[3])
+                * squeezes_left(
+                    first * here, here, stopping[0], stopping[1], stopping[2], stopping[3]
+                )
             )
 
 

@@ -33,16 +33,27 @@ from planner.search.ranking import Ranking
 from planner.search.tree import Action, Node, Origin, Squeeze, breadth_first, leaves
 from runtime.table import MAX_BRANCHES
 
-PROBABLE = 0.01  # a node of smaller probability tries one action of the previous pass and no further one
+PROBABLE = (
+    0.01  # a node of smaller probability tries one action of the previous pass and no further one
+)
 MARGIN = 0.4  # squeezes by which an action of the previous pass may exceed the best one to be tried again
 FURTHER = 0.2  # squeezes that an open leaf is taken to cost beyond the leaf heuristic
-REMEMBERED = 24  # grasp poses relative to the part, the last that won elsewhere, that every node also tries
-SPREAD = (2.0, np.radians(5.0))  # standard deviation of variants of the best old grasp poses [mm, rad]
+REMEMBERED = (
+    24  # grasp poses relative to the part, the last that won elsewhere, that every node also tries
+)
+SPREAD = (
+    2.0,
+    np.radians(5.0),
+)  # standard deviation of variants of the best old grasp poses [mm, rad]
 VARIANTS = 8
 LEAST_PARTICLES = 400  # a smaller belief is repeated before its next squeeze
 LEAST_GAIN = 0.001  # gain in mode ratio below which a squeeze is in vain
-SELECTION_BIAS = 0.5  # standard deviations of its ratio that a branch's mode gains by being the best one
-MOST_STALLED = 3  # squeezes in a row that may gain nothing: two or three may be needed to separate two poses
+SELECTION_BIAS = (
+    0.5  # standard deviations of its ratio that a branch's mode gains by being the best one
+)
+MOST_STALLED = (
+    3  # squeezes in a row that may gain nothing: two or three may be needed to separate two poses
+)
 LEAST_OVERLAP = 0.2  # of two histograms of readings, for nodes of two passes to be counterparts
 MOST_COARSER = 6  # doublings of the price of a branch, for no more of them than a table holds
 LEAST_STRAYS = 5  # readings far from all branches that make one of their own
@@ -138,10 +149,14 @@ class Search:
         while node is not None:
             for action in node.actions or ():
                 share = np.array([child.share for child in action.children])
-                left = float(share @ [child.value for child in action.children]) / float(share.sum())
+                left = float(share @ [child.value for child in action.children]) / float(
+                    share.sum()
+                )
                 crashes = action.squeeze.crashes
                 action.value = (
-                    action.squeeze.cost + self.problem.stopping.failure * crashes + (1.0 - crashes) * left
+                    action.squeeze.cost
+                    + self.problem.stopping.failure * crashes
+                    + (1.0 - crashes) * left
                 )
             if node.actions:
                 node.actions.sort(key=lambda action: action.value)
@@ -211,7 +226,9 @@ class Search:
             if len(rows) >= LEAST_STRAYS and len(children) < MAX_BRANCHES:
                 belief = far[rows]
                 mode, share = self.problem.metric.mode(belief.states), node.share * len(rows) / seen
-                children.append(Node(belief, share, mode, node.depth + 1, parent=node, fresh=len(rows)))
+                children.append(
+                    Node(belief, share, mode, node.depth + 1, parent=node, fresh=len(rows))
+                )
         children.sort(key=lambda child: -float(child.belief.reading.mean()))
         _partition(node.best, children)
 
@@ -271,7 +288,9 @@ class Search:
 
     def _again(self, node: Node, actions: list[Action], most: int) -> list[_Candidate]:
         """Actions of the previous pass as candidates for a node's belief, variants of one grasp pose once."""
-        plain = np.array([a.squeeze.placement for a in actions if not a.squeeze.pushes]).reshape(-1, 3)
+        plain = np.array([a.squeeze.placement for a in actions if not a.squeeze.pushes]).reshape(
+            -1, 3
+        )
         again = [_Candidate(grasp, node.belief) for grasp in self.ranking.unlike(plain, most)]
         for squeeze in [a.squeeze for a in actions if a.squeeze.pushes][:1]:
             assert self.pusher is not None
@@ -297,7 +316,9 @@ class Search:
         groups = [ranking.candidates(belief, thin)]
         if belief.touched and ranking.actions.proposals:
             groups.append(
-                ranking.free(belief, ranking.actions.within(varied(near, VARIANTS, SPREAD, self.rng)))
+                ranking.free(
+                    belief, ranking.actions.within(varied(near, VARIANTS, SPREAD, self.rng))
+                )
             )
             modes = self.problem.metric.main_modes(thin.states, MAIN_MODES, LEAST_MODE)
             start, n = self._number() * effort.scattered, effort.scattered // len(modes)
@@ -338,9 +359,16 @@ class Search:
         cost = float(problem.costs.of(outcomes.unstable, outcomes.width_mm))
         cost += sum(map(problem.costs.of_push, candidate.pushes))
         squeeze = Squeeze(
-            grasp, opening_mm, clearance_mm, outcomes.clusters, outcomes.unstable, release, candidate.pushes,
-            cost, crashes,
-        )  # fmt: skip
+            grasp,
+            opening_mm,
+            clearance_mm,
+            outcomes.clusters,
+            outcomes.unstable,
+            release,
+            candidate.pushes,
+            cost,
+            crashes,
+        )
         beliefs = self.handling.released(grasp, release, outcomes)
         modes = [problem.metric.mode(belief.states) for belief in beliefs]
         shares = (1.0 - crashes) * outcomes.probability
@@ -353,7 +381,9 @@ class Search:
         old = [c for a in tried if np.array_equal(a.squeeze.placement, grasp) for c in a.children]
         children = list[Node]()
         for share, belief, mode in zip(shares, beliefs, modes, strict=True):
-            child = Node(belief, node.share * float(share), mode, node.depth + 1, stalled, parent=node)
+            child = Node(
+                belief, node.share * float(share), mode, node.depth + 1, stalled, parent=node
+            )
             child.previous = most_similar(belief, old)
             child.value = self.leaf_value(child)
             children.append(child)
@@ -365,8 +395,12 @@ class Search:
         No leaf takes a width far from what any part read: a foreign part's, or one's out of tolerance.
         """
         metric, outcomes = self.problem.metric, Outcomes.of(squeezed, rule)
-        ratio = metric.shares([belief.states for belief in outcomes.beliefs], metric.modes).sum(axis=1)
-        return outcomes.without_gaps(ratio >= self.problem.stopping.confidence, 2 * rule.resolution.margin)
+        ratio = metric.shares([belief.states for belief in outcomes.beliefs], metric.modes).sum(
+            axis=1
+        )
+        return outcomes.without_gaps(
+            ratio >= self.problem.stopping.confidence, 2 * rule.resolution.margin
+        )
 
     def _split(self, node: Node) -> None:
         """Splits a node where its best action shows that its readings should be several intervals.
@@ -388,12 +422,18 @@ class Search:
         for k in numbers[::-1]:  # counts fall as widths rise
             part, share = node.belief[piece == k], node.share * float(np.mean(piece == k))
             child = replace(
-                node, belief=part, share=share, mode=self.problem.metric.mode(part.states), actions=None,
+                node,
+                belief=part,
+                share=share,
+                mode=self.problem.metric.mode(part.states),
+                actions=None,
                 previous=node.previous if k == largest else None,
-            )  # fmt: skip
+            )
             child.value = self.leaf_value(child)
             if k == largest and self.is_open(child):
-                child.actions = [self._narrowed(child, each, _piece(each, cuts) == k) for each in plain]
+                child.actions = [
+                    self._narrowed(child, each, _piece(each, cuts) == k) for each in plain
+                ]
             pieces.append(child)
         at = above.best.children.index(node)
         _partition(above.best, [*above.best.children[:at], *pieces, *above.best.children[at + 1 :]])
@@ -412,7 +452,9 @@ class Search:
 def most_similar(belief: Belief, nodes: list[Node]) -> Node | None:
     """The node whose histogram of readings overlaps most with a belief's; None where it overlaps little."""
     here = np.bincount(belief.reading, minlength=COUNTS) / len(belief)
-    there = [np.bincount(node.belief.reading, minlength=COUNTS) / len(node.belief) for node in nodes]
+    there = [
+        np.bincount(node.belief.reading, minlength=COUNTS) / len(node.belief) for node in nodes
+    ]
     common = [float(np.minimum(here, other).sum()) for other in there]
     return nodes[int(np.argmax(common))] if max(common, default=0.0) > LEAST_OVERLAP else None
 
@@ -441,4 +483,6 @@ def _above(node: Node) -> Iterable[Node]:
 
 def _same(one: _Candidate, other: _Candidate) -> bool:
     """Whether two candidates are the same squeeze after the same number of pushes."""
-    return len(one.pushes) == len(other.pushes) and bool(np.allclose(one.placement, other.placement))
+    return len(one.pushes) == len(other.pushes) and bool(
+        np.allclose(one.placement, other.placement)
+    )

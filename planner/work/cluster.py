@@ -34,7 +34,9 @@ _ADDRESS = re.compile(r"(tcp|tls|ws|wss|inproc)://\S+")
 class Cluster:
     """A connection to a Dask scheduler; a context manager."""
 
-    def __init__(self, address: str, connect_s: float = CONNECT_S, patience_s: float = PATIENCE_S) -> None:
+    def __init__(
+        self, address: str, connect_s: float = CONNECT_S, patience_s: float = PATIENCE_S
+    ) -> None:
         """Remembers where to connect to; a `UsageError` tells that the address is not one."""
         if not _ADDRESS.fullmatch(address):
             raise UsageError(f"--scheduler {address}: write the address as tcp://host:8786")
@@ -63,7 +65,9 @@ class Cluster:
             self._client = Client(self.address, timeout=self._connect_s, set_as_default=False)
         except (OSError, ValueError, TimeoutError) as error:
             problem = f"no Dask scheduler answers within {self._connect_s:g} s"
-            raise self._error(f"{problem}; check the address, or start one with: dask scheduler") from error
+            raise self._error(
+                f"{problem}; check the address, or start one with: dask scheduler"
+            ) from error
         try:
             self._await_workers()
         except BaseException:  # Ctrl-C, too, must not leave the client connected
@@ -72,7 +76,10 @@ class Cluster:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         client, self._client = self._client, None
         if client is not None:
@@ -128,7 +135,10 @@ class Cluster:
                 results[running[future]] = future.result(timeout=POLL_S)
             except TimeoutError:  # its worker died before it could be asked: it runs again
                 continue
-            except (CancelledError, OSError) as error:  # distributed's CommClosedError is one of the latter
+            except (
+                CancelledError,
+                OSError,
+            ) as error:  # distributed's CommClosedError is one of the latter
                 raise self._lost() from error
             del running[future]
 
@@ -138,7 +148,9 @@ class Cluster:
 
         if isinstance(error, KilledWorker):
             problem = "several workers died of the same piece of work"
-            raise self._error(f"{problem}; look into their logs, and give them more memory") from error
+            raise self._error(
+                f"{problem}; look into their logs, and give them more memory"
+            ) from error
         missing = error if isinstance(error, ImportError) else getattr(error, "__cause__", None)
         if isinstance(missing, ImportError):
             problem = f"a machine of the cluster cannot import the planner ({missing})"

@@ -8,7 +8,9 @@ from collections.abc import Callable
 class Limit:
     """A budget of time, and a request to end with what stands; work looks at both between its steps."""
 
-    def __init__(self, budget_s: float = math.inf, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self, budget_s: float = math.inf, clock: Callable[[], float] = time.monotonic
+    ) -> None:
         """Begins to count; the clock tells seconds."""
         self.budget_s = budget_s
         self.reserve_s = 0.0  # of the budget, what is kept for the work that follows

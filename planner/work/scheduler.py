@@ -36,7 +36,9 @@ if hasattr(os, "register_at_fork"):  # a forked process has none of its parent's
 class Threads:
     """Threads of this process: for functions that spend their time in kernels."""
 
-    workers: int = field(default_factory=lambda: os.cpu_count() or 1)  # all cores unless told otherwise
+    workers: int = field(
+        default_factory=lambda: os.cpu_count() or 1
+    )  # all cores unless told otherwise
 
     def map(self, function: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
         """Yields the function's results in the order of the items, each as soon as all before it are there.

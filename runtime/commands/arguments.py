@@ -15,7 +15,17 @@ SIMULATED = "sim"
 MANUAL = "manual"  # a person at the terminal
 SIMULATED_CAMERA = "{camera}"  # in --audit: the address of the simulated cell's camera
 # What --serve goes with; the other options are about devices, which a robot that asks moves by itself.
-SERVED = {"serve", "network", "tree", "count", "journal", "json", "debug", "calibration", "on_reject"}
+SERVED = {
+    "serve",
+    "network",
+    "tree",
+    "count",
+    "journal",
+    "json",
+    "debug",
+    "calibration",
+    "on_reject",
+}
 SERVED |= {"on_unresolved", "watch", "http", "status", "require_signed"}
 
 EPILOG = f"""\
@@ -64,7 +74,11 @@ class Trees(argparse.Action):
     """Takes an option that may stand several times: `tree` is the first value, `trees` are all."""
 
     def __call__(
-        self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any, option: Any = None
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: Any,
+        option: Any = None,
     ) -> None:
         """Add a value."""
         del parser, option
@@ -76,7 +90,11 @@ class PrintedMap(argparse.Action):
     """Prints the registers of `--plc` and ends, as --help does."""
 
     def __call__(
-        self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any, option: Any = None
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: Any,
+        option: Any = None,
     ) -> None:
         """Print them."""
         del namespace, values, option
@@ -121,7 +139,11 @@ def parser() -> Parser:
         metavar="N",
         help="number of parts, after a crash with those before it (default: 1; no end with --serve, --plc)",
     )
-    add("--activate", action="store_true", help="activate the gripper if need be: the fingers sweep fully")
+    add(
+        "--activate",
+        action="store_true",
+        help="activate the gripper if need be: the fingers sweep fully",
+    )
     add(
         "--journal",
         type=Path,
@@ -192,7 +214,12 @@ def _add_instead(group: argparse._ArgumentGroup) -> None:
 
 def _add_handling(group: argparse._ArgumentGroup) -> None:
     add = group.add_argument
-    add("--calibration", type=Path, metavar="F", help="of this gripper, as grasp-calibrate width wrote it")
+    add(
+        "--calibration",
+        type=Path,
+        metavar="F",
+        help="of this gripper, as grasp-calibrate width wrote it",
+    )
     add(
         "--tips",
         metavar="ARC",
@@ -275,12 +302,20 @@ def _add_views(group: argparse._ArgumentGroup) -> None:
         help="a page that follows the run, with /status.json and /metrics; read-only, and for this machine "
         "alone unless HOST names another address of it",
     )
-    add("--status", type=Path, metavar="SOCKET", help="tell JSON and Prometheus text on this Unix socket")
+    add(
+        "--status",
+        type=Path,
+        metavar="SOCKET",
+        help="tell JSON and Prometheus text on this Unix socket",
+    )
 
 
 def _add_takt(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
-        "--takt", type=seconds, metavar="6s", help="also tell at the end how many parts were done within it"
+        "--takt",
+        type=seconds,
+        metavar="6s",
+        help="also tell at the end how many parts were done within it",
     )
 
 
@@ -294,7 +329,11 @@ def _add_simulated(group: argparse._ArgumentGroup) -> None:
         help="times as fast as life; max: in virtual time, in this process",
     )
     add("--seed", type=int, default=0, metavar="N", help="of the simulated cell (default: 0)")
-    add("--world", metavar="M:F", help="physics of the cell (default: the planner's; without it a rehearsal)")
+    add(
+        "--world",
+        metavar="M:F",
+        help="physics of the cell (default: the planner's; without it a rehearsal)",
+    )
 
 
 def time_scale(text: str) -> float:

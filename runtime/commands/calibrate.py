@@ -59,7 +59,9 @@ is told by grasp-calibrate camera --help, tag --help and pictures --help.
 def parser() -> Parser:
     """The command's arguments."""
     built = Parser(
-        prog="grasp-calibrate", description="Measure what a cell has to know of itself.", epilog=EPILOG
+        prog="grasp-calibrate",
+        description="Measure what a cell has to know of itself.",
+        epilog=EPILOG,
     )
     built.add_debug()
     subcommands = built.add_subparsers(
@@ -77,15 +79,47 @@ def parser() -> Parser:
         subcommands.add_parser(name, help=told, add_help=False)
     add = width.add_argument
     add("--port", type=address, required=True, help="the gripper, as for grasp-runtime")
-    add("--gripper", required=True, metavar="NAME", help="its serial number: the file is for this one alone")
+    add(
+        "--gripper",
+        required=True,
+        metavar="NAME",
+        help="its serial number: the file is for this one alone",
+    )
     add("-o", "--output", type=Path, required=True, metavar="F", help="the calibration file")
-    add("--model", choices=PROFILES, default=DEFAULT_MODEL, help=f"its kind (default: {DEFAULT_MODEL})")
-    add("--blocks", metavar="MM,...", help=f"widths of the blocks (default: {_blocks(DEFAULT_MODEL)})")
-    add("--grips", type=int, default=3, metavar="N", help="times each block is gripped (default: 3)")
-    add("--tips", metavar="LINK,OFFSET", help="the tips' arc in mm, kept in the file for grasp-runtime")
-    add("--current", metavar="LEAST,MOST", help="motor current at rest on a part in mA, kept in the file")
-    add("--activate", action="store_true", help="activate the gripper if need be: the fingers sweep fully")
-    add("--json", action="store_true", help="print one JSON object instead of text; ask on standard error")
+    add(
+        "--model",
+        choices=PROFILES,
+        default=DEFAULT_MODEL,
+        help=f"its kind (default: {DEFAULT_MODEL})",
+    )
+    add(
+        "--blocks",
+        metavar="MM,...",
+        help=f"widths of the blocks (default: {_blocks(DEFAULT_MODEL)})",
+    )
+    add(
+        "--grips", type=int, default=3, metavar="N", help="times each block is gripped (default: 3)"
+    )
+    add(
+        "--tips",
+        metavar="LINK,OFFSET",
+        help="the tips' arc in mm, kept in the file for grasp-runtime",
+    )
+    add(
+        "--current",
+        metavar="LEAST,MOST",
+        help="motor current at rest on a part in mA, kept in the file",
+    )
+    add(
+        "--activate",
+        action="store_true",
+        help="activate the gripper if need be: the fingers sweep fully",
+    )
+    add(
+        "--json",
+        action="store_true",
+        help="print one JSON object instead of text; ask on standard error",
+    )
     return built
 
 
@@ -121,7 +155,9 @@ def run(
             if state.activated and (holds := held.look(state, Calibration.linear(linear))):
                 ask(f"Hold on to it, {holds.sentence()}: press Enter, and they open.")
             if arguments.activate and needs_activation(state):
-                ask("The fingers will open and close fully: clear the space between them and press Enter.")
+                ask(
+                    "The fingers will open and close fully: clear the space between them and press Enter."
+                )
                 gripper.activate()
             ready_gripper(gripper)
             gauges = list(calibration.measure(gripper, widths_mm, arguments.grips, ask))
@@ -156,11 +192,14 @@ def figures(made: GripperCalibration, nominal: GripperSpec) -> Measured:
     left_out = [None, *calibration.residuals_mm(made)]
     blocks = [
         {
-            "width_mm": gauge.width_mm, "position_counts": list(gauge.counts), "spread_counts": gauge.spread,
-            "off_without_it_mm": off, "off_linear_mm": line,
+            "width_mm": gauge.width_mm,
+            "position_counts": list(gauge.counts),
+            "spread_counts": gauge.spread,
+            "off_without_it_mm": off,
+            "off_linear_mm": line,
         }
         for gauge, off, line in zip_longest(made.gauges, left_out, linear)
-    ]  # fmt: skip
+    ]
     return {"gripper": made.gripper, "blocks": blocks}
 
 
@@ -202,7 +241,9 @@ def _checked(
 
 def _blocks(model: str) -> str:
     """The usual blocks that fit between the fingers."""
-    return ",".join(str(width) for width in DEFAULT_BLOCKS if 1000 * width < PROFILES[model].opening_um)
+    return ",".join(
+        str(width) for width in DEFAULT_BLOCKS if 1000 * width < PROFILES[model].opening_um
+    )
 
 
 def _numbers(option: str, text: str, wanted: int | None = None) -> list[float]:

@@ -43,23 +43,57 @@ times in all. What the table of --tree allows (area, heights, arm speed) holds h
 def add_to(subcommands: Any, codes: str) -> None:
     """The arguments, as one of grasp-calibrate's commands."""
     made = subcommands.add_parser(
-        NAME, help="where the fingers meet, with a block held fast", description=DESCRIPTION,
+        NAME,
+        help="where the fingers meet, with a block held fast",
+        description=DESCRIPTION,
         epilog=f"example:\n  {EXAMPLE}\n\n{codes}",
-    )  # fmt: skip
+    )
     add = made.add_argument
     add("--port", type=address, required=True, help="the gripper, as for grasp-runtime")
     add("--arm", type=address, required=True, metavar="URL", help="the arm, as for grasp-runtime")
-    add("--tree", type=Path, required=True, metavar="T.msgpack", help="the table that the cell will run")
     add(
-        "--calibration", type=Path, required=True, metavar="F", help="of its widths, by grasp-calibrate width"
+        "--tree",
+        type=Path,
+        required=True,
+        metavar="T.msgpack",
+        help="the table that the cell will run",
     )
-    add("--block", type=number, required=True, metavar="MM", help="the block's width, near that of the part")
-    add("--at", default="0,0", metavar="X,Y", help="its centre in mm, to within 4 mm (default: 0,0)")
-    add("--angle", type=number, default=0.0, metavar="DEG", help="of the hand square to it (default: 0)")
+    add(
+        "--calibration",
+        type=Path,
+        required=True,
+        metavar="F",
+        help="of its widths, by grasp-calibrate width",
+    )
+    add(
+        "--block",
+        type=number,
+        required=True,
+        metavar="MM",
+        help="the block's width, near that of the part",
+    )
+    add(
+        "--at", default="0,0", metavar="X,Y", help="its centre in mm, to within 4 mm (default: 0,0)"
+    )
+    add(
+        "--angle",
+        type=number,
+        default=0.0,
+        metavar="DEG",
+        help="of the hand square to it (default: 0)",
+    )
     add("-o", "--output", type=Path, required=True, metavar="F2", help="F with the measured middle")
     add("--tips", metavar="straight|arc|LINK,OFFSET", help="as for grasp-runtime")
-    add("--activate", action="store_true", help="activate the gripper if need be: the fingers sweep fully")
-    add("--json", action="store_true", help="print one JSON object instead of text; ask on standard error")
+    add(
+        "--activate",
+        action="store_true",
+        help="activate the gripper if need be: the fingers sweep fully",
+    )
+    add(
+        "--json",
+        action="store_true",
+        help="print one JSON object instead of text; ask on standard error",
+    )
 
 
 def run(arguments: argparse.Namespace, drivers: Drivers, ask: Callable[[str], object]) -> int:
@@ -77,9 +111,10 @@ def run(arguments: argparse.Namespace, drivers: Drivers, ask: Callable[[str], ob
     table = load(arguments.tree).table
     safety.check_table(table)
     handling = Handling(
-        calibration=known.table, arc=options.arc_of(arguments, table, known),
+        calibration=known.table,
+        arc=options.arc_of(arguments, table, known),
         current_ma=known.current_ma or CURRENT_MA,
-    )  # fmt: skip
+    )
     check_arc(handling.arc, table.limits, known.table)
     node = middle.gripping(table, arguments.block)
     height_mm = table.limits.retreat_height_um / 1000
@@ -91,7 +126,9 @@ def run(arguments: argparse.Namespace, drivers: Drivers, ask: Callable[[str], ob
         with closing(gripper), closing(drivers.arm(arguments.arm)) as arm:
             state = gripper.state()
             if holds := held.look(state, known.table):
-                raise GripperStateError(f"{holds.sentence()}; take it out, open the fingers, start again")
+                raise GripperStateError(
+                    f"{holds.sentence()}; take it out, open the fingers, start again"
+                )
             ask(_warning(arguments, at, table))
             if arguments.activate and safety.needs_activation(state):
                 with fingers_stop(gripper):
@@ -102,7 +139,11 @@ def run(arguments: argparse.Namespace, drivers: Drivers, ask: Callable[[str], ob
                 found = middle.measure(hand, node, arguments.block, at, tell)
             except BaseException as error:
                 for note in reach_safe_state(
-                    gripper, arm, table.limits, arm_known=hand.arm_known, may_hold_fixed=hand.may_hold
+                    gripper,
+                    arm,
+                    table.limits,
+                    arm_known=hand.arm_known,
+                    may_hold_fixed=hand.may_hold,
                 ):
                     error.add_note(note)
                 raise
@@ -134,7 +175,9 @@ def _print(arguments: argparse.Namespace, found: Middle, table: Table) -> None:
         f"the fingers meet {found.across_mm:+.2f} +- {found.across_error_mm:.2f} mm off the hand's middle at "
         f"{found.block_mm:g} mm, along the hand's y"
     )
-    say(f"the finger at +y makes {100 * found.share:.1f} +- {100 * found.share_error:.1f} % of the closing")
+    say(
+        f"the finger at +y makes {100 * found.share:.1f} +- {100 * found.share_error:.1f} % of the closing"
+    )
     say(f"on this table's part, {width_mm:.1f} mm, its places are corrected by {-beside:+.2f} mm")
     say("what is left to doubt, for the job:")
     say("[doubt]")

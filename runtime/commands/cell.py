@@ -56,7 +56,9 @@ def connect(
         )
         cell = stack.enter_context(process).endpoints
         gripper_port, arm_url, scene_url, camera = cell.gripper, cell.arm, cell.scene, cell.camera
-        console.note(f"simulated cell ({cell.world}), {arguments.time_scale:g} times as fast as life")
+        console.note(
+            f"simulated cell ({cell.world}), {arguments.time_scale:g} times as fast as life"
+        )
         if arguments.arm == MANUAL:
             arm_url = f"{MANUAL}+{cell.arm}"  # which follows the person's hand, with the part in it
     if arguments.port == MANUAL:

@@ -37,10 +37,17 @@ MARKS = {Verdict.GOOD: "ok  ", Verdict.WARNING: "WARN", Verdict.BAD: "BAD "}
 def parser() -> Parser:
     """The command's arguments."""
     built = Parser(
-        prog="grasp-doctor", description="Check a cell before it runs; moves nothing.", epilog=EPILOG
+        prog="grasp-doctor",
+        description="Check a cell before it runs; moves nothing.",
+        epilog=EPILOG,
     )
     add = built.add_argument
-    add("--port", type=address, required=True, help="the gripper, as for grasp-runtime; sim with --tree")
+    add(
+        "--port",
+        type=address,
+        required=True,
+        help="the gripper, as for grasp-runtime; sim with --tree",
+    )
     add("--arm", type=address, help="the arm, as for grasp-runtime")
     add("--tree", type=Path, metavar="T", help="the table that is to run")
     add("--calibration", type=Path, metavar="F", help="the gripper's calibration")
@@ -55,7 +62,9 @@ def run(arguments: argparse.Namespace, drivers: Drivers, system: System | None =
         CellCheckError: something is bad.
     """
     table = None if arguments.tree is None else load(arguments.tree).table
-    measured = None if arguments.calibration is None else calibration.load(arguments.calibration).table
+    measured = (
+        None if arguments.calibration is None else calibration.load(arguments.calibration).table
+    )
     found: list[Finding] = []
     with _devices(arguments) as (port, arm):
         for finding in findings(port, arm, table, measured, drivers, system or System()):
@@ -66,7 +75,9 @@ def run(arguments: argparse.Namespace, drivers: Drivers, system: System | None =
     if arguments.json:
         say(json.dumps({"fit": not bad, "findings": [_as_object(finding) for finding in found]}))
     if bad:
-        raise CellCheckError(f"{bad} thing{'s' if bad > 1 else ''} to put right before this cell runs")
+        raise CellCheckError(
+            f"{bad} thing{'s' if bad > 1 else ''} to put right before this cell runs"
+        )
     return 0
 
 
@@ -147,4 +158,8 @@ def _as_line(finding: Finding) -> str:
 
 
 def _as_object(finding: Finding) -> dict[str, object]:
-    return {"verdict": finding.verdict.value, "sentence": finding.sentence, "remedy": finding.remedy or None}
+    return {
+        "verdict": finding.verdict.value,
+        "sentence": finding.sentence,
+        "remedy": finding.remedy or None,
+    }

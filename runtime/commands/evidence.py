@@ -35,7 +35,11 @@ examples:
   {NAME} verify T.zip --key acme.pem.pub
 
 {EXIT_CODES}"""
-EXAMPLES = {"key": "-o acme.pem", "pack": "T.msgpack -o T.zip", "verify": "T.zip --key acme.pem.pub"}
+EXAMPLES = {
+    "key": "-o acme.pem",
+    "pack": "T.msgpack -o T.zip",
+    "verify": "T.zip --key acme.pem.pub",
+}
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -53,14 +57,19 @@ def parser() -> Parser:
     subcommands = built.add_subparsers(required=True, metavar="key | pack | verify")
     subcommand = _subcommand(subcommands, "key", _key, "make a key to sign with")
     subcommand.add_argument(
-        "-o", "--output", type=Path, metavar="K.pem",
+        "-o",
+        "--output",
+        type=Path,
+        metavar="K.pem",
         help="private key, for its owner alone; the public one goes to K.pem.pub; neither is overwritten "
         "(default: ~/.config/squeezetree/signing-key.pem)",
-    )  # fmt: skip
+    )
     subcommand = _subcommand(
         subcommands, "pack", _pack, "sign a table, its calibration and its job as one zip"
     )
-    subcommand.add_argument("tree", type=Path, metavar="T", help="the table, as plan-compile wrote it")
+    subcommand.add_argument(
+        "tree", type=Path, metavar="T", help="the table, as plan-compile wrote it"
+    )
     subcommand.add_argument(
         "-o", "--output", type=Path, required=True, metavar="P.zip", help="the pack, a new file"
     )
@@ -68,18 +77,24 @@ def parser() -> Parser:
         "--calibration", type=Path, metavar="F", help="of the gripper that will run the table"
     )
     subcommand.add_argument(
-        "--key", type=Path, metavar="K.pem",
+        "--key",
+        type=Path,
+        metavar="K.pem",
         help="private key (default: the one of grasp-evidence key, which is made if need be)",
-    )  # fmt: skip
+    )
     subcommand.add_argument(
         "--signer", type=_name, metavar="NAME", help="who signs, for people (default: user@host)"
     )
-    subcommand = _subcommand(subcommands, "verify", _verify, "check every byte of a pack; needs no network")
+    subcommand = _subcommand(
+        subcommands, "verify", _verify, "check every byte of a pack; needs no network"
+    )
     subcommand.add_argument("pack", type=Path, metavar="P.zip", help="the pack")
     subcommand.add_argument(
-        "--key", type=Path, metavar="K.pub",
+        "--key",
+        type=Path,
+        metavar="K.pub",
         help="public key that must have signed; without it the pack's own, which says nothing of who signed",
-    )  # fmt: skip
+    )
     return built
 
 
@@ -90,9 +105,11 @@ def _subcommand(
     purpose: str,
 ) -> Parser:
     subcommand = subcommands.add_parser(
-        name, help=purpose, description=f"{purpose[0].upper()}{purpose[1:]}.",
+        name,
+        help=purpose,
+        description=f"{purpose[0].upper()}{purpose[1:]}.",
         epilog=f"example:\n  {NAME} {name} {EXAMPLES[name]}\n\n{EXIT_CODES}",
-    )  # fmt: skip
+    )
     subcommand.add_common()
     subcommand.set_defaults(run=body)
     return subcommand
@@ -101,7 +118,11 @@ def _subcommand(
 def _key(arguments: argparse.Namespace) -> int:
     path = arguments.output or _default_key()
     key = keys.generate(path)
-    fields = {"key": str(path), "public": str(keys.public_of(path)), "fingerprint": key.public.fingerprint}
+    fields = {
+        "key": str(path),
+        "public": str(keys.public_of(path)),
+        "fingerprint": key.public.fingerprint,
+    }
     if arguments.json:
         say(json.dumps(fields))
     else:
@@ -116,7 +137,9 @@ def _pack(arguments: argparse.Namespace) -> int:
     if output.exists():
         raise OutputError(f"{output} is there, and a pack is never overwritten; name another file")
     table = load(arguments.tree)
-    measured = None if arguments.calibration is None else calibration.bytes_of(arguments.calibration)
+    measured = (
+        None if arguments.calibration is None else calibration.bytes_of(arguments.calibration)
+    )
     key = _signing_key(arguments.key)
     facts = {
         "signer": arguments.signer or _person(),

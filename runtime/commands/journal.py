@@ -59,11 +59,19 @@ def parser() -> Parser:
         "--outcome", choices=[outcome.value for outcome in Outcome], help="only parts that ended so"
     )
     shown.add_argument(
-        "--since", type=_since, metavar="TIME", help="only from this time on, e.g. 2026-11-21T09:00 (UTC)"
+        "--since",
+        type=_since,
+        metavar="TIME",
+        help="only from this time on, e.g. 2026-11-21T09:00 (UTC)",
     )
-    shown.add_argument("--times", action="store_true", help="instead: where the seconds of its parts go")
     shown.add_argument(
-        "--takt", type=seconds, metavar="6s", help="with --times: also how many parts were done within it"
+        "--times", action="store_true", help="instead: where the seconds of its parts go"
+    )
+    shown.add_argument(
+        "--takt",
+        type=seconds,
+        metavar="6s",
+        help="with --times: also how many parts were done within it",
     )
     _subcommand(subcommands, "verify", _verify, "check every line's digest and the chain")
     _subcommand(subcommands, "replay", _replay, "derive every decision again from counts and table")
@@ -71,9 +79,13 @@ def parser() -> Parser:
         subcommands, "export", _export, "one row a squeeze as CSV or Parquet, or all as MCAP"
     )
     exported.add_argument(
-        "-o", "--output", type=Path, required=True, metavar="F",
+        "-o",
+        "--output",
+        type=Path,
+        required=True,
+        metavar="F",
         help="file.csv, file.parquet or file.mcap; - for standard output",
-    )  # fmt: skip
+    )
     exported.add_argument(
         "--to", choices=FORMATS, help="the form (default: as the file's name ends, else csv)"
     )
@@ -85,9 +97,14 @@ def _subcommand(
 ) -> Parser:
     example = f"example:\n  grasp-journal {name} squeezetree-journal.jsonl{EXAMPLES.get(name, '')}"
     made = subcommands.add_parser(
-        name, help=told, description=f"{told[0].upper()}{told[1:]}.", epilog=f"{example}\n\n{EXIT_CODES}",
-    )  # fmt: skip
-    made.add_argument("journal", type=Path, help="the journal; its sealed segments are read with it")
+        name,
+        help=told,
+        description=f"{told[0].upper()}{told[1:]}.",
+        epilog=f"{example}\n\n{EXIT_CODES}",
+    )
+    made.add_argument(
+        "journal", type=Path, help="the journal; its sealed segments are read with it"
+    )
     which = "a record" if name == "show" else "instead of text"
     made.add_common(f"print one JSON object {which}")
     made.set_defaults(run=body)
@@ -133,7 +150,9 @@ def _show(arguments: argparse.Namespace) -> int:
     if arguments.outcome is not None:
         numbered = _numbered(records(arguments.journal))
         wanted = ("outcome", arguments.outcome)
-        ended = {part for part, entry in numbered if (entry["kind"], entry.get("outcome")) == wanted}
+        ended = {
+            part for part, entry in numbered if (entry["kind"], entry.get("outcome")) == wanted
+        }
     for part, entry in _numbered(_entries(arguments.journal)):
         if not _is_wanted(arguments, entry) or (ended is not None and part not in ended):
             continue
@@ -164,10 +183,16 @@ def _export(arguments: argparse.Namespace) -> int:
     output = usable(arguments.output, arguments.journal, stdout=True)
     entries = _entries(arguments.journal)
     form = arguments.to or output.suffix.removeprefix(".")
-    if arguments.to and (output.suffix != f".{form}" if output not in STDOUT else form == "parquet"):
-        raise ArgumentsError(f"--output {output}: --to {form} writes to a file that ends in .{form}")
+    if arguments.to and (
+        output.suffix != f".{form}" if output not in STDOUT else form == "parquet"
+    ):
+        raise ArgumentsError(
+            f"--output {output}: --to {form} writes to a file that ends in .{form}"
+        )
     if form == "mcap":
-        rows = recording.write(entries, output, arguments.journal, lambda text: date(text).timestamp())
+        rows = recording.write(
+            entries, output, arguments.journal, lambda text: date(text).timestamp()
+        )
     else:
         rows = export.write_rows(export.rows(entries), output, "--output")
     told = json.dumps({"rows": rows, "output": str(output)})
@@ -207,7 +232,9 @@ def _since(text: str) -> object:
     try:
         return date(text)
     except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is no date as 2026-11-21 or 2026-11-21T09:00") from None
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is no date as 2026-11-21 or 2026-11-21T09:00"
+        ) from None
 
 
 def _line(entry: Entry) -> str:

@@ -35,7 +35,9 @@ def check_usage(arguments: argparse.Namespace) -> None:
 
         plc.check(arguments)
     elif len(arguments.trees) > 1:
-        raise ArgumentsError("--tree stands twice; only a PLC chooses among tables (--plc): name one")
+        raise ArgumentsError(
+            "--tree stands twice; only a PLC chooses among tables (--plc): name one"
+        )
     if arguments.serve is not None:
         from runtime.commands import serve
 
@@ -46,7 +48,9 @@ def check_usage(arguments: argparse.Namespace) -> None:
             "--network is for --serve and --plc; leave it out, or name an address with one of them"
         )
     if arguments.put_down and (arguments.check or arguments.dry_run or arguments.jaws_empty):
-        raise ArgumentsError("--put-down moves what is held; leave out --check, --dry-run and --jaws-empty")
+        raise ArgumentsError(
+            "--put-down moves what is held; leave out --check, --dry-run and --jaws-empty"
+        )
     if arguments.put_down and arguments.after_crash != "abort":
         raise ArgumentsError("--put-down goes on with no run; leave out --after-crash")
     if arguments.port is None and not arguments.check:
@@ -60,17 +64,23 @@ def check_usage(arguments: argparse.Namespace) -> None:
     if simulated and arguments.time_scale == inf:
         _check_virtual(arguments)
     if simulated and arguments.check:
-        raise ArgumentsError("--check looks at an attached gripper; name its port, or leave --port out")
+        raise ArgumentsError(
+            "--check looks at an attached gripper; name its port, or leave --port out"
+        )
     if simulated or arguments.check:
         return
     if SIMULATED_CAMERA in (arguments.audit or ""):
-        raise ArgumentsError(f"{SIMULATED_CAMERA} is the camera of --port sim; name the real one in --audit")
+        raise ArgumentsError(
+            f"{SIMULATED_CAMERA} is the camera of --port sim; name the real one in --audit"
+        )
     if arguments.arm in (None, SIMULATED):
         raise ArgumentsError(
             "a real gripper needs a real arm; name it with --arm tcp://host:port, or write --arm manual"
         )
     if arguments.arm == arguments.port != MANUAL:
-        raise ArgumentsError(f"--port and --arm both name {arguments.arm}; one of them is another device's")
+        raise ArgumentsError(
+            f"--port and --arm both name {arguments.arm}; one of them is another device's"
+        )
     if arguments.time_scale != 1.0 or arguments.world is not None:
         raise ArgumentsError(
             "--time-scale and --world are for --port sim; a real cell has its own time and world"
@@ -81,7 +91,9 @@ def _check_virtual(arguments: argparse.Namespace) -> None:
     """In virtual time nobody outside this process takes part."""
     problem = "has no camera and no person in it, and is over too soon to watch"
     if arguments.dry_run:
-        raise ArgumentsError("--dry-run moves nothing, so that time has no scale; leave out --time-scale max")
+        raise ArgumentsError(
+            "--dry-run moves nothing, so that time has no scale; leave out --time-scale max"
+        )
     if arguments.arm == MANUAL or SIMULATED_CAMERA in (arguments.audit or "") or arguments.watch:
         raise ArgumentsError(f"--time-scale max {problem}; name a number, e.g. --time-scale 20")
 
@@ -94,14 +106,20 @@ def _check_manual(arguments: argparse.Namespace) -> None:
     if arguments.put_down and arguments.arm == MANUAL:
         raise ArgumentsError("--put-down is for an arm; with --arm manual put it down yourself")
     if arguments.calibration is not None and arguments.port == MANUAL:
-        raise ArgumentsError("--calibration is of a gripper's counts; with --port manual you tell the width")
+        raise ArgumentsError(
+            "--calibration is of a gripper's counts; with --port manual you tell the width"
+        )
 
 
 def views(arguments: argparse.Namespace) -> Views:
     """Where the run is shown besides the console; a pipe and a dumb terminal get its plain lines."""
     # With --json standard output is for machines; the picture then needs a terminal of its own.
     stream = sys.stderr if arguments.json else sys.stdout
-    drawn = arguments.watch and stream.isatty() and os.environ.get("TERM", "dumb") not in ("dumb", "unknown")
+    drawn = (
+        arguments.watch
+        and stream.isatty()
+        and os.environ.get("TERM", "dumb") not in ("dumb", "unknown")
+    )
     if arguments.json and sys.stdout.isatty():
         drawn = False
     return Views(arguments.status, arguments.http, stream if drawn else None)
@@ -111,7 +129,9 @@ def _check_views(arguments: argparse.Namespace) -> None:
     if not arguments.watch and arguments.http is None:
         return
     if arguments.check or arguments.dry_run:
-        raise ArgumentsError("--watch and --http follow a run; leave them out with --check and --dry-run")
+        raise ArgumentsError(
+            "--watch and --http follow a run; leave them out with --check and --dry-run"
+        )
     if arguments.http is not None:
         from runtime.monitoring.live import server  # not loaded into a run that nobody watches
 
@@ -166,7 +186,9 @@ def _takes_part(arguments: argparse.Namespace) -> bool:
     return any(device is not None and device.partition("+")[0] == MANUAL for device in devices)
 
 
-def arc_of(arguments: argparse.Namespace, table: Table, measured: GripperCalibration | None) -> TipArc | None:
+def arc_of(
+    arguments: argparse.Namespace, table: Table, measured: GripperCalibration | None
+) -> TipArc | None:
     """The tips' arc: as named, else as measured, else that of the model.
 
     None in a simulated cell, unless named, and where a person keeps the tips above the table.

@@ -213,6 +213,10 @@ def opened(
     address, clock = check(arguments), SystemClock()
     listener = stack.enter_context(server.listening(address, "--plc"))
     exchange = Exchange(Station([int(recipe.loaded.digest[:8], 16) for recipe in recipes]), clock)
-    monitors = [ForPlc(recipe, views if recipe is first else Views(), exchange) for recipe in recipes]
+    monitors = [
+        ForPlc(recipe, views if recipe is first else Views(), exchange) for recipe in recipes
+    ]
     place = Address(address.host, listener.getsockname()[1])
-    return PlcRun(recipes, monitors, ModbusServer(listener, exchange, clock), place, arguments.count)
+    return PlcRun(
+        recipes, monitors, ModbusServer(listener, exchange, clock), place, arguments.count
+    )

@@ -51,7 +51,9 @@ def run(arguments: argparse.Namespace, drivers: Drivers) -> int:
             f"--tips {arguments.tips} moves nothing here: you keep the tips at their height above the table"
         )
     if arguments.audit is not None and (goal.kind == "identity" or not goal.identify):
-        raise ArgumentsError("--audit judges a pose; this goal leaves open the pose, or which part it is")
+        raise ArgumentsError(
+            "--audit judges a pose; this goal leaves open the pose, or which part it is"
+        )
     with ExitStack() as stack:
         asked = _Asked(arguments, recipe, drivers, stack)
         if arguments.check:
@@ -87,7 +89,9 @@ class _Asked:
         devices = self._connect(incidents.record)
         for recipe in (self.recipe,) if plc is None else plc.recipes:
             options = recipe.options
-            carry.check(options.delivery, recipe.loaded.table, devices.arm, options.handling.middle_mm)
+            carry.check(
+                options.delivery, recipe.loaded.table, devices.arm, options.handling.middle_mm
+            )
         # A simulated gripper powers up in reset like a real one, and nothing real is between its fingers.
         activate = arguments.activate or arguments.port == SIMULATED
         # What would be refused later is refused now: a run that never was leaves no record, and no file.
@@ -144,16 +148,24 @@ class _Asked:
         listener = self.stack.enter_context(listening(address, "--serve"))
         journal, _ = self._look_back(clock, header)
         journal = journal or self._journal(clock)
-        self.recipe.console.note(f"a robot may ask at tcp://{address.host}:{listener.getsockname()[1]}")
+        self.recipe.console.note(
+            f"a robot may ask at tcp://{address.host}:{listener.getsockname()[1]}"
+        )
         monitor.ready()
         self.stack.enter_context(interrupts.whole())
         self._note_software(clock, (self.recipe,))
         crash.begin(journal, None, self.recipe.loaded.data, header, policy)
         with session.ending(journal) as tally:
             parts = AskedParts(
-                table, self.recipe.loaded.digest, journal, clock, monitor, tally, self.recipe.options,
+                table,
+                self.recipe.loaded.digest,
+                journal,
+                clock,
+                monitor,
+                tally,
+                self.recipe.options,
                 arguments.count,
-            )  # fmt: skip
+            )
             serve.RobotServer(listener, parts, clock).serve()
         monitor.summary(tally, arguments.journal)
         return tally.exit_code
@@ -163,7 +175,9 @@ class _Asked:
         arguments, table, console = self.arguments, self.recipe.loaded.table, self.recipe.console
         told: dict[str, object] = {"nodes": len(table.nodes), "gripper": None}
         origin = arguments.calibration or "the linear map"
-        console.note(f"the table fits the gripper: {len(table.nodes)} nodes, 256 counts each, by {origin}")
+        console.note(
+            f"the table fits the gripper: {len(table.nodes)} nodes, 256 counts each, by {origin}"
+        )
         console.note(_believed(table))
         if self.recipe.options.delivery is not None:
             console.note(
@@ -184,7 +198,9 @@ class _Asked:
     def dry_run(self) -> int:
         """Tell what would be sent to the devices, over links that cannot write."""
         devices = self._connect(Incidents().record)
-        told = dry_run.tell(self.recipe.loaded.table, devices.gripper, devices.arm, self.recipe.options)
+        told = dry_run.tell(
+            self.recipe.loaded.table, devices.gripper, devices.arm, self.recipe.options
+        )
         if self.arguments.json:
             say(json.dumps({"told": told}))
         else:
@@ -197,7 +213,12 @@ class _Asked:
 
     def _connect(self, report: Report) -> Devices:
         return connect(
-            self.arguments, self.recipe.loaded.table, self.recipe.console, self.drivers, self.stack, report
+            self.arguments,
+            self.recipe.loaded.table,
+            self.recipe.console,
+            self.drivers,
+            self.stack,
+            report,
         )
 
     def _look_back(
@@ -210,7 +231,11 @@ class _Asked:
         journal = self._journal(clock)
         now = {"time": clock.stamp(), **clock.uptime()}
         try:
-            policy, data, most_s = arguments.after_crash, self.recipe.loaded.data, arguments.resume_within
+            policy, data, most_s = (
+                arguments.after_crash,
+                self.recipe.loaded.data,
+                arguments.resume_within,
+            )
             return journal, crash.look(
                 journal, data, header, policy, self.recipe.console, now=now, most_s=most_s
             )
@@ -225,7 +250,13 @@ class _Asked:
 
     def _note_software(self, clock: SystemClock, recipes: Sequence[Recipe]) -> None:
         for recipe in recipes:
-            log.note(self.arguments.journal, recipe.loaded.data, recipe.software, clock.stamp, clock.uptime)
+            log.note(
+                self.arguments.journal,
+                recipe.loaded.data,
+                recipe.software,
+                clock.stamp,
+                clock.uptime,
+            )
 
     def _holds(self, devices: Devices, journal: Journal | None, *, activate: bool) -> Held | None:
         """What the fingers may hold before a run begins, if they may be moved regardless; else raises."""
@@ -245,7 +276,9 @@ class _Asked:
         if self.arguments.audit is None:
             return None
         command = self.arguments.audit.replace(SIMULATED_CAMERA, devices.camera)
-        auditor = self.stack.enter_context(AuditProcess(command, table_sha256=self.recipe.loaded.digest))
+        auditor = self.stack.enter_context(
+            AuditProcess(command, table_sha256=self.recipe.loaded.digest)
+        )
         auditor.check()
         return auditor
 
@@ -267,6 +300,7 @@ def _believed(table: Table) -> str:
     figures = "whether its figures are right only an evaluation tells: plan-evaluate"
     if table.job is None:
         return (
-            f"the table carries no job: its heights, limits and poses were compared with nothing; {figures}"
+            "the table carries no job: its heights, limits and poses were compared with nothing; "
+            f"{figures}"
         )
     return f"heights, limits, squeezes and poses agree with the job in the table; {figures}"

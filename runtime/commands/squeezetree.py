@@ -26,10 +26,14 @@ class Program(NamedTuple):
 
 GROUPS: dict[str, dict[str, Program]] = {
     "a part, at the workstation": {
-        "try": Program("plan-try", "planner.cli.first_look", "from a drawing to a first answer, in a minute"),
+        "try": Program(
+            "plan-try", "planner.cli.first_look", "from a drawing to a first answer, in a minute"
+        ),
         "init": Program("plan-init", "planner.cli.init", "begin a job file from a drawing"),
         "plan": Program("plan-compile", "planner.cli.compile", "plan a job's squeezes as a table"),
-        "evaluate": Program("plan-evaluate", "planner.cli.evaluate", "run a table on simulated parts"),
+        "evaluate": Program(
+            "plan-evaluate", "planner.cli.evaluate", "run a table on simulated parts"
+        ),
         "report": Program("plan-report", "planner.cli.report", "a table and its runs, as a page"),
     },
     "a cell": {
@@ -40,34 +44,60 @@ GROUPS: dict[str, dict[str, Program]] = {
             "grasp-calibrate", "runtime.commands.calibrate", "measure widths, or the audit camera"
         ),
         "run": Program(
-            "grasp-runtime", "runtime.commands.arguments", "locate parts by a table, in a cell or simulated"
+            "grasp-runtime",
+            "runtime.commands.arguments",
+            "locate parts by a table, in a cell or simulated",
         ),
-        "cell": Program("grasp-cell", "drivers.sim.cli", "a simulated cell that other programs control"),
+        "cell": Program(
+            "grasp-cell", "drivers.sim.cli", "a simulated cell that other programs control"
+        ),
         "serve": Program(
-            "grasp-runtime", "runtime.commands.arguments", "answer a robot: serve ADDRESS ...", ("--serve",)
+            "grasp-runtime",
+            "runtime.commands.arguments",
+            "answer a robot: serve ADDRESS ...",
+            ("--serve",),
         ),
     },
     "what happened": {
-        "journal": Program("grasp-journal", "runtime.commands.journal", "show, verify, replay or export it"),
+        "journal": Program(
+            "grasp-journal", "runtime.commands.journal", "show, verify, replay or export it"
+        ),
         "audit": Program(
-            "grasp-audit", "drivers.camera.audit.command", "answers judged by camera; charts, acceptance"
+            "grasp-audit",
+            "drivers.camera.audit.command",
+            "answers judged by camera; charts, acceptance",
         ),
     },
     "what is installed": {
         "pack": Program(
-            "grasp-evidence", "runtime.commands.evidence", "sign a table and its calibration", ("pack",)
+            "grasp-evidence",
+            "runtime.commands.evidence",
+            "sign a table and its calibration",
+            ("pack",),
         ),
         "verify": Program(
             "grasp-evidence", "runtime.commands.evidence", "check every byte of a pack", ("verify",)
         ),
-        "key": Program("grasp-evidence", "runtime.commands.evidence", "make a key to sign with", ("key",)),
+        "key": Program(
+            "grasp-evidence", "runtime.commands.evidence", "make a key to sign with", ("key",)
+        ),
     },
     "further": {
-        "simulate": Program("plan-simulate", "planner.cli.simulate", "how single squeezes and pushes end"),
-        "expect": Program("plan-expect", "planner.cli.expect", "the readings of a healthy cell, for charts"),
-        "export": Program("plan-export", "planner.cli.export", "a table in C99, IEC 61131-3 or JSON"),
-        "identify": Program("plan-identify", "planner.cli.identify", "how a part slides, from pushes"),
-        "refit": Program("plan-refit", "planner.cli.refit", "what is off in a cell, from its journals"),
+        "simulate": Program(
+            "plan-simulate", "planner.cli.simulate", "how single squeezes and pushes end"
+        ),
+        "expect": Program(
+            "plan-expect", "planner.cli.expect", "the readings of a healthy cell, for charts"
+        ),
+        "export": Program(
+            "plan-export", "planner.cli.export", "a table in C99, IEC 61131-3 or JSON"
+        ),
+        "identify": Program(
+            "plan-identify", "planner.cli.identify", "how a part slides, from pushes"
+        ),
+        "refit": Program(
+            "plan-refit", "planner.cli.refit", "what is off in a cell, from its journals"
+        ),
         "completion": Program(
             "squeezetree-completion", "runtime.commands.completion", "completion by Tab in bash"
         ),
@@ -94,16 +124,20 @@ def main(argv: Sequence[str] | None = None) -> int:
         return run(parser(), words, _overview)
     if words[0] not in PROGRAMS:
         near = difflib.get_close_matches(words[0], PROGRAMS, 1)
-        parser().error(f"there is no command {words[0]!r}" + (f"; is {near[0]} meant?" if near else ""))
+        parser().error(
+            f"there is no command {words[0]!r}" + (f"; is {near[0]} meant?" if near else "")
+        )
     return _call(PROGRAMS[words[0]], words[1:])
 
 
 def parser() -> Parser:
     """The command's arguments; each subcommand's own are its program's."""
     built = Parser(
-        prog=NAME, usage=f"{NAME} COMMAND ...", epilog=EPILOG,
+        prog=NAME,
+        usage=f"{NAME} COMMAND ...",
+        epilog=EPILOG,
         description=f"{_described()}\n{NAME} COMMAND --help tells more.",
-    )  # fmt: skip
+    )
     built.add_argument("--version", action="version", version=f"{NAME} {metadata.version(NAME)}")
     commands = built.add_subparsers(metavar="COMMAND", help=argparse.SUPPRESS, parser_class=Parser)
     for word in PROGRAMS:
@@ -116,7 +150,9 @@ def _described() -> str:
     lines = ["Locate planar parts by squeezing them: plan at a workstation, run in a cell."]
     for subject, group in GROUPS.items():
         lines += ["", f"{subject}:"]
-        lines += [f"  {word:11s} {program.told}  [{program.name}]" for word, program in group.items()]
+        lines += [
+            f"  {word:11s} {program.told}  [{program.name}]" for word, program in group.items()
+        ]
     return "\n".join([*lines, ""])
 
 
@@ -128,10 +164,14 @@ def _overview(_: argparse.Namespace) -> int:
 
 def _call(program: Program, rest: list[str]) -> int:
     """Run a program as if it had been called by its name."""
-    asks = bool({"-h", "--help"} & set(rest))  # an option of the program would take --help for its value
+    asks = bool(
+        {"-h", "--help"} & set(rest)
+    )  # an option of the program would take --help for its value
     before = [word for word in program.before if not (asks and word.startswith("-"))]
     sys.argv = [program.name, *before, *rest]
-    (entry,) = metadata.distribution(NAME).entry_points.select(group="console_scripts", name=program.name)
+    (entry,) = metadata.distribution(NAME).entry_points.select(
+        group="console_scripts", name=program.name
+    )
     return int(entry.load()())
 
 

@@ -29,17 +29,25 @@ def check_controllers(addresses: Iterator[str], listens: Accepts) -> Iterator[Fi
     for address in addresses:
         try:
             parts = urlsplit(address)
-            on_ur = parts.scheme in SCHEMES or (parts.scheme == "rtu+tcp" and parts.port == FORWARDER)
+            on_ur = parts.scheme in SCHEMES or (
+                parts.scheme == "rtu+tcp" and parts.port == FORWARDER
+            )
         except ValueError:  # what opens the device says so
             continue
-        wanted = {"urcap": parts.port or GRIPPER, "ur": parts.port or RTDE}.get(parts.scheme, FORWARDER)
+        wanted = {"urcap": parts.port or GRIPPER, "ur": parts.port or RTDE}.get(
+            parts.scheme, FORWARDER
+        )
         if on_ur and parts.hostname and (parts.hostname, wanted) not in seen:
             seen.add((parts.hostname, wanted))
             yield from _check(parts.hostname, wanted, listens)
 
 
 def _check(host: str, wanted: int, listens: Accepts) -> Iterator[Finding]:
-    here = {port for port in (wanted, RTDE, SCRIPTS, DASHBOARD, GRIPPER, FORWARDER) if listens(host, port)}
+    here = {
+        port
+        for port in (wanted, RTDE, SCRIPTS, DASHBOARD, GRIPPER, FORWARDER)
+        if listens(host, port)
+    }
     if not here:
         yield bad(
             f"Nothing listens on {host}: neither {wanted} nor RTDE ({RTDE}).",
@@ -58,7 +66,9 @@ def _check(host: str, wanted: int, listens: Accepts) -> Iterator[Finding]:
             "Settings, Security.",
         )
     else:
-        yield bad(f"Port {wanted} of {host} is closed.", "Enable RTDE under Settings, Security, Services.")
+        yield bad(
+            f"Port {wanted} of {host} is closed.", "Enable RTDE under Settings, Security, Services."
+        )
     if wanted == RTDE and SCRIPTS not in here:
         yield bad(
             f"Port {SCRIPTS} of {host} is closed, so the arm cannot be moved.",
@@ -74,7 +84,10 @@ def _check(host: str, wanted: int, listens: Accepts) -> Iterator[Finding]:
 def _without_urcap(host: str, *, forwarded: bool, polyscope_x: bool) -> Finding:
     told = f"Nobody listens on port {GRIPPER} of {host}, where Robotiq's URCap should."
     if forwarded:
-        return bad(told, f"The tool connector is forwarded; use --port rtu+tcp://{host}:{FORWARDER} instead.")
+        return bad(
+            told,
+            f"The tool connector is forwarded; use --port rtu+tcp://{host}:{FORWARDER} instead.",
+        )
     if polyscope_x:
         return bad(
             f"{told} There is no dashboard either, as on PolyScope X, whose gripper URCap has no such port.",

@@ -44,7 +44,9 @@ class AuditProcess(ChildProcess):
         ArgumentsError: the program cannot be started.
     """
 
-    def __init__(self, command: str, answer_s: float = ANSWER_S, table_sha256: str | None = None) -> None:
+    def __init__(
+        self, command: str, answer_s: float = ANSWER_S, table_sha256: str | None = None
+    ) -> None:
         self._command = command
         self._common = {} if table_sha256 is None else {"table_sha256": table_sha256}
         self._answer_s = answer_s
@@ -62,7 +64,12 @@ class AuditProcess(ChildProcess):
         Raises:
             OSError: the process is gone, or does not answer in time. ValueError: an answer that is no JSON.
         """
-        asked: dict[str, object] = {"part": part, "x_mm": x_mm, "y_mm": y_mm, "theta_rad": theta_rad}
+        asked: dict[str, object] = {
+            "part": part,
+            "x_mm": x_mm,
+            "y_mm": y_mm,
+            "theta_rad": theta_rad,
+        }
         asked |= {} if hypothesis is None else {"hypothesis": hypothesis}
         return self._ask(asked, self._answer_s)
 
@@ -100,9 +107,13 @@ class AuditProcess(ChildProcess):
                 answer = self._line(until)
                 self._owed -= 1
         except BrokenPipeError as error:
-            raise ConnectionError("the auditor has ended; run its command by itself to see why") from error
+            raise ConnectionError(
+                "the auditor has ended; run its command by itself to see why"
+            ) from error
         except EOFError as error:
-            told = "the auditor has ended, or talks without end; run its command by itself to see why"
+            told = (
+                "the auditor has ended, or talks without end; run its command by itself to see why"
+            )
             raise ConnectionError(told) from error
         except TimeoutError as error:
             raise TimeoutError(f"the auditor did not answer within {answer_s:g} s") from error
@@ -122,11 +133,17 @@ def answer_of(
         told = dict(auditor.judge(part, *pose, hypothesis))
     except Exception as error:
         return {"verdict": UNKNOWN, "reason": one_line(error)[:MAX_TEXT]}
-    plain = {name: value for name, value in told.items() if name.isidentifier() and _is_plain(value)}
+    plain = {
+        name: value for name, value in told.items() if name.isidentifier() and _is_plain(value)
+    }
     return {**plain, "verdict": told.get("verdict") if told.get("verdict") in VERDICTS else UNKNOWN}
 
 
 def _is_plain(value: object) -> bool:
     if isinstance(value, str):
         return is_plain(value, MAX_TEXT)
-    return value is None or isinstance(value, bool | int) or (isinstance(value, float) and isfinite(value))
+    return (
+        value is None
+        or isinstance(value, bool | int)
+        or (isinstance(value, float) and isfinite(value))
+    )

@@ -64,9 +64,13 @@ class CellProcess(ChildProcess):
             ) from None
         try:
             told = json.loads(line)
-            return Endpoints(**{name: str(told[name]) for name in Endpoints._fields if name in told})
+            return Endpoints(
+                **{name: str(told[name]) for name in Endpoints._fields if name in told}
+            )
         except (ValueError, TypeError) as error:
-            raise CellStartError(f"grasp-cell told {line[:200]!r} instead of its endpoints") from error
+            raise CellStartError(
+                f"grasp-cell told {line[:200]!r} instead of its endpoints"
+            ) from error
 
 
 def _environment() -> dict[str, str]:

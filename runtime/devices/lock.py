@@ -28,7 +28,9 @@ USUAL = {"ur": 30004, "urcap": 63352, "omnicore": 443, "tcp": 502}
 # Ports of a host at which one and the same device is moved.
 ONE_DEVICE = (
     frozenset({30001, 30002, 30003, 30004}),  # a UR arm: its interfaces
-    frozenset({63352, 54321}),  # the gripper at its tool connector: Robotiq's URCap, and the forwarder
+    frozenset(
+        {63352, 54321}
+    ),  # the gripper at its tool connector: Robotiq's URCap, and the forwarder
     frozenset({443, 5000}),  # an ABB arm: Robot Web Services, and open_abb
 )
 SCRIPT_PORT_BELOW = 2  # below its RTDE, wherever that is, a UR arm takes its programs
@@ -62,13 +64,17 @@ def _bound(name: str, port: str) -> socket.socket:
     except OSError as error:
         made.close()
         if error.errno != errno.EADDRINUSE:
-            raise PortBusyError(f"port {port}: its lock cannot be taken ({error.strerror})") from error
+            raise PortBusyError(
+                f"port {port}: its lock cannot be taken ({error.strerror})"
+            ) from error
         owner = _owner(address)
         if owner == str(os.getpid()):
             told = "this command itself under another name", "name another device"
         else:
             told = "another process of squeezetree", "stop that first"
-        raise PortBusyError(f"port {port} is in use by {told[0]} (process {owner}); {told[1]}") from None
+        raise PortBusyError(
+            f"port {port} is in use by {told[0]} (process {owner}); {told[1]}"
+        ) from None
     return made
 
 

@@ -23,7 +23,9 @@ def make(job: object, seed: int) -> "Rehearsal":
         ArgumentsError: `job` is no table.
     """
     if not isinstance(job, Table):
-        raise ArgumentsError("a rehearsal draws from a table's statistics; start grasp-cell with --tree")
+        raise ArgumentsError(
+            "a rehearsal draws from a table's statistics; start grasp-cell with --tree"
+        )
     return Rehearsal(job, seed)
 
 
@@ -80,7 +82,11 @@ class Rehearsal:
         """A width that reads as this branch, with room for the encoder's noise where the interval has it."""
         mine = node.branches.index(branch)
         meant = by_count(decision_map(node, self._calibration))
-        widths = [self._calibration.width_um(count) for count, number in enumerate(meant) if number == mine]
+        widths = [
+            self._calibration.width_um(count)
+            for count, number in enumerate(meant)
+            if number == mine
+        ]
         low, high = min(widths), max(widths)
         room = min(NOISE_SIGMAS * self._table.gripper.encoder_noise_um, (high - low) / 2)
         return self._random.uniform(low + room, high - room)

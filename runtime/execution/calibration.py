@@ -129,7 +129,9 @@ def residuals_mm(calibration: GripperCalibration) -> list[float]:
 def against_linear_mm(calibration: GripperCalibration, spec: GripperSpec) -> list[float]:
     """For each block: what the linear map of a table's gripper says at its count, less its width, mm."""
     linear = Calibration.linear(spec)
-    return [linear.width_um(round(gauge.mean)) / 1000 - gauge.width_mm for gauge in calibration.gauges]
+    return [
+        linear.width_um(round(gauge.mean)) / 1000 - gauge.width_mm for gauge in calibration.gauges
+    ]
 
 
 def save(calibration: GripperCalibration, path: Path) -> None:
@@ -155,7 +157,9 @@ def load(path: Path) -> GripperCalibration:
     """
 
     def refused(problem: str) -> CalibrationError:
-        return CalibrationError(f"calibration {path}: {problem}; make it again with grasp-calibrate width")
+        return CalibrationError(
+            f"calibration {path}: {problem}; make it again with grasp-calibrate width"
+        )
 
     told = strict_json.load(path, refused)
     try:

@@ -16,7 +16,18 @@ from runtime.execution import safety
 from runtime.execution.delivery import Delivery, Sorting
 from runtime.execution.hand import Hand
 from runtime.execution.reading import OPENED_COUNTS
-from runtime.table import PPM, Branch, Leaf, Limits, Node, Pose2, Table, close_alike, job_of, predicted_pose
+from runtime.table import (
+    PPM,
+    Branch,
+    Leaf,
+    Limits,
+    Node,
+    Pose2,
+    Table,
+    close_alike,
+    job_of,
+    predicted_pose,
+)
 from runtime.traversal.decision import ARRIVED, CLOSING_CONTACT
 from runtime.traversal.geometry import compose, placement, same_turns, sent
 
@@ -29,7 +40,10 @@ class Way(NamedTuple):
 
 
 def check(
-    delivery: Delivery | Sorting | None, table: Table, arm: Arm | None = None, middle_mm: float = 0.0
+    delivery: Delivery | Sorting | None,
+    table: Table,
+    arm: Arm | None = None,
+    middle_mm: float = 0.0,
 ) -> None:
     """Check before anything moves that the part can be delivered from every leaf that may name its pose.
 
@@ -55,7 +69,12 @@ def check(
 
 
 def choose(
-    delivery: Delivery, table: Table, leaf: Leaf, start: PoseOfHand, arm: Arm | None, middle_mm: float = 0.0
+    delivery: Delivery,
+    table: Table,
+    leaf: Leaf,
+    start: PoseOfHand,
+    arm: Arm | None,
+    middle_mm: float = 0.0,
 ) -> Way:
     """The path that turns the hand least, among equivalent ones, for the part of a leaf.
 
@@ -112,9 +131,8 @@ def deliver(hand: Hand, delivery: Delivery, leaf: Leaf, table: Table) -> str | N
     if reading.object_flag == ARRIVED or not low_mm <= width_mm <= high_mm:
         hand.release(node.squeeze)
         hand.retreat()
-        return (
-            f"the fingers read {width_mm:.2f} mm at the last grasp, expected was {low_mm:g}..{high_mm:g} mm"
-        )
+        expected = f"{low_mm:g}..{high_mm:g} mm"
+        return f"the fingers read {width_mm:.2f} mm at the last grasp, expected was {expected}"
     with hand.limited(_carrying(delivery, hand.limits)):
         hand.retreat()
         _check_held(hand, reading.position_counts)
@@ -137,7 +155,9 @@ def _same(delivery: Delivery, table: Table, leaf: Leaf) -> Iterator[Way]:
         yield Way((*taken[:2], taken[2] + half), (*put[:2], put[2] + half))
 
 
-def _refusal(delivery: Delivery, limits: Limits, start: PoseOfHand, to: Way, arm: Arm | None) -> str:
+def _refusal(
+    delivery: Delivery, limits: Limits, start: PoseOfHand, to: Way, arm: Arm | None
+) -> str:
     """Why the arm cannot be sent to take a part there and put it down there, or an empty string."""
     taken, put = to
     low_mm, high_mm = limits.squeeze_height_um / 1000, limits.retreat_height_um / 1000

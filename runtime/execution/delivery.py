@@ -100,7 +100,9 @@ def by_name(words: Sequence[str], table: Table) -> Sorting:
     """
     goal, numbers = table.goal, dict(enumerate(own.name for own in table.hypotheses))
     if goal.kind == "identity" or not goal.identify:
-        raise ArgumentsError("--deliver: this table does not tell both which part it is and where it lies")
+        raise ArgumentsError(
+            "--deliver: this table does not tell both which part it is and where it lies"
+        )
     found: dict[str, Delivery] = {}
     for word in words:
         name, sign, place = word.rpartition("=")
@@ -111,7 +113,9 @@ def by_name(words: Sequence[str], table: Table) -> Sorting:
                 f"one of: {known}"
             )
         if name in found:
-            raise ArgumentsError(f"--deliver {word!r}: {name} has a place already; give each part one")
+            raise ArgumentsError(
+                f"--deliver {word!r}: {name} has a place already; give each part one"
+            )
         found[name] = from_text(place) if "," in place else from_file(Path(place))
     return Sorting(found, numbers)
 
@@ -126,7 +130,9 @@ def from_file(path: Path) -> Delivery:
         with path.open("rb") as file:
             document = strict_toml.parse(file.read(strict_toml.MOST_BYTES + 1).decode())
     except OSError as error:
-        raise ArgumentsError(f"--deliver {path}: {error.strerror or error}; name a TOML file") from error
+        raise ArgumentsError(
+            f"--deliver {path}: {error.strerror or error}; name a TOML file"
+        ) from error
     except ValueError as error:
         raise ArgumentsError(f"--deliver {path}: no TOML file ({error})") from error
     return from_keys(document.get("delivery", document), f"--deliver {path}")
@@ -147,9 +153,13 @@ def from_job(job: Mapping[str, object] | None) -> Delivery | None:
     name = keys["grasp"]
     picks = frames_in((job or {}).get("part")).picks
     if name not in picks:
-        raise ArgumentsError(f"{where}: grasp {name!r} is none of [part] picks: {', '.join(picks) or 'none'}")
+        raise ArgumentsError(
+            f"{where}: grasp {name!r} is none of [part] picks: {', '.join(picks) or 'none'}"
+        )
     others = {
-        key: value for key, value in keys.items() if key not in ("grasp", "grasp_mm", "grasp_angle_deg")
+        key: value
+        for key, value in keys.items()
+        if key not in ("grasp", "grasp_mm", "grasp_angle_deg")
     }
     return replace(from_keys(others, where), grasp=picks[name])
 
@@ -163,7 +173,9 @@ def from_keys(keys: object, where: str) -> Delivery:
     if not isinstance(keys, Mapping):
         raise ArgumentsError(f"{where}: delivery is no section of keys and values")
     if unknown := keys.keys() - KEYS.keys():
-        raise ArgumentsError(f"{where}: unknown key {sorted(unknown)[0]}; known are {', '.join(KEYS)}")
+        raise ArgumentsError(
+            f"{where}: unknown key {sorted(unknown)[0]}; known are {', '.join(KEYS)}"
+        )
     if "drop_mm" not in keys:
         raise ArgumentsError(f"{where}: drop_mm is missing; say where the part goes")
     numbers = {name: _numbers(where, name, keys[name]) for name in KEYS if name in keys}
@@ -174,7 +186,9 @@ def from_keys(keys: object, where: str) -> Delivery:
     if "area_mm" in numbers:
         x_min, y_min, x_max, y_max = (round(1000 * value) for value in numbers["area_mm"])
         if x_min >= x_max or y_min >= y_max:
-            raise ArgumentsError(f"{where}: area_mm is x min, y min, x max, y max, each min below its max")
+            raise ArgumentsError(
+                f"{where}: area_mm is x min, y min, x max, y max, each min below its max"
+            )
         made = replace(made, area_um=(x_min, y_min, x_max, y_max))
     return made
 
@@ -183,7 +197,9 @@ def _numbers(where: str, name: str, value: object) -> tuple[float, ...]:
     items: list[object] = value if isinstance(value, list) else [value]
     wanted = KEYS[name]
     if isinstance(value, list) != bool(wanted) or len(items) != max(wanted, 1):
-        raise ArgumentsError(f"{where}: {name} takes {wanted or 'one'} number{'s' if wanted else ''}")
+        raise ArgumentsError(
+            f"{where}: {name} takes {wanted or 'one'} number{'s' if wanted else ''}"
+        )
     numbers = []
     for item in items:
         if isinstance(item, bool) or not isinstance(item, int | float) or item != item:

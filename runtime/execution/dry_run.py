@@ -59,7 +59,8 @@ def tell(table: Table, gripper: Gripper, arm: Arm, options: RunOptions) -> list[
         forces = strokes.raising(node.squeeze, profile) if regulated else []
         requests = [f"{s.request_counts}/{s.speed_counts}/{s.force_counts}" for s in plan_of_jaws]
         requests += [
-            f"{plan_of_jaws[-1].request_counts}/{plan_of_jaws[-1].speed_counts}/{force}" for force in forces
+            f"{plan_of_jaws[-1].request_counts}/{plan_of_jaws[-1].speed_counts}/{force}"
+            for force in forces
         ]
         told.append(
             f"node {index}: open to count {strokes.opening_counts(node.squeeze.opening_um, calibration)}, "

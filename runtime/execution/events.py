@@ -30,7 +30,9 @@ class Sighting:
     """Where a simulated part really lies, and how far the prediction is off."""
 
     true: Pose2 | None  # mm, mm, rad; None in a rehearsal, whose part has no pose
-    error_mm: float | None  # by the goal's metric; None without a prediction, or where the goal has none
+    error_mm: (
+        float | None
+    )  # by the goal's metric; None without a prediction, or where the goal has none
     within: bool | None  # whether the prediction meets the goal, None without one
     crashes: int  # times open fingers were placed onto this part
     hypothesis: str | None = None  # which part it really is, where the table leaves that open
@@ -41,14 +43,20 @@ class Tally:
     """The sum over a run's parts; its size does not grow with their number."""
 
     takt_s: float | None = None  # the time within which parts should be done
-    timed: bool = True  # whether its seconds are the cell's; not those of a clock that runs faster than life
+    timed: bool = (
+        True  # whether its seconds are the cell's; not those of a clock that runs faster than life
+    )
     parts: int = 0
     outcomes: Counter[Outcome] = field(default_factory=Counter)
     squeezes: int = 0
     exit_code: int = 0  # the highest of the parts' codes, which are numbered by gravity
-    within: int | None = None  # parts whose leaf met the goal, None where no truth is known or they are gone
+    within: int | None = (
+        None  # parts whose leaf met the goal, None where no truth is known or they are gone
+    )
     crashes: int | None = None  # times open fingers were placed onto a part, None on a real cell
-    seconds: Counter[float] = field(default_factory=Counter)  # of parts with an outcome, to hundredths
+    seconds: Counter[float] = field(
+        default_factory=Counter
+    )  # of parts with an outcome, to hundredths
 
     def add(self, result: PartResult, seen: Sighting | None) -> None:
         """One more part."""
@@ -69,7 +77,9 @@ class Tally:
         return {
             "parts": self.parts,
             "outcomes": {
-                outcome.value: self.outcomes[outcome] for outcome in Outcome if self.outcomes[outcome]
+                outcome.value: self.outcomes[outcome]
+                for outcome in Outcome
+                if self.outcomes[outcome]
             },
             **{name: round(value, 4) for name, value in self.times().items()},
         }

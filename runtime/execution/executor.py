@@ -68,9 +68,13 @@ class RunOptions:
     policy: Policy = field(default_factory=Policy)
     handling: Handling = field(default_factory=Handling)
     delivery: Delivery | Sorting | None = None
-    patience: float = 1.0  # how much longer than by arm and gripper a squeeze may take: for a person
+    patience: float = (
+        1.0  # how much longer than by arm and gripper a squeeze may take: for a person
+    )
     takt_s: float | None = None  # within which parts should be done; only told
-    timed: bool = True  # whether the clock's seconds are the cell's, which runs no faster than its programs
+    timed: bool = (
+        True  # whether the clock's seconds are the cell's, which runs no faster than its programs
+    )
 
 
 PLAIN = RunOptions()
@@ -83,7 +87,9 @@ class Executor:
         TableError: the gripper cannot do what the table asks.
     """
 
-    def __init__(self, table: Table, cell: Cell, console: Console, options: RunOptions = PLAIN) -> None:
+    def __init__(
+        self, table: Table, cell: Cell, console: Console, options: RunOptions = PLAIN
+    ) -> None:
         safety.check_table(table)
         self._table = table
         self._console = console
@@ -114,7 +120,9 @@ class Executor:
                 if broken is not None:
                     steps.extend(broken.steps)
                     self._free(part, broken)
-                result = self._descend(part, steps, TraversalState() if broken is None else broken.traversal)
+                result = self._descend(
+                    part, steps, TraversalState() if broken is None else broken.traversal
+                )
                 result = self._finish(result)
                 self._hand.where()  # an arm that was displaced makes any outcome a fault
                 if self._options.timed:
@@ -123,7 +131,9 @@ class Executor:
         except BrokenRunError as error:
             # Nothing was moved; the operator looks at the fingers.
             notes = ("nothing was moved",)
-            return self._ended(PartResult.of(part, Outcome.ABORTED, steps, str(error), safe_state=notes))
+            return self._ended(
+                PartResult.of(part, Outcome.ABORTED, steps, str(error), safe_state=notes)
+            )
         except KeyboardInterrupt:
             return self._end(part, steps, Outcome.STOPPED, "stopped by the operator")
         except Exception as error:
@@ -145,7 +155,9 @@ class Executor:
             self._console.step(part, step)
         return PartResult.of(part, traversal.outcome, steps, reason_of(traversal, steps))
 
-    def _squeeze(self, part: int, traversal: TraversalState, number: int) -> tuple[Step, TraversalState]:
+    def _squeeze(
+        self, part: int, traversal: TraversalState, number: int
+    ) -> tuple[Step, TraversalState]:
         """One squeeze, from the hand above the part to the hand above the part; and what follows."""
         index, table = traversal.node, self._table
         node, began = table.nodes[index], Lap(self._cell.clock)
@@ -163,7 +175,9 @@ class Executor:
         self._console.phase(part, Phase.READ, index)
         step = step_of(decision, number, index, reading.position_counts, self._hand.calibration)
         # Before anything moves on: a decision that is not on the disk was never taken.
-        self._cell.journal.record("squeeze", {"part": part, **step.fields(), **reading_fields(reading)})
+        self._cell.journal.record(
+            "squeeze", {"part": part, **step.fields(), **reading_fields(reading)}
+        )
         close_s = began.lap()
         self._console.phase(part, Phase.RELEASE, index)
         after = advance(traversal, step.target, table, self._options.policy)
@@ -186,7 +200,9 @@ class Executor:
         if decision.branch != REJECT and release_point(node, decision.branch) is None:
             return reading, decision
         reading = self._hand.tighten(node, reading)
-        return reading, decide(node, self._maps[index], reading.position_counts, reading.object_flag)
+        return reading, decide(
+            node, self._maps[index], reading.position_counts, reading.object_flag
+        )
 
     def _push(self, part: int, number: int, index: int, node: Node) -> None:
         for push in node.pushes:
@@ -253,22 +269,36 @@ class Executor:
         if delivery is not None:
             self._console.phase(result.part, Phase.DELIVER, None)
             # With the pose, which is the answer even where the delivery comes to nothing.
-            found = {"leaf": result.leaf, "x_um": leaf.x_um, "y_um": leaf.y_um, "theta_urad": leaf.theta_urad}
+            found = {
+                "leaf": result.leaf,
+                "x_um": leaf.x_um,
+                "y_um": leaf.y_um,
+                "theta_urad": leaf.theta_urad,
+            }
             self._cell.journal.record("delivery", {"part": result.part, "begun": True, **found})
             self._found = result.leaf
             missed = deliver(self._hand, delivery, leaf, self._table)
             result = result.delivered(missed)
-            self._cell.journal.record("delivery", {"part": result.part, "begun": False, "missed": missed})
+            self._cell.journal.record(
+                "delivery", {"part": result.part, "begun": False, "missed": missed}
+            )
         return result
 
     def _end(
-        self, part: int, steps: list[Step], outcome: Outcome, reason: str, exit_code: int | None = None
+        self,
+        part: int,
+        steps: list[Step],
+        outcome: Outcome,
+        reason: str,
+        exit_code: int | None = None,
     ) -> PartResult:
         self._console.phase(part, Phase.SAFE, None)
         notes = reach_safe_state(
             self._cell.gripper, self._cell.arm, self._table.limits, arm_known=self._hand.arm_known
         )
-        result = PartResult.of(part, outcome, steps, reason, exit_code=exit_code, safe_state=tuple(notes))
+        result = PartResult.of(
+            part, outcome, steps, reason, exit_code=exit_code, safe_state=tuple(notes)
+        )
         return self._ended(replace(result, leaf=self._found))
 
     def _ended(self, result: PartResult) -> PartResult:
@@ -290,7 +320,9 @@ def expected_of(table: Table, node: Node, slowest_um_s: int) -> Expected:
     arm_s = timing.move_s(hypot(x_max - x_min, y_max - y_min)) + timing.move_s(0.0, tau)
     arm_s += 3 * timing.move_s(timing.retreat_mm - timing.squeeze_mm)
     speed_mm_s = min(node.squeeze.speed_um_s, slowest_um_s) / 1e3
-    ways_s = sum(timing.move_s(push.length_um / 1e3, 0.0, push.speed_um_s / 1e3) for push in node.pushes)
+    ways_s = sum(
+        timing.move_s(push.length_um / 1e3, 0.0, push.speed_um_s / 1e3) for push in node.pushes
+    )
     times = 1 + len(node.pushes)
     strokes_s = 3 * timing.close_s(table.gripper.opening_um / 1e3, None, 0.0, speed_mm_s)
     return Expected(times * arm_s + ways_s, times * strokes_s)

@@ -67,7 +67,9 @@ class Hand:
         self.timing, self._half_turn = schedule.timing, pi if schedule.alike else tau
         self._jaws = Jaws(self.gripper, clock, self.calibration, self._profile, self.timing)
         check_arc(handling.arc, table.limits, self.calibration)
-        self._sent_to: PoseOfHand | None = None  # where the arm should stand, None where nobody knows
+        self._sent_to: PoseOfHand | None = (
+            None  # where the arm should stand, None where nobody knows
+        )
 
     def await_stillness(self) -> None:
         """Wait until a motion that was begun before this run is over.
@@ -87,7 +89,11 @@ class Hand:
             MotionRefusedError: something else than its last motion brought it there.
         """
         self.arm_known = False  # until it answers
-        pose = self.arm.pose() if self._sent_to is None else safety.check_placed(self.arm, self._sent_to)
+        pose = (
+            self.arm.pose()
+            if self._sent_to is None
+            else safety.check_placed(self.arm, self._sent_to)
+        )
         self._sent_to = self._sent_to or pose
         self.arm_known = True
         return _beside(pose, -self.middle_mm)
@@ -277,7 +283,10 @@ class Hand:
         """Raise the force on what a regulated squeeze met to the node's; the reading after that."""
         if not self._is_regulated(node) or reading.object_flag != CLOSING_CONTACT:
             return reading
-        limit_ma, speed = self._handling.grip_current_ma, self._profile.speed_counts(node.squeeze.speed_um_s)
+        limit_ma, speed = (
+            self._handling.grip_current_ma,
+            self._profile.speed_counts(node.squeeze.speed_um_s),
+        )
         for force in strokes.raising(node.squeeze, self._profile):
             if limit_ma is not None and reading.current_ma >= limit_ma:
                 break
@@ -308,7 +317,9 @@ class Hand:
     def _go(self, target: PoseOfHand, speed_um_s: int | None = None) -> None:
         """Go to a place by the smallest turn of the hand."""
         now_rad = self._place()[3]
-        self._go_as_counted((*target[:3], now_rad + remainder(target[3] - now_rad, tau)), speed_um_s)
+        self._go_as_counted(
+            (*target[:3], now_rad + remainder(target[3] - now_rad, tau)), speed_um_s
+        )
 
     def _go_as_counted(self, target: PoseOfHand, speed_um_s: int | None = None) -> None:
         """Go straight to a place, in several motions where the hand turns by about half a turn or more.
@@ -319,7 +330,9 @@ class Hand:
         start = self._place()
         motions = ceil(abs(target[3] - start[3]) / MOST_TURN_RAD)
         for number in range(1, motions):
-            x, y, z, angle = (a + (b - a) * number / motions for a, b in zip(start, target, strict=True))
+            x, y, z, angle = (
+                a + (b - a) * number / motions for a, b in zip(start, target, strict=True)
+            )
             self._jaws.ready()
             self._move_arm((x, y, z, angle), speed_um_s)
         self._jaws.ready()
@@ -331,7 +344,10 @@ class Hand:
 
     def _move_arm(self, target: PoseOfHand, speed_um_s: int | None = None) -> None:
         self.where()
-        self.arm_known, self._sent_to = False, None  # until it is acknowledged; an interrupt leaves it so
+        self.arm_known, self._sent_to = (
+            False,
+            None,
+        )  # until it is acknowledged; an interrupt leaves it so
         beside = _beside(target, self.middle_mm)
         self.arm.move_linear(*beside, (speed_um_s or self.limits.arm_speed_um_s) / 1000)
         safety.check_placed(self.arm, beside)

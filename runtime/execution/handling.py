@@ -15,11 +15,17 @@ class Handling:
     calibration: Calibration | None = None  # counts to widths as measured, None where they were not
     arc: TipArc | None = None  # the tips' arc; None where they move straight
     regulated: bool = False  # whether squeezes close gently and raise their force after contact
-    approaches: bool = True  # whether jaws close fast to just before the part, which nobody asks of a person
+    approaches: bool = (
+        True  # whether jaws close fast to just before the part, which nobody asks of a person
+    )
     # motor current at which a regulated squeeze raises its force no further, or None
     grip_current_ma: int | None = None
-    current_ma: tuple[int, int] = CURRENT_MA  # least and greatest motor currents a gripper at rest may report
-    middle_mm: float = 0.0  # how far the fingers meet off the hand's middle, along its y, as measured
+    current_ma: tuple[int, int] = (
+        CURRENT_MA  # least and greatest motor currents a gripper at rest may report
+    )
+    middle_mm: float = (
+        0.0  # how far the fingers meet off the hand's middle, along its y, as measured
+    )
 
     def widths(self, table: Table) -> Calibration:
         """Counts to widths: as measured, else the linear map of the table's gripper."""

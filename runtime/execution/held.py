@@ -59,7 +59,9 @@ class Held(NamedTuple):
 def look(state: GripperState, calibration: Calibration) -> Held | None:
     """What the fingers of a gripper at rest may hold; None where they hold nothing."""
     count, width_um = state.position_counts, calibration.width_um(state.position_counts)
-    certain = state.activated and state.object_flag == CLOSING_CONTACT and state.echo_counts >= count
+    certain = (
+        state.activated and state.object_flag == CLOSING_CONTACT and state.echo_counts >= count
+    )
     short = state.echo_counts - count
     is_open = width_um >= calibration.widths_um[0] - OPEN_UM
     there = state.activated and abs(short) <= OPENED_COUNTS
@@ -90,7 +92,12 @@ def put_down(
     # Of several parts nobody knows which one they hold, and so in which area it was carried.
     if isinstance(delivery, Delivery) and delivery.area_um is not None and not inside:
         limits = replace(limits, work_area_um=delivery.area_um)
-    told = {"x_mm": pose[0], "y_mm": pose[1], "position_counts": count, "width_mm": round(width_mm, 3)}
+    told = {
+        "x_mm": pose[0],
+        "y_mm": pose[1],
+        "position_counts": count,
+        "width_mm": round(width_mm, 3),
+    }
     journal.record("put_down", {**told, "begun": True})
     with hand.limited(limits):
         hand.lower(pose[0], pose[1], pose[3], width_mm)

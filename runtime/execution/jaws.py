@@ -40,7 +40,9 @@ class Jaws:
         self.gripper, self.calibration, self.profile = gripper, calibration, profile
         self.may_hold = True
         self.open_mm = 0.0  # where they stood open last
-        self.asked: int | None = None  # where jaws on their way were asked to go; None: they are not
+        self.asked: int | None = (
+            None  # where jaws on their way were asked to go; None: they are not
+        )
         self._clock, self._timing = clock, timing
 
     def ready(self) -> GripperState:
@@ -61,7 +63,9 @@ class Jaws:
         state = self.ready()
         if self.asked == request or (self.asked is None and self._stands_open(state, request)):
             return
-        self._ask(request, self._fast if fast else self.profile.speed_counts(squeeze.speed_um_s), squeeze)
+        self._ask(
+            request, self._fast if fast else self.profile.speed_counts(squeeze.speed_um_s), squeeze
+        )
 
     def _stands_open(self, state: GripperState, request: int) -> bool:
         """Whether a fresh reading shows jaws that opened as they were asked to, and still stand there."""
@@ -93,7 +97,10 @@ class Jaws:
     def set_to(self, push: Push, squeeze: Squeeze) -> None:
         """Bring the jaws, with nothing between them, to the opening of a push before a squeeze."""
         request, profile = self.calibration.count(push.opening_um), self.profile
-        speed, force = profile.speed_counts(squeeze.speed_um_s), profile.force_counts(squeeze.force_mn)
+        speed, force = (
+            profile.speed_counts(squeeze.speed_um_s),
+            profile.force_counts(squeeze.force_mn),
+        )
         settled = self.stroke(Stroke(request, speed, force, 0.0))
         self.may_hold = False
         check_fresh(settled, request)

@@ -25,7 +25,14 @@ from runtime.traversal.geometry import compose, end_of, placement, sent
 ROOM_MM = 15.0  # between a block in the middle and each open finger
 COARSE_MM = 6.0  # beside its stated place where the block is looked for
 NEAR_MM = 4.0  # as far off it may be found
-FINE_MM = (1.5, 2.5, 3.7, 5.0, 6.4, 8.0)  # beside where it was found, on either side; rounding averages out
+FINE_MM = (
+    1.5,
+    2.5,
+    3.7,
+    5.0,
+    6.4,
+    8.0,
+)  # beside where it was found, on either side; rounding averages out
 ROUGH_MM = 0.4  # how well the readings must fit a block held fast, standard deviation
 MOST_MM = 10.0  # fingers that meet farther off are a fault of the tool frame
 EVEN = 0.5
@@ -146,7 +153,9 @@ def places(at: Pose2) -> Iterator[Pose2]:
             yield compose((*at[:2], at[2] + turn), (0.0, off, 0.0))
 
 
-def measure(hand: Hand, node: Node, block_mm: float, at: Pose2, tell: Callable[[str], object]) -> Middle:
+def measure(
+    hand: Hand, node: Node, block_mm: float, at: Pose2, tell: Callable[[str], object]
+) -> Middle:
     """Grip a block that is held fast, from both sides, with the hand one way round and the other.
 
     Args:
@@ -215,9 +224,14 @@ def fit(block_mm: float, halves: Sequence[tuple[float, Sequence[Grip]]]) -> Midd
         )
     across = -fmean(line.both_mm for line in lines)
     if not abs(across) <= MOST_MM:
-        raise CalibrationError(f"the fingers meet {across:+.1f} mm off the hand's middle; set the tool frame")
+        raise CalibrationError(
+            f"the fingers meet {across:+.1f} mm off the hand's middle; set the tool frame"
+        )
     share = -fmean(line.slope for line in lines)
-    errors = (hypot(*(line.both_error_mm for line in lines)), hypot(*(line.slope_error for line in lines)))
+    errors = (
+        hypot(*(line.both_error_mm for line in lines)),
+        hypot(*(line.slope_error for line in lines)),
+    )
     return Middle(block_mm, across, errors[0] / 2.0, share, errors[1] / 2.0)
 
 
@@ -234,12 +248,19 @@ class _Line(NamedTuple):
 def _line(block_mm: float, found: float, grips: Sequence[Grip]) -> _Line:
     wider = [grip.width_mm - block_mm for grip in grips]
     # Where the lower finger touches first, v is taken off, which leaves the line of the other side.
-    hand = [grip.hand_mm - (v if grip.hand_mm > found else 0.0) for grip, v in zip(grips, wider, strict=True)]
+    hand = [
+        grip.hand_mm - (v if grip.hand_mm > found else 0.0)
+        for grip, v in zip(grips, wider, strict=True)
+    ]
     slope, both = linear_regression(wider, hand)
     squares = sum((h - both - slope * v) ** 2 for h, v in zip(hand, wider, strict=True))
     residual = sqrt(squares / (len(grips) - 2))
     mean = fmean(wider)
     spread = sum((v - mean) ** 2 for v in wider)
     return _Line(
-        both, slope, residual * sqrt(1.0 / len(grips) + mean**2 / spread), residual / sqrt(spread), residual
+        both,
+        slope,
+        residual * sqrt(1.0 / len(grips) + mean**2 / spread),
+        residual / sqrt(spread),
+        residual,
     )

@@ -101,9 +101,14 @@ def check_passed(settled: Settled, requested_counts: int, calibration: Calibrati
     check_fresh(settled, requested_counts)
     if settled.object_flag == CLOSING_CONTACT:
         return False
-    if settled.object_flag == ARRIVED and abs(settled.position_counts - requested_counts) <= OPENED_COUNTS:
+    if (
+        settled.object_flag == ARRIVED
+        and abs(settled.position_counts - requested_counts) <= OPENED_COUNTS
+    ):
         return True
-    asked_um, seen_um = (calibration.width_um(n) for n in (requested_counts, settled.position_counts))
+    asked_um, seen_um = (
+        calibration.width_um(n) for n in (requested_counts, settled.position_counts)
+    )
     raise GripperStateError(
         f"the gripper reports flag {settled.object_flag} at {seen_um / 1000:.2f} mm while closing to "
         f"{asked_um / 1000:.2f} mm; the two do not fit"

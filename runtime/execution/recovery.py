@@ -33,7 +33,9 @@ def pending(broken: Replay, table: Table, hand: Hand) -> tuple[Node, int] | None
             be in the air.
     """
     if broken.delivering:
-        raise BrokenRunError("the part was being carried when the run broke off; take it out of the fingers")
+        raise BrokenRunError(
+            "the part was being carried when the run broke off; take it out of the fingers"
+        )
     if broken.held_at is None or broken.last is Last.PUSHING:
         return None
     index, target = broken.held_at
@@ -83,7 +85,8 @@ def _between(pose: PoseOfHand, start: Pose2, end: Pose2, alike: bool) -> bool:
     turn = pi if alike else tau
     off_mm = _distance(pose[:2], start[:2], end[:2])
     whole, done, left = (
-        abs(remainder(a - b, turn)) for a, b in ((end[2], start[2]), (pose[3], start[2]), (end[2], pose[3]))
+        abs(remainder(a - b, turn))
+        for a, b in ((end[2], start[2]), (pose[3], start[2]), (end[2], pose[3]))
     )
     return off_mm <= PLACED_MM and done + left <= whole + 2 * PLACED_RAD
 

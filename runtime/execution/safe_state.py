@@ -13,7 +13,9 @@ from contextlib import contextmanager
 from drivers.ports import Arm, Gripper
 from runtime.table import Limits
 
-DECLARED = "fingers stopped where they are, arm straight up to the retreat height if its state is known"
+DECLARED = (
+    "fingers stopped where they are, arm straight up to the retreat height if its state is known"
+)
 
 
 HOLDS_FIXED = (

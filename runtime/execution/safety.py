@@ -64,7 +64,9 @@ def ready_gripper(gripper: Gripper, asked_counts: int | None = None) -> GripperS
             "then start again with --activate"
         )
     if state.moving and state.echo_counts != asked_counts:
-        raise GripperStateError("the gripper moves without having been asked to; who else commands it?")
+        raise GripperStateError(
+            "the gripper moves without having been asked to; who else commands it?"
+        )
     return state
 
 

@@ -57,7 +57,9 @@ def run_journalled(
         first = 1 if broken is None else broken.parts + 1
         last = count if broken is None or broken.part is None else max(count, broken.part)
         if first > last:
-            console.note(f"no part is left: the run that broke off did {first - 1}, and --count is {count}")
+            console.note(
+                f"no part is left: the run that broke off did {first - 1}, and --count is {count}"
+            )
         batch = Batch(range(first, last + 1), activate, broken)
         run_batch(table, cell, scene, console, tally, batch, options)
     return tally
@@ -66,7 +68,9 @@ def run_journalled(
 class Batch(NamedTuple):
     """Parts that are run one after the other."""
 
-    numbers: Iterable[int]  # of the parts; the next one is asked for once the one before has its outcome
+    numbers: Iterable[
+        int
+    ]  # of the parts; the next one is asked for once the one before has its outcome
     activate: bool  # whether a gripper that is inactive or in fault may be activated
     broken: Replay | None = None  # a run that broke off and is gone on with
 
@@ -97,7 +101,11 @@ def run_batch(
         if scene is not None and resumed is None:
             scene.next_part()
         result = executor.run_part(number, resumed)
-        seen = None if scene is None or result.outcome not in CONTINUING else sight(table, scene, result)
+        seen = (
+            None
+            if scene is None or result.outcome not in CONTINUING
+            else sight(table, scene, result)
+        )
         if seen is not None and seen.true is not None:
             cell.journal.record("truth", {"part": number, **truth_fields(seen)})
         console.part(result, seen)
@@ -106,7 +114,9 @@ def run_batch(
             return
 
 
-def put_down(table: Table, cell: Cell, console: Console, options: RunOptions) -> Mapping[str, object]:
+def put_down(
+    table: Table, cell: Cell, console: Console, options: RunOptions
+) -> Mapping[str, object]:
     """Put down what the fingers hold, as a run without parts; tells where, and how wide it is.
 
     Raises:
@@ -120,7 +130,11 @@ def put_down(table: Table, cell: Cell, console: Console, options: RunOptions) ->
         except BaseException:
             # Nobody knows what they hold: after a calibration it may be a block that is clamped.
             for sentence in reach_safe_state(
-                cell.gripper, cell.arm, table.limits, arm_known=hand.arm_known, may_hold_fixed=hand.may_hold
+                cell.gripper,
+                cell.arm,
+                table.limits,
+                arm_known=hand.arm_known,
+                may_hold_fixed=hand.may_hold,
             ):
                 console.note(sentence)
             raise
@@ -174,7 +188,11 @@ def truth_fields(seen: Sighting) -> dict[str, object]:
     """Where a simulated part really lay, as a journal record holds it."""
     assert seen.true is not None
     x_mm, y_mm, theta_rad = seen.true
-    pose = {"x_um": round(1e3 * x_mm), "y_um": round(1e3 * y_mm), "theta_urad": round(1e6 * theta_rad)}
+    pose = {
+        "x_um": round(1e3 * x_mm),
+        "y_um": round(1e3 * y_mm),
+        "theta_urad": round(1e6 * theta_rad),
+    }
     off = None if seen.error_mm is None else round(1e3 * seen.error_mm)
     named = {} if seen.hypothesis is None else {"hypothesis": seen.hypothesis}
     return {**pose, "error_um": off, "within_goal": seen.within, **named}

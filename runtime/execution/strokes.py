@@ -13,7 +13,7 @@ from runtime.table import Calibration, Node, Profile, Squeeze, Timing
 
 GENTLE_SPEED, GENTLE_FORCE = 0, 0  # counts: the gripper's least, of a 2F-85 20 mm/s and about 20 N
 RAISE_COUNTS = (
-    64  # the force rises by at most so much (a quarter of its range) before the reading is looked at again
+    64  # largest step of the force, a quarter of its range, between two looks at the reading
 )
 
 

@@ -33,7 +33,9 @@ from runtime.shell import interrupts
 from runtime.shell.sealed_lines import sealed, sealed_segments
 
 SEGMENT_BYTES = 8 << 20  # records of a file, its header left out, before it is sealed
-MOST_INCIDENTS = 1000  # kept; of a link so bad that connecting takes more, the first ones tell enough
+MOST_INCIDENTS = (
+    1000  # kept; of a link so bad that connecting takes more, the first ones tell enough
+)
 
 
 class Journal:
@@ -93,7 +95,9 @@ class Journal:
                 self._remember(entry, end.size)
             size = file.seek(0, os.SEEK_END)
         if start.segments and not end.size:
-            raise JournalError(self.path, "is empty, and comes after a sealed segment; put its records back")
+            raise JournalError(
+                self.path, "is empty, and comes after a sealed segment; put its records back"
+            )
         self.cut_bytes = size - end.size
         if self.cut_bytes:
             os.ftruncate(self._file, end.size)
@@ -104,7 +108,9 @@ class Journal:
         if not self.last_part:
             self._full_bytes = size + self._segment_bytes
         if entry["kind"] == "header":
-            self._header = {name: value for name, value in entry.items() if name not in RESERVED | UPTIME}
+            self._header = {
+                name: value for name, value in entry.items() if name not in RESERVED | UPTIME
+            }
             self.last_part = [entry]
         elif entry["kind"] == "part":
             self.last_part = [*self.last_part[:1], entry]
@@ -158,7 +164,9 @@ class Journal:
             self._failed = True
             raise _unwritable(self.path, error) from error
         if reason:
-            raise JournalError(self.path, f"was {reason} while it was written; {self._keep_apart()}")
+            raise JournalError(
+                self.path, f"was {reason} while it was written; {self._keep_apart()}"
+            )
 
     def _keep_apart(self) -> str:
         """Go on in a file of its own; tells what is in it."""
@@ -167,7 +175,9 @@ class Journal:
         try:
             self._file, size = files.copy_aside(self.path, before, self._end.size)
         except OSError as error:
-            return f"what the run records now is lost: {files.broken_of(self.path)}: {error.strerror}"
+            return (
+                f"what the run records now is lost: {files.broken_of(self.path)}: {error.strerror}"
+            )
         os.close(before)
         self._place, self._failed = files.broken_of(self.path), False
         self._end = self._end._replace(size=size)
@@ -183,7 +193,9 @@ class Journal:
             _write_all(self._file, line)
             os.fsync(self._file)
             # One assignment: a stop request comes before it or after it, never in between.
-            self._end = end._replace(head=digest, records=end.records + 1, size=end.size + len(line))
+            self._end = end._replace(
+                head=digest, records=end.records + 1, size=end.size + len(line)
+            )
         except OSError as error:
             self._failed = True  # a failed sync cannot be repeated
             self._take_back()

@@ -19,8 +19,14 @@ def column(field: str) -> str:
 
 
 SQUEEZE = {
-    **{column(field): field for field in ("time", "part", "number", "node", "x_um", "y_um", "angle_urad")},
-    **{column(field): field for field in ("opening_um", "position_counts", "width_um", "object_flag")},
+    **{
+        column(field): field
+        for field in ("time", "part", "number", "node", "x_um", "y_um", "angle_urad")
+    },
+    **{
+        column(field): field
+        for field in ("opening_um", "position_counts", "width_um", "object_flag")
+    },
     **{column(field): field for field in ("current_ma", "settle_s", "target")},
     "reject_reason": "reason",
 }
@@ -85,7 +91,9 @@ def _write_csv(found: Iterable[Row], path: Path, columns: Sequence[str]) -> int:
     return number
 
 
-def _write_parquet(found: Iterable[Row], path: Path, columns: Sequence[str], kinds: Mapping[str, str]) -> int:
+def _write_parquet(
+    found: Iterable[Row], path: Path, columns: Sequence[str], kinds: Mapping[str, str]
+) -> int:
     try:
         import pyarrow
         from pyarrow import parquet
@@ -99,7 +107,10 @@ def _write_parquet(found: Iterable[Row], path: Path, columns: Sequence[str], kin
         arrays = [pyarrow.array([row[name] for row in listed], kinds.get(name)) for name in columns]
         with writing(path) as draft:
             parquet.write_table(pyarrow.table(arrays, list(columns)), draft)
-    except (pyarrow.ArrowException, OverflowError) as error:  # a column of words and numbers, or of huge ones
+    except (
+        pyarrow.ArrowException,
+        OverflowError,
+    ) as error:  # a column of words and numbers, or of huge ones
         raise ArgumentsError(f"{path} cannot be written: {error}; name another file") from error
     return len(listed)
 

@@ -100,7 +100,9 @@ def checked(path: Path, number: int, line: bytes, seq: int, previous: str) -> di
     if intact is None:
         raise JournalError(path, "is no record of a journal", number)
     if not intact:
-        raise JournalError(path, "does not have its digest; it was changed after it was written", number)
+        raise JournalError(
+            path, "does not have its digest; it was changed after it was written", number
+        )
     try:
         entry = strict_json.parse(line)
     except ValueError as error:
@@ -109,7 +111,9 @@ def checked(path: Path, number: int, line: bytes, seq: int, previous: str) -> di
         raise JournalError(path, f"lacks one of {', '.join(sorted(RESERVED))}", number)
     if type(entry["seq"]) is not int or entry["seq"] != seq:
         remedy = "; the records before it are missing" if number == 1 else ""
-        raise JournalError(path, f"has sequence number {entry['seq']}, expected {seq}{remedy}", number)
+        raise JournalError(
+            path, f"has sequence number {entry['seq']}, expected {seq}{remedy}", number
+        )
     if entry["previous"] != previous:
         raise JournalError(path, "does not follow the line before it", number)
     kind = entry["kind"]

@@ -60,7 +60,9 @@ TOPICS: dict[str, tuple[str, Schema]] = {
 }
 
 
-def write(entries: Iterable[Entry], path: Path, journal: Path, timestamp: Callable[[str], float]) -> int:
+def write(
+    entries: Iterable[Entry], path: Path, journal: Path, timestamp: Callable[[str], float]
+) -> int:
     """Write the records of a journal as an MCAP file; returns the number of its squeezes.
 
     Args:
@@ -107,7 +109,9 @@ class _Recording:
             self.squeezes += 1
             self._send("/squeeze", entry, moment_ns, _told(SQUEEZE, entry))
             if all(isinstance(entry.get(name), int) for name in ("x_um", "y_um", "angle_urad")):
-                self._pose("/hand", entry, moment_ns, entry["x_um"], entry["y_um"], entry["angle_urad"])
+                self._pose(
+                    "/hand", entry, moment_ns, entry["x_um"], entry["y_um"], entry["angle_urad"]
+                )
         elif kind == "outcome":
             self._send("/outcome", entry, moment_ns, _told(OUTCOME, entry))
             self._located(entry, moment_ns)
@@ -138,10 +142,15 @@ class _Recording:
         turn = {"x": 0.0, "y": 0.0, "z": math.sin(half), "w": math.cos(half)}
         placed = {"position": {"x": x_um / 1e6, "y": y_um / 1e6, "z": 0.0}, "orientation": turn}
         self._send(
-            topic, entry, moment_ns, {"timestamp": _stamp(moment_ns), "frame_id": "table", "pose": placed}
+            topic,
+            entry,
+            moment_ns,
+            {"timestamp": _stamp(moment_ns), "frame_id": "table", "pose": placed},
         )
 
-    def _send(self, topic: str, entry: Entry, moment_ns: int, message: Mapping[str, object]) -> None:
+    def _send(
+        self, topic: str, entry: Entry, moment_ns: int, message: Mapping[str, object]
+    ) -> None:
         data = json.dumps(message).encode()
         self._writer.add_message(
             self._channels[topic], moment_ns, data, moment_ns, sequence=int(str(entry["seq"]))
@@ -153,7 +162,9 @@ class _Recording:
         except ValueError:
             moment_ns = -1
         if moment_ns < 0:
-            raise JournalError(self._journal, f"record {entry['seq']} has a time that is no date after 1970")
+            raise JournalError(
+                self._journal, f"record {entry['seq']} has a time that is no date after 1970"
+            )
         return moment_ns
 
 
@@ -181,9 +192,15 @@ def _told(names: Mapping[str, str], entry: Entry) -> dict[str, object]:
 
 
 def _log_line(entry: Entry, stamp: Mapping[str, int]) -> dict[str, object]:
-    failed = entry["kind"] == "outcome" and entry.get("outcome") not in ("leaf", "reject", "unresolved")
+    failed = entry["kind"] == "outcome" and entry.get("outcome") not in (
+        "leaf",
+        "reject",
+        "unresolved",
+    )
     level = ERROR if failed else WARNING if entry["kind"] == "link" or entry.get("reason") else INFO
-    shown = " ".join(f"{name}={json.dumps(value)}" for name, value in entry.items() if name not in HIDDEN)
+    shown = " ".join(
+        f"{name}={json.dumps(value)}" for name, value in entry.items() if name not in HIDDEN
+    )
     words = f"{entry['kind']} {shown}".strip()
     told = {"timestamp": stamp, "level": level, "message": words}
     return {**told, "name": "journal", "file": "", "line": entry["seq"]}

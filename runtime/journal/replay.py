@@ -95,7 +95,9 @@ class Replay:
             else Calibration.linear(table.gripper)
         )
         self._maps = [decision_map(node, self.calibration) for node in table.nodes]
-        self.policy = Policy.of(str(entry.get("on_reject", "next")), str(entry.get("on_unresolved", "next")))
+        self.policy = Policy.of(
+            str(entry.get("on_reject", "next")), str(entry.get("on_unresolved", "next"))
+        )
         self.header, self.closed, self.over = entry, False, False
         # The header of a segment in the midst of a run: the parts before it are in the segments before.
         self.parts = _integer(entry, "after_part") if "after_part" in entry else 0
@@ -129,7 +131,9 @@ class Replay:
             yield f"says that count {count} is {entry['width_um']} um, the calibration says {width_um}"
         number = _integer(entry, "number")
         self.steps.append(step_of(decision, number, index, count, self.calibration))
-        self.traversal = advance(self.traversal._replace(node=index), target, self.table, self.policy)
+        self.traversal = advance(
+            self.traversal._replace(node=index), target, self.table, self.policy
+        )
         self.last, self.held_at = Last.SQUEEZED, (index, target)
         self.decisions += 1
 

@@ -19,7 +19,12 @@ class Times(NamedTuple):
 
     def fields(self) -> dict[str, object]:
         """For machines."""
-        return {"parts": self.parts, "squeezes": self.squeezes, "phases": self.phases, **self.figures}
+        return {
+            "parts": self.parts,
+            "squeezes": self.squeezes,
+            "phases": self.phases,
+            **self.figures,
+        }
 
     def lines(self, takt_s: float | None) -> list[str]:
         """For people."""
@@ -28,11 +33,14 @@ class Times(NamedTuple):
         mean_s = self.figures["seconds_mean"]
         lines = [f"{self.parts} parts, {self.squeezes} squeezes; seconds a part:"]
         lines += [
-            f"  {name:9}{value:7.2f}  {value / mean_s:4.0%}" for name, value in self.phases.items() if value
+            f"  {name:9}{value:7.2f}  {value / mean_s:4.0%}"
+            for name, value in self.phases.items()
+            if value
         ]
-        lines += [f"  {name.removeprefix('seconds_'):9}{value:7.2f}" for name, value in self.figures.items()][
-            :-1
-        ]
+        lines += [
+            f"  {name.removeprefix('seconds_'):9}{value:7.2f}"
+            for name, value in self.figures.items()
+        ][:-1]
         last = [*self.figures.items()][-1]
         if takt_s is None:
             return [*lines, f"  {last[0].removeprefix('seconds_'):9}{last[1]:7.2f}"]
@@ -58,7 +66,9 @@ def times_of(entries: Iterable[Entry], takt_s: float | None = None) -> Times:
     sums = [fsum(column) for column in zip(*spent, strict=True)] or [0.0] * len(Phases._fields)
     means = {name: value / max(parts, 1) for name, value in zip(_names(), sums, strict=True)}
     if parts:
-        means["other"] = max(fsum(taken * many for taken, many in seconds.items()) - fsum(sums), 0.0) / parts
+        means["other"] = (
+            max(fsum(taken * many for taken, many in seconds.items()) - fsum(sums), 0.0) / parts
+        )
     return Times(parts, len(spent), means, takt_figures(seconds, takt_s) if parts else {})
 
 

@@ -37,7 +37,9 @@ class Lines(Console):
         told = f"part {result.part}: {result.outcome.name}"
         if result.leaf is not None:
             leaf = self._table.leaves[result.leaf]
-            success = "never tried" if leaf.success is None else f"{leaf.success:.4f} of {leaf.trials}"
+            success = (
+                "never tried" if leaf.success is None else f"{leaf.success:.4f} of {leaf.trials}"
+            )
             named = "" if (name := self._table.name_of(leaf)) is None else f"{name}, "
             told += f", leaf {result.leaf}, {named}{_pose(predicted_pose(leaf))}, success {success}"
             datum = self._frames[leaf.hypothesis].datum
@@ -54,14 +56,20 @@ class Lines(Console):
 
     def summary(self, tally: Tally, journal: Path) -> None:
         """Print counts of outcomes, parts within the goal, mean squeezes, and where the journal is."""
-        told = [f"{tally.outcomes[outcome]} {outcome.name}" for outcome in Outcome if tally.outcomes[outcome]]
+        told = [
+            f"{tally.outcomes[outcome]} {outcome.name}"
+            for outcome in Outcome
+            if tally.outcomes[outcome]
+        ]
         if tally.within is not None:
             told.append(f"{tally.within} within {_goal(self._table.goal)}")
         if tally.crashes is not None:
             told.append(f"{tally.crashes} crashes")
         told.append(f"{tally.squeezes / max(tally.parts, 1):.2f} squeezes a part")
         if times := tally.times():
-            told.append(f"{times['seconds_mean']:.1f} s a part, 95 % within {times['seconds_p95']:.1f} s")
+            told.append(
+                f"{times['seconds_mean']:.1f} s a part, 95 % within {times['seconds_p95']:.1f} s"
+            )
         if "takt_probability" in times:
             told.append(f"{times['takt_probability']:.1%} within {tally.takt_s:g} s")
         parts = "1 part" if tally.parts == 1 else f"{tally.parts} parts"
@@ -84,7 +92,9 @@ class Objects(Console):
         say(json.dumps(as_object(self._table, result, seen, self._journal)))
 
 
-def as_object(table: Table, result: PartResult, seen: Sighting | None, journal: Path) -> dict[str, object]:
+def as_object(
+    table: Table, result: PartResult, seen: Sighting | None, journal: Path
+) -> dict[str, object]:
     """One part for machines, with where it really lies on a simulated cell; units are in the names."""
     leaf = None if result.leaf is None else table.leaves[result.leaf]
     return {

@@ -43,7 +43,12 @@ class Server:
     def __init__(
         self, listener: socket.socket, answer: Callable[[bytes], bytes], ask_s: float | None = None
     ) -> None:
-        self._listener, self._answer, self._ask_s, self._clock = listener, answer, ask_s, SystemClock()
+        self._listener, self._answer, self._ask_s, self._clock = (
+            listener,
+            answer,
+            ask_s,
+            SystemClock(),
+        )
         self._clients: dict[socket.socket, threading.Thread] = {}  # open ones, the oldest first
         self._lock = threading.Lock()
         self._ended = threading.Event()

@@ -33,13 +33,17 @@ class Monitor(Console):
     What each of the views needs is loaded only if it is asked for.
     """
 
-    def __init__(self, console: Console, loaded: TableFile, name: Path, views: Views | None = None) -> None:
+    def __init__(
+        self, console: Console, loaded: TableFile, name: Path, views: Views | None = None
+    ) -> None:
         self._console, self._table, self._name = console, loaded.table, str(name)
         self._status = Status(
-            self._name, loaded.digest, self._table.predicted.success_ppm,
+            self._name,
+            loaded.digest,
+            self._table.predicted.success_ppm,
             partial(answer.told, self._table, frames=answer.frames_of(self._table)),
             Drift(self._table).add,
-        )  # fmt: skip
+        )
         self._views = views or Views()
         self._view: View | None = None
         self._stack = ExitStack()
@@ -91,7 +95,9 @@ class Monitor(Console):
                 from runtime.monitoring.live.terminal import View
 
                 name = Path(self._name).name
-                self._view = View(self._table, name, self._status, self._console, self._views.terminal)
+                self._view = View(
+                    self._table, name, self._status, self._console, self._views.terminal
+                )
             self._stack = opened.pop_all()
         return self
 

@@ -59,7 +59,11 @@ class Status:
         with self._lock:
             self._outcomes[result.outcome] += 1
             answer = None
-            if self._answer is not None and result.leaf is not None and result.outcome is Outcome.LEAF:
+            if (
+                self._answer is not None
+                and result.leaf is not None
+                and result.outcome is Outcome.LEAF
+            ):
                 answer = self._answer(result.leaf)
             self._recent.append({**result.fields(), "answer": answer})
             self._refit = self._drift is not None and self._drift(result)
@@ -105,9 +109,24 @@ class Status:
                 ("part", "gauge", "Number of the part under way.", {"": self._part}),
                 ("parts_total", "counter", "Parts by outcome.", _labelled("outcome", outcomes)),
                 ("phase", "gauge", "1 for what the cell is doing.", _labelled("phase", phases)),
-                ("leaves_total", "counter", "Parts by the leaf they ended at.", _labelled("leaf", leaves)),
-                ("audits_total", "counter", "Parts by the auditor's verdict.", _labelled("verdict", audits)),
-                ("predicted_success_ratio", "gauge", "Share within the goal that the table promises.", share),
+                (
+                    "leaves_total",
+                    "counter",
+                    "Parts by the leaf they ended at.",
+                    _labelled("leaf", leaves),
+                ),
+                (
+                    "audits_total",
+                    "counter",
+                    "Parts by the auditor's verdict.",
+                    _labelled("verdict", audits),
+                ),
+                (
+                    "predicted_success_ratio",
+                    "gauge",
+                    "Share within the goal that the table promises.",
+                    share,
+                ),
             )
         return "".join(_metric(*metric) for metric in metrics)
 
@@ -120,6 +139,7 @@ def _metric(name: str, kind: str, told: str, values: dict[str, float]) -> str:
     name = f"squeezetree_{name}"
     lines = [f"# HELP {name} {told}", f"# TYPE {name} {kind}"]
     lines += [
-        f"{name}{{{labels}}} {value:g}" if labels else f"{name} {value:g}" for labels, value in values.items()
+        f"{name}{{{labels}}} {value:g}" if labels else f"{name} {value:g}"
+        for labels, value in values.items()
     ]
     return "\n".join(lines) + "\n"

@@ -35,7 +35,9 @@ class StatusServer(Server):
             listener.listen(MOST_CLIENTS)
         except OSError as error:
             listener.close()
-            raise ArgumentsError(f"--status {path}: {error.strerror or error}; name another path") from error
+            raise ArgumentsError(
+                f"--status {path}: {error.strerror or error}; name another path"
+            ) from error
         super().__init__(listener, self._told, ASK_S)
 
     def close(self) -> None:

@@ -22,7 +22,9 @@ from runtime.plc.exchange import Exchange
 from runtime.plc.station import Refusal
 from runtime.shell import interrupts
 
-HEADER = struct.Struct(">HHH")  # transaction, protocol, length of what follows (Modbus TCP guide 3.1.3)
+HEADER = struct.Struct(
+    ">HHH"
+)  # transaction, protocol, length of what follows (Modbus TCP guide 3.1.3)
 LONGEST = 254  # of that length: a unit and a PDU of 253 bytes
 PATIENCE_S = 5.0  # for the rest of a frame
 PANEL_S = 10.0  # a first client that has only read for so long lets another one write
@@ -32,7 +34,14 @@ MOST_UNREAD_BYTES = 1 << 16  # of answers that a client does not take
 # A PLC that lost its power is noticed after 3 + 3 x 1 s, and its successor may write.
 KEEPALIVE = {socket.TCP_KEEPIDLE: 3, socket.TCP_KEEPINTVL: 1, socket.TCP_KEEPCNT: 3}
 BIT_FUNCTIONS = frozenset({1, 2, 5, 15})  # of coils and discrete inputs, of which there are none
-LENGTHS = {3: 5, 4: 5, 6: 5, 16: None, 22: 7, 23: None}  # of the PDUs that are understood; None: they vary
+LENGTHS = {
+    3: 5,
+    4: 5,
+    6: 5,
+    16: None,
+    22: 7,
+    23: None,
+}  # of the PDUs that are understood; None: they vary
 
 logging.getLogger("pymodbus.logging").setLevel(logging.CRITICAL)  # of frames by anybody
 
@@ -77,7 +86,9 @@ class ModbusServer:
     def may_write(self, connection: "Connection") -> bool:
         """Whether a connection is the one that writes: the first, until it ends or only reads."""
         writer = self._writer
-        if writer is None or (not writer.has_written and self.clock.now() - writer.began_s > PANEL_S):
+        if writer is None or (
+            not writer.has_written and self.clock.now() - writer.began_s > PANEL_S
+        ):
             self._appoint(connection)
         return self._writer is connection
 
@@ -188,7 +199,9 @@ class Connection(asyncio.BufferedProtocol):
             return ExceptionResponse(function, ExcCodes.ILLEGAL_ADDRESS)
         if function not in LENGTHS:
             return ExceptionResponse(function, ExcCodes.ILLEGAL_FUNCTION)
-        request = self._framer.decoder.decode(pdu) if LENGTHS[function] in (None, len(pdu)) else None
+        request = (
+            self._framer.decoder.decode(pdu) if LENGTHS[function] in (None, len(pdu)) else None
+        )
         if request is None:
             return ExceptionResponse(function, ExcCodes.ILLEGAL_VALUE)
         return _completed(request.datastore_update(cast(Any, self), unit))

@@ -41,12 +41,24 @@ class Register(NamedTuple):
 Entry = tuple[str, str, float, str, str]
 
 _WRITTEN: tuple[Entry, ...] = (
-    ("enable", "bool", 1, "", "triggers count; off and on clears error_id; reads 0 once enabling has ended"),
+    (
+        "enable",
+        "bool",
+        1,
+        "",
+        "triggers count; off and on clears error_id; reads 0 once enabling has ended",
+    ),
     ("trigger", "bool", 1, "", "a rise begins a part"),
     ("trigger_id", "uint16", 1, "", "of the part that the next trigger begins"),
     ("result_acknowledge", "bool", 1, "", "a rise takes the result that waits"),
     ("heartbeat_in", "uint16", 1, "", "a counter or a toggle that changes at least once a second"),
-    ("table", "uint16", 1, "", "the table that the next trigger uses: its number among --tree, from 0"),
+    (
+        "table",
+        "uint16",
+        1,
+        "",
+        "the table that the next trigger uses: its number among --tree, from 0",
+    ),
 )
 
 _READ: tuple[Entry, ...] = (
@@ -55,7 +67,13 @@ _READ: tuple[Entry, ...] = (
     ("result_valid", "bool", 1, "", "a result waits"),
     ("result_id", "uint16", 1, "", "trigger_id of the result"),
     ("outcome", "uint16", 1, "", ", ".join(f"{code} {name}" for code, name in enumerate(OUTCOMES))),
-    ("error_id", "uint16", 1, "", "why a trigger was refused or enabling ended, or the code of a fault"),
+    (
+        "error_id",
+        "uint16",
+        1,
+        "",
+        "why a trigger was refused or enabling ended, or the code of a fault",
+    ),
     ("heartbeat_out", "uint16", 1, "", "a counter that changes four times a second"),
     ("table_in_use", "uint16", 1, "", "number of the table of the last accepted trigger"),
     ("table_digest", "uint32", 1, "", "first four bytes of the SHA-256 of that table's file"),
@@ -64,7 +82,13 @@ _READ: tuple[Entry, ...] = (
     ("angle", "int32", 0.0001, "deg", "the same, counter-clockwise"),
     ("part", "uint16", 1, "", "which part it is, from 0 in the job's order"),
     ("face", "uint16", 1, "", "0 as drawn, 1 turned over"),
-    ("expected_error", "uint16", 0.001, "mm", "median error of the trials at this leaf; 65535 not known"),
+    (
+        "expected_error",
+        "uint16",
+        0.001,
+        "mm",
+        "median error of the trials at this leaf; 65535 not known",
+    ),
     ("expected_error_p95", "uint16", 0.001, "mm", "its 95th percentile; 65535 not known"),
     ("exit_code", "uint16", 1, "", "of the part, as in runtime/OUTCOMES.md"),
 )
@@ -91,7 +115,10 @@ def as_json() -> dict[str, object]:
         "error_id": errors,
     }
     registers = [
-        {**register._asdict(), **({"values": codes[register.name]} if register.name in codes else {})}
+        {
+            **register._asdict(),
+            **({"values": codes[register.name]} if register.name in codes else {}),
+        }
         for register in MAP
     ]
     return {"registers": registers, "heartbeat_limit_s": HEARTBEAT_LIMIT_S}
@@ -102,5 +129,7 @@ def words(registers: Sequence[Register], values: Mapping[str, int]) -> list[int]
     together: list[int] = []
     for register in registers:
         value = values[register.name]
-        together += [value >> 16 & 0xFFFF, value & 0xFFFF] if register.words == 2 else [value & 0xFFFF]
+        together += (
+            [value >> 16 & 0xFFFF, value & 0xFFFF] if register.words == 2 else [value & 0xFFFF]
+        )
     return together

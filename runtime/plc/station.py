@@ -151,7 +151,9 @@ class Station:
         self.enabled, self.error_id = False, error
         self._written["enable"] = 0
 
-    def _edge(self, before: Mapping[str, int], name: str, rise: Callable[[], Event], fall: Event) -> None:
+    def _edge(
+        self, before: Mapping[str, int], name: str, rise: Callable[[], Event], fall: Event
+    ) -> None:
         if self._written[name] != before[name]:
             self._follow(rise() if self._written[name] else fall)
 

@@ -138,7 +138,9 @@ def tell(name: str, words: object) -> None:
 
 def told(error: BaseException) -> str:
     """An error's sentence, and in the same line what was noted on its way out."""
-    return one_line("; ".join([str(error) or type(error).__name__, *getattr(error, "__notes__", ())]))
+    return one_line(
+        "; ".join([str(error) or type(error).__name__, *getattr(error, "__notes__", ())])
+    )
 
 
 def one_line(words: object) -> str:
@@ -288,6 +290,8 @@ def _open_streams() -> bool:
     sys.stderr = sys.stderr or open(2, "w", encoding="utf-8", closefd=False)  # noqa: SIM115
     if isinstance(sys.stdout, TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # names of files may hold any bytes
-        if not sys.stdout.isatty():  # with PYTHONUNBUFFERED, too, an answer is lost at the end, not half-way
+        if (
+            not sys.stdout.isatty()
+        ):  # with PYTHONUNBUFFERED, too, an answer is lost at the end, not half-way
             sys.stdout.reconfigure(write_through=False)
     return 1 in closed

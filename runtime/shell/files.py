@@ -63,10 +63,14 @@ def folder(path: Path, *others: Path | None) -> Path:
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise OutputError(f"{path} cannot be made: {error.strerror}; name another folder") from error
+        raise OutputError(
+            f"{path} cannot be made: {error.strerror}; name another folder"
+        ) from error
     for other in others:
         if other is not None and same(path, other):
-            raise OutputError(f"{path} cannot be written to: it is what is read; name another folder")
+            raise OutputError(
+                f"{path} cannot be written to: it is what is read; name another folder"
+            )
     return path
 
 
@@ -148,7 +152,9 @@ def _objection(path: Path) -> str:
     try:
         mode = path.lstat().st_mode
     except FileNotFoundError:
-        return "" if os.access(path.parent, os.W_OK | os.X_OK) else "its folder may not be written to"
+        return (
+            "" if os.access(path.parent, os.W_OK | os.X_OK) else "its folder may not be written to"
+        )
     return oddity(mode) or ("" if os.access(path, os.W_OK) else "it is read-only")
 
 

@@ -29,7 +29,9 @@ class _Request:
     asked = False  # whether a signal came
     open = False  # whether it may raise now
     over = False  # whether it was heard, or can change nothing any more
-    late: Callable[[], Exception] | None = None  # what a deadline that has passed raises; None: none has
+    late: Callable[[], Exception] | None = (
+        None  # what a deadline that has passed raises; None: none has
+    )
 
     def deliver(self) -> None:
         """Raise it if it may, or the error of a deadline that has passed."""
@@ -123,7 +125,10 @@ class StopRequests:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         conclude()
         _request.listening = False

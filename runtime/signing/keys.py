@@ -17,7 +17,10 @@ from runtime.errors import ArgumentsError, KeyFileError
 from runtime.shell.files import OutputError, bring_to_disk, quoted, read_regular, usable
 
 if TYPE_CHECKING:
-    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import (
+        Ed25519PrivateKey,
+        Ed25519PublicKey,
+    )
 
 _PREFIX = bytes.fromhex("302a300506032b6570032100")  # of a public key in DER (RFC 8410, section 4)
 _MOST_BYTES = 1 << 16
@@ -122,7 +125,9 @@ def load_private(path: Path) -> SigningKey:
     except TypeError:
         raise KeyFileError(path, "has a passphrase; name a key without one") from None
     except Exception as error:  # the library has several of its own for what it cannot parse
-        raise KeyFileError(path, "holds no private key in PEM; squeezetree key makes one") from error
+        raise KeyFileError(
+            path, "holds no private key in PEM; squeezetree key makes one"
+        ) from error
     if not isinstance(loaded, private):
         raise KeyFileError(path, f"holds {_kind(loaded)}; squeezetree key makes an Ed25519 key")
     return SigningKey(loaded)
@@ -132,7 +137,9 @@ def load_public(path: Path) -> PublicKey:
     """Read a public key; errors as `load_private`."""
     data, _ = _read(path)
     if b"PRIVATE KEY" in data:
-        raise KeyFileError(path, f"holds a private key; name the public one, {public_of(path).name}")
+        raise KeyFileError(
+            path, f"holds a private key; name the public one, {public_of(path).name}"
+        )
     try:
         return parse_public(data)
     except ValueError as error:
@@ -189,7 +196,9 @@ def _kind(key: object) -> str:
 def _write_new(path: Path, data: bytes, mode: int) -> None:
     """Write a file that is not there yet, with this mode from its beginning on."""
     try:
-        file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, mode)
+        file = os.open(
+            path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, mode
+        )
         try:
             os.fchmod(file, mode)  # whatever the umask
             with open(file, "wb", closefd=False) as written:
@@ -202,7 +211,9 @@ def _write_new(path: Path, data: bytes, mode: int) -> None:
         finally:
             os.close(file)
     except OSError as error:
-        raise OutputError(f"{path} cannot be written: {error.strerror}; name another file") from error
+        raise OutputError(
+            f"{path} cannot be written: {error.strerror}; name another file"
+        ) from error
 
 
 def _read(path: Path) -> tuple[bytes, int]:
@@ -210,4 +221,6 @@ def _read(path: Path) -> tuple[bytes, int]:
     try:
         return read_regular(path, _MOST_BYTES)
     except OSError as error:
-        raise KeyFileError(path, f"cannot be read: {error.strerror}; squeezetree key makes one") from error
+        raise KeyFileError(
+            path, f"cannot be read: {error.strerror}; squeezetree key makes one"
+        ) from error

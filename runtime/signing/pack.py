@@ -21,8 +21,12 @@ from runtime.table import TableFile
 
 KIND, VERSION = "squeezetree pack", 1
 MANIFEST, KEY, TABLE, JOB, CALIBRATION = MEMBERS = (
-    "manifest.json", "public-key.pem", "table.msgpack", "job.json", "calibration.json",
-)  # fmt: skip
+    "manifest.json",
+    "public-key.pem",
+    "table.msgpack",
+    "job.json",
+    "calibration.json",
+)
 REQUIRED = (MANIFEST, KEY, TABLE)
 MOST_BYTES = 16 << 20
 
@@ -38,7 +42,9 @@ class Pack:
 
     def fields(self) -> dict[str, object]:
         """What it says as JSON holds it."""
-        stated = {name: value for name, value in self.manifest.items() if name not in ("kind", "version")}
+        stated = {
+            name: value for name, value in self.manifest.items() if name not in ("kind", "version")
+        }
         return {**stated, "fingerprint": self.key.fingerprint, "pack_sha256": self.digest}
 
 
@@ -156,7 +162,10 @@ def _manifest(members: Mapping[str, bytes]) -> Mapping[str, Any]:
     except ValueError as error:
         raise PackError(f"{MANIFEST} is {error}") from error
     others = _digests({name: content for name, content in members.items() if name != MANIFEST})
-    if not isinstance(manifest, dict) or (manifest.get("kind"), manifest.get("version")) != (KIND, VERSION):
+    if not isinstance(manifest, dict) or (manifest.get("kind"), manifest.get("version")) != (
+        KIND,
+        VERSION,
+    ):
         raise PackError(f"{MANIFEST} is none of a pack of version {VERSION}")
     stated = manifest.get("sha256")
     if not isinstance(stated, dict) or unprintable(manifest) is not None:

@@ -10,7 +10,10 @@ from dataclasses import dataclass, field
 from math import comb, erfc, exp, lgamma, log, sqrt
 
 WINDOW = 50  # parts that shares are taken over
-WINDOWS = (50, 200)  # parts of frequencies: the short one finds large changes soon, the long one small ones
+WINDOWS = (
+    50,
+    200,
+)  # parts of frequencies: the short one finds large changes soon, the long one small ones
 RARE = 1e-5  # false-alarm probability of a window
 UNLIKELY = 2e-5  # the same for frequencies: chi-square is not exact farther out in its tail
 LEAST_EXPECTED = 3.0  # of a chi-square's cell; smaller ones are taken together
@@ -106,14 +109,18 @@ class GTestChart:
         for part in self.recent:
             for node, branch in part:
                 counts[node][branch] += 1
-        pairs = [likelihood_ratio(seen, shares) for seen, shares in zip(counts, self.shares, strict=True)]
+        pairs = [
+            likelihood_ratio(seen, shares) for seen, shares in zip(counts, self.shares, strict=True)
+        ]
         return chi_square_tail(sum(pair[0] for pair in pairs), sum(pair[1] for pair in pairs))
 
 
 def chi_square(counts: Sequence[int], shares: Sequence[float]) -> tuple[float, int]:
     """Pearson's statistic of counts against shares (which need not add up to one), and its freedom."""
     filled = _cells(counts, shares)
-    return sum((seen - expected) ** 2 / expected for seen, expected in filled), max(len(filled) - 1, 0)
+    return sum((seen - expected) ** 2 / expected for seen, expected in filled), max(
+        len(filled) - 1, 0
+    )
 
 
 def likelihood_ratio(counts: Sequence[int], shares: Sequence[float]) -> tuple[float, int]:
@@ -152,7 +159,9 @@ def binomial_tail(least: int, trials: int, share: float) -> float:
     """Probability of at least so many among so many trials."""
     if least <= 0:
         return 1.0
-    terms = (comb(trials, k) * share**k * (1.0 - share) ** (trials - k) for k in range(least, trials + 1))
+    terms = (
+        comb(trials, k) * share**k * (1.0 - share) ** (trials - k) for k in range(least, trials + 1)
+    )
     return min(1.0, sum(terms))
 
 

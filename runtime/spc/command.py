@@ -41,9 +41,20 @@ def parser() -> Parser:
         epilog=EPILOG,
     )
     add = built.add_argument
-    add("journals", type=Path, nargs="+", metavar="JOURNAL", help="of runs of one table, in their order")
+    add(
+        "journals",
+        type=Path,
+        nargs="+",
+        metavar="JOURNAL",
+        help="of runs of one table, in their order",
+    )
     add("-o", "--output", type=Path, metavar="F.html", help="the page")
-    add("--expected", type=Path, metavar="F", help="from plan-expect: tells a change of friction early")
+    add(
+        "--expected",
+        type=Path,
+        metavar="F",
+        help="from plan-expect: tells a change of friction early",
+    )
     add("--export", type=Path, metavar="F", help="a row for each part, .csv or .parquet")
     built.add_common()
     return built
@@ -84,7 +95,15 @@ def rows(parts: Iterable[Part], alarms: Mapping[int, Sequence[str]]) -> Iterator
     """One row a part, with the names of the charts that alarmed at its index; None is not known."""
     for index, part in enumerate(parts):
         values = (
-            *(index, part.number, part.time, part.outcome, part.leaf, part.verdict, len(part.squeezes)),
+            *(
+                index,
+                part.number,
+                part.time,
+                part.outcome,
+                part.leaf,
+                part.verdict,
+                len(part.squeezes),
+            ),
             *(part.residual or (None, None, None)),
             " ".join(alarms.get(index, ())),
         )
@@ -94,7 +113,9 @@ def rows(parts: Iterable[Part], alarms: Mapping[int, Sequence[str]]) -> Iterator
 def _lines(summary: Summary) -> list[str]:
     told = ["parts     " + ", ".join(f"{count} {name}" for name, count in summary.outcomes.items())]
     if summary.verdicts:
-        told.append("audits    " + ", ".join(f"{count} {name}" for name, count in summary.verdicts.items()))
+        told.append(
+            "audits    " + ", ".join(f"{count} {name}" for name, count in summary.verdicts.items())
+        )
     if summary.judged:
         low, high = summary.interval
         told.append(
@@ -102,7 +123,9 @@ def _lines(summary: Summary) -> list[str]:
             f"predicted {summary.predicted:.4f}"
         )
     if summary.names:
-        shares = ", ".join(f"{row.parts} {row.name} ({row.share:.1%} planned)" for row in summary.names)
+        shares = ", ".join(
+            f"{row.parts} {row.name} ({row.share:.1%} planned)" for row in summary.names
+        )
         told.append(f"names     {shares}; p = {summary.names_tail:.3g}")
     told.append(f"branches  p = {summary.tail:.3g} against the table")
     told += [f"advice    {REFIT}"] * summary.refit

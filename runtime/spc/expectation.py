@@ -18,7 +18,9 @@ from runtime.spc.history import History, Part, Squeezed
 from runtime.table import COUNTS, Table
 
 KIND, VERSION = "expected readings", 1
-PRIOR = 20.0  # readings, evenly spread over all counts, that each node is thought to have seen besides
+PRIOR = (
+    20.0  # readings, evenly spread over all counts, that each node is thought to have seen besides
+)
 LIMIT = 1.5e4  # parts to a false alarm in the mean; the other charts have the rest of one in 10 000
 CLIP = log(200.0)  # of one part: a single strange one is no drift
 
@@ -67,7 +69,9 @@ class ShiryaevRoberts:
     def add(self, table: Table, part: Part) -> str | None:
         """Take one part in; the name of the likeliest other world where this is an alarm, else None."""
         gains = self.expected.gains(table, part)
-        self.sums = [(1.0 + total) * exp(gain) for total, gain in zip(self.sums, gains, strict=True)]
+        self.sums = [
+            (1.0 + total) * exp(gain) for total, gain in zip(self.sums, gains, strict=True)
+        ]
         if self.value < LIMIT:
             return None
         likeliest = max(range(len(self.sums)), key=lambda k: self.sums[k])

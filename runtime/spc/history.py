@@ -29,7 +29,9 @@ class Part:
 
     number: int
     squeezes: tuple[Squeezed, ...] = ()
-    outcome: str = ""  # "leaf", "reject", "unresolved", "fault" and so on; "" where its run broke off
+    outcome: str = (
+        ""  # "leaf", "reject", "unresolved", "fault" and so on; "" where its run broke off
+    )
     leaf: int | None = None
     verdict: str | None = None  # "pass", "fail", "unknown", None where it was not audited
     # measured less predicted pose (mm, mm, rad), None where it was not measured.
@@ -79,7 +81,9 @@ def read(paths: Sequence[Path]) -> History:
                 elif table is None or running is None:
                     continue
                 elif kind == "squeeze":
-                    running = replace(running, squeezes=(*running.squeezes, _squeezed(entry, table)))
+                    running = replace(
+                        running, squeezes=(*running.squeezes, _squeezed(entry, table))
+                    )
                 elif kind == "audit":
                     audit = entry
                 elif kind == "outcome":

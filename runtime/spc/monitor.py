@@ -58,7 +58,9 @@ class Monitor:
                 `COORDINATES` an audited part, `friction` a part.
         """
         predicted = table.predicted
-        _, rejected = wilson_interval(round(predicted.reject_ppm / PPM * predicted.trials), predicted.trials)
+        _, rejected = wilson_interval(
+            round(predicted.reject_ppm / PPM * predicted.trials), predicted.trials
+        )
         shares = branch_shares(table)
         self.table = table
         self.widths = Cusum(WIDTH_SHIFT_UM)
@@ -106,7 +108,9 @@ class Monitor:
             yield "branches"
         if part.verdict in ("pass", "fail") and self.failures.add(part.verdict == "fail"):
             yield "failures"
-        if part.outcome in ("leaf", "reject", "unresolved") and self.rejects.add(part.outcome == "reject"):
+        if part.outcome in ("leaf", "reject", "unresolved") and self.rejects.add(
+            part.outcome == "reject"
+        ):
             yield "rejects"
         values = standardised(self.table, part)
         for name, chart, value in zip(COORDINATES, self.residuals, values, strict=False):
@@ -142,7 +146,9 @@ def standardised(table: Table, part: Part) -> tuple[float, ...]:
     """A part's residual in units of what its leaf predicts; empty where it was not measured."""
     if part.residual is None or part.leaf is None:
         return ()
-    return tuple(r / s for r, s in zip(part.residual, sigmas(table, table.leaves[part.leaf]), strict=True))
+    return tuple(
+        r / s for r, s in zip(part.residual, sigmas(table, table.leaves[part.leaf]), strict=True)
+    )
 
 
 def sigmas(table: Table, leaf: Leaf) -> tuple[float, float, float]:
@@ -171,7 +177,8 @@ def branch_shares(table: Table) -> list[list[float]]:
     for index in reversed(range(len(table.nodes))):  # children come after their parents
         reached[index] = sum(trials(branch.target) for branch in table.nodes[index].branches)
     return [
-        _shares(node.branches, [trials(branch.target) for branch in node.branches]) for node in table.nodes
+        _shares(node.branches, [trials(branch.target) for branch in node.branches])
+        for node in table.nodes
     ]
 
 

@@ -27,7 +27,11 @@ def page(title: str, summary: Summary) -> str:
         *_verdict(summary),
         *_alarms(summary),
         *([f"<p>{escape(REFIT.capitalize())}.</p>"] * summary.refit),
-        *(part for chart in summary.charts for part in (f"<h2>{escape(chart.title)}</h2>", picture(chart))),
+        *(
+            part
+            for chart in summary.charts
+            for part in (f"<h2>{escape(chart.title)}</h2>", picture(chart))
+        ),
         *_names(summary),
         "<h2>Residuals by leaf</h2>",
         table_of(
@@ -36,7 +40,10 @@ def page(title: str, summary: Summary) -> str:
         ),
         "<h2>Branches against the table</h2>",
         f"<p>Chi-square over all nodes: p = {summary.tail:.3g}.</p>",
-        table_of(("node", "taken", "predicted %", "rejects", "chi-square", "p"), map(_node, summary.nodes)),
+        table_of(
+            ("node", "taken", "predicted %", "rejects", "chi-square", "p"),
+            map(_node, summary.nodes),
+        ),
     ]
     return whole(title, body)
 
@@ -54,7 +61,10 @@ def picture(chart: Series) -> str:
         return "<p>Nothing was measured.</p>"
     low, high = min(0.0, *values, *chart.limits), max(0.0, *values, *chart.limits)
     count = max(len(line) for _, line in chart.lines)
-    across, up = (WIDTH - LEFT - EDGE) / max(count - 1, 1), (HEIGHT - TOP - EDGE) / ((high - low) or 1.0)
+    across, up = (
+        (WIDTH - LEFT - EDGE) / max(count - 1, 1),
+        (HEIGHT - TOP - EDGE) / ((high - low) or 1.0),
+    )
 
     def place(index: float, value: float) -> str:
         return f"{LEFT + index * across:.1f},{HEIGHT - EDGE - (value - low) * up:.1f}"
@@ -81,7 +91,9 @@ def thinned(values: Sequence[float]) -> list[tuple[int, float]]:
     stretch = max(1, -(-len(values) // MOST_POINTS))
     points = list(enumerate(values))
     starts = range(0, len(points), stretch)
-    return [max(points[start : start + stretch], key=lambda point: abs(point[1])) for start in starts]
+    return [
+        max(points[start : start + stretch], key=lambda point: abs(point[1])) for start in starts
+    ]
 
 
 def _verdict(summary: Summary) -> Iterator[str]:
@@ -89,7 +101,11 @@ def _verdict(summary: Summary) -> Iterator[str]:
     yield f"<p>{sum(summary.outcomes.values())} parts: {escape(ended)}.</p>"
     audits = ", ".join(f"{count} {name}" for name, count in summary.verdicts.items())
     if not summary.judged:
-        why = f"Audits: {audits}; the journals say why." if audits else "Run with --audit to learn the rate."
+        why = (
+            f"Audits: {audits}; the journals say why."
+            if audits
+            else "Run with --audit to learn the rate."
+        )
         yield f"<p>No part was judged. {escape(why)}</p>"
         return
     rate, (low, high) = summary.passed / summary.judged, summary.interval

@@ -10,7 +10,14 @@ from typing import NamedTuple
 from runtime.spc.charts import RARE, binomial_tail, chi_square, chi_square_tail
 from runtime.spc.expectation import LIMIT, Expectation
 from runtime.spc.history import History, Part, Squeezed
-from runtime.spc.monitor import COORDINATES, Alarm, Monitor, branch_counts, branch_shares, failure_share
+from runtime.spc.monitor import (
+    COORDINATES,
+    Alarm,
+    Monitor,
+    branch_counts,
+    branch_shares,
+    failure_share,
+)
 from runtime.table import PPM, Node, Table, wilson_interval
 from runtime.traversal.results import PartResult
 
@@ -172,7 +179,9 @@ def moments(values: Sequence[float]) -> tuple[float, float]:
     return fmean(values), stdev(values) if len(values) > 1 else 0.0
 
 
-def _charts(history: History, monitor: Monitor, drawn: Mapping[str, Sequence[float]]) -> Iterator[Series]:
+def _charts(
+    history: History, monitor: Monitor, drawn: Mapping[str, Sequence[float]]
+) -> Iterator[Series]:
     def lines(*names: str) -> tuple[tuple[str, Sequence[float]], ...]:
         return tuple((name, drawn.get(name, ())) for name in names)
 
@@ -193,7 +202,9 @@ def failures(history: History) -> Series:
     judged = [part.verdict == "fail" for part in history.parts if part.verdict in ("pass", "fail")]
     groups = [judged[k : k + GROUP] for k in range(0, len(judged), GROUP)]
     expected = failure_share(history.table.predicted)
-    most = next(k for k in range(GROUP + 1) if binomial_tail(k, GROUP, expected) < RARE or k == GROUP)
+    most = next(
+        k for k in range(GROUP + 1) if binomial_tail(k, GROUP, expected) < RARE or k == GROUP
+    )
     shares = tuple(sum(group) / len(group) for group in groups)
     title = f"failures, share of each {GROUP} audited parts"
     return Series(title, (("failures", shares),), (most / GROUP,), "group")
@@ -242,4 +253,6 @@ def _nodes(history: History) -> Iterator[NodeRow]:
         statistic, freedom = chi_square(counts[:-1], shares)
         # The prediction is itself a count of trials: of two samples the difference scatters more.
         statistic /= 1.0 + len(history.parts) / trials
-        yield NodeRow(index, tuple(counts), shares, statistic, freedom, chi_square_tail(statistic, freedom))
+        yield NodeRow(
+            index, tuple(counts), shares, statistic, freedom, chi_square_tail(statistic, freedom)
+        )

@@ -30,7 +30,15 @@ from runtime.table.goal import (
     threshold,
 )
 from runtime.table.grippers import PROFILES, Profile, profile_of
-from runtime.table.lookup import COUNTS, REJECT, Calibration, by_count, decide, decision_map, misfits
+from runtime.table.lookup import (
+    COUNTS,
+    REJECT,
+    Calibration,
+    by_count,
+    decide,
+    decision_map,
+    misfits,
+)
 from runtime.table.model import (
     HELD_UM,
     KINDS,
@@ -65,11 +73,48 @@ from runtime.table.timing import (
     trapezoid_s,
 )
 
-__all__ = ["COUNTS", "HELD_UM", "KINDS", "MAX_BRANCHES", "PPM", "PROFILES", "REJECT", "UNDETECTED_UM"]
+__all__ = [
+    "COUNTS",
+    "HELD_UM",
+    "KINDS",
+    "MAX_BRANCHES",
+    "PPM",
+    "PROFILES",
+    "REJECT",
+    "UNDETECTED_UM",
+]
 __all__ += ["Calibration", "GoalSpec", "GripperSpec", "Hypothesis", "Limits", "Pose2", "Prediction"]
-__all__ += ["Branch", "Leaf", "Node", "Profile", "Push", "Squeeze", "Table", "TableError", "TableFile"]
-__all__ += ["TableFileError", "by_count", "decide", "decision_map", "dump", "dumps", "job_of", "load"]
-__all__ += ["distance", "error_mm", "hypotheses_of", "loads", "meets", "misfits", "names_table", "poses_of"]
+__all__ += [
+    "Branch",
+    "Leaf",
+    "Node",
+    "Profile",
+    "Push",
+    "Squeeze",
+    "Table",
+    "TableError",
+    "TableFile",
+]
+__all__ += [
+    "TableFileError",
+    "by_count",
+    "decide",
+    "decision_map",
+    "dump",
+    "dumps",
+    "job_of",
+    "load",
+]
+__all__ += [
+    "distance",
+    "error_mm",
+    "hypotheses_of",
+    "loads",
+    "meets",
+    "misfits",
+    "names_table",
+    "poses_of",
+]
 __all__ += ["phases_of", "takt_figures", "time_of", "trapezoid_s"]
 __all__ += ["ABOVE_MM", "ARM_ACCELERATION_MM_S2", "LEAD_MM"]
 __all__ += ["CLEAR_MM", "Phases", "Schedule", "Squeezed", "Stand", "Timing", "Visit", "close_alike"]
@@ -146,4 +191,6 @@ def load(path: Path | str) -> TableFile:
             f"; it is a job file: squeezetree plan {quoted(path)} -o {quoted(path.with_suffix('.msgpack'))} "
             "makes its table"
         )
-        raise TableError(f"table {path.name}: {error}{hint if path.suffix == '.toml' else ''}") from error
+        raise TableError(
+            f"table {path.name}: {error}{hint if path.suffix == '.toml' else ''}"
+        ) from error

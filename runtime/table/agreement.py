@@ -26,7 +26,9 @@ def prove_agreement(table: Table, job: Mapping[str, Any]) -> None:
     """
     for name, stated, wanted in (*_header(table, job), *_parts(table, job), *_squeezes(table, job)):
         if stated != wanted:
-            raise TableError(f"{name} is {stated}, but the embedded job says {wanted}; recompile it")
+            raise TableError(
+                f"{name} is {stated}, but the embedded job says {wanted}; recompile it"
+            )
     checked(table.limits, job)
     prove_grips(table, job)
 
@@ -39,14 +41,22 @@ def _header(table: Table, job: Section) -> Compared:
     stated, cell = section(job, "gripper"), section(job, "cell")
     if "model" in stated:
         model = str(stated["model"])
-        yield "gripper.model", gripper.model, gripper.model if same_model(gripper.model, model) else model
+        yield (
+            "gripper.model",
+            gripper.model,
+            gripper.model if same_model(gripper.model, model) else model,
+        )
     for name in ("opening", "finger_length", "finger_width", "encoder_noise"):
-        yield from _scaled(f"gripper.{name}_um", getattr(gripper, f"{name}_um"), stated, f"{name}_mm")
+        yield from _scaled(
+            f"gripper.{name}_um", getattr(gripper, f"{name}_um"), stated, f"{name}_mm"
+        )
     for name in ("count_open", "count_closed"):
         yield from _scaled(f"gripper.{name}", getattr(gripper, name), stated, name, scale=1)
     yield from _scaled("limits.max_force_mn", limits.max_force_mn, cell, "max_force_n")
     for name in ("max_speed", "arm_speed"):
-        yield from _scaled(f"limits.{name}_um_s", getattr(limits, f"{name}_um_s"), cell, f"{name}_mm_s")
+        yield from _scaled(
+            f"limits.{name}_um_s", getattr(limits, f"{name}_um_s"), cell, f"{name}_mm_s"
+        )
     for name in ("retreat_height", "squeeze_height"):
         yield from _scaled(f"limits.{name}_um", getattr(limits, f"{name}_um"), cell, f"{name}_mm")
     if area := points(cell, "work_area_mm"):
@@ -109,7 +119,11 @@ def _squeezes(table: Table, job: Section) -> Compared:
             choice = wanted[0] if len(wanted) == 1 else f"one of {', '.join(map(str, wanted))}"
             yield f"node {index}: {field}", value, value if value in wanted else choice
     if actions and table.pushing is not None:
-        yield f"node {table.pushing} is pushed before, which", "belief", actions.get("pushes") or "none"
+        yield (
+            f"node {table.pushing} is pushed before, which",
+            "belief",
+            actions.get("pushes") or "none",
+        )
 
 
 def _scaled(name: str, value: int, stated: Section, key: str, scale: float = UM) -> Compared:

@@ -91,7 +91,9 @@ def encode(table: Table) -> bytes:
     except (AttributeError, OverflowError, TypeError, ValueError) as error:
         raise TableError(f"a value of the table cannot be written: {error}") from error
     if decode(frame) != table:
-        raise TableError("the table does not come back from its bytes: a value of it is not as `Table` says")
+        raise TableError(
+            "the table does not come back from its bytes: a value of it is not as `Table` says"
+        )
     return frame
 
 
@@ -118,7 +120,9 @@ def decode(data: bytes) -> Table:
             f"format {told} is not readable; this runtime reads {FORMATS[0]} to {FORMATS[-1]}, recompile it"
         )
     if len(frame) != len(FRAME_FIELDS) or not all(type(part) is bytes for part in frame[2:]):
-        raise TableError(f"the frame is not {', '.join(FRAME_FIELDS)}; copy the file again or recompile it")
+        raise TableError(
+            f"the frame is not {', '.join(FRAME_FIELDS)}; copy the file again or recompile it"
+        )
     if hashlib.sha256(frame[3]).digest() != frame[2]:
         raise TableError("digest does not match its content; copy the file again or recompile it")
     payload = _unpacked(frame[3], "the payload")
@@ -133,7 +137,9 @@ def decode(data: bytes) -> Table:
     for part in _parts_in(frame[1]):
         table = readers[part](table, fields)
     if format_of(table) != frame[1]:
-        raise TableError(f"format {frame[1]} is not that of such a table, which is {format_of(table)}")
+        raise TableError(
+            f"format {frame[1]} is not that of such a table, which is {format_of(table)}"
+        )
     return table
 
 
@@ -158,11 +164,19 @@ def rows_of(table: Table) -> dict[str, Sequence[Row]]:
     """The records of a table as rows of integers, in the order of `COLUMNS`."""
     return {
         "node": [
-            (*node.squeeze, *(node.release or node.squeeze[:2]), len(node.branches)) for node in table.nodes
+            (*node.squeeze, *(node.release or node.squeeze[:2]), len(node.branches))
+            for node in table.nodes
         ],
         "branch": [branch for node in table.nodes for branch in node.branches],
         "leaf": [
-            (*leaf[:3], *leaf.covariance, *leaf[4:6], int(leaf.resolved), len(leaf.alternatives), *leaf[8:10])
+            (
+                *leaf[:3],
+                *leaf.covariance,
+                *leaf[4:6],
+                int(leaf.resolved),
+                len(leaf.alternatives),
+                *leaf[8:10],
+            )
             for leaf in table.leaves
         ],
         "alternative": [pose for leaf in table.leaves for pose in leaf.alternatives],
@@ -176,7 +190,9 @@ def _unpacked(data: bytes, name: str) -> object:
     try:
         value: object = msgpack.unpackb(data, use_list=False, **most)
     except msgpack.ExtraData:
-        raise TableError(f"bytes follow the end of {name}; copy the file again or recompile it") from None
+        raise TableError(
+            f"bytes follow the end of {name}; copy the file again or recompile it"
+        ) from None
     except (MemoryError, ValueError, msgpack.UnpackException) as error:
         reason = f"{name} is damaged or cut short ({error}); copy the file again or recompile it"
         raise TableError(reason) from None
@@ -199,7 +215,13 @@ def _header(table: Table) -> list[object]:
 def _several(table: Table) -> list[object]:
     names, *columns = map(list, zip(*table.hypotheses, strict=True))
     others = [which for leaf in table.leaves for which in leaf.other_hypotheses]
-    return [int(table.goal.identify), names, *columns, [leaf.hypothesis for leaf in table.leaves], others]
+    return [
+        int(table.goal.identify),
+        names,
+        *columns,
+        [leaf.hypothesis for leaf in table.leaves],
+        others,
+    ]
 
 
 def _pushes(table: Table) -> list[list[int]]:
@@ -238,18 +260,25 @@ def _with_hypotheses(table: Table, fields: dict[str, object]) -> Table:
         raise TableError("identify is neither 0 nor 1")
     if not all(type(name) is str for name in names):
         raise TableError("hypothesis_name holds something else than str")
-    columns = [_integers(fields, f"hypothesis_{field}", len(names)) for field in Hypothesis._fields[1:]]
+    columns = [
+        _integers(fields, f"hypothesis_{field}", len(names)) for field in Hypothesis._fields[1:]
+    ]
     which = _integers(fields, "leaf_hypothesis", len(table.leaves))
     sizes = [len(leaf.alternatives) for leaf in table.leaves]
     others = _parts(
-        _integers(fields, "alternative_hypothesis", sum(sizes)), sizes, MAX_ALTERNATIVES, "leaf_alternatives"
+        _integers(fields, "alternative_hypothesis", sum(sizes)),
+        sizes,
+        MAX_ALTERNATIVES,
+        "leaf_alternatives",
     )
     leaves = zip(table.leaves, which, others, strict=True)
     return replace(
         table,
         goal=replace(table.goal, identify=bool(identify)),
         hypotheses=tuple(map(Hypothesis._make, zip(names, *columns, strict=True))),
-        leaves=tuple(leaf._replace(hypothesis=own, other_hypotheses=rest) for leaf, own, rest in leaves),
+        leaves=tuple(
+            leaf._replace(hypothesis=own, other_hypotheses=rest) for leaf, own, rest in leaves
+        ),
     )
 
 
@@ -265,7 +294,9 @@ def _table(fields: dict[str, object]) -> Table:
     distance, confidence, rho, symmetry, kind, x, y, theta, modes = _integers(fields, "goal", 9)
     if not 0 <= kind < len(KINDS):
         raise TableError(f"goal has the kind {kind}, allowed are 0..{len(KINDS) - 1}")
-    max_depth, force, speed, x0, y0, x1, y1, retreat, height, arm_speed = _integers(fields, "limits", 10)
+    max_depth, force, speed, x0, y0, x1, y1, retreat, height, arm_speed = _integers(
+        fields, "limits", 10
+    )
     leaves = _leaves(fields)
     return Table(
         tool=_typed(fields, "tool", str),
@@ -283,7 +314,10 @@ def _table(fields: dict[str, object]) -> Table:
 def _nodes(fields: dict[str, object]) -> tuple[Node, ...]:
     rows = _rows(fields, "node")
     branches = _parts(
-        map(Branch._make, _rows(fields, "branch")), [row[-1] for row in rows], MAX_BRANCHES, "node_branches"
+        map(Branch._make, _rows(fields, "branch")),
+        [row[-1] for row in rows],
+        MAX_BRANCHES,
+        "node_branches",
     )
     return tuple(
         Node(Squeeze._make(row[:7]), own, None if row[7:9] == row[:2] else (row[7], row[8]))
@@ -296,7 +330,10 @@ def _leaves(fields: dict[str, object]) -> tuple[Leaf, ...]:
     if not all(0 <= row[11] <= 1 for row in rows):
         raise TableError("leaf_resolved holds a number that is neither 0 nor 1")
     alternatives = _parts(
-        _rows(fields, "alternative"), [row[12] for row in rows], MAX_ALTERNATIVES, "leaf_alternatives"
+        _rows(fields, "alternative"),
+        [row[12] for row in rows],
+        MAX_ALTERNATIVES,
+        "leaf_alternatives",
     )
     return tuple(
         Leaf._make((*row[:3], row[3:9], row[9], row[10], bool(row[11]), others, *row[13:], 0, ()))
@@ -310,13 +347,17 @@ def _rows(fields: dict[str, object], kind: str) -> list[Row]:
     return list(zip(*(_integers(fields, name, length) for name in names), strict=True))
 
 
-def _parts(records: Iterable[Kind], sizes: list[int], most: int, name: str) -> Iterator[tuple[Kind, ...]]:
+def _parts(
+    records: Iterable[Kind], sizes: list[int], most: int, name: str
+) -> Iterator[tuple[Kind, ...]]:
     """The records in groups of these sizes."""
     left = iter(records)
     for size in sizes:
         own = tuple(islice(left, size)) if 0 <= size <= most else None
         if own is None or len(own) != size:
-            raise TableError(f"{name} holds {size}, but no more than {most} may be, and as many as follow")
+            raise TableError(
+                f"{name} holds {size}, but no more than {most} may be, and as many as follow"
+            )
         yield own
     if next(left, None) is not None:
         raise TableError(f"{name} adds up to fewer than there are")

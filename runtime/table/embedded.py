@@ -47,7 +47,9 @@ def points(table: Section, key: str) -> Outline:
     rows = table.get(key)
     if rows is None:
         return []
-    if not isinstance(rows, list) or not all(isinstance(row, list) and len(row) == 2 for row in rows):
+    if not isinstance(rows, list) or not all(
+        isinstance(row, list) and len(row) == 2 for row in rows
+    ):
         raise _refusal(key, "is no list of points")
     return [(_number(x, key), _number(y, key)) for x, y in rows]
 

@@ -105,7 +105,10 @@ def _prove_errors(index: int, leaf: Leaf, goal: GoalSpec) -> None:
     if goal.kind not in ("pose", "modes") or not leaf.trials:
         return
     successes = successes_of(leaf)
-    figures = (("error_median_um", leaf.error_median_um, 0.5), ("error_p95_um", leaf.error_p95_um, 0.95))
+    figures = (
+        ("error_median_um", leaf.error_median_um, 0.5),
+        ("error_p95_um", leaf.error_p95_um, 0.95),
+    )
     for name, error_um, share in figures:
         # The quantile lies between two errors next to one another, both of trials that met the goal.
         if successes >= share * (leaf.trials - 1) + 2 and error_um > goal.distance_um:

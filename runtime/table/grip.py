@@ -10,7 +10,16 @@ from math import cos, hypot, inf, pi, radians, sin
 from typing import NamedTuple
 
 from runtime.errors import TableError
-from runtime.table.embedded import Outline, Section, gyration_mm, number, numbers, parts_of, points, section
+from runtime.table.embedded import (
+    Outline,
+    Section,
+    gyration_mm,
+    number,
+    numbers,
+    parts_of,
+    points,
+    section,
+)
 from runtime.table.goal import Pose2, hypotheses_of, poses_of
 from runtime.table.model import HELD_UM, Branch, Leaf, Node, Table
 
@@ -67,7 +76,9 @@ def prove_grips(table: Table, job: Section) -> None:
         error_mm = _error_mm(table, leaf)
         named = zip(poses_of(table.goal, leaf), hypotheses_of(table.goal, leaf), strict=True)
         if not any(
-            _is_held(shapes[which], pose, _grip(table, node, branch, shapes[which], slack), error_mm)
+            _is_held(
+                shapes[which], pose, _grip(table, node, branch, shapes[which], slack), error_mm
+            )
             for pose, which in named
         ):
             raise TableError(
@@ -109,7 +120,11 @@ def _error_mm(table: Table, leaf: Leaf) -> float:
     if goal.kind in ("pose", "modes"):
         return goal.distance_um / 1e3
     x_um, y_um, theta_urad = goal.tolerance
-    return (hypot(x_um, y_um) + goal.rho_um * theta_urad / 1e6) / 1e3 if goal.kind == "tolerances" else inf
+    return (
+        (hypot(x_um, y_um) + goal.rho_um * theta_urad / 1e6) / 1e3
+        if goal.kind == "tolerances"
+        else inf
+    )
 
 
 def _grip(table: Table, node: Node, branch: Branch, shape: Shape, slack: Slack) -> Grip:
@@ -177,7 +192,8 @@ def _blocks(outline: Outline, y: float, half: float) -> bool:
         x0, y0 = x1, y1
     crossings.sort()
     return any(
-        max(start, -half) < min(end, half) for start, end in zip(crossings[::2], crossings[1::2], strict=True)
+        max(start, -half) < min(end, half)
+        for start, end in zip(crossings[::2], crossings[1::2], strict=True)
     )
 
 
@@ -191,10 +207,14 @@ def _shape(outline: Outline) -> Shape:
     turns = [pi * k / DIRECTIONS for k in range(DIRECTIONS)]
     across = [[cos(turn) * x + sin(turn) * y for x, y in kept] for turn in turns]
     narrowest = min(max(row) - min(row) for row in across)
-    return Shape(kept, max(hypot(*point) for point in outline), gyration_mm(outline), narrowest, coarse)
+    return Shape(
+        kept, max(hypot(*point) for point in outline), gyration_mm(outline), narrowest, coarse
+    )
 
 
-def _beside(point: tuple[float, float], start: tuple[float, float], end: tuple[float, float]) -> float:
+def _beside(
+    point: tuple[float, float], start: tuple[float, float], end: tuple[float, float]
+) -> float:
     """The distance of a point from a segment."""
     dx, dy = end[0] - start[0], end[1] - start[1]
     px, py = point[0] - start[0], point[1] - start[1]
@@ -210,7 +230,9 @@ def _slack(job: Section) -> Slack:
         return sum(max(map(abs, numbers(table, key)), default=0.0) for key in keys)
 
     contour = WAVES * most(section(job, "part"), "tolerance_mm")
-    contour = max([contour, *(WAVES * most(section(part, "part"), "tolerance_mm") for part in parts_of(job))])
+    contour = max(
+        [contour, *(WAVES * most(section(part, "part"), "tolerance_mm") for part in parts_of(job))]
+    )
     scatter = most(doubt, "placement_mm", "release_mm") + most(release, "shift_mm")
     turns = most(doubt, "placement_deg", "release_deg") + most(release, "turn_deg")
     share = number(gripper, "upper_finger_share")

@@ -26,7 +26,9 @@ class Profile(NamedTuple):
     # link and offset of the arc that the tips move on, mm; a link alone: the offset has to be measured;
     # empty: they move straight
     arc_mm: tuple[float, ...]
-    redirects: bool = False  # whether it takes another position, speed and force while the jaws move
+    redirects: bool = (
+        False  # whether it takes another position, speed and force while the jaws move
+    )
 
     def speed_counts(self, speed_um_s: int) -> int:
         """The fastest speed setting that is not faster than asked, 0..255."""
@@ -66,7 +68,12 @@ PROFILES = {
     )
 }
 # Further names of the same models, as `_normalised`.
-NAMES = {"2f-85": "robotiq-2f-85", "c-85": "robotiq-2f-85", "2f-140": "robotiq-2f-140", "hand-e": "hand-e"}
+NAMES = {
+    "2f-85": "robotiq-2f-85",
+    "c-85": "robotiq-2f-85",
+    "2f-140": "robotiq-2f-140",
+    "hand-e": "hand-e",
+}
 
 
 def profile_of(model: str) -> Profile:

@@ -24,10 +24,14 @@ class Calibration:
 
     def __post_init__(self) -> None:
         if len(self.widths_um) != COUNTS:
-            raise TableError(f"a calibration has {COUNTS} widths, this one has {len(self.widths_um)}")
+            raise TableError(
+                f"a calibration has {COUNTS} widths, this one has {len(self.widths_um)}"
+            )
         for count in range(1, COUNTS):
             if self.widths_um[count] > self.widths_um[count - 1]:
-                raise TableError(f"a calibration's widths must not rise with the count; they do at {count}")
+                raise TableError(
+                    f"a calibration's widths must not rise with the count; they do at {count}"
+                )
 
     @classmethod
     def linear(cls, gripper: GripperSpec) -> Self:
@@ -67,7 +71,8 @@ def decision_map(node: Node, calibration: Calibration) -> tuple[int, ...]:
     grips = _nearest(node, True, calibration)
     empty = _nearest(node, False, calibration)
     felt = [
-        number if width > 0 else REJECT for number, width in zip(grips, calibration.widths_um, strict=True)
+        number if width > 0 else REJECT
+        for number, width in zip(grips, calibration.widths_um, strict=True)
     ]
     unfelt = [
         REJECT if width > UNDETECTED_UM else held if number == REJECT else number

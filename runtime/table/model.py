@@ -32,7 +32,9 @@ class Squeeze(NamedTuple):
     opening_um: int  # before the squeeze
     speed_um_s: int  # closing speed of the fingers
     force_mn: int  # closing force
-    clearance_um: int  # least distance between the open fingers and any believed pose of the part, >= 0
+    clearance_um: (
+        int  # least distance between the open fingers and any believed pose of the part, >= 0
+    )
 
 
 class Push(NamedTuple):
@@ -85,7 +87,9 @@ class Leaf(NamedTuple):
     covariance: tuple[int, int, int, int, int, int]
     success_ppm: int  # share of the evaluation's `trials` ending here that met the goal
     trials: int
-    resolved: bool  # whether the part may be taken to lie here; False ends in the outcome UNRESOLVED
+    resolved: (
+        bool  # whether the part may be taken to lie here; False ends in the outcome UNRESOLVED
+    )
     # further poses the part may have, each x_um, y_um, theta_urad: the other modes of a goal of kind
     # "modes", or what an unresolved leaf cannot tell apart.
     alternatives: tuple[tuple[int, int, int], ...] = ()
@@ -125,7 +129,11 @@ class GoalSpec:
     # "modes": as "pose", of one of a leaf's poses; "orientation": theta within its tolerance; "identity":
     # any pose, of the right part.
     kind: str = "pose"
-    tolerance: tuple[int, int, int] = (0, 0, 0)  # x_um, y_um, theta_urad, for "tolerances" and "orientation"
+    tolerance: tuple[int, int, int] = (
+        0,
+        0,
+        0,
+    )  # x_um, y_um, theta_urad, for "tolerances" and "orientation"
     modes: int = 1  # how many poses a leaf may leave open, for "modes"
     identify: bool = True  # whether the leaf must name the right one of several parts
 
@@ -146,7 +154,9 @@ class Limits:
     max_depth: int  # squeezes to any leaf, at most `MAX_DEPTH`
     max_force_mn: int  # of closing
     max_speed_um_s: int  # of closing
-    work_area_um: tuple[int, int, int, int]  # x min, y min, x max, y max of hand's centre and predicted poses
+    work_area_um: tuple[
+        int, int, int, int
+    ]  # x min, y min, x max, y max of hand's centre and predicted poses
     retreat_height_um: int  # of the tips while the arm travels
     squeeze_height_um: int  # of the tips while squeezing
     arm_speed_um_s: int
@@ -156,7 +166,9 @@ class Limits:
 class Prediction:
     """What the evaluation at compile time measured for the table as a whole."""
 
-    success_ppm: int  # parts within the goal among all `trials`, of which there are 0 without an evaluation
+    success_ppm: (
+        int  # parts within the goal among all `trials`, of which there are 0 without an evaluation
+    )
     trials: int
     mean_squeezes_ppm: int  # mean number of squeezes a part, in millionths
     reject_ppm: int = 0  # trials that ended in REJECT

@@ -53,21 +53,29 @@ def prove(table: Table) -> None:
         _prove_pushes(index, node, table.limits)
         if node.contact_um is not None:
             widest_um = max(branch.expected_um for branch in node.branches)
-            _within(f"node {index}: contact_um", node.contact_um, widest_um, node.squeeze.opening_um - 1)
+            _within(
+                f"node {index}: contact_um", node.contact_um, widest_um, node.squeeze.opening_um - 1
+            )
         total, below = 0, -1
         for number, branch in enumerate(node.branches):
-            if not (branch.low_um <= branch.expected_um <= branch.high_um and below < branch.expected_um):
+            if not (
+                branch.low_um <= branch.expected_um <= branch.high_um and below < branch.expected_um
+            ):
                 at = f"node {index}, branch {number}: expected_um"
                 _within(at, branch.expected_um, max(branch.low_um, below + 1), branch.high_um)
             total, below = total + branch.probability_ppm, branch.expected_um
         if abs(total - PPM) > len(node.branches):
-            raise TableError(f"node {index}: the branches' probabilities sum to {total} ppm, not {PPM}")
+            raise TableError(
+                f"node {index}: the branches' probabilities sum to {total} ppm, not {PPM}"
+            )
         unread = set(range(len(node.branches))).difference(decision_map(node, calibration))
         if unread:
             number = min(unread)
             low, high = node.branches[number].low_um / 1000, node.branches[number].high_um / 1000
             told = f"{low:.2f}..{high:.2f} mm"
-            raise TableError(f"node {index}, branch {number}: no encoder count means {told}; widen it")
+            raise TableError(
+                f"node {index}, branch {number}: no encoder count means {told}; widen it"
+            )
     for index, leaf in enumerate(table.leaves):
         _within(f"leaf {index}: error_median_um", leaf.error_median_um, 0, leaf.error_p95_um)
         if leaf.resolved:
@@ -87,7 +95,9 @@ def job_of(table: Table) -> dict[str, Any] | None:
         return None
     try:
         if hashlib.sha256(table.job.encode()).digest() != table.job_digest:
-            raise TableError("the embedded job is not the one the table was made from; recompile it")
+            raise TableError(
+                "the embedded job is not the one the table was made from; recompile it"
+            )
         job = strict_json.parse(table.job)
     except ValueError as error:
         raise TableError(f"the embedded job is {error}; recompile it") from None
@@ -110,7 +120,9 @@ def _prove_header(table: Table) -> dict[str, Any] | None:
     texts |= {f"hypothesis {index}: name": own.name for index, own in enumerate(table.hypotheses)}
     for name, text in texts.items():
         if not is_plain(text):
-            raise TableError(f"{name} is no line of 1 to {LONGEST} printable characters; recompile it")
+            raise TableError(
+                f"{name} is no line of 1 to {LONGEST} printable characters; recompile it"
+            )
     job = job_of(table)
     _prove_gripper(table.gripper)
     _prove_goal(table.goal)
@@ -183,16 +195,34 @@ def _bounds(table: Table) -> dict[str, tuple[tuple[int, int], ...]]:
     """The least and the greatest value of each column, in the order of `COLUMNS`."""
     gripper, limits = table.gripper, table.limits
     x_min, y_min, x_max, y_max = limits.work_area_um
-    area, turn, share = ((x_min, x_max), (y_min, y_max)), (-MAX_ANGLE_URAD, MAX_ANGLE_URAD), (0, PPM)
+    area, turn, share = (
+        ((x_min, x_max), (y_min, y_max)),
+        (-MAX_ANGLE_URAD, MAX_ANGLE_URAD),
+        (0, PPM),
+    )
     width, pose = (0, gripper.opening_um), ((-FAR, FAR), (-FAR, FAR), turn)
-    jaws = ((1, gripper.opening_um), (1, limits.max_speed_um_s), (1, limits.max_force_mn), (0, 1_000_000))
+    jaws = (
+        (1, gripper.opening_um),
+        (1, limits.max_speed_um_s),
+        (1, limits.max_force_mn),
+        (0, 1_000_000),
+    )
     variance, shared = (0, FAR), (-FAR, FAR)
     moments = (variance, shared, variance, shared, shared, variance)
     targets = (-len(table.leaves), len(table.nodes) - 1)
     return {
         "node": (*area, turn, *jaws, *area, (1, MAX_BRANCHES)),
         "branch": (width, width, width, share, targets),
-        "leaf": (*pose, *moments, share, (0, MAX_TRIALS), (0, 1), (0, MAX_ALTERNATIVES), (0, FAR), (0, FAR)),
+        "leaf": (
+            *pose,
+            *moments,
+            share,
+            (0, MAX_TRIALS),
+            (0, 1),
+            (0, MAX_ALTERNATIVES),
+            (0, FAR),
+            (0, FAR),
+        ),
         "alternative": pose,
         "push": (*area, turn, width, (1, 1_000_000), (1, limits.arm_speed_um_s)),
     }
@@ -203,7 +233,9 @@ def _prove_values(table: Table) -> None:
     bounds = _bounds(table)
     for kind, rows in rows_of(table).items():
         columns = zip(*rows, strict=True)
-        for name, column, (least, most) in zip(COLUMNS[kind], columns, bounds[kind], strict=bool(rows)):
+        for name, column, (least, most) in zip(
+            COLUMNS[kind], columns, bounds[kind], strict=bool(rows)
+        ):
             if min(column) < least or max(column) > most:
                 index = next(at for at, value in enumerate(column) if not least <= value <= most)
                 _within(f"{_place(table, kind, index)}: {name}", column[index], least, most)
@@ -232,7 +264,9 @@ def _prove_tree(table: Table) -> None:
         if index >= len(depths):
             raise TableError(f"node {index} is never reached")
         if depths[index] > table.limits.max_depth:
-            raise TableError(f"node {index} is deeper than limits.max_depth = {table.limits.max_depth}")
+            raise TableError(
+                f"node {index} is deeper than limits.max_depth = {table.limits.max_depth}"
+            )
         for number, branch in enumerate(node.branches):
             following = len(depths) if branch.target >= 0 else ~leaves
             if branch.target != following:

@@ -26,7 +26,10 @@ class Stand(NamedTuple):
 
     def moved(self, way_mm: float) -> Self:
         """So far along the hand's own x axis."""
-        x_mm, y_mm = self.x_mm + way_mm * cos(self.angle_rad), self.y_mm + way_mm * sin(self.angle_rad)
+        x_mm, y_mm = (
+            self.x_mm + way_mm * cos(self.angle_rad),
+            self.y_mm + way_mm * sin(self.angle_rad),
+        )
         return self._replace(x_mm=x_mm, y_mm=y_mm)
 
 
@@ -53,19 +56,29 @@ class Schedule:
         Raises:
             TableError: the gripper is not known, or the job's figures can be no cell's.
         """
-        return cls(table, Timing.of(table.limits, profile_of(table.gripper.model), job), close_alike(job))
+        return cls(
+            table, Timing.of(table.limits, profile_of(table.gripper.model), job), close_alike(job)
+        )
 
     def part(self, squeezes: Sequence[Squeezed], start: Stand | None = None) -> list[Phases]:
         """The phases of each squeeze of a part, the hand at first above `start` or above its first place."""
         before, jaws_s, all_phases = start, 0.0, []
         for number, squeezed in enumerate(squeezes):
             after = squeezes[number + 1].node if number + 1 < len(squeezes) else None
-            phases, before, jaws_s = self.squeeze(squeezed, before, after, jaws_s, first=number == 0)
+            phases, before, jaws_s = self.squeeze(
+                squeezed, before, after, jaws_s, first=number == 0
+            )
             all_phases.append(phases)
         return all_phases
 
     def squeeze(
-        self, squeezed: Squeezed, before: Stand | None, after: int | None, jaws_s: float = 0.0, *, first: bool
+        self,
+        squeezed: Squeezed,
+        before: Stand | None,
+        after: int | None,
+        jaws_s: float = 0.0,
+        *,
+        first: bool,
     ) -> tuple[Phases, Stand, float]:
         """One squeeze.
 
@@ -122,7 +135,9 @@ class Schedule:
             seconds += 2.0 * lift_s + timing.move_s(way_mm, 0.0, push.speed_um_s / 1e3)
             at, open_mm = start.moved(way_mm), wanted_mm
         if node.pushes:
-            seconds += abs(node.squeeze.opening_um / 1e3 - open_mm) / speed_mm_s + timing.jaw_answer_s
+            seconds += (
+                abs(node.squeeze.opening_um / 1e3 - open_mm) / speed_mm_s + timing.jaw_answer_s
+            )
         return seconds, at
 
 

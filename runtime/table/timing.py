@@ -95,7 +95,9 @@ class Visit(NamedTuple):
     way_mm: float  # of the hand, from where it stood before
     turn_rad: float  # of the hand, either way
     opening_mm: float  # the jaws before it
-    contact_mm: float | None  # greatest width at which they may meet the part; None: it is not known
+    contact_mm: (
+        float | None
+    )  # greatest width at which they may meet the part; None: it is not known
     width_mm: float  # where they stop
     speed_mm_s: float  # at which they close where they may meet the part
     next_mm: float  # the opening that is wanted next
@@ -111,7 +113,9 @@ class Timing:
 
     arm_speed_mm_s: float
     arm_acceleration_mm_s2: float
-    arm_answer_s: float  # of a motion of the arm: asked for, begun, and its end believed, beside the motion
+    arm_answer_s: (
+        float  # of a motion of the arm: asked for, begun, and its end believed, beside the motion
+    )
     jaw_answer_s: float  # of a stroke of the jaws, likewise: settled is three equal readings
     poll_s: float  # of a look at jaws on their way, and of asking them for something else
     fastest_mm_s: float  # of the jaws, where they touch nothing
@@ -138,7 +142,9 @@ class Timing:
             **stated,
         )
 
-    def move_s(self, way_mm: float, turn_rad: float = 0.0, speed_mm_s: float | None = None) -> float:
+    def move_s(
+        self, way_mm: float, turn_rad: float = 0.0, speed_mm_s: float | None = None
+    ) -> float:
         """One motion of the arm, as far as its hand goes and turns; none takes no time."""
         way_mm = max(way_mm, TURN_RADIUS_MM * abs(turn_rad))
         if way_mm <= 0.0:
@@ -151,7 +157,9 @@ class Timing:
         if contact_mm is None:
             return opening_mm
         near_mm = min(contact_mm + APPROACH_MM, opening_mm)
-        saved_s = (opening_mm - near_mm) * (1.0 / speed_mm_s - 1.0 / max(self.fastest_mm_s, speed_mm_s))
+        saved_s = (opening_mm - near_mm) * (
+            1.0 / speed_mm_s - 1.0 / max(self.fastest_mm_s, speed_mm_s)
+        )
         return near_mm if saved_s > self._between_s else opening_mm
 
     def close_s(
@@ -166,7 +174,9 @@ class Timing:
     def free_s(self, width_mm: float, next_mm: float, speed_mm_s: float) -> float:
         """Opening until the jaws are free of what they hold."""
         stroke_s = CLEAR_MM / speed_mm_s
-        return stroke_s + (3.0 * self.poll_s if next_mm > width_mm + CLEAR_MM else self.jaw_answer_s)
+        return stroke_s + (
+            3.0 * self.poll_s if next_mm > width_mm + CLEAR_MM else self.jaw_answer_s
+        )
 
     def opening_s(self, width_mm: float, next_mm: float, speed_mm_s: float) -> float:
         """How long jaws that are free of a part go on to the next opening, as the hand rises and travels."""
@@ -180,9 +190,12 @@ class Timing:
         rise_s = self.move_s(top_mm - self.squeeze_mm)
         left_s = self.opening_s(visit.width_mm, visit.next_mm, visit.speed_mm_s) + self.jaw_answer_s
         return Phases(
-            travel_s=max(self.move_s(visit.way_mm, visit.turn_rad), visit.jaws_s) + self.jaw_answer_s,
+            travel_s=max(self.move_s(visit.way_mm, visit.turn_rad), visit.jaws_s)
+            + self.jaw_answer_s,
             lower_s=self.move_s(high_mm - self.squeeze_mm),
-            close_s=self.close_s(visit.opening_mm, visit.contact_mm, visit.width_mm, visit.speed_mm_s),
+            close_s=self.close_s(
+                visit.opening_mm, visit.contact_mm, visit.width_mm, visit.speed_mm_s
+            ),
             release_s=self.move_s(visit.drag_mm)
             + self.free_s(visit.width_mm, visit.next_mm, visit.speed_mm_s),
             rise_s=max(rise_s, left_s) if visit.to_retreat else rise_s,

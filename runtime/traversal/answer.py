@@ -45,7 +45,8 @@ def frames_in(part: object) -> PartFrames:
         stated = part.get("datum")
         datum = None if stated is None else _pose(stated)
         picks = {
-            str(name): compose(datum or CENTRE, _pose(pick)) for name, pick in part.get("picks", {}).items()
+            str(name): compose(datum or CENTRE, _pose(pick))
+            for name, pick in part.get("picks", {}).items()
         }
     except (AssertionError, AttributeError, TypeError, ValueError):
         return PartFrames(None, {})
@@ -76,7 +77,11 @@ def outcome_fields(table: Table, result: PartResult) -> dict[str, object]:
 def as_degrees(pose: Pose2) -> dict[str, float]:
     """A pose with its units in the names."""
     x_mm, y_mm, angle_rad = pose
-    return {"x_mm": round(x_mm, 3), "y_mm": round(y_mm, 3), "angle_deg": round(degrees(angle_rad), 3)}
+    return {
+        "x_mm": round(x_mm, 3),
+        "y_mm": round(y_mm, 3),
+        "angle_deg": round(degrees(angle_rad), 3),
+    }
 
 
 def _pose(numbers: object) -> Pose2:

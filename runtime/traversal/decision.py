@@ -56,10 +56,14 @@ def decide(node: Node, decided: tuple[int, ...], count: int, object_flag: int) -
     return Decision(node, look_up(decided, count, object_flag == CLOSING_CONTACT), object_flag)
 
 
-def step_of(decision: Decision, number: int, index: int, count: int, calibration: Calibration) -> Step:
+def step_of(
+    decision: Decision, number: int, index: int, count: int, calibration: Calibration
+) -> Step:
     """A squeeze of a part, from 1, at the node of that index, whose encoder count was decided so."""
     width_um = calibration.width_um(count)
-    return Step(number, index, decision.node.squeeze, count, width_um, decision.target, decision.reason)
+    return Step(
+        number, index, decision.node.squeeze, count, width_um, decision.target, decision.reason
+    )
 
 
 def release_point(node: Node, branch: int) -> tuple[int, int] | None:
@@ -88,8 +92,12 @@ ENDS = (RecoveryAction.NEXT, RecoveryAction.STOP)
 class Policy:
     """The recovery actions in order: each is tried once a part, the last one is an end."""
 
-    on_reject: tuple[RecoveryAction, ...] = (RecoveryAction.NEXT,)  # after a squeeze that no branch explains
-    on_unresolved: tuple[RecoveryAction, ...] = (RecoveryAction.NEXT,)  # after a leaf that is not resolved
+    on_reject: tuple[RecoveryAction, ...] = (
+        RecoveryAction.NEXT,
+    )  # after a squeeze that no branch explains
+    on_unresolved: tuple[RecoveryAction, ...] = (
+        RecoveryAction.NEXT,
+    )  # after a leaf that is not resolved
 
     @classmethod
     def of(cls, on_reject: str, on_unresolved: str) -> Self:
@@ -133,7 +141,9 @@ class TraversalState(NamedTuple):
     again: bool = False  # whether the node is squeezed once more: nothing is pushed before that
 
 
-def advance(traversal: TraversalState, target: int | None, table: Table, policy: Policy) -> TraversalState:
+def advance(
+    traversal: TraversalState, target: int | None, table: Table, policy: Policy
+) -> TraversalState:
     """What follows a squeeze at `traversal.node` that led to `target` (`Decision.target`)."""
     if target is not None and target >= 0:
         return traversal._replace(node=target, again=False)
@@ -163,5 +173,7 @@ def _actions(option: str, text: str) -> tuple[RecoveryAction, ...]:
     if actions[-1] not in ENDS:
         actions = (*actions, RecoveryAction.NEXT)
     if len(set(actions)) != len(actions) or any(action in ENDS for action in actions[:-1]):
-        raise ArgumentsError(f"{option} {text!r}: each of {known} at most once, and next or stop last")
+        raise ArgumentsError(
+            f"{option} {text!r}: each of {known} at most once, and next or stop last"
+        )
     return actions

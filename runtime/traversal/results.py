@@ -68,8 +68,12 @@ class PartResult:
     safe_state: tuple[str, ...] = ()
     audit: str | None = None  # the auditor's verdict, "pass", "fail" or "unknown"; None without one
     delivery: str | None = None  # "done" or "missed", None where no delivery was asked for
-    seconds: float | None = None  # from the part's first motion to its outcome; None where none was reached
-    phases: tuple[Phases, ...] = ()  # of each squeeze; of those after a crash where the part was resumed
+    seconds: float | None = (
+        None  # from the part's first motion to its outcome; None where none was reached
+    )
+    phases: tuple[
+        Phases, ...
+    ] = ()  # of each squeeze; of those after a crash where the part was resumed
 
     @classmethod
     def of(
@@ -93,7 +97,9 @@ class PartResult:
         """The same result after the delivery; `missed` tells why the part still lies where it was found."""
         if missed is None:
             return replace(self, delivery="done")
-        return replace(self, delivery="missed", reason=missed, exit_code=PartNotDeliveredError.exit_code)
+        return replace(
+            self, delivery="missed", reason=missed, exit_code=PartNotDeliveredError.exit_code
+        )
 
     def fields(self) -> dict[str, object]:
         """The result as a journal record holds it."""
@@ -109,6 +115,7 @@ class PartResult:
             "delivery": self.delivery,
             "seconds": None if self.seconds is None else round(self.seconds, 4),
             "phases": [
-                {name: round(value, 4) for name, value in own._asdict().items()} for own in self.phases
+                {name: round(value, 4) for name, value in own._asdict().items()}
+                for own in self.phases
             ],
         }

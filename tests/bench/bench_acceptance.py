@@ -35,15 +35,22 @@ def measure(kind: str, limit: float, unseen: float, cells: int, parts: int) -> d
     """Verdicts on so many cells of a kind."""
     counted: Counter[str] = Counter()
     for cell in range(cells):
-        rng = np.random.default_rng([SEED, round(1e6 * limit), round(1e6 * unseen), cell, kind == AT_LIMIT])
+        rng = np.random.default_rng(
+            [SEED, round(1e6 * limit), round(1e6 * unseen), cell, kind == AT_LIMIT]
+        )
         rate = limit if kind == AT_LIMIT else float(limit * 4.0 ** rng.uniform(-1.0, 1.0))
         counted[tried(rng, rate, limit, parts, unseen).value] += 1
     wrong = counted["wrong"]
     return {
-        "shares": kind, "limit": limit, "not_known": unseen, "cells": cells, "parts_at_most": parts,
+        "shares": kind,
+        "limit": limit,
+        "not_known": unseen,
+        "cells": cells,
+        "parts_at_most": parts,
         **{word: counted[word] for word in ("right", "wrong", "open")},
-        "coverage": 1.0 - wrong / cells, "wrong_ci95": list(wilson_interval(wrong, cells)),
-    }  # fmt: skip
+        "coverage": 1.0 - wrong / cells,
+        "wrong_ci95": list(wilson_interval(wrong, cells)),
+    }
 
 
 def main() -> None:

@@ -61,10 +61,20 @@ def loop(parts: int, time_scale: float) -> dict[str, Any]:
 
 def calibrated(folder: Path) -> dict[str, float]:
     """Calibrates the cell's camera and its part's tag by our own commands; how far off they are."""
-    cell = [sys.executable, "-m", "drivers.sim.cli", "--tree", str(TREE), "--camera-views", str(folder)]
+    cell = [
+        sys.executable,
+        "-m",
+        "drivers.sim.cli",
+        "--tree",
+        str(TREE),
+        "--camera-views",
+        str(folder),
+    ]
     printed = subprocess.run(cell, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True).stdout
     for line in printed.splitlines():
-        subprocess.run([sys.executable, "-c", CALIBRATE, *shlex.split(line)[1:]], cwd=ROOT, check=True)
+        subprocess.run(
+            [sys.executable, "-c", CALIBRATE, *shlex.split(line)[1:]], cwd=ROOT, check=True
+        )
     known, rig = calibration.load(folder / "camera.json"), standard_rig()
     tag = tag_file.load(folder / "tag.json").on_part
     return {
@@ -88,7 +98,10 @@ def drift(options: argparse.Namespace) -> Iterator[tuple[str, Any]]:
     if "healthy" in options.only:
         yield "healthy", drift_trials.healthy(table, job, expected, options.blocks)
     if "drift" in options.only:
-        yield "drift", drift_trials.drifting(table, job, expected, options.runs) | {"runs": options.runs}
+        yield (
+            "drift",
+            drift_trials.drifting(table, job, expected, options.runs) | {"runs": options.runs},
+        )
 
 
 def main() -> None:

@@ -47,14 +47,18 @@ def bench(name: str, parts: int, dense: bool) -> dict[str, Any]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--only", nargs="+", choices=NAMES, default=[*TABLE1, *sorted({*NAMES} - {*TABLE1})])
+    parser.add_argument(
+        "--only", nargs="+", choices=NAMES, default=[*TABLE1, *sorted({*NAMES} - {*TABLE1})]
+    )
     parser.add_argument("--parts", type=int, default=PARTS)
     parser.add_argument("--dense", action="store_true")
     options = parser.parse_args()
     kept = json.loads(RESULTS.read_text()) if RESULTS.exists() else []
     rows = {(row["job"], row["dense"]): row for row in kept}
     for name in options.only:
-        rows[name, options.dense] = bench(name, options.parts, options.dense) | {"dense": options.dense}
+        rows[name, options.dense] = bench(name, options.parts, options.dense) | {
+            "dense": options.dense
+        }
         told = [rows[key] for key in sorted(rows)]
         RESULTS.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
 

@@ -93,7 +93,10 @@ def shot(
 ) -> Any:
     """A picture of one tag."""
     values = {"blur_px": rng.uniform(0.6, 1.0), "gain": rng.uniform(0.7, 1.0), **flaws}
-    heading, speed = rng.uniform(0.0, 2 * np.pi), values.pop("motion_px", 0.0) * 600.0 / OPTICS.focal
+    heading, speed = (
+        rng.uniform(0.0, 2 * np.pi),
+        values.pop("motion_px", 0.0) * 600.0 / OPTICS.focal,
+    )
     card = lying(tag_cells(number), SIDE_MM / 8, pose, face_down=True)
     card = replace(card, speed_mm=speed * np.array([np.cos(heading), np.sin(heading), 0.0]))
     cards, size = [card], values.pop("stain_mm", 0.0)
@@ -127,8 +130,15 @@ def measured(
         off.append(errors(place.pose, pose))
         if made is not None:
             with_ours = measure.of_sighting(seen[numbers.index(number)], made, tag)
-            ours.append((*errors(with_ours.pose, pose), float(np.hypot(*pose[:2])), with_ours.sigma_mm))
-    row = {"pictures": count, "missed": missed, "wrong_ids": wrong, "detection": 1.0 - missed / count}
+            ours.append(
+                (*errors(with_ours.pose, pose), float(np.hypot(*pose[:2])), with_ours.sigma_mm)
+            )
+    row = {
+        "pictures": count,
+        "missed": missed,
+        "wrong_ids": wrong,
+        "detection": 1.0 - missed / count,
+    }
     row |= {"ms_mean": float(np.mean(spent)), "ms_p95": float(np.percentile(spent, 95))}
     if off:
         row |= summary(np.array(off).T, "true_calibration")

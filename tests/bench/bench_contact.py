@@ -43,7 +43,13 @@ NEAR_MM, NEAR_DEG = 3.0, 5.0
 FRICTIONS = (0.15, 0.175, 0.2, 0.225, 0.25, 0.3)
 SURFACES = ("abs", "plywood")
 DRAWS, EVERY = 200, 5  # of every so many pushes, for intervals
-MODELS = ("uniform, friction .25", "authors' ellipsoid", "authors' quartic", "new job", "from own pairs")
+MODELS = (
+    "uniform, friction .25",
+    "authors' ellipsoid",
+    "authors' quartic",
+    "new job",
+    "from own pairs",
+)
 JOB = """
 friction = {{ finger_part_min = {low}, finger_part_max = {high} }}
 gripper = {{ finger_length_mm = 27.5, finger_width_mm = 9.5, opening_mm = 1000 }}
@@ -135,7 +141,9 @@ def _recorded(
         for name, key in (("ellipsoid", "ell"), ("quartic", "quartic"))
     }
     measured = displacement("x1", "y1", "th1")
-    return Recorded(shape, surface, outline, -centroid, beside.paths, beside.overlap_mm, measured, authors)
+    return Recorded(
+        shape, surface, outline, -centroid, beside.paths, beside.overlap_mm, measured, authors
+    )
 
 
 def wrapped(angle: Array) -> Array:
@@ -146,7 +154,9 @@ def wrapped(angle: Array) -> Array:
 def turned(points: Array, angle: Array) -> Array:
     """Points (n, 2), each turned by its angle (n,)."""
     c, s = np.cos(angle), np.sin(angle)
-    return np.column_stack([c * points[:, 0] - s * points[:, 1], s * points[:, 0] + c * points[:, 1]])
+    return np.column_stack(
+        [c * points[:, 0] - s * points[:, 1], s * points[:, 0] + c * points[:, 1]]
+    )
 
 
 def about(moved: Array, place: Array) -> Array:
@@ -164,9 +174,12 @@ def errors(moved: Array, pushes: Recorded) -> Errors:
 def job_of(pushes: Recorded, pressure: str, friction: tuple[float, float]) -> Any:
     """The job of a part that presses as stated."""
     text = JOB.format(
-        low=friction[0], high=friction[1], name=pushes.shape, pressure=pressure,
+        low=friction[0],
+        high=friction[1],
+        name=pushes.shape,
+        pressure=pressure,
         outline=np.round(pushes.outline, 4).tolist(),
-    )  # fmt: skip
+    )
     return job_file.parse(text, f"the job of {pushes.shape}")
 
 
@@ -201,7 +214,9 @@ def identified(folder: Path, pushes: Recorded, part: Simulator) -> Simulator:
     twists = np.column_stack([V[:, 0] - turn * y, V[:, 1] + turn * x, turn * rho])
     data = identify.directions(Pairs(wrenches, twists, np.ones(len(F))))
     surface = identify.fit(data, rho, "quartic", np.random.default_rng(0)).surface
-    return Simulator(part.outline, surface, part.jaws, part.friction, part.wishart_dof, workers=part.workers)
+    return Simulator(
+        part.outline, surface, part.jaws, part.friction, part.wishart_dof, workers=part.workers
+    )
 
 
 def leave_one_out(found: dict[tuple[str, str], dict[float, Errors]], shape: str) -> float:
@@ -248,7 +263,8 @@ def measured(folder: Path) -> dict[str, Any]:
     covered: dict[tuple[str, str], BoolArray] = {}
     for number, (key, pushes) in enumerate(sets.items()):
         uniform, new = (
-            Simulator.of_job(job_of(pushes, pressure, friction), 1) for pressure in (UNIFORM, new_pressure())
+            Simulator.of_job(job_of(pushes, pressure, friction), 1)
+            for pressure in (UNIFORM, new_pressure())
         )
         own["uniform, friction .25"][key] = foretold(pushes, uniform, 0.25)
         own["new job"][key] = foretold(pushes, new, middle)
@@ -283,12 +299,19 @@ def measured(folder: Path) -> dict[str, Any]:
 
 def main() -> int:
     """Measures and keeps the figures."""
-    parser = argparse.ArgumentParser(description="Judge foretold pushes by round tips by recorded ones.")
-    parser.add_argument("--data", type=Path, required=True, metavar="FOLDER", help="folder of the recordings")
+    parser = argparse.ArgumentParser(
+        description="Judge foretold pushes by round tips by recorded ones."
+    )
+    parser.add_argument(
+        "--data", type=Path, required=True, metavar="FOLDER", help="folder of the recordings"
+    )
     parser.add_argument("--no-results", action="store_true", help="print only")
     options = parser.parse_args()
     if missing := [name for name in FILES if not (options.data / name).is_file()]:
-        print(f"bench_contact: {options.data} has no {', '.join(missing)}; see --help", file=sys.stderr)
+        print(
+            f"bench_contact: {options.data} has no {', '.join(missing)}; see --help",
+            file=sys.stderr,
+        )
         return 3
     found = measured(options.data)
     for name, group in found["groups"].items():

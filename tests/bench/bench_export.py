@@ -65,7 +65,9 @@ def measured(compiler: str, folder: Path, calls: int, repeat: int) -> dict[str, 
     """The figures of one table by one compiler."""
     made = executor(compiler, folder)
     sections = [
-        row.split() for row in said("-A", made, program="size").splitlines() if row.startswith(".rodata")
+        row.split()
+        for row in said("-A", made, program="size").splitlines()
+        if row.startswith(".rodata")
     ]
     fast = built(compiler, folder, *STRICT, "-O2")
     mean_ns, slowest_ns = map(float, said("time", repeat, program=fast).split())
@@ -93,7 +95,9 @@ def bench(name: str, calls: int, repeat: int) -> dict[str, Any]:
     """One table: its vectors in every form, and each compiler's figures."""
     wide = dumps(wide_table())
     found = (
-        TableFile(wide_table(), wide, hashlib.sha256(wide).hexdigest()) if name == WIDE else table_of(name)
+        TableFile(wide_table(), wide, hashlib.sha256(wide).hexdigest())
+        if name == WIDE
+        else table_of(name)
     )
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
@@ -102,7 +106,9 @@ def bench(name: str, calls: int, repeat: int) -> dict[str, Any]:
         write(found, "c99", folder / "c99")
         c99 = [measured(compiler, folder / "c99", calls, repeat) for compiler in compilers()]
     assert {row["vectors"] for row in c99} == {vectors} == {512 * len(found.table.nodes)}
-    print(f"{name}: {len(found.table.nodes)} nodes, {vectors} vectors equal in C and in structured text")
+    print(
+        f"{name}: {len(found.table.nodes)} nodes, {vectors} vectors equal in C and in structured text"
+    )
     for row in c99:
         print(
             f"  {row['compiler']}: code {row['code_bytes']} bytes of at most {MOST_CODE_BYTES}, "
@@ -118,8 +124,12 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     names = [*NAMES, WIDE]
     parser.add_argument("--parts", nargs="+", choices=names, default=names, metavar="PART")
-    parser.add_argument("--calls", type=int, default=10_000_000, help="random calls of each program")
-    parser.add_argument("--repeat", type=int, default=2_000, help="calls of each reading for its time")
+    parser.add_argument(
+        "--calls", type=int, default=10_000_000, help="random calls of each program"
+    )
+    parser.add_argument(
+        "--repeat", type=int, default=2_000, help="calls of each reading for its time"
+    )
     options = parser.parse_args()
     told = json.loads(RESULTS.read_text()) if RESULTS.exists() else {"tables": []}
     rows = {row["table"]: row for row in told["tables"]}
@@ -128,7 +138,9 @@ def main() -> int:
         told = {"machine": platform.machine(), "tables": [rows[key] for key in sorted(rows)]}
         RESULTS.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
     figures = [figure for row in rows.values() for figure in row["c99"]]
-    kept = all(row["code_bytes"] < MOST_CODE_BYTES and row["slowest_ns"] < MOST_NS for row in figures)
+    kept = all(
+        row["code_bytes"] < MOST_CODE_BYTES and row["slowest_ns"] < MOST_NS for row in figures
+    )
     return 0 if kept else 1
 
 

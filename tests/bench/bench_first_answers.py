@@ -33,7 +33,9 @@ from planner.report.verdict import GOOD_WRONG  # noqa: E402
 from runtime.shell.command import seconds  # noqa: E402
 
 RESULTS = Path(__file__).parent / "results" / "first_answers.json"
-SPARE_S = 60.0  # for imports, kernels, other worlds and the picture, on a machine that others use, too
+SPARE_S = (
+    60.0  # for imports, kernels, other worlds and the picture, on a machine that others use, too
+)
 SHARES = ("success_rate", "wrong_rate", "unresolved_rate", "reject_rate")
 
 
@@ -63,12 +65,19 @@ def main() -> int:
             print(json.dumps(done[name]), flush=True)
     rows = [done[name] for name in names if name in done]
     figures = {
-        "machine": platform.platform(), "budget_s": options.budget, "turn_deg": options.turn,
-        "seed": options.seed, "drawn": len(names), "of": len(outlines), "rows": rows,
-    }  # fmt: skip
+        "machine": platform.platform(),
+        "budget_s": options.budget,
+        "turn_deg": options.turn,
+        "seed": options.seed,
+        "drawn": len(names),
+        "of": len(outlines),
+        "rows": rows,
+    }
     RESULTS.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
     wrong = [row["name"] for row in rows if row["faults"]]
-    print(f"{len(rows)} of {len(names)} tried, {len(wrong)} with a fault: {', '.join(wrong) or 'none'}")
+    print(
+        f"{len(rows)} of {len(names)} tried, {len(wrong)} with a fault: {', '.join(wrong) or 'none'}"
+    )
     return 1 if wrong else 0
 
 
@@ -77,21 +86,41 @@ def answered(name: str, outline: Any, options: argparse.Namespace) -> dict[str, 
     with tempfile.TemporaryDirectory() as folder:
         drawing = Path(folder) / "part.csv"
         drawing.write_text("x_mm,y_mm\n" + "".join(f"{x:.4f},{y:.4f}\n" for x, y in outline))
-        words = ["squeezetree", "try", "part.csv", "--units", "mm", "--json", "--turn", options.turn]
+        words = [
+            "squeezetree",
+            "try",
+            "part.csv",
+            "--units",
+            "mm",
+            "--json",
+            "--turn",
+            options.turn,
+        ]
         words += ["--budget", f"{options.budget:g}s"]
         began, used = time.monotonic(), resource.getrusage(resource.RUSAGE_CHILDREN)
         done = subprocess.run(
-            [str(Path(sys.executable).with_name(words[0])), *words[1:]], cwd=folder, capture_output=True,
-            text=True, check=False,
-        )  # fmt: skip
+            [str(Path(sys.executable).with_name(words[0])), *words[1:]],
+            cwd=folder,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
         wall_s, after = time.monotonic() - began, resource.getrusage(resource.RUSAGE_CHILDREN)
     cpu_s = after.ru_utime + after.ru_stime - used.ru_utime - used.ru_stime
     row: dict[str, Any] = {"name": name, "seconds": round(wall_s, 1), "cpu_s": round(cpu_s, 1)}
     if done.returncode:
         return row | {"faults": [f"exit code {done.returncode}: {done.stderr.strip()[-300:]}"]}
     answer = json.loads(done.stdout)
-    figures = {key: answer[key] for key in (*SHARES, "crashes", "mean_squeezes", "verdict") if key in answer}
-    return row | figures | {"reason": answer.get("reason"), "faults": faults(answer, wall_s, options.budget)}
+    figures = {
+        key: answer[key]
+        for key in (*SHARES, "crashes", "mean_squeezes", "verdict")
+        if key in answer
+    }
+    return (
+        row
+        | figures
+        | {"reason": answer.get("reason"), "faults": faults(answer, wall_s, options.budget)}
+    )
 
 
 def faults(answer: dict[str, Any], wall_s: float, budget_s: float) -> list[str]:

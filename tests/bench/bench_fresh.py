@@ -47,7 +47,9 @@ def bench(part: str, seed: int, trials: int, work: Threads) -> dict[str, Any]:
         "fresh": int((~fresh.success).sum()),
         "fresh_trials": TIMES * trials,
     }
-    print("{part}, seed {seed}: {reported} of {trials}, fresh {fresh} of {fresh_trials}".format(**row))
+    print(
+        "{part}, seed {seed}: {reported} of {trials}, fresh {fresh} of {fresh_trials}".format(**row)
+    )
     return row
 
 
@@ -55,7 +57,9 @@ def bias(rows: list[dict[str, Any]]) -> dict[str, float]:
     """Mean failure rates, and the mean difference in standard errors."""
     reported = [row["reported"] / row["trials"] for row in rows]
     fresh = [row["fresh"] / row["fresh_trials"] for row in rows]
-    pooled = [(row["reported"] + row["fresh"]) / (row["trials"] + row["fresh_trials"]) for row in rows]
+    pooled = [
+        (row["reported"] + row["fresh"]) / (row["trials"] + row["fresh_trials"]) for row in rows
+    ]
     variance = sum(
         rate * (1.0 - rate) * (1.0 / row["trials"] + 1.0 / row["fresh_trials"])
         for rate, row in zip(pooled, rows, strict=True)
@@ -68,14 +72,27 @@ def bias(rows: list[dict[str, Any]]) -> dict[str, float]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--seeds", type=int, default=10, help="of each job (default: %(default)s)")
-    parser.add_argument("--trials", type=int, default=4000, help="a plan's own (default: %(default)s)")
+    parser.add_argument(
+        "--trials", type=int, default=4000, help="a plan's own (default: %(default)s)"
+    )
     parser.add_argument("--workers", type=int, default=2)
     options = parser.parse_args()
     work = Threads(options.workers)
-    rows = [bench(part, seed, options.trials, work) for seed in range(options.seeds) for part in PARTS]
+    rows = [
+        bench(part, seed, options.trials, work) for seed in range(options.seeds) for part in PARTS
+    ]
     found = bias(rows)
-    print("{plans} plans: failures reported {reported:.5f}, fresh {fresh:.5f}, z = {z:.2f}".format(**found))
-    told = {"machine": platform.platform(), "python": platform.python_version(), **found, "rows": rows}
+    print(
+        "{plans} plans: failures reported {reported:.5f}, fresh {fresh:.5f}, z = {z:.2f}".format(
+            **found
+        )
+    )
+    told = {
+        "machine": platform.platform(),
+        "python": platform.python_version(),
+        **found,
+        "rows": rows,
+    }
     RESULTS.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
 
 

@@ -45,7 +45,11 @@ Choice = Callable[[Pomdp, np.ndarray, np.random.Generator], int]
 def speed() -> list[Row]:
     """Squeezes a second of processor time: three on every fresh part, then a pose is declared."""
     rng = np.random.default_rng(0)
-    rows = [_stepped("vector, 4096 parts", gymnasium.make_vec(planner.gym.NAME, num_envs=BATCH), rng, STEPS)]
+    rows = [
+        _stepped(
+            "vector, 4096 parts", gymnasium.make_vec(planner.gym.NAME, num_envs=BATCH), rng, STEPS
+        )
+    ]
     rows.append(_stepped("one part", gymnasium.make(planner.gym.NAME), rng, 4000))
     try:
         import mujoco_squeeze
@@ -90,7 +94,11 @@ def policies(parts: int) -> list[Row]:
     trusting = model.job.replaced(doubt={"chance": 0.0}, friction={"doubt": 0.0})
     rows = [
         _figures("the plan in trees/rectangle", *planned(model, kept, 20_000), model),
-        _figures("a plan for this world alone", *planned(model, compile_job(trusting).table, 20_000), model),
+        _figures(
+            "a plan for this world alone",
+            *planned(model, compile_job(trusting).table, 20_000),
+            model,
+        ),
     ]
     for name, choice in (("greedy, one squeeze ahead", greedy), ("random", at_random)):
         rng = np.random.default_rng(1)
@@ -123,7 +131,9 @@ def planned(model: Pomdp, table: tables.Table, parts: int) -> tuple[np.ndarray, 
         made = model.sample(states[rows], placed, rng)
         squeezes[rows] += 1
         states[rows] = made.states
-        node[rows] = program.target[node[rows], made.observations + tables.COUNTS * (made.states[:, 3] > 0.0)]
+        node[rows] = program.target[
+            node[rows], made.observations + tables.COUNTS * (made.states[:, 3] > 0.0)
+        ]
         known = rows[(node[rows] < 0) & (~node[rows] < len(said)) & (~node[rows] >= 0)]
         declared = np.column_stack([said[~node[known]], np.full(len(known), DECLARE)])
         success[known] = model.sample(states[known], declared, rng).rewards > 0.0
@@ -172,8 +182,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--parts", type=int, default=300, help="of each policy that carries a filter")
-    parser.add_argument("--only", nargs="+", choices=["speed", "policies"], default=["speed", "policies"])
+    parser.add_argument(
+        "--parts", type=int, default=300, help="of each policy that carries a filter"
+    )
+    parser.add_argument(
+        "--only", nargs="+", choices=["speed", "policies"], default=["speed", "policies"]
+    )
     options = parser.parse_args()
     results = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
     if "speed" in options.only:

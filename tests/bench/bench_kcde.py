@@ -70,7 +70,9 @@ def with_scipy(
 
     def draw(poses: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         distance, near = tree.query(points(poses), PAPER_NEIGHBOURS, workers=1)
-        weight = np.cumsum(np.exp(-0.5 * (distance**2 - distance[:, :1] ** 2) / PAPER_MM**2), axis=1)
+        weight = np.cumsum(
+            np.exp(-0.5 * (distance**2 - distance[:, :1] ** 2) / PAPER_MM**2), axis=1
+        )
         picked = (rng.random((len(poses), 1)) * weight[:, -1:] > weight).sum(axis=1)
         source = near[np.arange(len(poses)), picked]
         return rows.final[source] + PAPER_MM * rng.standard_normal(poses.shape) / scale
@@ -118,16 +120,30 @@ def main() -> None:
     poses = random_poses(rng, PARTICLES, RADIUS_MM)
     touched = poses[classify_contact(model.outline, model.jaws, poses) == TOUCHES]
     first, second = model.sample(touched[:2000], rng).poses, draw(touched[:2000], rng)
-    calls = [lambda: model.sample(poses, rng), lambda: draw(poses, rng), lambda: own.sample(poses, rng)]
+    calls = [
+        lambda: model.sample(poses, rng),
+        lambda: draw(poses, rng),
+        lambda: own.sample(poses, rng),
+    ]
     ours_s, scipy_s, own_s = seconds(calls, options.repeat)
     row = {
-        "points": POINTS, "particles": PARTICLES, "ours_ms": 1e3 * ours_s, "scipy_ms": 1e3 * scipy_s,
-        "ratio": scipy_s / ours_s, "particles_per_second": PARTICLES / ours_s,
+        "points": POINTS,
+        "particles": PARTICLES,
+        "ours_ms": 1e3 * ours_s,
+        "scipy_ms": 1e3 * scipy_s,
+        "ratio": scipy_s / ours_s,
+        "particles_per_second": PARTICLES / ours_s,
         "same_distribution_p": p_value(first, second, model.rho_mm, model.order),
-        "own_points": len(own.initial), "own_ms": 1e3 * own_s, "own_particles_per_second": PARTICLES / own_s,
-        "setting": {"python": platform.python_version(), "scipy": scipy.__version__,
-                    "machine": platform.machine(), "cores_used": 1},
-    }  # fmt: skip
+        "own_points": len(own.initial),
+        "own_ms": 1e3 * own_s,
+        "own_particles_per_second": PARTICLES / own_s,
+        "setting": {
+            "python": platform.python_version(),
+            "scipy": scipy.__version__,
+            "machine": platform.machine(),
+            "cores_used": 1,
+        },
+    }
     print(
         "{particles} particles from {points} points on one core: {ours_ms:.2f} ms, scipy {scipy_ms:.0f} ms, "
         "{ratio:.1f} times; {particles_per_second:.0f} particles/s; same distribution: p = "

@@ -51,14 +51,23 @@ class Plan:
 def planned(planner: str, checkout: Path, part: str, seed: int) -> Plan:
     """Plans one job in a process of its own."""
     with tempfile.TemporaryDirectory() as folder:
-        command = [checkout / ".venv" / "bin" / "plan-compile", JOBS[part], "-o", f"{folder}/t.msgpack"]
+        command = [
+            checkout / ".venv" / "bin" / "plan-compile",
+            JOBS[part],
+            "-o",
+            f"{folder}/t.msgpack",
+        ]
         command += ["--seed", str(seed), "--workers", "1", "--no-advice", "--json"]
         with Path(folder, "json").open("wb") as output:
-            process = subprocess.Popen(command, stdout=output, stderr=subprocess.DEVNULL, cwd=checkout)
+            process = subprocess.Popen(
+                command, stdout=output, stderr=subprocess.DEVNULL, cwd=checkout
+            )
             _, status, usage = os.wait4(process.pid, 0)
         process.returncode = os.waitstatus_to_exitcode(status)
         if process.returncode:
-            raise SystemExit(f"{planner}, {part}, seed {seed}: plan-compile ended with {process.returncode}")
+            raise SystemExit(
+                f"{planner}, {part}, seed {seed}: plan-compile ended with {process.returncode}"
+            )
         figures = json.loads(Path(folder, "json").read_text())
     return Plan(
         planner=planner,
@@ -85,7 +94,9 @@ def keep(plans: Iterable[Plan]) -> None:
 
 def report(plans: list[Plan]) -> None:
     """Prints mean and spread of each part and planner, and of all parts."""
-    print(f"{'part':16} {'planner':8} {'seeds':>5}  squeezes (spread)  success    wrong  total    cpu s")
+    print(
+        f"{'part':16} {'planner':8} {'seeds':>5}  squeezes (spread)  success    wrong  total    cpu s"
+    )
     for part in [*sorted({plan.part for plan in plans}), "all"]:
         for planner in sorted({plan.planner for plan in plans}):
             rows = [p for p in plans if p.planner == planner and part in (p.part, "all")]
@@ -108,7 +119,10 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", choices=JOBS, default=list(JOBS), help="these parts")
     parser.add_argument("--seeds", nargs="+", type=int, default=list(SEEDS))
     parser.add_argument(
-        "--planner", action="append", metavar="NAME=CHECKOUT", help="a planner (default: now=this checkout)"
+        "--planner",
+        action="append",
+        metavar="NAME=CHECKOUT",
+        help="a planner (default: now=this checkout)",
     )
     parser.add_argument("--report", action="store_true", help="plan nothing, print what is kept")
     arguments = parser.parse_args()

@@ -21,7 +21,16 @@ from plc_study import Study
 
 from runtime.plc.handshake import Error
 
-EXCHANGES = ("dropped", "doubled", "late", "discarded", "broken", "stands_still", "power", "double_trigger")
+EXCHANGES = (
+    "dropped",
+    "doubled",
+    "late",
+    "discarded",
+    "broken",
+    "stands_still",
+    "power",
+    "double_trigger",
+)
 
 
 def studied(seed: int, parts: int) -> tuple[int, Counter[str], str]:
@@ -40,7 +49,9 @@ def main() -> int:
     parser.add_argument("--parts", type=int, default=1_000_000)
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--output", type=Path, default=Path(__file__).parent / "results" / "plc.json")
+    parser.add_argument(
+        "--output", type=Path, default=Path(__file__).parent / "results" / "plc.json"
+    )
     given = parser.parse_args()
     counts: Counter[str] = Counter()
     results, wrong = 0, []
@@ -55,7 +66,9 @@ def main() -> int:
         "results_taken": results,
         "lost_doubled_or_mixed_up": len(wrong),
         **{name: counts[name] for name in (*EXCHANGES, "lazy")},
-        "cycles_with_error": {error.name: counts[f"error {error.value}"] for error in Error if error},
+        "cycles_with_error": {
+            error.name: counts[f"error {error.value}"] for error in Error if error
+        },
         "seeds": given.seeds,
     }
     given.output.write_text(json.dumps(report, indent=1) + "\n")

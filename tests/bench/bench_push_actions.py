@@ -52,11 +52,16 @@ def planned(name: str, changes: dict[str, Any], seed: int) -> dict[str, Any]:
         return {"no_plan": str(error), "cpu_s": time.process_time() - begun}
     found, pushes = plan.evaluation, np.array([len(node.pushes) for node in plan.table.nodes])
     return {
-        "success": float(found.success.mean()), "squeezes": float(found.squeezes.mean()),
-        "seconds": float(found.seconds.mean()), "crashes": int(found.crashes), "parts": len(found.leaf),
-        "pushes": float(pushes[np.maximum(found.path, 0)].sum(axis=1, where=found.path >= 0).mean()),
+        "success": float(found.success.mean()),
+        "squeezes": float(found.squeezes.mean()),
+        "seconds": float(found.seconds.mean()),
+        "crashes": int(found.crashes),
+        "parts": len(found.leaf),
+        "pushes": float(
+            pushes[np.maximum(found.path, 0)].sum(axis=1, where=found.path >= 0).mean()
+        ),
         "cpu_s": time.process_time() - begun,
-    }  # fmt: skip
+    }
 
 
 def main() -> None:
@@ -68,11 +73,15 @@ def main() -> None:
     for case in options.cases or CASES:
         name, changes = CASES[case]
         for way, more in WAYS.items():
-            rows = [planned(name, {**changes, **more}, seed) for seed in range(1, options.seeds + 1)]
+            rows = [
+                planned(name, {**changes, **more}, seed) for seed in range(1, options.seeds + 1)
+            ]
             kept.setdefault(case, {})[way] = rows
             plans = [row for row in rows if "no_plan" not in row]
             keys = ("squeezes", "seconds", "success", "crashes", "pushes", "cpu_s")
-            means = {key: round(float(np.mean([row[key] for row in plans])), 4) for key in keys if plans}
+            means = {
+                key: round(float(np.mean([row[key] for row in plans])), 4) for key in keys if plans
+            }
             print(case, way, f"{len(plans)} of {len(rows)} plans", means, flush=True)
             RESULTS.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
 

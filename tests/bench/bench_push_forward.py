@@ -69,12 +69,18 @@ def simulated(model: LearnedModel, belief: np.ndarray, placements: np.ndarray) -
         drawn = model.motion.sample(to_hand(belief, placement), rng)
         covered = model.covered(drawn.source, drawn.nearest_mm, np.zeros(len(belief), np.int64))
         shares.append(float(np.mean((drawn.source >= 0) & ~covered)))
-        belief = Belief.joined(model.squeeze([(Belief.of(belief), placement)], rng)[0].beliefs).poses
+        belief = Belief.joined(
+            model.squeeze([(Belief.of(belief), placement)], rng)[0].beliefs
+        ).poses
     return shares
 
 
 def ratios(
-    model: LearnedModel | Unaided, simulator: Simulator, name: str, placements: np.ndarray, runs: int
+    model: LearnedModel | Unaided,
+    simulator: Simulator,
+    name: str,
+    placements: np.ndarray,
+    runs: int,
 ) -> Row:
     """The model's push-forwards in units of the simulator's own distance, with same and fresh particles."""
     rng = np.random.default_rng(3)

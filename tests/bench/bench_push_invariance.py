@@ -43,8 +43,14 @@ def main() -> None:
     rows = {}
     for name, shape in SHAPES.items():
         outline = shape()
-        rows[name] = studied(outline, options.pushes, 1) | {"push_us": microseconds(outline, options.pushes)}
-        print(name, json.dumps({key: round(value, 5) for key, value in rows[name].items()}), flush=True)
+        rows[name] = studied(outline, options.pushes, 1) | {
+            "push_us": microseconds(outline, options.pushes)
+        }
+        print(
+            name,
+            json.dumps({key: round(value, 5) for key, value in rows[name].items()}),
+            flush=True,
+        )
     RESULTS.write_text(
         json.dumps({"pushes": options.pushes, "shapes": rows}, indent=1) + "\n", encoding="utf-8"
     )

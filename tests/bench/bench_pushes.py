@@ -40,9 +40,7 @@ RESULTS = Path(__file__).parent / "results" / "pushes.json"
 DATA = ROOT.parent / "shared" / "data" / "pushes"
 LOGS = {"hardboard_3pts3.txt": "3pts3", "plywood_3pts1.txt": "3pts1"}
 TWO_FINGERS = "two_fingers.csv"
-MORE = (
-    "two_fingers_more.csv"  # the other runs of the same recordings, judged beside them where they are there
-)
+MORE = "two_fingers_more.csv"  # further runs of the same recordings, judged beside them if present
 SOURCE = (
     "the pushes are public logs of Carnegie Mellon University's Manipulation Lab (2015, the robot data of "
     "arXiv 1602.06056), in the columns that the head of this file states; give their folder with --data"
@@ -65,7 +63,9 @@ wishart_dof = {dof}
 {support}
 """
 FRICTIONS = np.arange(0.05, 1.01, 0.05)
-NEARLY_AS_GOOD = 1.05  # The interval of friction: whose mean error on the logs is within 5 % of the least
+NEARLY_AS_GOOD = (
+    1.05  # The interval of friction: whose mean error on the logs is within 5 % of the least
+)
 DOFS = (5, 7, 10, 15, 20, 30, 50, 100, 200)
 SAMPLES = 400
 NOISE = np.array([0.7, 0.7, math.radians(0.6)])
@@ -101,9 +101,13 @@ def read_log(path: Path) -> Recorded:
         start, stop = (tips - [x, y]) @ _turn(before)
         starts.append([start])
         shifts.append(stop - start)
-        moved.append([*((np.array(end) - [x, y]) @ _turn(before)), math.remainder(after - before, math.tau)])
+        moved.append(
+            [*((np.array(end) - [x, y]) @ _turn(before)), math.remainder(after - before, math.tau)]
+        )
     n = len(log)
-    return Recorded(Paths(np.array(starts), np.zeros((n, 2)), np.zeros(n), np.array(shifts)), np.array(moved))
+    return Recorded(
+        Paths(np.array(starts), np.zeros((n, 2)), np.zeros(n), np.array(shifts)), np.array(moved)
+    )
 
 
 def _yaw(quaternion: Array) -> float:
@@ -140,7 +144,9 @@ def fit_friction(logs: dict[str, Recorded]) -> tuple[float, tuple[float, float],
 
 def pose_error(off: Array, block: Simulator) -> Array:
     """Distance of poses (n, 3) as in the success metric [mm]."""
-    return np.asarray(np.hypot(off[:, 0], off[:, 1]) + radius_of_gyration(block.outline) * np.abs(off[:, 2]))
+    return np.asarray(
+        np.hypot(off[:, 0], off[:, 1]) + radius_of_gyration(block.outline) * np.abs(off[:, 2])
+    )
 
 
 def draws(recorded: Recorded, block: Simulator, seed: int) -> tuple[BoolArray, Array]:
@@ -162,7 +168,9 @@ def fit_dof(logs: dict[str, Recorded], friction: tuple[float, float]) -> tuple[i
     shares = {}
     for dof in DOFS:
         blocks = {support: simulator(support, friction, dof) for support in logs}
-        shares[dof] = float(np.mean([draws(log, blocks[s], 0)[0].mean() for s, log in logs.items()]))
+        shares[dof] = float(
+            np.mean([draws(log, blocks[s], 0)[0].mean() for s, log in logs.items()])
+        )
     best = min(DOFS, key=lambda dof: abs(shares[dof] - 0.9))
     return best, shares[best]
 
@@ -172,7 +180,9 @@ def read_two_fingers(path: Path) -> tuple[Recorded, list[dict[str, str]]]:
     with path.open(newline="", encoding="utf-8") as file:
         lines = list(csv.DictReader(file))
     paths = pushes.paths(pushes.read(path, FINGERS_MM), push_log.MARKER_TO_PART_MM)
-    moved = [[float(line[name]) for name in ("moved_x_mm", "moved_y_mm", "turned_deg")] for line in lines]
+    moved = [
+        [float(line[name]) for name in ("moved_x_mm", "moved_y_mm", "turned_deg")] for line in lines
+    ]
     return Recorded(paths, np.array(moved) * [1.0, 1.0, math.pi / 180.0]), lines
 
 
@@ -219,7 +229,9 @@ def judged_more(
     recorded, lines = read_two_fingers(path)
     supports = np.array([line["support"] for line in lines])
     return {
-        support: judged(recorded.take(supports == support), simulator(support, interval, dof), mu, seed)[0]
+        support: judged(
+            recorded.take(supports == support), simulator(support, interval, dof), mu, seed
+        )[0]
         for seed, support in enumerate(SUPPORTS, 1)
     }
 
@@ -248,10 +260,15 @@ def runs_of(
             + (", recorded as farther than the fingers went" if beyond[k] else "")
             for k in far
         ]
-        rows.append({
-            "run": str(run), "pushes": int(mine.sum()), "foretold": float(right[mine].mean()),
-            "median_mm": float(np.median(distance[mine])), "far_off": named,
-        })  # fmt: skip
+        rows.append(
+            {
+                "run": str(run),
+                "pushes": int(mine.sum()),
+                "foretold": float(right[mine].mean()),
+                "median_mm": float(np.median(distance[mine])),
+                "far_off": named,
+            }
+        )
     return rows
 
 
@@ -262,7 +279,9 @@ def main() -> int:
     parser.add_argument("--no-results", action="store_true", help="print only")
     options = parser.parse_args()
     if missing := [name for name in (*LOGS, TWO_FINGERS) if not (options.data / name).is_file()]:
-        print(f"bench_pushes: {options.data} has no {', '.join(missing)}: {SOURCE}", file=sys.stderr)
+        print(
+            f"bench_pushes: {options.data} has no {', '.join(missing)}: {SOURCE}", file=sys.stderr
+        )
         return 3
     logs = {support: read_log(options.data / name) for name, support in LOGS.items()}
     mu, interval, alone = fit_friction(logs)
@@ -271,7 +290,13 @@ def main() -> int:
         f"from the logs: friction {mu} in {interval} (alone: {alone}), {dof} degrees of freedom ({share:.3f})"
     )
     recorded, lines = read_two_fingers(options.data / TWO_FINGERS)
-    found: dict[str, Any] = {"friction": mu, "interval": interval, "alone": alone, "dof": dof, "supports": {}}
+    found: dict[str, Any] = {
+        "friction": mu,
+        "interval": interval,
+        "alone": alone,
+        "dof": dof,
+        "supports": {},
+    }
     off, right = np.zeros((len(lines), 3)), np.zeros(len(lines), bool)
     supports = np.array([line["support"] for line in lines])
     for seed, support in enumerate(SUPPORTS, 1):
@@ -284,14 +309,19 @@ def main() -> int:
     if (options.data / MORE).is_file():
         found["more"] = judged_more(options.data / MORE, interval, dof, mu)
         for support, figures in found["more"].items():
-            print(f"more, {support}", json.dumps({name: round(value, 3) for name, value in figures.items()}))
+            print(
+                f"more, {support}",
+                json.dumps({name: round(value, 3) for name, value in figures.items()}),
+            )
     slid, distance = ~is_stuck(recorded), np.hypot(off[:, 0], off[:, 1])
     found["median_mm_slid"] = float(np.median(distance[slid]))
     found["runs"] = runs_of(lines, recorded, off, right)
     print(f"median error of pushes that did not stick: {found['median_mm_slid']:.2f} mm")
     for row in found["runs"]:
         named = f"; far off: {'; '.join(row['far_off'])}" if row["far_off"] else ""
-        print(f"{row['run']}: {row['foretold']:.2f} of {row['pushes']}, {row['median_mm']:.1f} mm{named}")
+        print(
+            f"{row['run']}: {row['foretold']:.2f} of {row['pushes']}, {row['median_mm']:.1f} mm{named}"
+        )
     if not options.no_results:
         RESULTS.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
     return 0

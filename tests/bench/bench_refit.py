@@ -39,7 +39,9 @@ def main() -> int:
     parser.add_argument("--cells", type=int, default=60)
     parser.add_argument("--simulated", type=int, default=400, help="parts in each cell")
     parser.add_argument("--jobs", type=int, default=1, help="hidden cells at a time")
-    parser.add_argument("--keep", action="store_true", help="keep the figures in results/refit.json")
+    parser.add_argument(
+        "--keep", action="store_true", help="keep the figures in results/refit.json"
+    )
     options = parser.parse_args()
     found, job = loaded(options)
     cells = Cells.of(job, found.table)
@@ -68,10 +70,12 @@ def refitted(cells, effort, parts, number):
     seen = Seen(counts, parts, np.zeros(0, np.int64), np.zeros((0, 3)))
     drawn = posterior(cells, seen, number, Threads(1), effort).cells[:, :-1]
     return {
-        "hidden": number, "cpu_s": round(time.process_time() - begun, 1),
-        "ranks": (drawn < truth[:-1]).mean(axis=0), "errors": drawn.mean(axis=0) - truth[:-1],
+        "hidden": number,
+        "cpu_s": round(time.process_time() - begun, 1),
+        "ranks": (drawn < truth[:-1]).mean(axis=0),
+        "errors": drawn.mean(axis=0) - truth[:-1],
         "spread": [float(f"{spread:.3g}") for spread in drawn.std(axis=0)],
-    }  # fmt: skip
+    }
 
 
 def judge(keys, ranks, errors):
@@ -81,7 +85,9 @@ def judge(keys, ranks, errors):
         p = float(chisquare(histogram).pvalue)
         covered = float(np.mean((column >= 0.05) & (column <= 0.95)))
         rms = float(np.sqrt(np.mean(error**2)))
-        print(f"{key}: ranks {histogram.tolist()}, p = {p:.3g}, 90 % cover {covered:.1%}, rms {rms:.3g}")
+        print(
+            f"{key}: ranks {histogram.tolist()}, p = {p:.3g}, 90 % cover {covered:.1%}, rms {rms:.3g}"
+        )
         kept[key] = {"ranks": histogram.tolist(), "p": p, "covered": covered, "rms": rms}
         bad += p < LEAST_P or not COVERED[0] <= covered <= COVERED[1]
     return kept, min(bad, 1)

@@ -72,12 +72,20 @@ def main():
         }
         for name, outline in others(job):
             try:
-                other = job.replaced(part={"outline_mm": outline.tolist(), "symmetry": 1, "picks": None})
+                other = job.replaced(
+                    part={"outline_mm": outline.tolist(), "symmetry": 1, "picks": None}
+                )
             except JobError as error:
                 told[name] = str(error)
                 continue
             run = evaluate(
-                found.table, other, ContactWorlds.of_job(other, 2), options.parts, 2, Threads(1), NONE
+                found.table,
+                other,
+                ContactWorlds.of_job(other, 2),
+                options.parts,
+                2,
+                Threads(1),
+                NONE,
             )
             answered = (run.leaf >= 0) & run.resolved
             told[name] = [

@@ -67,14 +67,30 @@ def generate(count: int) -> list[Row]:
             second, again = timed(lambda: roll_outs(part, radius, count, Store(Path(folder))))  # noqa: B023
             files = [path for path in Path(folder).glob("??/*") if path.is_file()]
         row = {
-            "part": name, "radius_mm": radius, "count": count, "rolled_out": len(result.initial),
-            "first_s": first, "second_s": second, "same": same(result, again), "threads": CORES,
-            "files": len(files), "per_second": len(result.initial) / first,
-            "statuses": dict(zip(("collides", *STATUS_NAMES), np.bincount(result.status + 1).tolist(),
-                                 strict=False)),
-        }  # fmt: skip
+            "part": name,
+            "radius_mm": radius,
+            "count": count,
+            "rolled_out": len(result.initial),
+            "first_s": first,
+            "second_s": second,
+            "same": same(result, again),
+            "threads": CORES,
+            "files": len(files),
+            "per_second": len(result.initial) / first,
+            "statuses": dict(
+                zip(
+                    ("collides", *STATUS_NAMES),
+                    np.bincount(result.status + 1).tolist(),
+                    strict=False,
+                )
+            ),
+        }
         table.append(row)
-        print("{part:15} {rolled_out} of {count} in {first_s:.2f} s, again in {second_s:.3f} s".format(**row))
+        print(
+            "{part:15} {rolled_out} of {count} in {first_s:.2f} s, again in {second_s:.3f} s".format(
+                **row
+            )
+        )
     return table
 
 
@@ -102,9 +118,16 @@ def cluster(count: int) -> Row:
         Cluster(workers.scheduler_address) as remote,
     ):
         processes, far = seconds(remote)
-    row = {"count": count, "workers": CORES, "threads_s": threads, "cluster_s": processes,
-           "same": same(local, far)}  # fmt: skip
-    print("threads {threads_s:.2f} s, {workers} workers of a cluster {cluster_s:.2f} s".format(**row))
+    row = {
+        "count": count,
+        "workers": CORES,
+        "threads_s": threads,
+        "cluster_s": processes,
+        "same": same(local, far),
+    }
+    print(
+        "threads {threads_s:.2f} s, {workers} workers of a cluster {cluster_s:.2f} s".format(**row)
+    )
     return row
 
 
@@ -117,7 +140,9 @@ def sweep(_count: int) -> Row:
             plan_compile.main([*words[:3], *words[3:5], "--vary", "uncertainty.radius_mm=4"])
             row[name], _ = timed(lambda: plan_compile.main(words))  # noqa: B023
     print(
-        "sweep of four jobs: {all_threads_s:.1f} s on all threads, {one_thread_s:.1f} s on one".format(**row)
+        "sweep of four jobs: {all_threads_s:.1f} s on all threads, {one_thread_s:.1f} s on one".format(
+            **row
+        )
     )
     return row
 
@@ -128,7 +153,11 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--count", type=int, default=100_000, help="of roll-outs")
-    benches: dict[str, Callable[[int], Any]] = {"generate": generate, "cluster": cluster, "sweep": sweep}
+    benches: dict[str, Callable[[int], Any]] = {
+        "generate": generate,
+        "cluster": cluster,
+        "sweep": sweep,
+    }
     parser.add_argument("--only", nargs="+", choices=list(benches), default=list(benches))
     options = parser.parse_args()
     if "cluster" in options.only and find_spec("distributed") is None:
@@ -136,7 +165,11 @@ def main() -> None:
     results = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
     for name in options.only:
         results[name] = benches[name](options.count)
-    results["setting"] = {"python": platform.python_version(), "machine": platform.machine(), "cores": CORES}
+    results["setting"] = {
+        "python": platform.python_version(),
+        "machine": platform.machine(),
+        "cores": CORES,
+    }
     RESULTS.parent.mkdir(exist_ok=True)
     RESULTS.write_text(json.dumps(results, indent=1) + "\n")
 

@@ -67,7 +67,15 @@ def first_frame_s(tree: Path, folder: Path) -> float:
 
 def watched_run(tree: Path, folder: Path, minutes: float) -> list[dict[str, float]]:
     """Memory and descriptors, time after time, of a process that squeezes parts with the serial driver."""
-    cell = [sys.executable, "-m", "drivers.sim.cli", "--tree", str(tree), "--json", "--until-stdin-closes"]
+    cell = [
+        sys.executable,
+        "-m",
+        "drivers.sim.cli",
+        "--tree",
+        str(tree),
+        "--json",
+        "--until-stdin-closes",
+    ]
     cell += ["--world", "runtime.devices.rehearsal:make", "--time-scale", CELL_SPEED]
     with subprocess.Popen(
         cell, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
@@ -98,7 +106,9 @@ def watched_run(tree: Path, folder: Path, minutes: float) -> list[dict[str, floa
 def rise(seen: list[dict[str, float]], name: str) -> float:
     """How much the highest of the last quarter is above the highest of the second."""
     quarter = max(len(seen) // 4, 1)
-    return max(s[name] for s in seen[-quarter:]) - max(s[name] for s in seen[quarter : 2 * quarter] or seen)
+    return max(s[name] for s in seen[-quarter:]) - max(
+        s[name] for s in seen[quarter : 2 * quarter] or seen
+    )
 
 
 def memory_of(pid: int) -> dict[str, float]:
@@ -147,13 +157,19 @@ def decision_us(tree: Path) -> dict[str, float]:
         for summand in range(ARITHMETIC):
             index += summand
         control[number] = clock() - start
-    return {**percentiles(spent, ""), **percentiles(control, "control_"), **percentiles(least, "least_")}
+    return {
+        **percentiles(spent, ""),
+        **percentiles(control, "control_"),
+        **percentiles(least, "least_"),
+    }
 
 
 def percentiles(durations: array[int], prefix: str) -> dict[str, float]:
     """Some percentiles of durations in ns, in us."""
     spent = sorted(durations)
-    at = {prefix + name: spent[int(share * len(spent))] / 1e3 for name, share in PERCENTILES.items()}
+    at = {
+        prefix + name: spent[int(share * len(spent))] / 1e3 for name, share in PERCENTILES.items()
+    }
     return {**at, f"{prefix}max_us": spent[-1] / 1e3}
 
 
@@ -165,7 +181,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--tree", type=Path, default=ROOT / "trees" / "rectangle" / "rectangle.msgpack")
+    parser.add_argument(
+        "--tree", type=Path, default=ROOT / "trees" / "rectangle" / "rectangle.msgpack"
+    )
     parser.add_argument("--starts", type=int, default=10)
     parser.add_argument("--minutes", type=float, default=0.0)
     parser.add_argument("--realtime", action="store_true")
@@ -196,12 +214,27 @@ def main() -> None:
         "cores": os.cpu_count(),
     }
     told = (
-        ("first frame", max(starts), LIMITS["first_frame_s"], f"s at worst of {len(starts)} starts"),
+        (
+            "first frame",
+            max(starts),
+            LIMITS["first_frame_s"],
+            f"s at worst of {len(starts)} starts",
+        ),
         ("memory", memory["peak_mib"], LIMITS["rss_mib"], "MiB at most"),
         ("rise", memory["rise_mib"], 1.0, f"MiB over {arguments.minutes:g} minutes, {parts} parts"),
         ("decision", decision["p9999_us"], LIMITS["decision_p9999_us"], "us p99.99 by the wall"),
-        ("", decision["control_p9999_us"], LIMITS["decision_p9999_us"], "us p99.99 of arithmetic instead"),
-        ("", decision["least_max_us"], LIMITS["decision_p9999_us"], "us the slowest input, undisturbed"),
+        (
+            "",
+            decision["control_p9999_us"],
+            LIMITS["decision_p9999_us"],
+            "us p99.99 of arithmetic instead",
+        ),
+        (
+            "",
+            decision["least_max_us"],
+            LIMITS["decision_p9999_us"],
+            "us the slowest input, undisturbed",
+        ),
     )
     for name, value, limit, unit in told:
         print(f"{name:<12} {value:9.3f} {unit} (limit {limit:g})")

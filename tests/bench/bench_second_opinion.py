@@ -58,7 +58,9 @@ def near(ends: np.ndarray, rolled: RollOut) -> np.ndarray:
     off = ends[:, :3] - rolled.poses
     place = np.hypot(off[:, 0], off[:, 1])
     turn = np.abs(np.remainder(off[:, 2] + np.pi, 2 * np.pi) - np.pi)
-    return (place < NEAR_MM) & (turn < 0.05) & (np.abs(ends[:, 3] - rolled.width_mm) < NEAR_WIDTH_MM)
+    return (
+        (place < NEAR_MM) & (turn < 0.05) & (np.abs(ends[:, 3] - rolled.width_mm) < NEAR_WIDTH_MM)
+    )
 
 
 def bench(part: str, trials: int) -> dict[str, Any]:
@@ -86,32 +88,39 @@ def bench(part: str, trials: int) -> dict[str, Any]:
         "mean_squeezes",
     )
     row: dict[str, Any] = {
-        "part": part, **{key: figures[key] for key in kept},
-        "planned": table.predicted.success_ppm / 1e6, "squeezes": len(poses),
-        "as_nominal": float(near(ends, nominal).mean()), "foretold": float(foretold.mean()),
+        "part": part,
+        **{key: figures[key] for key in kept},
+        "planned": table.predicted.success_ppm / 1e6,
+        "squeezes": len(poses),
+        "as_nominal": float(near(ends, nominal).mean()),
+        "foretold": float(foretold.mean()),
         "width_p90_mm": float(np.quantile(np.abs(ends[:, 3] - nominal.width_mm), 0.9)),
         "same_status": float((ends[:, 4] == nominal.status).mean()),
         "per_second": len(poses) / seconds,
         "wrong": [row.figures() for row in worst(table, evaluation, int(evaluation.wrong.sum()))],
-    }  # fmt: skip
+    }
     print(
         "{part}: {success_rate:.2%} of {trials}, {wrong_rate:.2%} wrong; {squeezes} squeezes, "
         "{as_nominal:.1%} as the nominal one, {foretold:.1%} as one of 20; "
         "{per_second:.0f} a second".format(**row),
         flush=True,
-    )  # fmt: skip
+    )
     return row
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--parts", nargs="+", choices=NAMES, default=NAMES, metavar="PART")
-    parser.add_argument("--trials", type=int, default=300, help="parts of each (default: %(default)s)")
+    parser.add_argument(
+        "--trials", type=int, default=300, help="parts of each (default: %(default)s)"
+    )
     options = parser.parse_args()
     for part in options.parts:
         row = bench(part, options.trials)
         rows = json.loads(RESULTS.read_text())["rows"] if RESULTS.exists() else []
-        rows = sorted([old for old in rows if old["part"] != part] + [row], key=lambda row: row["part"])
+        rows = sorted(
+            [old for old in rows if old["part"] != part] + [row], key=lambda row: row["part"]
+        )
         told = {"machine": platform.platform(), "rows": rows}
         RESULTS.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
 

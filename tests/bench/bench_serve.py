@@ -60,11 +60,14 @@ def main() -> int:
             _, parts, _ = served.ended()
         findings = list(Replay().follow(records(folder / "journal.jsonl")))
     same = sum(
-        {name: part[name] for name in wanted} == wanted for part, wanted in zip(parts, expected, strict=True)
+        {name: part[name] for name in wanted} == wanted
+        for part, wanted in zip(parts, expected, strict=True)
     )
     late = quantiles(timed.spent_ms, n=100)[98]
     print(f"{same} of {given.parts} parts as driven, {len(findings)} findings of the replay")
-    print(f"{len(timed.spent_ms)} answers: {median(timed.spent_ms):.2f} ms, 99 of 100 within {late:.2f} ms")
+    print(
+        f"{len(timed.spent_ms)} answers: {median(timed.spent_ms):.2f} ms, 99 of 100 within {late:.2f} ms"
+    )
     print(f"{process_time():.0f} s of CPU in this process")
     return int(same != given.parts or bool(findings))
 

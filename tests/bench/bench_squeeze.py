@@ -69,8 +69,11 @@ def convergence(poses: int) -> list[Row]:
         for radius in RADII_MM:
             row: Row = {"part": name, "disc_mm": radius} | _converged(outline, radius, poses)
             table.append(row)
-            print("{part:15} {disc_mm:6} {close_percent:7.2f} % {deepest_mm:8.4f} mm {given_up:4} "
-                  "{given_up_fine:4}  {per_second:8.0f}/s  {statuses}".format(**row), flush=True)  # fmt: skip
+            print(
+                "{part:15} {disc_mm:6} {close_percent:7.2f} % {deepest_mm:8.4f} mm {given_up:4} "
+                "{given_up_fine:4}  {per_second:8.0f}/s  {statuses}".format(**row),
+                flush=True,
+            )
     return table
 
 
@@ -102,7 +105,9 @@ def _converged(outline: np.ndarray, radius: float, poses: int) -> Row:
         "given_up": int(result.given_up.sum()),
         "given_up_fine": int(exact.given_up.sum()),
         "per_second": poses / seconds,
-        "statuses": dict(zip(STATUS_NAMES, np.bincount(result.status, minlength=4).tolist(), strict=True)),
+        "statuses": dict(
+            zip(STATUS_NAMES, np.bincount(result.status, minlength=4).tolist(), strict=True)
+        ),
         "first_given_up": start[np.flatnonzero(result.given_up)[:3]].tolist(),
         "first_off": start[np.flatnonzero(~close)[:3]].tolist(),
     }
@@ -119,7 +124,9 @@ def goldberg(polygons: int = 200, poses: int = 10) -> Row:
         held += int((np.array(STATUS_NAMES)[result.status] == "grasped").sum())
         for pose, width in zip(result.poses, result.width_mm, strict=True):
             axis = math.pi / 2 - pose[2]
-            floor = min(outline_width(outline, axis + math.radians(d)) for d in np.linspace(-1.0, 1.0, 201))
+            floor = min(
+                outline_width(outline, axis + math.radians(d)) for d in np.linspace(-1.0, 1.0, 201)
+            )
             ended += abs(floor - width) < 0.02
     row: Row = {
         "polygons": polygons,
@@ -127,8 +134,10 @@ def goldberg(polygons: int = 200, poses: int = 10) -> Row:
         "in_a_valley": int(ended),
         "grasped": held,
     }
-    print("Goldberg: {in_a_valley} of {squeezes} in a valley of the width function, "
-          "{grasped} of them grasped".format(**row))  # fmt: skip
+    print(
+        "Goldberg: {in_a_valley} of {squeezes} in a valley of the width function, "
+        "{grasped} of them grasped".format(**row)
+    )
     return row
 
 
@@ -144,7 +153,8 @@ def speed() -> list[Row]:
         part.roll_out(poses[:10], part.nominal(10, 0.5))
         ours = count / min(_timed(lambda: part.roll_out(poses, parameters)) for _ in range(3))  # noqa: B023
         table.append(
-            {"part": name, "vertices": len(outline), "per_second": ours} | _others(part, poses[:20], ours)
+            {"part": name, "vertices": len(outline), "per_second": ours}
+            | _others(part, poses[:20], ours)
         )
         print(json.dumps(table[-1]), flush=True)
     return table
@@ -160,23 +170,32 @@ def _others(part: Any, poses: np.ndarray, ours: float) -> Row:
     row: Row = {
         "twin_per_second": twin,
         "times_twin": ours / twin,
-        "twin_width_error_mm": float(np.abs([r.width_mm for r in few] - nominal.width_mm[:5]).max()),
+        "twin_width_error_mm": float(
+            np.abs([r.width_mm for r in few] - nominal.width_mm[:5]).max()
+        ),
     }
     try:
         from planner.evaluation.mujoco import RigidWorld
     except ImportError:
-        print("MuJoCo is not installed: its speed is not measured (pip install 'squeezetree[mujoco]')")
+        print(
+            "MuJoCo is not installed: its speed is not measured (pip install 'squeezetree[mujoco]')"
+        )
         return row
     drawn = {"outline_mm": part.outline.tolist(), "symmetry": 1}
-    world = RigidWorld(job_file.load(ROOT / "trees" / "rectangle" / "job.toml").replaced(part=drawn), 0)
+    world = RigidWorld(
+        job_file.load(ROOT / "trees" / "rectangle" / "job.toml").replaced(part=drawn), 0
+    )
     clock = time.perf_counter()
     found = [(world.close(tuple(pose), 0.5), world.pose()) for pose in poses.tolist()]
     mujoco = len(poses) / (time.perf_counter() - clock)
     widths, ends = np.array([width for width, _ in found]), np.array([end for _, end in found])
     offset = np.hypot(*(ends - nominal.poses)[:, :2].T)
     near = (np.abs(widths - nominal.width_mm) < 1.0) & (offset < 1.0)
-    return row | {"mujoco_per_second": mujoco, "times_mujoco": ours / mujoco,
-                  "mujoco_within_1_mm": f"{near.sum()} of {len(near)}"}  # fmt: skip
+    return row | {
+        "mujoco_per_second": mujoco,
+        "times_mujoco": ours / mujoco,
+        "mujoco_within_1_mm": f"{near.sum()} of {len(near)}",
+    }
 
 
 def _timed(call: Callable[[], object]) -> float:
@@ -201,7 +220,9 @@ def first_call() -> Row:
             seconds.append(float(done.stdout.split()[0]))
     row: Row = {"empty_cache_s": seconds[0], "filled_cache_s": seconds[1]}
     print(
-        "first squeeze: {empty_cache_s:.1f} s compiling, {filled_cache_s:.2f} s from the cache".format(**row)
+        "first squeeze: {empty_cache_s:.1f} s compiling, {filled_cache_s:.2f} s from the cache".format(
+            **row
+        )
     )
     return row
 

@@ -61,7 +61,8 @@ def bench(part: str, plan: str, trials: int) -> dict[str, Any]:
     for line in sweep(table, job, standard_cases(job), worlds, trials, SEED, Threads(2)):
         figures = line.evaluation.summary()
         found[line.case.name] = {
-            key: figures[key] for key in ("success_rate", "wrong_rate", "wrong_ci95", "mean_squeezes")
+            key: figures[key]
+            for key in ("success_rate", "wrong_rate", "wrong_ci95", "mean_squeezes")
         }
     worst = max(found, key=lambda name: found[name]["wrong_rate"])
     print(
@@ -69,7 +70,13 @@ def bench(part: str, plan: str, trials: int) -> dict[str, Any]:
         f"worst {found[worst]['wrong_rate']:.2%} wrong with {worst}",
         flush=True,
     )
-    return {"part": part, "plan": plan, "seconds": seconds, "nodes": len(table.nodes), "worlds": found}
+    return {
+        "part": part,
+        "plan": plan,
+        "seconds": seconds,
+        "nodes": len(table.nodes),
+        "worlds": found,
+    }
 
 
 def main() -> None:

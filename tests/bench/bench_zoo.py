@@ -35,7 +35,15 @@ def main() -> int:
         page = Path(folder) / "page.html"
         words = ["--sample", options.sample, "--workers", "1", "--budget", options.budget]
         code = subprocess.call(
-            [sys.executable, str(ROOT / "tools" / "zoo500"), *words, "--results", str(lines), "-o", str(page)]
+            [
+                sys.executable,
+                str(ROOT / "tools" / "zoo500"),
+                *words,
+                "--results",
+                str(lines),
+                "-o",
+                str(page),
+            ]
         )
         if code:
             return code

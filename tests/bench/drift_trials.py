@@ -52,7 +52,11 @@ def healthy(table: Table, job: Job, expected: Expectation, blocks: int) -> dict[
         for part in parts(table, squeezed(table, job, 10_000, seed), seed):
             alarms.update(chart for chart, _ in monitor.add(part))
         print(f"healthy block {block}: {alarms.total()} alarms so far", flush=True)
-    return {"parts": 10_000 * blocks, "alarms": dict(alarms), "alarms_in_10000": alarms.total() / blocks}
+    return {
+        "parts": 10_000 * blocks,
+        "alarms": dict(alarms),
+        "alarms_in_10000": alarms.total() / blocks,
+    }
 
 
 def drifting(table: Table, job: Job, expected: Expectation, runs: int) -> dict[str, Any]:
@@ -66,7 +70,10 @@ def drifting(table: Table, job: Job, expected: Expectation, runs: int) -> dict[s
         own = seed + 1000 * (number + 1)
         found = squeezed(table, job, runs * WITHIN, own, drift)
         stretch = list(parts(table, found, own, drift))
-        rows = [_first(start, stretch[run * WITHIN : (run + 1) * WITHIN]) for run, start in enumerate(starts)]
+        rows = [
+            _first(start, stretch[run * WITHIN : (run + 1) * WITHIN])
+            for run, start in enumerate(starts)
+        ]
         told[name] = _figures(rows)
         if drift.friction is not None:
             shares = _shares(squeezed(table, job, POOL, own + 1, drift), table)

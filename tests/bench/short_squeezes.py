@@ -62,15 +62,17 @@ OFF: dict[str, Callable[[ExitStack], None]] = {
     "no second opening": lambda stack: stack.enter_context(
         patch.object(Jaws, "_stands_open", lambda *_: False)
     ),
-    "settled: three equal readings as fast as the count may change": lambda stack: stack.enter_context(
-        patch.object(driver.Gripper, "move", _driver(driver.Gripper.move))
+    "settled: three equal readings as fast as the count may change": lambda stack: (
+        stack.enter_context(patch.object(driver.Gripper, "move", _driver(driver.Gripper.move)))
     ),
     "force raised only where it changes anything": lambda stack: stack.enter_context(
         patch.object(Executor, "_read", _tightened(Executor._read))
     ),
 }
 OF_THE_HAND = {
-    "rise to the regrasp height": lambda hand: replace(hand.timing, regrasp_mm=hand.timing.retreat_mm),
+    "rise to the regrasp height": lambda hand: replace(
+        hand.timing, regrasp_mm=hand.timing.retreat_mm
+    ),
     "turn the short way": None,
 }
 CONTACT = "close fast until shortly before contact"
@@ -89,7 +91,9 @@ def seconds(table: Table, tree: Path, parts: int, without: set[str]) -> list[tup
         gripper = cell.gripper()
         gripper.activate()
         options = RunOptions(handling=Handling(regulated=True))
-        executor = Executor(table, Cell(gripper, cell.arm(), cell.clock, Nowhere()), Console(), options)
+        executor = Executor(
+            table, Cell(gripper, cell.arm(), cell.clock, Nowhere()), Console(), options
+        )
         hand = executor._hand
         if "rise to the regrasp height" in without:
             hand.timing = OF_THE_HAND["rise to the regrasp height"](hand)
@@ -136,7 +140,8 @@ def main() -> None:
         alone = seconds(table, arguments.tree, arguments.parts, set(MEASURES) - {name})
         rest = seconds(table, arguments.tree, arguments.parts, {name})
         print(
-            f"{name:64s} {_mean(none) - _mean(alone):11.2f}   {_mean(rest) - _mean(whole):15.2f}", flush=True
+            f"{name:64s} {_mean(none) - _mean(alone):11.2f}   {_mean(rest) - _mean(whole):15.2f}",
+            flush=True,
         )
 
 

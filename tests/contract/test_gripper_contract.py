@@ -71,7 +71,12 @@ def test_a_port_that_does_not_exist():
     "port",
     [
         *("tcp://127.0.0.1:1", "rtu+tcp://127.0.0.1:1", "tcp://127.0.0.1", "udp://x:1", "tcp://:x"),
-        *("tcp://127.0.0.1:99999", "tcp://[::1", "tcp://127.0.0.1:502/path", "tcp://127.0.0.1:502?unit=2"),
+        *(
+            "tcp://127.0.0.1:99999",
+            "tcp://[::1",
+            "tcp://127.0.0.1:502/path",
+            "tcp://127.0.0.1:502?unit=2",
+        ),
     ],
 )
 def test_ports_nobody_serves(port):

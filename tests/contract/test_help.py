@@ -17,7 +17,9 @@ STREAMS = {"grasp-runtime", "grasp-journal show"}
 """Those that print one JSON object after another, since their end may be far."""
 
 
-def every(found: dict[str, argparse.ArgumentParser]) -> Iterator[tuple[str, argparse.ArgumentParser]]:
+def every(
+    found: dict[str, argparse.ArgumentParser],
+) -> Iterator[tuple[str, argparse.ArgumentParser]]:
     """All commands and subcommands by the words that call them."""
     for name, made in found.items():
         yield name, made
@@ -31,7 +33,9 @@ LAST = [name for name, made in ALL.items() if not _subcommands(made)]  # not `sq
 
 
 def arguments(made: argparse.ArgumentParser) -> list[argparse.Action]:
-    return [action for action in made._actions if not isinstance(action, argparse._SubParsersAction)]
+    return [
+        action for action in made._actions if not isinstance(action, argparse._SubParsersAction)
+    ]
 
 
 @pytest.mark.parametrize("name", ALL)
@@ -66,7 +70,9 @@ def test_an_example_is_understood(name: str) -> None:
 def test_the_same_things_are_said_in_the_same_words(name: str) -> None:
     for action in arguments(ALL[name]):
         told = str(action.help)
-        assert told[0].islower() or not told[0].isalpha() or told.split()[0].strip(",").isupper(), told
+        assert told[0].islower() or not told[0].isalpha() or told.split()[0].strip(",").isupper(), (
+            told
+        )
         assert not told.removesuffix("...").endswith("."), told
         assert not re.search(r"\(default (?!:)|\(defaults", told), told
         if action.dest == "debug":
@@ -77,5 +83,8 @@ def test_the_same_things_are_said_in_the_same_words(name: str) -> None:
 
 
 def test_who_prints_text_prints_json_too() -> None:
-    silent = {"grasp-audit judge", "squeezetree-completion"}  # JSON or a script are all that they print
+    silent = {
+        "grasp-audit judge",
+        "squeezetree-completion",
+    }  # JSON or a script are all that they print
     assert {name for name in LAST if "--json" not in ALL[name]._option_string_actions} == silent

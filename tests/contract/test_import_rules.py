@@ -12,7 +12,9 @@ import pytest
 pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[2]
-CONTRACTS = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"]
+CONTRACTS = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"][
+    "contracts"
+]
 LAYERS = re.findall(r"[\w.]+", " ".join(line for c in CONTRACTS for line in c.get("layers", ())))
 LINT = "import sys; from importlinter.cli import lint_imports_command; sys.exit(lint_imports_command())"
 
@@ -46,14 +48,23 @@ CLEAN = {f"{layer.replace('.', '/')}.py": "" for layer in LAYERS} | {
 
 BROKEN = [
     pytest.param(
-        "planner/compile.py", "import runtime.execution.executor", "planner knows only", id="planner-executor"
+        "planner/compile.py",
+        "import runtime.execution.executor",
+        "planner knows only",
+        id="planner-executor",
     ),
     pytest.param(
         "planner/compile.py", "import runtime.table.codec", "planner knows only", id="planner-codec"
     ),
-    pytest.param("planner/mechanics.py", "import planner.belief", "the planner's rooms", id="layers-upwards"),
-    pytest.param("planner/learned.py", "import planner.search", "the planner's rooms", id="layers-sideways"),
-    pytest.param("planner/compile.py", "import drivers.robotiq", "planner knows only", id="planner-drivers"),
+    pytest.param(
+        "planner/mechanics.py", "import planner.belief", "the planner's rooms", id="layers-upwards"
+    ),
+    pytest.param(
+        "planner/learned.py", "import planner.search", "the planner's rooms", id="layers-sideways"
+    ),
+    pytest.param(
+        "planner/compile.py", "import drivers.robotiq", "planner knows only", id="planner-drivers"
+    ),
     pytest.param(
         "runtime/execution/executor.py",
         "import planner.compile",
@@ -66,14 +77,27 @@ BROKEN = [
         "the runtime's rooms",
         id="journal-up",
     ),
-    pytest.param("drivers/ports.py", "import drivers.robotiq", "drivers.ports imports", id="ports-make"),
-    pytest.param("runtime/table/codec.py", "import numpy", "runtime is numpy-free", id="table-numpy"),
-    pytest.param("drivers/robotiq.py", "import numpy", "runtime is numpy-free", id="numpy-through-a-driver"),
     pytest.param(
-        "runtime/execution/executor.py", "import drivers.connect", "only runtime.cli", id="executor-drivers"
+        "drivers/ports.py", "import drivers.robotiq", "drivers.ports imports", id="ports-make"
     ),
-    pytest.param("runtime/cli.py", "import drivers.robotiq", "only runtime.cli", id="cli-past-connect"),
-    pytest.param("drivers/robotiq.py", "import runtime.table", "drivers know neither", id="drivers-runtime"),
+    pytest.param(
+        "runtime/table/codec.py", "import numpy", "runtime is numpy-free", id="table-numpy"
+    ),
+    pytest.param(
+        "drivers/robotiq.py", "import numpy", "runtime is numpy-free", id="numpy-through-a-driver"
+    ),
+    pytest.param(
+        "runtime/execution/executor.py",
+        "import drivers.connect",
+        "only runtime.cli",
+        id="executor-drivers",
+    ),
+    pytest.param(
+        "runtime/cli.py", "import drivers.robotiq", "only runtime.cli", id="cli-past-connect"
+    ),
+    pytest.param(
+        "drivers/robotiq.py", "import runtime.table", "drivers know neither", id="drivers-runtime"
+    ),
     pytest.param(
         "drivers/camera/audit.py",
         "import runtime.execution.executor",
@@ -81,20 +105,29 @@ BROKEN = [
         id="camera-executor",
     ),
     pytest.param(
-        "drivers/robotiq.py", "import runtime.shell.command", "drivers know neither", id="driver-shell"
+        "drivers/robotiq.py",
+        "import runtime.shell.command",
+        "drivers know neither",
+        id="driver-shell",
     ),
     pytest.param(
         "drivers/robotiq.py", "import planner.compile", "drivers know neither", id="drivers-planner"
     ),
-    pytest.param("drivers/robotiq.py", "import runtime.shell.files", "drivers know", id="driver-shell"),
-    pytest.param("drivers/sim/wire.py", "import drivers.sim.cell", "the drivers' rooms", id="wire-cell"),
+    pytest.param(
+        "drivers/robotiq.py", "import runtime.shell.files", "drivers know", id="driver-shell"
+    ),
+    pytest.param(
+        "drivers/sim/wire.py", "import drivers.sim.cell", "the drivers' rooms", id="wire-cell"
+    ),
 ]
 
 
 def lint(folder: Path) -> subprocess.CompletedProcess[str]:
     """Run import-linter in a folder with the contracts of this project."""
     command = [sys.executable, "-c", LINT, "--config", str(ROOT / "pyproject.toml"), "--no-cache"]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120, check=False)
+    return subprocess.run(
+        command, cwd=folder, capture_output=True, text=True, timeout=120, check=False
+    )
 
 
 def plant(folder: Path, modules: dict[str, str]) -> None:
@@ -105,13 +138,18 @@ def plant(folder: Path, modules: dict[str, str]) -> None:
         path.write_text(source)
 
 
-@pytest.mark.parametrize("path", [*(ROOT / "runtime" / "shell").glob("*.py")], ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path", [*(ROOT / "runtime" / "shell").glob("*.py")], ids=lambda path: path.stem
+)
 def test_what_all_commands_share_needs_nothing_but_the_standard_library(path: Path) -> None:
     for node in ast.walk(ast.parse(path.read_text())):
         names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
         names += [str(node.module)] if isinstance(node, ast.ImportFrom) else []
         for name in names:
-            assert name.startswith("runtime.shell") or name.partition(".")[0] in sys.stdlib_module_names
+            assert (
+                name.startswith("runtime.shell")
+                or name.partition(".")[0] in sys.stdlib_module_names
+            )
 
 
 def test_allowed_imports_keep_the_rules(tmp_path: Path) -> None:
@@ -129,7 +167,9 @@ def test_forbidden_import_is_found(tmp_path: Path, module: str, line: str, contr
     assert any(text.startswith(contract) for text in broken), result.stdout
 
 
-@pytest.mark.parametrize("contract", [c for c in CONTRACTS if "layers" in c], ids=lambda c: c["name"])
+@pytest.mark.parametrize(
+    "contract", [c for c in CONTRACTS if "layers" in c], ids=lambda c: c["name"]
+)
 def test_the_picture_shows_the_layers(contract: dict[str, list[str]]) -> None:
     package = contract["layers"][0].partition(".")[0]
     layers: list[set[str]] = []
@@ -137,7 +177,9 @@ def test_the_picture_shows_the_layers(contract: dict[str, list[str]]) -> None:
         rooms = set(re.findall(rf"{package}\.(\w+)", layer)) - set().union(*layers)
         layers += [rooms] if rooms else []
     picture = (ROOT / "tools" / "docs" / "pictures" / "rooms.svg").read_text()
-    drawn = re.split(r">(?:planner|runtime|drivers)</text>", picture.partition(f">{package}</text>")[2])[0]
+    drawn = re.split(
+        r">(?:planner|runtime|drivers)</text>", picture.partition(f">{package}</text>")[2]
+    )[0]
     rows: dict[str, set[str]] = {}
     for height, name in re.findall(r' y="([\d.]+)" font-size="22"[^>]*>(\w+)<', drawn):
         rows.setdefault(height, set()).add(name)

@@ -27,7 +27,9 @@ HEADINGS = ["Status", "Context", "Decision", "Consequences"]
 
 def folders(path: Path) -> set[str]:
     """Names of the folders in path, without those that git ignores by name and git's own."""
-    ignored = [line.strip("/") for line in (ROOT / ".gitignore").read_text().splitlines() if line.strip()]
+    ignored = [
+        line.strip("/") for line in (ROOT / ".gitignore").read_text().splitlines() if line.strip()
+    ]
     names = {entry.name for entry in path.iterdir() if entry.is_dir() and entry.name != ".git"}
     return {name for name in names if not any(fnmatch(name, pattern) for pattern in ignored)}
 
@@ -69,7 +71,10 @@ def test_package_exports_only_names_that_exist(package: str) -> None:
 def test_packages_are_marked_as_typed() -> None:
     data = PYPROJECT["tool"]["setuptools"]["package-data"]
     missing = [
-        f"{top}/{name}" for top, names in data.items() for name in names if not list((ROOT / top).glob(name))
+        f"{top}/{name}"
+        for top, names in data.items()
+        for name in names
+        if not list((ROOT / top).glob(name))
     ]
     assert missing == []
 

@@ -39,7 +39,9 @@ def test_the_states_are_those_of_the_loop() -> None:
 
 def test_the_outcomes_have_their_codes() -> None:
     told = {row[0].strip("`"): row[1] for row in rows("Outcomes")}
-    assert told == {outcome.value: str(EXIT_CODES.get(outcome, "the device's")) for outcome in Outcome}
+    assert told == {
+        outcome.value: str(EXIT_CODES.get(outcome, "the device's")) for outcome in Outcome
+    }
 
 
 def test_the_faults_are_the_codes_of_devices_and_disk() -> None:
@@ -50,7 +52,11 @@ def test_the_faults_are_the_codes_of_devices_and_disk() -> None:
 
 @pytest.mark.parametrize("row", rows("Policies"), ids=lambda row: row[0])
 def test_the_policies_are_those_of_the_command(row: list[str]) -> None:
-    option, default, names = row[0].strip("`"), row[1].strip("`"), set(re.findall(r"`(\w+)`", row[2]))
+    option, default, names = (
+        row[0].strip("`"),
+        row[1].strip("`"),
+        set(re.findall(r"`(\w+)`", row[2])),
+    )
     arguments = parser().parse_args(["--tree", "t"])
     assert getattr(arguments, option.strip("-").replace("-", "_")) == default
     if option == "--after-crash":

@@ -13,7 +13,9 @@ PAGE = (Path(__file__).parents[2] / "tools" / "docs" / "plc.md").read_text()
 
 def rows(first: str) -> list[list[str]]:
     """The cells of the table whose head begins with a word, without that head."""
-    (table,) = re.findall(rf"^\| {re.escape(first)} \|.*\n\| ---.*\n((?:\|.*\n)+)", PAGE, re.MULTILINE)
+    (table,) = re.findall(
+        rf"^\| {re.escape(first)} \|.*\n\| ---.*\n((?:\|.*\n)+)", PAGE, re.MULTILINE
+    )
     return [[cell.strip() for cell in line.strip("|").split(" | ")] for line in table.splitlines()]
 
 
@@ -50,9 +52,15 @@ def test_page_lists_every_register() -> None:
         value = f"x {register.scale:g} {register.unit}" if register.unit else ""
         return [f"`{register.name}`", address, register.type, value, register.meaning]
 
-    found = re.findall(r"^\| (`\w+`) \| (\d+(?:, \d+)?) \| (\w+) \| ([^|]*)\| (.*) \|$", PAGE, re.MULTILINE)
-    assert [[cell.strip() for cell in row] for row in found] == [expected(register) for register in MAP]
-    assert f"read {sum(each.words for each in READ)} registers from address {READ[0].address}" in PAGE
+    found = re.findall(
+        r"^\| (`\w+`) \| (\d+(?:, \d+)?) \| (\w+) \| ([^|]*)\| (.*) \|$", PAGE, re.MULTILINE
+    )
+    assert [[cell.strip() for cell in row] for row in found] == [
+        expected(register) for register in MAP
+    ]
+    assert (
+        f"read {sum(each.words for each in READ)} registers from address {READ[0].address}" in PAGE
+    )
     assert f"write {len(WRITTEN)} from address {WRITTEN[0].address}" in PAGE
 
 

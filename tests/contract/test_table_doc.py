@@ -39,7 +39,9 @@ def test_fields_are_listed_in_their_order() -> None:
 def test_the_fields_of_format_4_follow_in_their_order() -> None:
     listed = re.findall(r"^\| (4[1-7]) \| `(\w+)` \| [^|]*\| [^|]*\|$", TEXT, re.MULTILINE)
     first = len(PAYLOAD_FIELDS)
-    assert [(int(number), name) for number, name in listed] == list(enumerate(SEVERAL_FIELDS, first))
+    assert [(int(number), name) for number, name in listed] == list(
+        enumerate(SEVERAL_FIELDS, first)
+    )
     assert f"format {SEVERAL}\n" in TEXT
     assert f"2 to {MAX_HYPOTHESES} names" in TEXT
 

@@ -58,7 +58,11 @@ def test_goal_and_gripper_are_the_papers(name, jobs):
     job = jobs[name]
     assert (job.goal.distance_mm, job.goal.confidence) == (3.0, 0.99)
     gripper = job.gripper
-    assert (gripper.opening_mm, gripper.finger_length_mm, gripper.finger_width_mm) == (85.0, 27.5, 9.5)
+    assert (gripper.opening_mm, gripper.finger_length_mm, gripper.finger_width_mm) == (
+        85.0,
+        27.5,
+        9.5,
+    )
     assert (job.friction.finger_part_min, job.friction.finger_part_max) == (0.4, 0.6)
     assert job.pressure.kind == "boundary"
     assert job.uncertainty.orientation_halfwidth_deg == 180.0
@@ -104,7 +108,9 @@ def test_rows_are_the_papers_table(jobs):
     for row in ROWS:
         job = jobs[row["part"]]
         actions = len(job.actions.angles_deg) * len(job.actions.centers_mm)
-        found.append((row["experiment"], job.part.name, job.uncertainty.radius_mm, actions, row["paper"]))
+        found.append(
+            (row["experiment"], job.part.name, job.uncertainty.radius_mm, actions, row["paper"])
+        )
     assert found == TABLE_I
 
 

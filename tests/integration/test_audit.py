@@ -38,7 +38,15 @@ class Asked:
         self.code = code
         arguments = [word for name, value in files.items() for word in (f"--{name}", str(value))]
         self.process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "drivers.camera.audit.command", "judge", *arguments, *words],
+            [
+                sys.executable,
+                "-P",
+                "-m",
+                "drivers.camera.audit.command",
+                "judge",
+                *arguments,
+                *words,
+            ],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
@@ -105,13 +113,19 @@ def test_overlay_of_a_failure_shows_the_parts_outline(files, tmp_path):
 @pytest.mark.parametrize(
     ("change", "sentence", "code"),
     [
-        ({"calibration": "none.json"}, "camera calibration none.json: cannot be read: No such file", 33),
+        (
+            {"calibration": "none.json"},
+            "camera calibration none.json: cannot be read: No such file",
+            33,
+        ),
         ({"calibration": "spoilt"}, "damaged or changed, its checksum does not match", 33),
         ({"camera": "/dev/video99"}, "there is no camera or folder /dev/video99", 23),
         ({"tree": "none.msgpack"}, "table none.msgpack", 3),
     ],
 )
-def test_whatever_is_missing_is_told_with_every_verdict_and_at_the_end(files, change, sentence, code):
+def test_whatever_is_missing_is_told_with_every_verdict_and_at_the_end(
+    files, change, sentence, code
+):
     if change == {"calibration": "spoilt"}:
         path = files["calibration"]
         path.write_text(path.read_text().replace("S-1", "S-2"))
@@ -152,7 +166,9 @@ def test_process_that_grew_starts_anew_and_goes_on_answering(files, tmp_path):
 
 def test_memory_is_bounded():
     script = "from drivers.camera.audit import service; service.limit_memory(1); bytearray(3 << 30)"
-    ended = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, check=False)
+    ended = subprocess.run(
+        [sys.executable, "-c", script], cwd=ROOT, capture_output=True, check=False
+    )
     assert b"MemoryError" in ended.stderr
 
 
@@ -238,7 +254,13 @@ def test_run_by_another_table_is_refused_before_the_first_motion(files, tmp_path
     assert "--audit judges by another table" in capsys.readouterr().err
     assert not journal.exists()
     with Asked(**{**files, "tree": other}) as audits:
-        asked = {"part": 1, "x_mm": 12.0, "y_mm": -8.0, "theta_rad": 0.7, "table_sha256": load(TREE).digest}
+        asked = {
+            "part": 1,
+            "x_mm": 12.0,
+            "y_mm": -8.0,
+            "theta_rad": 0.7,
+            "table_sha256": load(TREE).digest,
+        }
         answer = audits.say(asked)
         assert (answer["verdict"], answer["table_sha256"]) == (UNKNOWN, load(other).digest)
         assert "another table" in answer["reason"]

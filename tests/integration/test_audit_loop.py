@@ -37,7 +37,9 @@ def folder(tmp_path):
 
 
 def test_verdicts_agree_with_the_world_and_are_in_the_journal(folder, capsys):
-    found = loop(folder / "mixed.msgpack", folder, parts=PARTS, seed=SEED, time_scale=TIME_SCALE, runs=4)
+    found = loop(
+        folder / "mixed.msgpack", folder, parts=PARTS, seed=SEED, time_scale=TIME_SCALE, runs=4
+    )
     told = agreement(found.parts)
     assert told["at_leaves"] == PARTS, found.faults
     # A fault, on a machine too busy for five times life's speed, means other parts than those of the seed.
@@ -50,7 +52,9 @@ def test_verdicts_agree_with_the_world_and_are_in_the_journal(folder, capsys):
 
 
 def test_cell_tells_its_camera_and_shows_where_the_part_is(folder):
-    with CellProcess(TREE, world="planner.world:make", seed=3, time_scale=10.0, camera=True) as cell:
+    with CellProcess(
+        TREE, world="planner.world:make", seed=3, time_scale=10.0, camera=True
+    ) as cell:
         words = [
             sys.executable,
             "-m",

@@ -142,7 +142,9 @@ def test_a_second_ctrl_c_ends_at_once_with_nothing_half_written(job, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_advice_that_is_interrupted_is_left_out_and_the_table_is_there(job, tmp_path, capsys, monkeypatch):
+def test_advice_that_is_interrupted_is_left_out_and_the_table_is_there(
+    job, tmp_path, capsys, monkeypatch
+):
     def interrupted(*arguments):
         raise KeyboardInterrupt
 

@@ -75,7 +75,9 @@ class Running:
     @contextlib.contextmanager
     def connected(self, gripper="gripper", arm="arm"):
         with (
-            contextlib.closing(connect.gripper(self.endpoints[gripper], time_scale=SCALE)) as gripper,
+            contextlib.closing(
+                connect.gripper(self.endpoints[gripper], time_scale=SCALE)
+            ) as gripper,
             contextlib.closing(connect.arm(self.endpoints[arm], time_scale=SCALE)) as arm,
             contextlib.closing(connect.scene(self.endpoints["scene"])) as scene,
         ):
@@ -129,7 +131,9 @@ def test_parts_lie_in_the_uncertainty_disc_and_move_only_when_squeezed(cell, gri
                 # The world centred the part between the fingers and lined it up with them.
                 across = -math.sin(angle) * (seen.x_mm - 2.0) + math.cos(angle) * (seen.y_mm + 3.0)
                 assert across == pytest.approx(0.0, abs=0.01)
-                assert math.remainder(seen.theta_rad - angle, math.tau) == pytest.approx(0.0, abs=1e-4)
+                assert math.remainder(seen.theta_rad - angle, math.tau) == pytest.approx(
+                    0.0, abs=1e-4
+                )
                 assert (seen.squeezes, seen.status) == (k + 1, "grasped")
             assert scene.next_part() == part + 1
 
@@ -181,7 +185,11 @@ def test_same_seed_same_parts_and_widths():
             for _ in range(3):
                 scene.next_part()
                 told.append(
-                    (scene.truth(), squeeze(gripper, arm, 0.0, 0.0, 0.5).position_counts, scene.truth())
+                    (
+                        scene.truth(),
+                        squeeze(gripper, arm, 0.0, 0.0, 0.5).position_counts,
+                        scene.truth(),
+                    )
                 )
         made.end()
         return told

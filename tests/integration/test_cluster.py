@@ -92,7 +92,14 @@ class Machines:
 
     def add_worker(self):
         """One more, with one thread and nobody to start it again."""
-        options = ("--nthreads", 1, "--no-nanny", "--no-dashboard", "--local-directory", self._folder)
+        options = (
+            "--nthreads",
+            1,
+            "--no-nanny",
+            "--no-dashboard",
+            "--local-directory",
+            self._folder,
+        )
         self.workers.append(self._stack.enter_context(started("worker", self.address, *options)))
 
 
@@ -166,7 +173,12 @@ def test_one_job_with_its_roll_outs_on_a_cluster_is_the_same_table(local_cluster
     job.write_text(QUICK + 'model = "kcde"\nrollouts = 2000\n')
     words = [str(job), "--trials", "300", "--cache-dir", str(tmp_path / "cache")]
     here, there = tmp_path / "here.msgpack", tmp_path / "there.msgpack"
-    assert plan_compile.main([*words, "-o", str(there), "--scheduler", local_cluster.scheduler_address]) == 0
+    assert (
+        plan_compile.main(
+            [*words, "-o", str(there), "--scheduler", local_cluster.scheduler_address]
+        )
+        == 0
+    )
     assert list((tmp_path / "cache" / "rollouts").glob("??/*"))
     assert plan_compile.main([*words[:3], "--no-cache", "-o", str(here)]) == 0
     assert here.read_bytes() == there.read_bytes()
@@ -209,7 +221,9 @@ def test_roll_outs_survive_a_killed_worker(machines, direct):
 
     with Cluster(machines.with_workers(2).address) as cluster:
         wait_for_workers(cluster, 2)
-        result = rolling.roll_outs(rolling.PART, rolling.RADIUS_MM, rolling.COUNT, None, cluster, kill)
+        result = rolling.roll_outs(
+            rolling.PART, rolling.RADIUS_MM, rolling.COUNT, None, cluster, kill
+        )
     assert same(result, direct)
     assert machines.workers[0].wait(10) == -signal.SIGKILL
 
@@ -229,7 +243,9 @@ def test_a_cluster_that_stays_without_workers_is_one_error(machines, tmp_path):
         results = cluster.map(partial(logged_work.logged, str(tmp_path / "log"), 0.05), range(50))
         next(results)
         machines.kill_workers()
-        with pytest.raises(ClusterError, match=r"no workers for 1 s.* dask worker tcp://") as caught:
+        with pytest.raises(
+            ClusterError, match=r"no workers for 1 s.* dask worker tcp://"
+        ) as caught:
             list(results)
         assert str(caught.value).isprintable()
 

@@ -16,7 +16,16 @@ from planner.frames import wrap
 from planner.job import model as job_file
 from planner.search.tree import breadth_first
 from planner.world import ContactWorlds, make
-from runtime.table import HELD_UM, Calibration, by_count, decision_map, dumps, load, loads, wilson_interval
+from runtime.table import (
+    HELD_UM,
+    Calibration,
+    by_count,
+    decision_map,
+    dumps,
+    load,
+    loads,
+    wilson_interval,
+)
 
 TREES = Path(__file__).parents[2] / "trees"
 FEW = {"particles": 300, "search_particles": 30, "max_depth": 4}
@@ -52,7 +61,9 @@ def test_beliefs_are_conserved_down_the_tree_and_every_leaf_was_tried(plan):
         if node.children:
             assert sum(child.share for child in node.children) <= node.share + 1e-9
     leaves = [node for node in breadth_first(plan.root) if not node.children]
-    untried = 2.0 * plan.untried / plan.table.predicted.trials  # branches that no trial took are cut off
+    untried = (
+        2.0 * plan.untried / plan.table.predicted.trials
+    )  # branches that no trial took are cut off
     assert sum(leaf.share for leaf in leaves) == pytest.approx(1.0, abs=1e-3 + untried)
     assert all(leaf.trials > 0 for leaf in plan.table.leaves)
     assert plan.untried < 0.25 * sum(len(node.branches) for node in plan.table.nodes)
@@ -146,7 +157,9 @@ def test_off_centre_squeezes_tell_an_l_from_its_half_turn():
 
 def test_what_centred_squeezes_leave_open_is_said_and_what_would_tell_it_apart():
     with pytest.raises(NoPlanError, match=r"the part lies at .* or .* would read") as caught:
-        compile_job(l_job("none", search={"max_depth": 3}, friction={"doubt": 0}), workers=2, trials=1000)
+        compile_job(
+            l_job("none", search={"max_depth": 3}, friction={"doubt": 0}), workers=2, trials=1000
+        )
     assert 0.3 <= caught.value.success <= 0.7
     assert "\n" not in str(caught.value)
 
@@ -164,12 +177,23 @@ def test_prongs_that_the_jaws_pinch_are_told_from_an_empty_hand(job):
         [7.5, 0],
     ]
     pronged = job.replaced(
-        part={"outline_mm": prongs, "symmetry": 1}, uncertainty={"radius_mm": 2}, search=FEW,
-        actions={"angles_deg": [0, 90], "centers_mm": [[0, 0], [0, 18], [18, 0]], "proposals": "none"},
+        part={"outline_mm": prongs, "symmetry": 1},
+        uncertainty={"radius_mm": 2},
+        search=FEW,
+        actions={
+            "angles_deg": [0, 90],
+            "centers_mm": [[0, 0], [0, 18], [18, 0]],
+            "proposals": "none",
+        },
         goal={"confidence": 0.9},
-    )  # fmt: skip
+    )
     plan = compile_job(pronged, workers=2, trials=1000)
-    thin = [b for node in plan.table.nodes for b in node.branches if b.low_um > 0 and b.expected_um < HELD_UM]
+    thin = [
+        b
+        for node in plan.table.nodes
+        for b in node.branches
+        if b.low_um > 0 and b.expected_um < HELD_UM
+    ]
     assert sum(branch.probability_ppm for branch in thin) > 10_000
     assert plan.evaluation.rejected.mean() < 0.05, plan.evaluation.summary()
 
@@ -194,7 +218,9 @@ def test_other_goals_are_stated_in_the_table_and_judged_by_it(job, kind, toleran
     assert (plan.table.goal.kind, plan.table.goal.tolerance) == (kind, tolerance)
     assert plan.evaluation.summary()["success_rate"] >= 0.98
     known = plan.evaluation.resolved
-    poses = [(leaf.x_um / 1e3, leaf.y_um / 1e3, leaf.theta_urad / 1e6) for leaf in plan.table.leaves]
+    poses = [
+        (leaf.x_um / 1e3, leaf.y_um / 1e3, leaf.theta_urad / 1e6) for leaf in plan.table.leaves
+    ]
     offset = plan.evaluation.poses[known] - np.array(poses)[plan.evaluation.leaf[known]]
     offset[:, 2] = wrap(offset[:, 2], job.part.symmetry)
     kept = np.abs(offset[:, 2]) < np.radians(5.0)
@@ -204,13 +230,18 @@ def test_other_goals_are_stated_in_the_table_and_judged_by_it(job, kind, toleran
 
 
 def test_parts_near_the_edge_are_dragged_back_as_the_table_says(job):
-    near_edge = {"cell": {"work_area_mm": [[-30, -30], [30, 30]]}, "actions": {"centers_mm": [[6, 0]]}}
+    near_edge = {
+        "cell": {"work_area_mm": [[-30, -30], [30, 30]]},
+        "actions": {"centers_mm": [[6, 0]]},
+    }
     narrow = job.replaced(**near_edge)
     table = compile_job(narrow, workers=2, trials=1000).table
     assert {node.release for node in table.nodes} >= {(0, 0)}
     worlds = ContactWorlds.of_job(narrow, 3)
     assert evaluate(table, narrow, worlds, 1000, 4).success.mean() >= 0.98
-    left = dataclasses.replace(table, nodes=tuple(node._replace(release=None) for node in table.nodes))
+    left = dataclasses.replace(
+        table, nodes=tuple(node._replace(release=None) for node in table.nodes)
+    )
     assert evaluate(left, narrow, worlds, 1000, 4).success.mean() < 0.9
 
 
@@ -240,7 +271,9 @@ def test_shares_of_busy_branches_are_those_that_parts_took(plan):
     for number, branch in enumerate(table.nodes[0].branches):
         share = np.mean(at_root == number)
         of_other_trials = 4.0 * np.sqrt(2.0 * share * (1.0 - share) / len(at_root))
-        assert branch.probability_ppm == pytest.approx(1e6 * share, abs=7500 + 1e6 * of_other_trials)
+        assert branch.probability_ppm == pytest.approx(
+            1e6 * share, abs=7500 + 1e6 * of_other_trials
+        )
 
 
 def test_confident_wrong_answers_stay_rare_in_every_world_but_that_of_few_degrees_of_freedom():
@@ -248,6 +281,8 @@ def test_confident_wrong_answers_stay_rare_in_every_world_but_that_of_few_degree
     doubting = job_file.load(TREES / "rectangle" / "job.toml")
     table = load(TREES / "rectangle" / "rectangle.msgpack").table
     cases = [case for case in standard_cases(doubting) if case.name != "10 degrees of freedom"]
-    for line in sweep(table, doubting, cases, lambda real: ContactWorlds.of_job(real, 21), 2000, 22):
+    for line in sweep(
+        table, doubting, cases, lambda real: ContactWorlds.of_job(real, 21), 2000, 22
+    ):
         low, _ = wilson_interval(int(line.evaluation.wrong.sum()), 2000)
         assert low <= 1.0 - doubting.goal.confidence, line.case.name

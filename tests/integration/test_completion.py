@@ -33,9 +33,14 @@ class Bash:
         environment = {"PATH": os.environ["PATH"], "TERM": "dumb", "PS1": PROMPT.decode()}
         words = ["bash", "--norc", "--noprofile", "-i"]
         self._process = subprocess.Popen(
-            words, cwd=ROOT, env=environment, start_new_session=True,
-            stdin=theirs, stdout=theirs, stderr=theirs,
-        )  # fmt: skip
+            words,
+            cwd=ROOT,
+            env=environment,
+            start_new_session=True,
+            stdin=theirs,
+            stdout=theirs,
+            stderr=theirs,
+        )
         os.close(theirs)
         self._until(PROMPT)
         self._say(f"bind 'set enable-bracketed-paste off'; . {script}\n".encode())
@@ -89,10 +94,16 @@ def test_each_parser_is_its_commands() -> None:
     ("line", "completed"),
     [
         ("grasp-runtime --watc", "grasp-runtime --watch "),
-        ("grasp-runtime --after-crash res", "grasp-runtime --after-crash res"),  # resume and restart
+        (
+            "grasp-runtime --after-crash res",
+            "grasp-runtime --after-crash res",
+        ),  # resume and restart
         ("grasp-runtime --after-crash resu", "grasp-runtime --after-crash resume "),
         ("plan-compile trees/rectangle/jo", "plan-compile trees/rectangle/job.toml "),
-        ("plan-evaluate trees/rectangle/rectangle.m", "plan-evaluate trees/rectangle/rectangle.msgpack "),
+        (
+            "plan-evaluate trees/rectangle/rectangle.m",
+            "plan-evaluate trees/rectangle/rectangle.msgpack ",
+        ),
         ("plan-compile JOB --cache-dir tree", "plan-compile JOB --cache-dir trees/"),
         ("plan-init part.dxf --gripper hand", "plan-init part.dxf --gripper hand-e "),
         ("plan-simulate --nom", "plan-simulate --nominal "),
@@ -129,7 +140,11 @@ def test_the_documented_line_is_one_that_bash_takes(script: str, tmp_path: Path)
     made = f"{completion.NAME}() {{ cat ~/script; }}"
     command = [f"HOME={tmp_path}", made, line, ". ~/.bashrc", "complete -p grasp-cell"]
     done = subprocess.run(
-        ["bash", "-c", "\n".join(command)], capture_output=True, text=True, timeout=WAIT_S, check=True
+        ["bash", "-c", "\n".join(command)],
+        capture_output=True,
+        text=True,
+        timeout=WAIT_S,
+        check=True,
     )
     assert re.search(r"-F _shtab_grasp_cell grasp-cell", done.stdout)
 
@@ -138,7 +153,12 @@ def test_commands_whose_libraries_are_not_installed_are_left_out() -> None:
     code = "import sys; sys.modules['numpy'] = None; from runtime.commands import completion"
     code += "; sys.exit(completion.main())"
     done = subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=120, check=True
+        [sys.executable, "-c", code],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=True,
     )
     registered = set(re.findall(r"^complete .* ([a-z-]+)$", done.stdout, re.MULTILINE))
     gone = {name for name in SCRIPTS if name.startswith("plan-")} | {"grasp-audit"}
@@ -149,7 +169,12 @@ def test_without_shtab_one_line_names_the_extra() -> None:
     code = "import sys; sys.modules['shtab'] = None; from runtime.commands import completion"
     code += "; sys.exit(completion.main())"
     done = subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=WAIT_S, check=False
+        [sys.executable, "-c", code],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=WAIT_S,
+        check=False,
     )
     assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
     assert "squeezetree[completion]" in done.stderr

@@ -16,7 +16,12 @@ import tomllib
 import pytest
 from documents import COMMANDS, DOCS, PAGES, ROOT, blocks
 
-RUN = {ROOT / "README.md", DOCS / "tutorial.md", DOCS / "from-a-solid.md", DOCS / "commissioning.md"}
+RUN = {
+    ROOT / "README.md",
+    DOCS / "tutorial.md",
+    DOCS / "from-a-solid.md",
+    DOCS / "commissioning.md",
+}
 PARSED = {
     ROOT / "drivers" / "camera" / "README.md": "pictures are rendered for minutes",
     DOCS / "python.md": "they install; tests/integration/test_python_page.py runs its Python",
@@ -25,15 +30,20 @@ PARSED = {
     DOCS / "acceptance.md": "tests/unit/runtime/spc/study/test_study_command.py runs it",
     DOCS / "evidence.md": "tests/integration/test_evidence.py runs it",
     DOCS / "refit.md": "tests/integration/test_tutorial.py runs it with fewer parts",
-    DOCS / "plc.md": "it serves until it is stopped; tests/integration/test_plc.py runs such a command",
+    DOCS
+    / "plc.md": "it serves until it is stopped; tests/integration/test_plc.py runs such a command",
     DOCS / "performance.md": "each command measures for minutes, some need MuJoCo",
 }
 SENTENCE = re.compile(r"`((?:plan|grasp)-[a-z]+ [^`]+)`")
 OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*")
 FILE = re.compile(r"(?<![\w/.-])(?:planner|runtime|drivers|tests|tools|trees)/[\w./*@-]*[\w*]/?")
 MODULE = re.compile(r"`((?:planner|runtime|drivers)(?:\.\w+)+)[`:]")
-KEPT = re.compile(r"^<!-- table .*?^<!-- end -->$", re.MULTILINE | re.DOTALL)  # with names of its day
-EXTRAS = set(tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"])
+KEPT = re.compile(
+    r"^<!-- table .*?^<!-- end -->$", re.MULTILINE | re.DOTALL
+)  # with names of its day
+EXTRAS = set(
+    tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+)
 CURLS = {"--unix-socket"}
 
 
@@ -55,7 +65,9 @@ def understand(words, monkeypatch):
     with monkeypatch.context() as patched:
         patched.setattr(argparse.ArgumentParser, "parse_args", parse_args)
         patched.setattr(sys, "argv", list(words))
-        patched.setattr("planner.commands.missing_input", lambda _: None)  # examples name files of a reader
+        patched.setattr(
+            "planner.commands.missing_input", lambda _: None
+        )  # examples name files of a reader
         try:
             getattr(importlib.import_module(module), function)()
         except Parsed:
@@ -143,12 +155,16 @@ def check_sentence(text, monkeypatch):
     """That the options and subcommands of a command exist that leaves the rest out."""
     command, *words = shlex.split(text.replace("\\|", "|").replace("[", "").replace("]", ""))
     assert command in COMMANDS, text
-    first = [words[0].split("|")[0]] if words and words[0][:1].islower() and "." not in words[0] else []
+    first = (
+        [words[0].split("|")[0]] if words and words[0][:1].islower() and "." not in words[0] else []
+    )
     parser, _ = understand([command, *first], monkeypatch)
     if first and subcommands_of(parser):
         assert set(words[0].split("|")) <= subcommands_of(parser), text
     for word in words:
-        assert not word.startswith("--") or word in options_of(parser), f"{command} has no {word}: {text}"
+        assert not word.startswith("--") or word in options_of(parser), (
+            f"{command} has no {word}: {text}"
+        )
         if word.partition(" ")[0] in COMMANDS:
             check_sentence(word, monkeypatch)
 
@@ -185,7 +201,9 @@ def test_options_and_commands_that_are_named_exist(page, known_options):
 def test_the_examples_in_help_are_understood(command, monkeypatch, capsys):
     parser, _ = understand([command], monkeypatch)
     text = (parser.epilog or "").replace("\\\n", " ")
-    examples = [line.strip() for line in text.splitlines() if line.strip().startswith(f"{command} ")]
+    examples = [
+        line.strip() for line in text.splitlines() if line.strip().startswith(f"{command} ")
+    ]
     assert examples, "its --help shows no example"
     for line in examples:
         for words in typed(line.partition("  #")[0]):
@@ -209,15 +227,21 @@ def _exists(name):
     """Whether it is a file or folder of the repository, or a name that one of its modules has."""
     found = [*ROOT.glob(name), *ROOT.glob(f"{name}.py")]
     module, _, attribute = name.rpartition("/")
-    above = [path for path in (ROOT / f"{module}.py", ROOT / module / "__init__.py") if path.exists()]
-    return bool(found) or any(re.search(rf"\b{re.escape(attribute)}\b", path.read_text()) for path in above)
+    above = [
+        path for path in (ROOT / f"{module}.py", ROOT / module / "__init__.py") if path.exists()
+    ]
+    return bool(found) or any(
+        re.search(rf"\b{re.escape(attribute)}\b", path.read_text()) for path in above
+    )
 
 
 def test_the_readme_shows_what_the_demo_runs():
     demo = (ROOT / "tools" / "demo").read_text()
     values = dict(re.findall(r"^(\w+)=(\S+)$", demo, re.MULTILINE))
     shown = [
-        re.sub(r"\$(\w+)|\"\$(\w+)\"", lambda m: values[m[1] or m[2]], line).split(" |")[0].replace('"', "")
+        re.sub(r"\$(\w+)|\"\$(\w+)\"", lambda m: values[m[1] or m[2]], line)
+        .split(" |")[0]
+        .replace('"', "")
         for line in re.findall(r"^show (.+)$", demo, re.MULTILINE)
     ]
     first = blocks(ROOT / "README.md")[0].commands
@@ -232,7 +256,11 @@ def test_help_of_a_script_runs_nothing(script, tmp_path):
     for name in (script, "environment"):
         (tmp_path / "tools" / name).write_text((ROOT / "tools" / name).read_text())
     done = subprocess.run(
-        ["bash", f"tools/{script}", "--help"], cwd=tmp_path, capture_output=True, text=True, timeout=60
+        ["bash", f"tools/{script}", "--help"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=60,
     )
     assert (done.returncode, done.stderr) == (0, "")
     assert f"    tools/{script}\n" in done.stdout or f"    tools/{script} " in done.stdout
@@ -240,7 +268,9 @@ def test_help_of_a_script_runs_nothing(script, tmp_path):
 
 
 def test_the_demo_refuses_what_it_does_not_take():
-    done = subprocess.run([ROOT / "tools" / "demo", "--fast"], capture_output=True, text=True, timeout=60)
+    done = subprocess.run(
+        [ROOT / "tools" / "demo", "--fast"], capture_output=True, text=True, timeout=60
+    )
     assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
 
 

@@ -48,11 +48,26 @@ def test_the_example_passes_the_contract_as_an_installed_package(tmp_path: Path)
     install(tmp_path, "other_make", points)
     paths = os.pathsep.join(map(str, (tmp_path, EXAMPLE, ROOT)))
     done = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-c", os.devnull, "--rootdir",
-         str(tmp_path), str(EXAMPLE / "test_other_make.py")],
-        cwd=tmp_path, env={**os.environ, "PYTHONPATH": paths}, capture_output=True, text=True, timeout=120,
+        [
+            sys.executable,
+            "-m",
+            "pytest",
+            "-q",
+            "-p",
+            "no:cacheprovider",
+            "-c",
+            os.devnull,
+            "--rootdir",
+            str(tmp_path),
+            str(EXAMPLE / "test_other_make.py"),
+        ],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": paths},
+        capture_output=True,
+        text=True,
+        timeout=120,
         check=False,
-    )  # fmt: skip
+    )
     assert re.search(r"^2\d passed in", done.stdout, re.MULTILINE), done.stdout + done.stderr
 
 
@@ -77,7 +92,10 @@ def broken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("scheme", "told"),
     [
-        ("absent", "driver of absent:// (broken, no_such_module:gripper) cannot be loaded: ModuleNotFound"),
+        (
+            "absent",
+            "driver of absent:// (broken, no_such_module:gripper) cannot be loaded: ModuleNotFound",
+        ),
         ("missing", "cannot be loaded: AttributeError"),
         ("faulty", "failed to open faulty://x:1: KeyError: 'in the driver'"),
         ("nothing", "opened no Gripper (drivers/ports.py): object"),
@@ -96,8 +114,15 @@ def test_a_broken_driver_is_one_line_and_disturbs_no_other(scheme: str, told: st
 
 def test_drivers_are_looked_for_only_where_the_scheme_is_none_of_ours() -> None:
     code = "import sys; from drivers import connect\ntry: connect.gripper('/dev/nowhere')\nexcept OSError: "
-    code += "print([name for name in ('importlib.metadata', 'drivers.manual') if name in sys.modules])"
+    code += (
+        "print([name for name in ('importlib.metadata', 'drivers.manual') if name in sys.modules])"
+    )
     done = subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=60, check=True
+        [sys.executable, "-c", code],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
     )
     assert done.stdout.strip() == "[]"

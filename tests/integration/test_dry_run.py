@@ -27,7 +27,9 @@ def test_a_dry_run_sends_questions_only_and_tells_what_it_would_send(
     tree: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with TappedGripper() as gripper, TappedArm() as arm:
-        assert main(["--tree", str(tree), "--port", gripper.path, "--arm", arm.url, "--dry-run"]) == 0
+        assert (
+            main(["--tree", str(tree), "--port", gripper.path, "--arm", arm.url, "--dry-run"]) == 0
+        )
         assert gripper.functions
         assert set(gripper.functions) <= READS
         # Every byte that left belongs to one of those frames, which have 8 each.
@@ -65,7 +67,9 @@ def test_the_transport_itself_refuses(tree: Path) -> None:
         assert set(answering.codes) <= QUESTIONS
 
 
-def test_check_reads_the_gripper_and_touches_no_arm(tree: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_reads_the_gripper_and_touches_no_arm(
+    tree: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     with TappedGripper() as gripper:
         assert main(["--tree", str(tree), "--port", gripper.path, "--check"]) == 0
         assert set(gripper.functions) <= READS

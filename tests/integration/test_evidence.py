@@ -135,7 +135,15 @@ def test_a_run_that_requires_a_signature_refuses_what_has_none(desk, capsys):
     assert cli.main(["--tree", "t.msgpack", *check]) == 34
     assert "its table.msgpack is not the one of this run" in one_line(capsys)
     (desk / "p.zip").unlink()
-    words = ["--tree", "t.msgpack", "--require-signed", "k.pem.pub", "--journal", "j.jsonl", *REHEARSAL]
+    words = [
+        "--tree",
+        "t.msgpack",
+        "--require-signed",
+        "k.pem.pub",
+        "--journal",
+        "j.jsonl",
+        *REHEARSAL,
+    ]
     assert cli.main(words) == 34
     assert "there is no pack beside it" in one_line(capsys)
     assert not list(desk.glob("j.jsonl*"))
@@ -170,7 +178,9 @@ def test_a_run_keeps_its_table_whatever_becomes_of_the_file(desk):
 
 def test_without_the_library_one_line_names_the_extra(desk):
     code = "import sys; sys.modules['cryptography'] = None; from runtime import cli; "
-    code += "sys.exit(cli.main(['--tree', 't.msgpack', '--check', '--require-signed', 'k.pem.pub']))"
+    code += (
+        "sys.exit(cli.main(['--tree', 't.msgpack', '--check', '--require-signed', 'k.pem.pub']))"
+    )
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False
     )

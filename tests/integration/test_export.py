@@ -143,7 +143,9 @@ def test_the_check_of_vectors_sees_one_wrong_number(folder):
 @pytest.mark.slow
 def test_the_executor_is_small_and_needs_no_library(folder):
     out = folder("sixty nodes", "c99")
-    assert re.findall(r"#include .*", (out / "squeezetree_table.h").read_text()) == ["#include <stdint.h>"]
+    assert re.findall(r"#include .*", (out / "squeezetree_table.h").read_text()) == [
+        "#include <stdint.h>"
+    ]
     for compiler in compilers():
         made = executor(compiler, out)
         assert 0 < code_bytes(made) < MOST_CODE_BYTES
@@ -157,7 +159,10 @@ def test_the_guide_s_program_follows_the_tree(folder):
     program = re.findall(r"```c\n(.*?)```", GUIDE, re.DOTALL)
     assert len(program) == 1
     (out / "guide.c").write_text(program[0] + PLAYED)
-    root, second = "0 0 0 85000 60000 40000 0 0 0", "1000 -2000 1570796 85000 60000 40000 1000 -2000 1570796"
+    root, second = (
+        "0 0 0 85000 60000 40000 0 0 0",
+        "1000 -2000 1570796 85000 60000 40000 1000 -2000 1570796",
+    )
     for compiler in compilers():
         made = out / f"guide-{compiler}"
         said("-I", out, out / "guide.c", "-o", made, *STRICT, *SANITIZERS, program=compiler)
@@ -217,7 +222,15 @@ END_FUNCTION_BLOCK
 
 @pytest.mark.parametrize(
     "statement",
-    ["a := b[2];", "a := b[-1];", "c := 1;", "n := 2;", "a := 2147483647 + a;", "a := TRUE;", "a := d;"],
+    [
+        "a := b[2];",
+        "a := b[-1];",
+        "c := 1;",
+        "n := 2;",
+        "a := 2147483647 + a;",
+        "a := TRUE;",
+        "a := d;",
+    ],
 )
 def test_the_interpreter_refuses_what_a_controller_would(statement):
     assert FunctionBlock(REFUSED.format("a := b[1];"))(n=1) == {}
@@ -248,7 +261,13 @@ def test_two_tables_in_one_program(tmp_path):
     for name, table in tables.items():
         dump(table, tmp_path / "t.msgpack")
         for form in ("c99", "st"):
-            words = [str(tmp_path / "t.msgpack"), "--to", form, "-o", str(tmp_path / f"{name}-{form}")]
+            words = [
+                str(tmp_path / "t.msgpack"),
+                "--to",
+                form,
+                "-o",
+                str(tmp_path / f"{name}-{form}"),
+            ]
             assert export.main([*words, "--prefix", name]) == 0
         assert export.main([*words[:2], "c99", "-o", str(tmp_path / f"{name}-same")]) == 0
     (tmp_path / "two.c").write_text(TWO)
@@ -262,7 +281,10 @@ def test_two_tables_in_one_program(tmp_path):
         assert one != two
         assert [int(word) for word in said(program=tmp_path / "two").split()] == [*one, *two, 2, 2]
         refused = subprocess.run(
-            [compiler, "-fsyntax-only", tmp_path / "same.c"], capture_output=True, text=True, check=False
+            [compiler, "-fsyntax-only", tmp_path / "same.c"],
+            capture_output=True,
+            text=True,
+            check=False,
         )
         assert refused.returncode != 0
         assert "another table has the prefix squeezetree" in refused.stderr

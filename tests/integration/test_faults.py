@@ -30,7 +30,10 @@ FINE = {"reply_late", "flag_late"}  # their values are seconds
 
 
 HANDLED = {"direct": (RunOptions(),), "regulated": (RunOptions(handling=Handling(regulated=True)),)}
-FIRST = {"direct": 0, "regulated": EVERY // 2}  # so that the moments of one lie between those of the other
+FIRST = {
+    "direct": 0,
+    "regulated": EVERY // 2,
+}  # so that the moments of one lie between those of the other
 
 
 @pytest.fixture(scope="module", params=HANDLED)
@@ -59,7 +62,11 @@ def faults(kind, handling, every_moment):
     if kind.channel in SAMPLED and not every_moment:
         moments = moments[FIRST[handling] :: EVERY]
     for turn, at in enumerate(moments, FIRST[handling]):
-        some = ways if every_moment else (ways[turn % len(ways)], ways[turn % len(ways) - len(ways) // 2])
+        some = (
+            ways
+            if every_moment
+            else (ways[turn % len(ways)], ways[turn % len(ways) - len(ways) // 2])
+        )
         for length, value in dict.fromkeys(some):
             yield Fault(kind.name, PART, at, length, value)
 
@@ -71,14 +78,19 @@ def allowed(outcomes, result, sound):
             return True
         if outcome == "decided" and result.outcome.value in DECIDED:
             return True
-        if f"{result.outcome.value} {result.exit_code}" in (outcome, f"{outcome} {result.exit_code}"):
+        if f"{result.outcome.value} {result.exit_code}" in (
+            outcome,
+            f"{outcome} {result.exit_code}",
+        ):
             return True
     return False
 
 
 def test_every_class_has_a_row_that_tells_what_it_means():
     assert set(ROWS) == set(KINDS)
-    assert {name: row[0] for name, row in ROWS.items()} == {k.name: k.meaning for k in KINDS.values()}
+    assert {name: row[0] for name, row in ROWS.items()} == {
+        k.name: k.meaning for k in KINDS.values()
+    }
     assert len(KINDS) >= 24
 
 

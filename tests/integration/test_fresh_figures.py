@@ -70,7 +70,9 @@ def test_the_figures_are_those_of_trials_whose_seed_decided_nothing(seeds, seed)
 
 
 def test_a_leaf_that_the_figures_refute_is_marked_and_its_parts_are_failures(seeds):
-    job = quick().replaced(friction={"doubt": 0.0}, doubt={"chance": 0.0}, part={"tolerance_mm": 0.0})
+    job = quick().replaced(
+        friction={"doubt": 0.0}, doubt={"chance": 0.0}, part={"tolerance_mm": 0.0}
+    )
     table = load(TREES / "rectangle" / "rectangle.msgpack").table
     leaf = max(range(len(table.leaves)), key=lambda k: table.leaves[k].trials)
     rows = list(table.leaves)
@@ -89,13 +91,25 @@ def test_a_leaf_that_the_figures_refute_is_marked_and_its_parts_are_failures(see
 def test_the_command_names_the_seed_and_the_evaluation_repeats_the_figures(tmp_path, capsys):
     text = (TREES / "rectangle" / "job.toml").read_text(encoding="utf-8")
     path, output = tmp_path / "job.toml", tmp_path / "table.msgpack"
-    path.write_text(text + "\n[search]\nparticles = 1000\nsearch_particles = 100\n", encoding="utf-8")
+    path.write_text(
+        text + "\n[search]\nparticles = 1000\nsearch_particles = 100\n", encoding="utf-8"
+    )
     words = [str(path), "-o", str(output), "--trials", "1500", "--json", "--no-advice"]
     assert compile_.main(words) == 0
     said = json.loads(capsys.readouterr().out)
     assert (
-        evaluate_.main([str(output), "--trials", "1500", "--seed", str(said["trials_seed"]), "--json"]) == 0
+        evaluate_.main(
+            [str(output), "--trials", "1500", "--seed", str(said["trials_seed"]), "--json"]
+        )
+        == 0
     )
     seen = json.loads(capsys.readouterr().out)
-    for name in ("success_rate", "wrong_rate", "reject_rate", "mean_squeezes", "crashes", "error_mm"):
+    for name in (
+        "success_rate",
+        "wrong_rate",
+        "reject_rate",
+        "mean_squeezes",
+        "crashes",
+        "error_mm",
+    ):
         assert said[name] == seen[name], name

@@ -61,8 +61,18 @@ def simulated(tree: Path, *words: str) -> subprocess.CompletedProcess[str]:
         "--journal",
         str(tree.with_name("j")),
     ]
-    command += ["--port", "sim", "--world", "runtime.devices.rehearsal:make", "--time-scale", "50", *words]
-    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120, check=False)
+    command += [
+        "--port",
+        "sim",
+        "--world",
+        "runtime.devices.rehearsal:make",
+        "--time-scale",
+        "50",
+        *words,
+    ]
+    return subprocess.run(
+        command, cwd=ROOT, capture_output=True, text=True, timeout=120, check=False
+    )
 
 
 @pytest.fixture
@@ -84,7 +94,9 @@ def test_hundreds_of_deliveries_do_not_wind_the_wrist_up(record_property: Record
 
 def test_the_same_moves_wind_up_a_wrist_that_nobody_counts(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("drivers.abb.arm.Arm._overturn", lambda *_: "")
-    monkeypatch.setattr("drivers.abb.arm.Arm.turn_range", lambda *_: (radians(-2000), radians(2000)))
+    monkeypatch.setattr(
+        "drivers.abb.arm.Arm.turn_range", lambda *_: (radians(-2000), radians(2000))
+    )
     monkeypatch.setattr("runtime.traversal.geometry.MOST_TURNS", 9)
     monkeypatch.setattr("runtime.execution.safety.MOST_TURNS", 9)
     told = soaked(60)
@@ -117,7 +129,10 @@ def test_a_drop_off_out_of_the_arms_reach_is_refused_before_anything_moves(
 
 
 def test_check_and_dry_run_tell_it_too(
-    tree: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, record_property: Record
+    tree: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    record_property: Record,
 ) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tree.parent))
     far = tree.with_name("far.toml")

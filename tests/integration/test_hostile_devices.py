@@ -151,19 +151,33 @@ def test_commands_that_look_at_a_stopped_serial_port_end(
     width = ["width", "--port", stopped, "--gripper", "S/N", "-o", str(tmp_path / "g.json")]
     assert cli.main(["--tree", str(tree), "--port", stopped, "--tips", "straight", "--check"]) == 20
     assert cli.calibrate(width) == 20
-    assert capsys.readouterr().err.count("it has taken no bytes for 0.5 s; is its flow stopped?") == 2
+    assert (
+        capsys.readouterr().err.count("it has taken no bytes for 0.5 s; is its flow stopped?") == 2
+    )
     assert cli.doctor(["--port", stopped]) == 26
     told = capsys.readouterr().out
     assert "has taken no bytes" in told
     assert "cannot be searched" in told
 
 
-def test_run_whose_output_nobody_reads_goes_on_and_hears_a_stop_request(tree: Path, tmp_path: Path) -> None:
+def test_run_whose_output_nobody_reads_goes_on_and_hears_a_stop_request(
+    tree: Path, tmp_path: Path
+) -> None:
     reader, writer = os.pipe()
     fcntl.fcntl(writer, fcntl.F_SETPIPE_SZ, 4096)
     os.write(writer, bytes(4096))  # it is full
     journal = tmp_path / "journal.jsonl"
-    words = ["--tree", str(tree), "--port", "sim", "--world", REHEARSAL, "--time-scale", "40", "--json"]
+    words = [
+        "--tree",
+        str(tree),
+        "--port",
+        "sim",
+        "--world",
+        REHEARSAL,
+        "--time-scale",
+        "40",
+        "--json",
+    ]
     words += ["--count", "100000", "--journal", str(journal)]
     with contextlib.closing(Notices(tmp_path)) as notices:
         process = subprocess.Popen(
@@ -203,5 +217,8 @@ def test_table_of_an_unknown_gripper_is_refused_before_a_port_is_opened(
     ]
     assert cli.main(words) == 30
     told = capsys.readouterr().err
-    assert "'left-hand-effector', which is not known; there are robotiq-2f-85, robotiq-2f-140, hand-e" in told
+    assert (
+        "'left-hand-effector', which is not known; there are robotiq-2f-85, robotiq-2f-140, hand-e"
+        in told
+    )
     assert told.count("\n") == 1

@@ -22,7 +22,8 @@ from runtime.table import dump
 ROOT = Path(__file__).parents[2]
 JOB = ROOT / "trees" / "rectangle" / "job.toml"
 SURFACE = (
-    "format = 1\nkind = 'ellipsoid'\nrho_mm = 75.0\nellipsoid = [[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0]]\n"
+    "format = 1\nkind = 'ellipsoid'\nrho_mm = 75.0\n"
+    "ellipsoid = [[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0]]\n"
 )
 TEXTS = {
     "poses": "x_mm,y_mm,theta_rad\n1,2,0.3\n",
@@ -67,10 +68,16 @@ COMMANDS = {
     "plan-compile, figures": Command(
         "planner.cli.compile", "{job} -o t.msgpack --models-report {svg}", ".json"
     ),
-    "plan-compile --vary": Command("planner.cli.compile", "{job} -o {folder} --vary seed=1", ".msgpack"),
+    "plan-compile --vary": Command(
+        "planner.cli.compile", "{job} -o {folder} --vary seed=1", ".msgpack"
+    ),
     "plan-simulate": Command("planner.cli.simulate", "{job} --poses {poses} -o {out}", ".csv"),
-    "plan-simulate --push": Command("planner.cli.simulate", "{job} --push {pushes} -o {out}", ".csv"),
-    "plan-simulate --figure": Command("planner.cli.simulate", f"{SIMULATE} --figure {{out}}", ".png"),
+    "plan-simulate --push": Command(
+        "planner.cli.simulate", "{job} --push {pushes} -o {out}", ".csv"
+    ),
+    "plan-simulate --figure": Command(
+        "planner.cli.simulate", f"{SIMULATE} --figure {{out}}", ".png"
+    ),
     "plan-simulate --gif": Command("planner.cli.simulate", f"{SIMULATE} --gif {{out}}", ".gif"),
     "plan-simulate --html": Command("planner.cli.simulate", f"{SIMULATE} --html {{out}}", ".html"),
     "plan-export": Command("planner.cli.export", "{tree} --to json -o {folder}", ".msgpack"),
@@ -81,18 +88,29 @@ COMMANDS = {
     "plan-try": Command("planner.cli.first_look", "{outline} --units mm -o {out}", ".csv"),
     "plan-refit": Command("planner.cli.refit", "{job} --journal {journal} -o {out}", ".toml"),
     "plan-report": Command(
-        "planner.cli.report", "{tree} --job {job} --journal {journal} --models {expected} -o {out}", ".html"
+        "planner.cli.report",
+        "{tree} --job {job} --journal {journal} --models {expected} -o {out}",
+        ".html",
     ),
-    "grasp-journal export": Command("runtime.commands.journal", "export {journal} -o {out}", ".csv"),
+    "grasp-journal export": Command(
+        "runtime.commands.journal", "export {journal} -o {out}", ".csv"
+    ),
     "grasp-evidence pack": Command("runtime.commands.evidence", "pack {tree} -o {out}", ".zip"),
-    "grasp-audit report": Command("runtime.spc.command", "{journal} --expected {expected} -o {out}", ".html"),
-    "grasp-audit report --export": Command("runtime.spc.command", "{journal} --export {out}", ".csv"),
+    "grasp-audit report": Command(
+        "runtime.spc.command", "{journal} --expected {expected} -o {out}", ".html"
+    ),
+    "grasp-audit report --export": Command(
+        "runtime.spc.command", "{journal} --export {out}", ".csv"
+    ),
     "grasp-calibrate tag": Command(CALIBRATE, f"{TAG} -o {{out}}", ".json"),
     "grasp-calibrate camera": Command(CALIBRATE, f"{CAMERA} -o {{out}}", ".json"),
     "grasp-calibrate camera, picture": Command(CALIBRATE, f"{CAMERA} -o {{json}}", ".svg"),
 }
 CLASHES = [
-    (name, read) for name, command in COMMANDS.items() for read in READ if f"{{{read}}}" in command.words
+    (name, read)
+    for name, command in COMMANDS.items()
+    for read in READ
+    if f"{{{read}}}" in command.words
 ]
 
 
@@ -114,7 +132,11 @@ class Desk:
 
     def run(self, command: Command, out: Path) -> int:
         """Run a command on the files; returns its exit code."""
-        names = {"json": out.with_suffix(".json"), "svg": out.with_suffix(".svg"), "folder": out.parent}
+        names = {
+            "json": out.with_suffix(".json"),
+            "svg": out.with_suffix(".svg"),
+            "folder": out.parent,
+        }
         words = [word.format(out=out, **names, **self.files) for word in command.words.split()]
         return int(import_module(command.module).main(words))
 
@@ -155,7 +177,14 @@ def refuses(desk: Desk, capfd: pytest.CaptureFixture[str]) -> Callable[[Command,
 
 def odd_files(folder: Path, suffix: str) -> dict[str, Path]:
     """Things that no output may be, each in a folder of its own; a device only where root asks for it."""
-    kinds = ["pipe", "folder", "link", "dangling link", "socket", *(["device"] if os.geteuid() == 0 else [])]
+    kinds = [
+        "pipe",
+        "folder",
+        "link",
+        "dangling link",
+        "socket",
+        *(["device"] if os.geteuid() == 0 else []),
+    ]
     found = {kind: folder / kind / f"seed=1{suffix}" for kind in kinds}
     for path in found.values():
         path.parent.mkdir()
@@ -170,9 +199,15 @@ def odd_files(folder: Path, suffix: str) -> dict[str, Path]:
     return found
 
 
-@pytest.mark.parametrize(("name", "read"), CLASHES, ids=[f"{name}: {read}" for name, read in CLASHES])
+@pytest.mark.parametrize(
+    ("name", "read"), CLASHES, ids=[f"{name}: {read}" for name, read in CLASHES]
+)
 def test_an_input_is_never_an_output(
-    desk: Desk, refuses: Callable[[Command, Path], int], name: str, read: str, record_property: Record
+    desk: Desk,
+    refuses: Callable[[Command, Path], int],
+    name: str,
+    read: str,
+    record_property: Record,
 ) -> None:
     command = COMMANDS[name]
     out = desk.files[read].rename(desk.folder / f"seed=1{command.suffix}")
@@ -220,7 +255,9 @@ def test_a_file_that_the_job_names_is_an_input(
     record_property("ends", "the surface: the same bytes")
 
 
-@pytest.mark.parametrize("kind", ["text", "json", "tree", "journal of another kind", "no end", "odd"])
+@pytest.mark.parametrize(
+    "kind", ["text", "json", "tree", "journal of another kind", "no end", "odd"]
+)
 def test_what_is_no_journal_is_not_written_to(
     desk: Desk, capfd: pytest.CaptureFixture[str], kind: str, record_property: Record
 ) -> None:
@@ -237,7 +274,14 @@ def test_what_is_no_journal_is_not_written_to(
         paths = list(odd_files(desk.folder, ".jsonl").values())
     else:
         path.write_bytes(contents[kind])
-    words = ["--tree", str(desk.files["tree"]), "--port", "sim", "--world", "runtime.devices.rehearsal:make"]
+    words = [
+        "--tree",
+        str(desk.files["tree"]),
+        "--port",
+        "sim",
+        "--world",
+        "runtime.devices.rehearsal:make",
+    ]
     for path in paths:
         before = desk.seen()
         assert cli.main([*words, "--journal", str(path)]) == 24
@@ -253,7 +297,14 @@ def test_a_torn_journal_is_gone_on_with(desk: Desk, record_property: Record) -> 
     path = desk.files["journal"]
     whole = path.read_bytes()
     path.write_bytes(whole + b'{"seq":99')
-    words = ["--tree", str(desk.files["tree"]), "--port", "sim", "--world", "runtime.devices.rehearsal:make"]
+    words = [
+        "--tree",
+        str(desk.files["tree"]),
+        "--port",
+        "sim",
+        "--world",
+        "runtime.devices.rehearsal:make",
+    ]
     assert cli.main([*words, "--journal", str(path)]) == 24
     assert path.read_bytes() == whole + b'{"seq":99'
     number = whole.count(b"\n")
@@ -271,7 +322,9 @@ def test_gripper_calibration_is_refused_before_the_gripper_is_opened(
 ) -> None:
     for path in odd_files(desk.folder, ".json").values():
         before = desk.seen()
-        assert cli.calibrate(["width", "--port", "/dev/none", "--gripper", "S", "-o", str(path)]) == 2
+        assert (
+            cli.calibrate(["width", "--port", "/dev/none", "--gripper", "S", "-o", str(path)]) == 2
+        )
         assert capfd.readouterr().err.startswith("grasp-calibrate: --output")
         assert desk.seen() == before
     record_property("exit_code", 2)
@@ -296,7 +349,9 @@ def test_rows_on_standard_output_are_nothing_but_rows(
         Path(sys.executable).with_name(program),
         *(word.format(**desk.files) for word in words.split()),
     ]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=250, check=True)
+    done = subprocess.run(
+        command, cwd=ROOT, capture_output=True, text=True, timeout=250, check=True
+    )
     rows = list(csv.reader(done.stdout.splitlines()))
     assert len(rows) > 1
     assert {len(row) for row in rows} == {len(rows[0])}
@@ -307,13 +362,23 @@ def test_rows_on_standard_output_are_nothing_but_rows(
 
 
 def test_a_device_is_locked_under_all_its_names(
-    desk: Desk, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], record_property: Record
+    desk: Desk,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+    record_property: Record,
 ) -> None:
     """Whatever the session's folder for such things is, and whatever was planted in it."""
     number = 10_000 + os.getpid() % 50_000
     with PortLock(f"tcp://127.0.0.1:{number}"):
         monkeypatch.setenv("XDG_RUNTIME_DIR", str(desk.folder))
-        words = ["--tree", str(desk.files["tree"]), "--arm", "tcp://127.0.0.1:9", "--journal", "j.jsonl"]
+        words = [
+            "--tree",
+            str(desk.files["tree"]),
+            "--arm",
+            "tcp://127.0.0.1:9",
+            "--journal",
+            "j.jsonl",
+        ]
         before = desk.seen()
         for port in (f"tcp://localhost:{number}", f"rtu+tcp://127.0.0.1:{number}"):
             assert cli.main([*words, "--port", port]) == 23

@@ -38,10 +38,27 @@ class Station:
 
     def start(self, *words: str) -> subprocess.Popen[str]:
         ports = self.cell.endpoints
-        command = [sys.executable, "-m", "runtime.cli", "--tree", str(self.tree), "--tips", "straight"]
-        command += ["--port", ports["gripper"], "--arm", ports["arm"], "--journal", str(self.journal)]
+        command = [
+            sys.executable,
+            "-m",
+            "runtime.cli",
+            "--tree",
+            str(self.tree),
+            "--tips",
+            "straight",
+        ]
+        command += [
+            "--port",
+            ports["gripper"],
+            "--arm",
+            ports["arm"],
+            "--journal",
+            str(self.journal),
+        ]
         command += ["--force", "direct", *words]
-        return subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        return subprocess.Popen(
+            command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
 
     def run(self, *words: str) -> Ended:
         return self.end(self.start(*words))
@@ -93,7 +110,9 @@ def station(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Station
 
 
 @pytest.fixture
-def told(station: Station, record_property: Callable[[str, object], None]) -> Callable[[Ended], Ended]:
+def told(
+    station: Station, record_property: Callable[[str, object], None]
+) -> Callable[[Ended], Ended]:
     def tell(ended: Ended) -> Ended:
         record_property("exit_code", ended[0])
         record_property("ends", station.ends())
@@ -182,7 +201,9 @@ def open_fully(station: Station) -> None:
 
 
 @pytest.mark.parametrize("height_mm", [SQUEEZE_MM, RETREAT_MM])
-def test_a_part_let_go_and_a_hand_moved_since_are_not_gone_on_with(station, told, height_mm) -> None:
+def test_a_part_let_go_and_a_hand_moved_since_are_not_gone_on_with(
+    station, told, height_mm
+) -> None:
     station.strike(signal.SIGKILL, lambda: "squeeze" in station.kinds(), "--activate")
     open_fully(station)
     with contextlib.closing(connect.arm(station.cell.endpoints["arm"])) as arm:
@@ -214,7 +235,9 @@ class LosesForces(CleanLine):
         if frame[1] != 16:
             return True
         block, before, self._before = frame[7:13], self._before, frame[7:13]
-        if block[3] != 255 and before[3:4] == b"\xff":  # what it gripped with, as the jaws are told to open
+        if (
+            block[3] != 255 and before[3:4] == b"\xff"
+        ):  # what it gripped with, as the jaws are told to open
             self.forces.append(self._station.gripper.read_output()[FORCE_AT])
         if block[:5] != before[:5] or block == before:
             return True
@@ -226,7 +249,9 @@ def test_a_force_that_was_lost_on_the_way_is_written_again(station, told) -> Non
     line = LosesForces(station)
     station.cell._servers[0]._slave._line = line
     # What is carried is held with the table's force, what is only squeezed with the least one.
-    code, out, err = told(station.run("--activate", "--force", "regulated", "--deliver", "20,-10,0"))
+    code, out, err = told(
+        station.run("--activate", "--force", "regulated", "--deliver", "20,-10,0")
+    )
     assert code in (0, 10, 11), (out, err)
     assert line.lost
     assert set(line.forces) == {0, (40_000 - 20_000) * 255 // (235_000 - 20_000)}
@@ -251,7 +276,9 @@ def test_a_bad_auditor_is_refused_before_anything_is_moved_or_written(station, t
     assert bytes(station.gripper.read_output()) == bytes(16)
 
 
-def test_a_table_that_leaves_no_room_for_the_tips_is_refused_before_anything_is_moved(station, told) -> None:
+def test_a_table_that_leaves_no_room_for_the_tips_is_refused_before_anything_is_moved(
+    station, told
+) -> None:
     code, _, err = told(station.run("--activate", "--tips", "10,5"))
     assert (code, err.count("\n")) == (30, 1), err
     assert not station.journal.exists()

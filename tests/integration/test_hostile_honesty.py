@@ -72,12 +72,19 @@ def test_executor_and_journal_replay_read_every_count_and_flag_by_one_rule(table
             made = fake_cell([(count, flag)] * table.limits.max_depth)
             result = Executor(table, made.cell, Deaf()).run_part(1)
             branch = decide(decided, count, flag == 2)
-            if result.outcome is Outcome.FAULT:  # a contradiction in itself, which the map refuses too
+            if (
+                result.outcome is Outcome.FAULT
+            ):  # a contradiction in itself, which the map refuses too
                 assert (flag, branch, result.steps) == (3, REJECT, ())
                 assert LINE.width_um(count) > 5_000
                 continue
-            assert result.steps[0].target == (None if branch == REJECT else root.branches[branch].target)
-            told = ({"seq": n + 1, "kind": kind, **row} for n, (kind, row) in enumerate(made.journal.kept))
+            assert result.steps[0].target == (
+                None if branch == REJECT else root.branches[branch].target
+            )
+            told = (
+                {"seq": n + 1, "kind": kind, **row}
+                for n, (kind, row) in enumerate(made.journal.kept)
+            )
             assert list(Replay().follow([header, *told])) == []
 
 
@@ -102,7 +109,9 @@ def test_the_evaluation_reads_by_the_same_rule() -> None:
         assert branch == decide(decided, int(count), width_mm > 0)
         assert leaf == (REJECTED if branch == REJECT else branch)
     assert set(found.leaf) == {REJECTED, 0, 1, 2, 3}
-    assert np.all(found.leaf[1:10] == REJECTED)  # something between the fingers, where nothing was planned
+    assert np.all(
+        found.leaf[1:10] == REJECTED
+    )  # something between the fingers, where nothing was planned
 
 
 def tree_of(table: Table, target: int = 0) -> plans.Node:
@@ -118,16 +127,23 @@ def tree_of(table: Table, target: int = 0) -> plans.Node:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_widths_of_what_was_left_out_are_rejected_and_all_others_mean_what_they_meant(seed: int) -> None:
+def test_widths_of_what_was_left_out_are_rejected_and_all_others_mean_what_they_meant(
+    seed: int,
+) -> None:
     table, random = random_table(seed, 12), Random(seed)
-    taken = [[n for n in range(len(node.branches)) if random.random() < 0.7] or [0] for node in table.nodes]
+    taken = [
+        [n for n in range(len(node.branches)) if random.random() < 0.7] or [0]
+        for node in table.nodes
+    ]
     rows = [(index, number) for index, numbers in enumerate(taken) for number in numbers]
     run = SimpleNamespace(
         path=np.array([[index] for index, _ in rows]), branch=np.array([[n] for _, n in rows])
     )
     kept = tried(table, run)
     pruned, root = without_untried(table, kept), plans.pruned(tree_of(table), kept)
-    dumps(replace(pruned, predicted=Prediction(0, 0, 0)))  # proves it; the figures were those of all leaves
+    dumps(
+        replace(pruned, predicted=Prediction(0, 0, 0))
+    )  # proves it; the figures were those of all leaves
     waiting = [(0, 0, root)]
     while waiting:
         old, new, planned = waiting.pop()
@@ -140,7 +156,9 @@ def test_widths_of_what_was_left_out_are_rejected_and_all_others_mean_what_they_
             == len(kept[old])
         )
         read = zip(decision_map(before, LINE), decision_map(after, LINE), strict=True)
-        assert all(now == (kept[old].index(was) if was in kept[old] else REJECT) for was, now in read)
+        assert all(
+            now == (kept[old].index(was) if was in kept[old] else REJECT) for was, now in read
+        )
         for number, branch, child in zip(kept[old], after.branches, planned.children, strict=True):
             target = before.branches[number].target
             if branch.target >= 0:
@@ -160,7 +178,9 @@ def small_job(path: Path, *changes: tuple[str, str]) -> Path:
     return path
 
 
-def test_a_compiled_table_claims_nothing_that_no_trial_took(tmp_path, record_property, capsys) -> None:
+def test_a_compiled_table_claims_nothing_that_no_trial_took(
+    tmp_path, record_property, capsys
+) -> None:
     job, output = small_job(tmp_path / "job.toml"), tmp_path / "t.msgpack"
     code = compile_.main([str(job), "-o", str(output), "--trials", "40", "--no-advice", "--json"])
     record_property("exit_code", code)
@@ -180,7 +200,9 @@ def test_a_compiled_table_claims_nothing_that_no_trial_took(tmp_path, record_pro
 def test_a_leaf_without_trials_is_nowhere_a_success(capsys) -> None:
     table = small_table()
     untried = with_leaf(table, 0, table.leaves[0]._replace(success_ppm=1_000_000, trials=0))
-    result = PartResult.of(1, Outcome.LEAF, [Step(1, 0, table.nodes[0].squeeze, 174, 20_969, ~0, None)], None)
+    result = PartResult.of(
+        1, Outcome.LEAF, [Step(1, 0, table.nodes[0].squeeze, 174, 20_969, ~0, None)], None
+    )
     Lines(untried).part(result, None)
     told = capsys.readouterr().out
     assert "success never tried" in told
@@ -217,7 +239,9 @@ def test_tips_that_would_miss_the_part_are_refused(
     ("height", "tips"), [("1.5", 0.5), ("6.0", 3.0), ("9.0", 4.5), ("16.0", 8.0), ("50.0", 8.0)]
 )
 def test_tips_go_half_way_up_a_part_whose_height_is_stated(tmp_path, height, tips) -> None:
-    job = job_file.load(small_job(tmp_path / "job.toml", ("height_mm = 16.0", f"height_mm = {height}")))
+    job = job_file.load(
+        small_job(tmp_path / "job.toml", ("height_mm = 16.0", f"height_mm = {height}"))
+    )
     assert job.cell.squeeze_height_mm == tips
     assert job_file.from_canonical(job.canonical()) == job
 
@@ -234,17 +258,24 @@ def test_a_thin_solid_is_squeezed_below_its_top(tmp_path, record_property, capsy
     assert (made.part.height_mm, made.cell.squeeze_height_mm) == (6.0, 3.0)
 
 
-def test_a_job_without_a_height_is_compiled_and_told_what_its_tips_presuppose(tmp_path, capsys) -> None:
+def test_a_job_without_a_height_is_compiled_and_told_what_its_tips_presuppose(
+    tmp_path, capsys
+) -> None:
     text = (
-        "height_mm = 16.0  # from the table to its top: the prototype is cut from 16 mm plate; measure yours"
+        "height_mm = 16.0  # from the table to its top: "
+        "the prototype is cut from 16 mm plate; measure yours"
     )
     job = small_job(tmp_path / "job.toml", (text, ""))
-    assert compile_.main([str(job), "-o", str(tmp_path / "t"), "--trials", "20", "--no-advice"]) == 0
+    assert (
+        compile_.main([str(job), "-o", str(tmp_path / "t"), "--trials", "20", "--no-advice"]) == 0
+    )
     (line,) = (line for line in capsys.readouterr().out.splitlines() if "height_mm" in line)
     assert "tips at squeeze_height_mm = 8 meet a part of 9 mm or more" in line
 
 
-def test_the_plan_without_sensors_is_judged_by_the_goal_of_the_job(record_property, capsys, tmp_path) -> None:
+def test_the_plan_without_sensors_is_judged_by_the_goal_of_the_job(
+    record_property, capsys, tmp_path
+) -> None:
     found = {}
     for kind in ("pose", "orientation"):
         job = small_job(
@@ -260,7 +291,9 @@ def test_the_plan_without_sensors_is_judged_by_the_goal_of_the_job(record_proper
 
 def test_a_finger_that_stands_still_does_so_in_pictures(tmp_path) -> None:
     job = job_file.load(
-        small_job(tmp_path / "job.toml", ("force_n = 40.0", "upper_finger_share = 1.0\nforce_n = 40.0"))
+        small_job(
+            tmp_path / "job.toml", ("force_n = 40.0", "upper_finger_share = 1.0\nforce_n = 40.0")
+        )
     )
     for width_mm in (5.0, 40.0, 85.0):
         upper, lower = canvas.finger_boxes(jaws_of(job.gripper), width_mm)

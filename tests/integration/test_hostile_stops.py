@@ -20,7 +20,9 @@ Record = Callable[[str, object], None]
 
 CASES = {
     "Ctrl-C in a calibration's stroke": Case("calibration", (SIGINT,), 0.7, 0.0, 0.0),
-    "SIGTERM in a calibration's activation": Case("calibration's activation", (SIGTERM,), 0.3, 0.0, 0.0),
+    "SIGTERM in a calibration's activation": Case(
+        "calibration's activation", (SIGTERM,), 0.3, 0.0, 0.0
+    ),
     "SIGHUP in a run's activation": Case("activation", (SIGHUP,), 0.3, 0.0, 0.0),
     "SIGQUIT in a run": Case("run", (SIGQUIT,), 0.5, 0.0, 0.0),
     "SIGHUP in a simulated run": Case("simulated run", (SIGHUP,), 0.5, 0.0, 0.0),
@@ -28,19 +30,27 @@ CASES = {
     "Ctrl-C, then SIGTERM on the way out": Case("run", (SIGINT, SIGTERM), 0.4, 0.1, 0.0),
     "stopped past every deadline of a run": Case("run", (SIGTERM,), 0.4, 0.0, 2.0),
     "Ctrl-C in a fault's safe sequence": Case("fault", (SIGINT,), 0.0, 0.0, 0.0),
-    "SIGTERM and SIGHUP in a fault's safe sequence": Case("fault", (SIGTERM, SIGHUP), 0.01, 0.03, 0.0),
+    "SIGTERM and SIGHUP in a fault's safe sequence": Case(
+        "fault", (SIGTERM, SIGHUP), 0.01, 0.03, 0.0
+    ),
 }
 
 
 @pytest.fixture(scope="module")
 def sound(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
-    with usual_signals(), contextlib.closing(Bench(tmp_path_factory.mktemp("sound"), faulty=False)) as bench:
+    with (
+        usual_signals(),
+        contextlib.closing(Bench(tmp_path_factory.mktemp("sound"), faulty=False)) as bench,
+    ):
         yield bench
 
 
 @pytest.fixture(scope="module")
 def faulty(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
-    with usual_signals(), contextlib.closing(Bench(tmp_path_factory.mktemp("faulty"), faulty=True)) as bench:
+    with (
+        usual_signals(),
+        contextlib.closing(Bench(tmp_path_factory.mktemp("faulty"), faulty=True)) as bench,
+    ):
         yield bench
 
 
@@ -83,7 +93,10 @@ def test_a_terminal_that_is_gone(sound: Bench, tmp_path: Path, record_property: 
     *_, outcome, end = records(journal)
     assert (code, outcome["outcome"], end["exit_code"]) == (40, "stopped", 40)
     assert verify(journal).closed
-    assert list(sound._moving(Ended(code, " ".join(map(str, outcome["safe_state"])), "", journal))) == []
+    assert (
+        list(sound._moving(Ended(code, " ".join(map(str, outcome["safe_state"])), "", journal)))
+        == []
+    )
     told(record_property, sound, code)
     assert list(sound._low(Ended(code, "", "", journal))) == []
 

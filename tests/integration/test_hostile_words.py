@@ -39,16 +39,34 @@ def tell(record_property, tmp_path: Path, monkeypatch, capsys) -> Tell:
     monkeypatch.chdir(tmp_path)
 
     def run(
-        entry: tuple[str, str], *words: object, code: int | None = None, ends: str = "", shell: str = ""
+        entry: tuple[str, str],
+        *words: object,
+        code: int | None = None,
+        ends: str = "",
+        shell: str = "",
     ) -> Seen:
         module, function = entry
         if shell:
             call = f"import sys; from {module} import {function}; sys.exit({function}())"
-            line = ["bash", "-o", "pipefail", "-c", f'"$@" {shell}', "bash", sys.executable, "-c", call]
+            line = [
+                "bash",
+                "-o",
+                "pipefail",
+                "-c",
+                f'"$@" {shell}',
+                "bash",
+                sys.executable,
+                "-c",
+                call,
+            ]
             done = subprocess.run(
-                [*line, *map(str, words)], capture_output=True, text=True, timeout=WAIT_S, check=False,
+                [*line, *map(str, words)],
+                capture_output=True,
+                text=True,
+                timeout=WAIT_S,
+                check=False,
                 env={**os.environ, "PYTHONPATH": str(ROOT)},
-            )  # fmt: skip
+            )
             seen = done.returncode, done.stdout, done.stderr
         else:
             ended = getattr(import_module(module), function)([str(word) for word in words])
@@ -83,7 +101,9 @@ def simulated(tmp_path: Path, *words: str) -> list[object]:
 
 
 @pytest.mark.parametrize("words", [[], ["--json"]])
-def test_a_run_whose_answers_are_lost_ends_in_order_and_says_so(tell: Tell, tmp_path: Path, words) -> None:
+def test_a_run_whose_answers_are_lost_ends_in_order_and_says_so(
+    tell: Tell, tmp_path: Path, words
+) -> None:
     ends = "both parts are done, the journal is whole"
     _, _, err = tell(RUNTIME, *simulated(tmp_path, *words), code=2, ends=ends, shell=">/dev/full")
     assert "output cannot be written: No space left on device" in err.splitlines()[-1]
@@ -92,13 +112,17 @@ def test_a_run_whose_answers_are_lost_ends_in_order_and_says_so(tell: Tell, tmp_
 
 
 def test_a_run_without_a_reader_goes_on(tell: Tell, tmp_path: Path) -> None:
-    _, _, err = tell(RUNTIME, *simulated(tmp_path), code=0, ends="both parts are done", shell="| head -1")
+    _, _, err = tell(
+        RUNTIME, *simulated(tmp_path), code=0, ends="both parts are done", shell="| head -1"
+    )
     assert err == ""
     assert verify(tmp_path / "squeezetree-journal.jsonl").closed
 
 
 def test_a_run_without_standard_output_does_not_begin(tell: Tell, tmp_path: Path) -> None:
-    _, _, err = tell(RUNTIME, *simulated(tmp_path), code=2, ends="nothing moved, no journal", shell=">&-")
+    _, _, err = tell(
+        RUNTIME, *simulated(tmp_path), code=2, ends="nothing moved, no journal", shell=">&-"
+    )
     assert err == "grasp-runtime: standard output is closed; send it to a file, or to /dev/null\n"
     assert not (tmp_path / "squeezetree-journal.jsonl").exists()
 
@@ -120,7 +144,9 @@ def test_an_answer_that_is_lost_is_no_success(tell: Tell, journal: Path, words: 
     assert "output cannot be written: No space left" in err
 
 
-def test_a_report_keeps_its_code_and_its_peace_when_the_reader_goes(tell: Tell, journal: Path) -> None:
+def test_a_report_keeps_its_code_and_its_peace_when_the_reader_goes(
+    tell: Tell, journal: Path
+) -> None:
     code, _, err = tell(REPORT, journal, shell="| head -c 1 >/dev/null")
     assert err == ""
     assert code in (0, 13)
@@ -136,7 +162,9 @@ def test_a_report_keeps_its_code_and_its_peace_when_the_reader_goes(tell: Tell, 
         (["--node", "x"], "'x' is not a whole number"),
     ],
 )
-def test_filters_that_no_record_could_pass_are_usage(tell: Tell, journal: Path, words, told: str) -> None:
+def test_filters_that_no_record_could_pass_are_usage(
+    tell: Tell, journal: Path, words, told: str
+) -> None:
     _, out, err = tell(JOURNAL, "show", journal, *words, code=2, shell="2>&2")
     assert (out, err.count("\n")) == ("", 1)
     assert told in err
@@ -171,7 +199,9 @@ def test_every_command_tells_wrong_arguments_in_one_line(capsys, record_property
     ],
     ids=["brackets", "braces", "toml", "digits", "nan", "list"],
 )
-def test_an_odd_job_under_a_valid_digest_is_a_refused_table(tell: Tell, tmp_path: Path, job, told) -> None:
+def test_an_odd_job_under_a_valid_digest_is_a_refused_table(
+    tell: Tell, tmp_path: Path, job, told
+) -> None:
     table = tmp_path / "t.msgpack"
     table.write_bytes(encode(with_job(every_field_table(), job)))
     before = table.read_bytes()
@@ -186,14 +216,25 @@ def test_an_odd_job_under_a_valid_digest_is_a_refused_table(tell: Tell, tmp_path
 )
 def test_an_odd_delivery_is_usage(tell: Tell, tmp_path: Path, data: bytes) -> None:
     (tmp_path / "d.toml").write_bytes(data)
-    _, _, err = tell(RUNTIME, *simulated(tmp_path, "--deliver", "d.toml"), code=2, ends="nothing moved")
-    assert err.splitlines()[-1].startswith("grasp-runtime: --deliver d.toml") or "d.toml: drop_mm" in err
+    _, _, err = tell(
+        RUNTIME, *simulated(tmp_path, "--deliver", "d.toml"), code=2, ends="nothing moved"
+    )
+    assert (
+        err.splitlines()[-1].startswith("grasp-runtime: --deliver d.toml")
+        or "d.toml: drop_mm" in err
+    )
     assert not (tmp_path / "squeezetree-journal.jsonl").exists()
 
 
 def sealed(fields: dict[str, object], text: str = "") -> bytes:
     """A journal line whose digest is right, whatever stands in it."""
-    frame = {"seq": 0, "time": "2026-01-01T00:00:00", "kind": "part", "previous": "0" * 64, **fields}
+    frame = {
+        "seq": 0,
+        "time": "2026-01-01T00:00:00",
+        "kind": "part",
+        "previous": "0" * 64,
+        **fields,
+    }
     body = (text or json.dumps(frame, separators=(",", ":"))).encode()
     return body[:-1] + b',"digest":"' + hashlib.sha256(body).hexdigest().encode() + b'"}\n'
 
@@ -221,8 +262,12 @@ def test_odd_journals_do_not_verify(tell: Tell, tmp_path: Path, line: bytes) -> 
     assert path.read_bytes() == line
 
 
-@pytest.mark.parametrize("port", [f"tcp://{'x' * 300}:502", f"rtu+tcp://{'x' * 300}:502", "tcp://a..b:502"])
-def test_a_host_that_no_host_can_be_is_a_port_that_cannot_be_opened(tell: Tell, tmp_path: Path, port) -> None:
+@pytest.mark.parametrize(
+    "port", [f"tcp://{'x' * 300}:502", f"rtu+tcp://{'x' * 300}:502", "tcp://a..b:502"]
+)
+def test_a_host_that_no_host_can_be_is_a_port_that_cannot_be_opened(
+    tell: Tell, tmp_path: Path, port
+) -> None:
     dump(small_table(), tmp_path / "t.msgpack")
     words = ["--tree", "t.msgpack", "--port", port, "--arm", "tcp://127.0.0.1:9"]
     _, _, err = tell(RUNTIME, *words, code=23, ends="nothing was reached")
@@ -239,9 +284,13 @@ def test_a_world_that_is_none_is_a_sentence(tell: Tell, entry, world: str) -> No
 
 
 @pytest.mark.parametrize(
-    ("missing", "code"), [("tree", 3), ("calibration", 33), ("tag", 33)], ids=["tree", "calibration", "tag"]
+    ("missing", "code"),
+    [("tree", 3), ("calibration", 33), ("tag", 33)],
+    ids=["tree", "calibration", "tag"],
 )
-def test_a_judge_without_its_files_ends_with_what_is_missing(tell: Tell, tmp_path, missing, code) -> None:
+def test_a_judge_without_its_files_ends_with_what_is_missing(
+    tell: Tell, tmp_path, missing, code
+) -> None:
     pytest.importorskip("cv2")
     from cameras import camera, part_tag, true_calibration
 
@@ -259,7 +308,9 @@ def test_a_judge_without_its_files_ends_with_what_is_missing(tell: Tell, tmp_pat
     assert missing in err
 
 
-def test_the_unforeseen_is_one_broad_sentence(monkeypatch, capsys, record_property, tmp_path) -> None:
+def test_the_unforeseen_is_one_broad_sentence(
+    monkeypatch, capsys, record_property, tmp_path
+) -> None:
     from runtime import cli
     from runtime.commands import recipe
 

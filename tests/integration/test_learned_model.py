@@ -55,9 +55,9 @@ def test_the_paper_blurs_more(rectangle_model):
     belief = random_poses(np.random.default_rng(3), 1000, 12.75)
     reference = Simulation(part, ENCODER)
     ratios = [
-        compare(model, reference, [belief] * 6, FIXED[:1], printed.rho_mm, 2, np.random.default_rng(4))[
-            0
-        ].ratio
+        compare(
+            model, reference, [belief] * 6, FIXED[:1], printed.rho_mm, 2, np.random.default_rng(4)
+        )[0].ratio
         for model in (rectangle_model, kcde_twin.Unaided(printed))
     ]
     assert ratios[1] > 2 * ratios[0]

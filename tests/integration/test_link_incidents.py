@@ -17,10 +17,14 @@ from runtime.table import dump
 SCALE = 20.0  # the runtime takes the cell for a real one, which is just fast
 
 
-def test_retries_are_journalled_with_the_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_retries_are_journalled_with_the_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     dump(small_table(), tmp_path / "small.msgpack")
-    faults = Listed([Fault("reply_lost", 0, 0), Fault("request_lost", 0, 30), Fault("noise", 0, 40, value=9)])
+    faults = Listed(
+        [Fault("reply_lost", 0, 0), Fault("request_lost", 0, 30), Fault("noise", 0, 40, value=9)]
+    )
     with Cell(small_setting(), 2, SCALE, faults) as cell:
         ports = ["--port", cell.endpoints["gripper"], "--arm", cell.endpoints["arm"]]
         words = [
@@ -51,7 +55,9 @@ def test_what_is_told_before_there_is_a_journal_is_kept_and_not_without_end(tmp_
         journal.header(b"table", {})
         incidents.hand_over(journal)
         incidents.record("link", {"number": -1})
-    numbers = [entry["number"] for entry in records(tmp_path / "j.jsonl") if entry["kind"] == "link"]
+    numbers = [
+        entry["number"] for entry in records(tmp_path / "j.jsonl") if entry["kind"] == "link"
+    ]
     assert numbers == [*range(MOST_INCIDENTS), -1]
     with pytest.raises((JournalError, OSError)):
         incidents.record("link", {"number": 0})

@@ -52,7 +52,9 @@ def words(tmp_path: Path) -> list[str]:
 def run(words: list[str]) -> subprocess.CompletedProcess[str]:
     """Run and tell in the last line what of the views was loaded."""
     command = [sys.executable, "-c", LOADED, *words]
-    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=WAIT_S, check=False)
+    return subprocess.run(
+        command, cwd=ROOT, capture_output=True, text=True, timeout=WAIT_S, check=False
+    )
 
 
 def test_a_run_that_nobody_watches_loads_no_view(words: list[str]) -> None:
@@ -70,11 +72,16 @@ def test_the_page_follows_the_run(words: list[str]) -> None:
     words = [*words, "--count", "100000", "--json", "--http", "0"]
     process = subprocess.Popen(
         [sys.executable, "-m", "runtime.cli", *words],
-        cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
+        cwd=ROOT,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
     assert process.stderr is not None
     with process, process.stderr as told:
-        url = next(found[0] for line in told if (found := re.findall(r"http://127\.0\.0\.1:\d+/", line)))
+        url = next(
+            found[0] for line in told if (found := re.findall(r"http://127\.0\.0\.1:\d+/", line))
+        )
         seen: list[dict[str, object]] = []
         with contextlib.suppress(OSError):
             while not seen or seen[-1]["part"] < 3:  # type: ignore[operator]
@@ -101,8 +108,12 @@ def test_the_terminal_shows_the_run_and_is_given_back(words: list[str]) -> None:
     environment = {**os.environ, "TERM": "xterm", "COLUMNS": "100", "LINES": "40"}
     with subprocess.Popen(
         [sys.executable, "-m", "runtime.cli", *words, "--count", "2", "--watch"],
-        cwd=ROOT, stdout=theirs, stderr=theirs, stdin=theirs, env=environment,
-    ) as process:  # fmt: skip
+        cwd=ROOT,
+        stdout=theirs,
+        stderr=theirs,
+        stdin=theirs,
+        env=environment,
+    ) as process:
         os.close(theirs)
         told = b""
         with contextlib.suppress(OSError), open(ours, "rb", buffering=0) as screen:  # noqa: PTH123
@@ -110,7 +121,9 @@ def test_the_terminal_shows_the_run_and_is_given_back(words: list[str]) -> None:
                 told += piece
     text = told.decode()
     assert process.returncode in ENDED, text
-    assert text.count("\x1b[?25l") == text.count("\x1b[?25h") == 1  # the cursor hidden and shown again
+    assert (
+        text.count("\x1b[?25l") == text.count("\x1b[?25h") == 1
+    )  # the cursor hidden and shown again
     last = text[text.rindex("\x1b[?25h") :]
     assert re.search(r"\d parts?: ", last)
     assert re.search(r"part \d.*(done|safe)", text)
@@ -123,7 +136,10 @@ def test_the_terminal_shows_the_run_and_is_given_back(words: list[str]) -> None:
         (["--http", "no port"], "write PORT or HOST:PORT"),
         (["--http", "192.0.2.1:0"], "name an address of this machine"),
         (["--http", "0", "--dry-run"], "leave them out with --check and --dry-run"),
-        (["--watch", "--port", "/dev/ttyNONE", "--check"], "leave them out with --check and --dry-run"),
+        (
+            ["--watch", "--port", "/dev/ttyNONE", "--check"],
+            "leave them out with --check and --dry-run",
+        ),
     ],
 )
 def test_what_cannot_be_shown_is_one_line_before_anything_starts(

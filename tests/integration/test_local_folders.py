@@ -11,14 +11,25 @@ from runtime.table import dump
 
 WORLD = "from runtime.shell.worlds import find_factory; find_factory('planner.world:make')"
 COMMANDS = ("plan-init", "grasp-runtime", "grasp-cell", "grasp-audit")
-SIM = ("--port", "sim", "--world", "runtime.devices.rehearsal:make", "--count", "1", "--time-scale", "5")
+SIM = (
+    "--port",
+    "sim",
+    "--world",
+    "runtime.devices.rehearsal:make",
+    "--count",
+    "1",
+    "--time-scale",
+    "5",
+)
 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     for package in ("planner", "runtime", "drivers"):
         (tmp_path / package).mkdir()
-        (tmp_path / package / "__init__.py").write_text("raise SystemExit('a stranger was imported')\n")
+        (tmp_path / package / "__init__.py").write_text(
+            "raise SystemExit('a stranger was imported')\n"
+        )
     return tmp_path
 
 

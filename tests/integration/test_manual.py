@@ -33,9 +33,19 @@ def words(tmp_path: Path) -> list[str]:
 
 def run(words: list[str], said: str, *more: str) -> tuple[int, list[dict[str, object]], list[str]]:
     done = subprocess.run(
-        [*words, *more], input=said, cwd=ROOT, capture_output=True, text=True, timeout=WAIT_S, check=False
+        [*words, *more],
+        input=said,
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=WAIT_S,
+        check=False,
     )
-    return done.returncode, [json.loads(line) for line in done.stdout.splitlines()], done.stderr.splitlines()
+    return (
+        done.returncode,
+        [json.loads(line) for line in done.stdout.splitlines()],
+        done.stderr.splitlines(),
+    )
 
 
 def test_a_person_with_calipers_locates_a_part(words: list[str], tmp_path: Path) -> None:
@@ -47,7 +57,9 @@ def test_a_person_with_calipers_locates_a_part(words: list[str], tmp_path: Path)
         *("Open", "Put", "Close", "Open", "Lift"),
         *("Put", "Close", "'wide'", "'-3'", "Open", "Lift"),
     ]
-    assert asked[1].startswith("Put the hand at (0.00, 0.00) mm, 0.0 deg, the tips 10.0 mm above the table")
+    assert asked[1].startswith(
+        "Put the hand at (0.00, 0.00) mm, 0.0 deg, the tips 10.0 mm above the table"
+    )
     assert asked[5].startswith("Put the hand at (1.00, -2.00) mm, 90.0 deg")
     assert verify(tmp_path / "j.jsonl").closed
     assert list(Replay().follow(records(tmp_path / "j.jsonl"))) == []
@@ -68,7 +80,9 @@ def test_person_with_tips_on_an_arc_is_asked_for_drags_along_the_table(
     table = small_table()
     dump(with_node(table, 0, table.nodes[0]._replace(release=(5_000, 0))), tmp_path / "t.msgpack")
     said = "\n".join(["", "", "29,9", "", "", "", "", "", "21.1", "", ""])
-    code, (part,), asked = run(words, said + "\n", "--port", "manual", "--arm", "manual", "--tips", tips)
+    code, (part,), asked = run(
+        words, said + "\n", "--port", "manual", "--arm", "manual", "--tips", tips
+    )
     assert (code, part["leaf"]) == (0, 1)
     assert any("you keep the tips" in line for line in asked)
     questions = [line for line in asked if line.endswith(("press Enter", "nothing)?"))]
@@ -82,7 +96,9 @@ def test_person_with_tips_on_an_arc_is_asked_for_drags_along_the_table(
 @pytest.mark.parametrize("arm", ["manual", "manual+tcp://127.0.0.1:1", "tcp://127.0.0.1:1"])
 @pytest.mark.parametrize("port", ["manual", "/dev/x"])
 def test_person_who_holds_hand_or_jaws_follows_no_arc(arm: str, port: str) -> None:
-    arguments = parser().parse_args(["--tree", "t", "--port", port, "--arm", arm, "--tips", "57.15,5"])
+    arguments = parser().parse_args(
+        ["--tree", "t", "--port", port, "--arm", arm, "--tips", "57.15,5"]
+    )
     arc = options.arc_of(arguments, small_table(), None)
     assert (arc is None) == ("manual" in (port, arm.partition("+")[0]))
     arguments.tips = "57.15"
@@ -103,9 +119,13 @@ def test_ctrl_c_at_a_question_stops_and_what_was_typed_before_it_answers_nothing
     main, child = pty.openpty()
     os.write(main, b"\n\n\n29.9\n")
     process = subprocess.Popen(
-        [*words, "--port", "manual", "--arm", "manual"], cwd=ROOT, stdin=child, stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
+        [*words, "--port", "manual", "--arm", "manual"],
+        cwd=ROOT,
+        stdin=child,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
     assert process.stderr is not None
     while not (line := process.stderr.readline()).startswith("Open"):
         assert line
@@ -137,9 +157,17 @@ class Behind:
         return self.answer
 
 
-def test_ways_above_the_table_are_not_asked_for_and_a_drag_is(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ways_above_the_table_are_not_asked_for_and_a_drag_is(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     person, arm = Behind(monkeypatch), connect.arm("manual")
-    for target in ((0, 0, 60, 0.0), (3, 4, 60, 2.0), (3, 4, 10, 2.0), (5, 4, 10, 2.0), (5, 4, 60, 2.0)):
+    for target in (
+        (0, 0, 60, 0.0),
+        (3, 4, 60, 2.0),
+        (3, 4, 10, 2.0),
+        (5, 4, 10, 2.0),
+        (5, 4, 60, 2.0),
+    ):
         arm.move_linear(*target, 100.0)
         assert arm.pose() == target
     assert [sentence.split()[0] for sentence in person.heard] == ["Put", "Go", "Lift"]

@@ -30,9 +30,12 @@ DRY = SimpleNamespace(
     note=lambda said: None, step=lambda part, step: None, phase=lambda part, phase, node: None
 )
 CERTAIN = {
-    "goal": {"distance_mm": 1.4}, "friction": {"doubt": 0.0}, "doubt": {"chance": 0.0},
-    "part": {"tolerance_mm": 0.0}, "search": {"particles": 4000, "search_particles": 100},
-}  # fmt: skip
+    "goal": {"distance_mm": 1.4},
+    "friction": {"doubt": 0.0},
+    "doubt": {"chance": 0.0},
+    "part": {"tolerance_mm": 0.0},
+    "search": {"particles": 4000, "search_particles": 100},
+}
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +56,16 @@ def measured(tree):
     calibration.save(calibration.fit(gauges, "S/N-1", "2026-01-01T00:00:00Z"), widths)
     with RunningCell(tree, "--middle", f"{OFF_MM}", "--block", "30,4,-2", time_scale=100) as cell:
         words = ["middle", "--port", cell.endpoints["gripper"], "--arm", cell.endpoints["arm"]]
-        words += ["--tree", str(tree), "--calibration", str(widths), "--block", "30", "--at", "5,-1"]
+        words += [
+            "--tree",
+            str(tree),
+            "--calibration",
+            str(widths),
+            "--block",
+            "30",
+            "--at",
+            "5,-1",
+        ]
         words += ["-o", str(made), "--activate", "--tips", "straight", "--json"]
         code = "import sys, runtime.cli as cli; sys.exit(cli.calibrate())"
         command = [sys.executable, "-c", code, *words]
@@ -63,7 +75,13 @@ def measured(tree):
         assert (silent.returncode, made.exists()) == (2, False)  # nobody pressed Enter
         assert "press Enter" in silent.stderr
         done = subprocess.run(
-            command, input="\n", capture_output=True, text=True, cwd=ROOT, timeout=WAIT_S, check=False
+            command,
+            input="\n",
+            capture_output=True,
+            text=True,
+            cwd=ROOT,
+            timeout=WAIT_S,
+            check=False,
         )
     assert done.returncode == 0, done.stderr
     return made, json.loads(done.stdout)
@@ -79,9 +97,14 @@ def run_parts(tree, handling, delivery=None):
     )
     cell = Cell(virtual.gripper(), virtual.arm(), virtual.clock, FakeJournal())
     session.run_journalled(
-        load(tree).table, cell, virtual.scene, console, count=PARTS, activate=True,
+        load(tree).table,
+        cell,
+        virtual.scene,
+        console,
+        count=PARTS,
+        activate=True,
         options=RunOptions(handling=handling, delivery=delivery),
-    )  # fmt: skip
+    )
     return ended
 
 
@@ -114,7 +137,9 @@ def test_the_command_measures_what_is_off_and_says_what_is_left_to_doubt(measure
 def test_fingers_that_meet_elsewhere_are_wrong_where_a_camera_looks_and_right_once_they_are_measured(
     tree, measured
 ):
-    before = [seen.within for _, seen, _ in run_parts(tree, PLAIN.handling) if seen.within is not None]
+    before = [
+        seen.within for _, seen, _ in run_parts(tree, PLAIN.handling) if seen.within is not None
+    ]
     after = [seen.within for _, seen, _ in run_parts(tree, handling_of(tree, measured[0]))]
     assert len(before) > PARTS // 2
     assert sum(before) <= len(before) // 4

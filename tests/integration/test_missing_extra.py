@@ -11,7 +11,8 @@ BLOCK = "import sys; sys.modules['numpy'] = None; from planner.commands import {
 
 
 @pytest.mark.parametrize(
-    "command", ["compile_job", "simulate", "evaluate", "expect", "identify", "report", "init", "try_part"]
+    "command",
+    ["compile_job", "simulate", "evaluate", "expect", "identify", "report", "init", "try_part"],
 )
 def test_without_numpy_one_line_names_the_extra(command):
     words = [sys.executable, "-c", BLOCK.format(command)]
@@ -38,7 +39,12 @@ def test_report_and_study_need_neither_numpy_nor_opencv(word):
         f"from drivers.camera.commands import audit; sys.exit(audit(['{word}', 'none.jsonl']))"
     )
     done = subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=60, check=False
+        [sys.executable, "-c", code],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
     )
     assert done.returncode == 24
     assert "none.jsonl" in done.stderr
@@ -48,7 +54,9 @@ def test_cell_without_opencv_names_the_audit_extra_if_asked_for_a_camera():
     code = "import sys; sys.modules['cv2'] = None; from drivers.sim.cli import main; sys.exit(main({0}))"
     words = ["--tree", str(ROOT / "trees" / "rectangle" / "rectangle.msgpack"), "--camera"]
     command = [sys.executable, "-c", code.format(words)]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run(
+        command, cwd=ROOT, capture_output=True, text=True, timeout=60, check=False
+    )
     assert done.returncode == 31
     assert done.stderr.count("\n") == 1
     assert "squeezetree[audit]" in done.stderr
@@ -57,6 +65,11 @@ def test_cell_without_opencv_names_the_audit_extra_if_asked_for_a_camera():
 def test_without_gymnasium_the_environment_names_its_extra():
     code = "import sys; sys.modules['gymnasium'] = None; import planner.gym"
     done = subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=60, check=False
+        [sys.executable, "-c", code],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
     )
     assert "pip install 'squeezetree[gym]'" in done.stderr.splitlines()[-1]

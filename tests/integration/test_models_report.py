@@ -54,7 +54,9 @@ def test_same_seed_gives_the_same_bytes_with_and_without_a_store_on_one_worker_a
     assert dumps(again.table) == dumps(plan.table)
 
 
-@pytest.mark.parametrize(("model", "expected"), [("simulation", False), ("auto", False), ("kcde", True)])
+@pytest.mark.parametrize(
+    ("model", "expected"), [("simulation", False), ("auto", False), ("kcde", True)]
+)
 def test_a_job_learns_where_it_says_so(model, expected):
     changes = {"search": {"model": model}, "actions": {"proposals": "belief"}}
     assert learns(job_file.load(JOB, changes)) == expected
@@ -98,17 +100,26 @@ def test_the_text_says_it_all_and_the_picture_shows_the_partition(judged, tmp_pa
     canvas.save(picture, lambda: paper_figures.subspaces(*shown))
     out = models.text(report)
     assert out.count(" deg: ") == 4
-    for word in ("motion: ", "sensor: ", "collision detector, jaws fully open", "widths: free space"):
+    for word in (
+        "motion: ",
+        "sensor: ",
+        "collision detector, jaws fully open",
+        "widths: free space",
+    ):
         assert word in out
     panels = [e.get("id", "") for e in ET.parse(picture).iter("{http://www.w3.org/2000/svg}g")]
-    assert {name for name in panels if name.startswith("subspace-")} == {f"subspace-{k}" for k in range(4)}
+    assert {name for name in panels if name.startswith("subspace-")} == {
+        f"subspace-{k}" for k in range(4)
+    }
 
 
 def test_the_command_says_it_in_json_and_draws_beside_the_table(tmp_path, capsys):
     assert compiled(tmp_path, "--json", "--models-report") == 0
     models = json.loads(capsys.readouterr().out)["models"]
     assert [round(math.degrees(a["theta_rad"])) for a in models["actions"]] == [0, 45, 90, 135]
-    assert all(a["ratio"] == pytest.approx(a["model_mm"] / a["simulator_mm"]) for a in models["actions"])
+    assert all(
+        a["ratio"] == pytest.approx(a["model_mm"] / a["simulator_mm"]) for a in models["actions"]
+    )
     assert models["collision"]["miss_rate"] < 0.1
     assert models["sensor"]["median_mm"] <= models["sensor"]["worst_mm"]
     assert [part["rollouts"] > 0 for part in models["subspaces"]] == [True] * 4

@@ -80,7 +80,8 @@ def test_the_world_may_be_another_one_than_the_tables():
         "friction.finger_part_max=0.25",
     )
     plain, other = (
-        json.loads(inside(evaluate, TABLE, "--trials", 2000, "--json", *words)[1]) for words in ((), slippery)
+        json.loads(inside(evaluate, TABLE, "--trials", 2000, "--json", *words)[1])
+        for words in ((), slippery)
     )
     assert other["mean_squeezes"] < plain["mean_squeezes"] - 0.02
     code, out, _ = inside(evaluate, TABLE, "--trials", 300, *slippery, "--placement-error-mm", 0.5)
@@ -102,13 +103,22 @@ def test_evaluate_sweeps_a_standard_set_of_worlds():
 def test_evaluate_counts_wrong_answers_in_parts_per_million(tmp_path):
     kept = tmp_path / "study.json"
     for _ in range(2):  # the second has nothing left to do
-        code, out, _ = inside(evaluate, TABLE, "--ppm", "--trials", 10_000, "--json", "--resume", kept)
+        code, out, _ = inside(
+            evaluate, TABLE, "--ppm", "--trials", 10_000, "--json", "--resume", kept
+        )
         told = json.loads(out)
         assert code == 0
         assert told["parts"] == 10_000
-        assert told["wrong_ppm"]["low"] <= told["wrong_ppm"]["rate"] <= told["wrong_ppm"]["high"] < 5000
+        assert (
+            told["wrong_ppm"]["low"]
+            <= told["wrong_ppm"]["rate"]
+            <= told["wrong_ppm"]["high"]
+            < 5000
+        )
         assert len(told["leaves"]) == len(load(TABLE).table.leaves)
-    code, out, _ = inside(evaluate, TABLE, "--ppm", "--trials", 10_000, "--resume", kept, "--until", 0.001)
+    code, out, _ = inside(
+        evaluate, TABLE, "--ppm", "--trials", 10_000, "--resume", kept, "--until", 0.001
+    )
     assert code == 0
     assert "0.001 ppm" in out
     before = kept.read_bytes()
@@ -116,7 +126,12 @@ def test_evaluate_counts_wrong_answers_in_parts_per_million(tmp_path):
     assert code == 3
     assert one_line(err)
     assert kept.read_bytes() == before
-    for words in (["--until", 5], ["--resume", kept], ["--ppm", "--sweep"], ["--ppm", "--resume", TABLE]):
+    for words in (
+        ["--until", 5],
+        ["--resume", kept],
+        ["--ppm", "--sweep"],
+        ["--ppm", "--resume", TABLE],
+    ):
         code, _, err = inside(evaluate, TABLE, *words)
         assert code == 2
         assert one_line(err)
@@ -137,7 +152,9 @@ def test_bad_worlds_are_refused_in_one_line():
 
 
 def test_compile_says_what_limits_the_plan(quick, tmp_path):
-    code, out, _ = inside(compile_, quick, "-o", tmp_path / "out.msgpack", "--trials", 2000, "--json")
+    code, out, _ = inside(
+        compile_, quick, "-o", tmp_path / "out.msgpack", "--trials", 2000, "--json"
+    )
     advice = json.loads(out)["advice"]
     assert code == 0
     assert {gain["source"] for gain in advice["gains"]} >= {"pressure", "friction", "encoder noise"}
@@ -145,7 +162,16 @@ def test_compile_says_what_limits_the_plan(quick, tmp_path):
 
 
 def test_compile_proves_how_near_the_best_the_plan_is(quick, tmp_path):
-    words = (quick, "-o", tmp_path / "out.msgpack", "--trials", 2000, "--no-advice", "--bound", 5000)
+    words = (
+        quick,
+        "-o",
+        tmp_path / "out.msgpack",
+        "--trials",
+        2000,
+        "--no-advice",
+        "--bound",
+        5000,
+    )
     code, out, _ = inside(compile_, *words, "--json")
     figures = json.loads(out)
     assert code == 0
@@ -188,7 +214,15 @@ def read_rows(path):
 def test_simulate_repeats_its_inputs_and_adds_the_results(tmp_path):
     write_poses(tmp_path / "in.csv", [(1, 2, 0.3), (100, 0, 0)])
     code, _, _ = inside(
-        simulate, JOB, "--poses", tmp_path / "in.csv", "-o", tmp_path / "out.csv", "--nominal", "--mu", 0.5
+        simulate,
+        JOB,
+        "--poses",
+        tmp_path / "in.csv",
+        "-o",
+        tmp_path / "out.csv",
+        "--nominal",
+        "--mu",
+        0.5,
     )
     rows = read_rows(tmp_path / "out.csv")
     assert code == 0
@@ -199,13 +233,25 @@ def test_simulate_repeats_its_inputs_and_adds_the_results(tmp_path):
     assert float(rows[1]["width_mm"]) == 0
 
 
-@pytest.mark.skipif(not SHARED.is_dir(), reason="reference data ../shared/data is not beside the checkout")
+@pytest.mark.skipif(
+    not SHARED.is_dir(), reason="reference data ../shared/data is not beside the checkout"
+)
 def test_simulate_reproduces_the_reference_squeezes(tmp_path):
     reference = read_rows(SHARED / "oracle_rect.csv")
-    poses = [(1e3 * float(r["x0_m"]), 1e3 * float(r["y0_m"]), float(r["th0_rad"])) for r in reference]
+    poses = [
+        (1e3 * float(r["x0_m"]), 1e3 * float(r["y0_m"]), float(r["th0_rad"])) for r in reference
+    ]
     write_poses(tmp_path / "in.csv", poses)
     inside(
-        simulate, JOB, "--poses", tmp_path / "in.csv", "-o", tmp_path / "out.csv", "--nominal", "--mu", 0.5
+        simulate,
+        JOB,
+        "--poses",
+        tmp_path / "in.csv",
+        "-o",
+        tmp_path / "out.csv",
+        "--nominal",
+        "--mu",
+        0.5,
     )
     for want, got in zip(reference, read_rows(tmp_path / "out.csv"), strict=True):
         dx = 1e3 * float(want["x_m"]) - float(got["final_x_mm"])
@@ -222,7 +268,9 @@ BAD_JOBS = {
     "crossing": (7, lambda text: text.replace("[30, 21], [0, 21]]", "[0, 21], [30, 21]]")),
     "large": (
         8,
-        lambda text: text.replace("[[0, 0], [30, 0], [30, 21], [0, 21]]", "[[0,0],[99,0],[99,99],[0,99]]"),
+        lambda text: text.replace(
+            "[[0, 0], [30, 0], [30, 21], [0, 21]]", "[[0,0],[99,0],[99,99],[0,99]]"
+        ),
     ),
 }
 
@@ -302,10 +350,14 @@ def test_a_damaged_table_is_refused(tmp_path):
 def test_a_second_ctrl_c_in_the_middle_of_a_compile_leaves_nothing_behind(tmp_path):
     call = "import sys, planner.cli.compile as c; sys.exit(c.main())"
     words = [sys.executable, "-c", call, JOB, "-o", tmp_path / "out.msgpack", "--trials", "5000000"]
-    process = subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        words, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
     while not process.stderr.readline().startswith(("search", "improve", "evaluate", "worlds")):
         assert process.poll() is None
-    process.send_signal(signal.SIGINT)  # keeps the tree, if there is one: its five million trials take long
+    process.send_signal(
+        signal.SIGINT
+    )  # keeps the tree, if there is one: its five million trials take long
     time.sleep(5.0)  # two requests that wait for one kernel are one
     process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=60)
@@ -327,9 +379,14 @@ def test_any_world_can_be_plugged_in(tmp_path):
     words = [COMMANDS / "plan-evaluate", str(TABLE), "--trials", "60", "--json"]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     done = subprocess.run(
-        [*words, "--world", "otherworld:make"], cwd=tmp_path, env=environment, capture_output=True, text=True,
-        timeout=120, check=True,
-    )  # fmt: skip
+        [*words, "--world", "otherworld:make"],
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=True,
+    )
     assert json.loads(done.stdout)["success_rate"] > 0.9
 
 

@@ -57,7 +57,9 @@ class StructuredPlc:
                 value = integer(register, words[first : first + register.words])
                 values[INPUTS[register.name]] = bool(value) if register.name in FLAGS else value
         told = self._block(start=start, id=number, **values)
-        answer = self._client.write_registers(WRITTEN_AT, [*(int(told[name]) for name in OUTPUTS), 0])
+        answer = self._client.write_registers(
+            WRITTEN_AT, [*(int(told[name]) for name in OUTPUTS), 0]
+        )
         assert not answer.isError()
         time.sleep(0.003)  # a PLC has a cycle, too
         return told
@@ -93,7 +95,11 @@ def test_hundred_parts_have_the_results_that_are_printed_and_journalled(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setattr(station, "HEARTBEAT_LIMIT_S", 1e6)  # of a machine that may be busy
-    tree, journal, port = ROOT / "trees" / "rectangle" / "rectangle.msgpack", tmp_path / "j", free_port()
+    tree, journal, port = (
+        ROOT / "trees" / "rectangle" / "rectangle.msgpack",
+        tmp_path / "j",
+        free_port(),
+    )
     told: list[dict[str, int]] = []
 
     def with_plc() -> None:
@@ -109,7 +115,10 @@ def test_hundred_parts_have_the_results_that_are_printed_and_journalled(
     assert len(told) == len(parts) == PARTS
     assert code == max(part["exit_code"] for part in parts)
     for answer, part in zip(told, parts, strict=True):
-        assert answer["outcome"] == ["leaf", "reject", "unresolved", "fault"].index(part["outcome"]) + 1
+        assert (
+            answer["outcome"]
+            == ["leaf", "reject", "unresolved", "fault"].index(part["outcome"]) + 1
+        )
         pose = part["predicted_pose"] if part["outcome"] == "leaf" else None
         expected = (0, 0, 0)
         if pose is not None:

@@ -96,11 +96,15 @@ def test_a_study_of_rare_answers_pushes_too(job: job_file.Job, table: Table) -> 
 
 
 def test_a_world_that_cannot_push_is_named(job: job_file.Job, table: Table) -> None:
-    with pytest.raises(UsageError, match=r"the table pushes parts, and the world Still has no push\(\)"):
+    with pytest.raises(
+        UsageError, match=r"the table pushes parts, and the world Still has no push\(\)"
+    ):
         evaluate(table, job, Still(), 10, 1)
 
 
-def test_a_cell_pushes_and_locates(path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_cell_pushes_and_locates(
+    path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     journal = tmp_path / "run.jsonl"
     words = ["--tree", str(path), "--port", "sim", "--count", "3", "--time-scale", "max"]
     assert cli.main([*words, "--journal", str(journal)]) == 0
@@ -114,7 +118,12 @@ def test_a_cell_pushes_and_locates(path: Path, tmp_path: Path, capsys: pytest.Ca
     [
         (export.main, ("TABLE", "--to", "c99", "-o", "OUT"), 2, "an export is for squeezes alone"),
         (report.main, ("TABLE", "-o", "OUT.html", "--bound"), 2, "--bound is for squeezes alone"),
-        (cli.main, ("--tree", "TABLE", "--serve", "tcp://127.0.0.1:0"), 30, "a robot that asks does not"),
+        (
+            cli.main,
+            ("--tree", "TABLE", "--serve", "tcp://127.0.0.1:0"),
+            30,
+            "a robot that asks does not",
+        ),
     ],
 )
 def test_what_knows_no_pushes_says_so(

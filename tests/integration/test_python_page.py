@@ -62,7 +62,9 @@ def test_the_examples_print_what_the_page_says(tmp_path, monkeypatch):
 
 
 def test_the_names_and_their_arguments_stay():
-    assert sorted(planner.api.__all__) == sorted({name.partition(".")[0] for name in CALLS} | {"Plan"})
+    assert sorted(planner.api.__all__) == sorted(
+        {name.partition(".")[0] for name in CALLS} | {"Plan"}
+    )
     for name, arguments in CALLS.items():
         found = planner.api
         for step in name.split("."):
@@ -95,7 +97,9 @@ def test_a_report_may_end_the_work_with_what_there_is_or_with_nothing():
 
 @pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)
 def test_notebooks_are_stored_without_output(notebook):
-    cells = [cell for cell in json.loads(notebook.read_text())["cells"] if cell["cell_type"] == "code"]
+    cells = [
+        cell for cell in json.loads(notebook.read_text())["cells"] if cell["cell_type"] == "code"
+    ]
     assert all(cell["outputs"] == [] and cell["execution_count"] is None for cell in cells)
 
 
@@ -106,9 +110,13 @@ def test_the_world_of_the_notebook_is_found_by_its_name(tmp_path):
     (block,) = blocks(tmp_path / "page.md")
     shutil.copytree(ROOT / "trees" / "rectangle", tmp_path / "trees" / "rectangle")
     environment = {
-        **os.environ, "PATH": f"{shims(tmp_path / 'bin')}:{os.environ['PATH']}", "PYTHONPATH": str(ROOT)
-    }  # fmt: skip
-    printed = run([block._replace(commands=[f"{block.commands[0]} --trials 500"])], tmp_path, environment)
+        **os.environ,
+        "PATH": f"{shims(tmp_path / 'bin')}:{os.environ['PATH']}",
+        "PYTHONPATH": str(ROOT),
+    }
+    printed = run(
+        [block._replace(commands=[f"{block.commands[0]} --trials 500"])], tmp_path, environment
+    )
     assert any("success" in line for line in printed[0])
 
 
@@ -120,7 +128,11 @@ def documented_worlds():
     of_notebook = next(cell for cell in cells if "class Worn" in cell)
     without_traits = of_page.replace(", traits=None", "").replace(", traits", "")
     header = "from planner.api import ContactWorld\n"
-    return {"page": header + of_page, "notebook": of_notebook, "without_traits": header + without_traits}
+    return {
+        "page": header + of_page,
+        "notebook": of_notebook,
+        "without_traits": header + without_traits,
+    }
 
 
 @pytest.mark.parametrize("name", documented_worlds())
@@ -131,11 +143,15 @@ def test_documented_worlds_run_in_a_simulated_cell(name, tmp_path, monkeypatch):
     setting = scene.load(tree, None, f"worn_{name}:Worn")
     scene.warm_up(setting, 3)
     pose = (1.0, 2.0, 0.3)
-    worn, sound = (make(setting.subject, 3).squeeze(pose) for make in (setting.factory, ContactWorld))
+    worn, sound = (
+        make(setting.subject, 3).squeeze(pose) for make in (setting.factory, ContactWorld)
+    )
     assert worn[1] == pytest.approx(sound[1] + 0.5)
     doubting = setting.subject.replaced(doubt={"finger_share": [0.0, 0.1]})
     if name == "without_traits":
-        with pytest.raises(SimulationError, match=r"worn_without_traits:Worn: squeeze\(\) failed: TypeError"):
+        with pytest.raises(
+            SimulationError, match=r"worn_without_traits:Worn: squeeze\(\) failed: TypeError"
+        ):
             scene.warm_up(setting._replace(subject=doubting), 3)
     else:
         scene.warm_up(setting._replace(subject=doubting), 3)

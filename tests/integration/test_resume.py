@@ -27,7 +27,8 @@ from runtime.traversal.results import Outcome
 PATH = [(0, 1), (1, 0)]  # by both nodes of the small table to leaf 1
 PLAIN = RunOptions(Policy.of("next", "next"), Handling())
 CAREFUL = RunOptions(
-    Policy.of("resqueeze,restart,next", "restart,next"), Handling(regulated=True, arc=TipArc(level_mm=8.0))
+    Policy.of("resqueeze,restart,next", "restart,next"),
+    Handling(regulated=True, arc=TipArc(level_mm=8.0)),
 )
 
 
@@ -61,7 +62,9 @@ def moments_of(table: Table, plan: RunOptions, path: Path) -> int:
     return moments
 
 
-def survive(table: Table, plan: RunOptions, path: Path, deaths: tuple[int, ...], after_crash: str) -> tuple:
+def survive(
+    table: Table, plan: RunOptions, path: Path, deaths: tuple[int, ...], after_crash: str
+) -> tuple:
     """Processes that die at the given moments, one after the other, and one that lives; the part's end."""
     world = World(table, PATH)
     for last in (*deaths, None):
@@ -105,7 +108,10 @@ def test_a_resumed_run_may_be_killed_again(table: Table, tmp_path: Path) -> None
     moments = moments_of(table, PLAIN, tmp_path / "whole.jsonl")
     for first, second in itertools.product(range(3, moments, 61), range(2, moments, 67)):
         path = tmp_path / f"{first}-{second}.jsonl"
-        assert survive(table, PLAIN, path, (first, second), "resume") == ("leaf", 1), (first, second)
+        assert survive(table, PLAIN, path, (first, second), "resume") == ("leaf", 1), (
+            first,
+            second,
+        )
 
 
 @pytest.mark.parametrize("table", [small_table(), pushing_table()], ids=["plain", "pushing"])
@@ -157,7 +163,9 @@ def test_a_squeeze_cut_short_is_repeated_without_its_pushes(
             assert kinds.count("pushing") == 3  # once the first node's, once both of the second's
 
 
-def test_a_run_that_is_given_up_says_so_and_moves_nothing(tmp_path: Path, some: Callable[..., range]) -> None:
+def test_a_run_that_is_given_up_says_so_and_moves_nothing(
+    tmp_path: Path, some: Callable[..., range]
+) -> None:
     moments = moments_of(small_table(), PLAIN, tmp_path / "whole.jsonl")
     for last in some(0, moments, 11):
         world, path = World(small_table(), PATH), tmp_path / f"{last}.jsonl"

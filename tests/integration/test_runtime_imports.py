@@ -33,10 +33,22 @@ def test_importing_the_command_loads_nothing_heavy() -> None:
 def test_a_run_loads_nothing_heavy(tmp_path: Path) -> None:
     tree, journal = tmp_path / "small.msgpack", tmp_path / "journal.jsonl"
     dump(small_table(), tree)
-    arguments = ["--tree", str(tree), "--port", "sim", "--time-scale", "60", "--journal", str(journal)]
+    arguments = [
+        "--tree",
+        str(tree),
+        "--port",
+        "sim",
+        "--time-scale",
+        "60",
+        "--journal",
+        str(journal),
+    ]
     code = f"import runtime.cli\nassert runtime.cli.main({arguments!r}) in (0, 10, 11)"
     assert loaded_after(code) == "[]"
 
 
 def test_the_check_would_see_it() -> None:
-    assert loaded_after("import sys, types; sys.modules['numpy'] = types.ModuleType('numpy')") == "['numpy']"
+    assert (
+        loaded_after("import sys, types; sys.modules['numpy'] = types.ModuleType('numpy')")
+        == "['numpy']"
+    )

@@ -35,7 +35,11 @@ def command(tree: Path, *arguments: str) -> list[str]:
 
 def start(tree: Path, *arguments: str) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        command(tree, *arguments), cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        command(tree, *arguments),
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
     )
 
 
@@ -65,7 +69,9 @@ def wait_until_no_cell(tree: Path) -> None:
 
 
 def test_parts_follow_the_table_and_the_journal_justifies_every_decision(tree: Path) -> None:
-    code, out, err = finish(start(tree, "--count", "12", "--time-scale", "60", "--seed", "3", "--json"))
+    code, out, err = finish(
+        start(tree, "--count", "12", "--time-scale", "60", "--seed", "3", "--json")
+    )
     parts = [json.loads(line) for line in out.splitlines()]
     assert len(parts) == 12, err
     assert code == max(part["exit_code"] for part in parts)
@@ -81,11 +87,15 @@ def test_parts_follow_the_table_and_the_journal_justifies_every_decision(tree: P
     maps = [by_count(decision_map(node, Calibration.linear(table.gripper))) for node in table.nodes]
     squeezes = [entry for entry in records(journal) if entry["kind"] == "squeeze"]
     for entry in squeezes:
-        branch = maps[entry["node"]][entry["position_counts"]] if entry["object_flag"] == 2 else REJECT
+        branch = (
+            maps[entry["node"]][entry["position_counts"]] if entry["object_flag"] == 2 else REJECT
+        )
         expected = None if branch == REJECT else table.nodes[entry["node"]].branches[branch].target
         assert entry["target"] == expected
         assert entry["echo_counts"] == 255
-    assert [entry["node"] for entry in squeezes] == [node for part in parts for node in part["path"]]
+    assert [entry["node"] for entry in squeezes] == [
+        node for part in parts for node in part["path"]
+    ]
     wait_until_no_cell(tree)
 
 

@@ -32,7 +32,9 @@ def findings(journal: Path) -> list[object]:
     return list(Replay().follow(records(journal)))
 
 
-def asked(locate: Callable[[SimulatedRobot], object], robot: SimulatedRobot, parts: int) -> list[object]:
+def asked(
+    locate: Callable[[SimulatedRobot], object], robot: SimulatedRobot, parts: int
+) -> list[object]:
     """What a client is told of so many parts."""
     told = []
     for _ in range(parts):
@@ -82,7 +84,12 @@ def test_a_robot_that_asks_gets_the_answers_of_a_driven_run(
             assert answer is None
             continue
         pose = part["predicted_pose"]
-        expected_pose = (pose["x_mm"], pose["y_mm"], degrees(pose["theta_rad"]), part["success_probability"])
+        expected_pose = (
+            pose["x_mm"],
+            pose["y_mm"],
+            degrees(pose["theta_rad"]),
+            part["success_probability"],
+        )
         assert answer[-4:] == pytest.approx(expected_pose, abs=6e-6)
         assert ask is asked_in_structured_text or answer[0] == part["leaf"]
     assert findings(tree.with_name("journal.jsonl")) == []

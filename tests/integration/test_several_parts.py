@@ -114,7 +114,9 @@ def test_strangers_are_counted_by_what_becomes_of_them(plan):
         return ContactWorlds.of_job(real, 5)
 
     own = evaluate(plan.table, job, ContactWorlds.of_job(job, 5), 2000, 5)
-    alike, *others = strangers(plan.table, job, job.strangers, own, worlds, 400, 5, Threads(2), NONE)
+    alike, *others = strangers(
+        plan.table, job, job.strangers, own, worlds, 400, 5, Threads(2), NONE
+    )
     assert alike.answered > 0.9
     (answer,) = alike.answers
     assert (answer.part, answer.share) == ("small", alike.answered)
@@ -141,10 +143,15 @@ def test_strangers_may_be_generated(plan, tmp_path, capsys):
     assert evaluate_command.main([str(tree), "--strangers", "--trials", "300", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)["strangers"]
     assert [each["name"] for each in told][:4] == [
-        "small x 0.9", "small x 1.1", "small its disc", "small its rectangle"
-    ]  # fmt: skip
+        "small x 0.9",
+        "small x 1.1",
+        "small its disc",
+        "small its rectangle",
+    ]
     assert len(told) == 8
-    assert told[1]["answers"][0]["differ_mm"] == pytest.approx(2.0 * 2**0.5, abs=0.01)  # its diagonal's
+    assert told[1]["answers"][0]["differ_mm"] == pytest.approx(
+        2.0 * 2**0.5, abs=0.01
+    )  # its diagonal's
     assert evaluate_command.main([str(tree), "--strangers", "--sweep"]) == 2
     assert "leave out --ppm and --sweep" in capsys.readouterr().err
 
@@ -246,7 +253,9 @@ for line in sys.stdin:
 @pytest.fixture(scope="module")
 def posed():
     entries = squares(20, 34).replace('"large"', f'"{EVIL}"')
-    goal = COMMON.replace('kind = "identity"\n', "").replace("distance_mm = 3.0", "distance_mm = 6.0")
+    goal = COMMON.replace('kind = "identity"\n', "").replace(
+        "distance_mm = 3.0", "distance_mm = 6.0"
+    )
     return compile_job(job_file.parse(goal + entries), workers=2, trials=500)
 
 
@@ -263,9 +272,13 @@ def test_an_auditor_is_told_which_part_it_is_said_to_be(posed, tmp_path):
 
 def test_the_camera_judges_each_part_by_its_own_goal_and_tag(posed, tmp_path):
     dump(posed.table, tmp_path / "t.msgpack")
-    small, large = from_table(tmp_path / "t.msgpack", [PartTag("small", 7, 22.0), PartTag(EVIL, 8, 22.0)])
+    small, large = from_table(
+        tmp_path / "t.msgpack", [PartTag("small", 7, 22.0), PartTag(EVIL, 8, 22.0)]
+    )
     assert [np.ptp(each.outline_mm[:, 0]) for each in (small, large)] == pytest.approx([20.0, 34.0])
-    assert [each.goal.rho_um for each in (small, large)] == [own.rho_um for own in posed.table.hypotheses]
+    assert [each.goal.rho_um for each in (small, large)] == [
+        own.rho_um for own in posed.table.hypotheses
+    ]
     with pytest.raises(CameraFileError, match="for no part of"):
         from_table(tmp_path / "t.msgpack", [PartTag("other", 7, 22.0)])
 
@@ -299,7 +312,9 @@ def test_a_report_draws_each_part_and_says_who_ends_where(posed, tmp_path):
     assert [part["name"] for part in data["parts"]] == ["small", EVIL]
     counted = np.array(named_in(text))
     assert counted.shape == (2, 3)
-    trials = posed.table.predicted.trials  # the figures of a report are those of the table's evaluation
+    trials = (
+        posed.table.predicted.trials
+    )  # the figures of a report are those of the table's evaluation
     assert counted.sum() == trials
     assert counted[0].sum() / trials == pytest.approx(0.3, abs=0.12)
     assert np.trace(counted) >= 0.97 * counted[:, :2].sum()
@@ -319,7 +334,9 @@ def test_a_report_says_by_which_widths_a_stranger_is_taken_for_ours(plan):
         for side in (20.2, 50)
     )
     job = job_file.parse(COMMON + squares(20, 34) + more)
-    text = dossier.page(plan.table, job, dossier.Source("squares.msgpack", dumps(plan.table)), 400, 3)
+    text = dossier.page(
+        plan.table, job, dossier.Source("squares.msgpack", dumps(plan.table)), 400, 3
+    )
     assert Page(text).open == []
     body = text.split('<table id="strangers">')[1].split("<tbody>")[1].split("</tbody>")[0]
     alike, answer, other = re.findall(r"<tr>(.*?)</tr>", body)
@@ -355,7 +372,9 @@ def test_names_of_a_journal_stand_in_the_report(plan, ran, tmp_path):
 
 def test_a_bound_on_several_parts_is_refused_in_one_line(plan, tmp_path, capsys):
     dump(plan.table, tmp_path / "t.msgpack")
-    assert report.main([str(tmp_path / "t.msgpack"), "-o", str(tmp_path / "p.html"), "--bound"]) == 2
+    assert (
+        report.main([str(tmp_path / "t.msgpack"), "-o", str(tmp_path / "p.html"), "--bound"]) == 2
+    )
     error = capsys.readouterr().err
     assert "--bound is for one part" in error
     assert error.count("\n") == 1

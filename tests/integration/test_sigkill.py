@@ -26,7 +26,9 @@ def tree(tmp_path: Path) -> Path:
 
 def start(tree: Path, cell: RunningCell, *arguments: str) -> "subprocess.Popen[str]":
     command = runtime_command(tree, cell, tree.with_name("journal.jsonl"), *arguments)
-    return subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    return subprocess.Popen(
+        command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
 
 
 def path_of(journal: Path) -> tuple[list[int], str]:
@@ -93,7 +95,9 @@ def test_the_part_a_run_broke_off_at_ends_though_count_is_smaller(tree: Path, po
         wait_for(journal, "part", 3)
         os.kill(process.pid, signal.SIGKILL)
         process.communicate(timeout=WAIT_S)
-        broken = next(entry["part"] for entry in reversed(list(records(journal))) if "part" in entry)
+        broken = next(
+            entry["part"] for entry in reversed(list(records(journal))) if "part" in entry
+        )
         resumed = start(tree, cell, "--after-crash", policy, "--count", "2")
         out, err = resumed.communicate(timeout=WAIT_S)
     assert broken >= 3

@@ -38,8 +38,11 @@ def kept():
 def build(*arguments):
     return subprocess.run(
         [sys.executable, str(SITE / "build.py"), *arguments],
-        capture_output=True, text=True, timeout=240, check=False,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        timeout=240,
+        check=False,
+    )
 
 
 @pytest.fixture(scope="module")
@@ -107,7 +110,9 @@ def test_what_scrolls_is_reached_by_key_and_what_is_there_has_a_name(site):
             assert 'tabindex="0"' in tag, f"{page.name}: {tag}"
         assert all("aria-level" in tag for tag in re.findall(r'<[^>]*role="heading"[^>]*>', text))
         assert all("alt=" in tag for tag in re.findall(r"<img[^>]*>", text))
-        assert all("aria-label" in tag for tag in re.findall(r"<input[^>]*task-list-item[^>]*>", text))
+        assert all(
+            "aria-label" in tag for tag in re.findall(r"<input[^>]*task-list-item[^>]*>", text)
+        )
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -173,6 +178,8 @@ def test_figures_over_seeds_are_told_as_mean_least_and_most(kept, monkeypatch, t
     (tmp_path / "planner.json").write_text(json.dumps([*plans, before]))
     made = kept.table_of("planner")
     assert "| rectangle-25 | now | 4 | 2.95 (2.80 to 3.10) | 99.15 % | 0.10 % | 3.80 | 30 |" in made
-    assert "| rectangle-25 | before | 1 | 2.80 (2.80 to 2.80) | 99.00 % | 0.10 % | 3.80 | 30 |" in made
+    assert (
+        "| rectangle-25 | before | 1 | 2.80 (2.80 to 2.80) | 99.00 % | 0.10 % | 3.80 | 30 |" in made
+    )
     shown = "| rectangle-25 | 4 | 99.15 (99.00 to 99.30) % | 2.95 (2.80 to 3.10) |"
     assert shown in kept.table_of("planner-readme")

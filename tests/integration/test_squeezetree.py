@@ -28,7 +28,12 @@ Calls = list[list[str]]
 def called(*words: str, before: str = "") -> subprocess.CompletedProcess[str]:
     code = BLOCK.format(words=list(words)) + before + CALL
     return subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=60, check=False
+        [sys.executable, "-c", code],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
     )
 
 
@@ -116,7 +121,9 @@ def test_a_first_look_answers_and_writes_what_to_go_on_with(
     assert (job.uncertainty.radius_mm, job.gripper.model) == (2.0, "robotiq-2f-85")
     quick = job.replaced(search=first_look.QUICK)
     assert load(Path(told["table"])).table.job_digest == quick.digest()
-    shares = [told[name] for name in ("success_rate", "wrong_rate", "unresolved_rate", "reject_rate")]
+    shares = [
+        told[name] for name in ("success_rate", "wrong_rate", "unresolved_rate", "reject_rate")
+    ]
     assert sum(shares) + told["crashes"] / told["trials"] == pytest.approx(1.0)
     assert told["notes"] == []
     # Another job of the same name is not overwritten, the same one is.
@@ -158,12 +165,26 @@ def test_a_part_that_no_gripper_takes_is_an_answer_too(
         ((30, 20), None, "robotiq-2f-85", []),
         ((60, 20), None, "robotiq-2f-85", ["within 8 mm of the expected place"]),
         ((80, 60), None, "robotiq-2f-140", ["with a robotiq-2f-140"]),
-        ((110, 60), None, "robotiq-2f-140", ["with a robotiq-2f-140", "within 5 mm of the expected place"]),
-        ((140, 110), None, "robotiq-2f-140", ["with a robotiq-2f-140", "within 1 mm of the expected place"]),
+        (
+            (110, 60),
+            None,
+            "robotiq-2f-140",
+            ["with a robotiq-2f-140", "within 5 mm of the expected place"],
+        ),
+        (
+            (140, 110),
+            None,
+            "robotiq-2f-140",
+            ["with a robotiq-2f-140", "within 1 mm of the expected place"],
+        ),
     ],
 )
 def test_a_larger_gripper_and_a_smaller_radius_are_part_of_the_answer(
-    size: tuple[float, float], height: float | None, gripper: str, restrictions: list[str], tmp_path: Path
+    size: tuple[float, float],
+    height: float | None,
+    gripper: str,
+    restrictions: list[str],
+    tmp_path: Path,
 ) -> None:
     length, width = size
     path = tmp_path / "plate.csv"
@@ -173,9 +194,13 @@ def test_a_larger_gripper_and_a_smaller_radius_are_part_of_the_answer(
     assert setting.answers.gripper == gripper
     assert setting.restrictions == restrictions
     figures = {
-        "trials": 4000, "crashes": 0, "success_rate": 0.995, "wrong_rate": 0.001, "unresolved_rate": 0.004,
+        "trials": 4000,
+        "crashes": 0,
+        "success_rate": 0.995,
+        "wrong_rate": 0.001,
+        "unresolved_rate": 0.004,
         "reject_rate": 0.0,
-    }  # fmt: skip
+    }
     found = Verdict("fair", "", "", ["friction stays below 1.35"], [])
     answer = Answer("fair", found, figures, 4, None, [], setting.restrictions, 0.99)
     limits = "".join(f"{', ' if not k else ' and '}{text}" for k, text in enumerate(restrictions))

@@ -25,14 +25,18 @@ def job(tmp_path_factory):
 
 
 def compiled(job, output, *options):
-    return plan_compile.main([str(job), "-o", str(output), "--trials", "300", "--workers", "2", *options])
+    return plan_compile.main(
+        [str(job), "-o", str(output), "--trials", "300", "--workers", "2", *options]
+    )
 
 
 def test_each_table_is_the_one_its_job_alone_compiles_to(job, tmp_path):
     assert compiled(job, tmp_path / "all", "--vary", RADII, "--vary", "seed=3") == 0
     for radius in ("4", "6"):
         text = job.read_text(encoding="utf-8")
-        edited = text.replace("radius_mm = 12.75", f"radius_mm = {radius}").replace("seed = 1", "seed = 3")
+        edited = text.replace("radius_mm = 12.75", f"radius_mm = {radius}").replace(
+            "seed = 1", "seed = 3"
+        )
         alone = tmp_path / f"{radius}.toml"
         alone.write_text(edited, encoding="utf-8")
         assert compiled(alone, tmp_path / "alone.msgpack") == 0
@@ -93,7 +97,10 @@ def test_an_interrupt_keeps_the_tables_that_are_done(job, tmp_path, capsys, monk
         (["radius"], "write it as section.key=value"),
         (["a.b="], "states no values"),
         (["goal.distance_mm=1", "goal.distance_mm=2"], "swept twice"),
-        ([f"seed={','.join('1' * 101)}", f"goal.distance_mm={','.join('1' * 101)}"], "more than 10000"),
+        (
+            [f"seed={','.join('1' * 101)}", f"goal.distance_mm={','.join('1' * 101)}"],
+            "more than 10000",
+        ),
     ],
 )
 def test_a_sweep_that_makes_no_sense_is_refused_in_one_line(job, tmp_path, capsys, sweeps, words):
@@ -107,7 +114,7 @@ def test_a_sweep_that_makes_no_sense_is_refused_in_one_line(job, tmp_path, capsy
 
 @pytest.mark.parametrize(
     ("content", "code"), [(None, 3), ("seed = ", 4)], ids=["missing", "not TOML"]
-)  # fmt: skip
+)
 def test_a_file_that_cannot_be_read_is_one_error(tmp_path, capsys, content, code):
     path = tmp_path / "job.toml"
     if content is not None:
@@ -136,7 +143,9 @@ def test_files_are_named_after_the_values_and_stay_in_their_folder():
 
 def test_long_values_make_short_names_that_still_differ():
     outline = "[" + ", ".join(f"[{x}, 0]" for x in range(100))
-    paths = sweep_cli.paths_of([order(a=outline + "]"), order(a=outline + ", [0, 9]]")], Path("out"))
+    paths = sweep_cli.paths_of(
+        [order(a=outline + "]"), order(a=outline + ", [0, 9]]")], Path("out")
+    )
     assert len(set(paths)) == 2
     assert max(len(path.name) for path in paths) < 140
 

@@ -66,7 +66,9 @@ EASIER = {"--radius 5": "--radius 2 --turn 5", "--budget 20s": "--budget 60s"}
 
 
 @pytest.mark.slow
-def test_a_solid_becomes_a_running_cell_as_written_where_less_is_unknown(work, environment, tmp_path):
+def test_a_solid_becomes_a_running_cell_as_written_where_less_is_unknown(
+    work, environment, tmp_path
+):
     """Each located part is named rightly."""
     python = tmp_path / "bin" / "python3"
     python.write_text(f"#!/bin/sh\nexec '{sys.executable}' \"$@\"\n")
@@ -104,7 +106,9 @@ def test_the_readme_runs_as_written(work, environment):
     printed = run(found, work, environment | home)
     for block, lines in zip(found, printed, strict=False):
         timed = block.commands[0].startswith("squeezetree try ")
-        assert matches([TIMED.sub(r"\1...", line) if timed else line for line in block.printed], lines)
+        assert matches(
+            [TIMED.sub(r"\1...", line) if timed else line for line in block.printed], lines
+        )
 
 
 def calibrate(path: Path) -> None:
@@ -132,10 +136,16 @@ def test_commissioning_runs_as_written_on_a_simulated_cell(work, environment):
     ]
     with subprocess.Popen(
         [*cell, "--tree", str(RECTANGLE), "--time-scale", "100"],
-        stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment, cwd=ROOT, text=True,
-    ) as simulated:  # fmt: skip
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        env=environment,
+        cwd=ROOT,
+        text=True,
+    ) as simulated:
         ends = json.loads(simulated.stdout.readline())
-        here = names._replace(commands=[f"port={ends['gripper']}; arm={ends['arm']}; tree=rectangle.msgpack"])
+        here = names._replace(
+            commands=[f"port={ends['gripper']}; arm={ends['arm']}; tree=rectangle.msgpack"]
+        )
         printed = run([here, look, *others], work, environment)
         simulated.stdin.close()
     for block, lines in zip([look, *others], printed[1:], strict=False):
@@ -148,9 +158,9 @@ def test_commissioning_runs_as_written_on_a_simulated_cell(work, environment):
 )
 def test_rehearsal_in_the_air_is_a_job_that_is_accepted(job):
     """Every height that the page names, and that a job has, raised by what the page says."""
-    step = re.search(r"\*\*In the air\.\*\*(.*?)\n\d\. ", (DOCS / "commissioning.md").read_text(), re.DOTALL)[
-        1
-    ]
+    step = re.search(
+        r"\*\*In the air\.\*\*(.*?)\n\d\. ", (DOCS / "commissioning.md").read_text(), re.DOTALL
+    )[1]
     (more_mm,) = map(float, re.findall(r"by (\d+) mm", step))
     keys = set(re.findall(r"`(\w+_mm)`", step))
     assert "squeeze_height_mm" in keys
@@ -159,7 +169,9 @@ def test_rehearsal_in_the_air_is_a_job_that_is_accepted(job):
     for section in ("part", "cell"):
         of_section = getattr(sound, section)
         stated = {key: getattr(of_section, key) for key in keys if hasattr(of_section, key)}
-        raised[section] = {key: height + more_mm for key, height in stated.items() if height is not None}
+        raised[section] = {
+            key: height + more_mm for key, height in stated.items() if height is not None
+        }
     assert raised["cell"].keys() == {"squeeze_height_mm", "retreat_height_mm"}
     air = job_file.load(job, raised)
     assert air.cell.squeeze_height_mm == sound.cell.squeeze_height_mm + more_mm
@@ -167,7 +179,10 @@ def test_rehearsal_in_the_air_is_a_job_that_is_accepted(job):
 
 
 # What a page says of hundreds of parts, as a test tries it.
-FEWER = {"--count 100 --seed 7": "--count 75 --seed 7", "--count 100 --seed 8": "--count 40 --seed 8"}
+FEWER = {
+    "--count 100 --seed 7": "--count 75 --seed 7",
+    "--count 100 --seed 8": "--count 40 --seed 8",
+}
 FEWER |= {"--trials 2000": "--trials 300"}
 FEWER |= {"--trials 4000": "--trials 500", "plan-refit": "plan-refit --seed 1"}
 
@@ -176,7 +191,9 @@ FEWER |= {"--trials 4000": "--trials 500", "plan-refit": "plan-refit --seed 1"}
 def test_the_page_of_refit_runs_as_written_with_fewer_parts(work, environment):
     """The blind cell of the page: what journals and audits tell is written, and mends nearly all answers."""
     page = DOCS / "refit.md"
-    (work / "hidden.py").write_text(re.search(r"```python\n(.*?)```", page.read_text(), re.DOTALL)[1])
+    (work / "hidden.py").write_text(
+        re.search(r"```python\n(.*?)```", page.read_text(), re.DOTALL)[1]
+    )
     shutil.copy(DOCS / "lever.dxf", work)
     made = "plan-init lever.dxf --units mm -o cell.toml --radius 10 --turn 20 --fingers rubber"
     made += " --gripper robotiq-2f-85"
@@ -185,7 +202,9 @@ def test_the_page_of_refit_runs_as_written_with_fewer_parts(work, environment):
     found = []
     for block in blocks(page):
         fewer = changed(block, FEWER)
-        found.append(fewer._replace(commands=[f"{line} || test $? -eq 13" for line in fewer.commands]))
+        found.append(
+            fewer._replace(commands=[f"{line} || test $? -eq 13" for line in fewer.commands])
+        )
     printed = run([begin, *found], work, environment | {"PYTHONPATH": f"{ROOT}:{work}"})
     assert any(line.startswith("advice    a refit would pay") for line in printed[1])
     assert any(line.startswith("  widths read +0.") for line in printed[3])

@@ -24,7 +24,9 @@ def test_an_answer_is_found_in_any_noise(before, block, after):
     found = FRAMING.find(before + reply(block) + after, READ)
     assert found is not None
     read = b"".join(register.to_bytes(2, "big") for register in found.registers)
-    assert read == block or reply(read) in before + reply(block)  # noise that is a whole answer comes first
+    assert read == block or reply(read) in before + reply(
+        block
+    )  # noise that is a whole answer comes first
 
 
 @given(BLOCKS, st.integers(0, 87))

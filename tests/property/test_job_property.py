@@ -16,13 +16,20 @@ from planner.part import outline, symmetry
 
 RECTANGLE = job.load(Path(__file__).parents[2] / "trees" / "rectangle" / "job.toml")
 DOCUMENT = json.loads(RECTANGLE.canonical())
-PLACES = [(section, key) for section, table in DOCUMENT.items() if isinstance(table, dict) for key in table]
+PLACES = [
+    (section, key)
+    for section, table in DOCUMENT.items()
+    if isinstance(table, dict)
+    for key in table
+]
 
 radii = st.lists(st.floats(3.0, 40.0), min_size=3, max_size=24)
 shifts = st.tuples(st.floats(-1000.0, 1000.0), st.floats(-1000.0, 1000.0))
 anything = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=10),
-    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
+    lambda inner: (
+        st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=5), inner, max_size=3)
+    ),
     max_leaves=8,
 )
 

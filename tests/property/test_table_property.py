@@ -9,7 +9,9 @@ from runtime.table import REJECT, Calibration, TableError, by_count, decision_ma
 
 CASES = settings(max_examples=60, deadline=None, derandomize=True)
 tables = st.builds(random_table, st.integers(0, 10**6), st.integers(1, 25))
-falling = st.lists(st.integers(0, 90_000), min_size=256, max_size=256).map(lambda w: sorted(w, reverse=True))
+falling = st.lists(st.integers(0, 90_000), min_size=256, max_size=256).map(
+    lambda w: sorted(w, reverse=True)
+)
 
 
 @CASES

@@ -45,7 +45,8 @@ JOB = (Path(__file__).parents[2] / "trees" / "rectangle" / "job.toml").read_text
 def prints(text: str) -> bool:
     """Whether nothing in a text moves a cursor, breaks a line or turns a reading direction."""
     return not any(
-        unicodedata.category(letter) in ("Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp") for letter in text
+        unicodedata.category(letter) in ("Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp")
+        for letter in text
     )
 
 
@@ -101,7 +102,13 @@ def printed(written: Callable[[], object]) -> str:
 def asked(table: Table) -> list[str]:
     """All answers to a robot that comes to leaf 0, which names the part."""
     parts = AskedParts(
-        table, "0" * 64, FakeJournal(), FakeClock(), Objects(table, Path("j")), Tally(), RunOptions(Policy())
+        table,
+        "0" * 64,
+        FakeJournal(),
+        FakeClock(),
+        Objects(table, Path("j")),
+        Tally(),
+        RunOptions(Policy()),
     )
     return [parts.answer(line) for line in ("NEXT", "COUNTS 174 OBJECT", "TABLE", "STATUS")]
 
@@ -139,4 +146,6 @@ def test_no_sink_prints_what_does_not_print(text: str) -> None:
         for name in forms:
             exported = _text(name, TableFile(plain, b"", "ab" * 32))
             assert prints(exported.replace("\n", ""))
-            assert exported.count("\n") == _text(name, TableFile(small_table(), b"", "ab" * 32)).count("\n")
+            assert exported.count("\n") == _text(
+                name, TableFile(small_table(), b"", "ab" * 32)
+            ).count("\n")

@@ -224,7 +224,9 @@ def test_who_sends_no_frame_is_disconnected_and_others_are_not(
     assert raw.ask(read(0, 6)) == b"\x03\x0c" + bytes(12)
 
 
-def test_second_client_reads_and_its_writes_are_refused_while_the_first_is_there(served: Served) -> None:
+def test_second_client_reads_and_its_writes_are_refused_while_the_first_is_there(
+    served: Served,
+) -> None:
     with served.plc() as first, served.plc() as second:
         assert (second["trigger_id"], second["table_digest"]) == (0, 0xDEADBEEF)
         assert second.code("enable", 1) == 6
@@ -243,7 +245,9 @@ def test_second_client_reads_and_its_writes_are_refused_while_the_first_is_there
             assert third.code("trigger_id", 8) == 6
 
 
-def test_reader_that_stays_does_not_keep_the_plc_out(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_reader_that_stays_does_not_keep_the_plc_out(
+    served: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(modbus, "PANEL_S", 0.2)
     with served.plc() as panel, served.plc() as plc:
         assert panel["trigger_id"] == 0

@@ -129,7 +129,10 @@ def test_the_controllers_own_limit_holds_and_the_deadline_ends_what_it_stretches
 
 
 def test_frames_go_to_the_controller(basic):
-    tool, table = Pose(0.0, 0.0, 150.0, (1.0, 0.0, 0.0, 0.0)), Pose(10.0, 20.0, 5.0, (1.0, 0.0, 0.0, 0.0))
+    tool, table = (
+        Pose(0.0, 0.0, 150.0, (1.0, 0.0, 0.0, 0.0)),
+        Pose(10.0, 20.0, 5.0, (1.0, 0.0, 0.0, 0.0)),
+    )
     with basic.open(tool=tool, work_object=table) as arm:
         arm.move_linear(0.0, 0.0, 100.0, 0.3, 400.0)
         assert arm.pose() == pytest.approx((0.0, 0.0, 100.0, 0.3), abs=1e-4)
@@ -138,7 +141,9 @@ def test_frames_go_to_the_controller(basic):
 
 def test_a_wrong_password_is_told_and_not_printed(rig, monkeypatch):
     monkeypatch.setenv(rws.PASSWORD, "hunter2")
-    with pytest.raises(ArmError, match="refuses the user 'Default User'; set SQUEEZETREE_RWS_USER") as raised:
+    with pytest.raises(
+        ArmError, match="refuses the user 'Default User'; set SQUEEZETREE_RWS_USER"
+    ) as raised:
         rig.open()
     assert "hunter2" not in str(raised.value)
 
@@ -154,7 +159,9 @@ def test_a_certificate_that_is_named_is_checked(basic, monkeypatch, tmp_path):
 
 
 @pytest.mark.parametrize("stated", [None, "ab" * 32, "0" * 64])
-def test_nothing_is_sent_to_a_controller_whose_certificate_was_not_stated(basic, monkeypatch, stated):
+def test_nothing_is_sent_to_a_controller_whose_certificate_was_not_stated(
+    basic, monkeypatch, stated
+):
     if stated is None:
         monkeypatch.delenv(rws.CERTIFICATE)
     else:
@@ -252,7 +259,14 @@ def test_the_rapid_program_forgets_old_requests_and_tells_in_order():
     assert "Move" not in before
     order = [
         loop.index(word)
-        for word in ("WaitUntil", "sq_target.trans", "sq_fastest", "sq_started:=", "MoveL", "sq_done:=")
+        for word in (
+            "WaitUntil",
+            "sq_target.trans",
+            "sq_fastest",
+            "sq_started:=",
+            "MoveL",
+            "sq_done:=",
+        )
     ]
     assert order == sorted(order)
     assert ",fine," in loop
@@ -305,7 +319,9 @@ HEAD = b"HTTP/1.1 200 OK\r\n"
 CHUNKED, CHUNK = b"Transfer-Encoding: chunked\r\n\r\n", b"8000\r\n" + b"x" * 0x8000 + b"\r\n"
 ENDLESS = {
     "a body without a length": lambda: endless(HEAD + b"\r\n", b"x" * 65536),
-    "a body of any length": lambda: endless(HEAD + b"Content-Length: 99999999999\r\n\r\n", b"x" * 65536),
+    "a body of any length": lambda: endless(
+        HEAD + b"Content-Length: 99999999999\r\n\r\n", b"x" * 65536
+    ),
     "chunks": lambda: endless(HEAD + CHUNKED, CHUNK),
     "a chunk": lambda: endless(HEAD + CHUNKED + b"fffffffffff\r\n", b"x" * 65536),
     "headers": lambda: endless(HEAD, b"X-A: b\r\n" * 1000),

@@ -141,7 +141,8 @@ def test_a_fly_by_zone_is_acknowledged_early(arm):
 
 
 @pytest.mark.parametrize(
-    "text", ["1 900 0 100 0 1 0 0 #", "2 0 0 0 0 0 999 #", "1 0 0 50 0 1.2 0 0 #", "36 0 0 50 0 1 0 0 #"]
+    "text",
+    ["1 900 0 100 0 1 0 0 #", "2 0 0 0 0 0 999 #", "1 0 0 50 0 1.2 0 0 #", "36 0 0 50 0 1 0 0 #"],
 )
 def test_what_rapid_cannot_recover_from_ends_in_silence(arm, text):
     answer = arm.execute(text, 0.0)
@@ -275,7 +276,9 @@ def test_the_81st_character_belongs_to_the_next_message(served):
     received = b""
     while received.count(b" ") < 4:
         received += client.recv(64)
-    assert received == b"0 0 0 0 "  # no # in the first 80: previous code, bad; the rest has no code either
+    assert (
+        received == b"0 0 0 0 "
+    )  # no # in the first 80: previous code, bad; the rest has no code either
 
 
 def test_nothing_is_answered_during_a_move(served):
@@ -334,7 +337,9 @@ def test_random_bytes_never_move_it(served):
     client = served.client()
     assert talk(client, "0 #") == "0 1 "
     for _ in range(50):
-        reply = talk(client, bytes(rng.choice(b"xyz,;.- ") for _ in range(rng.randrange(1, 30))).decode())
+        reply = talk(
+            client, bytes(rng.choice(b"xyz,;.- ") for _ in range(rng.randrange(1, 30))).decode()
+        )
         assert reply == "0 0 "
     assert served.model.moves == 0
 
@@ -363,7 +368,9 @@ def test_a_speed_that_is_none_halts_at_the_next_move(arm):
     assert arm.halted
 
 
-@pytest.mark.parametrize(("way_mm", "seconds"), [(100.0, 0.525), (8.0, 2.0 * (8.0 / 2000.0) ** 0.5)])
+@pytest.mark.parametrize(
+    ("way_mm", "seconds"), [(100.0, 0.525), (8.0, 2.0 * (8.0 / 2000.0) ** 0.5)]
+)
 def test_line_with_an_acceleration_starts_and_ends_slowly(way_mm: float, seconds: float) -> None:
     arm = ArmModel(BASE, (2000.0, 700.0))
     ends_s = arm.line(Pose(0.0, 0.0, 100.0 - way_mm, HAND_DOWN), (250.0, 90.0), 0.0)

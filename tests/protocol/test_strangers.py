@@ -35,12 +35,19 @@ def address(url):
 def master(cell, kind):
     """A pymodbus client, and where the blocks are for it."""
     if kind == "pty":
-        client = ModbusSerialClient(cell.endpoints["gripper"], baudrate=115200, timeout=0.3, retries=0)
+        client = ModbusSerialClient(
+            cell.endpoints["gripper"], baudrate=115200, timeout=0.3, retries=0
+        )
         return client, 9, 1000, 2000
     host, port = address(cell.endpoints["gripper_tcp" if kind == "tcp" else "gripper_rtu_tcp"])
     if kind == "tcp":
         return ModbusTcpClient(host, port=port, timeout=0.3, retries=0), 2, 0, 0
-    return ModbusTcpClient(host, port=port, framer=FramerType.RTU, timeout=0.3, retries=0), 9, 1000, 2000
+    return (
+        ModbusTcpClient(host, port=port, framer=FramerType.RTU, timeout=0.3, retries=0),
+        9,
+        1000,
+        2000,
+    )
 
 
 def until(read, done, seconds=60.0):
@@ -93,7 +100,11 @@ def test_function_23_writes_and_then_reads(cell):
         lambda seen: seen[0] >> 8 & 0x31 == 0x31,
     )
     reply = client.readwrite_registers(
-        read_address=inputs, read_count=3, write_address=output, values=[0x0900, 100, 0xFF00], device_id=unit
+        read_address=inputs,
+        read_count=3,
+        write_address=output,
+        values=[0x0900, 100, 0xFF00],
+        device_id=unit,
     )
     assert reply.registers[1] & 0xFF == 100
     client.close()
@@ -141,7 +152,9 @@ def test_open_abbs_own_formats(cell):
     assert robot.ask("09", "0", "+05.0000", "+08.0000", "+00.8000") == "9 1 "
     assert robot.ask("01", *robot.pose(20.04, -10, 90, 0, 1, 0, 0)) == "1 1 "
     pose = [float(text) for text in robot.ask("03").split(" ")]
-    assert pose[2:5] == pytest.approx([20.0, -10.0, 90.0], abs=5.0)  # a fly-by point may be under way
+    assert pose[2:5] == pytest.approx(
+        [20.0, -10.0, 90.0], abs=5.0
+    )  # a fly-by point may be under way
     joints = [float(text) for text in robot.ask("04").split(" ")][2:8]
     assert len(joints) == 6
     assert robot.ask("02", *(f"{angle:+08.2f}" for angle in joints)) == "2 1 "

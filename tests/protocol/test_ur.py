@@ -64,7 +64,9 @@ def test_an_arm_that_may_not_move_is_not_moved_and_stays_usable(rig, change, tol
 def test_a_closed_port_for_programs_is_told_and_the_arm_stays_usable(rig):
     rig.script.close()
     with rig.open() as arm:
-        with pytest.raises(ArmError, match=r"not moved: nobody accepts .* enable the secondary interface"):
+        with pytest.raises(
+            ArmError, match=r"not moved: nobody accepts .* enable the secondary interface"
+        ):
             arm.move_linear(*TARGET, 200.0)
         arm.pose()
 
@@ -160,7 +162,9 @@ def test_the_pose_is_that_of_our_tool_whatever_the_controllers_is(rig):
         x, y, z, _ = arm.pose()
         flange = rig.truth()
         assert z == pytest.approx(flange[2] - 150.0, abs=0.01)
-        assert math.hypot(x - flange[0], y - flange[1]) == pytest.approx(math.hypot(3.0, 2.0), abs=0.01)
+        assert math.hypot(x - flange[0], y - flange[1]) == pytest.approx(
+            math.hypot(3.0, 2.0), abs=0.01
+        )
 
 
 def test_a_hand_that_mostly_turns_is_given_time_for_it(rig):
@@ -171,7 +175,9 @@ def test_a_hand_that_mostly_turns_is_given_time_for_it(rig):
         assert arm._pacing(arm._at._replace(x_mm=320.0, angle_rad=1.0)) == ("v=0.160000", 2.0)
 
 
-@pytest.mark.parametrize("greeting", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n", b"\0\4V\0", b"\0\1V"])
+@pytest.mark.parametrize(
+    "greeting", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n", b"\0\4V\0", b"\0\1V"]
+)
 def test_who_is_no_ur_controller_is_told(greeting, monkeypatch):
     monkeypatch.setattr(rtde, "ANSWER_S", 0.2)
     with socket.create_server(("127.0.0.1", 0)) as server:
@@ -221,11 +227,17 @@ def test_ur_rtdes_receiver_reads_the_simulated_controller():
     host = f"127.{os.getpid() >> 8 & 255}.{os.getpid() & 255}.7"
     arm = ArmModel(BASE)
     model = UrModel(arm, BASE)
-    port = RtdePort(model, threading.RLock(), SimulatedTime(1.0, threading.Event()), (host, rtde.PORT))
+    port = RtdePort(
+        model, threading.RLock(), SimulatedTime(1.0, threading.Event()), (host, rtde.PORT)
+    )
     port.start()
     try:
         ran = subprocess.run(
-            [sys.executable, "-c", STRANGER, host], capture_output=True, text=True, timeout=60, check=True
+            [sys.executable, "-c", STRANGER, host],
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=True,
         )
     finally:
         port.close()

@@ -29,7 +29,10 @@ def squeezes(path):
     """Initial and final poses (n, 3) in mm and rad, final openings (n,) in mm."""
     with path.open(newline="") as file:
         table = [
-            [float(row[name]) for name in ("x0_m", "y0_m", "th0_rad", "x_m", "y_m", "th_rad", "opening_m")]
+            [
+                float(row[name])
+                for name in ("x0_m", "y0_m", "th0_rad", "x_m", "y_m", "th_rad", "opening_m")
+            ]
             for row in csv.DictReader(file)
         ]
     numbers = np.array(table) * [1e3, 1e3, 1, 1e3, 1e3, 1, 1e3]
@@ -43,9 +46,10 @@ def assert_all_reproduced(outline, surface, path):
     offset = result.poses - final
     turned = (offset[:, 2] + math.pi) % math.tau - math.pi
     close = (
-        (np.hypot(offset[:, 0], offset[:, 1]) < CLOSE_MM) & (np.abs(turned) < CLOSE_RAD)
+        (np.hypot(offset[:, 0], offset[:, 1]) < CLOSE_MM)
+        & (np.abs(turned) < CLOSE_RAD)
         & (np.abs(result.width_mm - opening) < CLOSE_MM)
-    )  # fmt: skip
+    )
     assert len(initial) == 30
     assert close.all(), f"off at rows {np.flatnonzero(~close).tolist()} of {path.name}"
 
@@ -56,5 +60,7 @@ def test_the_rectangle_ends_where_the_authors_mechanics_say(data):
 
 def test_the_butterfly_ends_where_the_authors_mechanics_say(data):
     outline = 1e3 * np.loadtxt(data / "butterfly_outline.csv", delimiter=",", skiprows=1)
-    assert np.abs(canonical(outline).shift_mm).max() < 0.05  # its origin is near enough to its centroid
+    assert (
+        np.abs(canonical(outline).shift_mm).max() < 0.05
+    )  # its origin is near enough to its centroid
     assert_all_reproduced(np.ascontiguousarray(outline), BUTTERFLY, data / "oracle_butterfly.csv")

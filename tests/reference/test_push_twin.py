@@ -12,9 +12,14 @@ from twin import Part
 CLOSE_MM, CLOSE_RAD = 0.1, math.radians(0.2)
 
 
-@pytest.mark.parametrize(("outline", "mu"), [
-    (rectangle(), 0.4), (hexagon(), 0.0), (random_convex(np.random.default_rng(3), 5), 0.4),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("outline", "mu"),
+    [
+        (rectangle(), 0.4),
+        (hexagon(), 0.0),
+        (random_convex(np.random.default_rng(3), 5), 0.4),
+    ],
+)
 def test_kernels_and_twin_end_alike(outline, mu):
     made = random_paths(outline, np.random.default_rng(8), 4)
     part = simulator(outline, step_mm=0.1)
@@ -22,7 +27,8 @@ def test_kernels_and_twin_end_alike(outline, mu):
     assert not result.given_up.any()
     for k, moved in enumerate(result.moved):
         twin = push(
-            Part(outline, part.surface.A, part.surface.rho_mm, mu, None), *(values[k] for values in made)
+            Part(outline, part.surface.A, part.surface.rho_mm, mu, None),
+            *(values[k] for values in made),
         )
         assert math.hypot(*(moved - twin)[:2]) < CLOSE_MM
         assert abs(moved[2] - twin[2]) < CLOSE_RAD

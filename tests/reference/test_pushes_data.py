@@ -27,7 +27,9 @@ FIRST_TRY_DEG = {"hardboard_3pts3": 13.9, "plywood_3pts1": 18.1}
 
 FRICTION_N = {"hardboard_3pts3": 4.2, "plywood_3pts1": 5.0}
 
-pytestmark = pytest.mark.skipif(not FOLDER.is_dir(), reason=f"reference data absent: {FOLDER} is no folder")
+pytestmark = pytest.mark.skipif(
+    not FOLDER.is_dir(), reason=f"reference data absent: {FOLDER} is no folder"
+)
 
 
 @pytest.fixture(scope="module", params=sorted(FIRST_TRY_DEG))
@@ -91,7 +93,9 @@ def test_the_quartic_is_better_than_the_ellipsoid(data):
 
 FINGERS_MM = 50.0
 CORNER_TO_CENTROID = np.array([50.0, 50.0])
-FRICTION = 0.45  # between finger and block; tests/bench/bench_pushes.py fits it to the single-finger logs
+FRICTION = (
+    0.45  # between finger and block; tests/bench/bench_pushes.py fits it to the single-finger logs
+)
 AT_LEAST = {"3pts1": 0.90, "3pts3": 0.84, "patch": 0.88}  # share of pushes whose kind is foretold
 SUPPORTS = {
     "3pts1": [[30, 30], [63.33, 43.33], [43.33, 63.33]],
@@ -106,7 +110,11 @@ def test_pushes_with_two_fingers_are_foretold(support):
         lines = list(csv.DictReader(file))
     mine = np.array([line["support"] == support for line in lines])
     paths = push_files.paths(push_files.read(path, FINGERS_MM)[mine], CORNER_TO_CENTROID)
-    moved = columns.read(path, ("moved_x_mm", "moved_y_mm", "turned_deg"))[mine] * [1.0, 1.0, math.pi / 180.0]
+    moved = columns.read(path, ("moved_x_mm", "moved_y_mm", "turned_deg"))[mine] * [
+        1.0,
+        1.0,
+        math.pi / 180.0,
+    ]
     outline = canonical([[0, 0], [150, 0], [0, 150]]).outline_mm
     pressure = Pressure("uniform", 20)
     if support in SUPPORTS:

@@ -61,9 +61,13 @@ class Abb:
         self.model.execute = lambda text, now: Answer(None, math.inf)
 
     def open(self, *, read_only=False, **frames):
-        told = (f"{name}={','.join(map(str, (*pose[:3], *pose[3])))}" for name, pose in frames.items())
+        told = (
+            f"{name}={','.join(map(str, (*pose[:3], *pose[3])))}" for name, pose in frames.items()
+        )
         query = f"?{'&'.join(told)}" if frames else ""
-        return contextlib.closing(connect.arm(self.url + query, time_scale=SCALE, read_only=read_only))
+        return contextlib.closing(
+            connect.arm(self.url + query, time_scale=SCALE, read_only=read_only)
+        )
 
     def close(self):
         self.server.close()
@@ -125,7 +129,9 @@ class OmniCoreRig(ModelRig):
         self.arm = ArmModel(BASE)
         self.model = OmniCore(self.arm)
         self.now = SimulatedTime(SCALE, threading.Event()).now
-        self.server = RwsServer(self.model, threading.RLock(), self.now, certificate(), digest=digest)
+        self.server = RwsServer(
+            self.model, threading.RLock(), self.now, certificate(), digest=digest
+        )
         self.server.start()
         os.environ[rws.CERTIFICATE] = certificate()
 

@@ -54,12 +54,16 @@ class SimulatedRobot:
 
     def squeeze(self, speed: float, force: float) -> tuple[int, bool]:
         assert self._plan is not None
-        self._plan = self._plan._replace(speed_um_s=round(1000 * speed), force_mn=round(1000 * force))
+        self._plan = self._plan._replace(
+            speed_um_s=round(1000 * speed), force_mn=round(1000 * force)
+        )
         self._hand.retreat()
         self._hand.open(self._plan)
         self._hand.travel(*self._at)
         self._hand.descend(*self._at)
-        reading = self._hand.close(Node(self._plan, (Branch(0, 0, self._plan.opening_um, PPM, ~0),)))
+        reading = self._hand.close(
+            Node(self._plan, (Branch(0, 0, self._plan.opening_um, PPM, ~0),))
+        )
         return reading.position_counts, reading.object_flag == CLOSING_CONTACT
 
     def drag(self, x: float, y: float) -> None:
@@ -106,7 +110,11 @@ class Controller:
                 told = self.cycle(released=True)
             else:
                 raise RuntimeError(f"state {told['state']}")
-        return tuple(told[name] for name in ("x", "y", "angle", "success")) if told["located"] else None
+        return (
+            tuple(told[name] for name in ("x", "y", "angle", "success"))
+            if told["located"]
+            else None
+        )
 
 
 class Results(Console):
@@ -117,7 +125,9 @@ class Results(Console):
 
     def part(self, result: object, seen: object) -> None:
         counts = [step.position_counts for step in result.steps]
-        self.parts.append({"outcome": result.outcome.value, "leaf": result.leaf, "position_counts": counts})
+        self.parts.append(
+            {"outcome": result.outcome.value, "leaf": result.leaf, "position_counts": counts}
+        )
 
 
 def driven(
@@ -135,10 +145,17 @@ class Served:
 
     def __init__(self, tree: Path, *more: str) -> None:
         command = [sys.executable, "-m", "runtime.cli", "--tree", str(tree), "--json", *more]
-        command += ["--serve", "tcp://127.0.0.1:0", "--journal", str(tree.with_name("journal.jsonl"))]
+        command += [
+            "--serve",
+            "tcp://127.0.0.1:0",
+            "--journal",
+            str(tree.with_name("journal.jsonl")),
+        ]
         self._said = tree.with_name("said.jsonl")  # a pipe that is not read would hold it up
         with self._said.open("w") as said:
-            self.process = subprocess.Popen(command, cwd=ROOT, text=True, stdout=said, stderr=subprocess.PIPE)
+            self.process = subprocess.Popen(
+                command, cwd=ROOT, text=True, stdout=said, stderr=subprocess.PIPE
+            )
         assert self.process.stderr is not None
         line = ""
         while "a robot may ask at" not in line:
@@ -158,7 +175,10 @@ class Served:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         if self.process.poll() is None:
             self.process.kill()

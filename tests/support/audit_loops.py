@@ -67,7 +67,9 @@ class Loop(NamedTuple):
     faults: list[str]
 
 
-def loop(tree: Path, folder: Path, *, parts: int, seed: int, time_scale: float, runs: int = 20) -> Loop:
+def loop(
+    tree: Path, folder: Path, *, parts: int, seed: int, time_scale: float, runs: int = 20
+) -> Loop:
     """Run so many parts to a leaf. After a fault another run goes on, with the next seed.
 
     At many times life's speed a busy machine makes the deadlines of gripper and arm fail; that is not the
@@ -125,7 +127,9 @@ def agreement(parts: list[Judged]) -> dict[str, Any]:
     measured = [part for part in parts if "distance" in part.answer]
     off = [abs(part.answer["distance"] - part.error_mm) / part.answer["error"] for part in measured]
     unknown = [
-        part.answer["reason"].partition(":")[0] for part in parts if part.answer["verdict"] == "unknown"
+        part.answer["reason"].partition(":")[0]
+        for part in parts
+        if part.answer["verdict"] == "unknown"
     ]
     agree = [(part.answer["verdict"] == "pass") == part.within for part in given]
     return {

@@ -24,11 +24,19 @@ class Chain:
         data = dumps(tree)
         digest = hashlib.sha256(data).hexdigest()
         embedded = base64.b64encode(data).decode()
-        self.record("header", {"journal_version": 1, "table_sha256": digest, "table_base64": embedded})
+        self.record(
+            "header", {"journal_version": 1, "table_sha256": digest, "table_base64": embedded}
+        )
 
     def record(self, kind, fields):
         previous = json.loads(self._lines[-1])["digest"] if self._lines else "0" * 64
-        frame = {"seq": len(self._lines), "time": STAMP, "kind": kind, **fields, "previous": previous}
+        frame = {
+            "seq": len(self._lines),
+            "time": STAMP,
+            "kind": kind,
+            **fields,
+            "previous": previous,
+        }
         body = json.dumps(frame, separators=(",", ":"))
         self._lines.append(f'{body[:-1]},"digest":"{hashlib.sha256(body.encode()).hexdigest()}"}}')
 
@@ -59,11 +67,18 @@ def write(path, parts, tree=TABLE, ended=True):
                     },
                 )
             if part.verdict is not None:
-                measured = {} if part.residual is None else dict(zip(NAMES, part.residual, strict=True))
+                measured = (
+                    {} if part.residual is None else dict(zip(NAMES, part.residual, strict=True))
+                )
                 journal.record("audit", {"part": part.number, "verdict": part.verdict, **measured})
             journal.record(
                 "outcome",
-                {"part": part.number, "outcome": part.outcome, "leaf": part.leaf, "audit": part.verdict},
+                {
+                    "part": part.number,
+                    "outcome": part.outcome,
+                    "leaf": part.leaf,
+                    "audit": part.verdict,
+                },
             )
         if ended:
             journal.record("end", {"exit_code": 0})

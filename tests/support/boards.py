@@ -50,7 +50,10 @@ def cards():
     """A board on the table, and held in the middle and in all corners of the picture."""
     table = lying(board_cells(12, 9), 14.0 / 8, ON_TABLE, face_down=True, margin_mm=8.0)
     spots = [(200, 150), (760, 150), (200, 390), (760, 390), (480, 270)]
-    return [table, *(held(tilt, spots[k % 5], 190.0 + 12.0 * (k % 4)) for k, tilt in enumerate(TILTS))]
+    return [
+        table,
+        *(held(tilt, spots[k % 5], 190.0 + 12.0 * (k % 4)) for k, tilt in enumerate(TILTS)),
+    ]
 
 
 def places():

@@ -46,9 +46,13 @@ def true_view(optics: Optics) -> View:
     return View(lens, optics.rotation, -optics.rotation @ optics.eye_mm)
 
 
-def true_calibration(optics: Optics, sigma_mm: float = 0.02, references: bool = True) -> CameraCalibration:
+def true_calibration(
+    optics: Optics, sigma_mm: float = 0.02, references: bool = True
+) -> CameraCalibration:
     """A perfect calibration that trusts itself to so much."""
-    places = tuple(Reference(number, x, y) for number, (x, y, _) in REFERENCES) if references else ()
+    places = (
+        tuple(Reference(number, x, y) for number, (x, y, _) in REFERENCES) if references else ()
+    )
     axes = np.array([-400.0, 400.0]), np.array([-250.0, 250.0])
     trust = Trust(*axes, np.full((2, 2), sigma_mm))
     return CameraCalibration(
@@ -59,7 +63,8 @@ def true_calibration(optics: Optics, sigma_mm: float = 0.02, references: bool = 
 def part_tag(**values: object) -> PartTag:
     """The tag as `rig` glues it on."""
     return PartTag(
-        **{"part": "block", "number": NUMBER, "side_mm": SIDE_MM, "on_part": (2.0, -1.0, 0.3)} | values
+        **{"part": "block", "number": NUMBER, "side_mm": SIDE_MM, "on_part": (2.0, -1.0, 0.3)}
+        | values
     )
 
 

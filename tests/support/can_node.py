@@ -60,7 +60,9 @@ class CanNode:
                 return self._device.read_input(self._now())[byte]
             return self._device.read_output()[byte]
 
-    def _write(self, *, index: int, subindex: int, od: objectdictionary.ODVariable, data: bytes) -> None:
+    def _write(
+        self, *, index: int, subindex: int, od: objectdictionary.ODVariable, data: bytes
+    ) -> None:
         del od
         if index == self._where.output:
             with self._lock:

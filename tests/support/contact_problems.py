@@ -39,7 +39,9 @@ def wrenches(problem: ContactProblem) -> tuple[np.ndarray, np.ndarray]:
     """Normalised wrenches (m, 3) of unit normal and tangential force at each contact (eq. 2)."""
     tangents = np.column_stack([-problem.normals[:, 1], problem.normals[:, 0]])
     N, T = (
-        np.column_stack([f, (problem.points[:, 0] * f[:, 1] - problem.points[:, 1] * f[:, 0]) / problem.rho])
+        np.column_stack(
+            [f, (problem.points[:, 0] * f[:, 1] - problem.points[:, 1] * f[:, 0]) / problem.rho]
+        )
         for f in (problem.normals, tangents)
     )
     return N, T
@@ -92,19 +94,29 @@ def random_contacts(rng: np.random.Generator, m: int) -> ContactProblem:
     closing = np.where(np.arange(m) % 2 == 0, -advance[0], advance[1])
     mu = np.where(np.arange(m) % 2 == 0, *rng.uniform(0.0, 1.0, 2))
     return ContactProblem(
-        A=root @ root.T + 0.2 * np.eye(3), rho=10.0, points=rng.uniform(-20, 20, (m, 2)),
+        A=root @ root.T + 0.2 * np.eye(3),
+        rho=10.0,
+        points=rng.uniform(-20, 20, (m, 2)),
         normals=np.column_stack([np.cos(angle), np.sin(angle)]),
         advance=np.column_stack([np.zeros(m), closing]),
-        gap=np.where(rng.random(m) < 0.33, rng.uniform(0, 0.2, m), 0.0), mu=mu,
-    )  # fmt: skip
+        gap=np.where(rng.random(m) < 0.33, rng.uniform(0, 0.2, m), 0.0),
+        mu=mu,
+    )
 
 
-def _problem(points: list, normals: list, advance: list, mu: float, gap: float = 0.0) -> ContactProblem:
+def _problem(
+    points: list, normals: list, advance: list, mu: float, gap: float = 0.0
+) -> ContactProblem:
     m = len(points)
     return ContactProblem(
-        np.diag([1.05, 1.05, 0.58]), 10.0, np.array(points, float), np.array(normals, float),
-        np.array(advance, float), np.full(m, gap), np.full(m, mu),
-    )  # fmt: skip
+        np.diag([1.05, 1.05, 0.58]),
+        10.0,
+        np.array(points, float),
+        np.array(normals, float),
+        np.array(advance, float),
+        np.full(m, gap),
+        np.full(m, mu),
+    )
 
 
 UP, DOWN = [0.0, 1.0], [0.0, -1.0]
@@ -146,7 +158,10 @@ def wedged() -> ContactProblem:
     left, right = math.radians(-60.0), math.radians(-120.0)
     normals = [[math.cos(left), math.sin(left)], [math.cos(right), math.sin(right)], UP]
     return _problem(
-        [[-0.1, 3.0], [0.1, 3.0], [0.0, -6.0]], normals, [[0.0, -0.1], [0.0, -0.1], [0.0, 0.1]], mu=0.4
+        [[-0.1, 3.0], [0.1, 3.0], [0.0, -6.0]],
+        normals,
+        [[0.0, -0.1], [0.0, -0.1], [0.0, 0.1]],
+        mu=0.4,
     )
 
 
@@ -166,6 +181,11 @@ def repeated_contact() -> ContactProblem:
     return _problem([[6.0, -10.0]] * 3, [UP] * 3, [[0.0, 0.1]] * 3, mu=0.5)
 
 
-HAVE_MOTION = {"sticking": sticking, "sliding": sliding, "receding": receding, "flush push": flush_push,
-               "repeated contact": repeated_contact}  # fmt: skip
+HAVE_MOTION = {
+    "sticking": sticking,
+    "sliding": sliding,
+    "receding": receding,
+    "flush push": flush_push,
+    "repeated contact": repeated_contact,
+}
 HAVE_NONE = {"jamming": jamming, "wedged": wedged, "flush grasp": flush_grasp}

@@ -82,9 +82,15 @@ class ContactSolution(NamedTuple):
 
 
 def contact_solution(
-    points: Array, pose: Array, faces: tuple[float, float], jaws: Array, surface: Array, rho_mm: float,
-    mu: tuple[float, float], advance_mm: float,
-) -> ContactSolution:  # fmt: skip
+    points: Array,
+    pose: Array,
+    faces: tuple[float, float],
+    jaws: Array,
+    surface: Array,
+    rho_mm: float,
+    mu: tuple[float, float],
+    advance_mm: float,
+) -> ContactSolution:
     """Solves one step of both fingers and keeps everything.
 
     Args:

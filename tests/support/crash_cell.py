@@ -118,7 +118,10 @@ class World:
         """The fingers let go; `let_go` looks for itself."""
 
     def _let_go(self) -> None:
-        if self._grip_mm is not None and self.model.opening_mm(self.time.now()) > self._grip_mm + FREE_MM:
+        if (
+            self._grip_mm is not None
+            and self.model.opening_mm(self.time.now()) > self._grip_mm + FREE_MM
+        ):
             self._grip_mm = None
 
     # the arm
@@ -134,7 +137,9 @@ class World:
         elif (
             min(target[2], self.at_mm[2]) <= REACH_MM
             and hypot(target[0] - self.at_mm[0], target[1] - self.at_mm[1]) > NEAR_MM
-            and not any(_near(self.at_mm, start) and _near(target, end) for start, end in self._ways)
+            and not any(
+                _near(self.at_mm, start) and _near(target, end) for start, end in self._ways
+            )
         ):
             self.wrongs.append(f"the hand swept over the table from {self.at_mm} to {target}")
         beside = any(_near(target, start) for start, _ in self._ways)
@@ -158,7 +163,10 @@ class World:
             node = self.table.nodes[number]
             if node.release is not None:
                 x, y, _ = placement(node.squeeze)
-                place = (place[0] + node.release[0] / 1000 - x, place[1] + node.release[1] / 1000 - y)
+                place = (
+                    place[0] + node.release[0] / 1000 - x,
+                    place[1] + node.release[1] / 1000 - y,
+                )
         return place
 
 
@@ -212,7 +220,9 @@ class CountedArm:
     def obstacle(self, start: tuple[float, ...], target: tuple[float, ...]) -> str:
         return ""
 
-    def move_linear(self, x_mm: float, y_mm: float, z_mm: float, angle_rad: float, speed_mm_s: float) -> None:
+    def move_linear(
+        self, x_mm: float, y_mm: float, z_mm: float, angle_rad: float, speed_mm_s: float
+    ) -> None:
         self._life.moment_passes()
         self._world.move((x_mm, y_mm, z_mm, angle_rad))
         self._life.moment_passes()

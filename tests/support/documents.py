@@ -15,7 +15,13 @@ DOCS = ROOT / "tools" / "docs"
 COMMANDS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["scripts"]
 PAGES = sorted(
     path
-    for pattern in ("*.md", "tools/d*s/*.md", "tools/docs/*.rst", "runtime/**/*.md", "drivers/*/*.md")
+    for pattern in (
+        "*.md",
+        "tools/d*s/*.md",
+        "tools/docs/*.rst",
+        "runtime/**/*.md",
+        "drivers/*/*.md",
+    )
     for path in ROOT.glob(pattern)
 )
 BLOCK = re.compile(r"^( *)```(console|bash|sh)\n(.*?)^\1```$", re.MULTILINE | re.DOTALL)
@@ -60,9 +66,15 @@ def run(found: list[Block], work: Path, environment: dict[str, str]) -> list[lis
     """Runs blocks in one shell, in a folder; what each printed, in lines."""
     script = "\n".join("\n".join([*block.commands, f"echo '{MARK}'"]) for block in found)
     done = subprocess.run(
-        ["bash", "-euo", "pipefail", "-c", script], cwd=work, env=environment, stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT, text=True, timeout=280, check=False,
-    )  # fmt: skip
+        ["bash", "-euo", "pipefail", "-c", script],
+        cwd=work,
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        timeout=280,
+        check=False,
+    )
     assert done.returncode == 0, done.stdout
     return [part.strip().splitlines() for part in done.stdout.split(MARK)]
 

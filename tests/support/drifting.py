@@ -44,7 +44,9 @@ def squeezed(table: Table, job: Job, count: int, seed: int, drift: Drift = HEALT
     world_job = job
     if drift.friction is not None:
         low, high = drift.friction
-        world_job = replace(job, friction=replace(job.friction, finger_part_min=low, finger_part_max=high))
+        world_job = replace(
+            job, friction=replace(job.friction, finger_part_min=low, finger_part_max=high)
+        )
     world = supply(DEFAULT_WORLD, world_job, seed)
     disturbance = Disturbance(encoder_offset_mm=drift.width_mm)
     return evaluate(table, world_job, world, count, seed, Threads(), disturbance)
@@ -61,7 +63,9 @@ def parts(table: Table, found: Evaluation, seed: int, drift: Drift = HEALTHY) ->
         for node, count, branch in zip(*rows, strict=True):
             if node >= 0:
                 width_um = calibration.width_um(int(count))
-                taken.append(Squeezed(int(node), None if branch == REJECT else int(branch), width_um))
+                taken.append(
+                    Squeezed(int(node), None if branch == REJECT else int(branch), width_um)
+                )
         yield _part(table, number, tuple(taken), int(leaf), seen[number])
 
 

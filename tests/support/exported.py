@@ -39,7 +39,8 @@ def wide_table() -> Table:
     """One squeeze with as many outcomes as a node may have; the first holds nothing that could be dragged."""
     table = small_table()
     branches = tuple(
-        Branch(2_500 * k, 2_500 * k + 1_500, 2_500 * k + 3_000, 31_250, ~k) for k in range(MAX_BRANCHES)
+        Branch(2_500 * k, 2_500 * k + 1_500, 2_500 * k + 3_000, 31_250, ~k)
+        for k in range(MAX_BRANCHES)
     )
     root = table.nodes[0]._replace(branches=branches, release=(3_000, -4_000))
     return replace(table, nodes=(root,), leaves=table.leaves[:1] * MAX_BRANCHES)
@@ -74,7 +75,9 @@ def rows_of(path: Path) -> list[tuple[int, ...]]:
         return [tuple(map(int, row)) for row in list(csv.reader(file))[1:]]
 
 
-def check_structured_text(block: FunctionBlock, table: Table, rows: Iterable[tuple[int, ...]]) -> None:
+def check_structured_text(
+    block: FunctionBlock, table: Table, rows: Iterable[tuple[int, ...]]
+) -> None:
     """Call the block with every row, and compare all its outputs.
 
     Raises:
@@ -87,7 +90,10 @@ def check_structured_text(block: FunctionBlock, table: Table, rows: Iterable[tup
         outcome, index = told["outcome"], told["index"]
         assert (outcome, index, told["release_x_um"], told["release_y_um"]) == row[3:], row
         if outcome == NODE:
-            assert tuple(told[name] for name in names[hand : hand + 6]) == table.nodes[index].squeeze[:6]
+            assert (
+                tuple(told[name] for name in names[hand : hand + 6])
+                == table.nodes[index].squeeze[:6]
+            )
         if outcome in (LEAF, UNRESOLVED):
             leaf = table.leaves[index]
             success = leaf.success_ppm if leaf.trials else -1
@@ -127,7 +133,13 @@ def code_bytes(compiled: Path) -> int:
 def said(*words: object, program: str | Path, seconds: float = 280.0) -> str:
     """What a program prints; it must end with 0 and without a word on standard error."""
     done = subprocess.run(
-        [str(program), *map(str, words)], capture_output=True, text=True, timeout=seconds, check=False
+        [str(program), *map(str, words)],
+        capture_output=True,
+        text=True,
+        timeout=seconds,
+        check=False,
     )
-    assert (done.returncode, done.stderr) == (0, ""), f"{program} ended with {done.returncode}: {done.stderr}"
+    assert (done.returncode, done.stderr) == (0, ""), (
+        f"{program} ended with {done.returncode}: {done.stderr}"
+    )
     return done.stdout

@@ -120,7 +120,9 @@ class FakeArm:
     def obstacle(self, start: tuple[float, ...], target: tuple[float, ...]) -> str:
         return self.obstacles(start, target)
 
-    def move_linear(self, x_mm: float, y_mm: float, z_mm: float, angle_rad: float, speed_mm_s: float) -> None:
+    def move_linear(
+        self, x_mm: float, y_mm: float, z_mm: float, angle_rad: float, speed_mm_s: float
+    ) -> None:
         self.log.call("arm", "move_linear", x_mm, y_mm, z_mm, angle_rad, speed_mm_s)
         self.at = (x_mm, y_mm, z_mm, angle_rad)
 

@@ -25,11 +25,15 @@ TCP_REPLY = bytes.fromhex("0001 0000 0009 02 04 06 B900 00FF BD00")
 WRITE_REPLY = bytes.fromhex("09 10 03E8 0003 0130")
 CORPUS = tuple(
     bytes((listener, 0)) + frame
-    for listener, frames in enumerate(((READ, CLOSE, READ_WRITE), (READ_REPLY, WRITE_REPLY), (TCP_REPLY,)))
+    for listener, frames in enumerate(
+        ((READ, CLOSE, READ_WRITE), (READ_REPLY, WRITE_REPLY), (TCP_REPLY,))
+    )
     for frame in frames
 )
 MAX_PIECES = 64
-logging.getLogger("pymodbus").setLevel(logging.CRITICAL + 1)  # as the driver does when it opens a port
+logging.getLogger("pymodbus").setLevel(
+    logging.CRITICAL + 1
+)  # as the driver does when it opens a port
 
 
 class Skipping:

@@ -57,7 +57,9 @@ def run(seed: int, numbers: range, report: Callable[[Tally], None] | None = None
                 verdict = judge(depth, data)
         except Exception as error:
             verdict = "failed"
-            tally.failures.append(f"--seed {seed} --first {number}: {type(error).__name__}: {error}")
+            tally.failures.append(
+                f"--seed {seed} --first {number}: {type(error).__name__}: {error}"
+            )
         taken = time.process_time() - start
         if taken > tally.slowest_s:
             tally.slowest_s, tally.slowest = taken, number
@@ -92,7 +94,9 @@ def mutant(seed: int, number: int) -> tuple[str, bytes]:
     if depth == "file":
         return depth, _damaged(data, random)
     magic, version, _, payload = msgpack.unpackb(data)
-    payload = _damaged(payload, random) if depth == "payload" else _with_other_values(payload, random)
+    payload = (
+        _damaged(payload, random) if depth == "payload" else _with_other_values(payload, random)
+    )
     return depth, bytes(msgpack.packb([magic, version, hashlib.sha256(payload).digest(), payload]))
 
 

@@ -56,7 +56,9 @@ class Robotiq:
             port = TcpPort(self.slave, self.lock, self.time)
         else:
             self.slave = MbapSlave(GripperRegisters(self.model, self.now, TCP))
-            port = TcpPort(self.slave, self.lock, self.time, lambda: stop_jaws(self.model, self.now))
+            port = TcpPort(
+                self.slave, self.lock, self.time, lambda: stop_jaws(self.model, self.now)
+            )
         return port, f"{bus}://127.0.0.1:{port.port}"
 
     # what the fingers meet: drivers.sim.devices.jaws.Surroundings

@@ -15,7 +15,9 @@ from sample_tables import GOAL, GRIPPER, NO_JOB, breadth_first
 from runtime.table import Branch, Leaf, Limits, Node, Prediction, Squeeze, Table
 
 COUNT_UM = GRIPPER.opening_um / (GRIPPER.count_closed - GRIPPER.count_open)
-LIMITS = Limits(64, 235_000, 150_000, (-150_000, -150_000, 150_000, 150_000), 60_000, 8_000, 250_000)
+LIMITS = Limits(
+    64, 235_000, 150_000, (-150_000, -150_000, 150_000, 150_000), 60_000, 8_000, 250_000
+)
 STABLE_UM = (21_000, 30_000, 33_500, 36_200)
 MARGIN_COUNTS = 2.5
 TRIALS = 20_000
@@ -32,7 +34,9 @@ def grown_table(seed: int, nodes: int, *, proposals: float = 0.5) -> Table:
     """
     random = Random(seed)
     drafts: list[Draft] = []
-    waiting: list[tuple[float, int, int]] = [(-1.0, -1, 0)]  # the likeliest open end is squeezed next
+    waiting: list[tuple[float, int, int]] = [
+        (-1.0, -1, 0)
+    ]  # the likeliest open end is squeezed next
     while len(drafts) < nodes:
         share, parent, slot = heappop(waiting)
         if parent >= 0:
@@ -64,7 +68,15 @@ def _numbered(random: Random, drafts: list[Draft], ends: dict[tuple[int, int], f
     met = sum(round(leaf.success_ppm * leaf.trials / 1e6) for leaf in leaves)
     predicted = Prediction(round(1e6 * met / trials), trials, 5_284_450, 400)
     table = Table(
-        "squeezetree 0.1.0", NO_JOB, GRIPPER, GOAL, LIMITS, tuple(records), tuple(leaves), predicted, None
+        "squeezetree 0.1.0",
+        NO_JOB,
+        GRIPPER,
+        GOAL,
+        LIMITS,
+        tuple(records),
+        tuple(leaves),
+        predicted,
+        None,
     )
     return breadth_first(table)
 
@@ -77,7 +89,9 @@ def _squeeze(random: Random, proposals: float) -> Squeeze:
         angle = random.choice((0, pi / 4, pi / 2, 3 * pi / 4))
         return Squeeze(0, 0, round(1e6 * angle), opening, 60_000, force, clearance)
     x, y = (round(random.gauss(0, 30)) * 100 for _ in range(2))
-    return Squeeze(x, y, round(pi / 720 * random.randint(-720, 719) * 1e6), opening, 60_000, force, clearance)
+    return Squeeze(
+        x, y, round(pi / 720 * random.randint(-720, 719) * 1e6), opening, 60_000, force, clearance
+    )
 
 
 def _branches(random: Random) -> list[tuple[int, int, int, float]]:
@@ -100,8 +114,14 @@ def _branches(random: Random) -> list[tuple[int, int, int, float]]:
 
 def _leaf(random: Random, squeeze: Squeeze, share: float) -> Leaf:
     trials = round(TRIALS * share * random.uniform(0.8, 1.2))
-    missed = 0 if random.random() < 0.8 else min(trials, round(random.expovariate(1 / (1 + 0.01 * trials))))
-    along, across, turn = (random.choice((0.0, 0.4, 1.5, 4.0, 9.0)) * random.random() for _ in range(3))
+    missed = (
+        0
+        if random.random() < 0.8
+        else min(trials, round(random.expovariate(1 / (1 + 0.01 * trials))))
+    )
+    along, across, turn = (
+        random.choice((0.0, 0.4, 1.5, 4.0, 9.0)) * random.random() for _ in range(3)
+    )
     both = random.choice((0.0, 0.0, 0.0, -1.0, 1.0, random.uniform(-1, 1)))
     covariance = (
         round(along**2),

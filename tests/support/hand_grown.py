@@ -19,9 +19,12 @@ def squeezed(node, angle, groups):
     """Gives a node one action, whose children are (poses, counts) in the order of rising width."""
     total = sum(len(poses) for poses, _ in groups)
     children = [
-        leaf(poses, counts, node.share * len(poses) / total, node.depth + 1) for poses, counts in groups
+        leaf(poses, counts, node.share * len(poses) / total, node.depth + 1)
+        for poses, counts in groups
     ]
-    squeeze = Squeeze(np.array([0.0, 0.0, angle]), 85.0, 5.0, Partition.of([counts for _, counts in groups]))
+    squeeze = Squeeze(
+        np.array([0.0, 0.0, angle]), 85.0, 5.0, Partition.of([counts for _, counts in groups])
+    )
     node.actions = [Action(squeeze, children)]
     return node
 

@@ -49,7 +49,9 @@ def drawn(
     predicted = branch_shares(tree)
     rate = 1.0 - tree.predicted.success_ppm / PPM if fail_rate is None else fail_rate
     return [
-        _part(tree, maps, predicted, number, rng, width_shift_um, shares or {}, residual_shift, rate)
+        _part(
+            tree, maps, predicted, number, rng, width_shift_um, shares or {}, residual_shift, rate
+        )
         for number in range(first, first + count)
     ]
 

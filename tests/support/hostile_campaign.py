@@ -45,7 +45,9 @@ def every(devices: Collection[str], *, polls: bool = False) -> Iterator[Case]:
             taken = [
                 (number, poll)
                 for number, row in enumerate(rows)
-                for poll in (row.polls() if device.startswith("gripper") and not polls else range(row.calls))
+                for poll in (
+                    row.polls() if device.startswith("gripper") and not polls else range(row.calls)
+                )
             ]
             print(f"{device}: {len(taken)} of {sum(row.calls for row in rows)} calls", flush=True)
             yield from (Case(device, mode, *call) for call in taken for mode in MODES)
@@ -59,8 +61,13 @@ def _counted(bench: Bench, device: str) -> list[Row]:
         if end.rows and not end.wrong:
             counted.append(end.rows)
         if len(counted) == 2:
-            return [Row(min(one.calls, other.calls), one.cycle) for one, other in zip(*counted, strict=False)]
-    raise RuntimeError(f"{device}: no two runs without a fault end well: exit {end.code}, {end.wrong}")
+            return [
+                Row(min(one.calls, other.calls), one.cycle)
+                for one, other in zip(*counted, strict=False)
+            ]
+    raise RuntimeError(
+        f"{device}: no two runs without a fault end well: exit {end.code}, {end.wrong}"
+    )
 
 
 class Summary:
@@ -80,7 +87,9 @@ class Summary:
     def add(self, case: Case, end: End) -> None:
         """Count a case."""
         key = case[:2]
-        self._ends.setdefault(key, Counter())[f"exit {end.code}" if end.reached else "not reached"] += 1
+        self._ends.setdefault(key, Counter())[
+            f"exit {end.code}" if end.reached else "not reached"
+        ] += 1
         self._longest[key] = max(self._longest.get(key, 0.0), end.took_s)
 
     @property

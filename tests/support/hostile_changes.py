@@ -11,15 +11,68 @@ from runtime.shell import strict_json
 LONGEST = 1 << 20  # bytes that a repeated line comes to
 # Numbers and words that a file of text may hold where it should hold something else.
 ODD = (
-    "-1", "0", "nan", "inf", "-inf", "1e400", "1e308", "1e-320", "9" * 25, "9" * 5000, "0x10", "1_000",
-    "true", "null", '""', "[]", "{}", "[" * 2000, "{" * 2000, "1979-05-27", "'", '"', "\\", "\x00", "\x1b[2J",
-    "\u202e",     "../../etc/passwd", "%s%n", "=1+1", "<!ENTITY a 'a'>", "&a;", "É", "",
-)  # fmt: skip
+    "-1",
+    "0",
+    "nan",
+    "inf",
+    "-inf",
+    "1e400",
+    "1e308",
+    "1e-320",
+    "9" * 25,
+    "9" * 5000,
+    "0x10",
+    "1_000",
+    "true",
+    "null",
+    '""',
+    "[]",
+    "{}",
+    "[" * 2000,
+    "{" * 2000,
+    "1979-05-27",
+    "'",
+    '"',
+    "\\",
+    "\x00",
+    "\x1b[2J",
+    "\u202e",
+    "../../etc/passwd",
+    "%s%n",
+    "=1+1",
+    "<!ENTITY a 'a'>",
+    "&a;",
+    "É",
+    "",
+)
 MILD = (b"0", b"-1", b"1", b"2", b"0.001", b"-0.5", b"1e3", b"1e6", b"1e9", b"90", b"360")
 STRANGE = (
-    None, True, -1, 0, 2**31, 2**63, 10**18, 1.5, -0.0, 1e308, "", "zzz", "\x00", "\ud800", [], {}, [[]],
-    {"a": 1}, [0] * 300, "x" * 5000, "2026-01-01", "header", "end", float("nan"), float("inf"),
-)  # fmt: skip
+    None,
+    True,
+    -1,
+    0,
+    2**31,
+    2**63,
+    10**18,
+    1.5,
+    -0.0,
+    1e308,
+    "",
+    "zzz",
+    "\x00",
+    "\ud800",
+    [],
+    {},
+    [[]],
+    {"a": 1},
+    [0] * 300,
+    "x" * 5000,
+    "2026-01-01",
+    "header",
+    "end",
+    float("nan"),
+    float("inf"),
+)
 
 
 def text(data: bytes, random: Random) -> bytes:
@@ -41,7 +94,9 @@ def text(data: bytes, random: Random) -> bytes:
             at, to = random.randrange(len(lines)), random.randrange(len(lines))
             line = lines.pop(at)
             if action == 7:
-                lines[to:to] = [line] * min(random.choice((1, 2, 500)), 1 + LONGEST // (1 + len(line)))
+                lines[to:to] = [line] * min(
+                    random.choice((1, 2, 500)), 1 + LONGEST // (1 + len(line))
+                )
             data = b"".join(lines)
         else:
             data = damaged(data, random)
@@ -117,7 +172,11 @@ def chained(entries: list[dict]) -> bytes:
     """Records as lines, each with its number, the digest of the line before and its own."""
     lines, head = [], "0" * 64
     for number, entry in enumerate(entries):
-        fields = {name: value for name, value in entry.items() if name not in ("digest", "previous", "seq")}
+        fields = {
+            name: value
+            for name, value in entry.items()
+            if name not in ("digest", "previous", "seq")
+        }
         seq = number if type(entry.get("seq")) is int else entry.get("seq")
         body = json.dumps({"seq": seq, **fields, "previous": head}, separators=(",", ":")).encode()
         head = hashlib.sha256(body).hexdigest()
@@ -129,7 +188,9 @@ def sealed(data: bytes, random: Random) -> bytes:
     """A JSON document changed, with the digest that it then has; or damaged as text."""
     if random.random() < 0.3:
         return text(data, random)
-    told = odd({name: value for name, value in json.loads(data).items() if name != "sha256"}, random)
+    told = odd(
+        {name: value for name, value in json.loads(data).items() if name != "sha256"}, random
+    )
     with contextlib.suppress(ValueError, UnicodeEncodeError):  # a digest of no text
         told = {**told, "sha256": strict_json.digest(told)} if isinstance(told, dict) else told
     return json.dumps(told).encode()
@@ -137,4 +198,8 @@ def sealed(data: bytes, random: Random) -> bytes:
 
 def values(data: bytes, random: Random) -> bytes:
     """A JSON document with something odd in it, or damaged as text."""
-    return text(data, random) if random.random() < 0.3 else json.dumps(odd(json.loads(data), random)).encode()
+    return (
+        text(data, random)
+        if random.random() < 0.3
+        else json.dumps(odd(json.loads(data), random)).encode()
+    )

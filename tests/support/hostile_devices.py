@@ -84,7 +84,8 @@ _TRIES_S = READ_TRIES * (LINK_TIMEOUT_S + DRAIN_S)
 MOTION_S = 8.0
 DEADLINES_S = {
     **dict.fromkeys(
-        ("gripper", "gripper_tcp", "gripper_rtu_tcp", "gripper_urcap"), 2.0 * _TRIES_S + LINK_TIMEOUT_S
+        ("gripper", "gripper_tcp", "gripper_rtu_tcp", "gripper_urcap"),
+        2.0 * _TRIES_S + LINK_TIMEOUT_S,
     ),
     "arm": 2.0 + MOTION_S,
     "arm_ur": 3.0 * ANSWER_S + MOTION_S,
@@ -159,8 +160,20 @@ class Bench:
         calibration.save(known, self._folder / "camera.json")
         tag = part_tag(on_part=optics.on_part)
         tag_file.save(tag, self._folder / "tag.json", "2026-01-01T00:00:00+00:00")
-        words = [sys.executable, "-m", "drivers.camera.audit.command", "judge", "--tree", str(RECTANGLE)]
-        words += ["--calibration", str(self._folder / "camera.json"), "--tag", str(self._folder / "tag.json")]
+        words = [
+            sys.executable,
+            "-m",
+            "drivers.camera.audit.command",
+            "judge",
+            "--tree",
+            str(RECTANGLE),
+        ]
+        words += [
+            "--calibration",
+            str(self._folder / "camera.json"),
+            "--tag",
+            str(self._folder / "tag.json"),
+        ]
         return f"{shlex.join(words)} --camera {{camera}}"
 
     def close(self) -> None:
@@ -224,17 +237,24 @@ class Bench:
         code = process.returncode
         wrong = [] if code in CODES else [f"exit code {code}: {said[-400:]}"]
         wrong += ["a traceback"] * ("Traceback" in said)
-        wrong += [f"a line of {len(line)} characters" for line in said.splitlines() if len(line) > 600]
+        wrong += [
+            f"a line of {len(line)} characters" for line in said.splitlines() if len(line) > 600
+        ]
         wrong += [*_journal_faults(journal, code), *self._rest_faults(case, said)]
         bound_s = deadline_s(case)
         late = (
-            f"it took {took_s:.1f} s, its deadline is {bound_s:.1f} s" if took_s > bound_s + SPARE_S else ""
+            f"it took {took_s:.1f} s, its deadline is {bound_s:.1f} s"
+            if took_s > bound_s + SPARE_S
+            else ""
         )
         return End(str(code), took_s, wrong, late, hindrance.began_s is not None, hindrance.rows)
 
     def _words(self, case: Case, endpoints: Mapping[str, str], journal: Path) -> list[str]:
         """The command of a run of one part."""
-        start, where = ["-m", "runtime.cli"], ["--port", endpoints["gripper"], "--arm", endpoints["arm"]]
+        start, where = (
+            ["-m", "runtime.cli"],
+            ["--port", endpoints["gripper"], "--arm", endpoints["arm"]],
+        )
         if case.device in SIMULATED:
             start = [str(ROOT / "tests" / "support" / "run_on_cell.py")]
             where = ["--port", "sim", "--time-scale", str(SCALE)]
@@ -242,7 +262,16 @@ class Bench:
         if case.device == "camera":
             tree = RECTANGLE
             where += ["--audit", self._auditor]
-        words = [sys.executable, *start, "--tree", str(tree), *where, "--activate", "--tips", "straight"]
+        words = [
+            sys.executable,
+            *start,
+            "--tree",
+            str(tree),
+            *where,
+            "--activate",
+            "--tips",
+            "straight",
+        ]
         return [*words, "--journal", str(journal), "--jaws-empty", "--count", "1"]
 
     def _rest_faults(self, case: Case, said: str) -> Iterator[str]:

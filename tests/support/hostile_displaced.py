@@ -53,7 +53,11 @@ class Run(NamedTuple):
 
 
 def campaign(
-    setting: Setting, table: Table, numbers: range, seed: int, report: Callable[[str], object] = print
+    setting: Setting,
+    table: Table,
+    numbers: range,
+    seed: int,
+    report: Callable[[str], object] = print,
 ) -> Counter[str]:
     """Displace the arm once in each of so many parts; returns how often each end was met."""
     ends: Counter[str] = Counter()
@@ -99,14 +103,17 @@ def drawn(draw: random.Random, rests: list[tuple[float, float]], *, above: bool)
     (start_s, end_s) = draw.choices(rests, [end - start for start, end in rests])[0]
     moment_s = draw.uniform(start_s + EDGE_S, end_s - EDGE_S)
     if not above:
-        return Displacement(moment_s, _by(draw, BELOW * PLACED_MM * draw.random(), BELOW * PLACED_RAD))
+        return Displacement(
+            moment_s, _by(draw, BELOW * PLACED_MM * draw.random(), BELOW * PLACED_RAD)
+        )
     far_mm, turn_rad = (
         math.exp(draw.uniform(math.log(ABOVE * least), math.log(most)))
         for least, most in ((PLACED_MM, MOST_MM), (PLACED_RAD, MOST_RAD))
     )
     which = draw.choice(("place", "turn", "both"))
     return Displacement(
-        moment_s, _by(draw, 0.0 if which == "turn" else far_mm, 0.0 if which == "place" else turn_rad)
+        moment_s,
+        _by(draw, 0.0 if which == "turn" else far_mm, 0.0 if which == "place" else turn_rad),
     )
 
 

@@ -53,19 +53,26 @@ INIT, SIMULATE, COMPILE, IDENTIFY, EVALUATE, REFIT, REPORT = (
 RUNTIME, JOURNAL, AUDIT, TAG, CELL = (
     (f"{name}", "main")
     for name in (
-        "runtime.cli", "runtime.commands.journal", "runtime.spc.command",
-        "drivers.camera.calibration.command", "drivers.sim.cli",
+        "runtime.cli",
+        "runtime.commands.journal",
+        "runtime.spc.command",
+        "drivers.camera.calibration.command",
+        "drivers.sim.cli",
     )
-)  # fmt: skip
+)
 CALIBRATE = ("runtime.cli", "calibrate")
 PARSERS = {
     RUNTIME: "runtime.commands.arguments",
     CALIBRATE: "runtime.commands.calibrate",
 }  # beside the others
 LOOKS = (
-    "show {j}", "show {j} --json --since 2026-01-01 --outcome leaf", "verify {j}", "replay {j} --json",
-    "export {j} -o o.csv", "export {j} -o o.parquet",
-)  # fmt: skip
+    "show {j}",
+    "show {j} --json --since 2026-01-01 --outcome leaf",
+    "verify {j}",
+    "replay {j} --json",
+    "export {j} -o o.csv",
+    "export {j} -o o.parquet",
+)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -101,7 +108,9 @@ def table(data: bytes, random: Random) -> bytes:
     if random.random() < 0.6:
         return fuzz_tables.mutant(random.randrange(1 << 30), 0)[1]
     job = text(job_text(), random) if random.random() < 0.5 else values(job_text(), random)
-    return encode(with_job(load(RECTANGLE / "rectangle.msgpack").table, job.decode("utf-8", "replace")))
+    return encode(
+        with_job(load(RECTANGLE / "rectangle.msgpack").table, job.decode("utf-8", "replace"))
+    )
 
 
 @cache
@@ -131,17 +140,41 @@ def kinds() -> tuple[Kind, ...]:
         Kind(SIMULATE, asked, {"j.toml": (job, text)}, {"p": POSES}, 4),
         Kind(SIMULATE, asked, {"p": (POSES, text)}, {"j.toml": job}, 2),
         Kind(COMPILE, "{j.toml} --baseline sensorless --trials 20", {"j.toml": (job, text)}, {}, 2),
-        Kind(IDENTIFY, "{l.csv} -o o.toml --splits 2 --kind ellipsoid", {"l.csv": (pairs(), text)}, {}, 2),
-        Kind(IDENTIFY, "{l.txt} -o o.toml --splits 2 --kind ellipsoid", {"l.txt": (PUSHES, text)}, {}, 2),
+        Kind(
+            IDENTIFY,
+            "{l.csv} -o o.toml --splits 2 --kind ellipsoid",
+            {"l.csv": (pairs(), text)},
+            {},
+            2,
+        ),
+        Kind(
+            IDENTIFY,
+            "{l.txt} -o o.toml --splits 2 --kind ellipsoid",
+            {"l.txt": (PUSHES, text)},
+            {},
+            2,
+        ),
         Kind(EVALUATE, "{t} --trials 20 --workers 1", {"t": (small, table)}, {}, 2),
         Kind(REFIT, "{j.toml} --journal {l} -o o.toml", {"l": (runs, journal)}, {"j.toml": job}),
         Kind(REPORT, reports, {"t": (small, table)}),
         Kind(REPORT, f"{reports} --journal {{j}}", {"j": (runs, journal)}, {"t": whole}),
         Kind(RUNTIME, "--tree {t} --check", {"t": (small, table)}, {}, 5),
-        Kind(RUNTIME, "--tree {t} --check --calibration {c}", {"c": (gauged(), sealed)}, {"t": small}, 3),
+        Kind(
+            RUNTIME,
+            "--tree {t} --check --calibration {c}",
+            {"c": (gauged(), sealed)},
+            {"t": small},
+            3,
+        ),
         Kind(CALIBRATE, middle, {"t": (small, table)}, {"c": gauged()}, 2),
         Kind(CALIBRATE, middle, {"c": (gauged(), sealed)}, {"t": small}, 2),
-        Kind(RUNTIME, "--tree {t} --check --deliver {d.toml}", {"d.toml": (DELIVERY, text)}, {"t": small}, 2),
+        Kind(
+            RUNTIME,
+            "--tree {t} --check --deliver {d.toml}",
+            {"d.toml": (DELIVERY, text)},
+            {"t": small},
+            2,
+        ),
         *(Kind(JOURNAL, words, {"j": (runs, journal)}, {}, 2) for words in LOOKS),
         Kind(AUDIT, "{j} -o o.html --export o.csv", {"j": (runs, journal)}, {}, 4),
         Kind(AUDIT, "{j} --expected {e}", {"e": (readings(whole), values)}, {"j": runs}, 2),
@@ -167,7 +200,9 @@ def recorded() -> tuple[bytes, bytes]:
 
 def readings(whole: bytes) -> bytes:
     """What `plan-expect` might write of a table's file."""
-    worlds = [{"name": name, "readings": [{"132": 20}, {"150": 9}]} for name in ("as planned", "less")]
+    worlds = [
+        {"name": name, "readings": [{"132": 20}, {"150": 9}]} for name in ("as planned", "less")
+    ]
     told = {"kind": "expected readings", "version": 1, "worlds": worlds}
     return json.dumps({**told, "table_sha256": hashlib.sha256(whole).hexdigest()}).encode()
 
@@ -253,7 +288,9 @@ def case(seed: int, number: int) -> Case:
     random = Random(f"inputs {seed} {number}")
     every = kinds()
     kind = random.choices(every, [kind.share for kind in every])[0]
-    files = {name: change(sound, random) for name, (sound, change) in kind.files.items()} | kind.keep
+    files = {
+        name: change(sound, random) for name, (sound, change) in kind.files.items()
+    } | kind.keep
     words = tuple(re.sub(r"\{([\w.]+)\}", r"\1", word) for word in kind.words.split())
     return Case(kind.entry, words, files)
 
@@ -315,10 +352,12 @@ def _as_process(made: Case) -> tuple[int, str]:
 @cache
 def documented(entry: tuple[str, str]) -> frozenset[int]:
     """The codes that a command's --help lists, but for that of a bug."""
-    listed = (importlib.import_module(PARSERS.get(entry, entry[0])).parser().epilog or "").partition(
-        "exit codes"
-    )[2]
-    each = re.sub(r"(\d+)-(\d+)", lambda hit: " ".join(map(str, range(int(hit[1]), int(hit[2]) + 1))), listed)
+    listed = (
+        importlib.import_module(PARSERS.get(entry, entry[0])).parser().epilog or ""
+    ).partition("exit codes")[2]
+    each = re.sub(
+        r"(\d+)-(\d+)", lambda hit: " ".join(map(str, range(int(hit[1]), int(hit[2]) + 1))), listed
+    )
     return frozenset(map(int, re.findall(r"\b\d{1,3}\b(?=\s)", each))) - {INTERNAL}
 
 
@@ -328,7 +367,10 @@ def err_name(entry: tuple[str, str]) -> str:
 
 
 def run(
-    seed: int, numbers: Iterable[int], tell: Callable[[str], object] = print, longest_s: float = LONGEST_S
+    seed: int,
+    numbers: Iterable[int],
+    tell: Callable[[str], object] = print,
+    longest_s: float = LONGEST_S,
 ) -> Counter[str]:
     """Judge the cases of some numbers in a worker process, which is replaced when one of them hangs.
 

@@ -48,12 +48,16 @@ WORKERS = 4
 SCALE = 4.0
 UP_MM = small_table().limits.retreat_height_um / 1000
 STOPPED, FAULT = 40, 21
-STARTING = "Fatal Python error: init_"  # the interpreter itself was interrupted, before any line of ours
+STARTING = (
+    "Fatal Python error: init_"  # the interpreter itself was interrupted, before any line of ours
+)
 STILL_S = 0.06
 REAL_S = 0.15  # from the fault's stop to the arm's retreat, at this scale
 PARTS = 2000
 # In every second part, some way into it; the other parts are for us to clear the jaws in.
-FAULTS = "".join(f'[[fault]]\nkind = "gflt_0e"\npart = {part}\nat = 90\n' for part in range(2, PARTS, 2))
+FAULTS = "".join(
+    f'[[fault]]\nkind = "gflt_0e"\npart = {part}\nat = 90\n' for part in range(2, PARTS, 2)
+)
 
 
 class Case(NamedTuple):
@@ -88,7 +92,9 @@ def drawn(random_: random.Random) -> Case:
     kind = random_.choices(list(KINDS), [row.weight for row in KINDS.values()])[0]
     numbers = tuple(random_.choices(SIGNALS, k=random_.choice((1, 1, 2))))
     pause_s = random_.uniform(0.6, 1.6) if kind != "fault" and random_.random() < 0.12 else 0.0
-    return Case(kind, numbers, random_.uniform(0.0, KINDS[kind].lasts_s), random_.uniform(0.0, 0.1), pause_s)
+    return Case(
+        kind, numbers, random_.uniform(0.0, KINDS[kind].lasts_s), random_.uniform(0.0, 0.1), pause_s
+    )
 
 
 class Bench:
@@ -107,7 +113,9 @@ class Bench:
             (folder / "faults.toml").write_text(FAULTS)
             more = ["--faults", str(folder / "faults.toml")]
         self.cell = RunningCell(self.tree, *more, time_scale=SCALE)
-        self.gripper: Any = connect.gripper(self.cell.endpoints["gripper_rtu_tcp"], time_scale=SCALE)
+        self.gripper: Any = connect.gripper(
+            self.cell.endpoints["gripper_rtu_tcp"], time_scale=SCALE
+        )
         self.scene: Any = connect.scene(self.cell.endpoints["scene"])
         self.number = 0
 
@@ -157,7 +165,9 @@ class Bench:
                 process.wait()
         ended = Ended(process.returncode, out, err, journal)
         wrong = [*self._moving(ended), *self._low(ended), *kind.check(ended)]
-        return ended, [f"{sentence}; exit code {ended.code}, said {err.strip()!r}" for sentence in wrong]
+        return ended, [
+            f"{sentence}; exit code {ended.code}, said {err.strip()!r}" for sentence in wrong
+        ]
 
     def _send(self, process: "subprocess.Popen[str]", case: Case) -> None:
         time.sleep(case.delay_s)
@@ -178,7 +188,9 @@ class Bench:
         if last.moving or last.activating or first.position_counts != last.position_counts:
             yield f"the fingers move on, from {first.position_counts} to {last.position_counts}"
         told = ended.out + ended.err
-        said = [] if "simulated cell" in told else re.findall(r"fingers stopped at count (\d+)", told)
+        said = (
+            [] if "simulated cell" in told else re.findall(r"fingers stopped at count (\d+)", told)
+        )
         if said and any(int(count) != last.position_counts for count in said):
             yield f"the fingers stand at {last.position_counts}, stopped at {said}"
         if "NOT KNOWN" in told:
@@ -270,7 +282,10 @@ def _journal(ended: Ended) -> Iterator[str]:
     outcomes = [entry for entry in entries if entry["kind"] == "outcome"]
     if outcomes and outcomes[-1]["outcome"] in ("fault", "stopped"):
         told = outcomes[-1]["safe_state"]
-        if not str(told[0]).startswith("fingers stopped") or outcomes[-1]["exit_code"] != ended.code:
+        if (
+            not str(told[0]).startswith("fingers stopped")
+            or outcomes[-1]["exit_code"] != ended.code
+        ):
             yield f"the outcome is {outcomes[-1]}"
 
 
@@ -302,7 +317,9 @@ KINDS = {
     "simulated run": Kind(2, True, False, 2.5, _simulate, _ready, _stopped),
     "activation": Kind(4, False, False, 0.8, _run, _ready, _stopped),
     "calibration": Kind(4, True, False, 1.5, _calibrate, _asked, _calibration_stopped),
-    "calibration's activation": Kind(4, False, False, 0.8, _calibrate, _asked, _calibration_stopped),
+    "calibration's activation": Kind(
+        4, False, False, 0.8, _calibrate, _asked, _calibration_stopped
+    ),
     "fault": Kind(4, True, True, REAL_S, _run, _safe, _failed),
 }
 
@@ -335,7 +352,10 @@ def campaign(count: int, seed: int, first: int = 0) -> int:
     failed: list[int] = []
 
     def work(folder: Path, *, faulty: bool) -> None:
-        with contextlib.closing(Bench(folder, faulty=faulty)) as bench, contextlib.suppress(queue.Empty):
+        with (
+            contextlib.closing(Bench(folder, faulty=faulty)) as bench,
+            contextlib.suppress(queue.Empty),
+        ):
             while True:
                 number, case = cases[faulty].get_nowait()
                 try:
@@ -344,7 +364,10 @@ def campaign(count: int, seed: int, first: int = 0) -> int:
                     wrong = [f"the case itself failed: {error!r}"]
                 if wrong:
                     failed.append(number)
-                    print(f"signals, seed {seed}, case {number}: {case}: {'; '.join(wrong)}", flush=True)
+                    print(
+                        f"signals, seed {seed}, case {number}: {case}: {'; '.join(wrong)}",
+                        flush=True,
+                    )
 
     with tempfile.TemporaryDirectory() as folder, usual_signals():
         workers = []

@@ -25,7 +25,9 @@ def offsets(poses: np.ndarray, others: np.ndarray, rho: float, order: int) -> np
     return np.stack([difference[..., 0], difference[..., 1], rho * turn], axis=-1)
 
 
-def weights(poses: np.ndarray, initial: np.ndarray, rho: float, order: int, h1: float) -> np.ndarray:
+def weights(
+    poses: np.ndarray, initial: np.ndarray, rho: float, order: int, h1: float
+) -> np.ndarray:
     """Equation 8 over all roll-outs, (n, m)."""
     square = (offsets(poses, initial, rho, order) ** 2).sum(axis=-1)
     log_weight = -0.5 * square / h1**2
@@ -34,9 +36,15 @@ def weights(poses: np.ndarray, initial: np.ndarray, rho: float, order: int, h1: 
 
 
 def density(
-    poses: np.ndarray, finals: np.ndarray, initial: np.ndarray, end: np.ndarray, rho: float, order: int,
-    h1: float, h2: np.ndarray,
-) -> np.ndarray:  # fmt: skip
+    poses: np.ndarray,
+    finals: np.ndarray,
+    initial: np.ndarray,
+    end: np.ndarray,
+    rho: float,
+    order: int,
+    h1: float,
+    h2: np.ndarray,
+) -> np.ndarray:
     """Equation 7 at outcomes (n, 3) of poses (n, 3), h2 (m, 3) by roll-out and coordinate. (n,)."""
     z = offsets(finals, end, rho, order) / h2[None]
     kernel = np.exp(-0.5 * (z**2).sum(axis=-1)) / (h2.prod(axis=1) * math.tau**1.5)[None]
@@ -64,7 +72,9 @@ class Unaided(NamedTuple):
 
     def squeeze(self, cases: list[Case], rng: np.random.Generator) -> list[SimpleNamespace]:
         """As `MotionModel.squeeze`, without readings."""
-        moved = [self.motion.sample(to_hand(belief.poses, hand), rng).poses for belief, hand in cases]
+        moved = [
+            self.motion.sample(to_hand(belief.poses, hand), rng).poses for belief, hand in cases
+        ]
         return [
             SimpleNamespace(belief=Belief.of(to_world(poses, hand)))
             for poses, (_, hand) in zip(moved, cases, strict=True)

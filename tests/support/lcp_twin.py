@@ -32,7 +32,9 @@ def all_bases(M: np.ndarray, q: np.ndarray) -> np.ndarray:
     columns = np.where(chosen[:, None, :], -M, np.eye(n))  # w - M z = q
     determinant = np.linalg.det(columns)
     regular = np.abs(determinant) > 1e-12 * np.abs(columns).max(axis=(1, 2)) ** n
-    values = np.linalg.solve(columns[regular], np.broadcast_to(q, (regular.sum(), n))[..., None])[..., 0]
+    values = np.linalg.solve(columns[regular], np.broadcast_to(q, (regular.sum(), n))[..., None])[
+        ..., 0
+    ]
     feasible = (values >= -TOLERANCE).all(axis=1)
     return np.where(chosen[regular][feasible], values[feasible], 0.0)
 
@@ -46,7 +48,9 @@ def motions(problem: ContactProblem) -> np.ndarray:
     N, T = wrenches(problem)
     normal, tangential = goals(problem)
     modes = np.array(list(itertools.product(range(4), repeat=m)))  # (K, m)
-    sense = np.select([modes == SLIDE_FORWARD, modes == SLIDE_BACK], [-1.0, 1.0])  # friction opposes the slip
+    sense = np.select(
+        [modes == SLIDE_FORWARD, modes == SLIDE_BACK], [-1.0, 1.0]
+    )  # friction opposes the slip
     system = np.zeros((len(modes), 2 * m, 2 * m))
     target = np.zeros((len(modes), 2 * m))
     W = np.empty((2 * m, 3))
@@ -68,9 +72,11 @@ def motions(problem: ContactProblem) -> np.ndarray:
     opening, slip = V @ N.T - normal, V @ T.T - tangential
     sense, stick = sense[regular], modes[regular] == STICK
     consistent = (
-        (fn >= -TOLERANCE) & (opening >= -TOLERANCE) & (np.abs(ft) <= problem.mu * fn + TOLERANCE)
+        (fn >= -TOLERANCE)
+        & (opening >= -TOLERANCE)
+        & (np.abs(ft) <= problem.mu * fn + TOLERANCE)
         & (sense * slip <= TOLERANCE)
-    )  # fmt: skip
+    )
     separate = modes[regular] == SEPARATE
     pressed_or_open = np.where(separate, True, np.abs(opening) <= 1e-7)
     return V[(consistent & pressed_or_open & (stick | (sense != 0.0) | separate)).all(axis=1)]

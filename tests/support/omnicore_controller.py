@@ -50,7 +50,9 @@ class OmniCore:
         self.running = False
         self.pointer = MAIN
         self.master = False  # whether a client holds mastership over edits
-        self.symbols: dict[str, str] = dict.fromkeys(("sq_tframe", "sq_oframe", "sq_target"), IDENTITY_TEXT)
+        self.symbols: dict[str, str] = dict.fromkeys(
+            ("sq_tframe", "sq_oframe", "sq_target"), IDENTITY_TEXT
+        )
         self.symbols |= {"sq_version": "1", "sq_fastest": "250", **NUMBERS}
         self._arm, self._executed = arm, executed
         self._ends_s = -1.0  # of the motion under way; negative: none
@@ -91,15 +93,26 @@ class OmniCore:
             "/rw/panel/opmode": [{"_type": "pnl-opmode", "opmode": self.mode}],
             "/rw/panel/ctrl-state": [{"_type": "pnl-ctrlstate", "ctrlstate": self.motors}],
             "/rw/rapid/execution": [
-                {"_type": "rap-execution", "ctrlexecstate": "running" if self.running else "stopped"}
+                {
+                    "_type": "rap-execution",
+                    "ctrlexecstate": "running" if self.running else "stopped",
+                }
             ],
             POINTER: [
-                {"_type": "pcp-info", "_title": "progpointer", "modulemame": module, "routinename": routine},
+                {
+                    "_type": "pcp-info",
+                    "_title": "progpointer",
+                    "modulemame": module,
+                    "routinename": routine,
+                },
                 {"_type": "pcp-info", "_title": "motionpointer"},
             ],
             f"/rw/motionsystem/mechunits/{UNIT}/jointtarget": [{"_type": "ms-jointtarget", **axes}],
             f"/rw/motionsystem/mechunits/{UNIT}/cartesian": [
-                {"_type": "ms-mechunit-cartesian", **{name: f"{value:.6f}" for name, value in place.items()}}
+                {
+                    "_type": "ms-mechunit-cartesian",
+                    **{name: f"{value:.6f}" for name, value in place.items()},
+                }
             ],
         }
         if path in resources:
@@ -178,7 +191,13 @@ class RwsServer(LibraryServer):
     """
 
     def __init__(
-        self, model: OmniCore, lock: Lock, now: Callable[[], float], certificate: str, *, digest: bool = False
+        self,
+        model: OmniCore,
+        lock: Lock,
+        now: Callable[[], float],
+        certificate: str,
+        *,
+        digest: bool = False,
     ) -> None:
         self.mute = False
         self.requests = 0
@@ -186,7 +205,9 @@ class RwsServer(LibraryServer):
         context.load_cert_chain(certificate)
         http = _Http(("127.0.0.1", 0), _handler(self, model, lock, now, digest=digest))
         # The handshake is the handler's: a client that only connects must not keep others waiting.
-        http.socket = context.wrap_socket(http.socket, server_side=True, do_handshake_on_connect=False)
+        http.socket = context.wrap_socket(
+            http.socket, server_side=True, do_handshake_on_connect=False
+        )
         super().__init__("rws", threading.Event(), http)
         self.port: int = http.server_address[1]
         self.url = f"omnicore://127.0.0.1:{self.port}"
@@ -232,7 +253,9 @@ def _handler(
                 return
             parts = urlsplit(self.path)
             query = {name: words[-1] for name, words in parse_qs(parts.query).items()}
-            form = {name: words[-1] for name, words in parse_qs(body, keep_blank_values=True).items()}
+            form = {
+                name: words[-1] for name, words in parse_qs(body, keep_blank_values=True).items()
+            }
             try:
                 with lock:
                     if not changes:
@@ -240,7 +263,9 @@ def _handler(
                         self._send(HTTPStatus.OK, {"state": model.read(parts.path, now())})
                         return
                     self._expect("Content-Type", FORM, HTTPStatus.UNSUPPORTED_MEDIA_TYPE)
-                    model.write(parts.path, form, now(), implicit=query.get("mastership") == "implicit")
+                    model.write(
+                        parts.path, form, now(), implicit=query.get("mastership") == "implicit"
+                    )
                 self._send(HTTPStatus.NO_CONTENT, None)
             except RefusedError as error:
                 self._send(error.status, {"status": {"code": -1, "msg": str(error)}})
@@ -259,10 +284,15 @@ def _handler(
             middle = ":".join(given.get(name, "") for name in ("nonce", "nc", "cnonce", "qop"))
             return given.get("response") == _md5(f"{ours}:{middle}:{asked}")
 
-        def _send(self, status: HTTPStatus, document: object, headers: dict[str, str] | None = None) -> None:
+        def _send(
+            self, status: HTTPStatus, document: object, headers: dict[str, str] | None = None
+        ) -> None:
             data = b"" if document is None else json.dumps(document).encode()
             self.send_response(status)
-            for name, value in {"Set-Cookie": "-http-session-=7; path=/", **(headers or {})}.items():
+            for name, value in {
+                "Set-Cookie": "-http-session-=7; path=/",
+                **(headers or {}),
+            }.items():
                 self.send_header(name, value)
             self.send_header("Content-Type", ACCEPT)
             if status != HTTPStatus.NO_CONTENT:

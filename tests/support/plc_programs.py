@@ -130,7 +130,9 @@ class TcpPlc:
         """Wait for the result of that id, take it and end the handshake."""
         self.wait("result_valid", 1)
         assert self["result_id"] == trigger_id
-        values = {name: self[name] for name in ("outcome", "x", "y", "angle", "exit_code", "error_id")}
+        values = {
+            name: self[name] for name in ("outcome", "x", "y", "angle", "exit_code", "error_id")
+        }
         self.write(result_acknowledge=1)
         self.wait("result_valid", 0)
         self.write(result_acknowledge=0)
@@ -166,7 +168,9 @@ class PlcServed:
         command += [] if count is None else ["--count", str(count)]
         self._said = folder / "said.jsonl"
         with self._said.open("w") as said:
-            self.process = subprocess.Popen(command, cwd=ROOT, text=True, stdout=said, stderr=subprocess.PIPE)
+            self.process = subprocess.Popen(
+                command, cwd=ROOT, text=True, stdout=said, stderr=subprocess.PIPE
+            )
         assert self.process.stderr is not None
         line = ""
         while "a PLC may connect at" not in line:
@@ -196,7 +200,10 @@ class PlcServed:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         if self.process.poll() is None:
             self.process.kill()

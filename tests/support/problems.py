@@ -31,7 +31,9 @@ def rectangle() -> np.ndarray:
 def butterfly(vertices: int = 96) -> np.ndarray:
     """Two lobes, 36 x 22 mm, about a waist of 12.7 mm: concave, and dense enough for many near contacts."""
     t = np.arange(vertices) * math.tau / vertices
-    return canonical(np.column_stack([18 * np.cos(t), np.sin(t) * (6.35 + 18.3 * np.cos(t) ** 2)])).outline_mm
+    return canonical(
+        np.column_stack([18 * np.cos(t), np.sin(t) * (6.35 + 18.3 * np.cos(t) ** 2)])
+    ).outline_mm
 
 
 def right_triangle() -> np.ndarray:
@@ -77,9 +79,15 @@ def regular_polygon(vertices: int, radius: float) -> np.ndarray:
 
 
 OUTLINES: dict[str, Callable[[], np.ndarray]] = {
-    "rectangle": rectangle, "butterfly": butterfly, "right triangle": right_triangle, "hexagon": hexagon,
-    "ellipse": ellipse, "L": l_shape, "bar 60 x 12": bar, "disc": disc,
-}  # fmt: skip
+    "rectangle": rectangle,
+    "butterfly": butterfly,
+    "right triangle": right_triangle,
+    "hexagon": hexagon,
+    "ellipse": ellipse,
+    "L": l_shape,
+    "bar 60 x 12": bar,
+    "disc": disc,
+}
 """The eight parts of the convergence table."""
 
 
@@ -107,7 +115,9 @@ def random_convex(rng: np.random.Generator, vertices: int) -> np.ndarray:
 def random_poses(rng: np.random.Generator, n: int, radius: float) -> np.ndarray:
     """Poses (n, 3): centres uniform in a disc about the hand, orientations uniform."""
     r, angle = radius * np.sqrt(rng.random(n)), rng.uniform(0, math.tau, n)
-    return np.column_stack([r * np.cos(angle), r * np.sin(angle), rng.uniform(-math.pi, math.pi, n)])
+    return np.column_stack(
+        [r * np.cos(angle), r * np.sin(angle), rng.uniform(-math.pi, math.pi, n)]
+    )
 
 
 def boundary_surface(outline: np.ndarray) -> LimitSurface:
@@ -117,14 +127,22 @@ def boundary_surface(outline: np.ndarray) -> LimitSurface:
 
 
 def simulator(
-    outline: np.ndarray, jaws: np.ndarray = JAWS, step_mm: float = DEFAULT_STEP_MM, workers: int = 1,
+    outline: np.ndarray,
+    jaws: np.ndarray = JAWS,
+    step_mm: float = DEFAULT_STEP_MM,
+    workers: int = 1,
     surface: LimitSurface | None = None,
-) -> Simulator:  # fmt: skip
+) -> Simulator:
     """A simulator of that part on evenly spread pressure."""
     return Simulator(
-        outline=outline, surface=surface or boundary_surface(outline), jaws=jaws, friction=(0.4, 0.6),
-        wishart_dof=100, step_mm=step_mm, workers=workers,
-    )  # fmt: skip
+        outline=outline,
+        surface=surface or boundary_surface(outline),
+        jaws=jaws,
+        friction=(0.4, 0.6),
+        wishart_dof=100,
+        step_mm=step_mm,
+        workers=workers,
+    )
 
 
 def place(outline: np.ndarray, pose: np.ndarray) -> np.ndarray:
@@ -148,7 +166,9 @@ def overlap_depth(points: np.ndarray, box: shapely.Polygon) -> float:
     return max(depths)
 
 
-def deepest_overlap(outline: np.ndarray, pose: np.ndarray, width: float, jaws: np.ndarray = JAWS) -> float:
+def deepest_overlap(
+    outline: np.ndarray, pose: np.ndarray, width: float, jaws: np.ndarray = JAWS
+) -> float:
     """Deepest overlap of a part with either finger, of jaws that are `width` apart, in mm."""
     points = place(outline, pose)
     return max(overlap_depth(points, finger_box(f, f * width / 2, jaws)) for f in (1, -1))

@@ -47,15 +47,21 @@ def scattered(outline: np.ndarray, n: int, seed: int) -> tuple[np.ndarray, np.nd
     return poses, rng.choice(OPENINGS, n)
 
 
-def pushed(part: Simulator, poses: np.ndarray, opening: np.ndarray, way_mm: float, seed: int) -> np.ndarray:
+def pushed(
+    part: Simulator, poses: np.ndarray, opening: np.ndarray, way_mm: float, seed: int
+) -> np.ndarray:
     """Where parts end that a hand pushes, each with the mechanics that the seed draws for it."""
-    return part.push_by_hand(poses, opening, np.full(len(poses), way_mm), np.random.default_rng(seed))
+    return part.push_by_hand(
+        poses, opening, np.full(len(poses), way_mm), np.random.default_rng(seed)
+    )
 
 
 def divided(outline: np.ndarray, pieces: int = 3) -> np.ndarray:
     """The same outline with its edges cut into pieces: vertices that change nothing."""
     edges = np.roll(outline, -1, axis=0) - outline
-    return np.concatenate([outline + k / pieces * edges for k in range(pieces)], axis=1).reshape(-1, 2)
+    return np.concatenate([outline + k / pieces * edges for k in range(pieces)], axis=1).reshape(
+        -1, 2
+    )
 
 
 def in_two(part: Simulator, poses: np.ndarray, opening: np.ndarray, seed: int) -> np.ndarray:
@@ -65,7 +71,9 @@ def in_two(part: Simulator, poses: np.ndarray, opening: np.ndarray, seed: int) -
     return pushed(part, halfway, opening, WAY_MM - FIRST_MM, seed) + there
 
 
-def variants(part: Simulator, poses: np.ndarray, opening: np.ndarray, seed: int) -> dict[str, np.ndarray]:
+def variants(
+    part: Simulator, poses: np.ndarray, opening: np.ndarray, seed: int
+) -> dict[str, np.ndarray]:
     """Where the parts end (n, 3), by what is done otherwise; `as it is` is the reference."""
 
     def whole(own: Simulator, start: np.ndarray = poses) -> np.ndarray:
@@ -99,9 +107,12 @@ def overlaps(outline: np.ndarray, ends: np.ndarray, opening: np.ndarray) -> np.n
     """Area (n,) that parts share with the fingers at the end [mm^2]."""
     hands = {value: fingers_at(value, WAY_MM) for value in np.unique(opening)}
     parts = [shapely.Polygon(place(outline, pose)) for pose in ends]
-    return np.array([
-        shapely.intersection(own, hands[value]).area for own, value in zip(parts, opening, strict=True)
-    ])  # fmt: skip
+    return np.array(
+        [
+            shapely.intersection(own, hands[value]).area
+            for own, value in zip(parts, opening, strict=True)
+        ]
+    )
 
 
 def studied(outline: np.ndarray, n: int, seed: int) -> dict[str, float]:

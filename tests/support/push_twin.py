@@ -20,7 +20,12 @@ NEAR_MM = 0.02
 
 
 def push(
-    part: Part, fingers: np.ndarray, centre: np.ndarray, angle: float, shift: np.ndarray, radius: float = 0.0
+    part: Part,
+    fingers: np.ndarray,
+    centre: np.ndarray,
+    angle: float,
+    shift: np.ndarray,
+    radius: float = 0.0,
 ) -> np.ndarray:
     """The pose (3,) of the part, from (0, 0, 0), after a pusher with points (K, 2) went its way."""
 
@@ -36,11 +41,17 @@ def push(
         gap, px, py, nx, ny = np.array(rows).T
         advance = shift + angle * np.column_stack([middle[1] - py, px - middle[0]])
         turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-        V = motions(ContactProblem(
-            A=turn @ part.A @ turn.T, rho=part.rho, points=np.column_stack([px, py]) - q[:2],
-            normals=np.column_stack([nx, ny]), advance=advance, gap=gap / CLOSING,
-            mu=np.full(len(gap), part.mu),
-        ))[0]  # fmt: skip
+        V = motions(
+            ContactProblem(
+                A=turn @ part.A @ turn.T,
+                rho=part.rho,
+                points=np.column_stack([px, py]) - q[:2],
+                normals=np.column_stack([nx, ny]),
+                advance=advance,
+                gap=gap / CLOSING,
+                mu=np.full(len(gap), part.mu),
+            )
+        )[0]
         return np.array([V[0], V[1], V[2] / part.rho])
 
     found = solve_ivp(

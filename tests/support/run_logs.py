@@ -11,7 +11,12 @@ def chained(entries):
     """The lines of a journal, as bytes."""
     previous, lines = GENESIS, []
     for seq, entry in enumerate(entries):
-        frame = {"seq": seq, "time": f"2026-01-01T00:00:{seq % 60:02d}", **entry, "previous": previous}
+        frame = {
+            "seq": seq,
+            "time": f"2026-01-01T00:00:{seq % 60:02d}",
+            **entry,
+            "previous": previous,
+        }
         body = json.dumps(frame, separators=(",", ":")).encode()
         previous = hashlib.sha256(body).hexdigest()
         lines.append(body[:-1] + f',"digest":"{previous}"}}\n'.encode())
@@ -30,7 +35,13 @@ def header(table):
 def part(number, squeezes, outcome, leaf=None, reason=None):
     """The records of one part; squeezes are (node, count, target)."""
     steps = [
-        {"kind": "squeeze", "part": number, "node": node, "position_counts": count, "target": target}
+        {
+            "kind": "squeeze",
+            "part": number,
+            "node": node,
+            "position_counts": count,
+            "target": target,
+        }
         for node, count, target in squeezes
     ]
     end = {

@@ -76,7 +76,16 @@ class Notices:
 
 def runtime_command(tree: Path, cell: RunningCell, journal: Path, *more: str) -> list[str]:
     """`grasp-runtime` on a running cell."""
-    command = [sys.executable, "-m", "runtime.cli", "--tree", str(tree), "--activate", "--tips", "straight"]
+    command = [
+        sys.executable,
+        "-m",
+        "runtime.cli",
+        "--tree",
+        str(tree),
+        "--activate",
+        "--tips",
+        "straight",
+    ]
     command += ["--port", cell.endpoints["gripper"], "--arm", cell.endpoints["arm"]]
     return [*command, "--journal", str(journal), *more]
 

@@ -55,7 +55,9 @@ def small_table() -> Table:
         Leaf(0, 0, 643_000, (90, -4, 60, 3, 0, 40), 610_000, 1_000, False, (), 2_200, 9_800),
     )
     predicted = Prediction(958_000, 10_000, 1_400_000, 0, 340, 1_020)
-    return Table("squeezetree test", NO_JOB, GRIPPER, GOAL, LIMITS, (root, second), leaves, predicted, None)
+    return Table(
+        "squeezetree test", NO_JOB, GRIPPER, GOAL, LIMITS, (root, second), leaves, predicted, None
+    )
 
 
 def two_squeeze_table() -> Table:
@@ -77,7 +79,9 @@ OTHER = Hypothesis("right hand", 600_000, 9_000, 1)
 def several_table() -> Table:
     """The small table, its leaves naming one part, the other, and an open choice."""
     one, two, unresolved = small_table().leaves
-    unresolved = unresolved._replace(alternatives=((400, 0, -643_000),), hypothesis=1, other_hypotheses=(0,))
+    unresolved = unresolved._replace(
+        alternatives=((400, 0, -643_000),), hypothesis=1, other_hypotheses=(0,)
+    )
     leaves = (one, two._replace(hypothesis=1), unresolved)
     return replace(small_table(), leaves=leaves, hypotheses=(HAND, OTHER))
 
@@ -146,7 +150,15 @@ def random_table(seed: int, nodes: int) -> Table:
     trials = sum(leaf.trials for leaf in leaves)
     predicted = Prediction(990_000, trials, 2_860_000, 300)
     return Table(
-        "squeezetree test", NO_JOB, GRIPPER, GOAL, limits, tuple(records), tuple(leaves), predicted, None
+        "squeezetree test",
+        NO_JOB,
+        GRIPPER,
+        GOAL,
+        limits,
+        tuple(records),
+        tuple(leaves),
+        predicted,
+        None,
     )
 
 
@@ -156,7 +168,9 @@ def breadth_first(table: Table) -> Table:
     for index in nodes:  # grows while it is walked
         for branch in table.nodes[index].branches:
             (nodes if branch.target >= 0 else leaves).append(branch.target)
-    numbers = {old: new for new, old in enumerate(nodes)} | {old: ~new for new, old in enumerate(leaves)}
+    numbers = {old: new for new, old in enumerate(nodes)} | {
+        old: ~new for new, old in enumerate(leaves)
+    }
 
     def moved(node: Node) -> Node:
         branches = (branch._replace(target=numbers[branch.target]) for branch in node.branches)

@@ -22,7 +22,9 @@ def run(
     made: FakeCell, options: RunOptions, table: Table | None = None, phases: list | None = None
 ) -> PartResult:
     console = Deaf()
-    console.phase = lambda part, phase, node: None if phases is None else phases.append((phase, node))
+    console.phase = lambda part, phase, node: (
+        None if phases is None else phases.append((phase, node))
+    )
     return Executor(table or small_table(), made.cell, console, options).run_part(1)
 
 
@@ -32,8 +34,12 @@ def meeting(stop: int) -> FakeCell:
 
     def meet(position_counts: int, speed_counts: int, force_counts: int) -> None:
         made.log.call("gripper", "move", position_counts, speed_counts, force_counts)
-        count, flag = (stop, CONTACT) if position_counts > stop else (max(position_counts, 3), ARRIVED)
-        made.gripper.now = State(object_flag=flag, echo_counts=position_counts, position_counts=count)
+        count, flag = (
+            (stop, CONTACT) if position_counts > stop else (max(position_counts, 3), ARRIVED)
+        )
+        made.gripper.now = State(
+            object_flag=flag, echo_counts=position_counts, position_counts=count
+        )
 
     made.gripper.move = meet
     return made

@@ -17,9 +17,17 @@ from blark.parse import BlarkStartingRule, parse_source_code
 from lark import Lark
 
 OPERATORS: dict[str, Callable[[Any, Any], Any]] = {
-    "+": operator.add, "-": operator.sub, "=": operator.eq, "<>": operator.ne, "<": operator.lt,
-    "<=": operator.le, ">": operator.gt, ">=": operator.ge, "AND": operator.and_, "OR": operator.or_,
-}  # fmt: skip
+    "+": operator.add,
+    "-": operator.sub,
+    "=": operator.eq,
+    "<>": operator.ne,
+    "<": operator.lt,
+    "<=": operator.le,
+    ">": operator.gt,
+    ">=": operator.ge,
+    "AND": operator.and_,
+    "OR": operator.or_,
+}
 INPUT, OUTPUT, LOCAL = "input", "output", "local"
 FUNCTIONS: dict[str, Callable[..., Any]] = {
     "CONCAT": lambda first, second: first + second,
@@ -33,7 +41,11 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
 """Of IEC 61131-3; positions count from 1, and 0 is nowhere."""
 INTEGERS = {"INT": 2**15, "DINT": 2**31}
 FIRST = {"BOOL": False, "INT": 0, "DINT": 0, "REAL": 0.0, "STRING": ""}
-BLOCKS = {st.InputDeclarations: INPUT, st.OutputDeclarations: OUTPUT, st.VariableDeclarations: LOCAL}
+BLOCKS = {
+    st.InputDeclarations: INPUT,
+    st.OutputDeclarations: OUTPUT,
+    st.VariableDeclarations: LOCAL,
+}
 
 
 NARROWED = {
@@ -52,9 +64,12 @@ def parser() -> Lark:
         assert grammar.count(general) == 1
         grammar = grammar.replace(general, narrow)
     return Lark(
-        grammar, parser="earley", maybe_placeholders=True, propagate_positions=True,
+        grammar,
+        parser="earley",
+        maybe_placeholders=True,
+        propagate_positions=True,
         start=[rule.name for rule in BlarkStartingRule],
-    )  # fmt: skip
+    )
 
 
 class FunctionBlock:
@@ -105,11 +120,15 @@ class FunctionBlock:
             values = [_fitted(kind, self._value(each.element)) for each in item.init.value.elements]
             assert len(values) == size, "as many values as the array has"
             return kind, values
-        return kind, first if item.init.value is None else _fitted(kind, self._value(item.init.value))
+        return kind, first if item.init.value is None else _fitted(
+            kind, self._value(item.init.value)
+        )
 
     def _run(self, statements: Any) -> bool:
         """Execute a list of statements; whether it ended with EXIT."""
-        return any(self._left(statement) for statement in (statements.statements if statements else ()))
+        return any(
+            self._left(statement) for statement in (statements.statements if statements else ())
+        )
 
     def _left(self, statement: Any) -> bool:
         """Execute a statement; whether EXIT ends the statements that it stands among."""

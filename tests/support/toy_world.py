@@ -22,7 +22,9 @@ class Toy:
     @classmethod
     def drawn(cls, rng, actions, size, readings):
         """One at random."""
-        return cls(rng.integers(size, size=(actions, size)), rng.integers(readings, size=(actions, size)))
+        return cls(
+            rng.integers(size, size=(actions, size)), rng.integers(readings, size=(actions, size))
+        )
 
     def squeeze(self, parts, placements, rng):
         """As `planner.bound.histories.Squeeze`; x of a placement is the number of the action."""
@@ -52,7 +54,11 @@ class Toy:
             for action in range(self.actions):
                 total = {(len(states), 0)}
                 for reading in {int(self.reading[action, s]) for s in states}:
-                    here = [int(self.after[action, s]) for s in states if self.reading[action, s] == reading]
+                    here = [
+                        int(self.after[action, s])
+                        for s in states
+                        if self.reading[action, s] == reading
+                    ]
                     further = after(tuple(sorted(here)), left - 1)
                     total = {(a + c, b + d) for a, b in total for c, d in further}
                 found |= total
@@ -63,7 +69,11 @@ class Toy:
     def least(self, success, squeezes, **options):
         """Least mean squeezes of a plan that locates a share of all parts; infinite if none does."""
         most = (1.0 - success) * self.size + 1e-9
-        means = [cost / self.size for cost, missed in self.outcomes(squeezes, **options) if missed <= most]
+        means = [
+            cost / self.size
+            for cost, missed in self.outcomes(squeezes, **options)
+            if missed <= most
+        ]
         return min(means, default=np.inf)
 
 

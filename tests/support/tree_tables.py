@@ -14,7 +14,10 @@ NAMES = sorted(path.parent.name for path in TREES.glob("*/job.toml"))
 
 def committed() -> dict[str, Table]:
     """The tables in `trees/` and the golden ones of the tests, by name."""
-    paths = [*sorted(TREES.glob("*/*.msgpack")), *sorted((ROOT / "tests" / "golden").glob("*.msgpack"))]
+    paths = [
+        *sorted(TREES.glob("*/*.msgpack")),
+        *sorted((ROOT / "tests" / "golden").glob("*.msgpack")),
+    ]
     return {path.stem: load(path).table for path in paths}
 
 

@@ -74,7 +74,13 @@ def squeeze(part: Part, pose: np.ndarray) -> Result:
 
     try:
         solve_ivp(
-            velocity, (closed, end), np.array(pose), events=remember, max_step=0.05, rtol=1e-5, atol=1e-5
+            velocity,
+            (closed, end),
+            np.array(pose),
+            events=remember,
+            max_step=0.05,
+            rtol=1e-5,
+            atol=1e-5,
         )
     except HeldError:
         return Result(last[1:].copy(), 2.0 * (end - last[0]), True)
@@ -106,10 +112,14 @@ def _velocity(part: Part, s: float, q: np.ndarray) -> np.ndarray:
     turn = np.array([[c, -sine, 0.0], [sine, c, 0.0], [0.0, 0.0, 1.0]])
     gap, finger, px, py, nx, ny = np.array(found).T
     problem = ContactProblem(
-        A=turn @ part.A @ turn.T, rho=part.rho, points=np.column_stack([px, py]) - q[:2],
-        normals=np.column_stack([nx, ny]), advance=np.column_stack([0.0 * finger, -finger]),
-        gap=np.maximum(gap / REACH_MM, -1.0), mu=np.full(len(gap), part.mu),
-    )  # fmt: skip
+        A=turn @ part.A @ turn.T,
+        rho=part.rho,
+        points=np.column_stack([px, py]) - q[:2],
+        normals=np.column_stack([nx, ny]),
+        advance=np.column_stack([0.0 * finger, -finger]),
+        gap=np.maximum(gap / REACH_MM, -1.0),
+        mu=np.full(len(gap), part.mu),
+    )
     consistent = motions(problem)
     if len(consistent) == 0:
         raise HeldError

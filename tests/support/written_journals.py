@@ -30,7 +30,11 @@ def write_run(
     on_reject, on_unresolved = policy.texts()
     table = small_table()
     with Journal(path, SystemClock().stamp, SystemClock().uptime, segment_bytes) as journal:
-        fields: dict[str, object] = {"port": "memory", "on_reject": on_reject, "on_unresolved": on_unresolved}
+        fields: dict[str, object] = {
+            "port": "memory",
+            "on_reject": on_reject,
+            "on_unresolved": on_unresolved,
+        }
         if calibration is not None:
             fields["widths_um"] = list(calibration.widths_um)
         journal.header(dumps(table), fields)

@@ -28,12 +28,16 @@ def test_a_slice_of_the_mutated_tables_is_refused_or_another_legal_table() -> No
     assert sum(tally.verdicts.values()) == 4_000
     for depth in ("file", "payload", "values"):
         assert tally.verdicts[f"{depth}: refused"] > 500
-    assert tally.verdicts["values: another table"] > 100  # the mutants get as far as the proof, and past it
+    assert (
+        tally.verdicts["values: another table"] > 100
+    )  # the mutants get as far as the proof, and past it
     assert tally.verdicts["file: another table"] == 0
 
 
 def test_a_mutant_is_the_same_each_time() -> None:
-    assert [fuzz_tables.mutant(3, n) for n in range(50)] == [fuzz_tables.mutant(3, n) for n in range(50)]
+    assert [fuzz_tables.mutant(3, n) for n in range(50)] == [
+        fuzz_tables.mutant(3, n) for n in range(50)
+    ]
 
 
 def test_a_reader_that_accepts_too_much_is_found(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,7 +10,10 @@ from cyclonedx.schema import SchemaVersion
 from cyclonedx.validation.json import JsonStrictValidator
 
 LINES = {
-    "squeezetree-0.1.0": ["Requires-Dist: msgpack>=1.1", "Requires-Dist: numpy; extra == 'planner'"],
+    "squeezetree-0.1.0": [
+        "Requires-Dist: msgpack>=1.1",
+        "Requires-Dist: numpy; extra == 'planner'",
+    ],
     "msgpack-1.1.2": ["License-Expression: Apache-2.0", "Summary: MessagePack"],
     "odd_name-2": ["License: BSD 3-Clause License", "Requires-Dist: not a requirement !"],
     "classified-3": ["Classifier: License :: OSI Approved :: MIT License"],
@@ -22,7 +25,9 @@ LINES = {
 def wheels(tmp_path):
     for stem, lines in LINES.items():
         name, _, version = stem.rpartition("-")
-        text = "\n".join(["Metadata-Version: 2.4", f"Name: {name}", f"Version: {version}", *lines, "", ""])
+        text = "\n".join(
+            ["Metadata-Version: 2.4", f"Name: {name}", f"Version: {version}", *lines, "", ""]
+        )
         with zipfile.ZipFile(tmp_path / f"{stem}-py3-none-any.whl", "w") as archive:
             archive.writestr(f"{stem}.dist-info/METADATA", text)
     return tmp_path
@@ -38,7 +43,10 @@ def test_bill_is_valid_and_lists_each_wheel_with_its_digest(wheels):
     assert set(listed) == {"squeezetree", "msgpack", "odd-name", "classified", "own"}
     for path in wheels.glob("*.whl"):
         (digest,) = listed[path.name.partition("-")[0].replace("_", "-")]["hashes"]
-        assert digest == {"alg": "SHA-256", "content": hashlib.sha256(path.read_bytes()).hexdigest()}
+        assert digest == {
+            "alg": "SHA-256",
+            "content": hashlib.sha256(path.read_bytes()).hexdigest(),
+        }
     needed = {line["ref"]: line.get("dependsOn", []) for line in told["dependencies"]}
     assert needed["pkg:pypi/squeezetree@0.1.0"] == ["pkg:pypi/msgpack@1.1.2"]
     assert all(part.get("licenses") for name, part in listed.items() if name != "squeezetree")

@@ -27,12 +27,18 @@ class Answer:
 
     verdict: str  # "pass", "fail" or "unknown"
     reason: str  # one sentence
-    measured: Pose2 | None = None  # pose of the part: mm, mm, rad; None where there is no measurement
+    measured: Pose2 | None = (
+        None  # pose of the part: mm, mm, rad; None where there is no measurement
+    )
     residual: Pose2 | None = None  # measured less predicted, under the symmetry
-    distance: float | None = None  # eq. 9 in mm; for tolerances the largest deviation in units of its own
+    distance: float | None = (
+        None  # eq. 9 in mm; for tolerances the largest deviation in units of its own
+    )
     error: float | None = None  # `COVERAGE` standard deviations of it
     moved_mm: float | None = None  # greatest motion of a reference tag
-    hypothesis: str | None = None  # which part it is by its tag, where the tags of several parts differ
+    hypothesis: str | None = (
+        None  # which part it is by its tag, where the tags of several parts differ
+    )
     picture: str | None = None  # file of the overlay, None where none was kept
 
     def fields(self) -> dict[str, object]:
@@ -100,7 +106,9 @@ class Auditor:
         subject = next((each for each in self.subjects if each.name == name), None)
         if subject is None:
             known = ", ".join(str(each.name) for each in self.subjects)
-            return Answer(UNKNOWN, f"no tag file is for the part {name}, only for: {known}; name it by --tag")
+            return Answer(
+                UNKNOWN, f"no tag file is for the part {name}, only for: {known}; name it by --tag"
+            )
         try:
             picture = self.source.picture(until)
         except CameraError as error:
@@ -119,7 +127,9 @@ class Auditor:
                 answer = judge(subject.goal, allowed, found.pose, found.sigma_mm, found.sigma_rad)
             else:
                 answer = Answer(FAIL, f"it is {carried.name}, not {name}", found.pose)
-            answer = replace(answer, moved_mm=moved_mm, hypothesis=None if carried is None else carried.name)
+            answer = replace(
+                answer, moved_mm=moved_mm, hypothesis=None if carried is None else carried.name
+            )
         except CameraError as error:
             answer = Answer(UNKNOWN, str(error))
         if self.pictures is None or answer.verdict == PASS:

@@ -45,7 +45,9 @@ A question may name the run's table by "table_sha256"; with another --tree its v
 
 def parser() -> Parser:
     """The command line of `grasp-audit judge`; `report` and `study` have their own."""
-    built = Parser(prog="grasp-audit", description="Was the answer right, in millimetres?", epilog=EPILOG)
+    built = Parser(
+        prog="grasp-audit", description="Was the answer right, in millimetres?", epilog=EPILOG
+    )
     commands = built.add_subparsers(required=True, metavar="judge | report | study", dest="command")
     told = "answer questions about parts, one a line"
     example = "grasp-audit judge --tree T.msgpack --camera /dev/video0 --calibration cam.json --tag tag.json"
@@ -56,19 +58,51 @@ def parser() -> Parser:
         epilog=f"example:\n  {example}\n\n{EXIT_CODES}",
     )
     add = made.add_argument
-    add("--tree", type=Path, required=True, metavar="T.msgpack", help="the table: its goal and its part")
-    add("--camera", required=True, metavar="ADDRESS", help="/dev/video0, rtsp://, http:// or a folder")
+    add(
+        "--tree",
+        type=Path,
+        required=True,
+        metavar="T.msgpack",
+        help="the table: its goal and its part",
+    )
+    add(
+        "--camera",
+        required=True,
+        metavar="ADDRESS",
+        help="/dev/video0, rtsp://, http:// or a folder",
+    )
     add("--calibration", type=Path, required=True, metavar="F", help="from grasp-calibrate camera")
     tags = "from grasp-calibrate tag; for a table of several parts once for each, whose name is its --part"
     add("--tag", type=Path, required=True, action="append", metavar="F", help=tags)
-    add("--pictures", type=Path, metavar="DIR", help="keep an overlay of every part that does not pass")
+    add(
+        "--pictures",
+        type=Path,
+        metavar="DIR",
+        help="keep an overlay of every part that does not pass",
+    )
     limit = "limit of reference tags (default: %(default)s)"
     add("--moved-mm", type=positive, default=drift.LIMIT_MM, help=limit)
-    add("--deadline", type=positive, default=5.0, metavar="S", help="for an answer (default: %(default)s)")
-    add("--memory-mb", type=positive, default=400.0, metavar="MB", help="to grow by (default: %(default)s)")
+    add(
+        "--deadline",
+        type=positive,
+        default=5.0,
+        metavar="S",
+        help="for an answer (default: %(default)s)",
+    )
+    add(
+        "--memory-mb",
+        type=positive,
+        default=400.0,
+        metavar="MB",
+        help="to grow by (default: %(default)s)",
+    )
     made.add_debug()
-    commands.add_parser("report", help="success, residuals and control charts from journals", add_help=False)
-    commands.add_parser("study", help="acceptance of a cell, gauge studies, run-off sheet", add_help=False)
+    commands.add_parser(
+        "report", help="success, residuals and control charts from journals", add_help=False
+    )
+    commands.add_parser(
+        "study", help="acceptance of a cell, gauge studies, run-off sheet", add_help=False
+    )
     return built
 
 
@@ -92,8 +126,12 @@ def judge(options: argparse.Namespace, words: Sequence[str]) -> int:
     worker = service.Worker(lambda: make(options))
     lines = service.Lines(sys.stdin.fileno())
     judged_by = digest_of(options.tree)
-    if service.serve(lines, worker, lambda line: os.write(1, line), options.deadline, full, judged_by):
-        os.execv(sys.executable, [sys.executable, "-P", "-m", "drivers.camera.audit.command", *words])
+    if service.serve(
+        lines, worker, lambda line: os.write(1, line), options.deadline, full, judged_by
+    ):
+        os.execv(
+            sys.executable, [sys.executable, "-P", "-m", "drivers.camera.audit.command", *words]
+        )
     if worker.why_not is not None:
         raise worker.why_not
     if not worker.asked:
@@ -101,7 +139,9 @@ def judge(options: argparse.Namespace, words: Sequence[str]) -> int:
     return 0
 
 
-def read(options: argparse.Namespace) -> tuple[calibration.CameraCalibration, tuple[subject.Subject, ...]]:
+def read(
+    options: argparse.Namespace,
+) -> tuple[calibration.CameraCalibration, tuple[subject.Subject, ...]]:
     """What the files of a command line say; errors of their readers pass as they are."""
     tags = [tag_file.load(path) for path in options.tag]
     return calibration.load(options.calibration), subject.from_table(options.tree, tags)

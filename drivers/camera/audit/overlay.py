@@ -22,7 +22,9 @@ MOST_PICTURES = 1000
 QUALITY = 85
 
 
-def keep(folder: Path, part: int, verdict: str, drawn: Picture, most: int = MOST_PICTURES) -> Path | None:
+def keep(
+    folder: Path, part: int, verdict: str, drawn: Picture, most: int = MOST_PICTURES
+) -> Path | None:
     """Write an overlay; None where the disk refuses, for an audit does not depend on it.
 
     Args:
@@ -47,7 +49,12 @@ def keep(folder: Path, part: int, verdict: str, drawn: Picture, most: int = MOST
 
 
 def draw(
-    picture: Picture, view: View, subject: Subject, predicted: Pose2, found: Measured | None, sentence: str
+    picture: Picture,
+    view: View,
+    subject: Subject,
+    predicted: Pose2,
+    found: Measured | None,
+    sentence: str,
 ) -> Picture:
     """Lay outlines and the sentence over a picture.
 
@@ -74,11 +81,15 @@ def draw(
     size, height = canvas.shape[1] / 1920.0, canvas.shape[0]
     canvas[height - round(60 * size) :] //= 4
     where, width = (round(20 * size), height - round(22 * size)), max(1, round(2 * size))
-    cv2.putText(canvas, sentence, where, cv2.FONT_HERSHEY_SIMPLEX, 0.8 * size, WHITE, width, cv2.LINE_AA)
+    cv2.putText(
+        canvas, sentence, where, cv2.FONT_HERSHEY_SIMPLEX, 0.8 * size, WHITE, width, cv2.LINE_AA
+    )
     return canvas
 
 
-def _polygon(canvas: Picture, view: View, outline: Array, pose: Pose2, colour: tuple[int, int, int]) -> None:
+def _polygon(
+    canvas: Picture, view: View, outline: Array, pose: Pose2, colour: tuple[int, int, int]
+) -> None:
     _closed(canvas, view.pixels_at(placed(outline, pose)), colour)
 
 

@@ -23,7 +23,9 @@ from runtime.shell.command import is_foreseen
 
 MAX_LINE_BYTES = 65_536
 PICTURE_SHARE = 0.7  # of the deadline: what a picture may take, the rest is for measuring it
-RESERVE_BYTES = 1 << 30  # of address space: thread stacks and allocators' pools, most of it never touched
+RESERVE_BYTES = (
+    1 << 30
+)  # of address space: thread stacks and allocators' pools, most of it never touched
 PAGE_BYTES = resource.getpagesize()
 MISUNDERSTOOD = "the question is not understood; it takes part, x_mm, y_mm and theta_rad"
 
@@ -40,13 +42,17 @@ class Worker:
         self._owed = 0
         threading.Thread(target=self._work, name="audit", daemon=True).start()
 
-    def ask(self, part: int, predicted: Pose2, deadline_s: float, name: str | None = None) -> Answer:
+    def ask(
+        self, part: int, predicted: Pose2, deadline_s: float, name: str | None = None
+    ) -> Answer:
         """Judge one part within so many seconds."""
         self.asked = True
         start = time.monotonic()
         while self._owed:
             if self._next_answer(start + 0.5 * deadline_s) is None:
-                return Answer(UNKNOWN, "the camera still hangs at an earlier question; restart grasp-audit")
+                return Answer(
+                    UNKNOWN, "the camera still hangs at an earlier question; restart grasp-audit"
+                )
         self._questions.put((part, predicted, start + PICTURE_SHARE * deadline_s, name))
         self._owed += 1
         return self._next_answer(start + deadline_s) or Answer(
@@ -69,7 +75,9 @@ class Worker:
                 audits = audits or self._made()
                 answer = audits.audit(*question)
             except MemoryError:
-                answer = Answer(UNKNOWN, "the memory the audit may use is used up; raise --memory-mb")
+                answer = Answer(
+                    UNKNOWN, "the memory the audit may use is used up; raise --memory-mb"
+                )
             except Exception as error:
                 said = " ".join(str(error).split())
                 foreseen = is_foreseen(error)
@@ -153,14 +161,20 @@ def limit_memory(memory_mb: float) -> Callable[[], bool]:
     return lambda: _memory()[1] > resident + extra
 
 
-def _answered(line: bytes, worker: Worker, deadline_s: float, table_sha256: str | None) -> dict[str, object]:
+def _answered(
+    line: bytes, worker: Worker, deadline_s: float, table_sha256: str | None
+) -> dict[str, object]:
     """The answer to a line; to one for another table, or without a pose, it names the table judged by."""
     try:
         asked = strict_json.parse(line)
         run = asked.get("table_sha256")
     except (AttributeError, ValueError):
         return Answer(UNKNOWN, MISUNDERSTOOD).fields()
-    if table_sha256 is not None and run is not None and (run != table_sha256 or "x_mm" not in asked):
+    if (
+        table_sha256 is not None
+        and run is not None
+        and (run != table_sha256 or "x_mm" not in asked)
+    ):
         others = f"the auditor judges by another table, {table_sha256[:16]}; name the same --tree to both"
         reason = "ready" if run == table_sha256 else others
         return {**Answer(UNKNOWN, reason).fields(), "table_sha256": table_sha256}

@@ -37,10 +37,14 @@ def from_table(path: Path, tags: Sequence[PartTag]) -> tuple[Subject, ...]:
     table = load(path).table
     names = [own.name for own in table.hypotheses]
     if not names and len(tags) > 1:
-        raise CameraFileError(f"{path} is for one part, which has one tag: one --tag, not {len(tags)}")
+        raise CameraFileError(
+            f"{path} is for one part, which has one tag: one --tag, not {len(tags)}"
+        )
     for tag in tags:
         if names and tag.part not in names:
-            raise CameraFileError(f"the tag file of {tag.part} is for no part of {path}: {', '.join(names)}")
+            raise CameraFileError(
+                f"the tag file of {tag.part} is for no part of {path}: {', '.join(names)}"
+            )
     return tuple(_subject(table, tag, names.index(tag.part) if names else 0) for tag in tags)
 
 
@@ -48,7 +52,9 @@ def _subject(table: Table, tag: PartTag, which: int) -> Subject:
     known = [
         [
             pose
-            for pose, of in zip(poses_of(table.goal, leaf), hypotheses_of(table.goal, leaf), strict=True)
+            for pose, of in zip(
+                poses_of(table.goal, leaf), hypotheses_of(table.goal, leaf), strict=True
+            )
             if of == which
         ]
         for leaf in table.leaves

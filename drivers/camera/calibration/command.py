@@ -54,14 +54,20 @@ def parser() -> Parser:
         epilog=EPILOG,
     )
     built.add_debug()
-    commands = built.add_subparsers(required=True, metavar="camera | tag | pictures", dest="command")
+    commands = built.add_subparsers(
+        required=True, metavar="camera | tag | pictures", dest="command"
+    )
 
     def adder(name: str, help: str, example: str, run: Run) -> Any:  # noqa: A002
         made = commands.add_parser(
-            name, help=help, description=f"{help[0].upper()}{help[1:]}.",
+            name,
+            help=help,
+            description=f"{help[0].upper()}{help[1:]}.",
             epilog=f"example:\n  grasp-calibrate {name} {example}\n\n{EXIT_CODES}",
-        )  # fmt: skip
-        made.add_argument("--json", action="store_true", help="print one JSON object instead of text")
+        )
+        made.add_argument(
+            "--json", action="store_true", help="print one JSON object instead of text"
+        )
         made.set_defaults(run=run)
         return made.add_argument
 
@@ -71,16 +77,56 @@ def parser() -> Parser:
         "--name S-1 --board chessboard:12x9:30 --views views --table t.png -o c.json",
         run_camera,
     )
-    add("--name", required=True, help="name or serial number of the camera: the file is for this one alone")
+    add(
+        "--name",
+        required=True,
+        help="name or serial number of the camera: the file is for this one alone",
+    )
     add("--board", required=True, metavar="B", help="charuco:12x9:30:22.5 or chessboard:12x9:30")
-    add("--views", type=Path, required=True, metavar="DIR", help="pictures of the board, held and tilted")
-    add("--table", type=Path, required=True, nargs="+", metavar="F", help="pictures of it lying on the table")
+    add(
+        "--views",
+        type=Path,
+        required=True,
+        metavar="DIR",
+        help="pictures of the board, held and tilted",
+    )
+    add(
+        "--table",
+        type=Path,
+        required=True,
+        nargs="+",
+        metavar="F",
+        help="pictures of it lying on the table",
+    )
     add("--above", action="store_true", help="the camera looks down, and the board lies face up")
-    add("--board-height", type=float, default=0.0, metavar="MM", help="its face above the table (default: 0)")
-    add("--touched", type=Path, metavar="CSV", help="places of a tag that the arm knows, with pictures")
+    add(
+        "--board-height",
+        type=float,
+        default=0.0,
+        metavar="MM",
+        help="its face above the table (default: 0)",
+    )
+    add(
+        "--touched",
+        type=Path,
+        metavar="CSV",
+        help="places of a tag that the arm knows, with pictures",
+    )
     add("--number", type=int, default=0, metavar="ID", help="id of that tag, and of the part's")
-    add("--references", type=Path, metavar="F", help="a picture of the tags that stay where they are")
-    add("-o", "--output", type=Path, required=True, metavar="F", help="the calibration; a picture beside it")
+    add(
+        "--references",
+        type=Path,
+        metavar="F",
+        help="a picture of the tags that stay where they are",
+    )
+    add(
+        "-o",
+        "--output",
+        type=Path,
+        required=True,
+        metavar="F",
+        help="the calibration; a picture beside it",
+    )
 
     add = adder(
         "tag",
@@ -91,15 +137,37 @@ def parser() -> Parser:
     add("--part", required=True, help="name of the part")
     add("--number", type=int, required=True, metavar="ID", help="id of its tag, family 36h11")
     add("--side", type=float, required=True, metavar="MM", help="edge of the tag's black border")
-    add("--height", type=float, default=0.0, metavar="MM", help="its face above the table (default: 0)")
+    add(
+        "--height",
+        type=float,
+        default=0.0,
+        metavar="MM",
+        help="its face above the table (default: 0)",
+    )
     add("--at", type=_pose, metavar="X,Y,THETA", help="where it is on the part, if that is known")
     add("--calibration", type=Path, metavar="F", help="of the camera that sees it")
-    add("--poses", type=Path, metavar="CSV", help="poses of the part that the arm knows, with pictures")
+    add(
+        "--poses",
+        type=Path,
+        metavar="CSV",
+        help="poses of the part that the arm knows, with pictures",
+    )
     add("-o", "--output", type=Path, required=True, metavar="F", help="the tag file")
 
-    add = adder("pictures", "take pictures, one at each Enter", "--camera /dev/video0 -o views", run_pictures)
+    add = adder(
+        "pictures",
+        "take pictures, one at each Enter",
+        "--camera /dev/video0 -o views",
+        run_pictures,
+    )
     add("--camera", required=True, metavar="ADDRESS", help="/dev/video0, rtsp:// or http://")
-    add("--size", type=_size, default=(1920, 1080), metavar="WxH", help="of a device (default: 1920x1080)")
+    add(
+        "--size",
+        type=_size,
+        default=(1920, 1080),
+        metavar="WxH",
+        help="of a device (default: 1920x1080)",
+    )
     add("--count", type=int, default=20, metavar="N", help="how many (default: 20)")
     add("--stem", default="view", help="what their names begin with (default: view)")
     add("-o", "--output", type=Path, required=True, metavar="DIR", help="the folder")
@@ -124,7 +192,9 @@ def _follow(options: argparse.Namespace) -> int:
         if options.json:
             print(json.dumps(end.value))
     except EOFError:
-        tell("grasp-calibrate", "standard input ended before Enter was pressed; run it in a terminal")
+        tell(
+            "grasp-calibrate", "standard input ended before Enter was pressed; run it in a terminal"
+        )
         return USAGE
     return 0
 
@@ -134,7 +204,13 @@ def run_camera(options: argparse.Namespace) -> Told:
     board, held = parse(options.board), pictures_in(options.views)
     touched = () if options.touched is None else read_poses(options.touched)
     picture = options.output.with_suffix(".svg")
-    read = (*held, *options.table, options.touched, options.references, *(known.picture for known in touched))
+    read = (
+        *held,
+        *options.table,
+        options.touched,
+        options.references,
+        *(known.picture for known in touched),
+    )
     for output, other in ((options.output, None), (picture, options.output)):
         usable(output, *read, other)
     made = calibrate(
@@ -152,7 +228,11 @@ def run_camera(options: argparse.Namespace) -> Told:
     calibration.save(made.calibration, options.output)
     with writing(picture) as draft:
         draft.write_text(residual_picture.draw(made), encoding="ascii")
-    known, off, sigma = made.calibration, np.hypot(*made.residuals.off.T), made.calibration.trust.sigma_mm
+    known, off, sigma = (
+        made.calibration,
+        np.hypot(*made.residuals.off.T),
+        made.calibration.trust.sigma_mm,
+    )
     numbers = [reference.number for reference in known.references]
     yield f"camera {known.camera}, {known.views} views of the board, residual {known.rms_px:.3f} px"
     for name in made.left_out:
@@ -167,16 +247,24 @@ def run_camera(options: argparse.Namespace) -> Told:
     yield f"reference tags: {named or 'none, so a moved camera will not be noticed'}"
     yield f"written to {options.output} and {picture}"
     return {
-        "output": str(options.output), "picture": str(picture), "camera": known.camera, "views": known.views,
-        "left_out": made.left_out, "residual_px": known.rms_px, "table_rms_mm": made.residuals.rms_mm,
-        "sigma_mm": float(np.median(sigma)), "alignment_mm": known.alignment_mm if touched else None,
+        "output": str(options.output),
+        "picture": str(picture),
+        "camera": known.camera,
+        "views": known.views,
+        "left_out": made.left_out,
+        "residual_px": known.rms_px,
+        "table_rms_mm": made.residuals.rms_mm,
+        "sigma_mm": float(np.median(sigma)),
+        "alignment_mm": known.alignment_mm if touched else None,
         "references": numbers,
-    }  # fmt: skip
+    }
 
 
 def run_tag(options: argparse.Namespace) -> Told:
     """Measure or state where a tag is on its part."""
-    tag = PartTag(options.part, options.number, options.side, options.at or (0.0, 0.0, 0.0), options.height)
+    tag = PartTag(
+        options.part, options.number, options.side, options.at or (0.0, 0.0, 0.0), options.height
+    )
     usable(options.output, options.poses, options.calibration)
     if options.at is None:
         if options.poses is None or options.calibration is None:
@@ -192,10 +280,15 @@ def run_tag(options: argparse.Namespace) -> Told:
     yield f"standard deviation: {tag.sigma_mm:.3f} mm, {tag.sigma_rad:.5f} rad"
     yield f"written to {options.output}"
     return {
-        "output": str(options.output), "part": tag.part, "tag": tag.number, "x_mm": float(x_mm),
-        "y_mm": float(y_mm), "theta_rad": float(theta_rad), "sigma_mm": float(tag.sigma_mm),
+        "output": str(options.output),
+        "part": tag.part,
+        "tag": tag.number,
+        "x_mm": float(x_mm),
+        "y_mm": float(y_mm),
+        "theta_rad": float(theta_rad),
+        "sigma_mm": float(tag.sigma_mm),
         "sigma_rad": float(tag.sigma_rad),
-    }  # fmt: skip
+    }
 
 
 def run_pictures(options: argparse.Namespace) -> Told:

@@ -14,7 +14,10 @@ LIMIT_MM = 0.5
 
 
 def check(
-    references: Sequence[Reference], seen: Sequence[Sighting], view: View, limit_mm: float = LIMIT_MM
+    references: Sequence[Reference],
+    seen: Sequence[Sighting],
+    view: View,
+    limit_mm: float = LIMIT_MM,
 ) -> float:
     """Check that reference tags are where they were.
 
@@ -31,7 +34,9 @@ def check(
     ]
     if not moved:
         names = ", ".join(str(reference.number) for reference in references)
-        raise CameraError(f"no reference tag ({names}) is seen, so the camera may have moved; uncover them")
+        raise CameraError(
+            f"no reference tag ({names}) is seen, so the camera may have moved; uncover them"
+        )
     beyond = [number for off_mm, number in moved if not isfinite(off_mm)]
     if beyond:
         raise CameraError(

@@ -99,7 +99,9 @@ def _parsed(told: dict[str, Any]) -> CameraCalibration:
     fx, fy = map(float, told["focal_px"])
     cx, cy = map(float, told["centre_px"])
     k1, k2, p1, p2, k3 = map(float, told["distortion_k1_k2_p1_p2_k3"])
-    lens = Lens(int(told["width_px"]), int(told["height_px"]), (fx, fy), (cx, cy), (k1, k2, p1, p2, k3))
+    lens = Lens(
+        int(told["width_px"]), int(told["height_px"]), (fx, fy), (cx, cy), (k1, k2, p1, p2, k3)
+    )
     rotation = np.array(told["rotation_world_to_camera"], np.float64).reshape(3, 3)
     if np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-6:
         raise ValueError("its rotation is none")
@@ -114,6 +116,9 @@ def _parsed(told: dict[str, Any]) -> CameraCalibration:
         float(told["board_rms_px"]),
         float(told["alignment_rms_mm"]),
         trust,
-        tuple(Reference(int(r["number"]), float(r["x_mm"]), float(r["y_mm"])) for r in told["references"]),
+        tuple(
+            Reference(int(r["number"]), float(r["x_mm"]), float(r["y_mm"]))
+            for r in told["references"]
+        ),
         int(told["board_views"]),
     )

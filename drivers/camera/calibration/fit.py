@@ -71,7 +71,9 @@ def calibrate(
     size, views, left_out = _views(board, [*table, *(path for path in held if path not in table)])
     lying = [view for view in views if view.name in {path.name for path in table}]
     if not lying or lying[0].name != table[0].name:
-        raise CalibrationRefusedError(f"{table[0].name}: the board on the table is not seen; take it again")
+        raise CalibrationRefusedError(
+            f"{table[0].name}: the board on the table is not seen; take it again"
+        )
     found = lens_fit.fit(views, size)
     view = table_fit.stand(found.lens, found.pose, from_below, height_mm)
     world, alignment_mm = ZERO, 0.0
@@ -85,7 +87,9 @@ def calibrate(
     if references and not fixed:
         raise CalibrationRefusedError(f"{references.name}: no reference tag is seen; take it again")
     places = tuple(Reference(tag.number, *place(tag, view)) for tag in fixed)
-    calibration = CameraCalibration(camera, made, view, found.rms_px, alignment_mm, trust, places, len(views))
+    calibration = CameraCalibration(
+        camera, made, view, found.rms_px, alignment_mm, trust, places, len(views)
+    )
     return Made(calibration, residuals, views, left_out)
 
 
@@ -157,7 +161,9 @@ def load_picture(path: Path) -> Picture:
         raise CameraFileError(f"picture {path}: {error.strerror}") from error
 
 
-def _views(board: Board, paths: Sequence[Path]) -> tuple[tuple[int, int], list[BoardView], list[str]]:
+def _views(
+    board: Board, paths: Sequence[Path]
+) -> tuple[tuple[int, int], list[BoardView], list[str]]:
     """The size of all pictures, the board in each of them, and where it was not found."""
     views, left_out = [], []
     sizes: list[tuple[int, int]] = []
@@ -185,5 +191,7 @@ def _tags(path: Path) -> list[Sighting]:
 def _only_tag(path: Path, number: int) -> Sighting:
     found = [tag for tag in _tags(path) if tag.number == number]
     if len(found) != 1:
-        raise CalibrationRefusedError(f"{path.name}: tag {number} is seen {len(found)} times; take it again")
+        raise CalibrationRefusedError(
+            f"{path.name}: tag {number} is seen {len(found)} times; take it again"
+        )
     return found[0]

@@ -25,11 +25,17 @@ def draw(made: Made) -> str:
     (left, right), (bottom, top) = ((axis[0], axis[-1]) for axis in (trust.x_mm, trust.y_mm))
     scale = (WIDTH - 2 * MARGIN) / (right - left)
     height = (top - bottom) * scale + 2 * MARGIN
-    x, y = MARGIN - left * scale, height - MARGIN + bottom * scale  # where the table's middle is drawn
+    x, y = (
+        MARGIN - left * scale,
+        height - MARGIN + bottom * scale,
+    )  # where the table's middle is drawn
     small = COVERAGE_WIDTH / lens.width
     total = height + lens.height * small + 60.0
     numbers = [
-        *(_text(x + mm * scale, height - MARGIN + 18, str(mm), "middle") for mm in _ticks(left, right)),
+        *(
+            _text(x + mm * scale, height - MARGIN + 18, str(mm), "middle")
+            for mm in _ticks(left, right)
+        ),
         *(_text(MARGIN - 6, y - mm * scale + 5, str(mm), "end") for mm in _ticks(bottom, top)),
     ]
     words = (_text(MARGIN + 270, height + 40 + 22 * k, line) for k, line in enumerate(_words(made)))

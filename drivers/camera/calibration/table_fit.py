@@ -137,7 +137,9 @@ def part_offset(parts: Sequence[Pose2], tags: Sequence[Pose2]) -> tuple[Pose2, f
         CalibrationRefusedError: too few, or they contradict one another.
     """
     if len(parts) < LEAST_TOUCHED:
-        raise CalibrationRefusedError(f"{len(parts)} poses of the part; at least {LEAST_TOUCHED} are needed")
+        raise CalibrationRefusedError(
+            f"{len(parts)} poses of the part; at least {LEAST_TOUCHED} are needed"
+        )
     offsets = [relative(part, tag) for part, tag in zip(parts, tags, strict=True)]
     found = np.array(offsets)
     theta = float(np.angle(np.mean(np.exp(1j * found[:, 2]))))

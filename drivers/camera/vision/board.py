@@ -19,7 +19,9 @@ class BoardView(NamedTuple):
     """A board in a picture."""
 
     name: str  # of the picture
-    points: Array  # (n, 2) corners on the board, mm from its middle, x right and y down as one reads it
+    points: (
+        Array  # (n, 2) corners on the board, mm from its middle, x right and y down as one reads it
+    )
     pixels: Array  # (n, 2) where they are seen
 
 
@@ -67,7 +69,11 @@ def parse(text: str) -> Board:
         field_mm, marker_mm = map(float, lengths if kind == "charuco" else [*lengths, "0"])
     except ValueError:
         kind = ""
-    if kind not in ("charuco", "chessboard") or min(columns, rows) < 4 or not 0 <= marker_mm < field_mm:
+    if (
+        kind not in ("charuco", "chessboard")
+        or min(columns, rows) < 4
+        or not 0 <= marker_mm < field_mm
+    ):
         raise CalibrationRefusedError(
             f"board {text!r}: write charuco:12x9:30:22.5 or chessboard:12x9:30 "
             "(fields across and down, mm of a field, mm of a marker)"

@@ -26,7 +26,9 @@ def check_exposure(picture: Picture) -> None:
     if low > WHITE_LEVEL:
         raise PictureError("the picture is white; lower the exposure or the light")
     if high - low < LEAST_RANGE and float(picture.max()) - float(picture.min()) < 2 * LEAST_RANGE:
-        raise PictureError("the picture is of one grey; check that the camera sees the table, and its focus")
+        raise PictureError(
+            "the picture is of one grey; check that the camera sees the table, and its focus"
+        )
 
 
 def why_unseen(picture: Picture, view: View, tag: PartTag, expected: Pose2 | None) -> str:
@@ -48,7 +50,9 @@ def why_unseen(picture: Picture, view: View, tag: PartTag, expected: Pose2 | Non
 def _partly_seen(picture: Picture, view: View, tag: PartTag, expected: Pose2) -> bool:
     """Whether a quarter of the tag is seen near where it should be: each is looked for on its own."""
     drawn = cv2.aruco.generateImageMarker(
-        cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11), tag.number, SQUARES * PX_PER_SQUARE
+        cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11),
+        tag.number,
+        SQUARES * PX_PER_SQUARE,
     )
     pattern = np.pad(drawn, PX_PER_SQUARE, constant_values=255)
     flat = _flattened(picture, view, tag, expected, len(pattern))
@@ -56,11 +60,16 @@ def _partly_seen(picture: Picture, view: View, tag: PartTag, expected: Pose2) ->
         return False
     half = len(pattern) // 2
     quarters = (pattern[y : y + half, x : x + half] for y in (0, half) for x in (0, half))
-    scores = [cv2.matchTemplate(flat, np.ascontiguousarray(q), cv2.TM_CCOEFF_NORMED).max() for q in quarters]
+    scores = [
+        cv2.matchTemplate(flat, np.ascontiguousarray(q), cv2.TM_CCOEFF_NORMED).max()
+        for q in quarters
+    ]
     return max(map(float, scores)) >= LIKE_PART_OF_A_TAG
 
 
-def _flattened(picture: Picture, view: View, tag: PartTag, expected: Pose2, across: int) -> Picture | None:
+def _flattened(
+    picture: Picture, view: View, tag: PartTag, expected: Pose2, across: int
+) -> Picture | None:
     """The plane about the place where the tag should be, as one would read it there."""
     mm_per_px = tag.side_mm / (SQUARES * PX_PER_SQUARE)
     size = across + 2 * round(SEARCH_MM / mm_per_px)

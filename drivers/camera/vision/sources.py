@@ -96,9 +96,13 @@ class Folder(Source):
 
     def _next(self) -> str | None:
         try:
-            names = (entry.name for entry in self._path.iterdir() if entry.suffix.lower() in SUFFIXES)
+            names = (
+                entry.name for entry in self._path.iterdir() if entry.suffix.lower() in SUFFIXES
+            )
             # Hidden ones are drafts that are still being written.
-            return min((name for name in names if name > self._last and name[0] != "."), default=None)
+            return min(
+                (name for name in names if name > self._last and name[0] != "."), default=None
+            )
         except OSError as error:
             raise SourceError(f"folder {self._path}: {error.strerror}") from error
 
@@ -118,11 +122,15 @@ class Still(Source):
                 data = answer.read(MAX_PICTURE_BYTES)
         except urllib.error.HTTPError as error:
             error.close()
-            raise SourceError(f"camera {self._address} answers {error.code} {shown(error.reason)}") from error
+            raise SourceError(
+                f"camera {self._address} answers {error.code} {shown(error.reason)}"
+            ) from error
         except (OSError, ValueError, http.client.HTTPException) as error:
             reason = getattr(error, "reason", error)
             reason = shown(getattr(reason, "strerror", None) or reason)
-            raise SourceError(f"camera {self._address}: {reason}; is it on, and in this network?") from error
+            raise SourceError(
+                f"camera {self._address}: {reason}; is it on, and in this network?"
+            ) from error
         return decoded(data, self._address)
 
 
@@ -154,7 +162,9 @@ class Stream(Source):
             wanted = self._frames + FRESH_FRAMES
             while self._frame is None or self._frames < wanted:
                 if not self._changed.wait(max(until - time.monotonic(), 0.0)):
-                    raise SourceError(f"camera {self._address} {self._trouble}; check power and cable")
+                    raise SourceError(
+                        f"camera {self._address} {self._trouble}; check power and cable"
+                    )
             return self._frame
 
     def close(self) -> None:
@@ -203,4 +213,6 @@ def decoded(data: bytes, name: str) -> Picture:
 
 def grey(frame: Picture) -> Picture:
     """A frame in grey levels, whatever it came in."""
-    return np.asarray(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY), np.uint8) if frame.ndim == 3 else frame
+    return (
+        np.asarray(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY), np.uint8) if frame.ndim == 3 else frame
+    )

@@ -189,7 +189,9 @@ class ArmModel:
                 self._speed = (values[0], values[1])
             case 9:
                 self._zone_mm = 0.0 if values[0] == 1.0 else values[1]
-            case 30 if len(self._buffer) < MAX_BUFFER:  # the 513th is dropped and acknowledged all the same
+            case 30 if (
+                len(self._buffer) < MAX_BUFFER
+            ):  # the 513th is dropped and acknowledged all the same
                 self._buffer.append((_pose(values), self._speed))
             case 31:
                 self._buffer.clear()
@@ -246,7 +248,9 @@ class ArmModel:
         early = min(self._zone_mm / path_mm, 0.5) * seconds if path_mm > 0.0 else 0.0
         return end_s - early, end_s
 
-    def _profile(self, ways: tuple[float, float], speeds: tuple[float, float]) -> tuple[float, float]:
+    def _profile(
+        self, ways: tuple[float, float], speeds: tuple[float, float]
+    ) -> tuple[float, float]:
         """How long a line takes, in all and to speed up, whichever of way and turn takes longer."""
         if self._acceleration is None:
             return max(way / speed for way, speed in zip(ways, speeds, strict=True)), 0.0

@@ -117,7 +117,9 @@ class ArmLogger(TcpServer):
         time: simulated time.
     """
 
-    def __init__(self, look: Callable[[], tuple[Pose, tuple[float, ...]]], time: SimulatedTime) -> None:
+    def __init__(
+        self, look: Callable[[], tuple[Pose, tuple[float, ...]]], time: SimulatedTime
+    ) -> None:
         super().__init__("logger", time.stopped)
         self._look = look
         self._time = time

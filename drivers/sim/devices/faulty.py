@@ -27,7 +27,11 @@ class FaultyArm(ArmModel):
     """
 
     def __init__(
-        self, rng: random.Random, base: Pose, desk: Desk, acceleration: tuple[float, float] | None = None
+        self,
+        rng: random.Random,
+        base: Pose,
+        desk: Desk,
+        acceleration: tuple[float, float] | None = None,
     ) -> None:
         super().__init__(base, acceleration)
         self._rng = rng
@@ -73,7 +77,9 @@ class FaultyGripper(GripperModel):
         desk: says what holds when.
     """
 
-    def __init__(self, rng: random.Random, jaws: Jaws, surroundings: Surroundings, desk: Desk) -> None:
+    def __init__(
+        self, rng: random.Random, jaws: Jaws, surroundings: Surroundings, desk: Desk
+    ) -> None:
         super().__init__(rng, jaws, surroundings)
         self._desk = desk
         self._last_count = jaws.count_open  # the count as it was last read, which is what freezes

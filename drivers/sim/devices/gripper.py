@@ -65,7 +65,9 @@ class GripperModel:
         self._heard_s = 0.0
         self._shown_s = 0.0
         self._silent_until_s = 0.0
-        self._stroke = Stroke(float(self.jaws.count_open), 0.0, 0.0, float(self.jaws.count_open), OBJ_MOVING)
+        self._stroke = Stroke(
+            float(self.jaws.count_open), 0.0, 0.0, float(self.jaws.count_open), OBJ_MOVING
+        )
         self._running = False
         self._contact: int | None = None  # where the closing stroke under way will meet something
         self._gripping = False
@@ -135,7 +137,11 @@ class GripperModel:
 
     def next_change(self) -> float:
         """When the next reading will differ from the last, but for a moving count; infinity: never."""
-        changes = [moment for moment in (self._flag.moving_s, self._flag.outcome_s) if moment > self._shown_s]
+        changes = [
+            moment
+            for moment in (self._flag.moving_s, self._flag.outcome_s)
+            if moment > self._shown_s
+        ]
         coming = min([*changes, self._stroke.end_s if self._running else math.inf])
         return math.ceil(coming / CYCLE_S) * CYCLE_S if coming < math.inf else coming
 

@@ -34,7 +34,9 @@ def to_string(value: float, decimals: int) -> str:
 def pose_string(pose: Pose, decimals: int) -> str:
     """A robtarget's seven numbers, mm with so many decimals."""
     shift, turn = pose[:3], pose.rotation
-    return " ".join([*(to_string(mm, decimals) for mm in shift), *(to_string(part, 3) for part in turn)])
+    return " ".join(
+        [*(to_string(mm, decimals) for mm in shift), *(to_string(part, 3) for part in turn)]
+    )
 
 
 def match(text: str, position: int, pattern: str) -> int:

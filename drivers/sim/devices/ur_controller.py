@@ -31,7 +31,9 @@ class UrModel:
         executed: called after each motion that was looked at.
     """
 
-    def __init__(self, arm: ArmModel, base: Pose, executed: Callable[[], None] = lambda: None) -> None:
+    def __init__(
+        self, arm: ArmModel, base: Pose, executed: Callable[[], None] = lambda: None
+    ) -> None:
         self.remote = True  # whether programs are taken from outside
         self.mode, self.safety_bits = 7, NORMAL
         self.speed_fraction = 1.0
@@ -98,7 +100,10 @@ class UrModel:
         """All output fields that are offered, with their types."""
         self.advance(now_s)
         pose, soon = self._tcp_at(now_s), self._tcp_at(now_s + 0.002)
-        vector, speed = _vector(pose), tuple((b - a) / 2.0 for a, b in zip(pose[:3], soon[:3], strict=True))
+        vector, speed = (
+            _vector(pose),
+            tuple((b - a) / 2.0 for a, b in zip(pose[:3], soon[:3], strict=True)),
+        )
         turning = turn_between(pose.rotation, soon.rotation) / 0.002
         runs = self._held_s is not None or now_s < self._ends_s
         bits = POWERED | (RUNS if runs else 0)
@@ -112,11 +117,15 @@ class UrModel:
             "robot_mode": ("INT32", (self.mode,)),
             "robot_status_bits": ("UINT32", (bits,)),
             "safety_status_bits": ("UINT32", (self.safety_bits,)),
-            "runtime_state": ("UINT32", (PAUSED if self._paused else PLAYING if runs else STOPPED,)),
+            "runtime_state": (
+                "UINT32",
+                (PAUSED if self._paused else PLAYING if runs else STOPPED,),
+            ),
             "target_speed_fraction": ("DOUBLE", (self.speed_fraction,)),
         }
         told: Fields = {
-            f"output_int_register_{number}": ("INT32", (value,)) for number, value in self.registers.items()
+            f"output_int_register_{number}": ("INT32", (value,))
+            for number, value in self.registers.items()
         }
         return fields | told
 

@@ -21,7 +21,9 @@ def served(
     while True:
         script_port = SecondaryPort(model, lock, time, (host, 0))
         try:
-            return script_port, RtdePort(model, lock, time, (host, script_port.port + SCRIPT_PORT_BELOW))
+            return script_port, RtdePort(
+                model, lock, time, (host, script_port.port + SCRIPT_PORT_BELOW)
+            )
         except (OSError, OverflowError):  # taken, or beyond the last one
             script_port.close()
 
@@ -29,7 +31,9 @@ def served(
 class SecondaryPort(TcpServer):
     """Takes programs; tells its clients nothing that they read."""
 
-    def __init__(self, model: UrModel, lock: Lock, time: SimulatedTime, address: tuple[str, int]) -> None:
+    def __init__(
+        self, model: UrModel, lock: Lock, time: SimulatedTime, address: tuple[str, int]
+    ) -> None:
         super().__init__("ur script", threading.Event(), address)
         self._model, self._lock, self._time = model, lock, time
 
@@ -46,7 +50,9 @@ class SecondaryPort(TcpServer):
 class RtdePort(TcpServer):
     """RTDE version 2 for one client: its outputs; inputs are refused."""
 
-    def __init__(self, model: UrModel, lock: Lock, time: SimulatedTime, address: tuple[str, int]) -> None:
+    def __init__(
+        self, model: UrModel, lock: Lock, time: SimulatedTime, address: tuple[str, int]
+    ) -> None:
         super().__init__("ur rtde", threading.Event(), address)
         self.mute = False
         self._model, self._lock, self._time = model, lock, time
@@ -61,7 +67,8 @@ class RtdePort(TcpServer):
                     return
                 buffer += data
                 while (
-                    len(buffer) >= HEADER.size and len(buffer) >= (size := HEADER.unpack_from(buffer)[0]) > 2
+                    len(buffer) >= HEADER.size
+                    and len(buffer) >= (size := HEADER.unpack_from(buffer)[0]) > 2
                 ):
                     package, buffer = buffer[:size], buffer[size:]
                     self._send(client, session.answer(package))

@@ -71,7 +71,9 @@ class Setting(NamedTuple):
     factory: Callable[[Any, int], World]
     middle_mm: float = 0.0  # how far off the hand's middle the fingers meet, along its y
     block: Block | None = None  # what stands on the table instead of parts
-    parts: tuple[tuple[float, Any], ...] = ()  # the share and the job of each part, where there are several
+    parts: tuple[
+        tuple[float, Any], ...
+    ] = ()  # the share and the job of each part, where there are several
     pushing: bool = False  # whether the table that will run here pushes parts
 
     def make_worlds(self, seed: int) -> list[World]:
@@ -118,7 +120,9 @@ def load(tree: Path | None, job: Path | None, world: str | None) -> Setting:
         raise SimulationError(
             f"{tree}: the table carries no job; give the job file (--job) or --world {REHEARSAL}"
         )
-    return _setting_of(_planner_job().from_canonical(table.job), world, factory)._replace(pushing=pushing)
+    return _setting_of(_planner_job().from_canonical(table.job), world, factory)._replace(
+        pushing=pushing
+    )
 
 
 def _setting_of(job: Any, world: str, factory: Callable[[Any, int], World]) -> Setting:
@@ -141,7 +145,9 @@ def _planner_job() -> Any:
     try:
         return import_module("planner.job.model")
     except ImportError as error:
-        raise SimulationError(f"a job cannot be read ({error}); install squeezetree[planner]") from error
+        raise SimulationError(
+            f"a job cannot be read ({error}); install squeezetree[planner]"
+        ) from error
 
 
 def job_geometry(job: Any) -> Geometry:
@@ -180,7 +186,9 @@ def table_geometry(table: tables.Table) -> Geometry:
         limits.retreat_height_um / 1000.0,
         REHEARSAL_RADIUS_MM,
         math.pi,
-        height_mm=None if timing.regrasp_mm == timing.retreat_mm else timing.regrasp_mm - tables.ABOVE_MM,
+        height_mm=None
+        if timing.regrasp_mm == timing.retreat_mm
+        else timing.regrasp_mm - tables.ABOVE_MM,
         acceleration_mm_s2=timing.arm_acceleration_mm_s2,
     )
 
@@ -206,4 +214,6 @@ def _telling(world: str, method: str) -> Iterator[None]:
     try:
         yield
     except Exception as error:
-        raise SimulationError(f"world {world}: {method}() failed: {type(error).__name__}: {error}") from error
+        raise SimulationError(
+            f"world {world}: {method}() failed: {type(error).__name__}: {error}"
+        ) from error

@@ -26,11 +26,14 @@ MAX_LINE = 4096
 def truth_of(said: Mapping[str, object]) -> Truth:
     """What the scene's answer to "truth" tells."""
     x, y, theta = (
-        math.nan if said[name] is None else float(str(said[name])) for name in ("x_mm", "y_mm", "theta_rad")
+        math.nan if said[name] is None else float(str(said[name]))
+        for name in ("x_mm", "y_mm", "theta_rad")
     )
     squeezes, crashes = int(str(said["squeezes"])), int(str(said["crashes"]))
     status, covered = str(said["status"]), said.get("covered") is True
-    return Truth(x, y, theta, squeezes, crashes, status, covered, int(str(said.get("hypothesis", 0))))
+    return Truth(
+        x, y, theta, squeezes, crashes, status, covered, int(str(said.get("hypothesis", 0)))
+    )
 
 
 class Feeder:
@@ -101,7 +104,9 @@ class _ThreadForEach(socketserver.ThreadingTCPServer):
 class SceneServer(LibraryServer):
     """Answers scene requests of any number of clients, a thread each; `stopped` tells that the cell stops."""
 
-    def __init__(self, answer: Callable[[str], Mapping[str, object]], stopped: threading.Event) -> None:
+    def __init__(
+        self, answer: Callable[[str], Mapping[str, object]], stopped: threading.Event
+    ) -> None:
         class Client(socketserver.StreamRequestHandler):
             """Answers one client's lines."""
 
@@ -122,5 +127,7 @@ def _reply(line: bytes, answer: Callable[[str], Mapping[str, object]]) -> Mappin
     try:
         what = strict_json.parse(line)["do"]
     except (ValueError, TypeError, KeyError):
-        return {"error": 'not understood; send {"do": "next_part"}, {"do": "truth"} or {"do": "quit"}'}
+        return {
+            "error": 'not understood; send {"do": "next_part"}, {"do": "truth"} or {"do": "quit"}'
+        }
     return answer(str(what))

@@ -8,7 +8,10 @@ from drivers.planar import Pose2, compose, relative
 from drivers.sim.faults import Channel, Desk
 from drivers.sim.physics.scene import Setting
 
-AHEAD_MM, AHEAD_RAD = 0.05, 0.005  # what a motion straight ahead may be off, as arms read themselves back
+AHEAD_MM, AHEAD_RAD = (
+    0.05,
+    0.005,
+)  # what a motion straight ahead may be off, as arms read themselves back
 BESIDE: Pose2 = (0.0, 70.0, 0.8)  # where a second part lies, in the frame of the first
 
 
@@ -103,7 +106,10 @@ class TableTop:
 
         A world that cannot push leaves it where it lies, as does any other way of the hand.
         """
-        push, (way_mm, aside_mm, turn_rad) = getattr(self._world, "push", None), relative(start, end)
+        push, (way_mm, aside_mm, turn_rad) = (
+            getattr(self._world, "push", None),
+            relative(start, end),
+        )
         ahead = (
             way_mm > AHEAD_MM
             and abs(aside_mm) < AHEAD_MM
@@ -125,10 +131,15 @@ class TableTop:
         """The ground truth, as the scene protocol sends it."""
         x, y, theta = self.pose if self.truthful else (None, None, None)
         return {
-            "x_mm": x, "y_mm": y, "theta_rad": theta, "squeezes": self.squeezes, "crashes": self.crashes,
-            "status": self.status, "covered": self._desk.holds("camera_covered") is not None,
+            "x_mm": x,
+            "y_mm": y,
+            "theta_rad": theta,
+            "squeezes": self.squeezes,
+            "crashes": self.crashes,
+            "status": self.status,
+            "covered": self._desk.holds("camera_covered") is not None,
             "hypothesis": self.hypothesis,
-        }  # fmt: skip
+        }
 
     def look(self) -> Look:
         """What a camera sees."""
@@ -171,7 +182,9 @@ class Vice(TableTop):
         self.squeezes += 1
         needed_mm = self._needed(hand)
         return (
-            None if needed_mm is None else needed_mm + self._noise.gauss(0.0, self.geometry.encoder_noise_mm)
+            None
+            if needed_mm is None
+            else needed_mm + self._noise.gauss(0.0, self.geometry.encoder_noise_mm)
         )
 
     def gripped(self) -> None:

@@ -19,7 +19,14 @@ MOST = 2000  # Most contours of one drawing
 NEARLY = 0.1  # of its size: an outline that is open by no more was meant to be closed
 LARGER_MM = 0.1  # by which what was not read must extend beyond a contour to go around it
 
-SHEETS_MM = ((841, 1189), (594, 841), (420, 594), (297, 420), (210, 297), (148, 210))  # ISO 216, A0 to A5
+SHEETS_MM = (
+    (841, 1189),
+    (594, 841),
+    (420, 594),
+    (297, 420),
+    (210, 297),
+    (148, 210),
+)  # ISO 216, A0 to A5
 MARGINS_MM = 50.0  # both sides together: 20 mm to file it and 10 mm (ISO 5457), and some more
 SHEET_SLACK_MM = 0.5
 
@@ -81,8 +88,12 @@ def choose(
         OutlineError: the outline may be one of the `lost` shapes, or another contour of the same lines.
     """
     for shape in lost:
-        if shape.box is None or any(_exceeds(shape.box, contour) for contour in candidates if contour.outer):
-            problem = f"the outline may be missing: {shape.what}; repair or delete it in the drawing"
+        if shape.box is None or any(
+            _exceeds(shape.box, contour) for contour in candidates if contour.outer
+        ):
+            problem = (
+                f"the outline may be missing: {shape.what}; repair or delete it in the drawing"
+            )
             raise OutlineError(problem, where=where)
     outer = [contour for contour in candidates if contour.outer]
     if number is None and len(outer) > 1:
@@ -187,7 +198,9 @@ def _is_frame(ring: Array, others: Sequence[Contour]) -> bool:
     if abs(float(shapely.Polygon(ring).area) - box.area) > SHEET_SLACK_MM * float(sides.sum()):
         return False
     fits = any(
-        np.all((sides <= np.array(sheet) + SHEET_SLACK_MM) & (sides >= np.array(sheet) - MARGINS_MM))
+        np.all(
+            (sides <= np.array(sheet) + SHEET_SLACK_MM) & (sides >= np.array(sheet) - MARGINS_MM)
+        )
         for sheet in SHEETS_MM
     )
     return fits and any(
@@ -202,7 +215,9 @@ def _without_copies(rings: list[Contour], tolerance_mm: float) -> list[Contour]:
     boxes = shapely.bounds(lines)
     kept: list[int] = []
     for k, line in enumerate(lines):
-        alike = np.flatnonzero(np.abs(boxes[kept] - boxes[k]).max(axis=1, initial=0.0) <= tolerance_mm)
+        alike = np.flatnonzero(
+            np.abs(boxes[kept] - boxes[k]).max(axis=1, initial=0.0) <= tolerance_mm
+        )
         if not any(line.hausdorff_distance(lines[kept[j]]) <= tolerance_mm for j in alike):
             kept.append(k)
     return [rings[k] for k in kept]
@@ -215,7 +230,10 @@ def _nested(rings: list[Contour]) -> list[Contour]:
     inner, outer = tree.query(faces, predicate="within")
     proper = inner != outer
     inner, outer = inner[proper], outer[proper]
-    depth, holes = np.bincount(inner, minlength=len(rings)), np.bincount(outer, minlength=len(rings))
+    depth, holes = (
+        np.bincount(inner, minlength=len(rings)),
+        np.bincount(outer, minlength=len(rings)),
+    )
     found = [
         ring._replace(area_mm2=float(face.area), holes=int(holes[k]), outer=not depth[k])
         for k, (ring, face) in enumerate(zip(rings, faces, strict=True))
@@ -258,7 +276,9 @@ class Gap(NamedTuple):
 
 def _chains(lines: list[Array]) -> list[Array]:
     """Lines put together where two of them meet."""
-    merged = shapely.line_merge(shapely.multilinestrings([shapely.linestrings(line) for line in lines]))
+    merged = shapely.line_merge(
+        shapely.multilinestrings([shapely.linestrings(line) for line in lines])
+    )
     return [shapely.get_coordinates(chain) for chain in shapely.get_parts(merged)]
 
 

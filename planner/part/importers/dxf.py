@@ -16,7 +16,17 @@ if TYPE_CHECKING:
     from ezdxf.audit import Auditor
     from ezdxf.document import Drawing
 
-UNITS_MM = {1: 25.4, 2: 304.8, 4: 1.0, 5: 10.0, 6: 1000.0, 8: 25.4e-6, 9: 0.0254, 13: 1e-3, 14: 100.0}
+UNITS_MM = {
+    1: 25.4,
+    2: 304.8,
+    4: 1.0,
+    5: 10.0,
+    6: 1000.0,
+    8: 25.4e-6,
+    9: 0.0254,
+    13: 1e-3,
+    14: 100.0,
+}
 """$INSUNITS (Autodesk's DXF reference, HEADER) in mm; what is left out measures no part."""
 MAX_DEPTH = 50
 
@@ -41,7 +51,9 @@ def read(
                 f"{where}: has no layer {layer!r}; choose --layer of: {', '.join(names.values())}"
             )
     if _size(document, space, where) > pieces.MAX_SHAPES:
-        raise pieces.too_much(where, f"draws more than {pieces.MAX_SHAPES} shapes, its blocks written out")
+        raise pieces.too_much(
+            where, f"draws more than {pieces.MAX_SHAPES} shapes, its blocks written out"
+        )
     losses = dxf_audit.losses(auditor, data)
     shown = dxf_view.view(document, scale, tolerance_mm, where, layer)
     notes += [*losses.repairs, *shown.notes]
@@ -55,14 +67,18 @@ def _document(data: bytes, where: str) -> tuple[Drawing, Auditor]:
     if not data.strip():
         raise InputFileError("is empty; export the drawing again", where=where)
     if b"SECTION" not in data:  # of such a file the parser would make a drawing without shapes
-        raise InputFileError("is no DXF file; export the drawing again, as DXF R2000 or later", where=where)
+        raise InputFileError(
+            "is no DXF file; export the drawing again, as DXF R2000 or later", where=where
+        )
     try:
         return recover.read(io.BytesIO(data))
     except InputFileError:
         raise
     except Exception as error:  # the parser meets damage of all kinds in all its corners
         reason = str(error).splitlines()[0][:120] if str(error) else type(error).__name__
-        problem = f"is no DXF file that can be read ({reason}); export it again, as DXF R2000 or later"
+        problem = (
+            f"is no DXF file that can be read ({reason}); export it again, as DXF R2000 or later"
+        )
         raise InputFileError(problem, where=where) from error
 
 
@@ -99,7 +115,9 @@ def _size(document: Drawing, space: Modelspace, where: str) -> int:
                 continue
             if name not in known:
                 known[name] = count(block, (*above, name))
-            copies = max(1, entity.dxf.get("row_count", 1)) * max(1, entity.dxf.get("column_count", 1))
+            copies = max(1, entity.dxf.get("row_count", 1)) * max(
+                1, entity.dxf.get("column_count", 1)
+            )
             total += copies * known[name]
         return total
 

@@ -40,7 +40,9 @@ def losses(auditor: Auditor, data: bytes) -> Losses:
         words = entry.message.strip().rstrip(".")
         removed = REMOVED.match(words)
         gone = removed is not None and not ANNOTATION.fullmatch(removed[1])
-        guessed = entry.code == AuditError.INVALID_FLOATING_POINT_VALUE and _among_shapes(words, data)
+        guessed = entry.code == AuditError.INVALID_FLOATING_POINT_VALUE and _among_shapes(
+            words, data
+        )
         (lost if gone or guessed else repairs).append(f"ezdxf: {words}")
     if not data.rstrip().endswith(b"EOF"):
         ends = data.rfind(b"ENDSEC") > data.rfind(b"ENTITIES")

@@ -61,7 +61,9 @@ class View(NamedTuple):
     notes: list[str]
 
 
-def view(document: Drawing, scale: float, tolerance_mm: float, where: str, only: str | None) -> View:
+def view(
+    document: Drawing, scale: float, tolerance_mm: float, where: str, only: str | None
+) -> View:
     """The curves of the model space that are visible and plotted, or lie on the layer that is asked for.
 
     `scale` is mm a unit; the rest is as in `dxf.read`.
@@ -78,7 +80,10 @@ def view(document: Drawing, scale: float, tolerance_mm: float, where: str, only:
         for record, properties in recorder.player().recordings()
         if isinstance(record, PathRecord)
     ]
-    lost = [pieces.Lost(each.what, None if each.box is None else each.box * scale) for each in viewer.lost]
+    lost = [
+        pieces.Lost(each.what, None if each.box is None else each.box * scale)
+        for each in viewer.lost
+    ]
     return View([curve for curve in curves if len(curve.points)], lost, viewer.notes(scale))
 
 
@@ -86,7 +91,9 @@ def _flattened(record: PathRecord, scale: float, tolerance_mm: float) -> Array:
     control = np.array([(point.x, point.y) for point in record.path.vertices()])
     if not _sane(control, scale):
         return ABSURD
-    points = np.array([(point.x, point.y) for point in record.path.flattening(tolerance_mm / scale)])
+    points = np.array(
+        [(point.x, point.y) for point in record.path.flattening(tolerance_mm / scale)]
+    )
     return points.reshape(-1, 2) * scale
 
 
@@ -123,12 +130,13 @@ class _Viewer(Frontend):
         if self._hidden:
             notes.append(f"not visible, left out: {_counted(self._hidden)}")
         if self._not_plotted:
-            each = Counter({f"{kind} (layer {layer})": n for (kind, layer), n in self._not_plotted.items()})
+            each = Counter(
+                {f"{kind} (layer {layer})": n for (kind, layer), n in self._not_plotted.items()}
+            )
             notes.append(f"not plotted, left out: {_counted(each)}; --layer reads a layer")
         if self._widths:
-            what = (
-                f"polylines with a width: {len(self._widths)}, up to {max(self._widths) * scale:.4g} mm wide"
-            )
+            widest_mm = max(self._widths) * scale
+            what = f"polylines with a width: {len(self._widths)}, up to {widest_mm:.4g} mm wide"
             notes.append(f"{what}; the outline runs along their middle")
         return notes
 
@@ -224,7 +232,10 @@ def _name(entity: DXFEntity) -> str:
 
 def _width(entity: LWPolyline | Polyline) -> float:
     if isinstance(entity, LWPolyline):
-        widths = [entity.dxf.get("const_width", 0.0), *(max(ends) for ends in entity.get_points("se"))]
+        widths = [
+            entity.dxf.get("const_width", 0.0),
+            *(max(ends) for ends in entity.get_points("se")),
+        ]
     else:
         ends = ("start_width", "end_width")
         widths = [entity.dxf.get(f"default_{end}", 0.0) for end in ends]
@@ -267,7 +278,12 @@ def _spline(entity: Spline, tolerance: float) -> Array:
     control = np.array([tuple(point)[:2] for point in entity.control_points], dtype=np.float64)
     weights = np.array(entity.weights if len(entity.weights) else np.ones(len(control)))
     counted = len(knots) == len(control) + degree + 1 and (np.diff(knots) >= 0.0).all()
-    if not counted or not _sane(control, 1.0) or not np.isfinite(knots).all() or not (weights > 0.0).all():
+    if (
+        not counted
+        or not _sane(control, 1.0)
+        or not np.isfinite(knots).all()
+        or not (weights > 0.0).all()
+    ):
         raise ValueError("no spline")
     homogeneous = BSpline(knots, np.column_stack([control * weights[:, None], weights]), degree)
     spans = np.unique(knots[degree : len(control) + 1])
@@ -277,7 +293,10 @@ def _spline(entity: Spline, tolerance: float) -> Array:
         return np.asarray(values[:, :2] / values[:, 2:])
 
     return np.concatenate(
-        [pieces.flattened(partial(piece, low, high), tolerance) for low, high in pairwise(spans.tolist())]
+        [
+            pieces.flattened(partial(piece, low, high), tolerance)
+            for low, high in pairwise(spans.tolist())
+        ]
     )
 
 

@@ -45,7 +45,9 @@ class Face(NamedTuple):
     share: float  # of the parts that come to lie so
     imported: Imported
     cut_mm: float  # height of the finger tips, of all faces of the solid
-    down: tuple[tuple[float, float, float], ...]  # outward normals of the solid's faces that may be down
+    down: tuple[
+        tuple[float, float, float], ...
+    ]  # outward normals of the solid's faces that may be down
 
     @property
     def down_told(self) -> str:
@@ -118,7 +120,9 @@ def read_faces(path: Path, options: Options, tips_mm: Callable[[float], float]) 
         raise UsageError(f"{where}: --faces are those of a solid; name an STL file")
     data = _bytes(path)
     with time_limit(where):
-        found = [face for face in mesh.lying(data, where, _unit_mm(options)) if face.share >= LEAST_SHARE]
+        found = [
+            face for face in mesh.lying(data, where, _unit_mm(options)) if face.share >= LEAST_SHARE
+        ]
         height_mm = options.height_mm or min(
             tips_mm(float(np.ptp(face.solid.bounds[:, 2]))) for face in found
         )
@@ -133,7 +137,9 @@ def read_faces(path: Path, options: Options, tips_mm: Callable[[float], float]) 
             else:
                 faces.append(Face(face.share, imported, height_mm, (face.down,)))
     total = sum(face.share for face in faces)
-    return sorted((face._replace(share=face.share / total) for face in faces), key=lambda face: -face.share)
+    return sorted(
+        (face._replace(share=face.share / total) for face in faces), key=lambda face: -face.share
+    )
 
 
 def _lying(face: mesh.Lying, where: str, height_mm: float, tolerance_mm: float) -> Imported:
@@ -166,12 +172,16 @@ def _unit_mm(options: Options) -> float | None:
 def _bytes(path: Path) -> bytes:
     where = str(path)
     if path.suffix.lower() not in SUFFIXES:
-        raise UsageError(f"{where}: not one of {', '.join(SUFFIXES)}; export the outline as one of these")
+        raise UsageError(
+            f"{where}: not one of {', '.join(SUFFIXES)}; export the outline as one of these"
+        )
     try:
         with path.open("rb") as file:
             data = file.read(MAX_BYTES + 1)
     except OSError as error:
-        raise InputFileError(f"cannot be read: {error.strerror}; check the path", where=where) from error
+        raise InputFileError(
+            f"cannot be read: {error.strerror}; check the path", where=where
+        ) from error
     if len(data) > MAX_BYTES:
         raise InputFileError(
             f"is larger than {MAX_BYTES >> 20} MB; export the part's outline alone", where=where
@@ -201,7 +211,9 @@ def _checked(
     order = symmetry.order(simple, max(tolerance_mm, symmetry.TOLERANCE_MM))
     shift = first + second
     if np.abs(shift).max() <= DATUM_MM:
-        return Imported(simple, order, size, notes, origin_mm=(float(shift[0]), float(shift[1]))), shift
+        return Imported(
+            simple, order, size, notes, origin_mm=(float(shift[0]), float(shift[1]))
+        ), shift
     corner = simple.min(axis=0)  # nearer the part than the drawing's origin is
     name = f"the lower left corner of the part's box, {place(corner - shift)} mm in the drawing"
     metres = float(np.hypot(*shift)) / 1000
@@ -217,6 +229,8 @@ def _apart(points: Array, where: str) -> Array:
     places, times = np.unique(np.rint(fresh / (10 * outline.REPEAT_MM)), axis=0, return_counts=True)
     if times.max(initial=0) > 1:
         x, y = places[np.argmax(times)] * 10 * outline.REPEAT_MM
-        problem = f"the contour touches itself at ({x:.4g}, {y:.4g}) mm; part it there in the drawing"
+        problem = (
+            f"the contour touches itself at ({x:.4g}, {y:.4g}) mm; part it there in the drawing"
+        )
         raise OutlineError(problem, where=where)
     return np.asarray(fresh)

@@ -112,7 +112,9 @@ def _nothing(shapes: list[Expression], left_out: str, where: str) -> OutlineErro
     others = f"it draws on {', '.join(sorted(drawn))}" if drawn else "it draws nothing at all"
     if left_out:
         others = f"what is there is not known: {left_out}"
-    problem = f"has no shape on {BODY}, the layer of the body ({others}); draw the body's outline there"
+    problem = (
+        f"has no shape on {BODY}, the layer of the body ({others}); draw the body's outline there"
+    )
     return OutlineError(problem, where=where)
 
 
@@ -140,7 +142,9 @@ def _rectangle(shape: Expression, _tolerance: float) -> Array:
     box = shapely.box(*np.minimum(start, end), *np.maximum(start, end))
     radius = float(shape.numbers("radius", 1)[0]) if shape.has("radius") else 0.0
     if radius > 0.0:
-        box = shapely.buffer(shapely.buffer(box, -radius, join_style="mitre"), radius, quad_segs=ROUNDS)
+        box = shapely.buffer(
+            shapely.buffer(box, -radius, join_style="mitre"), radius, quad_segs=ROUNDS
+        )
     if box.is_empty:
         raise ValueError(f"no corners of radius {radius:g} fit")
     return np.asarray(shapely.get_coordinates(box))
@@ -215,7 +219,10 @@ def _through(start: Array, middle: Array, end: Array, tolerance: float) -> Array
     if abs(cross) <= 1e-9 * float(other @ other):
         return np.array([start, end])
     offset = np.array(
-        [other[1] * (one @ one) - one[1] * (other @ other), one[0] * (other @ other) - other[0] * (one @ one)]
+        [
+            other[1] * (one @ one) - one[1] * (other @ other),
+            one[0] * (other @ other) - other[0] * (one @ one),
+        ]
     )
     centre = start + offset / (2.0 * cross)
     first, last = (math.atan2(*(point - centre)[::-1]) for point in (start, end))

@@ -77,10 +77,16 @@ def silhouette(solid: Any, where: str, height_mm: float | None) -> Pieces:
         notes.append(
             "its surface is not closed; compare the outline with the part, or repair it and export again"
         )
-    everything = shapely.get_coordinates(shapely.convex_hull(shapely.multipoints(solid.vertices[:, :2])))
-    beyond_mm = float(shapely.distance(shapely.points(everything), shapely.convex_hull(above)).max())
+    everything = shapely.get_coordinates(
+        shapely.convex_hull(shapely.multipoints(solid.vertices[:, :2]))
+    )
+    beyond_mm = float(
+        shapely.distance(shapely.points(everything), shapely.convex_hull(above)).max()
+    )
     if beyond_mm > WIDER_MM:
-        notes.append(f"below the tips it is up to {beyond_mm:.3g} mm wider, where no finger meets it")
+        notes.append(
+            f"below the tips it is up to {beyond_mm:.3g} mm wider, where no finger meets it"
+        )
     polygons = shapely.get_parts(above)
     rings = [ring for polygon in polygons for ring in (polygon.exterior, *polygon.interiors)]
     pieces = sorted_out((shapely.get_coordinates(ring) for ring in rings), 0.0, where, notes)
@@ -126,7 +132,9 @@ def _patches(trimesh: ModuleType, surface: Any) -> list[shapely.Geometry]:
     joined = joined[facing[joined[:, 0]] * facing[joined[:, 1]] > 0.0]
     labels = trimesh.graph.connected_component_labels(joined, node_count=len(facing))[seen]
     order = np.argsort(labels, kind="stable")
-    groups = np.split(shapely.polygons(corners[seen][order]), np.flatnonzero(np.diff(labels[order])) + 1)
+    groups = np.split(
+        shapely.polygons(corners[seen][order]), np.flatnonzero(np.diff(labels[order])) + 1
+    )
     return [
         shapely.coverage_union_all(group)
         if len(group) > 1 and shapely.coverage_is_valid(group)
@@ -155,11 +163,15 @@ def _solid(trimesh: ModuleType, data: bytes, where: str, unit_mm: float | None) 
     except InputFileError:  # its time is over
         raise
     except Exception as error:  # damage shows in many places of the parser
-        raise InputFileError("is no STL file that can be read; export it again", where=where) from error
+        raise InputFileError(
+            "is no STL file that can be read; export it again", where=where
+        ) from error
     if len(faces) == 0 or not np.isfinite(vertices).all():
         raise InputFileError("holds no triangles; export it again", where=where)
     if np.abs(vertices).max() > FARTHEST_MM:
-        raise InputFileError(f"has a corner beyond {FARTHEST_MM:g} mm; export it again", where=where)
+        raise InputFileError(
+            f"has a corner beyond {FARTHEST_MM:g} mm; export it again", where=where
+        )
     whole = trimesh.Trimesh(vertices, faces, process=False)
     whole.merge_vertices()
     return whole

@@ -59,7 +59,9 @@ def regions(lines: Sequence[Array], join_mm: float) -> Regions:
     loose = loose[shapely.length(loose) > join_mm]
     if not len(polygons):
         return Regions([], _coordinates(loose), repeated_mm)
-    thin = shapely.area(polygons) <= 0.5 * join_mm * shapely.length(shapely.get_exterior_ring(polygons))
+    thin = shapely.area(polygons) <= 0.5 * join_mm * shapely.length(
+        shapely.get_exterior_ring(polygons)
+    )
     repeated_mm += 0.5 * float(shapely.length(polygons[thin]).sum())
     return Regions(_joined(polygons, thin), _coordinates(loose), repeated_mm)
 
@@ -84,7 +86,9 @@ def _bridged(noded: shapely.Geometry, join_mm: float) -> shapely.Geometry:
 
 def _free_ends(chains: Array, join_mm: float) -> _Ends:
     """The ends of chains where no other line begins, but for those of short overshoots."""
-    points = np.concatenate([shapely.get_coordinates(shapely.get_point(chains, index)) for index in (0, -1)])
+    points = np.concatenate(
+        [shapely.get_coordinates(shapely.get_point(chains, index)) for index in (0, -1)]
+    )
     chain = np.tile(np.arange(len(chains)), 2)
     last = np.repeat([False, True], len(chains))
     _, name, count = np.unique(points, axis=0, return_inverse=True, return_counts=True)
@@ -112,7 +116,9 @@ def _pairs(chains: Array, ends: _Ends, join_mm: float) -> tuple[BoolArray, list[
     return paired, bridges
 
 
-def _to_nearest(tree: shapely.STRtree, ends: _Ends, k: int, join_mm: float) -> shapely.Geometry | None:
+def _to_nearest(
+    tree: shapely.STRtree, ends: _Ends, k: int, join_mm: float
+) -> shapely.Geometry | None:
     """The shortest line from an end to a line within `join_mm`, its own chain's far part included."""
     end, index = shapely.Point(ends.points[k]), int(ends.chain[k])
     near = tree.query(end, predicate="dwithin", distance=join_mm)
@@ -120,7 +126,9 @@ def _to_nearest(tree: shapely.STRtree, ends: _Ends, k: int, join_mm: float) -> s
     chain = tree.geometries[index]
     if chain.length > 4.0 * join_mm:
         away = 4.0 * join_mm
-        lines.append(substring(chain, 0.0, -away) if ends.last[k] else substring(chain, away, chain.length))
+        lines.append(
+            substring(chain, 0.0, -away) if ends.last[k] else substring(chain, away, chain.length)
+        )
     distances = [line.distance(end) for line in lines]
     if not distances or not 0.0 < min(distances) <= join_mm:
         return None
@@ -141,7 +149,9 @@ def _joined(polygons: Array, thin: BoolArray) -> list[Region]:
         seams = []
         if len(members) > 1:
             inside = segments[seam & (group[faces[:, 0]] == group[members[0]])]
-            seams = _coordinates(shapely.get_parts(shapely.line_merge(shapely.multilinestrings(inside))))
+            seams = _coordinates(
+                shapely.get_parts(shapely.line_merge(shapely.multilinestrings(inside)))
+            )
         result += [Region(shapely.get_coordinates(part.exterior)[:-1], seams) for part in whole]
     return result
 
@@ -151,7 +161,9 @@ def _shared_edges(polygons: Array) -> tuple[Array, IntArray]:
     points, owner = shapely.get_coordinates(shapely.get_exterior_ring(polygons), return_index=True)
     same = owner[1:] == owner[:-1]
     first, second, owner = points[:-1][same], points[1:][same], owner[:-1][same]
-    back = (first[:, 0] > second[:, 0]) | ((first[:, 0] == second[:, 0]) & (first[:, 1] > second[:, 1]))
+    back = (first[:, 0] > second[:, 0]) | (
+        (first[:, 0] == second[:, 0]) & (first[:, 1] > second[:, 1])
+    )
     segments = np.where(back[:, None], np.hstack([second, first]), np.hstack([first, second]))
     order = np.lexsort(segments.T)
     twice = np.flatnonzero((segments[order[1:]] == segments[order[:-1]]).all(axis=1))
@@ -166,7 +178,9 @@ def overrun(region: Region, loose: Sequence[Array], lines: shapely.STRtree) -> i
     edges = shapely.linestrings(np.stack([region.ring, np.roll(region.ring, -1, axis=0)], axis=1))
     bounding, beyond = (
         lines.query(
-            shapely.line_interpolate_point(each, 0.5, normalized=True), "dwithin", distance=BESIDE_MM
+            shapely.line_interpolate_point(each, 0.5, normalized=True),
+            "dwithin",
+            distance=BESIDE_MM,
         )[1]
         for each in (edges, [shapely.LineString(line) for line in loose])
     )

@@ -20,7 +20,9 @@ TOLERANCE_MM = 0.02
 UNITS_MM = {"mm": 1.0, "cm": 10.0, "in": 25.4, "m": 1000.0}
 CLOSED = 0.1  # of its length: a stroke whose ends are no further apart is a ring
 REPEAT_MM = 1e-6  # Points that are closer are one, written twice
-LARGEST_MM = 1e10  # Where coordinates end, as those of maps do; beyond, a double holds no micrometre
+LARGEST_MM = (
+    1e10  # Where coordinates end, as those of maps do; beyond, a double holds no micrometre
+)
 
 
 class Options(NamedTuple):
@@ -29,8 +31,12 @@ class Options(NamedTuple):
     units: str | None = None  # one of `UNITS_MM`, or None to believe the file
     contour: int | None = None  # number of the contour, from 1, or None where there is only one
     tolerance_mm: float = TOLERANCE_MM  # largest distance of the outline from the curves drawn
-    height_mm: float | None = None  # of the finger tips beside a solid, or None for `tips.tips_height_mm`
-    layer: str | None = None  # of a DXF drawing, the only one to read; None for all that are visible
+    height_mm: float | None = (
+        None  # of the finger tips beside a solid, or None for `tips.tips_height_mm`
+    )
+    layer: str | None = (
+        None  # of a DXF drawing, the only one to read; None for all that are visible
+    )
     scale: float | None = None  # mm a unit, for drawings in pixels; instead of units
 
 
@@ -48,7 +54,9 @@ class Pieces(NamedTuple):
     strokes: list[Array]  # open ones, each (n, 2) [mm]
     notes: list[str]  # what a reader should know, one sentence each
     height_mm: float | None = None  # of a solid, from its lowest to its highest point
-    layers: tuple[str, ...] = ()  # of each ring, then of each stroke; empty where the format has none
+    layers: tuple[
+        str, ...
+    ] = ()  # of each ring, then of each stroke; empty where the format has none
     lost: tuple[Lost, ...] = ()  # what was not read
 
 
@@ -86,7 +94,9 @@ class Curve(NamedTuple):
     layer: str
 
 
-def sorted_out(curves: Iterable[Array | Curve], join_mm: float, where: str, notes: list[str]) -> Pieces:
+def sorted_out(
+    curves: Iterable[Array | Curve], join_mm: float, where: str, notes: list[str]
+) -> Pieces:
     """Curves (n, 2) [mm] as rings and strokes: a ring ends where it began.
 
     A stroke that is hardly longer than `join_mm` is no ring: it belongs to a chain of such.
@@ -104,7 +114,8 @@ def sorted_out(curves: Iterable[Array | Curve], join_mm: float, where: str, note
             raise too_much(where, f"has more than {MAX_POINTS} points")
         if not np.isfinite(points).all() or np.abs(points).max(initial=0.0) > LARGEST_MM:
             raise OutlineError(
-                "has a coordinate that is not finite or beyond 10000 km; repair the drawing", where=where
+                "has a coordinate that is not finite or beyond 10000 km; repair the drawing",
+                where=where,
             )
         steps = np.hypot(*np.diff(points, axis=0).T)
         gap = float(np.hypot(*(points[0] - points[-1]))) if len(points) else 0.0
@@ -113,7 +124,9 @@ def sorted_out(curves: Iterable[Array | Curve], join_mm: float, where: str, note
         elif len(points) > 1 and steps.any():
             strokes.append(curve)
     layers = tuple(curve.layer for curve in (*rings, *strokes))
-    sorted_pieces = Pieces([ring.points for ring in rings], [stroke.points for stroke in strokes], notes)
+    sorted_pieces = Pieces(
+        [ring.points for ring in rings], [stroke.points for stroke in strokes], notes
+    )
     return sorted_pieces._replace(layers=layers if any(layers) else ())
 
 

@@ -43,18 +43,23 @@ def meaning(region: noding.Region, loose: list[Array], drawn: Drawn, join_mm: fl
     remedy = "leave out of the drawing what is no outline"
     if any(drawn.layers):
         remedy = "choose the outline's layer with --layer, or leave out what is no outline"
-    note = f"faces that share the {what} {lines} are one contour; if they are not one part, {remedy}"
+    note = (
+        f"faces that share the {what} {lines} are one contour; if they are not one part, {remedy}"
+    )
     loops = [seam for seam in region.seams if np.array_equal(seam[0], seam[-1])]
     if loops:
         cross = place(loops[0][0] + drawn.origin)
-        return Meaning(note, f"closed contours overlap near {cross} mm; draw the outline as one, or {remedy}")
+        return Meaning(
+            note, f"closed contours overlap near {cross} mm; draw the outline as one, or {remedy}"
+        )
     beyond = noding.overrun(region, loose, drawn.tree)
     if beyond is not None:
         line = _named(drawn.lines[beyond], drawn)
         return Meaning(note, f"the line {line} bounds the contour and goes on beyond it; {remedy}")
     if layer := _differing_layer(region, drawn, join_mm):
         return Meaning(
-            note, f"layer {layer} bounds one contour alone, another one with the {what} {lines}; {remedy}"
+            note,
+            f"layer {layer} bounds one contour alone, another one with the {what} {lines}; {remedy}",
         )
     return Meaning(note)
 
@@ -75,10 +80,14 @@ def _differing_layer(region: noding.Region, drawn: Drawn, join_mm: float) -> str
     layers = sorted({drawn.layers[k] for k in near})
     differing = ""
     for layer in layers if len(layers) > 1 else ():
-        bounded = noding.regions([drawn.lines[k] for k in near if drawn.layers[k] == layer], join_mm).regions
+        bounded = noding.regions(
+            [drawn.lines[k] for k in near if drawn.layers[k] == layer], join_mm
+        ).regions
         if not bounded:
             continue
-        apart = shapely.symmetric_difference(face, shapely.union_all([_filled(each) for each in bounded]))
+        apart = shapely.symmetric_difference(
+            face, shapely.union_all([_filled(each) for each in bounded])
+        )
         if apart.area <= join_mm * face.length:
             return ""
         differing = layer

@@ -16,7 +16,14 @@ from planner.part.importers import pieces
 from planner.part.importers.svg_scene import SIZES, Scene
 from planner.part.importers.svg_shapes import polylines
 from planner.part.importers.svg_style import INHERITED, Sheets
-from planner.part.importers.svg_values import LENGTH, PHYSICAL_MM, PIXEL_MM, PLACES, Values, Viewport
+from planner.part.importers.svg_values import (
+    LENGTH,
+    PHYSICAL_MM,
+    PIXEL_MM,
+    PLACES,
+    Values,
+    Viewport,
+)
 
 ASPECT = 1e-3
 
@@ -55,7 +62,9 @@ def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) ->
 
 def _root(data: bytes, where: str) -> Tree.Element:
     try:
-        root = SafeTree.fromstring(data, forbid_dtd=False, forbid_entities=True, forbid_external=True)
+        root = SafeTree.fromstring(
+            data, forbid_dtd=False, forbid_entities=True, forbid_external=True
+        )
     except DefusedXmlException as error:
         problem = "holds XML entities, which are not read; export it again as plain SVG"
         raise InputFileError(problem, where=where) from error
@@ -94,13 +103,19 @@ def _viewport(page: Values, box: list[float] | None) -> Viewport:
     """The size of the drawing in user units."""
     if box:
         return Viewport(*box[2:])
-    return Viewport(*(None if "%" in page.style.get(name, "") else page.length(name) for name in SIZES))
+    return Viewport(
+        *(None if "%" in page.style.get(name, "") else page.length(name) for name in SIZES)
+    )
 
 
 def _states_lengths(root: Tree.Element) -> bool:
     """Whether some shape's size or place has a physical unit."""
     texts = (
-        text for each in root.iter() if each is not root for name, text in each.items() if name in PLACES
+        text
+        for each in root.iter()
+        if each is not root
+        for name, text in each.items()
+        if name in PLACES
     )
     matches = (LENGTH.fullmatch(text) for text in texts)
     return any(parts is not None and (parts[2] or "").lower() in PHYSICAL_MM for parts in matches)

@@ -79,7 +79,9 @@ class Scene:
             why = "hidden, transparent, out of sight, or neither filled nor stroked"
             notes.append(f"not seen ({why}), left out: {self.unseen} of its elements")
         if self.cut:
-            notes.append(f"cut by clip paths, masks or viewports, taken whole: {self.cut} of its elements")
+            notes.append(
+                f"cut by clip paths, masks or viewports, taken whole: {self.cut} of its elements"
+            )
         if self.strays:
             kinds = ", ".join(f"{n} {kind}" for kind, n in sorted(self.strays.items()))
             notes.append(f"not outlines, ignored: {kinds}")
@@ -133,11 +135,16 @@ class Scene:
         if kind not in ("svg", "symbol"):
             return frame
         texts = {name: (copy and copy.style.get(name)) or values.style.get(name) for name in SIZES}
-        sizes = {name: text if text and text.strip() != "auto" else "100%" for name, text in texts.items()}
+        sizes = {
+            name: text if text and text.strip() != "auto" else "100%"
+            for name, text in texts.items()
+        }
         values = values._replace(style={**values.style, **sizes})
         box = values.box()
         known = None not in frame.viewport
-        size = Viewport(*(values.size(name) if known or "%" not in sizes[name] else None for name in SIZES))
+        size = Viewport(
+            *(values.size(name) if known or "%" not in sizes[name] else None for name in SIZES)
+        )
         if 0.0 in size or (box is not None and 0.0 in box[2:]):
             return None
         window = self._window(frame, values, size)

@@ -47,7 +47,11 @@ def polylines(kind: str, values: Values, tolerance: float) -> list[Array]:
         points = np.array(numbers, dtype=np.float64).reshape(-1, 2)
         return [np.concatenate([points, points[:1]]) if kind == "polygon" else points]
     path = _path(kind, values)
-    return [_polyline(part, tolerance, values) for part in path.as_subpaths()] if path is not None else []
+    return (
+        [_polyline(part, tolerance, values) for part in path.as_subpaths()]
+        if path is not None
+        else []
+    )
 
 
 def _path(kind: str, values: Values) -> svgelements.Path | None:
@@ -64,14 +68,20 @@ def _path(kind: str, values: Values) -> svgelements.Path | None:
         rx, ry = values.length("rx"), values.length("ry")
         corner = values.at("x"), values.at("y")
         radii = {name: value for name, value in (("rx", rx), ("ry", ry)) if value is not None}
-        return svgelements.Path(svgelements.Rect(*corner, width, height, **radii)) if width * height else None
+        return (
+            svgelements.Path(svgelements.Rect(*corner, width, height, **radii))
+            if width * height
+            else None
+        )
     if kind == "circle":
         rx = ry = values.size("r")
     else:
         rx, ry = values.length("rx"), values.length("ry")
         rx, ry = (rx if rx is not None else ry) or 0.0, (ry if ry is not None else rx) or 0.0
     return (
-        svgelements.Path(svgelements.Ellipse(values.at("cx"), values.at("cy"), rx, ry)) if rx * ry else None
+        svgelements.Path(svgelements.Ellipse(values.at("cx"), values.at("cy"), rx, ry))
+        if rx * ry
+        else None
     )
 
 
@@ -85,7 +95,10 @@ def _polyline(part: svgelements.Subpath, tolerance: float, values: Values) -> Ar
             points.append(np.array(ends, dtype=np.float64))
             continue
         coarse = _at(segment, np.linspace(0.0, 1.0, 9))
-        if not np.isfinite(coarse).all() or np.abs(coarse).max() > pieces.LARGEST_MM / tolerance * 0.02:
+        if (
+            not np.isfinite(coarse).all()
+            or np.abs(coarse).max() > pieces.LARGEST_MM / tolerance * 0.02
+        ):
             problem = "has a coordinate that is not finite or absurdly large; repair the drawing"
             raise OutlineError(problem, where=values.where)
         points.append(pieces.flattened(partial(_at, segment), tolerance))
@@ -98,4 +111,6 @@ def _polyline(part: svgelements.Subpath, tolerance: float, values: Values) -> Ar
 
 
 def _at(segment: svgelements.PathSegment, parameters: Array) -> Array:
-    return np.array([(point.x, point.y) for point in map(segment.point, parameters)], dtype=np.float64)
+    return np.array(
+        [(point.x, point.y) for point in map(segment.point, parameters)], dtype=np.float64
+    )

@@ -58,7 +58,9 @@ class Sheets:
             if word == "inherit":
                 computed[name] = parent.get(name, "")
             elif word in ("initial", "unset", "revert"):
-                computed[name] = INHERITED.get(name, "") if word == "initial" else computed.get(name, "")
+                computed[name] = (
+                    INHERITED.get(name, "") if word == "initial" else computed.get(name, "")
+                )
             else:
                 computed[name] = value
         return computed

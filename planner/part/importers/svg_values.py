@@ -32,11 +32,15 @@ ARGUMENTS = {
     "skewx": (1,),
     "skewy": (1,),
 }
-ACROSS = frozenset({"x", "cx", "rx", "x1", "x2", "width"})  # a share of these is one of the viewport's width
+ACROSS = frozenset(
+    {"x", "cx", "rx", "x1", "x2", "width"}
+)  # a share of these is one of the viewport's width
 ALONG = frozenset({"y", "cy", "ry", "y1", "y2", "height"})  # and of these of its height
 PLACES = ACROSS | ALONG | {"r"}
 EDGES = {"left": "0%", "top": "0%", "center": "50%", "right": "100%", "bottom": "100%"}
-ASPECT = re.compile(r"\s*(?:defer\s+)?(none|x(?:Min|Mid|Max)Y(?:Min|Mid|Max))(?:\s+(meet|slice))?\s*")
+ASPECT = re.compile(
+    r"\s*(?:defer\s+)?(none|x(?:Min|Mid|Max)Y(?:Min|Mid|Max))(?:\s+(meet|slice))?\s*"
+)
 
 
 class Viewport(NamedTuple):
@@ -90,7 +94,11 @@ class Values(NamedTuple):
         if name in ACROSS or name in ALONG:
             whole = width if name in ACROSS else height
         else:
-            whole = None if width is None or height is None else math.hypot(width, height) / math.sqrt(2.0)
+            whole = (
+                None
+                if width is None or height is None
+                else math.hypot(width, height) / math.sqrt(2.0)
+            )
         if whole is None:
             raise self.error(name, "is a share of a size that nobody states")
         return 0.01 * stated.value * whole
@@ -120,11 +128,14 @@ class Values(NamedTuple):
             return np.eye(3)
         calls = re.findall(CALL, text)
         if not CALLS.fullmatch(text) or not all(
-            len(re.findall(NUMBER, inside)) in ARGUMENTS.get(name.lower(), ()) for name, inside in calls
+            len(re.findall(NUMBER, inside)) in ARGUMENTS.get(name.lower(), ())
+            for name, inside in calls
         ):
             raise self.error("transform", "is no transform")
         parsed = svgelements.Matrix(text)
-        matrix = np.array([[parsed.a, parsed.c, parsed.e], [parsed.b, parsed.d, parsed.f], [0.0, 0.0, 1.0]])
+        matrix = np.array(
+            [[parsed.a, parsed.c, parsed.e], [parsed.b, parsed.d, parsed.f], [0.0, 0.0, 1.0]]
+        )
         origin = np.eye(3)
         origin[:2, 2] = self._origin()
         return np.asarray(origin @ matrix @ np.linalg.inv(origin))
@@ -152,7 +163,9 @@ class Values(NamedTuple):
         """What is wrong with an attribute."""
         text = " ".join(self.style.get(name, "").split())
         text = text if len(text) <= 40 else f"{text[:37]}..."
-        return InputFileError(f'{name}="{text}" {problem}; correct it in the drawing', where=self.where)
+        return InputFileError(
+            f'{name}="{text}" {problem}; correct it in the drawing', where=self.where
+        )
 
     def _origin(self) -> tuple[float, float]:
         words = self.style.get("transform-origin", "").split()[:2]

@@ -34,7 +34,11 @@ def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) ->
     scale = unit_mm if unit_mm is not None else stated
     if scale is None:
         raise need_units(where, "does not name its unit (a header x_mm,y_mm would)")
-    notes = ["the header names another unit, overruled by --units"] if stated not in (None, scale) else []
+    notes = (
+        ["the header names another unit, overruled by --units"]
+        if stated not in (None, scale)
+        else []
+    )
     points = np.array([_vertex(cells, line, where) for line, cells in rows]).reshape(-1, 2) * scale
     closed = np.concatenate([points, points[:1]])
     if len(points) > 1 and np.hypot(*(points[0] - points[-1])) <= tolerance_mm:

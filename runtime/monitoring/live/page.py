@@ -38,7 +38,9 @@ def page(table: Table, name: str) -> str:
     part, outline = _part(table)
     # Within a script element only "<" could end it.
     data = json.dumps(tree(table, outline), separators=(",", ":")).replace("<", "\\u003c")
-    style, script, text = ((TEMPLATES / f"live.{kind}").read_text("utf-8") for kind in ("css", "js", "html"))
+    style, script, text = (
+        (TEMPLATES / f"live.{kind}").read_text("utf-8") for kind in ("css", "js", "html")
+    )
     return Template(text).substitute(
         part=escape(part), name=escape(name), data=data, style=style, script=script
     )  # what is filled in is not looked at again
@@ -54,10 +56,17 @@ def tree(table: Table, outline: list[list[float]]) -> dict[str, Any]:
             [*node.squeeze[:6], [list(branch) for branch in node.branches]] for node in table.nodes
         ],
         "leaves": [
-            [leaf.x_um, leaf.y_um, leaf.theta_urad, leaf.success_ppm, leaf.trials, int(leaf.resolved)]
+            [
+                leaf.x_um,
+                leaf.y_um,
+                leaf.theta_urad,
+                leaf.success_ppm,
+                leaf.trials,
+                int(leaf.resolved),
+            ]
             for leaf in table.leaves
         ],
-    }  # fmt: skip
+    }
 
 
 def _part(table: Table) -> tuple[str, list[list[float]]]:

@@ -31,7 +31,9 @@ class Outline:
     def __init__(self, table: Table) -> None:
         self._table = table
         self._parents = {
-            branch.target: index for index, node in enumerate(table.nodes) for branch in node.branches
+            branch.target: index
+            for index, node in enumerate(table.nodes)
+            for branch in node.branches
         }
 
     def way(self, state: dict[str, Any]) -> Way:
@@ -41,9 +43,13 @@ class Outline:
             last = steps[-1]
             node = last["node"] if last["target"] is None else last["target"]
         now = node or 0
-        seen = {now, *(step["node"] for step in steps), *(step["target"] for step in steps)} - {None}
+        seen = {now, *(step["node"] for step in steps), *(step["target"] for step in steps)} - {
+            None
+        }
         for target in tuple(seen):
-            while target in self._parents:  # after a crash the first squeezes are not among the steps
+            while (
+                target in self._parents
+            ):  # after a crash the first squeezes are not among the steps
                 target = self._parents[target]
                 seen.add(target)
         return Way(frozenset(seen | {0}), now)
@@ -63,7 +69,14 @@ class Outline:
         return found
 
     def _below(
-        self, path: Way, target: int, branch: Branch | None, depth: int, opened: frozenset[int], *, fold: bool
+        self,
+        path: Way,
+        target: int,
+        branch: Branch | None,
+        depth: int,
+        opened: frozenset[int],
+        *,
+        fold: bool,
     ) -> Iterator[Row]:
         taken = target in path.targets
         yield Row(depth, _text(self._table, target, branch), target, taken, target == path.now)
@@ -80,7 +93,11 @@ class Outline:
 
 
 def _text(table: Table, target: int, branch: Branch | None) -> str:
-    came = "" if branch is None else f"{_widths(branch)} mm, {100 * branch.probability_ppm / PPM:.1f} %: "
+    came = (
+        ""
+        if branch is None
+        else f"{_widths(branch)} mm, {100 * branch.probability_ppm / PPM:.1f} %: "
+    )
     if target >= 0:
         x_mm, y_mm, angle_rad = placement(table.nodes[target].squeeze)
         return f"{came}node {target}, squeeze at ({x_mm:.1f}, {y_mm:.1f}) mm, {degrees(angle_rad):.1f} deg"
@@ -88,7 +105,9 @@ def _text(table: Table, target: int, branch: Branch | None) -> str:
     if not leaf.resolved:
         return f"{came}leaf {~target}, unresolved"
     x_mm, y_mm, angle_rad = predicted_pose(leaf)
-    return f"{came}leaf {~target}, part at ({x_mm:.1f}, {y_mm:.1f}) mm, {degrees(angle_rad):.1f} deg"
+    return (
+        f"{came}leaf {~target}, part at ({x_mm:.1f}, {y_mm:.1f}) mm, {degrees(angle_rad):.1f} deg"
+    )
 
 
 def _widths(branch: Branch) -> str:

@@ -38,8 +38,15 @@ class View(Console):
     picture is.
     """
 
-    def __init__(self, table: Table, name: str, status: Status, console: Console, stream: TextIO) -> None:
-        self._outline, self._name, self._status, self._console = Outline(table), name, status, console
+    def __init__(
+        self, table: Table, name: str, status: Status, console: Console, stream: TextIO
+    ) -> None:
+        self._outline, self._name, self._status, self._console = (
+            Outline(table),
+            name,
+            status,
+            console,
+        )
         self._terminal = Terminal(file=stream, highlight=False)
         self._beside = stream is not sys.stdout
         self._notes: deque[str] = deque(maxlen=MOST_NOTES)
@@ -59,7 +66,11 @@ class View(Console):
     def part(self, result: PartResult, seen: Sighting | None) -> None:
         """The status has it; where a fault or a stop left the cell is said in full, and stays."""
         if result.safe_state:
-            told = [f"part {result.part}: {result.outcome.name}", result.reason or "", *result.safe_state]
+            told = [
+                f"part {result.part}: {result.outcome.name}",
+                result.reason or "",
+                *result.safe_state,
+            ]
             self.note("; ".join(filter(None, told)))
         if self._beside:
             self._console.part(result, seen)
@@ -83,7 +94,11 @@ class View(Console):
         self.close()
 
     def _show(self) -> None:
-        options: dict[str, Any] = {"auto_refresh": False, "redirect_stdout": False, "redirect_stderr": False}
+        options: dict[str, Any] = {
+            "auto_refresh": False,
+            "redirect_stdout": False,
+            "redirect_stderr": False,
+        }
         with contextlib.suppress(OSError), Live(console=self._terminal, **options) as live:
             while not self._ended.is_set():
                 self._draw(live)
@@ -113,7 +128,10 @@ def picture(outline: Outline, name: str, state: dict[str, Any], terminal: Termin
     lines = [
         Text.assemble((name, "bold"), "  ", "  ".join(doing)),
         _outcomes(state["outcomes"]),
-        Text(f"{REFIT.partition(':')[0]}: see plan-refit" if state["refit_pays"] else "", "bold yellow"),
+        Text(
+            f"{REFIT.partition(':')[0]}: see plan-refit" if state["refit_pays"] else "",
+            "bold yellow",
+        ),
         *(_line(row, utf8=utf8) for row in outline.rows(outline.way(state), room)),
         Text(),
         *(_part(part) for part in state["recent_parts"][-PARTS:]),
@@ -141,7 +159,9 @@ def _line(row: Row, *, utf8: bool) -> Text:
 def _part(part: dict[str, Any]) -> Text:
     leaf = "" if part["leaf"] is None else f" {part['leaf']}"
     squeezes = "1 squeeze" if len(part["path"]) == 1 else f"{len(part['path'])} squeezes"
-    told = Text.assemble(f"part {part['part']}: ", (part["outcome"].upper() + leaf, _style(part["outcome"])))
+    told = Text.assemble(
+        f"part {part['part']}: ", (part["outcome"].upper() + leaf, _style(part["outcome"]))
+    )
     more = [
         _pose(part.get("answer")),
         squeezes,
@@ -158,7 +178,9 @@ def _pose(answer: dict[str, Any] | None) -> str:
     shown = answer["datum"] or answer
     name = " (datum)" if answer["datum"] else ""
     which = f"{answer['hypothesis']}, " if "hypothesis" in answer else ""
-    return f"{which}({shown['x_mm']:.2f}, {shown['y_mm']:.2f}) mm, {shown['angle_deg']:.1f} deg{name}"
+    return (
+        f"{which}({shown['x_mm']:.2f}, {shown['y_mm']:.2f}) mm, {shown['angle_deg']:.1f} deg{name}"
+    )
 
 
 def _style(outcome: str) -> str:

@@ -97,15 +97,22 @@ class Acceptance:
     @property
     def bounds(self) -> Bounds:
         """Of the share of failures."""
-        return SequentialTest(self.limit).bounds(self.failed, self.failed + self.unknown, self.parts)
+        return SequentialTest(self.limit).bounds(
+            self.failed, self.failed + self.unknown, self.parts
+        )
 
     def fields(self) -> dict[str, object]:
         """For JSON."""
         return {
-            "verdict": self.verdict.value, "decided_at": self.decided_at, "required": 1.0 - self.limit,
-            "counted": self.parts, "good": self.parts - self.failed - self.unknown, "failed": self.failed,
-            "not_known": self.unknown, "confidence": 1.0 - ERROR,
-        }  # fmt: skip
+            "verdict": self.verdict.value,
+            "decided_at": self.decided_at,
+            "required": 1.0 - self.limit,
+            "counted": self.parts,
+            "good": self.parts - self.failed - self.unknown,
+            "failed": self.failed,
+            "not_known": self.unknown,
+            "confidence": 1.0 - ERROR,
+        }
 
 
 def followed(parts: Iterable[Part], limit: float) -> Iterator[Acceptance]:
@@ -164,11 +171,14 @@ def binomial_at_most(most: int, trials: int, share: float) -> float:
         return 1.0
     terms = (
         exp(
-            lgamma(trials + 1) - lgamma(k + 1) - lgamma(trials - k + 1)
-            + k * log(share) + (trials - k) * log1p(-share)
+            lgamma(trials + 1)
+            - lgamma(k + 1)
+            - lgamma(trials - k + 1)
+            + k * log(share)
+            + (trials - k) * log1p(-share)
         )
         for k in range(most + 1)
-    )  # fmt: skip
+    )
     return min(1.0, sum(terms))
 
 

@@ -56,15 +56,25 @@ def parser() -> Parser:
         metavar="JOURNAL",
         help="of audited runs of one table, in their order",
     )
-    add("-o", "--output", type=Path, metavar="F.html", help="the run-off sheet, to print on two pages")
     add(
-        "--required", type=_share, metavar="SHARE",
+        "-o",
+        "--output",
+        type=Path,
+        metavar="F.html",
+        help="the run-off sheet, to print on two pages",
+    )
+    add(
+        "--required",
+        type=_share,
+        metavar="SHARE",
         help="of parts to be located within the goal (default: the confidence of the table's goal)",
-    )  # fmt: skip
+    )
     add(
-        "--crossed", type=positive_int, metavar="PARTS",
+        "--crossed",
+        type=positive_int,
+        metavar="PARTS",
         help="gauge R&R: each journal is an appraiser with the same PARTS, in the same order again and again",
-    )  # fmt: skip
+    )
     add(
         "--truth",
         action="store_true",
@@ -77,9 +87,11 @@ def parser() -> Parser:
         help="instead: how many parts to run for a table, before they are run",
     )
     add(
-        "--measurements", type=Path, metavar="F.csv",
+        "--measurements",
+        type=Path,
+        metavar="F.csv",
         help=f"instead: gauge R&R of a table with the columns {', '.join(COLUMNS)}, a row a reading",
-    )  # fmt: skip
+    )
     built.add_common()
     return built
 
@@ -94,7 +106,9 @@ def _study(options: argparse.Namespace) -> int:
     if sum(asked) != 1:
         raise ArgumentsError("name journals, or a table with --plan, or a file with --measurements")
     if not options.journals and (options.crossed or options.truth or options.output):
-        raise ArgumentsError("--crossed, --truth and --output are of journals; name some, or leave them out")
+        raise ArgumentsError(
+            "--crossed, --truth and --output are of journals; name some, or leave them out"
+        )
     if options.plan is not None:
         return _plan(options)
     return _of_measurements(options) if options.measurements is not None else _of_journals(options)
@@ -119,7 +133,9 @@ def _of_journals(options: argparse.Namespace) -> int:
     else:
         for line in (verdict_words(study), *gauge_words(study), *crossed_words(study.crossed)):
             say(line)
-    return {Verdict.ACCEPTED: 0, Verdict.REFUSED: REFUSED, Verdict.OPEN: OPEN}[study.acceptance.verdict]
+    return {Verdict.ACCEPTED: 0, Verdict.REFUSED: REFUSED, Verdict.OPEN: OPEN}[
+        study.acceptance.verdict
+    ]
 
 
 def _plan(options: argparse.Namespace) -> int:
@@ -137,19 +153,29 @@ def _plan(options: argparse.Namespace) -> int:
     return REFUSED if expected is not None and expected >= limit else 0
 
 
-def _planned_lines(limit: float, expected: float | None, leaves: int | None, count: Planned) -> list[str]:
-    lines = [f"accepted   after {count.least} parts without a failure, to show {1.0 - limit:.6g} located"]
+def _planned_lines(
+    limit: float, expected: float | None, leaves: int | None, count: Planned
+) -> list[str]:
+    lines = [
+        f"accepted   after {count.least} parts without a failure, to show {1.0 - limit:.6g} located"
+    ]
     if expected is None:
-        lines.append("           the table says nothing of failures to expect: evaluate it (plan-evaluate)")
+        lines.append(
+            "           the table says nothing of failures to expect: evaluate it (plan-evaluate)"
+        )
     elif expected >= limit:
-        lines.append(f"           but {expected:.3%} failures are expected: no number of parts would do")
+        lines.append(
+            f"           but {expected:.3%} failures are expected: no number of parts would do"
+        )
     else:
         likely = "more than anybody runs" if count.likely is None else f"after {count.likely} parts"
         lines.append(
             f"           {likely} with probability {POWER:.0%}, of the {expected:.3%} expected to fail"
         )
     if leaves is not None:
-        lines.append(f"type 1     {leaves} parts for {LEAST_READINGS} readings at each leaf but the rarest")
+        lines.append(
+            f"type 1     {leaves} parts for {LEAST_READINGS} readings at each leaf but the rarest"
+        )
     return [*lines, "gauge R&R  10 parts, 3 appraisers, 3 trials: 90 parts (AIAG)"]
 
 
@@ -184,7 +210,9 @@ def _readings(path: Path) -> list[list[list[float]]]:
         with path.open(newline="", encoding="utf-8-sig") as file:
             rows = csv.DictReader(file)
             if not set(COLUMNS) <= set(rows.fieldnames or ()):
-                raise ArgumentsError(f"{path}: write the columns {', '.join(COLUMNS)} in its first row")
+                raise ArgumentsError(
+                    f"{path}: write the columns {', '.join(COLUMNS)} in its first row"
+                )
             for count, row in enumerate(rows, 2):
                 if count > MOST_ROWS:
                     raise ArgumentsError(f"{path}: has more than {MOST_ROWS} rows")
@@ -202,7 +230,9 @@ def _limit(options: argparse.Namespace, confidence_ppm: int) -> float:
     """Share of failures that is to be undercut."""
     limit = 1.0 - options.required if options.required is not None else 1.0 - confidence_ppm / PPM
     if not 0.0 < limit < 1.0:
-        raise ArgumentsError("the table's goal asks for all parts, which none can show; state --required")
+        raise ArgumentsError(
+            "the table's goal asks for all parts, which none can show; state --required"
+        )
     return limit
 
 

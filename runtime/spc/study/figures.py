@@ -27,7 +27,8 @@ class GaugeRow(NamedTuple):
     def fields(self) -> dict[str, object]:
         """For JSON."""
         studies = {
-            name: {**study._asdict(), "capable": study.capable} for name, study in self.studies.items()
+            name: {**study._asdict(), "capable": study.capable}
+            for name, study in self.studies.items()
         }
         return {"leaf": self.leaf, "readings": self.readings, **studies}
 
@@ -38,7 +39,9 @@ class Study:
 
     history: History
     acceptance: Acceptance
-    curve: tuple[Acceptance, ...]  # looks evenly spread over the run, that of the verdict, and the last
+    curve: tuple[
+        Acceptance, ...
+    ]  # looks evenly spread over the run, that of the verdict, and the last
     table: GaugeRow
     leaves: tuple[GaugeRow, ...]
     crossed: Mapping[str, Crossed]  # by quantity; empty where none was asked for
@@ -63,7 +66,10 @@ class Study:
             "parts": len(self.history.parts),
             "parts_least": self.planned.least,
             "parts_likely": self.planned.likely,
-            "type1": {"table": self.table.fields(), "leaves": [row.fields() for row in self.leaves]},
+            "type1": {
+                "table": self.table.fields(),
+                "leaves": [row.fields() for row in self.leaves],
+            },
             "crossed": {name: study.fields() for name, study in self.crossed.items()},
         }
 
@@ -83,7 +89,9 @@ def studied(history: History, limit: float, others: Mapping[str, Crossed]) -> St
         raise ArgumentsError(
             "the journals hold no audited part; run with --audit, or study a simulated cell with --truth"
         )
-    measured = [part for part in history.parts if part.residual is not None and part.leaf is not None]
+    measured = [
+        part for part in history.parts if part.residual is not None and part.leaf is not None
+    ]
     tolerances = tolerances_of(history.table.goal)
     if tolerances and len(measured) < LEAST_READINGS:
         raise ArgumentsError(
@@ -91,7 +99,9 @@ def studied(history: History, limit: float, others: Mapping[str, Crossed]) -> St
         )
     course = list(followed(history.parts, limit))
     if not course:
-        raise ArgumentsError("the operator stopped every part of the journals; run some to their end")
+        raise ArgumentsError(
+            "the operator stopped every part of the journals; run some to their end"
+        )
     step = max(1, len(course) // CHECKPOINTS)
     decided = course[-1].decided_at
     curve = (now for now in course if now.parts % step == 0 or now.parts in (decided, len(course)))
@@ -100,7 +110,9 @@ def studied(history: History, limit: float, others: Mapping[str, Crossed]) -> St
         assert part.leaf is not None
         by_leaf.setdefault(part.leaf, []).append(part)
     leaves = (
-        _row(leaf, parts, tolerances_of(history.table.goal_of(history.table.leaves[leaf].hypothesis)))
+        _row(
+            leaf, parts, tolerances_of(history.table.goal_of(history.table.leaves[leaf].hypothesis))
+        )
         for leaf, parts in sorted(by_leaf.items())
     )
     return Study(
@@ -123,7 +135,9 @@ def tolerances_of(goal: GoalSpec) -> dict[str, float]:
     """Whole widths of what a goal allows by coordinate, mm and rad; of a distance each has all alone."""
     if goal.kind in ("tolerances", "orientation"):
         widths = (goal.tolerance[0] / 500, goal.tolerance[1] / 500, goal.tolerance[2] / 5e5)
-        return dict(list(zip(COORDINATES, widths, strict=True))[2 if goal.kind == "orientation" else 0 :])
+        return dict(
+            list(zip(COORDINATES, widths, strict=True))[2 if goal.kind == "orientation" else 0 :]
+        )
     if goal.kind == "identity":
         return {}
     width = goal.distance_um / 500

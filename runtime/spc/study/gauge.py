@@ -18,7 +18,17 @@ CATEGORIES = 1.41
 # 1 / d2* by number of trials, of appraisers, and of parts.
 K1 = {2: 0.8862, 3: 0.5908}
 K2 = {2: 0.7071, 3: 0.5231}
-K3 = {2: 0.7071, 3: 0.5231, 4: 0.4467, 5: 0.4030, 6: 0.3742, 7: 0.3534, 8: 0.3375, 9: 0.3249, 10: 0.3146}
+K3 = {
+    2: 0.7071,
+    3: 0.5231,
+    4: 0.4467,
+    5: 0.4030,
+    6: 0.3742,
+    7: 0.3534,
+    8: 0.3375,
+    9: 0.3249,
+    10: 0.3146,
+}
 
 
 class TypeOne(NamedTuple):
@@ -89,9 +99,12 @@ class Spread(NamedTuple):
         percent = {f"{name}_percent": self.percent(value) for name, value in self._named().items()}
         ndc = self.categories
         return {
-            **self._named(), "total": self.total, **percent,
-            "ndc": None if ndc is None else max(int(ndc), 1), "ndc_unrounded": ndc,
-        }  # fmt: skip
+            **self._named(),
+            "total": self.total,
+            **percent,
+            "ndc": None if ndc is None else max(int(ndc), 1),
+            "ndc_unrounded": ndc,
+        }
 
     def _named(self) -> dict[str, float]:
         names = ("repeatability", "reproducibility", "gauge", "part")
@@ -108,17 +121,22 @@ class Crossed:
     parts: int
     appraisers: int
     trials: int
-    interaction_p: float | None  # probability of such an interaction by chance; None where nothing repeats
+    interaction_p: (
+        float | None
+    )  # probability of such an interaction by chance; None where nothing repeats
     anova: Spread
     ranges: Spread | None  # average and range; None where there are no constants for so many
 
     def fields(self) -> dict[str, object]:
         """For JSON."""
         return {
-            "parts": self.parts, "appraisers": self.appraisers, "trials": self.trials,
-            "interaction_p": self.interaction_p, "anova": self.anova.fields(),
+            "parts": self.parts,
+            "appraisers": self.appraisers,
+            "trials": self.trials,
+            "interaction_p": self.interaction_p,
+            "anova": self.anova.fields(),
             "average_and_range": None if self.ranges is None else self.ranges.fields(),
-        }  # fmt: skip
+        }
 
     @property
     def percent(self) -> float | None:
@@ -140,7 +158,9 @@ def crossed(readings: Readings) -> Crossed:
     if min(parts, appraisers, trials) < 2:
         size = f"{parts} parts, {appraisers} appraisers, {trials} trials"
         raise ValueError(f"{size}: a crossed study has at least two of each")
-    if any(len(cells) != appraisers or any(len(cell) != trials for cell in cells) for cells in readings):
+    if any(
+        len(cells) != appraisers or any(len(cell) != trials for cell in cells) for cells in readings
+    ):
         raise ValueError("each appraiser measures each part equally often in a crossed study")
     tail, spread = _analysis(readings, parts, appraisers, trials)
     return Crossed(parts, appraisers, trials, tail, spread, _average_and_range(readings))
@@ -149,16 +169,28 @@ def crossed(readings: Readings) -> Crossed:
 def _analysis(readings: Readings, p: int, o: int, r: int) -> tuple[float | None, Spread]:
     """Two-way analysis of variance with interaction, which is pooled where nothing speaks for it."""
     cells = [[fmean(cell) for cell in row] for row in readings]
-    rows, columns = [fmean(row) for row in cells], [fmean(column) for column in zip(*cells, strict=True)]
+    rows, columns = (
+        [fmean(row) for row in cells],
+        [fmean(column) for column in zip(*cells, strict=True)],
+    )
     mean = fmean(rows)
     within = sum(
-        (x - cells[i][j]) ** 2 for i, row in enumerate(readings) for j, cell in enumerate(row) for x in cell
+        (x - cells[i][j]) ** 2
+        for i, row in enumerate(readings)
+        for j, cell in enumerate(row)
+        for x in cell
     )
     between_parts = o * r * sum((x - mean) ** 2 for x in rows)
     between_appraisers = p * r * sum((x - mean) ** 2 for x in columns)
-    both = r * sum((cells[i][j] - rows[i] - columns[j] + mean) ** 2 for i in range(p) for j in range(o))
+    both = r * sum(
+        (cells[i][j] - rows[i] - columns[j] + mean) ** 2 for i in range(p) for j in range(o)
+    )
     free_both, free_within = (p - 1) * (o - 1), p * o * (r - 1)
-    tail = f_tail(both / free_both / (within / free_within), free_both, free_within) if within else None
+    tail = (
+        f_tail(both / free_both / (within / free_within), free_both, free_within)
+        if within
+        else None
+    )
     if tail is None or tail < POOLED_FROM:
         error, noise = both / free_both, within / free_within
         interaction = max((error - noise) / r, 0.0)

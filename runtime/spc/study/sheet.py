@@ -13,7 +13,12 @@ from runtime.spc.summary import Series
 
 MOST_LEAVES = 16  # on the sheet, those with the most parts; --json has all
 MOST_JOURNALS = 6
-UNITS = {"x_mm": ("x", "mm"), "y_mm": ("y", "mm"), "theta_rad": ("angle", "deg"), "width_mm": ("width", "mm")}
+UNITS = {
+    "x_mm": ("x", "mm"),
+    "y_mm": ("y", "mm"),
+    "theta_rad": ("angle", "deg"),
+    "width_mm": ("width", "mm"),
+}
 MEANING = (
     f"Bias: what the leaf says less what was measured. A gauge is capable from Cg and Cgk {CAPABLE} on; "
     f"below {LEAST_READINGS} readings nothing is said of it. The measurement's own scatter counts, too."
@@ -40,8 +45,10 @@ def page(study: Study, journals: Sequence[str]) -> str:
         *_left_out(study),
         *_crossed(study.crossed),
         "<h2>Signatures</h2>",
-        table_of(("", "name", "date", "signature"), ((who, "", "", "") for who in SIGNED), "signatures"),
-    ]  # fmt: skip
+        table_of(
+            ("", "name", "date", "signature"), ((who, "", "", "") for who in SIGNED), "signatures"
+        ),
+    ]
     return whole("Run-off sheet", body, "sheet")
 
 
@@ -54,10 +61,11 @@ def verdict_words(study: Study) -> str:
     interval = f"failures {bounds.low:.4%} to {bounds.high:.4%} with {1.0 - ERROR:.0%} confidence at any look"
     if now.verdict is Verdict.OPEN:
         more = max(study.planned.likely or study.planned.least, study.planned.least)
-        return (
-            f"not decided yet: {required} is asked for; {shown}; {interval}; {more} parts in all were planned"
-        )
-    return f"{now.verdict} after {now.decided_at} parts: {required} was asked for; {shown}; {interval}"
+        planned = f"{more} parts in all were planned"
+        return f"not decided yet: {required} is asked for; {shown}; {interval}; {planned}"
+    return (
+        f"{now.verdict} after {now.decided_at} parts: {required} was asked for; {shown}; {interval}"
+    )
 
 
 def gauge_words(study: Study) -> Iterator[str]:
@@ -76,7 +84,9 @@ def crossed_words(studies: Mapping[str, Crossed]) -> Iterator[str]:
         percent, ndc = _figure(study.percent, ".2f"), _known(study.anova.fields()["ndc"])
         line = f"R&R      {word}: %GRR {percent} ({judged(study)}), ndc {ndc}"
         if study.ranges is not None:
-            line += f"; by average and range {_figure(study.ranges.percent(study.ranges.gauge), '.2f')}"
+            line += (
+                f"; by average and range {_figure(study.ranges.percent(study.ranges.gauge), '.2f')}"
+            )
         yield f"{line}; {study.parts} parts, {study.appraisers} appraisers, {study.trials} trials"
 
 
@@ -113,7 +123,9 @@ def _curve(study: Study) -> Series:
         ("failures", [min(bounds.share, most) for bounds, _ in course]),
         ("at least", [min(bounds.low, most) for bounds, _ in course]),
     )
-    return Series("failures", lines, (study.acceptance.limit,), f"{study.acceptance.parts} parts, look")
+    return Series(
+        "failures", lines, (study.acceptance.limit,), f"{study.acceptance.parts} parts, look"
+    )
 
 
 def _shown(study: Study) -> list[GaugeRow]:
@@ -138,7 +150,10 @@ def _gauge_cells(row: GaugeRow) -> Iterator[str]:
     for name, one in row.studies.items():
         enough = one.readings >= LEAST_READINGS
         yield f"{in_degrees(name, one.bias):+.3f}"
-        yield from (_figure(one.cg, ".2f") if enough else "-", _figure(one.cgk, ".2f") if enough else "-")
+        yield from (
+            _figure(one.cg, ".2f") if enough else "-",
+            _figure(one.cgk, ".2f") if enough else "-",
+        )
 
 
 def _type_one_words(name: str, one: TypeOne) -> str:

@@ -97,12 +97,16 @@ def test_silent_name_server_is_not_waited_for(monkeypatch):
 
     monkeypatch.setattr(socket, "getaddrinfo", silent)
     monkeypatch.setattr(stream, "CONNECT_S", 0.1)
-    with pytest.raises(PortError, match=r"no name server tells the address of robot\.local.*; hint"):
+    with pytest.raises(
+        PortError, match=r"no name server tells the address of robot\.local.*; hint"
+    ):
         open_tcp("robot.local", 1, "tcp://robot.local:1", "hint")
     answered.set()
 
 
-@pytest.mark.parametrize("sent", [b"\x1b[2J\r\n" * 200, "x" * 5000, {"a": "\u202e" * 500}, b"", "mode\nAUTO"])
+@pytest.mark.parametrize(
+    "sent", [b"\x1b[2J\r\n" * 200, "x" * 5000, {"a": "\u202e" * 500}, b"", "mode\nAUTO"]
+)
 def test_shown_is_short_and_of_one_line(sent):
     text = shown(sent)
     assert len(text) <= 60 * 6 + 30

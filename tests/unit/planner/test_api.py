@@ -30,7 +30,9 @@ def test_lookup_is_the_decision_of_the_runtime_for_every_count_at_every_node(tab
         found = table.lookup(np.full(COUNTS, number), np.arange(COUNTS))
         for count, branch in enumerate(by_count(decision_map(node, calibration))):
             target = None if branch == REJECT else node.branches[branch].target
-            expected = (-1, -1) if target is None else (target, -1) if target >= 0 else (-1, ~target)
+            expected = (
+                (-1, -1) if target is None else (target, -1) if target >= 0 else (-1, ~target)
+            )
             assert (found.nodes[count], found.leaves[count]) == expected
 
 
@@ -159,7 +161,9 @@ def traits_with(**changes: float) -> Traits:
         lambda world, model: world.push_many(np.zeros((3, 3)), np.zeros(3), np.ones((3, 1))),
         lambda world, model: world.squeeze_many(np.zeros((3, 3)), as_planned(2)),
         lambda world, model: world.collides((0.0, 0.0, 0.0), NAN),
-        lambda world, model: model.simulator.roll_out(np.zeros((3, 3)), model.simulator.nominal(2, 0.5)),
+        lambda world, model: model.simulator.roll_out(
+            np.zeros((3, 3)), model.simulator.nominal(2, 0.5)
+        ),
         lambda world, model: model.simulator.nominal(2, NAN),
         lambda world, model: model.simulator.nominal(-1, 0.5),
         lambda world, model: model.simulator.trace(np.zeros(3), np.eye(4), 0.5),
@@ -174,7 +178,9 @@ def traits_with(**changes: float) -> Traits:
             JOB, Belief(np.zeros((3, 3)), as_planned(2), np.zeros(3)), np.zeros(3), RNG
         ),
         lambda world, model: evaluate(Table.load(FOLDER / "rectangle.msgpack"), trials=0),
-        lambda world, model: evaluate(Table.load(FOLDER / "rectangle.msgpack"), trials=10, workers=0),
+        lambda world, model: evaluate(
+            Table.load(FOLDER / "rectangle.msgpack"), trials=10, workers=0
+        ),
         lambda world, model: evaluate(Table.load(FOLDER / "rectangle.msgpack"), trials=10, seed=-1),
         lambda world, model: compile_job(JOB, workers=0),
         lambda world, model: compile_job(JOB, trials=-5),

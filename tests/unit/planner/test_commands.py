@@ -26,7 +26,9 @@ CALLS = {
 
 
 @pytest.mark.parametrize("name", ["compile_job", "simulate"])
-def test_commands_with_a_missing_file_end_before_the_planner_is_loaded(name: str, tmp_path: Path) -> None:
+def test_commands_with_a_missing_file_end_before_the_planner_is_loaded(
+    name: str, tmp_path: Path
+) -> None:
     (tmp_path / "there.toml").touch()
     code = BLOCK.format(name) + LOADED
     done = subprocess.run(
@@ -84,6 +86,8 @@ def test_a_misspelt_port_is_refused_with_the_one_that_is_meant(word, arguments, 
     assert PROGRAMS["run"].name in err or PROGRAMS["doctor"].name in err
 
 
-@pytest.mark.parametrize("port", ["/dev/ttyUSB0", "tcp://10.0.0.2:502", "can:can0", "sim", "manual"])
+@pytest.mark.parametrize(
+    "port", ["/dev/ttyUSB0", "tcp://10.0.0.2:502", "can:can0", "sim", "manual"]
+)
 def test_ports_that_may_exist_are_taken_as_they_are(port) -> None:
     assert runtime_arguments().parse_args(["--tree", "t", "--port", port]).port == port

@@ -24,7 +24,9 @@ def test_without_its_folder_a_kernel_is_kept_nowhere_and_the_user_is_told_once(
     assert not list((Path(__file__).parent / "__pycache__").glob("test_kernel.doubled*"))
     err = capsys.readouterr().err
     assert err.count("\n") == 1
-    assert err.startswith(f"squeezetree: {folder} cannot be written, so kernels are compiled anew each time")
+    assert err.startswith(
+        f"squeezetree: {folder} cannot be written, so kernels are compiled anew each time"
+    )
     kernels._warn_once.cache_clear()
 
 

@@ -29,7 +29,10 @@ def test_the_counts_of_a_width_are_as_likely_as_they_are_read(model):
     encoder, n = model.encoder, 200_000
     for width in (0.0, 0.2, 21.0, 33.3, encoder.opening_mm):
         said = model.likelihood(EVERY_COUNT, np.tile([0.0, 0.0, 0.0, width], (256, 1)), np.zeros(4))
-        read = np.bincount(encoder.read(np.full(n, width), np.random.default_rng(1)), minlength=256) / n
+        read = (
+            np.bincount(encoder.read(np.full(n, width), np.random.default_rng(1)), minlength=256)
+            / n
+        )
         assert said.sum() == pytest.approx(1.0, abs=1e-12)
         assert np.abs(read - said).max() < 5.0 * 0.5 / np.sqrt(n)
 
@@ -64,12 +67,18 @@ def test_the_planned_table_solves_the_problem_as_well_as_it_says(model):
     states, node = model.initial(n, rng), np.zeros(n, np.int64)
     squeezes, right = 0, 0.0
     while len(states):
-        made = model.sample(states, np.column_stack([program.placement[node], np.zeros(len(node))]), rng)
+        made = model.sample(
+            states, np.column_stack([program.placement[node], np.zeros(len(node))]), rng
+        )
         squeezes += len(states)
         node = program.target[node, made.observations + tables.COUNTS * (made.states[:, 3] > 0.0)]
         leaf = (node < 0) & (node > -len(table.leaves) - 1)
-        poses = np.array([tables.predicted_pose(table.leaves[~k]) for k in node[leaf]]).reshape(-1, 3)
-        right += model.sample(made.states[leaf], declaring(poses), rng).rewards.sum() / model.success
+        poses = np.array([tables.predicted_pose(table.leaves[~k]) for k in node[leaf]]).reshape(
+            -1, 3
+        )
+        right += (
+            model.sample(made.states[leaf], declaring(poses), rng).rewards.sum() / model.success
+        )
         states, node = made.states[node >= 0], node[node >= 0]
     assert right / n > table.predicted.success_ppm / 1e6 - 0.005
     assert squeezes / n == pytest.approx(table.predicted.mean_squeezes_ppm / 1e6, abs=0.06)
@@ -100,7 +109,9 @@ def test_the_candidates_are_poses_apart_that_most_parts_come_to(model):
     for _ in range(3):
         placed = model.actions[rng.integers(model.placements, size=2000)]
         states = model.sample(states, placed, rng).states
-    near = model.metric.between(states[:, None, :3], candidates[None]).min(axis=1) < model.metric.goal
+    near = (
+        model.metric.between(states[:, None, :3], candidates[None]).min(axis=1) < model.metric.goal
+    )
     assert near.mean() > 0.85
 
 

@@ -25,7 +25,9 @@ def locate(connection, robot):
         node = words[1]
         x, y, angle, opening, speed, force = map(float, words[2:])
         robot.place(x, y, angle, opening)  # up, jaws open, over there, down
-        count, held = robot.squeeze(speed, force)  # the settled count, and whether the jaws met something
+        count, held = robot.squeeze(
+            speed, force
+        )  # the settled count, and whether the jaws met something
         words = connection.ask(f"COUNTS {count} {'OBJECT' if held else 'NONE'} {node}")
         if words[0] == "DRAG":
             robot.drag(float(words[1]), float(words[2]))  # along the table, without turning

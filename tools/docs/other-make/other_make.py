@@ -56,7 +56,9 @@ class OtherGripper:
     def state(self) -> GripperState:
         ready, moving, held, asked_mm, at_mm = self._lines.ask("status")
         flag = 0 if moving == "1" else 2 if held == "1" else 3
-        return GripperState(ready == "1", moving == "1", 0, flag, _counts(asked_mm), _counts(at_mm), 0)
+        return GripperState(
+            ready == "1", moving == "1", 0, flag, _counts(asked_mm), _counts(at_mm), 0
+        )
 
     def activate(self) -> None:
         if self.state().activated:
@@ -122,12 +124,20 @@ class OtherArm:
     def obstacle(self, start: tuple[float, ...], target: tuple[float, ...]) -> str:
         return ""
 
-    def move_linear(self, x_mm: float, y_mm: float, z_mm: float, angle_rad: float, speed_mm_s: float) -> None:
+    def move_linear(
+        self, x_mm: float, y_mm: float, z_mm: float, angle_rad: float, speed_mm_s: float
+    ) -> None:
         target = (x_mm, y_mm, z_mm, angle_rad)
-        if not all(map(math.isfinite, (*target, speed_mm_s))) or not speed_mm_s > 0.0 or max(target) > 1e3:
+        if (
+            not all(map(math.isfinite, (*target, speed_mm_s)))
+            or not speed_mm_s > 0.0
+            or max(target) > 1e3
+        ):
             raise ArmError(f"arm not moved: {target} at {speed_mm_s} mm/s cannot be sent")
         path_s = math.dist(target[:3], self.pose()[:3]) / speed_mm_s
-        if self._ask(f"move {x_mm} {y_mm} {z_mm} {angle_rad} {speed_mm_s}", 2.0 * path_s + 1.0) != ["ok"]:
+        if self._ask(f"move {x_mm} {y_mm} {z_mm} {angle_rad} {speed_mm_s}", 2.0 * path_s + 1.0) != [
+            "ok"
+        ]:
             raise ArmError(f"arm not moved: {target} is out of its reach")
 
     def close(self) -> None:

@@ -93,7 +93,9 @@ class Server:
 
         self._server = Threaded(("127.0.0.1", 0), Handler)
         self.port = self._server.server_address[1]
-        self._thread = threading.Thread(target=self._server.serve_forever, args=(0.02,), daemon=True)
+        self._thread = threading.Thread(
+            target=self._server.serve_forever, args=(0.02,), daemon=True
+        )
         self._thread.start()
 
     def close(self) -> None:
@@ -124,7 +126,9 @@ class GripperDevice:
             self.ready = True
         elif words[0] == "go" and self.ready:
             self.start, self.asked, self.speed = self.at(), float(words[1]), float(words[2])
-            blocked = self.contact_mm is not None and self.asked <= self.contact_mm < self.start + 1e-6
+            blocked = (
+                self.contact_mm is not None and self.asked <= self.contact_mm < self.start + 1e-6
+            )
             self.held, self.stop_mm = blocked, self.contact_mm if blocked else self.asked
             self.since = time.monotonic()
         elif words[0] == "stop":

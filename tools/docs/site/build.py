@@ -40,7 +40,9 @@ def quiet_kernels(folder: Path) -> None:
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="tools/site", description=__doc__)
-    parser.add_argument("-o", "--output", type=Path, default=ROOT / "out" / "site", help="default: out/site")
+    parser.add_argument(
+        "-o", "--output", type=Path, default=ROOT / "out" / "site", help="default: out/site"
+    )
     parser.add_argument(
         "--links", action="store_true", help="also fetch every page outside that is linked to"
     )
@@ -51,10 +53,20 @@ def main() -> int:
     shutil.rmtree(output, ignore_errors=True)
     with tempfile.TemporaryDirectory() as cache:
         quiet_kernels(Path(cache))
-        status = sphinx([*STRICT, "--builder", "html", "--doctree-dir", cache, str(ROOT), str(output)])
+        status = sphinx(
+            [*STRICT, "--builder", "html", "--doctree-dir", cache, str(ROOT), str(output)]
+        )
         if status == 0 and arguments.links:
             status = sphinx(
-                [*STRICT, "--builder", "linkcheck", "--doctree-dir", cache, str(ROOT), f"{cache}/links"]
+                [
+                    *STRICT,
+                    "--builder",
+                    "linkcheck",
+                    "--doctree-dir",
+                    cache,
+                    str(ROOT),
+                    f"{cache}/links",
+                ]
             )
     if status:
         return 1

@@ -36,7 +36,10 @@ nb_execution_mode = "force"  # notebooks are stored without output
 nb_execution_timeout = 300
 nb_execution_raise_on_error = True
 nitpicky = True
-linkcheck_ignore = [r"tcp://.*", "http://$"]  # addresses of devices in what commands say of themselves
+linkcheck_ignore = [
+    r"tcp://.*",
+    "http://$",
+]  # addresses of devices in what commands say of themselves
 linkcheck_anchors = False
 suppress_warnings: list[str] = []
 
@@ -47,7 +50,9 @@ html_static_path = ["static"]
 html_css_files = ["site.css"]
 html_copy_source = False
 html_show_sphinx = False
-html_show_search_summary = False  # would fetch pages, which a browser forbids those opened from a disk
+html_show_search_summary = (
+    False  # would fetch pages, which a browser forbids those opened from a disk
+)
 html_last_updated_fmt = None
 highlight_language = "none"
 pygments_style = "default"

@@ -49,10 +49,14 @@ def check(site: Path) -> Found:
     for path, page in pages.items():
         name = path.relative_to(site.resolve())
         faults += [
-            f"{name}: the anchor {anchor} is there {n} times" for anchor, n in page.ids.items() if n > 1
+            f"{name}: the anchor {anchor} is there {n} times"
+            for anchor, n in page.ids.items()
+            if n > 1
         ]
         faults += [
-            f"{name}: loads {target} from elsewhere" for target in page.loads if target.startswith(OUTSIDE)
+            f"{name}: loads {target} from elsewhere"
+            for target in page.loads
+            if target.startswith(OUTSIDE)
         ]
         outside |= {target for target in page.links if re.match("https?://[^/]", target)}
         for target in (*page.links, *page.loads):

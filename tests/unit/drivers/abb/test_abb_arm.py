@@ -82,7 +82,9 @@ def test_half_a_turn_in_one_motion_is_refused_for_it_may_go_either_way(rig, angl
 
 
 def test_the_wrists_range_may_be_narrowed_and_one_beyond_it_only_turned_back(rig):
-    with contextlib.closing(connect.arm(rig.url + "?base=-300,0,0&wrist=-90,90", time_scale=SCALE)) as arm:
+    with contextlib.closing(
+        connect.arm(rig.url + "?base=-300,0,0&wrist=-90,90", time_scale=SCALE)
+    ) as arm:
         low, high = arm.turn_range(0.0, 0.0)  # axis 6 stands at 180 deg
         assert (math.degrees(low), math.degrees(high)) == pytest.approx((100.0, 260.0), abs=0.1)
         arm.move_linear(0.0, 0.0, 60.0, 0.0, 500.0)
@@ -187,7 +189,11 @@ def test_a_pose_that_waited_while_the_process_was_stopped_is_asked_for_again(rig
     "url",
     [
         *("tcp://127.0.0.1:1", "tcp://127.0.0.1", "rtu+tcp://127.0.0.1:5000", "x"),
-        *("tcp://127.0.0.1:5000?base=1,2", "tcp://127.0.0.1:5000?area=1,2,3", "tcp://127.0.0.1:5000?tool=x"),
+        *(
+            "tcp://127.0.0.1:5000?base=1,2",
+            "tcp://127.0.0.1:5000?area=1,2,3",
+            "tcp://127.0.0.1:5000?tool=x",
+        ),
     ],
 )
 def test_nobody_there(url):

@@ -55,7 +55,9 @@ def test_a_quaternion_off_unit_length_is_refused():
 def test_the_server_reads_what_was_meant():
     rng = random.Random(5)
     for _ in range(500):
-        pose = Pose(*(rng.uniform(-400, 400) for _ in range(3)), codec.hand_rotation(rng.uniform(-7, 7)))
+        pose = Pose(
+            *(rng.uniform(-400, 400) for _ in range(3)), codec.hand_rotation(rng.uniform(-7, 7))
+        )
         message = Message()
         message.parse(codec.command(1, *codec.pose_numbers(pose)).decode())
         assert (message.code, message.count) == (1, 7)

@@ -165,7 +165,11 @@ def test_a_bus_that_breaks_stays_broken(device, link, error):
 def test_the_known_clients_own_read_is_answered(device):
     """The 3-Finger client reads with 0x4F, which no standard has; a canopen node answers it as a read."""
     with can.Bus(interface="virtual", channel=CHANNEL) as bus:
-        bus.send(can.Message(arbitration_id=0x60B, data=[0x4F, 0, 0x20, 4, 0, 0, 0, 0], is_extended_id=False))
+        bus.send(
+            can.Message(
+                arbitration_id=0x60B, data=[0x4F, 0, 0x20, 4, 0, 0, 0, 0], is_extended_id=False
+            )
+        )
         reply = bus.recv(1.0)
     assert (reply.arbitration_id, reply.data[0], reply.data[3]) == (0x58B, 0x4F, 4)
 
@@ -175,9 +179,9 @@ def test_the_known_clients_own_read_is_answered(device):
 
 def test_a_ports_name_states_the_map():
     assert parse("can:can0") == CanMap("can0")
-    assert parse("can:vcan1?node=0x21&output=0x2300&input=8192&bitrate=250000&interface=virtual") == CanMap(
-        "vcan1", "virtual", 250000, 0x21, 0x2300, 0x2000
-    )
+    assert parse(
+        "can:vcan1?node=0x21&output=0x2300&input=8192&bitrate=250000&interface=virtual"
+    ) == CanMap("vcan1", "virtual", 250000, 0x21, 0x2300, 0x2000)
 
 
 @pytest.mark.parametrize(

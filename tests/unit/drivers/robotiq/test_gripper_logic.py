@@ -218,7 +218,10 @@ def test_a_count_that_never_stands_still_is_no_width():
     link, gripper = active()
     gripper.move(200, 255, 0)
     counts = iter(range(100, 10_000))
-    link.read = lambda: (link.clock.sleep(TRANSACTION_S), bytes((0xB9, 0, 0, 200, next(counts) % 230, 0)))[1]
+    link.read = lambda: (
+        link.clock.sleep(TRANSACTION_S),
+        bytes((0xB9, 0, 0, 200, next(counts) % 230, 0)),
+    )[1]
     with pytest.raises(GripperFault, match="does not settle"):
         gripper.wait()
 

@@ -125,7 +125,9 @@ def test_a_reading_that_waited_while_the_process_was_stopped_is_asked_for_again(
 def test_a_process_that_is_stopped_again_and_again_says_so_and_not_that_the_gripper_was_silent():
     line = Starved(*3 * [[(0.004, answer())]])
     line.stops = 3
-    with pytest.raises(LinkTimeout, match=r"answered, but this process was stopped or starved .* 4\.5 s"):
+    with pytest.raises(
+        LinkTimeout, match=r"answered, but this process was stopped or starved .* 4\.5 s"
+    ):
         rtu_link(line, Pace(line.clock)).read()
 
 
@@ -140,7 +142,20 @@ def test_the_number_of_registers_stays_within_the_block():
     for _ in range(4):
         with pytest.raises(LinkTimeout):
             made.read()
-    assert [int.from_bytes(data[4:6], "big") for _, data in line.sent] == [3, 4, 5, 6, 7, 8, 3, 4, 5, 6, 7, 8]
+    assert [int.from_bytes(data[4:6], "big") for _, data in line.sent] == [
+        3,
+        4,
+        5,
+        6,
+        7,
+        8,
+        3,
+        4,
+        5,
+        6,
+        7,
+        8,
+    ]
 
 
 def test_transactions_keep_their_distance():
@@ -208,7 +223,9 @@ def test_an_interrupted_transaction_is_not_answered_to_the_next():
 
 def mbap(number, count=3, unit=2, status=STATUS, protocol=0):
     pdu = bytes((4, 2 * count)) + (status + bytes(10))[: 2 * count]
-    head = number.to_bytes(2, "big") + protocol.to_bytes(2, "big") + (len(pdu) + 1).to_bytes(2, "big")
+    head = (
+        number.to_bytes(2, "big") + protocol.to_bytes(2, "big") + (len(pdu) + 1).to_bytes(2, "big")
+    )
     return head + bytes((unit,)) + pdu
 
 
@@ -225,7 +242,8 @@ def test_a_modbus_tcp_answer_is_found_by_its_number():
 
 
 @pytest.mark.parametrize(
-    "wrong", [mbap(7), mbap(1, unit=3), mbap(1, protocol=9), mbap(1)[:9], mbap(1, count=4), b"\x00" * 30]
+    "wrong",
+    [mbap(7), mbap(1, unit=3), mbap(1, protocol=9), mbap(1)[:9], mbap(1, count=4), b"\x00" * 30],
 )
 def test_other_modbus_tcp_answers_are_none(wrong):
     made, _ = tcp_link([(0.001, wrong)])
@@ -280,7 +298,13 @@ def test_an_acknowledgement_of_another_write_is_none():
 
 
 def enveloped(number, unit, pdu):
-    return number.to_bytes(2, "big") + b"\0\0" + (len(pdu) + 1).to_bytes(2, "big") + bytes((unit,)) + pdu
+    return (
+        number.to_bytes(2, "big")
+        + b"\0\0"
+        + (len(pdu) + 1).to_bytes(2, "big")
+        + bytes((unit,))
+        + pdu
+    )
 
 
 def gateway(*codes):
@@ -310,11 +334,19 @@ def test_read_refused_for_a_moment_is_repeated(code):
 @pytest.mark.parametrize(
     ("code", "kind", "told"),
     [
-        (2, LinkError, r"no such register \(exception 2\); check that it is a Robotiq 2F gripper, and unit"),
+        (
+            2,
+            LinkError,
+            r"no such register \(exception 2\); check that it is a Robotiq 2F gripper, and unit",
+        ),
         (5, LinkTimeout, r"takes longer \(exception 5\)"),
         (6, LinkTimeout, r"busy \(exception 6\); stop other programs"),
         (10, LinkError, r"the gateway has no way to that unit \(exception 10\)"),
-        (11, LinkTimeout, r"the gripper behind the gateway is silent \(exception 11\); check its power"),
+        (
+            11,
+            LinkTimeout,
+            r"the gripper behind the gateway is silent \(exception 11\); check its power",
+        ),
         (99, LinkError, r"unknown reason \(exception 99\)"),
     ],
 )
@@ -327,11 +359,22 @@ def test_refusals_of_a_gateway_are_told_apart(code, kind, told):
 
 @pytest.mark.parametrize(
     "query",
-    ["unit=256", "unit=x", "unit=", "uint=9", "unit=9&unit=9", "function=6", "output=65536", "baud=1"],
+    [
+        "unit=256",
+        "unit=x",
+        "unit=",
+        "uint=9",
+        "unit=9&unit=9",
+        "function=6",
+        "output=65536",
+        "baud=1",
+    ],
 )
 def test_setting_of_a_port_that_is_not_understood_is_refused(query):
     key = query.partition("=")[0]
-    with pytest.raises(PortError, match=rf"{key}=.* is not understood; there are unit \(0 to 255\)"):
+    with pytest.raises(
+        PortError, match=rf"{key}=.* is not understood; there are unit \(0 to 255\)"
+    ):
         connect.gripper(f"tcp://127.0.0.1:1?{query}")
 
 

@@ -53,7 +53,12 @@ def test_gripped_status_of_the_manual():
     assert seen.activated
     assert seen.going
     assert not seen.moving
-    assert (seen.object_flag, seen.echo_counts, seen.position_counts, seen.fault) == (2, 255, 189, 0)
+    assert (seen.object_flag, seen.echo_counts, seen.position_counts, seen.fault) == (
+        2,
+        255,
+        189,
+        0,
+    )
 
 
 def test_moving_and_activating_status_of_the_manual():

@@ -24,7 +24,9 @@ def told(end=b"", **changed):
 
 def made(script, reports=None):
     line = Line(*script)
-    report = (lambda kind, fields: reports.append(fields["incident"])) if reports is not None else None
+    report = (
+        (lambda kind, fields: reports.append(fields["incident"])) if reports is not None else None
+    )
     pace = Pace(line.clock)
     return line, UrcapLink(line, pace, report) if report else UrcapLink(line, pace)
 
@@ -101,7 +103,8 @@ def test_silence_is_a_timeout_and_then_the_end_of_the_link():
 
 
 @pytest.mark.parametrize(
-    "answer", [b"?", b"nack", b"POS 147", b"ACT one", b"ACT 1111", b"HTTP/1.1 400 Bad Request", b"\xff"]
+    "answer",
+    [b"?", b"nack", b"POS 147", b"ACT one", b"ACT 1111", b"HTTP/1.1 400 Bad Request", b"\xff"],
 )
 def test_other_answers_are_refused(answer):
     _, link = made([[(0.004, answer)]])

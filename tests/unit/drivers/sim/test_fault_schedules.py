@@ -26,7 +26,9 @@ def through(made, reply=REPLY):
 
 def test_a_file_says_what_happens_when(tmp_path):
     path = tmp_path / "faults.toml"
-    path.write_text('[[fault]]\nkind = "reply_lost"\npart = 3\nat = 40\nlength = 2\n[[fault]]\nkind="echo"\n')
+    path.write_text(
+        '[[fault]]\nkind = "reply_lost"\npart = 3\nat = 40\nlength = 2\n[[fault]]\nkind="echo"\n'
+    )
     schedule = parse(str(path))
     assert schedule.of_part(3) == (Fault("reply_lost", 3, 40, 2), Fault("echo"))
     assert schedule.of_part(1) == (Fault("echo"),)
@@ -92,7 +94,9 @@ def test_a_fault_holds_from_its_event_for_its_length():
 
 def test_every_class_belongs_to_a_channel_and_says_what_it_means():
     assert {kind.channel for kind in KINDS.values()} == set(Channel)
-    assert all(kind.low <= kind.high and kind.lasts >= 1 and kind.meaning for kind in KINDS.values())
+    assert all(
+        kind.low <= kind.high and kind.lasts >= 1 and kind.meaning for kind in KINDS.values()
+    )
 
 
 @pytest.mark.parametrize(
@@ -103,7 +107,10 @@ def test_every_class_belongs_to_a_channel_and_says_what_it_means():
         (Fault("reply_twice"), [Piece(REPLY), Piece(REPLY)]),
         (Fault("reply_truncated", value=4), [Piece(REPLY[:4])]),
         (Fault("reply_truncated", value=400), [Piece(REPLY[:-1])]),
-        (Fault("reply_corrupted", value=9), [Piece(REPLY[:1] + bytes((REPLY[1] ^ 2,)) + REPLY[2:])]),
+        (
+            Fault("reply_corrupted", value=9),
+            [Piece(REPLY[:1] + bytes((REPLY[1] ^ 2,)) + REPLY[2:])],
+        ),
         (Fault("echo"), [Piece(REQUEST), Piece(REPLY)]),
         (Fault("wrong_id", value=5), [Piece(b"\x05" + BODY[1:] + crc16(b"\x05" + BODY[1:]))]),
     ],

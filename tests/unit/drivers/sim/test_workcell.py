@@ -118,7 +118,9 @@ def test_a_bump_moves_the_part_before_the_squeeze():
     assert first[2] == second[2]
 
 
-@pytest.mark.parametrize(("kind", "value", "wider"), [("wrong_part", -3.0, -3.0), ("two_parts", 9.0, 9.0)])
+@pytest.mark.parametrize(
+    ("kind", "value", "wider"), [("wrong_part", -3.0, -3.0), ("two_parts", 9.0, 9.0)]
+)
 def test_another_part_is_another_width(kind, value, wider):
     sound = Hands().grip().position_counts
     other = Hands(Fault(kind, 1, value=value)).grip().position_counts

@@ -22,9 +22,15 @@ from runtime.table import load
 TREES = Path(__file__).parents[4] / "trees"
 LOW, HIGH = 0.4, 0.6
 DOUBTS = {
-    "finger_share": [-0.1, 0.1], "middle_mm": [0.2, 0.4], "encoder_mm": [-1, 1], "encoder_gain": [0, 0.02],
-    "pressure": "any", "least_dof": 10, "placement_mm": 0.2, "placement_deg": 0.3,
-}  # fmt: skip
+    "finger_share": [-0.1, 0.1],
+    "middle_mm": [0.2, 0.4],
+    "encoder_mm": [-1, 1],
+    "encoder_gain": [0, 0.02],
+    "pressure": "any",
+    "least_dof": 10,
+    "placement_mm": 0.2,
+    "placement_deg": 0.3,
+}
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +85,9 @@ def test_one_thing_at_most_is_off_within_its_interval_and_the_others_are_at_the_
     assert np.max(np.sum(off, axis=0)) == 1
     share = doubting.doubt.chance / len(off)
     assert np.allclose(np.mean(off, axis=1), share, atol=5.0 * np.sqrt(share / n))
-    assert set(np.unique(traits["surface"])) == set(range(1 + len(Simulator.of_job(doubting, 1).others)))
+    assert set(np.unique(traits["surface"])) == set(
+        range(1 + len(Simulator.of_job(doubting, 1).others))
+    )
     assert traits["dof"][traits["dof"] > 0].min() >= 10
 
 
@@ -118,7 +126,9 @@ def test_a_displaced_hand_is_the_same_as_another_placement(job):
     moved = to_world(np.array([0.0, 2.5, 0.0]), hand)
     there = squeezed(job, belief, np.random.default_rng(8), moved)
     belief.traits["across_mm"] = 2.5
-    assert np.allclose(squeezed(job, belief, np.random.default_rng(8), hand).poses, there.poses, atol=1e-9)
+    assert np.allclose(
+        squeezed(job, belief, np.random.default_rng(8), hand).poses, there.poses, atol=1e-9
+    )
 
 
 def test_a_squeeze_between_uneven_fingers_is_one_with_another_gripper(job):
@@ -138,12 +148,16 @@ def test_a_squeeze_between_uneven_fingers_is_one_with_another_gripper(job):
 def test_parts_in_a_doubted_cell_have_traits_and_others_none(job, doubting):
     rng = np.random.default_rng(11)
     assert not ordinary(as_doubted(doubting).traits(doubting, 100, rng)).all()
-    assert np.array_equal(Disturbance(0.5).traits(doubting, 10, rng)["encoder_mm"], np.full(10, 0.5))
+    assert np.array_equal(
+        Disturbance(0.5).traits(doubting, 10, rng)["encoder_mm"], np.full(10, 0.5)
+    )
     assert ordinary(Disturbance(0.5, across_mm=1.0).traits(doubting, 10, rng)).all()
     assert ordinary(as_planned(5)).all()
 
 
-def test_what_opening_jaws_do_to_a_part_is_of_its_own_size_for_each_and_drawn_anew_in_each_squeeze(job):
+def test_what_opening_jaws_do_to_a_part_is_of_its_own_size_for_each_and_drawn_anew_in_each_squeeze(
+    job,
+):
     n, doubt = 20_000, {"chance": 1.0, "release_mm": 0.8, "release_deg": 2.0}
     for key in ("finger_share", "middle_mm", "encoder_mm"):
         doubt[key] = [0, 0]
@@ -160,7 +174,9 @@ def test_what_opening_jaws_do_to_a_part_is_of_its_own_size_for_each_and_drawn_an
         scaled = release / size[:, [0, 0, 1]]
         assert np.allclose(scaled.std(axis=0), 1.0, atol=0.03)
     assert abs(np.corrcoef(first[:, 0], second[:, 0])[0, 1]) < 0.03
-    plain = simulator.sample(n, again)  # the rest is what it would be, and without the doubt so is this
+    plain = simulator.sample(
+        n, again
+    )  # the rest is what it would be, and without the doubt so is this
     assert not plain.release.any()
 
 
@@ -181,13 +197,17 @@ def test_parts_lie_off_as_far_as_the_arm_may_be_in_beliefs_and_in_trials(job):
     for key in ("finger_share", "middle_mm", "encoder_mm"):
         doubt[key] = [0, 0]
     doubting = job.replaced(
-        doubt=doubt, part={"tolerance_mm": 0}, uncertainty={"radius_mm": 0, "orientation_halfwidth_deg": 0}
+        doubt=doubt,
+        part={"tolerance_mm": 0},
+        uncertainty={"radius_mm": 0, "orientation_halfwidth_deg": 0},
     )
     assert not certain(doubting)
     belief = believed(doubting, 5000, np.random.default_rng(16))
     table = load(TREES / "rectangle" / "rectangle.msgpack").table
     world = ContactWorld.of_simulator(Simulator.of_job(doubting, 1), [3])
-    tried = run(Program.of(table), doubting, world, 500, np.random.default_rng(17), as_doubted(doubting))
+    tried = run(
+        Program.of(table), doubting, world, 500, np.random.default_rng(17), as_doubted(doubting)
+    )
     for poses in (belief.poses, tried.initial):
         away, turned = np.hypot(poses[:, 0], poses[:, 1]), np.degrees(poses[:, 2])
         assert 1.45 < away.max() <= 1.5

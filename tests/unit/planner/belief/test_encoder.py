@@ -17,7 +17,9 @@ def test_resolution_is_the_published_one():
 def test_reading_and_width_agree_to_half_a_count():
     widths = np.linspace(0, 85, 2001)
     counts = encoder().read(widths, np.random.default_rng(0))
-    assert np.all(np.abs(encoder().width_mm(counts) - widths) <= 0.5 * encoder().mm_per_count + 1e-9)
+    assert np.all(
+        np.abs(encoder().width_mm(counts) - widths) <= 0.5 * encoder().mm_per_count + 1e-9
+    )
     assert counts[0] == 230
     assert counts[-1] == 3
 

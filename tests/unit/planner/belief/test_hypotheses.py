@@ -48,7 +48,9 @@ def test_distances_are_under_each_parts_own_symmetry(identify):
 def test_a_mode_holds_the_share_it_says_and_no_state_of_the_belief_holds_more(identify):
     found = states(np.random.default_rng(2), 300)
     mode = metric(identify).mode(found)
-    shares = [np.mean([distance(s, r, identify) < 3.0 for s in found]) for r in (mode.state, *found)]
+    shares = [
+        np.mean([distance(s, r, identify) < 3.0 for s in found]) for r in (mode.state, *found)
+    ]
     assert mode.ratio == pytest.approx(shares[0])
     assert mode.ratio >= max(shares[1:]) - 0.02  # the search starts from some of the states only
     assert mode.hypothesis[0] == int(mode.state[3])

@@ -63,7 +63,9 @@ def test_k_means_finds_the_least_scatter_of_the_least_k_that_is_little_enough(se
 
 def test_clusters_cover_every_reading_once_in_order_of_rising_width():
     rng = np.random.default_rng(3)
-    counts = np.concatenate([rng.integers(130, 152, 500), rng.integers(172, 176, 300), np.full(40, 230)])
+    counts = np.concatenate(
+        [rng.integers(130, 152, 500), rng.integers(172, 176, 300), np.full(40, 230)]
+    )
     clusters = partition(counts)
     assert clusters.size.sum() == len(counts)
     assert np.all(np.diff(clusters.mean) <= -RESOLUTION.apart)
@@ -114,7 +116,9 @@ def test_what_the_encoder_cannot_tell_apart_is_merged_and_said_so():
 @pytest.mark.parametrize("seed", range(10))
 def test_no_two_means_are_nearer_than_the_encoder_tells_apart(seed):
     rng = np.random.default_rng(seed)
-    counts = np.concatenate([rng.integers(60, 90, 400), rng.integers(140, 140 + rng.integers(2, 9), 400)])
+    counts = np.concatenate(
+        [rng.integers(60, 90, 400), rng.integers(140, 140 + rng.integers(2, 9), 400)]
+    )
     resolution = Resolution(apart=float(rng.uniform(2.0, 12.0)))
     clusters = partition(counts, resolution)
     assert np.all(np.diff(clusters.mean) <= -resolution.apart)
@@ -154,6 +158,8 @@ def test_readings_of_widths_that_far_apart_are_hardly_ever_mistaken():
     wide = np.full(100_000, 30.0)
     narrow = wide - resolution.apart * encoder.mm_per_count
     middle = 0.5 * (encoder.read(wide, rng).mean() + encoder.read(narrow, rng).mean())
-    mistaken = np.mean(encoder.read(wide, rng) > middle) + np.mean(encoder.read(narrow, rng) < middle)
+    mistaken = np.mean(encoder.read(wide, rng) > middle) + np.mean(
+        encoder.read(narrow, rng) < middle
+    )
     assert mistaken < 0.02
     assert np.mean(encoder.read(np.zeros(100_000), rng) < resolution.free) < 0.003

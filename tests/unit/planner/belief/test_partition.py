@@ -80,7 +80,9 @@ def test_no_other_cuts_cost_less(seed):
     clusters = partition(PLACES[place], counts, how)
     values = np.unique(counts)
     choices = [
-        [values[0], *later] for k in range(len(values)) for later in itertools.combinations(values[1:], k)
+        [values[0], *later]
+        for k in range(len(values))
+        for later in itertools.combinations(values[1:], k)
     ]
     assert len(choices) == 2 ** (len(values) - 1)
     least = min(cost(place, counts, starts, how) for starts in choices)
@@ -91,13 +93,19 @@ def test_no_other_cuts_cost_less(seed):
 def test_neither_one_interval_nor_those_of_k_means_cost_less(seed):
     rng = np.random.default_rng(seed)
     how = rule()
-    counts = np.clip(np.rint(rng.choice([150.0, 156.0, 170.0], MOST) + rng.normal(0.0, 2.0, MOST)), 100, 220)
+    counts = np.clip(
+        np.rint(rng.choice([150.0, 156.0, 170.0], MOST) + rng.normal(0.0, 2.0, MOST)), 100, 220
+    )
     counts = counts.astype(np.int64)
-    place = np.where(rng.random(MOST) < 0.8, (counts > 153).astype(np.int64), rng.integers(0, 4, MOST))
+    place = np.where(
+        rng.random(MOST) < 0.8, (counts > 153).astype(np.int64), rng.integers(0, 4, MOST)
+    )
     clusters = partition(PLACES[place], counts, how)
     value = cost(place, counts, np.sort(clusters.low), how)
     apart = how.resolution.apart
-    bounds, _ = cut(np.bincount(counts, minlength=256), FREE, 0.54 * apart, 0.0, apart, HOLE * apart)
+    bounds, _ = cut(
+        np.bincount(counts, minlength=256), FREE, 0.54 * apart, 0.0, apart, HOLE * apart
+    )
     assert value <= cost(place, counts, [counts.min()], how) + 1e-9
     assert value <= cost(place, counts, bounds[:0:-1], how) + 1e-9
 
@@ -108,14 +116,20 @@ def test_intervals_hold_every_reading_once_and_do_not_overlap(seed):
     n = int(rng.integers(1, 3000))
     counts = np.clip(np.rint(rng.choice([60, 90, 100, 180, 229], n) + rng.normal(0, 3, n)), 3, 233)
     counts = counts.astype(np.int64)
-    poses = np.column_stack([counts // 20 * 10.0 + rng.normal(0, 1, n), rng.normal(0, 1, n), np.zeros(n)])
+    poses = np.column_stack(
+        [counts // 20 * 10.0 + rng.normal(0, 1, n), rng.normal(0, 1, n), np.zeros(n)]
+    )
     clusters = partition(poses, counts, rule())
     assert clusters.size.sum() == n
     assert np.all(clusters.low <= clusters.high)
     assert np.all(clusters.low[:-1] > clusters.high[1:])
     for k, size in enumerate(clusters.size):
         members = counts[clusters.label[counts] == k]
-        assert (members.min(), members.max(), len(members)) == (clusters.low[k], clusters.high[k], size)
+        assert (members.min(), members.max(), len(members)) == (
+            clusters.low[k],
+            clusters.high[k],
+            size,
+        )
         assert members.mean() == pytest.approx(clusters.mean[k])
     empty = counts[counts >= FREE]
     if len(empty):
@@ -137,7 +151,9 @@ def test_what_lies_at_one_pose_is_one_interval_and_noise_does_not_split_it():
 
 
 def test_two_poses_whose_widths_are_well_apart_are_two_intervals():
-    clusters = partition(np.repeat(PLACES[:2], [200, 100], axis=0), np.repeat([100, 140], [200, 100]), rule())
+    clusters = partition(
+        np.repeat(PLACES[:2], [200, 100], axis=0), np.repeat([100, 140], [200, 100]), rule()
+    )
     assert clusters.mean.tolist() == [140.0, 100.0]
 
 
@@ -149,7 +165,9 @@ def lost(n):
 def test_a_reading_is_cut_where_a_later_squeeze_shows_two_poses_that_read_the_same():
     old = Belief.of(lost(700), np.repeat([100, 110], [500, 200]))
     after = np.full(700, 150)
-    assert recut(old, Belief.of(np.repeat(PLACES[:2], [500, 200], axis=0), after), rule()).tolist() == [110]
+    assert recut(
+        old, Belief.of(np.repeat(PLACES[:2], [500, 200], axis=0), after), rule()
+    ).tolist() == [110]
     assert len(recut(old, Belief.of(np.zeros((700, 3)), after), rule())) == 0
 
 

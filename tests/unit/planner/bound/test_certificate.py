@@ -73,7 +73,9 @@ def test_turned_plans_are_covered_once_and_the_plan_itself_is(job, table):
     assert np.allclose(alone(())[0], placement_of(root.squeeze))
     for reading, branch in enumerate(decision_map(root, calibration)):
         if branch != REJECT and (target := root.branches[branch].target) >= 0:
-            assert np.array_equal(alone((0, reading))[-1], placement_of(table.nodes[target].squeeze))
+            assert np.array_equal(
+                alone((0, reading))[-1], placement_of(table.nodes[target].squeeze)
+            )
             seen, node = reading, table.nodes[target]
     count = len(alone((0, seen)))
     assert count == ANGLES + 1

@@ -33,7 +33,9 @@ def group(rng, metric, n):
 
 def located(metric, poses, predictions, inflation=0.0):
     """The slow twin: the most poses within the goal of one of the predictions."""
-    return max(int((metric.between(poses, q) < metric.goal * (1.0 + inflation)).sum()) for q in predictions)
+    return max(
+        int((metric.between(poses, q) < metric.goal * (1.0 + inflation)).sum()) for q in predictions
+    )
 
 
 @pytest.mark.parametrize("metric", METRICS, ids=lambda m: f"{m.kind}-{m.order}-{m.rho_mm}")
@@ -47,14 +49,17 @@ def test_it_lies_between_what_predictions_locate_and_what_a_wider_goal_would(met
         assert found <= most <= n
         # The grid's own cells reach as far as its steps: no prediction in it locates more than that many.
         step = 0.5 * (GRID[1] - GRID[0]) * (np.sqrt(2.0) + 1.0)
-        assert most <= max(located(metric, poses, grid, step + INFLATION), np.ceil(LEAST_SHARE * n) - 1)
+        assert most <= max(
+            located(metric, poses, grid, step + INFLATION), np.ceil(LEAST_SHARE * n) - 1
+        )
 
 
 def test_a_ball_of_poses_just_within_the_goal_is_one_and_just_beyond_is_not():
     metric = METRICS[1]
     for radius, all_located in ((2.99, True), (3.0 * (1.0 + INFLATION) + 0.01, False)):
         ring = [
-            [radius * np.cos(b), radius * np.sin(b), np.pi * k] for k, b in enumerate(np.arange(0, 6, 0.2))
+            [radius * np.cos(b), radius * np.sin(b), np.pi * k]
+            for k, b in enumerate(np.arange(0, 6, 0.2))
         ]
         (most,) = most_located(np.array(ring), np.array([0, 30]), metric.weights(), 2)
         assert (most == 30) == all_located
@@ -66,7 +71,9 @@ def test_groups_are_judged_apart_and_their_order_does_not_matter():
     start = np.array([0, 5, 6, 36])
     together = most_located(np.concatenate(groups), start, metric.weights(), 1)
     for k, poses in enumerate(groups):
-        assert most_located(poses[::-1], np.array([0, len(poses)]), metric.weights(), 1) == together[k]
+        assert (
+            most_located(poses[::-1], np.array([0, len(poses)]), metric.weights(), 1) == together[k]
+        )
 
 
 def test_two_poses_that_nothing_locates_together_count_as_one():

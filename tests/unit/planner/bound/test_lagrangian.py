@@ -64,7 +64,9 @@ def test_where_all_parts_must_be_located_nothing_is_lost_but_beyond_the_horizon(
     best = world.least(1.0, depth, granted=True)
     assert overall_term(levels_of(world, depth), 1.0, CERTAINTY).estimate == pytest.approx(best)
     leaves = leaves_term(levels_of(world, depth), 0.999, 1.0, CERTAINTY).estimate
-    assert leaves == pytest.approx(world.least(1.0, depth, granted=True, least_share=0.999), abs=0.02)
+    assert leaves == pytest.approx(
+        world.least(1.0, depth, granted=True, least_share=0.999), abs=0.02
+    )
 
 
 @pytest.mark.parametrize("price", [1.0, 3.0, 30.0])
@@ -101,7 +103,9 @@ def test_no_plan_is_below_the_bounds_wherever_more_was_tried(seed):
 
 def test_a_history_says_what_led_to_it():
     found = histories_of(HALVES, 3, 3)
-    for number, (size, reading) in enumerate(zip(found.levels[3].size, found.levels[3].reading, strict=True)):
+    for number, (size, reading) in enumerate(
+        zip(found.levels[3].size, found.levels[3].reading, strict=True)
+    ):
         history = found.history(3, number)
         assert history[-1] == reading
         fits = [
@@ -149,7 +153,9 @@ def test_samples_of_a_world_rarely_prove_too_much():
         levels = levels_of(world, 2, rng.integers(world.size, size=300))
         found.append(overall_term(levels, success, CERTAINTY).squeezes)
     assert np.mean(np.array(found) > best) <= 1.0 - CERTAINTY
-    many = overall_term(levels_of(world, 2, rng.integers(world.size, size=30_000)), success, CERTAINTY)
+    many = overall_term(
+        levels_of(world, 2, rng.integers(world.size, size=30_000)), success, CERTAINTY
+    )
     exact = overall_term(levels_of(world, 2), success, CERTAINTY).estimate
     assert 1.0 < np.mean(found) < many.squeezes < exact + 1e-9
 

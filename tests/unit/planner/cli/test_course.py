@@ -26,7 +26,11 @@ def lines_of(capsys, whole, told):
 
 
 def test_search_of_unknown_length_tells_the_time_so_far_and_nothing_else(capsys):
-    told = [(6.0, "draft", 990, 1000, "2% open"), (12.0, "evaluate", 20, 20), (18.0, "search", 5, 1000)]
+    told = [
+        (6.0, "draft", 990, 1000, "2% open"),
+        (12.0, "evaluate", 20, 20),
+        (18.0, "search", 5, 1000),
+    ]
     assert lines_of(capsys, course.unknown, told) == [
         "draft, 6 s so far, left: unknown, 2% open",
         "evaluate, 12 s so far, left: unknown",

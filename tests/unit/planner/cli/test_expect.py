@@ -37,7 +37,11 @@ def test_every_squeeze_is_counted_once_where_it_was_made():
     counts = expectation.readings(found, len(TABLE.nodes))
     assert counts.sum() == found.squeezes.sum()
     assert counts[0].sum() == 400
-    seen = {(int(n), int(c)) for n, c in zip(found.path.ravel(), found.counts.ravel(), strict=True) if n >= 0}
+    seen = {
+        (int(n), int(c))
+        for n, c in zip(found.path.ravel(), found.counts.ravel(), strict=True)
+        if n >= 0
+    }
     assert {tuple(map(int, place)) for place in np.argwhere(counts)} == seen
 
 
@@ -54,7 +58,9 @@ def test_worlds_are_the_planned_one_and_others_about_it():
 def test_file_is_what_the_charts_read_and_the_same_for_the_same_seed(written, tmp_path):
     assert len(load_expectation(written).names) == 1 + len(cases.FACTORS)
     told = json.loads(written.read_text())
-    assert [sum(world["readings"][0].values()) for world in told["worlds"]] == [3000] * len(told["worlds"])
+    assert [sum(world["readings"][0].values()) for world in told["worlds"]] == [3000] * len(
+        told["worlds"]
+    )
     again = list(expectation.expected(TABLE, JOB, 3000, 0, Threads(1)))
     assert json.loads(json.dumps(again)) == told["worlds"]
     assert (told["table_sha256"], told["trials"], told["seed"]) == (LOADED.digest, 3000, 0)

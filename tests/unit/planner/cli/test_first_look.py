@@ -18,5 +18,7 @@ from planner.cli.first_look import _short
         ("poor", 0.0, 0.94, "unknown"),
     ],
 )
-def test_grade_of_a_search_that_is_not_done_says_no_more_than_is_known(grade, success, open_share, short):
+def test_grade_of_a_search_that_is_not_done_says_no_more_than_is_known(
+    grade, success, open_share, short
+):
     assert _short(grade, success, open_share) == short

@@ -85,7 +85,12 @@ def test_the_defaults_that_the_comments_show_are_the_defaults(drawing, tmp_path)
             shown |= {(section, key): value for key, value in tomllib.loads(match[1]).items()}
     assert len(shown) > 20
     examples = ("part", "height_mm"), ("part", "faces"), ("part", "picks")
-    for example in (*examples, ("doubt", "limit_surface"), ("actions", "pushes"), ("goal", "identify")):
+    for example in (
+        *examples,
+        ("doubt", "limit_surface"),
+        ("actions", "pushes"),
+        ("goal", "identify"),
+    ):
         del shown[example]  # it has no default
     del shown["cell", "regrasp_height_mm"]
     cell = {key: shown.pop(("cell", key)) for key in timing.DEFAULTS}
@@ -124,7 +129,13 @@ def test_it_never_overwrites_without_being_told(drawing, tmp_path, capsys):
 def test_without_a_terminal_what_is_missing_is_named(drawing, tmp_path):
     command = [PLAN_INIT, str(drawing), "-o", str(tmp_path / "job.toml")]
     done = subprocess.run(
-        command, cwd=ROOT, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60, check=False
+        command,
+        cwd=ROOT,
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
     )
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
@@ -188,7 +199,10 @@ TALL = [(40.0, 20.0), (34.0, 14.0)]  # of a tapered block 30 mm high, its bottom
 def test_a_solid_is_met_where_the_job_squeezes_it(tmp_path, stated, tips, length):
     (a, b), (c, d) = TALL
     corners = [
-        (x * side, y * depth, z) for z, side, depth in ((0, a, b), (30, c, d)) for x in (0, 1) for y in (0, 1)
+        (x * side, y * depth, z)
+        for z, side, depth in ((0, a, b), (30, c, d))
+        for x in (0, 1)
+        for y in (0, 1)
     ]
     solid, output = tmp_path / "tall.stl", tmp_path / "job.toml"
     trimesh.convex.convex_hull(np.array(corners, float)).export(solid)
@@ -200,8 +214,13 @@ def test_a_solid_is_met_where_the_job_squeezes_it(tmp_path, stated, tips, length
 
 def test_a_malformed_length_ends_in_one_line_without_a_traceback(tmp_path, capsys):
     drawing = tmp_path / "part.svg"
-    drawing.write_text('<svg xmlns="http://www.w3.org/2000/svg"><rect width="1.1.1mm" height="3"/></svg>')
-    assert init.main(words(drawing, tmp_path / "job.toml", "--units", "mm")) == InputFileError.exit_code
+    drawing.write_text(
+        '<svg xmlns="http://www.w3.org/2000/svg"><rect width="1.1.1mm" height="3"/></svg>'
+    )
+    assert (
+        init.main(words(drawing, tmp_path / "job.toml", "--units", "mm"))
+        == InputFileError.exit_code
+    )
     message = capsys.readouterr().err
     assert message.count("\n") == 1
     assert 'width="1.1.1mm" is no length' in message

@@ -30,9 +30,9 @@ def test_the_block_moves_along_in_the_frame_of_its_outline(tmp_path):
 def test_where_the_outline_is_drawn_does_not_matter(tmp_path):
     text = f"{HEADER}\n30,0,0,1,160,40,-20\n0,100,1,0,40,200,15\n"
     _, rows, _, _ = run(tmp_path, text, *NOMINAL, "--fingers-mm", "50")
-    moved_job = JOB.replace("[[0, 0], [150, 0], [0, 150]]", "[[-7, 20], [-7, 170], [143, 20]]").replace(
-        "[[30, 30], [90, 30], [30, 90]]", "[[23, 50], [83, 50], [23, 110]]"
-    )
+    moved_job = JOB.replace(
+        "[[0, 0], [150, 0], [0, 150]]", "[[-7, 20], [-7, 170], [143, 20]]"
+    ).replace("[[30, 30], [90, 30], [30, 90]]", "[[23, 50], [83, 50], [23, 110]]")
     moved = f"{HEADER}\n23,20,0,1,153,60,-20\n-7,120,1,0,33,220,15\n"
     _, others, _, _ = run(tmp_path, moved, *NOMINAL, "--fingers-mm", "50", job=moved_job)
     for name in OUTPUTS[:3]:
@@ -61,16 +61,35 @@ def test_scatter_has_a_seed_and_json_the_counts(tmp_path):
     assert run(tmp_path, text, *options)[1] == rows
 
 
-@pytest.mark.parametrize(("text", "error", "words"), [
-    (f"{HEADER}\n{STRAIGHT}\n", KeyNameError, "fingers_mm is missing"),
-    ("push_x_mm\n1\n", KeyNameError, "push_y_mm, approach_x"),
-    (f"{HEADER},fingers_mm\n{STRAIGHT},x\n", ValueRangeError, "line 2: 'x' is not a finite number"),
-    (f"{HEADER},fingers_mm\n{STRAIGHT},-1\n", ValueRangeError, "fingers_mm: push 1: -1 is no distance"),
-    (f"{HEADER},fingers_mm\n50,0,0,0,1,1,1,50\n", ValueRangeError, "push 1: both are 0"),
-    (f"{HEADER},fingers_mm\n50,0,0,1,1e9,1,1,50\n", ValueRangeError, "cor_x_mm: push 1: 1e+09 is beyond"),
-    (f"{HEADER},fingers_mm\n{STRAIGHT},50\n50,20,0,1,1,1,1,0\n", ValueRangeError, "push 2: a finger"),
-    (f"{HEADER},fingers_mm\n{STRAIGHT}," + "5" * 200_000, InputFileError, "not a CSV file"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("text", "error", "words"),
+    [
+        (f"{HEADER}\n{STRAIGHT}\n", KeyNameError, "fingers_mm is missing"),
+        ("push_x_mm\n1\n", KeyNameError, "push_y_mm, approach_x"),
+        (
+            f"{HEADER},fingers_mm\n{STRAIGHT},x\n",
+            ValueRangeError,
+            "line 2: 'x' is not a finite number",
+        ),
+        (
+            f"{HEADER},fingers_mm\n{STRAIGHT},-1\n",
+            ValueRangeError,
+            "fingers_mm: push 1: -1 is no distance",
+        ),
+        (f"{HEADER},fingers_mm\n50,0,0,0,1,1,1,50\n", ValueRangeError, "push 1: both are 0"),
+        (
+            f"{HEADER},fingers_mm\n50,0,0,1,1e9,1,1,50\n",
+            ValueRangeError,
+            "cor_x_mm: push 1: 1e+09 is beyond",
+        ),
+        (
+            f"{HEADER},fingers_mm\n{STRAIGHT},50\n50,20,0,1,1,1,1,0\n",
+            ValueRangeError,
+            "push 2: a finger",
+        ),
+        (f"{HEADER},fingers_mm\n{STRAIGHT}," + "5" * 200_000, InputFileError, "not a CSV file"),
+    ],
+)
 def test_what_is_wrong_with_a_file_is_said_in_one_line(tmp_path, text, error, words):
     code, rows, _, err = run(tmp_path, text, *NOMINAL)
     assert code == error.exit_code
@@ -80,9 +99,15 @@ def test_what_is_wrong_with_a_file_is_said_in_one_line(tmp_path, text, error, wo
     assert rows == []
 
 
-@pytest.mark.parametrize("options", [
-    ("--poses", "in.csv"), ("--figure", "f.png"), ("--fingers-mm", "-3"), ("--fingers-mm", "nan"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "options",
+    [
+        ("--poses", "in.csv"),
+        ("--figure", "f.png"),
+        ("--fingers-mm", "-3"),
+        ("--fingers-mm", "nan"),
+    ],
+)
 def test_options_that_do_not_go_with_pushes_are_refused(tmp_path, options):
     code, rows, _, err = run(tmp_path, f"{HEADER}\n{STRAIGHT}\n", *NOMINAL, *options)
     assert code == 2

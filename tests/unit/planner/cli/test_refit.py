@@ -37,7 +37,9 @@ def journal(path: Path, parts: int, table: Path = TREE, seed: int = 1) -> Path:
 
 
 @pytest.mark.slow
-def test_refit_learns_the_encoder_keeps_the_text_and_never_changes_a_running_table(tmp_path, capsys):
+def test_refit_learns_the_encoder_keeps_the_text_and_never_changes_a_running_table(
+    tmp_path, capsys
+):
     seen, output = journal(tmp_path / "run.jsonl", 60), tmp_path / "job2.toml"
     for path in (JOB, TREE):
         (tmp_path / path.name).write_bytes(path.read_bytes())
@@ -87,7 +89,10 @@ def test_what_follows_a_leaf_or_a_reject_is_another_attempt():
     assert seen.readings.sum() == 3
     assert seen.readings[0, [100, 150]].tolist() == [1, 1]
     gripper = table.gripper
-    read = gripper.count_closed - 21_000 * (gripper.count_closed - gripper.count_open) / gripper.opening_um
+    read = (
+        gripper.count_closed
+        - 21_000 * (gripper.count_closed - gripper.count_open) / gripper.opening_um
+    )
     assert seen.readings[1, round(read)] == 1
 
 

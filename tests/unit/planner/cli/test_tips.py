@@ -43,7 +43,9 @@ def test_tip_that_overlaps_the_part_starts_beside_it_and_goes_the_same_way(tmp_p
 
 
 def test_tip_that_overlaps_by_its_diameter_is_refused_in_one_line(tmp_path):
-    code, rows, _, err = run(tmp_path, f"{TIPS}\n-9,40,9,0\n9.5,40,9,0\n", *NOMINAL, *RADIUS, job=JOB)
+    code, rows, _, err = run(
+        tmp_path, f"{TIPS}\n-9,40,9,0\n9.5,40,9,0\n", *NOMINAL, *RADIUS, job=JOB
+    )
     assert code == ValueRangeError.exit_code
     assert "in.csv: push 2: the tip overlaps the part by" in err
     assert err.count("\n") == 1
@@ -68,7 +70,9 @@ def test_tips_are_freed_by_the_shortest_way_also_of_notches():
     shifted = np.hypot(*(starts - points).T)
     assert (shifted >= freed.overlap_mm - 0.01).all()
     edge = part.buffer(radius, quad_segs=64).exterior
-    assert shifted[inside] == pytest.approx(shapely.distance(edge, shapely.points(points[inside])), abs=0.01)
+    assert shifted[inside] == pytest.approx(
+        shapely.distance(edge, shapely.points(points[inside])), abs=0.01
+    )
 
 
 def test_two_round_fingers_take_the_columns_of_two_fingers(tmp_path):
@@ -89,18 +93,23 @@ def test_draws_bound_what_single_draws_say(tmp_path):
     _, some, _, _ = run(tmp_path, f"{TIPS}\n-4.75,30,20,3\n", *options)
     assert list(some[0])[-7:] == ["overlap_mm", *BOUNDS]
     values = np.array([moved(row) for row in rows])
-    low, high = (np.array([float(some[0][f"{name}_{end}"]) for name in OUTPUTS]) for end in ("low", "high"))
+    low, high = (
+        np.array([float(some[0][f"{name}_{end}"]) for name in OUTPUTS]) for end in ("low", "high")
+    )
     inside = ((low <= values) & (values <= high)).mean(axis=0)
     assert (inside > 0.8).all()
     assert (inside < 0.97).all()
     assert run(tmp_path, f"{TIPS}\n-4.75,30,20,3\n", *options)[1] == some
 
 
-@pytest.mark.parametrize(("text", "error", "words"), [
-    ("tip_x_mm,tip_y_mm\n1,2\n", KeyNameError, "way_x_mm, way_y_mm is missing"),
-    (f"{TIPS}\n1,2,3,x\n", ValueRangeError, "line 2: 'x' is not a finite number"),
-    (f"{TIPS}\n-9,2,3,1e9\n", ValueRangeError, "way_y_mm: push 1: 1e+09 is beyond"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("text", "error", "words"),
+    [
+        ("tip_x_mm,tip_y_mm\n1,2\n", KeyNameError, "way_x_mm, way_y_mm is missing"),
+        (f"{TIPS}\n1,2,3,x\n", ValueRangeError, "line 2: 'x' is not a finite number"),
+        (f"{TIPS}\n-9,2,3,1e9\n", ValueRangeError, "way_y_mm: push 1: 1e+09 is beyond"),
+    ],
+)
 def test_spoiled_file_of_tips_is_refused_in_one_line(tmp_path, text, error, words):
     code, rows, _, err = run(tmp_path, text, *NOMINAL, *RADIUS)
     assert code == error.exit_code
@@ -110,11 +119,18 @@ def test_spoiled_file_of_tips_is_refused_in_one_line(tmp_path, text, error, word
     assert rows == []
 
 
-@pytest.mark.parametrize("options", [
-    ("--tip-radius-mm", "0"), ("--tip-radius-mm", "-1"), ("--tip-radius-mm", "nan"),
-    ("--tip-radius-mm", "2000"), (*RADIUS, "--draws", "0"), (*RADIUS, "--draws", "9"),
-    (*RADIUS, "--draws", "1000000000"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "options",
+    [
+        ("--tip-radius-mm", "0"),
+        ("--tip-radius-mm", "-1"),
+        ("--tip-radius-mm", "nan"),
+        ("--tip-radius-mm", "2000"),
+        (*RADIUS, "--draws", "0"),
+        (*RADIUS, "--draws", "9"),
+        (*RADIUS, "--draws", "1000000000"),
+    ],
+)
 def test_options_that_do_not_fit_are_refused(tmp_path, options):
     """Draws do not go with --nominal."""
     code, rows, _, err = run(tmp_path, f"{TIPS}\n-9,2,3,1\n", *NOMINAL, *options)

@@ -78,7 +78,9 @@ def test_a_branch_split_in_two_at_random_is_a_pair_that_costs(table, job, evalua
     branches = (*root.branches[:at], low, stray, *root.branches[at + 1 :])
     spoiled = replace(table, nodes=(root._replace(branches=branches), *table.nodes[1:]))
     run = evaluate(spoiled, job, ContactWorlds.of_job(job, 1), 4000, 2)
-    worst = next(pair for pair in advise(spoiled, run, job).pairs if (pair.node, pair.lower) == (0, at))
+    worst = next(
+        pair for pair in advise(spoiled, run, job).pairs if (pair.node, pair.lower) == (0, at)
+    )
     assert worst.counts < 2.0
     assert worst.overlap
     assert worst.excess > 0.02
@@ -101,7 +103,12 @@ def test_leaves_that_know_nothing_are_told_from_paths_that_are_too_long(table, j
 
 
 def test_every_source_switched_off_is_one_the_job_has(job):
-    assert [case.name for case in noise_cases(job)] == ["pressure", "friction", "encoder noise", EVERYTHING]
+    assert [case.name for case in noise_cases(job)] == [
+        "pressure",
+        "friction",
+        "encoder noise",
+        EVERYTHING,
+    ]
     still = {"friction": {"finger_part_max": 0.4}, "gripper": {"encoder_noise_mm": 0}}
     quiet = job.replaced(**still, release={"shift_mm": 0.1})
     assert [case.name for case in noise_cases(quiet)] == ["pressure", "release", EVERYTHING]
@@ -130,7 +137,9 @@ def test_parts_near_another_branch_are_those_whose_next_counts_mean_it(table, ev
     maps = [by_count(decision_map(node, Calibration.linear(table.gripper))) for node in table.nodes]
     near = 0
     for path, counts in zip(evaluation.path, evaluation.counts, strict=True):
-        visits = [(maps[node], count) for node, count in zip(path, counts, strict=True) if node >= 0]
+        visits = [
+            (maps[node], count) for node, count in zip(path, counts, strict=True) if node >= 0
+        ]
         others = [
             map_[count + off] not in (map_[count], REJECT)
             for map_, count in visits
@@ -144,11 +153,16 @@ def test_parts_near_another_branch_are_those_whose_next_counts_mean_it(table, ev
 def test_a_careful_plan_has_margins_and_one_for_finer_widths_has_none(table, job, evaluation):
     careful = margins_of(table, evaluation, job, 2000)
     assert not careful.thin
-    assert not any("thin" in line for line in advise(table, evaluation, job, margins=careful).lines())
+    assert not any(
+        "thin" in line for line in advise(table, evaluation, job, margins=careful).lines()
+    )
     thin = Margins(OFFSET_COUNTS, THIN + 0.01, 0.3)
-    assert any("thin margins" in line for line in advise(table, evaluation, job, margins=thin).lines())
+    assert any(
+        "thin margins" in line for line in advise(table, evaluation, job, margins=thin).lines()
+    )
     # Leaves in one another's place, where readings only just tell them apart: every answer is wrong.
     turned = replace(
-        table, leaves=tuple(leaf._replace(theta_urad=leaf.theta_urad + 700_000) for leaf in table.leaves)
+        table,
+        leaves=tuple(leaf._replace(theta_urad=leaf.theta_urad + 700_000) for leaf in table.leaves),
     )
     assert margins_of(turned, evaluation, job, 500).wrong_rate > 0.9

@@ -35,10 +35,14 @@ def job_of(outline, symmetry=1, **changes):
 @pytest.mark.parametrize(
     ("outline", "stated", "order"),
     [
-        (box(30, 20), 1, 2), (box(20, 20), 1, 4), (box(20, 20), 2, 4), (ring(6), 1, 6), (ring(6), 3, 6),
+        (box(30, 20), 1, 2),
+        (box(20, 20), 1, 4),
+        (box(20, 20), 2, 4),
+        (ring(6), 1, 6),
+        (ring(6), 3, 6),
         (ring(9), 3, 9),
     ],
-)  # fmt: skip
+)
 def test_stated_symmetry_below_the_outlines_is_refused_before_the_search(outline, stated, order):
     job, spent = job_of(outline, stated), time.process_time()
     with pytest.raises(NoPlanError) as error:
@@ -48,8 +52,12 @@ def test_stated_symmetry_below_the_outlines_is_refused_before_the_search(outline
     assert "no squeeze tells" in told
     assert f"which is {order}" in told
     found = alike(job)[0]
-    assert order * found.degrees % 360.0 == pytest.approx(0.0, abs=1e-6)  # a symmetry of the outline,
-    assert stated * found.degrees % 360.0 != pytest.approx(0.0, abs=1e-6)  # that the job does not state
+    assert order * found.degrees % 360.0 == pytest.approx(
+        0.0, abs=1e-6
+    )  # a symmetry of the outline,
+    assert stated * found.degrees % 360.0 != pytest.approx(
+        0.0, abs=1e-6
+    )  # that the job does not state
 
 
 @pytest.mark.parametrize(

@@ -37,7 +37,9 @@ def evaluation(table, marked):
     return evaluate(table, marked, ContactWorlds.of_job(marked, 1), 4000, 2)
 
 
-def test_a_symmetric_parts_half_turns_stay_open_and_nothing_separates_them(table, marked, evaluation):
+def test_a_symmetric_parts_half_turns_stay_open_and_nothing_separates_them(
+    table, marked, evaluation
+):
     found = ambiguities(table, evaluation, marked)
     assert len(found) == 3
     for row in found:

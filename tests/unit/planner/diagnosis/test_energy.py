@@ -46,7 +46,9 @@ def test_one_sample_in_two_halves_is_as_far_apart_as_theory_says():
         poses = random_poses(rng, 2 * n, 10.0)
         spread.append(energy_distance(poses[:n], poses[n:], RHO))
     a, b = random_poses(rng, 4000, 10.0), random_poses(rng, 4000, 10.0)
-    points = [np.column_stack([p[:, :2], RHO * np.cos(p[:, 2]), RHO * np.sin(p[:, 2])]) for p in (a, b)]
+    points = [
+        np.column_stack([p[:, :2], RHO * np.cos(p[:, 2]), RHO * np.sin(p[:, 2])]) for p in (a, b)
+    ]
     expected = 2.0 / n * np.linalg.norm(points[0] - points[1], axis=1).mean()
     assert np.mean(spread) == pytest.approx(expected, rel=0.1)
 
@@ -63,7 +65,9 @@ class Shaken:
 
     def squeeze(self, cases, rng):
         starts = [belief.poses for belief, _ in cases]
-        moved = [b + [self.shift, 0, 0] + self.scatter * rng.standard_normal(b.shape) for b in starts]
+        moved = [
+            b + [self.shift, 0, 0] + self.scatter * rng.standard_normal(b.shape) for b in starts
+        ]
         return [Squeezed(Belief.of(m)) for m in moved]
 
 

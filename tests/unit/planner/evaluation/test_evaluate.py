@@ -23,7 +23,16 @@ from planner.job import model as job_file
 from planner.mechanics.squeeze import GRASPED, SLIPPED, STATUS_NAMES
 from planner.work.scheduler import Threads
 from planner.world import ContactWorlds, NamedWorlds
-from runtime.table import HELD_UM, REJECT, Calibration, Schedule, Squeezed, by_count, decision_map, load
+from runtime.table import (
+    HELD_UM,
+    REJECT,
+    Calibration,
+    Schedule,
+    Squeezed,
+    by_count,
+    decision_map,
+    load,
+)
 
 TREES = Path(__file__).parents[4] / "trees" / "rectangle"
 
@@ -105,7 +114,10 @@ def test_trials_go_as_one_part_after_another_would(job):
         outcomes.add(leaf)
         assert evaluation.leaf[trial] == leaf
         assert evaluation.squeezes[trial] == len(path)
-        assert list(zip(evaluation.path[trial], evaluation.counts[trial], strict=True))[: len(path)] == path
+        assert (
+            list(zip(evaluation.path[trial], evaluation.counts[trial], strict=True))[: len(path)]
+            == path
+        )
         assert np.all(evaluation.path[trial, len(path) :] == NOWHERE)
         assert np.allclose(evaluation.poses[trial], pose, atol=1e-9)
         _, stands, _ = schedule.squeeze(before[-1], None, None, first=True)
@@ -136,13 +148,21 @@ def beginning(table, nodes):
     return replace(table, nodes=tuple(kept), leaves=tuple(leaves), limits=limits)
 
 
-@pytest.mark.parametrize("cell", [Disturbance(), Disturbance(2.0, bias_mm=(2.0, -1.0), bias_deg=3.0)])
+@pytest.mark.parametrize(
+    "cell", [Disturbance(), Disturbance(2.0, bias_mm=(2.0, -1.0), bias_deg=3.0)]
+)
 def test_trials_carried_on_are_as_if_the_tree_had_been_whole_from_the_start(job, cell):
     table = spread_table()
     short = beginning(table, 2)
-    before, whole = (evaluate(t, job, Wrung(), 300, seed=5, disturbance=cell) for t in (short, table))
+    before, whole = (
+        evaluate(t, job, Wrung(), 300, seed=5, disturbance=cell) for t in (short, table)
+    )
     again = Wrung()
-    for known, other, expected in [(before, table, whole), (whole, short, before), (whole, table, whole)]:
+    for known, other, expected in [
+        (before, table, whole),
+        (whole, short, before),
+        (whole, table, whole),
+    ]:
         found = carried_on(known, other, job, again, 1, cell)
         for field in fields(Evaluation):
             values = [getattr(run, field.name) for run in (found, expected)]
@@ -152,7 +172,9 @@ def test_trials_carried_on_are_as_if_the_tree_had_been_whole_from_the_start(job,
                 assert np.array_equal(*values)
     gone_on = whole.squeezes > before.squeezes
     assert 20 < gone_on.sum() < 280
-    assert len(again.seen) == (whole.squeezes - before.squeezes).sum() + before.squeezes[gone_on].sum()
+    assert (
+        len(again.seen) == (whole.squeezes - before.squeezes).sum() + before.squeezes[gone_on].sum()
+    )
 
 
 def test_the_verdict_is_the_metric_to_the_leaf(job):
@@ -162,7 +184,9 @@ def test_the_verdict_is_the_metric_to_the_leaf(job):
     for trial in np.flatnonzero(evaluation.leaf >= 0):
         leaf = table.leaves[evaluation.leaf[trial]]
         said = np.array([leaf.x_um / 1e3, leaf.y_um / 1e3, leaf.theta_urad / 1e6])
-        assert evaluation.error_mm[trial] == pytest.approx(metric.between(evaluation.poses[trial], said))
+        assert evaluation.error_mm[trial] == pytest.approx(
+            metric.between(evaluation.poses[trial], said)
+        )
     assert np.array_equal(evaluation.within, evaluation.error_mm < metric.distance_mm)
     assert not np.any(evaluation.within & (evaluation.leaf == REJECTED))
 
@@ -223,7 +247,9 @@ def test_an_encoder_offset_moves_every_reading_alike(job):
     table = spread_table()
     step = encoder_of(job).mm_per_count
     plain = evaluate(table, job, Wrung(), 400, seed=7)
-    moved = evaluate(table, job, Wrung(), 400, seed=7, disturbance=Disturbance(encoder_offset_mm=3 * step))
+    moved = evaluate(
+        table, job, Wrung(), 400, seed=7, disturbance=Disturbance(encoder_offset_mm=3 * step)
+    )
     assert np.array_equal(moved.counts[:, 0], plain.counts[:, 0] - 3)
 
 

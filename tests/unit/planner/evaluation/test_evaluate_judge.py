@@ -13,7 +13,9 @@ from planner.evaluation.outcome import CRASHED, NOWHERE, REJECTED, Evaluation
 from planner.mechanics.traits import as_planned
 from runtime.table import PPM, poses_of
 
-LEAF = 1  # of the small table, at (-1.2, -2.0) mm and 1.571 rad; the part has order 2, rho = 10.571 mm
+LEAF = (
+    1  # of the small table, at (-1.2, -2.0) mm and 1.571 rad; the part has order 2, rho = 10.571 mm
+)
 SAID = np.array([-1.2, -2.0, 1.571])
 
 
@@ -51,8 +53,13 @@ def test_a_turn_of_the_symmetry_makes_no_difference():
 
 def test_tolerances_bound_each_coordinate_alone():
     table = with_goal(kind="tolerances", tolerance=(2_500, 1_000, 87_266))
-    for offset, expected in [((2.4, 0.9, 0.08), True), ((2.6, 0, 0), False), ((0, 1.1, 0), False),
-                             ((0, 0, 0.09), False), ((2.4, -0.9, math.pi - 0.08), True)]:  # fmt: skip
+    for offset, expected in [
+        ((2.4, 0.9, 0.08), True),
+        ((2.6, 0, 0), False),
+        ((0, 1.1, 0), False),
+        ((0, 0, 0.09), False),
+        ((2.4, -0.9, math.pi - 0.08), True),
+    ]:
         assert verdict(table, *offset).within.all() == expected
 
 
@@ -88,10 +95,19 @@ def evaluation_of(table, leaf, poses):
     path = np.full((n, 4), NOWHERE)
     path[:, 0] = 0
     return Evaluation(
-        leaf=leaf, squeezes=np.ones(n, np.int64), seconds=np.ones(n), error_mm=error, within=within,
-        resolved=np.where(leaf >= 0, known[leaf], False), poses=poses,
-        initial=poses + 1.0, traits=as_planned(n), path=path, reading=path + 100 * (path >= 0), branch=path,
-    )  # fmt: skip
+        leaf=leaf,
+        squeezes=np.ones(n, np.int64),
+        seconds=np.ones(n),
+        error_mm=error,
+        within=within,
+        resolved=np.where(leaf >= 0, known[leaf], False),
+        poses=poses,
+        initial=poses + 1.0,
+        traits=as_planned(n),
+        path=path,
+        reading=path + 100 * (path >= 0),
+        branch=path,
+    )
 
 
 def scattered(table, rng, n=400):
@@ -100,9 +116,9 @@ def scattered(table, rng, n=400):
     said = np.array([poses_of(table.goal, table.leaves[k])[0] for k in leaf])
     other = np.array([poses_of(table.goal, row)[0] for row in table.leaves])[rng.permutation(leaf)]
     kind = rng.random((n, 1))
-    poses = np.where(kind < 0.7, said, np.where(kind < 0.85, other, said + 30.0)) + 0.2 * rng.normal(
-        size=(n, 3)
-    ) * [1, 1, 0.1]
+    poses = np.where(
+        kind < 0.7, said, np.where(kind < 0.85, other, said + 30.0)
+    ) + 0.2 * rng.normal(size=(n, 3)) * [1, 1, 0.1]
     leaf[rng.random(n) < 0.05] = REJECTED
     return evaluation_of(table, leaf, poses)
 
@@ -111,7 +127,9 @@ def test_confusions_account_for_every_failure():
     table = random_table(seed=11, nodes=8)
     evaluation = scattered(table, np.random.default_rng(1))
     rows = confusions(table, evaluation)
-    assert sum(row.trials for row in rows) == int(((evaluation.leaf >= 0) & ~evaluation.within).sum())
+    assert sum(row.trials for row in rows) == int(
+        ((evaluation.leaf >= 0) & ~evaluation.within).sum()
+    )
     assert [row.trials for row in rows] == sorted((row.trials for row in rows), reverse=True)
     assert all(row.leaf != row.truth for row in rows)
     assert {NO_LEAF} < {row.truth for row in rows}
@@ -124,7 +142,8 @@ def test_the_true_leaf_is_the_nearest_one_within_the_goal():
     metric = metric_of_table(table)
     for pose, found in zip(poses, nearest_leaf(table, poses), strict=True):
         distances = [
-            float(metric.between(pose, np.array(poses_of(table.goal, leaf)[0]))) for leaf in table.leaves
+            float(metric.between(pose, np.array(poses_of(table.goal, leaf)[0])))
+            for leaf in table.leaves
         ]
         if found == NO_LEAF:
             assert min(distances) >= metric.distance_mm

@@ -79,7 +79,9 @@ def test_only_the_world_differs_from_case_to_case(job):
 
 
 def test_a_centred_uneven_gripper_holds_the_narrowest_side_where_the_hand_is_told_to(job):
-    (case,) = [case for case in standard_cases(job) if case.name == "upper finger moves 40%, centred"]
+    (case,) = [
+        case for case in standard_cases(job) if case.name == "upper finger moves 40%, centred"
+    ]
     real = case.job(job)
     world = ContactWorlds.of_job(real, 1).world(0)
     # Flush between the fingers, 21 mm across; the hand itself was displaced.
@@ -90,7 +92,9 @@ def test_a_centred_uneven_gripper_holds_the_narrowest_side_where_the_hand_is_tol
 
 def test_lower_friction_jams_less(job):
     table = load(TREES / "rectangle.msgpack").table
-    cases = [case for case in standard_cases(job) if case.name in ("as planned", "friction 0.16 to 0.24")]
+    cases = [
+        case for case in standard_cases(job) if case.name in ("as planned", "friction 0.16 to 0.24")
+    ]
     plain, slippery = sweep(table, job, cases, worlds, 2000, 4)
     assert slippery.evaluation.squeezes.mean() < plain.evaluation.squeezes.mean()
 
@@ -108,7 +112,11 @@ def test_the_columns_of_a_sweep_line_up_whatever_the_world(job):
 def test_every_list_of_worlds_fits_the_greatest_friction_that_a_job_may_state(job, cases):
     rough = job.replaced(friction={"finger_part_min": 1.4, "finger_part_max": MOST_FRICTION})
     worlds_ = cases(rough)
-    assert len({case.name for case in worlds_}) == len(worlds_) == len([case.job(rough) for case in worlds_])
+    assert (
+        len({case.name for case in worlds_})
+        == len(worlds_)
+        == len([case.job(rough) for case in worlds_])
+    )
 
 
 def test_worlds_that_a_job_believes_in_are_the_ends_of_its_doubts(job):
@@ -133,7 +141,9 @@ def test_the_worst_world_is_the_one_with_most_wrong_answers(job):
     table = load(TREES / "rectangle.msgpack").table
     off = Disturbance(across_mm=4.0)
     cases = [case for case in standard_cases(job) if case.name == "as planned"]
-    lines = list(sweep(table, job, [*cases, cases[0]._replace(name="off", disturbance=off)], worlds, 500, 3))
+    lines = list(
+        sweep(table, job, [*cases, cases[0]._replace(name="off", disturbance=off)], worlds, 500, 3)
+    )
     assert worst_of(lines).case.name == "off"
     assert worst_of([]) is None
 

@@ -45,7 +45,9 @@ def test_without_friction_long_jaws_end_in_a_valley_of_goldbergs_diameter():
         for pose in random_poses(rng, 2, 10.0):
             width, theta = world.close(tuple(pose), 0.0), world.pose()[2]
             axis = math.pi / 2 - theta
-            floor = min(outline_width(outline, axis + math.radians(d)) for d in np.linspace(-1.0, 1.0, 201))
+            floor = min(
+                outline_width(outline, axis + math.radians(d)) for d in np.linspace(-1.0, 1.0, 201)
+            )
             assert width == pytest.approx(floor, abs=0.03)
 
 
@@ -67,12 +69,16 @@ def test_what_is_held_is_in_balance_stays_and_does_not_sink_in():
         fingers = contacts(world, True)
         assert fingers[:, 0].max() < 0.05
         assert fingers[:, 1].sum() == pytest.approx(2 * JOB.gripper.force_n, rel=0.05)
-        assert np.abs(world.data.qacc[:3]).max() < 0.1  # m/s^2, where the grip alone would make 2000
+        assert (
+            np.abs(world.data.qacc[:3]).max() < 0.1
+        )  # m/s^2, where the grip alone would make 2000
         mujoco.mj_step(model, world.data, round(0.5 / TIMESTEP_S))
         off = np.array(world.pose()) - before
         assert np.hypot(*off[:2]) < 0.05
         assert abs(math.remainder(off[2], math.tau)) < 0.002
-        assert JOB.gripper.opening_mm - 1e3 * world.data.qpos[7:].sum() == pytest.approx(width, abs=0.05)
+        assert JOB.gripper.opening_mm - 1e3 * world.data.qpos[7:].sum() == pytest.approx(
+            width, abs=0.05
+        )
 
 
 @pytest.mark.slow
@@ -84,8 +90,12 @@ def test_half_the_step_changes_few_widths():
     assert np.quantile(off, 0.85) < 0.1  # an impact of a part that shoots away decides the rest
 
 
-@pytest.mark.parametrize(("half_deg", "inside_mm", "held"), [(60.0, 0.02, False), (15.0, 0.5, True)])
-def test_between_the_ends_of_the_jaws_a_blunt_corner_is_not_held_a_sharp_one_is(half_deg, inside_mm, held):
+@pytest.mark.parametrize(
+    ("half_deg", "inside_mm", "held"), [(60.0, 0.02, False), (15.0, 0.5, True)]
+)
+def test_between_the_ends_of_the_jaws_a_blunt_corner_is_not_held_a_sharp_one_is(
+    half_deg, inside_mm, held
+):
     side, slope = 15.0, math.tan(math.radians(half_deg))
     job = job_of([[0.0, 0.0], [side / slope, -side], [side / slope, side]])
     ahead = 0.5 * JOB.gripper.finger_length_mm - job.part.outline_mm[:, 0].min() - inside_mm
@@ -98,13 +108,17 @@ def test_between_the_ends_of_the_jaws_a_blunt_corner_is_not_held_a_sharp_one_is(
 def test_a_corner_that_slides_off_the_fingers_ends_is_not_caught_by_them(inside_mm):
     half = [[0.0, 0.0], [10.0, 10.0], [20.0, 18.0]]  # wedges far steeper than friction holds
     job = job_of(half + [[x, -y] for x, y in half[:0:-1]])
-    ahead = 0.5 * JOB.gripper.finger_length_mm - (job.part.outline_mm[:, 0].min() + 10.0) - inside_mm
+    ahead = (
+        0.5 * JOB.gripper.finger_length_mm - (job.part.outline_mm[:, 0].min() + 10.0) - inside_mm
+    )
     assert RigidWorld(job, 0).close((ahead, 0.0, 0.0), 0.3) == 0.0
 
 
 @pytest.mark.parametrize("turn_deg", [0.02, 0.06, 0.12, 0.3])
 def test_a_fingers_corner_that_hits_a_side_first_does_not_come_out_behind_it(turn_deg):
-    world = RigidWorld(job_of([[-18.0, -7.5], [18.0, -7.5], [12.0, 5.0], [0.0, 7.5], [-12.0, 5.0]]), 0)
+    world = RigidWorld(
+        job_of([[-18.0, -7.5], [18.0, -7.5], [12.0, 5.0], [0.0, 7.5], [-12.0, 5.0]]), 0
+    )
     for aside in np.linspace(-0.3, 0.3, 7):
         assert world.close((-2.07, aside, math.radians(turn_deg)), 0.41) > 14.9  # of 15 mm
 
@@ -128,9 +142,14 @@ def test_a_finger_that_sticks_stays_where_it_is():
 
 @pytest.mark.parametrize(
     ("pose", "status"),
-    [((0.0, 0.0, 0.0), "grasped"), ((0.0, 45.0, 0.0), "jammed"), ((40.0, 0.0, 0.0), "untouched"),
-     ((22.0, 0.0, math.pi / 4), "slipped"), ((0.0, 0.0, math.atan2(30, 21) + 0.1), "jammed")],
-)  # fmt: skip
+    [
+        ((0.0, 0.0, 0.0), "grasped"),
+        ((0.0, 45.0, 0.0), "jammed"),
+        ((40.0, 0.0, 0.0), "untouched"),
+        ((22.0, 0.0, math.pi / 4), "slipped"),
+        ((0.0, 0.0, math.atan2(30, 21) + 0.1), "jammed"),
+    ],
+)
 def test_the_status_of_a_squeeze(pose, status):
     assert make(JOB, 0).squeeze(pose)[2] == status
 
@@ -138,7 +157,9 @@ def test_the_status_of_a_squeeze(pose, status):
 def test_an_open_finger_stands_on_the_part_where_the_planner_says_so():
     world, ours = make(JOB, 0), Simulator.of_job(JOB, workers=1)
     rng = np.random.default_rng(2)
-    poses = np.column_stack([rng.uniform(-40, 40, 200), rng.uniform(-60, 60, 200), rng.uniform(-3, 3, 200)])
+    poses = np.column_stack(
+        [rng.uniform(-40, 40, 200), rng.uniform(-60, 60, 200), rng.uniform(-3, 3, 200)]
+    )
     for pose in poses:
         least = least_clearance(ours.outline, ours.jaws, pose[None], np.zeros(3), margin_mm=0.0)
         assert world.collides(tuple(pose), JOB.gripper.opening_mm) == (least < 0.0)

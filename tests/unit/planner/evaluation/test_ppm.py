@@ -13,7 +13,17 @@ from sample_tables import small_table
 from planner.errors import InputFileError
 from planner.evaluation import ppm
 from planner.evaluation.disturbance import NONE
-from planner.evaluation.ppm import ERROR, Bound, Findings, Study, Sums, continued, copies_of, keep, resumed
+from planner.evaluation.ppm import (
+    ERROR,
+    Bound,
+    Findings,
+    Study,
+    Sums,
+    continued,
+    copies_of,
+    keep,
+    resumed,
+)
 from planner.evaluation.trials import Program
 from planner.job import model as job_file
 from planner.mechanics.squeeze import SLIPPED
@@ -72,7 +82,9 @@ def chain(table, nodes, rare):
         )
         for k in range(nodes)
     ]
-    goal = replace(table.goal, kind="tolerances", tolerance=(100_000, 100_000, 4_000_000), symmetry=1)
+    goal = replace(
+        table.goal, kind="tolerances", tolerance=(100_000, 100_000, 4_000_000), symmetry=1
+    )
     limits = replace(table.limits, max_depth=nodes)
     return replace(table, nodes=tuple(rows), leaves=(leaf,) * (nodes + 1), goal=goal, limits=limits)
 
@@ -111,7 +123,9 @@ def test_a_bound_is_where_the_mixture_says_so():
     for end in (bound.low, bound.high):
         mean = end / PPM
         log_ratio = total * np.log(p / mean) + (parts - total) * np.log((1 - p) / (1 - mean))
-        assert np.trapezoid(np.exp(log_ratio + log_prior), p) == pytest.approx(1.0 / ERROR, rel=2e-2)
+        assert np.trapezoid(np.exp(log_ratio + log_prior), p) == pytest.approx(
+            1.0 / ERROR, rel=2e-2
+        )
 
 
 def test_without_a_wrong_answer_the_bound_is_a_few_over_the_parts():
@@ -122,7 +136,9 @@ def test_without_a_wrong_answer_the_bound_is_a_few_over_the_parts():
     assert Bound.of(5.0, 5).high == PPM
 
 
-@pytest.mark.parametrize(("total", "parts"), [(1 / 64, 4000), (5.0 - 1 / 64, 5), (0.5, 1), (0.0, 1)])
+@pytest.mark.parametrize(
+    ("total", "parts"), [(1 / 64, 4000), (5.0 - 1 / 64, 5), (0.5, 1), (0.0, 1)]
+)
 def test_little_weight_has_bounds_too(total, parts):
     bound = Bound.of(total, parts)
     assert 0.0 <= bound.low <= bound.rate == PPM * total / parts <= bound.high <= PPM
@@ -138,7 +154,10 @@ def test_copies_make_up_for_rare_nodes(job):
 
 
 def test_splitting_changes_no_mean_and_narrows_rare_ones(job):
-    table, worlds = chain(small_table(), 3, rare=30_000), Coins([20.0, 40.0], [0.97, 0.03], unlucky=0.3)
+    table, worlds = (
+        chain(small_table(), 3, rare=30_000),
+        Coins([20.0, 40.0], [0.97, 0.03], unlucky=0.3),
+    )
     plain, split = (total(study(table, job, worlds, k), 30) for k in ([1, 1, 1], [1, 4, 32]))
     truth = 0.03**3 * (1 - 0.7**3) + 0.03**2 * 0.97 * (1 - 0.7**2) + 0.03 * 0.97 * 0.3
     spread = []
@@ -157,7 +176,9 @@ def test_parts_under_a_finger_are_told_apart_and_never_squeezed(job):
     class Blocked(Coins):
         def world(self, chunk):
             within = super().world(chunk)
-            return SimpleNamespace(squeeze_many=within.squeeze_many, collides=lambda pose, opening: True)
+            return SimpleNamespace(
+                squeeze_many=within.squeeze_many, collides=lambda pose, opening: True
+            )
 
     table, wide = chain(small_table(), 2, rare=2000), job.replaced(uncertainty={"radius_mm": 60.0})
     sums = total(study(table, wide, Blocked([20.0, 40.0], [0.9, 0.1], unlucky=0.5), [1, 4]), 2)
@@ -167,7 +188,10 @@ def test_parts_under_a_finger_are_told_apart_and_never_squeezed(job):
 
 
 def test_a_planted_fault_of_twenty_in_a_million_is_found(job):
-    table, worlds = chain(small_table(), 2, rare=2000), Coins([20.0, 40.0], [0.998, 0.002], unlucky=0.01)
+    table, worlds = (
+        chain(small_table(), 2, rare=2000),
+        Coins([20.0, 40.0], [0.998, 0.002], unlucky=0.01),
+    )
     found = Findings.of(total(study(table, job, worlds, copies_of(table)), 60))
     assert found.wrong.low < 20.0 < found.wrong.high
     assert found.worst(1) == [1]

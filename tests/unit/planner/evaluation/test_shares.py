@@ -9,10 +9,17 @@ from planner.evaluation.shares import in_percent, rounded, shares_of
 @pytest.mark.parametrize(
     "counts",
     [
-        (19989, 11, 0, 0, 0), (19988, 13, 6, 0, 0), (3999, 1, 0, 0, 0), (1, 1, 1, 0, 0), (19999, 0, 0, 1, 0),
-        (0, 0, 4000, 0, 0), (3331, 3333, 3, 0, 3333), (20000, 0, 0, 0, 0), (6667, 6667, 6666, 0, 0),
+        (19989, 11, 0, 0, 0),
+        (19988, 13, 6, 0, 0),
+        (3999, 1, 0, 0, 0),
+        (1, 1, 1, 0, 0),
+        (19999, 0, 0, 1, 0),
+        (0, 0, 4000, 0, 0),
+        (3331, 3333, 3, 0, 3333),
+        (20000, 0, 0, 0, 0),
+        (6667, 6667, 6666, 0, 0),
     ],
-)  # fmt: skip
+)
 def test_rounded_shares_add_up_to_all(counts):
     shares = np.array(counts) / sum(counts)
     found = rounded(shares.tolist())
@@ -27,15 +34,26 @@ def test_rounded_shares_of_any_draw_add_up_to_all():
     rng = np.random.default_rng(0)
     for _ in range(300):
         counts = rng.multinomial(int(rng.integers(1, 30_000)), rng.dirichlet([0.2] * 5))
-        assert sum(round(100 * share) for share in rounded((counts / counts.sum()).tolist())) == 10_000
+        assert (
+            sum(round(100 * share) for share in rounded((counts / counts.sum()).tolist())) == 10_000
+        )
 
 
 def test_shares_of_figures_are_those_of_all_parts():
     figures = {
-        "trials": 4000, "crashes": 1, "success_rate": 0.9, "wrong_rate": 0.0, "unresolved_rate": 0.05,
+        "trials": 4000,
+        "crashes": 1,
+        "success_rate": 0.9,
+        "wrong_rate": 0.0,
+        "unresolved_rate": 0.05,
         "reject_rate": 0.04975,
-    }  # fmt: skip
+    }
     shares = shares_of(figures)
     assert (shares.located, shares.unresolved, shares.wrong) == (90.0, 5.0, 0.0)
     assert shares.rejected + shares.crashed == pytest.approx(5.0)
-    assert [in_percent(share) for share in (100.0, 99.9, 0.03, 0.0)] == ["100 %", "99.9 %", "0.03 %", "0 %"]
+    assert [in_percent(share) for share in (100.0, 99.9, 0.03, 0.0)] == [
+        "100 %",
+        "99.9 %",
+        "0.03 %",
+        "0 %",
+    ]

@@ -41,7 +41,9 @@ def rectangle_pairs(count: int, noise: float, seed: int = 0) -> pushes.Pairs:
     return pushes.Pairs(F * [1, 1, RHO], V / [1, 1, RHO], np.ones(count))
 
 
-def found_in(pairs: pushes.Pairs, *kinds: identify.Kind, splits: int = 3, seed: int = 0, share: float = 0.5):
+def found_in(
+    pairs: pushes.Pairs, *kinds: identify.Kind, splits: int = 3, seed: int = 0, share: float = 0.5
+):
     data = identify.normalise(pairs, RHO)
     return identify.identify(data, RHO, kinds, splits=splits, train_share=share, seed=seed)
 
@@ -55,7 +57,8 @@ def write_csv(path: Path, pairs: pushes.Pairs) -> Path:
 
 def test_pairs_are_normalised_by_rho_and_length():
     data = identify.normalise(
-        pushes.Pairs(np.array([[1.0, 2.0, 30.0]]), np.array([[0.0, 3.0, 0.4]]), np.array([7.0])), RHO
+        pushes.Pairs(np.array([[1.0, 2.0, 30.0]]), np.array([[0.0, 3.0, 0.4]]), np.array([7.0])),
+        RHO,
     )
     assert data.F.tolist() == [[1, 2, 3]]
     assert np.allclose(data.V, [[0, 0.6, 0.8]])
@@ -110,7 +113,9 @@ def test_held_out_errors_are_of_pairs_that_the_fit_has_not_seen():
 
 def test_the_seed_decides_the_splits_and_all_kinds_share_them():
     pairs = ellipsoid_pairs(20, 0.2)
-    first, again, other = (found_in(pairs, "ellipsoid", seed=seed)[0].errors_rad for seed in (1, 1, 2))
+    first, again, other = (
+        found_in(pairs, "ellipsoid", seed=seed)[0].errors_rad for seed in (1, 1, 2)
+    )
     assert np.array_equal(first, again)
     assert not np.array_equal(first, other)
     both = found_in(pairs, "ellipsoid", "quartic", seed=1, splits=1)
@@ -185,7 +190,9 @@ def test_sections_lie_on_the_surface():
             F = np.zeros((241, 3))
             F[:, list(plane)] = identification.section(result.fit.surface, plane)
             surface = result.fit.surface
-            level = surface.value(F) if result is squared else np.einsum("ki,ij,kj->k", F, surface.A, F)
+            level = (
+                surface.value(F) if result is squared else np.einsum("ki,ij,kj->k", F, surface.A, F)
+            )
             assert np.allclose(level, 1.0)
 
 
@@ -214,7 +221,9 @@ def test_magnitudes_of_directions_change_nothing():
     pairs = rectangle_pairs(80, 0.05)
     data, other = (identify.directions(in_rho(each)) for each in (pairs, scaled_anyhow(pairs)))
     for kind in ("ellipsoid", "quartic"):
-        first, second = (identify.fit(each, RHO, kind, np.random.default_rng(0)) for each in (data, other))
+        first, second = (
+            identify.fit(each, RHO, kind, np.random.default_rng(0)) for each in (data, other)
+        )
         F = np.random.default_rng(1).normal(size=(200, 3))
         twists = (identify.predict(fit.surface, F) for fit in (first, second))
         assert np.degrees(identify.angles(*twists)).max() < 0.01
@@ -224,7 +233,9 @@ def test_directions_with_outliers_are_fitted_nearly_as_well():
     clean = in_rho(rectangle_pairs(150, 0.02))
     spoiled = clean._replace(twists=clean.twists.copy())
     spoiled.twists[::15] *= [-1.0, 1.0, -1.0]
-    surface = identify.fit(identify.directions(spoiled), RHO, "quartic", np.random.default_rng(0)).surface
+    surface = identify.fit(
+        identify.directions(spoiled), RHO, "quartic", np.random.default_rng(0)
+    ).surface
     predicted = identify.predict(surface, clean.wrenches)
     errors = identify.angles(predicted, identify.directions(clean).V)
     assert np.degrees(np.median(errors)) < 5.0

@@ -64,9 +64,14 @@ def test_command_identifies_from_motions(tmp_path, capsys):
     data, table, job = known(40, 0.1), tmp_path / "pushes.csv", tmp_path / "job.toml"
     job.write_text(JOB)
     centroid = [15.0, 10.5]
-    rows = np.column_stack([
-        data.paths.points[:, 0] + centroid, data.paths.shifts, data.moved[:, :2], np.degrees(data.moved[:, 2])
-    ])  # fmt: skip
+    rows = np.column_stack(
+        [
+            data.paths.points[:, 0] + centroid,
+            data.paths.shifts,
+            data.moved[:, :2],
+            np.degrees(data.moved[:, 2]),
+        ]
+    )
     header = "tip_x_mm,tip_y_mm,way_x_mm,way_y_mm,moved_x_mm,moved_y_mm,turned_deg"
     np.savetxt(table, rows, delimiter=",", header=header, comments="")
     surface = tmp_path / "surface.toml"

@@ -43,7 +43,9 @@ def made_up_push(
     def block(share: float) -> tuple[np.ndarray, float]:
         turned = share * twist[2]
         a, b = (math.sin(turned), 1 - math.cos(turned)) if turned else (0.0, 0.0)
-        moved = np.array([[a, -b], [b, a]]) @ twist[:2] / twist[2] if twist[2] else share * twist[:2]
+        moved = (
+            np.array([[a, -b], [b, a]]) @ twist[:2] / twist[2] if twist[2] else share * twist[:2]
+        )
         return start + turn(angle) @ moved, angle + turned
 
     heading = angle + math.atan2(*(FACES[face][1] @ turn(slant).T)[::-1])  # the pusher's x axis
@@ -81,7 +83,9 @@ def test_a_push_of_known_wrench_and_twist_is_read_back(place, twist):
     wrenches, twists = pushes.pairs(pushes.parse(log(made_up_push(twist, "left", FORCE, place))))
     assert np.allclose(twists, [twist], atol=1e-9)
     expected = [*FORCE, torque(FACES["left"][0], FORCE)]
-    assert np.allclose(wrenches, [expected], atol=0.2)  # the block moves along an arc, not quite a line
+    assert np.allclose(
+        wrenches, [expected], atol=0.2
+    )  # the block moves along an arc, not quite a line
 
 
 def test_the_tips_offset_is_found_from_the_faces_and_taken_off():
@@ -92,7 +96,12 @@ def test_the_tips_offset_is_found_from_the_faces_and_taken_off():
             log(
                 *(
                     made_up_push(
-                        np.array(motions[face]), face, 3 * FACES[face][1], (0, 0, slant), sideways, slant
+                        np.array(motions[face]),
+                        face,
+                        3 * FACES[face][1],
+                        (0, 0, slant),
+                        sideways,
+                        slant,
                     )
                     for face in motions
                     for slant in (-0.8, 0.0, 0.8)
@@ -137,7 +146,10 @@ MISTAKES = {
     "empty": ("", "line 0, header: the file ends where number of pushes"),
     "no pushes": ("0\n", "line 1, header: number of pushes is 0"),
     "half a push": (changed_line(0, "1.5"), "line 1, header: number of pushes is 1.5"),
-    "word": (changed_line(5, "1.0 x 2.0"), "line 6, push 1 of 1: force readings: 'x' is not a number below"),
+    "word": (
+        changed_line(5, "1.0 x 2.0"),
+        "line 6, push 1 of 1: force readings: 'x' is not a number below",
+    ),
     "infinite": (changed_line(5, "1.0 inf 2.0"), "line 6, push 1 of 1: force readings: 'inf'"),
     "column lost": (
         changed_line(5, "1.0 2.0"),
@@ -149,9 +161,18 @@ MISTAKES = {
         changed_line(2, "1 2 3 9 0 0 0"),
         "line 3, push 1 of 1: pose after: qw qx qy qz is not",
     ),
-    "negative count": (changed_line(3, "-5"), "line 4, push 1 of 1: number of force readings is -5"),
-    "truncated": ("\n".join(lines_of()[:-30]), "line 177, push 1 of 1: the file ends where pusher poses"),
-    "one push short": (changed_line(0, "2"), "line 207, push 2 of 2: the file ends where pose before"),
+    "negative count": (
+        changed_line(3, "-5"),
+        "line 4, push 1 of 1: number of force readings is -5",
+    ),
+    "truncated": (
+        "\n".join(lines_of()[:-30]),
+        "line 177, push 1 of 1: the file ends where pusher poses",
+    ),
+    "one push short": (
+        changed_line(0, "2"),
+        "line 207, push 2 of 2: the file ends where pose before",
+    ),
     "one push over": (LOG + LOG, "line 208, push 1 of 1: more lines follow"),
     "huge count": (changed_line(3, "1e29"), "number of force readings is 1e+29"),
 }
@@ -194,7 +215,9 @@ def test_a_table_of_pairs_is_read_whatever_its_column_order(tmp_path):
     assert first.wrenches.tolist() == [[1, 2, 3], [-1, -2, -3]]
     assert first.twists.tolist() == [[4, 5, 6], [-4, -5, -6]]
     assert first.weights.tolist() == [0.5, 2]
-    path.write_text(f"note,{','.join(reversed(HEADER.split(',')))}\nx,6,5,4,3,2,1\n", encoding="utf-8")
+    path.write_text(
+        f"note,{','.join(reversed(HEADER.split(',')))}\nx,6,5,4,3,2,1\n", encoding="utf-8"
+    )
     second = pushes.load(path)
     assert second.wrenches.tolist() == [[1, 2, 3]]
     assert second.weights.tolist() == [1]
@@ -212,7 +235,10 @@ def test_a_table_of_pairs_is_read_whatever_its_column_order(tmp_path):
         (f"{HEADER}\n1,2,3,4,5,nan", "line 2: omega_rad: 'nan' is not a number below"),
         (f"{HEADER}\n1,2,3,4,5,6\n1,2,3,4,5", "line 3: omega_rad: a number is missing"),
         (f"{HEADER}\n1,2,3,0,0,0", "line 2: a wrench or twist is zero"),
-        (f"{HEADER},weight\n1,2,3,4,5,6,0", "line 2: a wrench or twist is zero, or a weight not positive"),
+        (
+            f"{HEADER},weight\n1,2,3,4,5,6,0",
+            "line 2: a wrench or twist is zero, or a weight not positive",
+        ),
     ],
 )
 def test_a_spoiled_table_is_refused_with_its_line(text, problem):

@@ -15,7 +15,11 @@ from runtime.traversal.answer import frames_in
 
 TREES = Path(__file__).parents[4] / "trees"
 EITHER = {"part": {"faces": "either"}}
-CORNERS = {"kind": "points", "points_mm": [[1.0, 1.0], [30.0, 2.0], [2.0, 20.0]], "weights": [1.0, 2.0, 3.0]}
+CORNERS = {
+    "kind": "points",
+    "points_mm": [[1.0, 1.0], [30.0, 2.0], [2.0, 20.0]],
+    "weights": [1.0, 2.0, 3.0],
+}
 COUPLED = {
     "kind": "stated",
     "rho_mm": 12.0,
@@ -65,7 +69,8 @@ def test_a_part_has_pressure_and_friction_of_its_own_where_it_states_them():
     assert [alone.pressure.kind for alone in job.alone] == ["boundary", "uniform", "boundary"]
     assert [alone.friction.finger_part_max for alone in job.alone] == [0.6, 0.2, 0.6]
     assert {
-        alone.friction.finger_part_max for alone in job.replaced(friction={"finger_part_max": 0.9}).alone
+        alone.friction.finger_part_max
+        for alone in job.replaced(friction={"finger_part_max": 0.9}).alone
     } == {0.9}
 
 
@@ -91,7 +96,7 @@ def broken(number=1, **entry):
         (several(search={"model": "kcde"}), "learned for one part"),
         (several(delivery={"drop_mm": [0, 0]}), "is of one part"),
     ],
-)  # fmt: skip
+)
 def test_what_is_wrong_is_told_with_its_place(document, message):
     with pytest.raises(JobError, match=message):
         read(document)
@@ -157,7 +162,9 @@ def test_a_part_whose_faces_look_alike_stays_one():
 def test_what_the_drawing_names_turns_over_with_the_part():
     named = {"faces": "either", "datum": [4, 3, 30], "picks": {"rim": [5, 2, 10]}}
     either = job_file.load(TREES / "gusset" / "job.toml", {"part": named})
-    one, other = (frames_in(entry["part"]) for entry in json.loads(either.canonical())["hypothesis"])
+    one, other = (
+        frames_in(entry["part"]) for entry in json.loads(either.canonical())["hypothesis"]
+    )
     mirror = np.array([1.0, -1.0, -1.0])
     np.testing.assert_allclose(other.datum, one.datum * mirror)
     np.testing.assert_allclose(other.picks["rim"], one.picks["rim"] * mirror)
@@ -165,7 +172,9 @@ def test_what_the_drawing_names_turns_over_with_the_part():
 
 @pytest.mark.parametrize("pressure", [{}, CORNERS, COUPLED], ids=["boundary", "points", "stated"])
 def test_a_part_turned_over_is_squeezed_as_in_a_mirror(pressure):
-    one, other = job_file.load(TREES / "gusset" / "job.toml", {**EITHER, "pressure": pressure}).alone
+    one, other = job_file.load(
+        TREES / "gusset" / "job.toml", {**EITHER, "pressure": pressure}
+    ).alone
     assert not symmetry.congruent(one.part.outline_mm, other.part.outline_mm)
     rng, mirror = np.random.default_rng(3), np.array([1.0, -1.0, -1.0])
     poses = rng.uniform((-8, -8, -np.pi), (8, 8, np.pi), (60, 3))

@@ -40,7 +40,11 @@ def test_the_rectangle_is_the_one_of_the_paper(rectangle):
     assert rectangle.pressure.kind == "boundary"
     assert rectangle.friction == schema.Friction(0.4, 0.6, 0.3)
     gripper = rectangle.gripper
-    assert (gripper.finger_length_mm, gripper.finger_width_mm, gripper.opening_mm) == (27.5, 9.5, 85.0)
+    assert (gripper.finger_length_mm, gripper.finger_width_mm, gripper.opening_mm) == (
+        27.5,
+        9.5,
+        85.0,
+    )
     assert (gripper.count_open, gripper.count_closed, gripper.encoder_noise_mm) == (3, 230, 0.15)
     assert rectangle.uncertainty == schema.Uncertainty(12.75, 180.0)
     assert rectangle.uncertainty.orientation_halfwidth_deg == 180.0
@@ -71,7 +75,9 @@ def test_canonical_text_round_trips_exactly(rectangle):
 
 def test_how_a_job_is_written_does_not_change_its_digest(rectangle):
     without_defaults = re.sub(
-        r"(?m)^(symmetry|wishart_dof|model|count_\w+|encoder_noise\w+|speed\w+|force\w+) .*\n", "", TEXT
+        r"(?m)^(symmetry|wishart_dof|model|count_\w+|encoder_noise\w+|speed\w+|force\w+) .*\n",
+        "",
+        TEXT,
     )
     assert len(without_defaults) < len(TEXT)
     elsewhere = edited(
@@ -101,7 +107,9 @@ def test_support_points_move_with_the_outline():
 def test_bounded_orientation_and_stated_ellipsoid_round_trip():
     text = edited('orientation = "unknown"', "orientation_halfwidth_deg = 20")
     text = text.replace(
-        '"boundary"', '"stated"\nrho_mm = 10\nellipsoid = [[1, 0, 0], [0, 1, 0.1], [0, 0.1, 0.5]]', 1
+        '"boundary"',
+        '"stated"\nrho_mm = 10\nellipsoid = [[1, 0, 0], [0, 1, 0.1], [0, 0.1, 0.5]]',
+        1,
     )
     stated = job.parse(text)
     assert stated.uncertainty.orientation_halfwidth_deg < 180.0
@@ -156,7 +164,9 @@ def test_canonical_text_with_a_foreign_outline_is_refused(rectangle):
 
 def test_every_error_class_has_its_own_exit_code_and_survives_a_process_boundary():
     classes = [value for value in vars(errors).values() if isinstance(value, type)]
-    leaves = [cls for cls in classes if issubclass(cls, errors.PlannerError) and not cls.__subclasses__()]
+    leaves = [
+        cls for cls in classes if issubclass(cls, errors.PlannerError) and not cls.__subclasses__()
+    ]
     assert sorted(cls.exit_code for cls in leaves) == [2, 3, 4, 5, 6, 7, 8, 9, 32]
     for cls in leaves:
         assert re.search(rf"{cls.__name__} +{cls.exit_code} ", errors.__doc__)
@@ -178,7 +188,10 @@ def test_every_key_of_a_record_can_be_stated():
     for section, keys in schema.FIELDS.items():
         names = {field.name for field in dataclasses.fields(schema.SECTIONS[section])}
         assert names - {*keys} <= (further if section == "pressure" else set())
-        assert {*keys} - names <= {"orientation", "faces"}  # written out as a half-width, as a hypothesis
+        assert {*keys} - names <= {
+            "orientation",
+            "faces",
+        }  # written out as a half-width, as a hypothesis
 
 
 def test_the_jobs_defaults_are_valid_and_the_example_states_only_known_keys():
@@ -194,7 +207,11 @@ def test_reading_a_job_loads_no_heavy_package():
     heavy = ("numba", "sklearn", "scipy", "matplotlib")
     code = f"import planner.job.model, sys; print([m for m in {heavy} if m in sys.modules])"
     result = subprocess.run(
-        [sys.executable, "-c", code], cwd=RECTANGLE.parents[2], capture_output=True, text=True, check=True
+        [sys.executable, "-c", code],
+        cwd=RECTANGLE.parents[2],
+        capture_output=True,
+        text=True,
+        check=True,
     )
     assert result.stdout.strip() == "[]"
 
@@ -240,13 +257,16 @@ def test_the_runtime_reads_the_delivery_that_a_job_states():
     assert delivery.from_job(json.loads(made.canonical())) == delivery.from_keys(
         stated | WIDTH_AND_AREA, "here"
     )
-    assert delivery.from_job(json.loads(job.parse(TEXT + DELIVERY).canonical())) == delivery.from_text(
-        "50,0,180"
-    )
+    assert delivery.from_job(
+        json.loads(job.parse(TEXT + DELIVERY).canonical())
+    ) == delivery.from_text("50,0,180")
 
 
 def test_job_and_runtime_know_the_same_keys_of_a_delivery():
-    assert {*schema.FIELDS["delivery"]} == {*delivery.KEYS, "grasp"}  # a name, which stands for two of them
+    assert {*schema.FIELDS["delivery"]} == {
+        *delivery.KEYS,
+        "grasp",
+    }  # a name, which stands for two of them
     for key, count in delivery.KEYS.items():
         field = schema.FIELDS["delivery"][key]
         assert (field.least if isinstance(field, fields.Numbers) else 0) == count
@@ -258,7 +278,10 @@ def test_job_and_runtime_know_the_same_keys_of_a_delivery():
         ("[delivery]\ndrop_angle_deg = 3", "missing key drop_mm"),
         ("[delivery]\ndrop_mm = [1, 2, 3]", "must have 2 entries"),
         ("[delivery]\ndrop_mm = [50, 0]\ndrop = 3", "unknown key"),
-        ("[delivery]\ndrop_mm = [500, 0]", "brings the hand to .500, 0., outside work_area_mm of .cell."),
+        (
+            "[delivery]\ndrop_mm = [500, 0]",
+            "brings the hand to .500, 0., outside work_area_mm of .cell.",
+        ),
         ("[delivery]\ndrop_mm = [50, 0]\narea_mm = [9, 9, 0, 0]", "min below max"),
         ("[delivery]\ndrop_mm = [50, 0]\nwidth_mm = 90", "not below opening_mm"),
         ("delivery = 3", "must be a section"),
@@ -266,7 +289,9 @@ def test_job_and_runtime_know_the_same_keys_of_a_delivery():
 )
 def test_a_delivery_that_cannot_be_is_refused(text, told):
     with pytest.raises(errors.JobError, match=told) as raised:
-        job.parse(f"{text}\n{TEXT}" if text.startswith("delivery =") else f"{TEXT}\n{text}\n", "my.toml")
+        job.parse(
+            f"{text}\n{TEXT}" if text.startswith("delivery =") else f"{TEXT}\n{text}\n", "my.toml"
+        )
     assert "\n" not in str(raised.value)
 
 
@@ -303,7 +328,9 @@ def test_datum_and_picks_move_with_the_outline_and_come_back_exactly():
 
 def test_a_retired_key_is_refused_in_a_job_and_read_over_in_a_table(rectangle):
     stated = edited("confidence = 0.99", "stress_trials = 2000\nconfidence = 0.99")
-    with pytest.raises(errors.KeyNameError, match=r"stress_trials is no longer known; state .* \[doubt\]"):
+    with pytest.raises(
+        errors.KeyNameError, match=r"stress_trials is no longer known; state .* \[doubt\]"
+    ):
         job.parse(stated)
     with pytest.raises(errors.KeyNameError, match="no longer known"):
         rectangle.replaced(goal={"stress_trials": 0})

@@ -28,7 +28,12 @@ UNKNOWN = [
     ("[goal]", "[goal]\nopening_mm = 85", "goal", "belongs in [gripper]"),
     ("[goal]", "[goal]\nseed = 85", "goal", "belongs on top"),
     ("seed = 1", "opening_mm = 1", "", "belongs in [gripper]"),
-    ("[friction]", "points_mm = [[0, 0], [1, 1]]\n[friction]", "pressure", 'goes with kind = "points"'),
+    (
+        "[friction]",
+        "points_mm = [[0, 0], [1, 1]]\n[friction]",
+        "pressure",
+        'goes with kind = "points"',
+    ),
 ]
 
 
@@ -114,11 +119,31 @@ WRONG = [
     ("[goal]", "[cell]\nwork_area_mm = [[-9, -9]]\n[goal]", "cell", "work_area_mm"),
     ('"boundary"', '"points"\npoints_mm = [[0, 0], [0, 22]]', "pressure", "points_mm"),
     ('"boundary"', '"points"\npoints_mm = [[1, 1], [1, 1]]', "pressure", "points_mm"),
-    ('"boundary"', '"points"\npoints_mm = [[1, 1], [2, 1]]\nweights = [1, 2, 3]', "pressure", "weights"),
-    ('"boundary"', '"points"\npoints_mm = [[1, 1], [2, 1]]\nweights = [1, 0]', "pressure", "weights"),
-    ('"boundary"', '"stated"\nrho_mm = 9\nellipsoid = [[1, 0, 0], [0, 1, 1], [0, 1, 1]]', "pressure", "ellipsoid"),  # noqa: E501
-    ('"boundary"', '"stated"\nrho_mm = 9\nellipsoid = [[1, 1, 0], [0, 1, 0], [0, 0, 1]]', "pressure", "ellipsoid"),  # noqa: E501
-]  # fmt: skip
+    (
+        '"boundary"',
+        '"points"\npoints_mm = [[1, 1], [2, 1]]\nweights = [1, 2, 3]',
+        "pressure",
+        "weights",
+    ),
+    (
+        '"boundary"',
+        '"points"\npoints_mm = [[1, 1], [2, 1]]\nweights = [1, 0]',
+        "pressure",
+        "weights",
+    ),
+    (
+        '"boundary"',
+        '"stated"\nrho_mm = 9\nellipsoid = [[1, 0, 0], [0, 1, 1], [0, 1, 1]]',
+        "pressure",
+        "ellipsoid",
+    ),
+    (
+        '"boundary"',
+        '"stated"\nrho_mm = 9\nellipsoid = [[1, 1, 0], [0, 1, 0], [0, 0, 1]]',
+        "pressure",
+        "ellipsoid",
+    ),
+]
 
 
 @pytest.mark.parametrize(("old", "new", "section", "key"), WRONG)
@@ -127,7 +152,9 @@ def test_a_wrong_value_is_refused_at_its_place(old, new, section, key):
         job.parse(TEXT.replace(old, new, 1), "my.toml")
     error = caught.value
     assert (error.section, error.key, error.where) == (section, key, "my.toml")
-    assert str(error).startswith(f"my.toml: [{section}] {key}: " if section else f"my.toml: {key}: ")
+    assert str(error).startswith(
+        f"my.toml: [{section}] {key}: " if section else f"my.toml: {key}: "
+    )
     assert "\n" not in str(error)
     assert len(str(error)) < 250
 
@@ -139,14 +166,22 @@ def test_a_value_in_place_of_a_section_is_refused():
 
 
 def test_outline_errors_name_file_and_key():
-    crossing = edited("[[0, 0], [30, 0], [30, 21], [0, 21]]", "[[0, 0], [30, 21], [30, 0], [0, 21]]")
-    with pytest.raises(errors.OutlineError, match=r"my.toml: \[part\] outline_mm: .* at \(15, 10.5\)"):
+    crossing = edited(
+        "[[0, 0], [30, 0], [30, 21], [0, 21]]", "[[0, 0], [30, 21], [30, 0], [0, 21]]"
+    )
+    with pytest.raises(
+        errors.OutlineError, match=r"my.toml: \[part\] outline_mm: .* at \(15, 10.5\)"
+    ):
         job.parse(crossing, "my.toml")
 
 
 def test_only_the_narrowest_width_must_fit_between_the_jaws():
-    bar = edited("[[0, 0], [30, 0], [30, 21], [0, 21]]", "[[0, 0], [120, 0], [120, 84.9], [0, 84.9]]")
+    bar = edited(
+        "[[0, 0], [30, 0], [30, 21], [0, 21]]", "[[0, 0], [120, 0], [120, 84.9], [0, 84.9]]"
+    )
     assert outline.min_width(job.parse(bar).part.outline_mm) == pytest.approx(84.9)
     for height in ("85", "90"):
-        with pytest.raises(errors.FitError, match=r"part larger than the opening.* the jaws open 85 mm"):
+        with pytest.raises(
+            errors.FitError, match=r"part larger than the opening.* the jaws open 85 mm"
+        ):
             job.parse(bar.replace("84.9", height))

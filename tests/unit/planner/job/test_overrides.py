@@ -20,7 +20,11 @@ def job_with(source, overrides=()):
     changes = changes_of(f"{name}={value}" for name, value in overrides)
     if isinstance(source, job.Job):
         return source.replaced(**changes)
-    return job.load(source, changes) if isinstance(source, Path) else job.parse(source, changes=changes)
+    return (
+        job.load(source, changes)
+        if isinstance(source, Path)
+        else job.parse(source, changes=changes)
+    )
 
 
 @pytest.mark.parametrize("source", [RECTANGLE, TEXT, PARSED], ids=["path", "toml", "job"])
@@ -30,7 +34,9 @@ class TestSources:
 
     def test_overrides_equal_the_edited_file(self, source):
         edited = TEXT.replace("radius_mm = 12.75", "radius_mm = 15").replace("seed = 1", "seed = 4")
-        assert job_with(source, [("uncertainty.radius_mm", "15"), ("seed", "4")]) == job.parse(edited)
+        assert job_with(source, [("uncertainty.radius_mm", "15"), ("seed", "4")]) == job.parse(
+            edited
+        )
 
     def test_a_later_one_wins(self, source):
         twice = [("goal.distance_mm", "1"), ("goal.distance_mm", "2.5")]
@@ -67,7 +73,10 @@ class TestSources:
         assert job_with(source, stated).pressure.kind == "stated"
 
     def test_a_new_outline_is_moved_to_its_centroid(self, source):
-        changed = [("part.outline_mm", "[[0, 0], [40, 0], [40, 20], [0, 20]]"), ("part.symmetry", "auto")]
+        changed = [
+            ("part.outline_mm", "[[0, 0], [40, 0], [40, 20], [0, 20]]"),
+            ("part.symmetry", "auto"),
+        ]
         assert job_with(source, changed).part.outline_mm.min(axis=0) == pytest.approx([-20, -10])
 
     @pytest.mark.parametrize(
@@ -83,7 +92,9 @@ class TestSources:
             ("friction.finger_part_min", "0.9", errors.ValueRangeError, "exchange them"),
         ],
     )
-    def test_what_a_file_may_not_say_an_override_may_not_either(self, source, name, value, error, words):
+    def test_what_a_file_may_not_say_an_override_may_not_either(
+        self, source, name, value, error, words
+    ):
         with pytest.raises(error) as caught:
             job_with(source, [(name, value)])
         assert words in str(caught.value)
@@ -104,15 +115,25 @@ def test_overrides_that_name_nothing_or_a_section_that_is_none_are_refused(texts
 
 def test_a_job_is_not_changed_by_what_is_made_of_it():
     before = PARSED.canonical()
-    assert PARSED.replaced(part={"outline_mm": [[0, 0], [40, 0], [0, 30]], "symmetry": "auto"}) != PARSED
+    assert (
+        PARSED.replaced(part={"outline_mm": [[0, 0], [40, 0], [0, 30]], "symmetry": "auto"})
+        != PARSED
+    )
     assert PARSED.canonical() == before
 
 
 @pytest.mark.parametrize(
     ("text", "value"),
-    [("12", 12), ("1e-3", 1e-3), ("true", True), ('"a b"', "a b"), ("closed-loop", "closed-loop"),
-     ("[0, 90]", [0, 90]), (" 3 ", 3)],
-)  # fmt: skip
+    [
+        ("12", 12),
+        ("1e-3", 1e-3),
+        ("true", True),
+        ('"a b"', "a b"),
+        ("closed-loop", "closed-loop"),
+        ("[0, 90]", [0, 90]),
+        (" 3 ", 3),
+    ],
+)
 def test_values_read_as_in_a_file_and_words_go_without_quotes(text, value):
     assert value_of("a.b", text) == value
 
@@ -132,7 +153,10 @@ def test_what_is_no_name_is_refused(name):
 
 
 def test_commas_part_values_unless_they_are_inside_one():
-    assert split("uncertainty.radius_mm=10,12.75, 15") == ("uncertainty.radius_mm", ["10", "12.75", "15"])
+    assert split("uncertainty.radius_mm=10,12.75, 15") == (
+        "uncertainty.radius_mm",
+        ["10", "12.75", "15"],
+    )
     assert split("actions.angles_deg=[0, 90],[0, [1, 2]]") == (
         "actions.angles_deg",
         ["[0, 90]", "[0, [1, 2]]"],

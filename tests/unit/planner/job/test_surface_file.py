@@ -84,8 +84,16 @@ SURFACE_MISTAKES = {
     ),
     "file and inline": (f'surface_file = "s.toml"\n{ROWS}', ValueRangeError, "both stated"),
     "no such file": ('surface_file = "s.toml"', InputFileError, "check surface_file"),
-    "no certificate": (f"rho_mm = 5\nquartic = {[1] * 15}", KeyNameError, "missing key certificate"),
-    "two surfaces": (f"rho_mm = 5\n{ROWS}\nquartic = {[1] * 15}", ValueRangeError, "keep one surface"),
+    "no certificate": (
+        f"rho_mm = 5\nquartic = {[1] * 15}",
+        KeyNameError,
+        "missing key certificate",
+    ),
+    "two surfaces": (
+        f"rho_mm = 5\n{ROWS}\nquartic = {[1] * 15}",
+        ValueRangeError,
+        "keep one surface",
+    ),
     "too short": (f"rho_mm = 5\nquartic = {[1] * 14}", ValueRangeError, "must have 15 entries"),
 }
 
@@ -102,7 +110,11 @@ def test_a_spoiled_surface_in_a_job_is_refused_in_one_line(name, tmp_path):
 def test_a_certificate_that_does_not_fit_is_refused(surfaces):
     values = surface_file.load(surfaces / "quartic.toml")
     Q, coefficients = values["certificate"], values["quartic"]
-    for bad_q, bad_c in ((Q, coefficients * 1.001), (Q - 100 * np.eye(9), coefficients), (-Q, -coefficients)):
+    for bad_q, bad_c in (
+        (Q, coefficients * 1.001),
+        (Q - 100 * np.eye(9), coefficients),
+        (-Q, -coefficients),
+    ):
         text = f"rho_mm = 10\nquartic = {bad_c.tolist()}\ncertificate = {bad_q.tolist()}"
         with pytest.raises(ValueRangeError, match="does not show that the quartic is convex"):
             job_with(text)
@@ -150,7 +162,9 @@ def test_surface_files_hold_any_text_and_exact_numbers(tmp_path):
     exact = np.nextafter(A, 2)
     exact = 0.5 * (exact + exact.T)
     path.write_text(
-        surface_file.dumps({"rho_mm": 0.1 + 0.2, "ellipsoid": exact}, {"logs": ['a "b"\\\n\u00fc']}),
+        surface_file.dumps(
+            {"rho_mm": 0.1 + 0.2, "ellipsoid": exact}, {"logs": ['a "b"\\\n\u00fc']}
+        ),
         encoding="utf-8",
     )
     values = surface_file.load(path)

@@ -60,7 +60,10 @@ def test_a_search_finds_what_a_look_at_every_point_finds(n, reach):
         assert np.allclose(np.sort(squares[:found]), np.sort(square[near] - square.min()))
 
 
-@given(st.lists(st.sampled_from([0.0, 0.5, 1.0, 2.5, 7.0]), min_size=1, max_size=60), st.integers(1, 60))
+@given(
+    st.lists(st.sampled_from([0.0, 0.5, 1.0, 2.5, 7.0]), min_size=1, max_size=60),
+    st.integers(1, 60),
+)
 @settings(deadline=None)
 def test_the_nearest_come_to_the_front(values, most):
     most = min(most, len(values))
@@ -134,7 +137,11 @@ def test_parts_that_are_not_touched_stay_to_the_last_bit():
     start = random_poses(rng, 3000, 38.0)
     rolled = part.roll_out(start, part.sample(3000, rng))
     model = Kcde.fit(
-        Rolled(start, rolled.poses, rolled.width_mm), part.outline, JAWS, part.surface.rho_mm, order=2
+        Rolled(start, rolled.poses, rolled.width_mm),
+        part.outline,
+        JAWS,
+        part.surface.rho_mm,
+        order=2,
     )
     poses = random_poses(rng, 3000, 60.0)
     before = poses.copy()
@@ -158,7 +165,9 @@ def test_a_touch_is_what_the_simulator_calls_one(share):
     part = simulator(l_shape(), np.append(JAWS[:3], share))
     poses = random_poses(np.random.default_rng(7), 2000, 40.0)
     direct = part.roll_out(poses, part.nominal(2000, 0.5))
-    assert np.array_equal(classify_contact(part.outline, part.jaws, poses) == MISSES, direct.status == 0)
+    assert np.array_equal(
+        classify_contact(part.outline, part.jaws, poses) == MISSES, direct.status == 0
+    )
 
 
 def test_the_number_of_workers_does_not_matter():
@@ -199,4 +208,10 @@ def test_what_cannot_be_estimated_is_refused():
         fitted(made_up(10, 19), h1=0.0)
     far = made_up(10, 20)
     with pytest.raises(ValueError, match="no roll-out touches"):
-        Kcde.fit(far._replace(initial=far.initial + np.array([500.0, 0.0, 0.0])), rectangle(), JAWS, RHO, 2)
+        Kcde.fit(
+            far._replace(initial=far.initial + np.array([500.0, 0.0, 0.0])),
+            rectangle(),
+            JAWS,
+            RHO,
+            2,
+        )

@@ -7,7 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
-from problems import JAWS, OUTLINES, boundary_surface, finger_box, place, random_poses, rectangle, simulator
+from problems import (
+    JAWS,
+    OUTLINES,
+    boundary_surface,
+    finger_box,
+    place,
+    random_poses,
+    rectangle,
+    simulator,
+)
 from scipy.stats import chi2_contingency, kstest
 
 from planner.errors import ClusterError
@@ -53,7 +62,9 @@ def rows_of(result, ring):
 class TestRegion:
     def test_beyond_the_fingers_reach_a_squeeze_changes_nothing(self, name):
         part = simulator(OUTLINES[name]())
-        poses = random_poses(np.random.default_rng(1), 4000, 1.1 * rollouts.farthest(part.outline, JAWS))
+        poses = random_poses(
+            np.random.default_rng(1), 4000, 1.1 * rollouts.farthest(part.outline, JAWS)
+        )
         far = poses[~rollouts.within_reach(part.outline, JAWS, poses)]
         rolled = part.roll_out(far, part.sample(len(far), np.random.default_rng(2)))
         assert len(far) > 100
@@ -63,7 +74,9 @@ class TestRegion:
     def test_within_reach_some_angle_is_touched(self, name):
         part = simulator(OUTLINES[name]())
         x = 0.5 * JAWS[1] + np.max(np.hypot(*part.outline.T)) - 0.05
-        poses = np.column_stack([np.full(2000, x), np.zeros(2000), np.linspace(-math.pi, math.pi, 2000)])
+        poses = np.column_stack(
+            [np.full(2000, x), np.zeros(2000), np.linspace(-math.pi, math.pi, 2000)]
+        )
         assert rollouts.within_reach(part.outline, JAWS, poses).all()
         rolled = part.roll_out(poses, part.nominal(len(poses), 0.5))
         assert (rolled.status != UNTOUCHED).any()
@@ -71,9 +84,15 @@ class TestRegion:
     def test_an_open_finger_stands_on_the_part_where_their_areas_overlap(self, name):
         outline = OUTLINES[name]()
         poses = random_poses(np.random.default_rng(3), 500, 50.0)
-        fingers = shapely.union_all([finger_box(finger, finger * JAWS[0] / 2) for finger in (1, -1)])
-        shared = [shapely.Polygon(place(outline, pose)).intersection(fingers).area for pose in poses]
-        assert np.array_equal(classify_contact(outline, JAWS, poses) == STANDS_ON, np.array(shared) > 1e-6)
+        fingers = shapely.union_all(
+            [finger_box(finger, finger * JAWS[0] / 2) for finger in (1, -1)]
+        )
+        shared = [
+            shapely.Polygon(place(outline, pose)).intersection(fingers).area for pose in poses
+        ]
+        assert np.array_equal(
+            classify_contact(outline, JAWS, poses) == STANDS_ON, np.array(shared) > 1e-6
+        )
         assert 0 < np.count_nonzero(shared) < len(poses)
 
 
@@ -133,13 +152,17 @@ def test_each_ends_as_a_squeeze_of_its_start_does(part, small):
     assert chi2_contingency(counts[:, counts.sum(axis=0) > 0]).pvalue > 1e-3
     assert kstest(widths[0], widths[1]).pvalue > 1e-3
     apart = [np.mean(np.abs(a - widths[1]) > 0.3) for a in (widths[0], widths[2])]
-    assert apart[0] == pytest.approx(apart[1], abs=0.03)  # start by start, no further than two squeezes are
+    assert apart[0] == pytest.approx(
+        apart[1], abs=0.03
+    )  # start by start, no further than two squeezes are
 
 
 def test_under_a_finger_nothing_moves(part):
     result = roll_outs(part, 60.0, 3000)
     hit = result.status == COLLIDES
-    assert np.array_equal(hit, classify_contact(part.outline, part.jaws, result.initial) == STANDS_ON)
+    assert np.array_equal(
+        hit, classify_contact(part.outline, part.jaws, result.initial) == STANDS_ON
+    )
     assert np.array_equal(result.final[hit], result.initial[hit])
     assert np.all(result.width_mm[hit] == part.jaws[0])
     assert np.isin(result.status[~hit], range(len(STATUS_NAMES))).all()

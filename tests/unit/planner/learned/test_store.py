@@ -49,9 +49,16 @@ def damage_flip(content):
 
 @pytest.mark.parametrize(
     "damage",
-    [damage_flip, lambda c: c[:-1], lambda c: c + b"x", lambda c: b"", lambda c: c[:9], lambda c: bytes(99)],
+    [
+        damage_flip,
+        lambda c: c[:-1],
+        lambda c: c + b"x",
+        lambda c: b"",
+        lambda c: c[:9],
+        lambda c: bytes(99),
+    ],
     ids=["a bit", "cut short", "longer", "empty", "no digest", "zeros"],
-)  # fmt: skip
+)
 def test_a_damaged_entry_is_absent_with_one_warning_and_can_be_made_again(store, damage):
     store.put(KEY, b"content" * 10)
     store.put(OTHER, b"content" * 10)

@@ -19,7 +19,13 @@ from contact_problems import (
 from contact_solutions import posed
 from lcp_twin import motions, solve
 
-from planner.mechanics.closed_form import LARGEST_FORCE, motion, one_contact, three_contacts, two_contacts
+from planner.mechanics.closed_form import (
+    LARGEST_FORCE,
+    motion,
+    one_contact,
+    three_contacts,
+    two_contacts,
+)
 from planner.mechanics.contacts import FN, FT, GAP, HIGH, LOW, UN, UT
 from planner.mechanics.lcp import RAY, SOLVED, residual
 from planner.mechanics.step import PAST_END_MM, UNBOUNDED, along, event_fraction

@@ -59,7 +59,9 @@ def scenes(seed: int, count: int, radius: float = 30.0):
     """Random parts, two of three concave, at random poses."""
     rng = np.random.default_rng(seed)
     for k in range(count):
-        outline = random_convex(rng, 6) if k % 3 == 0 else random_star(rng, int(rng.integers(4, 14)))
+        outline = (
+            random_convex(rng, 6) if k % 3 == 0 else random_star(rng, int(rng.integers(4, 14)))
+        )
         pose = random_poses(rng, 1, radius)[0]
         yield rng, place(outline, pose), pose
 
@@ -96,7 +98,8 @@ def test_contacts_of_fingers_side_by_side_are_those_of_each_alone():
             C, I = found_by(hand, points - [middle, 0.0], pose - [middle, 0.0, 0.0], 0.5)
             rounded = np.round(C[:, [RX, RY, NX, NY, GAP]], 9)
             return sorted(
-                (*kind, *numbers) for kind, numbers in zip(I.tolist(), rounded.tolist(), strict=True)
+                (*kind, *numbers)
+                for kind, numbers in zip(I.tolist(), rounded.tolist(), strict=True)
             )
 
         both, left, right = rows(0.0, -apart, apart), rows(-apart, 0.0), rows(apart, 0.0)
@@ -187,7 +190,9 @@ def test_each_contact_is_a_pair_of_features_at_its_gap():
     """The point lies on the part's boundary; from there, along the normal, the finger is one gap away."""
     kinds = []
     for rng, points, pose in scenes(7, 600, radius=20.0):
-        top, bottom = nearly_closed(rng, points) if rng.random() < 0.7 else beside(rng, points, pose)
+        top, bottom = (
+            nearly_closed(rng, points) if rng.random() < 0.7 else beside(rng, points, pose)
+        )
         part = shapely.Polygon(points)
         for c, i in zip(*found(points, pose, top, bottom, margin=0.5), strict=True):
             box = finger_box(i[FINGER], top if i[FINGER] == 1 else bottom)

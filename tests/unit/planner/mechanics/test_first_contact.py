@@ -31,7 +31,9 @@ def test_first_contact_is_not_below_any_width_at_which_jaws_meet_a_part():
     jaws, shares = jaws_of(JOB.gripper), (0.4, 0.6)
     contact = first_contact_mm(JOB.part.outline_mm, jaws, poses, np.zeros(3), shares)
     for share in (*shares, 0.5):
-        assert not any(meets(JOB.part.outline_mm, pose, contact + 0.1, jaws, share) for pose in poses)
+        assert not any(
+            meets(JOB.part.outline_mm, pose, contact + 0.1, jaws, share) for pose in poses
+        )
     even = first_contact_mm(JOB.part.outline_mm, jaws, poses, np.zeros(3), (0.5, 0.5))
     assert any(meets(JOB.part.outline_mm, pose, even - 3.0, jaws, 0.5) for pose in poses)
     assert even <= contact <= jaws[0]
@@ -39,4 +41,7 @@ def test_first_contact_is_not_below_any_width_at_which_jaws_meet_a_part():
 
 def test_first_contact_of_jaws_that_miss_every_part_is_when_they_meet():
     beside = np.array([[200.0, 0.0, 0.0]])
-    assert first_contact_mm(JOB.part.outline_mm, jaws_of(JOB.gripper), beside, np.zeros(3), (0.5, 0.5)) == 0.0
+    assert (
+        first_contact_mm(JOB.part.outline_mm, jaws_of(JOB.gripper), beside, np.zeros(3), (0.5, 0.5))
+        == 0.0
+    )

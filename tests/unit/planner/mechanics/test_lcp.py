@@ -173,7 +173,9 @@ def squeezing_power(problem) -> float:
     W = np.concatenate([N, T, -T]).T  # (3, 3 m)
     cone = -M[3 * m :, : 3 * m]
     total = np.concatenate([np.ones(m), np.zeros(2 * m)])[None]
-    best = linprog(q[: 3 * m], cone, np.zeros(m), np.concatenate([W, total]), np.array([0, 0, 0, 1.0]))
+    best = linprog(
+        q[: 3 * m], cone, np.zeros(m), np.concatenate([W, total]), np.array([0, 0, 0, 1.0])
+    )
     return -best.fun if best.success else -np.inf
 
 

@@ -75,7 +75,10 @@ def test_friction_integral_has_converged():
     coarse = limit_surface.wrenches(*support(Pressure("boundary", 100), RECTANGLE), RHO, TWISTS)
     steps = np.arange(1000)[:, None] / 1000
     fine_outline = np.concatenate(
-        [a + steps * (b - a) for a, b in zip(RECTANGLE, np.roll(RECTANGLE, -1, axis=0), strict=True)]
+        [
+            a + steps * (b - a)
+            for a, b in zip(RECTANGLE, np.roll(RECTANGLE, -1, axis=0), strict=True)
+        ]
     )
     fine = limit_surface.wrenches(*support(Pressure("boundary", 100), fine_outline), RHO, TWISTS)
     assert np.abs(coarse - fine).max() < 2e-3
@@ -203,14 +206,18 @@ def test_samples_have_the_mean_and_the_variance_of_the_footnote():
 
 def test_samples_depend_on_the_generator_alone():
     surface = LimitSurface(np.eye(3), 10.0)
-    first, second = (limit_surface.wishart(surface.A, 3, np.random.default_rng(9), 5) for _ in range(2))
+    first, second = (
+        limit_surface.wishart(surface.A, 3, np.random.default_rng(9), 5) for _ in range(2)
+    )
     assert np.array_equal(first, second)
     assert limit_surface.wishart(surface.A, 100, np.random.default_rng(9), 0).shape == (0, 3, 3)
 
 
 def test_a_stated_ellipsoid_is_taken_as_it_is():
     text = RECTANGLE_JOB.read_text(encoding="utf-8")
-    stated = 'kind = "stated"\nrho_mm = 10.5\nellipsoid = [[1.0, 0.1, 0], [0.1, 1.2, 0], [0, 0, 0.6]]'
+    stated = (
+        'kind = "stated"\nrho_mm = 10.5\nellipsoid = [[1.0, 0.1, 0], [0.1, 1.2, 0], [0, 0, 0.6]]'
+    )
     surface = surface_of(job.parse(text.replace('kind = "boundary"', stated)))
     assert np.array_equal(surface.A, [[1.0, 0.1, 0.0], [0.1, 1.2, 0.0], [0.0, 0.0, 0.6]])
     assert surface.rho_mm == 10.5

@@ -74,7 +74,9 @@ def test_a_part_in_a_cage_turns_about_the_pushers_own_centre():
 @pytest.mark.parametrize("angle", [0.3, -0.3])
 def test_fingers_that_stick_take_the_part_where_they_go(angle):
     """A centre far to the side: the wrench that it takes lies well within the friction cones."""
-    made = paths([(-8.0, -10.5), (8.0, -10.5)], centre=(math.copysign(90.0, -angle), 0.0), angle=angle)
+    made = paths(
+        [(-8.0, -10.5), (8.0, -10.5)], centre=(math.copysign(90.0, -angle), 0.0), angle=angle
+    )
     result = pushed(rectangle(), made, 1.0)
     assert result.moved == pytest.approx(commanded(made), abs=1e-6)
     assert result.status[0] == STUCK
@@ -87,7 +89,9 @@ def test_without_friction_nothing_follows_a_turning_pusher():
 
 
 def test_a_finger_beside_the_part_has_lost_it():
-    made = joined([paths([(40.0, -10.5)], shift=(0.0, 30.0)), paths([(14.5, -11.0)], shift=(0.0, 60.0))])
+    made = joined(
+        [paths([(40.0, -10.5)], shift=(0.0, 30.0)), paths([(14.5, -11.0)], shift=(0.0, 60.0))]
+    )
     result = pushed(rectangle(), made, 0.3)
     assert result.status.tolist() == [LOST, LOST]
     assert not result.moved[0].any()
@@ -104,7 +108,10 @@ def test_turned_scenes_end_turned(mu):
     turn[:2, :2] = turned(np.eye(2), angle).T
     straight = pushed(outline, made, mu, surface=surface)
     result = pushed(
-        turned(outline, angle), other, mu, surface=LimitSurface(turn @ surface.A @ turn.T, surface.rho_mm)
+        turned(outline, angle),
+        other,
+        mu,
+        surface=LimitSurface(turn @ surface.A @ turn.T, surface.rho_mm),
     )
     assert result.moved[:, :2] == pytest.approx(turned(straight.moved[:, :2], angle), abs=1e-6)
     assert result.moved[:, 2] == pytest.approx(straight.moved[:, 2], abs=1e-7)
@@ -254,14 +261,21 @@ def test_a_point_near_a_convex_part_is_found_once_at_its_distance():
             if part.contains(here):
                 continue
             count = contacts.find_points(
-                C, I, np.ascontiguousarray(outline.T), np.zeros(3), contacts.Tips(point[None], 0.0), 2.0
+                C,
+                I,
+                np.ascontiguousarray(outline.T),
+                np.zeros(3),
+                contacts.Tips(point[None], 0.0),
+                2.0,
             )
             assert count == (distance <= 2.0)
             if count:
                 assert C[0, contacts.GAP] == pytest.approx(distance)
                 touched = C[0, [contacts.RX, contacts.RY]]
                 assert shapely.Point(touched).distance(part.exterior) < 1e-9
-                assert touched - point == pytest.approx(distance * C[0, [contacts.NX, contacts.NY]], abs=1e-9)
+                assert touched - point == pytest.approx(
+                    distance * C[0, [contacts.NX, contacts.NY]], abs=1e-9
+                )
 
 
 def test_each_push_takes_its_own_mechanics():
@@ -278,10 +292,13 @@ HANDS = [(0.0, 30.0), (12.0, 30.0), (40.0, 30.0)]  # opening and way [mm]
 def pushed_by_hand(outline, opening, way, n=60, seed=3):
     """Parts strewn before a hand; where they lay and where they end, in its frame at the start."""
     part, rng = simulator(outline), np.random.default_rng(seed)
-    before = np.column_stack([
-        np.hypot(*outline.T).max() + JAWS[1] / 2 + rng.uniform(0.1, 8.0, n), rng.uniform(-15.0, 15.0, n),
-        rng.uniform(-math.pi, math.pi, n),
-    ])  # fmt: skip
+    before = np.column_stack(
+        [
+            np.hypot(*outline.T).max() + JAWS[1] / 2 + rng.uniform(0.1, 8.0, n),
+            rng.uniform(-15.0, 15.0, n),
+            rng.uniform(-math.pi, math.pi, n),
+        ]
+    )
     return before, part.push_by_hand(before, np.full(n, opening), np.full(n, way), rng)
 
 
@@ -325,9 +342,13 @@ def test_fingers_end_a_push_as_their_corners_alone_do():
         [np.full(n, JAWS[1] / 2 + 150.0), rng.uniform(-20, 20, n), rng.uniform(-0.2, 0.2, n)]
     )
     drawn = part.sample(n, np.random.default_rng(9))
-    by_hand = part.push_by_hand(poses, np.full(n, opening), np.full(n, way), np.random.default_rng(9))
+    by_hand = part.push_by_hand(
+        poses, np.full(n, opening), np.full(n, way), np.random.default_rng(9)
+    )
     for k, pose in enumerate(poses):
-        ahead = np.array([(JAWS[1] / 2, side * y) for side in (-1, 1) for y in (15.0, 15.0 + JAWS[2])])
+        ahead = np.array(
+            [(JAWS[1] / 2, side * y) for side in (-1, 1) for y in (15.0, 15.0 + JAWS[2])]
+        )
         back = turned(ahead - pose[:2], -pose[2])
         result = part.push(paths(back, shift=turned([way, 0.0], -pose[2])), drawn.of(np.array([k])))
         moved = [*turned(result.moved[0, :2], pose[2]), result.moved[0, 2]]

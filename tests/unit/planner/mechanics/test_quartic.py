@@ -89,7 +89,9 @@ def test_a_fit_is_convex_in_random_directions(fitted):
 
 def test_the_quartic_predicts_twists_better_than_the_ellipsoid(load, fitted):
     F = limit_surface.wrenches(*load, RHO, TWISTS)
-    ellipsoid = mean_twist_error(limit_surface.twist(limit_surface.fit_ellipsoid(*load, RHO).A, F), TWISTS)
+    ellipsoid = mean_twist_error(
+        limit_surface.twist(limit_surface.fit_ellipsoid(*load, RHO).A, F), TWISTS
+    )
     assert mean_twist_error(fitted.twist(F), TWISTS) < 0.5 * ellipsoid
     assert np.abs(fitted.value(F) - 1).max() < 0.2
 
@@ -102,7 +104,9 @@ def test_a_fit_recovers_a_quartic_from_its_own_pairs():
     F /= truth.value(F)[:, None] ** 0.25
     V = truth.gradient(F) * rng.uniform(0.1, 10.0, size=(60, 1))
     found = quartic_fit.fit(F, V, 10.0)
-    assert np.allclose(found.coefficients, truth.coefficients, atol=1e-4 * np.abs(truth.coefficients).max())
+    assert np.allclose(
+        found.coefficients, truth.coefficients, atol=1e-4 * np.abs(truth.coefficients).max()
+    )
     assert mean_twist_error(found.twist(F), V) < 1e-3
 
 
@@ -113,7 +117,9 @@ def test_a_fit_is_the_least_squares_minimum_among_convex_quartics(load, fitted):
     def cost(coefficients: np.ndarray) -> float:
         gradient = quartic_form.gradient_rows(F) @ coefficients / 4
         across = gradient - TWISTS * (gradient * TWISTS).sum(axis=1, keepdims=True)
-        return float(((quartic_form.monomials(F) @ coefficients - 1) ** 2).sum() + (across**2).sum())
+        return float(
+            ((quartic_form.monomials(F) @ coefficients - 1) ** 2).sum() + (across**2).sum()
+        )
 
     others = coefficients_of(quartic.sample(fitted, 100, np.random.default_rng(6), 20))
     least = cost(fitted.coefficients)
@@ -125,7 +131,8 @@ def test_a_strong_ridge_gives_the_ellipsoid_back(load):
     F = limit_surface.wrenches(*load, RHO, TWISTS)
     squared = quartic.of_ellipsoid(limit_surface.fit(F, TWISTS), RHO).coefficients
     far, near = (
-        np.abs(quartic_fit.fit(F, TWISTS, RHO, ridge=r).coefficients - squared).max() for r in (0, 1e7)
+        np.abs(quartic_fit.fit(F, TWISTS, RHO, ridge=r).coefficients - squared).max()
+        for r in (0, 1e7)
     )
     assert near < 1e-3 < far
 
@@ -135,7 +142,8 @@ def test_a_robust_fit_heeds_wrong_pairs_less(load):
     clean, V = TWISTS[::5], TWISTS[::5].copy()
     V[3::10] = np.roll(V[3::10], 1, axis=1)
     plain, robust = (
-        mean_twist_error(quartic_fit.fit(F, V, RHO, robust=r).twist(F), clean) for r in (False, True)
+        mean_twist_error(quartic_fit.fit(F, V, RHO, robust=r).twist(F), clean)
+        for r in (False, True)
     )
     assert robust < 0.7 * plain
 
@@ -158,7 +166,9 @@ def test_a_pair_of_weight_two_counts_like_two():
 def test_nonsense_still_gives_a_certified_quartic():
     rng = np.random.default_rng(8)
     for _ in range(5):
-        surface = quartic_fit.fit(rng.normal(size=(20, 3)), rng.normal(size=(20, 3)), 1.0, robust=True)
+        surface = quartic_fit.fit(
+            rng.normal(size=(20, 3)), rng.normal(size=(20, 3)), 1.0, robust=True
+        )
         assert quartic_form.certifies(surface.certificate, surface.coefficients)
 
 
@@ -205,7 +215,9 @@ def test_samples_are_convex_and_have_the_nominal_mean(fitted):
     n = 20_000
     draws = quartic.sample(fitted, 100, np.random.default_rng(11), n)
     inverse = np.linalg.inv(np.linalg.cholesky(fitted.certificate))
-    moved = np.linalg.eigvalsh(inverse @ draws @ inverse.T)[:, 0] < 1.001 * limit_surface.MIN_EIGENVALUE
+    moved = (
+        np.linalg.eigvalsh(inverse @ draws @ inverse.T)[:, 0] < 1.001 * limit_surface.MIN_EIGENVALUE
+    )
     assert np.count_nonzero(moved) <= 1e-3 * n  # the rest were certified as they were drawn
     drawn = coefficients_of(draws)
     deviation = drawn.mean(axis=0) - fitted.coefficients

@@ -72,5 +72,10 @@ def test_a_dense_curve_is_simplified_to_the_tolerance_and_no_further():
     dense = np.column_stack([18 * np.cos(angle), 11 * np.sin(angle)])
     plain = simplified(dense, 0.005)
     assert len(plain) < 240
-    assert shapely.hausdorff_distance(shapely.LinearRing(dense), shapely.LinearRing(plain), 0.05) < 0.0051
-    np.testing.assert_array_equal(np.sort(simplified(RECTANGLE, 0.005), axis=0), np.sort(RECTANGLE, axis=0))
+    assert (
+        shapely.hausdorff_distance(shapely.LinearRing(dense), shapely.LinearRing(plain), 0.05)
+        < 0.0051
+    )
+    np.testing.assert_array_equal(
+        np.sort(simplified(RECTANGLE, 0.005), axis=0), np.sort(RECTANGLE, axis=0)
+    )

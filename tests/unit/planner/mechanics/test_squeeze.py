@@ -78,7 +78,9 @@ def test_without_friction_long_jaws_end_at_a_local_minimum_of_the_width(seed):
     """Goldberg, Orienting polygonal parts without sensors (1993): the part turns downhill until flush."""
     rng = np.random.default_rng(seed)
     outline = random_convex(rng, int(rng.integers(4, 9)))
-    poses, widths, statuses = squeeze(simulator(outline, LONG_JAWS), random_poses(rng, 10, 10.0), mu=0.0)
+    poses, widths, statuses = squeeze(
+        simulator(outline, LONG_JAWS), random_poses(rng, 10, 10.0), mu=0.0
+    )
     assert set(statuses) == {"grasped"}
     for pose, final_width in zip(poses, widths, strict=True):
         axis = math.pi / 2 - pose[2]  # the closing axis, seen from the part
@@ -131,7 +133,9 @@ def pushed_by(outline, surface, jaws, pose, push):
     C, I = work.C, work.I
     points, out = np.zeros((2, len(outline))), np.zeros(len(outline), np.int64)
     contacts.place(np.ascontiguousarray(outline.T), pose, points)
-    upper, lower = (contacts.Finger(side, 0.0, side * jaws[0] / 2, jaws[1] / 2, jaws[2]) for side in (1, -1))
+    upper, lower = (
+        contacts.Finger(side, 0.0, side * jaws[0] / 2, jaws[1] / 2, jaws[2]) for side in (1, -1)
+    )
     count = contacts.find(C, I, points, out, pose, contacts.Hand(upper, lower, 2), 0.05)
     step.rotate_surface(surface.A, np.cos(pose[2]), np.sin(pose[2]), work.A)
     directions(C, I, count, surface.rho_mm, Drive(push, 0.0, 0.0, 0.0, 0.0))
@@ -148,9 +152,10 @@ def test_a_mirrored_squeeze_ends_mirrored(name):
     part = simulator(OUTLINES[name]())
     mirror = np.array([-1.0, 1.0, -1.0])
     image = replace(
-        part, outline=np.ascontiguousarray((part.outline * [-1, 1])[::-1]),
+        part,
+        outline=np.ascontiguousarray((part.outline * [-1, 1])[::-1]),
         surface=LimitSurface(part.surface.A * np.outer(mirror, mirror), part.surface.rho_mm),
-    )  # fmt: skip
+    )
     poses = random_poses(np.random.default_rng(2), 40, 12.75)
     final, widths, statuses = squeeze(part, poses)
     final_image, widths_image, statuses_image = squeeze(image, poses * mirror)
@@ -270,4 +275,6 @@ def test_steps_go_on_at_their_length_from_edge_to_edge_of_a_curve():
     assert STATUS_NAMES[status] == "slipped"
     closed = -0.5 * np.diff(path[:, 3])
     stepped = closed[(closed > 1e-9) & (closed <= part.step_mm + 1e-9)]
-    assert stepped.mean() > 0.25 * part.step_mm  # doubled anew after every vertex they were 0.13 of it
+    assert (
+        stepped.mean() > 0.25 * part.step_mm
+    )  # doubled anew after every vertex they were 0.13 of it

@@ -27,7 +27,9 @@ def poses():
 
 @pytest.fixture(scope="module")
 def quartic_job():
-    return job_file.parse(TEXT.replace('kind = "boundary"', 'limit_surface = "quartic"\nkind = "boundary"'))
+    return job_file.parse(
+        TEXT.replace('kind = "boundary"', 'limit_surface = "quartic"\nkind = "boundary"')
+    )
 
 
 def test_squeezes_with_an_ellipsoid_written_as_a_quartic_end_alike(poses):
@@ -108,7 +110,11 @@ def test_surfaces_drawn_for_parts_of_either_form_scatter_about_their_own():
     job = JOB.replaced(doubt={"limit_surface": "any", "pressure": "any"})
     surfaces = (surface.of_job(job), *surface.others_of(job))
     forms = [type(each) for each in surfaces]
-    assert forms.count(quartic.QuarticSurface) == forms.count(limit_surface.LimitSurface) == len(forms) / 2
+    assert (
+        forms.count(quartic.QuarticSurface)
+        == forms.count(limit_surface.LimitSurface)
+        == len(forms) / 2
+    )
     which = np.repeat(np.arange(len(surfaces)), 400)
     drawn, ellipsoid = surface.sample_each(
         surfaces, which, np.full(len(which), 100), np.random.default_rng(7)
@@ -119,15 +125,19 @@ def test_surfaces_drawn_for_parts_of_either_form_scatter_about_their_own():
         own = drawn[which == number]
         assert (ellipsoid[which == number] == (size == 3)).all()
         error = own[:, :size, :size].std(axis=0) / 20.0
-        np.testing.assert_allclose(own[:, :size, :size].mean(axis=0), nominal, atol=5.0 * error.max())
+        np.testing.assert_allclose(
+            own[:, :size, :size].mean(axis=0), nominal, atol=5.0 * error.max()
+        )
         assert not own[:, size:].any()
 
 
 @pytest.mark.parametrize(
     ("pressure", "match"),
-    [({"kind": "stated", "ellipsoid": np.eye(3).tolist(), "rho_mm": 10.0}, "states the surface"),
-     ({"wishart_dof": 8}, "at least 9")],
-)  # fmt: skip
+    [
+        ({"kind": "stated", "ellipsoid": np.eye(3).tolist(), "rho_mm": 10.0}, "states the surface"),
+        ({"wishart_dof": 8}, "at least 9"),
+    ],
+)
 def test_another_form_is_doubted_where_there_may_be_one(pressure, match):
     with pytest.raises(ValueRangeError, match=match):
         JOB.replaced(pressure=pressure, doubt={"limit_surface": "any"})

@@ -57,7 +57,12 @@ def right(x):
 
 def search_of(placements, depth, motion=None, collision=None, **options):
     return OpenLoop(
-        np.array(placements, float), motion or Wall(), collision or Nowhere(), ratio, depth, **options
+        np.array(placements, float),
+        motion or Wall(),
+        collision or Nowhere(),
+        ratio,
+        depth,
+        **options,
     )
 
 
@@ -98,7 +103,9 @@ def test_two_pushes_gather_the_line():
 def test_search_finds_what_trying_everything_finds(seed, depth):
     rng = np.random.default_rng(seed)
     placements = [(left if rng.random() < 0.5 else right)(rng.uniform(0, 10)) for _ in range(4)]
-    search = search_of(placements, depth, collision=Beyond(9.5), alpha=rng.choice([0.0, ALPHA, 0.95]))
+    search = search_of(
+        placements, depth, collision=Beyond(9.5), alpha=rng.choice([0.0, ALPHA, 0.95])
+    )
     best = found_by(search, line(0, 10))
     assert (best.actions, best.ratio) == best_by_trial(search, line(0, 10))
 
@@ -179,4 +186,6 @@ def test_the_placement_is_where_the_model_acts():
     poses = np.array([[3.0, 4.0, 0.5]])
     search = search_of([[1.0, 2.0, math.pi / 2]], 1)
     # In the hand frame the part lies at (2, -2): the wall takes x there to 0, which is y = 2 in the world.
-    assert search.moved(poses, search.placements[0], None) == pytest.approx(np.array([[3.0, 2.0, 0.5]]))
+    assert search.moved(poses, search.placements[0], None) == pytest.approx(
+        np.array([[3.0, 2.0, 0.5]])
+    )

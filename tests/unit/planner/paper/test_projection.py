@@ -42,7 +42,9 @@ def case(request):
 
 
 def shaken(poses, seed=0, scale=0.8):
-    return poses + scale * np.random.default_rng(seed).standard_normal(poses.shape) / np.array([1, 1, RHO])
+    return poses + scale * np.random.default_rng(seed).standard_normal(poses.shape) / np.array(
+        [1, 1, RHO]
+    )
 
 
 def distance(a, b):

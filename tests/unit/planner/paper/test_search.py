@@ -58,7 +58,9 @@ class Held:
 def planner(method, **options):
     placements = np.array([[x, 0.0, 0.0] for x in (0.0, 3.0, 6.0, 9.0)])
     models = Models(Reach(), Widths(), Nowhere(), Held(), Held())
-    return PaperPlanner(placements, models, ENCODER, lambda _poses, _placement: -1.0, method, **options)
+    return PaperPlanner(
+        placements, models, ENCODER, lambda _poses, _placement: -1.0, method, **options
+    )
 
 
 def belief(n=600):
@@ -181,7 +183,9 @@ def test_cells_share_out_all_counts(seed):
     assert np.array_equal(np.bincount(child), cells.size)
     assert cells.size.sum() == len(width)
     covered = [
-        count for low, high in zip(cells.low, cells.high, strict=True) for count in range(low, high + 1)
+        count
+        for low, high in zip(cells.low, cells.high, strict=True)
+        for count in range(low, high + 1)
     ]
     assert sorted(covered) == list(range(COUNTS))
     for count in range(COUNTS):

@@ -73,7 +73,10 @@ def test_plans_orient_every_part_up_to_the_symmetry_of_its_hull():
     rng = np.random.default_rng(2)
     for outline in outlines():
         result = plan(outline)
-        assert apart(carried_out(outline, result.angles, rng) - result.final, result.period).max() < 1e-9
+        assert (
+            apart(carried_out(outline, result.angles, rng) - result.final, result.period).max()
+            < 1e-9
+        )
 
 
 def test_no_plan_is_longer_than_2n_minus_1():
@@ -99,7 +102,9 @@ def test_a_plan_holds_with_hands_off_by_less_than_its_slack():
         errors[-1] = 0.0
         if len(result.angles) > 1:
             angles = result.angles + errors
-            assert apart(carried_out(outline, angles, rng) - result.final, result.period).max() < 1e-9
+            assert (
+                apart(carried_out(outline, angles, rng) - result.final, result.period).max() < 1e-9
+            )
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,9 @@ def test_average_of_a_tight_cloud_is_its_mean_whatever_turns_of_the_symmetry_it_
 
 
 def test_average_does_not_break_where_angles_wrap():
-    theta = np.array([math.pi / 2 - 0.01, -math.pi / 2 + 0.01])  # half a turn apart: 0.02 for order 2
+    theta = np.array(
+        [math.pi / 2 - 0.01, -math.pi / 2 + 0.01]
+    )  # half a turn apart: 0.02 for order 2
     poses = np.column_stack([np.zeros((2, 2)), theta])
     assert abs(singleton(poses, PRINTED_ORDER).pose[2]) == pytest.approx(math.pi / 2)
     assert singleton(poses, PRINTED_ORDER).ratio == 1.0

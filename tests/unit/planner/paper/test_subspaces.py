@@ -63,7 +63,9 @@ def test_the_subspaces_explain_the_variance_and_one_less_would_not(squeezed):
 
 def test_widths_that_the_encoder_cannot_tell_apart_are_merged_with_a_note():
     rng = np.random.default_rng(0)
-    width = np.concatenate([np.zeros(500), rng.normal(21.0, 0.01, 2000), rng.normal(21.6, 0.01, 2000)])
+    width = np.concatenate(
+        [np.zeros(500), rng.normal(21.0, 0.01, 2000), rng.normal(21.6, 0.01, 2000)]
+    )
     merged = subspaces_of(width, ENCODER)
     assert len(merged) == 2
     assert merged.merged_mm == pytest.approx(np.array([[21.0, 21.6]]), abs=0.05)

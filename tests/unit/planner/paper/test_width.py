@@ -15,7 +15,9 @@ DIRECTIONS = np.linspace(-4.0, 4.0, 1001)
 def outlines():
     rng = np.random.default_rng(0)
     stars = [random_star(rng, int(rng.integers(3, 14))) for _ in range(40)]
-    return [make() for make in OUTLINES.values()] + stars + [random_convex(rng, 7) for _ in range(10)]
+    return (
+        [make() for make in OUTLINES.values()] + stars + [random_convex(rng, 7) for _ in range(10)]
+    )
 
 
 def test_it_is_the_extent_in_every_direction():

@@ -19,7 +19,9 @@ def moved(points: np.ndarray, angle: float, shift: tuple[float, float]) -> np.nd
     return points @ np.array([[c, s], [-s, c]]) + shift
 
 
-@pytest.mark.parametrize("drawn", [L_SHAPE, TRIANGLE, RECTANGLE], ids=["L", "triangle", "rectangle"])
+@pytest.mark.parametrize(
+    "drawn", [L_SHAPE, TRIANGLE, RECTANGLE], ids=["L", "triangle", "rectangle"]
+)
 @pytest.mark.parametrize("shift", [(0.0, 0.0), (-7.0, 3.0), (5000.0, -4000.0)])
 def test_canonical_is_counter_clockwise_about_the_centroid(drawn, shift):
     for points in (drawn + shift, (drawn + shift)[::-1]):
@@ -27,7 +29,9 @@ def test_canonical_is_counter_clockwise_about_the_centroid(drawn, shift):
         assert outline.area(result.outline_mm) > 0
         assert np.hypot(*outline.centroid(result.outline_mm)) < 1e-11
         assert np.allclose(result.outline_mm[0], points[0] + result.shift_mm, atol=0)
-        assert {tuple(p) for p in result.outline_mm} == {tuple(p) for p in points + result.shift_mm + 0.0}
+        assert {tuple(p) for p in result.outline_mm} == {
+            tuple(p) for p in points + result.shift_mm + 0.0
+        }
         assert not result.outline_mm.flags.writeable
 
 
@@ -45,7 +49,9 @@ def test_area_and_centroid_of_an_l_are_those_of_its_two_boxes():
 
 
 def test_radius_of_gyration_matches_closed_forms_and_the_published_value():
-    assert outline.radius_of_gyration(RECTANGLE) == pytest.approx(math.sqrt((30**2 + 21**2) / 12), rel=1e-14)
+    assert outline.radius_of_gyration(RECTANGLE) == pytest.approx(
+        math.sqrt((30**2 + 21**2) / 12), rel=1e-14
+    )
     # The authors' released mechanics use this rho for the 30 x 21 mm rectangle.
     assert outline.radius_of_gyration(RECTANGLE) == pytest.approx(10.5711873, abs=1e-7)
     angles = np.linspace(0, math.tau, 720, endpoint=False)
@@ -59,7 +65,9 @@ def test_sizes_do_not_depend_on_where_the_part_lies(angle):
         turned = moved(points, angle, (3.0, -2.0))
         assert diameter(turned) == pytest.approx(diameter(points), rel=1e-12)
         assert outline.min_width(turned) == pytest.approx(outline.min_width(points), rel=1e-12)
-        assert outline.width(turned, angle + 0.4) == pytest.approx(outline.width(points, 0.4), rel=1e-12)
+        assert outline.width(turned, angle + 0.4) == pytest.approx(
+            outline.width(points, 0.4), rel=1e-12
+        )
 
 
 def test_min_width_is_the_least_of_all_widths():
@@ -88,7 +96,10 @@ def test_min_width_is_the_least_of_all_widths():
         ([[0, 0], [1, 0], "a"], "not a list of [x, y] pairs"),
         ([[0, 0], [1, 0], [math.nan, 1]], "vertex 3 is not finite"),
         ([[0, 0], [math.inf, 0], [1, 1]], "vertex 2 is not finite"),
-        ([[0, 0], [1, 0], [1, 1], [0, 0]], "vertices 1 and 4 are the same point (0, 0); drop the last one"),
+        (
+            [[0, 0], [1, 0], [1, 1], [0, 0]],
+            "vertices 1 and 4 are the same point (0, 0); drop the last one",
+        ),
         ([[0, 0], [1, 0], [1, 0], [1, 1]], "vertices 2 and 3 are the same point (1, 0); drop one"),
         ([[0, 0], [5, 5], [9, 0], [9, 9], [5, 5], [0, 9]], "vertices 2 and 5 are the same point"),
     ],

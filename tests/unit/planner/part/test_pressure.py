@@ -66,7 +66,9 @@ def test_a_part_stands_on_three_corners_that_carry_its_weight(part):
     assert np.min(loads) > -1e-6
     hull = outline.convex_hull(part)
     if len(hull) <= HULL_CORNERS:
-        every = (np.vstack([hull[list(k)].T, np.ones(3)]) for k in combinations(range(len(hull)), 3))
+        every = (
+            np.vstack([hull[list(k)].T, np.ones(3)]) for k in combinations(range(len(hull)), 3)
+        )
         assert len(feet) == sum(np.linalg.solve(own, [0, 0, 1]).min() > -1e-6 for own in every)
 
 

@@ -24,5 +24,7 @@ def test_no_other_angle_gives_less_area():
     rng = np.random.default_rng(3)
     points = rng.normal(size=(12, 2)) * (20.0, 9.0)
     found = smallest_rectangle(points)
-    least = min(np.prod(np.ptp(turned(points, angle), axis=0)) for angle in np.arange(0.0, 90.0, 0.5))
+    least = min(
+        np.prod(np.ptp(turned(points, angle), axis=0)) for angle in np.arange(0.0, 90.0, 0.5)
+    )
     assert found.length_mm * found.width_mm <= least + 1e-9

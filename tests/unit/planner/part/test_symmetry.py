@@ -42,7 +42,9 @@ KNOWN = {
 def test_order_of_known_shapes_at_any_angle(name, angle):
     points, expected = KNOWN[name]
     c, s = math.cos(angle), math.sin(angle)
-    part = outline.canonical(np.asarray(points) @ np.array([[c, s], [-s, c]]) + [4.0, -1.0]).outline_mm
+    part = outline.canonical(
+        np.asarray(points) @ np.array([[c, s], [-s, c]]) + [4.0, -1.0]
+    ).outline_mm
     assert symmetry.order(part) == expected
     for n in range(1, expected + 1):
         if expected % n == 0:
@@ -84,8 +86,14 @@ def test_has_order_of_few_vertices_first_is_that_of_all_turns_of_all_vertices(na
 
     def whole(n: int) -> bool:
         angles = math.tau * np.arange(1, n) / n
-        turned = [part @ np.array([[math.cos(a), math.sin(a)], [-math.sin(a), math.cos(a)]]) for a in angles]
-        return all(bool((shapely.distance(boundary, shapely.points(each)) <= 0.05).all()) for each in turned)
+        turned = [
+            part @ np.array([[math.cos(a), math.sin(a)], [-math.sin(a), math.cos(a)]])
+            for a in angles
+        ]
+        return all(
+            bool((shapely.distance(boundary, shapely.points(each)) <= 0.05).all())
+            for each in turned
+        )
 
     for n in (2, 3, 4, 5, 6, 9):
         assert symmetry.has_order(part, n) == whole(n)

@@ -16,7 +16,9 @@ def job():
 
 
 def test_a_space_holds_what_the_job_doubts_and_no_less_than_is_usual(job):
-    ranges = {quantity.key: (quantity.low, quantity.high) for quantity in Space.of(job, 1).quantities}
+    ranges = {
+        quantity.key: (quantity.low, quantity.high) for quantity in Space.of(job, 1).quantities
+    }
     assert ranges["encoder_mm"] == (-3.0, 1.5)
     assert ranges["encoder_gain"] == (0.0, 0.01)
     assert ranges["finger_share"] == (-0.1, 0.1)

@@ -12,7 +12,8 @@ def shares(feature):
     """Probabilities (m, 4) of outcomes in cells: the first grows with the feature (m,), the last is rare."""
     first = 1.0 / (1.0 + np.exp(-feature))
     return np.stack(
-        [0.6 * first, 0.6 * (1.0 - first), np.full_like(first, 0.397), np.full_like(first, 0.003)], 1
+        [0.6 * first, 0.6 * (1.0 - first), np.full_like(first, 0.397), np.full_like(first, 0.003)],
+        1,
     )
 
 
@@ -53,7 +54,9 @@ def test_truths_are_as_likely_as_it_says():
     rng, at = np.random.default_rng(3), np.linspace(-1.5, 1.5, 61)[:, None]
     ratios = []
     for truth in np.linspace(-0.7, 0.7, 60):
-        seen = np.bincount(simulated(np.full(1, truth), rng)[0, 0].ravel(), minlength=4).astype(np.float64)
+        seen = np.bincount(simulated(np.full(1, truth), rng)[0, 0].ravel(), minlength=4).astype(
+            np.float64
+        )
         found = learned(seen, rng, other=0, cells=120)
         ratios.append(2.0 * (found.log(at).max() - found.log(np.full((1, 1), truth))[0]))
     assert np.mean(np.array(ratios) < 2.71) == pytest.approx(0.9, abs=0.09)
@@ -69,7 +72,9 @@ def test_cells_far_from_all_simulated_are_not_likely():
 def test_few_cells_make_lines_of_no_curvature_and_stay_finite():
     rng = np.random.default_rng(5)
     features = np.column_stack([rng.uniform(-1.0, 1.0, (8, 3)), np.zeros(8)])
-    found = Likelihood.of(features, simulated(features[:, 0], rng), np.array([30.0, 30.0, 40.0, 0.0]), 4)
+    found = Likelihood.of(
+        features, simulated(features[:, 0], rng), np.array([30.0, 30.0, 40.0, 0.0]), 4
+    )
     assert not found.curved
     assert np.isfinite(found.log(features)).all()
 

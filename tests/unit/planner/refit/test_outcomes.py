@@ -29,7 +29,9 @@ def test_journals_and_simulated_parts_number_alike(run):
     audited = np.isin(np.arange(len(table.leaves)), found.leaf[found.leaf >= 0][:2])
     outcomes = Outcomes(table, audited)
     rows = np.flatnonzero((found.leaf >= 0) & audited[found.leaf])
-    off = found.poses[rows] - np.array([predicted_pose(table.leaves[leaf]) for leaf in found.leaf[rows]])
+    off = found.poses[rows] - np.array(
+        [predicted_pose(table.leaves[leaf]) for leaf in found.leaf[rows]]
+    )
     off[:, 2] = wrap(off[:, 2], 2)
     off[::3, 2] += np.pi
     counts = readings(found, len(table.nodes))

@@ -40,13 +40,18 @@ class Plain:
 
     def run(self, point, parts, seed):
         rng = np.random.default_rng(seed)
-        read = (point[:3] - LOW) / SPAN + rng.standard_normal((parts, 3)) * SIGMA * np.sqrt(PARTS) / SPAN
+        read = (point[:3] - LOW) / SPAN + rng.standard_normal((parts, 3)) * SIGMA * np.sqrt(
+            PARTS
+        ) / SPAN
         counts = np.clip(np.rint(50.0 + 100.0 * read), 0, 200).astype(np.int64)
         which = np.where(rng.random(parts) < SURFACE[int(point[3])], 100, 101)
         path = np.tile(np.arange(4), (parts, 1))
         nowhere = np.full(parts, -1)
         return SimpleNamespace(
-            counts=np.column_stack([counts, which]), path=path, leaf=nowhere, poses=np.zeros((parts, 3))
+            counts=np.column_stack([counts, which]),
+            path=path,
+            leaf=nowhere,
+            poses=np.zeros((parts, 3)),
         )
 
 
@@ -56,7 +61,9 @@ def drawn(monkeypatch, truth, seed):
     counts = readings(run, len(TABLE.nodes))
     monkeypatch.setattr(refit, "DRAWN", 500)
     seen = Seen(counts, PARTS, np.zeros(0, np.int64), np.zeros((0, 3)))
-    told = posterior(Plain(), seen, seed, Threads(1), Effort(cells=50, parts=200, parts_for_each=2.0))
+    told = posterior(
+        Plain(), seen, seed, Threads(1), Effort(cells=50, parts=200, parts_for_each=2.0)
+    )
     return LOW + SPAN * (run.counts[:, :3].mean(axis=0) - 50.0) / 100.0, counts[3, 100], told.cells
 
 

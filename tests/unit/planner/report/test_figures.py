@@ -55,9 +55,13 @@ def words(figure):
     size = figure.bbox
     boxes = [(text.get_text(), text.get_window_extent(renderer)) for text in seen]
     ticks = {
-        label.get_text() for axes in figure.axes for label in axes.get_xticklabels() + axes.get_yticklabels()
+        label.get_text()
+        for axes in figure.axes
+        for label in axes.get_xticklabels() + axes.get_yticklabels()
     }
-    return [(text, box) for text, box in boxes if size.overlaps(box) or text not in ticks]  # of those drawn
+    return [
+        (text, box) for text, box in boxes if size.overlaps(box) or text not in ticks
+    ]  # of those drawn
 
 
 def assert_legible(figure):
@@ -77,7 +81,9 @@ def test_table_one_shows_the_kept_rates_and_the_papers():
         figure = charts.table_one(rows, RADII)
         assert_legible(figure)
     heights = [
-        [bar.get_height() for bar in bars] for bars in figure.axes[0].containers if hasattr(bars, "patches")
+        [bar.get_height() for bar in bars]
+        for bars in figure.axes[0].containers
+        if hasattr(bars, "patches")
     ]
     experiments = list(dict.fromkeys(row["row"] for row in rows))
     assert heights[0] == pytest.approx([100 * row.paper for row in table_rows(TREES)])
@@ -88,12 +94,16 @@ def test_table_one_shows_the_kept_rates_and_the_papers():
 def test_table_one_takes_more_methods_and_rows_without_a_plan():
     rows = kept("table1")["rows"]
     rows = [row for row in rows if row["method"] == "closed-loop"]
-    second = [{**row, "method": "paper", "within_rate": 0.9, "within_ci95": [0.89, 0.91]} for row in rows]
+    second = [
+        {**row, "method": "paper", "within_rate": 0.9, "within_ci95": [0.89, 0.91]} for row in rows
+    ]
     del second[3]["within_rate"]  # no plan there
     with canvas.style():
         figure = charts.table_one([*rows, *second], RADII)
         assert_legible(figure)
-    assert [len(bars.patches) for bars in figure.axes[0].containers if hasattr(bars, "patches")] == [8, 8, 7]
+    assert [
+        len(bars.patches) for bars in figure.axes[0].containers if hasattr(bars, "patches")
+    ] == [8, 8, 7]
 
 
 def test_the_zoo_is_not_table_one():
@@ -129,7 +139,10 @@ def test_where_no_path_is_so_long_the_likeliest_of_all_is_drawn(planned):
     table, job, beliefs = planned
     path = paper_figures.likeliest_path(table, beliefs, [40])
     taken = [
-        len(visit.through(k)) for visit in beliefs.visits for k in range(40) if (visit.branch == k).any()
+        len(visit.through(k))
+        for visit in beliefs.visits
+        for k in range(40)
+        if (visit.branch == k).any()
     ]
     targets = [table.nodes[step.node].branches[step.branch].target for step in path]
     assert targets[-1] < 0
@@ -155,7 +168,9 @@ def test_the_four_ends_of_a_squeeze():
         figure = single_squeezes.squeezes(job_file.load(TREES / "butterfly-10" / "job.toml"))
         assert_legible(figure)
     titles = [axes.get_title() for axes in figure.axes]
-    assert [next(word for word in ("slipped", "jammed", "grasped") if word in title) for title in titles] == [
+    assert [
+        next(word for word in ("slipped", "jammed", "grasped") if word in title) for title in titles
+    ] == [
         "slipped",
         "jammed",
         "grasped",
@@ -190,14 +205,20 @@ def test_the_kept_chart_shows_the_kept_figures():
     ).split()
     for row in kept("table1")["rows"]:
         if "within_rate" in row:
-            assert charts.label_of(100 * row["within_rate"]) in said, "run tools/figures --only table1"
+            assert charts.label_of(100 * row["within_rate"]) in said, (
+                "run tools/figures --only table1"
+            )
 
 
 def figures(*arguments, seed="0"):
     return subprocess.run(
         [sys.executable, str(FIGURES), *arguments],
-        capture_output=True, text=True, timeout=120, check=False, env={**os.environ, "PYTHONHASHSEED": seed},
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+        env={**os.environ, "PYTHONHASHSEED": seed},
+    )
 
 
 def test_the_same_bytes_in_every_run(tmp_path):
@@ -226,7 +247,9 @@ def test_the_same_bytes_in_every_run(tmp_path):
         (["--only", "table1", "--folder", "/nowhere/at/all"], 3, "is not a folder"),
     ],
 )
-def test_wrong_input_is_answered_with_a_line(arguments, status, said, tmp_path, capsys, monkeypatch):
+def test_wrong_input_is_answered_with_a_line(
+    arguments, status, said, tmp_path, capsys, monkeypatch
+):
     monkeypatch.syspath_prepend(FIGURES.parent)
     monkeypatch.setattr(sys, "argv", [str(FIGURES), *arguments])
     monkeypatch.chdir(tmp_path)

@@ -35,7 +35,9 @@ def test_poses_in_degrees_end_as_the_same_in_radians(poses: Path) -> None:
     radians = list(csv.DictReader(output.read_text().splitlines()))
     for row in radians:
         for name in ("theta", "final_theta"):
-            assert float(row[f"{name}_deg"]) == pytest.approx(math.degrees(float(row[f"{name}_rad"])))
+            assert float(row[f"{name}_deg"]) == pytest.approx(
+                math.degrees(float(row[f"{name}_rad"]))
+            )
     lines = [f"{row['x_mm']},{row['y_mm']},{row['theta_deg']}" for row in radians]
     poses.write_text("\n".join(["x_mm,y_mm,theta_deg", *lines]) + "\n")
     assert run(poses, "--nominal", "--mu", "0.5") == 0
@@ -45,7 +47,9 @@ def test_poses_in_degrees_end_as_the_same_in_radians(poses: Path) -> None:
             assert float(row[name]) == pytest.approx(float(same[name]), abs=1e-4)
 
 
-def test_poses_that_state_two_angles_are_refused(poses: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_poses_that_state_two_angles_are_refused(
+    poses: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     poses.write_text("x_mm,y_mm,theta_rad,theta_deg\n1,2,0.1,5.729578\n1,2,0.1,30\n")
     assert run(poses) == 6
     err = capsys.readouterr().err
@@ -82,7 +86,9 @@ def test_the_page_ends_where_the_results_do(poses: Path) -> None:
     squeezes = json.loads(line.removeprefix("const data = ").removesuffix(";"))["squeezes"]
     assert [squeeze["status"] for squeeze in squeezes] == [row["status"] for row in rows]
     for squeeze, row in zip(squeezes, rows, strict=True):
-        assert squeeze["states"][-1] == pytest.approx([float(row[name]) for name in names], abs=1e-3)
+        assert squeeze["states"][-1] == pytest.approx(
+            [float(row[name]) for name in names], abs=1e-3
+        )
 
 
 @pytest.mark.parametrize(

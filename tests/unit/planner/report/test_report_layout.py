@@ -9,7 +9,10 @@ from planner.report.tree import Layout, Sizes, Spot, tidy
 from runtime.table import Table
 
 SIZES = Sizes(panel=32.0, label=29.0, text=36.0, margin=6.0)
-TABLES = [small_table(), *(random_table(seed, nodes) for seed, nodes in enumerate((1, 2, 5, 15, 40, 120)))]
+TABLES = [
+    small_table(),
+    *(random_table(seed, nodes) for seed, nodes in enumerate((1, 2, 5, 15, 40, 120))),
+]
 
 
 @pytest.fixture(params=TABLES, ids=lambda table: f"{len(table.nodes)}-nodes")
@@ -28,7 +31,9 @@ def test_panels_of_a_row_keep_their_distance(table: Table) -> None:
     for depth in range(layout.rows):
         row = sorted(spot.x for spot in spots if spot.depth == depth)
         assert row
-        assert all(right - left >= 2 * SIZES.panel + SIZES.margin - 1e-9 for left, right in pairwise(row))
+        assert all(
+            right - left >= 2 * SIZES.panel + SIZES.margin - 1e-9 for left, right in pairwise(row)
+        )
 
 
 def test_what_stands_below_panels_keeps_its_distance(table: Table) -> None:

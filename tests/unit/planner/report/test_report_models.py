@@ -54,7 +54,9 @@ def test_what_the_compiler_wrote_is_read_as_it_is(tmp_path):
 
 def test_what_the_compiler_printed_as_json_will_do(tmp_path):
     printed = {"table": "t", "models": FIGURES, "advice": None}
-    assert models.read(written(tmp_path, printed), DIGEST) == models.read(written(tmp_path, FIGURES), DIGEST)
+    assert models.read(written(tmp_path, printed), DIGEST) == models.read(
+        written(tmp_path, FIGURES), DIGEST
+    )
 
 
 def without(name):
@@ -64,15 +66,25 @@ def without(name):
 @pytest.mark.parametrize(
     "told",
     [
-        "", "{", "[" * 100_000, "7", "null", "[]", "{}", '{"models": 3}',
+        "",
+        "{",
+        "[" * 100_000,
+        "7",
+        "null",
+        "[]",
+        "{}",
+        '{"models": 3}',
         *(without(name) for name in FIGURES if name != "picture"),
-        {**FIGURES, "h1_mm": "wide"}, {**FIGURES, "h1_mm": float("nan")},
+        {**FIGURES, "h1_mm": "wide"},
+        {**FIGURES, "h1_mm": float("nan")},
         {**FIGURES, "rollouts": float("inf")},
-        {**FIGURES, "actions": [{}]}, {**FIGURES, "sensor": []}, {**FIGURES, "subspaces": 4},
+        {**FIGURES, "actions": [{}]},
+        {**FIGURES, "sensor": []},
+        {**FIGURES, "subspaces": 4},
         {**FIGURES, "job_digest": "ab" * 32},
     ],
     ids=lambda told: None,
-)  # fmt: skip
+)
 def test_what_is_no_such_file_is_one_line_that_says_how_to_get_one(tmp_path, told):
     with pytest.raises(InputFileError, match="plan-compile --models-report") as refused:
         models.read(written(tmp_path, told), DIGEST)

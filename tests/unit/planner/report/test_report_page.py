@@ -16,7 +16,16 @@ from planner.evaluation.cases import assumption_cases
 from planner.job import model as job_file
 from planner.report import dossier, run_log
 from planner.report.run_log import RunLog
-from runtime.table import PPM, REJECT, Calibration, by_count, decision_map, dumps, load, wilson_interval
+from runtime.table import (
+    PPM,
+    REJECT,
+    Calibration,
+    by_count,
+    decision_map,
+    dumps,
+    load,
+    wilson_interval,
+)
 
 TABLE_PATH = Path(__file__).parents[4] / "trees" / "rectangle" / "rectangle.msgpack"
 TABLE = load(TABLE_PATH).table
@@ -68,7 +77,9 @@ def test_each_node_and_leaf_has_a_panel_with_a_name_and_exactly_one_is_in_the_ta
 
 
 def test_the_same_table_gives_the_same_bytes(text):
-    assert text == dossier.page(TABLE, JOB, dossier.Source("rectangle.msgpack", dumps(TABLE)), TRIALS)
+    assert text == dossier.page(
+        TABLE, JOB, dossier.Source("rectangle.msgpack", dumps(TABLE)), TRIALS
+    )
 
 
 def test_the_summary_is_the_tables_own(text):
@@ -110,7 +121,9 @@ def test_parts_are_neither_lost_nor_made(data):
         assert sum(branch[5] for branch in node["branches"]) + node["rejected"] == node["visits"]
         assert sum(number for _, number in node["seen"]) == node["visits"]
         arrivals |= {branch[4]: branch[5] for branch in node["branches"]}
-    assert [leaf["visits"] for leaf in data["leaves"]] == [arrivals[~k] for k in range(len(data["leaves"]))]
+    assert [leaf["visits"] for leaf in data["leaves"]] == [
+        arrivals[~k] for k in range(len(data["leaves"]))
+    ]
 
 
 def test_counts_and_branches_are_those_of_the_look_up(data):
@@ -129,7 +142,9 @@ def test_runs_put_a_map_together_again():
 
 def test_each_other_world_differs_from_the_job_and_is_a_job():
     cases = assumption_cases(JOB)
-    assert len({case.name for case in cases}) == len({case.job(JOB) for case in cases}) == len(cases)
+    assert (
+        len({case.name for case in cases}) == len({case.job(JOB) for case in cases}) == len(cases)
+    )
     assert cases[0].job(JOB) == JOB
 
 
@@ -153,7 +168,11 @@ def journal_of(tmp_path):
     node = TABLE.nodes[0]
     target = node.branches[0].target
     steps = [(0, 132, target)]
-    entries = [header(dumps(TABLE)), *part(1, steps, "fault", reason="no answer"), *part(2, [], "stopped")]
+    entries = [
+        header(dumps(TABLE)),
+        *part(1, steps, "fault", reason="no answer"),
+        *part(2, [], "stopped"),
+    ]
     path = tmp_path / "j.jsonl"
     path.write_bytes(chained(entries))
     return path, target
@@ -162,7 +181,16 @@ def journal_of(tmp_path):
 def test_a_journal_is_laid_over_the_tree(tmp_path, capsys):
     journal, target = journal_of(tmp_path)
     output = tmp_path / "page.html"
-    words = [str(TABLE_PATH), "-o", str(output), "--journal", str(journal), "--trials", "100", "--json"]
+    words = [
+        str(TABLE_PATH),
+        "-o",
+        str(output),
+        "--journal",
+        str(journal),
+        "--trials",
+        "100",
+        "--json",
+    ]
     assert report.main(words) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["bytes"] == output.stat().st_size
@@ -175,7 +203,9 @@ def test_a_journal_is_laid_over_the_tree(tmp_path, capsys):
 def test_all_failed_parts_are_listed_before_others(monkeypatch):
     monkeypatch.setattr(dossier, "LISTED", 3)
     outcomes = ["reject", "leaf", "leaf", "fault", "leaf"]
-    log = RunLog([run_log.PartLog(k, outcome=outcome) for k, outcome in enumerate(outcomes)], 1, 0, "", "")
+    log = RunLog(
+        [run_log.PartLog(k, outcome=outcome) for k, outcome in enumerate(outcomes)], 1, 0, "", ""
+    )
     source = dossier.Source("t", b"", log)
     listed = json.loads(Page(dossier.page(TABLE, JOB, source, 50)).scripts["data"])["log"]["parts"]
     assert [entry[0] for entry in listed] == [0, 3, 4]
@@ -185,7 +215,16 @@ def test_wrong_input_is_one_line(tmp_path, capsys):
     cases = [
         (3, [str(tmp_path / "none.msgpack"), "-o", str(tmp_path / "p.html")]),
         (2, [str(TABLE_PATH), "-o", str(tmp_path / "none" / "p.html")]),
-        (3, [str(TABLE_PATH), "-o", str(tmp_path / "p.html"), "--journal", str(tmp_path / "none.jsonl")]),
+        (
+            3,
+            [
+                str(TABLE_PATH),
+                "-o",
+                str(tmp_path / "p.html"),
+                "--journal",
+                str(tmp_path / "none.jsonl"),
+            ],
+        ),
         (2, [str(TABLE_PATH), "-o", str(tmp_path / "p.html"), "--trials", "99999999"]),
     ]
     for code, words in cases:

@@ -19,7 +19,9 @@ pytestmark = pytest.mark.slow
 OUTLINE = np.array([[-15.0, -10.5], [15.0, -10.5], [15.0, 10.5], [-15.0, 10.5]])
 JAWS = np.array([85.0, 27.5, 9.5, 0.5])
 GRASP = Squeezed(
-    np.array([[4.0, 3.0, 0.4, 85.0], [4.0, 3.0, 0.4, 44.0], [3.0, 1.0, 0.2, 30.0], [2.5, 0.0, 0.0, 21.0]]),
+    np.array(
+        [[4.0, 3.0, 0.4, 85.0], [4.0, 3.0, 0.4, 44.0], [3.0, 1.0, 0.2, 30.0], [2.5, 0.0, 0.0, 21.0]]
+    ),
     "grasped",
 )
 MISS = Squeezed(np.array([[40.0, 0.0, 1.0, 85.0], [40.0, 0.0, 1.0, 0.0]]), "untouched")
@@ -32,7 +34,9 @@ def png_size(path: Path) -> tuple[int, int]:
 
 
 def groups(path: Path) -> list[str]:
-    ids = [element.get("id", "") for element in ET.parse(path).iter("{http://www.w3.org/2000/svg}g")]
+    ids = [
+        element.get("id", "") for element in ET.parse(path).iter("{http://www.w3.org/2000/svg}g")
+    ]
     return [name for name in ids if re.fullmatch(r"(squeeze|node|leaf)-\d+", name)]
 
 
@@ -139,7 +143,9 @@ def test_gif_moves(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     trajectory.gif(OUTLINE, JAWS, GRASP, path)
     with Image.open(path) as image:
         assert image.format == "GIF"
-        assert image.n_frames == len(trajectory.timeline(GRASP.states))  # Pillow merges the held frames
+        assert image.n_frames == len(
+            trajectory.timeline(GRASP.states)
+        )  # Pillow merges the held frames
         first = np.asarray(image.convert("L"), dtype=float)
         image.seek(image.n_frames - 1)
         last = np.asarray(image.convert("L"), dtype=float)

@@ -57,7 +57,12 @@ def test_children_hold_what_their_parent_had_minus_the_rejected(table: Table, jo
 def test_rejected_parts_go_nowhere(table: Table, job: Job) -> None:
     root = table.nodes[0]
     narrow = [branch._replace(high_um=branch.expected_um) for branch in root.branches]
-    assert conserve(replace(table, nodes=(root._replace(branches=tuple(narrow)), *table.nodes[1:])), job) > 50
+    assert (
+        conserve(
+            replace(table, nodes=(root._replace(branches=tuple(narrow)), *table.nodes[1:])), job
+        )
+        > 50
+    )
 
 
 def test_squeezed_parts_lie_between_the_fingers(table: Table, job: Job) -> None:

@@ -39,7 +39,9 @@ def test_it_reads_what_the_runtime_writes(tmp_path):
     with Journal(path, lambda: "2026-01-01T00:00:00") as journal:
         journal.header(TABLE, {})
         for entry in PARTS:
-            journal.record(entry["kind"], {key: value for key, value in entry.items() if key != "kind"})
+            journal.record(
+                entry["kind"], {key: value for key, value in entry.items() if key != "kind"}
+            )
     assert len(run_log.read(path, DIGEST).parts) == 3
 
 
@@ -67,15 +69,19 @@ LINES = GOOD.splitlines(keepends=True)
 DAMAGED = {
     "empty": (b"", "is empty"),
     "no journal": (b"hello\n", "line 1 does not verify"),
-    "a count changed": (GOOD.replace(b'"position_counts":10,', b'"position_counts":11,'), "line 7 does not"),
+    "a count changed": (
+        GOOD.replace(b'"position_counts":10,', b'"position_counts":11,'),
+        "line 7 does not",
+    ),
     "a line missing": (b"".join(LINES[:3] + LINES[4:]), "line 4 does not verify"),
     "lines exchanged": (b"".join([LINES[0], LINES[2], LINES[1]]), "line 2 does not verify"),
     "another table": (chained([header(b"other"), *PARTS]), "holds no run of this table"),
     "a field missing": (
-        chained([header(TABLE), {"kind": "part", "part": 1}, {"kind": "squeeze", "part": 1}]), "record 3 is"
+        chained([header(TABLE), {"kind": "part", "part": 1}, {"kind": "squeeze", "part": 1}]),
+        "record 3 is",
     ),
     "a squeeze of no part": (chained([header(TABLE), PARTS[1]]), "record 2 is no record"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", DAMAGED)

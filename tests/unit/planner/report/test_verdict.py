@@ -19,16 +19,25 @@ from runtime.table import Calibration, load
 TREE = Path(__file__).parents[4] / "trees" / "rectangle"
 JOB, TABLE = job_file.load(TREE / "job.toml"), load(TREE / "rectangle.msgpack").table
 FIGURES = {
-    "trials": 4000, "crashes": 0, "success_rate": 0.999, "wrong_rate": 0.0005, "unresolved_rate": 0.0005,
-    "reject_rate": 0.0, "mean_squeezes": 2.2, "mean_seconds": 5.8, "error_mm": {"median": 0.7, "p95": 1.7},
-}  # fmt: skip
+    "trials": 4000,
+    "crashes": 0,
+    "success_rate": 0.999,
+    "wrong_rate": 0.0005,
+    "unresolved_rate": 0.0005,
+    "reject_rate": 0.0,
+    "mean_squeezes": 2.2,
+    "mean_seconds": 5.8,
+    "error_mm": {"median": 0.7, "p95": 1.7},
+}
 
 
 def world(name, wrong=0.0, success=None, broken=None):
     """What came of a world, with so many wrong answers."""
     success = 1.0 - wrong if success is None else success
     figures = {"wrong_rate": wrong, "success_rate": success}
-    found = SimpleNamespace(wrong=np.float64(wrong), success=np.float64(success), summary=lambda: figures)
+    found = SimpleNamespace(
+        wrong=np.float64(wrong), success=np.float64(success), summary=lambda: figures
+    )
     return Line(Case(name, broken=broken), found)
 
 
@@ -83,7 +92,9 @@ def test_spans_hold_every_branch_and_do_not_meet():
         spans = planned_spans(node)
         assert all(high < low for (_, high), (low, _) in pairwise(spans))
         for branch in node.branches:
-            assert any(low <= branch.low_um / 1e3 and branch.high_um / 1e3 <= high for low, high in spans)
+            assert any(
+                low <= branch.low_um / 1e3 and branch.high_um / 1e3 <= high for low, high in spans
+            )
 
 
 def test_conditions_are_those_that_cost_wrong_answers_the_strictest_of_each_kind():
@@ -98,13 +109,17 @@ def test_conditions_are_those_that_cost_wrong_answers_the_strictest_of_each_kind
     found = verdict(JOB, FIGURES, lines)
     assert found.grade == "fair"
     assert found.conditions == ["friction stays below 0.9", "the share stays between 39 and 52 %"]
-    assert told_conditions(found.conditions) == f"if {found.conditions[0]} and {found.conditions[1]}"
+    assert (
+        told_conditions(found.conditions) == f"if {found.conditions[0]} and {found.conditions[1]}"
+    )
     assert told_conditions([]) == ""
     assert told_conditions(list("abcde")).endswith("a, b, c and 2 more assumptions hold")
 
 
 def test_every_world_that_is_tried_names_the_condition_that_it_breaks():
-    job = JOB.replaced(part={"tolerance_mm": 0.2}, friction={"doubt": 0.3}, doubt={"pressure": "any"})
+    job = JOB.replaced(
+        part={"tolerance_mm": 0.2}, friction={"doubt": 0.3}, doubt={"pressure": "any"}
+    )
     for case in (*assumption_cases(job)[1:], *believed_cases(job)):
         assert case.broken is not None, case.name
         assert " " in case.broken.text()
@@ -124,14 +139,20 @@ def outlined(length, width, **changes):
             outlined(30, 21, part={"height_mm": 2.0}, cell={"squeeze_height_mm": 1.0}),
             ["1 mm above", "below the top"],
         ),
-        (outlined(30, 21, part={"height_mm": 9.0}, cell={"squeeze_height_mm": 8.0}), ["below the top"]),
-        (outlined(30, 21, part={"height_mm": 20.0}, cell={"squeeze_height_mm": 1.5}), ["1.5 mm above"]),
+        (
+            outlined(30, 21, part={"height_mm": 9.0}, cell={"squeeze_height_mm": 8.0}),
+            ["below the top"],
+        ),
+        (
+            outlined(30, 21, part={"height_mm": 20.0}, cell={"squeeze_height_mm": 1.5}),
+            ["1.5 mm above"],
+        ),
         (outlined(3, 2.2), ["2.2 mm wide"]),
         (outlined(40, 5), ["5 mm wide"]),
         (outlined(30, 21, goal={"distance_mm": 11.0}), ["21 mm wide"]),
         (outlined(30, 21), []),
     ],
-)  # fmt: skip
+)
 def test_what_makes_an_answer_worth_less_is_a_warning_of_the_verdict(job, words):
     found = verdict(job, FIGURES).warnings
     assert found == warnings_of(job)

@@ -54,7 +54,9 @@ def test_card_headline_and_row_of_the_worst_world_agree(planned, page):
     job, plan = planned
     worst = weakest(worlds.tried(plan.table, job, plan.evaluation, 600))
     assert f"{worst.name} (" in page
-    row = re.search(rf'<th scope="row">{re.escape(worst.name)} <strong>\(worst\).*?</tr>', page, re.DOTALL)[0]
+    row = re.search(
+        rf'<th scope="row">{re.escape(worst.name)} <strong>\(worst\).*?</tr>', page, re.DOTALL
+    )[0]
     wrong = re.findall(r"<td>([^<]*)</td>", row)[2]
     assert f"<dt>Worst other world</dt><dd>{wrong} wrong</dd>" in page
 

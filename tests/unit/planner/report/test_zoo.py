@@ -24,9 +24,13 @@ def test_a_part_that_no_open_hand_clears_is_too_large():
 
 
 @pytest.mark.parametrize(("radius_mm", "kind"), [(41.1, reasons.TOO_LARGE), (40.9, zoo.ERROR)])
-def test_a_part_whose_fingers_clear_it_nowhere_within_a_millimetre_is_too_large(monkeypatch, radius_mm, kind):
+def test_a_part_whose_fingers_clear_it_nowhere_within_a_millimetre_is_too_large(
+    monkeypatch, radius_mm, kind
+):
     discs = []
-    monkeypatch.setattr(zoo, "compile_job", lambda job, **_: discs.append(job.uncertainty.radius_mm) or 1 / 0)
+    monkeypatch.setattr(
+        zoo, "compile_job", lambda job, **_: discs.append(job.uncertainty.radius_mm) or 1 / 0
+    )
     row = zoo.judge(item(regular_polygon(7, radius_mm).tolist()))
     assert row["kind"] == kind
     assert all(1.0 <= disc <= 42.5 - radius_mm - 0.5 for disc in discs)
@@ -34,7 +38,9 @@ def test_a_part_whose_fingers_clear_it_nowhere_within_a_millimetre_is_too_large(
 
 def test_a_symmetry_survives_a_drawing_that_is_off_by_little(monkeypatch):
     orders = []
-    monkeypatch.setattr(zoo, "compile_job", lambda job, **_: orders.append(job.part.symmetry) or 1 / 0)
+    monkeypatch.setattr(
+        zoo, "compile_job", lambda job, **_: orders.append(job.part.symmetry) or 1 / 0
+    )
     for off in (0.04, 0.4):
         zoo.judge(item([[-15, -8], [15, -8], [15 + off, 8], [-15, 8]]))
     assert orders == [2, 1]

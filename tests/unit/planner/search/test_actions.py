@@ -23,7 +23,10 @@ def test_free_placements_judge_as_the_least_clearance_does(name, least):
     placements = problems.random_poses(rng, 60, 45.0)
     belief = problems.random_poses(rng, 5, 8.0)
     free = free_placements(outline, problems.JAWS, belief, placements, least)
-    slow = [least_clearance(outline, problems.JAWS, belief, placement) >= least for placement in placements]
+    slow = [
+        least_clearance(outline, problems.JAWS, belief, placement) >= least
+        for placement in placements
+    ]
     assert free.tolist() == slow
     assert free.any()
     assert not free.all()
@@ -49,7 +52,9 @@ def test_proposals_stand_about_the_main_modes_and_within_the_area():
 def test_hands_all_about_are_shared_by_the_main_modes():
     metric, area = Metric(3.0, 10.0, 1), np.array([[-99.0, -99.0], [99.0, 99.0]])
     belief = np.repeat([[50.0, 0.0, 0.0], [-50.0, 0.0, 0.0]], [60, 40], axis=0)
-    proposals = Proposals(np.zeros((0, 3)), problems.random_poses(np.random.default_rng(1), 100, 9.0))
+    proposals = Proposals(
+        np.zeros((0, 3)), problems.random_poses(np.random.default_rng(1), 100, 9.0)
+    )
     actions = ActionSet(np.zeros((0, 3)), (proposals,), area)
     assert len(actions.options(belief, metric)) == 0
     x = actions.scattered(belief, metric, 40)[:, 0]
@@ -63,12 +68,17 @@ def test_first_squeezes_lie_beside_the_middle_and_no_turn_makes_two_of_them_one(
     first = actions_of(proposing).first
     beside = np.hypot(*first[:, :2].T) / job.gripper.finger_length_mm
     np.testing.assert_allclose(beside, [0.0, 0.25, 0.5], atol=1e-9)
-    assert actions_of(proposing.replaced(uncertainty={"orientation_halfwidth_deg": 20.0})).first is None
+    assert (
+        actions_of(proposing.replaced(uncertainty={"orientation_halfwidth_deg": 20.0})).first
+        is None
+    )
 
 
 def test_first_squeezes_are_one_up_to_a_turn_of_the_part_and_half_a_turn_of_the_hand():
     actions = actions_of(job_file.load(RECTANGLE))
-    placements = np.array([[10.0, 0.0, 0.0], [-10.0, 0.0, 0.0], [0.0, 10.0, np.pi / 2], [0.0, 10.0, 0.0]])
+    placements = np.array(
+        [[10.0, 0.0, 0.0], [-10.0, 0.0, 0.0], [0.0, 10.0, np.pi / 2], [0.0, 10.0, 0.0]]
+    )
     same, half, turned, across = actions.compared(placements, squeezed=False)
     assert np.allclose(same, half)
     assert np.allclose(same, turned)

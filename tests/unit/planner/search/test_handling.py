@@ -19,14 +19,18 @@ RECTANGLE = Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml"
 @pytest.fixture(scope="module")
 def job():
     job = job_file.load(RECTANGLE)
-    actions = dataclasses.replace(job.actions, openings_mm=(30.0, 50.0, 70.0), forces_n=(10.0, 40.0))
+    actions = dataclasses.replace(
+        job.actions, openings_mm=(30.0, 50.0, 70.0), forces_n=(10.0, 40.0)
+    )
     return dataclasses.replace(job, actions=actions)
 
 
 def held_at(job, centre):
     """Outcomes of one cluster: a part held at 21 mm, its centre there."""
     counts = np.full(50, round(230 - 21.0 / encoder_of(job).mm_per_count))
-    return Outcomes(Partition.of([counts]), [Belief.of(np.tile([*centre, 0.1], (50, 1)))], 0.0, 21.0)
+    return Outcomes(
+        Partition.of([counts]), [Belief.of(np.tile([*centre, 0.1], (50, 1)))], 0.0, 21.0
+    )
 
 
 @pytest.mark.parametrize(("y", "expected"), [(0.0, 30.0), (8.0, 50.0), (18.0, 70.0), (28.0, 85.0)])

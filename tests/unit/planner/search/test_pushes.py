@@ -54,7 +54,9 @@ def under(pusher: Pusher, belief: Belief, push: Push, along_mm: float, less_mm: 
     _, length, thickness, share = pusher.jaws
     jaws = np.array([push.opening_mm + less_mm, length - less_mm, thickness - less_mm, share])
     hand = to_hand(belief.poses, push.start + along_mm * ahead)
-    return int((classify_contact(pusher.model.simulator.outlines[0], jaws, hand) == STANDS_ON).sum())
+    return int(
+        (classify_contact(pusher.model.simulator.outlines[0], jaws, hand) == STANDS_ON).sum()
+    )
 
 
 @pytest.mark.parametrize("of", [lambda belief: belief, read], ids=["before a squeeze", "after one"])
@@ -128,8 +130,10 @@ def test_best_second_push_begins_clear_of_all_that_the_first_has_moved(pusher, b
     pushes, _ = pusher._from_beside_all(belief, (first, second), rng)
     lying = pusher.model.push(belief, pushes[0], np.random.default_rng(8))
     assert under(pusher, lying, pushes[1], 0.0) <= 2  # of other draws of the same push
-    ends = [push.start[:2] + push.way_mm * np.array([math.cos(push.start[2]), math.sin(push.start[2])])
-            for push in (second, pushes[1])]  # fmt: skip
+    ends = [
+        push.start[:2] + push.way_mm * np.array([math.cos(push.start[2]), math.sin(push.start[2])])
+        for push in (second, pushes[1])
+    ]
     assert ends[0] == pytest.approx(ends[1])
 
 
@@ -157,7 +161,10 @@ def test_a_job_that_states_that_nothing_is_pushed_is_the_job_that_does_not(job):
     ("changes", "reason"),
     [
         ({"actions": {"pushes": "sometimes"}}, "pushes"),
-        ({"actions": {"pushes": "belief", "proposals": "none"}}, "hands must follow what was pushed"),
+        (
+            {"actions": {"pushes": "belief", "proposals": "none"}},
+            "hands must follow what was pushed",
+        ),
         ({**PUSHING, "search": {"method": "paper"}}, "which the paper's methods do not know"),
     ],
 )

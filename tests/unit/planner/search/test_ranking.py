@@ -42,10 +42,12 @@ def test_judged_options_equals_the_heuristic_of_their_branches(changes):
     for k, each in enumerate(squeezed):
         outcomes = Outcomes.of(each, rule)
         size = outcomes.clusters.size
-        shares = rule.metric.shares([child.states for child in outcomes.beliefs], rule.metric.modes).sum(
-            axis=1
+        shares = rule.metric.shares(
+            [child.states for child in outcomes.beliefs], rule.metric.modes
+        ).sum(axis=1)
+        assert left[k] == pytest.approx(
+            outcomes.probability @ rule.stopping.cost_to_go(shares * size, size)
         )
-        assert left[k] == pytest.approx(outcomes.probability @ rule.stopping.cost_to_go(shares * size, size))
 
 
 def test_rank_many_grasp_poses_sorts_finalists_by_cost():
@@ -72,7 +74,10 @@ def test_unlike_random_grasp_poses_leaves_no_variants_and_drops_nothing_else():
     grasps = rng.uniform([-15.0, -15.0, 0.0], [15.0, 15.0, np.pi], (60, 3))
 
     def alike(one, other):
-        shift, turn = np.hypot(*(one - other)[:2]), abs(float(wrap(np.asarray(one[2] - other[2]), 2)))
+        shift, turn = (
+            np.hypot(*(one - other)[:2]),
+            abs(float(wrap(np.asarray(one[2] - other[2]), 2))),
+        )
         return shift < ALIKE_MM and turn < ALIKE
 
     chosen = unlike(grasps, 60)

@@ -40,7 +40,9 @@ class Toy:
     def squeeze(self, cases, rng):
         squeezed = []
         for belief, grasp in cases:
-            place = np.argmin(np.linalg.norm(belief.poses[:, None, :2] - PLACES[:, :2], axis=2), axis=1)
+            place = np.argmin(
+                np.linalg.norm(belief.poses[:, None, :2] - PLACES[:, :2], axis=2), axis=1
+            )
             angle = int(np.argmin(np.abs(ANGLES - grasp[2])))
             squeezed.append(Squeezed(replace(belief, reading=self.counts[angle][place]), 0.0, 40.0))
         return squeezed
@@ -105,7 +107,9 @@ def test_grow_places_that_read_alike_ends_with_a_leaf_that_does_not_know(problem
     counts = np.full((len(ANGLES), len(PLACES)), 100)
     counts[:, 0] = 180
     toy = Toy(problem.mixture, counts)
-    _, root = searched(replace(problem, model=toy, ahead=toy), Belief.of(np.repeat(PLACES, EACH, axis=0)))
+    _, root = searched(
+        replace(problem, model=toy, ahead=toy), Belief.of(np.repeat(PLACES, EACH, axis=0))
+    )
     known = [leaf for leaf in leaves(root) if problem.stopping.reached(leaf.mode.ratio)]
     assert sum(leaf.share for leaf in known) == pytest.approx(0.25)
     assert max(node.depth for node in breadth_first(root)) <= 4
@@ -130,7 +134,9 @@ def test_back_up_real_squeezes_satisfies_the_bellman_equation(tree, problem):
             shares = np.array([child.share for child in action.children])
             left = shares @ [child.value for child in action.children] / shares.sum()
             crashes = action.squeeze.crashes
-            value = action.squeeze.cost + crashes * problem.stopping.failure + (1.0 - crashes) * left
+            value = (
+                action.squeeze.cost + crashes * problem.stopping.failure + (1.0 - crashes) * left
+            )
             assert action.value == pytest.approx(value)
         assert node.value == pytest.approx(min(action.value for action in node.actions))
         assert node.best is node.actions[0]
@@ -138,7 +144,9 @@ def test_back_up_real_squeezes_satisfies_the_bellman_equation(tree, problem):
 
 def test_grow_complete_search_leaves_no_tip_open(tree):
     search, root = tree
-    assert not any(search.is_open(leaf) and leaf.share >= search.stage.least for leaf in leaves(root))
+    assert not any(
+        search.is_open(leaf) and leaf.share >= search.stage.least for leaf in leaves(root)
+    )
 
 
 def test_grow_spent_limit_leaves_a_whole_plan_of_one_squeeze(problem):
@@ -157,7 +165,9 @@ def test_absorb_parts_beside_a_leaf_pose_reopens_it(tree):
     leaf, size = ends[number], len(ends[number].belief)
     few = size // 4
     beside = np.tile(leaf.mode.pose + np.array([30.0, 0.0, 0.0]), (few, 1))
-    again = search.absorb(root, {number: Belief.of(beside, np.full(few, leaf.belief.reading[0]))}, {})
+    again = search.absorb(
+        root, {number: Belief.of(beside, np.full(few, leaf.belief.reading[0]))}, {}
+    )
     assert again == pytest.approx(leaf.share)
     assert search.is_open(leaf)
     assert (len(leaf.belief), leaf.fresh) == (size + few, few)
@@ -196,10 +206,14 @@ def test_absorb_strays_far_from_all_branches_are_one_where_there_are_several(tre
     search.absorb(root, {}, {0: read_at(root, far, size)})
     assert len(root.children) == children + (size >= LEAST_STRAYS)
     assert (far in root.squeeze.clusters.low) == (size >= LEAST_STRAYS)
-    assert sum(child.share for child in root.children) == pytest.approx(1.0, abs=size / len(root.belief))
+    assert sum(child.share for child in root.children) == pytest.approx(
+        1.0, abs=size / len(root.belief)
+    )
 
 
-def test_absorb_strays_at_many_readings_keeps_to_the_number_of_branches_of_a_table(tree, monkeypatch):
+def test_absorb_strays_at_many_readings_keeps_to_the_number_of_branches_of_a_table(
+    tree, monkeypatch
+):
     search, root = deepcopy(tree)
     lowest, most = int(root.squeeze.clusters.low[-1]), len(root.children) + 2
     monkeypatch.setattr(planner.search.search, "MAX_BRANCHES", most)

@@ -88,7 +88,9 @@ def test_nothing_runs_on_once_the_work_has_ended():
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="a system without fork")
 def test_a_forked_process_has_threads_of_its_own():
     assert list(Threads(2).map(squared, range(9))) == [squared(k) for k in range(9)]
-    process = multiprocessing.get_context("fork").Process(target=lambda: [*Threads(2).map(squared, range(9))])
+    process = multiprocessing.get_context("fork").Process(
+        target=lambda: [*Threads(2).map(squared, range(9))]
+    )
     process.start()
     process.join(timeout=60)
     assert process.exitcode == 0
@@ -101,7 +103,9 @@ def test_without_an_address_there_are_threads():
         assert scheduler.workers >= 1
 
 
-@pytest.mark.parametrize("address", ["", "localhost:8786", "tcp:/host:1", "http://host:8786", "tcp://a b"])
+@pytest.mark.parametrize(
+    "address", ["", "localhost:8786", "tcp:/host:1", "http://host:8786", "tcp://a b"]
+)
 def test_what_is_no_address_is_refused(address):
     with pytest.raises(UsageError, match="tcp://host:8786"), scheduler_of(address):
         pass

@@ -45,22 +45,35 @@ class Interrupted:
 def arguments(tmp_path: Path) -> argparse.Namespace:
     tree, widths = tmp_path / "t.msgpack", tmp_path / "g.json"
     dump(small_table(), tree)
-    gauges = [Gauge((230 - count) * 85.0 / 227.0, (count,)) for count in (230, 200, 150, 100, 50, 3)]
+    gauges = [
+        Gauge((230 - count) * 85.0 / 227.0, (count,)) for count in (230, 200, 150, 100, 50, 3)
+    ]
     calibration.save(calibration.fit(gauges, "S/N-1", "2026-01-01T00:00:00Z"), widths)
-    words = ["middle", "--port", str(tmp_path / "gripper"), "--arm", str(tmp_path / "arm"), "--activate"]
+    words = [
+        "middle",
+        "--port",
+        str(tmp_path / "gripper"),
+        "--arm",
+        str(tmp_path / "arm"),
+        "--activate",
+    ]
     words += ["--tree", str(tree), "--calibration", str(widths), "--block", f"{BLOCK_MM:g}"]
     return calibrate.parser().parse_args([*words, "-o", str(tmp_path / "o.json")])
 
 
 @pytest.mark.parametrize("tips", ["straight", "57.15,5"])
-def test_stopped_calibration_never_lifts_the_fixed_block(arguments: argparse.Namespace, tips: str) -> None:
+def test_stopped_calibration_never_lifts_the_fixed_block(
+    arguments: argparse.Namespace, tips: str
+) -> None:
     arguments.tips = tips
     gripped = 0
     for number in range(45):  # the first two grips
         cell = VirtualCell(setting()._replace(block=Block(BLOCK_MM)), 5)
         log: list[str] = []
         devices = SimpleNamespace(
-            gripper=lambda port, cell=cell, log=log, at=number: Interrupted(cell.gripper(), log, at),
+            gripper=lambda port, cell=cell, log=log, at=number: Interrupted(
+                cell.gripper(), log, at
+            ),
             arm=lambda port, cell=cell, log=log, at=number: Interrupted(cell.arm(), log, at),
         )
         with pytest.raises(KeyboardInterrupt) as stopped:

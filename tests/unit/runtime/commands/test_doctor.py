@@ -59,7 +59,11 @@ def test_a_port_one_may_not_open_names_the_group(monkeypatch: pytest.MonkeyPatch
 
 def test_who_holds_a_port_is_named(tmp_path: Path) -> None:
     assert verdicts(doctor.check_port("/dev/null", System(proc=tmp_path))) == [Verdict.GOOD] * 2
-    for pid, target in (("4711", "/dev/null"), ("4712", "/dev/zero"), (str(os.getpid()), "/dev/null")):
+    for pid, target in (
+        ("4711", "/dev/null"),
+        ("4712", "/dev/zero"),
+        (str(os.getpid()), "/dev/null"),
+    ):
         (tmp_path / pid / "fd").mkdir(parents=True)
         (tmp_path / pid / "fd" / "3").symlink_to(target)
         (tmp_path / pid / "fd" / "4").symlink_to("/gone")
@@ -73,7 +77,9 @@ def test_who_holds_a_port_is_named(tmp_path: Path) -> None:
 def test_a_simulated_cells_terminal_is_held_by_the_cell_and_by_nobody_else() -> None:
     """Each end in a process of its own, as with grasp-cell and a terminal program that was left open."""
     maker = "import os; m, s = os.openpty(); print(os.ttyname(s), flush=True); input()"
-    holder = "import os, sys; os.open(sys.argv[1], os.O_RDWR | os.O_NOCTTY); print(flush=True); input()"
+    holder = (
+        "import os, sys; os.open(sys.argv[1], os.O_RDWR | os.O_NOCTTY); print(flush=True); input()"
+    )
     with _started(maker) as cell:
         terminal = cell.stdout.readline().strip()
         found = list(doctor.check_port(terminal, System()))
@@ -89,7 +95,9 @@ def test_a_simulated_cells_terminal_is_held_by_the_cell_and_by_nobody_else() -> 
 @contextmanager
 def _started(source: str, *words: str) -> Iterator["subprocess.Popen[str]"]:
     command = [sys.executable, "-c", source, *words]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as process:
         yield process
         process.communicate("\n")
 
@@ -129,7 +137,9 @@ def test_the_latency_timer(tmp_path: Path, value: str | None, verdict: Verdict, 
     ],
 )
 def test_a_silent_gripper_is_looked_for(heard, verdict: Verdict, told: str) -> None:
-    found = only(doctor.check_silence("p", lambda port: (SimpleNamespace(unit=u, baud=b) for u, b in heard)))
+    found = only(
+        doctor.check_silence("p", lambda port: (SimpleNamespace(unit=u, baud=b) for u, b in heard))
+    )
     assert found.verdict is verdict
     assert told in found.sentence
     assert found.remedy
@@ -199,7 +209,14 @@ class Drivers:
 def test_all_checks_of_a_healthy_cell(tmp_path: Path) -> None:
     drivers = Drivers()
     found = list(
-        findings("tcp://doctor:1", "tcp://h:2", small_table(), CALIBRATION, drivers, System(proc=tmp_path))
+        findings(
+            "tcp://doctor:1",
+            "tcp://h:2",
+            small_table(),
+            CALIBRATION,
+            drivers,
+            System(proc=tmp_path),
+        )
     )
     assert set(verdicts(found)) == {Verdict.GOOD}
     assert len(found) == 4
@@ -209,7 +226,9 @@ def test_all_checks_of_a_healthy_cell(tmp_path: Path) -> None:
 
 def test_devices_that_do_not_answer_are_findings(tmp_path: Path) -> None:
     drivers = Drivers(ConnectionError("no route"))
-    found = list(findings("tcp://doctor:1", "tcp://h:2", None, None, drivers, System(proc=tmp_path)))
+    found = list(
+        findings("tcp://doctor:1", "tcp://h:2", None, None, drivers, System(proc=tmp_path))
+    )
     assert verdicts(found) == [Verdict.BAD, Verdict.BAD]
     found = list(findings("/dev/null", None, None, None, drivers, System(proc=tmp_path)))
     assert verdicts(found) == [Verdict.GOOD, Verdict.GOOD, Verdict.GOOD, Verdict.BAD, Verdict.BAD]

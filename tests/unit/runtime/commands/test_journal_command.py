@@ -34,7 +34,9 @@ def lines(capsys: pytest.CaptureFixture[str]) -> list[str]:
     return capsys.readouterr().out.splitlines()
 
 
-def test_verify_counts_and_names_the_damaged_line(journal: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_verify_counts_and_names_the_damaged_line(
+    journal: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["verify", str(journal)]) == 0
     (told,) = lines(capsys)
     assert "records in 2 runs verify; the last run ended" in told
@@ -123,7 +125,10 @@ def test_a_part_that_broke_off_is_exported_without_an_end(journal: Path, tmp_pat
 
 
 def test_parquet_without_pyarrow_says_what_to_install(
-    journal: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    journal: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     assert main(["export", str(journal), "-o", str(tmp_path / "out.parquet")]) == 2
@@ -136,7 +141,9 @@ def test_parquet_holds_the_same_rows_as_csv(journal: Path, tmp_path: Path) -> No
     rows = parquet.read_table(tmp_path / "out.parquet").to_pylist()
     with (tmp_path / "out.csv").open() as file:
         written = list(csv.DictReader(file))
-    told = [{name: "" if value is None else str(value) for name, value in row.items()} for row in rows]
+    told = [
+        {name: "" if value is None else str(value) for name, value in row.items()} for row in rows
+    ]
     assert told == written
     assert [row["part"] for row in rows] == [1, 2, 2, 3, 3, 4] * 2
     assert main(["export", str(journal), "-o", str(tmp_path / "no" / "out.parquet")]) == 2
@@ -185,7 +192,10 @@ def test_the_same_journal_gives_the_same_recording(journal: Path, tmp_path: Path
 
 
 def test_mcap_without_its_extra_says_what_to_install(
-    journal: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    journal: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setitem(sys.modules, "mcap.writer", None)
     assert main(["export", str(journal), "-o", str(tmp_path / "out.mcap")]) == 2
@@ -193,7 +203,9 @@ def test_mcap_without_its_extra_says_what_to_install(
     assert list(tmp_path.iterdir()) == [journal]
 
 
-@pytest.mark.parametrize(("to", "name"), [("mcap", "out.csv"), ("csv", "out.mcap"), ("parquet", "-")])
+@pytest.mark.parametrize(
+    ("to", "name"), [("mcap", "out.csv"), ("csv", "out.mcap"), ("parquet", "-")]
+)
 def test_a_form_that_is_not_the_files_is_usage(
     journal: Path, tmp_path: Path, to: str, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -219,7 +231,10 @@ def test_an_output_that_cannot_be_is_usage(
 
 @pytest.mark.parametrize("words", [["show"], ["verify"], ["replay"], ["export", "-o", "out.csv"]])
 def test_an_empty_journal_tells_nothing_that_could_be_right(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: list[str], capsys: pytest.CaptureFixture[str]
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    words: list[str],
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("j.jsonl").touch()
@@ -228,7 +243,9 @@ def test_an_empty_journal_tells_nothing_that_could_be_right(
     assert not Path("out.csv").exists()
 
 
-@pytest.mark.parametrize(("output", "code", "told"), [("/dev/full", 2, "No space left"), (None, 0, "")])
+@pytest.mark.parametrize(
+    ("output", "code", "told"), [("/dev/full", 2, "No space left"), (None, 0, "")]
+)
 def test_a_full_disk_and_a_reader_gone_are_no_tracebacks(
     journal: Path, output: str | None, code: int, told: str
 ) -> None:
@@ -239,7 +256,9 @@ def test_a_full_disk_and_a_reader_gone_are_no_tracebacks(
         os.close(reader)
     else:
         writer = os.open(output, os.O_WRONLY)
-    ended = subprocess.run(command, cwd=ROOT, stdout=writer, stderr=subprocess.PIPE, text=True, check=False)
+    ended = subprocess.run(
+        command, cwd=ROOT, stdout=writer, stderr=subprocess.PIPE, text=True, check=False
+    )
     os.close(writer)
     assert ended.returncode == code, ended.stderr
     assert told in ended.stderr

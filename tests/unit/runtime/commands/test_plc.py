@@ -106,7 +106,9 @@ def test_several_tables_without_a_plc_are_refused() -> None:
         options.check_usage(parser().parse_args(["--tree", "t", "--tree", "u", "--port", "sim"]))
 
 
-def test_map_is_printed_without_a_table_and_starts_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+def test_map_is_printed_without_a_table_and_starts_nothing(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     with pytest.raises(SystemExit) as ended:
         main(["--plc-map", "json"])
     assert ended.value.code == 0
@@ -116,11 +118,21 @@ def test_map_is_printed_without_a_table_and_starts_nothing(capsys: pytest.Captur
     assert ended.value.code == 2
 
 
-def test_port_in_use_is_one_line_and_code_2(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_port_in_use_is_one_line_and_code_2(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     dump(small_table(), tmp_path / "t")
     with listening(Address("127.0.0.1", 0), "x") as taken:
         url = f"modbus-tcp://127.0.0.1:{taken.getsockname()[1]}"
-        words = ["--tree", str(tmp_path / "t"), "--port", "sim", "--json", "--journal", str(tmp_path / "j")]
+        words = [
+            "--tree",
+            str(tmp_path / "t"),
+            "--port",
+            "sim",
+            "--json",
+            "--journal",
+            str(tmp_path / "j"),
+        ]
         assert main([*words, "--plc", url]) == 2
     said = capsys.readouterr().err.splitlines()[1:]
     assert len(said) == 1
@@ -211,11 +223,19 @@ def test_parts_of_each_outcome_have_their_code_and_only_a_located_one_a_pose(
     assert running.run(program) == 11
     assert [result["outcome"] for result in results] == [1, 2, 3]
     assert [result["exit_code"] for result in results] == [0, 10, 11]
-    assert [(each["x"], each["y"], each["angle"]) for each in results] == [(0, 500, 0), (0, 0, 0), (0, 0, 0)]
+    assert [(each["x"], each["y"], each["angle"]) for each in results] == [
+        (0, 500, 0),
+        (0, 0, 0),
+        (0, 0, 0),
+    ]
     assert [json.loads(line)["outcome"] for line in capsys.readouterr().out.splitlines()] == [
-        "leaf", "reject", "unresolved",
-    ]  # fmt: skip
-    kept = [each for each in running.kept() if each["kind"] in ("trigger", "part", "outcome", "end")]
+        "leaf",
+        "reject",
+        "unresolved",
+    ]
+    kept = [
+        each for each in running.kept() if each["kind"] in ("trigger", "part", "outcome", "end")
+    ]
     assert [each["kind"] for each in kept] == [*["trigger", "part", "outcome"] * 3, "end"]
     assert [each["trigger_id"] for each in kept if each["kind"] == "trigger"] == [5, 5, 65535]
 
@@ -237,7 +257,9 @@ def test_nothing_is_moved_before_enabling(tmp_path: Path, tree: Path) -> None:
     assert len(made.log.named("activate")) == 1
 
 
-def test_enable_withdrawn_before_a_part_begins_ends_it_without_a_motion(tmp_path: Path, tree: Path) -> None:
+def test_enable_withdrawn_before_a_part_begins_ends_it_without_a_motion(
+    tmp_path: Path, tree: Path
+) -> None:
     made, triggered = fake_cell([AT_21]), threading.Event()
     made.gripper.now = State(activated=False)
     sweep = made.gripper.activate
@@ -298,7 +320,9 @@ def test_policy_that_ends_the_run_lets_the_result_be_taken(tmp_path: Path, tree:
     assert running.run(program) == 10
 
 
-def test_error_that_no_part_ends_with_is_a_fault_of_the_part_under_way(tmp_path: Path, tree: Path) -> None:
+def test_error_that_no_part_ends_with_is_a_fault_of_the_part_under_way(
+    tmp_path: Path, tree: Path
+) -> None:
     def program(client: TcpPlc) -> None:
         client.enable()
         client.begin(4)
@@ -359,8 +383,20 @@ def test_change_of_the_table_ends_a_run_and_begins_another(tmp_path: Path, tree:
     running = Running(tmp_path, fake_cell([AT_21] * 3), tree, other)
     with pytest.raises(KeyboardInterrupt):
         running.run(program)
-    kinds = [each["kind"] for each in running.kept() if each["kind"] in ("header", "trigger", "end")]
-    assert kinds == ["header", "end", "header", "trigger", "trigger", "end", "header", "trigger", "end"]
+    kinds = [
+        each["kind"] for each in running.kept() if each["kind"] in ("header", "trigger", "end")
+    ]
+    assert kinds == [
+        "header",
+        "end",
+        "header",
+        "trigger",
+        "trigger",
+        "end",
+        "header",
+        "trigger",
+        "end",
+    ]
 
 
 def test_tables_for_different_grippers_are_refused(tmp_path: Path, tree: Path) -> None:

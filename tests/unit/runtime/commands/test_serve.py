@@ -36,9 +36,15 @@ class Serving:
         listener = listening(Address("127.0.0.1", 0), "--serve")
         self.address = listener.getsockname()
         asked = AskedParts(
-            table, "0" * 64, journal, clock, Objects(table, Path("j")), Tally(), RunOptions(),
+            table,
+            "0" * 64,
+            journal,
+            clock,
+            Objects(table, Path("j")),
+            Tally(),
+            RunOptions(),
             parts,
-        )  # fmt: skip
+        )
         self._server = serve.RobotServer(listener, asked, clock)
         self._thread = threading.Thread(target=self._serve)
         self._thread.start()
@@ -51,7 +57,10 @@ class Serving:
 
     def told(self, data: bytes) -> list[str]:
         """All lines that a robot hears which says this and waits for the end."""
-        with socket.create_connection(self.address, timeout=30) as robot, robot.makefile("r") as lines:
+        with (
+            socket.create_connection(self.address, timeout=30) as robot,
+            robot.makefile("r") as lines,
+        ):
             robot.sendall(data)
             return [line.rstrip("\n") for line in lines]
 
@@ -113,7 +122,9 @@ def test_options_that_do_not_go_with_it(words: list[str], told: str) -> None:
 
 
 def test_options_that_do() -> None:
-    options.check_usage(parser().parse_args([*SERVE, "--count", "3", "--on-reject", "stop", "--json"]))
+    options.check_usage(
+        parser().parse_args([*SERVE, "--count", "3", "--on-reject", "stop", "--json"])
+    )
     options.check_usage(parser().parse_args([*SERVE, "--serve", "tcp://0.0.0.0:5020", "--network"]))
     options.check_usage(parser().parse_args([*SERVE, "--serve", "tcp://localhost:0"]))
     assert {action.dest for action in parser()._actions} > SERVED

@@ -83,7 +83,9 @@ def test_a_late_answer_is_not_taken_for_the_next_ones(auditor: AuditProcess) -> 
 
 
 @pytest.mark.parametrize("auditor", ["deaf"], indirect=True)
-def test_a_deaf_one_is_ended_by_a_signal(auditor: AuditProcess, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_deaf_one_is_ended_by_a_signal(
+    auditor: AuditProcess, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("runtime.devices.child.END_S", 0.05)
     auditor.close()
     assert auditor._process.returncode in (-15, -9)
@@ -102,5 +104,7 @@ def test_an_auditor_of_another_table_is_refused(auditor: AuditProcess) -> None:
     assert verdict_of(auditor, 1, POSE) == "pass"
     assert "reason" not in answer_of(auditor, 1, POSE)  # an escape sequence is no sentence
     auditor._common = {"table_sha256": "cd" * 32}
-    with pytest.raises(ArgumentsError, match=r"judges by another table, with the SHA-256 abab.*same --tree"):
+    with pytest.raises(
+        ArgumentsError, match=r"judges by another table, with the SHA-256 abab.*same --tree"
+    ):
         auditor.check()

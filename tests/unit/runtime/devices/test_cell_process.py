@@ -44,7 +44,9 @@ def test_a_program_that_is_not_there(monkeypatch: pytest.MonkeyPatch, tmp_path: 
 
 
 def test_one_that_ends_at_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    assert "ended with exit code 7 before it served" in refused(monkeypatch, script(tmp_path, "exit 7"))
+    assert "ended with exit code 7 before it served" in refused(
+        monkeypatch, script(tmp_path, "exit 7")
+    )
 
 
 def test_one_that_tells_something_else(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -53,7 +55,9 @@ def test_one_that_tells_something_else(monkeypatch: pytest.MonkeyPatch, tmp_path
         assert "instead of its endpoints" in told
 
 
-def test_one_that_stays_silent_and_does_not_listen(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_one_that_stays_silent_and_does_not_listen(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     monkeypatch.setattr(cell_process, "START_S", 0.05)
     monkeypatch.setattr(child, "END_S", 0.05)
     told = refused(monkeypatch, script(tmp_path, "trap '' TERM; while true; do sleep 0.05; done"))

@@ -48,7 +48,9 @@ def as_another_session(port: str, folder: Path) -> subprocess.CompletedProcess[s
     words = "import sys; from runtime.devices.lock import PortLock; PortLock(sys.argv[1])"
     own = {**os.environ, "XDG_RUNTIME_DIR": str(folder), "TMPDIR": str(folder)}
     command = [sys.executable, "-c", words, port]
-    return subprocess.run(command, cwd=ROOT, env=own, capture_output=True, text=True, timeout=60, check=False)
+    return subprocess.run(
+        command, cwd=ROOT, env=own, capture_output=True, text=True, timeout=60, check=False
+    )
 
 
 def busy(port: str) -> bool:
@@ -102,7 +104,9 @@ def test_a_name_is_all_its_addresses(monkeypatch: pytest.MonkeyPatch) -> None:
         assert not busy("tcp://[2001:db8::7]:5000"), "an attempt that failed has let go of all"
 
 
-def test_lock_of_a_name_that_no_server_tells_is_taken_in_time(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_lock_of_a_name_that_no_server_tells_is_taken_in_time(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     asked, answered = socket.getaddrinfo, threading.Event()
 
     def silent(host: str, number: int, **settings: int) -> list[object]:
@@ -225,7 +229,9 @@ def test_an_owner_that_was_asked_too_often_is_still_the_owner() -> None:
 def test_contenders_never_hold_it_together(tmp_path: Path) -> None:
     command = [sys.executable, "-c", CONTENDER, PORT, str(tmp_path)]
     pipe = subprocess.PIPE
-    running = [subprocess.Popen(command, cwd=ROOT, stdin=pipe, stdout=pipe, text=True) for _ in range(3)]
+    running = [
+        subprocess.Popen(command, cwd=ROOT, stdin=pipe, stdout=pipe, text=True) for _ in range(3)
+    ]
     for process in running:
         assert process.stdout is not None
         assert process.stdout.readline() == "ready\n"

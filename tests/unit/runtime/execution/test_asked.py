@@ -15,9 +15,33 @@ from runtime.monitoring.console import Objects
 from runtime.table import REJECT, UNDETECTED_UM, Calibration, Table, decide, decision_map
 from runtime.traversal.decision import Policy, release_point
 
-WORDS = ("NEXT", "WIDTH", "COUNTS", "STATUS", "RESET", "TABLE", "VERSION", "OBJECT", "NONE", "0", "1", "21.0")
+WORDS = (
+    "NEXT",
+    "WIDTH",
+    "COUNTS",
+    "STATUS",
+    "RESET",
+    "TABLE",
+    "VERSION",
+    "OBJECT",
+    "NONE",
+    "0",
+    "1",
+    "21.0",
+)
 WORDS += ("30", "174", "-1", "1e9", "nan", "", "²", "next", "999999999999", "+5", "0x10", "\t", "é")
-ANSWERS = {"SQUEEZE", "DRAG", "LEAF", "UNRESOLVED", "REJECT", "ERROR", "STATUS", "TABLE", "VERSION", "OK"}
+ANSWERS = {
+    "SQUEEZE",
+    "DRAG",
+    "LEAF",
+    "UNRESOLVED",
+    "REJECT",
+    "ERROR",
+    "STATUS",
+    "TABLE",
+    "VERSION",
+    "OK",
+}
 
 
 @pytest.fixture(autouse=True)
@@ -76,12 +100,16 @@ def test_a_width_means_what_its_count_does() -> None:
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_whatever_is_said_is_answered_in_one_short_line_and_a_refusal_changes_nothing(seed: int) -> None:
+def test_whatever_is_said_is_answered_in_one_short_line_and_a_refusal_changes_nothing(
+    seed: int,
+) -> None:
     random, table = Random(seed), every_field_table()
     asked = parts(table, Policy.of("resqueeze,restart", "restart"))
     for _ in range(300):
         before = asked.answer("STATUS")
-        told = asked.answer(" ".join(random.choice(WORDS) for _ in range(random.choice((1, 1, 2, 3, 4)))))
+        told = asked.answer(
+            " ".join(random.choice(WORDS) for _ in range(random.choice((1, 1, 2, 3, 4))))
+        )
         assert told.isascii()
         assert "\n" not in told
         assert len(told) < MAX_LINE
@@ -92,7 +120,9 @@ def test_whatever_is_said_is_answered_in_one_short_line_and_a_refusal_changes_no
             assert asked.answer("STATUS") == before
 
 
-@pytest.mark.parametrize(("name", "told"), [("right hand", "right hand"), ("Stützwinkel 2 é" * 9, "?")])
+@pytest.mark.parametrize(
+    ("name", "told"), [("right hand", "right hand"), ("Stützwinkel 2 é" * 9, "?")]
+)
 def test_a_leaf_of_several_parts_ends_with_which_it_is(name: str, told: str) -> None:
     table = several_table()
     table = replace(table, hypotheses=(table.hypotheses[0], OTHER._replace(name=name)))

@@ -44,7 +44,9 @@ def test_the_table_passes_through_the_blocks_and_never_rises() -> None:
     assert Calibration(made.widths_um) == made.table
 
 
-def test_seven_blocks_bring_the_arc_within_half_a_millimetre_where_the_line_is_off_by_more_than_two() -> None:
+def test_seven_blocks_bring_the_arc_within_half_a_millimetre_where_the_line_is_off_by_more_than_two() -> (
+    None
+):
     made, linear = fit(gauges(), "S/N 1", "today"), Calibration.linear(GRIPPER)
     widths = [w / 4 for w in range(4, 330)]
     own = max(abs(made.widths_um[round(count_of(w))] / 1000 - w) for w in widths)
@@ -58,11 +60,15 @@ def test_seven_blocks_bring_the_arc_within_half_a_millimetre_where_the_line_is_o
 
 
 def test_a_straight_gripper_has_no_residuals() -> None:
-    straight = [Gauge(w, (round(230 - w * 227 / 85),)) for w in (0.0, 85 * 50 / 227, 85 * 100 / 227, 85.0)]
+    straight = [
+        Gauge(w, (round(230 - w * 227 / 85),)) for w in (0.0, 85 * 50 / 227, 85 * 100 / 227, 85.0)
+    ]
     made = fit(straight, "S/N 1", "today")
     assert max(map(abs, residuals_mm(made))) < 1e-9
     linear = Calibration.linear(GRIPPER)
-    assert max(abs(a - b) for a, b in zip(made.widths_um[3:], linear.widths_um[3:], strict=True)) <= 1
+    assert (
+        max(abs(a - b) for a, b in zip(made.widths_um[3:], linear.widths_um[3:], strict=True)) <= 1
+    )
 
 
 @pytest.mark.parametrize(
@@ -73,16 +79,22 @@ def test_a_straight_gripper_has_no_residuals() -> None:
         ([*gauges((0.0, 5.0)), Gauge(20.0, (218,))], "a wider one reads less"),
     ],
 )
-def test_measurements_that_contradict_one_another_are_refused(measured: list[Gauge], told: str) -> None:
+def test_measurements_that_contradict_one_another_are_refused(
+    measured: list[Gauge], told: str
+) -> None:
     with pytest.raises(CalibrationError, match=told):
         fit(measured, "S/N 1", "today")
 
 
 def test_a_file_gives_back_what_was_saved_and_refuses_a_changed_byte(tmp_path: Path) -> None:
     path = tmp_path / "g.json"
-    made = calibration.GripperCalibration("S/N 1", "today", tuple(gauges()), fit(gauges(), "", "").widths_um)
+    made = calibration.GripperCalibration(
+        "S/N 1", "today", tuple(gauges()), fit(gauges(), "", "").widths_um
+    )
     for tips, current in ((None, None), ((57.15, 5.2), (30, 900))):
-        made = calibration.GripperCalibration("S/N 1", "today", made.gauges, made.widths_um, tips, current)
+        made = calibration.GripperCalibration(
+            "S/N 1", "today", made.gauges, made.widths_um, tips, current
+        )
         save(made, path)
         assert load(path) == made
     told = json.loads(path.read_text())
@@ -153,7 +165,9 @@ class ArcGripper:
         stop = round(count_of(self.block_mm))
         met = request > stop and self.block_mm > 0.0
         count = stop if met else min(max(request, 3), 230)
-        return SimpleNamespace(position_counts=count, object_flag=2 if met else 3, echo_counts=request)
+        return SimpleNamespace(
+            position_counts=count, object_flag=2 if met else 3, echo_counts=request
+        )
 
     def close(self) -> None:
         self.closed = True
@@ -204,7 +218,9 @@ def test_as_json_the_measurement_is_one_document_and_the_questions_are_elsewhere
     told = json.loads(capsys.readouterr().out)
     made = load(tmp_path / "g.json")
     assert (told["output"], told["gripper"]) == (str(tmp_path / "g.json"), "S/N 7")
-    assert [block["position_counts"] for block in told["blocks"]] == [list(g.counts) for g in made.gauges]
+    assert [block["position_counts"] for block in told["blocks"]] == [
+        list(g.counts) for g in made.gauges
+    ]
     assert [block["width_mm"] for block in told["blocks"]] == list(BLOCKS)
 
 
@@ -259,7 +275,9 @@ def test_without_a_terminal_nobody_can_press_enter(
         ("--output", "no folder/g.json"),
     ],
 )
-def test_wrong_arguments_are_told_before_anything_is_opened(tmp_path: Path, wrong: tuple[str, ...]) -> None:
+def test_wrong_arguments_are_told_before_anything_is_opened(
+    tmp_path: Path, wrong: tuple[str, ...]
+) -> None:
     def opened(port: str):
         raise AssertionError("the gripper was opened")
 

@@ -34,10 +34,14 @@ def look(path: Path, policy: str, table: bytes = TABLE, **fields: object):
     return look_at(path, policy, moment(), table, **fields)
 
 
-def look_at(path: Path, policy: str, now: Mapping[str, object], table: bytes = TABLE, **fields: object):
+def look_at(
+    path: Path, policy: str, now: Mapping[str, object], table: bytes = TABLE, **fields: object
+):
     with Journal(path, STAMP) as journal:
         return crash.look(
-            *(journal, table, {**FIELDS, **fields}, policy, Quiet()), now=now, most_s=RESUME_WITHIN_S
+            *(journal, table, {**FIELDS, **fields}, policy, Quiet()),
+            now=now,
+            most_s=RESUME_WITHIN_S,
         )
 
 
@@ -45,7 +49,11 @@ def moment(wall_s: float = 0.0, up_s: float = 0.0, boot: str | None = None) -> d
     """Now, by clocks that are so many seconds on."""
     uptime = SystemClock().uptime()
     date = datetime.now(UTC) + timedelta(seconds=wall_s)
-    return {"time": date.isoformat(), "boot": boot or uptime["boot"], "up_s": float(uptime["up_s"]) + up_s}
+    return {
+        "time": date.isoformat(),
+        "boot": boot or uptime["boot"],
+        "up_s": float(uptime["up_s"]) + up_s,
+    }
 
 
 def test_a_run_that_ended_is_nothing_to_go_on_with(tmp_path: Path) -> None:
@@ -55,7 +63,9 @@ def test_a_run_that_ended_is_nothing_to_go_on_with(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("lines", "part", "steps"), [(1, None, 0), (2, 1, 0), (4, 1, 1), (5, None, 0), (9, 2, 1)]
 )
-def test_where_it_broke_off_is_known(tmp_path: Path, lines: int, part: int | None, steps: int) -> None:
+def test_where_it_broke_off_is_known(
+    tmp_path: Path, lines: int, part: int | None, steps: int
+) -> None:
     seen = look(broken(tmp_path / "j.jsonl", lines), crash.RESUME)
     assert seen is not None
     assert (seen.part, len(seen.steps)) == (part, steps)
@@ -124,7 +134,9 @@ RECENT = {
 
 @pytest.mark.parametrize("policy", [crash.RESUME, crash.RESTART])
 @pytest.mark.parametrize("name", TOO_OLD)
-def test_look_a_part_that_is_old_or_of_unclear_age_is_refused(tmp_path: Path, policy: str, name: str) -> None:
+def test_look_a_part_that_is_old_or_of_unclear_age_is_refused(
+    tmp_path: Path, policy: str, name: str
+) -> None:
     path = broken(tmp_path / "j.jsonl", 4)
     with pytest.raises(BrokenRunError, match=r"s ago; after 300 s|is not clear") as refused:
         look_at(path, policy, TOO_OLD[name]())
@@ -153,7 +165,9 @@ def test_between_two_parts_there_is_nothing_that_could_be_too_old(tmp_path: Path
 
 
 @pytest.mark.parametrize("policy", [crash.RESUME, crash.ABORT])
-def test_a_run_that_its_own_counts_do_not_justify_is_not_resumed(tmp_path: Path, policy: str) -> None:
+def test_a_run_that_its_own_counts_do_not_justify_is_not_resumed(
+    tmp_path: Path, policy: str
+) -> None:
     path = tmp_path / "j.jsonl"
     with Journal(path, STAMP) as journal:
         journal.header(TABLE, FIELDS)
@@ -174,7 +188,12 @@ def test_going_on_is_recorded_with_what_was_cut_off(tmp_path: Path) -> None:
         )
         crash.begin(journal, seen, TABLE, FIELDS, crash.RESUME)
     last = list(records(path))[-1]
-    assert (last["kind"], last["part"], last["how"], last["cut_bytes"]) == ("resume", 1, "resume", 12)
+    assert (last["kind"], last["part"], last["how"], last["cut_bytes"]) == (
+        "resume",
+        1,
+        "resume",
+        12,
+    )
 
 
 def test_the_header_of_a_new_run_holds_the_table(tmp_path: Path) -> None:

@@ -23,7 +23,9 @@ area_mm = [-60, -60, 90, 60]
 
 
 def test_three_numbers_are_a_drop_off() -> None:
-    assert from_text("50,-10,90") == Delivery(drop=(50.0, -10.0, pytest.approx(pi / 2)), width_mm=(0.5, inf))
+    assert from_text("50,-10,90") == Delivery(
+        drop=(50.0, -10.0, pytest.approx(pi / 2)), width_mm=(0.5, inf)
+    )
 
 
 @pytest.mark.parametrize("text", ["50,-10,90", "-1e2,0.1,-179.9"])
@@ -113,7 +115,11 @@ def test_several_parts_are_sorted_by_their_names(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "goal", "told"),
     [
-        (["1,2,3"], {}, "which part it is; write NAME=x,y,angle, the name one of: left hand, right hand"),
+        (
+            ["1,2,3"],
+            {},
+            "which part it is; write NAME=x,y,angle, the name one of: left hand, right hand",
+        ),
         (["hand=1,2,3"], {}, "one of: left hand"),
         (["left hand=1,2,3", "left hand=1,2,3"], {}, "left hand has a place already"),
         (["left hand=1,2,x"], {}, "write x,y,angle"),
@@ -121,7 +127,9 @@ def test_several_parts_are_sorted_by_their_names(tmp_path: Path) -> None:
         (["left hand=1,2,3"], {"identify": False}, "both which part it is and where"),
     ],
 )
-def test_a_place_of_no_known_part_is_refused(words: list[str], goal: dict[str, object], told: str) -> None:
+def test_a_place_of_no_known_part_is_refused(
+    words: list[str], goal: dict[str, object], told: str
+) -> None:
     table = several_table()
     table = replace(table, goal=replace(table.goal, **goal))
     with pytest.raises(ArgumentsError, match=told):

@@ -56,7 +56,11 @@ CALLS = [
     ],
 )
 def test_outcome_follows_the_widths(
-    counts: list[tuple[int, int]], outcome: Outcome, leaf: int | None, path: list[int], exit_code: int
+    counts: list[tuple[int, int]],
+    outcome: Outcome,
+    leaf: int | None,
+    path: list[int],
+    exit_code: int,
 ) -> None:
     made, seen = fake_cell(counts), []
     result = run(made, seen=seen)
@@ -72,11 +76,18 @@ def test_motions_come_in_the_order_place_open_descend_close_open_retreat() -> No
     made = fake_cell(LONGEST)
     run(made)
     motions = [call for call in made.log.calls if call.name in ("move", "move_linear")]
-    told = [("jaws", call.arguments[0]) if call.name == "move" else call.arguments[:4] for call in motions]
+    told = [
+        ("jaws", call.arguments[0]) if call.name == "move" else call.arguments[:4]
+        for call in motions
+    ]
     one = [("jaws", 0), (0.0, 0.0, 60.0, 0.0), (0.0, 0.0, 10.0, 0.0), ("jaws", 255), ("jaws", 0)]
     two = [(1.0, -2.0, 60.0, 1.570796), (1.0, -2.0, 10.0, 1.570796), ("jaws", 255), ("jaws", 0)]
     assert told == [
-        *[(5.0, 5.0, 60.0, 0.1), *one, (0.0, 0.0, 60.0, 0.0)],  # straight up first, from wherever it stood
+        *[
+            (5.0, 5.0, 60.0, 0.1),
+            *one,
+            (0.0, 0.0, 60.0, 0.0),
+        ],  # straight up first, from wherever it stood
         *[*two, (1.0, -2.0, 60.0, 1.570796)],
     ]
 
@@ -86,15 +97,23 @@ def test_before_a_squeeze_the_jaws_are_set_and_the_hand_pushes_along_its_own_x()
     result = run(made, pushing_table())
     assert (result.outcome, result.leaf) == (Outcome.LEAF, 1)
     motions = [call for call in made.log.calls if call.name in ("move", "move_linear")]
-    told = [("jaws", call.arguments[0]) if call.name == "move" else call.arguments for call in motions]
+    told = [
+        ("jaws", call.arguments[0]) if call.name == "move" else call.arguments for call in motions
+    ]
     first = [
-        (5.0, 5.0, 60.0, 0.1, 400.0), ("jaws", 230), (-50.0, 1.0, 60.0, 0.0, 400.0),
-        (-50.0, 1.0, 10.0, 0.0, 400.0), (-20.0, 1.0, 10.0, 0.0, 30.0), (-20.0, 1.0, 60.0, 0.0, 400.0),
+        (5.0, 5.0, 60.0, 0.1, 400.0),
+        ("jaws", 230),
+        (-50.0, 1.0, 60.0, 0.0, 400.0),
+        (-50.0, 1.0, 10.0, 0.0, 400.0),
+        (-20.0, 1.0, 10.0, 0.0, 30.0),
+        (-20.0, 1.0, 60.0, 0.0, 400.0),
         ("jaws", 0),
-    ]  # fmt: skip
+    ]
     assert told[: len(first)] == first
     low = [motion for motion in told if motion[0] != "jaws" and motion[2] == 10.0]
-    assert low[6] == pytest.approx((3.0, 25.0, 10.0, -1.570796, 30.0), abs=1e-4)  # of the third push
+    assert low[6] == pytest.approx(
+        (3.0, 25.0, 10.0, -1.570796, 30.0), abs=1e-4
+    )  # of the third push
     pushed = ["pushing", "placed", "squeeze", "pushing", "pushing", "placed", "squeeze"]
     assert made.journal.kinds() == ["part", *pushed, "outcome"]
 
@@ -104,7 +123,17 @@ def test_what_is_squeezed_once_more_is_not_pushed_again_and_what_starts_over_is(
     options = RunOptions(Policy.of("resqueeze,restart,next", "next"))
     result = Executor(pushing_table(), made.cell, Deaf(), options).run_part(1)
     assert (result.outcome, result.leaf) == (Outcome.LEAF, 0)
-    kinds = ["part", "pushing", "placed", "squeeze", "placed", "squeeze", "pushing", "placed", "squeeze"]
+    kinds = [
+        "part",
+        "pushing",
+        "placed",
+        "squeeze",
+        "placed",
+        "squeeze",
+        "pushing",
+        "placed",
+        "squeeze",
+    ]
     assert made.journal.kinds() == [*kinds, "outcome"]
 
 
@@ -133,7 +162,9 @@ def test_jaws_that_something_keeps_apart_are_not_lowered_to_push() -> None:
 
 
 def test_ways_of_pushes_have_their_time() -> None:
-    plain, pushing = (expected_s(table, table.nodes[1]) for table in (small_table(), pushing_table()))
+    plain, pushing = (
+        expected_s(table, table.nodes[1]) for table in (small_table(), pushing_table())
+    )
     assert 3 * plain + 55.0 / 30.0 <= pushing < 3 * plain + 55.0 / 30.0 + 0.1
 
 
@@ -230,7 +261,9 @@ def test_a_bug_is_raised_but_only_after_the_safe_state(table: Table, at: int) ->
     ("table", "at"),
     [(small_table(), at) for at in range(6)] + [(pushing_table(), at) for at in range(9)],
 )
-def test_a_journal_that_fails_at_any_record_lets_no_leaf_be_reported(table: Table, at: int, tmp_path) -> None:
+def test_a_journal_that_fails_at_any_record_lets_no_leaf_be_reported(
+    table: Table, at: int, tmp_path
+) -> None:
     journal = FakeJournal(at, JournalError(tmp_path, "full"))
     made = fake_cell(LONGEST, journal=journal)
     result = run(made, table)
@@ -287,7 +320,9 @@ def faulty(**changes: object) -> FakeCell:
         (faulty(moving=True), "without having been asked"),
     ],
 )
-def test_a_gripper_that_is_not_ready_is_not_moved_and_neither_is_the_arm(made: FakeCell, reason: str) -> None:
+def test_a_gripper_that_is_not_ready_is_not_moved_and_neither_is_the_arm(
+    made: FakeCell, reason: str
+) -> None:
     result = run(made)
     assert (result.outcome, result.exit_code) == (Outcome.FAULT, 21)
     assert reason in str(result.reason)
@@ -340,9 +375,13 @@ def test_a_squeeze_that_takes_too_long_is_a_fault() -> None:
 
 
 @pytest.mark.parametrize(("field", "value"), [("speed_um_s", 19_000), ("force_mn", 19_000)])
-def test_a_table_the_gripper_cannot_execute_is_refused_before_anything_moves(field: str, value: int) -> None:
+def test_a_table_the_gripper_cannot_execute_is_refused_before_anything_moves(
+    field: str, value: int
+) -> None:
     node = small_table().nodes[0]
-    table = with_node(small_table(), 0, node._replace(squeeze=node.squeeze._replace(**{field: value})))
+    table = with_node(
+        small_table(), 0, node._replace(squeeze=node.squeeze._replace(**{field: value}))
+    )
     made = fake_cell([])
     with pytest.raises(TableError, match=r"node 0 .* the gripper does 20\.\."):
         run(made, table)

@@ -6,7 +6,18 @@ from dataclasses import FrozenInstanceError, replace
 import pytest
 from fake_cell import Log, State, fake_cell
 from sample_tables import GRIPPER, small_table, with_job, with_node
-from squeezes import ARRIVED, AT_21, AT_30, AT_36, AT_60, CALIBRATION, EMPTY, jaw_moves, meeting, run
+from squeezes import (
+    ARRIVED,
+    AT_21,
+    AT_30,
+    AT_36,
+    AT_60,
+    CALIBRATION,
+    EMPTY,
+    jaw_moves,
+    meeting,
+    run,
+)
 
 from runtime.errors import GripperStateError
 from runtime.execution.events import Phase
@@ -39,7 +50,10 @@ def test_squeeze_regulated_raises_the_force_for_a_drag() -> None:
     made = fake_cell([AT_21])
     assert run(made, RunOptions(handling=Handling(regulated=True)), dragging_table()).leaf == 0
     node_force = profile_of(GRIPPER.model).force_counts(40_000)
-    assert [force for position, _, force in jaw_moves(made) if position == 255] == [GENTLE_FORCE, node_force]
+    assert [force for position, _, force in jaw_moves(made) if position == 255] == [
+        GENTLE_FORCE,
+        node_force,
+    ]
 
 
 def test_squeeze_regulated_raises_the_force_where_the_reading_decides_nothing() -> None:
@@ -71,7 +85,10 @@ def test_a_part_that_slips_out_while_the_force_rises_is_told_by_its_width() -> N
     made.gripper.move = slip
     result = run(made, RunOptions(handling=Handling(regulated=True)), dragging_table(200_000))
     assert (result.outcome, result.reason) == (Outcome.REJECT, "the fingers closed on nothing")
-    assert [force for position, _, force in jaw_moves(made) if position == 255] == [GENTLE_FORCE, 64]
+    assert [force for position, _, force in jaw_moves(made) if position == 255] == [
+        GENTLE_FORCE,
+        64,
+    ]
 
 
 def test_nothing_between_the_fingers_is_not_squeezed_harder() -> None:
@@ -85,7 +102,9 @@ def test_nothing_between_the_fingers_is_not_squeezed_harder() -> None:
 
 def known_table() -> Table:
     """The small table of a part 16 mm high, whose second squeeze needs an opening of 50 mm."""
-    table = with_job(small_table(), '{"gripper":{"upper_finger_share":0.5},"part":{"height_mm":16.0}}')
+    table = with_job(
+        small_table(), '{"gripper":{"upper_finger_share":0.5},"part":{"height_mm":16.0}}'
+    )
     second = table.nodes[1]._replace(contact_um=42_000)
     return with_node(table, 1, second._replace(squeeze=second.squeeze._replace(opening_um=50_000)))
 
@@ -111,7 +130,9 @@ def test_jaws_are_freed_before_the_hand_rises_though_the_next_opening_is_narrowe
     )
     run(made, RunOptions(), table)
     log = made.log.calls
-    rise = next(k for k, call in enumerate(log) if call.name == "move_linear" and call.arguments[2] == 20.0)
+    rise = next(
+        k for k, call in enumerate(log) if call.name == "move_linear" and call.arguments[2] == 20.0
+    )
     before = [call.arguments[0] for call in log[:rise] if call.name == "move"]
     assert CALIBRATION.width_um(before[-1]) >= 40_500
     after = [call.arguments[0] for call in log[rise:] if call.name == "move"]
@@ -146,7 +167,9 @@ def test_hand_of_alike_fingers_turns_the_short_way() -> None:
     assert made.log.named("move_linear")[-1].arguments[3] == pytest.approx(3.0)
 
 
-def test_gripper_that_takes_no_command_on_the_way_closes_in_one_stroke_or_stops_between(monkeypatch) -> None:
+def test_gripper_that_takes_no_command_on_the_way_closes_in_one_stroke_or_stops_between(
+    monkeypatch,
+) -> None:
     for redirects, waits in ((True, 1), (False, 2)):
         profile = profile_of(GRIPPER.model)._replace(redirects=redirects)
         monkeypatch.setitem(PROFILES, "robotiq-2f-85", profile)
@@ -265,9 +288,12 @@ def test_where_the_arm_stands_is_known_once_it_has_answered() -> None:
     assert not hand.arm_known
 
 
-@pytest.mark.parametrize("request_counts", [255, 0], ids=["while the jaws close", "before they open"])
 @pytest.mark.parametrize(
-    "by", [(0.6, 0.0, 0.0, 0.0), (0.0, 0.0, 5.0, 0.0), (0.0, 0.0, 0.0, 0.02), (0.0, 0.0, 0.0, math.pi)]
+    "request_counts", [255, 0], ids=["while the jaws close", "before they open"]
+)
+@pytest.mark.parametrize(
+    "by",
+    [(0.6, 0.0, 0.0, 0.0), (0.0, 0.0, 5.0, 0.0), (0.0, 0.0, 0.0, 0.02), (0.0, 0.0, 0.0, math.pi)],
 )
 def test_displaced_arm_in_a_squeeze_ends_the_part_and_is_not_moved_again(
     request_counts: int, by: tuple[float, ...]

@@ -28,9 +28,18 @@ HOLDING = State(object_flag=2, echo_counts=255, position_counts=AT_30)
         (HOLDING, "hold something: they met it"),
         (HOLDING._replace(position_counts=8), "hold something: they met it"),  # as wide as the jaws
         (HOLDING._replace(object_flag=0), "may hold something: they were stopped"),
-        (HOLDING._replace(object_flag=3), "may hold something: they were stopped"),  # thin, or a stale flag
-        (State(object_flag=0, echo_counts=0, position_counts=AT_30), "may hold something: they were stopped"),
-        (State(activated=False, echo_counts=0, position_counts=AT_30), "may hold something: the gripper is"),
+        (
+            HOLDING._replace(object_flag=3),
+            "may hold something: they were stopped",
+        ),  # thin, or a stale flag
+        (
+            State(object_flag=0, echo_counts=0, position_counts=AT_30),
+            "may hold something: they were stopped",
+        ),
+        (
+            State(activated=False, echo_counts=0, position_counts=AT_30),
+            "may hold something: the gripper is",
+        ),
         (State(activated=False, object_flag=0), None),
     ],
 )
@@ -54,7 +63,9 @@ def heights(made: FakeCell) -> list[float]:
     return [call.arguments[2] for call in made.log.named("move_linear")]
 
 
-def test_it_is_lowered_where_the_arm_stands_before_the_jaws_open_and_no_wider_than_they_must() -> None:
+def test_it_is_lowered_where_the_arm_stands_before_the_jaws_open_and_no_wider_than_they_must() -> (
+    None
+):
     made = holding()
     session.put_down(small_table(), made.cell, Quiet(), RunOptions())
     assert [call.name for call in made.log.calls if call.name in ("move_linear", "move")] == [
@@ -94,7 +105,9 @@ def test_whatever_goes_wrong_meanwhile_ends_in_the_safe_state_and_is_recorded() 
             session.put_down(small_table(), made.cell, Quiet(), RunOptions())
         assert made.log.named("stop")
         opened = made.gripper.now.position_counts < HOLDING.position_counts
-        assert opened or max(heights(made), default=10.0) == 10.0, "what may be fixed is never lifted"
+        assert opened or max(heights(made), default=10.0) == 10.0, (
+            "what may be fixed is never lifted"
+        )
         assert made.journal.kept[-1][1]["exit_code"] == 21
 
 

@@ -26,12 +26,24 @@ class Judge:
         self.asked.append((part, x_mm, y_mm, theta_rad))
         if isinstance(self.word, Exception):
             raise self.word
-        return {"verdict": self.word, "residual_x_mm": 0.25, "part": 99, "odd": [1], "endless": float("inf")}
+        return {
+            "verdict": self.word,
+            "residual_x_mm": 0.25,
+            "part": 99,
+            "odd": [1],
+            "endless": float("inf"),
+        }
 
 
 @pytest.mark.parametrize(
     ("word", "verdict"),
-    [("pass", "pass"), ("fail", "fail"), ("unknown", "unknown"), ("maybe", "unknown"), (None, "unknown")],
+    [
+        ("pass", "pass"),
+        ("fail", "fail"),
+        ("unknown", "unknown"),
+        ("maybe", "unknown"),
+        (None, "unknown"),
+    ],
 )
 def test_the_auditor_is_asked_at_leaves_and_never_stops_the_cell(word, verdict) -> None:
     judge, made = Judge(word), fake_cell([AT_21])
@@ -85,7 +97,8 @@ def test_the_hand_is_placed_so_that_the_part_arrives_at_its_pose() -> None:
     made = fake_cell([AT_21, AT_21])
     assert run(made, RunOptions(delivery=delivery)).delivery == "done"
     taken, put = (
-        call.arguments[:4] for call in (made.log.named("move_linear")[-6], made.log.named("move_linear")[-1])
+        call.arguments[:4]
+        for call in (made.log.named("move_linear")[-6], made.log.named("move_linear")[-1])
     )
     assert taken == pytest.approx((3.0, 1.5, 60.0, 0.25))
     assert put == pytest.approx((39.0, -17.0, 60.0, 1.820796), abs=1e-4)
@@ -96,7 +109,12 @@ def test_a_part_that_is_not_there_is_left_and_told(reading) -> None:
     made = fake_cell([AT_21, reading])
     delivery = replace(DELIVERY, width_mm=(20.0, 22.0))
     result = run(made, RunOptions(delivery=delivery))
-    assert (result.outcome, result.leaf, result.delivery, result.exit_code) == (Outcome.LEAF, 0, "missed", 12)
+    assert (result.outcome, result.leaf, result.delivery, result.exit_code) == (
+        Outcome.LEAF,
+        0,
+        "missed",
+        12,
+    )
     assert "expected was 20..22 mm" in str(result.reason)
     assert made.arm.at[:3] == (0.0, 0.5, 60.0)
 
@@ -123,7 +141,12 @@ def test_a_drop_off_outside_the_area_is_refused_and_one_inside_its_own_is_not() 
     far = from_text("100,0,0")
     made = fake_cell([AT_21, AT_21])
     result = run(made, RunOptions(delivery=far))
-    assert (result.outcome, result.leaf, result.delivery, result.exit_code) == (Outcome.LEAF, 0, "missed", 12)
+    assert (result.outcome, result.leaf, result.delivery, result.exit_code) == (
+        Outcome.LEAF,
+        0,
+        "missed",
+        12,
+    )
     assert "outside the work area" in str(result.reason)
     assert not made.gripper.gripping
     made = fake_cell([AT_21, AT_21])
@@ -155,7 +178,9 @@ def table_of(symmetry: int, share: float | None) -> Table:
     ],
 )
 def test_of_drop_offs_that_look_the_same_the_nearest_is_taken(symmetry, share, angles) -> None:
-    assert taken_and_put(fake_cell([AT_21, AT_21]), "40,-20,170", table_of(symmetry, share)) == angles
+    assert (
+        taken_and_put(fake_cell([AT_21, AT_21]), "40,-20,170", table_of(symmetry, share)) == angles
+    )
 
 
 def test_a_wrist_that_cannot_turn_on_is_turned_back() -> None:
@@ -170,14 +195,22 @@ def test_the_jaws_are_the_same_half_a_turn_round_where_they_close_alike() -> Non
     assert taken_and_put(made, "40,-20,170", table_of(1, 0.5)) == (-180, -10)
     made = fake_cell([AT_21, AT_21])
     made.arm.turns = (radians(-185), radians(100))
-    assert run(made, RunOptions(delivery=from_text("40,-20,170")), table_of(1, 0.3)).delivery == "missed"
+    assert (
+        run(made, RunOptions(delivery=from_text("40,-20,170")), table_of(1, 0.3)).delivery
+        == "missed"
+    )
 
 
 def test_what_the_wrist_cannot_do_is_refused_before_the_part_is_taken() -> None:
     made = fake_cell([AT_21, AT_21])
     made.arm.turns = (radians(-10), radians(10))
     result = run(made, RunOptions(delivery=from_text("40,-20,90")), table_of(1, 0.5))
-    assert (result.outcome, result.leaf, result.delivery, result.exit_code) == (Outcome.LEAF, 0, "missed", 12)
+    assert (result.outcome, result.leaf, result.delivery, result.exit_code) == (
+        Outcome.LEAF,
+        0,
+        "missed",
+        12,
+    )
     assert "wrist" in str(result.reason)
     assert not made.gripper.gripping
 
@@ -195,7 +228,10 @@ def test_what_is_out_of_reach_is_refused_before_the_part_is_taken() -> None:
     ("most", "angles"),
     [
         (inf, [344, 360]),
-        (6.2, [344, 229, 115, 0]),  # back, in motions so small that no controller takes the short way
+        (
+            6.2,
+            [344, 229, 115, 0],
+        ),  # back, in motions so small that no controller takes the short way
     ],
 )
 def test_squeezes_turn_the_nearest_way_within_the_range(most, angles) -> None:

@@ -40,7 +40,9 @@ from runtime.traversal.results import Outcome
         (True, ARC, CLOSED),
     ],
 )
-def test_level_tips_stay_at_their_height_while_the_jaws_move(regulated: bool, arc: TipArc, stop) -> None:
+def test_level_tips_stay_at_their_height_while_the_jaws_move(
+    regulated: bool, arc: TipArc, stop
+) -> None:
     made = meeting(stop[0])
     result = run(made, RunOptions(handling=Handling(regulated=regulated, arc=arc)))
     assert result.outcome is (Outcome.LEAF if stop == AT_21 else Outcome.REJECT)
@@ -56,7 +58,8 @@ def test_level_tips_stay_at_their_height_while_the_jaws_move(regulated: bool, ar
             tips += [
                 z_mm - arc.advance_mm(start_mm + (width_mm - start_mm) * k / 20)
                 for k in range(21)
-                if abs(width_mm - 85.0) > 1.0  # the last opening is not followed: the tips draw back
+                if abs(width_mm - 85.0)
+                > 1.0  # the last opening is not followed: the tips draw back
             ]
         elif call.name == "move":
             width_mm = CALIBRATION.width_um(max(call.arguments[0], 3)) / 1000
@@ -70,7 +73,9 @@ def test_tips_stay_level_until_the_jaws_are_five_millimetres_clear_of_the_part()
     made = meeting(AT_21[0])
     assert run(made, RunOptions(handling=Handling(arc=ARC))).leaf == 0
     calls = [call for call in made.log.calls if call.name in ("move", "move_linear")]
-    closed = max(k for k, call in enumerate(calls) if call.name == "move" and call.arguments[0] == 255)
+    closed = max(
+        k for k, call in enumerate(calls) if call.name == "move" and call.arguments[0] == 255
+    )
     clear, level, wide = calls[closed + 1 : closed + 4]
     assert clear.arguments[0] == opening_counts(26_000, CALIBRATION)
     assert level.arguments[2] == pytest.approx(10.0 + ARC.advance_mm(26.0), abs=0.05)
@@ -93,10 +98,18 @@ def test_tips_are_not_followed_beyond_the_squeeze_opening() -> None:
 def test_a_cell_without_room_for_the_arc_is_refused() -> None:
     made = fake_cell([])
     low = replace(small_table(), limits=replace(LIMITS, retreat_height_um=23_000))
-    with pytest.raises(TableError, match=r"takes the arm up to 24.0 mm, the retreat height is 23 mm"):
+    with pytest.raises(
+        TableError, match=r"takes the arm up to 24.0 mm, the retreat height is 23 mm"
+    ):
         Hand(made.gripper, made.arm, made.cell.clock, low, Handling(arc=ARC))
     with pytest.raises(TableError, match="teach the tool frame with the jaws fully open"):
-        Hand(made.gripper, made.arm, made.cell.clock, small_table(), Handling(arc=TipArc(taught_mm=40.0)))
+        Hand(
+            made.gripper,
+            made.arm,
+            made.cell.clock,
+            small_table(),
+            Handling(arc=TipArc(taught_mm=40.0)),
+        )
 
 
 def test_an_arc_whose_links_would_lie_flat_is_refused() -> None:
@@ -113,12 +126,16 @@ def test_an_arc_whose_links_would_lie_flat_is_refused() -> None:
 
 
 @pytest.mark.parametrize(("taught_mm", "refused"), [(79.99, True), (80.0, False), (85.0, False)])
-def test_the_tool_frame_is_taught_with_the_jaws_open_or_nearly_so(taught_mm: float, refused: bool) -> None:
+def test_the_tool_frame_is_taught_with_the_jaws_open_or_nearly_so(
+    taught_mm: float, refused: bool
+) -> None:
     made, taught = fake_cell([]), Handling(arc=TipArc(taught_mm=taught_mm))
     if not refused:
         Hand(made.gripper, made.arm, made.cell.clock, small_table(), taught)
         return
-    with pytest.raises(TableError, match=f"was taught at {taught_mm:g} mm and the jaws open to 85 mm"):
+    with pytest.raises(
+        TableError, match=f"was taught at {taught_mm:g} mm and the jaws open to 85 mm"
+    ):
         Hand(made.gripper, made.arm, made.cell.clock, small_table(), taught)
 
 
@@ -131,7 +148,9 @@ def test_the_arc_s_top_lies_below_the_retreat_height() -> None:
         if not refused:
             Hand(made.gripper, made.arm, made.cell.clock, table, arc)
             continue
-        with pytest.raises(TableError, match=r"takes the arm up to 30.0 mm, the retreat height is 30 mm"):
+        with pytest.raises(
+            TableError, match=r"takes the arm up to 30.0 mm, the retreat height is 30 mm"
+        ):
             Hand(made.gripper, made.arm, made.cell.clock, table, arc)
 
 

@@ -52,10 +52,14 @@ def halves(share, across_mm, block_mm=1.3, read=lambda width: width):
 def test_exact_grips_tell_where_the_fingers_meet_and_how_they_share_the_closing(share, across_mm):
     found = fit(BLOCK_MM, list(halves(share, across_mm)))
     assert found.share == pytest.approx(share, abs=1e-3)
-    assert found.across_mm == pytest.approx(across_mm + (0.5 - share) * (OPENING_MM - BLOCK_MM), abs=5e-3)
+    assert found.across_mm == pytest.approx(
+        across_mm + (0.5 - share) * (OPENING_MM - BLOCK_MM), abs=5e-3
+    )
     for width_mm in (10.0, 50.0):  # of fingers that share unevenly the middle goes with the width
         across, _ = found.at(width_mm)
-        assert across == pytest.approx(across_mm + (0.5 - share) * (OPENING_MM - width_mm), abs=0.03)
+        assert across == pytest.approx(
+            across_mm + (0.5 - share) * (OPENING_MM - width_mm), abs=0.03
+        )
 
 
 def test_errors_cover_what_counts_and_noise_do():
@@ -177,7 +181,9 @@ def test_a_robot_that_asks_is_told_where_its_arm_has_to_go():
 def test_a_part_is_taken_where_the_fingers_meet_and_refused_where_the_arm_would_leave_its_area():
     table, drop = small_table(), from_text("50,0,0")
     leaf, start = table.leaves[0]._replace(x_um=0, y_um=0, theta_urad=0), (0.0, 0.0, 60.0, 0.0)
-    assert carry.choose(drop, table, leaf, start, None, 1.5) == carry.choose(drop, table, leaf, start, None)
+    assert carry.choose(drop, table, leaf, start, None, 1.5) == carry.choose(
+        drop, table, leaf, start, None
+    )
     edge = replace(table.limits, work_area_um=(-60_000, -1_000, 60_000, 1_000))
     tight = replace(table, limits=edge)
     carry.choose(drop, tight, leaf, start, None)

@@ -40,7 +40,9 @@ def test_a_position_outside_the_encoder_is_none(count: int) -> None:
         check_fresh(settled(edge), 255)
 
 
-@pytest.mark.parametrize(("flag", "fresh"), [(0, False), (1, True), (2, True), (3, True), (4, False)])
+@pytest.mark.parametrize(
+    ("flag", "fresh"), [(0, False), (1, True), (2, True), (3, True), (4, False)]
+)
 def test_a_motion_is_over_or_it_is_not(flag: int, *, fresh: bool) -> None:
     if fresh:
         check_fresh(settled(flag=flag), 255)
@@ -101,7 +103,9 @@ def test_jaws_that_opened_too_little_are_blocked() -> None:
     for request in range(200):
         check_opened(settled(request, 3, 0, request), request, CALIBRATION)
         check_opened(settled(min(request + 2, 255), 3, 0, request), request, CALIBRATION)
-    with pytest.raises(GripperStateError, match=r"stopped at 48.30 mm while opening to 49.43 mm; remove"):
+    with pytest.raises(
+        GripperStateError, match=r"stopped at 48.30 mm while opening to 49.43 mm; remove"
+    ):
         check_opened(settled(101, 1, 0, 98), 98, CALIBRATION)
     with pytest.raises(GripperStateError, match="stale"):
         check_opened(settled(98, 3, 0, 97), 98, CALIBRATION)
@@ -111,7 +115,9 @@ def test_jaws_that_opened_too_little_are_blocked() -> None:
     ("count", "flag", "passed"),
     [(100, 3, True), (102, 3, True), (98, 3, True), (103, 3, None), (80, 2, False), (100, 1, None)],
 )
-def test_an_intermediate_stroke_passed_met_something_or_contradicts_itself(count, flag, passed) -> None:
+def test_an_intermediate_stroke_passed_met_something_or_contradicts_itself(
+    count, flag, passed
+) -> None:
     reading = settled(count, flag, 0, 100)
     if passed is not None:
         assert check_passed(reading, 100, CALIBRATION) is passed

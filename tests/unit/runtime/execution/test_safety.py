@@ -55,7 +55,9 @@ def test_anything_else_is_refused(pose: tuple[float, float, float, float], told:
     assert refused.value.exit_code == 22
 
 
-@pytest.mark.parametrize(("off_mm", "fits"), [(0.0, True), (0.49, True), (0.51, False), (math.nan, False)])
+@pytest.mark.parametrize(
+    ("off_mm", "fits"), [(0.0, True), (0.49, True), (0.51, False), (math.nan, False)]
+)
 def test_an_arm_that_stands_elsewhere_is_noticed(off_mm: float, fits: bool) -> None:
     arm = fake_cell([]).arm
     arm.at, arm.off_mm = INSIDE, off_mm

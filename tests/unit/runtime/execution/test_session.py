@@ -22,12 +22,18 @@ from runtime.table import Calibration, dump
 CALIBRATION = Calibration.linear(GRIPPER)
 AT_21, AT_30, AT_36 = ((CALIBRATION.count(width), 2) for width in (21_000, 30_000, 36_000))
 JOURNAL = Path("j.jsonl")
-TRUTH = SimpleNamespace(x_mm=0.3, y_mm=0.9, theta_rad=3.14159265, squeezes=1, crashes=0, hypothesis=0)
+TRUTH = SimpleNamespace(
+    x_mm=0.3, y_mm=0.9, theta_rad=3.14159265, squeezes=1, crashes=0, hypothesis=0
+)
 
 
-def run(made: FakeCell, truth: object, console: Console, count: int = 1, **options: object) -> Tally:
+def run(
+    made: FakeCell, truth: object, console: Console, count: int = 1, **options: object
+) -> Tally:
     scene, table = FakeScene(truth), small_table()
-    return session.run_journalled(table, made.cell, scene, console, count=count, activate=False, **options)
+    return session.run_journalled(
+        table, made.cell, scene, console, count=count, activate=False, **options
+    )
 
 
 def test_rejected_and_unresolved_parts_do_not_end_a_run_and_the_gravest_code_wins() -> None:
@@ -57,10 +63,14 @@ def test_only_permission_lets_an_inactive_gripper_sweep() -> None:
     made = fake_cell([AT_21])
     made.gripper.now = State(activated=False)
     with pytest.raises(GripperStateError, match="not activated"):
-        session.run_journalled(small_table(), made.cell, None, Lines(small_table()), count=1, activate=False)
+        session.run_journalled(
+            small_table(), made.cell, None, Lines(small_table()), count=1, activate=False
+        )
     assert made.log.named("activate") == []
     assert made.journal.kept[-1][1]["exit_code"] == 21
-    session.run_journalled(small_table(), made.cell, None, Lines(small_table()), count=1, activate=True)
+    session.run_journalled(
+        small_table(), made.cell, None, Lines(small_table()), count=1, activate=True
+    )
     assert len(made.log.named("activate")) == 1
 
 
@@ -83,11 +93,15 @@ def test_permission_does_not_touch_an_active_gripper() -> None:
 def test_ctrl_c_between_parts_is_recorded() -> None:
     made = fake_cell([AT_21], Log(0, KeyboardInterrupt()))
     with pytest.raises(KeyboardInterrupt):
-        session.run_journalled(small_table(), made.cell, None, Lines(small_table()), count=1, activate=False)
+        session.run_journalled(
+            small_table(), made.cell, None, Lines(small_table()), count=1, activate=False
+        )
     assert made.journal.kept[-1][1]["exit_code"] == 40
 
 
-def test_lines_tell_pose_width_node_then_leaf_pose_and_error(capsys: pytest.CaptureFixture[str]) -> None:
+def test_lines_tell_pose_width_node_then_leaf_pose_and_error(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     made, table = fake_cell([AT_21]), small_table()
     console = Lines(table)
     console.summary(run(made, TRUTH, console), JOURNAL)
@@ -100,10 +114,14 @@ def test_lines_tell_pose_width_node_then_leaf_pose_and_error(capsys: pytest.Capt
         part == "part 1: LEAF, leaf 0, (0.00, 0.50) mm, 0.0 deg, success 0.9990 of 6000, "
         "error 0.32 mm (95 %: 0.94); true error 0.50 mm"
     )
-    assert summary == "1 part: 1 LEAF, 1 within 3 mm, 0 crashes, 1.00 squeezes a part; journal j.jsonl"
+    assert (
+        summary == "1 part: 1 LEAF, 1 within 3 mm, 0 crashes, 1.00 squeezes a part; journal j.jsonl"
+    )
 
 
-def test_objects_are_one_line_a_part_with_everything_in_it(capsys: pytest.CaptureFixture[str]) -> None:
+def test_objects_are_one_line_a_part_with_everything_in_it(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     made, table = fake_cell([AT_21, AT_36]), small_table()
     run(made, TRUTH, Objects(table, JOURNAL), 2)
     leaf, reject = (json.loads(line) for line in capsys.readouterr().out.splitlines())
@@ -133,7 +151,9 @@ def test_audit_and_delivery_are_told_and_a_delivered_part_is_elsewhere(
         made = made._replace(cell=replace(made.cell, auditor=auditor))
         run(made, TRUTH, console, options=RunOptions(delivery=Delivery(drop=(10.0, 5.0, 0.0))))
     *_, line, told = capsys.readouterr().out.splitlines()
-    assert line.endswith("success 0.9990 of 6000, error 0.32 mm (95 %: 0.94); audit: pass; delivery: done")
+    assert line.endswith(
+        "success 0.9990 of 6000, error 0.32 mm (95 %: 0.94); audit: pass; delivery: done"
+    )
     seen = json.loads(told)
     assert (seen["audit"], seen["delivery"], seen["error_mm"]) == ("pass", "done", None)
 
@@ -147,7 +167,9 @@ def test_nobody_reading_any_more_does_not_stop_the_cell() -> None:
 
 
 def test_a_rehearsal_has_no_truth_to_compare_with(capsys: pytest.CaptureFixture[str]) -> None:
-    nowhere = SimpleNamespace(x_mm=float("nan"), y_mm=0.0, theta_rad=0.0, squeezes=1, crashes=0, hypothesis=0)
+    nowhere = SimpleNamespace(
+        x_mm=float("nan"), y_mm=0.0, theta_rad=0.0, squeezes=1, crashes=0, hypothesis=0
+    )
     made, table = fake_cell([AT_21]), small_table()
     console = Lines(table)
     tally = run(made, nowhere, console)
@@ -187,14 +209,25 @@ def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
             "camera of --port sim",
         ),
         (["--port", "sim", "--calibration", "nowhere.json"], 33, "nowhere.json"),
-        (["--port", "/dev/ttyUSB0", "--arm", "tcp://h:1", "--time-scale", "2"], 2, "for --port sim"),
+        (
+            ["--port", "/dev/ttyUSB0", "--arm", "tcp://h:1", "--time-scale", "2"],
+            2,
+            "for --port sim",
+        ),
         (
             ["--port", "sim", "--world", "runtime.devices.rehearsal:none"],
             31,
             "grasp-cell ended with exit code 31",
         ),
         (
-            ["--port", "sim", "--world", "runtime.devices.rehearsal:make", "--journal", "/dev/full"],
+            [
+                "--port",
+                "sim",
+                "--world",
+                "runtime.devices.rehearsal:make",
+                "--journal",
+                "/dev/full",
+            ],
             24,
             "no regular file",
         ),
@@ -210,7 +243,9 @@ def test_wrong_arguments_are_one_line_and_their_own_code(
     assert not Path("squeezetree-journal.jsonl").exists()
 
 
-def test_tables_are_refused_before_anything_is_opened(tree: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_tables_are_refused_before_anything_is_opened(
+    tree: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     data = bytearray(tree.read_bytes())
     assert main(["--tree", "missing.msgpack", "--port", "sim"]) == 3
     tree.write_bytes(data[:-3])
@@ -223,7 +258,9 @@ def test_tables_are_refused_before_anything_is_opened(tree: Path, capfd: pytest.
     assert "digest does not match its content; copy the file again or recompile it" in lines[2]
 
 
-@pytest.mark.parametrize("wrong", [["--count", "0"], ["--time-scale", "-1"], ["--time-scale", "inf"]])
+@pytest.mark.parametrize(
+    "wrong", [["--count", "0"], ["--time-scale", "-1"], ["--time-scale", "inf"]]
+)
 def test_usage_is_2(tree: Path, wrong: list[str], capfd: pytest.CaptureFixture[str]) -> None:
     port = ["--port", "sim"]
     with pytest.raises(SystemExit) as left:

@@ -49,10 +49,14 @@ def test_closing_regulated_is_weak_all_the_way_and_fast_only_before_contact(
     assert (requests, requests[-1]) == (sorted(set(requests)), 255)
     slow = PROFILE.speed_counts(node.squeeze.speed_um_s)
     for stroke in made:
-        before_contact = contact_um is not None and CALIBRATION.width_um(stroke.request_counts) > contact_um
+        before_contact = (
+            contact_um is not None and CALIBRATION.width_um(stroke.request_counts) > contact_um
+        )
         assert stroke.speed_counts == slow or before_contact
     if contact_um == 41_000:
-        assert made[0].speed_counts == PROFILE.speed_counts(round(1000 * TIMING.fastest_mm_s)) > slow
+        assert (
+            made[0].speed_counts == PROFILE.speed_counts(round(1000 * TIMING.fastest_mm_s)) > slow
+        )
 
 
 @pytest.mark.parametrize(
@@ -73,7 +77,9 @@ def test_the_force_rises_in_steps_to_the_nodes_own(force_mn: int, forces: list[i
 @pytest.mark.parametrize(
     ("force_mn", "regulated"), [(20_000, False), (20_800, False), (21_000, True), (60_000, True)]
 )
-def test_regulation_is_off_where_the_force_is_the_least_already(force_mn: int, *, regulated: bool) -> None:
+def test_regulation_is_off_where_the_force_is_the_least_already(
+    force_mn: int, *, regulated: bool
+) -> None:
     squeeze = with_force(small_table().nodes[0], force_mn).squeeze
     assert strokes.is_regulated(squeeze, PROFILE, wanted=True) == regulated
     assert not strokes.is_regulated(squeeze, PROFILE, wanted=False)
@@ -87,12 +93,16 @@ def test_level_strokes_never_let_the_tips_below_their_height(arc: TipArc) -> Non
     for stroke in made:
         end_mm = CALIBRATION.width_um(stroke.request_counts) / 1000
         lowest = max(arc.advance_mm(start_mm + (end_mm - start_mm) * k / 20) for k in range(21))
-        assert stroke.advance_mm >= lowest - 0.06  # a count is 0.37 mm of width, 0.16 mm of height at most
+        assert (
+            stroke.advance_mm >= lowest - 0.06
+        )  # a count is 0.37 mm of width, 0.16 mm of height at most
         start_mm = end_mm
 
 
 @pytest.mark.parametrize("model", PROFILES)
-def test_speeds_and_forces_are_never_more_than_asked_and_the_next_setting_would_be(model: str) -> None:
+def test_speeds_and_forces_are_never_more_than_asked_and_the_next_setting_would_be(
+    model: str,
+) -> None:
     profile = PROFILES[model]
     for ask, (least, most) in (
         (profile.speed_counts, profile.speed_um_s),
@@ -118,7 +128,8 @@ def test_a_model_is_found_by_its_name(told: str, model: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "model", ["left-hand-effector", "My 2F-140", "2F-850", "parallel jaws", "robotiq", "", "hand-e\n2f-85"]
+    "model",
+    ["left-hand-effector", "My 2F-140", "2F-850", "parallel jaws", "robotiq", "", "hand-e\n2f-85"],
 )
 def test_profile_of_a_model_that_is_not_known_is_refused(model: str) -> None:
     with pytest.raises(TableError, match=r"not known; there are robotiq-2f-85") as raised:
@@ -131,8 +142,12 @@ def point_at(profile: object, folder: Path) -> None:
     info = folder / "other_make-1.0.dist-info"
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: other_make\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text("[squeezetree.profiles]\nother-60 = other_profile:PROFILE\n")
-    (folder / "other_profile.py").write_text(f"from runtime.table import Profile\nPROFILE = {profile!r}\n")
+    (info / "entry_points.txt").write_text(
+        "[squeezetree.profiles]\nother-60 = other_profile:PROFILE\n"
+    )
+    (folder / "other_profile.py").write_text(
+        f"from runtime.table import Profile\nPROFILE = {profile!r}\n"
+    )
 
 
 def test_profile_comes_from_the_driver_that_brings_the_gripper(tmp_path: Path, monkeypatch) -> None:

@@ -41,7 +41,9 @@ def test_the_tool_frame_is_where_it_was_taught() -> None:
 @pytest.mark.parametrize("widest_mm", [85.0, 60.0, 33.0, 12.0, 8.0])
 @pytest.mark.parametrize("least_mm", [0.0, 5.0, 21.0])
 @pytest.mark.parametrize("level_mm", [0.5, 2.0, 8.0])
-def test_within_a_stage_the_tips_are_never_low_and_never_high(widest_mm, least_mm, level_mm) -> None:
+def test_within_a_stage_the_tips_are_never_low_and_never_high(
+    widest_mm, least_mm, level_mm
+) -> None:
     arc = TipArc(level_mm=level_mm)
     if least_mm >= widest_mm:
         return
@@ -83,7 +85,9 @@ def test_the_arc_follows_from_the_model(
 
 
 @pytest.mark.parametrize("named", [None, "arc"])
-def test_tips_on_an_arc_whose_offset_nobody_knows_are_not_taken_for_straight(named: str | None) -> None:
+def test_tips_on_an_arc_whose_offset_nobody_knows_are_not_taken_for_straight(
+    named: str | None,
+) -> None:
     with pytest.raises(ArgumentsError, match=r"2f-140 .* measured: write --tips 100,OFFSET"):
         arc_of("robotiq-2f-140", named)
 

@@ -39,7 +39,9 @@ class SlowDevice:
 def test_squeeze_late_by_one_device_names_it_and_begins_no_further_call(slow, told, code):
     clock = FakeClock()
     watch = Watch(clock)
-    devices = {name: SlowDevice(clock, 40.0 if name == slow else 1.0) for name in ("arm", "gripper")}
+    devices = {
+        name: SlowDevice(clock, 40.0 if name == slow else 1.0) for name in ("arm", "gripper")
+    }
     arm, gripper = (watch.watched(devices[name], name) for name in ("arm", "gripper"))
 
     def squeeze():

@@ -30,7 +30,9 @@ def test_note_adds_a_record_for_each_change_and_only_then(tmp_path):
     assert log_of(journal).read_bytes().startswith(before)
     seen = verify(log_of(journal))
     assert (seen.runs, seen.closed) == (5, True)
-    digests = [entry["table_sha256"] for entry in records(log_of(journal)) if entry["kind"] == "header"]
+    digests = [
+        entry["table_sha256"] for entry in records(log_of(journal)) if entry["kind"] == "header"
+    ]
     assert digests[0] == digests[4] != digests[1] == digests[2]
 
 

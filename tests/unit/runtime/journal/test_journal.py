@@ -129,7 +129,9 @@ def test_a_record_that_fails_is_taken_back_and_none_follows(
 
     with Journal(path, STAMP) as journal:
         with monkeypatch.context() as broken:
-            broken.setattr(os, "write", half) if call == "write" else broken.setattr(os, "fsync", fail)
+            broken.setattr(os, "write", half) if call == "write" else broken.setattr(
+                os, "fsync", fail
+            )
             with pytest.raises(JournalError, match="cannot be written"):
                 journal.record("squeeze", {"part": 2, "padding": "x" * 100})
         assert path.read_bytes() == whole
@@ -200,8 +202,12 @@ def test_two_writers_are_refused(tmp_path: Path) -> None:
 
 def test_the_embedded_table_must_be_the_one_of_its_digest(tmp_path: Path) -> None:
     with Journal(tmp_path / "j.jsonl", STAMP) as journal:
-        journal.record("header", {"journal_version": 1, "table_base64": "AAAA", "table_sha256": "0" * 64})
-    with pytest.raises(JournalError, match="line 1: the embedded table is not the one of its digest"):
+        journal.record(
+            "header", {"journal_version": 1, "table_base64": "AAAA", "table_sha256": "0" * 64}
+        )
+    with pytest.raises(
+        JournalError, match="line 1: the embedded table is not the one of its digest"
+    ):
         verify(tmp_path / "j.jsonl")
 
 
@@ -210,7 +216,12 @@ def test_what_is_no_regular_file_is_error_24_and_stays_what_it_is(tmp_path: Path
     before = target.read_bytes()
     (tmp_path / "link").symlink_to(target)
     os.mkfifo(tmp_path / "fifo")
-    told = {"link": "a symbolic link", "fifo": "no regular file", "": "a folder", "/dev/full": "no regular"}
+    told = {
+        "link": "a symbolic link",
+        "fifo": "no regular file",
+        "": "a folder",
+        "/dev/full": "no regular",
+    }
     for name, sentence in told.items():
         with pytest.raises(JournalError, match=f"cannot be written: it is {sentence}") as refused:
             Journal(tmp_path / name, STAMP)
@@ -253,8 +264,12 @@ def test_a_tail_that_is_no_record_begun_is_left_as_it_is(tmp_path: Path, tail: b
     assert path.read_bytes() == content
 
 
-@pytest.mark.parametrize("tail", [b"{", b'{"seq":3', b'{"seq":3,"time":"20', b'{"seq":3,\0\0\0', b"\0\0"])
-def test_what_a_crash_or_the_file_system_left_of_a_record_is_cut_off(tmp_path: Path, tail: bytes) -> None:
+@pytest.mark.parametrize(
+    "tail", [b"{", b'{"seq":3', b'{"seq":3,"time":"20', b'{"seq":3,\0\0\0', b"\0\0"]
+)
+def test_what_a_crash_or_the_file_system_left_of_a_record_is_cut_off(
+    tmp_path: Path, tail: bytes
+) -> None:
     path = written(tmp_path / "j.jsonl")
     whole = path.read_bytes()
     path.write_bytes(whole + tail)
@@ -290,11 +305,19 @@ def sealed(entry: dict[str, object]) -> bytes:
     [
         (b"not a record at all" * 20 + b"\n", "line 1: is no record of a journal"),
         (sealed({"kind": "part"}), "line 1: lacks one of"),
-        (sealed({"seq": 0, "time": "now", "kind": "part", "previous": "x"}), "line 1: does not follow"),
-        (sealed({"seq": 7, "time": "now", "kind": "part", "previous": "x"}), "line 1: has sequence number 7"),
+        (
+            sealed({"seq": 0, "time": "now", "kind": "part", "previous": "x"}),
+            "line 1: does not follow",
+        ),
+        (
+            sealed({"seq": 7, "time": "now", "kind": "part", "previous": "x"}),
+            "line 1: has sequence number 7",
+        ),
     ],
 )
-def test_a_line_with_a_digest_of_its_own_is_still_no_record(tmp_path: Path, line: bytes, told: str) -> None:
+def test_a_line_with_a_digest_of_its_own_is_still_no_record(
+    tmp_path: Path, line: bytes, told: str
+) -> None:
     """Whoever can write a file can also write digests; the chain is what cannot be joined."""
     path = tmp_path / "j.jsonl"
     path.write_bytes(line)
@@ -305,7 +328,9 @@ def test_a_line_with_a_digest_of_its_own_is_still_no_record(tmp_path: Path, line
 def test_nonsense_with_a_digest_is_not_json(tmp_path: Path) -> None:
     body = b'{"seq":0,nonsense}'
     path = tmp_path / "j.jsonl"
-    path.write_bytes(body[:-1] + b',"digest":"' + hashlib.sha256(body).hexdigest().encode() + b'"}\n')
+    path.write_bytes(
+        body[:-1] + b',"digest":"' + hashlib.sha256(body).hexdigest().encode() + b'"}\n'
+    )
     with pytest.raises(JournalError, match="line 1: is not JSON"):
         verify(path)
 
@@ -317,7 +342,9 @@ def test_nonsense_with_a_digest_is_not_json(tmp_path: Path) -> None:
         ({"journal_version": 1, "table_base64": "?"}, "the embedded table is not base64"),
     ],
 )
-def test_a_header_of_another_kind_is_told(tmp_path: Path, fields: dict[str, object], told: str) -> None:
+def test_a_header_of_another_kind_is_told(
+    tmp_path: Path, fields: dict[str, object], told: str
+) -> None:
     with Journal(tmp_path / "j.jsonl", STAMP) as journal:
         journal.record("header", fields)
     with pytest.raises(JournalError, match=f"line 1: {told}"):

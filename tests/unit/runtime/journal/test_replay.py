@@ -85,7 +85,10 @@ def test_a_record_left_out_is_found(journal: Path, kind: str) -> None:
 def test_a_squeeze_after_the_end_is_found(journal: Path) -> None:
     entries = list(records(journal))
     at = next(index for index, entry in enumerate(entries) if entry["kind"] == "squeeze")
-    assert "the path leads to LEAF, leaf 0" in findings([*entries[: at + 1], *entries[at:]])[0].sentence
+    assert (
+        "the path leads to LEAF, leaf 0"
+        in findings([*entries[: at + 1], *entries[at:]])[0].sentence
+    )
 
 
 def test_an_undelivered_part_has_its_own_exit_code(journal: Path) -> None:

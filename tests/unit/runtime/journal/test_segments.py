@@ -47,7 +47,9 @@ def segmented(path: Path, *, closed: bool = True) -> Path:
 
 
 def without(entries: Iterator[dict], *names: str) -> list[dict]:
-    return [{name: value for name, value in entry.items() if name not in names} for entry in entries]
+    return [
+        {name: value for name, value in entry.items() if name not in names} for entry in entries
+    ]
 
 
 @pytest.fixture
@@ -62,7 +64,9 @@ def pair(tmp_path: Path) -> tuple[Path, Path]:
     return whole, cut
 
 
-def test_journal_sealed_after_every_part_tells_the_same_to_every_reader(pair: tuple[Path, Path]) -> None:
+def test_journal_sealed_after_every_part_tells_the_same_to_every_reader(
+    pair: tuple[Path, Path],
+) -> None:
     whole, cut = pair
     one, other = verify(whole), verify(cut)
     assert (other.runs, other.closed, other.segments) == (one.runs, one.closed, 7) == (2, True, 7)
@@ -159,7 +163,10 @@ def test_a_new_segment_keeps_the_mode_of_the_file(tmp_path: Path) -> None:
         journal.header(b"table", {})
         write_part(journal, 1)
         write_part(journal, 2)
-    assert [stat.S_IMODE(file.stat().st_mode) for file in (path, segment(path, 1))] == [0o600, 0o600]
+    assert [stat.S_IMODE(file.stat().st_mode) for file in (path, segment(path, 1))] == [
+        0o600,
+        0o600,
+    ]
 
 
 @pytest.mark.parametrize("name", ["j.jsonl", "j.jsonl.000001", "j.jsonl.000002"])
@@ -292,7 +299,9 @@ def written_to(path: Path) -> None:
 WHOLE = (removed, renamed, renamed_and_created, replaced, linked, written_to)
 
 
-@pytest.mark.parametrize("displace", [*WHOLE, copied_and_truncated, cut], ids=lambda how: how.__name__)
+@pytest.mark.parametrize(
+    "displace", [*WHOLE, copied_and_truncated, cut], ids=lambda how: how.__name__
+)
 @pytest.mark.parametrize("begin", [write_run, segmented])
 def test_a_journal_displaced_beneath_a_run_loses_nothing_and_is_seen_by_the_next(
     tmp_path: Path, displace: Callable[[Path], None], begin: Callable[[Path], Path]
@@ -304,14 +313,18 @@ def test_a_journal_displaced_beneath_a_run_loses_nothing_and_is_seen_by_the_next
         whole, held = list(records(path)), path.read_bytes()
         displace(path)
         left = path.read_bytes() if path.exists() else None
-        with pytest.raises(JournalError, match=r"while it was written; .* in .*j\.jsonl\.broken") as refused:
+        with pytest.raises(
+            JournalError, match=r"while it was written; .* in .*j\.jsonl\.broken"
+        ) as refused:
             journal.record("placed", {"part": 1})
         assert refused.value.exit_code == 24
         journal.record("outcome", {"part": 1, "outcome": "fault"})
         journal.record("end", {"exit_code": 24})
     assert (path.read_bytes() if path.exists() else None) == left
     for refuse in (lambda: Journal(path, STAMP), lambda: verify(path)):
-        with pytest.raises(JournalError, match="was moved or cut beneath a run, whose records are in"):
+        with pytest.raises(
+            JournalError, match="was moved or cut beneath a run, whose records are in"
+        ):
             refuse()
     kept = broken_of(path).read_bytes()
     assert kept.startswith(held) == (displace in WHOLE)

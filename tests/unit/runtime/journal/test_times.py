@@ -28,11 +28,16 @@ def test_times_of_parts_add_up_phase_by_phase() -> None:
 @pytest.mark.parametrize(
     "entry",
     [
-        outcome("long", ONE), outcome(-1.0, ONE), outcome(float("nan"), ONE), outcome(True, ONE),
-        outcome(1.0, {"travel_s": 1.0}), outcome(1.0, 5), outcome(1.0, ONE | {"close_s": "x"}),
+        outcome("long", ONE),
+        outcome(-1.0, ONE),
+        outcome(float("nan"), ONE),
+        outcome(True, ONE),
+        outcome(1.0, {"travel_s": 1.0}),
+        outcome(1.0, 5),
+        outcome(1.0, ONE | {"close_s": "x"}),
         {"kind": "outcome", "seconds": 1.0},
     ],
-)  # fmt: skip
+)
 def test_times_that_are_none_are_refused(entry: dict[str, object]) -> None:
     with pytest.raises(ValueError, match=r"phases|no time"):
         times_of([entry])
@@ -49,18 +54,33 @@ def test_show_times_of_a_run_in_virtual_time_prints_phases_and_takt(tmp_path: Pa
     assert [part["outcome"] for part in parts] == ["leaf"] * 4
     assert command.main(["show", str(journal), "--times", "--takt", "6s", "--json"]) == 0
     told = json.loads(capfd.readouterr().out)
-    assert told["seconds_mean"] == pytest.approx(sum(part["seconds"] for part in parts) / 4, abs=1e-3)
+    assert told["seconds_mean"] == pytest.approx(
+        sum(part["seconds"] for part in parts) / 4, abs=1e-3
+    )
     assert told["takt_probability"] == sum(part["seconds"] <= 6.0 for part in parts) / 4
     assert command.main(["show", str(journal), "--times"]) == 0
     assert "travel" in capfd.readouterr().out
     assert command.main(["show", str(journal), "--takt", "6s"]) == 2
 
 
-@pytest.mark.parametrize("more", [["--dry-run"], ["--arm", "manual"], ["--audit", "judge {camera}"]])
-def test_virtual_time_without_anybody_outside_refuses_who_needs_it(more: list[str], tmp_path, capfd) -> None:
+@pytest.mark.parametrize(
+    "more", [["--dry-run"], ["--arm", "manual"], ["--audit", "judge {camera}"]]
+)
+def test_virtual_time_without_anybody_outside_refuses_who_needs_it(
+    more: list[str], tmp_path, capfd
+) -> None:
     from runtime import cli
 
     table = Path(__file__).parents[4] / "trees" / "rectangle" / "rectangle.msgpack"
-    words = ["--tree", str(table), "--port", "sim", "--time-scale", "max", "--journal", str(tmp_path / "j")]
+    words = [
+        "--tree",
+        str(table),
+        "--port",
+        "sim",
+        "--time-scale",
+        "max",
+        "--journal",
+        str(tmp_path / "j"),
+    ]
     assert cli.main([*words, *more]) == 2
     assert "--time-scale max" in capfd.readouterr().err

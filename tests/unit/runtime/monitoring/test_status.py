@@ -52,14 +52,20 @@ def test_who_says_nothing_gets_the_object(tmp_path: Path) -> None:
         seen = json.loads(asked(tmp_path / "s", b""))
     assert (seen["phase"], seen["part"], seen["node"], seen["squeezes"]) == ("place", 3, None, 1)
     assert seen["outcomes"] == {**{o.value: 0 for o in Outcome}, "leaf": 1, "reject": 1}
-    assert (seen["last_width_mm"], seen["audits"], seen["last_part"]["part"]) == (20.969, {"pass": 1}, 2)
+    assert (seen["last_width_mm"], seen["audits"], seen["last_part"]["part"]) == (
+        20.969,
+        {"pass": 1},
+        2,
+    )
     assert not (tmp_path / "s").exists()
 
 
 @pytest.mark.parametrize(
     ("path", "kind"), [(b"/", b"application/json"), (b"/metrics", b"text/plain; version=0.0.4")]
 )
-def test_http_gets_a_head_and_the_length_of_the_body(tmp_path: Path, path: bytes, kind: bytes) -> None:
+def test_http_gets_a_head_and_the_length_of_the_body(
+    tmp_path: Path, path: bytes, kind: bytes
+) -> None:
     with StatusServer(tmp_path / "s", fed()):
         told = asked(tmp_path / "s", b"GET " + path + b" HTTP/1.1\r\nHost: cell\r\n\r\n")
     head, _, body = told.partition(b"\r\n\r\n")

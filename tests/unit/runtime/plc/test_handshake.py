@@ -76,7 +76,9 @@ def test_ready_shows_nothing_and_only_the_last_states_share_signals() -> None:
 
 def test_ready_comes_only_once_trigger_and_acknowledge_are_back() -> None:
     into = {
-        key for key, after in TABLE.items() if after == Transition(State.READY) and key[0] is not State.READY
+        key
+        for key, after in TABLE.items()
+        if after == Transition(State.READY) and key[0] is not State.READY
     }
     assert into == {
         (State.TRIGGER_HELD, Event.TRIGGER_BACK),

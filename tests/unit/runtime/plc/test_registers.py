@@ -33,4 +33,9 @@ def test_json_has_the_documented_keys() -> None:
 
 def test_words_of_a_long_value_have_the_high_word_first() -> None:
     registers = [register for register in READ if register.name in ("table_digest", "x")]
-    assert words(registers, {"table_digest": 0xCAFE_0001, "x": -2}) == [0xCAFE, 0x0001, 0xFFFF, 0xFFFE]
+    assert words(registers, {"table_digest": 0xCAFE_0001, "x": -2}) == [
+        0xCAFE,
+        0x0001,
+        0xFFFF,
+        0xFFFE,
+    ]

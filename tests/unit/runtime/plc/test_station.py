@@ -110,7 +110,9 @@ def test_acknowledge_that_was_up_before_the_result_takes_nothing(working: Memory
     assert working["result_valid"] == 0
 
 
-def test_acknowledge_left_up_lets_the_next_part_begin_and_takes_nothing_of_it(waiting: MemoryPlc) -> None:
+def test_acknowledge_left_up_lets_the_next_part_begin_and_takes_nothing_of_it(
+    waiting: MemoryPlc,
+) -> None:
     waiting.write(result_acknowledge=1)
     waiting.write(trigger_id=8, trigger=1)
     assert waiting(*SIGNALS) == [1, 1, 0, 0]
@@ -198,7 +200,13 @@ def test_table_that_does_not_exist_is_an_error_and_others_are_used() -> None:
 
 def test_fault_is_a_result_without_a_pose_and_its_code_is_the_error(working: MemoryPlc) -> None:
     working.end_part(outcome=FAULT, exit_code=22)
-    assert working("result_valid", "result_id", "outcome", "error_id", "exit_code") == [1, 7, FAULT, 22, 22]
+    assert working("result_valid", "result_id", "outcome", "error_id", "exit_code") == [
+        1,
+        7,
+        FAULT,
+        22,
+        22,
+    ]
     assert working("x", "y", "angle") == [0, 0, 0]
 
 
@@ -210,7 +218,9 @@ def test_trigger_after_the_end_is_an_error(waiting: MemoryPlc) -> None:
 
 
 def test_single_write_is_accepted_only_where_the_plc_writes(plc: MemoryPlc) -> None:
-    refused = [address for address in range(300) if plc.station.write(address, [1], plc.now) is not None]
+    refused = [
+        address for address in range(300) if plc.station.write(address, [1], plc.now) is not None
+    ]
     assert refused == list(range(len(WRITTEN), 300))
 
 

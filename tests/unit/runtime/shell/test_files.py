@@ -19,7 +19,9 @@ def write(path: Path, text: str) -> None:
 
 
 @pytest.mark.parametrize("mode", [None, 0o600, 0o640, 0o666, 0o444 | 0o200])
-def test_it_keeps_the_mode_of_the_file_whose_place_it_takes(tmp_path: Path, mode: int | None) -> None:
+def test_it_keeps_the_mode_of_the_file_whose_place_it_takes(
+    tmp_path: Path, mode: int | None
+) -> None:
     """What is private stays so, from the first byte on; a new file has what the umask leaves."""
     path = tmp_path / "t.json"
     if mode is not None:
@@ -47,8 +49,12 @@ def test_a_name_in_a_proposed_command_is_one_word_that_is_no_option(name: str) -
     assert files.quoted("plain.toml") == "plain.toml"
 
 
-@pytest.mark.parametrize("error", [OSError(28, "disk full"), ValueError("bug"), KeyboardInterrupt("stop")])
-def test_what_breaks_off_leaves_the_old_one_and_no_draft(tmp_path: Path, error: BaseException) -> None:
+@pytest.mark.parametrize(
+    "error", [OSError(28, "disk full"), ValueError("bug"), KeyboardInterrupt("stop")]
+)
+def test_what_breaks_off_leaves_the_old_one_and_no_draft(
+    tmp_path: Path, error: BaseException
+) -> None:
     def break_off() -> None:
         with writing(path) as draft:
             draft.write_text("half")
@@ -56,7 +62,9 @@ def test_what_breaks_off_leaves_the_old_one_and_no_draft(tmp_path: Path, error: 
 
     path = tmp_path / "t.json"
     path.write_text("old")
-    with pytest.raises(type(error), match=r"t.json cannot be written: disk full; free the disk|bug|stop"):
+    with pytest.raises(
+        type(error), match=r"t.json cannot be written: disk full; free the disk|bug|stop"
+    ):
         break_off()
     assert path.read_text() == "old"
 
@@ -107,7 +115,9 @@ def test_what_cannot_be_written_is_told_before(tmp_path: Path, name: str, told: 
     (tmp_path / "file").touch()
     (tmp_path / "new").mkdir()
     with pytest.raises(OutputError, match=told) as refused:
-        usable(tmp_path / name if name else tmp_path, None, tmp_path / "file", tmp_path / "yet to be")
+        usable(
+            tmp_path / name if name else tmp_path, None, tmp_path / "file", tmp_path / "yet to be"
+        )
     assert refused.value.exit_code == 2
     assert str(refused.value).endswith("; name another file")
 

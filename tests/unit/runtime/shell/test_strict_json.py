@@ -18,7 +18,9 @@ from runtime.shell.strict_json import MOST_DIGITS, MOST_LEVELS, parse
     ids=["mixed", "long", "pair", "deep"],
 )
 def test_what_is_sound_is_read_as_ever(value: object) -> None:
-    assert parse(json.dumps(value)) == parse(json.dumps(value, ensure_ascii=False).encode()) == value
+    assert (
+        parse(json.dumps(value)) == parse(json.dumps(value, ensure_ascii=False).encode()) == value
+    )
 
 
 @pytest.mark.parametrize(

@@ -62,7 +62,10 @@ def _write(path, data):
 
 @pytest.mark.parametrize(
     ("key", "words"),
-    [(rsa.generate_private_key(65537, 1024), "an RSA key"), (ec.generate_private_key(ec.SECP256R1()), "key")],
+    [
+        (rsa.generate_private_key(65537, 1024), "an RSA key"),
+        (ec.generate_private_key(ec.SECP256R1()), "key"),
+    ],
 )
 def test_a_key_of_another_kind_is_refused_by_its_name(tmp_path, key, words):
     private = _write(tmp_path / "k", key.private_bytes(PEM, PKCS8, PLAIN))
@@ -95,7 +98,9 @@ def test_what_is_no_such_key_is_refused_in_a_sentence(tmp_path):
 @pytest.mark.skipif(shutil.which("openssl") is None, reason="openssl is not installed")
 def test_openssl_makes_keys_for_us_and_reads_ours(tmp_path):
     def openssl(*words):
-        return subprocess.run(["openssl", *words], capture_output=True, timeout=30, check=True).stdout
+        return subprocess.run(
+            ["openssl", *words], capture_output=True, timeout=30, check=True
+        ).stdout
 
     theirs, public = tmp_path / "theirs.pem", tmp_path / "theirs.pub"
     openssl("genpkey", "-algorithm", "ed25519", "-out", str(theirs))

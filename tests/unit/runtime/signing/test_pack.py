@@ -31,7 +31,10 @@ def spans(data):
     """Where each member's header and content lie, by zipfile."""
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         return {
-            info.filename: (info.header_offset, info.header_offset + 30 + len(info.filename) + info.file_size)
+            info.filename: (
+                info.header_offset,
+                info.header_offset + 30 + len(info.filename) + info.file_size,
+            )
             for info in archive.infolist()
         }
 
@@ -75,7 +78,12 @@ def test_pack_cut_short_is_refused(cut):
 
 @pytest.mark.parametrize(
     "data",
-    [PACK + b"\0", b"\0" + PACK, PACK + PACK, PACK[:-SIGNATURE_BYTES] + b"x" + PACK[-SIGNATURE_BYTES:]],
+    [
+        PACK + b"\0",
+        b"\0" + PACK,
+        PACK + PACK,
+        PACK[:-SIGNATURE_BYTES] + b"x" + PACK[-SIGNATURE_BYTES:],
+    ],
 )
 def test_pack_with_bytes_added_is_refused(data):
     with pytest.raises(PackError):

@@ -133,7 +133,9 @@ def test_frequencies_alarm_when_a_branch_is_no_longer_taken():
 @pytest.mark.slow
 def test_a_healthy_cell_hardly_raises_an_alarm():
     """About four in 100 000 parts are false, as tests/bench/drift_trials.py measures them."""
-    histories = [history(TABLE, drawn(TABLE, 3000, np.random.default_rng(seed))) for seed in range(5)]
+    histories = [
+        history(TABLE, drawn(TABLE, 3000, np.random.default_rng(seed))) for seed in range(5)
+    ]
     assert sum(len(watch(parts)) for parts in histories) <= 2
 
 
@@ -198,7 +200,9 @@ def test_branch_shares_are_those_of_the_leaves_below():
 
 def test_table_that_was_not_evaluated_is_believed():
     bare = replace(TABLE, leaves=tuple(leaf._replace(trials=0) for leaf in TABLE.leaves))
-    assert branch_shares(bare)[0] == [branch.probability_ppm / 1e6 for branch in TABLE.nodes[0].branches]
+    assert branch_shares(bare)[0] == [
+        branch.probability_ppm / 1e6 for branch in TABLE.nodes[0].branches
+    ]
 
 
 def test_branch_counts_add_up_to_all_squeezes():

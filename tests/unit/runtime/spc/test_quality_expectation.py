@@ -54,19 +54,25 @@ def test_chart_is_the_sum_over_all_beginnings_of_the_products_since(expected):
     gains = np.array([expected.gains(TABLE, part)[0] for part in parts])
     for part in parts:
         assert chart.add(TABLE, part) is None
-    assert chart.value == pytest.approx(sum(exp(gains[start:].sum()) for start in range(len(parts))))
+    assert chart.value == pytest.approx(
+        sum(exp(gains[start:].sum()) for start in range(len(parts)))
+    )
 
 
 def test_healthy_parts_to_an_alarm_are_at_least_as_many_as_the_limit_says(expected, monkeypatch):
     monkeypatch.setattr(expectation, "LIMIT", 60.0)
     chart = ShiryaevRoberts(expected)
-    alarms = sum(chart.add(TABLE, part) is not None for part in drawn(TABLE, 6000, np.random.default_rng(4)))
+    alarms = sum(
+        chart.add(TABLE, part) is not None for part in drawn(TABLE, 6000, np.random.default_rng(4))
+    )
     assert 0 < alarms <= 6000 / 60.0
 
 
 def test_change_is_flagged_within_fifty_parts_by_its_name(expected):
     rng = np.random.default_rng(5)
-    found = watch(history(TABLE, drawn(TABLE, 300, rng), drawn(TABLE, 50, rng, shares=LESS)), expected)
+    found = watch(
+        history(TABLE, drawn(TABLE, 300, rng), drawn(TABLE, 50, rng, shares=LESS)), expected
+    )
     assert all(alarm.place >= 300 for alarm in found)
     assert any(alarm.chart == "readings" and "those of less" in alarm.sentence for alarm in found)
 

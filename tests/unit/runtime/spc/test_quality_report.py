@@ -65,8 +65,13 @@ def test_verdict_without_a_measurement_is_read_from_older_journals(tmp_path):
 
 
 def test_journals_of_two_tables_and_of_none_are_refused(tmp_path):
-    other = TABLE.__class__(**{name: getattr(TABLE, name) for name in TABLE.__slots__} | {"tool": "another"})
-    paths = [write(tmp_path / "a.jsonl", parts_of(2)), write(tmp_path / "b.jsonl", parts_of(2), other)]
+    other = TABLE.__class__(
+        **{name: getattr(TABLE, name) for name in TABLE.__slots__} | {"tool": "another"}
+    )
+    paths = [
+        write(tmp_path / "a.jsonl", parts_of(2)),
+        write(tmp_path / "b.jsonl", parts_of(2), other),
+    ]
     with pytest.raises(ArgumentsError, match="of another table"):
         reading.read(paths)
     with pytest.raises(ArgumentsError, match="no part yet"):
@@ -105,7 +110,9 @@ def test_squeeze_that_is_none_of_the_tables_is_refused(tmp_path, change):
 
 
 def test_audits_of_which_none_could_judge_are_told(tmp_path, capsys):
-    parts = [replace(part, verdict="unknown", residual=None) for part in parts_of(5) if part.verdict]
+    parts = [
+        replace(part, verdict="unknown", residual=None) for part in parts_of(5) if part.verdict
+    ]
     words = ["report", str(write(tmp_path / "a.jsonl", parts)), "-o", str(tmp_path / "r.html")]
     assert main(words) == 0
     assert f"audits    {len(parts)} unknown\n" in capsys.readouterr().out
@@ -122,12 +129,18 @@ def test_summary_counts_what_the_parts_say():
     assert told.judged == sum(part.verdict in ("pass", "fail") for part in found.parts)
     assert told.interval[0] <= told.passed / told.judged <= told.interval[1]
     assert told.agrees
-    assert sum(row.parts for row in told.leaves) == sum(part.leaf is not None for part in found.parts)
-    assert sum(sum(row.counts) for row in told.nodes) == sum(len(part.squeezes) for part in found.parts)
+    assert sum(row.parts for row in told.leaves) == sum(
+        part.leaf is not None for part in found.parts
+    )
+    assert sum(sum(row.counts) for row in told.nodes) == sum(
+        len(part.squeezes) for part in found.parts
+    )
     assert told.tail > 1e-4
     for row in told.leaves:
         mine = [p.residual for p in found.parts if p.leaf == row.leaf and p.residual]
-        assert [mean for mean, _ in row.residuals] == pytest.approx([*np.mean(mine, axis=0)] if mine else [])
+        assert [mean for mean, _ in row.residuals] == pytest.approx(
+            [*np.mean(mine, axis=0)] if mine else []
+        )
 
 
 def test_moments_are_the_samples():
@@ -241,7 +254,9 @@ def test_parquet_holds_the_same_as_csv(journal, tmp_path):
         (["{journal}", "-o", "none/p.html"], 2, "cannot be written"),
     ],
 )
-def test_mistakes_are_told_in_one_line(journal, tmp_path, monkeypatch, capsys, words, code, sentence):
+def test_mistakes_are_told_in_one_line(
+    journal, tmp_path, monkeypatch, capsys, words, code, sentence
+):
     monkeypatch.chdir(tmp_path)
     assert main(["report", *(word.format(journal=journal) for word in words)]) == code
     said = capsys.readouterr().err
@@ -259,7 +274,12 @@ def test_readings_are_weighed_by_what_was_expected_of_them(tmp_path, capsys):
     digest = hashlib.sha256(dumps(TABLE)).hexdigest()
     (tmp_path / "e.json").write_text(json.dumps(expectation_document(TABLE, digest)))
     parts = [*parts_of(60, seed=8), *parts_of(60, seed=9, first=60, shares=LESS)]
-    words = ["report", str(write(tmp_path / "a.jsonl", parts)), "--expected", str(tmp_path / "e.json")]
+    words = [
+        "report",
+        str(write(tmp_path / "a.jsonl", parts)),
+        "--expected",
+        str(tmp_path / "e.json"),
+    ]
     assert main([*words, "-o", str(tmp_path / "r.html")]) == 13
     said = capsys.readouterr().out
     assert "readings are those of less" in said
@@ -272,7 +292,9 @@ def test_readings_are_weighed_by_what_was_expected_of_them(tmp_path, capsys):
 def as_result(part):
     """How the run that wrote a part told of it."""
     targets = [
-        None if squeeze.branch is None else TABLE.nodes[squeeze.node].branches[squeeze.branch].target
+        None
+        if squeeze.branch is None
+        else TABLE.nodes[squeeze.node].branches[squeeze.branch].target
         for squeeze in part.squeezes
     ]
     steps = [
@@ -287,7 +309,11 @@ def test_a_run_says_as_it_goes_on_what_its_report_will_say_of_a_refit(shift_um):
     parts = drawn(TABLE, 120, np.random.default_rng(5), width_shift_um=shift_um)
     drift = Drift(TABLE)
     told = [drift.add(as_result(part)) for part in parts]
-    alarms = [alarm.place for alarm in Monitor(TABLE).watch(history(TABLE, parts)) if alarm.chart in DRIFTED]
+    alarms = [
+        alarm.place
+        for alarm in Monitor(TABLE).watch(history(TABLE, parts))
+        if alarm.chart in DRIFTED
+    ]
     assert any(told) == bool(alarms) == (shift_um > 0.0)
     if alarms:
         assert told.index(True) == max(alarms[0], LEAST_REFIT - 1)
@@ -296,13 +322,17 @@ def test_a_run_says_as_it_goes_on_what_its_report_will_say_of_a_refit(shift_um):
 
 def test_names_are_counted_against_the_shares_that_were_planned():
     tree = several_table()
-    right, open_still = (reading.Part(k, (), outcome, 1) for k, outcome in enumerate(("leaf", "unresolved")))
+    right, open_still = (
+        reading.Part(k, (), outcome, 1) for k, outcome in enumerate(("leaf", "unresolved"))
+    )
     left = reading.Part(2, (), "leaf", 0)
     as_planned = summarise(reading.History(tree, (left,) * 40 + (right,) * 60 + (open_still,) * 50))
     assert [row.parts for row in as_planned.names] == [40, 60]
     assert as_planned.names_tail == 1.0
     other = summarise(reading.History(tree, (left,) * 70 + (right,) * 30))
-    assert other.names_tail == pytest.approx(math.erfc(math.sqrt(0.5 * (30**2 / 40 + 30**2 / 60))), rel=1e-6)
+    assert other.names_tail == pytest.approx(
+        math.erfc(math.sqrt(0.5 * (30**2 / 40 + 30**2 / 60))), rel=1e-6
+    )
     assert [row["name"] for row in other.fields()["names"]] == ["left hand", "right hand"]
     assert "left hand" in page("t", other)
     assert "names" not in summarise(reading.History(TABLE, ())).fields()

@@ -35,7 +35,9 @@ def goal(**changes: object) -> Forge:
 def squeeze(**changes: int) -> Forge:
     def forge(table: Table) -> Table:
         root, *others = table.nodes
-        return replace(table, nodes=(root._replace(squeeze=root.squeeze._replace(**changes)), *others))
+        return replace(
+            table, nodes=(root._replace(squeeze=root.squeeze._replace(**changes)), *others)
+        )
 
     return forge
 
@@ -44,7 +46,9 @@ def shifted(x_um: int, y_um: int = 0) -> Forge:
     """All leaves moved together, as if the table had been made for another place."""
     return lambda table: replace(
         table,
-        leaves=tuple(leaf._replace(x_um=leaf.x_um + x_um, y_um=leaf.y_um + y_um) for leaf in table.leaves),
+        leaves=tuple(
+            leaf._replace(x_um=leaf.x_um + x_um, y_um=leaf.y_um + y_um) for leaf in table.leaves
+        ),
     )
 
 
@@ -57,7 +61,10 @@ def with_push(table: Table) -> Table:
 @pytest.mark.parametrize(
     ("forge", "said"),
     [
-        (limits(squeeze_height_um=-50_000), "squeeze_height_um is -50000, but the embedded job says 8000"),
+        (
+            limits(squeeze_height_um=-50_000),
+            "squeeze_height_um is -50000, but the embedded job says 8000",
+        ),
         (limits(retreat_height_um=900_000), "limits.retreat_height_um is 900000, but"),
         (limits(max_force_mn=500_000), "limits.max_force_mn is 500000, but"),
         (limits(max_speed_um_s=150_001), "limits.max_speed_um_s is 150001, but"),
@@ -72,9 +79,18 @@ def with_push(table: Table) -> Table:
         (goal(rho_um=10_000), "goal.rho_um is 10000, but the embedded job says 10571"),
         (goal(kind="modes", modes=1), "goal.kind is modes, but the embedded job says pose"),
         (squeeze(force_mn=200_000), "node 0: force_mn is 200000, but the embedded job says 40000"),
-        (squeeze(speed_um_s=150_000), "node 0: speed_um_s is 150000, but the embedded job says 60000"),
-        (squeeze(opening_um=80_000), "node 0: opening_um is 80000, but the embedded job says 85000"),
-        (squeeze(x_um=90_000), "node 0: at (90.00, 0.00) mm the jaws touch no part within radius_mm = 12.75"),
+        (
+            squeeze(speed_um_s=150_000),
+            "node 0: speed_um_s is 150000, but the embedded job says 60000",
+        ),
+        (
+            squeeze(opening_um=80_000),
+            "node 0: opening_um is 80000, but the embedded job says 85000",
+        ),
+        (
+            squeeze(x_um=90_000),
+            "node 0: at (90.00, 0.00) mm the jaws touch no part within radius_mm = 12.75",
+        ),
         (with_push, "node 0 is pushed before, which is belief, but the embedded job says none"),
         (shifted(15_000), "does not lie between the jaws of node"),
     ],
@@ -124,15 +140,23 @@ def two_parts(**changes: object) -> dict[str, object]:
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"part": {"name": "hammer"}}, "hypothesis 1: name is right hand, but the embedded job says hammer"),
+        (
+            {"part": {"name": "hammer"}},
+            "hypothesis 1: name is right hand, but the embedded job says hammer",
+        ),
         ({"share": 0.5}, "hypothesis 1: share_ppm is 600000, but the embedded job says 500000"),
         ({"part": {"symmetry": 4}}, "hypothesis 1: symmetry is 1, but the embedded job says 4"),
         ({"part": 3}, "part of the embedded job is no section; recompile it"),
         ({"share": "half"}, "share of the embedded job is no number; recompile it"),
-        ({"part": {"outline_mm": [[1, 2, 3]]}}, "outline_mm of the embedded job is no list of points"),
+        (
+            {"part": {"outline_mm": [[1, 2, 3]]}},
+            "outline_mm of the embedded job is no list of points",
+        ),
     ],
 )
-def test_parts_that_the_job_names_otherwise_are_refused(changes: dict[str, object], said: str) -> None:
+def test_parts_that_the_job_names_otherwise_are_refused(
+    changes: dict[str, object], said: str
+) -> None:
     dumps(with_job(several_table(), json.dumps(two_parts())))
     with pytest.raises(TableError, match=said):
         dumps(with_job(several_table(), json.dumps(two_parts(**changes))))
@@ -156,7 +180,9 @@ def test_an_outline_of_thousands_of_points_takes_milliseconds() -> None:
     """A wavy disc that the job of the rectangle's table names: its grips are refused, and soon."""
     job = json.loads(TABLE.job or "")
     steps = [2 * pi * k / 9_999 for k in range(9_999)]
-    job["part"]["outline_mm"] = [[(40 + cos(40 * t)) * cos(t), (40 + cos(40 * t)) * sin(t)] for t in steps]
+    job["part"]["outline_mm"] = [
+        [(40 + cos(40 * t)) * cos(t), (40 + cos(40 * t)) * sin(t)] for t in steps
+    ]
     rho_um = round(1e3 * gyration_mm([(x, y) for x, y in job["part"]["outline_mm"]]))
     forged = with_job(goal(rho_um=rho_um)(TABLE), json.dumps(job))
     start = time.process_time()
@@ -167,7 +193,10 @@ def test_an_outline_of_thousands_of_points_takes_milliseconds() -> None:
 
 @pytest.mark.parametrize(
     ("outline", "expected"),
-    [([(-15, -10), (15, -10), (15, 10), (-15, 10)], ((30**2 + 20**2) / 12) ** 0.5), ([(0, 0), (1, 1)], 0.0)],
+    [
+        ([(-15, -10), (15, -10), (15, 10), (-15, 10)], ((30**2 + 20**2) / 12) ** 0.5),
+        ([(0, 0), (1, 1)], 0.0),
+    ],
 )
 def test_the_radius_of_gyration_is_that_of_the_area(outline, expected: float) -> None:
     assert gyration_mm(outline) == pytest.approx(expected)

@@ -110,7 +110,9 @@ def test_every_damaged_bit_and_every_cut_is_refused() -> None:
 
 def test_an_integer_in_a_longer_form_is_refused() -> None:
     payload = msgpack.unpackb(SMALL)[3]
-    longer = payload.replace(b"\x92\x02\x02", b"\x92\xcc\x02\x02", 1)  # node_branches, two bytes for a 2
+    longer = payload.replace(
+        b"\x92\x02\x02", b"\x92\xcc\x02\x02", 1
+    )  # node_branches, two bytes for a 2
     assert longer != payload
     with pytest.raises(TableError, match="not in the one encoding a table has"):
         loads(framed(longer))
@@ -125,9 +127,15 @@ def test_an_integer_in_a_longer_form_is_refused() -> None:
         (bytes(msgpack.packb(["squeezetree"])), "not a squeezetree table"),
         (framed(b"\x90", 2), "format 2 is not readable; this runtime reads 3 to 10, recompile it"),
         (framed(b"\x90", True), "format bool is not readable"),
-        (bytes(msgpack.packb(["squeezetree", 3, b""])), "the frame is not magic, format, digest, payload"),
+        (
+            bytes(msgpack.packb(["squeezetree", 3, b""])),
+            "the frame is not magic, format, digest, payload",
+        ),
         (bytes(msgpack.packb(["squeezetree", 3, b"", "text"])), "the frame is not"),
-        (bytes(msgpack.packb(["squeezetree", 3, b"", b"\x90"])), "digest does not match its content"),
+        (
+            bytes(msgpack.packb(["squeezetree", 3, b"", b"\x90"])),
+            "digest does not match its content",
+        ),
         (framed(b"\x90"), f"the payload is not an array of {len(PAYLOAD_FIELDS)}"),
         (framed(b"\x90\x90"), "bytes follow the end of the payload"),
         (framed(b"\x81\x01\x02"), "the payload is damaged"),
@@ -135,7 +143,10 @@ def test_an_integer_in_a_longer_form_is_refused() -> None:
         (with_field("tool", 5), "tool holds int where str belongs"),
         (with_field("tool", None), "tool holds NoneType where str belongs"),
         (with_field("job", b"text"), "job holds bytes where str belongs"),
-        (with_field("goal", [3000, True, 10571, 2, 0, 0, 0, 0, 1]), "goal holds bool where int belongs"),
+        (
+            with_field("goal", [3000, True, 10571, 2, 0, 0, 0, 0, 1]),
+            "goal holds bool where int belongs",
+        ),
         (with_field("goal", [3000, 990000, 10571, 2, 5, 0, 0, 0, 1]), "goal has the kind 5"),
         (with_field("gripper", [1, 2]), "gripper holds 2 integers where 6 belong"),
         (with_field("node_x_um", [0]), "node_y_um holds 2 integers where 1 belong"),
@@ -144,7 +155,10 @@ def test_an_integer_in_a_longer_form_is_refused() -> None:
         (with_field("node_branches", [2, 3]), "node_branches holds 3, but"),
         (with_field("node_branches", [2, 1]), "node_branches adds up to fewer"),
         (with_field("node_branches", [2, -1]), "node_branches holds -1, but"),
-        (with_field("leaf_resolved", [1, 1, 2]), "leaf_resolved holds a number that is neither 0 nor 1"),
+        (
+            with_field("leaf_resolved", [1, 1, 2]),
+            "leaf_resolved holds a number that is neither 0 nor 1",
+        ),
         (with_field("leaf_alternatives", [0, 0, 1]), "leaf_alternatives holds 1, but"),
     ],
 )
@@ -199,7 +213,10 @@ HOSTILE = [
     (b"\x91" * 100_000, "not a squeezetree table"),
     (b"x_mm,y_mm\n0,0\n30,0\n", "not a squeezetree table"),
     (framed(b"\x91" * 1_000_000), "damaged or cut short"),
-    (framed(b"\xdc\x3f\xff" + (b"\xdc\x00\x40" + b"\x90" * 64) * 16_383), "the payload is not an array"),
+    (
+        framed(b"\xdc\x3f\xff" + (b"\xdc\x00\x40" + b"\x90" * 64) * 16_383),
+        "the payload is not an array",
+    ),
     (b"\xdd\xff\xff\xff\xff", "not a squeezetree table"),
     (b"\xc6\xff\xff\xff\xff", "not a squeezetree table"),
     (bytes(MAX_BYTES + 1), "bytes, allowed are"),

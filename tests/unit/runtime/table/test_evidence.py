@@ -15,7 +15,9 @@ from runtime.table.evidence import LEAST_LOG, LEVEL, MOST_TERMS, Z95
 
 @pytest.mark.parametrize("confidence", [0.5, 0.9, 0.99, 0.999])
 @pytest.mark.parametrize("trials", [0, 1, 2, 10, 57, 300, 900])
-def test_a_leaf_is_refuted_where_the_exact_binomial_test_refutes_it(trials: int, confidence: float) -> None:
+def test_a_leaf_is_refuted_where_the_exact_binomial_test_refutes_it(
+    trials: int, confidence: float
+) -> None:
     """A second method: the lower tail of the binomial distribution (Clopper and Pearson 1934)."""
     for successes in range(trials + 1):
         tail = binom.cdf(successes, trials, confidence)
@@ -49,7 +51,9 @@ def test_of_many_leaves_tested_at_once_few_are_refuted_by_chance(trials: int) ->
     for leaves in (1, 30, 400):
         least = next(n for n in range(trials) if refuted(trials - n, trials, 0.99, leaves))
         chance = binom.cdf(trials - least, trials, 0.99)
-        assert leaves * chance < LEVEL * (1.0 if trials < 1000 else 1.5)  # the score test is not exact
+        assert leaves * chance < LEVEL * (
+            1.0 if trials < 1000 else 1.5
+        )  # the score test is not exact
         assert leaves * binom.cdf(trials - least + 1, trials, 0.99) > LEVEL * 0.9
 
 
@@ -80,7 +84,9 @@ def test_ends_solve_wilsons_equation() -> None:
     for hits, trials in [(0, 10), (3, 10), (19, 20), (20, 20), (970, 1000)]:
         for bound in wilson_interval(hits, trials):
             gap = abs(hits / trials - bound)
-            assert gap == pytest.approx(1.959963984540054 * np.sqrt(bound * (1 - bound) / trials), abs=1e-9)
+            assert gap == pytest.approx(
+                1.959963984540054 * np.sqrt(bound * (1 - bound) / trials), abs=1e-9
+            )
 
 
 def test_coverage_is_about_95_percent() -> None:
@@ -100,8 +106,14 @@ def leaf_with(**changes: int) -> Table:
 @pytest.mark.parametrize(
     ("table", "said"),
     [
-        (leaf_with(success_ppm=995_001 + 1), "leaf 1: success_ppm is 995002, no share of 3000 trials"),
-        (leaf_with(success_ppm=990_000, trials=7), "leaf 1: success_ppm is 990000, no share of 7 trials"),
+        (
+            leaf_with(success_ppm=995_001 + 1),
+            "leaf 1: success_ppm is 995002, no share of 3000 trials",
+        ),
+        (
+            leaf_with(success_ppm=990_000, trials=7),
+            "leaf 1: success_ppm is 990000, no share of 7 trials",
+        ),
         (
             leaf_with(error_p95_um=3_001),
             "leaf 1: error_p95_um is 3001, but 2985 of 3000 trials lay within 3000",

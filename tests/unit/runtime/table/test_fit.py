@@ -23,16 +23,23 @@ def test_a_small_error_of_the_line_fits() -> None:
 def test_jaws_that_do_not_open_far_enough_are_told() -> None:
     narrow = Calibration(tuple(min(width, 60_000) for width in LINE.widths_um))
     problems = misfits(small_table(), narrow)
-    assert problems[0] == "node 0 opens to 85.00 mm, this gripper to 60.00 mm; recompile with its opening"
+    assert (
+        problems[0]
+        == "node 0 opens to 85.00 mm, this gripper to 60.00 mm; recompile with its opening"
+    )
     assert len(problems) == 2
-    almost = Calibration(tuple(min(width, 84_850) for width in LINE.widths_um))  # within the encoder's noise
+    almost = Calibration(
+        tuple(min(width, 84_850) for width in LINE.widths_um)
+    )  # within the encoder's noise
     assert misfits(small_table(), almost) == []
 
 
 def test_a_branch_that_no_count_means_is_told() -> None:
     coarse = Calibration(tuple(85_000 if count < 200 else 0 for count in range(256)))
     told = misfits(small_table(), coarse)[0]
-    assert told.startswith("node 0, branch 0: no count of this gripper means 20.00..22.00 mm; calibrate")
+    assert told.startswith(
+        "node 0, branch 0: no count of this gripper means 20.00..22.00 mm; calibrate"
+    )
 
 
 def test_an_outcome_that_reads_as_its_neighbour_is_told() -> None:
@@ -42,4 +49,6 @@ def test_an_outcome_that_reads_as_its_neighbour_is_told() -> None:
     second = root.branches[1]._replace(low_um=18_000, expected_um=22_000, high_um=30_000)
     table = with_node(small_table(), 0, root._replace(branches=(first, second)))
     coarse = Calibration((*[85_000] * 100, *[22_400] * 70, *[18_500] * 60, *[0] * 26))
-    assert misfits(table, coarse)[0].startswith("node 0, branch 0: this gripper reads 21.00 mm as another")
+    assert misfits(table, coarse)[0].startswith(
+        "node 0, branch 0: this gripper reads 21.00 mm as another"
+    )

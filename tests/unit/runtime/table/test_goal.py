@@ -28,11 +28,15 @@ def test_the_cell_and_the_planner_agree(kind: str, order: int) -> None:
         true = rng.uniform((-3, -2, -math.pi), (3, 2, math.pi))
         near = true + rng.normal(0.0, (1.5, 1.0, 0.15), (2, 3))
         near[:, 2] = (
-            np.remainder(near[:, 2] + rng.integers(order) * 2 * math.pi / order + math.pi, 2 * math.pi)
+            np.remainder(
+                near[:, 2] + rng.integers(order) * 2 * math.pi / order + math.pi, 2 * math.pi
+            )
             - math.pi
         )
         leaf = leaf_at(near if kind == "modes" else near[:1])
-        poses = np.array([(leaf.x_um / 1e3, leaf.y_um / 1e3, leaf.theta_urad / 1e6), *leaf.alternatives])
+        poses = np.array(
+            [(leaf.x_um / 1e3, leaf.y_um / 1e3, leaf.theta_urad / 1e6), *leaf.alternatives]
+        )
         poses[1:] /= (1e3, 1e3, 1e6)
         wanted = bool(metric.reached(poses, true).any())
         assert meets(goal, leaf, tuple(true)) == wanted

@@ -15,7 +15,9 @@ SHAPE = _shape([(float(x), float(y)) for x, y in FORK])
 
 def held(width_mm: float, pose: tuple[float, float, float]) -> bool:
     """Whether jaws about the origin that read a width hold the fork at a pose."""
-    return _is_held(SHAPE, pose, Grip((0.0, 0.0, 0.0), 13.75, -width_mm / 2, width_mm / 2, 1.0), 0.0)
+    return _is_held(
+        SHAPE, pose, Grip((0.0, 0.0, 0.0), 13.75, -width_mm / 2, width_mm / 2, 1.0), 0.0
+    )
 
 
 @pytest.mark.parametrize(
@@ -26,7 +28,11 @@ def held(width_mm: float, pose: tuple[float, float, float]) -> bool:
         (34.0, (0.0, -2.0, 0.0), True),
         (8.0, (-20.0, 10.0, -pi / 2), True),  # about one arm: a finger stands in the slot
         (12.0, (-20.0, 0.0, -pi / 2), False),  # about the slot alone: arms fill the fingers' place
-        (8.0, (0.0, 10.0, -pi / 2), False),  # about one arm, but the closed end fills the place of a finger
+        (
+            8.0,
+            (0.0, 10.0, -pi / 2),
+            False,
+        ),  # about one arm, but the closed end fills the place of a finger
         (8.0, (0.0, 60.0, 0.0), False),  # far away
     ],
 )

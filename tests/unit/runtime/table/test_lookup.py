@@ -40,13 +40,17 @@ def slow_decision(node: Node, width_um: int, object_detected: bool) -> int:
 
 
 def node_of(*intervals: tuple[int, int, int]) -> Node:
-    branches = [Branch(low, expected, high, 0, ~at) for at, (low, expected, high) in enumerate(intervals)]
+    branches = [
+        Branch(low, expected, high, 0, ~at) for at, (low, expected, high) in enumerate(intervals)
+    ]
     return Node(small_table().nodes[0].squeeze, tuple(branches))
 
 
 @pytest.mark.parametrize("calibration", [LINE, WORN], ids=["line", "worn"])
 @pytest.mark.parametrize("table", TABLES, ids=["small", "every field", "random", "400 nodes"])
-def test_every_node_count_and_flag_is_decided_by_the_rule(table: Table, calibration: Calibration) -> None:
+def test_every_node_count_and_flag_is_decided_by_the_rule(
+    table: Table, calibration: Calibration
+) -> None:
     for node in table.nodes:
         decided = decision_map(node, calibration)
         assert len(decided) == 512
@@ -57,7 +61,9 @@ def test_every_node_count_and_flag_is_decided_by_the_rule(table: Table, calibrat
 
 
 @pytest.mark.parametrize("table", TABLES, ids=["small", "every field", "random", "400 nodes"])
-def test_every_branch_of_a_proved_table_is_decided_by_some_reading_and_no_other_reaches_it(table) -> None:
+def test_every_branch_of_a_proved_table_is_decided_by_some_reading_and_no_other_reaches_it(
+    table,
+) -> None:
     dumps(table)  # proves it
     for node in table.nodes:
         decided = decision_map(node, LINE)
@@ -88,7 +94,9 @@ def test_what_is_no_count_is_rejected(count: int) -> None:
         assert decide(decided, count, felt=False) == REJECT
 
 
-def test_a_grip_is_of_two_millimetres_or_reaches_down_to_no_jaws_that_met_and_may_go_unfelt() -> None:
+def test_a_grip_is_of_two_millimetres_or_reaches_down_to_no_jaws_that_met_and_may_go_unfelt() -> (
+    None
+):
     """TABLE.md: the flag may miss it up to 5 mm."""
     assert (HELD_UM, REJECT) == (2_000, -1)
     at = LINE.count(1_900)
@@ -97,7 +105,9 @@ def test_a_grip_is_of_two_millimetres_or_reaches_down_to_no_jaws_that_met_and_ma
         assert (decide(decided, at, felt=True) == 0) == grip
         assert decide(decided, at, felt=False) == 0
     wide = decision_map(node_of((2_000, 6_000, 10_000)), LINE)
-    widths = [width for count, width in enumerate(LINE.widths_um) if decide(wide, count, False) == 0]
+    widths = [
+        width for count, width in enumerate(LINE.widths_um) if decide(wide, count, False) == 0
+    ]
     assert max(widths) == max(width for width in LINE.widths_um if width <= 5_000)
 
 
@@ -136,7 +146,9 @@ def test_a_calibration_cannot_be_changed() -> None:
     "node",
     [
         node_of((20_000, 22_000, 30_000), (21_000, 28_000, 40_000)),
-        node_of((20_000, 22_000, 60_000), (21_000, 28_000, 29_000)),  # the second one inside the first
+        node_of(
+            (20_000, 22_000, 60_000), (21_000, 28_000, 29_000)
+        ),  # the second one inside the first
         node_of((20_000, 21_000, 50_000), (21_000, 30_000, 45_000), (22_000, 44_000, 70_000)),
         node_of((5_000, 6_000, 7_000), (5_000, 6_374, 7_000), (5_000, 6_748, 7_000)),
         node_of((0, 85_000, 85_000)),
@@ -161,13 +173,19 @@ def test_the_nearest_expected_width_wins_and_the_lower_of_two() -> None:
 def test_linear_calibration_is_robotiqs_line() -> None:
     # Robotiq SDK, units.cpp: opening_mm = 85 * (230 - gPO) / 227, clamped; 0.374 mm a count.
     for count in range(256):
-        assert LINE.width_um(count) == pytest.approx(min(max(85e3 * (230 - count) / 227, 0), 85e3), abs=0.5)
+        assert LINE.width_um(count) == pytest.approx(
+            min(max(85e3 * (230 - count) / 227, 0), 85e3), abs=0.5
+        )
     assert LINE.count(21_000) == 174
 
 
 @pytest.mark.parametrize("calibration", [LINE, WORN], ids=["line", "worn"])
-@pytest.mark.parametrize(("low", "high"), [(0, 85_000), (20_000, 22_000), (21_001, 21_001), (90_000, 99_000)])
-def test_counts_of_an_interval_are_those_whose_widths_lie_in_it(calibration, low: int, high: int) -> None:
+@pytest.mark.parametrize(
+    ("low", "high"), [(0, 85_000), (20_000, 22_000), (21_001, 21_001), (90_000, 99_000)]
+)
+def test_counts_of_an_interval_are_those_whose_widths_lie_in_it(
+    calibration, low: int, high: int
+) -> None:
     inside = [count for count in range(256) if low <= calibration.width_um(count) <= high]
     assert list(calibration.counts(low, high)) == inside
 

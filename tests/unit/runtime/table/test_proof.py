@@ -16,7 +16,9 @@ UNTRIED = replace(TABLE, predicted=Prediction(0, 0, 0))  # whose leaves may have
 def one_node(*rows: tuple[int, int, int]) -> Table:
     """A table of one node with branches of these intervals to leaves 0, 1, ..., in equal shares."""
     share, rest = divmod(PPM, len(rows))
-    branches = tuple(Branch(*row, share + (number < rest), ~number) for number, row in enumerate(rows))
+    branches = tuple(
+        Branch(*row, share + (number < rest), ~number) for number, row in enumerate(rows)
+    )
     leaves = tuple(TABLE.leaves[0] for _ in rows)
     return replace(UNTRIED, nodes=(Node(TABLE.nodes[0].squeeze, branches),), leaves=leaves)
 
@@ -53,17 +55,33 @@ def with_goal_alone(**changes: object) -> Table:
 # -- edges ----------------------------------------------------------------------------------------
 
 EDGES = [
-    (squeeze_with(x_um=60_000), squeeze_with(x_um=60_001), "node 1: x_um is 60001, allowed is -60000..60000"),
-    (squeeze_with(opening_um=85_000), squeeze_with(opening_um=85_001), "node 1: opening_um is 85001"),
+    (
+        squeeze_with(x_um=60_000),
+        squeeze_with(x_um=60_001),
+        "node 1: x_um is 60001, allowed is -60000..60000",
+    ),
+    (
+        squeeze_with(opening_um=85_000),
+        squeeze_with(opening_um=85_001),
+        "node 1: opening_um is 85001",
+    ),
     (squeeze_with(force_mn=60_000), squeeze_with(force_mn=60_001), "node 1: force_mn is 60001"),
-    (squeeze_with(speed_um_s=1), squeeze_with(speed_um_s=0), "node 1: speed_um_s is 0, allowed is 1..60000"),
+    (
+        squeeze_with(speed_um_s=1),
+        squeeze_with(speed_um_s=0),
+        "node 1: speed_um_s is 0, allowed is 1..60000",
+    ),
     (squeeze_with(clearance_um=0), squeeze_with(clearance_um=-1), "node 1: clearance_um is -1"),
     (
         squeeze_with(angle_urad=-3_142_000),
         squeeze_with(angle_urad=-3_142_001),
         "node 1: angle_urad is -3142001",
     ),
-    (branch_with(1, 1, high_um=85_000), branch_with(1, 1, high_um=85_001), "node 1, branch 1: high_um is"),
+    (
+        branch_with(1, 1, high_um=85_000),
+        branch_with(1, 1, high_um=85_001),
+        "node 1, branch 1: high_um is",
+    ),
     (
         branch_with(1, 0, expected_um=22_000),
         branch_with(1, 0, expected_um=22_001),
@@ -84,8 +102,16 @@ EDGES = [
         one_node((20_100, 20_150, 20_200)),
         "node 0, branch 0: no encoder count means 20.10..20.20 mm; widen it",
     ),
-    (one_node((0, 1_999, 1_999)), one_node((0, 2_000, 200)), "node 0, branch 0: expected_um is 2000"),
-    (leaf_with(x_um=60_000), leaf_with(x_um=-60_001), "leaf 0: x_um is -60001, allowed is -60000..60000"),
+    (
+        one_node((0, 1_999, 1_999)),
+        one_node((0, 2_000, 200)),
+        "node 0, branch 0: expected_um is 2000",
+    ),
+    (
+        leaf_with(x_um=60_000),
+        leaf_with(x_um=-60_001),
+        "leaf 0: x_um is -60001, allowed is -60000..60000",
+    ),
     (leaf_with(y_um=60_000, resolved=False), leaf_with(y_um=60_001), "leaf 0: y_um is 60001"),
     (leaf_with(2, x_um=10**9), leaf_with(2, x_um=10**9 + 1), "leaf 2: x_um is 1000000001"),
     (leaf_with(covariance=(0,) * 6), leaf_with(covariance=(-1, 0, 0, 0, 0, 0)), "leaf 0: xx is -1"),
@@ -94,8 +120,16 @@ EDGES = [
         leaf_with(success_ppm=985_000),
         "0.9850 of 6000 trials met the goal, which",
     ),
-    (leaf_with(success_ppm=950_000, trials=20), leaf_with(success_ppm=950_000, trials=1_000), "refutes the"),
-    (leaf_with(success_ppm=0, trials=0), leaf_with(success_ppm=0, trials=2), "refutes the confidence"),
+    (
+        leaf_with(success_ppm=950_000, trials=20),
+        leaf_with(success_ppm=950_000, trials=1_000),
+        "refutes the",
+    ),
+    (
+        leaf_with(success_ppm=0, trials=0),
+        leaf_with(success_ppm=0, trials=2),
+        "refutes the confidence",
+    ),
     (
         leaf_with(alternatives=((0, 0, 1),), resolved=False),
         leaf_with(alternatives=((0, 0, 1),)),
@@ -106,8 +140,16 @@ EDGES = [
         leaf_with(2, alternatives=((0, 0, 0), (0, 0, 3_142_001))),
         "leaf 2, alternative 1: theta_urad is 3142001",
     ),
-    (limits_with(max_depth=2), limits_with(max_depth=1), "node 1 is deeper than limits.max_depth = 1"),
-    (limits_with(max_depth=64), limits_with(max_depth=65), "limits.max_depth is 65, allowed is 1..64"),
+    (
+        limits_with(max_depth=2),
+        limits_with(max_depth=1),
+        "node 1 is deeper than limits.max_depth = 1",
+    ),
+    (
+        limits_with(max_depth=64),
+        limits_with(max_depth=65),
+        "limits.max_depth is 65, allowed is 1..64",
+    ),
     (
         limits_with(retreat_height_um=10_001),
         limits_with(retreat_height_um=10_000),
@@ -137,7 +179,9 @@ EDGES = [
 
 
 @pytest.mark.parametrize(("allowed", "refused", "told"), EDGES, ids=[told for *_, told in EDGES])
-def test_the_last_value_is_proved_and_the_next_refused(allowed: Table, refused: Table, told: str) -> None:
+def test_the_last_value_is_proved_and_the_next_refused(
+    allowed: Table, refused: Table, told: str
+) -> None:
     dumps(allowed)
     with pytest.raises(TableError) as found:
         dumps(refused)
@@ -145,18 +189,24 @@ def test_the_last_value_is_proved_and_the_next_refused(allowed: Table, refused: 
 
 
 def test_a_leaf_of_several_modes_names_as_many_poses_as_the_goal_leaves_open() -> None:
-    two = replace(leaf_with(alternatives=((0, 0, 1),)), goal=replace(TABLE.goal, kind="modes", modes=2))
+    two = replace(
+        leaf_with(alternatives=((0, 0, 1),)), goal=replace(TABLE.goal, kind="modes", modes=2)
+    )
     dumps(two)
     with pytest.raises(TableError, match="leaf 0: y_um is 60001"):
         dumps(with_leaf(two, 0, two.leaves[0]._replace(alternatives=((0, 60_001, 0),))))
-    with pytest.raises(TableError, match="2 poses are more"):  # modes are for the goal "modes" alone
+    with pytest.raises(
+        TableError, match="2 poses are more"
+    ):  # modes are for the goal "modes" alone
         dumps(replace(two, goal=replace(two.goal, kind="pose")))
 
 
 def test_a_grip_is_never_read_where_the_jaws_are_closed() -> None:
     """An interval of the closed jaws alone is a branch for nothing held, or none."""
     dumps(one_node((0, 0, 0)))
-    wide = replace(one_node((0, 2_000, 2_000)), gripper=replace(GRIPPER, count_open=228))  # 0, 42.5, 85 mm
+    wide = replace(
+        one_node((0, 2_000, 2_000)), gripper=replace(GRIPPER, count_open=228)
+    )  # 0, 42.5, 85 mm
     with pytest.raises(TableError, match=r"no encoder count means 0\.00\.\.2\.00 mm"):
         dumps(wide)
 
@@ -169,7 +219,10 @@ def test_a_grip_is_never_read_where_the_jaws_are_closed() -> None:
     [
         (branch_with(1, 0, target=1), "node 1, branch 0: target is 1, where breadth first it is 2"),
         (branch_with(1, 0, target=0), "node 1, branch 0: target is 0, where breadth first it is 2"),
-        (branch_with(1, 0, target=~2), "node 1, branch 0: target is -3, where breadth first it is -2"),
+        (
+            branch_with(1, 0, target=~2),
+            "node 1, branch 0: target is -3, where breadth first it is -2",
+        ),
         (branch_with(1, 0, target=7), "node 1, branch 0: target is 7, allowed is -3..1"),
         (branch_with(0, 1, target=~1), "node 1 is never reached"),
         (replace(TABLE, leaves=TABLE.leaves * 2), "leaf 3 is never reached"),
@@ -187,7 +240,9 @@ def test_a_long_chain_is_proved_without_recursion() -> None:
         Node(TABLE.nodes[0].squeeze, (first._replace(target=~at), second._replace(target=at + 1)))
         for at in range(63)
     ]
-    nodes.append(TABLE.nodes[0]._replace(branches=(first._replace(target=~63), second._replace(target=~64))))
+    nodes.append(
+        TABLE.nodes[0]._replace(branches=(first._replace(target=~63), second._replace(target=~64)))
+    )
     leaves: tuple[Leaf, ...] = (TABLE.leaves[0],) * 65
     dumps(replace(limits_with(max_depth=64), nodes=tuple(nodes), leaves=leaves))
     with pytest.raises(TableError, match=r"node 63 is deeper than limits\.max_depth = 63"):

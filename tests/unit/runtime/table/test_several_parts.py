@@ -36,8 +36,14 @@ def test_its_payload_is_that_of_format_3_and_more() -> None:
     few, many = (msgpack.unpackb(frame(dumps(one))[3]) for one in (plain, table()))
     assert many[: len(few)] == few
     assert many[len(few) :] == [
-        1, ["left hand", "right hand"], [400_000, 600_000], [10_571, 9_000], [2, 1], [0, 1, 1], [0],
-    ]  # fmt: skip
+        1,
+        ["left hand", "right hand"],
+        [400_000, 600_000],
+        [10_571, 9_000],
+        [2, 1],
+        [0, 1, 1],
+        [0],
+    ]
 
 
 @pytest.mark.parametrize(
@@ -48,9 +54,12 @@ def test_its_payload_is_that_of_format_3_and_more() -> None:
         ({"hypotheses": (HAND, OTHER._replace(symmetry=0))}, "hypothesis 1: symmetry is 0"),
         ({"hypotheses": (HAND, OTHER._replace(share_ppm=-1))}, "hypothesis 1: share_ppm is -1"),
         ({"hypotheses": (OTHER, HAND)}, "are not the first hypothesis'"),
-        ({"leaves": (table().leaves[0]._replace(hypothesis=2), *table().leaves[1:])}, "hypothesis is 2"),
+        (
+            {"leaves": (table().leaves[0]._replace(hypothesis=2), *table().leaves[1:])},
+            "hypothesis is 2",
+        ),
     ],
-)  # fmt: skip
+)
 def test_what_must_not_be_executed_is_refused(changes: dict[str, object], message: str) -> None:
     with pytest.raises(TableError, match=message):
         dumps(replace(table(), **changes))

@@ -22,7 +22,9 @@ def test_trapezoid_covers_the_way_within_speed_and_acceleration(way_mm: float) -
     speed, acceleration = 250.0, 2000.0
     seconds = trapezoid_s(way_mm, speed, acceleration)
     ramp_s = min(speed / acceleration, seconds / 2)
-    assert acceleration * ramp_s * (seconds - ramp_s) == pytest.approx(way_mm)  # area under the profile
+    assert acceleration * ramp_s * (seconds - ramp_s) == pytest.approx(
+        way_mm
+    )  # area under the profile
 
 
 def test_move_turning_takes_as_long_as_the_arc_of_its_radius() -> None:
@@ -54,7 +56,9 @@ def test_schedule_of_alike_fingers_turns_the_short_way() -> None:
     table = with_node(small_table(), 1, turned)
     made = [Squeezed(0, 30.0, 1), Squeezed(1, 21.0, 0)]
     alike, not_alike = (
-        Schedule.of(table, {"gripper": {"upper_finger_share": share}}).part(made, Stand(0.0, 0.0, 0.0))
+        Schedule.of(table, {"gripper": {"upper_finger_share": share}}).part(
+            made, Stand(0.0, 0.0, 0.0)
+        )
         for share in (0.5, 0.6)
     )
     assert alike[0] == not_alike[0]

@@ -21,9 +21,17 @@ def test_each_part_is_told_in_its_own_frames() -> None:
     table = with_parts(several_table())
     one, other = (told(table, leaf, frames_of(table)) for leaf in (0, 1))
     assert (one["hypothesis"], other["hypothesis"]) == ("left hand", "right hand")
-    assert one["datum"] == {"x_mm": 1.0, "y_mm": 2.5, "angle_deg": 90.0}  # the leaf is at (0, 0.5), 0 deg
+    assert one["datum"] == {
+        "x_mm": 1.0,
+        "y_mm": 2.5,
+        "angle_deg": 90.0,
+    }  # the leaf is at (0, 0.5), 0 deg
     assert one["picks"] == {"rim": {"x_mm": 1.0, "y_mm": 5.5, "angle_deg": 90.0}}
-    assert other["datum"] == {"x_mm": -1.2, "y_mm": -3.0, "angle_deg": pytest.approx(90.0, abs=0.02)}
+    assert other["datum"] == {
+        "x_mm": -1.2,
+        "y_mm": -3.0,
+        "angle_deg": pytest.approx(90.0, abs=0.02),
+    }
     assert other["picks"] == {}
 
 

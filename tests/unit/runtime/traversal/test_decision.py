@@ -141,7 +141,9 @@ def test_a_policy_survives_being_written_down() -> None:
         ("next", "never", "--on-unresolved 'never'"),
     ],
 )
-def test_a_policy_that_makes_no_sense_is_refused(on_reject: str, on_unresolved: str, told: str) -> None:
+def test_a_policy_that_makes_no_sense_is_refused(
+    on_reject: str, on_unresolved: str, told: str
+) -> None:
     with pytest.raises(ArgumentsError, match=told) as refused:
         Policy.of(on_reject, on_unresolved)
     assert refused.value.exit_code == 2
@@ -170,7 +172,8 @@ def test_a_reject_names_the_widths_that_were_planned() -> None:
     )
     refused = decide(node, decision_map(node, CALIBRATION), 100, CONTACT)
     assert (
-        refused.reason == "no outcome of this squeeze has this width (planned: 20.25..21.75, 29.00..31.00 mm)"
+        refused.reason
+        == "no outcome of this squeeze has this width (planned: 20.25..21.75, 29.00..31.00 mm)"
     )
     assert refused == decide(node, decision_map(node, CALIBRATION), 101, CONTACT)
 
@@ -183,7 +186,9 @@ def test_only_what_is_held_and_known_is_dragged() -> None:
     just = node._replace(
         branches=(node.branches[0]._replace(low_um=0, expected_um=2_000), *node.branches[1:])
     )
-    assert release_point(node, 0) == release_point(node, 1) == release_point(just, 0) == (3_000, 4_000)
+    assert (
+        release_point(node, 0) == release_point(node, 1) == release_point(just, 0) == (3_000, 4_000)
+    )
     assert release_point(node, REJECT) is None
     assert release_point(thin, 0) is None
     assert release_point(TABLE.nodes[0], 0) is None

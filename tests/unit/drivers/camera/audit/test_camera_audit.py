@@ -47,7 +47,9 @@ class Shown:
 
     def picture(self, until):
         if self._picture is None:
-            raise SourceError("camera /dev/video0 has not sent a picture yet; check power and cable")
+            raise SourceError(
+                "camera /dev/video0 has not sent a picture yet; check power and cable"
+            )
         return self._picture
 
     def close(self):
@@ -84,7 +86,12 @@ def strange_tag():
 
 @pytest.mark.parametrize(
     ("off", "verdict"),
-    [((0.2, 0.1, 0.01), PASS), ((0.0, 0.0, 0.4), FAIL), ((2.0, 3.0, 0.0), FAIL), ((1.0, 1.0, 0.25), FAIL)],
+    [
+        ((0.2, 0.1, 0.01), PASS),
+        ((0.0, 0.0, 0.4), FAIL),
+        ((2.0, 3.0, 0.0), FAIL),
+        ((1.0, 1.0, 0.25), FAIL),
+    ],
 )
 def test_part_is_judged_by_where_it_lies(off, verdict):
     answer = audit(shot(), tuple(np.subtract(POSE, off)))
@@ -121,7 +128,9 @@ def test_verdict_is_given_only_beyond_the_error(x, y, theta, sigma_mm, sigma_rad
     by_hand = math.hypot(x, y) + 10.0 * min(abs(theta), math.tau - abs(theta))
     assert abs(judged.distance - by_hand) < 1e-9
     assert abs(judged.error - COVERAGE * math.hypot(sigma_mm, 10.0 * sigma_rad)) < 1e-12
-    expected = PASS if by_hand + judged.error < 3.0 else FAIL if by_hand - judged.error >= 3.0 else UNKNOWN
+    expected = (
+        PASS if by_hand + judged.error < 3.0 else FAIL if by_hand - judged.error >= 3.0 else UNKNOWN
+    )
     assert judged.verdict == expected
 
 
@@ -161,12 +170,18 @@ HALF = stain((POSE[0] + 29.5, POSE[1], 0.0), (61.0, 80.0))
         pytest.param(lambda: np.full((540, 960), 90, np.uint8), "of one grey", id="grey"),
         pytest.param(lambda: shot(None), "no tag is seen; tag 7 must be in view", id="no tag"),
         pytest.param(
-            lambda: with_cards(tag_at((-60.0, 20.0, 0.0), 9)), r"more than one tag .*7, 9", id="two tags"
+            lambda: with_cards(tag_at((-60.0, 20.0, 0.0), 9)),
+            r"more than one tag .*7, 9",
+            id="two tags",
         ),
         pytest.param(
-            lambda: with_cards(tag_at((-60.0, 20.0, 0.0), NUMBER)), "2 times tag 7", id="the same tag twice"
+            lambda: with_cards(tag_at((-60.0, 20.0, 0.0), NUMBER)),
+            "2 times tag 7",
+            id="the same tag twice",
         ),
-        pytest.param(lambda: with_cards(strange_tag(), part=None), "family 25h9", id="wrong family"),
+        pytest.param(
+            lambda: with_cards(strange_tag(), part=None), "family 25h9", id="wrong family"
+        ),
         pytest.param(
             lambda: with_cards(tag_at(POSE, 9), part=None),
             "tag 9 is seen, but the part carries",
@@ -195,7 +210,10 @@ def test_camera_that_moved_by_two_millimetres_does_not_judge():
 
 @pytest.mark.parametrize(
     ("references", "told"),
-    [(True, "reference tag 580 is seen beyond the table's horizon"), (False, "tag 7 is seen beyond")],
+    [
+        (True, "reference tag 580 is seen beyond the table's horizon"),
+        (False, "tag 7 is seen beyond"),
+    ],
 )
 def test_tags_that_the_calibration_sees_beyond_the_horizon_do_not_judge(references, told):
     known = true_calibration(BELOW, references=references)
@@ -232,7 +250,10 @@ def test_overlay_is_kept_for_what_did_not_pass(tmp_path):
     assert audit(shot(), pictures=album).picture is None
     failed = audit(shot(), (POSE[0] - 5.0, *POSE[1:]), pictures=album)
     unseen = audit(shot(None), pictures=album)
-    assert [p.name for p in sorted(album.iterdir())] == ["part-0000003-fail.jpg", "part-0000003-unknown.jpg"]
+    assert [p.name for p in sorted(album.iterdir())] == [
+        "part-0000003-fail.jpg",
+        "part-0000003-unknown.jpg",
+    ]
     assert failed.picture == str(album / "part-0000003-fail.jpg")
     drawn = cv2.imread(failed.picture).astype(int)
     assert drawn.shape == (540, 960, 3)
@@ -256,12 +277,16 @@ def test_outline_of_an_answer_has_units_in_its_names():
     told = audit(shot()).fields()
     assert {"verdict", "reason", "distance", "error", "moved_mm"} < told.keys()
     assert {
-        f"{kind}_{name}" for kind in ("measured", "residual") for name in ("x_mm", "y_mm", "theta_rad")
+        f"{kind}_{name}"
+        for kind in ("measured", "residual")
+        for name in ("x_mm", "y_mm", "theta_rad")
     } < (told.keys())
 
 
 def test_tags_of_their_own_tell_parts_apart():
-    left, right = (Subject(GOAL, part_tag(number=NUMBER + k), name=name) for k, name in enumerate("lr"))
+    left, right = (
+        Subject(GOAL, part_tag(number=NUMBER + k), name=name) for k, name in enumerate("lr")
+    )
 
     def told(lies: int, said: str, *subjects):
         picture = RIG.seen(Look(POSE, hypothesis=lies), np.random.default_rng(1))

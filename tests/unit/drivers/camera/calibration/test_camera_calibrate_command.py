@@ -75,7 +75,9 @@ def test_rendered_views_calibrate_to_a_tenth_of_a_millimetre_in_the_arms_world(c
     assert off.mean() < 0.1
     assert off.max() < 0.4
     assert [reference.number for reference in calibrated.references] == [580, 581, 582]
-    assert np.hypot(calibrated.references[0].x_mm + 90.0, calibrated.references[0].y_mm + 60.0) < 0.2
+    assert (
+        np.hypot(calibrated.references[0].x_mm + 90.0, calibrated.references[0].y_mm + 60.0) < 0.2
+    )
 
 
 def test_residual_picture_lies_beside_the_calibration(studio, calibrated):
@@ -96,7 +98,16 @@ def test_as_json_a_tag_is_one_document(studio, tmp_path, capsys):
 def test_pictures_are_asked_for_beside_the_document(studio, tmp_path, monkeypatch, capsys):
     asked = []
     monkeypatch.setattr("builtins.input", lambda: asked.append(capsys.readouterr().err))
-    words = ["pictures", "--camera", str(studio / "views"), "--count", "2", "--json", "-o", str(tmp_path)]
+    words = [
+        "pictures",
+        "--camera",
+        str(studio / "views"),
+        "--count",
+        "2",
+        "--json",
+        "-o",
+        str(tmp_path),
+    ]
     assert calibrate_command.main(words) == 0
     told = json.loads(capsys.readouterr().out)
     assert told == {"pictures": [str(tmp_path / f"view-00{number}.png") for number in (0, 1)]}
@@ -130,7 +141,9 @@ def test_tag_can_be_stated(tmp_path):
         (["--touched", "empty.png"], 33, "poses"),
     ],
 )
-def test_mistakes_at_calibrating_are_told_in_one_line(studio, capsys, monkeypatch, more, code, sentence):
+def test_mistakes_at_calibrating_are_told_in_one_line(
+    studio, capsys, monkeypatch, more, code, sentence
+):
     monkeypatch.chdir(studio)
     assert run_camera(studio, *more) == code
     said = capsys.readouterr().err
@@ -163,4 +176,6 @@ def test_pictures_of_two_sizes_are_refused_by_name(studio, tmp_path, capsys):
     views.mkdir()
     cv2.imwrite(str(views / "small.png"), np.zeros((120, 160), np.uint8))
     assert run_camera(studio, "--views", str(views)) == 33
-    assert re.search(r"small.png is 160 x 120, those before it \d+ x \d+; take all", capsys.readouterr().err)
+    assert re.search(
+        r"small.png is 160 x 120, those before it \d+ x \d+; take all", capsys.readouterr().err
+    )

@@ -75,7 +75,9 @@ def test_camera_above_finds_itself_above():
     )
     stands = table_fit.stand(view.lens, np.concatenate([turn, shift]).ravel(), from_below=False)
     assert not stands.from_below
-    assert np.abs(stands.moved(relative(ON_TABLE, (0.0, 0.0, 0.0))).eye - optics.eye_mm).max() < 0.01
+    assert (
+        np.abs(stands.moved(relative(ON_TABLE, (0.0, 0.0, 0.0))).eye - optics.eye_mm).max() < 0.01
+    )
 
 
 def test_alignment_finds_the_arms_frame_and_how_well_it_fits():
@@ -91,7 +93,9 @@ def test_glued_tag_is_found_from_known_poses():
     rng = np.random.default_rng(2)
     on_part = (4.0, -3.0, 3.1)
     parts = [(10.0, 20.0, 0.3), (-40.0, 5.0, 2.0), (30.0, -30.0, -3.0), (0.0, 0.0, 1.0)]
-    tags = [tuple(np.add(compose(part, on_part), rng.normal(0, (0.02, 0.02, 1e-3)))) for part in parts]
+    tags = [
+        tuple(np.add(compose(part, on_part), rng.normal(0, (0.02, 0.02, 1e-3)))) for part in parts
+    ]
     found, sigma_mm, sigma_rad = table_fit.part_offset(parts, tags)
     assert np.hypot(found[0] - 4.0, found[1] + 3.0) < 4 * sigma_mm + 0.02
     assert abs(angle_between(found[2], 3.1)) < 0.005
@@ -103,7 +107,9 @@ def test_glued_tag_is_found_from_known_poses():
 
 
 def shuffled(view):
-    return view._replace(pixels=view.pixels + np.random.default_rng(3).normal(0, 3.0, view.pixels.shape))
+    return view._replace(
+        pixels=view.pixels + np.random.default_rng(3).normal(0, 3.0, view.pixels.shape)
+    )
 
 
 def flat_views():
@@ -118,8 +124,14 @@ def flat_views():
     ("change", "sentence"),
     [
         (lambda found: found[:5], "5 pictures show the board; take at least 8"),
-        (lambda found: [v for v in found * 2 if v.pixels[:, 1].max() < 420], "in the lower .* corner"),
-        (lambda found: [*found[:-1], shuffled(found[-1])], "worst .* in view 9; leave that one out"),
+        (
+            lambda found: [v for v in found * 2 if v.pixels[:, 1].max() < 420],
+            "in the lower .* corner",
+        ),
+        (
+            lambda found: [*found[:-1], shuffled(found[-1])],
+            "worst .* in view 9; leave that one out",
+        ),
         (lambda found: [shuffled(v) for v in found], "the residual is"),
         (lambda _: flat_views(), "tilted by 30 degrees"),
     ],

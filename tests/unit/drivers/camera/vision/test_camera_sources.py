@@ -94,7 +94,9 @@ def test_folder_gives_each_picture_once_in_the_order_of_names(tmp_path):
 
 
 def test_folder_waits_for_a_picture_to_come(tmp_path):
-    later = threading.Timer(0.1, lambda: cv2.imwrite(str(tmp_path / "a.png"), np.full((4, 5), 7, np.uint8)))
+    later = threading.Timer(
+        0.1, lambda: cv2.imwrite(str(tmp_path / "a.png"), np.full((4, 5), 7, np.uint8))
+    )
     later.start()
     assert Folder(tmp_path).picture(soon())[0, 0] == 7
     later.join()

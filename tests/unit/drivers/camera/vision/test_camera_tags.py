@@ -4,7 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cameras import NUMBER, SIDE_MM, angle_between, camera, part_tag, stain, true_calibration, true_view
+from cameras import (
+    NUMBER,
+    SIDE_MM,
+    angle_between,
+    camera,
+    part_tag,
+    stain,
+    true_calibration,
+    true_view,
+)
 
 from drivers.camera.calibration import measure
 from drivers.camera.errors import CameraError
@@ -44,7 +53,9 @@ def errors(optics, flaws=None, count=8, speed_mm=(0.0, 0.0)):
         picture = picture_of(optics, pose, flaws=flaws, seed=seed, speed_mm=speed_mm)
         measured = measure.measure(picture, find(picture), calibration, tag)
         off = np.hypot(measured.pose[0] - pose[0], measured.pose[1] - pose[1])
-        found.append((off, abs(np.degrees(angle_between(measured.pose[2], pose[2]))), measured.sigma_mm))
+        found.append(
+            (off, abs(np.degrees(angle_between(measured.pose[2], pose[2]))), measured.sigma_mm)
+        )
     return np.array(found).T
 
 

@@ -80,7 +80,10 @@ def test_camera_sees_the_part_where_it_lies_now():
         (Fault("camera_covered"), "the picture is black"),
         (Fault("camera_moved", value=2.0), "calibrate again"),
         (Fault("part_missing"), "no tag is seen"),
-        (Fault("wrong_part", value=3.0), f"tag {NUMBER - 1} is seen, but the part carries tag {NUMBER}"),
+        (
+            Fault("wrong_part", value=3.0),
+            f"tag {NUMBER - 1} is seen, but the part carries tag {NUMBER}",
+        ),
         (Fault("two_parts", value=9.0), "more than one tag lies in view"),
     ],
     ids=lambda value: value.kind if isinstance(value, Fault) else None,
@@ -126,9 +129,9 @@ def test_pictures_for_a_calibration_make_one_that_finds_the_part(tmp_path):
     made, tag = calibration.load(tmp_path / "camera.json"), tag_file.load(tmp_path / "tag.json")
     assert np.hypot(tag.on_part[0] - 2.0, tag.on_part[1] + 1.0) < 0.1
     assert [reference.number for reference in made.references] == [580, 581, 582]
-    answer = Auditor(Once(RIG.seen(Look(POSE), np.random.default_rng(4))), made, [Subject(GOAL, tag)]).audit(
-        1, POSE, 0.0
-    )
+    answer = Auditor(
+        Once(RIG.seen(Look(POSE), np.random.default_rng(4))), made, [Subject(GOAL, tag)]
+    ).audit(1, POSE, 0.0)
     assert answer.verdict == PASS
     assert answer.distance < 0.3
 
@@ -139,7 +142,10 @@ def test_each_of_several_parts_has_a_tag_file_of_its_own(tmp_path):
         with contextlib.redirect_stdout(io.StringIO()):
             assert calibrate_command.main(shlex.split(words)) == 0
     tags = [tag_file.load(tmp_path / "a folder" / f"tag-{k}.json") for k in range(2)]
-    assert [(tag.part, tag.number) for tag in tags] == [(names[0], RIG.number), (names[1], RIG.number + 1)]
+    assert [(tag.part, tag.number) for tag in tags] == [
+        (names[0], RIG.number),
+        (names[1], RIG.number + 1),
+    ]
     for tag in tags:
         assert np.hypot(tag.on_part[0] - 2.0, tag.on_part[1] + 1.0) < 0.1
 

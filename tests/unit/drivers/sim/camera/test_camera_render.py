@@ -60,7 +60,10 @@ def test_light_falls_off_across_the_picture():
 
 def test_blur_spreads_an_edge_without_moving_light():
     card = lying(WHITE, 15.0, (0.0, 0.0, 0.0), face_down=True, margin_mm=0.0)
-    sharp, soft = taken([card]).astype(float), taken([card], Flaws(2.0, 0.0, 0.9, 0.0, None)).astype(float)
+    sharp, soft = (
+        taken([card]).astype(float),
+        taken([card], Flaws(2.0, 0.0, 0.9, 0.0, None)).astype(float),
+    )
     assert abs(sharp.sum() - soft.sum()) < 1e-3 * sharp.sum()
     assert np.abs(np.diff(soft, axis=1)).max() < 0.4 * np.abs(np.diff(sharp, axis=1)).max()
 
@@ -69,7 +72,9 @@ def test_motion_smears_along_its_way_only():
     def smeared(axis, speed):
         card = lying(WHITE, 15.0, (0.0, 0.0, 0.0), face_down=True, margin_mm=0.0)
         steps = np.abs(
-            np.diff(taken([replace(card, speed_mm=np.array([*speed, 0.0]))]).astype(float), axis=axis)
+            np.diff(
+                taken([replace(card, speed_mm=np.array([*speed, 0.0]))]).astype(float), axis=axis
+            )
         )
         return steps.max()
 
@@ -82,7 +87,9 @@ def test_card_hides_what_was_laid_down_before_it():
     card = lying(WHITE, 15.0, (0.0, 0.0, 0.0), face_down=True, margin_mm=0.0)
     half = stain((20.0, 0.0, 0.0), (40.0, 80.0))
     open_, covered = taken([card]).astype(float), taken([card, half]).astype(float)
-    left, right = (STRAIGHT.project(np.array([[x, 0.0, 0.0]]))[0].round().astype(int) for x in (-8.0, 8.0))
+    left, right = (
+        STRAIGHT.project(np.array([[x, 0.0, 0.0]]))[0].round().astype(int) for x in (-8.0, 8.0)
+    )
     assert covered[left[1], left[0]] == open_[left[1], left[0]]
     assert covered[right[1], right[0]] < 0.5 * open_[right[1], right[0]]
 

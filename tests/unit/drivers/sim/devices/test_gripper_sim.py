@@ -137,17 +137,25 @@ def test_speed_is_finite_and_linear_in_rsp(speed):
     first, t = bench.read(0.1), 0.3
     second = bench.read(t)
     travelled = (second.position_counts - first.position_counts) * 85.0 / 227.0
-    assert travelled == pytest.approx(speed_mm_s(speed) * t, abs=85.0 / 227.0 + speed_mm_s(speed) * CYCLE_S)
+    assert travelled == pytest.approx(
+        speed_mm_s(speed) * t, abs=85.0 / 227.0 + speed_mm_s(speed) * CYCLE_S
+    )
 
 
-@pytest.mark.parametrize(("request_counts", "ends_at"), [(0, 3), (3, 3), (100, 100), (230, 230), (255, 230)])
+@pytest.mark.parametrize(
+    ("request_counts", "ends_at"), [(0, 3), (3, 3), (100, 100), (230, 230), (255, 230)]
+)
 def test_end_stops(request_counts, ends_at):
     bench = Bench().activated()
     bench.write(rACT=1, rGTO=1, rPR=120, rSP=255)
     bench.traffic(2.0)
     bench.write(rACT=1, rGTO=1, rPR=request_counts, rSP=255)
     seen = bench.traffic(2.0)
-    assert (seen.position_counts, seen.object_flag, seen.echo_counts) == (ends_at, 3, request_counts)
+    assert (seen.position_counts, seen.object_flag, seen.echo_counts) == (
+        ends_at,
+        3,
+        request_counts,
+    )
 
 
 def test_contact_stops_the_jaws_raises_the_current_and_keeps_the_request():

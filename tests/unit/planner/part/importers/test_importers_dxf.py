@@ -236,7 +236,9 @@ def test_absurd_coordinates_are_refused(tmp_path, x):
 def test_a_mirrored_plane_is_seen_from_above(tmp_path):
     attributes = {"extrusion": (0, 0, -1)}
     corner = [(0, 0), (30, 0), (0, 21)]
-    found = read(drawn(tmp_path, lambda m, d: m.add_lwpolyline(corner, close=True, dxfattribs=attributes)))
+    found = read(
+        drawn(tmp_path, lambda m, d: m.add_lwpolyline(corner, close=True, dxfattribs=attributes))
+    )
     right = found.outline_mm[:, 0].max()
     assert (
         np.count_nonzero(np.isclose(found.outline_mm[:, 0], right)) == 2
@@ -249,8 +251,9 @@ def test_text_dimensions_and_hidden_layers_are_no_outline(tmp_path):
         space.add_text("30 x 21")
         space.add_point((3, 3))
         document.layers.add("FRAME").off()
-        space.add_lwpolyline([(-50, -50), (90, -50), (90, 90), (-50, 90)], close=True,
-                             dxfattribs={"layer": "FRAME"})  # fmt: skip
+        space.add_lwpolyline(
+            [(-50, -50), (90, -50), (90, 90), (-50, 90)], close=True, dxfattribs={"layer": "FRAME"}
+        )
 
     found = read(drawn(tmp_path, draw))
     is_rectangle(found)
@@ -324,7 +327,9 @@ def test_missing_files_and_other_suffixes(tmp_path):
 
 def on_layers(space, _):
     space.add_lwpolyline(RECTANGLE, close=True, dxfattribs={"layer": "part"})
-    space.add_lwpolyline([(x + 100, y) for x, y in RECTANGLE], close=True, dxfattribs={"layer": "tool"})
+    space.add_lwpolyline(
+        [(x + 100, y) for x, y in RECTANGLE], close=True, dxfattribs={"layer": "tool"}
+    )
 
 
 def test_one_layer_alone_is_read(tmp_path):

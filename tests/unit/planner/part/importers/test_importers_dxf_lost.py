@@ -99,7 +99,16 @@ def test_lost_outline_about_a_hole_is_refused_and_named(tmp_path, draw):
 @pytest.mark.parametrize("draw", LOST)
 def test_lost_outline_alone_is_named(tmp_path, capsys, draw):
     path = dxf(tmp_path, draw)
-    flags = ["--radius", "3", "--gripper", "robotiq-2f-85", "--fingers", "rubber", "--thickness", "10"]
+    flags = [
+        "--radius",
+        "3",
+        "--gripper",
+        "robotiq-2f-85",
+        "--fingers",
+        "rubber",
+        "--thickness",
+        "10",
+    ]
     code = init.main([str(path), "-o", str(tmp_path / "job.toml"), *flags])
     error = capsys.readouterr().err
     assert code == OutlineError.exit_code
@@ -133,7 +142,9 @@ def test_hatch_beyond_all_contours_may_be_the_outline(tmp_path):
         read(dxf(tmp_path, draw))
 
 
-@pytest.mark.parametrize("corners", [[(0, 0), (40, 0), (40, 20), (0, 20)], [(2, 2), (9, 2), (9, 9)]])
+@pytest.mark.parametrize(
+    "corners", [[(0, 0), (40, 0), (40, 20), (0, 20)], [(2, 2), (9, 2), (9, 9)]]
+)
 def test_hatch_within_the_outline_is_ignored(tmp_path, corners):
     def draw(space, _):
         box(space, (0, 0), (40, 20))
@@ -197,7 +208,9 @@ def test_shape_that_cannot_be_drawn_is_named(tmp_path, draw):
 
 def with_unknown(path, layer):
     """The file with an entity of a kind that ezdxf does not know."""
-    unknown = f"  0\nNEWSHAPE\n  5\nABC\n330\n17\n100\nAcDbEntity\n  8\n{layer}\n100\nAcDbNewShape\n"
+    unknown = (
+        f"  0\nNEWSHAPE\n  5\nABC\n330\n17\n100\nAcDbEntity\n  8\n{layer}\n100\nAcDbNewShape\n"
+    )
     head, tail = path.read_text().split("ENTITIES\n", 1)
     path.write_text(f"{head}ENTITIES\n{unknown}{tail}")
 

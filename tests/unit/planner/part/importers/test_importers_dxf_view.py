@@ -263,7 +263,9 @@ def test_polyline_width_is_noted(tmp_path):
     def draw(space, _):
         space.add_lwpolyline(PLATE, close=True, dxfattribs={"const_width": 1.5})
         space.add_lwpolyline([(5, 5, 0.2, 0.5), (8, 5), (8, 8)], close=True)
-        space.add_polyline2d([(25, 5), (28, 5), (28, 8)], close=True, dxfattribs={"default_start_width": 3.0})
+        space.add_polyline2d(
+            [(25, 5), (28, 5), (28, 8)], close=True, dxfattribs={"default_start_width": 3.0}
+        )
 
     part = read(dxf(tmp_path, draw))
     assert area(part) == pytest.approx(PLATE_MM2)
@@ -288,7 +290,9 @@ def test_turned_block_in_a_stretched_one_is_refused(tmp_path, rotation):
         read(dxf(tmp_path, draw))
 
 
-@pytest.mark.parametrize(("outer", "inner"), [((2, 2), 30), ((2, -2), 90), ((2, 0.5), 0), ((2, 0.5), 180)])
+@pytest.mark.parametrize(
+    ("outer", "inner"), [((2, 2), 30), ((2, -2), 90), ((2, 0.5), 0), ((2, 0.5), 180)]
+)
 def test_blocks_in_blocks_are_turned_and_stretched(tmp_path, outer, inner):
     def draw(space, document):
         block_of(document)

@@ -20,7 +20,9 @@ def read(path, mesh, **options):
 
 
 def prism(corners, height):
-    return trimesh.convex.convex_hull(np.array([[x, y, z] for z in (0, height) for x, y in corners], float))
+    return trimesh.convex.convex_hull(
+        np.array([[x, y, z] for z in (0, height) for x, y in corners], float)
+    )
 
 
 def solid_angle(a, b, distance):
@@ -34,7 +36,9 @@ def test_a_brick_lies_on_its_faces_as_often_as_they_fill_the_view(tmp_path):
     assert sum(face.share for face in faces) == pytest.approx(1.0)
     assert [round(face.imported.height_mm) for face in faces] == [12, 25, 40]
     for face, (a, b, up) in zip(faces, ((40, 25, 12), (40, 12, 25), (25, 12, 40)), strict=True):
-        assert face.share == pytest.approx(2.0 * solid_angle(a, b, 0.5 * up) / (4.0 * math.pi), rel=1e-3)
+        assert face.share == pytest.approx(
+            2.0 * solid_angle(a, b, 0.5 * up) / (4.0 * math.pi), rel=1e-3
+        )
         assert len(face.down) == 2
         assert sorted(np.ptp(face.imported.outline_mm, axis=0).round(6)) == [b, a]
 
@@ -54,7 +58,9 @@ def test_a_bracket_has_three_faces_that_differ(tmp_path):
         through[:, :2].min(axis=1) < -0.5,
         through[:, :2].sum(axis=1) > 0.5,
     ]
-    assert [face.share for face in faces] == pytest.approx([share.mean() for share in shares], abs=0.015)
+    assert [face.share for face in faces] == pytest.approx(
+        [share.mean() for share in shares], abs=0.015
+    )
 
 
 def test_a_mirrored_end_is_a_face_of_its_own(tmp_path):
@@ -91,7 +97,9 @@ def mushroom(cap_mm):
 
 def test_cap_up_and_cap_down_differ_where_the_fingers_meet_other_silhouettes(tmp_path):
     faces = read(tmp_path / "thin.stl", mushroom(4.0))
-    ends = {face.down: face.imported.size_mm.tolist() for face in faces if abs(face.down[0][2]) == 1.0}
+    ends = {
+        face.down: face.imported.size_mm.tolist() for face in faces if abs(face.down[0][2]) == 1.0
+    }
     assert ends == {((0.0, 0.0, -1.0),): [40, 20], ((0.0, 0.0, 1.0),): [20, 10]}
 
 

@@ -46,12 +46,16 @@ def test_job_of_a_drawing_far_away_has_a_datum_at_the_part(tmp_path, capsys, sit
     assert f"({corner}) mm in the drawing" in printed
     assert np.allclose(part.datum[:2], part.outline_mm.min(axis=0), atol=1e-3)
     drawn = np.array(BRACKET, dtype=float)
-    assert np.allclose(np.sort(part.outline_mm - part.datum[:2], axis=0), np.sort(drawn, axis=0), atol=2e-3)
+    assert np.allclose(
+        np.sort(part.outline_mm - part.datum[:2], axis=0), np.sort(drawn, axis=0), atol=2e-3
+    )
 
 
 @pytest.mark.parametrize("site_mm", [(0, 0), (9900, -9900)])
 def test_datum_is_the_origin_of_a_drawing_near_it(tmp_path, site_mm):
-    imported = read(dxf(tmp_path, lambda space, _: space.add_lwpolyline(moved(BRACKET, site_mm), close=True)))
+    imported = read(
+        dxf(tmp_path, lambda space, _: space.add_lwpolyline(moved(BRACKET, site_mm), close=True))
+    )
     centre = np.add(shapely.Polygon(BRACKET).centroid.coords[0], site_mm)
     assert np.allclose(imported.origin_mm, -centre, atol=1e-3)
     assert "datum" not in notes(imported)
@@ -70,7 +74,9 @@ def small_bulges(space, x, y):
         (0, 19.7, 0),
         (0, 0.3, b),
     ]
-    space.add_lwpolyline([(x + px, y + py, bulge) for px, py, bulge in corners], format="xyb", close=True)
+    space.add_lwpolyline(
+        [(x + px, y + py, bulge) for px, py, bulge in corners], format="xyb", close=True
+    )
     return 800 - (4 - math.pi) * 0.3**2
 
 
@@ -104,7 +110,14 @@ def short_strokes(space, x, y):
     return math.pi * 0.7**2
 
 
-SMALL = (small_bulges, small_disc, small_ellipse, small_spline, closed_by_a_short_stroke, short_strokes)
+SMALL = (
+    small_bulges,
+    small_disc,
+    small_ellipse,
+    small_spline,
+    closed_by_a_short_stroke,
+    short_strokes,
+)
 
 
 @pytest.mark.parametrize("draw", SMALL)

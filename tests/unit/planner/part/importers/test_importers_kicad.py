@@ -29,10 +29,13 @@ def read(tmp_path, *shapes, head="(footprint"):
 
 
 def test_lines_make_the_body_and_y_points_down(tmp_path):
-    found = read(tmp_path, *lines((0, 0), (30, 0), (0, 10)), '(fp_text value "x" (at 1 2) (layer "F.Fab"))')
+    found = read(
+        tmp_path, *lines((0, 0), (30, 0), (0, 10)), '(fp_text value "x" (at 1 2) (layer "F.Fab"))'
+    )
     assert shapely.Polygon(found.outline_mm).area == pytest.approx(150)
     corners = (
-        found.outline_mm - found.outline_mm[np.argmin(found.outline_mm.sum(axis=1) + found.outline_mm[:, 1])]
+        found.outline_mm
+        - found.outline_mm[np.argmin(found.outline_mm.sum(axis=1) + found.outline_mm[:, 1])]
     )
     assert {tuple(map(float, np.rint(corner))) for corner in corners} == {(0, 0), (0, 10), (30, 10)}
 
@@ -45,9 +48,13 @@ def test_other_layers_are_not_the_body(tmp_path):
 
 @pytest.mark.parametrize(
     "arc",
-    ["(fp_arc (start 0 -5) (mid 5 0) (end 0 5)", "(fp_arc (start 0 5) (mid 5 0) (end 0 -5)",
-     "(fp_arc (start 0 0) (end 0 -5) (angle 180)", "(fp_arc (start 0 0) (end 0 5) (angle -180)"],
-)  # fmt: skip
+    [
+        "(fp_arc (start 0 -5) (mid 5 0) (end 0 5)",
+        "(fp_arc (start 0 5) (mid 5 0) (end 0 -5)",
+        "(fp_arc (start 0 0) (end 0 -5) (angle 180)",
+        "(fp_arc (start 0 0) (end 0 5) (angle -180)",
+    ],
+)
 def test_a_half_disc_by_its_arc_as_either_version_writes_it(tmp_path, arc):
     found = read(tmp_path, f"{arc} {FAB}", f"(fp_line (start 0 5) (end 0 -5) {FAB}")
     assert shapely.Polygon(found.outline_mm).area == pytest.approx(12.5 * math.pi, rel=0.01)
@@ -104,7 +111,10 @@ BODIES = {  # shapes as KiCad's versions write them, area of the body
         ),
         360.0,  # 3/5 of 30 x 20, by its Bernstein integral
     ),
-    "rectangle": ('(fp_rect (start 10 5) (end -10 -5) (layer "F.Fab") (fill no) (uuid "a-1"))', 200),
+    "rectangle": (
+        '(fp_rect (start 10 5) (end -10 -5) (layer "F.Fab") (fill no) (uuid "a-1"))',
+        200,
+    ),
     "rounded rectangle": (
         '(fp_rect (start -10 -5) (end 10 5) (radius 2) (layer "F.Fab"))',
         200 - 16 + 4 * math.pi,
@@ -162,7 +172,9 @@ def test_what_is_not_known_on_the_body_is_named(tmp_path):
 
 def test_a_footprint_without_a_body_names_the_layer_and_those_that_it_draws_on(tmp_path):
     silk = lines((0, 0), (9, 0), (9, 5), layer='(layer "F.SilkS") (width 0.1))')
-    with pytest.raises(OutlineError, match=r"no shape on F\.Fab.*draws on F\.SilkS.*draw the body's outline"):
+    with pytest.raises(
+        OutlineError, match=r"no shape on F\.Fab.*draws on F\.SilkS.*draw the body's outline"
+    ):
         read(tmp_path, *silk)
     with pytest.raises(OutlineError, match="draws nothing at all"):
         read(tmp_path)

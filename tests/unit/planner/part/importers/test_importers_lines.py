@@ -192,7 +192,9 @@ def plus_of_two_boxes(space, _):
 
 @pytest.mark.parametrize("draw", [notch_across_an_edge, circle_at_a_corner, plus_of_two_boxes])
 def test_closed_contours_that_overlap_are_refused(tmp_path, draw):
-    with pytest.raises(OutlineError, match=r"closed contours overlap near \(.*draw the outline as one"):
+    with pytest.raises(
+        OutlineError, match=r"closed contours overlap near \(.*draw the outline as one"
+    ):
         read(dxf(tmp_path, draw))
 
 
@@ -245,7 +247,9 @@ def test_dimension_lines_that_bound_another_contour_are_refused(tmp_path, layer,
 def test_dimension_entities_are_no_lines(tmp_path):
     def draw(space, _):
         lines(space)
-        dimension = space.add_linear_dim(base=(0, -6), p1=(0, 0), p2=(40, 0), override={"dimexo": 0})
+        dimension = space.add_linear_dim(
+            base=(0, -6), p1=(0, 0), p2=(40, 0), override={"dimexo": 0}
+        )
         dimension.render()
 
     part = read(dxf(tmp_path, draw))
@@ -275,5 +279,7 @@ def test_regions_are_those_of_a_slow_twin(seed):
     one, other = (shapely.union_all([shapely.Polygon(ring) for ring in each]) for each in rings)
     assert shapely.symmetric_difference(one, other).area < 1e-3
     for region, following in pairwise(bounded):
-        edge = shapely.intersection(shapely.LinearRing(region.ring), shapely.LinearRing(following.ring))
+        edge = shapely.intersection(
+            shapely.LinearRing(region.ring), shapely.LinearRing(following.ring)
+        )
         assert edge.length < 1e-5

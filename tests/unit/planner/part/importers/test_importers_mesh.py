@@ -77,13 +77,18 @@ def together(*solids):
 
 
 def turned(body, degrees, axis):
-    return body.apply_transform(trimesh.transformations.rotation_matrix(math.radians(degrees), axis))
+    return body.apply_transform(
+        trimesh.transformations.rotation_matrix(math.radians(degrees), axis)
+    )
 
 
 TAPER = 2.0 * math.tan(math.radians(3.0))
 SILHOUETTES = {  # solid, area above the tips of half its height or 8 mm, by hand
     "mushroom": (together(box((10, 5, 0), (30, 15, 6)), box((0, 0, 6), (40, 20, 10))), 800),
-    "mushroom upside down": (together(box((10, 5, 4), (30, 15, 10)), box((0, 0, 0), (40, 20, 4))), 200),
+    "mushroom upside down": (
+        together(box((10, 5, 4), (30, 15, 10)), box((0, 0, 0), (40, 20, 4))),
+        200,
+    ),
     "waisted reel": (
         together(
             trimesh.creation.cylinder(15, 3, sections=128).apply_translation((0, 0, 1.5)),
@@ -95,7 +100,9 @@ SILHOUETTES = {  # solid, area above the tips of half its height or 8 mm, by han
     "ball": (trimesh.creation.icosphere(subdivisions=4, radius=12), 144 * math.pi),
     "small ball": (trimesh.creation.icosphere(subdivisions=4, radius=7), 49 * math.pi),
     "bridge": (
-        together(box((0, 0, 0), (5, 20, 12)), box((35, 0, 0), (40, 20, 12)), box((0, 0, 8), (40, 20, 12))),
+        together(
+            box((0, 0, 0), (5, 20, 12)), box((35, 0, 0), (40, 20, 12)), box((0, 0, 8), (40, 20, 12))
+        ),
         800,
     ),
     "leaning block": (turned(box((0, 0, 0), (40, 20, 10)), 20.0, (0, 1, 0)), None),
@@ -110,7 +117,10 @@ SILHOUETTES = {  # solid, area above the tips of half its height or 8 mm, by han
     ),
     "draft upside down": (frustum((40 - 50 * TAPER, 20 - 50 * TAPER), (40, 20), 50), 800),
     "ring": (trimesh.creation.annulus(8, 15, 10, sections=128), 225 * math.pi),
-    "turned inside out": (together(box((10, 5, 0), (30, 15, 6)), box((0, 0, 6), (40, 20, 10))), 800),
+    "turned inside out": (
+        together(box((10, 5, 0), (30, 15, 6)), box((0, 0, 6), (40, 20, 10))),
+        800,
+    ),
 }
 SILHOUETTES["turned inside out"][0].invert()
 
@@ -121,9 +131,13 @@ def test_the_outline_is_the_silhouette_of_all_above_the_tips(tmp_path, name):
     found = read(solid(tmp_path, body), units="mm")
     low, high = body.bounds[:, 2]
     tips = low + tips_height_mm(high - low)
-    if area is None:  # of a convex solid: the hull of the corners above, and of where the edges pass the tips
+    if (
+        area is None
+    ):  # of a convex solid: the hull of the corners above, and of where the edges pass the tips
         corners = body.vertices[body.vertices[:, 2] >= tips, :2]
-        area = shapely.convex_hull(shapely.multipoints(np.concatenate([corners, crossings(body, tips)]))).area
+        area = shapely.convex_hull(
+            shapely.multipoints(np.concatenate([corners, crossings(body, tips)]))
+        ).area
     assert outlines.area(found.outline_mm) == pytest.approx(area, rel=4e-3)
 
 
@@ -150,7 +164,9 @@ def test_a_drafted_part_is_as_wide_as_fingers_find_it(tmp_path, draft, height):
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("kind", ["annulus", "torus"])
 def test_no_triangle_above_the_tips_is_lost_however_the_solid_lies(tmp_path, kind, seed):
-    body = trimesh.creation.annulus(8, 15, 10) if kind == "annulus" else trimesh.creation.torus(15, 5)
+    body = (
+        trimesh.creation.annulus(8, 15, 10) if kind == "annulus" else trimesh.creation.torus(15, 5)
+    )
     body.apply_transform(
         trimesh.transformations.random_rotation_matrix(np.random.default_rng(seed).random(3))
     )
@@ -185,7 +201,9 @@ def test_a_surface_that_is_open_is_noted_where_the_outline_is_still_known(tmp_pa
 
 def test_a_surface_that_is_open_where_the_fingers_meet_it_is_refused_with_the_place(tmp_path):
     plain = box((0, 0, 0), (40, 20, 10))
-    missing = np.flatnonzero((plain.face_normals @ (0, 0, 1) > 0.5) | (plain.face_normals @ (1, 0, 0) > 0.5))
+    missing = np.flatnonzero(
+        (plain.face_normals @ (0, 0, 1) > 0.5) | (plain.face_normals @ (1, 0, 0) > 0.5)
+    )
     with pytest.raises(OutlineError, match=r"hole in its surface near \(.*, 5\) mm"):
         read(solid(tmp_path, opened(plain, *missing)), units="mm")
 

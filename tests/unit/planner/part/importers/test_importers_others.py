@@ -24,7 +24,11 @@ CSV = {
     "closed": ("0 0\n30 0\n30 21\n0 21\n0 0\n", "mm", 1.0),
     "clockwise": ("0\t0\n0\t21\n30\t21\n30\t0\n", "mm", 1.0),
     "decimal commas": ("0,0;0,0\n30,0;0\n30;21,0\n0;21\n", "mm", 1.0),
-    "comments and a byte order mark": ("\ufeff# a part\r\n0,0\r\n\r\n30,0\r\n30,21\r\n0,21\r\n", "mm", 1.0),
+    "comments and a byte order mark": (
+        "\ufeff# a part\r\n0,0\r\n\r\n30,0\r\n30,21\r\n0,21\r\n",
+        "mm",
+        1.0,
+    ),
 }
 
 

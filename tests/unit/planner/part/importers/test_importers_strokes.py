@@ -13,7 +13,12 @@ FILLET_MM2 = PLATE_MM2 - (4 - math.pi)  # one corner of the plate with a fillet 
 
 def filleted(count, radius=2.0):
     """The plate's outline as points, its fillet as `count` chords; and its area."""
-    points = [(0, 0), (40, 0), *arc((40 - radius, 20 - radius), radius, 0, math.pi / 2, count), (0, 20)]
+    points = [
+        (0, 0),
+        (40, 0),
+        *arc((40 - radius, 20 - radius), radius, 0, math.pi / 2, count),
+        (0, 20),
+    ]
     return points, shapely.Polygon(points).area
 
 

@@ -84,21 +84,26 @@ def test_a_stretched_drawing_is_refused(tmp_path):
 
 
 def test_it_is_not_mirrored(tmp_path):
-    found = read(written(tmp_path, '<path d="M0 0 L30 0 L0 21 Z"/>'))  # right angle at the upper left
+    found = read(
+        written(tmp_path, '<path d="M0 0 L30 0 L0 21 Z"/>')
+    )  # right angle at the upper left
     top = found.outline_mm[:, 1].max()
     assert np.count_nonzero(np.isclose(found.outline_mm[:, 1], top)) == 2
     left = found.outline_mm[:, 0].min()
     assert np.count_nonzero(np.isclose(found.outline_mm[:, 0], left)) == 2
 
 
-@pytest.mark.parametrize("body", [
-    '<g transform="translate(10 10) rotate(30)"><rect width="30" height="21" transform="scale(1)"/></g>',
-    '<defs><rect id="r" width="30" height="21"/></defs><use href="#r" x="5" y="5"/>',
-    '<defs><rect id="r" width="30" height="21"/></defs><use xlink:href="#r" transform="rotate(45)"/>',
-    '<polygon points="0,0 30,0 30,21 0,21"/>',
-    '<path d="m 1 1 h 30 v 21 h -30 z"/>',
-    '<line x1="0" y1="0" x2="30" y2="0"/><polyline points="30,0 30,21 0,21 0,0"/>',
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "body",
+    [
+        '<g transform="translate(10 10) rotate(30)"><rect width="30" height="21" transform="scale(1)"/></g>',
+        '<defs><rect id="r" width="30" height="21"/></defs><use href="#r" x="5" y="5"/>',
+        '<defs><rect id="r" width="30" height="21"/></defs><use xlink:href="#r" transform="rotate(45)"/>',
+        '<polygon points="0,0 30,0 30,21 0,21"/>',
+        '<path d="m 1 1 h 30 v 21 h -30 z"/>',
+        '<line x1="0" y1="0" x2="30" y2="0"/><polyline points="30,0 30,21 0,21 0,0"/>',
+    ],
+)
 def test_shapes_transforms_and_copies(tmp_path, body):
     found = read(written(tmp_path, body))
     assert outlines.area(found.outline_mm) == pytest.approx(630, rel=1e-5)
@@ -141,10 +146,13 @@ def test_several_contours_are_listed(tmp_path):
 REFUSED = {
     "billion laughs": (
         '<!DOCTYPE svg [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;&a;"><!ENTITY c "&b;&b;&b;&b;">]>',
-        "<text>&c;</text>", "holds XML entities",
+        "<text>&c;</text>",
+        "holds XML entities",
     ),
     "a file of the machine": (
-        '<!DOCTYPE svg [<!ENTITY x SYSTEM "file:///etc/passwd">]>', "<text>&x;</text>", "holds XML entities"
+        '<!DOCTYPE svg [<!ENTITY x SYSTEM "file:///etc/passwd">]>',
+        "<text>&x;</text>",
+        "holds XML entities",
     ),
     "copies of copies": (
         "",
@@ -160,9 +168,13 @@ REFUSED = {
     "a crossed path": ("", '<path d="M0 0 L30 20 V0 L0 20 Z"/>', "crosses itself"),
     "huge numbers": ("", '<path d="M0 0 H1e30 V1e30 Z"/>', "beyond 10000 km"),
     "a huge curve": ("", '<path d="M0 0 C 1e30 0 1e30 1e30 0 1e30 Z"/>', "absurdly large"),
-    "a tiny part": ("", '<rect width="0.001" height="0.001"/>', "no closed contour|is the unit right"),
+    "a tiny part": (
+        "",
+        '<rect width="0.001" height="0.001"/>',
+        "no closed contour|is the unit right",
+    ),
     "a line": ("", '<path d="M0 0 L30 0 Z"/>', "no closed contour"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", REFUSED)

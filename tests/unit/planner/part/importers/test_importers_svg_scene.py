@@ -36,7 +36,16 @@ def sheet(css, attributes='class="jig" id="jig"'):
 UNSEEN = {
     **{
         f"in a {kind}": f"<{kind} id='d' width='60' height='60'>{JIG}</{kind}>"
-        for kind in ("mask", "symbol", "marker", "clipPath", "pattern", "defs", "metadata", "filter")
+        for kind in (
+            "mask",
+            "symbol",
+            "marker",
+            "clipPath",
+            "pattern",
+            "defs",
+            "metadata",
+            "filter",
+        )
     },
     "of another vocabulary": '<i:rect width="90" height="70"/><i:g>' + JIG + "</i:g>",
     "visibility": jig('visibility="hidden"'),
@@ -103,10 +112,19 @@ def test_a_drawing_that_shows_nothing_is_refused_with_the_reason(tmp_path):
 
 NOTED = {
     "unseen": (jig('fill="none"'), "not seen .*: 1 of its elements"),
-    "clipped": ('<rect clip-path="url(#c)" width="1" height="1"/>', "clip paths.*: 1 of its elements"),
-    "cropped": ('<svg width="2" height="2"><rect width="9" height="1"/></svg>', "viewports.*: 1 of"),
+    "clipped": (
+        '<rect clip-path="url(#c)" width="1" height="1"/>',
+        "clip paths.*: 1 of its elements",
+    ),
+    "cropped": (
+        '<svg width="2" height="2"><rect width="9" height="1"/></svg>',
+        "viewports.*: 1 of",
+    ),
     "text and pictures": ("<text>a</text><text>b</text><image/>", "ignored: 1 image, 2 text"),
-    "a copy of nothing": ('<use href="#none"/><use href="o.svg#a"/>', "not in the file: #none, o.svg#a"),
+    "a copy of nothing": (
+        '<use href="#none"/><use href="o.svg#a"/>',
+        "not in the file: #none, o.svg#a",
+    ),
 }
 
 
@@ -132,7 +150,10 @@ VIEWED = {  # body, area by hand
     "in percent": (symbol("") + '<use href="#s" width="40%" height="25%"/>', 800),
     "the whole drawing": (symbol("") + '<use href="#s"/>', 100 * 50),
     "meets the lesser side": (symbol("") + '<use href="#s" width="40" height="60"/>', 800),
-    "stretched": (symbol('preserveAspectRatio="none"') + '<use href="#s" width="40" height="10"/>', 400),
+    "stretched": (
+        symbol('preserveAspectRatio="none"') + '<use href="#s" width="40" height="10"/>',
+        400,
+    ),
     "in millimetres": (symbol("") + '<use href="#s" width="40mm" height="20mm"/>', 800),
     "two levels": (
         symbol("", '<use href="#t" width="200" height="100"/>')
@@ -225,12 +246,16 @@ MALFORMED = {
 
 @pytest.mark.parametrize("name", MALFORMED)
 def test_a_malformed_number_is_refused_with_its_element(tmp_path, name):
-    with pytest.raises(InputFileError, match=r"part\.svg: <\w+>.*correct it in the drawing") as caught:
+    with pytest.raises(
+        InputFileError, match=r"part\.svg: <\w+>.*correct it in the drawing"
+    ) as caught:
         read(tmp_path, MALFORMED[name])
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("size", ['width="1.1.1mm" height="80mm" viewBox="0 0 100 80"', 'width="100x"'])
+@pytest.mark.parametrize(
+    "size", ['width="1.1.1mm" height="80mm" viewBox="0 0 100 80"', 'width="100x"']
+)
 def test_a_malformed_size_of_the_drawing_is_refused(tmp_path, size):
     for units in (None, "mm"):
         with pytest.raises(PlannerError, match=r'<svg>: width="1.*" is no length'):

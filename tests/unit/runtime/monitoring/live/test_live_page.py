@@ -66,16 +66,20 @@ def test_what_is_no_address_is_refused_in_one_line(text: str) -> None:
 
 def test_loopback_is_this_machine_only() -> None:
     assert all(map(server.is_loopback, ["127.0.0.1", "127.8.9.1", "::1", "localhost", "LOCALHOST"]))
-    assert not any(map(server.is_loopback, ["0.0.0.0", "::", "10.0.0.1", "cell", "localhost.evil.example"]))
+    assert not any(
+        map(server.is_loopback, ["0.0.0.0", "::", "10.0.0.1", "cell", "localhost.evil.example"])
+    )
 
 
 def test_a_page_is_answered_with_its_length_and_nothing_may_keep_or_frame_it() -> None:
     code, head, body = told(LOCAL, "GET /status.json?x=1 HTTP/1.1\r\nHost: localhost:8080\r\n\r\n")
     assert (code, body) == (200, b"{}\n")
     assert "Content-Length: 3\r\n" in head
-    assert {"Cache-Control: no-store", "X-Content-Type-Options: nosniff", "X-Frame-Options: DENY"} <= {
-        *head.split("\r\n")
-    }
+    assert {
+        "Cache-Control: no-store",
+        "X-Content-Type-Options: nosniff",
+        "X-Frame-Options: DENY",
+    } <= {*head.split("\r\n")}
 
 
 def test_a_head_is_answered_like_a_get_without_the_body() -> None:
@@ -87,7 +91,9 @@ def test_a_head_is_answered_like_a_get_without_the_body() -> None:
         assert f"Content-Length: {len(body)}" in of_get
 
 
-@pytest.mark.parametrize("method", ["POST", "PUT", "DELETE", "PATCH", "OPTIONS", "TRACE", "CONNECT"])
+@pytest.mark.parametrize(
+    "method", ["POST", "PUT", "DELETE", "PATCH", "OPTIONS", "TRACE", "CONNECT"]
+)
 def test_nothing_can_be_changed(method: str) -> None:
     code, head, _ = told(OPEN, f"{method} / HTTP/1.1\r\nHost: x\r\n\r\n")
     assert code == 405

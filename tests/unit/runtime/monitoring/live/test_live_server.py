@@ -64,7 +64,9 @@ def test_a_question_may_come_in_pieces(serving: PageServer) -> None:
         assert client.recv(1 << 16).startswith(b"HTTP/1.0 200 OK")
 
 
-@pytest.mark.parametrize("words", [b"\xff" * 9000, b"A" * 100_000, b"GET / HTTP/1.1\r\n", b"\r\n\r\n", b""])
+@pytest.mark.parametrize(
+    "words", [b"\xff" * 9000, b"A" * 100_000, b"GET / HTTP/1.1\r\n", b"\r\n\r\n", b""]
+)
 def test_clients_that_misbehave_do_not_end_it(serving: PageServer, words: bytes) -> None:
     with connected(serving) as client, contextlib.suppress(OSError):
         client.sendall(words)
@@ -84,10 +86,14 @@ def test_a_client_that_breaks_off_amid_the_answer_does_not_end_it(serving: PageS
     assert fetched(serving, "/status.json")
 
 
-def test_who_says_or_takes_nothing_is_sent_away(monkeypatch: pytest.MonkeyPatch, serving: PageServer) -> None:
+def test_who_says_or_takes_nothing_is_sent_away(
+    monkeypatch: pytest.MonkeyPatch, serving: PageServer
+) -> None:
     monkeypatch.setattr(http_server, "PATIENCE_S", 0.2)
     with connected(serving) as silent, connected(serving) as deaf:
-        deaf.sendall(b"GET /large HTTP/1.0\r\n\r\n")  # more than the kernel keeps for who does not read
+        deaf.sendall(
+            b"GET /large HTTP/1.0\r\n\r\n"
+        )  # more than the kernel keeps for who does not read
         assert silent.recv(1) == b""
         assert wait_until(lambda: not serving._clients)
     assert fetched(serving, "/status.json")
@@ -119,7 +125,9 @@ def test_it_listens_on_ipv6_as_well() -> None:
 
 
 def test_a_port_in_use_is_one_line(serving: PageServer) -> None:
-    with pytest.raises(ArgumentsError, match="in use; name another port, or 0 for a free one") as refused:
+    with pytest.raises(
+        ArgumentsError, match="in use; name another port, or 0 for a free one"
+    ) as refused:
         PageServer(serving.address, {})
     assert str(serving.address) in str(refused.value)
     assert refused.value.exit_code == 2

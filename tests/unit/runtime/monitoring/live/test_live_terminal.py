@@ -130,7 +130,9 @@ def test_where_a_stop_left_the_cell_is_said_in_full_and_the_summary_follows(
         view.part(stopped, None)
         view.summary(Tally(), Path("j"))
     told = " ".join(stream.getvalue().split())
-    assert "part 3: STOPPED; stopped by the operator; fingers stopped; arm at retreat height" in told
+    assert (
+        "part 3: STOPPED; stopped by the operator; fingers stopped; arm at retreat height" in told
+    )
     # The picture is not where the lines go, so that these are printed too.
     assert capsys.readouterr().out.splitlines() == [
         "part 3: STOPPED; stopped by the operator; fingers stopped; arm at retreat height",
@@ -158,7 +160,13 @@ class Screen(io.StringIO):
     ],
 )
 def test_the_picture_is_drawn_on_a_terminal_that_nothing_else_is_for(
-    monkeypatch: pytest.MonkeyPatch, *, out: bool, err: bool, term: str, words: list[str], drawn: str | None
+    monkeypatch: pytest.MonkeyPatch,
+    *,
+    out: bool,
+    err: bool,
+    term: str,
+    words: list[str],
+    drawn: str | None,
 ) -> None:
     streams = {"out": Screen() if out else io.StringIO(), "err": Screen() if err else io.StringIO()}
     monkeypatch.setattr("sys.stdout", streams["out"])

@@ -80,7 +80,9 @@ def test_what_is_not_known_counts_against_either_verdict():
 
 
 def test_a_reject_is_a_failure_and_a_stopped_part_is_left_out():
-    (*_, last) = followed([GOOD, REJECT, Part(3, outcome="fault"), Part(4, outcome="stopped"), WRONG], 0.01)
+    (*_, last) = followed(
+        [GOOD, REJECT, Part(3, outcome="fault"), Part(4, outcome="stopped"), WRONG], 0.01
+    )
     assert (last.parts, last.failed, last.unknown) == (4, 3, 0)
 
 

@@ -23,7 +23,8 @@ def test_crossed_anova_is_aiags_example_to_four_digits():
     assert spread.part == pytest.approx(1.042327, abs=5e-6)
     assert spread.total == pytest.approx(1.0853, abs=5e-5)
     percents = [
-        spread.percent(value) for value in (spread.repeatability, spread.reproducibility, spread.gauge)
+        spread.percent(value)
+        for value in (spread.repeatability, spread.reproducibility, spread.gauge)
     ]
     assert [round(value, 2) for value in percents] == [18.42, 20.90, 27.86]
     assert round(spread.percent(spread.part), 2) == 96.04
@@ -66,7 +67,9 @@ def test_tails_are_scipys(statistic, above, below):
     assert f_tail(statistic, above, below) == pytest.approx(
         stats.f.sf(statistic, above, below), rel=1e-6, abs=1e-12
     )
-    assert t_tail(statistic, below) == pytest.approx(2 * stats.t.sf(statistic, below), rel=1e-6, abs=1e-12)
+    assert t_tail(statistic, below) == pytest.approx(
+        2 * stats.t.sf(statistic, below), rel=1e-6, abs=1e-12
+    )
 
 
 def test_crossed_is_unbiased_in_what_it_was_drawn_from():
@@ -84,7 +87,11 @@ def test_crossed_is_unbiased_in_what_it_was_drawn_from():
 
 def test_crossed_keeps_a_real_interaction():
     rng = np.random.default_rng(5)
-    readings = rng.normal(0, 1, (10, 1, 1)) + rng.normal(0, 1.5, (10, 3, 1)) + rng.normal(0, 0.1, (10, 3, 3))
+    readings = (
+        rng.normal(0, 1, (10, 1, 1))
+        + rng.normal(0, 1.5, (10, 3, 1))
+        + rng.normal(0, 0.1, (10, 3, 3))
+    )
     study = crossed(readings.tolist())
     assert study.interaction_p < 0.05
     assert study.anova.repeatability == pytest.approx(0.1, rel=0.3)
@@ -108,14 +115,24 @@ def test_crossed_of_readings_that_never_differ_knows_nothing():
 
 @pytest.mark.parametrize(
     "readings",
-    [[], [[[1.0, 2.0]] * 2], [[[1.0, 2.0]], [[1.0, 2.0]]], [[[1.0]] * 2] * 2, [[[1.0, 2.0], [1.0]]] * 2],
+    [
+        [],
+        [[[1.0, 2.0]] * 2],
+        [[[1.0, 2.0]], [[1.0, 2.0]]],
+        [[[1.0]] * 2] * 2,
+        [[[1.0, 2.0], [1.0]]] * 2,
+    ],
 )
 def test_crossed_refuses_what_is_no_balanced_study(readings):
     with pytest.raises(ValueError, match="crossed study"):
         crossed(readings)
 
 
-@given(st.lists(st.floats(-1.0, 1.0), min_size=25, max_size=60).filter(lambda values: stdev(values) > 1e-3))
+@given(
+    st.lists(st.floats(-1.0, 1.0), min_size=25, max_size=60).filter(
+        lambda values: stdev(values) > 1e-3
+    )
+)
 def test_type_one_never_has_cgk_above_cg(deviations):
     study = type_one(deviations, 4.0)
     assert study.cgk <= study.cg

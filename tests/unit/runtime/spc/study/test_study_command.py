@@ -43,14 +43,18 @@ def test_study_of_a_healthy_cell_accepts_it_and_writes_the_sheet(healthy, tmp_pa
     found = told(capsys)
     assert found["verdict"] == "accepted"
     assert found["parts_least"] <= found["decided_at"] <= 700
-    assert found["failures"]["low"] <= found["failures"]["share"] <= found["failures"]["high"] < 0.01
+    assert (
+        found["failures"]["low"] <= found["failures"]["share"] <= found["failures"]["high"] < 0.01
+    )
     assert found["good"] + found["failed"] + found["not_known"] == found["counted"] == 700
     rows = found["type1"]
     assert sum(row["readings"] for row in rows["leaves"]) == rows["table"]["readings"]
     residuals = np.array([part.residual for part in healthy if part.residual])
     assert rows["table"]["x_mm"]["bias"] == pytest.approx(-residuals[:, 0].mean())
     tolerance = 2 * TABLE.goal.distance_um / 1000
-    assert rows["table"]["y_mm"]["cg"] == pytest.approx(0.2 * tolerance / (6 * residuals[:, 1].std(ddof=1)))
+    assert rows["table"]["y_mm"]["cg"] == pytest.approx(
+        0.2 * tolerance / (6 * residuals[:, 1].std(ddof=1))
+    )
     few = [row for row in rows["leaves"] if row["readings"] < 25]
     assert few
     assert all(row["x_mm"]["capable"] is None for row in few)
@@ -66,7 +70,9 @@ def test_study_of_a_healthy_cell_accepts_it_and_writes_the_sheet(healthy, tmp_pa
 
 
 @pytest.mark.parametrize(("rate", "count", "code"), [(0.2, 200, 14), (0.01, 60, 15)])
-def test_study_of_a_bad_cell_refuses_it_and_of_few_parts_asks_for_more(tmp_path, capsys, rate, count, code):
+def test_study_of_a_bad_cell_refuses_it_and_of_few_parts_asks_for_more(
+    tmp_path, capsys, rate, count, code
+):
     parts = drawn(TABLE, count, np.random.default_rng(2), fail_rate=rate)
     assert main(write(tmp_path / "j.jsonl", parts)) == code
     said = capsys.readouterr().out.splitlines()[0]
@@ -88,7 +94,8 @@ def with_truth(path, parts, off_mm):
         for part in parts:
             journal.record("part", {"part": part.number})
             journal.record(
-                "outcome", {"part": part.number, "outcome": part.outcome, "leaf": part.leaf, "audit": None}
+                "outcome",
+                {"part": part.number, "outcome": part.outcome, "leaf": part.leaf, "audit": None},
             )
             if part.leaf is not None:
                 leaf = TABLE.leaves[part.leaf]
@@ -129,7 +136,9 @@ def crossed_journals(folder, audited=True):
             for k in range(10)
         ]
         seen = {"verdict": "pass", "residual": (0.1, 0.1, 0.0)} if audited else {}
-        located = [replace(part, outcome="leaf", leaf=k % 3, **seen) for k, part in enumerate(parts)]
+        located = [
+            replace(part, outcome="leaf", leaf=k % 3, **seen) for k, part in enumerate(parts)
+        ]
         paths.append(write(folder / f"cell{cell}{'' if audited else '-bare'}.jsonl", located))
     return paths
 
@@ -181,7 +190,9 @@ def test_study_of_measurements_is_aiags_example(tmp_path, capsys):
         tmp_path / "s.csv", lambda rows: [rows[k] for k in np.random.default_rng(1).permutation(90)]
     )
     assert main("--measurements", shuffled, "--json") == 0
-    assert told(capsys)["crossed"]["value"]["anova"]["gauge_percent"] == pytest.approx(27.86, abs=0.005)
+    assert told(capsys)["crossed"]["value"]["anova"]["gauge_percent"] == pytest.approx(
+        27.86, abs=0.005
+    )
 
 
 @pytest.mark.parametrize(
@@ -240,7 +251,7 @@ def test_study_of_bad_input_ends_in_one_line(healthy, tmp_path, capsys, words, c
         "unaudited": write(tmp_path / "bare.jsonl", bare),
         "broken": write(tmp_path / "broken.jsonl", healthy[:30]),
         "empty": write(tmp_path / "empty.jsonl", []),
-    }  # fmt: skip
+    }
     paths["broken"].write_bytes(paths["broken"].read_bytes().replace(b'"pass"', b'"Pass"', 1))
     given = [word.format(**paths) for word in words]
     with pytest.raises(SystemExit) as ended:  # as of argparse
