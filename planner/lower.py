@@ -1,6 +1,5 @@
 """Lowering: the tree of beliefs becomes the integers of the decision table."""
 
-from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, version
 
 import numpy as np
@@ -12,14 +11,11 @@ from planner.belief.particles import Belief
 from planner.belief.stopping import StoppingRule
 from planner.belief.transition import Push, finger_speed_mm_s
 from planner.frames import wrap
+from planner.job.cell import limits_of
 from planner.job.model import Job
-from planner.mechanics.clearance import first_contact_mm, jaws_of
 from planner.search.handling import handling_of
-from planner.search.tree import Node, Squeeze, breadth_first
+from planner.search.tree import Node, breadth_first
 from runtime import table as tables
-
-CONTACT_MARGIN_MM = 2.0
-"""How much wider than the particles of a belief say its parts may be met: particles are samples."""
 
 
 def lower(root: Node, job: Job) -> tables.Table:
@@ -34,7 +30,7 @@ def lower(root: Node, job: Job) -> tables.Table:
         job_digest=job.digest(),
         gripper=_gripper(job),
         goal=_goal(job),
-        limits=_limits(job, max(leaf.depth for leaf in leaves)),
+        limits=limits_of(job, max(leaf.depth for leaf in leaves)),
         nodes=tuple(_node(node, targets, job, encoder) for node in nodes),
         leaves=tuple(_leaf(leaf, job) for leaf in leaves),
         predicted=tables.Prediction(0, 0, 0),
@@ -67,35 +63,14 @@ def _node(node: Node, targets: dict[int, int], job: Job, encoder: Encoder) -> ta
     if planned.release is not None:
         release = (round(1e3 * planned.release[0]), round(1e3 * planned.release[1]))
     pushed = tuple(_push(push, job) for push in planned.pushes)
-    contact = None if pushed else contact_um(job, node.belief, planned, branches)
+    contact = None
+    if not pushed:
+        contact_mm = handling_of(job).contact_mm(node.belief, planned.placement, planned.opening_mm)
+        contact = max(round(1e3 * contact_mm), *(branch.high_um for branch in branches))
+        contact = contact if contact < squeeze.opening_um else None
     return tables.Node(
         squeeze, tuple(branches), None if release == squeeze[:2] else release, pushed, contact
     )
-
-
-def contact_um(
-    job: Job, belief: Belief, squeeze: Squeeze, branches: Sequence[tables.Branch]
-) -> int | None:
-    """The greatest width at which closing jaws may meet a part of a belief, whatever is off in the cell.
-
-    None where that is as soon as they move. A part that was pushed lies elsewhere than its belief.
-    """
-    doubt, share = job.doubt, job.gripper.upper_finger_share
-    shares = (max(share + doubt.finger_share[0], 0.0), min(share + doubt.finger_share[1], 1.0))
-    off_mm = (
-        2.0 * max(map(abs, doubt.middle_mm)) + max(map(abs, doubt.encoder_mm)) + CONTACT_MARGIN_MM
-    )
-    jaws, widest_um = jaws_of(job.gripper), max(branch.high_um for branch in branches)
-    jaws[0] = squeeze.opening_mm
-    which = belief.traits["hypothesis"]
-    widths = [
-        first_contact_mm(
-            own.part.outline_mm, jaws, belief.poses[which == k], squeeze.placement, shares
-        )
-        for k, own in enumerate(job.alone)
-    ]
-    contact = max(round(1e3 * (max(widths) + off_mm)), widest_um)
-    return contact if contact < round(1e3 * squeeze.opening_mm) else None
 
 
 def _push(push: Push, job: Job) -> tables.Push:
@@ -208,25 +183,6 @@ def _hypotheses(job: Job) -> tuple[tables.Hypothesis, ...]:
     return tuple(
         tables.Hypothesis(alone.part.name, round(tables.PPM * share), round(1e3 * rho_mm), order)
         for alone, share, (rho_mm, order) in each
-    )
-
-
-def _limits(job: Job, depth: int) -> tables.Limits:
-    cell = job.cell
-    (x_min, y_min), (x_max, y_max) = cell.work_area_mm
-    return tables.Limits(
-        max_depth=depth,
-        max_force_mn=round(1e3 * cell.max_force_n),
-        max_speed_um_s=round(1e3 * cell.max_speed_mm_s),
-        work_area_um=(
-            round(1e3 * x_min),
-            round(1e3 * y_min),
-            round(1e3 * x_max),
-            round(1e3 * y_max),
-        ),
-        retreat_height_um=round(1e3 * cell.retreat_height_mm),
-        squeeze_height_um=round(1e3 * cell.squeeze_height_mm),
-        arm_speed_um_s=round(1e3 * cell.arm_speed_mm_s),
     )
 
 

@@ -19,10 +19,10 @@ from scipy.special import ndtr
 
 from planner import arguments
 from planner.arrays import Array, BoolArray, IntArray
+from planner.belief.costs import Costs
 from planner.belief.metric import Metric, metric_of
 from planner.belief.observation import COUNTS, Encoder, encoder_of
 from planner.belief.particles import initial
-from planner.belief.transition import costs_of
 from planner.frames import to_hand, to_world
 from planner.job.model import Job
 from planner.mechanics.simulator import Simulator
@@ -73,7 +73,7 @@ class Pomdp:
         simulator, metric, success = (
             Simulator.of_job(job, workers),
             metric_of(job),
-            1.0 / costs_of(job).least,
+            Costs.of(job).failure,
         )
         squeezes = np.column_stack(
             [actions_of(job).placements, np.full(len(actions_of(job)), SQUEEZE)]

@@ -7,13 +7,14 @@ from typing import Self
 
 import numpy as np
 
+from planner.belief.costs import Costs
 from planner.belief.doubts import believed
 from planner.belief.metric import Metric, metric_of
 from planner.belief.observation import Encoder, encoder_of, resolution_of
 from planner.belief.particles import Belief, evenly
 from planner.belief.partition import Rule
 from planner.belief.stopping import StoppingRule
-from planner.belief.transition import Costs, MotionModel, Simulation, costs_of, placing_of
+from planner.belief.transition import MotionModel, Simulation, placing_of
 from planner.job.model import Job
 from planner.mechanics.mixture import Mixture
 
@@ -47,8 +48,8 @@ class Problem:
     @classmethod
     def of(cls, job: Job, workers: int | None = None) -> Self:
         """Resolves a job; squeezes run on so many threads, all cores if None."""
-        encoder, costs = encoder_of(job), costs_of(job)
-        stopping = StoppingRule(job.goal.confidence, 1.0 / costs.least)
+        encoder, costs = encoder_of(job), Costs.of(job)
+        stopping = StoppingRule(job.goal.confidence, costs.failure)
         rule = Rule(metric_of(job), stopping, resolution_of(encoder))
         model = Simulation(Mixture.of_job(job, workers, STEP_MM), encoder, placing_of(job))
         ahead = replace(model, simulator=Mixture.of_job(job, workers, AHEAD_STEP_MM))

@@ -1,4 +1,4 @@
-"""What a squeeze makes of a belief, and its cost: one child belief per cluster of widths (paper V.A, V.C).
+"""What a squeeze makes of a belief: one child belief per cluster of widths (paper V.A, V.C).
 
 The reference motion model is direct simulation of every particle, each with its own random mechanics and
 encoder noise. Many beliefs and actions are rolled out in one batch.
@@ -7,7 +7,7 @@ encoder noise. Many beliefs and actions are rolled out in one batch.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol, Self, TypeAlias, TypeVar
+from typing import NamedTuple, Protocol, Self, TypeAlias
 
 import numpy as np
 
@@ -22,14 +22,6 @@ from planner.mechanics.simulator import RollOut, Simulator
 from planner.mechanics.squeeze import JAMMED
 from planner.mechanics.traits import Traits, joined
 
-LEAST_SQUEEZE = 0.001
-"""A squeeze that costs nothing still costs this much: of two plans as good the shorter is better."""
-
-
-PUSH_SQUEEZES = 0.1
-"""What a push costs besides its time: J of two plans errs by about that."""
-
-Number = TypeVar("Number", float, Array)
 Case: TypeAlias = tuple[Belief, Array]
 """A belief, and the placement (3,) of the hand that squeezes it [mm, mm, rad]."""
 
@@ -206,51 +198,6 @@ def squeezed_by(
     ]
 
 
-class Costs(NamedTuple):
-    """The price of a squeeze, in units of itself: 1, and something for its time and for its risk."""
-
-    squeeze: float  # of any, as a probability of success
-    second: float  # of a second of cell time, likewise
-    unstable: float  # of an outcome that friction alone holds, likewise
-    lift_s: float  # time to go up and come down again [s]
-    opening_mm: float  # stroke of the open jaws
-    speed_mm_s: float  # rate at which the opening closes
-
-    @property
-    def least(self) -> float:
-        """What a squeeze costs at least, as a probability of success."""
-        return max(self.squeeze, LEAST_SQUEEZE)
-
-    def of(self, unstable: Number, width_mm: Number) -> Number:
-        """C of actions with such a share held by friction alone and such a mean width, in squeezes."""
-        seconds = self.lift_s + 2.0 * (self.opening_mm - width_mm) / self.speed_mm_s
-        extra = self.second * seconds + self.unstable * unstable
-        return 1.0 + extra / self.least
-
-    def of_push(self, push: Push) -> float:
-        """The price of a push, in squeezes: its time, and little besides."""
-        strokes, speed = (
-            2.0 * (self.opening_mm - push.opening_mm),
-            finger_speed_mm_s(self.speed_mm_s),
-        )
-        seconds = self.lift_s + strokes / self.speed_mm_s + push.way_mm / speed
-        return PUSH_SQUEEZES + self.second * seconds / self.least
-
-
 def finger_speed_mm_s(speed_mm_s: float) -> float:
     """How fast a finger goes while the jaws close at such a rate, and a hand that pushes: as slowly."""
     return 0.5 * speed_mm_s
-
-
-def costs_of(job: Job) -> Costs:
-    """The costs that a job states."""
-    search, cell, gripper = job.search, job.cell, job.gripper
-    lift = 2.0 * (cell.retreat_height_mm - cell.squeeze_height_mm) / cell.arm_speed_mm_s
-    return Costs(
-        search.squeeze_cost,
-        search.second_cost,
-        search.stability_cost,
-        lift,
-        gripper.opening_mm,
-        gripper.speed_mm_s,
-    )

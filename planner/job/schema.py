@@ -180,6 +180,8 @@ class Goal:
     # Share of the parts that may lie under an open finger coming down, where no placement is clear of all of
     # them: an uncertainty wider than the jaws open.
     crash_share: Annotated[float, Number(0, 0.05, default=0.0)]
+    # What a plan has least of: seconds (None), or squeezes.
+    minimise: Annotated[str | None, Text(("seconds", "squeezes"), default=None)] = None
     # Whether an answer must also say which of several parts it is; None: yes.
     identify: Annotated[bool | None, Flag(default=None)] = None
 
@@ -189,8 +191,8 @@ class Search:
     """How the tree is searched.
 
     Methods for comparison are the paper's: "paper" (Algorithms 1 to 3), "paper-sequence" (the whole open-loop
-    sequence before branching) and "sensorless" (no branching at all). The costs are what one more squeeze,
-    second of cell time or outcome on an unstable equilibrium must gain in probability of success.
+    sequence before branching) and "sensorless" (no branching at all). The costs are what one more typical
+    squeeze or outcome on an unstable equilibrium must gain in probability of success.
     """
 
     method: Annotated[
@@ -199,7 +201,6 @@ class Search:
     model: Annotated[str, Text(("auto", "simulation", "kcde"), default="auto")]  # what looks ahead
     rollouts: Annotated[int, Integer(1_000, 100_000_000, default=100_000)]  # to learn "kcde" from
     squeeze_cost: Annotated[float, Number(0, 1, default=0.01)]
-    second_cost: Annotated[float, Number(0, 1, default=0.0)]
     stability_cost: Annotated[float, Number(0, 1, default=0.0)]
     particles: Annotated[int, Integer(10, 10_000_000, default=20_000)]  # to grow the tree with
     search_particles: Annotated[

@@ -14,10 +14,18 @@ from planner.belief.particles import Belief
 from planner.belief.transition import Outcomes
 from planner.frames import to_hand
 from planner.job.model import Job
-from planner.mechanics.clearance import STANDS_ON, classify_contact, jaws_of, least_clearance
+from planner.mechanics.clearance import (
+    STANDS_ON,
+    classify_contact,
+    first_contact_mm,
+    jaws_of,
+    least_clearance,
+)
 from planner.mechanics.traits import by_hypothesis
 from runtime.table import HELD_UM
 
+CONTACT_MARGIN_MM = 2.0
+"""How much wider than the particles of a belief say its parts may be met: particles are samples."""
 SPARE_MM = 3.0
 """Clearance that an opening smaller than the full one must leave."""
 HELD_MM = HELD_UM / 1e3
@@ -37,6 +45,8 @@ class Handling:
         forces_n: to choose from, rising.
         area: ((x_min, y_min), (x_max, y_max)) that the hand may be placed in.
         encoder: turns the branches' counts into widths.
+        shares: between which the upper finger's share of the closing lies, whatever is off.
+        off_mm: how much wider than believed the jaws may meet a part, whatever is off.
     """
 
     outlines: tuple[Array, ...]
@@ -45,6 +55,8 @@ class Handling:
     forces_n: tuple[float, ...]
     area: Array
     encoder: Encoder
+    shares: tuple[float, float]
+    off_mm: float
 
     def opening(self, belief: Belief, placement: Array) -> tuple[float, float]:
         """The least opening that keeps clear of the belief by `SPARE_MM`, and the clearance there [mm]."""
@@ -54,6 +66,15 @@ class Handling:
                 return opening, clearance
         full = self.openings_mm[-1]
         return full, max(self._clearance(full, belief, placement), 0.0)
+
+    def contact_mm(self, belief: Belief, placement: Array, opening_mm: float) -> float:
+        """The greatest width at which jaws that close from an opening may meet a part of a belief."""
+        jaws = np.array([opening_mm, *self.jaws[1:]])
+        widths = [
+            first_contact_mm(self.outlines[k], jaws, belief.poses[rows], placement, self.shares)
+            for k, rows in by_hypothesis(belief.traits)
+        ]
+        return max(widths) + self.off_mm
 
     def clear(self, belief: Belief, placement: Array) -> Belief:
         """The particles clear of both open fingers; on the others the arm stops."""
@@ -114,14 +135,16 @@ class Handling:
 
 def handling_of(job: Job) -> Handling:
     """The choices that a job allows."""
-    gripper = job.gripper
-    openings = sorted({*job.actions.openings_mm, gripper.opening_mm})
-    jaws = jaws_of(gripper)
+    gripper, doubt = job.gripper, job.doubt
+    share, (less, more) = gripper.upper_finger_share, doubt.finger_share
+    off_mm = 2.0 * max(map(abs, doubt.middle_mm)) + max(map(abs, doubt.encoder_mm))
     return Handling(
-        tuple(alone.part.outline_mm for alone in job.alone),
-        jaws,
-        tuple(openings),
-        tuple(sorted(job.actions.forces_n or (gripper.force_n,))),
-        np.array(job.cell.work_area_mm),
-        encoder_of(job),
+        outlines=tuple(alone.part.outline_mm for alone in job.alone),
+        jaws=jaws_of(gripper),
+        openings_mm=tuple(sorted({*job.actions.openings_mm, gripper.opening_mm})),
+        forces_n=tuple(sorted(job.actions.forces_n or (gripper.force_n,))),
+        area=np.array(job.cell.work_area_mm),
+        encoder=encoder_of(job),
+        shares=(max(share + less, 0.0), min(share + more, 1.0)),
+        off_mm=off_mm + CONTACT_MARGIN_MM,
     )

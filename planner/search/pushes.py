@@ -12,13 +12,14 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from planner.arrays import Array
+from planner.belief.costs import Costs, Hand
 from planner.belief.particles import Belief, subsample
-from planner.belief.transition import Costs, Push, Simulation
+from planner.belief.transition import Push, Simulation
 from planner.mechanics.mixture import Mixture
 from planner.mechanics.traits import by_hypothesis
 from planner.problem import Problem
 from planner.search.actions import turnable
-from planner.search.ranking import Ranking
+from planner.search.ranking import Asked, Ranking
 
 OPENINGS = (0.0, 0.25, 0.5)
 """Of the jaws while they push, as shares of the full one."""
@@ -85,7 +86,9 @@ class Pusher:
                 found.append(Push(np.array([*place, angle]), opening * float(self.jaws[0]), way_mm))
         return [push for push in found if self._within(push)]
 
-    def best(self, belief: Belief, ranking: Ranking, rng: np.random.Generator) -> list[Pushes]:
+    def best(
+        self, belief: Belief, hand: Hand | None, ranking: Ranking, rng: np.random.Generator
+    ) -> list[Pushes]:
         """The most promising pushes, and pairs of them, by few particles and a squeeze each.
 
         Returns:
@@ -98,7 +101,7 @@ class Pusher:
                 for before, thin in begun
                 for push in self.options(thin if before else belief)
             ]
-            costs = self._costs(tried, ranking, rng)
+            costs = self._costs(tried, hand, ranking, rng)
             order = np.argsort(costs, kind="stable")[:KEPT]
             judged += [
                 (float(costs[k]), len(judged) + n, tried[k].pushes) for n, k in enumerate(order)
@@ -120,17 +123,22 @@ class Pusher:
             belief = self.model.push(belief, push, rng)
         return belief
 
-    def _costs(self, tried: list[Pushed], ranking: Ranking, rng: np.random.Generator) -> Array:
+    def _costs(
+        self, tried: list[Pushed], hand: Hand | None, ranking: Ranking, rng: np.random.Generator
+    ) -> Array:
         """Cost-to-go (k,) after one squeeze of each pushed belief, with the price of its pushes.
 
         Where no grasp pose is clear of a belief, the more the farther it is spread.
         """
-        options = [ranking.candidates(each.belief, each.belief) for each in tried]
         costs = np.array([SPREAD * each.belief.poses[:, :2].std(axis=0).max() for each in tried])
-        ranked = ranking.rank([each.belief for each in tried], options, rng)
-        for k, (each, found) in enumerate(zip(tried, ranked, strict=True)):
-            if len(found.cost_to_go):
-                costs[k] = sum(map(self.costs.of_push, each.pushes)) + found.cost_to_go[0]
+        priced = [self.costs.pushes(hand, each.pushes) for each in tried]
+        asked = [
+            Asked(each.belief, ranking.candidates(each.belief, each.belief), stands)
+            for each, (_, stands) in zip(tried, priced, strict=True)
+        ]
+        for k, options in enumerate(ranking.rank(asked, rng)):
+            if len(options.cost_to_go):
+                costs[k] = priced[k][0] + options.cost_to_go[0]
         return costs
 
     def _from_beside_all(

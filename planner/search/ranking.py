@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.arrays import Array, BoolArray, IntArray
+from planner.belief.costs import Hand
 from planner.belief.metric import mode_shares
 from planner.belief.observation import COUNTS
 from planner.belief.particles import PUSHED, Belief
@@ -38,6 +39,14 @@ GOLDEN = 0.5 * (
 )  # its multiples, cut to their fractions, fill an interval evenly
 
 
+class Asked(NamedTuple):
+    """Grasp poses to rank for one belief."""
+
+    belief: Belief
+    placements: Array  # (k, 3) of the hand in the world
+    hand: Hand | None  # where it stands before; None before the first squeeze
+
+
 class Options(NamedTuple):
     """Grasp poses of one belief with what one squeeze at each leaves, the cheapest first.
 
@@ -65,6 +74,7 @@ class _Contest:
     """The options of one belief while they are halved."""
 
     belief: Belief
+    hand: Hand | None
     placements: Array  # (k, 3) of those still in it
     stop: int  # particles that will have squeezed after this round
     # By all particles so far, for each option: poses (k, n, 3), readings (k, n), and `Squeezed`'s two means.
@@ -74,14 +84,15 @@ class _Contest:
     cost_to_go: Array  # (k,) as judged last
 
     @classmethod
-    def of(cls, belief: Belief, placements: Array) -> _Contest:
+    def of(cls, asked: Asked) -> _Contest:
         """The first round: fewer particles the more options there are, spread evenly through the belief."""
+        belief, placements, hand = asked
         few, k = len(belief), len(placements)
         if k > FINALISTS:
             few = min(few, max(FIRST_PARTICLES, round(FIRST_SHARE * few)))
             belief = belief[np.argsort(np.arange(len(belief)) * GOLDEN % 1.0, kind="stable")]
         nothing = np.zeros((k, 0, 3)), np.zeros((k, 0), np.int64), np.zeros((k, 2)), np.zeros(k)
-        return cls(belief, placements, few, *nothing)
+        return cls(belief, hand, placements, few, *nothing)
 
     @property
     def start(self) -> int:
@@ -145,17 +156,13 @@ class Ranking:
             options = np.concatenate([options, self.actions.followed(about.poses)])
         return self.free(belief, options)
 
-    def rank(
-        self, beliefs: list[Belief], options: list[Array], rng: np.random.Generator
-    ) -> list[Options]:
+    def rank(self, asked: list[Asked], rng: np.random.Generator) -> list[Options]:
         """The best of every belief's grasp poses (k, 3), each squeezed by all its particles.
 
         All grasp poses are squeezed by few particles first, the better half by twice as many, and so on,
         until few are left (sequential halving: Karnin, Koren and Somekh, ICML 2013).
         """
-        contests = [
-            _Contest.of(belief, choice) for belief, choice in zip(beliefs, options, strict=True)
-        ]
+        contests = [_Contest.of(each) for each in asked]
         while waiting := [
             contest for contest in contests if contest.waiting and len(contest.placements)
         ]:
@@ -165,11 +172,21 @@ class Ranking:
             for contest in waiting:
                 contest.add([next(squeezed) for _ in contest.placements])
             for contest, left in zip(waiting, self._judge(waiting), strict=True):
-                contest.halve(self.problem.costs.of(*contest.means.T) + left)
+                contest.halve(self._costs(contest) + left)
         return [Options.sorted(contest.placements, contest.cost_to_go) for contest in contests]
 
+    def _costs(self, contest: _Contest) -> Array:
+        """The costs (k,) of a contest's squeezes."""
+        unstable, widths_mm = contest.means.T
+        return self.problem.costs.squeezes(contest.hand, contest.placements, widths_mm, unstable)
+
     def varied(
-        self, belief: Belief, thin: Belief, options: Options, rng: np.random.Generator
+        self,
+        belief: Belief,
+        thin: Belief,
+        options: Options,
+        hand: Hand | None,
+        rng: np.random.Generator,
     ) -> Options:
         """The options and variants of the best of them, thinner each round: a random local search.
 
@@ -177,13 +194,14 @@ class Ranking:
             belief: whose particles the open fingers stay clear of.
             thin: those of it that are squeezed.
             options: of the belief.
+            hand: where it stands before.
             rng: source of randomness.
         """
         for spread in VARIED if self.actions.proposals and belief.touched else ():
             near = varied(options.placements[:VARIED_BEST], VARIED_BEST, spread, rng)
             near = self.free(belief, self.actions.within(near))
             if len(near):
-                options = options.joined(self.rank([thin], [near], rng)[0])
+                options = options.joined(self.rank([Asked(thin, near, hand)], rng)[0])
         return options
 
     def unlike(self, placements: Array, most: int, touched: bool = True) -> Array:

@@ -17,6 +17,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from planner.arrays import Array, BoolArray, IntArray
+from planner.belief.costs import Hand
 from planner.belief.observation import COUNTS, Partition
 from planner.belief.particles import Belief, replenish, subsample
 from planner.belief.partition import Rule
@@ -29,7 +30,7 @@ from planner.search.effort import EFFORTS, EXPLORING, FRUGAL, PASSES, Effort, Pa
 from planner.search.handling import Handling, handling_of
 from planner.search.proposals import placed, varied
 from planner.search.pushes import Pusher, pusher_of
-from planner.search.ranking import Ranking
+from planner.search.ranking import Asked, Ranking
 from planner.search.tree import Action, Node, Origin, Squeeze, breadth_first, leaves
 from runtime.table import MAX_BRANCHES
 
@@ -227,7 +228,15 @@ class Search:
                 belief = far[rows]
                 mode, share = self.problem.metric.mode(belief.states), node.share * len(rows) / seen
                 children.append(
-                    Node(belief, share, mode, node.depth + 1, parent=node, fresh=len(rows))
+                    Node(
+                        belief,
+                        share,
+                        mode,
+                        node.depth + 1,
+                        parent=node,
+                        fresh=len(rows),
+                        hand=children[0].hand,
+                    )
                 )
         children.sort(key=lambda child: -float(child.belief.reading.mean()))
         _partition(node.best, children)
@@ -277,12 +286,13 @@ class Search:
         if not new:
             return old
         near = np.array([each.placement for each in old[:2] if not each.pushes]).reshape(-1, 3)
-        grasps = self._ranked(node.belief, effort, near)[:new]
+        grasps = self._ranked(node.belief, node.hand, effort, near)[:new]
         fresh = [_Candidate(grasp, node.belief) for grasp in grasps]
         if self.pusher is not None and node.share >= self.pusher.least_share:
-            for pushes in self.pusher.best(node.belief, self.ranking, self.rng):
+            for pushes in self.pusher.best(node.belief, node.hand, self.ranking, self.rng):
                 lying = self.pusher.pushed(node.belief, pushes, self.rng)
-                best = self._ranked(lying, effort, near[:0])[:1]
+                _, hand = self.problem.costs.pushes(node.hand, pushes)
+                best = self._ranked(lying, hand, effort, near[:0])[:1]
                 fresh += [_Candidate(grasp, lying, pushes) for grasp in best]
         return old + [each for each in fresh if not any(_same(each, other) for other in old)]
 
@@ -303,11 +313,12 @@ class Search:
             )
         return again
 
-    def _ranked(self, belief: Belief, effort: Effort, near: Array) -> Array:
+    def _ranked(self, belief: Belief, hand: Hand | None, effort: Effort, near: Array) -> Array:
         """Grasp poses (k, 3) for a belief, the best first, no two of them variants of one.
 
         Args:
             belief: to squeeze.
+            hand: where it stands before.
             effort: how many grasp poses are tried.
             near: (m, 3) good ones, whose variants are tried, too.
         """
@@ -330,9 +341,9 @@ class Search:
         grasps = np.concatenate(groups)
         if not len(grasps):
             return grasps
-        options = ranking.rank([thin], [grasps], self.rng)[0]
+        options = ranking.rank([Asked(thin, grasps, hand)], self.rng)[0]
         if effort.actions > 1:
-            options = ranking.varied(belief, thin, options, self.rng)
+            options = ranking.varied(belief, thin, options, hand, self.rng)
         return ranking.unlike(options.placements, effort.actions, belief.touched)
 
     def _number(self) -> int:
@@ -356,8 +367,9 @@ class Search:
                 outcomes = self._outcomes(squeezed, rule)
         release = self.handling.release(outcomes)
         opening_mm, clearance_mm = self.handling.opening(candidate.lying, grasp)
-        cost = float(problem.costs.of(outcomes.unstable, outcomes.width_mm))
-        cost += sum(map(problem.costs.of_push, candidate.pushes))
+        contact_mm = self.handling.contact_mm(candidate.lying, grasp, opening_mm)
+        cost, hand = problem.costs.pushes(node.hand, candidate.pushes)
+        cost += problem.costs.squeeze(hand, grasp, outcomes.width_mm, contact_mm, outcomes.unstable)
         squeeze = Squeeze(
             grasp,
             opening_mm,
@@ -379,11 +391,14 @@ class Search:
         stalled = 0 if gains else node.stalled + 1
         tried = node.previous.actions if node.previous and node.previous.actions else []
         old = [c for a in tried if np.array_equal(a.squeeze.placement, grasp) for c in a.children]
-        children = list[Node]()
+        children, stands = list[Node](), grasp.copy()
+        if release is not None:
+            stands[:2] = release
         for share, belief, mode in zip(shares, beliefs, modes, strict=True):
             child = Node(
                 belief, node.share * float(share), mode, node.depth + 1, stalled, parent=node
             )
+            child.hand = Hand(stands, float(problem.encoder.width_mm(belief.reading).mean()))
             child.previous = most_similar(belief, old)
             child.value = self.leaf_value(child)
             children.append(child)

@@ -2,7 +2,7 @@
 
 An OR node (`Node`) is a belief, that is, a set of equally likely particles. An AND node (`Action`) is a
 squeeze at one grasp pose together with a partition of the encoder's readings; each interval leads to a child.
-Values are expected squeezes; a part that is not located costs `failure` of them:
+Values are expected costs in typical squeezes; a part that is not located costs `failure` of them:
 
     value(node)   = min over its actions of value(action); the leaf heuristic if it has none
     value(action) = cost + failure P(crash) + (1 - P(crash)) sum over children of P(child) value(child)
@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from planner.arrays import Array
+from planner.belief.costs import Hand
 from planner.belief.metric import Mode
 from planner.belief.observation import Partition
 from planner.belief.particles import Belief
@@ -37,7 +38,7 @@ class Squeeze:
         unstable: share of the outcomes that friction alone holds.
         release: (2,) hand centre in the world where the jaws open after a drag; None: where it squeezed.
         pushes: made before the squeeze.
-        cost: of pushes and squeeze, in squeezes.
+        cost: of pushes and squeeze, in typical squeezes.
         crashes: share of the parts that an open finger would come down on.
     """
 
@@ -67,7 +68,7 @@ class Action:
     Attributes:
         squeeze: what the hand does.
         children: in the order of the partition.
-        value: expected squeezes from the node on.
+        value: expected cost from the node on.
         origin: what the partition was made of; None in plans of the paper's method.
     """
 
@@ -88,7 +89,8 @@ class Node:
         depth: squeezes made so far.
         stalled: squeezes in a row before this node that gained nothing.
         actions: the best first; None: not expanded yet, none: nothing gains.
-        value: expected squeezes from here on.
+        value: expected cost from here on.
+        hand: where the hand stands; None before the first squeeze.
         fresh: number of particles, the first ones, that come from trials which had no part in the plan.
         refuted: whether those speak against the mode as a leaf.
         parent: the node above; None at the root.
@@ -102,6 +104,7 @@ class Node:
     stalled: int = 0
     actions: list[Action] | None = None
     value: float = 0.0
+    hand: Hand | None = None
     fresh: int = 0
     refuted: bool = False
     parent: Node | None = None

@@ -123,16 +123,17 @@ class Schedule:
     def _push_s(self, node: Node, at: Stand) -> tuple[float, Stand]:
         """What the pushes before a squeeze take, and where the hand stands after them."""
         timing, seconds = self.timing, 0.0
-        lift_s = timing.move_s(timing.retreat_mm - timing.squeeze_mm)
         open_mm, speed_mm_s = node.squeeze.opening_um / 1e3, node.squeeze.speed_um_s / 1e3
         for push in node.pushes:
             start, way_mm, wanted_mm = Stand.at(push), push.length_um / 1e3, push.opening_um / 1e3
-            seconds += abs(open_mm - wanted_mm) / speed_mm_s + timing.jaw_answer_s
-            seconds += timing.move_s(
+            seconds += timing.push_s(
                 hypot(start.x_mm - at.x_mm, start.y_mm - at.y_mm),
                 remainder(start.angle_rad - at.angle_rad, tau),
+                stroke_mm=abs(open_mm - wanted_mm),
+                stroke_mm_s=speed_mm_s,
+                push_mm=way_mm,
+                push_mm_s=push.speed_um_s / 1e3,
             )
-            seconds += 2.0 * lift_s + timing.move_s(way_mm, 0.0, push.speed_um_s / 1e3)
             at, open_mm = start.moved(way_mm), wanted_mm
         if node.pushes:
             seconds += (

@@ -183,6 +183,35 @@ class Timing:
         stroke_mm = abs(next_mm - width_mm - CLEAR_MM)
         return stroke_mm / (max(self.fastest_mm_s, speed_mm_s) if self.redirects else speed_mm_s)
 
+    def push_s(
+        self,
+        way_mm: float,
+        turn_rad: float,
+        *,
+        stroke_mm: float,
+        stroke_mm_s: float,
+        push_mm: float,
+        push_mm_s: float,
+    ) -> float:
+        """One push, from the hand at the retreat height to the hand at the retreat height.
+
+        Args:
+            way_mm: of the hand to where it comes down.
+            turn_rad: of the hand on that way.
+            stroke_mm: of the jaws before it.
+            stroke_mm_s: rate of that stroke.
+            push_mm: way of the push.
+            push_mm_s: speed of the push.
+        """
+        lift_s = self.move_s(self.retreat_mm - self.squeeze_mm)
+        return (
+            stroke_mm / stroke_mm_s
+            + self.jaw_answer_s
+            + self.move_s(way_mm, turn_rad)
+            + 2.0 * lift_s
+            + self.move_s(push_mm, 0.0, push_mm_s)
+        )
+
     def squeeze(self, visit: Visit) -> Phases:
         """The phases of one squeeze, from the hand at its height to the hand at its height."""
         high_mm = self.retreat_mm if visit.from_retreat else self.regrasp_mm

@@ -1,0 +1,161 @@
+"""What an action costs, in typical squeezes: its share of their seconds, or each squeeze alike.
+
+The seconds are those of the table's model of time (`runtime.table.timing`), from where the hand stands after
+the squeeze before to the end of this one. A typical squeeze is the unit, so that the leaf heuristic, which
+counts squeezes, and the price of a part that is not located hold for both objectives.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from planner.arrays import Array
+from planner.belief.transition import Push, finger_speed_mm_s
+from planner.job.cell import timing_of
+from planner.job.model import Job
+from runtime.table import Timing, Visit
+
+LEAST_SQUEEZE = 0.001
+"""A squeeze that costs nothing still costs this much: of two plans as good the shorter is better."""
+PUSH_SQUEEZES = 0.1
+"""What a push costs where squeezes are counted: J of two plans errs by about that."""
+TYPICAL_TURN = math.pi / 4.0
+"""Turn of the hand before a typical squeeze."""
+TYPICAL_WIDTH = 0.5
+"""Where its jaws stop, as a share of their opening."""
+
+
+class Hand(NamedTuple):
+    """Where the hand stands after an action."""
+
+    placement: Array  # (3,) in the world [mm, mm, rad]
+    width_mm: float  # between the jaws
+
+
+@dataclass(frozen=True, slots=True)
+class Costs:
+    """The prices of one job.
+
+    Attributes:
+        timing: of the cell; None where squeezes are counted.
+        typical_s: seconds of a typical squeeze.
+        opening_mm: between the open jaws.
+        speed_mm_s: rate at which the opening closes.
+        turn: turn of the hand [rad] after which it does the same: half a turn where the fingers move alike.
+        failure: cost of a part that is not located.
+        unstable: cost of an outcome that friction alone holds.
+    """
+
+    timing: Timing | None
+    typical_s: float
+    opening_mm: float
+    speed_mm_s: float
+    turn: float
+    failure: float
+    unstable: float
+
+    @classmethod
+    def of(cls, job: Job) -> Self:
+        """The prices that a job states."""
+        gripper, timing = job.gripper, timing_of(job)
+        opening_mm, speed_mm_s = gripper.opening_mm, gripper.speed_mm_s
+        typical = Visit(
+            way_mm=0.0,
+            turn_rad=TYPICAL_TURN,
+            opening_mm=opening_mm,
+            contact_mm=None,
+            width_mm=TYPICAL_WIDTH * opening_mm,
+            speed_mm_s=speed_mm_s,
+            next_mm=opening_mm,
+        )
+        failure = 1.0 / max(job.search.squeeze_cost, LEAST_SQUEEZE)
+        return cls(
+            timing=None if job.goal.minimise == "squeezes" else timing,
+            typical_s=timing.squeeze(typical).total_s,
+            opening_mm=opening_mm,
+            speed_mm_s=speed_mm_s,
+            turn=math.pi if gripper.upper_finger_share == 0.5 else 2.0 * math.pi,
+            failure=failure,
+            unstable=job.search.stability_cost * failure,
+        )
+
+    def squeeze(
+        self,
+        hand: Hand | None,
+        placement: Array,
+        width_mm: float,
+        contact_mm: float | None,
+        unstable: float,
+    ) -> float:
+        """The cost of a squeeze.
+
+        Args:
+            hand: where the hand stands; None: above the placement, before the first squeeze of a part.
+            placement: (3,) of the squeeze in the world [mm, mm, rad].
+            width_mm: where the jaws stop.
+            contact_mm: greatest width at which they may meet the part; None: not known.
+            unstable: share of the outcomes that friction alone holds.
+        """
+        risk = self.unstable * unstable
+        if self.timing is None:
+            return 1.0 + risk
+        way_mm, turn = (0.0, 0.0) if hand is None else self._way(hand.placement, placement)
+        visit = Visit(
+            way_mm=way_mm,
+            turn_rad=turn,
+            opening_mm=self.opening_mm,
+            contact_mm=contact_mm,
+            width_mm=min(width_mm, self.opening_mm),
+            speed_mm_s=self.speed_mm_s,
+            next_mm=self.opening_mm,
+            from_retreat=hand is None,
+            jaws_s=0.0 if hand is None else self._opening_s(self.timing, hand.width_mm),
+        )
+        return self.timing.squeeze(visit).total_s / self.typical_s + risk
+
+    def squeezes(
+        self, hand: Hand | None, placements: Array, widths_mm: Array, unstable: Array
+    ) -> Array:
+        """The costs (k,) of squeezes, taken to meet the part where its jaws stop; as `squeeze`."""
+        if self.timing is None:
+            return np.asarray(1.0 + self.unstable * unstable)
+        rows = zip(placements, widths_mm.tolist(), unstable.tolist(), strict=True)
+        return np.array([self.squeeze(hand, at, mm, mm, share) for at, mm, share in rows])
+
+    def pushes(self, hand: Hand | None, pushes: tuple[Push, ...]) -> tuple[float, Hand | None]:
+        """The cost of pushes, and where the hand stands after them."""
+        if self.timing is None:
+            return PUSH_SQUEEZES * len(pushes), hand
+        seconds, open_mm = 0.0, self.opening_mm
+        for push in pushes:
+            way_mm, turn = (0.0, 0.0) if hand is None else self._way(hand.placement, push.start)
+            seconds += self.timing.push_s(
+                way_mm,
+                turn,
+                stroke_mm=abs(open_mm - push.opening_mm),
+                stroke_mm_s=self.speed_mm_s,
+                push_mm=push.way_mm,
+                push_mm_s=finger_speed_mm_s(self.speed_mm_s),
+            )
+            open_mm, (x, y, angle) = push.opening_mm, push.start
+            end = np.array(
+                [x + push.way_mm * math.cos(angle), y + push.way_mm * math.sin(angle), angle]
+            )
+            hand = Hand(end, open_mm)
+        return seconds / self.typical_s, hand
+
+    def seconds(self, cost: float) -> float:
+        """What a cost comes to in time; the risk in it counts as time, too."""
+        return cost * self.typical_s
+
+    def _way(self, before: Array, placement: Array) -> tuple[float, float]:
+        """How far the hand goes [mm] and turns [rad]."""
+        x, y, turn = (placement - before).tolist()
+        return math.hypot(x, y), math.remainder(turn, self.turn)
+
+    def _opening_s(self, timing: Timing, width_mm: float) -> float:
+        """How long the jaws still open after the hand has risen from its squeeze before."""
+        rise_s = timing.move_s(timing.regrasp_mm - timing.squeeze_mm)
+        return max(timing.opening_s(width_mm, self.opening_mm, self.speed_mm_s) - rise_s, 0.0)

@@ -1,0 +1,36 @@
+"""A job's cell as tables hold it: limits, and the model of time."""
+
+import json
+
+from planner.job.model import Job
+from runtime.table import Limits, Timing, profile_of
+
+
+def limits_of(job: Job, depth: int) -> Limits:
+    """The limits of a table of so many squeezes."""
+    cell = job.cell
+    (x_min, y_min), (x_max, y_max) = cell.work_area_mm
+    return Limits(
+        max_depth=depth,
+        max_force_mn=round(1e3 * cell.max_force_n),
+        max_speed_um_s=round(1e3 * cell.max_speed_mm_s),
+        work_area_um=(
+            round(1e3 * x_min),
+            round(1e3 * y_min),
+            round(1e3 * x_max),
+            round(1e3 * y_max),
+        ),
+        retreat_height_um=round(1e3 * cell.retreat_height_mm),
+        squeeze_height_um=round(1e3 * cell.squeeze_height_mm),
+        arm_speed_um_s=round(1e3 * cell.arm_speed_mm_s),
+    )
+
+
+def timing_of(job: Job) -> Timing:
+    """How long motions take in the cell of a job.
+
+    Raises:
+        TableError: the gripper is not known, or the cell's figures can be no cell's.
+    """
+    profile = profile_of(job.gripper.model)
+    return Timing.of(limits_of(job, 1), profile, json.loads(job.canonical()))
