@@ -124,6 +124,12 @@ class Costs:
         rows = zip(placements, widths_mm.tolist(), unstable.tolist(), strict=True)
         return np.array([self.squeeze(hand, at, mm, mm, share) for at, mm, share in rows])
 
+    def back(self, hand: Hand | None, home: Array | None) -> float:
+        """The cost of the way to the first squeeze of the next part, (3,) in the world."""
+        if self.timing is None or hand is None or home is None:
+            return 0.0
+        return self.timing.move_s(*self._way(hand.placement, home)) / self.typical_s
+
     def pushes(self, hand: Hand | None, pushes: tuple[Push, ...]) -> tuple[float, Hand | None]:
         """The cost of pushes, and where the hand stands after them."""
         if self.timing is None:
@@ -145,10 +151,6 @@ class Costs:
             )
             hand = Hand(end, open_mm)
         return seconds / self.typical_s, hand
-
-    def seconds(self, cost: float) -> float:
-        """What a cost comes to in time; the risk in it counts as time, too."""
-        return cost * self.typical_s
 
     def _way(self, before: Array, placement: Array) -> tuple[float, float]:
         """How far the hand goes [mm] and turns [rad]."""

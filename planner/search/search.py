@@ -132,18 +132,19 @@ class Search:
     def leaf_value(self, node: Node) -> float:
         """The estimate of a leaf's value."""
         stopping, ratio = self.problem.stopping, node.mode.ratio
+        back = self.problem.costs.back(node.hand, node.home)
         if not self.is_open(node) and (node.refuted or not stopping.reached(ratio)):
-            return stopping.failure * (2.0 - ratio)  # the plan gives all these parts up
+            return back + stopping.failure * (2.0 - ratio)  # the plan gives all these parts up
         # The heuristic distrusts small samples; later passes bring more particles.
         size = np.array([len(node.belief) / self.stage.particles**0.5])
         left = float(stopping.cost_to_go(ratio * size, size)[0])
         if not self.is_open(node):
-            return left
+            return back + left
         if node.previous is not None and node.previous.actions:
             return node.previous.value
         # A lower bound of one squeeze makes a pass expand every first action that may be the best.
         exploring = node.depth == 1 and self.stage is EXPLORING
-        return 1.0 if exploring else max(left, 1.0) + FURTHER
+        return back + (1.0 if exploring else max(left, 1.0) + FURTHER)
 
     def back_up(self, node: Node | None) -> None:
         """Updates the values of a node and of all above it; their best actions may change."""
@@ -236,6 +237,7 @@ class Search:
                         parent=node,
                         fresh=len(rows),
                         hand=children[0].hand,
+                        home=children[0].home,
                     )
                 )
         children.sort(key=lambda child: -float(child.belief.reading.mean()))
@@ -398,6 +400,7 @@ class Search:
             child = Node(
                 belief, node.share * float(share), mode, node.depth + 1, stalled, parent=node
             )
+            child.home = grasp if node.home is None else node.home
             child.hand = Hand(stands, float(problem.encoder.width_mm(belief.reading).mean()))
             child.previous = most_similar(belief, old)
             child.value = self.leaf_value(child)

@@ -91,6 +91,7 @@ class Node:
         actions: the best first; None: not expanded yet, none: nothing gains.
         value: expected cost from here on.
         hand: where the hand stands; None before the first squeeze.
+        home: (3,) grasp pose of the first squeeze, where the hand goes for the next part; None at the root.
         fresh: number of particles, the first ones, that come from trials which had no part in the plan.
         refuted: whether those speak against the mode as a leaf.
         parent: the node above; None at the root.
@@ -105,6 +106,7 @@ class Node:
     actions: list[Action] | None = None
     value: float = 0.0
     hand: Hand | None = None
+    home: Array | None = None
     fresh: int = 0
     refuted: bool = False
     parent: Node | None = None

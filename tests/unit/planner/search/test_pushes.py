@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from planner.belief.particles import PUSHED, UNREAD, Belief, initial
-from planner.belief.transition import Push, costs_of
+from planner.belief.transition import Push
 from planner.errors import ValueRangeError
 from planner.frames import to_hand
 from planner.job import model as job_file
@@ -112,7 +112,7 @@ def test_a_pushed_belief_is_touched_and_keeps_what_was_read(pusher, belief):
 
 def test_best_pushes_through_a_belief_reach_where_they_were_judged_to_end(problem, pusher, belief):
     rng, ranking = np.random.default_rng(7), Ranking(problem, actions_of(problem.job))
-    finalists = pusher.best(belief, ranking, rng)
+    finalists = pusher.best(belief, None, ranking, rng)
     assert 0 < len(finalists) <= FINALISTS
     for pushes in finalists:
         assert 1 <= len(pushes) <= MOST
@@ -135,14 +135,6 @@ def test_best_second_push_begins_clear_of_all_that_the_first_has_moved(pusher, b
         for push in (second, pushes[1])
     ]
     assert ends[0] == pytest.approx(ends[1])
-
-
-def test_the_price_of_a_push_is_its_time_where_seconds_cost(job):
-    push = Push(np.zeros(3), 25.0, 45.0)
-    free, dear = (costs_of(job.replaced(search={"second_cost": cost})) for cost in (0.0, 0.002))
-    strokes, way = 2.0 * (85.0 - 25.0) / 60.0, 45.0 / 30.0
-    lift = 2.0 * (job.cell.retreat_height_mm - job.cell.squeeze_height_mm) / job.cell.arm_speed_mm_s
-    assert dear.of_push(push) - free.of_push(push) == pytest.approx(0.2 * (strokes + way + lift))
 
 
 def test_a_table_pushes_where_the_plan_does_as_fast_as_a_finger_closes(job):

@@ -1,0 +1,112 @@
+"""Costs of actions: seconds as the table's schedule has them, and squeezes alike."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from planner.belief.costs import PUSH_SQUEEZES, Costs, Hand
+from planner.belief.transition import Push
+from planner.job import model as job_file
+from runtime import table as tables
+
+RECTANGLE = Path(__file__).parents[4] / "trees" / "rectangle"
+
+
+@pytest.fixture(scope="module")
+def job():
+    return job_file.load(RECTANGLE / "job.toml")
+
+
+@pytest.fixture(scope="module")
+def costs(job):
+    return Costs.of(job)
+
+
+def placement_of(node):
+    squeeze = node.squeeze
+    return np.array([squeeze.x_um / 1e3, squeeze.y_um / 1e3, squeeze.angle_urad / 1e6])
+
+
+def test_costs_of_two_squeezes_are_the_schedules_seconds(costs):
+    table = tables.load(RECTANGLE / "rectangle.msgpack").table
+    schedule = tables.Schedule.of(table, tables.job_of(table))
+    root, timing, timed = table.nodes[0], schedule.timing, 0
+    for number, branch in enumerate(root.branches):
+        if branch.target <= 0:
+            continue
+        width_mm, after = branch.expected_um / 1e3, table.nodes[branch.target]
+        squeezed = [tables.Squeezed(0, width_mm, number), tables.Squeezed(branch.target, 30.0, 0)]
+        phases = schedule.part(squeezed)
+        low_mm = timing.regrasp_mm - timing.squeeze_mm
+        expected_s = sum(each.total_s for each in phases)
+        expected_s += timing.move_s(low_mm) - phases[-1].rise_s  # as if another squeeze followed
+        contacts = [node.contact_um and node.contact_um / 1e3 for node in (root, after)]
+        first = costs.squeeze(None, placement_of(root), width_mm, contacts[0], 0.0)
+        hand = Hand(placement_of(root), width_mm)
+        second = costs.squeeze(hand, placement_of(after), 30.0, contacts[1], 0.0)
+        assert (first + second) * costs.typical_s == pytest.approx(expected_s, rel=1e-6)
+        timed += 1
+    assert timed > 3
+
+
+def test_squeeze_half_a_turn_round_costs_the_same_where_fingers_move_alike(costs):
+    hand, there = Hand(np.array([3.0, -2.0, 0.3]), 25.0), np.array([5.0, 1.0, 1.0])
+    round_about = there + np.array([0.0, 0.0, math.pi])
+    price = costs.squeeze(hand, there, 20.0, 60.0, 0.0)
+    assert costs.squeeze(hand, round_about, 20.0, 60.0, 0.0) == pytest.approx(price)
+
+
+def test_squeeze_with_a_longer_turn_a_longer_stroke_or_an_earlier_contact_costs_more(costs):
+    hand, there = Hand(np.zeros(3), 25.0), np.array([0.0, 0.0, 0.5])
+    price = costs.squeeze(hand, there, 20.0, 40.0, 0.0)
+    assert costs.squeeze(hand, np.array([0.0, 0.0, 1.0]), 20.0, 40.0, 0.0) > price
+    assert costs.squeeze(hand, there, 10.0, 40.0, 0.0) > price
+    assert costs.squeeze(hand, there, 20.0, 60.0, 0.0) > price
+    assert costs.squeeze(hand, there, 20.0, None, 0.0) > price
+
+
+def test_squeezes_of_many_grasp_poses_cost_what_each_alone_costs(costs):
+    rng = np.random.default_rng(0)
+    places, widths = rng.uniform(-3.0, 3.0, (5, 3)), rng.uniform(20.0, 40.0, 5)
+    hand = Hand(np.zeros(3), 25.0)
+    each = [
+        costs.squeeze(hand, at, mm, mm, 0.0) for at, mm in zip(places, widths.tolist(), strict=True)
+    ]
+    np.testing.assert_allclose(costs.squeezes(hand, places, widths, np.zeros(5)), each)
+
+
+def test_way_back_to_the_first_squeeze_costs_what_the_next_part_waits_for(costs):
+    hand, home = Hand(np.array([0.0, 0.0, 0.2]), 25.0), np.array([0.0, 0.0, 1.0])
+    there = costs.squeeze(hand, home, 20.0, None, 0.0) - costs.squeeze(
+        hand._replace(placement=home), home, 20.0, None, 0.0
+    )
+    assert costs.back(hand, home) > there > 0.0  # the jaws open on the way, too
+    assert costs.back(hand, hand.placement + np.array([0.0, 0.0, math.pi])) == 0.0
+    assert costs.back(None, None) == 0.0
+
+
+def test_pushes_take_their_way_and_leave_the_hand_at_its_end(costs):
+    near = Push(np.array([-40.0, 0.0, 0.0]), 25.0, 45.0)
+    far = near._replace(way_mm=75.0)
+    price, hand = costs.pushes(None, (near,))
+    more, _ = costs.pushes(None, (far,))
+    assert (more - price) * costs.typical_s == pytest.approx(30.0 / 30.0)  # at a finger's speed
+    np.testing.assert_allclose(hand.placement, [5.0, 0.0, 0.0])
+    assert hand.width_mm == 25.0
+
+
+def test_costs_of_squeezes_are_one_and_a_tenth_for_a_push(job):
+    costs = Costs.of(job.replaced(goal={"minimise": "squeezes"}))
+    hand = Hand(np.zeros(3), 25.0)
+    assert costs.squeeze(hand, np.array([0.0, 0.0, 1.0]), 20.0, None, 0.0) == 1.0
+    push = Push(np.zeros(3), 25.0, 45.0)
+    assert costs.pushes(hand, (push, push)) == (2 * PUSH_SQUEEZES, hand)
+    assert costs.failure == pytest.approx(100.0)
+
+
+def test_unstable_outcomes_cost_what_the_job_says(job):
+    costs = Costs.of(job.replaced(search={"stability_cost": 0.002}))
+    calm = costs.squeeze(None, np.zeros(3), 20.0, None, 0.0)
+    assert costs.squeeze(None, np.zeros(3), 20.0, None, 0.5) == pytest.approx(calm + 0.1)
