@@ -158,7 +158,7 @@ def test_off_centre_squeezes_tell_an_l_from_its_half_turn():
 def test_what_centred_squeezes_leave_open_is_said_and_what_would_tell_it_apart():
     with pytest.raises(NoPlanError, match=r"the part lies at .* or .* would read") as caught:
         compile_job(
-            l_job("none", search={"max_depth": 3}, friction={"doubt": 0}), workers=2, trials=1000
+            l_job("none", search={"max_depth": 2}, friction={"doubt": 0}), workers=2, trials=1000
         )
     assert 0.3 <= caught.value.success <= 0.7
     assert "\n" not in str(caught.value)
@@ -179,7 +179,7 @@ def test_prongs_that_the_jaws_pinch_are_told_from_an_empty_hand(job):
     pronged = job.replaced(
         part={"outline_mm": prongs, "symmetry": 1},
         uncertainty={"radius_mm": 2},
-        search=FEW,
+        search=FEW | {"max_depth": 3},
         actions={
             "angles_deg": [0, 90],
             "centers_mm": [[0, 0], [0, 18], [18, 0]],
@@ -213,7 +213,7 @@ def test_a_goal_of_two_poses_is_met_where_one_cannot_be():
     ("kind", "tolerance"), [("orientation", (0, 0, 87266)), ("tolerances", (2500, 2500, 87266))]
 )
 def test_other_goals_are_stated_in_the_table_and_judged_by_it(job, kind, tolerance):
-    wanted = job.replaced(goal={"kind": kind}, search={"particles": 4000})
+    wanted = job.replaced(goal={"kind": kind}, search={"particles": 1500})
     plan = compile_job(wanted, workers=2, trials=2000)
     assert (plan.table.goal.kind, plan.table.goal.tolerance) == (kind, tolerance)
     assert plan.evaluation.summary()["success_rate"] >= 0.98
@@ -234,7 +234,7 @@ def test_parts_near_the_edge_are_dragged_back_as_the_table_says(job):
         "cell": {"work_area_mm": [[-30, -30], [30, 30]]},
         "actions": {"centers_mm": [[6, 0]]},
     }
-    narrow = job.replaced(**near_edge)
+    narrow = job.replaced(**near_edge, search={"particles": 2000, "search_particles": 100})
     table = compile_job(narrow, workers=2, trials=1000).table
     assert {node.release for node in table.nodes} >= {(0, 0)}
     worlds = ContactWorlds.of_job(narrow, 3)
