@@ -149,7 +149,7 @@ def l_job(proposals, **changes):
 
 
 def test_off_centre_squeezes_tell_an_l_from_its_half_turn():
-    job = l_job("belief", search={"search_particles": 120})
+    job = l_job("belief", search={"particles": 1000, "search_particles": 80})
     figures = compile_job(job, workers=2, trials=2000).evaluation.summary()
     assert figures["success_rate"] >= 0.97
     assert figures["mean_squeezes"] <= 4.5
