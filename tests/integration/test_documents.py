@@ -1,6 +1,6 @@
 """Every command in every document is understood by the program it names, and every link leads to a file.
 
-Blocks of the pages in `RUN` are run by tests/integration/test_tutorial.py; of the others each command is
+Blocks of the pages in `RUN` are run by the integration tests of their names; of the others each command is
 parsed by its own parser. Commands within sentences leave things out: of them options and subcommands are
 checked.
 """
@@ -29,7 +29,7 @@ PARSED = {
     / "drivers.md": "tests/integration/test_driver_guide.py runs its example, which is installed otherwise",
     DOCS / "acceptance.md": "tests/unit/runtime/spc/study/test_study_command.py runs it",
     DOCS / "evidence.md": "tests/integration/test_evidence.py runs it",
-    DOCS / "refit.md": "tests/integration/test_tutorial.py runs it with fewer parts",
+    DOCS / "refit.md": "tests/integration/test_refit_page.py runs it with fewer parts",
     DOCS
     / "plc.md": "it serves until it is stopped; tests/integration/test_plc.py runs such a command",
     DOCS / "performance.md": "each command measures for minutes, some need MuJoCo",

@@ -88,3 +88,17 @@ def matches(shown: list[str], printed: list[str]) -> bool:
         like = re.compile(".*".join(re.escape(piece) for piece in line.split("...")))
         assert any(like.fullmatch(p) for p in rest), f"{line!r} is not printed"
     return True
+
+
+def changed(block, changes):
+    """A block with other words in its commands."""
+    lines = block.commands
+    for old, new in changes.items():
+        lines = [line.replace(old, new) for line in lines]
+    return block._replace(commands=lines)
+
+
+def stated(job, **values):
+    """The command that states values in a job file, whether it has them as comments or not."""
+    edits = [f"s/^\\(# \\)\\?{key} = .*/{key} = {value}/" for key, value in values.items()]
+    return f"sed -i '{'; '.join(edits)}' {job}"

@@ -1,0 +1,40 @@
+"""The commands of the README, run in an empty folder, print what it shows."""
+
+import re
+import shutil
+
+import pytest
+from documents import DOCS, ROOT, blocks, matches, run
+
+from planner.kernel import CACHE_VARIABLE, cache_folder
+
+TIMED = re.compile(
+    r"^(?:(Can .*\? Yes|The plan finds|located|error|effort|weakest|wrote .* after|plan .*msgpack)|limit).*"
+)
+
+
+@pytest.mark.slow
+def test_the_readme_runs_as_written(work, environment):
+    """All but its two scripts: `tools/demo` runs the same commands, `tools/check` this test.
+
+    How far the search of `squeezetree try` comes within its budget, and so its figures, is up to the machine.
+    """
+    found = [
+        block._replace(commands=[line for line in block.commands if not line.startswith("tools/")])
+        for block in blocks(ROOT / "README.md")
+    ]
+    found = [block for block in found if block.commands]
+    assert len(found) >= 2
+    (work / "out").mkdir()
+    (work / ".venv" / "bin").mkdir(parents=True)  # made by tools/demo
+    (work / ".venv" / "bin" / "activate").touch()
+    shutil.copytree(ROOT / "trees" / "rectangle", work / "trees" / "rectangle")
+    (work / "tools" / "docs").mkdir(parents=True)
+    shutil.copy(DOCS / "lever.dxf", work / "tools" / "docs")
+    home = {"HOME": str(work), CACHE_VARIABLE: str(cache_folder())}  # completion writes into it
+    printed = run(found, work, environment | home)
+    for block, lines in zip(found, printed, strict=False):
+        timed = block.commands[0].startswith("squeezetree try ")
+        assert matches(
+            [TIMED.sub(r"\1...", line) if timed else line for line in block.printed], lines
+        )

@@ -1,0 +1,47 @@
+"""The commands of the page of refit, run in an empty folder with fewer parts."""
+
+import json
+import re
+import shutil
+import tomllib
+
+import pytest
+from documents import DOCS, ROOT, Block, blocks, changed, run, stated
+
+# What a page says of hundreds of parts, as a test tries it.
+FEWER = {
+    "--count 100 --seed 7": "--count 75 --seed 7",
+    "--count 100 --seed 8": "--count 40 --seed 8",
+}
+FEWER |= {"--trials 2000": "--trials 300"}
+FEWER |= {"--trials 4000": "--trials 500", "plan-refit": "plan-refit --seed 1"}
+
+
+@pytest.mark.slow
+def test_the_page_of_refit_runs_as_written_with_fewer_parts(work, environment):
+    """The blind cell of the page: what journals and audits tell is written, and mends nearly all answers."""
+    page = DOCS / "refit.md"
+    (work / "hidden.py").write_text(
+        re.search(r"```python\n(.*?)```", page.read_text(), re.DOTALL)[1]
+    )
+    shutil.copy(DOCS / "lever.dxf", work)
+    made = "plan-init lever.dxf --units mm -o cell.toml --radius 10 --turn 20 --fingers rubber"
+    made += " --gripper robotiq-2f-85"
+    friction = {"finger_part_min": 0.4, "finger_part_max": 0.6}
+    known = stated("cell.toml", **friction, particles=1000, search_particles=100)
+    begin = Block([made, known, "plan-compile cell.toml -o cell.msgpack --trials 300"], [])
+    found = []
+    for block in blocks(page):
+        fewer = changed(block, FEWER)
+        found.append(
+            fewer._replace(commands=[f"{line} || test $? -eq 13" for line in fewer.commands])
+        )
+    printed = run([begin, *found], work, environment | {"PYTHONPATH": f"{ROOT}:{work}"})
+    assert any(line.startswith("advice    a refit would pay") for line in printed[1])
+    assert any(line.startswith("  widths read +0.") for line in printed[3])
+    assert any(line.startswith("  the fingers meet -") for line in printed[3])
+    low, high = tomllib.loads((work / "cell2.toml").read_text())["doubt"]["encoder_mm"]
+    assert 0.0 < low < 0.6 < high < 1.2  # the preset's were -1.1 and 1.1
+    before, after = (json.loads(line) for line in printed[4] if line.startswith("{"))
+    assert before["wrong_rate"] > 0.3
+    assert after["wrong_rate"] < 0.1 * before["wrong_rate"]
