@@ -72,7 +72,7 @@ class Costs:
         )
         failure = 1.0 / max(job.search.squeeze_cost, LEAST_SQUEEZE)
         return cls(
-            timing=None if job.goal.minimise == "squeezes" else timing,
+            timing=timing if job.goal.minimise == "seconds" else None,
             typical_s=timing.squeeze(typical).total_s,
             opening_mm=opening_mm,
             speed_mm_s=speed_mm_s,

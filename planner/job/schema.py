@@ -180,8 +180,8 @@ class Goal:
     # Share of the parts that may lie under an open finger coming down, where no placement is clear of all of
     # them: an uncertainty wider than the jaws open.
     crash_share: Annotated[float, Number(0, 0.05, default=0.0)]
-    # What a plan has least of: seconds (None), or squeezes.
-    minimise: Annotated[str | None, Text(("seconds", "squeezes"), default=None)] = None
+    # What a plan has least of.
+    minimise: Annotated[str, Text(("squeezes", "seconds"), default="squeezes")] = "squeezes"
     # Whether an answer must also say which of several parts it is; None: yes.
     identify: Annotated[bool | None, Flag(default=None)] = None
 

@@ -50,7 +50,9 @@ def test_the_rectangle_is_the_one_of_the_paper(rectangle):
     assert rectangle.uncertainty.orientation_halfwidth_deg == 180.0
     assert rectangle.actions.angles_deg == (0.0, 45.0, 90.0, 135.0)
     assert rectangle.actions.centers_mm.tolist() == [[0.0, 0.0]]
-    assert rectangle.goal == schema.Goal("pose", 3.0, 0.99, (2.5, 2.5), 5.0, 1, 0.0, None)
+    assert rectangle.goal == schema.Goal(
+        "pose", 3.0, 0.99, (2.5, 2.5), 5.0, 1, 0.0, "squeezes", None
+    )
     assert rectangle.cell.work_area_mm == ((-150.0, -150.0), (150.0, 150.0))
     assert rectangle.seed == 1
 
