@@ -199,10 +199,10 @@ def _plugged_in(makes: Makes, scheme: str, port: str, *settings: object, read_on
 def _plug_in(makes: Makes, scheme: str, port: str) -> tuple[str, Callable[..., Any]]:
     from importlib.metadata import entry_points  # only for a scheme that is none of ours
 
-    found = [(point.dist and point.dist.name, point) for point in entry_points(group=makes.group)]
-    named = [(package, point) for package, point in found if point.name == scheme]
+    results = [(point.dist and point.dist.name, point) for point in entry_points(group=makes.group)]
+    named = [(package, point) for package, point in results if point.name == scheme]
     if not named:
-        schemes = {*makes.known, *(point.name for _, point in found)} - {TTY, "can", MANUAL}
+        schemes = {*makes.known, *(point.name for _, point in results)} - {TTY, "can", MANUAL}
         written = " or ".join(f"{one}://host:port" for one in sorted(schemes))
         raise PortError(
             f"port {port} is not understood; write it as {written}, or install its driver"

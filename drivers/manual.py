@@ -213,16 +213,16 @@ class ManualGripper:
 
     def _width_mm(self) -> float:
         """What is typed, once it is a width."""
-        told = self._ask(
+        reply = self._ask(
             "Close the jaws on the part: which width do you read, in mm (0 if there is nothing)?"
         )
         while True:
             with suppress(ValueError):
-                width_mm = float(told.replace(",", "."))
+                width_mm = float(reply.replace(",", "."))
                 if 0.0 <= width_mm <= self._opening_mm:
                     return width_mm
             wanted = f"a number from 0 to {self._opening_mm:g}, such as 31.42"
-            told = self._ask(f"{told[:40]!r} is no width; type {wanted}:")
+            reply = self._ask(f"{reply[:40]!r} is no width; type {wanted}:")
 
     def _ask(self, sentence: str) -> str:
         try:

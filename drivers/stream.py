@@ -204,15 +204,15 @@ def _opened(path: str, baud: int) -> serial.Serial:
 def port_error(path: str, error: OSError) -> PortError:
     """Why a port cannot be opened, as a sentence."""
     if error.errno == errno.ENOENT:
-        told = (
+        message = (
             f"port {path} does not exist; list ports with `ls /dev/serial/by-id`, or use --port sim"
         )
     elif error.errno in (errno.EACCES, errno.EPERM):
-        told = f"no permission to open port {path}; add this user to its group (dialout) and log in again"
+        message = f"no permission to open port {path}; add this user to its group (dialout) and log in again"
     elif error.errno in (errno.EBUSY, errno.EAGAIN):
-        told = f"port {path} is in use by another program; stop that program first"
+        message = f"port {path} is in use by another program; stop that program first"
     elif error.errno is not None:
-        told = f"port {path} cannot be opened ({os.strerror(error.errno)}); check that it is the right one"
+        message = f"port {path} cannot be opened ({os.strerror(error.errno)}); check that it is the right one"
     else:
-        told = f"port {path} cannot be opened as a serial port ({error}); check that it is one"
-    return PortError(told)
+        message = f"port {path} cannot be opened as a serial port ({error}); check that it is one"
+    return PortError(message)

@@ -101,9 +101,9 @@ class Table:
         counts = arguments.indices(counts, "counts", tables.COUNTS)
         arguments.same_length(nodes=nodes, counts=counts)
         target = self.program.target[nodes].reshape(-1, 2, tables.COUNTS).max(axis=1)
-        found = target[np.arange(len(target)), counts]
-        leaves = np.where((found < 0) & (found != DISMISSED), ~found, -1)
-        return Next(np.maximum(found, -1), leaves)
+        result = target[np.arange(len(target)), counts]
+        leaves = np.where((result < 0) & (result != DISMISSED), ~result, -1)
+        return Next(np.maximum(result, -1), leaves)
 
 
 def evaluate(

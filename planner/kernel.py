@@ -61,13 +61,13 @@ def inlined_kernel(function: F) -> F:
 def _compiled(function: F, **own: bool) -> F:
     options: Any = {"nogil": True, "error_model": "numpy", **own}
     try:
-        made = numba.njit(cache=True, **options)(function)
+        compiled = numba.njit(cache=True, **options)(function)
     except RuntimeError:  # numba found no place at all
-        made = None
-    if made is None or not _is_ours(made.stats.cache_path):
+        compiled = None
+    if compiled is None or not _is_ours(compiled.stats.cache_path):
         _warn_once()
-        made = numba.njit(**options)(function)
-    return cast(F, made)
+        compiled = numba.njit(**options)(function)
+    return cast(F, compiled)
 
 
 def _is_ours(place: str | None) -> bool:

@@ -39,5 +39,5 @@ def _handle_as_usual() -> None:
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Options of these tests."""
-    told = "crash at every moment of a run, not at a sample of them"
-    parser.addoption("--every-moment", action="store_true", help=told)
+    message = "crash at every moment of a run, not at a sample of them"
+    parser.addoption("--every-moment", action="store_true", help=message)

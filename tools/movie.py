@@ -57,8 +57,8 @@ def picture(table: Table, job: Job, beliefs: Replay, squeezes: int = 3) -> str:
 def followed(table: Table, simulator: Simulator, pose: Array, squeezes: int) -> Story | None:
     """The way of a part at a pose (3,) in the world, without scatter; None if it is longer or shorter."""
     surface = simulator.nominal(1, MU).surfaces[0]
-    calibration, target, found = Calibration.linear(table.gripper), 0, list[Squeeze]()
-    while target >= 0 and len(found) < squeezes:
+    calibration, target, result = Calibration.linear(table.gripper), 0, list[Squeeze]()
+    while target >= 0 and len(result) < squeezes:
         node = table.nodes[target]
         hand = placement_of(node.squeeze)
         states, _ = simulator.trace(to_hand(pose, hand), surface, MU)
@@ -72,16 +72,16 @@ def followed(table: Table, simulator: Simulator, pose: Array, squeezes: int) -> 
         branch = decide(decision_map(node, calibration), count, end > 0.0)
         if branch < 0 or node.release is not None:
             return None
-        found.append(Squeeze(target, hand, world, count))
+        result.append(Squeeze(target, hand, world, count))
         pose, target = world[-1, :3], node.branches[branch].target
-    if target >= 0 or len(found) < squeezes or not table.leaves[~target].resolved:
+    if target >= 0 or len(result) < squeezes or not table.leaves[~target].resolved:
         return None
     x, y, angle = map(float, pose)
     off = min(
         error_mm(table.goal, told, (x, y, angle))
         for told in poses_of(table.goal, table.leaves[~target])
     )
-    return Story(found, ~target, off)
+    return Story(result, ~target, off)
 
 
 class Track(NamedTuple):

@@ -73,16 +73,16 @@ def partition(job: Job, names: Sequence[str]) -> Figure:
     rolled = simulator.roll_out(poses, simulator.sample(SQUEEZES, rng))
     open_jaws = rolled.width_mm >= float(simulator.jaws[0])  # a finger would have stood on the part
     final, width_mm = rolled.poses[~open_jaws], rolled.width_mm[~open_jaws]
-    found = subspaces_of(width_mm, encoder_of(job))
-    if len(found) != len(names):
-        raise ValueError(f"{len(found)} subspaces, but {len(names)} names for them")
-    shares = 100 * found.size / found.size.sum()
-    told = [f"{shares[0]:.0f} % of squeezes"]
-    told += [
+    result = subspaces_of(width_mm, encoder_of(job))
+    if len(result) != len(names):
+        raise ValueError(f"{len(result)} subspaces, but {len(names)} names for them")
+    shares = 100 * result.size / result.size.sum()
+    lines = [f"{shares[0]:.0f} % of squeezes"]
+    lines += [
         f"{m:.1f} mm, {s:.0f} % of squeezes"
-        for m, s in zip(found.mean_mm[1:], shares[1:], strict=True)
+        for m, s in zip(result.mean_mm[1:], shares[1:], strict=True)
     ]
-    titles = [f"{name}\n{words}" for name, words in zip(names, told, strict=True)]
+    titles = [f"{name}\n{words}" for name, words in zip(names, lines, strict=True)]
     return subspaces(
-        found, found.label(width_mm), final, job.part.outline_mm, simulator.jaws, titles
+        result, result.label(width_mm), final, job.part.outline_mm, simulator.jaws, titles
     )

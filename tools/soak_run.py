@@ -165,7 +165,7 @@ class Records:
         entry = {"seq": self._seq, "kind": kind, **fields}
         self._seq += 1
         self.findings += [
-            f"record {found.seq}: {found.sentence}" for found in self._replay.follow([entry])
+            f"record {result.seq}: {result.sentence}" for result in self._replay.follow([entry])
         ]
 
 

@@ -31,7 +31,7 @@ Outlines = dict[str, np.ndarray]
 
 def outlines() -> Outlines:
     """All distinct outlines (n, 2), neither rectangles nor round, by name; none without the packages."""
-    found, seen = {}, set()
+    result, seen = {}, set()
     for name, outline in (*footprints(), *screws(), *rings(), *keys()):
         size = np.ptp(outline, axis=0)
         key = (
@@ -40,8 +40,8 @@ def outlines() -> Outlines:
         )
         if SMALLEST_MM <= size.max() <= LARGEST_MM and not trivial(outline) and key not in seen:
             seen.add(key)
-            found[name] = outline
-    return found
+            result[name] = outline
+    return result
 
 
 def kept_aside(name: str) -> bool:

@@ -174,9 +174,10 @@ class Rws:
         certificate = hashlib.sha256(secure.getpeercert(binary_form=True) or b"").hexdigest()
         if not in_file and stated != ANY and certificate != stated.replace(":", "").lower():
             secure.close()
-            told = "is another than was stated" if stated else "is not known"
+            message = "is another than was stated" if stated else "is not known"
             raise RwsError(
-                f"the controller's certificate {told}, and no password was sent; if it is the controller's "
+                f"the controller's certificate {message}, and no password was sent; "
+                "if it is the controller's "
                 f"own, set {CERTIFICATE} to its SHA-256: {certificate}"
             )
         bounded = BoundedSocket(secure, self._pace.now)
@@ -232,9 +233,9 @@ def _md5(text: str) -> str:
 
 def _states(path: str, body: str) -> list[State]:
     try:
-        found = json.loads(body)["state"]
-        if isinstance(found, list) and found and all(isinstance(state, dict) for state in found):
-            return found
+        record = json.loads(body)["state"]
+        if isinstance(record, list) and record and all(isinstance(state, dict) for state in record):
+            return record
     except (ValueError, KeyError, TypeError, RecursionError):
         pass
     raise RwsError(f"the controller's answer for {path} is not understood: '{shown(body)}'")

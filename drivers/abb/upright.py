@@ -142,8 +142,8 @@ class UprightArm(ABC):
             raise ArmError(f"arm not moved: {error}") from error
         start = self._at or self.pose()
         if reason := self.obstacle(start, target) or self._overturn(start, target):
-            told = f"({x_mm:.1f}, {y_mm:.1f}, {z_mm:.1f}) mm"
-            raise ArmError(f"arm not moved: the way to {told} is {reason}")
+            message = f"({x_mm:.1f}, {y_mm:.1f}, {z_mm:.1f}) mm"
+            raise ArmError(f"arm not moved: the way to {message} is {reason}")
         if not speed_mm_s > 0.0:
             raise ArmError(f"arm speed {speed_mm_s} mm/s; give a positive one")
         self._set_speed(speed_mm_s)

@@ -55,14 +55,14 @@ def read(path: Path, kind: str, remedy: str, parse: Callable[[dict[str, Any]], T
     def refused(problem: str) -> CameraFileError:
         return CameraFileError(f"{kind} {path}: {problem}; {remedy}")
 
-    told = strict_json.load(path, refused)
-    if not isinstance(told, dict) or told.get("kind") != kind:
+    record = strict_json.load(path, refused)
+    if not isinstance(record, dict) or record.get("kind") != kind:
         raise CameraFileError(f"{path}: is no {kind}; {remedy}")
-    if told.pop("sha256", None) != strict_json.digest(told):
+    if record.pop("sha256", None) != strict_json.digest(record):
         raise refused("damaged or changed, its checksum does not match")
-    if told.get("version") != VERSION:
-        raise refused(f"version {told.get('version')}, this program reads {VERSION}")
+    if record.get("version") != VERSION:
+        raise refused(f"version {record.get('version')}, this program reads {VERSION}")
     try:
-        return parse(told)
+        return parse(record)
     except (KeyError, TypeError, ValueError) as error:
         raise refused(repr(error)) from error

@@ -151,8 +151,8 @@ class ModbusLink(StreamLink):
         buffer = b""
         for piece in self._pieces():
             buffer = (buffer + piece)[-MAX_BUFFER:]
-            if piece and (found := self._framing.find(buffer, request)) is not None:
-                return found
+            if piece and (result := self._framing.find(buffer, request)) is not None:
+                return result
         return None
 
     def _silent(self, request: ModbusPDU) -> LinkTimeout:

@@ -126,10 +126,12 @@ class UrcapLink(StreamLink):
             text = self._text.lstrip()
             if text.startswith(b"ack"):
                 name, value, size = "ack", 0, 3
-            elif found := ANSWER.match(text):
-                name, value, size = found[1].decode(), int(found[2]), found.end()
+            elif matches := ANSWER.match(text):
+                name, value, size = matches[1].decode(), int(matches[2]), matches.end()
                 if not (
-                    found[3] or len(found[2]) >= DIGITS.get(name, MOST_DIGITS) or len(text) > size
+                    matches[3]
+                    or len(matches[2]) >= DIGITS.get(name, MOST_DIGITS)
+                    or len(text) > size
                 ):
                     more = self._stream.receive(QUIET_S)
                     self._text += more

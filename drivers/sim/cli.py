@@ -35,19 +35,19 @@ exit codes:
 
 def parser() -> Parser:
     """The command line."""
-    made = Parser(
+    command = Parser(
         prog="grasp-cell",
         description="Simulate a cell: gripper, arm and part behind the real devices' protocols.",
         epilog=EPILOG,
     )
-    source = made.add_mutually_exclusive_group(required=True)
+    source = command.add_mutually_exclusive_group(required=True)
     source.add_argument(
         "--tree", type=Path, metavar="TREE.msgpack", help="part and world from a table's job"
     )
     source.add_argument(
         "--job", type=Path, metavar="JOB.toml", help="part and world from a job file"
     )
-    add = made.add_argument
+    add = command.add_argument
     world = f"the physics (default: planner.world:make; without the planner extra {REHEARSAL})"
     add("--world", metavar="MODULE:FACTORY", help=world)
     add("--seed", type=int, default=0, help="of parts, world and noise (default: 0)")
@@ -62,9 +62,9 @@ def parser() -> Parser:
     add("--camera", action="store_true", help="serve what a camera under the table sees")
     views = "instead of serving, write the pictures to calibrate that camera from, and the commands for it"
     add("--camera-views", type=Path, metavar="DIR", help=views)
-    made.add_common()
+    command.add_common()
     add("--until-stdin-closes", action="store_true", help="end when standard input does")
-    return made
+    return command
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -210,10 +210,10 @@ def _hold(seen: Reading) -> str:
 def _stop(seen: Reading) -> str:
     """The stop that the controller is in; empty: it is ready."""
     if seen.safety_bits & ~MAY_MOVE or not seen.safety_bits & MAY_MOVE:
-        told = ", ".join(
+        message = ", ".join(
             name for bit, name in enumerate(SAFETY) if bit > 1 and seen.safety_bits >> bit & 1
         )
-        return f"{told or 'safety state unknown'}; put it right on the pendant"
+        return f"{message or 'safety state unknown'}; put it right on the pendant"
     if seen.mode != READY:
         return f"it is not ready (robot mode {seen.mode}); power it on and release the brakes"
     return ""

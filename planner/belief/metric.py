@@ -117,10 +117,10 @@ class Metric(NamedTuple):
         Args:
             states: (n, 3 or 4) particles, n >= 1 [mm, mm, rad, hypothesis].
         """
-        found = self.main_modes(states, self.modes)
-        ratio = min(1.0, sum(mode.ratio for mode in found))
-        others = np.array([mode.pose for mode in found[1:]]).reshape(-1, 3)
-        return Mode(found[0].pose, ratio, others, tuple(mode.hypothesis[0] for mode in found))
+        result = self.main_modes(states, self.modes)
+        ratio = min(1.0, sum(mode.ratio for mode in result))
+        others = np.array([mode.pose for mode in result[1:]]).reshape(-1, 3)
+        return Mode(result[0].pose, ratio, others, tuple(mode.hypothesis[0] for mode in result))
 
     def main_modes(self, states: Array, most: int, least_share: float = 0.0) -> list[Mode]:
         """The heaviest modes, one after the other: each explains what those before it do not.
@@ -134,20 +134,22 @@ class Metric(NamedTuple):
             Single modes, each with its share of all the particles.
         """
         weights, total, rest = self.weights(), len(states), states
-        found: list[Mode] = []
-        while len(found) < most and len(rest) and (not found or len(rest) >= least_share * total):
+        results: list[Mode] = []
+        while (
+            len(results) < most and len(rest) and (not results or len(rest) >= least_share * total)
+        ):
             state = np.empty(states.shape[1])
             share = (
                 largest_mode(np.ascontiguousarray(rest.T), len(rest), weights, state)
                 * len(rest)
                 / total
             )
-            if found and share < least_share:
+            if results and share < least_share:
                 break
-            found.append(Mode(state[:3], share, hypothesis=(int(_hypothesis(state)),)))
+            results.append(Mode(state[:3], share, hypothesis=(int(_hypothesis(state)),)))
             if most > 1:
                 rest = rest[~self.reached(rest, state)]
-        return found
+        return results
 
 
 def _hypothesis(states: Array) -> IntArray:

@@ -123,14 +123,14 @@ def explained(
     columns: Array, first: IntArray, counts: IntArray, m: int, weights: Array, modes: int
 ) -> tuple[IntArray, BoolArray]:
     """Particles (m + 1, c) within the goal of each candidate, summed over counts; which are apart."""
-    found, inside = np.empty((m + CANDIDATES, columns.shape[0])), np.empty(first[m], np.bool_)
-    found = found[: candidates(columns, first, counts, m, weights, found)]
-    hits = np.zeros((m + 1, found.shape[0]), np.int64)
-    for c in range(found.shape[0]):
-        within(columns, 0, first[m], found[c], weights, inside)
+    result, inside = np.empty((m + CANDIDATES, columns.shape[0])), np.empty(first[m], np.bool_)
+    result = result[: candidates(columns, first, counts, m, weights, result)]
+    hits = np.zeros((m + 1, result.shape[0]), np.int64)
+    for c in range(result.shape[0]):
+        within(columns, 0, first[m], result[c], weights, inside)
         for a in range(m):
             hits[a + 1, c] = hits[a, c] + inside[first[a] : first[a + 1]].sum()
-    return hits, mutually_apart(found if modes > 1 else found[:0], weights)
+    return hits, mutually_apart(result if modes > 1 else result[:0], weights)
 
 
 @kernel

@@ -82,16 +82,16 @@ def _recut(
     place = np.zeros(bins, np.int64)
     for r in range(rows):
         place[old[r]] = r
-    inside, found = np.empty(n, np.bool_), np.empty((m + CANDIDATES, columns.shape[0]))
-    found = found[: candidates(columns, first, counts, m, weights, found)]
-    c = found.shape[0]
+    inside, result = np.empty(n, np.bool_), np.empty((m + CANDIDATES, columns.shape[0]))
+    result = result[: candidates(columns, first, counts, m, weights, result)]
+    c = result.shape[0]
     # Summed over readings before and counts after: of rows r.. and counts a.. those below both.
     hits, size = np.zeros((rows + 1, m + 1, c), np.int64), np.zeros((rows + 1, m + 1), np.int64)
     for a in range(m):
         for i in range(first[a], first[a + 1]):
             size[place[before[i]] + 1, a + 1] += 1
     for k in range(c):
-        within(columns, 0, n, found[k], weights, inside)
+        within(columns, 0, n, result[k], weights, inside)
         for a in range(m):
             for i in range(first[a], first[a + 1]):
                 hits[place[before[i]] + 1, a + 1, k] += inside[i]
@@ -100,7 +100,7 @@ def _recut(
             size[r, a] += size[r - 1, a] + size[r, a - 1] - size[r - 1, a - 1]
             for k in range(c):
                 hits[r, a, k] += hits[r - 1, a, k] + hits[r, a - 1, k] - hits[r - 1, a - 1, k]
-    apart = mutually_apart(found if modes > 1 else found[:0], weights)
+    apart = mutually_apart(result if modes > 1 else result[:0], weights)
     start, low, high = (
         np.zeros(m + 1, np.int64),
         np.zeros(m + 1, np.int64),

@@ -202,24 +202,24 @@ def certify(
     squeeze = squeezes_of(job, workers)
     placements = Covered(job, table, squeeze, dense)
     sample = believed(job, parts, rng)
-    found = Histories(
+    result = Histories(
         squeeze, sample, metric_of(job), placements, TRIED, DEPTH, rng, workers, report
     )
     predicted = table.predicted
     successes = round(predicted.success_ppm / PPM * predicted.trials)
     success, confidence = wilson_interval(successes, predicted.trials)[0], job.goal.confidence
     for left in range(ROUNDS, -1, -1):
-        leaves = leaves_term(found.levels, confidence, success, CERTAINTY)
-        overall = overall_term(found.levels, success, CERTAINTY)
+        leaves = leaves_term(result.levels, confidence, success, CERTAINTY)
+        overall = overall_term(result.levels, success, CERTAINTY)
         asked = [
-            worth_trying(found.levels, TRIED, term.price, share)
+            worth_trying(result.levels, TRIED, term.price, share)
             for term, share in ((leaves, confidence), (overall, 1.0))
         ]
         chosen = np.unique(np.concatenate(asked))
-        chosen = chosen[found.levels[TRIED].size[chosen] >= LEAST_PARTS]
+        chosen = chosen[result.levels[TRIED].size[chosen] >= LEAST_PARTS]
         if not (left and len(chosen)):
             break
-        found.extend(TRIED, chosen)
+        result.extend(TRIED, chosen)
     return Certificate(
         leaves=leaves,
         overall=overall,
@@ -228,6 +228,6 @@ def certify(
         mean=predicted.mean_squeezes_ppm / PPM,
         parts=parts,
         first=len(placements.first),
-        second=len(found.levels[TRIED].owner) / len(found.levels[TRIED - 1].size),
+        second=len(result.levels[TRIED].owner) / len(result.levels[TRIED - 1].size),
         dense=dense,
     )

@@ -45,16 +45,16 @@ def most_located(
     Returns:
         (k,) counts, never too small; nearly `LEAST_SHARE` of the group where that is more than any locates.
     """
-    found, poses = np.zeros(len(start) - 1, np.int64), np.ascontiguousarray(poses)
+    result, poses = np.zeros(len(start) - 1, np.int64), np.ascontiguousarray(poses)
     pieces = np.unique(np.searchsorted(start, np.arange(0, len(poses), TOGETHER)))
 
     def run(piece: tuple[int, int]) -> None:
         first, last = piece
-        _most_located(poses, start[first : last + 1], weights, order, found[first:last])
+        _most_located(poses, start[first : last + 1], weights, order, result[first:last])
 
     threads = Threads(workers) if workers else Threads()
-    deque(threads.map(run, list(pairwise([*pieces.tolist(), len(found)]))), maxlen=0)
-    return found
+    deque(threads.map(run, list(pairwise([*pieces.tolist(), len(result)]))), maxlen=0)
+    return result
 
 
 @kernel

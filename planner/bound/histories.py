@@ -95,12 +95,12 @@ class Histories:
 
     def history(self, level: int, number: int) -> History:
         """What led to one of a level's histories."""
-        found: History = ()
+        result: History = ()
         for longer in self.levels[level:0:-1]:
             option = longer.option[number]
-            found = (int(longer.placement[option]), int(longer.reading[number]), *found)
+            result = (int(longer.placement[option]), int(longer.reading[number]), *result)
             number = int(longer.owner[option])
-        return found
+        return result
 
     def extend(self, level: int, chosen: IntArray) -> None:
         """Tries all placements after some of a level's histories, of which none were tried there before."""
@@ -126,12 +126,12 @@ class Histories:
         size, located, key = (np.concatenate(column) for column in zip(*columns, strict=True))
         option, reading = np.divmod(key, READINGS)
         placement = np.arange(len(placed)) - np.repeat(first, count)
-        found = Level(size, located, option, reading, np.repeat(chosen, count), placement)
+        result = Level(size, located, option, reading, np.repeat(chosen, count), placement)
         if level + 1 == len(self.levels):
-            self.levels.append(found)
+            self.levels.append(result)
             self._lying.append(_together(moved))
         else:
-            self.levels[level + 1] = self.levels[level + 1].joined(found)
+            self.levels[level + 1] = self.levels[level + 1].joined(result)
             self._lying[level + 1] = _together([self._lying[level + 1], *moved])
 
     def _located(self, poses: Array, start: IntArray) -> IntArray:

@@ -86,18 +86,18 @@ def _values(
 
     The option is -1 where nothing was tried.
     """
-    found = list[tuple[Array, Array, IntArray]]()
+    results = list[tuple[Array, Array, IntArray]]()
     for level, longer in zip(levels[::-1], [None, *levels[:0:-1]], strict=True):
         onward, option = level.size.astype(np.float64), np.full(len(level.size), -1)
         if longer is not None:
-            of_option = np.bincount(longer.option, found[0][0], minlength=len(longer.owner))
+            of_option = np.bincount(longer.option, results[0][0], minlength=len(longer.owner))
             order = np.lexsort((of_option, longer.owner))
             owner, first = np.unique(longer.owner[order], return_index=True)
             option[owner] = order[first]
             onward[owner] += of_option[option[owner]]
         claim = price * (confidence * level.size - level.located)
-        found.insert(0, (np.minimum(onward, claim), onward, option))
-    return found
+        results.insert(0, (np.minimum(onward, claim), onward, option))
+    return results
 
 
 def _best(

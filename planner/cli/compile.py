@@ -125,9 +125,9 @@ def _single(arguments: argparse.Namespace) -> int:
         for path in (picture, picture.with_suffix(".json")):
             files.usable(path, output, *read)
     whole = course.of_time(arguments.budget) if math.isfinite(arguments.budget) else course.unknown
-    for found in alike(job):
-        if not found.hopeless:  # that is refused
-            tell(NAME, f"warning: {found.line()}")
+    for result in alike(job):
+        if not result.hopeless:  # that is refused
+            tell(NAME, f"warning: {result.line()}")
     store, limit, notes = shell.store_of(arguments), Limit(arguments.budget), list[str]()
     with (
         scheduler_of(arguments.scheduler, arguments.workers) as scheduler,

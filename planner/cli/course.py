@@ -78,10 +78,10 @@ class _Course:
 
     def heard(self, done: int, total: int) -> None:
         """Takes note of how much of a stage is done."""
-        found = self._whole(self.seconds, done, total)
-        self.known = found is not None and found < 1.0
-        if found is not None:
-            self.share = max(self.share, min(found, 1.0))
+        result = self._whole(self.seconds, done, total)
+        self.known = result is not None and result < 1.0
+        if result is not None:
+            self.share = max(self.share, min(result, 1.0))
             self._first = self._first or (self.seconds, self.share)
 
     @property

@@ -224,9 +224,9 @@ def _rare(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Name
                 keep(kept, identity, sums)
             if arguments.until is not None and Findings.of(sums).decided(arguments.until):
                 break
-    found = Findings.of(sums)
-    told = f"{sums.parts} parts in {_name_of_world(arguments)}"
-    shell.answer(arguments.json, found.figures(), told, *found.lines(arguments.until))
+    result = Findings.of(sums)
+    message = f"{sums.parts} parts in {_name_of_world(arguments)}"
+    shell.answer(arguments.json, result.figures(), message, *result.lines(arguments.until))
 
 
 def _check_usage(arguments: argparse.Namespace) -> None:
@@ -248,16 +248,16 @@ def _sweep(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Nam
         )
     if not arguments.json:
         print(SWEEP_HEAD)
-    told = []
+    lines = []
     worlds, trials = _worlds_of(arguments), arguments.trials or DEFAULT_TRIALS
-    for case, found in sweep(
+    for case, result in sweep(
         table, job, standard_cases(job), worlds, trials, arguments.seed, scheduler
     ):
-        told.append({"world": case.name, "set": case.stated(), **found.summary()})
+        lines.append({"world": case.name, "set": case.stated(), **result.summary()})
         if not arguments.json:
-            print(sweep_row(case.name, found), flush=True)
+            print(sweep_row(case.name, result), flush=True)
     if arguments.json:
-        shell.answer(True, {"worlds": told})
+        shell.answer(True, {"worlds": lines})
 
 
 def _worlds_of(arguments: argparse.Namespace) -> Callable[[Job], World | Worlds]:
@@ -319,8 +319,8 @@ def _overview(evaluation: Evaluation, world: str, takt_s: float | None = None) -
 def _named(found: leaves.Identities) -> list[str]:
     """How often the right part was named, and which was named for which."""
     figures = found.figures()
-    told = f"of the parts that were named ({figures['named_rate']:.2%})"
-    lines = [f"{found.right:7.2%}  right, {told}"]
+    message = f"of the parts that were named ({figures['named_rate']:.2%})"
+    lines = [f"{found.right:7.2%}  right, {message}"]
     for truth, row in zip(found.names, found.named, strict=True):
         wrong = (
             (name, n) for name, n in zip(found.names, row, strict=False) if n and name != truth

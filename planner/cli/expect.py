@@ -17,14 +17,14 @@ DEFAULT_TRIALS = 100_000
 
 def parser() -> Parser:
     """The command's arguments."""
-    made = shell.parser(
+    command = shell.parser(
         NAME,
         "Simulate what the encoder reads at each node of a table, as planned and at other frictions: "
         "grasp-audit report --expected compares journals with it, and tells a change of friction early.",
         f"{NAME} trees/rectangle/rectangle.msgpack -o expected.json",
     )
-    shell.add_table(made)
-    made.add_argument(
+    shell.add_table(command)
+    command.add_argument(
         "-o",
         "--output",
         type=Path,
@@ -32,17 +32,17 @@ def parser() -> Parser:
         metavar="EXPECTED.json",
         help="the file to write",
     )
-    made.add_argument(
+    command.add_argument(
         "--trials",
         type=positive_int,
         default=DEFAULT_TRIALS,
         help="in each world (default: %(default)s)",
     )
-    made.add_argument(
+    command.add_argument(
         "--seed", type=natural, default=0, help="of the trials (default: %(default)s)"
     )
-    shell.add_scheduler(made)
-    return made
+    shell.add_scheduler(command)
+    return command
 
 
 def _expect(arguments: argparse.Namespace) -> None:
@@ -54,7 +54,7 @@ def _expect(arguments: argparse.Namespace) -> None:
         shell.progress(arguments.json) as report,
     ):
         worlds = list(expected(table, job, arguments.trials, arguments.seed, scheduler, report))
-    told = {
+    record = {
         "kind": "expected readings",
         "version": 1,
         "table_sha256": digest,
@@ -62,7 +62,7 @@ def _expect(arguments: argparse.Namespace) -> None:
         "seed": arguments.seed,
         "worlds": worlds,
     }
-    write(arguments.output, json.dumps(told, separators=(",", ":")) + "\n")
+    write(arguments.output, json.dumps(record, separators=(",", ":")) + "\n")
     names = [world["name"] for world in worlds]
     shell.answer(
         arguments.json,

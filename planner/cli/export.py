@@ -48,13 +48,13 @@ def _export(arguments: argparse.Namespace) -> None:
         raise UsageError(
             f"--prefix {prefix}: write 1 to 24 of a-z, 0-9 and single underscores, a letter first"
         )
-    found = load(arguments.tree)
-    shell.check_one_part(found.table.hypotheses, str(arguments.tree), "an export")
-    shell.check_squeezes_alone(found.table, str(arguments.tree), "an export")
-    files = write(found, arguments.to, arguments.output, prefix or PREFIX)
-    told = ", ".join(f"{name} ({size:,} bytes)" for name, size in files.items())
+    result = load(arguments.tree)
+    shell.check_one_part(result.table.hypotheses, str(arguments.tree), "an export")
+    shell.check_squeezes_alone(result.table, str(arguments.tree), "an export")
+    files = write(result, arguments.to, arguments.output, prefix or PREFIX)
+    message = ", ".join(f"{name} ({size:,} bytes)" for name, size in files.items())
     figures = {"folder": str(arguments.output), "to": arguments.to, "files": files}
-    shell.answer(arguments.json, figures, f"wrote {told} to {arguments.output}")
+    shell.answer(arguments.json, figures, f"wrote {message} to {arguments.output}")
 
 
 main = shell.main_of(parser, _export)

@@ -160,7 +160,7 @@ def _try(arguments: argparse.Namespace) -> None:
         write(files.job, text)
         told["job"] = str(files.job)
         job = job_file.load(files.job)
-        told["alike"] = [found.line() for found in alike(job)]
+        told["alike"] = [result.line() for result in alike(job)]
         if not arguments.json:
             print("".join(f"note: {line}\n" for line in told["alike"]), end="", flush=True)
         with shell.progress(arguments.json, course.of_time(arguments.budget or ANSWER_S)) as report:
@@ -230,10 +230,10 @@ def _answered(
     elif figures["success_rate"] < 1.0:
         with spared("advice"):
             limits = advise(plan.table, plan.evaluation, job).lines()
-    found = verdict(job, figures, lines)
-    short = _short(found.grade, figures["success_rate"], open_share)
+    result = verdict(job, figures, lines)
+    short = _short(result.grade, figures["success_rate"], open_share)
     most, worst, confidence = plan.table.limits.max_depth, weakest(lines), job.goal.confidence
-    return Answer(short, found, figures, most, worst, limits, restrictions, confidence)
+    return Answer(short, result, figures, most, worst, limits, restrictions, confidence)
 
 
 def _short(grade: Grade, success: float, open_share: float) -> str:

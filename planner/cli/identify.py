@@ -82,7 +82,7 @@ def _identify(arguments: argparse.Namespace) -> None:
         data = normalise(pushes.join([pushes.load(path) for path in arguments.logs]), rho_mm)
     kinds = KINDS if arguments.kind == "both" else (arguments.kind,)
     with shell.progress(arguments.json) as report:
-        found = identify(
+        outcome = identify(
             data,
             rho_mm,
             kinds,
@@ -92,15 +92,15 @@ def _identify(arguments: argparse.Namespace) -> None:
             friction_n=arguments.friction_n,
             report=report,
         )
-    best = min(found, key=lambda result: float(result.errors_rad.mean()))
+    best = min(outcome, key=lambda result: float(result.errors_rad.mean()))
     if arguments.output is not None:
         write(arguments.output, surface_text(best, data, arguments))
     if arguments.figure is not None:
         from planner.report import canvas, identification  # matplotlib takes a second
 
         title = f"{', '.join(path.stem for path in sources)}: {len(data.F)} pushes"
-        canvas.save(arguments.figure, lambda: identification.figure(data, found, title))
-    _print(data, found, best, arguments)
+        canvas.save(arguments.figure, lambda: identification.figure(data, outcome, title))
+    _print(data, outcome, best, arguments)
 
 
 def _from_motions(arguments: argparse.Namespace) -> None:
@@ -129,8 +129,8 @@ def _from_motions(arguments: argparse.Namespace) -> None:
     rows = columns.read(path, (*tips.NAMES, *MOVED))
     if len(rows) < LEAST_PAIRS:
         raise ValueRangeError(f"{len(rows)} pushes; give at least {LEAST_PAIRS}", where=str(path))
-    made = tips.paths(rows[:, :4], job_file.centroid_as_drawn(arguments.job))
-    beside = tips.beside(made, radius_mm, job.part.outline_mm, path)
+    ways = tips.paths(rows[:, :4], job_file.centroid_as_drawn(arguments.job))
+    beside = tips.beside(ways, radius_mm, job.part.outline_mm, path)
     measured = motions.Motions(beside.paths, rows[:, 4:] * [1.0, 1.0, math.pi / 180.0])
     part = Simulator.of_job(job, 1)
     fitted = motions.fit(measured, part, radius_mm)

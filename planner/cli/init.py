@@ -162,13 +162,13 @@ def _imported(path: Path, options: Options, asking: bool) -> Imported:
 def _show(imported: Imported) -> None:
     width, height = imported.size_mm
     order = imported.symmetry
-    told = (
+    message = (
         "none"
         if order == 1
         else f"order {order}: a turn by {360 / order:.4g} degrees looks the same"
     )
     print(
-        f"outline: {len(imported.outline_mm)} vertices, {width:.3f} x {height:.3f} mm; symmetry: {told}"
+        f"outline: {len(imported.outline_mm)} vertices, {width:.3f} x {height:.3f} mm; symmetry: {message}"
     )
     print(f"smallest rectangle about it: {smallest_rectangle(imported.outline_mm).text()}")
     for note in imported.notes:

@@ -36,7 +36,7 @@ PREVIEW = (16, 400)  # cells of the posterior that the table is tried in, and pa
 
 def parser() -> Parser:
     """The command's arguments."""
-    made = shell.parser(
+    command = shell.parser(
         NAME,
         "Learn from a cell's own journals what is off in it: how the fingers share the closing, where they "
         "meet, what widths read too much, friction, pressure. Writes the job with doubts as narrow as the "
@@ -44,7 +44,7 @@ def parser() -> Parser:
         f"{NAME} lever.toml --journal monday.jsonl tuesday.jsonl -o lever2.toml",
         f"{NAME} lever.toml --journal run.jsonl --audit parts.csv -o lever2.toml --json",
     )
-    add = made.add_argument
+    add = command.add_argument
     add("job", type=Path, metavar="JOB.toml", help="the job that the table was compiled from")
     add(
         "--journal",
@@ -79,8 +79,8 @@ def parser() -> Parser:
         default=Effort().cells,
         help="cells to simulate in each round: more take longer and tell finer (default: %(default)s)",
     )
-    shell.add_scheduler(made)
-    return made
+    shell.add_scheduler(command)
+    return command
 
 
 def _refit(arguments: argparse.Namespace) -> None:
@@ -103,10 +103,10 @@ def _refit(arguments: argparse.Namespace) -> None:
         shell.progress(arguments.json, course.counted) as report,
     ):
         effort = Effort(cells=arguments.cells)
-        found = posterior(cells, seen, arguments.seed, scheduler, effort, report)
-        tried = _preview(cells, found, arguments.seed, scheduler)
+        result = posterior(cells, seen, arguments.seed, scheduler, effort, report)
+        tried = _preview(cells, result, arguments.seed, scheduler)
     cell = cell_times.learned(loaded.table, timed(parts))
-    changed = {**changes(found, cells), **({"cell": cell} if cell else {})}
+    changed = {**changes(result, cells), **({"cell": cell} if cell else {})}
     learned = edited(text, changed)
     refitted = job_file.parse(learned, str(arguments.output))
     if refitted != job.replaced(str(arguments.output), **changed):
@@ -114,7 +114,7 @@ def _refit(arguments: argparse.Namespace) -> None:
             "its text cannot be edited; write each section once", where=str(arguments.job)
         )
     write(arguments.output, learned)
-    told, (wrong, rejected) = findings(found, cells), tried
+    told, (wrong, rejected) = findings(result, cells), tried
     figures = {
         "parts": seen.parts,
         "squeezes": int(seen.readings.sum()),

@@ -77,8 +77,8 @@ def _report(arguments: argparse.Namespace) -> None:
     )
     size, nodes, leaves = output.stat().st_size, len(table.nodes), len(table.leaves)
     figures = {"output": str(output), "bytes": size, "nodes": nodes, "leaves": leaves}
-    told = f"drew {nodes} nodes and {leaves} leaves; wrote {output}, {size:,} bytes"
-    shell.answer(arguments.json, figures, told)
+    message = f"drew {nodes} nodes and {leaves} leaves; wrote {output}, {size:,} bytes"
+    shell.answer(arguments.json, figures, message)
 
 
 main = shell.main_of(parser, _report)

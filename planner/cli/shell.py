@@ -160,17 +160,17 @@ def loaded(arguments: argparse.Namespace) -> tuple[TableFile, Job]:
         TableError: the table cannot be used.
         JobError: there is no job, or it is another one, or it cannot be read.
     """
-    found = load(arguments.tree)
+    result = load(arguments.tree)
     if arguments.job is None:
-        if found.table.job is None:
+        if result.table.job is None:
             problem = "holds no job (--strip); name its job file with --job"
             raise InputFileError(problem, where=str(arguments.tree))
-        return found, job_file.from_canonical(found.table.job, f"{arguments.tree} (embedded job)")
+        return result, job_file.from_canonical(result.table.job, f"{arguments.tree} (embedded job)")
     job = job_file.load(arguments.job)
-    if job.digest() != found.table.job_digest:
+    if job.digest() != result.table.job_digest:
         problem = f"is not the job that {arguments.tree} was compiled from; compile it again"
         raise InputFileError(problem, where=str(arguments.job))
-    return found, job
+    return result, job
 
 
 def check_one_part(several: object, name: str, what: str) -> None:
@@ -190,8 +190,8 @@ def check_squeezes_alone(table: Table, name: str, what: str) -> None:
         UsageError: parts are pushed before some squeeze.
     """
     if table.pushing is not None:
-        told = f'plan with actions.pushes = "none"; {name} pushes before node {table.pushing}'
-        raise UsageError(f"{what} is for squeezes alone; {told}")
+        message = f'plan with actions.pushes = "none"; {name} pushes before node {table.pushing}'
+        raise UsageError(f"{what} is for squeezes alone; {message}")
 
 
 def add_scheduler(parser: argparse.ArgumentParser) -> None:

@@ -140,28 +140,28 @@ def _pushed(simulator: Simulator, arguments: argparse.Namespace, job: Job) -> Re
     columns_in: tuple[str, ...] = pushes.NAMES
     if radius is None or arguments.fingers_mm is not None:
         rows = pushes.read(path, arguments.fingers_mm)
-        made = pushes.paths(rows, centroid)
+        ways = pushes.paths(rows, centroid)
     else:
         rows, columns_in = tips.read(path), tips.NAMES
-        made = tips.paths(rows, centroid)
+        ways = tips.paths(rows, centroid)
     n, further, header = len(rows), np.empty((len(rows), 0)), (*columns_in, *pushes.OUTPUTS)
     if radius is None:
-        pushes.check_clear(made, outline, path)
+        pushes.check_clear(ways, outline, path)
     else:
-        made, overlap = tips.beside(made, radius, outline, path)
+        ways, overlap = tips.beside(ways, radius, outline, path)
         further, header = overlap[:, None], (*header, tips.OVERLAP)
     if arguments.nominal:
         parameters = simulator.nominal(n, arguments.mu)
     else:
         rng = _rng(arguments, job)
         parameters = simulator.sample(n, rng, None if radius is None else traits_of(job, n, rng))
-    pushed = simulator.push(made, parameters, radius or 0.0)
+    pushed = simulator.push(ways, parameters, radius or 0.0)
     numbers = np.column_stack([rows, pushes.in_degrees(pushed.moved)])
     given_up = int(pushed.given_up.sum())
     if arguments.draws is not None:
         # Another stream than that of the lines: they are the same with and without --draws.
         rng = _rng(arguments, job, arguments.draws)
-        drawn = pushes.drawn(simulator, job, made, radius or 0.0, arguments.draws, rng)
+        drawn = pushes.drawn(simulator, job, ways, radius or 0.0, arguments.draws, rng)
         further, given_up = np.column_stack([further, drawn.bounds]), given_up + drawn.given_up
         header = (*header, *pushes.BOUNDS)
     if radius is None:

@@ -106,15 +106,15 @@ class Advice(NamedTuple):
 
     def figures(self) -> dict[str, Any]:
         """For JSON."""
-        told = self._asdict() | {
+        record = self._asdict() | {
             "pairs": [pair._asdict() for pair in self.pairs],
             "open_poses": [leaf.figures() for leaf in self.open_poses],
             "gains": [gain._asdict() for gain in self.gains],
             "delays": [delay.figures() for delay in self.delays],
             "margins": self.margins and {**self.margins._asdict(), "thin": self.margins.thin},
         }
-        del told["proposing"], told["shares"]
-        return told
+        del record["proposing"], record["shares"]
+        return record
 
     def lines(self) -> list[str]:
         """For people: what costs something, and where to look."""

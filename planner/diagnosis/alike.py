@@ -40,7 +40,8 @@ class Alike(NamedTuple):
         if self.apart_mm > symmetry.TOLERANCE_MM:
             differs = f"its outline differs by {self.apart_mm:.2f} mm at most"
             differs += f", and a count is {self.count_mm:.2f} mm"
-        told = f"{self.name}: no squeeze tells how it lies from the same turned by {self.degrees:.4g} degrees"
+        turn = f"{self.degrees:.4g} degrees"
+        message = f"{self.name}: no squeeze tells how it lies from the same turned by {turn}"
         half, modes = 0.5 * self.degrees, round(360.0 / self.degrees)
         ways = [
             f'[goal] kind = "modes" with modes = {modes}',
@@ -51,12 +52,12 @@ class Alike(NamedTuple):
                 0, f'[part] symmetry = "auto", which is {self.order} and counts them as one'
             )
         some = "" if self.share >= ALL else f" ({self.share:.0%} of the parts may lie either way)"
-        return f"{told}: {differs}{some}; state {', or '.join(ways)}"
+        return f"{message}: {differs}{some}; state {', or '.join(ways)}"
 
 
 def alike(job: Job) -> list[Alike]:
     """For each part of a job the turn that no squeeze tells, where there is one and the goal asks for it."""
-    return [found for k, alone in enumerate(job.alone) if (found := _of_part(job, alone, k))]
+    return [result for k, alone in enumerate(job.alone) if (result := _of_part(job, alone, k))]
 
 
 def refuse_alike(job: Job) -> None:
@@ -66,9 +67,9 @@ def refuse_alike(job: Job) -> None:
         NoPlanError: every part has another pose that reads alike in all squeezes, and that the goal tells
             from it.
     """
-    found = alike(job)
-    if len(found) == len(job.alone) and all(each.hopeless for each in found):
-        raise NoPlanError(found[0].line())
+    result = alike(job)
+    if len(result) == len(job.alone) and all(each.hopeless for each in result):
+        raise NoPlanError(result[0].line())
 
 
 def _of_part(job: Job, alone: Job, index: int) -> Alike | None:

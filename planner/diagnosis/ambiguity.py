@@ -72,14 +72,14 @@ class Ambiguity(NamedTuple):
 
     def figures(self) -> dict[str, Any]:
         """For JSON."""
-        told = {"leaf": self.leaf, "share": self.share, **self.where.figures(), "separator": None}
+        record = {"leaf": self.leaf, "share": self.share, **self.where.figures(), "separator": None}
         if self.separator is not None:
             placement, widths_mm = self.separator
-            told["separator"] = {
+            record["separator"] = {
                 "placement": np.round(placement, 5).tolist(),
                 "widths_mm": [round(width, 3) for width in widths_mm],
             }
-        return told
+        return record
 
     def line(self) -> str:
         """For people."""
@@ -136,7 +136,7 @@ def ambiguities(table: Table, evaluation: Evaluation, job: Job, most: int = 3) -
     ]
     metric = metric_of_table(table)
     simulator = Simulator.of_job(job, workers=1)
-    found = []
+    results = []
     for leaf in order[:most]:
         here = evaluation.poses[evaluation.leaf == leaf]
         where = whereabouts(here, metric)
@@ -145,8 +145,8 @@ def ambiguities(table: Table, evaluation: Evaluation, job: Job, most: int = 3) -
             _separator(where.poses[:2], job, simulator, rng) if len(where.poses) > 1 else None
         )
         share = float(visits[leaf] / len(evaluation.leaf))
-        found.append(Ambiguity(leaf, share, where, separator))
-    return found
+        results.append(Ambiguity(leaf, share, where, separator))
+    return results
 
 
 def delays(root: Node, job: Job, most: int) -> list[Delay]:
@@ -154,11 +154,11 @@ def delays(root: Node, job: Job, most: int) -> list[Delay]:
     metric = metric_of(job)
     inner = [node for node in breadth_first(root) if node.children]
     late = [k for k, node in enumerate(inner) if node.depth >= LATE and node.share >= LEAST_LATE]
-    found = []
+    results = []
     for k in sorted(late, key=lambda k: -inner[k].share)[:most]:
         where = whereabouts(inner[k].belief.poses, metric)
-        found.append(Delay(k, inner[k].depth, inner[k].share, where))
-    return found
+        results.append(Delay(k, inner[k].depth, inner[k].share, where))
+    return results
 
 
 def whereabouts(here: Array, metric: Metric) -> Whereabouts:

@@ -10,24 +10,24 @@ LARGE_GOAL = 0.5  # distances above this share of the part's width are
 
 def warnings_of(job: Job) -> list[str]:
     """What makes an answer worth less than it says: thin parts, and goals as large as the part."""
-    found = []
+    results = []
     for alone in job.alone:
         height_mm, tips_mm = alone.part.height_mm, job.cell.squeeze_height_mm
         name = f"{alone.part.name}: " if job.hypothesis else ""
         if tips_mm < LOW_TIPS_MM:
-            found.append(
+            results.append(
                 f"{name}the finger tips close {tips_mm:g} mm above the table: an arm that is off by so much "
                 "touches it"
             )
         if height_mm is not None and height_mm - tips_mm < NEAR_TOP_MM:
-            found.append(
+            results.append(
                 f"{name}the finger tips close {height_mm - tips_mm:.3g} mm below the top of a part that is "
                 f"{height_mm:g} mm high: they may slip over it"
             )
         width_mm = min_width(alone.part.outline_mm)
         if job.goal.kind in ("pose", "modes") and job.goal.distance_mm > LARGE_GOAL * width_mm:
-            found.append(
+            results.append(
                 f"{name}located to {job.goal.distance_mm:g} mm says little of a part that is "
                 f"{width_mm:.3g} mm wide; ask for less than {LARGE_GOAL * width_mm:.2g} mm"
             )
-    return list(dict.fromkeys(found))
+    return list(dict.fromkeys(results))

@@ -48,8 +48,8 @@ def likeness(job: Job, cut: bool = False) -> Reason | None:
 
 def no_plan(job: Job, error: NoPlanError) -> Reason:
     """Why there is no plan at all."""
-    if found := likeness(job, error.cut_short):
-        return found
+    if result := likeness(job, error.cut_short):
+        return result
     if error.cut_short:
         return Reason(TIME, str(error))
     return Reason(NO_START if "first squeeze" in str(error) else ALIKE, str(error))
@@ -58,8 +58,8 @@ def no_plan(job: Job, error: NoPlanError) -> Reason:
 def reason(job: Job, advice: Advice, cut: bool) -> Reason:
     """Why a plan with a table locates too few parts."""
     several = [leaf for leaf in advice.open_poses if len(leaf.where.poses) > 1]
-    if several and (found := likeness(job, cut)):
-        return found
+    if several and (result := likeness(job, cut)):
+        return result
     if advice.pinched > 0.5 * advice.failing:
         return Reason(THIN, f"{advice.pinched:.1%} of the parts are rejected, {PINCHED}")
     if advice.rejected > 0.5 * advice.failing:

@@ -47,8 +47,8 @@ def run_chunk(
 ) -> Evaluation:
     """Runs the trials of a chunk in its world, in whatever process."""
     rng = np.random.default_rng([seed, chunk.number, SEED_TRIALS])
-    own = world.world(chunk.number) if isinstance(world, Worlds) else world
-    return run(program, job, own, chunk.trials, rng, disturbance)
+    part_world = world.world(chunk.number) if isinstance(world, Worlds) else world
+    return run(program, job, part_world, chunk.trials, rng, disturbance)
 
 
 def evaluate(
@@ -87,12 +87,12 @@ def carried_on(
     and disturbance are those of the trials, the seed is of what goes on.
     """
     program, rng = Program.of(table), np.random.default_rng([seed, SEED_TRIALS])
-    found, node = replayed(program, before, disturbance.bias)
+    result, node = replayed(program, before, disturbance.bias)
     rows = np.flatnonzero(node >= 0)
-    going_on = found[rows]
+    going_on = result[rows]
     finish(program, going_on, node[rows], job, world, rng, disturbance)
-    found.put(rows, going_on)
-    return rejudged(table, found)
+    result.put(rows, going_on)
+    return rejudged(table, result)
 
 
 class Line(NamedTuple):

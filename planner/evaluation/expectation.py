@@ -25,12 +25,12 @@ def expected(
 ) -> Iterator[dict[str, Any]]:
     """The name of each world and, for each node, the counts read there by so many parts and how often."""
     worlds = partial(ContactWorlds.of_job, seed=seed)
-    for case, found in sweep(
+    for case, result in sweep(
         table, job, friction_cases(job), worlds, trials, seed, scheduler, report
     ):
-        rows = readings(found, len(table.nodes))
-        told = [{str(count): int(row[count]) for count in np.flatnonzero(row)} for row in rows]
-        yield {"name": case.name, "readings": told}
+        rows = readings(result, len(table.nodes))
+        lines = [{str(count): int(row[count]) for count in np.flatnonzero(row)} for row in rows]
+        yield {"name": case.name, "readings": lines}
 
 
 def readings(found: Evaluation, nodes: int, of: BoolArray | None = None) -> IntArray:

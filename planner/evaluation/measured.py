@@ -120,8 +120,8 @@ def _leaf(
     median_um, p95_um = _errors_um(evaluation.error_mm[here])
     leaf = leaf._replace(error_median_um=median_um, error_p95_um=p95_um)
     if trials > 2:
-        found = Belief.of(evaluation.poses[here], traits=evaluation.traits[here])
-        leaf = leaf._replace(covariance=covariance_of(found, leaf, job))
+        result = Belief.of(evaluation.poses[here], traits=evaluation.traits[here])
+        leaf = leaf._replace(covariance=covariance_of(result, leaf, job))
     if not resolved:
         leaf = _open(leaf, evaluation.states[here], metric)
     return leaf

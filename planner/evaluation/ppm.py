@@ -159,16 +159,16 @@ class Study:
             part, node = part[~stopped], node[~stopped]
             poses, placement = poses[~stopped], placement[~stopped]
             weight = 1.0 / self.copies[node]
-            made = step(program, node, poses, placement, world, encoder, rng, traits[part])
+            after = step(program, node, poses, placement, world, encoder, rng, traits[part])
             squeezes += float(weight.sum())
-            rejected += float(weight[made.target == DISMISSED].sum())
-            ended = (made.target < 0) & (made.target != DISMISSED)
-            told = made.released[ended], made.counts[ended]
-            ends.append((part[ended], ~made.target[ended], weight[ended], *told))
-            on = made.target >= 0
-            times = self.copies[made.target[on]] // self.copies[node[on]]
-            part, node = np.repeat(part[on], times), np.repeat(made.target[on], times)
-            poses = np.repeat(made.released[on], times, axis=0)
+            rejected += float(weight[after.target == DISMISSED].sum())
+            ended = (after.target < 0) & (after.target != DISMISSED)
+            told = after.released[ended], after.counts[ended]
+            ends.append((part[ended], ~after.target[ended], weight[ended], *told))
+            on = after.target >= 0
+            times = self.copies[after.target[on]] // self.copies[node[on]]
+            part, node = np.repeat(part[on], times), np.repeat(after.target[on], times)
+            poses = np.repeat(after.released[on], times, axis=0)
         part, leaf, weight, poses, counts = (
             np.concatenate(column) for column in zip(*ends, strict=True)
         )
@@ -336,7 +336,7 @@ class Findings:
         sums, wrong = self.sums, self.wrong
         parts = sums.parts
         bounds = f"at least {wrong.low:.2f} and at most {wrong.high:.2f} with {1.0 - ERROR:.0%} confidence"
-        told = [
+        entries = [
             f"wrong      {wrong.rate:.2f} ppm, {bounds}, however often it was looked at",
             f"rejected   {PPM * sums.rejected / parts:.0f} ppm",
             f"crashes    {PPM * sums.crashed / parts:.0f} ppm",
@@ -351,17 +351,17 @@ class Findings:
                 else "neither below nor above"
             )
             more = "" if self.decided(limit) else "; raise --trials"
-            told.append(f"limit      shown to be {side} {limit:g} ppm{more}")
+            entries.append(f"limit      shown to be {side} {limit:g} ppm{more}")
         head = "leaves     "
         for leaf in self.worst(MOST_ROWS):
             bound, share = self.leaves[leaf], sums.wrong[leaf] / sums.visits[leaf]
-            told.append(
+            entries.append(
                 f"{head}leaf {leaf}: {bound.rate:.2f} ppm, at most "
                 f"{bound.high:.2f} (standard error {self.standard_error(leaf):.2f}); {share:.3%} of the "
                 f"{PPM * sums.visits[leaf] / parts:.0f} ppm that end there"
             )
             head = " " * len(head)
-        return told
+        return entries
 
 
 def resumed(path: Path, identity: str, leaves: int) -> Sums:

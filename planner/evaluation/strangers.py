@@ -46,10 +46,10 @@ class Answer(NamedTuple):
     def line(self) -> str:
         """For people."""
         named = "" if self.part is None else f" as {self.part}"
-        told = f"           {self.share:7.2%}  at leaf {self.leaf}{named}, by {_listed(self.widths_mm)} mm"
+        message = f"           {self.share:7.2%}  at leaf {self.leaf}{named}, by {_listed(self.widths_mm)} mm"
         if self.apart_mm is not None:
-            told += f": within {self.apart_mm:.1f} mm of ours at every squeeze ({_listed(self.ours_mm)})"
-        return f"{told}; some width differs by {self.differ_mm:.1f} mm"
+            message += f": within {self.apart_mm:.1f} mm of ours at every squeeze ({_listed(self.ours_mm)})"
+        return f"{message}; some width differs by {self.differ_mm:.1f} mm"
 
 
 class Strange(NamedTuple):
@@ -84,12 +84,12 @@ class Strange(NamedTuple):
 
     def lines(self) -> list[str]:
         """For people; by which widths it is taken for which part, where that is too often."""
-        told = (
+        message = (
             f"stranger   {self.answered:7.2%}  of {self.name} answered as a part that belongs there"
         )
         if not self.often:
-            return [told]
-        return [f"{told}, more than {OFTEN:.0%}:", *(answer.line() for answer in self.answers)]
+            return [message]
+        return [f"{message}, more than {OFTEN:.0%}:", *(answer.line() for answer in self.answers)]
 
 
 def family(job: Job) -> tuple[Job, ...]:
@@ -101,7 +101,7 @@ def family(job: Job) -> tuple[Job, ...]:
     turns = 2.0 * np.pi / DISC_SIDES * np.arange(DISC_SIDES)
     disc = np.stack([np.cos(turns), np.sin(turns)], axis=1)
     square = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
-    found = []
+    results = []
     for own in job.alone:
         outline, wide = own.part.outline_mm, _all_widths(own.part.outline_mm)
         shapes = {f"x {scale}": scale * outline for scale in SCALES}
@@ -110,10 +110,10 @@ def family(job: Job) -> tuple[Job, ...]:
         for told, shape in shapes.items():
             part = {"name": f"{own.part.name} {told}", "outline_mm": shape.tolist(), "symmetry": 1}
             with suppress(FitError):
-                found.append(
+                results.append(
                     own.replaced(part=part, pressure={"kind": "uniform"}, goal={"kind": "pose"})
                 )
-    return tuple(found)
+    return tuple(results)
 
 
 def strangers(
@@ -129,12 +129,12 @@ def strangers(
 ) -> Iterator[Strange]:
     """Runs a table on each of some parts; `own`: trials of those that belong; the rest as of `evaluate`."""
     for stranger in parts:
-        found = evaluate(table, stranger, worlds(stranger), trials, seed, scheduler, disturbance)
+        result = evaluate(table, stranger, worlds(stranger), trials, seed, scheduler, disturbance)
         outlines = [each.part.outline_mm for each in job.alone]
         differ = [
             round(widths_differ_mm(stranger.part.outline_mm, outline), 2) for outline in outlines
         ]
-        yield Strange(stranger.part.name, found, tuple(_answers(table, found, own, job, differ)))
+        yield Strange(stranger.part.name, result, tuple(_answers(table, result, own, job, differ)))
 
 
 def widths_differ_mm(one: Outline, other: Outline) -> float:

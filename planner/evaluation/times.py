@@ -40,7 +40,7 @@ class _Paths:
     def seconds(self, path: IntArray, reading: IntArray, branch: IntArray) -> Array:
         """Seconds (n,), squeeze by squeeze; each combination of two squeezes is timed once."""
         trials, depth = path.shape
-        found = np.zeros(trials)
+        result = np.zeros(trials)
         squeezes = (path >= 0).sum(axis=1)
         rows = np.arange(trials)
         last = rows, np.maximum(squeezes - 1, 0)
@@ -54,9 +54,9 @@ class _Paths:
             keys = np.column_stack([before[here], states[here, k], after])
             each, inverse = np.unique(keys, axis=0, return_inverse=True)
             times = np.array([self._time(row, first=k == 0) for row in each.tolist()])
-            found[here] += times[inverse.ravel()]
+            result[here] += times[inverse.ravel()]
             before[here] = states[here, k]
-        return found
+        return result
 
     def _time(self, key: list[int], *, first: bool) -> float:
         came, made, after = self._squeezed(key[:3]), self._squeezed(key[3:6]), key[6]

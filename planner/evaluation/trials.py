@@ -121,9 +121,9 @@ def step(
         rng: of the encoder's noise.
         traits: (n,) of the parts; as planned if None.
     """
-    own = as_planned(len(node)) if traits is None else traits
-    final, width_mm, held = _squeeze_all(world, to_hand(poses, placement.T), own)
-    reading = encoder.read(read_as(width_mm, own), rng)
+    drawn = as_planned(len(node)) if traits is None else traits
+    final, width_mm, held = _squeeze_all(world, to_hand(poses, placement.T), drawn)
+    reading = encoder.read(read_as(width_mm, drawn), rng)
     reading = reading + COUNTS * (width_mm > 0.0)  # jaws that something keeps apart feel it
     drag = program.carried(node, reading)
     after = to_world(final, placement.T)
@@ -182,7 +182,7 @@ def replayed(program: Program, before: Evaluation, bias: Array) -> tuple[Evaluat
     """
     trials = len(before.leaf)
     nowhere, node = _nowhere(program, trials), np.zeros(trials, np.int64)
-    found = replace(
+    match = replace(
         before[np.arange(trials)],
         squeezes=np.zeros(trials, np.int64),
         path=nowhere,
@@ -191,13 +191,13 @@ def replayed(program: Program, before: Evaluation, bias: Array) -> tuple[Evaluat
     )
     for k in range(before.reading.shape[1]):
         members = np.flatnonzero((before.squeezes > k) & (node >= 0))
-        _note(program, found, node, members, before.reading[members, k])
-    again = found.squeezes < before.squeezes
-    node[again], found.squeezes[again] = 0, 0
-    found.poses[again] = found.initial[again] - bias
-    for column in (found.path, found.reading, found.branch):
+        _note(program, match, node, members, before.reading[members, k])
+    again = match.squeezes < before.squeezes
+    node[again], match.squeezes[again] = 0, 0
+    match.poses[again] = match.initial[again] - bias
+    for column in (match.path, match.reading, match.branch):
         column[again] = NOWHERE
-    return found, node
+    return match, node
 
 
 def finish(
@@ -231,9 +231,9 @@ def finish(
         if not len(members):
             break
         at, lying = node[members], found.poses[members]
-        made = step(program, at, lying, placement, world, encoder, rng, own[members])
-        found.poses[members] = made.released
-        _note(program, found, node, members, made.reading)
+        after = step(program, at, lying, placement, world, encoder, rng, own[members])
+        found.poses[members] = after.released
+        _note(program, found, node, members, after.reading)
     found.poses[:] -= disturbance.bias
 
 
@@ -338,8 +338,8 @@ def _push_all(world: World, hand: Array, opening_mm: Array, way_mm: Array, trait
     """Pushes (n, 3) poses in the hand frame, in a batch where the world offers one."""
     final = np.empty_like(hand)
     for k, rows in by_hypothesis(traits):
-        own, each = of_hypothesis(world, k), (hand[rows], opening_mm[rows], way_mm[rows])
-        many, one = (getattr(own, name, None) for name in ("push_many", "push"))
+        part_world, each = of_hypothesis(world, k), (hand[rows], opening_mm[rows], way_mm[rows])
+        many, one = (getattr(part_world, name, None) for name in ("push_many", "push"))
         if many is not None:
             alone = traits[rows].copy()
             alone["hypothesis"] = 0
@@ -353,8 +353,8 @@ def _push_all(world: World, hand: Array, opening_mm: Array, way_mm: Array, trait
                 (-1, 3),
             )
         else:
-            told = f"the world {type(own).__name__} has no push()"
-            raise UsageError(f"the table pushes parts, and {told}; name another world")
+            message = f"the world {type(part_world).__name__} has no push()"
+            raise UsageError(f"the table pushes parts, and {message}; name another world")
     return final
 
 

@@ -57,14 +57,14 @@ def maps_of(table: Table) -> list[tuple[int, ...]]:
 
 def runs_of(decided: tuple[int, ...]) -> list[Run]:
     """A decision map as runs, those with an object felt first, in the order of their counts."""
-    found = []
+    results = []
     for flag in (FELT, NOT_FELT):
         branches = [decide(decided, count, flag == FELT) for count in range(COUNTS)]
         for branch, group in groupby(range(COUNTS), branches.__getitem__):
             counts = list(group)
             if branch != REJECT:
-                found.append(Run(flag, counts[0], counts[-1], branch))
-    return found
+                results.append(Run(flag, counts[0], counts[-1], branch))
+    return results
 
 
 def holds(node: Node, branch: int) -> bool:

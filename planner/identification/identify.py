@@ -132,7 +132,7 @@ def identify(
             errors[kind][split] = np.average(angles(twists, unseen.V), weights=unseen.weights)
             predicted[kind][order[train:]] += twists
     report("fitting all pairs", splits, splits)
-    found = []
+    results = []
     for kind in kinds:
         fitted = fit(data, rho_mm, kind, np.random.default_rng(seed), friction_n)
         own = np.average(angles(predict(fitted.surface, data.F), data.V), weights=data.weights)
@@ -140,8 +140,8 @@ def identify(
         mean = np.divide(
             predicted[kind], length, out=np.full((count, 3), np.nan), where=length > 0.0
         )
-        found.append(Identified(kind, fitted, errors[kind], mean, float(own)))
-    return found
+        results.append(Identified(kind, fitted, errors[kind], mean, float(own)))
+    return results
 
 
 def fit(

@@ -60,7 +60,7 @@ def fit(motions: Motions, part: Simulator, radius_mm: float, friction: float = 0
         1.0 + np.append(np.full(5, -3.0), FRICTION[0]),
         1.0 + np.append(np.full(5, 3.0), FRICTION[1]),
     )
-    found = least_squares(
+    result = least_squares(
         residuals,
         start,
         bounds=(low, high),
@@ -69,7 +69,7 @@ def fit(motions: Motions, part: Simulator, radius_mm: float, friction: float = 0
         diff_step=STEP,
         max_nfev=40,
     )
-    values = found.x - 1.0
+    values = result.x - 1.0
     return Fitted(LimitSurface(_ellipsoid(values[:5]), rho), float(values[5]))
 
 

@@ -136,9 +136,9 @@ def check_parts(job: Any, names: list[str]) -> None:
 def _check_symmetry(part: dict[str, Any]) -> None:
     n = part["symmetry"]
     if not symmetry.has_order(part["outline_mm"], n):
-        found = symmetry.order(part["outline_mm"])
+        result = symmetry.order(part["outline_mm"])
         problem = (
-            f'is {n}, but the outline has order {found}; write "auto", or a divisor of {found}'
+            f'is {n}, but the outline has order {result}; write "auto", or a divisor of {result}'
         )
         raise _conflict("part", "symmetry", problem)
 

@@ -157,13 +157,13 @@ class Poses:
                 f"must be 1 to {self.most} lines name = [x, y, angle], not {shown(value)}"
             )
         row = Numbers(self.item, least=3, most=3)
-        found = {}
+        result = {}
         for name in sorted(value):
             try:
-                found[Text().read(name)] = row.read(value[name]).tolist()
+                result[Text().read(name)] = row.read(value[name]).tolist()
             except ValueRangeError as error:
                 raise ValueRangeError(f"{shown(name)} {error}") from None
-        return found
+        return result
 
 
 Field: TypeAlias = Number | Integer | Flag | Text | Numbers | Poses

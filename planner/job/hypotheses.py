@@ -48,15 +48,15 @@ def stated(document: Mapping[str, Any]) -> list[tuple[float, dict[str, Any]]]:
         raise KeyNameError(
             "stands beside [[hypothesis]]; each of these has its own", section="part"
         )
-    found = _entries(KEY, 2, document[KEY], common)
-    shares = [share for share, _ in found if share is not None]
+    result = _entries(KEY, 2, document[KEY], common)
+    shares = [share for share, _ in result if share is not None]
     if not shares:
-        return [(1.0 / len(found), alone) for _, alone in found]
-    if len(shares) < len(found) or abs(math.fsum(shares) - 1.0) > 1e-6:
+        return [(1.0 / len(result), alone) for _, alone in result]
+    if len(shares) < len(result) or abs(math.fsum(shares) - 1.0) > 1e-6:
         raise ValueRangeError(
             "must be stated for all or none, and add up to 1", section=KEY, key="share"
         )
-    return [(share, alone) for share, (_, alone) in zip(shares, found, strict=True)]
+    return [(share, alone) for share, (_, alone) in zip(shares, result, strict=True)]
 
 
 def strangers(document: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -66,12 +66,12 @@ def strangers(document: Mapping[str, Any]) -> list[dict[str, Any]]:
         JobError: an entry is not one.
     """
     common = {key: value for key, value in document.items() if key not in (KEY, STRANGER, "part")}
-    found = _entries(STRANGER, 1, document[STRANGER], common) if STRANGER in document else []
-    for number, (share, _) in enumerate(found, start=1):
+    result = _entries(STRANGER, 1, document[STRANGER], common) if STRANGER in document else []
+    for number, (share, _) in enumerate(result, start=1):
         if share is not None:
             problem = "no plan is made for it, so it has no share; drop the key"
             raise KeyNameError(problem, section=f"{STRANGER} {number}", key="share")
-    return [alone for _, alone in found]
+    return [alone for _, alone in result]
 
 
 def turned_over(document: Mapping[str, Any]) -> dict[str, Any] | None:
@@ -153,5 +153,5 @@ def named(document: Mapping[str, Any], key: str, number: int, error: JobError) -
         return error
     if error.section in OWN and error.section in document[key][number - 1]:
         return type(error)(error.problem, section=f"{key} {number}.{error.section}", key=error.key)
-    told = f"{key} {number}: {error.problem}" if isinstance(error, FitError) else error.problem
-    return type(error)(told, section=error.section, key=error.key)
+    message = f"{key} {number}: {error.problem}" if isinstance(error, FitError) else error.problem
+    return type(error)(message, section=error.section, key=error.key)

@@ -198,27 +198,27 @@ def of_document(document: dict[str, Any], where: str, drawn: bool) -> Job:
 
 def _of_document(document: dict[str, Any], where: str, drawn: bool) -> Job:
     """The job of a document, with as many hypotheses as it names parts and faces."""
-    found: list[tuple[float, Job]] = []
+    results: list[tuple[float, Job]] = []
     stated = hypotheses.stated(document)
     listed = [alone for _, alone in stated]
     for (share, _), jobs in zip(
         stated, _jobs(document, hypotheses.KEY, listed, where, drawn), strict=True
     ):
-        found += [(share / len(jobs), job) for job in jobs]
+        results += [(share / len(jobs), job) for job in jobs]
     others = _jobs(document, hypotheses.STRANGER, hypotheses.strangers(document), where, drawn)
     strange = (
         tuple(Stranger(job.part, job.pressure, job.friction) for jobs in others for job in jobs)
         or None
     )
-    first = found[0][1]
-    job_checks.check_parts(first, [job.part.name for _, job in found])
-    if len(found) == 1:
+    first = results[0][1]
+    job_checks.check_parts(first, [job.part.name for _, job in results])
+    if len(results) == 1:
         return replace(first, stranger=strange)
-    lowest_mm = min(job.cell.squeeze_height_mm for _, job in found)
+    lowest_mm = min(job.cell.squeeze_height_mm for _, job in results)
     search = first.search
     if "particles" not in document.get("search", {}):
-        search = replace(search, particles=search.particles * len(found))
-    parts = tuple(Hypothesis(job.part, job.pressure, job.friction, share) for share, job in found)
+        search = replace(search, particles=search.particles * len(results))
+    parts = tuple(Hypothesis(job.part, job.pressure, job.friction, share) for share, job in results)
     cell = replace(first.cell, squeeze_height_mm=lowest_mm)
     return replace(first, cell=cell, search=search, hypothesis=parts, stranger=strange)
 
@@ -227,13 +227,13 @@ def _jobs(
     document: dict[str, Any], key: str, listed: list[dict[str, Any]], where: str, drawn: bool
 ) -> list[list[Job]]:
     """The jobs of the faces of each part that a document lists under a key."""
-    found = []
+    results = []
     for number, alone in enumerate(listed, start=1):
         try:
-            found.append(_on_faces(alone, where, drawn))
+            results.append(_on_faces(alone, where, drawn))
         except JobError as error:
             raise hypotheses.named(document, key, number, error) from None
-    return found
+    return results
 
 
 def _on_faces(document: dict[str, Any], where: str, drawn: bool) -> list[Job]:

@@ -180,11 +180,11 @@ def _draw(
     place, squares = np.empty(len(initial) + 1, np.int64), np.empty(len(initial) + 1)
     for i in range(poses.shape[0]):
         q[0], q[1], q[2] = poses[i, 0], poses[i, 1], (rho * poses[i, 2]) % grid.period
-        found, least = nearest_within(grid, q, look, SPREAD * h1 * h1, place, squares)
-        if 0 < model.most < found:
-            keep_nearest(place, squares, found, model.most)
-            found = model.most
-        j = place[_pick(squares, found, h1, chance[i])]
+        result, least = nearest_within(grid, q, look, SPREAD * h1 * h1, place, squares)
+        if 0 < model.most < result:
+            keep_nearest(place, squares, result, model.most)
+            result = model.most
+        j = place[_pick(squares, result, h1, chance[i])]
         out[i, 0] = model.end[j, 0] + h2 * noise[i, 0]
         out[i, 1] = model.end[j, 1] + h2 * noise[i, 1]
         turns = np.round((poses[i, 2] - initial[j, 2]) / turn)

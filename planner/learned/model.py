@@ -68,10 +68,10 @@ class LearnedModel:
         missed = np.where(drawn.width_mm > 0.0, JAMMED, UNTOUCHED)
         status = np.where(touched, self.status[drawn.source], missed)
         given_up = np.zeros(len(poses), np.int64)
-        own = as_planned(len(poses)) if traits is None else traits
-        covered = self.covered(drawn.source, drawn.nearest_mm, belief) & ordinary(own)
+        parts_traits = as_planned(len(poses)) if traits is None else traits
+        covered = self.covered(drawn.source, drawn.nearest_mm, belief) & ordinary(parts_traits)
         direct = np.flatnonzero(touched & ~covered)
-        parameters = self.simulator.sample(len(direct), rng, own[direct])
+        parameters = self.simulator.sample(len(direct), rng, parts_traits[direct])
         rolled = self.simulator.roll_out(poses[direct], parameters)
         drawn.poses[direct] = rolled.poses
         drawn.width_mm[direct] = rolled.width_mm

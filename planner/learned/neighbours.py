@@ -97,7 +97,7 @@ def within(grid: Grid, q: Array, reach: float, place: IntArray, squares: Array) 
     nx, ny, nz = grid.shape
     sx, sy, sz = grid.size
     x, y, z = q[0] - grid.corner[0], q[1] - grid.corner[1], q[2]
-    square, found = reach * reach, 0
+    square, result = reach * reach, 0
     x_first, x_last = (
         int(max(np.floor((x - reach) / sx), 0)),
         int(min(np.floor((x + reach) / sx), nx - 1)),
@@ -118,17 +118,19 @@ def within(grid: Grid, q: Array, reach: float, place: IntArray, squares: Array) 
             base = (i * ny + j) * nz
             first = grid.first
             if high - low + 1 >= nz:
-                found = _scan(grid, first[base], first[base + nz], q, square, place, squares, found)
+                result = _scan(
+                    grid, first[base], first[base + nz], q, square, place, squares, result
+                )
             elif low < 0 or high >= nz:
                 low, high = (low + nz) % nz, high % nz
-                found = _scan(
-                    grid, first[base], first[base + high + 1], q, square, place, squares, found
+                result = _scan(
+                    grid, first[base], first[base + high + 1], q, square, place, squares, result
                 )
-                found = _scan(
-                    grid, first[base + low], first[base + nz], q, square, place, squares, found
+                result = _scan(
+                    grid, first[base + low], first[base + nz], q, square, place, squares, result
                 )
             else:
-                found = _scan(
+                result = _scan(
                     grid,
                     first[base + low],
                     first[base + high + 1],
@@ -136,9 +138,9 @@ def within(grid: Grid, q: Array, reach: float, place: IntArray, squares: Array) 
                     square,
                     place,
                     squares,
-                    found,
+                    result,
                 )
-    return found
+    return result
 
 
 @kernel
@@ -151,18 +153,18 @@ def nearest_within(
     at least 1, and the nearest point's squared distance; `place` and `squares` (N + 1,) receive where in the
     grid they stand and by how much each squared distance exceeds the least.
     """
-    reach, found = start, 0
+    reach, result = start, 0
     while True:
-        found = within(grid, q, reach, place, squares)
-        if found > 0:
+        result = within(grid, q, reach, place, squares)
+        if result > 0:
             break
         reach *= 2.0
-    least = squares[:found].min()
+    least = squares[:result].min()
     # A little more than asked for, lest rounding lose the nearest point itself.
     if least + spread > reach * reach:
-        found = within(grid, q, np.sqrt(least + spread) * (1.0 + 1e-12), place, squares)
+        result = within(grid, q, np.sqrt(least + spread) * (1.0 + 1e-12), place, squares)
     kept = 0
-    for k in range(found):
+    for k in range(result):
         excess = squares[k] - least
         if excess <= spread:
             place[kept], squares[kept] = place[k], max(excess, 0.0)

@@ -56,6 +56,6 @@ class Mixture:
         """As `Simulator.push_by_hand`."""
         final = np.empty((len(poses), 3))
         for k, rows in by_hypothesis(traits):
-            own, each = self.simulators[k], (opening_mm[rows], way_mm[rows])
-            final[rows] = own.push_by_hand(poses[rows], *each, rng, traits[rows])
+            part_world, each = self.simulators[k], (opening_mm[rows], way_mm[rows])
+            final[rows] = part_world.push_by_hand(poses[rows], *each, rng, traits[rows])
         return final

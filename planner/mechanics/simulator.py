@@ -163,19 +163,21 @@ class Simulator:
 
         What the `traits` (n,) of the parts say is not drawn.
         """
-        own = as_planned(arguments.count(n, "n", 0)) if traits is None else traits
-        arguments.same_length(poses=range(n), traits=own)
-        checked_traits(own, 1 + len(self.others))
-        dof = np.where(own["dof"] > 0, own["dof"], self.wishart_dof)
+        parts_traits = as_planned(arguments.count(n, "n", 0)) if traits is None else traits
+        arguments.same_length(poses=range(n), traits=parts_traits)
+        checked_traits(parts_traits, 1 + len(self.others))
+        dof = np.where(parts_traits["dof"] > 0, parts_traits["dof"], self.wishart_dof)
         surfaces, ellipsoid = limit_surface.sample_each(
-            (self.surface, *self.others), own["surface"], dof, rng
+            (self.surface, *self.others), parts_traits["surface"], dof, rng
         )
         drawn = rng.uniform(*self.friction, size=n)
-        mu = np.where(own["friction"] == FRESH, drawn, own["friction"])
-        release = rng.standard_normal((n, 3)) * np.hypot(self.release, own["release"][:, [0, 0, 1]])
-        share = np.clip(self.jaws[3] + own["share"], 0.0, 1.0)
+        mu = np.where(parts_traits["friction"] == FRESH, drawn, parts_traits["friction"])
+        release = rng.standard_normal((n, 3)) * np.hypot(
+            self.release, parts_traits["release"][:, [0, 0, 1]]
+        )
+        share = np.clip(self.jaws[3] + parts_traits["share"], 0.0, 1.0)
         mus = np.repeat(mu[:, None], 2, axis=1)
-        return Parameters(surfaces, mus, release, share, own["deviation"], ellipsoid)
+        return Parameters(surfaces, mus, release, share, parts_traits["deviation"], ellipsoid)
 
     def squeeze(
         self, poses: Array, rng: np.random.Generator, traits: Traits | None = None

@@ -221,13 +221,13 @@ def _slack(C: Array, k: int, V: Array) -> float:
 @inlined_kernel
 def _most_violated(C: Array, count: int, V: Array) -> int:
     """The touching contact that overlaps most after V; -1 where none does."""
-    worst, found = -OVERLAP_MM, -1
+    worst, result = -OVERLAP_MM, -1
     for k in range(count):
         if C[k, GAP] <= TOUCHING_MM:
             slack = _slack(C, k, V)
             if slack < worst:
-                worst, found = slack, k
-    return found
+                worst, result = slack, k
+    return result
 
 
 @inner_kernel

@@ -202,13 +202,13 @@ def nearest_observation(
     member = np.unique(subspace, return_inverse=True)[1]
     size = np.bincount(member)
     expected = np.rint(np.bincount(member, counts) / size).astype(np.int64)
-    found, child = np.unique(
+    result, child = np.unique(
         -expected[member], return_inverse=True
     )  # rising widths are falling counts
     size = np.bincount(child)
     mean = np.bincount(child, counts) / size
     label = np.argmin(np.abs(np.arange(COUNTS)[:, None] - mean[None]), axis=1)
-    cells = [np.flatnonzero(label == k) for k in range(len(found))]
+    cells = [np.flatnonzero(label == k) for k in range(len(result))]
     low, high = np.array([cell[0] for cell in cells]), np.array([cell[-1] for cell in cells])
     return Partition(label, mean, low, high, size), child
 

@@ -178,17 +178,17 @@ def chain(function: SqueezeFunction) -> list[Interval]:
     """
     intervals = function.intervals()
     whole = function.period - ALIKE_RAD
-    found = [max((i for i in intervals if i.spread < ALIKE_RAD), key=lambda i: i.length)]
-    while found[-1].length < whole:
-        target = found[-1].length
+    results = [max((i for i in intervals if i.spread < ALIKE_RAD), key=lambda i: i.length)]
+    while results[-1].length < whole:
+        target = results[-1].length
         wider = [i for i in intervals if i.spread < target - ALIKE_RAD]
         best = max(wider, key=lambda i: (i.length, -i.spread))
         if (
             best.length <= target + ALIKE_RAD
         ):  # does not happen, by his theorem, but for steps alike to 1e-6
             break
-        found.append(best)
-    return found[::-1]
+        results.append(best)
+    return results[::-1]
 
 
 def plan(outline: Outline) -> SqueezePlan:

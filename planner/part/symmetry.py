@@ -60,7 +60,7 @@ def congruent(outline: Outline, other: Outline, tolerance_mm: float = TOLERANCE_
 def nearest_turn(outline: Outline, symmetry: int) -> Turn:
     """The turn by a whole part of a circle after which an outline differs least; no symmetry of its own."""
     outline = _with_few_vertices(outline)
-    ring, found = shapely.linearrings(outline), []
+    ring, result = shapely.linearrings(outline), []
     for parts in range(2, TURNS + 1):
         for k in range(1, parts // 2 + 1):
             if symmetry * k % parts:
@@ -68,8 +68,8 @@ def nearest_turn(outline: Outline, symmetry: int) -> Turn:
                 c, s = math.cos(angle), math.sin(angle)
                 turned = shapely.linearrings(outline @ np.array([[c, s], [-s, c]]))
                 apart = float(shapely.hausdorff_distance(ring, turned, densify=0.2))
-                found.append(Turn(math.degrees(angle), apart))
-    return min(found, key=lambda turn: turn.apart_mm)
+                result.append(Turn(math.degrees(angle), apart))
+    return min(result, key=lambda turn: turn.apart_mm)
 
 
 def _with_few_vertices(outline: Outline) -> Outline:

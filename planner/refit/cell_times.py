@@ -27,9 +27,9 @@ def learned(table: Table, squeezes: Sequence[Timed]) -> dict[str, float]:
     The ways down are of two lengths, from the retreat height and from just above the part: what they differ
     by in time is the acceleration, the rest is the answer.
     """
-    timing, found = Schedule.of(table, job_of(table)).timing, dict[str, float]()
+    timing, result = Schedule.of(table, job_of(table)).timing, dict[str, float]()
     if len(squeezes) < LEAST_SQUEEZES:
-        return found
+        return result
     plain = [made for made in squeezes if not table.nodes[made.node].pushes]
     low, high = timing.regrasp_mm - timing.squeeze_mm, timing.retreat_mm - timing.squeeze_mm
     short, long = (
@@ -37,11 +37,11 @@ def learned(table: Table, squeezes: Sequence[Timed]) -> dict[str, float]:
     )
     if low < high and short and long:
         acceleration = _acceleration(median(long) - median(short), low, high, timing.arm_speed_mm_s)
-        found["arm_acceleration_mm_s2"] = round(acceleration, 1)
+        result["arm_acceleration_mm_s2"] = round(acceleration, 1)
         answer_s = median(short) - trapezoid_s(low, timing.arm_speed_mm_s, acceleration)
-        found["arm_answer_s"] = round(max(answer_s, 0.0), 4)
+        result["arm_answer_s"] = round(max(answer_s, 0.0), 4)
     if plain:
-        found["jaw_answer_s"] = round(
+        result["jaw_answer_s"] = round(
             max(median(_jaws(table, timing, made) for made in plain), 0.0), 4
         )
         looks = [
@@ -50,8 +50,8 @@ def learned(table: Table, squeezes: Sequence[Timed]) -> dict[str, float]:
             if _stays(table, made)
         ]
         if looks:
-            found["poll_s"] = round(max(median(looks), 0.0) / 3.0, 4)
-    return found
+            result["poll_s"] = round(max(median(looks), 0.0) / 3.0, 4)
+    return result
 
 
 def _acceleration(gap_s: float, low_mm: float, high_mm: float, speed_mm_s: float) -> float:

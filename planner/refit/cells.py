@@ -55,19 +55,21 @@ class Space(NamedTuple):
             "encoder_mm": OFFSET_MM,
             "encoder_gain": 0.0,
         }
-        found = []
+        results = []
         for key, most in usual.items():
             low, high = getattr(doubt, key)
-            found.append(Quantity(key, min(low, -most), max(high, most)))
+            results.append(Quantity(key, min(low, -most), max(high, most)))
         if doubt.least_dof and doubt.least_dof != job.pressure.wishart_dof:
             low, high = sorted((doubt.least_dof, job.pressure.wishart_dof))
-            found.append(Quantity("least_dof", float(np.log(low)), float(np.log(high))))
+            results.append(Quantity("least_dof", float(np.log(low)), float(np.log(high))))
         least = max(
             min(LEAST_FRICTION, friction.finger_part_min), SLIPPERY * friction.finger_part_min
         )
         most = min(ROUGH * friction.finger_part_max, MOST_FRICTION)
-        found += [Quantity(key, least, most) for key in ("finger_part_min", "finger_part_max")]
-        return cls(tuple(quantity for quantity in found if quantity.high > quantity.low), surfaces)
+        results += [Quantity(key, least, most) for key in ("finger_part_min", "finger_part_max")]
+        return cls(
+            tuple(quantity for quantity in results if quantity.high > quantity.low), surfaces
+        )
 
     @property
     def bounds(self) -> Array:

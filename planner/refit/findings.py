@@ -58,12 +58,12 @@ def _sentence(key: str, mean: float, low: float, high: float, job: Job) -> str:
         advice = ": have the gripper looked at" if fault else ""
         return f"the upper finger makes {share:.1f} +- {100.0 * half:.1f} % of the closing{advice}"
     if key == "middle_mm":
-        told = f"the fingers meet {mean:+.2f} +- {half:.2f} mm off the hand's middle on the narrowest side"
+        message = f"the fingers meet {mean:+.2f} +- {half:.2f} mm off the hand's middle on the narrowest side"
         # Where the hand was never centred on them, an uneven share of the closing is what takes them there.
         share = job.gripper.upper_finger_share - mean / closing_mm(job)
         uneven = f"{100.0 * share:.1f} +- {100.0 * half / closing_mm(job):.1f} %"
         fault = min(abs(low), abs(high)) > OFF_MM and low * high > 0.0
-        return told + (
+        return message + (
             f", as if the upper one made {uneven} of the closing: have the gripper looked at"
             * fault
         )
@@ -124,21 +124,21 @@ def surface_shares(found: Posterior) -> Any:
 
 def changes(found: Posterior, cells: Cells) -> Mapping[str, Mapping[str, Any]]:
     """What the job has to say instead, by section and key; what the data do not tell stays as it is."""
-    told = {finding.quantity: finding for finding in findings(found, cells) if finding.told}
+    record = {finding.quantity: finding for finding in findings(found, cells) if finding.told}
     doubt: dict[str, Any] = {
-        key: [round(told[key].low_5, digits), round(told[key].high_95, digits)]
+        key: [round(record[key].low_5, digits), round(record[key].high_95, digits)]
         for key, digits in (
             ("finger_share", 4),
             ("middle_mm", 3),
             ("encoder_mm", 3),
             ("encoder_gain", 5),
         )
-        if key in told
+        if key in record
     }
-    if "least_dof" in told:
-        doubt["least_dof"] = max(3, int(np.exp(told["least_dof"].low_5)))
-    made: dict[str, dict[str, Any]] = {"doubt": doubt, "friction": _friction(told, cells.job)}
-    if "pressure" in told:
+    if "least_dof" in record:
+        doubt["least_dof"] = max(3, int(np.exp(record["least_dof"].low_5)))
+    made: dict[str, dict[str, Any]] = {"doubt": doubt, "friction": _friction(record, cells.job)}
+    if "pressure" in record:
         made["pressure"], doubt["pressure"] = _pressure(found, cells)
         if made["pressure"] and cells.job.doubt.limit_surface == "any":
             doubt["limit_surface"] = "stated"  # as it says, not fitted to a pressure

@@ -93,9 +93,9 @@ def posterior(
         points, shown = (
             np.concatenate(column) for column in zip(*rounds[(turn + 1) // 2 :], strict=True)
         )
-        found = Likelihood.of(features(points), shown, counted, seen.readings.size)
+        result = Likelihood.of(features(points), shown, counted, seen.readings.size)
         drawn, power = (DRAWN, 1.0) if turn + 1 == effort.rounds else (effort.cells, WIDE)
-        points = _drawn(cells.space, partial(_log, found, features, power), points, drawn, rng)
+        points = _drawn(cells.space, partial(_log, result, features, power), points, drawn, rng)
     return Posterior(points, cells.space)
 
 
@@ -108,8 +108,8 @@ def _log(
 def _shown(cells: Cells, outcomes: Outcomes, seen: Seen, task: Task) -> IntArray:
     """What pairs of sets of parts show, (pairs, 2, n, d); of the second as many are audited as were seen."""
     point, pairs, seed = task
-    found = outcomes.of_parts(cells.run(point, 2 * pairs * seen.parts, seed))
-    shown = found.reshape(pairs, 2, seen.parts, -1)
+    result = outcomes.of_parts(cells.run(point, 2 * pairs * seen.parts, seed))
+    shown = result.reshape(pairs, 2, seen.parts, -1)
     known = shown[:, 1, :, -3:]
     known[np.cumsum(known[..., 0] < outcomes.size, axis=1) > len(seen.leaves)] = outcomes.size
     return shown

@@ -36,7 +36,7 @@ def means(table: Table, evaluation: Evaluation) -> list[Mean | None]:
     """The mean for each leaf of a table, of the parts for which its first pose holds; None of too few."""
     metric = metric_of_table(table)
     audit = metric._replace(kind="pose", distance_mm=metric.distance_mm or 1.0, identify=False)
-    found: list[Mean | None] = []
+    results: list[Mean | None] = []
     for index, leaf in enumerate(table.leaves):
         here = (evaluation.leaf == index) & (evaluation.traits["hypothesis"] == leaf.hypothesis)
         order = (metric.order, *(order for _, order in metric.further))[leaf.hypothesis]
@@ -49,12 +49,12 @@ def means(table: Table, evaluation: Evaluation) -> list[Mean | None]:
             np.column_stack([evaluation.poses[here], np.full(len(off), leaf.hypothesis)]), state
         )
         if not leaf.resolved or near.sum() < LEAST_PARTS:
-            found.append(None)
+            results.append(None)
             continue
         mean = off[near].mean(axis=0)
         at = pose + mean
         apart = float(audit.between(np.array([*at, leaf.hypothesis]), state))
-        found.append(
+        results.append(
             Mean(float(at[0]), float(at[1]), math.remainder(float(at[2]), math.tau), apart)
         )
-    return found
+    return results

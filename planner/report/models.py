@@ -47,18 +47,19 @@ def made(
         names(judged),
     )
     canvas.save(picture, lambda: paper_figures.subspaces(*shown))
-    told = {"job_digest": job.digest().hex(), **figures(judged), "picture": str(picture)}
+    record = {"job_digest": job.digest().hex(), **figures(judged), "picture": str(picture)}
     beside = picture.with_suffix(".json")
-    write(beside, json.dumps(told) + "\n")
-    return told, f"{text(judged)}\nwrote {picture} and {beside}"
+    write(beside, json.dumps(record) + "\n")
+    return record, f"{text(judged)}\nwrote {picture} and {beside}"
 
 
 def names(judged: Quality) -> list[str]:
     """What the subspaces are called: the widths in each, and its share of the roll-outs."""
-    found = judged.subspaces
-    shares = found.size / max(found.size.sum(), 1)
+    result = judged.subspaces
+    shares = result.size / max(result.size.sum(), 1)
     spans = [
-        f"{low:.1f} to {high:.1f} mm" for low, high in zip(found.low_mm, found.high_mm, strict=True)
+        f"{low:.1f} to {high:.1f} mm"
+        for low, high in zip(result.low_mm, result.high_mm, strict=True)
     ]
     spans[0] = "free space"
     return [f"{span}, {share:.0%}" for span, share in zip(spans, shares, strict=True)]
@@ -178,9 +179,9 @@ def read(path: Path, job_digest: str) -> Models:
     def refused(problem: str) -> InputFileError:
         return InputFileError(f"{problem}; {WRITE}", where=str(path))
 
-    told = strict_json.load(path, refused, MAX_BYTES)
+    record = strict_json.load(path, refused, MAX_BYTES)
     try:
-        models: Models = _shaped(told.get("models", told), SHAPE)
+        models: Models = _shaped(record.get("models", record), SHAPE)
     except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
         raise refused("does not tell the quality of models") from error
     digest = models["job_digest"]

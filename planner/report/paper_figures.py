@@ -38,7 +38,7 @@ def likeliest_path(table: Table, beliefs: Replay, squeezes: Collection[int]) -> 
 
     It has one of these numbers of squeezes where some part takes such a path.
     """
-    found: list[tuple[int, list[Step]]] = []
+    results: list[tuple[int, list[Step]]] = []
     waiting: list[tuple[int, list[Step]]] = [(0, [])]
     while waiting:
         index, path = waiting.pop()
@@ -47,8 +47,8 @@ def likeliest_path(table: Table, beliefs: Replay, squeezes: Collection[int]) -> 
             if branch.target >= 0:
                 waiting.append((branch.target, steps))
             else:
-                found.append((len(beliefs.visits[index].through(number)), steps))
-    return max(found, key=lambda path: (path[0] > 0 and len(path[1]) in squeezes, path[0]))[1]
+                results.append((len(beliefs.visits[index].through(number)), steps))
+    return max(results, key=lambda path: (path[0] > 0 and len(path[1]) in squeezes, path[0]))[1]
 
 
 def sequence(

@@ -45,10 +45,10 @@ def replay(table: Table, job: Job, trials: int, seed: int) -> Replay:
             program, at, arrivals[index], world, job, traits[index], NONE, rng
         )
         lying = arrivals[index]
-        made = step(program, at, lying, program.placement[at], world, encoder, rng, traits[index])
-        visits.append(made)
+        after = step(program, at, lying, program.placement[at], world, encoder, rng, traits[index])
+        visits.append(after)
         for number, branch in enumerate(node.branches):
-            poses, own = made.through(number), traits[index][made.branch == number]
+            poses, own = after.through(number), traits[index][after.branch == number]
             if branch.target >= 0:
                 arrivals[branch.target], traits[branch.target] = poses, own
             else:

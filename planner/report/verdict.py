@@ -71,13 +71,13 @@ def verdict(job: Job, figures: dict[str, Any], lines: Sequence[Line] = ()) -> Ve
         grade = "fair"
     if success < POOR_SUCCESS or wrong > 2.0 * (1.0 - job.goal.confidence):
         grade = "poor"
-    found = (
+    result = (
         f"{_found(job, figures)}, "
         f"{figures['mean_squeezes']:.1f} squeezes, about {figures['mean_seconds']:.1f} s"
     )
     sorts = job.goal.kind == "identity"
     error = "where the part lies is not asked for" if sorts else error_text(figures["error_mm"])
-    sentence = found + _leaning(job, worst)
+    sentence = result + _leaning(job, worst)
     return Verdict(grade, sentence, error, _conditions(lines), warnings_of(job))
 
 
@@ -98,7 +98,7 @@ def _conditions(lines: Sequence[Line]) -> list[str]:
         key = condition.quantity, condition.side
         if key not in strictest or condition.stricter(strictest[key]):
             strictest[key] = condition
-    found = {}
+    result = {}
     for condition in strictest.values():
         above, below = (strictest.get((condition.quantity, side)) for side in ("above", "below"))
         between = (
@@ -106,8 +106,8 @@ def _conditions(lines: Sequence[Line]) -> list[str]:
             and below
             and f"{condition.quantity} stays between {above.bound:.3g} and {below.value()}"
         )
-        found[condition.quantity] = between or condition.text()
-    return list(found.values())
+        result[condition.quantity] = between or condition.text()
+    return list(result.values())
 
 
 def told_conditions(conditions: Sequence[str]) -> str:
@@ -202,16 +202,18 @@ def cell_result(table: Table, log: RunLog) -> CellResult:
     if not total:
         return CellResult("fair", "no part was begun")
     located = sum(not part.failed for part in log.parts)
-    told = f"{located} of {total} parts {'named' if table.goal.kind == 'identity' else 'located'}"
+    message = (
+        f"{located} of {total} parts {'named' if table.goal.kind == 'identity' else 'located'}"
+    )
     names = Counter(
         part.name for part in log.parts if part.outcome == "leaf" and part.name is not None
     )
     if names and names_parts(table):
-        told += f" ({', '.join(f'{number} {name}' for name, number in names.most_common())})"
+        message += f" ({', '.join(f'{number} {name}' for name, number in names.most_common())})"
     wrong = sum(part.audit == "fail" for part in log.parts)
-    told += f", {wrong} of them found elsewhere by the audit" if wrong else ""
+    message += f", {wrong} of them found elsewhere by the audit" if wrong else ""
     others = Counter(part.outcome for part in log.parts if part.outcome != "leaf")
-    told += "".join(f", {number} {outcome}" for outcome, number in others.most_common())
+    message += "".join(f", {number} {outcome}" for outcome, number in others.most_common())
     rejects = [
         part.squeezes[-1] for part in log.parts if part.squeezes and part.squeezes[-1][2] is None
     ]
@@ -219,9 +221,9 @@ def cell_result(table: Table, log: RunLog) -> CellResult:
         node = Counter(node for node, _, _ in rejects).most_common(1)[0][0]
         counts = [count for at, count, _ in rejects if at == node]
         middle = sorted(counts)[len(counts) // 2]
-        told += f"; {len(counts)} rejected at node {node}: {reject_told(table, node, middle)}"
+        message += f"; {len(counts)} rejected at node {node}: {reject_told(table, node, middle)}"
     share = located / total
-    return CellResult("good" if share == 1.0 else "fair" if share >= USUAL else "poor", told)
+    return CellResult("good" if share == 1.0 else "fair" if share >= USUAL else "poor", message)
 
 
 def reject_told(table: Table, node: int, count: int) -> str:

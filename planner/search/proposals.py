@@ -131,12 +131,12 @@ def stable_angles(outline: Array) -> Array:
     across = outline @ np.stack([-np.sin(angles), np.cos(angles)])
     width = np.ptp(across, axis=0)
     rest = (width <= np.roll(width, 1)) & (width <= np.roll(width, -1))
-    found: list[float] = []
+    results: list[float] = []
     for angle in [
         *angles[rest][np.argsort(width[rest], kind="stable")],
         *(angles[rest][:1] + np.pi / 2),
     ]:
-        apart = [abs(float(wrap(np.asarray(angle - other), 2))) for other in found]
-        if len(found) < MOST_ANGLES and min(apart, default=np.inf) > np.radians(APART_DEG):
-            found.append(float(angle) % np.pi)
-    return np.array(found)
+        apart = [abs(float(wrap(np.asarray(angle - other), 2))) for other in results]
+        if len(results) < MOST_ANGLES and min(apart, default=np.inf) > np.radians(APART_DEG):
+            results.append(float(angle) % np.pi)
+    return np.array(results)

@@ -70,7 +70,7 @@ class Pusher:
 
     def options(self, belief: Belief) -> list[Push]:
         """Pushes through a belief, each from beside all of it to beyond where all of it begins."""
-        found, reach = (
+        result, reach = (
             list[Push](),
             max(float(np.hypot(*outline.T).max()) for outline in self._outlines),
         )
@@ -83,8 +83,10 @@ class Pusher:
             place = (start - 0.5 * self.jaws[1]) * along + middle * across
             for opening, farther in product(OPENINGS, FARTHER):
                 way_mm = beyond + farther * reach - start
-                found.append(Push(np.array([*place, angle]), opening * float(self.jaws[0]), way_mm))
-        return [push for push in found if self._within(push)]
+                result.append(
+                    Push(np.array([*place, angle]), opening * float(self.jaws[0]), way_mm)
+                )
+        return [push for push in result if self._within(push)]
 
     def best(
         self, belief: Belief, hand: Hand | None, ranking: Ranking, rng: np.random.Generator

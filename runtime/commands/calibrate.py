@@ -161,14 +161,14 @@ def run(
                 gripper.activate()
             ready_gripper(gripper)
             gauges = list(calibration.measure(gripper, widths_mm, arguments.grips, ask))
-    made = calibration.fit(gauges, arguments.gripper, SystemClock().stamp())
-    made = replace(made, tips_mm=tips, current_ma=current)
+    fitted = calibration.fit(gauges, arguments.gripper, SystemClock().stamp())
+    fitted = replace(fitted, tips_mm=tips, current_ma=current)
     interrupts.conclude()  # measured: a stop request would stop nothing
-    calibration.save(made, arguments.output)
+    calibration.save(fitted, arguments.output)
     if arguments.json:
-        say(json.dumps({"output": str(arguments.output), **figures(made, linear)}))
+        say(json.dumps({"output": str(arguments.output), **figures(fitted, linear)}))
         return 0
-    for line in report(figures(made, linear)):
+    for line in report(figures(fitted, linear)):
         say(line)
     say(f"written to {arguments.output}")
     return 0

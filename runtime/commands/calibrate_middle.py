@@ -42,13 +42,13 @@ times in all. What the table of --tree allows (area, heights, arm speed) holds h
 
 def add_to(subcommands: Any, codes: str) -> None:
     """The arguments, as one of grasp-calibrate's commands."""
-    made = subcommands.add_parser(
+    parser = subcommands.add_parser(
         NAME,
         help="where the fingers meet, with a block held fast",
         description=DESCRIPTION,
         epilog=f"example:\n  {EXAMPLE}\n\n{codes}",
     )
-    add = made.add_argument
+    add = parser.add_argument
     add("--port", type=address, required=True, help="the gripper, as for grasp-runtime")
     add("--arm", type=address, required=True, metavar="URL", help="the arm, as for grasp-runtime")
     add(
@@ -136,7 +136,7 @@ def run(arguments: argparse.Namespace, drivers: Drivers, ask: Callable[[str], ob
             safety.ready_gripper(gripper)
             hand = Hand(gripper, arm, SystemClock(), table, handling)
             try:
-                found = middle.measure(hand, node, arguments.block, at, tell)
+                result = middle.measure(hand, node, arguments.block, at, tell)
             except BaseException as error:
                 for note in reach_safe_state(
                     gripper,
@@ -147,10 +147,10 @@ def run(arguments: argparse.Namespace, drivers: Drivers, ask: Callable[[str], ob
                 ):
                     error.add_note(note)
                 raise
-    made = replace(known, middle=found)
+    made = replace(known, middle=result)
     interrupts.conclude()  # measured: a stop request would stop nothing
     calibration.save(made, arguments.output)
-    _print(arguments, found, table)
+    _print(arguments, result, table)
     return 0
 
 
@@ -168,8 +168,8 @@ def _print(arguments: argparse.Namespace, found: Middle, table: Table) -> None:
     width_mm, leaves = middle.narrowest_mm(table), middle.left(found, table)
     beside = middle.off_mm(found, table)
     if arguments.json:
-        told = {"output": str(arguments.output), **found._asdict(), "narrowest_mm": width_mm}
-        say(json.dumps({**told, "beside_mm": beside, "doubt": leaves}))
+        record = {"output": str(arguments.output), **found._asdict(), "narrowest_mm": width_mm}
+        say(json.dumps({**record, "beside_mm": beside, "doubt": leaves}))
         return
     say(
         f"the fingers meet {found.across_mm:+.2f} +- {found.across_error_mm:.2f} mm off the hand's middle at "

@@ -78,8 +78,8 @@ def check_port(port: str, system: System) -> Iterator[Finding]:
         yield good("It is a pseudo-terminal, as a simulated cell has.")
     holders = list(_holders(path, system.proc))
     if holders:
-        told = ", ".join(f"{name} (process {pid})" for pid, name in holders)
-        yield bad(f"Port {port} is held by {told}.", "Stop it; two masters garble each other.")
+        message = ", ".join(f"{name} (process {pid})" for pid, name in holders)
+        yield bad(f"Port {port} is held by {message}.", "Stop it; two masters garble each other.")
     else:
         yield good("Nobody else holds the port.")
 
@@ -180,8 +180,8 @@ def check_table(table: Table, calibration: Calibration) -> Iterator[Finding]:
     """Whether the table can be executed with this gripper's counts."""
     problems = misfits(table, calibration)
     if problems:
-        told = f"The table does not fit this gripper: {problems[0]}."
-        yield bad(told, "Recompile or recalibrate.")
+        message = f"The table does not fit this gripper: {problems[0]}."
+        yield bad(message, "Recompile or recalibrate.")
         return
     yield good(f"The table fits this gripper: {len(table.nodes)} nodes, 256 counts each.")
 

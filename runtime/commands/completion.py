@@ -76,25 +76,25 @@ def script(found: Mapping[str, argparse.ArgumentParser]) -> str:
 def parsers() -> Iterator[tuple[str, argparse.ArgumentParser]]:
     """The commands whose extras are installed, each with its parser."""
     for name, source in COMMANDS.items():
-        made = _parser_in(source)
-        if made is None:
+        command = _parser_in(source)
+        if command is None:
             continue
         for subcommand, module in APART.get(name, {}).items():
             if own := _parser_in(module):
-                _subcommands(made)[subcommand] = _subcommands(own).get(subcommand, own)
-        yield name, made
+                _subcommands(command)[subcommand] = _subcommands(own).get(subcommand, own)
+        yield name, command
 
 
 def _parser_in(module: str) -> argparse.ArgumentParser | None:
     """The parser of a module; None if what it needs is not installed."""
     try:
-        made = import_module(module).parser()
+        command = import_module(module).parser()
     except ModuleNotFoundError as error:
         if (error.name or module).split(".")[0] in ("planner", "runtime", "drivers"):
             raise
         return None
-    assert isinstance(made, argparse.ArgumentParser)
-    return made
+    assert isinstance(command, argparse.ArgumentParser)
+    return command
 
 
 def _subcommands(command: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:

@@ -65,15 +65,15 @@ def run(arguments: argparse.Namespace, drivers: Drivers, system: System | None =
     measured = (
         None if arguments.calibration is None else calibration.load(arguments.calibration).table
     )
-    found: list[Finding] = []
+    results: list[Finding] = []
     with _devices(arguments) as (port, arm):
         for finding in findings(port, arm, table, measured, drivers, system or System()):
-            found.append(finding)
+            results.append(finding)
             if not arguments.json:
                 say(_as_line(finding))
-    bad = sum(finding.verdict is Verdict.BAD for finding in found)
+    bad = sum(finding.verdict is Verdict.BAD for finding in results)
     if arguments.json:
-        say(json.dumps({"fit": not bad, "findings": [_as_object(finding) for finding in found]}))
+        say(json.dumps({"fit": not bad, "findings": [_as_object(finding) for finding in results]}))
     if bad:
         raise CellCheckError(
             f"{bad} thing{'s' if bad > 1 else ''} to put right before this cell runs"
@@ -153,8 +153,8 @@ def _failed(device: str, error: Exception, remedy: str) -> Finding:
 
 
 def _as_line(finding: Finding) -> str:
-    told = f"{MARKS[finding.verdict]} {finding.sentence}"
-    return f"{told} -> {finding.remedy}" if finding.remedy else told
+    message = f"{MARKS[finding.verdict]} {finding.sentence}"
+    return f"{message} -> {finding.remedy}" if finding.remedy else message
 
 
 def _as_object(finding: Finding) -> dict[str, object]:

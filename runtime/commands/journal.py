@@ -96,19 +96,19 @@ def _subcommand(
     subcommands: "argparse._SubParsersAction[Parser]", name: str, body: object, told: str
 ) -> Parser:
     example = f"example:\n  grasp-journal {name} squeezetree-journal.jsonl{EXAMPLES.get(name, '')}"
-    made = subcommands.add_parser(
+    command = subcommands.add_parser(
         name,
         help=told,
         description=f"{told[0].upper()}{told[1:]}.",
         epilog=f"{example}\n\n{EXIT_CODES}",
     )
-    made.add_argument(
+    command.add_argument(
         "journal", type=Path, help="the journal; its sealed segments are read with it"
     )
     which = "a record" if name == "show" else "instead of text"
-    made.add_common(f"print one JSON object {which}")
-    made.set_defaults(run=body)
-    return made
+    command.add_common(f"print one JSON object {which}")
+    command.set_defaults(run=body)
+    return command
 
 
 def _verify(arguments: argparse.Namespace) -> int:
@@ -127,8 +127,8 @@ def _replay(arguments: argparse.Namespace) -> int:
     replay = Replay()
     findings = list(replay.follow(_entries(arguments.journal)))
     if arguments.json:
-        told = [finding._asdict() for finding in findings]
-        print(json.dumps({"decisions": replay.decisions, "findings": told}))
+        record = [finding._asdict() for finding in findings]
+        print(json.dumps({"decisions": replay.decisions, "findings": record}))
     else:
         for finding in findings:
             print(cleaned(f"record {finding.seq}: {finding.sentence}"))
@@ -172,10 +172,12 @@ def _show_times(arguments: argparse.Namespace) -> int:
     if arguments.node is not None:
         raise ArgumentsError("--times is of whole parts; leave out --node")
     try:
-        found = times_of(entries, arguments.takt)
+        result = times_of(entries, arguments.takt)
     except ValueError as error:
         raise JournalError(arguments.journal, f"an outcome's {error}") from error
-    print(json.dumps(found.fields()) if arguments.json else "\n".join(found.lines(arguments.takt)))
+    print(
+        json.dumps(result.fields()) if arguments.json else "\n".join(result.lines(arguments.takt))
+    )
     return 0
 
 
@@ -224,8 +226,8 @@ def _is_wanted(arguments: argparse.Namespace, entry: Entry) -> bool:
     try:
         return arguments.since is None or date(str(entry["time"])) >= arguments.since
     except ValueError:
-        told = f"record {entry['seq']} has a time that is no date; leave out --since"
-        raise JournalError(arguments.journal, told) from None
+        message = f"record {entry['seq']} has a time that is no date; leave out --since"
+        raise JournalError(arguments.journal, message) from None
 
 
 def _since(text: str) -> object:
@@ -239,10 +241,10 @@ def _since(text: str) -> object:
 
 def _line(entry: Entry) -> str:
     """Number, time, kind and what is left of a record that fits a line."""
-    told = " ".join(
+    message = " ".join(
         f"{name}={_short(value)}" for name, value in entry.items() if name not in recording.HIDDEN
     )
-    return f"{entry['seq']:>6} {entry['time']} {entry['kind']:<8} {told}"
+    return f"{entry['seq']:>6} {entry['time']} {entry['kind']:<8} {message}"
 
 
 def _short(value: object) -> str:

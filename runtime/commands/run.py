@@ -173,7 +173,7 @@ class _Asked:
     def check(self) -> int:
         """Tell that the table fits; look at the gripper where there is one. Nothing moves."""
         arguments, table, console = self.arguments, self.recipe.loaded.table, self.recipe.console
-        told: dict[str, object] = {"nodes": len(table.nodes), "gripper": None}
+        record: dict[str, object] = {"nodes": len(table.nodes), "gripper": None}
         origin = arguments.calibration or "the linear map"
         console.note(
             f"the table fits the gripper: {len(table.nodes)} nodes, 256 counts each, by {origin}"
@@ -190,9 +190,9 @@ class _Asked:
             count = gripper.state().position_counts
             width_mm = self.recipe.options.handling.widths(table).width_um(count) / 1000
             console.note(f"the gripper stands at count {count}, which is {width_mm:.2f} mm")
-            told["gripper"] = {"position_counts": count, "width_mm": width_mm}
+            record["gripper"] = {"position_counts": count, "width_mm": width_mm}
         if arguments.json:
-            say(json.dumps(told))
+            say(json.dumps(record))
         return 0
 
     def dry_run(self) -> int:

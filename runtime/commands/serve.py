@@ -147,8 +147,8 @@ class RobotServer:
 
     def _answer(self, line: bytes) -> None:
         # Other letters than the protocol's are no request, whatever they are.
-        told = self._parts.answer(line.decode("latin-1").removesuffix("\r"))
-        if not _sent(self._robot, told):
+        reply = self._parts.answer(line.decode("latin-1").removesuffix("\r"))
+        if not _sent(self._robot, reply):
             self._hang_up(None)
 
     def _hang_up(self, number: int | None) -> None:
@@ -157,8 +157,8 @@ class RobotServer:
             return
         robot, self._robot, self._read = self._robot, None, b""
         self._part_with(robot, number)
-        told = "the robot hung up" if number is None else refused(number)
-        self._parts.give_up(Outcome.ABORTED, told)
+        message = "the robot hung up" if number is None else refused(number)
+        self._parts.give_up(Outcome.ABORTED, message)
 
     def _part_with(self, robot: socket.socket, number: int | None) -> None:
         """Tell why, and wait for the other side to hang up: closed at once, the line might be lost."""

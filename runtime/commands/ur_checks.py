@@ -82,19 +82,20 @@ def _check(host: str, wanted: int, listens: Accepts) -> Iterator[Finding]:
 
 
 def _without_urcap(host: str, *, forwarded: bool, polyscope_x: bool) -> Finding:
-    told = f"Nobody listens on port {GRIPPER} of {host}, where Robotiq's URCap should."
+    message = f"Nobody listens on port {GRIPPER} of {host}, where Robotiq's URCap should."
     if forwarded:
         return bad(
-            told,
+            message,
             f"The tool connector is forwarded; use --port rtu+tcp://{host}:{FORWARDER} instead.",
         )
     if polyscope_x:
         return bad(
-            f"{told} There is no dashboard either, as on PolyScope X, whose gripper URCap has no such port.",
+            f"{message} There is no dashboard either, as on PolyScope X, "
+            "whose gripper URCap has no such port.",
             f"Install the tool communication forwarder's URCap and use --port rtu+tcp://{host}:{FORWARDER}.",
         )
     return bad(
-        told,
+        message,
         "Install the URCap, enable its gripper in the installation, and allow the port under Settings, "
         "Security (inbound access).",
     )

@@ -81,16 +81,16 @@ class AuditProcess(ChildProcess):
                 table.
         """
         try:
-            told = self._ask({"part": 0}, START_S)
+            reply = self._ask({"part": 0}, START_S)
         except ValueError:
-            told = {}
+            reply = {}
         except OSError as error:
             raise ArgumentsError(f"--audit {self._command!r}: {error}") from error
-        if "verdict" not in told:
+        if "verdict" not in reply:
             raise ArgumentsError(
                 f"--audit {self._command!r} answers without a verdict; for a JSON line a part it gives one"
             )
-        stated, run = told.get("table_sha256"), self._common.get("table_sha256")
+        stated, run = reply.get("table_sha256"), self._common.get("table_sha256")
         if run is not None and stated not in (None, run):
             raise ArgumentsError(
                 f"--audit judges by another table, with the SHA-256 {str(stated)[:16]}, than the one that is "
@@ -130,13 +130,16 @@ def answer_of(
         `verdict`, and whatever else it told in plain numbers and short sentences: what it measured, and why.
     """
     try:
-        told = dict(auditor.judge(part, *pose, hypothesis))
+        record = dict(auditor.judge(part, *pose, hypothesis))
     except Exception as error:
         return {"verdict": UNKNOWN, "reason": one_line(error)[:MAX_TEXT]}
     plain = {
-        name: value for name, value in told.items() if name.isidentifier() and _is_plain(value)
+        name: value for name, value in record.items() if name.isidentifier() and _is_plain(value)
     }
-    return {**plain, "verdict": told.get("verdict") if told.get("verdict") in VERDICTS else UNKNOWN}
+    return {
+        **plain,
+        "verdict": record.get("verdict") if record.get("verdict") in VERDICTS else UNKNOWN,
+    }
 
 
 def _is_plain(value: object) -> bool:

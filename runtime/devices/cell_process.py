@@ -42,8 +42,8 @@ class CellProcess(ChildProcess):
         try:
             super().__init__(command, _environment())
         except OSError as error:
-            told = f"grasp-cell cannot be started: {error.strerror}: {command[0]}"
-            raise CellStartError(f"{told}; try it by itself") from error
+            message = f"grasp-cell cannot be started: {error.strerror}: {command[0]}"
+            raise CellStartError(f"{message}; try it by itself") from error
         try:
             self.endpoints = self._endpoints()
         except BaseException:  # Ctrl-C, too, must not leave the process behind
@@ -63,9 +63,9 @@ class CellProcess(ChildProcess):
                 f"grasp-cell ended with exit code {code} before it served; see its line above"
             ) from None
         try:
-            told = json.loads(line)
+            record = json.loads(line)
             return Endpoints(
-                **{name: str(told[name]) for name in Endpoints._fields if name in told}
+                **{name: str(record[name]) for name in Endpoints._fields if name in record}
             )
         except (ValueError, TypeError) as error:
             raise CellStartError(

@@ -69,11 +69,11 @@ def _bound(name: str, port: str) -> socket.socket:
             ) from error
         owner = _owner(address)
         if owner == str(os.getpid()):
-            told = "this command itself under another name", "name another device"
+            message = "this command itself under another name", "name another device"
         else:
-            told = "another process of squeezetree", "stop that first"
+            message = "another process of squeezetree", "stop that first"
         raise PortBusyError(
-            f"port {port} is in use by {told[0]} (process {owner}); {told[1]}"
+            f"port {port} is in use by {message[0]} (process {owner}); {message[1]}"
         ) from None
     return made
 
@@ -115,10 +115,10 @@ def _addresses(url: str) -> list[str]:
     except ValueError:
         return [url]
     try:
-        found = {str(row[4][0]) for row in addresses_of(host, number, LOOK_UP_S)}
+        record = {str(row[4][0]) for row in addresses_of(host, number, LOOK_UP_S)}
     except (OSError, UnicodeError):
-        found = {host}  # which nobody can connect to
-    addresses = {_canonical(text) for text in found}
+        record = {host}  # which nobody can connect to
+    addresses = {_canonical(text) for text in record}
     ports, unit = _together(parts.scheme, number), _unit(parts)
     return sorted(f"{address} {port}{unit}" for address in addresses for port in ports)
 

@@ -161,9 +161,9 @@ def load(path: Path) -> GripperCalibration:
             f"calibration {path}: {problem}; make it again with grasp-calibrate width"
         )
 
-    told = strict_json.load(path, refused)
+    record = strict_json.load(path, refused)
     try:
-        return _parsed(told)
+        return _parsed(record)
     except (LookupError, TypeError, ValueError, TableError, CalibrationError) as error:
         raise refused(str(error)) from error
 

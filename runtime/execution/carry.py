@@ -85,7 +85,7 @@ def choose(
         MotionRefusedError: there is none; why the plainest one cannot be gone.
     """
     refusals: dict[tuple[float, ...], str] = {}  # the hand's angle has no part in them
-    found: list[tuple[float, Way]] = []
+    results: list[tuple[float, Way]] = []
     for taken, put in _same(delivery, table, leaf):
         to = Way(sent(taken, middle_mm), sent(put, middle_mm))
         places = (*to.taken[:2], *to.put[:2])
@@ -95,15 +95,15 @@ def choose(
             continue
         for here, there in product(_turns(taken, start[3], arm), _turns(put, start[3], arm)):
             turn = abs(here[2] - start[3]) + abs(there[2] - here[2])
-            found.append((turn, Way(here, there)))
-    if not found:
+            results.append((turn, Way(here, there)))
+    if not results:
         x_mm, y_mm, angle_rad = compose(delivery.drop, delivery.grasp)
         raise MotionRefusedError(
             next(iter(refusals.values()))
             or f"the wrist cannot turn the hand to {degrees(angle_rad):.1f} deg at "
             f"({x_mm:.2f}, {y_mm:.2f}) mm, or not to where the part is taken"
         )
-    return min(found)[1]
+    return min(results)[1]
 
 
 def deliver(hand: Hand, delivery: Delivery, leaf: Leaf, table: Table) -> str | None:

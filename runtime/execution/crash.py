@@ -62,12 +62,13 @@ def look(
         raise
     if broken is None:
         return None
-    told = f"the last run in {journal.path} broke off {_where(broken)}"
+    message = f"the last run in {journal.path} broke off {_where(broken)}"
     if policy == ABORT:
         interrupts.conclude()  # given up in the journal and told so, or neither
         _give_up(journal, broken)
         raise BrokenRunError(
-            f"{told}; it is given up and nothing was moved: look at the fingers, clear the cell, start again"
+            f"{message}; it is given up and nothing was moved: "
+            "look at the fingers, clear the cell, start again"
         )
     now_told = {**fields, "table_sha256": hashlib.sha256(table).hexdigest()}
     for name, what in SAME.items():
@@ -77,12 +78,14 @@ def look(
             )
     if broken.last is Last.PUSHING and policy == RESUME:
         raise BrokenRunError(
-            f"{told}, while the part was pushed, and nobody knows where it lies; start with --after-crash "
+            f"{message}, while the part was pushed, and nobody knows where it lies; start with --after-crash "
             f"{RESTART}, which begins with that part again, or with --after-crash {ABORT}"
         )
     if broken.part is not None:
         _check_recent(journal.last_part[-1], now, most_s)
-    console.note(f"{told}; {'going on with it' if policy == RESUME else 'starting that part over'}")
+    console.note(
+        f"{message}; {'going on with it' if policy == RESUME else 'starting that part over'}"
+    )
     if policy == RESTART:  # from the root; what the hand may hold is kept
         broken.traversal, broken.steps = TraversalState(), []
     return broken
@@ -143,8 +146,10 @@ def _check_recent(last: Entry, now: Entry, most_s: float) -> None:
 
 def _give_up(journal: Journal, broken: Replay) -> None:
     if broken.part is not None:
-        told, notes = "the run broke off", ("nothing was moved",)
-        result = PartResult.of(broken.part, Outcome.ABORTED, broken.steps, told, safe_state=notes)
+        message, notes = "the run broke off", ("nothing was moved",)
+        result = PartResult.of(
+            broken.part, Outcome.ABORTED, broken.steps, message, safe_state=notes
+        )
         journal.record("outcome", result.fields())
     journal.record("end", GIVEN_UP)
 

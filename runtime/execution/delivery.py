@@ -103,7 +103,7 @@ def by_name(words: Sequence[str], table: Table) -> Sorting:
         raise ArgumentsError(
             "--deliver: this table does not tell both which part it is and where it lies"
         )
-    found: dict[str, Delivery] = {}
+    result: dict[str, Delivery] = {}
     for word in words:
         name, sign, place = word.rpartition("=")
         if not sign or name not in numbers.values():
@@ -112,12 +112,12 @@ def by_name(words: Sequence[str], table: Table) -> Sorting:
                 f"--deliver {word!r}: the table leaves open which part it is; write NAME=x,y,angle, the name "
                 f"one of: {known}"
             )
-        if name in found:
+        if name in result:
             raise ArgumentsError(
                 f"--deliver {word!r}: {name} has a place already; give each part one"
             )
-        found[name] = from_text(place) if "," in place else from_file(Path(place))
-    return Sorting(found, numbers)
+        result[name] = from_text(place) if "," in place else from_file(Path(place))
+    return Sorting(result, numbers)
 
 
 def from_file(path: Path) -> Delivery:

@@ -25,14 +25,14 @@ def tell(table: Table, gripper: Gripper, arm: Arm, options: RunOptions) -> list[
     seen, pose = gripper.state(), arm.pose()
     width_mm = calibration.width_um(seen.position_counts) / 1000
     activity = "active" if seen.activated else "NOT ACTIVE"
-    told = [
+    lines = [
         f"gripper: {activity}, fault 0x{seen.fault:02X}, count {seen.position_counts} ({width_mm:.2f} mm)",
         f"arm: at ({pose[0]:.2f}, {pose[1]:.2f}, {pose[2]:.2f}) mm, {degrees(pose[3]):.1f} deg",
     ]
     if (holds := held.look(seen, calibration)) is not None:
-        told.append(f"{holds.sentence()}; a run would be refused")
+        lines.append(f"{holds.sentence()}; a run would be refused")
     if handling.middle_mm:
-        told.append(
+        lines.append(
             f"the fingers meet {handling.middle_mm:+.2f} mm off the hand's middle, along its y: "
             "the arm is sent as far beside every place"
         )
@@ -43,7 +43,7 @@ def tell(table: Table, gripper: Gripper, arm: Arm, options: RunOptions) -> list[
             for (x_mm, y_mm, angle_rad), height_mm in product(ways, heights):
                 safety.check_target((x_mm, y_mm, height_mm, angle_rad), table.limits)
             (x_mm, y_mm, angle_rad), (to_x_mm, to_y_mm, _) = ways
-            told.append(
+            lines.append(
                 f"node {index}, before: jaws to count {calibration.count(push.opening_um)}, push from "
                 f"({x_mm:.2f}, {y_mm:.2f}) mm, {degrees(angle_rad):.1f} deg, to ({to_x_mm:.2f}, "
                 f"{to_y_mm:.2f}) mm at {push.speed_um_s / 1000:g} mm/s"
@@ -62,7 +62,7 @@ def tell(table: Table, gripper: Gripper, arm: Arm, options: RunOptions) -> list[
             f"{plan_of_jaws[-1].request_counts}/{plan_of_jaws[-1].speed_counts}/{force}"
             for force in forces
         ]
-        told.append(
+        lines.append(
             f"node {index}: open to count {strokes.opening_counts(node.squeeze.opening_um, calibration)}, "
             f"hand to ({x_mm:.2f}, {y_mm:.2f}) mm, {degrees(angle_rad):.1f} deg, down to {heights[0]:g} mm, "
             f"close by position/speed/force {', '.join(requests)}"
@@ -72,5 +72,5 @@ def tell(table: Table, gripper: Gripper, arm: Arm, options: RunOptions) -> list[
         for part, own in options.delivery.each():
             x_mm, y_mm, angle_rad = own.drop
             place = f"({x_mm:.2f}, {y_mm:.2f}) mm, {degrees(angle_rad):.1f} deg"
-            told.append(f"delivery: {part} from every leaf to {place}")
-    return told
+            lines.append(f"delivery: {part} from every leaf to {place}")
+    return lines

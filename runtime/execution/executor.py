@@ -269,13 +269,13 @@ class Executor:
         if delivery is not None:
             self._console.phase(result.part, Phase.DELIVER, None)
             # With the pose, which is the answer even where the delivery comes to nothing.
-            found = {
+            document = {
                 "leaf": result.leaf,
                 "x_um": leaf.x_um,
                 "y_um": leaf.y_um,
                 "theta_urad": leaf.theta_urad,
             }
-            self._cell.journal.record("delivery", {"part": result.part, "begun": True, **found})
+            self._cell.journal.record("delivery", {"part": result.part, "begun": True, **document})
             self._found = result.leaf
             missed = deliver(self._hand, delivery, leaf, self._table)
             result = result.delivered(missed)

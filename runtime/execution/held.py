@@ -92,19 +92,19 @@ def put_down(
     # Of several parts nobody knows which one they hold, and so in which area it was carried.
     if isinstance(delivery, Delivery) and delivery.area_um is not None and not inside:
         limits = replace(limits, work_area_um=delivery.area_um)
-    told = {
+    document = {
         "x_mm": pose[0],
         "y_mm": pose[1],
         "position_counts": count,
         "width_mm": round(width_mm, 3),
     }
-    journal.record("put_down", {**told, "begun": True})
+    journal.record("put_down", {**document, "begun": True})
     with hand.limited(limits):
         hand.lower(pose[0], pose[1], pose[3], width_mm)
         hand.release(table.nodes[0].squeeze._replace(opening_um=wide_um))
         hand.retreat()
-    journal.record("put_down", {**told, "begun": False})
-    return told
+    journal.record("put_down", {**document, "begun": False})
+    return document
 
 
 def _last_end(path: Path, entries: Iterable[Entry]) -> str:

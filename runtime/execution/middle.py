@@ -120,9 +120,11 @@ def check(table: Table, middle_mm: float) -> None:
     """
     height_mm = table.limits.retreat_height_um / 1000
     for node in table.nodes:
-        found = [placement(node.squeeze, release_point(node, k)) for k in range(len(node.branches))]
+        results = [
+            placement(node.squeeze, release_point(node, k)) for k in range(len(node.branches))
+        ]
         ends = [end for push in node.pushes for end in (placement(push), end_of(push))]
-        for place in (placement(node.squeeze), *found, *ends):
+        for place in (placement(node.squeeze), *results, *ends):
             x_mm, y_mm, angle_rad = sent(place, middle_mm)
             safety.check_target((x_mm, y_mm, height_mm, angle_rad), table.limits)
 
@@ -172,10 +174,10 @@ def measure(
     halves = []
     for turn in (0.0, pi):
         about = (*at[:2], at[2] + turn)
-        found = _look(hand, node, block_mm, about)
-        offs = [found + side * off for off in FINE_MM for side in (-1, 1)]
+        result = _look(hand, node, block_mm, about)
+        offs = [result + side * off for off in FINE_MM for side in (-1, 1)]
         grips = [_grip(hand, node, about, off) for off in offs]
-        halves.append((found, grips))
+        halves.append((result, grips))
         tell(f"{len(grips) + 2} grips with the hand {'turned half round' if turn else 'as stated'}")
     return fit(block_mm, halves)
 
@@ -188,12 +190,12 @@ def _look(hand: Hand, node: Node, block_mm: float, about: Pose2) -> float:
             f"the jaws read {below:.2f} and {above:.2f} mm on a block of {block_mm:g} mm, {COARSE_MM:g} mm "
             "beside its middle: it gives way, or is another; hold it fast"
         )
-    found = (below - above) / 4.0
-    if abs(found) > NEAR_MM:
+    result = (below - above) / 4.0
+    if abs(result) > NEAR_MM:
         raise CalibrationError(
-            f"the block stands about {found:+.1f} mm off, along the hand's y; correct --at"
+            f"the block stands about {result:+.1f} mm off, along the hand's y; correct --at"
         )
-    return found
+    return result
 
 
 def _grip(hand: Hand, node: Node, about: Pose2, off_mm: float) -> Grip:
@@ -215,7 +217,7 @@ def _grip(hand: Hand, node: Node, about: Pose2, off_mm: float) -> Grip:
 
 def fit(block_mm: float, halves: Sequence[tuple[float, Sequence[Grip]]]) -> Middle:
     """What both halves say, each where it found the block and its grips; or CalibrationError."""
-    lines = [_line(block_mm, found, grips) for found, grips in halves]
+    lines = [_line(block_mm, result, grips) for result, grips in halves]
     rough = max(line.residual_mm for line in lines)
     if not rough <= ROUGH_MM:
         raise CalibrationError(

@@ -42,8 +42,8 @@ def rows(entries: Iterable[Entry]) -> Iterator[Row]:
     for entry in entries:
         kind = entry["kind"]
         if kind == "squeeze":
-            told = {name: scaled(source, entry.get(source)) for name, source in SQUEEZE.items()}
-            part.append({"run": run, "table_sha256": table, **told, **dict.fromkeys(PART)})
+            record = {name: scaled(source, entry.get(source)) for name, source in SQUEEZE.items()}
+            part.append({"run": run, "table_sha256": table, **record, **dict.fromkeys(PART)})
         elif kind in ("header", "part", "outcome"):
             ended = {name: entry.get(name) for name in PART} if kind == "outcome" else {}
             yield from ({**row, **ended} for row in part)

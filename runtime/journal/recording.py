@@ -133,8 +133,8 @@ class _Recording:
         if entry.get("outcome") != "leaf" or self._table is None or not isinstance(leaf, int):
             return
         if 0 <= leaf < len(self._table.leaves):
-            found = self._table.leaves[leaf]
-            self._pose("/part", entry, moment_ns, found.x_um, found.y_um, found.theta_urad)
+            result = self._table.leaves[leaf]
+            self._pose("/part", entry, moment_ns, result.x_um, result.y_um, result.theta_urad)
 
     def _pose(self, topic: str, entry: Entry, moment_ns: int, *pose: object) -> None:
         x_um, y_um, angle_urad = (float(str(number)) for number in pose)
@@ -187,8 +187,8 @@ def _stamp(moment_ns: int) -> dict[str, int]:
 
 def _told(names: Mapping[str, str], entry: Entry) -> dict[str, object]:
     """What of a record is known; viewers plot what is there."""
-    told = {name: scaled(source, entry.get(source)) for name, source in names.items()}
-    return {name: value for name, value in told.items() if value is not None}
+    record = {name: scaled(source, entry.get(source)) for name, source in names.items()}
+    return {name: value for name, value in record.items() if value is not None}
 
 
 def _log_line(entry: Entry, stamp: Mapping[str, int]) -> dict[str, object]:
@@ -202,5 +202,5 @@ def _log_line(entry: Entry, stamp: Mapping[str, int]) -> dict[str, object]:
         f"{name}={json.dumps(value)}" for name, value in entry.items() if name not in HIDDEN
     )
     words = f"{entry['kind']} {shown}".strip()
-    told = {"timestamp": stamp, "level": level, "message": words}
-    return {**told, "name": "journal", "file": "", "line": entry["seq"]}
+    record = {"timestamp": stamp, "level": level, "message": words}
+    return {**record, "name": "journal", "file": "", "line": entry["seq"]}

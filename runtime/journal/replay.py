@@ -145,8 +145,8 @@ class Replay:
             yield f"reports leaf {entry['leaf']} with the outcome {entry['outcome']}"
         if outcome is not None:
             if (outcome, entry.get("leaf")) != (self.traversal.outcome, self.traversal.leaf):
-                told = f"{outcome.name}, leaf {entry.get('leaf')}"
-                yield f"reports {told}; the path leads to {_sketch(self.traversal)}"
+                message = f"{outcome.name}, leaf {entry.get('leaf')}"
+                yield f"reports {message}; the path leads to {_sketch(self.traversal)}"
             missed = entry.get("delivery") == "missed"
             if entry.get("exit_code") != EXIT_CODES[outcome] and not missed:
                 yield f"reports exit code {entry.get('exit_code')}, {outcome.name} has {EXIT_CODES[outcome]}"

@@ -34,46 +34,48 @@ class Lines(Console):
 
     def part(self, result: PartResult, seen: Sighting | None) -> None:
         """Print leaf, predicted pose, success probability, and the true error where it is known."""
-        told = f"part {result.part}: {result.outcome.name}"
+        message = f"part {result.part}: {result.outcome.name}"
         if result.leaf is not None:
             leaf = self._table.leaves[result.leaf]
             success = (
                 "never tried" if leaf.success is None else f"{leaf.success:.4f} of {leaf.trials}"
             )
             named = "" if (name := self._table.name_of(leaf)) is None else f"{name}, "
-            told += f", leaf {result.leaf}, {named}{_pose(predicted_pose(leaf))}, success {success}"
+            message += (
+                f", leaf {result.leaf}, {named}{_pose(predicted_pose(leaf))}, success {success}"
+            )
             datum = self._frames[leaf.hypothesis].datum
             if datum is not None and leaf.resolved:
-                told += f", datum {_pose(compose(predicted_pose(leaf), datum))}"
+                message += f", datum {_pose(compose(predicted_pose(leaf), datum))}"
             if (error := _expected_error(leaf)) is not None:
-                told += f", error {error['median']:.2f} mm (95 %: {error['p95']:.2f})"
+                message += f", error {error['median']:.2f} mm (95 %: {error['p95']:.2f})"
         if seen is not None and seen.error_mm is not None:
-            told += f"; true error {seen.error_mm:.2f} mm"
+            message += f"; true error {seen.error_mm:.2f} mm"
         if seen is not None and seen.hypothesis is not None:
-            told += f"; it is {seen.hypothesis}"
-        told += "".join(f"; {sentence}" for sentence in _sentences(result))
-        say(told)
+            message += f"; it is {seen.hypothesis}"
+        message += "".join(f"; {sentence}" for sentence in _sentences(result))
+        say(message)
 
     def summary(self, tally: Tally, journal: Path) -> None:
         """Print counts of outcomes, parts within the goal, mean squeezes, and where the journal is."""
-        told = [
+        lines = [
             f"{tally.outcomes[outcome]} {outcome.name}"
             for outcome in Outcome
             if tally.outcomes[outcome]
         ]
         if tally.within is not None:
-            told.append(f"{tally.within} within {_goal(self._table.goal)}")
+            lines.append(f"{tally.within} within {_goal(self._table.goal)}")
         if tally.crashes is not None:
-            told.append(f"{tally.crashes} crashes")
-        told.append(f"{tally.squeezes / max(tally.parts, 1):.2f} squeezes a part")
+            lines.append(f"{tally.crashes} crashes")
+        lines.append(f"{tally.squeezes / max(tally.parts, 1):.2f} squeezes a part")
         if times := tally.times():
-            told.append(
+            lines.append(
                 f"{times['seconds_mean']:.1f} s a part, 95 % within {times['seconds_p95']:.1f} s"
             )
         if "takt_probability" in times:
-            told.append(f"{times['takt_probability']:.1%} within {tally.takt_s:g} s")
+            lines.append(f"{times['takt_probability']:.1%} within {tally.takt_s:g} s")
         parts = "1 part" if tally.parts == 1 else f"{tally.parts} parts"
-        say(f"{parts}: {', '.join(told)}; journal {journal}")
+        say(f"{parts}: {', '.join(lines)}; journal {journal}")
 
 
 class Objects(Console):
@@ -158,9 +160,9 @@ def _reached(step: Step) -> str:
 
 
 def _sentences(result: PartResult) -> list[str]:
-    told = [] if result.audit is None else [f"audit: {result.audit}"]
-    told += [] if result.delivery is None else [f"delivery: {result.delivery}"]
-    return [*told, *([result.reason] if result.reason else []), *result.safe_state]
+    lines = [] if result.audit is None else [f"audit: {result.audit}"]
+    lines += [] if result.delivery is None else [f"delivery: {result.delivery}"]
+    return [*lines, *([result.reason] if result.reason else []), *result.safe_state]
 
 
 def _expected_error(leaf: Leaf) -> dict[str, float] | None:

@@ -96,9 +96,9 @@ def load(path: Path) -> Expectation:
     def refused(problem: str) -> ArgumentsError:
         return ArgumentsError(f"--expected {path}: {problem}; make it with plan-expect")
 
-    told = strict_json.load(path, refused)
+    record = strict_json.load(path, refused)
     try:
-        return _checked(told)
+        return _checked(record)
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
         raise refused(f"does not hold {KIND} of version {VERSION}") from error
 

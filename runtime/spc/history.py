@@ -71,8 +71,8 @@ def read(paths: Sequence[Path]) -> History:
                         digest = str(entry["table_sha256"])
                         table = loads(base64.b64decode(str(entry["table_base64"])))
                     elif digest != entry["table_sha256"]:
-                        told = "is of another table; report on one table at a time"
-                        raise ArgumentsError(f"journal {path}: {told}")
+                        message = "is of another table; report on one table at a time"
+                        raise ArgumentsError(f"journal {path}: {message}")
                     running = None
                 elif kind == "truth" and parts and running is None:
                     parts[-1] = _with_truth(parts[-1], entry)
@@ -90,8 +90,8 @@ def read(paths: Sequence[Path]) -> History:
                     parts.append(_ended(running, audit, entry, table))
                     running = None
         except (KeyError, ValueError, IndexError) as error:
-            told = "holds a squeeze or a leaf that is none of its table's; leave it out"
-            raise JournalError(path, told) from error
+            message = "holds a squeeze or a leaf that is none of its table's; leave it out"
+            raise JournalError(path, message) from error
     if table is None or not parts:
         raise ArgumentsError("the journals hold no part yet; run some first")
     return History(table, tuple(parts), digest)

@@ -86,13 +86,13 @@ class Monitor:
 
     def add(self, part: Part) -> list[tuple[str, str]]:
         """Take one part in; the charts that alarm, each with its sentence."""
-        found = [(chart, MEANING[chart]) for chart in self._alarmed(part)]
+        results = [(chart, MEANING[chart]) for chart in self._alarmed(part)]
         if self.readings is not None:
             world = self.readings.add(self.table, part)
             self._draw("friction", log1p(self.readings.value if world is None else LIMIT))
             if world is not None:
-                found.append(("readings", MEANING["readings"].format(world)))
-        return found
+                results.append(("readings", MEANING["readings"].format(world)))
+        return results
 
     def _alarmed(self, part: Part) -> Iterator[str]:
         shifted = False

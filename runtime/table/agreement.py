@@ -94,9 +94,9 @@ def _parts(table: Table, job: Section) -> Compared:
         where = f"hypothesis {index}: " if table.hypotheses else "goal."
         yield from _scaled(f"{where}symmetry", goal.symmetry, part, "symmetry", scale=1)
         if table.hypotheses:
-            own = table.hypotheses[index]
-            yield f"{where}name", own.name, part.get("name", own.name)
-            yield from _scaled(f"{where}share_ppm", own.share_ppm, entry, "share", scale=PPM)
+            hypothesis = table.hypotheses[index]
+            yield f"{where}name", hypothesis.name, part.get("name", hypothesis.name)
+            yield from _scaled(f"{where}share_ppm", hypothesis.share_ppm, entry, "share", scale=PPM)
         if outline := points(part, "outline_mm"):
             rho_um = round(UM * gyration_mm(outline))
             agrees = abs(rho_um - goal.rho_um) <= RHO_UM

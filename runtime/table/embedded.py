@@ -12,10 +12,10 @@ Outline = Sequence[tuple[float, float]]  # vertices, counter-clockwise about the
 
 def section(job: Section, name: str) -> Section:
     """A section of a job; empty where it has none."""
-    found = job.get(name, {})
-    if not isinstance(found, dict):
+    result = job.get(name, {})
+    if not isinstance(result, dict):
         raise _refusal(name, "is no section")
-    return found
+    return result
 
 
 def parts_of(job: Section) -> list[Section]:
@@ -34,12 +34,12 @@ def number(table: Section, key: str) -> float | None:
 
 def numbers(table: Section, *keys: str) -> list[float]:
     """The numbers that stand under some keys, one or a list each; those that are not stated are left out."""
-    found: list[float] = []
+    results: list[float] = []
     for key in keys:
         value = table.get(key)
         values = value if isinstance(value, list) else [] if value is None else [value]
-        found += [_number(item, key) for item in values]
-    return found
+        results += [_number(item, key) for item in values]
+    return results
 
 
 def points(table: Section, key: str) -> Outline:

@@ -201,8 +201,8 @@ class Table:
         """The goal for a part, under its own symmetry."""
         if not self.hypotheses:
             return self.goal
-        own = self.hypotheses[hypothesis]
-        return replace(self.goal, rho_um=own.rho_um, symmetry=own.symmetry)
+        part = self.hypotheses[hypothesis]
+        return replace(self.goal, rho_um=part.rho_um, symmetry=part.symmetry)
 
     def name_of(self, leaf: Leaf) -> str | None:
         """Which part a leaf names; None where only one may lie there."""

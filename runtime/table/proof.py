@@ -72,9 +72,9 @@ def prove(table: Table) -> None:
         if unread:
             number = min(unread)
             low, high = node.branches[number].low_um / 1000, node.branches[number].high_um / 1000
-            told = f"{low:.2f}..{high:.2f} mm"
+            message = f"{low:.2f}..{high:.2f} mm"
             raise TableError(
-                f"node {index}, branch {number}: no encoder count means {told}; widen it"
+                f"node {index}, branch {number}: no encoder count means {message}; widen it"
             )
     for index, leaf in enumerate(table.leaves):
         _within(f"leaf {index}: error_median_um", leaf.error_median_um, 0, leaf.error_p95_um)
@@ -270,8 +270,8 @@ def _prove_tree(table: Table) -> None:
         for number, branch in enumerate(node.branches):
             following = len(depths) if branch.target >= 0 else ~leaves
             if branch.target != following:
-                told = f"target is {branch.target}, where breadth first it is {following}"
-                raise TableError(f"node {index}, branch {number}: {told}")
+                message = f"target is {branch.target}, where breadth first it is {following}"
+                raise TableError(f"node {index}, branch {number}: {message}")
             if branch.target >= 0:
                 depths.append(depths[index] + 1)
             else:

@@ -34,5 +34,5 @@ def same_turns(angle_rad: float, low_rad: float, high_rad: float, near_rad: floa
     """The angles within a range that are whole turns off an angle, the nearest to another one first."""
     nearest = angle_rad + tau * round((near_rad - angle_rad) / tau)
     turns = (nearest + tau * number for number in range(-MOST_TURNS, MOST_TURNS + 1))
-    found = [turn for turn in turns if low_rad <= turn <= high_rad]
-    return sorted(found, key=lambda turn: abs(turn - near_rad))
+    results = [turn for turn in turns if low_rad <= turn <= high_rad]
+    return sorted(results, key=lambda turn: abs(turn - near_rad))

@@ -49,14 +49,14 @@ def loop(parts: int, time_scale: float) -> dict[str, Any]:
     """Runs parts through the whole cell; a run that ends in a fault is followed by another."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        made = calibrated(folder)
+        fitted = calibrated(folder)
         dump(audit_loops.mixed(load(TREE).table), folder / "mixed.msgpack")
         tree = folder / "mixed.msgpack"
-        found = audit_loops.loop(tree, folder, parts=parts, seed=100, time_scale=time_scale)
+        result = audit_loops.loop(tree, folder, parts=parts, seed=100, time_scale=time_scale)
     # On a busy machine deadlines fail at many times life's speed; whose, the first word says.
-    faults = Counter(reason.partition(" ")[0] for reason in found.faults)
-    told = {"outcomes": dict(found.outcomes), "faults": dict(faults), "time_scale": time_scale}
-    return audit_loops.agreement(found.parts) | told | {"calibration": made}
+    faults = Counter(reason.partition(" ")[0] for reason in result.faults)
+    record = {"outcomes": dict(result.outcomes), "faults": dict(faults), "time_scale": time_scale}
+    return audit_loops.agreement(result.parts) | record | {"calibration": fitted}
 
 
 def calibrated(folder: Path) -> dict[str, float]:

@@ -33,12 +33,12 @@ def bench(name: str, parts: int, dense: bool) -> dict[str, Any]:
     job = job_file.load(TREES / name / "job.toml")
     table = table_of(name).table
     start = time.process_time()
-    found = certify(job, table, parts, dense)
-    row = {"job": name, "mean_squeezes": found.mean, **found.figures()}
+    result = certify(job, table, parts, dense)
+    row = {"job": name, "mean_squeezes": result.mean, **result.figures()}
     row["cpu_seconds"] = round(time.process_time() - start, 1)
     print(
         f"{name:14} {row['mean_squeezes']:.3f} squeezes, bound {row['squeezes']:.3f} "
-        f"(leaves {found.leaves.squeezes:.3f}, overall {found.overall.squeezes:.3f}), "
+        f"(leaves {result.leaves.squeezes:.3f}, overall {result.overall.squeezes:.3f}), "
         f"{row['above_bound']:+.1%}, {row['cpu_seconds']} s of processor time",
         flush=True,
     )
@@ -59,8 +59,8 @@ def main() -> None:
         rows[name, options.dense] = bench(name, options.parts, options.dense) | {
             "dense": options.dense
         }
-        told = [rows[key] for key in sorted(rows)]
-        RESULTS.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
+        lines = [rows[key] for key in sorted(rows)]
+        RESULTS.write_text(json.dumps(lines, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -65,13 +65,13 @@ def calibrated(folder: Path, seed: int) -> dict[str, Any]:
     camera, _ = album.write(standard_rig(), folder, seed)
     if calibrate_command.main(shlex.split(camera)):
         raise SystemExit("the calibration was refused")
-    made = calibration.load(folder / "camera.json")
+    fitted = calibration.load(folder / "camera.json")
     return {
-        "views": made.views,
-        "rms_px": made.rms_px,
-        "alignment_mm": made.alignment_mm,
-        "focal_px": made.view.lens.focal,
-        "eye_mm": made.view.eye.tolist(),
+        "views": fitted.views,
+        "rms_px": fitted.rms_px,
+        "alignment_mm": fitted.alignment_mm,
+        "focal_px": fitted.view.lens.focal,
+        "eye_mm": fitted.view.eye.tolist(),
     }
 
 
@@ -79,13 +79,13 @@ def poses(rng: np.random.Generator, view: View, count: int) -> list[tuple[float,
     """Poses all over what the camera sees, tags and their margins inside the picture."""
     reach = 0.5 * SIDE_MM * 1.25 * np.sqrt(2.0)
     rim = np.array([(x, y) for x in (-reach, reach) for y in (-reach, reach)])
-    found = []
-    while len(found) < count:
+    results = []
+    while len(results) < count:
         pose = tuple(map(float, rng.uniform((-500.0, -280.0, -np.pi), (500.0, 280.0, np.pi))))
         pixels = view.pixels_at(rim + pose[:2])
         if pixels.min() > 2 and (pixels < (OPTICS.width - 3, OPTICS.height - 3)).all():
-            found.append(pose)
-    return found
+            results.append(pose)
+    return results
 
 
 def shot(
@@ -118,12 +118,12 @@ def measured(
         picture = shot(rng, pose, number, flaws)
         start = time.process_time()
         seen = find(picture)
-        numbers = [found.number for found in seen]
+        numbers = [result.number for result in seen]
         place = None
         with contextlib.suppress(CameraError):
             place = measure.of_sighting(seen[0], truth, tag) if numbers == [number] else None
         spent.append(1e3 * (time.process_time() - start))
-        wrong += sum(found != number for found in numbers)
+        wrong += sum(result != number for result in numbers)
         if place is None:
             missed += 1
             continue
@@ -181,8 +181,8 @@ def main() -> None:
             "opencv": cv2.__version__,
             "calibration": calibrated(Path(folder), 1),
         }
-        made = calibration.load(Path(folder) / "camera.json")
-    told["work_area"] = measured(options.pictures, 2, {}, made)
+        fitted = calibration.load(Path(folder) / "camera.json")
+    told["work_area"] = measured(options.pictures, 2, {}, fitted)
     print(json.dumps(told, indent=1), flush=True)
     told["limits"] = {}
     for seed, (name, flaws) in enumerate(LIMITS.items()):

@@ -313,11 +313,11 @@ def main() -> int:
             file=sys.stderr,
         )
         return 3
-    found = measured(options.data)
-    for name, group in found["groups"].items():
+    result = measured(options.data)
+    for name, group in result["groups"].items():
         print(name, json.dumps(group))
     if not options.no_results:
-        RESULTS.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+        RESULTS.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
     return 0
 
 

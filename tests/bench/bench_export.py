@@ -94,20 +94,20 @@ def wide_file() -> TableFile:
 def bench(name: str, calls: int, repeat: int) -> dict[str, Any]:
     """One table: its vectors in every form, and each compiler's figures."""
     wide = dumps(wide_table())
-    found = (
+    result = (
         TableFile(wide_table(), wide, hashlib.sha256(wide).hexdigest())
         if name == WIDE
         else table_of(name)
     )
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
-        write(found, "st", folder / "st")
-        vectors = proved(found.table, folder)
-        write(found, "c99", folder / "c99")
+        write(result, "st", folder / "st")
+        vectors = proved(result.table, folder)
+        write(result, "c99", folder / "c99")
         c99 = [measured(compiler, folder / "c99", calls, repeat) for compiler in compilers()]
-    assert {row["vectors"] for row in c99} == {vectors} == {512 * len(found.table.nodes)}
+    assert {row["vectors"] for row in c99} == {vectors} == {512 * len(result.table.nodes)}
     print(
-        f"{name}: {len(found.table.nodes)} nodes, {vectors} vectors equal in C and in structured text"
+        f"{name}: {len(result.table.nodes)} nodes, {vectors} vectors equal in C and in structured text"
     )
     for row in c99:
         print(
@@ -116,7 +116,7 @@ def bench(name: str, calls: int, repeat: int) -> dict[str, Any]:
             f"{MOST_NS:.0f} ns; {row['random_calls']} random calls without a finding",
             flush=True,
         )
-    return {"table": name, "nodes": len(found.table.nodes), "st_vectors": vectors, "c99": c99}
+    return {"table": name, "nodes": len(result.table.nodes), "st_vectors": vectors, "c99": c99}
 
 
 def main() -> int:
@@ -131,12 +131,12 @@ def main() -> int:
         "--repeat", type=int, default=2_000, help="calls of each reading for its time"
     )
     options = parser.parse_args()
-    told = json.loads(RESULTS.read_text()) if RESULTS.exists() else {"tables": []}
-    rows = {row["table"]: row for row in told["tables"]}
+    record = json.loads(RESULTS.read_text()) if RESULTS.exists() else {"tables": []}
+    rows = {row["table"]: row for row in record["tables"]}
     for name in options.parts:
         rows[name] = bench(name, options.calls, options.repeat)
-        told = {"machine": platform.machine(), "tables": [rows[key] for key in sorted(rows)]}
-        RESULTS.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
+        record = {"machine": platform.machine(), "tables": [rows[key] for key in sorted(rows)]}
+        RESULTS.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
     figures = [figure for row in rows.values() for figure in row["c99"]]
     kept = all(
         row["code_bytes"] < MOST_CODE_BYTES and row["slowest_ns"] < MOST_NS for row in figures

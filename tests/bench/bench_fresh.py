@@ -81,19 +81,19 @@ def main() -> None:
     rows = [
         bench(part, seed, options.trials, work) for seed in range(options.seeds) for part in PARTS
     ]
-    found = bias(rows)
+    result = bias(rows)
     print(
         "{plans} plans: failures reported {reported:.5f}, fresh {fresh:.5f}, z = {z:.2f}".format(
-            **found
+            **result
         )
     )
-    told = {
+    record = {
         "machine": platform.platform(),
         "python": platform.python_version(),
-        **found,
+        **result,
         "rows": rows,
     }
-    RESULTS.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
+    RESULTS.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -50,15 +50,15 @@ def planned(name: str, changes: dict[str, Any], seed: int) -> dict[str, Any]:
         plan = compile_job(job)
     except NoPlanError as error:
         return {"no_plan": str(error), "cpu_s": time.process_time() - begun}
-    found, pushes = plan.evaluation, np.array([len(node.pushes) for node in plan.table.nodes])
+    result, pushes = plan.evaluation, np.array([len(node.pushes) for node in plan.table.nodes])
     return {
-        "success": float(found.success.mean()),
-        "squeezes": float(found.squeezes.mean()),
-        "seconds": float(found.seconds.mean()),
-        "crashes": int(found.crashes),
-        "parts": len(found.leaf),
+        "success": float(result.success.mean()),
+        "squeezes": float(result.squeezes.mean()),
+        "seconds": float(result.seconds.mean()),
+        "crashes": int(result.crashes),
+        "parts": len(result.leaf),
         "pushes": float(
-            pushes[np.maximum(found.path, 0)].sum(axis=1, where=found.path >= 0).mean()
+            pushes[np.maximum(result.path, 0)].sum(axis=1, where=result.path >= 0).mean()
         ),
         "cpu_s": time.process_time() - begun,
     }

@@ -103,12 +103,12 @@ def bench(name: str, count: int, runs: int) -> Row:
     for kind, model in models.items():
         for angles in ANGLES_DEG:
             placements = np.array([[0.0, 0.0, a] for a in np.radians(angles)])
-            found = ratios(model, models["model"].simulator, name, placements, runs)
+            result = ratios(model, models["model"].simulator, name, placements, runs)
             belief = random_poses(np.random.default_rng(3), PARTICLES, RADII_MM[name])
-            found["simulated"] = simulated(model, belief, placements) if kind == "model" else []
-            row[f"{kind} {angles}"] = found
-            line = f"{kind:15} {angles}: same {found['same']} fresh {found['fresh']} "
-            print(line + f"simulated {np.round(found['simulated'], 2)}", flush=True)
+            result["simulated"] = simulated(model, belief, placements) if kind == "model" else []
+            row[f"{kind} {angles}"] = result
+            line = f"{kind:15} {angles}: same {result['same']} fresh {result['fresh']} "
+            print(line + f"simulated {np.round(result['simulated'], 2)}", flush=True)
     return row
 
 

@@ -290,7 +290,7 @@ def main() -> int:
         f"from the logs: friction {mu} in {interval} (alone: {alone}), {dof} degrees of freedom ({share:.3f})"
     )
     recorded, lines = read_two_fingers(options.data / TWO_FINGERS)
-    found: dict[str, Any] = {
+    result: dict[str, Any] = {
         "friction": mu,
         "interval": interval,
         "alone": alone,
@@ -304,26 +304,26 @@ def main() -> int:
         figures, off[mine], right[mine] = judged(
             recorded.take(mine), simulator(support, interval, dof), mu, seed
         )
-        found["supports"][support] = figures
+        result["supports"][support] = figures
         print(support, json.dumps({name: round(value, 3) for name, value in figures.items()}))
     if (options.data / MORE).is_file():
-        found["more"] = judged_more(options.data / MORE, interval, dof, mu)
-        for support, figures in found["more"].items():
+        result["more"] = judged_more(options.data / MORE, interval, dof, mu)
+        for support, figures in result["more"].items():
             print(
                 f"more, {support}",
                 json.dumps({name: round(value, 3) for name, value in figures.items()}),
             )
     slid, distance = ~is_stuck(recorded), np.hypot(off[:, 0], off[:, 1])
-    found["median_mm_slid"] = float(np.median(distance[slid]))
-    found["runs"] = runs_of(lines, recorded, off, right)
-    print(f"median error of pushes that did not stick: {found['median_mm_slid']:.2f} mm")
-    for row in found["runs"]:
+    result["median_mm_slid"] = float(np.median(distance[slid]))
+    result["runs"] = runs_of(lines, recorded, off, right)
+    print(f"median error of pushes that did not stick: {result['median_mm_slid']:.2f} mm")
+    for row in result["runs"]:
         named = f"; far off: {'; '.join(row['far_off'])}" if row["far_off"] else ""
         print(
             f"{row['run']}: {row['foretold']:.2f} of {row['pushes']}, {row['median_mm']:.1f} mm{named}"
         )
     if not options.no_results:
-        RESULTS.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+        RESULTS.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
     return 0
 
 

@@ -43,8 +43,8 @@ def main() -> int:
         "--keep", action="store_true", help="keep the figures in results/refit.json"
     )
     options = parser.parse_args()
-    found, job = loaded(options)
-    cells = Cells.of(job, found.table)
+    result, job = loaded(options)
+    cells = Cells.of(job, result.table)
     keys = [quantity.key for quantity in cells.space.quantities]
     effort = Effort(cells=options.cells, parts=options.simulated)
     numbers = range(options.first, options.first + options.hidden)

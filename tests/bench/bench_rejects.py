@@ -63,8 +63,8 @@ def main():
     parser.add_argument("--parts", type=int, default=2000)
     options = parser.parse_args()
     for tree in options.trees:
-        found, job = loaded(argparse.Namespace(tree=tree, job=options.job))
-        program = Program.of(found.table)
+        result, job = loaded(argparse.Namespace(tree=tree, job=options.job))
+        program = Program.of(result.table)
         rng = np.random.default_rng(1)
         told = {
             "random": random_widths(program, rng, False),
@@ -79,7 +79,7 @@ def main():
                 told[name] = str(error)
                 continue
             run = evaluate(
-                found.table,
+                result.table,
                 other,
                 ContactWorlds.of_job(other, 2),
                 options.parts,

@@ -91,8 +91,8 @@ def watched_run(tree: Path, folder: Path, minutes: float) -> list[dict[str, floa
         until = time.monotonic() + 60.0 * minutes
         seen: list[dict[str, float]] = []
         while run.poll() is None:
-            if found := memory_of(run.pid):
-                seen.append(found)
+            if result := memory_of(run.pid):
+                seen.append(result)
             if minutes and time.monotonic() > until:
                 run.terminate()
                 run.wait()
@@ -117,16 +117,16 @@ def memory_of(pid: int) -> dict[str, float]:
         lines = Path(f"/proc/{pid}/status").read_text().splitlines()
     except OSError:
         return {}
-    told = {line.split(":")[0]: line.split() for line in lines}
-    if "VmHWM" not in told:
+    record = {line.split(":")[0]: line.split() for line in lines}
+    if "VmHWM" not in record:
         return {}
     try:
         descriptors = len(list(Path(f"/proc/{pid}/fd").iterdir()))
     except OSError:
         return {}
     return {
-        "peak_mib": int(told["VmHWM"][1]) / 1024,
-        "rss_mib": int(told["VmRSS"][1]) / 1024,
+        "peak_mib": int(record["VmHWM"][1]) / 1024,
+        "rss_mib": int(record["VmRSS"][1]) / 1024,
         "descriptors": descriptors,
     }
 
@@ -205,7 +205,7 @@ def main() -> None:
     if arguments.realtime:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
     decision = decision_us(arguments.tree)
-    found: dict[str, Any] = {
+    record: dict[str, Any] = {
         "first_frame_s": {"median": statistics.median(starts), "max": max(starts)},
         "memory": memory,
         "decision": {**decision, "decisions": DECISIONS, "realtime": arguments.realtime},
@@ -238,7 +238,7 @@ def main() -> None:
     )
     for name, value, limit, unit in told:
         print(f"{name:<12} {value:9.3f} {unit} (limit {limit:g})")
-    RESULTS.write_text(json.dumps(found, indent=1) + "\n")
+    RESULTS.write_text(json.dumps(record, indent=1) + "\n")
 
 
 if __name__ == "__main__":

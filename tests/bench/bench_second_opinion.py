@@ -121,8 +121,8 @@ def main() -> None:
         rows = sorted(
             [old for old in rows if old["part"] != part] + [row], key=lambda row: row["part"]
         )
-        told = {"machine": platform.platform(), "rows": rows}
-        RESULTS.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
+        record = {"machine": platform.platform(), "rows": rows}
+        RESULTS.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -186,9 +186,9 @@ def _others(part: Any, poses: np.ndarray, ours: float) -> Row:
         job_file.load(ROOT / "trees" / "rectangle" / "job.toml").replaced(part=drawn), 0
     )
     clock = time.perf_counter()
-    found = [(world.close(tuple(pose), 0.5), world.pose()) for pose in poses.tolist()]
+    results = [(world.close(tuple(pose), 0.5), world.pose()) for pose in poses.tolist()]
     mujoco = len(poses) / (time.perf_counter() - clock)
-    widths, ends = np.array([width for width, _ in found]), np.array([end for _, end in found])
+    widths, ends = np.array([width for width, _ in results]), np.array([end for _, end in results])
     offset = np.hypot(*(ends - nominal.poses)[:, :2].T)
     near = (np.abs(widths - nominal.width_mm) < 1.0) & (offset < 1.0)
     return row | {

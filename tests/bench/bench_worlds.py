@@ -57,17 +57,17 @@ def bench(part: str, plan: str, trials: int) -> dict[str, Any]:
     def worlds(real: Job) -> ContactWorlds:
         return ContactWorlds.of_job(real, SEED)
 
-    found = {}
+    record = {}
     for line in sweep(table, job, standard_cases(job), worlds, trials, SEED, Threads(2)):
         figures = line.evaluation.summary()
-        found[line.case.name] = {
+        record[line.case.name] = {
             key: figures[key]
             for key in ("success_rate", "wrong_rate", "wrong_ci95", "mean_squeezes")
         }
-    worst = max(found, key=lambda name: found[name]["wrong_rate"])
+    worst = max(record, key=lambda name: record[name]["wrong_rate"])
     print(
-        f"{part}, {plan}: {found['as planned']['mean_squeezes']:.2f} squeezes, planned in {seconds:.1f} s, "
-        f"worst {found[worst]['wrong_rate']:.2%} wrong with {worst}",
+        f"{part}, {plan}: {record['as planned']['mean_squeezes']:.2f} squeezes, planned in {seconds:.1f} s, "
+        f"worst {record[worst]['wrong_rate']:.2%} wrong with {worst}",
         flush=True,
     )
     return {
@@ -75,7 +75,7 @@ def bench(part: str, plan: str, trials: int) -> dict[str, Any]:
         "plan": plan,
         "seconds": seconds,
         "nodes": len(table.nodes),
-        "worlds": found,
+        "worlds": record,
     }
 
 
@@ -87,8 +87,8 @@ def main() -> None:
     )
     options = parser.parse_args()
     rows = [bench(part, plan, options.trials) for part in options.parts for plan in PLANS]
-    told = {"machine": platform.platform(), "trials": options.trials, "rows": rows}
-    RESULTS.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
+    record = {"machine": platform.platform(), "trials": options.trials, "rows": rows}
+    RESULTS.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

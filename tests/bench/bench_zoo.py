@@ -50,8 +50,8 @@ def main() -> int:
         rows = {row["name"]: row for row in map(json.loads, lines.read_text().splitlines())}
     for row in rows.values():
         del row["outline_mm"], row["key"]
-    told = {"machine": platform.platform(), "budget": options.budget, "rows": list(rows.values())}
-    RESULTS.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
+    record = {"machine": platform.platform(), "budget": options.budget, "rows": list(rows.values())}
+    RESULTS.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
     return 0
 
 

@@ -68,8 +68,8 @@ def drifting(table: Table, job: Job, expected: Expectation, runs: int) -> dict[s
     told = {}
     for number, (name, drift) in enumerate(DRIFTS.items()):
         own = seed + 1000 * (number + 1)
-        found = squeezed(table, job, runs * WITHIN, own, drift)
-        stretch = list(parts(table, found, own, drift))
+        result = squeezed(table, job, runs * WITHIN, own, drift)
+        stretch = list(parts(table, result, own, drift))
         rows = [
             _first(start, stretch[run * WITHIN : (run + 1) * WITHIN])
             for run, start in enumerate(starts)
@@ -77,7 +77,7 @@ def drifting(table: Table, job: Job, expected: Expectation, runs: int) -> dict[s
         told[name] = _figures(rows)
         if drift.friction is not None:
             shares = _shares(squeezed(table, job, POOL, own + 1, drift), table)
-            told[name] |= bound(np.log(shares / planned), unchanged, found)
+            told[name] |= bound(np.log(shares / planned), unchanged, result)
         print(f"{name:24}", told[name], flush=True)
     return told
 
@@ -123,11 +123,11 @@ def _started(table: Table, job: Job, expected: Expectation, seed: int) -> Monito
 
 def _first(start: Monitor, stretch: list[Part]) -> dict[str, int]:
     """The first alarm of each chart, in parts since the drift began."""
-    monitor, found = copy.deepcopy(start), {}
+    monitor, result = copy.deepcopy(start), {}
     for number, part in enumerate(stretch, start=1):
         for chart, _ in monitor.add(part):
-            found.setdefault(chart, number)
-    return found
+            result.setdefault(chart, number)
+    return result
 
 
 def _figures(rows: list[dict[str, int]]) -> dict[str, Any]:

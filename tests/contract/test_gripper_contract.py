@@ -109,8 +109,8 @@ def test_a_silent_line_times_out_and_the_next_answer_is_not_stale():
     """The slave is deaf for a moment; afterwards driver and device are in step again."""
     made = Robotiq("pty")
     try:
-        told = []
-        with made.open(report=lambda kind, fields: told.append(fields["incident"])) as gripper:
+        lines = []
+        with made.open(report=lambda kind, fields: lines.append(fields["incident"])) as gripper:
             gripper.activate()
             feed, made.slave.feed = made.slave.feed, lambda data: []
             with pytest.raises(LinkTimeout):
@@ -118,7 +118,13 @@ def test_a_silent_line_times_out_and_the_next_answer_is_not_stale():
             made.slave.feed = feed
             gripper.move(77, 255, 0)
             assert gripper.wait().position_counts == 77
-            assert told == ["no answer", "read repeated", "no answer", "read repeated", "no answer"]
+            assert lines == [
+                "no answer",
+                "read repeated",
+                "no answer",
+                "read repeated",
+                "no answer",
+            ]
     finally:
         made.close()
 

@@ -21,9 +21,9 @@ UNIT = (ROOT / "tools" / "systemd" / "squeezetree@.service").read_text()
 
 def rows(title: str) -> list[list[str]]:
     """The cells of a section's table, without its head."""
-    found = re.search(rf"^## {title}$(.*?)(?=^## |\Z)", TEXT, re.MULTILINE | re.DOTALL)
-    assert found is not None, f"OUTCOMES.md has no section {title}"
-    lines = [line for line in found[1].splitlines() if line.startswith("|")]
+    match = re.search(rf"^## {title}$(.*?)(?=^## |\Z)", TEXT, re.MULTILINE | re.DOTALL)
+    assert match is not None, f"OUTCOMES.md has no section {title}"
+    lines = [line for line in match[1].splitlines() if line.startswith("|")]
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
 
 
@@ -38,15 +38,15 @@ def test_the_states_are_those_of_the_loop() -> None:
 
 
 def test_the_outcomes_have_their_codes() -> None:
-    told = {row[0].strip("`"): row[1] for row in rows("Outcomes")}
-    assert told == {
+    record = {row[0].strip("`"): row[1] for row in rows("Outcomes")}
+    assert record == {
         outcome.value: str(EXIT_CODES.get(outcome, "the device's")) for outcome in Outcome
     }
 
 
 def test_the_faults_are_the_codes_of_devices_and_disk() -> None:
-    told = [int(row[0]) for row in rows("Faults")]
-    assert told == [20, errors.GripperStateError.exit_code, 22, errors.PortBusyError.exit_code, 24]
+    lines = [int(row[0]) for row in rows("Faults")]
+    assert lines == [20, errors.GripperStateError.exit_code, 22, errors.PortBusyError.exit_code, 24]
     assert f"{len(KINDS)} classes" in TEXT
 
 

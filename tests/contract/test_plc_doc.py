@@ -52,10 +52,10 @@ def test_page_lists_every_register() -> None:
         value = f"x {register.scale:g} {register.unit}" if register.unit else ""
         return [f"`{register.name}`", address, register.type, value, register.meaning]
 
-    found = re.findall(
+    match = re.findall(
         r"^\| (`\w+`) \| (\d+(?:, \d+)?) \| (\w+) \| ([^|]*)\| (.*) \|$", PAGE, re.MULTILINE
     )
-    assert [[cell.strip() for cell in row] for row in found] == [
+    assert [[cell.strip() for cell in row] for row in match] == [
         expected(register) for register in MAP
     ]
     assert (

@@ -104,14 +104,14 @@ TABLE_I = [
 
 
 def test_rows_are_the_papers_table(jobs):
-    found = []
+    results = []
     for row in ROWS:
         job = jobs[row["part"]]
         actions = len(job.actions.angles_deg) * len(job.actions.centers_mm)
-        found.append(
+        results.append(
             (row["experiment"], job.part.name, job.uncertainty.radius_mm, actions, row["paper"])
         )
-    assert found == TABLE_I
+    assert results == TABLE_I
 
 
 def test_worlds_of_rows_four_to_eight_are_not_the_planners(jobs):

@@ -37,13 +37,13 @@ def folder(tmp_path):
 
 
 def test_verdicts_agree_with_the_world_and_are_in_the_journal(folder, capsys):
-    found = loop(
+    result = loop(
         folder / "mixed.msgpack", folder, parts=PARTS, seed=SEED, time_scale=TIME_SCALE, runs=4
     )
-    told = agreement(found.parts)
-    assert told["at_leaves"] == PARTS, found.faults
+    told = agreement(result.parts)
+    assert told["at_leaves"] == PARTS, result.faults
     # A fault, on a machine too busy for five times life's speed, means other parts than those of the seed.
-    assert found.faults or {"pass", "fail"} <= set(told["verdicts"])
+    assert result.faults or {"pass", "fail"} <= set(told["verdicts"])
     assert told["agreement"] == 1.0
     assert told["beyond_the_budget"] == 0
     grasp_audit(["report", str(folder / "journal.jsonl"), "--json"])

@@ -105,11 +105,11 @@ def test_the_first_sentence_and_the_json_say_it(job, tmp_path, capsys, monkeypat
     assert out[0].endswith("how long the rest of it takes is not known")
     assert not any("add angles" in line or "max_depth" in line for line in out)
     assert plan_compile.main([*words, "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["cut_short"]["by"] == "budget"
-    assert told["cut_short"]["open_share"] == pytest.approx(told["unresolved_rate"], abs=1e-6)
-    assert told["cut_short"]["seconds_to_finish"] is None
-    assert told["advice"] is None
+    record = json.loads(capsys.readouterr().out)
+    assert record["cut_short"]["by"] == "budget"
+    assert record["cut_short"]["open_share"] == pytest.approx(record["unresolved_rate"], abs=1e-6)
+    assert record["cut_short"]["seconds_to_finish"] is None
+    assert record["advice"] is None
 
 
 def interrupted(job, output, *options):

@@ -181,10 +181,10 @@ def test_same_seed_same_parts_and_widths():
         made = Running("--seed", seed)
         with made.connected() as (gripper, arm, scene):
             gripper.activate()
-            told = []
+            lines = []
             for _ in range(3):
                 scene.next_part()
-                told.append(
+                lines.append(
                     (
                         scene.truth(),
                         squeeze(gripper, arm, 0.0, 0.0, 0.5).position_counts,
@@ -192,7 +192,7 @@ def test_same_seed_same_parts_and_widths():
                     )
                 )
         made.end()
-        return told
+        return lines
 
     assert run(3) == run(3)
     assert run(3) != run(4)

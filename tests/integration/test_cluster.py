@@ -137,12 +137,12 @@ def test_a_local_cluster_gives_the_same_bytes(local_cluster, direct, tmp_path):
         assert cluster.workers == 2
         store = Store(tmp_path)
         for _ in range(2):  # rolled out, then from the store
-            told: list[tuple[str, int, int]] = []
+            lines: list[tuple[str, int, int]] = []
             result = rolling.roll_outs(
-                rolling.PART, rolling.RADIUS_MM, rolling.COUNT, store, cluster, recorder(told)
+                rolling.PART, rolling.RADIUS_MM, rolling.COUNT, store, cluster, recorder(lines)
             )
             assert same(result, direct)
-            assert told[-1][1] == told[-1][2]
+            assert lines[-1][1] == lines[-1][2]
 
 
 def test_results_come_in_order_and_errors_arrive_as_they_are(local_cluster, tmp_path):

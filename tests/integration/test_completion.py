@@ -85,9 +85,9 @@ def test_the_commands_are_those_that_are_installed() -> None:
 
 
 def test_each_parser_is_its_commands() -> None:
-    found = dict(completion.parsers())
-    assert set(found) == set(SCRIPTS)
-    assert {name: made.prog for name, made in found.items()} == {name: name for name in SCRIPTS}
+    record = dict(completion.parsers())
+    assert set(record) == set(SCRIPTS)
+    assert {name: made.prog for name, made in record.items()} == {name: name for name in SCRIPTS}
 
 
 @pytest.mark.parametrize(
@@ -134,7 +134,7 @@ def test_every_option_of_every_command_is_in_the_script(script: str) -> None:
 
 
 def test_the_documented_line_is_one_that_bash_takes(script: str, tmp_path: Path) -> None:
-    (line,) = [found.strip() for found in completion.EPILOG.splitlines() if " > ~/" in found]
+    (line,) = [result.strip() for result in completion.EPILOG.splitlines() if " > ~/" in result]
     assert line in (ROOT / "README.md").read_text()
     (tmp_path / "script").write_text(script)
     made = f"{completion.NAME}() {{ cat ~/script; }}"

@@ -79,12 +79,12 @@ def understand(words, monkeypatch):
 
 def family(parser):
     """A parser and those of its subcommands."""
-    found = [parser]
+    result = [parser]
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):
             for inner in action.choices.values():
-                found += family(inner)
-    return found
+                result += family(inner)
+    return result
 
 
 def options_of(parser):
@@ -142,9 +142,9 @@ METHODS = set(importlib.import_module("comparison").METHODS)
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_commands_in_blocks_are_understood(page, monkeypatch, capsys):
-    found = blocks(page)
-    assert not found or page in RUN or page in PARSED, "run its blocks, or say in PARSED why not"
-    for block in found:
+    result = blocks(page)
+    assert not result or page in RUN or page in PARSED, "run its blocks, or say in PARSED why not"
+    for block in result:
         assert block.commands, "a block of commands has lines that begin with $"
         for line in block.commands:
             for words in typed(line):
@@ -183,11 +183,11 @@ def known_options():
             *(["grasp-calibrate", name] for name in ("camera", "tag", "pictures")),
             *(["grasp-audit", name] for name in ("judge", "report", "study")),
         ]
-        found = set().union(*(options_of(understand(words, monkeypatch)[0]) for words in lines))
+        result = set().union(*(options_of(understand(words, monkeypatch)[0]) for words in lines))
     tools = [path for path in (ROOT / "tools").iterdir() if path.is_file()]
     for path in [*tools, *(ROOT / "tests" / "bench").glob("*.py"), *(DOCS / "site").glob("*.py")]:
-        found |= set(OPTION.findall(path.read_text()))
-    return found | CURLS
+        result |= set(OPTION.findall(path.read_text()))
+    return result | CURLS
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
@@ -225,12 +225,12 @@ def test_files_and_modules_that_are_named_exist(page):
 
 def _exists(name):
     """Whether it is a file or folder of the repository, or a name that one of its modules has."""
-    found = [*ROOT.glob(name), *ROOT.glob(f"{name}.py")]
+    results = [*ROOT.glob(name), *ROOT.glob(f"{name}.py")]
     module, _, attribute = name.rpartition("/")
     above = [
         path for path in (ROOT / f"{module}.py", ROOT / module / "__init__.py") if path.exists()
     ]
-    return bool(found) or any(
+    return bool(results) or any(
         re.search(rf"\b{re.escape(attribute)}\b", path.read_text()) for path in above
     )
 

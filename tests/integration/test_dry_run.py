@@ -35,9 +35,9 @@ def test_a_dry_run_sends_questions_only_and_tells_what_it_would_send(
         # Every byte that left belongs to one of those frames, which have 8 each.
         assert len(gripper.heard) == 8 * len(gripper.functions)
         assert set(arm.codes) <= QUESTIONS
-    told = capsys.readouterr().out.splitlines()
-    assert sum(line.startswith("node ") for line in told) == len(small_table().nodes)
-    assert "nothing was written" in told[-1]
+    printed = capsys.readouterr().out.splitlines()
+    assert sum(line.startswith("node ") for line in printed) == len(small_table().nodes)
+    assert "nothing was written" in printed[-1]
     assert not list(tree.parent.glob("*.jsonl"))
 
 
@@ -87,9 +87,9 @@ def test_as_json_check_and_dry_run_are_one_document_each(
         assert main([*words, "--check"]) == 0
         checked = json.loads(capsys.readouterr().out)
         assert main([*words, "--arm", arm.url, "--dry-run"]) == 0
-        told = json.loads(capsys.readouterr().out)["told"]
+        record = json.loads(capsys.readouterr().out)["told"]
     assert checked == {"nodes": 2, "gripper": {"position_counts": 3, "width_mm": 85.0}}
-    assert sum(sentence.startswith("node ") for sentence in told) == 2
+    assert sum(sentence.startswith("node ") for sentence in record) == 2
     assert main(["--tree", str(tree), "--check", "--json"]) == 0
     assert json.loads(capsys.readouterr().out) == {"nodes": 2, "gripper": None}
 

@@ -49,10 +49,10 @@ def test_verify_says_whose_key_was_checked_and_whose_was_not(desk, capsys):
     assert "signed by Ada" in (said := capsys.readouterr().out)
     assert "was not checked against anyone" in said
     assert main(["verify", "p.zip", "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["checked_against"] is None
-    assert told["signer"] == "Ada"
-    assert set(told["versions"]) >= {"squeezetree", "python", "msgpack"}
+    record = json.loads(capsys.readouterr().out)
+    assert record["checked_against"] is None
+    assert record["signer"] == "Ada"
+    assert set(record["versions"]) >= {"squeezetree", "python", "msgpack"}
 
 
 def test_pack_without_a_key_makes_one_once(desk, capsys):
@@ -209,6 +209,6 @@ def test_the_commands_of_the_page_do_what_it_says(tmp_path):
     gauges = [Gauge(width, (round(230 - 2.67 * width),) * 3) for width in widths]
     save(fit(gauges, "S/N 1", "today"), work / "gripper.json")
     environment = {**os.environ, "PATH": f"{shims(tmp_path / 'bin')}:{os.environ['PATH']}"}
-    found = blocks(DOCS / "evidence.md")
-    for block, printed in zip(found, run(found, work, environment), strict=False):
+    result = blocks(DOCS / "evidence.md")
+    for block, printed in zip(result, run(result, work, environment), strict=False):
         assert matches(block.printed, printed)

@@ -155,9 +155,9 @@ def test_commands_that_look_at_a_stopped_serial_port_end(
         capsys.readouterr().err.count("it has taken no bytes for 0.5 s; is its flow stopped?") == 2
     )
     assert cli.doctor(["--port", stopped]) == 26
-    told = capsys.readouterr().out
-    assert "has taken no bytes" in told
-    assert "cannot be searched" in told
+    printed = capsys.readouterr().out
+    assert "has taken no bytes" in printed
+    assert "cannot be searched" in printed
 
 
 def test_run_whose_output_nobody_reads_goes_on_and_hears_a_stop_request(
@@ -216,9 +216,9 @@ def test_table_of_an_unknown_gripper_is_refused_before_a_port_is_opened(
         "tcp://h:1",
     ]
     assert cli.main(words) == 30
-    told = capsys.readouterr().err
+    printed = capsys.readouterr().err
     assert (
         "'left-hand-effector', which is not known; there are robotiq-2f-85, robotiq-2f-140, hand-e"
-        in told
+        in printed
     )
-    assert told.count("\n") == 1
+    assert printed.count("\n") == 1

@@ -185,18 +185,18 @@ def odd_files(folder: Path, suffix: str) -> dict[str, Path]:
         "socket",
         *(["device"] if os.geteuid() == 0 else []),
     ]
-    found = {kind: folder / kind / f"seed=1{suffix}" for kind in kinds}
-    for path in found.values():
+    record = {kind: folder / kind / f"seed=1{suffix}" for kind in kinds}
+    for path in record.values():
         path.parent.mkdir()
     (folder / "precious").write_text("precious\n")
-    os.mkfifo(found["pipe"])
-    found["folder"].mkdir()
-    found["link"].symlink_to(folder / "precious")
-    found["dangling link"].symlink_to(folder / "nowhere")
-    os.mknod(found["socket"], stat.S_IFSOCK | 0o600)
-    if "device" in found:
-        os.mknod(found["device"], stat.S_IFCHR | 0o666, os.makedev(1, 3))
-    return found
+    os.mkfifo(record["pipe"])
+    record["folder"].mkdir()
+    record["link"].symlink_to(folder / "precious")
+    record["dangling link"].symlink_to(folder / "nowhere")
+    os.mknod(record["socket"], stat.S_IFSOCK | 0o600)
+    if "device" in record:
+        os.mknod(record["device"], stat.S_IFCHR | 0o666, os.makedev(1, 3))
+    return record
 
 
 @pytest.mark.parametrize(

@@ -101,16 +101,16 @@ class EveryWidth:
 
 def test_the_evaluation_reads_by_the_same_rule() -> None:
     table, world = thin_table(), EveryWidth()
-    found = evaluate(table, job_file.load(TREES / "rectangle" / "job.toml"), world, 300, seed=1)
+    result = evaluate(table, job_file.load(TREES / "rectangle" / "job.toml"), world, 300, seed=1)
     decided = decision_map(table.nodes[0], LINE)
     for count, width_mm, branch, leaf in zip(
-        found.counts[:, 0], world.width_mm, found.branch[:, 0], found.leaf, strict=True
+        result.counts[:, 0], world.width_mm, result.branch[:, 0], result.leaf, strict=True
     ):
         assert branch == decide(decided, int(count), width_mm > 0)
         assert leaf == (REJECTED if branch == REJECT else branch)
-    assert set(found.leaf) == {REJECTED, 0, 1, 2, 3}
+    assert set(result.leaf) == {REJECTED, 0, 1, 2, 3}
     assert np.all(
-        found.leaf[1:10] == REJECTED
+        result.leaf[1:10] == REJECTED
     )  # something between the fingers, where nothing was planned
 
 
@@ -204,10 +204,10 @@ def test_a_leaf_without_trials_is_nowhere_a_success(capsys) -> None:
         1, Outcome.LEAF, [Step(1, 0, table.nodes[0].squeeze, 174, 20_969, ~0, None)], None
     )
     Lines(untried).part(result, None)
-    told = capsys.readouterr().out
-    assert "success never tried" in told
+    printed = capsys.readouterr().out
+    assert "success never tried" in printed
     assert as_object(untried, result, None, Path("j"))["success_probability"] is None
-    shown = [told, leaf_label(0, untried.leaves[0]), *leaf_lines(untried.leaves[0])]
+    shown = [printed, leaf_label(0, untried.leaves[0]), *leaf_lines(untried.leaves[0])]
     assert not any("100" in line or "1.0000" in line for line in shown)
 
 
@@ -276,17 +276,17 @@ def test_a_job_without_a_height_is_compiled_and_told_what_its_tips_presuppose(
 def test_the_plan_without_sensors_is_judged_by_the_goal_of_the_job(
     record_property, capsys, tmp_path
 ) -> None:
-    found = {}
+    record = {}
     for kind in ("pose", "orientation"):
         job = small_job(
             tmp_path / f"{kind}.toml", ("[goal]", f'[goal]\nkind = "{kind}"\ntolerance_deg = 5.0')
         )
         code = compile_.main([str(job), "--baseline", "sensorless", "--trials", "400", "--json"])
         record_property("exit_code", code)
-        found[kind] = json.loads(capsys.readouterr().out)["real"]
+        record[kind] = json.loads(capsys.readouterr().out)["real"]
     # Whoever asks for the angle alone gets what is oriented; where the part lies along the jaws stays open.
-    assert found["orientation"]["located"] >= found["orientation"]["oriented"] - 0.02
-    assert found["orientation"]["located"] > found["pose"]["located"] + 0.2
+    assert record["orientation"]["located"] >= record["orientation"]["oriented"] - 0.02
+    assert record["orientation"]["located"] > record["pose"]["located"] + 0.2
 
 
 def test_a_finger_that_stands_still_does_so_in_pictures(tmp_path) -> None:

@@ -41,9 +41,9 @@ def test_retries_are_journalled_with_the_run(
     kept = list(records(tmp_path / "j.jsonl"))
     assert verify(tmp_path / "j.jsonl").closed
     assert kept[0]["kind"] == "header"
-    told = [(entry["incident"], entry["transaction"]) for entry in kept if entry["kind"] == "link"]
-    assert told[0] == ("no answer", 1)  # while connecting, before there was a journal
-    assert len(told) >= 3
+    lines = [(entry["incident"], entry["transaction"]) for entry in kept if entry["kind"] == "link"]
+    assert lines[0] == ("no answer", 1)  # while connecting, before there was a journal
+    assert len(lines) >= 3
     assert grasp_journal(["replay", "j.jsonl"]) == 0
 
 

@@ -80,7 +80,9 @@ def test_the_page_follows_the_run(words: list[str]) -> None:
     assert process.stderr is not None
     with process, process.stderr as told:
         url = next(
-            found[0] for line in told if (found := re.findall(r"http://127\.0\.0\.1:\d+/", line))
+            matches[0]
+            for line in told
+            if (matches := re.findall(r"http://127\.0\.0\.1:\d+/", line))
         )
         seen: list[dict[str, object]] = []
         with contextlib.suppress(OSError):
@@ -146,10 +148,10 @@ def test_what_cannot_be_shown_is_one_line_before_anything_starts(
     words: list[str], capfd: pytest.CaptureFixture[str], wrong: list[str], reason: str
 ) -> None:
     assert main([*words, *wrong]) == 2
-    told = capfd.readouterr()
-    assert told.err.count("\n") == 1
-    assert reason in told.err
-    assert "simulated cell" not in told.out
+    printed = capfd.readouterr()
+    assert printed.err.count("\n") == 1
+    assert reason in printed.err
+    assert "simulated cell" not in printed.out
     assert not Path(words[words.index("--journal") + 1]).exists()
 
 
@@ -158,8 +160,8 @@ def test_a_port_in_use_is_one_line_before_anything_starts(
 ) -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         assert main([*words, "--http", str(other.getsockname()[1])]) == 2
-    told = capfd.readouterr()
-    assert "address already in use; name another port" in told.err
-    assert told.err.count("\n") == 1
-    assert "simulated cell" not in told.out
+    printed = capfd.readouterr()
+    assert "address already in use; name another port" in printed.err
+    assert printed.err.count("\n") == 1
+    assert "simulated cell" not in printed.out
     assert not Path(words[words.index("--journal") + 1]).exists()

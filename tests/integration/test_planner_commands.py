@@ -106,16 +106,16 @@ def test_evaluate_counts_wrong_answers_in_parts_per_million(tmp_path):
         code, out, _ = inside(
             evaluate, TABLE, "--ppm", "--trials", 10_000, "--json", "--resume", kept
         )
-        told = json.loads(out)
+        record = json.loads(out)
         assert code == 0
-        assert told["parts"] == 10_000
+        assert record["parts"] == 10_000
         assert (
-            told["wrong_ppm"]["low"]
-            <= told["wrong_ppm"]["rate"]
-            <= told["wrong_ppm"]["high"]
+            record["wrong_ppm"]["low"]
+            <= record["wrong_ppm"]["rate"]
+            <= record["wrong_ppm"]["high"]
             < 5000
         )
-        assert len(told["leaves"]) == len(load(TABLE).table.leaves)
+        assert len(record["leaves"]) == len(load(TABLE).table.leaves)
     code, out, _ = inside(
         evaluate, TABLE, "--ppm", "--trials", 10_000, "--resume", kept, "--until", 0.001
     )

@@ -100,11 +100,11 @@ def test_hundred_parts_have_the_results_that_are_printed_and_journalled(
         tmp_path / "j",
         free_port(),
     )
-    told: list[dict[str, int]] = []
+    lines: list[dict[str, int]] = []
 
     def with_plc() -> None:
         with TcpPlc(port, unit=17) as plc:
-            told.extend(program(plc))
+            lines.extend(program(plc))
 
     thread = threading.Thread(target=with_plc)
     thread.start()
@@ -112,9 +112,9 @@ def test_hundred_parts_have_the_results_that_are_printed_and_journalled(
     code = main([*words, "--plc", f"modbus-tcp://127.0.0.1:{port}", "--count", str(PARTS)])
     thread.join()
     parts = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
-    assert len(told) == len(parts) == PARTS
+    assert len(lines) == len(parts) == PARTS
     assert code == max(part["exit_code"] for part in parts)
-    for answer, part in zip(told, parts, strict=True):
+    for answer, part in zip(lines, parts, strict=True):
         assert (
             answer["outcome"]
             == ["leaf", "reject", "unresolved", "fault"].index(part["outcome"]) + 1

@@ -45,9 +45,9 @@ def table(job: job_file.Job) -> Table:
 
 @pytest.fixture(scope="module")
 def path(table: Table, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    found = tmp_path_factory.mktemp("pushing") / "plate.msgpack"
-    dump(table, found)
-    return found
+    result = tmp_path_factory.mktemp("pushing") / "plate.msgpack"
+    dump(table, result)
+    return result
 
 
 class Still:
@@ -63,10 +63,10 @@ def test_without_pushes_there_is_no_first_squeeze(job: job_file.Job) -> None:
 
 
 def test_pushed_parts_are_located(job: job_file.Job, table: Table) -> None:
-    found = evaluate(table, job, ContactWorlds.of_job(job, 77), 2000, 77)
+    result = evaluate(table, job, ContactWorlds.of_job(job, 77), 2000, 77)
     assert table.nodes[0].pushes
-    assert found.success.mean() >= 0.99
-    assert found.crashes <= 2
+    assert result.success.mean() >= 0.99
+    assert result.crashes <= 2
     still = evaluate(without_pushes(table), job, ContactWorlds.of_job(job, 77), 300, 77)
     assert still.success.mean() < 0.5  # else the pushes were for nothing
 
@@ -84,8 +84,8 @@ def test_pushes_take_the_time_that_they_are_said_to(job: job_file.Job, table: Ta
     taken = phases.push_s
     least = ways + lifts / table.limits.arm_speed_um_s  # and the jaws and the ways across
     assert least < taken < 2.0 * least + len(pushes) * 4 * squeeze.opening_um / squeeze.speed_um_s
-    found = evaluate(table, job, ContactWorlds.of_job(job, 5), 200, 5)
-    assert found.seconds[found.squeezes > 0].min() > taken
+    result = evaluate(table, job, ContactWorlds.of_job(job, 5), 200, 5)
+    assert result.seconds[result.squeezes > 0].min() > taken
 
 
 def test_a_study_of_rare_answers_pushes_too(job: job_file.Job, table: Table) -> None:

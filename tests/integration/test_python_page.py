@@ -66,10 +66,10 @@ def test_the_names_and_their_arguments_stay():
         {name.partition(".")[0] for name in CALLS} | {"Plan"}
     )
     for name, arguments in CALLS.items():
-        found = planner.api
+        result = planner.api
         for step in name.split("."):
-            found = getattr(found, step)
-        assert ", ".join(inspect.signature(found).parameters) == arguments, name
+            result = getattr(result, step)
+        assert ", ".join(inspect.signature(result).parameters) == arguments, name
 
 
 def test_every_name_is_on_the_page():

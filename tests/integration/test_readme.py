@@ -19,12 +19,12 @@ def test_the_readme_runs_as_written(work, environment):
 
     How far the search of `squeezetree try` comes within its budget, and so its figures, is up to the machine.
     """
-    found = [
+    results = [
         block._replace(commands=[line for line in block.commands if not line.startswith("tools/")])
         for block in blocks(ROOT / "README.md")
     ]
-    found = [block for block in found if block.commands]
-    assert len(found) >= 2
+    results = [block for block in results if block.commands]
+    assert len(results) >= 2
     (work / "out").mkdir()
     (work / ".venv" / "bin").mkdir(parents=True)  # made by tools/demo
     (work / ".venv" / "bin" / "activate").touch()
@@ -32,8 +32,8 @@ def test_the_readme_runs_as_written(work, environment):
     (work / "tools" / "docs").mkdir(parents=True)
     shutil.copy(DOCS / "lever.dxf", work / "tools" / "docs")
     home = {"HOME": str(work), CACHE_VARIABLE: str(cache_folder())}  # completion writes into it
-    printed = run(found, work, environment | home)
-    for block, lines in zip(found, printed, strict=False):
+    printed = run(results, work, environment | home)
+    for block, lines in zip(results, printed, strict=False):
         timed = block.commands[0].startswith("squeezetree try ")
         assert matches(
             [TIMED.sub(r"\1...", line) if timed else line for line in block.printed], lines

@@ -30,13 +30,13 @@ def test_the_page_of_refit_runs_as_written_with_fewer_parts(work, environment):
     friction = {"finger_part_min": 0.4, "finger_part_max": 0.6}
     known = stated("cell.toml", **friction, particles=1000, search_particles=100)
     begin = Block([made, known, "plan-compile cell.toml -o cell.msgpack --trials 300"], [])
-    found = []
+    results = []
     for block in blocks(page):
         fewer = changed(block, FEWER)
-        found.append(
+        results.append(
             fewer._replace(commands=[f"{line} || test $? -eq 13" for line in fewer.commands])
         )
-    printed = run([begin, *found], work, environment | {"PYTHONPATH": f"{ROOT}:{work}"})
+    printed = run([begin, *results], work, environment | {"PYTHONPATH": f"{ROOT}:{work}"})
     assert any(line.startswith("advice    a refit would pay") for line in printed[1])
     assert any(line.startswith("  widths read +0.") for line in printed[3])
     assert any(line.startswith("  the fingers meet -") for line in printed[3])

@@ -50,15 +50,15 @@ def finish(process: subprocess.Popen[str]) -> tuple[int, str, str]:
 
 def cells(tree: Path) -> list[int]:
     """Processes of cells that were started for this tree."""
-    found = []
+    results = []
     for entry in Path("/proc").glob("[0-9]*/cmdline"):
         try:
             words = entry.read_bytes().split(b"\0")
         except OSError:
             continue
         if b"drivers.sim.cli" in words and str(tree).encode() in words:
-            found.append(int(entry.parent.name))
-    return found
+            results.append(int(entry.parent.name))
+    return results
 
 
 def wait_until_no_cell(tree: Path) -> None:

@@ -36,11 +36,11 @@ def asked(
     locate: Callable[[SimulatedRobot], object], robot: SimulatedRobot, parts: int
 ) -> list[object]:
     """What a client is told of so many parts."""
-    told = []
+    lines = []
     for _ in range(parts):
         robot.cell.scene.next_part()
-        told.append(locate(robot))
-    return told
+        lines.append(locate(robot))
+    return lines
 
 
 def asked_in_python(served: Served, robot: SimulatedRobot, parts: int) -> list[object]:

@@ -36,8 +36,8 @@ def test_the_session_is_what_the_server_says(tmp_path: Path) -> None:
 
 
 def test_the_errors_and_words_are_those_of_the_protocol() -> None:
-    told = dict(re.findall(r"^\| (\d+) \| (.*) \|$", PAGE, re.MULTILINE))
-    assert told == {str(number): sentence for number, sentence in asked.ERRORS.items()}
+    record = dict(re.findall(r"^\| (\d+) \| (.*) \|$", PAGE, re.MULTILINE))
+    assert record == {str(number): sentence for number, sentence in asked.ERRORS.items()}
     first = re.findall(r"^\| `([A-Z]+)", PAGE, re.MULTILINE)
     assert set(first) == REQUESTS | ANSWERS
     assert f"`VERSION {asked.VERSION} squeezetree`" in PAGE

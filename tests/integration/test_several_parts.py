@@ -87,18 +87,18 @@ def test_two_squares_are_sorted_by_one_squeeze(plan):
 
 
 def test_figures_count_who_was_named_what(job, plan):
-    found = evaluate(plan.table, job, ContactWorlds.of_job(job, 5), 2000, 5)
-    named = identities(plan.table, found)
+    result = evaluate(plan.table, job, ContactWorlds.of_job(job, 5), 2000, 5)
+    named = identities(plan.table, result)
     assert named.named.sum() == 2000
     assert named.named[0].sum() / 2000 == pytest.approx(0.3, abs=0.04)
     assert named.right > 0.99
-    assert np.trace(named.named) == found.success.sum()  # nothing else is asked for
+    assert np.trace(named.named) == result.success.sum()  # nothing else is asked for
 
 
 def test_a_part_taken_for_the_other_is_a_wrong_answer(plan):
     real = job_file.parse(COMMON + squares(34, 20))
-    found = evaluate(plan.table, real, ContactWorlds.of_job(real, 5), 500, 5)
-    assert found.wrong.mean() > 0.99
+    result = evaluate(plan.table, real, ContactWorlds.of_job(real, 5), 500, 5)
+    assert result.wrong.mean() > 0.99
 
 
 def test_strangers_are_counted_by_what_becomes_of_them(plan):
@@ -141,15 +141,15 @@ def test_strangers_may_be_generated(plan, tmp_path, capsys):
     tree = tmp_path / "squares.msgpack"
     dump(plan.table, tree)
     assert evaluate_command.main([str(tree), "--strangers", "--trials", "300", "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)["strangers"]
-    assert [each["name"] for each in told][:4] == [
+    record = json.loads(capsys.readouterr().out)["strangers"]
+    assert [each["name"] for each in record][:4] == [
         "small x 0.9",
         "small x 1.1",
         "small its disc",
         "small its rectangle",
     ]
-    assert len(told) == 8
-    assert told[1]["answers"][0]["differ_mm"] == pytest.approx(
+    assert len(record) == 8
+    assert record[1]["answers"][0]["differ_mm"] == pytest.approx(
         2.0 * 2**0.5, abs=0.01
     )  # its diagonal's
     assert evaluate_command.main([str(tree), "--strangers", "--sweep"]) == 2
@@ -196,8 +196,8 @@ def test_a_world_from_elsewhere_is_made_once_for_each_part(job, plan, monkeypatc
     world: World = load_world("elsewhere:Lonely", job, 3)
     assert isinstance(world, Assorted)
     assert [own.side for own in world.worlds] == [20.0, 34.0]
-    found = evaluate(plan.table, job, world, 200, 3)
-    assert found.success.mean() > 0.98
+    result = evaluate(plan.table, job, world, 200, 3)
+    assert result.success.mean() > 0.98
 
 
 def simulated(table, folder, *more):
@@ -363,10 +363,10 @@ def test_a_report_of_parts_that_are_sorted_shows_names_and_no_poses(plan, tmp_pa
 
 def test_names_of_a_journal_stand_in_the_report(plan, ran, tmp_path):
     parts, journal = ran
-    told = [part["hypothesis"] for part in parts]
+    lines = [part["hypothesis"] for part in parts]
     text, _, data = report_of(plan.table, tmp_path, "--journal", str(journal))
-    assert [entry[6] for entry in data["log"]["parts"]] == told
-    assert all(f"{told.count(name)} {name}" in text for name in set(told))
+    assert [entry[6] for entry in data["log"]["parts"]] == lines
+    assert all(f"{lines.count(name)} {name}" in text for name in set(lines))
     assert "4 of 4 parts named" in text
 
 

@@ -19,9 +19,9 @@ COMMANDS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["scri
 
 def module(name):
     """A module of the site's builder, which is no package."""
-    found = importlib.util.spec_from_file_location(f"site_{name}", SITE / f"{name}.py")
-    loaded = importlib.util.module_from_spec(found)
-    found.loader.exec_module(loaded)
+    result = importlib.util.spec_from_file_location(f"site_{name}", SITE / f"{name}.py")
+    loaded = importlib.util.module_from_spec(result)
+    result.loader.exec_module(loaded)
     return loaded
 
 
@@ -85,9 +85,9 @@ def test_every_document_is_a_page(site, source):
 
 
 def test_every_link_leads_somewhere_and_nothing_is_loaded_from_elsewhere(site, links):
-    found = links.check(site)
-    assert found.faults == []
-    assert all(address.startswith("https://") for address in found.outside)
+    result = links.check(site)
+    assert result.faults == []
+    assert all(address.startswith("https://") for address in result.outside)
 
 
 def test_formulas_are_drawn(site):
@@ -138,7 +138,7 @@ def test_mutation_table_names_modules_that_exist():
 
 def test_every_file_of_figures_is_on_the_page_with_its_command(kept):
     page = kept.PAGE.read_text()
-    shown = {found[1].partition("-")[0] for found in kept.PLACE.finditer(page)}
+    shown = {result[1].partition("-")[0] for result in kept.PLACE.finditer(page)}
     assert {path.stem for path in RESULTS.glob("*.json")} <= shown
     benches = {path.name for path in (ROOT / "tests" / "bench").glob("bench_*.py")}
     assert benches <= set(re.findall(r"tests/bench/(\w+\.py)", page))

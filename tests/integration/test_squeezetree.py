@@ -110,22 +110,22 @@ def test_a_first_look_answers_and_writes_what_to_go_on_with(
     plate: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert first_look.main([str(plate), *QUICK, "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["locatable"] is True
-    assert told["size_mm"] == pytest.approx([30.0, 21.0])
-    assert any("1 mm" in line for line in told["assumed"])  # the file names no unit
-    assert 0.0 <= told["error_mm"]["median"] <= told["error_mm"]["p95"]
-    assert told["weakest"]["wrong"] >= 0.0
-    assert Path(told["picture"]).read_text().count("<svg") == 1
-    job = job_file.load(Path(told["job"]))
+    record = json.loads(capsys.readouterr().out)
+    assert record["locatable"] is True
+    assert record["size_mm"] == pytest.approx([30.0, 21.0])
+    assert any("1 mm" in line for line in record["assumed"])  # the file names no unit
+    assert 0.0 <= record["error_mm"]["median"] <= record["error_mm"]["p95"]
+    assert record["weakest"]["wrong"] >= 0.0
+    assert Path(record["picture"]).read_text().count("<svg") == 1
+    job = job_file.load(Path(record["job"]))
     assert (job.uncertainty.radius_mm, job.gripper.model) == (2.0, "robotiq-2f-85")
     quick = job.replaced(search=first_look.QUICK)
-    assert load(Path(told["table"])).table.job_digest == quick.digest()
+    assert load(Path(record["table"])).table.job_digest == quick.digest()
     shares = [
-        told[name] for name in ("success_rate", "wrong_rate", "unresolved_rate", "reject_rate")
+        record[name] for name in ("success_rate", "wrong_rate", "unresolved_rate", "reject_rate")
     ]
-    assert sum(shares) + told["crashes"] / told["trials"] == pytest.approx(1.0)
-    assert told["notes"] == []
+    assert sum(shares) + record["crashes"] / record["trials"] == pytest.approx(1.0)
+    assert record["notes"] == []
     # Another job of the same name is not overwritten, the same one is.
     # No picture, advice or sweep costs the answer.
 
@@ -201,8 +201,8 @@ def test_a_larger_gripper_and_a_smaller_radius_are_part_of_the_answer(
         "unresolved_rate": 0.004,
         "reject_rate": 0.0,
     }
-    found = Verdict("fair", "", "", ["friction stays below 1.35"], [])
-    answer = Answer("fair", found, figures, 4, None, [], setting.restrictions, 0.99)
+    result = Verdict("fair", "", "", ["friction stays below 1.35"], [])
+    answer = Answer("fair", result, figures, 4, None, [], setting.restrictions, 0.99)
     limits = "".join(f"{', ' if not k else ' and '}{text}" for k, text in enumerate(restrictions))
     assert answer.short_text() == f"Yes{limits}, if friction stays below 1.35."
     assert "for 99.5 % of the parts" in answer._replace(confidence=0.999).short_text()

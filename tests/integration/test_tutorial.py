@@ -9,10 +9,10 @@ from documents import DOCS, blocks, changed, matches, run, stated
 
 
 def test_the_tutorial_runs_as_written(work, environment):
-    found = blocks(DOCS / "tutorial.md")
-    assert len(found) >= 7
+    result = blocks(DOCS / "tutorial.md")
+    assert len(result) >= 7
     shutil.copy(DOCS / "lever.dxf", work)
-    for block, lines in zip(found, run(found, work, environment), strict=False):
+    for block, lines in zip(result, run(result, work, environment), strict=False):
         assert matches(block.printed, lines)
     assert (work / "lever.html").stat().st_size < 3_000_000
 
@@ -29,11 +29,11 @@ def test_a_solid_becomes_a_running_cell_as_written_where_less_is_unknown(
     python = tmp_path / "bin" / "python3"
     python.write_text(f"#!/bin/sh\nexec '{sys.executable}' \"$@\"\n")
     python.chmod(0o755)
-    found = [changed(block, EASIER) for block in blocks(DOCS / "from-a-solid.md")]
-    assert len(found) == 4
-    found[1].commands.append(stated("bracket.toml", particles=1000, search_particles=100))
-    printed = run(found, work, environment)
-    for block, lines in zip(found, printed, strict=False):  # what follows the last mark is empty
+    results = [changed(block, EASIER) for block in blocks(DOCS / "from-a-solid.md")]
+    assert len(results) == 4
+    results[1].commands.append(stated("bracket.toml", particles=1000, search_particles=100))
+    printed = run(results, work, environment)
+    for block, lines in zip(results, printed, strict=False):  # what follows the last mark is empty
         assert matches(block.printed, lines)
     ends = re.findall(r"LEAF, leaf \d+, (.*?), \(.*; it is (.*)", "\n".join(printed[3]))
     assert ends

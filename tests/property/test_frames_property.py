@@ -21,9 +21,9 @@ def reply(block):
 
 @given(NOISE, BLOCKS, NOISE)
 def test_an_answer_is_found_in_any_noise(before, block, after):
-    found = FRAMING.find(before + reply(block) + after, READ)
-    assert found is not None
-    read = b"".join(register.to_bytes(2, "big") for register in found.registers)
+    result = FRAMING.find(before + reply(block) + after, READ)
+    assert result is not None
+    read = b"".join(register.to_bytes(2, "big") for register in result.registers)
     assert read == block or reply(read) in before + reply(
         block
     )  # noise that is a whole answer comes first

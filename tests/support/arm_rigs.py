@@ -28,8 +28,10 @@ BASE = Pose(-300.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0))
 
 def opened(url, read_only, frames, more=""):
     """An arm whose frames are told in its address."""
-    told = (f"{name}={','.join(map(str, (*pose[:3], *pose[3])))}" for name, pose in frames.items())
-    query = f"?{'&'.join(told)}{more}" if frames else ""
+    message = (
+        f"{name}={','.join(map(str, (*pose[:3], *pose[3])))}" for name, pose in frames.items()
+    )
+    query = f"?{'&'.join(message)}{more}" if frames else ""
     return contextlib.closing(connect.arm(url + query, time_scale=SCALE, read_only=read_only))
 
 
@@ -61,10 +63,10 @@ class Abb:
         self.model.execute = lambda text, now: Answer(None, math.inf)
 
     def open(self, *, read_only=False, **frames):
-        told = (
+        message = (
             f"{name}={','.join(map(str, (*pose[:3], *pose[3])))}" for name, pose in frames.items()
         )
-        query = f"?{'&'.join(told)}" if frames else ""
+        query = f"?{'&'.join(message)}" if frames else ""
         return contextlib.closing(
             connect.arm(self.url + query, time_scale=SCALE, read_only=read_only)
         )

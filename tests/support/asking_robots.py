@@ -168,8 +168,8 @@ class Served:
     def ended(self) -> tuple[int, list[dict[str, object]], str]:
         """Its exit code, its parts and its last words, once it has ended by itself or been asked to."""
         _, err = self.process.communicate(timeout=WAIT_S)
-        told = [json.loads(line) for line in self._said.read_text().splitlines()]
-        return self.process.returncode, told, err
+        lines = [json.loads(line) for line in self._said.read_text().splitlines()]
+        return self.process.returncode, lines, err
 
     def __enter__(self) -> "Served":
         return self

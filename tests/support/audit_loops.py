@@ -75,22 +75,22 @@ def loop(
     At many times life's speed a busy machine makes the deadlines of gripper and arm fail; that is not the
     audit's, so faults are told, not judged.
     """
-    found = Loop([], Counter(), [])
+    result = Loop([], Counter(), [])
     for number in range(runs):
-        if (left := parts - len(found.parts)) <= 0:
+        if (left := parts - len(result.parts)) <= 0:
             break
         words = command(tree, folder, count=left, seed=seed + number, time_scale=time_scale)
         before = len(of_runs(folder / "journal.jsonl"))
         done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
         runs_now = of_runs(folder / "journal.jsonl")[before:]
         if not runs_now:  # the cell did not come up
-            found.faults.append(done.stderr.strip().rpartition("\n")[2])
+            result.faults.append(done.stderr.strip().rpartition("\n")[2])
             continue
         more, ended = judged(done.stdout, runs_now[0])
-        found.parts.extend(more)
-        found.outcomes.update(part["outcome"] for part in ended)
-        found.faults.extend(part["reason"] for part in ended if part["outcome"] == "fault")
-    return found
+        result.parts.extend(more)
+        result.outcomes.update(part["outcome"] for part in ended)
+        result.faults.extend(part["reason"] for part in ended if part["outcome"] == "fault")
+    return result
 
 
 def of_runs(journal: Path) -> list[list[dict[str, Any]]]:
@@ -110,10 +110,10 @@ def judged(said: str, run: list[dict[str, Any]]) -> tuple[list[Judged], list[dic
         said: the run's standard output.
         run: its records.
     """
-    told = {part["part"]: part for part in map(json.loads, said.splitlines())}
-    asked = [(record, told[record["part"]]) for record in run if record["kind"] == "audit"]
+    document = {part["part"]: part for part in map(json.loads, said.splitlines())}
+    asked = [(record, document[record["part"]]) for record in run if record["kind"] == "audit"]
     return [Judged(record, part["error_mm"], part["within_goal"]) for record, part in asked], list(
-        told.values()
+        document.values()
     )
 
 

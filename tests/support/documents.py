@@ -38,16 +38,16 @@ class Block(NamedTuple):
 
 def blocks(page: Path) -> list[Block]:
     """The command blocks of a page, in their order; one of bash or sh is commands only."""
-    found = []
+    results = []
     for match in BLOCK.finditer(page.read_text()):
         text = textwrap.dedent(match[3])
         if match[2] == "console":
             lines = text.splitlines()
             commands = [line[2:] for line in lines if line.startswith("$ ")]
-            found.append(Block(commands, [line for line in lines if not line.startswith("$ ")]))
+            results.append(Block(commands, [line for line in lines if not line.startswith("$ ")]))
         else:
-            found.append(Block(text.replace("\\\n", " ").splitlines(), []))
-    return found
+            results.append(Block(text.replace("\\\n", " ").splitlines(), []))
+    return results
 
 
 def shims(folder: Path, before: Mapping[str, str] = EMPTY) -> Path:

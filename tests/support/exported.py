@@ -103,9 +103,9 @@ def check_structured_text(
 
 def compilers() -> list[str]:
     """The C compilers of this machine, at least one."""
-    found = [name for name in ("gcc", "clang") if shutil.which(name)]
-    assert found, "neither gcc nor clang is installed; install one (Debian: apt-get install gcc)"
-    return found
+    results = [name for name in ("gcc", "clang") if shutil.which(name)]
+    assert results, "neither gcc nor clang is installed; install one (Debian: apt-get install gcc)"
+    return results
 
 
 def built(compiler: str, folder: Path, *flags: str) -> Path:

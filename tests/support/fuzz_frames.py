@@ -139,10 +139,10 @@ def _reply_length(head: bytes) -> int | None:
 
 def _frames(data: bytes, length_of) -> list[bytes]:
     """Every piece of some bytes that is a frame to or from slave 9 with the right CRC."""
-    found = []
+    results = []
     for at in range(len(data)):
         length = length_of(data[at:]) if data[at] == RTU.unit else 0
         frame = data[at : at + (length or 0)]
         if length and len(frame) == length and crc16(frame[:-2]) == frame[-2:]:
-            found.append(frame)
-    return found
+            results.append(frame)
+    return results

@@ -108,15 +108,15 @@ class Summary:
 
     def result(self) -> dict[str, Any]:
         """All of it by device and mode, as tests/bench/results keeps it."""
-        found: dict[str, Any] = {}
+        record: dict[str, Any] = {}
         for (device, mode), ends in self._ends.items():
             longest_s = round(self._longest[device, mode], 1)
-            found.setdefault(device, {})[mode] = {
+            record.setdefault(device, {})[mode] = {
                 "cases": ends.total(),
                 "ends": dict(sorted(ends.items())),
                 "longest_s": longest_s,
             }
-        return {"devices": found, "failures": self.failures, "late_only_among_others": self.loaded}
+        return {"devices": record, "failures": self.failures, "late_only_among_others": self.loaded}
 
 
 def campaign(taken: Iterable[tuple[int, Case]], jobs: int) -> Summary:

@@ -83,11 +83,11 @@ def text(data: bytes, random: Random) -> bytes:
             numbers = [*re.finditer(rb"-?\d[\d.eE+-]*", data)]
             words = [*re.finditer(rb"\"[^\"\n]*\"|\b[A-Za-z_]+\b", data)]
             if action < 3:  # still what its grammar wants
-                found, put = numbers, random.choice((*MILD, *(hit[0] for hit in numbers[:40])))
+                result, put = numbers, random.choice((*MILD, *(hit[0] for hit in numbers[:40])))
             else:
-                found, put = numbers + words, random.choice(ODD).encode()
-            if found:
-                hit = random.choice(found)
+                result, put = numbers + words, random.choice(ODD).encode()
+            if result:
+                hit = random.choice(result)
                 data = data[: hit.start()] + put + data[hit.end() :]
         elif action < 8:
             lines = data.splitlines(keepends=True) or [b""]

@@ -203,8 +203,8 @@ def readings(whole: bytes) -> bytes:
     worlds = [
         {"name": name, "readings": [{"132": 20}, {"150": 9}]} for name in ("as planned", "less")
     ]
-    told = {"kind": "expected readings", "version": 1, "worlds": worlds}
-    return json.dumps({**told, "table_sha256": hashlib.sha256(whole).hexdigest()}).encode()
+    record = {"kind": "expected readings", "version": 1, "worlds": worlds}
+    return json.dumps({**record, "table_sha256": hashlib.sha256(whole).hexdigest()}).encode()
 
 
 def lens() -> bytes:

@@ -54,10 +54,10 @@ def push(
         )[0]
         return np.array([V[0], V[1], V[2] / part.rho])
 
-    found = solve_ivp(
+    result = solve_ivp(
         velocity, (0.0, 1.0), np.zeros(3), max_step=CLOSING / 2, rtol=1e-3, atol=1e-3, method="RK23"
     )
-    return found.y[:, -1]
+    return result.y[:, -1]
 
 
 def _contact(part: shapely.Polygon, point: np.ndarray, radius: float) -> tuple[float, ...] | None:

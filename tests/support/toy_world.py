@@ -45,12 +45,12 @@ class Toy:
 
         @cache
         def after(states, left, first=False):
-            found = set() if first else {(0, len(states))}  # no claim: nothing is located
+            result = set() if first else {(0, len(states))}  # no claim: nothing is located
             located = max(sum(k <= s < k + REACH for s in states) for k in states)
             if located >= least_share * len(states) and not first:
-                found.add((0, len(states) - located))
+                result.add((0, len(states) - located))
             if left == 0:
-                return frozenset(found | ({(len(states), 0)} if granted else set()))
+                return frozenset(result | ({(len(states), 0)} if granted else set()))
             for action in range(self.actions):
                 total = {(len(states), 0)}
                 for reading in {int(self.reading[action, s]) for s in states}:
@@ -61,8 +61,8 @@ class Toy:
                     ]
                     further = after(tuple(sorted(here)), left - 1)
                     total = {(a + c, b + d) for a, b in total for c, d in further}
-                found |= total
-            return frozenset(found)
+                result |= total
+            return frozenset(result)
 
         return after(tuple(range(self.size)), squeezes, first=True)
 

@@ -25,8 +25,8 @@ def table_of(name: str, workers: int | None = None) -> TableFile:
     """The table of a job: the committed or kept one, where it is of this job; else a fresh one, then kept."""
     job = job_file.load(TREES / name / "job.toml")
     for path in (TREES / name / f"{name}.msgpack", KEPT / f"{name}.msgpack"):
-        if path.exists() and (found := load(path)).table.job_digest == job.digest():
-            return found
+        if path.exists() and (result := load(path)).table.job_digest == job.digest():
+            return result
     KEPT.mkdir(parents=True, exist_ok=True)
     dump(compile_job(job, workers).table, path)
     return load(path)

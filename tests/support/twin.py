@@ -105,12 +105,12 @@ def _first_touch(part: Part, pose: np.ndarray) -> float:
 
 def _velocity(part: Part, s: float, q: np.ndarray) -> np.ndarray:
     """d(x, y, theta) / ds with both fingers closing at unit speed."""
-    found = sorted(_contacts(part, s, q))[:MOST_CONTACTS]
-    if not found:
+    result = sorted(_contacts(part, s, q))[:MOST_CONTACTS]
+    if not result:
         return np.zeros(3)
     c, sine = math.cos(q[2]), math.sin(q[2])
     turn = np.array([[c, -sine, 0.0], [sine, c, 0.0], [0.0, 0.0, 1.0]])
-    gap, finger, px, py, nx, ny = np.array(found).T
+    gap, finger, px, py, nx, ny = np.array(result).T
     problem = ContactProblem(
         A=turn @ part.A @ turn.T,
         rho=part.rho,
@@ -131,25 +131,25 @@ def _contacts(part: Part, s: float, q: np.ndarray) -> list[tuple[float, ...]]:
     """All pairs of features about to touch: (gap, finger, point x, y, normal x, y)."""
     opening, length, thickness = part.jaws[:3]
     half, points = length / 2, _place(part.outline, q)
-    found: list[tuple[float, ...]] = []
+    result: list[tuple[float, ...]] = []
     for finger in (1, -1):
         face = finger * (opening / 2 - s)
         for x, y in points:
             gap, beyond = finger * (face - y), abs(x) - half
             if beyond <= 0.0 and -BESIDE_MM < gap < REACH_MM:
-                found.append((gap, finger, x, y, 0.0, -finger))
+                result.append((gap, finger, x, y, 0.0, -finger))
             if -thickness < gap < -BESIDE_MM and abs(beyond) < REACH_MM:
-                found.append((beyond, finger, x, y, math.copysign(1.0, x), 0.0))
+                result.append((beyond, finger, x, y, math.copysign(1.0, x), 0.0))
         for side in (-1, 1):
-            found += _corner_contacts(points, finger, np.array([side * half, face]), side)
-    return found
+            result += _corner_contacts(points, finger, np.array([side * half, face]), side)
+    return result
 
 
 def _corner_contacts(
     points: np.ndarray, finger: int, corner: np.ndarray, side: int
 ) -> list[tuple[float, ...]]:
     """The edges that an inner corner of a finger is about to touch, normals in the corner's cone."""
-    found: list[tuple[float, ...]] = []
+    results: list[tuple[float, ...]] = []
     for first, second in zip(points, np.roll(points, -1, axis=0), strict=True):
         edge = second - first
         size = math.hypot(*edge)
@@ -160,5 +160,5 @@ def _corner_contacts(
         in_cone = -finger * inward[1] > -1e-3 and side * inward[0] > -1e-3
         if in_cone and 0.0 <= along <= size and -BESIDE_MM < gap < REACH_MM:
             touched = corner + gap * inward
-            found.append((gap, finger, touched[0], touched[1], inward[0], inward[1]))
-    return found
+            results.append((gap, finger, touched[0], touched[1], inward[0], inward[1]))
+    return results

@@ -99,6 +99,6 @@ def test_a_command_that_hangs_or_ends_otherwise_is_found(monkeypatch: pytest.Mon
         with pytest.raises(AssertionError):
             hostile_inputs.judge(made)
     monkeypatch.setattr(hostile_inputs, "judge", lambda made, as_process: time.sleep(60))
-    told: list[str] = []
-    assert hostile_inputs.run(7, range(1, 3), told.append, longest_s=0.1)["FAILED"] == 2
-    assert "no end within" in told[0]
+    lines: list[str] = []
+    assert hostile_inputs.run(7, range(1, 3), lines.append, longest_s=0.1)["FAILED"] == 2
+    assert "no end within" in lines[0]

@@ -37,9 +37,11 @@ def test_bill_is_valid_and_lists_each_wheel_with_its_digest(wheels):
     assert sbom.main(wheels) == 0
     text = (wheels / sbom.NAME).read_text()
     assert JsonStrictValidator(SchemaVersion.V1_6).validate_str(text) is None
-    told = json.loads(text)
-    assert told["metadata"]["component"]["name"] == "squeezetree"
-    listed = {part["name"]: part for part in [*told["components"], told["metadata"]["component"]]}
+    record = json.loads(text)
+    assert record["metadata"]["component"]["name"] == "squeezetree"
+    listed = {
+        part["name"]: part for part in [*record["components"], record["metadata"]["component"]]
+    }
     assert set(listed) == {"squeezetree", "msgpack", "odd-name", "classified", "own"}
     for path in wheels.glob("*.whl"):
         (digest,) = listed[path.name.partition("-")[0].replace("_", "-")]["hashes"]
@@ -47,7 +49,7 @@ def test_bill_is_valid_and_lists_each_wheel_with_its_digest(wheels):
             "alg": "SHA-256",
             "content": hashlib.sha256(path.read_bytes()).hexdigest(),
         }
-    needed = {line["ref"]: line.get("dependsOn", []) for line in told["dependencies"]}
+    needed = {line["ref"]: line.get("dependsOn", []) for line in record["dependencies"]}
     assert needed["pkg:pypi/squeezetree@0.1.0"] == ["pkg:pypi/msgpack@1.1.2"]
     assert all(part.get("licenses") for name, part in listed.items() if name != "squeezetree")
 

@@ -43,15 +43,15 @@ class Answer:
 
     def fields(self) -> dict[str, object]:
         """The answer as JSON holds it, units in the names, what is not known left out."""
-        told: dict[str, object] = {"verdict": self.verdict, "reason": self.reason}
+        record: dict[str, object] = {"verdict": self.verdict, "reason": self.reason}
         for prefix, pose in (("measured", self.measured), ("residual", self.residual)):
             if pose is not None:
                 names = (f"{prefix}_{name}" for name in ("x_mm", "y_mm", "theta_rad"))
-                told |= dict(zip(names, (round(value, 6) for value in pose), strict=True))
+                record |= dict(zip(names, (round(value, 6) for value in pose), strict=True))
         figures = {"distance": self.distance, "error": self.error, "moved_mm": self.moved_mm}
-        told |= {name: round(value, 6) for name, value in figures.items() if value is not None}
+        record |= {name: round(value, 6) for name, value in figures.items() if value is not None}
         texts = {"hypothesis": self.hypothesis, "picture": self.picture}
-        return told | {name: text for name, text in texts.items() if text is not None}
+        return record | {name: text for name, text in texts.items() if text is not None}
 
 
 def judge(
@@ -113,7 +113,7 @@ class Auditor:
             picture = self.source.picture(until)
         except CameraError as error:
             return Answer(UNKNOWN, str(error))
-        found: Measured | None = None
+        result: Measured | None = None
         view = self.calibration.view
         try:
             self.calibration.check_size(picture.shape)
@@ -121,12 +121,14 @@ class Auditor:
             seen = find(picture)
             moved_mm = drift.check(self.calibration.references, seen, view, self.limit_mm)
             carried = self._carrier({sighting.number for sighting in seen})
-            found = measure(picture, seen, self.calibration, (carried or subject).tag, predicted)
+            result = measure(picture, seen, self.calibration, (carried or subject).tag, predicted)
             if carried is None or carried is subject:
                 allowed = subject.poses_of(predicted)
-                answer = judge(subject.goal, allowed, found.pose, found.sigma_mm, found.sigma_rad)
+                answer = judge(
+                    subject.goal, allowed, result.pose, result.sigma_mm, result.sigma_rad
+                )
             else:
-                answer = Answer(FAIL, f"it is {carried.name}, not {name}", found.pose)
+                answer = Answer(FAIL, f"it is {carried.name}, not {name}", result.pose)
             answer = replace(
                 answer, moved_mm=moved_mm, hypothesis=None if carried is None else carried.name
             )
@@ -135,7 +137,7 @@ class Auditor:
         if self.pictures is None or answer.verdict == PASS:
             return answer
         sentence = f"{answer.verdict}: {answer.reason}"
-        drawn = overlay.draw(picture, view, subject, predicted, found, sentence)
+        drawn = overlay.draw(picture, view, subject, predicted, result, sentence)
         path = overlay.keep(self.pictures, part, answer.verdict, drawn)
         return answer if path is None else replace(answer, picture=str(path))
 

@@ -49,15 +49,15 @@ def parser() -> Parser:
         prog="grasp-audit", description="Was the answer right, in millimetres?", epilog=EPILOG
     )
     commands = built.add_subparsers(required=True, metavar="judge | report | study", dest="command")
-    told = "answer questions about parts, one a line"
+    message = "answer questions about parts, one a line"
     example = "grasp-audit judge --tree T.msgpack --camera /dev/video0 --calibration cam.json --tag tag.json"
-    made = commands.add_parser(
+    command = commands.add_parser(
         "judge",
-        help=told,
-        description=f"{told[0].upper()}{told[1:]}: JSON in, JSON out.",
+        help=message,
+        description=f"{message[0].upper()}{message[1:]}: JSON in, JSON out.",
         epilog=f"example:\n  {example}\n\n{EXIT_CODES}",
     )
-    add = made.add_argument
+    add = command.add_argument
     add(
         "--tree",
         type=Path,
@@ -96,7 +96,7 @@ def parser() -> Parser:
         metavar="MB",
         help="to grow by (default: %(default)s)",
     )
-    made.add_debug()
+    command.add_debug()
     commands.add_parser(
         "report", help="success, residuals and control charts from journals", add_help=False
     )

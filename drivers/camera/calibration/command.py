@@ -59,17 +59,17 @@ def parser() -> Parser:
     )
 
     def adder(name: str, help: str, example: str, run: Run) -> Any:  # noqa: A002
-        made = commands.add_parser(
+        command = commands.add_parser(
             name,
             help=help,
             description=f"{help[0].upper()}{help[1:]}.",
             epilog=f"example:\n  grasp-calibrate {name} {example}\n\n{EXIT_CODES}",
         )
-        made.add_argument(
+        command.add_argument(
             "--json", action="store_true", help="print one JSON object instead of text"
         )
-        made.set_defaults(run=run)
-        return made.add_argument
+        command.set_defaults(run=run)
+        return command.add_argument
 
     add = adder(
         "camera",
@@ -213,7 +213,7 @@ def run_camera(options: argparse.Namespace) -> Told:
     )
     for output, other in ((options.output, None), (picture, options.output)):
         usable(output, *read, other)
-    made = calibrate(
+    fitted = calibrate(
         options.name,
         _now(),
         board,
@@ -225,19 +225,19 @@ def run_camera(options: argparse.Namespace) -> Told:
         from_below=not options.above,
         height_mm=options.board_height,
     )
-    calibration.save(made.calibration, options.output)
+    calibration.save(fitted.calibration, options.output)
     with writing(picture) as draft:
-        draft.write_text(residual_picture.draw(made), encoding="ascii")
+        draft.write_text(residual_picture.draw(fitted), encoding="ascii")
     known, off, sigma = (
-        made.calibration,
-        np.hypot(*made.residuals.off.T),
-        made.calibration.trust.sigma_mm,
+        fitted.calibration,
+        np.hypot(*fitted.residuals.off.T),
+        fitted.calibration.trust.sigma_mm,
     )
     numbers = [reference.number for reference in known.references]
     yield f"camera {known.camera}, {known.views} views of the board, residual {known.rms_px:.3f} px"
-    for name in made.left_out:
+    for name in fitted.left_out:
         yield f"left out: {name}, the board is not found in it"
-    yield f"boards on the table: {made.residuals.rms_mm:.3f} mm rms, {off.max():.3f} mm at most"
+    yield f"boards on the table: {fitted.residuals.rms_mm:.3f} mm rms, {off.max():.3f} mm at most"
     yield f"standard deviation of a place: {np.median(sigma):.3f} mm, at worst {sigma.max():.3f} mm"
     if touched:
         yield f"alignment with the arm: {known.alignment_mm:.3f} mm rms over {len(touched)} places"
@@ -251,9 +251,9 @@ def run_camera(options: argparse.Namespace) -> Told:
         "picture": str(picture),
         "camera": known.camera,
         "views": known.views,
-        "left_out": made.left_out,
+        "left_out": fitted.left_out,
         "residual_px": known.rms_px,
-        "table_rms_mm": made.residuals.rms_mm,
+        "table_rms_mm": fitted.residuals.rms_mm,
         "sigma_mm": float(np.median(sigma)),
         "alignment_mm": known.alignment_mm if touched else None,
         "references": numbers,

@@ -74,21 +74,21 @@ def calibrate(
         raise CalibrationRefusedError(
             f"{table[0].name}: the board on the table is not seen; take it again"
         )
-    found = lens_fit.fit(views, size)
-    view = table_fit.stand(found.lens, found.pose, from_below, height_mm)
+    result = lens_fit.fit(views, size)
+    view = table_fit.stand(result.lens, result.pose, from_below, height_mm)
     world, alignment_mm = ZERO, 0.0
     if touched:
         seen = [place(_only_tag(known.picture, number), view) for known in touched]
         world, alignment_mm = table_fit.align([known.pose[:2] for known in touched], seen)
     view = view.moved(world)
     residuals = table_fit.board_residuals(view, lying, height_mm)
-    trust = table_fit.trust(found, view, height_mm, world)
+    trust = table_fit.trust(result, view, height_mm, world)
     fixed = [tag for tag in _tags(references) if tag.number != number] if references else []
     if references and not fixed:
         raise CalibrationRefusedError(f"{references.name}: no reference tag is seen; take it again")
     places = tuple(Reference(tag.number, *place(tag, view)) for tag in fixed)
     calibration = CameraCalibration(
-        camera, made, view, found.rms_px, alignment_mm, trust, places, len(views)
+        camera, made, view, result.rms_px, alignment_mm, trust, places, len(views)
     )
     return Made(calibration, residuals, views, left_out)
 
@@ -189,9 +189,9 @@ def _tags(path: Path) -> list[Sighting]:
 
 
 def _only_tag(path: Path, number: int) -> Sighting:
-    found = [tag for tag in _tags(path) if tag.number == number]
-    if len(found) != 1:
+    results = [tag for tag in _tags(path) if tag.number == number]
+    if len(results) != 1:
         raise CalibrationRefusedError(
-            f"{path.name}: tag {number} is seen {len(found)} times; take it again"
+            f"{path.name}: tag {number} is seen {len(results)} times; take it again"
         )
-    return found[0]
+    return results[0]

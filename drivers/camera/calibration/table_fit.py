@@ -68,13 +68,14 @@ def align(touched: Sequence[Place], seen: Sequence[Place]) -> tuple[Pose2, float
         raise CalibrationRefusedError(
             f"the touched places are within {spread:.0f} mm; spread them over {LEAST_SPREAD_MM:g} mm and more"
         )
-    found = rigid_fit(a, b)
-    if found.rms_mm > LARGEST_ALIGNMENT_MM:
+    result = rigid_fit(a, b)
+    if result.rms_mm > LARGEST_ALIGNMENT_MM:
         raise CalibrationRefusedError(
-            f"touched and seen places disagree by {found.rms_mm:.2f} mm (limit {LARGEST_ALIGNMENT_MM:g} mm); "
+            f"touched and seen places disagree by {result.rms_mm:.2f} mm "
+            f"(limit {LARGEST_ALIGNMENT_MM:g} mm); "
             "check which picture belongs to which place, the arm's tool frame, and --above"
         )
-    return found.pose, found.rms_mm
+    return result.pose, result.rms_mm
 
 
 def board_residuals(view: View, boards: Sequence[BoardView], height_mm: float = 0.0) -> Residuals:
@@ -90,13 +91,13 @@ def board_residuals(view: View, boards: Sequence[BoardView], height_mm: float = 
         whole = placed(points, rigid_fit(points, seen).pose)
         places.append(whole)
         off.append(seen - whole)
-    found = Residuals(np.concatenate(places), np.concatenate(off))
-    if not found.rms_mm <= LARGEST_RESIDUAL_MM:
+    result = Residuals(np.concatenate(places), np.concatenate(off))
+    if not result.rms_mm <= LARGEST_RESIDUAL_MM:
         raise CalibrationRefusedError(
-            f"boards on the table are measured {found.rms_mm:.2f} mm wrong (limit {LARGEST_RESIDUAL_MM:g}"
+            f"boards on the table are measured {result.rms_mm:.2f} mm wrong (limit {LARGEST_RESIDUAL_MM:g}"
             " mm); check that they lie flat, and the board's measures"
         )
-    return found
+    return result
 
 
 def trust(found: LensFit, view: View, height_mm: float, world: Pose2) -> Trust:
@@ -141,12 +142,12 @@ def part_offset(parts: Sequence[Pose2], tags: Sequence[Pose2]) -> tuple[Pose2, f
             f"{len(parts)} poses of the part; at least {LEAST_TOUCHED} are needed"
         )
     offsets = [relative(part, tag) for part, tag in zip(parts, tags, strict=True)]
-    found = np.array(offsets)
-    theta = float(np.angle(np.mean(np.exp(1j * found[:, 2]))))
-    place = found[:, :2].mean(axis=0)
-    count = len(found)
-    scatter = np.sqrt(np.sum((found[:, :2] - place) ** 2) / (2 * (count - 1)))
-    turned = np.remainder(found[:, 2] - theta + np.pi, 2.0 * np.pi) - np.pi
+    result = np.array(offsets)
+    theta = float(np.angle(np.mean(np.exp(1j * result[:, 2]))))
+    place = result[:, :2].mean(axis=0)
+    count = len(result)
+    scatter = np.sqrt(np.sum((result[:, :2] - place) ** 2) / (2 * (count - 1)))
+    turned = np.remainder(result[:, 2] - theta + np.pi, 2.0 * np.pi) - np.pi
     if scatter > LARGEST_ALIGNMENT_MM:
         raise CalibrationRefusedError(
             f"the tag's place on the part scatters by {scatter:.2f} mm (limit {LARGEST_ALIGNMENT_MM:g} mm); "

@@ -92,5 +92,5 @@ def _refined(picture: Picture, pixels: Array, points: Array, field_mm: float) ->
     half = int(np.clip(round(WINDOW_SQUARES * spacing), 2, 11))
     start = np.ascontiguousarray(pixels, np.float32).reshape(-1, 1, 2)
     criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 60, 1e-3)
-    found = cv2.cornerSubPix(picture, start, (half, half), (-1, -1), criteria)
-    return np.asarray(found, np.float64).reshape(-1, 2)
+    result = cv2.cornerSubPix(picture, start, (half, half), (-1, -1), criteria)
+    return np.asarray(result, np.float64).reshape(-1, 2)

@@ -38,11 +38,11 @@ def refine(picture: Picture, corners: Array, squares: int) -> Corners | None:
     """
     corners = np.asarray(corners, np.float64)
     for _ in range(ROUNDS):
-        found = _refined(picture, corners, squares)
-        if found is None:
+        result = _refined(picture, corners, squares)
+        if result is None:
             return None
-        corners = found.pixels
-    return found
+        corners = result.pixels
+    return result
 
 
 def _refined(picture: Picture, corners: Array, squares: int) -> Corners | None:
@@ -64,10 +64,10 @@ def _refined(picture: Picture, corners: Array, squares: int) -> Corners | None:
         return None
     edge, sharp = _edges(levels, offsets, WINDOW_SQUARES * square)
     lines = [_line(shares * n, e, ok) for n, e, ok in zip(lengths, edge, sharp, strict=True)]
-    told = [line for line in lines if line is not None]
-    if len(told) < len(lines):
+    entries = [line for line in lines if line is not None]
+    if len(entries) < len(lines):
         return None
-    offset, slope, rms = np.array(told).T
+    offset, slope, rms = np.array(entries).T
     origins, headings = corners + offset[:, None] * across, along + slope[:, None] * across
     return Corners(_crossings(origins, headings), float(np.sqrt(np.mean(rms**2))))
 

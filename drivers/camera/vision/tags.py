@@ -38,12 +38,12 @@ class Sighting(NamedTuple):
 
 def find(picture: Picture) -> list[Sighting]:
     """All tags of the family whose four sides are seen, in the order of their ids."""
-    found = []
+    results = []
     for number, corners in _read(cv2.aruco.DICT_APRILTAG_36h11, picture):
         refined = edges.refine(picture, corners, SQUARES)
         if refined is not None:
-            found.append(Sighting(number, *refined))
-    return sorted(found, key=lambda tag: tag.number)
+            results.append(Sighting(number, *refined))
+    return sorted(results, key=lambda tag: tag.number)
 
 
 def families_seen(picture: Picture) -> list[str]:

@@ -44,10 +44,10 @@ class Optics:
 
     def moved(self, x_mm: float, y_mm: float) -> Self:
         """The same camera beside its place."""
-        found = replace(self, eye_mm=self.eye_mm + np.array([x_mm, y_mm, 0.0]))
+        result = replace(self, eye_mm=self.eye_mm + np.array([x_mm, y_mm, 0.0]))
         # Its rays have the same directions, and take longer to find than a picture.
-        found.__dict__["corner_rays"] = self.corner_rays
-        return found
+        result.__dict__["corner_rays"] = self.corner_rays
+        return result
 
     def project(self, points_mm: Array) -> Array:
         """Where points of the world are seen, (n, 3) mm -> (n, 2) pixels."""

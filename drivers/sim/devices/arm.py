@@ -254,11 +254,11 @@ class ArmModel:
         """How long a line takes, in all and to speed up, whichever of way and turn takes longer."""
         if self._acceleration is None:
             return max(way / speed for way, speed in zip(ways, speeds, strict=True)), 0.0
-        found = []
+        results = []
         for way, speed, acceleration in zip(ways, speeds, self._acceleration, strict=True):
             ramp_s = min(speed / acceleration, math.sqrt(way / acceleration))
-            found.append((ramp_s + way / (ramp_s * acceleration) if way > 0.0 else 0.0, ramp_s))
-        return max(found)
+            results.append((ramp_s + way / (ramp_s * acceleration) if way > 0.0 else 0.0, ramp_s))
+        return max(results)
 
     def _move_circle(self, end: Pose, now_s: float) -> float:
         """MoveC, driven as two chords through the via-point."""

@@ -41,8 +41,8 @@ def pose_string(pose: Pose, decimals: int) -> str:
 
 def match(text: str, position: int, pattern: str) -> int:
     """StrMatch: 1-based place of `pattern` from `position` on; one past the end if there is none."""
-    found = text.find(pattern, position - 1)
-    return found + 1 if found >= 0 else len(text) + 1
+    result = text.find(pattern, position - 1)
+    return result + 1 if result >= 0 else len(text) + 1
 
 
 class Message:

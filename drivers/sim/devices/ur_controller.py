@@ -123,11 +123,11 @@ class UrModel:
             ),
             "target_speed_fraction": ("DOUBLE", (self.speed_fraction,)),
         }
-        told: Fields = {
+        record: Fields = {
             f"output_int_register_{number}": ("INT32", (value,))
             for number, value in self.registers.items()
         }
-        return fields | told
+        return fields | record
 
     def _tcp_at(self, now_s: float) -> Pose:
         """The active tool in the base frame."""
@@ -192,15 +192,15 @@ def _parsed(program: str) -> list[tuple[str, str]]:
     lines = [line.strip() for line in program.strip().splitlines()]
     if len(lines) < 3 or not re.fullmatch(r"def \w+\(\):", lines[0]) or lines[-1] != "end":
         return []
-    found = [STATEMENT.fullmatch(line) for line in lines[1:-1]]
+    results = [STATEMENT.fullmatch(line) for line in lines[1:-1]]
     known = {"set_tcp", "movel", "stopl", "write_output_integer_register"}
-    made = [(match[1], match[2]) for match in found if match is not None and match[1] in known]
-    return made if len(made) == len(found) else []
+    made = [(match[1], match[2]) for match in results if match is not None and match[1] in known]
+    return made if len(made) == len(results) else []
 
 
 def _pose(words: str) -> Pose:
-    found = POSE.search(words)
-    numbers = tuple(float(word) for word in found[1].split(",")) if found else ()
+    match = POSE.search(words)
+    numbers = tuple(float(word) for word in match[1].split(",")) if match else ()
     return script.frame(numbers)
 
 

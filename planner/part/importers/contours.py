@@ -129,12 +129,14 @@ def _face(ring: Array) -> shapely.Geometry:
 
 def listing(found: list[Contour]) -> str:
     """The contours in one line: number, extent, what they are."""
-    told = []
+    lines = []
     for number, contour in enumerate(found[:LISTED], 1):
         width, height = np.ptp(contour.points, axis=0)
-        told.append(f"{number}: {width:.4g} x {height:.4g} mm{'' if contour.outer else ' (inner)'}")
+        lines.append(
+            f"{number}: {width:.4g} x {height:.4g} mm{'' if contour.outer else ' (inner)'}"
+        )
     more = len(found) - LISTED
-    return "; ".join(told) + (f"; and {more} more" if more > 0 else "")
+    return "; ".join(lines) + (f"; and {more} more" if more > 0 else "")
 
 
 def _sorted(pieces: Pieces, join_mm: float) -> tuple[list[Array], Drawn]:
@@ -234,11 +236,11 @@ def _nested(rings: list[Contour]) -> list[Contour]:
         np.bincount(inner, minlength=len(rings)),
         np.bincount(outer, minlength=len(rings)),
     )
-    found = [
+    results = [
         ring._replace(area_mm2=float(face.area), holes=int(holes[k]), outer=not depth[k])
         for k, (ring, face) in enumerate(zip(rings, faces, strict=True))
     ]
-    return sorted(found, key=lambda contour: (not contour.outer, -contour.area_mm2))
+    return sorted(results, key=lambda contour: (not contour.outer, -contour.area_mm2))
 
 
 def _no_contour(loose: list[Array], origin: Array, where: str) -> OutlineError:

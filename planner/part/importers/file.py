@@ -120,14 +120,14 @@ def read_faces(path: Path, options: Options, tips_mm: Callable[[float], float]) 
         raise UsageError(f"{where}: --faces are those of a solid; name an STL file")
     data = _bytes(path)
     with time_limit(where):
-        found = [
+        results = [
             face for face in mesh.lying(data, where, _unit_mm(options)) if face.share >= LEAST_SHARE
         ]
         height_mm = options.height_mm or min(
-            tips_mm(float(np.ptp(face.solid.bounds[:, 2]))) for face in found
+            tips_mm(float(np.ptp(face.solid.bounds[:, 2]))) for face in results
         )
         faces: list[Face] = []
-        for face in found:
+        for face in results:
             imported = _lying(face, where, height_mm, options.tolerance_mm)
             same = [k for k, other in enumerate(faces) if _alike(imported, other.imported)]
             if same:
@@ -145,8 +145,8 @@ def read_faces(path: Path, options: Options, tips_mm: Callable[[float], float]) 
 def _lying(face: mesh.Lying, where: str, height_mm: float, tolerance_mm: float) -> Imported:
     """The outline of a solid on a face; around several contours their hull, as flat jaws meet them."""
     pieces = mesh.silhouette(face.solid, where, height_mm)
-    found, notes = contours.contours(pieces, tolerance_mm, where)
-    outer = [contour.points for contour in found if contour.outer]
+    result, notes = contours.contours(pieces, tolerance_mm, where)
+    outer = [contour.points for contour in result if contour.outer]
     points = outer[0]
     if len(outer) > 1:
         hull = shapely.convex_hull(shapely.multipoints(np.concatenate(outer)))

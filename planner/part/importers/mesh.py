@@ -44,11 +44,11 @@ def lying(data: bytes, where: str, unit_mm: float | None) -> list[Lying]:
         problem = "is no closed solid, so that its centre of mass is not known; repair it and export it again"
         raise InputFileError(problem, where=where)
     turns, shares = trimesh.poses.compute_stable_poses(solid)
-    found = []
+    results = []
     for turn, share in zip(turns, shares, strict=True):
         down = tuple((np.round(-turn[2, :3], 3) + 0.0).tolist())
-        found.append(Lying(float(share), down, solid.copy().apply_transform(turn)))
-    return sorted(found, key=lambda face: (-round(face.share, 6), -face.down[2], face.down))
+        results.append(Lying(float(share), down, solid.copy().apply_transform(turn)))
+    return sorted(results, key=lambda face: (-round(face.share, 6), -face.down[2], face.down))
 
 
 def silhouette(solid: Any, where: str, height_mm: float | None) -> Pieces:

@@ -59,14 +59,14 @@ class Outline:
         table = self._table
         whole = len(table.nodes) + len(table.leaves) <= room
         opened = frozenset(range(len(table.nodes))) if whole else path.targets
-        found = list(self._below(path, 0, None, 0, opened, fold=False))
-        if len(found) > room:
-            found = list(self._below(path, 0, None, 0, opened, fold=True))
-        if len(found) > room:  # a node with more outcomes than lines: what is nearest stays
-            middle = next(number for number, row in enumerate(found) if row.now)
-            first = max(0, min(middle - room // 3, len(found) - room))
-            found = found[first : first + room]
-        return found
+        result = list(self._below(path, 0, None, 0, opened, fold=False))
+        if len(result) > room:
+            result = list(self._below(path, 0, None, 0, opened, fold=True))
+        if len(result) > room:  # a node with more outcomes than lines: what is nearest stays
+            middle = next(number for number, row in enumerate(result) if row.now)
+            first = max(0, min(middle - room // 3, len(result) - room))
+            result = result[first : first + room]
+        return result
 
     def _below(
         self,

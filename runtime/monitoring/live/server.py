@@ -41,11 +41,11 @@ def parse(text: str, option: str = "--http") -> Address:
     """
     netloc = text if ":" in text else f"{LOOPBACK}:{text}"
     try:
-        told = urlsplit(f"//{netloc}")
-        host, port = told.hostname, told.port
+        url = urlsplit(f"//{netloc}")
+        host, port = url.hostname, url.port
     except ValueError:
         host = port = None
-    if not host or port is None or told.netloc != netloc or not set("@ ").isdisjoint(netloc):
+    if not host or port is None or url.netloc != netloc or not set("@ ").isdisjoint(netloc):
         raise ArgumentsError(
             f"{option} {text}: write PORT or HOST:PORT, the port from 1 to {MAX_PORT}, or 0 for a free one"
         )

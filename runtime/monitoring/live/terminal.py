@@ -66,12 +66,12 @@ class View(Console):
     def part(self, result: PartResult, seen: Sighting | None) -> None:
         """The status has it; where a fault or a stop left the cell is said in full, and stays."""
         if result.safe_state:
-            told = [
+            lines = [
                 f"part {result.part}: {result.outcome.name}",
                 result.reason or "",
                 *result.safe_state,
             ]
-            self.note("; ".join(filter(None, told)))
+            self.note("; ".join(filter(None, lines)))
         if self._beside:
             self._console.part(result, seen)
 

@@ -27,13 +27,13 @@ def table():
 def test_lookup_is_the_decision_of_the_runtime_for_every_count_at_every_node(table):
     calibration = Calibration.linear(table.record.gripper)
     for number, node in enumerate(table.record.nodes):
-        found = table.lookup(np.full(COUNTS, number), np.arange(COUNTS))
+        result = table.lookup(np.full(COUNTS, number), np.arange(COUNTS))
         for count, branch in enumerate(by_count(decision_map(node, calibration))):
             target = None if branch == REJECT else node.branches[branch].target
             expected = (
                 (-1, -1) if target is None else (target, -1) if target >= 0 else (-1, ~target)
             )
-            assert (found.nodes[count], found.leaves[count]) == expected
+            assert (result.nodes[count], result.leaves[count]) == expected
 
 
 def test_a_table_is_the_same_after_its_file(table, tmp_path):

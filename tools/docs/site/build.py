@@ -70,14 +70,14 @@ def main() -> int:
             )
     if status:
         return 1
-    found = links.check(output)
-    for fault in found.faults:
+    result = links.check(output)
+    for fault in result.faults:
         print(fault, file=sys.stderr)
     fetched = "all there" if arguments.links else "not fetched"
-    print(f"{len(found.outside)} pages outside are linked to, {fetched}:")
-    print("\n".join(f"  {address}" for address in found.outside))
+    print(f"{len(result.outside)} pages outside are linked to, {fetched}:")
+    print("\n".join(f"  {address}" for address in result.outside))
     print(f"wrote {output / 'index.html'}")
-    return 1 if found.faults else 0
+    return 1 if result.faults else 0
 
 
 if __name__ == "__main__":

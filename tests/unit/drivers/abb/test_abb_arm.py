@@ -97,8 +97,8 @@ def test_a_wrist_that_somebody_else_turned_round_is_found(rig):
     with rig.open(base=BASE) as arm:
         arm.move_linear(0.0, 0.0, 60.0, 0.5, 500.0)
         *others, wrist = rig.model.joints_at(rig.now())
-        told = " ".join(f"{joint:.4f}" for joint in (*others, wrist - 360.0))
-        rig.model.execute(f"2 {told} #", rig.now())
+        message = " ".join(f"{joint:.4f}" for joint in (*others, wrist - 360.0))
+        rig.model.execute(f"2 {message} #", rig.now())
         time.sleep(2.0 / SCALE)
         with pytest.raises(ArmError, match="whole turns off") as raised:
             arm.turn_range(0.0, 0.0)

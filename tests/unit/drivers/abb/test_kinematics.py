@@ -39,10 +39,10 @@ def test_inverse_undoes_forward_poses():
     for _ in range(500):
         joints = tuple(rng.uniform(low, high) for low, high in kinematics.LIMITS_DEG)
         target = forward(joints)
-        found = inverse(target)
-        if found is not None:
-            assert kinematics.within_limits(found)
-            assert apart(forward(found), target) < 1e-6
+        result = inverse(target)
+        if result is not None:
+            assert kinematics.within_limits(result)
+            assert apart(forward(result), target) < 1e-6
 
 
 def test_every_hand_pointing_down_over_the_table_is_in_reach():

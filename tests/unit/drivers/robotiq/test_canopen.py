@@ -95,11 +95,11 @@ def test_what_stops_comes_first(device, link):
 
 def test_an_absent_node_is_a_timeout(link):
     made = link()
-    told = []
-    made._report = lambda kind, fields: told.append(fields["incident"])
+    lines = []
+    made._report = lambda kind, fields: lines.append(fields["incident"])
     with pytest.raises(LinkTimeout, match="node 11"):
         made.read()
-    assert told == ["no answer", "read repeated", "no answer", "read repeated", "no answer"]
+    assert lines == ["no answer", "read repeated", "no answer", "read repeated", "no answer"]
 
 
 def test_a_write_that_was_not_acknowledged_is_written_again_when_asked_again(device, link):

@@ -29,9 +29,9 @@ def answer(count=3, status=STATUS):
 
 def link(*script, report=None):
     line = Line(*script)
-    told = []
-    made = rtu_link(line, Pace(line.clock), lambda kind, fields: told.append((kind, fields)))
-    return made, line, told
+    lines = []
+    made = rtu_link(line, Pace(line.clock), lambda kind, fields: lines.append((kind, fields)))
+    return made, line, lines
 
 
 def test_a_whole_answer_is_believed():
@@ -116,10 +116,10 @@ def test_a_reading_that_waited_while_the_process_was_stopped_is_asked_for_again(
     old, new = [(0.004, answer(3, bytes(6)))], [(0.004, answer())]
     line = Starved(*stops * [old], new)
     line.stops = stops
-    told = []
-    made = rtu_link(line, Pace(line.clock), lambda kind, fields: told.append(fields["incident"]))
+    lines = []
+    made = rtu_link(line, Pace(line.clock), lambda kind, fields: lines.append(fields["incident"]))
     assert made.read() == STATUS
-    assert (len(line.sent), told) == (stops + 1, stops * ["read repeated"])
+    assert (len(line.sent), lines) == (stops + 1, stops * ["read repeated"])
 
 
 def test_a_process_that_is_stopped_again_and_again_says_so_and_not_that_the_gripper_was_silent():
@@ -270,9 +270,9 @@ def test_the_exception_frame_of_the_library_reads_as_one():
     refused = ExceptionResponse(3, 2)
     refused.dev_id = 9
     sent = FramerRTU(DecodePDU(True)).buildFrame(refused)
-    found = RtuFraming().find(sent, read_request(RTU, 3))
-    assert found is not None
-    assert found.isError()
+    result = RtuFraming().find(sent, read_request(RTU, 3))
+    assert result is not None
+    assert result.isError()
 
 
 @pytest.mark.parametrize(

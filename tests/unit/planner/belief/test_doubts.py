@@ -77,11 +77,11 @@ def test_one_thing_at_most_is_off_within_its_interval_and_the_others_are_at_the_
         "encoder_gain": traits["gain"],
     }
     off = [traits["surface"] > 0, traits["dof"] > 0, traits["deviation"].any(axis=1)]
-    for name, found in values.items():
+    for name, result in values.items():
         low, high = DOUBTS[name]
-        assert low - 1e-9 <= found.min() < low + 0.01 * (high - low)
-        assert high - 0.01 * (high - low) < found.max() <= high + 1e-9
-        off.append(~np.isclose(found, 0.5 * (low + high), atol=1e-9))
+        assert low - 1e-9 <= result.min() < low + 0.01 * (high - low)
+        assert high - 0.01 * (high - low) < result.max() <= high + 1e-9
+        off.append(~np.isclose(result, 0.5 * (low + high), atol=1e-9))
     assert np.max(np.sum(off, axis=0)) == 1
     share = doubting.doubt.chance / len(off)
     assert np.allclose(np.mean(off, axis=1), share, atol=5.0 * np.sqrt(share / n))

@@ -39,17 +39,17 @@ def distance(state, reference, identify):
 
 @pytest.mark.parametrize("identify", [True, False])
 def test_distances_are_under_each_parts_own_symmetry(identify):
-    found, reference = states(np.random.default_rng(1), 200), np.array([0.5, 0.0, 2.0, 1.0])
-    slow = [distance(state, reference, identify) for state in found]
-    np.testing.assert_allclose(metric(identify).between(found, reference), slow)
+    result, reference = states(np.random.default_rng(1), 200), np.array([0.5, 0.0, 2.0, 1.0])
+    slow = [distance(state, reference, identify) for state in result]
+    np.testing.assert_allclose(metric(identify).between(result, reference), slow)
 
 
 @pytest.mark.parametrize("identify", [True, False])
 def test_a_mode_holds_the_share_it_says_and_no_state_of_the_belief_holds_more(identify):
-    found = states(np.random.default_rng(2), 300)
-    mode = metric(identify).mode(found)
+    result = states(np.random.default_rng(2), 300)
+    mode = metric(identify).mode(result)
     shares = [
-        np.mean([distance(s, r, identify) < 3.0 for s in found]) for r in (mode.state, *found)
+        np.mean([distance(s, r, identify) < 3.0 for s in result]) for r in (mode.state, *result)
     ]
     assert mode.ratio == pytest.approx(shares[0])
     assert mode.ratio >= max(shares[1:]) - 0.02  # the search starts from some of the states only
@@ -63,9 +63,9 @@ def test_parts_at_one_pose_count_together_only_where_none_must_be_named():
 
 
 def test_an_identity_is_a_mode_wherever_the_parts_lie():
-    found = states(np.random.default_rng(4), 500)
-    mode = metric(kind="identity").mode(found)
-    counts = np.bincount(found[:, 3].astype(int))
+    result = states(np.random.default_rng(4), 500)
+    mode = metric(kind="identity").mode(result)
+    counts = np.bincount(result[:, 3].astype(int))
     assert mode.hypothesis == (int(np.argmax(counts)),)
     assert mode.ratio == pytest.approx(counts.max() / 500)
 

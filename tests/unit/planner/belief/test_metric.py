@@ -87,8 +87,8 @@ def test_shares_are_those_of_the_main_modes():
     beliefs.append(beliefs[2][:, :3])  # of the first hypothesis alone
     m = metric()._replace(further=((8.0, 1),))
     for states, shares in zip(beliefs, m.shares(beliefs, 2), strict=True):
-        found = [mode.ratio for mode in m.main_modes(states, 2)]
-        np.testing.assert_allclose(shares, [*found, 0.0][:2])
+        results = [mode.ratio for mode in m.main_modes(states, 2)]
+        np.testing.assert_allclose(shares, [*results, 0.0][:2])
     assert m.shares([], 2).shape == (0, 2)
 
 

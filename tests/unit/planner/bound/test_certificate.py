@@ -101,8 +101,8 @@ def test_placements_do_not_depend_on_what_was_asked_before(table):
     job = job_file.load(TREES / "butterfly-15" / "job.toml")
     one, other = placements_of(job, table), placements_of(job, table)
     histories = [(0, 300), (0, 310), (0, 300, 1, 300), (0, 310, 2, 320), (0, 300, 1, 320)]
-    found = [one(history) for history in histories]
-    for placements, history in zip(found[::-1], histories[::-1], strict=True):
+    results = [one(history) for history in histories]
+    for placements, history in zip(results[::-1], histories[::-1], strict=True):
         assert np.array_equal(placements, other(history))
 
 

@@ -45,8 +45,8 @@ def test_it_lies_between_what_predictions_locate_and_what_a_wider_goal_would(met
         poses, middle, unit = group(rng, metric, n)
         (most,) = most_located(poses, np.array([0, n]), metric.weights(), metric.order)
         grid = [middle + unit * np.array(steps) for steps in itertools.product(GRID, repeat=3)]
-        found = located(metric, poses, [*grid, *poses])
-        assert found <= most <= n
+        result = located(metric, poses, [*grid, *poses])
+        assert result <= most <= n
         # The grid's own cells reach as far as its steps: no prediction in it locates more than that many.
         step = 0.5 * (GRID[1] - GRID[0]) * (np.sqrt(2.0) + 1.0)
         assert most <= max(

@@ -88,25 +88,25 @@ def test_squeezes_tried_where_the_cheapest_plan_makes_them_prove_what_all_of_the
 @pytest.mark.parametrize("seed", TOYS)
 def test_no_plan_is_below_the_bounds_wherever_more_was_tried(seed):
     world, rng = toy(seed), np.random.default_rng(seed)
-    found = histories_of(world, 1, 3)
+    result = histories_of(world, 1, 3)
     for level in (1, 2, 1):
-        untried = untried_of(found.levels, level)
-        found.extend(level, rng.permutation(untried)[: 1 + len(untried) // 2])
+        untried = untried_of(result.levels, level)
+        result.extend(level, rng.permutation(untried)[: 1 + len(untried) // 2])
         for success in SUCCESSES:
             best = world.least(success, 4)
-            assert overall_term(found.levels, success, CERTAINTY).estimate <= best + 1e-9
+            assert overall_term(result.levels, success, CERTAINTY).estimate <= best + 1e-9
             for confidence in (0.99, 0.7):
                 best = world.least(success, 4, least_share=confidence)
-                term = leaves_term(found.levels, confidence, success, CERTAINTY)
+                term = leaves_term(result.levels, confidence, success, CERTAINTY)
                 assert term.estimate <= best + 1e-9
 
 
 def test_a_history_says_what_led_to_it():
-    found = histories_of(HALVES, 3, 3)
+    result = histories_of(HALVES, 3, 3)
     for number, (size, reading) in enumerate(
-        zip(found.levels[3].size, found.levels[3].reading, strict=True)
+        zip(result.levels[3].size, result.levels[3].reading, strict=True)
     ):
-        history = found.history(3, number)
+        history = result.history(3, number)
         assert history[-1] == reading
         fits = [
             s
@@ -148,16 +148,16 @@ def test_more_parts_to_miss_or_weaker_leaves_never_raise_a_bound():
 def test_samples_of_a_world_rarely_prove_too_much():
     world, rng, success = HALVES, np.random.default_rng(7), 0.9
     best = world.least(success, 4)
-    found = []
+    results = []
     for _ in range(60):
         levels = levels_of(world, 2, rng.integers(world.size, size=300))
-        found.append(overall_term(levels, success, CERTAINTY).squeezes)
-    assert np.mean(np.array(found) > best) <= 1.0 - CERTAINTY
+        results.append(overall_term(levels, success, CERTAINTY).squeezes)
+    assert np.mean(np.array(results) > best) <= 1.0 - CERTAINTY
     many = overall_term(
         levels_of(world, 2, rng.integers(world.size, size=30_000)), success, CERTAINTY
     )
     exact = overall_term(levels_of(world, 2), success, CERTAINTY).estimate
-    assert 1.0 < np.mean(found) < many.squeezes < exact + 1e-9
+    assert 1.0 < np.mean(results) < many.squeezes < exact + 1e-9
 
 
 def test_a_price_is_paid_for_what_claims_miss_alone():

@@ -26,12 +26,12 @@ def lines_of(capsys, whole, told):
 
 
 def test_search_of_unknown_length_tells_the_time_so_far_and_nothing_else(capsys):
-    told = [
+    lines = [
         (6.0, "draft", 990, 1000, "2% open"),
         (12.0, "evaluate", 20, 20),
         (18.0, "search", 5, 1000),
     ]
-    assert lines_of(capsys, course.unknown, told) == [
+    assert lines_of(capsys, course.unknown, lines) == [
         "draft, 6 s so far, left: unknown, 2% open",
         "evaluate, 12 s so far, left: unknown",
         "search, 18 s so far, left: unknown",
@@ -39,16 +39,16 @@ def test_search_of_unknown_length_tells_the_time_so_far_and_nothing_else(capsys)
 
 
 def test_counted_work_tells_its_share_and_the_time_that_is_left(capsys):
-    told = [(0.0, "roll-outs", 0, 100), (6.0, "roll-outs", 25, 100), (12.0, "roll-outs", 50, 100)]
-    assert lines_of(capsys, course.counted, told) == [
+    lines = [(0.0, "roll-outs", 0, 100), (6.0, "roll-outs", 25, 100), (12.0, "roll-outs", 50, 100)]
+    assert lines_of(capsys, course.counted, lines) == [
         "25% done, roll-outs, 6 s so far, left: about 18 s",
         "50% done, roll-outs, 12 s so far, left: about 12 s",
     ]
 
 
 def test_work_done_before_it_is_heard_of_says_nothing_of_its_rate(capsys):
-    told = [(6.0, "evaluate", 50, 100), (12.0, "evaluate", 75, 100)]
-    first, second = lines_of(capsys, course.counted, told)
+    lines = [(6.0, "evaluate", 50, 100), (12.0, "evaluate", 75, 100)]
+    first, second = lines_of(capsys, course.counted, lines)
     assert first.endswith("left: unknown")
     assert second.endswith("left: about 6 s")
 
@@ -56,22 +56,22 @@ def test_work_done_before_it_is_heard_of_says_nothing_of_its_rate(capsys):
 @pytest.mark.parametrize("whole", [course.counted, course.of_time(30.0), course.unknown])
 def test_share_never_falls_and_no_time_is_left_of_work_that_goes_on_after_its_end(capsys, whole):
     stages = [("draft", k, 10) for k in range(11)] + [("search", k, 10) for k in range(11)]
-    told = [(6.0 * k, *stage) for k, stage in enumerate(stages)]
-    lines = lines_of(capsys, whole, told)
-    shares = [int(found[1]) for line in lines if (found := re.match(r"(\d+)% done", line))]
+    entries = [(6.0 * k, *stage) for k, stage in enumerate(stages)]
+    lines = lines_of(capsys, whole, entries)
+    shares = [int(matches[1]) for line in lines if (matches := re.match(r"(\d+)% done", line))]
     assert shares == sorted(shares)
     assert not any("about 0 s" in line for line in lines)
     assert lines[-1].endswith("left: unknown")
 
 
 def test_budget_is_counted_down_and_unknown_beyond_its_end(capsys):
-    told = [
+    lines = [
         (0.0, "kernels", 0, 1),
         (15.0, "draft", 3, 1000),
         (45.0, "search", 1, 9),
         (65.0, "evaluate", 1, 20),
     ]
-    assert lines_of(capsys, course.of_time(60.0), told) == [
+    assert lines_of(capsys, course.of_time(60.0), lines) == [
         "25% done, draft, 15 s so far, left: about 45 s",
         "75% done, search, 45 s so far, left: about 15 s",
         "evaluate, 65 s so far, left: unknown",

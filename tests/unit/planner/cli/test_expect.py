@@ -33,13 +33,13 @@ def written(tmp_path_factory):
 
 
 def test_every_squeeze_is_counted_once_where_it_was_made():
-    found = squeezed(TABLE, JOB, 400, 1)
-    counts = expectation.readings(found, len(TABLE.nodes))
-    assert counts.sum() == found.squeezes.sum()
+    result = squeezed(TABLE, JOB, 400, 1)
+    counts = expectation.readings(result, len(TABLE.nodes))
+    assert counts.sum() == result.squeezes.sum()
     assert counts[0].sum() == 400
     seen = {
         (int(n), int(c))
-        for n, c in zip(found.path.ravel(), found.counts.ravel(), strict=True)
+        for n, c in zip(result.path.ravel(), result.counts.ravel(), strict=True)
         if n >= 0
     }
     assert {tuple(map(int, place)) for place in np.argwhere(counts)} == seen
@@ -57,13 +57,13 @@ def test_worlds_are_the_planned_one_and_others_about_it():
 
 def test_file_is_what_the_charts_read_and_the_same_for_the_same_seed(written, tmp_path):
     assert len(load_expectation(written).names) == 1 + len(cases.FACTORS)
-    told = json.loads(written.read_text())
-    assert [sum(world["readings"][0].values()) for world in told["worlds"]] == [3000] * len(
-        told["worlds"]
+    record = json.loads(written.read_text())
+    assert [sum(world["readings"][0].values()) for world in record["worlds"]] == [3000] * len(
+        record["worlds"]
     )
     again = list(expectation.expected(TABLE, JOB, 3000, 0, Threads(1)))
-    assert json.loads(json.dumps(again)) == told["worlds"]
-    assert (told["table_sha256"], told["trials"], told["seed"]) == (LOADED.digest, 3000, 0)
+    assert json.loads(json.dumps(again)) == record["worlds"]
+    assert (record["table_sha256"], record["trials"], record["seed"]) == (LOADED.digest, 3000, 0)
 
 
 @pytest.mark.parametrize("friction", [(0.05, 0.15), (0.2, 0.3), (0.6, 0.8), (0.8, 1.0)])
@@ -71,9 +71,9 @@ def test_change_of_friction_is_flagged_within_fifty_parts(friction, written):
     drift = Drift(friction)
     before = list(parts(TABLE, squeezed(TABLE, JOB, BEFORE, 21), 21))
     after = list(parts(TABLE, squeezed(TABLE, JOB, WITHIN, 22, drift), 22, drift))
-    found = watch(History(TABLE, (*before, *after)), load_expectation(written))
-    assert all(alarm.place >= BEFORE for alarm in found)
-    assert "readings" in {alarm.chart for alarm in found}
+    result = watch(History(TABLE, (*before, *after)), load_expectation(written))
+    assert all(alarm.place >= BEFORE for alarm in result)
+    assert "readings" in {alarm.chart for alarm in result}
 
 
 def test_wrong_input_is_told_in_one_line(tmp_path, capsys):

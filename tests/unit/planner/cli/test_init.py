@@ -184,9 +184,9 @@ def test_a_part_that_does_not_fit_is_refused_and_nothing_is_written(tmp_path, ca
 
 def test_json_tells_what_was_found(drawing, tmp_path, capsys):
     assert init.main(words(drawing, tmp_path / "job.toml", "--json")) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["size_mm"] == [32.0, 24.0]
-    assert (told["vertices"], told["symmetry"]) == (6, 1)
+    record = json.loads(capsys.readouterr().out)
+    assert record["size_mm"] == [32.0, 24.0]
+    assert (record["vertices"], record["symmetry"]) == (6, 1)
 
 
 TALL = [(40.0, 20.0), (34.0, 14.0)]  # of a tapered block 30 mm high, its bottom and its top

@@ -52,10 +52,10 @@ def test_scatter_has_a_seed_and_json_the_counts(tmp_path):
     text = f"{HEADER}\n" + "0,35,1,0,130,120,10\n" * 30
     options = ("--fingers-mm", "50", "--seed", "3", "--json")
     code, rows, out, _ = run(tmp_path, text, *options)
-    told = json.loads(out)
+    record = json.loads(out)
     assert code == 0
-    assert told["pushes"] == 30 == told["stuck"] + told["slid"] + told["lost"]
-    assert told["given_up"] == 0
+    assert record["pushes"] == 30 == record["stuck"] + record["slid"] + record["lost"]
+    assert record["given_up"] == 0
     turned = np.array([float(row["turned_deg"]) for row in rows])
     assert np.ptp(turned) > 0.5
     assert run(tmp_path, text, *options)[1] == rows

@@ -48,10 +48,10 @@ def test_refit_learns_the_encoder_keeps_the_text_and_never_changes_a_running_tab
     command = [str(job), "--journal", str(seen), "-o", str(output), "--cells", "20", "--json"]
     assert refit.main(command) == 0
     assert {path: path.read_bytes() for path in tmp_path.iterdir() if path != output} == before
-    told = json.loads(capsys.readouterr().out)
-    found = {finding["quantity"]: finding for finding in told["findings"]}
-    assert found["encoder_mm"]["told"]
-    assert found["encoder_mm"]["mean"] == pytest.approx(0.6, abs=0.1)
+    document = json.loads(capsys.readouterr().out)
+    record = {finding["quantity"]: finding for finding in document["findings"]}
+    assert record["encoder_mm"]["told"]
+    assert record["encoder_mm"]["mean"] == pytest.approx(0.6, abs=0.1)
     low, high = tomllib.loads(output.read_text())["doubt"]["encoder_mm"]
     assert 0.4 < low < high < 0.8
     kept = [line for line in JOB.read_text().splitlines() if line.strip().startswith("#")]
@@ -115,9 +115,9 @@ def test_what_it_cannot_use_it_refuses_in_one_line(tmp_path, capsys, change, cod
     job = [] if arguments[0].endswith(".toml") else [str(JOB)]
     output = tmp_path / "job2.toml"
     assert refit.main([*job, *arguments, "-o", str(output)]) == code
-    told = capsys.readouterr().err.strip()
-    assert word in told
-    assert "\n" not in told
+    printed = capsys.readouterr().err.strip()
+    assert word in printed
+    assert "\n" not in printed
     assert not output.exists()
 
 

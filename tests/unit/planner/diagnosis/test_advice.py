@@ -48,21 +48,21 @@ def test_rejects_of_closed_jaws_that_feel_something_are_told_apart(table, job, e
     for part, (count, felt) in enumerate([(230, True), (229, True), (230, False)]):
         leaf[part] = REJECTED
         reading[part, squeezes[part] - 1] = count + COUNTS * felt
-    found = advise(table, replace(evaluation, reading=reading, leaf=leaf, squeezes=squeezes), job)
-    assert found.pinched == 1.0 / len(leaf)
-    assert found.rejected >= 3.0 / len(leaf)
-    pinched = found._replace(pinched=0.02, failing=0.03)
+    result = advise(table, replace(evaluation, reading=reading, leaf=leaf, squeezes=squeezes), job)
+    assert result.pinched == 1.0 / len(leaf)
+    assert result.rejected >= 3.0 / len(leaf)
+    pinched = result._replace(pinched=0.02, failing=0.03)
     assert any("thinner than a count" in line for line in pinched.lines())
 
 
 def test_pairs_are_close_or_overlap_and_no_others(table, job, evaluation):
-    found = {(pair.node, pair.lower) for pair in advise(table, evaluation, job).pairs}
+    record = {(pair.node, pair.lower) for pair in advise(table, evaluation, job).pairs}
     counts = 4.0 * 1e3 * encoder_of(job).mm_per_count
     for index, node in enumerate(table.nodes):
         for lower in range(len(node.branches) - 1):
             below, above = node.branches[lower : lower + 2]
             close = above.expected_um - below.expected_um < counts or below.high_um >= above.low_um
-            assert ((index, lower) in found) == close
+            assert ((index, lower) in record) == close
 
 
 def test_a_branch_split_in_two_at_random_is_a_pair_that_costs(table, job, evaluation):

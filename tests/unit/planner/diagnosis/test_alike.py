@@ -51,11 +51,11 @@ def test_stated_symmetry_below_the_outlines_is_refused_before_the_search(outline
     told = str(error.value)
     assert "no squeeze tells" in told
     assert f"which is {order}" in told
-    found = alike(job)[0]
-    assert order * found.degrees % 360.0 == pytest.approx(
+    result = alike(job)[0]
+    assert order * result.degrees % 360.0 == pytest.approx(
         0.0, abs=1e-6
     )  # a symmetry of the outline,
-    assert stated * found.degrees % 360.0 != pytest.approx(
+    assert stated * result.degrees % 360.0 != pytest.approx(
         0.0, abs=1e-6
     )  # that the job does not state
 
@@ -78,17 +78,17 @@ def test_symmetry_found_from_the_outline_leaves_nothing_alike():
 
 
 def test_difference_below_a_count_is_told_and_searched_all_the_same():
-    (found,) = alike(job_of(chamfered(0.2), "auto"))
-    assert (found.degrees, found.hopeless) == (pytest.approx(180.0), False)
-    assert "a count is 0.37 mm" in found.line()
+    (result,) = alike(job_of(chamfered(0.2), "auto"))
+    assert (result.degrees, result.hopeless) == (pytest.approx(180.0), False)
+    assert "a count is 0.37 mm" in result.line()
     assert alike(job_of(chamfered(1.0), "auto")) == []
 
 
 def test_parts_that_may_lie_either_way_are_counted():
-    (found,) = alike(job_of(box(30, 20), 1, uncertainty={"orientation_halfwidth_deg": 120.0}))
-    assert found.share == pytest.approx(0.5, abs=0.01)  # those beyond 60 degrees
-    assert not found.hopeless
-    assert "50% of the parts" in found.line()
+    (result,) = alike(job_of(box(30, 20), 1, uncertainty={"orientation_halfwidth_deg": 120.0}))
+    assert result.share == pytest.approx(0.5, abs=0.01)  # those beyond 60 degrees
+    assert not result.hopeless
+    assert "50% of the parts" in result.line()
 
 
 def test_pressure_that_is_stated_may_tell_what_the_outline_does_not():

@@ -40,16 +40,16 @@ def evaluation(table, marked):
 def test_a_symmetric_parts_half_turns_stay_open_and_nothing_separates_them(
     table, marked, evaluation
 ):
-    found = ambiguities(table, evaluation, marked)
-    assert len(found) == 3
-    for row in found:
+    result = ambiguities(table, evaluation, marked)
+    assert len(result) == 3
+    for row in result:
         assert len(row.where.poses) == 2
         assert abs(wrap(row.where.poses[0, 2] - row.where.poses[1, 2] - math.pi)) < 0.2
         assert np.hypot(*(row.where.poses[0] - row.where.poses[1])[:2]) < 3.0
         assert row.where.shares == pytest.approx((0.5, 0.5), abs=0.1)
         assert row.separator is None
         assert "no squeeze" in row.line()
-    shares = [row.share for row in found]
+    shares = [row.share for row in result]
     assert shares == sorted(shares, reverse=True)
 
 

@@ -16,19 +16,19 @@ WIDE = JOB.replaced(uncertainty={"radius_mm": 40.0})
 
 
 def test_shortage_of_a_wide_disc_is_what_reach_and_radius_exceed_the_jaws_by():
-    found = shortage(WIDE)
+    result = shortage(WIDE)
     # At any angle the farthest vertex lies in every direction, and half a millimetre stays free.
     around = reach(JOB.part.outline_mm) + 0.5
-    assert found.missing_mm == pytest.approx(
+    assert result.missing_mm == pytest.approx(
         2.0 * (40.0 + around) - JOB.gripper.opening_mm, abs=1.0
     )
-    assert found.radius_mm == pytest.approx(0.5 * JOB.gripper.opening_mm - around, abs=0.5)
+    assert result.radius_mm == pytest.approx(0.5 * JOB.gripper.opening_mm - around, abs=0.5)
 
 
 def test_radius_of_the_message_has_a_first_squeeze_and_the_stated_one_has_none():
-    found = shortage(WIDE)
-    assert shortage(WIDE.replaced(uncertainty={"radius_mm": found.radius_mm})) is None
-    assert shortage(WIDE.replaced(uncertainty={"radius_mm": found.radius_mm + 0.5})) is not None
+    result = shortage(WIDE)
+    assert shortage(WIDE.replaced(uncertainty={"radius_mm": result.radius_mm})) is None
+    assert shortage(WIDE.replaced(uncertainty={"radius_mm": result.radius_mm + 0.5})) is not None
 
 
 def test_compile_without_a_free_squeeze_tells_the_shortage_and_the_radius():

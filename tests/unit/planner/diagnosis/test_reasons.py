@@ -54,16 +54,16 @@ def test_a_turn_that_is_a_symmetry_is_not_told():
 
 @pytest.mark.parametrize("depth", [0.1, 0.15])
 def test_a_notch_below_a_count_makes_half_turns_alike(depth):
-    found = likeness(job_of(notched(depth)))
-    assert found.kind == reasons.BELOW
-    assert "180 degrees" in found.text
+    result = likeness(job_of(notched(depth)))
+    assert result.kind == reasons.BELOW
+    assert "180 degrees" in result.text
     apart = nearest_turn(job_of(notched(depth)).part.outline_mm, 1).apart_mm
     assert 0.5 * depth <= apart <= 1.5 * depth
 
 
 def test_a_narrow_notch_is_out_of_the_fingers_reach_and_a_bent_part_is_neither():
-    found = likeness(job_of(notched(6.0)))
-    assert found.kind == reasons.REACH
+    result = likeness(job_of(notched(6.0)))
+    assert result.kind == reasons.REACH
     assert likeness(job_of(l_shape().tolist())) is None
 
 

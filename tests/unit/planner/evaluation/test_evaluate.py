@@ -163,9 +163,9 @@ def test_trials_carried_on_are_as_if_the_tree_had_been_whole_from_the_start(job,
         (whole, short, before),
         (whole, table, whole),
     ]:
-        found = carried_on(known, other, job, again, 1, cell)
+        result = carried_on(known, other, job, again, 1, cell)
         for field in fields(Evaluation):
-            values = [getattr(run, field.name) for run in (found, expected)]
+            values = [getattr(run, field.name) for run in (result, expected)]
             if values[0].dtype.names is None:
                 assert np.allclose(*values, atol=1e-9), field.name
             else:

@@ -140,15 +140,15 @@ def test_the_true_leaf_is_the_nearest_one_within_the_goal():
     rng = np.random.default_rng(2)
     poses = rng.uniform([-14, -14, -3], [14, 14, 3], (200, 3))
     metric = metric_of_table(table)
-    for pose, found in zip(poses, nearest_leaf(table, poses), strict=True):
+    for pose, result in zip(poses, nearest_leaf(table, poses), strict=True):
         distances = [
             float(metric.between(pose, np.array(poses_of(table.goal, leaf)[0])))
             for leaf in table.leaves
         ]
-        if found == NO_LEAF:
+        if result == NO_LEAF:
             assert min(distances) >= metric.distance_mm
         else:
-            assert distances[found] == min(distances) < metric.distance_mm
+            assert distances[result] == min(distances) < metric.distance_mm
 
 
 def test_the_worst_come_first_and_are_all_confident():

@@ -28,13 +28,13 @@ def job_of(outline, **changes):
 
 def contacts(world, fingers):
     """Depth [mm] and normal force [N] of each contact with the fingers, or with the table."""
-    found = []
+    results = []
     for number in range(world.data.ncon):
         contact, force = world.data.contact[number], np.zeros(6)
         mujoco.mj_contactForce(world.model, world.data, number, force)
         if (max(world.model.geom_priority[contact.geom]) > 0) == fingers:
-            found.append((-1e3 * contact.dist, force[0]))
-    return np.array(found).reshape(-1, 2)
+            results.append((-1e3 * contact.dist, force[0]))
+    return np.array(results).reshape(-1, 2)
 
 
 def test_without_friction_long_jaws_end_in_a_valley_of_goldbergs_diameter():

@@ -162,11 +162,11 @@ def test_splitting_changes_no_mean_and_narrows_rare_ones(job):
     truth = 0.03**3 * (1 - 0.7**3) + 0.03**2 * 0.97 * (1 - 0.7**2) + 0.03 * 0.97 * 0.3
     spread = []
     for sums in (plain, split):
-        found = Findings.of(sums)
+        result = Findings.of(sums)
         assert sums.visits.sum() + sums.rejected == sums.parts
-        assert abs(found.wrong.rate / PPM - truth) < 4.0 * found.standard_error() / PPM
-        assert found.wrong.low < PPM * truth < found.wrong.high
-        spread.append(found.standard_error(3) / PPM)
+        assert abs(result.wrong.rate / PPM - truth) < 4.0 * result.standard_error() / PPM
+        assert result.wrong.low < PPM * truth < result.wrong.high
+        spread.append(result.standard_error(3) / PPM)
         last = 0.03**3
         assert abs(sums.visits[3] / sums.parts - last) < 5.0 * math.sqrt(last / sums.parts)
     assert spread[1] < 0.6 * spread[0]
@@ -192,12 +192,12 @@ def test_a_planted_fault_of_twenty_in_a_million_is_found(job):
         chain(small_table(), 2, rare=2000),
         Coins([20.0, 40.0], [0.998, 0.002], unlucky=0.01),
     )
-    found = Findings.of(total(study(table, job, worlds, copies_of(table)), 60))
-    assert found.wrong.low < 20.0 < found.wrong.high
-    assert found.worst(1) == [1]
-    assert found.leaves[0].rate == 0.0
-    assert found.decided(1.0)
-    assert found.decided(100.0)
+    result = Findings.of(total(study(table, job, worlds, copies_of(table)), 60))
+    assert result.wrong.low < 20.0 < result.wrong.high
+    assert result.worst(1) == [1]
+    assert result.leaves[0].rate == 0.0
+    assert result.decided(1.0)
+    assert result.decided(100.0)
 
 
 def test_the_sums_do_not_depend_on_who_worked_or_on_a_pause(job, tmp_path):

@@ -22,9 +22,9 @@ from planner.evaluation.shares import in_percent, rounded, shares_of
 )
 def test_rounded_shares_add_up_to_all(counts):
     shares = np.array(counts) / sum(counts)
-    found = rounded(shares.tolist())
-    assert sum(round(100 * share) for share in found) == 100 * 100
-    for share, exact in zip(found, shares, strict=True):
+    result = rounded(shares.tolist())
+    assert sum(round(100 * share) for share in result) == 100 * 100
+    for share, exact in zip(result, shares, strict=True):
         assert abs(share - 100.0 * exact) <= 0.03
         assert (share == 0.0) == (exact == 0.0)
         assert (share == 100.0) == (exact == 1.0)

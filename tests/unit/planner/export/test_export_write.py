@@ -29,25 +29,25 @@ def tree(tmp_path):
 def document(table, folder):
     """The JSON form of a table, checked by the schema beside it."""
     writer.write(TableFile(table, b"", "0" * 64), "json", folder)
-    told = json.loads((folder / "squeezetree_table.json").read_text())
+    record = json.loads((folder / "squeezetree_table.json").read_text())
     schema = json.loads((folder / "squeezetree_table.schema.json").read_text())
     jsonschema.Draft202012Validator.check_schema(schema)
     validator = jsonschema.Draft202012Validator(schema)
-    validator.validate(told)
-    return told, validator
+    validator.validate(record)
+    return record, validator
 
 
 @pytest.mark.parametrize("form", FORMS)
 def test_files_and_words(form, tree, tmp_path, capsys):
     out = tmp_path / "made" / form
     assert export.main([str(tree), "--to", form, "-o", str(out), "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert {path.name: path.stat().st_size for path in out.iterdir()} == told["files"]
-    assert set(told["files"]) == {VECTORS, *FORMS[form]}
+    record = json.loads(capsys.readouterr().out)
+    assert {path.name: path.stat().st_size for path in out.iterdir()} == record["files"]
+    assert set(record["files"]) == {VECTORS, *FORMS[form]}
     again = tmp_path / "again"
     again.mkdir()
     assert export.main([str(tree), "--to", form, "-o", str(again)]) == 0
-    for name in told["files"]:
+    for name in record["files"]:
         assert (again / name).read_bytes() == (out / name).read_bytes()
         assert load(tree).digest in (out / name).read_text() or name in (VECTORS, FORMS["json"][1])
     assert capsys.readouterr().out.count("\n") == 1

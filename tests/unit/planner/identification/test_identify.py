@@ -210,11 +210,11 @@ def in_rho(pairs: pushes.Pairs) -> pushes.Pairs:
 @pytest.mark.parametrize("kind", ["ellipsoid", "quartic"])
 def test_directions_alone_find_an_exact_ellipsoid(kind):
     data = identify.directions(in_rho(scaled_anyhow(ellipsoid_pairs(60, 0.0))))
-    found = identify.fit(data, RHO, kind, np.random.default_rng(0))
+    result = identify.fit(data, RHO, kind, np.random.default_rng(0))
     F = np.random.default_rng(1).normal(size=(200, 3))
-    errors = identify.angles(identify.predict(found.surface, F), limit_surface.twist(A, F))
+    errors = identify.angles(identify.predict(result.surface, F), limit_surface.twist(A, F))
     assert np.degrees(errors).max() < 1.0
-    assert found.friction_n is None
+    assert result.friction_n is None
 
 
 def test_magnitudes_of_directions_change_nothing():

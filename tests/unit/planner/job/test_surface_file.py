@@ -31,9 +31,9 @@ def surfaces(tmp_path_factory):
     folder = tmp_path_factory.mktemp("surfaces")
     write(folder / "ellipsoid.toml", {"rho_mm": RHO, "ellipsoid": A})
     squared = quartic.of_ellipsoid(A, RHO)
-    found = quartic.sample(squared, 50, np.random.default_rng(0), 1)[0]
-    found = quartic.from_certificate(found, RHO)
-    values = {"quartic": found.coefficients, "certificate": found.certificate}
+    result = quartic.sample(squared, 50, np.random.default_rng(0), 1)[0]
+    result = quartic.from_certificate(result, RHO)
+    values = {"quartic": result.coefficients, "certificate": result.certificate}
     write(folder / "quartic.toml", {"rho_mm": RHO, **values})
     return folder
 

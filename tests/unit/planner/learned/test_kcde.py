@@ -51,13 +51,13 @@ def test_a_search_finds_what_a_look_at_every_point_finds(n, reach):
         gap = points - q
         gap[:, 2] -= period * np.round(gap[:, 2] / period)
         square = (gap**2).sum(axis=1)
-        found = within(grid, q, reach, place, squares)
-        assert sorted(grid.row[place[:found]]) == np.flatnonzero(square <= reach**2).tolist()
-        found, least = nearest_within(grid, q, reach, 1.5, place, squares)
+        result = within(grid, q, reach, place, squares)
+        assert sorted(grid.row[place[:result]]) == np.flatnonzero(square <= reach**2).tolist()
+        result, least = nearest_within(grid, q, reach, 1.5, place, squares)
         near = np.flatnonzero(square <= square.min() + 1.5)
         assert least == pytest.approx(square.min())
-        assert sorted(grid.row[place[:found]]) == near.tolist()
-        assert np.allclose(np.sort(squares[:found]), np.sort(square[near] - square.min()))
+        assert sorted(grid.row[place[:result]]) == near.tolist()
+        assert np.allclose(np.sort(squares[:result]), np.sort(square[near] - square.min()))
 
 
 @given(

@@ -226,10 +226,10 @@ def recorder(told):
 
 def test_progress_counts_up_to_all_blocks(part, tmp_path):
     for _ in range(2):
-        told: list[tuple[str, int, int]] = []
-        roll_outs(part, **SMALL, store=Store(tmp_path), report=recorder(told))
-        assert all(stage == "roll-outs" and total == 4 for stage, _, total in told)
-        done = [now[1] for now in told]
+        lines: list[tuple[str, int, int]] = []
+        roll_outs(part, **SMALL, store=Store(tmp_path), report=recorder(lines))
+        assert all(stage == "roll-outs" and total == 4 for stage, _, total in lines)
+        done = [now[1] for now in lines]
         assert done == sorted(done)
         assert done[-1] == 4
 

@@ -65,8 +65,8 @@ def test_a_damaged_entry_is_absent_with_one_warning_and_can_be_made_again(store,
     for path in files(store):
         path.write_bytes(damage(path.read_bytes()))
     with pytest.warns(StoreWarning, match="damaged") as caught:
-        found = [store.get(key) for key in (KEY, OTHER)]
-    assert found == [None, None]
+        results = [store.get(key) for key in (KEY, OTHER)]
+    assert results == [None, None]
     assert len(caught) == 1
     assert str(caught[0].message).isprintable()
     store.put(KEY, b"content" * 10)
@@ -95,8 +95,8 @@ def test_an_entry_that_cannot_be_read_is_absent_with_one_warning(store):
     files(store)[0].unlink()
     (store.folder / KEY[:2] / KEY[2:]).mkdir()
     with pytest.warns(StoreWarning, match="cannot be read") as caught:
-        found = [store.get(KEY) for _ in range(2)]
-    assert found == [None, None]
+        results = [store.get(KEY) for _ in range(2)]
+    assert results == [None, None]
     assert len(caught) == 1
 
 

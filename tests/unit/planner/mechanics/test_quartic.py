@@ -103,11 +103,11 @@ def test_a_fit_recovers_a_quartic_from_its_own_pairs():
     F = rng.normal(size=(60, 3))
     F /= truth.value(F)[:, None] ** 0.25
     V = truth.gradient(F) * rng.uniform(0.1, 10.0, size=(60, 1))
-    found = quartic_fit.fit(F, V, 10.0)
+    result = quartic_fit.fit(F, V, 10.0)
     assert np.allclose(
-        found.coefficients, truth.coefficients, atol=1e-4 * np.abs(truth.coefficients).max()
+        result.coefficients, truth.coefficients, atol=1e-4 * np.abs(truth.coefficients).max()
     )
-    assert mean_twist_error(found.twist(F), V) < 1e-3
+    assert mean_twist_error(result.twist(F), V) < 1e-3
 
 
 def test_a_fit_is_the_least_squares_minimum_among_convex_quartics(load, fitted):

@@ -68,7 +68,7 @@ def search_of(placements, depth, motion=None, collision=None, **options):
 
 def best_by_trial(search, poses):
     """All sequences, shorter first, then by action: the first of the largest ratio among those not pruned."""
-    found = ((), -np.inf)
+    result = ((), -np.inf)
     for length in range(1, search.depth + 1):
         for actions in itertools.product(range(len(search.placements)), repeat=length):
             belief, last, alive = poses, search.ratio(poses), True
@@ -78,9 +78,9 @@ def best_by_trial(search, poses):
                 value = search.ratio(belief)
                 alive = alive and value >= search.alpha * last
                 last = value
-            if alive and last > found[1]:
-                found = (actions, last)
-    return found
+            if alive and last > result[1]:
+                result = (actions, last)
+    return result
 
 
 def found_by(search, poses):
@@ -174,9 +174,9 @@ def test_enough_ends_the_search_early_and_budget_bounds_it():
     placements = [left(9.0), left(5.0), right(4.0)]
     whole, early, short = Counted(), Counted(), Counted()
     assert found_by(search_of(placements, 4, whole), line(0, 10)).ratio == 1.0
-    found = found_by(search_of(placements, 4, early, enough=0.95), line(0, 10))
-    assert found.ratio > 0.95
-    assert len(found.actions) == 2
+    result = found_by(search_of(placements, 4, early, enough=0.95), line(0, 10))
+    assert result.ratio > 0.95
+    assert len(result.actions) == 2
     assert early.moves < whole.moves
     assert found_by(search_of(placements, 4, short, budget=1), line(0, 10)).ratio < 1.0
     assert short.moves == 3

@@ -129,6 +129,6 @@ def test_an_angle_just_below_a_period_is_stored_and_found(order):
     poses = np.array([[float(k), 0.0, angle] for k, angle in enumerate(below)])
     for rho in np.random.default_rng(order).uniform(5.0, 20.0, 300):
         stored = Projection.fit(poses, np.ones(len(poses), np.int64), rho, order)
-        found = stored.project(poses + np.array([0.1, 0.0, 0.0]), np.ones(len(poses), np.int64))
-        assert np.array_equal(found[:, :2], poses[:, :2])
-        assert np.allclose(wrap(found[:, 2] - poses[:, 2], order), 0.0, atol=1e-12)
+        result = stored.project(poses + np.array([0.1, 0.0, 0.0]), np.ones(len(poses), np.int64))
+        assert np.array_equal(result[:, :2], poses[:, :2])
+        assert np.allclose(wrap(result[:, 2] - poses[:, 2], order), 0.0, atol=1e-12)

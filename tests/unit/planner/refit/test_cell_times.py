@@ -25,9 +25,9 @@ def test_learned_values_are_those_of_the_cell_that_took_the_seconds() -> None:
         for width in range(20, 31)
         for made, number, phases in _part(cell, width)
     ]
-    found = learned(table, squeezes)
+    result = learned(table, squeezes)
     for key, value in CELL.items():
-        assert found[key] == pytest.approx(value, rel=1e-3, abs=1e-4)
+        assert result[key] == pytest.approx(value, rel=1e-3, abs=1e-4)
 
 
 def _part(cell: Schedule, width: float) -> list[tuple]:

@@ -35,8 +35,8 @@ def test_it_is_the_exact_one_where_one_statistic_tells_all(first):
     seen = np.array([first, 60 - first, 40, 0], np.float64)
     exact = (seen * np.log(shares(at))).sum(axis=1)
     likely = exact > exact.max() - 4.0
-    told = [learned(seen, rng).log(np.stack([at, 0.0 * at], 1)) for _ in range(8)]
-    off = np.mean(told, axis=0)[likely] - exact[likely]
+    lines = [learned(seen, rng).log(np.stack([at, 0.0 * at], 1)) for _ in range(8)]
+    off = np.mean(lines, axis=0)[likely] - exact[likely]
     assert np.ptp(off) < 0.6
 
 
@@ -57,26 +57,26 @@ def test_truths_are_as_likely_as_it_says():
         seen = np.bincount(simulated(np.full(1, truth), rng)[0, 0].ravel(), minlength=4).astype(
             np.float64
         )
-        found = learned(seen, rng, other=0, cells=120)
-        ratios.append(2.0 * (found.log(at).max() - found.log(np.full((1, 1), truth))[0]))
+        result = learned(seen, rng, other=0, cells=120)
+        ratios.append(2.0 * (result.log(at).max() - result.log(np.full((1, 1), truth))[0]))
     assert np.mean(np.array(ratios) < 2.71) == pytest.approx(0.9, abs=0.09)
 
 
 def test_cells_far_from_all_simulated_are_not_likely():
     rng = np.random.default_rng(4)
-    found = learned(np.array([30.0, 30.0, 40.0, 0.0]), rng, other=0)
-    near, far = found.log(np.array([[0.0], [30.0]]))
+    result = learned(np.array([30.0, 30.0, 40.0, 0.0]), rng, other=0)
+    near, far = result.log(np.array([[0.0], [30.0]]))
     assert near - far > 3.0
 
 
 def test_few_cells_make_lines_of_no_curvature_and_stay_finite():
     rng = np.random.default_rng(5)
     features = np.column_stack([rng.uniform(-1.0, 1.0, (8, 3)), np.zeros(8)])
-    found = Likelihood.of(
+    result = Likelihood.of(
         features, simulated(features[:, 0], rng), np.array([30.0, 30.0, 40.0, 0.0]), 4
     )
-    assert not found.curved
-    assert np.isfinite(found.log(features)).all()
+    assert not result.curved
+    assert np.isfinite(result.log(features)).all()
 
 
 def test_steps_on_a_line_tell_where_no_simulated_part_came():
@@ -85,6 +85,6 @@ def test_steps_on_a_line_tell_where_no_simulated_part_came():
     features = rng.uniform(-1.0, 1.0, (300, 1))
     at = 130.0 + 40.0 * features[:, :1, None, None] + 10.0 * rng.standard_normal((300, 2, PARTS, 1))
     seen = np.bincount(np.rint(205.0 + rng.standard_normal(PARTS)).astype(np.int64), minlength=256)
-    found = Likelihood.of(features, np.rint(at).astype(np.int64), seen.astype(np.float64), 0)
+    result = Likelihood.of(features, np.rint(at).astype(np.int64), seen.astype(np.float64), 0)
     best = np.linspace(0.0, 3.0, 301)
-    assert best[np.argmax(found.log(best[:, None]))] == pytest.approx(75.0 / 40.0, abs=0.1)
+    assert best[np.argmax(result.log(best[:, None]))] == pytest.approx(75.0 / 40.0, abs=0.1)

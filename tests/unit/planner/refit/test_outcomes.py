@@ -25,18 +25,18 @@ def run():
 
 def test_journals_and_simulated_parts_number_alike(run):
     """Poses are measured at two leaves, of all parts there, half a turn of some left out by symmetry."""
-    table, found = run
-    audited = np.isin(np.arange(len(table.leaves)), found.leaf[found.leaf >= 0][:2])
+    table, result = run
+    audited = np.isin(np.arange(len(table.leaves)), result.leaf[result.leaf >= 0][:2])
     outcomes = Outcomes(table, audited)
-    rows = np.flatnonzero((found.leaf >= 0) & audited[found.leaf])
-    off = found.poses[rows] - np.array(
-        [predicted_pose(table.leaves[leaf]) for leaf in found.leaf[rows]]
+    rows = np.flatnonzero((result.leaf >= 0) & audited[result.leaf])
+    off = result.poses[rows] - np.array(
+        [predicted_pose(table.leaves[leaf]) for leaf in result.leaf[rows]]
     )
     off[:, 2] = wrap(off[:, 2], 2)
     off[::3, 2] += np.pi
-    counts = readings(found, len(table.nodes))
-    seen = outcomes.of_seen(Seen(counts, len(found.leaf), found.leaf[rows], off))
-    shown = np.bincount(outcomes.of_parts(found).ravel(), minlength=outcomes.size + 1)
+    counts = readings(result, len(table.nodes))
+    seen = outcomes.of_seen(Seen(counts, len(result.leaf), result.leaf[rows], off))
+    shown = np.bincount(outcomes.of_parts(result).ravel(), minlength=outcomes.size + 1)
     assert np.array_equal(seen, shown[:-1])
     assert seen.sum() == counts.sum() + 3 * len(rows)
 

@@ -65,11 +65,11 @@ def words(figure):
 
 
 def assert_legible(figure):
-    found = words(figure)
-    for text, box in found:
+    result = words(figure)
+    for text, box in result:
         assert min(box.x0, box.y0) >= -1, text
         assert max(box.x1 - figure.bbox.x1, box.y1 - figure.bbox.y1) <= 1, text
-    for (one, a), (other, b) in itertools.combinations(found, 2):
+    for (one, a), (other, b) in itertools.combinations(result, 2):
         across = min(a.x1, b.x1) - max(a.x0, b.x0)
         down = min(a.y1, b.y1) - max(a.y0, b.y0)
         assert across <= 1.0 or down <= 2.0, f"{one!r} covers {other!r}"
@@ -256,9 +256,9 @@ def test_wrong_input_is_answered_with_a_line(
     main = runpy.run_path(str(FIGURES))["main"]
     with pytest.raises(SystemExit) as ended:
         sys.exit(main())
-    told = capsys.readouterr().err
-    assert (ended.value.code, said in told.splitlines()[-1]) == (status, True), told
-    assert "Traceback" not in told
+    printed = capsys.readouterr().err
+    assert (ended.value.code, said in printed.splitlines()[-1]) == (status, True), printed
+    assert "Traceback" not in printed
     assert list(tmp_path.iterdir()) == []
 
 
@@ -272,6 +272,6 @@ def test_the_moving_picture_shows_a_part_that_the_table_locates(planned):
         assert keys == sorted(keys)
         assert (keys[0], keys[-1]) == (0.0, 1.0)
         assert len(keys) == len(move.get("values").split(";"))
-    told = " ".join(drawn.itertext())
-    assert told.count("the encoder reads") == 3
-    assert float(re.search(r"off by (\S+) mm", told)[1]) < job.goal.distance_mm
+    message = " ".join(drawn.itertext())
+    assert message.count("the encoder reads") == 3
+    assert float(re.search(r"off by (\S+) mm", message)[1]) < job.goal.distance_mm

@@ -48,8 +48,8 @@ def written(folder: Path, told: object) -> Path:
 
 
 def test_what_the_compiler_wrote_is_read_as_it_is(tmp_path):
-    found = models.read(written(tmp_path, FIGURES), DIGEST)
-    assert found == without("picture")
+    result = models.read(written(tmp_path, FIGURES), DIGEST)
+    assert result == without("picture")
 
 
 def test_what_the_compiler_printed_as_json_will_do(tmp_path):
@@ -137,10 +137,10 @@ def test_the_page_stays_whole_and_is_the_same_but_for_the_models(pages):
 def test_wide_models_and_none_at_all_are_drawn_within_the_chart():
     job = job_file.from_canonical(TABLE.job)
     span = {"low_mm": 0.0, "mean_mm": 50.0, "high_mm": 200.0, "rollouts": 1}
-    found = {**FIGURES, "actions": [], "subspaces": [span]}
-    text = dossier.page(TABLE, job, dossier.Source("t", dumps(TABLE), None, found), 50)
+    record = {**FIGURES, "actions": [], "subspaces": [span]}
+    text = dossier.page(TABLE, job, dossier.Source("t", dumps(TABLE), None, record), 50)
     assert "200 mm" in text
-    bare = dossier.Source("t", dumps(TABLE), None, {**found, "subspaces": []})
+    bare = dossier.Source("t", dumps(TABLE), None, {**record, "subspaces": []})
     assert "What widths stand for" not in dossier.page(TABLE, job, bare, 50)
     assert "the greatest here" not in text
 
@@ -149,7 +149,7 @@ def test_models_of_another_job_are_refused_before_the_work(tmp_path, capsys):
     path = written(tmp_path, {**FIGURES, "job_digest": "ab" * 32})
     words = [str(TABLE_PATH), "-o", str(tmp_path / "page.html"), "--models", str(path)]
     assert report.main(words) == 3
-    told = capsys.readouterr().err
-    assert told.count("\n") == 1
-    assert "about another job" in told
+    printed = capsys.readouterr().err
+    assert printed.count("\n") == 1
+    assert "about another job" in printed
     assert not (tmp_path / "page.html").exists()

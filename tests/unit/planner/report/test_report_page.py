@@ -192,9 +192,9 @@ def test_a_journal_is_laid_over_the_tree(tmp_path, capsys):
         "--json",
     ]
     assert report.main(words) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["bytes"] == output.stat().st_size
-    assert (told["nodes"], told["leaves"]) == (len(TABLE.nodes), len(TABLE.leaves))
+    record = json.loads(capsys.readouterr().out)
+    assert record["bytes"] == output.stat().st_size
+    assert (record["nodes"], record["leaves"]) == (len(TABLE.nodes), len(TABLE.leaves))
     log = json.loads(Page(output.read_text()).scripts["data"])["log"]
     assert log["branches"] == [[0, target, 1]]
     assert log["parts"][0] == [1, "fault", None, "no answer", None, [[0, 132, target]]]

@@ -99,7 +99,7 @@ def test_what_a_table_drags_is_dragged_in_the_replay(table: Table, job: Job) -> 
     assert held.mean() > 0.9
     shift = (first.released - first.after)[held & (first.branch != REJECT)]
     assert np.allclose(shift, (9.0, -4.0, 0.0), atol=1e-9)
-    found = evaluate(dragging, job, ContactWorld(job, 6), TRIALS, 7)
-    theirs, ours = found.poses[found.leaf >= 0], np.concatenate(replayed.leaves)
+    result = evaluate(dragging, job, ContactWorld(job, 6), TRIALS, 7)
+    theirs, ours = result.poses[result.leaf >= 0], np.concatenate(replayed.leaves)
     off = ours.mean(axis=0) - theirs.mean(axis=0)
     assert np.all(np.abs(off[:2]) < 5.0 * theirs[:, :2].std(axis=0) * np.sqrt(2 / TRIALS))

@@ -35,10 +35,10 @@ def world(name, wrong=0.0, success=None, broken=None):
     """What came of a world, with so many wrong answers."""
     success = 1.0 - wrong if success is None else success
     figures = {"wrong_rate": wrong, "success_rate": success}
-    found = SimpleNamespace(
+    result = SimpleNamespace(
         wrong=np.float64(wrong), success=np.float64(success), summary=lambda: figures
     )
-    return Line(Case(name, broken=broken), found)
+    return Line(Case(name, broken=broken), result)
 
 
 PLANNED = world("as planned")
@@ -46,17 +46,17 @@ SKEWED = world("fingers that share 52:48", 0.18, 0.8)
 
 
 def test_a_good_plan_says_what_it_finds_how_well_and_what_it_leans_on():
-    found = verdict(JOB, FIGURES)
-    assert found.grade == "good"
-    assert "30 x 21 mm rectangle" in found.sentence
-    assert "to 3 mm in 99.9 % of trials, 2.2 squeezes, about 5.8 s" in found.sentence
-    assert found.error == "expected error 0.70 mm median, 95 % within 1.70 mm"
+    result = verdict(JOB, FIGURES)
+    assert result.grade == "good"
+    assert "30 x 21 mm rectangle" in result.sentence
+    assert "to 3 mm in 99.9 % of trials, 2.2 squeezes, about 5.8 s" in result.sentence
+    assert result.error == "expected error 0.70 mm median, 95 % within 1.70 mm"
 
 
 def test_an_assumption_that_makes_it_wrong_is_a_weakness():
-    found = verdict(JOB, FIGURES, [PLANNED, SKEWED])
-    assert found.grade == "fair"
-    assert found.sentence.endswith("weakest assumption: fingers that share 52:48 (18 % wrong)")
+    result = verdict(JOB, FIGURES, [PLANNED, SKEWED])
+    assert result.grade == "fair"
+    assert result.sentence.endswith("weakest assumption: fingers that share 52:48 (18 % wrong)")
 
 
 @pytest.mark.parametrize("worse", [{"success_rate": 0.6}, {"wrong_rate": 0.05}])
@@ -74,10 +74,10 @@ def test_a_share_is_never_rounded_to_all_or_nothing(share, told):
 def test_parts_rejected_at_one_node_are_told_with_what_was_read_and_planned():
     wide = Calibration.linear(TABLE.gripper).count(50_000)
     parts = [PartLog(k, [(0, wide, None)], "reject") for k in range(1, 9)]
-    found = cell_result(TABLE, RunLog(parts, 1, 0, "", ""))
-    assert found.grade == "poor"
-    assert "0 of 8 parts located, 8 reject; 8 rejected at node 0: 50.2 mm read" in found.sentence
-    assert found.sentence.endswith("planned: another part?")
+    result = cell_result(TABLE, RunLog(parts, 1, 0, "", ""))
+    assert result.grade == "poor"
+    assert "0 of 8 parts located, 8 reject; 8 rejected at node 0: 50.2 mm read" in result.sentence
+    assert result.sentence.endswith("planned: another part?")
 
 
 def test_all_parts_located_is_good_and_an_audit_that_fails_is_not():
@@ -106,11 +106,12 @@ def test_conditions_are_those_that_cost_wrong_answers_the_strictest_of_each_kind
         world("52 %", 0.01, broken=Condition("the share", "below", 52.0, " %")),
         world("39 %", 0.05, broken=Condition("the share", "above", 39.0, " %")),
     ]
-    found = verdict(JOB, FIGURES, lines)
-    assert found.grade == "fair"
-    assert found.conditions == ["friction stays below 0.9", "the share stays between 39 and 52 %"]
+    result = verdict(JOB, FIGURES, lines)
+    assert result.grade == "fair"
+    assert result.conditions == ["friction stays below 0.9", "the share stays between 39 and 52 %"]
     assert (
-        told_conditions(found.conditions) == f"if {found.conditions[0]} and {found.conditions[1]}"
+        told_conditions(result.conditions)
+        == f"if {result.conditions[0]} and {result.conditions[1]}"
     )
     assert told_conditions([]) == ""
     assert told_conditions(list("abcde")).endswith("a, b, c and 2 more assumptions hold")
@@ -154,8 +155,8 @@ def outlined(length, width, **changes):
     ],
 )
 def test_what_makes_an_answer_worth_less_is_a_warning_of_the_verdict(job, words):
-    found = verdict(job, FIGURES).warnings
-    assert found == warnings_of(job)
-    assert len(found) == len(words)
-    for word, warning in zip(words, found, strict=True):
+    result = verdict(job, FIGURES).warnings
+    assert result == warnings_of(job)
+    assert len(result) == len(words)
+    for word, warning in zip(words, result, strict=True):
         assert word in warning

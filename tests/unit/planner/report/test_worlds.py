@@ -32,8 +32,8 @@ def page(planned):
 
 def test_evaluation_of_a_table_is_the_compilers(planned):
     job, plan = planned
-    found = worlds.evaluation_of(plan.table, job, 7)
-    assert found.summary() == plan.evaluation.summary()
+    result = worlds.evaluation_of(plan.table, job, 7)
+    assert result.summary() == plan.evaluation.summary()
     (line, *others) = worlds.tried(plan.table, job, plan.evaluation, 100)
     assert line.evaluation is plan.evaluation
     assert len({other.case.name for other in others}) == len(others)
@@ -65,8 +65,8 @@ def test_card_headline_and_row_of_the_worst_world_agree(planned, page):
 
 def test_pose_beside_the_parts_of_the_stated_cell_is_told_with_theirs(planned, page):
     _, plan = planned
-    found = means(plan.table, plan.evaluation)
-    for index, (leaf, mean) in enumerate(zip(plan.table.leaves, found, strict=True)):
+    result = means(plan.table, plan.evaluation)
+    for index, (leaf, mean) in enumerate(zip(plan.table.leaves, result, strict=True)):
         here = plan.evaluation.poses[plan.evaluation.leaf == index]
         if mean is None:
             continue
@@ -74,7 +74,7 @@ def test_pose_beside_the_parts_of_the_stated_cell_is_told_with_theirs(planned, p
         assert mean.x_mm - x == pytest.approx((here[:, 0] - x).mean(), abs=0.5)
         assert mean.y_mm - y == pytest.approx((here[:, 1] - y).mean(), abs=0.5)
         assert mean.deliberate == (mean.apart_mm > WORTH_TELLING_MM)
-    assert any(found)
-    apart = next(mean for mean in found if mean)
+    assert any(result)
+    apart = next(mean for mean in result if mean)
     assert f"<td>{apart.apart_mm:.2f}</td>" in page
-    assert ("this is deliberate" in page) == any(mean.deliberate for mean in found if mean)
+    assert ("this is deliberate" in page) == any(mean.deliberate for mean in result if mean)

@@ -79,6 +79,6 @@ def test_a_job_may_want_none(job):
 
 def test_variants_lie_about_each_placement_as_far_as_stated():
     about = np.array([[1.0, 2.0, 0.3], [-20.0, 5.0, 2.0]])
-    found = varied(about, 2000, (3.0, 0.1), np.random.default_rng(0)).reshape(2, 2000, 3)
-    np.testing.assert_allclose(found.mean(axis=1), about, atol=0.3)
-    np.testing.assert_allclose(found.std(axis=1), [[3.0, 3.0, 0.1]] * 2, rtol=0.1)
+    result = varied(about, 2000, (3.0, 0.1), np.random.default_rng(0)).reshape(2, 2000, 3)
+    np.testing.assert_allclose(result.mean(axis=1), about, atol=0.3)
+    np.testing.assert_allclose(result.std(axis=1), [[3.0, 3.0, 0.1]] * 2, rtol=0.1)

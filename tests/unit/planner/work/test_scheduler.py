@@ -66,8 +66,8 @@ def test_work_within_work_ends():
         with pool_of(1) as pool:
             return inner(value), pool.submit(inner, value).result()
 
-    found = list(Threads(2).map(outer, range(20)))
-    assert found == [2 * (sum(map(squared, range(value))),) for value in range(20)]
+    outcome = list(Threads(2).map(outer, range(20)))
+    assert outcome == [2 * (sum(map(squared, range(value))),) for value in range(20)]
 
 
 def test_nothing_runs_on_once_the_work_has_ended():

@@ -36,11 +36,11 @@ def only(found) -> Finding:
 def test_a_port_that_is_missing_names_those_that_are_there(tmp_path: Path) -> None:
     for name in ("ttyUSB3", "ttyACM0", "ttyS0"):
         (tmp_path / name).touch()
-    found = only(doctor.check_port(str(tmp_path / "ttyUSB0"), System(dev=tmp_path)))
-    assert found.verdict is Verdict.BAD
-    assert "ttyACM0" in found.sentence
-    assert "ttyUSB3" in found.sentence
-    assert "ttyS0" not in found.sentence
+    result = only(doctor.check_port(str(tmp_path / "ttyUSB0"), System(dev=tmp_path)))
+    assert result.verdict is Verdict.BAD
+    assert "ttyACM0" in result.sentence
+    assert "ttyUSB3" in result.sentence
+    assert "ttyS0" not in result.sentence
 
 
 def test_a_file_is_no_port(tmp_path: Path) -> None:
@@ -50,9 +50,9 @@ def test_a_file_is_no_port(tmp_path: Path) -> None:
 
 def test_a_port_one_may_not_open_names_the_group(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "access", lambda path, mode: False)
-    found = only(doctor.check_port("/dev/null", System()))
-    assert "may not open" in found.sentence
-    assert f"usermod -aG {Path('/dev/null').group()} $USER" in found.remedy
+    result = only(doctor.check_port("/dev/null", System()))
+    assert "may not open" in result.sentence
+    assert f"usermod -aG {Path('/dev/null').group()} $USER" in result.remedy
     monkeypatch.setattr(Path, "group", lambda path: (_ for _ in ()).throw(KeyError(7)))
     assert "dialout" in only(doctor.check_port("/dev/null", System())).remedy
 
@@ -82,9 +82,9 @@ def test_a_simulated_cells_terminal_is_held_by_the_cell_and_by_nobody_else() -> 
     )
     with _started(maker) as cell:
         terminal = cell.stdout.readline().strip()
-        found = list(doctor.check_port(terminal, System()))
-        assert verdicts(found) == [Verdict.GOOD] * 3
-        assert "pseudo-terminal" in found[1].sentence
+        result = list(doctor.check_port(terminal, System()))
+        assert verdicts(result) == [Verdict.GOOD] * 3
+        assert "pseudo-terminal" in result[1].sentence
         with _started(holder, terminal) as other:
             other.stdout.readline()
             held = list(doctor.check_port(terminal, System()))[-1]
@@ -122,10 +122,10 @@ def test_the_latency_timer(tmp_path: Path, value: str | None, verdict: Verdict, 
     timer.parent.mkdir(parents=True)
     if value is not None:
         timer.write_text(value)
-    found = only(doctor.check_latency("/dev/ttyUSB0", System(sys=tmp_path)))
-    assert found.verdict is verdict
-    assert told in found.sentence
-    assert bool(found.remedy) == (verdict is not Verdict.GOOD)
+    result = only(doctor.check_latency("/dev/ttyUSB0", System(sys=tmp_path)))
+    assert result.verdict is verdict
+    assert told in result.sentence
+    assert bool(result.remedy) == (verdict is not Verdict.GOOD)
 
 
 @pytest.mark.parametrize(
@@ -137,12 +137,12 @@ def test_the_latency_timer(tmp_path: Path, value: str | None, verdict: Verdict, 
     ],
 )
 def test_a_silent_gripper_is_looked_for(heard, verdict: Verdict, told: str) -> None:
-    found = only(
+    result = only(
         doctor.check_silence("p", lambda port: (SimpleNamespace(unit=u, baud=b) for u, b in heard))
     )
-    assert found.verdict is verdict
-    assert told in found.sentence
-    assert found.remedy
+    assert result.verdict is verdict
+    assert told in result.sentence
+    assert result.remedy
 
 
 @pytest.mark.parametrize(
@@ -165,9 +165,9 @@ def test_the_grippers_own_state(state: State, verdict: Verdict) -> None:
     ("step_s", "verdict"), [(0.004, Verdict.GOOD), (0.016, Verdict.WARNING), (0.0, Verdict.GOOD)]
 )
 def test_the_rate_is_measured(step_s: float, verdict: Verdict) -> None:
-    found = only(doctor.check_rate(fake_cell([]).gripper, FakeClock(step_s)))
-    assert found.verdict is verdict
-    assert f"{1000 * step_s:.1f} ms each" in found.sentence
+    result = only(doctor.check_rate(fake_cell([]).gripper, FakeClock(step_s)))
+    assert result.verdict is verdict
+    assert f"{1000 * step_s:.1f} ms each" in result.sentence
 
 
 def test_an_arm_far_from_its_work_is_told() -> None:
@@ -208,7 +208,7 @@ class Drivers:
 
 def test_all_checks_of_a_healthy_cell(tmp_path: Path) -> None:
     drivers = Drivers()
-    found = list(
+    result = list(
         findings(
             "tcp://doctor:1",
             "tcp://h:2",
@@ -218,21 +218,21 @@ def test_all_checks_of_a_healthy_cell(tmp_path: Path) -> None:
             System(proc=tmp_path),
         )
     )
-    assert set(verdicts(found)) == {Verdict.GOOD}
-    assert len(found) == 4
+    assert set(verdicts(result)) == {Verdict.GOOD}
+    assert len(result) == 4
     assert {call.name for call in drivers.made.log.calls} == {"state", "pose", "close"}
     assert len(list(findings("/dev/null", None, None, None, drivers, System(proc=tmp_path)))) == 5
 
 
 def test_devices_that_do_not_answer_are_findings(tmp_path: Path) -> None:
     drivers = Drivers(ConnectionError("no route"))
-    found = list(
+    result = list(
         findings("tcp://doctor:1", "tcp://h:2", None, None, drivers, System(proc=tmp_path))
     )
-    assert verdicts(found) == [Verdict.BAD, Verdict.BAD]
-    found = list(findings("/dev/null", None, None, None, drivers, System(proc=tmp_path)))
-    assert verdicts(found) == [Verdict.GOOD, Verdict.GOOD, Verdict.GOOD, Verdict.BAD, Verdict.BAD]
-    assert "The gripper does not answer: no route." in found[3].sentence
+    assert verdicts(result) == [Verdict.BAD, Verdict.BAD]
+    result = list(findings("/dev/null", None, None, None, drivers, System(proc=tmp_path)))
+    assert verdicts(result) == [Verdict.GOOD, Verdict.GOOD, Verdict.GOOD, Verdict.BAD, Verdict.BAD]
+    assert "The gripper does not answer: no route." in result[3].sentence
     assert verdicts(findings("/dev/ttyNONE", None, None, None, drivers, System())) == [Verdict.BAD]
 
 
@@ -247,10 +247,10 @@ def test_the_command_prints_each_finding_and_ends_with_26_if_one_is_bad(
     given = parser().parse_args(["--port", "tcp://doctor:1", "--json"])
     with pytest.raises(CellCheckError, match="1 thing to put right"):
         run(given, Drivers(TimeoutError("silence")))
-    told = json.loads(capsys.readouterr().out)
-    assert told["fit"] is False
-    assert [finding["verdict"] for finding in told["findings"]] == ["bad"]
-    assert told["findings"][0]["remedy"]
+    record = json.loads(capsys.readouterr().out)
+    assert record["fit"] is False
+    assert [finding["verdict"] for finding in record["findings"]] == ["bad"]
+    assert record["findings"][0]["remedy"]
     given = parser().parse_args(["--port", "tcp://doctor:1"])
     with pytest.raises(CellCheckError):
         run(given, Drivers(TimeoutError("silence")))

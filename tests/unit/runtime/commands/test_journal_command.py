@@ -141,26 +141,26 @@ def test_parquet_holds_the_same_rows_as_csv(journal: Path, tmp_path: Path) -> No
     rows = parquet.read_table(tmp_path / "out.parquet").to_pylist()
     with (tmp_path / "out.csv").open() as file:
         written = list(csv.DictReader(file))
-    told = [
+    entries = [
         {name: "" if value is None else str(value) for name, value in row.items()} for row in rows
     ]
-    assert told == written
+    assert entries == written
     assert [row["part"] for row in rows] == [1, 2, 2, 3, 3, 4] * 2
     assert main(["export", str(journal), "-o", str(tmp_path / "no" / "out.parquet")]) == 2
 
 
 def messages(path: Path) -> dict[str, list[dict[str, object]]]:
     """The messages of an MCAP file by topic, each as its own schema has it."""
-    found: dict[str, list[dict[str, object]]] = {}
+    record: dict[str, list[dict[str, object]]] = {}
     with path.open("rb") as file:
         reader = make_reader(file, validate_crcs=True)
         assert reader.get_summary().statistics.message_count
         for schema, channel, message in reader.iter_messages():
-            told = json.loads(message.data)
+            document = json.loads(message.data)
             assert (schema.encoding, channel.message_encoding) == ("jsonschema", "json")
-            validate(told, {**json.loads(schema.data), "additionalProperties": False})
-            found.setdefault(channel.topic, []).append({**told, "log_ns": message.log_time})
-    return found
+            validate(document, {**json.loads(schema.data), "additionalProperties": False})
+            record.setdefault(channel.topic, []).append({**document, "log_ns": message.log_time})
+    return record
 
 
 def test_an_mcap_recording_tells_what_the_journal_does(journal: Path, tmp_path: Path) -> None:

@@ -19,8 +19,8 @@ def looked(addresses, ports):
 
 @pytest.mark.parametrize("ports", [{30002, 30004, 63352}, E_SERIES])
 def test_a_cell_in_order_has_nothing_to_put_right(ports):
-    found = looked(["urcap://ur", "ur://ur?tool=0,0,150"], ports)
-    assert [finding.verdict for finding in found] == [Verdict.GOOD] * 2
+    result = looked(["urcap://ur", "ur://ur?tool=0,0,150"], ports)
+    assert [finding.verdict for finding in result] == [Verdict.GOOD] * 2
 
 
 @pytest.mark.parametrize(
@@ -46,10 +46,10 @@ def test_a_cell_in_order_has_nothing_to_put_right(ports):
     ],
 )
 def test_each_trap_is_named(addresses, ports, sentence, remedy):
-    found = [finding for finding in looked(addresses, ports) if finding.verdict is Verdict.BAD]
-    assert len(found) >= 1
-    assert sentence in found[0].sentence or sentence in found[-1].sentence
-    assert any(re.search(remedy, finding.remedy) for finding in found)
+    results = [finding for finding in looked(addresses, ports) if finding.verdict is Verdict.BAD]
+    assert len(results) >= 1
+    assert sentence in results[0].sentence or sentence in results[-1].sentence
+    assert any(re.search(remedy, finding.remedy) for finding in results)
 
 
 def test_two_urcaps_for_one_gripper_are_a_warning():

@@ -218,12 +218,12 @@ def test_nothing_is_written_and_nothing_planted_is_followed(
 
 def test_an_owner_that_was_asked_too_often_is_still_the_owner() -> None:
     with PortLock(PORT):
-        told = []
+        lines = []
         for _ in range(300):
             with pytest.raises(PortBusyError) as refused:
                 PortLock(PORT)
-            told.append(str(refused.value))
-    assert f"process {os.getpid()}" in told[0]
+            lines.append(str(refused.value))
+    assert f"process {os.getpid()}" in lines[0]
 
 
 def test_contenders_never_hold_it_together(tmp_path: Path) -> None:

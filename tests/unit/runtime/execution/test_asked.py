@@ -77,14 +77,14 @@ def test_every_reading_of_the_root_means_what_the_table_says_or_is_refused(table
         for flag in ("OBJECT", "NONE"):
             asked.answer("RESET")
             asked.answer("NEXT")
-            told = asked.answer(f"COUNTS {count} {flag} 0")
+            reply = asked.answer(f"COUNTS {count} {flag} 0")
             wanted = expected(table, count, flag == "OBJECT")
-            if told.startswith("ERROR"):
+            if reply.startswith("ERROR"):
                 assert wanted == "REJECT"
                 narrow = calibration.width_um(count) <= UNDETECTED_UM
                 assert not narrow
             else:
-                assert told.startswith(wanted)
+                assert reply.startswith(wanted)
 
 
 def test_a_width_means_what_its_count_does() -> None:
@@ -107,13 +107,13 @@ def test_whatever_is_said_is_answered_in_one_short_line_and_a_refusal_changes_no
     asked = parts(table, Policy.of("resqueeze,restart", "restart"))
     for _ in range(300):
         before = asked.answer("STATUS")
-        told = asked.answer(
+        reply = asked.answer(
             " ".join(random.choice(WORDS) for _ in range(random.choice((1, 1, 2, 3, 4))))
         )
-        assert told.isascii()
-        assert "\n" not in told
-        assert len(told) < MAX_LINE
-        first, *rest = told.split(" ", 2)
+        assert reply.isascii()
+        assert "\n" not in reply
+        assert len(reply) < MAX_LINE
+        first, *rest = reply.split(" ", 2)
         assert first in ANSWERS
         if first == "ERROR":
             assert rest[1] == ERRORS[int(rest[0])]

@@ -88,15 +88,15 @@ def test_measurements_that_contradict_one_another_are_refused(
 
 def test_a_file_gives_back_what_was_saved_and_refuses_a_changed_byte(tmp_path: Path) -> None:
     path = tmp_path / "g.json"
-    made = calibration.GripperCalibration(
+    fitted = calibration.GripperCalibration(
         "S/N 1", "today", tuple(gauges()), fit(gauges(), "", "").widths_um
     )
     for tips, current in ((None, None), ((57.15, 5.2), (30, 900))):
-        made = calibration.GripperCalibration(
-            "S/N 1", "today", made.gauges, made.widths_um, tips, current
+        fitted = calibration.GripperCalibration(
+            "S/N 1", "today", fitted.gauges, fitted.widths_um, tips, current
         )
-        save(made, path)
-        assert load(path) == made
+        save(fitted, path)
+        assert load(path) == fitted
     told = json.loads(path.read_text())
     told["widths_um"][100] += 1
     path.write_text(json.dumps(told))
@@ -215,13 +215,13 @@ def test_as_json_the_measurement_is_one_document_and_the_questions_are_elsewhere
 
     monkeypatch.setattr("sys.stdin", Operator())
     assert run(arguments(tmp_path, "--activate", "--json"), lambda port: gripper) == 0
-    told = json.loads(capsys.readouterr().out)
+    record = json.loads(capsys.readouterr().out)
     made = load(tmp_path / "g.json")
-    assert (told["output"], told["gripper"]) == (str(tmp_path / "g.json"), "S/N 7")
-    assert [block["position_counts"] for block in told["blocks"]] == [
+    assert (record["output"], record["gripper"]) == (str(tmp_path / "g.json"), "S/N 7")
+    assert [block["position_counts"] for block in record["blocks"]] == [
         list(g.counts) for g in made.gauges
     ]
-    assert [block["width_mm"] for block in told["blocks"]] == list(BLOCKS)
+    assert [block["width_mm"] for block in record["blocks"]] == list(BLOCKS)
 
 
 def test_a_block_that_is_not_there_and_a_sleeping_gripper_end_it(tmp_path: Path) -> None:

@@ -76,13 +76,13 @@ def test_motions_come_in_the_order_place_open_descend_close_open_retreat() -> No
     made = fake_cell(LONGEST)
     run(made)
     motions = [call for call in made.log.calls if call.name in ("move", "move_linear")]
-    told = [
+    lines = [
         ("jaws", call.arguments[0]) if call.name == "move" else call.arguments[:4]
         for call in motions
     ]
     one = [("jaws", 0), (0.0, 0.0, 60.0, 0.0), (0.0, 0.0, 10.0, 0.0), ("jaws", 255), ("jaws", 0)]
     two = [(1.0, -2.0, 60.0, 1.570796), (1.0, -2.0, 10.0, 1.570796), ("jaws", 255), ("jaws", 0)]
-    assert told == [
+    assert lines == [
         *[
             (5.0, 5.0, 60.0, 0.1),
             *one,
@@ -97,7 +97,7 @@ def test_before_a_squeeze_the_jaws_are_set_and_the_hand_pushes_along_its_own_x()
     result = run(made, pushing_table())
     assert (result.outcome, result.leaf) == (Outcome.LEAF, 1)
     motions = [call for call in made.log.calls if call.name in ("move", "move_linear")]
-    told = [
+    lines = [
         ("jaws", call.arguments[0]) if call.name == "move" else call.arguments for call in motions
     ]
     first = [
@@ -109,8 +109,8 @@ def test_before_a_squeeze_the_jaws_are_set_and_the_hand_pushes_along_its_own_x()
         (-20.0, 1.0, 60.0, 0.0, 400.0),
         ("jaws", 0),
     ]
-    assert told[: len(first)] == first
-    low = [motion for motion in told if motion[0] != "jaws" and motion[2] == 10.0]
+    assert lines[: len(first)] == first
+    low = [motion for motion in lines if motion[0] != "jaws" and motion[2] == 10.0]
     assert low[6] == pytest.approx(
         (3.0, 25.0, 10.0, -1.570796, 30.0), abs=1e-4
     )  # of the third push

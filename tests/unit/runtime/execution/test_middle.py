@@ -43,20 +43,20 @@ def halves(share, across_mm, block_mm=1.3, read=lambda width: width):
     """Grips on a block `block_mm` off, the hand one way round and the other."""
     meet = across_mm + (0.5 - share) * (OPENING_MM - BLOCK_MM)
     for side in (1, -1):
-        found = side * block_mm - meet
-        offs = [found + way * off for off in middle.FINE_MM for way in (-1, 1)]
-        yield found, [Grip(h, read(stopped(h, share, side * block_mm, across_mm))) for h in offs]
+        result = side * block_mm - meet
+        offs = [result + way * off for off in middle.FINE_MM for way in (-1, 1)]
+        yield result, [Grip(h, read(stopped(h, share, side * block_mm, across_mm))) for h in offs]
 
 
 @pytest.mark.parametrize(("share", "across_mm"), [(0.5, 0.0), (0.5, 1.5), (0.44, -0.8), (0.6, 2.0)])
 def test_exact_grips_tell_where_the_fingers_meet_and_how_they_share_the_closing(share, across_mm):
-    found = fit(BLOCK_MM, list(halves(share, across_mm)))
-    assert found.share == pytest.approx(share, abs=1e-3)
-    assert found.across_mm == pytest.approx(
+    result = fit(BLOCK_MM, list(halves(share, across_mm)))
+    assert result.share == pytest.approx(share, abs=1e-3)
+    assert result.across_mm == pytest.approx(
         across_mm + (0.5 - share) * (OPENING_MM - BLOCK_MM), abs=5e-3
     )
     for width_mm in (10.0, 50.0):  # of fingers that share unevenly the middle goes with the width
-        across, _ = found.at(width_mm)
+        across, _ = result.at(width_mm)
         assert across == pytest.approx(
             across_mm + (0.5 - share) * (OPENING_MM - width_mm), abs=0.03
         )
@@ -66,9 +66,9 @@ def test_errors_cover_what_counts_and_noise_do():
     count_mm, draw, off = 85.0 / 227.0, random.Random(3), []
     for k in range(40):
         read = lambda width: count_mm * round((width + draw.gauss(0.0, 0.15)) / count_mm)  # noqa: E731
-        found = fit(BLOCK_MM, list(halves(0.48, 0.9, 0.1 * k, read)))
-        off.append((found.at(BLOCK_MM)[0] - 0.9 - 0.02 * 55.0) / found.across_error_mm)
-        assert found.across_error_mm < 0.1
+        result = fit(BLOCK_MM, list(halves(0.48, 0.9, 0.1 * k, read)))
+        off.append((result.at(BLOCK_MM)[0] - 0.9 - 0.02 * 55.0) / result.across_error_mm)
+        assert result.across_error_mm < 0.1
     assert 0.6 < math.sqrt(sum(z * z for z in off) / len(off)) < 1.5
 
 
@@ -99,19 +99,19 @@ class Rig:
         self.hand = Hand(gripper, arm, self.cell.clock, self.table, Handling())
 
     def measure(self, at, block_mm=BLOCK_MM):
-        told = []
-        found = measure(self.hand, gripping(self.table, block_mm), block_mm, at, told.append)
-        assert len(told) == 2
-        return found
+        lines = []
+        result = measure(self.hand, gripping(self.table, block_mm), block_mm, at, lines.append)
+        assert len(lines) == 2
+        return result
 
 
 @pytest.mark.parametrize("angle", [0.0, math.pi / 2])
 def test_a_simulated_cell_is_measured_to_what_it_says(angle):
     rig = Rig()
-    found = rig.measure((11.0, -5.5, angle))
-    assert abs(found.across_mm - 1.5) < 3.0 * found.across_error_mm
-    assert found.across_error_mm < 0.1
-    assert abs(found.share - 0.5) < 3.0 * found.share_error
+    result = rig.measure((11.0, -5.5, angle))
+    assert abs(result.across_mm - 1.5) < 3.0 * result.across_error_mm
+    assert result.across_error_mm < 0.1
+    assert abs(result.share - 0.5) < 3.0 * result.share_error
     assert rig.cell.works.table.crashes == 0
     assert rig.hand.where()[2] == pytest.approx(rig.table.limits.retreat_height_um / 1000, abs=0.05)
 
@@ -157,7 +157,7 @@ def test_a_table_is_corrected_on_its_narrowest_side_and_for_what_it_was_not_plan
 
 
 def test_a_robot_that_asks_is_told_where_its_arm_has_to_go():
-    told = []
+    lines = []
     for middle_mm in (0.0, 1.5):
         table, options = small_table(), RunOptions(handling=Handling(middle_mm=middle_mm))
         asked = AskedParts(
@@ -170,12 +170,12 @@ def test_a_robot_that_asks_is_told_where_its_arm_has_to_go():
             options,
         )
         asked.answer("NEXT")
-        told.append(asked.answer("WIDTH 30.0 OBJECT").split())
-    at, beside = ([float(word) for word in words[2:5]] for words in told)
-    assert told[0][:2] == told[1][:2] == ["SQUEEZE", "1"]
+        lines.append(asked.answer("WIDTH 30.0 OBJECT").split())
+    at, beside = ([float(word) for word in words[2:5]] for words in lines)
+    assert lines[0][:2] == lines[1][:2] == ["SQUEEZE", "1"]
     there = compose((beside[0], beside[1], math.radians(beside[2])), (0.0, 1.5, 0.0))
     assert there[:2] == pytest.approx(at[:2], abs=2e-3)
-    assert told[0][4:] == told[1][4:]
+    assert lines[0][4:] == lines[1][4:]
 
 
 def test_a_part_is_taken_where_the_fingers_meet_and_refused_where_the_arm_would_leave_its_area():

@@ -150,11 +150,11 @@ def test_audit_and_delivery_are_told_and_a_delivered_part_is_elsewhere(
         made = fake_cell([AT_21, AT_21])
         made = made._replace(cell=replace(made.cell, auditor=auditor))
         run(made, TRUTH, console, options=RunOptions(delivery=Delivery(drop=(10.0, 5.0, 0.0))))
-    *_, line, told = capsys.readouterr().out.splitlines()
+    *_, line, printed = capsys.readouterr().out.splitlines()
     assert line.endswith(
         "success 0.9990 of 6000, error 0.32 mm (95 %: 0.94); audit: pass; delivery: done"
     )
-    seen = json.loads(told)
+    seen = json.loads(printed)
     assert (seen["audit"], seen["delivery"], seen["error_mm"]) == ("pass", "done", None)
 
 
@@ -174,9 +174,9 @@ def test_a_rehearsal_has_no_truth_to_compare_with(capsys: pytest.CaptureFixture[
     console = Lines(table)
     tally = run(made, nowhere, console)
     console.summary(tally, JOURNAL)
-    told = capsys.readouterr().out
-    assert "true error" not in told
-    assert "within" not in told
+    printed = capsys.readouterr().out
+    assert "true error" not in printed
+    assert "within" not in printed
     assert tally.within is None
 
 

@@ -216,13 +216,13 @@ def test_what_is_no_regular_file_is_error_24_and_stays_what_it_is(tmp_path: Path
     before = target.read_bytes()
     (tmp_path / "link").symlink_to(target)
     os.mkfifo(tmp_path / "fifo")
-    told = {
+    record = {
         "link": "a symbolic link",
         "fifo": "no regular file",
         "": "a folder",
         "/dev/full": "no regular",
     }
-    for name, sentence in told.items():
+    for name, sentence in record.items():
         with pytest.raises(JournalError, match=f"cannot be written: it is {sentence}") as refused:
             Journal(tmp_path / name, STAMP)
         assert refused.value.exit_code == 24

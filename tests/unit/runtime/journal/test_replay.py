@@ -69,10 +69,10 @@ def test_a_claim_that_does_not_follow_is_found(
     entries = list(records(journal))
     changed = next(entry for entry in entries if entry["kind"] == kind)
     changed.update(change)
-    found = findings(entries)
-    assert found
-    assert found[0].seq == changed["seq"]
-    assert told in found[0].sentence
+    result = findings(entries)
+    assert result
+    assert result[0].seq == changed["seq"]
+    assert told in result[0].sentence
 
 
 @pytest.mark.parametrize("kind", ["squeeze", "part"])

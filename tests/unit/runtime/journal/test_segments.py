@@ -89,14 +89,14 @@ def test_journal_sealed_after_every_part_tells_the_same_to_every_reader(
 
 
 def test_commands_read_all_segments_by_the_base_name(pair: tuple[Path, Path], capsys) -> None:
-    told = []
+    lines = []
     for path in pair:
         assert grasp_journal(["show", str(path), "--outcome", "unresolved", "--json"]) == 0
-        told.append(capsys.readouterr().out.count("\n"))
+        lines.append(capsys.readouterr().out.count("\n"))
         assert grasp_journal(["replay", str(path)]) == 0
         assert grasp_journal(["export", str(path), "--to", "csv", "-o", "-"]) == 0
-        told.append(capsys.readouterr().out.count("\n"))
-    assert told[:2] == told[2:]
+        lines.append(capsys.readouterr().out.count("\n"))
+    assert lines[:2] == lines[2:]
     assert grasp_journal(["verify", str(pair[1])]) == 0
     assert "records in 2 runs and 8 files verify; the last run ended" in capsys.readouterr().out
 
@@ -120,11 +120,11 @@ def test_a_run_that_broke_off_is_known_by_the_last_segment_alone(tmp_path: Path)
         before = [broken_run(path, records(path))]
         with Journal(path, STAMP) as journal:
             before.append(broken_run(path, journal.last_part))
-        told = [
+        entries = [
             None if run is None else (run.parts, run.part, run.steps, run.traversal, run.last)
             for run in before
         ]
-        assert told[0] == told[1]
+        assert entries[0] == entries[1]
     assert cut > 5
 
 

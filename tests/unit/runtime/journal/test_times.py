@@ -18,11 +18,11 @@ def outcome(seconds: object, *phases: object) -> dict[str, object]:
 
 def test_times_of_parts_add_up_phase_by_phase() -> None:
     entries = [{"kind": "part"}, outcome(4.5, ONE, ONE), outcome(2.0, ONE), outcome(None)]
-    found = times_of(entries, takt_s=3.0)
-    assert (found.parts, found.squeezes) == (2, 3)
-    assert found.phases["travel"] == 1.5
-    assert sum(found.phases.values()) == pytest.approx(found.figures["seconds_mean"])
-    assert found.figures["takt_probability"] == 0.5
+    result = times_of(entries, takt_s=3.0)
+    assert (result.parts, result.squeezes) == (2, 3)
+    assert result.phases["travel"] == 1.5
+    assert sum(result.phases.values()) == pytest.approx(result.figures["seconds_mean"])
+    assert result.figures["takt_probability"] == 0.5
 
 
 @pytest.mark.parametrize(
@@ -53,11 +53,11 @@ def test_show_times_of_a_run_in_virtual_time_prints_phases_and_takt(tmp_path: Pa
     parts = [json.loads(line) for line in capfd.readouterr().out.splitlines()]
     assert [part["outcome"] for part in parts] == ["leaf"] * 4
     assert command.main(["show", str(journal), "--times", "--takt", "6s", "--json"]) == 0
-    told = json.loads(capfd.readouterr().out)
-    assert told["seconds_mean"] == pytest.approx(
+    record = json.loads(capfd.readouterr().out)
+    assert record["seconds_mean"] == pytest.approx(
         sum(part["seconds"] for part in parts) / 4, abs=1e-3
     )
-    assert told["takt_probability"] == sum(part["seconds"] <= 6.0 for part in parts) / 4
+    assert record["takt_probability"] == sum(part["seconds"] <= 6.0 for part in parts) / 4
     assert command.main(["show", str(journal), "--times"]) == 0
     assert "travel" in capfd.readouterr().out
     assert command.main(["show", str(journal), "--takt", "6s"]) == 2

@@ -139,8 +139,8 @@ def test_the_service_manager_hears_ready_alive_and_stopping(
             monitor.note("x")
             monitor.summary([], Path("j"))
             seen = json.loads(asked(tmp_path / "status", b""))
-        told = [manager.recv(1000).decode() for _ in range(4)]
-    assert told == [
+        lines = [manager.recv(1000).decode() for _ in range(4)]
+    assert lines == [
         "READY=1",
         "WATCHDOG=1\nSTATUS=part 3: squeeze, node 1",
         "WATCHDOG=1\nSTATUS=part 3: done",

@@ -154,10 +154,10 @@ def test_a_healthy_cell_hardly_raises_an_alarm():
 )
 def test_drift_is_flagged_within_fifty_parts_by_the_chart_that_tells_it(drift, charts):
     rng = np.random.default_rng(7)
-    found = watch(history(TABLE, drawn(TABLE, BEFORE, rng), drawn(TABLE, 60, rng, **drift)))
-    assert found
-    assert all(alarm.place >= BEFORE for alarm in found)
-    assert charts & {alarm.chart for alarm in found if alarm.place < BEFORE + 50}
+    result = watch(history(TABLE, drawn(TABLE, BEFORE, rng), drawn(TABLE, 60, rng, **drift)))
+    assert result
+    assert all(alarm.place >= BEFORE for alarm in result)
+    assert charts & {alarm.chart for alarm in result if alarm.place < BEFORE + 50}
 
 
 def test_every_chart_says_what_to_look_at():
@@ -189,10 +189,10 @@ def test_branch_shares_are_those_of_the_leaves_below():
         """Of reaching each leaf from a node, by the shares alone."""
         if target < 0:
             return {~target: 1.0}
-        found = {}
+        record = {}
         for branch, share in zip(TABLE.nodes[target].branches, shares[target], strict=True):
-            found |= {leaf: share * odds for leaf, odds in chance(branch.target).items()}
-        return found
+            record |= {leaf: share * odds for leaf, odds in chance(branch.target).items()}
+        return record
 
     for leaf, odds in chance(0).items():
         assert odds == pytest.approx(trials[leaf] / sum(trials), abs=2e-4)

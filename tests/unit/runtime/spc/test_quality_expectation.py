@@ -24,9 +24,9 @@ def told():
 
 @pytest.fixture
 def path(told, tmp_path):
-    found = tmp_path / "expected.json"
-    found.write_text(json.dumps(told))
-    return found
+    result = tmp_path / "expected.json"
+    result.write_text(json.dumps(told))
+    return result
 
 
 @pytest.fixture
@@ -70,11 +70,11 @@ def test_healthy_parts_to_an_alarm_are_at_least_as_many_as_the_limit_says(expect
 
 def test_change_is_flagged_within_fifty_parts_by_its_name(expected):
     rng = np.random.default_rng(5)
-    found = watch(
+    result = watch(
         history(TABLE, drawn(TABLE, 300, rng), drawn(TABLE, 50, rng, shares=LESS)), expected
     )
-    assert all(alarm.place >= 300 for alarm in found)
-    assert any(alarm.chart == "readings" and "those of less" in alarm.sentence for alarm in found)
+    assert all(alarm.place >= 300 for alarm in result)
+    assert any(alarm.chart == "readings" and "those of less" in alarm.sentence for alarm in result)
 
 
 def test_one_strange_part_is_no_drift_but_a_few_are(expected):
@@ -115,10 +115,10 @@ def test_widths_are_binned_as_a_linear_encoder_counts_them():
     ],
 )
 def test_files_that_are_refused(change, says, told, tmp_path):
-    found = tmp_path / "changed.json"
-    found.write_text(json.dumps(told | change))
+    result = tmp_path / "changed.json"
+    result.write_text(json.dumps(told | change))
     with pytest.raises(ArgumentsError, match=says):
-        load(found)
+        load(result)
 
 
 def test_file_that_is_none(tmp_path):

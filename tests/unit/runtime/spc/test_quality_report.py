@@ -39,10 +39,10 @@ def without_time(parts):
 def test_history_comes_back_from_journals(tmp_path):
     first, second = parts_of(20), parts_of(15, seed=2, first=20)
     paths = [write(tmp_path / "a.jsonl", first), write(tmp_path / "b.jsonl", second, ended=False)]
-    found = reading.read(paths)
-    assert found.table == load(TREE).table
-    assert without_time(found.parts) == without_time([*first, *second])
-    assert {part.time for part in found.parts} == {STAMP}
+    result = reading.read(paths)
+    assert result.table == load(TREE).table
+    assert without_time(result.parts) == without_time([*first, *second])
+    assert {part.time for part in result.parts} == {STAMP}
 
 
 def test_two_runs_in_one_journal_are_read_as_one_history(tmp_path):
@@ -59,9 +59,9 @@ def test_verdict_without_a_measurement_is_read_from_older_journals(tmp_path):
             journal.record("part", {"part": part.number})
             journal.record("audit", {"part": part.number, "verdict": "pass"})
             journal.record("outcome", {"part": part.number, "outcome": "leaf", "leaf": part.leaf})
-    found = reading.read([tmp_path / "a.jsonl"])
-    assert {(part.verdict, part.residual) for part in found.parts} == {("pass", None)}
-    assert "Nothing was measured" in page("t", summarise(found))
+    result = reading.read([tmp_path / "a.jsonl"])
+    assert {(part.verdict, part.residual) for part in result.parts} == {("pass", None)}
+    assert "Nothing was measured" in page("t", summarise(result))
 
 
 def test_journals_of_two_tables_and_of_none_are_refused(tmp_path):
@@ -123,21 +123,21 @@ def test_audits_of_which_none_could_judge_are_told(tmp_path, capsys):
 
 
 def test_summary_counts_what_the_parts_say():
-    found = history(TABLE, parts_of(400))
-    told = summarise(found)
+    result = history(TABLE, parts_of(400))
+    told = summarise(result)
     assert sum(told.outcomes.values()) == 400
-    assert told.judged == sum(part.verdict in ("pass", "fail") for part in found.parts)
+    assert told.judged == sum(part.verdict in ("pass", "fail") for part in result.parts)
     assert told.interval[0] <= told.passed / told.judged <= told.interval[1]
     assert told.agrees
     assert sum(row.parts for row in told.leaves) == sum(
-        part.leaf is not None for part in found.parts
+        part.leaf is not None for part in result.parts
     )
     assert sum(sum(row.counts) for row in told.nodes) == sum(
-        len(part.squeezes) for part in found.parts
+        len(part.squeezes) for part in result.parts
     )
     assert told.tail > 1e-4
     for row in told.leaves:
-        mine = [p.residual for p in found.parts if p.leaf == row.leaf and p.residual]
+        mine = [p.residual for p in result.parts if p.leaf == row.leaf and p.residual]
         assert [mean for mean, _ in row.residuals] == pytest.approx(
             [*np.mean(mine, axis=0)] if mine else []
         )
@@ -191,8 +191,8 @@ class Balanced(HTMLParser):
 
 def test_page_is_whole_and_needs_no_network():
     rng = np.random.default_rng(4)
-    found = history(TABLE, drawn(TABLE, 200, rng), drawn(TABLE, 60, rng, width_shift_um=SHIFT_UM))
-    text = page("a < b", summarise(found))
+    result = history(TABLE, drawn(TABLE, 200, rng), drawn(TABLE, 60, rng, width_shift_um=SHIFT_UM))
+    text = page("a < b", summarise(result))
     parser = Balanced()
     parser.feed(text)
     assert parser.open == []
@@ -221,14 +221,14 @@ def test_command_writes_page_and_table_and_prints_figures(journal, tmp_path, cap
         "--json",
     ]
     assert main(words) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["parts"] == 60
-    assert told["alarms"] == []
+    record = json.loads(capsys.readouterr().out)
+    assert record["parts"] == 60
+    assert record["alarms"] == []
     assert (tmp_path / "r.html").read_text().startswith("<!DOCTYPE html>")
     with (tmp_path / "p.csv").open(newline="") as file:
-        found = list(csv.DictReader(file))
-    assert [int(row["part"]) for row in found] == list(range(60))
-    assert tuple(found[0]) == COLUMNS
+        result = list(csv.DictReader(file))
+    assert [int(row["part"]) for row in result] == list(range(60))
+    assert tuple(result[0]) == COLUMNS
 
 
 def test_alarm_has_its_own_exit_code_and_sentence(tmp_path, capsys):
@@ -241,8 +241,8 @@ def test_alarm_has_its_own_exit_code_and_sentence(tmp_path, capsys):
 def test_parquet_holds_the_same_as_csv(journal, tmp_path):
     parquet = importlib.import_module("pyarrow.parquet")
     assert main(["report", str(journal), "--export", str(tmp_path / "p.parquet")]) == 0
-    found = parquet.read_table(tmp_path / "p.parquet").to_pylist()
-    assert found == list(rows(reading.read([journal]).parts, {}))
+    result = parquet.read_table(tmp_path / "p.parquet").to_pylist()
+    assert result == list(rows(reading.read([journal]).parts, {}))
 
 
 @pytest.mark.parametrize(
@@ -308,16 +308,16 @@ def as_result(part):
 def test_a_run_says_as_it_goes_on_what_its_report_will_say_of_a_refit(shift_um):
     parts = drawn(TABLE, 120, np.random.default_rng(5), width_shift_um=shift_um)
     drift = Drift(TABLE)
-    told = [drift.add(as_result(part)) for part in parts]
+    lines = [drift.add(as_result(part)) for part in parts]
     alarms = [
         alarm.place
         for alarm in Monitor(TABLE).watch(history(TABLE, parts))
         if alarm.chart in DRIFTED
     ]
-    assert any(told) == bool(alarms) == (shift_um > 0.0)
+    assert any(lines) == bool(alarms) == (shift_um > 0.0)
     if alarms:
-        assert told.index(True) == max(alarms[0], LEAST_REFIT - 1)
-        assert all(told[told.index(True) :])
+        assert lines.index(True) == max(alarms[0], LEAST_REFIT - 1)
+        assert all(lines[lines.index(True) :])
 
 
 def test_names_are_counted_against_the_shares_that_were_planned():

@@ -194,6 +194,6 @@ def test_calibration_that_rises_is_refused() -> None:
     with pytest.raises(TableError, match="must not rise with the count; they do at 1"):
         Calibration((5, 6, *([0] * 254)))
     for widths in ((5, 4), (0,) * 255, (0,) * 257):
-        told = f"a calibration has 256 widths, this one has {len(widths)}"
-        with pytest.raises(TableError, match=told):
+        message = f"a calibration has 256 widths, this one has {len(widths)}"
+        with pytest.raises(TableError, match=message):
             Calibration(widths)

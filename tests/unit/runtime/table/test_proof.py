@@ -183,9 +183,9 @@ def test_the_last_value_is_proved_and_the_next_refused(
     allowed: Table, refused: Table, told: str
 ) -> None:
     dumps(allowed)
-    with pytest.raises(TableError) as found:
+    with pytest.raises(TableError) as result:
         dumps(refused)
-    assert told in str(found.value)
+    assert told in str(result.value)
 
 
 def test_a_leaf_of_several_modes_names_as_many_poses_as_the_goal_leaves_open() -> None:
@@ -229,9 +229,9 @@ def test_a_grip_is_never_read_where_the_jaws_are_closed() -> None:
     ],
 )
 def test_a_tree_that_is_not_numbered_breadth_first_is_refused(table: Table, told: str) -> None:
-    with pytest.raises(TableError) as found:
+    with pytest.raises(TableError) as result:
         dumps(table)
-    assert told in str(found.value)
+    assert told in str(result.value)
 
 
 def test_a_long_chain_is_proved_without_recursion() -> None:
@@ -268,11 +268,11 @@ def test_the_embedded_job_is_read_and_a_stripped_one_is_none() -> None:
     ids=["nested deep", "long number", "cut short", "no object"],
 )
 def test_a_job_that_cannot_be_read_is_refused_in_a_sentence(text: str, told: str) -> None:
-    with pytest.raises(TableError) as found:
+    with pytest.raises(TableError) as result:
         dumps(with_job(TABLE, text))
-    assert told in str(found.value)
-    assert "\n" not in str(found.value)
-    assert len(str(found.value)) < 250
+    assert told in str(result.value)
+    assert "\n" not in str(result.value)
+    assert len(str(result.value)) < 250
 
 
 def test_a_job_of_another_digest_is_refused() -> None:

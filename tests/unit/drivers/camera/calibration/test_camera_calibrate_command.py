@@ -90,9 +90,14 @@ def test_residual_picture_lies_beside_the_calibration(studio, calibrated):
 def test_as_json_a_tag_is_one_document(studio, tmp_path, capsys):
     words = ["tag", "--part", "block", "--number", "7", "--side", "22", "--at", "1,2,0.5", "--json"]
     assert calibrate_command.main([*words, "-o", str(tmp_path / "tag.json")]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert (told["part"], told["tag"], told["x_mm"], told["theta_rad"]) == ("block", 7, 1.0, 0.5)
-    assert told["output"] == str(tmp_path / "tag.json")
+    record = json.loads(capsys.readouterr().out)
+    assert (record["part"], record["tag"], record["x_mm"], record["theta_rad"]) == (
+        "block",
+        7,
+        1.0,
+        0.5,
+    )
+    assert record["output"] == str(tmp_path / "tag.json")
 
 
 def test_pictures_are_asked_for_beside_the_document(studio, tmp_path, monkeypatch, capsys):
@@ -109,8 +114,8 @@ def test_pictures_are_asked_for_beside_the_document(studio, tmp_path, monkeypatc
         str(tmp_path),
     ]
     assert calibrate_command.main(words) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told == {"pictures": [str(tmp_path / f"view-00{number}.png") for number in (0, 1)]}
+    record = json.loads(capsys.readouterr().out)
+    assert record == {"pictures": [str(tmp_path / f"view-00{number}.png") for number in (0, 1)]}
     assert ["press Enter" in sentence for sentence in asked] == [True, True]
 
 
@@ -153,22 +158,22 @@ def test_mistakes_at_calibrating_are_told_in_one_line(
 
 @pytest.mark.parametrize("row", ["a.png,1.0,here", "a.png,1.0", "1.0"])
 def test_line_of_poses_that_is_wrong_is_named(row, tmp_path):
-    found = tmp_path / "poses.csv"
-    found.write_text(f"picture,x_mm,y_mm\nb.png,1.0,2.0\n{row}\n")
+    result = tmp_path / "poses.csv"
+    result.write_text(f"picture,x_mm,y_mm\nb.png,1.0,2.0\n{row}\n")
     with pytest.raises(
         CameraFileError, match=r"poses\.csv, line 3: write a picture's name and numbers below"
     ):
-        read_poses(found)
+        read_poses(result)
 
 
 def test_poses_without_their_first_line_and_poses_that_are_no_text(tmp_path):
-    found = tmp_path / "poses.csv"
-    found.write_text("a.png,1.0,2.0\nb.png,1.0,2.0\n")
+    result = tmp_path / "poses.csv"
+    result.write_text("a.png,1.0,2.0\nb.png,1.0,2.0\n")
     with pytest.raises(CameraFileError, match="below the first line picture,x_mm,y_mm,theta_rad"):
-        read_poses(found)
-    found.write_bytes(bytes(range(128, 256)))
+        read_poses(result)
+    result.write_bytes(bytes(range(128, 256)))
     with pytest.raises(CameraFileError, match="is no text"):
-        read_poses(found)
+        read_poses(result)
 
 
 def test_pictures_of_two_sizes_are_refused_by_name(studio, tmp_path, capsys):

@@ -32,11 +32,11 @@ def made_view(found):
 
 
 def test_exact_corners_give_back_the_camera():
-    found = lens_fit.fit(views(noise_px=0.0), SIZE)
-    assert found.rms_px < 0.005
-    assert np.abs(found.lens.matrix - VIEW.lens.matrix).max() < 0.05
+    result = lens_fit.fit(views(noise_px=0.0), SIZE)
+    assert result.rms_px < 0.005
+    assert np.abs(result.lens.matrix - VIEW.lens.matrix).max() < 0.05
     where, pixels = places()
-    assert np.hypot(*(made_view(found).on_plane(pixels) - where).T).max() < 0.01
+    assert np.hypot(*(made_view(result).on_plane(pixels) - where).T).max() < 0.01
 
 
 def test_trust_is_as_large_as_the_errors_are():
@@ -45,10 +45,10 @@ def test_trust_is_as_large_as_the_errors_are():
     where, pixels = places()
     ratios = []
     for seed in range(12):
-        found = lens_fit.fit(views(seed=seed), SIZE)
-        view = made_view(found)
+        result = lens_fit.fit(views(seed=seed), SIZE)
+        view = made_view(result)
         off = np.hypot(*(view.on_plane(pixels) - where).T)
-        trust = table_fit.trust(found, view, 0.0, relative(ON_TABLE, (0.0, 0.0, 0.0)))
+        trust = table_fit.trust(result, view, 0.0, relative(ON_TABLE, (0.0, 0.0, 0.0)))
         ratios.append(np.mean([(e / trust.at(*p)) ** 2 for e, p in zip(off, where, strict=True)]))
     assert 0.4 < np.mean(ratios) < 2.0
 
@@ -96,9 +96,9 @@ def test_glued_tag_is_found_from_known_poses():
     tags = [
         tuple(np.add(compose(part, on_part), rng.normal(0, (0.02, 0.02, 1e-3)))) for part in parts
     ]
-    found, sigma_mm, sigma_rad = table_fit.part_offset(parts, tags)
-    assert np.hypot(found[0] - 4.0, found[1] + 3.0) < 4 * sigma_mm + 0.02
-    assert abs(angle_between(found[2], 3.1)) < 0.005
+    result, sigma_mm, sigma_rad = table_fit.part_offset(parts, tags)
+    assert np.hypot(result[0] - 4.0, result[1] + 3.0) < 4 * sigma_mm + 0.02
+    assert abs(angle_between(result[2], 3.1)) < 0.005
     assert 0.0 < sigma_mm < 0.05
     assert 0.0 < sigma_rad < 0.01
 

@@ -48,15 +48,15 @@ def picture_of(optics, pose, number=NUMBER, flaws=None, seed=0, speed_mm=(0.0, 0
 def errors(optics, flaws=None, count=8, speed_mm=(0.0, 0.0)):
     """Errors of place (mm) and angle (deg) over tags everywhere; every one must be found and read."""
     calibration, tag = true_calibration(optics), part_tag(on_part=(0.0, 0.0, 0.0))
-    found = []
+    results = []
     for seed, pose in enumerate(poses(count, 5)):
         picture = picture_of(optics, pose, flaws=flaws, seed=seed, speed_mm=speed_mm)
         measured = measure.measure(picture, find(picture), calibration, tag)
         off = np.hypot(measured.pose[0] - pose[0], measured.pose[1] - pose[1])
-        found.append(
+        results.append(
             (off, abs(np.degrees(angle_between(measured.pose[2], pose[2]))), measured.sigma_mm)
         )
-    return np.array(found).T
+    return np.array(results).T
 
 
 @pytest.mark.parametrize("optics", [BELOW, ABOVE], ids=["below", "above"])
@@ -84,8 +84,8 @@ def test_corners_are_found_to_hundredths_of_a_pixel():
     print_mm = measure.print_corners(SIDE_MM)
     for seed, (x, y, theta) in enumerate(poses(6, 6)):
         truth = view.pixels_at(placed(print_mm, (x, y, theta)))
-        found = find(picture_of(BELOW, (x, y, theta), seed=seed))
-        off.append(found[0].corners - truth)
+        result = find(picture_of(BELOW, (x, y, theta), seed=seed))
+        off.append(result[0].corners - truth)
     assert np.sqrt(np.mean(np.square(off))) < 0.06
     assert np.abs(np.mean(off, axis=(0, 1))).max() < 0.03
 
@@ -131,8 +131,8 @@ def test_error_budget_grows_with_every_term():
 
     def budget(rms_px=0.05, sigma_mm=0.02, **tag):
         seen = sighting._replace(rms_px=rms_px)
-        found = measure.of_sighting(seen, true_calibration(BELOW, sigma_mm), part_tag(**tag))
-        return found.sigma_mm, found.sigma_rad
+        match = measure.of_sighting(seen, true_calibration(BELOW, sigma_mm), part_tag(**tag))
+        return match.sigma_mm, match.sigma_rad
 
     least = budget()
     assert budget(rms_px=0.5)[0] > least[0]

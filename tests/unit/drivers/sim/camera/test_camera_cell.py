@@ -126,11 +126,11 @@ def test_pictures_for_a_calibration_make_one_that_finds_the_part(tmp_path):
     for words in album.write(RIG, tmp_path, seed=3):
         with contextlib.redirect_stdout(io.StringIO()):
             assert calibrate_command.main(shlex.split(words)) == 0
-    made, tag = calibration.load(tmp_path / "camera.json"), tag_file.load(tmp_path / "tag.json")
+    fitted, tag = calibration.load(tmp_path / "camera.json"), tag_file.load(tmp_path / "tag.json")
     assert np.hypot(tag.on_part[0] - 2.0, tag.on_part[1] + 1.0) < 0.1
-    assert [reference.number for reference in made.references] == [580, 581, 582]
+    assert [reference.number for reference in fitted.references] == [580, 581, 582]
     answer = Auditor(
-        Once(RIG.seen(Look(POSE), np.random.default_rng(4))), made, [Subject(GOAL, tag)]
+        Once(RIG.seen(Look(POSE), np.random.default_rng(4))), fitted, [Subject(GOAL, tag)]
     ).audit(1, POSE, 0.0)
     assert answer.verdict == PASS
     assert answer.distance < 0.3

@@ -47,9 +47,9 @@ def lines(space, points=RECTANGLE, gap=0.0):
 
 
 def test_polyline_in_millimetres(tmp_path):
-    found = read(drawn(tmp_path, lambda m, d: polyline(m)))
-    is_rectangle(found)
-    assert "units: millimeters, as the file says" in found.notes
+    result = read(drawn(tmp_path, lambda m, d: polyline(m)))
+    is_rectangle(result)
+    assert "units: millimeters, as the file says" in result.notes
 
 
 @pytest.mark.parametrize(("code", "mm"), [(1, 25.4), (5, 10.0), (4, 1.0)])
@@ -75,9 +75,9 @@ def test_a_drawing_of_old_that_knows_no_units_asks_for_them(tmp_path):
 
 
 def test_stated_units_overrule_the_file_and_say_so(tmp_path):
-    found = read(drawn(tmp_path, lambda m, d: polyline(m), units=1), units="mm")
-    is_rectangle(found)
-    assert any("overruled" in note for note in found.notes)
+    result = read(drawn(tmp_path, lambda m, d: polyline(m), units=1), units="mm")
+    is_rectangle(result)
+    assert any("overruled" in note for note in result.notes)
 
 
 def test_single_lines_in_any_order_and_sense_are_joined(tmp_path):
@@ -104,20 +104,20 @@ def test_a_polyline_that_was_not_closed_is_open(tmp_path):
 
 @pytest.mark.parametrize("tolerance", [0.005, 0.02, 0.1])
 def test_a_circle_is_flattened_to_the_tolerance(tmp_path, tolerance):
-    found = read(drawn(tmp_path, lambda m, d: m.add_circle((50, 50), 15)), tolerance_mm=tolerance)
-    vertices = found.outline_mm
+    result = read(drawn(tmp_path, lambda m, d: m.add_circle((50, 50), 15)), tolerance_mm=tolerance)
+    vertices = result.outline_mm
     middles = 0.5 * (vertices + np.roll(vertices, 1, axis=0))
     radii = np.hypot(*np.concatenate([vertices, middles]).T)
     assert np.abs(radii - 15).max() <= tolerance
-    assert found.symmetry > 4
+    assert result.symmetry > 4
 
 
 def test_bulges_splines_and_ellipses_are_curves(tmp_path):
     slot = [(0, 0, 0, 0, 0), (20, 0, 0, 0, 1), (20, 10, 0, 0, 0), (0, 10, 0, 0, 1)]
-    found = read(drawn(tmp_path, lambda m, d: m.add_lwpolyline(slot, close=True)))
-    assert outlines.area(found.outline_mm) == pytest.approx(200 + 25 * math.pi, rel=2e-3)
-    found = read(drawn(tmp_path, lambda m, d: m.add_ellipse((0, 0), (20, 0), ratio=0.5)))
-    assert outlines.area(found.outline_mm) == pytest.approx(200 * math.pi, rel=2e-3)
+    result = read(drawn(tmp_path, lambda m, d: m.add_lwpolyline(slot, close=True)))
+    assert outlines.area(result.outline_mm) == pytest.approx(200 + 25 * math.pi, rel=2e-3)
+    result = read(drawn(tmp_path, lambda m, d: m.add_ellipse((0, 0), (20, 0), ratio=0.5)))
+    assert outlines.area(result.outline_mm) == pytest.approx(200 * math.pi, rel=2e-3)
     around = [(0, 0), (30, 0), (30, 20), (0, 20)]
 
     def spline(space, document):
@@ -132,9 +132,9 @@ def test_holes_are_ignored_with_a_note(tmp_path):
         space.add_circle((8, 10), 3)
         space.add_circle((20, 10), 3)
 
-    found = read(drawn(tmp_path, draw))
-    is_rectangle(found)
-    assert any("2 inner contours (holes) ignored" in note for note in found.notes)
+    result = read(drawn(tmp_path, draw))
+    is_rectangle(result)
+    assert any("2 inner contours (holes) ignored" in note for note in result.notes)
 
 
 def test_several_parts_are_listed_to_choose_from(tmp_path):
@@ -156,9 +156,9 @@ def test_a_contour_drawn_twice_is_one(tmp_path):
         polyline(space)
         polyline(space, RECTANGLE[2:] + RECTANGLE[:2])
 
-    found = read(drawn(tmp_path, draw))
-    is_rectangle(found)
-    assert any("drawn twice" in note for note in found.notes)
+    result = read(drawn(tmp_path, draw))
+    is_rectangle(result)
+    assert any("drawn twice" in note for note in result.notes)
 
 
 def test_blocks_are_written_out_with_their_scale(tmp_path):
@@ -236,12 +236,12 @@ def test_absurd_coordinates_are_refused(tmp_path, x):
 def test_a_mirrored_plane_is_seen_from_above(tmp_path):
     attributes = {"extrusion": (0, 0, -1)}
     corner = [(0, 0), (30, 0), (0, 21)]
-    found = read(
+    result = read(
         drawn(tmp_path, lambda m, d: m.add_lwpolyline(corner, close=True, dxfattribs=attributes))
     )
-    right = found.outline_mm[:, 0].max()
+    right = result.outline_mm[:, 0].max()
     assert (
-        np.count_nonzero(np.isclose(found.outline_mm[:, 0], right)) == 2
+        np.count_nonzero(np.isclose(result.outline_mm[:, 0], right)) == 2
     )  # its upright edge is on the right
 
 
@@ -255,9 +255,9 @@ def test_text_dimensions_and_hidden_layers_are_no_outline(tmp_path):
             [(-50, -50), (90, -50), (90, 90), (-50, 90)], close=True, dxfattribs={"layer": "FRAME"}
         )
 
-    found = read(drawn(tmp_path, draw))
-    is_rectangle(found)
-    assert any("1 POINT, 1 TEXT" in note for note in found.notes)
+    result = read(drawn(tmp_path, draw))
+    is_rectangle(result)
+    assert any("1 POINT, 1 TEXT" in note for note in result.notes)
 
 
 def test_bytes_that_are_no_drawing_are_not_taken_for_an_empty_one(tmp_path):
@@ -307,13 +307,13 @@ def test_a_file_cut_short_is_read_rightly_or_refused(tmp_path, share):
     path = tmp_path / "cut.dxf"
     path.write_bytes(data[: int(share * len(data))])
     try:
-        found = read(path)
+        result = read(path)
     except PlannerError as error:
-        found = error
-    if isinstance(found, PlannerError):
-        assert "\n" not in str(found)
+        result = error
+    if isinstance(result, PlannerError):
+        assert "\n" not in str(result)
     else:
-        is_rectangle(found)
+        is_rectangle(result)
 
 
 def test_missing_files_and_other_suffixes(tmp_path):
@@ -347,9 +347,9 @@ def test_the_frame_of_a_sheet_is_left_out(tmp_path, sheet):
         polyline(space, [(x + 40, y + 40) for x, y in RECTANGLE])
         polyline(space, [(0, 0), (sheet[0], 0), sheet, (0, sheet[1])])
 
-    found = read(drawn(tmp_path, draw))
-    is_rectangle(found)
-    assert any("frame of a sheet" in note for note in found.notes)
+    result = read(drawn(tmp_path, draw))
+    is_rectangle(result)
+    assert any("frame of a sheet" in note for note in result.notes)
 
 
 def test_a_plate_as_large_as_a_sheet_but_empty_is_a_part(tmp_path):
@@ -371,7 +371,7 @@ def test_holes_lie_in_the_outline_and_the_origin_is_the_drawings(tmp_path):
         polyline(space, [(x + 7, y - 3) for x, y in RECTANGLE])
         space.add_circle((7 + 5, -3 + 6), 2)
 
-    found = read(drawn(tmp_path, draw))
-    assert np.allclose(found.origin_mm, (-7 - 15, 3 - 10.5))
-    (hole,) = found.holes_mm
+    result = read(drawn(tmp_path, draw))
+    assert np.allclose(result.origin_mm, (-7 - 15, 3 - 10.5))
+    (hole,) = result.holes_mm
     assert np.allclose(hole.mean(axis=0), (5 - 15, 6 - 10.5), atol=0.05)

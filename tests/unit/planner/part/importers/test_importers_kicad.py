@@ -29,21 +29,21 @@ def read(tmp_path, *shapes, head="(footprint"):
 
 
 def test_lines_make_the_body_and_y_points_down(tmp_path):
-    found = read(
+    result = read(
         tmp_path, *lines((0, 0), (30, 0), (0, 10)), '(fp_text value "x" (at 1 2) (layer "F.Fab"))'
     )
-    assert shapely.Polygon(found.outline_mm).area == pytest.approx(150)
+    assert shapely.Polygon(result.outline_mm).area == pytest.approx(150)
     corners = (
-        found.outline_mm
-        - found.outline_mm[np.argmin(found.outline_mm.sum(axis=1) + found.outline_mm[:, 1])]
+        result.outline_mm
+        - result.outline_mm[np.argmin(result.outline_mm.sum(axis=1) + result.outline_mm[:, 1])]
     )
     assert {tuple(map(float, np.rint(corner))) for corner in corners} == {(0, 0), (0, 10), (30, 10)}
 
 
 def test_other_layers_are_not_the_body(tmp_path):
     silk = lines((-50, -50), (50, -50), (50, 50), (-50, 50), layer='(layer "F.SilkS") (width 0.1))')
-    found = read(tmp_path, *silk, f"(fp_rect (start -10 -5) (end 10 5) {FAB}")
-    assert found.size_mm.tolist() == [20, 10]
+    result = read(tmp_path, *silk, f"(fp_rect (start -10 -5) (end 10 5) {FAB}")
+    assert result.size_mm.tolist() == [20, 10]
 
 
 @pytest.mark.parametrize(
@@ -56,10 +56,10 @@ def test_other_layers_are_not_the_body(tmp_path):
     ],
 )
 def test_a_half_disc_by_its_arc_as_either_version_writes_it(tmp_path, arc):
-    found = read(tmp_path, f"{arc} {FAB}", f"(fp_line (start 0 5) (end 0 -5) {FAB}")
-    assert shapely.Polygon(found.outline_mm).area == pytest.approx(12.5 * math.pi, rel=0.01)
-    assert found.size_mm == pytest.approx([5, 10], abs=0.05)
-    assert found.outline_mm[:, 0].max() == pytest.approx(5 - 20 / (3 * math.pi), abs=0.05)
+    result = read(tmp_path, f"{arc} {FAB}", f"(fp_line (start 0 5) (end 0 -5) {FAB}")
+    assert shapely.Polygon(result.outline_mm).area == pytest.approx(12.5 * math.pi, rel=0.01)
+    assert result.size_mm == pytest.approx([5, 10], abs=0.05)
+    assert result.outline_mm[:, 0].max() == pytest.approx(5 - 20 / (3 * math.pi), abs=0.05)
 
 
 def test_circles_and_polygons(tmp_path):
@@ -157,15 +157,15 @@ def test_bodies_of_all_versions_keep_their_area(tmp_path, name, head):
     shapes, area = BODIES[name]
     path = tmp_path / "part.kicad_mod"
     path.write_text(f"{head}{' '.join(OTHERS)}{shapes})")
-    found = read_outline(path, Options())
-    assert shapely.Polygon(found.outline_mm).area == pytest.approx(area, rel=3e-3)
-    assert found.notes == ()
+    result = read_outline(path, Options())
+    assert shapely.Polygon(result.outline_mm).area == pytest.approx(area, rel=3e-3)
+    assert result.notes == ()
 
 
 def test_what_is_not_known_on_the_body_is_named(tmp_path):
     odd = '(fp_ellipse (center 0 0) (layer "F.Fab"))'
-    found = read(tmp_path, odd, odd, f"(fp_rect (start -10 -5) (end 10 5) {FAB}")
-    assert found.notes == ("not known, ignored on F.Fab: 2 fp_ellipse",)
+    result = read(tmp_path, odd, odd, f"(fp_rect (start -10 -5) (end 10 5) {FAB}")
+    assert result.notes == ("not known, ignored on F.Fab: 2 fp_ellipse",)
     with pytest.raises(OutlineError, match=r"no shape on F\.Fab.*not known: 1 fp_ellipse"):
         read(tmp_path, odd)
 

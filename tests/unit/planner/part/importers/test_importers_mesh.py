@@ -30,10 +30,10 @@ def solid(tmp_path, mesh, **how):
 
 def test_a_block_is_cut_into_its_rectangle(tmp_path):
     path = solid(tmp_path, trimesh.creation.box((30, 21, 8)))
-    found = read(path, units="mm")
-    assert outlines.area(found.outline_mm) == pytest.approx(630, rel=1e-4)
-    assert len(found.outline_mm) == 4
-    assert any("above the tips, 4 of 8 mm" in note for note in found.notes)
+    result = read(path, units="mm")
+    assert outlines.area(result.outline_mm) == pytest.approx(630, rel=1e-4)
+    assert len(result.outline_mm) == 4
+    assert any("above the tips, 4 of 8 mm" in note for note in result.notes)
     with pytest.raises(UsageError, match="never says its units"):
         read(path)
 
@@ -128,7 +128,7 @@ SILHOUETTES["turned inside out"][0].invert()
 @pytest.mark.parametrize("name", SILHOUETTES)
 def test_the_outline_is_the_silhouette_of_all_above_the_tips(tmp_path, name):
     body, area = SILHOUETTES[name]
-    found = read(solid(tmp_path, body), units="mm")
+    result = read(solid(tmp_path, body), units="mm")
     low, high = body.bounds[:, 2]
     tips = low + tips_height_mm(high - low)
     if (
@@ -138,7 +138,7 @@ def test_the_outline_is_the_silhouette_of_all_above_the_tips(tmp_path, name):
         area = shapely.convex_hull(
             shapely.multipoints(np.concatenate([corners, crossings(body, tips)]))
         ).area
-    assert outlines.area(found.outline_mm) == pytest.approx(area, rel=4e-3)
+    assert outlines.area(result.outline_mm) == pytest.approx(area, rel=4e-3)
 
 
 def crossings(body, height):
@@ -155,10 +155,10 @@ def crossings(body, height):
 def test_a_drafted_part_is_as_wide_as_fingers_find_it(tmp_path, draft, height):
     loss = 2.0 * math.tan(math.radians(draft)) * height
     path = solid(tmp_path, frustum((40, 20), (40 - loss, 20 - loss), height))
-    found = read(path, units="mm")
+    result = read(path, units="mm")
     tips = tips_height_mm(height)
     widest = max(40 - loss, 40 - loss * tips / height)
-    assert abs(found.size_mm.max() - widest) < 0.1 * COUNT_MM
+    assert abs(result.size_mm.max() - widest) < 0.1 * COUNT_MM
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -170,19 +170,19 @@ def test_no_triangle_above_the_tips_is_lost_however_the_solid_lies(tmp_path, kin
     body.apply_transform(
         trimesh.transformations.random_rotation_matrix(np.random.default_rng(seed).random(3))
     )
-    found = read(solid(tmp_path, body), units="mm")
+    result = read(solid(tmp_path, body), units="mm")
     height = body.bounds[0, 2] + tips_height_mm(np.ptp(body.bounds[:, 2]))
     above = trimesh.intersections.slice_mesh_plane(body, (0, 0, 1), (0, 0, height))
-    middles = above.triangles_center[:, :2] + found.origin_mm
-    shadow = shapely.buffer(shapely.Polygon(found.outline_mm, found.holes_mm), 0.05)
+    middles = above.triangles_center[:, :2] + result.origin_mm
+    shadow = shapely.buffer(shapely.Polygon(result.outline_mm, result.holes_mm), 0.05)
     assert shapely.covers(shadow, shapely.points(middles)).all()
 
 
 def test_what_is_wider_below_the_tips_is_noted(tmp_path):
-    found = read(solid(tmp_path, SILHOUETTES["mushroom upside down"][0]), units="mm")
-    assert any("below the tips it is up to 11.2 mm wider" in note for note in found.notes)
-    found = read(solid(tmp_path, SILHOUETTES["mushroom"][0]), units="mm")
-    assert not any("wider" in note for note in found.notes)
+    result = read(solid(tmp_path, SILHOUETTES["mushroom upside down"][0]), units="mm")
+    assert any("below the tips it is up to 11.2 mm wider" in note for note in result.notes)
+    result = read(solid(tmp_path, SILHOUETTES["mushroom"][0]), units="mm")
+    assert not any("wider" in note for note in result.notes)
 
 
 def opened(body, *missing):
@@ -194,9 +194,9 @@ def test_a_surface_that_is_open_is_noted_where_the_outline_is_still_known(tmp_pa
     for normal in ((0, 0, 1), (0, 0, -1)):  # a tray without a lid, or without a floor
         missing = np.flatnonzero(plain.face_normals @ normal > 0.5)
         for some in (missing, missing[:1]):
-            found = read(solid(tmp_path, opened(plain, *some)), units="mm")
-            assert outlines.area(found.outline_mm) == pytest.approx(800)
-            assert any("surface is not closed" in note for note in found.notes)
+            result = read(solid(tmp_path, opened(plain, *some)), units="mm")
+            assert outlines.area(result.outline_mm) == pytest.approx(800)
+            assert any("surface is not closed" in note for note in result.notes)
 
 
 def test_a_surface_that_is_open_where_the_fingers_meet_it_is_refused_with_the_place(tmp_path):

@@ -37,9 +37,9 @@ def test_csv_outlines(tmp_path, name):
     text, units, scale = CSV[name]
     path = tmp_path / "part.csv"
     path.write_text(text)
-    found = read(path, units=units)
-    assert outlines.area(found.outline_mm) == pytest.approx(630 * scale**2)
-    assert found.symmetry == 2
+    result = read(path, units=units)
+    assert outlines.area(result.outline_mm) == pytest.approx(630 * scale**2)
+    assert result.symmetry == 2
 
 
 BAD_CSV = {

@@ -68,9 +68,9 @@ def test_what_tells_no_scale_asks_for_units(tmp_path, name):
 
 
 def test_units_overrule_the_file_and_say_so(tmp_path):
-    found = read(written(tmp_path, RECT, SIZES["half scale"][0]), units="mm")
-    is_rectangle(found)
-    assert any("overruled" in note for note in found.notes)
+    result = read(written(tmp_path, RECT, SIZES["half scale"][0]), units="mm")
+    is_rectangle(result)
+    assert any("overruled" in note for note in result.notes)
 
 
 def test_names_of_any_alphabet_are_read(tmp_path):
@@ -84,13 +84,13 @@ def test_a_stretched_drawing_is_refused(tmp_path):
 
 
 def test_it_is_not_mirrored(tmp_path):
-    found = read(
+    result = read(
         written(tmp_path, '<path d="M0 0 L30 0 L0 21 Z"/>')
     )  # right angle at the upper left
-    top = found.outline_mm[:, 1].max()
-    assert np.count_nonzero(np.isclose(found.outline_mm[:, 1], top)) == 2
-    left = found.outline_mm[:, 0].min()
-    assert np.count_nonzero(np.isclose(found.outline_mm[:, 0], left)) == 2
+    top = result.outline_mm[:, 1].max()
+    assert np.count_nonzero(np.isclose(result.outline_mm[:, 1], top)) == 2
+    left = result.outline_mm[:, 0].min()
+    assert np.count_nonzero(np.isclose(result.outline_mm[:, 0], left)) == 2
 
 
 @pytest.mark.parametrize(
@@ -105,15 +105,15 @@ def test_it_is_not_mirrored(tmp_path):
     ],
 )
 def test_shapes_transforms_and_copies(tmp_path, body):
-    found = read(written(tmp_path, body))
-    assert outlines.area(found.outline_mm) == pytest.approx(630, rel=1e-5)
-    assert outlines.min_width(found.outline_mm) == pytest.approx(21, rel=1e-5)
+    result = read(written(tmp_path, body))
+    assert outlines.area(result.outline_mm) == pytest.approx(630, rel=1e-5)
+    assert outlines.min_width(result.outline_mm) == pytest.approx(21, rel=1e-5)
 
 
 @pytest.mark.parametrize("tolerance", [0.01, 0.05])
 def test_curves_are_flattened_to_the_tolerance(tmp_path, tolerance):
-    found = read(written(tmp_path, '<circle cx="50" cy="50" r="15"/>'), tolerance_mm=tolerance)
-    vertices = found.outline_mm
+    result = read(written(tmp_path, '<circle cx="50" cy="50" r="15"/>'), tolerance_mm=tolerance)
+    vertices = result.outline_mm
     middles = 0.5 * (vertices + np.roll(vertices, 1, axis=0))
     assert np.abs(np.hypot(*np.concatenate([vertices, middles]).T) - 15).max() <= tolerance
     body = '<path d="M0 0 A 20 10 0 0 1 40 0 A 20 10 0 0 1 0 0 Z"/>'
@@ -131,9 +131,9 @@ def test_a_cubic_keeps_its_area(tmp_path):
 
 def test_holes_of_one_path_are_ignored_with_a_note(tmp_path):
     body = '<path d="M0 0 h30 v21 h-30 z M5 5 h5 v5 h-5 z" fill-rule="evenodd"/>'
-    found = read(written(tmp_path, body))
-    is_rectangle(found)
-    assert any("1 inner contour (holes) ignored" in note for note in found.notes)
+    result = read(written(tmp_path, body))
+    is_rectangle(result)
+    assert any("1 inner contour (holes) ignored" in note for note in result.notes)
 
 
 def test_several_contours_are_listed(tmp_path):

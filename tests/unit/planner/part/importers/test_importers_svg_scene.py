@@ -77,8 +77,8 @@ UNSEEN = {
 
 @pytest.mark.parametrize("name", UNSEEN)
 def test_what_a_viewer_does_not_show_is_no_outline(tmp_path, name):
-    found = read(tmp_path, UNSEEN[name] + f'<path d="{L_PATH}"/>')
-    assert outlines.area(found.outline_mm) == pytest.approx(L_AREA)
+    result = read(tmp_path, UNSEEN[name] + f'<path d="{L_PATH}"/>')
+    assert outlines.area(result.outline_mm) == pytest.approx(L_AREA)
 
 
 SEEN = {
@@ -101,8 +101,8 @@ SEEN = {
 
 @pytest.mark.parametrize("name", SEEN)
 def test_what_a_viewer_shows_is_the_outline(tmp_path, name):
-    found = read(tmp_path, SEEN[name].format(L_PATH))
-    assert outlines.area(found.outline_mm) == pytest.approx(L_AREA)
+    result = read(tmp_path, SEEN[name].format(L_PATH))
+    assert outlines.area(result.outline_mm) == pytest.approx(L_AREA)
 
 
 def test_a_drawing_that_shows_nothing_is_refused_with_the_reason(tmp_path):
@@ -131,9 +131,9 @@ NOTED = {
 @pytest.mark.parametrize("name", NOTED)
 def test_what_is_left_out_is_named(tmp_path, name):
     body, sentence = NOTED[name]
-    found = read(tmp_path, body + f'<path d="{L_PATH}"/>', contour=1)
-    assert outlines.area(found.outline_mm) == pytest.approx(L_AREA)
-    assert any(re.search(sentence, note) for note in found.notes)
+    result = read(tmp_path, body + f'<path d="{L_PATH}"/>', contour=1)
+    assert outlines.area(result.outline_mm) == pytest.approx(L_AREA)
+    assert any(re.search(sentence, note) for note in result.notes)
 
 
 def symbol(attributes, content=PLATE, box="0 0 400 200"):
@@ -206,13 +206,13 @@ UNITS = {
 def test_a_length_with_a_unit_is_that_long_whatever_the_user_unit(tmp_path, name, size):
     body, area = UNITS[name]
     for units in ("mm", "in"):
-        found = read(tmp_path, body, size, units=units, tolerance_mm=0.005)
-        assert outlines.area(found.outline_mm) == pytest.approx(area, rel=2e-3)
+        result = read(tmp_path, body, size, units=units, tolerance_mm=0.005)
+        assert outlines.area(result.outline_mm) == pytest.approx(area, rel=2e-3)
 
 
 def test_a_viewer_that_draws_a_length_differently_is_noted(tmp_path):
-    found = read(tmp_path, UNITS["mm"][0], MM)
-    assert any("viewers draw them 3.78 times so long" in note for note in found.notes)
+    result = read(tmp_path, UNITS["mm"][0], MM)
+    assert any("viewers draw them 3.78 times so long" in note for note in result.notes)
 
 
 MALFORMED = {

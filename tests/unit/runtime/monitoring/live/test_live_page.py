@@ -173,7 +173,7 @@ def test_a_large_table_stays_under_a_megabyte() -> None:
 
 def test_the_state_is_the_status_sockets() -> None:
     status = Status("small.msgpack", "ab" * 32, 958_000)
-    found = page.pages(small_table(), "small.msgpack", status)
-    assert list(found) == ["/", "/status.json", "/metrics"]
-    assert json.loads(found["/status.json"][1]()) == status.as_object()
-    assert found["/metrics"][1]().decode() == status.as_metrics()
+    result = page.pages(small_table(), "small.msgpack", status)
+    assert list(result) == ["/", "/status.json", "/metrics"]
+    assert json.loads(result["/status.json"][1]()) == status.as_object()
+    assert result["/metrics"][1]().decode() == status.as_metrics()

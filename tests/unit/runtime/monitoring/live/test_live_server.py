@@ -26,8 +26,8 @@ WAIT_S = 20
 
 @pytest.fixture
 def serving() -> Iterator[PageServer]:
-    found = page.pages(small_table(), "small.msgpack", Status("small.msgpack", "ab" * 32, 958_000))
-    with PageServer(FREE, {**found, "/large": ("text/plain", lambda: LARGE)}) as running:
+    result = page.pages(small_table(), "small.msgpack", Status("small.msgpack", "ab" * 32, 958_000))
+    with PageServer(FREE, {**result, "/large": ("text/plain", lambda: LARGE)}) as running:
         yield running
 
 

@@ -129,9 +129,10 @@ def test_where_a_stop_left_the_cell_is_said_in_full_and_the_summary_follows(
     with View(small_table(), "small.msgpack", fed(), Lines(small_table()), stream) as view:
         view.part(stopped, None)
         view.summary(Tally(), Path("j"))
-    told = " ".join(stream.getvalue().split())
+    message = " ".join(stream.getvalue().split())
     assert (
-        "part 3: STOPPED; stopped by the operator; fingers stopped; arm at retreat height" in told
+        "part 3: STOPPED; stopped by the operator; fingers stopped; arm at retreat height"
+        in message
     )
     # The picture is not where the lines go, so that these are printed too.
     assert capsys.readouterr().out.splitlines() == [

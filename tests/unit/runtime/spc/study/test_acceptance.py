@@ -62,10 +62,12 @@ def test_evidence_is_a_mixture_of_likelihood_ratios():
 @pytest.mark.parametrize("rate", [0.05, 0.02, 0.09])
 def test_verdict_is_wrong_seldom_though_looked_at_after_each_part(rate):
     # A sample of tests/bench/bench_acceptance.py; at the limit itself either verdict counts as wrong.
-    found = [tried(np.random.default_rng([seed, 7]), rate, 0.05, 600) for seed in range(60)]
-    assert sum(cell is Tried.WRONG for cell in found) <= stats.binom.ppf(0.999, len(found), ERROR)
+    results = [tried(np.random.default_rng([seed, 7]), rate, 0.05, 600) for seed in range(60)]
+    assert sum(cell is Tried.WRONG for cell in results) <= stats.binom.ppf(
+        0.999, len(results), ERROR
+    )
     if rate != 0.05:
-        assert sum(cell is Tried.RIGHT for cell in found) > 20
+        assert sum(cell is Tried.RIGHT for cell in results) > 20
 
 
 def test_what_is_not_known_counts_against_either_verdict():

@@ -40,14 +40,17 @@ def healthy():
 def test_study_of_a_healthy_cell_accepts_it_and_writes_the_sheet(healthy, tmp_path, capsys):
     journal, sheet = write(tmp_path / "j.jsonl", healthy), tmp_path / "sheet.html"
     assert main(journal, "-o", sheet, "--json") == 0
-    found = told(capsys)
-    assert found["verdict"] == "accepted"
-    assert found["parts_least"] <= found["decided_at"] <= 700
+    result = told(capsys)
+    assert result["verdict"] == "accepted"
+    assert result["parts_least"] <= result["decided_at"] <= 700
     assert (
-        found["failures"]["low"] <= found["failures"]["share"] <= found["failures"]["high"] < 0.01
+        result["failures"]["low"]
+        <= result["failures"]["share"]
+        <= result["failures"]["high"]
+        < 0.01
     )
-    assert found["good"] + found["failed"] + found["not_known"] == found["counted"] == 700
-    rows = found["type1"]
+    assert result["good"] + result["failed"] + result["not_known"] == result["counted"] == 700
+    rows = result["type1"]
     assert sum(row["readings"] for row in rows["leaves"]) == rows["table"]["readings"]
     residuals = np.array([part.residual for part in healthy if part.residual])
     assert rows["table"]["x_mm"]["bias"] == pytest.approx(-residuals[:, 0].mean())
@@ -146,9 +149,9 @@ def crossed_journals(folder, audited=True):
 def test_study_crossed_takes_journals_for_appraisers(tmp_path, capsys):
     paths = crossed_journals(tmp_path)
     assert main(*paths, "--crossed", 10, "-o", tmp_path / "s.html", "--json") == 15
-    found = told(capsys)["crossed"]
-    assert set(found) == {"width_mm", "x_mm", "y_mm", "theta_rad"}
-    width = found["width_mm"]
+    result = told(capsys)["crossed"]
+    assert set(result) == {"width_mm", "x_mm", "y_mm", "theta_rad"}
+    width = result["width_mm"]
     assert (width["parts"], width["appraisers"], width["trials"]) == (10, 3, 3)
     assert width["anova"]["repeatability"] == pytest.approx(0.3, rel=0.3)
     assert 0.0 < width["anova"]["gauge_percent"] < 100.0
@@ -179,11 +182,11 @@ def measured(path, change=lambda rows: rows):
 
 def test_study_of_measurements_is_aiags_example(tmp_path, capsys):
     assert main("--measurements", measured(tmp_path / "m.csv"), "--json") == 0
-    found = told(capsys)["crossed"]["value"]
-    assert found["anova"]["gauge_percent"] == pytest.approx(27.86, abs=0.005)
-    assert found["anova"]["ndc"] == 4
-    assert found["anova"]["ndc_unrounded"] == pytest.approx(4.861, abs=0.001)
-    assert found["average_and_range"]["gauge_percent"] == pytest.approx(26.68, abs=0.005)
+    result = told(capsys)["crossed"]["value"]
+    assert result["anova"]["gauge_percent"] == pytest.approx(27.86, abs=0.005)
+    assert result["anova"]["ndc"] == 4
+    assert result["anova"]["ndc_unrounded"] == pytest.approx(4.861, abs=0.001)
+    assert result["average_and_range"]["gauge_percent"] == pytest.approx(26.68, abs=0.005)
     assert main("--measurements", measured(tmp_path / "m.csv")) == 0
     assert "%GRR 27.86 (may do), ndc 4" in capsys.readouterr().out
     shuffled = measured(
@@ -213,9 +216,9 @@ def test_measurements_that_are_no_study_end_in_one_line(tmp_path, capsys, change
 
 def test_plan_says_how_many_parts_before_they_are_run(tmp_path, capsys):
     assert main("--plan", TREE, "--json") == 0
-    found = told(capsys)
-    assert 0 < found["parts_least"] <= found["parts_likely"] < 2000
-    assert found["parts_type1"] > 25
+    result = told(capsys)
+    assert 0 < result["parts_least"] <= result["parts_likely"] < 2000
+    assert result["parts_type1"] > 25
     assert main("--plan", TREE, "--required", "0.99999") == 14
     assert "no number of parts" in capsys.readouterr().out
     dump(several_table(), tmp_path / "t.msgpack")
