@@ -34,7 +34,7 @@ CERTAIN = {
     "friction": {"doubt": 0.0},
     "doubt": {"chance": 0.0},
     "part": {"tolerance_mm": 0.0},
-    "search": {"particles": 4000, "search_particles": 100},
+    "search": {"particles": 1500, "search_particles": 60},
 }
 
 
