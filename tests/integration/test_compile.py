@@ -236,7 +236,7 @@ def test_parts_near_the_edge_are_dragged_back_as_the_table_says(job):
         "actions": {"centers_mm": [[6, 0]]},
         "search": {"particles": 2000, "search_particles": 100, "max_depth": 4},
     }
-    narrow = job.replaced(**near_edge, search={"particles": 2000, "search_particles": 100})
+    narrow = job.replaced(**near_edge)
     table = compile_job(narrow, workers=2, trials=1000).table
     assert {node.release for node in table.nodes} >= {(0, 0)}
     worlds = ContactWorlds.of_job(narrow, 3)

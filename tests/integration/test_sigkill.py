@@ -124,6 +124,7 @@ def test_a_run_whose_journal_is_displaced_stops_safely_and_the_next_one_is_refus
         process = start(tree, cell, "--count", "1000")
         wait_for(journal, "outcome", 1)
         process.send_signal(signal.SIGSTOP)  # no record comes between the copy and the cut
+        os.waitid(os.P_PID, process.pid, os.WSTOPPED | os.WNOWAIT)
         displace(journal)
         process.send_signal(signal.SIGCONT)
         out, err = process.communicate(timeout=WAIT_S)
