@@ -182,7 +182,7 @@ def replayed(program: Program, before: Evaluation, bias: Array) -> tuple[Evaluat
     """
     trials = len(before.leaf)
     nowhere, node = _nowhere(program, trials), np.zeros(trials, np.int64)
-    match = replace(
+    replay = replace(
         before[np.arange(trials)],
         squeezes=np.zeros(trials, np.int64),
         path=nowhere,
@@ -191,13 +191,13 @@ def replayed(program: Program, before: Evaluation, bias: Array) -> tuple[Evaluat
     )
     for k in range(before.reading.shape[1]):
         members = np.flatnonzero((before.squeezes > k) & (node >= 0))
-        _note(program, match, node, members, before.reading[members, k])
-    again = match.squeezes < before.squeezes
-    node[again], match.squeezes[again] = 0, 0
-    match.poses[again] = match.initial[again] - bias
-    for column in (match.path, match.reading, match.branch):
+        _note(program, replay, node, members, before.reading[members, k])
+    again = replay.squeezes < before.squeezes
+    node[again], replay.squeezes[again] = 0, 0
+    replay.poses[again] = replay.initial[again] - bias
+    for column in (replay.path, replay.reading, replay.branch):
         column[again] = NOWHERE
-    return match, node
+    return replay, node
 
 
 def finish(

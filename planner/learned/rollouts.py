@@ -110,18 +110,18 @@ def _finished(
 ) -> list[Rows]:
     content, version = content_of(simulator), code_version()
     names = {block: hashlib.sha256(version + _seed(content, block)).hexdigest() for block in blocks}
-    match = {block: store.get(name) for block, name in names.items()} if store else {}
-    missing = [block for block in blocks if match.get(block) is None]
+    kept = {block: store.get(name) for block, name in names.items()} if store else {}
+    missing = [block for block in blocks if kept.get(block) is None]
     report("roll-outs", len(blocks) - len(missing), len(blocks))
     task = functools.partial(roll_block, replace(simulator, workers=1), version)
     for k, data in enumerate(scheduler.map(task, missing)):
-        match[missing[k]] = data
+        kept[missing[k]] = data
         if store:
             store.put(names[missing[k]], data)
         report("roll-outs", len(blocks) - len(missing) + k + 1, len(blocks))
     if store and missing:
         store.trim()
-    return [np.frombuffer(match[block] or b"", ROW) for block in blocks]
+    return [np.frombuffer(kept[block] or b"", ROW) for block in blocks]
 
 
 def roll_block(simulator: Simulator, version: bytes, block: Block) -> bytes:

@@ -127,8 +127,8 @@ def _replay(arguments: argparse.Namespace) -> int:
     replay = Replay()
     findings = list(replay.follow(_entries(arguments.journal)))
     if arguments.json:
-        record = [finding._asdict() for finding in findings]
-        print(json.dumps({"decisions": replay.decisions, "findings": record}))
+        entries = [finding._asdict() for finding in findings]
+        print(json.dumps({"decisions": replay.decisions, "findings": entries}))
     else:
         for finding in findings:
             print(cleaned(f"record {finding.seq}: {finding.sentence}"))

@@ -115,10 +115,10 @@ def _addresses(url: str) -> list[str]:
     except ValueError:
         return [url]
     try:
-        record = {str(row[4][0]) for row in addresses_of(host, number, LOOK_UP_S)}
+        texts = {str(row[4][0]) for row in addresses_of(host, number, LOOK_UP_S)}
     except (OSError, UnicodeError):
-        record = {host}  # which nobody can connect to
-    addresses = {_canonical(text) for text in record}
+        texts = {host}  # which nobody can connect to
+    addresses = {_canonical(text) for text in texts}
     ports, unit = _together(parts.scheme, number), _unit(parts)
     return sorted(f"{address} {port}{unit}" for address in addresses for port in ports)
 

@@ -56,13 +56,13 @@ def test_rejects_of_closed_jaws_that_feel_something_are_told_apart(table, job, e
 
 
 def test_pairs_are_close_or_overlap_and_no_others(table, job, evaluation):
-    record = {(pair.node, pair.lower) for pair in advise(table, evaluation, job).pairs}
+    pairs = {(pair.node, pair.lower) for pair in advise(table, evaluation, job).pairs}
     counts = 4.0 * 1e3 * encoder_of(job).mm_per_count
     for index, node in enumerate(table.nodes):
         for lower in range(len(node.branches) - 1):
             below, above = node.branches[lower : lower + 2]
             close = above.expected_um - below.expected_um < counts or below.high_um >= above.low_um
-            assert ((index, lower) in record) == close
+            assert ((index, lower) in pairs) == close
 
 
 def test_a_branch_split_in_two_at_random_is_a_pair_that_costs(table, job, evaluation):

@@ -131,8 +131,8 @@ def test_error_budget_grows_with_every_term():
 
     def budget(rms_px=0.05, sigma_mm=0.02, **tag):
         seen = sighting._replace(rms_px=rms_px)
-        match = measure.of_sighting(seen, true_calibration(BELOW, sigma_mm), part_tag(**tag))
-        return match.sigma_mm, match.sigma_rad
+        placed = measure.of_sighting(seen, true_calibration(BELOW, sigma_mm), part_tag(**tag))
+        return placed.sigma_mm, placed.sigma_rad
 
     least = budget()
     assert budget(rms_px=0.5)[0] > least[0]
