@@ -126,7 +126,8 @@ class PlcRun:
         try:
             with session.ending(journal) as tally:
                 while not self._exchange.enabled:  # the fingers may sweep before the first part
-                    self._wait()
+                    if not self._ended_withdrawn():
+                        self._wait()
                 while True:
                     recipe = self.recipes[number]
                     table, monitor = recipe.loaded.table, self._monitors[number]
@@ -157,8 +158,7 @@ class PlcRun:
             if order is None:
                 self._wait()
                 continue
-            if not self._exchange.enabled:  # withdrawn before anything has moved
-                self._exchange.finish(Answer(FAULT, StoppedError.exit_code))
+            if self._ended_withdrawn():
                 continue
             if order.table != table:
                 return
@@ -168,6 +168,13 @@ class PlcRun:
             fields = {"part": self._parts, "trigger_id": order.trigger_id, "table_number": table}
             journal.record("trigger", fields)
             yield self._parts
+
+    def _ended_withdrawn(self) -> bool:
+        """End a part whose enabling was withdrawn before anything moved; whether there was one."""
+        withdrawn = self._exchange.order is not None and not self._exchange.enabled
+        if withdrawn:
+            self._exchange.finish(Answer(FAULT, StoppedError.exit_code))
+        return withdrawn
 
     def _await_taken(self) -> None:
         """The run is over: no trigger counts, and the last result stays until it is taken."""

@@ -5,8 +5,8 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Callable, Mapping
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,7 +20,8 @@ from runtime.commands import options, plc
 from runtime.commands.arguments import parser
 from runtime.commands.recipe import prepare
 from runtime.errors import ArgumentsError, JournalError
-from runtime.execution import crash
+from runtime.execution import crash, session
+from runtime.execution.events import Tally
 from runtime.journal.chain import Journal, records
 from runtime.journal.replay import Replay
 from runtime.monitoring.live.server import Address, listening
@@ -275,6 +276,34 @@ def test_enable_withdrawn_before_a_part_begins_ends_it_without_a_motion(
         client.begin(6)
         client.write(enable=0)
         triggered.set()
+        result = client.result(6)
+        assert (result["outcome"], result["error_id"]) == (4, 40)
+        assert made.log.named("move_linear") == []
+        client.enable()
+        assert client.part(7)["outcome"] == 1
+
+    assert Running(tmp_path, made, tree, count=1).run(program) == 0
+
+
+def test_enable_withdrawn_before_the_run_looks_at_it_ends_the_part(
+    tmp_path: Path, tree: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A busy controller: trigger and withdrawal are both there when the run first looks."""
+    made, withdrawn, ending = fake_cell([AT_21]), threading.Event(), session.ending
+
+    @contextmanager
+    def late(journal: Journal) -> Iterator[Tally]:
+        withdrawn.wait(30)
+        with ending(journal) as tally:
+            yield tally
+
+    monkeypatch.setattr(session, "ending", late)
+
+    def program(client: TcpPlc) -> None:
+        client.enable()
+        client.begin(6)
+        client.write(enable=0)
+        withdrawn.set()
         result = client.result(6)
         assert (result["outcome"], result["error_id"]) == (4, 40)
         assert made.log.named("move_linear") == []
