@@ -98,9 +98,6 @@ GROUPS: dict[str, dict[str, Program]] = {
         "refit": Program(
             "plan-refit", "planner.cli.refit", "what is off in a cell, from its journals"
         ),
-        "completion": Program(
-            "squeezetree-completion", "runtime.commands.completion", "completion by Tab in bash"
-        ),
     },
 }  # by subject, in the order of a user's day
 PROGRAMS = {word: program for group in GROUPS.values() for word, program in group.items()}

@@ -10,9 +10,10 @@ import math
 import os
 import sys
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from importlib import import_module
 from io import TextIOWrapper
+from pathlib import Path
 from typing import Any, NoReturn, TextIO
 
 from runtime.shell import output
@@ -30,10 +31,17 @@ _lost: list[OSError] = []  # why lines of standard output are lost, since `run` 
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser with one-line errors and help texts printed verbatim."""
+    """An argument parser with one-line errors, help texts printed verbatim, and --print-completion."""
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(formatter_class=argparse.RawDescriptionHelpFormatter, **settings)
+        if " " not in self.prog:  # a subcommand is completed by its command
+            self.add_argument(
+                "--print-completion",
+                action=_PrintCompletion,
+                choices=("bash", "zsh", "tcsh"),
+                help="print a script with which this shell completes the command by Tab",
+            )
 
     def error(self, message: str) -> NoReturn:
         """End with exit code 2 and a line on standard error."""
@@ -52,6 +60,36 @@ class Parser(argparse.ArgumentParser):
     def add_debug(self) -> None:
         """Add --debug alone."""
         self.add_argument("--debug", action="store_true", help="print the traceback of an error")
+
+
+class _PrintCompletion(argparse.Action):
+    """Prints the completion script of a command, which shtab writes, and exits."""
+
+    def __call__(self, parser: Any, _namespace: Any, values: Any, _option: Any = None) -> None:
+        try:
+            import shtab
+        except ModuleNotFoundError:
+            parser.error(
+                "--print-completion needs shtab; install squeezetree[completion]; "
+                "in a clone: pip install '.[completion]'"
+            )
+        for action in _actions(parser):
+            if action.type is Path:
+                kind = shtab.DIRECTORY if action.metavar == "DIR" else shtab.FILE
+                action.complete = kind  # type: ignore[attr-defined]
+            elif isinstance(action, argparse._SubParsersAction):
+                action.help = None  # shtab leaves out what --help hides
+        say_lines(shtab.complete(parser, shell=values))
+        parser.exit()
+
+
+def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
+    """The arguments of a parser and of its subcommands."""
+    for action in parser._actions:
+        yield action
+        if isinstance(action, argparse._SubParsersAction):
+            for subparser in action.choices.values():
+                yield from _actions(subparser)
 
 
 def run(

@@ -7,12 +7,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-
-from runtime.commands.completion import _subcommands, parsers
+from command_parsers import parsers, subcommands
 
 RECORD = Path(__file__).parents[2] / "tools" / "decisions" / "0003-one-list-of-exit-codes.md"
 RECORDED = {int(code) for code in re.findall(r"^\| (\d+) \|", RECORD.read_text(), re.MULTILINE)}
-COMMANDS = dict(parsers())
+COMMANDS = parsers()
 STREAMS = {"grasp-runtime", "grasp-journal show"}
 """Those that print one JSON object after another, since their end may be far."""
 
@@ -25,11 +24,11 @@ def every(
         yield name, made
         if name == "squeezetree":  # its subcommands are the others
             continue
-        yield from every({f"{name} {word}": one for word, one in _subcommands(made).items()})
+        yield from every({f"{name} {word}": one for word, one in subcommands(made).items()})
 
 
 ALL = dict(every(COMMANDS))
-LAST = [name for name, made in ALL.items() if not _subcommands(made)]  # not `squeezetree` itself
+LAST = [name for name, made in ALL.items() if not subcommands(made)]  # not `squeezetree` itself
 
 
 def arguments(made: argparse.ArgumentParser) -> list[argparse.Action]:
@@ -83,8 +82,5 @@ def test_the_same_things_are_said_in_the_same_words(name: str) -> None:
 
 
 def test_who_prints_text_prints_json_too() -> None:
-    silent = {
-        "grasp-audit judge",
-        "squeezetree-completion",
-    }  # JSON or a script are all that they print
+    silent = {"grasp-audit judge"}  # JSON is all that it prints
     assert {name for name in LAST if "--json" not in ALL[name]._option_string_actions} == silent

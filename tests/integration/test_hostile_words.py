@@ -10,10 +10,10 @@ from importlib import import_module
 from pathlib import Path
 
 import pytest
+from command_parsers import parsers, subcommands
 from sample_tables import every_field_table, small_table, with_job
 from written_journals import write_run
 
-from runtime.commands.completion import _subcommands, parsers
 from runtime.journal.chain import verify
 from runtime.table import dump
 from runtime.table.codec import encode
@@ -171,9 +171,9 @@ def test_filters_that_no_record_could_pass_are_usage(
 
 
 def test_every_command_tells_wrong_arguments_in_one_line(capsys, record_property) -> None:
-    every = [("", made) for _, made in parsers()]
+    every = [("", made) for _, made in parsers().items()]
     for _, made in every:
-        every += [("", inner) for inner in _subcommands(made).values()]
+        every += [("", inner) for inner in subcommands(made).values()]
     for _, made in every:
         for words in (["--no\nsuch\x1b[2J"], ["--debug=3", "\udcff"]):
             with pytest.raises(SystemExit) as ended:

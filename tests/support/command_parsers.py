@@ -1,0 +1,33 @@
+"""The parsers of all commands, each with those of its subcommands."""
+
+import argparse
+from importlib import import_module
+
+from runtime.commands import squeezetree
+
+CAMERA = "drivers.camera.calibration.command"
+APART = {
+    "grasp-calibrate": {"camera": CAMERA, "tag": CAMERA, "pictures": CAMERA},
+    "grasp-audit": {"report": "runtime.spc.command", "study": "runtime.spc.study.command"},
+}
+"""Subcommands whose parser is in a module of its own."""
+
+
+def parsers() -> dict[str, argparse.ArgumentParser]:
+    """The parser of each installed program, by its name."""
+    result = {squeezetree.NAME: squeezetree.parser()}
+    for program in squeezetree.PROGRAMS.values():
+        parser = import_module(program.parser).parser()
+        for word, module in APART.get(program.name, {}).items():
+            other = import_module(module).parser()
+            subcommands(parser)[word] = subcommands(other).get(word, other)
+        result[program.name] = parser
+    return result
+
+
+def subcommands(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
+    """The parsers of a command's subcommands, by their words."""
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            return action.choices
+    return {}
