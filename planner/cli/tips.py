@@ -3,7 +3,7 @@
 A line states the centre of a tip at the start and its whole straight way, in the frame in which the job
 writes `outline_mm`. Recorded tips often overlap the part at the start, by millimetres. Such a tip begins
 where it just touches, at the nearest place outside, and goes the same way: of the corrections tried on
-recorded pushes this one comes nearest to what was measured (decision 0050).
+recorded pushes this one comes nearest to what was measured (decision 0049).
 """
 
 from pathlib import Path

@@ -28,7 +28,7 @@ FARTHEST = 2.0
 """Distance of the nearest roll-out beyond which a particle is simulated, in spacings of the roll-outs."""
 H1_SPACINGS = 0.125  # h1, in spacings of the roll-outs
 H2_MM = 0.05
-"""h2. Both are far below what the held-out likelihood prefers; the energy distance decides (0022)."""
+"""h2. Both are far below what the held-out likelihood prefers; the energy distance decides (0011)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

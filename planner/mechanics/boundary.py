@@ -62,7 +62,7 @@ that looks up. top_share, bottom_share: how far fingers that look down, and up, 
 step. x, y, turn, centre: for each millimetre the frame turns [rad] about the centre [mm], which moves along a
 straight line [mm]. step: the nominal one [mm].
 
-One record is handed on as one pointer (decision 0008).
+One record is handed on as one pointer (decision 0005).
 """
 Boundary: TypeAlias = Any
 

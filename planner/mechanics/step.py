@@ -81,7 +81,7 @@ C, I: the contacts. A: the ellipsoid, or the quartic's local one, in the hand fr
 F: unit wrench of the last step, in the part's frame. V: the displacement. M, q, tableau, basis, z: the LCP.
 active: the rows of its contacts. G: the closed forms' matrix.
 
-One record is handed on as one pointer, without counting references (decision 0008).
+One record is handed on as one pointer, without counting references (decision 0005).
 """
 StepWork: TypeAlias = Any
 
