@@ -18,7 +18,6 @@ METHODS = {
     "closed-loop": ("this planner", canvas.BLUE),
     "fixed-actions": ("this planner, fixed actions", SKY),
     "paper": ("the paper's method, implemented here", ORANGE),
-    "paper-sequence": ("the paper's method, whole sequences", canvas.GREEN),
     "sensorless": ("no sensor", canvas.RED),
 }
 PAPER_SIMULATED = (

@@ -47,14 +47,13 @@ class Method(NamedTuple):
     job: tuple[str, ...] = ()
 
 
-# The default, the default without placements proposed by the belief, and the paper's three.
+# The default, the default without placements proposed by the belief, and the paper's two.
 METHODS = {
     name: Method(name, job)
     for name, job in {
         "closed-loop": (),
         "fixed-actions": ("actions.proposals=none",),
         "paper": ("search.method=paper",),
-        "paper-sequence": ("search.method=paper-sequence",),
         "sensorless": ("search.method=sensorless",),
     }.items()
 }

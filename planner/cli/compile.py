@@ -18,7 +18,6 @@ from planner.job import model as job_file
 from planner.job.model import Job
 from planner.paper import baseline
 from planner.part import tips
-from planner.report import models
 from planner.work.limit import Limit
 from planner.work.scheduler import scheduler_of
 from runtime.shell import files
@@ -27,7 +26,6 @@ from runtime.shell.command import seconds as seconds_text
 from runtime.table import dump
 
 NAME = "plan-compile"
-BESIDE = "beside the table"  # what --models-report has for its value when no file is named
 
 
 def parser() -> Parser:
@@ -71,14 +69,6 @@ def parser() -> Parser:
         help="end after so long, evaluation included, with the best tree so far, as Ctrl-C does at once "
         "(default: search until done)",
     )
-    add(
-        "--models-report",
-        nargs="?",
-        const=BESIDE,
-        metavar="FILE",
-        help="say how good the learned models of the job are, and draw what widths stand for (.svg, .png, "
-        ".pdf; default: TREE.models.svg beside the table); the figures go to a .json beside it",
-    )
     bounds.add_options(built)
     add("--strip", action="store_true", help="leave the job out of the table")
     add(
@@ -117,13 +107,6 @@ def _single(arguments: argparse.Namespace) -> int:
         arguments.output, "a table, which squeezetree report draws", ".msgpack"
     )
     files.usable(output, *read)
-    picture = None
-    if arguments.models_report:
-        beside, stated = output.with_suffix(".models.svg"), arguments.models_report
-        picture = beside if stated == BESIDE else Path(stated)
-        shell.checked_suffix("--models-report", picture, shell.PICTURES)
-        for path in (picture, picture.with_suffix(".json")):
-            files.usable(path, output, *read)
     whole = course.of_time(arguments.budget) if math.isfinite(arguments.budget) else course.unknown
     for result in alike(job):
         if not result.hopeless:  # that is refused
@@ -139,10 +122,7 @@ def _single(arguments: argparse.Namespace) -> int:
             )
         dump(dataclasses.replace(plan.table, job=None) if arguments.strip else plan.table, output)
         seconds = time.perf_counter() - started
-        judged = bound = advice = None
-        if picture:
-            with shell.spared("report on the models", notes, arguments.debug):
-                judged = models.made(job, arguments.workers, store, scheduler, report, picture)
+        bound = advice = None
         with shell.spared("bound", notes, arguments.debug):
             bound = bounds.bound_of(arguments, job, plan.table, arguments.workers, report)
         if not (
@@ -152,15 +132,13 @@ def _single(arguments: argparse.Namespace) -> int:
                 advice = counsel(plan.table, plan.evaluation, plan.root, job, scheduler, report)
     figures = {"table": str(output), "bytes": output.stat().st_size, **figures_of(plan, seconds)}
     lines = [_text(plan, job, output, seconds), *(advice.lines() if advice else ())]
-    if judged:
-        figures["models"] = judged[0]
     if bound:
         lines += bound.lines()
         figures |= {"squeezes_lower_bound": bound.squeezes, "bound": bound.figures()}
     figures["advice"] = advice and advice.figures()
     for note in notes:
         tell(NAME, f"{note}; {output} is written")
-    shell.answer(arguments.json, figures, *lines, *(judged[1:] if judged else ()))
+    shell.answer(arguments.json, figures, *lines)
     return INTERRUPTED if plan.cut and plan.cut.asked else 0
 
 
@@ -174,7 +152,7 @@ def _baseline(arguments: argparse.Namespace) -> int:
 
 def _job(arguments: argparse.Namespace) -> Job:
     job = job_file.load(arguments.job)
-    for option in ("baseline", "models_report", "bound", "bound_dense"):
+    for option in ("baseline", "bound", "bound_dense"):
         if getattr(arguments, option):
             shell.check_one_part(
                 job.hypothesis, str(arguments.job), f"--{option.replace('_', '-')}"
@@ -187,8 +165,6 @@ def _job(arguments: argparse.Namespace) -> Job:
 
 
 def _sweep(arguments: argparse.Namespace) -> int:
-    if arguments.models_report:
-        raise UsageError("--models-report: judges the models of one job; leave it out with --vary")
     if arguments.bound or arguments.bound_dense:
         raise UsageError("--bound: proves something of one plan; leave it out with --vary")
     common = () if arguments.seed is None else (("seed", str(arguments.seed)),)

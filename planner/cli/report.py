@@ -6,7 +6,7 @@ from pathlib import Path
 from planner.cli import bounds, shell
 from planner.errors import UsageError
 from planner.job import model as job_file
-from planner.report import dossier, models, run_log
+from planner.report import dossier, run_log
 from runtime.shell.command import Parser, natural, positive_int
 from runtime.shell.files import usable, write
 
@@ -21,7 +21,6 @@ def parser() -> Parser:
         "Write a decision table as one page for a browser: the tree to walk through, how good it is, where\n"
         "it is in doubt, and the job it was made from. Nothing is loaded from the network.",
         f"{NAME} trees/rectangle/rectangle.msgpack -o report.html --journal journal.jsonl",
-        f"{NAME} tree.msgpack -o report.html --models tree.models.json",
         f"{NAME} tree.msgpack -o report.html --world planner.evaluation.mujoco:make",
     )
     shell.add_table(built)
@@ -30,12 +29,6 @@ def parser() -> Parser:
     )
     built.add_argument(
         "--journal", type=Path, metavar="J.jsonl", help="lay the runs of this journal over the tree"
-    )
-    built.add_argument(
-        "--models",
-        type=Path,
-        metavar="M.json",
-        help="show how good the learned models are, as plan-compile --models-report wrote it",
     )
     built.add_argument(
         "--world",
@@ -58,7 +51,7 @@ def parser() -> Parser:
 def _report(arguments: argparse.Namespace) -> None:
     read = () if arguments.job is None else job_file.files(arguments.job)
     output = shell.checked_output(arguments.output, "a page for a browser", ".html")
-    usable(output, arguments.tree, arguments.journal, arguments.models, *read)
+    usable(output, arguments.tree, arguments.journal, *read)
     if arguments.trials > MAX_TRIALS:
         raise UsageError(
             f"--trials {arguments.trials} is more than {MAX_TRIALS}; a picture needs less"
@@ -68,10 +61,7 @@ def _report(arguments: argparse.Namespace) -> None:
         shell.check_one_part(table.hypotheses, str(arguments.tree), "--bound")
         shell.check_squeezes_alone(table, str(arguments.tree), "--bound")
     log = run_log.read(arguments.journal, digest) if arguments.journal else None
-    judged = models.read(arguments.models, table.job_digest.hex()) if arguments.models else None
-    source = dossier.Source(
-        arguments.tree.name, data, log, judged, bounds.bound_of(arguments, job, table)
-    )
+    source = dossier.Source(arguments.tree.name, data, log, bounds.bound_of(arguments, job, table))
     write(
         output, dossier.page(table, job, source, arguments.trials, arguments.seed, arguments.world)
     )

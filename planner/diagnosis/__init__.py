@@ -1,1 +1,1 @@
-"""What limits a plan and its models, and what to change."""
+"""What limits a plan, and what to change."""

@@ -190,14 +190,12 @@ class Goal:
 class Search:
     """How the tree is searched.
 
-    Methods for comparison are the paper's: "paper" (Algorithms 1 to 3), "paper-sequence" (the whole open-loop
-    sequence before branching) and "sensorless" (no branching at all). The costs are what one more typical
-    squeeze or outcome on an unstable equilibrium must gain in probability of success.
+    Methods for comparison are the paper's: "paper" (Algorithms 1 to 3) and "sensorless" (no branching at
+    all). The costs are what one more typical squeeze or outcome on an unstable equilibrium must gain in
+    probability of success.
     """
 
-    method: Annotated[
-        str, Text(("closed-loop", "paper", "paper-sequence", "sensorless"), default="closed-loop")
-    ]
+    method: Annotated[str, Text(("closed-loop", "paper", "sensorless"), default="closed-loop")]
     model: Annotated[str, Text(("auto", "simulation", "kcde"), default="auto")]  # what looks ahead
     rollouts: Annotated[int, Integer(1_000, 100_000_000, default=100_000)]  # to learn "kcde" from
     squeeze_cost: Annotated[float, Number(0, 1, default=0.01)]

@@ -26,7 +26,7 @@ def plan_paper(
     scheduler: Scheduler | None = None,
     report: Report = silent,
 ) -> Node:
-    """Plans a job with method "paper", "paper-sequence" or "sensorless".
+    """Plans a job with method "paper" or "sensorless".
 
     The paper's own numbers are used throughout: of the job's [search] only the method, the particles and the
     longest path count; of its [actions] the angles and centres. The tree has one node if no first squeeze is

@@ -1,4 +1,4 @@
-"""ExpandTree: Algorithm 1 of the paper as printed, its two variants, and the tree in the planner's own nodes.
+"""ExpandTree: Algorithm 1 of the paper as printed, and its sensorless variant.
 
 Unlike in the default method the action is the first of the best open-loop sequence, progress is the printed
 singleton ratio, beliefs are moved by learned models, and the nearest expected width always wins.
@@ -29,8 +29,8 @@ from planner.search.tree import Action, Node, Progress, Squeeze
 
 Path: TypeAlias = tuple[int, ...]  # the branches taken on the way to a node
 PRINTED_ORDER = 2  # The paper maps theta to [cos 2 theta, sin 2 theta]
-METHODS = ("paper", "paper-sequence", "sensorless")
-"""Algorithm 1; the whole open-loop sequence before each branching; no branching at all."""
+METHODS = ("paper", "sensorless")
+"""Algorithm 1, and a whole open-loop sequence without any branching."""
 TOLERANCES = (2.5, 2.5, math.radians(5.0))
 """Plus and minus each of these about the average pose (paper, VII): x, y [mm] and theta [rad]."""
 SINGLETON_SHARE = 0.95  # r_s
@@ -119,8 +119,7 @@ class PaperPlanner:
             if node.mode.ratio <= SINGLETON_SHARE and node.depth < self.max_depth:
                 rng = np.random.default_rng([*seed, node.depth, *path])
                 ends = self._expanded(node, rng)
-                blind = (0,) * (ends[0].depth - node.depth - 1) if ends else ()
-                waiting.extend((end, (*path, *blind, k)) for k, end in enumerate(ends))
+                waiting.extend((end, (*path, k)) for k, end in enumerate(ends))
             if progress is not None:
                 progress(done, len(waiting))
         return root
@@ -128,18 +127,13 @@ class PaperPlanner:
     def _expanded(self, node: Node, rng: np.random.Generator) -> list[Node]:
         """Acts on a node; returns the nodes at the ends of what was added, for further expansion."""
         actions = self._search(self.max_depth - node.depth).search(node.belief.poses, rng).actions
-        if self.method == "paper":
-            actions = actions[:1]
-        blind, last = actions[:-1], actions[-1:]
         if self.method == "sensorless":
-            blind, last = actions, ()
-        for action in blind:
-            (node,) = self._squeezed(node, self.placements[action], rng, branching=False)
-        return [
-            end
-            for a in last
-            for end in self._squeezed(node, self.placements[a], rng, branching=True)
-        ]
+            for action in actions:
+                (node,) = self._squeezed(node, self.placements[action], rng, branching=False)
+            return []
+        if not actions:
+            return []
+        return self._squeezed(node, self.placements[actions[0]], rng, branching=True)
 
     def _search(self, longest: int) -> OpenLoop:
         search = OpenLoop(

@@ -21,7 +21,6 @@ from runtime.shell.files import writing
 # Okabe and Ito's palette, and greys.
 BLUE = "#0072B2"
 RED = "#D55E00"
-GREEN = "#009E73"
 BLACK = "#1a1a1a"
 GREY = "#a6a6a6"
 PALE = "#d9d9d9"

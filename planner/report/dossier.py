@@ -26,7 +26,6 @@ from planner.part import outline as outlines
 from planner.report import canvas, leaf_poses, tree, worlds
 from planner.report import verdict as verdicts
 from planner.report.canvas import points, template
-from planner.report.models import Models
 from planner.report.replay import Replay, replay
 from planner.report.run_log import PartLog, RunLog
 from planner.report.verdict import cell_result, reject_told
@@ -53,12 +52,11 @@ LISTED = 5000  # most parts of a journal on the page: those that failed first, t
 
 
 class Source(NamedTuple):
-    """What a page is about: the table's file name and bytes, its journal, models and bound, if any."""
+    """What a page is about: the table's file name and bytes, its journal and bound, if any."""
 
     name: str
     data: bytes
     log: RunLog | None = None
-    models: Models | None = None
     bound: Certificate | None = None
 
 

@@ -302,12 +302,6 @@ def _add_views(group: argparse._ArgumentGroup) -> None:
         help="a page that follows the run, with /status.json and /metrics; read-only, and for this machine "
         "alone unless HOST names another address of it",
     )
-    add(
-        "--status",
-        type=Path,
-        metavar="SOCKET",
-        help="tell JSON and Prometheus text on this Unix socket",
-    )
 
 
 def _add_takt(group: argparse._ArgumentGroup) -> None:

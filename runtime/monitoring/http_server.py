@@ -36,19 +36,11 @@ def response(code: int, kind: str, body: bytes, more: str = "") -> bytes:
 class Server:
     """Answers requests' heads on a socket that listens, in threads of its own; leaving the context ends both.
 
-    An incomplete request is answered, too, after `ask_s` seconds; None: only complete requests are, and a
-    client that sends or takes nothing for `PATIENCE_S` is disconnected.
+    Only complete requests are answered; a client that is idle for `PATIENCE_S` is disconnected.
     """
 
-    def __init__(
-        self, listener: socket.socket, answer: Callable[[bytes], bytes], ask_s: float | None = None
-    ) -> None:
-        self._listener, self._answer, self._ask_s, self._clock = (
-            listener,
-            answer,
-            ask_s,
-            SystemClock(),
-        )
+    def __init__(self, listener: socket.socket, answer: Callable[[bytes], bytes]) -> None:
+        self._listener, self._answer, self._clock = listener, answer, SystemClock()
         self._clients: dict[socket.socket, threading.Thread] = {}  # open ones, the oldest first
         self._lock = threading.Lock()
         self._ended = threading.Event()
@@ -106,8 +98,8 @@ class Server:
             client.close()
 
     def _read(self, client: socket.socket) -> bytes | None:
-        """A request's head, or as much as came of it; None where that is not to be answered."""
-        asked, until = b"", self._clock.now() + (self._ask_s or PATIENCE_S)
+        """A request's head; None where it is incomplete."""
+        asked, until = b"", self._clock.now() + PATIENCE_S
         while b"\r\n\r\n" not in asked and b"\n\n" not in asked:
             client.settimeout(max(until - self._clock.now(), 1e-3))
             try:
@@ -116,5 +108,5 @@ class Server:
                 piece = b""
             asked += piece
             if not piece or len(asked) > MAX_ASK_BYTES:
-                return None if self._ask_s is None else asked
+                return None
         return asked

@@ -1,4 +1,4 @@
-"""Passes the events of a run to its watchers: console, status socket, live views, service manager."""
+"""Passes the events of a run to its watchers: console, live views, service manager."""
 
 import os
 import socket
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 class Views(NamedTuple):
     """Where a run is shown besides the console; None for nowhere."""
 
-    socket: Path | None = None  # the status, on this Unix socket
     http: str | None = None  # a page that follows it, at this `HOST:PORT`
     terminal: TextIO | None = None  # a picture in place of the console's parts and squeezes
 
@@ -84,10 +83,6 @@ class Monitor(Console):
 
     def __enter__(self) -> Self:
         with ExitStack() as opened:
-            if self._views.socket is not None:
-                from runtime.monitoring.status_socket import StatusServer
-
-                opened.enter_context(StatusServer(self._views.socket, self._status))
             if self._views.http is not None:
                 self._serve(self._views.http, opened)
             if self._views.terminal is not None:

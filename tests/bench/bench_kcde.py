@@ -27,10 +27,10 @@ from scipy.spatial import cKDTree
 ROOT = Path(__file__).parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
 
+from energy import energy_distance  # noqa: E402
 from problems import OUTLINES, random_poses, simulator  # noqa: E402
 
 from planner.belief.observation import Encoder  # noqa: E402
-from planner.diagnosis.model_quality import energy_distance  # noqa: E402
 from planner.kernel import cache_folder  # noqa: E402
 from planner.learned.kcde import PAPER_MM, PAPER_NEIGHBOURS, Kcde  # noqa: E402
 from planner.learned.model import LearnedModel  # noqa: E402

@@ -23,13 +23,13 @@ import numpy as np
 ROOT = Path(__file__).parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
 
+from energy import compare  # noqa: E402
 from kcde_twin import Unaided  # noqa: E402
 from problems import OUTLINES, random_poses, simulator  # noqa: E402
 
 from planner.belief.observation import Encoder  # noqa: E402
 from planner.belief.particles import Belief  # noqa: E402
 from planner.belief.transition import Simulation  # noqa: E402
-from planner.diagnosis.model_quality import compare  # noqa: E402
 from planner.frames import to_hand  # noqa: E402
 from planner.kernel import cache_folder  # noqa: E402
 from planner.learned.kcde import Kcde  # noqa: E402

@@ -86,7 +86,7 @@ def watched_run(tree: Path, folder: Path, minutes: float) -> list[dict[str, floa
         command = [sys.executable, "-m", "runtime.cli", "--tree", str(tree), "--activate"]
         command += ["--count", "1000000" if minutes else "6"]
         command += ["--port", ends["gripper"], "--arm", ends["arm"], "--tips", "straight"]
-        command += ["--status", str(folder / "status"), "--journal", str(folder / "bench.jsonl")]
+        command += ["--http", "127.0.0.1:0", "--journal", str(folder / "bench.jsonl")]
         run = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL)
         until = time.monotonic() + 60.0 * minutes
         seen: list[dict[str, float]] = []

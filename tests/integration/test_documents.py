@@ -44,7 +44,6 @@ KEPT = re.compile(
 EXTRAS = set(
     tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
 )
-CURLS = {"--unix-socket"}
 
 
 class Parsed(BaseException):
@@ -187,7 +186,7 @@ def known_options():
     tools = [path for path in (ROOT / "tools").iterdir() if path.is_file()]
     for path in [*tools, *(ROOT / "tests" / "bench").glob("*.py"), *(DOCS / "site").glob("*.py")]:
         result |= set(OPTION.findall(path.read_text()))
-    return result | CURLS
+    return result
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))

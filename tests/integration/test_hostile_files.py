@@ -62,12 +62,6 @@ SIMULATE = "{job} --poses {poses} -o t.csv"
 CALIBRATE = "drivers.camera.calibration.command"
 COMMANDS = {
     "plan-compile": Command("planner.cli.compile", "{job} -o {out}", ".msgpack"),
-    "plan-compile, picture": Command(
-        "planner.cli.compile", "{job} -o t.msgpack --models-report {out}", ".svg"
-    ),
-    "plan-compile, figures": Command(
-        "planner.cli.compile", "{job} -o t.msgpack --models-report {svg}", ".json"
-    ),
     "plan-compile --vary": Command(
         "planner.cli.compile", "{job} -o {folder} --vary seed=1", ".msgpack"
     ),
@@ -89,7 +83,7 @@ COMMANDS = {
     "plan-refit": Command("planner.cli.refit", "{job} --journal {journal} -o {out}", ".toml"),
     "plan-report": Command(
         "planner.cli.report",
-        "{tree} --job {job} --journal {journal} --models {expected} -o {out}",
+        "{tree} --job {job} --journal {journal} -o {out}",
         ".html",
     ),
     "grasp-journal export": Command(

@@ -5,12 +5,12 @@ from dataclasses import replace
 import kcde_twin
 import numpy as np
 import pytest
+from energy import compare
 from problems import OUTLINES, random_poses, simulator
 
 from planner.belief.observation import Encoder
 from planner.belief.particles import Belief
 from planner.belief.transition import Simulation
-from planner.diagnosis.model_quality import compare
 from planner.learned.kcde import Kcde
 from planner.learned.model import LearnedModel
 from planner.learned.rollouts import roll_outs

@@ -6,10 +6,10 @@ from typing import NamedTuple
 import kcde_twin
 import numpy as np
 import pytest
+from energy import compare, energy_distance
 from problems import random_poses
 
 from planner.belief.particles import Belief
-from planner.diagnosis.model_quality import compare, energy_distance
 
 RHO = 10.57
 

@@ -304,7 +304,7 @@ def test_a_part_may_be_put_down_in_any_turn_that_looks_the_same():
         job.parse(TEXT.replace('symmetry = "auto"', "symmetry = 1") + text)
 
 
-@pytest.mark.parametrize("method", ["paper", "paper-sequence", "sensorless"])
+@pytest.mark.parametrize("method", ["paper", "sensorless"])
 def test_the_papers_methods_take_its_particles_unless_the_job_says(method):
     def particles(**search):
         parsed = job.parse(TEXT, changes={"search": search})

@@ -6,12 +6,12 @@ from typing import NamedTuple
 import kcde_twin
 import numpy as np
 import pytest
+from energy import energy_distance
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from problems import JAWS, LONG_JAWS, l_shape, random_poses, rectangle, simulator
 from scipy import stats
 
-from planner.diagnosis.model_quality import energy_distance
 from planner.learned.kcde import Kcde
 from planner.learned.neighbours import grid_of, keep_nearest, nearest_within, within
 from planner.mechanics.clearance import MISSES, STANDS_ON, TOUCHES, classify_contact

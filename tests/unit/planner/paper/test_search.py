@@ -87,13 +87,12 @@ def test_beliefs_are_conserved(roots, method):
     assert sum(leaf.share for leaf in leaves_of(roots[method])) == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize("method", ["paper", "paper-sequence"])
-def test_leaves_are_singletons(roots, method):
-    for leaf in leaves_of(roots[method]):
+def test_leaves_are_singletons(roots):
+    for leaf in leaves_of(roots["paper"]):
         assert leaf.mode.ratio > SINGLETON_SHARE
         spread = np.abs(leaf.belief.poses[:, 0] - leaf.mode.pose[0])
         assert np.mean(spread <= 2.5) > SINGLETON_SHARE
-    inner = [node for node in breadth_first(roots[method]) if node.children]
+    inner = [node for node in breadth_first(roots["paper"]) if node.children]
     assert all(node.mode.ratio <= SINGLETON_SHARE for node in inner if len(node.children) > 1)
 
 
@@ -108,13 +107,6 @@ def test_every_branching_is_by_observation_and_onto_the_subspace(roots):
             assert held.all() or not held.any()
             if held.all():
                 assert np.all(child.belief.poses[:, 1] == 0.0)
-
-
-def test_a_sequence_is_run_to_its_end_before_it_branches(roots):
-    root = roots["paper-sequence"]
-    assert len(root.children) == 1  # two squeezes gather more than one does
-    assert (root.squeeze.clusters.low[0], root.squeeze.clusters.high[0]) == (0, COUNTS - 1)
-    assert any(len(node.children) > 1 for node in breadth_first(root))
 
 
 def test_sensorless_plans_never_branch(roots):

@@ -74,7 +74,6 @@ def test_address_that_cannot_be_used_is_refused(url: str, words: str) -> None:
         ["--put-down"],
         ["--after-crash", "resume"],
         ["--tree", "u", "--http", "0"],
-        ["--tree", "u", "--status", "s.sock"],
         ["--tree", "u", "--watch"],
         ["--tree", "u", "--audit", "./see"],
     ],

@@ -1,6 +1,5 @@
-"""The status socket, the watchdog's datagrams, and the lock of a port."""
+"""The status of a run, the watchdog's datagrams, and the lock of a port."""
 
-import contextlib
 import gc
 import json
 import os
@@ -14,11 +13,9 @@ import pytest
 from sample_tables import small_table
 from written_journals import Quiet
 
-from runtime.errors import ArgumentsError
 from runtime.execution.events import Phase
 from runtime.monitoring.monitor import Monitor, Views, notify
 from runtime.monitoring.status import Status
-from runtime.monitoring.status_socket import StatusServer
 from runtime.table import dump, load
 from runtime.traversal.results import Outcome, PartResult, Step
 
@@ -35,42 +32,12 @@ def fed() -> Status:
     return status
 
 
-def asked(path: Path, words: bytes) -> bytes:
-    with socket.socket(socket.AF_UNIX) as client:
-        client.settimeout(5)
-        client.connect(str(path))
-        client.sendall(words)
-        client.shutdown(socket.SHUT_WR)
-        told = b""
-        while piece := client.recv(4096):
-            told += piece
-        return told
-
-
-def test_who_says_nothing_gets_the_object(tmp_path: Path) -> None:
-    with StatusServer(tmp_path / "s", fed()):
-        seen = json.loads(asked(tmp_path / "s", b""))
+def test_status_as_object_counts_outcomes_and_names_the_last_part() -> None:
+    seen = json.loads(json.dumps(fed().as_object()))
     assert (seen["phase"], seen["part"], seen["node"], seen["squeezes"]) == ("place", 3, None, 1)
     assert seen["outcomes"] == {**{o.value: 0 for o in Outcome}, "leaf": 1, "reject": 1}
-    assert (seen["last_width_mm"], seen["audits"], seen["last_part"]["part"]) == (
-        20.969,
-        {"pass": 1},
-        2,
-    )
-    assert not (tmp_path / "s").exists()
-
-
-@pytest.mark.parametrize(
-    ("path", "kind"), [(b"/", b"application/json"), (b"/metrics", b"text/plain; version=0.0.4")]
-)
-def test_http_gets_a_head_and_the_length_of_the_body(
-    tmp_path: Path, path: bytes, kind: bytes
-) -> None:
-    with StatusServer(tmp_path / "s", fed()):
-        told = asked(tmp_path / "s", b"GET " + path + b" HTTP/1.1\r\nHost: cell\r\n\r\n")
-    head, _, body = told.partition(b"\r\n\r\n")
-    assert head.startswith(b"HTTP/1.0 200 OK\r\nContent-Type: " + kind)
-    assert int(re.search(rb"Content-Length: (\d+)", head)[1]) == len(body)
+    assert (seen["last_width_mm"], seen["audits"]) == (20.969, {"pass": 1})
+    assert seen["last_part"]["part"] == 2
 
 
 SAMPLE = re.compile(r'squeezetree_[a-z_]+(\{[a-z]+="[^"]*"\})? [0-9.e+]+')
@@ -95,31 +62,6 @@ def test_metrics_are_prometheus_text() -> None:
     assert all(name.endswith("_total") == (kind == "counter") for name, kind in kinds.items())
 
 
-def test_clients_that_misbehave_do_not_end_it(tmp_path: Path) -> None:
-    with StatusServer(tmp_path / "s", fed()):
-        for words in (b"\xff" * 9000, b"GET", b"\r\n\r\n"):
-            with contextlib.suppress(OSError):
-                asked(tmp_path / "s", words)
-        with socket.socket(socket.AF_UNIX) as silent:
-            silent.connect(str(tmp_path / "s"))
-            assert silent.recv(1) == b"{"  # said nothing, and did not hang up
-        assert json.loads(asked(tmp_path / "s", b""))
-
-
-def test_a_socket_left_behind_is_replaced_one_in_use_is_not(tmp_path: Path) -> None:
-    path = tmp_path / "s"
-    with socket.socket(socket.AF_UNIX) as dead:
-        dead.bind(str(path))
-    with StatusServer(path, fed()):
-        with pytest.raises(ArgumentsError, match="name another path"):
-            StatusServer(path, fed())
-        assert json.loads(asked(path, b""))
-    path.write_text("a file")
-    with pytest.raises(ArgumentsError, match="Address already in use"):
-        StatusServer(path, fed())
-    assert path.read_text() == "a file"
-
-
 @pytest.mark.parametrize("abstract", [False, True])
 def test_the_service_manager_hears_ready_alive_and_stopping(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, abstract: bool
@@ -130,7 +72,7 @@ def test_the_service_manager_hears_ready_alive_and_stopping(
         monkeypatch.setenv("NOTIFY_SOCKET", name)
         dump(small_table(), tmp_path / "small")
         loaded = load(tmp_path / "small")
-        with Monitor(Quiet(), loaded, Path("small"), Views(tmp_path / "status")) as monitor:
+        with Monitor(Quiet(), loaded, Path("small"), Views()) as monitor:
             monitor.ready()
             monitor.phase(3, Phase.SQUEEZE, 1)
             monitor.phase(3, Phase.DONE, None)
@@ -138,7 +80,6 @@ def test_the_service_manager_hears_ready_alive_and_stopping(
             monitor.part(PartResult.of(3, Outcome.LEAF, [STEP], None), None)
             monitor.note("x")
             monitor.summary([], Path("j"))
-            seen = json.loads(asked(tmp_path / "status", b""))
         lines = [manager.recv(1000).decode() for _ in range(4)]
     assert lines == [
         "READY=1",
@@ -146,7 +87,6 @@ def test_the_service_manager_hears_ready_alive_and_stopping(
         "WATCHDOG=1\nSTATUS=part 3: done",
         "STOPPING=1",
     ]
-    assert seen["table_sha256"] == loaded.digest
 
 
 def test_without_a_service_manager_nothing_is_told() -> None:

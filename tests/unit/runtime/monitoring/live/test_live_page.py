@@ -171,7 +171,7 @@ def test_a_large_table_stays_under_a_megabyte() -> None:
     assert len(page.page(grown_table(5, 2000), "large.msgpack")) < 1_000_000
 
 
-def test_the_state_is_the_status_sockets() -> None:
+def test_pages_of_a_run_hold_its_status() -> None:
     status = Status("small.msgpack", "ab" * 32, 958_000)
     result = page.pages(small_table(), "small.msgpack", status)
     assert list(result) == ["/", "/status.json", "/metrics"]
