@@ -3,8 +3,8 @@
     python tools/docs/site/kept.py                  write both pages
     python tools/docs/site/kept.py bound worlds     print these tables
 
-A table stands between `<!-- table NAME -->` and `<!-- end -->`; one of several of a file is named after the
-file and a dash, such as `squeeze-speed`. `kept.jinja` holds the tables. The tests fail where a page is not
+A table, or a list of sentences, stands between `<!-- table NAME -->` and `<!-- end -->`; one of several of a
+file is named after the file and a dash, such as `squeeze-speed`. `kept.jinja` holds them. The tests fail where a page is not
 what this writes. The tables of tools/docs/results.md are filled in when the site is built (conf.py).
 """
 
@@ -22,8 +22,15 @@ LISTING = HERE.parent / "results.md"
 README = HERE.parents[2] / "README.md"
 RESULTS = HERE.parents[2] / "tests" / "bench" / "results"
 PLACE = re.compile(r"(?<=^<!-- table )(\S+) -->\n.*?^(?=<!-- end -->$)", re.MULTILINE | re.DOTALL)
-MACROS = Environment(loader=FileSystemLoader(HERE), undefined=StrictUndefined, autoescape=False)
-MACROS = MACROS.get_template("kept.jinja").module
+
+
+def figures(name: str) -> object:
+    """What a file of results holds."""
+    return json.loads((RESULTS / f"{name}.json").read_text())
+
+
+TABLES = Environment(loader=FileSystemLoader(HERE), undefined=StrictUndefined, autoescape=False)
+MACROS = TABLES.get_template("kept.jinja", globals={"figures": figures}).module
 
 
 def table_of(name: str) -> str:
@@ -36,10 +43,11 @@ def table_of(name: str) -> str:
     if text.exists():
         return f"```text\n{text.read_text().rstrip()}\n```"
     macro = getattr(MACROS, name.replace("-", "_"))
-    path = RESULTS / f"{name.partition('-')[0]}.json"
-    if not path.exists():
+    try:
+        made = macro(figures(name.partition("-")[0])) if macro.arguments else macro()
+    except FileNotFoundError:
         return "Not measured in this version."
-    return re.sub(r" +$", "", str(macro(json.loads(path.read_text()))), flags=re.MULTILINE).strip()
+    return re.sub(r" +$", "", str(made), flags=re.MULTILINE).strip()
 
 
 def filled(page: str) -> str:
