@@ -4,8 +4,9 @@
     python tools/docs/site/kept.py bound worlds     print these tables
 
 A table, or a list of sentences, stands between `<!-- table NAME -->` and `<!-- end -->`; one of several of a
-file is named after the file and a dash, such as `squeeze-speed`. `kept.jinja` holds them. The tests fail where a page is not
-what this writes. The tables of tools/docs/results.md are filled in when the site is built (conf.py).
+file is named after the file and a dash, such as `squeeze-speed`. `kept.jinja` holds them. The tests fail
+where a page is not what this writes. The tables of tools/docs/results.md are filled in when the site is built
+(conf.py).
 """
 
 import json
