@@ -32,7 +32,7 @@ PARSED = {
     DOCS / "refit.md": "tests/integration/test_refit_page.py runs it with fewer parts",
     DOCS
     / "plc.md": "it serves until it is stopped; tests/integration/test_plc.py runs such a command",
-    DOCS / "performance.md": "each command measures for minutes, some need MuJoCo",
+    DOCS / "results.md": "each command measures for minutes, some need MuJoCo",
 }
 SENTENCE = re.compile(r"`((?:plan|grasp)-[a-z]+ [^`]+)`")
 OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*")

@@ -9,6 +9,8 @@ from sphinx.application import Sphinx
 ROOT = Path(__file__).resolve().parents[3]
 sys.path[:0] = [str(Path(__file__).parent), str(ROOT)]
 
+from kept import filled  # noqa: E402
+
 project = "squeezetree"
 author = "the squeezetree maintainers"
 copyright = "the squeezetree maintainers, Apache-2.0"  # noqa: A001
@@ -72,6 +74,7 @@ tools/docs/tutorial
 tools/docs/from-a-solid
 tools/docs/cheat-sheet
 tools/docs/performance
+tools/docs/results
 ```
 
 ```{toctree}
@@ -145,9 +148,11 @@ def commands(page: str) -> str:
 
 
 def complete(_: Sphinx, page: str, source: list[str]) -> None:
-    """Gives the start page its contents, links to folders a page, commands what they say of themselves."""
+    """Gives the start page its contents, links to folders a page, commands and results what they hold."""
     if page in PLACES:
         source[0] += commands(page)
+    if page == "tools/docs/results":
+        source[0] = filled(source[0])
     if page == root_doc:
         for folder, target in FOLDERS.items():
             source[0] = source[0].replace(folder, target)

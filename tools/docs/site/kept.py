@@ -1,39 +1,54 @@
 """Writes the tables of tools/docs/performance.md and README.md from tests/bench/results, so none is copied.
 
-    python tools/docs/site/kept.py
+    python tools/docs/site/kept.py                  write both pages
+    python tools/docs/site/kept.py bound worlds     print these tables
 
-A table stands between `<!-- table NAME -->` and `<!-- end -->`; one of several of a file is named after the
-file and a dash, such as `squeeze-speed`. `kept.jinja` holds the tables. The tests fail where a page is not
-what this writes.
+A table, or a list of sentences, stands between `<!-- table NAME -->` and `<!-- end -->`; one of several of a
+file is named after the file and a dash, such as `squeeze-speed`. `kept.jinja` holds them. The tests fail
+where a page is not what this writes. The tables of tools/docs/results.md are filled in when the site is built
+(conf.py).
 """
 
 import json
 import re
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 HERE = Path(__file__).resolve().parent
 PAGE = HERE.parent / "performance.md"
+LISTING = HERE.parent / "results.md"
 README = HERE.parents[2] / "README.md"
 RESULTS = HERE.parents[2] / "tests" / "bench" / "results"
 PLACE = re.compile(r"(?<=^<!-- table )(\S+) -->\n.*?^(?=<!-- end -->$)", re.MULTILINE | re.DOTALL)
-MACROS = Environment(loader=FileSystemLoader(HERE), undefined=StrictUndefined, autoescape=False)
-MACROS = MACROS.get_template("kept.jinja").module
+
+
+def figures(name: str) -> object:
+    """What a file of results holds."""
+    return json.loads((RESULTS / f"{name}.json").read_text())
+
+
+TABLES = Environment(loader=FileSystemLoader(HERE), undefined=StrictUndefined, autoescape=False)
+MACROS = TABLES.get_template("kept.jinja", globals={"figures": figures}).module
 
 
 def table_of(name: str) -> str:
-    """The Markdown that a name stands for.
+    """The Markdown that a name stands for; of a .txt file, what it holds.
 
     Raises:
         AttributeError: there is no table of that name.
     """
+    text = RESULTS / f"{name}.txt"
+    if text.exists():
+        return f"```text\n{text.read_text().rstrip()}\n```"
     macro = getattr(MACROS, name.replace("-", "_"))
-    path = RESULTS / f"{name.partition('-')[0]}.json"
-    if not path.exists():
+    try:
+        made = macro(figures(name.partition("-")[0])) if macro.arguments else macro()
+    except FileNotFoundError:
         return "Not measured in this version."
-    return re.sub(r" +$", "", str(macro(json.loads(path.read_text()))), flags=re.MULTILINE).strip()
+    return re.sub(r" +$", "", str(made), flags=re.MULTILINE).strip()
 
 
 def filled(page: str) -> str:
@@ -41,12 +56,15 @@ def filled(page: str) -> str:
     return PLACE.sub(lambda found: f"{found[1]} -->\n\n{table_of(found[1])}\n\n", page)
 
 
-def main() -> int:
-    """Writes the pages; returns the exit code."""
+def main(names: Sequence[str]) -> int:
+    """Prints the tables of these names, or writes the pages; returns the exit code."""
+    if names:
+        print("\n\n".join(table_of(name) for name in names))
+        return 0
     for page in (PAGE, README):
         page.write_text(filled(page.read_text(encoding="utf-8")), encoding="utf-8")
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(sys.argv[1:]))
