@@ -52,9 +52,40 @@ class Rule(NamedTuple):
     branch: float = 8.0
     reach: float = 2.7
 
-    def prices(self) -> Array:
-        """(4,) doubt, astray, branch, reach: for kernels."""
-        return np.array([self.doubt, self.astray, self.branch, self.reach])
+    def compiled(self) -> Costs:
+        """The rule as kernels read it."""
+        metric, prices = self.metric, (self.doubt, self.astray, self.branch, self.reach)
+        stopping = StoppingRule(*map(float, self.stopping))
+        return Costs(
+            self.resolution.free, metric.weights(), metric.modes, stopping, *map(float, prices)
+        )
+
+
+class Costs(NamedTuple):
+    """A `Rule` for kernels. All numbers but counts are floats, so that kernels compile once."""
+
+    free: int  # least count that an empty hand reads
+    weights: Array  # of the metric
+    modes: int  # how many a belief may have
+    stopping: StoppingRule
+    doubt: float
+    astray: float
+    branch: float
+    reach: float
+
+
+class Sums(NamedTuple):
+    """Particles of m counts, summed over counts."""
+
+    hits: IntArray  # (m + 1, c) those within the goal of each candidate
+    size: IntArray  # (m + 1,) all
+
+
+class Reach(NamedTuple):
+    """Which of m rising counts are near a cut: an encoder a little off may read them across it."""
+
+    low: IntArray  # (m + 1,) the first count within reach of the i-th
+    high: IntArray  # (m + 1,) the first count beyond reach of the one before the j-th
 
 
 def partition(poses: Array, counts: IntArray, rule: Rule) -> Partition:
@@ -65,19 +96,10 @@ def partition(poses: Array, counts: IntArray, rule: Rule) -> Partition:
         counts: (n,) readings, 0 to 255.
         rule: how they are cut.
     """
-    metric, weight = rule.metric, np.bincount(counts, minlength=COUNTS)
+    weight = np.bincount(counts, minlength=COUNTS)
     order = np.argsort(counts, kind="stable")
     bounds = np.empty(COUNTS + 1, np.int64)
-    k = intervals(
-        np.ascontiguousarray(poses[order].T),
-        weight,
-        rule.resolution.free,
-        metric.weights(),
-        metric.modes,
-        np.array(rule.stopping),
-        rule.prices(),
-        bounds,
-    )
+    k = intervals(np.ascontiguousarray(poses[order].T), weight, rule.compiled(), bounds)
     label = np.full(COUNTS, -1, np.int64)
     mean, low, high, size = (
         np.empty(k),
@@ -148,76 +170,58 @@ def _best(hits: IntArray, i: int, j: int, modes: int, apart: BoolArray) -> tuple
 
 @kernel
 def leaf_cost(
-    hits: IntArray,
-    size: IntArray,
-    i: int,
-    j: int,
-    low: IntArray,
-    high: IntArray,
-    apart: BoolArray,
-    modes: int,
-    stopping: Array,
-    prices: Array,
+    counted: Sums, i: int, j: int, reach: Reach, apart: BoolArray, costs: Costs
 ) -> tuple[float, float]:
     """How likely counts i to j - 1 miss the goal; what a leaf of them costs. Arguments as `least_cost`."""
-    best, chosen = _best(hits, i, j, modes, apart)
+    hits, size, low, high = counted.hits, counted.size, reach.low, reach.high
+    stopping = costs.stopping
+    best, chosen = _best(hits, i, j, costs.modes, apart)
     here = size[j] - size[i]
-    open_still, rest = missed(best, here, stopping[0], stopping[2], stopping[3])
+    open_still, rest = missed(best, here, stopping.confidence, stopping.inside, stopping.outside)
     wrong = size[high[j]] - size[j] + size[i] - size[low[i]]
     if chosen >= 0:
         wrong -= hits[high[j], chosen] - hits[j, chosen] + hits[i, chosen] - hits[low[i], chosen]
-    return open_still, stopping[1] * (here * rest + prices[0] * wrong)
+    return open_still, stopping.failure * (here * rest + costs.doubt * wrong)
 
 
 @kernel
 def least_cost(
-    hits: IntArray,
-    size: IntArray,
-    more_hits: IntArray,
-    more_size: IntArray,
-    low: IntArray,
-    high: IntArray,
-    apart: BoolArray,
-    modes: int,
-    stopping: Array,
-    prices: Array,
-    start: IntArray,
+    counted: Sums, misread: Sums, reach: Reach, apart: BoolArray, costs: Costs, start: IntArray
 ) -> float:
     """The least cost of cutting particles of m counts into intervals; `start` says how, in place.
 
     Args:
-        hits: (m + 1, c) particles within the goal of each candidate, summed over counts.
-        size: (m + 1,) particles, likewise.
-        more_hits: (m + 1, c) the same of particles that are here if the encoder is off.
-        more_size: (m + 1,) likewise.
-        low: (m + 1,) the first count within reach of the i-th.
-        high: (m + 1,) the first count beyond reach of the one before the j-th.
+        counted: the particles.
+        misread: those that are here only if the encoder is off.
+        reach: which counts are near a cut.
         apart: (c, c) candidates of which no particle can be near both; empty for one mode.
-        modes: how many a belief may have.
-        stopping: the fields of a `StoppingRule`.
-        prices: see `Rule.prices`.
+        costs: of branches and leaves.
         start: (m + 1,) receives where the last interval of the first j counts begins.
     """
+    hits, size, low, high = counted.hits, counted.size, reach.low, reach.high
     m = size.shape[0] - 1
     least = np.full(m + 1, np.inf)
     least[0] = 0.0
-    confidence, failure, inside, outside = stopping[0], stopping[1], stopping[2], stopping[3]
-    doubt, astray, branch = prices[0], prices[1], prices[2]
+    stopping, failure = costs.stopping, costs.stopping.failure
+    doubt, astray, branch = costs.doubt, costs.astray, costs.branch
     for i in range(m):
         if size[i + 1] == size[i]:
             least[i + 1] = min(least[i + 1], least[i])  # nothing there
             continue
         for j in range(i + 1, m + 1):
             here = size[j] - size[i]
-            strange = size[high[j]] - size[j] + size[i] - size[low[i]] + more_size[j] - more_size[i]
-            best, chosen = _best(hits, i, j, modes, apart)
+            strange = size[high[j]] - size[j] + size[i] - size[low[i]]
+            strange += misread.size[j] - misread.size[i]
+            best, chosen = _best(hits, i, j, costs.modes, apart)
             wrong = strange
             if chosen >= 0:
                 wrong -= (
                     hits[high[j], chosen] - hits[j, chosen] + hits[i, chosen] - hits[low[i], chosen]
                 )
-                wrong -= more_hits[j, chosen] - more_hits[i, chosen]
-            open_still, rest = missed(best, here, confidence, inside, outside)
+                wrong -= misread.hits[j, chosen] - misread.hits[i, chosen]
+            open_still, rest = missed(
+                best, here, stopping.confidence, stopping.inside, stopping.outside
+            )
             further = 2.0 - best / here
             left = open_still * further + (1.0 - open_still) * min(failure * rest, further)
             harm = astray * open_still * strange + (1.0 - open_still) * failure * doubt * wrong
@@ -228,13 +232,14 @@ def least_cost(
 
 
 @inner_kernel
-def within_reach(counts: IntArray, m: int, reach: float, low: IntArray, high: IntArray) -> None:
-    """Fills in, for m rising counts, which are the first within reach below and the first beyond above."""
+def find_near(counts: IntArray, m: int, distance: float, reach: Reach) -> None:
+    """Fills in `reach` for m rising counts and a distance [counts]."""
+    low, high = reach.low, reach.high
     for i in range(m + 1):
         low[i], high[i] = i, i
-        while i < m and low[i] > 0 and counts[i] - counts[low[i] - 1] <= reach:
+        while i < m and low[i] > 0 and counts[i] - counts[low[i] - 1] <= distance:
             low[i] -= 1
-        while i > 0 and high[i] < m and counts[high[i]] - counts[i - 1] <= reach:
+        while i > 0 and high[i] < m and counts[high[i]] - counts[i - 1] <= distance:
             high[i] += 1
 
 
@@ -252,44 +257,20 @@ def occupied(weight: IntArray, stop: int, counts: IntArray, first: IntArray) -> 
 
 
 @kernel
-def intervals(
-    columns: Array,
-    weight: IntArray,
-    free: int,
-    weights: Array,
-    modes: int,
-    stopping: Array,
-    prices: Array,
-    bounds: IntArray,
-) -> int:
+def intervals(columns: Array, weight: IntArray, costs: Costs, bounds: IntArray) -> int:
     """The bounds (k + 1,) of the intervals, falling, in place; returns k.
 
     The states stand in columns, by rising count. Interval j has counts from bounds[j + 1] up to bounds[j].
     """
-    n = weight.shape[0]
+    n, free = weight.shape[0], costs.free
     counts, first = np.empty(n, np.int64), np.zeros(n + 1, np.int64)
     m = occupied(weight, free, counts, first)
-    hits, apart = explained(columns, first, counts, m, weights, modes)
-    start, low, high = (
-        np.zeros(m + 1, np.int64),
-        np.zeros(m + 1, np.int64),
-        np.zeros(m + 1, np.int64),
-    )
-    within_reach(counts, m, prices[3], low, high)
-    none = np.zeros_like(hits)
-    least_cost(
-        hits,
-        first[: m + 1],
-        none,
-        np.zeros(m + 1, np.int64),
-        low,
-        high,
-        apart,
-        modes,
-        stopping,
-        prices,
-        start,
-    )
+    hits, apart = explained(columns, first, counts, m, costs.weights, costs.modes)
+    start = np.zeros(m + 1, np.int64)
+    reach = Reach(np.zeros(m + 1, np.int64), np.zeros(m + 1, np.int64))
+    find_near(counts, m, costs.reach, reach)
+    none = Sums(np.zeros_like(hits), np.zeros(m + 1, np.int64))
+    least_cost(Sums(hits, first[: m + 1]), none, reach, apart, costs, start)
     k = 0
     if weight[max(free, 0) :].sum() > 0:
         bounds[0] = n

@@ -8,14 +8,17 @@ from planner.belief.observation import COUNTS
 from planner.belief.particles import Belief
 from planner.belief.partition import (
     CANDIDATES,
+    Costs,
+    Reach,
     Rule,
+    Sums,
     candidates,
     explained,
+    find_near,
     leaf_cost,
     least_cost,
     mutually_apart,
     occupied,
-    within_reach,
 )
 from planner.kernel import kernel
 
@@ -34,21 +37,17 @@ def recut(old: Belief, new: Belief, rule: Rule) -> IntArray:
     Returns:
         The first counts of all pieces but the lowest, rising; none where the interval stays whole.
     """
-    metric, first = rule.metric, np.argsort(old.reading, kind="stable")
-    order, cuts = np.argsort(new.reading, kind="stable"), np.empty(COUNTS, np.int64)
-    made = _recut(
+    first, order = (np.argsort(belief.reading, kind="stable") for belief in (old, new))
+    cuts = np.empty(COUNTS, np.int64)
+    count = _recut(
         np.ascontiguousarray(old.states[first].T),
         np.ascontiguousarray(new.states[order].T),
         old.reading[order],
         np.bincount(new.reading, minlength=COUNTS),
-        rule.resolution.free,
-        metric.weights(),
-        metric.modes,
-        np.array(rule.stopping),
-        rule.prices(),
+        rule.compiled(),
         cuts,
     )
-    return np.sort(cuts[:made])
+    return np.sort(cuts[:count])
 
 
 @kernel
@@ -57,11 +56,7 @@ def _recut(
     columns: Array,
     before: IntArray,
     weight: IntArray,
-    free: int,
-    weights: Array,
-    modes: int,
-    stopping: Array,
-    prices: Array,
+    costs: Costs,
     cuts: IntArray,
 ) -> int:
     """`recut`, `cuts` in place; returns how many.
@@ -71,7 +66,7 @@ def _recut(
     """
     n, bins = columns.shape[1], weight.shape[0]
     counts, first = np.empty(bins, np.int64), np.zeros(bins + 1, np.int64)
-    m = occupied(weight, free, counts, first)
+    m = occupied(weight, costs.free, counts, first)
     held = first[m]
     if held < n:  # an empty hand is one more count, however it reads, and far from all others
         counts[m], first[m + 1] = 2 * bins, n
@@ -83,7 +78,7 @@ def _recut(
     for r in range(rows):
         place[old[r]] = r
     inside, result = np.empty(n, np.bool_), np.empty((m + CANDIDATES, columns.shape[0]))
-    result = result[: candidates(columns, first, counts, m, weights, result)]
+    result = result[: candidates(columns, first, counts, m, costs.weights, result)]
     c = result.shape[0]
     # Summed over readings before and counts after: of rows r.. and counts a.. those below both.
     hits, size = np.zeros((rows + 1, m + 1, c), np.int64), np.zeros((rows + 1, m + 1), np.int64)
@@ -91,7 +86,7 @@ def _recut(
         for i in range(first[a], first[a + 1]):
             size[place[before[i]] + 1, a + 1] += 1
     for k in range(c):
-        within(columns, 0, n, result[k], weights, inside)
+        within(columns, 0, n, result[k], costs.weights, inside)
         for a in range(m):
             for i in range(first[a], first[a + 1]):
                 hits[place[before[i]] + 1, a + 1, k] += inside[i]
@@ -100,65 +95,47 @@ def _recut(
             size[r, a] += size[r - 1, a] + size[r, a - 1] - size[r - 1, a - 1]
             for k in range(c):
                 hits[r, a, k] += hits[r - 1, a, k] + hits[r, a - 1, k] - hits[r - 1, a - 1, k]
-    apart = mutually_apart(result if modes > 1 else result[:0], weights)
-    start, low, high = (
-        np.zeros(m + 1, np.int64),
-        np.zeros(m + 1, np.int64),
-        np.zeros(m + 1, np.int64),
+    apart = mutually_apart(result if costs.modes > 1 else result[:0], costs.weights)
+    start = np.zeros(m + 1, np.int64)
+    reach = Reach(np.zeros(m + 1, np.int64), np.zeros(m + 1, np.int64))
+    find_near(counts, m, costs.reach, reach)
+    old_reach = Reach(np.zeros(rows + 1, np.int64), np.zeros(rows + 1, np.int64))
+    find_near(old, rows, costs.reach, old_reach)
+    old_hits, old_apart = explained(
+        columns_before, old_first, old, rows, costs.weights, costs.modes
     )
-    within_reach(counts, m, prices[3], low, high)
-    old_low, old_high = np.zeros(rows + 1, np.int64), np.zeros(rows + 1, np.int64)
-    within_reach(old, rows, prices[3], old_low, old_high)
-    old_hits, old_apart = explained(columns_before, old_first, old, rows, weights, modes)
+    old_sums = Sums(old_hits, old_first)
     cost = np.full((rows + 1, rows + 1), -1.0)  # of the pieces looked at
     waiting = np.empty((rows + 1, 2), np.int64)
     waiting[0, 0], waiting[0, 1] = 0, rows
-    left, made = 1, 0
+    left, count = 1, 0
     while left > 0:
         left -= 1
         i, j = waiting[left, 0], waiting[left, 1]
         best, at = np.inf, -1
         for s in range(i, j):
-            parts = 0.0 if s == i else prices[2]
+            parts = 0.0 if s == i else costs.branch
             for a, b in ((i, s), (s, j)):
                 if a == b:
                     continue
                 if cost[a, b] < 0.0:
-                    p, q = old_low[a], old_high[b]
-                    left_over = least_cost(
-                        hits[b] - hits[a],
-                        size[b] - size[a],
+                    p, q = old_reach.low[a], old_reach.high[b]
+                    misread = Sums(
                         hits[q] - hits[b] + hits[a] - hits[p],
                         size[q] - size[b] + size[a] - size[p],
-                        low,
-                        high,
-                        apart,
-                        modes,
-                        stopping,
-                        prices,
-                        start,
                     )
-                    open_still, ended = leaf_cost(
-                        old_hits,
-                        old_first,
-                        a,
-                        b,
-                        old_low,
-                        old_high,
-                        old_apart,
-                        modes,
-                        stopping,
-                        prices,
-                    )
+                    counted = Sums(hits[b] - hits[a], size[b] - size[a])
+                    left_over = least_cost(counted, misread, reach, apart, costs, start)
+                    open_still, ended = leaf_cost(old_sums, a, b, old_reach, old_apart, costs)
                     squeezed = float(old_first[b] - old_first[a]) + left_over
                     cost[a, b] = open_still * squeezed + (1.0 - open_still) * max(squeezed, ended)
                 parts += cost[a, b]
             if parts < best:
                 best, at = parts, s
         if at > i:
-            cuts[made] = old[at]
-            made += 1
+            cuts[count] = old[at]
+            count += 1
             waiting[left, 0], waiting[left, 1] = i, at
             waiting[left + 1, 0], waiting[left + 1, 1] = at, j
             left += 2
-    return made
+    return count

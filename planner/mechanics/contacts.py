@@ -77,6 +77,18 @@ class Tips(NamedTuple):
     radius: float  # of each; 0 for points [mm]
 
 
+class _Contact(NamedTuple):
+    """What is known of a contact before the step is solved."""
+
+    gap: float  # [mm]
+    x: float  # where it is [mm]
+    y: float
+    nx: float  # unit normal into the part
+    ny: float
+    low: float  # slips after which the pair of features ends [mm]
+    high: float
+
+
 class Hand(NamedTuple):
     """The fingers that may touch the part: both, or the first alone."""
 
@@ -112,19 +124,10 @@ def _slot(C: Array, count: int, gap: float) -> int:
 
 
 @inlined_kernel
-def _write(
-    C: Array,
-    slot: int,
-    gap: float,
-    rx: float,
-    ry: float,
-    nx: float,
-    ny: float,
-    low: float,
-    high: float,
-) -> None:
-    C[slot, RX], C[slot, RY], C[slot, NX], C[slot, NY], C[slot, GAP] = rx, ry, nx, ny, gap
-    C[slot, LOW], C[slot, HIGH] = low, high
+def _write(C: Array, slot: int, contact: _Contact) -> None:
+    C[slot, RX], C[slot, RY], C[slot, GAP] = contact.x, contact.y, contact.gap
+    C[slot, NX], C[slot, NY] = contact.nx, contact.ny
+    C[slot, LOW], C[slot, HIGH] = contact.low, contact.high
 
 
 @inlined_kernel
@@ -165,7 +168,8 @@ def _add_face(
     if slot < 0:
         return count
     I[slot, FINGER], I[slot, KIND], I[slot, SIDE], I[slot, VERTEX] = side, FACE, 0, i
-    _write(C, slot, gap, points[0, i], points[1, i], 0.0, -float(side), -h - along, h - along)
+    y = points[1, i]
+    _write(C, slot, _Contact(gap, points[0, i], y, 0.0, -float(side), -h - along, h - along))
     return min(count + 1, MAX_CONTACTS)
 
 
@@ -176,16 +180,15 @@ def _add_corners(
     count: int,
     points: Array,
     i: int,
-    j: int,
     finger: Finger,
     kind: int,
     margin: float,
 ) -> int:
-    """Adds the edge from vertex i to j at the two inner (CORNER) or outer (OUTER) corners of a finger.
+    """Adds the edge from vertex i to the next at the two inner (CORNER) or outer (OUTER) corners of a finger.
 
     The outer corners look the other way.
     """
-    h = finger.h
+    j, h = i + 1 if i + 1 < points.shape[1] else 0, finger.h
     outward = finger.side if kind == CORNER else -finger.side
     face = finger.face if kind == CORNER else finger.face + finger.side * finger.thickness
     x0, y0, x1, y1 = points[0, i], points[1, i], points[0, j], points[1, j]
@@ -219,7 +222,7 @@ def _add_corners(
         count = min(count + 1, MAX_CONTACTS)
         rx, ry = x - gap * ey, face + gap * ex
         I[slot, FINGER], I[slot, KIND], I[slot, SIDE], I[slot, VERTEX] = finger.side, kind, side, i
-        _write(C, slot, gap, rx, ry, -ey, ex, -along, length - along)
+        _write(C, slot, _Contact(gap, rx, ry, -ey, ex, -along, length - along))
         if kind == CORNER and abs(ey) <= NEARLY_PARALLEL:
             if along > LEAST_ARM_MM:
                 count = _add_face(C, I, count, points, i, finger, margin)
@@ -270,9 +273,9 @@ def _add_pairs(
         if after >= before:
             count = _add_face(C, I, count, points, j, finger, margin)
     if abs(xi) >= h - margin or abs(xj) >= h - margin:
-        count = _add_corners(C, I, count, points, i, j, finger, CORNER, margin)
+        count = _add_corners(C, I, count, points, i, finger, CORNER, margin)
         if max(y, after) >= face + thickness - margin:
-            count = _add_corners(C, I, count, points, i, j, finger, OUTER, margin)
+            count = _add_corners(C, I, count, points, i, finger, OUTER, margin)
     if END_DEPTH_MM < y - face < thickness and abs(xi) > h - margin:
         end = 1 if xi > 0.0 else -1
         gap = end * xi - h
@@ -281,7 +284,9 @@ def _add_pairs(
             slot = _slot(C, count, gap)
             if slot >= 0:
                 I[slot, FINGER], I[slot, KIND], I[slot, SIDE], I[slot, VERTEX] = side, END, end, i
-                _write(C, slot, gap, points[0, i], points[1, i], float(end), 0.0, -np.inf, np.inf)
+                normal = float(end)
+                contact = _Contact(gap, points[0, i], points[1, i], normal, 0.0, -np.inf, np.inf)
+                _write(C, slot, contact)
                 count = min(count + 1, MAX_CONTACTS)
     return count
 
@@ -355,8 +360,7 @@ def find_points(C: Array, I: IntArray, points: Array, q: Array, pusher: Tips, ma
             slot = _slot(C, count, gap)
             if slot >= 0:
                 I[slot, FINGER], I[slot, KIND], I[slot, SIDE], I[slot, VERTEX] = 1, kind, finger, i
-                _write(
-                    C, slot, gap, px + away * nx - q[0], py + away * ny - q[1], nx, ny, low, high
-                )
+                x, y = px + away * nx - q[0], py + away * ny - q[1]
+                _write(C, slot, _Contact(gap, x, y, nx, ny, low, high))
                 count = min(count + 1, MAX_CONTACTS)
     return count

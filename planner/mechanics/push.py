@@ -66,6 +66,21 @@ class Pushers(NamedTuple):
         )
 
 
+class Mechanics(NamedTuple):
+    """How n parts slide."""
+
+    surfaces: Array  # (n, 3, 3) ellipsoids or (n, 6, 6) quartics
+    mu: Array  # (n, 2) friction, as of two fingers
+
+
+class PushEnds(NamedTuple):
+    """How n pushes end."""
+
+    poses: Array  # (n, 3) of the parts, in the pusher's frame at the start [mm, mm, rad]
+    touching: IntArray  # (n,) 1 where the pusher touches the part
+    given_up: IntArray  # (n,) 1 where the stepping failed: the part was taken along from there
+
+
 def of_points(paths: Paths, radius_mm: float = 0.0) -> Pushers:
     """Pushers that are points, `MAX_POINTS` at most, or round tips about them.
 
@@ -174,23 +189,17 @@ def push_many(
     rho: float,
     step: float,
     pushers: Pushers,
-    surfaces: Array,
-    mu: Array,
-    poses: Array,
-    touching: IntArray,
-    given_up: IntArray,
+    mechanics: Mechanics,
+    ends: PushEnds,
     work: SqueezeWork,
 ) -> None:
-    """`push` for every row of `poses` (n, 3), each with its own of the rest; outputs in place.
-
-    That is the pusher, the surface and friction mu (n, 2).
-    """
+    """`push` for every row of `ends.poses`, each with its pusher and mechanics; `ends` is filled in place."""
+    mu = mechanics.mu
     columns, n, boundary = np.ascontiguousarray(outline.T), outline.shape[0], work.boundary
     scratch = Scratch(np.zeros((2, n)), np.zeros(n, np.int64), work)
-    for i in range(poses.shape[0]):
+    for i in range(ends.poses.shape[0]):
         _carry_by(boundary, pushers, i)
         boundary.mu_top, boundary.mu_bottom, boundary.step = mu[i, 0], mu[i, 1], step
-        touches, failed = push(
-            Body(columns, reach, surfaces[i], rho), pushers.way[i], poses[i], scratch
-        )
-        touching[i], given_up[i] = int(touches), int(failed)
+        body = Body(columns, reach, mechanics.surfaces[i], rho)
+        touches, failed = push(body, pushers.way[i], ends.poses[i], scratch)
+        ends.touching[i], ends.given_up[i] = int(touches), int(failed)

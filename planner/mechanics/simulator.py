@@ -19,7 +19,9 @@ from planner.mechanics.push import (
     LOST,
     SLID,
     STUCK,
+    Mechanics,
     Paths,
+    PushEnds,
     Pushers,
     of_fingers,
     of_points,
@@ -30,6 +32,8 @@ from planner.mechanics.squeeze import (
     JAMMED,
     STATUS_NAMES,
     Each,
+    Part,
+    RollOut,
     close_by,
     squeeze,
     squeeze_many,
@@ -74,15 +78,6 @@ class Parameters(NamedTuple):
         """Those of some roll-outs."""
         own = {name: values[rows] for name, values in self._asdict().items() if values is not None}
         return self._replace(**own)
-
-
-class RollOut(NamedTuple):
-    """What n squeezes came to."""
-
-    poses: Array  # (n, 3) final poses in the hand frame [mm, mm, rad]
-    width_mm: Array  # (n,) opening at which the fingers stopped
-    status: IntArray  # (n,) index into `STATUS_NAMES`
-    given_up: IntArray  # (n,) 1 where the stepping failed and the squeeze was cut short there
 
 
 class Pushed(NamedTuple):
@@ -222,10 +217,9 @@ class Simulator:
             return in_order(
                 [(rows, self.roll_out(poses[rows], own)) for rows, own in forms], len(poses)
             )
-        final = np.array(poses, dtype=np.float64, order="C", copy=True)
-        n = len(final)
-        width = np.zeros(n)
-        status, given_up = np.zeros(n, np.int64), np.zeros(n, np.int64)
+        n, final = len(poses), np.array(poses, dtype=np.float64, order="C", copy=True)
+        result = RollOut(final, np.zeros(n), np.zeros(n, np.int64), np.zeros(n, np.int64))
+        part = Part(self.outline, self.shapes, self.surface.rho_mm)
         share, deviation = parameters.share, parameters.deviation
         each = Each(
             parameters.surfaces,
@@ -237,26 +231,21 @@ class Simulator:
         )
 
         def run(start: int) -> None:
-            part = slice(start, start + CHUNK)
+            rows = slice(start, start + CHUNK)
             squeeze_many(
-                self.outline,
-                self.shapes,
-                self.surface.rho_mm,
+                part,
                 self.jaws,
                 self.step_mm,
-                Each(*(values[part] for values in each)),
-                final[part],
-                width[part],
-                status[part],
-                given_up[part],
+                Each(*(values[rows] for values in each)),
+                RollOut(*(values[rows] for values in result)),
                 squeeze_workspace(),
             )
 
         deque(Threads(self.workers).map(run, range(0, n, CHUNK)), maxlen=0)
         if parameters.release is not None:
-            held = (status == GRASPED) | (status == JAMMED)
+            held = (result.status == GRASPED) | (result.status == JAMMED)
             final += np.where(held, 1.0, 0.0)[:, None] * parameters.release
-        return RollOut(final, width, status, given_up)
+        return result
 
     def push(self, paths: Paths, parameters: Parameters, radius_mm: float = 0.0) -> Pushed:
         """Pushes the part once along each of n paths, given in the part's frame at the start.
@@ -324,39 +313,35 @@ class Simulator:
         # Turned by a quarter, the hand's x axis points down: so fingers look that push.
         x, y, theta = start.T
         turned = np.column_stack([y - beside, 0.5 * self.jaws[1] - x, theta - 0.5 * math.pi])
-        across, back, angle = (self._pushed(turned, pushers, parameters)[0] - turned).T
+        across, back, angle = (self._pushed(turned, pushers, parameters).poses - turned).T
         return np.asarray(start + np.column_stack([-back, across, angle]))
 
-    def _pushed(
-        self, poses: Array, pushers: Pushers, parameters: Parameters
-    ) -> tuple[Array, IntArray, IntArray]:
-        """Where parts at poses (n, 3) end; where the pusher touches, and where it gave up (n,)."""
-        final = np.array(poses, dtype=np.float64, order="C", copy=True)
-        touching, given_up = np.zeros(len(poses), np.int64), np.zeros(len(poses), np.int64)
+    def _pushed(self, poses: Array, pushers: Pushers, parameters: Parameters) -> PushEnds:
+        """How pushes of parts at poses (n, 3) end."""
+        n, final = len(poses), np.array(poses, dtype=np.float64, order="C", copy=True)
+        result = PushEnds(final, np.zeros(n, np.int64), np.zeros(n, np.int64))
         farthest = reach(self.outline)
 
         def run(start: int) -> None:
-            chunk = np.arange(start, min(start + CHUNK, len(poses)))
-            for some, own in by_form(parameters.of(chunk)):
+            chunk = np.arange(start, min(start + CHUNK, n))
+            for some, mechanics in by_form(parameters.of(chunk)):
                 rows = chunk[some]
-                ends, touches, failed = final[rows], touching[rows], given_up[rows]
+                ends = PushEnds(*(values[rows] for values in result))
                 push_many(
                     self.outline,
                     farthest,
                     self.surface.rho_mm,
                     self.step_mm,
                     pushers.of(rows),
-                    own.surfaces,
-                    own.mu,
+                    Mechanics(mechanics.surfaces, mechanics.mu),
                     ends,
-                    touches,
-                    failed,
                     squeeze_workspace(),
                 )
-                final[rows], touching[rows], given_up[rows] = ends, touches, failed
+                for values, part in zip(result, ends, strict=True):
+                    values[rows] = part
 
-        deque(Threads(self.workers).map(run, range(0, len(poses), CHUNK)), maxlen=0)
-        return final, touching, given_up
+        deque(Threads(self.workers).map(run, range(0, n, CHUNK)), maxlen=0)
+        return result
 
 
 def check(parameters: Parameters, n: int, shapes: int) -> None:

@@ -42,6 +42,14 @@ LARGEST_ESCAPE = 1e4
 """Motion of the part in units of the fingers', beyond which a frictionless part counts as blocked."""
 
 
+class Part(NamedTuple):
+    """What n squeezes have in common: the part, in its own frame."""
+
+    outline: Array  # (N, 2) counter-clockwise [mm]
+    shapes: Array  # (m, N, 2) how the vertices move for each of the part's deviations
+    rho: float  # length that normalises rotations [mm]
+
+
 class Each(NamedTuple):
     """What is its own in each of n squeezes."""
 
@@ -49,6 +57,15 @@ class Each(NamedTuple):
     mu: Array  # (n, 2) friction at the upper and the lower finger
     share: Array  # (n,) of the closing that the upper finger makes
     deviation: Array  # (n, m) of the outline, for each of the shapes that it may deviate by [mm]
+
+
+class RollOut(NamedTuple):
+    """What n squeezes came to."""
+
+    poses: Array  # (n, 3) final poses in the hand frame [mm, mm, rad]
+    width_mm: Array  # (n,) opening at which the fingers stopped
+    status: IntArray  # (n,) index into `STATUS_NAMES`
+    given_up: IntArray  # (n,) 1 where the stepping failed and the squeeze was cut short there
 
 
 @inner_kernel
@@ -161,34 +178,23 @@ def squeeze(
 
 @kernel
 def squeeze_many(
-    outline: Array,
-    shapes: Array,
-    rho: float,
-    jaws: Array,
-    step: float,
-    each: Each,
-    poses: Array,
-    width: Array,
-    status: IntArray,
-    given_up: IntArray,
-    work: SqueezeWork,
+    part: Part, jaws: Array, step: float, each: Each, result: RollOut, work: SqueezeWork
 ) -> None:
-    """`squeeze` for every row of `poses` (n, 3), with what is its own; outputs in place.
-
-    `shapes` (m, N, 2) say how the vertices of the outline (N, 2) move for each of a part's deviations.
-    """
-    n = outline.shape[0]
+    """`squeeze` for every row of `result.poses`; `result` is filled in place."""
+    n = part.outline.shape[0]
     scratch = Scratch(np.zeros((2, n)), np.zeros(n, np.int64), work)
-    own, own_jaws, trace = outline.T.copy(), np.copy(jaws), np.zeros((0, 4))
-    reach = _reach(own)
-    for i in range(poses.shape[0]):
-        if shapes.shape[0] > 0:
-            _deviate(outline, shapes, each.deviation[i], own)
-            reach = _reach(own)
-        own_jaws[3] = each.share[i]
-        close_by(work.boundary, own_jaws, each.mu[i, 0], each.mu[i, 1], step)
-        body = Body(own, reach, each.surfaces[i], rho)
-        width[i], status[i], given_up[i], _ = squeeze(body, jaws[0], poses[i], scratch, trace)
+    outline, uneven, trace = part.outline.T.copy(), np.copy(jaws), np.zeros((0, 4))
+    reach = _reach(outline)
+    for i in range(result.poses.shape[0]):
+        if part.shapes.shape[0] > 0:
+            _deviate(part, each.deviation[i], outline)
+            reach = _reach(outline)
+        uneven[3] = each.share[i]
+        close_by(work.boundary, uneven, each.mu[i, 0], each.mu[i, 1], step)
+        body = Body(outline, reach, each.surfaces[i], part.rho)
+        result.width_mm[i], result.status[i], result.given_up[i], _ = squeeze(
+            body, jaws[0], result.poses[i], scratch, trace
+        )
 
 
 @inner_kernel
@@ -201,10 +207,10 @@ def _reach(outline: Array) -> float:
 
 
 @inner_kernel
-def _deviate(outline: Array, shapes: Array, deviation: Array, own: Array) -> None:
-    """The outline of a part that deviates (m,) [mm] from it (N, 2), into `own` (2, N)."""
-    for i in range(outline.shape[0]):
+def _deviate(part: Part, deviation: Array, outline: Array) -> None:
+    """Writes the outline (2, N) of a part with deviations (m,) [mm] into `outline`."""
+    for i in range(part.outline.shape[0]):
         for j in range(2):
-            own[j, i] = outline[i, j]
-            for k in range(shapes.shape[0]):
-                own[j, i] += deviation[k] * shapes[k, i, j]
+            outline[j, i] = part.outline[i, j]
+            for k in range(part.shapes.shape[0]):
+                outline[j, i] += deviation[k] * part.shapes[k, i, j]

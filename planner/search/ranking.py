@@ -13,7 +13,7 @@ from planner.belief.costs import Hand
 from planner.belief.metric import mode_shares
 from planner.belief.observation import COUNTS
 from planner.belief.particles import PUSHED, Belief
-from planner.belief.partition import intervals
+from planner.belief.partition import Costs, intervals
 from planner.belief.stopping import squeezes_left
 from planner.belief.transition import Squeezed
 from planner.frames import wrap
@@ -229,7 +229,7 @@ class Ranking:
 
     def _judge(self, contests: list[_Contest]) -> list[Array]:
         """Squeezes left (k,) after each one's options."""
-        rule = self.problem.rule
+        rule, costs = self.problem.rule, self.problem.rule.compiled()
         left = [np.zeros(len(contest.placements)) for contest in contests]
         pieces = list[tuple[Array, IntArray, Array]]()
         for contest, mine in zip(contests, left, strict=True):
@@ -240,49 +240,27 @@ class Ranking:
 
         def run(piece: tuple[Array, IntArray, Array]) -> None:
             states, reading, mine = piece
-            judged(
-                states,
-                reading,
-                rule.resolution.free,
-                rule.metric.weights(),
-                rule.metric.modes,
-                np.array(rule.stopping),
-                rule.prices(),
-                mine,
-            )
+            judged(states, reading, costs, mine)
 
         deque(Threads(self.problem.mixture.workers).map(run, pieces), maxlen=0)
         return left
 
 
 @kernel
-def judged(
-    states: Array,
-    reading: IntArray,
-    free: int,
-    weights: Array,
-    modes: int,
-    stopping: Array,
-    prices: Array,
-    left: Array,
-) -> None:
+def judged(states: Array, reading: IntArray, costs: Costs, left: Array) -> None:
     """Cuts what options make of a belief into branches, and sums the squeezes left after each option.
 
     Args:
         states: (k, n, m) of the particles after each option.
         reading: (k, n) counts.
-        free: least count that an empty hand reads.
-        weights: of the metric.
-        modes: how many poses a prediction may name.
-        stopping: the fields of a `StoppingRule`.
-        prices: see `Rule.prices`.
+        costs: of branches and leaves.
         left: (k,) receives the leaf heuristic expected after each option.
     """
-    n = reading.shape[1]
+    n, stopping = reading.shape[1], costs.stopping
     weight, start = np.empty(COUNTS, np.int64), np.empty(COUNTS + 1, np.int64)
     bounds, label = np.empty(COUNTS + 1, np.int64), np.empty(COUNTS, np.int64)
     moved, stops = np.empty((states.shape[2], n)), np.empty(COUNTS, np.int64)
-    shares = np.empty((COUNTS, modes))
+    shares = np.empty((COUNTS, costs.modes))
     for option in range(states.shape[0]):
         left[option], weight[:] = 0.0, 0
         for i in range(n):
@@ -294,7 +272,7 @@ def judged(
             count = reading[option, i]
             moved[:, start[count]] = states[option, i]
             start[count] += 1
-        size = intervals(moved, weight, free, weights, modes, stopping, prices, bounds)
+        size = intervals(moved, weight, costs, bounds)
         stops[:size] = 0
         for j in range(size):
             label[bounds[j + 1] : bounds[j]] = j
@@ -308,17 +286,19 @@ def judged(
             moved[:, start[j]] = states[option, i]
             start[j] += 1
         shares[:size] = 0.0
-        mode_shares(moved, stops[:size], weights, shares[:size])
+        mode_shares(moved, stops[:size], costs.weights, shares[:size])
         for j in range(size):
             here = stops[j] - (stops[j - 1] if j else 0)
             first = shares[j].sum()
-            left[option] += (
-                here
-                / n
-                * squeezes_left(
-                    first * here, here, stopping[0], stopping[1], stopping[2], stopping[3]
-                )
+            ahead = squeezes_left(
+                first * here,
+                here,
+                stopping.confidence,
+                stopping.failure,
+                stopping.inside,
+                stopping.outside,
             )
+            left[option] += here / n * ahead
 
 
 def unlike(placements: Array, most: int) -> list[int]:

@@ -32,11 +32,7 @@ def test_judged_options_equals_the_heuristic_of_their_branches(changes):
     judged(
         np.stack([each.belief.states for each in squeezed]),
         np.stack([each.belief.reading for each in squeezed]),
-        rule.resolution.free,
-        rule.metric.weights(),
-        rule.metric.modes,
-        np.array(rule.stopping),
-        rule.prices(),
+        rule.compiled(),
         left,
     )
     for k, each in enumerate(squeezed):
