@@ -247,9 +247,9 @@ def gripper(port: str, pace: Pace, report: Report, *, read_only: bool) -> Manual
     """
     del pace, report
     scale = LINEAR
-    if told := port.removeprefix("manual").removeprefix(":"):
+    if name := port.removeprefix("manual").removeprefix(":"):
         try:
-            opening, first, last = told.split(",")
+            opening, first, last = name.split(",")
             scale = float(opening), int(first), int(last)
         except ValueError:
             raise PortError(f"port {port} is not understood; write manual") from None

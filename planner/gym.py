@@ -113,15 +113,15 @@ class Episodes:
         n = len(rows)
         counts, rewards = np.full(n, self.model.encoder.count_open, np.int64), np.zeros(n)
         ended, cut = np.zeros(n, np.bool_), np.zeros(n, np.bool_)
-        made = self.model.sample(self.states[rows], self.chosen(actions[rows]), rng)
+        sampled = self.model.sample(self.states[rows], self.chosen(actions[rows]), rng)
         self.states[rows], counts[rows], rewards[rows] = (
-            made.states,
-            made.observations,
-            made.rewards,
+            sampled.states,
+            sampled.observations,
+            sampled.rewards,
         )
-        self.squeezes[rows] += made.rewards < 0.0
-        ended[rows] = made.ended
-        cut[rows] = ~made.ended & (self.squeezes[rows] > self.model.job.search.max_depth)
+        self.squeezes[rows] += sampled.rewards < 0.0
+        ended[rows] = sampled.ended
+        cut[rows] = ~sampled.ended & (self.squeezes[rows] > self.model.job.search.max_depth)
         return counts, rewards, ended, cut
 
 

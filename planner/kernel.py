@@ -58,8 +58,8 @@ def inlined_kernel(function: F) -> F:
     return _compiled(function, _nrt=False, forceinline=True)
 
 
-def _compiled(function: F, **own: bool) -> F:
-    options: Any = {"nogil": True, "error_model": "numpy", **own}
+def _compiled(function: F, **flags: bool) -> F:
+    options: Any = {"nogil": True, "error_model": "numpy", **flags}
     try:
         compiled = numba.njit(cache=True, **options)(function)
     except RuntimeError:  # numba found no place at all

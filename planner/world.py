@@ -77,13 +77,15 @@ class ContactWorld:
         Raises:
             ValueError: the pose is not three finite numbers.
         """
-        own = self._stated
-        off = np.array([0.0, own["across_mm"][0], 0.0])
+        traits = self._stated
+        off = np.array([0.0, traits["across_mm"][0], 0.0])
         pose = arguments.row(pose_hand, "pose_hand", 3)[None] - off
         # As evaluations ask: a world derived from this one may know of no traits.
-        rolled = self.squeeze_many(pose) if ordinary(own).all() else self.squeeze_many(pose, own)
+        rolled = (
+            self.squeeze_many(pose) if ordinary(traits).all() else self.squeeze_many(pose, traits)
+        )
         x, y, theta = rolled.poses[0] + off
-        width = float(read_as(rolled.width_mm, own)[0]) if rolled.width_mm[0] > 0.0 else 0.0
+        width = float(read_as(rolled.width_mm, traits)[0]) if rolled.width_mm[0] > 0.0 else 0.0
         return (float(x), float(y), float(theta)), max(width, 0.0), STATUS_NAMES[rolled.status[0]]
 
     def squeeze_many(self, poses_hand: Array, traits: Traits | None = None) -> RollOut:
@@ -103,10 +105,10 @@ class ContactWorld:
         Raises:
             ValueError: the pose is not three finite numbers, the jaws do not open so far, or the way is none.
         """
-        own, off = self._stated, np.array([0.0, self._stated["across_mm"][0], 0.0])
+        traits, off = self._stated, np.array([0.0, self._stated["across_mm"][0], 0.0])
         pose = arguments.row(pose_hand, "pose_hand", 3)[None] - off
         way = pose, np.array([opening_mm]), np.array([way_mm])
-        pushed = self.push_many(*way) if ordinary(own).all() else self.push_many(*way, own)
+        pushed = self.push_many(*way) if ordinary(traits).all() else self.push_many(*way, traits)
         x, y, theta = pushed[0] + off
         return float(x), float(y), float(theta)
 
@@ -175,7 +177,10 @@ class ContactWorlds(Worlds):
             return ContactWorld.of_simulator(self.simulators[0], stream)
         numbered = enumerate(self.simulators)
         return Assorted(
-            [ContactWorld.of_simulator(own, [*stream, number]) for number, own in numbered]
+            [
+                ContactWorld.of_simulator(simulator, [*stream, number])
+                for number, simulator in numbered
+            ]
         )
 
 
@@ -218,6 +223,6 @@ def load_world(name: str, job: Job, seed: int) -> World:
     """
     try:
         factory = find_factory(name)
-        return world_of(job, seed, lambda alone, own: make_world(factory, alone, own))
+        return world_of(job, seed, lambda alone, world_seed: make_world(factory, alone, world_seed))
     except WorldError as error:
         raise UsageError(f"--world {name}: {error}") from error

@@ -66,7 +66,7 @@ def stopped(body: Callable[[argparse.Namespace], int], arguments: argparse.Names
             return body(arguments)
     except KeyboardInterrupt as request:
         request.args = ("stopped by the operator while no part was being squeezed",)
-        raise StoppedError(command.told(request)) from None
+        raise StoppedError(command.sentence_of(request)) from None
 
 
 if __name__ == "__main__":

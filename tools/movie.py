@@ -78,8 +78,8 @@ def followed(table: Table, simulator: Simulator, pose: Array, squeezes: int) -> 
         return None
     x, y, angle = map(float, pose)
     off = min(
-        error_mm(table.goal, told, (x, y, angle))
-        for told in poses_of(table.goal, table.leaves[~target])
+        error_mm(table.goal, answered, (x, y, angle))
+        for answered in poses_of(table.goal, table.leaves[~target])
     )
     return Story(result, ~target, off)
 

@@ -170,8 +170,8 @@ class Records:
 
 
 @dataclass
-class Told:
-    """What one run came to, or many of them."""
+class Counts:
+    """What one run or many of them counted."""
 
     seed: int
     sums: Counter[str] = field(default_factory=Counter)  # of what `SUMMED` names
@@ -203,10 +203,10 @@ class Soak:
         return DEADLINE_FACTOR * expected_s(self.table, self.table.nodes[0]) + SQUEEZE_S
 
 
-def run(soak: Soak, seed: int, faults: Listed | None = None) -> Told:
+def run(soak: Soak, seed: int, faults: Listed | None = None) -> Counts:
     """One cell, until a part ends in a fault or all parts are done; `faults` instead of random ones."""
     plan = soak.plan(seed)
-    watch, records, told = Watch(), Records(soak.table, plan), Told(seed)
+    watch, records, counts = Watch(), Records(soak.table, plan), Counts(seed)
     faults = faults or (Seeded(seed) if soak.faults else None)
     watch.cell = cell = VirtualCell(soak.setting, seed, faults, watch.overheard)
     try:
@@ -215,62 +215,64 @@ def run(soak: Soak, seed: int, faults: Listed | None = None) -> Told:
         gripper.activate()
         arm = cell.arm()
     except (OSError, RuntimeError) as error:  # a fault met while connecting: nothing has moved
-        told.outcomes["not connected"] += 1
-        told.findings += [] if is_expected(error) else [f"connecting: {error!r}"]
-        told.met.update(cell.works.desk.met)
-        return told
+        counts.outcomes["not connected"] += 1
+        counts.findings += [] if is_expected(error) else [f"connecting: {error!r}"]
+        counts.met.update(cell.works.desk.met)
+        return counts
     pulse = Pulse(cell.clock)
     executor = Executor(soak.table, Cell(gripper, arm, cell.clock, records), pulse, plan)
     for _ in range(soak.parts):
-        if _run_part(soak, cell, executor, told) is Outcome.FAULT:
+        if _run_part(soak, cell, executor, counts) is Outcome.FAULT:
             break
-    if not soak.faults and (told.outcomes["fault"] or told.sums["crashes"]):
-        crashes = told.sums["crashes"]
-        told.findings.append(f"without faults: {told.outcomes['fault']} faults, {crashes} crashes")
+    if not soak.faults and (counts.outcomes["fault"] or counts.sums["crashes"]):
+        crashes = counts.sums["crashes"]
+        counts.findings.append(
+            f"without faults: {counts.outcomes['fault']} faults, {crashes} crashes"
+        )
     if pulse.longest_s > WATCHDOG_S:
-        told.findings.append(f"the watchdog was not fed for {pulse.longest_s:.0f} s")
-    told.silent_s = pulse.longest_s
-    told.met.update(cell.works.desk.met)
+        counts.findings.append(f"the watchdog was not fed for {pulse.longest_s:.0f} s")
+    counts.silent_s = pulse.longest_s
+    counts.met.update(cell.works.desk.met)
     watch.look_at_wrist()
-    told.wrist_deg = watch.wrist_deg
-    told.sums["transactions"] += link.transactions
-    told.sums["halts"] += bool(cell.works.arm.halted)
-    told.sums["simulated_s"] += cell.clock.now()
-    told.findings += watch.findings + records.findings
-    told.digest = records.digest.hexdigest()
-    return told
+    counts.wrist_deg = watch.wrist_deg
+    counts.sums["transactions"] += link.transactions
+    counts.sums["halts"] += bool(cell.works.arm.halted)
+    counts.sums["simulated_s"] += cell.clock.now()
+    counts.findings += watch.findings + records.findings
+    counts.digest = records.digest.hexdigest()
+    return counts
 
 
-def _run_part(soak: Soak, cell: VirtualCell, executor: Executor, told: Told) -> Outcome:
+def _run_part(soak: Soak, cell: VirtualCell, executor: Executor, counts: Counts) -> Outcome:
     """One part, added up and judged."""
     before = len(cell.works.desk.met)
     part = cell.scene.next_part()
     began = cell.clock.now()
     result = executor.run_part(part)
-    _count(soak.table, cell, result, told)
+    _count(soak.table, cell, result, counts)
     if cell.scene.truth().crashes and not MOVED & set(cell.works.desk.met[before:]):
-        told.findings.append(
+        counts.findings.append(
             f"part {part}: open fingers came down on a part that nothing had moved"
         )
-    told.findings += _judge(soak, part, result, cell.clock.now() - began)
+    counts.findings += _judge(soak, part, result, cell.clock.now() - began)
     return result.outcome
 
 
-def _count(table: Table, cell: VirtualCell, result: PartResult, told: Told) -> None:
+def _count(table: Table, cell: VirtualCell, result: PartResult, counts: Counts) -> None:
     """Add up a part; a leaf whose prediction is off too, and what the table predicts of it."""
     truth = cell.scene.truth()
-    told.sums.update(
+    counts.sums.update(
         parts=1,
         squeezes=len(result.steps),
         crashes=truth.crashes,
         delivered=result.delivery == "done",
     )
-    told.outcomes[result.outcome.value] += 1
-    told.last = result
+    counts.outcomes[result.outcome.value] += 1
+    counts.last = result
     if result.outcome is not Outcome.LEAF or math.isnan(truth.x_mm) or result.delivery is not None:
         return
-    told.sums["leaves_outside_goal"] += sight(table, cell.scene, result).within is False
-    told.sums["predicted_outside"] += 1.0 - table.leaves[result.leaf or 0].success_ppm / PPM
+    counts.sums["leaves_outside_goal"] += sight(table, cell.scene, result).within is False
+    counts.sums["predicted_outside"] += 1.0 - table.leaves[result.leaf or 0].success_ppm / PPM
 
 
 def _judge(soak: Soak, part: int, result: PartResult, seconds: float) -> list[str]:

@@ -110,9 +110,11 @@ class Arm(UprightArm):
     def _ask(self, code: int, numbers: tuple[str, ...] = (), budget_s: float = ANSWER_S) -> Reply:
         self._check_known()
         line = codec.command(code, *numbers)
-        told = repr(line.decode())
+        message = repr(line.decode())
         if self._setup.read_only and code not in codec.HARMLESS:
-            raise ReadOnlyError(f"a dry run was about to send {told} to the arm at {self.endpoint}")
+            raise ReadOnlyError(
+                f"a dry run was about to send {message} to the arm at {self.endpoint}"
+            )
         try:
             # After an interrupt the server may still be busy with the last command: it cannot listen before.
             reply = None
@@ -125,10 +127,10 @@ class Arm(UprightArm):
         except ProtocolError as error:
             raise self._lose(f"an answer that does not fit: {error}") from error
         if reply is None:
-            raise self._lose(f"{budget_s:.1f} s of silence after {told}")
+            raise self._lose(f"{budget_s:.1f} s of silence after {message}")
         self._owed = None
         if not reply.done:
-            raise ArmError(f"arm at {self.endpoint} refused {told} as a bad message")
+            raise ArmError(f"arm at {self.endpoint} refused {message} as a bad message")
         return reply
 
     def _await_reply(self, code: int, deadline: float) -> Reply | None:

@@ -137,10 +137,10 @@ class Arm(UprightArm):
 
     def _pointer(self) -> tuple[str | None, str | None]:
         """Module and routine that the program pointer is in; None: not told."""
-        told = next(
+        line = next(
             (state for state in self._states(POINTER) if state.get("_title") == "progpointer"), {}
         )
-        return told.get("modulemame") or told.get("modulename"), told.get(
+        return line.get("modulemame") or line.get("modulename"), line.get(
             "routinename"
         )  # RWS spells it so
 

@@ -84,7 +84,7 @@ def obstacle(
     if setup.area is not None:
         low, high = setup.area[:3], setup.area[3:]
         if not all(a <= value <= b for a, value, b in zip(low, target[:3], high, strict=True)):
-            return f"outside the work area {_told(low)} to {_told(high)} mm"
+            return f"outside the work area {_text(low)} to {_text(high)} mm"
     if setup.base is None:
         return ""
     to_base = compose(invert(setup.base), setup.work_object)
@@ -93,7 +93,7 @@ def obstacle(
     for number in range(points, 0, -1):
         tip = kinematics.between(start, target, number / points)
         if not reaches(compose(compose(to_base, tip), from_tool)):
-            return f"out of the arm's reach at {_told(tip[:3])} mm"
+            return f"out of the arm's reach at {_text(tip[:3])} mm"
     return ""
 
 
@@ -131,5 +131,5 @@ def _bearing(x_mm: float, y_mm: float, setup: Setup) -> float:
     return math.atan2(seen.y_mm, seen.x_mm)
 
 
-def _told(place: tuple[float, ...]) -> str:
+def _text(place: tuple[float, ...]) -> str:
     return "(" + ", ".join(f"{value:.1f}" for value in place) + ")"

@@ -205,8 +205,8 @@ class Rws:
 
     def _take(self, headers: http.client.HTTPMessage) -> bool:
         """Whether the controller asks for Digest, as RFC 7616 has it with MD5."""
-        for told in headers.get_all("WWW-Authenticate") or ():
-            scheme, _, rest = told.partition(" ")
+        for challenge in headers.get_all("WWW-Authenticate") or ():
+            scheme, _, rest = challenge.partition(" ")
             try:
                 given = parse_keqv_list(parse_http_list(rest)) if scheme.lower() == "digest" else {}
             except ValueError:  # garbled

@@ -46,9 +46,9 @@ class ArmContract:
     @pytest.fixture
     def rig(self) -> Iterator[ArmRig]:
         """The rig of one test."""
-        made = self.make()
-        yield made
-        made.close()
+        result = self.make()
+        yield result
+        result.close()
 
     def test_connecting_moves_nothing(self, rig: ArmRig) -> None:
         """And the arm tells where it stands."""

@@ -47,9 +47,9 @@ class GripperContract:
     @pytest.fixture
     def rig(self) -> Iterator[GripperRig]:
         """The rig of one test."""
-        made = self.make()
-        yield made
-        made.close()
+        result = self.make()
+        yield result
+        result.close()
 
     def test_connecting_reads_and_does_not_write(self, rig: GripperRig) -> None:
         """Nothing moves, and an inactive gripper stays so."""

@@ -9,7 +9,7 @@ from planner.arrays import Array, IntArray
 from planner.belief.particles import Belief, initial
 from planner.job.model import Job
 from planner.job.schema import Interval
-from planner.mechanics.surface import doubted_of
+from planner.mechanics.surface import latent_surfaces
 from planner.mechanics.traits import FRESH, SHAPES, Traits, as_planned, by_hypothesis
 from planner.part.outline import min_width
 
@@ -58,10 +58,10 @@ def hypotheses_of(job: Job, n: int, rng: np.random.Generator) -> Traits:
     return traits
 
 
-def _of_each(job: Job, traits: Traits, own: Callable[[Job, int], Traits]) -> Traits:
-    """The traits of parts whose hypotheses `traits` (n,) has; `own` makes those of n parts of one job."""
+def _of_each(job: Job, traits: Traits, traits_of_part: Callable[[Job, int], Traits]) -> Traits:
+    """Fills in `traits` (n,), which have hypotheses, with what `traits_of_part` draws for each part's job."""
     for k, rows in by_hypothesis(traits):
-        traits[rows] = own(job.alone[k], len(traits[rows]))
+        traits[rows] = traits_of_part(job.alone[k], len(traits[rows]))
         traits["hypothesis"][rows] = k
     return traits
 
@@ -83,7 +83,7 @@ def _draws(
     job: Job, rng: np.random.Generator
 ) -> list[tuple[str, float, Callable[[int], Array | IntArray]]]:
     """For each thing doubted: its trait, the middle that it has where it is not off, and how it is drawn."""
-    doubt, others, tolerance_mm = job.doubt, len(doubted_of(job)), job.part.tolerance_mm
+    doubt, others, tolerance_mm = job.doubt, len(latent_surfaces(job)), job.part.tolerance_mm
     low, high = sorted((max(doubt.least_dof, 1), job.pressure.wishart_dof))
     intervals = {
         "share": doubt.finger_share,

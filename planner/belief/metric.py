@@ -69,7 +69,7 @@ class Metric(NamedTuple):
         1 to add deviations up or 0 to take the largest; 1 / goal of x, y and theta; the period of theta; 1
         where a state of another hypothesis is none within the goal.
         """
-        return np.array([self._row(*own) for own in ((self.rho_mm, self.order), *self.further)])
+        return np.array([self._row(*scale) for scale in ((self.rho_mm, self.order), *self.further)])
 
     def _row(self, rho_mm: float, order: int) -> list[float]:
         period, kind = 2.0 * math.pi / order, float(self.identify)
@@ -162,11 +162,15 @@ def _hypothesis(states: Array) -> IntArray:
 def metric_of(job: Job) -> Metric:
     """The metric of a job's goal."""
     goal = job.goal
-    own = [(radius_of_gyration(alone.part.outline_mm), alone.part.symmetry) for alone in job.alone]
+    scales = [
+        (radius_of_gyration(alone.part.outline_mm), alone.part.symmetry) for alone in job.alone
+    ]
     tolerance = (*goal.tolerance_mm, math.radians(goal.tolerance_deg))
     modes = goal.modes if goal.kind == "modes" else 1
     identify = goal.identify is not False
-    return Metric(goal.distance_mm, *own[0], goal.kind, tolerance, modes, tuple(own[1:]), identify)
+    return Metric(
+        goal.distance_mm, *scales[0], goal.kind, tolerance, modes, tuple(scales[1:]), identify
+    )
 
 
 @inlined_kernel

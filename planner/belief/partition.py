@@ -113,9 +113,9 @@ def partition(poses: Array, counts: IntArray, rule: Rule) -> Partition:
 
 @kernel
 def candidates(
-    columns: Array, first: IntArray, counts: IntArray, m: int, weights: Array, found: Array
+    columns: Array, first: IntArray, counts: IntArray, m: int, weights: Array, poses: Array
 ) -> int:
-    """Poses that explain many particles of a count and those beside it, into `found` (c, .); returns c."""
+    """Poses that explain many particles of a count and those beside it, into `poses` (c, .); returns c."""
     n, width, c = first[m], columns.shape[0], 0
     mean, centre, inside = np.empty(width), np.empty(width), np.empty(n, np.bool_)
     for a in range(m):
@@ -134,7 +134,7 @@ def candidates(
                 if hits <= best:
                     break
                 best = hits
-                found[c] = centre
+                poses[c] = centre
                 centre[:] = mean
             c += 1
     return c
@@ -285,15 +285,15 @@ def intervals(columns: Array, weight: IntArray, costs: Costs, bounds: IntArray) 
 
 
 @kernel
-def mutually_apart(found: Array, weights: Array) -> BoolArray:
+def mutually_apart(poses: Array, weights: Array) -> BoolArray:
     """(c, c): whether no particle can be within the goal of both candidates."""
-    c = found.shape[0]
+    c = poses.shape[0]
     half = np.copy(weights)
     half[:, 1:4] *= 0.5
-    columns = np.ascontiguousarray(found.T)
+    columns = np.ascontiguousarray(poses.T)
     near = np.zeros((c, c), np.bool_)
     for a in range(c):
-        within(columns, 0, c, found[a], half, near[a])
+        within(columns, 0, c, poses[a], half, near[a])
     return ~near
 
 

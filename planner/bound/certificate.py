@@ -16,7 +16,7 @@ from planner.belief.metric import metric_of
 from planner.belief.observation import COUNTS, encoder_of
 from planner.belief.particles import Belief, subsample
 from planner.belief.transition import placing_of, read_as
-from planner.bound.histories import Histories, History, Squeeze
+from planner.bound.histories import Depths, Histories, History, Squeeze
 from planner.bound.lagrangian import Term, leaves_term, overall_term, worth_trying
 from planner.evaluation.trials import placement_of
 from planner.frames import to_hand, to_world
@@ -80,8 +80,8 @@ class Covered:
         proposed = self._actions.placements
         if len(pilots):
             proposed = self._actions.options(subsample(pilots, BELIEF).states, self._metric)
-        own = [placement_of(self._nodes[node].squeeze)[None]] if node >= 0 else []
-        return np.concatenate([proposed, self._more, *own])
+        planned = [placement_of(self._nodes[node].squeeze)[None]] if node >= 0 else []
+        return np.concatenate([proposed, self._more, *planned])
 
     def _after(self, history: History) -> Belief:
         """The pilots with a history, of which there may be none."""
@@ -203,7 +203,7 @@ def certify(
     placements = Covered(job, table, squeeze, dense)
     sample = believed(job, parts, rng)
     result = Histories(
-        squeeze, sample, metric_of(job), placements, TRIED, DEPTH, rng, workers, report
+        squeeze, sample, metric_of(job), placements, Depths(TRIED, DEPTH), rng, workers, report
     )
     predicted = table.predicted
     successes = round(predicted.success_ppm / PPM * predicted.trials)

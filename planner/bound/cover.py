@@ -59,11 +59,11 @@ def most_located(
 
 @kernel
 def _most_located(
-    poses: Array, start: IntArray, weights: Array, order: int, found: IntArray
+    poses: Array, start: IntArray, weights: Array, order: int, located: IntArray
 ) -> None:
-    """`most_located`, with `found` (k,) in place."""
-    largest, own = 1, weights[0]
-    for k in range(found.shape[0]):
+    """`most_located`, with `located` (k,) in place."""
+    largest, weights_of_part = 1, weights[0]
+    for k in range(located.shape[0]):
         largest = max(largest, start[k + 1] - start[k])
     local, column, stack, pose = (
         np.empty((largest, 3)),
@@ -71,19 +71,21 @@ def _most_located(
         np.empty((64, 7)),
         np.empty(3),
     )
-    turn = own[3] * 2.0 * np.pi / order
-    for k in range(found.shape[0]):
+    turn = weights_of_part[3] * 2.0 * np.pi / order
+    for k in range(located.shape[0]):
         group = poses[start[k] : start[k + 1]]
         n = group.shape[0]
         least = int(np.ceil(LEAST_SHARE * n))
-        found[k] = least - 1
-        if _localise(group, own, 2.0 * np.pi / order, least, local[:n], column[:n]) and _enclosed(
-            local[:n], column[:n], own, turn, least, stack[0]
-        ):
+        located[k] = least - 1
+        if _localise(
+            group, weights_of_part, 2.0 * np.pi / order, least, local[:n], column[:n]
+        ) and _enclosed(local[:n], column[:n], weights_of_part, turn, least, stack[0]):
             best = round(largest_mode(np.ascontiguousarray(group.T), n, weights, pose) * n)
-            found[k] = n
+            located[k] = n
             if best < n:
-                found[k] = _search(local[:n], own[0] > 0.0, turn, max(best, least - 1), stack)
+                located[k] = _search(
+                    local[:n], weights_of_part[0] > 0.0, turn, max(best, least - 1), stack
+                )
 
 
 @kernel

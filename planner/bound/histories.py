@@ -61,6 +61,13 @@ class Lying(NamedTuple):
         return rows, np.repeat(np.arange(len(histories)), size)
 
 
+class Depths(NamedTuple):
+    """How many squeezes histories have."""
+
+    tried: int  # up to which all placements are tried
+    most: int  # that any history has
+
+
 class Histories:
     """The histories of a sample, from none to those of so many squeezes; longer ones only where asked for."""
 
@@ -70,27 +77,26 @@ class Histories:
         parts: Belief,
         metric: Metric,
         placements: Placements,
-        depth: int,
-        deepest: int,
+        depths: Depths,
         rng: np.random.Generator,
         workers: int | None = 1,
         report: Report = silent,
     ) -> None:
-        """Tries all placements up to `depth` squeezes on parts (n,) at the start; none beyond `deepest`."""
+        """Tries placements on parts (n,) at the start, to the depths given."""
         self._squeeze, self._parts, self._metric, self._placements = (
             squeeze,
             parts,
             metric,
             placements,
         )
-        self._deepest, self._rng, self._workers, self._report = deepest, rng, workers, report
+        self._deepest, self._rng, self._workers, self._report = depths.most, rng, workers, report
         start, none = np.array([0, len(parts)]), np.zeros(0, np.int64)
         located = self._located(parts.poses, start)
         self.levels = [
             Level(np.diff(start), located, np.zeros(1, np.int64), np.full(1, -1), none, none)
         ]
         self._lying = [Lying(parts.poses, np.arange(len(parts)), start)]
-        for level in range(depth):
+        for level in range(depths.tried):
             self.extend(level, np.arange(len(self.levels[level].size)))
 
     def history(self, level: int, number: int) -> History:

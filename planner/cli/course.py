@@ -99,14 +99,14 @@ class _Course:
 
 
 def _lines(course: _Course, clock: Callable[[], float]) -> Report:
-    told = clock()
+    last = clock()
 
     def report(name: str, done: int, total: int, detail: str = "", /) -> None:
-        nonlocal told
+        nonlocal last
         course.heard(done, total)
-        if clock() - told < LINES_S:
+        if clock() - last < LINES_S:
             return
-        told = clock()
+        last = clock()
         share = f"{course.share:.0%} done, " if course.known else ""
         words = [f"{share}{name}", f"{course.seconds:.0f} s so far", course.left()]
         words += [detail] if detail else []

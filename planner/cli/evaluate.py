@@ -11,14 +11,13 @@ import numpy as np
 
 from planner.cli import course, shell
 from planner.errors import UsageError
-from planner.evaluation import leaves
+from planner.evaluation import foreign, leaves
 from planner.evaluation.cases import believed_cases, standard_cases
 from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.evaluate import evaluate, sweep, worst_of
 from planner.evaluation.outcome import Evaluation
 from planner.evaluation.ppm import Findings, Study, Sums, continued, copies_of, keep, resumed
 from planner.evaluation.shares import shares_of
-from planner.evaluation.strangers import family, strangers
 from planner.evaluation.trials import Program
 from planner.job.model import Job
 from planner.job.overrides import changes_of
@@ -70,9 +69,9 @@ def parser() -> Parser:
         help="how many of the worst errors to show (default: %(default)s)",
     )
     built.add_argument(
-        "--strangers",
+        "--foreign-parts",
         action="store_true",
-        help="also parts that do not belong there: each part a tenth smaller and larger, a disc, a rectangle",
+        help="also foreign parts: each part a tenth smaller and larger, a disc, a rectangle",
     )
     shell.add_scheduler(built)
     _add_rare(built.add_argument_group("wrong answers in parts per million"))
@@ -169,10 +168,14 @@ def _single(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Na
         )
         lines = sweep(table, job, cases, contact, min(fewer, BELIEVED_TRIALS), seed, scheduler)
         believed = worst_of(lines)
-        others = (*real.strangers, *(family(real) if arguments.strangers else ()))
-        strange = list(
-            strangers(table, real, others, evaluation, worlds, trials, seed, scheduler, cell)
-        )
+        others = real.foreign_parts
+        if arguments.foreign_parts:
+            others = (*others, *foreign.family(real))
+
+        def evaluated(part: Job) -> Evaluation:
+            return evaluate(table, part, worlds(part), trials, seed, scheduler, cell)
+
+        tried = list(foreign.tried(table, real, evaluation, others, evaluated))
     outcome, confused = leaves.reliability(table, evaluation), leaves.confusions(table, evaluation)
     known = leaves.identities(table, evaluation) if table.hypotheses else None
     mistakes = leaves.worst(table, evaluation, arguments.worst)
@@ -181,7 +184,7 @@ def _single(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Na
         **evaluation.summary(arguments.takt),
         "worst_believed": worst,
         **({"identities": known.figures()} if known else {}),
-        **({"strangers": [each.figures() for each in strange]} if strange else {}),
+        **({"foreign_parts": [each.figures() for each in tried]} if tried else {}),
         "reliability": outcome.figures(),
         "confusions": [row._asdict() for row in confused],
         "worst": [row.figures() for row in mistakes],
@@ -196,7 +199,7 @@ def _single(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Na
         ),
         *_overview(evaluation, _name_of_world(arguments), arguments.takt),
         *(_named(known) if known else ()),
-        *(line for each in strange for line in each.lines()),
+        *(line for each in tried for line in each.lines()),
         *_predictions(table, outcome),
         *_taken_for(confused),
         *_furthest(mistakes),
@@ -232,8 +235,8 @@ def _rare(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Name
 def _check_usage(arguments: argparse.Namespace) -> None:
     if arguments.ppm and arguments.sweep:
         raise UsageError("--ppm and --sweep are two studies; run one after the other")
-    if arguments.strangers and (arguments.ppm or arguments.sweep):
-        raise UsageError("--strangers come into one world; leave out --ppm and --sweep")
+    if arguments.foreign_parts and (arguments.ppm or arguments.sweep):
+        raise UsageError("--foreign-parts come into one world; leave out --ppm and --sweep")
     for name in ("until", "resume"):
         if getattr(arguments, name) is not None and not arguments.ppm:
             raise UsageError(f"--{name} is of --ppm; add it")
@@ -316,14 +319,14 @@ def _overview(evaluation: Evaluation, world: str, takt_s: float | None = None) -
     ]
 
 
-def _named(found: leaves.Identities) -> list[str]:
+def _named(identities: leaves.Identities) -> list[str]:
     """How often the right part was named, and which was named for which."""
-    figures = found.figures()
+    figures = identities.figures()
     message = f"of the parts that were named ({figures['named_rate']:.2%})"
-    lines = [f"{found.right:7.2%}  right, {message}"]
-    for truth, row in zip(found.names, found.named, strict=True):
+    lines = [f"{identities.right:7.2%}  right, {message}"]
+    for truth, row in zip(identities.names, identities.named, strict=True):
         wrong = (
-            (name, n) for name, n in zip(found.names, row, strict=False) if n and name != truth
+            (name, n) for name, n in zip(identities.names, row, strict=False) if n and name != truth
         )
         lines += [f"{n} of {row.sum()} {truth} were named {name}" for name, n in wrong]
     return _block("identity", lines)

@@ -141,7 +141,7 @@ def _try(arguments: argparse.Namespace) -> None:
     imported, notes = _imported(arguments)
     setting = _setting(arguments, imported)
     answers, rectangle = setting.answers, smallest_rectangle(imported.outline_mm)
-    told: dict[str, Any] = {
+    figures: dict[str, Any] = {
         "part": answers.name,
         "size_mm": [rectangle.length_mm, rectangle.width_mm],
         "turn_deg": rectangle.turn_deg,
@@ -149,7 +149,7 @@ def _try(arguments: argparse.Namespace) -> None:
     }
     if not arguments.json:
         print(f"{answers.name}: {rectangle.text()}, {len(imported.outline_mm)} vertices")
-        for line in told["assumed"]:
+        for line in figures["assumed"]:
             say(f"assumed: {line}")
     failures: list[str] = []
     spared = partial(shell.spared, notes=failures, debug=arguments.debug)
@@ -158,11 +158,11 @@ def _try(arguments: argparse.Namespace) -> None:
         text = draft(imported, arguments.drawing.name, answers)
         files = _files(arguments, text)
         write(files.job, text)
-        told["job"] = str(files.job)
+        figures["job"] = str(files.job)
         job = job_file.load(files.job)
-        told["alike"] = [result.line() for result in alike(job)]
+        figures["alike"] = [result.line() for result in alike(job)]
         if not arguments.json:
-            print("".join(f"note: {line}\n" for line in told["alike"]), end="", flush=True)
+            print("".join(f"note: {line}\n" for line in figures["alike"]), end="", flush=True)
         with shell.progress(arguments.json, course.of_time(arguments.budget or ANSWER_S)) as report:
             report("kernels", 0, 1)
             make(job, seed=0).squeeze((0.0, 0.0, 0.0))
@@ -176,8 +176,8 @@ def _try(arguments: argparse.Namespace) -> None:
         known = not getattr(error, "cut_short", False)
         reason = {"locatable": False if known else None, "verdict": "poor" if known else "unknown"}
         short = f"No: {error}." if known else f"Not known: {error}; give it a longer --budget."
-        figures = {**told, **reason, "reason": str(error)}
-        shell.answer(arguments.json, figures, "", f"{QUESTION} {short}")
+        refused = {**figures, **reason, "reason": str(error)}
+        shell.answer(arguments.json, refused, "", f"{QUESTION} {short}")
         return
     if not arguments.json:
         print("\n".join(["", *answer.lines()]), flush=True)
@@ -188,7 +188,7 @@ def _try(arguments: argparse.Namespace) -> None:
         canvas.save(files.picture, lambda: paper_figures.sequence(*shown))
         picture = files.picture
     seconds = time.monotonic() - started
-    told |= {
+    figures |= {
         "locatable": LOCATABLE[answer.short],
         "verdict": answer.short,
         "sentence": answer.verdict.sentence,
@@ -205,7 +205,7 @@ def _try(arguments: argparse.Namespace) -> None:
         "seconds": round(seconds, 1),
     }
     after = [f"note       {line}" for line in failures]
-    shell.answer(arguments.json, told, *after, *_next(files, picture, plan, seconds))
+    shell.answer(arguments.json, figures, *after, *_next(files, picture, plan, seconds))
 
 
 def _planned(job: Job, answer_s: float, patient: bool, report: Report) -> Plan:
@@ -307,7 +307,7 @@ def _setting(arguments: argparse.Namespace, imported: Imported) -> Setting:
     fingers = arguments.fingers or "rubber"
     pads = FINGERS[fingers]
     if arguments.fingers is None:
-        taken.append(f"{pads.told}, friction {pads.low:g} to {pads.high:g} (--fingers)")
+        taken.append(f"{pads.material}, friction {pads.low:g} to {pads.high:g} (--fingers)")
     turn = TURN_DEG if arguments.turn is None else arguments.turn
     if arguments.turn is None:
         taken.append(

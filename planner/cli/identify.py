@@ -134,13 +134,13 @@ def _from_motions(arguments: argparse.Namespace) -> None:
     measured = motions.Motions(beside.paths, rows[:, 4:] * [1.0, 1.0, math.pi / 180.0])
     part = Simulator.of_job(job, 1)
     fitted = motions.fit(measured, part, radius_mm)
-    own = motions.errors_mm(fitted, measured, part, radius_mm)
+    errors_mm = motions.errors_mm(fitted, measured, part, radius_mm)
     rng = np.random.default_rng(arguments.seed)
     unseen = motions.held_out_mm(measured, part, radius_mm, min(arguments.splits, MOST_SPLITS), rng)
     figures = {
         "pushes": len(rows),
         "friction": round(fitted.friction, 4),
-        "median_error_mm": round(float(np.median(own)), 3),
+        "median_error_mm": round(float(np.median(errors_mm)), 3),
         "held_out_error_mm": round(float(unseen.mean()), 3),
     }
     if arguments.output is not None:
@@ -150,7 +150,7 @@ def _from_motions(arguments: argparse.Namespace) -> None:
         arguments.json,
         {**figures, "written": [] if arguments.output is None else [str(arguments.output)]},
         f"{len(rows)} pushes: friction of the tip {fitted.friction:.3f}; median error "
-        f"{np.median(own):.2f} mm, {unseen.mean():.2f} mm on halves that were not fitted to",
+        f"{np.median(errors_mm):.2f} mm, {unseen.mean():.2f} mm on halves that were not fitted to",
         *([] if arguments.output is None else [f"wrote {arguments.output}: the ellipsoid"]),
     )
 
@@ -257,13 +257,13 @@ def _figures(result: Identified) -> dict[str, Any]:
 
 
 def _print(
-    data: Normalised, found: Sequence[Identified], best: Identified, arguments: argparse.Namespace
+    data: Normalised, fits: Sequence[Identified], best: Identified, arguments: argparse.Namespace
 ) -> None:
     pairs, against = len(data.F), int(((data.F * data.V).sum(axis=1) <= 0.0).sum())
     written = [str(path) for path in (arguments.output, arguments.figure) if path is not None]
     figures = {"pairs": pairs, "against_motion": against, "splits": arguments.splits}
     figures |= {
-        "surfaces": [_figures(each) for each in found],
+        "surfaces": [_figures(each) for each in fits],
         "best": best.kind,
         "written": written,
     }
@@ -274,7 +274,7 @@ def _print(
         f"{pairs} pushes, rho {arguments.rho_mm:g} mm, {friction}",
         f"held-out twist error over {arguments.splits} random splits, {train} pushes to fit each:",
     ]
-    for result in found:
+    for result in fits:
         errors = np.degrees(result.errors_rad)
         lines.append(
             f"  {result.kind:9} {errors.mean():5.1f} deg (standard deviation {errors.std():.1f}, from "

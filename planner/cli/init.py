@@ -94,7 +94,7 @@ def _init(arguments: argparse.Namespace) -> None:
         "size_mm": imported.size_mm.tolist(),
         "height_mm": answers.height_mm,
         "notes": imported.notes,
-        **({"faces": [_told(face) for face in faces]} if arguments.faces else {}),
+        **({"faces": [_figures_of(face) for face in faces]} if arguments.faces else {}),
     }
     missing = (
         "note: the part's thickness is not stated; state --thickness, or height_mm in the file"
@@ -122,7 +122,7 @@ def _faces(arguments: argparse.Namespace) -> list[Face]:
     return read_faces(arguments.outline, shell.drawing_of(arguments), tips_height_mm)
 
 
-def _told(face: Face) -> dict[str, object]:
+def _figures_of(face: Face) -> dict[str, object]:
     return {
         "share": round(face.share, 6),
         "down": face.down,
@@ -137,7 +137,7 @@ def _show_faces(faces: list[Face]) -> None:
     for place, face in enumerate(faces, start=1):
         width, height = face.imported.size_mm
         print(
-            f"face {place}: {face.share:.1%} of the parts, {face.down_told} of the solid down; "
+            f"face {place}: {face.share:.1%} of the parts, {face.down_text} of the solid down; "
             f"{width:.3f} x {height:.3f} mm, {face.imported.height_mm:.4g} mm high"
         )
         for note in face.imported.notes:

@@ -76,13 +76,13 @@ def paths(rows: Array, centroid: Array) -> Paths:
     return Paths(fingers, rows[:, 4:6] - centroid, np.radians(rows[:, 6]), rows[:, 8:10].copy())
 
 
-def check_clear(made: Paths, outline: Array, where: Path) -> None:
+def check_clear(paths: Paths, outline: Array, where: Path) -> None:
     """Refuses fingers that start inside the part.
 
     Raises:
         ValueRangeError: names the push and says how deep the finger would stand.
     """
-    part, fingers = shapely.Polygon(outline), shapely.points(made.points)  # (n, 2)
+    part, fingers = shapely.Polygon(outline), shapely.points(paths.points)  # (n, 2)
     depth = np.where(shapely.contains(part, fingers), shapely.distance(part.exterior, fingers), 0.0)
     if depth.max(initial=0.0) > DEEPEST_MM:
         number, finger = np.unravel_index(int(np.argmax(depth)), depth.shape)
@@ -96,17 +96,17 @@ def check_clear(made: Paths, outline: Array, where: Path) -> None:
 def drawn(
     simulator: Simulator,
     job: Job,
-    made: Paths,
+    paths: Paths,
     radius_mm: float,
     draws: int,
     rng: np.random.Generator,
 ) -> Drawn:
     """Pushes with `draws` parts each, drawn as the job believes in them: its scatter, friction and doubts."""
-    n, given_up = len(made.angles), 0
+    n, given_up = len(paths.angles), 0
     bounds, some = np.empty((n, 3, 2)), max(AT_ONCE // draws, 1)
     for start in range(0, n, some):
         rows = np.arange(start, min(start + some, n))
-        many = Paths(*(np.repeat(values[rows], draws, axis=0) for values in made))
+        many = Paths(*(np.repeat(values[rows], draws, axis=0) for values in paths))
         count = len(rows) * draws
         pushed = simulator.push(
             many, simulator.sample(count, rng, traits_of(job, count, rng)), radius_mm

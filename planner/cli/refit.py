@@ -114,12 +114,12 @@ def _refit(arguments: argparse.Namespace) -> None:
             "its text cannot be edited; write each section once", where=str(arguments.job)
         )
     write(arguments.output, learned)
-    told, (wrong, rejected) = findings(result, cells), tried
+    learned_of_each, (wrong, rejected) = findings(result, cells), tried
     figures = {
         "parts": seen.parts,
         "squeezes": int(seen.readings.sum()),
         "audited": len(seen.leaves),
-        "findings": [finding._asdict() for finding in told],
+        "findings": [finding._asdict() for finding in learned_of_each],
         "changes": changed,
         "wrong_rate_as_learned": wrong,
         "reject_rate_as_learned": rejected,
@@ -131,7 +131,7 @@ def _refit(arguments: argparse.Namespace) -> None:
         f"{seen.parts} parts, {seen.readings.sum()} squeezes, {len(seen.leaves)} audited; 90 % intervals:",
         *(
             f"  {finding.sentence}"
-            for finding in sorted(told, key=lambda finding: not finding.told)
+            for finding in sorted(learned_of_each, key=lambda finding: not finding.learned)
         ),
         f"in such a cell this table answers {100 * wrong:.1f} % wrongly and rejects {100 * rejected:.1f} %",
         *(f"  cell.{key} = {value:g}" for key, value in cell.items()),
@@ -146,8 +146,8 @@ def _parts(arguments: argparse.Namespace, job: Job) -> tuple[TableFile, list[Par
         InputFileError: a journal or an audit cannot be used.
     """
     loaded = run_log.table_of(arguments.journal[0])
-    told = loaded.table.job
-    if job_file.from_canonical(told) != job if told else loaded.table.job_digest != job.digest():
+    text = loaded.table.job
+    if job_file.from_canonical(text) != job if text else loaded.table.job_digest != job.digest():
         problem = f"is of a table of another job than {arguments.job}; name the job that it was compiled from"
         raise InputFileError(problem, where=str(arguments.journal[0]))
     runs = [run_log.read(path, loaded.digest) for path in arguments.journal]
@@ -216,11 +216,11 @@ def timed(parts: Sequence[PartLog]) -> list[Timed]:
 
 
 def _preview(
-    cells: Cells, found: Posterior, seed: int, scheduler: Scheduler
+    cells: Cells, posterior: Posterior, seed: int, scheduler: Scheduler
 ) -> tuple[float, float]:
     """Shares of wrong and of rejected parts that the table gives in the cell, as it was learned."""
     number, parts = PREVIEW
-    jobs = [(cells, point, parts, seed + k) for k, point in enumerate(found.cells[:number])]
+    jobs = [(cells, point, parts, seed + k) for k, point in enumerate(posterior.cells[:number])]
     tried = list(scheduler.map(_run, jobs))
     return float(np.mean([t.wrong for t in tried])), float(np.mean([t.rejected for t in tried]))
 

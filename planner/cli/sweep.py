@@ -129,10 +129,10 @@ def outcomes(
 def _of_job(number: int, jobs: int, report: Report) -> Report:
     """Tells of the stages of one of several jobs; what is done are the jobs before it."""
 
-    def told(stage: str, _done: int, _total: int, detail: str = "", /) -> None:
+    def report_stage(stage: str, _done: int, _total: int, detail: str = "", /) -> None:
         report(f"job {number} of {jobs}: {stage}", number - 1, jobs, detail)
 
-    return told
+    return report_stage
 
 
 def compiled(settings: Settings, order: Order, report: Report | None = None) -> Outcome:

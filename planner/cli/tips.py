@@ -57,7 +57,7 @@ def paths(rows: Array, centroid: Array) -> Paths:
     return Paths(centres[:, None], centres, np.zeros(len(rows)), rows[:, 2:].copy())
 
 
-def beside(made: Paths, radius_mm: float, outline: Array, where: Path) -> Beside:
+def beside(paths: Paths, radius_mm: float, outline: Array, where: Path) -> Beside:
     """Pushers of round tips, each moved whole by the shortest way that frees its deepest tip of the part.
 
     Raises:
@@ -65,7 +65,7 @@ def beside(made: Paths, radius_mm: float, outline: Array, where: Path) -> Beside
     """
     part = shapely.Polygon(outline)
     edge = part.buffer(radius_mm, quad_segs=ARCS).boundary
-    points, overlap = made.points.copy(), np.zeros(len(made.points))
+    points, overlap = paths.points.copy(), np.zeros(len(paths.points))
     for round_ in range(ROUNDS):
         centres = shapely.points(points)  # (n, K)
         away = shapely.distance(part.exterior, centres)
@@ -77,8 +77,8 @@ def beside(made: Paths, radius_mm: float, outline: Array, where: Path) -> Beside
             _check_depth(overlap, radius_mm, where)
         rows = np.flatnonzero(most > CLEAR_MM)
         if not len(rows):
-            shift = points[:, 0] - made.points[:, 0]
-            return Beside(made._replace(points=points, centres=made.centres + shift), overlap)
+            shift = points[:, 0] - paths.points[:, 0]
+            return Beside(paths._replace(points=points, centres=paths.centres + shift), overlap)
         tips = points[rows, deepest[rows]]
         nearest = shapely.line_interpolate_point(
             edge, shapely.line_locate_point(edge, shapely.points(tips))

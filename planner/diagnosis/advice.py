@@ -64,7 +64,7 @@ def gains_without_noise(
     return [*sorted(gains[:-1], key=lambda gain: -gain.gain), gains[-1]]
 
 
-def _noise_told(gains: Sequence[Gain]) -> list[str]:
+def _noise_lines(gains: Sequence[Gain]) -> list[str]:
     """For people: which sources of noise limit the plan, and what stays without any."""
     if not gains:
         return []
@@ -145,7 +145,7 @@ class Advice(NamedTuple):
             lines.append(
                 f"{self.at_depth_limit:.2%} end unresolved at max_depth of [search]: raise it"
             )
-        return lines + _noise_told(self.gains)
+        return lines + _noise_lines(self.gains)
 
 
 def advise(

@@ -31,7 +31,7 @@ APART = 3.0  # so many times the goal, and poses differ; nearer ones scatter abo
 SEED_AMBIGUITY = 0x414D4249
 LATE = 3  # squeezes after which most parts should be located
 LEAST_LATE = 0.02  # share of the parts that a late node must hold to be told
-MOST_TOLD = 2  # poses of it
+MOST_SHOWN = 2  # poses of it
 
 
 class Separator(NamedTuple):
@@ -110,19 +110,25 @@ class Delay(NamedTuple):
     """A node whose parts take one squeeze more."""
 
     node: int  # its index in the table
-    made: int  # squeezes before it
+    squeezes: int  # squeezes before it
     share: float  # of all parts that come to it
     where: Whereabouts  # the poses of these parts
 
     def figures(self) -> dict[str, Any]:
         """For JSON."""
-        return {"node": self.node, "made": self.made, "share": self.share, **self.where.figures()}
+        return {
+            "node": self.node,
+            "squeezes": self.squeezes,
+            "share": self.share,
+            **self.where.figures(),
+        }
 
     def line(self) -> str:
         """For people."""
         poses, shares, scatter = self.where
-        named = Whereabouts(poses[:MOST_TOLD], shares[:MOST_TOLD]).text(0)
-        text = f"node {self.node}: after {self.made} squeezes {self.share:.1%} of the parts lie at {named}"
+        named = Whereabouts(poses[:MOST_SHOWN], shares[:MOST_SHOWN]).text(0)
+        text = f"node {self.node}: after {self.squeezes} squeezes "
+        text += f"{self.share:.1%} of the parts lie at {named}"
         return (
             text + f", nearly all others within {scatter:.1f} times the goal" if scatter else text
         )

@@ -53,7 +53,7 @@ class Disturbance:
 NONE = Disturbance()  # a cell as the plan believes it to be
 
 
-def as_doubted(job: Job) -> Disturbance:
+def with_doubts(job: Job) -> Disturbance:
     """A cell in which whatever the job doubts may be off."""
     return Disturbance(
         placement_mm=job.doubt.placement_mm, placement_deg=job.doubt.placement_deg, believed=True

@@ -33,8 +33,10 @@ def expected(
         yield {"name": case.name, "readings": lines}
 
 
-def readings(found: Evaluation, nodes: int, of: BoolArray | None = None) -> IntArray:
+def readings(evaluation: Evaluation, nodes: int, of: BoolArray | None = None) -> IntArray:
     """How often each count was read at each node, (nodes, 256); of some of the trials (n,), or of all."""
-    made = (found.path >= 0) & (True if of is None else of[:, None])
-    totals = np.bincount(256 * found.path[made] + found.counts[made], minlength=256 * nodes)
+    squeezed = (evaluation.path >= 0) & (True if of is None else of[:, None])
+    totals = np.bincount(
+        256 * evaluation.path[squeezed] + evaluation.counts[squeezed], minlength=256 * nodes
+    )
     return np.asarray(totals.reshape(nodes, 256), np.int64)

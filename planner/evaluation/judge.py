@@ -34,7 +34,9 @@ def metric_of_table(table: Table) -> Metric:
         kind=goal.kind,
         tolerance=(x / 1e3, y / 1e3, theta / 1e6),
         modes=goal.modes,
-        further=tuple((own.rho_um / 1e3, own.symmetry) for own in table.hypotheses[1:]),
+        further=tuple(
+            (hypothesis.rho_um / 1e3, hypothesis.symmetry) for hypothesis in table.hypotheses[1:]
+        ),
         identify=goal.identify,
     )
 

@@ -147,7 +147,7 @@ def identities(table: Table, evaluation: Evaluation) -> Identities:
     said = np.where(evaluation.resolved, said, number)
     named = np.zeros((number, number + 1), np.int64)
     np.add.at(named, (evaluation.traits["hypothesis"], said), 1)
-    return Identities(tuple(own.name for own in table.hypotheses), named)
+    return Identities(tuple(hypothesis.name for hypothesis in table.hypotheses), named)
 
 
 def nearest_leaf(table: Table, poses: Array) -> IntArray:

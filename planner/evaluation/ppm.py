@@ -163,8 +163,8 @@ class Study:
             squeezes += float(weight.sum())
             rejected += float(weight[after.target == DISMISSED].sum())
             ended = (after.target < 0) & (after.target != DISMISSED)
-            told = after.released[ended], after.counts[ended]
-            ends.append((part[ended], ~after.target[ended], weight[ended], *told))
+            record = after.released[ended], after.counts[ended]
+            ends.append((part[ended], ~after.target[ended], weight[ended], *record))
             on = after.target >= 0
             times = self.copies[after.target[on]] // self.copies[node[on]]
             part, node = np.repeat(part[on], times), np.repeat(after.target[on], times)
@@ -172,8 +172,11 @@ class Study:
         part, leaf, weight, poses, counts = (
             np.concatenate(column) for column in zip(*ends, strict=True)
         )
-        resolved, own = np.array([known.resolved for known in program.table.leaves]), traits[part]
-        states = with_hypothesis(poses - self.disturbance.bias, own)
+        resolved, latent = (
+            np.array([known.resolved for known in program.table.leaves]),
+            traits[part],
+        )
+        states = with_hypothesis(poses - self.disturbance.bias, latent)
         wrong = resolved[leaf] & ~judge(program.table, leaf, states).within
         sums = Sums(
             parts=parts,
@@ -184,7 +187,9 @@ class Study:
             crashed=crashed,
             squeezes=squeezes,
         )
-        return sums, Wrong(leaf[wrong], poses[wrong], counts[wrong], hypothesis_alone(own[wrong]))
+        return sums, Wrong(
+            leaf[wrong], poses[wrong], counts[wrong], hypothesis_alone(latent[wrong])
+        )
 
 
 def _sum(group: IntArray, weight: Array, groups: int) -> Array:

@@ -59,15 +59,15 @@ class _Paths:
         return result
 
     def _time(self, key: list[int], *, first: bool) -> float:
-        came, made, after = self._squeezed(key[:3]), self._squeezed(key[3:6]), key[6]
-        if came is None or made is None:
+        came, current, after = self._squeezed(key[:3]), self._squeezed(key[3:6]), key[6]
+        if came is None or current is None:
             return 0.0
         node = None if after < 0 else after
         _, stands, jaws_s = self.schedule.squeeze(
-            came, None, None if first else made.node, first=True
+            came, None, None if first else current.node, first=True
         )
         phases, *_ = self.schedule.squeeze(
-            made, stands, node, 0.0 if first else jaws_s, first=first
+            current, stands, node, 0.0 if first else jaws_s, first=first
         )
         return phases.total_s
 

@@ -202,7 +202,7 @@ def replayed(program: Program, before: Evaluation, bias: Array) -> tuple[Evaluat
 
 def finish(
     program: Program,
-    found: Evaluation,
+    evaluation: Evaluation,
     node: IntArray,
     job: Job,
     world: World,
@@ -213,28 +213,28 @@ def finish(
 
     Args:
         program: the table.
-        found: the trials so far, modified in place.
+        evaluation: the trials so far, modified in place.
         node: (n,) the node that each part is at, negative where its trial has ended; likewise.
         job: as for `run`, like the rest.
         world: squeezes the parts.
         rng: of the encoder's noise and the arm's errors.
         disturbance: errors of the cell.
     """
-    encoder, own = encoder_of(job), found.traits
-    found.poses[:] += disturbance.bias
+    encoder, traits = encoder_of(job), evaluation.traits
+    evaluation.poses[:] += disturbance.bias
     while len(members := np.flatnonzero(node >= 0)):
-        at, lying = node[members], found.poses[members]
-        arrived = come_down(program, at, lying, world, job, own[members], disturbance, rng)
-        found.poses[members], placement, stopped = arrived
-        found.leaf[members[stopped]], node[members[stopped]] = CRASHED, NOWHERE
+        at, lying = node[members], evaluation.poses[members]
+        arrived = come_down(program, at, lying, world, job, traits[members], disturbance, rng)
+        evaluation.poses[members], placement, stopped = arrived
+        evaluation.leaf[members[stopped]], node[members[stopped]] = CRASHED, NOWHERE
         members, placement = members[~stopped], placement[~stopped]
         if not len(members):
             break
-        at, lying = node[members], found.poses[members]
-        after = step(program, at, lying, placement, world, encoder, rng, own[members])
-        found.poses[members] = after.released
-        _note(program, found, node, members, after.reading)
-    found.poses[:] -= disturbance.bias
+        at, lying = node[members], evaluation.poses[members]
+        after = step(program, at, lying, placement, world, encoder, rng, traits[members])
+        evaluation.poses[members] = after.released
+        _note(program, evaluation, node, members, after.reading)
+    evaluation.poses[:] -= disturbance.bias
 
 
 def _nowhere(program: Program, trials: int) -> IntArray:
@@ -243,19 +243,19 @@ def _nowhere(program: Program, trials: int) -> IntArray:
 
 
 def _note(
-    program: Program, found: Evaluation, node: IntArray, members: IntArray, reading: IntArray
+    program: Program, evaluation: Evaluation, node: IntArray, members: IntArray, reading: IntArray
 ) -> None:
     """Notes what was read at the nodes of some trials, and sends these on."""
     at = node[members]
-    row, target = (members, found.squeezes[members]), program.target[at, reading]
-    found.path[row], found.reading[row], found.branch[row] = (
+    row, target = (members, evaluation.squeezes[members]), program.target[at, reading]
+    evaluation.path[row], evaluation.reading[row], evaluation.branch[row] = (
         at,
         reading,
         program.branch[at, reading],
     )
-    found.squeezes[members] += 1
+    evaluation.squeezes[members] += 1
     leaf = np.where(target == DISMISSED, REJECTED, ~target)
-    found.leaf[members] = np.where(target < 0, leaf, RUNNING)
+    evaluation.leaf[members] = np.where(target < 0, leaf, RUNNING)
     node[members] = np.maximum(target, NOWHERE)
 
 

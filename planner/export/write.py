@@ -114,11 +114,11 @@ UNKNOWN = -1  # success of a leaf without trials
 LONGEST_TEXT = 60  # of the table's own, in comments
 
 
-def write(found: TableFile, form: str, path: Path, prefix: str = PREFIX) -> dict[str, int]:
+def write(file: TableFile, form: str, path: Path, prefix: str = PREFIX) -> dict[str, int]:
     """Write a table in one of `FORMS`, and its vectors, into a new or an empty folder.
 
     Args:
-        found: the table.
+        file: the table.
         form: one of `FORMS`.
         path: the folder.
         prefix: begins the name of each file that a program includes, and all names that it defines.
@@ -129,9 +129,9 @@ def write(found: TableFile, form: str, path: Path, prefix: str = PREFIX) -> dict
     Raises:
         OutputError: the folder holds files or cannot be written; nothing of the export is left there.
     """
-    rows = (VECTOR, *vectors(found.table))
+    rows = (VECTOR, *vectors(file.table))
     texts = {VECTORS: "".join(",".join(map(str, row)) + "\n" for row in rows)}
-    texts |= {name.replace(PREFIX, prefix): _text(name, found, prefix) for name in FORMS[form]}
+    texts |= {name.replace(PREFIX, prefix): _text(name, file, prefix) for name in FORMS[form]}
     new = [place for place in (path, *path.parents) if not place.exists()]
     folder(path)
     try:
@@ -150,28 +150,28 @@ def write(found: TableFile, form: str, path: Path, prefix: str = PREFIX) -> dict
             write_text(path / name, text)
             written.append(path / name)
     except BaseException:
-        for file in written:
-            file.unlink(missing_ok=True)
+        for place in written:
+            place.unlink(missing_ok=True)
         with suppress(OSError):
-            for place in new:
-                place.rmdir()
+            for parent in new:
+                parent.rmdir()
         raise
-    return {file.name: file.stat().st_size for file in written}
+    return {place.name: place.stat().st_size for place in written}
 
 
-def _text(name: str, found: TableFile, prefix: str = PREFIX) -> str:
+def _text(name: str, file: TableFile, prefix: str = PREFIX) -> str:
     if name == "squeezetree_table.json":
-        return json.dumps(_document(found), indent=1) + "\n"
-    return _templates().get_template(name).render(_values(found), prefix=prefix)
+        return json.dumps(_document(file), indent=1) + "\n"
+    return _templates().get_template(name).render(_values(file), prefix=prefix)
 
 
-def _document(found: TableFile) -> dict[str, Any]:
+def _document(file: TableFile) -> dict[str, Any]:
     """All of a table as one JSON object but for the job, under the names of `TABLE.md`, with the runs."""
-    table, maps = found.table, maps_of(found.table)
+    table, maps = file.table, maps_of(file.table)
     return {
         "format": "squeezetree table",
         "version": JSON_VERSION,
-        "table_sha256": found.digest,
+        "table_sha256": file.digest,
         "tool": table.tool,
         "job_digest": table.job_digest.hex(),
         "gripper": asdict(table.gripper),
@@ -196,14 +196,14 @@ def _of_one_part(record: dict[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in record.items() if key not in OF_SEVERAL}
 
 
-def _values(found: TableFile) -> dict[str, Any]:
+def _values(file: TableFile) -> dict[str, Any]:
     """What the templates of programs fill in: names and columns of integers, all within 32 bits."""
-    table = found.table
+    table = file.table
     nodes, runs, leaves, alternatives = list[Row](), list[Row](), list[Row](), list[Row]()
     for node, decided in zip(table.nodes, maps_of(table), strict=True):
-        own = runs_of(decided)
-        nodes.append((*node.squeeze[:6], *drag_of(node), len(runs), len(own)))
-        for flag, first, last, branch in own:
+        intervals = runs_of(decided)
+        nodes.append((*node.squeeze[:6], *drag_of(node), len(runs), len(intervals)))
+        for flag, first, last, branch in intervals:
             held, target = int(holds(node, branch)), node.branches[branch].target
             runs.append((flag, first, last, held, target))
     for leaf in table.leaves:
@@ -215,7 +215,7 @@ def _values(found: TableFile) -> dict[str, Any]:
         "tool": _plain(table.tool),
         "gripper": table.gripper,
         "model": _plain(table.gripper.model),
-        "digest": found.digest,
+        "digest": file.digest,
         "limits": table.limits,
         "nodes": nodes,
         "runs": runs,
@@ -231,7 +231,7 @@ def _plain(text: str) -> str:
 
 @cache
 def _templates() -> Environment:
-    made = Environment(
+    environment = Environment(
         loader=PackageLoader("planner.export", "templates"),
         autoescape=False,
         undefined=StrictUndefined,
@@ -239,8 +239,8 @@ def _templates() -> Environment:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    made.filters["numbers"] = lambda row: ", ".join(map(str, row))
-    made.filters["wrapped"] = lambda column: textwrap.fill(
+    environment.filters["numbers"] = lambda row: ", ".join(map(str, row))
+    environment.filters["wrapped"] = lambda column: textwrap.fill(
         ", ".join(map(str, column)), WIDTH, initial_indent=" " * 8, subsequent_indent=" " * 8
     )
-    return made
+    return environment

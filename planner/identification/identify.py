@@ -135,12 +135,12 @@ def identify(
     results = []
     for kind in kinds:
         fitted = fit(data, rho_mm, kind, np.random.default_rng(seed), friction_n)
-        own = np.average(angles(predict(fitted.surface, data.F), data.V), weights=data.weights)
+        residual = np.average(angles(predict(fitted.surface, data.F), data.V), weights=data.weights)
         length = np.linalg.norm(predicted[kind], axis=1, keepdims=True)
         mean = np.divide(
             predicted[kind], length, out=np.full((count, 3), np.nan), where=length > 0.0
         )
-        results.append(Identified(kind, fitted, errors[kind], mean, float(own)))
+        results.append(Identified(kind, fitted, errors[kind], mean, float(residual)))
     return results
 
 

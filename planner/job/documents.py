@@ -144,16 +144,16 @@ def changed(document: Mapping[str, Any], changes: Mapping[str, Any], where: str)
             check_names([name], (*FIELDS, *TOP_LEVEL) if is_section else TOP_LEVEL, "")
         except JobError as error:
             raise error.at(where) from None
-        if is_section and hypotheses.KEY in result and name in hypotheses.OWN:
+        if is_section and hypotheses.KEY in result and name in hypotheses.SECTIONS:
             if name == "part":
                 problem = "is not one for all; change each [[hypothesis]]"
                 raise ValueRangeError(problem, where=where, section="part")
             entries = result[hypotheses.KEY]
-            own = [
+            changed_entries = [
                 {**entry, name: _with_values(entry.get(name, {}), name, values)}
                 for entry in entries
             ]
-            result[hypotheses.KEY] = own
+            result[hypotheses.KEY] = changed_entries
         table = result.get(name, {})
         if is_section and not isinstance(table, dict):
             raise UsageError(

@@ -59,7 +59,7 @@ class Fingers(NamedTuple):
 
     low: float
     high: float
-    told: str
+    material: str
 
 
 FINGERS = {
@@ -135,7 +135,7 @@ def _face(number: int, face: Face, name: str) -> dict[str, object]:
     return {
         "name": f"{name}, face {number}",
         "share": round(face.share, 9),
-        "down": face.down_told,
+        "down": face.down_text,
         "height": round(face.imported.height_mm, DECIMALS),
         **_shape(face.imported),
     }

@@ -189,14 +189,14 @@ def read_section(table: Any, fields: Mapping[str, Field], section: str) -> dict[
     return {key: _read_field(table, key, field, section) for key, field in fields.items()}
 
 
-def check_names(found: Iterable[str], valid: Iterable[str], section: str) -> None:
+def check_names(names: Iterable[str], valid: Iterable[str], section: str) -> None:
     """Refuses the first name that is not valid, with the nearest valid one.
 
     Raises:
         KeyNameError: a name is not known.
     """
     valid = tuple(valid)
-    for name in found:
+    for name in names:
         if name not in valid:
             advice = _meant(name, valid) or f"; valid are {', '.join(valid)}"
             what = "key" if section else "key or section"

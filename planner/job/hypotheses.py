@@ -21,8 +21,8 @@ from planner.errors import FitError, JobError, KeyNameError, ValueRangeError
 from planner.job.fields import Field, Number, Text, read_section
 from planner.part import symmetry
 
-KEY, STRANGER = "hypothesis", "stranger"
-OWN = ("part", "pressure", "friction")  # sections that a hypothesis has for itself
+KEY, FOREIGN = "hypothesis", "stranger"
+SECTIONS = ("part", "pressure", "friction")  # sections that a hypothesis has for itself
 MOST = 16
 TURNED_OVER = "turned over"  # added to the name of a part that lies on its other face
 TURN = np.array(
@@ -41,7 +41,7 @@ def stated(document: Mapping[str, Any]) -> list[tuple[float, dict[str, Any]]]:
     Raises:
         JobError: an entry is not one, or the shares do not add up.
     """
-    common = {key: value for key, value in document.items() if key not in (KEY, STRANGER)}
+    common = {key: value for key, value in document.items() if key not in (KEY, FOREIGN)}
     if KEY not in document:
         return [(1.0, common)]
     if "part" in document:
@@ -59,18 +59,18 @@ def stated(document: Mapping[str, Any]) -> list[tuple[float, dict[str, Any]]]:
     return [(share, alone) for share, (_, alone) in zip(shares, result, strict=True)]
 
 
-def strangers(document: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """The document of each stranger that a job's document names.
+def foreign(document: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The document of each foreign part that a job's document names.
 
     Raises:
         JobError: an entry is not one.
     """
-    common = {key: value for key, value in document.items() if key not in (KEY, STRANGER, "part")}
-    result = _entries(STRANGER, 1, document[STRANGER], common) if STRANGER in document else []
+    common = {key: value for key, value in document.items() if key not in (KEY, FOREIGN, "part")}
+    result = _entries(FOREIGN, 1, document[FOREIGN], common) if FOREIGN in document else []
     for number, (share, _) in enumerate(result, start=1):
         if share is not None:
             problem = "no plan is made for it, so it has no share; drop the key"
-            raise KeyNameError(problem, section=f"{STRANGER} {number}", key="share")
+            raise KeyNameError(problem, section=f"{FOREIGN} {number}", key="share")
     return [alone for _, alone in result]
 
 
@@ -129,9 +129,11 @@ def _entry(
 ) -> tuple[float | None, dict[str, Any]]:
     if not isinstance(entry, dict):
         raise ValueRangeError("must be a section of keys and values", section=where)
-    own = {section: entry[section] for section in OWN if section in entry}
-    values = read_section({name: entry[name] for name in entry if name not in OWN}, _FIELDS, where)
-    part = own.get("part")
+    sections = {section: entry[section] for section in SECTIONS if section in entry}
+    values = read_section(
+        {name: entry[name] for name in entry if name not in SECTIONS}, _FIELDS, where
+    )
+    part = sections.get("part")
     if not isinstance(part, dict):
         raise KeyNameError(f"missing section part; add [{key}.part]", section=where)
     if values["name"] is not None:
@@ -139,19 +141,19 @@ def _entry(
             raise ValueRangeError(
                 "differs from the name of its part; keep one", section=where, key="name"
             )
-        own["part"] = {**part, "name": values["name"]}
-    if "friction" not in {**common, **own}:
+        sections["part"] = {**part, "name": values["name"]}
+    if "friction" not in {**common, **sections}:
         raise KeyNameError(
             f"missing section friction; add [{key}.friction], or [friction] for all", section=where
         )
-    return values["share"], {**common, **own}
+    return values["share"], {**common, **sections}
 
 
 def named(document: Mapping[str, Any], key: str, number: int, error: JobError) -> JobError:
     """An error in an entry of a document, told with its number; one in what all have in common stays."""
     if key not in document:
         return error
-    if error.section in OWN and error.section in document[key][number - 1]:
+    if error.section in SECTIONS and error.section in document[key][number - 1]:
         return type(error)(error.problem, section=f"{key} {number}.{error.section}", key=error.key)
     message = f"{key} {number}: {error.problem}" if isinstance(error, FitError) else error.problem
     return type(error)(message, section=error.section, key=error.key)

@@ -26,7 +26,7 @@ from planner.part.tips import tips_height_mm
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Stranger:
+class ForeignPart:
     """A part that does not belong on the table: tables are tried with it, and not made for it."""
 
     part: schema.Part
@@ -35,7 +35,7 @@ class Stranger:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Hypothesis(Stranger):
+class Hypothesis(ForeignPart):
     """One of the parts that may lie on the table."""
 
     share: float  # of the parts that come
@@ -60,7 +60,7 @@ class Job:
     delivery: schema.Delivery | None = None
     # The parts that may lie there, where there are several; part, pressure and friction are then the first's.
     hypothesis: tuple[Hypothesis, ...] | None = None
-    stranger: tuple[Stranger, ...] | None = None
+    foreign: tuple[ForeignPart, ...] | None = None
 
     @property
     def alone(self) -> tuple[Job, ...]:
@@ -68,16 +68,16 @@ class Job:
         return self._each(self.hypothesis) or (self,)
 
     @property
-    def strangers(self) -> tuple[Job, ...]:
+    def foreign_parts(self) -> tuple[Job, ...]:
         """A job for each part that does not belong there, as if it were the only one."""
-        return self._each(self.stranger)
+        return self._each(self.foreign)
 
-    def _each(self, parts: Sequence[Stranger] | None) -> tuple[Job, ...]:
-        own = (
+    def _each(self, parts: Sequence[ForeignPart] | None) -> tuple[Job, ...]:
+        changes = (
             {"part": p.part, "pressure": p.pressure, "friction": p.friction} for p in parts or ()
         )
-        alone = replace(self, hypothesis=None, stranger=None)
-        return tuple(replace(alone, **fields) for fields in own)  # type: ignore[arg-type]
+        alone = replace(self, hypothesis=None, foreign=None)
+        return tuple(replace(alone, **fields) for fields in changes)  # type: ignore[arg-type]
 
     @property
     def shares(self) -> tuple[float, ...]:
@@ -139,7 +139,7 @@ def files(path: str | Path) -> list[Path]:
         JobError: as `load`.
     """
     document = documents.from_toml(documents.read(path), str(path))
-    lists = (document.get(key) for key in (hypotheses.KEY, hypotheses.STRANGER))
+    lists = (document.get(key) for key in (hypotheses.KEY, hypotheses.FOREIGN))
     listed = [entry for entries in lists if isinstance(entries, list) for entry in entries]
     tables = [document, *(entry for entry in listed if isinstance(entry, dict))]
     stated = [table["pressure"] for table in tables if isinstance(table.get("pressure"), dict)]
@@ -205,22 +205,22 @@ def _of_document(document: dict[str, Any], where: str, drawn: bool) -> Job:
         stated, _jobs(document, hypotheses.KEY, listed, where, drawn), strict=True
     ):
         results += [(share / len(jobs), job) for job in jobs]
-    others = _jobs(document, hypotheses.STRANGER, hypotheses.strangers(document), where, drawn)
-    strange = (
-        tuple(Stranger(job.part, job.pressure, job.friction) for jobs in others for job in jobs)
+    others = _jobs(document, hypotheses.FOREIGN, hypotheses.foreign(document), where, drawn)
+    foreign = (
+        tuple(ForeignPart(job.part, job.pressure, job.friction) for jobs in others for job in jobs)
         or None
     )
     first = results[0][1]
     job_checks.check_parts(first, [job.part.name for _, job in results])
     if len(results) == 1:
-        return replace(first, stranger=strange)
+        return replace(first, foreign=foreign)
     lowest_mm = min(job.cell.squeeze_height_mm for _, job in results)
     search = first.search
     if "particles" not in document.get("search", {}):
         search = replace(search, particles=search.particles * len(results))
     parts = tuple(Hypothesis(job.part, job.pressure, job.friction, share) for share, job in results)
     cell = replace(first.cell, squeeze_height_mm=lowest_mm)
-    return replace(first, cell=cell, search=search, hypothesis=parts, stranger=strange)
+    return replace(first, cell=cell, search=search, hypothesis=parts, foreign=foreign)
 
 
 def _jobs(
@@ -278,8 +278,8 @@ def _document(job: Job) -> dict[str, Any]:
     """A job as JSON types; several hypotheses stand in place of part, pressure and friction."""
     document: dict[str, Any] = _plain(asdict(job))
     if job.hypothesis:
-        for own in hypotheses.OWN:
-            del document[own]
+        for section in hypotheses.SECTIONS:
+            del document[section]
     return document
 
 

@@ -148,14 +148,14 @@ class Kcde(NamedTuple):
 
 
 @kernel
-def _pick(squares: Array, found: int, h1: float, chance: float) -> int:
+def _pick(squares: Array, count: int, h1: float, chance: float) -> int:
     """Which of the roll-outs found a uniform number picks; `squares` becomes the cumulated weights."""
     total, scale = 0.0, -0.5 / (h1 * h1)
-    for k in range(found):
+    for k in range(count):
         total += np.exp(scale * squares[k])
         squares[k] = total
     picked = 0
-    while picked < found - 1 and squares[picked] <= chance * total:
+    while picked < count - 1 and squares[picked] <= chance * total:
         picked += 1
     return picked
 

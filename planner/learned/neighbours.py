@@ -72,7 +72,7 @@ def _scan(
     square: float,
     place: IntArray,
     squares: Array,
-    found: int,
+    count: int,
 ) -> int:
     """Adds the points start to stop - 1 that lie within sqrt(square) of q; returns the new count."""
     points, period = grid.points, grid.period
@@ -81,10 +81,10 @@ def _scan(
         dz = min(dz, period - dz)
         s = dx * dx + dy * dy + dz * dz
         # Written always, kept if near: a branch here would be mispredicted half the time.
-        place[found] = k
-        squares[found] = s
-        found += s <= square
-    return found
+        place[count] = k
+        squares[count] = s
+        count += s <= square
+    return count
 
 
 @kernel
@@ -173,12 +173,12 @@ def nearest_within(
 
 
 @kernel
-def keep_nearest(place: IntArray, squares: Array, found: int, most: int) -> None:
+def keep_nearest(place: IntArray, squares: Array, count: int, most: int) -> None:
     """Moves the `most` nearest of the points found to the front, in their order; of ties the first."""
-    farthest = np.partition(squares[:found], most - 1)[most - 1]
-    ties = most - np.sum(squares[:found] < farthest)
+    farthest = np.partition(squares[:count], most - 1)[most - 1]
+    ties = most - np.sum(squares[:count] < farthest)
     kept = 0
-    for k in range(found):
+    for k in range(count):
         tie = squares[k] == farthest and ties > 0
         if tie or squares[k] < farthest:
             place[kept], squares[kept] = place[k], squares[k]

@@ -80,6 +80,10 @@ class PushEnds(NamedTuple):
     touching: IntArray  # (n,) 1 where the pusher touches the part
     given_up: IntArray  # (n,) 1 where the stepping failed: the part was taken along from there
 
+    def of(self, rows: IntArray) -> "PushEnds":
+        """Those of some pushes."""
+        return PushEnds(self.poses[rows], self.touching[rows], self.given_up[rows])
+
 
 def of_points(paths: Paths, radius_mm: float = 0.0) -> Pushers:
     """Pushers that are points, `MAX_POINTS` at most, or round tips about them.
@@ -150,7 +154,7 @@ def push(body: Body, way: float, q: Array, scratch: Scratch) -> tuple[bool, bool
     else:
         _carry(work.boundary, way, q)
     touching = False
-    for k in range(work.found):
+    for k in range(work.contacts):
         touching = touching or work.step.C[k, GAP] <= APART_MM
     return touching, way - work.done > FINISHED * way
 

@@ -76,8 +76,10 @@ class Parameters(NamedTuple):
 
     def of(self, rows: IntArray) -> "Parameters":
         """Those of some roll-outs."""
-        own = {name: values[rows] for name, values in self._asdict().items() if values is not None}
-        return self._replace(**own)
+        chosen = {
+            name: values[rows] for name, values in self._asdict().items() if values is not None
+        }
+        return self._replace(**chosen)
 
 
 class Pushed(NamedTuple):
@@ -215,7 +217,7 @@ class Simulator:
         if parameters.ellipsoid is not None:
             forms = by_form(parameters)
             return in_order(
-                [(rows, self.roll_out(poses[rows], own)) for rows, own in forms], len(poses)
+                [(rows, self.roll_out(poses[rows], chosen)) for rows, chosen in forms], len(poses)
             )
         n, final = len(poses), np.array(poses, dtype=np.float64, order="C", copy=True)
         result = RollOut(final, np.zeros(n), np.zeros(n, np.int64), np.zeros(n, np.int64))
@@ -237,7 +239,7 @@ class Simulator:
                 self.jaws,
                 self.step_mm,
                 Each(*(values[rows] for values in each)),
-                RollOut(*(values[rows] for values in result)),
+                result.of(rows),
                 squeeze_workspace(),
             )
 
@@ -326,7 +328,7 @@ class Simulator:
             chunk = np.arange(start, min(start + CHUNK, n))
             for some, mechanics in by_form(parameters.of(chunk)):
                 rows = chunk[some]
-                ends = PushEnds(*(values[rows] for values in result))
+                ends = result.of(rows)
                 push_many(
                     self.outline,
                     farthest,
@@ -403,8 +405,8 @@ def by_form(parameters: Parameters) -> Iterator[tuple[IntArray, Parameters]]:
         return
     bare = parameters._replace(ellipsoid=None)
     for rows, size in ((np.flatnonzero(ellipsoid), 3), (np.flatnonzero(~ellipsoid), 6)):
-        own = bare.of(rows)
-        yield rows, own._replace(surfaces=np.ascontiguousarray(own.surfaces[:, :size, :size]))
+        chosen = bare.of(rows)
+        yield rows, chosen._replace(surfaces=np.ascontiguousarray(chosen.surfaces[:, :size, :size]))
 
 
 def in_order(pieces: Sequence[tuple[slice | IntArray, RollOut]], n: int) -> RollOut:

@@ -67,6 +67,11 @@ class RollOut(NamedTuple):
     status: IntArray  # (n,) index into `STATUS_NAMES`
     given_up: IntArray  # (n,) 1 where the stepping failed and the squeeze was cut short there
 
+    def of(self, rows: slice) -> "RollOut":
+        """Views of some rows."""
+        width_mm, given_up = self.width_mm[rows], self.given_up[rows]
+        return RollOut(self.poses[rows], width_mm, self.status[rows], given_up)
+
 
 @inner_kernel
 def _close_freely(scratch: Scratch) -> float:
@@ -91,7 +96,7 @@ def _held_as(body: Body, q: Array, scratch: Scratch) -> int:
     proportion to the fingers' counts as none: exactly opposed contacts must not hang on rounding.
     """
     find_contacts(q, HELD_GAP * body.reach, scratch)
-    count, work = scratch.work.found, scratch.work.step
+    count, work = scratch.work.contacts, scratch.work.step
     for k in range(count):
         work.C[k, GAP] = 0.0
     for i in range(3):
@@ -142,7 +147,7 @@ def squeeze(
     step = boundary.step
     work.fingers[0], work.fingers[1] = 0.5 * opening, -0.5 * opening
     work.step.F[0], work.step.F[1], work.step.F[2] = 0.0, 1.0, 0.0
-    work.done, work.found, work.heading[0], work.heading[1] = 0.0, 0, np.cos(q[2]), np.sin(q[2])
+    work.done, work.contacts, work.heading[0], work.heading[1] = 0.0, 0, np.cos(q[2]), np.sin(q[2])
     touched, verdict = False, ACCEPTED
     size, margin = step, 2.0 * step + 0.05
     rows = _record(trace, 0, q, work.fingers)

@@ -50,7 +50,7 @@ SQUEEZE_WORK = np.dtype(
         ("boundary", BOUNDARY),
         ("before", np.float64, (MAX_CONTACTS, NY + 1)),
         ("step", STEP_WORK),
-        ("found", np.int64),
+        ("contacts", np.int64),
         ("heading", np.float64, 2),
         ("trial", np.float64, 3),
         ("half", np.float64, 3),
@@ -65,7 +65,7 @@ SQUEEZE_WORK = np.dtype(
 
 boundary: what moves against the part. before: places and normals of the contacts before the midpoint's turn.
 step: the contacts, and the solution.
-found: how many contacts were found. heading: cosine and sine of the part's angle. trial, half: pose after
+contacts: how many there are. heading: cosine and sine of the part's angle. trial, half: pose after
 the step and in its middle. euler: the displacement V of the explicit Euler step. fingers: y of the inner
 faces. done: how far the boundary has come [mm]. moved: 1 once the part has moved on the table.
 """
@@ -100,15 +100,15 @@ class Scratch(NamedTuple):
 @inlined_kernel
 def _turn_back(work: SqueezeWork) -> None:
     """Undoes what `_midpoint` did to the contacts."""
-    for k in range(work.found):
+    for k in range(work.contacts):
         for column in range(NY + 1):
             work.step.C[k, column] = work.before[k, column]
 
 
 @inlined_kernel
 def _displacement(body: Body, drive: Drive, c: float, s: float, work: SqueezeWork) -> int:
-    """Solves the step for the found contacts; leaves the displacement in the boundary's frame in `step.V`."""
-    C, I, V, count, boundary = work.step.C, work.step.I, work.step.V, work.found, work.boundary
+    """Solves the step for the contacts; leaves the displacement in the boundary's frame in `step.V`."""
+    C, I, V, count, boundary = work.step.C, work.step.I, work.step.V, work.contacts, work.boundary
     directions(C, I, count, body.rho, drive)
     status = solve_surface(
         body.surface, c, s, boundary.mu_top, boundary.mu_bottom, count, work.step
@@ -125,7 +125,7 @@ def _midpoint(body: Body, q: Array, size: float, work: SqueezeWork) -> tuple[int
 
     Returns the status and the difference between the Euler and the midpoint step [mm], or -1.
     """
-    C, I, V, first, count = work.step.C, work.step.I, work.step.V, work.euler, work.found
+    C, I, V, first, count = work.step.C, work.step.I, work.step.V, work.euler, work.contacts
     for k in range(count):
         for column in range(NY + 1):
             work.before[k, column] = C[k, column]
@@ -155,17 +155,17 @@ def find_contacts(q: Array, margin: float, scratch: Scratch) -> None:
     C, I, points, boundary = work.step.C, work.step.I, scratch.points, work.boundary
     if boundary.fingers > 0:
         hand = hand_of(boundary, work.fingers)
-        work.found = contact.find(C, I, points, scratch.out, q, hand, margin)
+        work.contacts = contact.find(C, I, points, scratch.out, q, hand, margin)
     else:
         pusher = contact.Tips(boundary.pusher[: boundary.points], boundary.radius)
-        work.found = contact.find_points(C, I, points, q, pusher, margin)
+        work.contacts = contact.find_points(C, I, points, q, pusher, margin)
 
 
 @inlined_kernel
 def touching(work: SqueezeWork) -> bool:
     """Whether a found contact keeps a finger from closing any further without moving the part."""
     C, I = work.step.C, work.step.I
-    for k in range(work.found):
+    for k in range(work.contacts):
         if C[k, GAP] <= TOUCHING_MM and I[k, FINGER] * C[k, NY] < -LEAST_FACING:
             return True
     return False
@@ -189,7 +189,7 @@ def _runs_into(finger: contact.Finger, points: Array, i: int, j: int) -> bool:
 def _overlaps(scratch: Scratch) -> bool:
     """Whether a contact overlaps by more than `PENETRATION_MM`, or a near edge runs that deep in a finger."""
     points, out, work = scratch.points, scratch.out, scratch.work
-    for k in range(work.found):
+    for k in range(work.contacts):
         if work.step.C[k, GAP] < -PENETRATION_MM:
             return True
     hand = hand_of(work.boundary, work.fingers)
@@ -232,7 +232,7 @@ def try_step(
         _turn_back(work)
         return RETRY, 0.25 * size
     first, V = work.euler, work.step.V
-    f = max(event_fraction(work.step.C, work.found, first, V), SMALLEST_STEP)
+    f = max(event_fraction(work.step.C, work.contacts, first, V), SMALLEST_STEP)
     for i in range(3):
         moved = along(first, V, f, i)
         work.trial[i] = q[i] + (moved / body.rho if i == 2 else moved)

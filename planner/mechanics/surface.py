@@ -58,10 +58,10 @@ def _forms_of(job: Job) -> list[Fit]:
 def others_of(job: Job) -> tuple[Surface, ...]:
     """The limit surfaces that a part may have instead, as the job doubts."""
     rho = radius_of_gyration(job.part.outline_mm)
-    return tuple(_fitted(fit, held, rho) for fit, held in doubted_of(job))
+    return tuple(_fitted(fit, held, rho) for fit, held in latent_surfaces(job))
 
 
-def doubted_of(job: Job) -> list[tuple[Fit, Support]]:
+def latent_surfaces(job: Job) -> list[tuple[Fit, Support]]:
     """What `others_of` are fitted with and to: other pressures, other forms of the surface, or both."""
     doubt = job.doubt
     if job.pressure.limit_surface is None or (
@@ -107,14 +107,14 @@ def sample_each(
     rows = [
         (number, np.flatnonzero(which == number)) for number in np.unique(which).tolist() or [0]
     ]
-    drawn = [sample(surfaces[number], dof[own], rng, len(own)) for number, own in rows]
+    drawn = [sample(surfaces[number], dof[chosen], rng, len(chosen)) for number, chosen in rows]
     if len(rows) == 1:
         return drawn[0], None
-    size = max(own.shape[1] for own in drawn)
+    size = max(chosen.shape[1] for chosen in drawn)
     whole, ellipsoid = np.zeros((len(which), size, size)), np.zeros(len(which), np.bool_)
-    for (number, own), some in zip(rows, drawn, strict=True):
-        whole[own, : some.shape[1], : some.shape[1]] = some
-        ellipsoid[own] = isinstance(surfaces[number], LimitSurface)
+    for (number, chosen), some in zip(rows, drawn, strict=True):
+        whole[chosen, : some.shape[1], : some.shape[1]] = some
+        ellipsoid[chosen] = isinstance(surfaces[number], LimitSurface)
     return whole, ellipsoid if size > 3 and ellipsoid.any() else None
 
 

@@ -30,10 +30,11 @@ def learned(table: Table, squeezes: Sequence[Timed]) -> dict[str, float]:
     timing, result = Schedule.of(table, job_of(table)).timing, dict[str, float]()
     if len(squeezes) < LEAST_SQUEEZES:
         return result
-    plain = [made for made in squeezes if not table.nodes[made.node].pushes]
+    plain = [squeeze for squeeze in squeezes if not table.nodes[squeeze.node].pushes]
     low, high = timing.regrasp_mm - timing.squeeze_mm, timing.retreat_mm - timing.squeeze_mm
     short, long = (
-        [made.phases.lower_s for made in plain if made.first == first] for first in (False, True)
+        [squeeze.phases.lower_s for squeeze in plain if squeeze.first == first]
+        for first in (False, True)
     )
     if low < high and short and long:
         acceleration = _acceleration(median(long) - median(short), low, high, timing.arm_speed_mm_s)
@@ -42,12 +43,12 @@ def learned(table: Table, squeezes: Sequence[Timed]) -> dict[str, float]:
         result["arm_answer_s"] = round(max(answer_s, 0.0), 4)
     if plain:
         result["jaw_answer_s"] = round(
-            max(median(_jaws(table, timing, made) for made in plain), 0.0), 4
+            max(median(_jaws(table, timing, squeeze) for squeeze in plain), 0.0), 4
         )
         looks = [
-            made.phases.release_s - CLEAR_MM / _speed(table, made)
-            for made in plain
-            if _stays(table, made)
+            squeeze.phases.release_s - CLEAR_MM / _speed(table, squeeze)
+            for squeeze in plain
+            if _stays(table, squeeze)
         ]
         if looks:
             result["poll_s"] = round(max(median(looks), 0.0) / 3.0, 4)
@@ -64,18 +65,18 @@ def _acceleration(gap_s: float, low_mm: float, high_mm: float, speed_mm_s: float
     return math.sqrt(least * most)
 
 
-def _jaws(table: Table, timing: Timing, made: Timed) -> float:
+def _jaws(table: Table, timing: Timing, squeeze: Timed) -> float:
     """What closing took beyond its strokes."""
-    node, speed = table.nodes[made.node], _speed(table, made)
+    node, speed = table.nodes[squeeze.node], _speed(table, squeeze)
     contact = None if node.contact_um is None else node.contact_um / 1e3
-    told_s = timing.close_s(node.squeeze.opening_um / 1e3, contact, made.width_mm, speed)
-    return made.phases.close_s - told_s + timing.jaw_answer_s
+    stated_s = timing.close_s(node.squeeze.opening_um / 1e3, contact, squeeze.width_mm, speed)
+    return squeeze.phases.close_s - stated_s + timing.jaw_answer_s
 
 
-def _speed(table: Table, made: Timed) -> float:
-    return table.nodes[made.node].squeeze.speed_um_s / 1e3
+def _speed(table: Table, squeeze: Timed) -> float:
+    return table.nodes[squeeze.node].squeeze.speed_um_s / 1e3
 
 
-def _stays(table: Table, made: Timed) -> bool:
+def _stays(table: Table, squeeze: Timed) -> bool:
     """Whether the hand lets go where it squeezed."""
-    return table.nodes[made.node].release is None
+    return table.nodes[squeeze.node].release is None

@@ -110,7 +110,7 @@ def _on_feet(job: Job) -> list[Surface]:
     """Limit surfaces of parts on three feet, each of them between the centre and a corner of the hull."""
     corners, rng = stances(job.part.outline_mm), np.random.default_rng(FEET)
     feet = rng.choice(corners, FEET) * rng.uniform(INMOST, 1.0, (FEET, 3, 1))
-    pressures = ({"kind": "points", "points_mm": np.round(own, 6).tolist()} for own in feet)
+    pressures = ({"kind": "points", "points_mm": np.round(places, 6).tolist()} for places in feet)
     return [limit_surface.of_job(job.replaced(pressure=pressure)) for pressure in pressures]
 
 
@@ -148,20 +148,20 @@ class Cells:
 
     def run(self, point: Array, parts: int, seed: int) -> Evaluation:
         """Sends parts through the table in the cell at a point (d + 1,)."""
-        told = self.told(point)
+        values = self.values_at(point)
         simulator = replace(
-            self.simulator, friction=(told["finger_part_min"], told["finger_part_max"])
+            self.simulator, friction=(values["finger_part_min"], values["finger_part_max"])
         )
         world = ContactWorld.of_simulator(simulator, [seed])
         rng = np.random.default_rng([seed, 0x524546])
         cell = Off(
             placement_mm=self.job.doubt.placement_mm,
             placement_deg=self.job.doubt.placement_deg,
-            all_alike=self._traits(told, int(point[-1])),
+            all_alike=self._traits(values, int(point[-1])),
         )
         return run(self.program, self.job, world, parts, rng, cell)
 
-    def told(self, point: Array) -> dict[str, Any]:
+    def values_at(self, point: Array) -> dict[str, Any]:
         """The quantities at a point, by key."""
         return {
             quantity.key: value
@@ -173,12 +173,12 @@ class Cells:
         surfaces = (self.simulator.surface, *self.simulator.others)
         return np.array([limit_surface.nominal(surface).ravel() for surface in surfaces])
 
-    def _traits(self, told: dict[str, Any], surface: int) -> Traits:
+    def _traits(self, values: dict[str, Any], surface: int) -> Traits:
         traits = as_planned(1)
-        traits["share"] = told.get("finger_share", 0.0)
-        traits["across_mm"] = closing_mm(self.job) * traits["share"] + told.get("middle_mm", 0.0)
-        traits["encoder_mm"] = told.get("encoder_mm", 0.0)
-        traits["gain"] = told.get("encoder_gain", 0.0)
-        traits["dof"] = int(np.exp(told["least_dof"])) if "least_dof" in told else 0
+        traits["share"] = values.get("finger_share", 0.0)
+        traits["across_mm"] = closing_mm(self.job) * traits["share"] + values.get("middle_mm", 0.0)
+        traits["encoder_mm"] = values.get("encoder_mm", 0.0)
+        traits["gain"] = values.get("encoder_gain", 0.0)
+        traits["dof"] = int(np.exp(values["least_dof"])) if "least_dof" in values else 0
         traits["surface"] = surface
         return traits

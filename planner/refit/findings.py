@@ -11,7 +11,9 @@ from planner.mechanics.limit_surface import LimitSurface
 from planner.refit.cells import Cells, Quantity
 from planner.refit.posterior import Posterior
 
-TOLD = 0.4  # of the prior's standard deviation: what is not known better than that was not told by the data
+LEARNED = (
+    0.4  # of the prior's standard deviation: what is not known better than that was not learned
+)
 ENDS = (0.05, 0.95)  # the interval that sentences and jobs name
 KEPT_DOUBT = 0.1  # share of particles with friction beyond the bounds that were learned
 SURE = (
@@ -28,26 +30,26 @@ class Finding(NamedTuple):
     mean: float
     low_5: float
     high_95: float
-    told: bool  # whether the data say more than was believed before
+    learned: bool  # whether the data say more than was believed before
     sentence: str
 
 
-def findings(found: Posterior, cells: Cells) -> list[Finding]:
+def findings(posterior: Posterior, cells: Cells) -> list[Finding]:
     """All quantities of the cell, in the order of its space."""
-    made = [_finding(quantity, found, cells.job) for quantity in found.space.quantities]
-    return made + ([_pressed(found)] if found.space.surfaces > 1 else [])
+    results = [_finding(quantity, posterior, cells.job) for quantity in posterior.space.quantities]
+    return results + ([_pressed(posterior)] if posterior.space.surfaces > 1 else [])
 
 
-def _finding(quantity: Quantity, found: Posterior, job: Job) -> Finding:
-    values = found.of(quantity.key)
+def _finding(quantity: Quantity, posterior: Posterior, job: Job) -> Finding:
+    values = posterior.of(quantity.key)
     mean, spread = float(values.mean()), float(values.std())
     low, high = (float(end) for end in np.quantile(values, ENDS))
     prior = (quantity.high - quantity.low) / np.sqrt(
         18.0 if "finger_part" in quantity.key else 12.0
     )
-    told = bool(spread < TOLD * prior)
-    sentence = _sentence(quantity.key, mean, low, high, job) if told else _untold(quantity.key)
-    return Finding(quantity.key, mean, low, high, told, sentence)
+    learned = bool(spread < LEARNED * prior)
+    sentence = _sentence(quantity.key, mean, low, high, job) if learned else _unknown(quantity.key)
+    return Finding(quantity.key, mean, low, high, learned, sentence)
 
 
 def _sentence(key: str, mean: float, low: float, high: float, job: Job) -> str:
@@ -95,14 +97,14 @@ NAMES = {
 }
 
 
-def _untold(key: str) -> str:
+def _unknown(key: str) -> str:
     return f"the journals do not tell {NAMES[key]}; what the job says stays"
 
 
-def _pressed(found: Posterior) -> Finding:
-    shares = surface_shares(found)
+def _pressed(posterior: Posterior) -> Finding:
+    shares = surface_shares(posterior)
     stated, best = float(shares[0]), float(shares.max())
-    told = bool(stated > 0.95 or stated < 0.05)
+    learned = bool(stated > 0.95 or stated < 0.05)
     if stated > 0.95:
         sentence = "parts press on the table as the job says"
     elif stated < 0.05:
@@ -113,18 +115,20 @@ def _pressed(found: Posterior) -> Finding:
         sentence = (
             f"the journals do not tell how parts press on the table (as stated: {stated:.0%})"
         )
-    return Finding("pressure", stated, stated, best, told, sentence)
+    return Finding("pressure", stated, stated, best, learned, sentence)
 
 
-def surface_shares(found: Posterior) -> Any:
+def surface_shares(posterior: Posterior) -> Any:
     """How probable each limit surface is (surfaces,), the job's first."""
-    numbers = found.cells[:, -1].astype(np.int64)
-    return np.bincount(numbers, minlength=found.space.surfaces) / len(numbers)
+    numbers = posterior.cells[:, -1].astype(np.int64)
+    return np.bincount(numbers, minlength=posterior.space.surfaces) / len(numbers)
 
 
-def changes(found: Posterior, cells: Cells) -> Mapping[str, Mapping[str, Any]]:
+def changes(posterior: Posterior, cells: Cells) -> Mapping[str, Mapping[str, Any]]:
     """What the job has to say instead, by section and key; what the data do not tell stays as it is."""
-    record = {finding.quantity: finding for finding in findings(found, cells) if finding.told}
+    record = {
+        finding.quantity: finding for finding in findings(posterior, cells) if finding.learned
+    }
     doubt: dict[str, Any] = {
         key: [round(record[key].low_5, digits), round(record[key].high_95, digits)]
         for key, digits in (
@@ -137,33 +141,33 @@ def changes(found: Posterior, cells: Cells) -> Mapping[str, Mapping[str, Any]]:
     }
     if "least_dof" in record:
         doubt["least_dof"] = max(3, int(np.exp(record["least_dof"].low_5)))
-    made: dict[str, dict[str, Any]] = {"doubt": doubt, "friction": _friction(record, cells.job)}
+    sections: dict[str, dict[str, Any]] = {"doubt": doubt, "friction": _friction(record, cells.job)}
     if "pressure" in record:
-        made["pressure"], doubt["pressure"] = _pressure(found, cells)
-        if made["pressure"] and cells.job.doubt.limit_surface == "any":
+        sections["pressure"], doubt["pressure"] = _pressure(posterior, cells)
+        if sections["pressure"] and cells.job.doubt.limit_surface == "any":
             doubt["limit_surface"] = "stated"  # as it says, not fitted to a pressure
-    return {section: values for section, values in made.items() if values}
+    return {section: values for section, values in sections.items() if values}
 
 
-def _friction(told: Mapping[str, Finding], job: Job) -> dict[str, Any]:
+def _friction(learned: Mapping[str, Finding], job: Job) -> dict[str, Any]:
     """Bounds of friction that were learned: where they may begin and where they may end."""
     keys = ("finger_part_min", "finger_part_max")
-    if not any(key in told for key in keys):
+    if not any(key in learned for key in keys):
         return {}
     low, high = (getattr(job.friction, key) for key in keys)
-    low = round(told[keys[0]].low_5, 3) if keys[0] in told else low
-    high = round(told[keys[1]].high_95, 3) if keys[1] in told else high
+    low = round(learned[keys[0]].low_5, 3) if keys[0] in learned else low
+    high = round(learned[keys[1]].high_95, 3) if keys[1] in learned else high
     doubt = (
         min(job.friction.doubt, KEPT_DOUBT)
-        if all(key in told for key in keys)
+        if all(key in learned for key in keys)
         else job.friction.doubt
     )
     return {keys[0]: min(low, high), keys[1]: max(low, high), "doubt": doubt}
 
 
-def _pressure(found: Posterior, cells: Cells) -> tuple[dict[str, Any], str]:
+def _pressure(posterior: Posterior, cells: Cells) -> tuple[dict[str, Any], str]:
     """The keys of [pressure] that change, and which other pressures are still doubted."""
-    shares = surface_shares(found)
+    shares = surface_shares(posterior)
     best = int(np.argmax(shares))
     if best == 0:
         return {}, "stated"

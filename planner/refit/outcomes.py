@@ -41,17 +41,17 @@ class Outcomes:
         """How many there are."""
         return COUNTS * (len(self.table.nodes) + 3 * int(self.audited.sum()))
 
-    def of_parts(self, found: Evaluation) -> IntArray:
+    def of_parts(self, evaluation: Evaluation) -> IntArray:
         """Those of simulated parts, (n, d + 3): of their squeezes, then of their poses."""
-        count = np.minimum(found.counts, self._empty)
-        read = np.where(found.path < 0, self.size, COUNTS * found.path + count)
-        known = np.zeros(len(found.leaf), np.bool_)
-        known[found.leaf >= 0] = self.audited[found.leaf[found.leaf >= 0]]
+        count = np.minimum(evaluation.counts, self._empty)
+        read = np.where(evaluation.path < 0, self.size, COUNTS * evaluation.path + count)
+        known = np.zeros(len(evaluation.leaf), np.bool_)
+        known[evaluation.leaf >= 0] = self.audited[evaluation.leaf[evaluation.leaf >= 0]]
         lies = np.full((len(read), 3), self.size)
         if known.any():
-            leaf = found.leaf[known]
+            leaf = evaluation.leaf[known]
             predicted = np.array([predicted_pose(self.table.leaves[k]) for k in leaf])
-            lies[known] = self._lying(leaf, found.poses[known] - predicted)
+            lies[known] = self._lying(leaf, evaluation.poses[known] - predicted)
         return np.column_stack([read, lies])
 
     def of_seen(self, seen: Seen) -> Array:

@@ -100,9 +100,9 @@ def posterior(
 
 
 def _log(
-    found: Likelihood, features: Callable[[Array], Array], power: float, points: Array
+    likelihood: Likelihood, features: Callable[[Array], Array], power: float, points: Array
 ) -> Array:
-    return power * found.log(features(points))
+    return power * likelihood.log(features(points))
 
 
 def _shown(cells: Cells, outcomes: Outcomes, seen: Seen, task: Task) -> IntArray:
@@ -150,12 +150,12 @@ def _drawn(
     return np.asarray(points[:n])
 
 
-def _power(found: Array, effective: float) -> float:
+def _power(likelihoods: Array, effective: float) -> float:
     """The highest power up to 1 of likelihoods (n,) by which as many cells are effective."""
-    effective = min(effective, 0.9 * len(found))
+    effective = min(effective, 0.9 * len(likelihoods))
 
     def short(power: float) -> float:
-        return float(1.0 / np.sum(softmax(power * found) ** 2)) - effective
+        return float(1.0 / np.sum(softmax(power * likelihoods) ** 2)) - effective
 
     return 1.0 if short(1.0) >= 0.0 else float(brentq(short, 0.0, 1.0))
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from planner.evaluation.shares import in_percent, shares_of
-from planner.report.verdict import Verdict, Weakest, error_text, told_conditions
+from planner.report.verdict import Verdict, Weakest, error_text, listed
 
 QUESTION = "Can it be located by squeezing?"
 
@@ -36,7 +36,7 @@ class Answer(NamedTuple):
         reservation = "" if share >= self.confidence else located
         if self.short == "cut":
             reservation = f"{located} so far; plan for longer to know the rest"
-        conditions = told_conditions(self.verdict.conditions)
+        conditions = listed(self.verdict.conditions)
         parts = ["Yes", " and ".join(self.restrictions), conditions, reservation]
         return ", ".join(filter(None, parts)) + "."
 

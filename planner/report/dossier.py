@@ -16,9 +16,10 @@ from planner.arrays import Array
 from planner.belief.particles import subsample
 from planner.bound.certificate import Certificate
 from planner.evaluation.evaluate import evaluate
+from planner.evaluation.foreign import OFTEN, tried
 from planner.evaluation.leaves import identities
+from planner.evaluation.outcome import Evaluation
 from planner.evaluation.shares import in_percent, shares_of
-from planner.evaluation.strangers import OFTEN, strangers
 from planner.job import hypotheses
 from planner.job.model import Job
 from planner.mechanics.clearance import jaws_of
@@ -28,8 +29,8 @@ from planner.report import verdict as verdicts
 from planner.report.canvas import points, template
 from planner.report.replay import Replay, replay
 from planner.report.run_log import PartLog, RunLog
-from planner.report.verdict import cell_result, reject_told
-from planner.world import World, make, supply, world_of
+from planner.report.verdict import cell_result, reject_text
+from planner.world import make, supply, world_of
 from runtime.table import (
     PPM,
     REJECT,
@@ -95,8 +96,8 @@ def page(
     }
     few = min(trials, SENSITIVITY_TRIALS)
 
-    def worlds_of(real: Job) -> World:
-        return world_of(real, seed, make)
+    def evaluated(foreign: Job) -> Evaluation:
+        return evaluate(table, foreign, world_of(foreign, seed, make), few, seed)
 
     judged = worlds.evaluation_of(table, job, trials)
     lines = worlds.tried(table, job, judged, few)
@@ -129,7 +130,7 @@ def page(
         outlines=[alone.part.outline_mm for alone in job.alone],
         named=tree.names_parts(table),
         posed=table.goal.kind != "identity",
-        strange=list(strangers(table, job, job.strangers, judged, worlds_of, few, seed)),
+        foreign=list(tried(table, job, judged, job.foreign_parts, evaluated)),
         often=OFTEN,
     )
 
@@ -138,7 +139,7 @@ def _several(table: Table, job: Job) -> dict[str, Any]:
     """The parts that may lie there, and what leaves say of them."""
     parts = zip(table.hypotheses, job.alone, strict=True)
     return {
-        "parts": [{"name": own.name, "datum": _datum(alone)} for own, alone in parts],
+        "parts": [{"name": hypothesis.name, "datum": _datum(alone)} for hypothesis, alone in parts],
         "which": [[leaf.hypothesis, *leaf.other_hypotheses] for leaf in table.leaves],
         "named": tree.names_parts(table),
         "posed": table.goal.kind != "identity",
@@ -182,7 +183,7 @@ def _job_text(job: Job) -> str:
     """The job, one value a line, the outline's rows as they are."""
     lines: list[str] = []
     for section, table in json.loads(job.canonical()).items():
-        if section in (hypotheses.KEY, hypotheses.STRANGER):
+        if section in (hypotheses.KEY, hypotheses.FOREIGN):
             lines += [line for entry in table or () for line in _section(section, entry, "[[{}]]")]
         elif isinstance(table, dict):
             lines += _section(section, table)
@@ -194,9 +195,9 @@ def _job_text(job: Job) -> str:
 def _section(name: str, table: dict[str, Any], head: str = "[{}]") -> list[str]:
     """A section of the job's text, then those within it."""
     inner = {key: value for key, value in table.items() if isinstance(value, dict)}
-    own = (f"{key} = {json.dumps(value)}" for key, value in table.items() if key not in inner)
+    values = (f"{key} = {json.dumps(value)}" for key, value in table.items() if key not in inner)
     below = [line for key, value in inner.items() for line in _section(f"{name}.{key}", value)]
-    return ["", head.format(name), *own, *below]
+    return ["", head.format(name), *values, *below]
 
 
 def _log(table: Table, log: RunLog) -> dict[str, Any]:
@@ -227,7 +228,7 @@ def _log(table: Table, log: RunLog) -> dict[str, Any]:
             for part in (log.parts[number] for number in shown)
         ],
         "rejects": [
-            [part.part, node, count, reject_told(table, node, count)]
+            [part.part, node, count, reject_text(table, node, count)]
             for part in log.parts
             for node, count, target in part.squeezes[-1:]
             if target is None
@@ -240,11 +241,11 @@ def _nodes(table: Table, beliefs: Replay, most: int) -> list[dict[str, Any]]:
 
     Poses are integers, hundredths of a mm and milliradians; widths are um, as in the table.
     """
-    calibration, told = Calibration.linear(table.gripper), []
+    calibration, rows = Calibration.linear(table.gripper), []
     for node, visit, states in zip(table.nodes, beliefs.visits, beliefs.arrivals, strict=True):
         squeeze, taken = node.squeeze, Counter(visit.branch.tolist())
         decided = runs(by_count(decision_map(node, calibration)))
-        told.append(
+        rows.append(
             {
                 "place": squeeze[:3],
                 "opening": squeeze.opening_um,
@@ -263,7 +264,7 @@ def _nodes(table: Table, beliefs: Replay, most: int) -> list[dict[str, Any]]:
                 "seen": sorted(Counter(visit.counts.tolist()).items()),
             }
         )
-    return told
+    return rows
 
 
 def _leaf(leaf: Leaf, poses: Array, most: int) -> dict[str, Any]:

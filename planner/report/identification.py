@@ -23,15 +23,15 @@ NEAR = (
 SIZE_IN = (7.4, 5.0)
 
 
-def figure(data: Normalised, found: Sequence[Identified], title: str) -> Figure:
+def figure(data: Normalised, fits: Sequence[Identified], title: str) -> Figure:
     """Draws the pairs and one result for each kind of surface that was identified from them."""
     result = canvas.blank(*SIZE_IN)
     grid = result.subplots(2, 3)
     for axes, plane in zip(grid[0], SECTIONS, strict=True):
-        _section(axes, data, found, plane)
-    _twists(grid[1, 0], "turn in the twist / deg", 90.0, turn, data.V, found)
-    _twists(grid[1, 1], "heading of the twist / deg", 180.0, heading, data.V, found)
-    _errors(grid[1, 2], data, found)
+        _section(axes, data, fits, plane)
+    _twists(grid[1, 0], "turn in the twist / deg", 90.0, turn, data.V, fits)
+    _twists(grid[1, 1], "heading of the twist / deg", 180.0, heading, data.V, fits)
+    _errors(grid[1, 2], data, fits)
     result.suptitle(title, fontsize=9.0)
     return result
 
@@ -59,9 +59,9 @@ def section(surface: Surface, plane: tuple[int, int], count: int = 241) -> Array
 
 
 def _section(
-    axes: Axes, data: Normalised, found: Sequence[Identified], plane: tuple[int, int]
+    axes: Axes, data: Normalised, fits: Sequence[Identified], plane: tuple[int, int]
 ) -> None:
-    scale = found[0].fit.friction_n or 1.0  # Directions lie on the unit sphere
+    scale = fits[0].fit.friction_n or 1.0  # Directions lie on the unit sphere
     F = data.F / scale
     out = np.delete(F, plane, axis=1)[:, 0]
     near = np.abs(out) < NEAR * np.linalg.norm(F, axis=1)
@@ -69,7 +69,7 @@ def _section(
         axes.scatter(
             F[rows, plane[0]], F[rows, plane[1]], s=size, color=colour, linewidths=0.0, zorder=1
         )
-    for result in found:
+    for result in fits:
         curve = section(result.fit.surface, plane) * (result.fit.friction_n or 1.0) / scale
         axes.plot(*curve.T, color=COLOURS[result.kind], linewidth=1.2, zorder=2)
     axes.set(
@@ -88,10 +88,10 @@ def _twists(
     limit: float,
     angle: Callable[[Array], Array],
     V: Array,
-    found: Sequence[Identified],
+    fits: Sequence[Identified],
 ) -> None:
     axes.plot([-limit, limit], [-limit, limit], color=canvas.GREY, linewidth=0.6, zorder=0)
-    for result in found:
+    for result in fits:
         axes.scatter(
             angle(V),
             angle(result.held_out),
@@ -106,8 +106,8 @@ def _twists(
     axes.set(xlabel=f"measured {what}", ylabel="predicted, held out")
 
 
-def _errors(axes: Axes, data: Normalised, found: Sequence[Identified]) -> None:
-    for result in found:
+def _errors(axes: Axes, data: Normalised, fits: Sequence[Identified]) -> None:
+    for result in fits:
         seen = np.isfinite(result.held_out[:, 0])
         error = np.sort(np.degrees(angles(result.held_out[seen], data.V[seen])))
         mean = np.degrees(result.errors_rad.mean())

@@ -119,7 +119,7 @@ def _track(beliefs: Replay, path: Sequence[Step]) -> tuple[list[Array], list[flo
 
 
 def subspaces(
-    found: Subspaces,
+    solved: Subspaces,
     label: IntArray,
     final: Array,
     outline: Array,
@@ -131,18 +131,18 @@ def subspaces(
     Shown are final poses (n, 3) in the hand frame [mm, mm, rad] by their labels (n,), as an outline (N, 2)
     between jaws (4,) as of `planner.mechanics.clearance.jaws_of` [mm].
     """
-    columns = min(COLUMNS, len(found))
-    rows = ceil(len(found) / columns)
+    columns = min(COLUMNS, len(solved))
+    rows = ceil(len(solved) / columns)
     opening, length, thickness, _ = jaws
     half = max(0.5 * opening + thickness, 0.5 * length + 2.0 * float(np.max(np.hypot(*outline.T))))
     width_in = WIDTH_IN * columns / COLUMNS
     result = canvas.blank(width_in, rows * ((width_in - 0.9) / columns + 0.35) + 0.4)
-    panels = canvas.panels(result, rows, columns, len(found))
+    panels = canvas.panels(result, rows, columns, len(solved))
     for k, (axes, title) in enumerate(zip(panels, titles, strict=True)):
         axes.set_gid(f"subspace-{k}")
         _frame(axes, half)
         _density(axes, outline, final[label == k])
-        _fingers(axes, canvas.finger_boxes(jaws, float(found.mean_mm[k])))
+        _fingers(axes, canvas.finger_boxes(jaws, float(solved.mean_mm[k])))
         axes.set_title(f"({chr(97 + k)}) {title}", fontsize=FONT, pad=4.0)
     canvas.caption(result, "x / mm, along the fingers", "y / mm, closing", FONT)
     return result

@@ -48,9 +48,9 @@ def replay(table: Table, job: Job, trials: int, seed: int) -> Replay:
         after = step(program, at, lying, program.placement[at], world, encoder, rng, traits[index])
         visits.append(after)
         for number, branch in enumerate(node.branches):
-            poses, own = after.through(number), traits[index][after.branch == number]
+            poses, latent = after.through(number), traits[index][after.branch == number]
             if branch.target >= 0:
-                arrivals[branch.target], traits[branch.target] = poses, own
+                arrivals[branch.target], traits[branch.target] = poses, latent
             else:
-                leaves[~branch.target] = with_hypothesis(poses, own)
+                leaves[~branch.target] = with_hypothesis(poses, latent)
     return Replay(tuple(visits), tuple(map(with_hypothesis, arrivals, traits)), tuple(leaves))

@@ -110,7 +110,7 @@ def _conditions(lines: Sequence[Line]) -> list[str]:
     return list(result.values())
 
 
-def told_conditions(conditions: Sequence[str]) -> str:
+def listed(conditions: Sequence[str]) -> str:
     """Some conditions as a clause: "if friction stays below 1.35 and ..."; nothing of none."""
     if not conditions:
         return ""
@@ -221,12 +221,12 @@ def cell_result(table: Table, log: RunLog) -> CellResult:
         node = Counter(node for node, _, _ in rejects).most_common(1)[0][0]
         counts = [count for at, count, _ in rejects if at == node]
         middle = sorted(counts)[len(counts) // 2]
-        message += f"; {len(counts)} rejected at node {node}: {reject_told(table, node, middle)}"
+        message += f"; {len(counts)} rejected at node {node}: {reject_text(table, node, middle)}"
     share = located / total
     return CellResult("good" if share == 1.0 else "fair" if share >= USUAL else "poor", message)
 
 
-def reject_told(table: Table, node: int, count: int) -> str:
+def reject_text(table: Table, node: int, count: int) -> str:
     """What was read where the table has no branch, and what was planned there."""
     read_mm = Calibration.linear(table.gripper).width_um(count) / 1e3
     spans = planned_spans(table.nodes[node])

@@ -42,9 +42,12 @@ def tried(
 
     These are the assumptions that plans make, and what the job doubts at the ends of its intervals.
     """
-    seed, (own, *others) = job.seed + SEED_FIGURES, _cases(job)
+    seed, (stated, *others) = job.seed + SEED_FIGURES, _cases(job)
     worlds = partial(ContactWorlds.of_job, seed=seed)
-    return [Line(own, planned), *sweep(table, job, others, worlds, trials, seed, scheduler, report)]
+    return [
+        Line(stated, planned),
+        *sweep(table, job, others, worlds, trials, seed, scheduler, report),
+    ]
 
 
 def affordable(table: Table, job: Job, seconds: float, scheduler: Scheduler | None = None) -> int:

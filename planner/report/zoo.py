@@ -41,23 +41,23 @@ class Item(NamedTuple):
 def judge(item: Item) -> Figures:
     """Plans an outline and evaluates its table; never raises but where the cluster is lost."""
     started = time.thread_time(), time.perf_counter()
-    told: Figures = {
+    figures: Figures = {
         "name": item.name,
         "outline_mm": item.outline_mm,
         "budget_s": item.budget_s,
         "cut": False,
     }
     try:
-        told |= _judged(item)
+        figures |= _judged(item)
     except ClusterError:
         raise
     except JobError as error:
         kind = reasons.TOO_LARGE if isinstance(error, FitError) else ERROR
-        told |= {"kind": kind, "text": str(error)}
+        figures |= {"kind": kind, "text": str(error)}
     except Exception as error:  # whatever it is, the others go on
-        told |= {"kind": ERROR, "text": f"{type(error).__name__}: {error}"}
+        figures |= {"kind": ERROR, "text": f"{type(error).__name__}: {error}"}
     cpu, wall = time.thread_time() - started[0], time.perf_counter() - started[1]
-    return told | {"cpu_s": round(cpu, 2), "seconds": round(wall, 2)}
+    return figures | {"cpu_s": round(cpu, 2), "seconds": round(wall, 2)}
 
 
 def _judged(item: Item) -> Figures:
@@ -73,13 +73,13 @@ def _judged(item: Item) -> Figures:
         part={"name": item.name[-LONGEST_NAME:], "outline_mm": item.outline_mm, "symmetry": order},
         uncertainty={"radius_mm": radius_mm},
     )
-    told = {"symmetry": job.part.symmetry, "radius_mm": job.uncertainty.radius_mm}
+    figures = {"symmetry": job.part.symmetry, "radius_mm": job.uncertainty.radius_mm}
     limit = Limit(item.budget_s, time.thread_time)  # which other work on the machine does not spend
     try:
         plan = compile_job(job, workers=1, limit=limit)
     except NoPlanError as error:
-        return told | {"cut": error.cut_short} | reasons.no_plan(job, error)._asdict()
-    figures = plan.evaluation.summary()
+        return figures | {"cut": error.cut_short} | reasons.no_plan(job, error)._asdict()
+    summary = plan.evaluation.summary()
     for key in (
         "success_rate",
         "wrong_rate",
@@ -88,12 +88,12 @@ def _judged(item: Item) -> Figures:
         "mean_squeezes",
         "crashes",
     ):
-        told[key] = figures[key]
-    told |= {"nodes": len(plan.table.nodes), "cut": plan.cut is not None}
-    if figures["success_rate"] >= LOCATED:
-        return told | {"kind": None, "text": ""}
+        figures[key] = summary[key]
+    figures |= {"nodes": len(plan.table.nodes), "cut": plan.cut is not None}
+    if summary["success_rate"] >= LOCATED:
+        return figures | {"kind": None, "text": ""}
     advice = advise(plan.table, plan.evaluation, job)
-    return told | reasons.reason(job, advice, plan.cut is not None)._asdict()
+    return figures | reasons.reason(job, advice, plan.cut is not None)._asdict()
 
 
 def page(rows: Sequence[Figures]) -> str:

@@ -65,13 +65,17 @@ class ActionSet:
         Returns:
             (k, 3) within the area; the fixed ones alone where nothing is proposed.
         """
-        near = [placed(own.relative, mode.pose) for own, mode in self._modes(states, metric)]
+        near = [
+            placed(proposals.relative, mode.pose) for proposals, mode in self._modes(states, metric)
+        ]
         return self.within(np.concatenate([self.placements, *near])) if near else self.placements
 
     def scattered(self, states: Array, metric: Metric, n: int) -> Array:
         """Hands (k, 3), n at most, all about a belief's main modes; none where nothing is proposed."""
         modes = self._modes(states, metric)
-        near = [placed(own.scattered[: n // len(modes)], mode.pose) for own, mode in modes]
+        near = [
+            placed(proposals.scattered[: n // len(modes)], mode.pose) for proposals, mode in modes
+        ]
         return self.within(np.concatenate([self.placements[:0], *near]))
 
     def _modes(self, states: Array, metric: Metric) -> list[tuple[Proposals, Mode]]:

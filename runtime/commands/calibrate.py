@@ -75,8 +75,8 @@ def parser() -> Parser:
     )
     calibrate_middle.add_to(subcommands, EXIT_CODES)
     # Those of the audit have a parser of their own, which is asked before this one.
-    for name, told in OF_THE_AUDIT.items():
-        subcommands.add_parser(name, help=told, add_help=False)
+    for name, help_text in OF_THE_AUDIT.items():
+        subcommands.add_parser(name, help=help_text, add_help=False)
     add = width.add_argument
     add("--port", type=address, required=True, help="the gripper, as for grasp-runtime")
     add(
@@ -174,11 +174,11 @@ def run(
     return 0
 
 
-def report(told: Measured) -> Iterator[str]:
+def report(measured: Measured) -> Iterator[str]:
     """The measurement as a small table: counts, spread, and how far other maps are off."""
-    yield f"gripper {told['gripper']}"
+    yield f"gripper {measured['gripper']}"
     yield "block mm  counts            spread  without this block  linear map"
-    for block in told["blocks"]:
+    for block in measured["blocks"]:
         off = block["off_without_it_mm"]
         alone = "-" if off is None else f"{off:+.3f} mm"
         counts = " ".join(map(str, block["position_counts"]))
@@ -186,10 +186,10 @@ def report(told: Measured) -> Iterator[str]:
         yield f"{line}  {block['off_linear_mm']:+.3f} mm"
 
 
-def figures(made: GripperCalibration, nominal: GripperSpec) -> Measured:
+def figures(measured: GripperCalibration, nominal: GripperSpec) -> Measured:
     """The measurement in plain types, beside the model's linear map."""
-    linear = calibration.against_linear_mm(made, nominal)
-    left_out = [None, *calibration.residuals_mm(made)]
+    linear = calibration.against_linear_mm(measured, nominal)
+    left_out = [None, *calibration.residuals_mm(measured)]
     blocks = [
         {
             "width_mm": gauge.width_mm,
@@ -198,9 +198,9 @@ def figures(made: GripperCalibration, nominal: GripperSpec) -> Measured:
             "off_without_it_mm": off,
             "off_linear_mm": line,
         }
-        for gauge, off, line in zip_longest(made.gauges, left_out, linear)
+        for gauge, off, line in zip_longest(measured.gauges, left_out, linear)
     ]
-    return {"gripper": made.gripper, "blocks": blocks}
+    return {"gripper": measured.gripper, "blocks": blocks}
 
 
 def _asking(arguments: argparse.Namespace) -> Callable[[str], object]:

@@ -147,9 +147,9 @@ def run(arguments: argparse.Namespace, drivers: Drivers, ask: Callable[[str], ob
                 ):
                     error.add_note(note)
                 raise
-    made = replace(known, middle=result)
+    completed = replace(known, middle=result)
     interrupts.conclude()  # measured: a stop request would stop nothing
-    calibration.save(made, arguments.output)
+    calibration.save(completed, arguments.output)
     _print(arguments, result, table)
     return 0
 
@@ -164,19 +164,19 @@ def _warning(arguments: argparse.Namespace, at: Pose2, table: Table) -> str:
     )
 
 
-def _print(arguments: argparse.Namespace, found: Middle, table: Table) -> None:
-    width_mm, leaves = middle.narrowest_mm(table), middle.left(found, table)
-    beside = middle.off_mm(found, table)
+def _print(arguments: argparse.Namespace, known: Middle, table: Table) -> None:
+    width_mm, leaves = middle.narrowest_mm(table), middle.left(known, table)
+    beside = middle.off_mm(known, table)
     if arguments.json:
-        record = {"output": str(arguments.output), **found._asdict(), "narrowest_mm": width_mm}
+        record = {"output": str(arguments.output), **known._asdict(), "narrowest_mm": width_mm}
         say(json.dumps({**record, "beside_mm": beside, "doubt": leaves}))
         return
     say(
-        f"the fingers meet {found.across_mm:+.2f} +- {found.across_error_mm:.2f} mm off the hand's middle at "
-        f"{found.block_mm:g} mm, along the hand's y"
+        f"the fingers meet {known.across_mm:+.2f} +- {known.across_error_mm:.2f} mm off the hand's middle at "
+        f"{known.block_mm:g} mm, along the hand's y"
     )
     say(
-        f"the finger at +y makes {100 * found.share:.1f} +- {100 * found.share_error:.1f} % of the closing"
+        f"the finger at +y makes {100 * known.share:.1f} +- {100 * known.share_error:.1f} % of the closing"
     )
     say(f"on this table's part, {width_mm:.1f} mm, its places are corrected by {-beside:+.2f} mm")
     say("what is left to doubt, for the job:")

@@ -62,8 +62,8 @@ def connect(
         if arguments.arm == MANUAL:
             arm_url = f"{MANUAL}+{cell.arm}"  # which follows the person's hand, with the part in it
     if arguments.port == MANUAL:
-        made = table.gripper
-        gripper_port = f"{MANUAL}:{made.opening_um / 1000},{made.count_open},{made.count_closed}"
+        spec = table.gripper
+        gripper_port = f"{MANUAL}:{spec.opening_um / 1000},{spec.count_open},{spec.count_closed}"
     for port in (gripper_port, arm_url):
         stack.enter_context(PortLock(port))
     only, scale = arguments.dry_run, arguments.time_scale
@@ -83,9 +83,9 @@ def _virtual(
 ) -> Devices:
     """A cell in this process, in virtual time."""
     world = arguments.world or _default_world(table, console)
-    made = drivers.virtual(arguments.tree, world=world, seed=arguments.seed, report=report)
+    cell = drivers.virtual(arguments.tree, world=world, seed=arguments.seed, report=report)
     console.note(f"simulated cell ({world}), in virtual time")
-    return Devices(made.gripper, made.arm, made.scene, clock=cast(SystemClock, made.clock))
+    return Devices(cell.gripper, cell.arm, cell.scene, clock=cast(SystemClock, cell.clock))
 
 
 def _default_world(table: Table, console: Console) -> str:

@@ -216,8 +216,8 @@ def _holders(path: Path, proc: Path) -> Iterator[tuple[int, str]]:
 
 def _made(folder: Path, pseudo: int) -> bool:
     """Whether a process has the other end of a pseudo-terminal (Linux, drivers/tty/pty.c, fdinfo)."""
-    told = (entry.read_text().split() for entry in (folder / "fdinfo").iterdir())
-    return any(words[-2:] == ["tty-index:", str(pseudo)] for words in told)
+    lines = (entry.read_text().split() for entry in (folder / "fdinfo").iterdir())
+    return any(words[-2:] == ["tty-index:", str(pseudo)] for words in lines)
 
 
 def _rdev(entry: Path) -> int:

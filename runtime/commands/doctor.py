@@ -144,10 +144,10 @@ def _gripper_findings(port: str, drivers: Drivers, system: System) -> Iterator[F
 
 def _failed(device: str, error: Exception, remedy: str) -> Finding:
     """An error's own hint, after its semicolon, is the better remedy."""
-    told, _, hint = str(error).partition("; ")
+    problem, _, hint = str(error).partition("; ")
     return Finding(
         Verdict.BAD,
-        f"The {device} does not answer: {told}.",
+        f"The {device} does not answer: {problem}.",
         f"{hint[:1].upper()}{hint[1:]}." if hint else remedy,
     )
 

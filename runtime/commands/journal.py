@@ -93,13 +93,13 @@ def parser() -> Parser:
 
 
 def _subcommand(
-    subcommands: "argparse._SubParsersAction[Parser]", name: str, body: object, told: str
+    subcommands: "argparse._SubParsersAction[Parser]", name: str, body: object, help_text: str
 ) -> Parser:
     example = f"example:\n  grasp-journal {name} squeezetree-journal.jsonl{EXAMPLES.get(name, '')}"
     command = subcommands.add_parser(
         name,
-        help=told,
-        description=f"{told[0].upper()}{told[1:]}.",
+        help=help_text,
+        description=f"{help_text[0].upper()}{help_text[1:]}.",
         epilog=f"{example}\n\n{EXIT_CODES}",
     )
     command.add_argument(
@@ -197,8 +197,8 @@ def _export(arguments: argparse.Namespace) -> int:
         )
     else:
         rows = export.write_rows(export.rows(entries), output, "--output")
-    told = json.dumps({"rows": rows, "output": str(output)})
-    print(told if arguments.json else f"{rows} squeezes written to {output}", file=words_of(output))
+    line = json.dumps({"rows": rows, "output": str(output)})
+    print(line if arguments.json else f"{rows} squeezes written to {output}", file=words_of(output))
     return 0
 
 

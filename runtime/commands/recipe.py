@@ -82,7 +82,7 @@ def _header(arguments: argparse.Namespace, tree: Path, options: RunOptions) -> d
         "seed": arguments.seed if arguments.port == SIMULATED else None,
         "on_reject": on_reject,
         "on_unresolved": on_unresolved,
-        "delivery": None if options.delivery is None else options.delivery.told(),
+        "delivery": None if options.delivery is None else options.delivery.record(),
         "after_crash": arguments.after_crash,
         "force": arguments.force,
         "tips": None if options.handling.arc is None else str(options.handling.arc),

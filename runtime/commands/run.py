@@ -198,13 +198,13 @@ class _Asked:
     def dry_run(self) -> int:
         """Tell what would be sent to the devices, over links that cannot write."""
         devices = self._connect(Incidents().record)
-        told = dry_run.tell(
+        lines = dry_run.tell(
             self.recipe.loaded.table, devices.gripper, devices.arm, self.recipe.options
         )
         if self.arguments.json:
-            say(json.dumps({"told": told}))
+            say(json.dumps({"told": lines}))
         else:
-            for sentence in told:
+            for sentence in lines:
                 self.recipe.console.note(sentence)
         self.recipe.console.note(
             "dry run: nothing was written to the gripper, and nothing but questions to the arm"
@@ -282,15 +282,15 @@ class _Asked:
         auditor.check()
         return auditor
 
-    def _say_put_down(self, told: Mapping[str, object] | None) -> int:
+    def _say_put_down(self, record: Mapping[str, object] | None) -> int:
         if self.arguments.json:
-            say(json.dumps({"put_down": told}))
-        elif told is None:
+            say(json.dumps({"put_down": record}))
+        elif record is None:
             self.recipe.console.note("the fingers hold nothing; nothing was moved")
         else:
             self.recipe.console.note(
-                f"put down at ({told['x_mm']:.2f}, {told['y_mm']:.2f}) mm, {told['width_mm']:.2f} mm between "
-                "the fingers; the run ends here: look where it lies, then start again"
+                f"put down at ({record['x_mm']:.2f}, {record['y_mm']:.2f}) mm, {record['width_mm']:.2f} mm "
+                "between the fingers; the run ends here: look where it lies, then start again"
             )
         return 0
 

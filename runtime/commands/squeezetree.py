@@ -20,7 +20,7 @@ class Program(NamedTuple):
 
     name: str  # as installed
     parser: str  # the module with its `parser`
-    told: str  # what it is for
+    purpose: str  # what it is for
     before: tuple[str, ...] = ()  # arguments that come before the user's
 
 
@@ -148,7 +148,7 @@ def _described() -> str:
     for subject, group in GROUPS.items():
         lines += ["", f"{subject}:"]
         lines += [
-            f"  {word:11s} {program.told}  [{program.name}]" for word, program in group.items()
+            f"  {word:11s} {program.purpose}  [{program.name}]" for word, program in group.items()
         ]
     return "\n".join([*lines, ""])
 

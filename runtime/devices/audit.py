@@ -111,14 +111,14 @@ class AuditProcess(ChildProcess):
                 "the auditor has ended; run its command by itself to see why"
             ) from error
         except EOFError as error:
-            told = (
+            message = (
                 "the auditor has ended, or talks without end; run its command by itself to see why"
             )
-            raise ConnectionError(told) from error
+            raise ConnectionError(message) from error
         except TimeoutError as error:
             raise TimeoutError(f"the auditor did not answer within {answer_s:g} s") from error
-        told = strict_json.parse(answer)
-        return told if isinstance(told, dict) else {}
+        reply = strict_json.parse(answer)
+        return reply if isinstance(reply, dict) else {}
 
 
 def answer_of(

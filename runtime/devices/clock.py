@@ -17,8 +17,8 @@ def date(text: str) -> datetime:
     Raises:
         ValueError: it is none.
     """
-    told = datetime.fromisoformat(text)
-    return told if told.tzinfo else told.replace(tzinfo=UTC)
+    stated = datetime.fromisoformat(text)
+    return stated if stated.tzinfo else stated.replace(tzinfo=UTC)
 
 
 @dataclass(frozen=True, slots=True)

@@ -57,12 +57,12 @@ class PortLock(ExitStack):
 
 def _bound(name: str, port: str) -> socket.socket:
     address = f"\0squeezetree-{hashlib.sha256(name.encode()).hexdigest()[:16]}"
-    made = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    result = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:
-        made.bind(address)
-        made.listen()  # so that who finds it taken can connect, and learns by whom
+        result.bind(address)
+        result.listen()  # so that who finds it taken can connect, and learns by whom
     except OSError as error:
-        made.close()
+        result.close()
         if error.errno != errno.EADDRINUSE:
             raise PortBusyError(
                 f"port {port}: its lock cannot be taken ({error.strerror})"
@@ -75,7 +75,7 @@ def _bound(name: str, port: str) -> socket.socket:
         raise PortBusyError(
             f"port {port} is in use by {message[0]} (process {owner}); {message[1]}"
         ) from None
-    return made
+    return result
 
 
 def _owner(address: str) -> str:
@@ -84,10 +84,10 @@ def _owner(address: str) -> str:
         asking.setblocking(False)
         try:
             asking.connect(address)
-            told = asking.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, CREDENTIALS.size)
+            credentials = asking.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, CREDENTIALS.size)
         except OSError:  # it let go meanwhile, or has been asked too often
             return "unknown"
-    return str(CREDENTIALS.unpack(told)[0] or "of another container")
+    return str(CREDENTIALS.unpack(credentials)[0] or "of another container")
 
 
 def _devices(port: str) -> list[str]:

@@ -226,14 +226,14 @@ class AskedParts:
             return CLOSING_CONTACT if decide(decided, count, False) == REJECT else ARRIVED
         return CLOSING_CONTACT if self._calibration.width_um(count) >= HELD_UM else ARRIVED
 
-    def _read(self, part: _Part, count: int, flag: int, told: str) -> str:
+    def _read(self, part: _Part, count: int, flag: int, reply: str) -> str:
         index = part.traversal.node
         node = self._table.nodes[index]
         self._check_possible(node, self._maps[index], count, flag)
         self._console.phase(part.number, Phase.READ, index)
         decision = decision_of(node, self._maps[index], count, flag)
         step = step_of(decision, len(part.steps) + 1, index, count, self._calibration)
-        fields = {**step.fields(), "object_flag": flag, "told": told}
+        fields = {**step.fields(), "object_flag": flag, "told": reply}
         self._journal.record("squeeze", {"part": part.number, **fields})
         part.steps.append(step)
         self._console.step(part.number, step)

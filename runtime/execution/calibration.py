@@ -44,7 +44,7 @@ class GripperCalibration:
     """What is known of one gripper."""
 
     gripper: str  # its name or serial number, as the operator gave it
-    made: str  # when, ISO 8601
+    date: str  # of the calibration, ISO 8601
     gauges: tuple[Gauge, ...]  # the blocks, in the order of rising width
     widths_um: tuple[int, ...]  # 256 widths
     # link and offset of the tips' arc, mm, where they were measured
@@ -94,7 +94,7 @@ def _stroke(gripper: Gripper, position_counts: int, speed_counts: int) -> tuple[
     return settled.position_counts, settled.object_flag
 
 
-def fit(gauges: Sequence[Gauge], gripper: str, made: str) -> GripperCalibration:
+def fit(gauges: Sequence[Gauge], gripper: str, date: str) -> GripperCalibration:
     """The calibration that passes through gauged widths, at least `LEAST_BLOCKS` of them.
 
     Raises:
@@ -114,7 +114,7 @@ def fit(gauges: Sequence[Gauge], gripper: str, made: str) -> GripperCalibration:
     curve = Curve(ordered)
     widths = (max(round(1000 * curve.at(count)), 0) for count in range(COUNTS))
     # A block's mean count is rarely whole; rounding must not make a width rise by a micrometre.
-    return GripperCalibration(gripper, made, tuple(ordered), tuple(accumulate(widths, min)))
+    return GripperCalibration(gripper, date, tuple(ordered), tuple(accumulate(widths, min)))
 
 
 def residuals_mm(calibration: GripperCalibration) -> list[float]:
@@ -181,25 +181,25 @@ def bytes_of(path: Path) -> bytes:
         raise CalibrationError(f"calibration {path}: cannot be read: {error.strerror}") from error
 
 
-def _parsed(told: object) -> GripperCalibration:
-    if not isinstance(told, dict) or told.get("format") != FORMAT:
+def _parsed(record: object) -> GripperCalibration:
+    if not isinstance(record, dict) or record.get("format") != FORMAT:
         raise CalibrationError(f"is no calibration of format {FORMAT}")
-    body = {name: value for name, value in told.items() if name != "sha256"}
-    if told.get("sha256") != strict_json.digest(body):
+    body = {name: value for name, value in record.items() if name != "sha256"}
+    if record.get("sha256") != strict_json.digest(body):
         raise CalibrationError("does not have its digest: it was changed after it was measured")
-    gauges = tuple(Gauge(float(row["width_mm"]), tuple(row["counts"])) for row in told["gauges"])
-    tips, current = told["tips_mm"], told["current_ma"]
-    made = GripperCalibration(
-        str(told["gripper"]),
-        str(told["made"]),
+    gauges = tuple(Gauge(float(row["width_mm"]), tuple(row["counts"])) for row in record["gauges"])
+    tips, current = record["tips_mm"], record["current_ma"]
+    result = GripperCalibration(
+        str(record["gripper"]),
+        str(record["date"]),
         gauges,
-        tuple(told["widths_um"]),
+        tuple(record["widths_um"]),
         None if tips is None else (float(tips[0]), float(tips[1])),
         None if current is None else (int(current[0]), int(current[1])),
-        Middle.parsed(told.get("middle")),
+        Middle.parsed(record.get("middle")),
     )
-    Calibration(made.widths_um)
-    return made
+    Calibration(result.widths_um)
+    return result
 
 
 def _body(calibration: GripperCalibration) -> dict[str, object]:

@@ -59,11 +59,11 @@ def check(
             if branch.target >= 0 or not table.leaves[~branch.target].resolved:
                 continue
             leaf = table.leaves[~branch.target]
-            own = delivery.of(leaf.hypothesis)
-            if own is None:
+            place = delivery.of(leaf.hypothesis)
+            if place is None:
                 continue
             try:
-                choose(own, table, leaf, start, arm, middle_mm)
+                choose(place, table, leaf, start, arm, middle_mm)
             except MotionRefusedError as error:
                 raise MotionRefusedError(f"delivery from leaf {~branch.target}: {error}") from error
 
@@ -182,8 +182,8 @@ def _refusal(
         ("carrying it away", above, beyond),
         ("putting it down", beyond, down),
     ):
-        if told := arm.obstacle(here, there):
-            return f"{doing}: the way is {told}"
+        if obstacle := arm.obstacle(here, there):
+            return f"{doing}: the way is {obstacle}"
     return ""
 
 

@@ -70,9 +70,9 @@ def look(
             f"{message}; it is given up and nothing was moved: "
             "look at the fingers, clear the cell, start again"
         )
-    now_told = {**fields, "table_sha256": hashlib.sha256(table).hexdigest()}
+    stated = {**fields, "table_sha256": hashlib.sha256(table).hexdigest()}
     for name, what in SAME.items():
-        if (broken.header.get(name) or None) != (now_told.get(name) or None):
+        if (broken.header.get(name) or None) != (stated.get(name) or None):
             raise BrokenRunError(
                 f"the run that broke off had another {what}; start with that one, or with --after-crash abort"
             )

@@ -37,7 +37,7 @@ class Delivery:
     # x min, y min, x max, y max of the hand while it carries, um; None for the work area
     area_um: tuple[int, int, int, int] | None = None
 
-    def told(self) -> dict[str, object]:
+    def record(self) -> dict[str, object]:
         """As a journal's header keeps it; no upper limit of a width is None."""
         low, high = self.width_mm
         return {
@@ -63,9 +63,9 @@ class Sorting:
     named: Mapping[str, Delivery]
     numbers: Mapping[int, str]  # the names by hypothesis
 
-    def told(self) -> dict[str, object]:
+    def record(self) -> dict[str, object]:
         """As a journal's header keeps it."""
-        return {name: own.told() for name, own in self.named.items()}
+        return {name: place.record() for name, place in self.named.items()}
 
     def of(self, hypothesis: int) -> Delivery | None:
         """That of a hypothesis."""
@@ -98,7 +98,7 @@ def by_name(words: Sequence[str], table: Table) -> Sorting:
         ArgumentsError: a name is missing, unknown or stands twice; a place is wrong; or leaves do not tell
             which part lies where.
     """
-    goal, numbers = table.goal, dict(enumerate(own.name for own in table.hypotheses))
+    goal, numbers = table.goal, dict(enumerate(hypothesis.name for hypothesis in table.hypotheses))
     if goal.kind == "identity" or not goal.identify:
         raise ArgumentsError(
             "--deliver: this table does not tell both which part it is and where it lies"
@@ -179,18 +179,18 @@ def from_keys(keys: object, where: str) -> Delivery:
     if "drop_mm" not in keys:
         raise ArgumentsError(f"{where}: drop_mm is missing; say where the part goes")
     numbers = {name: _numbers(where, name, keys[name]) for name in KEYS if name in keys}
-    made = Delivery(_pose(numbers, "drop"), _pose(numbers, "grasp"))
+    delivery = Delivery(_pose(numbers, "drop"), _pose(numbers, "grasp"))
     if "width_mm" in numbers:
         width, room = numbers["width_mm"][0], numbers.get("width_tolerance_mm", (1.5,))[0]
-        made = replace(made, width_mm=(width - room, width + room))
+        delivery = replace(delivery, width_mm=(width - room, width + room))
     if "area_mm" in numbers:
         x_min, y_min, x_max, y_max = (round(1000 * value) for value in numbers["area_mm"])
         if x_min >= x_max or y_min >= y_max:
             raise ArgumentsError(
                 f"{where}: area_mm is x min, y min, x max, y max, each min below its max"
             )
-        made = replace(made, area_um=(x_min, y_min, x_max, y_max))
-    return made
+        delivery = replace(delivery, area_um=(x_min, y_min, x_max, y_max))
+    return delivery
 
 
 def _numbers(where: str, name: str, value: object) -> tuple[float, ...]:

@@ -69,8 +69,8 @@ def tell(table: Table, gripper: Gripper, arm: Arm, options: RunOptions) -> list[
         )
     if options.delivery is not None:
         carry.check(options.delivery, table, arm, handling.middle_mm)
-        for part, own in options.delivery.each():
-            x_mm, y_mm, angle_rad = own.drop
+        for part, delivery in options.delivery.each():
+            x_mm, y_mm, angle_rad = delivery.drop
             place = f"({x_mm:.2f}, {y_mm:.2f}) mm, {degrees(angle_rad):.1f} deg"
             lines.append(f"delivery: {part} from every leaf to {place}")
     return lines

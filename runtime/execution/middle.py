@@ -49,20 +49,20 @@ class Middle(NamedTuple):
     share_error: float
 
     @classmethod
-    def parsed(cls, told: object) -> Self | None:
+    def parsed(cls, record: object) -> Self | None:
         """As a file holds it; None where it was not measured.
 
         Raises:
             TypeError, ValueError: it is none.
         """
-        if told is None:
+        if record is None:
             return None
-        if not isinstance(told, dict):
+        if not isinstance(record, dict):
             raise TypeError("has a middle that is none")
-        made = cls(**{name: float(value) for name, value in told.items()})
-        if not abs(made.across_mm) <= MOST_MM:
-            raise ValueError(f"has fingers that meet {made.across_mm:g} mm off the hand's middle")
-        return made
+        result = cls(**{name: float(value) for name, value in record.items()})
+        if not abs(result.across_mm) <= MOST_MM:
+            raise ValueError(f"has fingers that meet {result.across_mm:g} mm off the hand's middle")
+        return result
 
     def at(self, width_mm: float) -> tuple[float, float]:
         """How far off they meet at another width, and the error of that [mm]."""
@@ -247,11 +247,11 @@ class _Line(NamedTuple):
     residual_mm: float
 
 
-def _line(block_mm: float, found: float, grips: Sequence[Grip]) -> _Line:
+def _line(block_mm: float, measured_mm: float, grips: Sequence[Grip]) -> _Line:
     wider = [grip.width_mm - block_mm for grip in grips]
     # Where the lower finger touches first, v is taken off, which leaves the line of the other side.
     hand = [
-        grip.hand_mm - (v if grip.hand_mm > found else 0.0)
+        grip.hand_mm - (v if grip.hand_mm > measured_mm else 0.0)
         for grip, v in zip(grips, wider, strict=True)
     ]
     slope, both = linear_regression(wider, hand)

@@ -54,7 +54,7 @@ def rows(entries: Iterable[Entry]) -> Iterator[Row]:
 
 
 def write_rows(
-    found: Iterable[Row],
+    rows: Iterable[Row],
     path: Path,
     option: str,
     columns: Sequence[str] = COLUMNS,
@@ -63,7 +63,7 @@ def write_rows(
     """Write rows as the suffix says, `.csv` or `.parquet`, CSV to standard output; returns their number.
 
     Args:
-        found: the rows.
+        rows: the rows.
         path: the file.
         option: that named it.
         columns: names of the columns, in order.
@@ -74,25 +74,25 @@ def write_rows(
         OutputError: the file cannot be written.
     """
     if path in STDOUT or path.suffix == ".csv":
-        return _write_csv(found, path, columns)
+        return _write_csv(rows, path, columns)
     if path.suffix == ".parquet":
-        return _write_parquet(found, path, columns, kinds)
+        return _write_parquet(rows, path, columns, kinds)
     raise ArgumentsError(f"{option} {path}: name a file that ends in .csv or .parquet")
 
 
-def _write_csv(found: Iterable[Row], path: Path, columns: Sequence[str]) -> int:
+def _write_csv(rows: Iterable[Row], path: Path, columns: Sequence[str]) -> int:
     with writing(path) as draft, draft.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, columns)
         writer.writeheader()
         number = 0
-        for row in found:
+        for row in rows:
             writer.writerow(row)
             number += 1
     return number
 
 
 def _write_parquet(
-    found: Iterable[Row], path: Path, columns: Sequence[str], kinds: Mapping[str, str]
+    rows: Iterable[Row], path: Path, columns: Sequence[str], kinds: Mapping[str, str]
 ) -> int:
     try:
         import pyarrow
@@ -102,7 +102,7 @@ def _write_parquet(
             "Parquet needs pyarrow, which a cell controller does not have; "
             "install squeezetree[parquet] where you evaluate, or export to .csv"
         ) from error
-    listed = list(found)
+    listed = list(rows)
     try:
         arrays = [pyarrow.array([row[name] for row in listed], kinds.get(name)) for name in columns]
         with writing(path) as draft:

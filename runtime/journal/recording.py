@@ -107,13 +107,13 @@ class _Recording:
             self._header(entry, moment_ns)
         elif kind == "squeeze":
             self.squeezes += 1
-            self._send("/squeeze", entry, moment_ns, _told(SQUEEZE, entry))
+            self._send("/squeeze", entry, moment_ns, _fields_of(SQUEEZE, entry))
             if all(isinstance(entry.get(name), int) for name in ("x_um", "y_um", "angle_urad")):
                 self._pose(
                     "/hand", entry, moment_ns, entry["x_um"], entry["y_um"], entry["angle_urad"]
                 )
         elif kind == "outcome":
-            self._send("/outcome", entry, moment_ns, _told(OUTCOME, entry))
+            self._send("/outcome", entry, moment_ns, _fields_of(OUTCOME, entry))
             self._located(entry, moment_ns)
 
     def _header(self, entry: Entry, moment_ns: int) -> None:
@@ -185,7 +185,7 @@ def _stamp(moment_ns: int) -> dict[str, int]:
     return {"sec": moment_ns // 10**9, "nsec": moment_ns % 10**9}
 
 
-def _told(names: Mapping[str, str], entry: Entry) -> dict[str, object]:
+def _fields_of(names: Mapping[str, str], entry: Entry) -> dict[str, object]:
     """What of a record is known; viewers plot what is there."""
     record = {name: scaled(source, entry.get(source)) for name, source in names.items()}
     return {name: value for name, value in record.items() if value is not None}

@@ -131,8 +131,8 @@ def _in_the_drawing(table: Table, result: PartResult) -> dict[str, object]:
     frames = answer.frames_of(table)
     if result.leaf is None or frames[table.leaves[result.leaf].hypothesis].datum is None:
         return {}
-    told = answer.told(table, result.leaf, frames)
-    return {"datum_pose": told["datum"], "picks": told["picks"]}
+    fields = answer.fields(table, result.leaf, frames)
+    return {"datum_pose": fields["datum"], "picks": fields["picks"]}
 
 
 def _names(table: Table, leaf: Leaf | None, seen: Sighting | None) -> dict[str, object]:

@@ -40,7 +40,7 @@ class Monitor(Console):
             self._name,
             loaded.digest,
             self._table.predicted.success_ppm,
-            partial(answer.told, self._table, frames=answer.frames_of(self._table)),
+            partial(answer.fields, self._table, frames=answer.frames_of(self._table)),
             Drift(self._table).add,
         )
         self._views = views or Views()

@@ -135,9 +135,9 @@ def _labelled(label: str, values: Mapping[Any, float]) -> dict[str, float]:
     return {f'{label}="{name}"': value for name, value in values.items()}
 
 
-def _metric(name: str, kind: str, told: str, values: dict[str, float]) -> str:
+def _metric(name: str, kind: str, help_text: str, values: dict[str, float]) -> str:
     name = f"squeezetree_{name}"
-    lines = [f"# HELP {name} {told}", f"# TYPE {name} {kind}"]
+    lines = [f"# HELP {name} {help_text}", f"# TYPE {name} {kind}"]
     lines += [
         f"{name}{{{labels}}} {value:g}" if labels else f"{name} {value:g}"
         for labels, value in values.items()

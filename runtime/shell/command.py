@@ -174,7 +174,7 @@ def tell(name: str, words: object) -> None:
     say(f"{name}: {one_line(words)}", sys.stderr)
 
 
-def told(error: BaseException) -> str:
+def sentence_of(error: BaseException) -> str:
     """An error's sentence, and in the same line what was noted on its way out."""
     return one_line(
         "; ".join([str(error) or type(error).__name__, *getattr(error, "__notes__", ())])
@@ -263,9 +263,9 @@ def is_foreseen(error: BaseException) -> bool:
 
 def _end_of(error: BaseException) -> tuple[int, str]:
     if is_foreseen(error):
-        return int(error.exit_code), told(error)  # type: ignore[attr-defined]
+        return int(error.exit_code), sentence_of(error)  # type: ignore[attr-defined]
     if isinstance(error, OSError):
-        reason = error.strerror or told(error)
+        reason = error.strerror or sentence_of(error)
         if error.errno in UNWRITABLE:
             _discard(sys.stdout)
             return USAGE, _unwritten(error)
@@ -274,7 +274,7 @@ def _end_of(error: BaseException) -> tuple[int, str]:
         if isinstance(error, ConnectionError | TimeoutError):
             return LINK, reason
     kind = type(error).__name__
-    return 1, f"internal error, please report it: {kind}: {told(error)} (--debug shows more)"
+    return 1, f"internal error, please report it: {kind}: {sentence_of(error)} (--debug shows more)"
 
 
 def _flushed(name: str, code: int) -> int:

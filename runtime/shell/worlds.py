@@ -34,8 +34,8 @@ def find_factory(name: str) -> Factory:
         raise WorldError(f"module {module_name} cannot be imported: {error}") from error
     if not callable(factory):
         raise WorldError(f"module {module_name} has no function {attribute}")
-    made: Factory = factory
-    return made
+    checked: Factory = factory
+    return checked
 
 
 def make_world(factory: Factory, subject: object, seed: int) -> Any:

@@ -111,14 +111,16 @@ def rows(parts: Iterable[Part], alarms: Mapping[int, Sequence[str]]) -> Iterator
 
 
 def _lines(summary: Summary) -> list[str]:
-    told = ["parts     " + ", ".join(f"{count} {name}" for name, count in summary.outcomes.items())]
+    lines = [
+        "parts     " + ", ".join(f"{count} {name}" for name, count in summary.outcomes.items())
+    ]
     if summary.verdicts:
-        told.append(
+        lines.append(
             "audits    " + ", ".join(f"{count} {name}" for name, count in summary.verdicts.items())
         )
     if summary.judged:
         low, high = summary.interval
-        told.append(
+        lines.append(
             f"success   {summary.passed / summary.judged:.4f} (95 %: {low:.4f} to {high:.4f}), "
             f"predicted {summary.predicted:.4f}"
         )
@@ -126,8 +128,8 @@ def _lines(summary: Summary) -> list[str]:
         shares = ", ".join(
             f"{row.parts} {row.name} ({row.share:.1%} planned)" for row in summary.names
         )
-        told.append(f"names     {shares}; p = {summary.names_tail:.3g}")
-    told.append(f"branches  p = {summary.tail:.3g} against the table")
-    told += [f"advice    {REFIT}"] * summary.refit
-    told += [f"ALARM     part {alarm.number}: {alarm.sentence}" for alarm in summary.alarms]
-    return told if summary.alarms else [*told, "charts    in control"]
+        lines.append(f"names     {shares}; p = {summary.names_tail:.3g}")
+    lines.append(f"branches  p = {summary.tail:.3g} against the table")
+    lines += [f"advice    {REFIT}"] * summary.refit
+    lines += [f"ALARM     part {alarm.number}: {alarm.sentence}" for alarm in summary.alarms]
+    return lines if summary.alarms else [*lines, "charts    in control"]

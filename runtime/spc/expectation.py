@@ -103,14 +103,14 @@ def load(path: Path) -> Expectation:
         raise refused(f"does not hold {KIND} of version {VERSION}") from error
 
 
-def _checked(told: dict[str, Any]) -> Expectation:
-    worlds = told["worlds"]
+def _checked(record: dict[str, Any]) -> Expectation:
+    worlds = record["worlds"]
     names = tuple(str(world["name"]) for world in worlds)
     shares = tuple(tuple(_shares(node) for node in world["readings"]) for world in worlds)
     alike = len(names) > 1 and len({len(nodes) for nodes in shares}) == 1
-    if (told["kind"], told["version"]) != (KIND, VERSION) or not alike:
-        raise ValueError(told["kind"])
-    return Expectation(str(told["table_sha256"]), names, shares)
+    if (record["kind"], record["version"]) != (KIND, VERSION) or not alike:
+        raise ValueError(record["kind"])
+    return Expectation(str(record["table_sha256"]), names, shares)
 
 
 def _shares(node: dict[str, int]) -> tuple[float, ...]:

@@ -228,8 +228,8 @@ def _names(history: History) -> Iterator[NameRow]:
         for part in history.parts
         if part.leaf is not None and part.outcome == "leaf"
     )
-    for number, own in enumerate(table.hypotheses):
-        yield NameRow(own.name, given[number], own.share_ppm / PPM)
+    for number, hypothesis in enumerate(table.hypotheses):
+        yield NameRow(hypothesis.name, given[number], hypothesis.share_ppm / PPM)
 
 
 def _leaves(history: History) -> Iterator[LeafRow]:

@@ -53,18 +53,22 @@ def frames_in(part: object) -> PartFrames:
     return PartFrames(datum, picks)
 
 
-def told(table: Table, leaf: int, frames: tuple[PartFrames, ...]) -> dict[str, object]:
+def fields(table: Table, leaf: int, frames: tuple[PartFrames, ...]) -> dict[str, object]:
     """The answer of a leaf for machines: the pose of the outline's frame, of the datum, and of each pick.
 
     Where one of several parts may lie there, also which it is.
     """
     end = table.leaves[leaf]
-    pose, own = predicted_pose(end), frames[end.hypothesis]
+    pose, part_frames = predicted_pose(end), frames[end.hypothesis]
     return {
         **({"hypothesis": table.name_of(end)} if table.hypotheses else {}),
         **as_degrees(pose),
-        "datum": None if own.datum is None else as_degrees(compose(pose, own.datum)),
-        "picks": {name: as_degrees(compose(pose, pick)) for name, pick in own.picks.items()},
+        "datum": None
+        if part_frames.datum is None
+        else as_degrees(compose(pose, part_frames.datum)),
+        "picks": {
+            name: as_degrees(compose(pose, pick)) for name, pick in part_frames.picks.items()
+        },
     }
 
 

@@ -115,7 +115,7 @@ class PartResult:
             "delivery": self.delivery,
             "seconds": None if self.seconds is None else round(self.seconds, 4),
             "phases": [
-                {name: round(value, 4) for name, value in own._asdict().items()}
-                for own in self.phases
+                {name: round(value, 4) for name, value in phases._asdict().items()}
+                for phases in self.phases
             ],
         }

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from html_pages import Page
+from planner.evaluation.strangers import strangers
 
 from drivers.camera.audit.subject import from_table
 from drivers.camera.errors import CameraFileError
@@ -20,7 +21,6 @@ from planner.compile import compile_job
 from planner.evaluation.disturbance import NONE
 from planner.evaluation.evaluate import evaluate
 from planner.evaluation.leaves import identities
-from planner.evaluation.strangers import strangers
 from planner.job import model as job_file
 from planner.report import dossier
 from planner.work.scheduler import Threads

@@ -53,7 +53,7 @@ def draw(
     view: View,
     subject: Subject,
     predicted: Pose2,
-    found: Measured | None,
+    measured: Measured | None,
     sentence: str,
 ) -> Picture:
     """Lay outlines and the sentence over a picture.
@@ -63,7 +63,7 @@ def draw(
         view: of the camera.
         subject: the part's outline and tag.
         predicted: where the leaf says it lies.
-        found: where it was measured, None: nowhere.
+        measured: where it was measured, None: nowhere.
         sentence: of the answer.
 
     Returns:
@@ -74,9 +74,9 @@ def draw(
     if outline is None:
         outline = as_it_lies(print_corners(subject.tag.side_mm), view.from_below)
     _polygon(canvas, view, outline, predicted, PREDICTED)
-    if found is not None:
-        _polygon(canvas, view, outline, found.pose, MEASURED)
-        _closed(canvas, found.tag.corners, MEASURED)
+    if measured is not None:
+        _polygon(canvas, view, outline, measured.pose, MEASURED)
+        _closed(canvas, measured.tag.corners, MEASURED)
     # A band, not letters with a rim: letters of another weight run wider in some versions of OpenCV.
     size, height = canvas.shape[1] / 1920.0, canvas.shape[0]
     canvas[height - round(60 * size) :] //= 4

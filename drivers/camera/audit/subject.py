@@ -35,7 +35,7 @@ def from_table(path: Path, tags: Sequence[PartTag]) -> tuple[Subject, ...]:
         CameraFileError: several tags for the table's one part, or one for a part that it does not name.
     """
     table = load(path).table
-    names = [own.name for own in table.hypotheses]
+    names = [hypothesis.name for hypothesis in table.hypotheses]
     if not names and len(tags) > 1:
         raise CameraFileError(
             f"{path} is for one part, which has one tag: one --tag, not {len(tags)}"

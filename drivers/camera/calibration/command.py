@@ -14,7 +14,7 @@ import numpy as np
 
 from drivers.camera.calibration import file as calibration
 from drivers.camera.calibration import residual_picture
-from drivers.camera.calibration.fit import calibrate, glue, pictures_in, read_poses
+from drivers.camera.calibration.fit import Pictures, calibrate, glue, pictures_in, read_poses
 from drivers.camera.errors import CalibrationRefusedError
 from drivers.camera.vision import tag_file
 from drivers.camera.vision.board import parse
@@ -25,9 +25,9 @@ from runtime.shell.command import USAGE, Parser, run, tell
 from runtime.shell.files import folder, usable, writing
 
 PICTURE_S = 10.0
-Told = Generator[str, None, dict[str, object]]
+Lines = Generator[str, None, dict[str, object]]
 """Lines for people as the work goes on; at its end the same for machines."""
-Run = Callable[[argparse.Namespace], Told]
+Run = Callable[[argparse.Namespace], Lines]
 EXIT_CODES = """\
 exit codes:
    0  measured and written    2  usage         23  no camera   130  interrupted (Ctrl-C)
@@ -182,10 +182,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _follow(options: argparse.Namespace) -> int:
     """Print what a subcommand tells as it goes on, or at its end one object."""
     cv2.setNumThreads(1)
-    told = options.run(options)
+    lines = options.run(options)
     try:
         while True:
-            line = next(told)
+            line = next(lines)
             if not options.json:
                 print(line, flush=True)
     except StopIteration as end:
@@ -199,7 +199,7 @@ def _follow(options: argparse.Namespace) -> int:
     return 0
 
 
-def run_camera(options: argparse.Namespace) -> Told:
+def run_camera(options: argparse.Namespace) -> Lines:
     """Calibrate a camera, write file and picture, and tell the residuals."""
     board, held = parse(options.board), pictures_in(options.views)
     touched = () if options.touched is None else read_poses(options.touched)
@@ -217,11 +217,8 @@ def run_camera(options: argparse.Namespace) -> Told:
         options.name,
         _now(),
         board,
-        held,
-        options.table,
-        touched,
+        Pictures(held, options.table, touched, options.references),
         options.number,
-        options.references,
         from_below=not options.above,
         height_mm=options.board_height,
     )
@@ -260,7 +257,7 @@ def run_camera(options: argparse.Namespace) -> Told:
     }
 
 
-def run_tag(options: argparse.Namespace) -> Told:
+def run_tag(options: argparse.Namespace) -> Lines:
     """Measure or state where a tag is on its part."""
     tag = PartTag(
         options.part, options.number, options.side, options.at or (0.0, 0.0, 0.0), options.height
@@ -291,7 +288,7 @@ def run_tag(options: argparse.Namespace) -> Told:
     }
 
 
-def run_pictures(options: argparse.Namespace) -> Told:
+def run_pictures(options: argparse.Namespace) -> Lines:
     """Take so many pictures, each when Enter is pressed."""
     ask = _ask_beside if options.json else input
     source = open_source(options.camera, options.size)

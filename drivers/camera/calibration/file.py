@@ -47,13 +47,13 @@ class CameraCalibration:
     """One camera at one place."""
 
     camera: str  # its name or serial number, as the operator gave it
-    made: str  # when, ISO 8601
+    date: str  # of the calibration, ISO 8601
     view: View  # lens and place, in the frame of the arm's world
     rms_px: float  # how well the lens explains the board views
     alignment_mm: float  # how well touched poses agree with seen ones, rms; 0 where none were given
     trust: Trust  # how far to trust it where
     references: tuple[Reference, ...] = ()  # fixed tags
-    views: int = 0  # number of board views it was made of
+    views: int = 0  # number of board views it was fitted to
 
     def check_size(self, shape: tuple[int, ...]) -> None:
         """Check a picture's rows and columns; PictureError where they are not this camera's."""
@@ -71,7 +71,7 @@ def save(calibration: CameraCalibration, path: Path) -> None:
     lens = view.lens
     body = {
         "camera": calibration.camera,
-        "made": calibration.made,
+        "date": calibration.date,
         "width_px": lens.width,
         "height_px": lens.height,
         "focal_px": list(lens.focal),
@@ -95,30 +95,32 @@ def load(path: Path) -> CameraCalibration:
     return documents.read(path, KIND, REMEDY, _parsed)
 
 
-def _parsed(told: dict[str, Any]) -> CameraCalibration:
-    fx, fy = map(float, told["focal_px"])
-    cx, cy = map(float, told["centre_px"])
-    k1, k2, p1, p2, k3 = map(float, told["distortion_k1_k2_p1_p2_k3"])
+def _parsed(record: dict[str, Any]) -> CameraCalibration:
+    fx, fy = map(float, record["focal_px"])
+    cx, cy = map(float, record["centre_px"])
+    k1, k2, p1, p2, k3 = map(float, record["distortion_k1_k2_p1_p2_k3"])
     lens = Lens(
-        int(told["width_px"]), int(told["height_px"]), (fx, fy), (cx, cy), (k1, k2, p1, p2, k3)
+        int(record["width_px"]), int(record["height_px"]), (fx, fy), (cx, cy), (k1, k2, p1, p2, k3)
     )
-    rotation = np.array(told["rotation_world_to_camera"], np.float64).reshape(3, 3)
+    rotation = np.array(record["rotation_world_to_camera"], np.float64).reshape(3, 3)
     if np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-6:
         raise ValueError("its rotation is none")
-    view = View(lens, rotation, np.array(told["translation_mm"], np.float64).reshape(3))
-    trust = Trust(*(np.array(told[f"trust_{name}_mm"], np.float64) for name in ("x", "y", "sigma")))
+    view = View(lens, rotation, np.array(record["translation_mm"], np.float64).reshape(3))
+    trust = Trust(
+        *(np.array(record[f"trust_{name}_mm"], np.float64) for name in ("x", "y", "sigma"))
+    )
     if trust.sigma_mm.shape != (len(trust.y_mm), len(trust.x_mm)) or min(trust.sigma_mm.shape) < 2:
         raise ValueError("its grid of trust has another shape than its axes")
     return CameraCalibration(
-        str(told["camera"]),
-        str(told["made"]),
+        str(record["camera"]),
+        str(record["date"]),
         view,
-        float(told["board_rms_px"]),
-        float(told["alignment_rms_mm"]),
+        float(record["board_rms_px"]),
+        float(record["alignment_rms_mm"]),
         trust,
         tuple(
             Reference(int(r["number"]), float(r["x_mm"]), float(r["y_mm"]))
-            for r in told["references"]
+            for r in record["references"]
         ),
-        int(told["board_views"]),
+        int(record["board_views"]),
     )

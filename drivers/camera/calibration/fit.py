@@ -29,45 +29,49 @@ class Touched(NamedTuple):
     pose: Pose2
 
 
-class Made(NamedTuple):
-    """A calibration, and what it was made of."""
+class Fitted(NamedTuple):
+    """A calibration, and what it was fitted to."""
 
     calibration: CameraCalibration  # the calibration
     residuals: Residuals  # of boards on the table
     views: list[BoardView]  # all views of the board, those on the table first
-    left_out: list[str]  # pictures in which the board was not found
+    left_out: list[str]  # pictures in which the board is not seen
+
+
+class Pictures(NamedTuple):
+    """The pictures that a camera is calibrated from."""
+
+    held: Sequence[Path]  # of the board held before the camera
+    table: Sequence[Path]  # of the board on the table; the first one gives the frame
+    touched: Sequence[Touched]  # of the part's tag; empty: the board is the world
+    references: Path | None  # of the fixed tags, None: there are none
 
 
 def calibrate(
     camera: str,
-    made: str,
+    date: str,
     board: Board,
-    held: Sequence[Path],
-    table: Sequence[Path],
-    touched: Sequence[Touched],
+    pictures: Pictures,
     number: int,
-    references: Path | None,
     *,
     from_below: bool,
     height_mm: float,
-) -> Made:
+) -> Fitted:
     """Calibrate a camera.
 
     Args:
         camera: name or serial number of the camera.
-        made: when, ISO 8601.
+        date: of the calibration, ISO 8601.
         board: the board.
-        held: pictures of the board held before the camera.
-        table: pictures of the board on the table; the first one gives the frame.
-        touched: pictures of the part's tag at places that the arm knows; empty: the board is the world.
-        number: id of that tag.
-        references: a picture of the fixed tags, None: there are none.
+        pictures: of the board and of the tags.
+        number: id of the part's tag.
         from_below: whether the camera looks up through the table.
         height_mm: of the board's face above the table.
 
     Raises:
         CameraError: a picture cannot be read, or no calibration can be made of them that could be trusted.
     """
+    held, table, touched, references = pictures
     size, views, left_out = _views(board, [*table, *(path for path in held if path not in table)])
     lying = [view for view in views if view.name in {path.name for path in table}]
     if not lying or lying[0].name != table[0].name:
@@ -88,9 +92,9 @@ def calibrate(
         raise CalibrationRefusedError(f"{references.name}: no reference tag is seen; take it again")
     places = tuple(Reference(tag.number, *place(tag, view)) for tag in fixed)
     calibration = CameraCalibration(
-        camera, made, view, result.rms_px, alignment_mm, trust, places, len(views)
+        camera, date, view, result.rms_px, alignment_mm, trust, places, len(views)
     )
-    return Made(calibration, residuals, views, left_out)
+    return Fitted(calibration, residuals, views, left_out)
 
 
 def glue(calibration: CameraCalibration, tag: PartTag, touched: Sequence[Touched]) -> PartTag:

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from drivers.camera.calibration.file import Trust
-from drivers.camera.calibration.fit import Made
+from drivers.camera.calibration.fit import Fitted
 from drivers.camera.calibration.table_fit import Residuals
 
 # Okabe and Ito's blue and vermilion; greys.
@@ -19,9 +19,9 @@ BANDS_MM = (0.05, 0.1, 0.2, 0.5)
 SHADES = ("#eef5fb", "#d3e5f3", "#a9cbe6", "#f6d3b8", "#efa97f")
 
 
-def draw(made: Made) -> str:
+def draw(fitted: Fitted) -> str:
     """The picture: residuals and standard deviations on the table, and what the views of the board cover."""
-    trust, lens = made.calibration.trust, made.calibration.view.lens
+    trust, lens = fitted.calibration.trust, fitted.calibration.view.lens
     (left, right), (bottom, top) = ((axis[0], axis[-1]) for axis in (trust.x_mm, trust.y_mm))
     scale = (WIDTH - 2 * MARGIN) / (right - left)
     height = (top - bottom) * scale + 2 * MARGIN
@@ -38,14 +38,16 @@ def draw(made: Made) -> str:
         ),
         *(_text(MARGIN - 6, y - mm * scale + 5, str(mm), "end") for mm in _ticks(bottom, top)),
     ]
-    words = (_text(MARGIN + 270, height + 40 + 22 * k, line) for k, line in enumerate(_words(made)))
-    dots = "".join(f"M{u:.0f} {v:.0f}h1" for view in made.views for u, v in view.pixels)
+    words = (
+        _text(MARGIN + 270, height + 40 + 22 * k, line) for k, line in enumerate(_words(fitted))
+    )
+    dots = "".join(f"M{u:.0f} {v:.0f}h1" for view in fitted.views for u, v in view.pixels)
     return f"""\
 <svg {SVG} viewBox="0 0 {WIDTH:.0f} {total:.0f}">
 <rect width="{WIDTH:.0f}" height="{total:.0f}" fill="white"/>
 <g transform="translate({x:.1f} {y:.1f}) scale({scale:.4f} {-scale:.4f})">
 {"".join(_shades(trust))}
-<g stroke="{RED}" stroke-width="{1.0 / scale:.4f}">{"".join(_arrows(made.residuals, 1.5 / scale))}</g>
+<g stroke="{RED}" stroke-width="{1.0 / scale:.4f}">{"".join(_arrows(fitted.residuals, 1.5 / scale))}</g>
 <path d="M{left:.1f} {bottom:.1f}H{right:.1f}V{top:.1f}H{left:.1f}z" fill="none" stroke="{GREY}"
  stroke-width="{1.0 / scale:.4f}"/>
 </g>
@@ -84,12 +86,12 @@ def _text(x: float, y: float, words: str, anchor: str = "start") -> str:
     return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{html.escape(words)}</text>'
 
 
-def _words(made: Made) -> tuple[str, ...]:
-    known, residuals = made.calibration, made.residuals
+def _words(fitted: Fitted) -> tuple[str, ...]:
+    known, residuals = fitted.calibration, fitted.residuals
     bands = ", ".join(f"{band:g}" for band in BANDS_MM)
     largest = f"{np.hypot(*residuals.off.T).max():.3f} mm largest (red, {ARROW:g} times as long)"
     return (
-        f"camera {known.camera}, calibrated {known.made}",
+        f"camera {known.camera}, calibrated {known.date}",
         f"{known.views} views of the board, residual {known.rms_px:.3f} px",
         f"boards on the table: {residuals.rms_mm:.3f} mm rms, {largest}",
         f"alignment with the arm: {known.alignment_mm:.3f} mm rms",

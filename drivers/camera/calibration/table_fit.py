@@ -100,13 +100,13 @@ def board_residuals(view: View, boards: Sequence[BoardView], height_mm: float = 
     return result
 
 
-def trust(found: LensFit, view: View, height_mm: float, world: Pose2) -> Trust:
+def trust(fitted: LensFit, view: View, height_mm: float, world: Pose2) -> Trust:
     """How far places may be trusted, on a grid over all of the table that the camera sees.
 
     A place moves by as much as keeps its pixel where it is when lens and pose change.
 
     Args:
-        found: lens and the table board's pose, with their covariance.
+        fitted: lens and the table board's pose, with their covariance.
         view: of the camera in the arm's world.
         height_mm: of the board's face above the table.
         world: pose of the arm's world in the board's frame.
@@ -118,11 +118,11 @@ def trust(found: LensFit, view: View, height_mm: float, world: Pose2) -> Trust:
     x_mm, y_mm = (np.linspace(low[k], high[k], GRID[k]) for k in (0, 1))
     places = placed(np.stack(np.meshgrid(x_mm, y_mm), axis=-1).reshape(-1, 2), world)
     deep = np.full(len(places), -height_mm if below else height_mm)
-    slopes = slopes_at(lens, found.pose, np.column_stack([as_it_lies(places, below), deep]))
+    slopes = slopes_at(lens, fitted.pose, np.column_stack([as_it_lies(places, below), deep]))
     slopes = slopes.reshape(-1, 2, slopes.shape[1])
-    turn, _ = cv2.Rodrigues(found.pose[:3])
+    turn, _ = cv2.Rodrigues(fitted.pose[:3])
     moved = np.linalg.solve(slopes[:, :, -3:] @ np.asarray(turn, np.float64)[:, :2], slopes)
-    spread = moved @ found.covariance @ moved.transpose(0, 2, 1)
+    spread = moved @ fitted.covariance @ moved.transpose(0, 2, 1)
     worse = np.sqrt(np.linalg.eigvalsh(spread)[:, 1])
     return Trust(x_mm, y_mm, worse.reshape(len(y_mm), len(x_mm)))
 

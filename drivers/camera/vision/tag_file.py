@@ -26,11 +26,11 @@ class PartTag:
     sigma_rad: float = 0.0  # the same of its angle
 
 
-def save(tag: PartTag, path: Path, made: str) -> None:
-    """Write the file, with the time at which it was made; CameraFileError where it cannot be written."""
+def save(tag: PartTag, path: Path, date: str) -> None:
+    """Write the file, with its date; CameraFileError where it cannot be written."""
     fields = asdict(tag)
     place = dict(zip(PLACE, fields.pop("on_part"), strict=True))
-    documents.save(path, KIND, {"made": made, "family": FAMILY, **fields, **place})
+    documents.save(path, KIND, {"date": date, "family": FAMILY, **fields, **place})
 
 
 def load(path: Path) -> PartTag:
@@ -38,13 +38,15 @@ def load(path: Path) -> PartTag:
     return documents.read(path, KIND, REMEDY, _parsed)
 
 
-def _parsed(told: dict[str, Any]) -> PartTag:
-    if told["family"] != FAMILY:
-        raise ValueError(f"family {told['family']}; {FAMILY} is known")
-    x_mm, y_mm, theta_rad = (float(told[key]) for key in PLACE)
-    rest = (float(told[key]) for key in ("height_mm", "sigma_mm", "sigma_rad"))
+def _parsed(record: dict[str, Any]) -> PartTag:
+    if record["family"] != FAMILY:
+        raise ValueError(f"family {record['family']}; {FAMILY} is known")
+    x_mm, y_mm, theta_rad = (float(record[key]) for key in PLACE)
+    rest = (float(record[key]) for key in ("height_mm", "sigma_mm", "sigma_rad"))
     place = (x_mm, y_mm, theta_rad)
-    tag = PartTag(str(told["part"]), int(told["number"]), float(told["side_mm"]), place, *rest)
+    tag = PartTag(
+        str(record["part"]), int(record["number"]), float(record["side_mm"]), place, *rest
+    )
     if not tag.side_mm > 0.0:
         raise ValueError("side_mm must be positive")
     return tag

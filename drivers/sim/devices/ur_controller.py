@@ -194,8 +194,8 @@ def _parsed(program: str) -> list[tuple[str, str]]:
         return []
     results = [STATEMENT.fullmatch(line) for line in lines[1:-1]]
     known = {"set_tcp", "movel", "stopl", "write_output_integer_register"}
-    made = [(match[1], match[2]) for match in results if match is not None and match[1] in known]
-    return made if len(made) == len(results) else []
+    matches = [(match[1], match[2]) for match in results if match is not None and match[1] in known]
+    return matches if len(matches) == len(results) else []
 
 
 def _pose(words: str) -> Pose:

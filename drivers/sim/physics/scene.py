@@ -83,14 +83,14 @@ class Setting(NamedTuple):
 
     def _make_world(self, subject: Any, seed: int) -> World:
         try:
-            made: World = make_world(self.factory, subject, seed)
+            world: World = make_world(self.factory, subject, seed)
         except WorldError as error:
             raise SimulationError(f"world {self.world}: {error}") from error
-        if self.pushing and self.truthful and not hasattr(made, "push"):
+        if self.pushing and self.truthful and not hasattr(world, "push"):
             raise SimulationError(
                 f"world {self.world} has no push(), and the table pushes parts; name another"
             )
-        return made
+        return world
 
     @property
     def truthful(self) -> bool:
@@ -169,7 +169,7 @@ def job_geometry(job: Any) -> Geometry:
 
 def _height_mm(job: Any) -> float | None:
     """Of the highest of the parts that may lie there; None where one's is not known."""
-    heights = [own.part.height_mm for own in job.alone]
+    heights = [alone.part.height_mm for alone in job.alone]
     return None if None in heights else max(heights)
 
 

@@ -97,11 +97,11 @@ class ArmPort:
 
     def connect(self) -> "ArmConnection":
         """A connection, greeted with the acknowledgement that its predecessor did not stay for."""
-        made = ArmConnection(self, self.clock)
+        connection = ArmConnection(self, self.clock)
         self.free_s = max(self.free_s, self.clock.now()) + ACCEPT_S
-        made.arrives(self.stale, self.free_s)
+        connection.arrives(self.stale, self.free_s)
         self.stale = ""
-        return made
+        return connection
 
     def execute(self, text: str, connection: "ArmConnection") -> None:
         """One received string: what it comes to happens later, in its time."""

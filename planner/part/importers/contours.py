@@ -117,25 +117,25 @@ def choose(
     return contour, notes
 
 
-def holes_of(contour: Contour, found: list[Contour]) -> list[Array]:
+def holes_of(contour: Contour, contours: list[Contour]) -> list[Array]:
     """The inner contours (n, 2) [mm] that lie inside a contour."""
     face = _face(contour.points)
-    return [o.points for o in found if o is not contour and face.contains(_face(o.points))]
+    return [o.points for o in contours if o is not contour and face.contains(_face(o.points))]
 
 
 def _face(ring: Array) -> shapely.Geometry:
     return shapely.make_valid(shapely.Polygon(ring))
 
 
-def listing(found: list[Contour]) -> str:
+def listing(contours: list[Contour]) -> str:
     """The contours in one line: number, extent, what they are."""
     lines = []
-    for number, contour in enumerate(found[:LISTED], 1):
+    for number, contour in enumerate(contours[:LISTED], 1):
         width, height = np.ptp(contour.points, axis=0)
         lines.append(
             f"{number}: {width:.4g} x {height:.4g} mm{'' if contour.outer else ' (inner)'}"
         )
-    more = len(found) - LISTED
+    more = len(contours) - LISTED
     return "; ".join(lines) + (f"; and {more} more" if more > 0 else "")
 
 

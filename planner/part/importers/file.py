@@ -50,7 +50,7 @@ class Face(NamedTuple):
     ]  # outward normals of the solid's faces that may be down
 
     @property
-    def down_told(self) -> str:
+    def down_text(self) -> str:
         """Which faces of the solid are down, for people."""
         return " or ".join(f"({x:g}, {y:g}, {z:g})" for x, y, z in self.down)
 

@@ -21,13 +21,13 @@ METRICS = "text/plain; version=0.0.4; charset=utf-8"
 
 def pages(table: Table, name: str, status: Status) -> Pages:
     """What a server of one run tells, by path with its media type; `name` is that of the table's file."""
-    told = page(table, name).encode()  # once, before anything moves
+    html = page(table, name).encode()  # once, before anything moves
 
     def state() -> bytes:
         return json.dumps(status.as_object()).encode() + b"\n"
 
     return {
-        "/": ("text/html; charset=utf-8", lambda: told),
+        "/": ("text/html; charset=utf-8", lambda: html),
         "/status.json": (JSON, state),
         "/metrics": (METRICS, lambda: status.as_metrics().encode()),
     }

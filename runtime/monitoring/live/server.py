@@ -95,14 +95,14 @@ def listening(address: Address, option: str) -> socket.socket:
         listener.listen(MOST_CLIENTS)
     except OSError as error:
         listener.close()
-        raise ArgumentsError(f"{option} {address}: {_told(error, address)}") from error
+        raise ArgumentsError(f"{option} {address}: {_sentence(error, address)}") from error
     return listener
 
 
 _WORD = "name an address of this machine, or the port alone"
 
 
-def _told(error: OSError, address: Address) -> str:
+def _sentence(error: OSError, address: Address) -> str:
     reason = (error.strerror or str(error)).lower()
     if isinstance(error, PermissionError):
         return f"{reason}: ports below 1024 are for root; take one above, such as 8080"
@@ -125,13 +125,13 @@ def answer(pages: Pages, asked: bytes, *, local: bool) -> bytes:
     if method not in ("GET", "HEAD"):
         return response(405, TEXT, b"read only: GET and HEAD\n", "Allow: GET, HEAD\r\n")
     if local and not _asks_here(fields):
-        told = response(403, TEXT, b"ask for localhost or 127.0.0.1\n")
+        reply = response(403, TEXT, b"ask for localhost or 127.0.0.1\n")
     elif path not in pages:
-        told = response(404, TEXT, f"there are {', '.join(pages)}\n".encode())
+        reply = response(404, TEXT, f"there are {', '.join(pages)}\n".encode())
     else:
         kind, page = pages[path]
-        told = response(200, kind, page())
-    return told if method == "GET" else told[: told.index(b"\r\n\r\n") + 4]
+        reply = response(200, kind, page())
+    return reply if method == "GET" else reply[: reply.index(b"\r\n\r\n") + 4]
 
 
 def _asks_here(fields: bytes) -> bool:

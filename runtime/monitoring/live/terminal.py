@@ -142,11 +142,11 @@ def picture(outline: Outline, name: str, state: dict[str, Any], terminal: Termin
 
 
 def _outcomes(outcomes: dict[str, int]) -> Text:
-    told = Text()
+    text = Text()
     for name, count in outcomes.items():
         if count or name in ("leaf", "reject", "unresolved"):
-            told.append(f"{count} {name.upper()}  ", style=_style(name) if count else "dim")
-    return told
+            text.append(f"{count} {name.upper()}  ", style=_style(name) if count else "dim")
+    return text
 
 
 def _line(row: Row, *, utf8: bool) -> Text:
@@ -159,7 +159,7 @@ def _line(row: Row, *, utf8: bool) -> Text:
 def _part(part: dict[str, Any]) -> Text:
     leaf = "" if part["leaf"] is None else f" {part['leaf']}"
     squeezes = "1 squeeze" if len(part["path"]) == 1 else f"{len(part['path'])} squeezes"
-    told = Text.assemble(
+    text = Text.assemble(
         f"part {part['part']}: ", (part["outcome"].upper() + leaf, _style(part["outcome"]))
     )
     more = [
@@ -168,7 +168,7 @@ def _part(part: dict[str, Any]) -> Text:
         part["audit"] and f"audit {part['audit']}",
         part["delivery"] and f"delivery {part['delivery']}",
     ]
-    return told.append("".join(f", {word}" for word in [*more, part["reason"]] if word))
+    return text.append("".join(f", {word}" for word in [*more, part["reason"]] if word))
 
 
 def _pose(answer: dict[str, Any] | None) -> str:

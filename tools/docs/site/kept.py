@@ -45,15 +45,15 @@ def table_of(name: str) -> str:
         return f"```text\n{text.read_text().rstrip()}\n```"
     macro = getattr(MACROS, name.replace("-", "_"))
     try:
-        made = macro(figures(name.partition("-")[0])) if macro.arguments else macro()
+        table = macro(figures(name.partition("-")[0])) if macro.arguments else macro()
     except FileNotFoundError:
         return "Not measured in this version."
-    return re.sub(r" +$", "", str(made), flags=re.MULTILINE).strip()
+    return re.sub(r" +$", "", str(table), flags=re.MULTILINE).strip()
 
 
 def filled(page: str) -> str:
     """A page with all its tables as they are now."""
-    return PLACE.sub(lambda found: f"{found[1]} -->\n\n{table_of(found[1])}\n\n", page)
+    return PLACE.sub(lambda match: f"{match[1]} -->\n\n{table_of(match[1])}\n\n", page)
 
 
 def main(names: Sequence[str]) -> int:

@@ -6,7 +6,7 @@ from scipy import stats
 from toy_world import METRIC, Toy, poses_of
 
 from planner.belief.particles import Belief
-from planner.bound.histories import Histories
+from planner.bound.histories import Depths, Histories
 from planner.bound.lagrangian import (
     PRICES,
     divergence,
@@ -35,7 +35,7 @@ def toy(seed):
 def histories_of(world, depth, deepest, states=None):
     parts = Belief.of(poses_of(np.arange(world.size) if states is None else states))
     rng = np.random.default_rng(0)
-    return Histories(world.squeeze, parts, METRIC, world.placements, depth, deepest, rng)
+    return Histories(world.squeeze, parts, METRIC, world.placements, Depths(depth, deepest), rng)
 
 
 def levels_of(world, depth, states=None):

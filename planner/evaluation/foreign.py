@@ -1,4 +1,4 @@
-"""Parts that do not belong on the table: how often one of them is taken for one that does."""
+"""Foreign parts, which do not belong on the table: how often the table takes one for a part that does."""
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -10,29 +10,25 @@ import numpy as np
 from planner.arrays import Array
 from planner.belief.observation import encoder_of
 from planner.errors import FitError
-from planner.evaluation.disturbance import NONE, Disturbance
-from planner.evaluation.evaluate import evaluate
 from planner.evaluation.outcome import Evaluation
 from planner.job.model import Job
 from planner.part.outline import Outline, width
-from planner.work.scheduler import Scheduler
-from planner.world import World, Worlds
 from runtime.table import Table
 
-OFTEN = 0.05  # of a stranger answered: what a reader should know the reason of
+OFTEN = 0.05  # share of a foreign part answered above which its answers are explained
 MOST = 3
 DIRECTIONS = 360  # of widths, over half a turn
-SCALES, DISC_SIDES = (0.9, 1.1), 60  # of generated strangers
+SCALES, DISC_SIDES = (0.9, 1.1), 60  # of generated foreign parts
 
 
 class Answer(NamedTuple):
-    """A leaf that answers a stranger, and what the squeezes on the way there read."""
+    """A leaf that answers a foreign part, and what the squeezes on the way there read."""
 
     leaf: int
     part: str | None  # the name that it gives; None where only one part may come
-    share: float  # of the strangers that it answers
+    share: float  # of the foreign parts that it answers
     widths_mm: tuple[float, ...]  # at each squeeze: median of theirs
-    ours_mm: tuple[float, ...]  # and of the own parts that end there; empty where none did
+    ours_mm: tuple[float, ...]  # and of the parts of the job that end there; empty where none did
     differ_mm: (
         float  # by how much some width of the two parts differs, turned so that they differ least
     )
@@ -52,8 +48,8 @@ class Answer(NamedTuple):
         return f"{message}; some width differs by {self.differ_mm:.1f} mm"
 
 
-class Strange(NamedTuple):
-    """What became of one stranger."""
+class Tried(NamedTuple):
+    """How the table answers one foreign part."""
 
     name: str
     evaluation: Evaluation
@@ -85,7 +81,7 @@ class Strange(NamedTuple):
     def lines(self) -> list[str]:
         """For people; by which widths it is taken for which part, where that is too often."""
         message = (
-            f"stranger   {self.answered:7.2%}  of {self.name} answered as a part that belongs there"
+            f"foreign    {self.answered:7.2%}  of {self.name} answered as a part that belongs there"
         )
         if not self.often:
             return [message]
@@ -93,7 +89,7 @@ class Strange(NamedTuple):
 
 
 def family(job: Job) -> tuple[Job, ...]:
-    """Strangers where nobody knows any: each part a tenth smaller and larger, and others about as wide.
+    """Foreign parts where none are known: each part a tenth smaller and larger, and others about as wide.
 
     Those are a disc as wide as the part in the mean, and a rectangle of its least width and its greatest. All
     press evenly on the table. What does not fit between the open fingers is left out.
@@ -102,39 +98,47 @@ def family(job: Job) -> tuple[Job, ...]:
     disc = np.stack([np.cos(turns), np.sin(turns)], axis=1)
     square = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
     results = []
-    for own in job.alone:
-        outline, wide = own.part.outline_mm, _all_widths(own.part.outline_mm)
+    for alone in job.alone:
+        outline, wide = alone.part.outline_mm, _all_widths(alone.part.outline_mm)
         shapes = {f"x {scale}": scale * outline for scale in SCALES}
         shapes["its disc"] = 0.5 * wide.mean() * disc
         shapes["its rectangle"] = 0.5 * np.array([wide.max(), wide.min()]) * square
-        for told, shape in shapes.items():
-            part = {"name": f"{own.part.name} {told}", "outline_mm": shape.tolist(), "symmetry": 1}
+        for variant, shape in shapes.items():
+            part = {
+                "name": f"{alone.part.name} {variant}",
+                "outline_mm": shape.tolist(),
+                "symmetry": 1,
+            }
             with suppress(FitError):
                 results.append(
-                    own.replaced(part=part, pressure={"kind": "uniform"}, goal={"kind": "pose"})
+                    alone.replaced(part=part, pressure={"kind": "uniform"}, goal={"kind": "pose"})
                 )
     return tuple(results)
 
 
-def strangers(
+def tried(
     table: Table,
     job: Job,
+    ours: Evaluation,
     parts: Sequence[Job],
-    own: Evaluation,
-    worlds: Callable[[Job], World | Worlds],
-    trials: int,
-    seed: int,
-    scheduler: Scheduler | None = None,
-    disturbance: Disturbance = NONE,
-) -> Iterator[Strange]:
-    """Runs a table on each of some parts; `own`: trials of those that belong; the rest as of `evaluate`."""
-    for stranger in parts:
-        result = evaluate(table, stranger, worlds(stranger), trials, seed, scheduler, disturbance)
+    evaluated: Callable[[Job], Evaluation],
+) -> Iterator[Tried]:
+    """Runs a table on foreign parts.
+
+    Args:
+        table: the table.
+        job: its job.
+        ours: trials of the job's parts.
+        parts: the foreign parts, each as a job for it alone.
+        evaluated: runs the table on such a part.
+    """
+    for foreign in parts:
+        result = evaluated(foreign)
         outlines = [each.part.outline_mm for each in job.alone]
         differ = [
-            round(widths_differ_mm(stranger.part.outline_mm, outline), 2) for outline in outlines
+            round(widths_differ_mm(foreign.part.outline_mm, outline), 2) for outline in outlines
         ]
-        yield Strange(stranger.part.name, result, tuple(_answers(table, result, own, job, differ)))
+        yield Tried(foreign.part.name, result, tuple(_answers(table, job, ours, result, differ)))
 
 
 def widths_differ_mm(one: Outline, other: Outline) -> float:
@@ -149,22 +153,22 @@ def _all_widths(outline: Outline) -> Array:
 
 
 def _answers(
-    table: Table, found: Evaluation, own: Evaluation, job: Job, differ: list[float]
+    table: Table, job: Job, known: Evaluation, foreign: Evaluation, differ: list[float]
 ) -> Iterator[Answer]:
-    reached = Counter(found.leaf[found.resolved].tolist())
+    reached = Counter(foreign.leaf[foreign.resolved].tolist())
     for index, number in reached.most_common(MOST):
-        leaf, share = table.leaves[index], number / len(found.leaf)
-        theirs, ours = (_widths(trials, index, job) for trials in (found, own))
+        leaf, share = table.leaves[index], number / len(foreign.leaf)
+        theirs, ours = (_widths(trials, index, job) for trials in (foreign, known))
         yield Answer(index, table.name_of(leaf), share, theirs, ours, differ[leaf.hypothesis])
 
 
-def _widths(found: Evaluation, leaf: int, job: Job) -> tuple[float, ...]:
+def _widths(evaluation: Evaluation, leaf: int, job: Job) -> tuple[float, ...]:
     """The median at each squeeze on the way to a leaf [mm]; nothing where no part came there."""
-    here = found.leaf == leaf
+    here = evaluation.leaf == leaf
     if not here.any():
         return ()
-    counts = found.counts[here][
-        :, : int(found.squeezes[here][0])
+    counts = evaluation.counts[here][
+        :, : int(evaluation.squeezes[here][0])
     ]  # a tree: one way leads to a leaf
     medians = encoder_of(job).width_mm(np.median(counts, axis=0))
     return tuple(round(float(width), 2) for width in medians)
