@@ -116,14 +116,14 @@ def main() -> None:
     parser.add_argument("--expected", type=Path, help="from plan-expect, made if need be")
     parser.add_argument("--only", nargs="+", choices=WHAT, default=WHAT)
     options = parser.parse_args()
-    told: dict[str, Any] = {}
+    record: dict[str, Any] = {}
     if "loop" in options.only:
-        told["loop"] = loop(options.parts, options.time_scale)
-        print(json.dumps(told["loop"], indent=1), flush=True)
+        record["loop"] = loop(options.parts, options.time_scale)
+        print(json.dumps(record["loop"], indent=1), flush=True)
     if {"healthy", "drift"} & set(options.only):
-        told |= dict(drift(options))
+        record |= dict(drift(options))
     before = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
-    RESULTS.write_text(json.dumps(before | told, indent=1) + "\n")
+    RESULTS.write_text(json.dumps(before | record, indent=1) + "\n")
 
 
 if __name__ == "__main__":

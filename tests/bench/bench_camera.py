@@ -107,7 +107,7 @@ def shot(
 
 
 def measured(
-    count: int, seed: int, flaws: dict[str, Any], made: calibration.CameraCalibration | None
+    count: int, seed: int, flaws: dict[str, Any], built: calibration.CameraCalibration | None
 ) -> dict[str, Any]:
     """The figures of so many pictures."""
     rng = np.random.default_rng(seed)
@@ -128,8 +128,8 @@ def measured(
             missed += 1
             continue
         off.append(errors(place.pose, pose))
-        if made is not None:
-            with_ours = measure.of_sighting(seen[numbers.index(number)], made, tag)
+        if built is not None:
+            with_ours = measure.of_sighting(seen[numbers.index(number)], built, tag)
             ours.append(
                 (*errors(with_ours.pose, pose), float(np.hypot(*pose[:2])), with_ours.sigma_mm)
             )
@@ -176,24 +176,24 @@ def main() -> None:
     options = parser.parse_args()
     cv2.setNumThreads(1)
     with tempfile.TemporaryDirectory() as folder:
-        told: dict[str, Any] = {
+        record: dict[str, Any] = {
             "machine": {"system": platform.system(), "processor": platform.machine()},
             "opencv": cv2.__version__,
             "calibration": calibrated(Path(folder), 1),
         }
         fitted = calibration.load(Path(folder) / "camera.json")
-    told["work_area"] = measured(options.pictures, 2, {}, fitted)
-    print(json.dumps(told, indent=1), flush=True)
-    told["limits"] = {}
+    record["work_area"] = measured(options.pictures, 2, {}, fitted)
+    print(json.dumps(record, indent=1), flush=True)
+    record["limits"] = {}
     for seed, (name, flaws) in enumerate(LIMITS.items()):
-        row = told["limits"][name] = measured(options.limits, 10 + seed, flaws, None)
+        row = record["limits"][name] = measured(options.limits, 10 + seed, flaws, None)
         print(
             f"{name:34} detection {row['detection']:.4f} wrong {row['wrong_ids']} "
             f"{row.get('true_calibration_mm_mean', np.nan):.4f} mm "
             f"{row.get('true_calibration_deg_mean', np.nan):.4f} deg {row['ms_mean']:.1f} ms",
             flush=True,
         )
-    RESULTS.write_text(json.dumps(told, indent=1) + "\n")
+    RESULTS.write_text(json.dumps(record, indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""How well recorded pushes by a round tip are foretold, beside the simulator of the paper's authors.
+"""How well recorded pushes by a round tip are predicted, beside the simulator of the paper's authors.
 
     python tests/bench/bench_contact.py --data FOLDER
 
@@ -113,8 +113,8 @@ def recorded(folder: Path, kind: str) -> Iterator[Recorded]:
     for shape, drawn in outlines(folder).items():
         centroid = shapely.get_coordinates(shapely.centroid(shapely.Polygon(drawn)))[0]
         for surface in SURFACES:
-            own = [row for row in rows if (row["shape"], row["surface"]) == (shape, surface)]
-            yield _recorded(own, shape, surface, drawn, centroid)
+            ours = [row for row in rows if (row["shape"], row["surface"]) == (shape, surface)]
+            yield _recorded(ours, shape, surface, drawn, centroid)
 
 
 def _recorded(
@@ -133,9 +133,9 @@ def _recorded(
         return about(np.column_stack([in_part(x, y), turn]), centroid)
 
     first, last = in_part("tip_x0", "tip_y0") - centroid, in_part("tip_x1", "tip_y1") - centroid
-    made = Paths(first[:, None], first, np.zeros(len(rows)), last - first)
+    pushes = Paths(first[:, None], first, np.zeros(len(rows)), last - first)
     outline = canonical(drawn).outline_mm
-    beside = tips.beside(made, RADIUS_MM, outline, Path("pushes.csv"))
+    beside = tips.beside(pushes, RADIUS_MM, outline, Path("pushes.csv"))
     authors = {
         f"authors' {name}": displacement(f"{key}_x1", f"{key}_y1", f"{key}_th1")
         for name, key in (("ellipsoid", "ell"), ("quartic", "quartic"))
@@ -166,7 +166,7 @@ def about(moved: Array, place: Array) -> Array:
 
 
 def errors(moved: Array, pushes: Recorded) -> Errors:
-    """Errors of foretold displacements (n, 3) of the centroid."""
+    """Errors of predicted displacements (n, 3) of the centroid."""
     off = about(moved, pushes.origin) - about(pushes.moved, pushes.origin)
     return Errors(np.hypot(off[:, 0], off[:, 1]), np.degrees(np.abs(wrapped(off[:, 2]))))
 
@@ -187,11 +187,11 @@ def new_pressure() -> str:
     """What `plan-init` writes under [pressure], bar comments."""
     lines = (ROOT / "planner" / "templates" / "job.toml").read_text(encoding="utf-8").splitlines()
     first = lines.index("[pressure]") + 1
-    own = lines[first : lines.index("", first)]
-    return "\n".join(line for line in own if not line.lstrip().startswith("#"))
+    ours = lines[first : lines.index("", first)]
+    return "\n".join(line for line in ours if not line.lstrip().startswith("#"))
 
 
-def foretold(pushes: Recorded, part: Simulator, mu: float) -> Errors:
+def predicted(pushes: Recorded, part: Simulator, mu: float) -> Errors:
     """Errors of a simulator's nominal pushes."""
     pushed = part.push(pushes.paths, part.nominal(len(pushes.moved), mu), RADIUS_MM)
     return errors(pushed.moved, pushes)
@@ -206,10 +206,10 @@ def identified(folder: Path, pushes: Recorded, part: Simulator) -> Simulator:
     ]
     F, V = np.split(np.array(rows), 2, axis=1)
     drawn = pushes.outline - pushes.origin  # about the origin of the poses
-    own, rho = np.hypot(*(drawn - drawn.mean(axis=0)).T).mean(), radius_of_gyration(pushes.outline)
+    ours, rho = np.hypot(*(drawn - drawn.mean(axis=0)).T).mean(), radius_of_gyration(pushes.outline)
     x, y = -pushes.origin  # of the centroid
-    torque = F[:, 2] * own - (x * F[:, 1] - y * F[:, 0])
-    turn = V[:, 2] / own
+    torque = F[:, 2] * ours - (x * F[:, 1] - y * F[:, 0])
+    turn = V[:, 2] / ours
     wrenches = np.column_stack([F[:, :2], torque / rho])
     twists = np.column_stack([V[:, 0] - turn * y, V[:, 1] + turn * x, turn * rho])
     data = identify.directions(Pairs(wrenches, twists, np.ones(len(F))))
@@ -219,10 +219,10 @@ def identified(folder: Path, pushes: Recorded, part: Simulator) -> Simulator:
     )
 
 
-def leave_one_out(found: dict[tuple[str, str], dict[float, Errors]], shape: str) -> float:
+def leave_one_out(result: dict[tuple[str, str], dict[float, Errors]], shape: str) -> float:
     """The friction with which most pushes of the other shapes are near."""
     shares = {
-        mu: np.mean([own[mu].near.mean() for (other, _), own in found.items() if other != shape])
+        mu: np.mean([ours[mu].near.mean() for (other, _), ours in result.items() if other != shape])
         for mu in FRICTIONS
     }
     return max(FRICTIONS, key=lambda mu: shares[mu])
@@ -240,9 +240,9 @@ def coverage(pushes: Recorded, friction: tuple[float, float], seed: int) -> Bool
     return np.asarray((low <= pushes.moved[rows]) & (pushes.moved[rows] <= high))
 
 
-def figures(own: list[Errors]) -> dict[str, float]:
+def figures(ours: list[Errors]) -> dict[str, float]:
     """What is kept of some pushes' errors."""
-    mm, deg = (np.concatenate(column) for column in zip(*own, strict=True))
+    mm, deg = (np.concatenate(column) for column in zip(*ours, strict=True))
     return {
         "pushes": len(mm),
         "near": round(float(Errors(mm, deg).near.mean()), 4),
@@ -258,7 +258,7 @@ def measured(folder: Path) -> dict[str, Any]:
     friction = (FINGERS["steel"].low, FINGERS["steel"].high)
     middle = 0.5 * sum(friction)
     sets = {(each.shape, each.surface): each for each in recorded(folder, "held20")}
-    own: dict[str, dict[tuple[str, str], Errors]] = {model: {} for model in MODELS}
+    ours: dict[str, dict[tuple[str, str], Errors]] = {model: {} for model in MODELS}
     pairs: dict[tuple[str, str], dict[float, Errors]] = {}
     covered: dict[tuple[str, str], BoolArray] = {}
     for number, (key, pushes) in enumerate(sets.items()):
@@ -266,21 +266,21 @@ def measured(folder: Path) -> dict[str, Any]:
             Simulator.of_job(job_of(pushes, pressure, friction), 1)
             for pressure in (UNIFORM, new_pressure())
         )
-        own["uniform, friction .25"][key] = foretold(pushes, uniform, 0.25)
-        own["new job"][key] = foretold(pushes, new, middle)
+        ours["uniform, friction .25"][key] = predicted(pushes, uniform, 0.25)
+        ours["new job"][key] = predicted(pushes, new, middle)
         for model, moved in pushes.authors.items():
-            own[model][key] = errors(moved, pushes)
+            ours[model][key] = errors(moved, pushes)
         part = identified(folder, pushes, uniform)
-        pairs[key] = {mu: foretold(pushes, part, mu) for mu in FRICTIONS}
+        pairs[key] = {mu: predicted(pushes, part, mu) for mu in FRICTIONS}
         covered[key] = coverage(pushes, friction, number)
     chosen = {shape: leave_one_out(pairs, shape) for shape, _ in sets}
-    own["from own pairs"] = {key: values[chosen[key[0]]] for key, values in pairs.items()}
+    ours["from own pairs"] = {key: values[chosen[key[0]]] for key, values in pairs.items()}
 
     def grouped(pick: Callable[[tuple[str, str]], bool]) -> dict[str, Any]:
         keys = [key for key in sets if pick(key)]
         shares = np.concatenate([covered[key] for key in keys]).mean(axis=0)
         return {
-            **{model: figures([own[model][key] for key in keys]) for model in MODELS},
+            **{model: figures([ours[model][key] for key in keys]) for model in MODELS},
             "coverage": dict(zip(("x", "y", "turn"), np.round(shares, 4).tolist(), strict=True)),
         }
 
@@ -300,7 +300,7 @@ def measured(folder: Path) -> dict[str, Any]:
 def main() -> int:
     """Measures and keeps the figures."""
     parser = argparse.ArgumentParser(
-        description="Judge foretold pushes by round tips by recorded ones."
+        description="Judge predicted pushes by round tips by recorded ones."
     )
     parser.add_argument(
         "--data", type=Path, required=True, metavar="FOLDER", help="folder of the recordings"

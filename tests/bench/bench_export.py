@@ -63,10 +63,10 @@ def proved(table: Table, folder: Path) -> int:
 
 def measured(compiler: str, folder: Path, calls: int, repeat: int) -> dict[str, Any]:
     """The figures of one table by one compiler."""
-    made = executor(compiler, folder)
+    executable = executor(compiler, folder)
     sections = [
         row.split()
-        for row in said("-A", made, program="size").splitlines()
+        for row in said("-A", executable, program="size").splitlines()
         if row.startswith(".rodata")
     ]
     fast = built(compiler, folder, *STRICT, "-O2")
@@ -76,7 +76,7 @@ def measured(compiler: str, folder: Path, calls: int, repeat: int) -> dict[str, 
     outcomes = [int(word) for word in said("fuzz", calls, SEED, program=checked).split()]
     return {
         "compiler": said("--version", program=compiler).splitlines()[0],
-        "code_bytes": code_bytes(made),
+        "code_bytes": code_bytes(executable),
         "data_bytes": sum(int(row[1]) for row in sections),
         "mean_ns": mean_ns,
         "slowest_ns": slowest_ns,

@@ -128,11 +128,11 @@ def planned(model: Pomdp, table: tables.Table, parts: int) -> tuple[np.ndarray, 
     said = np.array([tables.predicted_pose(leaf) for leaf in table.leaves])
     while (rows := np.flatnonzero(node >= 0)).size:
         placed = np.column_stack([program.placement[node[rows]], np.full(len(rows), SQUEEZE)])
-        made = model.sample(states[rows], placed, rng)
+        sampled = model.sample(states[rows], placed, rng)
         squeezes[rows] += 1
-        states[rows] = made.states
+        states[rows] = sampled.states
         node[rows] = program.target[
-            node[rows], made.observations + tables.COUNTS * (made.states[:, 3] > 0.0)
+            node[rows], sampled.observations + tables.COUNTS * (sampled.states[:, 3] > 0.0)
         ]
         known = rows[(node[rows] < 0) & (~node[rows] < len(said)) & (~node[rows] >= 0)]
         declared = np.column_stack([said[~node[known]], np.full(len(known), DECLARE)])
@@ -150,12 +150,12 @@ def filtered(model: Pomdp, choice: Choice, rng: np.random.Generator) -> tuple[bo
             declared = np.array([*mode.pose, DECLARE])
             return bool(model.sample(state, declared, rng).rewards[0] > 0.0), squeezes
         action = model.actions[choice(model, belief, rng)]
-        made = model.sample(state, action, rng)
-        state, squeezes = made.states, squeezes + 1
-        if made.ended[0]:
+        sampled = model.sample(state, action, rng)
+        state, squeezes = sampled.states, squeezes + 1
+        if sampled.ended[0]:
             return False, squeezes
         try:
-            belief = model.updated(belief, action, int(made.observations[0]), rng)
+            belief = model.updated(belief, action, int(sampled.observations[0]), rng)
         except ValueError:
             return False, squeezes  # no particle is like this part
 
@@ -165,9 +165,11 @@ def greedy(model: Pomdp, belief: np.ndarray, rng: np.random.Generator) -> int:
     few = belief[:: max(1, len(belief) // JUDGES)]
     values = []
     for placement in model.actions[: model.placements]:
-        made = model.sample(few, placement, rng)
-        label = partition(made.observations, resolution_of(model.encoder)).label[made.observations]
-        after = [made.states[label == k, :3] for k in np.unique(label)]
+        sampled = model.sample(few, placement, rng)
+        label = partition(sampled.observations, resolution_of(model.encoder)).label[
+            sampled.observations
+        ]
+        after = [sampled.states[label == k, :3] for k in np.unique(label)]
         values.append(sum(len(poses) * model.metric.mode(poses).ratio for poses in after))
     return int(np.argmax(values))
 

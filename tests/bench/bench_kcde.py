@@ -114,7 +114,7 @@ def main() -> None:
     parser.add_argument("--repeat", type=int, default=30)
     options = parser.parse_args()
     model, rows = estimate(POINTS)
-    own = planners_own()
+    ours = planners_own()
     draw = with_scipy(rows, model.rho_mm, model.order)
     rng = np.random.default_rng(1)
     poses = random_poses(rng, PARTICLES, RADIUS_MM)
@@ -123,7 +123,7 @@ def main() -> None:
     calls = [
         lambda: model.sample(poses, rng),
         lambda: draw(poses, rng),
-        lambda: own.sample(poses, rng),
+        lambda: ours.sample(poses, rng),
     ]
     ours_s, scipy_s, own_s = seconds(calls, options.repeat)
     row = {
@@ -134,7 +134,7 @@ def main() -> None:
         "ratio": scipy_s / ours_s,
         "particles_per_second": PARTICLES / ours_s,
         "same_distribution_p": p_value(first, second, model.rho_mm, model.order),
-        "own_points": len(own.initial),
+        "own_points": len(ours.initial),
         "own_ms": 1e3 * own_s,
         "own_particles_per_second": PARTICLES / own_s,
         "setting": {

@@ -89,10 +89,10 @@ def ratios(
     rho, order = model.motion.rho_mm, model.motion.order
     row: Row = {}
     for kind, starts in (("same", beliefs[:1] * 2 * runs), ("fresh", beliefs)):
-        made = compare(model, reference, starts, placements, rho, order, np.random.default_rng(7))
-        row[kind] = [round(c.ratio, 3) for c in made]
-        row[f"{kind}_simulator_mm"] = [c.simulator_mm for c in made]
-        row[f"{kind}_model_mm"] = [c.model_mm for c in made]
+        result = compare(model, reference, starts, placements, rho, order, np.random.default_rng(7))
+        row[kind] = [round(c.ratio, 3) for c in result]
+        row[f"{kind}_simulator_mm"] = [c.simulator_mm for c in result]
+        row[f"{kind}_model_mm"] = [c.model_mm for c in result]
     return row
 
 

@@ -1,4 +1,4 @@
-"""How well pushes by two fingers are foretold that a real robot made; not part of the gate.
+"""How well pushes by two fingers are predicted that a real robot made; not part of the gate.
 
     python tests/bench/bench_pushes.py --data FOLDER
 
@@ -196,7 +196,7 @@ def is_stuck(recorded: Recorded) -> BoolArray:
 def judged(
     recorded: Recorded, block: Simulator, mu: float, seed: int
 ) -> tuple[dict[str, float], Array, BoolArray]:
-    """Figures of one support's pushes, what each is off by (n, 3), and whether its kind was foretold (n,)."""
+    """Figures of one support's pushes, what each is off by (n, 3), whether its kind was predicted (n,)."""
     pushed = block.push(recorded.paths, block.nominal(len(recorded.moved), mu))
     stuck, off = is_stuck(recorded), pushed.moved - recorded.moved
     distance, right = np.hypot(off[:, 0], off[:, 1]), (pushed.status == STUCK) == stuck
@@ -204,7 +204,7 @@ def judged(
     undecided = (share > 0.05) & (share < 0.95)
     figures = {
         "pushes": len(stuck),
-        "foretold": float(right.mean()),
+        "predicted": float(right.mean()),
         "majority": float(max(stuck.mean(), 1.0 - stuck.mean())),
         "foretold_stuck_but_slid": int((~right & ~stuck).sum()),
         "foretold_slid_but_stuck": int((~right & stuck).sum()),
@@ -248,7 +248,7 @@ def too_far(recorded: Recorded) -> BoolArray:
 def runs_of(
     lines: list[dict[str, str]], recorded: Recorded, off: Array, right: BoolArray
 ) -> list[dict[str, Any]]:
-    """Each recording: how often its kind was foretold, and the pushes that end far off."""
+    """Each recording: how often its kind was predicted, and the pushes that end far off."""
     distance, turned = np.hypot(off[:, 0], off[:, 1]), np.degrees(off[:, 2])
     names, beyond = np.array([line["run"] for line in lines]), too_far(recorded)
     rows = []
@@ -264,7 +264,7 @@ def runs_of(
             {
                 "run": str(run),
                 "pushes": int(mine.sum()),
-                "foretold": float(right[mine].mean()),
+                "predicted": float(right[mine].mean()),
                 "median_mm": float(np.median(distance[mine])),
                 "far_off": named,
             }
@@ -274,7 +274,7 @@ def runs_of(
 
 def main() -> int:
     """Fits to the logs, judges the pushes with two fingers."""
-    parser = argparse.ArgumentParser(description="Judge foretold pushes by real ones.")
+    parser = argparse.ArgumentParser(description="Judge predicted pushes by real ones.")
     parser.add_argument("--data", type=Path, default=DATA, help="folder of the pushes")
     parser.add_argument("--no-results", action="store_true", help="print only")
     options = parser.parse_args()
@@ -320,7 +320,7 @@ def main() -> int:
     for row in result["runs"]:
         named = f"; far off: {'; '.join(row['far_off'])}" if row["far_off"] else ""
         print(
-            f"{row['run']}: {row['foretold']:.2f} of {row['pushes']}, {row['median_mm']:.1f} mm{named}"
+            f"{row['run']}: {row['predicted']:.2f} of {row['pushes']}, {row['median_mm']:.1f} mm{named}"
         )
     if not options.no_results:
         RESULTS.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")

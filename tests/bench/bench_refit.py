@@ -50,15 +50,15 @@ def main() -> int:
     numbers = range(options.first, options.first + options.hidden)
     ranks, errors = [], []
     with ProcessPoolExecutor(options.jobs) as pool:
-        for told in pool.map(partial(refitted, cells, effort, options.parts), numbers):
-            ranks.append(told.pop("ranks"))
-            errors.append(told.pop("errors"))
+        for line in pool.map(partial(refitted, cells, effort, options.parts), numbers):
+            ranks.append(line.pop("ranks"))
+            errors.append(line.pop("errors"))
             named = {key: round(float(rank), 3) for key, rank in zip(keys, ranks[-1], strict=True)}
-            print(json.dumps({**told, "ranks": named}), flush=True)
+            print(json.dumps({**line, "ranks": named}), flush=True)
     kept, bad = judge(keys, np.array(ranks), np.array(errors))
     if options.keep:
-        told = {"hidden": options.hidden, "parts": options.parts, **kept}
-        KEPT.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
+        line = {"hidden": options.hidden, "parts": options.parts, **kept}
+        KEPT.write_text(json.dumps(line, indent=1) + "\n", encoding="utf-8")
     return bad
 
 

@@ -66,7 +66,7 @@ def main():
         result, job = loaded(argparse.Namespace(tree=tree, job=options.job))
         program = Program.of(result.table)
         rng = np.random.default_rng(1)
-        told = {
+        record = {
             "random": random_widths(program, rng, False),
             "random but the first": random_widths(program, rng, True),
         }
@@ -76,7 +76,7 @@ def main():
                     part={"outline_mm": outline.tolist(), "symmetry": 1, "picks": None}
                 )
             except JobError as error:
-                told[name] = str(error)
+                record[name] = str(error)
                 continue
             run = evaluate(
                 result.table,
@@ -88,11 +88,11 @@ def main():
                 NONE,
             )
             answered = (run.leaf >= 0) & run.resolved
-            told[name] = [
+            record[name] = [
                 round(float(np.mean(answered)), 4),
                 round(float(np.mean(answered & ~run.within)), 4),
             ]
-        print(json.dumps({"tree": tree.stem, **told}), flush=True)
+        print(json.dumps({"tree": tree.stem, **record}), flush=True)
 
 
 if __name__ == "__main__":

@@ -213,7 +213,7 @@ def main() -> None:
         "python": platform.python_version(),
         "cores": os.cpu_count(),
     }
-    told = (
+    result = (
         (
             "first frame",
             max(starts),
@@ -236,7 +236,7 @@ def main() -> None:
             "us the slowest input, undisturbed",
         ),
     )
-    for name, value, limit, unit in told:
+    for name, value, limit, unit in result:
         print(f"{name:<12} {value:9.3f} {unit} (limit {limit:g})")
     RESULTS.write_text(json.dumps(record, indent=1) + "\n")
 

@@ -74,9 +74,9 @@ def bench(part: str, trials: int) -> dict[str, Any]:
     ours, rng = Simulator.of_job(job, workers=1), np.random.default_rng(SEED)
     middle = 0.5 * (job.friction.finger_part_min + job.friction.finger_part_max)
     nominal = ours.roll_out(poses, ours.nominal(len(poses), middle))
-    foretold = np.zeros(len(poses), bool)
+    predicted = np.zeros(len(poses), bool)
     for _ in range(DRAWS):
-        foretold |= near(ends, ours.roll_out(poses, ours.sample(len(poses), rng)))
+        predicted |= near(ends, ours.roll_out(poses, ours.sample(len(poses), rng)))
     figures = evaluation.summary()
     kept = (
         "trials",
@@ -93,7 +93,7 @@ def bench(part: str, trials: int) -> dict[str, Any]:
         "planned": table.predicted.success_ppm / 1e6,
         "squeezes": len(poses),
         "as_nominal": float(near(ends, nominal).mean()),
-        "foretold": float(foretold.mean()),
+        "predicted": float(predicted.mean()),
         "width_p90_mm": float(np.quantile(np.abs(ends[:, 3] - nominal.width_mm), 0.9)),
         "same_status": float((ends[:, 4] == nominal.status).mean()),
         "per_second": len(poses) / seconds,
@@ -101,7 +101,7 @@ def bench(part: str, trials: int) -> dict[str, Any]:
     }
     print(
         "{part}: {success_rate:.2%} of {trials}, {wrong_rate:.2%} wrong; {squeezes} squeezes, "
-        "{as_nominal:.1%} as the nominal one, {foretold:.1%} as one of 20; "
+        "{as_nominal:.1%} as the nominal one, {predicted:.1%} as one of 20; "
         "{per_second:.0f} a second".format(**row),
         flush=True,
     )

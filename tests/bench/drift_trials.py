@@ -65,24 +65,24 @@ def drifting(table: Table, job: Job, expected: Expectation, runs: int) -> dict[s
     starts = [_started(table, job, expected, seed + run) for run in range(runs)]
     planned = _shares(squeezed(table, job, 5 * POOL, seed - 1), table)
     unchanged = squeezed(table, job, 5 * POOL, seed - 2)
-    told = {}
+    record = {}
     for number, (name, drift) in enumerate(DRIFTS.items()):
-        own = seed + 1000 * (number + 1)
-        result = squeezed(table, job, runs * WITHIN, own, drift)
-        stretch = list(parts(table, result, own, drift))
+        ours = seed + 1000 * (number + 1)
+        result = squeezed(table, job, runs * WITHIN, ours, drift)
+        stretch = list(parts(table, result, ours, drift))
         rows = [
             _first(start, stretch[run * WITHIN : (run + 1) * WITHIN])
             for run, start in enumerate(starts)
         ]
-        told[name] = _figures(rows)
+        record[name] = _figures(rows)
         if drift.friction is not None:
-            shares = _shares(squeezed(table, job, POOL, own + 1, drift), table)
-            told[name] |= bound(np.log(shares / planned), unchanged, result)
-        print(f"{name:24}", told[name], flush=True)
-    return told
+            shares = _shares(squeezed(table, job, POOL, ours + 1, drift), table)
+            record[name] |= bound(np.log(shares / planned), unchanged, result)
+        print(f"{name:24}", record[name], flush=True)
+    return record
 
 
-def bound(gain: Array, unchanged: Evaluation, found: Evaluation) -> dict[str, float]:
+def bound(gain: Array, unchanged: Evaluation, result: Evaluation) -> dict[str, float]:
     """What no chart of readings could better, if a reading depends on those before it by its node alone.
 
     A chart with one false alarm in `RARE` parts raises one in `WITHIN` given healthy parts with probability
@@ -97,19 +97,19 @@ def bound(gain: Array, unchanged: Evaluation, found: Evaluation) -> dict[str, fl
     Returns:
         `at_best`, the share of histories that it flags; `nats_in_50`, its mean statistic after the change.
     """
-    healthy, changed = (_windows(gain, parts) for parts in (unchanged, found))
+    healthy, changed = (_windows(gain, parts) for parts in (unchanged, result))
     limit = np.quantile(healthy, 1.0 - WITHIN / RARE)
     return {"at_best": float((changed > limit).mean()), "nats_in_50": float(changed.mean())}
 
 
-def _windows(gain: Array, found: Evaluation) -> Array:
+def _windows(gain: Array, result: Evaluation) -> Array:
     """Log-likelihood ratios of `WITHIN` parts each."""
-    told = np.where(found.path >= 0, gain[found.path, found.counts], 0.0).sum(axis=1)
-    return np.asarray(told.reshape(-1, WITHIN).sum(axis=1))
+    record = np.where(result.path >= 0, gain[result.path, result.counts], 0.0).sum(axis=1)
+    return np.asarray(record.reshape(-1, WITHIN).sum(axis=1))
 
 
-def _shares(found: Evaluation, table: Table) -> Array:
-    counts = readings(found, len(table.nodes))
+def _shares(result: Evaluation, table: Table) -> Array:
+    counts = readings(result, len(table.nodes))
     return np.asarray((counts + PRIOR / COUNTS) / (counts.sum(axis=1, keepdims=True) + PRIOR))
 
 

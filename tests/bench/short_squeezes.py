@@ -34,7 +34,7 @@ class Nowhere:
 def _sequential(hand: Hand, squeeze, following) -> None:
     """Open as far as the squeeze to come wants, at the squeeze's speed, and wait."""
     hand.where()
-    wide = max(squeeze, following, key=lambda own: own.opening_um)
+    wide = max(squeeze, following, key=lambda ours: ours.opening_um)
     hand._jaws.open_to(squeeze, wide.opening_um / 1000)
 
 
@@ -107,14 +107,14 @@ def _run(table: Table, cell: VirtualCell, executor: Executor, parts: int):
     for number in range(parts):
         result = executor.run_part(cell.scene.next_part())
         assert result.seconds is not None, result.reason
-        made = [
+        built = [
             Squeezed(step.node, step.width_um / 1e3, _branch(table, step.node, step.target))
             for step in result.steps
         ]
-        told = sum(phases.total_s for phases in schedule.part(made, before))
-        before = schedule.squeeze(made[-1], None, None, first=True)[1]
+        record = sum(phases.total_s for phases in schedule.part(built, before))
+        before = schedule.squeeze(built[-1], None, None, first=True)[1]
         if number:  # the first begins wherever the arm stood
-            yield result.seconds, told
+            yield result.seconds, record
 
 
 def _branch(table: Table, node: int, target: int | None) -> int:
@@ -132,9 +132,9 @@ def main() -> None:
     print(f"{arguments.tree.name}, {arguments.parts} parts; seconds a part: mean (95th percentile)")
     whole = seconds(table, arguments.tree, arguments.parts, set())
     none = seconds(table, arguments.tree, arguments.parts, set(MEASURES))
-    print(f"{'all measures':64s} {_told([real for real, _ in whole])}")
-    print(f"{'forecast of the same squeezes':64s} {_told([told for _, told in whole])}")
-    print(f"{'none of them':64s} {_told([real for real, _ in none])}")
+    print(f"{'all measures':64s} {_text([real for real, _ in whole])}")
+    print(f"{'forecast of the same squeezes':64s} {_text([record for _, record in whole])}")
+    print(f"{'none of them':64s} {_text([real for real, _ in none])}")
     print(f"{'measure':64s} alone saves   without it more")
     for name in MEASURES:
         alone = seconds(table, arguments.tree, arguments.parts, set(MEASURES) - {name})
@@ -149,7 +149,7 @@ def _mean(rows: list[tuple[float, float]]) -> float:
     return statistics.fmean(real for real, _ in rows)
 
 
-def _told(values: list[float]) -> str:
+def _text(values: list[float]) -> str:
     return f"{statistics.fmean(values):6.2f} ({sorted(values)[int(0.95 * len(values))]:.2f})"
 
 

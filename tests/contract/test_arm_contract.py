@@ -11,6 +11,6 @@ class TestArms(ArmContract):
 
     @pytest.fixture(params=RIGS)
     def rig(self, request):
-        made = RIGS[request.param]()
-        yield made
-        made.close()
+        result = RIGS[request.param]()
+        yield result
+        result.close()

@@ -19,9 +19,9 @@ class TestGrippers(GripperContract):
 
     @pytest.fixture(params=RIGS)
     def rig(self, request):
-        made = RIGS[request.param]()
-        yield made
-        made.close()
+        result = RIGS[request.param]()
+        yield result
+        result.close()
 
 
 @pytest.mark.parametrize("bus", BUSES)
@@ -97,25 +97,25 @@ def test_a_character_device_may_be_no_serial_port_either():
 
 
 def test_a_port_has_one_owner():
-    made = Robotiq("pty")
+    gripper = Robotiq("pty")
     try:
-        with made.open(), pytest.raises(PortError, match="in use"):
-            connect.gripper(made.name)
+        with gripper.open(), pytest.raises(PortError, match="in use"):
+            connect.gripper(gripper.name)
     finally:
-        made.close()
+        gripper.close()
 
 
 def test_a_silent_line_times_out_and_the_next_answer_is_not_stale():
     """The slave is deaf for a moment; afterwards driver and device are in step again."""
-    made = Robotiq("pty")
+    device = Robotiq("pty")
     try:
         lines = []
-        with made.open(report=lambda kind, fields: lines.append(fields["incident"])) as gripper:
+        with device.open(report=lambda kind, fields: lines.append(fields["incident"])) as gripper:
             gripper.activate()
-            feed, made.slave.feed = made.slave.feed, lambda data: []
+            feed, device.slave.feed = device.slave.feed, lambda data: []
             with pytest.raises(LinkTimeout):
                 gripper.state()
-            made.slave.feed = feed
+            device.slave.feed = feed
             gripper.move(77, 255, 0)
             assert gripper.wait().position_counts == 77
             assert lines == [
@@ -126,16 +126,16 @@ def test_a_silent_line_times_out_and_the_next_answer_is_not_stale():
                 "no answer",
             ]
     finally:
-        made.close()
+        device.close()
 
 
 def test_an_unplugged_adapter_is_not_reopened():
-    made = Robotiq("pty")
-    with made.open() as gripper:
-        made.close()
+    device = Robotiq("pty")
+    with device.open() as gripper:
+        device.close()
         with pytest.raises(LinkError, match="broke"):
             gripper.state()
         with pytest.raises(LinkError, match="closed"):
             gripper.state()
     with pytest.raises(PortError):
-        connect.gripper(made.name)
+        connect.gripper(device.name)

@@ -17,41 +17,41 @@ STREAMS = {"grasp-runtime", "grasp-journal show"}
 
 
 def every(
-    found: dict[str, argparse.ArgumentParser],
+    result: dict[str, argparse.ArgumentParser],
 ) -> Iterator[tuple[str, argparse.ArgumentParser]]:
     """All commands and subcommands by the words that call them."""
-    for name, made in found.items():
-        yield name, made
+    for name, built in result.items():
+        yield name, built
         if name == "squeezetree":  # its subcommands are the others
             continue
-        yield from every({f"{name} {word}": one for word, one in subcommands(made).items()})
+        yield from every({f"{name} {word}": one for word, one in subcommands(built).items()})
 
 
 ALL = dict(every(COMMANDS))
-LAST = [name for name, made in ALL.items() if not subcommands(made)]  # not `squeezetree` itself
+LAST = [name for name, items in ALL.items() if not subcommands(items)]  # not `squeezetree` itself
 
 
-def arguments(made: argparse.ArgumentParser) -> list[argparse.Action]:
+def arguments(parser: argparse.ArgumentParser) -> list[argparse.Action]:
     return [
-        action for action in made._actions if not isinstance(action, argparse._SubParsersAction)
+        action for action in parser._actions if not isinstance(action, argparse._SubParsersAction)
     ]
 
 
 @pytest.mark.parametrize("name", ALL)
 def test_it_says_what_it_does_and_each_argument_what_it_is(name: str) -> None:
-    made = ALL[name]
-    assert made.description
-    assert made.description.rstrip()[-1] in ".?"
-    assert [action.dest for action in arguments(made) if not action.help] == []
-    assert [line for line in made.format_help().splitlines() if len(line) > 120] == []
+    result = ALL[name]
+    assert result.description
+    assert result.description.rstrip()[-1] in ".?"
+    assert [action.dest for action in arguments(result) if not action.help] == []
+    assert [line for line in result.format_help().splitlines() if len(line) > 120] == []
 
 
 @pytest.mark.parametrize("name", ALL)
 def test_it_has_an_example_and_exit_codes_of_the_one_list(name: str) -> None:
     epilog = ALL[name].epilog or ""
     assert re.search(r"^examples?\b.*:$", epilog, re.MULTILINE)
-    told = epilog.partition("exit codes")[2].partition(":\n")[2].partition("\n\n")[0]
-    codes = {int(code) for code in re.findall(r"(?:^| |-)(\d{1,3})(?= |-)", told, re.MULTILINE)}
+    result = epilog.partition("exit codes")[2].partition(":\n")[2].partition("\n\n")[0]
+    codes = {int(code) for code in re.findall(r"(?:^| |-)(\d{1,3})(?= |-)", result, re.MULTILINE)}
     assert {0, 2} <= codes <= RECORDED
 
 
@@ -68,17 +68,21 @@ def test_an_example_is_understood(name: str) -> None:
 @pytest.mark.parametrize("name", ALL)
 def test_the_same_things_are_said_in_the_same_words(name: str) -> None:
     for action in arguments(ALL[name]):
-        told = str(action.help)
-        assert told[0].islower() or not told[0].isalpha() or told.split()[0].strip(",").isupper(), (
-            told
-        )
-        assert not told.removesuffix("...").endswith("."), told
-        assert not re.search(r"\(default (?!:)|\(defaults", told), told
+        message = str(action.help)
+        assert (
+            message[0].islower()
+            or not message[0].isalpha()
+            or message.split()[0].strip(",").isupper()
+        ), message
+        assert not message.removesuffix("...").endswith("."), message
+        assert not re.search(r"\(default (?!:)|\(defaults", message), message
         if action.dest == "debug":
-            assert told == "print the traceback of an error"
+            assert message == "print the traceback of an error"
         if action.dest == "json":
-            assert told.startswith("print one JSON object ")
-            assert told.startswith("print one JSON object instead of text") is (name not in STREAMS)
+            assert message.startswith("print one JSON object ")
+            assert message.startswith("print one JSON object instead of text") is (
+                name not in STREAMS
+            )
 
 
 def test_who_prints_text_prints_json_too() -> None:

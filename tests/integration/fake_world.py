@@ -33,11 +33,11 @@ def broken(job, seed):
 class Stumbling:
     """Works once, to warm up; the next one fails."""
 
-    made = 0
+    instances = 0
 
     def __init__(self):
-        Stumbling.made += 1
-        self.fails = Stumbling.made > 1
+        Stumbling.instances += 1
+        self.fails = Stumbling.instances > 1
 
     def squeeze(self, pose_hand):
         if self.fails:

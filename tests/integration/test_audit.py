@@ -123,7 +123,7 @@ def test_overlay_of_a_failure_shows_the_parts_outline(files, tmp_path):
         ({"tree": "none.msgpack"}, "table none.msgpack", 3),
     ],
 )
-def test_whatever_is_missing_is_told_with_every_verdict_and_at_the_end(
+def test_whatever_is_missing_is_reported_with_every_verdict_and_at_the_end(
     files, change, sentence, code
 ):
     if change == {"calibration": "spoilt"}:
@@ -193,7 +193,7 @@ def test_answer_that_comes_late_is_not_taken_for_the_next_part():
     assert worker.ask(2, POSE, 20.0) == Answer(PASS, "part 2")
 
 
-def test_hanging_camera_is_told_and_holds_nothing_up():
+def test_hanging_camera_is_reported_and_holds_nothing_up():
     slow = Slow(5.0)
     worker = service.Worker(lambda: slow)
     assert "was not judged within" in worker.ask(1, POSE, 0.05).reason

@@ -40,15 +40,15 @@ def test_verdicts_agree_with_the_world_and_are_in_the_journal(folder, capsys):
     result = loop(
         folder / "mixed.msgpack", folder, parts=PARTS, seed=SEED, time_scale=TIME_SCALE, runs=4
     )
-    told = agreement(result.parts)
-    assert told["at_leaves"] == PARTS, result.faults
+    record = agreement(result.parts)
+    assert record["at_leaves"] == PARTS, result.faults
     # A fault, on a machine too busy for five times life's speed, means other parts than those of the seed.
-    assert result.faults or {"pass", "fail"} <= set(told["verdicts"])
-    assert told["agreement"] == 1.0
-    assert told["beyond_the_budget"] == 0
+    assert result.faults or {"pass", "fail"} <= set(record["verdicts"])
+    assert record["agreement"] == 1.0
+    assert record["beyond_the_budget"] == 0
     grasp_audit(["report", str(folder / "journal.jsonl"), "--json"])
     reported = json.loads(capsys.readouterr().out)
-    assert reported["judged"] == told["verdicts"]["pass"] + told["verdicts"]["fail"]
+    assert reported["judged"] == record["verdicts"]["pass"] + record["verdicts"]["fail"]
 
 
 def test_cell_tells_its_camera_and_shows_where_the_part_is(folder):

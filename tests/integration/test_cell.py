@@ -86,9 +86,9 @@ class Running:
 
 @pytest.fixture(scope="module")
 def cell():
-    made = Running("--seed", 7)
-    yield made
-    made.end()
+    running = Running("--seed", 7)
+    yield running
+    running.end()
 
 
 def squeeze(gripper, arm, x_mm, y_mm, angle_rad):
@@ -166,20 +166,20 @@ def test_fingers_placed_on_the_part_are_a_crash(cell):
 
 
 def test_a_sweep_at_the_part_ends_in_an_activation_fault():
-    made = Running()
+    running = Running()
     try:
-        with made.connected() as (gripper, arm, _):
+        with running.connected() as (gripper, arm, _):
             arm.move_linear(0.0, 0.0, 8.0, 0.0, 250.0)
             with pytest.raises(RuntimeError, match="0x0D"):
                 gripper.activate()
     finally:
-        made.end()
+        running.end()
 
 
 def test_same_seed_same_parts_and_widths():
     def run(seed):
-        made = Running("--seed", seed)
-        with made.connected() as (gripper, arm, scene):
+        running = Running("--seed", seed)
+        with running.connected() as (gripper, arm, scene):
             gripper.activate()
             lines = []
             for _ in range(3):
@@ -191,7 +191,7 @@ def test_same_seed_same_parts_and_widths():
                         scene.truth(),
                     )
                 )
-        made.end()
+        running.end()
         return lines
 
     assert run(3) == run(3)
@@ -199,39 +199,39 @@ def test_same_seed_same_parts_and_widths():
 
 
 def test_a_world_without_a_part_lets_the_jaws_close():
-    made = Running(world="fake_world:nothing")
-    with made.connected() as (gripper, arm, scene):
+    running = Running(world="fake_world:nothing")
+    with running.connected() as (gripper, arm, scene):
         gripper.activate()
         settled = squeeze(gripper, arm, 0.0, 0.0, 0.0)
         assert (settled.position_counts, settled.object_flag) == (230, 3)
         assert (scene.truth().status, scene.truth().crashes) == ("untouched", 0)
-    made.end()
+    running.end()
 
 
 @pytest.mark.parametrize(("how", "code"), ENDS)
 def test_every_way_to_end(how, code):
-    made = Running()
+    running = Running()
     if how == "quit":
-        with contextlib.closing(connect.scene(made.endpoints["scene"])) as scene:
+        with contextlib.closing(connect.scene(running.endpoints["scene"])) as scene:
             scene._ask("quit")
     elif how != "stdin":
-        made.process.send_signal(how)
+        running.process.send_signal(how)
     if how != "stdin":
-        assert made.process.wait(20) == code
-    made.end(code, "grasp-cell: interrupted\n" if code == 130 else "")
+        assert running.process.wait(20) == code
+    running.end(code, "grasp-cell: interrupted\n" if code == 130 else "")
 
 
 def test_a_world_that_fails_ends_the_cell_instead_of_leaving_a_mute_gripper():
-    made = Running(world="fake_world:stumbling")
-    with made.connected() as (gripper, arm, _):
+    running = Running(world="fake_world:stumbling")
+    with running.connected() as (gripper, arm, _):
         arm.move_linear(0.0, 0.0, 8.0, 0.0, 250.0)
         with pytest.raises((ConnectionError, RuntimeError)):
             gripper.activate()
-    assert made.process.wait(20) == 1
-    made.end(1, "grasp-cell: stopped: no such squeeze\n")
+    assert running.process.wait(20) == 1
+    running.end(1, "grasp-cell: stopped: no such squeeze\n")
 
 
-def test_a_client_that_asks_nonsense_is_told(cell):
+def test_a_client_that_asks_nonsense_is_answered(cell):
     with contextlib.closing(connect.scene(cell.endpoints["scene"])) as scene:
         with pytest.raises(ConnectionError, match="known"):
             scene._ask("dance")

@@ -128,8 +128,8 @@ def local_cluster():
             yield cluster
 
 
-def recorder(told):
-    return lambda *now: told.append(now)
+def recorder(message):
+    return lambda *now: message.append(now)
 
 
 def test_a_local_cluster_gives_the_same_bytes(local_cluster, direct, tmp_path):

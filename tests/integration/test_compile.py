@@ -165,7 +165,7 @@ def test_what_centred_squeezes_leave_open_is_said_and_what_would_tell_it_apart()
     assert "\n" not in str(caught.value)
 
 
-def test_prongs_that_the_jaws_pinch_are_told_from_an_empty_hand(job):
+def test_prongs_that_the_jaws_pinch_are_distinguished_from_an_empty_hand(job):
     """A connector whose prongs of 1 mm read within a count or two of jaws that met."""
     prongs = [
         [7.5, 12.6],

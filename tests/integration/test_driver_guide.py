@@ -32,14 +32,14 @@ def nothing(port, pace, report, *, read_only):
 
 def install(folder: Path, name: str, points: dict[str, dict[str, str]]) -> None:
     """What pip leaves of a package's metadata."""
-    made = folder / f"{name}-1.0.dist-info"
-    made.mkdir(parents=True)
-    (made / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+    path = folder / f"{name}-1.0.dist-info"
+    path.mkdir(parents=True)
+    (path / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
     sections = (
         "".join([f"[{group}]\n", *(f"{scheme} = {target}\n" for scheme, target in listed.items())])
         for group, listed in points.items()
     )
-    (made / "entry_points.txt").write_text("\n".join(sections))
+    (path / "entry_points.txt").write_text("\n".join(sections))
 
 
 def test_the_example_passes_the_contract_as_an_installed_package(tmp_path: Path) -> None:
@@ -90,7 +90,7 @@ def broken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("broken")
 @pytest.mark.parametrize(
-    ("scheme", "told"),
+    ("scheme", "message"),
     [
         (
             "absent",
@@ -103,10 +103,10 @@ def broken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ("unheard", "is not understood; write it as absent://host:port or faulty://host:port or "),
     ],
 )
-def test_a_broken_driver_is_one_line_and_disturbs_no_other(scheme: str, told: str) -> None:
+def test_a_broken_driver_is_one_line_and_disturbs_no_other(scheme: str, message: str) -> None:
     with pytest.raises(PortError) as raised:
         connect.gripper(f"{scheme}://x:1")
-    assert told in str(raised.value)
+    assert message in str(raised.value)
     assert "\n" not in str(raised.value)
     with pytest.raises(PortError, match="nobody accepts"):
         connect.gripper("tcp://127.0.0.1:1")

@@ -103,14 +103,14 @@ def test_the_doctor_finds_a_healthy_cell_healthy_and_writes_nothing(
         assert set(arm.codes) <= QUESTIONS
     out = capsys.readouterr().out
     assert "BAD" not in out
-    for told in (
+    for line in (
         "The table fits",
         "exists and may be opened",
         "active and stands at count 3",
         "readings",
         "arm",
     ):
-        assert told in out
+        assert line in out
 
 
 def test_the_doctor_finds_a_gripper_with_another_slave_id(

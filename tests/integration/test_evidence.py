@@ -57,13 +57,13 @@ def test_verify_says_whose_key_was_checked_and_whose_was_not(desk, capsys):
 
 def test_pack_without_a_key_makes_one_once(desk, capsys):
     assert main(["pack", "t.msgpack", "-o", "q.zip"]) == 0
-    made = desk / "config" / "squeezetree" / "signing-key.pem"
-    assert made.stat().st_mode & 0o777 == 0o600
+    path = desk / "config" / "squeezetree" / "signing-key.pem"
+    assert path.stat().st_mode & 0o777 == 0o600
     assert "made a key to sign with" in capsys.readouterr().err
-    before = made.read_bytes()
+    before = path.read_bytes()
     assert main(["pack", "t.msgpack", "-o", "r.zip"]) == 0
-    assert made.read_bytes() == before
-    assert main(["verify", "r.zip", "--key", f"{made}.pub"]) == 0
+    assert path.read_bytes() == before
+    assert main(["verify", "r.zip", "--key", f"{path}.pub"]) == 0
     assert main(["key"]) == 2
 
 

@@ -81,7 +81,7 @@ def folder(tmp_path_factory):
     """The folder of a table's export, made once."""
     base = tmp_path_factory.mktemp("export")
 
-    def made(name, form, table=None):
+    def result(name, form, table=None):
         out = base / f"{name}-{form}"
         if not out.exists():
             dump(table or TABLES[name], base / f"{name}.msgpack")
@@ -89,7 +89,7 @@ def folder(tmp_path_factory):
             assert export.main(words) == 0
         return out
 
-    return made
+    return result
 
 
 def wild_rows(table, seed):
@@ -147,9 +147,9 @@ def test_the_executor_is_small_and_needs_no_library(folder):
         "#include <stdint.h>"
     ]
     for compiler in compilers():
-        made = executor(compiler, out)
-        assert 0 < code_bytes(made) < MOST_CODE_BYTES
-        assert said("-u", made, program="nm") == ""
+        executable = executor(compiler, out)
+        assert 0 < code_bytes(executable) < MOST_CODE_BYTES
+        assert said("-u", executable, program="nm") == ""
 
 
 @pytest.mark.slow
@@ -164,17 +164,17 @@ def test_the_guide_s_program_follows_the_tree(folder):
         "1000 -2000 1570796 85000 60000 40000 1000 -2000 1570796",
     )
     for compiler in compilers():
-        made = out / f"guide-{compiler}"
-        said("-I", out, out / "guide.c", "-o", made, *STRICT, *SANITIZERS, program=compiler)
-        for readings, told in {
+        path = out / f"guide-{compiler}"
+        said("-I", out, out / "guide.c", "-o", path, *STRICT, *SANITIZERS, program=compiler)
+        for readings, record in {
             "150 2 174 2": [root, second, "1 1"],
             "174 2": [root, "1 0"],
             "150 2 134 2": [root, second, "2 2"],
             "174 3": [root, "3 -1"],
             "174 1": [root.rsplit(" ", 3)[0], "4 -1"],
         }.items():
-            printed = said(*readings.split(), program=made).split()
-            assert printed == " ".join(told).split()
+            printed = said(*readings.split(), program=path).split()
+            assert printed == " ".join(record).split()
 
 
 @pytest.mark.slow

@@ -98,11 +98,11 @@ def test_every_class_has_a_row_that_tells_what_it_means():
 def test_class(kind, handling, handled, sound, pytestconfig):
     outcomes, met = ROWS[kind.name][1], 0
     for fault in faults(kind, handling, pytestconfig.getoption("--every-moment")):
-        told = soak_run.run(small_soak(faults=True, handled=handled), SEED, Listed([fault]))
-        assert told.findings == [], fault
-        if not told.met:
-            assert (told.last.outcome, told.last.leaf) == (sound.outcome, sound.leaf), fault
+        counts = soak_run.run(small_soak(faults=True, handled=handled), SEED, Listed([fault]))
+        assert counts.findings == [], fault
+        if not counts.met:
+            assert (counts.last.outcome, counts.last.leaf) == (sound.outcome, sound.leaf), fault
             continue
         met += 1
-        assert allowed(outcomes, told.last, sound), (fault, told.last)
+        assert allowed(outcomes, counts.last, sound), (fault, counts.last)
     assert met > 1

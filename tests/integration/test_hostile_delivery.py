@@ -82,14 +82,16 @@ def tree(tmp_path: Path) -> Path:
 
 
 def test_hundreds_of_deliveries_do_not_wind_the_wrist_up(record_property: Record) -> None:
-    told = soaked(200)
-    assert (told.findings, told.sums["halts"]) == ([], 0)
-    assert told.sums["delivered"] == told.outcomes["leaf"] > 150
-    low, high = told.wrist_deg
+    counts = soaked(200)
+    assert (counts.findings, counts.sums["halts"]) == ([], 0)
+    assert counts.sums["delivered"] == counts.outcomes["leaf"] > 150
+    low, high = counts.wrist_deg
     assert LAST_AXIS_DEG[0] < low < high < LAST_AXIS_DEG[1]
     record_property("exit_code", 0)
     turned = f"{low:.0f}..{high:.0f} deg"
-    record_property("ends", f"{told.sums['delivered']} parts put down, wrist at {turned}, no halt")
+    record_property(
+        "ends", f"{counts.sums['delivered']} parts put down, wrist at {turned}, no halt"
+    )
 
 
 def test_the_same_moves_wind_up_a_wrist_that_nobody_counts(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -99,8 +101,12 @@ def test_the_same_moves_wind_up_a_wrist_that_nobody_counts(monkeypatch: pytest.M
     )
     monkeypatch.setattr("runtime.traversal.geometry.MOST_TURNS", 9)
     monkeypatch.setattr("runtime.execution.safety.MOST_TURNS", 9)
-    told = soaked(60)
-    assert (told.sums["halts"], told.last.outcome, told.last.exit_code) == (1, Outcome.FAULT, 22)
+    counts = soaked(60)
+    assert (counts.sums["halts"], counts.last.outcome, counts.last.exit_code) == (
+        1,
+        Outcome.FAULT,
+        22,
+    )
 
 
 @pytest.mark.parametrize("mode", [(), ("--json",)])
@@ -138,21 +144,21 @@ def test_check_and_dry_run_tell_it_too(
     far = tree.with_name("far.toml")
     far.write_text(WIDE.format(x=700))
 
-    def told(*words: str) -> tuple[int, str]:
+    def output(*words: str) -> tuple[int, str]:
         code = main(["--tree", str(tree), *words])
         seen = capsys.readouterr()
         return code, seen.err if code else seen.out
 
-    assert told("--check", "--deliver", "100,0,0")[0] == 22
-    code, words = told("--check", "--deliver", "50,0,180")
+    assert output("--check", "--deliver", "100,0,0")[0] == 22
+    code, words = output("--check", "--deliver", "50,0,180")
     assert (code, "can be delivered" in words) == (0, True)
     with TappedGripper() as gripper, TappedArm() as arm:
         dry = ("--dry-run", "--port", gripper.path, "--arm", f"{arm.url}?base=-300,0,0")
-        code, words = told(*dry, "--deliver", str(far))
+        code, words = output(*dry, "--deliver", str(far))
         assert (code, words.count("\n"), "out of the arm's reach" in words) == (22, 1, True)
-        code, words = told(*dry, "--deliver", "50,0,180")
+        code, words = output(*dry, "--deliver", "50,0,180")
         assert (code, "delivery: the part from every leaf" in words) == (0, True)
-        code, words = told(*dry[:-1], f"{dry[-1]}&wrist=170,190", "--deliver", "50,0,180")
+        code, words = output(*dry[:-1], f"{dry[-1]}&wrist=170,190", "--deliver", "50,0,180")
         assert (code, words.count("\n"), "wrist" in words) == (22, 1, True)
         assert set(arm.codes) <= {0, 3, 4, 99}
     record_property("exit_code", 22)
@@ -160,10 +166,10 @@ def test_check_and_dry_run_tell_it_too(
 
 
 def test_a_part_that_slips_does_not_take_its_pose_along(record_property: Record) -> None:
-    told = soaked(9, Listed([Fault("part_slips", at=0, length=9)]))
-    assert (told.findings, told.last.outcome, told.last.exit_code) == ([], Outcome.FAULT, 21)
-    assert told.last.leaf == ~told.last.steps[-1].target
-    record_property("exit_code", told.last.exit_code)
+    counts = soaked(9, Listed([Fault("part_slips", at=0, length=9)]))
+    assert (counts.findings, counts.last.outcome, counts.last.exit_code) == ([], Outcome.FAULT, 21)
+    assert counts.last.leaf == ~counts.last.steps[-1].target
+    record_property("exit_code", counts.last.exit_code)
     record_property("ends", "declared safe state, the leaf's pose in the answer and in the journal")
 
 

@@ -37,8 +37,8 @@ CASES = [
 
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
-    with contextlib.closing(Bench(tmp_path_factory.mktemp("devices"))) as made:
-        yield made
+    with contextlib.closing(Bench(tmp_path_factory.mktemp("devices"))) as result:
+        yield result
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.device} {case.mode}")

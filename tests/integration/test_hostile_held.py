@@ -104,13 +104,13 @@ class Station:
 @pytest.fixture
 def station(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Station]:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    made = Station(tmp_path)
-    with made.cell:
-        yield made
+    result = Station(tmp_path)
+    with result.cell:
+        yield result
 
 
 @pytest.fixture
-def told(
+def output(
     station: Station, record_property: Callable[[str, object], None]
 ) -> Callable[[Ended], Ended]:
     def tell(ended: Ended) -> Ended:
@@ -121,25 +121,25 @@ def told(
     return tell
 
 
-def is_refused(station: Station, told: Callable[[Ended], Ended], code: int, *words: str) -> str:
+def is_refused(station: Station, output: Callable[[Ended], Ended], code: int, *words: str) -> str:
     """The one line of a start that moves nothing and records nothing."""
     before, kinds = station.stands(), station.kinds()
-    ended, _, err = told(station.run(*words))
+    ended, _, err = output(station.run(*words))
     assert (ended, err.count("\n")) == (code, 1), err
     assert (station.stands(), station.kinds()) == (before, kinds)
     return err
 
 
-def test_a_part_that_a_stop_left_in_the_air_is_put_down_only_if_asked(station, told) -> None:
+def test_a_part_that_a_stop_left_in_the_air_is_put_down_only_if_asked(station, output) -> None:
     code, out, err = station.strike(signal.SIGINT, station.grips, "--activate", "--count", "9")
     assert code == 40, (out, err)
     assert station.grips()
     assert station.stands()[2] == pytest.approx(RETREAT_MM, abs=0.1)
-    said = is_refused(station, told, 21, "--activate", "--after-crash", "resume")
+    said = is_refused(station, output, 21, "--activate", "--after-crash", "resume")
     assert "hold something" in said
     assert "--put-down" in said
     assert "ended as stopped" in said
-    code, out, err = told(station.run("--put-down"))
+    code, out, err = output(station.run("--put-down"))
     assert code == 0, (out, err)
     assert "put down at" in out
     assert (station.grips(), station.table.drops) == (False, 0)
@@ -150,40 +150,40 @@ def test_a_part_that_a_stop_left_in_the_air_is_put_down_only_if_asked(station, t
 
 
 def test_a_run_given_up_with_a_part_in_the_fingers_is_not_followed_by_one_that_drops_it(
-    station, told
+    station, output
 ) -> None:
     station.strike(signal.SIGKILL, station.grips, "--activate")
     code, _, err = station.run()
     assert code == 25
     assert "nothing was moved" in err
-    said = is_refused(station, told, 21)
+    said = is_refused(station, output, 21)
     assert "ended as aborted" in said
     assert "they met it while closing" in said
     assert station.stands()[2] == pytest.approx(SQUEEZE_MM, abs=0.1)
-    assert told(station.run("--put-down"))[0] == 0
+    assert output(station.run("--put-down"))[0] == 0
     assert (station.grips(), station.table.drops, station.sound()) == (False, 0, True)
 
 
-def test_putting_down_right_after_a_crash_gives_the_run_up(station, told) -> None:
+def test_putting_down_right_after_a_crash_gives_the_run_up(station, output) -> None:
     station.strike(signal.SIGKILL, station.grips, "--activate")
-    code, out, err = told(station.run("--put-down"))
+    code, out, err = output(station.run("--put-down"))
     assert code == 0, err
     assert "given up" in out
     assert (station.grips(), station.table.drops, station.sound()) == (False, 0, True)
 
 
-def test_a_gripper_that_lost_its_power_with_a_part_in_it_is_not_activated(station, told) -> None:
+def test_a_gripper_that_lost_its_power_with_a_part_in_it_is_not_activated(station, output) -> None:
     station.strike(signal.SIGINT, station.grips, "--activate")
     with station.cell._lock:
         station.gripper.power_cycle(station.cell.works.now())
-    said = is_refused(station, told, 21, "--activate")
+    said = is_refused(station, output, 21, "--activate")
     assert "cannot tell" in said
     assert "--jaws-empty" in said
-    code, out, err = told(station.run("--activate", "--jaws-empty"))
+    code, out, err = output(station.run("--activate", "--jaws-empty"))
     assert code in (0, 10, 11), (out, err)
 
 
-def test_jaws_stopped_on_their_way_may_hold_something(station, told) -> None:
+def test_jaws_stopped_on_their_way_may_hold_something(station, output) -> None:
     def on_their_way() -> bool:
         gripper = station.gripper
         return "placed" in station.kinds() and gripper._running and gripper._stroke.rate > 0
@@ -191,7 +191,7 @@ def test_jaws_stopped_on_their_way_may_hold_something(station, told) -> None:
     assert station.strike(signal.SIGINT, on_their_way, "--activate")[0] == 40
     if station.grips():
         pytest.skip("the stop came when the part was met")
-    assert "may hold something: they were stopped on their way" in is_refused(station, told, 21)
+    assert "may hold something: they were stopped on their way" in is_refused(station, output, 21)
 
 
 def open_fully(station: Station) -> None:
@@ -202,7 +202,7 @@ def open_fully(station: Station) -> None:
 
 @pytest.mark.parametrize("height_mm", [SQUEEZE_MM, RETREAT_MM])
 def test_a_part_let_go_and_a_hand_moved_since_are_not_gone_on_with(
-    station, told, height_mm
+    station, output, height_mm
 ) -> None:
     station.strike(signal.SIGKILL, lambda: "squeeze" in station.kinds(), "--activate")
     open_fully(station)
@@ -210,17 +210,17 @@ def test_a_part_let_go_and_a_hand_moved_since_are_not_gone_on_with(
         arm.move_linear(30.0, 20.0, RETREAT_MM, 0.0, 250.0)
         arm.move_linear(30.0, 20.0, height_mm, 0.0, 250.0)
     before = station.stands()
-    code, out, _ = told(station.run("--after-crash", "resume"))
+    code, out, _ = output(station.run("--after-crash", "resume"))
     assert code == 25
     assert "not where the run broke off" in out
     assert station.stands() == before
     assert station.sound()
 
 
-def test_a_part_of_long_ago_is_not_gone_on_with(station, told) -> None:
+def test_a_part_of_long_ago_is_not_gone_on_with(station, output) -> None:
     station.strike(signal.SIGKILL, station.grips, "--activate")
     time.sleep(0.05)
-    said = is_refused(station, told, 25, "--after-crash", "resume", "--resume-within", "0.01")
+    said = is_refused(station, output, 25, "--after-crash", "resume", "--resume-within", "0.01")
     assert "--resume-within" in said
 
 
@@ -245,11 +245,11 @@ class LosesForces(CleanLine):
         return False
 
 
-def test_a_force_that_was_lost_on_the_way_is_written_again(station, told) -> None:
+def test_a_force_that_was_lost_on_the_way_is_written_again(station, output) -> None:
     line = LosesForces(station)
     station.cell._servers[0]._slave._line = line
     # What is carried is held with the table's force, what is only squeezed with the least one.
-    code, out, err = told(
+    code, out, err = output(
         station.run("--activate", "--force", "regulated", "--deliver", "20,-10,0")
     )
     assert code in (0, 10, 11), (out, err)
@@ -268,8 +268,10 @@ AUDITORS = {
 
 
 @pytest.mark.parametrize("name", AUDITORS)
-def test_a_bad_auditor_is_refused_before_anything_is_moved_or_written(station, told, name) -> None:
-    code, _, err = told(station.run("--activate", "--audit", AUDITORS[name]))
+def test_a_bad_auditor_is_refused_before_anything_is_moved_or_written(
+    station, output, name
+) -> None:
+    code, _, err = output(station.run("--activate", "--audit", AUDITORS[name]))
     assert code == 2, err
     assert err.splitlines()[-1].startswith("grasp-runtime: --audit ")
     assert not station.journal.exists()
@@ -277,14 +279,14 @@ def test_a_bad_auditor_is_refused_before_anything_is_moved_or_written(station, t
 
 
 def test_a_table_that_leaves_no_room_for_the_tips_is_refused_before_anything_is_moved(
-    station, told
+    station, output
 ) -> None:
-    code, _, err = told(station.run("--activate", "--tips", "10,5"))
+    code, _, err = output(station.run("--activate", "--tips", "10,5"))
     assert (code, err.count("\n")) == (30, 1), err
     assert not station.journal.exists()
     assert bytes(station.gripper.read_output()) == bytes(16)
 
 
-def test_a_gripper_that_may_not_be_moved_leaves_no_journal(station, told) -> None:
-    assert "not activated" in is_refused(station, told, 21)
+def test_a_gripper_that_may_not_be_moved_leaves_no_journal(station, output) -> None:
+    assert "not activated" in is_refused(station, output, 21)
     assert not station.journal.exists()

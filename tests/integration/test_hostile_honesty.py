@@ -69,8 +69,8 @@ def test_executor_and_journal_replay_read_every_count_and_flag_by_one_rule(table
     header = {"seq": 0, "kind": "header", "table_base64": base64.b64encode(dumps(table)).decode()}
     for count in range(256):
         for flag in (2, 3):
-            made = fake_cell([(count, flag)] * table.limits.max_depth)
-            result = Executor(table, made.cell, Deaf()).run_part(1)
+            rig = fake_cell([(count, flag)] * table.limits.max_depth)
+            result = Executor(table, rig.cell, Deaf()).run_part(1)
             branch = decide(decided, count, flag == 2)
             if (
                 result.outcome is Outcome.FAULT
@@ -81,11 +81,11 @@ def test_executor_and_journal_replay_read_every_count_and_flag_by_one_rule(table
             assert result.steps[0].target == (
                 None if branch == REJECT else root.branches[branch].target
             )
-            told = (
+            record = (
                 {"seq": n + 1, "kind": kind, **row}
-                for n, (kind, row) in enumerate(made.journal.kept)
+                for n, (kind, row) in enumerate(rig.journal.kept)
             )
-            assert list(Replay().follow([header, *told])) == []
+            assert list(Replay().follow([header, *record])) == []
 
 
 class EveryWidth:
@@ -212,7 +212,7 @@ def test_a_leaf_without_trials_is_nowhere_a_success(capsys) -> None:
 
 
 @pytest.mark.parametrize(
-    ("height", "squeeze", "told"),
+    ("height", "squeeze", "message"),
     [
         ("6.0", "squeeze_height_mm = 8.0", "squeeze_height_mm: is 8, which closes the tips above"),
         ("6.0", "squeeze_height_mm = 5.1", "lower it to 5 or less"),
@@ -221,7 +221,7 @@ def test_a_leaf_without_trials_is_nowhere_a_success(capsys) -> None:
     ],
 )
 def test_tips_that_would_miss_the_part_are_refused(
-    tmp_path, record_property, capsys, height, squeeze, told
+    tmp_path, record_property, capsys, height, squeeze, message
 ) -> None:
     job = small_job(tmp_path / "job.toml", ("height_mm = 16.0", f"height_mm = {height}"))
     job.write_text(f"{job.read_text()}[cell]\n{squeeze}\n", encoding="utf-8")
@@ -230,7 +230,7 @@ def test_tips_that_would_miss_the_part_are_refused(
     record_property("ends", "no table")
     assert code == ValueRangeError.exit_code
     err = capsys.readouterr().err
-    assert told in err
+    assert message in err
     assert err.count("\n") == 1
     assert not (tmp_path / "t.msgpack").exists()
 
@@ -254,11 +254,11 @@ def test_a_thin_solid_is_squeezed_below_its_top(tmp_path, record_property, capsy
     record_property("exit_code", code)
     record_property("ends", "tips 3 mm above the table")
     assert code == 0, capsys.readouterr().err
-    made = job_file.load(job)
-    assert (made.part.height_mm, made.cell.squeeze_height_mm) == (6.0, 3.0)
+    result = job_file.load(job)
+    assert (result.part.height_mm, result.cell.squeeze_height_mm) == (6.0, 3.0)
 
 
-def test_a_job_without_a_height_is_compiled_and_told_what_its_tips_presuppose(
+def test_a_job_without_a_height_is_compiled_and_says_what_its_tips_presuppose(
     tmp_path, capsys
 ) -> None:
     text = (

@@ -54,7 +54,7 @@ def faulty(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
         yield bench
 
 
-def told(record: Record, bench: Bench, code: int) -> None:
+def lines(record: Record, bench: Bench, code: int) -> None:
     seen = bench.gripper.state()
     activity = "active" if seen.activated else "not active"
     record("exit_code", code)
@@ -66,7 +66,7 @@ def test_stop(name: str, sound: Bench, faulty: Bench, record_property: Record) -
     bench = faulty if CASES[name].kind == "fault" else sound
     ended, wrong = bench.run(CASES[name])
     assert wrong == []
-    told(record_property, bench, ended.code)
+    lines(record_property, bench, ended.code)
 
 
 def test_a_terminal_that_is_gone(sound: Bench, tmp_path: Path, record_property: Record) -> None:
@@ -97,7 +97,7 @@ def test_a_terminal_that_is_gone(sound: Bench, tmp_path: Path, record_property: 
         list(sound._moving(Ended(code, " ".join(map(str, outcome["safe_state"])), "", journal)))
         == []
     )
-    told(record_property, sound, code)
+    lines(record_property, sound, code)
     assert list(sound._low(Ended(code, "", "", journal))) == []
 
 
@@ -119,7 +119,7 @@ def test_the_end_of_standard_input(sound: Bench, tmp_path: Path, record_property
     assert "fingers stopped at count" in process.stderr
     ended = Ended(process.returncode, process.stdout, process.stderr, output)
     assert list(sound._moving(ended)) == []
-    told(record_property, sound, process.returncode)
+    lines(record_property, sound, process.returncode)
 
 
 def test_the_campaign_itself(record_property: Record) -> None:

@@ -154,7 +154,7 @@ def test_a_report_keeps_its_code_and_its_peace_when_the_reader_goes(
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         (["--outcome", "zzz"], "invalid choice: 'zzz'"),
         (["--since", "never"], "'never' is no date"),
@@ -163,32 +163,32 @@ def test_a_report_keeps_its_code_and_its_peace_when_the_reader_goes(
     ],
 )
 def test_filters_that_no_record_could_pass_are_usage(
-    tell: Tell, journal: Path, words, told: str
+    tell: Tell, journal: Path, words, message: str
 ) -> None:
     _, out, err = tell(JOURNAL, "show", journal, *words, code=2, shell="2>&2")
     assert (out, err.count("\n")) == ("", 1)
-    assert told in err
+    assert message in err
 
 
 def test_every_command_tells_wrong_arguments_in_one_line(capsys, record_property) -> None:
-    every = [("", made) for _, made in parsers().items()]
-    for _, made in every:
-        every += [("", inner) for inner in subcommands(made).values()]
-    for _, made in every:
+    every = [("", result) for _, result in parsers().items()]
+    for _, result in every:
+        every += [("", inner) for inner in subcommands(result).values()]
+    for _, result in every:
         for words in (["--no\nsuch\x1b[2J"], ["--debug=3", "\udcff"]):
             with pytest.raises(SystemExit) as ended:
-                made.parse_args(words)
+                result.parse_args(words)
             err = capsys.readouterr().err
             assert ended.value.code == 2
             assert err.count("\n") == 1, err
-            assert err.startswith(f"{made.prog}: ")
+            assert err.startswith(f"{result.prog}: ")
             assert "\x1b" not in err
     record_property("exit_code", 2)
     record_property("ends", f"{len(every)} commands and subcommands, a line each")
 
 
 @pytest.mark.parametrize(
-    ("job", "told"),
+    ("job", "message"),
     [
         ("[" * 100_000, "nested too deeply"),
         ('{"a":' * 70 + "1" + "}" * 70, "nested too deeply"),
@@ -200,14 +200,14 @@ def test_every_command_tells_wrong_arguments_in_one_line(capsys, record_property
     ids=["brackets", "braces", "toml", "digits", "nan", "list"],
 )
 def test_an_odd_job_under_a_valid_digest_is_a_refused_table(
-    tell: Tell, tmp_path: Path, job, told
+    tell: Tell, tmp_path: Path, job, message
 ) -> None:
     table = tmp_path / "t.msgpack"
     table.write_bytes(encode(with_job(every_field_table(), job)))
     before = table.read_bytes()
     _, _, err = tell(RUNTIME, "--tree", table, "--check", code=30, ends="the table is refused")
     assert err.count("\n") == 1
-    assert told in err
+    assert message in err
     assert table.read_bytes() == before
 
 

@@ -47,7 +47,9 @@ def test_retries_are_journalled_with_the_run(
     assert grasp_journal(["replay", "j.jsonl"]) == 0
 
 
-def test_what_is_told_before_there_is_a_journal_is_kept_and_not_without_end(tmp_path: Path) -> None:
+def test_what_is_reported_before_there_is_a_journal_is_kept_and_not_without_end(
+    tmp_path: Path,
+) -> None:
     incidents = Incidents()
     for number in range(MOST_INCIDENTS + 5):
         incidents.record("link", {"number": number})

@@ -78,10 +78,10 @@ def test_the_page_follows_the_run(words: list[str]) -> None:
         text=True,
     )
     assert process.stderr is not None
-    with process, process.stderr as told:
+    with process, process.stderr as output:
         url = next(
             matches[0]
-            for line in told
+            for line in output
             if (matches := re.findall(r"http://127\.0\.0\.1:\d+/", line))
         )
         seen: list[dict[str, object]] = []
@@ -117,11 +117,11 @@ def test_the_terminal_shows_the_run_and_is_given_back(words: list[str]) -> None:
         env=environment,
     ) as process:
         os.close(theirs)
-        told = b""
+        result = b""
         with contextlib.suppress(OSError), open(ours, "rb", buffering=0) as screen:  # noqa: PTH123
             while piece := screen.read(65536):
-                told += piece
-    text = told.decode()
+                result += piece
+    text = result.decode()
     assert process.returncode in ENDED, text
     assert (
         text.count("\x1b[?25l") == text.count("\x1b[?25h") == 1

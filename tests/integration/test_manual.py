@@ -50,9 +50,9 @@ def run(words: list[str], said: str, *more: str) -> tuple[int, list[dict[str, ob
 
 def test_a_person_with_calipers_locates_a_part(words: list[str], tmp_path: Path) -> None:
     said = "\n".join(["", "", "29,9", "", "", "", "wide", "-3", "21.1", "", ""])
-    code, (part,), told = run(words, said + "\n", "--port", "manual", "--arm", "manual")
+    code, (part,), result = run(words, said + "\n", "--port", "manual", "--arm", "manual")
     assert (code, part["outcome"], part["leaf"], part["path"]) == (0, "leaf", 1, [0, 1])
-    asked = [line for line in told if line.endswith(("press Enter", "nothing)?", "31.42:"))]
+    asked = [line for line in result if line.endswith(("press Enter", "nothing)?", "31.42:"))]
     assert [line.split()[0] for line in asked] == [
         *("Open", "Put", "Close", "Open", "Lift"),
         *("Put", "Close", "'wide'", "'-3'", "Open", "Lift"),
@@ -67,9 +67,9 @@ def test_a_person_with_calipers_locates_a_part(words: list[str], tmp_path: Path)
 
 def test_a_person_moves_the_simulated_arm(words: list[str]) -> None:
     more = ["--port", "sim", "--arm", "manual", "--time-scale", "40", "--seed", "0", "--world"]
-    code, (part,), told = run(words, "\n" * 20, *more, "runtime.devices.rehearsal:make")
+    code, (part,), result = run(words, "\n" * 20, *more, "runtime.devices.rehearsal:make")
     assert (part["outcome"], code) in (("leaf", 0), ("unresolved", 11))
-    asked = [line.split()[0] for line in told if line.endswith("press Enter")]
+    asked = [line.split()[0] for line in result if line.endswith("press Enter")]
     assert asked == ["Put", "Lift"] * len(part["path"])
 
 
@@ -182,7 +182,7 @@ def test_ways_above_the_table_are_not_asked_for_and_a_drag_is(
         connect.arm("manual", read_only=True).move_linear(0, 0, 60, 0.0, 100.0)
 
 
-def test_a_width_is_told_in_the_table_s_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_width_is_reported_in_the_table_s_counts(monkeypatch: pytest.MonkeyPatch) -> None:
     person, gripper = Behind(monkeypatch, "42.5"), connect.gripper("manual:85.0,3,230")
     with pytest.raises(GripperFault, match="no move"):
         gripper.wait()
@@ -204,13 +204,13 @@ def test_a_width_is_told_in_the_table_s_counts(monkeypatch: pytest.MonkeyPatch) 
 
 
 @pytest.mark.parametrize(
-    ("more", "told"),
+    ("more", "message"),
     [
         (["--port", "manual", "--arm", "manual", "--watch"], "use --http"),
         (["--port", "/dev/x", "--arm", "manual", "--put-down"], "put it down yourself"),
         (["--port", "manual", "--arm", "tcp://x:1", "--calibration", "f"], "you tell the width"),
     ],
 )
-def test_what_does_not_go_with_a_person(more: list[str], told: str) -> None:
-    with pytest.raises(ArgumentsError, match=told):
+def test_what_does_not_go_with_a_person(more: list[str], message: str) -> None:
+    with pytest.raises(ArgumentsError, match=message):
         options.check_usage(parser().parse_args(["--tree", "t", *more]))

@@ -50,7 +50,7 @@ def tree(tmp_path_factory):
 @pytest.fixture(scope="module")
 def measured(tree):
     """A calibration file with the middle, as the commands write it."""
-    widths, made = tree.with_name("gripper.json"), tree.with_name("gripper2.json")
+    widths, result = tree.with_name("gripper.json"), tree.with_name("gripper2.json")
     counts = (230, 200, 150, 100, 50, 3)
     gauges = [Gauge((230 - count) * 85.0 / 227.0, (count,)) for count in counts]
     calibration.save(calibration.fit(gauges, "S/N-1", "2026-01-01T00:00:00Z"), widths)
@@ -66,13 +66,13 @@ def measured(tree):
             "--at",
             "5,-1",
         ]
-        words += ["-o", str(made), "--activate", "--tips", "straight", "--json"]
+        words += ["-o", str(result), "--activate", "--tips", "straight", "--json"]
         code = "import sys, runtime.cli as cli; sys.exit(cli.calibrate())"
         command = [sys.executable, "-c", code, *words]
         silent = subprocess.run(
             command, input="", capture_output=True, text=True, cwd=ROOT, timeout=WAIT_S, check=False
         )
-        assert (silent.returncode, made.exists()) == (2, False)  # nobody pressed Enter
+        assert (silent.returncode, result.exists()) == (2, False)  # nobody pressed Enter
         assert "press Enter" in silent.stderr
         done = subprocess.run(
             command,
@@ -84,7 +84,7 @@ def measured(tree):
             check=False,
         )
     assert done.returncode == 0, done.stderr
-    return made, json.loads(done.stdout)
+    return result, json.loads(done.stdout)
 
 
 def run_parts(tree, handling, delivery=None):
@@ -125,13 +125,13 @@ def handling_of(tree, path):
 
 
 def test_the_command_measures_what_is_off_and_says_what_is_left_to_doubt(measured):
-    made, told = measured
-    assert abs(told["across_mm"] - OFF_MM) < 3.0 * told["across_error_mm"] < 0.3
-    assert told["beside_mm"] == pytest.approx(told["across_mm"], abs=0.3)
-    low, high = told["doubt"]["middle_mm"]
+    result, record = measured
+    assert abs(record["across_mm"] - OFF_MM) < 3.0 * record["across_error_mm"] < 0.3
+    assert record["beside_mm"] == pytest.approx(record["across_mm"], abs=0.3)
+    low, high = record["doubt"]["middle_mm"]
     assert low < 0.0 < high < 0.4
-    assert told["doubt"]["finger_share"][0] < 0.0 < told["doubt"]["finger_share"][1]
-    assert calibration.load(made).middle.across_mm == told["across_mm"]
+    assert record["doubt"]["finger_share"][0] < 0.0 < record["doubt"]["finger_share"][1]
+    assert calibration.load(result).middle.across_mm == record["across_mm"]
 
 
 def test_fingers_that_meet_elsewhere_are_wrong_where_a_camera_looks_and_right_once_they_are_measured(

@@ -404,7 +404,7 @@ def test_a_full_disk_is_one_line_and_leaves_no_part_of_a_file(tmp_path, monkeypa
     assert [path.name for path in tmp_path.iterdir()] == ["in.csv"]
 
 
-def test_outputs_of_another_kind_are_told_what_is_written(tmp_path):
+def test_outputs_of_another_kind_are_refused_with_what_is_written(tmp_path):
     code, _, err = inside(compile_, JOB, "-o", tmp_path / "x.svg")
     assert (code, "what is written is a table" in err) == (2, True)
     code, _, err = inside(report, TABLE, "-o", tmp_path / "x.svg")

@@ -56,19 +56,19 @@ class StructuredPlc:
                 first = register.address - READ_AT
                 value = integer(register, words[first : first + register.words])
                 values[INPUTS[register.name]] = bool(value) if register.name in FLAGS else value
-        told = self._block(start=start, id=number, **values)
+        result = self._block(start=start, id=number, **values)
         answer = self._client.write_registers(
-            WRITTEN_AT, [*(int(told[name]) for name in OUTPUTS), 0]
+            WRITTEN_AT, [*(int(result[name]) for name in OUTPUTS), 0]
         )
         assert not answer.isError()
         time.sleep(0.003)  # a PLC has a cycle, too
-        return told
+        return result
 
     def part(self, number: int) -> dict[str, int]:
-        told = self.cycle(start=True, number=number)
-        while not told["done"]:
-            told = self.cycle(start=bool(told["refused"]), number=number)
-        return {name: told[name] for name in ("outcome", "x", "y", "angle")}
+        result = self.cycle(start=True, number=number)
+        while not result["done"]:
+            result = self.cycle(start=bool(result["refused"]), number=number)
+        return {name: result[name] for name in ("outcome", "x", "y", "angle")}
 
 
 def by_client(plc: TcpPlc) -> list[dict[str, int]]:
@@ -140,13 +140,13 @@ def test_structured_text_does_what_the_program_of_the_study_does() -> None:
         }
         words = plc.station.read(READ_AT, READ[-1].address + READ[-1].words - READ_AT, plc.now)
         number = ends % 0xFFFF + 1
-        told = block(start=True, id=number, **values)
+        result = block(start=True, id=number, **values)
         twin.cycle(words, number)
-        assert [told[name] for name in OUTPUTS] == [
+        assert [result[name] for name in OUTPUTS] == [
             *(twin.enable, twin.trigger, twin.trigger_id, twin.acknowledge, twin.heartbeat)
         ]
-        assert told["state"] == twin.state
-        ends += bool(told["done"])
+        assert result["state"] == twin.state
+        ends += bool(result["done"])
         assert plc.station.write(WRITTEN_AT, twin.image(), plc.now) is None
         if plc.station.order is not None and cycle % 5 == 0:
             plc.end_part(x=cycle)
@@ -185,7 +185,7 @@ def test_lost_connection_while_busy_ends_in_the_result_of_that_id(tree: Path) ->
 
 @pytest.mark.slow
 @pytest.mark.parametrize("busy", [True, False])
-def test_stop_request_ends_safely_and_the_plc_is_told(busy: bool, tree: Path) -> None:
+def test_stop_request_ends_safely_and_the_plc_is_informed(busy: bool, tree: Path) -> None:
     with PlcServed(tree, more=SLOW) as served, served.plc() as plc:
         plc.begin(4)
         served.until_squeezing(1)

@@ -114,7 +114,7 @@ def test_a_cell_pushes_and_locates(
 
 
 @pytest.mark.parametrize(
-    ("command", "words", "code", "told"),
+    ("command", "words", "code", "message"),
     [
         (export.main, ("TABLE", "--to", "c99", "-o", "OUT"), 2, "an export is for squeezes alone"),
         (report.main, ("TABLE", "-o", "OUT.html", "--bound"), 2, "--bound is for squeezes alone"),
@@ -130,7 +130,7 @@ def test_what_knows_no_pushes_says_so(
     command: Callable[[Sequence[str]], int],
     words: tuple[str, ...],
     code: int,
-    told: str,
+    message: str,
     path: Path,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
@@ -138,7 +138,7 @@ def test_what_knows_no_pushes_says_so(
     at = {"TABLE": path, "OUT": tmp_path / "out", "OUT.html": tmp_path / "out.html"}
     assert command([str(at.get(word, word)) for word in words]) == code
     said = capsys.readouterr().err
-    assert told in said
+    assert message in said
     assert 'plan with actions.pushes = "none"' in said
     assert not list(tmp_path.iterdir())
 

@@ -74,12 +74,12 @@ def test_a_robot_that_asks_gets_the_answers_of_a_driven_run(
     with Journal(tmp_path / "driven.jsonl", lambda: "") as journal:
         expected = driven(small_setting(), 5, table, PARTS, journal)
     with Served(tree, "--count", str(PARTS)) as served:
-        told = ask(served, SimulatedRobot(small_setting(), 5, table), PARTS)
+        result = ask(served, SimulatedRobot(small_setting(), 5, table), PARTS)
         code, parts, _ = served.ended()
     assert [{name: part[name] for name in expected[0]} for part in parts] == expected
     assert {part["outcome"] for part in parts} >= outcomes
     assert code == max(part["exit_code"] for part in parts)
-    for part, answer in zip(parts, told, strict=True):
+    for part, answer in zip(parts, result, strict=True):
         if part["outcome"] != "leaf":
             assert answer is None
             continue
@@ -174,10 +174,10 @@ def good(served: Served) -> Line:
     until = time.monotonic() + WAIT_S
     while time.monotonic() < until:
         line = Line(served)
-        told = line.ask("VERSION")
-        if told == "VERSION 1 squeezetree":
+        result = line.ask("VERSION")
+        if result == "VERSION 1 squeezetree":
             return line
-        assert told == "ERROR 30 " + ERRORS[30]
+        assert result == "ERROR 30 " + ERRORS[30]
         line.close()
     raise TimeoutError
 

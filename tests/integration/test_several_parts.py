@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from html_pages import Page
-from planner.evaluation.strangers import strangers
 
 from drivers.camera.audit.subject import from_table
 from drivers.camera.errors import CameraFileError
@@ -18,9 +17,10 @@ from drivers.camera.vision.tag_file import PartTag
 from planner.cli import evaluate as evaluate_command
 from planner.cli import report
 from planner.compile import compile_job
-from planner.evaluation.disturbance import NONE
 from planner.evaluation.evaluate import evaluate
+from planner.evaluation.foreign import tried
 from planner.evaluation.leaves import identities
+from planner.evaluation.outcome import Evaluation
 from planner.job import model as job_file
 from planner.report import dossier
 from planner.work.scheduler import Threads
@@ -101,7 +101,7 @@ def test_a_part_taken_for_the_other_is_a_wrong_answer(plan):
     assert result.wrong.mean() > 0.99
 
 
-def test_strangers_are_counted_by_what_becomes_of_them(plan):
+def test_foreign_parts_are_counted_by_what_becomes_of_them(plan):
     entries = [
         SQUARE.format(name=side, share=1, side=side)
         .replace("share = 1\n", "")
@@ -110,13 +110,11 @@ def test_strangers_are_counted_by_what_becomes_of_them(plan):
     ]
     job = job_file.parse(COMMON + squares(20, 34) + "".join(entries))
 
-    def worlds(real: job_file.Job) -> ContactWorlds:
-        return ContactWorlds.of_job(real, 5)
+    def evaluated(part: job_file.Job) -> Evaluation:
+        return evaluate(plan.table, part, ContactWorlds.of_job(part, 5), 400, 5, Threads(2))
 
-    own = evaluate(plan.table, job, ContactWorlds.of_job(job, 5), 2000, 5)
-    alike, *others = strangers(
-        plan.table, job, job.strangers, own, worlds, 400, 5, Threads(2), NONE
-    )
+    evaluation = evaluate(plan.table, job, ContactWorlds.of_job(job, 5), 2000, 5)
+    alike, *others = tried(plan.table, job, evaluation, job.foreign_parts, evaluated)
     assert alike.answered > 0.9
     (answer,) = alike.answers
     assert (answer.part, answer.share) == ("small", alike.answered)
@@ -136,12 +134,12 @@ def test_strangers_are_counted_by_what_becomes_of_them(plan):
     assert [(len(other.lines()), other.answers) for other in others] == [(1, ()), (1, ())]
 
 
-def test_strangers_may_be_generated(plan, tmp_path, capsys):
+def test_foreign_parts_may_be_generated(plan, tmp_path, capsys):
     """Squares of 20 and 34 mm: of each a smaller and a larger one, a disc, and a rectangle."""
     tree = tmp_path / "squares.msgpack"
     dump(plan.table, tree)
-    assert evaluate_command.main([str(tree), "--strangers", "--trials", "300", "--json"]) == 0
-    record = json.loads(capsys.readouterr().out)["strangers"]
+    assert evaluate_command.main([str(tree), "--foreign-parts", "--trials", "300", "--json"]) == 0
+    record = json.loads(capsys.readouterr().out)["foreign_parts"]
     assert [each["name"] for each in record][:4] == [
         "small x 0.9",
         "small x 1.1",
@@ -152,7 +150,7 @@ def test_strangers_may_be_generated(plan, tmp_path, capsys):
     assert record[1]["answers"][0]["differ_mm"] == pytest.approx(
         2.0 * 2**0.5, abs=0.01
     )  # its diagonal's
-    assert evaluate_command.main([str(tree), "--strangers", "--sweep"]) == 2
+    assert evaluate_command.main([str(tree), "--foreign-parts", "--sweep"]) == 2
     assert "leave out --ppm and --sweep" in capsys.readouterr().err
 
 
@@ -161,19 +159,19 @@ def rectangle(key, name, length, width):
     return f'[[{key}]]\nname = "{name}"\n[{key}.part]\noutline_mm = [{corners}]\n'
 
 
-def test_a_stranger_that_differs_where_no_squeeze_measures_is_explained_by_that():
+def test_a_foreign_part_that_differs_where_no_squeeze_measures_is_explained_by_that():
     """Plates squeezed across alone: a shorter one reads like ours."""
     common = COMMON.replace('orientation = "unknown"', "orientation_halfwidth_deg = 10")
     common = common.replace("[0, 45, 90, 135]", "[0]\nproposals = 'none'")
     ours = rectangle("hypothesis", "plate", 40, 20) + rectangle("hypothesis", "broad plate", 40, 30)
     job = job_file.parse(common + ours + rectangle("stranger", "short plate", 34, 20))
     table = compile_job(job, workers=1, trials=1000).table
-    own = evaluate(table, job, ContactWorlds.of_job(job, 5), 400, 5)
+    evaluation = evaluate(table, job, ContactWorlds.of_job(job, 5), 400, 5)
 
-    def worlds(real):
-        return ContactWorlds.of_job(real, 5)
+    def evaluated(part):
+        return evaluate(table, part, ContactWorlds.of_job(part, 5), 400, 5)
 
-    (short,) = strangers(table, job, job.strangers, own, worlds, 400, 5, Threads(1))
+    (short,) = tried(table, job, evaluation, job.foreign_parts, evaluated)
     first = short.answers[0]
     assert (first.part, short.often) == ("plate", True)
     assert first.apart_mm < 0.5
@@ -195,7 +193,7 @@ def test_a_world_from_elsewhere_is_made_once_for_each_part(job, plan, monkeypatc
     monkeypatch.setitem(sys.modules, "elsewhere", sys.modules[__name__])
     world: World = load_world("elsewhere:Lonely", job, 3)
     assert isinstance(world, Assorted)
-    assert [own.side for own in world.worlds] == [20.0, 34.0]
+    assert [each.side for each in world.worlds] == [20.0, 34.0]
     result = evaluate(plan.table, job, world, 200, 3)
     assert result.success.mean() > 0.98
 
@@ -212,18 +210,18 @@ def simulated(table, folder, *more):
 
 @pytest.fixture(scope="module")
 def ran(plan, tmp_path_factory):
-    code, told, journal = simulated(plan.table, tmp_path_factory.mktemp("run"), "--count", "4")
+    code, result, journal = simulated(plan.table, tmp_path_factory.mktemp("run"), "--count", "4")
     assert code == 0
-    return told, journal
+    return result, journal
 
 
 def test_a_run_names_the_part_and_its_truth(ran):
-    told, journal = ran
-    assert {part["hypothesis"] for part in told} == {"small", "large"}
-    assert all(part["hypothesis"] == part["true_hypothesis"] for part in told)
-    assert all(part["within_goal"] for part in told)
+    result, journal = ran
+    assert {part["hypothesis"] for part in result} == {"small", "large"}
+    assert all(part["hypothesis"] == part["true_hypothesis"] for part in result)
+    assert all(part["within_goal"] for part in result)
     recorded = [json.loads(line) for line in journal.read_text().splitlines()]
-    names = [part["hypothesis"] for part in told]
+    names = [part["hypothesis"] for part in result]
     assert [row["hypothesis"] for row in recorded if row["kind"] in ("outcome", "truth")] == [
         name for name in names for _ in range(2)
     ]
@@ -259,15 +257,15 @@ def posed():
     return compile_job(job_file.parse(goal + entries), workers=2, trials=500)
 
 
-def test_an_auditor_is_told_which_part_it_is_said_to_be(posed, tmp_path):
+def test_an_auditor_is_asked_which_part_it_is_said_to_be(posed, tmp_path):
     (tmp_path / "judge.py").write_text(JUDGE)
     audit = f"{sys.executable} {tmp_path / 'judge.py'} small"
-    _, told, journal = simulated(posed.table, tmp_path, "--count", "6", "--audit", audit)
-    told = [part for part in told if part.get("leaf") is not None]
-    assert {part["hypothesis"] for part in told} == {"small", EVIL}
-    assert all((part["audit"] == "pass") == (part["hypothesis"] == "small") for part in told)
+    _, result, journal = simulated(posed.table, tmp_path, "--count", "6", "--audit", audit)
+    result = [part for part in result if part.get("leaf") is not None]
+    assert {part["hypothesis"] for part in result} == {"small", EVIL}
+    assert all((part["audit"] == "pass") == (part["hypothesis"] == "small") for part in result)
     recorded = [json.loads(line) for line in journal.read_text().splitlines()]
-    assert [r["hypothesis"] for r in recorded if r["kind"] == "audit"] == ["seen"] * len(told)
+    assert [r["hypothesis"] for r in recorded if r["kind"] == "audit"] == ["seen"] * len(result)
 
 
 def test_the_camera_judges_each_part_by_its_own_goal_and_tag(posed, tmp_path):
@@ -277,7 +275,7 @@ def test_the_camera_judges_each_part_by_its_own_goal_and_tag(posed, tmp_path):
     )
     assert [np.ptp(each.outline_mm[:, 0]) for each in (small, large)] == pytest.approx([20.0, 34.0])
     assert [each.goal.rho_um for each in (small, large)] == [
-        own.rho_um for own in posed.table.hypotheses
+        item.rho_um for item in posed.table.hypotheses
     ]
     with pytest.raises(CameraFileError, match="for no part of"):
         from_table(tmp_path / "t.msgpack", [PartTag("other", 7, 22.0)])
@@ -291,9 +289,9 @@ def report_of(table, folder, *more):
     text = output.read_text()
     page = Page(text)
     assert page.open == []
-    ids = [attributes["id"] for _, attributes in page.found if "id" in attributes]
+    ids = [attributes["id"] for _, attributes in page.elements if "id" in attributes]
     assert len(ids) == len(set(ids))
-    links = {attributes["href"][1:] for tag, attributes in page.found if tag in ("a", "use")}
+    links = {attributes["href"][1:] for tag, attributes in page.elements if tag in ("a", "use")}
     assert links <= set(ids)
     return text, page, json.loads(page.scripts["data"])
 
@@ -307,7 +305,7 @@ def named_in(text):
 
 def test_a_report_draws_each_part_and_says_who_ends_where(posed, tmp_path):
     text, page, data = report_of(posed.table, tmp_path)
-    assert not [tag for tag, _ in page.found if tag == "i"]
+    assert not [tag for tag, _ in page.elements if tag == "i"]
     assert "finds and names a part (small or large &lt;i&gt;&amp;)" in text
     assert [part["name"] for part in data["parts"]] == ["small", EVIL]
     counted = np.array(named_in(text))
@@ -326,7 +324,7 @@ def test_a_report_draws_each_part_and_says_who_ends_where(posed, tmp_path):
     assert np.ptp(sides["part-1"]) == pytest.approx(34.0, abs=0.02)
 
 
-def test_a_report_says_by_which_widths_a_stranger_is_taken_for_ours(plan):
+def test_a_report_says_by_which_widths_a_foreign_part_is_taken_for_ours(plan):
     more = "".join(
         SQUARE.format(name=side, share=1, side=side)
         .replace("share = 1\n", "")
@@ -338,7 +336,7 @@ def test_a_report_says_by_which_widths_a_stranger_is_taken_for_ours(plan):
         plan.table, job, dossier.Source("squares.msgpack", dumps(plan.table)), 400, 3
     )
     assert Page(text).open == []
-    body = text.split('<table id="strangers">')[1].split("<tbody>")[1].split("</tbody>")[0]
+    body = text.split('<table id="foreign-parts">')[1].split("<tbody>")[1].split("</tbody>")[0]
     alike, answer, other = re.findall(r"<tr>(.*?)</tr>", body)
     assert (">20.2<" in alike, ">50<" in other, "<td>small</td>" in answer) == (True, True, True)
     assert float(re.findall(r"<td>([\d.]+)</td>$", answer)[0]) < 0.2 * 2**0.5 + COUNT_MM
@@ -348,7 +346,7 @@ def polygons(page):
     """The outlines that panels use, each with its first coordinates [mm]."""
     return [
         (attributes, [float(point.split(",")[0]) for point in attributes["points"].split()])
-        for tag, attributes in page.found
+        for tag, attributes in page.elements
         if tag == "polygon" and attributes.get("id", "").startswith("part")
     ]
 

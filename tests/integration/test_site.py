@@ -138,7 +138,7 @@ def test_the_performance_page_holds_what_is_kept(kept):
 
 def test_the_results_are_filled_in_when_the_site_is_built(site, kept):
     written = kept.LISTING.read_text()
-    names = [found[1] for found in kept.PLACE.finditer(written)]
+    names = [result[1] for result in kept.PLACE.finditer(written)]
     assert written.count(" -->\n<!-- end -->") == len(names) == len(set(names))
     page = words_of(text_of(site / "tools/docs/results.html"))
     for name in names:
@@ -177,24 +177,27 @@ def test_tables_are_filled_in_where_the_page_says(kept, monkeypatch, tmp_path):
     other = {**row, "squeezes": 2.1, "crashes": 6}
     figures = {"plate": {"squeezes": [row, other], "pushes": [{"no_plan": "none", "cpu_s": 1.0}]}}
     (tmp_path / "push_actions.json").write_text(json.dumps(figures))
-    made = kept.filled(page)
-    assert "| plate | none | 2.30 | 99.00 % | 4.5 of 100 | 0.0 | 5.0 | 9 s |" in made
-    assert "| plate | belief | no plan |" in made
-    assert kept.filled(made) == made
+    result = kept.filled(page)
+    assert "| plate | none | 2.30 | 99.00 % | 4.5 of 100 | 0.0 | 5.0 | 9 s |" in result
+    assert "| plate | belief | no plan |" in result
+    assert kept.filled(result) == result
     with pytest.raises(AttributeError):
         kept.table_of("nothing")
 
 
-def test_figures_over_seeds_are_told_as_mean_least_and_most(kept, monkeypatch, tmp_path):
+def test_figures_over_seeds_are_reported_as_mean_least_and_most(kept, monkeypatch, tmp_path):
     monkeypatch.setattr(kept, "RESULTS", tmp_path)
     plan = {"planner": "now", "part": "rectangle-25", "wrong": 0.001, "cpu_s": 30.0}
     plans = [plan | {"success": 0.99 + 0.001 * k, "squeezes": 2.8 + 0.1 * k} for k in range(4)]
     before = plans[0] | {"planner": "before"}
     (tmp_path / "planner.json").write_text(json.dumps([*plans, before]))
-    made = kept.table_of("planner")
-    assert "| rectangle-25 | now | 4 | 2.95 (2.80 to 3.10) | 99.15 % | 0.10 % | 3.80 | 30 |" in made
+    result = kept.table_of("planner")
     assert (
-        "| rectangle-25 | before | 1 | 2.80 (2.80 to 2.80) | 99.00 % | 0.10 % | 3.80 | 30 |" in made
+        "| rectangle-25 | now | 4 | 2.95 (2.80 to 3.10) | 99.15 % | 0.10 % | 3.80 | 30 |" in result
+    )
+    assert (
+        "| rectangle-25 | before | 1 | 2.80 (2.80 to 2.80) | 99.00 % | 0.10 % | 3.80 | 30 |"
+        in result
     )
     shown = "| rectangle-25 | 4 | 99.15 (99.00 to 99.30) % | 2.95 (2.80 to 3.10) |"
     assert shown in kept.table_of("planner-readme")

@@ -29,17 +29,17 @@ def script(*arguments):
 
 
 def test_a_slice_under_random_faults_finds_nothing():
-    code, told, out = script("--transactions", "15000")
-    assert (code, told["findings"]) == (0, 0), out
-    assert told["transactions"] >= 15_000
-    assert len(told["faults_met"]) >= 24
-    assert set(told["outcomes"]) <= {"leaf", "unresolved", "reject", "fault", "not connected"}
+    code, result, out = script("--transactions", "15000")
+    assert (code, result["findings"]) == (0, 0), out
+    assert result["transactions"] >= 15_000
+    assert len(result["faults_met"]) >= 24
+    assert set(result["outcomes"]) <= {"leaf", "unresolved", "reject", "fault", "not connected"}
 
 
 def test_without_faults_no_part_ends_in_one():
-    code, told, out = script("--parts", "120", "--no-faults", "--parts-per-run", "40")
-    assert (code, told["crashes"], told["runs"]) == (0, 0, 3), out
-    assert told["outcomes"].keys() <= {"leaf", "unresolved", "reject"}
+    code, result, out = script("--parts", "120", "--no-faults", "--parts-per-run", "40")
+    assert (code, result["crashes"], result["runs"]) == (0, 0, 3), out
+    assert result["outcomes"].keys() <= {"leaf", "unresolved", "reject"}
 
 
 def test_the_same_seed_gives_the_same_run_on_any_number_of_workers():
@@ -91,8 +91,8 @@ def test_a_part_that_takes_too_long_is_found(monkeypatch):
 
 
 def test_a_fault_without_faults_is_found(monkeypatch):
-    told = soak_run.run(small_soak(), 1, Listed([Fault("gflt_0e", 1, 3)]))
-    assert told.findings == ["without faults: 1 faults, 0 crashes"]
+    counts = soak_run.run(small_soak(), 1, Listed([Fault("gflt_0e", 1, 3)]))
+    assert counts.findings == ["without faults: 1 faults, 0 crashes"]
 
 
 def test_random_schedules_depend_on_seed_and_part_alone_and_reach_every_class():

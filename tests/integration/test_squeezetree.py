@@ -40,13 +40,13 @@ def called(*words: str, before: str = "") -> subprocess.CompletedProcess[str]:
 @pytest.fixture
 def calls(monkeypatch: pytest.MonkeyPatch) -> Calls:
     """The arguments that programs are called with, in place of the programs."""
-    made: Calls = []
+    result: Calls = []
 
-    entry = SimpleNamespace(load=lambda: lambda: made.append(sys.argv) or 7)
+    entry = SimpleNamespace(load=lambda: lambda: result.append(sys.argv) or 7)
     installed = SimpleNamespace(entry_points=SimpleNamespace(select=lambda **_: [entry]))
     monkeypatch.setattr(squeezetree.metadata, "distribution", lambda _: installed)
     monkeypatch.setattr(sys, "argv", ["squeezetree"])
-    return made
+    return result
 
 
 def test_a_subcommand_is_an_installed_program() -> None:
@@ -55,10 +55,10 @@ def test_a_subcommand_is_an_installed_program() -> None:
 
 def test_the_order_is_that_of_a_users_day() -> None:
     assert " ".join(PROGRAMS).startswith(ORDER)
-    told = called("--help").stdout
-    places = [told.index(f"\n  {word} ") for word in PROGRAMS]
+    result = called("--help").stdout
+    places = [result.index(f"\n  {word} ") for word in PROGRAMS]
     assert places == sorted(places)
-    assert called().stdout == told
+    assert called().stdout == result
 
 
 def test_a_program_gets_its_arguments_and_its_exit_code_is_ours(calls: Calls) -> None:
@@ -88,7 +88,7 @@ def test_without_the_planner_one_line_says_what_is_missing() -> None:
     assert "squeezetree[planner]" in done.stderr
 
 
-def test_what_is_no_command_is_told_in_one_line_with_the_nearest() -> None:
+def test_what_is_no_command_is_reported_in_one_line_with_the_nearest() -> None:
     done = called("evalute")
     assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
     assert "is evaluate meant?" in done.stderr

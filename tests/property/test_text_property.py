@@ -68,7 +68,7 @@ TABLES: list[Callable[[str], Table]] = [
 @settings(max_examples=40)
 def test_a_border_refuses_text_that_does_not_print_in_one_line_that_prints(text: str) -> None:
     for table in TABLES:
-        for refuse in (lambda made: loads(encode(made)), dumps):
+        for refuse in (lambda result: loads(encode(result)), dumps):
             with pytest.raises(TableError) as refused:
                 refuse(table(text))
             assert prints(str(refused.value))

@@ -66,8 +66,8 @@ class Raw:
     def ask(self, pdu: bytes, number: int = 1, unit: int = 1) -> bytes:
         """The PDU that answers one."""
         self.send(frame(pdu, number, unit))
-        told, back, answer = self.read()
-        assert (told, back) == (number, unit)
+        result, back, answer = self.read()
+        assert (result, back) == (number, unit)
         return answer
 
     def _exactly(self, count: int) -> bytes:

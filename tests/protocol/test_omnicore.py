@@ -26,16 +26,16 @@ RAPID = Path(drivers.abb.__file__).with_name("SqueezeTree.modx").read_text(encod
 
 @pytest.fixture(params=[False, True], ids=["basic", "digest"])
 def rig(request):
-    made = OmniCoreRig(digest=request.param)
-    yield made
-    made.close()
+    result = OmniCoreRig(digest=request.param)
+    yield result
+    result.close()
 
 
 @pytest.fixture
 def basic():
-    made = OmniCoreRig()
-    yield made
-    made.close()
+    result = OmniCoreRig()
+    yield result
+    result.close()
 
 
 def test_the_first_motion_starts_our_program_and_the_next_feeds_it(rig):
@@ -60,19 +60,19 @@ def test_a_request_that_was_left_over_is_not_executed_when_the_program_starts(ba
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "message"),
     [
         ({"mode": "MANR"}, "in mode MANR; switch it to automatic"),
         ({"motors": "emergencystop"}, "in state emergencystop"),
         ({"running": True}, "module Module1 runs on the controller; stop it first"),
     ],
 )
-def test_an_arm_that_may_not_move_is_not_moved_and_stays_usable(basic, change, told):
+def test_an_arm_that_may_not_move_is_not_moved_and_stays_usable(basic, change, message):
     with basic.open() as arm:
         here = arm.pose()
         for name, value in change.items():
             setattr(basic.model, name, value)
-        with pytest.raises(ArmError, match=f"not moved: .*{told}"):
+        with pytest.raises(ArmError, match=f"not moved: .*{message}"):
             arm.move_linear(*TARGET, 200.0)
         assert arm.pose() == here
     assert basic.moves == 0
@@ -139,7 +139,7 @@ def test_frames_go_to_the_controller(basic):
     assert basic.truth()[:3] == pytest.approx((10.0, 20.0, 255.0), abs=1e-3)
 
 
-def test_a_wrong_password_is_told_and_not_printed(rig, monkeypatch):
+def test_a_wrong_password_is_reported_and_not_printed(rig, monkeypatch):
     monkeypatch.setenv(rws.PASSWORD, "hunter2")
     with pytest.raises(
         ArmError, match="refuses the user 'Default User'; set SQUEEZETREE_RWS_USER"
@@ -185,7 +185,7 @@ def test_a_file_without_certificates_is_named(basic, monkeypatch, tmp_path):
         basic.open()
 
 
-def test_a_controller_without_our_module_is_told(basic):
+def test_a_controller_without_our_module_is_reported(basic):
     del basic.model.symbols["sq_version"]
     with pytest.raises(ArmError, match=r"404: no such resource.*load SqueezeTree.modx into T_ROB1"):
         basic.open()
@@ -198,7 +198,7 @@ def test_another_version_of_the_module_is_refused(basic):
 
 
 @pytest.mark.parametrize("bytes_sent", [b"", b"220 ftp ready\r\n", b"HTTP/1.1 200 OK\r\n\r\n"])
-def test_who_is_no_controller_is_told(bytes_sent, monkeypatch):
+def test_who_is_no_controller_is_reported(bytes_sent, monkeypatch):
     monkeypatch.setattr(rws, "ANSWER_S", 0.3)
     with socket.create_server(("127.0.0.1", 0)) as server:
         held = []

@@ -209,10 +209,10 @@ class Served:
         self.clients = []
 
     def client(self):
-        made = socket.create_connection(("127.0.0.1", self.server.port), timeout=5.0)
-        made.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self.clients.append(made)
-        return made
+        result = socket.create_connection(("127.0.0.1", self.server.port), timeout=5.0)
+        result.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self.clients.append(result)
+        return result
 
     def close(self):
         for client in self.clients:
@@ -222,9 +222,9 @@ class Served:
 
 @pytest.fixture
 def served():
-    made = Served()
-    yield made
-    made.close()
+    result = Served()
+    yield result
+    result.close()
 
 
 def talk(client, text):
@@ -356,7 +356,7 @@ def test_a_circle_passes_its_point_and_ends_at_its_end(arm):
     assert pose(arm)[:3] == pytest.approx([60.0, 0.0, 100.0])
 
 
-def test_external_axes_read_back_what_they_were_told(arm):
+def test_external_axes_read_back_what_was_written(arm):
     """The server answers 5 with the last target, not with a reading."""
     assert ask(arm, "34 1 2 3 4 5 6.5 #") == "34 1 "
     assert ask(arm, "5 #") == "5 1 1.00 2.00 3.00 4.00 5.00 6.50"

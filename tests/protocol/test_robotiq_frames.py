@@ -118,12 +118,12 @@ def link(replies):
 
 @pytest.mark.parametrize("frame", [RESET, ACTIVATE, CLOSE, OPEN])
 def test_the_driver_writes_the_frames_of_the_manual(frame):
-    made, wire = link([WRITTEN])
-    made.write(bytes.fromhex(frame)[7:13])
+    channel, wire = link([WRITTEN])
+    channel.write(bytes.fromhex(frame)[7:13])
     assert wire.sent == [bytes.fromhex(frame)]
 
 
 def test_the_driver_reads_with_the_frame_of_the_manual():
-    made, wire = link(["09 03 06 B900 00FF BD00 1D7C"])
-    assert made.read() == bytes.fromhex("B900 00FF BD00")
+    channel, wire = link(["09 03 06 B900 00FF BD00 1D7C"])
+    assert channel.read() == bytes.fromhex("B900 00FF BD00")
     assert wire.sent == [bytes.fromhex(READ_3)]

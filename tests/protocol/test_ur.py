@@ -30,9 +30,9 @@ TARGET = (40.0, -30.0, 60.0, 0.5)
 
 @pytest.fixture
 def rig():
-    made = Ur()
-    yield made
-    made.close()
+    result = Ur()
+    yield result
+    result.close()
 
 
 def is_still(rig):
@@ -42,7 +42,7 @@ def is_still(rig):
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "message"),
     [
         (lambda model: setattr(model, "safety_bits", PROTECTIVE_STOP), "protective stop"),
         (lambda model: setattr(model, "safety_bits", 0), "safety state unknown"),
@@ -51,17 +51,17 @@ def is_still(rig):
         (lambda model: setattr(model, "_ends_s", math.inf), "a program runs on the controller"),
     ],
 )
-def test_an_arm_that_may_not_move_is_not_moved_and_stays_usable(rig, change, told):
+def test_an_arm_that_may_not_move_is_not_moved_and_stays_usable(rig, change, message):
     with rig.open() as arm:
         here = arm.pose()
         change(rig.model)
-        with pytest.raises(ArmError, match=f"not moved: .*{told}"):
+        with pytest.raises(ArmError, match=f"not moved: .*{message}"):
             arm.move_linear(*TARGET, 200.0)
         assert arm.pose() == here
     assert rig.moves == 0
 
 
-def test_a_closed_port_for_programs_is_told_and_the_arm_stays_usable(rig):
+def test_a_closed_port_for_programs_is_reported_and_the_arm_stays_usable(rig):
     rig.script.close()
     with rig.open() as arm:
         with pytest.raises(
@@ -71,7 +71,7 @@ def test_a_closed_port_for_programs_is_told_and_the_arm_stays_usable(rig):
         arm.pose()
 
 
-def test_a_pendant_that_is_not_in_remote_control_is_told(rig, monkeypatch):
+def test_a_pendant_that_is_not_in_remote_control_is_reported(rig, monkeypatch):
     monkeypatch.setattr(ur_arm, "ANSWER_S", 0.1)
     rig.model.remote = False
     with (
@@ -104,7 +104,7 @@ def test_what_the_controller_cannot_reach_is_a_stop_and_no_arrival(rig):
         arm.move_linear(900.0, 0.0, 60.0, 0.0, 500.0)
 
 
-def test_another_program_on_the_way_is_told(rig):
+def test_another_program_on_the_way_is_reported(rig):
     with rig.open() as arm:
         wait = arm._await_end
 
@@ -178,7 +178,7 @@ def test_a_hand_that_mostly_turns_is_given_time_for_it(rig):
 @pytest.mark.parametrize(
     "greeting", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n", b"\0\4V\0", b"\0\1V"]
 )
-def test_who_is_no_ur_controller_is_told(greeting, monkeypatch):
+def test_who_is_no_ur_controller_is_reported(greeting, monkeypatch):
     monkeypatch.setattr(rtde, "ANSWER_S", 0.2)
     with socket.create_server(("127.0.0.1", 0)) as server:
 
@@ -205,7 +205,7 @@ def test_rotation_vectors_and_quaternions_are_the_same_turn(turn):
         assert abs(same) == pytest.approx(1.0, abs=1e-12)
 
 
-STRANGER = """
+RECEIVER = """
 import json, sys, time
 from rtde_receive import RTDEReceiveInterface
 fields = ["timestamp", "actual_TCP_pose", "actual_q", "robot_mode", "safety_status_bits", "runtime_state"]
@@ -233,7 +233,7 @@ def test_ur_rtdes_receiver_reads_the_simulated_controller():
     port.start()
     try:
         ran = subprocess.run(
-            [sys.executable, "-c", STRANGER, host],
+            [sys.executable, "-c", RECEIVER, host],
             capture_output=True,
             text=True,
             timeout=60,

@@ -21,14 +21,14 @@ CLOSE_MM, CLOSE_RAD = 0.1, math.radians(0.2)
     ],
 )
 def test_kernels_and_twin_end_alike(outline, mu):
-    made = random_paths(outline, np.random.default_rng(8), 4)
+    pushes = random_paths(outline, np.random.default_rng(8), 4)
     part = simulator(outline, step_mm=0.1)
-    result = part.push(made, part.nominal(len(made.angles), mu))
+    result = part.push(pushes, part.nominal(len(pushes.angles), mu))
     assert not result.given_up.any()
     for k, moved in enumerate(result.moved):
         twin = push(
             Part(outline, part.surface.A, part.surface.rho_mm, mu, None),
-            *(values[k] for values in made),
+            *(values[k] for values in pushes),
         )
         assert math.hypot(*(moved - twin)[:2]) < CLOSE_MM
         assert abs(moved[2] - twin[2]) < CLOSE_RAD

@@ -104,7 +104,7 @@ SUPPORTS = {
 
 
 @pytest.mark.parametrize("support", AT_LEAST)
-def test_pushes_with_two_fingers_are_foretold(support):
+def test_pushes_with_two_fingers_are_predicted(support):
     path = FOLDER / "two_fingers.csv"
     with path.open(newline="", encoding="utf-8") as file:
         lines = list(csv.DictReader(file))

@@ -95,24 +95,24 @@ class Controller:
         Raises:
             RuntimeError: the block moves nothing more.
         """
-        told = self.cycle(start=True)
-        while told["state"] != 0:
-            if told["send"]:
-                told = self.cycle(answered=True, answer=self._line.ask(str(told["line"])))
-            elif told["state"] == 2:
-                robot.place(*(told[name] for name in ("x", "y", "angle", "opening")))
-                count, held = robot.squeeze(told["speed"], told["force"])
-                told = self.cycle(placed=True, counts=count, held=held)
-            elif told["state"] == 3:
-                if told["drag"]:
-                    robot.drag(told["drag_x"], told["drag_y"])
+        result = self.cycle(start=True)
+        while result["state"] != 0:
+            if result["send"]:
+                result = self.cycle(answered=True, answer=self._line.ask(str(result["line"])))
+            elif result["state"] == 2:
+                robot.place(*(result[name] for name in ("x", "y", "angle", "opening")))
+                count, held = robot.squeeze(result["speed"], result["force"])
+                result = self.cycle(placed=True, counts=count, held=held)
+            elif result["state"] == 3:
+                if result["drag"]:
+                    robot.drag(result["drag_x"], result["drag_y"])
                 robot.release()
-                told = self.cycle(released=True)
+                result = self.cycle(released=True)
             else:
-                raise RuntimeError(f"state {told['state']}")
+                raise RuntimeError(f"state {result['state']}")
         return (
-            tuple(told[name] for name in ("x", "y", "angle", "success"))
-            if told["located"]
+            tuple(result[name] for name in ("x", "y", "angle", "success"))
+            if result["located"]
             else None
         )
 
@@ -134,10 +134,10 @@ def driven(
     setting: Setting, seed: int, table: Table, count: int, journal: Journal
 ) -> list[dict[str, object]]:
     """The parts of a run whose arm and gripper the executor moves."""
-    cell, told = VirtualCell(setting, seed), Results()
+    cell, result = VirtualCell(setting, seed), Results()
     devices = Cell(cell.gripper(), cell.arm(), cell.clock, journal)
-    run_journalled(table, devices, cell.scene, told, count=count, activate=True)
-    return told.parts
+    run_journalled(table, devices, cell.scene, result, count=count, activate=True)
+    return result.parts
 
 
 class Served:

@@ -71,7 +71,7 @@ class CanNode:
 
 def dictionary(where: CanMap) -> canopen.ObjectDictionary:
     """The two objects of the map, each byte an unsigned 8."""
-    made = canopen.ObjectDictionary()
+    result = canopen.ObjectDictionary()
     for index, name, access in ((where.output, "output", "rw"), (where.input, "input", "ro")):
         record = objectdictionary.ODRecord(name, index)
         for sub in range(1, BLOCK_BYTES + 1):
@@ -79,5 +79,5 @@ def dictionary(where: CanMap) -> canopen.ObjectDictionary:
             variable.data_type = objectdictionary.UNSIGNED8
             variable.access_type = access
             record.add_member(variable)
-        made.add_object(record)
-    return made
+        result.add_object(record)
+    return result

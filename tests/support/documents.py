@@ -62,9 +62,9 @@ def shims(folder: Path, before: Mapping[str, str] = EMPTY) -> Path:
     return folder
 
 
-def run(found: list[Block], work: Path, environment: dict[str, str]) -> list[list[str]]:
+def run(result: list[Block], work: Path, environment: dict[str, str]) -> list[list[str]]:
     """Runs blocks in one shell, in a folder; what each printed, in lines."""
-    script = "\n".join("\n".join([*block.commands, f"echo '{MARK}'"]) for block in found)
+    script = "\n".join("\n".join([*block.commands, f"echo '{MARK}'"]) for block in result)
     done = subprocess.run(
         ["bash", "-euo", "pipefail", "-c", script],
         cwd=work,

@@ -52,14 +52,14 @@ def squeezed(table: Table, job: Job, count: int, seed: int, drift: Drift = HEALT
     return evaluate(table, world_job, world, count, seed, Threads(), disturbance)
 
 
-def parts(table: Table, found: Evaluation, seed: int, drift: Drift = HEALTHY) -> Iterator[Part]:
+def parts(table: Table, result: Evaluation, seed: int, drift: Drift = HEALTHY) -> Iterator[Part]:
     """Parts as journals tell of them, each audited."""
     calibration = Calibration.linear(table.gripper)
-    noise = np.random.default_rng([seed, 0x5345]).normal(0.0, SEEN_SIGMA, found.poses.shape)
-    seen = found.poses + noise + drift.seen_off
-    for number, leaf in enumerate(found.leaf):
+    noise = np.random.default_rng([seed, 0x5345]).normal(0.0, SEEN_SIGMA, result.poses.shape)
+    seen = result.poses + noise + drift.seen_off
+    for number, leaf in enumerate(result.leaf):
         taken = []
-        rows = found.path[number], found.counts[number], found.branch[number]
+        rows = result.path[number], result.counts[number], result.branch[number]
         for node, count, branch in zip(*rows, strict=True):
             if node >= 0:
                 width_um = calibration.width_um(int(count))

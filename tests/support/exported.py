@@ -86,19 +86,19 @@ def check_structured_text(
     names = block.names[OUTPUT]
     hand, part = names.index("hand_x_um"), names.index("part_x_um")
     for row in rows:
-        told = block(restart=False, node=row[0], count=row[1], object_flag=row[2])
-        outcome, index = told["outcome"], told["index"]
-        assert (outcome, index, told["release_x_um"], told["release_y_um"]) == row[3:], row
+        result = block(restart=False, node=row[0], count=row[1], object_flag=row[2])
+        outcome, index = result["outcome"], result["index"]
+        assert (outcome, index, result["release_x_um"], result["release_y_um"]) == row[3:], row
         if outcome == NODE:
             assert (
-                tuple(told[name] for name in names[hand : hand + 6])
+                tuple(result[name] for name in names[hand : hand + 6])
                 == table.nodes[index].squeeze[:6]
             )
         if outcome in (LEAF, UNRESOLVED):
             leaf = table.leaves[index]
             success = leaf.success_ppm if leaf.trials else -1
             wanted = (*leaf[:3], success, leaf.error_p95_um, len(leaf.alternatives))
-            assert tuple(told[name] for name in names[part:]) == wanted
+            assert tuple(result[name] for name in names[part:]) == wanted
 
 
 def compilers() -> list[str]:
@@ -119,9 +119,9 @@ def executor(compiler: str, folder: Path) -> Path:
     """The executor alone as an object file, for size and without any library."""
     source = folder / "executor.c"
     source.write_text(OBJECT)
-    made = folder / f"executor-{compiler}.o"
-    said("-Os", "-ffreestanding", "-I", folder, "-c", source, "-o", made, *STRICT, program=compiler)
-    return made
+    path = folder / f"executor-{compiler}.o"
+    said("-Os", "-ffreestanding", "-I", folder, "-c", source, "-o", path, *STRICT, program=compiler)
+    return path
 
 
 def code_bytes(compiled: Path) -> int:

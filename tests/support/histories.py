@@ -3,6 +3,7 @@
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -46,29 +47,34 @@ def drawn(
         first: number of the first part.
     """
     maps = [by_count(decision_map(node, Calibration.linear(tree.gripper))) for node in tree.nodes]
-    predicted = branch_shares(tree)
+    predicted = dict(enumerate(branch_shares(tree))) | (shares or {})
     rate = 1.0 - tree.predicted.success_ppm / PPM if fail_rate is None else fail_rate
-    return [
-        _part(
-            tree, maps, predicted, number, rng, width_shift_um, shares or {}, residual_shift, rate
-        )
-        for number in range(first, first + count)
-    ]
+    cell = _Cell(tree, maps, predicted, width_shift_um, residual_shift, rate)
+    return [_part(cell, number, rng) for number in range(first, first + count)]
 
 
-def _part(tree, maps, predicted, number, rng, width_shift_um, shares, residual_shift, rate):
-    squeezes, target = [], 0
+class _Cell(NamedTuple):
+    tree: Table
+    maps: list
+    shares: dict  # of the branches of each node
+    width_shift_um: float
+    residual_shift: tuple[float, float, float]
+    fail_rate: float
+
+
+def _part(cell, number, rng):
+    tree, squeezes, target = cell.tree, [], 0
     calibration = Calibration.linear(tree.gripper)
     while target >= 0:
         node = tree.nodes[target]
-        odds = np.array(shares.get(target) or predicted[target], float)
+        odds = np.array(cell.shares[target], float)
         branch = node.branches[int(rng.choice(len(odds), p=odds / odds.sum()))]
         spread = 0.25 * (branch.high_um - branch.low_um) / np.sqrt(12.0)
         healthy = np.clip(rng.normal(branch.expected_um, spread), branch.low_um, branch.high_um)
-        width = healthy + width_shift_um
+        width = healthy + cell.width_shift_um
         step = tree.gripper.opening_um / (tree.gripper.count_closed - tree.gripper.count_open)
         reading = int(np.clip(round(tree.gripper.count_closed - width / step), 0, 255))
-        taken = maps[target][reading]
+        taken = cell.maps[target][reading]
         read_um = calibration.width_um(reading)
         if taken < 0:
             return Part(number, (*squeezes, Squeezed(target, None, read_um)), "reject")
@@ -77,8 +83,8 @@ def _part(tree, maps, predicted, number, rng, width_shift_um, shares, residual_s
     leaf = tree.leaves[~target]
     if not leaf.resolved:
         return Part(number, tuple(squeezes), "unresolved", ~target)
-    residual = rng.normal(0.0, 0.6 * np.array(sigmas(tree, leaf))) + residual_shift
-    verdict = "fail" if rng.random() < rate else "pass"
+    residual = rng.normal(0.0, 0.6 * np.array(sigmas(tree, leaf))) + cell.residual_shift
+    verdict = "fail" if rng.random() < cell.fail_rate else "pass"
     return Part(number, tuple(squeezes), "leaf", ~target, verdict, tuple(map(float, residual)))
 
 

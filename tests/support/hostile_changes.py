@@ -188,12 +188,14 @@ def sealed(data: bytes, random: Random) -> bytes:
     """A JSON document changed, with the digest that it then has; or damaged as text."""
     if random.random() < 0.3:
         return text(data, random)
-    told = odd(
+    result = odd(
         {name: value for name, value in json.loads(data).items() if name != "sha256"}, random
     )
     with contextlib.suppress(ValueError, UnicodeEncodeError):  # a digest of no text
-        told = {**told, "sha256": strict_json.digest(told)} if isinstance(told, dict) else told
-    return json.dumps(told).encode()
+        result = (
+            {**result, "sha256": strict_json.digest(result)} if isinstance(result, dict) else result
+        )
+    return json.dumps(result).encode()
 
 
 def values(data: bytes, random: Random) -> bytes:

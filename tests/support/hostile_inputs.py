@@ -295,7 +295,7 @@ def case(seed: int, number: int) -> Case:
     return Case(kind.entry, words, files)
 
 
-def judge(made: Case, as_process: bool = False) -> str:
+def judge(given: Case, as_process: bool = False) -> str:
     """Run a case in a folder of its own.
 
     Returns:
@@ -305,39 +305,39 @@ def judge(made: Case, as_process: bool = False) -> str:
         AssertionError: it did not end as every command has to.
     """
     with tempfile.TemporaryDirectory() as name, contextlib.chdir(name):
-        for file, data in made.files.items():
+        for file, data in given.files.items():
             Path(file).write_bytes(data)
-        code, err = (_as_process if as_process else _within)(made)
+        code, err = (_as_process if as_process else _within)(given)
         left = {path.name for path in Path().iterdir()}
-        command = err_name(made.entry)
+        command = err_name(given.entry)
         assert "Traceback" not in err, err
-        assert code in documented(made.entry), f"exit code {code}: {err}"
+        assert code in documented(given.entry), f"exit code {code}: {err}"
         if code not in (0, ALARM):
             assert err.startswith(command) or f"\n{command}" in err, (
                 f"exit code {code} without a word: {err!r}"
             )
             assert err.count("\n") <= 3, err
-        assert all(Path(file).read_bytes() == data for file, data in made.files.items()), (
+        assert all(Path(file).read_bytes() == data for file, data in given.files.items()), (
             "an input was changed"
         )
-        drafts = {file for file in left - made.files.keys() if not file.startswith("o.")}
+        drafts = {file for file in left - given.files.keys() if not file.startswith("o.")}
         assert not drafts, f"left behind: {drafts}"
-    return f"{command} {made.words[0] if command == 'grasp-journal' else ''}".strip() + f": {code}"
+    return f"{command} {given.words[0] if command == 'grasp-journal' else ''}".strip() + f": {code}"
 
 
-def _within(made: Case) -> tuple[int, str]:
+def _within(given: Case) -> tuple[int, str]:
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-        main = getattr(importlib.import_module(made.entry[0]), made.entry[1])
-        code = main(list(made.words))
+        main = getattr(importlib.import_module(given.entry[0]), given.entry[1])
+        code = main(list(given.words))
     return code, err.getvalue()
 
 
-def _as_process(made: Case) -> tuple[int, str]:
-    module, function = made.entry
+def _as_process(given: Case) -> tuple[int, str]:
+    module, function = given.entry
     call = f"import sys; from {module} import {function}; sys.exit({function}())"
     done = subprocess.run(
-        [sys.executable, "-c", call, *made.words],
+        [sys.executable, "-c", call, *given.words],
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,
@@ -387,14 +387,14 @@ def run(
     kinds()  # before the worker is forked, so that the next one need not make them again
     worker = _Worker(seed)
     for number in numbers:
-        told = worker.judge(number, longest_s)
-        if told is None:
-            told = f"FAILED killed itself, or no end within {longest_s:g} s"
+        result = worker.judge(number, longest_s)
+        if result is None:
+            result = f"FAILED killed itself, or no end within {longest_s:g} s"
             worker.kill()
             worker = _Worker(seed)
-        ends[told.split()[0] if told.startswith("FAILED") else told] += 1
-        if told.startswith("FAILED"):
-            tell(f"--seed {seed} --first {number}: {told}")
+        ends[result.split()[0] if result.startswith("FAILED") else result] += 1
+        if result.startswith("FAILED"):
+            tell(f"--seed {seed} --first {number}: {result}")
     worker.kill()
     return ends
 
@@ -429,10 +429,10 @@ def _work(seed: int, there: Connection) -> None:
     with contextlib.suppress(EOFError):
         while True:
             number = there.recv()
-            made = case(seed, number)
+            result = case(seed, number)
             try:
-                told = judge(made, as_process=number % PROCESS_EVERY == 0)
+                record = judge(result, as_process=number % PROCESS_EVERY == 0)
             except BaseException as error:
                 frames = traceback.extract_tb(error.__traceback__)[-1]
-                told = f"FAILED {' '.join(made.words)}: {type(error).__name__}: {error} ({frames.name})"
-            there.send(told)
+                record = f"FAILED {' '.join(result.words)}: {type(error).__name__}: {error} ({frames.name})"
+            there.send(record)

@@ -187,15 +187,17 @@ class Bench:
         last = self.gripper.state()
         if last.moving or last.activating or first.position_counts != last.position_counts:
             yield f"the fingers move on, from {first.position_counts} to {last.position_counts}"
-        told = ended.out + ended.err
+        output = ended.out + ended.err
         said = (
-            [] if "simulated cell" in told else re.findall(r"fingers stopped at count (\d+)", told)
+            []
+            if "simulated cell" in output
+            else re.findall(r"fingers stopped at count (\d+)", output)
         )
         if said and any(int(count) != last.position_counts for count in said):
             yield f"the fingers stand at {last.position_counts}, stopped at {said}"
-        if "NOT KNOWN" in told:
+        if "NOT KNOWN" in output:
             yield "a state that is not known"
-        if "Traceback" in told and ended.code > 0 and STARTING not in told:
+        if "Traceback" in output and ended.code > 0 and STARTING not in output:
             yield "a traceback"
 
     def _low(self, ended: Ended) -> Iterator[str]:
@@ -281,9 +283,9 @@ def _journal(ended: Ended) -> Iterator[str]:
         yield f"the journal ends with {entries[-1]}"
     outcomes = [entry for entry in entries if entry["kind"] == "outcome"]
     if outcomes and outcomes[-1]["outcome"] in ("fault", "stopped"):
-        told = outcomes[-1]["safe_state"]
+        result = outcomes[-1]["safe_state"]
         if (
-            not str(told[0]).startswith("fingers stopped")
+            not str(result[0]).startswith("fingers stopped")
             or outcomes[-1]["exit_code"] != ended.code
         ):
             yield f"the outcome is {outcomes[-1]}"
@@ -375,9 +377,9 @@ def campaign(count: int, seed: int, first: int = 0) -> int:
             faulty = number == 0
             if cases[faulty].empty():
                 continue
-            own = Path(folder, str(number))
-            own.mkdir()
-            workers.append(threading.Thread(target=work, args=(own,), kwargs={"faulty": faulty}))
+            ours = Path(folder, str(number))
+            ours.mkdir()
+            workers.append(threading.Thread(target=work, args=(ours,), kwargs={"faulty": faulty}))
         for worker in workers:
             worker.start()
         for worker in workers:

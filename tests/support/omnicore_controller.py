@@ -275,10 +275,10 @@ def _handler(
                 raise RefusedError(otherwise, f"{header} must be {value}")
 
         def _signed_in(self) -> bool:
-            told = self.headers.get("Authorization") or ""
+            result = self.headers.get("Authorization") or ""
             if not digest:
-                return told == "Basic " + base64.b64encode(":".join(FACTORY).encode()).decode()
-            given = dict(re.findall(r'(\w+)="?([^",]+)"?', told))
+                return result == "Basic " + base64.b64encode(":".join(FACTORY).encode()).decode()
+            given = dict(re.findall(r'(\w+)="?([^",]+)"?', result))
             ours = _md5(f"{FACTORY[0]}:{REALM}:{FACTORY[1]}")
             asked = _md5(f"{self.command}:{self.path}")
             middle = ":".join(given.get(name, "") for name in ("nonce", "nc", "cnonce", "qop"))

@@ -23,8 +23,8 @@ def joined(many):
 
 def random_paths(outline, rng, count):
     """Pushes with two fingers on random edges, each about a random centre or along a random way."""
-    made = []
-    while len(made) < count:
+    result = []
+    while len(result) < count:
         k = rng.integers(len(outline))
         start, end = outline[k], outline[(k + 1) % len(outline)]
         edge = (end - start) / math.hypot(*(end - start))
@@ -33,8 +33,8 @@ def random_paths(outline, rng, count):
         way = inward * rng.uniform(4.0, 12.0) + edge * rng.uniform(-4.0, 4.0)
         fingers = [middle - half * edge - 1e-6 * inward, middle + half * edge - 1e-6 * inward]
         if rng.random() < 0.3:
-            made.append(paths(fingers, shift=way))
+            result.append(paths(fingers, shift=way))
             continue
         arm = rng.uniform(15.0, 60.0) * rng.choice([-1.0, 1.0])
-        made.append(paths(fingers, middle + arm * edge, math.copysign(0.2, -arm)))
-    return joined(made)
+        result.append(paths(fingers, middle + arm * edge, math.copysign(0.2, -arm)))
+    return joined(result)

@@ -76,8 +76,8 @@ def variants(
 ) -> dict[str, np.ndarray]:
     """Where the parts end (n, 3), by what is done otherwise; `as it is` is the reference."""
 
-    def whole(own: Simulator, start: np.ndarray = poses) -> np.ndarray:
-        return pushed(own, start, opening, WAY_MM, seed)
+    def whole(ours: Simulator, start: np.ndarray = poses) -> np.ndarray:
+        return pushed(ours, start, opening, WAY_MM, seed)
 
     return {
         "as it is": whole(part),
@@ -109,8 +109,8 @@ def overlaps(outline: np.ndarray, ends: np.ndarray, opening: np.ndarray) -> np.n
     parts = [shapely.Polygon(place(outline, pose)) for pose in ends]
     return np.array(
         [
-            shapely.intersection(own, hands[value]).area
-            for own, value in zip(parts, opening, strict=True)
+            shapely.intersection(each, hands[value]).area
+            for each, value in zip(parts, opening, strict=True)
         ]
     )
 

@@ -135,13 +135,13 @@ def random_table(seed: int, nodes: int) -> Table:
     random = Random(seed)
     records: list[Node] = []
     leaves: list[Leaf] = []
-    made = 1
+    result = 1
     for index in range(nodes):
         targets = []
         for number in range(random.randint(2, 4)):
-            if made < nodes and (random.random() < 0.5 or (made == index + 1 and number == 0)):
-                targets.append(made)
-                made += 1
+            if result < nodes and (random.random() < 0.5 or (result == index + 1 and number == 0)):
+                targets.append(result)
+                result += 1
             else:
                 targets.append(~len(leaves))
                 leaves.append(_random_leaf(random))

@@ -19,31 +19,31 @@ ARC = TipArc()
 
 
 def run(
-    made: FakeCell, options: RunOptions, table: Table | None = None, phases: list | None = None
+    rig: FakeCell, options: RunOptions, table: Table | None = None, phases: list | None = None
 ) -> PartResult:
     console = Deaf()
     console.phase = lambda part, phase, node: (
         None if phases is None else phases.append((phase, node))
     )
-    return Executor(table or small_table(), made.cell, console, options).run_part(1)
+    return Executor(table or small_table(), rig.cell, console, options).run_part(1)
 
 
 def meeting(stop: int) -> FakeCell:
     """A cell whose jaws meet the part at a count, whatever they are asked to close to."""
-    made = fake_cell([])
+    rig = fake_cell([])
 
     def meet(position_counts: int, speed_counts: int, force_counts: int) -> None:
-        made.log.call("gripper", "move", position_counts, speed_counts, force_counts)
+        rig.log.call("gripper", "move", position_counts, speed_counts, force_counts)
         count, flag = (
             (stop, CONTACT) if position_counts > stop else (max(position_counts, 3), ARRIVED)
         )
-        made.gripper.now = State(
+        rig.gripper.now = State(
             object_flag=flag, echo_counts=position_counts, position_counts=count
         )
 
-    made.gripper.move = meet
-    return made
+    rig.gripper.move = meet
+    return rig
 
 
-def jaw_moves(made: FakeCell) -> list[tuple]:
-    return [call.arguments for call in made.log.named("move")]
+def jaw_moves(rig: FakeCell) -> list[tuple]:
+    return [call.arguments for call in rig.log.named("move")]

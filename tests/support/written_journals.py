@@ -25,7 +25,7 @@ def write_run(
     segment_bytes: int = SEGMENT_BYTES,
 ) -> Path:
     """One run of four parts: leaf 0, leaf 1 by two squeezes, unresolved leaf 2, reject."""
-    made = fake_cell([AT_21, AT_30, AT_21, AT_30, AT_36, AT_36])
+    rig = fake_cell([AT_21, AT_30, AT_21, AT_30, AT_36, AT_36])
     policy = policy or Policy()
     on_reject, on_unresolved = policy.texts()
     table = small_table()
@@ -38,7 +38,7 @@ def write_run(
         if calibration is not None:
             fields["widths_um"] = list(calibration.widths_um)
         journal.header(dumps(table), fields)
-        cell = Cell(made.gripper, made.arm, made.cell.clock, journal)
+        cell = Cell(rig.gripper, rig.arm, rig.cell.clock, journal)
         session.run_journalled(
             table, cell, None, Quiet(), count=4, activate=False, options=RunOptions(policy)
         )

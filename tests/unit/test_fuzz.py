@@ -87,18 +87,18 @@ def test_a_slice_of_the_files_that_are_almost_right_ends_as_commands_must() -> N
 
 def test_a_command_that_hangs_or_ends_otherwise_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     def end(code: int, err: str = "") -> None:
-        monkeypatch.setattr(hostile_inputs, "_within", lambda made: (code, err))
+        monkeypatch.setattr(hostile_inputs, "_within", lambda result: (code, err))
 
-    made = hostile_inputs.case(7, 1)
+    result = hostile_inputs.case(7, 1)
     for code, err in (
-        (1, f"{hostile_inputs.err_name(made.entry)}: internal error\n"),
+        (1, f"{hostile_inputs.err_name(result.entry)}: internal error\n"),
         (2, ""),
         (0, "Traceback"),
     ):
         end(code, err)
         with pytest.raises(AssertionError):
-            hostile_inputs.judge(made)
-    monkeypatch.setattr(hostile_inputs, "judge", lambda made, as_process: time.sleep(60))
+            hostile_inputs.judge(result)
+    monkeypatch.setattr(hostile_inputs, "judge", lambda result, as_process: time.sleep(60))
     lines: list[str] = []
     assert hostile_inputs.run(7, range(1, 3), lines.append, longest_s=0.1)["FAILED"] == 2
     assert "no end within" in lines[0]

@@ -27,39 +27,39 @@ def terminal():
 
 def test_serial_send_over_a_stopped_line_ends_and_is_not_sent_later(terminal):
     master, slave, path = terminal
-    made = SerialStream(path, 115200)
-    made.send(b"before")
+    stream = SerialStream(path, 115200)
+    stream.send(b"before")
     termios.tcflow(slave, termios.TCOOFF)
     with pytest.raises(StalledError, match=r"has taken no bytes for 0\.5 s"):
-        made.send(b"stopped")
+        stream.send(b"stopped")
     termios.tcflow(slave, termios.TCOON)
-    made.send(b"after")
+    stream.send(b"after")
     assert os.read(master, 6) + os.read(master, 100) == b"beforeafter"
-    made.close()
-    made.close()
+    stream.close()
+    stream.close()
 
 
 def test_serial_send_to_a_peer_that_never_reads_ends(terminal):
-    made = SerialStream(terminal[2], 115200)
+    stream = SerialStream(terminal[2], 115200)
     with pytest.raises(StalledError):
-        made.send(bytes(1 << 20))
-    made.close()
+        stream.send(bytes(1 << 20))
+    stream.close()
 
 
 def test_serial_send_drops_what_an_earlier_one_left_in_the_line(terminal, monkeypatch):
     """A UART's driver takes bytes while the flow is stopped; they must not be obeyed with later ones."""
-    made = SerialStream(terminal[2], 115200)
-    monkeypatch.setattr(type(made._port), "out_waiting", property(lambda port: 8))
+    stream = SerialStream(terminal[2], 115200)
+    monkeypatch.setattr(type(stream._port), "out_waiting", property(lambda port: 8))
     with pytest.raises(StalledError):
-        made.send(b"next")
+        stream.send(b"next")
 
 
 def test_tcp_send_to_a_peer_that_never_reads_ends():
     with socket.create_server(("127.0.0.1", 0)) as server:
-        made = open_tcp("127.0.0.1", server.getsockname()[1], "tcp://x", "hint")
+        stream = open_tcp("127.0.0.1", server.getsockname()[1], "tcp://x", "hint")
         with pytest.raises(StalledError):
-            made.send(bytes(64 << 20))
-        made.close()
+            stream.send(bytes(64 << 20))
+        stream.close()
 
 
 def test_scan_of_a_stopped_line_is_an_error(terminal):

@@ -12,15 +12,19 @@ def doubled(x: float) -> float:
 
 
 @pytest.mark.parametrize("folder", ["/dev/null/kernels", "/proc/none"])
-def test_without_its_folder_a_kernel_is_kept_nowhere_and_the_user_is_told_once(
+def test_without_its_folder_a_kernel_is_kept_nowhere_and_the_user_is_warned_once(
     folder: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Not beside the module either, where numba would take old ones after an upgrade."""
     monkeypatch.setattr(kernels.numba_config, "CACHE_DIR", folder)
     kernels._warn_once.cache_clear()
-    made = [kernels.kernel(doubled), kernels.inner_kernel(doubled), kernels.inlined_kernel(doubled)]
-    assert [each.stats.cache_path for each in made] == [None] * 3
-    assert made[0](1.5) == 3.0
+    result = [
+        kernels.kernel(doubled),
+        kernels.inner_kernel(doubled),
+        kernels.inlined_kernel(doubled),
+    ]
+    assert [each.stats.cache_path for each in result] == [None] * 3
+    assert result[0](1.5) == 3.0
     assert not list((Path(__file__).parent / "__pycache__").glob("test_kernel.doubled*"))
     err = capsys.readouterr().err
     assert err.count("\n") == 1
@@ -34,6 +38,6 @@ def test_kernels_are_kept_under_the_key_of_their_content(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(kernels.numba_config, "CACHE_DIR", str(tmp_path / "keyed"))
-    made = kernels.kernel(doubled)
-    assert Path(made.stats.cache_path).is_relative_to(tmp_path / "keyed")
+    result = kernels.kernel(doubled)
+    assert Path(result.stats.cache_path).is_relative_to(tmp_path / "keyed")
     assert capsys.readouterr().err == ""

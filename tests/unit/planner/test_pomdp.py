@@ -41,24 +41,24 @@ def test_an_episode_ends_where_a_finger_comes_down_on_the_part(model):
     rng = np.random.default_rng(2)
     states = model.initial(3000, rng) * [2.5, 2.5, 1.0, 1.0]
     placements = model.actions[rng.integers(model.placements, size=len(states))]
-    made = model.sample(states, placements, rng)
+    sampled = model.sample(states, placements, rng)
     hand = to_hand(states[:, :3], placements[:, :3].T)
     below = classify_contact(model.simulator.outline, model.simulator.jaws, hand) == STANDS_ON
     assert below.any()
-    assert np.array_equal(made.ended, below)
-    assert made.states[below, :3] == pytest.approx(states[below, :3])
-    assert (made.rewards == -1.0).all()
+    assert np.array_equal(sampled.ended, below)
+    assert sampled.states[below, :3] == pytest.approx(states[below, :3])
+    assert (sampled.rewards == -1.0).all()
 
 
 def test_a_declared_pose_is_right_within_the_goal_and_under_the_symmetry(model):
     rng = np.random.default_rng(3)
     states = model.initial(500, rng)
     off = rng.normal(size=(500, 3)) * [2.0, 2.0, 0.2]
-    made = model.sample(states, declaring(states[:, :3] + off + [0.0, 0.0, np.pi]), rng)
+    sampled = model.sample(states, declaring(states[:, :3] + off + [0.0, 0.0, np.pi]), rng)
     length = np.hypot(off[:, 0], off[:, 1]) + model.metric.rho_mm * np.abs(off[:, 2])
-    assert np.array_equal(made.rewards, np.where(length < 3.0, 100.0, 0.0))
-    assert made.ended.all()
-    assert np.array_equal(made.states, states)
+    assert np.array_equal(sampled.rewards, np.where(length < 3.0, 100.0, 0.0))
+    assert sampled.ended.all()
+    assert np.array_equal(sampled.states, states)
 
 
 def test_the_planned_table_solves_the_problem_as_well_as_it_says(model):
@@ -67,19 +67,21 @@ def test_the_planned_table_solves_the_problem_as_well_as_it_says(model):
     states, node = model.initial(n, rng), np.zeros(n, np.int64)
     squeezes, right = 0, 0.0
     while len(states):
-        made = model.sample(
+        sampled = model.sample(
             states, np.column_stack([program.placement[node], np.zeros(len(node))]), rng
         )
         squeezes += len(states)
-        node = program.target[node, made.observations + tables.COUNTS * (made.states[:, 3] > 0.0)]
+        node = program.target[
+            node, sampled.observations + tables.COUNTS * (sampled.states[:, 3] > 0.0)
+        ]
         leaf = (node < 0) & (node > -len(table.leaves) - 1)
         poses = np.array([tables.predicted_pose(table.leaves[~k]) for k in node[leaf]]).reshape(
             -1, 3
         )
         right += (
-            model.sample(made.states[leaf], declaring(poses), rng).rewards.sum() / model.success
+            model.sample(sampled.states[leaf], declaring(poses), rng).rewards.sum() / model.success
         )
-        states, node = made.states[node >= 0], node[node >= 0]
+        states, node = sampled.states[node >= 0], node[node >= 0]
     assert right / n > table.predicted.success_ppm / 1e6 - 0.005
     assert squeezes / n == pytest.approx(table.predicted.mean_squeezes_ppm / 1e6, abs=0.06)
 
@@ -90,9 +92,11 @@ def test_a_belief_is_right_as_often_as_it_says(model):
     for _ in range(40):
         state, belief = model.initial(1, rng), model.initial(400, rng)
         for placement in rng.permutation(model.placements)[:3]:
-            made = model.sample(state, model.actions[placement], rng)
-            belief = model.updated(belief, model.actions[placement], int(made.observations[0]), rng)
-            state = made.states
+            sampled = model.sample(state, model.actions[placement], rng)
+            belief = model.updated(
+                belief, model.actions[placement], int(sampled.observations[0]), rng
+            )
+            state = sampled.states
         mode = model.metric.mode(belief[:, :3])
         said.append(mode.ratio)
         right.append(model.metric.reached(state[0, :3], mode.pose))

@@ -1,4 +1,4 @@
-"""What open_abb asks for besides what every arm must do: frames, turns of the wrist, strangers."""
+"""What open_abb asks for besides what every arm must do: frames, turns of the wrist, other clients."""
 
 import contextlib
 import math
@@ -17,9 +17,9 @@ from drivers.sim.devices.arm import Answer, ArmModel
 
 @pytest.fixture
 def rig():
-    made = Abb()
-    yield made
-    made.close()
+    result = Abb()
+    yield result
+    result.close()
 
 
 def test_settings_of_the_last_client_do_not_matter(rig):
@@ -116,12 +116,12 @@ def test_a_controller_whose_wrist_is_at_its_end_halts_without_a_word():
 
 
 def test_a_vanished_clients_move_does_not_confuse_the_next(rig):
-    stranger = socket.create_connection(("127.0.0.1", rig.server.port))
-    stranger.sendall(b"8 20 90 #")
-    assert stranger.recv(16) == b"8 1 "
-    stranger.sendall(b"1 60 0 100 0 1 0 0 #")
+    other = socket.create_connection(("127.0.0.1", rig.server.port))
+    other.sendall(b"8 20 90 #")
+    assert other.recv(16) == b"8 1 "
+    other.sendall(b"1 60 0 100 0 1 0 0 #")
     time.sleep(0.02)
-    stranger.close()
+    other.close()
     time.sleep(0.15)
     with rig.open() as arm:
         assert arm.pose().x_mm == pytest.approx(60.0)

@@ -45,25 +45,25 @@ class Recorder:
 
 @pytest.fixture
 def device():
-    made = Recorder()
-    node = CanNode(made, threading.RLock(), lambda: 1.0, WHERE)
+    result = Recorder()
+    node = CanNode(result, threading.RLock(), lambda: 1.0, WHERE)
     node.start()
-    yield made
+    yield result
     node.close()
 
 
 @pytest.fixture
 def link():
-    made = []
+    result = []
 
     def build(where=WHERE):
         network = canopen.Network()
         network.connect(interface=where.interface, channel=where.channel)
-        made.append(CanLink(network, where, "can:unit"))
-        return made[-1]
+        result.append(CanLink(network, where, "can:unit"))
+        return result[-1]
 
     yield build
-    for each in made:
+    for each in result:
         each.close()
 
 
@@ -72,45 +72,45 @@ def test_the_block_is_read_byte_by_byte(device, link):
 
 
 def test_settings_are_written_before_what_they_are_for(device, link):
-    made = link()
-    made.write(bytes((0x09, 0, 0, 200, 100, 50)))
+    channel = link()
+    channel.write(bytes((0x09, 0, 0, 200, 100, 50)))
     assert device.written == [(5, 50), (4, 100), (2, 0), (1, 0), (3, 200), (0, 0x09)]
 
 
 def test_only_what_changed_is_written(device, link):
-    made = link()
-    made.write(bytes((0x09, 0, 0, 200, 100, 50)))
+    channel = link()
+    channel.write(bytes((0x09, 0, 0, 200, 100, 50)))
     device.written.clear()
-    made.write(bytes((0x09, 0, 0, 100, 100, 50)))
+    channel.write(bytes((0x09, 0, 0, 100, 100, 50)))
     assert device.written == [(3, 100)]
 
 
 def test_what_stops_comes_first(device, link):
-    made = link()
-    made.write(bytes((0x09, 0, 0, 200, 100, 50)))
+    channel = link()
+    channel.write(bytes((0x09, 0, 0, 200, 100, 50)))
     device.written.clear()
-    made.write(bytes(6))
+    channel.write(bytes(6))
     assert device.written[0] == (0, 0)
 
 
 def test_an_absent_node_is_a_timeout(link):
-    made = link()
+    channel = link()
     lines = []
-    made._report = lambda kind, fields: lines.append(fields["incident"])
+    channel._report = lambda kind, fields: lines.append(fields["incident"])
     with pytest.raises(LinkTimeout, match="node 11"):
-        made.read()
+        channel.read()
     assert lines == ["no answer", "read repeated", "no answer", "read repeated", "no answer"]
 
 
 def test_a_write_that_was_not_acknowledged_is_written_again_when_asked_again(device, link):
-    made = link()
-    made.write(bytes((0x01, 0, 0, 0, 0, 0)))
+    channel = link()
+    channel.write(bytes((0x01, 0, 0, 0, 0, 0)))
     device.written.clear()
-    ask, made._ask = made._ask, lambda *_: (_ for _ in ()).throw(LinkTimeout("lost"))
+    ask, channel._ask = channel._ask, lambda *_: (_ for _ in ()).throw(LinkTimeout("lost"))
     with pytest.raises(LinkTimeout):
-        made.write(bytes((0x09, 0, 0, 0, 0, 0)))
-    made._ask = ask
-    made.write(bytes((0x09, 0, 0, 0, 0, 0)))
+        channel.write(bytes((0x09, 0, 0, 0, 0, 0)))
+    channel._ask = ask
+    channel.write(bytes((0x09, 0, 0, 0, 0, 0)))
     assert device.written == [(0, 0x09)]
 
 
@@ -129,10 +129,10 @@ def test_an_object_that_is_not_there_is_a_refusal(device, link):
     ],
 )
 def test_an_answer_to_something_else_is_none(device, link, reply):
-    made = link()
-    made._sdo.request_response = lambda request: reply
+    channel = link()
+    channel._sdo.request_response = lambda request: reply
     with pytest.raises(LinkTimeout):
-        made.read()
+        channel.read()
 
 
 def test_the_request_of_a_byte_is_the_standards():
@@ -143,23 +143,23 @@ def test_the_request_of_a_byte_is_the_standards():
             asked.append(request)
             return bytes((0x4F, 0, 0x20, request[3], request[3] * 10, 0, 0, 0))
 
-    made = CanLink(canopen.Network(), WHERE, "can:unit")
-    made._sdo = Sdo()
-    assert made.read() == bytes((10, 20, 30, 40, 50, 60))
+    channel = CanLink(canopen.Network(), WHERE, "can:unit")
+    channel._sdo = Sdo()
+    assert channel.read() == bytes((10, 20, 30, 40, 50, 60))
     assert [request.hex() for request in asked[:2]] == ["4000200100000000", "4000200200000000"]
 
 
 @pytest.mark.parametrize("error", [can.CanOperationError("down"), OSError(100, "network is down")])
 def test_a_bus_that_breaks_stays_broken(device, link, error):
-    made = link()
+    channel = link()
 
     def broken(request):
         raise error
 
-    made._sdo.request_response = broken
+    channel._sdo.request_response = broken
     for says in ("broke", "closed"):
         with pytest.raises(LinkError, match=says):
-            made.read()
+            channel.read()
 
 
 def test_the_known_clients_own_read_is_answered(device):

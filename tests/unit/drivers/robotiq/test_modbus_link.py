@@ -30,21 +30,21 @@ def answer(count=3, status=STATUS):
 def link(*script, report=None):
     line = Line(*script)
     lines = []
-    made = rtu_link(line, Pace(line.clock), lambda kind, fields: lines.append((kind, fields)))
-    return made, line, lines
+    channel = rtu_link(line, Pace(line.clock), lambda kind, fields: lines.append((kind, fields)))
+    return channel, line, lines
 
 
 def test_a_whole_answer_is_believed():
-    made, line, told = link([(0.004, answer())])
-    assert made.read() == STATUS
+    channel, line, incidents = link([(0.004, answer())])
+    assert channel.read() == STATUS
     assert line.sent[0][1] == bytes.fromhex("090307D00003040E")
-    assert (len(line.sent), told) == (1, [])
+    assert (len(line.sent), incidents) == (1, [])
 
 
 def test_an_answer_may_come_in_pieces():
     whole = answer()
-    made, _, _ = link([(0.001 * k, whole[k : k + 1]) for k in range(len(whole))])
-    assert made.read() == STATUS
+    channel, _, _ = link([(0.001 * k, whole[k : k + 1]) for k in range(len(whole))])
+    assert channel.read() == STATUS
 
 
 @pytest.mark.parametrize(
@@ -60,33 +60,33 @@ def test_an_answer_may_come_in_pieces():
     ],
 )
 def test_what_stands_before_the_answer_is_skipped(before):
-    made, _, _ = link([(0.001, before + answer())])
-    assert made.read() == STATUS
+    channel, _, _ = link([(0.001, before + answer())])
+    assert channel.read() == STATUS
 
 
 def test_random_noise_is_never_taken_for_an_answer():
     rng = random.Random(2)
-    made, _, _ = link(*([(0.001, rng.randbytes(rng.randrange(1, 60)))] for _ in range(600)))
+    channel, _, _ = link(*([(0.001, rng.randbytes(rng.randrange(1, 60)))] for _ in range(600)))
     for _ in range(200):
         with pytest.raises(LinkTimeout):
-            made.read()
+            channel.read()
 
 
 def test_a_silence_is_reported_and_a_read_is_tried_three_times():
-    made, line, told = link()
+    channel, line, incidents = link()
     with pytest.raises(LinkTimeout, match="did not answer within"):
-        made.read()
+        channel.read()
     assert len(line.sent) == 3
-    assert [fields["incident"] for _, fields in told] == [
+    assert [fields["incident"] for _, fields in incidents] == [
         *("no answer", "read repeated", "no answer", "read repeated", "no answer")
     ]
     assert line.clock.now() < 3 * (LINK_TIMEOUT_S + 0.05)
 
 
 def test_a_write_is_never_repeated():
-    made, line, _ = link()
+    channel, line, _ = link()
     with pytest.raises(LinkTimeout):
-        made.write(bytes(6))
+        channel.write(bytes(6))
     assert len(line.sent) == 1
 
 
@@ -94,8 +94,8 @@ def test_a_write_is_never_repeated():
 def test_a_late_answer_is_never_taken_for_the_answer_to_a_later_request(late_s):
     """Nothing in an RTU answer tells which request it belongs to but the number of registers."""
     old = bytes.fromhex("F900 0000 0300")
-    made, _, _ = link([(late_s, answer(3, old))], [(0.004, answer(4))], [(0.004, answer(5))])
-    assert made.read() == STATUS
+    channel, _, _ = link([(late_s, answer(3, old))], [(0.004, answer(4))], [(0.004, answer(5))])
+    assert channel.read() == STATUS
 
 
 class Starved(Line):
@@ -117,8 +117,10 @@ def test_a_reading_that_waited_while_the_process_was_stopped_is_asked_for_again(
     line = Starved(*stops * [old], new)
     line.stops = stops
     lines = []
-    made = rtu_link(line, Pace(line.clock), lambda kind, fields: lines.append(fields["incident"]))
-    assert made.read() == STATUS
+    channel = rtu_link(
+        line, Pace(line.clock), lambda kind, fields: lines.append(fields["incident"])
+    )
+    assert channel.read() == STATUS
     assert (len(line.sent), lines) == (stops + 1, stops * ["read repeated"])
 
 
@@ -138,10 +140,10 @@ def test_a_write_confirmed_while_the_process_was_stopped_is_confirmed():
 
 
 def test_the_number_of_registers_stays_within_the_block():
-    made, line, _ = link()
+    channel, line, _ = link()
     for _ in range(4):
         with pytest.raises(LinkTimeout):
-            made.read()
+            channel.read()
     assert [int.from_bytes(data[4:6], "big") for _, data in line.sent] == [
         3,
         4,
@@ -159,43 +161,43 @@ def test_the_number_of_registers_stays_within_the_block():
 
 
 def test_transactions_keep_their_distance():
-    made, line, _ = link([(0.004, answer())], [(0.004, answer())])
-    made.read()
-    made.read()
+    channel, line, _ = link([(0.004, answer())], [(0.004, answer())])
+    channel.read()
+    channel.read()
     assert line.sent[1][0] - line.sent[0][0] == pytest.approx(0.004 + GAP_S)
 
 
 def test_a_line_that_is_never_quiet_delays_but_does_not_hang():
-    made, line, _ = link()
+    channel, line, _ = link()
     with pytest.raises(LinkTimeout):
-        made.write(bytes(6))
+        channel.write(bytes(6))
     began = line.clock.now()
     line.coming = [(began + 0.005 * k, b"\x55") for k in range(2000)]
     with pytest.raises(LinkTimeout):
-        made.write(bytes(6))
+        channel.write(bytes(6))
     assert line.clock.now() - began < DRAIN_S + LINK_TIMEOUT_S + 0.1
 
 
 def test_stray_bytes_are_thrown_away_before_a_request():
-    made, line, _ = link([(0.004, answer())])
+    channel, line, _ = link([(0.004, answer())])
     line.coming = [(0.0, answer(3, bytes.fromhex("F900 0000 0300")))]
-    assert made.read() == STATUS
+    assert channel.read() == STATUS
 
 
 def test_a_broken_connection_stays_broken():
-    made, line, told = link([OSError(5, "gone")])
+    channel, line, incidents = link([OSError(5, "gone")])
     for _ in range(2):
         with pytest.raises(LinkError, match=r"broke|closed"):
-            made.read()
+            channel.read()
     assert line.closed
     assert len(line.sent) == 1
-    assert told[0][1]["incident"] == "connection broke"
+    assert incidents[0][1]["incident"] == "connection broke"
 
 
 def test_an_exception_answer_is_a_refusal_and_no_silence():
-    made, _, _ = link([(0.004, frame("09 83 02"))])
+    channel, _, _ = link([(0.004, frame("09 83 02"))])
     with pytest.raises(LinkError, match="refused function 3") as raised:
-        made.read()
+        channel.read()
     assert not isinstance(raised.value, LinkTimeout)
 
 
@@ -203,7 +205,9 @@ def test_an_interrupted_transaction_is_not_answered_to_the_next():
     class Interrupted(BaseException):
         pass
 
-    made, line, _ = link([(0.004, answer(3, bytes.fromhex("F900 0000 0300")))], [(0.004, answer())])
+    channel, line, _ = link(
+        [(0.004, answer(3, bytes.fromhex("F900 0000 0300")))], [(0.004, answer())]
+    )
     receive = line.receive
 
     def interrupt(seconds):
@@ -214,8 +218,8 @@ def test_an_interrupted_transaction_is_not_answered_to_the_next():
 
     line.receive = interrupt
     with pytest.raises(Interrupted):
-        made.read()
-    assert made.read() == STATUS
+        channel.read()
+    assert channel.read() == STATUS
 
 
 # -- Modbus TCP -----------------------------------------------------------------------------------
@@ -235,9 +239,9 @@ def tcp_link(*script):
 
 
 def test_a_modbus_tcp_answer_is_found_by_its_number():
-    made, line = tcp_link([(0.001, mbap(1))], [(0.001, mbap(1, status=bytes(6)) + mbap(2))])
-    assert made.read() == STATUS
-    assert made.read() == STATUS
+    channel, line = tcp_link([(0.001, mbap(1))], [(0.001, mbap(1, status=bytes(6)) + mbap(2))])
+    assert channel.read() == STATUS
+    assert channel.read() == STATUS
     assert [int.from_bytes(data[:2], "big") for _, data in line.sent] == [1, 2]
 
 
@@ -246,8 +250,8 @@ def test_a_modbus_tcp_answer_is_found_by_its_number():
     [mbap(7), mbap(1, unit=3), mbap(1, protocol=9), mbap(1)[:9], mbap(1, count=4), b"\x00" * 30],
 )
 def test_other_modbus_tcp_answers_are_none(wrong):
-    made, _ = tcp_link([(0.001, wrong)])
-    assert made._framing.find(wrong, _numbered(1)) is None
+    channel, _ = tcp_link([(0.001, wrong)])
+    assert channel._framing.find(wrong, _numbered(1)) is None
 
 
 def _numbered(number):
@@ -285,15 +289,15 @@ def test_the_exception_frame_of_the_library_reads_as_one():
     ],
 )
 def test_an_answer_to_something_else_is_passed_over(other):
-    made, _, _ = link([(0.001, other + answer())])
-    assert made.read() == STATUS
+    channel, _, _ = link([(0.001, other + answer())])
+    assert channel.read() == STATUS
 
 
 def test_an_acknowledgement_of_another_write_is_none():
     for wrong in (frame("09 10 03E9 0003"), frame("09 10 03E8 0002")):
-        made, line, _ = link([(0.001, wrong)])
+        channel, line, _ = link([(0.001, wrong)])
         with pytest.raises(LinkTimeout):
-            made.write(bytes(6))
+            channel.write(bytes(6))
         assert len(line.sent) == 1
 
 
@@ -316,23 +320,23 @@ def gateway(*codes):
 
 
 def test_unit_and_addresses_behind_a_gateway_are_those_of_the_port():
-    made, line = gateway()
-    assert made.read() == STATUS
+    channel, line = gateway()
+    assert channel.read() == STATUS
     assert line.sent[0][1] == enveloped(1, 9, bytes.fromhex("03 07D0 0003"))
     with pytest.raises(LinkTimeout):
-        made.write(bytes(6))
+        channel.write(bytes(6))
     assert line.sent[1][1] == enveloped(2, 9, bytes.fromhex("10 03E8 0003 06") + bytes(6))
 
 
 @pytest.mark.parametrize("code", [5, 6, 11])
 def test_read_refused_for_a_moment_is_repeated(code):
-    made, line = gateway(code, code)
-    assert made.read() == STATUS
+    channel, line = gateway(code, code)
+    assert channel.read() == STATUS
     assert len(line.sent) == 3
 
 
 @pytest.mark.parametrize(
-    ("code", "kind", "told"),
+    ("code", "kind", "message"),
     [
         (
             2,
@@ -350,10 +354,10 @@ def test_read_refused_for_a_moment_is_repeated(code):
         (99, LinkError, r"unknown reason \(exception 99\)"),
     ],
 )
-def test_refusals_of_a_gateway_are_told_apart(code, kind, told):
-    made, _ = gateway(code, code, code)
-    with pytest.raises(LinkError, match=rf"\(unit 9\) refused function 3: .*{told}") as raised:
-        made.read()
+def test_refusals_of_a_gateway_are_distinguished(code, kind, message):
+    channel, _ = gateway(code, code, code)
+    with pytest.raises(LinkError, match=rf"\(unit 9\) refused function 3: .*{message}") as raised:
+        channel.read()
     assert type(raised.value) is kind
 
 

@@ -83,9 +83,11 @@ def test_speed_range_of_the_sdk():
 
 def test_every_fault_says_what_it_means_and_what_to_do():
     for code, text in FAULTS.items():
-        told = str(GripperFault.from_code(code, "closing"))
-        assert told == f"gripper fault 0x{code:02X} while closing: {text.sentence}; {text.remedy}"
-        assert "\n" not in told
+        message = str(GripperFault.from_code(code, "closing"))
+        assert (
+            message == f"gripper fault 0x{code:02X} while closing: {text.sentence}; {text.remedy}"
+        )
+        assert "\n" not in message
 
 
 def test_unknown_faults_are_major():

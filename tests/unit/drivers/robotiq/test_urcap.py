@@ -16,13 +16,13 @@ VALUES = {"ACT": 1, "GTO": 1, "STA": 3, "FLT": 0, "PRE": 255, "OBJ": 2, "POS": 1
 GO = pack(OUTPUT_FIELDS, {"rACT": 1, "rGTO": 1, "rPR": 255, "rSP": 9, "rFR": 7})
 
 
-def told(end=b"", **changed):
+def output(end=b"", **changed):
     """A script that answers one reading."""
     values = VALUES | changed
     return [[(0.004, b"%s %d%s" % (name.encode(), values[name], end))] for name in READ]
 
 
-def made(script, reports=None):
+def items(script, reports=None):
     line = Line(*script)
     report = (
         (lambda kind, fields: reports.append(fields["incident"])) if reports is not None else None
@@ -37,7 +37,7 @@ def asked(line):
 
 @pytest.mark.parametrize("end", [b"", b"\n", b"\r\n", b" "])
 def test_a_reading_asks_for_each_variable_once(end):
-    line, link = made(told(end))
+    line, link = items(output(end))
     seen = decode(link.read())
     assert asked(line) == [f"GET {name}" for name in READ]
     assert (seen.activated, seen.going, seen.object_flag) == (True, True, 2)
@@ -45,14 +45,14 @@ def test_a_reading_asks_for_each_variable_once(end):
 
 
 def test_an_answer_in_pieces_is_not_taken_for_a_smaller_number():
-    script = told()
+    script = output()
     script[-1] = [(0.004, b"PO"), (0.005, b"S 1"), (0.006, b"4"), (0.007, b"7")]
-    _, link = made(script)
+    _, link = items(script)
     assert decode(link.read()).position_counts == 147
 
 
 def test_the_fault_is_the_low_nibble():
-    _, link = made(told(FLT=0x95))
+    _, link = items(output(FLT=0x95))
     assert decode(link.read()).fault == 0x05
 
 
@@ -66,7 +66,7 @@ def test_the_fault_is_the_low_nibble():
     ],
 )
 def test_act_is_written_only_to_change_what_was_read(before, block, sent):
-    line, link = made([*told(**before), [(0.004, b"ack")]])
+    line, link = items([*output(**before), [(0.004, b"ack")]])
     link.read()
     link.write(block)
     assert asked(line)[-1] == sent
@@ -75,9 +75,9 @@ def test_act_is_written_only_to_change_what_was_read(before, block, sent):
 def test_a_late_answer_is_not_taken_for_that_of_a_later_question():
     """The acknowledgement comes after the deadline, and stale counts with it."""
     late = LINK_TIMEOUT_S + 0.01
-    script = [[(late, b"ack"), (late + 0.005, b"POS 3")], [(0.02, b"SPE 255")], *told()]
+    script = [[(late, b"ack"), (late + 0.005, b"POS 3")], [(0.02, b"SPE 255")], *output()]
     reports = []
-    line, link = made(script, reports)
+    line, link = items(script, reports)
     with pytest.raises(LinkTimeout, match="did not answer 'SET"):
         link.write(GO)
     assert decode(link.read()).position_counts == 147
@@ -86,14 +86,14 @@ def test_a_late_answer_is_not_taken_for_that_of_a_later_question():
 
 
 def test_an_answer_that_comes_twice_is_read_once():
-    script = told()
+    script = output()
     script[0] = [(0.004, b"ACT 1"), (0.004, b"ACT 1")]
-    _, link = made(script)
+    _, link = items(script)
     assert decode(link.read()).position_counts == 147
 
 
 def test_silence_is_a_timeout_and_then_the_end_of_the_link():
-    line, link = made([])
+    line, link = items([])
     with pytest.raises(LinkTimeout):
         link.read()
     assert asked(line) == ["GET ACT", "GET SPE", "GET FOR"]
@@ -107,20 +107,20 @@ def test_silence_is_a_timeout_and_then_the_end_of_the_link():
     [b"?", b"nack", b"POS 147", b"ACT one", b"ACT 1111", b"HTTP/1.1 400 Bad Request", b"\xff"],
 )
 def test_other_answers_are_refused(answer):
-    _, link = made([[(0.004, answer)]])
+    _, link = items([[(0.004, answer)]])
     with pytest.raises(LinkError, match="check that it is Robotiq's URCap"):
         link.read()
 
 
 @pytest.mark.parametrize("answer", [b"POS 256", b"POS 999"])
 def test_what_is_no_register_value_is_refused(answer):
-    _, link = made([*told()[:-1], [(0.004, answer)]])
+    _, link = items([*output()[:-1], [(0.004, answer)]])
     with pytest.raises(LinkError, match="no register value"):
         link.read()
 
 
 def test_a_line_that_is_never_quiet_ends_in_an_error():
-    line, link = made(told())
+    line, link = items(output())
     line.receive = lambda seconds: line.clock.sleep(0.001) or b"POS 3\n"
     with pytest.raises(LinkError):
         link.read()
@@ -128,7 +128,7 @@ def test_a_line_that_is_never_quiet_ends_in_an_error():
 
 
 def test_an_answer_read_too_late_is_no_reading():
-    line, link = made([[(0.004, b"ACT 1")]] * 6)
+    line, link = items([[(0.004, b"ACT 1")]] * 6)
     receive = line.receive
 
     def suspended(seconds):
@@ -141,7 +141,7 @@ def test_an_answer_read_too_late_is_no_reading():
 
 
 def test_a_broken_connection_is_not_reopened():
-    line, link = made([[ConnectionResetError()]])
+    line, link = items([[ConnectionResetError()]])
     with pytest.raises(LinkError, match="broke"):
         link.read()
     assert line.closed
@@ -152,9 +152,9 @@ def test_a_broken_connection_is_not_reopened():
 def test_noise_never_becomes_a_reading_that_nobody_sent():
     rng = random.Random(5)
     for _ in range(200):
-        script = told()
+        script = output()
         script[rng.randrange(len(script))] = [(0.004, rng.randbytes(rng.randrange(1, 12)))]
-        _, link = made(script)
+        _, link = items(script)
         with pytest.raises(LinkError):
             link.read()
 

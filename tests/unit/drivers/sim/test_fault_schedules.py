@@ -20,8 +20,8 @@ def line(*faults, checked=True):
     return FaultyLine(desk, random.Random(1), checked=checked)
 
 
-def through(made, reply=REPLY):
-    return made.carries(REQUEST, reply) if made.hears(REQUEST) else None
+def through(result, reply=REPLY):
+    return result.carries(REQUEST, reply) if result.hears(REQUEST) else None
 
 
 def test_a_file_says_what_happens_when(tmp_path):
@@ -125,10 +125,10 @@ def test_noise_comes_before_the_answer():
 
 
 def test_a_lost_request_is_not_heard():
-    made = line(Fault("request_lost", at=1))
-    assert through(made) == [Piece(REPLY)]
-    assert through(made) is None
-    assert through(made) == [Piece(REPLY)]
+    result = line(Fault("request_lost", at=1))
+    assert through(result) == [Piece(REPLY)]
+    assert through(result) is None
+    assert through(result) == [Piece(REPLY)]
 
 
 def test_silence_stays_silence():
@@ -147,9 +147,9 @@ def test_a_port_that_is_gone(kind, forbidden):
 
 def test_the_unit_of_a_modbus_tcp_frame_is_its_seventh_byte():
     frame = bytes.fromhex("000100000009") + b"\x02" + BODY[1:]
-    made = line(Fault("wrong_id", value=5), checked=False)
-    made.hears(b"")
-    assert made.carries(b"", frame)[0].data == frame[:6] + b"\x05" + frame[7:]
+    result = line(Fault("wrong_id", value=5), checked=False)
+    result.hears(b"")
+    assert result.carries(b"", frame)[0].data == frame[:6] + b"\x05" + frame[7:]
 
 
 def test_an_outbox_keeps_the_order_of_arrival():

@@ -9,7 +9,7 @@ from planner.belief.doubts import ROUGH, SLIPPERY, believed, certain
 from planner.belief.observation import encoder_of
 from planner.belief.particles import initial, replenish, subsample
 from planner.belief.transition import Simulation, placing_of
-from planner.evaluation.disturbance import Disturbance, as_doubted
+from planner.evaluation.disturbance import Disturbance, with_doubts
 from planner.evaluation.trials import Program, run
 from planner.frames import to_hand, to_world
 from planner.job import model as job_file
@@ -50,11 +50,11 @@ def squeezed(job, belief, rng, placement=(1.0, -2.0, 0.3)):
 
 def test_a_share_of_the_particles_doubts_the_stated_friction_half_of_it_either_way(job):
     friction = believed(job, 40_000, np.random.default_rng(1)).traits["friction"]
-    own = friction[friction != FRESH]
-    assert abs(len(own) / 40_000 - job.friction.doubt) < 4.0 * np.sqrt(0.25 / 40_000)
-    slippery, rough = own[own < LOW], own[own > HIGH]
-    assert len(slippery) + len(rough) == len(own)
-    assert abs(len(slippery) / len(own) - 0.5) < 4.0 * np.sqrt(0.25 / len(own))
+    ours = friction[friction != FRESH]
+    assert abs(len(ours) / 40_000 - job.friction.doubt) < 4.0 * np.sqrt(0.25 / 40_000)
+    slippery, rough = ours[ours < LOW], ours[ours > HIGH]
+    assert len(slippery) + len(rough) == len(ours)
+    assert abs(len(slippery) / len(ours) - 0.5) < 4.0 * np.sqrt(0.25 / len(ours))
     assert SLIPPERY * LOW <= slippery.min() < 1.02 * SLIPPERY * LOW
     assert 0.98 * ROUGH * HIGH < rough.max() <= ROUGH * HIGH
 
@@ -101,11 +101,11 @@ def test_a_job_is_certain_that_doubts_nothing(job, doubting):
 
 def test_traits_are_kept_by_thinning_repeating_and_squeezing(doubting):
     belief = believed(doubting, 300, np.random.default_rng(3))
-    own = {pose.tobytes(): row for pose, row in zip(belief.poses, belief.traits, strict=True)}
+    ours = {pose.tobytes(): row for pose, row in zip(belief.poses, belief.traits, strict=True)}
     for other, n in ((subsample(belief, 70), 70), (replenish(belief, 500), 500)):
         assert len(other) == len(other.traits) == n
         for pose, row in zip(other.poses, other.traits, strict=True):
-            assert own[pose.tobytes()].tobytes() == row.tobytes()
+            assert ours[pose.tobytes()].tobytes() == row.tobytes()
     after = squeezed(doubting, belief, np.random.default_rng(4))
     assert after.traits.tobytes() == belief.traits.tobytes()
 
@@ -145,9 +145,9 @@ def test_a_squeeze_between_uneven_fingers_is_one_with_another_gripper(job):
     assert np.array_equal(mixed.poses[::2], even.poses[::2])
 
 
-def test_parts_in_a_doubted_cell_have_traits_and_others_none(job, doubting):
+def test_parts_in_a_cell_with_doubts_have_traits_and_others_none(job, doubting):
     rng = np.random.default_rng(11)
-    assert not ordinary(as_doubted(doubting).traits(doubting, 100, rng)).all()
+    assert not ordinary(with_doubts(doubting).traits(doubting, 100, rng)).all()
     assert np.array_equal(
         Disturbance(0.5).traits(doubting, 10, rng)["encoder_mm"], np.full(10, 0.5)
     )
@@ -206,7 +206,7 @@ def test_parts_lie_off_as_far_as_the_arm_may_be_in_beliefs_and_in_trials(job):
     table = load(TREES / "rectangle" / "rectangle.msgpack").table
     world = ContactWorld.of_simulator(Simulator.of_job(doubting, 1), [3])
     tried = run(
-        Program.of(table), doubting, world, 500, np.random.default_rng(17), as_doubted(doubting)
+        Program.of(table), doubting, world, 500, np.random.default_rng(17), with_doubts(doubting)
     )
     for poses in (belief.poses, tried.initial):
         away, turned = np.hypot(poses[:, 0], poses[:, 1]), np.degrees(poses[:, 2])

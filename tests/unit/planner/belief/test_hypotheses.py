@@ -92,6 +92,6 @@ def test_parts_are_drawn_by_their_shares_and_rolled_out_each_as_itself():
     rng = np.random.default_rng(8)
     for k, alone in enumerate(job.alone):
         rows = traits["hypothesis"] == k
-        own = Simulator.of_job(alone, 1).squeeze(poses[rows], rng, traits[rows])
-        np.testing.assert_array_equal(mixed.poses[rows], own.poses)
-        np.testing.assert_array_equal(mixed.width_mm[rows], own.width_mm)
+        ours = Simulator.of_job(alone, 1).squeeze(poses[rows], rng, traits[rows])
+        np.testing.assert_array_equal(mixed.poses[rows], ours.poses)
+        np.testing.assert_array_equal(mixed.width_mm[rows], ours.width_mm)

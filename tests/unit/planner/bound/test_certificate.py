@@ -28,32 +28,32 @@ def job(table):
 
 
 @pytest.fixture(scope="module")
-def found(job, table):
+def matches(job, table):
     return certify(job, table, parts=4000, workers=2)
 
 
-def test_the_plan_lies_above_its_bound_and_the_bound_above_what_every_plan_takes(found, table):
-    assert 2.0 < found.squeezes < found.mean
-    assert found.squeezes == max(found.leaves.squeezes, found.overall.squeezes)
-    for term in (found.leaves, found.overall):
-        assert term.squeezes < term.estimate < found.mean
-    assert found.success < table.predicted.success_ppm / 1e6
+def test_the_plan_lies_above_its_bound_and_the_bound_above_what_every_plan_takes(matches, table):
+    assert 2.0 < matches.squeezes < matches.mean
+    assert matches.squeezes == max(matches.leaves.squeezes, matches.overall.squeezes)
+    for term in (matches.leaves, matches.overall):
+        assert term.squeezes < term.estimate < matches.mean
+    assert matches.success < table.predicted.success_ppm / 1e6
 
 
-def test_the_seed_decides_and_the_workers_do_not(found, job, table):
-    assert certify(job, table, parts=4000, workers=1) == found
+def test_the_seed_decides_and_the_workers_do_not(matches, job, table):
+    assert certify(job, table, parts=4000, workers=1) == matches
 
 
-def test_a_worse_plan_is_further_above_the_same_bound(found, job, table):
+def test_a_worse_plan_is_further_above_the_same_bound(matches, job, table):
     measured = table.predicted
     worse = replace(
         table,
         predicted=replace(measured, mean_squeezes_ppm=measured.mean_squeezes_ppm + 1_000_000),
     )
     other = certify(job, worse, parts=4000, workers=2)
-    assert other.squeezes == found.squeezes
-    gap = other.figures()["above_bound"] - found.figures()["above_bound"]
-    assert gap == pytest.approx(1.0 / found.squeezes)
+    assert other.squeezes == matches.squeezes
+    gap = other.figures()["above_bound"] - matches.figures()["above_bound"]
+    assert gap == pytest.approx(1.0 / matches.squeezes)
     assert f"{other.mean / other.squeezes - 1.0:.1%}" in other.lines()[0]
 
 

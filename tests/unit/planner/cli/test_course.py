@@ -16,10 +16,10 @@ class Clock:
         return self.now
 
 
-def lines_of(capsys, whole, told):
+def lines_of(capsys, whole, message):
     clock = Clock()
     with course.shown(False, whole, clock) as report:
-        for now, *words in told:
+        for now, *words in message:
             clock.now = now
             report(*words)
     return capsys.readouterr().err.splitlines()
@@ -92,7 +92,7 @@ def test_terminal_shows_one_bar_with_the_same_estimate(capsys, monkeypatch):
     assert "-:--:--" not in err
 
 
-def test_nobody_is_told_where_it_is_to_be_quiet_or_what_takes_little_time(capsys):
+def test_nothing_is_reported_where_it_is_to_be_quiet_or_what_takes_little_time(capsys):
     assert lines_of(capsys, course.unknown, [(1.0, "search", 1, 3)]) == []
     clock = Clock()
     with course.shown(True, course.counted, clock) as report:

@@ -76,7 +76,7 @@ def test_change_of_friction_is_flagged_within_fifty_parts(friction, written):
     assert "readings" in {alarm.chart for alarm in result}
 
 
-def test_wrong_input_is_told_in_one_line(tmp_path, capsys):
+def test_wrong_input_is_reported_in_one_line(tmp_path, capsys):
     assert expect.main([str(tmp_path / "none.msgpack"), "-o", str(tmp_path / "e.json")]) == 3
     assert expect.main([str(TREE), "-o", str(tmp_path / "none" / "e.json")]) == 2
     errors = capsys.readouterr().err.splitlines()

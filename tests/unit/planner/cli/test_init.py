@@ -116,7 +116,7 @@ def test_all_presets_make_jobs(drawing, tmp_path, gripper, fingers):
     assert job.uncertainty.orientation_halfwidth_deg == 20.0
 
 
-def test_it_never_overwrites_without_being_told(drawing, tmp_path, capsys):
+def test_it_never_overwrites_unasked(drawing, tmp_path, capsys):
     output = tmp_path / "job.toml"
     output.write_text("mine")
     assert init.main(words(drawing, output)) == 2

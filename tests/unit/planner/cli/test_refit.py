@@ -72,9 +72,9 @@ def test_refit_onto_a_table_that_a_cell_may_run_is_refused(tmp_path, capsys):
 def test_edited_text_keeps_comments_and_takes_sections_that_were_not_there():
     text = "a = 1  # one\n[friction]  # two\nfinger_part_min = 0.4  # three\n"
     changed = {"friction": {"finger_part_min": 0.3}, "doubt": {"encoder_mm": [0.1, 0.2]}}
-    made = refit.edited(text, changed)
-    assert tomllib.loads(made) == {"a": 1, **changed}
-    assert all(word in made for word in ("# one", "# two", "# three"))
+    result = refit.edited(text, changed)
+    assert tomllib.loads(result) == {"a": 1, **changed}
+    assert all(word in result for word in ("# one", "# two", "# three"))
 
 
 def test_what_follows_a_leaf_or_a_reject_is_another_attempt():

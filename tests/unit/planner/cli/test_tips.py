@@ -60,8 +60,8 @@ def test_tips_are_freed_by_the_shortest_way_also_of_notches():
     away = shapely.distance(part.exterior, shapely.points(points))
     points = points[~shapely.contains(part, shapely.points(points)) | (away < radius)]
     n = len(points)
-    made = Paths(points[:, None], points, np.zeros(n), np.ones((n, 2)))
-    freed = tips.beside(made, radius, outline, "here")
+    pushes = Paths(points[:, None], points, np.zeros(n), np.ones((n, 2)))
+    freed = tips.beside(pushes, radius, outline, "here")
     starts = freed.paths.points[:, 0]
     assert not shapely.contains(ring, shapely.points(starts)).any()
     inside = shapely.contains(part.buffer(radius), shapely.points(points))

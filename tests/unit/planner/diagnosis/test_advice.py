@@ -43,7 +43,7 @@ def test_shares_are_those_of_the_evaluation(table, job, evaluation):
     assert not advice.gains
 
 
-def test_rejects_of_closed_jaws_that_feel_something_are_told_apart(table, job, evaluation):
+def test_rejects_of_closed_jaws_that_feel_something_are_distinguished(table, job, evaluation):
     reading, leaf, squeezes = evaluation.reading.copy(), evaluation.leaf.copy(), evaluation.squeezes
     for part, (count, felt) in enumerate([(230, True), (229, True), (230, False)]):
         leaf[part] = REJECTED
@@ -89,7 +89,7 @@ def test_a_branch_split_in_two_at_random_is_a_pair_that_costs(table, job, evalua
     assert any("node 0: " in line for line in advise(spoiled, run, job).lines())
 
 
-def test_leaves_that_know_nothing_are_told_from_paths_that_are_too_long(table, job):
+def test_leaves_that_know_nothing_are_distinguished_from_paths_that_are_too_long(table, job):
     nobody = replace(table, leaves=tuple(leaf._replace(resolved=False) for leaf in table.leaves))
     run = evaluate(nobody, job, ContactWorlds.of_job(job, 1), 2000, 2)
     advice = advise(nobody, run, job)

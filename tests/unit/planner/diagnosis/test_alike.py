@@ -48,9 +48,9 @@ def test_stated_symmetry_below_the_outlines_is_refused_before_the_search(outline
     with pytest.raises(NoPlanError) as error:
         compile_job(job)
     assert time.process_time() - spent < 2.0
-    told = str(error.value)
-    assert "no squeeze tells" in told
-    assert f"which is {order}" in told
+    message = str(error.value)
+    assert "no squeeze tells" in message
+    assert f"which is {order}" in message
     result = alike(job)[0]
     assert order * result.degrees % 360.0 == pytest.approx(
         0.0, abs=1e-6
@@ -77,7 +77,7 @@ def test_symmetry_found_from_the_outline_leaves_nothing_alike():
     assert alike(job_of(chamfered(8.0), "auto")) == []
 
 
-def test_difference_below_a_count_is_told_and_searched_all_the_same():
+def test_difference_below_a_count_is_reported_and_searched_all_the_same():
     (result,) = alike(job_of(chamfered(0.2), "auto"))
     assert (result.degrees, result.hopeless) == (pytest.approx(180.0), False)
     assert "a count is 0.37 mm" in result.line()

@@ -36,13 +36,13 @@ def test_compile_without_a_free_squeeze_tells_the_shortage_and_the_radius():
         compile_job(WIDE, trials=10)
 
 
-def test_part_that_never_passes_at_its_angles_is_told_that_no_radius_will_do():
+def test_part_that_never_passes_at_its_angles_is_refused_since_no_radius_will_do():
     long = np.array([[0.0, 0.0], [90.0, 0.0], [90.0, 20.0], [0.0, 20.0]])
     job = JOB.replaced(part={"outline_mm": long - long.mean(axis=0), "symmetry": 2})
     assert shortage(job).radius_mm is None
     assert "even for a part in the middle" in no_first_squeeze(job)
 
 
-def test_job_that_is_free_of_collision_is_not_told_of_a_collision():
+def test_job_that_is_free_of_collision_is_not_warned_of_a_collision():
     assert shortage(JOB) is None
     assert "collision" not in no_first_squeeze(JOB)

@@ -14,10 +14,10 @@ JOB = job_file.load(Path(__file__).parents[4] / "trees" / "rectangle" / "job.tom
 
 def test_delays_late_node_names_open_poses_with_shares():
     late, later = delays(grown(LATE), JOB, 3)
-    assert (late.made, late.share) == (LATE, 1.0)
+    assert (late.squeezes, late.share) == (LATE, 1.0)
     assert late.where.shares == pytest.approx((1 / 3, 1 / 3, 1 / 3))
     assert sorted(late.where.poses[:, 0]) == pytest.approx([-12.0, 0.0, 12.0])
-    assert (later.made, later.share) == (LATE + 1, pytest.approx(2 / 3))
+    assert (later.squeezes, later.share) == (LATE + 1, pytest.approx(2 / 3))
     assert late.line().startswith("node 3: after 3 squeezes 100.0% of the parts lie at ")
     assert lower(grown(LATE), JOB).nodes[late.node].squeeze.angle_urad == 0
 

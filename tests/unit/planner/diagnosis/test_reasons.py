@@ -46,7 +46,7 @@ def notched(depth, width=1.0):
     ]
 
 
-def test_a_turn_that_is_a_symmetry_is_not_told():
+def test_a_turn_that_is_a_symmetry_is_not_reported():
     box = np.array([[-15, -8], [15, -8], [15, 8], [-15, 8]], dtype=float)
     assert nearest_turn(box, 1) == (pytest.approx(180.0), pytest.approx(0.0, abs=1e-9))
     assert nearest_turn(box, 2).apart_mm > 3.0
@@ -79,7 +79,7 @@ def test_without_a_plan_the_part_is_blamed_before_the_search_and_a_cut_search_be
     assert no_plan(bent, start).kind == reasons.NO_START
 
 
-def test_the_first_cause_that_applies_is_told():
+def test_the_first_cause_that_applies_is_reported():
     bent = job_of(l_shape().tolist())
     assert reason(bent, advice(unresolved=0.5), cut=True).kind == reasons.TIME
     assert reason(bent, advice(unresolved=0.5, at_depth_limit=0.4), cut=False).kind == reasons.DEPTH

@@ -81,7 +81,7 @@ def walk(table, job, start):
     """The slow twin: one part, one node after another, as a runtime would go."""
     calibration, encoder = Calibration.linear(table.gripper), encoder_of(job)
     rng, world = np.random.default_rng(0), Wrung()
-    pose, target, path, made = start, 0, [], []
+    pose, target, path, readings = start, 0, [], []
     while target >= 0:
         node = table.nodes[target]
         place = placement_of(node.squeeze)
@@ -90,16 +90,16 @@ def walk(table, job, start):
         path.append((target, count))
         pose = to_world(np.array(final), place)
         number = by_count(decision_map(node, calibration))[count]
-        made.append(Squeezed(path[-1][0], calibration.width_um(count) / 1e3, number))
+        readings.append(Squeezed(path[-1][0], calibration.width_um(count) / 1e3, number))
         if number == REJECT:
-            return REJECTED, path, pose, made
+            return REJECTED, path, pose, readings
         branch = node.branches[number]
         if node.release is not None and branch.expected_um >= HELD_UM:
             release = np.array(node.release) / 1e3
             if status == STATUS_NAMES[GRASPED]:
                 pose = pose + np.array([*(release - place[:2]), 0.0])
         target = branch.target
-    return ~target, path, pose, made
+    return ~target, path, pose, readings
 
 
 def test_trials_go_as_one_part_after_another_would(job):
@@ -110,7 +110,7 @@ def test_trials_go_as_one_part_after_another_would(job):
     seconds = seconds_of(table, evaluation.path, evaluation.reading, evaluation.branch)
     *_, before = walk(table, job, evaluation.initial[-1])
     for trial in range(300):
-        leaf, path, pose, made = walk(table, job, evaluation.initial[trial])
+        leaf, path, pose, readings = walk(table, job, evaluation.initial[trial])
         outcomes.add(leaf)
         assert evaluation.leaf[trial] == leaf
         assert evaluation.squeezes[trial] == len(path)
@@ -121,9 +121,9 @@ def test_trials_go_as_one_part_after_another_would(job):
         assert np.all(evaluation.path[trial, len(path) :] == NOWHERE)
         assert np.allclose(evaluation.poses[trial], pose, atol=1e-9)
         _, stands, _ = schedule.squeeze(before[-1], None, None, first=True)
-        expected = sum(phases.total_s for phases in schedule.part(made, stands))
+        expected = sum(phases.total_s for phases in schedule.part(readings, stands))
         assert seconds[trial] == pytest.approx(expected)
-        before = made
+        before = readings
     assert REJECTED in outcomes
     assert len(outcomes) > 5
 

@@ -78,7 +78,7 @@ def test_only_the_world_differs_from_case_to_case(job):
     assert set(np.unique(shifts)) <= {math.floor(shift), math.ceil(shift)}
 
 
-def test_a_centred_uneven_gripper_holds_the_narrowest_side_where_the_hand_is_told_to(job):
+def test_a_centred_uneven_gripper_holds_the_narrowest_side_where_the_hand_is_sent(job):
     (case,) = [
         case for case in standard_cases(job) if case.name == "upper finger moves 40%, centred"
     ]

@@ -172,7 +172,7 @@ def test_splitting_changes_no_mean_and_narrows_rare_ones(job):
     assert spread[1] < 0.6 * spread[0]
 
 
-def test_parts_under_a_finger_are_told_apart_and_never_squeezed(job):
+def test_parts_under_a_finger_are_distinguished_and_never_squeezed(job):
     class Blocked(Coins):
         def world(self, chunk):
             within = super().world(chunk)

@@ -19,16 +19,16 @@ TABLES = {
 
 @pytest.mark.parametrize("name", TABLES)
 def test_every_vector_is_what_a_run_does(name):
-    table, told = TABLES[name], list(vectors(TABLES[name]))
+    table, result = TABLES[name], list(vectors(TABLES[name]))
     oracle = Oracle(table)
-    assert {row[:3] for row in told} == {
+    assert {row[:3] for row in result} == {
         (node, count, flag)
         for node in range(len(table.nodes))
         for count in range(COUNTS)
         for flag in (FELT, NOT_FELT)
     }
-    assert len(told) == 2 * COUNTS * len(table.nodes)
-    assert [row[3:] for row in told] == [oracle.answer(*row[:3]) for row in told]
+    assert len(result) == 2 * COUNTS * len(table.nodes)
+    assert [row[3:] for row in result] == [oracle.answer(*row[:3]) for row in result]
 
 
 @pytest.mark.parametrize("name", TABLES)

@@ -78,20 +78,20 @@ def test_json_of_committed_tables_is_as_the_schema_says(name, tmp_path):
 
 def test_json_holds_the_whole_table(tmp_path):
     table = every_field_table()
-    told, validator = document(table, tmp_path)
-    for index, (node, written) in enumerate(zip(table.nodes, told["nodes"], strict=True)):
+    result, validator = document(table, tmp_path)
+    for index, (node, written) in enumerate(zip(table.nodes, result["nodes"], strict=True)):
         assert {name: written[name] for name in node.squeeze._fields} == node.squeeze._asdict()
         assert tuple(written["release_um"]) == (node.release or node.squeeze[:2]), index
         assert written["branches"] == [branch._asdict() for branch in node.branches]
-    for leaf, written in zip(table.leaves, told["leaves"], strict=True):
+    for leaf, written in zip(table.leaves, result["leaves"], strict=True):
         several = {"hypothesis", "other_hypotheses"}  # tables for these are not exported
-        told_of = {key: value for key, value in leaf._asdict().items() if key not in several}
-        assert written == json.loads(json.dumps(told_of))
-    assert told["goal"]["kind"] == table.goal.kind
-    assert told["limits"]["work_area_um"] == list(table.limits.work_area_um)
-    told["nodes"][0]["runs"][0]["first"] = 256
+        stated = {key: value for key, value in leaf._asdict().items() if key not in several}
+        assert written == json.loads(json.dumps(stated))
+    assert result["goal"]["kind"] == table.goal.kind
+    assert result["limits"]["work_area_um"] == list(table.limits.work_area_um)
+    result["nodes"][0]["runs"][0]["first"] = 256
     with pytest.raises(jsonschema.ValidationError):
-        validator.validate(told)
+        validator.validate(result)
 
 
 def test_texts_of_a_table_cannot_end_a_comment(tmp_path):
@@ -126,7 +126,7 @@ def test_numbers_fit_into_32_bits(tmp_path):
     assert document(many, tmp_path / "json")[0]["leaves"][0]["trials"] == 10**10
 
 
-def test_wrong_input_is_told_in_one_line(tree, tmp_path, capsys):
+def test_wrong_input_is_reported_in_one_line(tree, tmp_path, capsys):
     full = tmp_path / "full"
     full.mkdir()
     (full / VECTORS).write_text("mine\n")

@@ -97,23 +97,23 @@ def broken(number=1, **entry):
         (several(delivery={"drop_mm": [0, 0]}), "is of one part"),
     ],
 )
-def test_what_is_wrong_is_told_with_its_place(document, message):
+def test_what_is_wrong_is_reported_with_its_place(document, message):
     with pytest.raises(JobError, match=message):
         read(document)
 
 
-def test_strangers_are_parts_that_no_plan_is_made_for():
+def test_foreign_parts_are_parts_that_no_plan_is_made_for():
     one = several()["hypothesis"][1]
     job = read(several(stranger=[{**one, "pressure": {"kind": "uniform"}}]))
     assert job_file.from_canonical(job.canonical()) == job
-    (stranger,) = job.strangers
-    assert (stranger.part.name, stranger.pressure.kind) == (one["part"]["name"], "uniform")
-    assert all(not alone.strangers for alone in (*job.alone, stranger))
+    (foreign,) = job.foreign_parts
+    assert (foreign.part.name, foreign.pressure.kind) == (one["part"]["name"], "uniform")
+    assert all(not alone.foreign_parts for alone in (*job.alone, foreign))
     assert len(job.alone) == 3
 
 
 @pytest.mark.parametrize(
-    ("stranger", "message"),
+    ("entries", "message"),
     [
         ([], "1 to 16 entries"),
         (
@@ -123,18 +123,18 @@ def test_strangers_are_parts_that_no_plan_is_made_for():
         ([{"part": {"name": "x"}}], r"\[stranger 1.part\]: missing key outline_mm"),
     ],
 )
-def test_a_wrong_stranger_is_told_with_its_place(stranger, message):
+def test_a_wrong_foreign_part_is_reported_with_its_place(entries, message):
     with pytest.raises(JobError, match=message):
-        read(several(stranger=stranger))
+        read(several(stranger=entries))
 
 
 @pytest.mark.parametrize("key", ["hypothesis", "stranger"])
-def test_an_entry_without_friction_is_told_with_its_number(key):
+def test_an_entry_without_friction_is_reported_with_its_number(key):
     document = several(stranger=[{"part": several()["hypothesis"][1]["part"]}])
-    own = document.pop("friction")
+    ours = document.pop("friction")
     for entry in (*document["hypothesis"], *document["stranger"]):
-        entry["friction"] = own
-    assert read(document).strangers[0].friction == read(document).alone[2].friction
+        entry["friction"] = ours
+    assert read(document).foreign_parts[0].friction == read(document).alone[2].friction
     del document[key][-1]["friction"]
     number = len(document[key])
     with pytest.raises(
@@ -143,7 +143,7 @@ def test_an_entry_without_friction_is_told_with_its_number(key):
         read(document)
 
 
-def test_a_stranger_too_large_for_the_jaws_is_told_with_its_number():
+def test_a_foreign_part_too_large_for_the_jaws_is_reported_with_its_number():
     large = {"name": "plate", "outline_mm": [[0, 0], [90, 0], [90, 90], [0, 90]]}
     with pytest.raises(JobError, match="stranger 1: part larger than the opening"):
         read(several(stranger=[{"part": large}]))

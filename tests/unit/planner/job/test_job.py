@@ -247,16 +247,16 @@ drop_angle_deg = 180
 
 
 def test_a_job_without_a_delivery_says_nothing_of_one():
-    made = job.parse(TEXT)
-    assert made.delivery is None
-    assert "delivery" not in json.loads(made.canonical())
+    result = job.parse(TEXT)
+    assert result.delivery is None
+    assert "delivery" not in json.loads(result.canonical())
 
 
 def test_the_runtime_reads_the_delivery_that_a_job_states():
-    made = job.parse(TEXT + DELIVERY + "width_mm = 21\narea_mm = [-60, -60, 90, 60]\n")
-    assert job.from_canonical(made.canonical()) == made
+    result = job.parse(TEXT + DELIVERY + "width_mm = 21\narea_mm = [-60, -60, 90, 60]\n")
+    assert job.from_canonical(result.canonical()) == result
     stated = tomllib.loads(DELIVERY)["delivery"]
-    assert delivery.from_job(json.loads(made.canonical())) == delivery.from_keys(
+    assert delivery.from_job(json.loads(result.canonical())) == delivery.from_keys(
         stated | WIDTH_AND_AREA, "here"
     )
     assert delivery.from_job(
@@ -275,7 +275,7 @@ def test_job_and_runtime_know_the_same_keys_of_a_delivery():
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         ("[delivery]\ndrop_angle_deg = 3", "missing key drop_mm"),
         ("[delivery]\ndrop_mm = [1, 2, 3]", "must have 2 entries"),
@@ -289,8 +289,8 @@ def test_job_and_runtime_know_the_same_keys_of_a_delivery():
         ("delivery = 3", "must be a section"),
     ],
 )
-def test_a_delivery_that_cannot_be_is_refused(text, told):
-    with pytest.raises(errors.JobError, match=told) as raised:
+def test_a_delivery_that_cannot_be_is_refused(text, message):
+    with pytest.raises(errors.JobError, match=message) as raised:
         job.parse(
             f"{text}\n{TEXT}" if text.startswith("delivery =") else f"{TEXT}\n{text}\n", "my.toml"
         )
@@ -318,11 +318,11 @@ def test_the_papers_methods_take_its_particles_unless_the_job_says(method):
 
 def test_datum_and_picks_move_with_the_outline_and_come_back_exactly():
     stated = "datum = [1.0, 2.0, 30.0]\npicks = {rim = [5, 0, 90]}\noutline_mm = ["
-    made = job.parse(TEXT.replace("outline_mm = [", stated, 1))
-    shift = made.part.outline_mm[0] - np.array(tomllib.loads(TEXT)["part"]["outline_mm"][0])
-    assert np.allclose(made.part.datum, [1.0 + shift[0], 2.0 + shift[1], 30.0])
-    again = job.from_canonical(made.canonical())
-    assert again.canonical() == made.canonical()
+    result = job.parse(TEXT.replace("outline_mm = [", stated, 1))
+    shift = result.part.outline_mm[0] - np.array(tomllib.loads(TEXT)["part"]["outline_mm"][0])
+    assert np.allclose(result.part.datum, [1.0 + shift[0], 2.0 + shift[1], 30.0])
+    again = job.from_canonical(result.canonical())
+    assert again.canonical() == result.canonical()
     assert again.part.picks == {"rim": [5.0, 0.0, 90.0]}
     with pytest.raises(errors.ValueRangeError, match="need a datum"):
         job.parse(TEXT.replace("outline_mm = [", stated.partition("\n")[2], 1))

@@ -97,7 +97,7 @@ def test_draws_follow_the_exact_mixture(order, h1):
         assert np.array_equal(drawn.width_mm, rolled.width_mm[drawn.source])
 
 
-def test_two_samples_of_kernel_and_twin_cannot_be_told_apart():
+def test_two_samples_of_kernel_and_twin_cannot_be_distinguished():
     rolled = made_up(10_000, 3)
     model = fitted(rolled)
     rng = np.random.default_rng(4)

@@ -220,8 +220,8 @@ def test_a_folder_that_cannot_be_written_costs_only_the_cache(part, small, tmp_p
         assert same(roll_outs(part, **SMALL, store=Store(tmp_path / "file")), small)
 
 
-def recorder(told):
-    return lambda *now: told.append(now)
+def recorder(message):
+    return lambda *now: message.append(now)
 
 
 def test_progress_counts_up_to_all_blocks(part, tmp_path):

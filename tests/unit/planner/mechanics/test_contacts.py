@@ -41,7 +41,7 @@ def hand_at(top: float, bottom: float, half: float = HALF) -> contacts.Hand:
     return contacts.Hand(upper, lower, 2)
 
 
-def found(points: np.ndarray, pose: np.ndarray, top: float, bottom: float, margin: float):
+def matches(points: np.ndarray, pose: np.ndarray, top: float, bottom: float, margin: float):
     """The valid rows of both contact arrays."""
     return found_by(hand_at(top, bottom), points, pose, margin)
 
@@ -163,7 +163,7 @@ def test_at_first_touch_a_contact_is_found_with_that_gap(finger):
         touched += 1
         gap = rng.uniform(0.0, 1e-3)
         faces = {1: FAR + 60, -1: -FAR - 60, finger: finger * (100.0 - way + gap)}
-        C, I = found(points, pose, faces[1], faces[-1], margin=0.5)
+        C, I = matches(points, pose, faces[1], faces[-1], margin=0.5)
         assert (I[:, FINGER] == finger).all()
         along_y = C[:, GAP] / np.abs(C[:, NY])
         assert along_y.min() == pytest.approx(gap, abs=1e-9)
@@ -194,7 +194,7 @@ def test_each_contact_is_a_pair_of_features_at_its_gap():
             nearly_closed(rng, points) if rng.random() < 0.7 else beside(rng, points, pose)
         )
         part = shapely.Polygon(points)
-        for c, i in zip(*found(points, pose, top, bottom, margin=0.5), strict=True):
+        for c, i in zip(*matches(points, pose, top, bottom, margin=0.5), strict=True):
             box = finger_box(i[FINGER], top if i[FINGER] == 1 else bottom)
             kinds.append(i[KIND])
             on_part, normal = pose[:2] + c[[RX, RY]], c[[NX, NY]]
@@ -217,7 +217,7 @@ def test_buffers_that_overflow_keep_the_nearest_contacts():
     teeth = np.linspace(12.0, -12.0, 61)
     heights = np.where(np.arange(61) % 2 == 1, 10.0 + 0.01 * np.arange(61), 5.0)
     points = np.concatenate([[[-12.5, 0.0], [12.5, 0.0]], np.column_stack([teeth, heights])])
-    C, _ = found(points, np.zeros(3), 10.7, -FAR, margin=1.0)
+    C, _ = matches(points, np.zeros(3), 10.7, -FAR, margin=1.0)
     expected = np.sort(10.7 - heights[heights > 6.0])[: contacts.MAX_CONTACTS]
     assert len(C) == contacts.MAX_CONTACTS
     assert np.allclose(np.sort(C[:, GAP]), expected)
@@ -235,7 +235,7 @@ def test_a_part_that_reaches_behind_a_finger_is_met_by_its_outer_corner(finger):
     square = shapely.orient_polygons(shapely.Polygon([*ends, *(ends[::-1] + 5.0 * normal)]))
     points = shapely.get_coordinates(square)[:-1]
     faces = {finger: face, -finger: -finger * 60.0}
-    C, I = found(points.copy(), np.zeros(3), faces[1], faces[-1], margin=0.5)
+    C, I = matches(points.copy(), np.zeros(3), faces[1], faces[-1], margin=0.5)
     outer = I[:, KIND] == OUTER
     assert outer.sum() == 1
     assert C[outer, GAP][0] == pytest.approx(0.2)

@@ -29,9 +29,9 @@ from planner.mechanics.push import LOST, SLID, STUCK, Paths
 from planner.mechanics.simulator import Parameters, commanded
 
 
-def pushed(outline, made, mu, **options):
+def pushed(outline, built, mu, **options):
     part = simulator(outline, **options)
-    result = part.push(made, part.nominal(len(made.angles), mu))
+    result = part.push(built, part.nominal(len(built.angles), mu))
     assert not result.given_up.any()
     return result
 
@@ -42,9 +42,9 @@ def turned(array, angle):
 
 
 def test_a_push_through_the_centre_carries_the_part_along():
-    made = paths([(-5.0, -11.5), (5.0, -11.5)], shift=(0.0, 20.0))
+    pushes = paths([(-5.0, -11.5), (5.0, -11.5)], shift=(0.0, 20.0))
     for mu in (0.0, 0.5):
-        result = pushed(rectangle(), made, mu)
+        result = pushed(rectangle(), pushes, mu)
         assert result.moved[0] == pytest.approx([0.0, 19.0, 0.0], abs=1e-6)  # 1 mm to contact
         assert result.status[0] == STUCK
 
@@ -74,25 +74,25 @@ def test_a_part_in_a_cage_turns_about_the_pushers_own_centre():
 @pytest.mark.parametrize("angle", [0.3, -0.3])
 def test_fingers_that_stick_take_the_part_where_they_go(angle):
     """A centre far to the side: the wrench that it takes lies well within the friction cones."""
-    made = paths(
+    pushes = paths(
         [(-8.0, -10.5), (8.0, -10.5)], centre=(math.copysign(90.0, -angle), 0.0), angle=angle
     )
-    result = pushed(rectangle(), made, 1.0)
-    assert result.moved == pytest.approx(commanded(made), abs=1e-6)
+    result = pushed(rectangle(), pushes, 1.0)
+    assert result.moved == pytest.approx(commanded(pushes), abs=1e-6)
     assert result.status[0] == STUCK
 
 
 def test_without_friction_nothing_follows_a_turning_pusher():
-    made = paths([(-8.0, -10.5), (8.0, -10.5)], centre=(0.0, 30.0), angle=0.6)
-    result = pushed(rectangle(), made, 0.0)
+    pushes = paths([(-8.0, -10.5), (8.0, -10.5)], centre=(0.0, 30.0), angle=0.6)
+    result = pushed(rectangle(), pushes, 0.0)
     assert result.status[0] != STUCK
 
 
 def test_a_finger_beside_the_part_has_lost_it():
-    made = joined(
+    pushes = joined(
         [paths([(40.0, -10.5)], shift=(0.0, 30.0)), paths([(14.5, -11.0)], shift=(0.0, 60.0))]
     )
-    result = pushed(rectangle(), made, 0.3)
+    result = pushed(rectangle(), pushes, 0.3)
     assert result.status.tolist() == [LOST, LOST]
     assert not result.moved[0].any()
     assert result.moved[1].any()
@@ -101,12 +101,12 @@ def test_a_finger_beside_the_part_has_lost_it():
 @pytest.mark.parametrize("mu", [0.0, 0.5])
 def test_turned_scenes_end_turned(mu):
     outline, angle = random_convex(np.random.default_rng(5), 6), 0.7
-    made = random_paths(outline, np.random.default_rng(6), 40)
-    other = Paths(*(turned(values, angle) if values.ndim > 1 else values for values in made))
+    pushes = random_paths(outline, np.random.default_rng(6), 40)
+    other = Paths(*(turned(values, angle) if values.ndim > 1 else values for values in pushes))
     surface = simulator(outline).surface
     turn = np.eye(3)
     turn[:2, :2] = turned(np.eye(2), angle).T
-    straight = pushed(outline, made, mu, surface=surface)
+    straight = pushed(outline, pushes, mu, surface=surface)
     result = pushed(
         turned(outline, angle),
         other,
@@ -120,25 +120,25 @@ def test_turned_scenes_end_turned(mu):
 @pytest.mark.parametrize("mu", [0.0, 0.5])
 def test_mirrored_scenes_end_mirrored(mu):
     """The rectangle is its own mirror image, and so is its limit surface."""
-    made = random_paths(rectangle(), np.random.default_rng(7), 40)
+    pushes = random_paths(rectangle(), np.random.default_rng(7), 40)
     flip = np.array([-1.0, 1.0])
-    other = Paths(made.points * flip, made.centres * flip, -made.angles, made.shifts * flip)
-    straight, result = pushed(rectangle(), made, mu), pushed(rectangle(), other, mu)
+    other = Paths(pushes.points * flip, pushes.centres * flip, -pushes.angles, pushes.shifts * flip)
+    straight, result = pushed(rectangle(), pushes, mu), pushed(rectangle(), other, mu)
     assert result.moved == pytest.approx(straight.moved * [-1.0, 1.0, -1.0], abs=1e-6)
 
 
 def test_larger_scenes_end_alike():
-    made = random_paths(rectangle(), np.random.default_rng(9), 40)
-    larger = Paths(4.0 * made.points, 4.0 * made.centres, made.angles, 4.0 * made.shifts)
-    straight = pushed(rectangle(), made, 0.4, step_mm=0.1)
+    pushes = random_paths(rectangle(), np.random.default_rng(9), 40)
+    larger = Paths(4.0 * pushes.points, 4.0 * pushes.centres, pushes.angles, 4.0 * pushes.shifts)
+    straight = pushed(rectangle(), pushes, 0.4, step_mm=0.1)
     result = pushed(4.0 * rectangle(), larger, 0.4, step_mm=0.4)
     assert result.moved == pytest.approx(straight.moved * [4.0, 4.0, 1.0], abs=0.02)
 
 
 def test_the_step_matters_little():
     outline = random_convex(np.random.default_rng(1), 6)
-    made = random_paths(outline, np.random.default_rng(2), 60)
-    coarse, fine = (pushed(outline, made, 0.4, step_mm=step).moved for step in (0.4, 0.02))
+    pushes = random_paths(outline, np.random.default_rng(2), 60)
+    coarse, fine = (pushed(outline, pushes, 0.4, step_mm=step).moved for step in (0.4, 0.02))
     off = np.hypot(*(coarse - fine)[:, :2].T)
     assert np.median(off) < 0.1
     assert np.quantile(off, 0.95) < 0.3
@@ -146,11 +146,13 @@ def test_the_step_matters_little():
 
 @pytest.mark.parametrize("outline", [hexagon(), l_shape(), disc()])
 def test_no_finger_ends_inside_the_part(outline):
-    made = random_paths(outline, np.random.default_rng(4), 60)
-    result = pushed(outline, made, 0.4)
+    pushes = random_paths(outline, np.random.default_rng(4), 60)
+    result = pushed(outline, pushes, 0.4)
     for k, pose in enumerate(result.moved):
-        middle = made.centres[k] + made.shifts[k]
-        ends = shapely.points(turned(made.points[k] - made.centres[k], made.angles[k]) + middle)
+        middle = pushes.centres[k] + pushes.shifts[k]
+        ends = shapely.points(
+            turned(pushes.points[k] - pushes.centres[k], pushes.angles[k]) + middle
+        )
         part = shapely.Polygon(place(outline, pose))
         depths = np.where(shapely.contains(part, ends), shapely.distance(part.exterior, ends), 0.0)
         assert depths.max() < 0.02
@@ -161,8 +163,8 @@ def test_round_tip_slides_off_a_disc_along_the_closed_form():
     radius, tip, way, phi = 13.0, 4.75, 6.0, math.radians(30.0)
     along = np.array([math.cos(phi), math.sin(phi)])
     part = simulator(regular_polygon(720, radius))
-    made = paths([-(radius + tip) * along], shift=(way, 0.0))
-    result = part.push(made, part.nominal(1, 0.0), tip)
+    pushes = paths([-(radius + tip) * along], shift=(way, 0.0))
+    result = part.push(pushes, part.nominal(1, 0.0), tip)
     end = 2.0 * math.atan(math.tan(phi / 2.0) * math.exp(way / (radius + tip)))
     expected = (radius + tip) * (np.array([math.cos(end), math.sin(end)]) - along) + [way, 0.0]
     assert result.moved[0, :2] == pytest.approx(expected, abs=0.05)
@@ -175,9 +177,11 @@ def test_round_tip_ends_where_the_twin_does(outline, mu):
     part = simulator(outline)
     twin = Part(np.asarray(part.outline), part.surface.A, part.surface.rho_mm, mu, JAWS)
     for _ in range(2):
-        made = beside(outline, rng, tip)
-        moved = part.push(made, part.nominal(1, mu), tip).moved[0]
-        reference = push_twin.push(twin, made.points[0], made.centres[0], 0.0, made.shifts[0], tip)
+        pushes = beside(outline, rng, tip)
+        moved = part.push(pushes, part.nominal(1, mu), tip).moved[0]
+        reference = push_twin.push(
+            twin, pushes.points[0], pushes.centres[0], 0.0, pushes.shifts[0], tip
+        )
         assert moved == pytest.approx(reference, abs=0.1)
         assert np.abs(moved[:2]).max() > 1.0
 
@@ -193,8 +197,8 @@ def beside(outline, rng, tip):
 
 
 def test_round_tip_of_no_size_is_a_point():
-    made, part = random_paths(hexagon(), np.random.default_rng(3), 40), simulator(hexagon())
-    straight = made._replace(angles=np.zeros(40), shifts=np.tile([3.0, 5.0], (40, 1)))
+    pushes, part = random_paths(hexagon(), np.random.default_rng(3), 40), simulator(hexagon())
+    straight = pushes._replace(angles=np.zeros(40), shifts=np.tile([3.0, 5.0], (40, 1)))
     point, tip = (part.push(straight, part.nominal(40, 0.3), size).moved for size in (0.0, 1e-4))
     assert np.quantile(np.abs(point - tip).max(axis=1), 0.95) < 0.01
 
@@ -219,10 +223,10 @@ def test_round_tips_never_end_inside_a_part():
             shapely.line_interpolate_point(ring, rng.uniform(0.0, ring.length, 60))
         )
         ways = -starts + rng.uniform(-8.0, 8.0, (60, 2))
-        made = Paths(starts[:, None], starts, np.zeros(60), 0.6 * ways)
-        result = part.push(made, part.nominal(60, 0.3), tip)
+        pushes = Paths(starts[:, None], starts, np.zeros(60), 0.6 * ways)
+        result = part.push(pushes, part.nominal(60, 0.3), tip)
         assert not result.given_up.any()
-        for start, way, moved in zip(starts, made.shifts, result.moved, strict=True):
+        for start, way, moved in zip(starts, pushes.shifts, result.moved, strict=True):
             end = shapely.Polygon(place(outline, moved))
             assert end.distance(shapely.Point(start + way)) > tip - 0.03
 
@@ -239,11 +243,11 @@ def test_a_finger_in_a_notch_stays_there(mu):
 
 
 def test_workers_do_not_change_the_result():
-    made = random_paths(hexagon(), np.random.default_rng(12), 600)
+    pushes = random_paths(hexagon(), np.random.default_rng(12), 600)
     results = []
     for workers in (1, 3):
         part = simulator(hexagon(), workers=workers)
-        results.append(part.push(made, part.sample(600, np.random.default_rng(1))))
+        results.append(part.push(pushes, part.sample(600, np.random.default_rng(1))))
     assert results[0].moved.tobytes() == results[1].moved.tobytes()
     assert results[0].status.tolist() == results[1].status.tolist()
 
@@ -279,10 +283,10 @@ def test_a_point_near_a_convex_part_is_found_once_at_its_distance():
 
 
 def test_each_push_takes_its_own_mechanics():
-    made = joined([paths([(6.0, -10.5)], shift=(0.0, 10.0))] * 2)
+    pushes = joined([paths([(6.0, -10.5)], shift=(0.0, 10.0))] * 2)
     part = simulator(rectangle())
     surfaces = np.stack([np.diag([1.0, 1.0, 0.2]), np.diag([1.0, 1.0, 3.0])])
-    result = part.push(made, Parameters(surfaces, np.full((2, 2), 0.3)))
+    result = part.push(pushes, Parameters(surfaces, np.full((2, 2), 0.3)))
     assert result.moved[0, 2] < 0.5 * result.moved[1, 2]
 
 
@@ -364,8 +368,8 @@ def test_parts_wedged_between_two_points_go_with_them():
     )
     poses = np.column_stack([np.zeros(n), rng.uniform(-3.0, 3.0, n), rng.uniform(-0.1, 0.1, n)])
     ahead = np.array([(-21.0, -6.0), (-21.0, 6.0)])
-    made = [paths(turned(ahead - q[:2], -q[2]), shift=turned([40.0, 0.0], -q[2])) for q in poses]
-    result = part.push(joined(made), part.nominal(n, 0.55))
+    pushes = [paths(turned(ahead - q[:2], -q[2]), shift=turned([40.0, 0.0], -q[2])) for q in poses]
+    result = part.push(joined(pushes), part.nominal(n, 0.55))
     assert not result.given_up.any()
     assert np.all(np.hypot(*result.moved[:, :2].T) > 25.0)
 

@@ -87,8 +87,8 @@ def test_in_one_roll_out_each_part_is_squeezed_by_the_form_of_its_own_surface(po
     rolled = simulator.roll_out(poses, drawn)
     for k in range(len(poses)):
         size, one = 6 if curved[k] else 3, drawn.of(np.array([k]))
-        own = one._replace(surfaces=one.surfaces[:, :size, :size].copy(), ellipsoid=None)
-        alone = simulator.roll_out(poses[k : k + 1], own)
+        ours = one._replace(surfaces=one.surfaces[:, :size, :size].copy(), ellipsoid=None)
+        alone = simulator.roll_out(poses[k : k + 1], ours)
         np.testing.assert_array_equal(alone.poses[0], rolled.poses[k])
         assert alone.width_mm[0] == rolled.width_mm[k]
 
@@ -122,13 +122,13 @@ def test_surfaces_drawn_for_parts_of_either_form_scatter_about_their_own():
     for number, each in enumerate(surfaces):
         nominal = surface.nominal(each)
         size = len(nominal)
-        own = drawn[which == number]
+        ours = drawn[which == number]
         assert (ellipsoid[which == number] == (size == 3)).all()
-        error = own[:, :size, :size].std(axis=0) / 20.0
+        error = ours[:, :size, :size].std(axis=0) / 20.0
         np.testing.assert_allclose(
-            own[:, :size, :size].mean(axis=0), nominal, atol=5.0 * error.max()
+            ours[:, :size, :size].mean(axis=0), nominal, atol=5.0 * error.max()
         )
-        assert not own[:, size:].any()
+        assert not ours[:, size:].any()
 
 
 @pytest.mark.parametrize(
@@ -138,7 +138,7 @@ def test_surfaces_drawn_for_parts_of_either_form_scatter_about_their_own():
         ({"wishart_dof": 8}, "at least 9"),
     ],
 )
-def test_another_form_is_doubted_where_there_may_be_one(pressure, match):
+def test_another_form_is_latent_where_there_may_be_one(pressure, match):
     with pytest.raises(ValueRangeError, match=match):
         JOB.replaced(pressure=pressure, doubt={"limit_surface": "any"})
 

@@ -44,7 +44,7 @@ def test_a_part_that_deviates_is_squeezed_as_one_drawn_so():
     part = problems.simulator(problems.rectangle())
     poses = np.column_stack([rng.uniform(-8, 8, (n, 2)), rng.uniform(-np.pi, np.pi, n)])
     deviation = 0.2 * rng.standard_normal(SHAPES)
-    own = part.outline + np.tensordot(deviation, shapes(part.outline), axes=1)
+    ours = part.outline + np.tensordot(deviation, shapes(part.outline), axes=1)
 
     def rolled(outline, bases, off):
         simulator = Simulator(
@@ -59,7 +59,7 @@ def test_a_part_that_deviates_is_squeezed_as_one_drawn_so():
         parameters = simulator.sample(n, np.random.default_rng(2))
         return simulator.roll_out(poses, parameters._replace(deviation=np.tile(off, (n, 1))))
 
-    drawn = rolled(own, np.zeros((0, len(own), 2)), np.zeros(0))
+    drawn = rolled(ours, np.zeros((0, len(ours), 2)), np.zeros(0))
     deviating = rolled(part.outline, shapes(part.outline), deviation)
     assert deviating.poses == pytest.approx(drawn.poses, abs=1e-6)
     assert deviating.width_mm == pytest.approx(drawn.width_mm, abs=1e-6)

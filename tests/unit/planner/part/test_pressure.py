@@ -69,7 +69,7 @@ def test_a_part_stands_on_three_corners_that_carry_its_weight(part):
         every = (
             np.vstack([hull[list(k)].T, np.ones(3)]) for k in combinations(range(len(hull)), 3)
         )
-        assert len(feet) == sum(np.linalg.solve(own, [0, 0, 1]).min() > -1e-6 for own in every)
+        assert len(feet) == sum(np.linalg.solve(each, [0, 0, 1]).min() > -1e-6 for each in every)
 
 
 def test_a_dense_curve_far_from_the_centre_leaves_other_corners_to_stand_on():

@@ -21,9 +21,9 @@ def test_learned_values_are_those_of_the_cell_that_took_the_seconds() -> None:
     schedule = Schedule.of(table, job_of(table))
     cell = replace(schedule, timing=replace(schedule.timing, **CELL))
     squeezes = [
-        Timed(made.node, made.width_mm, number == 0, phases)
+        Timed(built.node, built.width_mm, number == 0, phases)
         for width in range(20, 31)
-        for made, number, phases in _part(cell, width)
+        for built, number, phases in _part(cell, width)
     ]
     result = learned(table, squeezes)
     for key, value in CELL.items():
@@ -31,8 +31,8 @@ def test_learned_values_are_those_of_the_cell_that_took_the_seconds() -> None:
 
 
 def _part(cell: Schedule, width: float) -> list[tuple]:
-    made = [Squeezed(0, 30.0, 1), Squeezed(1, float(width), 0)]
-    return list(zip(made, range(2), cell.part(made), strict=True))
+    result = [Squeezed(0, 30.0, 1), Squeezed(1, float(width), 0)]
+    return list(zip(result, range(2), cell.part(result), strict=True))
 
 
 def test_too_few_squeezes_teach_nothing() -> None:

@@ -40,7 +40,7 @@ def test_it_is_the_exact_one_where_one_statistic_tells_all(first):
     assert np.ptp(off) < 0.6
 
 
-def test_what_tells_nothing_is_told_nothing_of():
+def test_what_tells_nothing_is_not_reported():
     """Scores by chance are taken for no slope: sets that gave them do not give the regression."""
     rng = np.random.default_rng(2)
     seen = np.array([30.0, 30.0, 40.0, 0.0])

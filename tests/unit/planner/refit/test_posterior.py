@@ -61,10 +61,14 @@ def drawn(monkeypatch, truth, seed):
     counts = readings(run, len(TABLE.nodes))
     monkeypatch.setattr(refit, "DRAWN", 500)
     seen = Seen(counts, PARTS, np.zeros(0, np.int64), np.zeros((0, 3)))
-    told = posterior(
+    result = posterior(
         Plain(), seen, seed, Threads(1), Effort(cells=50, parts=200, parts_for_each=2.0)
     )
-    return LOW + SPAN * (run.counts[:, :3].mean(axis=0) - 50.0) / 100.0, counts[3, 100], told.cells
+    return (
+        LOW + SPAN * (run.counts[:, :3].mean(axis=0) - 50.0) / 100.0,
+        counts[3, 100],
+        result.cells,
+    )
 
 
 def test_it_has_the_moments_of_the_exact_posterior(monkeypatch):

@@ -50,12 +50,12 @@ def data(page):
 
 def test_every_tag_is_closed_and_every_id_is_used_once(page):
     assert page.open == []
-    ids = [attributes["id"] for _, attributes in page.found if "id" in attributes]
+    ids = [attributes["id"] for _, attributes in page.elements if "id" in attributes]
     assert len(ids) == len(set(ids))
 
 
 def test_nothing_comes_from_elsewhere(page, text):
-    for _, attributes in page.found:
+    for _, attributes in page.elements:
         for name in ("src", "href", "xlink:href", "action", "srcset"):
             assert attributes.get(name, "#").startswith(("#", "data:,"))
     assert re.findall(r"@import|url\(|https?://(?!www\.w3\.org/2000/svg)", text) == []
@@ -63,14 +63,14 @@ def test_nothing_comes_from_elsewhere(page, text):
 
 
 def test_links_lead_to_ids_of_the_page(page):
-    ids = {attributes.get("id") for _, attributes in page.found}
-    links = {attributes["href"][1:] for tag, attributes in page.found if tag in ("a", "use")}
+    ids = {attributes.get("id") for _, attributes in page.elements}
+    links = {attributes["href"][1:] for tag, attributes in page.elements if tag in ("a", "use")}
     assert links <= ids
     assert len(links) > len(TABLE.leaves)
 
 
 def test_each_node_and_leaf_has_a_panel_with_a_name_and_exactly_one_is_in_the_tab_order(page):
-    panels = [a for _, a in page.found if a.get("class", "").startswith("panel")]
+    panels = [a for _, a in page.elements if a.get("class", "").startswith("panel")]
     assert len(panels) == len(TABLE.nodes) + len(TABLE.leaves)
     assert all(panel["aria-label"] and panel["role"] == "button" for panel in panels)
     assert [panel["tabindex"] for panel in panels].count("0") == 1
@@ -153,9 +153,9 @@ def test_a_name_cannot_break_out_of_the_page(text):
     spoilt = job_file.from_canonical(TABLE.job.replace('"rectangle"', json.dumps(evil)))
     log = RunLog([run_log.PartLog(1, reason=evil)], 1, 0, "", "")
     page = Page(dossier.page(TABLE, spoilt, dossier.Source(evil, b"", log), 50))
-    assert not [tag for tag, _ in page.found if tag == "img"]
+    assert not [tag for tag, _ in page.elements if tag == "img"]
     assert json.loads(page.scripts["data"])["log"]["parts"][0][3] == evil
-    assert len([tag for tag, _ in page.found if tag == "script"]) == 2
+    assert len([tag for tag, _ in page.elements if tag == "script"]) == 2
 
 
 def test_a_large_table_stays_under_three_megabytes():

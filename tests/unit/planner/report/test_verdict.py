@@ -13,7 +13,7 @@ from planner.evaluation.cases import Case, Condition, assumption_cases, believed
 from planner.evaluation.evaluate import Line
 from planner.job import model as job_file
 from planner.report.run_log import PartLog, RunLog
-from planner.report.verdict import cell_result, percent, planned_spans, told_conditions, verdict
+from planner.report.verdict import cell_result, listed, percent, planned_spans, verdict
 from runtime.table import Calibration, load
 
 TREE = Path(__file__).parents[4] / "trees" / "rectangle"
@@ -65,13 +65,13 @@ def test_a_plan_that_misses_the_goal_by_far_is_poor(worse):
 
 
 @pytest.mark.parametrize(
-    ("share", "told"), [(1.0, "100 %"), (0.0, "0 %"), (0.99996, "99.996 %"), (0.5, "50 %")]
+    ("share", "message"), [(1.0, "100 %"), (0.0, "0 %"), (0.99996, "99.996 %"), (0.5, "50 %")]
 )
-def test_a_share_is_never_rounded_to_all_or_nothing(share, told):
-    assert percent(share) == told
+def test_a_share_is_never_rounded_to_all_or_nothing(share, message):
+    assert percent(share) == message
 
 
-def test_parts_rejected_at_one_node_are_told_with_what_was_read_and_planned():
+def test_parts_rejected_at_one_node_are_reported_with_what_was_read_and_planned():
     wide = Calibration.linear(TABLE.gripper).count(50_000)
     parts = [PartLog(k, [(0, wide, None)], "reject") for k in range(1, 9)]
     result = cell_result(TABLE, RunLog(parts, 1, 0, "", ""))
@@ -109,12 +109,9 @@ def test_conditions_are_those_that_cost_wrong_answers_the_strictest_of_each_kind
     result = verdict(JOB, FIGURES, lines)
     assert result.grade == "fair"
     assert result.conditions == ["friction stays below 0.9", "the share stays between 39 and 52 %"]
-    assert (
-        told_conditions(result.conditions)
-        == f"if {result.conditions[0]} and {result.conditions[1]}"
-    )
-    assert told_conditions([]) == ""
-    assert told_conditions(list("abcde")).endswith("a, b, c and 2 more assumptions hold")
+    assert listed(result.conditions) == f"if {result.conditions[0]} and {result.conditions[1]}"
+    assert listed([]) == ""
+    assert listed(list("abcde")).endswith("a, b, c and 2 more assumptions hold")
 
 
 def test_every_world_that_is_tried_names_the_condition_that_it_breaks():

@@ -63,7 +63,7 @@ def test_card_headline_and_row_of_the_worst_world_agree(planned, page):
     assert f"<dt>Worst other world</dt><dd>{wrong} wrong</dd>" in page
 
 
-def test_pose_beside_the_parts_of_the_stated_cell_is_told_with_theirs(planned, page):
+def test_pose_beside_the_parts_of_the_stated_cell_is_reported_with_theirs(planned, page):
     _, plan = planned
     result = means(plan.table, plan.evaluation)
     for index, (leaf, mean) in enumerate(zip(plan.table.leaves, result, strict=True)):

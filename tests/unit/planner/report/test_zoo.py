@@ -54,7 +54,7 @@ def test_a_long_name_is_no_error(monkeypatch):
     assert names[0].endswith("/last")
 
 
-def test_an_error_of_the_program_is_told_and_ends_nothing(monkeypatch):
+def test_an_error_of_the_program_is_reported_and_ends_nothing(monkeypatch):
     monkeypatch.setattr(zoo, "compile_job", lambda *_, **__: 1 / 0)
     row = zoo.judge(item([[0, 0], [30, 0], [0, 20]]))
     assert (row["kind"], row["text"]) == (zoo.ERROR, "ZeroDivisionError: division by zero")

@@ -83,8 +83,8 @@ def test_closed_fingers_leave_no_part_behind_their_face(pusher, belief):
 def test_parts_anyhow_about_a_disc_are_pushed_one_way_and_others_four(job, pusher, belief):
     assert {float(push.start[2]) for push in pusher.options(belief)} == {0.0}
     known = job.replaced(uncertainty={"orientation_halfwidth_deg": 20.0})
-    for own, lying in ((pusher, read(belief)), (pusher_of(Problem.of(known, 1)), belief)):
-        angles = np.array(sorted({float(push.start[2]) for push in own.options(lying)}))
+    for each, lying in ((pusher, read(belief)), (pusher_of(Problem.of(known, 1)), belief)):
+        angles = np.array(sorted({float(push.start[2]) for push in each.options(lying)}))
         assert np.diff(angles) == pytest.approx([0.5 * np.pi] * 3)
 
 
@@ -138,8 +138,8 @@ def test_best_second_push_begins_clear_of_all_that_the_first_has_moved(pusher, b
 
 
 def test_a_table_pushes_where_the_plan_does_as_fast_as_a_finger_closes(job):
-    made = _push(Push(np.array([1.2345, -2.0, 0.5]), 21.25, 40.0), job)
-    assert made == (1234, -2000, 500_000, 21_250, 40_000, 30_000)
+    result = _push(Push(np.array([1.2345, -2.0, 0.5]), 21.25, 40.0), job)
+    assert result == (1234, -2000, 500_000, 21_250, 40_000, 30_000)
 
 
 def test_a_job_that_states_that_nothing_is_pushed_is_the_job_that_does_not(job):

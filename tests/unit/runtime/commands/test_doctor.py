@@ -24,12 +24,12 @@ from runtime.table import Calibration, dump
 CALIBRATION = Calibration.linear(GRIPPER)
 
 
-def verdicts(found) -> list[Verdict]:
-    return [finding.verdict for finding in found]
+def verdicts(result) -> list[Verdict]:
+    return [finding.verdict for finding in result]
 
 
-def only(found) -> Finding:
-    (finding,) = found
+def only(result) -> Finding:
+    (finding,) = result
     return finding
 
 
@@ -109,7 +109,7 @@ def test_the_hint_of_an_error_is_the_remedy() -> None:
 
 
 @pytest.mark.parametrize(
-    ("value", "verdict", "told"),
+    ("value", "verdict", "message"),
     [
         ("16\n", Verdict.WARNING, "16 ms"),
         ("1\n", Verdict.GOOD, "1 ms"),
@@ -117,31 +117,33 @@ def test_the_hint_of_an_error_is_the_remedy() -> None:
         (None, Verdict.GOOD, "no latency"),
     ],
 )
-def test_the_latency_timer(tmp_path: Path, value: str | None, verdict: Verdict, told: str) -> None:
+def test_the_latency_timer(
+    tmp_path: Path, value: str | None, verdict: Verdict, message: str
+) -> None:
     timer = tmp_path / "bus" / "usb-serial" / "devices" / "ttyUSB0" / "latency_timer"
     timer.parent.mkdir(parents=True)
     if value is not None:
         timer.write_text(value)
     result = only(doctor.check_latency("/dev/ttyUSB0", System(sys=tmp_path)))
     assert result.verdict is verdict
-    assert told in result.sentence
+    assert message in result.sentence
     assert bool(result.remedy) == (verdict is not Verdict.GOOD)
 
 
 @pytest.mark.parametrize(
-    ("heard", "verdict", "told"),
+    ("heard", "verdict", "message"),
     [
         ([], Verdict.BAD, "No slave id"),
         ([(4, 19200), (9, 115200)], Verdict.BAD, "as slave 4 at 19200 baud"),
         ([(9, 115200)], Verdict.WARNING, "answers now"),
     ],
 )
-def test_a_silent_gripper_is_looked_for(heard, verdict: Verdict, told: str) -> None:
+def test_a_silent_gripper_is_looked_for(heard, verdict: Verdict, message: str) -> None:
     result = only(
         doctor.check_silence("p", lambda port: (SimpleNamespace(unit=u, baud=b) for u, b in heard))
     )
     assert result.verdict is verdict
-    assert told in result.sentence
+    assert message in result.sentence
     assert result.remedy
 
 
@@ -155,10 +157,10 @@ def test_a_silent_gripper_is_looked_for(heard, verdict: Verdict, told: str) -> N
     ],
 )
 def test_the_grippers_own_state(state: State, verdict: Verdict) -> None:
-    made = fake_cell([])
-    made.gripper.now = state
-    assert only(doctor.check_gripper(made.gripper)).verdict is verdict
-    assert {call.name for call in made.log.calls} == {"state"}
+    rig = fake_cell([])
+    rig.gripper.now = state
+    assert only(doctor.check_gripper(rig.gripper)).verdict is verdict
+    assert {call.name for call in rig.log.calls} == {"state"}
 
 
 @pytest.mark.parametrize(
@@ -170,15 +172,15 @@ def test_the_rate_is_measured(step_s: float, verdict: Verdict) -> None:
     assert f"{1000 * step_s:.1f} ms each" in result.sentence
 
 
-def test_an_arm_far_from_its_work_is_told() -> None:
-    made, table = fake_cell([]), small_table()
-    assert verdicts(doctor.check_arm(made.arm, table)) == [Verdict.GOOD]
-    assert verdicts(doctor.check_arm(made.arm, None)) == [Verdict.GOOD]
-    made.arm.at = (600.0, 0.0, 100.0, 0.0)
-    assert verdicts(doctor.check_arm(made.arm, table)) == [Verdict.GOOD, Verdict.WARNING]
+def test_an_arm_far_from_its_work_is_reported() -> None:
+    rig, table = fake_cell([]), small_table()
+    assert verdicts(doctor.check_arm(rig.arm, table)) == [Verdict.GOOD]
+    assert verdicts(doctor.check_arm(rig.arm, None)) == [Verdict.GOOD]
+    rig.arm.at = (600.0, 0.0, 100.0, 0.0)
+    assert verdicts(doctor.check_arm(rig.arm, table)) == [Verdict.GOOD, Verdict.WARNING]
 
 
-def test_a_table_that_does_not_fit_is_told() -> None:
+def test_a_table_that_does_not_fit_is_reported() -> None:
     assert verdicts(doctor.check_table(small_table(), CALIBRATION)) == [Verdict.GOOD]
     narrow = Calibration(tuple(min(width, 60_000) for width in CALIBRATION.widths_um))
     assert "node 0 opens" in only(doctor.check_table(small_table(), narrow)).sentence
@@ -188,19 +190,19 @@ class Drivers:
     """Hands out fakes, or fails."""
 
     def __init__(self, error: Exception | None = None) -> None:
-        self.made, self.error = fake_cell([]), error
+        self.rig, self.error = fake_cell([]), error
 
     def gripper(self, port: str, *, read_only: bool):
         assert read_only
         if self.error is not None:
             raise self.error
-        return self.made.gripper
+        return self.rig.gripper
 
     def arm(self, url: str, *, read_only: bool):
         assert read_only
         if self.error is not None:
             raise self.error
-        return self.made.arm
+        return self.rig.arm
 
     def scan(self, port: str):
         return iter(())
@@ -220,7 +222,7 @@ def test_all_checks_of_a_healthy_cell(tmp_path: Path) -> None:
     )
     assert set(verdicts(result)) == {Verdict.GOOD}
     assert len(result) == 4
-    assert {call.name for call in drivers.made.log.calls} == {"state", "pose", "close"}
+    assert {call.name for call in drivers.rig.log.calls} == {"state", "pose", "close"}
     assert len(list(findings("/dev/null", None, None, None, drivers, System(proc=tmp_path)))) == 5
 
 
@@ -269,5 +271,5 @@ def test_a_simulated_cell_is_looked_at_like_a_real_one(capsys: pytest.CaptureFix
 
 def test_the_page_of_commissioning_uses_the_marks_that_are_printed() -> None:
     page = (Path(__file__).parents[4] / "tools" / "docs" / "commissioning.md").read_text()
-    told = set(re.findall(r"what it marks (\w+); know why for each (\w+)", page)[0])
-    assert told <= {mark.strip() for mark in MARKS.values()}
+    result = set(re.findall(r"what it marks (\w+); know why for each (\w+)", page)[0])
+    assert result <= {mark.strip() for mark in MARKS.values()}

@@ -38,8 +38,8 @@ def test_verify_counts_and_names_the_damaged_line(
     journal: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["verify", str(journal)]) == 0
-    (told,) = lines(capsys)
-    assert "records in 2 runs verify; the last run ended" in told
+    (output,) = lines(capsys)
+    assert "records in 2 runs verify; the last run ended" in output
     assert main(["verify", str(journal), "--json"]) == 0
     assert json.loads(lines(capsys)[0])["closed"] is True
     journal.write_bytes(journal.read_bytes().replace(b'"part":1', b'"part":3', 1))
@@ -167,19 +167,19 @@ def test_an_mcap_recording_tells_what_the_journal_does(journal: Path, tmp_path: 
     out = tmp_path / "out.mcap"
     assert main(["export", str(journal), "-o", str(out)]) == 0
     entries = list(records(journal))
-    told = messages(out)
-    assert [line["line"] for line in told["/journal"]] == [entry["seq"] for entry in entries]
+    result = messages(out)
+    assert [line["line"] for line in result["/journal"]] == [entry["seq"] for entry in entries]
     times = [datetime.fromisoformat(str(entry["time"])).timestamp() for entry in entries]
-    assert [line["log_ns"] / 1e9 for line in told["/journal"]] == pytest.approx(times, abs=1e-6)
+    assert [line["log_ns"] / 1e9 for line in result["/journal"]] == pytest.approx(times, abs=1e-6)
     squeezes = [entry for entry in entries if entry["kind"] == "squeeze"]
-    for plotted, placed, entry in zip(told["/squeeze"], told["/hand"], squeezes, strict=True):
+    for plotted, placed, entry in zip(result["/squeeze"], result["/hand"], squeezes, strict=True):
         assert plotted["width_mm"] == entry["width_um"] / 1000
         assert placed["pose"]["position"]["x"] == entry["x_um"] / 1e6
         turn = placed["pose"]["orientation"]
         assert 2e6 * atan2(turn["z"], turn["w"]) == pytest.approx(entry["angle_urad"])
-    ends = [end["outcome"] for end in told["/outcome"]]
+    ends = [end["outcome"] for end in result["/outcome"]]
     assert ends == ENDS * 2
-    assert len(told["/part"]) == ends.count("leaf")
+    assert len(result["/part"]) == ends.count("leaf")
     with out.open("rb") as file:
         tables = [attached.data for attached in make_reader(file).iter_attachments()]
     assert {hashlib.sha256(data).hexdigest() for data in tables} == {entries[0]["table_sha256"]}
@@ -244,10 +244,10 @@ def test_an_empty_journal_tells_nothing_that_could_be_right(
 
 
 @pytest.mark.parametrize(
-    ("output", "code", "told"), [("/dev/full", 2, "No space left"), (None, 0, "")]
+    ("output", "code", "message"), [("/dev/full", 2, "No space left"), (None, 0, "")]
 )
 def test_a_full_disk_and_a_reader_gone_are_no_tracebacks(
-    journal: Path, output: str | None, code: int, told: str
+    journal: Path, output: str | None, code: int, message: str
 ) -> None:
     """On a disk that is full, and into a pipe whose reader has seen enough, as with `| head`."""
     command = [sys.executable, "-m", "runtime.commands.journal", "show", str(journal)]
@@ -261,5 +261,5 @@ def test_a_full_disk_and_a_reader_gone_are_no_tracebacks(
     )
     os.close(writer)
     assert ended.returncode == code, ended.stderr
-    assert told in ended.stderr
-    assert ended.stderr.count("\n") == (1 if told else 0)
+    assert message in ended.stderr
+    assert ended.stderr.count("\n") == (1 if message else 0)

@@ -147,13 +147,13 @@ class Running:
     def __init__(
         self,
         folder: Path,
-        made: FakeCell,
+        rig: FakeCell,
         *trees: Path,
         count: int | None = None,
         journal: type[Journal] = Journal,
     ) -> None:
         self.journal = journal(folder / "j.jsonl", lambda: "")
-        self._cell = replace(made.cell, journal=self.journal)
+        self._cell = replace(rig.cell, journal=self.journal)
         words = [word for tree in trees for word in ("--tree", str(tree))]
         arguments = parser().parse_args(
             [
@@ -241,34 +241,34 @@ def test_parts_of_each_outcome_have_their_code_and_only_a_located_one_a_pose(
 
 
 def test_nothing_is_moved_before_enabling(tmp_path: Path, tree: Path) -> None:
-    made = fake_cell([AT_21])
-    made.gripper.now = State(activated=False)
+    rig = fake_cell([AT_21])
+    rig.gripper.now = State(activated=False)
 
     def program(client: TcpPlc) -> None:
         client.write(trigger=1)
         assert client["error_id"] == 101
         client.write(trigger=0)
         time.sleep(0.05)
-        assert (made.log.named("activate"), made.log.named("move_linear")) == ([], [])
+        assert (rig.log.named("activate"), rig.log.named("move_linear")) == ([], [])
         client.enable()
         assert client.part(1)["outcome"] == 1
 
-    assert Running(tmp_path, made, tree, count=1).run(program) == 0
-    assert len(made.log.named("activate")) == 1
+    assert Running(tmp_path, rig, tree, count=1).run(program) == 0
+    assert len(rig.log.named("activate")) == 1
 
 
 def test_enable_withdrawn_before_a_part_begins_ends_it_without_a_motion(
     tmp_path: Path, tree: Path
 ) -> None:
-    made, triggered = fake_cell([AT_21]), threading.Event()
-    made.gripper.now = State(activated=False)
-    sweep = made.gripper.activate
+    rig, triggered = fake_cell([AT_21]), threading.Event()
+    rig.gripper.now = State(activated=False)
+    sweep = rig.gripper.activate
 
     def slow_sweep() -> None:
         triggered.wait(30)
         sweep()
 
-    made.gripper.activate = slow_sweep
+    rig.gripper.activate = slow_sweep
 
     def program(client: TcpPlc) -> None:
         client.enable()
@@ -277,18 +277,18 @@ def test_enable_withdrawn_before_a_part_begins_ends_it_without_a_motion(
         triggered.set()
         result = client.result(6)
         assert (result["outcome"], result["error_id"]) == (4, 40)
-        assert made.log.named("move_linear") == []
+        assert rig.log.named("move_linear") == []
         client.enable()
         assert client.part(7)["outcome"] == 1
 
-    assert Running(tmp_path, made, tree, count=1).run(program) == 0
+    assert Running(tmp_path, rig, tree, count=1).run(program) == 0
 
 
 def test_enable_withdrawn_before_the_run_looks_at_it_ends_the_part(
     tmp_path: Path, tree: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A busy controller: trigger and withdrawal are both there when the run first looks."""
-    made, withdrawn, ending = fake_cell([AT_21]), threading.Event(), session.ending
+    rig, withdrawn, ending = fake_cell([AT_21]), threading.Event(), session.ending
 
     @contextmanager
     def late(journal: Journal) -> Iterator[Tally]:
@@ -305,11 +305,11 @@ def test_enable_withdrawn_before_the_run_looks_at_it_ends_the_part(
         withdrawn.set()
         result = client.result(6)
         assert (result["outcome"], result["error_id"]) == (4, 40)
-        assert made.log.named("move_linear") == []
+        assert rig.log.named("move_linear") == []
         client.enable()
         assert client.part(7)["outcome"] == 1
 
-    assert Running(tmp_path, made, tree, count=1).run(program) == 0
+    assert Running(tmp_path, rig, tree, count=1).run(program) == 0
 
 
 def test_fault_is_a_result_of_its_id_that_stays_until_it_is_taken(
@@ -362,10 +362,10 @@ def test_error_that_no_part_ends_with_is_a_fault_of_the_part_under_way(
                 raise JournalError(self.path, "cannot be written")
             super().record(kind, fields)
 
-    made = fake_cell([AT_21])
+    rig = fake_cell([AT_21])
     with pytest.raises(JournalError):
-        Running(tmp_path, made, tree, journal=Full).run(program)
-    assert made.log.named("move_linear") == []
+        Running(tmp_path, rig, tree, journal=Full).run(program)
+    assert rig.log.named("move_linear") == []
 
 
 def test_stop_request_between_parts_ends_the_run_at_once(tmp_path: Path, tree: Path) -> None:

@@ -21,7 +21,7 @@ from runtime.monitoring.live.server import Address, listening
 SERVE = ["--tree", "t", "--serve", "tcp://127.0.0.1:5020"]
 
 
-class Hasty(SystemClock):
+class ShortLived(SystemClock):
     """Gives a squeeze a tenth of a second."""
 
     def deadline(self, seconds: float) -> float:
@@ -55,7 +55,7 @@ class Serving:
         except JournalError as error:
             self.raised = error
 
-    def told(self, data: bytes) -> list[str]:
+    def lines(self, data: bytes) -> list[str]:
         """All lines that a robot hears which says this and waits for the end."""
         with (
             socket.create_connection(self.address, timeout=30) as robot,
@@ -70,8 +70,8 @@ class Serving:
 
 
 def test_a_squeeze_that_takes_too_long_is_given_up() -> None:
-    serving = Serving(FakeJournal(), Hasty())
-    squeeze, late = serving.told(b"NEXT\n")
+    serving = Serving(FakeJournal(), ShortLived())
+    squeeze, late = serving.lines(b"NEXT\n")
     assert (squeeze.split()[0], late) == ("SQUEEZE", refused(31))
     kind, outcome = serving.ended()[-1]
     assert (kind, outcome["outcome"], outcome["reason"]) == (
@@ -83,15 +83,15 @@ def test_a_squeeze_that_takes_too_long_is_given_up() -> None:
 
 def test_half_a_line_is_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(serve, "PATIENCE_S", 0.2)
-    serving = Serving(FakeJournal(), Hasty())
-    assert serving.told(b"NEX") == [refused(14)]
-    serving.told(b"NEXT\n")
+    serving = Serving(FakeJournal(), ShortLived())
+    assert serving.lines(b"NEX") == [refused(14)]
+    serving.lines(b"NEXT\n")
     serving.ended()
 
 
-def test_a_journal_that_cannot_be_written_is_told_and_ends_the_run() -> None:
+def test_a_journal_that_cannot_be_written_is_reported_and_ends_the_run() -> None:
     serving = Serving(FakeJournal(1, JournalError(Path("j"), "cannot be written")), SystemClock())
-    assert serving.told(b"NEXT\n") == [refused(41)]
+    assert serving.lines(b"NEXT\n") == [refused(41)]
     assert serving.ended() == [("part", {"part": 1})]
     assert serving.raised is not None
 
@@ -101,7 +101,7 @@ def test_every_error_fits_a_controllers_string() -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         (["--port", "sim"], "leave out --port"),
         (["--arm", "tcp://x:1"], "leave out --arm"),
@@ -116,8 +116,8 @@ def test_every_error_fits_a_controllers_string() -> None:
         (["--serve", "tcp://192.168.1.2:5020"], "add --network"),
     ],
 )
-def test_options_that_do_not_go_with_it(words: list[str], told: str) -> None:
-    with pytest.raises(ArgumentsError, match=told):
+def test_options_that_do_not_go_with_it(words: list[str], message: str) -> None:
+    with pytest.raises(ArgumentsError, match=message):
         options.check_usage(parser().parse_args([*SERVE, *words]))
 
 

@@ -47,8 +47,8 @@ def verdict_of(auditor: AuditProcess, part: int, pose: tuple[float, float, float
 def auditor(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[AuditProcess]:
     program = tmp_path / "auditor.py"
     program.write_text(f"import json, sys\n{ANSWERS[request.param]}\n")
-    with AuditProcess(f"{sys.executable} {program}", answer_s=5.0) as made:
-        yield made
+    with AuditProcess(f"{sys.executable} {program}", answer_s=5.0) as result:
+        yield result
 
 
 @pytest.mark.parametrize("auditor", ["pass"], indirect=True)

@@ -32,15 +32,15 @@ def refused(monkeypatch: pytest.MonkeyPatch, executable: str) -> str:
 
 
 def script(folder: Path, text: str) -> str:
-    made = folder / "python"
-    made.write_text(f"#!/bin/sh\n{text}\n")
-    made.chmod(0o755)
-    return str(made)
+    path = folder / "python"
+    path.write_text(f"#!/bin/sh\n{text}\n")
+    path.chmod(0o755)
+    return str(path)
 
 
 def test_a_program_that_is_not_there(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    told = refused(monkeypatch, str(tmp_path / "python"))
-    assert told.startswith("grasp-cell cannot be started: No such file or directory")
+    message = refused(monkeypatch, str(tmp_path / "python"))
+    assert message.startswith("grasp-cell cannot be started: No such file or directory")
 
 
 def test_one_that_ends_at_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -51,8 +51,8 @@ def test_one_that_ends_at_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) 
 
 def test_one_that_tells_something_else(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     for answer in ("hello", "[]", '{"gripper": "/dev/pts/9"}'):
-        told = refused(monkeypatch, script(tmp_path, f"echo '{answer}'; exec cat"))
-        assert "instead of its endpoints" in told
+        record = refused(monkeypatch, script(tmp_path, f"echo '{answer}'; exec cat"))
+        assert "instead of its endpoints" in record
 
 
 def test_one_that_stays_silent_and_does_not_listen(
@@ -60,5 +60,5 @@ def test_one_that_stays_silent_and_does_not_listen(
 ) -> None:
     monkeypatch.setattr(cell_process, "START_S", 0.05)
     monkeypatch.setattr(child, "END_S", 0.05)
-    told = refused(monkeypatch, script(tmp_path, "trap '' TERM; while true; do sleep 0.05; done"))
-    assert "told no endpoints within 0.05 s" in told
+    result = refused(monkeypatch, script(tmp_path, "trap '' TERM; while true; do sleep 0.05; done"))
+    assert "told no endpoints within 0.05 s" in result

@@ -46,10 +46,10 @@ print(refused)
 def as_another_session(port: str, folder: Path) -> subprocess.CompletedProcess[str]:
     """Take a lock in a process with folders for its files of its own."""
     words = "import sys; from runtime.devices.lock import PortLock; PortLock(sys.argv[1])"
-    own = {**os.environ, "XDG_RUNTIME_DIR": str(folder), "TMPDIR": str(folder)}
+    ours = {**os.environ, "XDG_RUNTIME_DIR": str(folder), "TMPDIR": str(folder)}
     command = [sys.executable, "-c", words, port]
     return subprocess.run(
-        command, cwd=ROOT, env=own, capture_output=True, text=True, timeout=60, check=False
+        command, cwd=ROOT, env=ours, capture_output=True, text=True, timeout=60, check=False
     )
 
 
@@ -90,11 +90,11 @@ def test_this_machine_is_one_host_under_all_names(host: str) -> None:
 
 
 def test_a_name_is_all_its_addresses(monkeypatch: pytest.MonkeyPatch) -> None:
-    def found(host: str, number: int, **_: object) -> list[tuple[object, ...]]:
+    def result(host: str, number: int, **_: object) -> list[tuple[object, ...]]:
         addresses = ["192.0.2.7", "2001:db8::7"] if host == "cell.example" else [host]
         return [(0, 0, 0, "", (address, number)) for address in addresses]
 
-    monkeypatch.setattr(locks.socket, "getaddrinfo", found)
+    monkeypatch.setattr(locks.socket, "getaddrinfo", result)
     with PortLock("tcp://cell.example:5000"):
         assert busy("tcp://192.0.2.7:5000")
         assert busy("tcp://[2001:DB8:0::7]:5000")

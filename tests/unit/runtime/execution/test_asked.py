@@ -121,9 +121,9 @@ def test_whatever_is_said_is_answered_in_one_short_line_and_a_refusal_changes_no
 
 
 @pytest.mark.parametrize(
-    ("name", "told"), [("right hand", "right hand"), ("Stützwinkel 2 é" * 9, "?")]
+    ("name", "message"), [("right hand", "right hand"), ("Stützwinkel 2 é" * 9, "?")]
 )
-def test_a_leaf_of_several_parts_ends_with_which_it_is(name: str, told: str) -> None:
+def test_a_leaf_of_several_parts_ends_with_which_it_is(name: str, message: str) -> None:
     table = several_table()
     table = replace(table, hypotheses=(table.hypotheses[0], OTHER._replace(name=name)))
     asked = parts(table)
@@ -132,6 +132,6 @@ def test_a_leaf_of_several_parts_ends_with_which_it_is(name: str, told: str) -> 
     answer = asked.answer("WIDTH 21")
     assert answer.startswith("LEAF 1 ")
     assert answer.split(" ")[6] == "1"
-    assert told in answer.split(" ", 7)[7]
+    assert message in answer.split(" ", 7)[7]
     assert answer.isascii()
     assert len(answer) < MAX_LINE

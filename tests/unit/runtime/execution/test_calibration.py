@@ -35,26 +35,26 @@ def gauges(widths: tuple[float, ...] = BLOCKS) -> list[Gauge]:
 
 
 def test_the_table_passes_through_the_blocks_and_never_rises() -> None:
-    made = fit(gauges(), "S/N 1", "today")
-    assert len(made.widths_um) == 256
-    assert list(made.widths_um) == sorted(made.widths_um, reverse=True)
-    for gauge in made.gauges:
-        assert abs(made.widths_um[round(gauge.mean)] - 1000 * gauge.width_mm) <= 1
-    assert made.widths_um[255] == 0
-    assert Calibration(made.widths_um) == made.table
+    calibration = fit(gauges(), "S/N 1", "today")
+    assert len(calibration.widths_um) == 256
+    assert list(calibration.widths_um) == sorted(calibration.widths_um, reverse=True)
+    for gauge in calibration.gauges:
+        assert abs(calibration.widths_um[round(gauge.mean)] - 1000 * gauge.width_mm) <= 1
+    assert calibration.widths_um[255] == 0
+    assert Calibration(calibration.widths_um) == calibration.table
 
 
 def test_seven_blocks_bring_the_arc_within_half_a_millimetre_where_the_line_is_off_by_more_than_two() -> (
     None
 ):
-    made, linear = fit(gauges(), "S/N 1", "today"), Calibration.linear(GRIPPER)
+    fitted, linear = fit(gauges(), "S/N 1", "today"), Calibration.linear(GRIPPER)
     widths = [w / 4 for w in range(4, 330)]
-    own = max(abs(made.widths_um[round(count_of(w))] / 1000 - w) for w in widths)
+    ours = max(abs(fitted.widths_um[round(count_of(w))] / 1000 - w) for w in widths)
     line = max(abs(linear.widths_um[round(count_of(w))] / 1000 - w) for w in widths)
-    assert own < 0.5  # of which rounding to counts is 0.2, of the block and of the reading
+    assert ours < 0.5  # of which rounding to counts is 0.2, of the block and of the reading
     assert line > 2.5
-    assert max(map(abs, residuals_mm(made))) < 1.0
-    off = calibration.against_linear_mm(made, GRIPPER)
+    assert max(map(abs, residuals_mm(fitted))) < 1.0
+    off = calibration.against_linear_mm(fitted, GRIPPER)
     assert len(off) == len(BLOCKS)
     assert max(map(abs, off)) > 2.0
 
@@ -63,16 +63,19 @@ def test_a_straight_gripper_has_no_residuals() -> None:
     straight = [
         Gauge(w, (round(230 - w * 227 / 85),)) for w in (0.0, 85 * 50 / 227, 85 * 100 / 227, 85.0)
     ]
-    made = fit(straight, "S/N 1", "today")
-    assert max(map(abs, residuals_mm(made))) < 1e-9
+    calibration = fit(straight, "S/N 1", "today")
+    assert max(map(abs, residuals_mm(calibration))) < 1e-9
     linear = Calibration.linear(GRIPPER)
     assert (
-        max(abs(a - b) for a, b in zip(made.widths_um[3:], linear.widths_um[3:], strict=True)) <= 1
+        max(
+            abs(a - b) for a, b in zip(calibration.widths_um[3:], linear.widths_um[3:], strict=True)
+        )
+        <= 1
     )
 
 
 @pytest.mark.parametrize(
-    ("measured", "told"),
+    ("measured", "message"),
     [
         (gauges((0.0, 5.0)), "2 gauge blocks"),
         ([*gauges(), Gauge(20.0, (170,))], "of different widths"),
@@ -80,9 +83,9 @@ def test_a_straight_gripper_has_no_residuals() -> None:
     ],
 )
 def test_measurements_that_contradict_one_another_are_refused(
-    measured: list[Gauge], told: str
+    measured: list[Gauge], message: str
 ) -> None:
-    with pytest.raises(CalibrationError, match=told):
+    with pytest.raises(CalibrationError, match=message):
         fit(measured, "S/N 1", "today")
 
 
@@ -97,15 +100,15 @@ def test_a_file_gives_back_what_was_saved_and_refuses_a_changed_byte(tmp_path: P
         )
         save(fitted, path)
         assert load(path) == fitted
-    told = json.loads(path.read_text())
-    told["widths_um"][100] += 1
-    path.write_text(json.dumps(told))
+    record = json.loads(path.read_text())
+    record["widths_um"][100] += 1
+    path.write_text(json.dumps(record))
     with pytest.raises(CalibrationError, match="changed after it was measured"):
         load(path)
 
 
 @pytest.mark.parametrize(
-    ("content", "told"),
+    ("content", "message"),
     [
         (b"{", "is not JSON"),
         (b"[]", "no calibration of format 1"),
@@ -113,10 +116,10 @@ def test_a_file_gives_back_what_was_saved_and_refuses_a_changed_byte(tmp_path: P
         (b"\xff", "JSON"),
     ],
 )
-def test_what_is_no_calibration_is_refused(tmp_path: Path, content: bytes, told: str) -> None:
+def test_what_is_no_calibration_is_refused(tmp_path: Path, content: bytes, message: str) -> None:
     path = tmp_path / "g.json"
     path.write_bytes(content)
-    with pytest.raises(CalibrationError, match=told) as refused:
+    with pytest.raises(CalibrationError, match=message) as refused:
         load(path)
     assert refused.value.exit_code == 33
     with pytest.raises(CalibrationError, match="No such file"):
@@ -128,11 +131,11 @@ def test_what_is_no_calibration_is_refused(tmp_path: Path, content: bytes, told:
 def test_a_file_with_the_digest_of_nonsense_is_still_refused(tmp_path: Path) -> None:
     path = tmp_path / "g.json"
     save(fit(gauges(), "S/N 1", "today"), path)
-    told = json.loads(path.read_text())
-    del told["sha256"]
-    told["widths_um"] = told["widths_um"][::-1]
-    told["sha256"] = strict_json.digest(told)
-    path.write_text(json.dumps(told))
+    record = json.loads(path.read_text())
+    del record["sha256"]
+    record["widths_um"] = record["widths_um"][::-1]
+    record["sha256"] = strict_json.digest(record)
+    path.write_text(json.dumps(record))
     with pytest.raises(CalibrationError, match="must not rise with the count"):
         load(path)
 
@@ -191,16 +194,20 @@ def test_the_command_grips_each_block_gently_and_writes_the_file(
     gripper = ArcGripper()
     given = arguments(tmp_path, "--activate", "--tips", "57.15,5.3", "--current", "0,800")
     assert run(given, lambda port: gripper, gripper.hold) == 0
-    made = load(tmp_path / "g.json")
-    assert [gauge.width_mm for gauge in made.gauges] == list(BLOCKS)
-    assert made.gauges == tuple(gauges())
-    assert (made.tips_mm, made.current_ma, made.gripper) == ((57.15, 5.3), (0, 800), "S/N 7")
+    calibration = load(tmp_path / "g.json")
+    assert [gauge.width_mm for gauge in calibration.gauges] == list(BLOCKS)
+    assert calibration.gauges == tuple(gauges())
+    assert (calibration.tips_mm, calibration.current_ma, calibration.gripper) == (
+        (57.15, 5.3),
+        (0, 800),
+        "S/N 7",
+    )
     assert set(gripper.forces) == {0}
     assert {speed for position, speed in gripper.asked if position == 255} == {0}
     assert gripper.closed
     out = capsys.readouterr().out
     assert "linear map" in out
-    assert len(list(report(figures(made, GRIPPER)))) == 2 + len(BLOCKS)
+    assert len(list(report(figures(calibration, GRIPPER)))) == 2 + len(BLOCKS)
 
 
 def test_as_json_the_measurement_is_one_document_and_the_questions_are_elsewhere(
@@ -216,10 +223,10 @@ def test_as_json_the_measurement_is_one_document_and_the_questions_are_elsewhere
     monkeypatch.setattr("sys.stdin", Operator())
     assert run(arguments(tmp_path, "--activate", "--json"), lambda port: gripper) == 0
     record = json.loads(capsys.readouterr().out)
-    made = load(tmp_path / "g.json")
+    calibration = load(tmp_path / "g.json")
     assert (record["output"], record["gripper"]) == (str(tmp_path / "g.json"), "S/N 7")
     assert [block["position_counts"] for block in record["blocks"]] == [
-        list(g.counts) for g in made.gauges
+        list(g.counts) for g in calibration.gauges
     ]
     assert [block["width_mm"] for block in record["blocks"]] == list(BLOCKS)
 
@@ -275,7 +282,7 @@ def test_without_a_terminal_nobody_can_press_enter(
         ("--output", "no folder/g.json"),
     ],
 )
-def test_wrong_arguments_are_told_before_anything_is_opened(
+def test_wrong_arguments_are_reported_before_anything_is_opened(
     tmp_path: Path, wrong: tuple[str, ...]
 ) -> None:
     def opened(port: str):

@@ -97,7 +97,7 @@ def test_starting_over_forgets_the_path_and_not_what_is_held(tmp_path: Path) -> 
         ({"middle_um": 1500}, "middle of the fingers"),
         ({"on_reject": "stop"}, "--on-reject"),
         ({"on_unresolved": "stop"}, "--on-unresolved"),
-        ({"delivery": from_text("50,0,90").told()}, "--deliver"),
+        ({"delivery": from_text("50,0,90").record()}, "--deliver"),
     ],
 )
 def test_a_run_is_gone_on_with_as_it_was_begun(tmp_path: Path, changed: dict, what: str) -> None:

@@ -30,19 +30,19 @@ def test_three_numbers_are_a_drop_off() -> None:
 
 @pytest.mark.parametrize("text", ["50,-10,90", "-1e2,0.1,-179.9"])
 def test_what_the_journal_keeps_stays_equal_on_the_disk(text: str) -> None:
-    told = from_text(text).told()
-    assert json.loads(json.dumps(told, allow_nan=False)) == told
+    result = from_text(text).record()
+    assert json.loads(json.dumps(result, allow_nan=False)) == result
 
 
 @pytest.mark.parametrize("header", ["", "[delivery]\n"])
 def test_a_file_may_have_a_section(tmp_path: Path, header: str) -> None:
     path = tmp_path / "d.toml"
     path.write_text(header + FULL)
-    made = from_file(path)
-    assert made.drop == (50.0, -10.0, pytest.approx(pi / 2))
-    assert made.grasp == (1.0, 2.0, pytest.approx(-pi / 2))
-    assert made.width_mm == (20.5, 21.5)
-    assert made.area_um == (-60_000, -60_000, 90_000, 60_000)
+    result = from_file(path)
+    assert result.drop == (50.0, -10.0, pytest.approx(pi / 2))
+    assert result.grasp == (1.0, 2.0, pytest.approx(-pi / 2))
+    assert result.width_mm == (20.5, 21.5)
+    assert result.area_um == (-60_000, -60_000, 90_000, 60_000)
 
 
 def test_a_job_without_the_section_delivers_nothing() -> None:
@@ -53,7 +53,7 @@ def test_a_job_without_the_section_delivers_nothing() -> None:
 
 
 @pytest.mark.parametrize(
-    ("keys", "told"),
+    ("keys", "message"),
     [
         ({}, "drop_mm is missing"),
         ({"drop_mm": [1, 2], "drop": 3}, "unknown key drop; known are drop_mm"),
@@ -69,8 +69,8 @@ def test_a_job_without_the_section_delivers_nothing() -> None:
         (3, "no section"),
     ],
 )
-def test_what_is_wrong_is_named(keys: object, told: str) -> None:
-    with pytest.raises(ArgumentsError, match=told):
+def test_what_is_wrong_is_named(keys: object, message: str) -> None:
+    with pytest.raises(ArgumentsError, match=message):
         from_keys(keys, "delivery")
 
 
@@ -95,9 +95,9 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
 
 def test_a_pick_of_the_part_is_where_it_is_taken() -> None:
     part = {"datum": [10.0, 0.0, 90.0], "picks": {"handle": [5.0, 0.0, 0.0]}}
-    made = from_job({"part": part, "delivery": {"drop_mm": [0, 50], "grasp": "handle"}})
-    assert made is not None
-    assert made.grasp == pytest.approx((10.0, 5.0, pi / 2))
+    result = from_job({"part": part, "delivery": {"drop_mm": [0, 50], "grasp": "handle"}})
+    assert result is not None
+    assert result.grasp == pytest.approx((10.0, 5.0, pi / 2))
     with pytest.raises(ArgumentsError, match="none of"):
         from_job({"part": part, "delivery": {"drop_mm": [0, 50], "grasp": "rim"}})
 
@@ -108,12 +108,12 @@ def test_several_parts_are_sorted_by_their_names(tmp_path: Path) -> None:
     sorting = by_name(["right hand=1,2,0", f"left hand={path}"], several_table())
     assert sorting.of(0) == from_file(path)
     assert sorting.of(1) == from_text("1,2,0")
-    told = sorting.told()
-    assert json.loads(json.dumps(told, allow_nan=False)) == told
+    result = sorting.record()
+    assert json.loads(json.dumps(result, allow_nan=False)) == result
 
 
 @pytest.mark.parametrize(
-    ("words", "goal", "told"),
+    ("words", "goal", "message"),
     [
         (
             ["1,2,3"],
@@ -128,9 +128,9 @@ def test_several_parts_are_sorted_by_their_names(tmp_path: Path) -> None:
     ],
 )
 def test_a_place_of_no_known_part_is_refused(
-    words: list[str], goal: dict[str, object], told: str
+    words: list[str], goal: dict[str, object], message: str
 ) -> None:
     table = several_table()
     table = replace(table, goal=replace(table.goal, **goal))
-    with pytest.raises(ArgumentsError, match=told):
+    with pytest.raises(ArgumentsError, match=message):
         by_name(words, table)

@@ -25,16 +25,16 @@ class ForeignError(Exception):
     exit_code = 21
 
 
-def run(made: FakeCell, table: Table | None = None, seen: list[Step] | None = None) -> PartResult:
+def run(rig: FakeCell, table: Table | None = None, seen: list[Step] | None = None) -> PartResult:
     console = Deaf()
     console.step = lambda part, step: None if seen is None else seen.append(step)
-    return Executor(table or small_table(), made.cell, console).run_part(1)
+    return Executor(table or small_table(), rig.cell, console).run_part(1)
 
 
 def number_of_calls(table: Table) -> int:
-    made = fake_cell(LONGEST)
-    run(made, table)
-    return len(made.log.calls)
+    rig = fake_cell(LONGEST)
+    run(rig, table)
+    return len(rig.log.calls)
 
 
 CALLS = [
@@ -62,20 +62,20 @@ def test_outcome_follows_the_widths(
     path: list[int],
     exit_code: int,
 ) -> None:
-    made, seen = fake_cell(counts), []
-    result = run(made, seen=seen)
+    rig, seen = fake_cell(counts), []
+    result = run(rig, seen=seen)
     assert (result.outcome, result.leaf, result.exit_code) == (outcome, leaf, exit_code)
     assert [step.node for step in result.steps] == path
     assert list(result.steps) == seen
     assert (result.reason is None) == (outcome is Outcome.LEAF)
     assert result.safe_state == ()
-    assert made.journal.kinds() == ["part", *["placed", "squeeze"] * len(path), "outcome"]
+    assert rig.journal.kinds() == ["part", *["placed", "squeeze"] * len(path), "outcome"]
 
 
 def test_motions_come_in_the_order_place_open_descend_close_open_retreat() -> None:
-    made = fake_cell(LONGEST)
-    run(made)
-    motions = [call for call in made.log.calls if call.name in ("move", "move_linear")]
+    rig = fake_cell(LONGEST)
+    run(rig)
+    motions = [call for call in rig.log.calls if call.name in ("move", "move_linear")]
     lines = [
         ("jaws", call.arguments[0]) if call.name == "move" else call.arguments[:4]
         for call in motions
@@ -93,10 +93,10 @@ def test_motions_come_in_the_order_place_open_descend_close_open_retreat() -> No
 
 
 def test_before_a_squeeze_the_jaws_are_set_and_the_hand_pushes_along_its_own_x() -> None:
-    made = fake_cell(LONGEST)
-    result = run(made, pushing_table())
+    rig = fake_cell(LONGEST)
+    result = run(rig, pushing_table())
     assert (result.outcome, result.leaf) == (Outcome.LEAF, 1)
-    motions = [call for call in made.log.calls if call.name in ("move", "move_linear")]
+    motions = [call for call in rig.log.calls if call.name in ("move", "move_linear")]
     lines = [
         ("jaws", call.arguments[0]) if call.name == "move" else call.arguments for call in motions
     ]
@@ -115,13 +115,13 @@ def test_before_a_squeeze_the_jaws_are_set_and_the_hand_pushes_along_its_own_x()
         (3.0, 25.0, 10.0, -1.570796, 30.0), abs=1e-4
     )  # of the third push
     pushed = ["pushing", "placed", "squeeze", "pushing", "pushing", "placed", "squeeze"]
-    assert made.journal.kinds() == ["part", *pushed, "outcome"]
+    assert rig.journal.kinds() == ["part", *pushed, "outcome"]
 
 
 def test_what_is_squeezed_once_more_is_not_pushed_again_and_what_starts_over_is() -> None:
-    made = fake_cell([AT_36, AT_36, AT_21])
+    rig = fake_cell([AT_36, AT_36, AT_21])
     options = RunOptions(Policy.of("resqueeze,restart,next", "next"))
-    result = Executor(pushing_table(), made.cell, Deaf(), options).run_part(1)
+    result = Executor(pushing_table(), rig.cell, Deaf(), options).run_part(1)
     assert (result.outcome, result.leaf) == (Outcome.LEAF, 0)
     kinds = [
         "part",
@@ -134,31 +134,31 @@ def test_what_is_squeezed_once_more_is_not_pushed_again_and_what_starts_over_is(
         "placed",
         "squeeze",
     ]
-    assert made.journal.kinds() == [*kinds, "outcome"]
+    assert rig.journal.kinds() == [*kinds, "outcome"]
 
 
 def test_jaws_that_do_not_stand_as_they_were_set_end_the_push() -> None:
-    made = fake_cell(LONGEST)
-    slide = made.arm.move_linear
+    rig = fake_cell(LONGEST)
+    slide = rig.arm.move_linear
 
     def bend(x_mm: float, y_mm: float, z_mm: float, angle_rad: float, speed_mm_s: float) -> None:
         slide(x_mm, y_mm, z_mm, angle_rad, speed_mm_s)
         if speed_mm_s == 30.0:
-            made.gripper.now = made.gripper.now._replace(position_counts=220)
+            rig.gripper.now = rig.gripper.now._replace(position_counts=220)
 
-    made.arm.move_linear = bend
-    result = run(made, pushing_table())
+    rig.arm.move_linear = bend
+    result = run(rig, pushing_table())
     assert (result.outcome, result.exit_code) == (Outcome.FAULT, 21)
     assert "the jaws stand at 3.74 mm and were set to 0.00 mm to push" in str(result.reason)
-    assert made.arm.at[2] == 60.0
+    assert rig.arm.at[2] == 60.0
 
 
 def test_jaws_that_something_keeps_apart_are_not_lowered_to_push() -> None:
-    made = fake_cell(LONGEST)
-    made.gripper.opened_to = -20
-    result = run(made, pushing_table())
+    rig = fake_cell(LONGEST)
+    rig.gripper.opened_to = -20
+    result = run(rig, pushing_table())
     assert "look for what is between them" in str(result.reason)
-    assert all(call.arguments[2] >= 30.0 for call in made.log.named("move_linear"))
+    assert all(call.arguments[2] >= 30.0 for call in rig.log.named("move_linear"))
 
 
 def test_ways_of_pushes_have_their_time() -> None:
@@ -171,11 +171,11 @@ def test_ways_of_pushes_have_their_time() -> None:
 @pytest.mark.parametrize("seed", range(4))
 def test_fingers_meet_the_part_only_from_above_open_and_slower_than_the_caps(seed: int) -> None:
     table = random_table(seed, 15)
-    made = fake_cell([(CALIBRATION.count(b.expected_um), CONTACT) for b in _first_path(table)])
-    result = run(made, table)
+    rig = fake_cell([(CALIBRATION.count(b.expected_um), CONTACT) for b in _first_path(table)])
+    result = run(rig, table)
     assert result.outcome in (Outcome.LEAF, Outcome.REJECT)
     height, xy, opened = 30.0, (5.0, 5.0), False
-    for call in made.log.calls:
+    for call in rig.log.calls:
         if call.name == "move_linear":
             x, y, z, _, speed = call.arguments
             assert speed == table.limits.arm_speed_um_s / 1000
@@ -200,9 +200,9 @@ def _first_path(table: Table) -> list:
     return branches
 
 
-def assert_safe_end(made: FakeCell, result: PartResult, *, failed: int) -> None:
+def assert_safe_end(rig: FakeCell, result: PartResult, *, failed: int) -> None:
     """Fingers stopped, at most one motion of the arm and that straight up, everything journalled."""
-    after = made.log.calls[failed + 1 :]
+    after = rig.log.calls[failed + 1 :]
     assert [call.name for call in after if call.name in ("move", "activate")] == []
     lifts = [call for call in after if call.name == "move_linear"]
     assert len(lifts) <= 1
@@ -211,7 +211,7 @@ def assert_safe_end(made: FakeCell, result: PartResult, *, failed: int) -> None:
     assert ("gripper", "stop") in [(call.device, call.name) for call in after]
     assert result.leaf is None
     assert len(result.safe_state) == 2
-    kind, fields = made.journal.kept[-1]
+    kind, fields = rig.journal.kept[-1]
     assert (kind, fields["outcome"], fields["exit_code"]) == (
         "outcome",
         result.outcome.value,
@@ -221,40 +221,40 @@ def assert_safe_end(made: FakeCell, result: PartResult, *, failed: int) -> None:
 
 @pytest.mark.parametrize(("table", "at"), CALLS)
 def test_a_link_lost_at_any_call_ends_in_the_safe_state(table: Table, at: int) -> None:
-    made = fake_cell(LONGEST, Log(at, LinkError("cable")))
-    result = run(made, table)
+    rig = fake_cell(LONGEST, Log(at, LinkError("cable")))
+    result = run(rig, table)
     assert (result.outcome, result.exit_code, result.reason) == (Outcome.FAULT, 20, "cable")
-    assert_safe_end(made, result, failed=at)
+    assert_safe_end(rig, result, failed=at)
 
 
 @pytest.mark.parametrize(("table", "at"), CALLS)
 def test_ctrl_c_at_any_call_ends_in_the_safe_state(table: Table, at: int) -> None:
-    made = fake_cell(LONGEST, Log(at, KeyboardInterrupt()))
-    result = run(made, table)
+    rig = fake_cell(LONGEST, Log(at, KeyboardInterrupt()))
+    result = run(rig, table)
     assert (result.outcome, result.exit_code) == (Outcome.STOPPED, 40)
-    assert_safe_end(made, result, failed=at)
+    assert_safe_end(rig, result, failed=at)
     # An arm that was interrupted in a call may be anywhere: it is left alone, any other one goes up.
-    failed_device = made.log.calls[at].device
-    lifted = any(call.name == "move_linear" for call in made.log.calls[at + 1 :])
-    low = made.arm.at[2] < 60.0
+    failed_device = rig.log.calls[at].device
+    lifted = any(call.name == "move_linear" for call in rig.log.calls[at + 1 :])
+    low = rig.arm.at[2] < 60.0
     assert not (failed_device == "arm" and lifted)
     assert failed_device == "arm" or not low
 
 
 def test_error_of_a_library_with_an_exit_code_is_a_bug() -> None:
-    made = fake_cell(LONGEST, Log(4, ForeignError("x")))
+    rig = fake_cell(LONGEST, Log(4, ForeignError("x")))
     with pytest.raises(ForeignError):
-        run(made)
-    assert made.journal.kept[-1][1]["exit_code"] == 1
+        run(rig)
+    assert rig.journal.kept[-1][1]["exit_code"] == 1
 
 
 @pytest.mark.parametrize(("table", "at"), CALLS)
 def test_a_bug_is_raised_but_only_after_the_safe_state(table: Table, at: int) -> None:
-    made = fake_cell(LONGEST, Log(at, ZeroDivisionError("a bug")))
+    rig = fake_cell(LONGEST, Log(at, ZeroDivisionError("a bug")))
     with pytest.raises(ZeroDivisionError):
-        run(made, table)
-    assert ("gripper", "stop") in [(call.device, call.name) for call in made.log.calls[at + 1 :]]
-    assert made.journal.kept[-1][1]["exit_code"] == 1
+        run(rig, table)
+    assert ("gripper", "stop") in [(call.device, call.name) for call in rig.log.calls[at + 1 :]]
+    assert rig.journal.kept[-1][1]["exit_code"] == 1
 
 
 @pytest.mark.parametrize(
@@ -265,11 +265,11 @@ def test_a_journal_that_fails_at_any_record_lets_no_leaf_be_reported(
     table: Table, at: int, tmp_path
 ) -> None:
     journal = FakeJournal(at, JournalError(tmp_path, "full"))
-    made = fake_cell(LONGEST, journal=journal)
-    result = run(made, table)
+    rig = fake_cell(LONGEST, journal=journal)
+    result = run(rig, table)
     assert (result.outcome, result.exit_code, result.leaf) == (Outcome.FAULT, 24, None)
     assert any("not journalled" in sentence for sentence in result.safe_state)
-    assert made.log.named("stop")
+    assert rig.log.named("stop")
 
 
 @pytest.mark.parametrize(
@@ -289,31 +289,31 @@ def test_an_error_brings_its_exit_code_or_the_one_of_its_built_in_parent(
     assert (result.outcome, result.exit_code) == (Outcome.FAULT, exit_code)
 
 
-def test_a_failure_of_the_safe_sequence_is_told_and_does_not_end_it() -> None:
-    made = fake_cell(LONGEST, Log(0, LinkError("first")))
+def test_a_failure_of_the_safe_sequence_is_reported_and_does_not_end_it() -> None:
+    rig = fake_cell(LONGEST, Log(0, LinkError("first")))
 
     def refuse() -> None:
-        made.log.call("gripper", "stop")
+        rig.log.call("gripper", "stop")
         raise LinkError("second")
 
-    made.gripper.stop = refuse
-    result = run(made)
+    rig.gripper.stop = refuse
+    result = run(rig)
     assert result.reason == "first"
     assert result.safe_state == (
         "fingers: NOT KNOWN TO BE STOPPED: second",
         "arm at retreat height 60 mm",
     )
-    assert made.journal.kept[-1][1]["safe_state"] == list(result.safe_state)
+    assert rig.journal.kept[-1][1]["safe_state"] == list(result.safe_state)
 
 
 def faulty(**changes: object) -> FakeCell:
-    made = fake_cell(LONGEST)
-    made.gripper.now = State(**changes)
-    return made
+    rig = fake_cell(LONGEST)
+    rig.gripper.now = State(**changes)
+    return rig
 
 
 @pytest.mark.parametrize(
-    ("made", "reason"),
+    ("rig", "reason"),
     [
         (faulty(activated=False), "not activated; clear the space"),
         (faulty(fault=0x0E), "fault 0x0E"),
@@ -321,13 +321,13 @@ def faulty(**changes: object) -> FakeCell:
     ],
 )
 def test_a_gripper_that_is_not_ready_is_not_moved_and_neither_is_the_arm(
-    made: FakeCell, reason: str
+    rig: FakeCell, reason: str
 ) -> None:
-    result = run(made)
+    result = run(rig)
     assert (result.outcome, result.exit_code) == (Outcome.FAULT, 21)
     assert reason in str(result.reason)
-    assert made.log.named("move") == []
-    assert len(made.log.named("move_linear")) <= 1  # the retreat of the safe sequence
+    assert rig.log.named("move") == []
+    assert len(rig.log.named("move_linear")) <= 1  # the retreat of the safe sequence
 
 
 def test_a_gripper_that_tells_of_a_silence_before_is_ready() -> None:
@@ -335,40 +335,40 @@ def test_a_gripper_that_tells_of_a_silence_before_is_ready() -> None:
 
 
 def test_a_stale_reading_is_a_fault_and_no_child() -> None:
-    made = fake_cell(LONGEST)
-    made.gripper.echo_off = 1
-    result = run(made)
+    rig = fake_cell(LONGEST)
+    rig.gripper.echo_off = 1
+    result = run(rig)
     assert (result.outcome, result.exit_code, result.steps) == (Outcome.FAULT, 21, ())
     assert "stale reading" in str(result.reason)
 
 
 def test_jaws_that_do_not_open_are_not_lowered() -> None:
-    made = fake_cell(LONGEST)
-    made.gripper.opened_to = 5
-    result = run(made)
+    rig = fake_cell(LONGEST)
+    rig.gripper.opened_to = 5
+    result = run(rig)
     assert (result.outcome, result.exit_code) == (Outcome.FAULT, 21)
     assert "remove what blocks them" in str(result.reason)
-    assert all(call.arguments[2] >= 30.0 for call in made.log.named("move_linear"))
+    assert all(call.arguments[2] >= 30.0 for call in rig.log.named("move_linear"))
 
 
 def test_an_arm_that_stands_elsewhere_is_not_moved_again() -> None:
-    made = fake_cell(LONGEST)
-    made.arm.off_mm = 0.6
-    result = run(made)
+    rig = fake_cell(LONGEST)
+    rig.arm.off_mm = 0.6
+    result = run(rig)
     assert (result.outcome, result.exit_code) == (Outcome.FAULT, 22)
-    assert len(made.log.named("move_linear")) == 1
+    assert len(rig.log.named("move_linear")) == 1
     assert "arm not moved: state unknown" in result.safe_state
 
 
 def test_a_reading_that_is_no_number_is_no_place() -> None:
-    made = fake_cell(LONGEST)
-    made.arm.off_mm = float("nan")
-    assert run(made).exit_code == 22
+    rig = fake_cell(LONGEST)
+    rig.arm.off_mm = float("nan")
+    assert run(rig).exit_code == 22
 
 
 def test_a_squeeze_that_takes_too_long_is_a_fault() -> None:
-    made = fake_cell(LONGEST)
-    cell = replace(made.cell, clock=FakeClock(step_s=1000.0))
+    rig = fake_cell(LONGEST)
+    cell = replace(rig.cell, clock=FakeClock(step_s=1000.0))
     result = Executor(small_table(), cell, Deaf()).run_part(1)
     assert (result.outcome, result.exit_code) == (Outcome.FAULT, 21)
     assert "s late" in str(result.reason)
@@ -382,7 +382,7 @@ def test_a_table_the_gripper_cannot_execute_is_refused_before_anything_moves(
     table = with_node(
         small_table(), 0, node._replace(squeeze=node.squeeze._replace(**{field: value}))
     )
-    made = fake_cell([])
+    rig = fake_cell([])
     with pytest.raises(TableError, match=r"node 0 .* the gripper does 20\.\."):
-        run(made, table)
-    assert made.log.calls == []
+        run(rig, table)
+    assert rig.log.calls == []

@@ -41,60 +41,60 @@ def dragging_table(force_mn: int = 40_000) -> Table:
 
 
 def test_squeeze_regulated_meets_the_part_with_the_least_force() -> None:
-    made = fake_cell([AT_21])
-    assert run(made, RunOptions(handling=Handling(regulated=True))).leaf == 0
-    assert [force for position, _, force in jaw_moves(made) if position == 255] == [GENTLE_FORCE]
+    rig = fake_cell([AT_21])
+    assert run(rig, RunOptions(handling=Handling(regulated=True))).leaf == 0
+    assert [force for position, _, force in jaw_moves(rig) if position == 255] == [GENTLE_FORCE]
 
 
 def test_squeeze_regulated_raises_the_force_for_a_drag() -> None:
-    made = fake_cell([AT_21])
-    assert run(made, RunOptions(handling=Handling(regulated=True)), dragging_table()).leaf == 0
+    rig = fake_cell([AT_21])
+    assert run(rig, RunOptions(handling=Handling(regulated=True)), dragging_table()).leaf == 0
     node_force = profile_of(GRIPPER.model).force_counts(40_000)
-    assert [force for position, _, force in jaw_moves(made) if position == 255] == [
+    assert [force for position, _, force in jaw_moves(rig) if position == 255] == [
         GENTLE_FORCE,
         node_force,
     ]
 
 
 def test_squeeze_regulated_raises_the_force_where_the_reading_decides_nothing() -> None:
-    made = meeting(AT_60[0])
-    result = run(made, RunOptions(handling=Handling(regulated=True)))
+    rig = meeting(AT_60[0])
+    result = run(rig, RunOptions(handling=Handling(regulated=True)))
     assert result.outcome is Outcome.REJECT  # nobody planned for 60 mm
-    forces = [force for position, _, force in jaw_moves(made) if position > 0]
+    forces = [force for position, _, force in jaw_moves(rig) if position > 0]
     assert forces == [GENTLE_FORCE, profile_of(GRIPPER.model).force_counts(40_000)]
 
 
 def test_the_motor_current_ends_the_raising() -> None:
     for grip_current_ma, raises in [(None, 4), (299, 0), (300, 0), (301, 4)]:
-        made = fake_cell([AT_21])
+        rig = fake_cell([AT_21])
         handling = Handling(regulated=True, grip_current_ma=grip_current_ma)
-        assert run(made, RunOptions(handling=handling), dragging_table(200_000)).leaf == 0
-        closings = [force for position, _, force in jaw_moves(made) if position == 255]
+        assert run(rig, RunOptions(handling=handling), dragging_table(200_000)).leaf == 0
+        closings = [force for position, _, force in jaw_moves(rig) if position == 255]
         assert len(closings) == 1 + raises
 
 
-def test_a_part_that_slips_out_while_the_force_rises_is_told_by_its_width() -> None:
-    made = fake_cell([AT_21])
-    move = made.gripper.move
+def test_a_part_that_slips_out_while_the_force_rises_is_reported_by_its_width() -> None:
+    rig = fake_cell([AT_21])
+    move = rig.gripper.move
 
     def slip(position_counts: int, speed_counts: int, force_counts: int) -> None:
         move(position_counts, speed_counts, force_counts)
         if position_counts == 255 and force_counts > GENTLE_FORCE:
-            made.gripper.now = made.gripper.now._replace(position_counts=229, object_flag=ARRIVED)
+            rig.gripper.now = rig.gripper.now._replace(position_counts=229, object_flag=ARRIVED)
 
-    made.gripper.move = slip
-    result = run(made, RunOptions(handling=Handling(regulated=True)), dragging_table(200_000))
+    rig.gripper.move = slip
+    result = run(rig, RunOptions(handling=Handling(regulated=True)), dragging_table(200_000))
     assert (result.outcome, result.reason) == (Outcome.REJECT, "the fingers closed on nothing")
-    assert [force for position, _, force in jaw_moves(made) if position == 255] == [
+    assert [force for position, _, force in jaw_moves(rig) if position == 255] == [
         GENTLE_FORCE,
         64,
     ]
 
 
 def test_nothing_between_the_fingers_is_not_squeezed_harder() -> None:
-    made = fake_cell([EMPTY])
-    assert run(made, RunOptions(handling=Handling(regulated=True))).outcome is Outcome.REJECT
-    assert [force for position, _, force in jaw_moves(made) if position > 0] == [GENTLE_FORCE]
+    rig = fake_cell([EMPTY])
+    assert run(rig, RunOptions(handling=Handling(regulated=True))).outcome is Outcome.REJECT
+    assert [force for position, _, force in jaw_moves(rig) if position > 0] == [GENTLE_FORCE]
 
 
 # -- short squeezes ---------------------------------------------------------------------------------
@@ -110,11 +110,11 @@ def known_table() -> Table:
 
 
 def test_between_squeezes_hand_rises_to_just_above_the_part_and_jaws_open_for_the_next() -> None:
-    made = fake_cell([AT_30, AT_21])
-    assert run(made, RunOptions(), known_table()).leaf == 1
-    heights = [call.arguments[2] for call in made.log.named("move_linear")]
+    rig = fake_cell([AT_30, AT_21])
+    assert run(rig, RunOptions(), known_table()).leaf == 1
+    heights = [call.arguments[2] for call in rig.log.named("move_linear")]
     assert heights == [60.0, 60.0, 10.0, 20.0, 20.0, 10.0, 60.0]
-    opened = [CALIBRATION.width_um(position) for position, *_ in jaw_moves(made) if position < 255]
+    opened = [CALIBRATION.width_um(position) for position, *_ in jaw_moves(rig) if position < 255]
     assert [width >= 50_000 for width in opened] == [True] * len(opened)
     assert min(opened) < 51_000
     assert opened[-1] == 85_000  # for the next part
@@ -123,13 +123,13 @@ def test_between_squeezes_hand_rises_to_just_above_the_part_and_jaws_open_for_th
 def test_jaws_are_freed_before_the_hand_rises_though_the_next_opening_is_narrower() -> None:
     root, second = known_table().nodes
     narrow = second._replace(contact_um=None, squeeze=second.squeeze._replace(opening_um=38_000))
-    made = fake_cell([AT_36, AT_21])
+    rig = fake_cell([AT_36, AT_21])
     wide = root.branches[1]._replace(low_um=35_000, expected_um=36_000, high_um=37_000)
     table = with_node(
         with_node(known_table(), 1, narrow), 0, root._replace(branches=(root.branches[0], wide))
     )
-    run(made, RunOptions(), table)
-    log = made.log.calls
+    run(rig, RunOptions(), table)
+    log = rig.log.calls
     rise = next(
         k for k, call in enumerate(log) if call.name == "move_linear" and call.arguments[2] == 20.0
     )
@@ -140,16 +140,16 @@ def test_jaws_are_freed_before_the_hand_rises_though_the_next_opening_is_narrowe
 
 
 def test_jaws_that_stand_open_by_a_fresh_reading_are_not_opened_again() -> None:
-    made = fake_cell([AT_30, AT_21])
-    run(made, RunOptions())
-    positions = [position for position, *_ in jaw_moves(made)]
+    rig = fake_cell([AT_30, AT_21])
+    run(rig, RunOptions())
+    positions = [position for position, *_ in jaw_moves(rig)]
     assert positions == [0, 255, 0, 255, 0]  # at first nobody knows what they hold
 
 
 def test_jaws_blocked_on_the_way_to_the_next_opening_never_come_down() -> None:
-    made = fake_cell([AT_30, AT_21])
-    made.gripper.opened_to = 40
-    result = run(made, RunOptions(), known_table())
+    rig = fake_cell([AT_30, AT_21])
+    rig.gripper.opened_to = 40
+    result = run(rig, RunOptions(), known_table())
     assert (result.outcome, result.exit_code) == (Outcome.FAULT, 21)
     assert "remove what blocks them" in str(result.reason)
 
@@ -157,14 +157,14 @@ def test_jaws_blocked_on_the_way_to_the_next_opening_never_come_down() -> None:
 def test_hand_of_alike_fingers_turns_the_short_way() -> None:
     table = known_table()
     turned = table.nodes[1]._replace(squeeze=table.nodes[1].squeeze._replace(angle_urad=3_000_000))
-    made = fake_cell([AT_30, AT_21])
-    assert run(made, RunOptions(), with_node(table, 1, turned)).leaf == 1
-    angles = [call.arguments[3] for call in made.log.named("move_linear")]
+    rig = fake_cell([AT_30, AT_21])
+    assert run(rig, RunOptions(), with_node(table, 1, turned)).leaf == 1
+    angles = [call.arguments[3] for call in rig.log.named("move_linear")]
     assert angles[-1] == pytest.approx(3.0 - math.pi, abs=1e-6)
-    made = fake_cell([AT_30, AT_21])
-    made.arm.turns = (0.0, math.tau)
-    run(made, RunOptions(), with_node(table, 1, turned))
-    assert made.log.named("move_linear")[-1].arguments[3] == pytest.approx(3.0)
+    rig = fake_cell([AT_30, AT_21])
+    rig.arm.turns = (0.0, math.tau)
+    run(rig, RunOptions(), with_node(table, 1, turned))
+    assert rig.log.named("move_linear")[-1].arguments[3] == pytest.approx(3.0)
 
 
 def test_gripper_that_takes_no_command_on_the_way_closes_in_one_stroke_or_stops_between(
@@ -176,25 +176,25 @@ def test_gripper_that_takes_no_command_on_the_way_closes_in_one_stroke_or_stops_
         root = small_table().nodes[0]._replace(contact_um=33_000)
         table = with_node(small_table(), 0, root)
         table = replace(table, limits=replace(table.limits, max_speed_um_s=150_000))
-        made = fake_cell([AT_21])
-        assert run(made, RunOptions(), table).leaf == 0
-        calls = [call.name for call in made.log.calls if call.name in ("move", "wait")]
+        rig = fake_cell([AT_21])
+        assert run(rig, RunOptions(), table).leaf == 0
+        calls = [call.name for call in rig.log.calls if call.name in ("move", "wait")]
         assert calls[2 : 3 + waits] == ["move", *["wait"] * (waits - 1), "move"]
 
 
 def test_phases_of_each_squeeze_add_up_to_the_seconds_of_the_part() -> None:
-    made = fake_cell([AT_30, AT_21])
-    made.cell.clock.step_s = 0.001
-    result = run(made, RunOptions())
+    rig = fake_cell([AT_30, AT_21])
+    rig.cell.clock.step_s = 0.001
+    result = run(rig, RunOptions())
     assert len(result.phases) == 2
     assert sum(phases.total_s for phases in result.phases) == pytest.approx(result.seconds, abs=0.1)
-    assert made.journal.kept[-1][1]["phases"][0].keys() == result.phases[0]._asdict().keys()
+    assert rig.journal.kept[-1][1]["phases"][0].keys() == result.phases[0]._asdict().keys()
 
 
 def test_a_current_that_cannot_be_is_a_fault_and_no_child() -> None:
-    made = fake_cell([AT_21])
-    made.gripper.current_ma = 1500
-    result = run(made, RunOptions())
+    rig = fake_cell([AT_21])
+    rig.gripper.current_ma = 1500
+    result = run(rig, RunOptions())
     assert (result.outcome, result.exit_code, result.steps) == (Outcome.FAULT, 21, ())
 
 
@@ -204,12 +204,12 @@ def test_a_current_that_cannot_be_is_a_fault_and_no_child() -> None:
 def test_what_is_held_is_dragged_to_the_release_point_and_let_go_there() -> None:
     table = small_table()
     table = with_node(table, 0, table.nodes[0]._replace(release=(12_000, -7_000)))
-    made = fake_cell([AT_21])
-    made.arm.at = (5.0, 5.0, 60.0, 0.1)
-    assert run(made, RunOptions(), table).leaf == 0
-    motions = [call.arguments[:4] for call in made.log.calls if call.name == "move_linear"]
+    rig = fake_cell([AT_21])
+    rig.arm.at = (5.0, 5.0, 60.0, 0.1)
+    assert run(rig, RunOptions(), table).leaf == 0
+    motions = [call.arguments[:4] for call in rig.log.calls if call.name == "move_linear"]
     assert motions[-2:] == [(12.0, -7.0, 10.0, 0.0), (12.0, -7.0, 60.0, 0.0)]
-    names = [call.name for call in made.log.calls if call.name in ("move", "move_linear")]
+    names = [call.name for call in rig.log.calls if call.name in ("move", "move_linear")]
     assert names[-3:] == ["move_linear", "move", "move_linear"]
     rejected = fake_cell([AT_36])
     run(rejected, RunOptions(), table)
@@ -219,31 +219,31 @@ def test_what_is_held_is_dragged_to_the_release_point_and_let_go_there() -> None
 def test_a_drag_never_sends_the_tips_below_the_squeeze_height() -> None:
     table = small_table()
     table = with_node(table, 0, table.nodes[0]._replace(release=(12_000, -7_000)))
-    made = fake_cell([AT_21])
-    pose = made.arm.pose
+    rig = fake_cell([AT_21])
+    pose = rig.arm.pose
 
     def rounded() -> tuple[float, float, float, float]:
         x, y, z, angle = pose()
         return x, y, z - 0.01, angle
 
-    made.arm.pose = rounded
-    assert run(made, RunOptions(), table).leaf == 0
+    rig.arm.pose = rounded
+    assert run(rig, RunOptions(), table).leaf == 0
 
 
 # -- policies -------------------------------------------------------------------------------------
 
 
 def test_policies_squeeze_again_and_start_over() -> None:
-    made = fake_cell([AT_30, AT_30, AT_30, AT_21])
-    result = run(made, RunOptions(Policy.of("resqueeze,restart,next", "next")))
+    rig = fake_cell([AT_30, AT_30, AT_30, AT_21])
+    result = run(rig, RunOptions(Policy.of("resqueeze,restart,next", "next")))
     assert (result.outcome, result.leaf) == (Outcome.LEAF, 0)
     assert [step.node for step in result.steps] == [0, 1, 1, 0]
     assert [step.number for step in result.steps] == [1, 2, 3, 4]
 
 
 def test_an_unresolved_part_may_be_started_over() -> None:
-    made = fake_cell([AT_30, AT_36, AT_21])
-    result = run(made, RunOptions(Policy.of("next", "restart,stop")))
+    rig = fake_cell([AT_30, AT_36, AT_21])
+    result = run(rig, RunOptions(Policy.of("next", "restart,stop")))
     assert (result.outcome, [step.node for step in result.steps]) == (Outcome.LEAF, [0, 1, 0])
 
 
@@ -262,17 +262,17 @@ def test_phases_go_by_in_their_order() -> None:
 
 
 def test_unready_grippers_are_not_waited_for_for_ever() -> None:
-    made = fake_cell([])
-    made.gripper.now = State(moving=True)
-    hand = Hand(made.gripper, made.arm, made.cell.clock, small_table(), Handling())
+    rig = fake_cell([])
+    rig.gripper.now = State(moving=True)
+    hand = Hand(rig.gripper, rig.arm, rig.cell.clock, small_table(), Handling())
     with pytest.raises(GripperStateError, match="without having been asked"):
         hand.await_stillness()
-    assert made.cell.clock.now() >= 8.0
+    assert rig.cell.clock.now() >= 8.0
 
 
 def test_where_the_arm_stands_is_known_once_it_has_answered() -> None:
-    made = fake_cell([])
-    hand = Hand(made.gripper, made.arm, made.cell.clock, small_table(), Handling())
+    rig = fake_cell([])
+    hand = Hand(rig.gripper, rig.arm, rig.cell.clock, small_table(), Handling())
     assert not hasattr(Handling(), "__dict__")
     with pytest.raises(FrozenInstanceError):
         Handling().regulated = True
@@ -282,7 +282,7 @@ def test_where_the_arm_stands_is_known_once_it_has_answered() -> None:
     def silent() -> tuple[float, float, float, float]:
         raise ConnectionError("2.0 s of silence")
 
-    made.arm.pose = silent
+    rig.arm.pose = silent
     with pytest.raises(ConnectionError):
         hand.where()
     assert not hand.arm_known
@@ -298,21 +298,21 @@ def test_where_the_arm_stands_is_known_once_it_has_answered() -> None:
 def test_displaced_arm_in_a_squeeze_ends_the_part_and_is_not_moved_again(
     request_counts: int, by: tuple[float, ...]
 ) -> None:
-    made = fake_cell([AT_21])
-    move = made.gripper.move
+    rig = fake_cell([AT_21])
+    move = rig.gripper.move
 
     def bump(position_counts: int, speed_counts: int, force_counts: int) -> None:
-        squeezes = position_counts == 255 or made.gripper.gripping
+        squeezes = position_counts == 255 or rig.gripper.gripping
         move(position_counts, speed_counts, force_counts)
         if squeezes and (position_counts == 255) == (request_counts == 255):
-            made.arm.at = tuple(a + b for a, b in zip(made.arm.at, by, strict=True))
-            made.log.call("test", "bump")
+            rig.arm.at = tuple(a + b for a, b in zip(rig.arm.at, by, strict=True))
+            rig.log.call("test", "bump")
 
-    made.gripper.move = bump
-    result = run(made, RunOptions())
+    rig.gripper.move = bump
+    result = run(rig, RunOptions())
     assert (result.outcome, result.exit_code, result.leaf) == (Outcome.FAULT, 22, None)
     assert "off the place it was sent to" in str(result.reason)
-    after = made.log.calls[made.log.calls.index(made.log.named("bump")[0]) :]
+    after = rig.log.calls[rig.log.calls.index(rig.log.named("bump")[0]) :]
     assert "stop" in [call.name for call in after]
     assert "move_linear" not in [call.name for call in after]
     assert result.safe_state[1] == "arm not moved: state unknown"
@@ -320,13 +320,13 @@ def test_displaced_arm_in_a_squeeze_ends_the_part_and_is_not_moved_again(
 
 @pytest.mark.parametrize("turn_rad", [0.0, 0.009, -0.009])
 def test_arm_that_settles_within_the_tolerance_is_no_fault(turn_rad: float) -> None:
-    made = fake_cell([AT_21])
-    move_linear = made.arm.move_linear
+    rig = fake_cell([AT_21])
+    move_linear = rig.arm.move_linear
 
     def settle(*target: float) -> None:
         move_linear(*target)
-        x, y, z, angle = made.arm.at
-        made.arm.at = (x + 0.3, y - 0.3, z + 0.2, angle + turn_rad)
+        x, y, z, angle = rig.arm.at
+        rig.arm.at = (x + 0.3, y - 0.3, z + 0.2, angle + turn_rad)
 
-    made.arm.move_linear = settle
-    assert run(made, RunOptions()).leaf == 0
+    rig.arm.move_linear = settle
+    assert run(rig, RunOptions()).leaf == 0

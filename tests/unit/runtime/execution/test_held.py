@@ -19,7 +19,7 @@ HOLDING = State(object_flag=2, echo_counts=255, position_counts=AT_30)
 
 
 @pytest.mark.parametrize(
-    ("state", "told"),
+    ("state", "message"),
     [
         (State(), None),  # wide open, as after a run
         (State(echo_counts=0, position_counts=13), None),  # the open end of some grippers
@@ -43,81 +43,81 @@ HOLDING = State(object_flag=2, echo_counts=255, position_counts=AT_30)
         (State(activated=False, object_flag=0), None),
     ],
 )
-def test_what_the_gripper_tells(state: State, told: str | None) -> None:
+def test_what_the_gripper_tells(state: State, message: str | None) -> None:
     holds = held.look(state, CALIBRATION)
-    if told is None:
+    if message is None:
         assert holds is None
     else:
         assert holds is not None
-        assert told in holds.sentence()
+        assert message in holds.sentence()
         assert f"count {state.position_counts}" in holds.sentence()
 
 
 def holding(log: Log | None = None) -> FakeCell:
-    made = fake_cell([], log)
-    made.gripper.now, made.arm.at = HOLDING, (50.0, 5.0, 60.0, 0.1)
-    return made
+    rig = fake_cell([], log)
+    rig.gripper.now, rig.arm.at = HOLDING, (50.0, 5.0, 60.0, 0.1)
+    return rig
 
 
-def heights(made: FakeCell) -> list[float]:
-    return [call.arguments[2] for call in made.log.named("move_linear")]
+def heights(rig: FakeCell) -> list[float]:
+    return [call.arguments[2] for call in rig.log.named("move_linear")]
 
 
 def test_it_is_lowered_where_the_arm_stands_before_the_jaws_open_and_no_wider_than_they_must() -> (
     None
 ):
-    made = holding()
-    session.put_down(small_table(), made.cell, Quiet(), RunOptions())
-    assert [call.name for call in made.log.calls if call.name in ("move_linear", "move")] == [
+    rig = holding()
+    session.put_down(small_table(), rig.cell, Quiet(), RunOptions())
+    assert [call.name for call in rig.log.calls if call.name in ("move_linear", "move")] == [
         *("move_linear", "move", "move_linear")
     ]
-    assert heights(made) == [10.0, 60.0]
-    assert made.arm.at[:2] == (50.0, 5.0)
-    assert 33_000 < CALIBRATION.width_um(made.gripper.now.position_counts) < 37_000
-    assert made.journal.kinds() == ["put_down", "put_down", "end"]
-    assert made.journal.kept[-1][1]["exit_code"] == 0
+    assert heights(rig) == [10.0, 60.0]
+    assert rig.arm.at[:2] == (50.0, 5.0)
+    assert 33_000 < CALIBRATION.width_um(rig.gripper.now.position_counts) < 37_000
+    assert rig.journal.kinds() == ["put_down", "put_down", "end"]
+    assert rig.journal.kept[-1][1]["exit_code"] == 0
 
 
 def test_level_tips_come_down_as_high_as_the_jaws_are_open() -> None:
-    made, arc = holding(), TipArc(level_mm=8.0)
-    session.put_down(small_table(), made.cell, Quiet(), RunOptions(handling=Handling(arc=arc)))
-    assert heights(made)[0] == pytest.approx(
+    rig, arc = holding(), TipArc(level_mm=8.0)
+    session.put_down(small_table(), rig.cell, Quiet(), RunOptions(handling=Handling(arc=arc)))
+    assert heights(rig)[0] == pytest.approx(
         10.0 + arc.advance_mm(CALIBRATION.width_um(AT_30) / 1000), abs=0.01
     )
 
 
 def test_outside_the_work_area_it_is_put_down_only_where_parts_are_carried() -> None:
-    made = holding()
-    made.arm.at = (80.0, 5.0, 60.0, 0.1)
+    rig = holding()
+    rig.arm.at = (80.0, 5.0, 60.0, 0.1)
     with pytest.raises(MotionRefusedError, match="outside the work area"):
-        session.put_down(small_table(), made.cell, Quiet(), RunOptions())
-    assert made.log.named("move") == []
+        session.put_down(small_table(), rig.cell, Quiet(), RunOptions())
+    assert rig.log.named("move") == []
     carried = Delivery((0.0, 0.0, 0.0), area_um=(-60_000, -60_000, 90_000, 60_000))
-    session.put_down(small_table(), made.cell, Quiet(), RunOptions(delivery=carried))
-    assert made.arm.at == (80.0, 5.0, 60.0, 0.1)
+    session.put_down(small_table(), rig.cell, Quiet(), RunOptions(delivery=carried))
+    assert rig.arm.at == (80.0, 5.0, 60.0, 0.1)
 
 
 def test_whatever_goes_wrong_meanwhile_ends_in_the_safe_state_and_is_recorded() -> None:
     calls = len(_calls_of_a_putting_down())
     for number in range(calls):
-        made = holding(Log(number, GripperStateError("something")))
+        rig = holding(Log(number, GripperStateError("something")))
         with pytest.raises(GripperStateError, match="something"):
-            session.put_down(small_table(), made.cell, Quiet(), RunOptions())
-        assert made.log.named("stop")
-        opened = made.gripper.now.position_counts < HOLDING.position_counts
-        assert opened or max(heights(made), default=10.0) == 10.0, (
+            session.put_down(small_table(), rig.cell, Quiet(), RunOptions())
+        assert rig.log.named("stop")
+        opened = rig.gripper.now.position_counts < HOLDING.position_counts
+        assert opened or max(heights(rig), default=10.0) == 10.0, (
             "what may be fixed is never lifted"
         )
-        assert made.journal.kept[-1][1]["exit_code"] == 21
+        assert rig.journal.kept[-1][1]["exit_code"] == 21
 
 
 def _calls_of_a_putting_down() -> list[object]:
-    made = holding()
-    session.put_down(small_table(), made.cell, Quiet(), RunOptions())
-    return list(made.log.calls)
+    rig = holding()
+    session.put_down(small_table(), rig.cell, Quiet(), RunOptions())
+    return list(rig.log.calls)
 
 
 def test_a_dry_run_tells_that_a_run_would_be_refused() -> None:
-    made = holding()
-    told = dry_run.tell(small_table(), made.gripper, made.arm, RunOptions())
-    assert any("hold something" in sentence and "refused" in sentence for sentence in told)
+    rig = holding()
+    result = dry_run.tell(small_table(), rig.gripper, rig.arm, RunOptions())
+    assert any("hold something" in sentence and "refused" in sentence for sentence in result)

@@ -46,18 +46,18 @@ class Judge:
     ],
 )
 def test_the_auditor_is_asked_at_leaves_and_never_stops_the_cell(word, verdict) -> None:
-    judge, made = Judge(word), fake_cell([AT_21])
-    cell = replace(made.cell, auditor=judge)
+    judge, rig = Judge(word), fake_cell([AT_21])
+    cell = replace(rig.cell, auditor=judge)
     result = Executor(small_table(), cell, Deaf()).run_part(7)
     assert (result.outcome, result.audit) == (Outcome.LEAF, verdict)
     assert judge.asked == [(7, 0.0, 0.5, 0.0)]
-    assert ("audit", {"part": 7, "verdict": verdict, "residual_x_mm": 0.25}) in made.journal.kept
+    assert ("audit", {"part": 7, "verdict": verdict, "residual_x_mm": 0.25}) in rig.journal.kept
 
 
 def test_a_broken_auditor_knows_nothing_and_a_reject_is_not_audited() -> None:
-    made = fake_cell([AT_21, AT_36])
+    rig = fake_cell([AT_21, AT_36])
     judge = Judge(ValueError("no camera"))
-    executor = Executor(small_table(), replace(made.cell, auditor=judge), Deaf())
+    executor = Executor(small_table(), replace(rig.cell, auditor=judge), Deaf())
     assert executor.run_part(1).audit == "unknown"
     assert executor.run_part(2).audit is None
     assert len(judge.asked) == 1
@@ -69,46 +69,46 @@ DELIVERY = from_text("40,-20,90")
 
 
 def test_a_localised_part_is_taken_at_its_pose_and_put_down() -> None:
-    made = fake_cell([AT_21, AT_21])
-    result = run(made, RunOptions(delivery=DELIVERY))
+    rig = fake_cell([AT_21, AT_21])
+    result = run(rig, RunOptions(delivery=DELIVERY))
     assert (result.outcome, result.delivery, result.exit_code) == (Outcome.LEAF, "done", 0)
-    heights = [call.arguments[2] for call in made.log.named("move_linear")]
-    places = [call.arguments[:2] for call in made.log.named("move_linear")]
+    heights = [call.arguments[2] for call in rig.log.named("move_linear")]
+    places = [call.arguments[:2] for call in rig.log.named("move_linear")]
     assert heights[-6:] == [60.0, 10.0, 60.0, 60.0, 10.0, 60.0]
     assert places[-6:] == [(0.0, 0.5)] * 3 + [(40.0, -20.0)] * 3
-    assert jaw_moves(made)[-1][0] == 0
-    assert made.journal.kinds()[-3:] == ["delivery", "delivery", "outcome"]
+    assert jaw_moves(rig)[-1][0] == 0
+    assert rig.journal.kinds()[-3:] == ["delivery", "delivery", "outcome"]
 
 
 def test_each_of_several_parts_has_its_own_place_or_stays() -> None:
     table = several_table()
     sorting = by_name(["left hand=40,-20,90"], table)
-    made = fake_cell([AT_21, AT_21, AT_30, AT_21])
-    executor = Executor(table, made.cell, Deaf(), RunOptions(delivery=sorting))
+    rig = fake_cell([AT_21, AT_21, AT_30, AT_21])
+    executor = Executor(table, rig.cell, Deaf(), RunOptions(delivery=sorting))
     one, other = executor.run_part(1), executor.run_part(2)
     assert (one.leaf, one.delivery) == (0, "done")
     assert (other.leaf, other.delivery) == (1, None)
-    ends = [told["hypothesis"] for kind, told in made.journal.kept if kind == "outcome"]
+    ends = [result["hypothesis"] for kind, result in rig.journal.kept if kind == "outcome"]
     assert ends == ["left hand", "right hand"]
 
 
 def test_the_hand_is_placed_so_that_the_part_arrives_at_its_pose() -> None:
     delivery = Delivery(drop=(40.0, -20.0, 1.570796), grasp=(3.0, 1.0, 0.25))
-    made = fake_cell([AT_21, AT_21])
-    assert run(made, RunOptions(delivery=delivery)).delivery == "done"
+    rig = fake_cell([AT_21, AT_21])
+    assert run(rig, RunOptions(delivery=delivery)).delivery == "done"
     taken, put = (
         call.arguments[:4]
-        for call in (made.log.named("move_linear")[-6], made.log.named("move_linear")[-1])
+        for call in (rig.log.named("move_linear")[-6], rig.log.named("move_linear")[-1])
     )
     assert taken == pytest.approx((3.0, 1.5, 60.0, 0.25))
     assert put == pytest.approx((39.0, -17.0, 60.0, 1.820796), abs=1e-4)
 
 
 @pytest.mark.parametrize("reading", [EMPTY, AT_36])
-def test_a_part_that_is_not_there_is_left_and_told(reading) -> None:
-    made = fake_cell([AT_21, reading])
+def test_a_part_that_is_not_there_is_left_and_reported(reading) -> None:
+    rig = fake_cell([AT_21, reading])
     delivery = replace(DELIVERY, width_mm=(20.0, 22.0))
-    result = run(made, RunOptions(delivery=delivery))
+    result = run(rig, RunOptions(delivery=delivery))
     assert (result.outcome, result.leaf, result.delivery, result.exit_code) == (
         Outcome.LEAF,
         0,
@@ -116,31 +116,31 @@ def test_a_part_that_is_not_there_is_left_and_told(reading) -> None:
         12,
     )
     assert "expected was 20..22 mm" in str(result.reason)
-    assert made.arm.at[:3] == (0.0, 0.5, 60.0)
+    assert rig.arm.at[:3] == (0.0, 0.5, 60.0)
 
 
 @pytest.mark.parametrize("change", [{"object_flag": ARRIVED}, {"position_counts": 180}])
 def test_a_part_that_slips_while_it_is_carried_is_a_fault(change) -> None:
-    made = fake_cell([AT_21, AT_21])
-    lift = made.arm.move_linear
+    rig = fake_cell([AT_21, AT_21])
+    lift = rig.arm.move_linear
 
     def slip(x_mm: float, y_mm: float, z_mm: float, angle_rad: float, speed_mm_s: float) -> None:
-        if z_mm == 60.0 and made.gripper.gripping:
-            made.gripper.now = made.gripper.now._replace(**change)
+        if z_mm == 60.0 and rig.gripper.gripping:
+            rig.gripper.now = rig.gripper.now._replace(**change)
         lift(x_mm, y_mm, z_mm, angle_rad, speed_mm_s)
 
-    made.arm.move_linear = slip
-    result = run(made, RunOptions(delivery=DELIVERY))
+    rig.arm.move_linear = slip
+    result = run(rig, RunOptions(delivery=DELIVERY))
     assert (result.outcome, result.exit_code, result.leaf) == (Outcome.FAULT, 21, 0)
     assert "slipped out" in str(result.reason)
-    begun = next(fields for kind, fields in made.journal.kept if kind == "delivery")
+    begun = next(fields for kind, fields in rig.journal.kept if kind == "delivery")
     assert begun == {"part": 1, "begun": True, "leaf": 0, "x_um": 0, "y_um": 500, "theta_urad": 0}
 
 
 def test_a_drop_off_outside_the_area_is_refused_and_one_inside_its_own_is_not() -> None:
     far = from_text("100,0,0")
-    made = fake_cell([AT_21, AT_21])
-    result = run(made, RunOptions(delivery=far))
+    rig = fake_cell([AT_21, AT_21])
+    result = run(rig, RunOptions(delivery=far))
     assert (result.outcome, result.leaf, result.delivery, result.exit_code) == (
         Outcome.LEAF,
         0,
@@ -148,16 +148,16 @@ def test_a_drop_off_outside_the_area_is_refused_and_one_inside_its_own_is_not() 
         12,
     )
     assert "outside the work area" in str(result.reason)
-    assert not made.gripper.gripping
-    made = fake_cell([AT_21, AT_21])
+    assert not rig.gripper.gripping
+    rig = fake_cell([AT_21, AT_21])
     delivery = replace(far, area_um=(-60_000, -60_000, 120_000, 60_000))
-    assert run(made, RunOptions(delivery=delivery)).delivery == "done"
+    assert run(rig, RunOptions(delivery=delivery)).delivery == "done"
 
 
-def taken_and_put(made: FakeCell, text: str, table: Table) -> tuple[float, float]:
+def taken_and_put(rig: FakeCell, text: str, table: Table) -> tuple[float, float]:
     """The hand's angles, deg, where it took the part and where it put it down."""
-    assert run(made, RunOptions(delivery=from_text(text)), table).delivery == "done"
-    angles = [round(degrees(call.arguments[3]), 3) for call in made.log.named("move_linear")]
+    assert run(rig, RunOptions(delivery=from_text(text)), table).delivery == "done"
+    angles = [round(degrees(call.arguments[3]), 3) for call in rig.log.named("move_linear")]
     return angles[-5], angles[-1]
 
 
@@ -184,27 +184,27 @@ def test_of_drop_offs_that_look_the_same_the_nearest_is_taken(symmetry, share, a
 
 
 def test_a_wrist_that_cannot_turn_on_is_turned_back() -> None:
-    made = fake_cell([AT_21, AT_21])
-    made.arm.turns = (radians(-200), radians(100))
-    assert taken_and_put(made, "40,-20,170", table_of(1, 0.3)) == (0, -190)
+    rig = fake_cell([AT_21, AT_21])
+    rig.arm.turns = (radians(-200), radians(100))
+    assert taken_and_put(rig, "40,-20,170", table_of(1, 0.3)) == (0, -190)
 
 
 def test_the_jaws_are_the_same_half_a_turn_round_where_they_close_alike() -> None:
-    made = fake_cell([AT_21, AT_21])
-    made.arm.turns = (radians(-185), radians(100))
-    assert taken_and_put(made, "40,-20,170", table_of(1, 0.5)) == (-180, -10)
-    made = fake_cell([AT_21, AT_21])
-    made.arm.turns = (radians(-185), radians(100))
+    rig = fake_cell([AT_21, AT_21])
+    rig.arm.turns = (radians(-185), radians(100))
+    assert taken_and_put(rig, "40,-20,170", table_of(1, 0.5)) == (-180, -10)
+    rig = fake_cell([AT_21, AT_21])
+    rig.arm.turns = (radians(-185), radians(100))
     assert (
-        run(made, RunOptions(delivery=from_text("40,-20,170")), table_of(1, 0.3)).delivery
+        run(rig, RunOptions(delivery=from_text("40,-20,170")), table_of(1, 0.3)).delivery
         == "missed"
     )
 
 
 def test_what_the_wrist_cannot_do_is_refused_before_the_part_is_taken() -> None:
-    made = fake_cell([AT_21, AT_21])
-    made.arm.turns = (radians(-10), radians(10))
-    result = run(made, RunOptions(delivery=from_text("40,-20,90")), table_of(1, 0.5))
+    rig = fake_cell([AT_21, AT_21])
+    rig.arm.turns = (radians(-10), radians(10))
+    result = run(rig, RunOptions(delivery=from_text("40,-20,90")), table_of(1, 0.5))
     assert (result.outcome, result.leaf, result.delivery, result.exit_code) == (
         Outcome.LEAF,
         0,
@@ -212,16 +212,16 @@ def test_what_the_wrist_cannot_do_is_refused_before_the_part_is_taken() -> None:
         12,
     )
     assert "wrist" in str(result.reason)
-    assert not made.gripper.gripping
+    assert not rig.gripper.gripping
 
 
 def test_what_is_out_of_reach_is_refused_before_the_part_is_taken() -> None:
-    made = fake_cell([AT_21, AT_21])
-    made.arm.obstacles = lambda start, target: "out of reach" if target[:2] == (40.0, -20.0) else ""
-    result = run(made, RunOptions(delivery=DELIVERY))
+    rig = fake_cell([AT_21, AT_21])
+    rig.arm.obstacles = lambda start, target: "out of reach" if target[:2] == (40.0, -20.0) else ""
+    result = run(rig, RunOptions(delivery=DELIVERY))
     assert (result.outcome, result.delivery) == (Outcome.LEAF, "missed")
     assert "carrying it away: the way is out of reach" in str(result.reason)
-    assert not made.gripper.gripping
+    assert not rig.gripper.gripping
 
 
 @pytest.mark.parametrize(
@@ -235,9 +235,9 @@ def test_what_is_out_of_reach_is_refused_before_the_part_is_taken() -> None:
     ],
 )
 def test_squeezes_turn_the_nearest_way_within_the_range(most, angles) -> None:
-    made = fake_cell([AT_21])
-    made.arm.at, made.arm.turns = (5.0, 5.0, 30.0, 6.0), (-inf, most)
-    run(made, RunOptions())
-    turned = [round(degrees(call.arguments[3])) for call in made.log.named("move_linear")]
+    rig = fake_cell([AT_21])
+    rig.arm.at, rig.arm.turns = (5.0, 5.0, 30.0, 6.0), (-inf, most)
+    run(rig, RunOptions())
+    turned = [round(degrees(call.arguments[3])) for call in rig.log.named("move_linear")]
     assert turned[: len(angles)] == angles
     assert turned[-1] == angles[-1]

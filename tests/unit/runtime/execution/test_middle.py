@@ -116,7 +116,7 @@ def test_a_simulated_cell_is_measured_to_what_it_says(angle):
     assert rig.hand.where()[2] == pytest.approx(rig.table.limits.retreat_height_um / 1000, abs=0.05)
 
 
-def test_a_block_that_is_elsewhere_another_or_none_is_told():
+def test_a_block_that_is_elsewhere_another_or_none_is_reported():
     with pytest.raises(CalibrationError, match=r"about \+[45]\.. mm off"):
         Rig(Block(BLOCK_MM, 0.0, 5.0), 0.0).measure((0.0, 0.0, 0.0))
     with pytest.raises(CalibrationError, match="hold it fast"):
@@ -156,7 +156,7 @@ def test_a_table_is_corrected_on_its_narrowest_side_and_for_what_it_was_not_plan
     assert left == {"middle_mm": [-0.1, 0.1], "finger_share": [-0.07, -0.03]}
 
 
-def test_a_robot_that_asks_is_told_where_its_arm_has_to_go():
+def test_a_robot_that_asks_is_answered_where_its_arm_has_to_go():
     lines = []
     for middle_mm in (0.0, 1.5):
         table, options = small_table(), RunOptions(handling=Handling(middle_mm=middle_mm))

@@ -123,8 +123,8 @@ def test_an_intermediate_stroke_passed_met_something_or_contradicts_itself(
         assert check_passed(reading, 100, CALIBRATION) is passed
         return
     wide = {100: r"48\.68", 103: r"47\.5[56]"}[count]
-    told = rf"reports flag {flag} at {wide} mm while closing to 48\.68 mm; the two do not fit"
-    with pytest.raises(GripperStateError, match=told):
+    record = rf"reports flag {flag} at {wide} mm while closing to 48\.68 mm; the two do not fit"
+    with pytest.raises(GripperStateError, match=record):
         check_passed(reading, 100, CALIBRATION)
     with pytest.raises(GripperStateError, match="stale"):
         check_passed(reading, 99, CALIBRATION)

@@ -36,7 +36,7 @@ def test_the_limits_themselves_are_allowed(pose: tuple[float, float, float, floa
 
 
 @pytest.mark.parametrize(
-    ("pose", "told"),
+    ("pose", "message"),
     [
         (but(x=X_MAX + 0.01), "outside the work area"),
         (but(x=X_MIN - 0.01), "outside the work area"),
@@ -49,8 +49,8 @@ def test_the_limits_themselves_are_allowed(pose: tuple[float, float, float, floa
         *((but(**{name: bad}), "no place") for name in "xyza" for bad in (math.nan, math.inf)),
     ],
 )
-def test_anything_else_is_refused(pose: tuple[float, float, float, float], told: str) -> None:
-    with pytest.raises(MotionRefusedError, match=told) as refused:
+def test_anything_else_is_refused(pose: tuple[float, float, float, float], message: str) -> None:
+    with pytest.raises(MotionRefusedError, match=message) as refused:
         safety.check_target(pose, LIMITS)
     assert refused.value.exit_code == 22
 
@@ -78,17 +78,17 @@ def test_a_turn_too_many_is_the_same_angle_and_a_hundredth_is_not() -> None:
 
 
 @pytest.mark.parametrize(
-    ("state", "told"),
+    ("state", "message"),
     [
         (State(fault=0x0E), "0x0E"),
         (State(activated=False), "not activated"),
         (State(moving=True), "without having been asked"),
     ],
 )
-def test_a_gripper_that_is_not_ready_is_not_moved(state: State, told: str) -> None:
+def test_a_gripper_that_is_not_ready_is_not_moved(state: State, message: str) -> None:
     gripper = fake_cell([]).gripper
     gripper.now = state
-    with pytest.raises(GripperStateError, match=told):
+    with pytest.raises(GripperStateError, match=message):
         safety.ready_gripper(gripper)
 
 
@@ -104,20 +104,20 @@ def test_a_silence_that_is_over_is_no_fault() -> None:
 def test_the_safe_sequence_goes_on_whatever_fails_and_moves_no_arm_it_does_not_know(
     arm_known: bool, fail_at: int
 ) -> None:
-    made = fake_cell([], Log(fail_at, ConnectionError("gone")))
-    notes = reach_safe_state(made.gripper, made.arm, LIMITS, arm_known=arm_known)
+    rig = fake_cell([], Log(fail_at, ConnectionError("gone")))
+    notes = reach_safe_state(rig.gripper, rig.arm, LIMITS, arm_known=arm_known)
     assert len(notes) == 2
-    assert made.log.calls[0].name == "stop"
-    assert bool(made.log.named("pose")) == arm_known
+    assert rig.log.calls[0].name == "stop"
+    assert bool(rig.log.named("pose")) == arm_known
     assert ("NOT KNOWN" in notes[0]) == (fail_at in (0, 1))
-    for call in made.log.named("move_linear"):
+    for call in rig.log.named("move_linear"):
         assert arm_known
-        assert call.arguments[:2] == made.arm.at[:2]
+        assert call.arguments[:2] == rig.arm.at[:2]
         assert call.arguments[2] == HIGH
 
 
 @pytest.mark.parametrize(
-    ("model", "speed_mm_s", "force_n", "told"),
+    ("model", "speed_mm_s", "force_n", "message"),
     [
         ("robotiq-2f-85", 150, 235, ""),
         ("robotiq-2f-85", 151, 40, r"closes at 151 mm/s; the gripper does 20..150"),
@@ -129,14 +129,14 @@ def test_the_safe_sequence_goes_on_whatever_fails_and_moves_no_arm_it_does_not_k
     ],
 )
 def test_what_a_table_may_ask_for_depends_on_its_gripper(
-    model: str, speed_mm_s: int, force_n: int, told: str
+    model: str, speed_mm_s: int, force_n: int, message: str
 ) -> None:
     table = small_table()
     asked = {"speed_um_s": 1000 * speed_mm_s, "force_mn": 1000 * force_n}
     nodes = tuple(node._replace(squeeze=node.squeeze._replace(**asked)) for node in table.nodes)
     table = replace(table, nodes=nodes, gripper=replace(table.gripper, model=model))
-    if not told:
+    if not message:
         safety.check_table(table)
         return
-    with pytest.raises(TableError, match=told):
+    with pytest.raises(TableError, match=message):
         safety.check_table(table)

@@ -27,22 +27,20 @@ TRUTH = SimpleNamespace(
 )
 
 
-def run(
-    made: FakeCell, truth: object, console: Console, count: int = 1, **options: object
-) -> Tally:
+def run(rig: FakeCell, truth: object, console: Console, count: int = 1, **options: object) -> Tally:
     scene, table = FakeScene(truth), small_table()
     return session.run_journalled(
-        table, made.cell, scene, console, count=count, activate=False, **options
+        table, rig.cell, scene, console, count=count, activate=False, **options
     )
 
 
 def test_rejected_and_unresolved_parts_do_not_end_a_run_and_the_gravest_code_wins() -> None:
-    made = fake_cell([AT_21, AT_36, AT_30, AT_36, AT_21])
+    rig = fake_cell([AT_21, AT_36, AT_30, AT_36, AT_21])
     tally = session.run_journalled(
-        small_table(), made.cell, None, Lines(small_table()), count=4, activate=False
+        small_table(), rig.cell, None, Lines(small_table()), count=4, activate=False
     )
     outcomes = {"leaf": 2, "reject": 1, "unresolved": 1}
-    assert made.journal.kept[-1] == (
+    assert rig.journal.kept[-1] == (
         "end",
         {"parts": 4, "outcomes": outcomes, "exit_code": 11, "reason": None},
     )
@@ -50,61 +48,61 @@ def test_rejected_and_unresolved_parts_do_not_end_a_run_and_the_gravest_code_win
 
 
 def test_a_fault_ends_a_run() -> None:
-    made = fake_cell([AT_21, AT_21], Log(40, ConnectionError("cable")))
+    rig = fake_cell([AT_21, AT_21], Log(40, ConnectionError("cable")))
     tally = session.run_journalled(
-        small_table(), made.cell, None, Lines(small_table()), count=5, activate=False
+        small_table(), rig.cell, None, Lines(small_table()), count=5, activate=False
     )
     assert tally.fields()["outcomes"] == {"leaf": 1, "fault": 1}
     assert tally.exit_code == 20
-    assert made.journal.kinds()[-1] == "end"
+    assert rig.journal.kinds()[-1] == "end"
 
 
 def test_only_permission_lets_an_inactive_gripper_sweep() -> None:
-    made = fake_cell([AT_21])
-    made.gripper.now = State(activated=False)
+    rig = fake_cell([AT_21])
+    rig.gripper.now = State(activated=False)
     with pytest.raises(GripperStateError, match="not activated"):
         session.run_journalled(
-            small_table(), made.cell, None, Lines(small_table()), count=1, activate=False
+            small_table(), rig.cell, None, Lines(small_table()), count=1, activate=False
         )
-    assert made.log.named("activate") == []
-    assert made.journal.kept[-1][1]["exit_code"] == 21
+    assert rig.log.named("activate") == []
+    assert rig.journal.kept[-1][1]["exit_code"] == 21
     session.run_journalled(
-        small_table(), made.cell, None, Lines(small_table()), count=1, activate=True
+        small_table(), rig.cell, None, Lines(small_table()), count=1, activate=True
     )
-    assert len(made.log.named("activate")) == 1
+    assert len(rig.log.named("activate")) == 1
 
 
 def test_permission_clears_a_fault() -> None:
-    made = fake_cell([AT_21])
-    made.gripper.now = State(fault=0x0E)
+    rig = fake_cell([AT_21])
+    rig.gripper.now = State(fault=0x0E)
     with pytest.raises(GripperStateError, match=r"fault 0x0E.*start again with --activate"):
-        session.prepare_gripper(made.gripper, Lines(small_table()), activate=False)
-    assert made.log.named("activate") == []
-    session.prepare_gripper(made.gripper, Lines(small_table()), activate=True)
-    assert len(made.log.named("activate")) == 1
+        session.prepare_gripper(rig.gripper, Lines(small_table()), activate=False)
+    assert rig.log.named("activate") == []
+    session.prepare_gripper(rig.gripper, Lines(small_table()), activate=True)
+    assert len(rig.log.named("activate")) == 1
 
 
 def test_permission_does_not_touch_an_active_gripper() -> None:
-    made = fake_cell([AT_21])
-    session.prepare_gripper(made.gripper, Lines(small_table()), activate=True)
-    assert made.log.named("activate") == []
+    rig = fake_cell([AT_21])
+    session.prepare_gripper(rig.gripper, Lines(small_table()), activate=True)
+    assert rig.log.named("activate") == []
 
 
 def test_ctrl_c_between_parts_is_recorded() -> None:
-    made = fake_cell([AT_21], Log(0, KeyboardInterrupt()))
+    rig = fake_cell([AT_21], Log(0, KeyboardInterrupt()))
     with pytest.raises(KeyboardInterrupt):
         session.run_journalled(
-            small_table(), made.cell, None, Lines(small_table()), count=1, activate=False
+            small_table(), rig.cell, None, Lines(small_table()), count=1, activate=False
         )
-    assert made.journal.kept[-1][1]["exit_code"] == 40
+    assert rig.journal.kept[-1][1]["exit_code"] == 40
 
 
 def test_lines_tell_pose_width_node_then_leaf_pose_and_error(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    made, table = fake_cell([AT_21]), small_table()
+    rig, table = fake_cell([AT_21]), small_table()
     console = Lines(table)
-    console.summary(run(made, TRUTH, console), JOURNAL)
+    console.summary(run(rig, TRUTH, console), JOURNAL)
     squeeze, part, summary = capsys.readouterr().out.splitlines()
     assert squeeze == (
         "part 1 squeeze 1: node 0, hand at (0.00, 0.00) mm, 0.0 deg; width 20.97 mm (count 174) -> leaf 0"
@@ -122,8 +120,8 @@ def test_lines_tell_pose_width_node_then_leaf_pose_and_error(
 def test_objects_are_one_line_a_part_with_everything_in_it(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    made, table = fake_cell([AT_21, AT_36]), small_table()
-    run(made, TRUTH, Objects(table, JOURNAL), 2)
+    rig, table = fake_cell([AT_21, AT_36]), small_table()
+    run(rig, TRUTH, Objects(table, JOURNAL), 2)
     leaf, reject = (json.loads(line) for line in capsys.readouterr().out.splitlines())
     assert leaf["outcome"] == "leaf"
     assert (leaf["leaf"], leaf["path"], leaf["widths_mm"]) == (0, [0], [20.969])
@@ -135,21 +133,21 @@ def test_objects_are_one_line_a_part_with_everything_in_it(
 
 
 def test_crashes_of_all_parts_add_up(capsys: pytest.CaptureFixture[str]) -> None:
-    made, table = fake_cell([AT_21, AT_36, AT_21]), small_table()
-    tally = run(made, SimpleNamespace(**{**vars(TRUTH), "crashes": 2}), Lines(table), 3)
+    rig, table = fake_cell([AT_21, AT_36, AT_21]), small_table()
+    tally = run(rig, SimpleNamespace(**{**vars(TRUTH), "crashes": 2}), Lines(table), 3)
     Lines(table).summary(tally, JOURNAL)
     assert "6 crashes" in capsys.readouterr().out
 
 
-def test_audit_and_delivery_are_told_and_a_delivered_part_is_elsewhere(
+def test_audit_and_delivery_are_reported_and_a_delivered_part_is_elsewhere(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     table = small_table()
     for console in (Lines(table), Objects(table, JOURNAL)):
         auditor = SimpleNamespace(judge=lambda *asked: {"verdict": "pass"})
-        made = fake_cell([AT_21, AT_21])
-        made = made._replace(cell=replace(made.cell, auditor=auditor))
-        run(made, TRUTH, console, options=RunOptions(delivery=Delivery(drop=(10.0, 5.0, 0.0))))
+        rig = fake_cell([AT_21, AT_21])
+        rig = rig._replace(cell=replace(rig.cell, auditor=auditor))
+        run(rig, TRUTH, console, options=RunOptions(delivery=Delivery(drop=(10.0, 5.0, 0.0))))
     *_, line, printed = capsys.readouterr().out.splitlines()
     assert line.endswith(
         "success 0.9990 of 6000, error 0.32 mm (95 %: 0.94); audit: pass; delivery: done"
@@ -170,9 +168,9 @@ def test_a_rehearsal_has_no_truth_to_compare_with(capsys: pytest.CaptureFixture[
     nowhere = SimpleNamespace(
         x_mm=float("nan"), y_mm=0.0, theta_rad=0.0, squeezes=1, crashes=0, hypothesis=0
     )
-    made, table = fake_cell([AT_21]), small_table()
+    rig, table = fake_cell([AT_21]), small_table()
     console = Lines(table)
-    tally = run(made, nowhere, console)
+    tally = run(rig, nowhere, console)
     console.summary(tally, JOURNAL)
     printed = capsys.readouterr().out
     assert "true error" not in printed
@@ -188,7 +186,7 @@ def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "code", "told"),
+    ("arguments", "code", "message"),
     [
         (["--port", "/dev/ttyNONE", "--arm", "tcp://127.0.0.1:9"], 23, "/dev/ttyNONE"),
         (["--port", "tcp://127.0.0.1:1", "--arm", "tcp://127.0.0.1:9"], 23, "127.0.0.1:1"),
@@ -234,12 +232,12 @@ def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     ],
 )
 def test_wrong_arguments_are_one_line_and_their_own_code(
-    tree: Path, capfd: pytest.CaptureFixture[str], arguments: list[str], code: int, told: str
+    tree: Path, capfd: pytest.CaptureFixture[str], arguments: list[str], code: int, message: str
 ) -> None:
     assert main(["--tree", str(tree), *arguments]) == code
     last = capfd.readouterr().err.splitlines()[-1]
     assert last.startswith("grasp-runtime: ")
-    assert told in last
+    assert message in last
     assert not Path("squeezetree-journal.jsonl").exists()
 
 

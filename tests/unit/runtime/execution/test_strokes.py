@@ -43,19 +43,21 @@ def test_a_direct_squeeze_is_one_stroke_with_the_nodes_own_settings(node: Node) 
 def test_closing_regulated_is_weak_all_the_way_and_fast_only_before_contact(
     node: Node, arc, contact_um
 ) -> None:
-    made = plan(node._replace(contact_um=contact_um), arc)
-    assert {stroke.force_counts for stroke in made} == {strokes.GENTLE_FORCE}
-    requests = [stroke.request_counts for stroke in made]
+    planned = plan(node._replace(contact_um=contact_um), arc)
+    assert {stroke.force_counts for stroke in planned} == {strokes.GENTLE_FORCE}
+    requests = [stroke.request_counts for stroke in planned]
     assert (requests, requests[-1]) == (sorted(set(requests)), 255)
     slow = PROFILE.speed_counts(node.squeeze.speed_um_s)
-    for stroke in made:
+    for stroke in planned:
         before_contact = (
             contact_um is not None and CALIBRATION.width_um(stroke.request_counts) > contact_um
         )
         assert stroke.speed_counts == slow or before_contact
     if contact_um == 41_000:
         assert (
-            made[0].speed_counts == PROFILE.speed_counts(round(1000 * TIMING.fastest_mm_s)) > slow
+            planned[0].speed_counts
+            == PROFILE.speed_counts(round(1000 * TIMING.fastest_mm_s))
+            > slow
         )
 
 
@@ -87,10 +89,10 @@ def test_regulation_is_off_where_the_force_is_the_least_already(
 
 @pytest.mark.parametrize("arc", [TipArc(), TipArc(level_mm=5.0)])
 def test_level_strokes_never_let_the_tips_below_their_height(arc: TipArc) -> None:
-    made = plan(small_table().nodes[0], arc)
-    assert len(made) >= 2
+    strokes = plan(small_table().nodes[0], arc)
+    assert len(strokes) >= 2
     start_mm = 85.0
-    for stroke in made:
+    for stroke in strokes:
         end_mm = CALIBRATION.width_um(stroke.request_counts) / 1000
         lowest = max(arc.advance_mm(start_mm + (end_mm - start_mm) * k / 20) for k in range(21))
         assert (
@@ -115,7 +117,7 @@ def test_speeds_and_forces_are_never_more_than_asked_and_the_next_setting_would_
 
 
 @pytest.mark.parametrize(
-    ("told", "model"),
+    ("message", "model"),
     [
         ("Robotiq 2F-85", "robotiq-2f-85"),
         ("C-85", "robotiq-2f-85"),
@@ -123,8 +125,8 @@ def test_speeds_and_forces_are_never_more_than_asked_and_the_next_setting_would_
         ("Robotiq Hand-E", "hand-e"),
     ],
 )
-def test_a_model_is_found_by_its_name(told: str, model: str) -> None:
-    assert profile_of(told) is PROFILES[model]
+def test_a_model_is_found_by_its_name(message: str, model: str) -> None:
+    assert profile_of(message) is PROFILES[model]
 
 
 @pytest.mark.parametrize(

@@ -80,8 +80,8 @@ def test_a_coarse_level_needs_one_stage_and_a_fine_one_many() -> None:
 def test_the_arc_follows_from_the_model(
     model: str, named: str | None, arc: tuple[float, float] | None
 ) -> None:
-    made = arc_of(model, named)
-    assert made == arc if made is None else (made.link_mm, made.offset_mm) == arc
+    result = arc_of(model, named)
+    assert result == arc if result is None else (result.link_mm, result.offset_mm) == arc
 
 
 @pytest.mark.parametrize("named", [None, "arc"])

@@ -30,13 +30,13 @@ class SlowDevice:
 
 
 @pytest.mark.parametrize(
-    ("slow", "told", "code"),
+    ("slow", "message", "code"),
     [
         ("arm", "the arm took 40.0 s, 6.0 s are usual", 22),
         ("gripper", "the gripper took 40.0 s, 4.0 s are usual", 21),
     ],
 )
-def test_squeeze_late_by_one_device_names_it_and_begins_no_further_call(slow, told, code):
+def test_squeeze_late_by_one_device_names_it_and_begins_no_further_call(slow, message, code):
     clock = FakeClock()
     watch = Watch(clock)
     devices = {
@@ -49,7 +49,7 @@ def test_squeeze_late_by_one_device_names_it_and_begins_no_further_call(slow, to
             for device in (gripper, arm, gripper, arm):
                 device.call()
 
-    with pytest.raises(CellError, match=told) as raised:
+    with pytest.raises(CellError, match=message) as raised:
         squeeze()
     assert raised.value.exit_code == code
     assert devices["gripper"].calls + devices["arm"].calls == (1 if slow == "gripper" else 2)
@@ -103,19 +103,19 @@ def test_a_call_that_does_not_return_ends_at_the_deadline(monkeypatch):
 
 
 def test_executor_whose_arm_is_too_slow_ends_before_the_jaws_close_and_names_the_arm():
-    made = fake_cell([(200, 2)])
-    clock = made.cell.clock
+    rig = fake_cell([(200, 2)])
+    clock = rig.cell.clock
     table = small_table()
     budget = DEADLINE_FACTOR * expected_s(table, table.nodes[0])
-    obeys = made.arm.move_linear
+    obeys = rig.arm.move_linear
 
     def slow(*target):
         clock.sleep(budget)
         obeys(*target)
 
-    made.arm.move_linear = slow
-    result = Executor(table, replace(made.cell), Deaf()).run_part(1)
+    rig.arm.move_linear = slow
+    result = Executor(table, replace(rig.cell), Deaf()).run_part(1)
     assert (result.outcome, result.exit_code) == (Outcome.FAULT, 22)
     assert "the arm took" in str(result.reason)
-    assert not [call for call in made.log.named("move") if call.arguments[0] == 255]
-    assert "the arm took" in str(made.journal.kept[-1])
+    assert not [call for call in rig.log.named("move") if call.arguments[0] == 255]
+    assert "the arm took" in str(rig.journal.kept[-1])

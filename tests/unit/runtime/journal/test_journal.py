@@ -301,7 +301,7 @@ def sealed(entry: dict[str, object]) -> bytes:
 
 
 @pytest.mark.parametrize(
-    ("line", "told"),
+    ("line", "message"),
     [
         (b"not a record at all" * 20 + b"\n", "line 1: is no record of a journal"),
         (sealed({"kind": "part"}), "line 1: lacks one of"),
@@ -316,12 +316,12 @@ def sealed(entry: dict[str, object]) -> bytes:
     ],
 )
 def test_a_line_with_a_digest_of_its_own_is_still_no_record(
-    tmp_path: Path, line: bytes, told: str
+    tmp_path: Path, line: bytes, message: str
 ) -> None:
     """Whoever can write a file can also write digests; the chain is what cannot be joined."""
     path = tmp_path / "j.jsonl"
     path.write_bytes(line)
-    with pytest.raises(JournalError, match=told):
+    with pytest.raises(JournalError, match=message):
         verify(path)
 
 
@@ -336,16 +336,16 @@ def test_nonsense_with_a_digest_is_not_json(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("fields", "told"),
+    ("fields", "message"),
     [
         ({"journal_version": 2}, "is not a header of journal version 1"),
         ({"journal_version": 1, "table_base64": "?"}, "the embedded table is not base64"),
     ],
 )
-def test_a_header_of_another_kind_is_told(
-    tmp_path: Path, fields: dict[str, object], told: str
+def test_a_header_of_another_kind_is_reported(
+    tmp_path: Path, fields: dict[str, object], message: str
 ) -> None:
     with Journal(tmp_path / "j.jsonl", STAMP) as journal:
         journal.record("header", fields)
-    with pytest.raises(JournalError, match=f"line 1: {told}"):
+    with pytest.raises(JournalError, match=f"line 1: {message}"):
         verify(tmp_path / "j.jsonl")

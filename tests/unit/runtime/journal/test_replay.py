@@ -43,7 +43,7 @@ Change = Callable[[dict[str, object]], object]
 
 
 @pytest.mark.parametrize(
-    ("kind", "change", "told"),
+    ("kind", "change", "message"),
     [
         ("squeeze", {"position_counts": 100}, "the table says None"),
         ("squeeze", {"target": 1}, "leads to 1, the table says -1"),
@@ -64,7 +64,7 @@ Change = Callable[[dict[str, object]], object]
     ],
 )
 def test_a_claim_that_does_not_follow_is_found(
-    journal: Path, kind: str, change: Mapping[str, object], told: str
+    journal: Path, kind: str, change: Mapping[str, object], message: str
 ) -> None:
     entries = list(records(journal))
     changed = next(entry for entry in entries if entry["kind"] == kind)
@@ -72,7 +72,7 @@ def test_a_claim_that_does_not_follow_is_found(
     result = findings(entries)
     assert result
     assert result[0].seq == changed["seq"]
-    assert told in result[0].sentence
+    assert message in result[0].sentence
 
 
 @pytest.mark.parametrize("kind", ["squeeze", "part"])
@@ -110,7 +110,7 @@ def cut_after(journal: Path, kind: str, number: int) -> Path:
     return journal
 
 
-def test_where_a_run_broke_off_is_told_by_its_last_records(journal: Path) -> None:
+def test_where_a_run_broke_off_is_reported_by_its_last_records(journal: Path) -> None:
     assert broken_run(journal, records(journal)) is None
     cut = broken_run(journal, records(cut_after(journal, "squeeze", 2)))
     assert cut is not None

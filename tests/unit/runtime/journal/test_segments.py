@@ -70,9 +70,11 @@ def test_journal_sealed_after_every_part_tells_the_same_to_every_reader(
     whole, cut = pair
     one, other = verify(whole), verify(cut)
     assert (other.runs, other.closed, other.segments) == (one.runs, one.closed, 7) == (2, True, 7)
-    own = [entry for entry in records(cut) if entry["kind"] != "seal" and "after_part" not in entry]
+    ours = [
+        entry for entry in records(cut) if entry["kind"] != "seal" and "after_part" not in entry
+    ]
     varying = ("seq", "time", "up_s", "previous", "digest", "settle_s")
-    assert without(iter(own), *varying) == without(records(whole), *varying)
+    assert without(iter(ours), *varying) == without(records(whole), *varying)
     assert without(rows(records(cut)), "time", "settle_s") == without(
         rows(records(whole)), "time", "settle_s"
     )

@@ -89,7 +89,7 @@ def test_the_service_manager_hears_ready_alive_and_stopping(
     ]
 
 
-def test_without_a_service_manager_nothing_is_told() -> None:
+def test_without_a_service_manager_nothing_is_reported() -> None:
     assert not notify("READY=1", environment={})
     assert not notify("READY=1", environment={"NOTIFY_SOCKET": "relative"})
     assert not notify("READY=1", environment={"NOTIFY_SOCKET": "/nobody/listens/here"})

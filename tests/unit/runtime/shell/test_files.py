@@ -101,7 +101,7 @@ def test_long_names_and_unusual_ones_are_written(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "told"),
+    ("name", "message"),
     [
         ("none/t.csv", "there is no folder"),
         ("file/t.csv", "there is no folder"),
@@ -111,10 +111,10 @@ def test_long_names_and_unusual_ones_are_written(tmp_path: Path) -> None:
         ("new/../yet to be", "it is the same file as"),
     ],
 )
-def test_what_cannot_be_written_is_told_before(tmp_path: Path, name: str, told: str) -> None:
+def test_what_cannot_be_written_is_reported_before(tmp_path: Path, name: str, message: str) -> None:
     (tmp_path / "file").touch()
     (tmp_path / "new").mkdir()
-    with pytest.raises(OutputError, match=told) as refused:
+    with pytest.raises(OutputError, match=message) as refused:
         usable(
             tmp_path / name if name else tmp_path, None, tmp_path / "file", tmp_path / "yet to be"
         )
@@ -123,7 +123,7 @@ def test_what_cannot_be_written_is_told_before(tmp_path: Path, name: str, told: 
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
-def test_what_may_not_be_written_is_told_before(tmp_path: Path) -> None:
+def test_what_may_not_be_written_is_reported_before(tmp_path: Path) -> None:
     (tmp_path / "read-only").touch(mode=0o400)
     with pytest.raises(OutputError, match="it is read-only"):
         usable(tmp_path / "read-only")

@@ -24,7 +24,7 @@ def test_what_is_sound_is_read_as_ever(value: object) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         ("", "not JSON: Expecting value"),
         ("{'a': 1}", "not JSON"),
@@ -39,6 +39,6 @@ def test_what_is_sound_is_read_as_ever(value: object) -> None:
         ('"\\ud800"', "half a character"),
     ],
 )
-def test_what_nobody_could_compute_with_is_refused(text: str | bytes, told: str) -> None:
-    with pytest.raises(ValueError, match=told):
+def test_what_nobody_could_compute_with_is_refused(text: str | bytes, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
         parse(text)

@@ -21,14 +21,14 @@ def test_generated_key_is_its_owners_alone_whatever_the_umask(tmp_path):
     path = tmp_path / "k.pem"
     before = os.umask(0)
     try:
-        made = keys.generate(path)
+        result = keys.generate(path)
     finally:
         os.umask(before)
     assert path.stat().st_mode & 0o777 == 0o600
-    assert keys.load_private(path).public == made.public == keys.load_public(keys.public_of(path))
-    signature = made.sign(b"data")
-    assert made.public.signed(b"data", signature)
-    assert not made.public.signed(b"date", signature)
+    assert keys.load_private(path).public == result.public == keys.load_public(keys.public_of(path))
+    signature = result.sign(b"data")
+    assert result.public.signed(b"data", signature)
+    assert not result.public.signed(b"date", signature)
 
 
 @pytest.mark.parametrize("there", ["k.pem", "k.pem.pub"])
@@ -77,8 +77,8 @@ def test_a_key_of_another_kind_is_refused_by_its_name(tmp_path, key, words):
 
 
 def test_what_is_no_such_key_is_refused_in_a_sentence(tmp_path):
-    made = ed25519.Ed25519PrivateKey.generate()
-    locked = made.private_bytes(PEM, PKCS8, serialization.BestAvailableEncryption(b"x"))
+    result = ed25519.Ed25519PrivateKey.generate()
+    locked = result.private_bytes(PEM, PKCS8, serialization.BestAvailableEncryption(b"x"))
     with pytest.raises(KeyFileError, match="passphrase"):
         keys.load_private(_write(tmp_path / "locked", locked))
     keys.generate(tmp_path / "k")

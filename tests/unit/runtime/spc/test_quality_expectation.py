@@ -18,14 +18,14 @@ DIGEST = "0" * 64
 
 
 @pytest.fixture(scope="module")
-def told():
+def output():
     return expectation_document(TABLE, DIGEST)
 
 
 @pytest.fixture
-def path(told, tmp_path):
+def path(output, tmp_path):
     result = tmp_path / "expected.json"
-    result.write_text(json.dumps(told))
+    result.write_text(json.dumps(output))
     return result
 
 
@@ -114,9 +114,9 @@ def test_widths_are_binned_as_a_linear_encoder_counts_them():
         ({"worlds": 3}, "does not hold"),
     ],
 )
-def test_files_that_are_refused(change, says, told, tmp_path):
+def test_files_that_are_refused(change, says, output, tmp_path):
     result = tmp_path / "changed.json"
-    result.write_text(json.dumps(told | change))
+    result.write_text(json.dumps(output | change))
     with pytest.raises(ArgumentsError, match=says):
         load(result)
 

@@ -87,10 +87,10 @@ def test_changed_journal_is_refused(tmp_path):
 
 def test_line_that_a_crash_cut_short_is_left_out(tmp_path):
     whole = write(tmp_path / "a.jsonl", parts_of(6), ended=False)
-    told = reading.read([whole]).parts
+    result = reading.read([whole]).parts
     with whole.open("ab") as file:
         file.write(b'{"seq":99,"kind":"squ')
-    assert reading.read([whole]).parts == told
+    assert reading.read([whole]).parts == result
     whole.write_bytes(b'{"seq":0,"kind":"hea')
     with pytest.raises(ArgumentsError, match="no part yet"):
         reading.read([whole])
@@ -109,7 +109,7 @@ def test_squeeze_that_is_none_of_the_tables_is_refused(tmp_path, change):
         reading.read([path])
 
 
-def test_audits_of_which_none_could_judge_are_told(tmp_path, capsys):
+def test_audits_of_which_none_could_judge_are_reported(tmp_path, capsys):
     parts = [
         replace(part, verdict="unknown", residual=None) for part in parts_of(5) if part.verdict
     ]
@@ -124,19 +124,19 @@ def test_audits_of_which_none_could_judge_are_told(tmp_path, capsys):
 
 def test_summary_counts_what_the_parts_say():
     result = history(TABLE, parts_of(400))
-    told = summarise(result)
-    assert sum(told.outcomes.values()) == 400
-    assert told.judged == sum(part.verdict in ("pass", "fail") for part in result.parts)
-    assert told.interval[0] <= told.passed / told.judged <= told.interval[1]
-    assert told.agrees
-    assert sum(row.parts for row in told.leaves) == sum(
+    record = summarise(result)
+    assert sum(record.outcomes.values()) == 400
+    assert record.judged == sum(part.verdict in ("pass", "fail") for part in result.parts)
+    assert record.interval[0] <= record.passed / record.judged <= record.interval[1]
+    assert record.agrees
+    assert sum(row.parts for row in record.leaves) == sum(
         part.leaf is not None for part in result.parts
     )
-    assert sum(sum(row.counts) for row in told.nodes) == sum(
+    assert sum(sum(row.counts) for row in record.nodes) == sum(
         len(part.squeezes) for part in result.parts
     )
-    assert told.tail > 1e-4
-    for row in told.leaves:
+    assert record.tail > 1e-4
+    for row in record.leaves:
         mine = [p.residual for p in result.parts if p.leaf == row.leaf and p.residual]
         assert [mean for mean, _ in row.residuals] == pytest.approx(
             [*np.mean(mine, axis=0)] if mine else []
@@ -149,10 +149,10 @@ def test_moments_are_the_samples():
     assert moments([3.0]) == (3.0, 0.0)
 
 
-def test_success_that_is_not_the_predicted_one_is_told():
-    told = summarise(history(TABLE, parts_of(300, fail_rate=0.2)))
-    assert not told.agrees
-    assert "not as predicted" in page("t", told)
+def test_success_that_is_not_the_predicted_one_is_reported():
+    result = summarise(history(TABLE, parts_of(300, fail_rate=0.2)))
+    assert not result.agrees
+    assert "not as predicted" in page("t", result)
 
 
 def test_p_chart_groups_parts_and_draws_a_limit_that_chance_keeps():
@@ -254,7 +254,7 @@ def test_parquet_holds_the_same_as_csv(journal, tmp_path):
         (["{journal}", "-o", "none/p.html"], 2, "cannot be written"),
     ],
 )
-def test_mistakes_are_told_in_one_line(
+def test_mistakes_are_reported_in_one_line(
     journal, tmp_path, monkeypatch, capsys, words, code, sentence
 ):
     monkeypatch.chdir(tmp_path)
@@ -264,7 +264,7 @@ def test_mistakes_are_told_in_one_line(
     assert said.count("\n") == 1
 
 
-def test_missing_pyarrow_is_told(journal, tmp_path, monkeypatch, capsys):
+def test_missing_pyarrow_is_reported(journal, tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     assert main(["report", str(journal), "--export", str(tmp_path / "p.parquet")]) == 2
     assert "install squeezetree[parquet]" in capsys.readouterr().err

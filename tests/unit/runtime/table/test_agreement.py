@@ -131,8 +131,8 @@ def test_a_forged_table_is_refused_before_anything_is_connected(tmp_path: Path, 
 def two_parts(**changes: object) -> dict[str, object]:
     one, two = several_table().hypotheses
     entries = [
-        {"part": {"name": own.name, "symmetry": own.symmetry}, "share": own.share_ppm / 1e6}
-        for own in (one, two)
+        {"part": {"name": each.name, "symmetry": each.symmetry}, "share": each.share_ppm / 1e6}
+        for each in (one, two)
     ]
     return {"hypothesis": [entries[0], entries[1] | changes]}
 

@@ -20,7 +20,7 @@ def test_a_small_error_of_the_line_fits() -> None:
     assert misfits(small_table(), Calibration(tuple(width + 120 for width in LINE.widths_um))) == []
 
 
-def test_jaws_that_do_not_open_far_enough_are_told() -> None:
+def test_jaws_that_do_not_open_far_enough_are_reported() -> None:
     narrow = Calibration(tuple(min(width, 60_000) for width in LINE.widths_um))
     problems = misfits(small_table(), narrow)
     assert (
@@ -34,15 +34,15 @@ def test_jaws_that_do_not_open_far_enough_are_told() -> None:
     assert misfits(small_table(), almost) == []
 
 
-def test_a_branch_that_no_count_means_is_told() -> None:
+def test_a_branch_that_no_count_means_is_reported() -> None:
     coarse = Calibration(tuple(85_000 if count < 200 else 0 for count in range(256)))
-    told = misfits(small_table(), coarse)[0]
-    assert told.startswith(
+    result = misfits(small_table(), coarse)[0]
+    assert result.startswith(
         "node 0, branch 0: no count of this gripper means 20.00..22.00 mm; calibrate"
     )
 
 
-def test_an_outcome_that_reads_as_its_neighbour_is_told() -> None:
+def test_an_outcome_that_reads_as_its_neighbour_is_reported() -> None:
     """Of the counts near 21 mm, this gripper's nearest one means 22.4 mm, which is the next branch's."""
     root = small_table().nodes[0]
     first = root.branches[0]._replace(low_um=18_000, expected_um=21_000, high_um=30_000)

@@ -71,20 +71,20 @@ def test_one_part_is_not_asked_for() -> None:
 
 
 def test_a_leaf_is_right_about_its_own_part_under_that_parts_symmetry() -> None:
-    made = table()
-    one, two, _ = made.leaves
+    parts = table()
+    one, two, _ = parts.leaves
     there, turned = (0.0, 0.5, 0.0), (0.0, 0.5, math.pi)
-    assert meets(made.goal_of(0), one, turned, 0)
-    assert not meets(made.goal_of(1), one, there, 1)
-    loose = replace(made, goal=replace(made.goal, identify=False))
+    assert meets(parts.goal_of(0), one, turned, 0)
+    assert not meets(parts.goal_of(1), one, there, 1)
+    loose = replace(parts, goal=replace(parts.goal, identify=False))
     assert meets(loose.goal_of(1), one, there, 1)
     assert not meets(loose.goal_of(1), one, turned, 1)
-    assert (made.name_of(one), made.name_of(two)) == ("left hand", "right hand")
+    assert (parts.name_of(one), parts.name_of(two)) == ("left hand", "right hand")
     assert small_table().name_of(one) is None
 
 
 def test_a_right_name_is_all_that_an_identity_asks_for() -> None:
-    made = table()
-    goal = replace(made.goal_of(0), kind="identity")
-    assert meets(goal, made.leaves[0], (90.0, 0.0, 1.0), 0)
-    assert not meets(goal, made.leaves[0], (0.0, 0.5, 0.0), 1)
+    parts = table()
+    goal = replace(parts.goal_of(0), kind="identity")
+    assert meets(goal, parts.leaves[0], (90.0, 0.0, 1.0), 0)
+    assert not meets(goal, parts.leaves[0], (0.0, 0.5, 0.0), 1)

@@ -11,12 +11,12 @@ from runtime.table.takt import figures
 def test_figures_of_many_parts_are_those_of_the_sorted_list() -> None:
     random = Random(3)
     seconds = [round(random.expovariate(0.2), 2) for _ in range(997)]
-    told, rising = figures(Counter(seconds), 4.0), sorted(seconds)
+    result, rising = figures(Counter(seconds), 4.0), sorted(seconds)
     for percentile in (50, 95, 99):
-        limit = told[f"seconds_p{percentile}"]
+        limit = result[f"seconds_p{percentile}"]
         assert sum(value <= limit for value in rising) >= percentile * len(rising) / 100
         assert sum(value < limit for value in rising) < percentile * len(rising) / 100
-    assert told["seconds_max"] == rising[-1]
-    assert told["seconds_mean"] == pytest.approx(sum(rising) / len(rising))
-    assert told["takt_probability"] == sum(value <= 4.0 for value in rising) / len(rising)
+    assert result["seconds_max"] == rising[-1]
+    assert result["seconds_mean"] == pytest.approx(sum(rising) / len(rising))
+    assert result["takt_probability"] == sum(value <= 4.0 for value in rising) / len(rising)
     assert "takt_probability" not in figures(Counter(seconds))

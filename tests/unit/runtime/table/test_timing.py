@@ -54,10 +54,10 @@ def test_schedule_of_alike_fingers_turns_the_short_way() -> None:
     _, second = small_table().nodes
     turned = second._replace(squeeze=second.squeeze._replace(angle_urad=3_000_000))
     table = with_node(small_table(), 1, turned)
-    made = [Squeezed(0, 30.0, 1), Squeezed(1, 21.0, 0)]
+    result = [Squeezed(0, 30.0, 1), Squeezed(1, 21.0, 0)]
     alike, not_alike = (
         Schedule.of(table, {"gripper": {"upper_finger_share": share}}).part(
-            made, Stand(0.0, 0.0, 0.0)
+            result, Stand(0.0, 0.0, 0.0)
         )
         for share in (0.5, 0.6)
     )
@@ -90,8 +90,8 @@ def test_table_with_a_job_no_motion_can_keep_is_refused(cell: dict, problem: str
 
 def test_contact_of_nodes_comes_back_from_the_bytes() -> None:
     table = with_node(small_table(), 0, small_table().nodes[0]._replace(contact_um=52_000))
-    for made in (table, pushing_table(table)):
-        assert loads(dumps(made)) == made
+    for result in (table, pushing_table(table)):
+        assert loads(dumps(result)) == result
     low = with_node(table, 0, table.nodes[0]._replace(contact_um=10_000))
     with pytest.raises(TableError, match="node 0: contact_um is 10000, allowed is 30000"):
         dumps(low)

@@ -7,7 +7,7 @@ import pytest
 from sample_tables import several_table, small_table, with_job
 
 from runtime.table import Table
-from runtime.traversal.answer import PartFrames, frames_of, told
+from runtime.traversal.answer import PartFrames, fields, frames_of
 
 LEFT = {"datum": [1.0, 2.0, 90.0], "picks": {"rim": [3.0, 0.0, 0.0]}}
 RIGHT = {"datum": [-1.0, 0.0, 0.0]}
@@ -17,9 +17,9 @@ def with_parts(table: Table) -> Table:
     return with_job(table, json.dumps({"hypothesis": [{"part": LEFT}, {"part": RIGHT}]}))
 
 
-def test_each_part_is_told_in_its_own_frames() -> None:
+def test_each_part_is_reported_in_its_own_frames() -> None:
     table = with_parts(several_table())
-    one, other = (told(table, leaf, frames_of(table)) for leaf in (0, 1))
+    one, other = (fields(table, leaf, frames_of(table)) for leaf in (0, 1))
     assert (one["hypothesis"], other["hypothesis"]) == ("left hand", "right hand")
     assert one["datum"] == {
         "x_mm": 1.0,
@@ -37,7 +37,7 @@ def test_each_part_is_told_in_its_own_frames() -> None:
 
 def test_the_answer_of_one_part_has_no_name() -> None:
     table = small_table()
-    assert "hypothesis" not in told(table, 0, frames_of(table))
+    assert "hypothesis" not in fields(table, 0, frames_of(table))
 
 
 @pytest.mark.parametrize("job", [None, "{}", "[", '{"hypothesis": [{}, 3]}', '{"hypothesis": 7}'])

@@ -95,8 +95,8 @@ def test_whatever_is_read_every_part_ends_within_what_the_policy_allows(
 )
 def test_which_outcomes_end_a_run(policy: str, ends: set[Outcome]) -> None:
     always = {Outcome.FAULT, Outcome.STOPPED, Outcome.ABORTED}
-    made = Policy.of(policy, policy)
-    assert {outcome for outcome in Outcome if made.ends_run(outcome)} == ends | always
+    result = Policy.of(policy, policy)
+    assert {outcome for outcome in Outcome if result.ends_run(outcome)} == ends | always
     assert Policy.of("stop", "next").ends_run(Outcome.REJECT)
     assert not Policy.of("stop", "next").ends_run(Outcome.UNRESOLVED)
     assert Policy.of("next", "stop").ends_run(Outcome.UNRESOLVED)
@@ -131,7 +131,7 @@ def test_a_policy_survives_being_written_down() -> None:
 
 
 @pytest.mark.parametrize(
-    ("on_reject", "on_unresolved", "told"),
+    ("on_reject", "on_unresolved", "message"),
     [
         ("again", "next", "--on-reject 'again': name resqueeze, restart, next, stop"),
         ("", "next", "name resqueeze"),
@@ -142,9 +142,9 @@ def test_a_policy_survives_being_written_down() -> None:
     ],
 )
 def test_a_policy_that_makes_no_sense_is_refused(
-    on_reject: str, on_unresolved: str, told: str
+    on_reject: str, on_unresolved: str, message: str
 ) -> None:
-    with pytest.raises(ArgumentsError, match=told) as refused:
+    with pytest.raises(ArgumentsError, match=message) as refused:
         Policy.of(on_reject, on_unresolved)
     assert refused.value.exit_code == 2
 
@@ -154,12 +154,12 @@ def test_every_node_count_and_flag_means_what_the_map_says(seed: int) -> None:
     for node in random_table(seed, 20).nodes:
         outcomes = decision_map(node, CALIBRATION)
         for count, flag in itertools.product(range(256), (CONTACT, ARRIVED)):
-            made = decide(node, outcomes, count, flag)
-            assert made.branch == outcomes[count + 256 * (flag == CONTACT)]
-            assert (made.reason is None) == (made.branch != REJECT)
-            if made.reason is not None:
-                assert ("closed on nothing" in made.reason) == (flag == ARRIVED)
-                assert ("planned:" in made.reason) == (flag == CONTACT)
+            result = decide(node, outcomes, count, flag)
+            assert result.branch == outcomes[count + 256 * (flag == CONTACT)]
+            assert (result.reason is None) == (result.branch != REJECT)
+            if result.reason is not None:
+                assert ("closed on nothing" in result.reason) == (flag == ARRIVED)
+                assert ("planned:" in result.reason) == (flag == CONTACT)
         for flag in (0, 1, 4):
             with pytest.raises(GripperStateError, match=f"flag {flag} after a closing motion"):
                 decide(node, outcomes, 100, flag)

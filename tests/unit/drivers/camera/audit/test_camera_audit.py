@@ -209,13 +209,13 @@ def test_camera_that_moved_by_two_millimetres_does_not_judge():
 
 
 @pytest.mark.parametrize(
-    ("references", "told"),
+    ("references", "message"),
     [
         (True, "reference tag 580 is seen beyond the table's horizon"),
         (False, "tag 7 is seen beyond"),
     ],
 )
-def test_tags_that_the_calibration_sees_beyond_the_horizon_do_not_judge(references, told):
+def test_tags_that_the_calibration_sees_beyond_the_horizon_do_not_judge(references, message):
     known = true_calibration(BELOW, references=references)
     away = np.diag([1.0, -1.0, -1.0]) @ known.view.rotation  # looks away from the table
     view = replace(known.view, rotation=away, translation=-away @ known.view.eye)
@@ -223,7 +223,7 @@ def test_tags_that_the_calibration_sees_beyond_the_horizon_do_not_judge(referenc
     picture = render(BELOW, cards, Flaws(), np.random.default_rng(1))
     answer = audit(picture, calibration=replace(known, view=view))
     assert answer.verdict == UNKNOWN
-    assert told in answer.reason
+    assert message in answer.reason
     assert "nan" not in str(answer.fields())
 
 
@@ -274,13 +274,13 @@ def test_album_stays_small_and_a_full_disk_does_no_harm(tmp_path):
 
 
 def test_outline_of_an_answer_has_units_in_its_names():
-    told = audit(shot()).fields()
-    assert {"verdict", "reason", "distance", "error", "moved_mm"} < told.keys()
+    result = audit(shot()).fields()
+    assert {"verdict", "reason", "distance", "error", "moved_mm"} < result.keys()
     assert {
         f"{kind}_{name}"
         for kind in ("measured", "residual")
         for name in ("x_mm", "y_mm", "theta_rad")
-    } < (told.keys())
+    } < (result.keys())
 
 
 def test_tags_of_their_own_tell_parts_apart():
@@ -288,16 +288,16 @@ def test_tags_of_their_own_tell_parts_apart():
         Subject(GOAL, part_tag(number=NUMBER + k), name=name) for k, name in enumerate("lr")
     )
 
-    def told(lies: int, said: str, *subjects):
+    def output(lies: int, said: str, *subjects):
         picture = RIG.seen(Look(POSE, hypothesis=lies), np.random.default_rng(1))
         auditor = Auditor(Shown(picture), true_calibration(BELOW), subjects)
         answer = auditor.audit(3, POSE, time.monotonic() + 1.0, said)
         return answer.verdict, answer.fields().get("hypothesis")
 
-    assert told(0, "l", left, right) == (PASS, "l")
-    assert told(1, "r", left, right) == (PASS, "r")
-    assert told(1, "l", left, right) == (FAIL, "r")
+    assert output(0, "l", left, right) == (PASS, "l")
+    assert output(1, "r", left, right) == (PASS, "r")
+    assert output(1, "l", left, right) == (FAIL, "r")
     alike = replace(right, tag=left.tag)
-    assert told(0, "r", left, alike) == (PASS, None)  # one tag for both: the name is not known
-    assert told(1, "l", left, alike) == (UNKNOWN, None)
-    assert told(0, "l", right) == (UNKNOWN, None)
+    assert output(0, "r", left, alike) == (PASS, None)  # one tag for both: the name is not known
+    assert output(1, "l", left, alike) == (UNKNOWN, None)
+    assert output(0, "l", right) == (UNKNOWN, None)

@@ -127,7 +127,7 @@ def test_tag_is_found_on_its_part(studio, calibrated, capsys):
     assert np.hypot(tag.on_part[0] - 2.0, tag.on_part[1] + 1.0) < 0.1
     assert abs(angle_between(tag.on_part[2], 0.3)) < 0.005
     assert "standard deviation" in capsys.readouterr().out
-    assert calibrated.made
+    assert calibrated.date
 
 
 def test_tag_can_be_stated(tmp_path):
@@ -146,7 +146,7 @@ def test_tag_can_be_stated(tmp_path):
         (["--touched", "empty.png"], 33, "poses"),
     ],
 )
-def test_mistakes_at_calibrating_are_told_in_one_line(
+def test_mistakes_at_calibrating_are_reported_in_one_line(
     studio, capsys, monkeypatch, more, code, sentence
 ):
     monkeypatch.chdir(studio)

@@ -23,8 +23,8 @@ def views(noise_px=0.05, seed=1):
     return [seen(card, f"view {k}", rng, noise_px) for k, card in enumerate(cards())]
 
 
-def made_view(found):
-    view = table_fit.stand(found.lens, found.pose, from_below=True)
+def made_view(result):
+    view = table_fit.stand(result.lens, result.pose, from_below=True)
     return view.moved(relative(ON_TABLE, (0.0, 0.0, 0.0)))
 
 
@@ -123,16 +123,16 @@ def flat_views():
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
-        (lambda found: found[:5], "5 pictures show the board; take at least 8"),
+        (lambda result: result[:5], "5 pictures show the board; take at least 8"),
         (
-            lambda found: [v for v in found * 2 if v.pixels[:, 1].max() < 420],
+            lambda result: [v for v in result * 2 if v.pixels[:, 1].max() < 420],
             "in the lower .* corner",
         ),
         (
-            lambda found: [*found[:-1], shuffled(found[-1])],
+            lambda result: [*result[:-1], shuffled(result[-1])],
             "worst .* in view 9; leave that one out",
         ),
-        (lambda found: [shuffled(v) for v in found], "the residual is"),
+        (lambda result: [shuffled(v) for v in result], "the residual is"),
         (lambda _: flat_views(), "tilted by 30 degrees"),
     ],
 )
@@ -220,7 +220,7 @@ def test_spoilt_calibration_is_refused(tmp_path, spoil, sentence):
         calibration.load(path)
 
 
-def test_missing_and_unwritable_files_are_told(tmp_path):
+def test_missing_and_unwritable_files_are_reported(tmp_path):
     with pytest.raises(CameraFileError, match="No such file"):
         calibration.load(tmp_path / "none.json")
     with pytest.raises(CameraFileError, match="cannot be written"):

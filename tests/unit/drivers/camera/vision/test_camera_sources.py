@@ -111,7 +111,7 @@ def test_a_picture_that_is_still_being_written_is_waited_for(tmp_path):
     later.join()
 
 
-def test_file_that_is_no_picture_is_told(tmp_path):
+def test_file_that_is_no_picture_is_reported(tmp_path):
     (tmp_path / "a.jpg").write_bytes(b"not a picture")
     with pytest.raises(PictureError, match=r"what came is no picture \(13 bytes\)"):
         Folder(tmp_path).picture(soon())
@@ -138,7 +138,7 @@ def test_still_camera_is_asked_anew_each_time(server):
     assert [int(source.picture(soon())[0, 0]) for _ in range(3)] == [1, 2, 3]
 
 
-def test_still_camera_that_is_gone_or_silent_is_told_in_time(server):
+def test_still_camera_that_is_gone_or_silent_is_reported_in_time(server):
     server.close()
     with pytest.raises(SourceError, match="is it on, and in this network"):
         open_source(server.url).picture(soon())
@@ -149,7 +149,7 @@ def test_still_camera_that_is_gone_or_silent_is_told_in_time(server):
 
 
 @pytest.mark.parametrize("start", [b"HTTP/1.1 200 OK\r\nX: ", b"HTTP/1.1 200 OK\r\n\r\n"])
-def test_still_camera_that_drips_is_told_in_time(start):
+def test_still_camera_that_drips_is_reported_in_time(start):
     """Each byte comes in time, and the picture never."""
 
     def drip(listener, stopped):
@@ -167,7 +167,7 @@ def test_still_camera_that_drips_is_told_in_time(start):
         stopped.set()
 
 
-def test_address_without_a_picture_is_told(server):
+def test_address_without_a_picture_is_reported(server):
     with pytest.raises(SourceError, match="404"):
         open_source(server.url.replace("picture", "else")).picture(soon())
 
@@ -190,7 +190,7 @@ def test_stream_shows_what_was_taken_after_the_question(stream_url, counter, flo
         source.close()
 
 
-def test_stream_that_cannot_be_opened_is_told_in_time():
+def test_stream_that_cannot_be_opened_is_reported_in_time():
     source = Stream("/dev/null", cv2.CAP_V4L2, (64, 48))
     try:
         with pytest.raises(SourceError, match="check power and cable"):
@@ -223,7 +223,7 @@ def test_a_file_is_neither_a_camera_nor_a_folder(tmp_path):
         open_source(str(tmp_path / "notes.txt"))
 
 
-def test_a_folder_that_vanishes_is_told_in_a_sentence(tmp_path):
+def test_a_folder_that_vanishes_is_reported_in_a_sentence(tmp_path):
     gone = tmp_path / "pictures"
     gone.mkdir()
     source = open_source(str(gone))
@@ -232,7 +232,7 @@ def test_a_folder_that_vanishes_is_told_in_a_sentence(tmp_path):
         source.picture(soon())
 
 
-def test_a_picture_that_cannot_be_read_is_told_by_name(tmp_path):
+def test_a_picture_that_cannot_be_read_is_reported_by_name(tmp_path):
     (tmp_path / "a.png").mkdir()
     with pytest.raises(SourceError, match=r"picture .*a\.png: Is a directory"):
         open_source(str(tmp_path)).picture(soon())

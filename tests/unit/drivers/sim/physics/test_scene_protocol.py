@@ -57,7 +57,7 @@ def test_a_line_without_end_hangs_up(served):
 def test_what_fails_while_it_is_asked_reaches_the_threads_end(served, monkeypatch):
     failed, seen = threading.Event(), []
     monkeypatch.setattr(
-        threading, "excepthook", lambda told: (seen.append(told.exc_value), failed.set())
+        threading, "excepthook", lambda message: (seen.append(message.exc_value), failed.set())
     )
     with client(served[0]) as connection:
         connection.sendall(b'{"do": "fail"}\n')

@@ -101,7 +101,7 @@ def test_frames_may_come_in_any_pieces(slave):
         assert not slave.pending
 
 
-def test_several_frames_in_one_piece_are_told_apart(slave):
+def test_several_frames_in_one_piece_are_distinguished(slave):
     other = frame("08 03 07D0 0003")
     bad = READ[:-1] + b"\0"
     assert len(fed(slave, READ + other + READ + bad + READ)) == 3

@@ -30,11 +30,11 @@ def read(path, **options):
     return read_outline(path, Options(**options))
 
 
-def is_rectangle(found, scale=1.0):
-    assert np.allclose(sorted(found.size_mm), (21 * scale, 30 * scale), atol=0.03)
-    assert len(found.outline_mm) == 4
-    assert found.symmetry == 2
-    assert outlines.area(found.outline_mm) == pytest.approx(630 * scale**2, rel=2e-3)
+def is_rectangle(result, scale=1.0):
+    assert np.allclose(sorted(result.size_mm), (21 * scale, 30 * scale), atol=0.03)
+    assert len(result.outline_mm) == 4
+    assert result.symmetry == 2
+    assert outlines.area(result.outline_mm) == pytest.approx(630 * scale**2, rel=2e-3)
 
 
 def polyline(space, points=RECTANGLE, close=True):
@@ -357,7 +357,7 @@ def test_a_plate_as_large_as_a_sheet_but_empty_is_a_part(tmp_path):
     assert sorted(read(drawn(tmp_path, lambda m, d: polyline(m, plate))).size_mm) == [210, 297]
 
 
-def test_an_open_outline_about_a_closed_hole_is_told_with_its_gap(tmp_path):
+def test_an_open_outline_about_a_closed_hole_is_reported_with_its_gap(tmp_path):
     def draw(space, _):
         lines(space, gap=0.5)
         space.add_circle((15, 10), 3)

@@ -69,7 +69,7 @@ def test_circles_and_polygons(tmp_path):
     assert shapely.Polygon(poly.outline_mm).area == pytest.approx(13.5)
 
 
-def test_what_cannot_be_read_is_told_in_one_line(tmp_path):
+def test_what_cannot_be_read_is_reported_in_one_line(tmp_path):
     with pytest.raises(InputFileError, match="not a KiCad footprint"):
         read(tmp_path, head="(kicad_pcb")
     with pytest.raises(InputFileError, match="cannot be read"):

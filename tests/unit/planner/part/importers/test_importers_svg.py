@@ -25,10 +25,10 @@ def read(path, **options):
     return read_outline(path, Options(**options))
 
 
-def is_rectangle(found, scale=1.0):
-    assert np.allclose(sorted(found.size_mm), (21 * scale, 30 * scale), rtol=1e-5)
-    assert len(found.outline_mm) == 4
-    assert found.symmetry == 2
+def is_rectangle(result, scale=1.0):
+    assert np.allclose(sorted(result.size_mm), (21 * scale, 30 * scale), rtol=1e-5)
+    assert len(result.outline_mm) == 4
+    assert result.symmetry == 2
 
 
 SIZES = {

@@ -20,7 +20,7 @@ LOCAL = partial(answer, PAGES, local=True)
 OPEN = partial(answer, PAGES, local=False)
 
 
-def told(answers: Callable[[bytes], bytes], asked: str) -> tuple[int, str, bytes]:
+def output(answers: Callable[[bytes], bytes], asked: str) -> tuple[int, str, bytes]:
     """Code, head and body of an answer."""
     head, _, body = answers(asked.encode("latin-1")).partition(b"\r\n\r\n")
     return int(head.split()[1]), head.decode(), body
@@ -72,7 +72,9 @@ def test_loopback_is_this_machine_only() -> None:
 
 
 def test_a_page_is_answered_with_its_length_and_nothing_may_keep_or_frame_it() -> None:
-    code, head, body = told(LOCAL, "GET /status.json?x=1 HTTP/1.1\r\nHost: localhost:8080\r\n\r\n")
+    code, head, body = output(
+        LOCAL, "GET /status.json?x=1 HTTP/1.1\r\nHost: localhost:8080\r\n\r\n"
+    )
     assert (code, body) == (200, b"{}\n")
     assert "Content-Length: 3\r\n" in head
     assert {
@@ -84,8 +86,8 @@ def test_a_page_is_answered_with_its_length_and_nothing_may_keep_or_frame_it() -
 
 def test_a_head_is_answered_like_a_get_without_the_body() -> None:
     for path in ("/", "/nowhere"):
-        _, of_get, body = told(OPEN, f"GET {path} HTTP/1.0\r\n\r\n")
-        code, of_head, nothing = told(OPEN, f"HEAD {path} HTTP/1.0\r\n\r\n")
+        _, of_get, body = output(OPEN, f"GET {path} HTTP/1.0\r\n\r\n")
+        code, of_head, nothing = output(OPEN, f"HEAD {path} HTTP/1.0\r\n\r\n")
         assert (of_head, nothing) == (of_get, b"")
         assert code == (200 if path == "/" else 404)
         assert f"Content-Length: {len(body)}" in of_get
@@ -95,7 +97,7 @@ def test_a_head_is_answered_like_a_get_without_the_body() -> None:
     "method", ["POST", "PUT", "DELETE", "PATCH", "OPTIONS", "TRACE", "CONNECT"]
 )
 def test_nothing_can_be_changed(method: str) -> None:
-    code, head, _ = told(OPEN, f"{method} / HTTP/1.1\r\nHost: x\r\n\r\n")
+    code, head, _ = output(OPEN, f"{method} / HTTP/1.1\r\nHost: x\r\n\r\n")
     assert code == 405
     assert "Allow: GET, HEAD" in head
 
@@ -103,8 +105,8 @@ def test_nothing_can_be_changed(method: str) -> None:
 @pytest.mark.parametrize(
     "line", ["", "GET", "GET /", "get / HTTP/1.1", "GET x HTTP/1.1", "GET / HTTP/2", "\x00\xff"]
 )
-def test_what_is_no_question_is_told_so(line: str) -> None:
-    assert told(OPEN, f"{line}\r\n\r\n")[0] == 400
+def test_what_is_no_question_is_answered_so(line: str) -> None:
+    assert output(OPEN, f"{line}\r\n\r\n")[0] == 400
 
 
 @pytest.mark.parametrize(
@@ -124,8 +126,8 @@ def test_what_is_no_question_is_told_so(line: str) -> None:
     ],
 )
 def test_a_local_page_is_for_who_asks_this_machine_by_its_own_name(fields: str, code: int) -> None:
-    assert told(LOCAL, f"GET / HTTP/1.1\r\n{fields}\r\n")[0] == code
-    assert told(OPEN, f"GET / HTTP/1.1\r\n{fields}\r\n")[0] == 200
+    assert output(LOCAL, f"GET / HTTP/1.1\r\n{fields}\r\n")[0] == code
+    assert output(OPEN, f"GET / HTTP/1.1\r\n{fields}\r\n")[0] == 200
 
 
 def test_the_page_holds_the_table_and_asks_nobody_but_its_server() -> None:
@@ -139,7 +141,9 @@ def test_the_page_holds_the_table_and_asks_nobody_but_its_server() -> None:
     assert [leaf[:3] for leaf in data["leaves"]] == [list(leaf[:3]) for leaf in table.leaves]
     assert [leaf[5] for leaf in data["leaves"]] == [int(leaf.resolved) for leaf in table.leaves]
     assert not read.open
-    assert not [a for tag, a in read.found if tag in ("link", "script", "img") and "//" in str(a)]
+    assert not [
+        a for tag, a in read.elements if tag in ("link", "script", "img") and "//" in str(a)
+    ]
     assert re.findall(r"@import|url\(|https?://(?!www\.w3\.org/2000/svg)", text) == []
     assert "default-src 'none'" in text
     assert "connect-src 'self'" in text
@@ -147,9 +151,9 @@ def test_the_page_holds_the_table_and_asks_nobody_but_its_server() -> None:
 
 def test_every_name_the_script_looks_for_is_on_the_page() -> None:
     text = page.page(small_table(), "small.msgpack")
-    ids = {attributes["id"] for _, attributes in Page(text).found if "id" in attributes}
-    made = {"plan", "read"}  # by the script itself
-    assert set(re.findall(r'(?:byId|put|getElementById)\("([^"]+)"', text)) <= ids | made
+    ids = {attributes["id"] for _, attributes in Page(text).elements if "id" in attributes}
+    result = {"plan", "read"}  # by the script itself
+    assert set(re.findall(r'(?:byId|put|getElementById)\("([^"]+)"', text)) <= ids | result
 
 
 def test_the_jobs_part_is_drawn_and_its_name_cannot_break_out() -> None:
@@ -157,8 +161,8 @@ def test_the_jobs_part_is_drawn_and_its_name_cannot_break_out() -> None:
     job = json.dumps({"part": {"name": evil, "outline_mm": [[0, 0], [10, 0], [0, 5.5]]}})
     read = Page(page.page(with_job(small_table(), job), evil))
     assert json.loads(read.scripts["data"])["outline"] == [[0, 0], [10, 0], [0, 5.5]]
-    assert not [tag for tag, _ in read.found if tag == "img"]
-    assert len([tag for tag, _ in read.found if tag == "script"]) == 2
+    assert not [tag for tag, _ in read.elements if tag == "img"]
+    assert len([tag for tag, _ in read.elements if tag == "script"]) == 2
 
 
 @pytest.mark.parametrize("job", [None, "{}", '{"part": 3}', '{"part": {"outline_mm": [[1]]}}'])

@@ -83,14 +83,14 @@ def test_the_picture_tells_node_width_outcomes_and_parts(encoding: str, here: st
     terminal = Terminal(file=bare, width=100, height=30, force_terminal=True, color_system=None)
     terminal.print(picture(Outline(small_table()), "small.msgpack", fed().as_object(), terminal))
     bare.flush()
-    told = bare.buffer.getvalue().decode(encoding)
-    assert "part 2  place  last width 30.20 mm  3 squeezes" in told
-    assert "1 LEAF  0 REJECT  0 UNRESOLVED" in told
-    (now,) = [line for line in told.splitlines() if line.startswith(here)]
+    output = bare.buffer.getvalue().decode(encoding)
+    assert "part 2  place  last width 30.20 mm  3 squeezes" in output
+    assert "1 LEAF  0 REJECT  0 UNRESOLVED" in output
+    (now,) = [line for line in output.splitlines() if line.startswith(here)]
     assert "node 1, squeeze at (1.0, -2.0) mm, 90.0 deg" in now
     assert "29.0 to 31.0 mm, 40.0 %" in now
-    assert "leaf 2, unresolved" in told
-    assert "part 1: LEAF 1, 2 squeezes, audit pass" in told
+    assert "leaf 2, unresolved" in output
+    assert "part 1: LEAF 1, 2 squeezes, audit pass" in output
 
 
 def test_a_terminal_that_takes_nothing_holds_nobody_up(monkeypatch: pytest.MonkeyPatch) -> None:

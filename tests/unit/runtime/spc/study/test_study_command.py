@@ -22,7 +22,7 @@ def main(*words):
     return audit(["study", *map(str, words)])
 
 
-def told(capsys):
+def output(capsys):
     return json.loads(capsys.readouterr().out)
 
 
@@ -40,7 +40,7 @@ def healthy():
 def test_study_of_a_healthy_cell_accepts_it_and_writes_the_sheet(healthy, tmp_path, capsys):
     journal, sheet = write(tmp_path / "j.jsonl", healthy), tmp_path / "sheet.html"
     assert main(journal, "-o", sheet, "--json") == 0
-    result = told(capsys)
+    result = output(capsys)
     assert result["verdict"] == "accepted"
     assert result["parts_least"] <= result["decided_at"] <= 700
     assert (
@@ -117,7 +117,7 @@ def test_study_by_truth_is_of_a_simulated_cell(healthy, tmp_path, capsys):
     assert main(journal) == 2
     assert "--audit" in one_line(capsys)
     assert main(journal, "--truth", "--json") == 0
-    study = told(capsys)["type1"]["table"]
+    study = output(capsys)["type1"]["table"]
     assert study["x_mm"]["bias"] == pytest.approx(-0.5)
     assert study["y_mm"]["sigma"] == 0.0
     assert main(with_truth(tmp_path / "k.jsonl", healthy, 4.0), "--truth") == 14
@@ -149,7 +149,7 @@ def crossed_journals(folder, audited=True):
 def test_study_crossed_takes_journals_for_appraisers(tmp_path, capsys):
     paths = crossed_journals(tmp_path)
     assert main(*paths, "--crossed", 10, "-o", tmp_path / "s.html", "--json") == 15
-    result = told(capsys)["crossed"]
+    result = output(capsys)["crossed"]
     assert set(result) == {"width_mm", "x_mm", "y_mm", "theta_rad"}
     width = result["width_mm"]
     assert (width["parts"], width["appraisers"], width["trials"]) == (10, 3, 3)
@@ -158,7 +158,7 @@ def test_study_crossed_takes_journals_for_appraisers(tmp_path, capsys):
     assert "Gauge R&amp;R" in (tmp_path / "s.html").read_text()
     bare = crossed_journals(tmp_path, audited=False)
     assert main(*bare, "--crossed", 10, "--json") == 14
-    assert told(capsys)["crossed"]["width_mm"] == width
+    assert output(capsys)["crossed"]["width_mm"] == width
     assert main(*bare, "--crossed", 10, "-o", tmp_path / "t.html") == 2
     assert "no audited part" in one_line(capsys)
     for words in (["--crossed", 7], ["--crossed", 30], ["--crossed", 1]):
@@ -182,7 +182,7 @@ def measured(path, change=lambda rows: rows):
 
 def test_study_of_measurements_is_aiags_example(tmp_path, capsys):
     assert main("--measurements", measured(tmp_path / "m.csv"), "--json") == 0
-    result = told(capsys)["crossed"]["value"]
+    result = output(capsys)["crossed"]["value"]
     assert result["anova"]["gauge_percent"] == pytest.approx(27.86, abs=0.005)
     assert result["anova"]["ndc"] == 4
     assert result["anova"]["ndc_unrounded"] == pytest.approx(4.861, abs=0.001)
@@ -193,7 +193,7 @@ def test_study_of_measurements_is_aiags_example(tmp_path, capsys):
         tmp_path / "s.csv", lambda rows: [rows[k] for k in np.random.default_rng(1).permutation(90)]
     )
     assert main("--measurements", shuffled, "--json") == 0
-    assert told(capsys)["crossed"]["value"]["anova"]["gauge_percent"] == pytest.approx(
+    assert output(capsys)["crossed"]["value"]["anova"]["gauge_percent"] == pytest.approx(
         27.86, abs=0.005
     )
 
@@ -216,7 +216,7 @@ def test_measurements_that_are_no_study_end_in_one_line(tmp_path, capsys, change
 
 def test_plan_says_how_many_parts_before_they_are_run(tmp_path, capsys):
     assert main("--plan", TREE, "--json") == 0
-    result = told(capsys)
+    result = output(capsys)
     assert 0 < result["parts_least"] <= result["parts_likely"] < 2000
     assert result["parts_type1"] > 25
     assert main("--plan", TREE, "--required", "0.99999") == 14

@@ -23,8 +23,8 @@ ACTIVATE, CLOSE, OPEN = [0x0100, 0, 0], [0x0900, 0x00FF, 0xFFFF], [0x0900, 0x000
 
 @pytest.fixture
 def cell():
-    with Cell(setting(), 3, SCALE) as made:
-        yield made
+    with Cell(setting(), 3, SCALE) as result:
+        yield result
 
 
 def address(url):
