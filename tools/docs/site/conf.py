@@ -104,6 +104,7 @@ drivers/sim/FAULTS
 
 tools/docs/commands
 tools/docs/python
+tools/docs/glossary
 tools/docs/notebooks/squeeze
 tools/docs/notebooks/belief
 tools/docs/notebooks/world

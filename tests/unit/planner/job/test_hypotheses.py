@@ -9,6 +9,7 @@ import pytest
 
 from planner.errors import JobError
 from planner.job import model as job_file
+from planner.job.hypotheses import FOREIGN
 from planner.mechanics.simulator import Simulator
 from planner.part import symmetry
 from runtime.traversal.answer import frames_in
@@ -104,7 +105,7 @@ def test_what_is_wrong_is_reported_with_its_place(document, message):
 
 def test_foreign_parts_are_parts_that_no_plan_is_made_for():
     one = several()["hypothesis"][1]
-    job = read(several(stranger=[{**one, "pressure": {"kind": "uniform"}}]))
+    job = read(several() | {FOREIGN: [{**one, "pressure": {"kind": "uniform"}}]})
     assert job_file.from_canonical(job.canonical()) == job
     (foreign,) = job.foreign_parts
     assert (foreign.part.name, foreign.pressure.kind) == (one["part"]["name"], "uniform")
@@ -125,12 +126,12 @@ def test_foreign_parts_are_parts_that_no_plan_is_made_for():
 )
 def test_a_wrong_foreign_part_is_reported_with_its_place(entries, message):
     with pytest.raises(JobError, match=message):
-        read(several(stranger=entries))
+        read(several() | {FOREIGN: entries})
 
 
 @pytest.mark.parametrize("key", ["hypothesis", "stranger"])
 def test_an_entry_without_friction_is_reported_with_its_number(key):
-    document = several(stranger=[{"part": several()["hypothesis"][1]["part"]}])
+    document = several() | {FOREIGN: [{"part": several()["hypothesis"][1]["part"]}]}
     ours = document.pop("friction")
     for entry in (*document["hypothesis"], *document["stranger"]):
         entry["friction"] = ours
@@ -146,7 +147,7 @@ def test_an_entry_without_friction_is_reported_with_its_number(key):
 def test_a_foreign_part_too_large_for_the_jaws_is_reported_with_its_number():
     large = {"name": "plate", "outline_mm": [[0, 0], [90, 0], [90, 90], [0, 90]]}
     with pytest.raises(JobError, match="stranger 1: part larger than the opening"):
-        read(several(stranger=[{"part": large}]))
+        read(several() | {FOREIGN: [{"part": large}]})
 
 
 def test_asking_which_part_it_is_needs_two():

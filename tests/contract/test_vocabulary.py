@@ -1,0 +1,127 @@
+"""The names in the code and the words of the documentation are those of tools/docs/glossary.md."""
+
+import ast
+import re
+from collections.abc import Iterator
+from itertools import chain
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+FOLDERS = ("planner", "runtime", "drivers", "tools", "tests")
+GLOSSARY = ROOT / "tools" / "docs" / "glossary.md"
+PATTERNS = ("README.md", "tools/d*/*.md", "runtime/**/*.md", "drivers/**/*.md")
+PAGES = sorted(set(chain.from_iterable(map(ROOT.glob, PATTERNS))) - {GLOSSARY})
+MOST_PARAMETERS = 8
+
+
+def rows(title: str) -> list[list[str]]:
+    """The cells of a section's table, without its head."""
+    section = GLOSSARY.read_text().partition(f"## {title}\n")[2].partition("\n## ")[0]
+    lines = [line for line in section.splitlines() if line.startswith("|")]
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
+
+
+NAMES = {name.strip("`"): (where, better) for name, where, better in rows("Names")}
+WORDS = {
+    word: term
+    for term, _, replaced in rows("Terms")
+    for word in re.split(r", (?![^(]*\))", replaced)
+    if "(" not in word and word != "-"
+}
+
+
+def modules_of(folder: str) -> Iterator[tuple[Path, ast.Module]]:
+    """The modules of a folder, parsed."""
+    for path in sorted((ROOT / folder).rglob("*.py")):
+        yield path.relative_to(ROOT), ast.parse(path.read_text())
+
+
+def better_than(name: str) -> str | None:
+    """What to use instead of an identifier; None where it may stay."""
+    for word, (where, better) in NAMES.items():
+        if name == word or (where == "in any name" and word in name.lower()):
+            return better
+    return None
+
+
+def names_in(tree: ast.AST) -> Iterator[tuple[int, str]]:
+    """All identifiers of a module with their lines."""
+    for node in ast.walk(tree):
+        line = getattr(node, "lineno", 0)
+        match node:
+            case ast.Name(id=name) | ast.arg(arg=name) | ast.Attribute(attr=name):
+                yield line, name
+            case ast.FunctionDef(name=name) | ast.AsyncFunctionDef(name=name):
+                yield line, name
+            case ast.ClassDef(name=name) | ast.ExceptHandler(name=str(name)):
+                yield line, name
+            case ast.keyword(arg=str(name)) | ast.MatchAs(name=str(name)):
+                yield line, name
+            case ast.alias(name=name, asname=other):
+                yield from ((line, part) for part in name.split("."))
+                if other is not None:
+                    yield line, other
+
+
+def parameters_of(function: ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda) -> list[str]:
+    """The parameters that a caller may give."""
+    arguments = function.args
+    every = [*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs]
+    every += [extra for extra in (arguments.vararg, arguments.kwarg) if extra is not None]
+    return [each.arg for each in every if each.arg not in ("self", "cls")]
+
+
+def prose_of(page: str) -> str:
+    """A page without its code and its addresses."""
+    return re.sub(r"(?s:```.*?```)|`[^`\n]*`|\]\([^)]*\)", " ", page)
+
+
+@pytest.mark.parametrize("folder", FOLDERS)
+def test_identifiers_are_words_of_the_glossary(folder: str) -> None:
+    wrong = [
+        f"{path}:{line}: {name}; better: {instead}"
+        for path, tree in modules_of(folder)
+        for line, name in [(0, path.stem), *names_in(tree)]
+        if (instead := better_than(name))
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+@pytest.mark.parametrize("folder", FOLDERS)
+def test_functions_have_few_parameters(folder: str) -> None:
+    kinds = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)
+    many = [
+        f"{path}:{node.lineno}"
+        for path, tree in modules_of(folder)
+        for node in ast.walk(tree)
+        if isinstance(node, kinds) and len(parameters_of(node)) > MOST_PARAMETERS
+    ]
+    assert not many, f"more than {MOST_PARAMETERS} parameters, group some in a record: {many}"
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_pages_use_the_terms_of_the_glossary(path: Path) -> None:
+    prose = prose_of(path.read_text())
+    assert not {
+        f"{word}; say {term}"
+        for word, term in WORDS.items()
+        if re.search(rf"\b{word}\b", prose, re.IGNORECASE)
+    }
+
+
+@pytest.mark.parametrize("name", ["told", "reject_told", "own", "Stranger"])
+def test_names_of_the_table_are_refused(name: str) -> None:
+    assert better_than(name)
+
+
+@pytest.mark.parametrize("name", ["foundation", "made_up", "owner", "foreign_part"])
+def test_names_that_only_resemble_them_are_not(name: str) -> None:
+    assert better_than(name) is None
+
+
+def test_glossary_states_a_meaning_for_each_term() -> None:
+    assert all(all(row) for row in rows("Terms"))
+    assert len({term for term, *_ in rows("Terms")}) == len(rows("Terms"))
+    assert WORDS.keys() >= {"hasty"}
