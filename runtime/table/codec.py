@@ -115,9 +115,9 @@ def decode(data: bytes) -> Table:
     if not isinstance(frame, tuple) or len(frame) < 2 or frame[0] != MAGIC:
         raise TableError("not a squeezetree table; pass the .msgpack file plan-compile wrote")
     if type(frame[1]) is not int or frame[1] not in FORMATS:
-        told = frame[1] if type(frame[1]) is int else type(frame[1]).__name__
+        number = frame[1] if type(frame[1]) is int else type(frame[1]).__name__
         raise TableError(
-            f"format {told} is not readable; this runtime reads {FORMATS[0]} to {FORMATS[-1]}, recompile it"
+            f"format {number} is not readable; this runtime reads {FORMATS[0]} to {FORMATS[-1]}, recompile it"
         )
     if len(frame) != len(FRAME_FIELDS) or not all(type(part) is bytes for part in frame[2:]):
         raise TableError(
@@ -232,15 +232,20 @@ def _pushes(table: Table) -> list[list[int]]:
 def _contacts(table: Table) -> list[list[int]]:
     openings = (node.squeeze.opening_um for node in table.nodes)
     contacts = (node.contact_um for node in table.nodes)
-    return [[wide if own is None else own for wide, own in zip(openings, contacts, strict=True)]]
+    return [
+        [
+            wide if contact is None else contact
+            for wide, contact in zip(openings, contacts, strict=True)
+        ]
+    ]
 
 
 def _with_contacts(table: Table, fields: dict[str, object]) -> Table:
     """A table with the widths of first contact; the opening itself stands where none is known."""
     contacts = _integers(fields, "node_contact_um", len(table.nodes))
     nodes = (
-        node._replace(contact_um=None if own == node.squeeze.opening_um else own)
-        for node, own in zip(table.nodes, contacts, strict=True)
+        node._replace(contact_um=None if contact == node.squeeze.opening_um else contact)
+        for node, contact in zip(table.nodes, contacts, strict=True)
     )
     return replace(table, nodes=tuple(nodes))
 
@@ -250,7 +255,7 @@ def _with_pushes(table: Table, fields: dict[str, object]) -> Table:
     sizes = _integers(fields, "node_pushes", len(table.nodes))
     pushes = _parts(map(Push._make, _rows(fields, "push")), list(sizes), MAX_PUSHES, "node_pushes")
     nodes = zip(table.nodes, pushes, strict=True)
-    return replace(table, nodes=tuple(node._replace(pushes=own) for node, own in nodes))
+    return replace(table, nodes=tuple(node._replace(pushes=pushed) for node, pushed in nodes))
 
 
 def _with_hypotheses(table: Table, fields: dict[str, object]) -> Table:
@@ -277,7 +282,8 @@ def _with_hypotheses(table: Table, fields: dict[str, object]) -> Table:
         goal=replace(table.goal, identify=bool(identify)),
         hypotheses=tuple(map(Hypothesis._make, zip(names, *columns, strict=True))),
         leaves=tuple(
-            leaf._replace(hypothesis=own, other_hypotheses=rest) for leaf, own, rest in leaves
+            leaf._replace(hypothesis=hypothesis, other_hypotheses=rest)
+            for leaf, hypothesis, rest in leaves
         ),
     )
 
@@ -320,8 +326,8 @@ def _nodes(fields: dict[str, object]) -> tuple[Node, ...]:
         "node_branches",
     )
     return tuple(
-        Node(Squeeze._make(row[:7]), own, None if row[7:9] == row[:2] else (row[7], row[8]))
-        for row, own in zip(rows, branches, strict=True)
+        Node(Squeeze._make(row[:7]), runs, None if row[7:9] == row[:2] else (row[7], row[8]))
+        for row, runs in zip(rows, branches, strict=True)
     )
 
 
@@ -353,12 +359,12 @@ def _parts(
     """The records in groups of these sizes."""
     left = iter(records)
     for size in sizes:
-        own = tuple(islice(left, size)) if 0 <= size <= most else None
-        if own is None or len(own) != size:
+        items = tuple(islice(left, size)) if 0 <= size <= most else None
+        if items is None or len(items) != size:
             raise TableError(
                 f"{name} holds {size}, but no more than {most} may be, and as many as follow"
             )
-        yield own
+        yield items
     if next(left, None) is not None:
         raise TableError(f"{name} adds up to fewer than there are")
 

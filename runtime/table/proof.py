@@ -117,7 +117,10 @@ def _prove_header(table: Table) -> dict[str, Any] | None:
     """Check texts, job, gripper, goal, limits and figures of the whole; returns the job."""
     _within("bytes of job_digest", len(table.job_digest), 32, 32)
     texts = {"tool": table.tool, "gripper_model": table.gripper.model}
-    texts |= {f"hypothesis {index}: name": own.name for index, own in enumerate(table.hypotheses)}
+    texts |= {
+        f"hypothesis {index}: name": hypothesis.name
+        for index, hypothesis in enumerate(table.hypotheses)
+    }
     for name, text in texts.items():
         if not is_plain(text):
             raise TableError(
@@ -165,12 +168,12 @@ def _prove_hypotheses(table: Table) -> None:
         return
     number = len(table.hypotheses)
     _within("number of hypotheses", number, 2, MAX_HYPOTHESES)
-    if len({own.name for own in table.hypotheses}) < number:
+    if len({hypothesis.name for hypothesis in table.hypotheses}) < number:
         raise TableError("two hypotheses have one name; recompile it")
-    for index, own in enumerate(table.hypotheses):
-        _within(f"hypothesis {index}: share_ppm", own.share_ppm, 0, PPM)
-        _within(f"hypothesis {index}: rho_um", own.rho_um, 0)
-        _within(f"hypothesis {index}: symmetry", own.symmetry, 1, MAX_SYMMETRY)
+    for index, hypothesis in enumerate(table.hypotheses):
+        _within(f"hypothesis {index}: share_ppm", hypothesis.share_ppm, 0, PPM)
+        _within(f"hypothesis {index}: rho_um", hypothesis.rho_um, 0)
+        _within(f"hypothesis {index}: symmetry", hypothesis.symmetry, 1, MAX_SYMMETRY)
     if table.hypotheses[0][2:] != (table.goal.rho_um, table.goal.symmetry):
         raise TableError("rho and symmetry of the goal are not the first hypothesis'; recompile it")
     for index, leaf in enumerate(table.leaves):

@@ -178,14 +178,16 @@ EDGES = [
 ]
 
 
-@pytest.mark.parametrize(("allowed", "refused", "told"), EDGES, ids=[told for *_, told in EDGES])
+@pytest.mark.parametrize(
+    ("allowed", "refused", "message"), EDGES, ids=[message for *_, message in EDGES]
+)
 def test_the_last_value_is_proved_and_the_next_refused(
-    allowed: Table, refused: Table, told: str
+    allowed: Table, refused: Table, message: str
 ) -> None:
     dumps(allowed)
     with pytest.raises(TableError) as result:
         dumps(refused)
-    assert told in str(result.value)
+    assert message in str(result.value)
 
 
 def test_a_leaf_of_several_modes_names_as_many_poses_as_the_goal_leaves_open() -> None:
@@ -215,7 +217,7 @@ def test_a_grip_is_never_read_where_the_jaws_are_closed() -> None:
 
 
 @pytest.mark.parametrize(
-    ("table", "told"),
+    ("table", "message"),
     [
         (branch_with(1, 0, target=1), "node 1, branch 0: target is 1, where breadth first it is 2"),
         (branch_with(1, 0, target=0), "node 1, branch 0: target is 0, where breadth first it is 2"),
@@ -228,10 +230,10 @@ def test_a_grip_is_never_read_where_the_jaws_are_closed() -> None:
         (replace(TABLE, leaves=TABLE.leaves * 2), "leaf 3 is never reached"),
     ],
 )
-def test_a_tree_that_is_not_numbered_breadth_first_is_refused(table: Table, told: str) -> None:
+def test_a_tree_that_is_not_numbered_breadth_first_is_refused(table: Table, message: str) -> None:
     with pytest.raises(TableError) as result:
         dumps(table)
-    assert told in str(result.value)
+    assert message in str(result.value)
 
 
 def test_a_long_chain_is_proved_without_recursion() -> None:
@@ -258,7 +260,7 @@ def test_the_embedded_job_is_read_and_a_stripped_one_is_none() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         ("[" * 100_000, "the embedded job is "),
         ('{"seed":' + "9" * 10_000 + "}", "the embedded job is "),
@@ -267,10 +269,10 @@ def test_the_embedded_job_is_read_and_a_stripped_one_is_none() -> None:
     ],
     ids=["nested deep", "long number", "cut short", "no object"],
 )
-def test_a_job_that_cannot_be_read_is_refused_in_a_sentence(text: str, told: str) -> None:
+def test_a_job_that_cannot_be_read_is_refused_in_a_sentence(text: str, message: str) -> None:
     with pytest.raises(TableError) as result:
         dumps(with_job(TABLE, text))
-    assert told in str(result.value)
+    assert message in str(result.value)
     assert "\n" not in str(result.value)
     assert len(str(result.value)) < 250
 
