@@ -3,6 +3,7 @@
 import re
 from pathlib import Path
 
+from runtime.table.proof import MAX_ANGLE_URAD
 from sample_tables import small_table
 
 from runtime.table import HELD_UM, KINDS, UNDETECTED_UM, decide, decision_map, loads
@@ -26,7 +27,6 @@ from runtime.table.model import (
     MAX_LEAVES,
     MAX_PUSHES,
 )
-from runtime.table.proof import MAX_ANGLE_URAD
 
 TEXT = (Path(__file__).parents[2] / "runtime" / "table" / "TABLE.md").read_text()
 ROWS = re.findall(r"^\| (\d+) \| `(\w+)` \|.*\| `([0-9a-f]+)` \|$", TEXT, re.MULTILINE)

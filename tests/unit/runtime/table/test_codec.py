@@ -22,7 +22,16 @@ from sample_tables import (
 )
 
 from runtime import table as package
-from runtime.table import Table, TableError, TableFileError, dump, dumps, load, loads
+from runtime.table import (
+    Place,
+    Table,
+    TableError,
+    TableFileError,
+    dump,
+    dumps,
+    load,
+    loads,
+)
 from runtime.table.codec import MAX_BYTES, PAYLOAD_FIELDS
 
 SMALL = dumps(small_table())
@@ -179,7 +188,7 @@ ROOT = small_table().nodes[0]
         with_node(small_table(), 0, ROOT._replace(squeeze=ROOT.squeeze._replace(x_um=np.int64(0)))),
         with_node(small_table(), 0, ROOT._replace(squeeze=ROOT.squeeze._replace(x_um=0.0))),
         with_node(small_table(), 0, ROOT._replace(squeeze=(1, 2))),
-        with_node(small_table(), 0, ROOT._replace(release=(0, 0))),  # where the hand stands
+        with_node(small_table(), 0, ROOT._replace(release=Place(0, 0))),  # where the hand stands
         with_leaf(small_table(), 0, small_table().leaves[0]._replace(trials=True)),
         with_leaf(small_table(), 0, small_table().leaves[0]._replace(resolved=None)),
         with_leaf(small_table(), 0, small_table().leaves[0]._replace(trials=1 << 70)),

@@ -4,10 +4,24 @@ import hashlib
 from dataclasses import replace
 
 import pytest
+from runtime.table.validation import validate
 from sample_tables import GRIPPER, every_field_table, small_table, with_job, with_leaf, with_node
 
-from runtime.table import PPM, Branch, Leaf, Node, Prediction, Table, TableError, dumps, job_of
-from runtime.table.proof import prove
+from runtime.table import (
+    PPM,
+    Area,
+    Branch,
+    Covariance,
+    Leaf,
+    LeafPose,
+    Node,
+    Prediction,
+    Table,
+    TableError,
+    Tolerance,
+    dumps,
+    job_of,
+)
 
 TABLE = small_table()
 UNTRIED = replace(TABLE, predicted=Prediction(0, 0, 0))  # whose leaves may have any figures
@@ -114,7 +128,11 @@ EDGES = [
     ),
     (leaf_with(y_um=60_000, resolved=False), leaf_with(y_um=60_001), "leaf 0: y_um is 60001"),
     (leaf_with(2, x_um=10**9), leaf_with(2, x_um=10**9 + 1), "leaf 2: x_um is 1000000001"),
-    (leaf_with(covariance=(0,) * 6), leaf_with(covariance=(-1, 0, 0, 0, 0, 0)), "leaf 0: xx is -1"),
+    (
+        leaf_with(covariance=Covariance(0, 0, 0, 0, 0, 0)),
+        leaf_with(covariance=Covariance(-1, 0, 0, 0, 0, 0)),
+        "leaf 0: xx is -1",
+    ),
     (
         leaf_with(success_ppm=990_000),
         leaf_with(success_ppm=985_000),
@@ -131,13 +149,13 @@ EDGES = [
         "refutes the confidence",
     ),
     (
-        leaf_with(alternatives=((0, 0, 1),), resolved=False),
-        leaf_with(alternatives=((0, 0, 1),)),
+        leaf_with(alternatives=(LeafPose(0, 0, 1),), resolved=False),
+        leaf_with(alternatives=(LeafPose(0, 0, 1),)),
         "leaf 0: 2 poses are more than the goal leaves open; mark it unresolved",
     ),
     (
-        leaf_with(2, alternatives=((0, 0, 0), (0, 0, 3_142_000))),
-        leaf_with(2, alternatives=((0, 0, 0), (0, 0, 3_142_001))),
+        leaf_with(2, alternatives=(LeafPose(0, 0, 0), LeafPose(0, 0, 3_142_000))),
+        leaf_with(2, alternatives=(LeafPose(0, 0, 0), LeafPose(0, 0, 3_142_001))),
         "leaf 2, alternative 1: theta_urad is 3142001",
     ),
     (
@@ -158,13 +176,13 @@ EDGES = [
     (goal_with(symmetry=1), goal_with(symmetry=0), "goal.symmetry is 0"),
     (with_goal_alone(distance_um=1), goal_with(distance_um=0), "goal.distance_um is 0"),
     (
-        goal_with(kind="orientation", distance_um=0, tolerance=(0, 0, 1)),
-        goal_with(kind="orientation", tolerance=(0, 0, 0)),
+        goal_with(kind="orientation", distance_um=0, tolerance=Tolerance(0, 0, 1)),
+        goal_with(kind="orientation", tolerance=Tolerance(0, 0, 0)),
         "goal.tolerance t is 0",
     ),
     (
-        goal_with(kind="tolerances", tolerance=(1, 1, 1)),
-        goal_with(kind="tolerances", tolerance=(1, 0, 1)),
+        goal_with(kind="tolerances", tolerance=Tolerance(1, 1, 1)),
+        goal_with(kind="tolerances", tolerance=Tolerance(1, 0, 1)),
         "goal.tolerance y is 0",
     ),
     (
@@ -174,7 +192,11 @@ EDGES = [
     ),
     (TABLE, replace(TABLE, job_digest=b"short"), "bytes of job_digest is 5"),
     (TABLE, replace(TABLE, nodes=(), leaves=TABLE.leaves), "number of nodes is 0"),
-    (TABLE, limits_with(work_area_um=(0, 0, 0, 1)), "limits.work_area_um x max is 0, allowed is 1"),
+    (
+        TABLE,
+        limits_with(work_area_um=Area(0, 0, 0, 1)),
+        "limits.work_area_um x max is 0, allowed is 1",
+    ),
 ]
 
 
@@ -190,11 +212,12 @@ def test_the_last_value_is_proved_and_the_next_refused(
 
 def test_a_leaf_of_several_modes_names_as_many_poses_as_the_goal_leaves_open() -> None:
     two = replace(
-        leaf_with(alternatives=((0, 0, 1),)), goal=replace(TABLE.goal, kind="modes", modes=2)
+        leaf_with(alternatives=(LeafPose(0, 0, 1),)),
+        goal=replace(TABLE.goal, kind="modes", modes=2),
     )
     dumps(two)
     with pytest.raises(TableError, match="leaf 0: y_um is 60001"):
-        dumps(with_leaf(two, 0, two.leaves[0]._replace(alternatives=((0, 60_001, 0),))))
+        dumps(with_leaf(two, 0, two.leaves[0]._replace(alternatives=(LeafPose(0, 60_001, 0),))))
     with pytest.raises(
         TableError, match="2 poses are more"
     ):  # modes are for the goal "modes" alone
@@ -277,5 +300,5 @@ def test_a_job_that_cannot_be_read_is_refused_in_a_sentence(text: str, told: str
 
 def test_a_job_of_another_digest_is_refused() -> None:
     with pytest.raises(TableError, match="not the one the table was made from"):
-        prove(replace(TABLE, job="{}"))
+        validate(replace(TABLE, job="{}"))
     dumps(replace(TABLE, job="{}", job_digest=hashlib.sha256(b"{}").digest()))

@@ -1,0 +1,291 @@
+"""The sections of a table's file and their fields: the one mapping behind codec, validation and `TABLE.md`.
+
+A bound that is text names the value of the table that it is, `limits.max_depth` for instance.
+"""
+
+from collections.abc import Callable
+from operator import attrgetter
+from typing import Any, NamedTuple
+
+from runtime.shell.plain_text import LONGEST
+from runtime.table.model import (
+    PPM,
+    Branch,
+    GoalSpec,
+    GripperSpec,
+    Hypothesis,
+    Leaf,
+    LeafPose,
+    Limits,
+    Place,
+    Prediction,
+    Push,
+    Squeeze,
+    Table,
+)
+
+MAX_NODES = 1 << 12
+MAX_LEAVES = 1 << 14
+MAX_BRANCHES = 32
+MAX_PUSHES = 4
+MAX_ALTERNATIVES = 32
+MAX_DEPTH = 64
+MAX_HYPOTHESES = 16
+MAX_ANGLE_URAD = 3_142_000
+MAX_TRIALS = 10**10
+MAX_BYTES = 2 << 20  # of a file
+FAR = 10**9
+WIDE = 1_000_000
+
+FLAG = "flag"  # 0 or 1, a bool in the records
+LINE = "line"  # printable characters
+TEXT = "text"
+TYPES: dict[str, type] = {"int": int, FLAG: int, LINE: str, TEXT: str, "bytes": bytes}
+
+
+class Field(NamedTuple):
+    """One value of a record: the attribute's name, dotted where records nest, and what it means."""
+
+    name: str
+    meaning: str
+    least: int | str = 0  # value of an int, length of the other types
+    most: int | str = FAR
+    type: str = "int"  # one of `TYPES`
+
+    def bounds(self, table: Table) -> tuple[int, int]:
+        """The least and the greatest value or length that a table allows."""
+        least, most = (
+            bound if isinstance(bound, int) else attrgetter(bound)(table)
+            for bound in (self.least, self.most)
+        )
+        return least, most
+
+
+class Section(NamedTuple):
+    """One record, or columns of records: one array for each field."""
+
+    name: str
+    meaning: str
+    record: Callable[..., Any]
+    row: str = ""  # what each record is; empty: there is one, and no columns
+    least: int = 1  # number of records, for each owner where there are such
+    most: int = 1
+    owner: Field | None = None  # the column that says to which node or leaf a record belongs
+    optional: bool = False  # absent where it has no records
+
+    @property
+    def fields(self) -> tuple[Field, ...]:
+        """The fields of its record."""
+        return FIELDS[self.name]
+
+    @property
+    def columns(self) -> tuple[Field, ...]:
+        """All fields in the order of the file."""
+        return self.fields if self.owner is None else (self.owner, *self.fields)
+
+
+X = ("limits.work_area_um.x_min", "limits.work_area_um.x_max")
+Y = ("limits.work_area_um.y_min", "limits.work_area_um.y_max")
+TURN = (-MAX_ANGLE_URAD, MAX_ANGLE_URAD)
+WIDTH = (0, "gripper.opening_um")
+NODE = Field("node", "the node's number, never falling", 0, MAX_NODES - 1)
+LEAF = Field("leaf", "the leaf's number, never falling", 0, MAX_LEAVES - 1)
+
+SECTIONS = (
+    Section("tool", "", dict),
+    Section("job_digest", "", dict),
+    Section("gripper", "the gripper", GripperSpec),
+    Section("goal", "when a part counts as located", GoalSpec),
+    Section("limits", "what no motion may exceed", Limits),
+    Section("predicted", "the evaluation of the whole table", Prediction),
+    Section("nodes", "the squeezes", Squeeze, "node", most=MAX_NODES),
+    Section(
+        "branches",
+        "the outcomes of a node's squeeze, expected widths rising",
+        Branch,
+        "branch",
+        most=MAX_BRANCHES,
+        owner=NODE,
+    ),
+    Section("leaves", "the ends of the tree", Leaf, "leaf", most=MAX_LEAVES),
+    Section(
+        "alternatives",
+        "further poses: modes of the goal, or what an unresolved leaf cannot tell apart",
+        LeafPose,
+        "alternative",
+        least=0,
+        most=MAX_ALTERNATIVES,
+        owner=LEAF,
+    ),
+    Section(
+        "hypotheses",
+        "the parts that may lie there, where there are several",
+        Hypothesis,
+        "hypothesis",
+        least=2,
+        most=MAX_HYPOTHESES,
+        optional=True,
+    ),
+    Section(
+        "releases",
+        "where a node's hand drags a held part before it opens, another place than the squeeze's",
+        Place,
+        "release",
+        least=0,
+        owner=NODE,
+        optional=True,
+    ),
+    Section(
+        "pushes",
+        "what is pushed before a node's squeeze, in this order",
+        Push,
+        "push",
+        least=0,
+        most=MAX_PUSHES,
+        owner=NODE,
+        optional=True,
+    ),
+    Section(
+        "contacts",
+        "the first contact of a node's squeeze, where it is known",
+        dict,
+        "contact",
+        least=0,
+        owner=NODE,
+        optional=True,
+    ),
+    Section("job", "", dict, optional=True),
+)
+FIELDS: dict[str, tuple[Field, ...]] = {
+    "tool": (Field("tool", "name and version of the compiler", 1, LONGEST, LINE),),
+    "job_digest": (Field("job_digest", "SHA-256 of the job's canonical text", 32, 32, "bytes"),),
+    "gripper": (
+        Field("model", "name", 1, LONGEST, LINE),
+        Field("opening_um", "widest opening", 1, WIDE),
+        Field("finger_length_um", "", 1, WIDE),
+        Field("finger_width_um", "", 1, WIDE),
+        Field("count_open", "encoder, open; less than closed", 0, 254),
+        Field("count_closed", "encoder, closed", 1, 255),
+        Field("encoder_noise_um", "standard deviation", *WIDTH),
+    ),
+    "goal": (
+        Field("distance_um", "bound of the error, for `pose` and `modes` at least 1"),
+        Field("confidence_ppm", "share of parts that must meet it", 0, PPM),
+        Field("rho_um", "weight of one radian"),
+        Field("symmetry", "rotational order, 1: none", 1, 1000),
+        Field("kind", "one of the kinds below", 1, LONGEST, LINE),
+        Field("tolerance.x_um", "for `tolerances` at least 1"),
+        Field("tolerance.y_um", "the same"),
+        Field("tolerance.theta_urad", "for `orientation`, too"),
+        Field("modes", "poses that a leaf may leave open", 1, 64),
+        Field("identify", "1: a leaf must name the right part", 0, 1, FLAG),
+    ),
+    "limits": (
+        Field("max_depth", "squeezes to any leaf", 1, MAX_DEPTH),
+        Field("max_force_mn", "of closing", 1),
+        Field("max_speed_um_s", "of closing", 1),
+        Field("work_area_um.x_min", "of hand's centre and resolved poses", -FAR),
+        Field("work_area_um.y_min", "", -FAR),
+        Field("work_area_um.x_max", "greater than the least", -FAR),
+        Field("work_area_um.y_max", "greater than the least", -FAR),
+        Field("retreat_height_um", "of the tips while the arm travels", -FAR),
+        Field("squeeze_height_um", "of squeezing tips, below the retreat height", -FAR),
+        Field("arm_speed_um_s", "", 1),
+    ),
+    "predicted": (
+        Field("success_ppm", "trials that met the goal", 0, PPM),
+        Field("trials", "0: not evaluated", 0, MAX_TRIALS),
+        Field("mean_squeezes_ppm", "mean squeezes a part, in millionths", 0, MAX_DEPTH * PPM),
+        Field("reject_ppm", "trials that ended in REJECT", 0, PPM),
+        Field("error_median_um", "of parts at resolved leaves", 0, "predicted.error_p95_um"),
+        Field("error_p95_um", "95th percentile of the same"),
+    ),
+    "nodes": (
+        Field("x_um", "hand's centre", *X),
+        Field("y_um", "", *Y),
+        Field("angle_urad", "of the hand", *TURN),
+        Field("opening_um", "before the squeeze", 1, "gripper.opening_um"),
+        Field("speed_um_s", "of closing", 1, "limits.max_speed_um_s"),
+        Field("force_mn", "of closing", 1, "limits.max_force_mn"),
+        Field("clearance_um", "open fingers to any believed pose", 0, WIDE),
+    ),
+    "branches": (
+        Field("low_um", "interval of widths, low <= expected <= high", *WIDTH),
+        Field("expected_um", "the nearest wins where intervals overlap", *WIDTH),
+        Field("high_um", "", *WIDTH),
+        Field("probability_ppm", "a node's add up to 1000000, +-1 a branch", 0, PPM),
+        Field("target", ">= 0 a node, < 0 the leaf ~target", -MAX_LEAVES, MAX_NODES - 1),
+    ),
+    "leaves": (
+        Field("x_um", "predicted pose", -FAR),
+        Field("y_um", "", -FAR),
+        Field("theta_urad", "", *TURN),
+        Field("covariance.xx", "units of 0.1 mm and 10 mrad"),
+        Field("covariance.xy", "", -FAR),
+        Field("covariance.yy", ""),
+        Field("covariance.xt", "", -FAR),
+        Field("covariance.yt", "", -FAR),
+        Field("covariance.tt", ""),
+        Field("success_ppm", "trials ending here that met the goal", 0, PPM),
+        Field("trials", "0: no success is known", 0, MAX_TRIALS),
+        Field("resolved", "0: the outcome is UNRESOLVED", 0, 1, FLAG),
+        Field("error_median_um", "of those trials, at most the next"),
+        Field("error_p95_um", "95th percentile"),
+        Field("hypothesis", "which part it is", 0, MAX_HYPOTHESES - 1),
+    ),
+    "alternatives": (
+        Field("x_um", "", -FAR),
+        Field("y_um", "", -FAR),
+        Field("theta_urad", "", *TURN),
+        Field("hypothesis", "which part it then is", 0, MAX_HYPOTHESES - 1),
+    ),
+    "hypotheses": (
+        Field("name", "no two alike", 1, LONGEST, LINE),
+        Field("share_ppm", "of the parts that come", 0, PPM),
+        Field("rho_um", "as in `goal`, which has the first part's"),
+        Field("symmetry", "the same", 1, 1000),
+    ),
+    "releases": (
+        Field("x_um", "hand's centre", *X),
+        Field("y_um", "", *Y),
+    ),
+    "pushes": (
+        Field("x_um", "hand's centre, where it comes down", *X),
+        Field("y_um", "", *Y),
+        Field("angle_urad", "the hand goes this way", *TURN),
+        Field("opening_um", "of the jaws", *WIDTH),
+        Field("length_um", "of the way, which ends in the work area", 1, WIDE),
+        Field("speed_um_s", "of the hand", 1, "limits.arm_speed_um_s"),
+    ),
+    "contacts": (
+        Field(
+            "contact_um",
+            "greatest width at which closing jaws may meet the part; "
+            "at least every expected width, less than the opening",
+            *WIDTH,
+        ),
+    ),
+    "job": (Field("job", "canonical text, a JSON object; absent: stripped", 0, MAX_BYTES, TEXT),),
+}
+
+
+def records_of(table: Table) -> dict[str, list[tuple[int, Any]]]:
+    """The records of each section, each after the number of its owner, or its own where it has none."""
+    nodes, leaves = list(enumerate(table.nodes)), list(enumerate(table.leaves))
+    return {
+        "tool": [(0, table)],
+        "job_digest": [(0, table)],
+        "gripper": [(0, table.gripper)],
+        "goal": [(0, table.goal)],
+        "limits": [(0, table.limits)],
+        "predicted": [(0, table.predicted)],
+        "nodes": [(at, node.squeeze) for at, node in nodes],
+        "branches": [(at, branch) for at, node in nodes for branch in node.branches],
+        "leaves": leaves,
+        "alternatives": [(at, pose) for at, leaf in leaves for pose in leaf.alternatives],
+        "hypotheses": list(enumerate(table.hypotheses)),
+        "releases": [(at, node.release) for at, node in nodes if node.release is not None],
+        "pushes": [(at, push) for at, node in nodes for push in node.pushes],
+        "contacts": [(at, node) for at, node in nodes if node.contact_um is not None],
+        "job": [] if table.job is None else [(0, table)],
+    }
