@@ -29,12 +29,13 @@ def validate(table: Table) -> None:
     job = job_of(table)
     _within("gripper.count_open", table.gripper.count_open, 0, table.gripper.count_closed - 1)
     _validate_goal(table.goal)
-    _validate_limits(table.limits)
+    limits = table.limits
+    _within("limits.retreat_height_um", limits.retreat_height_um, limits.squeeze_height_um + 1)
     _validate_hypotheses(table)
     _validate_tree(table)
     calibration = Calibration.linear(table.gripper)
     for index, node in enumerate(table.nodes):
-        _validate_motions(index, node, table.limits)
+        _validate_motions(index, node, limits)
         _validate_branches(index, node, calibration)
     for index, leaf in enumerate(table.leaves):
         _within(f"leaf {index}: error_median_um", leaf.error_median_um, 0, leaf.error_p95_um)
@@ -104,13 +105,6 @@ def _validate_goal(goal: GoalSpec) -> None:
         _within("goal.tolerance.y_um", goal.tolerance.y_um, 1)
     if goal.kind in ("tolerances", "orientation"):
         _within("goal.tolerance.theta_urad", goal.tolerance.theta_urad, 1)
-
-
-def _validate_limits(limits: Limits) -> None:
-    area = limits.work_area_um
-    _within("limits.work_area_um.x_max", area.x_max, area.x_min + 1)
-    _within("limits.work_area_um.y_max", area.y_max, area.y_min + 1)
-    _within("limits.retreat_height_um", limits.retreat_height_um, limits.squeeze_height_um + 1)
 
 
 def _validate_hypotheses(table: Table) -> None:

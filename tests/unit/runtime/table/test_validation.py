@@ -1,11 +1,19 @@
-"""The proof of a table at its edges: the last value that is allowed, the first that is not, and why."""
+"""The validation of a table at its edges: the last value that is allowed, the first that is not, and why."""
 
 import hashlib
 from dataclasses import replace
 
 import pytest
-from runtime.table.validation import validate
-from sample_tables import GRIPPER, every_field_table, small_table, with_job, with_leaf, with_node
+from sample_tables import (
+    GRIPPER,
+    PUSHES,
+    every_field_table,
+    pushing_table,
+    small_table,
+    with_job,
+    with_leaf,
+    with_node,
+)
 
 from runtime.table import (
     PPM,
@@ -15,6 +23,7 @@ from runtime.table import (
     Leaf,
     LeafPose,
     Node,
+    Place,
     Prediction,
     Table,
     TableError,
@@ -22,6 +31,7 @@ from runtime.table import (
     dumps,
     job_of,
 )
+from runtime.table.validation import validate
 
 TABLE = small_table()
 UNTRIED = replace(TABLE, predicted=Prediction(0, 0, 0))  # whose leaves may have any figures
@@ -50,6 +60,11 @@ def branch_with(node: int, number: int, **changes: int) -> Table:
 
 def leaf_with(index: int = 0, **changes: object) -> Table:
     return with_leaf(UNTRIED, index, TABLE.leaves[index]._replace(**changes))
+
+
+def push_with(**changes: int) -> Table:
+    pushed = TABLE.nodes[0]._replace(pushes=(PUSHES[0]._replace(**changes),))
+    return with_node(TABLE, 0, pushed)
 
 
 def limits_with(**changes: object) -> Table:
@@ -131,7 +146,7 @@ EDGES = [
     (
         leaf_with(covariance=Covariance(0, 0, 0, 0, 0, 0)),
         leaf_with(covariance=Covariance(-1, 0, 0, 0, 0, 0)),
-        "leaf 0: xx is -1",
+        "leaf 0: covariance.xx is -1",
     ),
     (
         leaf_with(success_ppm=990_000),
@@ -178,30 +193,58 @@ EDGES = [
     (
         goal_with(kind="orientation", distance_um=0, tolerance=Tolerance(0, 0, 1)),
         goal_with(kind="orientation", tolerance=Tolerance(0, 0, 0)),
-        "goal.tolerance t is 0",
+        "goal.tolerance.theta_urad is 0",
     ),
     (
         goal_with(kind="tolerances", tolerance=Tolerance(1, 1, 1)),
         goal_with(kind="tolerances", tolerance=Tolerance(1, 0, 1)),
-        "goal.tolerance y is 0",
+        "goal.tolerance.y_um is 0",
     ),
     (
         replace(TABLE, gripper=replace(GRIPPER, count_open=0)),
         replace(TABLE, gripper=replace(GRIPPER, count_open=230)),
         "gripper.count_open is 230, allowed is 0..229",
     ),
-    (TABLE, replace(TABLE, job_digest=b"short"), "bytes of job_digest is 5"),
+    (
+        with_node(TABLE, 0, TABLE.nodes[0]._replace(contact_um=84_999)),
+        with_node(TABLE, 0, TABLE.nodes[0]._replace(contact_um=85_000)),
+        "node 0: contact_um is 85000, allowed is 30000..84999",
+    ),
+    (
+        with_node(TABLE, 1, TABLE.nodes[1]._replace(release=Place(0, 0))),
+        with_node(TABLE, 1, TABLE.nodes[1]._replace(release=Place(1_000, -2_000))),
+        "node 1: its release is where it squeezes",
+    ),
+    (
+        with_node(TABLE, 1, TABLE.nodes[1]._replace(release=Place(0, 60_000))),
+        with_node(TABLE, 1, TABLE.nodes[1]._replace(release=Place(0, 60_001))),
+        "node 1, release 0: y_um is 60001",
+    ),
+    (
+        with_node(TABLE, 1, TABLE.nodes[1]._replace(pushes=PUSHES[:1] * 4)),
+        with_node(TABLE, 1, TABLE.nodes[1]._replace(pushes=PUSHES[:1] * 5)),
+        "node 1: number of pushes is 5, allowed is 0..4",
+    ),
+    (
+        pushing_table(),
+        push_with(length_um=110_001),
+        "node 0, push 0: x_um of its end is 60001, allowed is -60000..60000",
+    ),
+    (push_with(length_um=1), push_with(length_um=0), "node 0, push 0: length_um is 0"),
+    (push_with(opening_um=85_000), push_with(opening_um=85_001), "node 0, push 0: opening_um is"),
+    (push_with(speed_um_s=400_000), push_with(speed_um_s=400_001), "node 0, push 0: speed_um_s is"),
+    (TABLE, replace(TABLE, job_digest=b"short"), "length of job_digest is 5"),
     (TABLE, replace(TABLE, nodes=(), leaves=TABLE.leaves), "number of nodes is 0"),
     (
         TABLE,
-        limits_with(work_area_um=Area(0, 0, 0, 1)),
-        "limits.work_area_um x max is 0, allowed is 1",
+        limits_with(work_area_um=Area(0, 0, -1, 1)),
+        "limits.work_area_um.x_max is -1, allowed is 0",
     ),
 ]
 
 
 @pytest.mark.parametrize(("allowed", "refused", "told"), EDGES, ids=[told for *_, told in EDGES])
-def test_the_last_value_is_proved_and_the_next_refused(
+def test_validate_at_an_edge_allows_the_last_value_and_refuses_the_next(
     allowed: Table, refused: Table, told: str
 ) -> None:
     dumps(allowed)
@@ -246,8 +289,10 @@ def test_a_grip_is_never_read_where_the_jaws_are_closed() -> None:
             branch_with(1, 0, target=~2),
             "node 1, branch 0: target is -3, where breadth first it is -2",
         ),
-        (branch_with(1, 0, target=7), "node 1, branch 0: target is 7, allowed is -3..1"),
+        (branch_with(1, 0, target=7), "node 1, branch 0: target is 7, where breadth first it is 2"),
         (branch_with(0, 1, target=~1), "node 1 is never reached"),
+        (replace(TABLE, nodes=TABLE.nodes[:1]), "node 1 is missing"),
+        (replace(TABLE, leaves=TABLE.leaves[:2]), "leaf 2 is missing"),
         (replace(TABLE, leaves=TABLE.leaves * 2), "leaf 3 is never reached"),
     ],
 )
@@ -257,7 +302,7 @@ def test_a_tree_that_is_not_numbered_breadth_first_is_refused(table: Table, told
     assert told in str(result.value)
 
 
-def test_a_long_chain_is_proved_without_recursion() -> None:
+def test_validate_of_a_long_chain_does_not_recurse() -> None:
     first, second = TABLE.nodes[0].branches
     nodes = [
         Node(TABLE.nodes[0].squeeze, (first._replace(target=~at), second._replace(target=at + 1)))
