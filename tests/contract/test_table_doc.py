@@ -11,6 +11,7 @@ from runtime.table.fields import FLAG, LINE, MAX_BYTES, MAX_LEAVES, SECTIONS, TE
 from runtime.table.lookup import REJECT, Calibration
 
 PAGE = (Path(__file__).parents[2] / "runtime" / "table" / "TABLE.md").read_text()
+PROSE = " ".join(PAGE.split())
 
 
 def section_row(section: Section) -> str:
@@ -59,18 +60,18 @@ def test_page_says_of_the_example_what_the_table_does() -> None:
     table = small_table()
     calibration = Calibration.linear(table.gripper)
     root = decision_map(table.nodes[0], calibration)
-    assert "reads count 174 (20.97 mm) with an object felt as branch 0, which is leaf 0" in PAGE
+    assert "reads count 174 (20.97 mm) with an object felt as branch 0, which is leaf 0" in PROSE
     assert calibration.width_um(174) == 20_969
     assert (decide(root, 174, felt=True), decide(root, 174, felt=False)) == (0, REJECT)
     assert table.nodes[0].branches[0].target == ~0
 
 
 def test_page_has_the_numbers_of_the_code() -> None:
-    assert f"`{MAGIC}` (str), the format {FORMAT} (int)" in PAGE
-    assert f"| 3 to {FORMAT - 1} | {FORMAT} |" in PAGE
-    assert f"no array is longer than {MAX_LEAVES}, no file than {MAX_BYTES >> 20} MiB" in PAGE
-    assert f"expected width >= {HELD_UM} um is a grip" in PAGE
-    assert f"up to {UNDETECTED_UM} um: what means that nothing is held" in PAGE
+    assert f"`{MAGIC}` (str), the format {FORMAT} (int)" in PROSE
+    assert f"| 3 to {FORMAT - 1} | {FORMAT} |" in PROSE
+    assert f"no array is longer than {MAX_LEAVES}, no file than {MAX_BYTES >> 20} MiB" in PROSE
+    assert f"expected width >= {HELD_UM} um is a grip" in PROSE
+    assert f"up to {UNDETECTED_UM} um: what means that nothing is held" in PROSE
 
 
 def test_page_lists_the_kinds_of_goal() -> None:
