@@ -102,8 +102,8 @@ class _Asked:
         auditor = self._auditor(devices)
         journal = journal or self._journal(clock)
         cell = Cell(devices.gripper, devices.arm, devices.clock or clock, journal, auditor)
-        monitor.ready()
         self.stack.enter_context(interrupts.whole())  # a run with a header has a last record, too
+        monitor.ready()
         self._note_software(clock, (self.recipe,) if plc is None else plc.recipes)
         crash.begin(journal, begun, self.recipe.loaded.data, header, policy)
         incidents.hand_over(journal)
@@ -151,8 +151,8 @@ class _Asked:
         self.recipe.console.note(
             f"a robot may ask at tcp://{address.host}:{listener.getsockname()[1]}"
         )
-        monitor.ready()
         self.stack.enter_context(interrupts.whole())
+        monitor.ready()
         self._note_software(clock, (self.recipe,))
         crash.begin(journal, None, self.recipe.loaded.data, header, policy)
         with session.ending(journal) as tally:
