@@ -81,7 +81,7 @@ PLAIN = RunOptions()
 
 
 class Executor:
-    """Executes one table, proved, with one cell, connected and not yet moved.
+    """Executes one valid table with one cell, connected and not yet moved.
 
     Raises:
         TableError: the gripper cannot do what the table asks.

@@ -92,25 +92,25 @@ NODE = Field("node", "number, never falling", 0, MAX_NODES - 1)
 LEAF = Field("leaf", "number, never falling", 0, MAX_LEAVES - 1)
 
 SECTIONS = (
-    Section("tool", "the compiler", dict),
-    Section("job_digest", "the digest of the job", dict),
-    Section("gripper", "the gripper", GripperSpec),
+    Section("tool", "compiler", dict),
+    Section("job_digest", "digest of the job", dict),
+    Section("gripper", "gripper", GripperSpec),
     Section("goal", "when a part counts as located", GoalSpec),
     Section("limits", "what no motion may exceed", Limits),
-    Section("predicted", "the evaluation of the whole table", Prediction),
-    Section("nodes", "the squeezes", Squeeze, "node", most=MAX_NODES),
+    Section("predicted", "evaluation of the whole table", Prediction),
+    Section("nodes", "squeezes", Squeeze, "node", most=MAX_NODES),
     Section(
         "branches",
-        "the outcomes of each squeeze",
+        "outcomes of each squeeze",
         Branch,
         "branch",
         most=MAX_BRANCHES,
         owner=NODE,
     ),
-    Section("leaves", "the ends of the tree", Leaf, "leaf", most=MAX_LEAVES),
+    Section("leaves", "ends of the tree", Leaf, "leaf", most=MAX_LEAVES),
     Section(
         "alternatives",
-        "further poses that a leaf leaves open",
+        "further poses of a leaf",
         LeafPose,
         "alternative",
         least=0,
@@ -119,7 +119,7 @@ SECTIONS = (
     ),
     Section(
         "hypotheses",
-        "the parts, if there are several",
+        "parts, if there are several",
         Hypothesis,
         "hypothesis",
         least=2,
@@ -137,7 +137,7 @@ SECTIONS = (
     ),
     Section(
         "pushes",
-        "the pushes before a squeeze, in order",
+        "pushes before a squeeze, in order",
         Push,
         "push",
         least=0,
@@ -147,14 +147,14 @@ SECTIONS = (
     ),
     Section(
         "contacts",
-        "the first contact of a squeeze, if it is known",
+        "first contact of a squeeze, if known",
         dict,
         "contact",
         least=0,
         owner=NODE,
         optional=True,
     ),
-    Section("job", "the job, unless it was stripped", dict, optional=True),
+    Section("job", "job, unless stripped", dict, optional=True),
 )
 FIELDS: dict[str, tuple[Field, ...]] = {
     "tool": (Field("tool", "name and version", 1, LONGEST, LINE),),

@@ -195,6 +195,6 @@ def test_only_what_is_held_and_known_is_dragged() -> None:
 
 
 def test_a_target_of_zero_is_a_node_and_leaf_zero_is_none() -> None:
-    """Targets are told apart by their sign: ~0 is -1. (No proved table leads back to its root.)"""
+    """Targets are told apart by their sign: ~0 is -1. (No valid table leads back to its root.)"""
     assert advance(TraversalState(1), 0, TABLE, Policy()) == TraversalState(0)
     assert advance(TraversalState(1), ~0, TABLE, Policy()) == TraversalState(1, Outcome.LEAF, 0)
