@@ -57,7 +57,7 @@ class Table:
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
-        """Reads and proves a table's file.
+        """Reads and validates a table's file.
 
         Raises:
             TableFileError: it is missing or unreadable.

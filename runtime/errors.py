@@ -26,7 +26,7 @@ class TableFileError(CellError):
 
 
 class TableError(CellError):
-    """A table that must not be executed: damaged, of another format, or not proved."""
+    """A table that must not be executed: damaged, of another format, or not valid."""
 
     exit_code = 30
 

@@ -175,7 +175,7 @@ def _add_instead(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--check",
         action="store_true",
-        help="prove the table against the gripper's calibration, read the gripper at --port, move nothing",
+        help="validate the table against the gripper's calibration, read the gripper at --port, move nothing",
     )
     group.add_argument(
         "--dry-run",

@@ -1,4 +1,4 @@
-"""A table that is proved and fits the cell, and how it is run."""
+"""A table that is valid and fits the cell, and how it is run."""
 
 import argparse
 from collections.abc import Mapping
@@ -33,7 +33,7 @@ class Recipe:
 
 
 def prepare(arguments: argparse.Namespace, tree: Path) -> Recipe:
-    """Load a table, prove it and check that it fits the cell as the arguments describe it.
+    """Load a table, validate it and check that it fits the cell as the arguments describe it.
 
     Raises:
         CellError: it is missing or damaged, or does not fit; each class carries its `exit_code`.

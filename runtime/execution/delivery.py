@@ -11,7 +11,7 @@ from typing import Self
 
 from runtime.errors import ArgumentsError
 from runtime.shell import strict_toml
-from runtime.table import Pose2, Table
+from runtime.table import Area, Pose2, Table
 from runtime.traversal.answer import frames_in
 
 KEYS = {
@@ -35,7 +35,7 @@ class Delivery:
     # least and greatest width the fingers may read at the grasp
     width_mm: tuple[float, float] = (0.5, math.inf)
     # x min, y min, x max, y max of the hand while it carries, um; None for the work area
-    area_um: tuple[int, int, int, int] | None = None
+    area_um: Area | None = None
 
     def record(self) -> dict[str, object]:
         """As a journal's header keeps it; no upper limit of a width is None."""
@@ -189,7 +189,7 @@ def from_keys(keys: object, where: str) -> Delivery:
             raise ArgumentsError(
                 f"{where}: area_mm is x min, y min, x max, y max, each min below its max"
             )
-        delivery = replace(delivery, area_um=(x_min, y_min, x_max, y_max))
+        delivery = replace(delivery, area_um=Area(x_min, y_min, x_max, y_max))
     return delivery
 
 

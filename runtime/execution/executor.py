@@ -81,7 +81,7 @@ PLAIN = RunOptions()
 
 
 class Executor:
-    """Executes one table, proved, with one cell, connected and not yet moved.
+    """Executes one valid table with one cell, connected and not yet moved.
 
     Raises:
         TableError: the gripper cannot do what the table asks.
@@ -235,7 +235,7 @@ class Executor:
         """Take what the jaws hold to where the node wants it let go."""
         target = release_point(node, branch)
         if target is not None:
-            self._hand.drag(target[0] / 1000, target[1] / 1000)
+            self._hand.drag(target.x_um / 1000, target.y_um / 1000)
 
     def _free(self, part: int, broken: Replay) -> None:
         """Let go of what a run that broke off may still hold, where it holds it."""
@@ -316,8 +316,9 @@ def expected_of(table: Table, node: Node, slowest_um_s: int) -> Expected:
     The same for each push, and its way. A stroke may be as slow as the gripper's least speed.
     """
     timing = Schedule.of(table, job_of(table)).timing
-    x_min, y_min, x_max, y_max = (edge / 1e3 for edge in table.limits.work_area_um)
-    arm_s = timing.move_s(hypot(x_max - x_min, y_max - y_min)) + timing.move_s(0.0, tau)
+    area = table.limits.work_area_um
+    across_mm = hypot(area.x_max - area.x_min, area.y_max - area.y_min) / 1e3
+    arm_s = timing.move_s(across_mm) + timing.move_s(0.0, tau)
     arm_s += 3 * timing.move_s(timing.retreat_mm - timing.squeeze_mm)
     speed_mm_s = min(node.squeeze.speed_um_s, slowest_um_s) / 1e3
     ways_s = sum(

@@ -8,7 +8,7 @@ from enum import Enum
 from typing import NamedTuple, Self
 
 from runtime.errors import ArgumentsError, GripperStateError
-from runtime.table import HELD_UM, REJECT, Calibration, Node, Table
+from runtime.table import HELD_UM, REJECT, Calibration, Node, Place, Table
 from runtime.table import decide as look_up
 from runtime.traversal.results import Outcome, Step
 
@@ -66,8 +66,8 @@ def step_of(
     )
 
 
-def release_point(node: Node, branch: int) -> tuple[int, int] | None:
-    """Where a node wants the part let go, x and y in um; None for where the hand stands.
+def release_point(node: Node, branch: int) -> Place | None:
+    """Where a node wants the part let go; None for where the hand stands.
 
     What nobody can name, a part whose branch is `REJECT`, is not dragged anywhere.
     """

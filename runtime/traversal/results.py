@@ -49,9 +49,18 @@ class Step(NamedTuple):
 
     def fields(self) -> dict[str, object]:
         """The step as a journal record holds it: with place and opening in place of the squeeze."""
-        number, node, squeeze, *reading = self
-        names = (*self._fields[:2], *Squeeze._fields[:4], *self._fields[3:])
-        return dict(zip(names, (number, node, *squeeze[:4], *reading), strict=True))
+        return {
+            "number": self.number,
+            "node": self.node,
+            "x_um": self.squeeze.x_um,
+            "y_um": self.squeeze.y_um,
+            "angle_urad": self.squeeze.angle_urad,
+            "opening_um": self.squeeze.opening_um,
+            "position_counts": self.position_counts,
+            "width_um": self.width_um,
+            "target": self.target,
+            "reason": self.reason,
+        }
 
 
 @dataclass(frozen=True, slots=True)

@@ -143,7 +143,7 @@ def test_widths_of_what_was_left_out_are_rejected_and_all_others_mean_what_they_
     pruned, root = without_untried(table, kept), plans.pruned(tree_of(table), kept)
     dumps(
         replace(pruned, predicted=Prediction(0, 0, 0))
-    )  # proves it; the figures were those of all leaves
+    )  # validates it; the figures were those of all leaves
     waiting = [(0, 0, root)]
     while waiting:
         old, new, planned = waiting.pop()

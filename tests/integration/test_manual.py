@@ -18,7 +18,7 @@ from runtime.commands.arguments import parser
 from runtime.errors import ArgumentsError
 from runtime.journal.chain import records, verify
 from runtime.journal.replay import Replay
-from runtime.table import dump
+from runtime.table import Place, dump
 
 ROOT = Path(__file__).parents[2]
 WAIT_S = 60
@@ -78,7 +78,10 @@ def test_person_with_tips_on_an_arc_is_asked_for_drags_along_the_table(
     words: list[str], tmp_path: Path, tips: str
 ) -> None:
     table = small_table()
-    dump(with_node(table, 0, table.nodes[0]._replace(release=(5_000, 0))), tmp_path / "t.msgpack")
+    dump(
+        with_node(table, 0, table.nodes[0]._replace(release=Place(5_000, 0))),
+        tmp_path / "t.msgpack",
+    )
     said = "\n".join(["", "", "29,9", "", "", "", "", "", "21.1", "", ""])
     code, (part,), asked = run(
         words, said + "\n", "--port", "manual", "--arm", "manual", "--tips", tips

@@ -20,7 +20,7 @@ from runtime.execution.handling import Handling
 from runtime.execution.tips import TipArc
 from runtime.journal.chain import records, verify
 from runtime.journal.replay import Replay
-from runtime.table import Table
+from runtime.table import Place, Table
 from runtime.traversal.decision import Policy
 from runtime.traversal.results import Outcome
 
@@ -35,7 +35,7 @@ CAREFUL = RunOptions(
 def dragging_table() -> Table:
     """The small table, whose root drags what it holds to where its second node squeezes."""
     table = small_table()
-    root = table.nodes[0]._replace(release=(12_000, -7_000))
+    root = table.nodes[0]._replace(release=Place(12_000, -7_000))
     second = table.nodes[1]
     second = second._replace(squeeze=second.squeeze._replace(x_um=12_000, y_um=-7_000))
     return replace(table, nodes=(root, second))

@@ -71,9 +71,10 @@ def judge(
     if goal.kind in ("pose", "modes"):
         sigma, unit = math.hypot(sigma_mm, goal.rho_um / 1e3 * sigma_rad), " mm"
     else:
-        x_um, y_um, theta_urad = goal.tolerance
-        shift = sigma_mm / (min(x_um, y_um) / 1e3) if goal.kind == "tolerances" else 0.0
-        sigma, unit = max(shift, sigma_rad / (theta_urad / 1e6)), " of the tolerance"
+        allowed, shift = goal.tolerance, 0.0
+        if goal.kind == "tolerances":
+            shift = sigma_mm / (min(allowed.x_um, allowed.y_um) / 1e3)
+        sigma, unit = max(shift, sigma_rad / (allowed.theta_urad / 1e6)), " of the tolerance"
     error, verdict, words = COVERAGE * sigma, UNKNOWN, "too close to call"
     if off + error < bound:
         verdict, words = PASS, "within the goal"

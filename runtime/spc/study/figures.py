@@ -134,10 +134,10 @@ def by_truth(history: History) -> History:
 def tolerances_of(goal: GoalSpec) -> dict[str, float]:
     """Whole widths of what a goal allows by coordinate, mm and rad; of a distance each has all alone."""
     if goal.kind in ("tolerances", "orientation"):
-        widths = (goal.tolerance[0] / 500, goal.tolerance[1] / 500, goal.tolerance[2] / 5e5)
-        return dict(
-            list(zip(COORDINATES, widths, strict=True))[2 if goal.kind == "orientation" else 0 :]
-        )
+        tolerance, turn = goal.tolerance, {"theta_rad": goal.tolerance.theta_urad / 5e5}
+        if goal.kind == "orientation":
+            return turn
+        return {"x_mm": tolerance.x_um / 500, "y_mm": tolerance.y_um / 500, **turn}
     if goal.kind == "identity":
         return {}
     width = goal.distance_um / 500

@@ -29,7 +29,7 @@ from planner.job import model as job_file
 from planner.mechanics.squeeze import SLIPPED
 from planner.work.scheduler import Threads
 from planner.world import Worlds
-from runtime.table import PPM
+from runtime.table import PPM, Tolerance
 
 JOB = Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml"
 
@@ -83,7 +83,7 @@ def chain(table, nodes, rare):
         for k in range(nodes)
     ]
     goal = replace(
-        table.goal, kind="tolerances", tolerance=(100_000, 100_000, 4_000_000), symmetry=1
+        table.goal, kind="tolerances", tolerance=Tolerance(100_000, 100_000, 4_000_000), symmetry=1
     )
     limits = replace(table.limits, max_depth=nodes)
     return replace(table, nodes=tuple(rows), leaves=(leaf,) * (nodes + 1), goal=goal, limits=limits)

@@ -25,7 +25,7 @@ from runtime.execution.executor import RunOptions
 from runtime.execution.hand import Hand
 from runtime.execution.handling import Handling
 from runtime.execution.strokes import GENTLE_FORCE
-from runtime.table import PROFILES, Table, profile_of
+from runtime.table import PROFILES, Place, Table, profile_of
 from runtime.traversal.decision import Policy
 from runtime.traversal.results import Outcome
 
@@ -35,7 +35,9 @@ from runtime.traversal.results import Outcome
 def dragging_table(force_mn: int = 40_000) -> Table:
     """The small table; what the root holds is dragged, so that it has to be held with its force."""
     root = small_table().nodes[0]
-    root = root._replace(squeeze=root.squeeze._replace(force_mn=force_mn), release=(12_000, -7_000))
+    root = root._replace(
+        squeeze=root.squeeze._replace(force_mn=force_mn), release=Place(12_000, -7_000)
+    )
     table = with_node(small_table(), 0, root)
     return replace(table, limits=replace(table.limits, max_force_mn=235_000))
 
@@ -203,7 +205,7 @@ def test_a_current_that_cannot_be_is_a_fault_and_no_child() -> None:
 
 def test_what_is_held_is_dragged_to_the_release_point_and_let_go_there() -> None:
     table = small_table()
-    table = with_node(table, 0, table.nodes[0]._replace(release=(12_000, -7_000)))
+    table = with_node(table, 0, table.nodes[0]._replace(release=Place(12_000, -7_000)))
     rig = fake_cell([AT_21])
     rig.arm.at = (5.0, 5.0, 60.0, 0.1)
     assert run(rig, RunOptions(), table).leaf == 0
@@ -218,7 +220,7 @@ def test_what_is_held_is_dragged_to_the_release_point_and_let_go_there() -> None
 
 def test_a_drag_never_sends_the_tips_below_the_squeeze_height() -> None:
     table = small_table()
-    table = with_node(table, 0, table.nodes[0]._replace(release=(12_000, -7_000)))
+    table = with_node(table, 0, table.nodes[0]._replace(release=Place(12_000, -7_000)))
     rig = fake_cell([AT_21])
     pose = rig.arm.pose
 

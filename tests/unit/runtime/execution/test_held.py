@@ -11,7 +11,7 @@ from runtime.execution.delivery import Delivery
 from runtime.execution.executor import RunOptions
 from runtime.execution.handling import Handling
 from runtime.execution.tips import TipArc
-from runtime.table import Calibration
+from runtime.table import Area, Calibration
 
 CALIBRATION = Calibration.linear(GRIPPER)
 AT_30 = CALIBRATION.count(30_000)
@@ -92,7 +92,7 @@ def test_outside_the_work_area_it_is_put_down_only_where_parts_are_carried() -> 
     with pytest.raises(MotionRefusedError, match="outside the work area"):
         session.put_down(small_table(), rig.cell, Quiet(), RunOptions())
     assert rig.log.named("move") == []
-    carried = Delivery((0.0, 0.0, 0.0), area_um=(-60_000, -60_000, 90_000, 60_000))
+    carried = Delivery((0.0, 0.0, 0.0), area_um=Area(-60_000, -60_000, 90_000, 60_000))
     session.put_down(small_table(), rig.cell, Quiet(), RunOptions(delivery=carried))
     assert rig.arm.at == (80.0, 5.0, 60.0, 0.1)
 

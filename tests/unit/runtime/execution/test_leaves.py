@@ -10,7 +10,7 @@ from squeezes import ARRIVED, AT_21, AT_30, AT_36, EMPTY, jaw_moves, run
 
 from runtime.execution.delivery import Delivery, by_name, from_text
 from runtime.execution.executor import Executor, RunOptions
-from runtime.table import Table
+from runtime.table import Area, Table
 from runtime.traversal.results import Outcome
 
 # -- audit ----------------------------------------------------------------------------------------
@@ -150,7 +150,7 @@ def test_a_drop_off_outside_the_area_is_refused_and_one_inside_its_own_is_not() 
     assert "outside the work area" in str(result.reason)
     assert not rig.gripper.gripping
     rig = fake_cell([AT_21, AT_21])
-    delivery = replace(far, area_um=(-60_000, -60_000, 120_000, 60_000))
+    delivery = replace(far, area_um=Area(-60_000, -60_000, 120_000, 60_000))
     assert run(rig, RunOptions(delivery=delivery)).delivery == "done"
 
 

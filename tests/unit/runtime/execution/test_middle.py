@@ -22,6 +22,7 @@ from runtime.execution.hand import Hand
 from runtime.execution.handling import Handling
 from runtime.execution.middle import Grip, Middle, fit, gripping, measure
 from runtime.monitoring.console import Objects
+from runtime.table import Area
 from runtime.traversal.geometry import compose, placement, sent
 
 BLOCK_MM, OPENING_MM = 30.0, 85.0
@@ -140,7 +141,7 @@ def test_a_place_that_the_arm_would_leave_its_area_for_is_refused_before_anythin
     table = small_table()
     middle.check(table, 1.0)
     low_um = round(1000 * sent(placement(table.nodes[0].squeeze), 1.0)[1]) + 500
-    tight = replace(table.limits, work_area_um=(-90_000, low_um, 90_000, 90_000))
+    tight = replace(table.limits, work_area_um=Area(-90_000, low_um, 90_000, 90_000))
     middle.check(replace(table, limits=tight, nodes=table.nodes[:1]), 0.0)
     with pytest.raises(MotionRefusedError, match="outside the work area"):
         middle.check(replace(table, limits=tight, nodes=table.nodes[:1]), 1.0)
@@ -184,7 +185,7 @@ def test_a_part_is_taken_where_the_fingers_meet_and_refused_where_the_arm_would_
     assert carry.choose(drop, table, leaf, start, None, 1.5) == carry.choose(
         drop, table, leaf, start, None
     )
-    edge = replace(table.limits, work_area_um=(-60_000, -1_000, 60_000, 1_000))
+    edge = replace(table.limits, work_area_um=Area(-60_000, -1_000, 60_000, 1_000))
     tight = replace(table, limits=edge)
     carry.choose(drop, tight, leaf, start, None)
     with pytest.raises(MotionRefusedError, match="outside the work area"):

@@ -30,6 +30,7 @@ from drivers.sim.camera.cards import lying, tag_cells
 from drivers.sim.camera.optics import webcam
 from drivers.sim.camera.render import Flaws, render
 from drivers.sim.physics.tabletop import Look
+from runtime.table import Tolerance
 
 BELOW = camera()
 RIG = rig(BELOW)
@@ -152,7 +153,9 @@ def test_any_of_the_poses_a_leaf_allows_will_do():
     ],
 )
 def test_other_goals_are_judged_by_their_tolerances(kind, off, verdict):
-    goal = replace(GOAL, kind=kind, tolerance=(2_500, 2_500, round(1e6 * math.radians(5.0))))
+    goal = replace(
+        GOAL, kind=kind, tolerance=Tolerance(2_500, 2_500, round(1e6 * math.radians(5.0)))
+    )
     assert judge(goal, [(0.0, 0.0, 0.0)], off, 0.05, 0.001).verdict == verdict
 
 
