@@ -68,7 +68,7 @@ def test_page_says_of_the_example_what_the_table_does() -> None:
 
 def test_page_has_the_numbers_of_the_code() -> None:
     assert f"`{MAGIC}` (str), the format {FORMAT} (int)" in PROSE
-    assert f"| 3 to {FORMAT - 1} | {FORMAT} |" in PROSE
+    assert f"| 1 to {FORMAT - 1} | {FORMAT} |" in PROSE
     assert f"no array is longer than {MAX_LEAVES}, no file than {MAX_BYTES >> 20} MiB" in PROSE
     assert f"expected width >= {HELD_UM} um is a grip" in PROSE
     assert f"up to {UNDETECTED_UM} um: what means that nothing is held" in PROSE

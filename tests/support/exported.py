@@ -13,7 +13,7 @@ from structured_text import OUTPUT, FunctionBlock
 from planner.export.write import LEAF, NODE, UNRESOLVED, VECTORS
 from runtime.errors import GripperStateError
 from runtime.table import Branch, Calibration, Place, Table, decision_map
-from runtime.table.model import MAX_BRANCHES
+from runtime.table.fields import MAX_BRANCHES
 from runtime.traversal.decision import Policy, TraversalState, advance, decide, release_point
 from runtime.traversal.results import Outcome
 
