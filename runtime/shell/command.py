@@ -67,7 +67,7 @@ class _PrintCompletion(argparse.Action):
 
     def __call__(self, parser: Any, _namespace: Any, values: Any, _option: Any = None) -> None:
         try:
-            import shtab
+            shtab = import_module("shtab")  # of an extra
         except ModuleNotFoundError:
             parser.error(
                 "--print-completion needs shtab; install squeezetree[completion]; "

@@ -74,9 +74,9 @@ def test_the_units_command_line_is_understood() -> None:
     program, name, *words = shlex.split(setting("ExecStart"))
     assert (program, name) == ("/usr/bin/env", "grasp-runtime")
     (example,) = re.findall(r"ARGUMENTS=(--.*)$", UNIT, re.MULTILINE)
-    result = parser().parse_args([*words[:-1], *shlex.split(example)])
+    arguments = parser().parse_args([*words[:-1], *shlex.split(example)])
     assert words[-1] == "$ARGUMENTS"
-    assert result.status == Path("/run/squeezetree/%i.sock")
+    assert arguments.journal == Path("/var/lib/squeezetree/%i.jsonl")
 
 
 def test_the_unit_takes_the_ends_of_parts_for_no_failure_and_waits_long_enough() -> None:
