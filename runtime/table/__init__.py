@@ -14,7 +14,7 @@ import hashlib
 from pathlib import Path
 from typing import NamedTuple
 
-from runtime.errors import TableError, TableFileError
+from runtime.errors import TableError
 from runtime.shell.files import quoted, writing
 from runtime.table.codec import MAX_BYTES, decode, encode, names_table
 from runtime.table.evidence import refuted, successes_of, wilson_interval
@@ -96,7 +96,7 @@ __all__ += [
     "TableFile",
 ]
 __all__ += [
-    "TableFileError",
+    "TableError",
     "by_count",
     "decide",
     "decision_map",
@@ -175,15 +175,16 @@ def load(path: Path | str) -> TableFile:
     """Read, decode and prove a table's file.
 
     Raises:
-        TableFileError: it is missing or unreadable.
-        TableError: its content is refused; the message names the file.
+        TableError: it is missing, unreadable or refused; the message names the file.
     """
     path = Path(path)
     try:
         with path.open("rb") as file:
             data = file.read(MAX_BYTES + 1)
     except OSError as error:
-        raise TableFileError(path, f"{error.strerror}; pass the file plan-compile wrote") from error
+        raise TableError(
+            f"table {path}: {error.strerror}; pass the file plan-compile wrote"
+        ) from error
     try:
         return TableFile(loads(data), data, hashlib.sha256(data).hexdigest())
     except TableError as error:

@@ -46,7 +46,13 @@ def test_the_outcomes_have_their_codes() -> None:
 
 def test_the_faults_are_the_codes_of_devices_and_disk() -> None:
     lines = [int(row[0]) for row in rows("Faults")]
-    assert lines == [20, errors.GripperStateError.exit_code, 22, errors.PortBusyError.exit_code, 24]
+    assert lines == [
+        20,
+        errors.GripperStateError.exit_code,
+        22,
+        errors.UnreachableError.exit_code,
+        24,
+    ]
     assert f"{len(KINDS)} classes" in TEXT
 
 

@@ -15,9 +15,9 @@ from drivers import connect, manual
 from drivers.errors import ArmError, GripperFault, LinkError, PortError, ReadOnlyError
 from runtime.commands import options
 from runtime.commands.arguments import parser
-from runtime.errors import ArgumentsError
 from runtime.journal.chain import records, verify
 from runtime.journal.replay import Replay
+from runtime.shell.errors import UsageError
 from runtime.table import dump
 
 ROOT = Path(__file__).parents[2]
@@ -102,7 +102,7 @@ def test_person_who_holds_hand_or_jaws_follows_no_arc(arm: str, port: str) -> No
     arc = options.arc_of(arguments, small_table(), None)
     assert (arc is None) == ("manual" in (port, arm.partition("+")[0]))
     arguments.tips = "57.15"
-    with pytest.raises(ArgumentsError, match="LINK,OFFSET"):
+    with pytest.raises(UsageError, match="LINK,OFFSET"):
         options.arc_of(arguments, small_table(), None)
 
 
@@ -212,5 +212,5 @@ def test_a_width_is_told_in_the_table_s_counts(monkeypatch: pytest.MonkeyPatch) 
     ],
 )
 def test_what_does_not_go_with_a_person(more: list[str], told: str) -> None:
-    with pytest.raises(ArgumentsError, match=told):
+    with pytest.raises(UsageError, match=told):
         options.check_usage(parser().parse_args(["--tree", "t", *more]))

@@ -8,7 +8,7 @@ import pytest
 from planner.cli import compile as plan_compile
 from planner.cli import sweep as sweep_cli
 from planner.cli.sweep import Order, orders_of
-from planner.errors import UsageError
+from runtime.shell.errors import UsageError
 
 RECTANGLE = Path(__file__).parents[2] / "trees" / "rectangle" / "job.toml"
 QUICK = "\n[search]\nparticles = 600\nsearch_particles = 60\n"

@@ -7,10 +7,10 @@ import pytest
 from problems import rectangle, simulator
 
 from planner.cli.identify import main
-from planner.errors import ValueRangeError
 from planner.identification import motions
 from planner.mechanics.push import Paths
 from planner.mechanics.simulator import Parameters
+from runtime.shell.errors import InputError
 
 pytestmark = pytest.mark.slow
 
@@ -56,7 +56,7 @@ def test_outliers_among_motions_pull_little():
 
 
 def test_too_few_motions_are_refused():
-    with pytest.raises(ValueRangeError, match="5 pushes to fit to; give at least 6"):
+    with pytest.raises(InputError, match="5 pushes to fit to; give at least 6"):
         motions.fit(known(5, 0.0), simulator(rectangle()), TIP_MM)
 
 

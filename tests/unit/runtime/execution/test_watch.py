@@ -9,9 +9,9 @@ from sample_tables import small_table
 
 from runtime.devices import clock as clocks
 from runtime.devices.clock import SystemClock
-from runtime.errors import CellError
 from runtime.execution.executor import Executor, expected_s
 from runtime.execution.watch import DEADLINE_FACTOR, Expected, Watch
+from runtime.shell.errors import ExpectedError
 from runtime.shell.interrupts import StopRequests, stoppable
 from runtime.traversal.results import Outcome
 
@@ -49,7 +49,7 @@ def test_squeeze_late_by_one_device_names_it_and_begins_no_further_call(slow, to
             for device in (gripper, arm, gripper, arm):
                 device.call()
 
-    with pytest.raises(CellError, match=told) as raised:
+    with pytest.raises(ExpectedError, match=told) as raised:
         squeeze()
     assert raised.value.exit_code == code
     assert devices["gripper"].calls + devices["arm"].calls == (1 if slow == "gripper" else 2)
@@ -67,7 +67,7 @@ def test_squeeze_late_by_neither_device_names_the_machine():
             journal.call()
             journal.call()
 
-    with pytest.raises(CellError, match=r"this machine took 198\.0 s"):
+    with pytest.raises(ExpectedError, match=r"this machine took 198\.0 s"):
         squeeze()
 
 
@@ -75,7 +75,7 @@ def test_calls_after_a_squeeze_have_no_deadline_of_it():
     clock = FakeClock()
     watch = Watch(clock)
     device = watch.watched(SlowDevice(clock, 1000.0), "arm")
-    with pytest.raises(CellError, match="arm"), watch.squeeze(Expected(1.0, 1.0)):
+    with pytest.raises(ExpectedError, match="arm"), watch.squeeze(Expected(1.0, 1.0)):
         device.call()
     device.call()
     device.call()
@@ -97,7 +97,7 @@ def test_a_call_that_does_not_return_ends_at_the_deadline(monkeypatch):
         with stoppable(), watch.squeeze(Expected(0.01, 0.01)):
             arm.call()
 
-    with StopRequests(), pytest.raises(CellError, match="the arm took") as raised:
+    with StopRequests(), pytest.raises(ExpectedError, match="the arm took") as raised:
         squeeze()
     assert raised.value.exit_code == 22
 

@@ -16,7 +16,8 @@ from histories import LESS, SHIFT_UM, TREE, drawn, expectation_document, history
 from sample_tables import several_table
 
 from drivers.camera.commands import audit as main
-from runtime.errors import ArgumentsError, JournalError
+from runtime.errors import JournalError
+from runtime.shell.errors import UsageError
 from runtime.spc import history as reading
 from runtime.spc.command import COLUMNS, rows
 from runtime.spc.monitor import MEANING, Monitor
@@ -72,9 +73,9 @@ def test_journals_of_two_tables_and_of_none_are_refused(tmp_path):
         write(tmp_path / "a.jsonl", parts_of(2)),
         write(tmp_path / "b.jsonl", parts_of(2), other),
     ]
-    with pytest.raises(ArgumentsError, match="of another table"):
+    with pytest.raises(UsageError, match="of another table"):
         reading.read(paths)
-    with pytest.raises(ArgumentsError, match="no part yet"):
+    with pytest.raises(UsageError, match="no part yet"):
         reading.read([write(tmp_path / "c.jsonl", [])])
 
 
@@ -92,7 +93,7 @@ def test_line_that_a_crash_cut_short_is_left_out(tmp_path):
         file.write(b'{"seq":99,"kind":"squ')
     assert reading.read([whole]).parts == told
     whole.write_bytes(b'{"seq":0,"kind":"hea')
-    with pytest.raises(ArgumentsError, match="no part yet"):
+    with pytest.raises(UsageError, match="no part yet"):
         reading.read([whole])
 
 

@@ -22,7 +22,7 @@ from sample_tables import (
 )
 
 from runtime import table as package
-from runtime.table import Table, TableError, TableFileError, dump, dumps, load, loads
+from runtime.table import Table, TableError, dump, dumps, load, loads
 from runtime.table.codec import MAX_BYTES, PAYLOAD_FIELDS
 
 SMALL = dumps(small_table())
@@ -258,7 +258,7 @@ def test_a_failed_write_leaves_no_litter(tmp_path: Path, monkeypatch: pytest.Mon
 
 
 def test_errors_name_the_file_and_carry_their_codes(tmp_path: Path) -> None:
-    with pytest.raises(TableFileError, match="No such file") as missing:
+    with pytest.raises(TableError, match="No such file") as missing:
         load(tmp_path / "none.msgpack")
     assert missing.value.exit_code == 3
     damaged = bytearray(SMALL)

@@ -13,11 +13,11 @@ from cameras import NUMBER, SIDE_MM, angle_between, part_tag, rig
 from drivers.camera.calibration import command as calibrate_command
 from drivers.camera.calibration import file as calibration
 from drivers.camera.calibration.fit import read_poses
-from drivers.camera.errors import CameraFileError
 from drivers.camera.vision import tag_file
 from drivers.planar import compose
 from drivers.sim.camera.render import Flaws, render
 from drivers.sim.physics.tabletop import Look
+from runtime.shell.errors import InputError
 
 
 @pytest.fixture(scope="module")
@@ -161,7 +161,7 @@ def test_line_of_poses_that_is_wrong_is_named(row, tmp_path):
     result = tmp_path / "poses.csv"
     result.write_text(f"picture,x_mm,y_mm\nb.png,1.0,2.0\n{row}\n")
     with pytest.raises(
-        CameraFileError, match=r"poses\.csv, line 3: write a picture's name and numbers below"
+        InputError, match=r"poses\.csv, line 3: write a picture's name and numbers below"
     ):
         read_poses(result)
 
@@ -169,10 +169,10 @@ def test_line_of_poses_that_is_wrong_is_named(row, tmp_path):
 def test_poses_without_their_first_line_and_poses_that_are_no_text(tmp_path):
     result = tmp_path / "poses.csv"
     result.write_text("a.png,1.0,2.0\nb.png,1.0,2.0\n")
-    with pytest.raises(CameraFileError, match="below the first line picture,x_mm,y_mm,theta_rad"):
+    with pytest.raises(InputError, match="below the first line picture,x_mm,y_mm,theta_rad"):
         read_poses(result)
     result.write_bytes(bytes(range(128, 256)))
-    with pytest.raises(CameraFileError, match="is no text"):
+    with pytest.raises(InputError, match="is no text"):
         read_poses(result)
 
 
