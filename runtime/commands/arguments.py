@@ -27,7 +27,7 @@ SERVED = {
     "calibration",
     "on_reject",
 }
-SERVED |= {"on_unresolved", "watch", "http", "status", "require_signed"}
+SERVED |= {"on_unresolved", "watch", "http", "require_signed"}
 
 RUN_CODES = epilog(
     ExitCode.INPUT,

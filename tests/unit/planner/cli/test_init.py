@@ -176,7 +176,7 @@ def test_at_a_terminal_it_asks(tmp_path):
 def test_a_part_that_does_not_fit_is_refused_and_nothing_is_written(tmp_path, capsys):
     path = tmp_path / "plate.csv"
     path.write_text("x_mm,y_mm\n0,0\n200,0\n200,200\n0,200\n")
-    assert init.main(words(path, tmp_path / "job.toml")) == 8
+    assert init.main(words(path, tmp_path / "job.toml")) == 3
     err = capsys.readouterr().err
     assert "wider gripper" in err
     assert not (tmp_path / "job.toml").exists()

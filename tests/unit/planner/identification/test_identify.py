@@ -271,7 +271,7 @@ def test_command_refuses_directions_that_are_none_in_one_line(tmp_path, capsys):
     }
     for name, content in spoiled.items():
         (tmp_path / "bad.csv").write_text(content, encoding="utf-8")
-        assert main(["--pairs", str(tmp_path / "bad.csv"), "--splits", "1"]) == 6, name
+        assert main(["--pairs", str(tmp_path / "bad.csv"), "--splits", "1"]) == 3, name
         error = capsys.readouterr().err
         assert "bad.csv" in error
         assert error.count("\n") == 1

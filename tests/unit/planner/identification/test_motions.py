@@ -85,8 +85,8 @@ def test_command_identifies_from_motions(tmp_path, capsys):
         assert main(spoiled) == 2
         assert capsys.readouterr().err.count("\n") == 1
     table.write_text(header + "\n" + "1,2,3,4,5,6,7\n" * 11)
-    assert main(words) == 6
+    assert main(words) == 3
     assert "11 pushes; give at least 12" in capsys.readouterr().err
     table.write_text(header.replace("turned_deg", "turned") + "\n1,2,3,4,5,6,7\n")
-    assert main(words) == 5
+    assert main(words) == 3
     assert "column turned_deg is missing" in capsys.readouterr().err

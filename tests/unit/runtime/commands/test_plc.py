@@ -221,9 +221,9 @@ def test_parts_of_each_outcome_have_their_code_and_only_a_located_one_a_pose(
         results.extend(client.part(number) for number in (5, 5, 65535))
 
     running = Running(tmp_path, fake_cell([AT_21, AT_36, AT_30, AT_36]), tree, count=3)
-    assert running.run(program) == 11
+    assert running.run(program) == 10
     assert [result["outcome"] for result in results] == [1, 2, 3]
-    assert [result["exit_code"] for result in results] == [0, 10, 11]
+    assert [result["exit_code"] for result in results] == [0, 10, 10]
     assert [(each["x"], each["y"], each["angle"]) for each in results] == [
         (0, 500, 0),
         (0, 0, 0),
@@ -325,7 +325,7 @@ def test_fault_is_a_result_of_its_id_that_stays_until_it_is_taken(
         client.wait("result_valid", 1)
         time.sleep(0.3)  # longer than a run that was stopped would wait
         assert client["result_id"] == 2
-        assert (client["outcome"], client["error_id"], client["x"]) == (4, 20, 0)
+        assert (client["outcome"], client["error_id"], client["x"]) == (4, 21, 0)
         client.write(enable=0, trigger_id=3)
         client.write(enable=1, trigger=1)
         assert client["error_id"] == 107
@@ -333,8 +333,8 @@ def test_fault_is_a_result_of_its_id_that_stays_until_it_is_taken(
         assert client.result(2)["outcome"] == 4
 
     running = Running(tmp_path, fake_cell([AT_21, AT_21], Log(40, ConnectionError("cable"))), tree)
-    assert running.run(program) == 20
-    assert running.kept()[-1]["exit_code"] == 20
+    assert running.run(program) == 21
+    assert running.kept()[-1]["exit_code"] == 21
 
 
 def test_policy_that_ends_the_run_lets_the_result_be_taken(tmp_path: Path, tree: Path) -> None:

@@ -9,7 +9,7 @@ import pytest
 from sample_tables import several_table
 
 from runtime.execution.delivery import Delivery, by_name, from_file, from_job, from_keys, from_text
-from runtime.shell.errors import UsageError
+from runtime.shell.errors import InputError, UsageError
 
 FULL = """
 drop_mm = [50.0, -10]
@@ -70,7 +70,7 @@ def test_a_job_without_the_section_delivers_nothing() -> None:
     ],
 )
 def test_what_is_wrong_is_named(keys: object, told: str) -> None:
-    with pytest.raises(UsageError, match=told):
+    with pytest.raises(InputError, match=told):
         from_keys(keys, "delivery")
 
 
@@ -81,14 +81,14 @@ def test_text_that_is_no_three_numbers(text: str) -> None:
 
 
 def test_files_that_cannot_be_read(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match=r"none\.toml"):
+    with pytest.raises(InputError, match=r"none\.toml"):
         from_file(tmp_path / "none.toml")
     (tmp_path / "bad.toml").write_text("drop_mm = [")
     (tmp_path / "deep.toml").write_text("a = " + "[" * 100_000)
     (tmp_path / "other.toml").write_text("delivery = 3")
     (tmp_path / "binary.toml").write_bytes(bytes(range(256)))
     for name in ("bad", "deep", "other", "binary"):
-        with pytest.raises(UsageError, match=rf"{name}\.toml") as refused:
+        with pytest.raises(InputError, match=rf"{name}\.toml") as refused:
             from_file(tmp_path / f"{name}.toml")
         assert "\n" not in str(refused.value)
 
@@ -98,7 +98,7 @@ def test_a_pick_of_the_part_is_where_it_is_taken() -> None:
     made = from_job({"part": part, "delivery": {"drop_mm": [0, 50], "grasp": "handle"}})
     assert made is not None
     assert made.grasp == pytest.approx((10.0, 5.0, pi / 2))
-    with pytest.raises(UsageError, match="none of"):
+    with pytest.raises(InputError, match="none of"):
         from_job({"part": part, "delivery": {"drop_mm": [0, 50], "grasp": "rim"}})
 
 

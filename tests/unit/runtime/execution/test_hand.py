@@ -150,7 +150,7 @@ def test_jaws_blocked_on_the_way_to_the_next_opening_never_come_down() -> None:
     made = fake_cell([AT_30, AT_21])
     made.gripper.opened_to = 40
     result = run(made, RunOptions(), known_table())
-    assert (result.outcome, result.exit_code) == (Outcome.FAULT, 21)
+    assert (result.outcome, result.exit_code) == (Outcome.FAULT, 20)
     assert "remove what blocks them" in str(result.reason)
 
 
@@ -195,7 +195,7 @@ def test_a_current_that_cannot_be_is_a_fault_and_no_child() -> None:
     made = fake_cell([AT_21])
     made.gripper.current_ma = 1500
     result = run(made, RunOptions())
-    assert (result.outcome, result.exit_code, result.steps) == (Outcome.FAULT, 21, ())
+    assert (result.outcome, result.exit_code, result.steps) == (Outcome.FAULT, 20, ())
 
 
 # -- drags ----------------------------------------------------------------------------------------
@@ -310,7 +310,7 @@ def test_displaced_arm_in_a_squeeze_ends_the_part_and_is_not_moved_again(
 
     made.gripper.move = bump
     result = run(made, RunOptions())
-    assert (result.outcome, result.exit_code, result.leaf) == (Outcome.FAULT, 22, None)
+    assert (result.outcome, result.exit_code, result.leaf) == (Outcome.FAULT, 20, None)
     assert "off the place it was sent to" in str(result.reason)
     after = made.log.calls[made.log.calls.index(made.log.named("bump")[0]) :]
     assert "stop" in [call.name for call in after]

@@ -235,7 +235,7 @@ def test_command_writes_page_and_table_and_prints_figures(journal, tmp_path, cap
 def test_alarm_has_its_own_exit_code_and_sentence(tmp_path, capsys):
     rng = np.random.default_rng(5)
     parts = [*drawn(TABLE, 60, rng), *drawn(TABLE, 60, rng, width_shift_um=SHIFT_UM, first=60)]
-    assert main(["report", str(write(tmp_path / "run.jsonl", parts))]) == 13
+    assert main(["report", str(write(tmp_path / "run.jsonl", parts))]) == 11
     assert "calibrate the gripper" in capsys.readouterr().out
 
 
@@ -281,7 +281,7 @@ def test_readings_are_weighed_by_what_was_expected_of_them(tmp_path, capsys):
         "--expected",
         str(tmp_path / "e.json"),
     ]
-    assert main([*words, "-o", str(tmp_path / "r.html")]) == 13
+    assert main([*words, "-o", str(tmp_path / "r.html")]) == 11
     said = capsys.readouterr().out
     assert "readings are those of less" in said
     assert "Shiryaev-Roberts" in (tmp_path / "r.html").read_text()

@@ -266,7 +266,7 @@ def test_errors_name_the_file_and_carry_their_codes(tmp_path: Path) -> None:
     (tmp_path / "rectangle.msgpack").write_bytes(damaged)
     with pytest.raises(TableError) as refused:
         load(tmp_path / "rectangle.msgpack")
-    assert refused.value.exit_code == 30
+    assert refused.value.exit_code == 3
     assert str(refused.value) == (
         "table rectangle.msgpack: digest does not match its content; copy the file again or recompile it"
     )
