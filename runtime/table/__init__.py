@@ -96,7 +96,6 @@ __all__ += [
     "TableFile",
 ]
 __all__ += [
-    "TableError",
     "by_count",
     "decide",
     "decision_map",

@@ -76,7 +76,7 @@ def test_the_units_command_line_is_understood() -> None:
     (example,) = re.findall(r"ARGUMENTS=(--.*)$", UNIT, re.MULTILINE)
     told = parser().parse_args([*words[:-1], *shlex.split(example)])
     assert words[-1] == "$ARGUMENTS"
-    assert told.status == Path("/run/squeezetree/%i.sock")
+    assert told.journal == Path("/var/lib/squeezetree/%i.jsonl")
 
 
 def test_the_unit_takes_the_ends_of_parts_for_no_failure_and_waits_long_enough() -> None:

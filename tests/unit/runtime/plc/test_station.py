@@ -204,8 +204,8 @@ def test_fault_is_a_result_without_a_pose_and_its_code_is_the_error(working: Mem
         1,
         7,
         FAULT,
-        22,
-        22,
+        20,
+        20,
     ]
     assert working("x", "y", "angle") == [0, 0, 0]
 

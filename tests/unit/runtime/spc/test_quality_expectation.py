@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from histories import LESS, drawn, expectation_document, history, table, watch
 
-from runtime.shell.errors import UsageError
+from runtime.shell.errors import InputError, UsageError
 from runtime.spc import expectation
 from runtime.spc.expectation import CLIP, ShiryaevRoberts, bin_of, load
 from runtime.spc.history import History, Part, Squeezed
@@ -117,15 +117,15 @@ def test_widths_are_binned_as_a_linear_encoder_counts_them():
 def test_files_that_are_refused(change, says, told, tmp_path):
     result = tmp_path / "changed.json"
     result.write_text(json.dumps(told | change))
-    with pytest.raises(UsageError, match=says):
+    with pytest.raises(InputError, match=says):
         load(result)
 
 
 def test_file_that_is_none(tmp_path):
-    with pytest.raises(UsageError, match="make it with plan-expect"):
+    with pytest.raises(InputError, match="make it with plan-expect"):
         load(tmp_path / "none.json")
     (tmp_path / "text").write_text("{")
-    with pytest.raises(UsageError, match="is not JSON"):
+    with pytest.raises(InputError, match="is not JSON"):
         load(tmp_path / "text")
 
 
