@@ -10,7 +10,7 @@
      +- UnreachableError  21  connect the device, or end who uses it
 
 The number is the exit code of a command that ends with the error. `planner.errors`, `runtime.errors`,
-`drivers.errors` and `drivers.camera.errors` add those that their package has to tell apart. A message is one
+and `drivers.errors` add those that their package has to tell apart. A message is one
 line: what is wrong, where, what to do.
 """
 

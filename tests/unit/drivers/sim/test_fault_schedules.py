@@ -69,13 +69,13 @@ def test_a_missing_file():
 def test_what_a_file_may_not_say(tmp_path, text, says):
     path = tmp_path / "faults.toml"
     path.write_text(text)
-    with pytest.raises(UsageError, match=says) as raised:
+    with pytest.raises(InputError, match=says) as raised:
         parse(str(path))
     assert "\n" not in str(raised.value)
 
 
 def test_a_directory_is_no_schedule(tmp_path):
-    with pytest.raises(UsageError, match="not readable"):
+    with pytest.raises(InputError, match="not readable"):
         parse(str(tmp_path))
 
 

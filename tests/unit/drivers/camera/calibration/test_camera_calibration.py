@@ -16,6 +16,7 @@ from drivers.camera.vision.board import Board, parse
 from drivers.planar import compose, relative
 from drivers.sim.camera.cards import board_cells, lying
 from runtime.shell.errors import InputError
+from runtime.shell.files import OutputError
 
 
 def views(noise_px=0.05, seed=1):
@@ -223,7 +224,7 @@ def test_spoilt_calibration_is_refused(tmp_path, spoil, sentence):
 def test_missing_and_unwritable_files_are_told(tmp_path):
     with pytest.raises(InputError, match="No such file"):
         calibration.load(tmp_path / "none.json")
-    with pytest.raises(InputError, match="cannot be written"):
+    with pytest.raises(OutputError, match="cannot be written"):
         calibration.save(true_calibration(OPTICS), tmp_path / "none" / "camera.json")
     with pytest.raises(InputError, match="No such file"):
         load_picture(tmp_path / "none.png")
