@@ -11,7 +11,7 @@ from math import hypot, tau
 from drivers.ports import Arm, Gripper, Settled
 from runtime.devices.audit import AuditProcess, answer_of
 from runtime.devices.clock import Lap, SystemClock
-from runtime.errors import BrokenRunError, CellError, GripperStateError, exit_code_of, is_expected
+from runtime.errors import BrokenRunError, GripperStateError
 from runtime.execution import recovery, safety
 from runtime.execution.carry import deliver
 from runtime.execution.delivery import Delivery, Sorting
@@ -24,6 +24,7 @@ from runtime.execution.watch import MACHINE, Expected
 from runtime.journal.chain import Journal
 from runtime.journal.replay import Replay
 from runtime.shell import interrupts
+from runtime.shell.errors import ExpectedError, exit_code_of, is_expected
 from runtime.table import (
     REJECT,
     Node,
@@ -305,7 +306,7 @@ class Executor:
         """Record a fault's result; a journal that fails now is noted there instead of hiding the fault."""
         try:
             self._cell.journal.record("outcome", outcome_fields(self._table, result))
-        except CellError as error:
+        except ExpectedError as error:
             return replace(result, safe_state=(*result.safe_state, f"not journalled: {error}"))
         return result
 

@@ -76,7 +76,7 @@ class Monitor:
         """All alarms of a history of this table, in order.
 
         Raises:
-            ArgumentsError: what is expected of the readings is of another table.
+            UsageError: what is expected of the readings is of another table.
         """
         if self.readings is not None:
             self.readings.expected.check(history)

@@ -14,7 +14,7 @@ import hashlib
 from pathlib import Path
 from typing import NamedTuple
 
-from runtime.errors import TableError, TableFileError
+from runtime.errors import TableError
 from runtime.shell.files import quoted, writing
 from runtime.table.codec import decode, encode, names_table
 from runtime.table.embedded import job_of
@@ -116,7 +116,6 @@ __all__ = [
     "Table",
     "TableError",
     "TableFile",
-    "TableFileError",
     "Timing",
     "Tolerance",
     "Visit",
@@ -196,15 +195,16 @@ def load(path: Path | str) -> TableFile:
     """Read, decode and validate a table's file.
 
     Raises:
-        TableFileError: it is missing or unreadable.
-        TableError: its content is refused; the message names the file.
+        TableError: it is missing, unreadable or refused; the message names the file.
     """
     path = Path(path)
     try:
         with path.open("rb") as file:
             data = file.read(MAX_BYTES + 1)
     except OSError as error:
-        raise TableFileError(path, f"{error.strerror}; pass the file plan-compile wrote") from error
+        raise TableError(
+            f"table {path}: {error.strerror}; pass the file plan-compile wrote"
+        ) from error
     try:
         return TableFile(loads(data), data, hashlib.sha256(data).hexdigest())
     except TableError as error:

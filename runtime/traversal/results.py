@@ -5,13 +5,7 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from typing import NamedTuple, Self
 
-from runtime.errors import (
-    BrokenRunError,
-    PartNotDeliveredError,
-    PartRejectedError,
-    PartUnresolvedError,
-    StoppedError,
-)
+from runtime.shell.exit_codes import ExitCode
 from runtime.table import Phases, Squeeze
 
 
@@ -28,11 +22,11 @@ class Outcome(Enum):
 
 # Exit codes of the outcomes that are not faults; a fault brings its own.
 EXIT_CODES = {
-    Outcome.LEAF: 0,
-    Outcome.REJECT: PartRejectedError.exit_code,
-    Outcome.UNRESOLVED: PartUnresolvedError.exit_code,
-    Outcome.STOPPED: StoppedError.exit_code,
-    Outcome.ABORTED: BrokenRunError.exit_code,
+    Outcome.LEAF: ExitCode.DONE,
+    Outcome.REJECT: ExitCode.NOT_LOCATED,
+    Outcome.UNRESOLVED: ExitCode.NOT_LOCATED,
+    Outcome.STOPPED: ExitCode.STOPPED,
+    Outcome.ABORTED: ExitCode.JOURNAL,
 }
 
 
@@ -106,9 +100,7 @@ class PartResult:
         """The same result after the delivery; `missed` tells why the part still lies where it was found."""
         if missed is None:
             return replace(self, delivery="done")
-        return replace(
-            self, delivery="missed", reason=missed, exit_code=PartNotDeliveredError.exit_code
-        )
+        return replace(self, delivery="missed", reason=missed, exit_code=ExitCode.NOT_LOCATED)
 
     def fields(self) -> dict[str, object]:
         """The result as a journal record holds it."""

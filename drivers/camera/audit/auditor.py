@@ -10,11 +10,11 @@ from drivers.camera.audit.subject import Subject
 from drivers.camera.calibration import drift
 from drivers.camera.calibration.file import CameraCalibration
 from drivers.camera.calibration.measure import Measured, measure
-from drivers.camera.errors import CameraError
 from drivers.camera.vision import explain
 from drivers.camera.vision.sources import Source
 from drivers.camera.vision.tags import find
 from drivers.planar import Pose2
+from runtime.shell.errors import ExpectedError
 from runtime.table import GoalSpec, distance, residual, threshold
 
 PASS, FAIL, UNKNOWN = "pass", "fail", "unknown"
@@ -112,7 +112,7 @@ class Auditor:
             )
         try:
             picture = self.source.picture(until)
-        except CameraError as error:
+        except ExpectedError as error:
             return Answer(UNKNOWN, str(error))
         result: Measured | None = None
         view = self.calibration.view
@@ -133,7 +133,7 @@ class Auditor:
             answer = replace(
                 answer, moved_mm=moved_mm, hypothesis=None if carried is None else carried.name
             )
-        except CameraError as error:
+        except ExpectedError as error:
             answer = Answer(UNKNOWN, str(error))
         if self.pictures is None or answer.verdict == PASS:
             return answer

@@ -152,7 +152,7 @@ def test_jaws_blocked_on_the_way_to_the_next_opening_never_come_down() -> None:
     rig = fake_cell([AT_30, AT_21])
     rig.gripper.opened_to = 40
     result = run(rig, RunOptions(), known_table())
-    assert (result.outcome, result.exit_code) == (Outcome.FAULT, 21)
+    assert (result.outcome, result.exit_code) == (Outcome.FAULT, 20)
     assert "remove what blocks them" in str(result.reason)
 
 
@@ -197,7 +197,7 @@ def test_a_current_that_cannot_be_is_a_fault_and_no_child() -> None:
     rig = fake_cell([AT_21])
     rig.gripper.current_ma = 1500
     result = run(rig, RunOptions())
-    assert (result.outcome, result.exit_code, result.steps) == (Outcome.FAULT, 21, ())
+    assert (result.outcome, result.exit_code, result.steps) == (Outcome.FAULT, 20, ())
 
 
 # -- drags ----------------------------------------------------------------------------------------
@@ -312,7 +312,7 @@ def test_displaced_arm_in_a_squeeze_ends_the_part_and_is_not_moved_again(
 
     rig.gripper.move = bump
     result = run(rig, RunOptions())
-    assert (result.outcome, result.exit_code, result.leaf) == (Outcome.FAULT, 22, None)
+    assert (result.outcome, result.exit_code, result.leaf) == (Outcome.FAULT, 20, None)
     assert "off the place it was sent to" in str(result.reason)
     after = rig.log.calls[rig.log.calls.index(rig.log.named("bump")[0]) :]
     assert "stop" in [call.name for call in after]

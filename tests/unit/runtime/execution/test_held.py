@@ -108,7 +108,7 @@ def test_whatever_goes_wrong_meanwhile_ends_in_the_safe_state_and_is_recorded() 
         assert opened or max(heights(rig), default=10.0) == 10.0, (
             "what may be fixed is never lifted"
         )
-        assert rig.journal.kept[-1][1]["exit_code"] == 21
+        assert rig.journal.kept[-1][1]["exit_code"] == 20
 
 
 def _calls_of_a_putting_down() -> list[object]:

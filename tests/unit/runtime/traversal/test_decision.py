@@ -7,7 +7,8 @@ from random import Random
 import pytest
 from sample_tables import GRIPPER, random_table, small_table
 
-from runtime.errors import ArgumentsError, GripperStateError
+from runtime.errors import GripperStateError
+from runtime.shell.errors import UsageError
 from runtime.table import REJECT, Calibration, Place, decision_map
 from runtime.traversal import decision
 from runtime.traversal.decision import (
@@ -144,7 +145,7 @@ def test_a_policy_survives_being_written_down() -> None:
 def test_a_policy_that_makes_no_sense_is_refused(
     on_reject: str, on_unresolved: str, message: str
 ) -> None:
-    with pytest.raises(ArgumentsError, match=message) as refused:
+    with pytest.raises(UsageError, match=message) as refused:
         Policy.of(on_reject, on_unresolved)
     assert refused.value.exit_code == 2
 

@@ -25,11 +25,11 @@ from hypothesis import strategies as st
 
 from drivers.camera.audit.auditor import COVERAGE, FAIL, PASS, UNKNOWN, Auditor, Subject, judge
 from drivers.camera.audit.overlay import MEASURED, PREDICTED, keep
-from drivers.camera.errors import SourceError
 from drivers.sim.camera.cards import lying, tag_cells
 from drivers.sim.camera.optics import webcam
 from drivers.sim.camera.render import Flaws, render
 from drivers.sim.physics.tabletop import Look
+from runtime.shell.errors import UnreachableError
 from runtime.table import Tolerance
 
 BELOW = camera()
@@ -48,7 +48,7 @@ class Shown:
 
     def picture(self, until):
         if self._picture is None:
-            raise SourceError(
+            raise UnreachableError(
                 "camera /dev/video0 has not sent a picture yet; check power and cable"
             )
         return self._picture
