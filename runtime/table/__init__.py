@@ -60,6 +60,7 @@ from runtime.table.model import (
 from runtime.table.proof import job_of, prove
 from runtime.table.schedule import Schedule, Squeezed, Stand, close_alike
 from runtime.table.takt import figures as takt_figures
+from runtime.table.takt import text as takt_text
 from runtime.table.timing import (
     ABOVE_MM,
     ARM_ACCELERATION_MM_S2,
@@ -115,7 +116,7 @@ __all__ += [
     "names_table",
     "poses_of",
 ]
-__all__ += ["phases_of", "takt_figures", "time_of", "trapezoid_s"]
+__all__ += ["phases_of", "takt_figures", "takt_text", "time_of", "trapezoid_s"]
 __all__ += ["ABOVE_MM", "ARM_ACCELERATION_MM_S2", "LEAD_MM"]
 __all__ += ["CLEAR_MM", "Phases", "Schedule", "Squeezed", "Stand", "Timing", "Visit", "close_alike"]
 __all__ += [
