@@ -66,7 +66,7 @@ class RunLog(NamedTuple):
         return Counter(part.outcome for part in self.parts)
 
     def times(self, takt_s: float | None = None) -> dict[str, float]:
-        """What the parts took, as `runtime.table.takt.figures`, and how many tell it; empty where none does."""
+        """What parts took, as `runtime.table.takt.figures`, and how many tell it; empty where none does."""
         seconds = Counter(part.seconds for part in self.parts if part.seconds is not None)
         return {"parts": seconds.total(), **takt_figures(seconds, takt_s)} if seconds else {}
 
