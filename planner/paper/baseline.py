@@ -109,7 +109,7 @@ def _squeezed(job: Job, worlds: ContactWorlds, angles: Array, chunk: Chunk) -> t
     return poses, widths
 
 
-def _seconds(job: Job, angles: Array, widths: Array) -> float:
+def seconds_of(job: Job, angles: Array, widths: Array) -> float:
     """Mean seconds of parts whose squeezes end at widths (n, squeezes), one part after the other."""
     opening_um, speed_um_s = (
         round(1e3 * value) for value in (job.gripper.opening_mm, job.gripper.speed_mm_s)
@@ -146,5 +146,5 @@ def _achieved(job: Job, squeezes: SqueezePlan, trials: int, scheduler: Scheduler
         oriented=float(np.mean(off < np.radians(ORIENTED_DEG))),
         located=metric.mode(poses).ratio,
         located_modulo=metric._replace(order=orders).mode(poses).ratio,
-        seconds=_seconds(job, squeezes.angles, widths),
+        seconds=seconds_of(job, squeezes.angles, widths),
     )
