@@ -45,9 +45,9 @@ def test_evaluate_tells_the_share_within_the_takt(capsys: pytest.CaptureFixture[
 def test_evaluate_prints_the_takt_in_words_and_in_each_world(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    assert evaluate.main([TABLE, *FEW, "--takt", "1h"]) == 0
+    assert evaluate.main([TABLE, *FEW, "--takt", "3600s"]) == 0
     assert "100.00% done within 3600 s" in capsys.readouterr().out
-    assert evaluate.main([TABLE, "--trials", "50", "--takt", "1h", "--sweep"]) == 0
+    assert evaluate.main([TABLE, "--trials", "50", "--takt", "3600s", "--sweep"]) == 0
     _, *rows = capsys.readouterr().out.splitlines()
     assert all(row.endswith("; 100.00% done within 3600 s") for row in rows)
 
