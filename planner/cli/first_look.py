@@ -224,9 +224,7 @@ def _try(arguments: argparse.Namespace) -> None:
     shell.answer(arguments.json, told, *after, *_next(files, picture, plan, seconds))
 
 
-def _progress(
-    arguments: argparse.Namespace, whole: course.Whole
-) -> AbstractContextManager[Report]:
+def _progress(arguments: argparse.Namespace, whole: course.Whole) -> AbstractContextManager[Report]:
     if arguments.follow:
         return nullcontext(course.objects(whole))
     return shell.progress(arguments.json, whole)
@@ -352,9 +350,7 @@ def setting_of(arguments: argparse.Namespace, imported: Imported) -> Setting:
     taken.append(f"located means to {arguments.distance:g} mm (--distance)")
     height = imported.height_mm
     if height is None:
-        taken.append(
-            f"at least {tips_height_mm(None) + MARGIN_MM:g} mm high (--thickness)"
-        )
+        taken.append(f"at least {tips_height_mm(None) + MARGIN_MM:g} mm high (--thickness)")
     name = arguments.drawing.stem
     answers = Answers(name, radius, turn, gripper, fingers, arguments.distance, height)
     return Setting(answers._replace(tips_mm=arguments.height), taken, restrictions)

@@ -26,7 +26,7 @@ FINENESS = 1e-3  # of its size: what a drawn contour may leave out
 
 
 def preview(words: Sequence[str]) -> dict[str, Any]:
-    """What a page draws for the arguments of `squeezetree try`; `error` says why they are refused, or is None."""
+    """What a page draws for the arguments of `squeezetree try`; `error` is why they are refused, or None."""
     shown: dict[str, Any] = {"contours": [], "error": None}
     try:
         arguments = _parsed(words)

@@ -1,0 +1,98 @@
+"""The log of a plan: lines of JSON, and between them what commands said in words."""
+
+import json
+from typing import Any, NamedTuple
+
+from planner.evaluation.shares import in_percent, shares_of
+
+KERNELS = "kernels"  # the stage that compiles them, once an installation
+MOST_LINES = 40
+
+
+class Log(NamedTuple):
+    """What a page shows of a log."""
+
+    drawing: str
+    commands: list[str]
+    step: str  # the command under way, or the last one
+    progress: dict[str, Any]  # the last that it told
+    answer: dict[str, Any] | None  # of `squeezetree try`, as texts
+    parts: list[dict[str, Any]]  # simulated, as texts
+    lines: list[str]  # in words: why it failed
+    exit: int | None  # of the last command; None while it runs, or where it was killed
+
+
+def log_of(data: bytes) -> Log:
+    """Reads a log; others may have written in the folder, so whatever a line is, it does no harm."""
+    log = Log("", [], "", {}, None, [], [], None)
+    for line in data.decode("utf-8", "replace").splitlines():
+        try:
+            log = _with(log, json.loads(line))
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
+            if line.strip():
+                log.lines.append(line.strip())
+    return log._replace(lines=log.lines[-MOST_LINES:])
+
+
+def _with(log: Log, told: dict[str, Any]) -> Log:
+    if "step" in told:
+        log.commands.append(str(told["command"]))
+        return log._replace(step=str(told["step"]), drawing=str(told["drawing"]), progress={})
+    if "stage" in told:
+        share = told["share"]
+        known = isinstance(share, int | float) and told["stage"] != KERNELS
+        texts = {key: str(told[key]) for key in ("stage", "left", "detail")}
+        seconds = float(told["seconds"])
+        return log._replace(
+            progress={**texts, "seconds": seconds, "share": share if known else None}
+        )
+    if "verdict" in told:
+        return log._replace(answer=_answer(told))
+    if "outcome" in told:
+        log.parts.append(_part(told))
+        return log
+    if "exit" in told:
+        return log._replace(exit=int(told["exit"]))
+    if "output" not in told:  # what plan-report says
+        raise ValueError
+    return log
+
+
+def _answer(told: dict[str, Any]) -> dict[str, Any]:
+    """The answer as texts for a page: a grade, sentences, and three numbers where there is a plan."""
+    answer: dict[str, Any] = {
+        "grade": str(told["verdict"]),
+        "answer": str(told["answer"]),
+        "sentence": f"The plan {told['sentence']}." if "sentence" in told else "",
+        "warnings": [str(line) for line in told.get("warnings", ())],
+        "limits": [str(line) for line in told.get("limits", ())],
+        "assumed": [str(line) for line in told["assumed"]],
+        "numbers": [],
+    }
+    if "success_rate" in told:
+        error = told["error_mm"]
+        far = "none located" if error is None else f"{error['median']:.2f} mm"
+        more = "" if error is None else f"median; 95 % within {error['p95']:.2f} mm"
+        shares = shares_of(told)
+        squeezes = f"a part; {told['mean_squeezes']:.2f} squeezes, {told['max_squeezes']} at most"
+        others = f"{in_percent(shares.wrong)} wrong, of {told['trials']} trials"
+        answer["numbers"] = [
+            {"what": "located", "value": in_percent(shares.located), "more": others},
+            {"what": "seconds", "value": f"{told['mean_seconds']:.1f} s", "more": squeezes},
+            {"what": "error", "value": far, "more": more},
+        ]
+    return answer
+
+
+def _part(told: dict[str, Any]) -> dict[str, Any]:
+    pose, error = told["predicted_pose"], told["error_mm"]
+    where = "" if pose is None else f"({pose['x_mm']:.2f}, {pose['y_mm']:.2f}) mm"
+    return {
+        "number": int(told["part"]),
+        "outcome": str(told["outcome"]).upper(),
+        "widths": ", ".join(f"{width:.2f}" for width in told["widths_mm"]),
+        "place": where,
+        "angle": "" if pose is None else f"{pose['theta_rad'] * 57.29578:.1f}",
+        "error": "" if error is None else f"{error:.2f}",
+        "within": told["within_goal"] is True,
+    }
