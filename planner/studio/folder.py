@@ -6,7 +6,6 @@ A plan's log is locked by the process that plans, so whoever opens the folder kn
 import contextlib
 import fcntl
 import os
-import shlex
 import subprocess
 import threading
 from collections.abc import Mapping
@@ -16,7 +15,7 @@ from typing import Any, NamedTuple
 from planner.errors import InputFileError, UsageError
 from planner.part.importers.file import SUFFIXES
 from planner.studio.log import Log, log_of
-from planner.studio.steps import PYTHON, beginning, written_for
+from planner.studio.steps import PYTHON, written_for
 from runtime.shell.files import bring_to_disk, read_regular
 
 MOST_LOG_BYTES = 4 << 20
@@ -185,12 +184,6 @@ class Folder:
                     fcntl.flock(log, fcntl.LOCK_EX)
                     return name, log
             number += 1
-
-
-def command_line(drawing: str, arguments: list[str]) -> str:
-    """What a person types for the same."""
-    options = [word for each in arguments for word in each.split("=", 1)]
-    return shlex.join(["squeezetree", "try", beginning(drawing), *options])
 
 
 def checked(name: str) -> str:

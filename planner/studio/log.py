@@ -37,7 +37,8 @@ def log_of(data: bytes) -> Log:
 def _with(log: Log, told: dict[str, Any]) -> Log:
     if "step" in told:
         log.commands.append(str(told["command"]))
-        return log._replace(step=str(told["step"]), drawing=str(told["drawing"]), progress={})
+        step, drawing = str(told["step"]), str(told["drawing"])
+        return log._replace(step=step, drawing=drawing, progress={}, lines=[])
     if "stage" in told:
         share = told["share"]
         known = isinstance(share, int | float) and told["stage"] != KERNELS
@@ -52,7 +53,8 @@ def _with(log: Log, told: dict[str, Any]) -> Log:
         log.parts.append(_part(told))
         return log
     if "exit" in told:
-        return log._replace(exit=int(told["exit"]))
+        code = int(told["exit"])
+        return log._replace(exit=code, lines=log.lines if code else [])
     if "output" not in told:  # what plan-report says
         raise ValueError
     return log

@@ -18,8 +18,9 @@ from planner.errors import PlannerError, UsageError
 from planner.job.drafts import FINGERS, GRIPPERS
 from planner.part.importers.file import SUFFIXES
 from planner.part.importers.pieces import MAX_BYTES, UNITS_MM
-from planner.studio.folder import PICTURE, Folder, Plan, command_line
+from planner.studio.folder import PICTURE, Folder, Plan
 from planner.studio.reader import Reader
+from planner.studio.steps import beginning, typed
 from runtime.shell.command import told
 
 LOOPBACK = "127.0.0.1"
@@ -127,14 +128,14 @@ class Studio(ThreadingHTTPServer):
         """What a drawing shows with some settings."""
         drawing = query.get("drawing", "")
         arguments = self.folder.arguments(drawing, _settings(body))
-        command = {"command": command_line(drawing, arguments)}
-        return _object({**self.reader.ask([f"./{drawing}", *arguments]), **command})
+        command = typed(["try", beginning(drawing), *arguments])
+        return _object({**self.reader.ask([beginning(drawing), *arguments]), "command": command})
 
     def plan(self, query: dict[str, str], body: bytes) -> Answer:
         """Begin to plan."""
         drawing = query.get("drawing", "")
         arguments = self.folder.arguments(drawing, _settings(body))
-        refused = self.reader.ask([f"./{drawing}", *arguments])["error"]
+        refused = self.reader.ask([beginning(drawing), *arguments])["error"]
         if refused:
             raise UsageError(refused)
         return _object({"plan": self.folder.begin(drawing, arguments)})

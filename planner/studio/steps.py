@@ -49,6 +49,14 @@ def beginning(name: str) -> str:
     return f"./{name}" if name.startswith("-") else name
 
 
+def typed(words: Sequence[str]) -> str:
+    """The line that a person types for the words of a command."""
+    apart = [
+        part for word in words for part in (word.split("=", 1) if word[:2] == "--" else [word])
+    ]
+    return shlex.join(["squeezetree", *apart])
+
+
 def main(argv: Sequence[str]) -> int:
     """Run the commands until one fails or there is no table; returns the exit code of the last."""
     name, drawing, *arguments = argv
@@ -57,7 +65,7 @@ def main(argv: Sequence[str]) -> int:
         signal.signal(number, lambda *_: None)
     code = 0
     for words in commands_of(name, drawing, arguments):
-        _say(drawing=drawing, step=words[0], command=shlex.join(["squeezetree", *words]))
+        _say(drawing=drawing, step=words[0], command=typed(words))
         code = _ended(
             [*words, "--json", *(["--follow"] if words[0] == "try" else [])], files["stop"]
         )

@@ -31,6 +31,7 @@ export function radiusAfter(key, radius, fast) {
 
 // Draws what `preview` tells into an SVG; `moved` is called with each radius that a person chooses.
 export function drawPart(view, preview, moved) {
+  view.classList.remove("moving");
   const { hand, datum } = preview, half = hand.opening_mm / 2;
   const extent = MARGIN * Math.max(half + hand.width_mm, preview.reach_mm, preview.radius_mm, hand.length_mm / 2);
   view.setAttribute("viewBox", `${-extent} ${-extent} ${2 * extent} ${2 * extent}`);

@@ -63,14 +63,14 @@ async function look() {
   if (!drawing) return;
   const number = ++asked;
   const answer = await ask("/preview", { drawing }, settings());
-  if (number !== asked) return; // a later question is on its way
+  if (number !== asked || at("view").classList.contains("moving")) return; // a later question follows
   at("command").textContent = answer.command;
   showContours(answer);
-  form.hidden = !answer.contours.length && !answer.outline && !drawing;
+  form.hidden = false;
   at("begin").disabled = Boolean(answer.error);
   tell(answer.error);
   if (answer.outline) showPart(answer);
-  at("view").classList.toggle("stale", !answer.outline);
+  else for (const id of ["view", "facts", "assumed"]) at(id).replaceChildren();
 }
 
 function showContours(answer) {
@@ -121,6 +121,7 @@ function soon() {
 async function add(file) {
   if (!file) return;
   const { drawing: name } = await ask("/drawings", { name: file.name }, file);
+  drawing = name; // refreshing chooses no other
   await refresh();
   await choose(name);
 }
@@ -163,7 +164,7 @@ function link(file, text) {
 const DOING = { try: "Planning", report: "Writing the report", run: "Simulating 20 parts" };
 
 function statusOf({ running, log }) {
-  if (running) return `${DOING[log.step] ?? "Starting"}: ${log.drawing}`;
+  if (running) return log.step in DOING ? `${DOING[log.step]}: ${log.drawing}` : "Starting";
   if (log.exit === 0) return `Done: ${log.drawing}`;
   return log.exit === null ? "It was ended before it was done; what it wrote is in the folder." : `It ended with exit code ${log.exit}.`;
 }
@@ -199,7 +200,7 @@ function showPlan(plan) {
 
 function showPicture(file) {
   const picture = at("look"), source = file ? `/files/${encodeURIComponent(file)}` : "";
-  picture.hidden = !file;
+  at("picture").hidden = !file;
   if (file && picture.getAttribute("src") !== source) picture.src = source;
 }
 
