@@ -61,18 +61,16 @@ def main(argv: Sequence[str]) -> int:
     """Run the commands until one fails or there is no table; returns the exit code of the last."""
     name, drawing, *arguments = argv
     files = written_for(name)
-    for number in (signal.SIGINT, signal.SIGTERM):  # those of a closed terminal are not for us
-        signal.signal(number, lambda *_: None)
     code = 0
     for words in commands_of(name, drawing, arguments):
         _say(drawing=drawing, step=words[0], command=typed(words))
         code = _ended(
             [*words, "--json", *(["--follow"] if words[0] == "try" else [])], files["stop"]
         )
+        with contextlib.suppress(OSError):
+            Path(files["stop"]).unlink(missing_ok=True)  # heard: what follows is begun all the same
         if code or not Path(files["table"]).exists():
             break
-    with contextlib.suppress(OSError):
-        Path(files["stop"]).unlink(missing_ok=True)
     _say(exit=code)
     return code
 

@@ -166,6 +166,7 @@ const DOING = { try: "Planning", report: "Writing the report", run: "Simulating 
 function statusOf({ running, log }) {
   if (running) return log.step in DOING ? `${DOING[log.step]}: ${log.drawing}` : "Starting";
   if (log.exit === 0) return `Done: ${log.drawing}`;
+  if (log.exit === 130) return "It was stopped before it was done; what it wrote is in the folder.";
   return log.exit === null ? "It was ended before it was done; what it wrote is in the folder." : `It ended with exit code ${log.exit}.`;
 }
 
