@@ -133,7 +133,7 @@ class Folder:
             name, log = self._begun(Path(drawing).stem)
             words = [name, drawing, *arguments]
             with open(log, "wb") as file:  # noqa: PTH123
-                subprocess.Popen(
+                child = subprocess.Popen(
                     [*PYTHON, "planner.studio.steps", *words],
                     stdin=subprocess.DEVNULL,
                     stdout=file,
@@ -141,6 +141,7 @@ class Folder:
                     cwd=self.path,
                     start_new_session=True,
                 )
+            threading.Thread(target=child.wait, daemon=True).start()  # no zombie stays
         return name
 
     def stop(self, name: str) -> None:

@@ -7,8 +7,9 @@ on its pages comes from elsewhere. Others may write in the folder: a browser ope
 import json
 from collections.abc import Callable
 from functools import cached_property
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from http.server import BaseHTTPRequestHandler
 from pathlib import Path
+from socketserver import ThreadingTCPServer
 from typing import Any, NamedTuple
 from urllib.parse import parse_qs, quote, unquote, urlsplit
 
@@ -56,15 +57,17 @@ class Answer(NamedTuple):
     name: str = ""  # of a file that a browser saves
 
 
-class Studio(ThreadingHTTPServer):
+class Studio(ThreadingTCPServer):
     """Serves a folder on a port of loopback, 0 for a free one."""
 
     daemon_threads = True
+    allow_reuse_address = True
 
     def __init__(self, folder: Folder, port: int) -> None:
         """Listens; an `OSError` tells that the port is taken."""
-        super().__init__((LOOPBACK, port), Handler)
         self.folder, self.reader = folder, Reader(folder.path)
+        super().__init__((LOOPBACK, port), Handler)
+        self.server_port = int(self.server_address[1])
         self.address = f"http://{LOOPBACK}:{self.server_port}/"
 
     def server_close(self) -> None:
