@@ -18,9 +18,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from drivers.clock import Clock, Pace
-from drivers.errors import DEVICE_ERRORS, PortError
+from drivers.errors import PortError
 from drivers.ports import Answered, Arm, Gripper, Report, Scene
 from drivers.robotiq.link import Link, no_report
+from runtime.shell.errors import ExpectedError
 
 TTY = "tty"  # the scheme of a port without one
 MANUAL = "manual"  # of a person, with no host
@@ -156,7 +157,7 @@ def virtual(tree: Path, *, world: str, seed: int, report: Report = no_report) ->
     """The simulated cell of a table, its devices connected.
 
     Raises:
-        SimulationError: the world cannot be had, or fails.
+        UsageError: the world cannot be had, or fails.
     """
     from drivers.robotiq.gripper import Gripper as RobotiqGripper
     from drivers.sim.physics.scene import load, warm_up
@@ -186,7 +187,7 @@ def _plugged_in(makes: Makes, scheme: str, port: str, *settings: object, read_on
     try:
         device = open_device(port, *settings, read_only=read_only)
     except Exception as error:
-        if isinstance(error, DEVICE_ERRORS):
+        if isinstance(error, ExpectedError):
             raise
         raise PortError(f"{name} failed to open {port}: {type(error).__name__}: {error}") from error
     if not isinstance(device, makes.kind):

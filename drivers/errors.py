@@ -1,20 +1,20 @@
-"""What can go wrong with a device, sorted by what the caller should do about it.
+"""What can go wrong with a device: any error of a library leaves a driver as one of these.
 
 ::
 
-    OSError
-     +- ConnectionError
-     |   +- LinkError          20  the gripper cannot be reached: check cable, power, port
-     |   |   +- LinkTimeout    20  it did not answer in time (also a TimeoutError)
-     |   +- ArmError           22  the arm is silent, gone or answers nonsense: its state is unknown
-     +- PortError              23  a port cannot be opened: check its name and permissions
-    RuntimeError
-     +- GripperFault           21  the gripper answers and reports a fault, or does not do as told
-
-Every library error leaves a driver as one of these. `exit_code` is what a command returns.
+    UnreachableError
+     +- LinkError        the gripper cannot be reached: check cable, power, port (a ConnectionError)
+     |   +- LinkTimeout  it did not answer in time (a TimeoutError)
+     +- PortError        a port cannot be opened: check its name and permissions (an OSError)
+    DeviceError
+     +- ArmError         the arm is silent, gone or answers nonsense (a ConnectionError)
+     +- GripperFault     the gripper reports a fault, or does not follow a request (a RuntimeError)
+     +- PictureError     the camera's picture cannot be measured
 """
 
 from typing import NamedTuple
+
+from runtime.shell.errors import DeviceError, UnreachableError
 
 SHOWN = 60  # characters of what a device sent that a sentence shows
 
@@ -28,10 +28,8 @@ def shown(sent: object) -> str:
     return plain if len(text) <= SHOWN else f"{plain}... ({len(text)} characters)"
 
 
-class LinkError(ConnectionError):
+class LinkError(UnreachableError, ConnectionError):
     """The gripper cannot be reached: port unplugged, connection lost, refused request."""
-
-    exit_code = 20
 
 
 class LinkTimeout(LinkError, TimeoutError):  # noqa: N818 - it is a TimeoutError, and named as one
@@ -89,10 +87,8 @@ def fault_text(code: int) -> FaultText:
     return FAULTS.get(code, unknown)
 
 
-class GripperFault(RuntimeError):  # noqa: N818 - the manual calls it a fault
+class GripperFault(DeviceError, RuntimeError):  # noqa: N818 - the manual calls it a fault
     """The gripper reports a fault, or does not follow a request."""
-
-    exit_code = 21
 
     @classmethod
     def from_code(cls, code: int, doing: str) -> "GripperFault":
@@ -101,28 +97,17 @@ class GripperFault(RuntimeError):  # noqa: N818 - the manual calls it a fault
         return cls(f"gripper fault 0x{code:02X} while {doing}: {text.sentence}; {text.remedy}")
 
 
-class ArmError(ConnectionError):
+class ArmError(DeviceError, ConnectionError):
     """The arm is silent, gone, refuses, or answers nonsense; after a silence its state is unknown."""
 
-    exit_code = 22
 
-
-class PortError(OSError):
+class PortError(UnreachableError, OSError):
     """A port cannot be opened: no such device, no permission, in use, or nobody listening."""
 
-    exit_code = 23
+
+class PictureError(DeviceError):
+    """A picture cannot be read, or its tags cannot be measured."""
 
 
 class ReadOnlyError(RuntimeError):
-    """A device opened for reading was told to do something; nothing was sent."""
-
-    exit_code = 1
-
-
-DEVICE_ERRORS = (
-    LinkError,
-    GripperFault,
-    ArmError,
-    PortError,
-    ReadOnlyError,
-)  # all that a driver may raise
+    """A device opened for reading was to do something, which is a bug; nothing was sent."""

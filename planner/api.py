@@ -17,7 +17,6 @@ from planner.belief.particles import Belief
 from planner.belief.transition import Outcomes, Simulation
 from planner.compile import EVALUATION_TRIALS, Plan
 from planner.compile import compile_job as compile  # noqa: A004 - what it is called everywhere else
-from planner.errors import PlannerError
 from planner.evaluation import evaluate as trials_of
 from planner.evaluation.judge import claimed
 from planner.evaluation.outcome import Evaluation
@@ -31,6 +30,7 @@ from planner.work.progress import Report, silent
 from planner.work.scheduler import Threads
 from planner.world import ContactWorld, ContactWorlds, World, Worlds
 from runtime import table as tables
+from runtime.shell.errors import InputError
 
 __all__ = ["Belief", "ContactWorld", "Job", "Limit", "Plan", "Pomdp", "Simulator", "Table", "World"]
 __all__ += ["compile", "evaluate", "squeeze"]
@@ -57,10 +57,10 @@ class Table:
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
-        """Reads and proves a table's file.
+        """Reads and validates a table's file.
 
         Raises:
-            TableFileError: it is missing or unreadable.
+            TableError: it is missing or unreadable.
             TableError: it must not be executed.
         """
         return cls.of(tables.load(path).table)
@@ -71,9 +71,9 @@ class Table:
 
     @property
     def job(self) -> Job:
-        """The job that it was compiled from; a `PlannerError` tells that the table was stripped of it."""
+        """The job that it was compiled from; an `InputError` tells that the table was stripped of it."""
         if self.record.job is None:
-            raise PlannerError("the table carries no job; pass the one it was compiled from")
+            raise InputError("the table carries no job; pass the one it was compiled from")
         return from_canonical(self.record.job, "the table's job")
 
     @property

@@ -9,7 +9,8 @@ from importlib.util import find_spec
 from itertools import pairwise
 from pathlib import Path
 
-from runtime.shell.command import INPUT_FILE, entry, tell
+from runtime.shell.command import entry, tell
+from runtime.shell.exit_codes import ExitCode
 
 # Suffixes of the files that some command reads.
 INPUTS = {".csv", ".dxf", ".jsonl", ".kicad_mod", ".msgpack", ".stl", ".svg", ".toml", ".txt"}
@@ -47,7 +48,7 @@ def _command(name: str, module: str = "") -> Callable[[], int]:
                 f"plan-{name}",
                 f"{missing}: cannot be read: No such file or directory; check the path",
             )
-            return INPUT_FILE
+            return ExitCode.INPUT
         return entry(f"plan-{name}", f"planner.cli.{module or name}", "planner")
 
     return run

@@ -70,7 +70,7 @@ def compile_job(
         scheduler: who rolls them out and runs worlds that are off; as many threads as `workers` if None.
 
     Raises:
-        ClusterError: the cluster was lost.
+        UnreachableError: the cluster was lost.
         NoPlanError: no squeeze tells a pose that the goal asks for; or the first squeeze already has no grasp
             pose free of collision that gains anything; or no leaf of the tree is within the goal.
         ValueError: workers or trials are no such number.

@@ -61,16 +61,15 @@ def _node(node: Node, targets: dict[int, int], job: Job, encoder: Encoder) -> ta
         branches.append(tables.Branch(low, expected, high, share, targets[id(child)]))
     release = None
     if planned.release is not None:
-        release = (round(1e3 * planned.release[0]), round(1e3 * planned.release[1]))
+        release = tables.Place(*(round(1e3 * value) for value in planned.release[:2]))
     pushed = tuple(_push(push, job) for push in planned.pushes)
     contact = None
     if not pushed:
         contact_mm = handling_of(job).contact_mm(node.belief, planned.placement, planned.opening_mm)
         contact = max(round(1e3 * contact_mm), *(branch.high_um for branch in branches))
         contact = contact if contact < squeeze.opening_um else None
-    return tables.Node(
-        squeeze, tuple(branches), None if release == squeeze[:2] else release, pushed, contact
-    )
+        release = None if release == squeeze.place else release
+    return tables.Node(squeeze, tuple(branches), release, pushed, contact)
 
 
 def _push(push: Push, job: Job) -> tables.Push:
@@ -109,13 +108,15 @@ def _leaf(node: Node, job: Job) -> tables.Leaf:
         x_um=x_um,
         y_um=y_um,
         theta_urad=theta_urad,
-        covariance=(0, 0, 0, 0, 0, 0),
+        covariance=tables.Covariance(0, 0, 0, 0, 0, 0),
         success_ppm=round(tables.PPM * node.mode.ratio),
         trials=0,
         resolved=StoppingRule(job.goal.confidence).holds(node.mode.ratio, len(node.belief)),
-        alternatives=tuple(map(pose_of, node.mode.others)),
+        alternatives=tuple(
+            tables.LeafPose(*pose_of(pose), which)
+            for pose, which in zip(node.mode.others, node.mode.hypothesis[1:], strict=True)
+        ),
         hypothesis=node.mode.hypothesis[0],
-        other_hypotheses=node.mode.hypothesis[1:] if job.hypothesis else (),
     )
     return leaf._replace(covariance=covariance_of(node.belief, leaf, job))
 
@@ -126,19 +127,14 @@ def pose_of(pose: Array) -> tuple[int, int, int]:
     return round(1e3 * float(x)), round(1e3 * float(y)), round(1e6 * float(wrap(theta)))
 
 
-def covariance_of(
-    belief: Belief, leaf: tables.Leaf, job: Job
-) -> tuple[int, int, int, int, int, int]:
-    """Second moments about the leaf's pose, of parts that are as it says, if any are.
-
-    They are xx, xy, yy, xt, yt, tt in 0.1 mm and 10 mrad.
-    """
+def covariance_of(belief: Belief, leaf: tables.Leaf, job: Job) -> tables.Covariance:
+    """Second moments about the leaf's pose, of parts that are as it says, if any are."""
     named = belief.traits["hypothesis"] == leaf.hypothesis
     offset = belief.poses[named] - tables.predicted_pose(leaf)
     offset[:, 2] = wrap(offset[:, 2], job.alone[leaf.hypothesis].part.symmetry)
     scaled = offset * np.array([10.0, 10.0, 100.0])
     (xx, xy, xt), (_, yy, yt), (_, _, tt) = scaled.T @ scaled / max(len(scaled), 1)
-    return round(xx), round(xy), round(yy), round(xt), round(yt), round(tt)
+    return tables.Covariance(*map(round, (xx, xy, yy, xt, yt, tt)))
 
 
 def _gripper(job: Job) -> tables.GripperSpec:
@@ -156,13 +152,13 @@ def _gripper(job: Job) -> tables.GripperSpec:
 
 def _goal(job: Job) -> tables.GoalSpec:
     metric = metric_of(job)
-    x, y, theta = (
-        round(scale * value) for scale, value in zip((1e3, 1e3, 1e6), metric.tolerance, strict=True)
-    )
+    scaled = zip((1e3, 1e3, 1e6), metric.tolerance, strict=True)
+    stated = tables.Tolerance(*(round(scale * value) for scale, value in scaled))
     # Tolerances that the kind of goal does not look at are zero.
-    tolerance = {"tolerances": (x, y, theta), "orientation": (0, 0, theta)}.get(
-        metric.kind, (0, 0, 0)
-    )
+    tolerance = {
+        "tolerances": stated,
+        "orientation": stated._replace(x_um=0, y_um=0),
+    }.get(metric.kind, tables.Tolerance(0, 0, 0))
     return tables.GoalSpec(
         distance_um=round(1e3 * job.goal.distance_mm),
         confidence_ppm=round(tables.PPM * job.goal.confidence),

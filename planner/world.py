@@ -14,11 +14,11 @@ from planner import arguments
 from planner.arrays import Array
 from planner.belief.doubts import stated
 from planner.belief.transition import read_as
-from planner.errors import UsageError
 from planner.job.model import Job
 from planner.mechanics.clearance import least_clearance
 from planner.mechanics.simulator import STATUS_NAMES, RollOut, Simulator
 from planner.mechanics.traits import Traits, as_planned, ordinary
+from runtime.shell.errors import UsageError
 from runtime.shell.worlds import DEFAULT_WORLD, WorldError, find_factory, make_world
 
 Pose = tuple[float, float, float]

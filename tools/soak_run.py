@@ -15,7 +15,6 @@ from drivers.sim.faults import SCENE_KINDS, Listed, Seeded
 from drivers.sim.physics.scene import Setting
 from drivers.sim.virtual.cell import VirtualCell
 from drivers.sim.virtual.clock import VirtualClock
-from runtime.errors import is_expected
 from runtime.execution.delivery import Delivery
 from runtime.execution.events import Console, Phase
 from runtime.execution.executor import Cell, Executor, RunOptions, expected_s
@@ -23,6 +22,7 @@ from runtime.execution.handling import Handling
 from runtime.execution.session import sight
 from runtime.execution.watch import DEADLINE_FACTOR
 from runtime.journal.replay import Replay
+from runtime.shell.errors import is_expected
 from runtime.table import PPM, Table, dumps
 from runtime.traversal.decision import Policy
 from runtime.traversal.results import Outcome, PartResult

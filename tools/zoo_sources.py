@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 import shapely
 
-from planner.errors import PlannerError
 from planner.part.importers.file import read_outline
 from planner.part.importers.pieces import Options
 from planner.part.outline import canonical, simplified
+from runtime.shell.errors import ExpectedError
 
 FOOTPRINTS = Path("/usr/share/kicad/footprints")
 HOW = "apt-get install --no-install-recommends kicad-footprints; pip install --no-deps bd-warehouse"
@@ -64,7 +64,7 @@ def footprints() -> Iterator[tuple[str, np.ndarray]]:
     for path in sorted(FOOTPRINTS.glob("*.pretty/*.kicad_mod")):
         try:
             read = read_outline(path, Options(contour=1, tolerance_mm=TOLERANCE_MM))
-        except PlannerError:  # no body, or one that crosses itself
+        except ExpectedError:  # no body, or one that crosses itself
             continue
         yield f"{path.parent.stem}/{path.stem}", read.outline_mm
 

@@ -8,8 +8,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
-from drivers.camera.errors import CameraFileError
 from runtime.shell import strict_json
+from runtime.shell.errors import InputError
 from runtime.shell.files import writing
 
 VERSION = 1
@@ -25,18 +25,15 @@ def save(path: Path, kind: str, body: Mapping[str, Any]) -> None:
         body: what JSON can hold.
 
     Raises:
-        CameraFileError: it cannot be written.
+        OutputError: it cannot be written.
     """
     document = {"kind": kind, "version": VERSION, **body}
     text = (
         json.dumps({**document, "sha256": strict_json.digest(document)}, indent=1, allow_nan=False)
         + "\n"
     )
-    try:
-        with writing(path) as draft:
-            draft.write_text(text, encoding="ascii")
-    except OSError as error:
-        raise CameraFileError(str(error)) from error
+    with writing(path) as draft:
+        draft.write_text(text, encoding="ascii")
 
 
 def read(path: Path, kind: str, remedy: str, parse: Callable[[dict[str, Any]], T]) -> T:
@@ -49,15 +46,15 @@ def read(path: Path, kind: str, remedy: str, parse: Callable[[dict[str, Any]], T
         parse: makes of its body what it describes; KeyError, TypeError or ValueError where it cannot.
 
     Raises:
-        CameraFileError: it cannot be read, is of another kind, or was changed.
+        InputError: it cannot be read, is of another kind, or was changed.
     """
 
-    def refused(problem: str) -> CameraFileError:
-        return CameraFileError(f"{kind} {path}: {problem}; {remedy}")
+    def refused(problem: str) -> InputError:
+        return InputError(f"{kind} {path}: {problem}; {remedy}")
 
     record = strict_json.load(path, refused)
     if not isinstance(record, dict) or record.get("kind") != kind:
-        raise CameraFileError(f"{path}: is no {kind}; {remedy}")
+        raise InputError(f"{path}: is no {kind}; {remedy}")
     if record.pop("sha256", None) != strict_json.digest(record):
         raise refused("damaged or changed, its checksum does not match")
     if record.get("version") != VERSION:

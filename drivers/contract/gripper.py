@@ -145,6 +145,6 @@ class GripperContract:
             rig.silence()
             with pytest.raises(LinkError) as raised:
                 gripper.state()
-            assert raised.value.exit_code == 20
+            assert raised.value.exit_code == 21
             if isinstance(raised.value, LinkTimeout):
                 assert isinstance(raised.value, TimeoutError)

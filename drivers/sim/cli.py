@@ -12,10 +12,11 @@ from pathlib import Path
 from typing import Any
 
 from drivers.sim.cell import Cell
-from drivers.sim.errors import SimulationError
 from drivers.sim.faults import parse
 from drivers.sim.physics.scene import REHEARSAL, Block, Setting, load, warm_up
 from runtime.shell.command import Parser, number, one_line, positive, run, tell
+from runtime.shell.errors import UsageError
+from runtime.shell.exit_codes import ExitCode, epilog
 
 EPILOG = """example:
   grasp-cell --tree trees/rectangle/rectangle.msgpack --json
@@ -27,10 +28,7 @@ an open_abb server, and served as a UR controller, too, the scene a line protoco
 "next_part"}, {"do": "truth"}, {"do": "quit"}. With --camera a webcam looks up through the table at a tag
 under the part (needs the audit extra): `grasp-audit judge --camera` takes its address.
 
-exit codes:
-  0 asked to end (SIGTERM, quit, stdin closed)   1 the world failed   2 usage   3 file missing
-  4-8 job file refused   30 table refused   31 the cell cannot start   130 interrupted (Ctrl-C)
-"""
+""" + epilog(ExitCode.INPUT)
 
 
 def parser() -> Parser:
@@ -125,9 +123,9 @@ def _block(text: str) -> Block:
 
 
 def camera(setting: Setting) -> Any:
-    """The camera under the table; SimulationError without OpenCV, or where the world knows no poses."""
+    """The camera under the table; UsageError without OpenCV, or where the world knows no poses."""
     if not setting.truthful:
-        raise SimulationError(
+        raise UsageError(
             f"--camera: a part of {setting.world} lies nowhere; name a world, or install squeezetree[planner]"
         )
     return _audit_extra("rig").standard_rig()
@@ -138,7 +136,7 @@ def _audit_extra(name: str) -> Any:
     try:
         return import_module(f"drivers.sim.camera.{name}")
     except ModuleNotFoundError as error:
-        raise SimulationError(
+        raise UsageError(
             f"the camera needs the audit extra ({error.name} is missing); install squeezetree[audit]"
         ) from error
 

@@ -6,8 +6,8 @@ from enum import StrEnum
 from pathlib import Path
 from typing import NamedTuple
 
-from drivers.sim.errors import SimulationError, SimulationFileError
 from runtime.shell import strict_toml
+from runtime.shell.errors import InputError, UsageError
 
 
 class Channel(StrEnum):
@@ -182,27 +182,23 @@ class Desk:
 
 
 def parse(text: str | None) -> Listed:
-    """A schedule as `--faults` names it, None for none; SimulationError where it is not understood."""
+    """A schedule as `--faults` names it, None for none; UsageError or InputError if it is wrong."""
     if text is None:
         return Listed()
     if text.startswith("seed:"):
         number = text.removeprefix("seed:")
         if not number.isdecimal():
-            raise SimulationError(
-                f"--faults {text}: write seed:N with a whole number, or name a file"
-            )
+            raise UsageError(f"--faults {text}: write seed:N with a whole number, or name a file")
         return Seeded(int(number))
     path = Path(text)
     try:
         written = strict_toml.parse(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
-        raise SimulationFileError(
-            f"{path}: no such file; name a fault schedule, or write seed:N"
-        ) from error
+        raise InputError(f"{path}: no such file; name a fault schedule, or write seed:N") from error
     except (OSError, ValueError) as error:
-        raise SimulationError(f"{path}: not readable as a fault schedule ({error})") from error
+        raise InputError(f"{path}: not readable as a fault schedule ({error})") from error
     if set(written) - {"fault"} or not isinstance(written.get("fault", []), list):
-        raise SimulationError(f"{path}: write one [[fault]] table a fault, nothing else")
+        raise InputError(f"{path}: write one [[fault]] table a fault, nothing else")
     return Listed(
         _written_fault(path, number, row) for number, row in enumerate(written.get("fault", []), 1)
     )
@@ -211,15 +207,15 @@ def parse(text: str | None) -> Listed:
 def _written_fault(path: Path, number: int, row: object) -> Fault:
     where = f"{path}, fault {number}"
     if not isinstance(row, dict) or set(row) - set(Fault._fields):
-        raise SimulationError(f"{where}: the keys are {', '.join(Fault._fields)}")
+        raise InputError(f"{where}: the keys are {', '.join(Fault._fields)}")
     if row.get("kind") not in KINDS:
-        raise SimulationError(
+        raise InputError(
             f"{where}: kind {row.get('kind')!r} is unknown; there are {', '.join(KINDS)}"
         )
     counts = [(row.get("part", 0), 0), (row.get("at", 0), 0), (row.get("length", 1), 1)]
     whole = all(type(count) is int and count >= least for count, least in counts)
     if not whole or type(row.get("value", 0.0)) not in (int, float):
-        raise SimulationError(
+        raise InputError(
             f"{where}: part, at and length are whole numbers, not negative, and value is a number"
         )
     return Fault(**row)

@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from planner.arrays import Array
-from planner.errors import InputFileError, KeyNameError, ValueRangeError
+from planner.errors import KeyNameError
 from planner.job import documents
+from runtime.shell.errors import InputError
 from runtime.shell.files import writing
 
 
@@ -18,9 +19,9 @@ def read(path: Path, names: Sequence[str], defaults: Mapping[str, float] | None 
     """Reads the columns `names`, then those of `defaults`, which may be missing; others are ignored.
 
     Raises:
-        InputFileError: the file is missing or not text.
+        InputError: the file is missing or not text.
         KeyNameError: a column is missing.
-        ValueRangeError: a value is not a finite number; names the line.
+        InputError: a value is not a finite number; names the line.
     """
     where, defaults = str(path), defaults or {}
     try:
@@ -40,7 +41,7 @@ def read(path: Path, names: Sequence[str], defaults: Mapping[str, float] | None 
                 stated.append(_number(row[name], name, where, line) if name in header else default)
             rows.append(stated)
     except csv.Error as error:
-        raise InputFileError(f"not a CSV file: {error}", where=where) from error
+        raise InputError(f"not a CSV file: {error}", where=where) from error
     return np.array(rows, dtype=np.float64).reshape(-1, len(names) + len(defaults))
 
 
@@ -68,7 +69,5 @@ def _number(text: str | None, name: str, where: str, line: int) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise ValueRangeError(
-            f"line {line}: {text!r} is not a finite number", where=where, key=name
-        )
+        raise InputError(f"line {line}: {text!r} is not a finite number", where=where, key=name)
     return value

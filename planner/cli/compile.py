@@ -12,7 +12,6 @@ from planner.compile import EVALUATION_TRIALS, Plan, compile_job
 from planner.diagnosis.advice import counsel
 from planner.diagnosis.alike import alike
 from planner.diagnosis.cautions import warnings_of
-from planner.errors import UsageError
 from planner.evaluation.shares import shares_of
 from planner.job import model as job_file
 from planner.job.model import Job
@@ -21,8 +20,10 @@ from planner.part import tips
 from planner.work.limit import Limit
 from planner.work.scheduler import scheduler_of
 from runtime.shell import files
-from runtime.shell.command import INTERRUPTED, Parser, natural, positive_int, tell
+from runtime.shell.command import Parser, natural, positive_int, tell
 from runtime.shell.command import seconds as seconds_text
+from runtime.shell.errors import UsageError
+from runtime.shell.exit_codes import ExitCode
 from runtime.table import dump
 
 NAME = "plan-compile"
@@ -139,7 +140,7 @@ def _single(arguments: argparse.Namespace) -> int:
     for note in notes:
         tell(NAME, f"{note}; {output} is written")
     shell.answer(arguments.json, figures, *lines)
-    return INTERRUPTED if plan.cut and plan.cut.asked else 0
+    return ExitCode.INTERRUPTED if plan.cut and plan.cut.asked else 0
 
 
 def _baseline(arguments: argparse.Namespace) -> int:

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from planner.cli import course, shell
-from planner.errors import UsageError
 from planner.evaluation import foreign, leaves
 from planner.evaluation.cases import believed_cases, standard_cases
 from planner.evaluation.disturbance import Disturbance
@@ -24,6 +23,7 @@ from planner.job.overrides import changes_of
 from planner.work.scheduler import Scheduler, scheduler_of
 from planner.world import ContactWorlds, World, Worlds, supply
 from runtime.shell.command import Parser, natural, number, positive, positive_int, seconds
+from runtime.shell.errors import UsageError
 from runtime.shell.files import usable
 from runtime.shell.worlds import DEFAULT_WORLD
 from runtime.table import Table

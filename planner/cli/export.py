@@ -4,9 +4,9 @@ import argparse
 from pathlib import Path
 
 from planner.cli import shell
-from planner.errors import UsageError
 from planner.export.write import FORMS, PREFIX, PREFIXES, write
 from runtime.shell.command import Parser
+from runtime.shell.errors import UsageError
 from runtime.table import load
 
 NAME = "plan-export"

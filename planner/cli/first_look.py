@@ -12,7 +12,7 @@ from planner.cli import course, shell
 from planner.compile import Plan, compile_job
 from planner.diagnosis.advice import advise
 from planner.diagnosis.alike import alike
-from planner.errors import FitError, NoPlanError, UsageError
+from planner.errors import FitError, NoPlanError, UnitsMissingError
 from planner.evaluation.evaluate import Line
 from planner.job import model as job_file
 from planner.job.drafts import (
@@ -39,6 +39,7 @@ from planner.work.scheduler import Threads
 from planner.world import make
 from runtime.shell.command import Parser, number, say
 from runtime.shell.command import seconds as seconds_text
+from runtime.shell.errors import UsageError
 from runtime.shell.files import quoted, usable, write
 from runtime.table import dump
 
@@ -281,9 +282,7 @@ def _imported(arguments: argparse.Namespace) -> tuple[Imported, list[str]]:
     options = options._replace(contour=options.contour or LARGEST)
     try:
         imported = read_outline(arguments.drawing, options)
-    except UsageError as error:
-        if not error.units_missing:
-            raise
+    except UnitsMissingError:
         imported = read_outline(arguments.drawing, options._replace(units="mm"))
         return imported, [
             "one unit of the drawing is 1 mm, for it does not say (--units)",

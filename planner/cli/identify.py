@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from planner.cli import columns, shell, tips
-from planner.errors import UsageError, ValueRangeError
 from planner.identification import motions, pushes
 from planner.identification.identify import (
     LEAST_PAIRS,
@@ -26,6 +25,7 @@ from planner.job import surface_file
 from planner.mechanics.limit_surface import LimitSurface
 from planner.mechanics.simulator import Simulator
 from runtime.shell.command import Parser, natural, number, positive, positive_int
+from runtime.shell.errors import InputError, UsageError
 from runtime.shell.files import usable, write
 
 NAME = "plan-identify"
@@ -128,7 +128,7 @@ def _from_motions(arguments: argparse.Namespace) -> None:
         usable(arguments.output, path, *job_file.files(arguments.job))
     rows = columns.read(path, (*tips.NAMES, *MOVED))
     if len(rows) < LEAST_PAIRS:
-        raise ValueRangeError(f"{len(rows)} pushes; give at least {LEAST_PAIRS}", where=str(path))
+        raise InputError(f"{len(rows)} pushes; give at least {LEAST_PAIRS}", where=str(path))
     ways = tips.paths(rows[:, :4], job_file.centroid_as_drawn(arguments.job))
     beside = tips.beside(ways, radius_mm, job.part.outline_mm, path)
     measured = motions.Motions(beside.paths, rows[:, 4:] * [1.0, 1.0, math.pi / 180.0])

@@ -7,13 +7,14 @@ from pathlib import Path
 from typing import TypeVar
 
 from planner.cli import shell
-from planner.errors import UsageError
+from planner.errors import UnitsMissingError
 from planner.job.drafts import FINGERS, GRIPPERS, Answers, draft, proposed_radius_mm, room_mm
 from planner.part.importers.file import SUFFIXES, Face, Imported, read_faces, read_outline
 from planner.part.importers.pieces import UNITS_MM, Options
 from planner.part.outline import reach, smallest_rectangle
 from planner.part.tips import tips_height_mm
 from runtime.shell.command import Parser, number, say
+from runtime.shell.errors import UsageError
 from runtime.shell.files import quoted, usable, write
 
 NAME = "plan-init"
@@ -152,8 +153,8 @@ def _imported(path: Path, options: Options, asking: bool) -> Imported:
     """The outline; on a terminal, a missing unit is asked for."""
     try:
         return read_outline(path, options)
-    except UsageError as error:
-        if not (asking and error.units_missing):
+    except UnitsMissingError as error:
+        if not asking:
             raise
         say(str(error))
         return read_outline(path, options._replace(units=_choice("one unit is", UNITS_MM)))

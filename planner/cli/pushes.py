@@ -12,10 +12,11 @@ import shapely
 from planner.arrays import Array
 from planner.belief.doubts import traits_of
 from planner.cli import columns
-from planner.errors import KeyNameError, ValueRangeError
+from planner.errors import KeyNameError
 from planner.job.model import Job
 from planner.mechanics.push import Paths
 from planner.mechanics.simulator import Simulator
+from runtime.shell.errors import InputError
 
 PLACES = ("push_x_mm", "push_y_mm", "approach_x", "approach_y", "cor_x_mm", "cor_y_mm", "angle_deg")
 FINGERS = "fingers_mm"
@@ -42,7 +43,7 @@ def read(path: Path, fingers_mm: float | None) -> Array:
     The distance is `fingers_mm` in a file that has no such column.
 
     Raises:
-        InputFileError, KeyNameError, ValueRangeError: as `columns.read`; or no distance is stated, or an
+        InputError: as `columns.read`; or no distance is stated, or an
             entry is out of range.
     """
     distance = {} if fingers_mm is None else {FINGERS: fingers_mm}
@@ -57,13 +58,13 @@ def read(path: Path, fingers_mm: float | None) -> Array:
         if far.any():
             k = int(np.argmax(far))
             problem = f"push {number}: {row[k]:g} is beyond {MOST[k]:g}; correct it"
-            raise ValueRangeError(problem, where=str(path), key=NAMES[k])
+            raise InputError(problem, where=str(path), key=NAMES[k])
         if row[7] < 0.0:
             problem = f"push {number}: {row[7]:g} is no distance; 0 is a single finger"
-            raise ValueRangeError(problem, where=str(path), key=FINGERS)
+            raise InputError(problem, where=str(path), key=FINGERS)
         if not row[2:4].any():
             problem = f"push {number}: both are 0; state the direction in which the fingers come"
-            raise ValueRangeError(problem, where=str(path), key="approach_x, approach_y")
+            raise InputError(problem, where=str(path), key="approach_x, approach_y")
     return rows
 
 
@@ -80,7 +81,7 @@ def check_clear(paths: Paths, outline: Array, where: Path) -> None:
     """Refuses fingers that start inside the part.
 
     Raises:
-        ValueRangeError: names the push and says how deep the finger would stand.
+        InputError: names the push and says how deep the finger would stand.
     """
     part, fingers = shapely.Polygon(outline), shapely.points(paths.points)  # (n, 2)
     depth = np.where(shapely.contains(part, fingers), shapely.distance(part.exterior, fingers), 0.0)
@@ -90,7 +91,7 @@ def check_clear(paths: Paths, outline: Array, where: Path) -> None:
             f"push {number + 1}: a finger starts {depth[number, finger]:.3g} mm inside the part; state where "
             "the fingers meet it, in the frame of the job's outline_mm"
         )
-        raise ValueRangeError(problem, where=str(where))
+        raise InputError(problem, where=str(where))
 
 
 def drawn(

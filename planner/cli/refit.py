@@ -10,7 +10,6 @@ import numpy as np
 import tomlkit
 
 from planner.cli import course, shell
-from planner.errors import InputFileError, UsageError
 from planner.evaluation.outcome import Evaluation
 from planner.job import documents
 from planner.job import model as job_file
@@ -25,6 +24,7 @@ from planner.report import run_log
 from planner.report.run_log import PartLog
 from planner.work.scheduler import Scheduler, scheduler_of
 from runtime.shell.command import Parser, natural, positive_int
+from runtime.shell.errors import InputError, UsageError
 from runtime.shell.files import quoted, usable, write
 from runtime.table import COUNTS, Table, TableFile, names_table
 
@@ -110,7 +110,7 @@ def _refit(arguments: argparse.Namespace) -> None:
     learned = edited(text, changed)
     refitted = job_file.parse(learned, str(arguments.output))
     if refitted != job.replaced(str(arguments.output), **changed):
-        raise InputFileError(
+        raise InputError(
             "its text cannot be edited; write each section once", where=str(arguments.job)
         )
     write(arguments.output, learned)
@@ -143,17 +143,17 @@ def _parts(arguments: argparse.Namespace, job: Job) -> tuple[TableFile, list[Par
     """The table of the journals and all their parts, with what audits tell of them.
 
     Raises:
-        InputFileError: a journal or an audit cannot be used.
+        InputError: a journal or an audit cannot be used.
     """
     loaded = run_log.table_of(arguments.journal[0])
     text = loaded.table.job
     if job_file.from_canonical(text) != job if text else loaded.table.job_digest != job.digest():
         problem = f"is of a table of another job than {arguments.job}; name the job that it was compiled from"
-        raise InputFileError(problem, where=str(arguments.journal[0]))
+        raise InputError(problem, where=str(arguments.journal[0]))
     runs = [run_log.read(path, loaded.digest) for path in arguments.journal]
     for path, run in zip(arguments.journal, runs, strict=True):
         if run.others:
-            raise InputFileError(
+            raise InputError(
                 "holds runs of another table, too; refit one table at a time", where=str(path)
             )
     if arguments.audit and len(arguments.audit) != len(runs):
@@ -175,7 +175,7 @@ def _measured(path: Path, parts: Sequence[PartLog]) -> None:
                 parts[int(row["index"])].residual = (x, y, theta)
     except (KeyError, ValueError, TypeError, IndexError) as error:
         problem = "is no table of its journal's parts; make it with grasp-audit report --export"
-        raise InputFileError(problem, where=str(path)) from error
+        raise InputError(problem, where=str(path)) from error
 
 
 def seen_of_parts(parts: Sequence[PartLog], table: Table) -> Seen:

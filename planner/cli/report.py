@@ -4,10 +4,10 @@ import argparse
 from pathlib import Path
 
 from planner.cli import bounds, shell
-from planner.errors import UsageError
 from planner.job import model as job_file
 from planner.report import dossier, run_log
 from runtime.shell.command import Parser, natural, positive_int
+from runtime.shell.errors import UsageError
 from runtime.shell.files import usable, write
 
 NAME = "plan-report"

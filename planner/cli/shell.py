@@ -16,7 +16,6 @@ from types import FrameType
 from typing import Any
 
 from planner.cli import course
-from planner.errors import InputFileError, UsageError
 from planner.job import model as job_file
 from planner.job.model import Job
 from planner.kernel import CACHE_VARIABLE, cache_folder
@@ -24,7 +23,9 @@ from planner.learned.store import Store, StoreWarning
 from planner.part.importers.pieces import TOLERANCE_MM, UNITS_MM, Options
 from planner.work.limit import Limit
 from runtime.shell import command
-from runtime.shell.command import INTERRUPTED, Parser
+from runtime.shell.command import Parser
+from runtime.shell.errors import ExpectedError, InputError, UsageError
+from runtime.shell.exit_codes import ExitCode, epilog
 from runtime.shell.files import folder
 from runtime.table import Table, TableFile, load
 
@@ -34,12 +35,7 @@ PICTURES = (".png", ".svg", ".pdf")  # what matplotlib's pictures may end in
 FORMATS = (*PICTURES, ".csv", ".dxf", ".gif", ".html", ".json", ".msgpack", ".stl", ".toml")
 STOPPING = "stopping: the tree that stands is evaluated and kept; Ctrl-C again ends at once"
 ROLL_OUTS = "rollouts"  # folder of the roll-outs in the cache folder
-EXIT_CODES = """\
-exit codes:
-  0 done; 1 internal error; 2 usage; 3 a file is missing or cannot be used; 4 not valid TOML; 5 unknown or
-  missing key; 6 value out of range; 7 outline invalid; 8 part does not fit the gripper; 9 no plan reaches
-  the goal; 30 table invalid; 32 cluster not reached or lost; 130 interrupted (nothing is left half written)
-"""
+EXIT_CODES = epilog(ExitCode.INPUT, ExitCode.NO_PLAN, ExitCode.UNREACHABLE)
 
 
 def parser(name: str, description: str, *examples: str) -> Parser:
@@ -158,18 +154,18 @@ def loaded(arguments: argparse.Namespace) -> tuple[TableFile, Job]:
 
     Raises:
         TableError: the table cannot be used.
-        JobError: there is no job, or it is another one, or it cannot be read.
+        InputError: there is no job, or it is another one, or it cannot be read.
     """
     result = load(arguments.tree)
     if arguments.job is None:
         if result.table.job is None:
             problem = "holds no job (--strip); name its job file with --job"
-            raise InputFileError(problem, where=str(arguments.tree))
+            raise InputError(problem, where=str(arguments.tree))
         return result, job_file.from_canonical(result.table.job, f"{arguments.tree} (embedded job)")
     job = job_file.load(arguments.job)
     if job.digest() != result.table.job_digest:
         problem = f"is not the job that {arguments.tree} was compiled from; compile it again"
-        raise InputFileError(problem, where=str(arguments.job))
+        raise InputError(problem, where=str(arguments.job))
     return result, job
 
 
@@ -224,7 +220,7 @@ def run(built: Parser, argv: Sequence[str] | None, body: Body) -> int:
     logging.lastResort = (
         None  # what a library logs beside the error that it raises is not told twice
     )
-    stopped = INTERRUPTED, "interrupted; nothing was written"
+    stopped = ExitCode.INTERRUPTED, "interrupted; nothing was written"
     with _warnings_in_one_line(built.prog):
         return command.run(built, argv, lambda arguments: body(arguments) or 0, stopped)
 
@@ -267,7 +263,7 @@ def spared(what: str, notes: list[str], debug: bool = False) -> Iterator[None]:
     except Exception as error:
         if debug:
             traceback.print_exc()
-        reason = error if hasattr(error, "exit_code") else f"{type(error).__name__}: {error}"
+        reason = error if isinstance(error, ExpectedError) else f"{type(error).__name__}: {error}"
         notes.append(f"no {what}: {command.one_line(reason)}")
 
 

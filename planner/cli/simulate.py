@@ -12,12 +12,13 @@ import numpy as np
 from planner.arrays import Array, IntArray
 from planner.belief.doubts import traits_of
 from planner.cli import columns, pushes, shell, tips
-from planner.errors import KeyNameError, UsageError, ValueRangeError
+from planner.errors import KeyNameError
 from planner.job import model as job_file
 from planner.job.model import Job
 from planner.mechanics.push import PUSH_NAMES
 from planner.mechanics.simulator import DEFAULT_STEP_MM, STATUS_NAMES, Parameters, Simulator
 from runtime.shell.command import Parser, natural, positive, positive_int
+from runtime.shell.errors import InputError, UsageError
 from runtime.shell.files import usable, words_of
 
 NAME = "plan-simulate"
@@ -109,7 +110,7 @@ def _rng(arguments: argparse.Namespace, job: Job, *stream: int) -> np.random.Gen
 def _squeezed(simulator: Simulator, arguments: argparse.Namespace, job: Job) -> Results:
     poses = read_poses(arguments.poses)
     if not len(poses) and any(getattr(arguments, name) is not None for name in PICTURES):
-        raise ValueRangeError("has no poses to draw; add a line", where=str(arguments.poses))
+        raise InputError("has no poses to draw; add a line", where=str(arguments.poses))
     if arguments.nominal:
         parameters = simulator.nominal(len(poses), arguments.mu)
     else:
@@ -260,7 +261,7 @@ def read_poses(path: Path) -> Array:
     """Reads poses (n, 3) [mm, mm, rad], whose angles are stated in radians or in degrees.
 
     Raises:
-        InputFileError, KeyNameError, ValueRangeError: as `columns.read`; or a line states two angles.
+        InputError: as `columns.read`; or a line states two angles.
     """
     try:
         poses = columns.read(path, INPUTS)
@@ -276,7 +277,7 @@ def read_poses(path: Path) -> Array:
         problem = (
             f"pose {int(np.argmax(apart > SAME_DEG)) + 1}: the two differ; leave one column out"
         )
-        raise ValueRangeError(problem, where=str(path), key=f"{INPUTS[2]}, {IN_DEGREES[2]}")
+        raise InputError(problem, where=str(path), key=f"{INPUTS[2]}, {IN_DEGREES[2]}")
     return poses
 
 

@@ -22,7 +22,6 @@ from rich.table import Table
 
 from planner.cli import course, shell
 from planner.compile import Plan, compile_job
-from planner.errors import PlannerError, UsageError
 from planner.job import documents
 from planner.job import model as job_file
 from planner.job.overrides import changes_of, split
@@ -30,7 +29,8 @@ from planner.learned.store import Store
 from planner.work.limit import Limit
 from planner.work.progress import Report
 from planner.work.scheduler import Cluster, Scheduler
-from runtime.shell.command import INTERRUPTED
+from runtime.shell.errors import ExpectedError, UsageError
+from runtime.shell.exit_codes import ExitCode
 from runtime.shell.files import folder, usable, write, writing
 from runtime.table import dumps
 
@@ -84,8 +84,8 @@ def orders_of(path: Path, sweeps: Sequence[str], common: Overrides = ()) -> list
 
     Raises:
         UsageError: a text cannot be read, a name is swept twice, or there are too many combinations.
-        InputFileError: the job file cannot be read.
-        TomlError: it is not TOML.
+        InputError: the job file cannot be read.
+        InputError: it is not TOML.
     """
     axes = [split(text) for text in sweeps]
     names = [name for name, _ in axes]
@@ -113,7 +113,7 @@ def outcomes(
     threads: processes side by side would load the kernels anew each, for no gain in speed.
 
     Raises:
-        ClusterError: the cluster was lost.
+        UnreachableError: the cluster was lost.
     """
     if isinstance(scheduler, Cluster):
         task = partial(compiled, settings._replace(workers=1))
@@ -146,11 +146,11 @@ def compiled(settings: Settings, order: Order, report: Report | None = None) -> 
         plan = compile_job(
             job, settings.workers, settings.trials, report, Limit(settings.budget_s), store
         )
-    except PlannerError as error:
+    except ExpectedError as error:
         return Outcome(None, _failure(error))
     except Exception as error:
         problem = f"internal error, {type(error).__name__}: {error}; please report it"
-        return Outcome(None, {"error": problem, "exit_code": PlannerError.exit_code})
+        return Outcome(None, {"error": problem, "exit_code": ExitCode.INTERNAL})
     table = dataclasses.replace(plan.table, job=None) if settings.strip else plan.table
     return Outcome(dumps(table), figures_of(plan, time.perf_counter() - started))
 
@@ -192,7 +192,7 @@ def run(
     Raises:
         UsageError: the pattern would give two jobs one name.
         OutputError: a file cannot be written, or its folder not be made.
-        ClusterError: the cluster was lost.
+        UnreachableError: the cluster was lost.
     """
     paths = paths_of(orders, output)
     summary = folder(paths[0].parent) / SUMMARY
@@ -212,7 +212,7 @@ def run(
                 row |= figures
     except KeyboardInterrupt:
         print(f"interrupted; {len(rows)} of {len(orders)} jobs are done", file=sys.stderr)
-        return INTERRUPTED
+        return ExitCode.INTERRUPTED
     write(summary, json.dumps(rows, indent=1) + "\n")
     if as_json:
         shell.answer(True, {"jobs": rows})
@@ -287,9 +287,9 @@ def _order(text: str, where: str, common: Overrides, overrides: Overrides) -> Or
     try:
         changes = changes_of(f"{name}={value}" for name, value in (*common, *overrides))
         return Order(overrides, job_file.parse(text, where, changes).canonical())
-    except PlannerError as error:
+    except ExpectedError as error:
         return Order(overrides, "", _failure(error))
 
 
-def _failure(error: PlannerError) -> dict[str, Any]:
+def _failure(error: ExpectedError) -> dict[str, Any]:
     return {"error": str(error), "exit_code": error.exit_code}

@@ -14,9 +14,9 @@ import shapely
 
 from planner.arrays import Array, IntArray
 from planner.cli import columns
-from planner.errors import ValueRangeError
 from planner.mechanics.push import PUSH_NAMES, Paths
 from planner.mechanics.simulator import Pushed
+from runtime.shell.errors import InputError
 
 NAMES = ("tip_x_mm", "tip_y_mm", "way_x_mm", "way_y_mm")
 OVERLAP = "overlap_mm"
@@ -39,7 +39,7 @@ def read(path: Path) -> Array:
     """Reads pushes (n, 4) with the columns `NAMES`.
 
     Raises:
-        InputFileError, KeyNameError, ValueRangeError: as `columns.read`; or an entry is out of range.
+        InputError: as `columns.read`; or an entry is out of range.
     """
     rows = columns.read(path, NAMES)
     for number, row in enumerate(rows, 1):
@@ -47,7 +47,7 @@ def read(path: Path) -> Array:
         if far.any():
             k = int(np.argmax(far))
             problem = f"push {number}: {row[k]:g} is beyond {MOST_MM:g}; correct it"
-            raise ValueRangeError(problem, where=str(path), key=NAMES[k])
+            raise InputError(problem, where=str(path), key=NAMES[k])
     return rows
 
 
@@ -61,7 +61,7 @@ def beside(paths: Paths, radius_mm: float, outline: Array, where: Path) -> Besid
     """Pushers of round tips, each moved whole by the shortest way that frees its deepest tip of the part.
 
     Raises:
-        ValueRangeError: a tip overlaps the part by its diameter or more, or no place beside it is free.
+        InputError: a tip overlaps the part by its diameter or more, or no place beside it is free.
     """
     part = shapely.Polygon(outline)
     edge = part.buffer(radius_mm, quad_segs=ARCS).boundary
@@ -85,7 +85,7 @@ def beside(paths: Paths, radius_mm: float, outline: Array, where: Path) -> Besid
         )
         points[rows] += (shapely.get_coordinates(nearest) - tips)[:, None]
     problem = f"push {rows[0] + 1}: no place beside the part is free for all tips; correct where they start"
-    raise ValueRangeError(problem, where=str(where))
+    raise InputError(problem, where=str(where))
 
 
 def _check_depth(overlap: Array, radius_mm: float, where: Path) -> None:
@@ -95,7 +95,7 @@ def _check_depth(overlap: Array, radius_mm: float, where: Path) -> None:
             f"push {number + 1}: the tip overlaps the part by {overlap[number]:.3g} mm at the start, its "
             "diameter or more; state its centre, in the frame of the job's outline_mm"
         )
-        raise ValueRangeError(problem, where=str(where))
+        raise InputError(problem, where=str(where))
 
 
 def status(pushed: Pushed) -> IntArray:

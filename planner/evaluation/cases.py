@@ -8,12 +8,12 @@ import numpy as np
 
 from planner.arrays import Array
 from planner.belief.doubts import ROUGH, SLIPPERY
-from planner.errors import JobError
 from planner.evaluation.disturbance import NONE, Disturbance
 from planner.job.model import Job
 from planner.job.schema import MOST_FRICTION
 from planner.part.outline import grown, min_width
 from planner.part.pressure import stances
+from runtime.shell.errors import InputError
 
 OFFSET_COUNTS = 2.0  # an encoder's zero may be off by so much
 SLIGHTLY_UNEVEN = (
@@ -61,7 +61,7 @@ class Case(NamedTuple):
         """What parts and gripper are like in this world.
 
         Raises:
-            JobError: there is no such job.
+            InputError: there is no such job.
         """
         return planned.replaced(f"the world with {self.name}", **self.changes)
 
@@ -187,7 +187,7 @@ def _stands(case: Case, job: Job) -> bool:
     """Whether there is such a job: a share beyond 1 or an outline too thin for its tolerance is none."""
     try:
         case.job(job)
-    except JobError:
+    except InputError:
         return False
     return True
 

@@ -26,13 +26,16 @@ class Verdict(NamedTuple):
 def metric_of_table(table: Table) -> Metric:
     """The metric that the table states, of whatever kind its goal is."""
     goal = table.goal
-    x, y, theta = goal.tolerance
     return Metric(
         distance_mm=goal.distance_um / 1e3,
         rho_mm=goal.rho_um / 1e3,
         order=goal.symmetry,
         kind=goal.kind,
-        tolerance=(x / 1e3, y / 1e3, theta / 1e6),
+        tolerance=(
+            goal.tolerance.x_um / 1e3,
+            goal.tolerance.y_um / 1e3,
+            goal.tolerance.theta_urad / 1e6,
+        ),
         modes=goal.modes,
         further=tuple(
             (hypothesis.rho_um / 1e3, hypothesis.symmetry) for hypothesis in table.hypotheses[1:]

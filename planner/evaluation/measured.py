@@ -139,10 +139,8 @@ def _open(leaf: tables.Leaf, states: Array, metric: Metric) -> tables.Leaf:
     modes = [
         mode for mode in main_poses(states, metric) if not metric.reached(mode.state, predicted)
     ]
-    others = tuple(mode.hypothesis[0] for mode in modes) if metric.further else ()
-    return leaf._replace(
-        alternatives=tuple(pose_of(mode.pose) for mode in modes), other_hypotheses=others
-    )
+    alternatives = (tables.LeafPose(*pose_of(mode.pose), mode.hypothesis[0]) for mode in modes)
+    return leaf._replace(alternatives=tuple(alternatives))
 
 
 def _measured(table: tables.Table, evaluation: Evaluation) -> tuple[tables.Node, ...]:

@@ -25,7 +25,6 @@ from scipy.special import betaln, xlog1py, xlogy
 from planner.arrays import Array, IntArray
 from planner.belief.observation import encoder_of
 from planner.belief.particles import initial
-from planner.errors import InputFileError
 from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.judge import judge
 from planner.evaluation.trials import DISMISSED, Program, come_down, step
@@ -34,6 +33,7 @@ from planner.mechanics.traits import Traits, hypothesis_alone, with_hypothesis
 from planner.work.scheduler import Scheduler
 from planner.world import World, Worlds
 from runtime.shell import strict_json
+from runtime.shell.errors import InputError
 from runtime.shell.files import writing
 from runtime.table import PPM, Table
 
@@ -378,7 +378,7 @@ def resumed(path: Path, identity: str, leaves: int) -> Sums:
         leaves: of its table.
 
     Raises:
-        InputFileError: it cannot be read, or keeps another study.
+        InputError: it cannot be read, or keeps another study.
     """
     if not path.exists():
         return Sums.none(leaves)
@@ -387,11 +387,11 @@ def resumed(path: Path, identity: str, leaves: int) -> Sums:
         if document["study"] == identity:
             return Sums.of_document(document["sums"], leaves)
     except OSError as error:
-        raise InputFileError(f"cannot be read: {error.strerror}", where=str(path)) from error
+        raise InputError(f"cannot be read: {error.strerror}", where=str(path)) from error
     except (ValueError, KeyError, TypeError, OverflowError):
         pass
     problem = "is no study of this table in this world with this seed; name another file"
-    raise InputFileError(problem, where=str(path))
+    raise InputError(problem, where=str(path))
 
 
 def keep(path: Path, identity: str, sums: Sums) -> None:

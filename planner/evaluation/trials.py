@@ -12,7 +12,6 @@ from planner.arrays import Array, BoolArray, IntArray
 from planner.belief.observation import COUNTS, Encoder, encoder_of
 from planner.belief.particles import initial
 from planner.belief.transition import read_as
-from planner.errors import UsageError
 from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.judge import rejudged
 from planner.evaluation.outcome import CRASHED, NOWHERE, REJECTED, Evaluation
@@ -22,6 +21,7 @@ from planner.mechanics.simulator import beside_mm
 from planner.mechanics.squeeze import GRASPED, JAMMED, STATUS_NAMES
 from planner.mechanics.traits import Traits, as_planned, by_hypothesis, ordinary
 from planner.world import Assorted, ContactWorld, World, of_hypothesis
+from runtime.shell.errors import UsageError
 from runtime.table import HELD_UM, Calibration, Squeeze, Table, decision_map
 
 RUNNING = -2

@@ -23,6 +23,8 @@ from runtime.table import (
     HELD_UM,
     REJECT,
     Calibration,
+    Leaf,
+    LeafPose,
     Node,
     Table,
     TableFile,
@@ -72,19 +74,14 @@ def holds(node: Node, branch: int) -> bool:
     return branch != REJECT and node.branches[branch].expected_um >= HELD_UM
 
 
-def drag_of(node: Node) -> tuple[int, int]:
-    """Where what a node holds is dragged before the hand opens, x and y in um; its own place: nowhere."""
-    return node.release or (node.squeeze.x_um, node.squeeze.y_um)
-
-
 def vectors(table: Table) -> Iterator[tuple[int, ...]]:
     """What follows every believable reading, each node, object flag and count, as rows of `VECTOR`."""
     for index, (node, decided) in enumerate(zip(table.nodes, maps_of(table), strict=True)):
         for flag in (FELT, NOT_FELT):
             for count in range(COUNTS):
                 branch = decide(decided, count, flag == FELT)
-                release = drag_of(node) if holds(node, branch) else node.squeeze[:2]
-                yield index, count, flag, *_next(table, node, branch), *release
+                place = node.let_go if holds(node, branch) else node.squeeze.place
+                yield index, count, flag, *_next(table, node, branch), *place
 
 
 def _next(table: Table, node: Node, branch: int) -> tuple[int, int]:
@@ -108,7 +105,7 @@ PREFIXES = re.compile(r"(?=.{1,24}$)[a-z][a-z0-9]*(_[a-z0-9]+)*")
 """Prefixes that stay within the 63 characters of C99 and the single underscores of IEC 61131-3."""
 JSON_VERSION = 1  # as in the schema
 WIDTH = 100  # of a line of numbers
-OF_SEVERAL = ("identify", "hypothesis", "other_hypotheses")  # fields of goal and leaf
+OF_SEVERAL = ("identify", "hypothesis")  # fields of goal and leaf
 Row = tuple[int, ...]
 UNKNOWN = -1  # success of a leaf without trials
 LONGEST_TEXT = 60  # of the table's own, in comments
@@ -181,13 +178,16 @@ def _document(file: TableFile) -> dict[str, Any]:
         "nodes": [
             {
                 **node.squeeze._asdict(),
-                "release_um": drag_of(node),
+                "release_um": node.let_go,
                 "branches": [branch._asdict() for branch in node.branches],
                 "runs": [run._asdict() for run in runs_of(decided)],
             }
             for node, decided in zip(table.nodes, maps, strict=True)
         ],
-        "leaves": [_of_one_part(leaf._asdict()) for leaf in table.leaves],
+        "leaves": [
+            _of_one_part({**leaf._asdict(), "alternatives": [*map(_pose, leaf.alternatives)]})
+            for leaf in table.leaves
+        ],
     }
 
 
@@ -196,21 +196,26 @@ def _of_one_part(record: dict[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in record.items() if key not in OF_SEVERAL}
 
 
+def _pose(pose: Leaf | LeafPose) -> tuple[int, int, int]:
+    return pose.x_um, pose.y_um, pose.theta_urad
+
+
 def _values(file: TableFile) -> dict[str, Any]:
     """What the templates of programs fill in: names and columns of integers, all within 32 bits."""
     table = file.table
     nodes, runs, leaves, alternatives = list[Row](), list[Row](), list[Row](), list[Row]()
     for node, decided in zip(table.nodes, maps_of(table), strict=True):
         intervals = runs_of(decided)
-        nodes.append((*node.squeeze[:6], *drag_of(node), len(runs), len(intervals)))
+        *motion, _clearance_um = node.squeeze
+        nodes.append((*motion, *node.let_go, len(runs), len(intervals)))
         for flag, first, last, branch in intervals:
             held, target = int(holds(node, branch)), node.branches[branch].target
             runs.append((flag, first, last, held, target))
     for leaf in table.leaves:
         success = leaf.success_ppm if leaf.trials else UNKNOWN
         others = len(alternatives), len(leaf.alternatives)
-        leaves.append((*leaf[:3], success, leaf.error_p95_um, int(leaf.resolved), *others))
-        alternatives += leaf.alternatives
+        leaves.append((*_pose(leaf), success, leaf.error_p95_um, int(leaf.resolved), *others))
+        alternatives += map(_pose, leaf.alternatives)
     return {
         "tool": _plain(table.tool),
         "gripper": table.gripper,

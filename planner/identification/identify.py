@@ -15,12 +15,12 @@ from typing import Literal, NamedTuple, Self
 import numpy as np
 
 from planner.arrays import Array, IntArray
-from planner.errors import ValueRangeError
 from planner.identification.pushes import Pairs
 from planner.mechanics import limit_surface, quartic_fit
 from planner.mechanics.limit_surface import LimitSurface
 from planner.mechanics.quartic import QuarticSurface
 from planner.work.progress import Report, silent
+from runtime.shell.errors import InputError
 
 Kind = Literal["ellipsoid", "quartic"]
 Surface = LimitSurface | QuarticSurface
@@ -109,7 +109,7 @@ def identify(
     the table [N] is estimated from the pairs of each fit if not given.
 
     Raises:
-        ValueRangeError: too few pairs, to fit or to hold out.
+        InputError: too few pairs, to fit or to hold out.
         QuarticFitError: the conic solver fails.
     """
     count = len(data.F)
@@ -119,7 +119,7 @@ def identify(
             f"{count} pairs, {train} of them to fit; give at least {LEAST_PAIRS} pairs and fit to at least "
             f"{LEAST_PAIRS // 2} of them, but not all"
         )
-        raise ValueRangeError(problem, key="train_share")
+        raise InputError(problem, key="train_share")
     errors = {kind: np.empty(splits) for kind in kinds}
     predicted = {kind: np.zeros((count, 3)) for kind in kinds}
     for split, seeds in enumerate(np.random.SeedSequence(seed).spawn(splits)):

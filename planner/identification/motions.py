@@ -11,10 +11,10 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from planner.arrays import Array, IntArray
-from planner.errors import ValueRangeError
 from planner.mechanics.limit_surface import LimitSurface
 from planner.mechanics.push import Paths
 from planner.mechanics.simulator import Parameters, Simulator
+from runtime.shell.errors import InputError
 
 SCALE_MM = 2.0  # Residuals beyond this pull with their size, not its square
 LEAST_PUSHES = 6
@@ -44,11 +44,11 @@ def fit(motions: Motions, part: Simulator, radius_mm: float, friction: float = 0
     """Fits an ellipsoid to motions, beginning at the unit sphere and a friction of the tip.
 
     Raises:
-        ValueRangeError: fewer than `LEAST_PUSHES` pushes, one for each unknown.
+        InputError: fewer than `LEAST_PUSHES` pushes, one for each unknown.
     """
     n, rho = len(motions.moved), part.surface.rho_mm
     if n < LEAST_PUSHES:
-        raise ValueRangeError(f"{n} pushes to fit to; give at least {LEAST_PUSHES}", key="pushes")
+        raise InputError(f"{n} pushes to fit to; give at least {LEAST_PUSHES}", key="pushes")
 
     def residuals(unknown: Array) -> Array:
         values = unknown - 1.0

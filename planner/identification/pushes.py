@@ -30,9 +30,9 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.arrays import Array, BoolArray
-from planner.errors import ValueRangeError
 from planner.job import documents
 from planner.job.fields import shown
+from runtime.shell.errors import InputError
 
 MARKER_TO_PART_MM = np.array([50.0, 50.0])
 FACES = np.array([[-1.0, 0.0], [0.0, -1.0], [math.sqrt(0.5), math.sqrt(0.5)]])
@@ -65,7 +65,7 @@ def parse(text: str, where: str = "push log") -> list[Push]:
     """Read a push log.
 
     Raises:
-        ValueRangeError: it ends early, goes on after its last push, holds no push, or what should be a number
+        InputError: it ends early, goes on after its last push, holds no push, or what should be a number
             is not; names the line.
     """
     reader = _Reader(text, where)
@@ -87,7 +87,7 @@ def pairs(pushes: list[Push], where: str = "push log") -> tuple[Array, Array]:
         Wrenches (K, 3) N, N, N mm, and twists (K, 3) mm, mm, rad, in the part's frame.
 
     Raises:
-        ValueRangeError: a push without contact or without motion.
+        InputError: a push without contact or without motion.
     """
     sideways = tip_offset(pushes)
     wrenches = np.array([_wrench(push, sideways) for push in pushes])
@@ -95,7 +95,7 @@ def pairs(pushes: list[Push], where: str = "push log") -> tuple[Array, Array]:
     for number, (wrench, twist) in enumerate(zip(wrenches, twists, strict=True), 1):
         if not twist.any() or not wrench[:2].any():
             lacks = "no force reading shows contact" if twist.any() else "the block does not move"
-            raise ValueRangeError(
+            raise InputError(
                 f"push {number} of {len(pushes)}: {lacks}; drop this push", where=where
             )
     return wrenches, twists
@@ -184,7 +184,7 @@ def finite(text: str | None, place: str, where: str) -> float:
     """Return a number of a file.
 
     Raises:
-        ValueRangeError: it is missing, not a number, or so large that no measurement gave it.
+        InputError: it is missing, not a number, or so large that no measurement gave it.
     """
     try:
         value = float(text or "")
@@ -192,7 +192,7 @@ def finite(text: str | None, place: str, where: str) -> float:
         value = math.nan
     if not abs(value) < MOST:
         what = f"{shown(text)} is not a number below {MOST:g}" if text else "a number is missing"
-        raise ValueRangeError(f"{place}: {what}; correct the file", where=where)
+        raise InputError(f"{place}: {what}; correct the file", where=where)
     return value
 
 
@@ -206,8 +206,8 @@ class _Reader:
         self._line = 0
         self.place = "header"
 
-    def _error(self, problem: str) -> ValueRangeError:
-        return ValueRangeError(f"line {self._line}, {self.place}: {problem}", where=self._where)
+    def _error(self, problem: str) -> InputError:
+        return InputError(f"line {self._line}, {self.place}: {problem}", where=self._where)
 
     def _row(self, what: str, columns: int) -> list[float]:
         try:
@@ -274,8 +274,8 @@ def load(path: str | Path) -> Pairs:
     """Read pairs from a push log, or from a table if the name ends in .csv.
 
     Raises:
-        InputFileError: missing, unreadable or not text.
-        ValueRangeError: the content is not as described above; names the line.
+        InputError: missing, unreadable or not text.
+        InputError: the content is not as described above; names the line.
     """
     where = str(path)
     text = documents.read(path)
@@ -289,7 +289,7 @@ def load_directions(path: str | Path) -> Pairs:
     """Read a table of directions, in the columns `DIRECTIONS`: wrenches and twists of any scale.
 
     Raises:
-        InputFileError, ValueRangeError: as `load`.
+        InputError: as `load`.
     """
     return parse_table(documents.read(path), str(path), DIRECTIONS)
 
@@ -303,7 +303,7 @@ def parse_table(text: str, where: str = "table", columns: Sequence[str] = COLUMN
     """Read a table of pairs, with the columns of wrench and twist that `columns` names.
 
     Raises:
-        ValueRangeError: a column or all rows missing, or a value that is not a number, not positive (a
+        InputError: a column or all rows missing, or a value that is not a number, not positive (a
             weight) or all zero (a wrench, a twist); names the line.
     """
     reader = csv.DictReader(text.splitlines(), skipinitialspace=True)
@@ -312,7 +312,7 @@ def parse_table(text: str, where: str = "table", columns: Sequence[str] = COLUMN
     missing = [name for name in columns if name not in header]
     if missing:
         problem = f"line 1: column {', '.join(missing)} is missing; the header must name {','.join(columns)}"
-        raise ValueRangeError(problem, where=where)
+        raise InputError(problem, where=where)
     wanted = [*columns, WEIGHT] if WEIGHT in header else list(columns)
     rows = []
     for record in reader:
@@ -320,10 +320,10 @@ def parse_table(text: str, where: str = "table", columns: Sequence[str] = COLUMN
         row = [finite(record[name], f"{place}: {name}", where) for name in wanted]
         if not any(row[:3]) or not any(row[3:6]) or (len(row) > 6 and row[6] <= 0.0):
             problem = f"{place}: a wrench or twist is zero, or a weight not positive; drop the line"
-            raise ValueRangeError(problem, where=where)
+            raise InputError(problem, where=where)
         rows.append(row)
     if not rows:
-        raise ValueRangeError("line 2: holds no pair; add lines of numbers", where=where)
+        raise InputError("line 2: holds no pair; add lines of numbers", where=where)
     table = np.array(rows)
     return Pairs(
         table[:, :3], table[:, 3:6], table[:, 6] if len(wanted) > 6 else np.ones(len(table))

@@ -3,7 +3,7 @@
 import json
 
 from planner.job.model import Job
-from runtime.table import Limits, Timing, profile_of
+from runtime.table import Area, Limits, Timing, profile_of
 
 
 def limits_of(job: Job, depth: int) -> Limits:
@@ -14,7 +14,7 @@ def limits_of(job: Job, depth: int) -> Limits:
         max_depth=depth,
         max_force_mn=round(1e3 * cell.max_force_n),
         max_speed_um_s=round(1e3 * cell.max_speed_mm_s),
-        work_area_um=(
+        work_area_um=Area(
             round(1e3 * x_min),
             round(1e3 * y_min),
             round(1e3 * x_max),

@@ -7,9 +7,10 @@ import numpy as np
 import shapely
 
 from planner.arrays import Array
-from planner.errors import FitError, OutlineError, ValueRangeError
+from planner.errors import FitError
 from planner.job.surface_file import check_ellipsoid
 from planner.part import outline, symmetry, tips
+from runtime.shell.errors import InputError
 
 Values = dict[str, Any]
 
@@ -23,7 +24,7 @@ def place_outline(points: Array, drawn: bool) -> outline.Canonical:
     """The outline in the part's frame and the shift that took it there.
 
     Raises:
-        OutlineError: it is not a simple polygon, or claims to be in the part's frame and is not.
+        InputError: it is not a simple polygon, or claims to be in the part's frame and is not.
     """
     try:
         return (
@@ -31,7 +32,7 @@ def place_outline(points: Array, drawn: bool) -> outline.Canonical:
             if drawn
             else outline.Canonical(outline.checked(points), np.zeros(2))
         )
-    except OutlineError as error:
+    except InputError as error:
         raise error.at(section="part", key="outline_mm") from None
 
 
@@ -39,7 +40,7 @@ def place_supports(pressure: dict[str, Any], part_outline: outline.Outline, shif
     """Moves the support points along with the outline, fills in and normalises their weights (in place).
 
     Raises:
-        ValueRangeError: points off the part, all in one place, or as many weights as points are not given;
+        InputError: points off the part, all in one place, or as many weights as points are not given;
             or a stated ellipsoid is not symmetric positive definite.
     """
     if pressure["kind"] == "stated":
@@ -68,7 +69,7 @@ def check_conflicts(values: Values) -> None:
     """Refuses values that are fine alone and wrong together.
 
     Raises:
-        ValueRangeError: which two values conflict.
+        InputError: which two values conflict.
         FitError: the part is wider than the jaws open, however it lies.
     """
     _check_symmetry(values["part"])
@@ -105,7 +106,7 @@ def check_parts(job: Any, names: list[str]) -> None:
     """Refuses what does not go with the parts that may lie there.
 
     Raises:
-        ValueRangeError: a question that one part leaves no choice of, two parts of one name, or a section
+        InputError: a question that one part leaves no choice of, two parts of one name, or a section
             that is not known for several.
     """
     if len(names) == 1 and job.goal.kind == "identity":
@@ -312,5 +313,5 @@ def _check_supports(points: Array, part_outline: outline.Outline) -> None:
         raise _conflict("pressure", "points_mm", problem)
 
 
-def _conflict(section: str, key: str, problem: str) -> ValueRangeError:
-    return ValueRangeError(problem, section=section, key=key)
+def _conflict(section: str, key: str, problem: str) -> InputError:
+    return InputError(problem, section=section, key=key)

@@ -7,14 +7,7 @@ from collections.abc import Container, Mapping
 from pathlib import Path
 from typing import Any
 
-from planner.errors import (
-    InputFileError,
-    JobError,
-    KeyNameError,
-    TomlError,
-    UsageError,
-    ValueRangeError,
-)
+from planner.errors import KeyNameError
 from planner.job import hypotheses
 from planner.job.fields import Field, check_names, missing_names, read_section, shown
 from planner.job.schema import (
@@ -26,6 +19,7 @@ from planner.job.schema import (
     TOP_LEVEL,
 )
 from runtime.shell import strict_json, strict_toml
+from runtime.shell.errors import InputError, UsageError
 
 INSTEAD = {
     "orientation": "orientation_halfwidth_deg",
@@ -39,7 +33,7 @@ def read(path: str | Path, advice: str = "check the path") -> str:
     """The text of a job, or of another UTF-8 file that a person wrote.
 
     Raises:
-        InputFileError: missing, unreadable, a directory or not UTF-8; says `advice` where there is none.
+        InputError: missing, unreadable, a directory or not UTF-8; says `advice` where there is none.
     """
     where = str(path)
     try:
@@ -48,12 +42,12 @@ def read(path: str | Path, advice: str = "check the path") -> str:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         problem = f"not UTF-8 text (byte {error.start + 1}); save the file as UTF-8"
-        raise InputFileError(problem, where=where) from error
+        raise InputError(problem, where=where) from error
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        raise InputFileError(f"cannot be read: {reason}; {advice}", where=where) from error
+        raise InputError(f"cannot be read: {reason}; {advice}", where=where) from error
     if len(data) > MOST_BYTES:
-        raise InputFileError(f"larger than {MOST_BYTES >> 20} MiB; {advice}", where=where)
+        raise InputError(f"larger than {MOST_BYTES >> 20} MiB; {advice}", where=where)
     return text
 
 
@@ -61,7 +55,7 @@ def from_toml(text: str, where: str) -> dict[str, Any]:
     """Reads TOML text.
 
     Raises:
-        TomlError: not valid TOML; names line and column.
+        InputError: not valid TOML; names line and column.
     """
     try:
         return strict_toml.parse(text.replace("\r\n", "\n"))
@@ -71,23 +65,23 @@ def from_toml(text: str, where: str) -> dict[str, Any]:
         if match := re.search(r"line (\d+), column (\d+)", place):
             line, column = int(match[1]), int(match[2])
         problem = f"not valid TOML at line {line}, column {column}: {reason}"
-        raise TomlError(problem, where=where) from error
+        raise InputError(problem, where=where) from error
     except ValueError as error:
-        raise TomlError(f"not valid TOML: {error}", where=where) from error
+        raise InputError(f"not valid TOML: {error}", where=where) from error
 
 
 def from_json(text: str, where: str) -> dict[str, Any]:
     """Reads the canonical text of a job.
 
     Raises:
-        TomlError: not a JSON object.
+        InputError: not a JSON object.
     """
     try:
         document = strict_json.parse(text)
     except ValueError as error:
-        raise TomlError(f"{error}; compile the job again", where=where) from error
+        raise InputError(f"{error}; compile the job again", where=where) from error
     if not isinstance(document, dict):
-        raise TomlError("not a JSON object; compile the job again", where=where)
+        raise InputError("not a JSON object; compile the job again", where=where)
     for section, key in RETIRED:
         if isinstance(table := document.get(section), dict):
             table.pop(key, None)
@@ -102,7 +96,7 @@ def checked(document: Mapping[str, Any]) -> dict[str, Any]:
 
     Raises:
         KeyNameError: an unknown or missing key or section.
-        ValueRangeError: a value of the wrong type or out of its range.
+        InputError: a value of the wrong type or out of its range.
     """
     _check_strays(document, (*FIELDS, *TOP_LEVEL), "")
     check_names(document, (*FIELDS, *TOP_LEVEL), "")
@@ -142,12 +136,12 @@ def changed(document: Mapping[str, Any], changes: Mapping[str, Any], where: str)
         is_section = isinstance(values, Mapping)
         try:
             check_names([name], (*FIELDS, *TOP_LEVEL) if is_section else TOP_LEVEL, "")
-        except JobError as error:
+        except InputError as error:
             raise error.at(where) from None
         if is_section and hypotheses.KEY in result and name in hypotheses.SECTIONS:
             if name == "part":
                 problem = "is not one for all; change each [[hypothesis]]"
-                raise ValueRangeError(problem, where=where, section="part")
+                raise InputError(problem, where=where, section="part")
             entries = result[hypotheses.KEY]
             changed_entries = [
                 {**entry, name: _with_values(entry.get(name, {}), name, values)}
@@ -210,6 +204,6 @@ def _fill_orientation(uncertainty: dict[str, Any]) -> None:
     if not unknown and not stated:
         raise KeyNameError(f"missing key orientation; state {choice}", section="uncertainty")
     if unknown and stated:
-        raise ValueRangeError(f"state {choice}, not both", section="uncertainty", key="orientation")
+        raise InputError(f"state {choice}, not both", section="uncertainty", key="orientation")
     if unknown:
         uncertainty["orientation_halfwidth_deg"] = math.degrees(math.pi)

@@ -98,7 +98,7 @@ def draft(imported: Imported, source: str, answers: Answers, faces: Sequence[Fac
     Where the part is a solid that may lie on several faces, each of them is a hypothesis.
 
     Raises:
-        JobError: the job is refused: the part does not fit the gripper, or an answer is out of range.
+        InputError: the job is refused: the part does not fit the gripper, or an answer is out of range.
     """
     environment = Environment(
         loader=PackageLoader("planner"),

@@ -13,7 +13,8 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 
 from planner.arrays import Array
-from planner.errors import KeyNameError, ValueRangeError
+from planner.errors import KeyNameError
+from runtime.shell.errors import InputError
 from runtime.shell.plain_text import is_plain
 
 REQUIRED: Final = object()  # Default of a field that must be stated
@@ -32,13 +33,13 @@ class Number:
     def read(self, value: Any) -> float:
         """The value as float."""
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise ValueRangeError(f"must be a number, not {shown(value)}")
+            raise InputError(f"must be a number, not {shown(value)}")
         fits_low = value > self.low if self.above else value >= self.low
         fits_high = value < self.high if self.below else value <= self.high
         if not (fits_low and fits_high):  # so that nan does not fit
             low = f"{'above' if self.above else 'at least'} {self.low:g}"
             high = f"{'below' if self.below else 'at most'} {self.high:g}"
-            raise ValueRangeError(f"must be {low} and {high}, not {shown(value)}")
+            raise InputError(f"must be {low} and {high}, not {shown(value)}")
         return float(value) + 0.0  # no -0.0
 
 
@@ -57,11 +58,9 @@ class Integer:
         if self.word and value == self.word:
             return value
         if isinstance(value, bool) or not isinstance(value, int):
-            raise ValueRangeError(f"must be a whole number, not {shown(value)}{advice}")
+            raise InputError(f"must be a whole number, not {shown(value)}{advice}")
         if not self.low <= value <= self.high:
-            raise ValueRangeError(
-                f"must be from {self.low} to {self.high}, not {shown(value)}{advice}"
-            )
+            raise InputError(f"must be from {self.low} to {self.high}, not {shown(value)}{advice}")
         return value
 
 
@@ -74,7 +73,7 @@ class Flag:
     def read(self, value: Any) -> bool:
         """The value."""
         if not isinstance(value, bool):
-            raise ValueRangeError(f"must be true or false, not {shown(value)}")
+            raise InputError(f"must be true or false, not {shown(value)}")
         return value
 
 
@@ -89,13 +88,13 @@ class Text:
     def read(self, value: Any) -> str:
         """The value."""
         if not isinstance(value, str):
-            raise ValueRangeError(f"must be a text in quotes, not {shown(value)}")
+            raise InputError(f"must be a text in quotes, not {shown(value)}")
         if self.choices and value not in self.choices:
             wanted = f"must be {one_of(self.choices)}, not {shown(value)}"
-            raise ValueRangeError(wanted + _meant(value, self.choices))
+            raise InputError(wanted + _meant(value, self.choices))
         if not is_plain(value, self.longest):
             wanted = f"one line of 1 to {self.longest} printable characters"
-            raise ValueRangeError(f"must be {wanted}, not {shown(value)}")
+            raise InputError(f"must be {wanted}, not {shown(value)}")
         return value
 
 
@@ -112,10 +111,10 @@ class Numbers:
     def read(self, value: Any) -> Array:
         """A read-only array, (K,) or (K, columns)."""
         if not isinstance(value, list | tuple):
-            raise ValueRangeError(f"must be a list {self._shape()}, not {shown(value)}")
+            raise InputError(f"must be a list {self._shape()}, not {shown(value)}")
         if not self.least <= len(value) <= self.most:
             count = str(self.least) if self.least == self.most else f"{self.least} to {self.most}"
-            raise ValueRangeError(f"must have {count} entries, not {len(value)}")
+            raise InputError(f"must have {count} entries, not {len(value)}")
         array = np.array(
             [self._entry(index, entry) for index, entry in enumerate(value)], dtype=np.float64
         )
@@ -124,17 +123,15 @@ class Numbers:
 
     def _entry(self, index: int, entry: Any) -> float | list[float]:
         if self.columns and (not isinstance(entry, list | tuple) or len(entry) != self.columns):
-            raise ValueRangeError(
-                f"must be a list {self._shape()}; entry {index + 1} is {shown(entry)}"
-            )
+            raise InputError(f"must be a list {self._shape()}; entry {index + 1} is {shown(entry)}")
         try:
             return (
                 [self.item.read(number) for number in entry]
                 if self.columns
                 else self.item.read(entry)
             )
-        except ValueRangeError as error:
-            raise ValueRangeError(f"entry {index + 1} {error}") from None
+        except InputError as error:
+            raise InputError(f"entry {index + 1} {error}") from None
 
     def _shape(self) -> str:
         if not self.columns:
@@ -153,7 +150,7 @@ class Poses:
     def read(self, value: Any) -> dict[str, list[float]]:
         """The poses, in the order of their names."""
         if not isinstance(value, dict) or not 1 <= len(value) <= self.most:
-            raise ValueRangeError(
+            raise InputError(
                 f"must be 1 to {self.most} lines name = [x, y, angle], not {shown(value)}"
             )
         row = Numbers(self.item, least=3, most=3)
@@ -161,8 +158,8 @@ class Poses:
         for name in sorted(value):
             try:
                 result[Text().read(name)] = row.read(value[name]).tolist()
-            except ValueRangeError as error:
-                raise ValueRangeError(f"{shown(name)} {error}") from None
+            except InputError as error:
+                raise InputError(f"{shown(name)} {error}") from None
         return result
 
 
@@ -173,11 +170,11 @@ def read_section(table: Any, fields: Mapping[str, Field], section: str) -> dict[
     """Checks one section; "" is the top level. A default of None stays None.
 
     Raises:
-        ValueRangeError: not a section at all, or a value of the wrong type or out of range.
+        InputError: not a section at all, or a value of the wrong type or out of range.
         KeyNameError: a key that is not known, or keys that are missing.
     """
     if not isinstance(table, dict):
-        raise ValueRangeError(
+        raise InputError(
             f"must be a section of keys and values, not {shown(table)}", section=section
         )
     check_names(table, fields, section)
@@ -236,7 +233,7 @@ def _read_field(table: Mapping[str, Any], key: str, field: Field, section: str) 
         return None
     try:
         return field.read(value)
-    except ValueRangeError as error:
+    except InputError as error:
         raise error.at(section=section, key=key) from None
 
 

@@ -17,9 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from planner.errors import FitError, JobError, KeyNameError, ValueRangeError
+from planner.errors import FitError, KeyNameError
 from planner.job.fields import Field, Number, Text, read_section
 from planner.part import symmetry
+from runtime.shell.errors import InputError
 
 KEY, FOREIGN = "hypothesis", "stranger"
 SECTIONS = ("part", "pressure", "friction")  # sections that a hypothesis has for itself
@@ -39,7 +40,7 @@ def stated(document: Mapping[str, Any]) -> list[tuple[float, dict[str, Any]]]:
     """The share and the document of each part that a job's document names; of its only one without entries.
 
     Raises:
-        JobError: an entry is not one, or the shares do not add up.
+        InputError: an entry is not one, or the shares do not add up.
     """
     common = {key: value for key, value in document.items() if key not in (KEY, FOREIGN)}
     if KEY not in document:
@@ -53,7 +54,7 @@ def stated(document: Mapping[str, Any]) -> list[tuple[float, dict[str, Any]]]:
     if not shares:
         return [(1.0 / len(result), alone) for _, alone in result]
     if len(shares) < len(result) or abs(math.fsum(shares) - 1.0) > 1e-6:
-        raise ValueRangeError(
+        raise InputError(
             "must be stated for all or none, and add up to 1", section=KEY, key="share"
         )
     return [(share, alone) for share, (_, alone) in zip(shares, result, strict=True)]
@@ -63,7 +64,7 @@ def foreign(document: Mapping[str, Any]) -> list[dict[str, Any]]:
     """The document of each foreign part that a job's document names.
 
     Raises:
-        JobError: an entry is not one.
+        InputError: an entry is not one.
     """
     common = {key: value for key, value in document.items() if key not in (KEY, FOREIGN, "part")}
     result = _entries(FOREIGN, 1, document[FOREIGN], common) if FOREIGN in document else []
@@ -82,7 +83,7 @@ def turned_over(document: Mapping[str, Any]) -> dict[str, Any] | None:
     if symmetry.congruent(outline, mirrored):
         return None
     if pressure.get("quartic") is not None:
-        raise ValueRangeError(
+        raise InputError(
             'of a quartic goes with one face; drop faces = "either"', section="pressure"
         )
     if pressure.get("points_mm") is not None:
@@ -115,9 +116,7 @@ def _entries(
 ) -> list[tuple[float | None, dict[str, Any]]]:
     """The share, if any, and the document of each entry of a list of parts."""
     if not isinstance(entries, list) or not least <= len(entries) <= MOST:
-        raise ValueRangeError(
-            f"must be {least} to {MOST} entries, each under [[{key}]]", section=key
-        )
+        raise InputError(f"must be {least} to {MOST} entries, each under [[{key}]]", section=key)
     return [
         _entry(key, f"{key} {number}", entry, common)
         for number, entry in enumerate(entries, start=1)
@@ -128,7 +127,7 @@ def _entry(
     key: str, where: str, entry: Any, common: Mapping[str, Any]
 ) -> tuple[float | None, dict[str, Any]]:
     if not isinstance(entry, dict):
-        raise ValueRangeError("must be a section of keys and values", section=where)
+        raise InputError("must be a section of keys and values", section=where)
     sections = {section: entry[section] for section in SECTIONS if section in entry}
     values = read_section(
         {name: entry[name] for name in entry if name not in SECTIONS}, _FIELDS, where
@@ -138,7 +137,7 @@ def _entry(
         raise KeyNameError(f"missing section part; add [{key}.part]", section=where)
     if values["name"] is not None:
         if part.get("name", values["name"]) != values["name"]:
-            raise ValueRangeError(
+            raise InputError(
                 "differs from the name of its part; keep one", section=where, key="name"
             )
         sections["part"] = {**part, "name": values["name"]}
@@ -149,7 +148,7 @@ def _entry(
     return values["share"], {**common, **sections}
 
 
-def named(document: Mapping[str, Any], key: str, number: int, error: JobError) -> JobError:
+def named(document: Mapping[str, Any], key: str, number: int, error: InputError) -> InputError:
     """An error in an entry of a document, told with its number; one in what all have in common stays."""
     if key not in document:
         return error

@@ -17,12 +17,12 @@ from typing import Any
 import numpy as np
 
 from planner.arrays import Array
-from planner.errors import JobError
 from planner.job import checks as job_checks
 from planner.job import documents, hypotheses, schema, surface_file
 from planner.part import symmetry
 from planner.part.pressure import Pressure
 from planner.part.tips import tips_height_mm
+from runtime.shell.errors import InputError
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,8 +94,7 @@ class Job:
         """Reads a job file (TOML, UTF-8), with changes as `Job.replaced` takes them.
 
         Raises:
-            InputFileError: the file is missing, unreadable, a directory or not UTF-8.
-            JobError: as `parse`.
+            InputError: it cannot be read, or as `parse`.
         """
         return parse(documents.read(path), str(path), changes)
 
@@ -114,7 +113,7 @@ class Job:
         one takes.
 
         Raises:
-            JobError: as `parse`.
+            InputError: as `parse`.
         """
         document = documents.changed(_document(self), _plain(changes), where)
         drawn = "outline_mm" in changes.get("part", ()) or "surface_file" in changes.get(
@@ -136,7 +135,7 @@ def files(path: str | Path) -> list[Path]:
     """The files that `load` reads: the job file, and what it names.
 
     Raises:
-        JobError: as `load`.
+        InputError: as `load`.
     """
     document = documents.from_toml(documents.read(path), str(path))
     lists = (document.get(key) for key in (hypotheses.KEY, hypotheses.FOREIGN))
@@ -153,7 +152,7 @@ def centroid_as_drawn(path: str | Path) -> Array:
     """Where the part's origin (2,) lies in the frame in which the job file writes `outline_mm` [mm].
 
     Raises:
-        JobError: as `load`.
+        InputError: as `load`.
     """
     document = documents.from_toml(documents.read(path), str(path))
     return -job_checks.place_outline(document["part"]["outline_mm"], drawn=True).shift_mm
@@ -163,10 +162,9 @@ def parse(text: str, where: str = "job", changes: Mapping[str, Any] | None = Non
     """Parses a job from the TOML text of the file `where`, with changes as `Job.replaced` takes them.
 
     Raises:
-        TomlError: not valid TOML.
+        InputError: not valid TOML, a value of the wrong type, out of range or in conflict with another, or an
+            outline that is not a simple polygon.
         KeyNameError: an unknown or missing key or section.
-        ValueRangeError: a value of the wrong type, out of range, or in conflict with another.
-        OutlineError: the outline is not a simple polygon.
         FitError: the part does not pass between the open fingers in any orientation.
     """
     return of_document(
@@ -178,8 +176,7 @@ def from_canonical(text: str, where: str = "job text") -> Job:
     """Reads a job back from its canonical text, exactly: `from_canonical(job.canonical()) == job`.
 
     Raises:
-        TomlError: not valid JSON.
-        JobError: as `parse`.
+        InputError: not valid JSON, or as `parse`.
     """
     return of_document(documents.from_json(text, where), where, drawn=False)
 
@@ -188,11 +185,11 @@ def of_document(document: dict[str, Any], where: str, drawn: bool) -> Job:
     """Checks a document and freezes it; only an outline as drawn is moved to its centroid.
 
     Raises:
-        JobError: as `parse`.
+        InputError: as `parse`.
     """
     try:
         return _of_document(document, where, drawn)
-    except JobError as error:
+    except InputError as error:
         raise error.at(where) from error.__cause__
 
 
@@ -231,7 +228,7 @@ def _jobs(
     for number, alone in enumerate(listed, start=1):
         try:
             results.append(_on_faces(alone, where, drawn))
-        except JobError as error:
+        except InputError as error:
             raise hypotheses.named(document, key, number, error) from None
     return results
 

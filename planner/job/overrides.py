@@ -4,9 +4,9 @@ import re
 from collections.abc import Iterable
 from typing import Any
 
-from planner.errors import UsageError
 from planner.job.fields import shown
 from runtime.shell import strict_toml
+from runtime.shell.errors import UsageError
 
 _WORD = re.compile(r"[A-Za-z][\w.-]*")
 

@@ -17,11 +17,12 @@ from typing import Any
 import numpy as np
 
 from planner.arrays import Array
-from planner.errors import JobError, KeyNameError, ValueRangeError
+from planner.errors import KeyNameError
 from planner.job import documents
 from planner.job.fields import Field, Integer, Text, read_section
 from planner.job.schema import LIMIT_SURFACE
 from planner.part import quartic_form
+from runtime.shell.errors import InputError
 
 FORMAT = 1
 IDENTIFICATION = "identification"
@@ -52,7 +53,7 @@ def load(path: Path) -> dict[str, Any]:
     """Reads a surface file: the values of `schema.LIMIT_SURFACE`, checked, absent ones None.
 
     Raises:
-        JobError: the file or a key is missing, unreadable, unknown or out of range.
+        InputError: the file or a key is missing, unreadable, unknown or out of range.
     """
     document = documents.from_toml(documents.read(path, "check surface_file"), str(path))
     document.pop(IDENTIFICATION, None)
@@ -63,7 +64,7 @@ def load(path: Path) -> dict[str, Any]:
         check(values, "")
         if values[kind] is None:
             raise KeyNameError(f"missing key {kind}, as kind says; write the file again")
-    except JobError as error:
+    except InputError as error:
         raise error.at(str(path)) from None
     return values
 
@@ -75,7 +76,7 @@ def resolve(pressure: dict[str, Any], where: str, drawn: bool) -> None:
     the canonical form (not `drawn`) may not refer to files.
 
     Raises:
-        JobError: the file cannot be used, or the surface is stated twice, not at all or not convex.
+        InputError: the file cannot be used, or the surface is stated twice, not at all or not convex.
     """
     if pressure["kind"] != "identified":
         return
@@ -89,7 +90,7 @@ def resolve(pressure: dict[str, Any], where: str, drawn: bool) -> None:
             if inline
             else "must be resolved; compile again"
         )
-        raise ValueRangeError(problem, section="pressure", key="surface_file")
+        raise InputError(problem, section="pressure", key="surface_file")
     else:
         pressure.update(load(Path(where).parent / name))
 
@@ -99,7 +100,7 @@ def check(values: Mapping[str, Any], section: str) -> None:
 
     Raises:
         KeyNameError: rho, the surface or the certificate of a quartic is missing.
-        ValueRangeError: both an ellipsoid and a quartic, or not shown to be convex.
+        InputError: both an ellipsoid and a quartic, or not shown to be convex.
     """
     ellipsoid, coefficients, certificate = (
         values[k] for k in ("ellipsoid", "quartic", "certificate")
@@ -110,7 +111,7 @@ def check(values: Mapping[str, Any], section: str) -> None:
         raise _missing("surface_file", "or ellipsoid, or quartic and certificate", section)
     if ellipsoid is not None and (coefficients is not None or certificate is not None):
         problem = "goes without quartic and certificate; keep one surface"
-        raise ValueRangeError(problem, section=section, key="ellipsoid")
+        raise InputError(problem, section=section, key="ellipsoid")
     if ellipsoid is not None:
         check_ellipsoid(ellipsoid, section)
         return
@@ -121,14 +122,14 @@ def check(values: Mapping[str, Any], section: str) -> None:
         problem = (
             "does not show that the quartic is convex; take both from one file of plan-identify"
         )
-        raise ValueRangeError(problem, section=section, key="certificate")
+        raise InputError(problem, section=section, key="certificate")
 
 
 def check_ellipsoid(A: Array, section: str) -> None:
     """Refuses an A (3, 3) that is not symmetric positive definite."""
     if not (A == A.T).all() or np.linalg.eigvalsh(A)[0] <= 0.0:
         problem = "must be a symmetric positive definite 3 x 3 matrix"
-        raise ValueRangeError(problem, section=section, key="ellipsoid")
+        raise InputError(problem, section=section, key="ellipsoid")
 
 
 def _missing(key: str, meaning: str, section: str) -> KeyNameError:

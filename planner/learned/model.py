@@ -113,7 +113,7 @@ def learned_model(
     """The model learned from the roll-outs of a job, and the roll-outs; arguments as `roll_outs`.
 
     Raises:
-        ClusterError: the cluster was lost.
+        UnreachableError: the cluster was lost.
     """
     scheduler = scheduler or Threads(simulator.workers)
     rolled = roll_outs(simulator, region_radius(job), job.search.rollouts, store, scheduler, report)

@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.arrays import Array, BoolArray, IntArray
-from planner.errors import ClusterError
 from planner.job.model import Job
 from planner.learned.store import Store
 from planner.mechanics import surface as limit_surface
@@ -28,6 +27,7 @@ from planner.mechanics.simulator import Simulator
 from planner.part.outline import reach
 from planner.work.progress import Report, silent
 from planner.work.scheduler import Scheduler, Threads
+from runtime.shell.errors import UnreachableError
 
 COLLIDES = -1
 PAPER_COUNT = 9_000  # Roll-outs for a model in the paper (VII)
@@ -81,7 +81,7 @@ def roll_outs(
 
     Raises:
         ValueError: radius or count are not above 0.
-        ClusterError: the cluster was lost, or runs another version of this program.
+        UnreachableError: the cluster was lost, or runs another version of this program.
     """
     if not (0.0 < radius_mm < math.inf and count > 0):
         raise ValueError(f"radius_mm = {radius_mm} and count = {count} must be above 0")
@@ -128,10 +128,10 @@ def roll_block(simulator: Simulator, version: bytes, block: Block) -> bytes:
     """Rolls out one block, wherever it runs: an array of `ROW`, the starts within the fingers' reach.
 
     Raises:
-        ClusterError: `code_version` is not `version`, that of the program that asked.
+        UnreachableError: `code_version` is not `version`, that of the program that asked.
     """
     if version != code_version():
-        raise ClusterError(
+        raise UnreachableError(
             "a worker of the cluster runs another version of squeezetree, numpy or numba, and would roll out "
             "something else; install the same on all machines"
         )

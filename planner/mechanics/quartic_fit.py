@@ -14,10 +14,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from planner.arrays import Array
-from planner.errors import PlannerError
 from planner.mechanics import limit_surface, quartic
 from planner.mechanics.quartic import QuarticSurface
 from planner.part import quartic_form
+from runtime.shell.errors import ExpectedError
 
 MARGIN = 1e-3
 """How much of the sphere's certificate every fitted one contains: strictly convex, so it can be checked."""
@@ -34,7 +34,7 @@ _SPREAD = quartic_form.monomials(_DIRECTIONS) / np.sqrt(len(_DIRECTIONS))
 """(200, 15): the squared norm of _SPREAD a is the mean square of H over the unit sphere."""
 
 
-class QuarticFitError(PlannerError):
+class QuarticFitError(ExpectedError):
     """The conic solver found no certified quartic."""
 
 

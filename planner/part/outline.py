@@ -12,7 +12,7 @@ import shapely
 from numpy.typing import ArrayLike
 
 from planner.arrays import Array
-from planner.errors import OutlineError
+from runtime.shell.errors import InputError
 
 Outline: TypeAlias = Array
 
@@ -35,7 +35,7 @@ def canonical(points: ArrayLike) -> Canonical:
     The first vertex stays the first.
 
     Raises:
-        OutlineError: fewer than 3 vertices, a number that is not finite, a vertex written twice, or a
+        InputError: fewer than 3 vertices, a number that is not finite, a vertex written twice, or a
             boundary that crosses or touches itself.
     """
     vertices = _vertices(points)
@@ -54,16 +54,16 @@ def checked(points: ArrayLike) -> Outline:
     """Checks an outline (N, 2) that claims to be canonical [mm]; does not move it by a rounding error.
 
     Raises:
-        OutlineError: as `canonical`, or the outline is clockwise or off centre.
+        InputError: as `canonical`, or the outline is clockwise or off centre.
     """
     vertices = _vertices(points)
     _check_simple(vertices)
     if area(vertices) < 0.0:
-        raise OutlineError("outline runs clockwise; list its vertices counter-clockwise")
+        raise InputError("outline runs clockwise; list its vertices counter-clockwise")
     offset = float(np.hypot(*centroid(vertices)))
     if offset > CENTRED * reach(vertices):
         problem = f"area centroid is {offset:.6g} mm from the origin; move the outline there"
-        raise OutlineError(problem)
+        raise InputError(problem)
     vertices.setflags(write=False)
     return vertices
 
@@ -139,14 +139,14 @@ def _vertices(points: ArrayLike) -> Outline:
     try:
         vertices = np.array(points, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise OutlineError("outline is not a list of [x, y] pairs of numbers") from error
+        raise InputError("outline is not a list of [x, y] pairs of numbers") from error
     if vertices.ndim != 2 or vertices.shape[1] != 2:
-        raise OutlineError("outline is not a list of [x, y] pairs of numbers")
+        raise InputError("outline is not a list of [x, y] pairs of numbers")
     if len(vertices) < 3:
-        raise OutlineError(f"outline has {len(vertices)} vertices; give at least 3")
+        raise InputError(f"outline has {len(vertices)} vertices; give at least 3")
     if not np.isfinite(vertices).all():
         index = int(np.argmin(np.isfinite(vertices).all(axis=1)))
-        raise OutlineError(f"vertex {index + 1} is not finite; give plain numbers in mm")
+        raise InputError(f"vertex {index + 1} is not finite; give plain numbers in mm")
     _check_distinct(vertices)
     return vertices
 
@@ -163,19 +163,19 @@ def _check_distinct(vertices: Outline) -> None:
         advice = "drop the last one, the outline closes by itself"
     x, y = vertices[first]
     problem = f"vertices {first + 1} and {second + 1} are the same point ({x:g}, {y:g}); {advice}"
-    raise OutlineError(problem)
+    raise InputError(problem)
 
 
 def _check_simple(vertices: Outline) -> None:
     if shapely.area(shapely.convex_hull(shapely.multipoints(vertices))) <= REPEAT_MM**2:
-        raise OutlineError("outline encloses no area; its vertices lie on one line")
+        raise InputError("outline encloses no area; its vertices lie on one line")
     reason = shapely.is_valid_reason(shapely.polygons(vertices))
     if reason == "Valid Geometry":
         return
     place = re.search(r"\[(\S+) (\S+)\]", reason)
     where = f" at ({float(place[1]):g}, {float(place[2]):g})" if place else ""
     verb = "touches" if reason.startswith("Ring Self") else "crosses"
-    raise OutlineError(f"outline {verb} itself{where}; list the vertices in order around the part")
+    raise InputError(f"outline {verb} itself{where}; list the vertices in order around the part")
 
 
 def offsets(outline: Outline) -> Array:

@@ -140,7 +140,7 @@ def _several(table: Table, job: Job) -> dict[str, Any]:
     parts = zip(table.hypotheses, job.alone, strict=True)
     return {
         "parts": [{"name": hypothesis.name, "datum": _datum(alone)} for hypothesis, alone in parts],
-        "which": [[leaf.hypothesis, *leaf.other_hypotheses] for leaf in table.leaves],
+        "which": [[pose.hypothesis for pose in leaf.poses] for leaf in table.leaves],
         "named": tree.names_parts(table),
         "posed": table.goal.kind != "identity",
     }
@@ -247,7 +247,7 @@ def _nodes(table: Table, beliefs: Replay, most: int) -> list[dict[str, Any]]:
         decided = runs(by_count(decision_map(node, calibration)))
         rows.append(
             {
-                "place": squeeze[:3],
+                "place": [squeeze.x_um, squeeze.y_um, squeeze.angle_urad],
                 "opening": squeeze.opening_um,
                 "speed": squeeze.speed_um_s,
                 "force": squeeze.force_mn,
@@ -257,7 +257,7 @@ def _nodes(table: Table, beliefs: Replay, most: int) -> list[dict[str, Any]]:
                 "visits": len(visit.before),
                 "belief": _poses(states, most),
                 "branches": [
-                    [*branch[:5], taken[number]] for number, branch in enumerate(node.branches)
+                    [*branch, taken[number]] for number, branch in enumerate(node.branches)
                 ],
                 "rejected": taken[REJECT],
                 "map": [run for run in decided if run[2] != REJECT],
@@ -277,7 +277,7 @@ def _leaf(leaf: Leaf, poses: Array, most: int) -> dict[str, Any]:
         "interval": [round(bound, 5) for bound in wilson_interval(success, leaf.trials)],
         "trials": leaf.trials,
         "resolved": leaf.resolved,
-        "alternatives": leaf.alternatives,
+        "alternatives": [[pose.x_um, pose.y_um, pose.theta_urad] for pose in leaf.alternatives],
         "visits": len(poses),
         "belief": _poses(poses, most),
     }

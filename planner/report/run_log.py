@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from planner.errors import InputFileError
 from runtime.shell import strict_json
+from runtime.shell.errors import InputError
 from runtime.shell.sealed_lines import GENESIS, is_intact, sealed_segments
 from runtime.table import Phases, TableError, TableFile, loads, phases_of
 
@@ -69,7 +69,7 @@ def read(path: Path, table_sha256: str) -> RunLog:
     """Reads a journal; runs of other tables than that of this digest (hexadecimal) are left out.
 
     Raises:
-        InputFileError: it cannot be read, does not verify, or tells of no run of this table.
+        InputError: it cannot be read, does not verify, or tells of no run of this table.
     """
     parts: list[PartLog] = []
     runs, others, ours = 0, 0, False
@@ -86,10 +86,10 @@ def read(path: Path, table_sha256: str) -> RunLog:
                 _take(entry, parts)
             except (KeyError, IndexError, TypeError, ValueError) as error:
                 problem = f"record {number} is no record of a run; `grasp-journal verify` says why"
-                raise InputFileError(problem, where=str(path)) from error
+                raise InputError(problem, where=str(path)) from error
     if not runs:
         problem = "holds no run of this table; name the table that it was written with"
-        raise InputFileError(problem, where=str(path))
+        raise InputError(problem, where=str(path))
     return RunLog(parts, runs, others, first, last)
 
 
@@ -97,14 +97,14 @@ def table_of(path: Path) -> TableFile:
     """The table that the first run of a journal was made with.
 
     Raises:
-        InputFileError: the journal cannot be read or does not verify, or holds no table.
+        InputError: the journal cannot be read or does not verify, or holds no table.
     """
     header = next(_entries(path))
     try:
         data = base64.b64decode(str(header["table_base64"]), validate=True)
         return TableFile(loads(data), data, hashlib.sha256(data).hexdigest())
     except (KeyError, ValueError, TableError) as error:
-        raise InputFileError("does not begin with a run and its table", where=str(path)) from error
+        raise InputError("does not begin with a run and its table", where=str(path)) from error
 
 
 def _take(entry: dict[str, Any], parts: list[PartLog]) -> None:
@@ -138,11 +138,11 @@ def _entries(path: Path) -> Iterator[dict[str, Any]]:
                 head = str(entry["digest"])
                 yield entry
     except OSError as error:
-        raise InputFileError(
+        raise InputError(
             f"cannot be read: {error.strerror}; check the path", where=str(path)
         ) from error
     if head == GENESIS:
-        raise InputFileError("is empty; name the journal of a run", where=str(path))
+        raise InputError("is empty; name the journal of a run", where=str(path))
 
 
 def _entries_of(path: Path, head: str) -> Iterator[dict[str, Any]]:
@@ -158,6 +158,6 @@ def _entries_of(path: Path, head: str) -> Iterator[dict[str, Any]]:
                 known and isinstance(entry.get("kind"), str) and isinstance(entry.get("time"), str)
             ):
                 problem = f"line {number} does not verify; `grasp-journal verify` says why"
-                raise InputFileError(problem, where=str(path))
+                raise InputError(problem, where=str(path))
             head = str(entry["digest"])
             yield entry

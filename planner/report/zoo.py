@@ -11,7 +11,7 @@ import numpy as np
 from planner.compile import compile_job
 from planner.diagnosis import reasons
 from planner.diagnosis.advice import advise
-from planner.errors import ClusterError, FitError, JobError, NoPlanError
+from planner.errors import FitError, NoPlanError
 from planner.job import model as job_file
 from planner.part import symmetry
 from planner.part.outline import canonical, reach
@@ -19,6 +19,7 @@ from planner.report import canvas
 from planner.report.canvas import template
 from planner.search.ranking import LEAST_CLEARANCE_MM
 from planner.work.limit import Limit
+from runtime.shell.errors import InputError, UnreachableError
 
 LOCATED = 0.99  # share of the parts from which an outline counts as located
 FITTING = 0.8  # share of the room between the open fingers that parts lie in
@@ -49,9 +50,9 @@ def judge(item: Item) -> Figures:
     }
     try:
         figures |= _judged(item)
-    except ClusterError:
+    except UnreachableError:
         raise
-    except JobError as error:
+    except InputError as error:
         kind = reasons.TOO_LARGE if isinstance(error, FitError) else ERROR
         figures |= {"kind": kind, "text": str(error)}
     except Exception as error:  # whatever it is, the others go on

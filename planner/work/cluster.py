@@ -15,7 +15,7 @@ from concurrent.futures import CancelledError
 from types import TracebackType
 from typing import TYPE_CHECKING, NoReturn, Self, TypeVar
 
-from planner.errors import ClusterError, UsageError
+from runtime.shell.errors import UnreachableError, UsageError
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -50,7 +50,7 @@ class Cluster:
 
         Raises:
             UsageError: dask.distributed is not installed.
-            ClusterError: nothing answers at the address in time, or no worker is there.
+            UnreachableError: nothing answers at the address in time, or no worker is there.
         """
         try:
             from distributed import Client
@@ -59,7 +59,7 @@ class Cluster:
             raise UsageError(
                 f"--scheduler needs the cluster extra ({error.name} is missing); {hint}"
             ) from error
-        # What its log would say on several lines, a ClusterError says in one.
+        # What its log would say on several lines, an UnreachableError says in one.
         logging.getLogger("distributed").setLevel(logging.CRITICAL)
         try:
             self._client = Client(self.address, timeout=self._connect_s, set_as_default=False)
@@ -97,7 +97,7 @@ class Cluster:
         """Yields results in the order of the items; see `planner.work.scheduler.Threads.map`.
 
         Raises:
-            ClusterError: the scheduler is lost, all workers stay away, or several died of one item.
+            UnreachableError: the scheduler is lost, all workers stay away, or several died of one item.
         """
         client = self._connected()
         window = max(1, AHEAD * self.workers)
@@ -158,7 +158,7 @@ class Cluster:
         raise error or self._lost()
 
     def _await_workers(self) -> None:
-        """Returns once the cluster has a worker, or raises `ClusterError` after `patience_s`."""
+        """Returns once the cluster has a worker, or raises `UnreachableError` after `patience_s`."""
         deadline = time.monotonic() + self.patience_s
         while self.workers == 0:
             if time.monotonic() > deadline:
@@ -171,8 +171,8 @@ class Cluster:
             raise ValueError("a Cluster is connected only within its `with` block")
         return self._client
 
-    def _lost(self) -> ClusterError:
+    def _lost(self) -> UnreachableError:
         return self._error("the scheduler is lost; start it again, and run the command again")
 
-    def _error(self, problem: str) -> ClusterError:
-        return ClusterError(f"--scheduler {self.address}: {problem}")
+    def _error(self, problem: str) -> UnreachableError:
+        return UnreachableError(f"--scheduler {self.address}: {problem}")

@@ -73,7 +73,7 @@ def scheduler_of(address: str | None = None, workers: int | None = None) -> Iter
 
     Raises:
         UsageError: the address is not one, or the cluster extra is not installed.
-        ClusterError: nothing answers there, or it has no workers.
+        UnreachableError: nothing answers there, or it has no workers.
     """
     if address is None:
         yield Threads() if workers is None else Threads(workers)

@@ -9,6 +9,7 @@ from typing import Any
 
 from runtime.execution import safe_state
 from runtime.shell.command import Parser, positive, positive_int, say, seconds
+from runtime.shell.exit_codes import ExitCode, epilog
 
 DEFAULT_JOURNAL = Path("squeezetree-journal.jsonl")
 SIMULATED = "sim"
@@ -26,8 +27,17 @@ SERVED = {
     "calibration",
     "on_reject",
 }
-SERVED |= {"on_unresolved", "watch", "http", "status", "require_signed"}
+SERVED |= {"on_unresolved", "watch", "http", "require_signed"}
 
+RUN_CODES = epilog(
+    ExitCode.INPUT,
+    ExitCode.NOT_LOCATED,
+    ExitCode.DEVICE,
+    ExitCode.UNREACHABLE,
+    ExitCode.JOURNAL,
+    ExitCode.SIGNATURE,
+    ExitCode.STOPPED,
+)
 EPILOG = f"""\
 examples:
   grasp-runtime --tree trees/rectangle/rectangle.msgpack --port sim --count 5 --time-scale 20
@@ -38,19 +48,9 @@ examples:
   grasp-runtime --tree T.msgpack --port sim --plc modbus-tcp://127.0.0.1:5020 --json
   grasp-runtime --tree T.msgpack --serve tcp://127.0.0.1:5020
 
-exit codes (runtime/OUTCOMES.md tells what each outcome leaves behind):
-   0  every part reached a leaf        24  journal not written, or moved
-   1  internal error: a bug            25  the last run broke off and was given up
-   2  usage                            30  table invalid
-   3  table file missing or unreadable 31  simulated cell failed to start
-  10  a part was rejected              33  calibration refused, or unfit for the table
-  11  a part stayed unresolved         40  stopped by the operator
-  12  a part could not be delivered    34  table not signed as required
-  20  gripper link fault               22  arm fault, or a motion refused
-  21  gripper fault, or not activated  23  a device's port cannot be opened, or is in use
-
+{RUN_CODES}
 With --count above 1, rejected, unresolved and undelivered parts do not end the run unless the policy says
-stop; a fault or a stop does. The exit code is the highest that any part earned. A real cell feeds its parts
+stop; a fault or a stop does. The exit code is that of the worst part. A real cell feeds its parts
 by itself, a simulated one brings the next.
 
 Connecting moves nothing. Every fault, and every stop request (Ctrl-C, SIGTERM, SIGHUP, SIGQUIT), ends in the
@@ -175,7 +175,7 @@ def _add_instead(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--check",
         action="store_true",
-        help="prove the table against the gripper's calibration, read the gripper at --port, move nothing",
+        help="validate the table against the gripper's calibration, read the gripper at --port, move nothing",
     )
     group.add_argument(
         "--dry-run",

@@ -17,14 +17,15 @@ from runtime.commands import calibrate_middle
 from runtime.commands.arguments import address
 from runtime.devices.clock import SystemClock
 from runtime.devices.lock import PortLock
-from runtime.errors import ArgumentsError
 from runtime.execution import calibration, held
 from runtime.execution.calibration import LEAST_BLOCKS, GripperCalibration
 from runtime.execution.safe_state import fingers_stop
 from runtime.execution.safety import needs_activation, ready_gripper
 from runtime.shell import interrupts
 from runtime.shell.command import Parser, say
-from runtime.shell.files import OutputError, usable
+from runtime.shell.errors import UsageError
+from runtime.shell.exit_codes import ExitCode, epilog
+from runtime.shell.files import usable
 from runtime.table import PROFILES, Calibration, GripperSpec
 
 Measured = dict[str, Any]
@@ -36,13 +37,7 @@ OF_THE_AUDIT = {
     "pictures": "take pictures, one at each Enter",
 }
 EXAMPLE = "grasp-calibrate width --port /dev/ttyUSB0 --gripper S/N-C-12345 -o gripper.json"
-EXIT_CODES = """\
-exit codes:
-   0  measured and written    2  usage             21  gripper fault, or not activated
-  20  gripper link fault     22  arm, or a motion refused    23  port not opened
-  33  the measurements contradict one another                30  table refused
-  40  stopped by the operator
-"""
+EXIT_CODES = epilog(ExitCode.INPUT, ExitCode.DEVICE, ExitCode.UNREACHABLE, ExitCode.STOPPED)
 EPILOG = f"""\
 examples:
   {EXAMPLE}
@@ -212,7 +207,7 @@ def _ask_terminal(sentence: str, file: TextIO) -> None:
     with suppress(OSError):  # a terminal that is gone
         if sys.stdin.readline():
             return
-    raise ArgumentsError("standard input ended before Enter was pressed; run it in a terminal")
+    raise UsageError("standard input ended before Enter was pressed; run it in a terminal")
 
 
 def _checked(
@@ -222,13 +217,10 @@ def _checked(
     named = _blocks(arguments.model) if arguments.blocks is None else arguments.blocks
     widths_mm = sorted(_numbers("--blocks", named))
     if arguments.grips < 1 or widths_mm[0] < 0.0:
-        raise ArgumentsError("--grips takes at least 1, --blocks widths of at least 0 mm")
+        raise UsageError("--grips takes at least 1, --blocks widths of at least 0 mm")
     if len(widths_mm) < LEAST_BLOCKS or len(set(widths_mm)) < len(widths_mm):
-        raise ArgumentsError(f"--blocks {named!r}: name at least {LEAST_BLOCKS}, each once")
-    try:
-        usable(arguments.output)
-    except OutputError as error:
-        raise ArgumentsError(f"--output {error}") from error
+        raise UsageError(f"--blocks {named!r}: name at least {LEAST_BLOCKS}, each once")
+    usable(arguments.output)
     tips = current = None
     if arguments.tips is not None:
         link_mm, offset_mm = _numbers("--tips", arguments.tips, 2)
@@ -252,7 +244,7 @@ def _numbers(option: str, text: str, wanted: int | None = None) -> list[float]:
     except ValueError:
         numbers = []
     if not numbers or not all(map(isfinite, numbers)):
-        raise ArgumentsError(f"{option} {text!r}: write numbers separated by commas")
+        raise UsageError(f"{option} {text!r}: write numbers separated by commas")
     if wanted is not None and len(numbers) != wanted:
-        raise ArgumentsError(f"{option} {text!r}: takes {wanted} numbers")
+        raise UsageError(f"{option} {text!r}: takes {wanted} numbers")
     return numbers

@@ -16,7 +16,7 @@ from runtime.commands import options
 from runtime.commands.arguments import MANUAL, SIMULATED, address
 from runtime.devices.clock import SystemClock
 from runtime.devices.lock import PortLock
-from runtime.errors import ArgumentsError, GripperStateError
+from runtime.errors import GripperStateError
 from runtime.execution import calibration, held, middle, safety
 from runtime.execution.calibration import GripperCalibration
 from runtime.execution.hand import Hand
@@ -26,6 +26,7 @@ from runtime.execution.reading import CURRENT_MA
 from runtime.execution.safe_state import fingers_stop, reach_safe_state
 from runtime.shell import interrupts
 from runtime.shell.command import number, say
+from runtime.shell.errors import UsageError
 from runtime.shell.files import OutputError, usable
 from runtime.table import Pose2, Table, load
 
@@ -189,16 +190,16 @@ def _print(arguments: argparse.Namespace, known: Middle, table: Table) -> None:
 def _checked(arguments: argparse.Namespace) -> tuple[Pose2, GripperCalibration]:
     """Where the block stands, and what is known of the gripper; looked at before anything is opened."""
     if MANUAL in (arguments.port, arguments.arm) or SIMULATED in (arguments.port, arguments.arm):
-        raise ArgumentsError(
+        raise UsageError(
             "the middle is measured with a gripper on an arm; name both by their addresses "
             "(of a simulated cell: grasp-cell --block)"
         )
     try:
         x_mm, y_mm = (number(word) for word in arguments.at.split(","))
     except (ValueError, argparse.ArgumentTypeError):
-        raise ArgumentsError(f"--at {arguments.at!r}: write X,Y in mm, as --at 0,0") from None
+        raise UsageError(f"--at {arguments.at!r}: write X,Y in mm, as --at 0,0") from None
     try:
         usable(arguments.output, arguments.calibration, arguments.tree)
     except OutputError as error:
-        raise ArgumentsError(f"--output {error}") from error
+        raise UsageError(f"--output {error}") from error
     return (x_mm, y_mm, radians(arguments.angle)), calibration.load(arguments.calibration)

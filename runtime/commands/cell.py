@@ -40,8 +40,8 @@ def connect(
     """Connect to the devices of a run, the simulated ones as to hardware; nothing moves.
 
     The table is for a simulated cell's part; `console` is told which cell was started, `report` of retries
-    and failures on the gripper's link, and `stack` closes what was opened. Errors, `PortBusyError`,
-    `CellStartError` or a driver's own, carry their `exit_code`.
+    and failures on the gripper's link, and `stack` closes what was opened. A lock that is
+    taken, a cell that does not start and the drivers raise an `ExpectedError`.
     """
     gripper_port, arm_url, scene_url, camera = arguments.port, arguments.arm, None, ""
     if arguments.port == SIMULATED:

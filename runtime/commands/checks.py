@@ -17,7 +17,7 @@ from typing import NamedTuple
 from drivers.ports import Answered, Arm, Gripper
 from runtime.devices.clock import SystemClock
 from runtime.execution.safety import NO_COMMUNICATION
-from runtime.table import Calibration, Limits, Table, misfits
+from runtime.table import Area, Calibration, Limits, Table, misfits
 
 READS = 200
 READING_S = 10.0  # of fewer readings, where they take so long
@@ -187,9 +187,10 @@ def check_table(table: Table, calibration: Calibration) -> Iterator[Finding]:
 
 
 def _is_near(x_mm: float, y_mm: float, limits: Limits) -> bool:
-    x_min, y_min, x_max, y_max = (edge / 1000 for edge in limits.work_area_um)
-    room = max(x_max - x_min, y_max - y_min)
-    return x_min - room <= x_mm <= x_max + room and y_min - room <= y_mm <= y_max + room
+    area = limits.work_area_um
+    room = max(area.x_max - area.x_min, area.y_max - area.y_min)
+    wide = Area(area.x_min - room, area.y_min - room, area.x_max + room, area.y_max + room)
+    return wide.contains(x_mm, y_mm)
 
 
 def _group(path: Path) -> str:

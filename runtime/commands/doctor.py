@@ -15,9 +15,10 @@ from runtime.commands.ur_checks import Accepts, accepts, check_controllers
 from runtime.devices.cell_process import CellProcess
 from runtime.devices.clock import SystemClock
 from runtime.devices.lock import PortLock
-from runtime.errors import ArgumentsError, CellCheckError, CellError
 from runtime.execution import calibration
 from runtime.shell.command import Parser, say
+from runtime.shell.errors import CheckFailedError, ExpectedError, UsageError
+from runtime.shell.exit_codes import ExitCode, epilog
 from runtime.table import Calibration, Table, load
 
 EPILOG = """\
@@ -26,11 +27,7 @@ examples:
   grasp-doctor --port /dev/ttyUSB0 --json
   grasp-doctor --port sim --tree T.msgpack
 
-exit codes:
-   0  fit to run, perhaps with warnings   1  internal error: a bug   2  usage   3  table file missing
-  26  something has to be put right first; each sentence says what
-  30  table invalid                      33  calibration refused    40  stopped by the operator
-"""
+""" + epilog(ExitCode.INPUT, ExitCode.CHECK_FAILED, ExitCode.UNREACHABLE, ExitCode.STOPPED)
 MARKS = {Verdict.GOOD: "ok  ", Verdict.WARNING: "WARN", Verdict.BAD: "BAD "}
 
 
@@ -59,7 +56,7 @@ def run(arguments: argparse.Namespace, drivers: Drivers, system: System | None =
     """Check, and print a line for each finding, or one object of all; returns 0.
 
     Raises:
-        CellCheckError: something is bad.
+        CheckFailedError: something is bad.
     """
     table = None if arguments.tree is None else load(arguments.tree).table
     measured = (
@@ -75,7 +72,7 @@ def run(arguments: argparse.Namespace, drivers: Drivers, system: System | None =
     if arguments.json:
         say(json.dumps({"fit": not bad, "findings": [_as_object(finding) for finding in results]}))
     if bad:
-        raise CellCheckError(
+        raise CheckFailedError(
             f"{bad} thing{'s' if bad > 1 else ''} to put right before this cell runs"
         )
     return 0
@@ -88,7 +85,7 @@ def _devices(arguments: argparse.Namespace) -> Iterator[tuple[str, str | None]]:
         yield arguments.port, arguments.arm
         return
     if arguments.tree is None:
-        raise ArgumentsError(
+        raise UsageError(
             "--port sim needs --tree T: a simulated cell has the part and gripper of a table"
         )
     with CellProcess(arguments.tree, world=REHEARSAL, seed=0, time_scale=1.0) as cell:
@@ -131,7 +128,7 @@ def _gripper_findings(port: str, drivers: Drivers, system: System) -> Iterator[F
         with PortLock(port), closing(drivers.gripper(port, read_only=True)) as gripper:
             yield from doctor.check_gripper(gripper)
             yield from doctor.check_rate(gripper, SystemClock())
-    except (OSError, CellError) as error:
+    except (OSError, ExpectedError) as error:
         failed = _failed("gripper", error, "Check power, cable and address.")
     if failed is not None:
         yield failed

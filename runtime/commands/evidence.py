@@ -14,6 +14,7 @@ from runtime.devices.clock import SystemClock
 from runtime.errors import PackError
 from runtime.execution import calibration
 from runtime.shell.command import Parser, run, say, tell
+from runtime.shell.exit_codes import ExitCode, epilog
 from runtime.shell.files import OutputError, usable, writing
 from runtime.shell.plain_text import is_plain
 from runtime.signing import keys
@@ -21,13 +22,7 @@ from runtime.signing.pack import Pack, read, signed, verified
 from runtime.table import load
 
 NAME = "grasp-evidence"
-EXIT_CODES = """\
-exit codes:
-   0  done    2  usage, an output that cannot be written or is there already, or the extra is missing
-   3  a table, calibration, key or pack is missing or cannot be read; a key is of another kind
-  30  the table is refused     33  the calibration is refused
-  34  the pack was changed, is none, or is signed by another key   130  interrupted (Ctrl-C)
-"""
+EXIT_CODES = epilog(ExitCode.INPUT, ExitCode.SIGNATURE)
 EPILOG = f"""\
 examples:
   {NAME} key -o acme.pem

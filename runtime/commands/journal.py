@@ -8,22 +8,20 @@ from itertools import chain
 from pathlib import Path
 
 from runtime.devices.clock import date
-from runtime.errors import ArgumentsError, JournalError
+from runtime.errors import JournalError
 from runtime.journal import export, recording
 from runtime.journal.chain import records, verify
 from runtime.journal.lines import Entry, begins_run
 from runtime.journal.replay import Replay
 from runtime.journal.times import times_of
 from runtime.shell.command import Parser, natural, run, seconds
+from runtime.shell.errors import UsageError
+from runtime.shell.exit_codes import ExitCode, epilog
 from runtime.shell.files import STDOUT, usable, words_of
 from runtime.shell.plain_text import cleaned
 from runtime.traversal.results import Outcome
 
-EXIT_CODES = """\
-exit codes:
-   0  done, nothing wrong   1  internal error: a bug   2  usage   130  interrupted (Ctrl-C)
-  24  the journal cannot be read, does not verify, or claims what its counts do not justify
-"""
+EXIT_CODES = epilog(ExitCode.JOURNAL)
 EPILOG = f"""\
 examples:
   grasp-journal show squeezetree-journal.jsonl --outcome reject
@@ -143,7 +141,7 @@ def _replay(arguments: argparse.Namespace) -> int:
 
 def _show(arguments: argparse.Namespace) -> int:
     if arguments.takt is not None and not arguments.times:
-        raise ArgumentsError("--takt is for --times; state both, or leave it out")
+        raise UsageError("--takt is for --times; state both, or leave it out")
     if arguments.times:
         return _show_times(arguments)
     ended = None
@@ -170,7 +168,7 @@ def _show_times(arguments: argparse.Namespace) -> int:
         if _is_wanted(arguments, entry) and arguments.outcome in (None, entry.get("outcome"))
     )
     if arguments.node is not None:
-        raise ArgumentsError("--times is of whole parts; leave out --node")
+        raise UsageError("--times is of whole parts; leave out --node")
     try:
         result = times_of(entries, arguments.takt)
     except ValueError as error:
@@ -188,9 +186,7 @@ def _export(arguments: argparse.Namespace) -> int:
     if arguments.to and (
         output.suffix != f".{form}" if output not in STDOUT else form == "parquet"
     ):
-        raise ArgumentsError(
-            f"--output {output}: --to {form} writes to a file that ends in .{form}"
-        )
+        raise UsageError(f"--output {output}: --to {form} writes to a file that ends in .{form}")
     if form == "mcap":
         rows = recording.write(
             entries, output, arguments.journal, lambda text: date(text).timestamp()

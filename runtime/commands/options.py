@@ -8,7 +8,6 @@ from math import inf
 from pathlib import Path
 
 from runtime.commands.arguments import MANUAL, SIMULATED, SIMULATED_CAMERA
-from runtime.errors import ArgumentsError
 from runtime.execution import calibration, delivery, middle
 from runtime.execution.calibration import GripperCalibration
 from runtime.execution.executor import RunOptions
@@ -16,6 +15,7 @@ from runtime.execution.handling import Handling
 from runtime.execution.reading import CURRENT_MA
 from runtime.execution.tips import TipArc
 from runtime.monitoring.monitor import Views
+from runtime.shell.errors import UsageError
 from runtime.table import Table, job_of, profile_of
 from runtime.traversal.decision import Policy
 
@@ -26,7 +26,7 @@ def check_usage(arguments: argparse.Namespace) -> None:
     """Check what argparse alone cannot judge.
 
     Raises:
-        ArgumentsError: arguments contradict one another, or one is missing.
+        UsageError: arguments contradict one another, or one is missing.
     """
     simulated = arguments.port == SIMULATED
     _check_views(arguments)
@@ -35,54 +35,50 @@ def check_usage(arguments: argparse.Namespace) -> None:
 
         plc.check(arguments)
     elif len(arguments.trees) > 1:
-        raise ArgumentsError(
-            "--tree stands twice; only a PLC chooses among tables (--plc): name one"
-        )
+        raise UsageError("--tree stands twice; only a PLC chooses among tables (--plc): name one")
     if arguments.serve is not None:
         from runtime.commands import serve
 
         serve.check(arguments)
         return
     if arguments.network and arguments.plc is None:
-        raise ArgumentsError(
+        raise UsageError(
             "--network is for --serve and --plc; leave it out, or name an address with one of them"
         )
     if arguments.put_down and (arguments.check or arguments.dry_run or arguments.jaws_empty):
-        raise ArgumentsError(
+        raise UsageError(
             "--put-down moves what is held; leave out --check, --dry-run and --jaws-empty"
         )
     if arguments.put_down and arguments.after_crash != "abort":
-        raise ArgumentsError("--put-down goes on with no run; leave out --after-crash")
+        raise UsageError("--put-down goes on with no run; leave out --after-crash")
     if arguments.port is None and not arguments.check:
-        raise ArgumentsError("name the gripper with --port, e.g. --port /dev/ttyUSB0 or --port sim")
+        raise UsageError("name the gripper with --port, e.g. --port /dev/ttyUSB0 or --port sim")
     if MANUAL in (arguments.port, arguments.arm):
         _check_manual(arguments)
     if simulated and arguments.arm not in (None, SIMULATED, MANUAL):
-        raise ArgumentsError(
+        raise UsageError(
             "--port sim brings its own arm; leave out --arm, or write --arm manual, or name the real gripper"
         )
     if simulated and arguments.time_scale == inf:
         _check_virtual(arguments)
     if simulated and arguments.check:
-        raise ArgumentsError(
-            "--check looks at an attached gripper; name its port, or leave --port out"
-        )
+        raise UsageError("--check looks at an attached gripper; name its port, or leave --port out")
     if simulated or arguments.check:
         return
     if SIMULATED_CAMERA in (arguments.audit or ""):
-        raise ArgumentsError(
+        raise UsageError(
             f"{SIMULATED_CAMERA} is the camera of --port sim; name the real one in --audit"
         )
     if arguments.arm in (None, SIMULATED):
-        raise ArgumentsError(
+        raise UsageError(
             "a real gripper needs a real arm; name it with --arm tcp://host:port, or write --arm manual"
         )
     if arguments.arm == arguments.port != MANUAL:
-        raise ArgumentsError(
+        raise UsageError(
             f"--port and --arm both name {arguments.arm}; one of them is another device's"
         )
     if arguments.time_scale != 1.0 or arguments.world is not None:
-        raise ArgumentsError(
+        raise UsageError(
             "--time-scale and --world are for --port sim; a real cell has its own time and world"
         )
 
@@ -91,22 +87,22 @@ def _check_virtual(arguments: argparse.Namespace) -> None:
     """In virtual time nobody outside this process takes part."""
     problem = "has no camera and no person in it, and is over too soon to watch"
     if arguments.dry_run:
-        raise ArgumentsError(
+        raise UsageError(
             "--dry-run moves nothing, so that time has no scale; leave out --time-scale max"
         )
     if arguments.arm == MANUAL or SIMULATED_CAMERA in (arguments.audit or "") or arguments.watch:
-        raise ArgumentsError(f"--time-scale max {problem}; name a number, e.g. --time-scale 20")
+        raise UsageError(f"--time-scale max {problem}; name a number, e.g. --time-scale 20")
 
 
 def _check_manual(arguments: argparse.Namespace) -> None:
     if arguments.watch:
-        raise ArgumentsError(
+        raise UsageError(
             "a person is asked on the terminal, where --watch would draw; use --http instead"
         )
     if arguments.put_down and arguments.arm == MANUAL:
-        raise ArgumentsError("--put-down is for an arm; with --arm manual put it down yourself")
+        raise UsageError("--put-down is for an arm; with --arm manual put it down yourself")
     if arguments.calibration is not None and arguments.port == MANUAL:
-        raise ArgumentsError(
+        raise UsageError(
             "--calibration is of a gripper's counts; with --port manual you tell the width"
         )
 
@@ -129,7 +125,7 @@ def _check_views(arguments: argparse.Namespace) -> None:
     if not arguments.watch and arguments.http is None:
         return
     if arguments.check or arguments.dry_run:
-        raise ArgumentsError(
+        raise UsageError(
             "--watch and --http follow a run; leave them out with --check and --dry-run"
         )
     if arguments.http is not None:
@@ -137,7 +133,7 @@ def _check_views(arguments: argparse.Namespace) -> None:
 
         server.parse(arguments.http)
     if views(arguments).terminal is not None and find_spec("rich") is None:
-        raise ArgumentsError(
+        raise UsageError(
             "--watch needs rich; install squeezetree[watch]; in a clone: pip install '.[watch]'"
         )
 
@@ -146,8 +142,8 @@ def run_options(arguments: argparse.Namespace, table: Table) -> RunOptions:
     """What the run does besides what its table says.
 
     Raises:
-        CalibrationError: the calibration file is refused.
-        ArgumentsError: a policy, an arc or a delivery is not understood.
+        InputError: the calibration file is refused.
+        UsageError: a policy, an arc or a delivery is not understood.
     """
     measured = None if arguments.calibration is None else calibration.load(arguments.calibration)
     handling = Handling(
@@ -175,7 +171,7 @@ def _delivery(words: list[str] | None, table: Table) -> delivery.Delivery | deli
     if table.hypotheses:
         return delivery.by_name(words, table)
     if len(words) > 1:
-        raise ArgumentsError("--deliver stands twice, and the table is of one part; give one place")
+        raise UsageError("--deliver stands twice, and the table is of one part; give one place")
     (named,) = words
     return delivery.from_text(named) if "," in named else delivery.from_file(Path(named))
 
@@ -198,7 +194,7 @@ def arc_of(
         try:
             link_mm, offset_mm = (float(word) for word in arguments.tips.split(","))
         except ValueError:
-            raise ArgumentsError(
+            raise UsageError(
                 f"--tips {arguments.tips}: write straight, arc, or LINK,OFFSET in mm"
             ) from None
         return None if _takes_part(arguments) else TipArc(link_mm, offset_mm, taught_mm)
@@ -212,7 +208,7 @@ def arc_of(
         case link_mm, offset_mm:
             return TipArc(link_mm, offset_mm, taught_mm)
         case (link_mm,):
-            raise ArgumentsError(
+            raise UsageError(
                 f"the tips of a {model} move on an arc whose offset has to be measured: write --tips "
                 f"{link_mm:g},OFFSET in mm (tools/docs/grippers.md), or --tips straight for tips that do not"
             )

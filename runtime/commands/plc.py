@@ -13,7 +13,6 @@ from drivers.ports import Scene
 from runtime.commands.arguments import parser
 from runtime.commands.recipe import Recipe
 from runtime.devices.clock import SystemClock
-from runtime.errors import ArgumentsError, StoppedError, exit_code_of
 from runtime.execution import crash, session
 from runtime.execution.events import Sighting
 from runtime.execution.executor import Cell
@@ -26,6 +25,8 @@ from runtime.plc.handshake import OPEN, State
 from runtime.plc.modbus import ModbusServer
 from runtime.plc.station import FAULT, Answer, Station
 from runtime.shell import interrupts
+from runtime.shell.errors import UsageError, exit_code_of
+from runtime.shell.exit_codes import ExitCode
 from runtime.traversal.results import Outcome, PartResult
 
 SCHEME = "modbus-tcp"
@@ -47,7 +48,7 @@ def check(arguments: argparse.Namespace) -> Address:
     """Check what `--plc` goes with; returns where to listen.
 
     Raises:
-        ArgumentsError: it names no address, one of another machine's reach that was not allowed, or comes
+        UsageError: it names no address, one of another machine's reach that was not allowed, or comes
             with an option that needs the only table, or with which no trigger begins the parts.
     """
     defaults = parser()
@@ -55,13 +56,13 @@ def check(arguments: argparse.Namespace) -> Address:
     for name, reason in (EXCLUDED | dict.fromkeys(several, "needs the only table")).items():
         if getattr(arguments, name) != defaults.get_default(name):
             option = f"--{name.replace('_', '-')}"
-            raise ArgumentsError(f"{option} {reason}; leave it out, or leave out --plc")
+            raise UsageError(f"{option} {reason}; leave it out, or leave out --plc")
     scheme, _, place = arguments.plc.partition("://")
     if scheme != SCHEME or not place or urlsplit(f"//{place}").path:
-        raise ArgumentsError(f"--plc {arguments.plc}: write {SCHEME}://127.0.0.1:PORT")
+        raise UsageError(f"--plc {arguments.plc}: write {SCHEME}://127.0.0.1:PORT")
     address = server.parse(place, "--plc")
     if not (arguments.network or server.is_loopback(address.host)):
-        raise ArgumentsError(
+        raise UsageError(
             f"--plc {arguments.plc}: there is no password, and whoever reaches that address may trigger "
             "motions; add --network if nothing but the cell's own network does"
         )
@@ -173,7 +174,7 @@ class PlcRun:
         """End a part whose enabling was withdrawn before anything moved; whether there was one."""
         withdrawn = self._exchange.order is not None and not self._exchange.enabled
         if withdrawn:
-            self._exchange.finish(Answer(FAULT, StoppedError.exit_code))
+            self._exchange.finish(Answer(FAULT, ExitCode.STOPPED))
         return withdrawn
 
     def _await_taken(self) -> None:
@@ -209,12 +210,12 @@ def opened(
     """Listen where `--plc` says, which `stack` ends; registers are served once the run begins.
 
     Raises:
-        ArgumentsError: nothing can listen there, or the tables are for different grippers.
+        UsageError: nothing can listen there, or the tables are for different grippers.
     """
     first = recipes[0]
     for recipe in recipes:
         if recipe.loaded.table.gripper != first.loaded.table.gripper:
-            raise ArgumentsError(
+            raise UsageError(
                 f"--tree {recipe.path} is for another gripper than {first.path}; recompile one of them"
             )
     address, clock = check(arguments), SystemClock()

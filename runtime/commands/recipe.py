@@ -1,4 +1,4 @@
-"""A table that is proved and fits the cell, and how it is run."""
+"""A table that is valid and fits the cell, and how it is run."""
 
 import argparse
 from collections.abc import Mapping
@@ -9,7 +9,6 @@ from pathlib import Path
 from runtime.commands.arguments import SIMULATED
 from runtime.commands.options import run_options
 from runtime.commands.software import installed
-from runtime.errors import CalibrationError
 from runtime.execution import carry, middle
 from runtime.execution.events import Console
 from runtime.execution.executor import RunOptions
@@ -17,6 +16,7 @@ from runtime.execution.handling import check_arc
 from runtime.execution.safe_state import DECLARED
 from runtime.execution.safety import check_table
 from runtime.monitoring.console import Lines, Objects
+from runtime.shell.errors import InputError
 from runtime.table import PPM, Table, TableFile, load, misfits
 
 
@@ -33,10 +33,10 @@ class Recipe:
 
 
 def prepare(arguments: argparse.Namespace, tree: Path) -> Recipe:
-    """Load a table, prove it and check that it fits the cell as the arguments describe it.
+    """Load a table, validate it and check that it fits the cell as the arguments describe it.
 
     Raises:
-        CellError: it is missing or damaged, or does not fit; each class carries its `exit_code`.
+        ExpectedError: it is missing or damaged, or does not fit; each class carries its `exit_code`.
     """
     loaded = load(tree)
     table, software = loaded.table, installed(arguments, tree, loaded)
@@ -54,7 +54,7 @@ def _check_fit(table: Table, options: RunOptions) -> None:
     calibration = options.handling.widths(table)
     problems = misfits(table, calibration)
     if problems:
-        raise CalibrationError(problems[0])
+        raise InputError(problems[0])
     check_arc(options.handling.arc, table.limits, calibration)
     middle.check(table, options.handling.middle_mm)
 

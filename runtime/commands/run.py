@@ -15,7 +15,7 @@ from runtime.commands.recipe import Recipe, prepare
 from runtime.devices.audit import AuditProcess
 from runtime.devices.clock import SystemClock
 from runtime.devices.lock import PortLock
-from runtime.errors import ArgumentsError, BrokenRunError
+from runtime.errors import BrokenRunError
 from runtime.execution import carry, crash, dry_run, held, session
 from runtime.execution.executor import Cell
 from runtime.execution.held import Held
@@ -27,6 +27,7 @@ from runtime.journal.replay import Replay
 from runtime.monitoring.monitor import Monitor
 from runtime.shell import interrupts
 from runtime.shell.command import say
+from runtime.shell.errors import UsageError
 from runtime.table import Table
 
 if TYPE_CHECKING:
@@ -51,7 +52,7 @@ def run(arguments: argparse.Namespace, drivers: Drivers) -> int:
             f"--tips {arguments.tips} moves nothing here: you keep the tips at their height above the table"
         )
     if arguments.audit is not None and (goal.kind == "identity" or not goal.identify):
-        raise ArgumentsError(
+        raise UsageError(
             "--audit judges a pose; this goal leaves open the pose, or which part it is"
         )
     with ExitStack() as stack:

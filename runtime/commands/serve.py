@@ -13,11 +13,12 @@ from urllib.parse import urlsplit
 
 from runtime.commands.arguments import SERVED, parser
 from runtime.devices.clock import SystemClock
-from runtime.errors import ArgumentsError, JournalError
+from runtime.errors import JournalError
 from runtime.execution.asked import MAX_LINE, AskedParts, refused
 from runtime.monitoring.live import server
 from runtime.monitoring.monitor import notify
 from runtime.shell import interrupts
+from runtime.shell.errors import UsageError
 from runtime.traversal.results import Outcome
 
 PATIENCE_S = 5.0  # for the rest of a line, for an answer to be taken, for a goodbye to be read
@@ -30,20 +31,20 @@ def check(arguments: argparse.Namespace) -> server.Address:
     """Check what `--serve` goes with; returns where to listen.
 
     Raises:
-        ArgumentsError: it names no address, one of another machine's reach that was not allowed, or comes
+        UsageError: it names no address, one of another machine's reach that was not allowed, or comes
             with an option for devices, of which a robot that asks has its own.
     """
     defaults = parser()
     for name, given in vars(arguments).items():
         if name not in SERVED | {"trees"} and given != defaults.get_default(name):
             option = f"--{name.replace('_', '-')}"
-            raise ArgumentsError(f"--serve answers a robot that moves itself; leave out {option}")
+            raise UsageError(f"--serve answers a robot that moves itself; leave out {option}")
     scheme, _, place = arguments.serve.rpartition("://")
     if scheme != "tcp" or urlsplit(f"//{place}").path:
-        raise ArgumentsError(f"--serve {arguments.serve}: write tcp://127.0.0.1:PORT")
+        raise UsageError(f"--serve {arguments.serve}: write tcp://127.0.0.1:PORT")
     address = server.parse(place, "--serve")
     if not (arguments.network or server.is_loopback(address.host)):
-        raise ArgumentsError(
+        raise UsageError(
             f"--serve {arguments.serve}: there is no password, and whoever reaches that address may answer "
             "for the robot; add --network if nothing but your own network does"
         )

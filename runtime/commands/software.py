@@ -19,10 +19,10 @@ def installed(arguments: argparse.Namespace, tree: Path, loaded: TableFile) -> d
         loaded: the table of the run.
 
     Raises:
-        CalibrationError: the calibration's file is refused.
-        KeyFileError: the key of `--require-signed` cannot be used.
+        InputError: the calibration's file is refused.
+        InputError: the key of `--require-signed` cannot be used.
         PackError: no pack signed by it vouches for table and calibration.
-        ArgumentsError: the extra that signatures need is missing.
+        UsageError: the extra that signatures need is missing.
     """
     path = arguments.calibration
     measured = None if path is None else calibration.bytes_of(path)

@@ -11,6 +11,7 @@ from importlib import metadata
 from typing import NamedTuple
 
 from runtime.shell.command import Parser, run, say
+from runtime.shell.exit_codes import epilog
 
 NAME = "squeezetree"
 
@@ -108,9 +109,8 @@ examples:
   {NAME} plan part.toml -o part.msgpack
   {NAME} run --tree part.msgpack --port sim --count 20
 
-exit codes:
-   0  done                 2  usage, or a part of the installation is missing
-  else those of the program that a command runs
+{epilog()}
+A subcommand ends with the exit code of the program that it runs.
 """
 
 

@@ -19,9 +19,9 @@ from math import isfinite
 
 from runtime.devices.child import ChildProcess
 from runtime.devices.clock import SystemClock
-from runtime.errors import ArgumentsError
 from runtime.shell import strict_json
 from runtime.shell.command import one_line
+from runtime.shell.errors import UsageError
 from runtime.shell.plain_text import is_plain
 from runtime.table import Pose2
 
@@ -41,7 +41,7 @@ class AuditProcess(ChildProcess):
         table_sha256: digest of the table that is run, None: it is not compared.
 
     Raises:
-        ArgumentsError: the program cannot be started.
+        UsageError: the program cannot be started.
     """
 
     def __init__(
@@ -54,7 +54,7 @@ class AuditProcess(ChildProcess):
         try:
             super().__init__(shlex.split(command))
         except (OSError, ValueError, IndexError) as error:
-            raise ArgumentsError(f"--audit {command!r} cannot be started: {error}") from error
+            raise UsageError(f"--audit {command!r} cannot be started: {error}") from error
 
     def judge(
         self, part: int, x_mm: float, y_mm: float, theta_rad: float, hypothesis: str | None = None
@@ -77,7 +77,7 @@ class AuditProcess(ChildProcess):
         """Ask a question without a pose, which any verdict answers.
 
         Raises:
-            ArgumentsError: the program has ended, is silent, answers something else, or judges by another
+            UsageError: the program has ended, is silent, answers something else, or judges by another
                 table.
         """
         try:
@@ -85,14 +85,14 @@ class AuditProcess(ChildProcess):
         except ValueError:
             reply = {}
         except OSError as error:
-            raise ArgumentsError(f"--audit {self._command!r}: {error}") from error
+            raise UsageError(f"--audit {self._command!r}: {error}") from error
         if "verdict" not in reply:
-            raise ArgumentsError(
+            raise UsageError(
                 f"--audit {self._command!r} answers without a verdict; for a JSON line a part it gives one"
             )
         stated, run = reply.get("table_sha256"), self._common.get("table_sha256")
         if run is not None and stated not in (None, run):
-            raise ArgumentsError(
+            raise UsageError(
                 f"--audit judges by another table, with the SHA-256 {str(stated)[:16]}, than the one that is "
                 f"run, {run[:16]}; name the same --tree to both"
             )

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from runtime.devices.child import ChildProcess
 from runtime.devices.clock import SystemClock
-from runtime.errors import CellStartError
+from runtime.shell.errors import UnreachableError
 
 START_S = 60.0  # the planner's world compiles its kernels on the first start
 MODULE = "drivers.sim.cli"
@@ -30,7 +30,7 @@ class CellProcess(ChildProcess):
     The arguments are those of the command; its devices are at `endpoints`.
 
     Raises:
-        CellStartError: it cannot be started, ended or stayed silent; with what it said.
+        UnreachableError: it cannot be started, ended or stayed silent; with what it said.
     """
 
     def __init__(
@@ -43,7 +43,7 @@ class CellProcess(ChildProcess):
             super().__init__(command, _environment())
         except OSError as error:
             message = f"grasp-cell cannot be started: {error.strerror}: {command[0]}"
-            raise CellStartError(f"{message}; try it by itself") from error
+            raise UnreachableError(f"{message}; try it by itself") from error
         try:
             self.endpoints = self._endpoints()
         except BaseException:  # Ctrl-C, too, must not leave the process behind
@@ -54,12 +54,12 @@ class CellProcess(ChildProcess):
         try:
             line = self._line(SystemClock().now() + START_S)
         except TimeoutError:
-            raise CellStartError(
+            raise UnreachableError(
                 f"grasp-cell told no endpoints within {START_S:g} s; try it by itself"
             ) from None
         except EOFError:
             code = self._process.wait()
-            raise CellStartError(
+            raise UnreachableError(
                 f"grasp-cell ended with exit code {code} before it served; see its line above"
             ) from None
         try:
@@ -68,7 +68,7 @@ class CellProcess(ChildProcess):
                 **{name: str(record[name]) for name in Endpoints._fields if name in record}
             )
         except (ValueError, TypeError) as error:
-            raise CellStartError(
+            raise UnreachableError(
                 f"grasp-cell told {line[:200]!r} instead of its endpoints"
             ) from error
 

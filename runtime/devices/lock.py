@@ -15,7 +15,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from urllib.parse import SplitResult, parse_qs, urlsplit
 
-from runtime.errors import PortBusyError
+from runtime.shell.errors import UnreachableError
 from runtime.shell.host_names import addresses_of
 
 CREDENTIALS = struct.Struct("3i")  # process, user and group, as SO_PEERCRED tells them
@@ -42,7 +42,7 @@ class PortLock(ExitStack):
     Links such as /dev/serial/by-id are followed to the device, names of hosts to their addresses.
 
     Raises:
-        PortBusyError: another process holds it; the message tells which.
+        UnreachableError: another process holds it; the message tells which.
     """
 
     def __init__(self, port: str) -> None:
@@ -64,7 +64,7 @@ def _bound(name: str, port: str) -> socket.socket:
     except OSError as error:
         result.close()
         if error.errno != errno.EADDRINUSE:
-            raise PortBusyError(
+            raise UnreachableError(
                 f"port {port}: its lock cannot be taken ({error.strerror})"
             ) from error
         owner = _owner(address)
@@ -72,7 +72,7 @@ def _bound(name: str, port: str) -> socket.socket:
             message = "this command itself under another name", "name another device"
         else:
             message = "another process of squeezetree", "stop that first"
-        raise PortBusyError(
+        raise UnreachableError(
             f"port {port} is in use by {message[0]} (process {owner}); {message[1]}"
         ) from None
     return result

@@ -7,7 +7,7 @@ a success here says nothing about the plan. Where the planner is installed, its 
 from math import dist, remainder, tau
 from random import Random
 
-from runtime.errors import ArgumentsError
+from runtime.shell.errors import UsageError
 from runtime.table import Branch, Calibration, Node, Pose2, Table, by_count, decision_map
 from runtime.traversal.geometry import compose, placement
 
@@ -20,10 +20,10 @@ def make(job: object, seed: int) -> "Rehearsal":
     """The rehearsal world of a table, as `module:factory` names it; a job alone has no statistics.
 
     Raises:
-        ArgumentsError: `job` is no table.
+        UsageError: `job` is no table.
     """
     if not isinstance(job, Table):
-        raise ArgumentsError(
+        raise UsageError(
             "a rehearsal draws from a table's statistics; start grasp-cell with --tree"
         )
     return Rehearsal(job, seed)

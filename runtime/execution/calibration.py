@@ -8,12 +8,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 from drivers.ports import Gripper
-from runtime.errors import CalibrationError, GripperStateError, TableError
+from runtime.errors import GripperStateError
 from runtime.execution.middle import Middle
 from runtime.execution.reading import CLOSED_COUNTS, check_fresh
 from runtime.execution.safety import stroke
 from runtime.execution.strokes import GENTLE_FORCE, GENTLE_SPEED
 from runtime.shell import strict_json
+from runtime.shell.errors import InputError
 from runtime.shell.files import read_regular, writing
 from runtime.table import COUNTS, Calibration, GripperSpec
 from runtime.traversal.decision import CLOSING_CONTACT
@@ -98,16 +99,16 @@ def fit(gauges: Sequence[Gauge], gripper: str, date: str) -> GripperCalibration:
     """The calibration that passes through gauged widths, at least `LEAST_BLOCKS` of them.
 
     Raises:
-        CalibrationError: too few blocks, or a wider one that did not read a smaller count.
+        InputError: too few blocks, or a wider one that did not read a smaller count.
     """
     ordered = sorted(gauges)
     if len({gauge.width_mm for gauge in ordered}) < max(LEAST_BLOCKS, len(ordered)):
-        raise CalibrationError(
+        raise InputError(
             f"{len(ordered)} gauge blocks; measure at least {LEAST_BLOCKS} of different widths"
         )
     for narrow, wide in pairwise(ordered):
         if wide.mean >= narrow.mean:
-            raise CalibrationError(
+            raise InputError(
                 f"the {wide.width_mm:g} mm block read count {wide.mean:.1f} and the {narrow.width_mm:g} mm "
                 f"block {narrow.mean:.1f}; a wider one reads less, measure both again"
             )
@@ -138,33 +139,30 @@ def save(calibration: GripperCalibration, path: Path) -> None:
     """Write the file.
 
     Raises:
-        CalibrationError: it cannot be written.
+        OutputError: it cannot be written.
     """
     body = _body(calibration)
     text = json.dumps({**body, "sha256": strict_json.digest(body)}, indent=1) + "\n"
-    try:
-        with writing(path) as draft:
-            draft.write_text(text, encoding="ascii")
-    except OSError as error:
-        raise CalibrationError(f"calibration {error}") from error
+    with writing(path) as draft:
+        draft.write_text(text, encoding="ascii")
 
 
 def load(path: Path) -> GripperCalibration:
     """Read and check a file.
 
     Raises:
-        CalibrationError: it cannot be read, was changed by hand, or is not monotone.
+        InputError: it cannot be read, was changed by hand, or is not monotone.
     """
 
-    def refused(problem: str) -> CalibrationError:
-        return CalibrationError(
+    def refused(problem: str) -> InputError:
+        return InputError(
             f"calibration {path}: {problem}; make it again with grasp-calibrate width"
         )
 
     record = strict_json.load(path, refused)
     try:
         return _parsed(record)
-    except (LookupError, TypeError, ValueError, TableError, CalibrationError) as error:
+    except (LookupError, TypeError, ValueError, InputError) as error:
         raise refused(str(error)) from error
 
 
@@ -172,21 +170,21 @@ def bytes_of(path: Path) -> bytes:
     """The bytes of a file that `load` accepts.
 
     Raises:
-        CalibrationError: as `load`.
+        InputError: as `load`.
     """
     load(path)
     try:
         return read_regular(path, strict_json.MOST_BYTES)[0]
     except OSError as error:
-        raise CalibrationError(f"calibration {path}: cannot be read: {error.strerror}") from error
+        raise InputError(f"calibration {path}: cannot be read: {error.strerror}") from error
 
 
 def _parsed(record: object) -> GripperCalibration:
     if not isinstance(record, dict) or record.get("format") != FORMAT:
-        raise CalibrationError(f"is no calibration of format {FORMAT}")
+        raise InputError(f"is no calibration of format {FORMAT}")
     body = {name: value for name, value in record.items() if name != "sha256"}
     if record.get("sha256") != strict_json.digest(body):
-        raise CalibrationError("does not have its digest: it was changed after it was measured")
+        raise InputError("does not have its digest: it was changed after it was measured")
     gauges = tuple(Gauge(float(row["width_mm"]), tuple(row["counts"])) for row in record["gauges"])
     tips, current = record["tips_mm"], record["current_ma"]
     result = GripperCalibration(

@@ -12,11 +12,12 @@ from runtime.journal.chain import Journal
 from runtime.journal.lines import Entry
 from runtime.journal.replay import Last, Replay
 from runtime.shell import interrupts
+from runtime.shell.exit_codes import ExitCode
 from runtime.traversal.decision import TraversalState
 from runtime.traversal.results import Outcome, PartResult
 
 ABORT, RESUME, RESTART = "abort", "resume", "restart"
-GIVEN_UP = {"exit_code": BrokenRunError.exit_code, "reason": "given up after a crash"}
+GIVEN_UP = {"exit_code": ExitCode.JOURNAL, "reason": "given up after a crash"}
 # What of its header a run that is gone on with must share, and what it is called.
 SAME = {
     "table_sha256": "table",

@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Self
 
-from runtime.errors import ArgumentsError
 from runtime.shell import strict_toml
-from runtime.table import Pose2, Table
+from runtime.shell.errors import InputError, UsageError
+from runtime.table import Area, Pose2, Table
 from runtime.traversal.answer import frames_in
 
 KEYS = {
@@ -35,7 +35,7 @@ class Delivery:
     # least and greatest width the fingers may read at the grasp
     width_mm: tuple[float, float] = (0.5, math.inf)
     # x min, y min, x max, y max of the hand while it carries, um; None for the work area
-    area_um: tuple[int, int, int, int] | None = None
+    area_um: Area | None = None
 
     def record(self) -> dict[str, object]:
         """As a journal's header keeps it; no upper limit of a width is None."""
@@ -80,12 +80,12 @@ def from_text(text: str) -> Delivery:
     """The delivery of `x,y,angle`: mm, mm, degrees of the part where it is put down.
 
     Raises:
-        ArgumentsError: it is not three numbers.
+        UsageError: it is not three numbers.
     """
     try:
         x_mm, y_mm, angle_deg = (float(word) for word in text.split(","))
     except ValueError:
-        raise ArgumentsError(
+        raise UsageError(
             f"--deliver {text!r}: write x,y,angle in mm, mm and degrees, or a file"
         ) from None
     return from_keys({"drop_mm": [x_mm, y_mm], "drop_angle_deg": angle_deg}, "--deliver")
@@ -95,12 +95,12 @@ def by_name(words: Sequence[str], table: Table) -> Sorting:
     """The deliveries of words `NAME=x,y,angle` or `NAME=FILE`, for a table of several parts.
 
     Raises:
-        ArgumentsError: a name is missing, unknown or stands twice; a place is wrong; or leaves do not tell
+        UsageError: a name is missing, unknown or stands twice; a place is wrong; or leaves do not tell
             which part lies where.
     """
     goal, numbers = table.goal, dict(enumerate(hypothesis.name for hypothesis in table.hypotheses))
     if goal.kind == "identity" or not goal.identify:
-        raise ArgumentsError(
+        raise UsageError(
             "--deliver: this table does not tell both which part it is and where it lies"
         )
     result: dict[str, Delivery] = {}
@@ -108,14 +108,12 @@ def by_name(words: Sequence[str], table: Table) -> Sorting:
         name, sign, place = word.rpartition("=")
         if not sign or name not in numbers.values():
             known = ", ".join(numbers.values())
-            raise ArgumentsError(
+            raise UsageError(
                 f"--deliver {word!r}: the table leaves open which part it is; write NAME=x,y,angle, the name "
                 f"one of: {known}"
             )
         if name in result:
-            raise ArgumentsError(
-                f"--deliver {word!r}: {name} has a place already; give each part one"
-            )
+            raise UsageError(f"--deliver {word!r}: {name} has a place already; give each part one")
         result[name] = from_text(place) if "," in place else from_file(Path(place))
     return Sorting(result, numbers)
 
@@ -124,17 +122,17 @@ def from_file(path: Path) -> Delivery:
     """The delivery of a TOML file, its keys at the top or in a section `delivery`.
 
     Raises:
-        ArgumentsError: it cannot be read, or a key is wrong.
+        InputError: it cannot be read, or a key is wrong.
     """
     try:
         with path.open("rb") as file:
             document = strict_toml.parse(file.read(strict_toml.MOST_BYTES + 1).decode())
     except OSError as error:
-        raise ArgumentsError(
+        raise InputError(
             f"--deliver {path}: {error.strerror or error}; name a TOML file"
         ) from error
     except ValueError as error:
-        raise ArgumentsError(f"--deliver {path}: no TOML file ({error})") from error
+        raise InputError(f"--deliver {path}: no TOML file ({error})") from error
     return from_keys(document.get("delivery", document), f"--deliver {path}")
 
 
@@ -142,7 +140,7 @@ def from_job(job: Mapping[str, object] | None) -> Delivery | None:
     """The delivery of a table's embedded job (`runtime.table.job_of`), None where it has none.
 
     Raises:
-        ArgumentsError: a key of it is wrong.
+        InputError: a key of it is wrong.
     """
     keys = (job or {}).get("delivery")
     if keys is None:
@@ -153,7 +151,7 @@ def from_job(job: Mapping[str, object] | None) -> Delivery | None:
     name = keys["grasp"]
     picks = frames_in((job or {}).get("part")).picks
     if name not in picks:
-        raise ArgumentsError(
+        raise InputError(
             f"{where}: grasp {name!r} is none of [part] picks: {', '.join(picks) or 'none'}"
         )
     others = {
@@ -168,16 +166,14 @@ def from_keys(keys: object, where: str) -> Delivery:
     """The delivery of its keys.
 
     Raises:
-        ArgumentsError: these are no keys, one is unknown, missing, or not as many numbers as it takes.
+        InputError: these are no keys, one is unknown, missing, or not as many numbers as it takes.
     """
     if not isinstance(keys, Mapping):
-        raise ArgumentsError(f"{where}: delivery is no section of keys and values")
+        raise InputError(f"{where}: delivery is no section of keys and values")
     if unknown := keys.keys() - KEYS.keys():
-        raise ArgumentsError(
-            f"{where}: unknown key {sorted(unknown)[0]}; known are {', '.join(KEYS)}"
-        )
+        raise InputError(f"{where}: unknown key {sorted(unknown)[0]}; known are {', '.join(KEYS)}")
     if "drop_mm" not in keys:
-        raise ArgumentsError(f"{where}: drop_mm is missing; say where the part goes")
+        raise InputError(f"{where}: drop_mm is missing; say where the part goes")
     numbers = {name: _numbers(where, name, keys[name]) for name in KEYS if name in keys}
     delivery = Delivery(_pose(numbers, "drop"), _pose(numbers, "grasp"))
     if "width_mm" in numbers:
@@ -186,10 +182,10 @@ def from_keys(keys: object, where: str) -> Delivery:
     if "area_mm" in numbers:
         x_min, y_min, x_max, y_max = (round(1000 * value) for value in numbers["area_mm"])
         if x_min >= x_max or y_min >= y_max:
-            raise ArgumentsError(
+            raise InputError(
                 f"{where}: area_mm is x min, y min, x max, y max, each min below its max"
             )
-        delivery = replace(delivery, area_um=(x_min, y_min, x_max, y_max))
+        delivery = replace(delivery, area_um=Area(x_min, y_min, x_max, y_max))
     return delivery
 
 
@@ -197,15 +193,13 @@ def _numbers(where: str, name: str, value: object) -> tuple[float, ...]:
     items: list[object] = value if isinstance(value, list) else [value]
     wanted = KEYS[name]
     if isinstance(value, list) != bool(wanted) or len(items) != max(wanted, 1):
-        raise ArgumentsError(
-            f"{where}: {name} takes {wanted or 'one'} number{'s' if wanted else ''}"
-        )
+        raise InputError(f"{where}: {name} takes {wanted or 'one'} number{'s' if wanted else ''}")
     numbers = []
     for item in items:
         if isinstance(item, bool) or not isinstance(item, int | float) or item != item:
-            raise ArgumentsError(f"{where}: {name} holds {item!r}, which is no number")
+            raise InputError(f"{where}: {name} holds {item!r}, which is no number")
         if not -LARGEST <= item <= LARGEST:
-            raise ArgumentsError(
+            raise InputError(
                 f"{where}: {name} holds a number beyond {LARGEST:g}; these are mm and degrees"
             )
         numbers.append(float(item))

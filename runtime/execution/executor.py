@@ -11,7 +11,7 @@ from math import hypot, tau
 from drivers.ports import Arm, Gripper, Settled
 from runtime.devices.audit import AuditProcess, answer_of
 from runtime.devices.clock import Lap, SystemClock
-from runtime.errors import BrokenRunError, CellError, GripperStateError, exit_code_of, is_expected
+from runtime.errors import BrokenRunError, GripperStateError
 from runtime.execution import recovery, safety
 from runtime.execution.carry import deliver
 from runtime.execution.delivery import Delivery, Sorting
@@ -24,6 +24,7 @@ from runtime.execution.watch import MACHINE, Expected
 from runtime.journal.chain import Journal
 from runtime.journal.replay import Replay
 from runtime.shell import interrupts
+from runtime.shell.errors import ExpectedError, exit_code_of, is_expected
 from runtime.table import (
     REJECT,
     Node,
@@ -81,7 +82,7 @@ PLAIN = RunOptions()
 
 
 class Executor:
-    """Executes one table, proved, with one cell, connected and not yet moved.
+    """Executes one valid table with one cell, connected and not yet moved.
 
     Raises:
         TableError: the gripper cannot do what the table asks.
@@ -235,7 +236,7 @@ class Executor:
         """Take what the jaws hold to where the node wants it let go."""
         target = release_point(node, branch)
         if target is not None:
-            self._hand.drag(target[0] / 1000, target[1] / 1000)
+            self._hand.drag(target.x_um / 1000, target.y_um / 1000)
 
     def _free(self, part: int, broken: Replay) -> None:
         """Let go of what a run that broke off may still hold, where it holds it."""
@@ -305,7 +306,7 @@ class Executor:
         """Record a fault's result; a journal that fails now is noted there instead of hiding the fault."""
         try:
             self._cell.journal.record("outcome", outcome_fields(self._table, result))
-        except CellError as error:
+        except ExpectedError as error:
             return replace(result, safe_state=(*result.safe_state, f"not journalled: {error}"))
         return result
 
@@ -316,8 +317,9 @@ def expected_of(table: Table, node: Node, slowest_um_s: int) -> Expected:
     The same for each push, and its way. A stroke may be as slow as the gripper's least speed.
     """
     timing = Schedule.of(table, job_of(table)).timing
-    x_min, y_min, x_max, y_max = (edge / 1e3 for edge in table.limits.work_area_um)
-    arm_s = timing.move_s(hypot(x_max - x_min, y_max - y_min)) + timing.move_s(0.0, tau)
+    area = table.limits.work_area_um
+    across_mm = hypot(area.x_max - area.x_min, area.y_max - area.y_min) / 1e3
+    arm_s = timing.move_s(across_mm) + timing.move_s(0.0, tau)
     arm_s += 3 * timing.move_s(timing.retreat_mm - timing.squeeze_mm)
     speed_mm_s = min(node.squeeze.speed_um_s, slowest_um_s) / 1e3
     ways_s = sum(

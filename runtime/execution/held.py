@@ -87,8 +87,7 @@ def put_down(
     width_mm = hand.width_mm(count)
     wide_um = min(round(1000 * (width_mm + CLEAR_MM)), table.gripper.opening_um)
     limits = hand.limits
-    x_min, y_min, x_max, y_max = limits.work_area_um
-    inside = x_min <= 1000 * pose[0] <= x_max and y_min <= 1000 * pose[1] <= y_max
+    inside = limits.work_area_um.contains(pose[0], pose[1])
     # Of several parts nobody knows which one they hold, and so in which area it was carried.
     if isinstance(delivery, Delivery) and delivery.area_um is not None and not inside:
         limits = replace(limits, work_area_um=delivery.area_um)

@@ -50,7 +50,7 @@ class Jaws:
         return safety.ready_gripper(self.gripper, self.asked)
 
     def open(self, squeeze: Squeeze) -> None:
-        """Have the jaws open as wide as the squeeze wants them; the collision proof counts on it.
+        """Have the jaws open as wide as the squeeze wants them; the check for collisions counts on it.
 
         Nothing moves where they stand there already, or are on their way.
         """

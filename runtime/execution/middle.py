@@ -15,9 +15,10 @@ from math import hypot, pi, sqrt
 from statistics import fmean, linear_regression
 from typing import NamedTuple, Self
 
-from runtime.errors import CalibrationError, GripperStateError
+from runtime.errors import GripperStateError
 from runtime.execution import safety
 from runtime.execution.hand import Hand
+from runtime.shell.errors import InputError
 from runtime.table import HELD_UM, PPM, Branch, Node, Pose2, Table, job_of, profile_of
 from runtime.traversal.decision import CLOSING_CONTACT, release_point
 from runtime.traversal.geometry import compose, end_of, placement, sent
@@ -133,12 +134,12 @@ def gripping(table: Table, block_mm: float) -> Node:
     """A squeeze of the block: gentle, the jaws opened for it, and one outcome that any width is.
 
     Raises:
-        CalibrationError: the block is too wide for the gripper.
+        InputError: the block is too wide for the gripper.
     """
     profile, widest_um = profile_of(table.gripper.model), table.gripper.opening_um
     opening_um = round(1000 * (block_mm + 2.0 * ROOM_MM))
     if block_mm <= 0.0 or opening_um > widest_um:
-        raise CalibrationError(
+        raise InputError(
             f"a block of {block_mm:g} mm; take one of up to {widest_um / 1000 - 2 * ROOM_MM:g} mm"
         )
     squeeze = table.nodes[0].squeeze._replace(
@@ -169,7 +170,7 @@ def measure(
 
     Raises:
         GripperStateError: the gripper is not ready, or closed without meeting the block.
-        CalibrationError: the readings are not those of such a block there.
+        InputError: the readings are not those of such a block there.
     """
     halves = []
     for turn in (0.0, pi):
@@ -186,13 +187,13 @@ def _look(hand: Hand, node: Node, block_mm: float, about: Pose2) -> float:
     """Where the hand must stand for both fingers to touch at once, roughly [mm]."""
     below, above = (_grip(hand, node, about, off).width_mm for off in (-COARSE_MM, COARSE_MM))
     if below + above - 2.0 * block_mm < 2.0 * COARSE_MM:
-        raise CalibrationError(
+        raise InputError(
             f"the jaws read {below:.2f} and {above:.2f} mm on a block of {block_mm:g} mm, {COARSE_MM:g} mm "
             "beside its middle: it gives way, or is another; hold it fast"
         )
     result = (below - above) / 4.0
     if abs(result) > NEAR_MM:
-        raise CalibrationError(
+        raise InputError(
             f"the block stands about {result:+.1f} mm off, along the hand's y; correct --at"
         )
     return result
@@ -216,17 +217,17 @@ def _grip(hand: Hand, node: Node, about: Pose2, off_mm: float) -> Grip:
 
 
 def fit(block_mm: float, halves: Sequence[tuple[float, Sequence[Grip]]]) -> Middle:
-    """What both halves say, each where it found the block and its grips; or CalibrationError."""
+    """What both halves say, each where it found the block and its grips; or InputError."""
     lines = [_line(block_mm, result, grips) for result, grips in halves]
     rough = max(line.residual_mm for line in lines)
     if not rough <= ROUGH_MM:
-        raise CalibrationError(
+        raise InputError(
             f"the readings scatter by {rough:.2f} mm about those of a {block_mm:g} mm block held fast; "
             "look at its width, at --angle, and that it does not give way"
         )
     across = -fmean(line.both_mm for line in lines)
     if not abs(across) <= MOST_MM:
-        raise CalibrationError(
+        raise InputError(
             f"the fingers meet {across:+.1f} mm off the hand's middle; set the tool frame"
         )
     share = -fmean(line.slope for line in lines)

@@ -57,7 +57,7 @@ def check_closed(settled: Settled, calibration: Calibration, current_ma: tuple[i
 
 
 def check_opened(settled: Settled, requested_counts: int, calibration: Calibration) -> None:
-    """Check that the jaws opened as far as requested; the collision proof of the descent counts on it.
+    """Check that the jaws opened as far as requested; the check for collisions of the descent counts on it.
 
     Raises:
         GripperStateError: the reading is stale, or the jaws are blocked.

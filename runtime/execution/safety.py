@@ -96,13 +96,14 @@ def check_target(pose: PoseOfHand, limits: Limits) -> None:
         MotionRefusedError: not a number, outside the work area, or at a height nobody planned for.
     """
     x_mm, y_mm, z_mm, angle_rad = pose
-    x_min, y_min, x_max, y_max = (edge / 1000 for edge in limits.work_area_um)
+    area = limits.work_area_um
     if not all(isfinite(value) for value in pose):
         raise MotionRefusedError(f"the arm was to be sent to {pose}, which is no place")
-    if not (x_min <= x_mm <= x_max and y_min <= y_mm <= y_max):
+    if not area.contains(x_mm, y_mm):
         raise MotionRefusedError(
             f"({x_mm:.2f}, {y_mm:.2f}) mm is outside the work area "
-            f"x {x_min:g}..{x_max:g}, y {y_min:g}..{y_max:g} mm"
+            f"x {area.x_min / 1000:g}..{area.x_max / 1000:g}, "
+            f"y {area.y_min / 1000:g}..{area.y_max / 1000:g} mm"
         )
     if not limits.squeeze_height_um / 1000 <= z_mm <= limits.retreat_height_um / 1000:
         raise MotionRefusedError(

@@ -6,7 +6,7 @@ from math import isfinite
 from typing import NamedTuple
 
 from drivers.ports import Gripper, Scene, Truth
-from runtime.errors import JournalError, exit_code_of
+from runtime.errors import JournalError
 from runtime.execution import held
 from runtime.execution.events import Console, Sighting, Tally
 from runtime.execution.executor import PLAIN, Cell, Executor, RunOptions
@@ -16,6 +16,7 @@ from runtime.execution.safety import needs_activation, ready_gripper
 from runtime.journal.chain import Journal
 from runtime.journal.replay import Replay
 from runtime.shell import interrupts
+from runtime.shell.errors import exit_code_of
 from runtime.table import Table, error_mm, meets, poses_of
 from runtime.traversal.results import Outcome, PartResult
 

@@ -6,8 +6,9 @@ from math import inf
 from typing import Any, NamedTuple, TypeVar, cast
 
 from runtime.devices.clock import SystemClock
-from runtime.errors import CellError, GripperStateError, MotionRefusedError
+from runtime.errors import GripperStateError, MotionRefusedError
 from runtime.shell import interrupts
+from runtime.shell.errors import DeviceError
 
 # How much longer than stroke and path take at the commanded speeds one squeeze may last.
 DEADLINE_FACTOR = 3.0
@@ -87,7 +88,7 @@ class Watch:
         self._since = now
         return now
 
-    def _late(self) -> CellError:
+    def _late(self) -> DeviceError:
         now, spent = self._count(), self._spent
         expected = {ARM: self._expected.arm_s, GRIPPER: self._expected.gripper_s, MACHINE: 0.0}
         slowest = max(spent, key=lambda name: spent[name] - expected[name])

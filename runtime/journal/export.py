@@ -5,8 +5,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 
-from runtime.errors import ArgumentsError
 from runtime.journal.lines import Entry, begins_run
+from runtime.shell.errors import UsageError
 from runtime.shell.files import STDOUT, writing
 
 UNITS = {"um": ("mm", 1e3), "urad": ("rad", 1e6)}  # of records, and what rows are in instead
@@ -70,14 +70,14 @@ def write_rows(
         kinds: Arrow types by column; those of the others follow from their values.
 
     Raises:
-        ArgumentsError: another suffix, or pyarrow is missing.
+        UsageError: another suffix, or pyarrow is missing.
         OutputError: the file cannot be written.
     """
     if path in STDOUT or path.suffix == ".csv":
         return _write_csv(rows, path, columns)
     if path.suffix == ".parquet":
         return _write_parquet(rows, path, columns, kinds)
-    raise ArgumentsError(f"{option} {path}: name a file that ends in .csv or .parquet")
+    raise UsageError(f"{option} {path}: name a file that ends in .csv or .parquet")
 
 
 def _write_csv(rows: Iterable[Row], path: Path, columns: Sequence[str]) -> int:
@@ -98,7 +98,7 @@ def _write_parquet(
         import pyarrow
         from pyarrow import parquet
     except ImportError as error:
-        raise ArgumentsError(
+        raise UsageError(
             "Parquet needs pyarrow, which a cell controller does not have; "
             "install squeezetree[parquet] where you evaluate, or export to .csv"
         ) from error
@@ -111,7 +111,7 @@ def _write_parquet(
         pyarrow.ArrowException,
         OverflowError,
     ) as error:  # a column of words and numbers, or of huge ones
-        raise ArgumentsError(f"{path} cannot be written: {error}; name another file") from error
+        raise UsageError(f"{path} cannot be written: {error}; name another file") from error
     return len(listed)
 
 

@@ -13,9 +13,10 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
-from runtime.errors import ArgumentsError, JournalError
+from runtime.errors import JournalError
 from runtime.journal.export import PART, SQUEEZE, scaled
 from runtime.journal.lines import RESERVED, UPTIME, Entry, begins_run
+from runtime.shell.errors import UsageError
 from runtime.shell.files import writing
 from runtime.table import Table, TableError, loads
 
@@ -72,7 +73,7 @@ def write(
         timestamp: reads a record's time as seconds since 1970; ValueError where it is none.
 
     Raises:
-        ArgumentsError: the extra `mcap` is missing.
+        UsageError: the extra `mcap` is missing.
         JournalError: a record's time is no date, or a table that its digest vouches for cannot be read.
         OutputError: the file cannot be written.
     """
@@ -172,7 +173,7 @@ def _writer(file: BinaryIO) -> "Writer":
     try:
         from mcap.writer import Writer
     except ImportError as error:
-        raise ArgumentsError(
+        raise UsageError(
             "MCAP needs the extra mcap, which a cell controller does not have; "
             "pip install 'squeezetree[mcap]' where you evaluate, or export to .csv"
         ) from error

@@ -148,9 +148,11 @@ def _goal(goal: GoalSpec) -> str:
         return "the right part"
     if goal.kind in ("pose", "modes"):
         return f"{goal.distance_um / 1000:g} mm"
-    x_um, y_um, theta_urad = goal.tolerance
-    turn = f"{degrees(theta_urad / 1e6):g} deg"
-    return turn if goal.kind == "orientation" else f"{x_um / 1000:g} mm, {y_um / 1000:g} mm, {turn}"
+    tolerance = goal.tolerance
+    turn = f"{degrees(tolerance.theta_urad / 1e6):g} deg"
+    if goal.kind == "orientation":
+        return turn
+    return f"{tolerance.x_um / 1000:g} mm, {tolerance.y_um / 1000:g} mm, {turn}"
 
 
 def _reached(step: Step) -> str:

@@ -17,12 +17,10 @@ from pathlib import Path
 from typing import Any, NoReturn, TextIO
 
 from runtime.shell import output
+from runtime.shell.errors import ExpectedError
+from runtime.shell.exit_codes import ExitCode
 from runtime.shell.plain_text import cleaned
 
-USAGE = 2
-INPUT_FILE = 3
-LINK = 20
-INTERRUPTED = 130
 OURS = frozenset({"planner", "runtime", "drivers"})
 LONGEST_LINE = 2000
 UNWRITABLE = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EPIPE})
@@ -46,7 +44,7 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """End with exit code 2 and a line on standard error."""
         tell(self.prog, f"{message}; {self.prog} --help tells more")
-        self.exit(USAGE)
+        self.exit(ExitCode.USAGE)
 
     def _print_message(self, message: str, file: Any = None) -> None:
         """Print the text of --help; argparse itself would not tell that it was lost."""
@@ -67,7 +65,7 @@ class _PrintCompletion(argparse.Action):
 
     def __call__(self, parser: Any, _namespace: Any, values: Any, _option: Any = None) -> None:
         try:
-            import shtab
+            shtab = import_module("shtab")  # of an extra
         except ModuleNotFoundError:
             parser.error(
                 "--print-completion needs shtab; install squeezetree[completion]; "
@@ -96,13 +94,13 @@ def run(
     built: Parser,
     argv: Sequence[str] | None,
     body: Callable[[argparse.Namespace], int],
-    stopped: tuple[int, str] = (INTERRUPTED, "interrupted"),
+    stopped: tuple[int, str] = (ExitCode.INTERRUPTED, "interrupted"),
 ) -> int:
     """Run a command; every error becomes one line on standard error and an exit code, which is returned.
 
-    An error to which a class of ours gives an `exit_code` ends with it; an OSError with 3 where a file cannot
-    be read, with 20 where a connection fails, with 2 where an output cannot be written; anything else, which
-    nobody foresaw, with 1.
+    An `ExpectedError` ends with its `exit_code`; an OSError with INPUT where a file cannot be read, with
+    UNREACHABLE where a connection fails, with USAGE where an output cannot be written; any other error is a
+    bug and ends with INTERNAL.
     An answer that is lost ends a command that did well with 2; a reader who has seen enough (`| head`) does
     not.
 
@@ -123,7 +121,7 @@ def run(
         raise SystemExit(_flushed(built.prog, int(end.code or 0))) from None
     if closed:
         tell(built.prog, "standard output is closed; send it to a file, or to /dev/null")
-        return USAGE
+        return ExitCode.USAGE
     return _flushed(built.prog, _guarded(built.prog, arguments, body, stopped))
 
 
@@ -140,10 +138,10 @@ def entry(name: str, module: str, extra: str, argv: Sequence[str] | None = None)
             raise
         hint = f"install squeezetree[{extra}]; in a clone: pip install '.[{extra}]'"
         tell(name, f"needs the {extra} extra ({missing} is missing); {hint}")
-        return USAGE
+        return ExitCode.USAGE
     except KeyboardInterrupt:
         tell(name, "interrupted")
-        return INTERRUPTED
+        return ExitCode.INTERRUPTED
     return int(loaded.main(argv))
 
 
@@ -255,26 +253,23 @@ def _guarded(
         return code
 
 
-def is_foreseen(error: BaseException) -> bool:
-    """Whether a class of ours gave the error its `exit_code`; other libraries use the name, too."""
-    kinds = (kind for kind in type(error).__mro__ if "exit_code" in vars(kind))
-    return any(kind.__module__.partition(".")[0] in OURS for kind in kinds)
-
-
 def _end_of(error: BaseException) -> tuple[int, str]:
-    if is_foreseen(error):
-        return int(error.exit_code), sentence_of(error)  # type: ignore[attr-defined]
+    if isinstance(error, ExpectedError):
+        return error.exit_code, sentence_of(error)
     if isinstance(error, OSError):
         reason = error.strerror or sentence_of(error)
         if error.errno in UNWRITABLE:
             _discard(sys.stdout)
-            return USAGE, _unwritten(error)
+            return ExitCode.USAGE, _unwritten(error)
         if error.filename is not None:
-            return INPUT_FILE, f"{error.filename}: {reason}"
+            return ExitCode.INPUT, f"{error.filename}: {reason}"
         if isinstance(error, ConnectionError | TimeoutError):
-            return LINK, reason
+            return ExitCode.UNREACHABLE, reason
     kind = type(error).__name__
-    return 1, f"internal error, please report it: {kind}: {sentence_of(error)} (--debug shows more)"
+    return (
+        ExitCode.INTERNAL,
+        f"internal error, please report it: {kind}: {sentence_of(error)} (--debug shows more)",
+    )
 
 
 def _flushed(name: str, code: int) -> int:
@@ -289,7 +284,7 @@ def _flushed(name: str, code: int) -> int:
     if not _lost:
         return code
     tell(name, _unwritten(_lost[0]))
-    return code or USAGE
+    return code or ExitCode.USAGE
 
 
 def _unwritten(error: OSError) -> str:

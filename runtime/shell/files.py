@@ -15,14 +15,14 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TextIO
 
+from runtime.shell.errors import UsageError
+
 STDOUT = frozenset({Path("-"), Path("/dev/stdout")})
 LONGEST_STEM = 40
 
 
-class OutputError(OSError):
+class OutputError(UsageError, OSError):
     """An output cannot be written: what a command line names is none, or the disk refuses."""
-
-    exit_code = 2
 
 
 def usable(path: Path, *others: Path | None, stdout: bool = False) -> Path:

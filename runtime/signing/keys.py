@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from runtime.errors import ArgumentsError, KeyFileError
+from runtime.shell.errors import InputError, UsageError
 from runtime.shell.files import OutputError, bring_to_disk, quoted, read_regular, usable
 
 if TYPE_CHECKING:
@@ -87,7 +87,7 @@ def generate(path: Path) -> SigningKey:
 
     Raises:
         OutputError: one of the files is there already, or cannot be written; neither is left behind.
-        ArgumentsError: the extra is missing.
+        UsageError: the extra is missing.
     """
     from_library = _ed25519().Ed25519PrivateKey.generate()
     key, public = SigningKey(from_library), public_of(path)
@@ -109,27 +109,27 @@ def load_private(path: Path) -> SigningKey:
     """Read a private key.
 
     Raises:
-        KeyFileError: it cannot be read, may be read by others, or is no Ed25519 key without a passphrase.
-        ArgumentsError: the extra is missing.
+        InputError: it cannot be read, may be read by others, or is no Ed25519 key without a passphrase.
+        UsageError: the extra is missing.
     """
     private = _ed25519().Ed25519PrivateKey
     data, mode = _read(path)
     if b"PRIVATE KEY" not in data and b"PUBLIC KEY" in data:
-        raise KeyFileError(path, "holds a public key; name the private one")
+        raise InputError(f"key {path} holds a public key; name the private one")
     if mode & _OTHERS:
-        raise KeyFileError(path, f"may be read by others; chmod 600 {quoted(path)}")
+        raise InputError(f"key {path} may be read by others; chmod 600 {quoted(path)}")
     from cryptography.hazmat.primitives.serialization import load_pem_private_key
 
     try:
         loaded = load_pem_private_key(data, None)
     except TypeError:
-        raise KeyFileError(path, "has a passphrase; name a key without one") from None
+        raise InputError(f"key {path} has a passphrase; name a key without one") from None
     except Exception as error:  # the library has several of its own for what it cannot parse
-        raise KeyFileError(
-            path, "holds no private key in PEM; squeezetree key makes one"
+        raise InputError(
+            f"key {path} holds no private key in PEM; squeezetree key makes one"
         ) from error
     if not isinstance(loaded, private):
-        raise KeyFileError(path, f"holds {_kind(loaded)}; squeezetree key makes an Ed25519 key")
+        raise InputError(f"key {path} holds {_kind(loaded)}; squeezetree key makes an Ed25519 key")
     return SigningKey(loaded)
 
 
@@ -137,13 +137,13 @@ def load_public(path: Path) -> PublicKey:
     """Read a public key; errors as `load_private`."""
     data, _ = _read(path)
     if b"PRIVATE KEY" in data:
-        raise KeyFileError(
-            path, f"holds a private key; name the public one, {public_of(path).name}"
+        raise InputError(
+            f"key {path} holds a private key; name the public one, {public_of(path).name}"
         )
     try:
         return parse_public(data)
     except ValueError as error:
-        raise KeyFileError(path, str(error)) from error
+        raise InputError(f"key {path} {error}") from error
 
 
 def parse_public(data: bytes) -> PublicKey:
@@ -151,7 +151,7 @@ def parse_public(data: bytes) -> PublicKey:
 
     Raises:
         ValueError: there is none, or none for Ed25519.
-        ArgumentsError: the extra is missing.
+        UsageError: the extra is missing.
     """
     public = _ed25519().Ed25519PublicKey
     from cryptography.hazmat.primitives.serialization import load_pem_public_key
@@ -170,7 +170,7 @@ def _ed25519() -> Any:
     try:
         from cryptography.hazmat.primitives.asymmetric import ed25519
     except ModuleNotFoundError:
-        raise ArgumentsError(
+        raise UsageError(
             "signatures need the evidence extra (cryptography is missing); install squeezetree[evidence]; "
             "in a clone: pip install '.[evidence]'"
         ) from None
@@ -221,6 +221,6 @@ def _read(path: Path) -> tuple[bytes, int]:
     try:
         return read_regular(path, _MOST_BYTES)
     except OSError as error:
-        raise KeyFileError(
-            path, f"cannot be read: {error.strerror}; squeezetree key makes one"
+        raise InputError(
+            f"key {path} cannot be read: {error.strerror}; squeezetree key makes one"
         ) from error

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from runtime.errors import PackError, PackFileError
+from runtime.errors import PackError
 from runtime.shell import strict_json
+from runtime.shell.errors import InputError
 from runtime.shell.files import read_regular
 from runtime.shell.plain_text import unprintable
 from runtime.signing.archive import SIGNATURE_BYTES, members_of, unsigned
@@ -80,13 +81,13 @@ def read(path: Path) -> bytes:
     """The bytes of a pack's file.
 
     Raises:
-        PackFileError: it cannot be read.
+        InputError: it cannot be read.
         PackError: it is too large for a pack.
     """
     try:
         data, _ = read_regular(path, MOST_BYTES + 1)
     except OSError as error:
-        raise PackFileError(f"pack {path}: cannot be read: {error.strerror}") from error
+        raise InputError(f"pack {path}: cannot be read: {error.strerror}") from error
     if len(data) > MOST_BYTES:
         raise PackError(f"is larger than {MOST_BYTES >> 20} MiB, which no pack is")
     return data
@@ -102,7 +103,7 @@ def verified(data: bytes, trusted: PublicKey | None = None) -> Pack:
 
     Raises:
         PackError: naming what was changed, or whose key signed it.
-        ArgumentsError: the extra is missing.
+        UsageError: the extra is missing.
     """
     members = members_of(data, MEMBERS)
     for name in REQUIRED:
@@ -137,7 +138,7 @@ def covering(tree: Path, table: bytes, calibration: bytes | None, trusted: Publi
 
     Raises:
         PackError: there is none.
-        ArgumentsError: the extra is missing.
+        UsageError: the extra is missing.
     """
     wanted = {TABLE: table} if calibration is None else {TABLE: table, CALIBRATION: calibration}
     reasons = []
@@ -145,7 +146,7 @@ def covering(tree: Path, table: bytes, calibration: bytes | None, trusted: Publi
     for path in (path for folder in folders for path in sorted(folder.glob("*.zip"))):
         try:
             pack = verified(read(path), trusted)
-        except (PackError, PackFileError) as error:
+        except (PackError, InputError) as error:
             reasons.append(f"{path.name} {error}")
             continue
         if all(pack.members.get(name) == wanted.get(name) for name in (TABLE, CALIBRATION)):

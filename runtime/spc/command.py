@@ -7,6 +7,7 @@ from pathlib import Path
 
 from runtime.journal.export import Row, write_rows
 from runtime.shell.command import Parser, run
+from runtime.shell.exit_codes import ExitCode, epilog
 from runtime.shell.files import usable, writing
 from runtime.spc import expectation
 from runtime.spc.history import RESIDUAL, History, Part, read
@@ -18,12 +19,7 @@ example:
   grasp-audit report runs/*.jsonl -o report.html --export parts.csv
   plan-expect T.msgpack -o expected.json && grasp-audit report runs/*.jsonl --expected expected.json
 
-exit codes:
-  0  all charts are in control        2  usage, or journals of different tables
-  13 at least one chart alarms        24 a journal cannot be read, or does not verify
-  30 the table in a journal is refused   130 interrupted (Ctrl-C)
-"""
-ALARMED = 13
+""" + epilog(ExitCode.INPUT, ExitCode.CHECK_FAILED, ExitCode.JOURNAL)
 COLUMNS = ("index", "part", "time", "outcome", "leaf", "verdict", "squeezes", *RESIDUAL, "alarms")
 # A column without a single value has its type all the same, so that the files of many reports fit together.
 KINDS = {
@@ -75,7 +71,7 @@ def _report(options: argparse.Namespace) -> int:
     summary = summarise(history, expected)
     _write(options, history, summary)
     print(json.dumps(summary.fields()) if options.json else "\n".join(_lines(summary)))
-    return ALARMED if summary.alarms else 0
+    return ExitCode.CHECK_FAILED if summary.alarms else 0
 
 
 def _write(options: argparse.Namespace, history: History, summary: Summary) -> None:

@@ -12,8 +12,8 @@ from math import exp, log
 from pathlib import Path
 from typing import Any
 
-from runtime.errors import ArgumentsError
 from runtime.shell import strict_json
+from runtime.shell.errors import InputError, UsageError
 from runtime.spc.history import History, Part, Squeezed
 from runtime.table import COUNTS, Table
 
@@ -36,10 +36,10 @@ class Expectation:
     shares: tuple[Shares, ...]  # for each world, (nodes, 256), none of them zero
 
     def check(self, history: History) -> None:
-        """Raises ArgumentsError unless this is of the table of a history."""
+        """Raises UsageError unless this is of the table of a history."""
         nodes = len(history.table.nodes)
         if history.table_sha256 not in ("", self.table_sha256) or len(self.shares[0]) != nodes:
-            raise ArgumentsError(
+            raise UsageError(
                 "--expected is of another table than the journals; make it with plan-expect from theirs"
             )
 
@@ -90,11 +90,11 @@ def load(path: Path) -> Expectation:
     """Read what `plan-expect` wrote.
 
     Raises:
-        ArgumentsError: it cannot be read, or is something else.
+        InputError: it cannot be read, or is something else.
     """
 
-    def refused(problem: str) -> ArgumentsError:
-        return ArgumentsError(f"--expected {path}: {problem}; make it with plan-expect")
+    def refused(problem: str) -> InputError:
+        return InputError(f"--expected {path}: {problem}; make it with plan-expect")
 
     record = strict_json.load(path, refused)
     try:

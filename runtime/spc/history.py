@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
-from runtime.errors import ArgumentsError, JournalError, TornError
+from runtime.errors import JournalError, TornError
 from runtime.journal.chain import records
+from runtime.shell.errors import UsageError
 from runtime.table import Pose2, Table, loads
 
 Entry = Mapping[str, object]
@@ -55,7 +56,7 @@ def read(paths: Sequence[Path]) -> History:
 
     Raises:
         JournalError: one cannot be read, or does not verify.
-        ArgumentsError: they are of different tables, or hold no part.
+        UsageError: they are of different tables, or hold no part.
     """
     table: Table | None = None
     digest = ""
@@ -72,7 +73,7 @@ def read(paths: Sequence[Path]) -> History:
                         table = loads(base64.b64decode(str(entry["table_base64"])))
                     elif digest != entry["table_sha256"]:
                         message = "is of another table; report on one table at a time"
-                        raise ArgumentsError(f"journal {path}: {message}")
+                        raise UsageError(f"journal {path}: {message}")
                     running = None
                 elif kind == "truth" and parts and running is None:
                     parts[-1] = _with_truth(parts[-1], entry)
@@ -93,7 +94,7 @@ def read(paths: Sequence[Path]) -> History:
             message = "holds a squeeze or a leaf that is none of its table's; leave it out"
             raise JournalError(path, message) from error
     if table is None or not parts:
-        raise ArgumentsError("the journals hold no part yet; run some first")
+        raise UsageError("the journals hold no part yet; run some first")
     return History(table, tuple(parts), digest)
 
 

@@ -76,7 +76,7 @@ class Monitor:
         """All alarms of a history of this table, in order.
 
         Raises:
-            ArgumentsError: what is expected of the readings is of another table.
+            UsageError: what is expected of the readings is of another table.
         """
         if self.readings is not None:
             self.readings.expected.check(history)
@@ -153,13 +153,13 @@ def standardised(table: Table, part: Part) -> tuple[float, ...]:
 
 def sigmas(table: Table, leaf: Leaf) -> tuple[float, float, float]:
     """Standard deviations of a leaf's pose, mm, mm, rad, none below a share of the goal."""
-    xx, _, yy, _, _, tt = leaf.covariance
+    moments = leaf.covariance
     floor_mm = FLOOR_SHARE * table.goal.distance_um / 1000.0
     floor_rad = floor_mm * 1000.0 / max(table.goal.rho_um, 1)
     return (
-        max(0.1 * sqrt(max(xx, 0)), floor_mm),
-        max(0.1 * sqrt(max(yy, 0)), floor_mm),
-        max(0.01 * sqrt(max(tt, 0)), floor_rad),
+        max(0.1 * sqrt(max(moments.xx, 0)), floor_mm),
+        max(0.1 * sqrt(max(moments.yy, 0)), floor_mm),
+        max(0.01 * sqrt(max(moments.tt, 0)), floor_rad),
     )
 
 

@@ -147,7 +147,7 @@ def summarise(history: History, expected: Expectation | None = None) -> Summary:
     """The figures of a history; of its readings too where it is known what to expect of them.
 
     Raises:
-        ArgumentsError: the expectation is of another table.
+        UsageError: the expectation is of another table.
     """
     parts, table = history.parts, history.table
     passed, judged = _judged(parts)

@@ -1,9 +1,9 @@
-"""The decision table: records, look-up, goal, bytes, proof, fit. `TABLE.md` is its specification.
+"""The decision table: records, look-up, goal, bytes, validation, fit. `TABLE.md` is its specification.
 
 The one package of the runtime that planner and camera need, and may import.
 
 ```
-dump(table, path)             # proves it, writes it whole or not at all
+dump(table, path)             # validates it, writes it whole or not at all
 table, data, digest = load(path)
 decided = decision_map(node, Calibration.linear(table.gripper))
 outcome = decide(decided, count, felt)
@@ -14,10 +14,12 @@ import hashlib
 from pathlib import Path
 from typing import NamedTuple
 
-from runtime.errors import TableError, TableFileError
+from runtime.errors import TableError
 from runtime.shell.files import quoted, writing
-from runtime.table.codec import MAX_BYTES, decode, encode, names_table
+from runtime.table.codec import decode, encode, names_table
+from runtime.table.embedded import job_of
 from runtime.table.evidence import refuted, successes_of, wilson_interval
+from runtime.table.fields import MAX_BRANCHES, MAX_BYTES
 from runtime.table.goal import (
     Pose2,
     distance,
@@ -42,22 +44,25 @@ from runtime.table.lookup import (
 from runtime.table.model import (
     HELD_UM,
     KINDS,
-    MAX_BRANCHES,
     PPM,
     UNDETECTED_UM,
+    Area,
     Branch,
+    Covariance,
     GoalSpec,
     GripperSpec,
     Hypothesis,
     Leaf,
+    LeafPose,
     Limits,
     Node,
+    Place,
     Prediction,
     Push,
     Squeeze,
     Table,
+    Tolerance,
 )
-from runtime.table.proof import job_of, prove
 from runtime.table.schedule import Schedule, Squeezed, Stand, close_alike
 from runtime.table.takt import figures as takt_figures
 from runtime.table.timing import (
@@ -72,65 +77,80 @@ from runtime.table.timing import (
     time_of,
     trapezoid_s,
 )
+from runtime.table.validation import validate
 
 __all__ = [
+    "ABOVE_MM",
+    "ARM_ACCELERATION_MM_S2",
+    "CLEAR_MM",
     "COUNTS",
     "HELD_UM",
     "KINDS",
+    "LEAD_MM",
     "MAX_BRANCHES",
     "PPM",
     "PROFILES",
     "REJECT",
     "UNDETECTED_UM",
-]
-__all__ += ["Calibration", "GoalSpec", "GripperSpec", "Hypothesis", "Limits", "Pose2", "Prediction"]
-__all__ += [
+    "Area",
     "Branch",
+    "Calibration",
+    "Covariance",
+    "GoalSpec",
+    "GripperSpec",
+    "Hypothesis",
     "Leaf",
+    "LeafPose",
+    "Limits",
     "Node",
+    "Phases",
+    "Place",
+    "Pose2",
+    "Prediction",
     "Profile",
     "Push",
+    "Schedule",
     "Squeeze",
+    "Squeezed",
+    "Stand",
     "Table",
     "TableError",
     "TableFile",
-]
-__all__ += [
-    "TableFileError",
+    "Timing",
+    "Tolerance",
+    "Visit",
     "by_count",
+    "close_alike",
     "decide",
     "decision_map",
+    "distance",
     "dump",
     "dumps",
-    "job_of",
-    "load",
-]
-__all__ += [
-    "distance",
     "error_mm",
     "hypotheses_of",
+    "job_of",
+    "load",
     "loads",
     "meets",
     "misfits",
     "names_table",
+    "phases_of",
     "poses_of",
-]
-__all__ += ["phases_of", "takt_figures", "time_of", "trapezoid_s"]
-__all__ += ["ABOVE_MM", "ARM_ACCELERATION_MM_S2", "LEAD_MM"]
-__all__ += ["CLEAR_MM", "Phases", "Schedule", "Squeezed", "Stand", "Timing", "Visit", "close_alike"]
-__all__ += [
     "predicted_pose",
     "profile_of",
     "refuted",
     "residual",
     "successes_of",
+    "takt_figures",
     "threshold",
+    "time_of",
+    "trapezoid_s",
     "wilson_interval",
 ]
 
 
 class TableFile(NamedTuple):
-    """A table, decoded and proved, the bytes of its file, and their SHA-256 as `sha256sum` tells it."""
+    """A table, decoded and validated, the bytes of its file, and their SHA-256 as `sha256sum` prints it."""
 
     table: Table
     data: bytes
@@ -144,18 +164,18 @@ def dumps(table: Table) -> bytes:
         TableError: it must not be executed, and why.
     """
     data = encode(table)
-    prove(table)
+    validate(table)
     return data
 
 
 def loads(data: bytes) -> Table:
-    """The table in a file's bytes, decoded and proved.
+    """The table in a file's bytes, decoded and validated.
 
     Raises:
         TableError: the bytes are not exactly what `dumps` writes for a table that may be executed.
     """
     table = decode(data)
-    prove(table)
+    validate(table)
     return table
 
 
@@ -172,18 +192,19 @@ def dump(table: Table, path: Path | str) -> None:
 
 
 def load(path: Path | str) -> TableFile:
-    """Read, decode and prove a table's file.
+    """Read, decode and validate a table's file.
 
     Raises:
-        TableFileError: it is missing or unreadable.
-        TableError: its content is refused; the message names the file.
+        TableError: it is missing, unreadable or refused; the message names the file.
     """
     path = Path(path)
     try:
         with path.open("rb") as file:
             data = file.read(MAX_BYTES + 1)
     except OSError as error:
-        raise TableFileError(path, f"{error.strerror}; pass the file plan-compile wrote") from error
+        raise TableError(
+            f"table {path}: {error.strerror}; pass the file plan-compile wrote"
+        ) from error
     try:
         return TableFile(loads(data), data, hashlib.sha256(data).hexdigest())
     except TableError as error:

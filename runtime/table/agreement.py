@@ -9,7 +9,7 @@ from typing import Any
 
 from runtime.errors import TableError
 from runtime.table.embedded import Section, gyration_mm, number, numbers, parts_of, points, section
-from runtime.table.grip import prove_grips
+from runtime.table.grip import validate_grips
 from runtime.table.grippers import same_model
 from runtime.table.model import PPM, Table
 from runtime.table.timing import checked
@@ -18,7 +18,7 @@ RHO_UM = 2  # rho is summed in another order than the planner's
 UM = 1e3  # a mm, a N, a mm/s
 
 
-def prove_agreement(table: Table, job: Mapping[str, Any]) -> None:
+def validate_agreement(table: Table, job: Mapping[str, Any]) -> None:
     """Check a table against the job inside it.
 
     Raises:
@@ -30,7 +30,7 @@ def prove_agreement(table: Table, job: Mapping[str, Any]) -> None:
                 f"{name} is {stated}, but the embedded job says {wanted}; recompile it"
             )
     checked(table.limits, job)
-    prove_grips(table, job)
+    validate_grips(table, job)
 
 
 Compared = Iterator[tuple[str, object, object]]  # a figure's name, the table's value, the job's
@@ -61,7 +61,7 @@ def _header(table: Table, job: Section) -> Compared:
         yield from _scaled(f"limits.{name}_um", getattr(limits, f"{name}_um"), cell, f"{name}_mm")
     if area := points(cell, "work_area_mm"):
         wanted = tuple(round(UM * value) for corner in area for value in corner)
-        yield "limits.work_area_um", limits.work_area_um, wanted
+        yield "limits.work_area_um", tuple(limits.work_area_um), wanted
     yield from _goal(table, section(job, "goal"))
 
 
@@ -74,11 +74,13 @@ def _goal(table: Table, stated: Section) -> Compared:
     if kind == "modes":
         yield from _scaled("goal.modes", goal.modes, stated, "modes", scale=1)
     if kind == "tolerances":
+        held = (goal.tolerance.x_um, goal.tolerance.y_um)
         shifts = tuple(round(UM * value) for value in numbers(stated, "tolerance_mm"))
-        yield "goal.tolerance", goal.tolerance[:2], shifts or goal.tolerance[:2]
+        yield "goal.tolerance", held, shifts or held
     turn_deg = number(stated, "tolerance_deg")
     if turn_deg is not None and kind in ("tolerances", "orientation"):
-        yield "goal.tolerance theta", goal.tolerance[2], round(1e6 * radians(turn_deg))
+        theta_urad = goal.tolerance.theta_urad
+        yield "goal.tolerance.theta_urad", theta_urad, round(1e6 * radians(turn_deg))
     if stated and table.hypotheses:
         yield "goal.identify", goal.identify, stated.get("identify") is not False
 

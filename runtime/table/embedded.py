@@ -1,13 +1,40 @@
 """The job inside a table: its sections, numbers and outlines, of which it may leave out any."""
 
+import hashlib
 from collections.abc import Mapping, Sequence
 from math import fsum, sqrt
 from typing import Any
 
 from runtime.errors import TableError
+from runtime.shell import strict_json
+from runtime.shell.plain_text import unprintable
+from runtime.table.model import Table
 
 Section = Mapping[str, Any]
 Outline = Sequence[tuple[float, float]]  # vertices, counter-clockwise about the origin, mm
+
+
+def job_of(table: Table) -> dict[str, Any] | None:
+    """The job that a table carries, None where it was stripped.
+
+    Raises:
+        TableError: the text is not that of the job's digest, or no JSON object that can be read.
+    """
+    if table.job is None:
+        return None
+    try:
+        if hashlib.sha256(table.job.encode()).digest() != table.job_digest:
+            raise TableError(
+                "the embedded job is not the one the table was made from; recompile it"
+            )
+        job = strict_json.parse(table.job)
+    except ValueError as error:
+        raise TableError(f"the embedded job is {error}; recompile it") from None
+    if not isinstance(job, dict):
+        raise TableError("the embedded job is no JSON object; recompile it")
+    if (text := unprintable(job)) is not None:
+        raise TableError(f"the embedded job holds {text}, which does not print; recompile it")
+    return job
 
 
 def section(job: Section, name: str) -> Section:

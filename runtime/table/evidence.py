@@ -51,7 +51,7 @@ def successes_of(leaf: Leaf) -> int:
     return round(leaf.success_ppm * leaf.trials / PPM)
 
 
-def prove_figures(table: Table) -> None:
+def validate_figures(table: Table) -> None:
     """Check that the figures of a table can be those of one evaluation.
 
     A leaf's success is a share of whole trials, and its errors lie on the right side of the goal's distance;
@@ -67,11 +67,11 @@ def prove_figures(table: Table) -> None:
                 raise TableError(
                     f"leaf {index}: success_ppm is {leaf.success_ppm}, no share of {leaf.trials} trials"
                 )
-        _prove_errors(index, leaf, table.goal)
+        _validate_errors(index, leaf, table.goal)
     predicted = table.predicted
     if predicted.trials == 0:
         return
-    _prove_predicted(table)
+    _validate_predicted(table)
     if not any(leaf.trials for leaf in table.leaves):
         return
     # Shares are rounded to a ppm. Leaves that no part came to have trials of another run, on top of these.
@@ -85,7 +85,7 @@ def prove_figures(table: Table) -> None:
         )
 
 
-def _prove_predicted(table: Table) -> None:
+def _validate_predicted(table: Table) -> None:
     """Check that the shares are of the same trials, and that a part is squeezed as often as the tree says."""
     predicted = table.predicted
     most_ppm = PPM - predicted.reject_ppm + 1  # both are rounded
@@ -100,7 +100,7 @@ def _prove_predicted(table: Table) -> None:
         )
 
 
-def _prove_errors(index: int, leaf: Leaf, goal: GoalSpec) -> None:
+def _validate_errors(index: int, leaf: Leaf, goal: GoalSpec) -> None:
     """Check that as many errors lie below the goal's distance as trials met it (kinds measured by one)."""
     if goal.kind not in ("pose", "modes") or not leaf.trials:
         return

@@ -2,26 +2,24 @@
 
 from math import hypot, remainder, tau
 
-from runtime.table.model import GoalSpec, Leaf
+from runtime.table.model import GoalSpec, Leaf, LeafPose, Tolerance
 
 Pose2 = tuple[float, float, float]  # x mm, y mm, theta rad
 
 
 def predicted_pose(leaf: Leaf) -> Pose2:
     """The part's pose in the world that a leaf predicts, mm and rad."""
-    return _pose((leaf.x_um, leaf.y_um, leaf.theta_urad))
+    return _pose(leaf)
 
 
 def poses_of(goal: GoalSpec, leaf: Leaf) -> list[Pose2]:
     """The poses any of which makes a leaf right, mm and rad: several only where the goal asks for modes."""
-    others = leaf.alternatives if goal.kind == "modes" else ()
-    return [predicted_pose(leaf), *map(_pose, others)]
+    return [*map(_pose, _allowed(goal, leaf))]
 
 
 def hypotheses_of(goal: GoalSpec, leaf: Leaf) -> tuple[int, ...]:
     """Which part it is at each of `poses_of`."""
-    others = leaf.other_hypotheses or (0,) * len(leaf.alternatives)
-    return (leaf.hypothesis, *(others if goal.kind == "modes" else ()))
+    return tuple(pose.hypothesis for pose in _allowed(goal, leaf))
 
 
 def residual(goal: GoalSpec, predicted: Pose2, true: Pose2) -> Pose2:
@@ -64,5 +62,9 @@ def meets(goal: GoalSpec, leaf: Leaf, true: Pose2, hypothesis: int = 0) -> bool:
     )
 
 
-def _pose(pose: tuple[int, int, int]) -> Pose2:
-    return pose[0] / 1e3, pose[1] / 1e3, pose[2] / 1e6
+def _allowed(goal: GoalSpec, leaf: Leaf) -> tuple[LeafPose, ...]:
+    return leaf.poses if goal.kind == "modes" else leaf.poses[:1]
+
+
+def _pose(pose: Leaf | LeafPose | Tolerance) -> Pose2:
+    return pose.x_um / 1e3, pose.y_um / 1e3, pose.theta_urad / 1e6

@@ -61,7 +61,7 @@ class Grip(NamedTuple):
     off: float  # how far either face may be from there
 
 
-def prove_grips(table: Table, job: Section) -> None:
+def validate_grips(table: Table, job: Section) -> None:
     """Check each resolved leaf that follows a grip against the outline in the job.
 
     Raises:
@@ -71,7 +71,7 @@ def prove_grips(table: Table, job: Section) -> None:
     if not outlines or min(map(len, outlines)) < 3 or not table.goal.identify:
         return
     shapes, slack = [_shape(outline) for outline in outlines], _slack(job)
-    _prove_first(table, job, max(shape.reach for shape in shapes), slack)
+    _validate_first(table, job, max(shape.reach for shape in shapes), slack)
     for index, node, branch, leaf in _grips(table):
         error_mm = _error_mm(table, leaf)
         named = zip(poses_of(table.goal, leaf), hypotheses_of(table.goal, leaf), strict=True)
@@ -87,7 +87,7 @@ def prove_grips(table: Table, job: Section) -> None:
             )
 
 
-def _prove_first(table: Table, job: Section, reach_mm: float, slack: Slack) -> None:
+def _validate_first(table: Table, job: Section, reach_mm: float, slack: Slack) -> None:
     """Check that the first squeeze can touch a part that lies where the job says that parts lie."""
     radius_mm, root = number(section(job, "uncertainty"), "radius_mm"), table.nodes[0]
     if radius_mm is None or root.pushes:
@@ -119,25 +119,24 @@ def _error_mm(table: Table, leaf: Leaf) -> float:
     goal = table.goal
     if goal.kind in ("pose", "modes"):
         return goal.distance_um / 1e3
-    x_um, y_um, theta_urad = goal.tolerance
-    return (
-        (hypot(x_um, y_um) + goal.rho_um * theta_urad / 1e6) / 1e3
-        if goal.kind == "tolerances"
-        else inf
-    )
+    if goal.kind != "tolerances":
+        return inf
+    tolerance = goal.tolerance
+    shift_um = hypot(tolerance.x_um, tolerance.y_um)
+    return (shift_um + goal.rho_um * tolerance.theta_urad / 1e6) / 1e3
 
 
 def _grip(table: Table, node: Node, branch: Branch, shape: Shape, slack: Slack) -> Grip:
     """The jaws as they close on a branch and then stand at the release."""
     squeeze, expected = node.squeeze, branch.expected_um / 1e3
-    x_um, y_um = node.release or (squeeze.x_um, squeeze.y_um)
+    place = node.let_go
     read = max(branch.high_um - branch.expected_um, branch.expected_um - branch.low_um) / 1e3
     width = read + slack.width_mm + slack.gain * branch.high_um / 1e3
     middle = -slack.lead * (squeeze.opening_um / 1e3 - expected)
     uneven = slack.share * (abs(expected - shape.narrowest) + width) + abs(slack.lead) * width
     turned = slack.turn_rad * (shape.reach + squeeze.opening_um / 2e3)
     return Grip(
-        (x_um / 1e3, y_um / 1e3, squeeze.angle_urad / 1e6),
+        (place.x_um / 1e3, place.y_um / 1e3, squeeze.angle_urad / 1e6),
         table.gripper.finger_length_um / 2e3,
         middle - expected / 2,
         middle + expected / 2,

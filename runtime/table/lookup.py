@@ -112,7 +112,7 @@ def decide(decided: tuple[int, ...], count: int, felt: bool) -> int:
 
 
 def misfits(table: Table, calibration: Calibration) -> list[str]:
-    """What keeps a proved table from a gripper's own map of counts: a sentence a problem, with a remedy.
+    """What keeps a valid table from a gripper's own map of counts: a sentence a problem, with a remedy.
 
     The jaws must open as far as the table asks, and every branch must be read at one count at least, and not
     as another branch at the count nearest to its expected width.

@@ -102,7 +102,7 @@ class Schedule:
             and node.release
             and node.branches[squeezed.branch].expected_um >= HELD_UM
         ):
-            let_go = place._replace(x_mm=node.release[0] / 1e3, y_mm=node.release[1] / 1e3)
+            let_go = place._replace(x_mm=node.release.x_um / 1e3, y_mm=node.release.y_um / 1e3)
         visit = Visit(
             way_mm=hypot(place.x_mm - before.x_mm, place.y_mm - before.y_mm),
             turn_rad=remainder(place.angle_rad - before.angle_rad, pi if self.alike else tau),

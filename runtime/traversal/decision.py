@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import NamedTuple, Self
 
-from runtime.errors import ArgumentsError, GripperStateError
-from runtime.table import HELD_UM, REJECT, Calibration, Node, Table
+from runtime.errors import GripperStateError
+from runtime.shell.errors import UsageError
+from runtime.table import HELD_UM, REJECT, Calibration, Node, Place, Table
 from runtime.table import decide as look_up
 from runtime.traversal.results import Outcome, Step
 
@@ -66,8 +67,8 @@ def step_of(
     )
 
 
-def release_point(node: Node, branch: int) -> tuple[int, int] | None:
-    """Where a node wants the part let go, x and y in um; None for where the hand stands.
+def release_point(node: Node, branch: int) -> Place | None:
+    """Where a node wants the part let go; None for where the hand stands.
 
     What nobody can name, a part whose branch is `REJECT`, is not dragged anywhere.
     """
@@ -104,13 +105,13 @@ class Policy:
         """The policy of two lists of names, as the command line and the journal hold them.
 
         Raises:
-            ArgumentsError: a name is unknown or comes twice, a re-squeeze is asked for at a leaf, or a list
+            UsageError: a name is unknown or comes twice, a re-squeeze is asked for at a leaf, or a list
                 has no end.
         """
         rejected = _actions("--on-reject", on_reject)
         unresolved = _actions("--on-unresolved", on_unresolved)
         if RecoveryAction.RESQUEEZE in unresolved:
-            raise ArgumentsError(
+            raise UsageError(
                 "--on-unresolved: a leaf has no squeeze to repeat; use restart, next or stop"
             )
         return cls(rejected, unresolved)
@@ -169,11 +170,9 @@ def _actions(option: str, text: str) -> tuple[RecoveryAction, ...]:
     try:
         actions = tuple(RecoveryAction(name) for name in names)
     except ValueError:
-        raise ArgumentsError(f"{option} {text!r}: name {known}, separated by commas") from None
+        raise UsageError(f"{option} {text!r}: name {known}, separated by commas") from None
     if actions[-1] not in ENDS:
         actions = (*actions, RecoveryAction.NEXT)
     if len(set(actions)) != len(actions) or any(action in ENDS for action in actions[:-1]):
-        raise ArgumentsError(
-            f"{option} {text!r}: each of {known} at most once, and next or stop last"
-        )
+        raise UsageError(f"{option} {text!r}: each of {known} at most once, and next or stop last")
     return actions

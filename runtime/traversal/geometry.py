@@ -2,15 +2,15 @@
 
 from math import cos, sin, tau
 
-from runtime.table import Pose2, Push, Squeeze
+from runtime.table import Place, Pose2, Push, Squeeze
 
 MOST_TURNS = 3  # no wrist turns farther round, and none is counted farther
 
 
-def placement(action: Squeeze | Push, released_um: tuple[int, int] | None = None) -> Pose2:
+def placement(action: Squeeze | Push, released: Place | None = None) -> Pose2:
     """The hand frame in the world, mm, mm, rad: where it comes down, or lets go if that is elsewhere."""
-    x_um, y_um = released_um or (action.x_um, action.y_um)
-    return x_um / 1000, y_um / 1000, action.angle_urad / 1e6
+    place = released or action
+    return place.x_um / 1000, place.y_um / 1000, action.angle_urad / 1e6
 
 
 def end_of(push: Push) -> Pose2:

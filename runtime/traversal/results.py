@@ -5,13 +5,7 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from typing import NamedTuple, Self
 
-from runtime.errors import (
-    BrokenRunError,
-    PartNotDeliveredError,
-    PartRejectedError,
-    PartUnresolvedError,
-    StoppedError,
-)
+from runtime.shell.exit_codes import ExitCode
 from runtime.table import Phases, Squeeze
 
 
@@ -28,11 +22,11 @@ class Outcome(Enum):
 
 # Exit codes of the outcomes that are not faults; a fault brings its own.
 EXIT_CODES = {
-    Outcome.LEAF: 0,
-    Outcome.REJECT: PartRejectedError.exit_code,
-    Outcome.UNRESOLVED: PartUnresolvedError.exit_code,
-    Outcome.STOPPED: StoppedError.exit_code,
-    Outcome.ABORTED: BrokenRunError.exit_code,
+    Outcome.LEAF: ExitCode.DONE,
+    Outcome.REJECT: ExitCode.NOT_LOCATED,
+    Outcome.UNRESOLVED: ExitCode.NOT_LOCATED,
+    Outcome.STOPPED: ExitCode.STOPPED,
+    Outcome.ABORTED: ExitCode.JOURNAL,
 }
 
 
@@ -49,9 +43,18 @@ class Step(NamedTuple):
 
     def fields(self) -> dict[str, object]:
         """The step as a journal record holds it: with place and opening in place of the squeeze."""
-        number, node, squeeze, *reading = self
-        names = (*self._fields[:2], *Squeeze._fields[:4], *self._fields[3:])
-        return dict(zip(names, (number, node, *squeeze[:4], *reading), strict=True))
+        return {
+            "number": self.number,
+            "node": self.node,
+            "x_um": self.squeeze.x_um,
+            "y_um": self.squeeze.y_um,
+            "angle_urad": self.squeeze.angle_urad,
+            "opening_um": self.squeeze.opening_um,
+            "position_counts": self.position_counts,
+            "width_um": self.width_um,
+            "target": self.target,
+            "reason": self.reason,
+        }
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,9 +100,7 @@ class PartResult:
         """The same result after the delivery; `missed` tells why the part still lies where it was found."""
         if missed is None:
             return replace(self, delivery="done")
-        return replace(
-            self, delivery="missed", reason=missed, exit_code=PartNotDeliveredError.exit_code
-        )
+        return replace(self, delivery="missed", reason=missed, exit_code=ExitCode.NOT_LOCATED)
 
     def fields(self) -> dict[str, object]:
         """The result as a journal record holds it."""

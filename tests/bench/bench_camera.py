@@ -32,9 +32,9 @@ from cameras import SIDE_MM, angle_between, part_tag, stain, true_calibration  #
 from drivers.camera.calibration import command as calibrate_command  # noqa: E402
 from drivers.camera.calibration import file as calibration  # noqa: E402
 from drivers.camera.calibration import measure  # noqa: E402
-from drivers.camera.errors import CameraError  # noqa: E402
 from drivers.camera.vision.plane import View  # noqa: E402
 from drivers.camera.vision.tags import find  # noqa: E402
+from drivers.errors import PictureError  # noqa: E402
 from drivers.planar import compose  # noqa: E402
 from drivers.sim.camera import album  # noqa: E402
 from drivers.sim.camera.cards import lying, tag_cells  # noqa: E402
@@ -120,7 +120,7 @@ def measured(
         seen = find(picture)
         numbers = [result.number for result in seen]
         place = None
-        with contextlib.suppress(CameraError):
+        with contextlib.suppress(PictureError):
             place = measure.of_sighting(seen[0], truth, tag) if numbers == [number] else None
         spent.append(1e3 * (time.process_time() - start))
         wrong += sum(result != number for result in numbers)

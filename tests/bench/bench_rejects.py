@@ -14,12 +14,12 @@ from pathlib import Path
 import numpy as np
 
 from planner.cli.shell import loaded
-from planner.errors import JobError
 from planner.evaluation.disturbance import NONE
 from planner.evaluation.evaluate import evaluate
 from planner.evaluation.trials import Program
 from planner.work.scheduler import Threads
 from planner.world import ContactWorlds
+from runtime.shell.errors import InputError
 
 RECTANGLE = Path("trees/rectangle/rectangle.msgpack")
 RUNS = 20_000
@@ -75,7 +75,7 @@ def main():
                 other = job.replaced(
                     part={"outline_mm": outline.tolist(), "symmetry": 1, "picks": None}
                 )
-            except JobError as error:
+            except InputError as error:
                 record[name] = str(error)
                 continue
             run = evaluate(

@@ -1,4 +1,4 @@
-"""The error classes and the list of exit codes in decision record 0003 agree."""
+"""The exit codes are few, and decision 0003, OUTCOMES.md and the error classes have the same."""
 
 import importlib
 import re
@@ -6,34 +6,57 @@ from pathlib import Path
 
 import pytest
 
-RECORD = Path(__file__).parents[2] / "tools" / "decisions" / "0003-one-list-of-exit-codes.md"
-ROW = re.compile(r"^\| (?P<code>\d+) \| [^|]+ \| (?P<raised_in>[^|]+) \|$", re.MULTILINE)
-ANY_PACKAGE = {1, 2}  # base classes, and arguments that argparse alone cannot judge
+from runtime.shell.errors import ExpectedError
+from runtime.shell.exit_codes import ExitCode
+
+ROOT = Path(__file__).parents[2]
+ROW = re.compile(r"^\| (\d+) \| ([^|]+) \|", re.MULTILINE)
+MODULES = ("runtime.shell.errors", "planner.errors", "runtime.errors", "drivers.errors")
+RETURNED = {ExitCode.DONE, ExitCode.NOT_LOCATED, ExitCode.UNDECIDED, ExitCode.INTERRUPTED}
+"""Codes that a command returns, and no error carries."""
 
 
-def recorded() -> list[tuple[int, set[str]]]:
-    """Exit codes in the order of the record, each with the packages that are said to raise it."""
-    rows = ROW.finditer(RECORD.read_text(encoding="utf-8"))
-    return [(int(row["code"]), set(re.findall(r"[a-z]+", row["raised_in"]))) for row in rows]
+def classes() -> list[type[ExpectedError]]:
+    """All error classes of the project."""
+    named = [item for name in MODULES for item in vars(importlib.import_module(name)).values()]
+    return [item for item in named if isinstance(item, type) and issubclass(item, ExpectedError)]
 
 
-def exit_codes(package: str) -> dict[str, int]:
-    """Exit codes of the classes in a package's errors module, by name."""
-    return {
-        name: item.exit_code
-        for name, item in vars(importlib.import_module(f"{package}.errors")).items()
-        if isinstance(item, type) and issubclass(item, Exception) and hasattr(item, "exit_code")
-    }
+def test_exit_codes_are_at_most_twelve_beside_success_and_interrupt() -> None:
+    assert len(set(ExitCode) - {ExitCode.DONE, ExitCode.INTERRUPTED}) <= 12
+    assert all(code < 126 for code in set(ExitCode) - {ExitCode.INTERRUPTED})
 
 
-def test_record_lists_every_code_once_and_in_order() -> None:
-    codes = [code for code, _ in recorded()]
-    assert set(codes) > ANY_PACKAGE
-    assert codes == sorted(set(codes))
-    assert all(0 <= code < 126 or code == 130 for code in codes)
+def test_sentences_are_one_line_without_other_numbers() -> None:
+    for code in ExitCode:
+        assert len(code.sentence) <= 90
+        assert not re.search(r"\d|\n", code.sentence)
 
 
-@pytest.mark.parametrize("package", ["planner", "runtime", "drivers"])
-def test_errors_of_a_package_have_the_recorded_codes(package: str) -> None:
-    raised = set(exit_codes(package).values())
-    assert raised - ANY_PACKAGE == {code for code, packages in recorded() if package in packages}
+@pytest.mark.parametrize(
+    ("page", "title"),
+    [
+        ("tools/decisions/0003-one-list-of-exit-codes.md", "Decision"),
+        ("runtime/OUTCOMES.md", "Exit codes"),
+    ],
+)
+def test_page_lists_each_code_with_its_sentence(page: str, title: str) -> None:
+    text = (ROOT / page).read_text(encoding="utf-8")
+    section = text.partition(f"## {title}\n")[2].partition("\n## ")[0]
+    assert ROW.findall(section) == [(str(code.value), code.sentence) for code in ExitCode]
+
+
+def test_error_classes_carry_every_code_that_no_command_returns() -> None:
+    assert {cls.exit_code for cls in classes()} == set(ExitCode) - RETURNED
+
+
+def test_error_classes_form_one_tree() -> None:
+    for name in MODULES:
+        module = importlib.import_module(name)
+        defined = {
+            cls
+            for cls in vars(module).values()
+            if isinstance(cls, type) and issubclass(cls, Exception) and cls.__module__ == name
+        }
+        bugs = {cls for cls in defined if not issubclass(cls, ExpectedError)}
+        assert {cls.__name__ for cls in bugs} <= {"ReadOnlyError"}

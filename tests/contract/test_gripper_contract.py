@@ -64,7 +64,7 @@ def test_closing_a_modbus_tcp_link_stops_the_jaws_and_no_other_does():
 def test_a_port_that_does_not_exist():
     with pytest.raises(PortError, match="does not exist; list ports with") as raised:
         connect.gripper("/dev/ttyNowhere")
-    assert raised.value.exit_code == 23
+    assert raised.value.exit_code == 21
 
 
 @pytest.mark.parametrize(

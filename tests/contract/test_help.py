@@ -4,13 +4,12 @@ import argparse
 import re
 import shlex
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 from command_parsers import parsers, subcommands
 
-RECORD = Path(__file__).parents[2] / "tools" / "decisions" / "0003-one-list-of-exit-codes.md"
-RECORDED = {int(code) for code in re.findall(r"^\| (\d+) \|", RECORD.read_text(), re.MULTILINE)}
+from runtime.shell.exit_codes import ExitCode
+
 COMMANDS = parsers()
 STREAMS = {"grasp-runtime", "grasp-journal show"}
 """Those that print one JSON object after another, since their end may be far."""
@@ -50,9 +49,11 @@ def test_it_says_what_it_does_and_each_argument_what_it_is(name: str) -> None:
 def test_it_has_an_example_and_exit_codes_of_the_one_list(name: str) -> None:
     epilog = ALL[name].epilog or ""
     assert re.search(r"^examples?\b.*:$", epilog, re.MULTILINE)
-    result = epilog.partition("exit codes")[2].partition(":\n")[2].partition("\n\n")[0]
-    codes = {int(code) for code in re.findall(r"(?:^| |-)(\d{1,3})(?= |-)", result, re.MULTILINE)}
-    assert {0, 2} <= codes <= RECORDED
+    section = epilog.partition("exit codes:\n")[2].partition("\n\n")[0].rstrip("\n")
+    lines = (line.split(maxsplit=1) for line in section.split("\n") if line.startswith("  "))
+    listed = {int(code): sentence for code, sentence in lines}
+    assert listed == {code: code.sentence for code in ExitCode if code in listed}
+    assert {ExitCode.DONE, ExitCode.INTERNAL, ExitCode.USAGE} < listed.keys()
 
 
 @pytest.mark.parametrize("name", LAST)

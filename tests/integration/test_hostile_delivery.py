@@ -105,7 +105,7 @@ def test_the_same_moves_wind_up_a_wrist_that_nobody_counts(monkeypatch: pytest.M
     assert (counts.sums["halts"], counts.last.outcome, counts.last.exit_code) == (
         1,
         Outcome.FAULT,
-        22,
+        20,
     )
 
 
@@ -114,7 +114,7 @@ def test_a_drop_off_outside_the_area_is_refused_before_anything_moves(
     tree: Path, mode: tuple[str, ...], record_property: Record
 ) -> None:
     done = simulated(tree, "--deliver", "100,0,0", *mode)
-    assert (done.returncode, done.stderr.count("\n")) == (22, 1 + len(mode))
+    assert (done.returncode, done.stderr.count("\n")) == (20, 1 + len(mode))
     assert "delivery from leaf 0: putting it down: (100.00, 0.00) mm is outside" in done.stderr
     assert not tree.with_name("j").exists()
     record_property("exit_code", done.returncode)
@@ -127,7 +127,7 @@ def test_a_drop_off_out_of_the_arms_reach_is_refused_before_anything_moves(
     far = tree.with_name("far.toml")
     far.write_text(WIDE.format(x=700))
     done = simulated(tree, "--deliver", str(far))
-    assert (done.returncode, done.stderr.count("\n")) == (22, 1)
+    assert (done.returncode, done.stderr.count("\n")) == (20, 1)
     assert "out of the arm's reach" in done.stderr
     assert not tree.with_name("j").exists()
     record_property("exit_code", done.returncode)
@@ -149,25 +149,25 @@ def test_check_and_dry_run_tell_it_too(
         seen = capsys.readouterr()
         return code, seen.err if code else seen.out
 
-    assert output("--check", "--deliver", "100,0,0")[0] == 22
+    assert output("--check", "--deliver", "100,0,0")[0] == 20
     code, words = output("--check", "--deliver", "50,0,180")
     assert (code, "can be delivered" in words) == (0, True)
     with TappedGripper() as gripper, TappedArm() as arm:
         dry = ("--dry-run", "--port", gripper.path, "--arm", f"{arm.url}?base=-300,0,0")
         code, words = output(*dry, "--deliver", str(far))
-        assert (code, words.count("\n"), "out of the arm's reach" in words) == (22, 1, True)
+        assert (code, words.count("\n"), "out of the arm's reach" in words) == (20, 1, True)
         code, words = output(*dry, "--deliver", "50,0,180")
         assert (code, "delivery: the part from every leaf" in words) == (0, True)
         code, words = output(*dry[:-1], f"{dry[-1]}&wrist=170,190", "--deliver", "50,0,180")
-        assert (code, words.count("\n"), "wrist" in words) == (22, 1, True)
+        assert (code, words.count("\n"), "wrist" in words) == (20, 1, True)
         assert set(arm.codes) <= {0, 3, 4, 99}
-    record_property("exit_code", 22)
+    record_property("exit_code", 20)
     record_property("ends", "nothing but questions sent")
 
 
 def test_a_part_that_slips_does_not_take_its_pose_along(record_property: Record) -> None:
     counts = soaked(9, Listed([Fault("part_slips", at=0, length=9)]))
-    assert (counts.findings, counts.last.outcome, counts.last.exit_code) == ([], Outcome.FAULT, 21)
+    assert (counts.findings, counts.last.outcome, counts.last.exit_code) == ([], Outcome.FAULT, 20)
     assert counts.last.leaf == ~counts.last.steps[-1].target
     record_property("exit_code", counts.last.exit_code)
     record_property("ends", "declared safe state, the leaf's pose in the answer and in the journal")

@@ -18,7 +18,6 @@ from planner.belief.observation import Partition
 from planner.belief.particles import Belief
 from planner.cli import compile as compile_
 from planner.cli import init
-from planner.errors import ValueRangeError
 from planner.evaluation.evaluate import evaluate
 from planner.evaluation.measured import tried, without_untried
 from planner.evaluation.outcome import REJECTED
@@ -31,6 +30,7 @@ from planner.world import ContactWorlds
 from runtime.execution.executor import Executor
 from runtime.journal.replay import Replay
 from runtime.monitoring.console import Lines, as_object
+from runtime.shell.errors import InputError
 from runtime.table import (
     REJECT,
     Branch,
@@ -143,7 +143,7 @@ def test_widths_of_what_was_left_out_are_rejected_and_all_others_mean_what_they_
     pruned, root = without_untried(table, kept), plans.pruned(tree_of(table), kept)
     dumps(
         replace(pruned, predicted=Prediction(0, 0, 0))
-    )  # proves it; the figures were those of all leaves
+    )  # validates it; the figures were those of all leaves
     waiting = [(0, 0, root)]
     while waiting:
         old, new, planned = waiting.pop()
@@ -228,7 +228,7 @@ def test_tips_that_would_miss_the_part_are_refused(
     code = compile_.main([str(job), "-o", str(tmp_path / "t.msgpack")])
     record_property("exit_code", code)
     record_property("ends", "no table")
-    assert code == ValueRangeError.exit_code
+    assert code == InputError.exit_code
     err = capsys.readouterr().err
     assert message in err
     assert err.count("\n") == 1

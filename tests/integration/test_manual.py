@@ -15,10 +15,10 @@ from drivers import connect, manual
 from drivers.errors import ArmError, GripperFault, LinkError, PortError, ReadOnlyError
 from runtime.commands import options
 from runtime.commands.arguments import parser
-from runtime.errors import ArgumentsError
 from runtime.journal.chain import records, verify
 from runtime.journal.replay import Replay
-from runtime.table import dump
+from runtime.shell.errors import UsageError
+from runtime.table import Place, dump
 
 ROOT = Path(__file__).parents[2]
 WAIT_S = 60
@@ -68,7 +68,7 @@ def test_a_person_with_calipers_locates_a_part(words: list[str], tmp_path: Path)
 def test_a_person_moves_the_simulated_arm(words: list[str]) -> None:
     more = ["--port", "sim", "--arm", "manual", "--time-scale", "40", "--seed", "0", "--world"]
     code, (part,), result = run(words, "\n" * 20, *more, "runtime.devices.rehearsal:make")
-    assert (part["outcome"], code) in (("leaf", 0), ("unresolved", 11))
+    assert (part["outcome"], code) in (("leaf", 0), ("unresolved", 10))
     asked = [line.split()[0] for line in result if line.endswith("press Enter")]
     assert asked == ["Put", "Lift"] * len(part["path"])
 
@@ -78,7 +78,10 @@ def test_person_with_tips_on_an_arc_is_asked_for_drags_along_the_table(
     words: list[str], tmp_path: Path, tips: str
 ) -> None:
     table = small_table()
-    dump(with_node(table, 0, table.nodes[0]._replace(release=(5_000, 0))), tmp_path / "t.msgpack")
+    dump(
+        with_node(table, 0, table.nodes[0]._replace(release=Place(5_000, 0))),
+        tmp_path / "t.msgpack",
+    )
     said = "\n".join(["", "", "29,9", "", "", "", "", "", "21.1", "", ""])
     code, (part,), asked = run(
         words, said + "\n", "--port", "manual", "--arm", "manual", "--tips", tips
@@ -102,11 +105,11 @@ def test_person_who_holds_hand_or_jaws_follows_no_arc(arm: str, port: str) -> No
     arc = options.arc_of(arguments, small_table(), None)
     assert (arc is None) == ("manual" in (port, arm.partition("+")[0]))
     arguments.tips = "57.15"
-    with pytest.raises(ArgumentsError, match="LINK,OFFSET"):
+    with pytest.raises(UsageError, match="LINK,OFFSET"):
         options.arc_of(arguments, small_table(), None)
 
 
-@pytest.mark.parametrize(("said", "code"), [("\n", 22), ("\n\n", 20), ("", 20)])
+@pytest.mark.parametrize(("said", "code"), [("\n", 20), ("\n\n", 21), ("", 21)])
 def test_the_end_of_input_is_a_fault(words: list[str], said: str, code: int) -> None:
     ended, (part,), _ = run(words, said, "--port", "manual", "--arm", "manual")
     assert (ended, part["outcome"]) == (code, "fault")
@@ -212,5 +215,5 @@ def test_a_width_is_reported_in_the_table_s_counts(monkeypatch: pytest.MonkeyPat
     ],
 )
 def test_what_does_not_go_with_a_person(more: list[str], message: str) -> None:
-    with pytest.raises(ArgumentsError, match=message):
+    with pytest.raises(UsageError, match=message):
         options.check_usage(parser().parse_args(["--tree", "t", *more]))

@@ -218,5 +218,5 @@ def test_fault_of_the_cell_is_the_result_of_the_part_under_way(tree: Path) -> No
         result = plc.result(9)
         code, parts, _ = served.ended()
     assert (result["outcome"], result["exit_code"], result["error_id"]) == (4, code, code)
-    assert code in (20, 21, 22)
+    assert code in (20, 21)
     assert [part["outcome"] for part in parts][1:] == ["fault"]

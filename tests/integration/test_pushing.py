@@ -8,11 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from drivers.sim.errors import SimulationError
 from drivers.sim.physics import scene
 from planner.cli import export, report
 from planner.compile import compile_job
-from planner.errors import NoPlanError, UsageError
+from planner.errors import NoPlanError
 from planner.evaluation.disturbance import NONE
 from planner.evaluation.evaluate import evaluate
 from planner.evaluation.ppm import Study, copies_of
@@ -22,6 +21,7 @@ from planner.world import ContactWorlds
 from runtime import cli
 from runtime.journal.chain import records
 from runtime.journal.replay import Replay
+from runtime.shell.errors import UsageError
 from runtime.table import Schedule, Squeezed, Table, dump, dumps, job_of
 
 ROOT = Path(__file__).parents[2]
@@ -166,5 +166,5 @@ def test_a_cell_does_not_begin_in_a_world_without_pushes(path: Path) -> None:
     setting = scene.load(path, None, "planner.world:make")
     assert setting.pushing
     still = setting._replace(factory=lambda job, seed: Still())
-    with pytest.raises(SimulationError, match=r"has no push\(\), and the table pushes parts"):
+    with pytest.raises(UsageError, match=r"has no push\(\), and the table pushes parts"):
         still.make_worlds(1)

@@ -12,7 +12,6 @@ import pytest
 from html_pages import Page
 
 from drivers.camera.audit.subject import from_table
-from drivers.camera.errors import CameraFileError
 from drivers.camera.vision.tag_file import PartTag
 from planner.cli import evaluate as evaluate_command
 from planner.cli import report
@@ -27,6 +26,7 @@ from planner.work.scheduler import Threads
 from planner.world import Assorted, ContactWorlds, World, load_world
 from runtime import cli
 from runtime.journal.export import rows
+from runtime.shell.errors import InputError
 from runtime.table import dump, dumps, loads
 
 ROOT = Path(__file__).parents[2]
@@ -277,7 +277,7 @@ def test_the_camera_judges_each_part_by_its_own_goal_and_tag(posed, tmp_path):
     assert [each.goal.rho_um for each in (small, large)] == [
         item.rho_um for item in posed.table.hypotheses
     ]
-    with pytest.raises(CameraFileError, match="for no part of"):
+    with pytest.raises(InputError, match="for no part of"):
         from_table(tmp_path / "t.msgpack", [PartTag("other", 7, 22.0)])
 
 

@@ -8,7 +8,7 @@ import pytest
 from planner.cli import compile as plan_compile
 from planner.cli import sweep as sweep_cli
 from planner.cli.sweep import Order, orders_of
-from planner.errors import UsageError
+from runtime.shell.errors import UsageError
 
 RECTANGLE = Path(__file__).parents[2] / "trees" / "rectangle" / "job.toml"
 QUICK = "\n[search]\nparticles = 600\nsearch_particles = 60\n"
@@ -51,8 +51,8 @@ def test_a_bad_value_and_a_hopeless_one_leave_the_others_alone(job, tmp_path, ca
     bad, good, hopeless = json.loads(out)["jobs"]
     assert err == ""
     assert "[uncertainty] radius_mm" in bad["error"]
-    assert bad["exit_code"] == 6
-    assert hopeless["exit_code"] == 9
+    assert bad["exit_code"] == 3
+    assert hopeless["exit_code"] == 4
     assert Path(good["table"]).stat().st_size == good["bytes"]
     assert good["success_rate"] > 0.9
     assert json.loads((tmp_path / "summary.json").read_text()) == [bad, good, hopeless]
@@ -113,7 +113,7 @@ def test_a_sweep_that_makes_no_sense_is_refused_in_one_line(job, tmp_path, capsy
 
 
 @pytest.mark.parametrize(
-    ("content", "code"), [(None, 3), ("seed = ", 4)], ids=["missing", "not TOML"]
+    ("content", "code"), [(None, 3), ("seed = ", 3)], ids=["missing", "not TOML"]
 )
 def test_a_file_that_cannot_be_read_is_one_error(tmp_path, capsys, content, code):
     path = tmp_path / "job.toml"

@@ -1,4 +1,4 @@
-"""Properties of jobs: the canonical text is exact for any job, and only a JobError escapes the reader."""
+"""Properties of jobs: the canonical text is exact for any job, and only an InputError escapes the reader."""
 
 import json
 import math
@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from problems import diameter
 
-from planner.errors import JobError
 from planner.job import model as job
 from planner.part import outline, symmetry
+from runtime.shell.errors import InputError
 
 RECTANGLE = job.load(Path(__file__).parents[2] / "trees" / "rectangle" / "job.toml")
 DOCUMENT = json.loads(RECTANGLE.canonical())
@@ -74,11 +74,11 @@ def test_the_frame_of_a_part_does_not_depend_on_its_drawing(lengths, shift):
     assert symmetry.has_order(there, symmetry.order(there))
 
 
-def refusal(read: Callable[[str, str], job.Job], text: str) -> JobError | None:
+def refusal(read: Callable[[str, str], job.Job], text: str) -> InputError | None:
     """Return the error that a text is refused with; any other exception fails the test."""
     try:
         read(text, "my.toml")
-    except JobError as error:
+    except InputError as error:
         return error
     return None
 

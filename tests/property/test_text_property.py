@@ -14,7 +14,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sample_tables import several_table, small_table, with_job
 
-from planner.errors import JobError
 from planner.export.write import FORMS, _text
 from planner.job import model as job_file
 from runtime.commands.journal import _line
@@ -26,6 +25,7 @@ from runtime.monitoring.live.terminal import View
 from runtime.monitoring.status import Status
 from runtime.shell import strict_json
 from runtime.shell.command import say, tell
+from runtime.shell.errors import InputError
 from runtime.shell.plain_text import cleaned
 from runtime.table import Table, TableError, TableFile, dumps, loads
 from runtime.table.codec import encode
@@ -75,7 +75,7 @@ def test_a_border_refuses_text_that_does_not_print_in_one_line_that_prints(text:
     for name in ("name", "picks"):
         value = json.dumps(text) if name == "name" else f"{{ {json.dumps(text)} = [0, 0, 0] }}"
         stated = JOB.replace('name = "rectangle"', f"{name} = {value}".replace("\x7f", "\\u007f"))
-        with pytest.raises(JobError) as refused_job:
+        with pytest.raises(InputError) as refused_job:
             job_file.parse(stated)
         assert prints(str(refused_job.value))
 

@@ -164,8 +164,8 @@ class World:
             if node.release is not None:
                 x, y, _ = placement(node.squeeze)
                 place = (
-                    place[0] + node.release[0] / 1000 - x,
-                    place[1] + node.release[1] / 1000 - y,
+                    place[0] + node.release.x_um / 1000 - x,
+                    place[1] + node.release.y_um / 1000 - y,
                 )
         return place
 

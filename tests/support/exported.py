@@ -12,8 +12,8 @@ from structured_text import OUTPUT, FunctionBlock
 
 from planner.export.write import LEAF, NODE, UNRESOLVED, VECTORS
 from runtime.errors import GripperStateError
-from runtime.table import Branch, Calibration, Table, decision_map
-from runtime.table.model import MAX_BRANCHES
+from runtime.table import Branch, Calibration, Place, Table, decision_map
+from runtime.table.fields import MAX_BRANCHES
 from runtime.traversal.decision import Policy, TraversalState, advance, decide, release_point
 from runtime.traversal.results import Outcome
 
@@ -42,7 +42,7 @@ def wide_table() -> Table:
         Branch(2_500 * k, 2_500 * k + 1_500, 2_500 * k + 3_000, 31_250, ~k)
         for k in range(MAX_BRANCHES)
     )
-    root = table.nodes[0]._replace(branches=branches, release=(3_000, -4_000))
+    root = table.nodes[0]._replace(branches=branches, release=Place(3_000, -4_000))
     return replace(table, nodes=(root,), leaves=table.leaves[:1] * MAX_BRANCHES)
 
 
@@ -63,7 +63,7 @@ class Oracle:
         except GripperStateError:
             return FAULT
         state = advance(TraversalState(index), decision.target, self._table, Policy())
-        x, y = release_point(node, decision.branch) or node.squeeze[:2]
+        x, y = release_point(node, decision.branch) or node.squeeze.place
         if state.outcome is None:
             return 0, state.node, x, y
         return NUMBERS[state.outcome], -1 if state.leaf is None else state.leaf, x, y
@@ -90,14 +90,13 @@ def check_structured_text(
         outcome, index = result["outcome"], result["index"]
         assert (outcome, index, result["release_x_um"], result["release_y_um"]) == row[3:], row
         if outcome == NODE:
-            assert (
-                tuple(result[name] for name in names[hand : hand + 6])
-                == table.nodes[index].squeeze[:6]
-            )
+            *motion, _clearance_um = table.nodes[index].squeeze
+            assert [result[name] for name in names[hand : hand + 6]] == motion
         if outcome in (LEAF, UNRESOLVED):
             leaf = table.leaves[index]
             success = leaf.success_ppm if leaf.trials else -1
-            wanted = (*leaf[:3], success, leaf.error_p95_um, len(leaf.alternatives))
+            pose = leaf.x_um, leaf.y_um, leaf.theta_urad
+            wanted = (*pose, success, leaf.error_p95_um, len(leaf.alternatives))
             assert tuple(result[name] for name in names[part:]) == wanted
 
 

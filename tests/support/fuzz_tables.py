@@ -1,7 +1,7 @@
 """Mutated tables, one for each number: what `tools/hostile tables` and its slice in the tests run.
 
 A mutant is damaged in one of three depths: the bytes of a file; the payload, with a digest that fits again;
-the integers of its arrays, packed again, so that only the proof stands between them and a cell.
+the values of its sections, packed again, so that only the validation stands between them and a cell.
 Every mutant must be refused by a `TableError`, or be exactly the file of another table that may be executed.
 """
 
@@ -19,7 +19,13 @@ from typing import Any
 
 import msgpack
 from grown_tables import grown_table
-from sample_tables import every_field_table, random_table, several_table, small_table
+from sample_tables import (
+    every_field_table,
+    pushing_table,
+    random_table,
+    several_table,
+    small_table,
+)
 
 from runtime.table import TableError, dumps, loads
 
@@ -42,7 +48,7 @@ class Tally:
 def seeds() -> tuple[bytes, ...]:
     """The files that are mutated."""
     drawn = (random_table(1, 8), grown_table(2, 12), grown_table(3, 40))
-    tables = (small_table(), several_table(), every_field_table(), *drawn)
+    tables = (small_table(), several_table(), every_field_table(), pushing_table(), *drawn)
     return tuple(map(dumps, tables))
 
 
@@ -124,11 +130,16 @@ def _damaged(data: bytes, random: Random) -> bytes:
 
 
 def _with_other_values(payload: bytes, random: Random) -> bytes:
-    fields = msgpack.unpackb(payload)
+    sections = msgpack.unpackb(payload)
     for _ in range(random.choice((1, 1, 2, 3))):
-        at = random.randrange(len(fields))
-        fields[at] = _other(fields[at], random)
-    return bytes(msgpack.packb(fields))
+        if random.random() < 0.05:
+            sections.insert(
+                random.randrange(len(sections)), sections.pop(random.randrange(len(sections)))
+            )
+        section = random.choice(sections)
+        at = random.randrange(len(section))
+        section[at] = _other(section[at], random)
+    return bytes(msgpack.packb(sections))
 
 
 def _other(value: Any, random: Random) -> Any:

@@ -12,11 +12,11 @@ from random import Random
 
 from sample_tables import GOAL, GRIPPER, NO_JOB, breadth_first
 
-from runtime.table import Branch, Leaf, Limits, Node, Prediction, Squeeze, Table
+from runtime.table import Area, Branch, Covariance, Leaf, Limits, Node, Prediction, Squeeze, Table
 
 COUNT_UM = GRIPPER.opening_um / (GRIPPER.count_closed - GRIPPER.count_open)
 LIMITS = Limits(
-    64, 235_000, 150_000, (-150_000, -150_000, 150_000, 150_000), 60_000, 8_000, 250_000
+    64, 235_000, 150_000, Area(-150_000, -150_000, 150_000, 150_000), 60_000, 8_000, 250_000
 )
 STABLE_UM = (21_000, 30_000, 33_500, 36_200)
 MARGIN_COUNTS = 2.5
@@ -123,13 +123,13 @@ def _leaf(random: Random, squeeze: Squeeze, share: float) -> Leaf:
         random.choice((0.0, 0.4, 1.5, 4.0, 9.0)) * random.random() for _ in range(3)
     )
     both = random.choice((0.0, 0.0, 0.0, -1.0, 1.0, random.uniform(-1, 1)))
-    covariance = (
-        round(along**2),
-        round(both * along * across),
-        round(across**2),
-        round(0.5 * both * along * turn),
-        0,
-        round(turn**2),
+    covariance = Covariance(
+        xx=round(along**2),
+        xy=round(both * along * across),
+        yy=round(across**2),
+        xt=round(0.5 * both * along * turn),
+        yt=0,
+        tt=round(turn**2),
     )
     x, y = squeeze.x_um + round(random.gauss(0, 600)), squeeze.y_um + round(random.gauss(0, 150))
     turned = random.choice((0.0, pi / 2, -pi / 2, random.gauss(0, 0.2), random.uniform(-pi, pi)))

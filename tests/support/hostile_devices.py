@@ -76,7 +76,7 @@ SPARE_S = 2.0
 HANG_S = 240.0
 URCAP_CALLS = 1000  # of a run
 NEVER = 1 << 40  # a call that no run comes to
-CODES = {0, 10, 20, 21, 22, 23}  # 10: the jaws met no part, where the arm is not the cell's
+CODES = {0, 10, 20, 21}  # 10: the jaws met no part, where the arm is not the cell's
 UP_MM = small_table().limits.retreat_height_um / 1000
 _TRIES_S = READ_TRIES * (LINK_TIMEOUT_S + DRAIN_S)
 # By when a run ends whose device does not answer: the call's own deadline and, for the gripper, as much again

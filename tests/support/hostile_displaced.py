@@ -29,7 +29,7 @@ BELOW, ABOVE = 0.8, 1.2  # of the tolerance: an arm reads itself back to 0.01 mm
 MOST_MM, MOST_RAD = 12.0, math.pi
 EVERY = 10
 HANDLED = (RunOptions(), RunOptions(handling=Handling(regulated=True)))
-ARM_CODE = 22
+ARM_CODE = 20
 
 
 class Displacement(NamedTuple):

@@ -4,7 +4,7 @@ import os
 import time
 from pathlib import Path
 
-from planner.errors import ValueRangeError
+from runtime.shell.errors import InputError
 
 
 def logged(log: str, seconds: float, item: int) -> int:
@@ -19,4 +19,4 @@ def logged(log: str, seconds: float, item: int) -> int:
 
 def refused(item: int) -> int:
     """Fails as a job does."""
-    raise ValueRangeError(f"is no number, unlike {item}", section="goal", key="distance_mm")
+    raise InputError(f"is no number, unlike {item}", section="goal", key="distance_mm")

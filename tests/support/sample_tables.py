@@ -5,25 +5,30 @@ from dataclasses import replace
 from random import Random
 
 from runtime.table import (
+    Area,
     Branch,
+    Covariance,
     GoalSpec,
     GripperSpec,
     Hypothesis,
     Leaf,
+    LeafPose,
     Limits,
     Node,
+    Place,
     Prediction,
     Push,
     Squeeze,
     Table,
+    Tolerance,
 )
 
 GRIPPER = GripperSpec("Robotiq 2F-85", 85_000, 27_500, 9_500, 3, 230, 150)
 GOAL = GoalSpec(distance_um=3_000, confidence_ppm=990_000, rho_um=10_571, symmetry=2)
-LIMITS = Limits(4, 60_000, 60_000, (-60_000, -60_000, 60_000, 60_000), 60_000, 10_000, 400_000)
+LIMITS = Limits(4, 60_000, 60_000, Area(-60_000, -60_000, 60_000, 60_000), 60_000, 10_000, 400_000)
 NO_JOB = hashlib.sha256(b"no job").digest()
 JAWS = (85_000, 60_000, 40_000)
-TIGHT = (2, 0, 2, 0, 0, 1)
+TIGHT = Covariance(2, 0, 2, 0, 0, 1)
 
 
 def small_table() -> Table:
@@ -52,7 +57,9 @@ def small_table() -> Table:
     leaves = (
         Leaf(0, 500, 0, TIGHT, 999_000, 6_000, True, (), 320, 940),
         Leaf(-1_200, -2_000, 1_571_000, TIGHT, 995_000, 3_000, True, (), 410, 1_250),
-        Leaf(0, 0, 643_000, (90, -4, 60, 3, 0, 40), 610_000, 1_000, False, (), 2_200, 9_800),
+        Leaf(
+            0, 0, 643_000, Covariance(90, -4, 60, 3, 0, 40), 610_000, 1_000, False, (), 2_200, 9_800
+        ),
     )
     predicted = Prediction(958_000, 10_000, 1_400_000, 0, 340, 1_020)
     return Table(
@@ -79,9 +86,7 @@ OTHER = Hypothesis("right hand", 600_000, 9_000, 1)
 def several_table() -> Table:
     """The small table, its leaves naming one part, the other, and an open choice."""
     one, two, unresolved = small_table().leaves
-    unresolved = unresolved._replace(
-        alternatives=((400, 0, -643_000),), hypothesis=1, other_hypotheses=(0,)
-    )
+    unresolved = unresolved._replace(alternatives=(LeafPose(400, 0, -643_000),), hypothesis=1)
     leaves = (one, two._replace(hypothesis=1), unresolved)
     return replace(small_table(), leaves=leaves, hypotheses=(HAND, OTHER))
 
@@ -101,17 +106,21 @@ def pushing_table(table: Table | None = None) -> Table:
 
 
 def every_field_table() -> Table:
-    """The small table with every optional field in use: releases, alternatives, another goal, a job."""
+    """The small table of another goal, with a release, alternatives, a first contact and a job."""
     table = with_job(small_table(), '{"seed":1}')
     root, second = table.nodes
     squeeze = second.squeeze._replace(opening_um=60_000, force_mn=25_000)
-    ambiguous = table.leaves[2]._replace(alternatives=((400, 0, -643_000), (0, -300, 2_500_000)))
-    both = table.leaves[1]._replace(alternatives=((-1_200, -2_000, -1_571_000),))
+    others = (LeafPose(400, 0, -643_000), LeafPose(0, -300, 2_500_000))
+    ambiguous = table.leaves[2]._replace(alternatives=others)
+    both = table.leaves[1]._replace(alternatives=(LeafPose(-1_200, -2_000, -1_571_000),))
     return replace(
         table,
-        nodes=(root._replace(release=(2_000, -500)), second._replace(squeeze=squeeze)),
+        nodes=(
+            root._replace(release=Place(2_000, -500)),
+            second._replace(squeeze=squeeze, contact_um=37_500),
+        ),
         leaves=(table.leaves[0], both, ambiguous),
-        goal=replace(GOAL, kind="modes", modes=2, tolerance=(2_500, 2_500, 87_000)),
+        goal=replace(GOAL, kind="modes", modes=2, tolerance=Tolerance(2_500, 2_500, 87_000)),
     )
 
 
@@ -203,8 +212,14 @@ def _random_branches(random: Random, targets: list[int]) -> tuple[Branch, ...]:
 
 def _random_leaf(random: Random) -> Leaf:
     x, y = (random.randint(-12_000, 12_000) for _ in range(2))
-    covariance = (random.randint(0, 120), random.randint(-40, 40), random.randint(0, 120))
-    covariance += (random.randint(-30, 30), random.randint(-30, 30), random.randint(0, 60))
+    covariance = Covariance(
+        xx=random.randint(0, 120),
+        xy=random.randint(-40, 40),
+        yy=random.randint(0, 120),
+        xt=random.randint(-30, 30),
+        yt=random.randint(-30, 30),
+        tt=random.randint(0, 60),
+    )
     theta = random.randint(-3_141_592, 3_141_592)
     trials = random.randint(0, 300)
     success_ppm = round(1e6 * (trials - (trials > 200)) / trials) if trials else 1_000_000

@@ -10,11 +10,11 @@ from drivers.camera.audit.subject import Subject
 from drivers.camera.calibration import drift
 from drivers.camera.calibration.file import CameraCalibration
 from drivers.camera.calibration.measure import Measured, measure
-from drivers.camera.errors import CameraError
 from drivers.camera.vision import explain
 from drivers.camera.vision.sources import Source
 from drivers.camera.vision.tags import find
 from drivers.planar import Pose2
+from runtime.shell.errors import ExpectedError
 from runtime.table import GoalSpec, distance, residual, threshold
 
 PASS, FAIL, UNKNOWN = "pass", "fail", "unknown"
@@ -71,9 +71,10 @@ def judge(
     if goal.kind in ("pose", "modes"):
         sigma, unit = math.hypot(sigma_mm, goal.rho_um / 1e3 * sigma_rad), " mm"
     else:
-        x_um, y_um, theta_urad = goal.tolerance
-        shift = sigma_mm / (min(x_um, y_um) / 1e3) if goal.kind == "tolerances" else 0.0
-        sigma, unit = max(shift, sigma_rad / (theta_urad / 1e6)), " of the tolerance"
+        allowed, shift = goal.tolerance, 0.0
+        if goal.kind == "tolerances":
+            shift = sigma_mm / (min(allowed.x_um, allowed.y_um) / 1e3)
+        sigma, unit = max(shift, sigma_rad / (allowed.theta_urad / 1e6)), " of the tolerance"
     error, verdict, words = COVERAGE * sigma, UNKNOWN, "too close to call"
     if off + error < bound:
         verdict, words = PASS, "within the goal"
@@ -111,7 +112,7 @@ class Auditor:
             )
         try:
             picture = self.source.picture(until)
-        except CameraError as error:
+        except ExpectedError as error:
             return Answer(UNKNOWN, str(error))
         result: Measured | None = None
         view = self.calibration.view
@@ -132,7 +133,7 @@ class Auditor:
             answer = replace(
                 answer, moved_mm=moved_mm, hypothesis=None if carried is None else carried.name
             )
-        except CameraError as error:
+        except ExpectedError as error:
             answer = Answer(UNKNOWN, str(error))
         if self.pictures is None or answer.verdict == PASS:
             return answer

@@ -15,17 +15,17 @@ from drivers.camera.calibration import file as calibration
 from drivers.camera.vision import tag_file
 from drivers.camera.vision.sources import open_source
 from runtime.shell.command import Parser, positive, run
+from runtime.shell.exit_codes import ExitCode, epilog
 from runtime.shell.files import folder
-from runtime.table import TableError, TableFileError, load
+from runtime.table import TableError, load
 
-EXIT_CODES = """\
-exit codes:
-  0  done (the questions ended)     2  usage            3  table missing  23  no camera
-  13 a chart of the report alarms  24  a journal does not verify
-  14 a study refuses the cell      15  a study is not decided yet
-  30 table refused                 33  calibration or tag file refused
-  130 interrupted (Ctrl-C)
-"""
+EXIT_CODES = epilog(
+    ExitCode.INPUT,
+    ExitCode.CHECK_FAILED,
+    ExitCode.UNDECIDED,
+    ExitCode.UNREACHABLE,
+    ExitCode.JOURNAL,
+)
 EPILOG = (
     """\
 examples:
@@ -151,7 +151,7 @@ def digest_of(tree: Path) -> str | None:
     """SHA-256 of the table that is judged by; None where its file is refused, which `read` tells."""
     try:
         return load(tree).digest
-    except (TableError, TableFileError):
+    except TableError:
         return None
 
 

@@ -19,7 +19,7 @@ from pathlib import Path
 from drivers.camera.audit.auditor import UNKNOWN, Answer, Auditor
 from drivers.planar import Pose2
 from runtime.shell import strict_json
-from runtime.shell.command import is_foreseen
+from runtime.shell.errors import ExpectedError
 
 MAX_LINE_BYTES = 65_536
 PICTURE_SHARE = 0.7  # of the deadline: what a picture may take, the rest is for measuring it
@@ -80,8 +80,9 @@ class Worker:
                 )
             except Exception as error:
                 said = " ".join(str(error).split())
-                foreseen = is_foreseen(error)
-                answer = Answer(UNKNOWN, said if foreseen else f"{said} ({type(error).__name__})")
+                if not isinstance(error, ExpectedError):
+                    said = f"{said} ({type(error).__name__})"
+                answer = Answer(UNKNOWN, said)
             self._answers.put(answer)
 
     def _made(self) -> Auditor:

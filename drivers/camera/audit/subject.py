@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from drivers.camera.errors import CameraFileError
 from drivers.camera.vision.arrays import Array
 from drivers.camera.vision.tag_file import PartTag
 from drivers.planar import Pose2
+from runtime.shell.errors import InputError
 from runtime.table import GoalSpec, Table, hypotheses_of, job_of, load, poses_of
 
 SAME_MM = 1e-3
@@ -32,17 +32,15 @@ def from_table(path: Path, tags: Sequence[PartTag]) -> tuple[Subject, ...]:
     """The subjects of a table's file, one for each tag; errors of the table's reader pass as they are.
 
     Raises:
-        CameraFileError: several tags for the table's one part, or one for a part that it does not name.
+        InputError: several tags for the table's one part, or one for a part that it does not name.
     """
     table = load(path).table
     names = [hypothesis.name for hypothesis in table.hypotheses]
     if not names and len(tags) > 1:
-        raise CameraFileError(
-            f"{path} is for one part, which has one tag: one --tag, not {len(tags)}"
-        )
+        raise InputError(f"{path} is for one part, which has one tag: one --tag, not {len(tags)}")
     for tag in tags:
         if names and tag.part not in names:
-            raise CameraFileError(
+            raise InputError(
                 f"the tag file of {tag.part} is for no part of {path}: {', '.join(names)}"
             )
     return tuple(_subject(table, tag, names.index(tag.part) if names else 0) for tag in tags)

@@ -15,24 +15,21 @@ import numpy as np
 from drivers.camera.calibration import file as calibration
 from drivers.camera.calibration import residual_picture
 from drivers.camera.calibration.fit import Pictures, calibrate, glue, pictures_in, read_poses
-from drivers.camera.errors import CalibrationRefusedError
 from drivers.camera.vision import tag_file
 from drivers.camera.vision.board import parse
 from drivers.camera.vision.sources import open_source
 from drivers.camera.vision.tag_file import PartTag
 from drivers.planar import Pose2
-from runtime.shell.command import USAGE, Parser, run, tell
+from runtime.shell.command import Parser, run
+from runtime.shell.errors import InputError, UsageError
+from runtime.shell.exit_codes import ExitCode, epilog
 from runtime.shell.files import folder, usable, writing
 
 PICTURE_S = 10.0
 Lines = Generator[str, None, dict[str, object]]
 """Lines for people as the work goes on; at its end the same for machines."""
 Run = Callable[[argparse.Namespace], Lines]
-EXIT_CODES = """\
-exit codes:
-   0  measured and written    2  usage         23  no camera   130  interrupted (Ctrl-C)
-  27  a tag is not seen      33  refused: too few views, large residuals, damaged files
-"""
+EXIT_CODES = epilog(ExitCode.INPUT, ExitCode.DEVICE, ExitCode.UNREACHABLE)
 EPILOG = f"""\
 example:
   grasp-calibrate pictures --camera /dev/video0 -o views      # once for each view, by Enter
@@ -192,10 +189,8 @@ def _follow(options: argparse.Namespace) -> int:
         if options.json:
             print(json.dumps(end.value))
     except EOFError:
-        tell(
-            "grasp-calibrate", "standard input ended before Enter was pressed; run it in a terminal"
-        )
-        return USAGE
+        problem = "standard input ended before Enter was pressed; run it in a terminal"
+        raise UsageError(problem) from None
     return 0
 
 
@@ -265,7 +260,7 @@ def run_tag(options: argparse.Namespace) -> Lines:
     usable(options.output, options.poses, options.calibration)
     if options.at is None:
         if options.poses is None or options.calibration is None:
-            raise CalibrationRefusedError(
+            raise InputError(
                 "give --at X,Y,THETA, or --calibration and --poses to have it measured"
             )
         touched = read_poses(options.poses)

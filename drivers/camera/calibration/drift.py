@@ -6,9 +6,9 @@ from math import isfinite
 import numpy as np
 
 from drivers.camera.calibration.file import Reference
-from drivers.camera.errors import CameraError
 from drivers.camera.vision.plane import View
 from drivers.camera.vision.tags import Sighting
+from drivers.errors import PictureError
 
 LIMIT_MM = 0.5
 
@@ -21,7 +21,7 @@ def check(
 ) -> float:
     """Check that reference tags are where they were.
 
-    `seen` are all tags of the picture, `view` is the calibration's. CameraError where one moved farther than
+    `seen` are all tags of the picture, `view` is the calibration's. PictureError where one moved farther than
     the limit, or off the table, or none of them is seen.
     """
     if not references:
@@ -34,18 +34,18 @@ def check(
     ]
     if not moved:
         names = ", ".join(str(reference.number) for reference in references)
-        raise CameraError(
+        raise PictureError(
             f"no reference tag ({names}) is seen, so the camera may have moved; uncover them"
         )
     beyond = [number for off_mm, number in moved if not isfinite(off_mm)]
     if beyond:
-        raise CameraError(
+        raise PictureError(
             f"reference tag {beyond[0]} is seen beyond the table's horizon: the camera or the tag moved; "
             "calibrate again"
         )
     worst_mm, number = max(moved)
     if worst_mm > limit_mm:
-        raise CameraError(
+        raise PictureError(
             f"reference tag {number} is {worst_mm:.2f} mm from where it was (limit {limit_mm:g} mm): "
             "the camera or the tag moved; calibrate again"
         )

@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from drivers.camera import documents
-from drivers.camera.errors import PictureError
 from drivers.camera.vision.arrays import Array
 from drivers.camera.vision.lens import Lens
 from drivers.camera.vision.plane import View
+from drivers.errors import PictureError
 
 KIND = "camera calibration"
 REMEDY = "make it again with grasp-calibrate camera"
@@ -66,7 +66,7 @@ class CameraCalibration:
 
 
 def save(calibration: CameraCalibration, path: Path) -> None:
-    """Write the file; CameraFileError where it cannot be written."""
+    """Write the file; OutputError where it cannot be written."""
     view, trust = calibration.view, calibration.trust
     lens = view.lens
     body = {
@@ -91,7 +91,7 @@ def save(calibration: CameraCalibration, path: Path) -> None:
 
 
 def load(path: Path) -> CameraCalibration:
-    """Read and check a file; CameraFileError where it cannot be read, was changed, or is none."""
+    """Read and check a file; InputError where it cannot be read, was changed, or is none."""
     return documents.read(path, KIND, REMEDY, _parsed)
 
 

@@ -11,13 +11,13 @@ from drivers.camera.calibration.drift import place
 from drivers.camera.calibration.file import CameraCalibration, Reference
 from drivers.camera.calibration.measure import of_sighting, the_one
 from drivers.camera.calibration.table_fit import Residuals
-from drivers.camera.errors import CalibrationRefusedError, CameraFileError
 from drivers.camera.vision.arrays import Picture
 from drivers.camera.vision.board import Board, BoardView
 from drivers.camera.vision.sources import SUFFIXES, decoded
 from drivers.camera.vision.tag_file import PartTag
 from drivers.camera.vision.tags import Sighting, find
 from drivers.planar import Pose2
+from runtime.shell.errors import InputError
 
 ZERO: Pose2 = (0.0, 0.0, 0.0)
 
@@ -69,15 +69,13 @@ def calibrate(
         height_mm: of the board's face above the table.
 
     Raises:
-        CameraError: a picture cannot be read, or no calibration can be made of them that could be trusted.
+        InputError: a picture cannot be read, or no calibration can be made of them that could be trusted.
     """
     held, table, touched, references = pictures
     size, views, left_out = _views(board, [*table, *(path for path in held if path not in table)])
     lying = [view for view in views if view.name in {path.name for path in table}]
     if not lying or lying[0].name != table[0].name:
-        raise CalibrationRefusedError(
-            f"{table[0].name}: the board on the table is not seen; take it again"
-        )
+        raise InputError(f"{table[0].name}: the board on the table is not seen; take it again")
     result = lens_fit.fit(views, size)
     view = table_fit.stand(result.lens, result.pose, from_below, height_mm)
     world, alignment_mm = ZERO, 0.0
@@ -89,7 +87,7 @@ def calibrate(
     trust = table_fit.trust(result, view, height_mm, world)
     fixed = [tag for tag in _tags(references) if tag.number != number] if references else []
     if references and not fixed:
-        raise CalibrationRefusedError(f"{references.name}: no reference tag is seen; take it again")
+        raise InputError(f"{references.name}: no reference tag is seen; take it again")
     places = tuple(Reference(tag.number, *place(tag, view)) for tag in fixed)
     calibration = CameraCalibration(
         camera, date, view, result.rms_px, alignment_mm, trust, places, len(views)
@@ -106,7 +104,7 @@ def glue(calibration: CameraCalibration, tag: PartTag, touched: Sequence[Touched
         touched: the part's poses, and their pictures.
 
     Raises:
-        CameraError: a tag is not seen, or the poses contradict one another.
+        InputError: a tag is not seen, or the poses contradict one another.
     """
     fixed = {reference.number for reference in calibration.references}
     seen = []
@@ -115,16 +113,14 @@ def glue(calibration: CameraCalibration, tag: PartTag, touched: Sequence[Touched
         calibration.check_size(picture.shape)
         sighting = the_one(find(picture), tag.number, fixed)
         if sighting is None:
-            raise CalibrationRefusedError(
-                f"{known.picture.name}: tag {tag.number} is not seen; take it again"
-            )
+            raise InputError(f"{known.picture.name}: tag {tag.number} is not seen; take it again")
         seen.append(of_sighting(sighting, calibration, tag).pose)
     on_part, sigma_mm, sigma_rad = table_fit.part_offset([known.pose for known in touched], seen)
     return replace(tag, on_part=on_part, sigma_mm=sigma_mm, sigma_rad=sigma_rad)
 
 
 def read_poses(path: Path) -> tuple[Touched, ...]:
-    """Poses the arm knows, from a CSV file; CameraFileError where it cannot be read.
+    """Poses the arm knows, from a CSV file; InputError where it cannot be read.
 
     Its columns are `picture`, relative to the file, `x_mm`, `y_mm` and, where it matters, `theta_rad`.
     """
@@ -132,9 +128,9 @@ def read_poses(path: Path) -> tuple[Touched, ...]:
         with path.open(newline="", encoding="utf-8") as file:
             rows = list(csv.DictReader(file))
     except OSError as error:
-        raise CameraFileError(f"poses {path}: {error.strerror}") from error
+        raise InputError(f"poses {path}: {error.strerror}") from error
     except ValueError as error:
-        raise CameraFileError(f"poses {path}: is no text; write CSV") from error
+        raise InputError(f"poses {path}: is no text; write CSV") from error
     return tuple(_touched(path, number, row) for number, row in enumerate(rows, start=2))
 
 
@@ -143,26 +139,26 @@ def _touched(path: Path, line: int, row: dict[str, str]) -> Touched:
         pose = float(row["x_mm"]), float(row["y_mm"]), float(row.get("theta_rad") or 0.0)
         return Touched(path.parent / row["picture"], pose)
     except (KeyError, TypeError, ValueError) as error:
-        raise CameraFileError(
+        raise InputError(
             f"poses {path}, line {line}: write a picture's name and numbers below the first line "
             "picture,x_mm,y_mm,theta_rad"
         ) from error
 
 
 def pictures_in(folder: Path) -> tuple[Path, ...]:
-    """The pictures of a folder in the order of their names; CameraFileError where it cannot be read."""
+    """The pictures of a folder in the order of their names; InputError where it cannot be read."""
     try:
         return tuple(sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES))
     except OSError as error:
-        raise CameraFileError(f"folder {folder}: {error.strerror}") from error
+        raise InputError(f"folder {folder}: {error.strerror}") from error
 
 
 def load_picture(path: Path) -> Picture:
-    """A picture's grey levels; CameraError where it cannot be read, or is none."""
+    """A picture's grey levels; InputError where it cannot be read, PictureError where it is none."""
     try:
         return decoded(path.read_bytes(), str(path))
     except OSError as error:
-        raise CameraFileError(f"picture {path}: {error.strerror}") from error
+        raise InputError(f"picture {path}: {error.strerror}") from error
 
 
 def _views(
@@ -176,7 +172,7 @@ def _views(
         height, width = picture.shape
         sizes.append((width, height))
         if sizes[-1] != sizes[0]:
-            raise CalibrationRefusedError(
+            raise InputError(
                 f"{path.name} is {width} x {height}, those before it {sizes[0][0]} x {sizes[0][1]}; "
                 "take all at one size"
             )
@@ -195,7 +191,5 @@ def _tags(path: Path) -> list[Sighting]:
 def _only_tag(path: Path, number: int) -> Sighting:
     results = [tag for tag in _tags(path) if tag.number == number]
     if len(results) != 1:
-        raise CalibrationRefusedError(
-            f"{path.name}: tag {number} is seen {len(results)} times; take it again"
-        )
+        raise InputError(f"{path.name}: tag {number} is seen {len(results)} times; take it again")
     return results[0]

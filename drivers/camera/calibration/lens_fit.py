@@ -6,10 +6,10 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from drivers.camera.errors import CalibrationRefusedError
 from drivers.camera.vision.arrays import Array
 from drivers.camera.vision.board import BoardView
 from drivers.camera.vision.lens import Lens
+from runtime.shell.errors import InputError
 
 LEAST_VIEWS = 8
 LARGEST_RMS_PX = 0.5
@@ -32,7 +32,7 @@ def fit(views: Sequence[BoardView], size: tuple[int, int]) -> LensFit:
     """Fit a lens to views of a board, the first of which lies on the table, in pictures of a size in pixels.
 
     Raises:
-        CalibrationRefusedError: too few views, a corner without any, large residuals, little tilt.
+        InputError: too few views, a corner without any, large residuals, little tilt.
     """
     _check_views(views, size)
     points = [np.column_stack([v.points, np.zeros(len(v.points))]) for v in views]
@@ -49,7 +49,7 @@ def fit(views: Sequence[BoardView], size: tuple[int, int]) -> LensFit:
     covariance = float(rms) ** 2 * _cofactor(slopes)
     sigma = float(np.sqrt(max(covariance[0, 0], covariance[1, 1]))) / fx
     if not sigma <= LARGEST_FOCAL_SIGMA:
-        raise CalibrationRefusedError(
+        raise InputError(
             f"the focal length is known to {100 * sigma:.1f} % only (limit {100 * LARGEST_FOCAL_SIGMA:g} %); "
             "add views with the board tilted by 30 degrees and more"
         )
@@ -75,7 +75,7 @@ def slopes_at(lens: Lens, pose: Array, points: Array) -> Array:
 
 def _check_views(views: Sequence[BoardView], size: tuple[int, int]) -> None:
     if len(views) < LEAST_VIEWS:
-        raise CalibrationRefusedError(
+        raise InputError(
             f"{len(views)} pictures show the board; take at least {LEAST_VIEWS}, tilted to all sides, "
             "and in all corners of the picture"
         )
@@ -84,7 +84,7 @@ def _check_views(views: Sequence[BoardView], size: tuple[int, int]) -> None:
         for right, horizontal in ((0, "left"), (1, "right")):
             near = np.abs(seen - (right, down)) < CORNER_SHARE
             if not near.all(axis=1).any():
-                raise CalibrationRefusedError(
+                raise InputError(
                     f"no view shows the board in the {vertical} {horizontal} corner of the picture; "
                     "add one there"
                 )
@@ -93,7 +93,7 @@ def _check_views(views: Sequence[BoardView], size: tuple[int, int]) -> None:
 def _check_residuals(rms_px: float, view_rms_px: Array, views: Sequence[BoardView]) -> None:
     worst = int(np.argmax(view_rms_px))
     if rms_px > LARGEST_RMS_PX or view_rms_px[worst] > LARGEST_VIEW_RMS_PX:
-        raise CalibrationRefusedError(
+        raise InputError(
             f"the residual is {rms_px:.2f} px (limit {LARGEST_RMS_PX:g}), worst "
             f"{view_rms_px[worst]:.2f} px in {views[worst].name}; leave that one out, keep the board "
             "flat and still, and check its measures"

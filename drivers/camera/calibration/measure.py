@@ -6,12 +6,12 @@ from typing import NamedTuple
 import numpy as np
 
 from drivers.camera.calibration.file import CameraCalibration
-from drivers.camera.errors import CameraError
 from drivers.camera.vision import explain
 from drivers.camera.vision.arrays import Array, Picture
 from drivers.camera.vision.plane import as_it_lies, rigid_fit
 from drivers.camera.vision.tag_file import PartTag
 from drivers.camera.vision.tags import Sighting
+from drivers.errors import PictureError
 from drivers.planar import Pose2, compose, relative
 
 LEAST_CORNER_PX = 0.05  # no corner is better than this, whatever its sides say
@@ -35,7 +35,7 @@ def measure(
     tag: PartTag,
     near: Pose2 | None = None,
 ) -> Measured:
-    """Measure the part that carries a tag; CameraError unless that is seen once, alone, of the right size.
+    """Measure the part that carries a tag; PictureError unless that is seen once, alone, of the right size.
 
     Args:
         picture: (h, w), for explaining why the tag is not seen.
@@ -51,22 +51,22 @@ def measure(
     sighting = the_one(seen, tag.number, fixed)
     if sighting is None:
         expected = None if near is None else compose(near, tag.on_part)
-        raise CameraError(explain.why_unseen(picture, calibration.view, tag, expected))
+        raise PictureError(explain.why_unseen(picture, calibration.view, tag, expected))
     return of_sighting(sighting, calibration, tag)
 
 
 def of_sighting(sighting: Sighting, calibration: CameraCalibration, tag: PartTag) -> Measured:
-    """The part's pose from its tag's corners; CameraError where the tag is not of the size it should have."""
+    """The part's pose from its tag's corners; PictureError where the tag has the wrong size."""
     view = calibration.view
     corners = view.on_plane(sighting.corners, tag.height_mm)
     if not np.isfinite(corners).all():
-        raise CameraError(
+        raise PictureError(
             f"tag {tag.number} is seen beyond the table's horizon, where nothing lies; check that it is the "
             "part's, and that the camera stands where it was calibrated"
         )
     fit = rigid_fit(as_it_lies(print_corners(tag.side_mm), view.from_below), corners)
     if not abs(fit.scale - 1.0) <= LARGEST_SCALE_ERROR:
-        raise CameraError(
+        raise PictureError(
             f"tag {tag.number} looks {fit.scale * tag.side_mm:.2f} mm large and should be {tag.side_mm:g}; "
             "check its size and height, and calibrate the camera again if both are right"
         )
@@ -81,7 +81,7 @@ def print_corners(side_mm: float) -> Array:
 
 
 def the_one(seen: Sequence[Sighting], number: int, fixed: Collection[int]) -> Sighting | None:
-    """The part's tag among all but the fixed ones; CameraError where there are two, or only a wrong one."""
+    """The part's tag among all but the fixed ones; PictureError where there are two, or only a wrong one."""
     loose = [tag for tag in seen if tag.number not in fixed]
     ours = [tag for tag in loose if tag.number == number]
     others = sorted({tag.number for tag in loose} - {number})
@@ -91,11 +91,11 @@ def the_one(seen: Sequence[Sighting], number: int, fixed: Collection[int]) -> Si
             if not others
             else ", ".join(str(t.number) for t in loose)
         )
-        raise CameraError(
+        raise PictureError(
             f"more than one tag lies in view ({named}); leave one part alone on the table"
         )
     if others:
-        raise CameraError(
+        raise PictureError(
             f"tag {others[0]} is seen, but the part carries tag {number}; is it the right part?"
         )
     return ours[0] if ours else None

@@ -8,12 +8,12 @@ import numpy as np
 
 from drivers.camera.calibration.file import Trust
 from drivers.camera.calibration.lens_fit import LensFit, slopes_at
-from drivers.camera.errors import CalibrationRefusedError
 from drivers.camera.vision.arrays import Array
 from drivers.camera.vision.board import BoardView
 from drivers.camera.vision.lens import Lens
 from drivers.camera.vision.plane import View, as_it_lies, placed, rigid_fit
 from drivers.planar import Pose2, relative
+from runtime.shell.errors import InputError
 
 Place = tuple[float, float]
 LEAST_TOUCHED = 3
@@ -56,21 +56,19 @@ def align(touched: Sequence[Place], seen: Sequence[Place]) -> tuple[Pose2, float
         seen: the same in the board's frame, mm.
 
     Raises:
-        CalibrationRefusedError: too few places, too near to one another, or in contradiction.
+        InputError: too few places, too near to one another, or in contradiction.
     """
     a, b = np.array(touched, np.float64).reshape(-1, 2), np.array(seen, np.float64).reshape(-1, 2)
     if len(a) < LEAST_TOUCHED:
-        raise CalibrationRefusedError(
-            f"{len(a)} touched places; the arm has to touch at least {LEAST_TOUCHED}"
-        )
+        raise InputError(f"{len(a)} touched places; the arm has to touch at least {LEAST_TOUCHED}")
     spread = float(np.hypot(*(a.max(axis=0) - a.min(axis=0))))
     if spread < LEAST_SPREAD_MM:
-        raise CalibrationRefusedError(
+        raise InputError(
             f"the touched places are within {spread:.0f} mm; spread them over {LEAST_SPREAD_MM:g} mm and more"
         )
     result = rigid_fit(a, b)
     if result.rms_mm > LARGEST_ALIGNMENT_MM:
-        raise CalibrationRefusedError(
+        raise InputError(
             f"touched and seen places disagree by {result.rms_mm:.2f} mm "
             f"(limit {LARGEST_ALIGNMENT_MM:g} mm); "
             "check which picture belongs to which place, the arm's tool frame, and --above"
@@ -82,7 +80,7 @@ def board_residuals(view: View, boards: Sequence[BoardView], height_mm: float = 
     """How far each corner of boards that lie on the table is from where the board, moved as a whole, has it.
 
     Raises:
-        CalibrationRefusedError: too far.
+        InputError: too far.
     """
     places, off = [], []
     for board in boards:
@@ -93,7 +91,7 @@ def board_residuals(view: View, boards: Sequence[BoardView], height_mm: float = 
         off.append(seen - whole)
     result = Residuals(np.concatenate(places), np.concatenate(off))
     if not result.rms_mm <= LARGEST_RESIDUAL_MM:
-        raise CalibrationRefusedError(
+        raise InputError(
             f"boards on the table are measured {result.rms_mm:.2f} mm wrong (limit {LARGEST_RESIDUAL_MM:g}"
             " mm); check that they lie flat, and the board's measures"
         )
@@ -135,12 +133,10 @@ def part_offset(parts: Sequence[Pose2], tags: Sequence[Pose2]) -> tuple[Pose2, f
         tags: poses of the tag that were seen.
 
     Raises:
-        CalibrationRefusedError: too few, or they contradict one another.
+        InputError: too few, or they contradict one another.
     """
     if len(parts) < LEAST_TOUCHED:
-        raise CalibrationRefusedError(
-            f"{len(parts)} poses of the part; at least {LEAST_TOUCHED} are needed"
-        )
+        raise InputError(f"{len(parts)} poses of the part; at least {LEAST_TOUCHED} are needed")
     offsets = [relative(part, tag) for part, tag in zip(parts, tags, strict=True)]
     result = np.array(offsets)
     theta = float(np.angle(np.mean(np.exp(1j * result[:, 2]))))
@@ -149,7 +145,7 @@ def part_offset(parts: Sequence[Pose2], tags: Sequence[Pose2]) -> tuple[Pose2, f
     scatter = np.sqrt(np.sum((result[:, :2] - place) ** 2) / (2 * (count - 1)))
     turned = np.remainder(result[:, 2] - theta + np.pi, 2.0 * np.pi) - np.pi
     if scatter > LARGEST_ALIGNMENT_MM:
-        raise CalibrationRefusedError(
+        raise InputError(
             f"the tag's place on the part scatters by {scatter:.2f} mm (limit {LARGEST_ALIGNMENT_MM:g} mm); "
             "check the part's poses and the order of the pictures"
         )

@@ -6,8 +6,8 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from drivers.camera.errors import CalibrationRefusedError
 from drivers.camera.vision.arrays import Array, Picture
+from runtime.shell.errors import InputError
 
 LEAST_CORNERS = 12  # of a view
 NOTHING = np.zeros(0), np.zeros((0, 2))
@@ -62,7 +62,7 @@ class Board:
 
 
 def parse(text: str) -> Board:
-    """A board as the command line names it; CalibrationRefusedError where it is not understood."""
+    """A board as the command line names it; InputError where it is not understood."""
     try:
         kind, size, *lengths = text.split(":")
         columns, rows = map(int, size.split("x"))
@@ -74,7 +74,7 @@ def parse(text: str) -> Board:
         or min(columns, rows) < 4
         or not 0 <= marker_mm < field_mm
     ):
-        raise CalibrationRefusedError(
+        raise InputError(
             f"board {text!r}: write charuco:12x9:30:22.5 or chessboard:12x9:30 "
             "(fields across and down, mm of a field, mm of a marker)"
         )

@@ -3,11 +3,11 @@
 import cv2
 import numpy as np
 
-from drivers.camera.errors import PictureError
 from drivers.camera.vision.arrays import Array, Picture
 from drivers.camera.vision.plane import View, as_it_lies, placed
 from drivers.camera.vision.tag_file import PartTag
 from drivers.camera.vision.tags import FAMILY, SQUARES, families_seen
+from drivers.errors import PictureError
 from drivers.planar import Pose2
 
 BLACK_LEVEL = 16

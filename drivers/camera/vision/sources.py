@@ -11,9 +11,9 @@ import cv2
 import numpy as np
 
 from drivers.bounds import opener
-from drivers.camera.errors import PictureError, SourceError
 from drivers.camera.vision.arrays import Picture
-from drivers.errors import shown
+from drivers.errors import PictureError, shown
+from runtime.shell.errors import UnreachableError
 
 FRESH_FRAMES = 2  # the first frame after the question may have been exposed before it
 POLL_S = 0.005
@@ -28,7 +28,7 @@ class Source:
     """Takes pictures."""
 
     def picture(self, until: float) -> Picture:
-        """A picture (h, w) taken after this call began, by a `time.monotonic`; SourceError without one."""
+        """A picture (h, w) taken after this call and before `until`; UnreachableError without one."""
         raise NotImplementedError
 
     def close(self) -> None:
@@ -44,7 +44,7 @@ def open_source(address: str, size: tuple[int, int] | None = None) -> Source:
         size: width and height to set a device to.
 
     Raises:
-        SourceError: there is no such thing.
+        UnreachableError: there is no such thing.
     """
     if address.startswith(("http://", "https://")):
         streams = address.partition("?")[0].endswith((".mjpg", ".mjpeg"))
@@ -52,14 +52,14 @@ def open_source(address: str, size: tuple[int, int] | None = None) -> Source:
     if address.startswith("rtsp://"):
         return Stream(address, cv2.CAP_FFMPEG)
     if not address or "://" in address:
-        raise SourceError(f"camera {address!r} is of no known kind; {KINDS}")
+        raise UnreachableError(f"camera {address!r} is of no known kind; {KINDS}")
     path = Path(f"/dev/video{address}" if address.isdecimal() else address)
     if path.is_dir():
         return Folder(path)
     if not path.exists():
-        raise SourceError(f"there is no camera or folder {path}; check the cable and the name")
+        raise UnreachableError(f"there is no camera or folder {path}; check the cable and the name")
     if not path.is_char_device():
-        raise SourceError(f"{path} is neither a camera nor a folder of pictures; {KINDS}")
+        raise UnreachableError(f"{path} is neither a camera nor a folder of pictures; {KINDS}")
     return Stream(str(path), cv2.CAP_V4L2, size)
 
 
@@ -74,13 +74,13 @@ class Folder(Source):
         """The next picture."""
         while (name := self._next()) is None:
             if time.monotonic() >= until:
-                raise SourceError(f"folder {self._path} has no further picture")
+                raise UnreachableError(f"folder {self._path} has no further picture")
             time.sleep(POLL_S)
         self._last = name
         try:
             return self._whole(self._path / name, until)
         except OSError as error:
-            raise SourceError(f"picture {self._path / name}: {error.strerror}") from error
+            raise UnreachableError(f"picture {self._path / name}: {error.strerror}") from error
 
     def _whole(self, path: Path, until: float) -> Picture:
         """The picture of a file, which may be still being written."""
@@ -104,7 +104,7 @@ class Folder(Source):
                 (name for name in names if name > self._last and name[0] != "."), default=None
             )
         except OSError as error:
-            raise SourceError(f"folder {self._path}: {error.strerror}") from error
+            raise UnreachableError(f"folder {self._path}: {error.strerror}") from error
 
 
 class Still(Source):
@@ -122,13 +122,13 @@ class Still(Source):
                 data = answer.read(MAX_PICTURE_BYTES)
         except urllib.error.HTTPError as error:
             error.close()
-            raise SourceError(
+            raise UnreachableError(
                 f"camera {self._address} answers {error.code} {shown(error.reason)}"
             ) from error
         except (OSError, ValueError, http.client.HTTPException) as error:
             reason = getattr(error, "reason", error)
             reason = shown(getattr(reason, "strerror", None) or reason)
-            raise SourceError(
+            raise UnreachableError(
                 f"camera {self._address}: {reason}; is it on, and in this network?"
             ) from error
         return decoded(data, self._address)
@@ -162,7 +162,7 @@ class Stream(Source):
             wanted = self._frames + FRESH_FRAMES
             while self._frame is None or self._frames < wanted:
                 if not self._changed.wait(max(until - time.monotonic(), 0.0)):
-                    raise SourceError(
+                    raise UnreachableError(
                         f"camera {self._address} {self._trouble}; check power and cable"
                     )
             return self._frame

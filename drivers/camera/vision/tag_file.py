@@ -27,14 +27,14 @@ class PartTag:
 
 
 def save(tag: PartTag, path: Path, date: str) -> None:
-    """Write the file, with its date; CameraFileError where it cannot be written."""
+    """Write the file, with its date; OutputError where it cannot be written."""
     fields = asdict(tag)
     place = dict(zip(PLACE, fields.pop("on_part"), strict=True))
     documents.save(path, KIND, {"date": date, "family": FAMILY, **fields, **place})
 
 
 def load(path: Path) -> PartTag:
-    """Read and check a file; CameraFileError where it cannot be, was changed, or is of another family."""
+    """Read and check a file; InputError where it cannot be, was changed, or is of another family."""
     return documents.read(path, KIND, REMEDY, _parsed)
 
 

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 from drivers.planar import Pose2
-from drivers.sim.errors import SimulationError, SimulationFileError
 from runtime import table as tables
+from runtime.shell.errors import InputError, UsageError
 from runtime.shell.worlds import DEFAULT_WORLD, WorldError, find_factory, make_world
 
 REHEARSAL = "runtime.devices.rehearsal:make"
@@ -77,7 +77,7 @@ class Setting(NamedTuple):
     pushing: bool = False  # whether the table that will run here pushes parts
 
     def make_worlds(self, seed: int) -> list[World]:
-        """A world for each part; SimulationError where the factory fails or returns what cannot squeeze."""
+        """A world for each part; UsageError where the factory fails or returns what cannot squeeze."""
         subjects = [subject for _, subject in self.parts] or [self.subject]
         return [self._make_world(subject, seed + number) for number, subject in enumerate(subjects)]
 
@@ -85,9 +85,9 @@ class Setting(NamedTuple):
         try:
             world: World = make_world(self.factory, subject, seed)
         except WorldError as error:
-            raise SimulationError(f"world {self.world}: {error}") from error
+            raise UsageError(f"world {self.world}: {error}") from error
         if self.pushing and self.truthful and not hasattr(world, "push"):
-            raise SimulationError(
+            raise UsageError(
                 f"world {self.world} has no push(), and the table pushes parts; name another"
             )
         return world
@@ -102,11 +102,11 @@ def load(tree: Path | None, job: Path | None, world: str | None) -> Setting:
     """Read table or job, and find the world.
 
     The world is `module:factory`; none: the planner's, or a rehearsal where the planner is not installed.
-    SimulationError where a file or the world cannot be had; errors of table and job pass as they are.
+    UsageError where the world cannot be had, InputError where a file cannot.
     """
     path = tree or job
     if path is None or not path.is_file():
-        raise SimulationFileError(
+        raise InputError(
             f"{path}: no such file; give a compiled table (--tree) or a job file (--job)"
         )
     world, factory = _world(world)
@@ -117,7 +117,7 @@ def load(tree: Path | None, job: Path | None, world: str | None) -> Setting:
     if world == REHEARSAL:
         return Setting(table, table_geometry(table), world, factory, pushing=pushing)
     if table.job is None:
-        raise SimulationError(
+        raise UsageError(
             f"{tree}: the table carries no job; give the job file (--job) or --world {REHEARSAL}"
         )
     return _setting_of(_planner_job().from_canonical(table.job), world, factory)._replace(
@@ -138,16 +138,14 @@ def _world(name: str | None) -> tuple[str, Callable[[Any, int], Any]]:
         if name is None:
             return REHEARSAL, find_factory(REHEARSAL)
         hint = "; install squeezetree[planner]" if name.startswith("planner") else ""
-        raise SimulationError(f"world {name}: {error}{hint}") from error
+        raise UsageError(f"world {name}: {error}{hint}") from error
 
 
 def _planner_job() -> Any:
     try:
         return import_module("planner.job.model")
     except ImportError as error:
-        raise SimulationError(
-            f"a job cannot be read ({error}); install squeezetree[planner]"
-        ) from error
+        raise UsageError(f"a job cannot be read ({error}); install squeezetree[planner]") from error
 
 
 def job_geometry(job: Any) -> Geometry:
@@ -197,7 +195,7 @@ def warm_up(setting: Setting, seed: int) -> None:
     """Act once in a world of its own, so that kernels compile before anything waits for an answer.
 
     Raises:
-        SimulationError: the world fails.
+        UsageError: the world fails.
     """
     for world in setting.make_worlds(seed):
         with _telling(setting.world, "squeeze"):
@@ -214,6 +212,6 @@ def _telling(world: str, method: str) -> Iterator[None]:
     try:
         yield
     except Exception as error:
-        raise SimulationError(
+        raise UsageError(
             f"world {world}: {method}() failed: {type(error).__name__}: {error}"
         ) from error

@@ -9,10 +9,10 @@ import shapely
 from scipy.spatial import cKDTree
 
 from planner.arrays import Array
-from planner.errors import OutlineError, UsageError
 from planner.part.importers import noding, seams
 from planner.part.importers.pieces import Lost, Pieces, place, too_much
 from planner.part.importers.seams import Drawn
+from runtime.shell.errors import InputError, UsageError
 
 LISTED = 12
 MOST = 2000  # Most contours of one drawing
@@ -49,7 +49,7 @@ def contours(pieces: Pieces, join_mm: float, where: str) -> tuple[list[Contour],
     faces that share an edge are one contour.
 
     Raises:
-        OutlineError: there is none; says where the drawing is open.
+        InputError: there is none; says where the drawing is open.
     """
     alone, drawn = _sorted(pieces, join_mm)
     origin = drawn.origin
@@ -85,7 +85,7 @@ def choose(
 
     Raises:
         UsageError: there is no such contour, or there are several to choose from; lists them.
-        OutlineError: the outline may be one of the `lost` shapes, or another contour of the same lines.
+        InputError: the outline may be one of the `lost` shapes, or another contour of the same lines.
     """
     for shape in lost:
         if shape.box is None or any(
@@ -94,7 +94,7 @@ def choose(
             problem = (
                 f"the outline may be missing: {shape.what}; repair or delete it in the drawing"
             )
-            raise OutlineError(problem, where=where)
+            raise InputError(problem, where=where)
     outer = [contour for contour in candidates if contour.outer]
     if number is None and len(outer) > 1:
         raise UsageError(
@@ -107,7 +107,7 @@ def choose(
         )
     contour = candidates[(number or 1) - 1]
     if contour.ambiguity:
-        raise OutlineError(contour.ambiguity, where=where)
+        raise InputError(contour.ambiguity, where=where)
     notes = [contour.note] if contour.note else []
     if contour.holes:
         what = "contour" if contour.holes == 1 else "contours"
@@ -243,15 +243,15 @@ def _nested(rings: list[Contour]) -> list[Contour]:
     return sorted(results, key=lambda contour: (not contour.outer, -contour.area_mm2))
 
 
-def _no_contour(loose: list[Array], origin: Array, where: str) -> OutlineError:
+def _no_contour(loose: list[Array], origin: Array, where: str) -> InputError:
     if not loose:
-        return OutlineError("holds no closed contour; draw the part's outline as one", where=where)
+        return InputError("holds no closed contour; draw the part's outline as one", where=where)
     gap = _gap(loose)
     problem = (
         f"the contour is open at {place(gap.point + origin)} mm, where the nearest end is "
         f"{gap.width_mm:.4g} mm away; close it in the drawing"
     )
-    return OutlineError(problem, where=where)
+    return InputError(problem, where=where)
 
 
 def _around(loose: list[Array], rings: list[Array]) -> bool:

@@ -9,8 +9,8 @@ from ezdxf import recover, units
 from ezdxf.layouts.blocklayout import BlockLayout
 from ezdxf.layouts.layout import Modelspace
 
-from planner.errors import InputFileError, OutlineError, UsageError
 from planner.part.importers import dxf_audit, dxf_view, pieces
+from runtime.shell.errors import InputError, UsageError
 
 if TYPE_CHECKING:
     from ezdxf.audit import Auditor
@@ -65,21 +65,21 @@ def read(
 
 def _document(data: bytes, where: str) -> tuple[Drawing, Auditor]:
     if not data.strip():
-        raise InputFileError("is empty; export the drawing again", where=where)
+        raise InputError("is empty; export the drawing again", where=where)
     if b"SECTION" not in data:  # of such a file the parser would make a drawing without shapes
-        raise InputFileError(
+        raise InputError(
             "is no DXF file; export the drawing again, as DXF R2000 or later", where=where
         )
     try:
         return recover.read(io.BytesIO(data))
-    except InputFileError:
+    except InputError:
         raise
     except Exception as error:  # the parser meets damage of all kinds in all its corners
         reason = str(error).splitlines()[0][:120] if str(error) else type(error).__name__
         problem = (
             f"is no DXF file that can be read ({reason}); export it again, as DXF R2000 or later"
         )
-        raise InputFileError(problem, where=where) from error
+        raise InputError(problem, where=where) from error
 
 
 def _scale(document: Drawing, where: str, unit_mm: float | None) -> tuple[float, list[str]]:
@@ -107,7 +107,7 @@ def _size(document: Drawing, space: Modelspace, where: str) -> int:
                 continue
             name = str(entity.dxf.name).lower()
             if name in above or len(above) > MAX_DEPTH:
-                raise OutlineError(
+                raise InputError(
                     f"block {entity.dxf.name!r} contains itself; repair the drawing", where=where
                 )
             block = document.blocks.get(name)

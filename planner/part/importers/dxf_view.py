@@ -26,8 +26,8 @@ from ezdxf.math import Matrix44, Vec3
 from scipy.interpolate import BSpline
 
 from planner.arrays import Array
-from planner.errors import OutlineError
 from planner.part.importers import pieces
+from runtime.shell.errors import InputError
 
 if TYPE_CHECKING:
     from ezdxf.addons.drawing.properties import LayerProperties, Properties
@@ -69,7 +69,7 @@ def view(
     `scale` is mm a unit; the rest is as in `dxf.read`.
 
     Raises:
-        OutlineError: a shape cannot be drawn.
+        InputError: a shape cannot be drawn.
     """
     document.header["$XCLIPFRAME"] = 0  # the frame of a clip is no shape
     recorder = Recorder()
@@ -208,7 +208,7 @@ class _Viewer(Frontend):
                 self.pipeline.draw_path(shape, properties)
         except (DXFError, ValueError, TypeError, ArithmeticError, IndexError) as error:
             problem = f"its {_name(entity)} cannot be drawn; repair the drawing"
-            raise OutlineError(problem, where=self._where) from error
+            raise InputError(problem, where=self._where) from error
         if isinstance(entity, LWPolyline | Polyline) and entity.has_width:
             self._widths.append(_width(entity))
 

@@ -9,10 +9,10 @@ import numpy as np
 import shapely
 
 from planner.arrays import Array
-from planner.errors import InputFileError, OutlineError, PlannerError, UsageError
 from planner.part import outline, symmetry
 from planner.part.importers import contours, dxf, kicad, mesh, svg, table
 from planner.part.importers.pieces import MAX_BYTES, UNITS_MM, Options, Pieces, place, time_limit
+from runtime.shell.errors import ExpectedError, InputError, UsageError
 
 READERS = {".svg": svg.read, ".csv": table.read, ".kicad_mod": kicad.read}
 SUFFIXES = (".dxf", *READERS, ".stl")
@@ -61,9 +61,9 @@ def read_outline(path: Path, options: Options) -> Imported:
     Raises:
         UsageError: neither file nor options tell the unit or which contour is meant; the height lies beside
             the solid; the suffix is not known, or trimesh not installed.
-        InputFileError: it is missing, too large, or not what its suffix says.
-        OutlineError: it holds no closed contour, one that crosses itself, or too much.
-        ValueRangeError: a line of a CSV file is not two numbers.
+        InputError: it is missing, too large, or not what its suffix says.
+        InputError: it holds no closed contour, one that crosses itself, or too much.
+        InputError: a line of a CSV file is not two numbers.
     """
     where = str(path)
     if not 1e-4 <= options.tolerance_mm <= 1.0:
@@ -98,7 +98,7 @@ def _noted(pieces: Pieces) -> Iterator[None]:
     """Adds what a reader should know about a drawing to the error that refuses it."""
     try:
         yield
-    except PlannerError as error:
+    except ExpectedError as error:
         for note in (*pieces.notes, *(shape.what for shape in pieces.lost if shape.box is None)):
             if note not in str(error):
                 error.add_note(note)
@@ -113,7 +113,7 @@ def read_faces(path: Path, options: Options, tips_mm: Callable[[float], float]) 
 
     Raises:
         UsageError: the file is no solid.
-        PlannerError: as `read_outline`; or the solid is not closed.
+        ExpectedError: as `read_outline`; or the solid is not closed.
     """
     where = str(path)
     if path.suffix.lower() != ".stl":
@@ -179,11 +179,11 @@ def _bytes(path: Path) -> bytes:
         with path.open("rb") as file:
             data = file.read(MAX_BYTES + 1)
     except OSError as error:
-        raise InputFileError(
+        raise InputError(
             f"cannot be read: {error.strerror}; check the path", where=where
         ) from error
     if len(data) > MAX_BYTES:
-        raise InputFileError(
+        raise InputError(
             f"is larger than {MAX_BYTES >> 20} MB; export the part's outline alone", where=where
         )
     return data
@@ -199,15 +199,15 @@ def _checked(
             f"is {size[0]:.4g} x {size[1]:.4g} mm, which no gripper takes; is the unit right? state --units, "
             "or --scale for a drawing in pixels"
         )
-        raise OutlineError(problem, where=where)
+        raise InputError(problem, where=where)
     try:
         drawn, first = outline.canonical(_apart(points, where))
         simple, second = outline.canonical(outline.simplified(drawn, 0.5 * tolerance_mm))
-    except OutlineError as error:
-        raise OutlineError(error.problem, where=where) from None
+    except InputError as error:
+        raise InputError(error.problem, where=where) from None
     if len(simple) > MOST_VERTICES:
         problem = f"still has {len(simple)} vertices at {tolerance_mm:g} mm; raise --tolerance"
-        raise OutlineError(problem, where=where)
+        raise InputError(problem, where=where)
     order = symmetry.order(simple, max(tolerance_mm, symmetry.TOLERANCE_MM))
     shift = first + second
     if np.abs(shift).max() <= DATUM_MM:
@@ -232,5 +232,5 @@ def _apart(points: Array, where: str) -> Array:
         problem = (
             f"the contour touches itself at ({x:.4g}, {y:.4g}) mm; part it there in the drawing"
         )
-        raise OutlineError(problem, where=where)
+        raise InputError(problem, where=where)
     return np.asarray(fresh)

@@ -14,8 +14,8 @@ import sexpdata
 import shapely
 
 from planner.arrays import Array
-from planner.errors import InputFileError, OutlineError
 from planner.part.importers.pieces import MAX_SHAPES, Pieces, flattened, sorted_out, too_much
+from runtime.shell.errors import InputError
 
 BODY = "F.Fab"
 ON_BODY = frozenset({BODY, "*.Fab", "F&B.Fab"})  # names of layers that hold the body
@@ -66,8 +66,8 @@ def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) ->
     """The body's lines, arcs, circles, rectangles, polygons and curves; millimetres, unless stated otherwise.
 
     Raises:
-        InputFileError: it is not a footprint, or one of its shapes is damaged.
-        OutlineError: it holds more shapes than any body has, or none on the layer of the body.
+        InputError: it is not a footprint, or one of its shapes is damaged.
+        InputError: it holds more shapes than any body has, or none on the layer of the body.
     """
     shapes = _shapes(data.decode("utf-8", errors="replace"), where)
     if len(shapes) > MAX_SHAPES:
@@ -85,7 +85,7 @@ def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) ->
             curves.append(scale * draw(shape, tolerance_mm / (unit_mm or 1.0)))
         except (KeyError, ValueError, IndexError) as error:
             problem = f"has a {shape.name} that cannot be read ({_reason(error)}); export it anew"
-            raise InputFileError(problem, where=where) from error
+            raise InputError(problem, where=where) from error
     left_out = ", ".join(f"{n} {name}" for name, n in sorted(strays.items()))
     if not curves:
         raise _nothing(shapes, left_out, where)
@@ -96,18 +96,18 @@ def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) ->
 def _shapes(text: str, where: str) -> list[Expression]:
     """The expressions of a footprint that state their layers."""
     if not re.match(r"\s*\((footprint|module)\b", text):
-        raise InputFileError("is not a KiCad footprint; export one, or a DXF", where=where)
+        raise InputError("is not a KiCad footprint; export one, or a DXF", where=where)
     try:
         footprint = sexpdata.loads(text, nil=None, true=None, line_comment="\0")
-    except InputFileError:  # its time is over
+    except InputError:  # its time is over
         raise
     except Exception as error:  # the parser asserts, recurses and looks up attributes
         problem = f"is a damaged KiCad footprint ({_reason(error)}); export it anew"
-        raise InputFileError(problem, where=where) from error
+        raise InputError(problem, where=where) from error
     return [part for part in Expression("", footprint).parts() if part.layers()]
 
 
-def _nothing(shapes: list[Expression], left_out: str, where: str) -> OutlineError:
+def _nothing(shapes: list[Expression], left_out: str, where: str) -> InputError:
     drawn = {layer for shape in shapes if shape.name in CURVES for layer in shape.layers()}
     others = f"it draws on {', '.join(sorted(drawn))}" if drawn else "it draws nothing at all"
     if left_out:
@@ -115,7 +115,7 @@ def _nothing(shapes: list[Expression], left_out: str, where: str) -> OutlineErro
     problem = (
         f"has no shape on {BODY}, the layer of the body ({others}); draw the body's outline there"
     )
-    return OutlineError(problem, where=where)
+    return InputError(problem, where=where)
 
 
 def _is_list(value: object) -> TypeGuard[list[object]]:

@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import shapely
 
-from planner.errors import InputFileError, OutlineError, UsageError
 from planner.part.importers.pieces import Pieces, need_units, sorted_out
 from planner.part.tips import tips_height_mm
+from runtime.shell.errors import InputError, UsageError
 
 FARTHEST_MM = 1e6
 WIDER_MM = 0.1  # by which a solid must differ between heights or faces for a note
@@ -42,7 +42,7 @@ def lying(data: bytes, where: str, unit_mm: float | None) -> list[Lying]:
     solid = _solid(trimesh, data, where, unit_mm)
     if not (solid.is_watertight and solid.is_winding_consistent):
         problem = "is no closed solid, so that its centre of mass is not known; repair it and export it again"
-        raise InputFileError(problem, where=where)
+        raise InputError(problem, where=where)
     turns, shares = trimesh.poses.compute_stable_poses(solid)
     results = []
     for turn, share in zip(turns, shares, strict=True):
@@ -58,7 +58,7 @@ def silhouette(solid: Any, where: str, height_mm: float | None) -> Pieces:
 
     Raises:
         UsageError: they pass beside it.
-        OutlineError: nothing is above them.
+        InputError: nothing is above them.
     """
     low, high = solid.bounds[:, 2].tolist()
     height = tips_height_mm(high - low) if height_mm is None else height_mm
@@ -69,7 +69,7 @@ def silhouette(solid: Any, where: str, height_mm: float | None) -> Pieces:
         )
     above = _shadow(solid, low + height, where)
     if above.is_empty:
-        raise OutlineError("has no outline above that height; choose another --height", where=where)
+        raise InputError("has no outline above that height; choose another --height", where=where)
     notes = [
         f"silhouette of what is above the tips, {height:.4g} of {high - low:.4g} mm above its lowest point"
     ]
@@ -114,7 +114,7 @@ def _shadow(solid: Any, height: float, where: str) -> shapely.Geometry:
         if not shapely.covers(shapely.buffer(shadow, 2.0 * CRACK_MM), line):
             x, y = shapely.get_coordinates(line)[0]
             problem = f"has a hole in its surface near ({x:.4g}, {y:.4g}, {height:.4g}) mm; repair the solid"
-            raise OutlineError(problem, where=where)
+            raise InputError(problem, where=where)
     return shadow
 
 
@@ -160,18 +160,14 @@ def _solid(trimesh: ModuleType, data: bytes, where: str, unit_mm: float | None) 
         solid = trimesh.load_mesh(io.BytesIO(data), file_type="stl", process=False)
         vertices = np.asarray(solid.vertices, dtype=np.float64) * unit_mm
         faces = np.asarray(solid.faces)
-    except InputFileError:  # its time is over
+    except InputError:  # its time is over
         raise
     except Exception as error:  # damage shows in many places of the parser
-        raise InputFileError(
-            "is no STL file that can be read; export it again", where=where
-        ) from error
+        raise InputError("is no STL file that can be read; export it again", where=where) from error
     if len(faces) == 0 or not np.isfinite(vertices).all():
-        raise InputFileError("holds no triangles; export it again", where=where)
+        raise InputError("holds no triangles; export it again", where=where)
     if np.abs(vertices).max() > FARTHEST_MM:
-        raise InputFileError(
-            f"has a corner beyond {FARTHEST_MM:g} mm; export it again", where=where
-        )
+        raise InputError(f"has a corner beyond {FARTHEST_MM:g} mm; export it again", where=where)
     whole = trimesh.Trimesh(vertices, faces, process=False)
     whole.merge_vertices()
     return whole

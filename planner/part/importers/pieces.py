@@ -10,7 +10,8 @@ from typing import NamedTuple, NoReturn
 import numpy as np
 
 from planner.arrays import Array
-from planner.errors import InputFileError, OutlineError, UsageError
+from planner.errors import UnitsMissingError
+from runtime.shell.errors import InputError
 
 MAX_BYTES = 32 << 20
 MAX_SHAPES = 20_000  # Most shapes a drawing may hold, blocks and copies written out
@@ -60,17 +61,15 @@ class Pieces(NamedTuple):
     lost: tuple[Lost, ...] = ()  # what was not read
 
 
-def need_units(where: str, said: str) -> UsageError:
+def need_units(where: str, said: str) -> UnitsMissingError:
     """The error of a file that does not tell its scale; `said` is why, as a clause about the file."""
     hint = "say what one unit is with --units mm, cm, in or m, or with --scale MM"
-    error = UsageError(f"{where}: {said}; {hint}")
-    error.units_missing = True
-    return error
+    return UnitsMissingError(f"{where}: {said}; {hint}")
 
 
-def too_much(where: str, what: str) -> OutlineError:
+def too_much(where: str, what: str) -> InputError:
     """The error of a file that would take too long."""
-    return OutlineError(f"{what}; export the part's outline alone", where=where)
+    return InputError(f"{what}; export the part's outline alone", where=where)
 
 
 def flattened(curve: Callable[[Array], Array], tolerance: float) -> Array:
@@ -102,7 +101,7 @@ def sorted_out(
     A stroke that is hardly longer than `join_mm` is no ring: it belongs to a chain of such.
 
     Raises:
-        OutlineError: a coordinate is not finite or too large, or there are too many points.
+        InputError: a coordinate is not finite or too large, or there are too many points.
     """
     rings, strokes = list[Curve](), list[Curve]()
     total = 0
@@ -113,7 +112,7 @@ def sorted_out(
         if total > MAX_POINTS:
             raise too_much(where, f"has more than {MAX_POINTS} points")
         if not np.isfinite(points).all() or np.abs(points).max(initial=0.0) > LARGEST_MM:
-            raise OutlineError(
+            raise InputError(
                 "has a coordinate that is not finite or beyond 10000 km; repair the drawing",
                 where=where,
             )
@@ -147,7 +146,7 @@ def time_limit(where: str, seconds: float = SECONDS) -> Iterator[None]:
         return
 
     def stop(_signum: int, _frame: FrameType | None) -> NoReturn:
-        raise InputFileError(
+        raise InputError(
             f"takes longer than {seconds:g} s to read; export the part's outline alone", where=where
         )
 

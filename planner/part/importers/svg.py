@@ -11,7 +11,6 @@ from defusedxml import DefusedXmlException
 from defusedxml import ElementTree as SafeTree
 
 from planner.arrays import Array
-from planner.errors import InputFileError, OutlineError
 from planner.part.importers import pieces
 from planner.part.importers.svg_scene import SIZES, Scene
 from planner.part.importers.svg_shapes import polylines
@@ -24,6 +23,7 @@ from planner.part.importers.svg_values import (
     Values,
     Viewport,
 )
+from runtime.shell.errors import InputError
 
 ASPECT = 1e-3
 
@@ -56,7 +56,7 @@ def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) ->
     curves = _curves(scene, scale, tolerance_mm, where)
     if scene.unseen and not curves:
         problem = f"shows no line: {'; '.join(scene.notes())}; make the part's outline visible"
-        raise OutlineError(problem, where=where)
+        raise InputError(problem, where=where)
     return pieces.sorted_out(curves, tolerance_mm, where, [*notes, *scene.notes()])
 
 
@@ -67,11 +67,11 @@ def _root(data: bytes, where: str) -> Tree.Element:
         )
     except DefusedXmlException as error:
         problem = "holds XML entities, which are not read; export it again as plain SVG"
-        raise InputFileError(problem, where=where) from error
+        raise InputError(problem, where=where) from error
     except (Tree.ParseError, ValueError, LookupError, RecursionError) as error:
-        raise InputFileError(f"is no SVG file ({error}); export it again", where=where) from error
+        raise InputError(f"is no SVG file ({error}); export it again", where=where) from error
     if not isinstance(root, Tree.Element) or str(root.tag).rpartition("}")[2] != "svg":
-        raise InputFileError("is XML, but no SVG drawing; export it again", where=where)
+        raise InputError("is XML, but no SVG drawing; export it again", where=where)
     return root
 
 
@@ -79,7 +79,7 @@ def _box(page: Values) -> list[float] | None:
     """The view box of the whole drawing; None where there is none that can be used."""
     try:
         box = page.box()
-    except InputFileError:  # with --units, nothing depends on it
+    except InputError:  # with --units, nothing depends on it
         return None
     return box if box and min(box[2:]) > 0.0 else None
 
@@ -95,7 +95,7 @@ def _stated_scale(page: Values, box: list[float] | None, where: str) -> float | 
         return None
     if max(scales) / min(scales) > 1.0 + ASPECT:
         problem = "width and height give two different scales; make them fit the viewBox, or state --units"
-        raise OutlineError(problem, where=where)
+        raise InputError(problem, where=where)
     return scales[0]
 
 
@@ -139,5 +139,5 @@ def _curves(scene: Scene, scale: float, tolerance_mm: float, where: str) -> list
             curves += [curve * (scale, -scale) for curve in placed]
     except (ValueError, TypeError, ArithmeticError, IndexError, AttributeError, KeyError) as error:
         problem = f"a shape cannot be drawn ({error}); export it again, as plain paths"
-        raise InputFileError(problem, where=where) from error
+        raise InputError(problem, where=where) from error
     return curves

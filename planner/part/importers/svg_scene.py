@@ -12,11 +12,11 @@ import numpy as np
 import shapely
 
 from planner.arrays import Array
-from planner.errors import OutlineError
 from planner.part.importers import pieces
 from planner.part.importers.svg_shapes import SHAPES
 from planner.part.importers.svg_style import INHERITED, Sheets, Style, paints, shows
 from planner.part.importers.svg_values import Values, Viewport
+from runtime.shell.errors import InputError
 
 MAX_DEPTH = 100
 XLINK = "{http://www.w3.org/1999/xlink}href"
@@ -67,8 +67,8 @@ class Scene:
         """The shapes that are seen, in the order in which they are drawn.
 
         Raises:
-            InputFileError: an attribute is malformed.
-            OutlineError: there are too many, or an element contains itself.
+            InputError: an attribute is malformed.
+            InputError: there are too many, or an element contains itself.
         """
         return self._draw(self._root, Frame(np.eye(3), INHERITED, self._viewport), None)
 
@@ -174,7 +174,7 @@ class Scene:
     def _count(self, element: Tree.Element, around: Frame) -> None:
         if id(element) in around.above or len(around.above) > MAX_DEPTH:
             problem = "is nested too deeply, or in itself; export it again"
-            raise OutlineError(problem, where=self._where)
+            raise InputError(problem, where=self._where)
         self._elements += 1
         if self._elements > pieces.MAX_SHAPES:
             raise pieces.too_much(

@@ -7,9 +7,9 @@ import numpy as np
 import svgelements
 
 from planner.arrays import Array
-from planner.errors import OutlineError
 from planner.part.importers import pieces
 from planner.part.importers.svg_values import GAP, NUMBER, Values
+from runtime.shell.errors import InputError
 
 SHAPES = frozenset({"path", "rect", "circle", "ellipse", "line", "polyline", "polygon"})
 
@@ -34,8 +34,8 @@ def polylines(kind: str, values: Values, tolerance: float) -> list[Array]:
     """A shape as polylines, each (n, 2), in its own user units; no chord is off by more than a tolerance.
 
     Raises:
-        InputFileError: an attribute is malformed.
-        OutlineError: a coordinate is not finite or absurdly large.
+        InputError: an attribute is malformed.
+        InputError: a coordinate is not finite or absurdly large.
     """
     if kind == "line":
         ends = [[values.at("x1"), values.at("y1")], [values.at("x2"), values.at("y2")]]
@@ -100,7 +100,7 @@ def _polyline(part: svgelements.Subpath, tolerance: float, values: Values) -> Ar
             or np.abs(coarse).max() > pieces.LARGEST_MM / tolerance * 0.02
         ):
             problem = "has a coordinate that is not finite or absurdly large; repair the drawing"
-            raise OutlineError(problem, where=values.where)
+            raise InputError(problem, where=values.where)
         points.append(pieces.flattened(partial(_at, segment), tolerance))
     if not points:
         return np.empty((0, 2))

@@ -11,7 +11,7 @@ import cssselect2
 import tinycss2
 from tinycss2.color4 import parse_color
 
-from planner.errors import InputFileError
+from runtime.shell.errors import InputError
 
 INHERITED = {
     "color": "black",
@@ -105,7 +105,7 @@ def _share(style: Style, name: str, where: str) -> float:
     share = SHARE.fullmatch(text)
     if share is None:
         problem = f"{name}={text[:40]!r} is no number; correct it in the drawing"
-        raise InputFileError(problem, where=where)
+        raise InputError(problem, where=where)
     return float(share[1])
 
 

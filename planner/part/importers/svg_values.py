@@ -8,8 +8,8 @@ import numpy as np
 import svgelements
 
 from planner.arrays import Array
-from planner.errors import InputFileError
 from planner.part.importers.svg_style import Style
+from runtime.shell.errors import InputError
 
 NUMBER = r"(?>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
 GAP = r"(?>\s*,?\s*)"
@@ -69,7 +69,7 @@ class Values(NamedTuple):
         """A length as it is written; None where it is not stated, or `auto`.
 
         Raises:
-            InputFileError: it is malformed.
+            InputError: it is malformed.
         """
         text = self.style.get(name, "").strip()
         if text in ("auto", ""):
@@ -83,7 +83,7 @@ class Values(NamedTuple):
         """A length in user units; None where it is not stated, or `auto`.
 
         Raises:
-            InputFileError: it is malformed, or a share of an unknown size.
+            InputError: it is malformed, or a share of an unknown size.
         """
         stated = self.stated(name)
         if stated is None:
@@ -159,13 +159,11 @@ class Values(NamedTuple):
         parsed = svgelements.Matrix(svgelements.Viewbox.viewbox_transform(*place, *box, how))
         return np.array([[parsed.a, 0.0, parsed.e], [0.0, parsed.d, parsed.f], [0.0, 0.0, 1.0]])
 
-    def error(self, name: str, problem: str) -> InputFileError:
+    def error(self, name: str, problem: str) -> InputError:
         """What is wrong with an attribute."""
         text = " ".join(self.style.get(name, "").split())
         text = text if len(text) <= 40 else f"{text[:37]}..."
-        return InputFileError(
-            f'{name}="{text}" {problem}; correct it in the drawing', where=self.where
-        )
+        return InputError(f'{name}="{text}" {problem}; correct it in the drawing', where=self.where)
 
     def _origin(self) -> tuple[float, float]:
         words = self.style.get("transform-origin", "").split()[:2]

@@ -5,8 +5,8 @@ import re
 
 import numpy as np
 
-from planner.errors import InputFileError, OutlineError, ValueRangeError
 from planner.part.importers.pieces import UNITS_MM, Pieces, need_units, sorted_out
+from runtime.shell.errors import InputError
 
 MAX_ROWS = 100_000
 HEADER = re.compile(r"^[\"']?x(?:[_ \[(]+(mm|cm|in|m)[\])]?)?[\"']?$", re.IGNORECASE)
@@ -21,12 +21,12 @@ def read(data: bytes, where: str, unit_mm: float | None, tolerance_mm: float) ->
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise InputFileError("not UTF-8 text; save it as CSV", where=where) from error
+        raise InputError("not UTF-8 text; save it as CSV", where=where) from error
     numbered = ((k, line.strip()) for k, line in enumerate(text.splitlines(), 1))
     lines = [(k, line) for k, line in numbered if line and not line.startswith("#")]
     rows = [(k, _cells(line)) for k, line in lines]
     if len(rows) > MAX_ROWS:
-        raise OutlineError(f"has {len(rows)} lines; an outline has at most {MAX_ROWS}", where=where)
+        raise InputError(f"has {len(rows)} lines; an outline has at most {MAX_ROWS}", where=where)
     stated = None
     if lines and (header := HEADER.match(re.split(r"[,;\t]", lines[0][1])[0].strip())):
         stated = UNITS_MM[header[1].lower()] if header[1] else None
@@ -59,5 +59,5 @@ def _vertex(cells: list[str], line: int, where: str) -> tuple[float, float]:
         x = y = math.nan
     if not (math.isfinite(x) and math.isfinite(y)):
         problem = f"line {line} is not two numbers, x and y; write one vertex a line"
-        raise ValueRangeError(problem, where=where)
+        raise InputError(problem, where=where)
     return x, y

@@ -53,7 +53,17 @@ def tree(table: Table, outline: list[list[float]]) -> dict[str, Any]:
         "opening": table.gripper.opening_um,
         "finger": [table.gripper.finger_length_um, table.gripper.finger_width_um],
         "nodes": [
-            [*node.squeeze[:6], [list(branch) for branch in node.branches]] for node in table.nodes
+            [
+                squeeze.x_um,
+                squeeze.y_um,
+                squeeze.angle_urad,
+                squeeze.opening_um,
+                squeeze.speed_um_s,
+                squeeze.force_mn,
+                node.branches,
+            ]
+            for node in table.nodes
+            for squeeze in [node.squeeze]
         ],
         "leaves": [
             [

@@ -12,8 +12,8 @@ from functools import partial
 from typing import NamedTuple
 from urllib.parse import urlsplit
 
-from runtime.errors import ArgumentsError
 from runtime.monitoring.http_server import MOST_CLIENTS, Server, response
+from runtime.shell.errors import UsageError
 
 LOOPBACK = "127.0.0.1"
 MAX_PORT = 65535
@@ -37,7 +37,7 @@ def parse(text: str, option: str = "--http") -> Address:
     """Read an address as an option takes it, this one or that of `runtime.commands.serve`.
 
     Raises:
-        ArgumentsError: it is none.
+        UsageError: it is none.
     """
     netloc = text if ":" in text else f"{LOOPBACK}:{text}"
     try:
@@ -46,7 +46,7 @@ def parse(text: str, option: str = "--http") -> Address:
     except ValueError:
         host = port = None
     if not host or port is None or url.netloc != netloc or not set("@ ").isdisjoint(netloc):
-        raise ArgumentsError(
+        raise UsageError(
             f"{option} {text}: write PORT or HOST:PORT, the port from 1 to {MAX_PORT}, or 0 for a free one"
         )
     return Address(host, port)
@@ -64,7 +64,7 @@ class PageServer(Server):
     """Answers requests on a TCP port; its `address` has the port that was free in place of 0.
 
     Raises:
-        ArgumentsError: nothing can listen there.
+        UsageError: nothing can listen there.
     """
 
     def __init__(self, address: Address, pages: Pages) -> None:
@@ -78,14 +78,14 @@ def listening(address: Address, option: str) -> socket.socket:
     """A socket that listens at an address.
 
     Raises:
-        ArgumentsError: nothing can listen there.
+        UsageError: nothing can listen there.
     """
     try:
         family, kind, _, _, place = socket.getaddrinfo(
             address.host, address.port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
         )[0]
     except (OSError, UnicodeError) as error:
-        raise ArgumentsError(
+        raise UsageError(
             f"{option} {address}: {address.host} is no host of this network; {_WORD}"
         ) from error
     listener = socket.socket(family, kind | socket.SOCK_CLOEXEC)
@@ -95,7 +95,7 @@ def listening(address: Address, option: str) -> socket.socket:
         listener.listen(MOST_CLIENTS)
     except OSError as error:
         listener.close()
-        raise ArgumentsError(f"{option} {address}: {_sentence(error, address)}") from error
+        raise UsageError(f"{option} {address}: {_sentence(error, address)}") from error
     return listener
 
 

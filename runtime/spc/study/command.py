@@ -6,8 +6,9 @@ import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from runtime.errors import ArgumentsError
 from runtime.shell.command import Parser, number, positive_int, run, say
+from runtime.shell.errors import InputError, UsageError
+from runtime.shell.exit_codes import ExitCode, epilog
 from runtime.shell.files import usable, write
 from runtime.spc.history import read
 from runtime.spc.study.acceptance import ERROR, POWER, Planned, Verdict, planned
@@ -30,13 +31,7 @@ examples:
   grasp-audit study monday.jsonl tuesday.jsonl wednesday.jsonl --crossed 10
   grasp-audit study --measurements gauge.csv
 
-exit codes:
-   0  accepted; planned; %GRR up to 30   2  usage, no audits, too few parts, journals of different tables
-   3  a file cannot be read             14  refused: more failures than allowed, or %GRR above 30
-  15  not decided yet, or not known      24  a journal cannot be read, or does not verify
-  30  a table is refused               130  interrupted (Ctrl-C)
-"""
-REFUSED, OPEN = 14, 15
+""" + epilog(ExitCode.INPUT, ExitCode.CHECK_FAILED, ExitCode.UNDECIDED, ExitCode.JOURNAL)
 COLUMNS = ("part", "appraiser", "value")
 MOST_ROWS = 100_000
 
@@ -104,9 +99,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _study(options: argparse.Namespace) -> int:
     asked = [bool(options.journals), options.plan is not None, options.measurements is not None]
     if sum(asked) != 1:
-        raise ArgumentsError("name journals, or a table with --plan, or a file with --measurements")
+        raise UsageError("name journals, or a table with --plan, or a file with --measurements")
     if not options.journals and (options.crossed or options.truth or options.output):
-        raise ArgumentsError(
+        raise UsageError(
             "--crossed, --truth and --output are of journals; name some, or leave them out"
         )
     if options.plan is not None:
@@ -133,9 +128,11 @@ def _of_journals(options: argparse.Namespace) -> int:
     else:
         for line in (verdict_words(study), *gauge_words(study), *crossed_words(study.crossed)):
             say(line)
-    return {Verdict.ACCEPTED: 0, Verdict.REFUSED: REFUSED, Verdict.OPEN: OPEN}[
-        study.acceptance.verdict
-    ]
+    return {
+        Verdict.ACCEPTED: 0,
+        Verdict.REFUSED: ExitCode.CHECK_FAILED,
+        Verdict.OPEN: ExitCode.UNDECIDED,
+    }[study.acceptance.verdict]
 
 
 def _plan(options: argparse.Namespace) -> int:
@@ -150,7 +147,7 @@ def _plan(options: argparse.Namespace) -> int:
     else:
         for line in _planned_lines(limit, expected, leaves, count):
             say(line)
-    return REFUSED if expected is not None and expected >= limit else 0
+    return ExitCode.CHECK_FAILED if expected is not None and expected >= limit else 0
 
 
 def _planned_lines(
@@ -183,7 +180,7 @@ def _of_measurements(options: argparse.Namespace) -> int:
     try:
         study = crossed(_readings(options.measurements))
     except ValueError as error:
-        raise ArgumentsError(f"{options.measurements}: {error}") from error
+        raise InputError(f"{options.measurements}: {error}") from error
     return _say_crossed(options, {"value": study})
 
 
@@ -195,14 +192,16 @@ def _say_crossed(options: argparse.Namespace, studies: Mapping[str, Crossed]) ->
         for line in crossed_words(studies):
             say(line)
     known = [study.percent for study in studies.values() if study.percent is not None]
-    return OPEN if not known else REFUSED if max(known) > ACCEPTABLE else 0
+    return (
+        ExitCode.UNDECIDED if not known else ExitCode.CHECK_FAILED if max(known) > ACCEPTABLE else 0
+    )
 
 
 def _readings(path: Path) -> list[list[list[float]]]:
     """The readings of a file by part, appraiser and trial.
 
     Raises:
-        ArgumentsError: naming what is wrong, and the row.
+        InputError: naming what is wrong, and the row.
         OSError: it cannot be read.
     """
     cells: dict[tuple[str, str], list[float]] = {}
@@ -210,18 +209,16 @@ def _readings(path: Path) -> list[list[list[float]]]:
         with path.open(newline="", encoding="utf-8-sig") as file:
             rows = csv.DictReader(file)
             if not set(COLUMNS) <= set(rows.fieldnames or ()):
-                raise ArgumentsError(
-                    f"{path}: write the columns {', '.join(COLUMNS)} in its first row"
-                )
+                raise InputError(f"{path}: write the columns {', '.join(COLUMNS)} in its first row")
             for count, row in enumerate(rows, 2):
                 if count > MOST_ROWS:
-                    raise ArgumentsError(f"{path}: has more than {MOST_ROWS} rows")
+                    raise InputError(f"{path}: has more than {MOST_ROWS} rows")
                 part, appraiser = str(row["part"]).strip(), str(row["appraiser"]).strip()
                 cells.setdefault((part, appraiser), []).append(number(str(row["value"])))
     except (UnicodeDecodeError, csv.Error) as error:
-        raise ArgumentsError(f"{path}: is no table of text: {error}") from error
+        raise InputError(f"{path}: is no table of text: {error}") from error
     except argparse.ArgumentTypeError as error:
-        raise ArgumentsError(f"{path}, row {count}: {error}") from error
+        raise InputError(f"{path}, row {count}: {error}") from error
     parts, appraisers = (list(dict.fromkeys(key[k] for key in cells)) for k in (0, 1))
     return [[cells.get((part, appraiser), []) for appraiser in appraisers] for part in parts]
 
@@ -230,7 +227,7 @@ def _limit(options: argparse.Namespace, confidence_ppm: int) -> float:
     """Share of failures that is to be undercut."""
     limit = 1.0 - options.required if options.required is not None else 1.0 - confidence_ppm / PPM
     if not 0.0 < limit < 1.0:
-        raise ArgumentsError(
+        raise UsageError(
             "the table's goal asks for all parts, which none can show; state --required"
         )
     return limit

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from math import degrees, remainder, tau
 from typing import NamedTuple
 
-from runtime.errors import ArgumentsError
+from runtime.shell.errors import UsageError
 from runtime.spc.history import History, Part
 from runtime.spc.study.acceptance import Acceptance, Bounds, Planned, followed, parts_for, planned
 from runtime.spc.study.gauge import LEAST_READINGS, Crossed, TypeOne, crossed, type_one
@@ -83,10 +83,10 @@ def studied(history: History, limit: float, others: Mapping[str, Crossed]) -> St
         others: crossed studies to go with it.
 
     Raises:
-        ArgumentsError: no part was audited, or too few were measured.
+        UsageError: no part was audited, or too few were measured.
     """
     if not any(part.verdict for part in history.parts):
-        raise ArgumentsError(
+        raise UsageError(
             "the journals hold no audited part; run with --audit, or study a simulated cell with --truth"
         )
     measured = [
@@ -94,14 +94,12 @@ def studied(history: History, limit: float, others: Mapping[str, Crossed]) -> St
     ]
     tolerances = tolerances_of(history.table.goal)
     if tolerances and len(measured) < LEAST_READINGS:
-        raise ArgumentsError(
+        raise UsageError(
             f"the journals hold {len(measured)} measured parts; a type-1 study takes {LEAST_READINGS} or more"
         )
     course = list(followed(history.parts, limit))
     if not course:
-        raise ArgumentsError(
-            "the operator stopped every part of the journals; run some to their end"
-        )
+        raise UsageError("the operator stopped every part of the journals; run some to their end")
     step = max(1, len(course) // CHECKPOINTS)
     decided = course[-1].decided_at
     curve = (now for now in course if now.parts % step == 0 or now.parts in (decided, len(course)))
@@ -134,10 +132,10 @@ def by_truth(history: History) -> History:
 def tolerances_of(goal: GoalSpec) -> dict[str, float]:
     """Whole widths of what a goal allows by coordinate, mm and rad; of a distance each has all alone."""
     if goal.kind in ("tolerances", "orientation"):
-        widths = (goal.tolerance[0] / 500, goal.tolerance[1] / 500, goal.tolerance[2] / 5e5)
-        return dict(
-            list(zip(COORDINATES, widths, strict=True))[2 if goal.kind == "orientation" else 0 :]
-        )
+        tolerance, turn = goal.tolerance, {"theta_rad": goal.tolerance.theta_urad / 5e5}
+        if goal.kind == "orientation":
+            return turn
+        return {"x_mm": tolerance.x_um / 500, "y_mm": tolerance.y_um / 500, **turn}
     if goal.kind == "identity":
         return {}
     width = goal.distance_um / 500
@@ -172,16 +170,16 @@ def crossed_of(runs: Sequence[History], parts: int) -> dict[str, Crossed]:
         parts: how many parts there are, presented in the same order again and again.
 
     Raises:
-        ArgumentsError: the journals do not hold such a study.
+        UsageError: the journals do not hold such a study.
     """
     for number, run in enumerate(runs, 1):
         if len(run.parts) % parts or len(run.parts) != len(runs[0].parts):
-            raise ArgumentsError(
+            raise UsageError(
                 f"--crossed {parts}: journal {number} holds {len(run.parts)} parts, the first one "
                 f"{len(runs[0].parts)}; each holds all parts equally often"
             )
         if not all(part.squeezes for part in run.parts):
-            raise ArgumentsError(
+            raise UsageError(
                 f"--crossed {parts}: a part of journal {number} was never squeezed; run it again"
             )
     table = runs[0].table
@@ -193,7 +191,7 @@ def crossed_of(runs: Sequence[History], parts: int) -> dict[str, Crossed]:
     try:
         return {name: crossed(_readings(name, runs, parts, of)) for name, of in quantities.items()}
     except ValueError as error:
-        raise ArgumentsError(f"--crossed {parts}: {error}") from error
+        raise UsageError(f"--crossed {parts}: {error}") from error
 
 
 def _coordinate(table: Table, number: int) -> Callable[[Part], float]:

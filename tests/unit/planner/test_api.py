@@ -10,10 +10,10 @@ from planner.api import Belief, ContactWorld, Job, Pomdp, Simulator, Table, eval
 from planner.belief.metric import metric_of
 from planner.belief.observation import encoder_of
 from planner.compile import compile_job
-from planner.errors import PlannerError
 from planner.mechanics.simulator import RollOut
 from planner.mechanics.traits import Traits, as_planned
 from planner.world import Assorted, of_hypothesis
+from runtime.shell.errors import ExpectedError
 from runtime.table import COUNTS, REJECT, Calibration, by_count, decision_map
 
 FOLDER = Path(__file__).parents[3] / "trees" / "rectangle"
@@ -53,7 +53,7 @@ def test_an_evaluation_is_that_of_the_seed_on_any_number_of_workers(table):
 
 def test_a_table_without_its_job_says_so(table):
     stripped = Table.of(replace(table.record, job=None))
-    with pytest.raises(PlannerError, match="carries no job"):
+    with pytest.raises(ExpectedError, match="carries no job"):
         evaluate(stripped, trials=10)
 
 

@@ -102,7 +102,7 @@ def test_a_wrist_that_somebody_else_turned_round_is_found(rig):
         time.sleep(2.0 / SCALE)
         with pytest.raises(ArmError, match="whole turns off") as raised:
             arm.turn_range(0.0, 0.0)
-        assert raised.value.exit_code == 22
+        assert raised.value.exit_code == 20
 
 
 def test_a_controller_whose_wrist_is_at_its_end_halts_without_a_word():

@@ -4,10 +4,10 @@ import random
 
 import pytest
 
-from drivers.sim.errors import SimulationError, SimulationFileError
 from drivers.sim.faults import KINDS, Channel, Desk, Fault, Listed, parse
 from drivers.sim.wire.line import CleanLine, FaultyLine, Outbox, Piece, UnpluggedError
 from drivers.sim.wire.modbus import crc16
+from runtime.shell.errors import InputError, UsageError
 
 REQUEST = bytes.fromhex("090307D00003040E")
 BODY = bytes.fromhex("090306B90000FFBD00")
@@ -40,12 +40,12 @@ def test_no_schedule_is_no_faults():
 
 @pytest.mark.parametrize("text", ["seed:", "seed:x", "seed:-1", "seed:1.5"])
 def test_seeds_are_whole_numbers(text):
-    with pytest.raises(SimulationError, match="seed:N"):
+    with pytest.raises(UsageError, match="seed:N"):
         parse(text)
 
 
 def test_a_missing_file():
-    with pytest.raises(SimulationFileError, match="no such file"):
+    with pytest.raises(InputError, match="no such file"):
         parse("no/such/faults.toml")
 
 
@@ -69,13 +69,13 @@ def test_a_missing_file():
 def test_what_a_file_may_not_say(tmp_path, text, says):
     path = tmp_path / "faults.toml"
     path.write_text(text)
-    with pytest.raises(SimulationError, match=says) as raised:
+    with pytest.raises(InputError, match=says) as raised:
         parse(str(path))
     assert "\n" not in str(raised.value)
 
 
 def test_a_directory_is_no_schedule(tmp_path):
-    with pytest.raises(SimulationError, match="not readable"):
+    with pytest.raises(InputError, match="not readable"):
         parse(str(tmp_path))
 
 

@@ -187,7 +187,7 @@ def test_an_unplugged_port_may_be_plugged_in_again_but_a_forbidden_one_not():
             hands.gripper.state()
         with pytest.raises(PortError, match=says) as raised:
             hands.cell.gripper()
-        assert raised.value.exit_code == 23
+        assert raised.value.exit_code == 21
 
 
 def test_a_broken_connection_leaves_a_stale_acknowledgement_for_the_next():

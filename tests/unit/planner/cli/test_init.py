@@ -15,13 +15,13 @@ import pytest
 import trimesh
 
 from planner.cli import init
-from planner.errors import InputFileError
 from planner.job import model as job_file
 from planner.job.drafts import FINGERS, GRIPPERS
 from planner.job.fields import REQUIRED
 from planner.job.schema import ABSENT_SECTIONS, FIELDS, TOP_LEVEL
 from planner.part.importers.file import read_outline
 from planner.part.importers.pieces import Options
+from runtime.shell.errors import InputError
 from runtime.table import timing
 
 pytestmark = pytest.mark.slow
@@ -176,7 +176,7 @@ def test_at_a_terminal_it_asks(tmp_path):
 def test_a_part_that_does_not_fit_is_refused_and_nothing_is_written(tmp_path, capsys):
     path = tmp_path / "plate.csv"
     path.write_text("x_mm,y_mm\n0,0\n200,0\n200,200\n0,200\n")
-    assert init.main(words(path, tmp_path / "job.toml")) == 8
+    assert init.main(words(path, tmp_path / "job.toml")) == 3
     err = capsys.readouterr().err
     assert "wider gripper" in err
     assert not (tmp_path / "job.toml").exists()
@@ -217,10 +217,7 @@ def test_a_malformed_length_ends_in_one_line_without_a_traceback(tmp_path, capsy
     drawing.write_text(
         '<svg xmlns="http://www.w3.org/2000/svg"><rect width="1.1.1mm" height="3"/></svg>'
     )
-    assert (
-        init.main(words(drawing, tmp_path / "job.toml", "--units", "mm"))
-        == InputFileError.exit_code
-    )
+    assert init.main(words(drawing, tmp_path / "job.toml", "--units", "mm")) == InputError.exit_code
     message = capsys.readouterr().err
     assert message.count("\n") == 1
     assert 'width="1.1.1mm" is no length' in message

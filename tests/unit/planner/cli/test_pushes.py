@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from push_commands import HEADER, JOB, NOMINAL, OUTPUTS, STRAIGHT, run
 
-from planner.errors import InputFileError, KeyNameError, ValueRangeError
+from planner.errors import KeyNameError
+from runtime.shell.errors import InputError
 
 
 def test_the_block_moves_along_in_the_frame_of_its_outline(tmp_path):
@@ -68,26 +69,26 @@ def test_scatter_has_a_seed_and_json_the_counts(tmp_path):
         ("push_x_mm\n1\n", KeyNameError, "push_y_mm, approach_x"),
         (
             f"{HEADER},fingers_mm\n{STRAIGHT},x\n",
-            ValueRangeError,
+            InputError,
             "line 2: 'x' is not a finite number",
         ),
         (
             f"{HEADER},fingers_mm\n{STRAIGHT},-1\n",
-            ValueRangeError,
+            InputError,
             "fingers_mm: push 1: -1 is no distance",
         ),
-        (f"{HEADER},fingers_mm\n50,0,0,0,1,1,1,50\n", ValueRangeError, "push 1: both are 0"),
+        (f"{HEADER},fingers_mm\n50,0,0,0,1,1,1,50\n", InputError, "push 1: both are 0"),
         (
             f"{HEADER},fingers_mm\n50,0,0,1,1e9,1,1,50\n",
-            ValueRangeError,
+            InputError,
             "cor_x_mm: push 1: 1e+09 is beyond",
         ),
         (
             f"{HEADER},fingers_mm\n{STRAIGHT},50\n50,20,0,1,1,1,1,0\n",
-            ValueRangeError,
+            InputError,
             "push 2: a finger",
         ),
-        (f"{HEADER},fingers_mm\n{STRAIGHT}," + "5" * 200_000, InputFileError, "not a CSV file"),
+        (f"{HEADER},fingers_mm\n{STRAIGHT}," + "5" * 200_000, InputError, "not a CSV file"),
     ],
 )
 def test_what_is_wrong_with_a_file_is_said_in_one_line(tmp_path, text, error, words):

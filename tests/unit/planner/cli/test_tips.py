@@ -8,8 +8,9 @@ import shapely
 from push_commands import HEADER, JOB, NOMINAL, run
 
 from planner.cli import tips
-from planner.errors import KeyNameError, ValueRangeError
+from planner.errors import KeyNameError
 from planner.mechanics.push import Paths
+from runtime.shell.errors import InputError
 
 TIPS = "tip_x_mm,tip_y_mm,way_x_mm,way_y_mm"
 RADIUS = ("--tip-radius-mm", "4.75")
@@ -46,7 +47,7 @@ def test_tip_that_overlaps_by_its_diameter_is_refused_in_one_line(tmp_path):
     code, rows, _, err = run(
         tmp_path, f"{TIPS}\n-9,40,9,0\n9.5,40,9,0\n", *NOMINAL, *RADIUS, job=JOB
     )
-    assert code == ValueRangeError.exit_code
+    assert code == InputError.exit_code
     assert "in.csv: push 2: the tip overlaps the part by" in err
     assert err.count("\n") == 1
     assert rows == []
@@ -106,8 +107,8 @@ def test_draws_bound_what_single_draws_say(tmp_path):
     ("text", "error", "words"),
     [
         ("tip_x_mm,tip_y_mm\n1,2\n", KeyNameError, "way_x_mm, way_y_mm is missing"),
-        (f"{TIPS}\n1,2,3,x\n", ValueRangeError, "line 2: 'x' is not a finite number"),
-        (f"{TIPS}\n-9,2,3,1e9\n", ValueRangeError, "way_y_mm: push 1: 1e+09 is beyond"),
+        (f"{TIPS}\n1,2,3,x\n", InputError, "line 2: 'x' is not a finite number"),
+        (f"{TIPS}\n-9,2,3,1e9\n", InputError, "way_y_mm: push 1: 1e+09 is beyond"),
     ],
 )
 def test_spoiled_file_of_tips_is_refused_in_one_line(tmp_path, text, error, words):

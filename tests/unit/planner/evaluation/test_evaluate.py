@@ -27,6 +27,7 @@ from runtime.table import (
     HELD_UM,
     REJECT,
     Calibration,
+    Place,
     Schedule,
     Squeezed,
     by_count,
@@ -72,7 +73,7 @@ def spread_table(nodes=12, seed=3):
             branch._replace(low_um=low, expected_um=(low + high) // 2, high_um=high)
             for branch, low, high in zip(node.branches, cuts, cuts[1:], strict=False)
         )
-        release = random.choice([None, (random.randint(-9_000, 9_000), 1_000)])
+        release = random.choice([None, Place(random.randint(-9_000, 9_000), 1_000)])
         rows.append(node._replace(branches=branches, release=release))
     return replace(table, nodes=tuple(rows))
 

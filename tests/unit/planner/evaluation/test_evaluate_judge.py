@@ -11,7 +11,7 @@ from planner.evaluation.judge import claimed, judge, metric_of_table
 from planner.evaluation.leaves import NO_LEAF, confusions, nearest_leaf, reliability, worst
 from planner.evaluation.outcome import CRASHED, NOWHERE, REJECTED, Evaluation
 from planner.mechanics.traits import as_planned
-from runtime.table import PPM, poses_of
+from runtime.table import PPM, LeafPose, Tolerance, poses_of
 
 LEAF = (
     1  # of the small table, at (-1.2, -2.0) mm and 1.571 rad; the part has order 2, rho = 10.571 mm
@@ -52,7 +52,7 @@ def test_a_turn_of_the_symmetry_makes_no_difference():
 
 
 def test_tolerances_bound_each_coordinate_alone():
-    table = with_goal(kind="tolerances", tolerance=(2_500, 1_000, 87_266))
+    table = with_goal(kind="tolerances", tolerance=Tolerance(2_500, 1_000, 87_266))
     for offset, expected in [
         ((2.4, 0.9, 0.08), True),
         ((2.6, 0, 0), False),
@@ -64,13 +64,13 @@ def test_tolerances_bound_each_coordinate_alone():
 
 
 def test_orientation_alone_forgets_the_place():
-    table = with_goal(kind="orientation", tolerance=(0, 0, 87_266))
+    table = with_goal(kind="orientation", tolerance=Tolerance(0, 0, 87_266))
     assert verdict(table, 40.0, -40.0, 0.08).within.all()
     assert not verdict(table, 0, 0, 0.09).within.any()
 
 
 def test_any_of_a_leafs_modes_will_do():
-    far = (9_000, 0, 0)
+    far = LeafPose(9_000, 0, 0)
     leaf = small_table().leaves[LEAF]._replace(alternatives=(far,))
     table = with_leaf(with_goal(kind="modes", modes=2), LEAF, leaf)
     pose = np.array([[9.0, 1.0, 0.0]])

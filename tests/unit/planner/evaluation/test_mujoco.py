@@ -10,13 +10,13 @@ from problems import l_shape, random_convex, random_poses
 
 mujoco = pytest.importorskip("mujoco")
 
-from planner.errors import UsageError  # noqa: E402
 from planner.evaluation.mujoco import TIMESTEP_S, RigidWorld, feet, make  # noqa: E402
 from planner.job import model as job_file  # noqa: E402
 from planner.mechanics.clearance import least_clearance  # noqa: E402
 from planner.mechanics.simulator import Simulator  # noqa: E402
 from planner.part.outline import width as outline_width  # noqa: E402
 from planner.world import ContactWorld, load_world  # noqa: E402
+from runtime.shell.errors import UsageError  # noqa: E402
 
 JOB = job_file.load(Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml")
 MU = 0.5

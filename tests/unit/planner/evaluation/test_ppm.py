@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from sample_tables import small_table
 
-from planner.errors import InputFileError
 from planner.evaluation import ppm
 from planner.evaluation.disturbance import NONE
 from planner.evaluation.ppm import (
@@ -29,7 +28,8 @@ from planner.job import model as job_file
 from planner.mechanics.squeeze import SLIPPED
 from planner.work.scheduler import Threads
 from planner.world import Worlds
-from runtime.table import PPM
+from runtime.shell.errors import InputError
+from runtime.table import PPM, Tolerance
 
 JOB = Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml"
 
@@ -83,7 +83,7 @@ def chain(table, nodes, rare):
         for k in range(nodes)
     ]
     goal = replace(
-        table.goal, kind="tolerances", tolerance=(100_000, 100_000, 4_000_000), symmetry=1
+        table.goal, kind="tolerances", tolerance=Tolerance(100_000, 100_000, 4_000_000), symmetry=1
     )
     limits = replace(table.limits, max_depth=nodes)
     return replace(table, nodes=tuple(rows), leaves=(leaf,) * (nodes + 1), goal=goal, limits=limits)
@@ -228,6 +228,6 @@ def test_a_file_that_keeps_another_study_is_refused(job, tmp_path, change):
         document["sums"] = [document["sums"]]
     text = {"text": b"{", "bytes": b"\xff\xfe"}.get(change, json.dumps(document).encode())
     kept.write_bytes(text)
-    with pytest.raises(InputFileError, match="no study of this table"):
+    with pytest.raises(InputError, match="no study of this table"):
         resumed(kept, identity, len(table.leaves))
     assert kept.read_bytes() == text

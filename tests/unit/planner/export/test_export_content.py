@@ -46,7 +46,7 @@ def test_runs_are_the_decision_map_and_do_not_overlap(name):
 
 def test_a_part_that_is_held_is_dragged_and_what_is_rejected_is_not():
     table = every_field_table()
-    drag, at = table.nodes[0].release, table.nodes[0].squeeze[:2]
+    drag, at = table.nodes[0].release, table.nodes[0].squeeze.place
     assert drag != at
     meant = by_count(maps_of(table)[0])
     for row in vectors(table):

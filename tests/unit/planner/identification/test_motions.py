@@ -7,10 +7,10 @@ import pytest
 from problems import rectangle, simulator
 
 from planner.cli.identify import main
-from planner.errors import ValueRangeError
 from planner.identification import motions
 from planner.mechanics.push import Paths
 from planner.mechanics.simulator import Parameters
+from runtime.shell.errors import InputError
 
 pytestmark = pytest.mark.slow
 
@@ -56,7 +56,7 @@ def test_outliers_among_motions_pull_little():
 
 
 def test_too_few_motions_are_refused():
-    with pytest.raises(ValueRangeError, match="5 pushes to fit to; give at least 6"):
+    with pytest.raises(InputError, match="5 pushes to fit to; give at least 6"):
         motions.fit(known(5, 0.0), simulator(rectangle()), TIP_MM)
 
 
@@ -85,8 +85,8 @@ def test_command_identifies_from_motions(tmp_path, capsys):
         assert main(spoiled) == 2
         assert capsys.readouterr().err.count("\n") == 1
     table.write_text(header + "\n" + "1,2,3,4,5,6,7\n" * 11)
-    assert main(words) == 6
+    assert main(words) == 3
     assert "11 pushes; give at least 12" in capsys.readouterr().err
     table.write_text(header.replace("turned_deg", "turned") + "\n1,2,3,4,5,6,7\n")
-    assert main(words) == 5
+    assert main(words) == 3
     assert "column turned_deg is missing" in capsys.readouterr().err

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from planner.errors import InputFileError, ValueRangeError
 from planner.identification import pushes
+from runtime.shell.errors import InputError
 
 CORNER = np.array([50.0, 50.0])
 FACES = {  # a point on each face, and the normal into the block
@@ -181,7 +181,7 @@ MISTAKES = {
 @pytest.mark.parametrize("name", MISTAKES)
 def test_a_spoiled_log_is_refused_with_its_place_in_one_line(name):
     text, problem = MISTAKES[name]
-    with pytest.raises(ValueRangeError) as caught:
+    with pytest.raises(InputError) as caught:
         pushes.parse(text, "my.txt")
     message = str(caught.value)
     assert message.startswith("my.txt: ")
@@ -192,16 +192,16 @@ def test_a_spoiled_log_is_refused_with_its_place_in_one_line(name):
 def test_every_truncation_of_a_log_is_refused():
     lines = lines_of()
     for count in range(len(lines)):
-        with pytest.raises(ValueRangeError):
+        with pytest.raises(InputError):
             pushes.parse("\n".join(lines[:count]))
 
 
 def test_a_push_without_motion_or_contact_is_refused():
     still = log(made_up_push(TWIST, "left", FORCE), made_up_push(np.zeros(3), "left", FORCE))
-    with pytest.raises(ValueRangeError, match=r"push 2 of 2: the block does not move"):
+    with pytest.raises(InputError, match=r"push 2 of 2: the block does not move"):
         pushes.pairs(pushes.parse(still))
     loose = log(made_up_push(TWIST, "left", np.zeros(2)))
-    with pytest.raises(ValueRangeError, match=r"push 1 of 1: no force reading"):
+    with pytest.raises(InputError, match=r"push 1 of 1: no force reading"):
         pushes.pairs(pushes.parse(loose))
 
 
@@ -242,15 +242,15 @@ def test_a_table_of_pairs_is_read_whatever_its_column_order(tmp_path):
     ],
 )
 def test_a_spoiled_table_is_refused_with_its_line(text, problem):
-    with pytest.raises(ValueRangeError, match=r"^my\.csv: ") as caught:
+    with pytest.raises(InputError, match=r"^my\.csv: ") as caught:
         pushes.parse_table(text, "my.csv")
     assert problem in str(caught.value)
 
 
 def test_a_file_that_cannot_be_read_is_refused(tmp_path):
     for path in (tmp_path / "none.txt", tmp_path):
-        with pytest.raises(InputFileError, match="check the path"):
+        with pytest.raises(InputError, match="check the path"):
             pushes.load(path)
     (tmp_path / "bytes.txt").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(InputFileError, match="not UTF-8 text"):
+    with pytest.raises(InputError, match="not UTF-8 text"):
         pushes.load(tmp_path / "bytes.txt")

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.errors import JobError
 from planner.job import model as job_file
 from planner.job.hypotheses import FOREIGN
 from planner.mechanics.simulator import Simulator
 from planner.part import symmetry
+from runtime.shell.errors import InputError
 from runtime.traversal.answer import frames_in
 
 TREES = Path(__file__).parents[4] / "trees"
@@ -99,7 +99,7 @@ def broken(number=1, **entry):
     ],
 )
 def test_what_is_wrong_is_reported_with_its_place(document, message):
-    with pytest.raises(JobError, match=message):
+    with pytest.raises(InputError, match=message):
         read(document)
 
 
@@ -125,7 +125,7 @@ def test_foreign_parts_are_parts_that_no_plan_is_made_for():
     ],
 )
 def test_a_wrong_foreign_part_is_reported_with_its_place(entries, message):
-    with pytest.raises(JobError, match=message):
+    with pytest.raises(InputError, match=message):
         read(several() | {FOREIGN: entries})
 
 
@@ -139,19 +139,19 @@ def test_an_entry_without_friction_is_reported_with_its_number(key):
     del document[key][-1]["friction"]
     number = len(document[key])
     with pytest.raises(
-        JobError, match=rf"\[{key} {number}\]: missing section friction; add \[{key}.friction"
+        InputError, match=rf"\[{key} {number}\]: missing section friction; add \[{key}.friction"
     ):
         read(document)
 
 
 def test_a_foreign_part_too_large_for_the_jaws_is_reported_with_its_number():
     large = {"name": "plate", "outline_mm": [[0, 0], [90, 0], [90, 90], [0, 90]]}
-    with pytest.raises(JobError, match="stranger 1: part larger than the opening"):
+    with pytest.raises(InputError, match="stranger 1: part larger than the opening"):
         read(several() | {FOREIGN: [{"part": large}]})
 
 
 def test_asking_which_part_it_is_needs_two():
-    with pytest.raises(JobError, match="only one part"):
+    with pytest.raises(InputError, match="only one part"):
         job_file.load(TREES / "gusset" / "job.toml", {"goal": {"kind": "identity"}})
 
 

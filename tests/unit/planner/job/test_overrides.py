@@ -6,9 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner import errors
+from planner.errors import FitError, KeyNameError
 from planner.job import model as job
 from planner.job.overrides import changes_of, split, value_of
+from runtime.shell.errors import InputError, UsageError
 
 RECTANGLE = Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml"
 TEXT = RECTANGLE.read_text(encoding="utf-8")
@@ -82,14 +83,14 @@ class TestSources:
     @pytest.mark.parametrize(
         ("name", "value", "error", "words"),
         [
-            ("uncertainty.radius_mm", "-1", errors.ValueRangeError, "[uncertainty] radius_mm"),
-            ("uncertainty.radius_mm", "wide", errors.ValueRangeError, "must be a number"),
-            ("uncertainty.radius", "3", errors.KeyNameError, 'did you mean "radius_mm"'),
-            ("uncertanty.radius_mm", "3", errors.KeyNameError, 'did you mean "uncertainty"'),
-            ("radius_mm", "3", errors.KeyNameError, "unknown"),
-            ("seed.x", "3", errors.UsageError, "no section"),
-            ("gripper.opening_mm", "20", errors.FitError, "part larger than the opening"),
-            ("friction.finger_part_min", "0.9", errors.ValueRangeError, "exchange them"),
+            ("uncertainty.radius_mm", "-1", InputError, "[uncertainty] radius_mm"),
+            ("uncertainty.radius_mm", "wide", InputError, "must be a number"),
+            ("uncertainty.radius", "3", KeyNameError, 'did you mean "radius_mm"'),
+            ("uncertanty.radius_mm", "3", KeyNameError, 'did you mean "uncertainty"'),
+            ("radius_mm", "3", KeyNameError, "unknown"),
+            ("seed.x", "3", UsageError, "no section"),
+            ("gripper.opening_mm", "20", FitError, "part larger than the opening"),
+            ("friction.finger_part_min", "0.9", InputError, "exchange them"),
         ],
     )
     def test_what_a_file_may_not_say_an_override_may_not_either(
@@ -109,7 +110,7 @@ def test_of_two_values_for_one_key_the_last_holds_and_an_equals_sign_may_be_part
 
 @pytest.mark.parametrize("texts", [["seed"], ["seed=1", "seed.x=2"], ["=1"]])
 def test_overrides_that_name_nothing_or_a_section_that_is_none_are_refused(texts):
-    with pytest.raises(errors.UsageError, match="write it as"):
+    with pytest.raises(UsageError, match="write it as"):
         changes_of(texts)
 
 
@@ -140,7 +141,7 @@ def test_values_read_as_in_a_file_and_words_go_without_quotes(text, value):
 
 @pytest.mark.parametrize("text", ["", "1\nother = 2", "[1, 2", "a b", "1,2", "# nothing", "\x00"])
 def test_what_is_no_value_is_refused(text):
-    with pytest.raises(errors.UsageError) as caught:
+    with pytest.raises(UsageError) as caught:
         value_of("goal.distance_mm", text)
     assert str(caught.value).startswith("goal.distance_mm: ")
     assert "\n" not in str(caught.value)
@@ -148,7 +149,7 @@ def test_what_is_no_value_is_refused(text):
 
 @pytest.mark.parametrize("name", ["", ".", "a.", ".b", "a.b.c", "a b", "a\nb"])
 def test_what_is_no_name_is_refused(name):
-    with pytest.raises(errors.UsageError, match="names no value"):
+    with pytest.raises(UsageError, match="names no value"):
         value_of(name, "1")
 
 
@@ -166,7 +167,7 @@ def test_commas_part_values_unless_they_are_inside_one():
 
 @pytest.mark.parametrize("text", ["", "a.b", "=1", "a.b=", "a.b=1,,2", "a.b=1,"])
 def test_a_sweep_without_values_is_refused(text):
-    with pytest.raises(errors.UsageError, match="write it as"):
+    with pytest.raises(UsageError, match="write it as"):
         split(text)
 
 
@@ -181,7 +182,7 @@ def test_any_text_reads_or_is_refused_in_one_line(text):
     for read in (split, lambda text: value_of("a.b", text)):
         try:
             read(text)
-        except errors.UsageError as error:
+        except UsageError as error:
             message = str(error)
         else:
             message = "read"

@@ -19,7 +19,6 @@ from problems import (
 )
 from scipy.stats import chi2_contingency, kstest
 
-from planner.errors import ClusterError
 from planner.job import model as job_file
 from planner.learned import rollouts
 from planner.learned.rollouts import BLOCK, COLLIDES, roll_block, roll_outs
@@ -31,6 +30,7 @@ from planner.mechanics.squeeze import UNTOUCHED
 from planner.part.outline import radius_of_gyration
 from planner.part.pressure import Pressure, support
 from planner.work.scheduler import Threads
+from runtime.shell.errors import UnreachableError
 
 JOB = Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml"
 SMALL = {"radius_mm": 10.0, "count": 3000}
@@ -267,7 +267,7 @@ def test_jobs_of_one_part_and_gripper_share_their_roll_outs():
 
 
 def test_another_version_of_the_program_rolls_nothing_out(part):
-    with pytest.raises(ClusterError, match="another version"):
+    with pytest.raises(UnreachableError, match="another version"):
         roll_block(part, b"else", rollouts.Block(0, 0))
 
 

@@ -9,12 +9,12 @@ from surfaces import hessian
 
 from planner.belief.doubts import believed
 from planner.belief.particles import initial
-from planner.errors import ValueRangeError
 from planner.job import model as job_file
 from planner.mechanics import limit_surface, quartic, surface
 from planner.mechanics.simulator import STATUS_NAMES, Parameters, Simulator
 from planner.mechanics.surface_step import local_matrix
 from planner.part.quartic_form import coefficients_of
+from runtime.shell.errors import InputError
 
 JOB = job_file.load(Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml")
 TEXT = (Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml").read_text()
@@ -139,7 +139,7 @@ def test_surfaces_drawn_for_parts_of_either_form_scatter_about_their_own():
     ],
 )
 def test_another_form_is_latent_where_there_may_be_one(pressure, match):
-    with pytest.raises(ValueRangeError, match=match):
+    with pytest.raises(InputError, match=match):
         JOB.replaced(pressure=pressure, doubt={"limit_surface": "any"})
 
 
@@ -167,5 +167,5 @@ def test_a_finger_that_sticks_lets_the_other_do_all_the_closing():
 
 def test_a_quartic_needs_enough_degrees_of_freedom():
     text = TEXT.replace('kind = "boundary"', 'limit_surface = "quartic"\nkind = "boundary"')
-    with pytest.raises(ValueRangeError, match="at least 9"):
+    with pytest.raises(InputError, match="at least 9"):
         job_file.parse(text.replace("wishart_dof = 100", "wishart_dof = 5"))

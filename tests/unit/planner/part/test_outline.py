@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from problems import diameter
 
-from planner.errors import OutlineError
 from planner.part import outline
+from runtime.shell.errors import InputError
 
 L_SHAPE = np.array([[0, 0], [32, 0], [32, 12], [12, 12], [12, 26], [0, 26]], dtype=float)
 TRIANGLE = np.array([[0, 0], [36, 0], [0, 26]], dtype=float)
@@ -105,14 +105,14 @@ def test_min_width_is_the_least_of_all_widths():
     ],
 )
 def test_refuses_what_is_not_a_simple_polygon(points, words):
-    with pytest.raises(OutlineError) as caught:
+    with pytest.raises(InputError) as caught:
         outline.canonical(points)
     assert words in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
 def test_checked_refuses_an_outline_off_centre_or_clockwise():
-    with pytest.raises(OutlineError, match="counter-clockwise"):
+    with pytest.raises(InputError, match="counter-clockwise"):
         outline.checked(RECTANGLE[::-1])
-    with pytest.raises(OutlineError, match=r"0\.5 mm from the origin"):
+    with pytest.raises(InputError, match=r"0\.5 mm from the origin"):
         outline.checked(RECTANGLE + np.array([0.3, 0.4]))

@@ -51,7 +51,7 @@ def test_poses_that_state_two_angles_are_refused(
     poses: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     poses.write_text("x_mm,y_mm,theta_rad,theta_deg\n1,2,0.1,5.729578\n1,2,0.1,30\n")
-    assert run(poses) == 6
+    assert run(poses) == 3
     err = capsys.readouterr().err
     assert "pose 2" in err
     assert err.count("\n") == 1
@@ -114,7 +114,7 @@ def test_wrong_name_is_one_line_before_any_work(
 def test_no_poses_no_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     poses = tmp_path / "in.csv"
     poses.write_text("x_mm,y_mm,theta_rad\n")
-    assert run(poses, "--gif", str(tmp_path / "s.gif")) == 6
+    assert run(poses, "--gif", str(tmp_path / "s.gif")) == 3
     assert capsys.readouterr().err.count("\n") == 1
     assert run(poses) == 0
 

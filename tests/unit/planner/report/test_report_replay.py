@@ -11,7 +11,7 @@ from planner.job import model as job_file
 from planner.job.model import Job
 from planner.report.replay import replay
 from planner.world import ContactWorld
-from runtime.table import REJECT, Table, load
+from runtime.table import REJECT, Place, Table, load
 
 TREE = Path(__file__).parents[4] / "trees" / "rectangle" / "rectangle.msgpack"
 TRIALS = 1500
@@ -92,7 +92,7 @@ def test_same_seed_same_parts(table: Table, job: Job) -> None:
 def test_what_a_table_drags_is_dragged_in_the_replay(table: Table, job: Job) -> None:
     root = table.nodes[0]
     assert root.squeeze[:2] == (0, 0)
-    dragging = replace(table, nodes=(root._replace(release=(9_000, -4_000)), *table.nodes[1:]))
+    dragging = replace(table, nodes=(root._replace(release=Place(9_000, -4_000)), *table.nodes[1:]))
     replayed = replay(dragging, job, TRIALS, seed=3)
     first = replayed.visits[0]
     held = first.width_mm > 5.0

@@ -5,9 +5,9 @@ import hashlib
 import pytest
 from run_logs import chained, header, part
 
-from planner.errors import InputFileError
 from planner.report import run_log
 from runtime.journal.chain import Journal
+from runtime.shell.errors import InputError
 
 TABLE = b"some table"
 DIGEST = hashlib.sha256(TABLE).hexdigest()
@@ -87,6 +87,6 @@ DAMAGED = {
 @pytest.mark.parametrize("name", DAMAGED)
 def test_a_damaged_journal_is_refused_in_one_line(tmp_path, name):
     data, sentence = DAMAGED[name]
-    with pytest.raises(InputFileError, match=sentence) as caught:
+    with pytest.raises(InputError, match=sentence) as caught:
         run_log.read(written(tmp_path, data), DIGEST)
     assert "\n" not in str(caught.value)

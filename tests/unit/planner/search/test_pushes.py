@@ -8,7 +8,6 @@ import pytest
 
 from planner.belief.particles import PUSHED, UNREAD, Belief, initial
 from planner.belief.transition import Push
-from planner.errors import ValueRangeError
 from planner.frames import to_hand
 from planner.job import model as job_file
 from planner.lower import _push
@@ -17,6 +16,7 @@ from planner.problem import Problem
 from planner.search.actions import actions_of
 from planner.search.pushes import FINALISTS, MOST, Pusher, pusher_of
 from planner.search.ranking import Ranking
+from runtime.shell.errors import InputError
 
 RECTANGLE = Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml"
 PUSHING = {"actions": {"pushes": "belief", "proposals": "belief"}}
@@ -161,5 +161,5 @@ def test_a_job_that_states_that_nothing_is_pushed_is_the_job_that_does_not(job):
     ],
 )
 def test_jobs_that_cannot_push_are_refused(changes, reason):
-    with pytest.raises(ValueRangeError, match=reason):
+    with pytest.raises(InputError, match=reason):
         job_file.load(RECTANGLE, changes)

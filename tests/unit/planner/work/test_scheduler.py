@@ -7,8 +7,8 @@ import time
 
 import pytest
 
-from planner.errors import UsageError
 from planner.work.scheduler import Cluster, Threads, pool_of, scheduler_of
+from runtime.shell.errors import UsageError
 
 
 def squared(value):

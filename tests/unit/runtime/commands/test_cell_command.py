@@ -10,7 +10,7 @@ from sample_tables import small_table
 from runtime.commands import arguments
 from runtime.commands.cell import connect
 from runtime.devices.lock import PortLock
-from runtime.errors import PortBusyError
+from runtime.shell.errors import UnreachableError
 
 
 @pytest.mark.parametrize(
@@ -30,5 +30,5 @@ def test_documented_ur_commands_connect_and_hold_both_devices(gripper: str, arm:
         connect(parsed, small_table(), Deaf(), drivers, stack, lambda kind, fields: None)
         for device in (gripper, arm):
             if device != "manual":
-                with pytest.raises(PortBusyError):
+                with pytest.raises(UnreachableError):
                     PortLock(device)

@@ -18,7 +18,7 @@ from runtime import cli
 from runtime.commands import checks as doctor
 from runtime.commands.checks import Finding, System, Verdict
 from runtime.commands.doctor import MARKS, _failed, findings, parser, run
-from runtime.errors import CellCheckError
+from runtime.shell.errors import CheckFailedError
 from runtime.table import Calibration, dump
 
 CALIBRATION = Calibration.linear(GRIPPER)
@@ -247,14 +247,14 @@ def test_the_command_prints_each_finding_and_ends_with_26_if_one_is_bad(
     assert run(given, Drivers()) == 0
     assert all(line.startswith("ok  ") for line in capsys.readouterr().out.splitlines())
     given = parser().parse_args(["--port", "tcp://doctor:1", "--json"])
-    with pytest.raises(CellCheckError, match="1 thing to put right"):
+    with pytest.raises(CheckFailedError, match="1 thing to put right"):
         run(given, Drivers(TimeoutError("silence")))
     record = json.loads(capsys.readouterr().out)
     assert record["fit"] is False
     assert [finding["verdict"] for finding in record["findings"]] == ["bad"]
     assert record["findings"][0]["remedy"]
     given = parser().parse_args(["--port", "tcp://doctor:1"])
-    with pytest.raises(CellCheckError):
+    with pytest.raises(CheckFailedError):
         run(given, Drivers(TimeoutError("silence")))
     assert "BAD  The gripper does not answer: silence. -> Check power" in capsys.readouterr().out
 

@@ -19,7 +19,7 @@ from runtime.cli import main
 from runtime.commands import options, plc
 from runtime.commands.arguments import parser
 from runtime.commands.recipe import prepare
-from runtime.errors import ArgumentsError, JournalError
+from runtime.errors import JournalError
 from runtime.execution import crash, session
 from runtime.execution.events import Tally
 from runtime.journal.chain import Journal, records
@@ -27,6 +27,7 @@ from runtime.journal.replay import Replay
 from runtime.monitoring.live.server import Address, listening
 from runtime.monitoring.monitor import Views
 from runtime.plc.registers import as_json
+from runtime.shell.errors import UsageError
 from runtime.shell.interrupts import StopRequests
 from runtime.table import Calibration, dump
 from runtime.traversal.decision import Policy
@@ -61,7 +62,7 @@ def _patient(monkeypatch: pytest.MonkeyPatch) -> None:
     ],
 )
 def test_address_that_cannot_be_used_is_refused(url: str, words: str) -> None:
-    with pytest.raises(ArgumentsError, match=words):
+    with pytest.raises(UsageError, match=words):
         options.check_usage(parser().parse_args([*PLC[:-1], url]))
 
 
@@ -80,7 +81,7 @@ def test_address_that_cannot_be_used_is_refused(url: str, words: str) -> None:
     ids=lambda more: more[-2].strip("-") if more[0] == "--tree" else more[0].strip("-"),
 )
 def test_option_that_leaves_the_plc_nothing_to_do_is_refused(more: list[str]) -> None:
-    with pytest.raises(ArgumentsError, match="leave it out"):
+    with pytest.raises(UsageError, match="leave it out"):
         options.check_usage(parser().parse_args([*PLC, *more]))
 
 
@@ -102,7 +103,7 @@ def test_options_of_a_run_go_with_it() -> None:
 
 
 def test_several_tables_without_a_plc_are_refused() -> None:
-    with pytest.raises(ArgumentsError, match="--tree stands twice"):
+    with pytest.raises(UsageError, match="--tree stands twice"):
         options.check_usage(parser().parse_args(["--tree", "t", "--tree", "u", "--port", "sim"]))
 
 
@@ -220,9 +221,9 @@ def test_parts_of_each_outcome_have_their_code_and_only_a_located_one_a_pose(
         results.extend(client.part(number) for number in (5, 5, 65535))
 
     running = Running(tmp_path, fake_cell([AT_21, AT_36, AT_30, AT_36]), tree, count=3)
-    assert running.run(program) == 11
+    assert running.run(program) == 10
     assert [result["outcome"] for result in results] == [1, 2, 3]
-    assert [result["exit_code"] for result in results] == [0, 10, 11]
+    assert [result["exit_code"] for result in results] == [0, 10, 10]
     assert [(each["x"], each["y"], each["angle"]) for each in results] == [
         (0, 500, 0),
         (0, 0, 0),
@@ -324,7 +325,7 @@ def test_fault_is_a_result_of_its_id_that_stays_until_it_is_taken(
         client.wait("result_valid", 1)
         time.sleep(0.3)  # longer than a run that was stopped would wait
         assert client["result_id"] == 2
-        assert (client["outcome"], client["error_id"], client["x"]) == (4, 20, 0)
+        assert (client["outcome"], client["error_id"], client["x"]) == (4, 21, 0)
         client.write(enable=0, trigger_id=3)
         client.write(enable=1, trigger=1)
         assert client["error_id"] == 107
@@ -332,8 +333,8 @@ def test_fault_is_a_result_of_its_id_that_stays_until_it_is_taken(
         assert client.result(2)["outcome"] == 4
 
     running = Running(tmp_path, fake_cell([AT_21, AT_21], Log(40, ConnectionError("cable"))), tree)
-    assert running.run(program) == 20
-    assert running.kept()[-1]["exit_code"] == 20
+    assert running.run(program) == 21
+    assert running.kept()[-1]["exit_code"] == 21
 
 
 def test_policy_that_ends_the_run_lets_the_result_be_taken(tmp_path: Path, tree: Path) -> None:
@@ -431,5 +432,5 @@ def test_tables_for_different_grippers_are_refused(tmp_path: Path, tree: Path) -
     other = tmp_path / "u.msgpack"
     table = small_table()
     dump(replace(table, gripper=replace(table.gripper, finger_width_um=1000)), other)
-    with pytest.raises(ArgumentsError, match="another gripper"):
+    with pytest.raises(UsageError, match="another gripper"):
         Running(tmp_path, fake_cell([]), tree, other)

@@ -11,12 +11,13 @@ from sample_tables import small_table
 from runtime.commands import options, serve
 from runtime.commands.arguments import SERVED, parser
 from runtime.devices.clock import SystemClock
-from runtime.errors import ArgumentsError, JournalError
+from runtime.errors import JournalError
 from runtime.execution.asked import ERRORS, MAX_LINE, AskedParts, refused
 from runtime.execution.events import Tally
 from runtime.execution.executor import RunOptions
 from runtime.monitoring.console import Objects
 from runtime.monitoring.live.server import Address, listening
+from runtime.shell.errors import UsageError
 
 SERVE = ["--tree", "t", "--serve", "tcp://127.0.0.1:5020"]
 
@@ -117,7 +118,7 @@ def test_every_error_fits_a_controllers_string() -> None:
     ],
 )
 def test_options_that_do_not_go_with_it(words: list[str], message: str) -> None:
-    with pytest.raises(ArgumentsError, match=message):
+    with pytest.raises(UsageError, match=message):
         options.check_usage(parser().parse_args([*SERVE, *words]))
 
 
@@ -128,5 +129,5 @@ def test_options_that_do() -> None:
     options.check_usage(parser().parse_args([*SERVE, "--serve", "tcp://0.0.0.0:5020", "--network"]))
     options.check_usage(parser().parse_args([*SERVE, "--serve", "tcp://localhost:0"]))
     assert {action.dest for action in parser()._actions} > SERVED
-    with pytest.raises(ArgumentsError, match="--network is for --serve"):
+    with pytest.raises(UsageError, match="--network is for --serve"):
         options.check_usage(parser().parse_args(["--tree", "t", "--network"]))

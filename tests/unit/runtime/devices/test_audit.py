@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from runtime.devices.audit import AuditProcess, answer_of
-from runtime.errors import ArgumentsError
+from runtime.shell.errors import UsageError
 
 POSE = (1.0, 2.0, 0.5)
 ANSWERS = {
@@ -93,7 +93,7 @@ def test_a_deaf_one_is_ended_by_a_signal(
 
 @pytest.mark.parametrize("command", ["/no/such/program", "", "'unclosed"])
 def test_a_program_that_cannot_be_started_is_usage(command: str) -> None:
-    with pytest.raises(ArgumentsError, match="cannot be started"):
+    with pytest.raises(UsageError, match="cannot be started"):
         AuditProcess(command)
 
 
@@ -105,6 +105,6 @@ def test_an_auditor_of_another_table_is_refused(auditor: AuditProcess) -> None:
     assert "reason" not in answer_of(auditor, 1, POSE)  # an escape sequence is no sentence
     auditor._common = {"table_sha256": "cd" * 32}
     with pytest.raises(
-        ArgumentsError, match=r"judges by another table, with the SHA-256 abab.*same --tree"
+        UsageError, match=r"judges by another table, with the SHA-256 abab.*same --tree"
     ):
         auditor.check()

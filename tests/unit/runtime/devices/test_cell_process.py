@@ -1,4 +1,4 @@
-"""A simulated cell that cannot be started is one sentence and exit code 31, and leaves no process behind."""
+"""A simulated cell that cannot be started is one sentence and exit code 21, and leaves no process behind."""
 
 import subprocess
 import sys
@@ -8,7 +8,7 @@ import pytest
 
 from runtime.devices import cell_process, child
 from runtime.devices.cell_process import CellProcess
-from runtime.errors import CellStartError
+from runtime.shell.errors import UnreachableError
 
 TREE = Path(__file__).parents[4] / "trees" / "rectangle" / "rectangle.msgpack"
 
@@ -24,9 +24,9 @@ def refused(monkeypatch: pytest.MonkeyPatch, executable: str) -> str:
 
     monkeypatch.setattr(subprocess, "Popen", Noted)
     monkeypatch.setattr(sys, "executable", executable)
-    with pytest.raises(CellStartError) as error:
+    with pytest.raises(UnreachableError) as error:
         CellProcess(TREE, world="runtime.devices.rehearsal:make", seed=1, time_scale=10.0)
-    assert error.value.exit_code == 31
+    assert error.value.exit_code == 21
     assert all(process.poll() is not None for process in started)
     return str(error.value)
 

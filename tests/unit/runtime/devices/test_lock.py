@@ -16,7 +16,7 @@ from drivers.ur import rtde
 from drivers.ur.arm import SCRIPT_PORT_BELOW
 from runtime.devices import lock as locks
 from runtime.devices.lock import PortLock
-from runtime.errors import PortBusyError
+from runtime.shell.errors import UnreachableError
 
 ROOT = Path(__file__).parents[4]
 PORT = f"tcp://127.0.0.1:{10_000 + os.getpid() % 50_000}"  # locks are the machine's, not a test's
@@ -24,7 +24,7 @@ PORT = f"tcp://127.0.0.1:{10_000 + os.getpid() % 50_000}"  # locks are the machi
 CONTENDER = """
 import os, sys, time
 from pathlib import Path
-from runtime.errors import PortBusyError
+from runtime.shell.errors import UnreachableError
 from runtime.devices.lock import PortLock
 
 port, folder, held, refused = sys.argv[1], Path(sys.argv[2]), 0, 0
@@ -37,7 +37,7 @@ while held < 100:
             time.sleep(0.0005)
             os.unlink(folder / "alone")
             held += 1
-    except PortBusyError:
+    except UnreachableError:
         refused += 1
 print(refused)
 """
@@ -56,7 +56,7 @@ def as_another_session(port: str, folder: Path) -> subprocess.CompletedProcess[s
 def busy(port: str) -> bool:
     try:
         PortLock(port).close()
-    except PortBusyError:
+    except UnreachableError:
         return True
     return False
 
@@ -66,9 +66,9 @@ def test_a_device_has_one_owner_whatever_it_is_called(tmp_path: Path) -> None:
     device, link = os.ttyname(slave), tmp_path / "by-id"
     link.symlink_to(device)
     with PortLock(device):
-        with pytest.raises(PortBusyError, match=f"process {os.getpid()}") as refused:
+        with pytest.raises(UnreachableError, match=f"process {os.getpid()}") as refused:
             PortLock(str(link))
-        assert refused.value.exit_code == 23
+        assert refused.value.exit_code == 21
         if os.geteuid() == 0:  # a device node of another name has the same number
             os.mknod(tmp_path / "node", 0o20600, os.fstat(slave).st_rdev)
             assert busy(str(tmp_path / "node"))
@@ -220,7 +220,7 @@ def test_an_owner_that_was_asked_too_often_is_still_the_owner() -> None:
     with PortLock(PORT):
         lines = []
         for _ in range(300):
-            with pytest.raises(PortBusyError) as refused:
+            with pytest.raises(UnreachableError) as refused:
                 PortLock(PORT)
             lines.append(str(refused.value))
     assert f"process {os.getpid()}" in lines[0]

@@ -8,7 +8,7 @@ import pytest
 from sample_tables import GRIPPER, random_table, small_table
 
 from runtime.devices.rehearsal import Rehearsal, make
-from runtime.errors import ArgumentsError
+from runtime.shell.errors import UsageError
 from runtime.table import REJECT, Calibration, Pose2, Table, decide, decision_map
 from runtime.traversal.geometry import compose, placement
 
@@ -65,7 +65,7 @@ def test_same_seed_same_widths() -> None:
 
 
 def test_a_job_without_a_table_cannot_be_rehearsed() -> None:
-    with pytest.raises(ArgumentsError, match="start grasp-cell with --tree"):
+    with pytest.raises(UsageError, match="start grasp-cell with --tree"):
         make({"seed": 1}, 0)
 
 

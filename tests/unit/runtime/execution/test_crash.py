@@ -104,7 +104,7 @@ def test_a_run_is_gone_on_with_as_it_was_begun(tmp_path: Path, changed: dict, wh
     path = broken(tmp_path / "j.jsonl", 4)
     with pytest.raises(BrokenRunError, match=f"had another {what}") as refused:
         look(path, crash.RESUME, **changed)
-    assert refused.value.exit_code == 25
+    assert refused.value.exit_code == 24
     assert not verify(path).closed
 
 
@@ -140,7 +140,7 @@ def test_look_a_part_that_is_old_or_of_unclear_age_is_refused(
     path = broken(tmp_path / "j.jsonl", 4)
     with pytest.raises(BrokenRunError, match=r"s ago; after 300 s|is not clear") as refused:
         look_at(path, policy, TOO_OLD[name]())
-    assert refused.value.exit_code == 25
+    assert refused.value.exit_code == 24
     assert not verify(path).closed
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from sample_tables import several_table
 
-from runtime.errors import ArgumentsError
 from runtime.execution.delivery import Delivery, by_name, from_file, from_job, from_keys, from_text
+from runtime.shell.errors import InputError, UsageError
 
 FULL = """
 drop_mm = [50.0, -10]
@@ -70,25 +70,25 @@ def test_a_job_without_the_section_delivers_nothing() -> None:
     ],
 )
 def test_what_is_wrong_is_named(keys: object, message: str) -> None:
-    with pytest.raises(ArgumentsError, match=message):
+    with pytest.raises(InputError, match=message):
         from_keys(keys, "delivery")
 
 
 @pytest.mark.parametrize("text", ["1,2", "1,2,x", "1,2,3,4"])
 def test_text_that_is_no_three_numbers(text: str) -> None:
-    with pytest.raises(ArgumentsError, match="x,y,angle"):
+    with pytest.raises(UsageError, match="x,y,angle"):
         from_text(text)
 
 
 def test_files_that_cannot_be_read(tmp_path: Path) -> None:
-    with pytest.raises(ArgumentsError, match=r"none\.toml"):
+    with pytest.raises(InputError, match=r"none\.toml"):
         from_file(tmp_path / "none.toml")
     (tmp_path / "bad.toml").write_text("drop_mm = [")
     (tmp_path / "deep.toml").write_text("a = " + "[" * 100_000)
     (tmp_path / "other.toml").write_text("delivery = 3")
     (tmp_path / "binary.toml").write_bytes(bytes(range(256)))
     for name in ("bad", "deep", "other", "binary"):
-        with pytest.raises(ArgumentsError, match=rf"{name}\.toml") as refused:
+        with pytest.raises(InputError, match=rf"{name}\.toml") as refused:
             from_file(tmp_path / f"{name}.toml")
         assert "\n" not in str(refused.value)
 
@@ -98,7 +98,7 @@ def test_a_pick_of_the_part_is_where_it_is_taken() -> None:
     result = from_job({"part": part, "delivery": {"drop_mm": [0, 50], "grasp": "handle"}})
     assert result is not None
     assert result.grasp == pytest.approx((10.0, 5.0, pi / 2))
-    with pytest.raises(ArgumentsError, match="none of"):
+    with pytest.raises(InputError, match="none of"):
         from_job({"part": part, "delivery": {"drop_mm": [0, 50], "grasp": "rim"}})
 
 
@@ -132,5 +132,5 @@ def test_a_place_of_no_known_part_is_refused(
 ) -> None:
     table = several_table()
     table = replace(table, goal=replace(table.goal, **goal))
-    with pytest.raises(ArgumentsError, match=message):
+    with pytest.raises(UsageError, match=message):
         by_name(words, table)

@@ -49,7 +49,7 @@ CALLS = [
     [
         ([AT_21], Outcome.LEAF, 0, [0], 0),
         ([AT_30, AT_21], Outcome.LEAF, 1, [0, 1], 0),
-        ([AT_30, AT_36], Outcome.UNRESOLVED, 2, [0, 1], 11),
+        ([AT_30, AT_36], Outcome.UNRESOLVED, 2, [0, 1], 10),
         ([AT_36], Outcome.REJECT, None, [0], 10),
         ([AT_30, AT_30], Outcome.REJECT, None, [0, 1], 10),
         ([(229, ARRIVED)], Outcome.REJECT, None, [0], 10),
@@ -148,7 +148,7 @@ def test_jaws_that_do_not_stand_as_they_were_set_end_the_push() -> None:
 
     rig.arm.move_linear = bend
     result = run(rig, pushing_table())
-    assert (result.outcome, result.exit_code) == (Outcome.FAULT, 21)
+    assert (result.outcome, result.exit_code) == (Outcome.FAULT, 20)
     assert "the jaws stand at 3.74 mm and were set to 0.00 mm to push" in str(result.reason)
     assert rig.arm.at[2] == 60.0
 
@@ -223,7 +223,7 @@ def assert_safe_end(rig: FakeCell, result: PartResult, *, failed: int) -> None:
 def test_a_link_lost_at_any_call_ends_in_the_safe_state(table: Table, at: int) -> None:
     rig = fake_cell(LONGEST, Log(at, LinkError("cable")))
     result = run(rig, table)
-    assert (result.outcome, result.exit_code, result.reason) == (Outcome.FAULT, 20, "cable")
+    assert (result.outcome, result.exit_code, result.reason) == (Outcome.FAULT, 21, "cable")
     assert_safe_end(rig, result, failed=at)
 
 
@@ -275,11 +275,11 @@ def test_a_journal_that_fails_at_any_record_lets_no_leaf_be_reported(
 @pytest.mark.parametrize(
     ("error", "exit_code"),
     [
-        (LinkError("x"), 20),
-        (GripperFault("x"), 21),
-        (ArmError("x"), 22),
-        (TimeoutError("x"), 20),
-        (OSError("x"), 20),
+        (LinkError("x"), 21),
+        (GripperFault("x"), 20),
+        (ArmError("x"), 20),
+        (TimeoutError("x"), 21),
+        (OSError("x"), 21),
     ],
 )
 def test_an_error_brings_its_exit_code_or_the_one_of_its_built_in_parent(
@@ -324,7 +324,7 @@ def test_a_gripper_that_is_not_ready_is_not_moved_and_neither_is_the_arm(
     rig: FakeCell, reason: str
 ) -> None:
     result = run(rig)
-    assert (result.outcome, result.exit_code) == (Outcome.FAULT, 21)
+    assert (result.outcome, result.exit_code) == (Outcome.FAULT, 20)
     assert reason in str(result.reason)
     assert rig.log.named("move") == []
     assert len(rig.log.named("move_linear")) <= 1  # the retreat of the safe sequence
@@ -338,7 +338,7 @@ def test_a_stale_reading_is_a_fault_and_no_child() -> None:
     rig = fake_cell(LONGEST)
     rig.gripper.echo_off = 1
     result = run(rig)
-    assert (result.outcome, result.exit_code, result.steps) == (Outcome.FAULT, 21, ())
+    assert (result.outcome, result.exit_code, result.steps) == (Outcome.FAULT, 20, ())
     assert "stale reading" in str(result.reason)
 
 
@@ -346,7 +346,7 @@ def test_jaws_that_do_not_open_are_not_lowered() -> None:
     rig = fake_cell(LONGEST)
     rig.gripper.opened_to = 5
     result = run(rig)
-    assert (result.outcome, result.exit_code) == (Outcome.FAULT, 21)
+    assert (result.outcome, result.exit_code) == (Outcome.FAULT, 20)
     assert "remove what blocks them" in str(result.reason)
     assert all(call.arguments[2] >= 30.0 for call in rig.log.named("move_linear"))
 
@@ -355,7 +355,7 @@ def test_an_arm_that_stands_elsewhere_is_not_moved_again() -> None:
     rig = fake_cell(LONGEST)
     rig.arm.off_mm = 0.6
     result = run(rig)
-    assert (result.outcome, result.exit_code) == (Outcome.FAULT, 22)
+    assert (result.outcome, result.exit_code) == (Outcome.FAULT, 20)
     assert len(rig.log.named("move_linear")) == 1
     assert "arm not moved: state unknown" in result.safe_state
 
@@ -363,14 +363,14 @@ def test_an_arm_that_stands_elsewhere_is_not_moved_again() -> None:
 def test_a_reading_that_is_no_number_is_no_place() -> None:
     rig = fake_cell(LONGEST)
     rig.arm.off_mm = float("nan")
-    assert run(rig).exit_code == 22
+    assert run(rig).exit_code == 20
 
 
 def test_a_squeeze_that_takes_too_long_is_a_fault() -> None:
     rig = fake_cell(LONGEST)
     cell = replace(rig.cell, clock=FakeClock(step_s=1000.0))
     result = Executor(small_table(), cell, Deaf()).run_part(1)
-    assert (result.outcome, result.exit_code) == (Outcome.FAULT, 21)
+    assert (result.outcome, result.exit_code) == (Outcome.FAULT, 20)
     assert "s late" in str(result.reason)
 
 

@@ -25,7 +25,7 @@ from runtime.execution.executor import RunOptions
 from runtime.execution.hand import Hand
 from runtime.execution.handling import Handling
 from runtime.execution.strokes import GENTLE_FORCE
-from runtime.table import PROFILES, Table, profile_of
+from runtime.table import PROFILES, Place, Table, profile_of
 from runtime.traversal.decision import Policy
 from runtime.traversal.results import Outcome
 
@@ -35,7 +35,9 @@ from runtime.traversal.results import Outcome
 def dragging_table(force_mn: int = 40_000) -> Table:
     """The small table; what the root holds is dragged, so that it has to be held with its force."""
     root = small_table().nodes[0]
-    root = root._replace(squeeze=root.squeeze._replace(force_mn=force_mn), release=(12_000, -7_000))
+    root = root._replace(
+        squeeze=root.squeeze._replace(force_mn=force_mn), release=Place(12_000, -7_000)
+    )
     table = with_node(small_table(), 0, root)
     return replace(table, limits=replace(table.limits, max_force_mn=235_000))
 
@@ -150,7 +152,7 @@ def test_jaws_blocked_on_the_way_to_the_next_opening_never_come_down() -> None:
     rig = fake_cell([AT_30, AT_21])
     rig.gripper.opened_to = 40
     result = run(rig, RunOptions(), known_table())
-    assert (result.outcome, result.exit_code) == (Outcome.FAULT, 21)
+    assert (result.outcome, result.exit_code) == (Outcome.FAULT, 20)
     assert "remove what blocks them" in str(result.reason)
 
 
@@ -195,7 +197,7 @@ def test_a_current_that_cannot_be_is_a_fault_and_no_child() -> None:
     rig = fake_cell([AT_21])
     rig.gripper.current_ma = 1500
     result = run(rig, RunOptions())
-    assert (result.outcome, result.exit_code, result.steps) == (Outcome.FAULT, 21, ())
+    assert (result.outcome, result.exit_code, result.steps) == (Outcome.FAULT, 20, ())
 
 
 # -- drags ----------------------------------------------------------------------------------------
@@ -203,7 +205,7 @@ def test_a_current_that_cannot_be_is_a_fault_and_no_child() -> None:
 
 def test_what_is_held_is_dragged_to_the_release_point_and_let_go_there() -> None:
     table = small_table()
-    table = with_node(table, 0, table.nodes[0]._replace(release=(12_000, -7_000)))
+    table = with_node(table, 0, table.nodes[0]._replace(release=Place(12_000, -7_000)))
     rig = fake_cell([AT_21])
     rig.arm.at = (5.0, 5.0, 60.0, 0.1)
     assert run(rig, RunOptions(), table).leaf == 0
@@ -218,7 +220,7 @@ def test_what_is_held_is_dragged_to_the_release_point_and_let_go_there() -> None
 
 def test_a_drag_never_sends_the_tips_below_the_squeeze_height() -> None:
     table = small_table()
-    table = with_node(table, 0, table.nodes[0]._replace(release=(12_000, -7_000)))
+    table = with_node(table, 0, table.nodes[0]._replace(release=Place(12_000, -7_000)))
     rig = fake_cell([AT_21])
     pose = rig.arm.pose
 
@@ -310,7 +312,7 @@ def test_displaced_arm_in_a_squeeze_ends_the_part_and_is_not_moved_again(
 
     rig.gripper.move = bump
     result = run(rig, RunOptions())
-    assert (result.outcome, result.exit_code, result.leaf) == (Outcome.FAULT, 22, None)
+    assert (result.outcome, result.exit_code, result.leaf) == (Outcome.FAULT, 20, None)
     assert "off the place it was sent to" in str(result.reason)
     after = rig.log.calls[rig.log.calls.index(rig.log.named("bump")[0]) :]
     assert "stop" in [call.name for call in after]

@@ -11,7 +11,7 @@ from runtime.execution.delivery import Delivery
 from runtime.execution.executor import RunOptions
 from runtime.execution.handling import Handling
 from runtime.execution.tips import TipArc
-from runtime.table import Calibration
+from runtime.table import Area, Calibration
 
 CALIBRATION = Calibration.linear(GRIPPER)
 AT_30 = CALIBRATION.count(30_000)
@@ -92,7 +92,7 @@ def test_outside_the_work_area_it_is_put_down_only_where_parts_are_carried() -> 
     with pytest.raises(MotionRefusedError, match="outside the work area"):
         session.put_down(small_table(), rig.cell, Quiet(), RunOptions())
     assert rig.log.named("move") == []
-    carried = Delivery((0.0, 0.0, 0.0), area_um=(-60_000, -60_000, 90_000, 60_000))
+    carried = Delivery((0.0, 0.0, 0.0), area_um=Area(-60_000, -60_000, 90_000, 60_000))
     session.put_down(small_table(), rig.cell, Quiet(), RunOptions(delivery=carried))
     assert rig.arm.at == (80.0, 5.0, 60.0, 0.1)
 
@@ -108,7 +108,7 @@ def test_whatever_goes_wrong_meanwhile_ends_in_the_safe_state_and_is_recorded() 
         assert opened or max(heights(rig), default=10.0) == 10.0, (
             "what may be fixed is never lifted"
         )
-        assert rig.journal.kept[-1][1]["exit_code"] == 21
+        assert rig.journal.kept[-1][1]["exit_code"] == 20
 
 
 def _calls_of_a_putting_down() -> list[object]:

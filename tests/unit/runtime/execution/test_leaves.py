@@ -10,7 +10,7 @@ from squeezes import ARRIVED, AT_21, AT_30, AT_36, EMPTY, jaw_moves, run
 
 from runtime.execution.delivery import Delivery, by_name, from_text
 from runtime.execution.executor import Executor, RunOptions
-from runtime.table import Table
+from runtime.table import Area, Table
 from runtime.traversal.results import Outcome
 
 # -- audit ----------------------------------------------------------------------------------------
@@ -113,7 +113,7 @@ def test_a_part_that_is_not_there_is_left_and_reported(reading) -> None:
         Outcome.LEAF,
         0,
         "missed",
-        12,
+        10,
     )
     assert "expected was 20..22 mm" in str(result.reason)
     assert rig.arm.at[:3] == (0.0, 0.5, 60.0)
@@ -131,7 +131,7 @@ def test_a_part_that_slips_while_it_is_carried_is_a_fault(change) -> None:
 
     rig.arm.move_linear = slip
     result = run(rig, RunOptions(delivery=DELIVERY))
-    assert (result.outcome, result.exit_code, result.leaf) == (Outcome.FAULT, 21, 0)
+    assert (result.outcome, result.exit_code, result.leaf) == (Outcome.FAULT, 20, 0)
     assert "slipped out" in str(result.reason)
     begun = next(fields for kind, fields in rig.journal.kept if kind == "delivery")
     assert begun == {"part": 1, "begun": True, "leaf": 0, "x_um": 0, "y_um": 500, "theta_urad": 0}
@@ -145,12 +145,12 @@ def test_a_drop_off_outside_the_area_is_refused_and_one_inside_its_own_is_not() 
         Outcome.LEAF,
         0,
         "missed",
-        12,
+        10,
     )
     assert "outside the work area" in str(result.reason)
     assert not rig.gripper.gripping
     rig = fake_cell([AT_21, AT_21])
-    delivery = replace(far, area_um=(-60_000, -60_000, 120_000, 60_000))
+    delivery = replace(far, area_um=Area(-60_000, -60_000, 120_000, 60_000))
     assert run(rig, RunOptions(delivery=delivery)).delivery == "done"
 
 
@@ -209,7 +209,7 @@ def test_what_the_wrist_cannot_do_is_refused_before_the_part_is_taken() -> None:
         Outcome.LEAF,
         0,
         "missed",
-        12,
+        10,
     )
     assert "wrist" in str(result.reason)
     assert not rig.gripper.gripping

@@ -166,7 +166,7 @@ def test_an_arm_that_is_up_is_not_sent_there_again(z_mm: float, moves: int) -> N
 def test_contact_while_opening_is_no_contact_to_squeeze_harder_on() -> None:
     rig = fake_cell([(AT_21[0], 1)])
     result = run(rig, RunOptions(handling=Handling(regulated=True)))
-    assert (result.outcome, result.exit_code) == (Outcome.FAULT, 21)
+    assert (result.outcome, result.exit_code) == (Outcome.FAULT, 20)
     assert "contact while opening" in str(result.reason)
     assert [force for position, _, force in jaw_moves(rig) if position > 0] == [GENTLE_FORCE]
 

@@ -12,7 +12,7 @@ from sample_tables import small_table
 
 from drivers.sim.physics.scene import Block
 from drivers.sim.virtual.cell import VirtualCell
-from runtime.errors import CalibrationError, GripperStateError, MotionRefusedError
+from runtime.errors import GripperStateError, MotionRefusedError
 from runtime.execution import carry, middle
 from runtime.execution.asked import AskedParts
 from runtime.execution.delivery import from_text
@@ -22,6 +22,8 @@ from runtime.execution.hand import Hand
 from runtime.execution.handling import Handling
 from runtime.execution.middle import Grip, Middle, fit, gripping, measure
 from runtime.monitoring.console import Objects
+from runtime.shell.errors import InputError
+from runtime.table import Area
 from runtime.traversal.geometry import compose, placement, sent
 
 BLOCK_MM, OPENING_MM = 30.0, 85.0
@@ -74,14 +76,14 @@ def test_errors_cover_what_counts_and_noise_do():
 
 def test_what_is_no_block_held_fast_is_refused():
     loose = [(0.0, [Grip(off, BLOCK_MM + 0.01 * k) for k, off in enumerate((-5.0, 5.0) * 6)])] * 2
-    with pytest.raises(CalibrationError, match="does not give way"):
+    with pytest.raises(InputError, match="does not give way"):
         fit(BLOCK_MM, loose)
-    with pytest.raises(CalibrationError, match="look at its width"):
+    with pytest.raises(InputError, match="look at its width"):
         fit(BLOCK_MM - 2.0, list(halves(0.5, 1.0)))
-    with pytest.raises(CalibrationError, match="set the tool frame"):
+    with pytest.raises(InputError, match="set the tool frame"):
         fit(BLOCK_MM, list(halves(0.5, 12.0)))
     for block_mm in (0.0, -3.0, 56.0, math.nan):
-        with pytest.raises((CalibrationError, ValueError)):
+        with pytest.raises((InputError, ValueError)):
             gripping(small_table(), block_mm)
 
 
@@ -117,9 +119,9 @@ def test_a_simulated_cell_is_measured_to_what_it_says(angle):
 
 
 def test_a_block_that_is_elsewhere_another_or_none_is_reported():
-    with pytest.raises(CalibrationError, match=r"about \+[45]\.. mm off"):
+    with pytest.raises(InputError, match=r"about \+[45]\.. mm off"):
         Rig(Block(BLOCK_MM, 0.0, 5.0), 0.0).measure((0.0, 0.0, 0.0))
-    with pytest.raises(CalibrationError, match="hold it fast"):
+    with pytest.raises(InputError, match="hold it fast"):
         Rig(Block(BLOCK_MM - 8.0), 0.0).measure((0.0, 0.0, 0.0))
     with pytest.raises(GripperStateError, match="met no block"):
         Rig(Block(BLOCK_MM, 50.0)).measure((0.0, 0.0, 0.0))
@@ -140,7 +142,7 @@ def test_a_place_that_the_arm_would_leave_its_area_for_is_refused_before_anythin
     table = small_table()
     middle.check(table, 1.0)
     low_um = round(1000 * sent(placement(table.nodes[0].squeeze), 1.0)[1]) + 500
-    tight = replace(table.limits, work_area_um=(-90_000, low_um, 90_000, 90_000))
+    tight = replace(table.limits, work_area_um=Area(-90_000, low_um, 90_000, 90_000))
     middle.check(replace(table, limits=tight, nodes=table.nodes[:1]), 0.0)
     with pytest.raises(MotionRefusedError, match="outside the work area"):
         middle.check(replace(table, limits=tight, nodes=table.nodes[:1]), 1.0)
@@ -184,7 +186,7 @@ def test_a_part_is_taken_where_the_fingers_meet_and_refused_where_the_arm_would_
     assert carry.choose(drop, table, leaf, start, None, 1.5) == carry.choose(
         drop, table, leaf, start, None
     )
-    edge = replace(table.limits, work_area_um=(-60_000, -1_000, 60_000, 1_000))
+    edge = replace(table.limits, work_area_um=Area(-60_000, -1_000, 60_000, 1_000))
     tight = replace(table, limits=edge)
     carry.choose(drop, tight, leaf, start, None)
     with pytest.raises(MotionRefusedError, match="outside the work area"):

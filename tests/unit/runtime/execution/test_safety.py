@@ -52,7 +52,7 @@ def test_the_limits_themselves_are_allowed(pose: tuple[float, float, float, floa
 def test_anything_else_is_refused(pose: tuple[float, float, float, float], message: str) -> None:
     with pytest.raises(MotionRefusedError, match=message) as refused:
         safety.check_target(pose, LIMITS)
-    assert refused.value.exit_code == 22
+    assert refused.value.exit_code == 20
 
 
 @pytest.mark.parametrize(

@@ -42,9 +42,9 @@ def test_rejected_and_unresolved_parts_do_not_end_a_run_and_the_gravest_code_win
     outcomes = {"leaf": 2, "reject": 1, "unresolved": 1}
     assert rig.journal.kept[-1] == (
         "end",
-        {"parts": 4, "outcomes": outcomes, "exit_code": 11, "reason": None},
+        {"parts": 4, "outcomes": outcomes, "exit_code": 10, "reason": None},
     )
-    assert (tally.exit_code, tally.squeezes, tally.within, tally.crashes) == (11, 5, None, None)
+    assert (tally.exit_code, tally.squeezes, tally.within, tally.crashes) == (10, 5, None, None)
 
 
 def test_a_fault_ends_a_run() -> None:
@@ -53,7 +53,7 @@ def test_a_fault_ends_a_run() -> None:
         small_table(), rig.cell, None, Lines(small_table()), count=5, activate=False
     )
     assert tally.fields()["outcomes"] == {"leaf": 1, "fault": 1}
-    assert tally.exit_code == 20
+    assert tally.exit_code == 21
     assert rig.journal.kinds()[-1] == "end"
 
 
@@ -65,7 +65,7 @@ def test_only_permission_lets_an_inactive_gripper_sweep() -> None:
             small_table(), rig.cell, None, Lines(small_table()), count=1, activate=False
         )
     assert rig.log.named("activate") == []
-    assert rig.journal.kept[-1][1]["exit_code"] == 21
+    assert rig.journal.kept[-1][1]["exit_code"] == 20
     session.run_journalled(
         small_table(), rig.cell, None, Lines(small_table()), count=1, activate=True
     )
@@ -188,8 +188,8 @@ def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
-        (["--port", "/dev/ttyNONE", "--arm", "tcp://127.0.0.1:9"], 23, "/dev/ttyNONE"),
-        (["--port", "tcp://127.0.0.1:1", "--arm", "tcp://127.0.0.1:9"], 23, "127.0.0.1:1"),
+        (["--port", "/dev/ttyNONE", "--arm", "tcp://127.0.0.1:9"], 21, "/dev/ttyNONE"),
+        (["--port", "tcp://127.0.0.1:1", "--arm", "tcp://127.0.0.1:9"], 21, "127.0.0.1:1"),
         (["--port", "sim", "--arm", "tcp://127.0.0.1:9"], 2, "brings its own arm"),
         (["--port", "/dev/ttyUSB0"], 2, "name it with --arm"),
         ([], 2, "name the gripper with --port"),
@@ -199,14 +199,14 @@ def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (["--port", "sim", "--on-unresolved", "resqueeze"], 2, "no squeeze to repeat"),
         (["--port", "sim", "--tips", "bent"], 2, "LINK,OFFSET"),
         (["--port", "sim", "--deliver", "1,2"], 2, "x,y,angle"),
-        (["--port", "sim", "--deliver", "nowhere.toml"], 2, "nowhere.toml"),
+        (["--port", "sim", "--deliver", "nowhere.toml"], 3, "nowhere.toml"),
         (["--port", "tcp://h:1", "--arm", "tcp://h:1"], 2, "both name"),
         (
             ["--port", "/dev/ttyUSB0", "--arm", "tcp://h:1", "--audit", "a {camera}"],
             2,
             "camera of --port sim",
         ),
-        (["--port", "sim", "--calibration", "nowhere.json"], 33, "nowhere.json"),
+        (["--port", "sim", "--calibration", "nowhere.json"], 3, "nowhere.json"),
         (
             ["--port", "/dev/ttyUSB0", "--arm", "tcp://h:1", "--time-scale", "2"],
             2,
@@ -214,8 +214,8 @@ def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ),
         (
             ["--port", "sim", "--world", "runtime.devices.rehearsal:none"],
-            31,
-            "grasp-cell ended with exit code 31",
+            21,
+            "grasp-cell ended with exit code 2",
         ),
         (
             [
@@ -247,10 +247,10 @@ def test_tables_are_refused_before_anything_is_opened(
     data = bytearray(tree.read_bytes())
     assert main(["--tree", "missing.msgpack", "--port", "sim"]) == 3
     tree.write_bytes(data[:-3])
-    assert main(["--tree", str(tree), "--port", "sim"]) == 30
+    assert main(["--tree", str(tree), "--port", "sim"]) == 3
     data[100] ^= 4
     tree.write_bytes(data)
-    assert main(["--tree", str(tree), "--port", "sim"]) == 30
+    assert main(["--tree", str(tree), "--port", "sim"]) == 3
     lines = capfd.readouterr().err.splitlines()
     assert len(lines) == 3
     assert "digest does not match its content; copy the file again or recompile it" in lines[2]

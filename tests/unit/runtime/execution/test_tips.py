@@ -8,8 +8,8 @@ from sample_tables import small_table
 
 from runtime.commands.arguments import parser
 from runtime.commands.options import run_options
-from runtime.errors import ArgumentsError
 from runtime.execution.tips import TipArc
+from runtime.shell.errors import UsageError
 
 ARC = TipArc()
 # Tip height over opening relative to closed fingers, from the link geometry of the published URDF models.
@@ -88,7 +88,7 @@ def test_the_arc_follows_from_the_model(
 def test_tips_on_an_arc_whose_offset_nobody_knows_are_not_taken_for_straight(
     named: str | None,
 ) -> None:
-    with pytest.raises(ArgumentsError, match=r"2f-140 .* measured: write --tips 100,OFFSET"):
+    with pytest.raises(UsageError, match=r"2f-140 .* measured: write --tips 100,OFFSET"):
         arc_of("robotiq-2f-140", named)
 
 

@@ -9,9 +9,9 @@ from sample_tables import small_table
 
 from runtime.devices import clock as clocks
 from runtime.devices.clock import SystemClock
-from runtime.errors import CellError
 from runtime.execution.executor import Executor, expected_s
 from runtime.execution.watch import DEADLINE_FACTOR, Expected, Watch
+from runtime.shell.errors import ExpectedError
 from runtime.shell.interrupts import StopRequests, stoppable
 from runtime.traversal.results import Outcome
 
@@ -32,8 +32,8 @@ class SlowDevice:
 @pytest.mark.parametrize(
     ("slow", "message", "code"),
     [
-        ("arm", "the arm took 40.0 s, 6.0 s are usual", 22),
-        ("gripper", "the gripper took 40.0 s, 4.0 s are usual", 21),
+        ("arm", "the arm took 40.0 s, 6.0 s are usual", 20),
+        ("gripper", "the gripper took 40.0 s, 4.0 s are usual", 20),
     ],
 )
 def test_squeeze_late_by_one_device_names_it_and_begins_no_further_call(slow, message, code):
@@ -49,7 +49,7 @@ def test_squeeze_late_by_one_device_names_it_and_begins_no_further_call(slow, me
             for device in (gripper, arm, gripper, arm):
                 device.call()
 
-    with pytest.raises(CellError, match=message) as raised:
+    with pytest.raises(ExpectedError, match=message) as raised:
         squeeze()
     assert raised.value.exit_code == code
     assert devices["gripper"].calls + devices["arm"].calls == (1 if slow == "gripper" else 2)
@@ -67,7 +67,7 @@ def test_squeeze_late_by_neither_device_names_the_machine():
             journal.call()
             journal.call()
 
-    with pytest.raises(CellError, match=r"this machine took 198\.0 s"):
+    with pytest.raises(ExpectedError, match=r"this machine took 198\.0 s"):
         squeeze()
 
 
@@ -75,7 +75,7 @@ def test_calls_after_a_squeeze_have_no_deadline_of_it():
     clock = FakeClock()
     watch = Watch(clock)
     device = watch.watched(SlowDevice(clock, 1000.0), "arm")
-    with pytest.raises(CellError, match="arm"), watch.squeeze(Expected(1.0, 1.0)):
+    with pytest.raises(ExpectedError, match="arm"), watch.squeeze(Expected(1.0, 1.0)):
         device.call()
     device.call()
     device.call()
@@ -97,9 +97,9 @@ def test_a_call_that_does_not_return_ends_at_the_deadline(monkeypatch):
         with stoppable(), watch.squeeze(Expected(0.01, 0.01)):
             arm.call()
 
-    with StopRequests(), pytest.raises(CellError, match="the arm took") as raised:
+    with StopRequests(), pytest.raises(ExpectedError, match="the arm took") as raised:
         squeeze()
-    assert raised.value.exit_code == 22
+    assert raised.value.exit_code == 20
 
 
 def test_executor_whose_arm_is_too_slow_ends_before_the_jaws_close_and_names_the_arm():
@@ -115,7 +115,7 @@ def test_executor_whose_arm_is_too_slow_ends_before_the_jaws_close_and_names_the
 
     rig.arm.move_linear = slow
     result = Executor(table, replace(rig.cell), Deaf()).run_part(1)
-    assert (result.outcome, result.exit_code) == (Outcome.FAULT, 22)
+    assert (result.outcome, result.exit_code) == (Outcome.FAULT, 20)
     assert "the arm took" in str(result.reason)
     assert not [call for call in rig.log.named("move") if call.arguments[0] == 255]
     assert "the arm took" in str(rig.journal.kept[-1])

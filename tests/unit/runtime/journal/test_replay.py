@@ -94,7 +94,7 @@ def test_a_squeeze_after_the_end_is_found(journal: Path) -> None:
 def test_an_undelivered_part_has_its_own_exit_code(journal: Path) -> None:
     entries = list(records(journal))
     outcome = next(entry for entry in entries if entry["kind"] == "outcome")
-    outcome.update(delivery="missed", exit_code=12)
+    outcome.update(delivery="missed", exit_code=10)
     assert findings(entries) == []
 
 

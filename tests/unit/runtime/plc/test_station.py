@@ -199,13 +199,13 @@ def test_table_that_does_not_exist_is_an_error_and_others_are_used() -> None:
 
 
 def test_fault_is_a_result_without_a_pose_and_its_code_is_the_error(working: MemoryPlc) -> None:
-    working.end_part(outcome=FAULT, exit_code=22)
+    working.end_part(outcome=FAULT, exit_code=20)
     assert working("result_valid", "result_id", "outcome", "error_id", "exit_code") == [
         1,
         7,
         FAULT,
-        22,
-        22,
+        20,
+        20,
     ]
     assert working("x", "y", "angle") == [0, 0, 0]
 

@@ -8,7 +8,7 @@ import pytest
 from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric import ec, ed25519, rsa
 
-from runtime.errors import KeyFileError
+from runtime.shell.errors import InputError
 from runtime.shell.files import OutputError
 from runtime.signing import keys
 
@@ -50,7 +50,7 @@ def test_generate_through_a_link_is_refused(tmp_path):
 def test_a_key_that_others_may_read_is_refused(tmp_path):
     keys.generate(tmp_path / "k.pem")
     (tmp_path / "k.pem").chmod(0o640)
-    with pytest.raises(KeyFileError, match="chmod 600"):
+    with pytest.raises(InputError, match="chmod 600"):
         keys.load_private(tmp_path / "k.pem")
 
 
@@ -70,28 +70,28 @@ def _write(path, data):
 def test_a_key_of_another_kind_is_refused_by_its_name(tmp_path, key, words):
     private = _write(tmp_path / "k", key.private_bytes(PEM, PKCS8, PLAIN))
     public = _write(tmp_path / "p", key.public_key().public_bytes(PEM, PUBLIC))
-    with pytest.raises(KeyFileError, match=f"holds .*{words}"):
+    with pytest.raises(InputError, match=f"holds .*{words}"):
         keys.load_private(private)
-    with pytest.raises(KeyFileError, match=f"holds .*{words}"):
+    with pytest.raises(InputError, match=f"holds .*{words}"):
         keys.load_public(public)
 
 
 def test_what_is_no_such_key_is_refused_in_a_sentence(tmp_path):
     result = ed25519.Ed25519PrivateKey.generate()
     locked = result.private_bytes(PEM, PKCS8, serialization.BestAvailableEncryption(b"x"))
-    with pytest.raises(KeyFileError, match="passphrase"):
+    with pytest.raises(InputError, match="passphrase"):
         keys.load_private(_write(tmp_path / "locked", locked))
     keys.generate(tmp_path / "k")
-    with pytest.raises(KeyFileError, match="holds a public key; name the private one"):
+    with pytest.raises(InputError, match="holds a public key; name the private one"):
         keys.load_private(tmp_path / "k.pub")
-    with pytest.raises(KeyFileError, match=r"holds a private key; name the public one, k\.pub"):
+    with pytest.raises(InputError, match=r"holds a private key; name the public one, k\.pub"):
         keys.load_public(tmp_path / "k")
     for data in (b"", b"\0" * 100, b"-----BEGIN PUBLIC KEY-----\nAAAA\n-----END PUBLIC KEY-----\n"):
-        with pytest.raises(KeyFileError, match="no public key"):
+        with pytest.raises(InputError, match="no public key"):
             keys.load_public(_write(tmp_path / "odd", data))
     os.mkfifo(tmp_path / "pipe")
     for path in (tmp_path / "none", tmp_path, tmp_path / "pipe"):
-        with pytest.raises(KeyFileError, match="cannot be read"):
+        with pytest.raises(InputError, match="cannot be read"):
             keys.load_public(path)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from histories import LESS, drawn, expectation_document, history, table, watch
 
-from runtime.errors import ArgumentsError
+from runtime.shell.errors import InputError, UsageError
 from runtime.spc import expectation
 from runtime.spc.expectation import CLIP, ShiryaevRoberts, bin_of, load
 from runtime.spc.history import History, Part, Squeezed
@@ -117,20 +117,20 @@ def test_widths_are_binned_as_a_linear_encoder_counts_them():
 def test_files_that_are_refused(change, says, output, tmp_path):
     result = tmp_path / "changed.json"
     result.write_text(json.dumps(output | change))
-    with pytest.raises(ArgumentsError, match=says):
+    with pytest.raises(InputError, match=says):
         load(result)
 
 
 def test_file_that_is_none(tmp_path):
-    with pytest.raises(ArgumentsError, match="make it with plan-expect"):
+    with pytest.raises(InputError, match="make it with plan-expect"):
         load(tmp_path / "none.json")
     (tmp_path / "text").write_text("{")
-    with pytest.raises(ArgumentsError, match="is not JSON"):
+    with pytest.raises(InputError, match="is not JSON"):
         load(tmp_path / "text")
 
 
 def test_expectation_of_another_table_is_refused(expected):
     parts = tuple(drawn(TABLE, 2, np.random.default_rng(6)))
     assert watch(History(TABLE, parts, DIGEST), expected) == []
-    with pytest.raises(ArgumentsError, match="another table"):
+    with pytest.raises(UsageError, match="another table"):
         watch(History(TABLE, parts, "1" * 64), expected)

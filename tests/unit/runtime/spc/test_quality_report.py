@@ -16,7 +16,8 @@ from histories import LESS, SHIFT_UM, TREE, drawn, expectation_document, history
 from sample_tables import several_table
 
 from drivers.camera.commands import audit as main
-from runtime.errors import ArgumentsError, JournalError
+from runtime.errors import JournalError
+from runtime.shell.errors import UsageError
 from runtime.spc import history as reading
 from runtime.spc.command import COLUMNS, rows
 from runtime.spc.monitor import MEANING, Monitor
@@ -72,9 +73,9 @@ def test_journals_of_two_tables_and_of_none_are_refused(tmp_path):
         write(tmp_path / "a.jsonl", parts_of(2)),
         write(tmp_path / "b.jsonl", parts_of(2), other),
     ]
-    with pytest.raises(ArgumentsError, match="of another table"):
+    with pytest.raises(UsageError, match="of another table"):
         reading.read(paths)
-    with pytest.raises(ArgumentsError, match="no part yet"):
+    with pytest.raises(UsageError, match="no part yet"):
         reading.read([write(tmp_path / "c.jsonl", [])])
 
 
@@ -92,7 +93,7 @@ def test_line_that_a_crash_cut_short_is_left_out(tmp_path):
         file.write(b'{"seq":99,"kind":"squ')
     assert reading.read([whole]).parts == result
     whole.write_bytes(b'{"seq":0,"kind":"hea')
-    with pytest.raises(ArgumentsError, match="no part yet"):
+    with pytest.raises(UsageError, match="no part yet"):
         reading.read([whole])
 
 
@@ -234,7 +235,7 @@ def test_command_writes_page_and_table_and_prints_figures(journal, tmp_path, cap
 def test_alarm_has_its_own_exit_code_and_sentence(tmp_path, capsys):
     rng = np.random.default_rng(5)
     parts = [*drawn(TABLE, 60, rng), *drawn(TABLE, 60, rng, width_shift_um=SHIFT_UM, first=60)]
-    assert main(["report", str(write(tmp_path / "run.jsonl", parts))]) == 13
+    assert main(["report", str(write(tmp_path / "run.jsonl", parts))]) == 11
     assert "calibrate the gripper" in capsys.readouterr().out
 
 
@@ -280,7 +281,7 @@ def test_readings_are_weighed_by_what_was_expected_of_them(tmp_path, capsys):
         "--expected",
         str(tmp_path / "e.json"),
     ]
-    assert main([*words, "-o", str(tmp_path / "r.html")]) == 13
+    assert main([*words, "-o", str(tmp_path / "r.html")]) == 11
     said = capsys.readouterr().out
     assert "readings are those of less" in said
     assert "Shiryaev-Roberts" in (tmp_path / "r.html").read_text()

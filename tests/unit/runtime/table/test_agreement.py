@@ -11,7 +11,7 @@ import pytest
 from sample_tables import several_table, with_job
 
 from runtime.cli import main
-from runtime.table import Push, Table, TableError, dump, dumps, load, loads
+from runtime.table import Area, Push, Table, TableError, dump, dumps, load, loads
 from runtime.table.codec import encode
 from runtime.table.embedded import gyration_mm
 
@@ -69,7 +69,10 @@ def with_push(table: Table) -> Table:
         (limits(max_force_mn=500_000), "limits.max_force_mn is 500000, but"),
         (limits(max_speed_um_s=150_001), "limits.max_speed_um_s is 150001, but"),
         (limits(arm_speed_um_s=2_000_000), "limits.arm_speed_um_s is 2000000, but"),
-        (limits(work_area_um=(-900_000, -150_000, 150_000, 150_000)), "limits.work_area_um is "),
+        (
+            limits(work_area_um=Area(-900_000, -150_000, 150_000, 150_000)),
+            "limits.work_area_um is ",
+        ),
         (gripper(model="robotiq-hand-e"), "gripper.model is robotiq-hand-e, but the embedded job"),
         (gripper(encoder_noise_um=0), "gripper.encoder_noise_um is 0, but"),
         (gripper(finger_length_um=99_000), "gripper.finger_length_um is 99000, but"),
@@ -122,7 +125,7 @@ def test_a_leaf_that_is_turned_is_refused() -> None:
 def test_a_forged_table_is_refused_before_anything_is_connected(tmp_path: Path, capsys) -> None:
     path = tmp_path / "forged.msgpack"
     path.write_bytes(encode(limits(squeeze_height_um=-50_000)(TABLE)))
-    assert main(["--tree", str(path), "--check"]) == 30
+    assert main(["--tree", str(path), "--check"]) == 3
     err = capsys.readouterr().err
     assert err.count("\n") == 1
     assert "limits.squeeze_height_um is -50000, but the embedded job says 8000; recompile it" in err

@@ -22,22 +22,44 @@ from sample_tables import (
 )
 
 from runtime import table as package
-from runtime.table import Table, TableError, TableFileError, dump, dumps, load, loads
-from runtime.table.codec import MAX_BYTES, PAYLOAD_FIELDS
+from runtime.table import (
+    Place,
+    Table,
+    TableError,
+    dump,
+    dumps,
+    load,
+    loads,
+)
+from runtime.table.codec import FORMAT
+from runtime.table.fields import MAX_BYTES, SECTIONS
 
 SMALL = dumps(small_table())
 
 
-def framed(payload: bytes, version: object = 3) -> bytes:
+def framed(payload: bytes, version: object = FORMAT) -> bytes:
     """A file around a payload, its digest right."""
     return bytes(msgpack.packb(["squeezetree", version, hashlib.sha256(payload).digest(), payload]))
 
 
-def with_field(name: str, value: object, table: Table | None = None) -> bytes:
-    """The file of a table with another value in a field of its payload."""
-    fields = list(msgpack.unpackb(msgpack.unpackb(dumps(table or small_table()))[3]))
-    fields[PAYLOAD_FIELDS.index(name)] = value
-    return framed(bytes(msgpack.packb(fields)))
+def sections_of(table: Table) -> list[list[object]]:
+    """The sections of a table's file."""
+    return list(msgpack.unpackb(msgpack.unpackb(dumps(table))[3]))
+
+
+def with_sections(sections: list[list[object]]) -> bytes:
+    """A file of these sections."""
+    return framed(bytes(msgpack.packb(sections)))
+
+
+def with_field(path: str, value: object, table: Table | None = None) -> bytes:
+    """The file of a table with another value in a field, `section.field`."""
+    sections = sections_of(table or small_table())
+    name, _, field = path.partition(".")
+    (columns,) = (section.columns for section in SECTIONS if section.name == name)
+    at = [column.name for column in columns].index(field)
+    next(section for section in sections if section[0] == name)[1 + at] = value
+    return with_sections(sections)
 
 
 @pytest.mark.parametrize(
@@ -59,36 +81,42 @@ def test_a_table_comes_back_as_it_is(table: Table) -> None:
     assert dumps(loads(data)) == data
 
 
-@pytest.mark.parametrize("whole", [small_table(), several_table()], ids=["one part", "several"])
-def test_a_table_without_pushes_has_no_format_of_pushes(whole: Table) -> None:
-    number, _, payload = msgpack.unpackb(dumps(whole))[1:]
-    fields = [*msgpack.unpackb(payload), [0, 0], *[[]] * 6]
-    with pytest.raises(
-        TableError, match=f"format {number + 2} is not that of such a table, which is {number}"
-    ):
-        loads(framed(bytes(msgpack.packb(fields)), number + 2))
-
-
 @pytest.mark.parametrize(
-    ("at", "column", "reason"),
+    ("table", "optional"),
     [
-        (0, [1, 5], "node_pushes holds 5, but no more than 4 may be, and as many as follow"),
-        (0, [1, 1], "node_pushes adds up to fewer than there are"),
-        (0, [1], "node_pushes holds 1 integers where 2 belong"),
-        (1, [0, 60_001, 0], "node 1, push 0: x_um is 60001, allowed is -60000..60000"),
-        (4, [0, 0, 85_001], "node 1, push 1: opening_um is 85001, allowed is 0..85000"),
-        (5, [0, 1, 1], "node 0, push 0: length_um is 0, allowed is 1..1000000"),
-        (5, [110_001, 1, 1], "node 0, push 0: x_um of its end is 60001, allowed is -60000..60000"),
-        (6, [1, 1, 400_001], "node 1, push 1: speed_um_s is 400001, allowed is 1..400000"),
-        (6, [1, 1, 1.0], "push_speed_um_s holds float where int belongs"),
+        (small_table(), []),
+        (several_table(), ["hypotheses"]),
+        (pushing_table(), ["pushes"]),
+        (pushing_table(several_table()), ["hypotheses", "pushes"]),
+        (every_field_table(), ["releases", "contacts", "job"]),
     ],
+    ids=["small", "several", "pushes", "pushes several", "every field"],
 )
-def test_pushes_that_must_not_be_made_are_refused(at: int, column: list[int], reason: str) -> None:
-    fields = list(msgpack.unpackb(msgpack.unpackb(dumps(pushing_table()))[3]))
-    fields[len(PAYLOAD_FIELDS) + at] = column
-    with pytest.raises(TableError) as refusal:
-        loads(framed(bytes(msgpack.packb(fields)), 5))
-    assert str(refusal.value) == reason
+def test_encode_writes_an_optional_section_only_where_the_table_needs_it(
+    table: Table, optional: list[str]
+) -> None:
+    required = [section.name for section in SECTIONS if not section.optional]
+    assert [name for name, *_ in sections_of(table)] == required + optional
+
+
+@pytest.mark.parametrize("name", ["hypotheses", "releases", "pushes", "contacts"])
+def test_decode_refuses_an_optional_section_without_records(name: str) -> None:
+    (section,) = (section for section in SECTIONS if section.name == name)
+    empty = [name, *([] for _ in section.columns)]
+    with pytest.raises(TableError, match="not in the one encoding a table has"):
+        loads(with_sections([*sections_of(small_table()), empty]))
+
+
+@pytest.mark.parametrize("owners", [[1, 0, 1], [0, 1, 2], [0, 1, -1], [0, 1, 4_095]])
+def test_decode_refuses_records_out_of_order_or_of_no_node(owners: list[int]) -> None:
+    with pytest.raises(TableError, match="not in the one encoding a table has"):
+        loads(with_field("pushes.node", owners, pushing_table()))
+
+
+def test_decode_refuses_two_first_contacts_of_a_node() -> None:
+    two = ["contacts", [0, 0], [40_000, 40_000]]
+    with pytest.raises(TableError, match="not in the one encoding a table has"):
+        loads(with_sections([*sections_of(small_table()), two]))
 
 
 def test_a_table_of_400_nodes_is_small() -> None:
@@ -111,11 +139,14 @@ def test_every_damaged_bit_and_every_cut_is_refused() -> None:
 def test_an_integer_in_a_longer_form_is_refused() -> None:
     payload = msgpack.unpackb(SMALL)[3]
     longer = payload.replace(
-        b"\x92\x02\x02", b"\x92\xcc\x02\x02", 1
-    )  # node_branches, two bytes for a 2
+        b"\x94\x00\x00\x01\x01", b"\x94\x00\x00\x01\xcc\x01", 1
+    )  # two bytes for a 1
     assert longer != payload
     with pytest.raises(TableError, match="not in the one encoding a table has"):
         loads(framed(longer))
+
+
+SECTIONS_OF_SMALL = sections_of(small_table())
 
 
 @pytest.mark.parametrize(
@@ -125,41 +156,42 @@ def test_an_integer_in_a_longer_form_is_refused() -> None:
         (b"\xc0", "not a squeezetree table"),
         (b"\x80", "not a squeezetree table"),
         (bytes(msgpack.packb(["squeezetree"])), "not a squeezetree table"),
-        (framed(b"\x90", 2), "format 2 is not readable; this runtime reads 3 to 10, recompile it"),
-        (framed(b"\x90", True), "format bool is not readable"),
+        *(
+            (framed(b"\x90", old), f"format {old} is not read; compile the job anew")
+            for old in (2, 3, 10, FORMAT + 1)
+        ),
+        (framed(b"\x90", True), "format bool is not read"),
         (
-            bytes(msgpack.packb(["squeezetree", 3, b""])),
+            bytes(msgpack.packb(["squeezetree", FORMAT, b""])),
             "the frame is not magic, format, digest, payload",
         ),
-        (bytes(msgpack.packb(["squeezetree", 3, b"", "text"])), "the frame is not"),
+        (bytes(msgpack.packb(["squeezetree", FORMAT, b"", "text"])), "the frame is not"),
         (
-            bytes(msgpack.packb(["squeezetree", 3, b"", b"\x90"])),
+            bytes(msgpack.packb(["squeezetree", FORMAT, b"", b"\x90"])),
             "digest does not match its content",
         ),
-        (framed(b"\x90"), f"the payload is not an array of {len(PAYLOAD_FIELDS)}"),
+        (framed(b"\x90"), "the sections are not tool, job_digest, gripper"),
         (framed(b"\x90\x90"), "bytes follow the end of the payload"),
         (framed(b"\x81\x01\x02"), "the payload is damaged"),
-        (framed(b"\xc7\x00\x05"), "the payload is not an array"),
-        (with_field("tool", 5), "tool holds int where str belongs"),
-        (with_field("tool", None), "tool holds NoneType where str belongs"),
-        (with_field("job", b"text"), "job holds bytes where str belongs"),
-        (
-            with_field("goal", [3000, True, 10571, 2, 0, 0, 0, 0, 1]),
-            "goal holds bool where int belongs",
-        ),
-        (with_field("goal", [3000, 990000, 10571, 2, 5, 0, 0, 0, 1]), "goal has the kind 5"),
-        (with_field("gripper", [1, 2]), "gripper holds 2 integers where 6 belong"),
-        (with_field("node_x_um", [0]), "node_y_um holds 2 integers where 1 belong"),
-        (with_field("node_x_um", [0, 1.0]), "node_x_um holds float where int belongs"),
-        (with_field("node_y_um", {}), "damaged|holds dict"),
-        (with_field("node_branches", [2, 3]), "node_branches holds 3, but"),
-        (with_field("node_branches", [2, 1]), "node_branches adds up to fewer"),
-        (with_field("node_branches", [2, -1]), "node_branches holds -1, but"),
-        (
-            with_field("leaf_resolved", [1, 1, 2]),
-            "leaf_resolved holds a number that is neither 0 nor 1",
-        ),
-        (with_field("leaf_alternatives", [0, 0, 1]), "leaf_alternatives holds 1, but"),
+        (framed(b"\xc7\x00\x05"), "the payload is no array of sections"),
+        (with_sections([[]]), "the payload is no array of sections"),
+        (with_sections([[[]]]), "the sections are not"),
+        (with_sections(SECTIONS_OF_SMALL[:-1]), "the sections are not"),
+        (with_sections(SECTIONS_OF_SMALL[::-1]), "the sections are not"),
+        (with_sections([*SECTIONS_OF_SMALL, SECTIONS_OF_SMALL[0]]), "the sections are not"),
+        (with_sections([*SECTIONS_OF_SMALL, ["evidence", 1]]), "the sections are not"),
+        (with_sections([["tool"], *SECTIONS_OF_SMALL[1:]]), "tool has 0 fields where 1 belong"),
+        (with_field("tool.tool", 5), "tool.tool holds int where str belongs"),
+        (with_field("tool.tool", None), "tool.tool holds NoneType where str belongs"),
+        (with_field("job.job", b"text", every_field_table()), "job.job holds bytes where str"),
+        (with_field("goal.confidence_ppm", True), "goal.confidence_ppm holds bool where int"),
+        (with_field("goal.identify", 2), "goal.identify holds a number that is neither 0 nor 1"),
+        (with_field("nodes.x_um", 0), "nodes.x_um holds int where an array belongs"),
+        (with_field("nodes.x_um", [0]), "nodes has arrays of different lengths"),
+        (with_field("nodes.x_um", [0, 1.0]), "nodes.x_um holds float where int belongs"),
+        (with_field("nodes.y_um", {}), "damaged|holds dict"),
+        (with_field("leaves.resolved", [1, 1, 2]), "holds a number that is neither 0 nor 1"),
+        (with_field("branches.node", [0, 0, 0, 0]), "node 1: number of branches is 0"),
     ],
 )
 def test_hostile_bytes_are_refused_with_a_reason(data: bytes, reason: str) -> None:
@@ -179,7 +211,7 @@ ROOT = small_table().nodes[0]
         with_node(small_table(), 0, ROOT._replace(squeeze=ROOT.squeeze._replace(x_um=np.int64(0)))),
         with_node(small_table(), 0, ROOT._replace(squeeze=ROOT.squeeze._replace(x_um=0.0))),
         with_node(small_table(), 0, ROOT._replace(squeeze=(1, 2))),
-        with_node(small_table(), 0, ROOT._replace(release=(0, 0))),  # where the hand stands
+        with_node(small_table(), 0, ROOT._replace(release=Place(0, 0))),  # where the hand stands
         with_leaf(small_table(), 0, small_table().leaves[0]._replace(trials=True)),
         with_leaf(small_table(), 0, small_table().leaves[0]._replace(resolved=None)),
         with_leaf(small_table(), 0, small_table().leaves[0]._replace(trials=1 << 70)),
@@ -207,15 +239,15 @@ for path in sys.argv[1:]:
 """
 MANY = 16_384
 HOSTILE = [
-    (with_field("node_x_um", [0] * MANY), "holds 2 integers where 16384 belong"),
-    (with_field("node_x_um", [0] * (MANY + 1)), "damaged or cut short"),
-    (with_field("tool", "x" * (3 << 20)), "bytes, allowed are"),
+    (with_field("nodes.x_um", [0] * MANY), "arrays of different lengths"),
+    (with_field("nodes.x_um", [0] * (MANY + 1)), "damaged or cut short"),
+    (with_field("tool.tool", "x" * (3 << 20)), "bytes, allowed are"),
     (b"\x91" * 100_000, "not a squeezetree table"),
     (b"x_mm,y_mm\n0,0\n30,0\n", "not a squeezetree table"),
     (framed(b"\x91" * 1_000_000), "damaged or cut short"),
     (
         framed(b"\xdc\x3f\xff" + (b"\xdc\x00\x40" + b"\x90" * 64) * 16_383),
-        "the payload is not an array",
+        "the sections are not",
     ),
     (b"\xdd\xff\xff\xff\xff", "not a squeezetree table"),
     (b"\xc6\xff\xff\xff\xff", "not a squeezetree table"),
@@ -258,7 +290,7 @@ def test_a_failed_write_leaves_no_litter(tmp_path: Path, monkeypatch: pytest.Mon
 
 
 def test_errors_name_the_file_and_carry_their_codes(tmp_path: Path) -> None:
-    with pytest.raises(TableFileError, match="No such file") as missing:
+    with pytest.raises(TableError, match="No such file") as missing:
         load(tmp_path / "none.msgpack")
     assert missing.value.exit_code == 3
     damaged = bytearray(SMALL)
@@ -266,7 +298,7 @@ def test_errors_name_the_file_and_carry_their_codes(tmp_path: Path) -> None:
     (tmp_path / "rectangle.msgpack").write_bytes(damaged)
     with pytest.raises(TableError) as refused:
         load(tmp_path / "rectangle.msgpack")
-    assert refused.value.exit_code == 30
+    assert refused.value.exit_code == 3
     assert str(refused.value) == (
         "table rectangle.msgpack: digest does not match its content; copy the file again or recompile it"
     )

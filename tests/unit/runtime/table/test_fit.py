@@ -12,7 +12,7 @@ LINE = Calibration.linear(GRIPPER)
 @pytest.mark.parametrize(
     "table", [small_table(), every_field_table(), random_table(1, 40), grown_table(1, 100)]
 )
-def test_a_proved_table_fits_the_default_line(table: Table) -> None:
+def test_a_valid_table_fits_the_default_line(table: Table) -> None:
     assert misfits(table, LINE) == []
 
 

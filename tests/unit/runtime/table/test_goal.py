@@ -7,14 +7,30 @@ import pytest
 from sample_tables import small_table
 
 from planner.belief.metric import Metric
-from runtime.table import KINDS, GoalSpec, Leaf, distance, error_mm, meets, poses_of, threshold
+from runtime.table import (
+    KINDS,
+    Covariance,
+    GoalSpec,
+    Leaf,
+    LeafPose,
+    Tolerance,
+    distance,
+    error_mm,
+    meets,
+    poses_of,
+    threshold,
+)
 
 TOLERANCE = (2.0, 1.0, 0.2)  # mm, mm, rad
 
 
 def leaf_at(poses: np.ndarray) -> Leaf:
-    first, *others = [(round(1000 * x), round(1000 * y), round(1e6 * turn)) for x, y, turn in poses]
-    return Leaf(*first, (0, 0, 0, 0, 0, 0), 1_000_000, 1, True, tuple(others))
+    first, *others = [
+        LeafPose(round(1000 * x), round(1000 * y), round(1e6 * turn)) for x, y, turn in poses
+    ]
+    exact = Covariance(0, 0, 0, 0, 0, 0)
+    place = (first.x_um, first.y_um, first.theta_urad)
+    return Leaf(*place, exact, 1_000_000, 1, True, tuple(others))
 
 
 @pytest.mark.parametrize("order", [1, 2, 3])
@@ -22,7 +38,7 @@ def leaf_at(poses: np.ndarray) -> Leaf:
 def test_the_cell_and_the_planner_agree(kind: str, order: int) -> None:
     rng = np.random.default_rng(order)
     metric = Metric(3.0, 10.0, order, kind, TOLERANCE, 2)
-    goal = GoalSpec(3000, 950_000, 10_000, order, kind, (2000, 1000, 200_000), 2)
+    goal = GoalSpec(3000, 950_000, 10_000, order, kind, Tolerance(2000, 1000, 200_000), 2)
     result = np.zeros(2, int)
     for _ in range(400):
         true = rng.uniform((-3, -2, -math.pi), (3, 2, math.pi))
@@ -35,9 +51,8 @@ def test_the_cell_and_the_planner_agree(kind: str, order: int) -> None:
         )
         leaf = leaf_at(near if kind == "modes" else near[:1])
         poses = np.array(
-            [(leaf.x_um / 1e3, leaf.y_um / 1e3, leaf.theta_urad / 1e6), *leaf.alternatives]
+            [(pose.x_um / 1e3, pose.y_um / 1e3, pose.theta_urad / 1e6) for pose in leaf.poses]
         )
-        poses[1:] /= (1e3, 1e3, 1e6)
         wanted = bool(metric.reached(poses, true).any())
         assert meets(goal, leaf, tuple(true)) == wanted
         result[int(wanted)] += 1
@@ -48,7 +63,7 @@ def test_the_cell_and_the_planner_agree(kind: str, order: int) -> None:
 
 
 def test_an_orientation_is_met_anywhere() -> None:
-    goal = GoalSpec(3000, 950_000, 10_000, 1, "orientation", (0, 0, 200_000), 1)
+    goal = GoalSpec(3000, 950_000, 10_000, 1, "orientation", Tolerance(0, 0, 200_000), 1)
     assert meets(goal, leaf_at(np.zeros((1, 3))), (50.0, 0.0, 0.1))
 
 

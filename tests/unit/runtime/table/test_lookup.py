@@ -61,10 +61,10 @@ def test_every_node_count_and_flag_is_decided_by_the_rule(
 
 
 @pytest.mark.parametrize("table", TABLES, ids=["small", "every field", "random", "400 nodes"])
-def test_every_branch_of_a_proved_table_is_decided_by_some_reading_and_no_other_reaches_it(
+def test_every_branch_of_a_valid_table_is_decided_by_some_reading_and_no_other_reaches_it(
     table,
 ) -> None:
-    dumps(table)  # proves it
+    dumps(table)  # validates it
     for node in table.nodes:
         decided = decision_map(node, LINE)
         assert set(decided) - {REJECT} == set(range(len(node.branches)))

@@ -7,8 +7,9 @@ from random import Random
 import pytest
 from sample_tables import GRIPPER, random_table, small_table
 
-from runtime.errors import ArgumentsError, GripperStateError
-from runtime.table import REJECT, Calibration, decision_map
+from runtime.errors import GripperStateError
+from runtime.shell.errors import UsageError
+from runtime.table import REJECT, Calibration, Place, decision_map
 from runtime.traversal import decision
 from runtime.traversal.decision import (
     Policy,
@@ -144,7 +145,7 @@ def test_a_policy_survives_being_written_down() -> None:
 def test_a_policy_that_makes_no_sense_is_refused(
     on_reject: str, on_unresolved: str, message: str
 ) -> None:
-    with pytest.raises(ArgumentsError, match=message) as refused:
+    with pytest.raises(UsageError, match=message) as refused:
         Policy.of(on_reject, on_unresolved)
     assert refused.value.exit_code == 2
 
@@ -179,7 +180,7 @@ def test_a_reject_names_the_widths_that_were_planned() -> None:
 
 
 def test_only_what_is_held_and_known_is_dragged() -> None:
-    node = TABLE.nodes[0]._replace(release=(3_000, 4_000))
+    node = TABLE.nodes[0]._replace(release=Place(3_000, 4_000))
     thin = node._replace(
         branches=(node.branches[0]._replace(low_um=0, expected_um=1_999), *node.branches[1:])
     )
@@ -195,6 +196,6 @@ def test_only_what_is_held_and_known_is_dragged() -> None:
 
 
 def test_a_target_of_zero_is_a_node_and_leaf_zero_is_none() -> None:
-    """Targets are told apart by their sign: ~0 is -1. (No proved table leads back to its root.)"""
+    """Targets are told apart by their sign: ~0 is -1. (No valid table leads back to its root.)"""
     assert advance(TraversalState(1), 0, TABLE, Policy()) == TraversalState(0)
     assert advance(TraversalState(1), ~0, TABLE, Policy()) == TraversalState(1, Outcome.LEAF, 0)

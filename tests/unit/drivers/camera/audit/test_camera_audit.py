@@ -25,11 +25,12 @@ from hypothesis import strategies as st
 
 from drivers.camera.audit.auditor import COVERAGE, FAIL, PASS, UNKNOWN, Auditor, Subject, judge
 from drivers.camera.audit.overlay import MEASURED, PREDICTED, keep
-from drivers.camera.errors import SourceError
 from drivers.sim.camera.cards import lying, tag_cells
 from drivers.sim.camera.optics import webcam
 from drivers.sim.camera.render import Flaws, render
 from drivers.sim.physics.tabletop import Look
+from runtime.shell.errors import UnreachableError
+from runtime.table import Tolerance
 
 BELOW = camera()
 RIG = rig(BELOW)
@@ -47,7 +48,7 @@ class Shown:
 
     def picture(self, until):
         if self._picture is None:
-            raise SourceError(
+            raise UnreachableError(
                 "camera /dev/video0 has not sent a picture yet; check power and cable"
             )
         return self._picture
@@ -152,7 +153,9 @@ def test_any_of_the_poses_a_leaf_allows_will_do():
     ],
 )
 def test_other_goals_are_judged_by_their_tolerances(kind, off, verdict):
-    goal = replace(GOAL, kind=kind, tolerance=(2_500, 2_500, round(1e6 * math.radians(5.0))))
+    goal = replace(
+        GOAL, kind=kind, tolerance=Tolerance(2_500, 2_500, round(1e6 * math.radians(5.0)))
+    )
     assert judge(goal, [(0.0, 0.0, 0.0)], off, 0.05, 0.001).verdict == verdict
 
 

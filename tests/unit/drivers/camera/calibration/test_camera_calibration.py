@@ -11,11 +11,12 @@ from cameras import SIZE, angle_between, camera, part_tag, true_calibration, tru
 from drivers.camera.calibration import file as calibration
 from drivers.camera.calibration import lens_fit, table_fit
 from drivers.camera.calibration.fit import load_picture
-from drivers.camera.errors import CalibrationRefusedError, CameraFileError
 from drivers.camera.vision import tag_file
 from drivers.camera.vision.board import Board, parse
 from drivers.planar import compose, relative
 from drivers.sim.camera.cards import board_cells, lying
+from runtime.shell.errors import InputError
+from runtime.shell.files import OutputError
 
 
 def views(noise_px=0.05, seed=1):
@@ -137,7 +138,7 @@ def flat_views():
     ],
 )
 def test_views_that_make_no_calibration_are_refused(change, sentence):
-    with pytest.raises(CalibrationRefusedError, match=sentence):
+    with pytest.raises(InputError, match=sentence):
         lens_fit.fit(change(views()), SIZE)
 
 
@@ -150,21 +151,21 @@ def test_views_that_make_no_calibration_are_refused(change, sentence):
     ],
 )
 def test_touched_places_that_align_nothing_are_refused(touched, sentence):
-    with pytest.raises(CalibrationRefusedError, match=sentence):
+    with pytest.raises(InputError, match=sentence):
         table_fit.align(touched, [(0.0, 0.0), (100.0, 0.0), (0.0, 100.0)][: len(touched)])
 
 
 def test_poses_of_a_part_that_contradict_one_another_are_refused():
-    with pytest.raises(CalibrationRefusedError, match="2 poses"):
+    with pytest.raises(InputError, match="2 poses"):
         table_fit.part_offset([(0, 0, 0)] * 2, [(0, 0, 0)] * 2)
-    with pytest.raises(CalibrationRefusedError, match="scatters by"):
+    with pytest.raises(InputError, match="scatters by"):
         table_fit.part_offset([(0, 0, 0)] * 3, [(0, 0, 0), (5, 0, 0), (0, 5, 0)])
 
 
 def test_board_that_does_not_lie_flat_is_refused():
     bent = views(0.0)[0]
     bent = bent._replace(pixels=bent.pixels + 4.0 * np.sin(bent.points / 9.0))
-    with pytest.raises(CalibrationRefusedError, match="check that they lie flat"):
+    with pytest.raises(InputError, match="check that they lie flat"):
         table_fit.board_residuals(VIEW, [bent])
 
 
@@ -172,7 +173,7 @@ def test_board_that_does_not_lie_flat_is_refused():
     "text", ["charuco:12x9:30", "chessboard:12x9:30:20", "dots:4x4:3", "charuco:12x9:5:6", ""]
 )
 def test_board_that_is_not_understood_is_refused(text):
-    with pytest.raises(CalibrationRefusedError, match="write charuco"):
+    with pytest.raises(InputError, match="write charuco"):
         parse(text)
 
 
@@ -216,14 +217,14 @@ def test_spoilt_calibration_is_refused(tmp_path, spoil, sentence):
     path = tmp_path / "camera.json"
     calibration.save(true_calibration(OPTICS), path)
     path.write_text(spoil(path.read_text()))
-    with pytest.raises(CameraFileError, match=sentence):
+    with pytest.raises(InputError, match=sentence):
         calibration.load(path)
 
 
 def test_missing_and_unwritable_files_are_reported(tmp_path):
-    with pytest.raises(CameraFileError, match="No such file"):
+    with pytest.raises(InputError, match="No such file"):
         calibration.load(tmp_path / "none.json")
-    with pytest.raises(CameraFileError, match="cannot be written"):
+    with pytest.raises(OutputError, match="cannot be written"):
         calibration.save(true_calibration(OPTICS), tmp_path / "none" / "camera.json")
-    with pytest.raises(CameraFileError, match="No such file"):
+    with pytest.raises(InputError, match="No such file"):
         load_picture(tmp_path / "none.png")

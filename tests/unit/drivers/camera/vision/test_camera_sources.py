@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 from cameras import camera, rig
 
-from drivers.camera.errors import PictureError, SourceError
 from drivers.camera.vision import sources
 from drivers.camera.vision.sources import Folder, Still, Stream, open_source
+from drivers.errors import PictureError
 from drivers.sim.camera.render import jpeg
 from drivers.sim.camera.server import CameraServer
 from drivers.sim.physics.tabletop import Look
+from runtime.shell.errors import UnreachableError
 
 
 def soon(seconds=20.0):
@@ -87,7 +88,7 @@ def test_folder_gives_each_picture_once_in_the_order_of_names(tmp_path):
         cv2.imwrite(str(tmp_path / name), np.full((4, 5), level, np.uint8)) if level else None
     source = open_source(str(tmp_path))
     assert [int(source.picture(soon())[0, 0]) for _ in range(2)] == [10, 20]
-    with pytest.raises(SourceError, match="no further picture"):
+    with pytest.raises(UnreachableError, match="no further picture"):
         source.picture(time.monotonic())
     cv2.imwrite(str(tmp_path / "c.png"), np.full((4, 5), 30, np.uint8))
     assert source.picture(soon())[0, 0] == 30
@@ -128,7 +129,7 @@ def test_file_that_is_no_picture_is_reported(tmp_path):
     ],
 )
 def test_address_of_nothing_is_refused(address, sentence):
-    with pytest.raises(SourceError, match=sentence):
+    with pytest.raises(UnreachableError, match=sentence):
         open_source(address)
 
 
@@ -140,11 +141,11 @@ def test_still_camera_is_asked_anew_each_time(server):
 
 def test_still_camera_that_is_gone_or_silent_is_reported_in_time(server):
     server.close()
-    with pytest.raises(SourceError, match="is it on, and in this network"):
+    with pytest.raises(UnreachableError, match="is it on, and in this network"):
         open_source(server.url).picture(soon())
     with socket.create_server(("127.0.0.1", 0)) as deaf:
         address = f"http://127.0.0.1:{deaf.getsockname()[1]}/picture.jpg"
-        with pytest.raises(SourceError, match="timed out"):
+        with pytest.raises(UnreachableError, match="timed out"):
             Still(address).picture(soon(0.1))
 
 
@@ -162,13 +163,13 @@ def test_still_camera_that_drips_is_reported_in_time(start):
     stopped = threading.Event()
     with socket.create_server(("127.0.0.1", 0)) as listener:
         threading.Thread(target=drip, args=(listener, stopped), daemon=True).start()
-        with pytest.raises(SourceError, match="timed out"):
+        with pytest.raises(UnreachableError, match="timed out"):
             Still(f"http://127.0.0.1:{listener.getsockname()[1]}/picture.jpg").picture(soon(0.3))
         stopped.set()
 
 
 def test_address_without_a_picture_is_reported(server):
-    with pytest.raises(SourceError, match="404"):
+    with pytest.raises(UnreachableError, match="404"):
         open_source(server.url.replace("picture", "else")).picture(soon())
 
 
@@ -193,7 +194,7 @@ def test_stream_shows_what_was_taken_after_the_question(stream_url, counter, flo
 def test_stream_that_cannot_be_opened_is_reported_in_time():
     source = Stream("/dev/null", cv2.CAP_V4L2, (64, 48))
     try:
-        with pytest.raises(SourceError, match="check power and cable"):
+        with pytest.raises(UnreachableError, match="check power and cable"):
             source.picture(soon(0.2))
     finally:
         source.close()
@@ -219,7 +220,7 @@ def test_simulated_camera_sees_the_part_where_it_is_now(tmp_path):
 
 def test_a_file_is_neither_a_camera_nor_a_folder(tmp_path):
     (tmp_path / "notes.txt").touch()
-    with pytest.raises(SourceError, match="is neither a camera nor a folder of pictures"):
+    with pytest.raises(UnreachableError, match="is neither a camera nor a folder of pictures"):
         open_source(str(tmp_path / "notes.txt"))
 
 
@@ -228,11 +229,11 @@ def test_a_folder_that_vanishes_is_reported_in_a_sentence(tmp_path):
     gone.mkdir()
     source = open_source(str(gone))
     gone.rmdir()
-    with pytest.raises(SourceError, match=r"folder .*pictures: No such file or directory"):
+    with pytest.raises(UnreachableError, match=r"folder .*pictures: No such file or directory"):
         source.picture(soon())
 
 
 def test_a_picture_that_cannot_be_read_is_reported_by_name(tmp_path):
     (tmp_path / "a.png").mkdir()
-    with pytest.raises(SourceError, match=r"picture .*a\.png: Is a directory"):
+    with pytest.raises(UnreachableError, match=r"picture .*a\.png: Is a directory"):
         open_source(str(tmp_path)).picture(soon())

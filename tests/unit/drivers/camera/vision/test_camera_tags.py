@@ -16,10 +16,10 @@ from cameras import (
 )
 
 from drivers.camera.calibration import measure
-from drivers.camera.errors import CameraError
 from drivers.camera.vision import edges
 from drivers.camera.vision.plane import placed
 from drivers.camera.vision.tags import SQUARES, Sighting, find
+from drivers.errors import PictureError
 from drivers.sim.camera.cards import lying, tag_cells
 from drivers.sim.camera.render import Flaws, render
 
@@ -121,7 +121,7 @@ def test_refinement_gives_up_where_there_is_no_edge_or_no_picture():
 @pytest.mark.parametrize("wrong", [{"side_mm": 24.0}, {"height_mm": 20.0}])
 def test_tag_of_another_size_or_height_is_refused(wrong):
     picture = picture_of(BELOW, (0.0, 0.0, 0.2))
-    with pytest.raises(CameraError, match=r"looks .* mm large"):
+    with pytest.raises(PictureError, match=r"looks .* mm large"):
         measure.measure(picture, find(picture), true_calibration(BELOW), part_tag(**wrong))
 
 

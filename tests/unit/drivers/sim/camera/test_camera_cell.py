@@ -18,9 +18,9 @@ from drivers.camera.vision.sources import decoded
 from drivers.planar import compose
 from drivers.sim import cli
 from drivers.sim.camera import album
-from drivers.sim.errors import SimulationError
 from drivers.sim.faults import Channel, Desk, Fault, Listed
 from drivers.sim.physics.tabletop import BESIDE, Look, TableTop
+from runtime.shell.errors import UsageError
 
 pytestmark = pytest.mark.slow
 
@@ -106,7 +106,7 @@ def test_what_the_camera_sees_is_what_the_faults_say():
 
 def test_rehearsal_has_no_part_to_see():
     assert TableTop(small_setting(), 1, Desk(Listed())).look().pose is None
-    with pytest.raises(SimulationError, match="lies nowhere"):
+    with pytest.raises(UsageError, match="lies nowhere"):
         cli.camera(small_setting())
 
 

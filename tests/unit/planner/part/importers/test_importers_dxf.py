@@ -7,10 +7,10 @@ import ezdxf
 import numpy as np
 import pytest
 
-from planner.errors import InputFileError, OutlineError, PlannerError, UsageError
 from planner.part import outline as outlines
 from planner.part.importers.file import read_outline
 from planner.part.importers.pieces import Options
+from runtime.shell.errors import ExpectedError, InputError, UsageError
 
 RECTANGLE = [(0, 0), (30, 0), (30, 21), (0, 21)]
 INSERT = {"row_count": 100, "column_count": 100, "row_spacing": 1, "column_spacing": 1}
@@ -93,12 +93,12 @@ def test_ends_that_nearly_meet_are_joined(tmp_path):
 
 
 def test_an_open_contour_says_where(tmp_path):
-    with pytest.raises(OutlineError, match=r"open at .* 0\.5 mm away; close it"):
+    with pytest.raises(InputError, match=r"open at .* 0\.5 mm away; close it"):
         read(drawn(tmp_path, lambda m, d: lines(m, gap=0.5)))
 
 
 def test_a_polyline_that_was_not_closed_is_open(tmp_path):
-    with pytest.raises(OutlineError, match=r"open at .* 21 mm away"):
+    with pytest.raises(InputError, match=r"open at .* 21 mm away"):
         read(drawn(tmp_path, lambda m, d: polyline(m, close=False)))
 
 
@@ -178,7 +178,7 @@ def test_a_block_of_blocks_that_explodes_is_refused(tmp_path):
                 block.add_blockref(f"B{k - 1}", (shift, 0))
         space.add_blockref("B11", (0, 0))
 
-    with pytest.raises(OutlineError, match="more than 20000 shapes"):
+    with pytest.raises(InputError, match="more than 20000 shapes"):
         read(drawn(tmp_path, draw))
 
 
@@ -187,7 +187,7 @@ def test_a_large_array_of_a_block_is_refused(tmp_path):
         lines(document.blocks.new("B"))
         space.add_blockref("B", (0, 0), dxfattribs=INSERT)
 
-    with pytest.raises(OutlineError, match="more than 20000 shapes"):
+    with pytest.raises(InputError, match="more than 20000 shapes"):
         read(drawn(tmp_path, draw))
 
 
@@ -198,19 +198,19 @@ def test_a_block_in_itself_is_refused(tmp_path):
         block.add_blockref("LOOP", (1, 1))
         space.add_blockref("LOOP", (0, 0))
 
-    with pytest.raises(OutlineError, match="contains itself"):
+    with pytest.raises(InputError, match="contains itself"):
         read(drawn(tmp_path, draw))
 
 
 def test_a_figure_of_eight_is_refused_with_its_place(tmp_path):
     crossed = [(0, 0), (30, 20), (30, 0), (0, 20)]
-    with pytest.raises(OutlineError, match=r"crosses itself at"):
+    with pytest.raises(InputError, match=r"crosses itself at"):
         read(drawn(tmp_path, lambda m, d: polyline(m, crossed)))
 
 
 def test_a_contour_that_touches_itself_is_refused_with_its_place(tmp_path):
     touching = [(0, 0), (10, 0), (10, 10), (5, 5), (0, 10), (-5, 10), (5, 5), (-5, 0)]
-    with pytest.raises(OutlineError, match=r"touches itself at \(5, 5\)"):
+    with pytest.raises(InputError, match=r"touches itself at \(5, 5\)"):
         read(drawn(tmp_path, lambda m, d: polyline(m, touching)))
 
 
@@ -222,14 +222,14 @@ def test_far_from_the_origin_is_no_matter(tmp_path):
 @pytest.mark.parametrize("scale", [0.01, 1e4])
 def test_an_impossible_size_asks_about_the_unit(tmp_path, scale):
     points = [(x * scale, y * scale) for x, y in RECTANGLE]
-    with pytest.raises(OutlineError, match="is the unit right"):
+    with pytest.raises(InputError, match="is the unit right"):
         read(drawn(tmp_path, lambda m, d: polyline(m, points)))
 
 
 @pytest.mark.parametrize("x", [1e300, 1e12])
 def test_absurd_coordinates_are_refused(tmp_path, x):
     points = [(0, 0), (x, 0), (x, 21), (0, 21)]
-    with pytest.raises(OutlineError, match="beyond 10000 km"):
+    with pytest.raises(InputError, match="beyond 10000 km"):
         read(drawn(tmp_path, lambda m, d: polyline(m, points)))
 
 
@@ -263,12 +263,12 @@ def test_text_dimensions_and_hidden_layers_are_no_outline(tmp_path):
 def test_bytes_that_are_no_drawing_are_not_taken_for_an_empty_one(tmp_path):
     path = tmp_path / "part.dxf"
     path.write_bytes(np.random.default_rng(1).bytes(2000))
-    with pytest.raises(InputFileError, match="is no DXF file"):
+    with pytest.raises(InputError, match="is no DXF file"):
         read(path)
 
 
 def test_a_drawing_without_shapes_says_so(tmp_path):
-    with pytest.raises(OutlineError, match="no closed contour"):
+    with pytest.raises(InputError, match="no closed contour"):
         read(drawn(tmp_path, lambda m, d: m.add_text("nothing")))
 
 
@@ -296,7 +296,7 @@ DAMAGED = {
 def test_what_is_no_drawing_is_refused(tmp_path, name):
     path = tmp_path / "bad.dxf"
     path.write_bytes(DAMAGED[name])
-    with pytest.raises((InputFileError, OutlineError, UsageError)) as caught:
+    with pytest.raises((InputError, UsageError)) as caught:
         read(path)
     assert "\n" not in str(caught.value)
 
@@ -308,16 +308,16 @@ def test_a_file_cut_short_is_read_rightly_or_refused(tmp_path, share):
     path.write_bytes(data[: int(share * len(data))])
     try:
         result = read(path)
-    except PlannerError as error:
+    except ExpectedError as error:
         result = error
-    if isinstance(result, PlannerError):
+    if isinstance(result, ExpectedError):
         assert "\n" not in str(result)
     else:
         is_rectangle(result)
 
 
 def test_missing_files_and_other_suffixes(tmp_path):
-    with pytest.raises(InputFileError, match="check the path"):
+    with pytest.raises(InputError, match="check the path"):
         read(tmp_path / "none.dxf")
     with pytest.raises(UsageError, match="not one of"):
         read(tmp_path / "part.dwg")
@@ -362,7 +362,7 @@ def test_an_open_outline_about_a_closed_hole_is_reported_with_its_gap(tmp_path):
         lines(space, gap=0.5)
         space.add_circle((15, 10), 3)
 
-    with pytest.raises(OutlineError, match=r"open at .* 0\.5 mm away; close it"):
+    with pytest.raises(InputError, match=r"open at .* 0\.5 mm away; close it"):
         read(drawn(tmp_path, draw))
 
 

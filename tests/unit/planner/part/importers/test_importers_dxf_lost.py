@@ -8,7 +8,7 @@ from drawings import PLATE_MM2, area, box, dxf, notes, read
 from ezdxf.math import BSpline, Vec3
 
 from planner.cli import init
-from planner.errors import OutlineError
+from runtime.shell.errors import InputError
 
 ROUND = [(30, 10, 0), (20, 25, 0), (0, 20, 0), (-5, 5, 0), (10, -5, 0), (30, 10, 0)]
 
@@ -91,7 +91,7 @@ def test_lost_outline_about_a_hole_is_refused_and_named(tmp_path, draw):
         draw(space, document)
         hole(space)
 
-    with pytest.raises(OutlineError, match=f"may be missing: .*{LOST[draw]}.*repair") as caught:
+    with pytest.raises(InputError, match=f"may be missing: .*{LOST[draw]}.*repair") as caught:
         read(dxf(tmp_path, both))
     assert "\n" not in str(caught.value)
 
@@ -111,7 +111,7 @@ def test_lost_outline_alone_is_named(tmp_path, capsys, draw):
     ]
     code = init.main([str(path), "-o", str(tmp_path / "job.toml"), *flags])
     error = capsys.readouterr().err
-    assert code == OutlineError.exit_code
+    assert code == InputError.exit_code
     assert LOST[draw] in error
     assert error.count("\n") == 1
     assert not (tmp_path / "job.toml").exists()
@@ -124,7 +124,7 @@ def test_lost_xref_on_a_hidden_or_another_layer_is_none(tmp_path):
         box(space, (0, 0), (40, 20), layer="CUT")
 
     path = dxf(tmp_path, draw)
-    with pytest.raises(OutlineError, match="xref"):
+    with pytest.raises(InputError, match="xref"):
         read(path)
     assert area(read(path, layer="CUT")) == pytest.approx(PLATE_MM2)
 
@@ -138,7 +138,7 @@ def test_hatch_beyond_all_contours_may_be_the_outline(tmp_path):
         hole(space)
         hatch(space, (0, 0), (40, 0), (40, 20), (0, 20))
 
-    with pytest.raises(OutlineError, match="may be missing: HATCH"):
+    with pytest.raises(InputError, match="may be missing: HATCH"):
         read(dxf(tmp_path, draw))
 
 
@@ -173,7 +173,7 @@ def test_what_no_outline_can_be_is_no_loss(tmp_path):
 def test_number_that_had_to_be_guessed_is_refused(tmp_path):
     path = dxf(tmp_path, lambda space, _: (hole(space), space.add_line((123.5, 0), (1, 0))))
     path.write_text(path.read_text().replace("123.5", "12x3.5"))
-    with pytest.raises(OutlineError, match="floating point"):
+    with pytest.raises(InputError, match="floating point"):
         read(path)
 
 
@@ -181,7 +181,7 @@ def test_file_cut_short_among_its_shapes_is_refused(tmp_path):
     path = dxf(tmp_path, lambda space, _: (hole(space), box(space, (0, 0), (40, 20))))
     text = path.read_text()
     path.write_text(text[: text.index("LWPOLYLINE", text.index("ENTITIES"))])
-    with pytest.raises(OutlineError, match="cut short"):
+    with pytest.raises(InputError, match="cut short"):
         read(path)
 
 
@@ -202,7 +202,7 @@ def polygon_mesh(space, _):
 @pytest.mark.parametrize("draw", [too_many_knots, knots_that_fall, polygon_mesh])
 def test_shape_that_cannot_be_drawn_is_named(tmp_path, draw):
     path = dxf(tmp_path, lambda space, _: (hole(space), draw(space, _)))
-    with pytest.raises(OutlineError, match=r"its (SPLINE|POLYLINE) #\w+ cannot be drawn"):
+    with pytest.raises(InputError, match=r"its (SPLINE|POLYLINE) #\w+ cannot be drawn"):
         read(path)
 
 
@@ -222,7 +222,7 @@ def test_unknown_shape_is_lost_where_it_is_seen(tmp_path):
 
     path = dxf(tmp_path, draw)
     with_unknown(path, "OTHER")
-    with pytest.raises(OutlineError, match="may be missing: NEWSHAPE"):
+    with pytest.raises(InputError, match="may be missing: NEWSHAPE"):
         read(path)
     assert area(read(path, layer="CUT")) == pytest.approx(PLATE_MM2)
     path = dxf(tmp_path, draw)

@@ -4,7 +4,7 @@ import pytest
 from drawings import PLATE, PLATE_MM2, area, box, dxf, notes, read
 from ezdxf.xclip import XClip
 
-from planner.errors import OutlineError
+from runtime.shell.errors import InputError
 
 FRAME = (-10, -10), (55, 35)
 
@@ -218,7 +218,7 @@ def test_layer_asked_for_is_read_though_it_is_off_but_not_what_is_invisible_on_i
 
     path = dxf(tmp_path, draw)
     assert area(read(path, layer="CUT")) == pytest.approx(PLATE_MM2)
-    with pytest.raises(OutlineError, match="no closed contour") as caught:
+    with pytest.raises(InputError, match="no closed contour") as caught:
         read(path)
     assert any("not visible" in note for note in caught.value.__notes__)
 
@@ -242,7 +242,7 @@ def test_what_is_not_plotted_inside_the_part_is_left_out(tmp_path):
 
 def test_what_is_not_plotted_about_the_part_may_be_the_outline(tmp_path):
     path = dxf(tmp_path, unplotted(FRAME))
-    with pytest.raises(OutlineError, match="on layer GUIDE is not plotted, and goes around it"):
+    with pytest.raises(InputError, match="on layer GUIDE is not plotted, and goes around it"):
         read(path)
     assert area(read(path, layer="0")) == pytest.approx(PLATE_MM2)
     assert area(read(path, layer="GUIDE")) == pytest.approx(65 * 45)
@@ -274,7 +274,7 @@ def test_polyline_width_is_noted(tmp_path):
 
 def test_empty_model_space_names_the_layout(tmp_path):
     path = dxf(tmp_path, lambda _, document: box(document.layout("Layout1"), (0, 0), (40, 20)))
-    with pytest.raises(OutlineError) as caught:
+    with pytest.raises(InputError) as caught:
         read(path)
     assert any("'Layout1'" in note for note in caught.value.__notes__)
 
@@ -286,7 +286,7 @@ def test_turned_block_in_a_stretched_one_is_refused(tmp_path, rotation):
         document.blocks.new("OUTER").add_blockref("PART", (0, 0), {"rotation": rotation})
         space.add_blockref("OUTER", (0, 0), {"xscale": 2})
 
-    with pytest.raises(OutlineError, match="'OUTER' skews a block"):
+    with pytest.raises(InputError, match="'OUTER' skews a block"):
         read(dxf(tmp_path, draw))
 
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from planner.errors import InputFileError, UsageError
 from planner.part.importers.file import read_faces
 from planner.part.importers.pieces import Options
 from planner.part.tips import tips_height_mm
+from runtime.shell.errors import InputError, UsageError
 
 BRACKET = [(0, 0), (34, 0), (34, 5), (5, 34), (0, 34)]
 
@@ -113,7 +113,7 @@ def test_cap_up_and_cap_down_are_one_where_the_fingers_meet_the_cap_either_way(t
 def test_what_is_no_solid_has_no_faces(tmp_path):
     broken = trimesh.creation.box((20, 20, 20))
     broken.faces = broken.faces[1:]
-    with pytest.raises(InputFileError, match="no closed solid"):
+    with pytest.raises(InputError, match="no closed solid"):
         read(tmp_path / "broken.stl", broken)
     with pytest.raises(UsageError, match="name an STL file"):
         read_faces(tmp_path / "part.dxf", Options(), tips_height_mm)

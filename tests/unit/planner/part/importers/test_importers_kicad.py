@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import shapely
 
-from planner.errors import InputFileError, OutlineError
 from planner.part.importers import kicad
 from planner.part.importers.file import read_outline
 from planner.part.importers.pieces import Options, time_limit
+from runtime.shell.errors import InputError
 
 FAB = '(layer "F.Fab") (width 0.1))'
 
@@ -70,13 +70,13 @@ def test_circles_and_polygons(tmp_path):
 
 
 def test_what_cannot_be_read_is_reported_in_one_line(tmp_path):
-    with pytest.raises(InputFileError, match="not a KiCad footprint"):
+    with pytest.raises(InputError, match="not a KiCad footprint"):
         read(tmp_path, head="(kicad_pcb")
-    with pytest.raises(InputFileError, match="cannot be read"):
+    with pytest.raises(InputError, match="cannot be read"):
         read(tmp_path, f"(fp_line (start 0 x) (end 1 1) {FAB}")
-    with pytest.raises(InputFileError, match="cannot be read"):
+    with pytest.raises(InputError, match="cannot be read"):
         read(tmp_path, f"(fp_arc (start 0 0) (end 1 1) {FAB}")
-    with pytest.raises(OutlineError):
+    with pytest.raises(InputError):
         read(tmp_path, f"(fp_arc (start 0 0) (mid 0 0) (end 0 0) {FAB}")
 
 
@@ -166,17 +166,17 @@ def test_what_is_not_known_on_the_body_is_named(tmp_path):
     odd = '(fp_ellipse (center 0 0) (layer "F.Fab"))'
     result = read(tmp_path, odd, odd, f"(fp_rect (start -10 -5) (end 10 5) {FAB}")
     assert result.notes == ("not known, ignored on F.Fab: 2 fp_ellipse",)
-    with pytest.raises(OutlineError, match=r"no shape on F\.Fab.*not known: 1 fp_ellipse"):
+    with pytest.raises(InputError, match=r"no shape on F\.Fab.*not known: 1 fp_ellipse"):
         read(tmp_path, odd)
 
 
 def test_a_footprint_without_a_body_names_the_layer_and_those_that_it_draws_on(tmp_path):
     silk = lines((0, 0), (9, 0), (9, 5), layer='(layer "F.SilkS") (width 0.1))')
     with pytest.raises(
-        OutlineError, match=r"no shape on F\.Fab.*draws on F\.SilkS.*draw the body's outline"
+        InputError, match=r"no shape on F\.Fab.*draws on F\.SilkS.*draw the body's outline"
     ):
         read(tmp_path, *silk)
-    with pytest.raises(OutlineError, match="draws nothing at all"):
+    with pytest.raises(InputError, match="draws nothing at all"):
         read(tmp_path)
 
 
@@ -199,7 +199,7 @@ DAMAGED = {
 
 @pytest.mark.parametrize("name", DAMAGED)
 def test_damage_is_refused_in_a_line(tmp_path, name):
-    with pytest.raises((InputFileError, OutlineError)) as caught:
+    with pytest.raises(InputError) as caught:
         read(tmp_path, DAMAGED[name], f"(fp_rect (start -10 -5) (end 10 5) {FAB}")
     assert "\n" not in str(caught.value)
 
@@ -209,5 +209,5 @@ def test_damage_is_refused_in_a_line(tmp_path, name):
 def test_a_footprint_that_takes_too_long_is_not_called_damaged(tmp_path):
     path = tmp_path / "part.kicad_mod"
     path.write_text("(footprint x " + "(at 0 0 0)" * 400_000 + ")")
-    with pytest.raises(InputFileError, match="longer than"), time_limit("x", 0.2):
+    with pytest.raises(InputError, match="longer than"), time_limit("x", 0.2):
         kicad.read(path.read_bytes(), "x", None, 0.01)

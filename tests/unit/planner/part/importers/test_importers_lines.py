@@ -8,8 +8,8 @@ import pytest
 import shapely
 from drawings import PLATE, PLATE_MM2, arc, area, box, dxf, lines, notes, read
 
-from planner.errors import OutlineError, UsageError
 from planner.part.importers import noding
+from runtime.shell.errors import InputError, UsageError
 
 
 def halves(space, _):
@@ -193,7 +193,7 @@ def plus_of_two_boxes(space, _):
 @pytest.mark.parametrize("draw", [notch_across_an_edge, circle_at_a_corner, plus_of_two_boxes])
 def test_closed_contours_that_overlap_are_refused(tmp_path, draw):
     with pytest.raises(
-        OutlineError, match=r"closed contours overlap near \(.*draw the outline as one"
+        InputError, match=r"closed contours overlap near \(.*draw the outline as one"
     ):
         read(dxf(tmp_path, draw))
 
@@ -238,7 +238,7 @@ def dimension_on(layer, beyond):
 @pytest.mark.parametrize(("layer", "beyond"), [("DIM", 0), ("DIM", 2), ("CUT", 2)])
 def test_dimension_lines_that_bound_another_contour_are_refused(tmp_path, layer, beyond):
     path = dxf(tmp_path, dimension_on(layer, beyond))
-    with pytest.raises(OutlineError, match=r"from \(0, .*--layer"):
+    with pytest.raises(InputError, match=r"from \(0, .*--layer"):
         read(path)
     if layer == "DIM":
         assert area(read(path, layer="cut")) == pytest.approx(PLATE_MM2)
@@ -262,7 +262,7 @@ def test_wide_open_outline_about_a_hole_is_refused(tmp_path):
         space.add_lwpolyline([(0, 0), (40, 0), (40, 20), (0, 20)])  # not closed: 20 mm are missing
         space.add_circle((20, 10), 4)
 
-    with pytest.raises(OutlineError, match="20 mm away; close it"):
+    with pytest.raises(InputError, match="20 mm away; close it"):
         read(dxf(tmp_path, draw))
 
 

@@ -7,12 +7,12 @@ import pytest
 import shapely
 import trimesh
 
-from planner.errors import OutlineError, PlannerError, UsageError
 from planner.part import outline as outlines
 from planner.part.importers import mesh
 from planner.part.importers.file import read_outline
 from planner.part.importers.pieces import Options, time_limit
 from planner.part.tips import tips_height_mm
+from runtime.shell.errors import ExpectedError, InputError, UsageError
 from runtime.table import PROFILES
 
 COUNT_MM = 0.001 * PROFILES["robotiq-2f-85"].opening_um / 230  # of the encoder
@@ -53,7 +53,7 @@ def test_the_height_of_the_cut_matters(tmp_path):
 def test_bad_solids_are_refused(tmp_path, data):
     path = tmp_path / "bad.stl"
     path.write_bytes(data)
-    with pytest.raises(PlannerError) as caught:
+    with pytest.raises(ExpectedError) as caught:
         read(path, units="mm")
     assert "\n" not in str(caught.value)
 
@@ -204,7 +204,7 @@ def test_a_surface_that_is_open_where_the_fingers_meet_it_is_refused_with_the_pl
     missing = np.flatnonzero(
         (plain.face_normals @ (0, 0, 1) > 0.5) | (plain.face_normals @ (1, 0, 0) > 0.5)
     )
-    with pytest.raises(OutlineError, match=r"hole in its surface near \(.*, 5\) mm"):
+    with pytest.raises(InputError, match=r"hole in its surface near \(.*, 5\) mm"):
         read(solid(tmp_path, opened(plain, *missing)), units="mm")
 
 
@@ -212,5 +212,5 @@ def test_a_fine_mesh_is_read_in_its_time_and_a_slow_one_is_not_called_damaged(tm
     path = solid(tmp_path, trimesh.creation.icosphere(subdivisions=5, radius=7))
     assert outlines.area(read(path, units="mm").outline_mm) == pytest.approx(49 * math.pi, rel=4e-3)
     data = path.read_bytes()
-    with pytest.raises(PlannerError, match="longer than"), time_limit("x.stl", 0.02):
+    with pytest.raises(ExpectedError, match="longer than"), time_limit("x.stl", 0.02):
         mesh.read(data, "x.stl", 1.0, None)

@@ -6,10 +6,10 @@ import time
 import numpy as np
 import pytest
 
-from planner.errors import InputFileError, OutlineError, UsageError, ValueRangeError
 from planner.part import outline as outlines
 from planner.part.importers.file import read_outline
 from planner.part.importers.pieces import MAX_BYTES, Options, flattened, time_limit
+from runtime.shell.errors import InputError, UsageError
 
 
 def read(path, **options):
@@ -45,14 +45,14 @@ def test_csv_outlines(tmp_path, name):
 BAD_CSV = {
     "no unit": (b"0,0\n30,0\n30,21\n", None, UsageError, "--units"),
     "no unit in the header": (b"x,y\n0,0\n30,0\n30,21\n", None, UsageError, "--units"),
-    "three columns": (b"1,2,3\n", "mm", ValueRangeError, "line 1"),
-    "words": (b"0,0\n1,a\n", "mm", ValueRangeError, "line 2"),
-    "not a number": (b"0,0\n1,nan\n", "mm", ValueRangeError, "line 2"),
-    "two points": (b"0,0\n1,1\n", "mm", OutlineError, "no closed contour"),
-    "nothing": (b"", "mm", OutlineError, "no closed contour"),
-    "binary": (b"\xff\x00\x80", "mm", InputFileError, "UTF-8"),
-    "back and forth": (b"0,0\n10,0\n" * 2000, "mm", OutlineError, "one line|no closed|itself"),
-    "too long": (b"0,0\n" * 200_000, "mm", OutlineError, "200000 lines"),
+    "three columns": (b"1,2,3\n", "mm", InputError, "line 1"),
+    "words": (b"0,0\n1,a\n", "mm", InputError, "line 2"),
+    "not a number": (b"0,0\n1,nan\n", "mm", InputError, "line 2"),
+    "two points": (b"0,0\n1,1\n", "mm", InputError, "no closed contour"),
+    "nothing": (b"", "mm", InputError, "no closed contour"),
+    "binary": (b"\xff\x00\x80", "mm", InputError, "UTF-8"),
+    "back and forth": (b"0,0\n10,0\n" * 2000, "mm", InputError, "one line|no closed|itself"),
+    "too long": (b"0,0\n" * 200_000, "mm", InputError, "200000 lines"),
 }
 
 
@@ -70,12 +70,12 @@ def test_a_file_too_large_is_not_read(tmp_path):
     path = tmp_path / "large.svg"
     with path.open("wb") as file:
         file.truncate(MAX_BYTES + 1)
-    with pytest.raises(InputFileError, match="larger than"):
+    with pytest.raises(InputError, match="larger than"):
         read(path)
 
 
 def test_reading_ends_when_its_time_is_over():
-    with pytest.raises(InputFileError, match="longer than"), time_limit("x.dxf", 0.05):
+    with pytest.raises(InputError, match="longer than"), time_limit("x.dxf", 0.05):
         time.sleep(20)
     with time_limit("x.dxf", 0.2):
         pass

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from planner.errors import InputFileError, OutlineError, UsageError
 from planner.part import outline as outlines
 from planner.part.importers.file import read_outline
 from planner.part.importers.pieces import Options
+from runtime.shell.errors import InputError, UsageError
 
 NAME = 'xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink"'
 MM = 'width="100mm" height="100mm" viewBox="0 0 100 100"'
@@ -79,7 +79,7 @@ def test_names_of_any_alphabet_are_read(tmp_path):
 
 def test_a_stretched_drawing_is_refused(tmp_path):
     size = 'width="100mm" height="50mm" viewBox="0 0 100 100"'
-    with pytest.raises(OutlineError, match="two different scales"):
+    with pytest.raises(InputError, match="two different scales"):
         read(written(tmp_path, RECT, size))
 
 
@@ -180,7 +180,7 @@ REFUSED = {
 @pytest.mark.parametrize("name", REFUSED)
 def test_hostile_and_wrong_files_are_refused_in_a_sentence(tmp_path, name):
     before, body, sentence = REFUSED[name]
-    with pytest.raises((InputFileError, OutlineError), match=sentence) as caught:
+    with pytest.raises(InputError, match=sentence) as caught:
         read(written(tmp_path, body, before=before))
     assert "\n" not in str(caught.value)
 
@@ -191,6 +191,6 @@ def test_hostile_and_wrong_files_are_refused_in_a_sentence(tmp_path, name):
 def test_what_is_no_svg_is_refused(tmp_path, data):
     path = tmp_path / "bad.svg"
     path.write_bytes(data)
-    with pytest.raises(InputFileError) as caught:
+    with pytest.raises(InputError) as caught:
         read(path)
     assert "\n" not in str(caught.value)

@@ -5,10 +5,10 @@ import re
 
 import pytest
 
-from planner.errors import InputFileError, OutlineError, PlannerError
 from planner.part import outline as outlines
 from planner.part.importers.file import read_outline
 from planner.part.importers.pieces import Options
+from runtime.shell.errors import ExpectedError, InputError
 
 NAME = 'xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" xmlns:i="urn:other"'
 MM = 'width="100mm" height="80mm" viewBox="0 0 100 80"'
@@ -106,7 +106,7 @@ def test_what_a_viewer_shows_is_the_outline(tmp_path, name):
 
 
 def test_a_drawing_that_shows_nothing_is_refused_with_the_reason(tmp_path):
-    with pytest.raises(OutlineError, match=r"neither filled nor stroked.*1 of its elements"):
+    with pytest.raises(InputError, match=r"neither filled nor stroked.*1 of its elements"):
         read(tmp_path, jig('fill="none"'))
 
 
@@ -246,9 +246,7 @@ MALFORMED = {
 
 @pytest.mark.parametrize("name", MALFORMED)
 def test_a_malformed_number_is_refused_with_its_element(tmp_path, name):
-    with pytest.raises(
-        InputFileError, match=r"part\.svg: <\w+>.*correct it in the drawing"
-    ) as caught:
+    with pytest.raises(InputError, match=r"part\.svg: <\w+>.*correct it in the drawing") as caught:
         read(tmp_path, MALFORMED[name])
     assert "\n" not in str(caught.value)
 
@@ -258,10 +256,10 @@ def test_a_malformed_number_is_refused_with_its_element(tmp_path, name):
 )
 def test_a_malformed_size_of_the_drawing_is_refused(tmp_path, size):
     for units in (None, "mm"):
-        with pytest.raises(PlannerError, match=r'<svg>: width="1.*" is no length'):
+        with pytest.raises(ExpectedError, match=r'<svg>: width="1.*" is no length'):
             read(tmp_path, f'<path d="{L_PATH}"/>', size, units=units)
 
 
 def test_a_share_of_an_unknown_size_is_refused(tmp_path):
-    with pytest.raises(InputFileError, match="size that nobody states"):
+    with pytest.raises(InputError, match="size that nobody states"):
         read(tmp_path, '<rect width="50%" height="20"/>', "", units="mm")

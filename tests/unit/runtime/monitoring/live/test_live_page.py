@@ -10,10 +10,10 @@ from grown_tables import grown_table
 from html_pages import Page
 from sample_tables import every_field_table, small_table, with_job
 
-from runtime.errors import ArgumentsError
 from runtime.monitoring.live import page, server
 from runtime.monitoring.live.server import Address, answer
 from runtime.monitoring.status import Status
+from runtime.shell.errors import UsageError
 
 PAGES = {"/": ("text/html", lambda: b"<p>"), "/status.json": ("application/json", lambda: b"{}\n")}
 LOCAL = partial(answer, PAGES, local=True)
@@ -59,7 +59,7 @@ def test_an_address_is_a_port_or_a_host_and_a_port(text: str, host: str, port: i
     ],
 )
 def test_what_is_no_address_is_refused_in_one_line(text: str) -> None:
-    with pytest.raises(ArgumentsError, match="write PORT or HOST:PORT") as refused:
+    with pytest.raises(UsageError, match="write PORT or HOST:PORT") as refused:
         server.parse(text)
     assert refused.value.exit_code == 2
 

@@ -12,12 +12,12 @@ from collections.abc import Callable, Iterator
 import pytest
 from sample_tables import small_table
 
-from runtime.errors import ArgumentsError
 from runtime.monitoring import http_server
 from runtime.monitoring.http_server import MOST_CLIENTS
 from runtime.monitoring.live import page
 from runtime.monitoring.live.server import Address, PageServer
 from runtime.monitoring.status import Status
+from runtime.shell.errors import UsageError
 
 FREE = Address("127.0.0.1", 0)
 LARGE = b"x" * 16_000_000
@@ -126,7 +126,7 @@ def test_it_listens_on_ipv6_as_well() -> None:
 
 def test_a_port_in_use_is_one_line(serving: PageServer) -> None:
     with pytest.raises(
-        ArgumentsError, match="in use; name another port, or 0 for a free one"
+        UsageError, match="in use; name another port, or 0 for a free one"
     ) as refused:
         PageServer(serving.address, {})
     assert str(serving.address) in str(refused.value)
@@ -138,11 +138,11 @@ def test_a_port_for_root_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr(socket.socket, "bind", refuse)
-    with pytest.raises(ArgumentsError, match="ports below 1024 are for root; take one above"):
+    with pytest.raises(UsageError, match="ports below 1024 are for root; take one above"):
         PageServer(Address("127.0.0.1", 80), {})
 
 
 @pytest.mark.parametrize("host", ["192.0.2.1", "x" * 300, "no..name"])
 def test_an_address_of_another_machine_or_of_none_is_one_line(host: str) -> None:
-    with pytest.raises(ArgumentsError, match="name an address of this machine, or the port alone"):
+    with pytest.raises(UsageError, match="name an address of this machine, or the port alone"):
         PageServer(Address(host, 0), {})

@@ -14,12 +14,12 @@ from sample_tables import random_table, small_table
 from written_journals import Quiet
 
 from runtime.commands import arguments, options
-from runtime.errors import ArgumentsError
 from runtime.execution.events import Phase, Sighting, Tally
 from runtime.monitoring.console import Lines
 from runtime.monitoring.live.rows import Outline, Row
 from runtime.monitoring.live.terminal import View, picture
 from runtime.monitoring.status import Status
+from runtime.shell.errors import UsageError
 from runtime.traversal.results import Outcome, PartResult, Step
 
 TABLE = random_table(3, 40)
@@ -183,5 +183,5 @@ def test_without_rich_one_line_names_the_extra(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr("runtime.commands.options.find_spec", lambda name: None)
     options.check_usage(given)  # in a pipe it is not needed
     monkeypatch.setattr("sys.stdout", Screen())
-    with pytest.raises(ArgumentsError, match=r"install squeezetree\[watch\]"):
+    with pytest.raises(UsageError, match=r"install squeezetree\[watch\]"):
         options.check_usage(given)

@@ -1,13 +1,37 @@
-"""The proof of a table at its edges: the last value that is allowed, the first that is not, and why."""
+"""The validation of a table at its edges: the last value that is allowed, the first that is not, and why."""
 
 import hashlib
 from dataclasses import replace
 
 import pytest
-from sample_tables import GRIPPER, every_field_table, small_table, with_job, with_leaf, with_node
+from sample_tables import (
+    GRIPPER,
+    PUSHES,
+    every_field_table,
+    pushing_table,
+    small_table,
+    with_job,
+    with_leaf,
+    with_node,
+)
 
-from runtime.table import PPM, Branch, Leaf, Node, Prediction, Table, TableError, dumps, job_of
-from runtime.table.proof import prove
+from runtime.table import (
+    PPM,
+    Area,
+    Branch,
+    Covariance,
+    Leaf,
+    LeafPose,
+    Node,
+    Place,
+    Prediction,
+    Table,
+    TableError,
+    Tolerance,
+    dumps,
+    job_of,
+)
+from runtime.table.validation import validate
 
 TABLE = small_table()
 UNTRIED = replace(TABLE, predicted=Prediction(0, 0, 0))  # whose leaves may have any figures
@@ -36,6 +60,11 @@ def branch_with(node: int, number: int, **changes: int) -> Table:
 
 def leaf_with(index: int = 0, **changes: object) -> Table:
     return with_leaf(UNTRIED, index, TABLE.leaves[index]._replace(**changes))
+
+
+def push_with(**changes: int) -> Table:
+    pushed = TABLE.nodes[0]._replace(pushes=(PUSHES[0]._replace(**changes),))
+    return with_node(TABLE, 0, pushed)
 
 
 def limits_with(**changes: object) -> Table:
@@ -114,7 +143,11 @@ EDGES = [
     ),
     (leaf_with(y_um=60_000, resolved=False), leaf_with(y_um=60_001), "leaf 0: y_um is 60001"),
     (leaf_with(2, x_um=10**9), leaf_with(2, x_um=10**9 + 1), "leaf 2: x_um is 1000000001"),
-    (leaf_with(covariance=(0,) * 6), leaf_with(covariance=(-1, 0, 0, 0, 0, 0)), "leaf 0: xx is -1"),
+    (
+        leaf_with(covariance=Covariance(0, 0, 0, 0, 0, 0)),
+        leaf_with(covariance=Covariance(-1, 0, 0, 0, 0, 0)),
+        "leaf 0: covariance.xx is -1",
+    ),
     (
         leaf_with(success_ppm=990_000),
         leaf_with(success_ppm=985_000),
@@ -131,13 +164,13 @@ EDGES = [
         "refutes the confidence",
     ),
     (
-        leaf_with(alternatives=((0, 0, 1),), resolved=False),
-        leaf_with(alternatives=((0, 0, 1),)),
+        leaf_with(alternatives=(LeafPose(0, 0, 1),), resolved=False),
+        leaf_with(alternatives=(LeafPose(0, 0, 1),)),
         "leaf 0: 2 poses are more than the goal leaves open; mark it unresolved",
     ),
     (
-        leaf_with(2, alternatives=((0, 0, 0), (0, 0, 3_142_000))),
-        leaf_with(2, alternatives=((0, 0, 0), (0, 0, 3_142_001))),
+        leaf_with(2, alternatives=(LeafPose(0, 0, 0), LeafPose(0, 0, 3_142_000))),
+        leaf_with(2, alternatives=(LeafPose(0, 0, 0), LeafPose(0, 0, 3_142_001))),
         "leaf 2, alternative 1: theta_urad is 3142001",
     ),
     (
@@ -158,30 +191,62 @@ EDGES = [
     (goal_with(symmetry=1), goal_with(symmetry=0), "goal.symmetry is 0"),
     (with_goal_alone(distance_um=1), goal_with(distance_um=0), "goal.distance_um is 0"),
     (
-        goal_with(kind="orientation", distance_um=0, tolerance=(0, 0, 1)),
-        goal_with(kind="orientation", tolerance=(0, 0, 0)),
-        "goal.tolerance t is 0",
+        goal_with(kind="orientation", distance_um=0, tolerance=Tolerance(0, 0, 1)),
+        goal_with(kind="orientation", tolerance=Tolerance(0, 0, 0)),
+        "goal.tolerance.theta_urad is 0",
     ),
     (
-        goal_with(kind="tolerances", tolerance=(1, 1, 1)),
-        goal_with(kind="tolerances", tolerance=(1, 0, 1)),
-        "goal.tolerance y is 0",
+        goal_with(kind="tolerances", tolerance=Tolerance(1, 1, 1)),
+        goal_with(kind="tolerances", tolerance=Tolerance(1, 0, 1)),
+        "goal.tolerance.y_um is 0",
     ),
     (
         replace(TABLE, gripper=replace(GRIPPER, count_open=0)),
         replace(TABLE, gripper=replace(GRIPPER, count_open=230)),
         "gripper.count_open is 230, allowed is 0..229",
     ),
-    (TABLE, replace(TABLE, job_digest=b"short"), "bytes of job_digest is 5"),
+    (
+        with_node(TABLE, 0, TABLE.nodes[0]._replace(contact_um=84_999)),
+        with_node(TABLE, 0, TABLE.nodes[0]._replace(contact_um=85_000)),
+        "node 0: contact_um is 85000, allowed is 30000..84999",
+    ),
+    (
+        with_node(TABLE, 1, TABLE.nodes[1]._replace(release=Place(0, 0))),
+        with_node(TABLE, 1, TABLE.nodes[1]._replace(release=Place(1_000, -2_000))),
+        "node 1: its release is where it squeezes",
+    ),
+    (
+        with_node(TABLE, 1, TABLE.nodes[1]._replace(release=Place(0, 60_000))),
+        with_node(TABLE, 1, TABLE.nodes[1]._replace(release=Place(0, 60_001))),
+        "node 1, release 0: y_um is 60001",
+    ),
+    (
+        with_node(TABLE, 1, TABLE.nodes[1]._replace(pushes=PUSHES[:1] * 4)),
+        with_node(TABLE, 1, TABLE.nodes[1]._replace(pushes=PUSHES[:1] * 5)),
+        "node 1: number of pushes is 5, allowed is 0..4",
+    ),
+    (
+        pushing_table(),
+        push_with(length_um=110_001),
+        "node 0, push 0: x_um of its end is 60001, allowed is -60000..60000",
+    ),
+    (push_with(length_um=1), push_with(length_um=0), "node 0, push 0: length_um is 0"),
+    (push_with(opening_um=85_000), push_with(opening_um=85_001), "node 0, push 0: opening_um is"),
+    (push_with(speed_um_s=400_000), push_with(speed_um_s=400_001), "node 0, push 0: speed_um_s is"),
+    (TABLE, replace(TABLE, job_digest=b"short"), "length of job_digest is 5"),
     (TABLE, replace(TABLE, nodes=(), leaves=TABLE.leaves), "number of nodes is 0"),
-    (TABLE, limits_with(work_area_um=(0, 0, 0, 1)), "limits.work_area_um x max is 0, allowed is 1"),
+    (
+        TABLE,
+        limits_with(work_area_um=Area(0, 0, -1, 1)),
+        "limits.work_area_um.x_max is -1, allowed is 0",
+    ),
 ]
 
 
 @pytest.mark.parametrize(
     ("allowed", "refused", "message"), EDGES, ids=[message for *_, message in EDGES]
 )
-def test_the_last_value_is_proved_and_the_next_refused(
+def test_validate_at_an_edge_allows_the_last_value_and_refuses_the_next(
     allowed: Table, refused: Table, message: str
 ) -> None:
     dumps(allowed)
@@ -192,11 +257,12 @@ def test_the_last_value_is_proved_and_the_next_refused(
 
 def test_a_leaf_of_several_modes_names_as_many_poses_as_the_goal_leaves_open() -> None:
     two = replace(
-        leaf_with(alternatives=((0, 0, 1),)), goal=replace(TABLE.goal, kind="modes", modes=2)
+        leaf_with(alternatives=(LeafPose(0, 0, 1),)),
+        goal=replace(TABLE.goal, kind="modes", modes=2),
     )
     dumps(two)
     with pytest.raises(TableError, match="leaf 0: y_um is 60001"):
-        dumps(with_leaf(two, 0, two.leaves[0]._replace(alternatives=((0, 60_001, 0),))))
+        dumps(with_leaf(two, 0, two.leaves[0]._replace(alternatives=(LeafPose(0, 60_001, 0),))))
     with pytest.raises(
         TableError, match="2 poses are more"
     ):  # modes are for the goal "modes" alone
@@ -225,8 +291,10 @@ def test_a_grip_is_never_read_where_the_jaws_are_closed() -> None:
             branch_with(1, 0, target=~2),
             "node 1, branch 0: target is -3, where breadth first it is -2",
         ),
-        (branch_with(1, 0, target=7), "node 1, branch 0: target is 7, allowed is -3..1"),
+        (branch_with(1, 0, target=7), "node 1, branch 0: target is 7, where breadth first it is 2"),
         (branch_with(0, 1, target=~1), "node 1 is never reached"),
+        (replace(TABLE, nodes=TABLE.nodes[:1]), "node 1 is missing"),
+        (replace(TABLE, leaves=TABLE.leaves[:2]), "leaf 2 is missing"),
         (replace(TABLE, leaves=TABLE.leaves * 2), "leaf 3 is never reached"),
     ],
 )
@@ -236,7 +304,7 @@ def test_a_tree_that_is_not_numbered_breadth_first_is_refused(table: Table, mess
     assert message in str(result.value)
 
 
-def test_a_long_chain_is_proved_without_recursion() -> None:
+def test_validate_of_a_long_chain_does_not_recurse() -> None:
     first, second = TABLE.nodes[0].branches
     nodes = [
         Node(TABLE.nodes[0].squeeze, (first._replace(target=~at), second._replace(target=at + 1)))
@@ -279,5 +347,5 @@ def test_a_job_that_cannot_be_read_is_refused_in_a_sentence(text: str, message: 
 
 def test_a_job_of_another_digest_is_refused() -> None:
     with pytest.raises(TableError, match="not the one the table was made from"):
-        prove(replace(TABLE, job="{}"))
+        validate(replace(TABLE, job="{}"))
     dumps(replace(TABLE, job="{}", job_digest=hashlib.sha256(b"{}").digest()))

@@ -1,0 +1,84 @@
+"""Base classes of expected errors, by what the caller can do about them.
+
+::
+
+    ExpectedError
+     +- UsageError         2  correct the command line
+     +- InputError         3  correct the file
+     +- CheckFailedError  11  read the report
+     +- DeviceError       20  look at the cell
+     +- UnreachableError  21  connect the device, or end who uses it
+
+The number is the exit code of a command that ends with the error. `planner.errors`, `runtime.errors`,
+and `drivers.errors` add those that their package has to tell apart. A message is one
+line: what is wrong, where, what to do.
+"""
+
+from typing import Self
+
+from runtime.shell.exit_codes import ExitCode
+
+
+class ExpectedError(Exception):
+    """Base of all errors that people, devices and disks cause; any other exception is a bug."""
+
+    exit_code = ExitCode.INTERNAL
+
+
+class UsageError(ExpectedError):
+    """The command line contradicts itself, or names what cannot be used."""
+
+    exit_code = ExitCode.USAGE
+
+
+class InputError(ExpectedError):
+    """An input file is missing, unreadable or refused: file, section ("": the top level), key and problem."""
+
+    exit_code = ExitCode.INPUT
+
+    def __init__(self, problem: str, *, where: str = "", section: str = "", key: str = "") -> None:
+        # All but `problem` have defaults, so that the error survives pickling between worker processes.
+        place = f"[{section}] {key}".strip() if section else key
+        super().__init__(": ".join(part for part in (where, place, problem) if part))
+        self.problem, self.where, self.section, self.key = problem, where, section, key
+
+    def at(self, where: str = "", section: str = "", key: str = "") -> Self:
+        """The same error with its place added; what it has already stays."""
+        place = {
+            "where": self.where or where,
+            "section": self.section or section,
+            "key": self.key or key,
+        }
+        return type(self)(self.problem, **place)
+
+
+class CheckFailedError(ExpectedError):
+    """A check found something to put right; the sentences printed before say what."""
+
+    exit_code = ExitCode.CHECK_FAILED
+
+
+class DeviceError(ExpectedError):
+    """A device reports a fault, gives a reading that cannot be trusted, or may not do what is asked of it."""
+
+    exit_code = ExitCode.DEVICE
+
+
+class UnreachableError(ExpectedError):
+    """A device, port, cell or cluster does not answer, cannot be opened, or is in use."""
+
+    exit_code = ExitCode.UNREACHABLE
+
+
+def is_expected(error: BaseException) -> bool:
+    """Whether people, devices or disks cause such an error; otherwise it is a bug."""
+    return isinstance(error, ExpectedError | OSError)
+
+
+def exit_code_of(error: BaseException) -> ExitCode:
+    """Exit code of a run that ends with an error; an error of the operating system is a device's."""
+    if isinstance(error, KeyboardInterrupt):
+        return ExitCode.STOPPED
+    if isinstance(error, ExpectedError):
+        return error.exit_code
+    return ExitCode.UNREACHABLE if is_expected(error) else ExitCode.INTERNAL
