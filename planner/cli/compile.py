@@ -5,6 +5,7 @@ import dataclasses
 import math
 import time
 from pathlib import Path
+from typing import Any
 
 from planner.cli import bounds, course, shell, sweep
 from planner.cli.sweep import Settings, figures_of, orders_of
@@ -24,7 +25,7 @@ from runtime.shell.command import Parser, natural, positive_int, tell
 from runtime.shell.command import seconds as seconds_text
 from runtime.shell.errors import UsageError
 from runtime.shell.exit_codes import ExitCode
-from runtime.table import dump
+from runtime.table import dump, takt_text
 
 NAME = "plan-compile"
 
@@ -82,6 +83,7 @@ def parser() -> Parser:
         choices=["sensorless"],
         help="no table, but Goldberg's plan without sensors, and what it achieves",
     )
+    shell.add_takt(built)
     shell.add_cache(built)
     shell.add_scheduler(built)
     return built
@@ -92,6 +94,8 @@ def _compile(arguments: argparse.Namespace) -> int:
         raise UsageError("--baseline writes no table; leave out -o and --vary")
     if arguments.baseline and (arguments.bound or arguments.bound_dense):
         raise UsageError("--bound: proves something of a table; leave it out with --baseline")
+    if arguments.baseline and arguments.takt is not None:
+        raise UsageError("--takt: is for the parts of a table; leave it out with --baseline")
     if not arguments.baseline and not arguments.output:
         raise UsageError("-o/--output is missing; name the table to write")
     if arguments.vary:
@@ -131,8 +135,12 @@ def _single(arguments: argparse.Namespace) -> int:
         ):  # what a longer search might contradict is not advised
             with shell.spared("advice", notes, arguments.debug):
                 advice = counsel(plan.table, plan.evaluation, plan.root, job, scheduler, report)
-    figures = {"table": str(output), "bytes": output.stat().st_size, **figures_of(plan, seconds)}
-    lines = [_text(plan, job, output, seconds), *(advice.lines() if advice else ())]
+    figures = {
+        "table": str(output),
+        "bytes": output.stat().st_size,
+        **figures_of(plan, seconds, arguments.takt),
+    }
+    lines = [_text(plan, job, figures), *(advice.lines() if advice else ())]
     if bound:
         lines += bound.lines()
         figures |= {"squeezes_lower_bound": bound.squeezes, "bound": bound.figures()}
@@ -173,15 +181,19 @@ def _sweep(arguments: argparse.Namespace) -> int:
     store = shell.store_of(arguments)
     cache = store.folder if store else None
     settings = Settings(
-        arguments.trials, arguments.workers, arguments.strip, cache, arguments.budget
+        arguments.trials,
+        arguments.workers,
+        arguments.strip,
+        cache,
+        arguments.budget,
+        arguments.takt,
     )
     with scheduler_of(arguments.scheduler, arguments.workers) as scheduler:
         read = job_file.files(arguments.job)
         return sweep.run(orders, arguments.output, read, settings, scheduler, arguments.json)
 
 
-def _text(plan: Plan, job: Job, output: Path, seconds: float) -> str:
-    figures = figures_of(plan, seconds)
+def _text(plan: Plan, job: Job, figures: dict[str, Any]) -> str:
     shares = shares_of(figures)
     low, high = figures["success_ci95"]
     error = figures["error_mm"]
@@ -203,6 +215,7 @@ def _text(plan: Plan, job: Job, output: Path, seconds: float) -> str:
             f"\nheight_mm of [part] is not stated: tips at squeeze_height_mm = {tips_mm:g} meet a part of "
             f"{tips_mm + tips.MARGIN_MM:g} mm or more"
         )
+    takt = f"\n{takt_text(figures)}" if "takt_s" in figures else ""
     cut = f"{plan.cut.line()}\n" if plan.cut else ""
     thickness += "".join(f"\nwarning: {line}" for line in warnings_of(job))
     return f"""\
@@ -212,9 +225,9 @@ success {shares.located:.2f}% of {figures["trials"]} fresh trials \
 rejected {shares.rejected:.2f}%, unresolved {shares.unresolved:.2f}%, \
 wrong {shares.wrong:.2f}%
 {figures["mean_squeezes"]:.2f} squeezes a part, {plan.table.limits.max_depth} at most; \
-about {figures["mean_seconds"]:.1f} s
+about {figures["seconds_mean"]:.1f} s{takt}
 error {error["median"]:.2f} mm median, 95 % within {error["p95"]:.2f} mm, where resolved{thickness}
-wrote {output} ({output.stat().st_size} bytes) after {seconds:.1f} s"""
+wrote {figures["table"]} ({figures["bytes"]} bytes) after {figures["seconds"]:.1f} s"""
 
 
 main = shell.main_of(parser, _compile)

@@ -22,11 +22,11 @@ from planner.job.model import Job
 from planner.job.overrides import changes_of
 from planner.work.scheduler import Scheduler, scheduler_of
 from planner.world import ContactWorlds, World, Worlds, supply
-from runtime.shell.command import Parser, natural, number, positive, positive_int, seconds
+from runtime.shell.command import Parser, natural, number, positive, positive_int
 from runtime.shell.errors import UsageError
 from runtime.shell.files import usable
 from runtime.shell.worlds import DEFAULT_WORLD
-from runtime.table import Table
+from runtime.table import Table, takt_text
 
 NAME = "plan-evaluate"
 DEFAULT_TRIALS = 20_000
@@ -52,12 +52,7 @@ def parser() -> Parser:
         metavar="N",
         help=f"parts squeezed (default: {DEFAULT_TRIALS}, with --ppm {DEFAULT_PPM_TRIALS})",
     )
-    built.add_argument(
-        "--takt",
-        type=seconds,
-        metavar="6s",
-        help="also tell how many parts are done within this time",
-    )
+    shell.add_takt(built)
     built.add_argument(
         "--seed", type=natural, default=0, help="of the trials (default: %(default)s)"
     )
@@ -240,6 +235,8 @@ def _check_usage(arguments: argparse.Namespace) -> None:
     for name in ("until", "resume"):
         if getattr(arguments, name) is not None and not arguments.ppm:
             raise UsageError(f"--{name} is of --ppm; add it")
+    if arguments.takt is not None and arguments.ppm:
+        raise UsageError("--ppm counts wrong answers and times nothing; leave out --takt")
     if arguments.resume is not None:
         usable(arguments.resume, arguments.tree, arguments.job)
 
@@ -256,9 +253,9 @@ def _sweep(table: Table, job: Job, scheduler: Scheduler, arguments: argparse.Nam
     for case, result in sweep(
         table, job, standard_cases(job), worlds, trials, arguments.seed, scheduler
     ):
-        lines.append({"world": case.name, "set": case.stated(), **result.summary()})
+        lines.append({"world": case.name, "set": case.stated(), **result.summary(arguments.takt)})
         if not arguments.json:
-            print(sweep_row(case.name, result), flush=True)
+            print(sweep_row(case.name, result, arguments.takt), flush=True)
     if arguments.json:
         shell.answer(True, {"worlds": lines})
 
@@ -297,7 +294,7 @@ def _overview(evaluation: Evaluation, world: str, takt_s: float | None = None) -
     taken, most = np.bincount(evaluation.squeezes), figures["max_squeezes"]
     error = figures["error_mm"]
     share = f"95 % within {error['p95']:.2f} mm" if error else ""
-    takt = "" if takt_s is None else f"; {figures['takt_probability']:.1%} within {takt_s:g} s"
+    takt = "" if takt_s is None else f"; {takt_text(figures)}"
     spread = ", ".join(
         f"{k}: {share:.1%}" for k, share in enumerate(taken / taken.sum()) if share > 0
     )
@@ -377,14 +374,14 @@ def _furthest(mistakes: list[leaves.Mistake]) -> list[str]:
 SWEEP_HEAD = f"{'world':31s} success    wrong reject unresolved squeezes seconds"
 
 
-def sweep_row(world: str, evaluation: Evaluation) -> str:
-    """One world of a sweep, in the columns of `SWEEP_HEAD`."""
-    figures = evaluation.summary()
-    shares = shares_of(figures)
+def sweep_row(world: str, evaluation: Evaluation, takt_s: float | None = None) -> str:
+    """One world of a sweep, in the columns of `SWEEP_HEAD`; with a takt, the share done within it last."""
+    figures = evaluation.summary(takt_s)
+    shares, takt = shares_of(figures), "" if takt_s is None else f"; {takt_text(figures)}"
     return (
         f"{world:31s} {shares.located:6.2f}% {shares.wrong:7.2f}% "
         f"{shares.rejected:5.2f}% {shares.unresolved:9.2f}% {figures['mean_squeezes']:8.2f} "
-        f"{figures['mean_seconds']:7.1f}"
+        f"{figures['seconds_mean']:7.1f}{takt}"
     )
 
 

@@ -35,6 +35,7 @@ def parser() -> Parser:
         metavar="MODULE:FACTORY",
         help=f"judge the table in this world too, by {dossier.OTHER_TRIALS} parts: one more row",
     )
+    shell.add_takt(built)
     bounds.add_options(built)
     built.add_argument(
         "--trials",
@@ -61,7 +62,8 @@ def _report(arguments: argparse.Namespace) -> None:
         shell.check_one_part(table.hypotheses, str(arguments.tree), "--bound")
         shell.check_squeezes_alone(table, str(arguments.tree), "--bound")
     log = run_log.read(arguments.journal, digest) if arguments.journal else None
-    source = dossier.Source(arguments.tree.name, data, log, bounds.bound_of(arguments, job, table))
+    bound = bounds.bound_of(arguments, job, table)
+    source = dossier.Source(arguments.tree.name, data, log, bound, arguments.takt)
     write(
         output, dossier.page(table, job, source, arguments.trials, arguments.seed, arguments.world)
     )

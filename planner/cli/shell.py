@@ -190,6 +190,16 @@ def check_squeezes_alone(table: Table, name: str, what: str) -> None:
         raise UsageError(f"{what} is for squeezes alone; {message}")
 
 
+def add_takt(parser: argparse.ArgumentParser) -> None:
+    """The option that states a takt, in seconds."""
+    parser.add_argument(
+        "--takt",
+        type=command.seconds,
+        metavar="6s",
+        help="also tell how many parts are done within this time",
+    )
+
+
 def add_scheduler(parser: argparse.ArgumentParser) -> None:
     """The options that say who works; `planner.work.scheduler.scheduler_of` takes their values."""
     parser.add_argument(

@@ -32,7 +32,7 @@ from planner.work.scheduler import Cluster, Scheduler
 from runtime.shell.errors import ExpectedError, UsageError
 from runtime.shell.exit_codes import ExitCode
 from runtime.shell.files import folder, usable, write, writing
-from runtime.table import dumps
+from runtime.table import dumps, takt_text
 
 SUFFIX = ".msgpack"
 SUMMARY = "summary.json"
@@ -55,6 +55,7 @@ class Settings(NamedTuple):
         Path | None
     )  # folder of the roll-outs, on the machine that compiles; none are kept if None
     budget_s: float  # for each job; its tree is left as it stands then
+    takt_s: float | None = None  # within which parts should be done
 
 
 class Order(NamedTuple):
@@ -152,11 +153,11 @@ def compiled(settings: Settings, order: Order, report: Report | None = None) -> 
         problem = f"internal error, {type(error).__name__}: {error}; please report it"
         return Outcome(None, {"error": problem, "exit_code": ExitCode.INTERNAL})
     table = dataclasses.replace(plan.table, job=None) if settings.strip else plan.table
-    return Outcome(dumps(table), figures_of(plan, time.perf_counter() - started))
+    return Outcome(dumps(table), figures_of(plan, time.perf_counter() - started, settings.takt_s))
 
 
-def figures_of(plan: Plan, seconds: float) -> dict[str, Any]:
-    """What there is to say about a plan that took so long, in plain types."""
+def figures_of(plan: Plan, seconds: float, takt_s: float | None = None) -> dict[str, Any]:
+    """What there is to say about a plan that took so long, in plain types; as `Evaluation.summary`."""
     return {
         "nodes": len(plan.table.nodes),
         **(
@@ -170,7 +171,7 @@ def figures_of(plan: Plan, seconds: float) -> dict[str, Any]:
         "seconds": round(seconds, 3),
         "cut_short": plan.cut and plan.cut.figures(),
         "trials_seed": plan.seed,
-        **plan.evaluation.summary(),
+        **plan.evaluation.summary(takt_s),
     }
 
 
@@ -271,6 +272,7 @@ def _show(orders: Sequence[Order], rows: Sequence[dict[str, Any]]) -> None:
         else:
             success, squeezes = f"{row['success_rate']:.2%}", f"{row['mean_squeezes']:.2f}"
             line = f"success {success}, {squeezes} squeezes a part, {row['leaves']} leaves"
+            line += f", {takt_text(row)}" if "takt_s" in row else ""
             line += f", wrote {row['table']}"
             if row["cut_short"]:
                 line = f"cut short, {row['cut_short']['open_share']:.2%} of the parts still open; {line}"

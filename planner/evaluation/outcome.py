@@ -87,7 +87,6 @@ class Evaluation:
             "unresolved_rate": float(self.unresolved.mean()),
             "mean_squeezes": float(self.squeezes.mean()),
             "max_squeezes": int(self.squeezes.max()),
-            "mean_seconds": float(self.seconds.mean()),
             **seconds_figures(self.seconds, takt_s),
             "crashes": self.crashes,
             "error_mm": dict(

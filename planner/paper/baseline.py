@@ -10,11 +10,13 @@ from planner.belief.metric import metric_of
 from planner.belief.particles import initial
 from planner.evaluation.evaluate import Chunk, chunks_of
 from planner.frames import to_hand, to_world, wrap
+from planner.job.cell import timing_of
 from planner.job.model import Job
 from planner.paper.sensorless import SqueezePlan, plan
 from planner.part.outline import convex_hull
 from planner.work.scheduler import Scheduler, Threads
 from planner.world import ContactWorld, ContactWorlds
+from runtime.table import REJECT, Node, Schedule, Squeeze, Squeezed, Stand
 
 ORIENTED_DEG = 5.0  # A part counts as oriented within this (the paper's tolerance, VII)
 IDEAL = {
@@ -22,6 +24,7 @@ IDEAL = {
     "gripper": {"finger_length_mm": 900.0},
 }
 SEED_BASELINE = 0x42415345
+WIDTH_DIGITS = 1  # of a mm: parts of equal widths take equally long
 
 
 class Achieved(NamedTuple):
@@ -32,7 +35,7 @@ class Achieved(NamedTuple):
     )
     located: float  # share within the job's goal of the pose(s) that most are within it of
     located_modulo: float  # the same, modulo the plan's period
-    seconds: float  # a part, estimated
+    seconds: float  # a part, by the table's model of time
 
 
 class Baseline(NamedTuple):
@@ -94,18 +97,40 @@ modulo {period:.0f} deg; about {real.seconds:.1f} s a part"""
 
 
 def _squeezed(job: Job, worlds: ContactWorlds, angles: Array, chunk: Chunk) -> tuple[Array, Array]:
-    """The plan with a chunk of the parts: final poses (n, 3) in the world, and seconds (n,) a part."""
+    """The plan with a chunk of the parts: final poses (n, 3) in the world, and widths (n, squeezes)."""
     rng = np.random.default_rng([job.seed, chunk.number, SEED_BASELINE])
     world = ContactWorld.of_simulator(worlds.simulators[0], [worlds.seed, chunk.number])
-    gripper, cell = job.gripper, job.cell
-    poses, seconds = initial(job, chunk.trials, rng), np.zeros(chunk.trials)
-    for angle in angles:
+    poses, widths = initial(job, chunk.trials, rng), np.empty((chunk.trials, len(angles)))
+    for k, angle in enumerate(angles):
         hand = np.array([0.0, 0.0, angle])
         rolled = world.squeeze_many(to_hand(poses, hand))
         poses = to_world(rolled.poses, hand)
-        seconds += 2.0 * (gripper.opening_mm - rolled.width_mm) / gripper.speed_mm_s
-        seconds += 2.0 * (cell.retreat_height_mm - cell.squeeze_height_mm) / cell.arm_speed_mm_s
-    return poses, seconds
+        widths[:, k] = rolled.width_mm
+    return poses, widths
+
+
+def seconds_of(job: Job, angles: Array, widths: Array) -> float:
+    """Mean seconds of parts whose squeezes end at widths (n, squeezes), one part after the other."""
+    opening_um, speed_um_s = (
+        round(1e3 * value) for value in (job.gripper.opening_mm, job.gripper.speed_mm_s)
+    )
+    nodes = [
+        Node(Squeeze(0, 0, round(1e6 * float(angle)), opening_um, speed_um_s, 0, 0), ())
+        for angle in angles
+    ]
+    schedule = Schedule(nodes, timing_of(job), job.gripper.upper_finger_share == 0.5)
+    before = Stand.at(nodes[-1].squeeze)
+    rows, parts = np.unique(widths.round(WIDTH_DIGITS), axis=0, return_counts=True)
+    taken = [
+        sum(
+            phases.total_s
+            for phases in schedule.part(
+                [Squeezed(k, width, REJECT) for k, width in enumerate(row)], before
+            )
+        )
+        for row in rows.tolist()
+    ]
+    return float(np.average(taken, weights=parts))
 
 
 def _achieved(job: Job, squeezes: SqueezePlan, trials: int, scheduler: Scheduler) -> Achieved:
@@ -113,7 +138,7 @@ def _achieved(job: Job, squeezes: SqueezePlan, trials: int, scheduler: Scheduler
         _squeezed, job, ContactWorlds.of_job(job, job.seed + SEED_BASELINE), squeezes.angles
     )
     parts = list(scheduler.map(run, chunks_of(trials)))
-    poses, seconds = (np.concatenate(rows) for rows in zip(*parts, strict=True))
+    poses, widths = (np.concatenate(rows) for rows in zip(*parts, strict=True))
     metric = metric_of(job)
     orders = round(2.0 * np.pi / squeezes.period)
     off = np.abs(wrap(poses[:, 2] - squeezes.final, orders))
@@ -121,5 +146,5 @@ def _achieved(job: Job, squeezes: SqueezePlan, trials: int, scheduler: Scheduler
         oriented=float(np.mean(off < np.radians(ORIENTED_DEG))),
         located=metric.mode(poses).ratio,
         located_modulo=metric._replace(order=orders).mode(poses).ratio,
-        seconds=float(seconds.mean()),
+        seconds=seconds_of(job, squeezes.angles, widths),
     )

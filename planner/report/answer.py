@@ -56,7 +56,7 @@ class Answer(NamedTuple):
             f"The plan {self.verdict.sentence}.",
             f"located    {in_percent(shares.located)} (95 % interval {low:.2%} to {high:.2%}), {rest}",
             f"error      {error}",
-            f"effort     {squeezes}; {figures['mean_seconds']:.1f} s",
+            f"effort     {squeezes}; {figures['seconds_mean']:.1f} s",
             f"weakest    {self.worst.text() if self.worst else 'not tried'}",
             *_block("limit", self.limits),
         ]

@@ -53,12 +53,13 @@ LISTED = 5000  # most parts of a journal on the page: those that failed first, t
 
 
 class Source(NamedTuple):
-    """What a page is about: the table's file name and bytes, its journal and bound, if any."""
+    """What a page is about: the table's file name and bytes, its journal, bound and takt, if any."""
 
     name: str
     data: bytes
     log: RunLog | None = None
     bound: Certificate | None = None
+    takt_s: float | None = None
 
 
 def page(
@@ -106,7 +107,7 @@ def page(
         other = evaluate(table, job, supply(world, job, seed), min(trials, OTHER_TRIALS), seed)
         rows.append(_row(f"{world}, {len(other.leaf)} parts", other.summary()))
     named = identities(table, judged).figures() if table.hypotheses else {}
-    summary = judged.summary() | named
+    summary = judged.summary(source.takt_s) | named
     return template("report.html").render(
         table=table,
         job=job,
@@ -122,6 +123,7 @@ def page(
         verdict=verdicts.verdict(job, summary, lines),
         means=leaf_poses.means(table, judged),
         cell=cell_result(table, source.log) if source.log else None,
+        measured=source.log.times(source.takt_s) if source.log else {},
         strips=[node["map"] for node in nodes[:STRIPS]],
         worlds=rows,
         sha256=hashlib.sha256(source.data).hexdigest(),

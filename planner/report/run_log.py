@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 from runtime.shell import strict_json
 from runtime.shell.errors import InputError
 from runtime.shell.sealed_lines import GENESIS, is_intact, sealed_segments
-from runtime.table import Phases, TableError, TableFile, loads, phases_of
+from runtime.table import Phases, TableError, TableFile, loads, phases_of, takt_figures, time_of
 
 
 @dataclass(slots=True)
@@ -37,6 +37,7 @@ class PartLog:
         default_factory=list
     )  # what each count meant, None where not told
 
+    seconds: float | None = None  # from its first motion to its outcome, where that is told
     phases: list[Phases] = field(
         default_factory=list
     )  # seconds of each squeeze, where they are told
@@ -63,6 +64,11 @@ class RunLog(NamedTuple):
     def outcomes(self) -> Counter[str]:
         """How many parts ended how."""
         return Counter(part.outcome for part in self.parts)
+
+    def times(self, takt_s: float | None = None) -> dict[str, float]:
+        """What parts took, as `runtime.table.takt.figures`, and how many tell it; empty where none does."""
+        seconds = Counter(part.seconds for part in self.parts if part.seconds is not None)
+        return {"parts": seconds.total(), **takt_figures(seconds, takt_s)} if seconds else {}
 
 
 def read(path: Path, table_sha256: str) -> RunLog:
@@ -126,6 +132,7 @@ def _take(entry: dict[str, Any], parts: list[PartLog]) -> None:
         part = parts[-1]
         part.outcome, part.leaf = str(entry["outcome"]), entry.get("leaf")
         part.reason, part.audit = str(entry.get("reason") or ""), entry.get("audit")
+        part.seconds = None if entry.get("seconds") is None else time_of(entry["seconds"])
         part.phases = [phases_of(record) for record in entry.get("phases", ())]
         part.name = None if entry.get("hypothesis") is None else str(entry["hypothesis"])
 

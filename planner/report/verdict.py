@@ -73,7 +73,7 @@ def verdict(job: Job, figures: dict[str, Any], lines: Sequence[Line] = ()) -> Ve
         grade = "poor"
     result = (
         f"{_found(job, figures)}, "
-        f"{figures['mean_squeezes']:.1f} squeezes, about {figures['mean_seconds']:.1f} s"
+        f"{figures['mean_squeezes']:.1f} squeezes, about {figures['seconds_mean']:.1f} s"
     )
     sorts = job.goal.kind == "identity"
     error = "where the part lies is not asked for" if sorts else error_text(figures["error_mm"])

@@ -173,9 +173,7 @@ def _show_times(arguments: argparse.Namespace) -> int:
         result = times_of(entries, arguments.takt)
     except ValueError as error:
         raise JournalError(arguments.journal, f"an outcome's {error}") from error
-    print(
-        json.dumps(result.fields()) if arguments.json else "\n".join(result.lines(arguments.takt))
-    )
+    print(json.dumps(result.fields()) if arguments.json else "\n".join(result.lines()))
     return 0
 
 

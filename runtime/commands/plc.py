@@ -81,7 +81,7 @@ class ForPlc(Monitor):
         super().part(result, seen)
         if self._recipe.options.policy.ends_run(result.outcome):
             self._exchange.end()
-        self._exchange.finish(answer_of(self._recipe.loaded.table, result))
+        self._exchange.finish(answer_of(self._recipe.loaded.table, result), result.seconds)
 
 
 class PlcRun:
@@ -220,7 +220,8 @@ def opened(
             )
     address, clock = check(arguments), SystemClock()
     listener = stack.enter_context(server.listening(address, "--plc"))
-    exchange = Exchange(Station([int(recipe.loaded.digest[:8], 16) for recipe in recipes]), clock)
+    digests = [int(recipe.loaded.digest[:8], 16) for recipe in recipes]
+    exchange = Exchange(Station(digests, first.options.takt_s), clock)
     monitors = [
         ForPlc(recipe, views if recipe is first else Views(), exchange) for recipe in recipes
     ]

@@ -6,7 +6,7 @@ from math import fsum
 from typing import NamedTuple
 
 from runtime.journal.lines import Entry
-from runtime.table import Phases, phases_of, takt_figures, time_of
+from runtime.table import Phases, phases_of, takt_figures, takt_text, time_of
 
 
 class Times(NamedTuple):
@@ -26,7 +26,7 @@ class Times(NamedTuple):
             **self.figures,
         }
 
-    def lines(self, takt_s: float | None) -> list[str]:
+    def lines(self) -> list[str]:
         """For people."""
         if not self.parts:
             return ["no part tells its seconds"]
@@ -40,11 +40,9 @@ class Times(NamedTuple):
         lines += [
             f"  {name.removeprefix('seconds_'):9}{value:7.2f}"
             for name, value in self.figures.items()
-        ][:-1]
-        last = [*self.figures.items()][-1]
-        if takt_s is None:
-            return [*lines, f"  {last[0].removeprefix('seconds_'):9}{last[1]:7.2f}"]
-        return [*lines, f"  within {takt_s:g} s {last[1]:.1%}"]
+            if name.startswith("seconds_")
+        ]
+        return [*lines, f"  {takt_text(self.figures)}"] if "takt_s" in self.figures else lines
 
 
 def times_of(entries: Iterable[Entry], takt_s: float | None = None) -> Times:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from runtime.execution.events import Console, Sighting, Tally
 from runtime.shell.command import say
-from runtime.table import GoalSpec, Leaf, Pose2, Table, predicted_pose
+from runtime.table import GoalSpec, Leaf, Pose2, Table, predicted_pose, takt_text
 from runtime.traversal import answer
 from runtime.traversal.geometry import compose, placement
 from runtime.traversal.results import Outcome, PartResult, Step
@@ -72,8 +72,8 @@ class Lines(Console):
             lines.append(
                 f"{times['seconds_mean']:.1f} s a part, 95 % within {times['seconds_p95']:.1f} s"
             )
-        if "takt_probability" in times:
-            lines.append(f"{times['takt_probability']:.1%} within {tally.takt_s:g} s")
+        if "takt_s" in times:
+            lines.append(takt_text(times))
         parts = "1 part" if tally.parts == 1 else f"{tally.parts} parts"
         say(f"{parts}: {', '.join(lines)}; journal {journal}")
 

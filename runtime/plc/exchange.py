@@ -7,7 +7,7 @@ from math import degrees
 
 from runtime.devices.clock import SystemClock
 from runtime.plc.handshake import State
-from runtime.plc.registers import OUTCOMES, UNKNOWN_ERROR
+from runtime.plc.registers import OUTCOMES, UNKNOWN
 from runtime.plc.station import FAULT, Answer, Order, Refusal, Station
 from runtime.table import Leaf, Table
 from runtime.traversal.results import Outcome, PartResult
@@ -81,11 +81,11 @@ class Exchange:
         with suppress(queue.Empty):
             self._news.get(timeout=max(seconds, 0.0))
 
-    def finish(self, answer: Answer) -> None:
+    def finish(self, answer: Answer, seconds: float | None = None) -> None:
         """As `Station.finish`; nothing without a part under way."""
         with self._lock:
             if self._station.order is not None:
-                self._station.finish(answer)
+                self._station.finish(answer, seconds)
 
     def end(self) -> None:
         """As `Station.end`."""
@@ -114,7 +114,7 @@ def answer_of(table: Table, result: PartResult) -> Answer:
 
 
 def _error(leaf: Leaf, error_um: int) -> int:
-    return min(error_um, UNKNOWN_ERROR) if leaf.trials else UNKNOWN_ERROR
+    return min(error_um, UNKNOWN) if leaf.trials else UNKNOWN
 
 
 def _part_and_face(table: Table, leaf: Leaf) -> tuple[int, int]:

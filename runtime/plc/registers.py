@@ -11,7 +11,7 @@ from runtime.plc.handshake import Error
 
 WRITTEN_AT = 0
 READ_AT = 100
-UNKNOWN_ERROR = 0xFFFF  # `expected_error` of a leaf that no trial reached, or of more than 65 mm
+UNKNOWN = 0xFFFF  # of one word: it is not known, or too great for it
 OUTCOMES = ("none", "located", "rejected", "unresolved", "fault")
 HEARTBEAT_LIMIT_S = 3.0
 
@@ -91,6 +91,24 @@ _READ: tuple[Entry, ...] = (
     ),
     ("expected_error_p95", "uint16", 0.001, "mm", "its 95th percentile; 65535 not known"),
     ("exit_code", "uint16", 1, "", "of the part, as in runtime/OUTCOMES.md"),
+    ("parts_located", "uint32", 1, "", "results of this outcome since the start, of all tables"),
+    ("parts_rejected", "uint32", 1, "", "the same"),
+    ("parts_unresolved", "uint32", 1, "", "the same"),
+    ("parts_fault", "uint32", 1, "", "the same"),
+    (
+        "seconds_last",
+        "uint16",
+        0.01,
+        "s",
+        "of the last part, from its first motion to its outcome; 65535 not known",
+    ),
+    (
+        "takt_share",
+        "uint16",
+        0.01,
+        "%",
+        "parts done within --takt, of those with seconds; 65535 not known, or without --takt",
+    ),
 )
 
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from enum import IntEnum
 from typing import NamedTuple
 
+from runtime.plc.counters import Counters
 from runtime.plc.handshake import SIGNALS, TABLE, Error, Event, State
 from runtime.plc.registers import HEARTBEAT_LIMIT_S, MAP, READ, WRITTEN, Register, words
 
@@ -52,6 +53,7 @@ class Station:
 
     Args:
         digests: of each table, the first four bytes.
+        takt_s: within which parts should be done; None: nobody asks.
 
     Attributes:
         state: where the handshake stands.
@@ -60,7 +62,7 @@ class Station:
         error_id: an `Error`, or the exit code of a fault.
     """
 
-    def __init__(self, digests: Sequence[int]) -> None:
+    def __init__(self, digests: Sequence[int], takt_s: float | None = None) -> None:
         self.state = State.READY
         self.order: Order | None = None
         self.enabled = False
@@ -69,6 +71,7 @@ class Station:
         self._written = dict.fromkeys((register.name for register in WRITTEN), 0)
         self._in_use = 0  # number of a table
         self._result_id, self._answer = 0, EMPTY
+        self._counters = Counters(takt_s)
         self._beat_s = 0.0  # when `heartbeat_in` last changed, or enabling began
         self._standing = False  # whether `heartbeat_in` ended enabling and has not changed since
         self._ended = False
@@ -126,10 +129,16 @@ class Station:
         if self.enabled:
             self._disable(Error.CONNECTION_LOST)
 
-    def finish(self, answer: Answer) -> None:
-        """The part under way has ended; its answer stays until it is taken."""
+    def finish(self, answer: Answer, seconds: float | None = None) -> None:
+        """The part under way has ended; its answer stays until it is taken.
+
+        Args:
+            answer: of the part.
+            seconds: what it took; None: not known.
+        """
         assert self.order is not None
         self._result_id, self._answer, self.order = self.order.trigger_id, answer, None
+        self._counters.add(answer.outcome, seconds)
         self._follow(Event.RESULT)
         if answer.outcome == FAULT:
             self.error_id = answer.exit_code
@@ -184,6 +193,7 @@ class Station:
         return {
             **SIGNALS[self.state]._asdict(),
             **self._answer._asdict(),
+            **self._counters.values(),
             "result_id": self._result_id,
             "error_id": self.error_id,
             "heartbeat_out": int(now / BEAT_S) & 0xFFFF,

@@ -65,6 +65,7 @@ from runtime.table.model import (
 )
 from runtime.table.schedule import Schedule, Squeezed, Stand, close_alike
 from runtime.table.takt import figures as takt_figures
+from runtime.table.takt import text as takt_text
 from runtime.table.timing import (
     ABOVE_MM,
     ARM_ACCELERATION_MM_S2,
@@ -142,6 +143,7 @@ __all__ = [
     "residual",
     "successes_of",
     "takt_figures",
+    "takt_text",
     "threshold",
     "time_of",
     "trapezoid_s",

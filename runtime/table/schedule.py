@@ -45,7 +45,7 @@ class Squeezed(NamedTuple):
 class Schedule:
     """Seconds of the squeezes of one table in one cell, of parts that come one after the other."""
 
-    table: Table
+    nodes: Sequence[Node]
     timing: Timing
     alike: bool  # whether a hand half a turn round does the same
 
@@ -57,7 +57,9 @@ class Schedule:
             TableError: the gripper is not known, or the job's figures can be no cell's.
         """
         return cls(
-            table, Timing.of(table.limits, profile_of(table.gripper.model), job), close_alike(job)
+            table.nodes,
+            Timing.of(table.limits, profile_of(table.gripper.model), job),
+            close_alike(job),
         )
 
     def part(self, squeezes: Sequence[Squeezed], start: Stand | None = None) -> list[Phases]:
@@ -92,9 +94,9 @@ class Schedule:
         Returns:
             Its phases; where the hand stands after it, and how long the jaws still move then.
         """
-        node, timing = self.table.nodes[squeezed.node], self.timing
+        node, timing = self.nodes[squeezed.node], self.timing
         squeeze, place = node.squeeze, Stand.at(node.squeeze)
-        following = self.table.nodes[0 if after is None else after]
+        following = self.nodes[0 if after is None else after]
         push_s, before = self._push_s(node, before or place)
         let_go = place
         if (

@@ -14,8 +14,8 @@ def figures(seconds: Mapping[float, int], takt_s: float | None = None) -> dict[s
         takt_s: the takt.
 
     Returns:
-        `seconds_mean`, `seconds_p50`, `seconds_p95`, `seconds_p99`, `seconds_max` and, with a takt,
-        `takt_probability`. A percentile is the least time within which so many of the parts are done.
+        `seconds_mean`, `seconds_p50`, `seconds_p95`, `seconds_p99`, `seconds_max` and, with a takt, `takt_s`
+        and `takt_probability`. A percentile is the least time within which so many of the parts are done.
     """
     parts, rising = sum(seconds.values()), sorted(seconds.items())
     summary = {"seconds_mean": fsum(taken * many for taken, many in rising) / parts}
@@ -23,8 +23,14 @@ def figures(seconds: Mapping[float, int], takt_s: float | None = None) -> dict[s
         summary[f"seconds_p{percentile}"] = _within(rising, ceil(percentile * parts / 100))
     summary["seconds_max"] = rising[-1][0]
     if takt_s is not None:
-        summary["takt_probability"] = sum(many for taken, many in rising if taken <= takt_s) / parts
+        done = sum(many for taken, many in rising if taken <= takt_s)
+        summary |= {"takt_s": takt_s, "takt_probability": done / parts}
     return summary
+
+
+def text(summary: Mapping[str, float]) -> str:
+    """The share within the takt for people: "98.21% done within 6 s"; of figures with a takt."""
+    return f"{summary['takt_probability']:.2%} done within {summary['takt_s']:g} s"
 
 
 def _within(rising: list[tuple[float, int]], parts: int) -> float:

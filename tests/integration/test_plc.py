@@ -162,6 +162,23 @@ def tree(tmp_path: Path) -> Path:
 
 
 SLOW = ("--time-scale", "12", "--world", "runtime.devices.rehearsal:make")
+COUNTED = ("parts_located", "parts_rejected", "parts_unresolved", "parts_fault")
+
+
+@pytest.mark.slow
+def test_counters_are_of_the_parts_that_are_printed(tree: Path) -> None:
+    with PlcServed(tree, more=[*VIRTUAL, "--takt", "600s"]) as served, served.plc() as plc:
+        for number in (1, 2, 3):
+            plc.part(number)
+        counted = [plc[name] for name in COUNTED]
+        last, share = plc["seconds_last"], plc["takt_share"]
+        served.process.send_signal(signal.SIGTERM)
+        _, parts, _ = served.ended()
+    outcomes = [part["outcome"] for part in parts]
+    assert counted == [outcomes.count(name) for name in ("leaf", "reject", "unresolved", "fault")]
+    assert sum(counted) == 3
+    assert last == pytest.approx(100 * parts[-1]["seconds"], abs=0.51)
+    assert share == 10_000
 
 
 @pytest.mark.slow

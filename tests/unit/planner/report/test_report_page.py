@@ -200,6 +200,23 @@ def test_a_journal_is_laid_over_the_tree(tmp_path, capsys):
     assert log["parts"][0] == [1, "fault", None, "no answer", None, [[0, 132, target]]]
 
 
+def test_takt_stands_on_the_page_as_forecast_and_as_measured(tmp_path, text):
+    assert "Done within" not in text
+    output, journal = tmp_path / "page.html", tmp_path / "j.jsonl"
+    entries = [header(dumps(TABLE)), *part(1, [], "stopped"), *part(2, [], "stopped")]
+    entries[2]["seconds"], entries[4]["seconds"] = 5.0, 601.0
+    journal.write_bytes(chained(entries))
+    words = [str(TABLE_PATH), "-o", str(output), "--trials", "100", "--takt", "600s"]
+    assert report.main(words) == 0
+    card = output.read_text().partition("<dt>Done within 600 s</dt>")[2].partition("</div>")[0]
+    assert "<dd>100.00 %</dd>" in card
+    assert "measured" not in card
+    assert report.main([*words, "--journal", str(journal)]) == 0
+    card = output.read_text().partition("<dt>Done within 600 s</dt>")[2].partition("</div>")[0]
+    assert "<dd>100.00 %</dd>" in card
+    assert "measured 50.00 % of 2" in card
+
+
 def test_all_failed_parts_are_listed_before_others(monkeypatch):
     monkeypatch.setattr(dossier, "LISTED", 3)
     outcomes = ["reject", "leaf", "leaf", "fault", "leaf"]

@@ -34,6 +34,28 @@ def test_parts_squeezes_and_outcomes_are_found(tmp_path):
     assert sum(log.branch_counts().values()) == sum(len(p.squeezes) for p in log.parts)
 
 
+def test_times_are_of_the_parts_that_tell_their_seconds(tmp_path):
+    entries = [header(TABLE), *PARTS, *part(4, [], "leaf", 7)]
+    for entry, seconds in zip(
+        (entry for entry in entries if entry["kind"] == "outcome"),
+        (5.0, 7.0, None, 6.0),
+        strict=True,
+    ):
+        entry["seconds"] = seconds
+    times = run_log.read(written(tmp_path, chained(entries)), DIGEST).times(6.0)
+    assert (times["parts"], times["seconds_mean"], times["seconds_max"]) == (3, 6.0, 7.0)
+    assert times["takt_probability"] == pytest.approx(2 / 3)
+    assert run_log.read(written(tmp_path, chained([header(TABLE)])), DIGEST).times(6.0) == {}
+
+
+def test_seconds_that_are_no_time_are_refused(tmp_path):
+    entries = [header(TABLE), *part(1, [], "stopped")]
+    for wrong in (-1.0, "long", True):
+        entries[-1]["seconds"] = wrong
+        with pytest.raises(InputFileError, match="no record of a run"):
+            run_log.read(written(tmp_path, chained(entries)), DIGEST)
+
+
 def test_it_reads_what_the_runtime_writes(tmp_path):
     path = tmp_path / "j.jsonl"
     with Journal(path, lambda: "2026-01-01T00:00:00") as journal:

@@ -26,7 +26,7 @@ FIGURES = {
     "unresolved_rate": 0.0005,
     "reject_rate": 0.0,
     "mean_squeezes": 2.2,
-    "mean_seconds": 5.8,
+    "seconds_mean": 5.8,
     "error_mm": {"median": 0.7, "p95": 1.7},
 }
 

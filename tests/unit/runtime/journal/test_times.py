@@ -59,7 +59,11 @@ def test_show_times_of_a_run_in_virtual_time_prints_phases_and_takt(tmp_path: Pa
     )
     assert record["takt_probability"] == sum(part["seconds"] <= 6.0 for part in parts) / 4
     assert command.main(["show", str(journal), "--times"]) == 0
-    assert "travel" in capfd.readouterr().out
+    plain = capfd.readouterr().out
+    assert "travel" in plain
+    assert "done within" not in plain
+    assert command.main(["show", str(journal), "--times", "--takt", "6s"]) == 0
+    assert capfd.readouterr().out.startswith(plain)
     assert command.main(["show", str(journal), "--takt", "6s"]) == 2
 
 

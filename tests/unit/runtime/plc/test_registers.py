@@ -27,7 +27,7 @@ def test_json_has_the_documented_keys() -> None:
         assert entry.keys() >= {"name", "address", "kind", "type", "scale", "unit"}
         assert entry["kind"] in KINDS
         assert entry["type"] in TYPES
-        assert entry["unit"] in ("", "mm", "deg", "rad")
+        assert entry["unit"] in ("", "mm", "deg", "s", "%")
         assert entry["name"] == register.name
 
 
@@ -39,3 +39,13 @@ def test_words_of_a_long_value_have_the_high_word_first() -> None:
         0xFFFF,
         0xFFFE,
     ]
+
+
+def test_addresses_that_programs_already_read_stay_where_they_are() -> None:
+    expected = {"acknowledge": 100, "busy": 101, "result_valid": 102, "result_id": 103}
+    expected |= {"outcome": 104, "error_id": 105, "heartbeat_out": 106, "table_in_use": 107}
+    expected |= {"table_digest": 108, "x": 110, "y": 112, "angle": 114, "part": 116, "face": 117}
+    expected |= {"expected_error": 118, "expected_error_p95": 119, "exit_code": 120}
+    expected |= {"parts_located": 121, "seconds_last": 129, "takt_share": 130}
+    addresses = {register.name: register.address for register in READ}
+    assert addresses.items() >= expected.items()

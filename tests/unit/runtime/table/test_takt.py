@@ -5,7 +5,7 @@ from random import Random
 
 import pytest
 
-from runtime.table.takt import figures
+from runtime.table.takt import figures, text
 
 
 def test_figures_of_many_parts_are_those_of_the_sorted_list() -> None:
@@ -19,4 +19,9 @@ def test_figures_of_many_parts_are_those_of_the_sorted_list() -> None:
     assert result["seconds_max"] == rising[-1]
     assert result["seconds_mean"] == pytest.approx(sum(rising) / len(rising))
     assert result["takt_probability"] == sum(value <= 4.0 for value in rising) / len(rising)
-    assert "takt_probability" not in figures(Counter(seconds))
+    assert told["takt_s"] == 4.0
+    assert not {"takt_probability", "takt_s"} & figures(Counter(seconds)).keys()
+
+
+def test_share_within_the_takt_as_text_names_both() -> None:
+    assert text(figures({1.5: 3, 2.5: 1}, 2.0)) == "75.00% done within 2 s"

@@ -1,0 +1,41 @@
+"""How parts have ended since the start, and what they took, in the units of the registers."""
+
+from collections import Counter
+
+from runtime.plc.registers import OUTCOMES, UNKNOWN
+from runtime.table import takt_figures
+
+
+class Counters:
+    """Parts by their outcome, the seconds of the last one, and the share done within a takt.
+
+    Args:
+        takt_s: within which parts should be done; None: nobody asks.
+    """
+
+    def __init__(self, takt_s: float | None = None) -> None:
+        self._takt_s = takt_s
+        self._seconds: Counter[float] = Counter()  # to hundredths: their number does not grow
+        self._values = {f"parts_{name}": 0 for name in OUTCOMES[1:]}
+        self._values |= {"seconds_last": UNKNOWN, "takt_share": UNKNOWN}
+
+    def add(self, outcome: int, seconds: float | None) -> None:
+        """One more part.
+
+        Args:
+            outcome: as `Answer.outcome`.
+            seconds: from its first motion to its outcome; None: not known.
+        """
+        self._values[f"parts_{OUTCOMES[outcome]}"] += 1
+        self._values["seconds_last"] = UNKNOWN
+        if not seconds:  # a clock that stands still times nothing
+            return
+        self._values["seconds_last"] = min(round(100.0 * seconds), UNKNOWN)
+        self._seconds[round(seconds, 2)] += 1
+        if self._takt_s is not None:
+            share = takt_figures(self._seconds, self._takt_s)["takt_probability"]
+            self._values["takt_share"] = round(1e4 * share)
+
+    def values(self) -> dict[str, int]:
+        """By the names of the registers."""
+        return self._values

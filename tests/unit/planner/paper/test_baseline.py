@@ -1,0 +1,55 @@
+"""The sensorless plan's seconds are those of the table's model of time."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from planner.job import model as job_file
+from planner.job.cell import timing_of
+from planner.paper.baseline import seconds_of
+from runtime.table import Visit
+
+JOB = job_file.load(Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml")
+OPENING_MM = JOB.gripper.opening_mm
+
+
+def one_squeeze_s(width_mm: float) -> float:
+    visit = Visit(
+        way_mm=0.0,
+        turn_rad=0.0,
+        opening_mm=OPENING_MM,
+        contact_mm=None,
+        width_mm=width_mm,
+        speed_mm_s=JOB.gripper.speed_mm_s,
+        next_mm=OPENING_MM,
+        from_retreat=True,
+        to_retreat=True,
+    )
+    return timing_of(JOB).squeeze(visit).total_s
+
+
+def test_seconds_of_one_squeeze_are_the_models() -> None:
+    widths = np.array([[20.0], [20.0], [35.0]])
+    expected = (2 * one_squeeze_s(20.0) + one_squeeze_s(35.0)) / 3
+    assert seconds_of(JOB, np.zeros(1), widths) == pytest.approx(expected)
+
+
+def test_seconds_of_several_squeezes_grow_with_turns_and_stay_below_retreats_between() -> None:
+    still, turned = (
+        seconds_of(JOB, np.array([0.0, angle]), np.full((1, 2), 20.0)) for angle in (0.0, 1.5)
+    )
+    assert one_squeeze_s(20.0) < still < turned
+    assert still < 2 * one_squeeze_s(20.0)  # the hand rises only above the part between them
+
+
+def test_seconds_fall_where_the_arm_accelerates_faster() -> None:
+    slow, fast = (
+        seconds_of(
+            JOB.replaced(cell={"arm_acceleration_mm_s2": acceleration}),
+            np.array([0.0, 1.5]),
+            np.full((1, 2), 20.0),
+        )
+        for acceleration in (500.0, 5000.0)
+    )
+    assert fast < slow
