@@ -19,7 +19,7 @@ def test_figures_of_many_parts_are_those_of_the_sorted_list() -> None:
     assert result["seconds_max"] == rising[-1]
     assert result["seconds_mean"] == pytest.approx(sum(rising) / len(rising))
     assert result["takt_probability"] == sum(value <= 4.0 for value in rising) / len(rising)
-    assert told["takt_s"] == 4.0
+    assert result["takt_s"] == 4.0
     assert not {"takt_probability", "takt_s"} & figures(Counter(seconds)).keys()
 
 
