@@ -74,7 +74,7 @@ def fit(motions: Motions, part: Simulator, radius_mm: float, friction: float = 0
 
 
 def errors_mm(fitted: Fitted, motions: Motions, part: Simulator, radius_mm: float) -> Array:
-    """Errors (n,) of foretold motions in place and angle, as in the success metric."""
+    """Errors (n,) of predicted motions in place and angle, as in the success metric."""
     off = _off(motions, part, fitted.surface.A, fitted.friction, radius_mm)
     return np.asarray(np.hypot(off[:, 0], off[:, 1]) + np.abs(off[:, 2]))
 

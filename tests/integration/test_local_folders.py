@@ -28,7 +28,7 @@ def folder(tmp_path: Path) -> Path:
     for package in ("planner", "runtime", "drivers"):
         (tmp_path / package).mkdir()
         (tmp_path / package / "__init__.py").write_text(
-            "raise SystemExit('a stranger was imported')\n"
+            "raise SystemExit('a foreign module was imported')\n"
         )
     return tmp_path
 

@@ -1,4 +1,4 @@
-"""The simulated open_abb server as a stranger's client meets it, traps of SERVER.mod included.
+"""The simulated open_abb server as a foreign client meets it, traps of SERVER.mod included.
 
 Some tests use the model (no time passes), the others raw TCP with no code of our driver.
 """
@@ -198,7 +198,7 @@ def test_the_buffer_runs_with_the_speeds_it_was_filled_with(arm):
 
 
 class Served:
-    """A server at 50 times the speed of life, and strangers' clients."""
+    """A server at 50 times the speed of life, and foreign clients."""
 
     def __init__(self):
         self.model = ArmModel(BASE)

@@ -22,9 +22,9 @@ def run(plc: MemoryPlc, outcome: int, seconds: float | None = None) -> None:
 
 @pytest.fixture
 def plc() -> MemoryPlc:
-    made = MemoryPlc()
-    made.station = Station([0], takt_s=6.0)
-    return made
+    memory = MemoryPlc()
+    memory.station = Station([0], takt_s=6.0)
+    return memory
 
 
 def test_counters_before_the_first_part_are_zero_and_nothing_is_known(plc: MemoryPlc) -> None:
