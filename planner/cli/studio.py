@@ -51,7 +51,7 @@ def _studio(arguments: argparse.Namespace) -> None:
     project = Folder(folder(arguments.folder))
     with _listening(project, arguments.port) as server:
         figures = {"address": server.address, "folder": str(project.path)}
-        line = f"studio of {project.path}: {server.address} (Ctrl-C ends it; plans go on)"
+        line = f"studio of {arguments.folder}: {server.address} (Ctrl-C ends it; plans go on)"
         say(json.dumps(figures) if arguments.json else line)
         if not arguments.no_browser and {"DISPLAY", "WAYLAND_DISPLAY"} & os.environ.keys():
             webbrowser.open(server.address)

@@ -32,7 +32,7 @@ def test_the_address_is_printed_and_ctrl_c_is_the_usual_end(tmp_path, monkeypatc
     monkeypatch.setattr(Studio, "serve_forever", interrupted)
     project = tmp_path / "new"
     assert studio.main([str(project), "--no-browser", "--port", "0", "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["address"].startswith("http://127.0.0.1:")
-    assert told["folder"] == str(project)
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["address"].startswith("http://127.0.0.1:")
+    assert printed["folder"] == str(project)
     assert project.is_dir()

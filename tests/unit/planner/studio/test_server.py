@@ -58,10 +58,10 @@ def test_the_page_is_whole_labelled_and_loads_nothing_from_elsewhere(studio):
     text = data.decode()
     page = Page(text)
     assert page.open == []
-    labelled = {attributes["for"] for tag, attributes in page.found if tag == "label"}
-    fields = {attributes["id"] for tag, attributes in page.found if tag in ("input", "select")}
+    labelled = {attributes["for"] for tag, attributes in page.elements if tag == "label"}
+    fields = {attributes["id"] for tag, attributes in page.elements if tag in ("input", "select")}
     assert fields == labelled
-    ids = [attributes["id"] for _, attributes in page.found if "id" in attributes]
+    ids = [attributes["id"] for _, attributes in page.elements if "id" in attributes]
     assert len(ids) == len(set(ids))
     assert "default-src 'none'" in response.getheader("Content-Security-Policy")
     assert "unsafe" not in response.getheader("Content-Security-Policy")
@@ -78,7 +78,7 @@ def test_what_the_page_loads_is_served_and_refers_to_nothing_elsewhere(studio, n
 
 def test_the_scripts_use_only_elements_that_the_page_has(studio):
     page = Page(call(studio, "GET", "/")[1].decode())
-    ids = {attributes["id"] for _, attributes in page.found if "id" in attributes}
+    ids = {attributes["id"] for _, attributes in page.elements if "id" in attributes}
     script = call(studio, "GET", "/studio.js")[1].decode()
     assert set(re.findall(r'\bat\("([\w-]+)"\)', script)) <= ids
     assert "innerHTML" not in script
@@ -175,7 +175,9 @@ def test_a_preview_tells_the_command_line_that_does_the_same(studio):
     assert answer["command"].endswith("--radius 5")
 
 
-def test_a_fault_of_ours_is_told_in_a_line_and_the_next_request_is_answered(studio, monkeypatch):
+def test_a_fault_of_ours_is_reported_in_a_line_and_the_next_request_is_answered(
+    studio, monkeypatch
+):
     monkeypatch.setattr(servers, "_shown", None)
     monkeypatch.setattr(Folder, "plans", lambda self: [1])
     response, data = call(studio, "GET", "/folder.json")
