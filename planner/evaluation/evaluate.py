@@ -11,9 +11,8 @@ import numpy as np
 
 from planner.evaluation.cases import Case
 from planner.evaluation.disturbance import NONE, Disturbance
-from planner.evaluation.judge import rejudged
 from planner.evaluation.outcome import Evaluation
-from planner.evaluation.trials import Program, finish, replayed, run
+from planner.evaluation.trials import Program, run
 from planner.job.model import Job
 from planner.work.progress import Report, silent
 from planner.work.scheduler import Scheduler, Threads
@@ -76,23 +75,6 @@ def evaluate(
         done.append(part)
         report("evaluate", len(done), len(chunks))
     return Evaluation.joined(done)
-
-
-def carried_on(
-    before: Evaluation, table: Table, job: Job, world: World, seed: int, disturbance: Disturbance
-) -> Evaluation:
-    """The trials of a table when its tree has grown: parts go on where the leaf they had come to was grown.
-
-    The table is that of the tree as it is now; where parts have been squeezed `before`, it is as it was. Job
-    and disturbance are those of the trials, the seed is of what goes on.
-    """
-    program, rng = Program.of(table), np.random.default_rng([seed, SEED_TRIALS])
-    result, node = replayed(program, before, disturbance.bias)
-    rows = np.flatnonzero(node >= 0)
-    going_on = result[rows]
-    finish(program, going_on, node[rows], job, world, rng, disturbance)
-    result.put(rows, going_on)
-    return rejudged(table, result)
 
 
 class Line(NamedTuple):

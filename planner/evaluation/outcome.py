@@ -100,11 +100,6 @@ class Evaluation:
         """A copy of some of the trials."""
         return type(self)(**{field.name: getattr(self, field.name)[rows] for field in fields(self)})
 
-    def put(self, rows: IntArray, other: Self) -> None:
-        """Puts other trials in the place of some."""
-        for field in fields(self):
-            getattr(self, field.name)[rows] = getattr(other, field.name)
-
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
         """One evaluation of the trials of several, in their order; at least one."""

@@ -3,7 +3,7 @@
 All the trials of a chunk take their squeeze in one batch, whichever nodes they stand at.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -166,38 +166,6 @@ def run(
     )
     finish(program, begun, np.zeros(trials, np.int64), job, world, rng, disturbance)
     return rejudged(program.table, begun)
-
-
-def replayed(program: Program, before: Evaluation, bias: Array) -> tuple[Evaluation, IntArray]:
-    """The trials of a table whose tree has grown since, as far as their readings go.
-
-    Args:
-        program: the table of the tree as it is now.
-        before: the trials; not modified.
-        bias: (3,) constant error of the hand in them [mm, mm, rad].
-
-    Returns:
-        The trials, and the node (n,) that each is at, negative where it has ended. A part whose readings end
-        at a leaf before all of them are read is back before its first squeeze.
-    """
-    trials = len(before.leaf)
-    nowhere, node = _nowhere(program, trials), np.zeros(trials, np.int64)
-    replay = replace(
-        before[np.arange(trials)],
-        squeezes=np.zeros(trials, np.int64),
-        path=nowhere,
-        reading=nowhere.copy(),
-        branch=nowhere.copy(),
-    )
-    for k in range(before.reading.shape[1]):
-        members = np.flatnonzero((before.squeezes > k) & (node >= 0))
-        _note(program, replay, node, members, before.reading[members, k])
-    again = replay.squeezes < before.squeezes
-    node[again], replay.squeezes[again] = 0, 0
-    replay.poses[again] = replay.initial[again] - bias
-    for column in (replay.path, replay.reading, replay.branch):
-        column[again] = NOWHERE
-    return replay, node
 
 
 def finish(

@@ -6,7 +6,7 @@ The trees see x, y and the angle as (cos n theta, sin n theta), n the part's rot
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple, Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,17 +16,7 @@ from planner.arrays import Array, BoolArray
 if TYPE_CHECKING:
     from sklearn.tree import DecisionTreeClassifier, DecisionTreeRegressor
 
-HELD_OUT = 10  # Every tenth roll-out tells the error
-
-
-class SensorError(NamedTuple):
-    """How far predictions are from the widths of roll-outs held out."""
-
-    held_out: int  # how many roll-outs that is
-    rms_mm: float  # root mean square error
-    median_mm: float  # error that half of them keep
-    q95_mm: float  # error that 95 % of them keep
-    worst_mm: float  # greatest error
+LEAST_ROLLOUTS = 10
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,27 +25,22 @@ class SensorModel:
 
     tree: DecisionTreeRegressor  # on the columns of `features`
     order: int  # rotational order of the part
-    error: SensorError  # on roll-outs that had no part in making the tree
 
     @classmethod
     def fit(cls, final: Array, width_mm: Array, order: int) -> Self:
         """Learns from final poses (n, 3) in the hand frame and the widths (n,) seen there [mm].
 
         Raises:
-            ValueError: there are fewer than `HELD_OUT` roll-outs.
+            ValueError: there are fewer than `LEAST_ROLLOUTS` roll-outs.
         """
         from sklearn.tree import (
             DecisionTreeRegressor,
         )  # takes two seconds; most plans learn nothing
 
-        if len(final) < HELD_OUT:
+        if len(final) < LEAST_ROLLOUTS:
             raise ValueError(f"{len(final)} roll-outs are too few for a sensor model; ask for more")
-        X, testing = features(final, order), np.arange(len(final)) % HELD_OUT == 0
-        tree = DecisionTreeRegressor(random_state=0).fit(X[~testing], width_mm[~testing])
-        error = np.abs(tree.predict(X[testing]) - width_mm[testing])
-        rms, (median, q95) = np.sqrt(np.mean(error**2)), np.quantile(error, [0.5, 0.95])
-        figures = map(float, (rms, median, q95, error.max()))
-        return cls(tree, order, SensorError(len(error), *figures))
+        tree = DecisionTreeRegressor(random_state=0)
+        return cls(tree.fit(features(final, order), width_mm), order)
 
     def predict(self, poses: Array) -> Array:
         """Expected widths (n,) of final poses (n, 3) in the hand frame [mm]."""

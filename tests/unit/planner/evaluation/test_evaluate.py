@@ -14,7 +14,7 @@ from sample_tables import random_table
 from planner.belief.metric import Metric
 from planner.belief.observation import encoder_of
 from planner.evaluation.disturbance import Disturbance
-from planner.evaluation.evaluate import Chunk, carried_on, evaluate, run_chunk
+from planner.evaluation.evaluate import Chunk, evaluate, run_chunk
 from planner.evaluation.outcome import CRASHED, NOWHERE, REJECTED, Evaluation
 from planner.evaluation.times import seconds_of
 from planner.evaluation.trials import Program, placement_of
@@ -127,55 +127,6 @@ def test_trials_go_as_one_part_after_another_would(job):
         before = readings
     assert REJECTED in outcomes
     assert len(outcomes) > 5
-
-
-def beginning(table, nodes):
-    """The table's first nodes; the branches that led to others end at leaves."""
-    leaves, kept = list(table.leaves), []
-    for node in table.nodes[:nodes]:
-        branches = []
-        for branch in node.branches:
-            if branch.target >= nodes:
-                leaves.append(table.leaves[0])
-                branch = branch._replace(target=-len(leaves))
-            branches.append(branch)
-        kept.append(node._replace(branches=tuple(branches)))
-    depth = [1] * nodes
-    for number, node in enumerate(kept):
-        for branch in node.branches:
-            if branch.target >= 0:
-                depth[branch.target] = depth[number] + 1
-    limits = replace(table.limits, max_depth=max(depth))
-    return replace(table, nodes=tuple(kept), leaves=tuple(leaves), limits=limits)
-
-
-@pytest.mark.parametrize(
-    "cell", [Disturbance(), Disturbance(2.0, bias_mm=(2.0, -1.0), bias_deg=3.0)]
-)
-def test_trials_carried_on_are_as_if_the_tree_had_been_whole_from_the_start(job, cell):
-    table = spread_table()
-    short = beginning(table, 2)
-    before, whole = (
-        evaluate(t, job, Wrung(), 300, seed=5, disturbance=cell) for t in (short, table)
-    )
-    again = Wrung()
-    for known, other, expected in [
-        (before, table, whole),
-        (whole, short, before),
-        (whole, table, whole),
-    ]:
-        result = carried_on(known, other, job, again, 1, cell)
-        for field in fields(Evaluation):
-            values = [getattr(run, field.name) for run in (result, expected)]
-            if values[0].dtype.names is None:
-                assert np.allclose(*values, atol=1e-9), field.name
-            else:
-                assert np.array_equal(*values)
-    gone_on = whole.squeezes > before.squeezes
-    assert 20 < gone_on.sum() < 280
-    assert (
-        len(again.seen) == (whole.squeezes - before.squeezes).sum() + before.squeezes[gone_on].sum()
-    )
 
 
 def test_the_verdict_is_the_metric_to_the_leaf(job):
