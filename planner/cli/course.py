@@ -1,5 +1,6 @@
 """How far the work of a command is: one bar on a terminal, lines in a pipe."""
 
+import json
 import math
 import sys
 import time
@@ -12,6 +13,7 @@ from rich.console import Console
 from planner.work.progress import Report, silent
 from runtime.shell import command
 
+OBJECTS_S = 0.3  # between two objects of progress, for a program that follows
 LINES_S = 5.0  # between two lines of progress, where no terminal shows a bar
 
 Whole = Callable[[float, int, int], float | None]
@@ -111,6 +113,32 @@ def _lines(course: _Course, clock: Callable[[], float]) -> Report:
         words = [f"{share}{name}", f"{course.seconds:.0f} s so far", course.left()]
         words += [detail] if detail else []
         command.say(", ".join(words), sys.stderr)
+
+    return report
+
+
+def objects(whole: Whole = unknown, clock: Callable[[], float] = time.monotonic) -> Report:
+    """Progress as JSON, one object a line, on standard error.
+
+    Keys: `stage`, `share` (0 to 1, or null), `seconds` so far, `left` and `detail`, for people.
+    """
+    course = _Course(whole, clock)
+    last = -math.inf
+
+    def report(name: str, done: int, total: int, detail: str = "", /) -> None:
+        nonlocal last
+        course.heard(done, total)
+        if clock() - last < OBJECTS_S:
+            return
+        last = clock()
+        figures = {
+            "stage": name,
+            "share": round(course.share, 3) if course.known else None,
+            "seconds": round(course.seconds, 1),
+            "left": course.left(),
+            "detail": detail,
+        }
+        command.say(json.dumps(figures), sys.stderr)
 
     return report
 

@@ -3,10 +3,10 @@
 import argparse
 import time
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from planner.cli import course, shell
 from planner.compile import Plan, compile_job
@@ -26,6 +26,7 @@ from planner.job.drafts import (
 )
 from planner.job.model import Job
 from planner.part.importers.file import SUFFIXES, Imported, read_outline
+from planner.part.importers.pieces import Options
 from planner.part.outline import smallest_rectangle
 from planner.part.tips import MARGIN_MM, tips_height_mm
 from planner.report import canvas, paper_figures
@@ -37,7 +38,7 @@ from planner.work.limit import Limit
 from planner.work.progress import Report
 from planner.work.scheduler import Threads
 from planner.world import make
-from runtime.shell.command import Parser, number, say
+from runtime.shell.command import Parser, number, positive, say
 from runtime.shell.command import seconds as seconds_text
 from runtime.shell.errors import UsageError
 from runtime.shell.files import quoted, usable, write
@@ -60,8 +61,10 @@ DRAWN_SQUEEZES = range(1, 4)  # of the path that the picture shows
 WORTH_TELLING = 0.005  # share of the parts for which the search was not done
 LEAST_DONE = 0.9  # share located of the parts for which the search was done, for that answer
 MOST_OPEN = 0.5  # share of the parts for which it was not done, beyond which nothing is known
+UNITS_ASSUMED = "one unit of the drawing is 1 mm, for it does not say (--units)"
 LOCATABLE = {"good": True, "fair": True, "cut": True, "poor": False, "unknown": None}
 
+Read = TypeVar("Read")
 Spared = Callable[
     [str], AbstractContextManager[None]
 ]  # work that the answer can do without, by its name
@@ -109,10 +112,21 @@ def parser() -> Parser:
         help="how well the part must be located (default: %(default)s)",
     )
     add(
+        "--thickness",
+        type=positive,
+        metavar="MM",
+        help="of the part (default: that of a solid; of an outline nobody knows it)",
+    )
+    add(
         "--budget",
         type=seconds_text,
         metavar="30s",
         help="for the answer, once kernels are loaded (default: a minute)",
+    )
+    built.add_argument(
+        "--follow",
+        action="store_true",
+        help="print progress as JSON, one object a line, on standard error",
     )
     return built
 
@@ -139,8 +153,8 @@ def _try(arguments: argparse.Namespace) -> None:
     started = time.monotonic()
     if arguments.output is not None:
         usable(arguments.output, arguments.drawing)
-    imported, notes = _imported(arguments)
-    setting = _setting(arguments, imported)
+    imported, notes = imported_of(arguments)
+    setting = setting_of(arguments, imported)
     answers, rectangle = setting.answers, smallest_rectangle(imported.outline_mm)
     figures: dict[str, Any] = {
         "part": answers.name,
@@ -155,7 +169,7 @@ def _try(arguments: argparse.Namespace) -> None:
     failures: list[str] = []
     spared = partial(shell.spared, notes=failures, debug=arguments.debug)
     try:
-        _check_thickness(imported)
+        check_thickness(imported)
         text = draft(imported, arguments.drawing.name, answers)
         files = _files(arguments, text)
         write(files.job, text)
@@ -164,11 +178,12 @@ def _try(arguments: argparse.Namespace) -> None:
         figures["alike"] = [result.line() for result in alike(job)]
         if not arguments.json:
             print("".join(f"note: {line}\n" for line in figures["alike"]), end="", flush=True)
-        with shell.progress(arguments.json, course.of_time(arguments.budget or ANSWER_S)) as report:
+        with _progress(arguments, course.unknown) as report:
             report("kernels", 0, 1)
             make(job, seed=0).squeeze((0.0, 0.0, 0.0))
-            ready = time.monotonic()
-            answer_s = arguments.budget or max(LEAST_ANSWER_S, ANSWER_S - (ready - started))
+        ready = time.monotonic()
+        answer_s = arguments.budget or max(LEAST_ANSWER_S, ANSWER_S - (ready - started))
+        with _progress(arguments, course.of_time(answer_s)) as report:
             plan = _planned(job, answer_s, arguments.budget is None, report)
             dump(plan.table, files.table)
             left_s = ready + answer_s - PICTURE_S - time.monotonic()
@@ -177,7 +192,7 @@ def _try(arguments: argparse.Namespace) -> None:
         known = not getattr(error, "cut_short", False)
         reason = {"locatable": False if known else None, "verdict": "poor" if known else "unknown"}
         short = f"No: {error}." if known else f"Not known: {error}; give it a longer --budget."
-        refused = {**figures, **reason, "reason": str(error)}
+        refused = {**figures, **reason, "answer": short, "reason": str(error)}
         shell.answer(arguments.json, refused, "", f"{QUESTION} {short}")
         return
     if not arguments.json:
@@ -192,6 +207,7 @@ def _try(arguments: argparse.Namespace) -> None:
     figures |= {
         "locatable": LOCATABLE[answer.short],
         "verdict": answer.short,
+        "answer": answer.short_text(),
         "sentence": answer.verdict.sentence,
         "restrictions": setting.restrictions,
         "conditions": answer.verdict.conditions,
@@ -207,6 +223,12 @@ def _try(arguments: argparse.Namespace) -> None:
     }
     after = [f"note       {line}" for line in failures]
     shell.answer(arguments.json, figures, *after, *_next(files, picture, plan, seconds))
+
+
+def _progress(arguments: argparse.Namespace, whole: course.Whole) -> AbstractContextManager[Report]:
+    if arguments.follow:
+        return nullcontext(course.objects(whole))
+    return shell.progress(arguments.json, whole)
 
 
 def _planned(job: Job, answer_s: float, patient: bool, report: Report) -> Plan:
@@ -246,7 +268,7 @@ def _short(grade: Grade, success: float, open_share: float) -> str:
     return grade if success < LEAST_DONE * (1.0 - open_share) else "cut"
 
 
-def _check_thickness(imported: Imported) -> None:
+def check_thickness(imported: Imported) -> None:
     """Refuses a part that is too thin for finger tips, whatever the plan.
 
     Raises:
@@ -276,22 +298,27 @@ def _within(job: Job, budgets: Sequence[float], report: Report) -> Plan:
     return _within(job, budgets[1:], report)
 
 
-def _imported(arguments: argparse.Namespace) -> tuple[Imported, list[str]]:
+def imported_of(arguments: argparse.Namespace) -> tuple[Imported, list[str]]:
     """The outline, and what was assumed of the drawing: its largest contour, and mm where nothing is said."""
     options = shell.drawing_of(arguments)
     options = options._replace(contour=options.contour or LARGEST)
+    imported, notes = in_mm(read_outline, arguments.drawing, options)
+    if arguments.thickness is not None:
+        imported = imported._replace(height_mm=arguments.thickness)
+    return imported, [*notes, *imported.notes]
+
+
+def in_mm(
+    read: Callable[[Path, Options], Read], path: Path, options: Options
+) -> tuple[Read, list[str]]:
+    """What a reader makes of a drawing, in mm where nothing says the unit; and that this was assumed."""
     try:
-        imported = read_outline(arguments.drawing, options)
+        return read(path, options), []
     except UnitsMissingError:
-        imported = read_outline(arguments.drawing, options._replace(units="mm"))
-        return imported, [
-            "one unit of the drawing is 1 mm, for it does not say (--units)",
-            *imported.notes,
-        ]
-    return imported, list(imported.notes)
+        return read(path, options._replace(units="mm")), [UNITS_ASSUMED]
 
 
-def _setting(arguments: argparse.Namespace, imported: Imported) -> Setting:
+def setting_of(arguments: argparse.Namespace, imported: Imported) -> Setting:
     """The answers that a job needs, and which of them are defaults."""
     taken, restrictions = list[str](), list[str]()
     rooms = {name: room_mm(imported, preset) for name, preset in GRIPPERS.items()}
@@ -322,9 +349,7 @@ def _setting(arguments: argparse.Namespace, imported: Imported) -> Setting:
     taken.append(f"located means to {arguments.distance:g} mm (--distance)")
     height = imported.height_mm
     if height is None:
-        taken.append(
-            f"at least {tips_height_mm(None) + MARGIN_MM:g} mm high (height_mm in the job)"
-        )
+        taken.append(f"at least {tips_height_mm(None) + MARGIN_MM:g} mm high (--thickness)")
     name = arguments.drawing.stem
     answers = Answers(name, radius, turn, gripper, fingers, arguments.distance, height)
     return Setting(answers._replace(tips_mm=arguments.height), taken, restrictions)

@@ -30,6 +30,7 @@ GROUPS: dict[str, dict[str, Program]] = {
         "try": Program(
             "plan-try", "planner.cli.first_look", "from a drawing to a first answer, in a minute"
         ),
+        "studio": Program("plan-studio", "planner.cli.studio", "the same on a page of a browser"),
         "init": Program("plan-init", "planner.cli.init", "begin a job file from a drawing"),
         "plan": Program("plan-compile", "planner.cli.compile", "plan a job's squeezes as a table"),
         "evaluate": Program(

@@ -32,6 +32,7 @@ PARSED = {
     DOCS / "refit.md": "tests/integration/test_refit_page.py runs it with fewer parts",
     DOCS
     / "plc.md": "it serves until it is stopped; tests/integration/test_plc.py runs such a command",
+    DOCS / "studio.md": "it serves until it is stopped; tests/integration/test_studio.py runs it",
     DOCS / "results.md": "each command measures for minutes, some need MuJoCo",
 }
 SENTENCE = re.compile(r"`((?:plan|grasp)-[a-z]+ [^`]+)`")

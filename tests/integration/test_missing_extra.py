@@ -12,7 +12,17 @@ BLOCK = "import sys; sys.modules['numpy'] = None; from planner.commands import {
 
 @pytest.mark.parametrize(
     "command",
-    ["compile_job", "simulate", "evaluate", "expect", "identify", "report", "init", "try_part"],
+    [
+        "compile_job",
+        "simulate",
+        "evaluate",
+        "expect",
+        "identify",
+        "report",
+        "init",
+        "studio",
+        "try_part",
+    ],
 )
 def test_without_numpy_one_line_names_the_extra(command):
     words = [sys.executable, "-c", BLOCK.format(command)]

@@ -21,7 +21,7 @@ ROOT = Path(__file__).parents[2]
 SCRIPTS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["scripts"]
 BLOCK = "import sys; sys.argv = ['squeezetree', *{words}]; sys.modules['numpy'] = None; "
 CALL = "from runtime.commands.squeezetree import main; sys.exit(main())"
-ORDER = "try init plan evaluate report doctor calibrate run cell serve journal audit"
+ORDER = "try studio init plan evaluate report doctor calibrate run cell serve journal audit"
 Calls = list[list[str]]
 
 
@@ -190,7 +190,7 @@ def test_a_larger_gripper_and_a_smaller_radius_are_part_of_the_answer(
     path = tmp_path / "plate.csv"
     path.write_text(f"0,0\n{length},0\n{length},{width}\n0,{width}\n")
     arguments = first_look.parser().parse_args([str(path), "--units", "mm"])
-    setting = first_look._setting(arguments, first_look._imported(arguments)[0])
+    setting = first_look.setting_of(arguments, first_look.imported_of(arguments)[0])
     assert setting.answers.gripper == gripper
     assert setting.restrictions == restrictions
     figures = {

@@ -11,6 +11,7 @@ import shapely
 from planner.arrays import Array
 from planner.part import outline, symmetry
 from planner.part.importers import contours, dxf, kicad, mesh, svg, table
+from planner.part.importers.contours import Contour
 from planner.part.importers.pieces import MAX_BYTES, UNITS_MM, Options, Pieces, place, time_limit
 from runtime.shell.errors import ExpectedError, InputError, UsageError
 
@@ -66,6 +67,29 @@ def read_outline(path: Path, options: Options) -> Imported:
         InputError: a line of a CSV file is not two numbers.
     """
     where = str(path)
+    with _pieces(path, options) as pieces, _noted(pieces):
+        candidates, notes = contours.contours(pieces, options.tolerance_mm, where)
+        contour, more = contours.choose(candidates, options.contour, where, pieces.lost)
+        all_notes = (*notes, *(shape.what for shape in pieces.lost if shape.box is None), *more)
+        imported, shift = _checked(contour.points, where, options.tolerance_mm, all_notes)
+        holes = tuple(hole + shift for hole in contours.holes_of(contour, candidates))
+        return imported._replace(height_mm=pieces.height_mm, holes_mm=holes)
+
+
+def read_contours(path: Path, options: Options) -> list[Contour]:
+    """All contours of a drawing, in the order of their numbers, to choose one from.
+
+    Raises:
+        PlannerError: as `read_outline`.
+    """
+    with _pieces(path, options) as pieces, _noted(pieces):
+        return contours.contours(pieces, options.tolerance_mm, str(path))[0]
+
+
+@contextmanager
+def _pieces(path: Path, options: Options) -> Iterator[Pieces]:
+    """The shapes of a file, within the time that it may be read for."""
+    where = str(path)
     if not 1e-4 <= options.tolerance_mm <= 1.0:
         raise UsageError(f"--tolerance {options.tolerance_mm:g} is not between 0.0001 and 1 mm")
     if options.scale is not None and (options.units or not 1e-6 <= options.scale <= 1e6):
@@ -73,24 +97,14 @@ def read_outline(path: Path, options: Options) -> Imported:
     data, suffix = _bytes(path), path.suffix.lower()
     if options.layer is not None and suffix != ".dxf":
         raise UsageError(f"{where}: --layer is for DXF drawings; leave it out")
+    unit_mm, tolerance_mm = _unit_mm(options), 0.5 * options.tolerance_mm  # half: for leaving out
     with time_limit(where):
-        unit_mm, tolerance_mm = (
-            _unit_mm(options),
-            0.5 * options.tolerance_mm,
-        )  # half is for leaving vertices out
         if suffix == ".stl":
-            pieces = mesh.read(data, where, unit_mm, options.height_mm)
+            yield mesh.read(data, where, unit_mm, options.height_mm)
         elif suffix == ".dxf":
-            pieces = dxf.read(data, where, unit_mm, tolerance_mm, options.layer)
+            yield dxf.read(data, where, unit_mm, tolerance_mm, options.layer)
         else:
-            pieces = READERS[suffix](data, where, unit_mm, tolerance_mm)
-        with _noted(pieces):
-            candidates, notes = contours.contours(pieces, options.tolerance_mm, where)
-            contour, more = contours.choose(candidates, options.contour, where, pieces.lost)
-            all_notes = (*notes, *(shape.what for shape in pieces.lost if shape.box is None), *more)
-            imported, shift = _checked(contour.points, where, options.tolerance_mm, all_notes)
-        holes = tuple(hole + shift for hole in contours.holes_of(contour, candidates))
-        return imported._replace(height_mm=pieces.height_mm, holes_mm=holes)
+            yield READERS[suffix](data, where, unit_mm, tolerance_mm)
 
 
 @contextmanager

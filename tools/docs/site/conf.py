@@ -72,6 +72,7 @@ tools/docs/how-it-works
 tools/docs/architecture
 tools/docs/tutorial
 tools/docs/from-a-solid
+tools/docs/studio
 tools/docs/cheat-sheet
 tools/docs/performance
 tools/docs/results

@@ -52,7 +52,7 @@ def test_seconds_that_are_no_time_are_refused(tmp_path):
     entries = [header(TABLE), *part(1, [], "stopped")]
     for wrong in (-1.0, "long", True):
         entries[-1]["seconds"] = wrong
-        with pytest.raises(InputFileError, match="no record of a run"):
+        with pytest.raises(InputError, match="no record of a run"):
             run_log.read(written(tmp_path, chained(entries)), DIGEST)
 
 

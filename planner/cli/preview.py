@@ -1,0 +1,119 @@
+"""What `squeezetree try` makes of a drawing before it plans: contours, outline, jaws and defaults.
+
+As a program it answers lines: a JSON list of arguments comes in, a JSON object goes out. The studio keeps one
+running, so that a drawing that takes all memory or time ends it and not the page.
+"""
+
+import json
+import sys
+from collections.abc import Sequence
+from typing import Any, NoReturn
+
+import numpy as np
+import shapely
+
+from planner.arrays import Array
+from planner.cli import first_look, shell
+from planner.job.drafts import FINGERS, GRIPPERS, draft, room_mm
+from planner.part.importers.contours import LISTED, Contour
+from planner.part.importers.file import Imported, read_contours
+from planner.part.outline import reach, smallest_rectangle
+from planner.report.canvas import points
+from runtime.shell.command import sentence_of
+from runtime.shell.errors import ExpectedError, UsageError
+
+FINENESS = 1e-3  # of its size: what a drawn contour may leave out
+
+
+def preview(words: Sequence[str]) -> dict[str, Any]:
+    """What a page draws for the arguments of `squeezetree try`; `error` is why they are refused, or None."""
+    shown: dict[str, Any] = {"contours": [], "error": None}
+    try:
+        arguments = _parsed(words)
+        options = shell.drawing_of(arguments)
+        listed, _ = first_look.in_mm(read_contours, arguments.drawing, options)
+        shown["contours"] = [
+            _contour(number, contour) for number, contour in enumerate(listed[:LISTED], 1)
+        ]
+        shown["contour"] = options.contour or first_look.LARGEST
+        imported, notes = first_look.imported_of(arguments)
+        setting = first_look.setting_of(arguments, imported)
+        shown |= {**_part(imported), "assumed": [*notes, *setting.assumed]}
+        shown |= _hand(setting.answers.gripper)
+        shown["rooms_mm"] = {
+            name: round(room_mm(imported, preset), 1) for name, preset in GRIPPERS.items()
+        }
+        friction = FINGERS[setting.answers.fingers]
+        shown["friction"] = {"low": friction.low, "high": friction.high}
+        shown |= setting.answers._asdict()
+        first_look.check_thickness(imported)
+        draft(imported, arguments.drawing.name, setting.answers)
+    except (ExpectedError, OSError) as error:
+        shown["error"] = sentence_of(error)
+    return shown
+
+
+def main() -> int:
+    """Answer each line of standard input, until it ends."""
+    out, sys.stdout = sys.stdout, sys.stderr  # what a library prints is no answer
+    for line in sys.stdin:
+        out.write(json.dumps(preview(json.loads(line))) + "\n")
+        out.flush()
+    return 0
+
+
+def _parsed(words: Sequence[str]) -> Any:
+    parser = first_look.parser()
+
+    def refuse(message: str) -> NoReturn:
+        raise UsageError(message)
+
+    parser.error = refuse  # type: ignore[method-assign]
+    return parser.parse_args(words)
+
+
+def _contour(number: int, contour: Contour) -> dict[str, Any]:
+    width, height = np.ptp(contour.points, axis=0)
+    low = contour.points.min(axis=0)
+    line = shapely.simplify(
+        shapely.linearrings(contour.points - low), FINENESS * max(width, height)
+    )
+    return {
+        "number": number,
+        "width_mm": round(float(width), 2),
+        "height_mm": round(float(height), 2),
+        "outer": contour.outer,
+        "points": points(shapely.get_coordinates(line)),
+    }
+
+
+def _part(imported: Imported) -> dict[str, Any]:
+    x, y = imported.origin_mm
+    return {
+        "outline": points(imported.outline_mm),
+        "holes": [points(hole) for hole in imported.holes_mm],
+        "size": smallest_rectangle(imported.outline_mm).text(),
+        "vertices": len(imported.outline_mm),
+        "reach_mm": _rounded(reach(imported.outline_mm)),
+        "symmetry": imported.symmetry,
+        "datum": {"x_mm": _rounded(x), "y_mm": _rounded(y), "name": imported.origin_name},
+    }
+
+
+def _hand(gripper: str) -> dict[str, Any]:
+    preset = GRIPPERS[gripper]
+    return {
+        "hand": {
+            "opening_mm": preset.opening_mm,
+            "length_mm": preset.finger_length_mm,
+            "width_mm": preset.finger_width_mm,
+        }
+    }
+
+
+def _rounded(mm: float | Array) -> float:
+    return round(float(mm), 2)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,102 @@
+"""The log of a plan: lines of JSON, and between them what commands said in words."""
+
+import json
+from typing import Any, NamedTuple
+
+from planner.evaluation.shares import in_percent, shares_of
+
+KERNELS = "kernels"  # the stage that compiles them, once an installation
+MOST_LINES = 40
+
+
+class Log(NamedTuple):
+    """What a page shows of a log."""
+
+    drawing: str
+    commands: list[str]
+    step: str  # the command under way, or the last one
+    progress: dict[str, Any]  # the last that it reported
+    answer: dict[str, Any] | None  # of `squeezetree try`, as texts
+    parts: list[dict[str, Any]]  # simulated, as texts
+    lines: list[str]  # in words: why it failed
+    exit: int | None  # of the last command; None while it runs, or where it was killed
+
+
+def log_of(data: bytes) -> Log:
+    """Reads a log; others may have written in the folder, so whatever a line is, it does no harm."""
+    log = Log("", [], "", {}, None, [], [], None)
+    for line in data.decode("utf-8", "replace").splitlines():
+        try:
+            log = _with(log, json.loads(line))
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
+            if line.strip():
+                log.lines.append(line.strip())
+    return log._replace(lines=log.lines[-MOST_LINES:])
+
+
+def _with(log: Log, record: dict[str, Any]) -> Log:
+    if "step" in record:
+        log.commands.append(str(record["command"]))
+        step, drawing = str(record["step"]), str(record["drawing"])
+        return log._replace(step=step, drawing=drawing, progress={}, lines=[])
+    if "stage" in record:
+        share = record["share"]
+        known = isinstance(share, int | float) and record["stage"] != KERNELS
+        texts = {key: str(record[key]) for key in ("stage", "left", "detail")}
+        seconds = float(record["seconds"])
+        return log._replace(
+            progress={**texts, "seconds": seconds, "share": share if known else None}
+        )
+    if "verdict" in record:
+        return log._replace(answer=_answer(record))
+    if "outcome" in record:
+        log.parts.append(_part(record))
+        return log
+    if "exit" in record:
+        code = int(record["exit"])
+        return log._replace(exit=code, lines=log.lines if code else [])
+    if "output" not in record:  # what plan-report says
+        raise ValueError
+    return log
+
+
+def _answer(record: dict[str, Any]) -> dict[str, Any]:
+    """The answer as texts for a page: a grade, sentences, and three numbers where there is a plan."""
+    answer: dict[str, Any] = {
+        "grade": str(record["verdict"]),
+        "answer": str(record["answer"]),
+        "sentence": f"The plan {record['sentence']}." if "sentence" in record else "",
+        "warnings": [str(line) for line in record.get("warnings", ())],
+        "limits": [str(line) for line in record.get("limits", ())],
+        "assumed": [str(line) for line in record["assumed"]],
+        "numbers": [],
+    }
+    if "success_rate" in record:
+        error = record["error_mm"]
+        far = "none located" if error is None else f"{error['median']:.2f} mm"
+        more = "" if error is None else f"median; 95 % within {error['p95']:.2f} mm"
+        shares = shares_of(record)
+        squeezes = (
+            f"a part; {record['mean_squeezes']:.2f} squeezes, {record['max_squeezes']} at most"
+        )
+        others = f"{in_percent(shares.wrong)} wrong, of {record['trials']} trials"
+        answer["numbers"] = [
+            {"what": "located", "value": in_percent(shares.located), "more": others},
+            {"what": "seconds", "value": f"{record['seconds_mean']:.1f} s", "more": squeezes},
+            {"what": "error", "value": far, "more": more},
+        ]
+    return answer
+
+
+def _part(record: dict[str, Any]) -> dict[str, Any]:
+    pose, error = record["predicted_pose"], record["error_mm"]
+    where = "" if pose is None else f"({pose['x_mm']:.2f}, {pose['y_mm']:.2f}) mm"
+    return {
+        "number": int(record["part"]),
+        "outcome": str(record["outcome"]).upper(),
+        "widths": ", ".join(f"{width:.2f}" for width in record["widths_mm"]),
+        "place": where,
+        "angle": "" if pose is None else f"{pose['theta_rad'] * 57.29578:.1f}",
+        "error": "" if error is None else f"{error:.2f}",
+        "within": record["within_goal"] is True,
+    }

@@ -1,0 +1,72 @@
+"""Asks another process what a drawing shows: one that is hostile ends that process, not the page."""
+
+import json
+import select
+import subprocess
+import sys
+import threading
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from runtime.shell.errors import InputError
+
+PATIENCE_S = 120.0  # the reader ends by itself after 30 s, unless a library does not let it
+READER = [sys.executable, "-P", "-m", "planner.cli.preview"]
+
+
+class Reader:
+    """A process of `planner.cli.preview`, begun when it is needed; it ends with this one."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._child: subprocess.Popen[bytes] | None = None
+        self._lock = threading.Lock()
+
+    def ask(self, arguments: Sequence[str]) -> dict[str, Any]:
+        """What the arguments of `squeezetree try` show; see `planner.cli.preview.preview`.
+
+        Raises:
+            InputError: the process died of them, or took too long.
+        """
+        with self._lock:
+            child = self._child if self._child and self._child.poll() is None else self._begun()
+            assert child.stdin is not None
+            assert child.stdout is not None
+            line = b""
+            try:
+                child.stdin.write(json.dumps(arguments).encode() + b"\n")
+                child.stdin.flush()
+                if select.select([child.stdout], [], [], PATIENCE_S)[0]:
+                    line = child.stdout.readline()
+            except OSError:  # its end follows below
+                line = b""
+            if not line.endswith(b"\n"):
+                self._end()
+                raise InputError(
+                    "reading it takes too much memory or time; export the part's outline alone",
+                    where=arguments[0],
+                )
+        return dict(json.loads(line))
+
+    def close(self) -> None:
+        """End the process."""
+        with self._lock:
+            self._end()
+
+    def _begun(self) -> subprocess.Popen[bytes]:
+        self._end()
+        self._child = subprocess.Popen(
+            READER,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            cwd=self._folder,
+            start_new_session=True,
+        )
+        return self._child
+
+    def _end(self) -> None:
+        if self._child is not None:
+            self._child.kill()
+            self._child.communicate()
+            self._child = None

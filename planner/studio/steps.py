@@ -1,0 +1,96 @@
+"""What planning is to the studio: three commands one after another, in a process that outlives the page.
+
+`python -m planner.studio.steps NAME DRAWING ARGUMENT ...` runs `squeezetree try`, `report` and `run` in the
+current folder; its output is the plan's log. The file `NAME.stop` asks for what Ctrl-C asks for.
+"""
+
+import contextlib
+import json
+import shlex
+import signal
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+POLL_S = 0.2
+PARTS = 20
+PYTHON = [sys.executable, "-P", "-m"]  # no module is looked for in the folder of the project
+COMMAND = [*PYTHON, "runtime.commands.squeezetree"]
+
+
+def written_for(name: str) -> dict[str, str]:
+    """The files of a plan, by what they are; the drawing is not among them."""
+    suffixes = {
+        "log": ".plan.jsonl",
+        "job": ".toml",
+        "table": ".msgpack",
+        "picture": ".look.svg",
+        "report": ".html",
+        "journal": ".journal.jsonl",
+        "stop": ".stop",
+    }
+    return {what: name + suffix for what, suffix in suffixes.items()}
+
+
+def commands_of(name: str, drawing: str, arguments: Sequence[str]) -> list[list[str]]:
+    """The words after `squeezetree`, as a person would type them: the plan, its page, simulated parts."""
+    files = {what: beginning(file) for what, file in written_for(name).items()}
+    simulated = ["--port", "sim", "--time-scale", "max", "--count", str(PARTS)]
+    return [
+        ["try", beginning(drawing), *arguments, "-o", files["job"]],
+        ["report", files["table"], "-o", files["report"]],
+        ["run", "--tree", files["table"], *simulated, "--journal", files["journal"]],
+    ]
+
+
+def beginning(name: str) -> str:
+    """A file's name as an argument, never taken for an option."""
+    return f"./{name}" if name.startswith("-") else name
+
+
+def typed(words: Sequence[str]) -> str:
+    """The line that a person types for the words of a command."""
+    apart = [
+        part for word in words for part in (word.split("=", 1) if word[:2] == "--" else [word])
+    ]
+    return shlex.join(["squeezetree", *apart])
+
+
+def main(argv: Sequence[str]) -> int:
+    """Run the commands until one fails or there is no table; returns the exit code of the last."""
+    name, drawing, *arguments = argv
+    files = written_for(name)
+    code = 0
+    for words in commands_of(name, drawing, arguments):
+        _say(drawing=drawing, step=words[0], command=typed(words))
+        code = _ended(
+            [*words, "--json", *(["--follow"] if words[0] == "try" else [])], files["stop"]
+        )
+        with contextlib.suppress(OSError):
+            Path(files["stop"]).unlink(missing_ok=True)  # heard: what follows is begun all the same
+        if code or not Path(files["table"]).exists():
+            break
+    _say(exit=code)
+    return code
+
+
+def _ended(words: Sequence[str], stop: str) -> int:
+    """The exit code of a command; once the file `stop` is there, it is interrupted."""
+    child = subprocess.Popen([*COMMAND, *words], stdin=subprocess.DEVNULL)
+    asked = False
+    while True:
+        try:
+            return child.wait(POLL_S)
+        except subprocess.TimeoutExpired:
+            if Path(stop).exists() and not asked:
+                child.send_signal(signal.SIGINT)
+                asked = True
+
+
+def _say(**words: object) -> None:
+    print(json.dumps(words), flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

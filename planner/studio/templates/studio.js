@@ -1,0 +1,256 @@
+// The studio's page. All state is in the folder: the page asks for it, and shows names and sentences as text.
+
+import { contourPicture, drawPart } from "./drawing.js";
+
+const BUSY_MS = 600, IDLE_MS = 3000, SETTLE_MS = 300;
+const at = (id) => document.getElementById(id);
+const form = at("settings");
+const proposed = { gripper: "gripper", fingers: "fingers", radius: "radius_mm", turn: "turn_deg", distance: "distance_mm" };
+let touched = {}; // settings that a person chose; the others follow the drawing
+let contour = "", drawing = "", asked = 0, waiting = 0, known = "", preview = null, begun = "";
+
+function make(name, text, attributes = {}) {
+  const made = document.createElement(name);
+  made.textContent = text;
+  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+  return made;
+}
+
+function tell(sentence) {
+  at("error").hidden = !sentence;
+  at("error").textContent = sentence ?? "";
+}
+
+async function ask(path, query, body) {
+  const options = body === undefined ? {} : { method: "POST", body };
+  let response;
+  try {
+    response = await fetch(`${path}?${new URLSearchParams(query)}`, options);
+  } catch {
+    throw new Error("The studio does not answer; begin it again with squeezetree studio. Nothing is lost.");
+  }
+  const answer = await response.json();
+  if (!response.ok) throw new Error(answer.error);
+  return answer;
+}
+
+// Runs what a person asked for; why it failed is on the page.
+function attempt(work) {
+  return async (event) => {
+    event?.preventDefault();
+    try {
+      tell();
+      await work(event);
+    } catch (error) {
+      tell(error.message);
+    }
+  };
+}
+
+function settings() {
+  return JSON.stringify({ ...touched, ...(contour && { contour }) });
+}
+
+function choose(name) {
+  drawing = name;
+  contour = "";
+  for (const key of ["units", "scale", "radius", "gripper", "thickness"]) delete touched[key], (form.elements[key].value = "");
+  at("drawing").value = name;
+  return look();
+}
+
+async function look() {
+  if (!drawing) return;
+  const number = ++asked;
+  const answer = await ask("/preview", { drawing }, settings());
+  if (number !== asked || at("view").classList.contains("moving")) return; // a later question follows
+  at("command").textContent = answer.command;
+  showContours(answer);
+  form.hidden = false;
+  at("begin").disabled = Boolean(answer.error);
+  tell(answer.error);
+  if (answer.outline) showPart(answer);
+  else for (const id of ["view", "facts", "assumed"]) at(id).replaceChildren();
+}
+
+function showContours(answer) {
+  const box = at("contours"), held = document.activeElement?.name === "contour";
+  box.hidden = answer.contours.length < 2;
+  const labels = answer.contours.map((each) => {
+    const input = make("input", "", { type: "radio", name: "contour", value: each.number });
+    input.checked = each.number === answer.contour;
+    input.addEventListener("change", attempt(() => ((contour = String(each.number)), look())));
+    const label = make("label", "");
+    label.append(contourPicture(each), input, ` ${each.number}: ${each.width_mm} x ${each.height_mm} mm${each.outer ? "" : ", inner"}`);
+    return label;
+  });
+  box.replaceChildren(box.firstElementChild, ...labels);
+  if (held) box.querySelector(":checked")?.focus();
+}
+
+function showPart(answer) {
+  preview = answer;
+  for (const [name, key] of Object.entries(proposed)) if (!(name in touched)) form.elements[name].value = answer[key] ?? "";
+  if (answer.height_mm !== null && !("thickness" in touched)) form.elements.thickness.placeholder = answer.height_mm;
+  drawPart(at("view"), answer, (radius) => {
+    form.elements.radius.value = touched.radius = String(radius);
+    showRoom();
+    if (!at("view").classList.contains("moving")) soon();
+  });
+  at("assumed").replaceChildren(...answer.assumed.map((line) => make("li", line)));
+  const { low, high } = answer.friction;
+  at("fingers-help").textContent = `Its friction on the part is anywhere from ${low} to ${high}; wider bounds cost squeezes.`;
+  showRoom();
+}
+
+// What the part looks like, and which gripper has room for a disc of this radius.
+function showRoom() {
+  const turns = preview.symmetry > 1 ? `It looks the same after each turn by ${+(360 / preview.symmetry).toFixed(1)} degrees` : "It looks the same only after a whole turn";
+  at("facts").textContent = `${preview.size}, ${preview.vertices} vertices. ${turns}. Datum: ${preview.datum.name}.`;
+  const rooms = Object.entries(preview.rooms_mm).map(([name, mm]) => `${name} ${mm > 0 ? `${mm} mm` : "not at every angle"}`);
+  const radius = Number(form.elements.radius.value), room = preview.rooms_mm[preview.gripper];
+  const tight = radius > room ? "This disc is larger than that: fingers may come down on the part. " : "";
+  at("gripper-help").textContent = `${tight}Room for the part's centre between open fingers, at any angle: ${rooms.join(", ")}.`;
+}
+
+function soon() {
+  clearTimeout(waiting);
+  waiting = setTimeout(attempt(look), SETTLE_MS);
+}
+
+async function add(file) {
+  if (!file) return;
+  const { drawing: name } = await ask("/drawings", { name: file.name }, file);
+  drawing = name; // refreshing chooses no other
+  await refresh();
+  await choose(name);
+}
+
+function fill(select, names, chosen) {
+  select.replaceChildren(...names.map((name) => make("option", name, { value: name })));
+  if (names.includes(chosen)) select.value = chosen;
+}
+
+async function refresh() {
+  const state = await ask("/folder.json", {});
+  const text = JSON.stringify(state);
+  if (text !== known) {
+    known = text;
+    show(state);
+    if (!drawing && state.drawings.length) await choose(state.plans.map((plan) => plan.log.drawing).find((name) => state.drawings.includes(name)) ?? state.drawings[0]);
+  }
+  return state.plans.some((plan) => plan.running);
+}
+
+function show({ drawings, plans, files }) {
+  fill(at("drawing"), drawings.length ? drawings : [""], drawing);
+  const names = plans.map((plan) => plan.name);
+  fill(at("plans"), names, begun || at("plans").value);
+  if (names.includes(begun)) begun = "";
+  at("files").replaceChildren(...files.map((file) => {
+    const item = make("li", "");
+    item.append(link(file.name, file.name), ` ${(file.size / 1024).toFixed(1)} KB`);
+    return item;
+  }));
+  at("plan").hidden = !plans.length;
+  const plan = plans.find((each) => each.name === at("plans").value);
+  if (plan) showPlan(plan);
+}
+
+function link(file, text) {
+  return make("a", text, { href: `/files/${encodeURIComponent(file)}` });
+}
+
+const DOING = { try: "Planning", report: "Writing the report", run: "Simulating 20 parts" };
+
+function statusOf({ running, log }) {
+  if (running) return log.step in DOING ? `${DOING[log.step]}: ${log.drawing}` : "Starting";
+  if (log.exit === 0) return `Done: ${log.drawing}`;
+  if (log.exit === 130) return "It was stopped before it was done; what it wrote is in the folder.";
+  return log.exit === null ? "It was ended before it was done; what it wrote is in the folder." : `It ended with exit code ${log.exit}.`;
+}
+
+function showPlan(plan) {
+  const { log, files, running } = plan, { progress, answer } = log;
+  const status = statusOf(plan);
+  if (at("status").textContent !== status) at("status").textContent = status; // a screen reader says what changes
+  at("stop").hidden = !running;
+  at("stop").disabled = "stop" in files;
+  at("course").hidden = !running;
+  if (typeof progress.share === "number") at("progress").value = progress.share;
+  else at("progress").removeAttribute("value");
+  const compiling = progress.stage === "kernels" ? "compiling, once an installation: a minute or two" : progress.stage;
+  at("left").textContent = progress.stage ? [compiling, `${progress.seconds} s so far`, progress.left, progress.detail].filter(Boolean).join(", ") : "";
+  at("verdict").hidden = !answer;
+  at("verdict").textContent = answer ? `Can it be located by squeezing? ${answer.answer}` : "";
+  at("verdict").className = answer?.grade ?? "";
+  at("sentence").textContent = answer?.sentence ?? "";
+  at("numbers").replaceChildren(...(answer?.numbers ?? []).map(({ what, value, more }) => {
+    const box = make("div", "");
+    box.append(make("dt", what), make("dd", value, { class: "value" }), make("dd", more, { class: "more" }));
+    return box;
+  }));
+  const remarks = answer ? [...answer.warnings, ...answer.limits] : [];
+  at("remarks").replaceChildren(...[...remarks, ...log.lines].map((line) => make("li", line)));
+  const links = { report: "Report", table: "Decision table", job: "Job file", journal: "Journal of the simulated parts", log: "Log" };
+  at("links").replaceChildren(...Object.entries(links).filter(([what]) => what in files).map(([what, text]) => link(files[what], text)));
+  showPicture(files.picture);
+  showParts(log);
+  at("commands").textContent = log.commands.join("\n");
+}
+
+function showPicture(file) {
+  const picture = at("look"), source = file ? `/files/${encodeURIComponent(file)}` : "";
+  at("picture").hidden = !file;
+  if (file && picture.getAttribute("src") !== source) picture.src = source;
+}
+
+function showParts({ parts }) {
+  at("parts").hidden = at("parts-title").hidden = !parts.length;
+  const located = parts.filter((part) => part.outcome === "LEAF").length, within = parts.filter((part) => part.within).length;
+  at("tally").textContent = parts.length ? `${parts.length} parts: ${located} located, ${within} within the goal.` : "";
+  at("parts").querySelector("tbody").replaceChildren(...parts.map((part) => {
+    const row = make("tr", "", part.within ? {} : { class: "off" });
+    for (const cell of [part.number, part.outcome, part.widths, part.place, part.angle, part.error]) row.append(make("td", cell));
+    return row;
+  }));
+}
+
+form.addEventListener("input", ({ target }) => {
+  if (target.value === "") delete touched[target.name];
+  else touched[target.name] = target.value;
+  if (target.name === "gripper" && preview?.gripper !== target.value) delete touched.radius;
+  soon();
+});
+form.addEventListener("submit", attempt(async () => {
+  begun = (await ask("/plan", { drawing }, settings())).plan;
+  await refresh();
+  at("plan").scrollIntoView({ block: "start" });
+}));
+at("view").addEventListener("settled", soon);
+at("stop").addEventListener("click", attempt(async () => (await ask("/stop", { plan: at("plans").value }, "{}"), await refresh())));
+at("plans").addEventListener("change", attempt(async () => ((known = ""), await refresh())));
+at("drawing").addEventListener("change", attempt(() => choose(at("drawing").value)));
+at("file").addEventListener("change", attempt(() => add(at("file").files[0])));
+for (const kind of ["dragover", "dragleave", "drop"]) {
+  document.addEventListener(kind, (event) => {
+    event.preventDefault();
+    at("drop").classList.toggle("over", kind === "dragover");
+  });
+}
+document.addEventListener("drop", attempt((event) => add(event.dataTransfer.files[0])));
+
+let lost = false;
+async function follow() {
+  let busy = false;
+  try {
+    if (!document.hidden) busy = await refresh();
+    if (lost) tell();
+    lost = false;
+  } catch (error) {
+    lost = true;
+    tell(error.message);
+  }
+  setTimeout(follow, busy ? BUSY_MS : IDLE_MS);
+}
+follow();

@@ -1,0 +1,87 @@
+"""The studio as a user meets it: from a drawing over HTTP to a table and simulated parts, through a kill."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from urllib.error import HTTPError
+from urllib.request import Request, urlopen
+
+import pytest
+from html_pages import Page
+
+from runtime.table import load
+
+ROOT = Path(__file__).parents[2]
+CODE = "import sys; from planner.cli.studio import main; sys.exit(main(sys.argv[1:]))"
+QUICK = {"radius": "2", "turn": "8", "budget": "2", "units": "mm"}
+DEADLINE_S = 200.0
+
+
+class Studio:
+    """A running studio."""
+
+    def __init__(self, folder):
+        words = [sys.executable, "-c", CODE, str(folder), "--port", "0", "--no-browser", "--json"]
+        self.process = subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, text=True)
+        self.address = json.loads(self.process.stdout.readline())["address"].rstrip("/")
+
+    def ask(self, path, body=None):
+        headers = {"Origin": self.address} if body is not None else {}
+        with urlopen(Request(self.address + path, body, headers), timeout=120) as response:
+            return response.read()
+
+    def kill(self):
+        self.process.send_signal(signal.SIGKILL)
+        self.process.wait()
+        self.process.stdout.close()
+
+
+def plan_of(studio):
+    (plan,) = json.loads(studio.ask("/folder.json"))["plans"]
+    return plan
+
+
+def until(condition):
+    deadline = time.monotonic() + DEADLINE_S
+    while not (result := condition()):
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+    return result
+
+
+@pytest.mark.slow
+def test_from_a_drawing_to_a_table_and_parts_though_the_studio_is_killed(tmp_path):
+    studio = Studio(tmp_path)
+    try:
+        Page(studio.ask("/").decode())
+        assert studio.ask("/drawings?name=plate.csv", b"0,0\n30,0\n30,21\n0,21\n")
+        with pytest.raises(HTTPError) as refused:
+            studio.ask("/plan?drawing=plate.csv", b'{"radius": "x"}')
+        assert "not a number" in json.loads(refused.value.read())["error"]
+        name = json.loads(studio.ask("/plan?drawing=plate.csv", json.dumps(QUICK).encode()))["plan"]
+        assert name == "plate"
+        assert plan_of(studio)["running"]
+        studio.kill()
+        studio = Studio(tmp_path)
+        plan = until(lambda: (each := plan_of(studio)) and not each["running"] and each)
+        assert plan["log"]["exit"] == 0, plan["log"]["lines"]
+        assert [line.split()[1] for line in plan["log"]["commands"]] == ["try", "report", "run"]
+        assert [number["what"] for number in plan["log"]["answer"]["numbers"]] == [
+            "located",
+            "seconds",
+            "error",
+        ]
+        assert len(plan["log"]["parts"]) == 20
+        assert {"job", "table", "picture", "report", "journal", "log"} == plan["files"].keys()
+        table = studio.ask(f"/files/{plan['files']['table']}")
+        assert table == (tmp_path / "plate.msgpack").read_bytes()
+        assert load(tmp_path / "plate.msgpack").table.nodes
+        assert {path.name[0] for path in tmp_path.iterdir()} == {
+            "p"
+        }  # nothing hidden, no draft left
+    finally:
+        studio.kill()
+        (tmp_path / "plate.stop").touch()

@@ -1,0 +1,78 @@
+"""A plan's log: what a page shows of it, whoever wrote into it."""
+
+import json
+
+import pytest
+
+from planner.studio.log import log_of
+
+ANSWER = {
+    "verdict": "fair",
+    "answer": "Yes.",
+    "sentence": "finds it",
+    "assumed": ["gripper"],
+    "success_rate": 0.99,
+    "wrong_rate": 0.004,
+    "unresolved_rate": 0.006,
+    "reject_rate": 0.0,
+    "crashes": 0,
+    "trials": 5000,
+    "error_mm": {"median": 0.25, "p95": 1.5},
+    "seconds_mean": 6.04,
+    "mean_squeezes": 2.125,
+    "max_squeezes": 4,
+}
+STEP = {"drawing": "a.dxf", "step": "try", "command": "squeezetree try a.dxf"}
+
+
+def read(*lines):
+    return log_of("\n".join(x if isinstance(x, str) else json.dumps(x) for x in lines).encode())
+
+
+def progressed(stage, share):
+    return {"stage": stage, "share": share, "seconds": 3.0, "left": "left: unknown", "detail": ""}
+
+
+def test_progress_is_that_of_the_last_line():
+    log = read(STEP, progressed("search", 0.2), progressed("search", 0.4))
+    assert (log.step, log.drawing, log.progress["share"], log.exit) == ("try", "a.dxf", 0.4, None)
+
+
+def test_share_while_kernels_compile_is_unknown():
+    assert read(STEP, progressed("kernels", 0.9)).progress["share"] is None
+
+
+def test_answer_becomes_three_numbers():
+    numbers = read(STEP, ANSWER).answer["numbers"]
+    assert [number["value"] for number in numbers] == ["99 %", "6.0 s", "0.25 mm"]
+    assert "0.4 % wrong" in numbers[0]["more"]
+    assert "1.50 mm" in numbers[2]["more"]
+
+
+def test_answer_without_a_plan_has_no_numbers():
+    log = read(STEP, {"verdict": "poor", "answer": "No: it is thin.", "assumed": []}, {"exit": 0})
+    assert (log.answer["numbers"], log.answer["sentence"], log.exit) == ([], "", 0)
+
+
+def test_words_are_shown_where_a_command_failed_and_else_not():
+    line = "plan-try: a.dxf: is no DXF file"
+    assert read(STEP, line, {"exit": 3}).lines == [line]
+    assert read(STEP, line, {"exit": 0}).lines == []
+    assert read(STEP, line, {**STEP, "step": "report"}).lines == []
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        '{"stage": 1}', '{"verdict": {}}', '{"part": 1, "outcome": 2}', "[1, 2]", "null", "7", "\x00",
+        '{"exit": "x"}', '{"step": 1}', "[" * 100_000, '{"stage": "s", "share": "x", "seconds": []}',
+    ],
+)  # fmt: skip
+def test_a_line_that_others_wrote_does_no_harm(line):
+    log = read(STEP, line, progressed("search", 0.5))
+    assert log.progress["share"] == 0.5
+    json.dumps(log._asdict())
+
+
+def test_bytes_that_are_no_text_do_no_harm():
+    assert log_of(b"\xff\xfe\x00").drawing == ""

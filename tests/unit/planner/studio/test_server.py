@@ -1,0 +1,185 @@
+"""The studio over HTTP: who is answered, what is obeyed, which files are reached, and how safely."""
+
+import http.client
+import json
+import re
+import threading
+from types import SimpleNamespace
+from urllib.parse import quote
+
+import pytest
+from html_pages import Page
+
+from planner.studio import server as servers
+from planner.studio.folder import Folder
+from planner.studio.server import Studio
+
+NAME = "<b>'\"& ä.csv"
+
+
+@pytest.fixture
+def studio(tmp_path, monkeypatch):
+    (tmp_path / "secret").write_text("secret")
+    work = tmp_path / "<i>work"
+    work.mkdir()
+    (work / NAME).write_text("0,0\n1,0\n0,1\n")
+    (work / "report.html").write_text("<script>1</script>")
+    (work / "plate.look.svg").write_text("<svg/>")
+    asked = []
+    reader = SimpleNamespace(ask=lambda words: asked.append(words) or {"error": None}, close=int)
+    with Studio(Folder(work), 0) as server:
+        server.reader, server.asked = reader, asked
+        thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01})
+        thread.start()
+        yield server
+        server.shutdown()
+        thread.join()
+
+
+def call(studio, method, path, body=None, **headers):
+    host = f"127.0.0.1:{studio.server_port}"
+    usual = {"Host": host, **({"Origin": f"http://{host}"} if method == "POST" else {})}
+    chosen = {key: value for key, value in {**usual, **headers}.items() if value is not None}
+    connection = http.client.HTTPConnection("127.0.0.1", studio.server_port, timeout=60)
+    connection.putrequest(method, path, skip_host=True)
+    if body is not None:
+        chosen.setdefault("Content-Length", str(len(body)))
+    for key, value in chosen.items():
+        connection.putheader(key, value)
+    connection.endheaders(body)
+    response = connection.getresponse()
+    data = response.read()
+    connection.close()
+    return response, data
+
+
+def test_the_page_is_whole_labelled_and_loads_nothing_from_elsewhere(studio):
+    response, data = call(studio, "GET", "/")
+    text = data.decode()
+    page = Page(text)
+    assert page.open == []
+    labelled = {attributes["for"] for tag, attributes in page.elements if tag == "label"}
+    fields = {attributes["id"] for tag, attributes in page.elements if tag in ("input", "select")}
+    assert fields == labelled
+    ids = [attributes["id"] for _, attributes in page.elements if "id" in attributes]
+    assert len(ids) == len(set(ids))
+    assert "default-src 'none'" in response.getheader("Content-Security-Policy")
+    assert "unsafe" not in response.getheader("Content-Security-Policy")
+    assert "&lt;i&gt;work" in text
+    assert not re.search(r"https?:|style=|<script>| on\w+=", text)
+
+
+@pytest.mark.parametrize("name", ["studio.js", "drawing.js", "studio.css"])
+def test_what_the_page_loads_is_served_and_refers_to_nothing_elsewhere(studio, name):
+    response, data = call(studio, "GET", f"/{name}")
+    assert response.status == 200
+    assert re.findall(r"https?://(?!www\.w3\.org/2000/svg)", data.decode()) == []
+
+
+def test_the_scripts_use_only_elements_that_the_page_has(studio):
+    page = Page(call(studio, "GET", "/")[1].decode())
+    ids = {attributes["id"] for _, attributes in page.elements if "id" in attributes}
+    script = call(studio, "GET", "/studio.js")[1].decode()
+    assert set(re.findall(r'\bat\("([\w-]+)"\)', script)) <= ids
+    assert "innerHTML" not in script
+
+
+@pytest.mark.parametrize(
+    "host", ["evil.example", "127.0.0.1", "127.0.0.1:1", "localhost.evil.example:1", None]
+)
+def test_who_asks_for_another_name_learns_nothing(studio, host):
+    for path in ("/", "/folder.json", "/files/report.html"):
+        response, data = call(studio, "GET", path, Host=host)
+        assert response.status == 403
+        assert b"report" not in data
+
+
+@pytest.mark.parametrize("origin", [None, "null", "http://evil.example", "http://127.0.0.1:1"])
+@pytest.mark.parametrize(
+    "path", ["/plan?drawing=x", "/stop?plan=x", "/drawings?name=x.csv", "/preview"]
+)
+def test_another_page_is_not_obeyed(studio, origin, path):
+    assert call(studio, "POST", path, b"{}", Origin=origin)[0].status == 403
+    assert studio.asked == []
+
+
+def test_the_folder_is_listed_with_names_as_they_are(studio):
+    state = json.loads(call(studio, "GET", "/folder.json")[1])
+    assert state["drawings"] == [NAME]  # the picture of a plan is no drawing
+    assert [file["name"] for file in state["files"]] == [NAME, "plate.look.svg", "report.html"]
+
+
+def test_files_open_in_a_sandbox_or_are_saved(studio):
+    report, _ = call(studio, "GET", "/files/report.html")
+    assert report.getheader("Content-Security-Policy").startswith("sandbox allow-scripts;")
+    assert "allow-same-origin" not in report.getheader("Content-Security-Policy")
+    table, data = call(studio, "GET", f"/files/{quote(NAME)}")
+    assert table.getheader("Content-Type").startswith("text/plain")
+    assert data.startswith(b"0,0")
+    (studio.folder.path / "a.msgpack").write_bytes(b"x")
+    saved = call(studio, "GET", "/files/a.msgpack")[0].getheader("Content-Disposition")
+    assert saved == "attachment; filename*=UTF-8''a.msgpack"
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "../secret",
+        "..%2Fsecret",
+        "%2e%2e%2fsecret",
+        "/etc/hostname",
+        "%2Fetc%2Fhostname",
+        "..",
+        "",
+        "a%00b",
+    ],
+)
+def test_no_path_leads_out_of_the_folder(studio, path):
+    response, data = call(studio, "GET", f"/files/{path}")
+    assert response.status == 400
+    assert data.count(b"\n") == 0
+    assert b"secret" not in data.replace(b"../secret", b"")
+
+
+def test_a_drawing_is_kept_and_what_is_none_is_refused_in_a_line(studio):
+    answer = json.loads(call(studio, "POST", "/drawings?name=new.csv", b"0,0\n")[1])
+    assert answer == {"drawing": "new.csv"}
+    response, data = call(studio, "POST", "/drawings?name=..%2Fnew.csv", b"0,0\n")
+    assert (response.status, "no slashes" in json.loads(data)["error"]) == (400, True)
+
+
+@pytest.mark.parametrize("length", ["99999999999", "-1", "x", ""])
+def test_what_is_too_large_is_not_read(studio, length):
+    response, _ = call(studio, "POST", "/drawings?name=a.csv", b"", **{"Content-Length": length})
+    assert response.status == 413
+
+
+@pytest.mark.parametrize("body", [b"", b"[]", b"{", b'{"output": "x"}', b"\xff", b"[" * 10_000])
+def test_settings_that_are_none_are_refused(studio, body):
+    response, data = call(studio, "POST", f"/plan?drawing={quote(NAME)}", body)
+    assert response.status == 400
+    assert json.loads(data)["error"]
+
+
+def test_a_plan_that_the_reader_refuses_is_not_begun(studio):
+    studio.reader.ask = lambda words: {"error": "it is too thin"}
+    response, data = call(studio, "POST", f"/plan?drawing={quote(NAME)}", b"{}")
+    assert (response.status, json.loads(data)) == (400, {"error": "it is too thin"})
+    assert studio.folder.plans() == []
+
+
+def test_a_preview_tells_the_command_line_that_does_the_same(studio):
+    body = b'{"radius": "5"}'
+    answer = json.loads(call(studio, "POST", f"/preview?drawing={quote(NAME)}", body)[1])
+    assert studio.asked == [[NAME, "--radius=5"]]
+    assert answer["command"].endswith("--radius 5")
+
+
+def test_a_fault_of_ours_is_reported_in_a_line_and_the_next_request_is_answered(
+    studio, monkeypatch
+):
+    monkeypatch.setattr(servers, "_shown", None)
+    monkeypatch.setattr(Folder, "plans", lambda self: [1])
+    response, data = call(studio, "GET", "/folder.json")
+    assert (response.status, "internal error" in json.loads(data)["error"]) == (500, True)
+    assert call(studio, "GET", "/")[0].status == 200
