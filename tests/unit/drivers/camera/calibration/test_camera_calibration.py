@@ -194,7 +194,7 @@ def test_calibration_comes_back_from_its_file(tmp_path):
     assert again.view.lens == known.view.lens
     assert np.array_equal(again.view.rotation, known.view.rotation)
     assert again.references == known.references
-    assert {"camera", "made", "sha256"} < json.loads((tmp_path / "camera.json").read_text()).keys()
+    assert {"camera", "date", "sha256"} < json.loads((tmp_path / "camera.json").read_text()).keys()
 
 
 def test_tag_comes_back_from_its_file(tmp_path):
