@@ -5,10 +5,11 @@ from pathlib import Path
 from planner.compile import compile_job
 from planner.job import model as job_file
 from runtime.table import Table, TableFile, dump, load
+from runtime.table.codec import FORMAT
 
 ROOT = Path(__file__).parents[2]
 TREES = ROOT / "trees"
-KEPT = ROOT / "out" / "tables"
+KEPT = ROOT / "out" / f"tables-{FORMAT}"
 NAMES = sorted(path.parent.name for path in TREES.glob("*/job.toml"))
 
 
