@@ -244,13 +244,13 @@ def _guarded(
     except KeyboardInterrupt:
         code, words = stopped
         tell(name, words)
-        return code
+        return int(code)
     except (Exception, SystemExit) as error:  # a world's factory may be any function
         if getattr(arguments, "debug", False):
             say_lines(traceback.format_exc(), sys.stderr)
         code, words = _end_of(error)
         tell(name, words)
-        return code
+        return int(code)
 
 
 def _end_of(error: BaseException) -> tuple[int, str]:
@@ -282,9 +282,9 @@ def _flushed(name: str, code: int) -> int:
     except OSError as error:
         _give_up(sys.stdout, error)
     if not _lost:
-        return code
+        return int(code)
     tell(name, _unwritten(_lost[0]))
-    return code or ExitCode.USAGE
+    return int(code or ExitCode.USAGE)
 
 
 def _unwritten(error: OSError) -> str:

@@ -117,7 +117,7 @@ def test_a_drop_off_outside_the_area_is_refused_before_anything_moves(
     assert (done.returncode, done.stderr.count("\n")) == (20, 1 + len(mode))
     assert "delivery from leaf 0: putting it down: (100.00, 0.00) mm is outside" in done.stderr
     assert not tree.with_name("j").exists()
-    record_property("exit_code", done.returncode)
+    record_property("exit_code", int(done.returncode))
     record_property("ends", "nothing connected, nothing moved, no journal")
 
 
@@ -130,7 +130,7 @@ def test_a_drop_off_out_of_the_arms_reach_is_refused_before_anything_moves(
     assert (done.returncode, done.stderr.count("\n")) == (20, 1)
     assert "out of the arm's reach" in done.stderr
     assert not tree.with_name("j").exists()
-    record_property("exit_code", done.returncode)
+    record_property("exit_code", int(done.returncode))
     record_property("ends", "connected, nothing moved, no journal")
 
 
@@ -169,7 +169,7 @@ def test_a_part_that_slips_does_not_take_its_pose_along(record_property: Record)
     counts = soaked(9, Listed([Fault("part_slips", at=0, length=9)]))
     assert (counts.findings, counts.last.outcome, counts.last.exit_code) == ([], Outcome.FAULT, 20)
     assert counts.last.leaf == ~counts.last.steps[-1].target
-    record_property("exit_code", counts.last.exit_code)
+    record_property("exit_code", int(counts.last.exit_code))
     record_property("ends", "declared safe state, the leaf's pose in the answer and in the journal")
 
 

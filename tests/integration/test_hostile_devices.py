@@ -49,7 +49,7 @@ def test_run_whose_device_fails_ends_safely_and_in_the_journal(
     end = bench.run(case)
     assert end.reached
     assert end.wrong == []
-    record_property("exit_code", end.code)
+    record_property("exit_code", int(end.code))
     assert end.code in ("20", "21")
 
 

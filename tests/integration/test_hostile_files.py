@@ -307,7 +307,7 @@ def test_a_torn_journal_is_gone_on_with(desk: Desk, record_property: Record) -> 
     assert code in (0, 10)
     assert path.read_bytes().startswith(whole)
     assert verify(path).runs == 2
-    record_property("exit_code", code)
+    record_property("exit_code", int(code))
     record_property("ends", "its records, the torn line cut off, a new run")
 
 

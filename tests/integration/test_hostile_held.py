@@ -114,7 +114,7 @@ def output(
     station: Station, record_property: Callable[[str, object], None]
 ) -> Callable[[Ended], Ended]:
     def tell(ended: Ended) -> Ended:
-        record_property("exit_code", ended[0])
+        record_property("exit_code", int(ended[0]))
         record_property("ends", station.ends())
         return ended
 

@@ -183,7 +183,7 @@ def test_a_compiled_table_claims_nothing_that_no_trial_took(
 ) -> None:
     job, output = small_job(tmp_path / "job.toml"), tmp_path / "t.msgpack"
     code = compile_.main([str(job), "-o", str(output), "--trials", "40", "--no-advice", "--json"])
-    record_property("exit_code", code)
+    record_property("exit_code", int(code))
     assert code == 0
     figures, table = json.loads(capsys.readouterr().out), load(output).table
     assert figures["untried_branches"] > 0
@@ -226,7 +226,7 @@ def test_tips_that_would_miss_the_part_are_refused(
     job = small_job(tmp_path / "job.toml", ("height_mm = 16.0", f"height_mm = {height}"))
     job.write_text(f"{job.read_text()}[cell]\n{squeeze}\n", encoding="utf-8")
     code = compile_.main([str(job), "-o", str(tmp_path / "t.msgpack")])
-    record_property("exit_code", code)
+    record_property("exit_code", int(code))
     record_property("ends", "no table")
     assert code == InputError.exit_code
     err = capsys.readouterr().err
@@ -251,7 +251,7 @@ def test_a_thin_solid_is_squeezed_below_its_top(tmp_path, record_property, capsy
     solid.write_bytes(trimesh.exchange.stl.export_stl(trimesh.creation.box((30, 21, 6))))
     words = ["--units", "mm", "--radius", "8", "--gripper", "robotiq-2f-85", "--fingers", "rubber"]
     code = init.main([str(solid), "-o", str(job), *words])
-    record_property("exit_code", code)
+    record_property("exit_code", int(code))
     record_property("ends", "tips 3 mm above the table")
     assert code == 0, capsys.readouterr().err
     result = job_file.load(job)
@@ -282,7 +282,7 @@ def test_the_plan_without_sensors_is_judged_by_the_goal_of_the_job(
             tmp_path / f"{kind}.toml", ("[goal]", f'[goal]\nkind = "{kind}"\ntolerance_deg = 5.0')
         )
         code = compile_.main([str(job), "--baseline", "sensorless", "--trials", "400", "--json"])
-        record_property("exit_code", code)
+        record_property("exit_code", int(code))
         record[kind] = json.loads(capsys.readouterr().out)["real"]
     # Whoever asks for the angle alone gets what is oriented; where the part lies along the jaws stays open.
     assert record["orientation"]["located"] >= record["orientation"]["oriented"] - 0.02
