@@ -4,6 +4,7 @@ import asyncio
 import signal
 import threading
 from abc import ABC, abstractmethod
+from contextlib import suppress
 from typing import Self
 
 from runtime.devices.clock import SystemClock
@@ -40,7 +41,8 @@ class PlcServer(ABC):
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._loop.call_soon_threadsafe(self._stop.set)
+        with suppress(RuntimeError):  # it has ended by itself
+            self._loop.call_soon_threadsafe(self._stop.set)
         self._thread.join(STOPPING_S)
 
     def _run(self) -> None:

@@ -49,7 +49,7 @@ def _patient(monkeypatch: pytest.MonkeyPatch) -> None:
         ("modbus-tcp://", "write modbus-tcp"),
         ("127.0.0.1:5020", "write modbus-tcp"),
         ("tcp://127.0.0.1:5020", "write modbus-tcp"),
-        ("opc.tcp://127.0.0.1:4840", "write modbus-tcp"),
+        ("opc.tcp://127.0.0.1:4840/cell", "write modbus-tcp"),
         ("modbus-rtu:///dev/ttyS0", "write modbus-tcp"),
         ("modbus-tcp://127.0.0.1:5020/x", "write modbus-tcp"),
         ("modbus-tcp://127.0.0.1:99999", "PORT"),
@@ -168,7 +168,7 @@ class Running:
         self._stack = ExitStack()
         self.recipes = [prepare(arguments, tree) for tree in trees]
         self._run = plc.opened(arguments, self.recipes, Views(), self._stack)
-        self.port = self._run._address.port
+        self.port = int(self._run._url.rpartition(":")[2])
         self.raised: BaseException | None = None
 
     def kept(self) -> list[dict[str, object]]:
