@@ -103,6 +103,10 @@ class AddressSpace:
         self._nodes[machine] = node
         for name in ("CurrentState", "LastTransition"):
             self._nodes[f"{machine}/{name}"] = await node.get_child(f"0:{name}")
+        # As of a finite machine, whose type asyncua has no way to instantiate.
+        state_id = await node.get_child(["0:CurrentState", "0:Id"])
+        kind = ua.Variant(ua.NodeId(ua.VariantType.NodeId.value), ua.VariantType.NodeId)
+        await state_id.write_attribute(ua.AttributeIds.DataType, ua.DataValue(kind))
         outer = machine == MACHINE
         states = [state for state in VisionState if outer or state.automatic]
         names = dict.fromkeys(state.outer if outer else state.value for state in states)

@@ -75,7 +75,8 @@ class Session(InternalSession):
         """Call methods."""
         token = caller.set(self)
         try:
-            return await super().call(params)
+            results: list[ua.CallMethodResult] = await super().call(params)
+            return results
         finally:
             caller.reset(token)
 

@@ -47,6 +47,7 @@ REASONS = MappingProxyType(
 )
 
 Outputs = tuple[Value | list[str], ...]
+Arguments = tuple[Argument, ...]
 Act = Callable[..., Outputs | ua.StatusCode]
 
 logging.getLogger("asyncua").setLevel(logging.CRITICAL)  # of messages by anybody
@@ -180,7 +181,7 @@ class OpcUaServer(PlcServer):
         meas, result = Argument("measId", text), Argument("resultId", text)
         listed = (Argument("ids", text, many=True), Argument("digests", text, many=True))
         whole = [Argument(name, TYPES[kind]) for name, kind in get_type_hints(Result).items()]
-        commands = {
+        commands: dict[str, tuple[Arguments, Arguments, Act]] = {
             f"{MACHINE}/SelectModeAutomatic": ((), refusal, self._select_automatic),
             f"{MACHINE}/Reset": ((), refusal, self._reset),
             f"{MACHINE}/ConfirmAll": ((), refusal, self._confirm_all),
@@ -195,7 +196,7 @@ class OpcUaServer(PlcServer):
                 self._release,
             ),
         }
-        questions = {
+        questions: dict[str, tuple[Arguments, Arguments, Act]] = {
             f"{RECIPES}/GetRecipeList": ((), listed, self._list),
             f"{RESULTS}/GetResultById": ((result,), tuple(whole), self._get),
         }
@@ -208,8 +209,8 @@ class OpcUaServer(PlcServer):
 
     def _linked(
         self,
-        inputs: tuple[Argument, ...],
-        outputs: tuple[Argument, ...],
+        inputs: Arguments,
+        outputs: Arguments,
         act: Act,
         *,
         commands: bool,
@@ -302,16 +303,15 @@ class OpcUaServer(PlcServer):
         self.exchange.put({"result_acknowledge": 1}, {"result_acknowledge": 0})
 
 
-def _problem(inputs: tuple[Argument, ...], given: tuple[ua.Variant, ...]) -> int:
+def _problem(inputs: Arguments, given: tuple[ua.Variant, ...]) -> int:
     """The status code of arguments that do not fit, 0 where they do."""
     if len(given) != len(inputs):
         missing = len(given) < len(inputs)
         codes = ua.StatusCodes
         return int(codes.BadArgumentsMissing if missing else codes.BadTooManyArguments)
     for value, argument in zip(given, inputs, strict=True):
-        kind = str if argument.type is TYPES[str] else int
-        if value.VariantType is not argument.type or not isinstance(value.Value, kind):
+        if value.VariantType is not argument.type or not isinstance(value.Value, str | int):
             return int(ua.StatusCodes.BadInvalidArgument)
-        if kind is str and len(value.Value) > LONGEST_TEXT:
+        if isinstance(value.Value, str) and len(value.Value) > LONGEST_TEXT:
             return int(ua.StatusCodes.BadOutOfRange)
     return 0
