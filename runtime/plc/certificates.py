@@ -93,10 +93,13 @@ class Trust:
         if certificate is None:
             return False
         if self._known is None:
-            with suppress(OutputError):  # of a disk that is full: the next one may ask
-                write_new(self._pinned, certificate, 0o644)
-                bring_to_disk(self._pinned.parent)
-                self._known = frozenset([certificate])
+            # Of a disk that is full, or another server that pinned first; a chain of certificates is none.
+            with suppress(OutputError, KeyFileError, ValueError):
+                x509.load_der_x509_certificate(certificate)
+                if not self._pinned.exists():
+                    write_new(self._pinned, certificate, 0o644)
+                    bring_to_disk(self._pinned.parent)
+                self._known = frozenset([_der(self._pinned)])
         return self._known is not None and certificate in self._known
 
 
