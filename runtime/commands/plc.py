@@ -222,6 +222,7 @@ class PlcRun:
     def _wait(self, seconds: float = inf) -> None:
         with interrupts.stoppable():
             self._exchange.wait(min(seconds, WAKE_S))
+        self._server.check()
         notify("WATCHDOG=1")
 
 

@@ -95,14 +95,15 @@ class OpcUaServer(PlcServer):
         await self._space.build(self._panel.values(), self._methods())
         self.exchange.watch = self._watch
         self.exchange.put({"table": NO_TABLE})
-        tasks = [asyncio.create_task(each()) for each in (self._follow, self._keep_beating)]
         await server.listen(self._listener)
         self.started()
         try:
-            await stop.wait()
+            async with asyncio.TaskGroup() as group:
+                tasks = [group.create_task(each()) for each in (self._follow, self._keep_beating)]
+                await stop.wait()
+                for task in tasks:
+                    task.cancel()
         finally:
-            for task in tasks:
-                task.cancel()
             self.exchange.watch = lambda _: None
             with suppress(TimeoutError):
                 await asyncio.wait_for(server.stop(), CLOSING_S)

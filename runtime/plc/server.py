@@ -32,12 +32,16 @@ class PlcServer(ABC):
         """Clients are answered from now on."""
         self._started.set()
 
+    def check(self) -> None:
+        """Raise what the server has ended with, if it has."""
+        if self._failure is not None:
+            raise self._failure
+
     def __enter__(self) -> Self:
         self._thread.start()
         if not self._started.wait(STARTING_S):
             raise TimeoutError(f"the server for the PLC does not answer within {STARTING_S:g} s")
-        if self._failure is not None:
-            raise self._failure
+        self.check()
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -50,8 +54,9 @@ class PlcServer(ABC):
         signal.pthread_sigmask(signal.SIG_BLOCK, {*interrupts.SIGNALS, signal.SIGALRM})
         try:
             asyncio.run(self._begin())
-        except BaseException as error:  # is the main thread's, if it still waits
+        except BaseException as error:  # is the main thread's
             self._failure = error
+            self.exchange.disconnect()
         finally:
             self._started.set()
 

@@ -142,7 +142,7 @@ def stop_reason(before: Glance, after: Glance) -> int | None:
         return None
     if entered is VisionState.PREOPERATIONAL:
         lost = after.error_id in (Error.HEARTBEAT, Error.CONNECTION_LOST)
-        return after.error_id if lost else 0
+        return int(after.error_id) if lost else 0
     answer = after.answer if entered is VisionState.ERROR else before.answer
     return answer.exit_code
 
