@@ -15,6 +15,7 @@ from urllib.parse import urlsplit
 
 from drivers.ports import Scene
 from runtime.commands.arguments import parser
+from runtime.commands.options import plc_options
 from runtime.commands.recipe import Recipe
 from runtime.devices.clock import SystemClock
 from runtime.errors import ArgumentsError, StoppedError, exit_code_of
@@ -35,7 +36,6 @@ from runtime.shell import interrupts
 from runtime.traversal.results import Outcome, PartResult
 
 MODBUS, OPC_UA = "modbus-tcp", "opc.tcp"
-OF_OPC_UA = ("plc_certificates", "plc_trusted", "plc_insecure")
 WAKE_S = 2.0  # between two words to the service manager
 ENDING_S = 5.0  # for a PLC to end the handshake of the last part
 FAREWELL_S = 3.0  # the same where a stop request or an error ends the run
@@ -79,7 +79,7 @@ def check(arguments: argparse.Namespace) -> Address:
 
 
 def _check_security(arguments: argparse.Namespace, scheme: str) -> None:
-    given = [f"--{name.replace('_', '-')}" for name in OF_OPC_UA if getattr(arguments, name)]
+    given = plc_options(arguments)
     if scheme == MODBUS and given:
         raise ArgumentsError(f"{given[0]} is for {OPC_UA}; leave it out with {MODBUS}")
     if arguments.plc_insecure and len(given) > 1:

@@ -14,7 +14,7 @@ import pytest
 from asyncua import Client, ua
 from asyncua.client.ua_client import UaClient
 from asyncua.server.internal_session import InternalSession
-from supervisor import Passport, Supervisor, free_listener, passport
+from supervisor import Passport, Supervisor, passport
 from vision_chart import LOCATED, OFFERS
 
 from runtime.devices.clock import SystemClock
@@ -60,7 +60,7 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     exchange, clock = Exchange(Station((1, 2)), SystemClock()), SystemClock()
     panel = Panel(OFFERS, Configuration("gripper.json", "c" * 64), exchange.glance)
     security = Security(identity_in(folder), Trust(folder / PINNED, None))
-    with free_listener() as listener:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
         port = int(listener.getsockname()[1])
         own, other = passport(folder, "own"), passport(folder, "other")
         with OpcUaServer(listener, exchange, clock, panel, security):

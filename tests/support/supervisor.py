@@ -1,12 +1,11 @@
 """A line's supervisor for tests: asyncua's client by the names of the address space, in calls that wait."""
 
 import asyncio
-import socket
 import threading
 import time
-from collections.abc import Coroutine, Iterator
+from collections.abc import Coroutine
 from concurrent.futures import Future
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple, Self
@@ -30,7 +29,7 @@ URI = "urn:line:supervisor"
 
 
 class Passport(NamedTuple):
-    """Files of a client's certificate (DER) and key."""
+    """Files of a client's certificate (DER, alone in its folder) and key (PEM)."""
 
     certificate: Path
     key: Path
@@ -43,7 +42,8 @@ def passport(folder: Path, name: str) -> Passport:
     certificate = generate_self_signed_app_certificate(
         key, name, {}, names, [ExtendedKeyUsageOID.CLIENT_AUTH]
     )
-    files = Passport(folder / f"{name}.der", folder / f"{name}.pem")
+    files = Passport(folder / name / "client.der", folder / f"{name}.pem")
+    files.certificate.parent.mkdir()
     files.certificate.write_bytes(certificate.public_bytes(Encoding.DER))
     files.key.write_bytes(dump_private_key_as_pem(key))
     return files
@@ -69,14 +69,21 @@ class Supervisor:
             raise
 
     async def _connect(self, own: Passport | None) -> None:
-        if own is not None:
-            await self.client.set_security(
-                SecurityPolicyBasic256Sha256,
-                certificate=str(own.certificate),
-                private_key=str(own.key),
-                mode=ua.MessageSecurityMode.SignAndEncrypt,
-            )
-        await self.client.connect()
+        until = time.monotonic() + WAIT_S
+        while True:
+            try:
+                if own is not None:
+                    await self.client.set_security(
+                        SecurityPolicyBasic256Sha256,
+                        certificate=str(own.certificate),
+                        private_key=str(own.key),
+                        mode=ua.MessageSecurityMode.SignAndEncrypt,
+                    )
+                await self.client.connect()
+                break
+            except ConnectionRefusedError:  # it does not listen yet
+                assert time.monotonic() < until
+                await asyncio.sleep(0.05)
         self._index = await self.client.get_namespace_index(NAMESPACE)
 
     def wait(self, doing: Coroutine[Any, Any, Any]) -> Any:
@@ -187,10 +194,3 @@ class Supervisor:
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join(WAIT_S)
         self._loop.close()
-
-
-@contextmanager
-def free_listener() -> Iterator[socket.socket]:
-    """A socket that listens at a free port."""
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        yield listener

@@ -10,7 +10,7 @@ from runtime.plc.exchange import Exchange
 from runtime.plc.opcua import OpcUaServer
 from runtime.plc.panel import Configuration, Offer, Panel
 from runtime.plc.station import FAULT, Answer, Glance, Station
-from runtime.plc.vision import VisionState
+from runtime.plc.vision import VIEW, Row, view
 
 DIGESTS = ("d" * 64, "e" * 64)
 OFFERS = [Offer("one", DIGESTS[0], []), Offer("two", DIGESTS[1], ["bracket", "shim"])]
@@ -86,11 +86,15 @@ def explored() -> Iterator[tuple[Glance, str, Glance]]:
             ahead.append((*way, name))
 
 
-def chart(
-    state_of: Callable[[Glance], VisionState],
-) -> dict[tuple[VisionState, str], set[VisionState]]:
-    """Which states an event leads to, from each state."""
-    found: dict[tuple[VisionState, str], set[VisionState]] = defaultdict(set)
+def label(row: Row) -> str:
+    """A row's state, with that of PackML where it takes both to tell rows apart."""
+    alone = [each.state for each in VIEW].count(row.state) == 1
+    return row.state.value if alone else f"{row.state.value}, {row.packml.name.capitalize()}"
+
+
+def chart() -> dict[tuple[str, str], set[str]]:
+    """The rows of the view, by their labels, that an event leads to from each row."""
+    found: dict[tuple[str, str], set[str]] = defaultdict(set)
     for before, name, after in explored():
-        found[state_of(before), name].add(state_of(after))
+        found[label(view(before)), name].add(label(view(after)))
     return found

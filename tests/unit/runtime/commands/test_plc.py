@@ -65,6 +65,58 @@ def test_address_that_cannot_be_used_is_refused(url: str, words: str) -> None:
         options.check_usage(parser().parse_args([*PLC[:-1], url]))
 
 
+OPC_UA = [*PLC[:-1], "opc.tcp://127.0.0.1:0"]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ([*PLC, "--plc-insecure"], "--plc-insecure is for opc.tcp"),
+        ([*PLC, "--plc-trusted", "f"], "--plc-trusted is for opc.tcp"),
+        ([*PLC, "--plc-certificates", "f"], "--plc-certificates is for opc.tcp"),
+        ([*OPC_UA, "--plc-insecure", "--plc-trusted", "f"], "uses no certificates"),
+        ([*OPC_UA, "--plc-insecure", "--plc-certificates", "f"], "uses no certificates"),
+        ([*PLC[:-1], "opc.tcp://192.0.2.1:4840"], "--network"),
+        ([*PLC[:4], "--plc-insecure"], "--plc-insecure is for --plc"),
+    ],
+)
+def test_option_of_opc_ua_without_it_is_refused(words: list[str], said: str) -> None:
+    with pytest.raises(ArgumentsError, match=said):
+        options.check_usage(parser().parse_args(words))
+
+
+def test_opc_ua_without_its_library_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(plc, "find_spec", lambda _: None)
+    with pytest.raises(ArgumentsError, match=r"squeezetree\[opcua\]"):
+        options.check_usage(parser().parse_args(OPC_UA))
+
+
+def test_recipes_are_named_by_their_files_and_numbered_where_two_are_the_same(
+    tmp_path: Path,
+) -> None:
+    trees = [tmp_path / name for name in ("a/plate.msgpack", "b/plate.msgpack", "b/tee.msgpack")]
+    for tree in trees:
+        tree.parent.mkdir(exist_ok=True)
+        dump(small_table(), tree)
+    arguments = parser().parse_args([*OPC_UA[2:], "--tree", str(trees[0]), "--json"])
+    offers = plc._offers([prepare(arguments, tree) for tree in trees])
+    assert [offer.id for offer in offers] == ["0-plate", "1-plate", "tee"]
+
+
+def test_damaged_key_is_one_line_and_code_3(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    dump(small_table(), tmp_path / "t")
+    (tmp_path / "j.opcua").mkdir()
+    (tmp_path / "j.opcua" / "server.pem").touch(0o600)
+    words = ["--tree", str(tmp_path / "t"), *OPC_UA[2:], "--journal", str(tmp_path / "j"), "--json"]
+    assert main(words) == 3
+    said = capsys.readouterr().err.splitlines()[1:]
+    assert len(said) == 1
+    assert "server.pem" in said[0]
+    assert not (tmp_path / "j").exists()
+
+
 @pytest.mark.parametrize(
     "more",
     [
