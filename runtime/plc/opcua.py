@@ -12,7 +12,6 @@ import socket
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
-from datetime import UTC, datetime
 from itertools import count
 from types import MappingProxyType
 from typing import Any, NamedTuple, get_type_hints
@@ -84,7 +83,7 @@ class OpcUaServer(PlcServer):
         self._master: Session | None = None
         self._beats = count(1)
         self._jobs = 0
-        self._begun = datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
+        self._begun = clock.stamp()
         self._glances: deque[Glance] = deque()
 
     async def serve(self, stop: asyncio.Event) -> None:
@@ -270,7 +269,7 @@ class OpcUaServer(PlcServer):
             return ("", int(seen.error_id), REASONS[Error(seen.error_id)])
         self._jobs = number
         offer = self._panel.offers[seen.order.table]
-        job = Job(number, f"{self._begun}-{number}", meas_id, offer.id, offer.digest)
+        job = Job(number, f"{self._begun}/{number}", meas_id, offer.id, offer.digest)
         self._panel.begin(job)
         return (job.id, *DONE)
 

@@ -1,4 +1,4 @@
-"""The section on OPC UA in tools/docs/plc.md shows the states, the chart, the nodes and limits of the code."""
+"""The section on OPC UA in tools/docs/plc.md shows states, chart, nodes and limits of the code."""
 
 import re
 from pathlib import Path

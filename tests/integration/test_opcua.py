@@ -111,7 +111,7 @@ def test_twenty_parts_have_the_results_that_are_printed_and_journalled(
     assert list(Replay().follow(records(journal))) == []
     triggers = [each["trigger_id"] for each in records(journal) if each["kind"] == "trigger"]
     assert triggers == list(range(1, PARTS + 1))
-    assert [int(result["ResultId"].rpartition("-")[2]) for result in program.results] == triggers
+    assert [int(result["ResultId"].rpartition("/")[2]) for result in program.results] == triggers
     pinned = (tmp_path / "j.opcua" / PINNED).read_bytes()
     assert pinned == own.certificate.read_bytes()
 
