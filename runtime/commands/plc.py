@@ -139,14 +139,16 @@ class PlcRun:
         Raises:
             Exception: any error but those that a part ends with; a part under way ends with its code.
         """
-        with self._server:
-            self.monitor.note(f"a PLC may connect at {self._url}")
-            return self._run(cell, scene, activate=activate)
+        with ExitStack() as stack:
+            return self._run(cell, scene, stack, activate=activate)
 
-    def _run(self, cell: Cell, scene: Scene | None, *, activate: bool) -> int:
+    def _run(self, cell: Cell, scene: Scene | None, stack: ExitStack, *, activate: bool) -> int:
         journal, number = cell.journal, 0
         try:
             with session.ending(journal) as tally:
+                with interrupts.stoppable():
+                    stack.enter_context(self._server)
+                self.monitor.note(f"a PLC may connect at {self._url}")
                 while not self._exchange.enabled:  # the fingers may sweep before the first part
                     if not self._ended_withdrawn():
                         self._wait()
@@ -243,11 +245,12 @@ def opened(
             )
     address, clock = check(arguments), SystemClock()
     listener = stack.enter_context(server.listening(address, "--plc"))
-    exchange = Exchange(Station([int(recipe.loaded.digest[:8], 16) for recipe in recipes]), clock)
+    scheme = arguments.plc.partition("://")[0]
+    digests = [int(recipe.loaded.digest[:8], 16) for recipe in recipes]
+    exchange = Exchange(Station(digests, beats=scheme == MODBUS), clock)
     monitors = [
         ForPlc(recipe, views if recipe is first else Views(), exchange) for recipe in recipes
     ]
-    scheme = arguments.plc.partition("://")[0]
     served = (
         ModbusServer(listener, exchange, clock)
         if scheme == MODBUS

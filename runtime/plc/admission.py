@@ -41,7 +41,7 @@ class ListeningServer(Server):
         self.bserver.cleanup_task = asyncio.create_task(self.bserver._close_task_loop())
 
 
-class DooredServer(InternalServer):
+class GuardedServer(InternalServer):
     """Lets in whom `trust` admits, everybody where it is None, and says which session has ended."""
 
     def __init__(self, trust: Trust | None, ended: Callable[["Session"], None]) -> None:
@@ -69,7 +69,7 @@ class DooredServer(InternalServer):
 class Session(InternalSession):
     """A client's session; methods find it in the context of their call."""
 
-    iserver: DooredServer
+    iserver: GuardedServer
 
     async def call(self, params: list[ua.CallMethodRequest]) -> list[ua.CallMethodResult]:
         """Call methods."""

@@ -12,7 +12,6 @@ import socket
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
-from itertools import count
 from types import MappingProxyType
 from typing import Any, NamedTuple, get_type_hints
 
@@ -20,7 +19,13 @@ from asyncua import ua
 
 from runtime.devices.clock import SystemClock
 from runtime.plc.address_space import TYPES, AddressSpace, Argument, Method
-from runtime.plc.admission import MOST_MESSAGE_BYTES, DooredServer, ListeningServer, Session, caller
+from runtime.plc.admission import (
+    MOST_MESSAGE_BYTES,
+    GuardedServer,
+    ListeningServer,
+    Session,
+    caller,
+)
 from runtime.plc.certificates import Identity, Trust
 from runtime.plc.exchange import Exchange
 from runtime.plc.handshake import Error
@@ -29,11 +34,10 @@ from runtime.plc.server import PlcServer
 from runtime.plc.station import Glance
 from runtime.plc.vision import Job, Result, VisionState, waits
 
-BEAT_S = 0.5  # between two beats of a master whose session is alive
 CLOSING_S = 5.0  # for connections to be closed at the end
 LONGEST_TEXT = 100  # of an argument
 NO_TABLE = 0xFFFF  # in the register `table`: no recipe is prepared
-BARE_URI = "urn:squeezetree:grasp-runtime"  # of an application without a certificate
+BARE_URI = "urn:squeezetree:grasp-runtime"  # of the product, and of a server without a certificate
 DONE = (0, "")  # outputs `error` and `message` of a command that was carried out
 REASONS = MappingProxyType(
     {
@@ -64,7 +68,7 @@ class OpcUaServer(PlcServer):
 
     Args:
         listener: the socket.
-        exchange: between the server and the run.
+        exchange: between the server and the run; its station needs no heartbeat, a session has its own.
         clock: of real time.
         panel: what is shown.
         security: of the endpoint, None for a bare one.
@@ -81,7 +85,6 @@ class OpcUaServer(PlcServer):
         super().__init__(exchange, clock)
         self._listener, self._panel, self._security = listener, panel, security
         self._master: Session | None = None
-        self._beats = count(1)
         self._jobs = 0
         self._begun = clock.stamp()
         self._glances: deque[Glance] = deque()
@@ -98,10 +101,9 @@ class OpcUaServer(PlcServer):
         self.started()
         try:
             async with asyncio.TaskGroup() as group:
-                tasks = [group.create_task(each()) for each in (self._follow, self._keep_beating)]
+                following = group.create_task(self._follow())
                 await stop.wait()
-                for task in tasks:
-                    task.cancel()
+                following.cancel()
         finally:
             self.exchange.watch = lambda _: None
             with suppress(TimeoutError):
@@ -109,10 +111,12 @@ class OpcUaServer(PlcServer):
 
     async def _configured(self) -> ListeningServer:
         security = self._security
-        internal = DooredServer(None if security is None else security.trust, self._leave)
+        internal = GuardedServer(None if security is None else security.trust, self._leave)
         server = ListeningServer(iserver=internal)
+        server.name, server.manufacturer_name = "squeezetree grasp-runtime", "squeezetree"
+        server.product_uri = BARE_URI
+        server.application_type = ua.ApplicationType.Server
         await server.init()
-        server.set_server_name("squeezetree grasp-runtime")
         host, port = self._listener.getsockname()[:2]
         server.set_endpoint(f"opc.tcp://{f'[{host}]' if ':' in host else host}:{port}/")
         await server.set_application_uri(BARE_URI if security is None else security.identity.uri)
@@ -135,22 +139,12 @@ class OpcUaServer(PlcServer):
         if self._master is None:
             self._master = session
             self.exchange.connect()
-            self._beat()
         return self._master is session
 
     def _leave(self, session: Session) -> None:
         if self._master is session:
             self._master = None
             self.exchange.disconnect()
-
-    def _beat(self) -> None:
-        self.exchange.put({"heartbeat_in": next(self._beats) & 0xFFFF})
-
-    async def _keep_beating(self) -> None:
-        while True:
-            await asyncio.sleep(BEAT_S)
-            if self._master is not None:
-                self._beat()
 
     # -- what is shown --------------------------------------------------------------------------------
 

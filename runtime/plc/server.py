@@ -38,11 +38,19 @@ class PlcServer(ABC):
             raise self._failure
 
     def __enter__(self) -> Self:
+        self._loop, self._stop = asyncio.new_event_loop(), asyncio.Event()
         self._thread.start()
-        if not self._started.wait(STARTING_S):
-            raise TimeoutError(f"the server for the PLC does not answer within {STARTING_S:g} s")
-        self.check()
+        try:
+            self._await_started()
+        except BaseException:  # a stop request, too
+            self.__exit__()
+            raise
         return self
+
+    def _await_started(self) -> None:
+        if not self._started.wait(STARTING_S):
+            raise TimeoutError(f"the PLC's server does not answer within {STARTING_S:g} s")
+        self.check()
 
     def __exit__(self, *_: object) -> None:
         with suppress(RuntimeError):  # it has ended by itself
@@ -53,13 +61,10 @@ class PlcServer(ABC):
         # Stop requests are the main thread's: a signal that this one took would not wake it.
         signal.pthread_sigmask(signal.SIG_BLOCK, {*interrupts.SIGNALS, signal.SIGALRM})
         try:
-            asyncio.run(self._begin())
+            with asyncio.Runner(loop_factory=lambda: self._loop) as runner:
+                runner.run(self.serve(self._stop))
         except BaseException as error:  # is the main thread's
             self._failure = error
             self.exchange.disconnect()
         finally:
             self._started.set()
-
-    async def _begin(self) -> None:
-        self._loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
-        await self.serve(self._stop)

@@ -127,7 +127,6 @@ STOP_REASONS: Mapping[int, str] = MappingProxyType(
         24: "journal not written",
         25: "run given up",
         40: "stop request",
-        Error.HEARTBEAT.value: "server stood still",
         Error.CONNECTION_LOST.value: "connection of the master lost",
     }
 )
@@ -141,8 +140,8 @@ def stop_reason(before: Glance, after: Glance) -> int | None:
     if entered not in stops or left is entered or left is VisionState.ERROR:
         return None
     if entered is VisionState.PREOPERATIONAL:
-        lost = after.error_id in (Error.HEARTBEAT, Error.CONNECTION_LOST)
-        return int(after.error_id) if lost else 0
+        lost = Error.CONNECTION_LOST
+        return lost.value if after.error_id == lost else 0
     answer = after.answer if entered is VisionState.ERROR else before.answer
     return answer.exit_code
 

@@ -17,7 +17,6 @@ from supervisor import Passport, Supervisor, passport
 from runtime.cli import main
 from runtime.journal.chain import records, verify
 from runtime.journal.replay import Replay
-from runtime.plc import station
 from runtime.plc.certificates import CERTIFICATE, PINNED
 from runtime.plc.panel import AUTOMATIC, MACHINE, PACKML, RESULTS
 from runtime.table import dump, load
@@ -71,10 +70,8 @@ class Program(threading.Thread):
 def test_twenty_parts_have_the_results_that_are_printed_and_journalled(
     own: Passport,
     tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr(station, "HEARTBEAT_LIMIT_S", 1e6)  # of a machine that may be busy
     tree, journal = ROOT / "trees" / "rectangle" / "rectangle.msgpack", tmp_path / "j"
     port = free_port()
     program = Program(port, own)

@@ -18,7 +18,7 @@ from supervisor import Passport, Supervisor, passport
 from vision_chart import LOCATED, OFFERS
 
 from runtime.devices.clock import SystemClock
-from runtime.plc import station
+from runtime.plc import admission
 from runtime.plc.certificates import PINNED, Trust, identity_in
 from runtime.plc.exchange import Exchange
 from runtime.plc.handshake import Error
@@ -45,19 +45,11 @@ class Served:
         return Supervisor(self.port, self.own)
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _patient() -> Iterator[None]:
-    """A server thread of a machine that may be busy."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(station, "HEARTBEAT_LIMIT_S", 1e6)
-        yield
-
-
 @pytest.fixture(scope="module")
 def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     """One server for all tests, since it loads a large address space; each test leaves it as it was."""
     folder = tmp_path_factory.mktemp("opcua")
-    exchange, clock = Exchange(Station((1, 2)), SystemClock()), SystemClock()
+    exchange, clock = Exchange(Station((1, 2), beats=False), SystemClock()), SystemClock()
     panel = Panel(OFFERS, Configuration("gripper.json", "c" * 64), exchange.glance)
     security = Security(identity_in(folder), Trust(folder / PINNED, None))
     with socket.create_server(("127.0.0.1", 0)) as listener:
@@ -220,6 +212,18 @@ def test_master_that_vanishes_loses_neither_part_nor_result(served: Served) -> N
         assert refused[1] == Error.NOT_ENABLED
         assert served.exchange.order is None
         assert second.call(f"{RESULTS}/GetResultById", job)[1] == job  # also once it is released
+
+
+@pytest.mark.slow
+def test_master_that_falls_silent_is_master_no_longer(served: Served) -> None:
+    with served.supervisor() as silent, served.supervisor() as other:
+        silent.begin("one")
+        with pytest.raises(ua.uaerrors.BadUserAccessDenied):
+            other.call(f"{MACHINE}/Reset")
+        silent._loop.call_soon_threadsafe(time.sleep, admission.SESSION_S + 5)
+        other.until(f"{MACHINE}/AutomaticSelected", False)
+        assert other[f"{MACHINE}/ErrorId"] == Error.CONNECTION_LOST
+        assert other.call(f"{MACHINE}/Reset") == [0, ""]
 
 
 def test_fault_is_an_error_until_it_is_confirmed(served: Served, line: Supervisor) -> None:

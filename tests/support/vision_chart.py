@@ -21,7 +21,7 @@ class Line:
     """A server that listens to nobody: its methods are called from here, and parts end when asked to."""
 
     def __init__(self, listener: socket.socket, *, digests: tuple[int, ...] = (1, 2)) -> None:
-        self.exchange = Exchange(Station(digests), clock := SystemClock())
+        self.exchange = Exchange(Station(digests, beats=False), clock := SystemClock())
         self.panel = Panel(OFFERS, Configuration("linear map", ""), self.exchange.glance)
         self.exchange.watch = self.panel.see
         self.server = OpcUaServer(listener, self.exchange, clock, self.panel, None)
