@@ -1,12 +1,13 @@
 """A PLC as the master of a run: which options go with it, and how each ending reaches the PLC."""
 
+import asyncio
 import json
 import os
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,8 +21,7 @@ from runtime.commands import options, plc
 from runtime.commands.arguments import parser
 from runtime.commands.recipe import prepare
 from runtime.errors import ArgumentsError, JournalError
-from runtime.execution import crash, session
-from runtime.execution.events import Tally
+from runtime.execution import crash
 from runtime.journal.chain import Journal, records
 from runtime.journal.replay import Replay
 from runtime.monitoring.live.server import Address, listening
@@ -340,15 +340,13 @@ def test_enable_withdrawn_before_the_run_looks_at_it_ends_the_part(
     tmp_path: Path, tree: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A busy controller: trigger and withdrawal are both there when the run first looks."""
-    made, withdrawn, ending = fake_cell([AT_21]), threading.Event(), session.ending
+    made, withdrawn, note = fake_cell([AT_21]), threading.Event(), plc.ForPlc.note
 
-    @contextmanager
-    def late(journal: Journal) -> Iterator[Tally]:
+    def late(monitor: plc.ForPlc, sentence: str) -> None:
+        note(monitor, sentence)
         withdrawn.wait(30)
-        with ending(journal) as tally:
-            yield tally
 
-    monkeypatch.setattr(session, "ending", late)
+    monkeypatch.setattr(plc.ForPlc, "note", late)  # that a PLC may connect, the first of them
 
     def program(client: TcpPlc) -> None:
         client.enable()
@@ -477,6 +475,26 @@ def test_change_of_the_table_ends_a_run_and_begins_another(tmp_path: Path, tree:
         "trigger",
         "end",
     ]
+
+
+@pytest.mark.parametrize("starts", [True, False])
+def test_server_that_fails_ends_the_run_and_its_journal(
+    starts: bool, tmp_path: Path, tree: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def failing(server: plc.ModbusServer, stop: asyncio.Event) -> None:
+        if starts:
+            server.started()
+        server._listener.close()
+        raise OSError("no descriptor is left")
+
+    monkeypatch.setattr(plc.ModbusServer, "serve", failing)
+    monkeypatch.setattr(TcpPlc, "__init__", lambda *_: None)
+    monkeypatch.setattr(TcpPlc, "close", lambda _: None)
+    running = Running(tmp_path, fake_cell([]), tree)
+    with pytest.raises(OSError, match="no descriptor"):
+        running.run(lambda _: None)
+    end = running.kept()[-1]
+    assert (end["kind"], end["parts"]) == ("end", 0)
 
 
 def test_tables_for_different_grippers_are_refused(tmp_path: Path, tree: Path) -> None:
