@@ -2,13 +2,14 @@
 
 import queue
 import threading
-from contextlib import suppress
-from math import degrees
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from math import degrees, nan
 
 from runtime.devices.clock import SystemClock
 from runtime.plc.handshake import State
 from runtime.plc.registers import OUTCOMES, UNKNOWN
-from runtime.plc.station import FAULT, Answer, Order, Refusal, Station
+from runtime.plc.station import FAULT, Answer, Glance, Order, Refusal, Station
 from runtime.table import Leaf, Table
 from runtime.traversal.results import Outcome, PartResult
 
@@ -21,12 +22,20 @@ _CODES = {
 
 
 class Exchange:
-    """A station that two threads use; heartbeats are in the seconds of `clock`, which is a real one."""
+    """A station that two threads use; heartbeats are in the seconds of `clock`, which is a real one.
+
+    Attributes:
+        watch: is called with each new glance, in their order and by the thread that brought it about; it
+            must not wait.
+        connected: whether there is a client that may write.
+    """
 
     def __init__(self, station: Station, clock: SystemClock) -> None:
         self._station, self._clock = station, clock
         self._lock = threading.Lock()
-        self.connected = False  # whether there is a client that may write
+        self._seen = station.glance
+        self.watch: Callable[[Glance], None] = lambda _: None
+        self.connected = False
         # Waited on in place of a condition: a stop request may end the wait, and must leave no lock behind.
         self._news: queue.SimpleQueue[None] = queue.SimpleQueue()
 
@@ -34,16 +43,30 @@ class Exchange:
 
     def read(self, address: int, count: int) -> list[int] | Refusal:
         """As `Station.read`."""
-        with self._lock:
-            return self._station.read(address, count, self._clock.now())
+        with self._step() as station:
+            return station.read(address, count, self._clock.now())
 
     def write(self, address: int, values: list[int]) -> Refusal | None:
         """As `Station.write`."""
-        with self._lock:
-            refusal = self._station.write(address, values, self._clock.now())
-        if self._news.empty():
-            self._news.put(None)
+        with self._step() as station:
+            refusal = station.write(address, values, self._clock.now())
+        self._wake()
         return refusal
+
+    def put(self, *steps: Mapping[str, int]) -> Glance:
+        """As `Station.put`, several times with nothing in between; returns what there is to see then."""
+        with self._lock:
+            for changes in steps:
+                self._station.put(changes, self._clock.now())
+                self._look()
+            seen = self._seen
+        self._wake()
+        return seen
+
+    def confirm(self) -> None:
+        """As `Station.confirm`."""
+        with self._step() as station:
+            station.confirm()
 
     def connect(self) -> None:
         """A client may write from now on."""
@@ -51,10 +74,10 @@ class Exchange:
 
     def disconnect(self) -> None:
         """As `Station.disconnect`."""
-        with self._lock:
-            self._station.disconnect()
+        with self._step() as station:
+            station.disconnect()
         self.connected = False
-        self._news.put(None)
+        self._wake()
 
     # -- the run's side -------------------------------------------------------------------------------
 
@@ -71,6 +94,12 @@ class Exchange:
             return self._station.enabled
 
     @property
+    def glance(self) -> Glance:
+        """As `Station.glance`."""
+        with self._lock:
+            return self._station.glance
+
+    @property
     def state(self) -> State:
         """Where the handshake stands."""
         with self._lock:
@@ -83,21 +112,37 @@ class Exchange:
 
     def finish(self, answer: Answer, seconds: float | None = None) -> None:
         """As `Station.finish`; nothing without a part under way."""
-        with self._lock:
-            if self._station.order is not None:
-                self._station.finish(answer, seconds)
+        with self._step() as station:
+            if station.order is not None:
+                station.finish(answer, seconds)
 
     def end(self) -> None:
         """As `Station.end`."""
+        with self._step() as station:
+            station.end()
+
+    @contextmanager
+    def _step(self) -> Iterator[Station]:
         with self._lock:
-            self._station.end()
+            yield self._station
+            self._look()
+
+    def _look(self) -> None:
+        if (glance := self._station.glance) != self._seen:
+            self._seen = glance
+            self.watch(glance)
+
+    def _wake(self) -> None:
+        if self._news.empty():
+            self._news.put(None)
 
 
 def answer_of(table: Table, result: PartResult) -> Answer:
     """A part's result in the units of the registers."""
     outcome = _CODES.get(result.outcome, FAULT)
+    seconds = nan if result.seconds is None else result.seconds
     if result.outcome is not Outcome.LEAF or result.leaf is None:
-        return Answer(outcome, result.exit_code)
+        return Answer(outcome, result.exit_code, seconds=seconds)
     leaf = table.leaves[result.leaf]
     part, face = _part_and_face(table, leaf)
     return Answer(
@@ -110,6 +155,7 @@ def answer_of(table: Table, result: PartResult) -> Answer:
         face,
         _error(leaf, leaf.error_median_um),
         _error(leaf, leaf.error_p95_um),
+        seconds,
     )
 
 
@@ -117,11 +163,16 @@ def _error(leaf: Leaf, error_um: int) -> int:
     return min(error_um, UNKNOWN) if leaf.trials else UNKNOWN
 
 
+def parts_of(table: Table) -> list[str]:
+    """Names of the parts, in the job's order; none where the table is of one part."""
+    names = (hypothesis.name.removesuffix(TURNED_OVER) for hypothesis in table.hypotheses)
+    return list(dict.fromkeys(names))
+
+
 def _part_and_face(table: Table, leaf: Leaf) -> tuple[int, int]:
     """Number of the part among those of the job, and which face it lies on."""
     if not table.hypotheses:
         return 0, 0
-    names = [hypothesis.name for hypothesis in table.hypotheses]
-    parts = list(dict.fromkeys(name.removesuffix(TURNED_OVER) for name in names))
-    name = names[leaf.hypothesis]
-    return parts.index(name.removesuffix(TURNED_OVER)), int(name.endswith(TURNED_OVER))
+    name = table.hypotheses[leaf.hypothesis].name
+    part = parts_of(table).index(name.removesuffix(TURNED_OVER))
+    return part, int(name.endswith(TURNED_OVER))

@@ -6,12 +6,10 @@ and drops what a client sends ahead of an answer, so frames are cut here.
 
 import asyncio
 import logging
-import signal
 import socket
 import struct
-import threading
 from collections.abc import Coroutine
-from typing import Any, Self, cast
+from typing import Any, cast
 
 from pymodbus.constants import ExcCodes
 from pymodbus.framer import FramerSocket
@@ -19,8 +17,8 @@ from pymodbus.pdu import DecodePDU, ExceptionResponse, ModbusPDU
 
 from runtime.devices.clock import SystemClock
 from runtime.plc.exchange import Exchange
+from runtime.plc.server import PlcServer
 from runtime.plc.station import Refusal
-from runtime.shell import interrupts
 
 HEADER = struct.Struct(
     ">HHH"
@@ -46,25 +44,14 @@ LENGTHS = {
 logging.getLogger("pymodbus.logging").setLevel(logging.CRITICAL)  # of frames by anybody
 
 
-class ModbusServer:
-    """Serves an exchange on a socket that listens, which it closes; leaving the context ends both."""
+class ModbusServer(PlcServer):
+    """Serves an exchange on a socket that listens."""
 
     def __init__(self, listener: socket.socket, exchange: Exchange, clock: SystemClock) -> None:
-        self.exchange, self.clock = exchange, clock
+        super().__init__(exchange, clock)
         self._listener = listener
         self._connections: list[Connection] = []
         self._writer: Connection | None = None
-        self._started = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="modbus", daemon=True)
-
-    def __enter__(self) -> Self:
-        self._thread.start()
-        self._started.wait()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._loop.call_soon_threadsafe(self._stop.set)
-        self._thread.join()
 
     def enter(self, connection: "Connection") -> bool:
         """A connection begins; False where there are too many."""
@@ -96,16 +83,12 @@ class ModbusServer:
         self._writer = connection
         self.exchange.connect()
 
-    def _run(self) -> None:
-        # Stop requests are the main thread's: a signal that this one took would not wake it.
-        signal.pthread_sigmask(signal.SIG_BLOCK, {*interrupts.SIGNALS, signal.SIGALRM})
-        asyncio.run(self._serve())
-
-    async def _serve(self) -> None:
-        self._loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
-        self._started.set()
-        server = await self._loop.create_server(lambda: Connection(self), sock=self._listener)
-        await self._stop.wait()
+    async def serve(self, stop: asyncio.Event) -> None:
+        """As `PlcServer.serve`; connections wait in the listener's queue until then."""
+        loop = asyncio.get_running_loop()
+        server = await loop.create_server(lambda: Connection(self), sock=self._listener)
+        self.started()
+        await stop.wait()
         server.close()
         for connection in tuple(self._connections):
             connection.close()

@@ -5,6 +5,7 @@ No sockets, no threads; times come from outside.
 
 from collections.abc import Callable, Mapping, Sequence
 from enum import IntEnum
+from math import nan
 from typing import NamedTuple
 
 from runtime.plc.counters import Counters
@@ -40,6 +41,7 @@ class Answer(NamedTuple):
     face: int = 0
     expected_error: int = 0
     expected_error_p95: int = 0
+    seconds: float = nan  # from the part's first motion to its outcome; no register holds it
 
 
 EMPTY = Answer()
@@ -48,12 +50,27 @@ _ADDRESSES = {register.address: register for register in WRITTEN}
 _BLOCKS = tuple((block[0].address, block) for block in (WRITTEN, READ))
 
 
+class Glance(NamedTuple):
+    """What there is to see of a station at one moment."""
+
+    state: State
+    order: Order | None
+    result_id: int
+    answer: Answer
+    enabled: bool
+    ended: bool  # whether no trigger is accepted any more
+    error_id: int
+    table: int | None  # number of the table that the next trigger uses, None where it names none
+    in_use: int  # number of the table of the last accepted trigger
+
+
 class Station:
     """The registers of one PLC and its handshake.
 
     Args:
         digests: of each table, the first four bytes.
         takt_s: within which parts should be done; None: nobody asks.
+        beats: whether the PLC has to keep `heartbeat_in` moving.
 
     Attributes:
         state: where the handshake stands.
@@ -62,12 +79,14 @@ class Station:
         error_id: an `Error`, or the exit code of a fault.
     """
 
-    def __init__(self, digests: Sequence[int], takt_s: float | None = None) -> None:
+    def __init__(
+        self, digests: Sequence[int], takt_s: float | None = None, *, beats: bool = True
+    ) -> None:
         self.state = State.READY
         self.order: Order | None = None
         self.enabled = False
         self.error_id = 0
-        self._digests = digests
+        self._digests, self._beats = digests, beats
         self._written = dict.fromkeys((register.name for register in WRITTEN), 0)
         self._in_use = 0  # number of a table
         self._result_id, self._answer = 0, EMPTY
@@ -84,7 +103,6 @@ class Station:
             values: one word each.
             now: seconds of a clock that never goes back.
         """
-        self.tick(now)
         changes: dict[str, int] = {}
         for place, value in enumerate(values, address):
             register = _ADDRESSES.get(place)
@@ -93,6 +111,12 @@ class Station:
             if not 0 <= value <= register.greatest:
                 return Refusal.VALUE
             changes[register.name] = value
+        self.put(changes, now)
+        return None
+
+    def put(self, changes: Mapping[str, int], now: float) -> None:
+        """Write values by the names of their registers, which take them; times as for `write`."""
+        self.tick(now)
         before, self._written = self._written, {**self._written, **changes}
         if self._written["heartbeat_in"] != before["heartbeat_in"]:
             self._beat_s, self._standing = now, False
@@ -100,7 +124,6 @@ class Station:
             self._enable(wanted=changes["enable"] == 1, now=now)
         self._edge(before, "result_acknowledge", lambda: Event.ACKNOWLEDGE, Event.ACKNOWLEDGE_BACK)
         self._edge(before, "trigger", self._trigger, Event.TRIGGER_BACK)
-        return None
 
     def read(self, address: int, count: int, now: float) -> list[int] | Refusal:
         """Read words of one of the two blocks."""
@@ -120,7 +143,7 @@ class Station:
 
     def tick(self, now: float) -> None:
         """End enabling where the PLC's heartbeat has stood still for too long."""
-        if self.enabled and now - self._beat_s > HEARTBEAT_LIMIT_S:
+        if self.enabled and self._beats and now - self._beat_s > HEARTBEAT_LIMIT_S:
             self._standing = True
             self._disable(Error.HEARTBEAT)
 
@@ -143,9 +166,33 @@ class Station:
         if answer.outcome == FAULT:
             self.error_id = answer.exit_code
 
+    def confirm(self) -> None:
+        """Clear `error_id`."""
+        self.error_id = Error.NONE
+
+    @property
+    def glance(self) -> Glance:
+        """What there is to see now, as far as the last access tells."""
+        return Glance(
+            self.state,
+            self.order,
+            self._result_id,
+            self._answer,
+            self.enabled,
+            self._ended,
+            self.error_id,
+            self._table,
+            self._in_use,
+        )
+
     def end(self) -> None:
         """No trigger is accepted from now on."""
         self._ended = True
+
+    @property
+    def _table(self) -> int | None:
+        table = self._written["table"]
+        return table if table < len(self._digests) else None
 
     def _enable(self, *, wanted: bool, now: float) -> None:
         if wanted and not self.enabled:
@@ -171,7 +218,7 @@ class Station:
             return Event.TRIGGER_AFTER_END
         if not self.enabled:
             return Event.TRIGGER_DISABLED
-        if self._written["table"] >= len(self._digests):
+        if self._table is None:
             return Event.TRIGGER_UNKNOWN_TABLE
         return Event.TRIGGER
 

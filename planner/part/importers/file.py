@@ -80,7 +80,7 @@ def read_contours(path: Path, options: Options) -> list[Contour]:
     """All contours of a drawing, in the order of their numbers, to choose one from.
 
     Raises:
-        PlannerError: as `read_outline`.
+        InputError: as `read_outline`.
     """
     with _pieces(path, options) as pieces, _noted(pieces):
         return contours.contours(pieces, options.tolerance_mm, str(path))[0]

@@ -135,8 +135,7 @@ def test_wrong_input_is_reported_in_one_line(tree, tmp_path, capsys):
     damaged.write_bytes(tree.read_bytes()[:-1])
     wrong = {
         2: [(tree, full), (tree, tree), (tree, tree / "below"), (tree, Path("/proc/none"))],
-        3: [(tmp_path / "none.msgpack", tmp_path / "o"), (tmp_path, tmp_path / "o")],
-        30: [(damaged, tmp_path / "o")],
+        3: [(path, tmp_path / "o") for path in (tmp_path / "none.msgpack", tmp_path, damaged)],
     }
     for code, pairs in wrong.items():
         for table, out in pairs:

@@ -1,0 +1,70 @@
+"""What servers of an exchange share: an event loop in a thread of its own, and a deadline for its end."""
+
+import asyncio
+import signal
+import threading
+from abc import ABC, abstractmethod
+from contextlib import suppress
+from typing import Self
+
+from runtime.devices.clock import SystemClock
+from runtime.plc.exchange import Exchange
+from runtime.shell import interrupts
+
+STARTING_S = 60.0  # until a server answers, on a machine that is busy
+STOPPING_S = 10.0  # until its thread has ended; after that it is left behind
+
+
+class PlcServer(ABC):
+    """Serves an exchange; leaving the context ends the server and closes what it listens on."""
+
+    def __init__(self, exchange: Exchange, clock: SystemClock) -> None:
+        self.exchange, self.clock = exchange, clock
+        self._started = threading.Event()
+        self._failure: BaseException | None = None
+        self._thread = threading.Thread(target=self._run, name="plc", daemon=True)
+
+    @abstractmethod
+    async def serve(self, stop: asyncio.Event) -> None:
+        """Serve until it is asked to stop; `started` is called once clients are answered."""
+
+    def started(self) -> None:
+        """Clients are answered from now on."""
+        self._started.set()
+
+    def check(self) -> None:
+        """Raise what the server has ended with, if it has."""
+        if self._failure is not None:
+            raise self._failure
+
+    def __enter__(self) -> Self:
+        self._loop, self._stop = asyncio.new_event_loop(), asyncio.Event()
+        self._thread.start()
+        try:
+            self._await_started()
+        except BaseException:  # a stop request, too
+            self.__exit__()
+            raise
+        return self
+
+    def _await_started(self) -> None:
+        if not self._started.wait(STARTING_S):
+            raise TimeoutError(f"the PLC's server does not answer within {STARTING_S:g} s")
+        self.check()
+
+    def __exit__(self, *_: object) -> None:
+        with suppress(RuntimeError):  # it has ended by itself
+            self._loop.call_soon_threadsafe(self._stop.set)
+        self._thread.join(STOPPING_S)
+
+    def _run(self) -> None:
+        # Stop requests are the main thread's: a signal that this one took would not wake it.
+        signal.pthread_sigmask(signal.SIG_BLOCK, {*interrupts.SIGNALS, signal.SIGALRM})
+        try:
+            with asyncio.Runner(loop_factory=lambda: self._loop) as runner:
+                runner.run(self.serve(self._stop))
+        except BaseException as error:  # is the main thread's
+            self._failure = error
+            self.exchange.disconnect()
+        finally:
+            self._started.set()
