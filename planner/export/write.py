@@ -206,8 +206,7 @@ def _values(found: TableFile) -> dict[str, Any]:
     nodes, runs, leaves, alternatives = list[Row](), list[Row](), list[Row](), list[Row]()
     for node, decided in zip(table.nodes, maps_of(table), strict=True):
         own = runs_of(decided)
-        *motion, _clearance_um = node.squeeze
-        nodes.append((*motion, *node.let_go, len(runs), len(own)))
+        nodes.append((*node.squeeze.commands, *node.let_go, len(runs), len(own)))
         for flag, first, last, branch in own:
             held, target = int(holds(node, branch)), node.branches[branch].target
             runs.append((flag, first, last, held, target))

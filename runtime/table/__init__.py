@@ -79,75 +79,17 @@ from runtime.table.timing import (
 )
 from runtime.table.validation import validate
 
-__all__ = [
-    "ABOVE_MM",
-    "ARM_ACCELERATION_MM_S2",
-    "CLEAR_MM",
-    "COUNTS",
-    "HELD_UM",
-    "KINDS",
-    "LEAD_MM",
-    "MAX_BRANCHES",
-    "PPM",
-    "PROFILES",
-    "REJECT",
-    "UNDETECTED_UM",
-    "Area",
-    "Branch",
-    "Calibration",
-    "Covariance",
-    "GoalSpec",
-    "GripperSpec",
-    "Hypothesis",
-    "Leaf",
-    "LeafPose",
-    "Limits",
-    "Node",
-    "Phases",
-    "Place",
-    "Pose2",
-    "Prediction",
-    "Profile",
-    "Push",
-    "Schedule",
-    "Squeeze",
-    "Squeezed",
-    "Stand",
-    "Table",
-    "TableError",
-    "TableFile",
-    "TableFileError",
-    "Timing",
-    "Tolerance",
-    "Visit",
-    "by_count",
-    "close_alike",
-    "decide",
-    "decision_map",
-    "distance",
-    "dump",
-    "dumps",
-    "error_mm",
-    "hypotheses_of",
-    "job_of",
-    "load",
-    "loads",
-    "meets",
-    "misfits",
-    "names_table",
-    "phases_of",
-    "poses_of",
-    "predicted_pose",
-    "profile_of",
-    "refuted",
-    "residual",
-    "successes_of",
-    "takt_figures",
-    "threshold",
-    "time_of",
-    "trapezoid_s",
-    "wilson_interval",
-]
+__all__ = ["ABOVE_MM", "ARM_ACCELERATION_MM_S2", "CLEAR_MM", "COUNTS", "HELD_UM", "KINDS"]
+__all__ += ["LEAD_MM", "MAX_BRANCHES", "PPM", "PROFILES", "REJECT", "UNDETECTED_UM", "Area"]
+__all__ += ["Branch", "Calibration", "Covariance", "GoalSpec", "GripperSpec", "Hypothesis"]
+__all__ += ["Leaf", "LeafPose", "Limits", "Node", "Phases", "Place", "Pose2", "Prediction"]
+__all__ += ["Profile", "Push", "Schedule", "Squeeze", "Squeezed", "Stand", "Table", "TableError"]
+__all__ += ["TableFile", "TableFileError", "Timing", "Tolerance", "Visit", "by_count"]
+__all__ += ["close_alike", "decide", "decision_map", "distance", "dump", "dumps", "error_mm"]
+__all__ += ["hypotheses_of", "job_of", "load", "loads", "meets", "misfits", "names_table"]
+__all__ += ["phases_of", "poses_of", "predicted_pose", "profile_of", "refuted", "residual"]
+__all__ += ["successes_of", "takt_figures", "threshold", "time_of", "trapezoid_s"]
+__all__ += ["wilson_interval"]
 
 
 class TableFile(NamedTuple):

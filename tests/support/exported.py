@@ -90,8 +90,8 @@ def check_structured_text(
         outcome, index = told["outcome"], told["index"]
         assert (outcome, index, told["release_x_um"], told["release_y_um"]) == row[3:], row
         if outcome == NODE:
-            *motion, _clearance_um = table.nodes[index].squeeze
-            assert [told[name] for name in names[hand : hand + 6]] == motion
+            told_squeeze = tuple(told[name] for name in names[hand : hand + 6])
+            assert told_squeeze == table.nodes[index].squeeze.commands
         if outcome in (LEAF, UNRESOLVED):
             leaf = table.leaves[index]
             success = leaf.success_ppm if leaf.trials else -1
