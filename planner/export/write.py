@@ -206,8 +206,7 @@ def _values(file: TableFile) -> dict[str, Any]:
     nodes, runs, leaves, alternatives = list[Row](), list[Row](), list[Row](), list[Row]()
     for node, decided in zip(table.nodes, maps_of(table), strict=True):
         intervals = runs_of(decided)
-        *motion, _clearance_um = node.squeeze
-        nodes.append((*motion, *node.let_go, len(runs), len(intervals)))
+        nodes.append((*node.squeeze.commands, *node.let_go, len(runs), len(intervals)))
         for flag, first, last, branch in intervals:
             held, target = int(holds(node, branch)), node.branches[branch].target
             runs.append((flag, first, last, held, target))

@@ -71,7 +71,11 @@ class Section(NamedTuple):
     least: int = 1  # number of records, for each owner where there are such
     most: int = 1
     owner: Field | None = None  # the column that says to which node or leaf a record belongs
-    optional: bool = False  # absent where it has no records
+
+    @property
+    def optional(self) -> bool:
+        """Whether it is absent where it has no records."""
+        return self.name in OPTIONAL
 
     @property
     def fields(self) -> tuple[Field, ...]:
@@ -98,64 +102,17 @@ SECTIONS = (
     Section("goal", "when a part counts as located", GoalSpec),
     Section("limits", "what no motion may exceed", Limits),
     Section("predicted", "evaluation of the whole table", Prediction),
-    Section("nodes", "squeezes", Squeeze, "node", most=MAX_NODES),
-    Section(
-        "branches",
-        "outcomes of each squeeze",
-        Branch,
-        "branch",
-        most=MAX_BRANCHES,
-        owner=NODE,
-    ),
-    Section("leaves", "ends of the tree", Leaf, "leaf", most=MAX_LEAVES),
-    Section(
-        "alternatives",
-        "further poses of a leaf",
-        LeafPose,
-        "alternative",
-        least=0,
-        most=MAX_ALTERNATIVES,
-        owner=LEAF,
-    ),
-    Section(
-        "hypotheses",
-        "parts, if there are several",
-        Hypothesis,
-        "hypothesis",
-        least=2,
-        most=MAX_HYPOTHESES,
-        optional=True,
-    ),
-    Section(
-        "releases",
-        "where the hand drags a held part before it opens",
-        Place,
-        "release",
-        least=0,
-        owner=NODE,
-        optional=True,
-    ),
-    Section(
-        "pushes",
-        "pushes before a squeeze, in order",
-        Push,
-        "push",
-        least=0,
-        most=MAX_PUSHES,
-        owner=NODE,
-        optional=True,
-    ),
-    Section(
-        "contacts",
-        "first contact of a squeeze, if known",
-        dict,
-        "contact",
-        least=0,
-        owner=NODE,
-        optional=True,
-    ),
-    Section("job", "job, unless stripped", dict, optional=True),
+    Section("nodes", "squeezes", Squeeze, "node", 1, MAX_NODES),
+    Section("branches", "outcomes of each squeeze", Branch, "branch", 1, MAX_BRANCHES, NODE),
+    Section("leaves", "ends of the tree", Leaf, "leaf", 1, MAX_LEAVES),
+    Section("alternatives", "further poses", LeafPose, "alternative", 0, MAX_ALTERNATIVES, LEAF),
+    Section("hypotheses", "parts, if several", Hypothesis, "hypothesis", 2, MAX_HYPOTHESES),
+    Section("releases", "where a held part is dragged", Place, "release", 0, 1, NODE),
+    Section("pushes", "pushes before a squeeze, in order", Push, "push", 0, MAX_PUSHES, NODE),
+    Section("contacts", "first contact of a squeeze, if known", dict, "contact", 0, 1, NODE),
+    Section("job", "job, unless stripped", dict),
 )
+OPTIONAL = ("hypotheses", "releases", "pushes", "contacts", "job")
 FIELDS: dict[str, tuple[Field, ...]] = {
     "tool": (Field("tool", "name and version", 1, LONGEST, LINE),),
     "job_digest": (Field("job_digest", "SHA-256 of the job's text", 32, 32, "bytes"),),

@@ -78,6 +78,18 @@ class Squeeze(NamedTuple):
         """Where the hand closes."""
         return Place(self.x_um, self.y_um)
 
+    @property
+    def commands(self) -> tuple[int, int, int, int, int, int]:
+        """What a controller commands: place, angle, opening, speed and force."""
+        return (
+            self.x_um,
+            self.y_um,
+            self.angle_urad,
+            self.opening_um,
+            self.speed_um_s,
+            self.force_mn,
+        )
+
 
 class Push(NamedTuple):
     """One push: the hand comes down beside the part and goes straight on along its own x axis."""

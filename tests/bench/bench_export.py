@@ -2,7 +2,7 @@
 
     python tests/bench/bench_export.py [--parts ratchet ...] [--calls 10000000] [--repeat 2000]
 
-Not part of the gate. A part without a table in trees/ is compiled first and kept in `out/tables-11`;
+Not part of the gate. A part without a table in trees/ is compiled first, kept in `out/tables-11`;
 besides, a node with as many branches as may be. Vectors are compared with the runtime's decisions; with the
 C program of each of gcc and clang that is installed, under address and undefined-behaviour sanitizers, which
 also see `--calls` random calls; and with the structured text in the tests' interpreter. Measured are the

@@ -52,19 +52,7 @@ def tree(table: Table, outline: list[list[float]]) -> dict[str, Any]:
         "outline": outline,
         "opening": table.gripper.opening_um,
         "finger": [table.gripper.finger_length_um, table.gripper.finger_width_um],
-        "nodes": [
-            [
-                squeeze.x_um,
-                squeeze.y_um,
-                squeeze.angle_urad,
-                squeeze.opening_um,
-                squeeze.speed_um_s,
-                squeeze.force_mn,
-                node.branches,
-            ]
-            for node in table.nodes
-            for squeeze in [node.squeeze]
-        ],
+        "nodes": [[*node.squeeze.commands, node.branches] for node in table.nodes],
         "leaves": [
             [
                 leaf.x_um,
