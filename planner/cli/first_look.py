@@ -178,7 +178,7 @@ def _try(arguments: argparse.Namespace) -> None:
         figures["alike"] = [result.line() for result in alike(job)]
         if not arguments.json:
             print("".join(f"note: {line}\n" for line in figures["alike"]), end="", flush=True)
-        with _progress(arguments, course.unknown) as report:
+        with _progress(arguments, course.unknown) as report, shell.compiling():
             report("kernels", 0, 1)
             make(job, seed=0).squeeze((0.0, 0.0, 0.0))
         ready = time.monotonic()

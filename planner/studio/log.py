@@ -1,6 +1,7 @@
 """The log of a plan: lines of JSON, and between them what commands said in words."""
 
 import json
+import math
 from typing import Any, NamedTuple
 
 from planner.evaluation.shares import in_percent, shares_of
@@ -96,7 +97,11 @@ def _part(record: dict[str, Any]) -> dict[str, Any]:
         "outcome": str(record["outcome"]).upper(),
         "widths": ", ".join(f"{width:.2f}" for width in record["widths_mm"]),
         "place": where,
-        "angle": "" if pose is None else f"{pose['theta_rad'] * 57.29578:.1f}",
+        "angle": "" if pose is None else _degrees(pose["theta_rad"]),
         "error": "" if error is None else f"{error:.2f}",
         "within": record["within_goal"] is True,
     }
+
+
+def _degrees(rad: float) -> str:
+    return f"{round(math.degrees(rad), 1) + 0.0:.1f}"  # no turn is 0.0, not -0.0

@@ -17,7 +17,7 @@ from runtime.table import load
 ROOT = Path(__file__).parents[2]
 CODE = "import sys; from planner.cli.studio import main; sys.exit(main(sys.argv[1:]))"
 QUICK = {"radius": "2", "turn": "8", "budget": "2", "units": "mm"}
-DEADLINE_S = 200.0
+DEADLINE_S = 500.0  # kernels may have to be compiled first, on a busy machine
 
 
 class Studio:
@@ -53,6 +53,7 @@ def until(condition):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(600)
 def test_from_a_drawing_to_a_table_and_parts_though_the_studio_is_killed(tmp_path):
     studio = Studio(tmp_path)
     try:
