@@ -195,9 +195,9 @@ def _add_instead(group: argparse._ArgumentGroup) -> None:
     )
     group.add_argument(
         "--plc",
-        metavar="modbus-tcp://HOST:PORT",
-        help="a PLC is the master: serve its registers there, and run a part at each of its triggers "
-        "(tools/docs/plc.md); port 0 takes a free one and says which",
+        metavar="URL",
+        help="a PLC is the master: serve modbus-tcp://HOST:PORT, or opc.tcp://HOST:PORT (extra opcua), and "
+        "run a part at each of its triggers (tools/docs/plc.md); port 0 takes a free one and says which",
     )
     group.add_argument(
         "--plc-map",
@@ -206,9 +206,28 @@ def _add_instead(group: argparse._ArgumentGroup) -> None:
         help="print the registers of --plc, and start nothing",
     )
     group.add_argument(
+        "--plc-certificates",
+        type=Path,
+        metavar="FOLDER",
+        help="with opc.tcp: where the server makes its key and certificate, and pins the certificate of the "
+        "first client (default: JOURNAL.opcua, beside the journal)",
+    )
+    group.add_argument(
+        "--plc-trusted",
+        type=Path,
+        metavar="FOLDER",
+        help="with opc.tcp: let in the clients whose certificates are in there, in place of the first one",
+    )
+    group.add_argument(
+        "--plc-insecure",
+        action="store_true",
+        help="with opc.tcp: neither sign nor encrypt, and let in everybody",
+    )
+    group.add_argument(
         "--network",
         action="store_true",
-        help="with --serve, --plc: HOST may be another address than this machine's own; there is no password",
+        help="with --serve, --plc: HOST may be another address than this machine's own; there is no "
+        "password, and without opc.tcp no certificate either",
     )
 
 

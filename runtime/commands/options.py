@@ -47,6 +47,8 @@ def check_usage(arguments: argparse.Namespace) -> None:
         raise ArgumentsError(
             "--network is for --serve and --plc; leave it out, or name an address with one of them"
         )
+    if arguments.plc is None and (given := plc_options(arguments)):
+        raise ArgumentsError(f"{given[0]} is for --plc opc.tcp; leave it out, or add --plc")
     if arguments.put_down and (arguments.check or arguments.dry_run or arguments.jaws_empty):
         raise ArgumentsError(
             "--put-down moves what is held; leave out --check, --dry-run and --jaws-empty"
@@ -85,6 +87,12 @@ def check_usage(arguments: argparse.Namespace) -> None:
         raise ArgumentsError(
             "--time-scale and --world are for --port sim; a real cell has its own time and world"
         )
+
+
+def plc_options(arguments: argparse.Namespace) -> list[str]:
+    """The options of `--plc opc.tcp` that were given."""
+    names = ("plc_certificates", "plc_trusted", "plc_insecure")
+    return [f"--{name.replace('_', '-')}" for name in names if getattr(arguments, name)]
 
 
 def _check_virtual(arguments: argparse.Namespace) -> None:

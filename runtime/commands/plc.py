@@ -4,13 +4,18 @@ Parts are run as without it; only what begins the next one is the PLC's trigger.
 """
 
 import argparse
+import hashlib
+import socket
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, suppress
+from importlib.util import find_spec
 from math import inf
 from urllib.parse import urlsplit
 
 from drivers.ports import Scene
 from runtime.commands.arguments import parser
+from runtime.commands.options import plc_options
 from runtime.commands.recipe import Recipe
 from runtime.devices.clock import SystemClock
 from runtime.errors import ArgumentsError, StoppedError, exit_code_of
@@ -21,14 +26,16 @@ from runtime.journal.chain import Journal
 from runtime.monitoring.live import server
 from runtime.monitoring.live.server import Address
 from runtime.monitoring.monitor import Monitor, Views, notify
-from runtime.plc.exchange import Exchange, answer_of
+from runtime.plc.exchange import Exchange, answer_of, parts_of
 from runtime.plc.handshake import OPEN, State
 from runtime.plc.modbus import ModbusServer
+from runtime.plc.panel import Configuration, Offer, Panel
+from runtime.plc.server import PlcServer
 from runtime.plc.station import FAULT, Answer, Station
 from runtime.shell import interrupts
 from runtime.traversal.results import Outcome, PartResult
 
-SCHEME = "modbus-tcp"
+MODBUS, OPC_UA = "modbus-tcp", "opc.tcp"
 WAKE_S = 2.0  # between two words to the service manager
 ENDING_S = 5.0  # for a PLC to end the handshake of the last part
 FAREWELL_S = 3.0  # the same where a stop request or an error ends the run
@@ -57,15 +64,30 @@ def check(arguments: argparse.Namespace) -> Address:
             option = f"--{name.replace('_', '-')}"
             raise ArgumentsError(f"{option} {reason}; leave it out, or leave out --plc")
     scheme, _, place = arguments.plc.partition("://")
-    if scheme != SCHEME or not place or urlsplit(f"//{place}").path:
-        raise ArgumentsError(f"--plc {arguments.plc}: write {SCHEME}://127.0.0.1:PORT")
+    if scheme not in (MODBUS, OPC_UA) or not place or urlsplit(f"//{place}").path:
+        raise ArgumentsError(
+            f"--plc {arguments.plc}: write {MODBUS}://127.0.0.1:PORT or {OPC_UA}://127.0.0.1:PORT"
+        )
     address = server.parse(place, "--plc")
     if not (arguments.network or server.is_loopback(address.host)):
         raise ArgumentsError(
             f"--plc {arguments.plc}: there is no password, and whoever reaches that address may trigger "
             "motions; add --network if nothing but the cell's own network does"
         )
+    _check_security(arguments, scheme)
     return address
+
+
+def _check_security(arguments: argparse.Namespace, scheme: str) -> None:
+    given = plc_options(arguments)
+    if scheme == MODBUS and given:
+        raise ArgumentsError(f"{given[0]} is for {OPC_UA}; leave it out with {MODBUS}")
+    if arguments.plc_insecure and len(given) > 1:
+        raise ArgumentsError(f"--plc-insecure uses no certificates; leave it out, or {given[0]}")
+    if scheme == OPC_UA and find_spec("asyncua") is None:
+        raise ArgumentsError(
+            f"--plc {OPC_UA} needs asyncua; install squeezetree[opcua]; in a clone: pip install '.[opcua]'"
+        )
 
 
 class ForPlc(Monitor):
@@ -89,8 +111,8 @@ class PlcRun:
     Args:
         recipes: the tables, by their numbers.
         monitors: of each table.
-        server: of the registers.
-        address: where it listens.
+        server: what the PLC speaks with.
+        url: where it listens.
         count: of parts in all, None for no end.
     """
 
@@ -98,14 +120,14 @@ class PlcRun:
         self,
         recipes: Sequence[Recipe],
         monitors: Sequence[Monitor],
-        server: ModbusServer,
-        address: Address,
+        server: PlcServer,
+        url: str,
         count: int | None,
     ) -> None:
         self.recipes = recipes
         self.monitor = monitors[0]  # the one that has views
         self._monitors, self._server, self._exchange = monitors, server, server.exchange
-        self._clock, self._address, self._count = server.clock, address, count
+        self._clock, self._url, self._count = server.clock, url, count
         self._parts = 0
         self._stopped = False  # whether a stop request ended a part
 
@@ -117,14 +139,16 @@ class PlcRun:
         Raises:
             Exception: any error but those that a part ends with; a part under way ends with its code.
         """
-        self.monitor.note(f"a PLC may connect at {SCHEME}://{self._address}")
-        with self._server:
-            return self._run(cell, scene, activate=activate)
+        with ExitStack() as stack:
+            return self._run(cell, scene, stack, activate=activate)
 
-    def _run(self, cell: Cell, scene: Scene | None, *, activate: bool) -> int:
+    def _run(self, cell: Cell, scene: Scene | None, stack: ExitStack, *, activate: bool) -> int:
         journal, number = cell.journal, 0
         try:
             with session.ending(journal) as tally:
+                with interrupts.stoppable():
+                    stack.enter_context(self._server)
+                self.monitor.note(f"a PLC may connect at {self._url}")
                 while not self._exchange.enabled:  # the fingers may sweep before the first part
                     if not self._ended_withdrawn():
                         self._wait()
@@ -200,16 +224,18 @@ class PlcRun:
     def _wait(self, seconds: float = inf) -> None:
         with interrupts.stoppable():
             self._exchange.wait(min(seconds, WAKE_S))
+        self._server.check()
         notify("WATCHDOG=1")
 
 
 def opened(
     arguments: argparse.Namespace, recipes: Sequence[Recipe], views: Views, stack: ExitStack
 ) -> PlcRun:
-    """Listen where `--plc` says, which `stack` ends; registers are served once the run begins.
+    """Listen where `--plc` says, which `stack` ends; clients are answered once the run begins.
 
     Raises:
         ArgumentsError: nothing can listen there, or the tables are for different grippers.
+        KeyFileError: a key or certificate of an OPC UA server is refused.
     """
     first = recipes[0]
     for recipe in recipes:
@@ -219,11 +245,56 @@ def opened(
             )
     address, clock = check(arguments), SystemClock()
     listener = stack.enter_context(server.listening(address, "--plc"))
-    exchange = Exchange(Station([int(recipe.loaded.digest[:8], 16) for recipe in recipes]), clock)
+    scheme = arguments.plc.partition("://")[0]
+    digests = [int(recipe.loaded.digest[:8], 16) for recipe in recipes]
+    exchange = Exchange(Station(digests, beats=scheme == MODBUS), clock)
     monitors = [
         ForPlc(recipe, views if recipe is first else Views(), exchange) for recipe in recipes
     ]
-    place = Address(address.host, listener.getsockname()[1])
-    return PlcRun(
-        recipes, monitors, ModbusServer(listener, exchange, clock), place, arguments.count
+    served = (
+        ModbusServer(listener, exchange, clock)
+        if scheme == MODBUS
+        else _opc_ua(arguments, recipes, listener, exchange, clock)
     )
+    place = Address(address.host, listener.getsockname()[1])
+    return PlcRun(recipes, monitors, served, f"{scheme}://{place}", arguments.count)
+
+
+def _opc_ua(
+    arguments: argparse.Namespace,
+    recipes: Sequence[Recipe],
+    listener: socket.socket,
+    exchange: Exchange,
+    clock: SystemClock,
+) -> PlcServer:
+    from runtime.plc import certificates, opcua  # with a library that no other run has to load
+
+    journal = arguments.journal
+    folder = arguments.plc_certificates or journal.with_name(f"{journal.name}.opcua")
+    security = None
+    if not arguments.plc_insecure:
+        trusted = arguments.plc_trusted
+        trust = certificates.Trust(folder / certificates.PINNED, trusted)
+        security = opcua.Security(certificates.identity_in(folder), trust)
+    panel = Panel(_offers(recipes), _configuration(arguments), exchange.glance)
+    return opcua.OpcUaServer(listener, exchange, clock, panel, security)
+
+
+def _offers(recipes: Sequence[Recipe]) -> list[Offer]:
+    """The tables by the names of their files, with their numbers where two have the same name."""
+    names = Counter(recipe.path.stem for recipe in recipes)
+    return [
+        Offer(
+            recipe.path.stem if names[recipe.path.stem] == 1 else f"{number}-{recipe.path.stem}",
+            recipe.loaded.digest,
+            parts_of(recipe.loaded.table),
+        )
+        for number, recipe in enumerate(recipes)
+    ]
+
+
+def _configuration(arguments: argparse.Namespace) -> Configuration:
+    if arguments.calibration is None:
+        return Configuration("linear map", "")
+    digest = hashlib.sha256(arguments.calibration.read_bytes()).hexdigest()
+    return Configuration(arguments.calibration.name, digest)

@@ -94,6 +94,12 @@ class Exchange:
             return self._station.enabled
 
     @property
+    def glance(self) -> Glance:
+        """As `Station.glance`."""
+        with self._lock:
+            return self._station.glance
+
+    @property
     def state(self) -> State:
         """Where the handshake stands."""
         with self._lock:

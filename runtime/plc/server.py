@@ -4,6 +4,7 @@ import asyncio
 import signal
 import threading
 from abc import ABC, abstractmethod
+from contextlib import suppress
 from typing import Self
 
 from runtime.devices.clock import SystemClock
@@ -31,28 +32,39 @@ class PlcServer(ABC):
         """Clients are answered from now on."""
         self._started.set()
 
-    def __enter__(self) -> Self:
-        self._thread.start()
-        if not self._started.wait(STARTING_S):
-            raise TimeoutError(f"the server for the PLC does not answer within {STARTING_S:g} s")
+    def check(self) -> None:
+        """Raise what the server has ended with, if it has."""
         if self._failure is not None:
             raise self._failure
+
+    def __enter__(self) -> Self:
+        self._loop, self._stop = asyncio.new_event_loop(), asyncio.Event()
+        self._thread.start()
+        try:
+            self._await_started()
+        except BaseException:  # a stop request, too
+            self.__exit__()
+            raise
         return self
 
+    def _await_started(self) -> None:
+        if not self._started.wait(STARTING_S):
+            raise TimeoutError(f"the PLC's server does not answer within {STARTING_S:g} s")
+        self.check()
+
     def __exit__(self, *_: object) -> None:
-        self._loop.call_soon_threadsafe(self._stop.set)
+        with suppress(RuntimeError):  # it has ended by itself
+            self._loop.call_soon_threadsafe(self._stop.set)
         self._thread.join(STOPPING_S)
 
     def _run(self) -> None:
         # Stop requests are the main thread's: a signal that this one took would not wake it.
         signal.pthread_sigmask(signal.SIG_BLOCK, {*interrupts.SIGNALS, signal.SIGALRM})
         try:
-            asyncio.run(self._begin())
-        except BaseException as error:  # is the main thread's, if it still waits
+            with asyncio.Runner(loop_factory=lambda: self._loop) as runner:
+                runner.run(self.serve(self._stop))
+        except BaseException as error:  # is the main thread's
             self._failure = error
+            self.exchange.disconnect()
         finally:
             self._started.set()
-
-    async def _begin(self) -> None:
-        self._loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
-        await self.serve(self._stop)

@@ -68,6 +68,7 @@ class Station:
 
     Args:
         digests: of each table, the first four bytes.
+        beats: whether the PLC has to keep `heartbeat_in` moving.
 
     Attributes:
         state: where the handshake stands.
@@ -76,12 +77,12 @@ class Station:
         error_id: an `Error`, or the exit code of a fault.
     """
 
-    def __init__(self, digests: Sequence[int]) -> None:
+    def __init__(self, digests: Sequence[int], *, beats: bool = True) -> None:
         self.state = State.READY
         self.order: Order | None = None
         self.enabled = False
         self.error_id = 0
-        self._digests = digests
+        self._digests, self._beats = digests, beats
         self._written = dict.fromkeys((register.name for register in WRITTEN), 0)
         self._in_use = 0  # number of a table
         self._result_id, self._answer = 0, EMPTY
@@ -137,7 +138,7 @@ class Station:
 
     def tick(self, now: float) -> None:
         """End enabling where the PLC's heartbeat has stood still for too long."""
-        if self.enabled and now - self._beat_s > HEARTBEAT_LIMIT_S:
+        if self.enabled and self._beats and now - self._beat_s > HEARTBEAT_LIMIT_S:
             self._standing = True
             self._disable(Error.HEARTBEAT)
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 _PREFIX = bytes.fromhex("302a300506032b6570032100")  # of a public key in DER (RFC 8410, section 4)
 _MOST_BYTES = 1 << 16
-_OTHERS = stat.S_IRWXG | stat.S_IRWXO
+OTHERS = stat.S_IRWXG | stat.S_IRWXO
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,9 +95,9 @@ def generate(path: Path) -> SigningKey:
         usable(file)
         if os.path.lexists(file):
             raise OutputError(f"{file} is there, and a key is never overwritten; name another file")
-    _write_new(path, _private_pem(from_library), 0o600)
+    write_new(path, _private_pem(from_library), 0o600)
     try:
-        _write_new(public, key.public.pem, 0o644)
+        write_new(public, key.public.pem, 0o644)
         bring_to_disk(path.parent)
     except BaseException:
         path.unlink(missing_ok=True)
@@ -116,7 +116,7 @@ def load_private(path: Path) -> SigningKey:
     data, mode = _read(path)
     if b"PRIVATE KEY" not in data and b"PUBLIC KEY" in data:
         raise KeyFileError(path, "holds a public key; name the private one")
-    if mode & _OTHERS:
+    if mode & OTHERS:
         raise KeyFileError(path, f"may be read by others; chmod 600 {quoted(path)}")
     from cryptography.hazmat.primitives.serialization import load_pem_private_key
 
@@ -193,7 +193,7 @@ def _kind(key: object) -> str:
     return f"{'an' if name[:1] in 'AEIORSX' else 'a'} {name} key"
 
 
-def _write_new(path: Path, data: bytes, mode: int) -> None:
+def write_new(path: Path, data: bytes, mode: int) -> None:
     """Write a file that is not there yet, with this mode from its beginning on."""
     try:
         file = os.open(

@@ -11,7 +11,7 @@ from math import degrees
 from pathlib import Path
 
 import pytest
-from plc_programs import ROOT, MemoryPlc, PlcServed, TcpPlc, integer
+from plc_programs import ROOT, MemoryPlc, PlcServed, TcpPlc, free_port, integer
 from plc_study import Program
 from sample_tables import small_table
 from structured_text import FunctionBlock
@@ -79,11 +79,6 @@ def by_client(plc: TcpPlc) -> list[dict[str, int]]:
 def in_structured_text(plc: TcpPlc) -> list[dict[str, int]]:
     program = StructuredPlc(plc)
     return [program.part(number) for number in range(1, PARTS + 1)]
-
-
-def free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        return int(taken.getsockname()[1])
 
 
 @pytest.mark.slow

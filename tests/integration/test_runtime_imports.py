@@ -10,6 +10,7 @@ from runtime.table import dump
 
 ROOT = Path(__file__).parents[2]
 HEAVY = ("numpy", "scipy", "numba", "sklearn", "cv2", "planner.job.model", "runtime.plc")
+HEAVY += ("asyncua", "cryptography")
 CHECK = f"import sys; print([name for name in {HEAVY} if name in sys.modules])"
 
 
@@ -45,6 +46,10 @@ def test_a_run_loads_nothing_heavy(tmp_path: Path) -> None:
     ]
     code = f"import runtime.cli\nassert runtime.cli.main({arguments!r}) in (0, 10, 11)"
     assert loaded_after(code) == "[]"
+
+
+def test_modbus_loads_nothing_of_opc_ua() -> None:
+    assert loaded_after("import runtime.commands.plc, sys; del sys.modules['runtime.plc']") == "[]"
 
 
 def test_the_check_would_see_it() -> None:

@@ -1,6 +1,7 @@
 """A PLC's side of the handshake for tests: registers by name, in memory or over pymodbus' client."""
 
 import json
+import socket
 import subprocess
 import sys
 import time
@@ -17,6 +18,12 @@ from runtime.plc.station import Answer, Refusal, Station
 ROOT = Path(__file__).parents[2]
 WAIT_S = 60
 NAMED = {register.name: register for register in MAP}
+
+
+def free_port() -> int:
+    """A port of this machine at which nobody listens."""
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        return int(taken.getsockname()[1])
 
 
 def integer(register: Register, words: Sequence[int]) -> int:
@@ -158,12 +165,17 @@ class PlcServed:
     """`grasp-runtime --plc` as a process; `port` is where it answers."""
 
     def __init__(
-        self, *trees: Path, more: Sequence[str] = (), port: str = "sim", count: int | None = None
+        self,
+        *trees: Path,
+        more: Sequence[str] = (),
+        port: str = "sim",
+        count: int | None = None,
+        plc: str = "modbus-tcp://127.0.0.1:0",
     ) -> None:
         folder = trees[0].parent
         self.journal = folder / "journal.jsonl"
         command = [sys.executable, "-m", "runtime.cli", "--json", "--journal", str(self.journal)]
-        command += ["--plc", "modbus-tcp://127.0.0.1:0", "--port", port, *more]
+        command += ["--plc", plc, "--port", port, *more]
         command += [word for tree in trees for word in ("--tree", str(tree))]
         command += [] if count is None else ["--count", str(count)]
         self._said = folder / "said.jsonl"

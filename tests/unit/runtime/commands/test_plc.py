@@ -1,12 +1,13 @@
 """A PLC as the master of a run: which options go with it, and how each ending reaches the PLC."""
 
+import asyncio
 import json
 import os
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,8 +21,7 @@ from runtime.commands import options, plc
 from runtime.commands.arguments import parser
 from runtime.commands.recipe import prepare
 from runtime.errors import ArgumentsError, JournalError
-from runtime.execution import crash, session
-from runtime.execution.events import Tally
+from runtime.execution import crash
 from runtime.journal.chain import Journal, records
 from runtime.journal.replay import Replay
 from runtime.monitoring.live.server import Address, listening
@@ -49,7 +49,7 @@ def _patient(monkeypatch: pytest.MonkeyPatch) -> None:
         ("modbus-tcp://", "write modbus-tcp"),
         ("127.0.0.1:5020", "write modbus-tcp"),
         ("tcp://127.0.0.1:5020", "write modbus-tcp"),
-        ("opc.tcp://127.0.0.1:4840", "write modbus-tcp"),
+        ("opc.tcp://127.0.0.1:4840/cell", "write modbus-tcp"),
         ("modbus-rtu:///dev/ttyS0", "write modbus-tcp"),
         ("modbus-tcp://127.0.0.1:5020/x", "write modbus-tcp"),
         ("modbus-tcp://127.0.0.1:99999", "PORT"),
@@ -63,6 +63,58 @@ def _patient(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_address_that_cannot_be_used_is_refused(url: str, words: str) -> None:
     with pytest.raises(ArgumentsError, match=words):
         options.check_usage(parser().parse_args([*PLC[:-1], url]))
+
+
+OPC_UA = [*PLC[:-1], "opc.tcp://127.0.0.1:0"]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ([*PLC, "--plc-insecure"], "--plc-insecure is for opc.tcp"),
+        ([*PLC, "--plc-trusted", "f"], "--plc-trusted is for opc.tcp"),
+        ([*PLC, "--plc-certificates", "f"], "--plc-certificates is for opc.tcp"),
+        ([*OPC_UA, "--plc-insecure", "--plc-trusted", "f"], "uses no certificates"),
+        ([*OPC_UA, "--plc-insecure", "--plc-certificates", "f"], "uses no certificates"),
+        ([*PLC[:-1], "opc.tcp://192.0.2.1:4840"], "--network"),
+        ([*PLC[:4], "--plc-insecure"], "--plc-insecure is for --plc"),
+    ],
+)
+def test_option_of_opc_ua_without_it_is_refused(words: list[str], said: str) -> None:
+    with pytest.raises(ArgumentsError, match=said):
+        options.check_usage(parser().parse_args(words))
+
+
+def test_opc_ua_without_its_library_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(plc, "find_spec", lambda _: None)
+    with pytest.raises(ArgumentsError, match=r"squeezetree\[opcua\]"):
+        options.check_usage(parser().parse_args(OPC_UA))
+
+
+def test_recipes_are_named_by_their_files_and_numbered_where_two_are_the_same(
+    tmp_path: Path,
+) -> None:
+    trees = [tmp_path / name for name in ("a/plate.msgpack", "b/plate.msgpack", "b/tee.msgpack")]
+    for tree in trees:
+        tree.parent.mkdir(exist_ok=True)
+        dump(small_table(), tree)
+    arguments = parser().parse_args([*OPC_UA[2:], "--tree", str(trees[0]), "--json"])
+    offers = plc._offers([prepare(arguments, tree) for tree in trees])
+    assert [offer.id for offer in offers] == ["0-plate", "1-plate", "tee"]
+
+
+def test_damaged_key_is_one_line_and_code_3(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    dump(small_table(), tmp_path / "t")
+    (tmp_path / "j.opcua").mkdir()
+    (tmp_path / "j.opcua" / "server.pem").touch(0o600)
+    words = ["--tree", str(tmp_path / "t"), *OPC_UA[2:], "--journal", str(tmp_path / "j"), "--json"]
+    assert main(words) == 3
+    said = capsys.readouterr().err.splitlines()[1:]
+    assert len(said) == 1
+    assert "server.pem" in said[0]
+    assert not (tmp_path / "j").exists()
 
 
 @pytest.mark.parametrize(
@@ -168,7 +220,7 @@ class Running:
         self._stack = ExitStack()
         self.recipes = [prepare(arguments, tree) for tree in trees]
         self._run = plc.opened(arguments, self.recipes, Views(), self._stack)
-        self.port = self._run._address.port
+        self.port = int(self._run._url.rpartition(":")[2])
         self.raised: BaseException | None = None
 
     def kept(self) -> list[dict[str, object]]:
@@ -288,15 +340,13 @@ def test_enable_withdrawn_before_the_run_looks_at_it_ends_the_part(
     tmp_path: Path, tree: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A busy controller: trigger and withdrawal are both there when the run first looks."""
-    made, withdrawn, ending = fake_cell([AT_21]), threading.Event(), session.ending
+    made, withdrawn, note = fake_cell([AT_21]), threading.Event(), plc.ForPlc.note
 
-    @contextmanager
-    def late(journal: Journal) -> Iterator[Tally]:
+    def late(monitor: plc.ForPlc, sentence: str) -> None:
+        note(monitor, sentence)
         withdrawn.wait(30)
-        with ending(journal) as tally:
-            yield tally
 
-    monkeypatch.setattr(session, "ending", late)
+    monkeypatch.setattr(plc.ForPlc, "note", late)  # that a PLC may connect, the first of them
 
     def program(client: TcpPlc) -> None:
         client.enable()
@@ -425,6 +475,26 @@ def test_change_of_the_table_ends_a_run_and_begins_another(tmp_path: Path, tree:
         "trigger",
         "end",
     ]
+
+
+@pytest.mark.parametrize("starts", [True, False])
+def test_server_that_fails_ends_the_run_and_its_journal(
+    starts: bool, tmp_path: Path, tree: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def failing(server: plc.ModbusServer, stop: asyncio.Event) -> None:
+        if starts:
+            server.started()
+        server._listener.close()
+        raise OSError("no descriptor is left")
+
+    monkeypatch.setattr(plc.ModbusServer, "serve", failing)
+    monkeypatch.setattr(TcpPlc, "__init__", lambda *_: None)
+    monkeypatch.setattr(TcpPlc, "close", lambda _: None)
+    running = Running(tmp_path, fake_cell([]), tree)
+    with pytest.raises(OSError, match="no descriptor"):
+        running.run(lambda _: None)
+    end = running.kept()[-1]
+    assert (end["kind"], end["parts"]) == ("end", 0)
 
 
 def test_tables_for_different_grippers_are_refused(tmp_path: Path, tree: Path) -> None:

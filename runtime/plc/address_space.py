@@ -1,0 +1,154 @@
+"""The address space of an OPC UA server: objects, variables and methods by their paths below `VisionSystem`.
+
+Identifiers are strings, the paths with dots, so that a program may use them without browsing.
+"""
+
+from collections.abc import Callable, Iterable, Mapping
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+from asyncua import Node, Server, ua
+from asyncua.common.event_objects import TransitionEvent
+
+from runtime.plc.panel import AUTOMATIC, MACHINE, Change, Value
+from runtime.plc.vision import VisionState
+
+NAMESPACE = "http://opcfoundation.org/UA/MachineVision"
+SYSTEM = "VisionSystem"
+STATE_MACHINE, STATE = ua.NodeId(2299), ua.NodeId(2307)  # types of OPC 10000-5
+TYPES: Mapping[type, ua.VariantType] = MappingProxyType(
+    {
+        str: ua.VariantType.String,
+        int: ua.VariantType.UInt32,
+        float: ua.VariantType.Double,
+        bool: ua.VariantType.Boolean,
+    }
+)
+
+
+class Argument(NamedTuple):
+    """An argument of a method, in or out."""
+
+    name: str
+    type: ua.VariantType
+    many: bool = False  # whether it is an array
+
+
+class Method(NamedTuple):
+    """A method, by its path."""
+
+    path: str
+    inputs: tuple[Argument, ...]
+    outputs: tuple[Argument, ...]
+    call: Callable[..., Any]  # as asyncua calls it: the object's id, then variants
+
+
+class AddressSpace:
+    """The nodes of `VisionSystem`, and what they show."""
+
+    def __init__(self, server: Server) -> None:
+        self._server = server
+        self._nodes: dict[str, Node] = {}
+        self._shown: dict[str, Value] = {}
+
+    async def build(self, values: Iterable[tuple[str, Value]], methods: Iterable[Method]) -> None:
+        """Add the nodes: a variable for each value, the methods, and the states."""
+        self._index = await self._server.register_namespace(NAMESPACE)
+        self._nodes[""] = await self._add_object(self._server.nodes.objects, SYSTEM)
+        for machine in (MACHINE, AUTOMATIC):
+            await self._add_machine(machine)
+        for path, value in values:
+            if path not in self._nodes:
+                parent = await self._at(_above(path))
+                ids = self._ids(f"{SYSTEM}/{path}")
+                self._nodes[path] = await parent.add_variable(*ids, value, TYPES[type(value)])
+            await self._write(path, value)
+        for method in methods:
+            await self._add_method(method)
+        self._transitions = await self._server.get_event_generator(
+            TransitionEvent(), emitting_node=self._nodes[MACHINE]
+        )
+
+    async def show(self, values: Iterable[tuple[str, Value]], change: Change | None) -> None:
+        """Write the values that have changed, and tell a change of the state."""
+        for path, value in values:
+            if self._shown[path] != value:
+                await self._write(path, value)
+        if change is None:
+            return
+        event = self._transitions.event
+        event.Message = event.Transition = ua.LocalizedText(change.name)
+        event.FromState = ua.LocalizedText(change.left.value)
+        event.ToState = ua.LocalizedText(change.entered.value)
+        await self._transitions.trigger()
+        for machine in (MACHINE, AUTOMATIC):
+            await self._nodes[f"{machine}/LastTransition"].write_value(
+                ua.LocalizedText(change.name)
+            )
+
+    async def _write(self, path: str, value: Value) -> None:
+        self._shown[path] = value
+        node, machine = self._nodes[path], _above(path)
+        if machine not in (MACHINE, AUTOMATIC) or not path.endswith("/CurrentState"):
+            await node.write_value(ua.Variant(value, TYPES[type(value)]))
+            return
+        await node.write_value(ua.LocalizedText(str(value)))
+        state = self._nodes.get(f"{machine}/{value}")
+        state_id = ua.NodeId() if state is None else state.nodeid
+        await (await node.get_child("0:Id")).write_value(state_id, ua.VariantType.NodeId)
+
+    async def _add_machine(self, machine: str) -> None:
+        parent = await self._at(_above(machine))
+        node = await self._add_object(parent, f"{SYSTEM}/{machine}", STATE_MACHINE)
+        self._nodes[machine] = node
+        for name in ("CurrentState", "LastTransition"):
+            self._nodes[f"{machine}/{name}"] = await node.get_child(f"0:{name}")
+        # As of a finite machine, whose type asyncua has no way to instantiate.
+        state_id = await node.get_child(["0:CurrentState", "0:Id"])
+        kind = ua.Variant(ua.NodeId(ua.VariantType.NodeId.value), ua.VariantType.NodeId)
+        await state_id.write_attribute(ua.AttributeIds.DataType, ua.DataValue(kind))
+        outer = machine == MACHINE
+        states = [state for state in VisionState if outer or state.automatic]
+        names = dict.fromkeys(state.outer if outer else state.value for state in states)
+        for number, name in enumerate(names, 1):
+            path = f"{machine}/{name}"
+            self._nodes[path] = await self._add_object(node, f"{SYSTEM}/{path}", STATE)
+            own = await self._nodes[path].get_child("0:StateNumber")
+            await own.write_value(number, ua.VariantType.UInt32)
+
+    async def _at(self, path: str) -> Node:
+        """The object at a path, added where it is not there yet."""
+        if path not in self._nodes:
+            parent = await self._at(_above(path))
+            self._nodes[path] = await self._add_object(parent, f"{SYSTEM}/{path}")
+        return self._nodes[path]
+
+    async def _add_object(self, parent: Node, path: str, kind: ua.NodeId | None = None) -> Node:
+        every = kind is STATE_MACHINE  # its LastTransition is optional
+        return await parent.add_object(
+            *self._ids(path), objecttype=kind, instantiate_optional=every
+        )
+
+    async def _add_method(self, method: Method) -> None:
+        parent = await self._at(_above(method.path))
+        node = await parent.add_method(
+            *self._ids(f"{SYSTEM}/{method.path}"),
+            method.call,
+            [_described(argument) for argument in method.inputs],
+            [_described(argument) for argument in method.outputs],
+        )
+        if _above(method.path) == AUTOMATIC:  # offered by the outer machine, too
+            await self._nodes[MACHINE].add_reference(node, ua.ObjectIds.HasComponent)
+
+    def _ids(self, path: str) -> tuple[ua.NodeId, ua.QualifiedName]:
+        name = path.rpartition("/")[2]
+        return ua.NodeId(path.replace("/", "."), self._index), ua.QualifiedName(name, self._index)
+
+
+def _above(path: str) -> str:
+    return path.rpartition("/")[0]
+
+
+def _described(argument: Argument) -> ua.Argument:
+    rank, dimensions = (1, [0]) if argument.many else (-1, [])
+    return ua.Argument(argument.name, ua.NodeId(argument.type.value), rank, dimensions)

@@ -1,0 +1,106 @@
+"""asyncua's server with doors: who is let in, what a session may do, and when it has ended."""
+
+import asyncio
+import socket
+from collections.abc import Callable
+from contextvars import ContextVar
+from typing import Any
+
+from asyncua import Server, ua
+from asyncua.common.utils import ServiceError
+from asyncua.crypto.permission_rules import User, UserRole
+from asyncua.server.binary_server_asyncio import BinaryServer
+from asyncua.server.internal_server import InternalServer
+from asyncua.server.internal_session import InternalSession
+
+from runtime.plc.certificates import Trust
+
+SESSION_S = 10.0  # a session that is silent for longer ends
+PATIENCE_S = 5.0  # for a connection to begin a session
+MOST_CONNECTIONS = 16
+MOST_SUBSCRIPTIONS = 64
+MOST_MESSAGE_BYTES = 1 << 20
+NOBODY = User(role=UserRole.Anonymous)  # a client until its session is activated
+
+caller: ContextVar["Session"] = ContextVar("caller")
+"""The session whose method is being called."""
+
+
+class ListeningServer(Server):
+    """asyncua's server on a socket that listens already."""
+
+    async def listen(self, listener: socket.socket) -> None:
+        """As `Server.start`, which makes its own socket."""
+        await self._setup_server_nodes()
+        await self.iserver.start()
+        host, port = listener.getsockname()[:2]
+        self.bserver = BinaryServer(self.iserver, host, port, self.limits)
+        self.bserver.set_policies(self._policies)
+        loop = asyncio.get_running_loop()
+        self.bserver._server = await loop.create_server(self.bserver._make_protocol, sock=listener)
+        self.bserver.cleanup_task = asyncio.create_task(self.bserver._close_task_loop())
+
+
+class GuardedServer(InternalServer):
+    """Lets in whom `trust` admits, everybody where it is None, and says which session has ended."""
+
+    def __init__(self, trust: Trust | None, ended: Callable[["Session"], None]) -> None:
+        super().__init__(user_manager=_Users(trust))
+        self.ended = ended
+        self.max_session_timeout_ms = 1e3 * SESSION_S
+        self.max_pending_activation_seconds = PATIENCE_S
+        self.max_connections = MOST_CONNECTIONS
+        self.max_subscriptions = MOST_SUBSCRIPTIONS
+
+    def create_session(self, name: str, user: User = NOBODY, external: bool = False) -> "Session":
+        """A session that ends with its connection.
+
+        asyncua lets one that outlives it be entered by its number, which can be guessed, from any channel.
+        """
+        del external
+        return Session(self, self.aspace, self.subscription_service, name, user=user)
+
+    def register_server(self, server: Any, conf: Any = None) -> None:
+        """Refuse: this is no discovery server, and who asks is not known yet."""
+        del server, conf
+        raise ServiceError(ua.StatusCodes.BadServiceUnsupported)
+
+
+class Session(InternalSession):
+    """A client's session; methods find it in the context of their call."""
+
+    iserver: GuardedServer
+
+    async def call(self, params: list[ua.CallMethodRequest]) -> list[ua.CallMethodResult]:
+        """Call methods."""
+        token = caller.set(self)
+        try:
+            results: list[ua.CallMethodResult] = await super().call(params)
+            return results
+        finally:
+            caller.reset(token)
+
+    async def close_session(self, delete_subs: bool = True) -> None:
+        """End."""
+        await super().close_session(delete_subs)
+        self.iserver.ended(self)
+
+
+class _Users:
+    """Asks about the certificate with which the secure channel was opened, once its key is proved."""
+
+    def __init__(self, trust: Trust | None) -> None:
+        self._trust = trust
+
+    def get_user(
+        self,
+        iserver: InternalServer,
+        username: str | None = None,
+        password: str | None = None,
+        certificate: Any = None,
+    ) -> User:
+        """A user who may read and call, but not change the address space."""
+        del iserver, username, password
+        if self._trust is None or self._trust.admits(certificate):
+            return User(role=UserRole.User)
+        raise ServiceError(ua.StatusCodes.BadCertificateUntrusted)

@@ -1,0 +1,154 @@
+"""Certificates of an OPC UA server: its own, self-signed and made once, and those of the clients it trusts.
+
+What counts of a client's certificate is that it is the one that was pinned, or one of a folder; neither its
+dates nor who signed it are looked at. That the client holds its key is proved by the secure channel.
+"""
+
+import socket
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from asyncua.crypto.cert_gen import (
+    dump_private_key_as_pem,
+    generate_private_key,
+    generate_self_signed_app_certificate,
+)
+from cryptography import x509
+from cryptography.hazmat.primitives.asymmetric.rsa import RSAPrivateKey
+from cryptography.hazmat.primitives.serialization import Encoding, load_pem_private_key
+from cryptography.x509.oid import ExtendedKeyUsageOID
+
+from runtime.errors import ArgumentsError, KeyFileError
+from runtime.shell.files import OutputError, bring_to_disk, folder, quoted, read_regular
+from runtime.signing.keys import OTHERS, write_new
+
+KEY, CERTIFICATE, PINNED = "server.pem", "server.der", "client.der"
+DAYS = 7300  # as long as a cell may stand; a certificate that ran out would stop it at midnight
+MOST_BYTES = 1 << 16
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """The server's private key and its certificate, which names the application by `uri`."""
+
+    key: RSAPrivateKey
+    certificate: x509.Certificate
+    uri: str
+
+
+def identity_in(place: Path) -> Identity:
+    """The server's identity from a folder, which gets a new one where it has none.
+
+    Raises:
+        OutputError: the folder or its files cannot be written.
+        KeyFileError: one of the two files is missing, cannot be read or holds something else.
+    """
+    key, certificate = place / KEY, place / CERTIFICATE
+    if not (key.exists() or certificate.exists()):
+        _make(folder(place))
+    data, mode = _read(key)
+    if mode & OTHERS:
+        raise KeyFileError(key, f"may be read by others; chmod 600 {quoted(key)}")
+    try:
+        private = load_pem_private_key(data, None)
+    except (ValueError, TypeError) as error:
+        raise KeyFileError(key, _REPLACE.format("no private key in PEM", place)) from error
+    own = parsed(certificate)
+    if not isinstance(private, RSAPrivateKey) or private.public_key() != own.public_key():
+        raise KeyFileError(key, _REPLACE.format(f"not the key of {certificate.name}", place))
+    try:
+        names = own.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
+        (uri, *_) = names.get_values_for_type(x509.UniformResourceIdentifier)
+    except (x509.ExtensionNotFound, ValueError) as error:
+        raise KeyFileError(certificate, _REPLACE.format("no application URI", place)) from error
+    return Identity(private, own, uri)
+
+
+_REPLACE = "holds {}; move {} away, and a new identity is made"
+
+
+class Trust:
+    """Which clients are let in: those of a folder, or the first that comes and none after it.
+
+    Args:
+        pinned: the file that keeps the certificate of the first client.
+        trusted: a folder of certificates (.der, .pem, .crt) in place of the first client's.
+
+    Raises:
+        ArgumentsError: that folder holds none.
+        KeyFileError: a file of it is no certificate.
+    """
+
+    def __init__(self, pinned: Path, trusted: Path | None) -> None:
+        self._pinned = pinned
+        self._known: frozenset[bytes] | None = None
+        if trusted is not None:
+            self._known = frozenset(map(_der, _certificates(trusted)))
+        elif pinned.exists():
+            self._known = frozenset([_der(pinned)])
+
+    def admits(self, certificate: bytes | None) -> bool:
+        """Whether a client may enter with this certificate; the first to ask is pinned by it."""
+        if certificate is None:
+            return False
+        if self._known is None:
+            # Of a disk that is full, or another server that pinned first; a chain of certificates is none.
+            with suppress(OutputError, KeyFileError, ValueError):
+                x509.load_der_x509_certificate(certificate)
+                if not self._pinned.exists():
+                    write_new(self._pinned, certificate, 0o644)
+                    bring_to_disk(self._pinned.parent)
+                self._known = frozenset([_der(self._pinned)])
+        return self._known is not None and certificate in self._known
+
+
+def parsed(path: Path) -> x509.Certificate:
+    """A certificate from a file, in DER or PEM.
+
+    Raises:
+        KeyFileError: there is none.
+    """
+    data, _ = _read(path)
+    pem = data.lstrip().startswith(b"-----")
+    try:
+        return x509.load_pem_x509_certificate(data) if pem else x509.load_der_x509_certificate(data)
+    except ValueError as error:
+        raise KeyFileError(path, "holds no certificate in DER or PEM; remove it") from error
+
+
+def _certificates(trusted: Path) -> list[Path]:
+    files = [path for path in trusted.glob("*") if path.suffix in (".der", ".pem", ".crt")]
+    if not files:
+        raise ArgumentsError(
+            f"--plc-trusted {trusted}: it holds no certificate (.der, .pem, .crt); put the client's there"
+        )
+    return files
+
+
+def _der(path: Path) -> bytes:
+    return parsed(path).public_bytes(Encoding.DER)
+
+
+def _read(path: Path) -> tuple[bytes, int]:
+    try:
+        return read_regular(path, MOST_BYTES)
+    except OSError as error:
+        raise KeyFileError(path, f"cannot be read: {error.strerror}") from error
+
+
+def _make(place: Path) -> None:
+    """Write a new key and its certificate."""
+    key, host = generate_private_key(), socket.gethostname()
+    uri = f"urn:{host}:squeezetree:grasp-runtime"
+    certificate = generate_self_signed_app_certificate(
+        key,
+        "squeezetree",
+        {"organizationName": "squeezetree"},
+        [x509.UniformResourceIdentifier(uri), x509.DNSName(host)],
+        [ExtendedKeyUsageOID.SERVER_AUTH],
+        DAYS,
+    )
+    write_new(place / KEY, dump_private_key_as_pem(key), 0o600)
+    write_new(place / CERTIFICATE, certificate.public_bytes(Encoding.DER), 0o644)
+    bring_to_disk(place)

@@ -1,0 +1,311 @@
+"""An OPC UA server in the shape of OPC 40100-1, for one master and any number of readers.
+
+asyncua encodes, encrypts and serves the address space. What it shows is the panel's; what a method does is
+one or two writes to the exchange, as a PLC does them over registers.
+"""
+
+import asyncio
+import logging
+import os
+import signal
+import socket
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+from types import MappingProxyType
+from typing import Any, NamedTuple, get_type_hints
+
+from asyncua import ua
+
+from runtime.devices.clock import SystemClock
+from runtime.plc.address_space import TYPES, AddressSpace, Argument, Method
+from runtime.plc.admission import (
+    MOST_MESSAGE_BYTES,
+    GuardedServer,
+    ListeningServer,
+    Session,
+    caller,
+)
+from runtime.plc.certificates import Identity, Trust
+from runtime.plc.exchange import Exchange
+from runtime.plc.handshake import Error
+from runtime.plc.panel import AUTOMATIC, MACHINE, RECIPES, RESULTS, Panel, Value
+from runtime.plc.server import PlcServer
+from runtime.plc.station import Glance
+from runtime.plc.vision import Job, Result, VisionState, waits
+
+CLOSING_S = 5.0  # for connections to be closed at the end
+LONGEST_TEXT = 100  # of an argument
+NO_TABLE = 0xFFFF  # in the register `table`: no recipe is prepared
+BARE_URI = "urn:squeezetree:grasp-runtime"  # of the product, and of a server without a certificate
+DONE = (0, "")  # outputs `error` and `message` of a command that was carried out
+REASONS = MappingProxyType(
+    {
+        Error.NOT_ENABLED: "automatic mode is not selected; call SelectModeAutomatic",
+        Error.PART_UNDER_WAY: "a part is under way; wait for its result",
+        Error.RESULT_WAITS: "a result waits; release it",
+        Error.UNKNOWN_TABLE: "no recipe is prepared; call PrepareRecipe",
+        Error.RUN_ENDED: "the run has ended; start the command again",
+    }
+)
+
+Outputs = tuple[Value | list[str], ...]
+Arguments = tuple[Argument, ...]
+Act = Callable[..., Outputs | ua.StatusCode]
+
+logging.getLogger("asyncua").setLevel(logging.CRITICAL)  # of messages by anybody
+
+
+class Security(NamedTuple):
+    """What an encrypted endpoint needs."""
+
+    identity: Identity
+    trust: Trust
+
+
+class OpcUaServer(PlcServer):
+    """Serves an exchange on a socket that listens.
+
+    Args:
+        listener: the socket.
+        exchange: between the server and the run; its station needs no heartbeat, a session has its own.
+        clock: of real time.
+        panel: what is shown.
+        security: of the endpoint, None for a bare one.
+    """
+
+    def __init__(
+        self,
+        listener: socket.socket,
+        exchange: Exchange,
+        clock: SystemClock,
+        panel: Panel,
+        security: Security | None,
+    ) -> None:
+        super().__init__(exchange, clock)
+        self._listener, self._panel, self._security = listener, panel, security
+        self._master: Session | None = None
+        self._jobs = 0
+        self._begun = clock.stamp()
+        self._glances: deque[Glance] = deque()
+
+    async def serve(self, stop: asyncio.Event) -> None:
+        """As `PlcServer.serve`; connections wait in the listener's queue until then."""
+        self._news, self._showing = asyncio.Event(), asyncio.Lock()
+        server = await self._configured()
+        self._space = AddressSpace(server)
+        await self._space.build(self._panel.values(), self._methods())
+        self.exchange.watch = self._watch
+        self.exchange.put({"table": NO_TABLE})
+        await server.listen(self._listener)
+        self.started()
+        try:
+            async with asyncio.TaskGroup() as group:
+                following = group.create_task(self._follow())
+                await stop.wait()
+                following.cancel()
+        finally:
+            self.exchange.watch = lambda _: None
+            with suppress(TimeoutError):
+                await asyncio.wait_for(server.stop(), CLOSING_S)
+
+    async def _configured(self) -> ListeningServer:
+        security = self._security
+        internal = GuardedServer(None if security is None else security.trust, self._leave)
+        server = ListeningServer(iserver=internal)
+        server.name, server.manufacturer_name = "squeezetree grasp-runtime", "squeezetree"
+        server.product_uri = BARE_URI
+        server.application_type = ua.ApplicationType.Server
+        await server.init()
+        host, port = self._listener.getsockname()[:2]
+        server.set_endpoint(f"opc.tcp://{f'[{host}]' if ':' in host else host}:{port}/")
+        await server.set_application_uri(BARE_URI if security is None else security.identity.uri)
+        server.set_identity_tokens(
+            [ua.AnonymousIdentityToken]
+        )  # the channel's certificate says who it is
+        server.limits.max_message_size = MOST_MESSAGE_BYTES
+        policy = ua.SecurityPolicyType.NoSecurity
+        if security is not None:
+            policy = ua.SecurityPolicyType.Basic256Sha256_SignAndEncrypt
+            internal.certificate = security.identity.certificate
+            internal.private_key = security.identity.key
+        server.set_security_policy([policy])
+        return server
+
+    # -- the master -----------------------------------------------------------------------------------
+
+    def _may_command(self, session: Session) -> bool:
+        """Whether a session is the master: the first that commands, until it ends."""
+        if self._master is None:
+            self._master = session
+            self.exchange.connect()
+        return self._master is session
+
+    def _leave(self, session: Session) -> None:
+        if self._master is session:
+            self._master = None
+            self.exchange.disconnect()
+
+    # -- what is shown --------------------------------------------------------------------------------
+
+    def _watch(self, seen: Glance) -> None:
+        """Take a glance from whichever thread."""
+        self._glances.append(seen)
+        self._loop.call_soon_threadsafe(self._news.set)
+
+    async def _follow(self) -> None:
+        while True:
+            await self._news.wait()
+            self._news.clear()
+            await self._show()
+
+    async def _show(self) -> None:
+        """Bring what is shown up to date, glance by glance."""
+        async with self._showing:
+            while self._glances:
+                change = self._panel.see(self._glances.popleft())
+                await self._space.show(self._panel.values(), change)
+
+    # -- methods --------------------------------------------------------------------------------------
+
+    def _methods(self) -> list[Method]:
+        text, handle = TYPES[str], TYPES[int]
+        refusal = (Argument("error", ua.VariantType.Int32), Argument("message", text))
+        job, recipe = Argument("jobId", text), Argument("recipeId", text)
+        meas, result = Argument("measId", text), Argument("resultId", text)
+        listed = (Argument("ids", text, many=True), Argument("digests", text, many=True))
+        whole = [Argument(name, TYPES[kind]) for name, kind in get_type_hints(Result).items()]
+        commands: dict[str, tuple[Arguments, Arguments, Act]] = {
+            f"{MACHINE}/SelectModeAutomatic": ((), refusal, self._select_automatic),
+            f"{MACHINE}/Reset": ((), refusal, self._reset),
+            f"{MACHINE}/ConfirmAll": ((), refusal, self._confirm_all),
+            f"{AUTOMATIC}/StartSingleJob": ((meas,), (job, *refusal), self._start),
+            f"{AUTOMATIC}/Stop": ((), refusal, self._withdraw),
+            f"{AUTOMATIC}/Abort": ((), refusal, self._abort),
+            f"{RECIPES}/PrepareRecipe": ((recipe,), refusal, self._prepare),
+            f"{RECIPES}/UnprepareRecipe": ((), refusal, self._unprepare),
+            f"{RESULTS}/ReleaseResultHandle": (
+                (Argument("resultHandle", handle),),
+                refusal,
+                self._release,
+            ),
+        }
+        questions: dict[str, tuple[Arguments, Arguments, Act]] = {
+            f"{RECIPES}/GetRecipeList": ((), listed, self._list),
+            f"{RESULTS}/GetResultById": ((result,), tuple(whole), self._get),
+        }
+        return [
+            Method(
+                path, inputs, outputs, self._linked(inputs, outputs, act, commands=path in commands)
+            )
+            for path, (inputs, outputs, act) in (commands | questions).items()
+        ]
+
+    def _linked(
+        self,
+        inputs: Arguments,
+        outputs: Arguments,
+        act: Act,
+        *,
+        commands: bool,
+    ) -> Callable[..., Any]:
+        """A method as asyncua calls it, with arguments that nobody checked; its effect is shown at once."""
+
+        async def call(parent: ua.NodeId, *given: ua.Variant) -> list[ua.Variant] | ua.StatusCode:
+            del parent
+            if problem := _problem(inputs, given):
+                return ua.StatusCode(problem)
+            if commands and not self._may_command(caller.get()):
+                return ua.StatusCode(ua.StatusCodes.BadUserAccessDenied)
+            values = act(*(argument.Value for argument in given))
+            await self._show()
+            if isinstance(values, ua.StatusCode):
+                return values
+            return [
+                ua.Variant(value, output.type)
+                for value, output in zip(values, outputs, strict=True)
+            ]
+
+        return call
+
+    def _select_automatic(self) -> Outputs:
+        seen = self._panel.seen
+        if not seen.enabled:
+            table = NO_TABLE if seen.table is None else seen.table
+            # By way of Initialized, as the specification's chart has it.
+            self.exchange.put({"table": NO_TABLE, "enable": 1}, {"table": table})
+        return DONE
+
+    def _withdraw(self) -> Outputs:
+        self.exchange.put({"enable": 0})
+        return DONE
+
+    def _reset(self) -> Outputs:
+        self.exchange.put({"enable": 0, "table": NO_TABLE})
+        self.exchange.confirm()
+        return DONE
+
+    def _confirm_all(self) -> Outputs:
+        if self._panel.state is VisionState.ERROR:
+            self._take()
+        self.exchange.confirm()
+        return DONE
+
+    def _abort(self) -> Outputs:
+        os.kill(os.getpid(), signal.SIGTERM)  # the one stop request that there is
+        return DONE
+
+    def _start(self, meas_id: str) -> Outputs:
+        number = self._jobs + 1
+        trigger_id = number & 0xFFFF
+        seen = self.exchange.put({"trigger_id": trigger_id, "trigger": 1}, {"trigger": 0})
+        if seen.order is None or seen.order.trigger_id != trigger_id:
+            return ("", int(seen.error_id), REASONS[Error(seen.error_id)])
+        self._jobs = number
+        offer = self._panel.offers[seen.order.table]
+        job = Job(number, f"{self._begun}/{number}", meas_id, offer.id, offer.digest)
+        self._panel.begin(job)
+        return (job.id, *DONE)
+
+    def _prepare(self, recipe: str) -> Outputs:
+        names = [offer.id for offer in self._panel.offers]
+        if recipe not in names:
+            there = ", ".join(names)
+            return (Error.UNKNOWN_TABLE.value, f"there is no recipe {recipe!r}; there are {there}")
+        self.exchange.put({"table": names.index(recipe)})
+        return DONE
+
+    def _unprepare(self) -> Outputs:
+        self.exchange.put({"table": NO_TABLE})
+        return DONE
+
+    def _list(self) -> Outputs:
+        offers = self._panel.offers
+        return ([offer.id for offer in offers], [offer.digest for offer in offers])
+
+    def _get(self, result_id: str) -> Outputs | ua.StatusCode:
+        result = self._panel.results.get(result_id)
+        return ua.StatusCode(ua.StatusCodes.BadNotFound) if result is None else tuple(result)
+
+    def _release(self, handle: int) -> Outputs | ua.StatusCode:
+        if not waits(self._panel.seen) or handle != self._panel.job.number:
+            return ua.StatusCode(ua.StatusCodes.BadNotFound)
+        self._take()
+        return DONE
+
+    def _take(self) -> None:
+        self.exchange.put({"result_acknowledge": 1}, {"result_acknowledge": 0})
+
+
+def _problem(inputs: Arguments, given: tuple[ua.Variant, ...]) -> int:
+    """The status code of arguments that do not fit, 0 where they do."""
+    if len(given) != len(inputs):
+        missing = len(given) < len(inputs)
+        codes = ua.StatusCodes
+        return int(codes.BadArgumentsMissing if missing else codes.BadTooManyArguments)
+    for value, argument in zip(given, inputs, strict=True):
+        if value.VariantType is not argument.type or not isinstance(value.Value, str | int):
+            return int(ua.StatusCodes.BadInvalidArgument)
+        if isinstance(value.Value, str) and len(value.Value) > LONGEST_TEXT:
+            return int(ua.StatusCodes.BadOutOfRange)
+    return 0

@@ -1,0 +1,139 @@
+"""What an OPC UA server shows: values by path, as they follow from the glances at a station.
+
+A path is that of the browse names below the object `VisionSystem`. Nothing here knows OPC UA's library.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+from runtime.plc.handshake import SIGNALS
+from runtime.plc.registers import OUTCOMES
+from runtime.plc.station import Answer, Glance
+from runtime.plc.vision import (
+    NO_RESULT,
+    STOP_REASONS,
+    Job,
+    Result,
+    VisionState,
+    result_of,
+    stop_reason,
+    view,
+    waits,
+)
+
+MACHINE = "VisionStateMachine"
+AUTOMATIC = f"{MACHINE}/AutomaticModeStateMachine"
+RECIPES = "RecipeManagement"
+CONFIGURATION = "ConfigurationManagement"
+RESULTS = "ResultManagement"
+PACKML = "PackML"
+MOST_RESULTS = 1000  # that are kept for `GetResultById`
+
+Value = str | int | float | bool
+
+
+class Offer(NamedTuple):
+    """A recipe: a table that a client may prepare."""
+
+    id: str
+    digest: str  # SHA-256 of the table's file
+    parts: list[str]  # names of its parts, empty where it is of one part
+
+
+class Configuration(NamedTuple):
+    """The calibration of the gripper that is in use."""
+
+    id: str
+    digest: str  # SHA-256 of its file, "" where the linear map is used
+
+
+class Change(NamedTuple):
+    """A change of the state that is shown."""
+
+    left: VisionState
+    entered: VisionState
+
+    @property
+    def name(self) -> str:
+        """Its name, in the specification's way."""
+        return f"{self.left.value}To{self.entered.value}"
+
+
+class Panel:
+    """Follows a station, and keeps results and counts of this process.
+
+    Attributes:
+        results: by their ids, the last ones.
+        job: of the part under way or of the result that waits; the last one otherwise.
+    """
+
+    def __init__(
+        self, offers: Sequence[Offer], configuration: Configuration, first: Glance
+    ) -> None:
+        self.offers = offers
+        self.results: dict[str, Result] = {}
+        self.job = Job(0, "", "", "", "")
+        self._configuration = configuration
+        self._seen = first
+        self._last = NO_RESULT
+        self._counts = dict.fromkeys(OUTCOMES[1:], 0)
+        self._reason = 0
+
+    @property
+    def seen(self) -> Glance:
+        """The last glance."""
+        return self._seen
+
+    @property
+    def state(self) -> VisionState:
+        """The state that is shown."""
+        return view(self._seen).state
+
+    def begin(self, job: Job) -> None:
+        """A part was accepted."""
+        self.job = job
+
+    def see(self, seen: Glance) -> Change | None:
+        """Follow the station; returns the change of the state that is shown, if it changed."""
+        before, self._seen = self._seen, seen
+        if waits(seen) and not waits(before):
+            self._finish(seen.answer, self.offers[seen.in_use].parts)
+        reason = stop_reason(before, seen)
+        if reason is not None:
+            self._reason = reason
+        change = Change(view(before).state, view(seen).state)
+        return change if change.left is not change.entered else None
+
+    def _finish(self, answer: Answer, parts: list[str]) -> None:
+        self._last = result_of(self.job, parts, answer)
+        self._counts[self._last.Outcome] += 1
+        self.results[self._last.ResultId] = self._last
+        if len(self.results) > MOST_RESULTS:
+            del self.results[next(iter(self.results))]
+
+    def values(self) -> Iterator[tuple[str, Value]]:
+        """Every value that is shown, by its path."""
+        seen, row = self._seen, view(self._seen)
+        prepared = None if seen.table is None else self.offers[seen.table]
+        yield f"{MACHINE}/CurrentState", row.state.outer
+        yield f"{AUTOMATIC}/CurrentState", row.state.value if row.state.automatic else ""
+        yield f"{MACHINE}/AutomaticSelected", seen.enabled
+        yield f"{MACHINE}/ErrorId", int(seen.error_id)
+        yield f"{MACHINE}/JobId", self.job.id
+        yield f"{MACHINE}/MeasId", self.job.meas_id
+        yield f"{MACHINE}/Busy", SIGNALS[seen.state].busy
+        yield f"{RECIPES}/PreparedRecipe", prepared.id if prepared else ""
+        yield f"{RECIPES}/PreparedDigest", prepared.digest if prepared else ""
+        for offer in self.offers:
+            yield f"{RECIPES}/Recipes/{offer.id}/Digest", offer.digest
+        yield f"{CONFIGURATION}/ActiveConfiguration", self._configuration.id
+        yield f"{CONFIGURATION}/Digest", self._configuration.digest
+        yield f"{RESULTS}/ResultReady", waits(seen)
+        for name, value in self._last._asdict().items():
+            yield f"{RESULTS}/LastResult/{name}", value
+        yield f"{PACKML}/StateCurrent", row.packml.value
+        yield f"{PACKML}/StateCurrentName", row.packml.name.capitalize()
+        for outcome, count in self._counts.items():
+            yield f"{PACKML}/{outcome.capitalize()}", count
+        yield f"{PACKML}/StopReasonId", self._reason
+        yield f"{PACKML}/StopReason", STOP_REASONS.get(self._reason, f"error {self._reason}")

@@ -1,0 +1,206 @@
+"""How a station looks to a line's supervisor: states of OPC 40100-1 and of PackML, results, stop reasons.
+
+Nothing here decides anything: what is accepted, and what follows from it, is the handshake's.
+`tools/docs/plc.md` shows `VIEW` and the chart that follows from it. Nothing here knows OPC UA.
+"""
+
+from collections.abc import Callable, Mapping
+from enum import Enum, IntEnum
+from math import nan
+from types import MappingProxyType
+from typing import NamedTuple
+
+from runtime.plc.handshake import SIGNALS, Error
+from runtime.plc.registers import OUTCOMES, UNKNOWN_ERROR
+from runtime.plc.station import FAULT, Answer, Glance
+
+
+class VisionState(Enum):
+    """States of the machine vision companion specification (OPC 40100-1); values are its names."""
+
+    PREOPERATIONAL = "Preoperational"
+    HALTED = "Halted"
+    ERROR = "Error"
+    INITIALIZED = "Initialized"
+    READY = "Ready"
+    SINGLE_EXECUTION = "SingleExecution"
+
+    @property
+    def automatic(self) -> bool:
+        """Whether it is one of the automatic mode, which lies within the state Operational."""
+        return self in _AUTOMATIC
+
+    @property
+    def outer(self) -> str:
+        """Name of the state of the outer machine."""
+        return "Operational" if self.automatic else self.value
+
+
+_AUTOMATIC = {VisionState.INITIALIZED, VisionState.READY, VisionState.SINGLE_EXECUTION}
+
+
+class PackMLState(IntEnum):
+    """The states of PackML (ISA-TR88.00.02) that occur."""
+
+    STOPPED = 2
+    IDLE = 4
+    EXECUTE = 6
+    ABORTED = 9
+    COMPLETE = 17
+
+
+class Row(NamedTuple):
+    """A state, of either standard, and when it is shown."""
+
+    state: VisionState
+    packml: PackMLState
+    when: str  # as the documentation says it
+    holds: Callable[[Glance], bool]
+
+
+VIEW: tuple[Row, ...] = (
+    Row(
+        VisionState.ERROR,
+        PackMLState.ABORTED,
+        "the result of a fault waits",
+        lambda seen: waits(seen) and seen.answer.outcome == FAULT,
+    ),
+    Row(
+        VisionState.SINGLE_EXECUTION,
+        PackMLState.EXECUTE,
+        "a part is under way",
+        lambda seen: SIGNALS[seen.state].busy,
+    ),
+    Row(
+        VisionState.SINGLE_EXECUTION,
+        PackMLState.COMPLETE,
+        "another result waits",
+        lambda seen: waits(seen),
+    ),
+    Row(
+        VisionState.HALTED,
+        PackMLState.STOPPED,
+        "the run has ended",
+        lambda seen: seen.ended,
+    ),
+    Row(
+        VisionState.PREOPERATIONAL,
+        PackMLState.STOPPED,
+        "automatic mode is not selected",
+        lambda seen: not seen.enabled,
+    ),
+    Row(
+        VisionState.INITIALIZED,
+        PackMLState.STOPPED,
+        "no recipe is prepared",
+        lambda seen: seen.table is None,
+    ),
+    Row(
+        VisionState.READY,
+        PackMLState.IDLE,
+        "StartSingleJob is accepted",
+        lambda _: True,
+    ),
+)
+"""Which state is shown: that of the first row that holds."""
+
+
+def waits(seen: Glance) -> bool:
+    """Whether a result waits to be taken."""
+    return SIGNALS[seen.state].result_valid
+
+
+def view(seen: Glance) -> Row:
+    """The row that is shown."""
+    return next(row for row in VIEW if row.holds(seen))
+
+
+STOP_REASONS: Mapping[int, str] = MappingProxyType(
+    {
+        0: "none",
+        10: "part rejected",
+        11: "part unresolved",
+        12: "part not delivered",
+        20: "gripper link fault",
+        21: "gripper fault",
+        22: "arm fault or motion refused",
+        24: "journal not written",
+        25: "run given up",
+        40: "stop request",
+        Error.CONNECTION_LOST.value: "connection of the master lost",
+    }
+)
+"""Why the line stands, by exit code of the part that ended it or by `error_id`."""
+
+
+def stop_reason(before: Glance, after: Glance) -> int | None:
+    """Why a change stops the line, a key of `STOP_REASONS` or another exit code; None where it does not."""
+    stops = {VisionState.ERROR, VisionState.HALTED, VisionState.PREOPERATIONAL}
+    left, entered = view(before).state, view(after).state
+    if entered not in stops or left is entered or left is VisionState.ERROR:
+        return None
+    if entered is VisionState.PREOPERATIONAL:
+        lost = Error.CONNECTION_LOST
+        return lost.value if after.error_id == lost else 0
+    answer = after.answer if entered is VisionState.ERROR else before.answer
+    return answer.exit_code
+
+
+class Job(NamedTuple):
+    """A part that was asked for, by the names that both sides gave it."""
+
+    number: int  # from 1, within this process
+    id: str  # given by the server, unique over all its runs
+    meas_id: str  # given by the client
+    recipe: str
+    digest: str  # SHA-256 of the table's file
+
+
+class Result(NamedTuple):
+    """A part's result, in the units of its names; a pose only where the outcome is located."""
+
+    ResultHandle: int  # number of the job
+    ResultId: str  # id of the job
+    MeasId: str
+    RecipeId: str
+    TableDigest: str
+    Outcome: str
+    X_mm: float
+    Y_mm: float
+    Angle_deg: float
+    ExpectedError_mm: float  # median of the trials at this leaf; NaN where not known
+    ExpectedErrorP95_mm: float
+    Part: str  # its name, "" where the table is of one part
+    Face: int  # 0 as drawn, 1 turned over
+    ErrorId: int  # exit code of a fault, 0 otherwise
+    ExitCode: int
+    Seconds: float  # from the part's first motion to its outcome; NaN where none was reached
+
+
+NO_RESULT = Result(0, "", "", "", "", OUTCOMES[0], 0.0, 0.0, 0.0, nan, nan, "", 0, 0, 0, nan)
+
+
+def result_of(job: Job, parts: list[str], answer: Answer) -> Result:
+    """The result of a job; `parts` are the names of its table's parts."""
+    return Result(
+        job.number,
+        job.id,
+        job.meas_id,
+        job.recipe,
+        job.digest,
+        OUTCOMES[answer.outcome],
+        answer.x / 1e3,
+        answer.y / 1e3,
+        answer.angle / 1e4,
+        _millimetres(answer.expected_error) if answer.outcome == 1 else nan,
+        _millimetres(answer.expected_error_p95) if answer.outcome == 1 else nan,
+        parts[answer.part] if parts and answer.outcome == 1 else "",
+        answer.face,
+        answer.exit_code if answer.outcome == FAULT else 0,
+        answer.exit_code,
+        answer.seconds,
+    )
+
+
+def _millimetres(error_um: int) -> float:
+    return nan if error_um == UNKNOWN_ERROR else error_um / 1e3

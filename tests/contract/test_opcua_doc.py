@@ -1,0 +1,107 @@
+"""The section on OPC UA in tools/docs/plc.md shows states, chart, nodes and limits of the code."""
+
+import re
+from pathlib import Path
+from typing import get_type_hints
+
+from vision_chart import chart, label, line
+
+from runtime.plc import admission, opcua
+from runtime.plc.address_space import NAMESPACE, TYPES
+from runtime.plc.handshake import Error
+from runtime.plc.panel import MOST_RESULTS, PACKML
+from runtime.plc.vision import STOP_REASONS, VIEW, Result
+
+PAGE = (Path(__file__).parents[2] / "tools" / "docs" / "plc.md").read_text()
+SECTION = PAGE[PAGE.index("## OPC UA") :]
+PROSE = " ".join(SECTION.split())
+
+
+def rows(first: str) -> list[list[str]]:
+    """The cells of the table whose head begins with a word, without that head."""
+    (table,) = re.findall(
+        rf"^\| {re.escape(first)} \|.*\n\| ---.*\n((?:\|.*\n?)+)", SECTION, re.MULTILINE
+    )
+    return [[cell.strip() for cell in line.strip("|").split(" | ")] for line in table.splitlines()]
+
+
+def test_section_shows_the_states_in_the_order_in_which_they_hold() -> None:
+    assert rows("shown while") == [
+        [
+            row.when,
+            row.state.outer,
+            row.state.value if row.state.automatic else "",
+            f"{row.packml.name.capitalize()} ({row.packml.value})",
+        ]
+        for row in VIEW
+    ]
+
+
+def test_section_shows_the_chart_that_the_code_follows() -> None:
+    head = re.search(r"^\| what happens \| (.*) \|$", SECTION, re.MULTILINE)
+    assert head is not None
+    columns = head[1].split(" | ")
+    labels = list(map(label, VIEW))
+    assert sorted(columns) == sorted(labels)
+    found = chart()
+
+    def shown(state: str, name: str) -> str:
+        after = found[state, name]
+        if after == {state}:
+            return "-"
+        return " or ".join(each for each in columns if each in after)
+
+    with line() as each:
+        names = list(each.events)
+    assert rows("what happens") == [
+        [name, *(shown(state, name) for state in columns)] for name in names
+    ]
+
+
+def test_section_names_every_method_with_its_arguments() -> None:
+    with line() as each:
+        methods = each.server._methods()
+    expected = []
+    for method in methods:
+        outputs = [argument.name for argument in method.outputs]
+        whole = outputs == list(Result._fields)
+        expected.append(
+            [
+                f"`{method.path}`",
+                ", ".join(argument.name for argument in method.inputs),
+                "the variables of `LastResult`" if whole else ", ".join(outputs),
+            ]
+        )
+    assert [row[:3] for row in rows("method")] == sorted(expected)
+
+
+def test_section_names_every_variable_of_a_result() -> None:
+    kinds = get_type_hints(Result)
+    assert [row[:2] for row in rows("`LastResult/`")] == [
+        [f"`{name}`", TYPES[kinds[name]].name] for name in Result._fields
+    ]
+
+
+def test_section_names_every_other_variable() -> None:
+    with line() as each:
+        paths = [path for path, _ in each.panel.values()]
+    for path in paths:
+        if "/LastResult/" not in path and "/Recipes/" not in path:
+            assert f"`{path.rpartition('/')[2]}`" in SECTION, path
+    assert PACKML in SECTION
+
+
+def test_section_states_limits_errors_and_reasons() -> None:
+    assert f"`{NAMESPACE}`" in PROSE
+    for words in (
+        f"silent for {admission.SESSION_S:g} s",
+        f"within {admission.PATIENCE_S:g} s",
+        f"last {MOST_RESULTS} results",
+        f"at most {opcua.LONGEST_TEXT} characters",
+    ):
+        assert words in PROSE
+    for error in opcua.REASONS:
+        assert str(error.value) in PROSE
+    for code, reason in STOP_REASONS.items():
+        assert f"{code} {reason}" in PROSE
+    assert str(Error.CONNECTION_LOST.value) in PROSE

@@ -1,0 +1,321 @@
+"""The OPC UA server over the wire, by asyncua's client; parts end when a test says so."""
+
+import asyncio
+import os
+import signal
+import socket
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+from asyncua import Client, ua
+from asyncua.client.ua_client import UaClient
+from asyncua.server.internal_session import InternalSession
+from supervisor import Passport, Supervisor, passport
+from vision_chart import LOCATED, OFFERS
+
+from runtime.devices.clock import SystemClock
+from runtime.plc import admission
+from runtime.plc.certificates import PINNED, Trust, identity_in
+from runtime.plc.exchange import Exchange
+from runtime.plc.handshake import Error
+from runtime.plc.opcua import OpcUaServer, Security
+from runtime.plc.panel import AUTOMATIC, MACHINE, PACKML, RECIPES, RESULTS, Configuration, Panel
+from runtime.plc.station import FAULT, Answer, Station
+
+STATE = f"{AUTOMATIC}/CurrentState"
+TEXT = ua.VariantType.String
+
+
+@dataclass
+class Served:
+    exchange: Exchange
+    port: int
+    pinned: Path
+    own: Passport
+    other: Passport
+
+    def end_part(self, answer: Answer = LOCATED) -> None:
+        self.exchange.finish(answer)
+
+    def supervisor(self) -> Supervisor:
+        return Supervisor(self.port, self.own)
+
+
+@pytest.fixture(scope="module")
+def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    """One server for all tests, since it loads a large address space; each test leaves it as it was."""
+    folder = tmp_path_factory.mktemp("opcua")
+    exchange, clock = Exchange(Station((1, 2), beats=False), SystemClock()), SystemClock()
+    panel = Panel(OFFERS, Configuration("gripper.json", "c" * 64), exchange.glance)
+    security = Security(identity_in(folder), Trust(folder / PINNED, None))
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port = int(listener.getsockname()[1])
+        own, other = passport(folder, "own"), passport(folder, "other")
+        with OpcUaServer(listener, exchange, clock, panel, security):
+            with Supervisor(port, own):  # the first, which is pinned
+                pass
+            yield Served(exchange, port, folder / PINNED, own, other)
+
+
+@pytest.fixture
+def line(served: Served) -> Iterator[Supervisor]:
+    """The master, in Ready."""
+    with served.supervisor() as supervisor:
+        supervisor.call(f"{MACHINE}/Reset")
+        supervisor.begin("two")
+        yield supervisor
+        served.end_part()
+        if supervisor[f"{RESULTS}/ResultReady"]:
+            supervisor.release(supervisor[f"{RESULTS}/LastResult/ResultHandle"])
+        supervisor.call(f"{MACHINE}/Reset")
+    until = time.monotonic() + 30
+    while served.exchange.connected:
+        assert time.monotonic() < until
+        time.sleep(0.01)
+
+
+def test_part_goes_through_the_states_and_has_its_result(served: Served, line: Supervisor) -> None:
+    line.follow()
+    assert (line[f"{MACHINE}/CurrentState"], line[STATE]) == ("Operational", "Ready")
+    located = line[f"{PACKML}/Located"]
+    job = line.start("plate 17")
+    assert (line[STATE], line[f"{PACKML}/StateCurrentName"]) == ("SingleExecution", "Execute")
+    assert (line[f"{MACHINE}/JobId"], line[f"{MACHINE}/MeasId"]) == (job, "plate 17")
+    served.end_part()
+    result = line.result(job)
+    assert line[f"{PACKML}/StateCurrentName"] == "Complete"
+    assert (result["ResultId"], result["MeasId"], result["RecipeId"]) == (job, "plate 17", "two")
+    assert (result["X_mm"], result["Y_mm"], result["Angle_deg"]) == (-1.5, 0.25, 90.0)
+    assert (result["Part"], result["Face"], result["Seconds"]) == ("shim", 1, 1.25)
+    assert {name: line[f"{RESULTS}/LastResult/{name}"] for name in ("ResultId", "X_mm")} == {
+        name: result[name] for name in ("ResultId", "X_mm")
+    }
+    line.release(result["ResultHandle"])
+    assert (line[STATE], line[f"{PACKML}/StateCurrentName"]) == ("Ready", "Idle")
+    assert line[f"{PACKML}/Located"] == located + 1
+    until = time.monotonic() + 30
+    while len(line.events) < 2:
+        assert time.monotonic() < until
+        time.sleep(0.01)
+    assert line.events == ["ReadyToSingleExecution", "SingleExecutionToReady"]
+    assert line[f"{MACHINE}/LastTransition"] == "SingleExecutionToReady"
+
+
+def test_address_space_has_recipes_configuration_and_states(
+    served: Served, line: Supervisor
+) -> None:
+    assert line.call(f"{RECIPES}/GetRecipeList") == [
+        [offer.id for offer in OFFERS],
+        [offer.digest for offer in OFFERS],
+    ]
+    assert line[f"{RECIPES}/Recipes/one/Digest"] == OFFERS[0].digest
+    assert line[f"{RECIPES}/PreparedDigest"] == OFFERS[1].digest
+    assert line["ConfigurationManagement/ActiveConfiguration"] == "gripper.json"
+    assert line["ConfigurationManagement/Digest"] == "c" * 64
+    state = line.wait(line.node(f"{MACHINE}/Operational").read_browse_name())
+    assert state.Name == "Operational"
+    shown = line.wait(line.node(f"{STATE}/Id").read_value())
+    assert shown == line.node(f"{AUTOMATIC}/Ready").nodeid
+
+
+@pytest.mark.parametrize(
+    ("path", "inputs", "problem"),
+    [
+        (f"{AUTOMATIC}/StartSingleJob", (), "BadArgumentsMissing"),
+        (f"{AUTOMATIC}/StartSingleJob", ("a", "b"), "BadTooManyArguments"),
+        (f"{AUTOMATIC}/StartSingleJob", (3,), "BadInvalidArgument"),
+        (f"{AUTOMATIC}/StartSingleJob", (ua.Variant(None, TEXT),), "BadInvalidArgument"),
+        (f"{AUTOMATIC}/StartSingleJob", (["a"],), "BadInvalidArgument"),
+        (f"{AUTOMATIC}/StartSingleJob", ("a" * 101,), "BadOutOfRange"),
+        (f"{RECIPES}/PrepareRecipe", (1.5,), "BadInvalidArgument"),
+        (f"{RESULTS}/GetResultById", ("no result",), "BadNotFound"),
+        (
+            f"{RESULTS}/ReleaseResultHandle",
+            (ua.Variant(99, ua.VariantType.UInt32),),
+            "BadNotFound",
+        ),
+        (f"{RESULTS}/ReleaseResultHandle", ("1",), "BadInvalidArgument"),
+    ],
+)
+def test_call_that_does_not_fit_is_refused_and_begins_nothing(
+    path: str, inputs: tuple[Any, ...], problem: str, served: Served, line: Supervisor
+) -> None:
+    with pytest.raises(ua.UaStatusCodeError) as refused:
+        line.call(path, *inputs)
+    assert type(refused.value).__name__ == problem
+    assert served.exchange.order is None
+    assert line[STATE] == "Ready"
+
+
+def test_second_job_is_refused_with_its_error(served: Served, line: Supervisor) -> None:
+    job = line.start("first")
+    order = served.exchange.order
+    assert line.call(f"{AUTOMATIC}/StartSingleJob", "second")[:2] == ["", Error.PART_UNDER_WAY]
+    assert served.exchange.order == order
+    served.end_part()
+    line.result(job)
+    refused = line.call(f"{AUTOMATIC}/StartSingleJob", "second")
+    assert (refused[1], line[f"{MACHINE}/ErrorId"]) == (Error.RESULT_WAITS, Error.RESULT_WAITS)
+    assert line.result(job)["MeasId"] == "first"
+    assert served.exchange.order is None
+
+
+def test_variable_cannot_be_written_and_no_node_added(served: Served, line: Supervisor) -> None:
+    node = line.node(f"{RESULTS}/LastResult/X_mm")
+    with pytest.raises(ua.uaerrors.BadUserAccessDenied):
+        line.wait(node.write_value(1.0))
+    with pytest.raises(ua.UaStatusCodeError):
+        line.wait(line.client.nodes.objects.add_object(2, "mine"))
+
+
+def test_second_client_reads_and_may_not_command_until_the_first_is_gone(
+    served: Served, line: Supervisor
+) -> None:
+    job = line.start("a")
+    served.end_part()
+    line.result(job)
+    with served.supervisor() as reader:
+        assert reader[STATE] == "SingleExecution"
+        assert reader.result(job)["MeasId"] == "a"
+        for path, inputs in {
+            f"{AUTOMATIC}/StartSingleJob": ("b",),
+            f"{AUTOMATIC}/Stop": (),
+            f"{AUTOMATIC}/Abort": (),
+            f"{MACHINE}/Reset": (),
+            f"{RESULTS}/ReleaseResultHandle": (ua.Variant(1, ua.VariantType.UInt32),),
+        }.items():
+            with pytest.raises(ua.uaerrors.BadUserAccessDenied):
+                reader.call(path, *inputs)
+        assert reader[f"{RESULTS}/ResultReady"]
+
+
+def test_master_that_vanishes_loses_neither_part_nor_result(served: Served) -> None:
+    with served.supervisor() as first:
+        first.begin("one")
+        first.follow()  # a subscription, which must not keep the session
+        job = first.start("a")
+        first.vanish()
+    with served.supervisor() as second:
+        second.until(f"{MACHINE}/AutomaticSelected", False)
+        assert (second[STATE], second[f"{MACHINE}/JobId"]) == ("SingleExecution", job)
+        assert second[f"{MACHINE}/ErrorId"] == Error.CONNECTION_LOST
+        served.end_part()
+        result = second.result(job)
+        assert result["MeasId"] == "a"
+        second.release(result["ResultHandle"])
+        assert second[f"{MACHINE}/CurrentState"] == "Preoperational"
+        refused = second.call(f"{AUTOMATIC}/StartSingleJob", "b")
+        assert refused[1] == Error.NOT_ENABLED
+        assert served.exchange.order is None
+        assert second.call(f"{RESULTS}/GetResultById", job)[1] == job  # also once it is released
+
+
+@pytest.mark.slow
+def test_master_that_falls_silent_is_master_no_longer(served: Served) -> None:
+    with served.supervisor() as silent, served.supervisor() as other:
+        silent.begin("one")
+        with pytest.raises(ua.uaerrors.BadUserAccessDenied):
+            other.call(f"{MACHINE}/Reset")
+        silent._loop.call_soon_threadsafe(time.sleep, admission.SESSION_S + 5)
+        other.until(f"{MACHINE}/AutomaticSelected", False)
+        assert other[f"{MACHINE}/ErrorId"] == Error.CONNECTION_LOST
+        assert other.call(f"{MACHINE}/Reset") == [0, ""]
+
+
+def test_fault_is_an_error_until_it_is_confirmed(served: Served, line: Supervisor) -> None:
+    job = line.start("a")
+    served.end_part(Answer(FAULT, 20))
+    result = line.result(job)
+    assert (result["Outcome"], result["ErrorId"], result["X_mm"]) == ("fault", 20, 0.0)
+    assert line[f"{MACHINE}/CurrentState"] == "Error"
+    assert (line[f"{PACKML}/StateCurrentName"], line[STATE]) == ("Aborted", "")
+    assert line[f"{PACKML}/StopReason"] == "gripper link fault"
+    assert line.call(f"{MACHINE}/ConfirmAll") == [0, ""]
+    assert line[f"{MACHINE}/ErrorId"] == 0
+    assert line[f"{MACHINE}/CurrentState"] == "Operational"
+
+
+def test_abort_is_a_stop_request(
+    served: Served, line: Supervisor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sent: list[tuple[int, int]] = []
+    monkeypatch.setattr(os, "kill", lambda *what: sent.append(what))
+    assert line.call(f"{AUTOMATIC}/Abort") == [0, ""]
+    assert sent == [(os.getpid(), signal.SIGTERM)]
+
+
+def test_certificate_other_than_the_pinned_one_is_refused(served: Served, line: Supervisor) -> None:
+    assert served.pinned.read_bytes() == served.own.certificate.read_bytes()
+    with pytest.raises(ua.uaerrors.BadCertificateUntrusted):
+        Supervisor(served.port, served.other)
+    assert line[STATE] == "Ready"
+
+
+def test_bare_client_is_refused(served: Served, line: Supervisor) -> None:
+    with pytest.raises(Exception, match=r"(?i)security|policy|endpoint|untrusted"):
+        Supervisor(served.port, patience_s=20)
+
+
+def test_bare_channel_enters_no_session_by_its_number(served: Served, line: Supervisor) -> None:
+    """Tokens of sessions are counted: none but the channel's certificate may open one."""
+
+    async def intrude() -> list[type]:
+        ends: list[type] = []
+        last = InternalSession._auth_counter  # the line's session is one of the last
+        for token in range(last - 3, last):
+            stranger = UaClient(timeout=20)
+            await stranger.connect_socket("127.0.0.1", served.port)
+            await stranger.send_hello(f"opc.tcp://127.0.0.1:{served.port}")
+            opening = ua.OpenSecureChannelParameters()
+            opening.RequestType = ua.SecurityTokenRequestType.Issue
+            opening.SecurityMode = ua.MessageSecurityMode.None_
+            opening.RequestedLifetime = 60_000
+            await stranger.open_secure_channel(opening)
+            stranger.protocol.authentication_token = ua.NodeId(token)
+            entering = ua.ActivateSessionParameters()
+            entering.UserIdentityToken = ua.AnonymousIdentityToken("anonymous")
+            for act in (
+                stranger.activate_session(entering),
+                stranger.read(
+                    ua.ReadParameters(
+                        NodesToRead=[ua.ReadValueId(ua.NodeId(2256), ua.AttributeIds.Value)]
+                    )
+                ),
+            ):
+                try:
+                    await act
+                    ends.append(type(None))
+                except Exception as error:
+                    ends.append(type(error))
+            stranger.disconnect_socket()
+        return ends
+
+    assert type(None) not in asyncio.run(intrude())
+    assert line[STATE] == "Ready"
+
+
+@pytest.mark.parametrize(
+    "junk", [b"GET / HTTP/1.0\r\n\r\n", b"HELF\x00\x00\x00\x08", b"\xff" * 4096]
+)
+def test_bytes_that_are_no_message_change_nothing(
+    junk: bytes, served: Served, line: Supervisor
+) -> None:
+    with socket.create_connection(("127.0.0.1", served.port), timeout=20) as stranger:
+        stranger.sendall(junk)
+    assert line[STATE] == "Ready"
+
+
+def test_endpoint_is_the_encrypted_one_alone(served: Served) -> None:
+    async def endpoints() -> list[Any]:
+        return list(
+            await Client(f"opc.tcp://127.0.0.1:{served.port}").connect_and_get_server_endpoints()
+        )
+
+    (only,) = asyncio.run(endpoints())
+    assert only.SecurityPolicyUri.endswith("#Basic256Sha256")
+    assert only.SecurityMode is ua.MessageSecurityMode.SignAndEncrypt
+    assert [token.TokenType for token in only.UserIdentityTokens] == [ua.UserTokenType.Anonymous]

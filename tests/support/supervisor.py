@@ -1,0 +1,196 @@
+"""A line's supervisor for tests: asyncua's client by the names of the address space, in calls that wait."""
+
+import asyncio
+import threading
+import time
+from collections.abc import Coroutine
+from concurrent.futures import Future
+from contextlib import suppress
+from pathlib import Path
+from types import TracebackType
+from typing import Any, NamedTuple, Self
+
+from asyncua import Client, Node, ua
+from asyncua.crypto.cert_gen import (
+    dump_private_key_as_pem,
+    generate_private_key,
+    generate_self_signed_app_certificate,
+)
+from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256
+from cryptography import x509
+from cryptography.hazmat.primitives.serialization import Encoding
+from cryptography.x509.oid import ExtendedKeyUsageOID
+
+from runtime.plc.address_space import NAMESPACE, SYSTEM
+from runtime.plc.panel import AUTOMATIC, MACHINE, RECIPES, RESULTS
+
+WAIT_S = 60
+URI = "urn:line:supervisor"
+
+
+class Passport(NamedTuple):
+    """Files of a client's certificate (DER, alone in its folder) and key (PEM)."""
+
+    certificate: Path
+    key: Path
+
+
+def passport(folder: Path, name: str) -> Passport:
+    """A new self-signed certificate."""
+    key = generate_private_key()
+    names = [x509.UniformResourceIdentifier(URI), x509.DNSName("localhost")]
+    certificate = generate_self_signed_app_certificate(
+        key, name, {}, names, [ExtendedKeyUsageOID.CLIENT_AUTH]
+    )
+    files = Passport(folder / name / "client.der", folder / f"{name}.pem")
+    files.certificate.parent.mkdir()
+    files.certificate.write_bytes(certificate.public_bytes(Encoding.DER))
+    files.key.write_bytes(dump_private_key_as_pem(key))
+    return files
+
+
+class Supervisor:
+    """A client that is connected; with a passport over the encrypted endpoint."""
+
+    def __init__(
+        self, port: int, own: Passport | None = None, *, patience_s: float = WAIT_S
+    ) -> None:
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
+        self._thread.start()
+        self.client = Client(f"opc.tcp://127.0.0.1:{port}", timeout=patience_s)
+        self.client.application_uri = URI
+        self.events: list[str] = []
+        self._nodes: dict[str, Node] = {}
+        try:
+            self.wait(self._connect(own))
+        except BaseException:
+            self._end_loop()
+            raise
+
+    async def _connect(self, own: Passport | None) -> None:
+        until = time.monotonic() + WAIT_S
+        while True:
+            try:
+                if own is not None:
+                    await self.client.set_security(
+                        SecurityPolicyBasic256Sha256,
+                        certificate=str(own.certificate),
+                        private_key=str(own.key),
+                        mode=ua.MessageSecurityMode.SignAndEncrypt,
+                    )
+                await self.client.connect()
+                break
+            except ConnectionRefusedError:  # it does not listen yet
+                assert time.monotonic() < until
+                await asyncio.sleep(0.05)
+        self._index = await self.client.get_namespace_index(NAMESPACE)
+
+    def wait(self, doing: Coroutine[Any, Any, Any]) -> Any:
+        """The result of what the client's loop does."""
+        running: Future[Any] = asyncio.run_coroutine_threadsafe(doing, self._loop)
+        return running.result(WAIT_S)
+
+    def node(self, path: str) -> Node:
+        """The node at a path below `VisionSystem`, found by browsing."""
+        if path not in self._nodes:
+            names = [SYSTEM, *path.split("/")]
+            standard = {"CurrentState", "LastTransition", "Id"}
+            steps = [f"{0 if name in standard else self._index}:{name}" for name in names]
+            self._nodes[path] = self.wait(self.client.nodes.objects.get_child(steps))
+        return self._nodes[path]
+
+    def __getitem__(self, path: str) -> Any:
+        value = self.wait(self.node(path).read_value())
+        return value.Text if isinstance(value, ua.LocalizedText) else value
+
+    def until(self, path: str, value: object) -> None:
+        """Wait until a variable has a value."""
+        until = time.monotonic() + WAIT_S
+        while self[path] != value:
+            assert time.monotonic() < until, f"{path} is {self[path]}, not {value}"
+            time.sleep(0.005)
+
+    def call(self, path: str, *inputs: object) -> Any:
+        """Call a method; returns its outputs."""
+        parent, _, name = path.rpartition("/")
+        return self.wait(self.node(parent).call_method(f"{self._index}:{name}", *inputs))
+
+    def follow(self) -> None:
+        """Keep the names of all transitions from now on in `events`."""
+        self.wait(self._follow(self.node(MACHINE)))
+
+    async def _follow(self, machine: Node) -> None:
+        subscription = await self.client.create_subscription(20, self)
+        await subscription.subscribe_events(machine, ua.ObjectIds.TransitionEventType)
+
+    def event_notification(self, event: Any) -> None:
+        """Called by asyncua."""
+        self.events.append(event.Message.Text)
+
+    def begin(self, recipe: str) -> None:
+        """Select the automatic mode and a recipe."""
+        assert self.call(f"{MACHINE}/SelectModeAutomatic") == [0, ""]
+        assert self.call(f"{RECIPES}/PrepareRecipe", recipe) == [0, ""]
+
+    def start(self, meas_id: str) -> str:
+        """Start a job; returns its id."""
+        job, error, message = self.call(f"{AUTOMATIC}/StartSingleJob", meas_id)
+        assert error == 0, message
+        return str(job)
+
+    def result(self, job: str) -> dict[str, Any]:
+        """Wait for a job's result and get it."""
+        self.until(f"{RESULTS}/ResultReady", True)
+        names = [each.Name for each in self.wait(self._outputs())]
+        return dict(zip(names, self.call(f"{RESULTS}/GetResultById", job), strict=True))
+
+    async def _outputs(self) -> Any:
+        parent = await self.client.nodes.objects.get_child(
+            [f"{self._index}:{name}" for name in (SYSTEM, RESULTS, "GetResultById")]
+        )
+        return await (await parent.get_child("0:OutputArguments")).read_value()
+
+    def release(self, handle: int) -> None:
+        """Release a result."""
+        given = ua.Variant(handle, ua.VariantType.UInt32)
+        assert self.call(f"{RESULTS}/ReleaseResultHandle", given) == [0, ""]
+
+    def part(self, meas_id: str) -> dict[str, Any]:
+        """A whole part."""
+        result = self.result(self.start(meas_id))
+        self.release(result["ResultHandle"])
+        return result
+
+    def vanish(self) -> None:
+        """Break the connection without a word."""
+        self._loop.call_soon_threadsafe(self.client.uaclient.protocol.transport.abort)
+        self._end_loop()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._loop.is_closed():
+            return
+        with suppress(Exception):  # of a server that is gone
+            self.wait(self.client.disconnect())
+        self._end_loop()
+
+    def _end_loop(self) -> None:
+        async def cancelled() -> None:
+            others = asyncio.all_tasks() - {asyncio.current_task()}
+            for task in others:
+                task.cancel()
+            await asyncio.gather(*others, return_exceptions=True)
+
+        with suppress(Exception):
+            asyncio.run_coroutine_threadsafe(cancelled(), self._loop).result(WAIT_S)
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join(WAIT_S)
+        self._loop.close()

@@ -1,0 +1,100 @@
+"""The state chart of the OPC UA server: every method and event in every state that can be reached."""
+
+import socket
+from collections import defaultdict
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from runtime.devices.clock import SystemClock
+from runtime.plc.exchange import Exchange
+from runtime.plc.opcua import OpcUaServer
+from runtime.plc.panel import Configuration, Offer, Panel
+from runtime.plc.station import FAULT, Answer, Glance, Station
+from runtime.plc.vision import VIEW, Row, view
+
+DIGESTS = ("d" * 64, "e" * 64)
+OFFERS = [Offer("one", DIGESTS[0], []), Offer("two", DIGESTS[1], ["bracket", "shim"])]
+LOCATED = Answer(1, 0, -1500, 250, 900_000, 1, 1, 20, 65535, 1.25)
+
+
+class Line:
+    """A server that listens to nobody: its methods are called from here, and parts end when asked to."""
+
+    def __init__(self, listener: socket.socket, *, digests: tuple[int, ...] = (1, 2)) -> None:
+        self.exchange = Exchange(Station(digests, beats=False), clock := SystemClock())
+        self.panel = Panel(OFFERS, Configuration("linear map", ""), self.exchange.glance)
+        self.exchange.watch = self.panel.see
+        self.server = OpcUaServer(listener, self.exchange, clock, self.panel, None)
+        self.server._unprepare()
+        self.events: dict[str, Callable[[], object]] = {
+            "SelectModeAutomatic": self.server._select_automatic,
+            "PrepareRecipe": lambda: self.server._prepare("two"),
+            "UnprepareRecipe": self.server._unprepare,
+            "StartSingleJob": lambda: self.server._start("m"),
+            "the part ends": lambda: self.exchange.finish(LOCATED),
+            "the part ends with a fault": lambda: self.exchange.finish(Answer(FAULT, 20)),
+            "ReleaseResultHandle": lambda: self.server._release(self.panel.job.number),
+            "ConfirmAll": self.server._confirm_all,
+            "Stop": self.server._withdraw,
+            "Reset": self.server._reset,
+            "the master's session ends": self.exchange.disconnect,
+            "the run ends": self.exchange.end,
+        }
+
+
+@contextmanager
+def line() -> Iterator[Line]:
+    """A line of its own."""
+    with socket.socket() as listener:
+        yield Line(listener)
+
+
+def _key(seen: Glance) -> tuple[object, ...]:
+    job = seen.order is not None
+    return (
+        seen.state,
+        job,
+        seen.answer.outcome,
+        seen.enabled,
+        seen.ended,
+        bool(seen.error_id),
+        seen.table,
+    )
+
+
+def explored() -> Iterator[tuple[Glance, str, Glance]]:
+    """Each reachable glance, but for numbers of jobs, with each event and what is seen then."""
+    known: dict[tuple[object, ...], tuple[str, ...]] = {}
+    ahead: list[tuple[str, ...]] = [()]
+    while ahead:
+        way = ahead.pop()
+        with line() as each:
+            for name in way:
+                each.events[name]()
+            here = each.exchange.glance
+            names = list(each.events)
+        if _key(here) in known:
+            continue
+        known[_key(here)] = way
+        for name in names:
+            with line() as each:
+                for step in way:
+                    each.events[step]()
+                before = each.exchange.glance
+                each.events[name]()
+                yield before, name, each.exchange.glance
+            ahead.append((*way, name))
+
+
+def label(row: Row) -> str:
+    """A row's state, with that of PackML where it takes both to tell rows apart."""
+    alone = [each.state for each in VIEW].count(row.state) == 1
+    return row.state.value if alone else f"{row.state.value}, {row.packml.name.capitalize()}"
+
+
+def chart() -> dict[tuple[str, str], set[str]]:
+    """The rows of the view, by their labels, that an event leads to from each row."""
+    found: dict[tuple[str, str], set[str]] = defaultdict(set)
+    for before, name, after in explored():
+        found[label(view(before)), name].add(label(view(after)))
+    return found

@@ -1,0 +1,115 @@
+"""The server's own certificate, and which clients it lets in."""
+
+import stat
+from pathlib import Path
+
+import pytest
+from supervisor import passport
+
+from runtime.errors import ArgumentsError, KeyFileError
+from runtime.plc.certificates import CERTIFICATE, KEY, PINNED, Trust, identity_in
+
+
+@pytest.fixture(scope="module")
+def clients(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    folder = tmp_path_factory.mktemp("clients")
+    return tuple(passport(folder, name).certificate for name in ("first", "second"))
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("server") / "keys"
+    identity_in(folder)
+    return folder
+
+
+def copied(server: Path, folder: Path) -> Path:
+    for name in (KEY, CERTIFICATE):
+        (folder / name).write_bytes((server / name).read_bytes())
+        (folder / name).chmod(0o600)
+    return folder
+
+
+def test_identity_is_made_once_and_its_key_is_its_owners_alone(server: Path) -> None:
+    first, again = identity_in(server), identity_in(server)
+    assert again.certificate == first.certificate
+    assert first.uri.startswith("urn:")
+    assert stat.S_IMODE((server / KEY).stat().st_mode) == 0o600
+
+
+@pytest.mark.parametrize("name", [KEY, CERTIFICATE])
+@pytest.mark.parametrize("content", [b"", b"nonsense", None])
+def test_file_that_is_damaged_or_missing_is_refused_by_name(
+    name: str, content: bytes | None, server: Path, tmp_path: Path
+) -> None:
+    folder = copied(server, tmp_path)
+    if content is None:
+        (folder / name).unlink()
+    else:
+        (folder / name).write_bytes(content)
+    with pytest.raises(KeyFileError, match=name) as refused:
+        identity_in(folder)
+    assert "\n" not in str(refused.value)
+
+
+def test_key_of_another_certificate_is_refused(
+    server: Path, clients: tuple[Path, Path], tmp_path: Path
+) -> None:
+    folder = copied(server, tmp_path)
+    (folder / CERTIFICATE).write_bytes(clients[0].read_bytes())
+    with pytest.raises(KeyFileError, match="not the key"):
+        identity_in(folder)
+
+
+def test_key_that_others_may_read_is_refused(server: Path, tmp_path: Path) -> None:
+    folder = copied(server, tmp_path)
+    (folder / KEY).chmod(0o644)
+    with pytest.raises(KeyFileError, match="chmod 600"):
+        identity_in(folder)
+
+
+def test_first_client_is_pinned_and_stays_so(clients: tuple[Path, Path], tmp_path: Path) -> None:
+    first, second = (path.read_bytes() for path in clients)
+    trust = Trust(tmp_path / PINNED, None)
+    assert not trust.admits(None)
+    assert not (tmp_path / PINNED).exists()
+    assert trust.admits(first)
+    assert not trust.admits(second)
+    later = Trust(tmp_path / PINNED, None)
+    assert not later.admits(second)
+    assert later.admits(first)
+
+
+def test_two_servers_that_share_a_folder_pin_one_client(
+    clients: tuple[Path, Path], tmp_path: Path
+) -> None:
+    first, second = (path.read_bytes() for path in clients)
+    one, other = Trust(tmp_path / PINNED, None), Trust(tmp_path / PINNED, None)
+    assert one.admits(first)
+    assert not other.admits(second)
+    assert other.admits(first)
+
+
+def test_client_that_cannot_be_pinned_is_not_let_in(
+    clients: tuple[Path, Path], tmp_path: Path
+) -> None:
+    assert not Trust(tmp_path / "no folder" / PINNED, None).admits(clients[0].read_bytes())
+
+
+def test_folder_of_trusted_ones_lets_in_those_and_pins_nobody(
+    clients: tuple[Path, Path], tmp_path: Path
+) -> None:
+    first, second = (path.read_bytes() for path in clients)
+    (tmp_path / "a.der").write_bytes(first)
+    (tmp_path / "notes.txt").write_text("of the line")
+    trust = Trust(tmp_path / "elsewhere" / PINNED, tmp_path)
+    assert [trust.admits(each) for each in (first, second, None)] == [True, False, False]
+    assert not (tmp_path / "elsewhere").exists()
+
+
+def test_folder_without_certificates_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ArgumentsError, match="no certificate"):
+        Trust(tmp_path / PINNED, tmp_path)
+    (tmp_path / "a.der").write_bytes(b"nonsense")
+    with pytest.raises(KeyFileError, match=r"a\.der"):
+        Trust(tmp_path / PINNED, tmp_path)

@@ -1,0 +1,66 @@
+"""The thread of a PLC's server: it starts, fails and ends where the main thread notices."""
+
+import asyncio
+import threading
+
+import pytest
+
+from runtime.devices.clock import SystemClock
+from runtime.plc.exchange import Exchange
+from runtime.plc.server import PlcServer
+from runtime.plc.station import Station
+
+
+class Scripted(PlcServer):
+    """A server that starts and fails as a test says."""
+
+    def __init__(self, *, starts: bool = True, fails: bool = False) -> None:
+        clock = SystemClock()
+        super().__init__(Exchange(Station((1,)), clock), clock)
+        self._starts, self._fails, self.ended = starts, fails, False
+        self.entered = threading.Event()
+
+    async def serve(self, stop: asyncio.Event) -> None:
+        if self._starts:
+            self.started()
+            await asyncio.to_thread(self.entered.wait, 30)
+        if self._fails:
+            raise OSError("no descriptor is left")
+        await stop.wait()
+        self.ended = True
+
+
+def test_server_that_starts_ends_when_it_is_left() -> None:
+    with Scripted() as server:
+        server.entered.set()
+        server.check()
+    assert server.ended
+    assert not server._thread.is_alive()
+
+
+def test_server_that_cannot_start_raises_why() -> None:
+    with pytest.raises(OSError, match="no descriptor"), Scripted(starts=False, fails=True):
+        pass
+
+
+def test_server_that_fails_later_ends_enabling_and_says_why() -> None:
+    server = Scripted(fails=True)
+    server.exchange.put({"enable": 1})
+    server.exchange.connect()
+    with server:
+        server.entered.set()
+        server._thread.join(30)
+        with pytest.raises(OSError, match="no descriptor"):
+            server.check()
+        assert (server.exchange.enabled, server.exchange.connected) == (False, False)
+
+
+def test_watch_sees_each_step_once_and_in_order() -> None:
+    exchange = Exchange(Station((1, 2)), SystemClock())
+    seen = []
+    exchange.watch = seen.append
+    exchange.put({"enable": 1}, {"trigger_id": 5, "trigger": 1}, {"trigger": 0}, {"trigger": 0})
+    exchange.put({"heartbeat_in": 1})
+    assert [glance.state.value for glance in seen] == ["ready", "accepted", "working"]
+    assert [glance.order and glance.order.trigger_id for glance in seen] == [None, 5, 5]
+    assert exchange.glance == seen[-1]
