@@ -9,9 +9,9 @@
      +- DeviceError       20  look at the cell
      +- UnreachableError  21  connect the device, or end who uses it
 
-The number is the exit code of a command that ends with the error. `planner.errors`, `runtime.errors`,
-and `drivers.errors` add those that their package has to tell apart. A message is one
-line: what is wrong, where, what to do.
+The number is the exit code of a command that ends with the error. `planner.errors`, `runtime.errors` and
+`drivers.errors` add those that their package has to tell apart. A message is one line: what is wrong, where,
+what to do.
 """
 
 from typing import Self

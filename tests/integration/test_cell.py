@@ -248,8 +248,8 @@ def test_missing_file():
 def test_broken_inputs(tmp_path):
     broken = tmp_path / "broken"
     broken.write_text("[part\n")
-    assert refuse("--job", broken)[0] == 4
-    assert refuse("--tree", broken)[0] == 30
+    assert refuse("--job", broken)[0] == 3
+    assert refuse("--tree", broken)[0] == 3
 
 
 @pytest.mark.parametrize(

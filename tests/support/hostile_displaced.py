@@ -20,8 +20,9 @@ from runtime.execution.events import Console
 from runtime.execution.executor import Cell, Executor, RunOptions
 from runtime.execution.handling import Handling
 from runtime.execution.safety import PLACED_MM, PLACED_RAD
+from runtime.shell.exit_codes import ExitCode
 from runtime.table import Table
-from runtime.traversal.results import Outcome, PartResult
+from runtime.traversal.results import PartResult
 
 READ = "3 "  # the instruction that asks where the arm stands
 SHORT_S, EDGE_S = 0.02, 0.005  # rests that no jaws move in; from a reading to the displacement
@@ -29,7 +30,6 @@ BELOW, ABOVE = 0.8, 1.2  # of the tolerance: an arm reads itself back to 0.01 mm
 MOST_MM, MOST_RAD = 12.0, math.pi
 EVERY = 10
 HANDLED = (RunOptions(), RunOptions(handling=Handling(regulated=True)))
-ARM_CODE = 20
 
 
 class Displacement(NamedTuple):
@@ -135,16 +135,17 @@ def _judged(sound: Run, ended: Run, case: Displacement) -> str:
     if not ended.met:
         return "out of the arm's reach"
     if not case.above:
-        same = (before.outcome, before.exit_code) == (
-            after.outcome,
-            after.exit_code,
-        ) or after.exit_code < ARM_CODE
-        return "below the tolerance: no fault" if same else "FAILED below the tolerance: a fault"
-    if (
-        after.outcome is Outcome.FAULT
-        and after.exit_code == ARM_CODE
-        and after.leaf is None
-        and after.safe_state
-    ):
+        same = (before.outcome, before.exit_code) == (after.outcome, after.exit_code)
+        sound_arm = same or not _of_arm(after)
+        return (
+            "below the tolerance: no fault" if sound_arm else "FAILED below the tolerance: a fault"
+        )
+    if _of_arm(after) and after.leaf is None and after.safe_state:
         return "above the tolerance: a fault"
     return "FAILED above the tolerance: no fault of the arm"
+
+
+def _of_arm(result: PartResult) -> bool:
+    """Whether a part ended with a fault of the arm."""
+    reason = result.reason or ""
+    return result.exit_code is ExitCode.DEVICE and "the arm" in reason
