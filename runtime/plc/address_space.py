@@ -113,8 +113,8 @@ class AddressSpace:
         for number, name in enumerate(names, 1):
             path = f"{machine}/{name}"
             self._nodes[path] = await self._add_object(node, f"{SYSTEM}/{path}", STATE)
-            own = await self._nodes[path].get_child("0:StateNumber")
-            await own.write_value(number, ua.VariantType.UInt32)
+            state_number = await self._nodes[path].get_child("0:StateNumber")
+            await state_number.write_value(number, ua.VariantType.UInt32)
 
     async def _at(self, path: str) -> Node:
         """The object at a path, added where it is not there yet."""

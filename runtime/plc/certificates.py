@@ -1,4 +1,4 @@
-"""Certificates of an OPC UA server: its identity_certificate, self-signed and made once, and those of the clients it trusts.
+"""Certificates of an OPC UA server: its own, self-signed and made once, and those of the clients it trusts.
 
 What counts of a client's certificate is that it is the one that was pinned, or one of a folder; neither its
 dates nor who signed it are looked at. That the client holds its key is proved by the secure channel.

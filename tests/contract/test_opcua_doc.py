@@ -43,10 +43,10 @@ def test_section_shows_the_chart_that_the_code_follows() -> None:
     columns = head[1].split(" | ")
     labels = list(map(label, VIEW))
     assert sorted(columns) == sorted(labels)
-    found = chart()
+    matches = chart()
 
     def shown(state: str, name: str) -> str:
-        after = found[state, name]
+        after = matches[state, name]
         if after == {state}:
             return "-"
         return " or ".join(each for each in columns if each in after)

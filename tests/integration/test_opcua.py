@@ -27,7 +27,7 @@ OUTCOMES = {"leaf": "located", "reject": "rejected", "unresolved": "unresolved"}
 
 
 @pytest.fixture(scope="module")
-def own(tmp_path_factory: pytest.TempPathFactory) -> Passport:
+def identity(tmp_path_factory: pytest.TempPathFactory) -> Passport:
     return passport(tmp_path_factory.mktemp("own"), "own")
 
 
@@ -40,9 +40,9 @@ def tree(tmp_path: Path) -> Path:
 class Program(threading.Thread):
     """What a supervisor does, beside the command in the main thread."""
 
-    def __init__(self, port: int, own: Passport) -> None:
+    def __init__(self, port: int, identity: Passport) -> None:
         super().__init__(daemon=True)
-        self._port, self._own = port, own
+        self._port, self._own = port, identity
         self.results: list[dict[str, Any]] = []
         self.events: list[str] = []
         self.counted: dict[str, int] = {}
@@ -68,13 +68,13 @@ class Program(threading.Thread):
 
 @pytest.mark.slow
 def test_twenty_parts_have_the_results_that_are_printed_and_journalled(
-    own: Passport,
+    identity: Passport,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     tree, journal = ROOT / "trees" / "rectangle" / "rectangle.msgpack", tmp_path / "j"
     port = free_port()
-    program = Program(port, own)
+    program = Program(port, identity)
     program.start()
     words = ["--tree", str(tree), "--port", "sim", "--json", "--journal", str(journal), *REHEARSAL]
     words += ["--time-scale", "max", "--plc", f"opc.tcp://127.0.0.1:{port}", "--count", str(PARTS)]
@@ -110,16 +110,16 @@ def test_twenty_parts_have_the_results_that_are_printed_and_journalled(
     assert triggers == list(range(1, PARTS + 1))
     assert [int(result["ResultId"].rpartition("/")[2]) for result in program.results] == triggers
     pinned = (tmp_path / "j.opcua" / PINNED).read_bytes()
-    assert pinned == own.certificate.read_bytes()
+    assert pinned == identity.certificate.read_bytes()
 
 
 @pytest.mark.slow
 def test_stop_request_ends_the_part_safely_and_the_server_within_its_deadline(
-    tree: Path, own: Passport
+    tree: Path, identity: Passport
 ) -> None:
-    more = ("--time-scale", "12", *REHEARSAL, "--plc-trusted", str(own.certificate.parent))
+    more = ("--time-scale", "12", *REHEARSAL, "--plc-trusted", str(identity.certificate.parent))
     with PlcServed(tree, more=more, plc="opc.tcp://127.0.0.1:0") as served:
-        with Supervisor(served.port, own) as line:
+        with Supervisor(served.port, identity) as line:
             line.begin("small")
             first = line.part("a")
             job = line.start("b")

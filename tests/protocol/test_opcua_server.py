@@ -35,14 +35,14 @@ class Served:
     exchange: Exchange
     port: int
     pinned: Path
-    own: Passport
+    identity: Passport
     other: Passport
 
     def end_part(self, answer: Answer = LOCATED) -> None:
         self.exchange.finish(answer)
 
     def supervisor(self) -> Supervisor:
-        return Supervisor(self.port, self.own)
+        return Supervisor(self.port, self.identity)
 
 
 @pytest.fixture(scope="module")
@@ -54,11 +54,11 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     security = Security(identity_in(folder), Trust(folder / PINNED, None))
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = int(listener.getsockname()[1])
-        own, other = passport(folder, "own"), passport(folder, "other")
+        identity, other = passport(folder, "own"), passport(folder, "other")
         with OpcUaServer(listener, exchange, clock, panel, security):
-            with Supervisor(port, own):  # the first, which is pinned
+            with Supervisor(port, identity):  # the first, which is pinned
                 pass
-            yield Served(exchange, port, folder / PINNED, own, other)
+            yield Served(exchange, port, folder / PINNED, identity, other)
 
 
 @pytest.fixture
@@ -249,7 +249,7 @@ def test_abort_is_a_stop_request(
 
 
 def test_certificate_other_than_the_pinned_one_is_refused(served: Served, line: Supervisor) -> None:
-    assert served.pinned.read_bytes() == served.own.certificate.read_bytes()
+    assert served.pinned.read_bytes() == served.identity.certificate.read_bytes()
     with pytest.raises(ua.uaerrors.BadCertificateUntrusted):
         Supervisor(served.port, served.other)
     assert line[STATE] == "Ready"
@@ -267,20 +267,20 @@ def test_bare_channel_enters_no_session_by_its_number(served: Served, line: Supe
         ends: list[type] = []
         last = InternalSession._auth_counter  # the line's session is one of the last
         for token in range(last - 3, last):
-            stranger = UaClient(timeout=20)
-            await stranger.connect_socket("127.0.0.1", served.port)
-            await stranger.send_hello(f"opc.tcp://127.0.0.1:{served.port}")
+            client = UaClient(timeout=20)
+            await client.connect_socket("127.0.0.1", served.port)
+            await client.send_hello(f"opc.tcp://127.0.0.1:{served.port}")
             opening = ua.OpenSecureChannelParameters()
             opening.RequestType = ua.SecurityTokenRequestType.Issue
             opening.SecurityMode = ua.MessageSecurityMode.None_
             opening.RequestedLifetime = 60_000
-            await stranger.open_secure_channel(opening)
-            stranger.protocol.authentication_token = ua.NodeId(token)
+            await client.open_secure_channel(opening)
+            client.protocol.authentication_token = ua.NodeId(token)
             entering = ua.ActivateSessionParameters()
             entering.UserIdentityToken = ua.AnonymousIdentityToken("anonymous")
             for act in (
-                stranger.activate_session(entering),
-                stranger.read(
+                client.activate_session(entering),
+                client.read(
                     ua.ReadParameters(
                         NodesToRead=[ua.ReadValueId(ua.NodeId(2256), ua.AttributeIds.Value)]
                     )
@@ -291,7 +291,7 @@ def test_bare_channel_enters_no_session_by_its_number(served: Served, line: Supe
                     ends.append(type(None))
                 except Exception as error:
                     ends.append(type(error))
-            stranger.disconnect_socket()
+            client.disconnect_socket()
         return ends
 
     assert type(None) not in asyncio.run(intrude())
@@ -304,8 +304,8 @@ def test_bare_channel_enters_no_session_by_its_number(served: Served, line: Supe
 def test_bytes_that_are_no_message_change_nothing(
     junk: bytes, served: Served, line: Supervisor
 ) -> None:
-    with socket.create_connection(("127.0.0.1", served.port), timeout=20) as stranger:
-        stranger.sendall(junk)
+    with socket.create_connection(("127.0.0.1", served.port), timeout=20) as client:
+        client.sendall(junk)
     assert line[STATE] == "Ready"
 
 

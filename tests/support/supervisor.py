@@ -53,7 +53,7 @@ class Supervisor:
     """A client that is connected; with a passport over the encrypted endpoint."""
 
     def __init__(
-        self, port: int, own: Passport | None = None, *, patience_s: float = WAIT_S
+        self, port: int, identity: Passport | None = None, *, patience_s: float = WAIT_S
     ) -> None:
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
@@ -63,20 +63,20 @@ class Supervisor:
         self.events: list[str] = []
         self._nodes: dict[str, Node] = {}
         try:
-            self.wait(self._connect(own))
+            self.wait(self._connect(identity))
         except BaseException:
             self._end_loop()
             raise
 
-    async def _connect(self, own: Passport | None) -> None:
+    async def _connect(self, identity: Passport | None) -> None:
         until = time.monotonic() + WAIT_S
         while True:
             try:
-                if own is not None:
+                if identity is not None:
                     await self.client.set_security(
                         SecurityPolicyBasic256Sha256,
-                        certificate=str(own.certificate),
-                        private_key=str(own.key),
+                        certificate=str(identity.certificate),
+                        private_key=str(identity.key),
                         mode=ua.MessageSecurityMode.SignAndEncrypt,
                     )
                 await self.client.connect()

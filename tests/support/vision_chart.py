@@ -94,7 +94,7 @@ def label(row: Row) -> str:
 
 def chart() -> dict[tuple[str, str], set[str]]:
     """The rows of the view, by their labels, that an event leads to from each row."""
-    found: dict[tuple[str, str], set[str]] = defaultdict(set)
+    targets: dict[tuple[str, str], set[str]] = defaultdict(set)
     for before, name, after in explored():
-        found[label(view(before)), name].add(label(view(after)))
-    return found
+        targets[label(view(before)), name].add(label(view(after)))
+    return targets
