@@ -53,7 +53,7 @@ def over_opc_ua(parts: int) -> bool:
     """Run parts over OPC UA; whether each result is that of its part, once and in order."""
     words = ("--time-scale", "max", "--world", "runtime.devices.rehearsal:make")
     with tempfile.TemporaryDirectory() as folder:
-        identity, tree = passport(Path(folder), "own"), Path(folder) / "rectangle.msgpack"
+        identity, tree = passport(Path(folder), "identity"), Path(folder) / "rectangle.msgpack"
         tree.write_bytes((ROOT / "trees" / "rectangle" / "rectangle.msgpack").read_bytes())
         with PlcServed(tree, more=words, count=parts, plc="opc.tcp://127.0.0.1:0") as served:
             with Supervisor(served.port, identity) as line:

@@ -43,10 +43,10 @@ def test_section_shows_the_chart_that_the_code_follows() -> None:
     columns = head[1].split(" | ")
     labels = list(map(label, VIEW))
     assert sorted(columns) == sorted(labels)
-    matches = chart()
+    listed = chart()
 
     def shown(state: str, name: str) -> str:
-        after = matches[state, name]
+        after = listed[state, name]
         if after == {state}:
             return "-"
         return " or ".join(each for each in columns if each in after)

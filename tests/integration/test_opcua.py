@@ -28,7 +28,7 @@ OUTCOMES = {"leaf": "located", "reject": "rejected", "unresolved": "unresolved"}
 
 @pytest.fixture(scope="module")
 def identity(tmp_path_factory: pytest.TempPathFactory) -> Passport:
-    return passport(tmp_path_factory.mktemp("own"), "own")
+    return passport(tmp_path_factory.mktemp("identity"), "identity")
 
 
 @pytest.fixture
@@ -42,7 +42,7 @@ class Program(threading.Thread):
 
     def __init__(self, port: int, identity: Passport) -> None:
         super().__init__(daemon=True)
-        self._port, self._own = port, identity
+        self._port, self._identity = port, identity
         self.results: list[dict[str, Any]] = []
         self.events: list[str] = []
         self.counted: dict[str, int] = {}
@@ -50,7 +50,7 @@ class Program(threading.Thread):
 
     def run(self) -> None:
         try:
-            with Supervisor(self._port, self._own) as line:
+            with Supervisor(self._port, self._identity) as line:
                 line.follow()
                 line.begin("rectangle")
                 self.results += [line.part(f"plate {number}") for number in range(1, PARTS + 1)]

@@ -54,7 +54,7 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     security = Security(identity_in(folder), Trust(folder / PINNED, None))
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = int(listener.getsockname()[1])
-        identity, other = passport(folder, "own"), passport(folder, "other")
+        identity, other = passport(folder, "identity"), passport(folder, "other")
         with OpcUaServer(listener, exchange, clock, panel, security):
             with Supervisor(port, identity):  # the first, which is pinned
                 pass
@@ -267,20 +267,20 @@ def test_bare_channel_enters_no_session_by_its_number(served: Served, line: Supe
         ends: list[type] = []
         last = InternalSession._auth_counter  # the line's session is one of the last
         for token in range(last - 3, last):
-            client = UaClient(timeout=20)
-            await client.connect_socket("127.0.0.1", served.port)
-            await client.send_hello(f"opc.tcp://127.0.0.1:{served.port}")
+            intruder = UaClient(timeout=20)
+            await intruder.connect_socket("127.0.0.1", served.port)
+            await intruder.send_hello(f"opc.tcp://127.0.0.1:{served.port}")
             opening = ua.OpenSecureChannelParameters()
             opening.RequestType = ua.SecurityTokenRequestType.Issue
             opening.SecurityMode = ua.MessageSecurityMode.None_
             opening.RequestedLifetime = 60_000
-            await client.open_secure_channel(opening)
-            client.protocol.authentication_token = ua.NodeId(token)
+            await intruder.open_secure_channel(opening)
+            intruder.protocol.authentication_token = ua.NodeId(token)
             entering = ua.ActivateSessionParameters()
             entering.UserIdentityToken = ua.AnonymousIdentityToken("anonymous")
             for act in (
-                client.activate_session(entering),
-                client.read(
+                intruder.activate_session(entering),
+                intruder.read(
                     ua.ReadParameters(
                         NodesToRead=[ua.ReadValueId(ua.NodeId(2256), ua.AttributeIds.Value)]
                     )
@@ -291,7 +291,7 @@ def test_bare_channel_enters_no_session_by_its_number(served: Served, line: Supe
                     ends.append(type(None))
                 except Exception as error:
                     ends.append(type(error))
-            client.disconnect_socket()
+            intruder.disconnect_socket()
         return ends
 
     assert type(None) not in asyncio.run(intrude())
@@ -304,8 +304,8 @@ def test_bare_channel_enters_no_session_by_its_number(served: Served, line: Supe
 def test_bytes_that_are_no_message_change_nothing(
     junk: bytes, served: Served, line: Supervisor
 ) -> None:
-    with socket.create_connection(("127.0.0.1", served.port), timeout=20) as client:
-        client.sendall(junk)
+    with socket.create_connection(("127.0.0.1", served.port), timeout=20) as intruder:
+        intruder.sendall(junk)
     assert line[STATE] == "Ready"
 
 

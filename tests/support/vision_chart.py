@@ -94,7 +94,7 @@ def label(row: Row) -> str:
 
 def chart() -> dict[tuple[str, str], set[str]]:
     """The rows of the view, by their labels, that an event leads to from each row."""
-    targets: dict[tuple[str, str], set[str]] = defaultdict(set)
+    transitions: dict[tuple[str, str], set[str]] = defaultdict(set)
     for before, name, after in explored():
-        targets[label(view(before)), name].add(label(view(after)))
-    return targets
+        transitions[label(view(before)), name].add(label(view(after)))
+    return transitions
