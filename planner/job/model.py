@@ -274,6 +274,8 @@ def _of_one(document: dict[str, Any], where: str, drawn: bool) -> Job:
 def _document(job: Job) -> dict[str, Any]:
     """A job as JSON types; several hypotheses stand in place of part, pressure and friction."""
     document: dict[str, Any] = _plain(asdict(job))
+    if job.foreign:
+        document[hypotheses.FOREIGN] = document.pop("foreign")
     if job.hypothesis:
         for section in hypotheses.SECTIONS:
             del document[section]

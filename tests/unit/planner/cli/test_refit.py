@@ -50,7 +50,7 @@ def test_refit_learns_the_encoder_keeps_the_text_and_never_changes_a_running_tab
     assert {path: path.read_bytes() for path in tmp_path.iterdir() if path != output} == before
     document = json.loads(capsys.readouterr().out)
     record = {finding["quantity"]: finding for finding in document["findings"]}
-    assert record["encoder_mm"]["told"]
+    assert record["encoder_mm"]["learned"]
     assert record["encoder_mm"]["mean"] == pytest.approx(0.6, abs=0.1)
     low, high = tomllib.loads(output.read_text())["doubt"]["encoder_mm"]
     assert 0.4 < low < high < 0.8

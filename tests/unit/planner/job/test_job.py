@@ -178,7 +178,7 @@ def test_every_key_of_a_record_can_be_stated():
         *schema.TOP_LEVEL,
         *schema.FIELDS,
         "hypothesis",
-        "stranger",
+        "foreign",
     ]
     further = {key for kind in schema.PRESSURE_FIELDS.values() for key in kind}
     for section, keys in schema.FIELDS.items():
