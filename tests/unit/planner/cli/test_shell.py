@@ -93,12 +93,16 @@ def test_failure_of_what_an_answer_can_do_without_is_a_note(error, capsys):
 @pytest.mark.parametrize("made_of_it", [RuntimeError("no compiled object yet"), None])
 def test_an_interrupt_that_a_compiler_makes_something_else_of_stays_one(made_of_it):
     usual = signal.getsignal(signal.SIGINT)
-    with pytest.raises(KeyboardInterrupt), shell.compiling():
+
+    def compile_interrupted():
         try:
             signal.raise_signal(signal.SIGINT)
         except KeyboardInterrupt:
             if made_of_it:
                 raise made_of_it from None
+
+    with pytest.raises(KeyboardInterrupt), shell.compiling():
+        compile_interrupted()
     assert signal.getsignal(signal.SIGINT) is usual
 
 
