@@ -117,7 +117,7 @@ def test_the_doctor_finds_a_gripper_with_another_slave_id(
     tree: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with TappedGripper(unit=4) as gripper:
-        assert doctor(["--port", gripper.path, "--json"]) == 26
+        assert doctor(["--port", gripper.path, "--json"]) == 11
         assert set(gripper.functions) <= READS
     seen = capsys.readouterr()
     assert "answers as slave 4 at " in seen.out

@@ -154,7 +154,7 @@ def test_commands_that_look_at_a_stopped_serial_port_end(
     assert (
         capsys.readouterr().err.count("it has taken no bytes for 0.5 s; is its flow stopped?") == 2
     )
-    assert cli.doctor(["--port", stopped]) == 26
+    assert cli.doctor(["--port", stopped]) == 11
     printed = capsys.readouterr().out
     assert "has taken no bytes" in printed
     assert "cannot be searched" in printed

@@ -214,10 +214,10 @@ def test_an_odd_job_under_a_valid_digest_is_a_refused_table(
 @pytest.mark.parametrize(
     "data", [b"\xff\xfe\x00", b"delivery = 3", b"a = " + b"[" * 10_000, b"drop_mm = [1e9, 0]"]
 )
-def test_an_odd_delivery_is_usage(tell: Tell, tmp_path: Path, data: bytes) -> None:
+def test_an_odd_delivery_is_refused(tell: Tell, tmp_path: Path, data: bytes) -> None:
     (tmp_path / "d.toml").write_bytes(data)
     _, _, err = tell(
-        RUNTIME, *simulated(tmp_path, "--deliver", "d.toml"), code=2, ends="nothing moved"
+        RUNTIME, *simulated(tmp_path, "--deliver", "d.toml"), code=3, ends="nothing moved"
     )
     assert (
         err.splitlines()[-1].startswith("grasp-runtime: --deliver d.toml")

@@ -148,4 +148,4 @@ def _judged(sound: Run, ended: Run, case: Displacement) -> str:
 def _of_arm(result: PartResult) -> bool:
     """Whether a part ended with a fault of the arm."""
     reason = result.reason or ""
-    return result.exit_code is ExitCode.DEVICE and "the arm" in reason
+    return result.exit_code == ExitCode.DEVICE and "the arm" in reason

@@ -47,7 +47,7 @@ from runtime.table import dump
 WORKERS = 4
 SCALE = 4.0
 UP_MM = small_table().limits.retreat_height_um / 1000
-STOPPED, FAULT = 40, 21
+STOPPED, FAULT = 40, 20
 STARTING = (
     "Fatal Python error: init_"  # the interpreter itself was interrupted, before any line of ours
 )
