@@ -90,16 +90,20 @@ def test_failure_of_what_an_answer_can_do_without_is_a_note(error, capsys):
     assert capsys.readouterr().err == ""
 
 
+def interrupted(made_of_it):
+    try:
+        signal.raise_signal(signal.SIGINT)
+    except KeyboardInterrupt:
+        if made_of_it:
+            raise made_of_it from None
+
+
 @pytest.mark.parametrize("made_of_it", [RuntimeError("no compiled object yet"), None])
 def test_an_interrupt_that_a_compiler_makes_something_else_of_stays_one(made_of_it):
     usual = signal.getsignal(signal.SIGINT)
 
     def compile_interrupted():
-        try:
-            signal.raise_signal(signal.SIGINT)
-        except KeyboardInterrupt:
-            if made_of_it:
-                raise made_of_it from None
+        interrupted(made_of_it)
 
     with pytest.raises(KeyboardInterrupt), shell.compiling():
         compile_interrupted()
