@@ -150,7 +150,7 @@ def test_commands_that_look_at_a_stopped_serial_port_end(
 ) -> None:
     width = ["width", "--port", stopped, "--gripper", "S/N", "-o", str(tmp_path / "g.json")]
     assert cli.main(["--tree", str(tree), "--port", stopped, "--tips", "straight", "--check"]) == 21
-    assert cli.calibrate(width) == 20
+    assert cli.calibrate(width) == 21
     assert (
         capsys.readouterr().err.count("it has taken no bytes for 0.5 s; is its flow stopped?") == 2
     )
