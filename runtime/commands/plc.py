@@ -169,7 +169,7 @@ class PlcRun:
                 self._await_taken()
         except BaseException as error:
             self._exchange.end()
-            self._exchange.finish(Answer(FAULT, exit_code_of(error)))
+            self._exchange.finish(Answer(FAULT, int(exit_code_of(error))))
             if self._exchange.state is not State.READY:
                 self._part_with(FAREWELL_S)
             raise
@@ -198,7 +198,7 @@ class PlcRun:
         """End a part whose enabling was withdrawn before anything moved; whether there was one."""
         withdrawn = self._exchange.order is not None and not self._exchange.enabled
         if withdrawn:
-            self._exchange.finish(Answer(FAULT, ExitCode.STOPPED))
+            self._exchange.finish(Answer(FAULT, int(ExitCode.STOPPED)))
         return withdrawn
 
     def _await_taken(self) -> None:

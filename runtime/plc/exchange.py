@@ -142,12 +142,12 @@ def answer_of(table: Table, result: PartResult) -> Answer:
     outcome = _CODES.get(result.outcome, FAULT)
     seconds = nan if result.seconds is None else result.seconds
     if result.outcome is not Outcome.LEAF or result.leaf is None:
-        return Answer(outcome, result.exit_code, seconds=seconds)
+        return Answer(outcome, int(result.exit_code), seconds=seconds)
     leaf = table.leaves[result.leaf]
     part, face = _part_and_face(table, leaf)
     return Answer(
         outcome,
-        result.exit_code,
+        int(result.exit_code),
         leaf.x_um,
         leaf.y_um,
         round(1e4 * degrees(leaf.theta_urad / 1e6)),

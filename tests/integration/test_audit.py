@@ -116,10 +116,10 @@ def test_overlay_of_a_failure_shows_the_parts_outline(files, tmp_path):
         (
             {"calibration": "none.json"},
             "camera calibration none.json: cannot be read: No such file",
-            33,
+            3,
         ),
-        ({"calibration": "spoilt"}, "damaged or changed, its checksum does not match", 33),
-        ({"camera": "/dev/video99"}, "there is no camera or folder /dev/video99", 23),
+        ({"calibration": "spoilt"}, "damaged or changed, its checksum does not match", 3),
+        ({"camera": "/dev/video99"}, "there is no camera or folder /dev/video99", 21),
         ({"tree": "none.msgpack"}, "table none.msgpack", 3),
     ],
 )

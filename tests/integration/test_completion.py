@@ -5,6 +5,8 @@ import pty
 import select
 import subprocess
 import sys
+import termios
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -14,6 +16,7 @@ from command_parsers import parsers
 ROOT = Path(__file__).parents[2]
 WAIT_S = 30
 PROMPT = b"ready> "
+LFLAG = 3
 
 
 def printed(name: str, capsys: pytest.CaptureFixture[str]) -> str:
@@ -46,6 +49,8 @@ class Bash:
 
     def completed(self, line: str) -> str:
         """The line after Tab is pressed at its end."""
+        while termios.tcgetattr(self._ours)[LFLAG] & termios.ICANON:  # readline does not listen yet
+            time.sleep(0.01)
         # The line is echoed and gone on with; a mark typed behind it shows where that ends.
         self._say(line.encode() + b"\t#END")
         echo = self._until(b"#END")

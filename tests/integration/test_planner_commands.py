@@ -140,8 +140,8 @@ def test_evaluate_counts_wrong_answers_in_parts_per_million(tmp_path):
 def test_bad_worlds_are_refused_in_one_line():
     for words, expected in [
         (("--world-set", "friction.finger_part_max"), 2),
-        (("--world-set", "friction.finger_part_mxa=1"), 5),
-        (("--world-set", "friction.finger_part_max=0.1"), 6),
+        (("--world-set", "friction.finger_part_mxa=1"), 3),
+        (("--world-set", "friction.finger_part_max=0.1"), 3),
         (("--sweep", "--encoder-offset-mm", "1"), 2),
     ]:
         code, _, err = inside(evaluate, TABLE, "--trials", 100, *words)
