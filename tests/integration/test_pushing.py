@@ -121,7 +121,7 @@ def test_a_cell_pushes_and_locates(
         (
             cli.main,
             ("--tree", "TABLE", "--serve", "tcp://127.0.0.1:0"),
-            30,
+            3,
             "a robot that asks does not",
         ),
     ],

@@ -34,7 +34,7 @@ def test_the_page_of_refit_runs_as_written_with_fewer_parts(work, environment):
     for block in blocks(page):
         fewer = changed(block, FEWER)
         results.append(
-            fewer._replace(commands=[f"{line} || test $? -eq 13" for line in fewer.commands])
+            fewer._replace(commands=[f"{line} || test $? -eq 11" for line in fewer.commands])
         )
     printed = run([begin, *results], work, environment | {"PYTHONPATH": f"{ROOT}:{work}"})
     assert any(line.startswith("advice    a refit would pay") for line in printed[1])

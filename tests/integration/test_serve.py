@@ -218,7 +218,7 @@ def test_a_part_of_a_server_that_was_killed_is_given_up_first(tree: Path) -> Non
         assert line.ask("NEXT").startswith("SQUEEZE 0 ")
         served.process.kill()
         served.process.communicate(timeout=WAIT_S)
-    with pytest.raises(AssertionError, match="25"):
+    with pytest.raises(AssertionError, match="24"):
         Served(tree)
     with Served(tree, "--count", "1") as served:
         with Line(served) as line:
