@@ -14,6 +14,7 @@ GLOSSARY = ROOT / "tools" / "docs" / "glossary.md"
 PATTERNS = ("README.md", "tools/d*/*.md", "runtime/**/*.md", "drivers/**/*.md")
 PAGES = sorted(set(chain.from_iterable(map(ROOT.glob, PATTERNS))) - {GLOSSARY})
 MOST_PARAMETERS = 8
+SCRIPT = b"#!/usr/bin/env python3"
 
 
 def rows(title: str) -> list[list[str]]:
@@ -34,8 +35,9 @@ WORDS = {
 
 def modules_of(folder: str) -> Iterator[tuple[Path, ast.Module]]:
     """The modules of a folder, parsed."""
-    for path in sorted((ROOT / folder).rglob("*.py")):
-        yield path.relative_to(ROOT), ast.parse(path.read_text())
+    for path in sorted((ROOT / folder).rglob("*")):
+        if path.suffix == ".py" or (path.is_file() and path.read_bytes().startswith(SCRIPT)):
+            yield path.relative_to(ROOT), ast.parse(path.read_text())
 
 
 def better_than(name: str) -> str | None:
