@@ -13,6 +13,7 @@ from typing import NamedTuple
 from runtime.plc.handshake import SIGNALS, Error
 from runtime.plc.registers import OUTCOMES, UNKNOWN
 from runtime.plc.station import FAULT, Answer, Glance
+from runtime.shell.exit_codes import ExitCode
 
 
 class VisionState(Enum):
@@ -118,15 +119,11 @@ def view(seen: Glance) -> Row:
 STOP_REASONS: Mapping[int, str] = MappingProxyType(
     {
         0: "none",
-        10: "part rejected",
-        11: "part unresolved",
-        12: "part not delivered",
-        20: "gripper link fault",
-        21: "gripper fault",
-        22: "arm fault or motion refused",
-        24: "journal not written",
-        25: "run given up",
-        40: "stop request",
+        ExitCode.NOT_LOCATED: "part not located",
+        ExitCode.DEVICE: "device fault",
+        ExitCode.UNREACHABLE: "device not reached",
+        ExitCode.JOURNAL: "journal not written",
+        ExitCode.STOPPED: "stop request",
         Error.CONNECTION_LOST.value: "connection of the master lost",
     }
 )

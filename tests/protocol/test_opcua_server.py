@@ -233,7 +233,7 @@ def test_fault_is_an_error_until_it_is_confirmed(served: Served, line: Superviso
     assert (result["Outcome"], result["ErrorId"], result["X_mm"]) == ("fault", 20, 0.0)
     assert line[f"{MACHINE}/CurrentState"] == "Error"
     assert (line[f"{PACKML}/StateCurrentName"], line[STATE]) == ("Aborted", "")
-    assert line[f"{PACKML}/StopReason"] == "gripper link fault"
+    assert line[f"{PACKML}/StopReason"] == "device fault"
     assert line.call(f"{MACHINE}/ConfirmAll") == [0, ""]
     assert line[f"{MACHINE}/ErrorId"] == 0
     assert line[f"{MACHINE}/CurrentState"] == "Operational"
