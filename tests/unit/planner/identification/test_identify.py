@@ -166,10 +166,10 @@ def test_the_command_refuses_bad_input_in_one_line(tmp_path, capsys):
     bad.write_text("3\n1 2", encoding="utf-8")
     cases = [
         ([str(tmp_path / "none.txt")], 3),
-        ([str(bad)], 6),
+        ([str(bad)], 3),
         ([good, "--figure", str(tmp_path / "x.bmp")], 2),
         ([good, "-o", str(tmp_path / "no" / "x.toml")], 2),
-        ([good, "--train-share", "0.05"], 6),
+        ([good, "--train-share", "0.05"], 3),
     ]
     for arguments, code in cases:
         assert main([*arguments, "--splits", "1", "--kind", "ellipsoid"]) == code
