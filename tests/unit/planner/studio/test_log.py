@@ -92,10 +92,19 @@ def test_words_are_shown_where_a_command_failed_and_else_not():
 @pytest.mark.parametrize(
     "line",
     [
-        '{"stage": 1}', '{"verdict": {}}', '{"part": 1, "outcome": 2}', "[1, 2]", "null", "7", "\x00",
-        '{"exit": "x"}', '{"step": 1}', "[" * 100_000, '{"stage": "s", "share": "x", "seconds": []}',
+        '{"stage": 1}',
+        '{"verdict": {}}',
+        '{"part": 1, "outcome": 2}',
+        "[1, 2]",
+        "null",
+        "7",
+        "\x00",
+        '{"exit": "x"}',
+        '{"step": 1}',
+        "[" * 100_000,
+        '{"stage": "s", "share": "x", "seconds": []}',
     ],
-)  # fmt: skip
+)
 def test_a_line_that_others_wrote_does_no_harm(line):
     log = read(STEP, line, progressed("search", 0.5))
     assert log.progress["share"] == 0.5
