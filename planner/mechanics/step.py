@@ -230,13 +230,24 @@ def _most_violated(C: Array, count: int, V: Array) -> int:
     return result
 
 
+@inlined_kernel
+def _one_finger(C: Array, I: IntArray, count: int) -> bool:
+    """Whether all touching contacts are those of one finger."""
+    finger = 0
+    for k in range(count):
+        if C[k, GAP] <= TOUCHING_MM:
+            if finger != 0 and I[k, FINGER] != finger:
+                return False
+            finger = I[k, FINGER]
+    return True
+
+
 @inner_kernel
-def solve(mu_top: float, mu_bottom: float, count: int, work: StepWork) -> int:
-    """Solves the step for the touching contacts: `SOLVED`, `RAY` (jammed or grasped) or `PIVOT_LIMIT`.
+def _tried(mu_top: float, mu_bottom: float, count: int, work: StepWork) -> int:
+    """Tries the modes of few contacts in closed form, then all touching contacts at once.
 
     Contacts enter one by one, the most violated first, until none of the others overlaps: most steps need one
-    or two, which have closed forms. `work` has A and `count` contacts, completed by `directions`; it receives
-    their forces, and the displacement V (dx, dy, rho dtheta) [mm].
+    or two, which have closed forms.
     """
     A, C, I, V = work.A, work.C, work.I, work.V
     V[0] = V[1] = V[2] = 0.0
@@ -268,6 +279,24 @@ def solve(mu_top: float, mu_bottom: float, count: int, work: StepWork) -> int:
     for k in range(count):
         C[k, FN], C[k, FT] = 0.0, 0.0
     return _all_touching(mu_top, mu_bottom, count, work)
+
+
+@inner_kernel
+def solve(mu_top: float, mu_bottom: float, count: int, work: StepWork) -> int:
+    """Solves the step for the touching contacts: `SOLVED`, `RAY` (jammed or grasped) or `PIVOT_LIMIT`.
+
+    A part can always move along with a single finger, but eq. 3 also asks it to leave an overlap, which no
+    motion does where that finger is wedged in a notch: such overlaps stay.
+
+    `work` has A and `count` contacts, completed by `directions`; it receives their forces, and the
+    displacement V (dx, dy, rho dtheta) [mm].
+    """
+    status = _tried(mu_top, mu_bottom, count, work)
+    if status == RAY and _one_finger(work.C, work.I, count):
+        for k in range(count):
+            work.C[k, GAP] = max(work.C[k, GAP], 0.0)
+        status = _tried(mu_top, mu_bottom, count, work)
+    return status
 
 
 @inlined_kernel

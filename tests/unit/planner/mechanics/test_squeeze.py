@@ -12,6 +12,7 @@ from problems import (
     OUTLINES,
     boundary_surface,
     l_shape,
+    place,
     random_convex,
     random_poses,
     rectangle,
@@ -41,6 +42,21 @@ def tilted(off_axis_deg):
 
 
 # Jams.
+
+
+def test_squeeze_finger_wedged_in_a_notch_takes_the_part_along_until_both_touch():
+    """Between two lugs a finger's end wedges; alone it pushes the part on, it is not held."""
+    half = [(16.25, 3.375), (11.5, 3.375), (11.5, 3.05), (8.5, 3.05), (8.5, 2.5)]
+    half += [(-x, y) for x, y in reversed(half)]
+    lugs = np.array([*half, *((-x, -y) for x, y in half)])
+    poses = np.random.default_rng(1).uniform((-2.4, 7.5, 0.01), (-1.9, 9.0, 0.06), (2000, 3))
+    made = simulator(lugs, JAWS)
+    ended = made.roll_out(poses, made.nominal(len(poses), 1.3))
+    whole = ended.given_up == 0
+    assert whole.mean() > 0.99
+    for pose, width_mm in zip(ended.poses[whole], ended.width_mm[whole], strict=True):
+        lowest_mm = place(lugs, pose)[:, 1].min()
+        assert lowest_mm < -0.5 * width_mm + 0.01, "the lower finger touches nothing"
 
 
 @pytest.mark.parametrize("mu", [0.1, 0.2, 0.3, 0.5, 0.65])
