@@ -97,10 +97,11 @@ class Rounds(NamedTuple):
         began_s = limit.spent_s
         judged(job, TIMED_TRIALS, workers, table, 0)
         each_s = (limit.spent_s - began_s) / TIMED_TRIALS
-        share_s = EVALUATING * max(limit.budget_s - limit.spent_s, 0.0) / len(self)
+        # The finished table may be evaluated twice: also in cells that are off as the job doubts.
+        share_s = EVALUATING * max(limit.budget_s - limit.spent_s, 0.0) / 3
         most = max(LEAST_TRIALS, int(share_s / each_s))
         affordable = Rounds(min(self.fresh, most), min(self.figures, most))
-        limit.reserve_s = sum(affordable) * each_s
+        limit.reserve_s = (affordable.fresh + 2 * affordable.figures) * each_s
         return affordable
 
 

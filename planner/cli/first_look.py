@@ -33,7 +33,7 @@ from planner.report import canvas, paper_figures
 from planner.report.answer import QUESTION, Answer
 from planner.report.replay import replay
 from planner.report.verdict import Grade, verdict, weakest
-from planner.report.worlds import affordable, tried
+from planner.report.worlds import affordable, seconds_a_part, tried
 from planner.work.limit import Limit
 from planner.work.progress import Report
 from planner.work.scheduler import Threads
@@ -49,6 +49,7 @@ ANSWER_S = 60.0  # from the start to the last line, once kernels are compiled
 REST_S, REST = 15.0, 0.3  # of it, what other worlds, advice and picture take at most: time, share
 LEAST_ANSWER_S = 12.0  # where compiling kernels took the rest
 PICTURE_S = 3.0
+LEAST_DRAWN = 300  # parts that the picture shows where squeezing them takes long
 SLOW_S = (
     120.0  # where the first search came to nothing: the machine is busy, or compiled its kernels
 )
@@ -186,8 +187,10 @@ def _try(arguments: argparse.Namespace) -> None:
         with _progress(arguments, course.of_time(answer_s)) as report:
             plan = _planned(job, answer_s, arguments.budget is None, report)
             dump(plan.table, files.table)
+            part_s = seconds_a_part(plan.table, job, Threads())
             left_s = ready + answer_s - PICTURE_S - time.monotonic()
-            answer = _answered(job, plan, setting.restrictions, left_s, spared, report)
+            trials = affordable(job, left_s, part_s)
+            answer = _answered(job, plan, setting.restrictions, trials, spared, report)
     except (FitError, NoPlanError) as error:
         known = not getattr(error, "cut_short", False)
         reason = {"locatable": False if known else None, "verdict": "poor" if known else "unknown"}
@@ -199,7 +202,8 @@ def _try(arguments: argparse.Namespace) -> None:
         print("\n".join(["", *answer.lines()]), flush=True)
     picture: Path | None = None
     with spared("picture"):
-        beliefs = replay(plan.table, job, TRIALS, plan.seed)
+        drawn = min(TRIALS, max(LEAST_DRAWN, int(PICTURE_S / part_s)))
+        beliefs = replay(plan.table, job, drawn, plan.seed)
         shown = plan.table, job, beliefs, DRAWN_SQUEEZES, imported.holes_mm
         canvas.save(files.picture, lambda: paper_figures.sequence(*shown))
         picture = files.picture
@@ -240,12 +244,11 @@ def _planned(job: Job, answer_s: float, patient: bool, report: Report) -> Plan:
 
 
 def _answered(
-    job: Job, plan: Plan, restrictions: list[str], left_s: float, spared: Spared, report: Report
+    job: Job, plan: Plan, restrictions: list[str], trials: int, spared: Spared, report: Report
 ) -> Answer:
-    """How a plan does in its own world and, as far as the time left [s] allows, in others; what limits it."""
+    """How a plan does in its own world, and in others by so many trials each; what limits it."""
     figures, lines, limits = plan.evaluation.summary(), list[Line](), list[str]()
     with spared("other worlds"):
-        trials = affordable(plan.table, job, left_s, Threads())
         lines = tried(plan.table, job, plan.evaluation, trials, Threads(), report)
     open_share = plan.cut.open_share if plan.cut else 0.0
     if plan.cut and open_share >= WORTH_TELLING:

@@ -17,7 +17,7 @@ from planner.world import ContactWorlds
 from runtime.table import Table
 
 TRIALS = 2000  # in each world where an assumption is broken
-LEAST_TRIALS = 200  # the same where time is short
+LEAST_TRIALS = 100  # the same where time is short
 TIMED_TRIALS = 200  # parts squeezed to estimate how long a world takes
 
 
@@ -50,12 +50,22 @@ def tried(
     ]
 
 
-def affordable(table: Table, job: Job, seconds: float, scheduler: Scheduler | None = None) -> int:
-    """Trials for `tried` to take about so many seconds: at most `TRIALS`, at least `LEAST_TRIALS`."""
+def seconds_a_part(table: Table, job: Job, scheduler: Scheduler | None = None) -> float:
+    """Seconds that it takes to evaluate a part, of a short trial."""
     began = time.monotonic()
     evaluate(table, job, ContactWorlds.of_job(job, job.seed), TIMED_TRIALS, job.seed, scheduler)
-    each_s = (time.monotonic() - began) / TIMED_TRIALS
-    return min(TRIALS, max(LEAST_TRIALS, int(seconds / (len(_cases(job)) * each_s))))
+    return (time.monotonic() - began) / TIMED_TRIALS
+
+
+def affordable(job: Job, seconds: float, part_s: float) -> int:
+    """Trials for `tried` to take about so many seconds: at most `TRIALS`, at least `LEAST_TRIALS`.
+
+    Args:
+        job: which other worlds there are.
+        seconds: to spend.
+        part_s: as `seconds_a_part` tells.
+    """
+    return min(TRIALS, max(LEAST_TRIALS, int(seconds / (len(_cases(job)) * part_s))))
 
 
 def _cases(job: Job) -> list[Case]:

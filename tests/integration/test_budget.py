@@ -12,6 +12,7 @@ from planner.cli import compile as plan_compile
 from planner.compile import compile_job
 from planner.errors import NoPlanError
 from planner.job import model as job_file
+from planner.planning import LEAST_TRIALS
 from planner.work.limit import Limit
 from runtime.table import dumps, load, loads
 
@@ -75,7 +76,7 @@ def test_a_budget_that_is_not_spent_cuts_nothing_short(whole):
 def test_a_spent_budget_leaves_a_whole_tree_and_says_what_is_missing(job, whole, share):
     plan = compile_job(job_file.load(job), 2, 2000, limit=Limit(share * whole[1], Steps()))
     assert loads(dumps(plan.table)) == plan.table
-    assert plan.table.predicted.trials == 2000
+    assert LEAST_TRIALS <= plan.table.predicted.trials <= 2000
     assert plan.cut is not None
     assert plan.cut.open_share == pytest.approx(plan.evaluation.unresolved.mean())
     assert plan.evaluation.success.mean() >= 0.95 or plan.cut.open_share > 0.0
