@@ -30,7 +30,8 @@ def with_figures(
     A leaf whose success its trials refute (an exact binomial test, at a level that holds for all leaves
     together, speaks against the goal's confidence) is marked unresolved; its alternatives are the further
     poses that parts had there. `beyond` is an evaluation in cells that are doubted, for leaves that no part
-    came to in the stated one.
+    came to in the stated one. A leaf is also unresolved where the jaws could not hold its part as it lies:
+    its few trials are squeezes that the simulator gave up.
 
     Returns:
         The table and the evaluation, whose `resolved` follows the leaves.
@@ -42,8 +43,18 @@ def with_figures(
         _leaf(leaf, index, evaluation if here[index] else elsewhere, job, metric, len(table.leaves))
         for index, leaf in enumerate(table.leaves)
     )
-    table = replace(table, nodes=_measured(table, evaluation), leaves=leaves)
+    table = _without_impossible(replace(table, nodes=_measured(table, evaluation), leaves=leaves))
     return table, replace(evaluation, resolved=claimed(table, evaluation.leaf))
+
+
+def _without_impossible(table: tables.Table) -> tables.Table:
+    embedded = tables.job_of(table)
+    impossible = {number for number, _ in tables.not_held(table, embedded or {})}
+    leaves = (
+        leaf._replace(resolved=leaf.resolved and number not in impossible)
+        for number, leaf in enumerate(table.leaves)
+    )
+    return replace(table, leaves=tuple(leaves))
 
 
 def predicting(table: tables.Table, evaluation: Evaluation) -> tables.Table:

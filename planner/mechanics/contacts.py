@@ -131,6 +131,16 @@ def _write(C: Array, slot: int, contact: _Contact) -> None:
 
 
 @inlined_kernel
+def _slack_mm(points: Array, i: int) -> float:
+    """How far beyond its end at vertex i an edge is still touched; in a notch, as deep as overlaps may be."""
+    n = points.shape[1]
+    b, j = i - 1 if i > 0 else n - 1, i + 1 if i + 1 < n else 0
+    ax, ay = points[0, i] - points[0, b], points[1, i] - points[1, b]
+    ex, ey = points[0, j] - points[0, i], points[1, j] - points[1, i]
+    return PENETRATION_MM if ax * ey < ay * ex else EDGE_SLACK_MM
+
+
+@inlined_kernel
 def _hidden(points: Array, i: int, j: int, px: float, py: float, gap: float) -> bool:
     """Whether a neighbour of edge i-j, at a convex vertex, keeps the point (px, py) out by more than `gap`.
 
@@ -204,12 +214,9 @@ def _add_corners(
         dx, dy = x - x0, face - y0
         gap = dx * ey - dy * ex
         along = dx * ex + dy * ey
-        if (
-            gap < -margin
-            or gap > margin
-            or along < -EDGE_SLACK_MM
-            or along > length + EDGE_SLACK_MM
-        ):
+        if gap < -margin or gap > margin:
+            continue
+        if along < -_slack_mm(points, i) or along > length + _slack_mm(points, j):
             continue
         lower = along if outward * y0 >= outward * y1 else length - along
         if side * ey > 0.0 and lower < LEAST_ARM_MM:

@@ -31,6 +31,7 @@ from runtime.table.goal import (
     residual,
     threshold,
 )
+from runtime.table.grip import not_held
 from runtime.table.grippers import PROFILES, Profile, profile_of
 from runtime.table.lookup import (
     COUNTS,
@@ -135,6 +136,7 @@ __all__ = [
     "meets",
     "misfits",
     "names_table",
+    "not_held",
     "phases_of",
     "poses_of",
     "predicted_pose",

@@ -67,12 +67,21 @@ def validate_grips(table: Table, job: Section) -> None:
     Raises:
         TableError: naming the first leaf where the jaws would not hold the part as it says.
     """
-    outlines = [points(section(part, "part"), "outline_mm") for part in parts_of(job)]
-    if not outlines or min(map(len, outlines)) < 3 or not table.goal.identify:
+    if not (shapes := _shapes(table, job)):
         return
-    shapes, slack = [_shape(outline) for outline in outlines], _slack(job)
-    _validate_first(table, job, max(shape.reach for shape in shapes), slack)
-    for index, node, branch, leaf in _grips(table):
+    _validate_first(table, job, max(shape.reach for shape in shapes), _slack(job))
+    for which, index in not_held(table, job):
+        leaf = table.leaves[which]
+        raise TableError(
+            f"leaf {which}: the part of the embedded job, at ({leaf.x_um / 1e3:.2f}, "
+            f"{leaf.y_um / 1e3:.2f}) mm, does not lie between the jaws of node {index}; recompile it"
+        )
+
+
+def not_held(table: Table, job: Section) -> Iterator[tuple[int, int]]:
+    """Resolved leaves whose part the jaws would not hold as they say, each with the node it follows."""
+    shapes, slack = _shapes(table, job), _slack(job)
+    for index, node, branch, leaf in _grips(table) if shapes else ():
         error_mm = _error_mm(table, leaf)
         named = zip(poses_of(table.goal, leaf), hypotheses_of(table.goal, leaf), strict=True)
         if not any(
@@ -81,10 +90,15 @@ def validate_grips(table: Table, job: Section) -> None:
             )
             for pose, which in named
         ):
-            raise TableError(
-                f"leaf {~branch.target}: the part of the embedded job, at ({leaf.x_um / 1e3:.2f}, "
-                f"{leaf.y_um / 1e3:.2f}) mm, does not lie between the jaws of node {index}; recompile it"
-            )
+            yield ~branch.target, index
+
+
+def _shapes(table: Table, job: Section) -> list[Shape]:
+    """The parts that may lie there; none where the job does not say, or nothing is identified."""
+    outlines = [points(section(part, "part"), "outline_mm") for part in parts_of(job)]
+    if not outlines or min(map(len, outlines)) < 3 or not table.goal.identify:
+        return []
+    return [_shape(outline) for outline in outlines]
 
 
 def _validate_first(table: Table, job: Section, reach_mm: float, slack: Slack) -> None:

@@ -59,6 +59,18 @@ def test_squeeze_finger_wedged_in_a_notch_takes_the_part_along_until_both_touch(
         assert lowest_mm < -0.5 * width_mm + 0.01, "the lower finger touches nothing"
 
 
+def test_squeeze_finger_in_the_corner_of_a_shoulder_keeps_both_contacts():
+    """A finger's corner that is a little inside the shaft still stands on the shoulder beside it."""
+    shaft = [(-11.5, -3.5), (-5.5, -3.5), (-5.5, -2.0), (38.5, -2.0)]
+    head = [(-11.5, 8.45), (-20.8, 8.45), (-20.8, -8.45), (-11.5, -8.45)]
+    stepped = np.array([*head, *shaft, *((x, -y) for x, y in reversed(shaft))])
+    made = simulator(stepped, np.array([140.0, 27.0, 13.5, 0.5]))
+    rng = np.random.default_rng(1)
+    poses = rng.uniform((15.1, -40.0, -1.539055), (15.3, -27.0, -1.539040), (8000, 3))
+    ended = made.roll_out(poses, made.sample(len(poses), rng))
+    assert ended.given_up.mean() < 0.002
+
+
 @pytest.mark.parametrize("mu", [0.1, 0.2, 0.3, 0.5, 0.65])
 @pytest.mark.parametrize("side", [1, -1])
 def test_the_rectangle_jams_on_its_diagonal_within_the_friction_angle(mu, side):
