@@ -172,9 +172,7 @@ def virtual(tree: Path, *, world: str, seed: int, report: Report = no_report) ->
     setting = load(tree, None, world)
     warm_up(setting, seed)
     cell = VirtualCell(setting, seed)
-    return VirtualDevices(
-        cell.gripper(report), cell.arm(), cell.scene, cell.clock
-    )
+    return VirtualDevices(cell.gripper(report), cell.arm(), cell.scene, cell.clock)
 
 
 def _opened(makes: Makes, port: str, *settings: object, **options: object) -> Any:
@@ -187,9 +185,7 @@ def _opened(makes: Makes, port: str, *settings: object, **options: object) -> An
     return _plugged_in(makes, scheme, port, *settings, **options)
 
 
-def _plugged_in(
-    makes: Makes, scheme: str, port: str, *settings: object, **options: object
-) -> Any:
+def _plugged_in(makes: Makes, scheme: str, port: str, *settings: object, **options: object) -> Any:
     """A device of another package's driver; whatever is wrong with that is a PortError that names it."""
     name, open_device = _plug_in(makes, scheme, port)
     try:

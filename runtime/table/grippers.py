@@ -114,7 +114,9 @@ def _is_sound(profile: GripperProfile) -> bool:
     numbers = [profile.stroke_um, profile.resolution_um, profile.noise_um, *pairs[0], *pairs[1]]
     if not all(isinstance(number, int | float) and number >= 0 for number in numbers):
         return False
-    sound = 0 < profile.resolution_um <= profile.stroke_um and all(low < high for low, high in pairs)
+    sound = 0 < profile.resolution_um <= profile.stroke_um and all(
+        low < high for low, high in pairs
+    )
     return sound and len(profile.arc_mm) <= 2 and isinstance(profile.streams, bool)
 
 
