@@ -7,7 +7,7 @@ from planner.belief.observation import Encoder
 
 
 def encoder(noise=0.0):
-    return Encoder(opening_mm=85.0, count_open=3, count_closed=230, noise_mm=noise)
+    return Encoder(opening_mm=85.0, steps=227, noise_mm=noise)
 
 
 def test_resolution_is_the_published_one():

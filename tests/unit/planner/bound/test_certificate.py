@@ -69,7 +69,7 @@ def placements_of(job, table, dense=False):
 def test_turned_plans_are_covered_once_and_the_plan_itself_is(job, table):
     alone = placements_of(job, table)
     assert len(alone.first) == 1  # the four angles are one up to a turn
-    root, calibration = table.nodes[0], Calibration.linear(table.gripper)
+    root, calibration = table.nodes[0], Calibration(table.gripper.profile)
     assert np.allclose(alone(())[0], placement_of(root.squeeze))
     for reading, branch in enumerate(decision_map(root, calibration)):
         if branch != REJECT and (target := root.branches[branch].target) >= 0:

@@ -5,8 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from counting import COUNTS, by_count
 
-from planner.belief.observation import COUNTS, encoder_of
+from planner.belief.observation import encoder_of
 from planner.diagnosis.advice import advise, gains_without_noise
 from planner.diagnosis.margins import THIN, Margins, margins_of, near_another
 from planner.evaluation.cases import EVERYTHING, OFFSET_COUNTS, noise_cases
@@ -14,7 +15,7 @@ from planner.evaluation.evaluate import evaluate
 from planner.evaluation.outcome import REJECTED
 from planner.job import model as job_file
 from planner.world import ContactWorlds
-from runtime.table import REJECT, Calibration, by_count, decision_map, load
+from runtime.table import REJECT, decision_map, load
 
 pytestmark = pytest.mark.slow
 
@@ -109,7 +110,7 @@ def test_every_source_switched_off_is_one_the_job_has(job):
         "encoder noise",
         EVERYTHING,
     ]
-    still = {"friction": {"finger_part_max": 0.4}, "gripper": {"encoder_noise_mm": 0}}
+    still = {"friction": {"finger_part_max": 0.4}, "gripper": {"noise_mm": 0}}
     quiet = job.replaced(**still, release={"shift_mm": 0.1})
     assert [case.name for case in noise_cases(quiet)] == ["pressure", "release", EVERYTHING]
     for case in noise_cases(job):
@@ -117,7 +118,7 @@ def test_every_source_switched_off_is_one_the_job_has(job):
 
 
 def test_a_coarse_encoder_is_what_limits_a_plan_made_for_a_fine_one(table, job):
-    coarse = job.replaced(gripper={"encoder_noise_mm": 1.2})
+    coarse = job.replaced(gripper={"noise_mm": 1.2})
     gains = gains_without_noise(table, coarse, 2000)
     assert gains[0].source == "encoder noise"
     assert gains[0].certain
@@ -134,7 +135,7 @@ def test_gains_are_the_same_every_time(table, job):
 
 
 def test_parts_near_another_branch_are_those_whose_next_counts_mean_it(table, evaluation):
-    maps = [by_count(decision_map(node, Calibration.linear(table.gripper))) for node in table.nodes]
+    maps = [by_count(decision_map(node, table.gripper)) for node in table.nodes]
     near = 0
     for path, counts in zip(evaluation.path, evaluation.counts, strict=True):
         visits = [

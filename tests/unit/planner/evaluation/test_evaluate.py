@@ -9,6 +9,7 @@ from random import Random
 
 import numpy as np
 import pytest
+from counting import by_count
 from sample_tables import random_table
 
 from planner.belief.metric import Metric
@@ -30,7 +31,6 @@ from runtime.table import (
     Place,
     Schedule,
     Squeezed,
-    by_count,
     decision_map,
     load,
 )
@@ -40,7 +40,7 @@ TREES = Path(__file__).parents[4] / "trees" / "rectangle"
 
 @pytest.fixture(scope="module")
 def job():
-    return job_file.load(TREES / "job.toml", {"gripper": {"encoder_noise_mm": 0}})
+    return job_file.load(TREES / "job.toml", {"gripper": {"noise_mm": 0}})
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +80,7 @@ def spread_table(nodes=12, seed=3):
 
 def walk(table, job, start):
     """The slow twin: one part, one node after another, as a runtime would go."""
-    calibration, encoder = Calibration.linear(table.gripper), encoder_of(job)
+    calibration, encoder = Calibration(table.gripper.profile), encoder_of(job)
     rng, world = np.random.default_rng(0), Wrung()
     pose, target, path, readings = start, 0, [], []
     while target >= 0:
@@ -145,7 +145,7 @@ def test_the_verdict_is_the_metric_to_the_leaf(job):
 
 def test_every_trial_ends_in_exactly_one_way(noisy):
     table = load(TREES / "rectangle.msgpack").table
-    world = ContactWorlds.of_job(noisy.replaced(gripper={"encoder_noise_mm": 0.5}), 1)
+    world = ContactWorlds.of_job(noisy.replaced(gripper={"noise_mm": 0.5}), 1)
     evaluation = evaluate(table, noisy, world, 1500, seed=2)
     ways = [evaluation.success, evaluation.wrong, evaluation.rejected, evaluation.unresolved]
     assert np.all(np.sum(ways, axis=0) == 1)

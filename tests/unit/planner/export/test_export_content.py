@@ -1,12 +1,13 @@
 """What an export says follows a reading is what a run of the default policy does, reading by reading."""
 
 import pytest
+from counting import COUNTS, by_count
 from exported import Oracle, wide_table
 from sample_tables import every_field_table, random_table, small_table
 from tree_tables import committed
 
 from planner.export.write import FELT, NOT_FELT, maps_of, runs_of, vectors
-from runtime.table import COUNTS, REJECT, by_count, decide
+from runtime.table import REJECT, decide
 
 TABLES = {
     **committed(),

@@ -4,8 +4,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from counting import COUNTS, by_count
 
-from planner.belief.observation import COUNTS, encoder_of
+from planner.belief.observation import encoder_of
 from planner.job import model as job_file
 from planner.lower import lower
 from planner.paper.search import (
@@ -17,7 +18,7 @@ from planner.paper.search import (
     search_depth,
 )
 from planner.search.tree import breadth_first
-from runtime.table import REJECT, Calibration, by_count, decision_map, dumps, loads
+from runtime.table import REJECT, Calibration, decision_map, dumps, loads
 
 JOB = job_file.load(Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml")
 ENCODER = encoder_of(JOB)
@@ -153,7 +154,7 @@ def test_same_seed_same_tree(roots, method):
 @pytest.mark.parametrize("method", METHODS)
 def test_its_table_rejects_nothing_and_the_nearest_expectation_wins(roots, method):
     table = loads(dumps(lower(roots[method], JOB)))
-    calibration = Calibration.linear(table.gripper)
+    calibration = Calibration(table.gripper.profile)
     for node in table.nodes:
         expected = np.array([branch.expected_um for branch in node.branches])
         widths = np.array(calibration.widths_um)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from counting import by_count
 from grown_tables import grown_table
 from html_pages import Page
 from run_logs import chained, header, part
@@ -16,16 +17,7 @@ from planner.evaluation.cases import assumption_cases
 from planner.job import model as job_file
 from planner.report import dossier, run_log
 from planner.report.run_log import RunLog
-from runtime.table import (
-    PPM,
-    REJECT,
-    Calibration,
-    by_count,
-    decision_map,
-    dumps,
-    load,
-    wilson_interval,
-)
+from runtime.table import PPM, REJECT, Calibration, decision_map, dumps, load, wilson_interval
 
 TABLE_PATH = Path(__file__).parents[4] / "trees" / "rectangle" / "rectangle.msgpack"
 TABLE = load(TABLE_PATH).table
@@ -127,7 +119,7 @@ def test_parts_are_neither_lost_nor_made(data):
 
 
 def test_counts_and_branches_are_those_of_the_look_up(data):
-    calibration = Calibration.linear(TABLE.gripper)
+    calibration = Calibration(TABLE.gripper.profile)
     for node, shown in zip(TABLE.nodes, data["nodes"], strict=True):
         outcome = np.full(256, REJECT)
         for first, last, branch in shown["map"]:

@@ -72,7 +72,7 @@ def test_a_share_is_never_rounded_to_all_or_nothing(share, message):
 
 
 def test_parts_rejected_at_one_node_are_reported_with_what_was_read_and_planned():
-    wide = Calibration.linear(TABLE.gripper).count(50_000)
+    wide = Calibration(TABLE.gripper.profile).count(50_000)
     parts = [PartLog(k, [(0, wide, None)], "reject") for k in range(1, 9)]
     result = cell_result(TABLE, RunLog(parts, 1, 0, "", ""))
     assert result.grade == "poor"

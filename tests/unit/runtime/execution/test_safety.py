@@ -92,13 +92,6 @@ def test_a_gripper_that_is_not_ready_is_not_moved(state: State, message: str) ->
         safety.ready_gripper(gripper)
 
 
-def test_a_silence_that_is_over_is_no_fault() -> None:
-    gripper = fake_cell([]).gripper
-    gripper.now = State(fault=safety.NO_COMMUNICATION)
-    safety.ready_gripper(gripper)
-    assert not safety.needs_activation(gripper.now)
-
-
 @pytest.mark.parametrize("arm_known", [True, False])
 @pytest.mark.parametrize("fail_at", range(-1, 5))
 def test_the_safe_sequence_goes_on_whatever_fails_and_moves_no_arm_it_does_not_know(
