@@ -1,5 +1,7 @@
 """A 2F-85 by its counts, 3 open and 230 closed, for tests that are told in counts."""
 
+import numpy as np
+
 from drivers.ports import GripperState, ObjectState
 from drivers.robotiq.counts import Counts
 from drivers.robotiq.faults import fault_text
@@ -47,3 +49,12 @@ def state(
     return GripperState(
         active, moving, fault, said, ObjectState(flag), target, SETTINGS.width_um(count), 0
     )
+
+
+def label_of(clusters, readings):
+    """The number of the cluster (n,) of `Partition` that each reading lies in, -1 for none."""
+    rows = [
+        [k for k in range(len(clusters.low)) if clusters.low[k] <= each <= clusters.high[k]] or [-1]
+        for each in readings
+    ]
+    return np.array([row[0] for row in rows])

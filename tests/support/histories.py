@@ -106,4 +106,10 @@ def expectation_document(tree: Table, digest: str, count: int = 8000) -> dict[st
             for squeeze in part.squeezes:
                 rows[squeeze.node][str(tree.gripper.bin_of(squeeze.width_um))] += 1
         worlds.append({"name": name, "readings": [dict(row) for row in rows]})
-    return {"kind": "expected readings", "version": 1, "table_sha256": digest, "worlds": worlds}
+    return {
+        "kind": "expected readings",
+        "version": 2,
+        "bins": tree.gripper.bins,
+        "table_sha256": digest,
+        "worlds": worlds,
+    }

@@ -10,6 +10,7 @@ from sample_tables import small_table
 from runtime.errors import GripperStateError, MotionRefusedError, TableError
 from runtime.execution import safety
 from runtime.execution.safe_state import reach_safe_state
+from runtime.table import GripperSpec, profile_of
 
 LIMITS = small_table().limits
 X_MIN, Y_MIN, X_MAX, Y_MAX = (edge / 1000 for edge in LIMITS.work_area_um)
@@ -127,7 +128,7 @@ def test_what_a_table_may_ask_for_depends_on_its_gripper(
     table = small_table()
     asked = {"speed_um_s": 1000 * speed_mm_s, "force_mn": 1000 * force_n}
     nodes = tuple(node._replace(squeeze=node.squeeze._replace(**asked)) for node in table.nodes)
-    table = replace(table, nodes=nodes, gripper=replace(table.gripper, model=model))
+    table = replace(table, nodes=nodes, gripper=GripperSpec.of(profile_of(model), 27_500, 9_500))
     if not message:
         safety.check_table(table)
         return

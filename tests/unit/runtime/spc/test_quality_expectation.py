@@ -107,7 +107,7 @@ def test_bin_of_readings_is_one_each_for_few_and_shared_evenly_by_many():
     ("change", "says"),
     [
         ({"kind": "expectations"}, "does not hold"),
-        ({"version": 2}, "does not hold"),
+        ({"version": 1}, "does not hold"),
         ({"worlds": []}, "does not hold"),
         ({"worlds": [{"name": "only", "readings": [{}]}]}, "does not hold"),
         (
