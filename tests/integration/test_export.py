@@ -186,7 +186,7 @@ def test_structured_text_gives_all_vectors(name, folder):
     vectors = rows_of(out)
     assert len(vectors) == 512 * len(table.nodes)
     check_structured_text(block, table, (*vectors, *wild_rows(table, 2)))
-    begun = block(restart=True, node=-7, count=300, object_flag=9)
+    begun = block(restart=True, node=-7, width_um=300, object_flag=9)
     assert (begun["outcome"], begun["index"]) == (NODE, 0)
     assert begun["opening_um"] == table.nodes[0].squeeze.opening_um
 
@@ -246,8 +246,8 @@ TWO = """\
 #include <stdio.h>
 int main(void)
 {
-    left_decision one = left_decide(0, 174, 2);
-    right_decision two = right_decide(0, 174, 2);
+    left_decision one = left_decide(0, 20969, 2);
+    right_decision two = right_decide(0, 20969, 2);
     printf("%ld %ld %ld %ld %d %d\\n", (long)one.release_x_um, (long)one.release_y_um, (long)two.release_x_um,
            (long)two.release_y_um, LEFT_NODES, RIGHT_NODES);
     return 0;

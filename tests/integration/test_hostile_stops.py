@@ -58,7 +58,7 @@ def lines(record: Record, bench: Bench, code: int) -> None:
     seen = bench.gripper.state()
     activity = "active" if seen.activated else "not active"
     record("exit_code", code)
-    record("ends", f"fingers at rest at count {seen.position_counts}, {activity}")
+    record("ends", f"fingers at rest at {seen.width_um} um, {activity}")
 
 
 @pytest.mark.parametrize("name", CASES)

@@ -5,6 +5,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from counting import PROFILE, width_um
 from fake_scene import setting
 from sample_tables import small_table
 
@@ -46,9 +47,10 @@ def arguments(tmp_path: Path) -> argparse.Namespace:
     tree, widths = tmp_path / "t.msgpack", tmp_path / "g.json"
     dump(small_table(), tree)
     gauges = [
-        Gauge((230 - count) * 85.0 / 227.0, (count,)) for count in (230, 200, 150, 100, 50, 3)
+        Gauge((230 - count) * 85.0 / 227.0, (width_um(count),))
+        for count in (230, 200, 150, 100, 50, 3)
     ]
-    calibration.save(calibration.fit(gauges, "S/N-1", "2026-01-01T00:00:00Z"), widths)
+    calibration.save(calibration.fit(gauges, PROFILE, "S/N-1", "2026-01-01T00:00:00Z"), widths)
     words = [
         "middle",
         "--port",
