@@ -116,7 +116,7 @@ def test_the_end_of_standard_input(sound: Bench, tmp_path: Path, record_property
     )
     assert (process.returncode, output.exists()) == (2, False)
     assert "standard input ended before Enter was pressed" in process.stderr
-    assert "fingers stopped at count" in process.stderr
+    assert "fingers stopped at" in process.stderr
     ended = Ended(process.returncode, process.stdout, process.stderr, output)
     assert list(sound._moving(ended)) == []
     lines(record_property, sound, process.returncode)

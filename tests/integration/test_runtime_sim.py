@@ -130,7 +130,7 @@ def test_stop_in_the_middle_of_a_part_leaves_the_declared_safe_state(
     journal = tree.with_name("journal.jsonl")
     *_, stopped, end = records(journal)
     assert (stopped["kind"], stopped["outcome"]) == ("outcome", "stopped")
-    assert stopped["safe_state"][0].startswith("fingers stopped at count ")
+    assert stopped["safe_state"][0].startswith("fingers stopped at ")
     assert (end["kind"], end["exit_code"]) == ("end", 40)
     assert "STOPPED" in out
     assert verify(journal).closed

@@ -73,7 +73,7 @@ def test_stopped_calibration_never_lifts_the_fixed_block(
         cell = VirtualCell(setting()._replace(block=Block(BLOCK_MM)), 5)
         log: list[str] = []
         devices = SimpleNamespace(
-            gripper=lambda port, cell=cell, log=log, at=number: Interrupted(
+            gripper=lambda port, profile, *, cell=cell, log=log, at=number: Interrupted(
                 cell.gripper(), log, at
             ),
             arm=lambda port, cell=cell, log=log, at=number: Interrupted(cell.arm(), log, at),
