@@ -184,7 +184,7 @@ def test_structured_text_gives_all_vectors(name, folder):
     block = FunctionBlock((out / "squeezetree_table.st").read_text())
     assert block.names[INPUT] == ["restart", "node", "width_um", "object_flag"]
     vectors = rows_of(out)
-    assert len(vectors) == 512 * len(table.nodes)
+    assert len({row[:3] for row in vectors}) == len(vectors) >= 6 * len(table.nodes)
     check_structured_text(block, table, (*vectors, *wild_rows(table, 2)))
     begun = block(restart=True, node=-7, width_um=300, object_flag=9)
     assert (begun["outcome"], begun["index"]) == (NODE, 0)
@@ -277,7 +277,7 @@ def test_two_tables_in_one_program(tmp_path):
     )
     for compiler in compilers():
         said(*folders, tmp_path / "two.c", *STRICT, "-o", tmp_path / "two", program=compiler)
-        one, two = (Oracle(table).answer(0, 174, 2)[2:] for table in tables.values())
+        one, two = (Oracle(table).answer(0, 20_969, 2)[2:] for table in tables.values())
         assert one != two
         assert [int(word) for word in said(program=tmp_path / "two").split()] == [*one, *two, 2, 2]
         refused = subprocess.run(

@@ -125,9 +125,12 @@ class Results(Console):
         self.parts: list[dict[str, object]] = []
 
     def part(self, result: object, seen: object) -> None:
-        counts = [count_of(step.reading_um) for step in result.steps]
         self.parts.append(
-            {"outcome": result.outcome.value, "leaf": result.leaf, "position_counts": counts}
+            {
+                "outcome": result.outcome.value,
+                "leaf": result.leaf,
+                "readings_mm": [step.reading_um / 1000 for step in result.steps],
+            }
         )
 
 
