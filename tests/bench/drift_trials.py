@@ -10,6 +10,7 @@ from collections import Counter
 from typing import Any
 
 import numpy as np
+from counting import COUNTS
 from drifting import HEALTHY, Drift, parts, squeezed
 
 from planner.arrays import Array
@@ -19,7 +20,7 @@ from planner.job.model import Job
 from runtime.spc.expectation import PRIOR, Expectation
 from runtime.spc.history import Part
 from runtime.spc.monitor import Monitor
-from runtime.table import COUNTS, Table
+from runtime.table import Table
 
 BEFORE, WITHIN = 300, 50
 FRESH = 10_000  # seeds of this module begin here
@@ -109,7 +110,7 @@ def _windows(gain: Array, result: Evaluation) -> Array:
 
 
 def _shares(result: Evaluation, table: Table) -> Array:
-    counts = readings(result, len(table.nodes))
+    counts = readings(result, table)
     return np.asarray((counts + PRIOR / COUNTS) / (counts.sum(axis=1, keepdims=True) + PRIOR))
 
 

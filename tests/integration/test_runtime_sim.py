@@ -13,7 +13,7 @@ import pytest
 from sample_tables import small_table
 
 from runtime.journal.chain import records, verify
-from runtime.table import REJECT, Calibration, by_count, decision_map, dump, dumps, loads
+from runtime.table import REJECT, decision_map, dump, dumps, loads
 
 ROOT = Path(__file__).parents[2]
 WAIT_S = 60
@@ -84,15 +84,13 @@ def test_parts_follow_the_table_and_the_journal_justifies_every_decision(tree: P
     data = base64.b64decode(next(records(journal))["table_base64"])
     assert data == dumps(small_table())
     table = loads(data)
-    maps = [by_count(decision_map(node, Calibration.linear(table.gripper))) for node in table.nodes]
+    maps = [decision_map(node, table.gripper).felt for node in table.nodes]
     squeezes = [entry for entry in records(journal) if entry["kind"] == "squeeze"]
     for entry in squeezes:
-        branch = (
-            maps[entry["node"]][entry["position_counts"]] if entry["object_flag"] == 2 else REJECT
-        )
+        branch = maps[entry["node"]].at(entry["width_um"]) if entry["object_flag"] == 2 else REJECT
         expected = None if branch == REJECT else table.nodes[entry["node"]].branches[branch].target
         assert entry["target"] == expected
-        assert entry["echo_counts"] == 255
+        assert entry["target_um"] == 0
     assert [entry["node"] for entry in squeezes] == [
         node for part in parts for node in part["path"]
     ]
@@ -132,7 +130,7 @@ def test_stop_in_the_middle_of_a_part_leaves_the_declared_safe_state(
     journal = tree.with_name("journal.jsonl")
     *_, stopped, end = records(journal)
     assert (stopped["kind"], stopped["outcome"]) == ("outcome", "stopped")
-    assert stopped["safe_state"][0].startswith("fingers stopped at count ")
+    assert stopped["safe_state"][0].startswith("fingers stopped at ")
     assert (end["kind"], end["exit_code"]) == ("end", 40)
     assert "STOPPED" in out
     assert verify(journal).closed
