@@ -11,8 +11,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from drivers.sim.cell import Cell
+from drivers.sim.cell import Cell, LoneGripper, Serving
 from drivers.sim.faults import parse
+from drivers.sim.grippers import SIMULATORS
 from drivers.sim.physics.scene import REHEARSAL, Block, Setting, load, warm_up
 from runtime.shell.command import Parser, number, one_line, positive, run, tell
 from runtime.shell.errors import UsageError
@@ -21,6 +22,9 @@ from runtime.shell.exit_codes import ExitCode, epilog
 EPILOG = """example:
   grasp-cell --tree trees/rectangle/rectangle.msgpack --json
   {"gripper": "/dev/pts/3", "arm": "tcp://127.0.0.1:40001?base=-300,0,0", "scene": ...}
+
+  grasp-cell --gripper dh-ag95 --json
+  {"gripper": "/dev/pts/3", "port": "dh:///dev/pts/3?model=dh-ag95"}
 
 The gripper is a Robotiq 2F-85 on Modbus RTU (115200 8N1, slave 9); it is also served as RTU over TCP, as
 Modbus TCP (unit 2, registers from 0) and as the text socket of the URCap: use one of the four. The arm is
@@ -31,6 +35,9 @@ under the part (needs the audit extra): `grasp-audit judge --camera` takes its a
 """ + epilog(ExitCode.INPUT)
 
 
+_MODELS = ", ".join(SIMULATORS)
+
+
 def parser() -> Parser:
     """The command line."""
     command = Parser(
@@ -38,7 +45,7 @@ def parser() -> Parser:
         description="Simulate a cell: gripper, arm and part behind the real devices' protocols.",
         epilog=EPILOG,
     )
-    source = command.add_mutually_exclusive_group(required=True)
+    source = command.add_mutually_exclusive_group()
     source.add_argument(
         "--tree", type=Path, metavar="TREE.msgpack", help="part and world from a table's job"
     )
@@ -46,6 +53,8 @@ def parser() -> Parser:
         "--job", type=Path, metavar="JOB.toml", help="part and world from a job file"
     )
     add = command.add_argument
+    model = "the gripper to simulate; without --tree and --job it is served alone"
+    add("--gripper", choices=sorted(SIMULATORS), metavar="MODEL", help=f"{model} ({_MODELS})")
     world = f"the physics (default: planner.world:make; without the planner extra {REHEARSAL})"
     add("--world", metavar="MODULE:FACTORY", help=world)
     add("--seed", type=int, default=0, help="of parts, world and noise (default: 0)")
@@ -74,9 +83,15 @@ def serve(options: argparse.Namespace) -> int:
     """Load, start, tell the endpoints, and stay until asked to end."""
     # A shell starts background jobs with SIGINT ignored, and that is inherited.
     signal.signal(signal.SIGINT, signal.default_int_handler)
+    if options.tree is None and options.job is None:
+        if options.gripper is None:
+            raise UsageError("name a table (--tree), a job (--job), or a gripper alone (--gripper)")
+        return _run(LoneGripper(options.gripper, options.seed, options.time_scale), options)
     faults = None if options.faults is None else parse(options.faults)
     setting: Setting = load(options.tree, options.job, options.world)
     setting = setting._replace(middle_mm=options.middle, block=options.block)
+    if options.gripper is not None:
+        setting = setting._replace(gripper=options.gripper)
     if options.world is None and not setting.truthful:
         tell("grasp-cell", "no planner here; widths are drawn from the table's own statistics")
     if options.camera_views is not None:
@@ -87,27 +102,31 @@ def serve(options: argparse.Namespace) -> int:
         return 0
     rig = camera(setting) if options.camera else None
     warm_up(setting, options.seed)
+    return _run(Cell(setting, options.seed, options.time_scale, faults, rig), options)
+
+
+def _run(serving: Serving, options: argparse.Namespace) -> int:
+    """Serve until asked to end; returns the exit code."""
     failures: list[str] = []
-    with Cell(setting, options.seed, options.time_scale, faults, rig) as cell:
+    with serving as running:
 
         def give_up(failed: threading.ExceptHookArgs) -> None:
             """A server thread failed, most likely in the world: end the cell, no device is left mute."""
             failures.append(one_line(failed.exc_value))
             if options.debug:
                 threading.__excepthook__(failed)
-            cell.stopped.set()
+            running.stopped.set()
 
         threading.excepthook = give_up
-        signal.signal(signal.SIGTERM, lambda *_: cell.stopped.set())
+        signal.signal(signal.SIGTERM, lambda *_: running.stopped.set())
         if options.until_stdin_closes:
-            threading.Thread(target=_watch_stdin, args=(cell.stopped,), daemon=True).start()
+            threading.Thread(target=_watch_stdin, args=(running.stopped,), daemon=True).start()
         if options.json:
-            print(json.dumps(cell.endpoints), flush=True)
+            print(json.dumps(running.endpoints), flush=True)
         else:
-            print(
-                "\n".join(f"{name:16}{value}" for name, value in cell.endpoints.items()), flush=True
-            )
-        cell.stopped.wait()
+            lines = (f"{name:16}{value}" for name, value in running.endpoints.items())
+            print("\n".join(lines), flush=True)
+        running.stopped.wait()
     for failure in failures[:1]:
         tell("grasp-cell", f"stopped: {failure}")
     return 1 if failures else 0

@@ -63,7 +63,7 @@ class Robotiq:
 
     # what the fingers meet: drivers.sim.devices.jaws.Surroundings
     def closing(self):
-        return self.contact_counts if self.holds else None
+        return self.model.jaws.opening_at(self.contact_counts) if self.holds else None
 
     def gripped(self):
         pass

@@ -220,7 +220,8 @@ class GripperModel:
         here = self._stroke.at(self._now)
         still_closing = self._running and self._stroke.rate > 0.0
         if target > here and meets and not (still_closing or self._gripping):
-            self._contact = self._surroundings.closing()
+            width_mm = self._surroundings.closing()
+            self._contact = None if width_mm is None else self.jaws.count_at(width_mm)
         elif target < here:
             self._contact = None
             if self._gripping:

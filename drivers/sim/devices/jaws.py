@@ -30,8 +30,8 @@ class Jaws(NamedTuple):
 class Surroundings:
     """What the fingers may meet; here nothing."""
 
-    def closing(self) -> int | None:
-        """The jaws start to close: the count at which something will stop them, or None."""
+    def closing(self) -> float | None:
+        """The jaws start to close: the opening in mm at which something will stop them, or None."""
         return None
 
     def gripped(self) -> None:

@@ -75,6 +75,7 @@ class Setting(NamedTuple):
         tuple[float, Any], ...
     ] = ()  # the share and the job of each part, where there are several
     pushing: bool = False  # whether the table that will run here pushes parts
+    gripper: str = "robotiq-2f-85"  # model that is simulated, of `drivers.sim.grippers`
 
     def make_worlds(self, seed: int) -> list[World]:
         """A world for each part; UsageError where the factory fails or returns what cannot squeeze."""
