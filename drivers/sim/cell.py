@@ -12,13 +12,14 @@ from drivers.sim.devices.jaws import Surroundings
 from drivers.sim.devices.ur_controller import UrModel
 from drivers.sim.devices.ur_ports import served
 from drivers.sim.faults import Listed
-from drivers.sim.grippers import SIMULATORS, Bench, Mount
+from drivers.sim.grippers import Bench, Mount, simulator
 from drivers.sim.physics.scene import Setting
 from drivers.sim.physics.scene_protocol import SceneServer
 from drivers.sim.physics.tabletop import Look
 from drivers.sim.wire.line import CleanLine
 from drivers.sim.wire.serving import Server, SimulatedTime
 from drivers.sim.workcell import ARM_BASE, Workcell
+from runtime.table import profile_of
 
 if TYPE_CHECKING:
     from drivers.sim.camera.rig import Rig  # needs the audit extra
@@ -57,7 +58,7 @@ class LoneGripper(Serving):
     """A simulated gripper of some model, with nothing between its fingers.
 
     Args:
-        model: one of `SIMULATORS`.
+        model: one of `drivers.sim.grippers.SIMULATORS`.
         seed: of its lags.
         time_scale: simulated seconds per wall second.
         surroundings: what the fingers may meet; None: nothing.
@@ -71,10 +72,12 @@ class LoneGripper(Serving):
         surroundings: Surroundings | None = None,
     ) -> None:
         super().__init__(time_scale)
-        mount = Mount(random.Random(f"{seed}/gripper"), surroundings or Surroundings())
-        self.device = SIMULATORS[model].device(mount)
+        mount = Mount(
+            profile_of(model), random.Random(f"{seed}/gripper"), surroundings or Surroundings()
+        )
+        self.device = simulator(model).device(mount)
         bench = Bench(self._lock, self._time, lambda **_: CleanLine())
-        self._servers, self.endpoints = SIMULATORS[model].ports(self.device, bench)
+        self._servers, self.endpoints = simulator(model).ports(self.device, bench)
 
 
 class Cell(Serving):

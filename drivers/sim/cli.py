@@ -24,18 +24,15 @@ EPILOG = """example:
   {"gripper": "/dev/pts/3", "arm": "tcp://127.0.0.1:40001?base=-300,0,0", "scene": ...}
 
   grasp-cell --gripper dh-ag95 --json
-  {"gripper": "/dev/pts/3", "port": "dh:///dev/pts/3?model=dh-ag95"}
+  {"gripper": "/dev/pts/3", "port": "dh:///dev/pts/3"}
 
-The gripper is a Robotiq 2F-85 on Modbus RTU (115200 8N1, slave 9); it is also served as RTU over TCP, as
-Modbus TCP (unit 2, registers from 0) and as the text socket of the URCap: use one of the four. The arm is
-an open_abb server, and served as a UR controller, too, the scene a line protocol of JSON objects: {"do":
-"next_part"}, {"do": "truth"}, {"do": "quit"}. With --camera a webcam looks up through the table at a tag
-under the part (needs the audit extra): `grasp-audit judge --camera` takes its address.
+The gripper is that of the table or job, on a serial port. A Robotiq gripper (115200 8N1, slave 9) is served
+as RTU over TCP, as Modbus TCP (unit 2, registers from 0) and as the text socket of the URCap, too: use one of
+the four. The arm is an open_abb server, and served as a UR controller, too, the scene a line protocol of JSON
+objects: {"do": "next_part"}, {"do": "truth"}, {"do": "quit"}. With --camera a webcam looks up through the
+table at a tag under the part (needs the audit extra): `grasp-audit judge --camera` takes its address.
 
 """ + epilog(ExitCode.INPUT)
-
-
-_MODELS = ", ".join(SIMULATORS)
 
 
 def parser() -> Parser:
@@ -45,16 +42,16 @@ def parser() -> Parser:
         description="Simulate a cell: gripper, arm and part behind the real devices' protocols.",
         epilog=EPILOG,
     )
-    source = command.add_mutually_exclusive_group()
+    source = command.add_mutually_exclusive_group(required=True)
     source.add_argument(
         "--tree", type=Path, metavar="TREE.msgpack", help="part and world from a table's job"
     )
     source.add_argument(
         "--job", type=Path, metavar="JOB.toml", help="part and world from a job file"
     )
+    models = f"a gripper alone, with nothing between its fingers: {', '.join(SIMULATORS)}"
+    source.add_argument("--gripper", choices=SIMULATORS, metavar="MODEL", help=models)
     add = command.add_argument
-    model = "the gripper to simulate; without --tree and --job it is served alone"
-    add("--gripper", choices=sorted(SIMULATORS), metavar="MODEL", help=f"{model} ({_MODELS})")
     world = f"the physics (default: planner.world:make; without the planner extra {REHEARSAL})"
     add("--world", metavar="MODULE:FACTORY", help=world)
     add("--seed", type=int, default=0, help="of parts, world and noise (default: 0)")
@@ -83,15 +80,11 @@ def serve(options: argparse.Namespace) -> int:
     """Load, start, tell the endpoints, and stay until asked to end."""
     # A shell starts background jobs with SIGINT ignored, and that is inherited.
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    if options.tree is None and options.job is None:
-        if options.gripper is None:
-            raise UsageError("name a table (--tree), a job (--job), or a gripper alone (--gripper)")
+    if options.gripper is not None:
         return _run(LoneGripper(options.gripper, options.seed, options.time_scale), options)
     faults = None if options.faults is None else parse(options.faults)
     setting: Setting = load(options.tree, options.job, options.world)
     setting = setting._replace(middle_mm=options.middle, block=options.block)
-    if options.gripper is not None:
-        setting = setting._replace(gripper=options.gripper)
     if options.world is None and not setting.truthful:
         tell("grasp-cell", "no planner here; widths are drawn from the table's own statistics")
     if options.camera_views is not None:

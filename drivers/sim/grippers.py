@@ -2,10 +2,10 @@
 
 import random
 from collections.abc import Callable
-from functools import partial
 from typing import Any, NamedTuple, Protocol
 
 from drivers.dh import registers as dh
+from drivers.ports import GripperProfile
 from drivers.robotiq.frames import TCP
 from drivers.sim.devices.dh import DhModel, DhRegisters
 from drivers.sim.devices.faulty import FaultyGripper
@@ -14,11 +14,11 @@ from drivers.sim.devices.gripper_tcp import MbapSlave, TcpPort, stop_jaws
 from drivers.sim.devices.gripper_urcap import Urcap, UrcapPort
 from drivers.sim.devices.jaws import Jaws, Surroundings
 from drivers.sim.faults import Desk
-from drivers.sim.physics.scene import Geometry
 from drivers.sim.wire.line import CleanLine
 from drivers.sim.wire.modbus import GripperRegisters
 from drivers.sim.wire.rtu import PtyPort, RtuSlave
 from drivers.sim.wire.serving import Lock, Server, SimulatedTime
+from runtime.shell.errors import UsageError
 
 
 class SimulatedGripper(Protocol):
@@ -40,9 +40,9 @@ class SimulatedGripper(Protocol):
 class Mount(NamedTuple):
     """What a gripper's device is made with."""
 
+    profile: GripperProfile
     rng: random.Random  # draws its lags
     surroundings: Surroundings  # what the fingers may meet
-    geometry: Geometry | None = None  # of the job; None: as the maker has it
     desk: Desk | None = None  # says when the device fails; None: never
 
 
@@ -58,7 +58,7 @@ class Ports(NamedTuple):
     """Where a gripper is served; a host uses one of them."""
 
     servers: list[Server]
-    endpoints: dict[str, str]  # "gripper": of its serial port
+    endpoints: dict[str, str]  # "gripper": path of its serial port; "port": as a driver wants it
 
 
 class Simulator(NamedTuple):
@@ -70,9 +70,7 @@ class Simulator(NamedTuple):
 
 
 def _robotiq_device(mount: Mount) -> GripperModel:
-    geometry, jaws = mount.geometry, Jaws()
-    if geometry is not None:
-        jaws = Jaws(geometry.opening_mm, geometry.count_open, geometry.count_closed)
+    jaws = Jaws.of(mount.profile)
     if mount.desk is not None:
         return FaultyGripper(mount.rng, jaws, mount.surroundings, mount.desk)
     return GripperModel(mount.rng, jaws, mount.surroundings)
@@ -98,32 +96,34 @@ def _robotiq_ports(device: GripperModel, bench: Bench) -> Ports:
     return Ports([pty, rtu_tcp, tcp, urcap], endpoints)
 
 
-def _dh(model: dh.Model) -> Simulator:
-    def device(mount: Mount) -> DhModel:
-        return DhModel(mount.rng, mount.surroundings, model)
-
-    return Simulator(
-        device, _dh_slave, partial(_serial_port, f"dh://{{}}?model={model.name}", _dh_slave)
-    )
+def _dh_device(mount: Mount) -> DhModel:
+    return DhModel(mount.rng, mount.surroundings, mount.profile)
 
 
 def _dh_slave(device: DhModel, now: Callable[[], float], line: CleanLine) -> RtuSlave:
     return RtuSlave(DhRegisters(device, now), line, dh.UNIT)
 
 
-def _serial_port(
-    port: str,
-    slave: Callable[[Any, Callable[[], float], CleanLine], RtuSlave],
-    device: Any,
-    bench: Bench,
-) -> Ports:
-    """A serial line alone: its path, and `port` as `drivers.connect` wants that."""
-    pty = PtyPort(slave(device, bench.time.now, bench.line()), bench.lock, bench.time)
-    return Ports([pty], {"gripper": pty.path, "port": port.format(pty.path)})
+def _dh_ports(device: DhModel, bench: Bench) -> Ports:
+    slave = _dh_slave(device, bench.time.now, bench.line())
+    pty = PtyPort(slave, bench.lock, bench.time)
+    return Ports([pty], {"gripper": pty.path, "port": f"dh://{pty.path}"})
 
 
-USUAL = "robotiq-2f-85"
+ROBOTIQ = Simulator(_robotiq_device, _robotiq_slave, _robotiq_ports)
+DH = Simulator(_dh_device, _dh_slave, _dh_ports)
 SIMULATORS = {
-    USUAL: Simulator(_robotiq_device, _robotiq_slave, _robotiq_ports),
-    **{name: _dh(model) for name, model in dh.MODELS.items()},
+    "robotiq-2f-85": ROBOTIQ,
+    "robotiq-2f-140": ROBOTIQ,
+    "hand-e": ROBOTIQ,
+    "dh-ag95": DH,
+    "dh-pgc140-50": DH,
 }
+
+
+def simulator(model: str) -> Simulator:
+    """How a model is simulated; UsageError where nobody knows."""
+    if model not in SIMULATORS:
+        known = ", ".join(SIMULATORS)
+        raise UsageError(f"there is no simulated gripper {model}; there are {known}")
+    return SIMULATORS[model]

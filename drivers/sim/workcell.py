@@ -11,7 +11,7 @@ from drivers.sim.devices.arm import ArmModel
 from drivers.sim.devices.faulty import FaultyArm
 from drivers.sim.devices.jaws import Surroundings
 from drivers.sim.faults import Desk, Listed
-from drivers.sim.grippers import SIMULATORS, Mount, SimulatedGripper
+from drivers.sim.grippers import Mount, SimulatedGripper, simulator
 from drivers.sim.physics.scene import Setting
 from drivers.sim.physics.tabletop import Look, TableTop, Vice
 from drivers.sim.wire.line import CleanLine, FaultyLine
@@ -39,6 +39,7 @@ class Workcell(Surroundings):
         self.desk = Desk(faults or Listed())
         self.table = (TableTop if setting.block is None else Vice)(setting, seed, self.desk)
         self._middle: Pose2 = (0.0, setting.middle_mm, 0.0)
+        self.profile = geometry.gripper
         self._low, self._stood = False, (0.0, 0.0, 0.0)  # where the hand was last
         self._moves = 0
         self._noise = random.Random(f"{seed}/line")
@@ -47,8 +48,8 @@ class Workcell(Surroundings):
         if (line := geometry.acceleration_mm_s2) is not None:
             ramps = (line, math.degrees(line / TURN_RADIUS_MM))
         lags = random.Random(f"{seed}/gripper")
-        mount = Mount(lags, self, geometry, self.desk if self._faulty else None)
-        self.simulator = SIMULATORS[setting.gripper]
+        mount = Mount(self.profile, lags, self, self.desk if self._faulty else None)
+        self.simulator = simulator(self.profile.model)
         self.gripper: SimulatedGripper = self.simulator.device(mount)
         self.arm: ArmModel
         if self._faulty:
@@ -63,7 +64,7 @@ class Workcell(Surroundings):
     # -- what the fingers meet: drivers.sim.devices.jaws.Surroundings -------------------------------------
 
     def closing(self) -> float | None:
-        """The jaws start to close: where they will stop, given where the arm really is."""
+        """The jaws start to close: the width [mm] that will stop them, given where the arm really is."""
         hand, height_mm = self._hand()
         if hand is None or height_mm > self.table.geometry.closing_mm:
             return None

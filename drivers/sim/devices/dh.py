@@ -10,7 +10,9 @@ import struct
 from collections.abc import Callable
 
 from drivers.dh import registers as dh
+from drivers.dh.percent import Scale
 from drivers.dh.registers import Grip, Initialised
+from drivers.ports import GripperProfile
 from drivers.sim.devices.jaws import ObjectFlag, Stroke, Surroundings
 
 CYCLE_S = 0.005  # between two refreshes of the states
@@ -44,20 +46,21 @@ class DhModel:
     Args:
         rng: draws the lags of the grip state.
         surroundings: what the fingers may meet.
-        model: stroke, speeds and forces.
+        profile: of its model.
     """
 
     def __init__(
-        self, rng: random.Random, surroundings: Surroundings | None, model: dh.Model
+        self, rng: random.Random, surroundings: Surroundings, profile: GripperProfile
     ) -> None:
-        self.model = model
+        self._scale = Scale(profile)
+        self._open_mm = profile.stroke_um / 1000.0
         self.writes = 0  # how often a register was written
         self._rng = rng
-        self._surroundings = surroundings or Surroundings()
+        self._surroundings = surroundings
         self._now = self._shown_s = 0.0
         self._closed_mm = 0.0  # opening that was learnt as position 0
         self._settings = dict.fromkeys(ALLOWED, 0) | DEFAULTS
-        self._stroke = Stroke(model.stroke_mm, 0.0, 0.0, model.stroke_mm, Grip.AT_POSITION)
+        self._stroke = Stroke(self._open_mm, 0.0, 0.0, self._open_mm, Grip.AT_POSITION)
         self._running = self._gripping = False
         self._contact: float | None = (
             None  # opening at which the closing stroke will meet something
@@ -103,8 +106,8 @@ class DhModel:
             self._go()
 
     def _position(self) -> int:
-        open_mm = self.model.stroke_mm
-        share = (self._stroke.at(self._now) - self._closed_mm) / (open_mm - self._closed_mm)
+        learnt_mm = self._open_mm - self._closed_mm
+        share = (self._stroke.at(self._now) - self._closed_mm) / learnt_mm
         return min(max(round(dh.FULL * share), 0), dh.FULL)
 
     def opening_mm(self, now_s: float) -> float:
@@ -148,7 +151,7 @@ class DhModel:
         """Look for one end stop, or for both."""
         self._initialised = Initialised.IN_PROGRESS
         self._flag = _shown(Grip.MOVING, self._now)
-        ends = [self.model.stroke_mm, 0.0]
+        ends = [self._open_mm, 0.0]
         if self._settings[dh.DIRECTION]:
             ends.reverse()
         self._searches = ends[:1] if how == dh.INITIALISE else ends[::-1]
@@ -156,7 +159,7 @@ class DhModel:
 
     def _go(self, *, dropped: bool = False) -> None:
         shown = self._flag.at(self._now)
-        learnt_mm = self.model.stroke_mm - self._closed_mm
+        learnt_mm = self._open_mm - self._closed_mm
         target = self._closed_mm + learnt_mm * self._settings[dh.POSITION] / dh.FULL
         self._start(target, self._settings[dh.SPEED], dropped=dropped)
         moving_s, outcome_s = self._now + self._lag(), self._stroke.end_s + self._lag()
@@ -179,7 +182,7 @@ class DhModel:
         stop, outcome = target, Grip.DROPPED if dropped else Grip.AT_POSITION
         if target < here and self._contact is not None and self._contact >= target:
             stop, outcome = min(self._contact, here), Grip.CAUGHT
-        rate = math.copysign(self.model.speed_mm_s(percent), stop - here) if stop != here else 0.0
+        rate = math.copysign(self._scale.speed_mm_s(percent), stop - here) if stop != here else 0.0
         self._stroke = Stroke(here, self._now, rate, stop, outcome)
         self._running = True
 
