@@ -19,8 +19,9 @@ from typing import Any, NamedTuple
 
 from drivers.clock import Clock, Pace
 from drivers.errors import PortError
+from drivers.links import no_report
 from drivers.ports import Answered, Arm, Gripper, GripperProfile, Report, Scene
-from drivers.robotiq.link import Link, no_report
+from drivers.robotiq.link import Link
 from runtime.shell.errors import ExpectedError
 
 TTY = "tty"  # the scheme of a port without one
