@@ -43,6 +43,7 @@ GRIPPERS = Makes(
     {
         **dict.fromkeys((TTY, "rtu+tcp", "tcp", "urcap"), "drivers.connect:robotiq_gripper"),
         "can": "drivers.robotiq.canopen:gripper",
+        "dh": "drivers.dh.gripper:gripper",
         MANUAL: "drivers.manual:gripper",
     },
 )
