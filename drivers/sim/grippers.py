@@ -4,9 +4,14 @@ import random
 from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
 
+from drivers.clock import Pace
 from drivers.dh import registers as dh
-from drivers.ports import GripperProfile
+from drivers.dh.gripper import Gripper as DhGripper
+from drivers.dh.link import RtuLink
+from drivers.ports import Gripper, GripperProfile, Report
 from drivers.robotiq.frames import TCP
+from drivers.robotiq.gripper import Gripper as RobotiqGripper
+from drivers.robotiq.modbus import rtu_link
 from drivers.sim.devices.dh import DhModel, DhRegisters
 from drivers.sim.devices.faulty import FaultyGripper
 from drivers.sim.devices.gripper import GripperModel
@@ -18,6 +23,7 @@ from drivers.sim.wire.line import CleanLine
 from drivers.sim.wire.modbus import GripperRegisters
 from drivers.sim.wire.rtu import PtyPort, RtuSlave
 from drivers.sim.wire.serving import Lock, Server, SimulatedTime
+from drivers.stream import Stream
 from runtime.shell.errors import UsageError
 
 
@@ -67,6 +73,7 @@ class Simulator(NamedTuple):
     device: Callable[[Mount], Any]  # a SimulatedGripper
     slave: Callable[[Any, Callable[[], float], CleanLine], RtuSlave]  # the device on a serial line
     ports: Callable[[Any, Bench], Ports]
+    driver: Callable[[Stream, Pace, Report, GripperProfile], Gripper]  # on that serial line
 
 
 def _robotiq_device(mount: Mount) -> GripperModel:
@@ -96,6 +103,10 @@ def _robotiq_ports(device: GripperModel, bench: Bench) -> Ports:
     return Ports([pty, rtu_tcp, tcp, urcap], endpoints)
 
 
+def _robotiq_driver(stream: Stream, pace: Pace, report: Report, profile: GripperProfile) -> Gripper:
+    return RobotiqGripper(rtu_link(stream, pace, report), pace, report, profile)
+
+
 def _dh_device(mount: Mount) -> DhModel:
     return DhModel(mount.rng, mount.surroundings, mount.profile)
 
@@ -110,8 +121,12 @@ def _dh_ports(device: DhModel, bench: Bench) -> Ports:
     return Ports([pty], {"gripper": pty.path, "port": f"dh://{pty.path}"})
 
 
-ROBOTIQ = Simulator(_robotiq_device, _robotiq_slave, _robotiq_ports)
-DH = Simulator(_dh_device, _dh_slave, _dh_ports)
+def _dh_driver(stream: Stream, pace: Pace, report: Report, profile: GripperProfile) -> Gripper:
+    return DhGripper(RtuLink(stream, pace, report), pace, report, profile)
+
+
+ROBOTIQ = Simulator(_robotiq_device, _robotiq_slave, _robotiq_ports, _robotiq_driver)
+DH = Simulator(_dh_device, _dh_slave, _dh_ports, _dh_driver)
 SIMULATORS = {
     "robotiq-2f-85": ROBOTIQ,
     "robotiq-2f-140": ROBOTIQ,
