@@ -1,7 +1,8 @@
 """The grippers that can be simulated: by model, its device and the ports that it is served on."""
 
 import random
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import Any, NamedTuple, Protocol
 
 from drivers.clock import Pace
@@ -64,7 +65,9 @@ class Ports(NamedTuple):
     """Where a gripper is served; a host uses one of them."""
 
     servers: list[Server]
-    endpoints: dict[str, str]  # "gripper": path of its serial port; "port": as a driver wants it
+    path: str  # of the serial port
+    port: str  # the same as `drivers.connect` takes it
+    others: Mapping[str, str] = MappingProxyType({})
 
 
 class Simulator(NamedTuple):
@@ -94,13 +97,12 @@ def _robotiq_ports(device: GripperModel, bench: Bench) -> Ports:
     slave = MbapSlave(GripperRegisters(device, now, TCP), bench.line(checked=False))
     tcp = TcpPort(slave, lock, time, lambda: stop_jaws(device, now))
     urcap = UrcapPort(Urcap(device, now), lock)
-    endpoints = {
-        "gripper": pty.path,
+    others = {
         "gripper_tcp": tcp.url,
         "gripper_rtu_tcp": f"rtu+{rtu_tcp.url}",
         "gripper_urcap": urcap.url,
     }
-    return Ports([pty, rtu_tcp, tcp, urcap], endpoints)
+    return Ports([pty, rtu_tcp, tcp, urcap], pty.path, pty.path, others)
 
 
 def _robotiq_driver(stream: Stream, pace: Pace, report: Report, profile: GripperProfile) -> Gripper:
@@ -118,7 +120,7 @@ def _dh_slave(device: DhModel, now: Callable[[], float], line: CleanLine) -> Rtu
 def _dh_ports(device: DhModel, bench: Bench) -> Ports:
     slave = _dh_slave(device, bench.time.now, bench.line())
     pty = PtyPort(slave, bench.lock, bench.time)
-    return Ports([pty], {"gripper": pty.path, "port": f"dh://{pty.path}"})
+    return Ports([pty], pty.path, f"dh://{pty.path}")
 
 
 def _dh_driver(stream: Stream, pace: Pace, report: Report, profile: GripperProfile) -> Gripper:
