@@ -13,7 +13,7 @@ from drivers.ports import Gripper, GripperProfile, Report
 from drivers.robotiq.frames import TCP
 from drivers.robotiq.gripper import Gripper as RobotiqGripper
 from drivers.robotiq.modbus import rtu_link
-from drivers.sim.devices.dh import DhModel, DhRegisters
+from drivers.sim.devices.dh import DhModel, DhRegisters, FaultyDhModel
 from drivers.sim.devices.faulty import FaultyGripper
 from drivers.sim.devices.gripper import GripperModel
 from drivers.sim.devices.gripper_tcp import MbapSlave, TcpPort, stop_jaws
@@ -110,6 +110,8 @@ def _robotiq_driver(stream: Stream, pace: Pace, report: Report, profile: Gripper
 
 
 def _dh_device(mount: Mount) -> DhModel:
+    if mount.desk is not None:
+        return FaultyDhModel(mount.rng, mount.surroundings, mount.profile, mount.desk)
     return DhModel(mount.rng, mount.surroundings, mount.profile)
 
 
