@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 from drivers.clock import Clock, Pace
 from drivers.errors import PortError
-from drivers.ports import Answered, Arm, Gripper, Report, Scene
+from drivers.ports import Answered, Arm, Gripper, GripperProfile, Report, Scene
 from drivers.robotiq.link import Link, no_report
 from runtime.shell.errors import ExpectedError
 
@@ -35,7 +35,7 @@ class Makes(NamedTuple):
     known: dict[str, str]  # scheme -> module:function, imported when the scheme is first asked for
 
 
-# A gripper's function takes (port, pace, report, *, read_only), an arm's (url, pace, *, read_only).
+# A gripper's function takes (port, pace, report, *, read_only, profile), an arm's (url, pace, *, read_only).
 GRIPPERS = Makes(
     "squeezetree.grippers",
     Gripper,
@@ -58,20 +58,27 @@ ARMS = Makes(
 
 
 def gripper(
-    port: str, *, time_scale: float = 1.0, read_only: bool = False, report: Report = no_report
+    port: str,
+    profile: GripperProfile | None = None,
+    *,
+    time_scale: float = 1.0,
+    read_only: bool = False,
+    report: Report = no_report,
 ) -> Gripper:
-    """Open a gripper; reads its state, writes nothing.
+    """Open a gripper, that of a profile where one is stated; reads its state, writes nothing.
 
     With `read_only` it has a link that cannot write; `report` is told of every retry and failure on it.
     PortError where port or driver cannot be opened; LinkError where nothing answers.
     """
     opened: Gripper = _opened(
-        GRIPPERS, port, Pace(Clock(), time_scale), report, read_only=read_only
+        GRIPPERS, port, Pace(Clock(), time_scale), report, read_only=read_only, profile=profile
     )
     return opened
 
 
-def robotiq_gripper(port: str, pace: Pace, report: Report, *, read_only: bool) -> Gripper:
+def robotiq_gripper(
+    port: str, pace: Pace, report: Report, *, read_only: bool, profile: GripperProfile | None
+) -> Gripper:
     """A Robotiq gripper on a tty, behind a serial device server, with Modbus TCP, or behind its URCap."""
     from drivers.robotiq import modbus, urcap
     from drivers.robotiq.frames import RTU, TCP
@@ -92,7 +99,7 @@ def robotiq_gripper(port: str, pace: Pace, report: Report, *, read_only: bool) -
         link = open_link(stream, pace, report, wiring)
     else:
         link = modbus.rtu_link(SerialStream(port, modbus.BAUD), pace, report)
-    return over(link, pace, report, read_only=read_only)
+    return over(link, pace, report, read_only=read_only, profile=profile)
 
 
 def scan(port: str) -> Iterator[Answered]:
@@ -159,7 +166,6 @@ def virtual(tree: Path, *, world: str, seed: int, report: Report = no_report) ->
     Raises:
         UsageError: the world cannot be had, or fails.
     """
-    from drivers.robotiq.gripper import Gripper as RobotiqGripper
     from drivers.sim.physics.scene import load, warm_up
     from drivers.sim.virtual.cell import VirtualCell
 
@@ -167,25 +173,27 @@ def virtual(tree: Path, *, world: str, seed: int, report: Report = no_report) ->
     warm_up(setting, seed)
     cell = VirtualCell(setting, seed)
     return VirtualDevices(
-        RobotiqGripper(cell.link(report), cell.pace, report), cell.arm(), cell.scene, cell.clock
+        cell.gripper(report), cell.arm(), cell.scene, cell.clock
     )
 
 
-def _opened(makes: Makes, port: str, *settings: object, read_only: bool) -> Any:
+def _opened(makes: Makes, port: str, *settings: object, **options: object) -> Any:
     scheme = port.partition(":")[0].partition("+")[0]
     if scheme not in ("can", MANUAL):
         scheme = port.partition("://")[0] if "://" in port else TTY
     if scheme in makes.known:
         module, _, function = makes.known[scheme].partition(":")
-        return getattr(import_module(module), function)(port, *settings, read_only=read_only)
-    return _plugged_in(makes, scheme, port, *settings, read_only=read_only)
+        return getattr(import_module(module), function)(port, *settings, **options)
+    return _plugged_in(makes, scheme, port, *settings, **options)
 
 
-def _plugged_in(makes: Makes, scheme: str, port: str, *settings: object, read_only: bool) -> Any:
+def _plugged_in(
+    makes: Makes, scheme: str, port: str, *settings: object, **options: object
+) -> Any:
     """A device of another package's driver; whatever is wrong with that is a PortError that names it."""
     name, open_device = _plug_in(makes, scheme, port)
     try:
-        device = open_device(port, *settings, read_only=read_only)
+        device = open_device(port, *settings, **options)
     except Exception as error:
         if isinstance(error, ExpectedError):
             raise

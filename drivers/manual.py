@@ -2,7 +2,7 @@
 
 `manual` as an arm: somebody holds the hand, or the gripper alone. `manual+ADDRESS`: the same, and a simulated
 arm follows the hand, so that its part is met. `manual` as a gripper: somebody closes calipers and types the
-width; `manual:85,3,230` states what opening in mm and which end counts the widths are told in.
+width.
 """
 
 import math
@@ -14,11 +14,19 @@ from contextlib import suppress
 
 from drivers.clock import Pace
 from drivers.errors import ArmError, GripperFault, LinkError, PortError, ReadOnlyError
-from drivers.ports import Arm, GripperState, PoseOfHand, Report, Settled
+from drivers.ports import (
+    Arm,
+    GripperProfile,
+    GripperState,
+    ObjectState,
+    PoseOfHand,
+    Report,
+    Settled,
+)
+from runtime.table import PROFILES
 
 ANSWER_S = 600.0  # a person may be called away
 LIFT_S = 60.0  # also asked for in a safe sequence, which is not to wait for long
-HELD_MM = 2.0  # from this width on something is between the fingers, as tables take it
 SAME_MM, SAME_RAD = 0.1, 0.01  # an arm behind reads itself back with so much room
 ALOFT: PoseOfHand = (
     0.0,
@@ -26,8 +34,6 @@ ALOFT: PoseOfHand = (
     1000.0,
     0.0,
 )  # where a hand is taken to be that was not asked for yet
-CLOSED_COUNTS = 255
-LINEAR = (85.0, 3, 230)  # of a 2F-85
 
 
 class Person:
@@ -157,12 +163,10 @@ class ManualArm:
 class ManualGripper:
     """Calipers, or a gripper without a link: somebody opens and closes it, and tells the width."""
 
-    def __init__(
-        self, opening_mm: float, count_open: int, count_closed: int, *, read_only: bool
-    ) -> None:
-        self._opening_mm, self._counts = opening_mm, (count_open, count_closed)
+    def __init__(self, profile: GripperProfile, *, read_only: bool) -> None:
+        self.profile = profile
         self._read_only = read_only
-        self._seen = GripperState(True, False, 0, 3, 0, 0, 0)
+        self._seen = _standing(ObjectState.AT_TARGET, profile.stroke_um, profile.stroke_um)
         self._asked: int | None = None
         self._was_asked = False  # whether anybody ever said how the jaws stand
         self._closed = False
@@ -176,28 +180,29 @@ class ManualGripper:
     def activate(self) -> None:
         """Nothing: a person is ready."""
 
-    def move(self, position_counts: int, speed_counts: int, force_counts: int) -> None:
+    def move(self, width_um: int, speed_mm_s: float, force_n: float) -> None:
         """Remember what `wait` asks for."""
-        del speed_counts, force_counts
+        del speed_mm_s, force_n
         if self._read_only:
             raise ReadOnlyError("a dry run was about to have the jaws moved")
         self.state()
-        self._asked = position_counts
+        self._asked = width_um
 
     def wait(self) -> Settled:
         """Ask for the opening to be set, or for the width that is read."""
         if self._asked is None:
             raise GripperFault("no move to wait for; call move() first")
         asked, self._asked = self._asked, None
-        if asked == CLOSED_COUNTS:
+        if asked <= 0:
             width_mm = self._width_mm()
-            self._saw(asked, self._count(width_mm), 2 if width_mm >= HELD_MM else 3)
-        elif not (
-            self._was_asked and (asked, 3) == (self._seen.position_counts, self._seen.object_flag)
-        ):
-            self._ask(f"Open the jaws to {self._mm(asked):.1f} mm or a little more; press Enter")
-            self._saw(asked, asked, 3)
-        return Settled(self._seen.position_counts, self._seen.object_flag, 0, asked, 0.0)
+            held = width_mm >= self.profile.held_um / 1000
+            state = ObjectState.CLOSING if held else ObjectState.AT_TARGET
+            # On the grid: a table is planned for readings of that resolution.
+            self._saw(state, 0, self.profile.reading_um(self.profile.step(1000 * width_mm)))
+        elif not (self._was_asked and self._seen == _standing(ObjectState.AT_TARGET, asked, asked)):
+            self._ask(f"Open the jaws to {asked / 1000:.1f} mm or a little more; press Enter")
+            self._saw(ObjectState.AT_TARGET, asked, asked)
+        return Settled(self._seen.width_um, self._seen.object, 0, asked, 0.0)
 
     def stop(self) -> None:
         """The jaws are in somebody's hands."""
@@ -207,8 +212,8 @@ class ManualGripper:
         """Nothing is owned."""
         self._closed = True
 
-    def _saw(self, asked: int, position_counts: int, object_flag: int) -> None:
-        self._seen = GripperState(True, False, 0, object_flag, asked, position_counts, 0)
+    def _saw(self, state: ObjectState, target_um: int, width_um: int) -> None:
+        self._seen = _standing(state, target_um, width_um)
         self._was_asked = True
 
     def _width_mm(self) -> float:
@@ -219,9 +224,9 @@ class ManualGripper:
         while True:
             with suppress(ValueError):
                 width_mm = float(reply.replace(",", "."))
-                if 0.0 <= width_mm <= self._opening_mm:
+                if 0.0 <= width_mm <= self.profile.stroke_um / 1000:
                     return width_mm
-            wanted = f"a number from 0 to {self._opening_mm:g}, such as 31.42"
+            wanted = f"a number from 0 to {self.profile.stroke_um / 1000:g}, such as 31.42"
             reply = self._ask(f"{reply[:40]!r} is no width; type {wanted}:")
 
     def _ask(self, sentence: str) -> str:
@@ -230,27 +235,25 @@ class ManualGripper:
         except (EOFError, TimeoutError) as error:
             raise LinkError(f"the gripper's width is not known: {error}") from error
 
-    def _count(self, width_mm: float) -> int:
-        first, last = self._counts
-        return round(last - width_mm * (last - first) / self._opening_mm)
 
-    def _mm(self, count: int) -> float:
-        first, last = self._counts
-        return min(max((last - count) * self._opening_mm / (last - first), 0.0), self._opening_mm)
+def _standing(state: ObjectState, target_um: int, width_um: int) -> GripperState:
+    return GripperState(True, False, 0, "", state, target_um, width_um, 0)
 
 
-def gripper(port: str, pace: Pace, report: Report, *, read_only: bool) -> ManualGripper:
-    """`manual`, or `manual:OPENING,COUNT_OPEN,COUNT_CLOSED`.
+def gripper(
+    port: str,
+    pace: Pace,
+    report: Report,
+    *,
+    read_only: bool,
+    profile: GripperProfile | None = None,
+) -> ManualGripper:
+    """Open `manual`, which tells widths as a gripper of a profile would, else a 2F-85.
 
     Raises:
         PortError: it is written otherwise.
     """
     del pace, report
-    scale = LINEAR
-    if name := port.removeprefix("manual").removeprefix(":"):
-        try:
-            opening, first, last = name.split(",")
-            scale = float(opening), int(first), int(last)
-        except ValueError:
-            raise PortError(f"port {port} is not understood; write manual") from None
-    return ManualGripper(*scale, read_only=read_only)
+    if port != "manual":
+        raise PortError(f"port {port} is not understood; write manual")
+    return ManualGripper(profile or PROFILES["robotiq-2f-85"], read_only=read_only)

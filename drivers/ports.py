@@ -17,6 +17,7 @@ Rules that a type cannot express:
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from enum import IntEnum
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
@@ -29,35 +30,85 @@ TURN_RADIUS_MM = 160.0  # nothing so near to the hand's axis moves faster than a
 Report = Callable[[str, Mapping[str, object]], None]
 
 
+class ObjectState(IntEnum):
+    """What a gripper says about an object between its fingers; a journal holds the number."""
+
+    NONE = 0  # nothing yet: the fingers are on their way, or were never asked to move
+    OPENING = 1  # something stopped them while opening
+    CLOSING = 2  # something stopped them while closing
+    AT_TARGET = 3  # they stand where they were asked to go
+
+
+@dataclass(frozen=True, slots=True)
+class GripperProfile:
+    """What one model of a gripper can do and tell; its driver knows whatever else is special about it.
+
+    A width is nominal: the distance of the finger faces with the maker's fingers, which a calibration
+    corrects (`grasp-calibrate width`). Readings lie on a grid: `steps + 1` widths from 0 to the stroke.
+    """
+
+    model: str  # as a job names it
+    stroke_um: int  # width of the jaws fully open; closed on nothing they read 0
+    resolution_um: float  # step of a reading
+    noise_um: int  # standard deviation of a reading, beside its rounding
+    speed_mm_s: tuple[float, float]  # rate of the width, slowest and fastest
+    force_n: tuple[float, float]  # grip force, weakest and strongest
+    held_um: int = 2000  # expected widths from here on are those of a part that is held
+    empty_um: int = 5000  # up to this width the object state may miss a part that is held
+    streams: bool = False  # whether it takes another width, speed and force while the fingers move
+    poll_s: float = 0.01  # between two readings of fingers on their way
+    # link and offset of the arc that the tips move on, mm; a link alone: the offset has to be measured;
+    # empty: they move straight
+    arc_mm: tuple[float, ...] = ()
+    counts: tuple[int, int] | None = None  # what the device reads open and closed, if it counts
+
+    @property
+    def steps(self) -> int:
+        """Number of steps of the grid of readings."""
+        return round(self.stroke_um / self.resolution_um)
+
+    def reading_um(self, step: int) -> int:
+        """The width at a step of the grid, from 0, rounded; steps beyond the ends go on alike."""
+        return (2 * self.stroke_um * step + self.steps) // (2 * self.steps)
+
+    def step(self, width_um: float) -> int:
+        """The step of the grid nearest to a width."""
+        return round(width_um * self.steps / self.stroke_um)
+
+
 @dataclass(frozen=True, slots=True)
 class GripperState:
-    """One reading. Positions are counts of 0 (open) to 255 (closed), whatever the device counts in."""
+    """One reading. Widths are nominal, see `GripperProfile`."""
 
     activated: bool  # whether it may be moved
     moving: bool  # whether the fingers are on their way
-    fault: int  # 0, or the fault's code (`drivers.errors.FAULTS`)
-    # 0 moving, 1 contact while opening, 2 contact while closing, 3 at the requested position
-    object_flag: int
-    echo_counts: int  # the requested position as the device repeats it
-    position_counts: int  # where the fingers are
+    fault: int  # the device's fault word; 0 where nothing keeps it from being moved
+    fault_text: str  # what that means and what to do, a sentence; empty without a fault
+    object: ObjectState
+    # the requested width as the device repeats it, from 0 to the stroke; after a new connection too
+    target_um: int
+    # where the fingers are; a little below 0 or above the stroke where they go beyond the nominal ends
+    width_um: int
     current_ma: int  # motor current; 0 where the device does not tell
 
 
 class Settled(NamedTuple):
     """How a move ended: all of it from readings after the fingers came to rest."""
 
-    position_counts: int  # where the fingers rest
-    object_flag: (
-        int  # 1 contact while opening, 2 contact while closing, 3 at the requested position
-    )
+    width_um: int  # where the fingers rest
+    object: ObjectState  # never `NONE`
     current_ma: int  # motor current
-    echo_counts: int  # the request this reading belongs to
+    target_um: int  # the request this reading belongs to
     seconds: float  # device seconds since the move was asked for
 
 
 @runtime_checkable
 class Gripper(Protocol):
     """A parallel-jaw gripper."""
+
+    @property
+    def profile(self) -> GripperProfile:
+        """What its model can do and tell."""
 
     def state(self) -> GripperState:
         """Read it now.
@@ -73,8 +124,11 @@ class Gripper(Protocol):
             GripperFault: it cannot be made ready.
         """
 
-    def move(self, position_counts: int, speed_counts: int, force_counts: int) -> None:
-        """Ask for a position, each setting 0 to 255, and return at once.
+    def move(self, width_um: int, speed_mm_s: float, force_n: float) -> None:
+        """Ask for a width of the grid, and return at once.
+
+        At a width of 0 the fingers close, at the stroke they open as far as they go. Speed and force are the
+        greatest that the device can be asked for without exceeding the argument, but at least its least.
 
         Raises:
             GripperFault: it is not ready, or reports a fault.
@@ -169,9 +223,15 @@ class Drivers(Protocol):
     """What opens devices; `drivers.connect`, which says what the addresses are."""
 
     def gripper(
-        self, port: str, *, time_scale: float = 1.0, read_only: bool = False, report: Report = ...
+        self,
+        port: str,
+        profile: GripperProfile | None = None,
+        *,
+        time_scale: float = 1.0,
+        read_only: bool = False,
+        report: Report = ...,
     ) -> Gripper:
-        """Connect to a gripper, moving nothing."""
+        """Connect to a gripper, moving nothing; `profile` is that of the gripper that should be there."""
 
     def arm(self, url: str, *, time_scale: float = 1.0, read_only: bool = False) -> Arm:
         """Connect to an arm, moving nothing."""

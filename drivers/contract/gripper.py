@@ -9,14 +9,13 @@ import pytest
 
 from drivers import ports
 from drivers.errors import GripperFault, LinkError, LinkTimeout, ReadOnlyError
-from drivers.ports import Gripper
+from drivers.ports import Gripper, ObjectState
 
 
 class GripperRig(Protocol):
     """A device that is not activated yet, its jaws open, and what a test has to know of it."""
 
-    closed_counts: int  # where the jaws stand, 0 to 255, when they closed on nothing
-    contact_counts: int  # where they stop once `put_part` was called
+    contact_um: int  # width at which they stop once `put_part` was called
 
     def open(self, *, read_only: bool = False) -> AbstractContextManager[Gripper]:
         """A connection through the driver, closed when its context is left."""
@@ -35,6 +34,11 @@ class GripperRig(Protocol):
 
     def close(self) -> None:
         """Take it down."""
+
+
+def close(gripper: Gripper, *, fast: bool = False) -> None:
+    """Ask it to close with its least force, at its least or its greatest speed."""
+    gripper.move(0, gripper.profile.speed_mm_s[fast], gripper.profile.force_n[0])
 
 
 class GripperContract:
@@ -66,7 +70,7 @@ class GripperContract:
         with rig.open(read_only=True) as gripper:
             assert gripper.state().activated
             with pytest.raises(ReadOnlyError, match="dry run"):
-                gripper.move(255, 255, 10)
+                gripper.move(0, gripper.profile.speed_mm_s[1], gripper.profile.force_n[0])
             with pytest.raises(ReadOnlyError, match="dry run"):
                 gripper.stop()
             assert gripper.state().activated
@@ -75,55 +79,57 @@ class GripperContract:
     def test_activate_move_wait(self, rig: GripperRig) -> None:
         """A settled reading tells where the jaws are and repeats the request."""
         with rig.open() as gripper:
+            profile = gripper.profile
             gripper.activate()
             assert gripper.state().activated
-            gripper.move(255, 255, 10)
+            close(gripper, fast=True)
             settled = gripper.wait()
-            assert settled.position_counts == rig.closed_counts
-            assert (settled.object_flag, settled.echo_counts) == (3, 255)
-            gripper.move(100, 255, 10)
+            assert settled.width_um == 0
+            assert (settled.object, settled.target_um) == (ObjectState.AT_TARGET, 0)
+            half_um = profile.reading_um(profile.steps // 2)
+            gripper.move(half_um, profile.speed_mm_s[1], profile.force_n[0])
             settled = gripper.wait()
-            assert (settled.position_counts, settled.echo_counts) == (100, 100)
+            assert (settled.width_um, settled.target_um) == (half_um, half_um)
             assert settled.seconds > 0.0
 
     def test_a_part_stops_the_jaws(self, rig: GripperRig) -> None:
-        """The flag tells of contact while closing."""
+        """The object state tells of contact while closing."""
         with rig.open() as gripper:
             gripper.activate()
             rig.put_part()
-            gripper.move(255, 100, 10)
+            close(gripper)
             settled = gripper.wait()
-            assert (settled.position_counts, settled.object_flag) == (rig.contact_counts, 2)
+            assert (settled.width_um, settled.object) == (rig.contact_um, ObjectState.CLOSING)
 
     def test_a_holding_gripper_survives_a_reconnection(self, rig: GripperRig) -> None:
         """Connecting resets nothing, and activating what is active opens nothing."""
         with rig.open() as gripper:
             gripper.activate()
             rig.put_part()
-            gripper.move(255, 100, 10)
+            close(gripper)
             gripper.wait()
         with rig.open() as gripper:
             seen = gripper.state()
-            assert (seen.activated, seen.position_counts) == (True, rig.contact_counts)
-            assert seen.echo_counts == 255
+            assert (seen.activated, seen.width_um) == (True, rig.contact_um)
+            assert seen.target_um == 0
             gripper.activate()
-            assert gripper.state().position_counts == rig.contact_counts
+            assert gripper.state().width_um == rig.contact_um
 
     def test_moves_need_activation(self, rig: GripperRig) -> None:
         """And nothing is sent without it."""
         with rig.open() as gripper, pytest.raises(GripperFault, match="not active"):
-            gripper.move(255, 255, 0)
+            close(gripper)
         assert not rig.commanded()
 
     def test_stopping_halfway_leaves_the_jaws_there(self, rig: GripperRig) -> None:
         """They stand, not yet closed."""
         with rig.open() as gripper:
             gripper.activate()
-            gripper.move(255, 0, 0)
+            close(gripper)
             gripper.stop()
-            here = gripper.state().position_counts
+            here = gripper.state().width_um
             threading.Event().wait(0.1)
-            assert gripper.state().position_counts == here < rig.closed_counts
+            assert gripper.state().width_um == here > 0
 
     def test_waiting_for_nothing_is_refused(self, rig: GripperRig) -> None:
         """A reading belongs to a move."""

@@ -19,7 +19,7 @@ from urllib.parse import parse_qsl
 
 from drivers.clock import LINK_TIMEOUT_S, Pace
 from drivers.errors import LinkError, LinkTimeout, PortError, shown
-from drivers.ports import Report
+from drivers.ports import GripperProfile, Report
 from drivers.robotiq.gripper import Gripper, over
 from drivers.robotiq.link import ReportingLink, no_report
 from drivers.robotiq.registers import BLOCK_BYTES
@@ -132,7 +132,14 @@ class CanLink(ReportingLink):
         )
 
 
-def gripper(port: str, pace: Pace, report: Report, *, read_only: bool) -> Gripper:
+def gripper(
+    port: str,
+    pace: Pace,
+    report: Report,
+    *,
+    read_only: bool,
+    profile: GripperProfile | None = None,
+) -> Gripper:
     """Open `can:channel?setting=value&...`; the node is started, unless `read_only`.
 
     Raises:
@@ -141,7 +148,7 @@ def gripper(port: str, pace: Pace, report: Report, *, read_only: bool) -> Grippe
     """
     where = parse(port)
     link = CanLink(_network(port, where, read_only=read_only), where, port, report)
-    return over(link, pace, report, read_only=read_only)
+    return over(link, pace, report, read_only=read_only, profile=profile)
 
 
 def parse(port: str) -> CanMap:

@@ -7,8 +7,10 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from drivers.clock import Pace
-from drivers.errors import MAJOR, PRIORITY, GripperFault, LinkTimeout, fault_text
-from drivers.ports import Report, Settled
+from drivers.errors import GripperFault, LinkTimeout
+from drivers.ports import GripperProfile, GripperState, ObjectState, Report, Settled
+from drivers.robotiq.counts import Counts
+from drivers.robotiq.faults import MAJOR, PRIORITY, fault, fault_text
 from drivers.robotiq.link import Link, ReadOnlyLink, no_report
 from drivers.robotiq.registers import (
     COUNT_CLOSED,
@@ -17,10 +19,10 @@ from drivers.robotiq.registers import (
     OBJ_CONTACT_CLOSING,
     OPENING_MM,
     OUTPUT_FIELDS,
-    GripperState,
+    Reading,
     decode,
     pack,
-    speed_mm_s,
+    speed_mm_s_of,
 )
 
 ACTIVATION_S = (
@@ -52,17 +54,45 @@ class Gripper:
     Every write whose answer was lost is reported.
     """
 
-    def __init__(self, link: Link, pace: Pace, report: Report = no_report) -> None:
+    def __init__(
+        self,
+        link: Link,
+        pace: Pace,
+        report: Report = no_report,
+        profile: GripperProfile | None = None,
+    ) -> None:
+        self._counts = Counts(profile)
         self._link = link
         self._pace = pace
         self._report = report
         self._move: _Move | None = None
         # Seeded from what the gripper does now, so that the first write cannot move a holding gripper.
-        seen = self.state()
+        seen = self._read()
         self._image = {"rACT": int(seen.enabled), "rGTO": int(seen.going), "rPR": seen.echo_counts}
+
+    @property
+    def profile(self) -> GripperProfile:
+        """What its model can do and tell."""
+        return self._counts.profile
 
     def state(self) -> GripperState:
         """Read the gripper now."""
+        seen = self._read()
+        # Of the silence before this request it is only known that it is over.
+        code = 0 if seen.fault == COMM_SILENCE else seen.fault
+        text = fault_text(code) if code else None
+        return GripperState(
+            activated=seen.activated,
+            moving=seen.moving,
+            fault=code,
+            fault_text="" if text is None else f"0x{code:02X}, {text.sentence}; {text.remedy}",
+            object=ObjectState(seen.object_flag),
+            target_um=self._counts.target_um(seen.echo_counts),
+            width_um=self._counts.width_um(seen.position_counts),
+            current_ma=seen.current_ma,
+        )
+
+    def _read(self) -> Reading:
         seen = decode(self._link.read())
         if seen.fault == COMM_SILENCE:
             # Fault 9 tells of the silence before this very request; the next reading tells of now.
@@ -74,7 +104,7 @@ class Gripper:
 
         The reset clears a latched fault. A gripper that is active and has none is left alone.
         """
-        seen = self.state()
+        seen = self._read()
         if seen.activated and not _has_latched(seen):
             return
         deadline = self._pace.deadline(ACTIVATION_S)
@@ -84,29 +114,26 @@ class Gripper:
             self._send({"rACT": 1})
         self._until(lambda now: now.activated, deadline, "activating", _refuse_latched)
 
-    def move(self, position_counts: int, speed_counts: int, force_counts: int) -> None:
-        """Ask for a position rPR, at speed rSP and force rFR, each 0 to 255; `wait` tells how it ended."""
+    def move(self, width_um: int, speed_mm_s: float, force_n: float) -> None:
+        """Ask for a width (rPR), at a speed (rSP) and with a force (rFR); `wait` tells how it ended."""
         self._move = None
-        seen = self.state()
+        seen = self._read()
         _require_ready(seen, "asked to move")
+        counts = self._counts.request(width_um)
+        setting = self._counts.speed(speed_mm_s)
         request = {
             "rACT": 1,
             "rGTO": 1,
-            "rPR": position_counts,
-            "rSP": speed_counts,
-            "rFR": force_counts,
+            "rPR": counts,
+            "rSP": setting,
+            "rFR": self._counts.force(force_n),
         }
-        stroke_mm = (
-            abs(position_counts - seen.position_counts) * OPENING_MM / (COUNT_CLOSED - COUNT_OPEN)
-        )
-        budget_s = stroke_mm / speed_mm_s(speed_counts) + MOVE_MARGIN_S
+        mm_per_count = OPENING_MM / (COUNT_CLOSED - COUNT_OPEN)
+        stroke_mm = abs(counts - seen.position_counts) * mm_per_count
+        budget_s = stroke_mm / speed_mm_s_of(setting) + MOVE_MARGIN_S
         self._send(request)
-        settle_s = (
-            SETTLE_COUNTS * OPENING_MM / (COUNT_CLOSED - COUNT_OPEN) / speed_mm_s(speed_counts)
-        )
-        self._move = _Move(
-            position_counts, seen.position_counts, self._pace.now(), budget_s, settle_s
-        )
+        settle_s = SETTLE_COUNTS * mm_per_count / speed_mm_s_of(setting)
+        self._move = _Move(counts, seen.position_counts, self._pace.now(), budget_s, settle_s)
 
     def wait(self) -> Settled:
         """Wait until the last move has ended and the count stands still.
@@ -139,13 +166,17 @@ class Gripper:
             )
         seconds = self._pace.elapsed(move.written_at)
         return Settled(
-            seen.position_counts, seen.object_flag, seen.current_ma, seen.echo_counts, seconds
+            self._counts.width_um(seen.position_counts),
+            ObjectState(seen.object_flag),
+            seen.current_ma,
+            self._counts.target_um(seen.echo_counts),
+            seconds,
         )
 
     def stop(self) -> None:
         """Stop the jaws where they are; the request stays, a held part stays held. An activation is reset."""
         self._move = None
-        seen = self.state()
+        seen = self._read()
         if seen.activating or (seen.enabled and not seen.activated and not seen.fault):
             self._send({})  # the sweep does not ask for rGTO, only for rACT ([M18] p54)
         # Writing rACT to a gripper that lost power would start the activation sweep; it does not move anyway.
@@ -176,7 +207,7 @@ class Gripper:
 
     def _arrived(self, image: dict[str, int]) -> bool:
         """Whether the echoes tell that it arrived; looked at before the block is written once more."""
-        seen = self.state()
+        seen = self._read()
         sweeps = not seen.enabled and self._image.get("rACT") == image.get("rACT") == 1
         if (
             image.get("rGTO") == 1 or sweeps
@@ -185,22 +216,22 @@ class Gripper:
         wanted = (image.get("rACT", 0) == 1, image.get("rGTO", 0) == 1, image.get("rPR", 0))
         return (seen.enabled, seen.going, seen.echo_counts) == wanted
 
-    def _checked(self, doing: str) -> GripperState:
-        seen = self.state()
+    def _checked(self, doing: str) -> Reading:
+        seen = self._read()
         _require_ready(seen, doing)
         return seen
 
     def _until(
         self,
-        done: Callable[[GripperState], bool],
+        done: Callable[[Reading], bool],
         deadline: float,
         doing: str,
-        check: Callable[[GripperState, str], None] | None = None,
-    ) -> GripperState:
+        check: Callable[[Reading, str], None] | None = None,
+    ) -> Reading:
         """Poll until `done`, a state that `check` refuses, or the deadline."""
         while True:
             late = self._pace.now() > deadline
-            seen = self.state()
+            seen = self._read()
             if done(seen):
                 return seen
             if check is not None:
@@ -209,7 +240,7 @@ class Gripper:
                 raise GripperFault(f"gripper not done {doing} in time; last seen {_sketch(seen)}")
             self._pace.idle(deadline)
 
-    def _steady(self, seen: GripperState, move: _Move, deadline: float) -> GripperState:
+    def _steady(self, seen: Reading, move: _Move, deadline: float) -> Reading:
         """Read until the count has been the same three times in a row, and agrees with gOBJ."""
         equal, late = 1, 0
         while equal < EQUAL_COUNTS or not _agrees(seen, move.position_counts, move.start_counts):
@@ -228,16 +259,23 @@ class Gripper:
         return seen
 
 
-def over(link: Link, pace: Pace, report: Report, *, read_only: bool) -> Gripper:
+def over(
+    link: Link,
+    pace: Pace,
+    report: Report,
+    *,
+    read_only: bool,
+    profile: GripperProfile | None = None,
+) -> Gripper:
     """A gripper on a link that was opened for it, and that is closed again if nobody answers there."""
     try:
-        return Gripper(ReadOnlyLink(link) if read_only else link, pace, report)
+        return Gripper(ReadOnlyLink(link) if read_only else link, pace, report, profile)
     except BaseException:  # Ctrl-C, too, must not leave the port open
         link.close()
         raise
 
 
-def _agrees(seen: GripperState, asked: int, start: int) -> bool:
+def _agrees(seen: Reading, asked: int, start: int) -> bool:
     """Whether gOBJ fits the count of a move from `start` to `asked`: a stale or stuck one mostly does not."""
     if seen.object_flag == OBJ_AT_REQUEST:
         # Beyond the end stops there is no telling how far the jaws go: that depends on the fingers.
@@ -248,26 +286,26 @@ def _agrees(seen: GripperState, asked: int, start: int) -> bool:
     return asked == start or closing == (asked > start)
 
 
-def _has_latched(seen: GripperState) -> bool:
+def _has_latched(seen: Reading) -> bool:
     """Whether it reports a fault that a reset alone clears."""
     return seen.fault != 0 and fault_text(seen.fault).severity == MAJOR
 
 
-def _refuse_latched(seen: GripperState, doing: str) -> None:
+def _refuse_latched(seen: Reading, doing: str) -> None:
     if _has_latched(seen):
-        raise GripperFault.from_code(seen.fault, doing)
+        raise fault(seen.fault, doing)
 
 
-def _require_ready(seen: GripperState, doing: str) -> None:
+def _require_ready(seen: Reading, doing: str) -> None:
     if seen.fault and fault_text(seen.fault).severity in {MAJOR, PRIORITY}:
-        raise GripperFault.from_code(seen.fault, doing)
+        raise fault(seen.fault, doing)
     if not seen.activated:
         raise GripperFault(
             f"gripper not active while {doing}; clear the jaws and activate it (--activate)"
         )
 
 
-def _sketch(seen: GripperState) -> str:
+def _sketch(seen: Reading) -> str:
     return (
         f"gOBJ {seen.object_flag}, request {seen.echo_counts}, position {seen.position_counts}, "
         f"fault 0x{seen.fault:02X}"

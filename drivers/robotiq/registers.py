@@ -9,8 +9,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
-from drivers import ports
-
 
 class Field(NamedTuple):
     """`width` bits of byte `byte`, from bit `shift` up; `source` names the page that says so."""
@@ -99,21 +97,28 @@ def unpack(fields: tuple[Field, ...], block: bytes | bytearray) -> dict[str, int
 
 
 @dataclass(frozen=True, slots=True)
-class GripperState(ports.GripperState):
-    """One reading of a 2F gripper."""
+class Reading:
+    """One reading of a 2F gripper, in its counts: 0 open, 255 closed."""
 
+    activated: bool  # whether it may be moved
     enabled: bool  # gACT, the echo of rACT
     activating: bool  # whether it sweeps
     going: bool  # gGTO, the echo of rGTO; `object_flag` means nothing without it
+    moving: bool  # whether the fingers are on their way
+    fault: int  # gFLT
+    object_flag: int  # gOBJ
+    echo_counts: int  # gPR
+    position_counts: int  # gPO
+    current_ma: int
 
 
 @lru_cache(1024)  # a gripper at rest says the same over and over
-def decode(block: bytes) -> GripperState:
+def decode(block: bytes) -> Reading:
     """What an input block says."""
     fields = unpack(INPUT_FIELDS, block)
     enabled = fields["gACT"] == 1
     going = fields["gGTO"] == 1
-    return GripperState(
+    return Reading(
         activated=enabled and fields["gSTA"] == STA_ACTIVE,
         activating=enabled and fields["gSTA"] == STA_ACTIVATING,
         enabled=enabled,
@@ -127,6 +132,6 @@ def decode(block: bytes) -> GripperState:
     )
 
 
-def speed_mm_s(speed_counts: int) -> float:
+def speed_mm_s_of(speed_counts: int) -> float:
     """Jaw speed in mm/s for an rSP of 0..255, linear ([SDK] device_profile.hpp)."""
     return SPEED_MIN_MM_S + (SPEED_MAX_MM_S - SPEED_MIN_MM_S) * speed_counts / 255.0

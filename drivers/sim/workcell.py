@@ -39,7 +39,8 @@ class Workcell(Surroundings):
         self.desk = Desk(faults or Listed())
         self.table = (TableTop if setting.block is None else Vice)(setting, seed, self.desk)
         self._middle: Pose2 = (0.0, setting.middle_mm, 0.0)
-        self.jaws = Jaws(geometry.opening_mm, geometry.count_open, geometry.count_closed)
+        self.profile = geometry.gripper
+        self.jaws = Jaws.of(self.profile)
         self._low, self._stood = False, (0.0, 0.0, 0.0)  # where the hand was last
         self._moves = 0
         self._noise = random.Random(f"{seed}/line")
@@ -62,13 +63,12 @@ class Workcell(Surroundings):
 
     # -- what the fingers meet: drivers.sim.devices.jaws.Surroundings -------------------------------------
 
-    def closing(self) -> int | None:
-        """The jaws start to close: where they will stop, given where the arm really is."""
+    def closing(self) -> float | None:
+        """The jaws start to close: the width [mm] that will stop them, given where the arm really is."""
         hand, height_mm = self._hand()
         if hand is None or height_mm > self.table.geometry.closing_mm:
             return None
-        width_mm = self.table.squeeze(hand)
-        return None if width_mm is None else self.jaws.count_at(width_mm)
+        return self.table.squeeze(hand)
 
     def gripped(self) -> None:
         """They stopped at the part."""

@@ -31,7 +31,7 @@ from runtime.table.goal import (
     residual,
     threshold,
 )
-from runtime.table.grippers import PROFILES, Profile, profile_of
+from runtime.table.grippers import PROFILES, doubt_um, known, profile_of, same_model
 from runtime.table.lookup import (
     COUNTS,
     REJECT,

@@ -40,7 +40,7 @@ class DirectLink:
 
     def closing(self):
         self.asked += 1
-        return self.contact
+        return None if self.contact is None else Jaws().opening_at(self.contact)
 
     def gripped(self):
         pass

@@ -27,7 +27,7 @@ SCALE = 20.0
 class Robotiq:
     """A simulated 2F gripper on some port."""
 
-    closed_counts, contact_counts = 230, 174
+    contact_um = 20969  # count 174
 
     def __init__(self, bus: str, channel: str = "contract") -> None:
         self.time = SimulatedTime(SCALE, threading.Event())
@@ -63,7 +63,7 @@ class Robotiq:
 
     # what the fingers meet: drivers.sim.devices.jaws.Surroundings
     def closing(self):
-        return self.contact_counts if self.holds else None
+        return self.contact_um / 1000 if self.holds else None
 
     def gripped(self):
         pass

@@ -7,7 +7,7 @@ import math
 import random
 from functools import lru_cache
 
-from drivers.errors import MAJOR, fault_text
+from drivers.robotiq.faults import MAJOR, fault_text
 from drivers.robotiq.registers import (
     INPUT_FIELDS,
     OBJ_AT_REQUEST,
@@ -18,7 +18,7 @@ from drivers.robotiq.registers import (
     STA_ACTIVE,
     STA_RESET,
     pack,
-    speed_mm_s,
+    speed_mm_s_of,
     unpack,
 )
 from drivers.sim.devices.jaws import Jaws, ObjectFlag, Stroke, Surroundings
@@ -206,7 +206,7 @@ class GripperModel:
     def _go(self, *, meets: bool = True) -> None:
         shown = self._flag.at(self._now)
         target = float(min(max(self._request["rPR"], self.jaws.count_open), self.jaws.count_closed))
-        self._start(target, speed_mm_s(self._request["rSP"]), meets=meets)
+        self._start(target, speed_mm_s_of(self._request["rSP"]), meets=meets)
         moving_s, outcome_s = self._now + self._lag(), self._stroke.end_s + self._lag()
         self._flag = ObjectFlag(shown, moving_s, self._stroke.outcome, outcome_s)
 
@@ -220,7 +220,8 @@ class GripperModel:
         here = self._stroke.at(self._now)
         still_closing = self._running and self._stroke.rate > 0.0
         if target > here and meets and not (still_closing or self._gripping):
-            self._contact = self._surroundings.closing()
+            met_mm = self._surroundings.closing()
+            self._contact = None if met_mm is None else self.jaws.count_at(met_mm)
         elif target < here:
             self._contact = None
             if self._gripping:

@@ -1,8 +1,10 @@
 """Parts of the simulated gripper: mechanics, strokes, the lagging object flag, what fingers may meet."""
 
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
+from drivers.ports import GripperProfile
 from drivers.robotiq.registers import OBJ_MOVING
+from runtime.shell.errors import UsageError
 
 
 class Jaws(NamedTuple):
@@ -11,6 +13,17 @@ class Jaws(NamedTuple):
     opening_mm: float = 85.0
     count_open: int = 3
     count_closed: int = 230
+
+    @classmethod
+    def of(cls, profile: GripperProfile) -> Self:
+        """Those of a gripper that counts.
+
+        Raises:
+            UsageError: its readings are no counts.
+        """
+        if profile.counts is None:
+            raise UsageError(f"there is no simulated gripper {profile.model}")
+        return cls(profile.stroke_um / 1000.0, *profile.counts)
 
     @property
     def counts_per_mm(self) -> float:
@@ -30,8 +43,8 @@ class Jaws(NamedTuple):
 class Surroundings:
     """What the fingers may meet; here nothing."""
 
-    def closing(self) -> int | None:
-        """The jaws start to close: the count at which something will stop them, or None."""
+    def closing(self) -> float | None:
+        """The jaws start to close: the width [mm] at which something will stop them, or None."""
         return None
 
     def gripped(self) -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 from drivers.planar import Pose2
+from drivers.ports import GripperProfile
 from runtime import table as tables
 from runtime.shell.errors import InputError, UsageError
 from runtime.shell.worlds import DEFAULT_WORLD, WorldError, find_factory, make_world
@@ -29,16 +30,18 @@ class World(Protocol):
 class Geometry(NamedTuple):
     """What the cell itself needs to know of a job."""
 
-    opening_mm: float
-    count_open: int
-    count_closed: int
-    encoder_noise_mm: float
+    gripper: GripperProfile
     squeeze_height_mm: float
     retreat_height_mm: float
     radius_mm: float
     halfwidth_rad: float
     height_mm: float | None = None  # of the part
     acceleration_mm_s2: float | None = None  # of the arm, None: it needs no time for that
+
+    @property
+    def opening_mm(self) -> float:
+        """Width of the jaws fully open."""
+        return self.gripper.stroke_um / 1000.0
 
     @property
     def reach_mm(self) -> float:
@@ -152,10 +155,7 @@ def job_geometry(job: Any) -> Geometry:
     """What the cell needs, from a parsed job."""
     gripper, cell, uncertainty = job.gripper, job.cell, job.uncertainty
     return Geometry(
-        gripper.opening_mm,
-        gripper.count_open,
-        gripper.count_closed,
-        gripper.encoder_noise_mm,
+        gripper.profile,
         cell.squeeze_height_mm,
         cell.retreat_height_mm,
         uncertainty.radius_mm,
@@ -173,13 +173,10 @@ def _height_mm(job: Any) -> float | None:
 
 def table_geometry(table: tables.Table) -> Geometry:
     """What the cell needs, from a table's header."""
-    gripper, limits = table.gripper, table.limits
+    limits = table.limits
     timing = tables.Schedule.of(table, tables.job_of(table)).timing
     return Geometry(
-        gripper.opening_um / 1000.0,
-        gripper.count_open,
-        gripper.count_closed,
-        gripper.encoder_noise_um / 1000.0,
+        table.gripper.profile,
         limits.squeeze_height_um / 1000.0,
         limits.retreat_height_um / 1000.0,
         REHEARSAL_RADIUS_MM,

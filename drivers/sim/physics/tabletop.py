@@ -77,7 +77,7 @@ class TableTop:
         if not touched:
             self.gripped()
             return None
-        return width_mm + self._noise.gauss(0.0, self.geometry.encoder_noise_mm)
+        return width_mm + self._noise.gauss(0.0, self.geometry.gripper.noise_um / 1000.0)
 
     def gripped(self) -> None:
         """The squeeze is complete: the part lies where the world left it, held if the fingers met it."""
@@ -184,7 +184,7 @@ class Vice(TableTop):
         return (
             None
             if needed_mm is None
-            else needed_mm + self._noise.gauss(0.0, self.geometry.encoder_noise_mm)
+            else needed_mm + self._noise.gauss(0.0, self.geometry.gripper.noise_um / 1000.0)
         )
 
     def gripped(self) -> None:

@@ -52,9 +52,9 @@ class VirtualCell:
         """The gripper's register blocks over RTU frames; PortError where the port is gone."""
         return rtu_link(self._gripper_port.open(), self.pace, report)
 
-    def gripper(self) -> Gripper:
+    def gripper(self, report: Report = no_report) -> Gripper:
         """The driver, connected; PortError where the port is gone. LinkError: the gripper does not answer."""
-        return Gripper(self.link(), self.pace)
+        return Gripper(self.link(report), self.pace, report, self.works.profile)
 
     def arm(self) -> Arm:
         """The driver, connected, which knows where the base is; ArmError without an answer."""

@@ -1,0 +1,51 @@
+"""Counts of the registers and the widths, speeds and forces that they mean: linear over 0 to 255."""
+
+from drivers.errors import PortError
+from drivers.ports import GripperProfile
+from runtime.table import PROFILES
+
+OPEN, CLOSED = 0, 255  # requests beyond the ends of travel: as far as the fingers go
+MODEL = "robotiq-2f-85"  # where nobody says which it is; no register does
+
+
+class Counts:
+    """The counts of one model.
+
+    Raises:
+        PortError: the model is not one whose readings are counts.
+    """
+
+    def __init__(self, profile: GripperProfile | None) -> None:
+        self.profile = profile or PROFILES[MODEL]
+        if self.profile.counts is None:
+            raise PortError(
+                f"a {self.profile.model} has no register of counts; check the port, or the gripper's model"
+            )
+        _, self._closed = self.profile.counts
+
+    def width_um(self, count: int) -> int:
+        """The nominal width at a count; beyond the end counts it goes on alike."""
+        return self.profile.reading_um(self._closed - count)
+
+    def target_um(self, count: int) -> int:
+        """The width that a request asks for."""
+        return min(max(self.width_um(count), 0), self.profile.stroke_um)
+
+    def request(self, width_um: int) -> int:
+        """The request for a width; for either end it is as far as the fingers go."""
+        if width_um >= self.profile.stroke_um:
+            return OPEN
+        return CLOSED if width_um <= 0 else self._closed - self.profile.step(width_um)
+
+    def speed(self, speed_mm_s: float) -> int:
+        """The fastest setting that is not faster."""
+        return _setting(speed_mm_s, *self.profile.speed_mm_s)
+
+    def force(self, force_n: float) -> int:
+        """The strongest setting that is not stronger."""
+        return _setting(force_n, *self.profile.force_n)
+
+
+def _setting(value: float, least: float, most: float) -> int:
+    value, least, most = round(1000 * value), round(1000 * least), round(1000 * most)
+    return min(max((value - least) * CLOSED // (most - least), 0), CLOSED)
