@@ -19,8 +19,9 @@ from typing import Any, NamedTuple
 
 from drivers.clock import Clock, Pace
 from drivers.errors import PortError
+from drivers.link import no_report
 from drivers.ports import Answered, Arm, Gripper, GripperProfile, Report, Scene
-from drivers.robotiq.link import Link, no_report
+from drivers.robotiq.link import Link
 from runtime.shell.errors import ExpectedError
 
 TTY = "tty"  # the scheme of a port without one
@@ -172,9 +173,7 @@ def virtual(tree: Path, *, world: str, seed: int, report: Report = no_report) ->
     setting = load(tree, None, world)
     warm_up(setting, seed)
     cell = VirtualCell(setting, seed)
-    return VirtualDevices(
-        cell.gripper(report), cell.arm(), cell.scene, cell.clock
-    )
+    return VirtualDevices(cell.gripper(report), cell.arm(), cell.scene, cell.clock)
 
 
 def _opened(makes: Makes, port: str, *settings: object, **options: object) -> Any:
@@ -187,9 +186,7 @@ def _opened(makes: Makes, port: str, *settings: object, **options: object) -> An
     return _plugged_in(makes, scheme, port, *settings, **options)
 
 
-def _plugged_in(
-    makes: Makes, scheme: str, port: str, *settings: object, **options: object
-) -> Any:
+def _plugged_in(makes: Makes, scheme: str, port: str, *settings: object, **options: object) -> Any:
     """A device of another package's driver; whatever is wrong with that is a PortError that names it."""
     name, open_device = _plug_in(makes, scheme, port)
     try:

@@ -19,9 +19,9 @@ from urllib.parse import parse_qsl
 
 from drivers.clock import LINK_TIMEOUT_S, Pace
 from drivers.errors import LinkError, LinkTimeout, PortError, shown
+from drivers.link import ReportingLink, no_report
 from drivers.ports import GripperProfile, Report
 from drivers.robotiq.gripper import Gripper, over
-from drivers.robotiq.link import ReportingLink, no_report
 from drivers.robotiq.registers import BLOCK_BYTES
 
 if TYPE_CHECKING:

@@ -1,25 +1,14 @@
-"""Modbus requests and the answers to them, as bytes: pymodbus encodes and decodes, this finds the answer.
+"""Where a 2F gripper's register blocks are on each kind of link, and the requests for them."""
 
-On a serial line an answer may come after noise, after an echo of the request (a half-duplex adapter without
-echo suppression) or after an answer to somebody else; so an answer is looked for at every byte.
-"""
-
-import logging
 import struct
-from functools import lru_cache
 from typing import NamedTuple
 
-from pymodbus import ModbusException
-from pymodbus.framer import FramerRTU, FramerSocket
-from pymodbus.pdu import DecodePDU, ModbusPDU
+from pymodbus.pdu import ModbusPDU
 from pymodbus.pdu.register_message import (
     ReadHoldingRegistersRequest,
     ReadInputRegistersRequest,
     WriteMultipleRegistersRequest,
 )
-
-MAX_BUFFER = 600  # two of the longest RTU frames and some noise
-ERROR_BIT = 0x80
 
 
 class Wiring(NamedTuple):
@@ -35,77 +24,6 @@ RTU = Wiring(unit=9, output=0x03E8, input=0x07D0, function=3)  # [M16] p55
 TCP = Wiring(unit=2, output=0, input=0, function=4)  # [M200] p66-78
 
 
-class RtuFraming:
-    """RTU frames with CRC (Modbus over serial line 1.02); no number ties an answer to its request."""
-
-    numbered = False
-
-    def __init__(self) -> None:
-        self._framer = FramerRTU(_decoder())
-        # A gripper at rest says the same over and over; decoding it anew each time is most of a poll's cost.
-        self._decode = lru_cache(256)(self._decoded)
-
-    def frame(self, pdu: ModbusPDU) -> bytes:
-        """The bytes of a request."""
-        return self._framer.buildFrame(pdu)
-
-    def find(self, buffer: bytes, pdu: ModbusPDU) -> ModbusPDU | None:
-        """The first answer by that unit, to that function and of the length asked for."""
-        head = bytes((pdu.dev_id, pdu.function_code))
-        for start in range(len(buffer) - 1):
-            if buffer[start] != head[0] or buffer[start + 1] & ~ERROR_BIT != head[1]:
-                continue
-            answer = self._decode(buffer[start:], pdu.dev_id)
-            if answer is not None and is_answer(answer, pdu):
-                return answer
-        return None
-
-    def _decoded(self, frame: bytes, unit: int) -> ModbusPDU | None:
-        try:
-            return self._framer.handleFrame(frame, unit, 0)[1]
-        except ModbusException:
-            return None
-
-
-class TcpFraming:
-    """Modbus TCP: a number in the header ties an answer to its request."""
-
-    numbered = True
-
-    def __init__(self) -> None:
-        self._framer = FramerSocket(_decoder())
-        self._number = 0
-
-    def frame(self, pdu: ModbusPDU) -> bytes:
-        """The bytes of a request, with the next transaction number."""
-        self._number = self._number % 0xFFFF + 1
-        pdu.transaction_id = self._number
-        return self._framer.buildFrame(pdu)
-
-    def find(self, buffer: bytes, pdu: ModbusPDU) -> ModbusPDU | None:
-        """The answer with the number of the last request; answers to earlier ones are passed over."""
-        while buffer:
-            try:
-                used, answer = self._framer.handleFrame(buffer, pdu.dev_id, pdu.transaction_id)
-            except ModbusException:
-                return None
-            if answer is None:
-                return None
-            if answer.transaction_id == pdu.transaction_id and is_answer(answer, pdu):
-                return answer
-            buffer = buffer[used:]
-        return None
-
-
-Framing = RtuFraming | TcpFraming
-
-
-def _decoder() -> DecodePDU:
-    # What pymodbus would log reaches the caller as an exception of ours.
-    logging.getLogger("pymodbus").setLevel(logging.CRITICAL + 1)
-    return DecodePDU(False)
-
-
 def read_request(wiring: Wiring, count: int) -> ModbusPDU:
     """Ask for the first `count` registers of the input block."""
     kind = ReadInputRegistersRequest if wiring.function == 4 else ReadHoldingRegistersRequest
@@ -118,14 +36,3 @@ def write_request(wiring: Wiring, block: bytes) -> ModbusPDU:
     return WriteMultipleRegistersRequest(
         address=wiring.output, registers=registers, dev_id=wiring.unit
     )
-
-
-def is_answer(answer: ModbusPDU, request: ModbusPDU) -> bool:
-    """Whether a whole frame answers a request, by what the frame itself tells."""
-    if answer.isError():
-        return answer.function_code & ~ERROR_BIT == request.function_code
-    if answer.function_code != request.function_code:
-        return False
-    if isinstance(request, WriteMultipleRegistersRequest):
-        return (answer.address, answer.count) == (request.address, len(request.registers))
-    return len(answer.registers) == request.count

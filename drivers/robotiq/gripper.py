@@ -8,10 +8,11 @@ from typing import NamedTuple
 
 from drivers.clock import Pace
 from drivers.errors import GripperFault, LinkTimeout
+from drivers.link import no_report
 from drivers.ports import GripperProfile, GripperState, ObjectState, Report, Settled
 from drivers.robotiq.counts import Counts
 from drivers.robotiq.faults import MAJOR, PRIORITY, fault, fault_text
-from drivers.robotiq.link import Link, ReadOnlyLink, no_report
+from drivers.robotiq.link import Link, ReadOnlyLink
 from drivers.robotiq.registers import (
     COUNT_CLOSED,
     COUNT_OPEN,

@@ -1,15 +1,8 @@
 """What every bus to the gripper offers."""
 
-from collections.abc import Callable, Iterator, Mapping
-from typing import Protocol, TypeVar
+from typing import Protocol
 
-from drivers.clock import LINK_TIMEOUT_S, Pace
-from drivers.errors import LinkError, LinkTimeout, ReadOnlyError
-from drivers.ports import Report
-from drivers.stream import StalledError, Stream
-
-READ_TRIES = 3  # as the SDK: the link is down after 3 failures in a row
-Read = TypeVar("Read")
+from drivers.errors import ReadOnlyError
 
 
 class Link(Protocol):
@@ -29,78 +22,6 @@ class Link(Protocol):
 
     def close(self) -> None:
         """Give the link up without moving anything."""
-
-
-def no_report(kind: str, fields: Mapping[str, object]) -> None:
-    """A report nobody reads."""
-
-
-class ReportingLink:
-    """Base of the links: repeats reads; reports failures as ("link", {"incident": ..., ...})."""
-
-    def __init__(self, endpoint: str, report: Report) -> None:
-        self.endpoint = endpoint
-        self._report = report
-        self._transactions = 0
-        self._lost = ""  # why the link cannot be used any more
-
-    def _begin(self) -> None:
-        if self._lost:
-            raise LinkError(f"gripper link {self.endpoint} is closed: {self._lost}")
-        self._transactions += 1
-
-    def _repeated(self, read: Callable[[], Read]) -> Read:
-        for attempt in range(1, READ_TRIES):
-            try:
-                return read()
-            except LinkTimeout:
-                self._tell("read repeated", attempt=attempt)
-        return read()
-
-    def _tell(self, incident: str, **details: object) -> None:
-        self._report("link", {"incident": incident, "transaction": self._transactions, **details})
-
-
-class StreamLink(ReportingLink):
-    """A link over a stream, which it owns."""
-
-    def __init__(self, stream: Stream, pace: Pace, report: Report) -> None:
-        super().__init__(stream.endpoint, report)
-        self._stream = stream
-        self._pace = pace
-        self._late_s = 0.0  # by how much the last answer was read too late
-
-    def close(self) -> None:
-        """Hang up; moves nothing (over Modbus TCP the device then stops itself, [M200] p66)."""
-        self._stream.close()
-        self._lost = self._lost or "it was closed"
-
-    def _pieces(self) -> Iterator[bytes]:
-        """What comes until an answer is due; what is there already then counts: we may have been stopped."""
-        deadline = self._pace.now() + LINK_TIMEOUT_S
-        left = LINK_TIMEOUT_S
-        while left > 0.0:
-            left = deadline - self._pace.now()
-            piece = self._stream.receive(max(left, 0.0))
-            self._late_s = max(self._pace.now() - deadline, 0.0)
-            yield piece
-
-    def _check_in_time(self) -> None:
-        """Refuse a reading that tells of a moment too long ago; the answer to a write stays true."""
-        if self._late_s > 0.0:
-            raise LinkTimeout(
-                f"gripper at {self.endpoint} answered, but this process was stopped or starved and read it "
-                f"{self._late_s:.1f} s too late; take load off this machine"
-            )
-
-    def _broken(self, error: OSError, suspects: str) -> LinkError:
-        # Never reopened by itself: another device may be there now.
-        self._lost = "the connection broke"
-        self._stream.close()
-        self._tell("connection broke", error=str(error))
-        if isinstance(error, StalledError):
-            return LinkError(f"gripper link {self.endpoint}: {error.strerror}; check {suspects}")
-        return LinkError(f"gripper link {self.endpoint} broke; check {suspects}")
 
 
 class ReadOnlyLink:

@@ -10,32 +10,20 @@ import contextlib
 import struct
 import time
 from collections.abc import Iterator
-from typing import NamedTuple
 from urllib.parse import parse_qsl
 
 from pymodbus.pdu import ModbusPDU
 
-from drivers.clock import LINK_TIMEOUT_S, Pace
+from drivers.clock import Pace
 from drivers.errors import LinkError, LinkTimeout, PortError
+from drivers.link import no_report
+from drivers.modbus.frames import MAX_BUFFER, Framing, RtuFraming, TcpFraming
+from drivers.modbus.master import Master
 from drivers.ports import Answered, Report
-from drivers.robotiq.frames import (
-    MAX_BUFFER,
-    RTU,
-    TCP,
-    Framing,
-    RtuFraming,
-    TcpFraming,
-    Wiring,
-    read_request,
-    write_request,
-)
-from drivers.robotiq.link import StreamLink, no_report
+from drivers.robotiq.frames import RTU, TCP, Wiring, read_request, write_request
 from drivers.robotiq.registers import BLOCK_BYTES
 from drivers.stream import SerialStream, Stream
 
-GAP_S = 0.005  # manuals ask for 5 ms between commands: the gripper refreshes at 200 Hz ([M16] p55)
-LATE_S = 0.02  # wall; how long a line must be quiet after a failure before the next request
-DRAIN_S = 0.2  # wall; a line that is never quiet is used all the same after so long
 BAUD = 115200
 SCAN_BAUDS = (115200, 57600, 38400, 19200, 9600)  # what a 2F can be set to ([M16] p55)
 SCAN_UNITS = (RTU.unit, *(unit for unit in range(1, 17) if unit != RTU.unit))
@@ -45,42 +33,10 @@ TCP_PORT = 502
 LEAST_REGISTERS, MOST_REGISTERS = BLOCK_BYTES // 2, 8
 
 
-class Refusal(NamedTuple):
-    """What a Modbus exception code means, and what to do."""
-
-    sentence: str
-    remedy: str
-    passes: bool = False  # whether the same request may be answered a moment later
-
-
-_WRONG_DEVICE = (
-    "check that it is a Robotiq 2F gripper, and unit, output, input and function of its port's name"
-)
-# Modbus application protocol 1.1b3, section 7. The gripper itself sends none ([M16] p55): gateways do.
-EXCEPTIONS = {
-    1: Refusal("the function is not known there", _WRONG_DEVICE),
-    2: Refusal("no such register", _WRONG_DEVICE),
-    3: Refusal("a value that is not allowed", _WRONG_DEVICE),
-    4: Refusal("the device failed", "look at its LED and its supply"),
-    5: Refusal(
-        "it is taken, but takes longer", "ask less often, or raise the gateway's speed", passes=True
-    ),
-    6: Refusal(
-        "the gateway or the gripper is busy", "stop other programs that use it", passes=True
-    ),
-    10: Refusal(
-        "the gateway has no way to that unit", "set up its serial side and its table of units"
-    ),
-    11: Refusal(
-        "the gripper behind the gateway is silent",
-        "check its power, its slave id (unit) and the wiring behind the gateway",
-        passes=True,
-    ),
-}
-
-
-class ModbusLink(StreamLink):
+class ModbusLink(Master):
     """A gripper's two register blocks on one Modbus connection, which is owned from now on."""
+
+    check = "check that it is a Robotiq 2F gripper, and unit, output, input and function of its port's name"
 
     def __init__(
         self,
@@ -90,11 +46,8 @@ class ModbusLink(StreamLink):
         pace: Pace,
         report: Report = no_report,
     ) -> None:
-        super().__init__(stream, pace, report)
-        self._framing = framing
+        super().__init__(stream, framing, pace, report)
         self._wiring = wiring
-        self._free_at = pace.now()
-        self._out_of_step = False
         self._count = LEAST_REGISTERS
 
     def read(self) -> bytes:
@@ -103,68 +56,19 @@ class ModbusLink(StreamLink):
 
     def write(self, block: bytes) -> None:
         """Write the output block, 6 bytes, once."""
-        self._transact(write_request(self._wiring, block))
+        self.transact(write_request(self._wiring, block))
 
     def _read_once(self) -> bytes:
-        reply = self._transact(read_request(self._wiring, self._count))
+        reply = self.transact(read_request(self._wiring, self._count))
         self._check_in_time()
         return struct.pack(f">{len(reply.registers)}H", *reply.registers)[:BLOCK_BYTES]
-
-    def _transact(self, request: ModbusPDU) -> ModbusPDU:
-        self._begin()
-        frame = self._framing.frame(request)
-        try:
-            self._wait_for_the_line()
-            self._out_of_step = True  # until this transaction is answered, or after an interrupt
-            self._stream.send(frame)
-            reply = self._await_reply(request)
-        except OSError as error:
-            raise self._broken(error, "cable, adapter and power") from error
-        finally:
-            self._free_at = self._pace.now() + GAP_S / self._pace.time_scale
-        if reply is None:
-            raise self._silent(request)
-        self._out_of_step = False
-        if reply.isError():
-            raise self._refused(request, reply.exception_code)
-        return reply
-
-    def _refused(self, request: ModbusPDU, code: int) -> LinkError:
-        """A refusal that passes counts as silence: reads are repeated, and a write is looked after."""
-        refusal = EXCEPTIONS.get(code, Refusal("an unknown reason", _WRONG_DEVICE))
-        self._tell("refused", function=request.function_code, exception=code)
-        return (LinkTimeout if refusal.passes else LinkError)(
-            f"gripper at {self.endpoint} (unit {self._wiring.unit}) refused function "
-            f"{request.function_code}: {refusal.sentence} (exception {code}); {refusal.remedy}"
-        )
-
-    def _wait_for_the_line(self) -> None:
-        if (wait := self._free_at - self._pace.now()) > 0.0:
-            self._pace.clock.sleep(wait)
-        # Whatever lies there answers nothing that is still to be asked.
-        quiet_s = LATE_S if self._out_of_step else 0.0
-        until = self._pace.now() + DRAIN_S
-        while self._stream.receive(quiet_s) and self._pace.now() < until:
-            pass
-
-    def _await_reply(self, request: ModbusPDU) -> ModbusPDU | None:
-        buffer = b""
-        for piece in self._pieces():
-            buffer = (buffer + piece)[-MAX_BUFFER:]
-            if piece and (result := self._framing.find(buffer, request)) is not None:
-                return result
-        return None
 
     def _silent(self, request: ModbusPDU) -> LinkTimeout:
         if not self._framing.numbered:
             # From now on another count of registers is asked for, so that an answer to this request which is
             # merely late cannot be taken for the answer to a later one.
             self._count = self._count + 1 if self._count < MOST_REGISTERS else LEAST_REGISTERS
-        self._tell("no answer", function=request.function_code)
-        return LinkTimeout(
-            f"gripper at {self.endpoint} did not answer within {LINK_TIMEOUT_S} s; check its power, "
-            f"slave id {self._wiring.unit} and wiring"
-        )
+        return super()._silent(request)
 
 
 def rtu_link(

@@ -4,18 +4,17 @@ A parameter is read and written as a whole: its code less one is the address of 
 are little-endian whatever the protocol's are. `plc_sync_input` and `plc_sync_output` are what a fieldbus would
 exchange cyclically.
 
-Sources: [CM] Commissioning Manual EGU/EGK with Modbus RTU, firmware 5.3.1, and [CE] the one with EtherNet/IP
-(IM0046706), as SCHUNK's own repository `schunk_mechatronic_gripper` cites them; [BKS] SCHUNK's `bkstools`
-0.0.2.31, bks_lib; [DUMP] parameters of real grippers in that repository (EGU_60_EI_M_B, EGK_25_EI_M_B).
+Sources: [CM] Commissioning Manual EGU/EGK, Modbus RTU, firmware 5.3.1, and [PN] the one of the EGU with
+PROFINET (1514033), both as SCHUNK's repository `schunk_mechatronic_gripper` cites them with section, from which
+its sections are taken; [BKS] SCHUNK's `bkstools` 0.0.2.31; [DUMP] the parameters of an EGU 60 and an EGK 25 in
+that repository (schunk_gripper_dummy/config/grippers).
 """
 
 import struct
 from enum import IntEnum, IntFlag
 from typing import NamedTuple
 
-from drivers.errors import MAJOR, MINOR, FaultText
-
-UNIT, BAUD, PARITY = 12, 115200, "E"  # [CM] 2.1: slave 12, 115200 bit/s, 8E1
+UNIT, BAUD, PARITY = 12, 115200, "E"  # [CM]: slave 12, 115200 bit/s, 8E1, as delivered
 
 
 class Parameter(NamedTuple):
@@ -29,7 +28,7 @@ class Parameter(NamedTuple):
 
     @property
     def address(self) -> int:
-        """Of its first register on the wire ([CM] 2.1, worked example: 0x0040 is asked for as 0x003F)."""
+        """Of its first register on the wire ([CM], example: 0x0040 is asked for as 0x003F)."""
         return self.code - 1
 
     @property
@@ -52,8 +51,8 @@ def _parameters(*rows: tuple[int, str, str, bool, str]) -> dict[str, Parameter]:
 
 READ, WRITE = False, True
 PARAMETERS = _parameters(
-    (0x0040, "plc_sync_input", "IiiHBB", READ, "[CM] 2.1.1: status, position, diagnosis"),
-    (0x0048, "plc_sync_output", "Iiii", WRITE, "[CM] 2.1.1: control, position, velocity, force"),
+    (0x0040, "plc_sync_input", "IiiHBB", READ, "[PN] 2.1.1: status, position, diagnosis"),
+    (0x0048, "plc_sync_output", "Iiii", WRITE, "[PN] 2.1.1: control, position, velocity, force"),
     (0x0100, "command_code", "H", WRITE, "[BKS] bks_move, bks_grip: a command (`Command`)"),
     (0x0108, "system_state", "I", READ, "[BKS]"),
     (0x0110, "ctrl_authority", "B", READ, "[BKS]"),
@@ -104,7 +103,7 @@ PARAMETERS = _parameters(
 
 
 class Control(IntFlag):
-    """Bits of the control double word ([CM] 2.1.1.1; [BKS] SetupControlword)."""
+    """Bits of the control double word ([PN] 2.1.1.1; [BKS] SetupControlword)."""
 
     NO_FAST_STOP = 1 << 0  # "fast stop": clearing it stops, and all else needs it
     STOP = 1 << 1
@@ -135,7 +134,7 @@ MOTIONS = (
 
 
 class Status(IntFlag):
-    """Bits of the status double word ([CM] 2.1.1.2; [BKS] SetupStatusword)."""
+    """Bits of the status double word ([PN] 2.1.1.2; [BKS] SetupStatusword)."""
 
     READY = 1 << 0
     CONTROL_AUTHORITY = 1 << 1
@@ -181,7 +180,10 @@ class Command(IntEnum):
 
 
 class Input(NamedTuple):
-    """What `plc_sync_input` says. Bytes 12, 14 and 15 are error, warning and additional code ([DUMP], [BKS])."""
+    """What `plc_sync_input` says.
+
+    Bytes 12, 14 and 15 are error, warning and additional code ([DUMP], [BKS]); [CM] counts them otherwise.
+    """
 
     status: Status
     position_um: int
@@ -211,42 +213,46 @@ def encode(output: Output) -> bytes:
     return PARAMETERS["plc_sync_output"].pack(*output)
 
 
-# [CM] 6.2: each is acknowledged once its cause is gone.
+class ErrorText(NamedTuple):
+    """What an error means, and what to do."""
+
+    sentence: str
+    remedy: str
+
+
+# [PN] 6: each is acknowledged once its cause is gone.
 _AGAIN = "remove the cause, then start again with --activate, which acknowledges it"
 _SUPPLY = "check the 24 V supply, then start again with --activate"
 _HOT = "let it cool down or warm up, then start again with --activate"
 FAST_STOP, COMM_LOST, MOVE_BLOCKED = 0xD9, 0xEF, 0xF4
-ERRORS: dict[int, FaultText] = {
-    0x28: FaultText(MAJOR, "the brake test failed (ERR_BT_FAILED)", "have the gripper serviced"),
-    0x6C: FaultText(MAJOR, "the motor is too cold (ERR_MOT_TEMP_LO)", _HOT),
-    0x6D: FaultText(MAJOR, "the motor is too hot (ERR_MOT_TEMP_HI)", _HOT),
-    0x70: FaultText(MAJOR, "the electronics are too cold (ERR_LGC_TEMP_LO)", _HOT),
-    0x71: FaultText(MAJOR, "the electronics are too hot (ERR_LGC_TEMP_HI)", _HOT),
-    0x72: FaultText(MAJOR, "the logic supply is too low (ERR_LGC_VOLT_LO)", _SUPPLY),
-    0x73: FaultText(MAJOR, "the logic supply is too high (ERR_LGC_VOLT_HI)", _SUPPLY),
-    0x74: FaultText(MAJOR, "the motor supply is too low (ERR_MOT_VOLT_LO)", _SUPPLY),
-    0x75: FaultText(MAJOR, "the motor supply is too high (ERR_MOT_VOLT_HI)", _SUPPLY),
-    0xD5: FaultText(MAJOR, "the fingers passed the lower limit (ERR_SOFT_LOW)", _AGAIN),
-    0xD6: FaultText(MAJOR, "the fingers passed the upper limit (ERR_SOFT_HIGH)", _AGAIN),
-    FAST_STOP: FaultText(
-        MAJOR,
+ERRORS: dict[int, ErrorText] = {
+    0x28: ErrorText("the brake test failed (ERR_BT_FAILED)", "have the gripper serviced"),
+    0x6C: ErrorText("the motor is too cold (ERR_MOT_TEMP_LO)", _HOT),
+    0x6D: ErrorText("the motor is too hot (ERR_MOT_TEMP_HI)", _HOT),
+    0x70: ErrorText("the electronics are too cold (ERR_LGC_TEMP_LO)", _HOT),
+    0x71: ErrorText("the electronics are too hot (ERR_LGC_TEMP_HI)", _HOT),
+    0x72: ErrorText("the logic supply is too low (ERR_LGC_VOLT_LO)", _SUPPLY),
+    0x73: ErrorText("the logic supply is too high (ERR_LGC_VOLT_HI)", _SUPPLY),
+    0x74: ErrorText("the motor supply is too low (ERR_MOT_VOLT_LO)", _SUPPLY),
+    0x75: ErrorText("the motor supply is too high (ERR_MOT_VOLT_HI)", _SUPPLY),
+    0xD5: ErrorText("the fingers passed the lower limit (ERR_SOFT_LOW)", _AGAIN),
+    0xD6: ErrorText("the fingers passed the upper limit (ERR_SOFT_HIGH)", _AGAIN),
+    FAST_STOP: ErrorText(
         "fast stop, or not acknowledged since power-on (ERR_FAST_STOP)",
         "clear the jaws, then start again with --activate, which acknowledges it",
     ),
-    0xE4: FaultText(MAJOR, "the fingers were too fast (ERR_TOO_FAST)", _AGAIN),
-    COMM_LOST: FaultText(
-        MAJOR,
+    0xE4: ErrorText("the fingers were too fast (ERR_TOO_FAST)", _AGAIN),
+    COMM_LOST: ErrorText(
         "nobody asked the gripper anything for too long (ERR_COMM_LOST)",
         "check the cable and the load of this machine, then start again with --activate",
     ),
-    0xF1: FaultText(MAJOR, "positioning took too long (ERR_MOV_ABORT_TO)", _AGAIN),
-    MOVE_BLOCKED: FaultText(
-        MAJOR,
+    0xF1: ErrorText("positioning took too long (ERR_MOV_ABORT_TO)", _AGAIN),
+    MOVE_BLOCKED: ErrorText(
         "something blocks the fingers on their way (ERR_MOVE_BLOCKED)",
         "remove it, then start again with --activate",
     ),
 }
-# [CM] 7.4: why a command is not feasible.
+# [PN] 7.4: why a command is not feasible.
 NOT_FEASIBLE_WARNING = 0x94
 NOT_FEASIBLE: dict[int, str] = {
     0x06: "it is in an error state",
@@ -267,21 +273,7 @@ NOT_FEASIBLE: dict[int, str] = {
 }
 
 
-def error_text(code: int) -> FaultText:
-    """What an error code means; an unknown one needs SCHUNK's service ([CM] 6.2)."""
-    unknown = FaultText(MAJOR, f"unknown error 0x{code:02X}", "contact SCHUNK's service")
+def error_text(code: int) -> ErrorText:
+    """What an error code means; an unknown one needs SCHUNK's service ([PN] 6)."""
+    unknown = ErrorText(f"unknown error 0x{code:02X}", "contact SCHUNK's service")
     return ERRORS.get(code, unknown)
-
-
-WARNINGS: dict[int, FaultText] = {
-    code: FaultText(MINOR, sentence, "see the gripper's manual")
-    for code, sentence in {
-        0x90: "the electronics are cold (WRN_LGC_TEMP_LO)",
-        0x92: "the motor is cold (WRN_MOT_TEMP_LO)",
-        0x93: "the motor is hot (WRN_MOT_TEMP_HI)",
-        0x96: "the logic supply is low (WRN_LGC_VOLT_LO)",
-        0x97: "the logic supply is high (WRN_LGC_VOLT_HI)",
-        0x98: "the motor supply is low (WRN_MOT_VOLT_LO)",
-        0x99: "the motor supply is high (WRN_MOT_VOLT_HI)",
-    }.items()
-}

@@ -3,7 +3,8 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.robotiq.frames import RTU, TCP, RtuFraming, TcpFraming, read_request, write_request
+from drivers.modbus.frames import RtuFraming, TcpFraming
+from drivers.robotiq.frames import RTU, TCP, read_request, write_request
 from drivers.sim.devices.gripper_tcp import MbapSlave
 from drivers.sim.wire.modbus import answer, crc16
 from drivers.sim.wire.rtu import RtuSlave

@@ -11,7 +11,8 @@ import random
 
 from drivers.clock import Pace
 from drivers.errors import LinkError
-from drivers.robotiq.frames import RTU, TCP, Framing, RtuFraming, TcpFraming, Wiring
+from drivers.modbus.frames import Framing, RtuFraming, TcpFraming
+from drivers.robotiq.frames import RTU, TCP, Wiring
 from drivers.robotiq.modbus import ModbusLink
 from drivers.sim.devices.gripper import GripperModel
 from drivers.sim.wire.modbus import GripperRegisters, crc16, frame_length

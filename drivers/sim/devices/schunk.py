@@ -1,8 +1,8 @@
 """A SCHUNK EGU or EGK with Modbus RTU as a state machine over simulated time; no I/O, no clock.
 
-Behaviour from the sources of `drivers.schunk.registers`. What they leave open, the device does so that a driver
-must not rely on it: it knows no motion beyond its limits, a contact while positioning is an error, a grip is
-not raised while it holds.
+Behaviour from the sources of `drivers.schunk.registers`. What they leave open, the device does so that a
+driver must not rely on it: a contact while positioning is an error, an outcome shows late, a grip cannot be
+changed while something is held.
 """
 
 import math
@@ -111,7 +111,9 @@ class SchunkModel:
 
     def _power_up(self) -> None:
         """What the supply's failure leaves: the brake holds, every control bit reads as set ([DUMP])."""
-        self._settings = {name: parameter.unpack(bytes(216)) for name, parameter in PARAMETERS.items()}
+        self._settings = {
+            name: parameter.unpack(bytes(216)) for name, parameter in PARAMETERS.items()
+        }
         self._settings.update({name: (value,) for name, value in self._facts().items()})
         self._control, self._output = Control(0xFFFFFFFF), Output(Control(0xFFFFFFFF))
         self._status, self._warning, self._additional = Status(0), 0, 0
@@ -257,11 +259,7 @@ class SchunkModel:
     def _fail(self, code: int) -> None:
         self._halt()
         self._error = code
-        self._status = (
-            self._status & Status.RECEIVED_TOGGLE
-            | Status.ERROR
-            | Status.GPE_ACTIVE
-        )
+        self._status = self._status & Status.RECEIVED_TOGGLE | Status.ERROR | Status.GPE_ACTIVE
         self._log(ERRORS[code].sentence)
 
     def _halt(self) -> None:
@@ -435,6 +433,10 @@ class SchunkModel:
         self._status |= self._stop.status
 
 
+_BY_ADDRESS = {parameter.address: parameter for parameter in PARAMETERS.values()}
+_FUNCTIONS = frozenset({3, 16})  # [CM]: no others are supported
+
+
 class SchunkRegisters:
     """The parameters at their wire addresses, as `drivers.sim.wire.modbus.answer` asks for them.
 
@@ -443,30 +445,25 @@ class SchunkRegisters:
         now: simulated seconds.
     """
 
-    _BY_ADDRESS = {parameter.address: parameter for parameter in PARAMETERS.values()}
-    _FUNCTIONS = frozenset({3, 16})  # [CM] 2.1
-
     def __init__(self, device: SchunkModel, now: Callable[[], float]) -> None:
         self._device = device
         self._now = now
 
     def serves(self, function: int, address: int, count: int) -> bool:
         """Whether `function` is spoken here and the registers are those of one whole parameter."""
-        parameter = self._BY_ADDRESS.get(address)
-        return (
-            function in self._FUNCTIONS and parameter is not None and parameter.registers == count
-        )
+        parameter = _BY_ADDRESS.get(address)
+        return function in _FUNCTIONS and parameter is not None and parameter.registers == count
 
     def read(self, address: int, count: int) -> bytes:
         """The registers of a parameter."""
         del count
-        return self._device.read(self._BY_ADDRESS[address].name, self._now())
+        return self._device.read(_BY_ADDRESS[address].name, self._now())
 
     def write(self, function: int, address: int, data: bytes) -> bool:
         """Write a parameter; whether that is allowed."""
         if not self.serves(function, address, len(data) // 2):
             return False
-        parameter = self._BY_ADDRESS[address]
+        parameter = _BY_ADDRESS[address]
         if parameter.writable:
             self._device.write(parameter.name, data, self._now())
         return parameter.writable

@@ -8,9 +8,10 @@ from collections.abc import Callable
 from drivers.abb.arm import Arm, over
 from drivers.abb.reach import Setup
 from drivers.clock import Pace
+from drivers.link import no_report
 from drivers.ports import Report
 from drivers.robotiq.gripper import Gripper
-from drivers.robotiq.link import Link, no_report
+from drivers.robotiq.link import Link
 from drivers.robotiq.modbus import rtu_link
 from drivers.sim.faults import Listed
 from drivers.sim.physics.scene import Setting

@@ -10,8 +10,10 @@ from pymodbus.pdu import DecodePDU, ExceptionResponse
 from drivers import connect
 from drivers.clock import LINK_TIMEOUT_S, Pace
 from drivers.errors import LinkError, LinkTimeout, PortError
-from drivers.robotiq.frames import RTU, TCP, RtuFraming, TcpFraming, read_request
-from drivers.robotiq.modbus import DRAIN_S, GAP_S, ModbusLink, rtu_link, wiring_of
+from drivers.modbus.frames import RtuFraming, TcpFraming
+from drivers.modbus.master import DRAIN_S, GAP_S
+from drivers.robotiq.frames import RTU, TCP, read_request
+from drivers.robotiq.modbus import ModbusLink, rtu_link, wiring_of
 from drivers.sim.wire.modbus import crc16
 
 STATUS = bytes.fromhex("B900 00FF BD00")

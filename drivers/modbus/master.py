@@ -1,0 +1,117 @@
+"""Modbus transactions: each has a deadline of our own above pymodbus, and what is late answers nothing."""
+
+from typing import NamedTuple
+
+from pymodbus.pdu import ModbusPDU
+
+from drivers.clock import LINK_TIMEOUT_S, Pace
+from drivers.errors import LinkError, LinkTimeout
+from drivers.link import StreamLink
+from drivers.modbus.frames import MAX_BUFFER, Framing
+from drivers.ports import Report
+from drivers.stream import Stream
+
+GAP_S = 0.005  # manuals ask for 5 ms between commands: a 2F gripper refreshes at 200 Hz ([M16] p55)
+LATE_S = 0.02  # wall; how long a line must be quiet after a failure before the next request
+DRAIN_S = 0.2  # wall; a line that is never quiet is used all the same after so long
+
+
+class Refusal(NamedTuple):
+    """What a Modbus exception code means, and what to do: empty, check that it is the right device."""
+
+    sentence: str
+    remedy: str = ""
+    passes: bool = False  # whether the same request may be answered a moment later
+
+
+# Modbus application protocol 1.1b3, section 7. Many grippers send none ([M16] p55): gateways do.
+EXCEPTIONS = {
+    1: Refusal("the function is not known there"),
+    2: Refusal("no such register"),
+    3: Refusal("a value that is not allowed"),
+    4: Refusal("the device failed", "look at its LED and its supply"),
+    5: Refusal(
+        "it is taken, but takes longer", "ask less often, or raise the gateway's speed", passes=True
+    ),
+    6: Refusal(
+        "the gateway or the gripper is busy", "stop other programs that use it", passes=True
+    ),
+    10: Refusal(
+        "the gateway has no way to that unit", "set up its serial side and its table of units"
+    ),
+    11: Refusal(
+        "the gripper behind the gateway is silent",
+        "check its power, its slave id (unit) and the wiring behind the gateway",
+        passes=True,
+    ),
+}
+
+
+class Master(StreamLink):
+    """A Modbus connection to a gripper; the stream is owned from now on."""
+
+    check: str  # what to do where somebody answers that has no such function or register
+
+    def __init__(self, stream: Stream, framing: Framing, pace: Pace, report: Report) -> None:
+        super().__init__(stream, pace, report)
+        self._framing = framing
+        self._free_at = pace.now()
+        self._out_of_step = False
+
+    def transact(self, request: ModbusPDU) -> ModbusPDU:
+        """Ask once and return the answer.
+
+        Raises:
+            LinkTimeout: there was no valid answer in time, or a refusal that passes. LinkError: the connection
+                is gone, or the device refuses.
+        """
+        self._begin()
+        frame = self._framing.frame(request)
+        try:
+            self._wait_for_the_line()
+            self._out_of_step = True  # until this transaction is answered, or after an interrupt
+            self._stream.send(frame)
+            reply = self._await_reply(request)
+        except OSError as error:
+            raise self._broken(error, "cable, adapter and power") from error
+        finally:
+            self._free_at = self._pace.now() + GAP_S / self._pace.time_scale
+        if reply is None:
+            raise self._silent(request)
+        self._out_of_step = False
+        if reply.isError():
+            raise self._refused(request, reply.exception_code)
+        return reply
+
+    def _refused(self, request: ModbusPDU, code: int) -> LinkError:
+        """A refusal that passes counts as silence: reads are repeated, and a write is looked after."""
+        refusal = EXCEPTIONS.get(code, Refusal("an unknown reason"))
+        self._tell("refused", function=request.function_code, exception=code)
+        return (LinkTimeout if refusal.passes else LinkError)(
+            f"gripper at {self.endpoint} (unit {request.dev_id}) refused function "
+            f"{request.function_code}: {refusal.sentence} (exception {code}); {refusal.remedy or self.check}"
+        )
+
+    def _wait_for_the_line(self) -> None:
+        if (wait := self._free_at - self._pace.now()) > 0.0:
+            self._pace.clock.sleep(wait)
+        # Whatever lies there answers nothing that is still to be asked.
+        quiet_s = LATE_S if self._out_of_step else 0.0
+        until = self._pace.now() + DRAIN_S
+        while self._stream.receive(quiet_s) and self._pace.now() < until:
+            pass
+
+    def _await_reply(self, request: ModbusPDU) -> ModbusPDU | None:
+        buffer = b""
+        for piece in self._pieces():
+            buffer = (buffer + piece)[-MAX_BUFFER:]
+            if piece and (result := self._framing.find(buffer, request)) is not None:
+                return result
+        return None
+
+    def _silent(self, request: ModbusPDU) -> LinkTimeout:
+        self._tell("no answer", function=request.function_code)
+        return LinkTimeout(
+            f"gripper at {self.endpoint} did not answer within {LINK_TIMEOUT_S} s; check its power, "
+            f"slave id {request.dev_id} and wiring"
+        )
