@@ -1,4 +1,4 @@
-"""What the links to devices have in common, whatever they carry: repeats, reports, deadlines, and hanging up."""
+"""What the links to grippers have in common, whatever they carry: repeats, reports, deadlines."""
 
 from collections.abc import Callable, Iterator, Mapping
 from typing import TypeVar

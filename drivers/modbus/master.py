@@ -62,8 +62,8 @@ class Master(StreamLink):
         """Ask once and return the answer.
 
         Raises:
-            LinkTimeout: there was no valid answer in time, or a refusal that passes. LinkError: the connection
-                is gone, or the device refuses.
+            LinkTimeout: there was no valid answer in time, or a refusal that passes.
+            LinkError: the connection is gone, or the device refuses.
         """
         self._begin()
         frame = self._framing.frame(request)

@@ -1,13 +1,13 @@
 """The parameters of a SCHUNK EGU or EGK as data, its control and status bits, and its codes.
 
 A parameter is read and written as a whole: its code less one is the address of its first register, its bytes
-are little-endian whatever the protocol's are. `plc_sync_input` and `plc_sync_output` are what a fieldbus would
-exchange cyclically.
+are little-endian whatever the protocol's are. `plc_sync_input` and `plc_sync_output` are what a fieldbus
+would exchange cyclically.
 
 Sources: [CM] Commissioning Manual EGU/EGK, Modbus RTU, firmware 5.3.1, and [PN] the one of the EGU with
-PROFINET (1514033), both as SCHUNK's repository `schunk_mechatronic_gripper` cites them with section, from which
-its sections are taken; [BKS] SCHUNK's `bkstools` 0.0.2.31; [DUMP] the parameters of an EGU 60 and an EGK 25 in
-that repository (schunk_gripper_dummy/config/grippers).
+PROFINET (1514033), both as SCHUNK's repository `schunk_mechatronic_gripper` cites them, with the sections that
+it states; [BKS] SCHUNK's `bkstools` 0.0.2.31; [DUMP] the parameters of an EGU 60 and an EGK 25 in that
+repository (schunk_gripper_dummy/config/grippers).
 """
 
 import struct

@@ -11,8 +11,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from drivers.sim.cell import Cell
+from drivers.sim.cell import Cell, LoneGripper, Serving
 from drivers.sim.faults import parse
+from drivers.sim.grippers import SIMULATORS
 from drivers.sim.physics.scene import REHEARSAL, Block, Setting, load, warm_up
 from runtime.shell.command import Parser, number, one_line, positive, run, tell
 from runtime.shell.errors import UsageError
@@ -22,11 +23,14 @@ EPILOG = """example:
   grasp-cell --tree trees/rectangle/rectangle.msgpack --json
   {"gripper": "/dev/pts/3", "arm": "tcp://127.0.0.1:40001?base=-300,0,0", "scene": ...}
 
-The gripper is a Robotiq 2F-85 on Modbus RTU (115200 8N1, slave 9); it is also served as RTU over TCP, as
-Modbus TCP (unit 2, registers from 0) and as the text socket of the URCap: use one of the four. The arm is
-an open_abb server, and served as a UR controller, too, the scene a line protocol of JSON objects: {"do":
-"next_part"}, {"do": "truth"}, {"do": "quit"}. With --camera a webcam looks up through the table at a tag
-under the part (needs the audit extra): `grasp-audit judge --camera` takes its address.
+  grasp-cell --gripper dh-ag95 --json
+  {"gripper": "/dev/pts/3", "port": "dh:///dev/pts/3"}
+
+The gripper is that of the table or job, on a serial port. A Robotiq gripper (115200 8N1, slave 9) is served
+as RTU over TCP, as Modbus TCP (unit 2, registers from 0) and as the text socket of the URCap, too: use one of
+the four. The arm is an open_abb server, and served as a UR controller, too, the scene a line protocol of JSON
+objects: {"do": "next_part"}, {"do": "truth"}, {"do": "quit"}. With --camera a webcam looks up through the
+table at a tag under the part (needs the audit extra): `grasp-audit judge --camera` takes its address.
 
 """ + epilog(ExitCode.INPUT)
 
@@ -45,6 +49,8 @@ def parser() -> Parser:
     source.add_argument(
         "--job", type=Path, metavar="JOB.toml", help="part and world from a job file"
     )
+    models = f"a gripper alone, with nothing between its fingers: {', '.join(SIMULATORS)}"
+    source.add_argument("--gripper", choices=SIMULATORS, metavar="MODEL", help=models)
     add = command.add_argument
     world = f"the physics (default: planner.world:make; without the planner extra {REHEARSAL})"
     add("--world", metavar="MODULE:FACTORY", help=world)
@@ -74,6 +80,8 @@ def serve(options: argparse.Namespace) -> int:
     """Load, start, tell the endpoints, and stay until asked to end."""
     # A shell starts background jobs with SIGINT ignored, and that is inherited.
     signal.signal(signal.SIGINT, signal.default_int_handler)
+    if options.gripper is not None:
+        return _run(LoneGripper(options.gripper, options.seed, options.time_scale), options)
     faults = None if options.faults is None else parse(options.faults)
     setting: Setting = load(options.tree, options.job, options.world)
     setting = setting._replace(middle_mm=options.middle, block=options.block)
@@ -87,27 +95,31 @@ def serve(options: argparse.Namespace) -> int:
         return 0
     rig = camera(setting) if options.camera else None
     warm_up(setting, options.seed)
+    return _run(Cell(setting, options.seed, options.time_scale, faults, rig), options)
+
+
+def _run(serving: Serving, options: argparse.Namespace) -> int:
+    """Serve until asked to end; returns the exit code."""
     failures: list[str] = []
-    with Cell(setting, options.seed, options.time_scale, faults, rig) as cell:
+    with serving as running:
 
         def give_up(failed: threading.ExceptHookArgs) -> None:
             """A server thread failed, most likely in the world: end the cell, no device is left mute."""
             failures.append(one_line(failed.exc_value))
             if options.debug:
                 threading.__excepthook__(failed)
-            cell.stopped.set()
+            running.stopped.set()
 
         threading.excepthook = give_up
-        signal.signal(signal.SIGTERM, lambda *_: cell.stopped.set())
+        signal.signal(signal.SIGTERM, lambda *_: running.stopped.set())
         if options.until_stdin_closes:
-            threading.Thread(target=_watch_stdin, args=(cell.stopped,), daemon=True).start()
+            threading.Thread(target=_watch_stdin, args=(running.stopped,), daemon=True).start()
         if options.json:
-            print(json.dumps(cell.endpoints), flush=True)
+            print(json.dumps(running.endpoints), flush=True)
         else:
-            print(
-                "\n".join(f"{name:16}{value}" for name, value in cell.endpoints.items()), flush=True
-            )
-        cell.stopped.wait()
+            lines = (f"{name:16}{value}" for name, value in running.endpoints.items())
+            print("\n".join(lines), flush=True)
+        running.stopped.wait()
     for failure in failures[:1]:
         tell("grasp-cell", f"stopped: {failure}")
     return 1 if failures else 0

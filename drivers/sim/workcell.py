@@ -8,10 +8,10 @@ from drivers.abb.codec import Pose, ProtocolError, hand_angle
 from drivers.planar import Pose2, compose
 from drivers.ports import TURN_RADIUS_MM
 from drivers.sim.devices.arm import ArmModel
-from drivers.sim.devices.faulty import FaultyArm, FaultyGripper
-from drivers.sim.devices.gripper import GripperModel
-from drivers.sim.devices.jaws import Jaws, Surroundings
+from drivers.sim.devices.faulty import FaultyArm
+from drivers.sim.devices.jaws import Surroundings
 from drivers.sim.faults import Desk, Listed
+from drivers.sim.grippers import Mount, SimulatedGripper, simulator
 from drivers.sim.physics.scene import Setting
 from drivers.sim.physics.tabletop import Look, TableTop, Vice
 from drivers.sim.wire.line import CleanLine, FaultyLine
@@ -40,22 +40,22 @@ class Workcell(Surroundings):
         self.table = (TableTop if setting.block is None else Vice)(setting, seed, self.desk)
         self._middle: Pose2 = (0.0, setting.middle_mm, 0.0)
         self.profile = geometry.gripper
-        self.jaws = Jaws.of(self.profile)
         self._low, self._stood = False, (0.0, 0.0, 0.0)  # where the hand was last
         self._moves = 0
         self._noise = random.Random(f"{seed}/line")
         self._faulty = faults is not None
-        lags = random.Random(f"{seed}/gripper")
         ramps = None
         if (line := geometry.acceleration_mm_s2) is not None:
             ramps = (line, math.degrees(line / TURN_RADIUS_MM))
-        self.gripper: GripperModel
+        lags = random.Random(f"{seed}/gripper")
+        mount = Mount(self.profile, lags, self, self.desk if self._faulty else None)
+        self.simulator = simulator(self.profile.model)
+        self.gripper: SimulatedGripper = self.simulator.device(mount)
         self.arm: ArmModel
         if self._faulty:
-            self.gripper = FaultyGripper(lags, self.jaws, self, self.desk)
             self.arm = FaultyArm(random.Random(f"{seed}/arm"), ARM_BASE, self.desk, ramps)
         else:
-            self.gripper, self.arm = GripperModel(lags, self.jaws, self), ArmModel(ARM_BASE, ramps)
+            self.arm = ArmModel(ARM_BASE, ramps)
 
     def line(self, *, checked: bool = True) -> CleanLine:
         """A line to the gripper; `checked`: its frames end in a CRC."""

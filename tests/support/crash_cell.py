@@ -101,15 +101,18 @@ class World:
 
     # what the fingers meet
 
-    def closing(self) -> int | None:
+    def closing(self) -> float | None:
         if self.at_mm[2] > REACH_MM:
             return None
         for index, (number, branch) in enumerate(self.path):
             node = self.table.nodes[number]
             if self._stands_at(node) and self._lies_at(index):
                 self.squeezed.append(number)
-                return self.calibration.count(node.branches[branch].expected_um)
-        return self.calibration.count(self.table.gripper.opening_um // 2)
+                return self._opening_mm(node.branches[branch].expected_um)
+        return self._opening_mm(self.table.gripper.opening_um // 2)
+
+    def _opening_mm(self, width_um: int) -> float:
+        return self.model.jaws.opening_at(self.calibration.count(width_um))
 
     def gripped(self) -> None:
         self._grip_mm = self.model.opening_mm(self.time.now())

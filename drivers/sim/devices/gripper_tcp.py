@@ -19,7 +19,7 @@ HEADER = 7  # MBAP: transaction, protocol 0, length, unit
 class MbapSlave(Slave):
     """Modbus TCP framing; another protocol meets silence, too."""
 
-    unit = TCP.unit
+    usual_unit = TCP.unit
 
     @property
     def pending(self) -> bool:

@@ -18,8 +18,6 @@ from drivers.sim.physics.scene import Setting
 from drivers.sim.physics.scene_protocol import Feeder
 from drivers.sim.virtual.clock import VirtualClock
 from drivers.sim.virtual.ports import ArmPort, GripperPort
-from drivers.sim.wire.modbus import GripperRegisters
-from drivers.sim.wire.rtu import RtuSlave
 from drivers.sim.workcell import ARM_BASE, Workcell
 
 
@@ -45,7 +43,7 @@ class VirtualCell:
         self.works = Workcell(setting, seed, self.clock.now, faults)
         self.scene = Feeder(lambda what: self.works.answer(what) or {})
         self.clock.watch(self.works.gripper.next_change)
-        slave = RtuSlave(GripperRegisters(self.works.gripper, self.clock.now), self.works.line())
+        slave = self.works.simulator.slave(self.works.gripper, self.clock.now, self.works.line())
         self._gripper_port = GripperPort(slave, self.clock)
         self._arm_port = ArmPort(self.works.arm, self.clock, self.works.arm_stands, overheard)
 

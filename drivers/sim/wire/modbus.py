@@ -31,8 +31,21 @@ class Device(Protocol):
         """Write bytes of the output block and obey."""
 
 
+class Registers(Protocol):
+    """What a slave serves."""
+
+    def serves(self, function: int, address: int, count: int) -> bool:
+        """Whether `function` is spoken here and there are so many registers."""
+
+    def read(self, address: int, count: int) -> bytes:
+        """So many registers."""
+
+    def write(self, function: int, address: int, data: bytes) -> bool:
+        """Write registers; False where that is refused."""
+
+
 class GripperRegisters:
-    """A gripper's two blocks at their wire addresses.
+    """A Robotiq gripper's two blocks at their wire addresses.
 
     Args:
         device: the gripper.
@@ -73,7 +86,7 @@ def _inside(address: int, count: int, base: int) -> bool:
     return count > 0 and base <= address and address + count <= base + BLOCK_WORDS
 
 
-def answer(pdu: bytes, registers: GripperRegisters) -> bytes | None:
+def answer(pdu: bytes, registers: Registers) -> bytes | None:
     """The reply to one request (function code first), or None for silence."""
     match pdu[:1]:
         case b"\x03" | b"\x04" if len(pdu) == 5:
@@ -92,7 +105,7 @@ def answer(pdu: bytes, registers: GripperRegisters) -> bytes | None:
     return None
 
 
-def _read(function: int, span: bytes, registers: GripperRegisters) -> bytes | None:
+def _read(function: int, span: bytes, registers: Registers) -> bytes | None:
     address, count = struct.unpack(">HH", span)
     if not 1 <= count <= MAX_REGISTERS or not registers.serves(function, address, count):
         return None

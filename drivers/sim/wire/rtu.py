@@ -9,7 +9,7 @@ import tty
 from drivers.robotiq.frames import RTU
 from drivers.robotiq.modbus import BAUD
 from drivers.sim.wire.line import CleanLine, Outbox, Piece, UnpluggedError
-from drivers.sim.wire.modbus import GripperRegisters, answer, crc16, frame_length
+from drivers.sim.wire.modbus import Registers, answer, crc16, frame_length
 from drivers.sim.wire.serving import Lock, Server, SimulatedTime
 
 GAP_S = (
@@ -25,11 +25,15 @@ class Slave:
     Args:
         registers: what it serves.
         line: what its frames meet on the way.
+        unit: its slave id; None: the usual one of a Robotiq gripper.
     """
 
-    unit: int  # slave id
+    usual_unit: int
 
-    def __init__(self, registers: GripperRegisters, line: CleanLine | None = None) -> None:
+    def __init__(
+        self, registers: Registers, line: CleanLine | None = None, unit: int | None = None
+    ) -> None:
+        self.unit = self.usual_unit if unit is None else unit
         self._registers = registers
         self._line = line or CleanLine()
         self._buffer = bytearray()
@@ -68,7 +72,7 @@ class Slave:
 class RtuSlave(Slave):
     """RTU frames with CRC."""
 
-    unit = RTU.unit
+    usual_unit = RTU.unit
 
     def reply(self, frame: bytes) -> bytes | None:
         """The answer, or None for silence: wrong id, bad CRC, unknown function or address."""

@@ -21,7 +21,7 @@ class Bench:
 
     def closing(self):
         self.asked += 1
-        return self.contact
+        return None if self.contact is None else self.model.jaws.opening_at(self.contact)
 
     def gripped(self):
         self.grips += 1

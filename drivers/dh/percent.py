@@ -1,0 +1,49 @@
+"""Settings in per cent and positions in thousandths, and what they mean: linear between a profile's ends."""
+
+from drivers.dh.registers import FULL, LEAST_FORCE, LEAST_SPEED, MOST
+from drivers.errors import PortError
+from drivers.ports import GripperProfile
+from runtime.table import PROFILES
+
+MODEL = "dh-ag95"  # where nobody says which it is; no register does
+
+
+class Scale:
+    """The settings of one model.
+
+    Raises:
+        PortError: the model does not divide its stroke into thousandths.
+    """
+
+    def __init__(self, profile: GripperProfile | None) -> None:
+        self.profile = profile or PROFILES[MODEL]
+        if self.profile.steps != FULL:
+            raise PortError(
+                f"a {self.profile.model} is no gripper of DH-Robotics; check the port, or the gripper's model"
+            )
+
+    def width_um(self, position: int) -> int:
+        """The nominal width at a position."""
+        return self.profile.reading_um(position)
+
+    def position(self, width_um: int) -> int:
+        """The position nearest to a width."""
+        return min(max(self.profile.step(width_um), 0), FULL)
+
+    def speed(self, speed_mm_s: float) -> int:
+        """The fastest setting that is not faster."""
+        return _setting(speed_mm_s, *self.profile.speed_mm_s, LEAST_SPEED)
+
+    def speed_mm_s(self, percent: int) -> float:
+        """Rate of the width at a setting."""
+        least, most = self.profile.speed_mm_s
+        return least + (most - least) * (percent - LEAST_SPEED) / (MOST - LEAST_SPEED)
+
+    def force(self, force_n: float) -> int:
+        """The strongest setting that is not stronger."""
+        return _setting(force_n, *self.profile.force_n, LEAST_FORCE)
+
+
+def _setting(value: float, least: float, most: float, first: int) -> int:
+    value, least, most = round(1000 * value), round(1000 * least), round(1000 * most)
+    return min(max(first + (value - least) * (MOST - first) // (most - least), first), MOST)
