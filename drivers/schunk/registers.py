@@ -102,6 +102,15 @@ PARAMETERS = _parameters(
 )
 
 
+EGU_60_M_B, EGK_25_M_B = 0x0B, 0x11  # of `module_type`
+_SOFT = (*range(0x0E, 0x14),)  # of an EGK, whatever its size ([BKS] eGripperType)
+
+
+def is_soft(module_type: int) -> bool:
+    """Whether a module takes a velocity for gripping: SoftGrip ([CM] 1.2.3)."""
+    return module_type in _SOFT
+
+
 class Control(IntFlag):
     """Bits of the control double word ([PN] 2.1.1.1; [BKS] SetupControlword)."""
 

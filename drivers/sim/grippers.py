@@ -7,12 +7,14 @@ from typing import Any, NamedTuple, Protocol
 from drivers.dh import registers as dh
 from drivers.ports import GripperProfile
 from drivers.robotiq.frames import TCP
+from drivers.schunk import registers as schunk
 from drivers.sim.devices.dh import DhModel, DhRegisters
 from drivers.sim.devices.faulty import FaultyGripper
 from drivers.sim.devices.gripper import GripperModel
 from drivers.sim.devices.gripper_tcp import MbapSlave, TcpPort, stop_jaws
 from drivers.sim.devices.gripper_urcap import Urcap, UrcapPort
 from drivers.sim.devices.jaws import Jaws, Surroundings
+from drivers.sim.devices.schunk import SchunkModel, SchunkRegisters
 from drivers.sim.faults import Desk
 from drivers.sim.wire.line import CleanLine
 from drivers.sim.wire.modbus import GripperRegisters
@@ -110,14 +112,31 @@ def _dh_ports(device: DhModel, bench: Bench) -> Ports:
     return Ports([pty], {"gripper": pty.path, "port": f"dh://{pty.path}"})
 
 
+def _schunk_device(mount: Mount) -> SchunkModel:
+    return SchunkModel(mount.rng, mount.surroundings, mount.profile)
+
+
+def _schunk_slave(device: SchunkModel, now: Callable[[], float], line: CleanLine) -> RtuSlave:
+    return RtuSlave(SchunkRegisters(device, now), line, schunk.UNIT)
+
+
+def _schunk_ports(device: SchunkModel, bench: Bench) -> Ports:
+    slave = _schunk_slave(device, bench.time.now, bench.line())
+    pty = PtyPort(slave, bench.lock, bench.time)
+    return Ports([pty], {"gripper": pty.path, "port": f"schunk://{pty.path}"})
+
+
 ROBOTIQ = Simulator(_robotiq_device, _robotiq_slave, _robotiq_ports)
 DH = Simulator(_dh_device, _dh_slave, _dh_ports)
+SCHUNK = Simulator(_schunk_device, _schunk_slave, _schunk_ports)
 SIMULATORS = {
     "robotiq-2f-85": ROBOTIQ,
     "robotiq-2f-140": ROBOTIQ,
     "hand-e": ROBOTIQ,
     "dh-ag95": DH,
     "dh-pgc140-50": DH,
+    "schunk-egu": SCHUNK,
+    "schunk-egk": SCHUNK,
 }
 
 

@@ -10,8 +10,11 @@ import random
 from collections.abc import Callable
 from typing import NamedTuple
 
+from drivers.ports import GripperProfile
 from drivers.schunk.registers import (
     COMM_LOST,
+    EGK_25_M_B,
+    EGU_60_M_B,
     ERRORS,
     FAST_STOP,
     MOTIONS,
@@ -24,6 +27,7 @@ from drivers.schunk.registers import (
     Control,
     Output,
     Status,
+    is_soft,
 )
 from drivers.sim.devices.jaws import Stroke, Surroundings
 
@@ -34,22 +38,18 @@ MESSAGES = 32  # [CM] 4.2: sys_msg_req selects one of 0 to 31
 
 
 class Module(NamedTuple):
-    """One model: what its read-only parameters say, in mm, mm/s and N."""
+    """What the read-only parameters of one model say, beside its profile."""
 
     module_type: int
-    stroke_mm: float
-    speed_mm_s: tuple[float, float]
     grip_mm_s: float  # with 100 percent of the force
-    force_n: tuple[float, float]
     allowed_n: float  # of a StrongGrip; 0: it has none
-    soft: bool  # whether it takes a velocity for gripping (SoftGrip)
     mass_kg: float
 
 
 # [DUMP], with the limits of the opening as delivered.
 MODULES = {
-    "schunk-egu": Module(0x0B, 120.0, (10.0, 110.0), 25.0, (325.0, 650.0), 1300.0, False, 2.9),
-    "schunk-egk": Module(0x11, 53.0, (5.0, 120.0), 20.0, (25.0, 50.0), 0.0, True, 0.62),
+    "schunk-egu": Module(EGU_60_M_B, 25.0, 1300.0, 2.9),
+    "schunk-egk": Module(EGK_25_M_B, 20.0, 0.0, 0.62),
 }
 
 _COMMANDS = {
@@ -82,7 +82,7 @@ class SchunkModel:
     Args:
         rng: draws the lags of the outcomes.
         surroundings: what the fingers may meet.
-        module: stroke, speeds and forces.
+        profile: stroke, speeds and forces.
         silence_s: how long nobody may ask anything.
     """
 
@@ -90,16 +90,16 @@ class SchunkModel:
         self,
         rng: random.Random,
         surroundings: Surroundings | None,
-        module: Module,
+        profile: GripperProfile,
         silence_s: float = SILENCE_S,
     ) -> None:
-        self.module = module
+        self.profile, self.module = profile, MODULES[profile.model]
         self.written: list[str] = []  # names of the parameters that were written
         self._rng = rng
         self._surroundings = surroundings or Surroundings()
         self._silence_s = silence_s
         self._now = self._heard_s = self._shown_s = 0.0
-        self._stroke = Stroke(module.stroke_mm, 0.0, 0.0, module.stroke_mm, 0)
+        self._stroke = Stroke(profile.stroke_um / 1000, 0.0, 0.0, profile.stroke_um / 1000, 0)
         self._stop = REACHED
         self._ends_s = math.inf  # when the status tells of the motion under way; infinity: none is
         self._met_mm: float | None = None  # opening at which the closing under way meets something
@@ -121,18 +121,19 @@ class SchunkModel:
         self._fail(FAST_STOP)
 
     def _facts(self) -> dict[str, float | bytes]:
-        module = self.module
+        module, profile = self.module, self.profile
+        stroke_mm = profile.stroke_um / 1000
         return {
             "module_type": module.module_type,
             "fieldbus_type": 7,
-            "max_phys_stroke": module.stroke_mm,
+            "max_phys_stroke": stroke_mm,
             "min_pos": 0.0,
-            "max_pos": module.stroke_mm,
-            "min_vel": module.speed_mm_s[0],
-            "max_vel": module.speed_mm_s[1],
+            "max_pos": stroke_mm,
+            "min_vel": profile.speed_mm_s[0],
+            "max_vel": profile.speed_mm_s[1],
             "max_grp_vel": module.grip_mm_s,
-            "min_grp_force": module.force_n[0],
-            "max_grp_force": module.force_n[1],
+            "min_grp_force": profile.force_n[0],
+            "max_grp_force": profile.force_n[1],
             "max_allow_force": module.allowed_n,
             "dead_load_kg": module.mass_kg,
             "wp_release_delta": 5.0,
@@ -357,7 +358,7 @@ class SchunkModel:
         if command == Control.MOVE_RELATIVE:
             position_mm += self._stroke.at(self._now)
         lowest, highest = self._value("min_pos"), self._value("max_pos")
-        slowest, fastest = self.module.speed_mm_s
+        slowest, fastest = self.profile.speed_mm_s
         positions = moves or command == Control.GRIP_AT_POSITION
         reasons = {
             0x06: not self._status & Status.READY,
@@ -384,7 +385,7 @@ class SchunkModel:
             here = self._stroke.at(self._now)
             self._go(min(here + delta_mm, highest), fastest, REACHED)
         else:
-            soft = self.module.soft and speed_mm_s > 0.0
+            soft = is_soft(self.module.module_type) and speed_mm_s > 0.0
             rate = speed_mm_s if soft else self.module.grip_mm_s * min(percent, 100) / 100
             expected = position_mm if command == Control.GRIP_AT_POSITION else None
             self._go(highest if inside else lowest, rate, EMPTY, expected=expected, grips=True)
