@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 from drivers.clock import Clock, Pace
 from drivers.errors import PortError
-from drivers.link import no_report
+from drivers.links import no_report
 from drivers.ports import Answered, Arm, Gripper, GripperProfile, Report, Scene
 from drivers.robotiq.link import Link
 from runtime.shell.errors import ExpectedError
@@ -43,6 +43,8 @@ GRIPPERS = Makes(
     {
         **dict.fromkeys((TTY, "rtu+tcp", "tcp", "urcap"), "drivers.connect:robotiq_gripper"),
         "can": "drivers.robotiq.canopen:gripper",
+        "dh": "drivers.dh.gripper:gripper",
+        "schunk": "drivers.schunk.gripper:gripper",
         MANUAL: "drivers.manual:gripper",
     },
 )

@@ -1,1 +1,1 @@
-"""Modbus as a master speaks it, whatever the device: frames, and transactions with deadlines."""
+"""Modbus as a master speaks it, whatever the device behind it."""

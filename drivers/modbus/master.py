@@ -1,4 +1,4 @@
-"""Modbus transactions: each has a deadline of our own above pymodbus, and what is late answers nothing."""
+"""One Modbus connection to a gripper: transactions, one after the other, each with a deadline."""
 
 from typing import NamedTuple
 
@@ -6,25 +6,25 @@ from pymodbus.pdu import ModbusPDU
 
 from drivers.clock import LINK_TIMEOUT_S, Pace
 from drivers.errors import LinkError, LinkTimeout
-from drivers.link import StreamLink
-from drivers.modbus.frames import MAX_BUFFER, Framing
+from drivers.links import StreamLink, no_report
+from drivers.modbus.framing import MAX_BUFFER, Framing
 from drivers.ports import Report
 from drivers.stream import Stream
 
-GAP_S = 0.005  # manuals ask for 5 ms between commands: a 2F gripper refreshes at 200 Hz ([M16] p55)
+GAP_S = 0.005  # between two requests: grippers refresh at 200 Hz, or slower
 LATE_S = 0.02  # wall; how long a line must be quiet after a failure before the next request
 DRAIN_S = 0.2  # wall; a line that is never quiet is used all the same after so long
 
 
 class Refusal(NamedTuple):
-    """What a Modbus exception code means, and what to do: empty, check that it is the right device."""
+    """What a Modbus exception code means, and what to do."""
 
     sentence: str
-    remedy: str = ""
+    remedy: str = ""  # empty: this is another device than the driver takes it for
     passes: bool = False  # whether the same request may be answered a moment later
 
 
-# Modbus application protocol 1.1b3, section 7. Many grippers send none ([M16] p55): gateways do.
+# Modbus application protocol 1.1b3, section 7. A gripper may send none: gateways do.
 EXCEPTIONS = {
     1: Refusal("the function is not known there"),
     2: Refusal("no such register"),
@@ -48,21 +48,36 @@ EXCEPTIONS = {
 
 
 class Master(StreamLink):
-    """A Modbus connection to a gripper; the stream is owned from now on."""
+    """A connection to one unit, which is owned from now on; the deadline is above pymodbus.
 
-    check: str  # what to do where somebody answers that has no such function or register
+    Args:
+        stream: carries the bytes.
+        framing: of the requests and answers.
+        pace: device time.
+        report: told of every failure.
+        wrong_device: what to check where the device does not know a request.
+    """
 
-    def __init__(self, stream: Stream, framing: Framing, pace: Pace, report: Report) -> None:
+    def __init__(
+        self,
+        stream: Stream,
+        framing: Framing,
+        pace: Pace,
+        report: Report = no_report,
+        *,
+        wrong_device: str,
+    ) -> None:
         super().__init__(stream, pace, report)
         self._framing = framing
+        self._wrong_device = wrong_device
         self._free_at = pace.now()
         self._out_of_step = False
 
     def transact(self, request: ModbusPDU) -> ModbusPDU:
-        """Ask once and return the answer.
+        """Send a request once and return its answer.
 
         Raises:
-            LinkTimeout: there was no valid answer in time, or a refusal that passes.
+            LinkTimeout: there was no valid answer; whether the request arrived is unknown.
             LinkError: the connection is gone, or the device refuses.
         """
         self._begin()
@@ -89,7 +104,8 @@ class Master(StreamLink):
         self._tell("refused", function=request.function_code, exception=code)
         return (LinkTimeout if refusal.passes else LinkError)(
             f"gripper at {self.endpoint} (unit {request.dev_id}) refused function "
-            f"{request.function_code}: {refusal.sentence} (exception {code}); {refusal.remedy or self.check}"
+            f"{request.function_code}: {refusal.sentence} (exception {code}); "
+            f"{refusal.remedy or self._wrong_device}"
         )
 
     def _wait_for_the_line(self) -> None:

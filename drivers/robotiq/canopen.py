@@ -19,7 +19,7 @@ from urllib.parse import parse_qsl
 
 from drivers.clock import LINK_TIMEOUT_S, Pace
 from drivers.errors import LinkError, LinkTimeout, PortError, shown
-from drivers.link import ReportingLink, no_report
+from drivers.links import ReportingLink, no_report
 from drivers.ports import GripperProfile, Report
 from drivers.robotiq.gripper import Gripper, over
 from drivers.robotiq.registers import BLOCK_BYTES

@@ -1,4 +1,4 @@
-"""Where a 2F gripper's register blocks are on each kind of link, and the requests for them."""
+"""The register blocks of a Robotiq gripper as Modbus requests."""
 
 import struct
 from typing import NamedTuple

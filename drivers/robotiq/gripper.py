@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from drivers.clock import Pace
 from drivers.errors import GripperFault, LinkTimeout
-from drivers.link import no_report
+from drivers.links import no_report
 from drivers.ports import GripperProfile, GripperState, ObjectState, Report, Settled
 from drivers.robotiq.counts import Counts
 from drivers.robotiq.faults import MAJOR, PRIORITY, fault, fault_text

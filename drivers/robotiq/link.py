@@ -1,4 +1,4 @@
-"""What every bus to the gripper offers."""
+"""What every bus to a Robotiq gripper offers."""
 
 from typing import Protocol
 

@@ -1,7 +1,7 @@
 """The gripper's register blocks over Modbus: RTU on a serial port, RTU over TCP, Modbus TCP.
 
-Each transaction has a deadline of our own above pymodbus. `read` may be repeated; a write is not, the device
-logic reads the state first. Behind a gateway the blocks may have other addresses:
+`read` may be repeated; a write is not, the device logic reads the state first. Behind a gateway the blocks
+may have other addresses:
 
     tcp://192.168.1.20:502?unit=9&output=0x03E8&input=0x07D0&function=3
 """
@@ -16,8 +16,8 @@ from pymodbus.pdu import ModbusPDU
 
 from drivers.clock import Pace
 from drivers.errors import LinkError, LinkTimeout, PortError
-from drivers.link import no_report
-from drivers.modbus.frames import MAX_BUFFER, Framing, RtuFraming, TcpFraming
+from drivers.links import no_report
+from drivers.modbus.framing import MAX_BUFFER, Framing, RtuFraming, TcpFraming
 from drivers.modbus.master import Master
 from drivers.ports import Answered, Report
 from drivers.robotiq.frames import RTU, TCP, Wiring, read_request, write_request
@@ -33,10 +33,13 @@ TCP_PORT = 502
 LEAST_REGISTERS, MOST_REGISTERS = BLOCK_BYTES // 2, 8
 
 
-class ModbusLink(Master):
-    """A gripper's two register blocks on one Modbus connection, which is owned from now on."""
+WRONG_DEVICE = (
+    "check that it is a Robotiq 2F gripper, and unit, output, input and function of its port's name"
+)
 
-    check = "check that it is a Robotiq 2F gripper, and unit, output, input and function of its port's name"
+
+class ModbusLink(Master):
+    """A gripper's two register blocks on one Modbus connection."""
 
     def __init__(
         self,
@@ -46,7 +49,7 @@ class ModbusLink(Master):
         pace: Pace,
         report: Report = no_report,
     ) -> None:
-        super().__init__(stream, framing, pace, report)
+        super().__init__(stream, framing, pace, report, wrong_device=WRONG_DEVICE)
         self._wiring = wiring
         self._count = LEAST_REGISTERS
 

@@ -11,7 +11,7 @@ from functools import partial
 
 from drivers.clock import LINK_TIMEOUT_S, Pace
 from drivers.errors import LinkError, LinkTimeout, shown
-from drivers.link import StreamLink, no_report
+from drivers.links import StreamLink, no_report
 from drivers.ports import Report
 from drivers.robotiq.registers import INPUT_FIELDS, OUTPUT_FIELDS, pack, unpack
 from drivers.stream import Stream

@@ -6,16 +6,20 @@ error. What is held is released before anything else. Sources as of `drivers.sch
 
 from collections.abc import Callable
 from typing import NamedTuple
+from urllib.parse import parse_qsl
 
 from drivers.clock import Pace
 from drivers.errors import GripperFault, LinkTimeout, PortError
-from drivers.link import no_report
+from drivers.links import no_report
 from drivers.ports import GripperProfile, GripperState, ObjectState, Report, Settled
 from drivers.schunk.link import SchunkLink
 from drivers.schunk.registers import (
+    BAUD,
     MOTIONS,
     NOT_FEASIBLE,
     OUTCOMES,
+    PARITY,
+    UNIT,
     Control,
     Input,
     Output,
@@ -23,12 +27,17 @@ from drivers.schunk.registers import (
     error_text,
     is_soft,
 )
+from drivers.stream import SerialStream, Stream, open_tcp, tcp_address
 from runtime.table import PROFILES
 
 READY_S = 2.0  # from the acknowledgement to ready for operation; [BKS] MakeReady waits 0.5 s
 RECEIVED_S = 1.0  # until the toggle says that a command was received; [BKS] 0.3 s
 MOVE_MARGIN_S = 2.0  # beyond way / speed: acceleration, contact detection, settling
-STEADY_READINGS, STEADY_S, STEADY_UM = 3, 0.01, 50  # in a row, apart, and within, of fingers at rest
+STEADY_READINGS, STEADY_S, STEADY_UM = (
+    3,
+    0.01,
+    50,
+)  # in a row, apart, and within, of fingers at rest
 ARRIVED_UM, EMPTY_UM = 500, 1000  # farther from the target, or apart, contradicts the status
 WRITE_TRIES = 3
 LEAST_PERCENT, MOST_PERCENT = 50, 100  # of the force of a BasicGrip ([CM] 1.2.3)
@@ -289,6 +298,54 @@ class Gripper:
         raise GripperFault(f"gripper width does not settle; last seen {_sketch(seen)}")
 
 
+def gripper(
+    port: str, pace: Pace, report: Report, *, read_only: bool, profile: GripperProfile | None
+) -> Gripper:
+    """A SCHUNK gripper at `schunk:///dev/ttyUSB0`, or `schunk://host:port` behind a device server; `?unit=13`.
+
+    Raises:
+        PortError: the port cannot be opened or is not understood, or another gripper is there.
+        LinkError: nobody answers.
+    """
+    address, _, settings = port.partition("?")
+    unit = _unit_of(port, settings)
+    path = address.removeprefix("schunk://")
+    stream: Stream
+    if path.startswith("/"):
+        stream = SerialStream(path, BAUD, PARITY)
+    else:
+        stream = open_tcp(*tcp_address(address), port, "check address, cable and power")
+    return over(stream, pace, report, profile, unit, read_only=read_only)
+
+
+def over(
+    stream: Stream,
+    pace: Pace,
+    report: Report,
+    profile: GripperProfile | None,
+    unit: int = UNIT,
+    *,
+    read_only: bool = False,
+) -> Gripper:
+    """A gripper on a line that was opened for it, and that is closed again if nobody answers there."""
+    link = SchunkLink(stream, pace, report, unit, read_only=read_only)
+    try:
+        return Gripper(link, pace, report, profile)
+    except BaseException:  # Ctrl-C, too, must not leave the port open
+        link.close()
+        raise
+
+
+def _unit_of(port: str, settings: str) -> int:
+    stated = parse_qsl(settings, keep_blank_values=True) or [("unit", str(UNIT))]
+    unit = int(stated[0][1]) if stated[0][1].isdecimal() else 0
+    if len(stated) > 1 or stated[0][0] != "unit" or not 1 <= unit <= 247:
+        raise PortError(
+            f"port {port} is not understood; write it as schunk:///dev/ttyUSB0?unit={UNIT}, unit 1 to 247"
+        )
+    return unit
+
+
 def _edge(motion: Control) -> Control:
     return Control.NO_FAST_STOP | motion
 
@@ -314,7 +371,9 @@ def _check_fits(seen: Input, output: Output, limits: Limits) -> None:
     if output.control & Control.GRIP:
         target_um, most_um = limits.lowest_um, EMPTY_UM
     if not gripped and abs(seen.position_um - target_um) > most_um:
-        raise GripperFault(f"the gripper's status and width contradict one another: {_sketch(seen)}")
+        raise GripperFault(
+            f"the gripper's status and width contradict one another: {_sketch(seen)}"
+        )
 
 
 def _require_feasible(seen: Input, doing: str) -> None:

@@ -8,7 +8,7 @@ from pymodbus.pdu.register_message import ReadHoldingRegistersRequest, WriteMult
 
 from drivers.clock import Pace
 from drivers.errors import LinkError, ReadOnlyError
-from drivers.modbus.frames import RtuFraming
+from drivers.modbus.framing import RtuFraming
 from drivers.modbus.master import Master
 from drivers.ports import Report
 from drivers.schunk.registers import PARAMETERS, UNIT, Parameter
@@ -32,12 +32,11 @@ class SchunkLink(Master):
         read_only: whether a write is refused, by a ReadOnlyError.
     """
 
-    check = "check that it is a SCHUNK EGU or EGK, and unit of its port's name"
-
     def __init__(
         self, stream: Stream, pace: Pace, report: Report, unit: int = UNIT, *, read_only: bool
     ) -> None:
-        super().__init__(stream, RtuFraming(), pace, report)
+        hint = "check that it is a SCHUNK EGU or EGK, and the unit of its port's name"
+        super().__init__(stream, RtuFraming(), pace, report, wrong_device=hint)
         self._unit = unit
         self._read_only = read_only
         self._line = threading.Lock()

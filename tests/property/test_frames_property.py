@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.modbus.frames import RtuFraming, TcpFraming
+from drivers.modbus.framing import RtuFraming, TcpFraming
 from drivers.robotiq.frames import RTU, TCP, read_request, write_request
 from drivers.sim.devices.gripper_tcp import MbapSlave
 from drivers.sim.wire.modbus import answer, crc16

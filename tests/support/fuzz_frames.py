@@ -11,7 +11,7 @@ import random
 
 from drivers.clock import Pace
 from drivers.errors import LinkError
-from drivers.modbus.frames import Framing, RtuFraming, TcpFraming
+from drivers.modbus.framing import Framing, RtuFraming, TcpFraming
 from drivers.robotiq.frames import RTU, TCP, Wiring
 from drivers.robotiq.modbus import ModbusLink
 from drivers.sim.devices.gripper import GripperModel

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from drivers.abb.arm import Arm, over
 from drivers.abb.reach import Setup
 from drivers.clock import Pace
-from drivers.link import no_report
+from drivers.links import no_report
 from drivers.ports import Report
 from drivers.robotiq.gripper import Gripper
 from drivers.robotiq.link import Link

@@ -10,7 +10,7 @@ from pymodbus.pdu import DecodePDU, ExceptionResponse
 from drivers import connect
 from drivers.clock import LINK_TIMEOUT_S, Pace
 from drivers.errors import LinkError, LinkTimeout, PortError
-from drivers.modbus.frames import RtuFraming, TcpFraming
+from drivers.modbus.framing import RtuFraming, TcpFraming
 from drivers.modbus.master import DRAIN_S, GAP_S
 from drivers.robotiq.frames import RTU, TCP, read_request
 from drivers.robotiq.modbus import ModbusLink, rtu_link, wiring_of

@@ -1,4 +1,4 @@
-"""What the links to grippers have in common, whatever they carry: repeats, reports, deadlines."""
+"""Links to a gripper, of any make and on any bus: repeated reads, reports of failures, deadlines."""
 
 from collections.abc import Callable, Iterator, Mapping
 from typing import TypeVar
@@ -8,7 +8,7 @@ from drivers.errors import LinkError, LinkTimeout
 from drivers.ports import Report
 from drivers.stream import StalledError, Stream
 
-READ_TRIES = 3  # as Robotiq's SDK: the link is down after 3 failures in a row
+READ_TRIES = 3  # as the SDK: the link is down after 3 failures in a row
 Read = TypeVar("Read")
 
 

@@ -10,7 +10,7 @@ from functools import lru_cache
 from pymodbus import ModbusException
 from pymodbus.framer import FramerRTU, FramerSocket
 from pymodbus.pdu import DecodePDU, ModbusPDU
-from pymodbus.pdu.register_message import WriteMultipleRegistersRequest
+from pymodbus.pdu.register_message import WriteMultipleRegistersRequest, WriteSingleRegisterRequest
 
 MAX_BUFFER = 600  # two of the longest RTU frames and some noise
 ERROR_BIT = 0x80
@@ -93,6 +93,8 @@ def is_answer(answer: ModbusPDU, request: ModbusPDU) -> bool:
         return answer.function_code & ~ERROR_BIT == request.function_code
     if answer.function_code != request.function_code:
         return False
+    if isinstance(request, WriteSingleRegisterRequest):
+        return (answer.address, answer.registers) == (request.address, request.registers)
     if isinstance(request, WriteMultipleRegistersRequest):
         return (answer.address, answer.count) == (request.address, len(request.registers))
     return len(answer.registers) == request.count
