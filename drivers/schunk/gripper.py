@@ -228,7 +228,7 @@ class Gripper:
         self._move = _Move(output, toggle, self._pace.now(), seconds + MOVE_MARGIN_S)
 
     def _send(self, output: Output) -> None:
-        """Write a request, again until it is acknowledged: the same one once more is no edge, so no command."""
+        """Write a request until it is acknowledged: the same once more is no edge, so no command."""
         for attempt in range(1, WRITE_TRIES + 1):
             try:
                 self._link.write("plc_sync_output", *output)
@@ -301,7 +301,7 @@ class Gripper:
 def gripper(
     port: str, pace: Pace, report: Report, *, read_only: bool, profile: GripperProfile | None
 ) -> Gripper:
-    """A SCHUNK gripper at `schunk:///dev/ttyUSB0`, or `schunk://host:port` behind a device server; `?unit=13`.
+    """A SCHUNK gripper at `schunk:///dev/ttyUSB0?unit=12`, or at `schunk://host:port` behind a device server.
 
     Raises:
         PortError: the port cannot be opened or is not understood, or another gripper is there.

@@ -5,8 +5,8 @@ are little-endian whatever the protocol's are. `plc_sync_input` and `plc_sync_ou
 would exchange cyclically.
 
 Sources: [CM] Commissioning Manual EGU/EGK, Modbus RTU, firmware 5.3.1, and [PN] the one of the EGU with
-PROFINET (1514033), both as SCHUNK's repository `schunk_mechatronic_gripper` cites them, with the sections that
-it states; [BKS] SCHUNK's `bkstools` 0.0.2.31; [DUMP] the parameters of an EGU 60 and an EGK 25 in that
+PROFINET (1514033), both as SCHUNK's repository `schunk_mechatronic_gripper` cites them, with the sections
+that it states; [BKS] SCHUNK's `bkstools` 0.0.2.31; [DUMP] the parameters of an EGU 60 and an EGK 25 in that
 repository (schunk_gripper_dummy/config/grippers).
 """
 

@@ -326,10 +326,10 @@ class SchunkModel:
         outcome = self._status & OUTCOMES
         self._received()
         if self._status & Status.ERROR:
+            outcome = Status.GRIPPED if self._holding else Status(0)
             self._error = 0
             self._status &= ~(Status.ERROR | Status.GPE_ACTIVE)
-        else:
-            self._status |= outcome
+        self._status |= outcome
         self._status |= Status.READY | Status.CONTROL_AUTHORITY
 
     def _controlled_stop(self) -> None:
