@@ -24,6 +24,7 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 PoseOfHand = tuple[
     float, float, float, float
 ]  # x mm, y mm, z mm, angle rad, of the point between the tips
+MOST_COUNT = 255  # of a device that tells its widths as counts
 TURN_RADIUS_MM = 160.0  # nothing so near to the hand's axis moves faster than asked for as it turns
 
 # Told of every retry and failure on a link, as kind and fields of a record: a journal's `record` fits.
@@ -37,6 +38,11 @@ class ObjectState(IntEnum):
     OPENING = 1  # something stopped them while opening
     CLOSING = 2  # something stopped them while closing
     AT_TARGET = 3  # they stand where they were asked to go
+
+    @property
+    def sentence(self) -> str:
+        """What it says, for a message."""
+        return self.name.lower().replace("_", " ")
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,11 +62,11 @@ class GripperProfile:
     held_um: int = 2000  # expected widths from here on are those of a part that is held
     empty_um: int = 5000  # up to this width the object state may miss a part that is held
     streams: bool = False  # whether it takes another width, speed and force while the fingers move
-    poll_s: float = 0.01  # between two readings of fingers on their way
     # link and offset of the arc that the tips move on, mm; a link alone: the offset has to be measured;
     # empty: they move straight
     arc_mm: tuple[float, ...] = ()
-    counts: tuple[int, int] | None = None  # what the device reads open and closed, if it counts
+    # What the device reads open and closed, if it counts from 0 to `MOST_COUNT`.
+    counts: tuple[int, int] | None = None
 
     @property
     def steps(self) -> int:
@@ -74,6 +80,11 @@ class GripperProfile:
     def step(self, width_um: float) -> int:
         """The step of the grid nearest to a width."""
         return round(width_um * self.steps / self.stroke_um)
+
+    def counted_um(self, count: int) -> int:
+        """The width at a count of a device that counts; beyond its end counts widths go on alike."""
+        assert self.counts is not None
+        return self.reading_um(self.counts[1] - count)
 
 
 @dataclass(frozen=True, slots=True)

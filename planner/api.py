@@ -91,17 +91,21 @@ class Table:
         """Whether each leaf (L,) claims to know the pose."""
         return claimed(self.record, np.arange(len(self.record.leaves)))
 
-    def lookup(self, nodes: IntArray, counts: IntArray) -> Next:
-        """What encoder counts (n,) at nodes (n,) lead to, with the object flag that goes with each width.
+    def lookup(self, nodes: IntArray, widths_mm: Array) -> Next:
+        """What widths (n,) read at nodes (n,) lead to, with the object flag that goes with each width.
 
         Raises:
-            ValueError: a node that the table has not, no count, or not as many of each.
+            ValueError: a node that the table has not, no width, or not as many of each.
         """
         nodes = arguments.indices(nodes, "nodes", len(self.record.nodes))
-        counts = arguments.indices(counts, "counts", tables.COUNTS)
-        arguments.same_length(nodes=nodes, counts=counts)
-        target = self.program.target[nodes].reshape(-1, 2, tables.COUNTS).max(axis=1)
-        result = target[np.arange(len(target)), counts]
+        opening_mm = self.record.gripper.opening_um / 1e3
+        widths_mm = arguments.rows(widths_mm, "widths", least=0.0, most=opening_mm)
+        arguments.same_length(nodes=nodes, widths=widths_mm)
+        width_um = np.rint(1e3 * widths_mm).astype(np.int64)
+        lookup, target = self.program.lookup, self.program.target
+        result = np.maximum(
+            *(target[lookup.segment(2 * nodes + felt, width_um)] for felt in (0, 1))
+        )
         leaves = np.where((result < 0) & (result != DISMISSED), ~result, -1)
         return Next(np.maximum(result, -1), leaves)
 

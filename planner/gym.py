@@ -10,7 +10,7 @@ the job's placements of the hand and the others declare one candidate pose each 
 they are x, y, theta of a pose and a fourth number that declares it from 0 on, each from -1 to 1: x and y span
 where the part may reach before the first squeeze, theta a full turn (`Episodes.chosen`). An episode also ends
 where an open finger comes down on the part, and it is truncated by the squeeze after the last of
-`search.max_depth`. The observation is the encoder's count; before the first squeeze that of open jaws.
+`search.max_depth`. The observation is what the encoder reads, in steps of closing: first 0.
 """
 
 from typing import Any, Literal, get_args
@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 
 from planner import arguments
 from planner.arrays import Array, BoolArray, IntArray
-from planner.belief.observation import COUNTS
 from planner.job.model import Job, load, parse
 from planner.part.outline import reach
 from planner.pomdp import DECLARE, SQUEEZE, Pomdp
@@ -105,13 +104,13 @@ class Episodes:
     def step(
         self, rows: BoolArray, actions: Actions, rng: np.random.Generator
     ) -> tuple[IntArray, NDArray[np.float64], BoolArray, BoolArray]:
-        """Acts in the episodes of `rows` (n,); the others stay as they are, with open jaws' count.
+        """Acts in the episodes of `rows` (n,); the others stay as they are, with open jaws.
 
         Returns:
             Observations, rewards, which have ended, which are cut off, each (n,).
         """
         n = len(rows)
-        counts, rewards = np.full(n, self.model.encoder.count_open, np.int64), np.zeros(n)
+        counts, rewards = np.full(n, 0, np.int64), np.zeros(n)
         ended, cut = np.zeros(n, np.bool_), np.zeros(n, np.bool_)
         sampled = self.model.sample(self.states[rows], self.chosen(actions[rows]), rng)
         self.states[rows], counts[rows], rewards[rows] = (
@@ -140,7 +139,7 @@ class SqueezeLocalize(gymnasium.Env[np.int64, Any]):
     def __init__(self, job: Job | str | None = None, actions: Kind = "set") -> None:
         self._episodes = Episodes(problem_of(job), 1, actions)
         self.model = self._episodes.model
-        self.observation_space = spaces.Discrete(COUNTS)
+        self.observation_space = spaces.Discrete(self.model.encoder.steps + 1)
         self.action_space = self._episodes.action_space
 
     def reset(
@@ -149,7 +148,7 @@ class SqueezeLocalize(gymnasium.Env[np.int64, Any]):
         """Lays a part down; `options` are not used."""
         super().reset(seed=seed, options=options)
         self._episodes.begin(np.ones(1, np.bool_), self.np_random)
-        return np.int64(self.model.encoder.count_open), self._info()
+        return np.int64(0), self._info()
 
     def step(self, action: Any) -> tuple[np.int64, float, bool, bool, dict[str, Any]]:
         """Squeezes, or declares."""
@@ -178,7 +177,7 @@ class SqueezeLocalizeVector(VectorEnv[IntArray, Actions, NDArray[Any]]):
         self._episodes = Episodes(problem_of(job, workers), num_envs, actions)
         self.model = self._episodes.model
         self._over = np.zeros(num_envs, np.bool_)
-        self.single_observation_space = spaces.Discrete(COUNTS)
+        self.single_observation_space = spaces.Discrete(self.model.encoder.steps + 1)
         self.single_action_space = self._episodes.action_space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -190,7 +189,7 @@ class SqueezeLocalizeVector(VectorEnv[IntArray, Actions, NDArray[Any]]):
         super().reset(seed=seed, options=options)
         self._over[:] = False
         self._episodes.begin(~self._over, self.np_random)
-        return np.full(self.num_envs, self.model.encoder.count_open, np.int64), self._info()
+        return np.full(self.num_envs, 0, np.int64), self._info()
 
     def step(
         self, actions: Actions

@@ -79,26 +79,27 @@ def _push(push: Push, job: Job) -> tables.Push:
 
 
 def _reach(clusters: Partition, encoder: Encoder) -> list[tuple[int, int]]:
-    """The counts of each branch: what was read in it and the margin to either side, at most half a gap.
+    """The readings of each branch: what was read in it and the margin to either side, at most half a gap.
 
-    A thin grip that may read as an empty hand does, to the last count but that of jaws that met: the object
+    A thin grip that may read as an empty hand does, to the last reading but that of jaws that met: the object
     flag tells them apart.
     """
-    _, free, margin = resolution_of(encoder)
-    gap = np.maximum(clusters.low[:-1] - clusters.high[1:] - 1, 0)  # counts fall as widths rise
+    resolution = resolution_of(encoder)
+    free, margin = resolution.free, resolution.margin
+    gap = np.maximum(clusters.low[:-1] - clusters.high[1:] - 1, 0)  # readings fall as widths rise
     above = np.concatenate([[margin], np.minimum(margin, gap // 2)])
     thin = (clusters.low < free) & (clusters.high >= free - 1)
-    above = np.where(thin, encoder.count_closed - 1 - clusters.high, above)
+    above = np.where(thin, encoder.steps - 1 - clusters.high, above)
     below = np.concatenate([np.minimum(margin, gap - gap // 2), [margin]])
     return [
         (int(a), int(b)) for a, b in zip(clusters.low - below, clusters.high + above, strict=True)
     ]
 
 
-def interval_um(low_count: int, high_count: int, encoder: Encoder) -> tuple[int, int]:
-    """Widths [um] that the counts stand for."""
-    least = max(0.0, float(encoder.width_mm(np.asarray(high_count + 0.5))))
-    greatest = min(encoder.opening_mm, float(encoder.width_mm(np.asarray(low_count - 0.5))))
+def interval_um(low: int, high: int, encoder: Encoder) -> tuple[int, int]:
+    """Widths [um] that the readings from one to another stand for."""
+    least = max(0.0, float(encoder.width_mm(np.asarray(high + 0.5))))
+    greatest = min(encoder.opening_mm, float(encoder.width_mm(np.asarray(low - 0.5))))
     return round(1e3 * least), round(1e3 * greatest)
 
 
@@ -139,15 +140,8 @@ def covariance_of(belief: Belief, leaf: tables.Leaf, job: Job) -> tables.Covaria
 
 def _gripper(job: Job) -> tables.GripperSpec:
     gripper = job.gripper
-    return tables.GripperSpec(
-        model=gripper.model,
-        opening_um=round(1e3 * gripper.opening_mm),
-        finger_length_um=round(1e3 * gripper.finger_length_mm),
-        finger_width_um=round(1e3 * gripper.finger_width_mm),
-        count_open=gripper.count_open,
-        count_closed=gripper.count_closed,
-        encoder_noise_um=round(1e3 * gripper.encoder_noise_mm),
-    )
+    fingers = (gripper.finger_length_mm, gripper.finger_width_mm)
+    return tables.GripperSpec.of(gripper.profile, *(round(1e3 * size) for size in fingers))
 
 
 def _goal(job: Job) -> tables.GoalSpec:

@@ -185,7 +185,7 @@ def _strays(run: Evaluation) -> dict[int, Belief]:
 
 def _parts(run: Evaluation) -> Belief:
     """All parts of an evaluation with their last readings."""
-    return Belief(run.poses, run.traits, run.counts[np.arange(len(run.leaf)), run.squeezes - 1])
+    return Belief(run.poses, run.traits, run.steps[np.arange(len(run.leaf)), run.squeezes - 1])
 
 
 def finished(

@@ -2,7 +2,8 @@
 
 A state is where the part lies and how far the jaws are apart, (4,): x, y [mm] and theta [rad] in the world,
 width [mm]. An action is a pose and what is done with it, (4,): x, y, theta, and 0 to squeeze with the hand
-placed there or 1 to declare that the part lies there. An observation is the encoder's count. A belief is an
+placed there or 1 to declare that the part lies there. An observation is what the encoder reads, in
+steps of closing. A belief is an
 array of n equally likely states (n, 4).
 
     model = Pomdp.of_job(job)
@@ -21,7 +22,7 @@ from planner import arguments
 from planner.arrays import Array, BoolArray, IntArray
 from planner.belief.costs import Costs
 from planner.belief.metric import Metric, metric_of
-from planner.belief.observation import COUNTS, Encoder, encoder_of
+from planner.belief.observation import Encoder, encoder_of
 from planner.belief.particles import initial
 from planner.frames import to_hand, to_world
 from planner.job.model import Job
@@ -42,7 +43,7 @@ class Sampled(NamedTuple):
     """What n actions came to."""
 
     states: Array  # (n, 4) afterwards
-    observations: IntArray  # (n,) counts
+    observations: IntArray  # (n,) readings
     rewards: Array  # (n,) -1 a squeeze; `Pomdp.success` for a declared pose within the goal, 0 for another
     ended: BoolArray  # (n,) a pose was declared, or an open finger came down on the part
 
@@ -117,35 +118,33 @@ class Pomdp:
         return Sampled(states, self.encoder.read(states[:, 3], rng), rewards, ended)
 
     def likelihood(self, o: int | IntArray, s: Array, a: Array) -> Array:
-        """Probability (n,) of reading the count o after action a has led to states s (n, 4).
+        """Probability (n,) of the reading o after action a has led to states s (n, 4).
 
         The action acts through the width in the state alone.
 
         Raises:
-            ValueError: the states are not (n, 4), the action not (4,), or o is no count.
+            ValueError: the states are not (n, 4), the action not (4,), or o is no reading.
         """
         s = arguments.rows(s, "states", 4)
         arguments.row(a, "a", 4)
-        read = arguments.indices(np.atleast_1d(o), "o", COUNTS).astype(np.float64)
+        read = arguments.indices(np.atleast_1d(o), "o", self.encoder.steps + 1).astype(np.float64)
         encoder = self.encoder
         noise = max(encoder.noise_mm, 1e-9)
-        narrow = np.where(read >= encoder.count_closed, -np.inf, encoder.width_mm(read + 0.5))
-        wide = np.where(read <= encoder.count_open, np.inf, encoder.width_mm(read - 0.5))
-        below = ndtr((wide - s[:, 3]) / noise) - ndtr((narrow - s[:, 3]) / noise)
-        reachable = (read >= encoder.count_open) & (read <= encoder.count_closed)
-        return np.asarray(np.where(reachable, below, 0.0))
+        narrow = np.where(read >= encoder.steps, -np.inf, encoder.width_mm(read + 0.5))
+        wide = np.where(read <= 0, np.inf, encoder.width_mm(read - 0.5))
+        return np.asarray(ndtr((wide - s[:, 3]) / noise) - ndtr((narrow - s[:, 3]) / noise))
 
     def updated(self, belief: Array, a: Array, o: int, rng: np.random.Generator) -> Array:
-        """The belief (n, 4) after action a (4,) and count o: drawn on, weighed, drawn again (n, 4).
+        """The belief (n, 4) after action a (4,) and reading o: drawn on, weighed, drawn again (n, 4).
 
         Raises:
-            ValueError: as `sample`, or none of the states explains the count.
+            ValueError: as `sample`, or none of the states explains the reading.
         """
-        o = arguments.count(o, "o", 0, COUNTS - 1)
+        o = arguments.count(o, "o", 0, self.encoder.steps)
         states = self.sample(belief, arguments.row(a, "a", 4), rng).states
         weight = self.likelihood(o, states, a)
         if not weight.any():
             raise ValueError(
-                f"none of {len(belief)} states explains the count {o}; begin with more of them"
+                f"none of {len(belief)} states explains the reading {o}; begin with more of them"
             )
         return np.asarray(states[rng.choice(len(states), len(states), p=weight / weight.sum())])

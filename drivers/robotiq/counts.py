@@ -1,10 +1,10 @@
 """Counts of the registers and the widths, speeds and forces that they mean: linear over 0 to 255."""
 
 from drivers.errors import PortError
-from drivers.ports import GripperProfile
+from drivers.ports import MOST_COUNT, GripperProfile
 from runtime.table import PROFILES
 
-OPEN, CLOSED = 0, 255  # requests beyond the ends of travel: as far as the fingers go
+OPEN, CLOSED = 0, MOST_COUNT  # requests beyond the ends of travel: as far as the fingers go
 MODEL = "robotiq-2f-85"  # where nobody says which it is; no register does
 
 
@@ -25,7 +25,7 @@ class Counts:
 
     def width_um(self, count: int) -> int:
         """The nominal width at a count; beyond the end counts it goes on alike."""
-        return self.profile.reading_um(self._closed - count)
+        return self.profile.counted_um(count)
 
     def target_um(self, count: int) -> int:
         """The width that a request asks for."""

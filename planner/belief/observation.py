@@ -1,4 +1,4 @@
-"""What a squeeze shows: the encoder's counts, and clusters of them by k-means (paper V.A).
+"""What a squeeze shows: what the encoder reads, and clusters of widths by k-means (paper V.A).
 
 The finger encoder is a linear map of the gripper with noise. The paper's method partitions widths by k-means,
 solved exactly by dynamic programming over their histogram, as one dimension allows (the planner's own way is
@@ -21,107 +21,108 @@ from planner.arrays import Array, IntArray
 from planner.job.model import Job
 from planner.kernel import kernel
 
-COUNTS = 256
 MOST_CLUSTERS = 10  # of k-means; holes may cut them further
 SIGMAS = 6.0
 """Two widths are told apart if their readings differ by this many standard deviations: 0.3 % are mistaken."""
 HOLE = 2.0  # width of a hole that cuts a cluster, over the distance that tells two apart
 LEAST_CUT = 20
 """Readings on either side of a hole below which it may be chance, and the piece too little to plan with."""
+COARSE_MM = 0.4  # widths that the search may take for one where there are very many
 MARGIN_MM = 1.0
 """A branch's interval reaches this far beyond the widths seen, at most half a gap: rare or a little off."""
 
 
 @dataclass(frozen=True, slots=True)
 class Encoder:
-    """A linear encoder with noise."""
+    """A linear encoder with noise. A reading is a number of steps of closing: 0 open, `steps` closed."""
 
-    opening_mm: float  # width at `count_open`
-    count_open: int  # reading with the jaws open
-    count_closed: int  # reading with the jaws closed
-    noise_mm: float  # standard deviation of a measured width
+    opening_mm: float  # width at the reading 0
+    steps: int  # of its resolution, from open to closed
+    noise_mm: float  # standard deviation of a measured width before its rounding
 
     @property
-    def mm_per_count(self) -> float:
+    def mm_per_step(self) -> float:
         """Resolution."""
-        return self.opening_mm / (self.count_closed - self.count_open)
+        return self.opening_mm / self.steps
+
+    @property
+    def grain_mm(self) -> float:
+        """What readings of one width differ by: the resolution, or the noise where that is more."""
+        return max(self.mm_per_step, self.noise_mm)
 
     def read(self, width_mm: Array, rng: np.random.Generator) -> IntArray:
-        """Noisy counts of true widths; both ends of travel are hard stops."""
+        """Noisy readings of true widths; both ends of travel are hard stops."""
         noisy = width_mm + self.noise_mm * rng.standard_normal(np.shape(width_mm))
-        counts = np.rint(self.count_closed - noisy / self.mm_per_count)
-        return np.asarray(np.clip(counts, self.count_open, self.count_closed), dtype=np.int64)
+        readings = np.rint(self.steps - noisy / self.mm_per_step)
+        return np.asarray(np.clip(readings, 0, self.steps), dtype=np.int64)
 
-    def with_flag(self, counts: IntArray, width_mm: Array) -> IntArray:
-        """Counts (n,) as a plan tells them apart: the object flag parts thin grips from an empty hand."""
-        return np.where(width_mm > 0.0, np.minimum(counts, resolution_of(self).free - 1), counts)
+    def with_flag(self, readings: IntArray, width_mm: Array) -> IntArray:
+        """Readings (n,) as a plan tells them apart: the object flag parts thin grips from an empty hand."""
+        held = np.minimum(readings, resolution_of(self).free - 1)
+        return np.where(width_mm > 0.0, held, readings)
 
-    def width_mm(self, counts: Array | IntArray) -> Array:
-        """Width at a count, the middle of what reads so; fractions of a count allowed."""
-        return np.asarray(
-            (self.count_closed - np.asarray(counts, dtype=np.float64)) * self.mm_per_count
-        )
+    def width_mm(self, readings: Array | IntArray) -> Array:
+        """Width at a reading, the middle of what reads so; fractions of a step allowed."""
+        return np.asarray((self.steps - np.asarray(readings, dtype=np.float64)) * self.mm_per_step)
+
+    def width_um(self, readings: IntArray) -> IntArray:
+        """Width at a reading, rounded as a gripper's driver tells it and a table looks it up."""
+        opening_um = round(1e3 * self.opening_mm)
+        closed = self.steps - np.asarray(readings, np.int64)
+        return np.asarray((2 * opening_um * closed + self.steps) // (2 * self.steps))
 
 
 def encoder_of(job: Job) -> Encoder:
     """The encoder of a job's gripper."""
     gripper = job.gripper
-    return Encoder(
-        gripper.opening_mm, gripper.count_open, gripper.count_closed, gripper.encoder_noise_mm
-    )
+    return Encoder(gripper.opening_mm, gripper.profile.steps, gripper.noise_mm)
 
 
 class Resolution(NamedTuple):
-    """What an encoder can tell apart."""
+    """What an encoder can tell apart, in steps."""
 
-    apart: float = 3.0  # least distance of two cluster means [counts]
-    free: int = 228  # least count that an empty hand reads
-    margin: int = 3  # counts beyond those read that a branch takes
+    apart: float = 3.0  # least distance of two cluster means
+    free: int = 225  # least reading of an empty hand
+    margin: int = 3  # steps beyond those read that a branch takes
+    grain: float = 1.0  # what readings of one width differ by, at least a step
+    coarsest: int = 1  # steps that may be one for the search
 
 
 class Partition(NamedTuple):
-    """Clusters of counts, in the order of rising width: falling counts."""
+    """Clusters of readings, in the order of rising width: falling readings."""
 
-    label: IntArray  # (256,) cluster of each count, -1 for counts never read
-    mean: Array  # (k,) mean count of each cluster
-    low: IntArray  # (k,) least count read in it
-    high: IntArray  # (k,) greatest count read in it
+    mean: Array  # (k,) mean reading of each cluster
+    low: IntArray  # (k,) least reading in it
+    high: IntArray  # (k,) greatest reading in it
     size: IntArray  # (k,) how many readings it holds
 
     @classmethod
     def of(cls, readings: Sequence[IntArray]) -> Self:
         """Clusters of the readings (n,) of each, n >= 1, in their order."""
-        label = np.full(COUNTS, -1, np.int64)
-        for k, counts in enumerate(readings):
-            label[counts] = k
         return cls(
-            label,
-            mean=np.array([counts.mean() for counts in readings]),
-            low=np.array([counts.min() for counts in readings]),
-            high=np.array([counts.max() for counts in readings]),
-            size=np.array([len(counts) for counts in readings]),
+            mean=np.array([each.mean() for each in readings]),
+            low=np.array([each.min() for each in readings]),
+            high=np.array([each.max() for each in readings]),
+            size=np.array([len(each) for each in readings]),
         )
 
     def of_clusters(self, numbers: Sequence[int]) -> Self:
         """Some of the clusters, numbered anew."""
-        label = np.full(len(self.mean) + 1, -1)  # the last is that of counts in no cluster
-        label[list(numbers)] = np.arange(len(numbers))
         rows = np.array(numbers, np.int64)
-        return self._replace(
-            label=label[self.label],
-            mean=self.mean[rows],
-            low=self.low[rows],
-            high=self.high[rows],
-            size=self.size[rows],
-        )
+        return type(self)(self.mean[rows], self.low[rows], self.high[rows], self.size[rows])
 
 
 def resolution_of(encoder: Encoder) -> Resolution:
-    """What an encoder with that noise, rounding to counts, can tell apart."""
-    noise = encoder.noise_mm / encoder.mm_per_count
-    apart = max(SIGMAS * math.sqrt(noise**2 + 1.0 / 12.0), 3.0)
-    free = encoder.count_closed - math.ceil(0.5 * SIGMAS * noise)
-    return Resolution(apart, free, math.ceil(MARGIN_MM / encoder.mm_per_count))
+    """What an encoder with that noise and resolution can tell apart."""
+    step_mm = encoder.mm_per_step
+    noise = encoder.noise_mm / step_mm
+    return Resolution(
+        apart=max(SIGMAS * math.sqrt(noise**2 + 1.0 / 12.0), 3.0),
+        free=encoder.steps - math.ceil(0.5 * SIGMAS * noise),
+        margin=math.ceil(MARGIN_MM / step_mm),
+        grain=encoder.grain_mm / step_mm,
+        coarsest=max(1, int(COARSE_MM / step_mm)),
+    )
 
 
 def cut(
@@ -291,31 +292,3 @@ def _merge_near(
         for c in range(nearest + 1, k):
             first[c] = first[c + 1]
     return k, merges
-
-
-@kernel
-def describe(
-    weight: IntArray,
-    bounds: IntArray,
-    label: IntArray,
-    mean: Array,
-    low: IntArray,
-    high: IntArray,
-    size: IntArray,
-) -> None:
-    """Fills in the columns of a `Partition` of a histogram (n,) cut at `bounds` (k + 1,), in place."""
-    for k in range(mean.shape[0]):
-        total, moment = 0, 0.0
-        low[k], high[k] = bounds[k + 1], bounds[k + 1]
-        lowest = True
-        for count in range(bounds[k + 1], bounds[k]):
-            if weight[count] == 0:
-                continue
-            if lowest:
-                low[k], lowest = count, False
-            high[k] = count
-            label[count] = k
-            total += weight[count]
-            moment += weight[count] * count
-        size[k] = total
-        mean[k] = moment / total

@@ -1,17 +1,20 @@
-"""Widths as branches: intervals of counts that leave the fewest squeezes to make (paper V.A, by value).
+"""Widths as branches: intervals of readings that leave the fewest squeezes to make (paper V.A, by value).
 
-A plan branches on the encoder's counts. Every cut between two counts that occurred is a choice, and
+A plan branches on what the encoder reads. Every cut between two readings that occurred is a choice, and
 
-    sum over intervals z of  P(z) J(b_z)  +  doubt * sum over cuts of P(a count within `reach` of the cut)
+    sum over intervals z of  P(z) J(b_z)  +  doubt * sum over cuts of P(a reading within `reach` of the cut)
 
-is what a choice costs. J(b) is what is still to be squeezed of the particles with counts in the interval; it
+is what a choice costs. J(b) is what is still to be squeezed of the particles read in the interval; it
 is lower the fewer poses they lie at, so that widths of one grasp are cut off from rarer ones beside them.
-The second sum keeps cuts away from counts that occur: an encoder a little off would take such parts into
+The second sum keeps cuts away from readings that occur: an encoder a little off would take such parts into
 the wrong branch. The least cost over all choices is found by dynamic programming.
 
 For all intervals at once, the share of one pose is found from a list of candidate poses: how many particles
-each has within the goal at every count is summed over counts once. What an empty hand reads (the part slipped
+each has within the goal at every count is summed over cells once. What an empty hand reads (the part slipped
 out or was never touched) is always an interval of its own.
+
+A cell is a step of the encoder, or several of them where it has so many that a belief spreads over more than
+`MOST_CELLS`: arrays, and the time that is the square of their size, do not grow with the resolution.
 """
 
 from __future__ import annotations
@@ -22,11 +25,12 @@ import numpy as np
 
 from planner.arrays import Array, BoolArray, IntArray
 from planner.belief.metric import Metric, inliers, within
-from planner.belief.observation import COUNTS, Partition, Resolution, describe
+from planner.belief.observation import Resolution
 from planner.belief.stopping import StoppingRule, missed
 from planner.kernel import inner_kernel, kernel
 
-CANDIDATES = 48  # candidate poses of a belief, besides one of every count
+MOST_CELLS = 128  # of a belief, unless they would be coarser than need be
+CANDIDATES = 48  # candidate poses of a belief, besides one of every cell
 CLIMBS = 2  # steps of each candidate to the mean of what is within the goal
 
 
@@ -41,7 +45,7 @@ class Rule(NamedTuple):
             where encoders are off, and more squeezes.
         astray: cost of a part that strays into a branch that is squeezed again [squeezes]; likewise.
         branch: cost of an interval [squeezes of one particle]; more makes smaller tables, less follows noise.
-        reach: distance from a cut that is near it [counts]; more asks for wider gaps between branches.
+        reach: distance from a cut that is near it [grains of the encoder]; more asks for wider gaps.
     """
 
     metric: Metric
@@ -54,17 +58,24 @@ class Rule(NamedTuple):
 
     def compiled(self) -> Costs:
         """The rule as kernels read it."""
-        metric, prices = self.metric, (self.doubt, self.astray, self.branch, self.reach)
+        metric, resolution = self.metric, self.resolution
+        prices = (self.doubt, self.astray, self.branch, self.reach * resolution.grain)
         stopping = StoppingRule(*map(float, self.stopping))
         return Costs(
-            self.resolution.free, metric.weights(), metric.modes, stopping, *map(float, prices)
+            resolution.free,
+            resolution.coarsest,
+            metric.weights(),
+            metric.modes,
+            stopping,
+            *map(float, prices),
         )
 
 
 class Costs(NamedTuple):
-    """A `Rule` for kernels. All numbers but counts are floats, so that kernels compile once."""
+    """A `Rule` for kernels, in cells. All numbers but counts are floats, so that kernels compile once."""
 
-    free: int  # least count that an empty hand reads
+    free: int  # least cell that an empty hand reads
+    coarsest: int  # steps that a cell may have
     weights: Array  # of the metric
     modes: int  # how many a belief may have
     stopping: StoppingRule
@@ -88,27 +99,61 @@ class Reach(NamedTuple):
     high: IntArray  # (m + 1,) the first count beyond reach of the one before the j-th
 
 
-def partition(poses: Array, counts: IntArray, rule: Rule) -> Partition:
+def partition(poses: Array, readings: IntArray, rule: Rule) -> IntArray:
     """Cuts readings into the intervals that leave the fewest squeezes to make.
 
     Args:
         poses: (n, 3 or 4) states after the squeeze, n >= 1 [mm, mm, rad, hypothesis].
-        counts: (n,) readings, 0 to 255.
+        readings: (n,).
         rule: how they are cut.
+
+    Returns:
+        (n,) the interval of each, numbered from 0 in the order of rising width.
     """
-    weight = np.bincount(counts, minlength=COUNTS)
-    order = np.argsort(counts, kind="stable")
-    bounds = np.empty(COUNTS + 1, np.int64)
-    k = intervals(np.ascontiguousarray(poses[order].T), weight, rule.compiled(), bounds)
-    label = np.full(COUNTS, -1, np.int64)
-    mean, low, high, size = (
-        np.empty(k),
-        np.empty(k, np.int64),
-        np.empty(k, np.int64),
-        np.empty(k, np.int64),
+    costs, cells = rule.compiled(), np.empty(len(readings), np.int64)
+    held, steps = into_cells(readings, costs.free, costs.coarsest, MOST_CELLS, cells)
+    weight = np.bincount(cells, minlength=held + 1)
+    order = np.argsort(cells, kind="stable")
+    bounds = np.empty(held + 2, np.int64)
+    columns = np.ascontiguousarray(poses[order].T)
+    k = intervals(columns, weight, in_cells(costs, held, steps), bounds)
+    return np.asarray(k - np.searchsorted(bounds[k::-1], cells, side="right"))
+
+
+@kernel
+def into_cells(
+    readings: IntArray, free: int, coarsest: int, most: int, cells: IntArray
+) -> tuple[int, int]:
+    """Puts readings (n,) into cells of equal size, their numbers in place; returns how many, and their steps.
+
+    Those of held parts, below `free`, are at most `most` cells, or as many of `coarsest` steps; those of an
+    empty hand are the cell after these.
+    """
+    lowest = free
+    for reading in readings:
+        lowest = min(lowest, reading)
+    steps = min(max(-(-(free - lowest) // most), 1), coarsest)
+    held = -(-(free - lowest) // steps)
+    for i in range(readings.shape[0]):
+        below = free - 1 - readings[i]
+        cells[i] = held if below < 0 else held - 1 - below // steps
+    return held, steps
+
+
+@kernel
+def in_cells(costs: Costs, held: int, steps: int) -> Costs:
+    """The costs for readings that are in cells."""
+    return Costs(
+        held,
+        costs.coarsest,
+        costs.weights,
+        costs.modes,
+        costs.stopping,
+        costs.doubt,
+        costs.astray,
+        costs.branch,
+        costs.reach / steps,
     )
-    describe(weight, bounds[: k + 1], label, mean, low, high, size)
-    return Partition(label, mean, low, high, size)
 
 
 @kernel

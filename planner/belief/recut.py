@@ -4,10 +4,10 @@ import numpy as np
 
 from planner.arrays import Array, IntArray
 from planner.belief.metric import within
-from planner.belief.observation import COUNTS
 from planner.belief.particles import Belief
 from planner.belief.partition import (
     CANDIDATES,
+    MOST_CELLS,
     Costs,
     Reach,
     Rule,
@@ -15,6 +15,8 @@ from planner.belief.partition import (
     candidates,
     explained,
     find_near,
+    in_cells,
+    into_cells,
     leaf_cost,
     least_cost,
     mutually_apart,
@@ -35,19 +37,24 @@ def recut(old: Belief, new: Belief, rule: Rule) -> IntArray:
         rule: how they are cut.
 
     Returns:
-        The first counts of all pieces but the lowest, rising; none where the interval stays whole.
+        The first readings of all pieces but the lowest, rising; none where the interval stays whole.
     """
-    first, order = (np.argsort(belief.reading, kind="stable") for belief in (old, new))
-    cuts = np.empty(COUNTS, np.int64)
+    costs, end = rule.compiled(), int(old.reading.max()) + 1
+    before, after = np.empty(len(old), np.int64), np.empty(len(new), np.int64)
+    rows, row_steps = into_cells(old.reading, end, costs.coarsest, MOST_CELLS, before)
+    held, steps = into_cells(new.reading, costs.free, costs.coarsest, MOST_CELLS, after)
+    first, order = (np.argsort(cells, kind="stable") for cells in (before, after))
+    cuts = np.empty(rows + 1, np.int64)
     count = _recut(
         np.ascontiguousarray(old.states[first].T),
         np.ascontiguousarray(new.states[order].T),
-        old.reading[order],
-        np.bincount(new.reading, minlength=COUNTS),
-        rule.compiled(),
+        before[order],
+        np.bincount(after, minlength=held + 1),
+        in_cells(costs, held, steps),
+        costs.reach / row_steps,
         cuts,
     )
-    return np.sort(cuts[:count])
+    return end - row_steps * (rows - np.sort(cuts[:count]))
 
 
 @kernel
@@ -57,24 +64,27 @@ def _recut(
     before: IntArray,
     weight: IntArray,
     costs: Costs,
+    reach_before: float,
     cuts: IntArray,
 ) -> int:
-    """`recut`, `cuts` in place; returns how many.
+    """`recut` in cells, `cuts` in place; returns how many.
 
-    The states `columns_before` (m, n) stand by rising reading before the squeeze, `columns` and the readings
-    `before` (n,) it by rising count after it.
+    The states `columns_before` (m, n) stand by rising cell before the squeeze, `columns` and the cells
+    `before` (n,) it by rising cell after it.
     """
     n, bins = columns.shape[1], weight.shape[0]
     counts, first = np.empty(bins, np.int64), np.zeros(bins + 1, np.int64)
     m = occupied(weight, costs.free, counts, first)
     held = first[m]
     if held < n:  # an empty hand is one more count, however it reads, and far from all others
-        counts[m], first[m + 1] = 2 * bins, n
+        counts[m], first[m + 1] = 4 * bins, n
         m += 1
-    old, old_first = np.empty(bins, np.int64), np.zeros(bins + 1, np.int64)
-    old_weight = np.bincount(before, minlength=bins)
-    rows = occupied(old_weight, bins, old, old_first)
-    place = np.zeros(bins, np.int64)
+    old_weight = np.bincount(before)
+    old_bins = old_weight.shape[0]
+    old, old_first = np.empty(old_bins, np.int64), np.zeros(old_bins + 1, np.int64)
+    rows = occupied(old_weight, old_bins, old, old_first)
+    old_first = old_first[: rows + 1]
+    place = np.zeros(old_bins, np.int64)
     for r in range(rows):
         place[old[r]] = r
     inside, result = np.empty(n, np.bool_), np.empty((m + CANDIDATES, columns.shape[0]))
@@ -100,7 +110,7 @@ def _recut(
     reach = Reach(np.zeros(m + 1, np.int64), np.zeros(m + 1, np.int64))
     find_near(counts, m, costs.reach, reach)
     old_reach = Reach(np.zeros(rows + 1, np.int64), np.zeros(rows + 1, np.int64))
-    find_near(old, rows, costs.reach, old_reach)
+    find_near(old, rows, reach_before, old_reach)
     old_hits, old_apart = explained(
         columns_before, old_first, old, rows, costs.weights, costs.modes
     )

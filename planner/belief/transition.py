@@ -46,7 +46,7 @@ class Squeezed(NamedTuple):
 class Outcomes(NamedTuple):
     """The branches of one action on one belief."""
 
-    clusters: Partition  # the partition of encoder counts
+    clusters: Partition  # the partition of readings
     beliefs: list[Belief]  # for each cluster the particles in it
     unstable: float  # see `Squeezed`
     width_mm: float  # see `Squeezed`
@@ -55,14 +55,13 @@ class Outcomes(NamedTuple):
     def of(cls, squeezed: Squeezed, rule: Rule) -> Self:
         """Cuts what was read into branches."""
         belief, unstable, width_mm = squeezed
-        clusters = partition(belief.states, belief.reading, rule)
-        label = clusters.label[belief.reading]
-        return cls(
-            clusters, [belief[label == k] for k in range(len(clusters.mean))], unstable, width_mm
-        )
+        label = partition(belief.states, belief.reading, rule)
+        beliefs = [belief[label == k] for k in range(int(label.max()) + 1)]
+        clusters = Partition.of([piece.reading for piece in beliefs])
+        return cls(clusters, beliefs, unstable, width_mm)
 
     def without_gaps(self, holds: BoolArray, most: int) -> Self:
-        """Cuts branches that hold a pose (k,) where more than `most` counts in a row were not read."""
+        """Cuts branches that hold a pose (k,) where more than `most` steps in a row were not read."""
         beliefs = list[Belief]()
         for belief, held in zip(self.beliefs, holds, strict=True):
             counts = np.unique(belief.reading)

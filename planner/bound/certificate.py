@@ -13,19 +13,19 @@ import numpy as np
 from planner.arrays import Array, IntArray
 from planner.belief.doubts import believed
 from planner.belief.metric import metric_of
-from planner.belief.observation import COUNTS, encoder_of
+from planner.belief.observation import encoder_of
 from planner.belief.particles import Belief, subsample
 from planner.belief.transition import placing_of, read_as
 from planner.bound.histories import Depths, Histories, History, Squeeze
 from planner.bound.lagrangian import Term, leaves_term, overall_term, worth_trying
-from planner.evaluation.trials import placement_of
+from planner.evaluation.trials import encoder_of_table, placement_of
 from planner.frames import to_hand, to_world
 from planner.job.model import Job
 from planner.mechanics.simulator import Simulator
 from planner.search.actions import actions_of, inequivalent
 from planner.search.proposals import along
 from planner.work.progress import Report, silent
-from runtime.table import PPM, REJECT, Calibration, Table, decision_map, wilson_interval
+from runtime.table import PPM, REJECT, Table, decide, decision_map, wilson_interval
 
 PILOTS = 20_000  # parts that show what may be read after the first squeezes
 BELIEF = 400  # parts of a history that its modes are sought among
@@ -64,9 +64,8 @@ class Covered:
         common = np.concatenate([self._actions.placements, self._more])
         root = placement_of(table.nodes[0].squeeze)[None]
         self.first = inequivalent(np.concatenate([root, common]), common, job)
-        calibration = Calibration.linear(table.gripper)
-        self._nodes = table.nodes
-        self._branches = cache(lambda node: decision_map(table.nodes[node], calibration))
+        self._nodes, self._encoder = table.nodes, encoder_of_table(table)
+        self._maps = cache(lambda node: decision_map(table.nodes[node], table.gripper))
         self._all = believed(job, PILOTS, np.random.default_rng(self._seed))
         self._squeezed = dict[
             History, Belief
@@ -105,7 +104,8 @@ class Covered:
         node, placement = self._node(tuple(before)), self(tuple(before))[option]
         if node < 0 or not np.array_equal(placement, placement_of(self._nodes[node].squeeze)):
             return -1
-        branch = self._branches(node)[reading]
+        width_um = int(self._encoder.width_um(np.asarray(reading >> 1)))
+        branch = decide(self._maps(node), width_um, bool(reading & 1))
         return -1 if branch == REJECT else self._nodes[node].branches[branch].target
 
 
@@ -178,8 +178,8 @@ def squeezes_of(job: Job, workers: int | None = None) -> Squeeze:
     ) -> tuple[Array, IntArray]:
         hand = placing.placed(placements, parts.traits, rng)
         rolled = simulator.squeeze(to_hand(parts.poses, hand.T), rng, parts.traits)
-        counts = encoder.read(read_as(rolled.width_mm, parts.traits), rng)
-        return to_world(rolled.poses, hand.T), counts + COUNTS * (rolled.width_mm > 0.0)
+        readings = encoder.read(read_as(rolled.width_mm, parts.traits), rng)
+        return to_world(rolled.poses, hand.T), 2 * readings + (rolled.width_mm > 0.0)
 
     return squeeze
 

@@ -16,7 +16,9 @@ from planner.belief.particles import Belief
 from planner.bound.cover import most_located
 from planner.work.progress import Report, silent
 
-READINGS = 512  # a reading is an encoder count, and 256 more where the jaws feel a part
+READINGS = (
+    1 << 22
+)  # more than there are; a reading is twice the encoder's, and 1 more if a part is felt
 
 Squeeze: TypeAlias = Callable[[Belief, Array, np.random.Generator], tuple[Array, IntArray]]
 """Squeezes n parts once: where they lie, placements (n, 3) of the hand, one each, source of randomness ->

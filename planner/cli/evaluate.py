@@ -363,10 +363,11 @@ def _furthest(mistakes: list[leaves.Mistake]) -> list[str]:
     lines: list[str] = []
     for row in mistakes:
         x, y, theta = row.initial
-        path, counts = " > ".join(map(str, row.path)), ", ".join(map(str, row.counts))
+        path = " > ".join(map(str, row.path))
+        widths = ", ".join(f"{width:.2f}" for width in row.widths_mm)
         lines.append(
             f"{row.error_mm:.1f} mm off, from ({x:.1f}, {y:.1f}) mm at {math.degrees(theta):.0f} deg, "
-            f"nodes {path} > leaf {row.leaf}, counts {counts}"
+            f"nodes {path} > leaf {row.leaf}, widths {widths} mm"
         )
     return _block("worst", lines)
 

@@ -56,7 +56,8 @@ def _expect(arguments: argparse.Namespace) -> None:
         worlds = list(expected(table, job, arguments.trials, arguments.seed, scheduler, report))
     record = {
         "kind": "expected readings",
-        "version": 1,
+        "version": 2,
+        "bins": table.gripper.bins,
         "table_sha256": digest,
         "trials": arguments.trials,
         "seed": arguments.seed,

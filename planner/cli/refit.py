@@ -26,7 +26,7 @@ from planner.work.scheduler import Scheduler, scheduler_of
 from runtime.shell.command import Parser, natural, positive_int
 from runtime.shell.errors import InputError, UsageError
 from runtime.shell.files import quoted, usable, write
-from runtime.table import COUNTS, Table, TableFile, names_table
+from runtime.table import Table, TableFile, names_table
 
 NAME = "plan-refit"
 LEAST_PARTS = 20
@@ -183,17 +183,15 @@ def seen_of_parts(parts: Sequence[PartLog], table: Table) -> Seen:
 
     What follows after one of these is another attempt, on a part that does not lie as a new one would.
     """
-    counts, squeezed = np.zeros((len(table.nodes), COUNTS), np.int64), 0
-    leaves, residuals = [], []
     gripper = table.gripper
-    span = (gripper.count_closed - gripper.count_open) / gripper.opening_um
+    counts, squeezed = np.zeros((len(table.nodes), gripper.bins), np.int64), 0
+    leaves, residuals = [], []
     for part in parts:
         squeezed += bool(part.squeezes)
         target: int | None = 0
-        for (node, count, target), width_um in zip(part.squeezes, part.widths_um, strict=True):
-            # A calibrated gripper's widths, as the linear encoder of the simulated one would read them.
-            read = round(gripper.count_closed - width_um * span) if width_um else count
-            counts[node, read] += 1
+        for node, width_um, target in part.squeezes:
+            # A calibrated gripper's widths, as the nominal ones of the simulated one.
+            counts[node, gripper.bin_of(width_um)] += 1
             if target is None or target < 0:
                 break
         if part.residual is not None and part.leaf is not None and target == ~part.leaf:
@@ -208,10 +206,9 @@ def timed(parts: Sequence[PartLog]) -> list[Timed]:
         Timed(node, width_um / 1e3, number == 0, phases)
         for part in parts
         if len(part.phases) == len(part.squeezes)
-        for number, ((node, _, _), width_um, phases) in enumerate(
-            zip(part.squeezes, part.widths_um, part.phases, strict=True)
+        for number, ((node, width_um, _), phases) in enumerate(
+            zip(part.squeezes, part.phases, strict=True)
         )
-        if width_um is not None
     ]
 
 

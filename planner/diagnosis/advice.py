@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from planner.belief.observation import COUNTS
+from planner.belief.observation import encoder_of
 from planner.diagnosis.ambiguity import Ambiguity, Delay, ambiguities, delays
 from planner.diagnosis.margins import ClosePair, Margins, close_pairs, lines_of, margins_of
 from planner.evaluation.cases import EVERYTHING, PLANNED, Case, noise_cases
@@ -162,7 +162,7 @@ def advise(
     return Advice(
         failing=1.0 - float(evaluation.success.mean()),
         rejected=float(evaluation.rejected.mean()),
-        pinched=float(np.mean(evaluation.rejected & (last >= COUNTS + job.gripper.count_closed))),
+        pinched=float(np.mean(evaluation.rejected & (last == 2 * encoder_of(job).steps + 1))),
         unresolved=float(evaluation.unresolved.mean()),
         at_depth_limit=float(deep.mean()),
         pairs=close_pairs(table, evaluation, job),

@@ -23,7 +23,7 @@ class Alike(NamedTuple):
     name: str  # of the part
     degrees: float  # of the turn
     apart_mm: float  # how far the outline lies from the turned one at most
-    count_mm: float  # what a count of the encoder stands for
+    grain_mm: float  # what readings of one width differ by
     share: float  # of the parts, those that may lie turned so within the stated uncertainty
     order: int  # the outline's rotational order
     stated: int  # the one that the job states
@@ -39,7 +39,7 @@ class Alike(NamedTuple):
         differs = "its outline is the same"
         if self.apart_mm > symmetry.TOLERANCE_MM:
             differs = f"its outline differs by {self.apart_mm:.2f} mm at most"
-            differs += f", and a count is {self.count_mm:.2f} mm"
+            differs += f", and a reading is {self.grain_mm:.2f} mm"
         turn = f"{self.degrees:.4g} degrees"
         message = f"{self.name}: no squeeze tells how it lies from the same turned by {turn}"
         half, modes = 0.5 * self.degrees, round(360.0 / self.degrees)
@@ -74,11 +74,11 @@ def refuse_alike(job: Job) -> None:
 
 def _of_part(job: Job, alone: Job, index: int) -> Alike | None:
     outline, stated = alone.part.outline_mm, alone.part.symmetry
-    order, count_mm = symmetry.order(outline), encoder_of(job).mm_per_count
+    order, grain_mm = symmetry.order(outline), encoder_of(job).grain_mm
     turns = [(math.tau * k / order, 0.0) for k in range(1, order // 2 + 1) if k * stated % order]
     if not turns:
         near = symmetry.nearest_turn(outline, stated)
-        if BOTH_SIDES * near.apart_mm >= count_mm:
+        if BOTH_SIDES * near.apart_mm >= grain_mm:
             return None
         turns = [(math.radians(near.degrees), near.apart_mm)]
     halfwidth = math.radians(job.uncertainty.orientation_halfwidth_deg)
@@ -95,7 +95,7 @@ def _of_part(job: Job, alone: Job, index: int) -> Alike | None:
     if share == 0.0:
         return None
     exact = apart == 0.0 and alone.pressure.kind in ("boundary", "uniform")
-    return Alike(alone.part.name, degrees, apart, count_mm, share, order, stated, exact)
+    return Alike(alone.part.name, degrees, apart, grain_mm, share, order, stated, exact)
 
 
 def _share(turn: float, halfwidth: float) -> float:

@@ -192,8 +192,8 @@ def _separator(
 ) -> Separator | None:
     """The placement at which the widths of two poses differ most, in units of their scatter."""
     encoder = encoder_of(job)
-    # Rounding to counts scatters like the step over the square root of 12.
-    floor = math.hypot(encoder.noise_mm, encoder.mm_per_count / math.sqrt(12.0))
+    # Rounding scatters like the step over the square root of 12.
+    floor = math.hypot(encoder.noise_mm, encoder.mm_per_step / math.sqrt(12.0))
     best, clearest = None, (False, TELLING)
     hands = hands_about(reach(job.part.outline_mm), 0.5 * job.gripper.finger_length_mm, HANDS)
     about = placed(

@@ -5,17 +5,19 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
+from planner.arrays import IntArray
 from planner.belief.observation import encoder_of
-from planner.evaluation.cases import OFFSET_COUNTS, offset_cases
+from planner.evaluation.cases import OFFSET, offset_cases
 from planner.evaluation.evaluate import sweep
+from planner.evaluation.lookup import Lookup
 from planner.evaluation.outcome import Evaluation
+from planner.evaluation.trials import encoder_of_table
 from planner.job.model import Job
 from planner.work.progress import Report, silent
 from planner.work.scheduler import Scheduler
 from planner.world import ContactWorlds
-from runtime.table import REJECT, Calibration, Table, by_count, decision_map
+from runtime.table import REJECT, Segments, Table, decision_map
 
 THIN = (
     0.02  # share of the parts answered wrongly, where widths are off, from which margins are thin
@@ -26,7 +28,7 @@ SEED_MARGINS = 0x4D415247
 class Margins(NamedTuple):
     """What widths a little off make of a table."""
 
-    counts: float  # how far they are off, to either side
+    off_mm: float  # how far they are off, to either side
     wrong_rate: float  # share of the parts answered wrongly then, on the worse side
     near: float  # share of the parts that read so near to another branch, at some node
 
@@ -37,10 +39,10 @@ class Margins(NamedTuple):
 
     def line(self) -> str:
         """For people."""
-        counts = f"{self.counts:g} counts"
+        off = f"{self.off_mm:.2g} mm"
         return (
-            f"thin margins: widths {counts} off make {self.wrong_rate:.1%} of the answers wrong, since "
-            f"{self.near:.0%} of the parts read within {counts} of another branch: "
+            f"thin margins: widths {off} off make {self.wrong_rate:.1%} of the answers wrong, since "
+            f"{self.near:.0%} of the parts read within {off} of another branch: "
             "encoder_mm of [doubt] plans for that"
         )
 
@@ -58,25 +60,31 @@ def margins_of(
     worlds = partial(ContactWorlds.of_job, seed=seed)
     lines = sweep(table, job, offset_cases(job), worlds, trials, seed, scheduler, report)
     wrong = max(float(line.evaluation.wrong.mean()) for line in lines)
-    return Margins(OFFSET_COUNTS, wrong, near_another(table, evaluation))
+    off_mm = OFFSET * encoder_of(job).grain_mm
+    return Margins(off_mm, wrong, near_another(table, evaluation))
 
 
 def near_another(table: Table, evaluation: Evaluation) -> float:
-    """Share of the parts of which some reading, if it were `OFFSET_COUNTS` off, would mean another branch."""
-    calibration, reach = Calibration.linear(table.gripper), int(OFFSET_COUNTS)
-    meant = np.array([by_count(decision_map(node, calibration)) for node in table.nodes])
-    around = np.pad(meant, ((0, 0), (reach, reach)), constant_values=REJECT)
-    around = sliding_window_view(around, 2 * reach + 1, axis=1)
-    other = ((around != meant[..., None]) & (around != REJECT)).any(axis=2)
-    return float(
-        ((evaluation.path >= 0) & other[evaluation.path, evaluation.counts]).any(axis=1).mean()
-    )
+    """Share of the parts of which some reading, if it were `OFFSET` grains off, would mean another branch."""
+    encoder = encoder_of_table(table)
+    lookup = Lookup.of([decision_map(node, table.gripper).either for node in table.nodes])
+    squeezed = evaluation.path >= 0
+    node, steps = evaluation.path[squeezed], evaluation.steps[squeezed]
+
+    def meant(off: int) -> IntArray:
+        read = np.clip(steps + off, 0, encoder.steps)
+        branch = lookup.branch[lookup.segment(node, encoder.width_um(read))]
+        return np.where(read == steps + off, branch, REJECT)
+
+    here, near = meant(0), np.zeros(squeezed.shape, np.bool_)
+    for off in range(1, int(OFFSET * encoder.grain_mm / encoder.mm_per_step) + 1):
+        for there in (meant(-off), meant(off)):
+            near[squeezed] |= (there != here) & (there != REJECT)
+    return float(near.any(axis=1).mean())
 
 
-CLOSE_COUNTS = 4.0  # nearer widths share readings: settled grippers of the kind differ by as much
-BORDER_COUNTS = (
-    2.0  # a reading this near to the border between two branches may have been the other one
-)
+CLOSE = 4.0  # grains; nearer widths share readings: settled grippers of the kind differ by as much
+BORDER = 2.0  # a reading so near, in grains, to the border of two branches may have been the other
 MOST_LINES = 5
 
 
@@ -86,27 +94,26 @@ class ClosePair(NamedTuple):
     node: int  # index of the node
     lower: int  # number of the branch of lesser width; the other one is the next
     widths_mm: tuple[float, float]  # the two expected widths
-    counts: float  # how far they are apart
+    grains: float  # how far they are apart, in what readings of one width differ by
     overlap: bool  # whether their intervals have widths in common
-    near: float  # share of all parts that read within `BORDER_COUNTS` of the border between the two
+    near: float  # share of all parts that read within `BORDER` of the border between the two
     lost: float  # share of all parts that do so and are not located in the end
     excess: float  # how much of that is more than parts elsewhere lose
 
 
 def close_pairs(table: Table, evaluation: Evaluation, job: Job) -> list[ClosePair]:
     """Neighbouring branches whose widths are close or whose intervals overlap, the costliest first."""
-    um_per_count = 1e3 * encoder_of(job).mm_per_count
-    calibration = Calibration.linear(table.gripper)
-    failed = ~evaluation.success
+    grain_um, encoder = 1e3 * encoder_of(job).grain_mm, encoder_of_table(table)
+    failed, width_um = ~evaluation.success, encoder.width_um(evaluation.steps)
     pairs = []
     for index, node in enumerate(table.nodes):
-        outcome = by_count(decision_map(node, calibration))
+        meant = decision_map(node, table.gripper).either
         for number, (below, above) in enumerate(pairwise(node.branches)):
-            counts = (above.expected_um - below.expected_um) / um_per_count
+            grains = (above.expected_um - below.expected_um) / grain_um
             overlap = below.high_um >= above.low_um
-            if counts >= CLOSE_COUNTS and not overlap:
+            if grains >= CLOSE and not overlap:
                 continue
-            reads = np.abs(evaluation.counts - _border(outcome, number)) <= BORDER_COUNTS
+            reads = np.abs(width_um - _border_um(meant, number)) <= BORDER * grain_um
             near = ((evaluation.path == index) & reads).any(
                 axis=1
             )  # no trial comes to a node twice
@@ -114,7 +121,7 @@ def close_pairs(table: Table, evaluation: Evaluation, job: Job) -> list[ClosePai
             share, lost = float(near.mean()), float((near & failed).mean())
             excess = float(lost - share * failed.mean())
             pairs.append(
-                ClosePair(index, number, widths_mm, round(counts, 2), overlap, share, lost, excess)
+                ClosePair(index, number, widths_mm, round(grains, 2), overlap, share, lost, excess)
             )
     return sorted(pairs, key=lambda pair: -pair.excess)
 
@@ -123,16 +130,16 @@ def lines_of(pairs: list[ClosePair]) -> list[str]:
     """For people: the pairs near whose border more parts are lost than elsewhere."""
     costly = [pair for pair in pairs if pair.excess > 0.0]
     lines = [
-        f"node {pair.node}: {pair.widths_mm[0]:.1f} and {pair.widths_mm[1]:.1f} mm are {pair.counts:.1f} "
-        f"counts apart; {pair.near:.2%} of the parts read near the border, {pair.lost:.2%} are lost there"
+        f"node {pair.node}: {pair.widths_mm[0]:.1f} and {pair.widths_mm[1]:.1f} mm are {pair.grains:.1f} "
+        f"readings apart; {pair.near:.2%} of the parts read near the border, {pair.lost:.2%} are lost there"
         for pair in costly[:MOST_LINES]
     ]
     rest = len(costly) - MOST_LINES
     return lines + [f"and {rest} more such pairs; see --json"] * (rest > 0)
 
 
-def _border(outcome: tuple[int, ...], lower: int) -> float:
-    """The count between the readings of branch `lower` + 1, the wider one, and those of `lower`."""
-    wide = max((count for count, number in enumerate(outcome) if number == lower + 1), default=0)
-    narrow = min((count for count, number in enumerate(outcome) if number == lower), default=wide)
-    return 0.5 * (wide + narrow)
+def _border_um(meant: Segments, lower: int) -> float:
+    """The width between those of branch `lower` and those of the next one, the wider."""
+    narrow = max((high for _, high, number in meant.intervals() if number == lower), default=0)
+    wide = (low for low, _, number in meant.intervals() if number == lower + 1)
+    return 0.5 * (min(wide, default=narrow) + narrow)

@@ -35,13 +35,14 @@ def likeness(job: Job, cut: bool = False) -> Reason | None:
     A hull that does is no proof that fingers cannot reach the rest; nothing is said of it after a search that
     was cut short.
     """
-    outline, count = job.part.outline_mm, encoder_of(job).mm_per_count
+    outline, grain_mm = job.part.outline_mm, encoder_of(job).grain_mm
     hull = canonical(convex_hull(outline)).outline_mm  # about its own centroid
     shapes = [(BELOW, outline, "it"), (REACH, hull, "its convex hull")]
     for kind, shape, what in shapes[: 1 if cut else 2]:
         turn = nearest_turn(shape, job.part.symmetry)
-        if BOTH_SIDES * turn.apart_mm < count:
-            differs = f"{what} differs by {turn.apart_mm:.2f} mm a side at most; a count is {count:.2f} mm"
+        if BOTH_SIDES * turn.apart_mm < grain_mm:
+            read = f"a reading is {grain_mm:.2f} mm"
+            differs = f"{what} differs by {turn.apart_mm:.2f} mm a side at most; {read}"
             return Reason(kind, f"turned by {turn.degrees:.0f} degrees {differs}")
     return None
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from planner.arrays import Array
 from planner.belief.doubts import ROUGH, SLIPPERY
+from planner.belief.observation import encoder_of
 from planner.evaluation.disturbance import NONE, Disturbance
 from planner.job.model import Job
 from planner.job.schema import MOST_FRICTION
@@ -15,7 +16,7 @@ from planner.part.outline import grown, min_width
 from planner.part.pressure import stances
 from runtime.shell.errors import InputError
 
-OFFSET_COUNTS = 2.0  # an encoder's zero may be off by so much
+OFFSET = 2.0  # an encoder's zero may be off by so many of its grains
 SLIGHTLY_UNEVEN = (
     0.02  # more or less of the closing than planned, by a finger: 1.3 mm where they close by 64
 )
@@ -91,9 +92,7 @@ def standard_cases(job: Job) -> list[Case]:
             for pair in ((0.4 * low, 0.6 * low), (0.6 * low, low), (high, 1.5 * high))
         ),
         *(Case(f"encoder {mm:+g} mm", disturbance=Disturbance(mm)) for mm in (-1.0, 1.0)),
-        Case(
-            "encoder noise x 3", {"gripper": {"encoder_noise_mm": 3.0 * gripper.encoder_noise_mm}}
-        ),
+        Case("encoder noise x 3", {"gripper": {"noise_mm": 3.0 * gripper.noise_mm}}),
         *(uneven(job, other, centred=False) for other in _beside(share, 0.02)),
         *(
             uneven(job, other, centred=True)
@@ -194,8 +193,7 @@ def _stands(case: Case, job: Job) -> bool:
 
 def offset_cases(job: Job) -> list[Case]:
     """The encoder's zero off to either side."""
-    gripper = job.gripper
-    offset = OFFSET_COUNTS * gripper.opening_mm / (gripper.count_closed - gripper.count_open)
+    offset = OFFSET * encoder_of(job).grain_mm
     return [Case(f"encoder {mm:+.2f} mm", disturbance=Disturbance(mm)) for mm in (-offset, offset)]
 
 
@@ -205,8 +203,8 @@ def noise_cases(job: Job) -> list[Case]:
     sources = [Case("pressure", {"pressure": {"wishart_dof": STEADY_DOF}})]
     if high > low:
         sources.append(Case("friction", _bounds(0.5 * (low + high), 0.5 * (low + high))))
-    if job.gripper.encoder_noise_mm > 0.0:
-        sources.append(Case("encoder noise", {"gripper": {"encoder_noise_mm": 0.0}}))
+    if job.gripper.noise_mm > 0.0:
+        sources.append(Case("encoder noise", {"gripper": {"noise_mm": 0.0}}))
     if job.release.shift_mm > 0.0 or job.release.turn_deg > 0.0:
         sources.append(Case("release", {"release": {"shift_mm": 0.0, "turn_deg": 0.0}}))
     return [
@@ -231,7 +229,7 @@ def assumption_cases(job: Job) -> list[Case]:
     """For a report: one assumption broken at a time, each named in a sentence; first none."""
     low, high = job.friction.finger_part_min, job.friction.finger_part_max
     less, more = 0.5 * low, min(1.5 * high, MOST_FRICTION)
-    noise, planned = 2.0 * job.gripper.encoder_noise_mm, job.gripper.upper_finger_share
+    noise, planned = 2.0 * job.gripper.noise_mm, job.gripper.upper_finger_share
     share = planned + (SLIGHTLY_UNEVEN if planned < 0.9 else -SLIGHTLY_UNEVEN)
     cases = [
         Case("as the job says"),
@@ -255,7 +253,7 @@ def assumption_cases(job: Job) -> list[Case]:
         ),
         Case(
             f"encoder noise {noise:g} mm, twice as much",
-            {"gripper": {"encoder_noise_mm": noise}},
+            {"gripper": {"noise_mm": noise}},
             broken=Condition("the encoder's noise", "below", noise, " mm"),
         ),
     ]

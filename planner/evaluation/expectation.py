@@ -23,20 +23,25 @@ from runtime.table import Table
 def expected(
     table: Table, job: Job, trials: int, seed: int, scheduler: Scheduler, report: Report = silent
 ) -> Iterator[dict[str, Any]]:
-    """The name of each world and, for each node, the counts read there by so many parts and how often."""
+    """The name of each world and, for each node, the bins of what so many parts read there and how often."""
     worlds = partial(ContactWorlds.of_job, seed=seed)
     for case, result in sweep(
         table, job, friction_cases(job), worlds, trials, seed, scheduler, report
     ):
-        rows = readings(result, len(table.nodes))
-        lines = [{str(count): int(row[count]) for count in np.flatnonzero(row)} for row in rows]
+        rows = readings(result, table)
+        lines = [{str(number): int(row[number]) for number in np.flatnonzero(row)} for row in rows]
         yield {"name": case.name, "readings": lines}
 
 
-def readings(evaluation: Evaluation, nodes: int, of: BoolArray | None = None) -> IntArray:
-    """How often each count was read at each node, (nodes, 256); of some of the trials (n,), or of all."""
+def readings(evaluation: Evaluation, table: Table, of: BoolArray | None = None) -> IntArray:
+    """How often each bin was read at each node, (nodes, bins); of some of the trials (n,), or of all."""
     squeezed = (evaluation.path >= 0) & (True if of is None else of[:, None])
-    totals = np.bincount(
-        256 * evaluation.path[squeezed] + evaluation.counts[squeezed], minlength=256 * nodes
-    )
-    return np.asarray(totals.reshape(nodes, 256), np.int64)
+    size = (len(table.nodes), table.gripper.bins)
+    places = size[1] * evaluation.path[squeezed] + bins_of(table, evaluation.steps[squeezed])
+    return np.bincount(places, minlength=size[0] * size[1]).reshape(size).astype(np.int64)
+
+
+def bins_of(table: Table, steps: IntArray) -> IntArray:
+    """The bins of a histogram that readings, as steps of closing, fall into."""
+    gripper = table.gripper
+    return np.asarray((gripper.steps - steps) // gripper.steps_a_bin)

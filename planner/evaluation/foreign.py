@@ -167,10 +167,10 @@ def _widths(evaluation: Evaluation, leaf: int, job: Job) -> tuple[float, ...]:
     here = evaluation.leaf == leaf
     if not here.any():
         return ()
-    counts = evaluation.counts[here][
+    steps = evaluation.steps[here][
         :, : int(evaluation.squeezes[here][0])
     ]  # a tree: one way leads to a leaf
-    medians = encoder_of(job).width_mm(np.median(counts, axis=0))
+    medians = encoder_of(job).width_mm(np.median(steps, axis=0))
     return tuple(round(float(width), 2) for width in medians)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from planner.arrays import Array, IntArray
 from planner.evaluation.judge import metric_of_table, states_of
 from planner.evaluation.outcome import NOWHERE, Evaluation
+from planner.evaluation.trials import encoder_of_table
 from runtime.table import PPM, Table, poses_of
 
 NO_LEAF = -1
@@ -100,7 +101,7 @@ class Mistake(NamedTuple):
     error_mm: float  # audit metric between the two
     leaf: int  # where it ended
     path: tuple[int, ...]  # the nodes passed
-    counts: tuple[int, ...]  # the encoder's readings there
+    widths_mm: tuple[float, ...]  # as the encoder read them there
 
     def figures(self) -> dict[str, Any]:
         """For JSON."""
@@ -111,7 +112,7 @@ class Mistake(NamedTuple):
             "error_mm": round(self.error_mm, 3),
             "leaf": self.leaf,
             "path": list(self.path),
-            "counts": list(self.counts),
+            "widths_mm": list(self.widths_mm),
         }
 
 
@@ -187,6 +188,7 @@ def worst(table: Table, evaluation: Evaluation, most: int) -> list[Mistake]:
 def _mistake(table: Table, evaluation: Evaluation, trial: int) -> Mistake:
     leaf = int(evaluation.leaf[trial])
     passed = evaluation.path[trial] != NOWHERE
+    width_um = encoder_of_table(table).width_um(evaluation.steps[trial][passed])
     return Mistake(
         initial=evaluation.initial[trial],
         final=evaluation.poses[trial],
@@ -194,7 +196,7 @@ def _mistake(table: Table, evaluation: Evaluation, trial: int) -> Mistake:
         error_mm=float(evaluation.error_mm[trial]),
         leaf=leaf,
         path=tuple(evaluation.path[trial][passed].tolist()),
-        counts=tuple(evaluation.counts[trial][passed].tolist()),
+        widths_mm=tuple((width_um / 1e3).tolist()),
     )
 
 

@@ -88,11 +88,10 @@ def without_untried(table: tables.Table, kept: list[list[int]]) -> tables.Table:
 
     The widths of what is left out are REJECT: the branches beside it get none.
     """
-    calibration = tables.Calibration.linear(table.gripper)
     order, nodes, leaves = [0], [], []
     for index in order:  # grows while it is walked
         branches = []
-        for branch in _branches(table.nodes[index], kept[index], calibration):
+        for branch in _branches(table.nodes[index], kept[index], table.gripper):
             if branch.target >= 0:
                 order.append(branch.target)
                 branches.append(branch._replace(target=len(order) - 1))
@@ -160,21 +159,18 @@ def _measured(table: tables.Table, evaluation: Evaluation) -> tuple[tables.Node,
 
 
 def _branches(
-    node: tables.Node, numbers: list[int], calibration: tables.Calibration
+    node: tables.Node, numbers: list[int], gripper: tables.GripperSpec
 ) -> list[tables.Branch]:
     """The branches that stay; where one goes, the others keep to the widths that they were read at."""
     if len(numbers) == len(node.branches):
         return list(node.branches)
-    decided = np.array(tables.decision_map(node, calibration))
+    meant = [each for part in tables.decision_map(node, gripper) for each in part.intervals()]
     total = sum(node.branches[number].probability_ppm + 1 for number in numbers)
     kept = []
     for number in numbers:
         branch = node.branches[number]
-        widths = [
-            calibration.widths_um[reading % tables.COUNTS]
-            for reading in np.flatnonzero(decided == number)
-        ]
-        low, high = min(widths), max(widths)
+        low = min(start for start, _, mine in meant if mine == number)
+        high = max(end for _, end, mine in meant if mine == number)
         expected = min(max(branch.expected_um, low), high)
         share = round(tables.PPM * (branch.probability_ppm + 1) / total)
         kept.append(tables.Branch(low, expected, high, share, branch.target))

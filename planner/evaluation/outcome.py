@@ -9,7 +9,7 @@ import numpy as np
 from planner.arrays import Array, BoolArray, IntArray
 from planner.evaluation.times import figures as seconds_figures
 from planner.mechanics.traits import Traits, with_hypothesis
-from runtime.table import COUNTS, wilson_interval
+from runtime.table import wilson_interval
 
 REJECTED = -1
 CRASHED = -3  # an open finger came down on the part, and the arm stopped
@@ -34,14 +34,15 @@ class Evaluation:
     initial: Array  # (n, 3) true poses before the first squeeze
     traits: Traits  # (n,) what each part and its cell are like
     path: IntArray  # (n, d) the nodes passed, in order, then `NOWHERE`
-    # (n, d) what the gripper told at each of them, then `NOWHERE`: a count, `COUNTS` more if it felt a part
+    # (n, d) what the gripper told at each of them, then `NOWHERE`: twice the encoder's reading, and 1 more if
+    # it felt a part
     reading: IntArray
     branch: IntArray  # (n, d) the branch taken at each of them; `REJECTED` for none, then `NOWHERE`
 
     @property
-    def counts(self) -> IntArray:
-        """(n, d) the encoder's count at each of the nodes passed, then `NOWHERE`."""
-        return np.asarray(np.where(self.reading < 0, NOWHERE, self.reading % COUNTS))
+    def steps(self) -> IntArray:
+        """(n, d) the encoder's reading at each of the nodes passed, then `NOWHERE`."""
+        return np.asarray(self.reading >> 1)  # of `NOWHERE`, -1, it is that again
 
     @property
     def states(self) -> Array:

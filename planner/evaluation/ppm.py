@@ -101,7 +101,7 @@ class Wrong(NamedTuple):
 
     leaf: IntArray  # (n,) where they ended
     poses: Array  # (n, 3) where they lay then [mm, mm, rad]
-    counts: IntArray  # (n,) what was read there
+    steps: IntArray  # (n,) what was read there
     traits: Traits  # (n,) which parts they are, and nothing else
 
 
@@ -163,13 +163,13 @@ class Study:
             squeezes += float(weight.sum())
             rejected += float(weight[after.target == DISMISSED].sum())
             ended = (after.target < 0) & (after.target != DISMISSED)
-            record = after.released[ended], after.counts[ended]
+            record = after.released[ended], after.steps[ended]
             ends.append((part[ended], ~after.target[ended], weight[ended], *record))
             on = after.target >= 0
             times = self.copies[after.target[on]] // self.copies[node[on]]
             part, node = np.repeat(part[on], times), np.repeat(after.target[on], times)
             poses = np.repeat(after.released[on], times, axis=0)
-        part, leaf, weight, poses, counts = (
+        part, leaf, weight, poses, steps = (
             np.concatenate(column) for column in zip(*ends, strict=True)
         )
         resolved, latent = (
@@ -187,9 +187,7 @@ class Study:
             crashed=crashed,
             squeezes=squeezes,
         )
-        return sums, Wrong(
-            leaf[wrong], poses[wrong], counts[wrong], hypothesis_alone(latent[wrong])
-        )
+        return sums, Wrong(leaf[wrong], poses[wrong], steps[wrong], hypothesis_alone(latent[wrong]))
 
 
 def _sum(group: IntArray, weight: Array, groups: int) -> Array:

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.arrays import Array, IntArray
-from planner.belief.observation import COUNTS
-from runtime.table import Calibration, Schedule, Squeezed, Table, job_of, takt_figures
+from runtime.table import GripperSpec, Schedule, Squeezed, Table, job_of, takt_figures
 
 
 def figures(seconds: Array, takt_s: float | None = None) -> dict[str, float]:
@@ -27,15 +26,13 @@ def seconds_of(table: Table, path: IntArray, reading: IntArray, branch: IntArray
         reading: (n, d) what was read at each of them, as `Evaluation.reading`.
         branch: (n, d) the branch taken at each of them, negative for none.
     """
-    return _Paths(Schedule.of(table, job_of(table)), Calibration.linear(table.gripper)).seconds(
-        path, reading, branch
-    )
+    return _Paths(Schedule.of(table, job_of(table)), table.gripper).seconds(path, reading, branch)
 
 
 @dataclass(frozen=True, slots=True)
 class _Paths:
     schedule: Schedule
-    calibration: Calibration
+    gripper: GripperSpec
 
     def seconds(self, path: IntArray, reading: IntArray, branch: IntArray) -> Array:
         """Seconds (n,), squeeze by squeeze; each combination of two squeezes is timed once."""
@@ -44,7 +41,7 @@ class _Paths:
         squeezes = (path >= 0).sum(axis=1)
         rows = np.arange(trials)
         last = rows, np.maximum(squeezes - 1, 0)
-        states = np.stack([path, np.where(path >= 0, reading % COUNTS, -1), branch], axis=2)
+        states = np.stack([path, np.where(path >= 0, reading >> 1, -1), branch], axis=2)
         before = np.roll(states[last], 1, axis=0)  # the part before, at its last squeeze
         for k in range(depth):
             here = np.flatnonzero(squeezes > k)
@@ -72,5 +69,6 @@ class _Paths:
         return phases.total_s
 
     def _squeezed(self, state: list[int]) -> Squeezed | None:
-        node, count, branch = state
-        return None if node < 0 else Squeezed(node, self.calibration.width_um(count) / 1e3, branch)
+        node, steps, branch = state
+        width_mm = self.gripper.profile.reading_um(self.gripper.steps - steps) / 1e3
+        return None if node < 0 else Squeezed(node, width_mm, branch)

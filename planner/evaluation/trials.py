@@ -9,11 +9,12 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from planner.arrays import Array, BoolArray, IntArray
-from planner.belief.observation import COUNTS, Encoder, encoder_of
+from planner.belief.observation import Encoder, encoder_of
 from planner.belief.particles import initial
 from planner.belief.transition import read_as
 from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.judge import rejudged
+from planner.evaluation.lookup import Lookup
 from planner.evaluation.outcome import CRASHED, NOWHERE, REJECTED, Evaluation
 from planner.frames import to_hand, to_world
 from planner.job.model import Job
@@ -22,10 +23,10 @@ from planner.mechanics.squeeze import GRASPED, JAMMED, STATUS_NAMES
 from planner.mechanics.traits import Traits, as_planned, by_hypothesis, ordinary
 from planner.world import Assorted, ContactWorld, World, of_hypothesis
 from runtime.shell.errors import UsageError
-from runtime.table import HELD_UM, Calibration, Squeeze, Table, decision_map
+from runtime.table import HELD_UM, REJECT, Squeeze, Table, decision_map
 
 RUNNING = -2
-DISMISSED = int(np.iinfo(np.int64).min)  # target of a count that fits no branch
+DISMISSED = int(np.iinfo(np.int64).min)  # target of a width that fits no branch
 HOLDING = (STATUS_NAMES[GRASPED], STATUS_NAMES[JAMMED])
 
 
@@ -41,40 +42,54 @@ class Program:
     table: Table  # where they come from
     placement: Array  # (N, 3) the hand frame in the world [mm, mm, rad]
     opening_mm: Array  # (N,) before the squeeze
-    branch: IntArray  # (N, 512) what every reading means, a branch or `REJECT`: `runtime.table.decision_map`
-    target: IntArray  # (N, 512) where it leads: a node, ~leaf, or `DISMISSED`
+    # What widths mean, a branch or `REJECT` (`runtime.table.decision_map`); two rows a node: with no object
+    # felt, and with one.
+    lookup: Lookup
+    target: IntArray  # (s,) where each of its segments leads: a node, ~leaf, or `DISMISSED`
+    carries: BoolArray  # (s,) whether the hand carries the part there
     drag: Array  # (N, 2) how far the hand carries a held part before the jaws open [mm]
-    carries: BoolArray  # (N, 512) readings at which it does so
     pushes: BoolArray  # (N,) whether parts are pushed before the squeeze
+    encoder: Encoder  # of the table's gripper
 
     @classmethod
     def of(cls, table: Table) -> Self:
-        """Lays out a table; the encoder's calibration is the one it was compiled with."""
-        calibration = Calibration.linear(table.gripper)
-        size = len(table.nodes)
-        branch = np.array([decision_map(node, calibration) for node in table.nodes], np.int64)
-        target = np.full(branch.shape, DISMISSED, np.int64)
-        drag, carries = np.zeros((size, 2)), np.zeros(branch.shape, np.bool_)
+        """Lays out a table, whose gripper reads nominal widths."""
+        maps = [decision_map(node, table.gripper) for node in table.nodes]
+        target, carries = list[int](), list[bool]()
+        drag = np.zeros((len(table.nodes), 2))
         for index, node in enumerate(table.nodes):
             if node.release is not None:
                 drag[index] = np.array(node.release) / 1e3 - placement_of(node.squeeze)[:2]
-            for number, meant in enumerate(node.branches):
-                target[index, branch[index] == number] = meant.target
-                carries[index, branch[index] == number] = meant.expected_um >= HELD_UM
+            for number in (number for segments in maps[index] for number in segments.branches):
+                meant = None if number == REJECT else node.branches[number]
+                target.append(DISMISSED if meant is None else meant.target)
+                carries.append(meant is not None and meant.expected_um >= HELD_UM)
         return cls(
             table=table,
             placement=np.array([placement_of(node.squeeze) for node in table.nodes]),
             opening_mm=np.array([node.squeeze.opening_um / 1e3 for node in table.nodes]),
-            branch=branch,
-            target=target,
+            lookup=Lookup.of([segments for each in maps for segments in each]),
+            target=np.array(target, np.int64),
+            carries=np.array(carries),
             drag=drag,
-            carries=carries,
             pushes=np.array([bool(node.pushes) for node in table.nodes]),
+            encoder=encoder_of_table(table),
         )
 
-    def carried(self, node: IntArray, reading: IntArray) -> Array:
-        """How far (n, 2) the hand goes with its jaws closed after readings at nodes (n,) [mm]."""
-        return np.where(self.carries[node, reading][:, None], self.drag[node], 0.0)
+    def segment(self, node: IntArray, reading: IntArray) -> IntArray:
+        """The segments (n,) of `lookup` that readings (n,), as of a `Step`, fall into at nodes (n,)."""
+        width_um = self.encoder.width_um(reading >> 1)
+        return self.lookup.segment(2 * node + (reading & 1), width_um)
+
+    def carried(self, node: IntArray, segment: IntArray) -> Array:
+        """How far (n, 2) the hand goes with its jaws closed after segments (n,) at nodes (n,) [mm]."""
+        return np.where(self.carries[segment][:, None], self.drag[node], 0.0)
+
+
+def encoder_of_table(table: Table) -> Encoder:
+    """The encoder of a table's gripper."""
+    gripper = table.gripper
+    return Encoder(gripper.opening_um / 1e3, gripper.steps, gripper.noise_um / 1e3)
 
 
 class Step(NamedTuple):
@@ -85,14 +100,14 @@ class Step(NamedTuple):
     released: Array  # (n, 3) and where the jaws let go, after the drag of what is held
     drag: Array  # (n, 2) how far the hand went with its jaws closed [mm]
     width_mm: Array  # (n,) true openings
-    reading: IntArray  # (n,) what the gripper tells: a count, and `COUNTS` more if it feels a part
+    reading: IntArray  # (n,) twice what the encoder reads, and 1 more if the gripper feels a part
     branch: IntArray  # (n,) which branch that means, or `REJECT`
     target: IntArray  # (n,) where it leads: a node, ~leaf, or `DISMISSED`
 
     @property
-    def counts(self) -> IntArray:
-        """(n,) the encoder's counts alone."""
-        return self.reading % COUNTS
+    def steps(self) -> IntArray:
+        """(n,) the encoder's readings alone."""
+        return self.reading >> 1
 
     def through(self, branch: int) -> Array:
         """Poses (m, 3) of the released parts that leave through one branch, or through `REJECT`."""
@@ -124,12 +139,13 @@ def step(
     drawn = as_planned(len(node)) if traits is None else traits
     final, width_mm, held = _squeeze_all(world, to_hand(poses, placement.T), drawn)
     reading = encoder.read(read_as(width_mm, drawn), rng)
-    reading = reading + COUNTS * (width_mm > 0.0)  # jaws that something keeps apart feel it
-    drag = program.carried(node, reading)
+    reading = 2 * reading + (width_mm > 0.0)  # jaws that something keeps apart feel it
+    segment = program.segment(node, reading)
+    drag = program.carried(node, segment)
     after = to_world(final, placement.T)
     released = after.copy()
     released[:, :2] += np.where(held[:, None], drag, 0.0)
-    branch, target = program.branch[node, reading], program.target[node, reading]
+    branch, target = program.lookup.branch[segment], program.target[segment]
     return Step(poses, after, released, drag, width_mm, reading, branch, target)
 
 
@@ -215,11 +231,12 @@ def _note(
 ) -> None:
     """Notes what was read at the nodes of some trials, and sends these on."""
     at = node[members]
-    row, target = (members, evaluation.squeezes[members]), program.target[at, reading]
+    segment = program.segment(at, reading)
+    row, target = (members, evaluation.squeezes[members]), program.target[segment]
     evaluation.path[row], evaluation.reading[row], evaluation.branch[row] = (
         at,
         reading,
-        program.branch[at, reading],
+        program.lookup.branch[segment],
     )
     evaluation.squeezes[members] += 1
     leaf = np.where(target == DISMISSED, REJECTED, ~target)

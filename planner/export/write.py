@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import asdict
 from functools import cache
-from itertools import groupby
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -19,16 +19,15 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from runtime.shell.files import OutputError, folder
 from runtime.shell.files import write as write_text
 from runtime.table import (
-    COUNTS,
     HELD_UM,
     REJECT,
-    Calibration,
+    DecisionMap,
     Leaf,
     LeafPose,
     Node,
+    Segments,
     Table,
     TableFile,
-    decide,
     decision_map,
 )
 
@@ -39,34 +38,30 @@ FELT, NOT_FELT = (
 NODE, LEAF, UNRESOLVED, REJECTED, FAULT = range(
     5
 )  # what follows a reading, as the vectors and programs say
-VECTOR = ("node", "count", "object_flag", "outcome", "index", "release_x_um", "release_y_um")
+VECTOR = ("node", "width_um", "object_flag", "outcome", "index", "release_x_um", "release_y_um")
 
 
 class Run(NamedTuple):
-    """Neighbouring counts that a node reads as one branch; counts in no run are REJECT."""
+    """An interval of widths that a node reads as one branch; widths in no run are REJECT."""
 
     object_flag: int  # FELT or NOT_FELT
-    first: int  # count
-    last: int  # count, itself included
+    first_um: int  # least width
+    last_um: int  # greatest width, itself included
     branch: int  # index into the node's branches
 
 
-def maps_of(table: Table) -> list[tuple[int, ...]]:
-    """The decision map of each node, by the straight line from counts to widths."""
-    calibration = Calibration.linear(table.gripper)
-    return [decision_map(node, calibration) for node in table.nodes]
+def maps_of(table: Table) -> list[DecisionMap]:
+    """The decision map of each node."""
+    return [decision_map(node, table.gripper) for node in table.nodes]
 
 
-def runs_of(decided: tuple[int, ...]) -> list[Run]:
-    """A decision map as runs, those with an object felt first, in the order of their counts."""
-    results = []
-    for flag in (FELT, NOT_FELT):
-        branches = [decide(decided, count, flag == FELT) for count in range(COUNTS)]
-        for branch, group in groupby(range(COUNTS), branches.__getitem__):
-            counts = list(group)
-            if branch != REJECT:
-                results.append(Run(flag, counts[0], counts[-1], branch))
-    return results
+def runs_of(decided: DecisionMap) -> list[Run]:
+    """A decision map as runs, those with an object felt first, in the order of their widths."""
+    return [
+        Run(flag, *interval)
+        for flag, segments in ((FELT, decided.felt), (NOT_FELT, decided.unfelt))
+        for interval in segments.intervals()
+    ]
 
 
 def holds(node: Node, branch: int) -> bool:
@@ -75,13 +70,24 @@ def holds(node: Node, branch: int) -> bool:
 
 
 def vectors(table: Table) -> Iterator[tuple[int, ...]]:
-    """What follows every believable reading, each node, object flag and count, as rows of `VECTOR`."""
+    """What follows at each node and object flag, as rows of `VECTOR`.
+
+    Widths on both sides of each change, and between them.
+    """
     for index, (node, decided) in enumerate(zip(table.nodes, maps_of(table), strict=True)):
-        for flag in (FELT, NOT_FELT):
-            for count in range(COUNTS):
-                branch = decide(decided, count, flag == FELT)
+        for flag, segments in ((FELT, decided.felt), (NOT_FELT, decided.unfelt)):
+            for width_um in _told(segments, table.gripper.opening_um):
+                branch = segments.at(width_um)
                 place = node.let_go if holds(node, branch) else node.squeeze.place
-                yield index, count, flag, *_next(table, node, branch), *place
+                yield index, width_um, flag, *_next(table, node, branch), *place
+
+
+def _told(segments: Segments, opening_um: int) -> list[int]:
+    """Widths at which a step function is compared: both ends of each segment, and its middle."""
+    widths = {-1, opening_um}
+    for low, high in pairwise((*segments.starts_um, max(opening_um, segments.starts_um[-1]) + 1)):
+        widths |= {low, (low + high - 1) // 2, high - 1}
+    return sorted(widths)
 
 
 def _next(table: Table, node: Node, branch: int) -> tuple[int, int]:
@@ -103,7 +109,7 @@ VECTORS = "vectors.csv"
 PREFIX = "squeezetree"
 PREFIXES = re.compile(r"(?=.{1,24}$)[a-z][a-z0-9]*(_[a-z0-9]+)*")
 """Prefixes that stay within the 63 characters of C99 and the single underscores of IEC 61131-3."""
-JSON_VERSION = 1  # as in the schema
+JSON_VERSION = 2  # as in the schema
 WIDTH = 100  # of a line of numbers
 OF_SEVERAL = ("identify", "hypothesis")  # fields of goal and leaf
 Row = tuple[int, ...]
@@ -209,7 +215,7 @@ def _values(file: TableFile) -> dict[str, Any]:
         nodes.append((*node.squeeze.commands, *node.let_go, len(runs), len(intervals)))
         for flag, first, last, branch in intervals:
             held, target = int(holds(node, branch)), node.branches[branch].target
-            runs.append((flag, first, last, held, target))
+            runs.append((first, last, target, flag, held))
     for leaf in table.leaves:
         success = leaf.success_ppm if leaf.trials else UNKNOWN
         others = len(alternatives), len(leaf.alternatives)
@@ -218,6 +224,7 @@ def _values(file: TableFile) -> dict[str, Any]:
     return {
         "tool": _plain(table.tool),
         "gripper": table.gripper,
+        "counts": table.gripper.profile.counts,
         "model": _plain(table.gripper.model),
         "digest": file.digest,
         "limits": table.limits,

@@ -3,7 +3,7 @@
 import json
 
 from planner.job.model import Job
-from runtime.table import Area, Limits, Timing, profile_of
+from runtime.table import Area, Limits, Timing
 
 
 def limits_of(job: Job, depth: int) -> Limits:
@@ -32,5 +32,4 @@ def timing_of(job: Job) -> Timing:
     Raises:
         TableError: the gripper is not known, or the cell's figures can be no cell's.
     """
-    profile = profile_of(job.gripper.model)
-    return Timing.of(limits_of(job, 1), profile, json.loads(job.canonical()))
+    return Timing.of(limits_of(job, 1), job.gripper.profile, json.loads(job.canonical()))

@@ -11,13 +11,14 @@ from planner.errors import FitError
 from planner.job.surface_file import check_ellipsoid
 from planner.part import outline, symmetry, tips
 from runtime.shell.errors import InputError
+from runtime.table import TableError, doubt_um, profile_of
 
 Values = dict[str, Any]
 
 LEAST_DOF = 3  # Of an ellipsoid's scatter, which is 3 x 3
 LEAST_QUARTIC_DOF = 9  # As many degrees of freedom as the certificate of a quartic has rows
 ON_PART_MM = 1e-3  # How far outside the outline a support point may lie, for rounded drawings
-LEAST_COUNTS = 8  # Between open and closed jaws
+LEAST_STEPS = 8  # Of a reading between open and closed jaws
 
 
 def place_outline(points: Array, drawn: bool) -> outline.Canonical:
@@ -63,6 +64,29 @@ def place_supports(pressure: dict[str, Any], part_outline: outline.Outline, shif
     points.setflags(write=False)
     weights.setflags(write=False)
     pressure.update(points_mm=points, weights=weights)
+
+
+def complete_gripper(gripper: dict[str, Any]) -> None:
+    """Fills in what a job does not say of its gripper and the model's profile does (in place).
+
+    Raises:
+        InputError: the model is not known.
+    """
+    try:
+        profile = profile_of(gripper["model"])
+    except TableError as error:
+        raise _conflict("gripper", "model", f"is not known: {error}") from None
+    if gripper["opening_mm"] is None:
+        gripper["opening_mm"] = profile.stroke_um / 1e3
+    if gripper["resolution_mm"] is None:
+        gripper["resolution_mm"] = gripper["opening_mm"] / profile.steps
+    if gripper["noise_mm"] is None:
+        gripper["noise_mm"] = profile.noise_um / 1e3
+
+
+def doubted_mm(gripper: dict[str, Any]) -> float:
+    """How far all widths of a gripper may be off, where a job's doubts do not say it: two digits."""
+    return float(f"{doubt_um(gripper['resolution_mm'], gripper['noise_mm']):.2g}")
 
 
 def check_conflicts(values: Values) -> None:
@@ -154,13 +178,10 @@ def _check_dof(
 
 
 def _check_gripper(gripper: dict[str, Any], cell: dict[str, Any]) -> None:
-    low, high = gripper["count_open"], gripper["count_closed"]
-    if low >= high:
-        problem = f"is {low}, not below count_closed = {high}; counts grow as the jaws close"
-        raise _conflict("gripper", "count_open", problem)
-    if high - low < LEAST_COUNTS:
-        problem = f"is {low}, less than {LEAST_COUNTS} below count_closed = {high}: no width would be told"
-        raise _conflict("gripper", "count_open", problem)
+    step_mm, opening_mm = gripper["resolution_mm"], gripper["opening_mm"]
+    if opening_mm < LEAST_STEPS * step_mm:
+        problem = f"is {step_mm:g}, more than 1/{LEAST_STEPS} of opening_mm = {opening_mm:g}"
+        raise _conflict("gripper", "resolution_mm", f"{problem}: no width would be told")
     for key, limit in (("speed_mm_s", "max_speed_mm_s"), ("force_n", "max_force_n")):
         if gripper[key] > cell[limit]:
             problem = f"is {gripper[key]:g}, above {limit} = {cell[limit]:g} of [cell]; lower it"

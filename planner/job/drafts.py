@@ -16,13 +16,13 @@ from planner.part.importers.file import Face, Imported
 from planner.part.outline import reach
 from planner.part.tips import tips_height_mm
 from runtime.shell.plain_text import cleaned
-from runtime.table import PROFILES, Profile
+from runtime.table import PROFILES, GripperProfile
 
 
 class GripperPreset(NamedTuple):
     """A gripper as it comes; what its settings mean is in its profile."""
 
-    profile: Profile
+    profile: GripperProfile
     finger_length_mm: float  # extent of a fingertip across the closing direction
     finger_width_mm: float  # along it
     speed_mm_s: float  # closing speed to begin with, moderate
@@ -31,7 +31,6 @@ class GripperPreset(NamedTuple):
     middle_off_mm: float = (
         1.4  # the fingers may meet so far off the hand's middle: 2 % of the way to a part
     )
-    encoder_off_mm: float = 1.1  # a width may read so much too much or too little: 3 counts
 
     @property
     def model(self) -> str:
@@ -41,15 +40,15 @@ class GripperPreset(NamedTuple):
     @property
     def opening_mm(self) -> float:
         """Stroke."""
-        return self.profile.opening_um / 1000
+        return self.profile.stroke_um / 1000
 
 
 GRIPPERS = {
     preset.model: preset
     for preset in (
         GripperPreset(PROFILES["robotiq-2f-85"], 27.5, 9.5, 60.0, 40.0),
-        GripperPreset(PROFILES["robotiq-2f-140"], 27.0, 13.5, 80.0, 40.0, 0.11, 2.4, 1.85),
-        GripperPreset(PROFILES["hand-e"], 22.0, 10.0, 50.0, 40.0, 0.11, 0.8, 0.6),
+        GripperPreset(PROFILES["robotiq-2f-140"], 27.0, 13.5, 80.0, 40.0, 0.11, 2.4),
+        GripperPreset(PROFILES["hand-e"], 22.0, 10.0, 50.0, 40.0, 0.11, 0.8),
     )
 }
 

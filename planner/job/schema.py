@@ -1,7 +1,7 @@
 """The sections of a job: what each key means, and its type, range and default, in one place."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, TypeAlias, get_type_hints
 
 from planner.arrays import Array
@@ -9,11 +9,13 @@ from planner.job.fields import Field, Flag, Integer, Number, Numbers, Poses, Tex
 from planner.part.outline import Outline
 from planner.part.pressure import Pressure
 from planner.part.symmetry import MOST_ORDER
+from runtime.table import GripperProfile, profile_of
 
 PLACE = Number(-10_000, 10_000)  # a coordinate, mm
 MOST_FRICTION = 2.0
 # Tables have integers of um, urad, um/s and mN, of which a goal, a speed or a force has ten at least.
 LEAST_MM, LEAST_DEG, LEAST_RATE = 0.01, 0.001, 0.1
+LEAST_STEP_MM = 0.001  # of a reading, which a table tells in um
 MM = 1_000.0  # no part, gripper or height of such a cell exceeds a metre
 
 
@@ -58,19 +60,30 @@ class Gripper:
     model: Annotated[str, Text(default="robotiq-2f-85")]
     finger_length_mm: Annotated[float, Number(0, MM, above=True)]  # along x of the hand frame
     finger_width_mm: Annotated[float, Number(0, MM, above=True)]  # along y, the closing direction
-    opening_mm: Annotated[
-        float, Number(0, MM, above=True)
-    ]  # between the inner faces, jaws fully open
-    count_open: Annotated[int, Integer(0, 255, default=3)]  # encoder reading, jaws fully open
-    count_closed: Annotated[int, Integer(0, 255, default=230)]  # encoder reading, jaws fully closed
-    encoder_noise_mm: Annotated[
-        float, Number(0, 10, default=0.15)
-    ]  # std of a width before rounding
+    # Between the inner faces, jaws fully open; None here and below: that of the model.
+    opening_mm: Annotated[float, Number(0, MM, above=True, default=None)]
+    resolution_mm: Annotated[float, Number(LEAST_STEP_MM, MM, default=None)]  # step of a reading
+    noise_mm: Annotated[float, Number(0, 10, default=None)]  # std of a reading before its rounding
     # Rate at which the opening closes; each finger moves at half of it.
     speed_mm_s: Annotated[float, Number(LEAST_RATE, MM, default=60.0)]
     force_n: Annotated[float, Number(LEAST_RATE, 10_000, default=40.0)]  # grip force
     # Share of the closing motion that the finger at +y makes; 0.5 = both alike, 1 = the other one sticks.
     upper_finger_share: Annotated[float, Number(0, 1, default=0.5)]
+
+    @property
+    def profile(self) -> GripperProfile:
+        """What the gripper can do and tell: its model's profile with the values of the job."""
+        preset, stroke_um = profile_of(self.model), round(1e3 * self.opening_mm)
+        steps = round(self.opening_mm / self.resolution_mm)
+        counts = preset.counts and (preset.counts if steps == preset.steps else None)
+        return replace(
+            preset,
+            model=self.model,
+            stroke_um=stroke_um,
+            resolution_um=stroke_um / steps,
+            noise_um=round(1e3 * self.noise_mm),
+            counts=counts,
+        )
 
 
 Interval: TypeAlias = tuple[float, float]
@@ -93,7 +106,9 @@ class Doubt:
     finger_share: Annotated[Interval, _interval(-1, 1)]
     # Of where the fingers meet on the part's narrowest side, across the hand and beyond its middle.
     middle_mm: Annotated[Interval, _interval(-20, 20)]
-    encoder_mm: Annotated[Interval, _interval(-20, 20)]  # of what every width reads too much
+    # Of what every width reads too much; left out of a section that is stated: three steps of a reading, or
+    # standard deviations of one where those are more.
+    encoder_mm: Annotated[Interval, _interval(-20, 20)]
     # Of what it reads too much for each mm.
     encoder_gain: Annotated[Interval, _interval(-0.2, 0.2)]
     # "any": parts may press with their rim, their area or on three feet, whatever [pressure] says.

@@ -15,7 +15,7 @@ import numpy as np
 
 from planner.arrays import Array, IntArray
 from planner.belief.metric import Mode
-from planner.belief.observation import COUNTS, Encoder, Partition
+from planner.belief.observation import Encoder, Partition
 from planner.belief.particles import Belief
 from planner.frames import to_hand, to_world, wrap
 from planner.learned.kcde import Kcde
@@ -95,7 +95,7 @@ class PaperPlanner:
 
     placements: Array  # (k, 3) the actions: the hand frame in the world
     models: Models  # what moves and observes beliefs
-    encoder: Encoder  # turns expected widths into counts
+    encoder: Encoder  # turns expected widths into readings
     clearance: Callable[
         [Array, Array], float
     ]  # open fingers at (3,) from poses (n, 3) [mm], < 0: collide
@@ -184,27 +184,23 @@ def nearest_observation(
 ) -> tuple[Partition, IntArray]:
     """The paper's rule at run time: the child with the closest expected observation, whatever the width.
 
-    Particles (n,) have an expected width [mm] and a subspace; subspaces whose mean widths fall on one count
+    Particles (n,) have an expected width [mm] and a subspace; subspaces whose mean widths fall on one reading
     become one child: no reading could lead to the other. Returns the children's cells, which share out all
-    counts, and each particle's child (n,).
+    readings, and each particle's child (n,).
     """
-    counts = np.clip(
-        encoder.count_closed - width_mm / encoder.mm_per_count,
-        encoder.count_open,
-        encoder.count_closed,
-    )
+    counts = np.clip(encoder.steps - width_mm / encoder.mm_per_step, 0, encoder.steps)
     member = np.unique(subspace, return_inverse=True)[1]
     size = np.bincount(member)
     expected = np.rint(np.bincount(member, counts) / size).astype(np.int64)
     result, child = np.unique(
         -expected[member], return_inverse=True
-    )  # rising widths are falling counts
+    )  # rising widths are falling readings
     size = np.bincount(child)
     mean = np.bincount(child, counts) / size
-    label = np.argmin(np.abs(np.arange(COUNTS)[:, None] - mean[None]), axis=1)
+    label = np.argmin(np.abs(np.arange(encoder.steps + 1)[:, None] - mean[None]), axis=1)
     cells = [np.flatnonzero(label == k) for k in range(len(result))]
     low, high = np.array([cell[0] for cell in cells]), np.array([cell[-1] for cell in cells])
-    return Partition(label, mean, low, high, size), child
+    return Partition(mean, low, high, size), child
 
 
 def search_depth(actions: int) -> int:

@@ -72,7 +72,7 @@ class Subspaces:
 def subspaces_of(width_mm: Array, encoder: Encoder) -> Subspaces:
     """Clusters the widths (n,) of all roll-outs of a part [mm]; 0 where the fingers closed on nothing."""
     resolution = resolution_of(encoder)
-    apart_mm = resolution.apart * encoder.mm_per_count
+    apart_mm = resolution.apart * encoder.mm_per_step
     free_mm = max(float(encoder.width_mm(np.asarray(resolution.free - 0.5))), BIN_MM)
     empty = width_mm < free_mm
     held = width_mm[~empty]

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from planner.arrays import Array, IntArray
-from runtime.table import COUNTS
+from planner.refit.outcomes import LINE
 
 RARE = 30.0  # simulated outcomes below which a score is drawn to 0
 CURVED = 3  # cells for each coefficient from which squares and products are regressed on, too
@@ -41,7 +41,7 @@ class Likelihood:
             features: (m, k) of the simulated cells.
             shown: (m, 2, n, d) two sets of n parts in each, with the numbers of each part's outcomes.
             seen: (size,) how often n parts showed each outcome.
-            counts: so many outcomes stand for themselves; the others are steps along lines, 256 on each.
+            counts: so many outcomes stand for themselves; the others are steps along lines, `LINE` on each.
         """
         centre, scale = features.mean(axis=0), features.std(axis=0) + 1e-12
         m, k = features.shape
@@ -76,9 +76,9 @@ def _scores(features: Array, shown: IntArray, size: int, counts: int) -> Array:
     often = csr_array((np.ones(shown.size), shown.ravel(), ends), shape=(len(shown), size + 1))
     grown, total = often.T @ features, often.sum(axis=0)
     scores = grown / (total + RARE)[:, None]
-    weights = total[counts:size].reshape(-1, COUNTS)
-    middle = weights @ np.arange(COUNTS) / np.maximum(1.0, weights.sum(axis=1))
-    off = np.arange(COUNTS) - middle[:, None]
+    weights = total[counts:size].reshape(-1, LINE)
+    middle = weights @ np.arange(LINE) / np.maximum(1.0, weights.sum(axis=1))
+    off = np.arange(LINE) - middle[:, None]
     lines = np.einsum("ij,ijk->ik", off, grown[counts:size].reshape(*off.shape, features.shape[1]))
     lines /= RARE + (weights * off**2).sum(axis=1)[:, None]
     scores[counts:size] = (off[..., None] * lines[:, None]).reshape(-1, features.shape[1])

@@ -1,4 +1,4 @@
-"""What the parts of a cell show, as numbered outcomes: a count at a node, or a measured pose at a leaf."""
+"""What the parts of a cell show, as numbered outcomes: a reading at a node, or a measured pose at a leaf."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -6,19 +6,21 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.arrays import Array, BoolArray, IntArray
+from planner.evaluation.expectation import bins_of
 from planner.evaluation.judge import metric_of_table
 from planner.evaluation.outcome import Evaluation
 from planner.frames import wrap
-from runtime.table import COUNTS, Table, predicted_pose
+from runtime.table import Table, predicted_pose
 
 EMPTY_UM = 2000  # widths up to that may be an empty hand's
-STEP_MM = 0.1  # in which residuals of measured poses are told apart; as many steps as counts
+LINE = 250  # steps in which residuals of measured poses are told apart
+STEP_MM = 0.1  # one of them
 
 
 class Seen(NamedTuple):
     """What a cell's journals hold."""
 
-    readings: IntArray  # (nodes, 256) how often each count was read at each node
+    readings: IntArray  # (nodes, bins) how often each bin was read at each node
     parts: int  # how many parts were squeezed
     leaves: IntArray  # (m,) the leaves of audited parts
     residuals: Array  # (m, 3) measured less predicted poses there [mm, mm, rad]
@@ -28,9 +30,9 @@ class Seen(NamedTuple):
 class Outcomes:
     """Numbers of all outcomes of a table's parts, from 0 to `size` - 1; `size` stands for none.
 
-    A count at a node is one outcome, and so is each of the three numbers of a residual at a leaf, in steps.
-    Where a part lies is compared at leaves alone that were audited. 256 outcomes each are a row, those of
-    the nodes first.
+    A bin of readings at a node is one outcome, and so is each of the three numbers of a residual at a leaf,
+    in steps. Where a part lies is compared at leaves alone that were audited. The bins of a node are a row,
+    and so are the `LINE` steps of a residual; the rows of the nodes come first.
     """
 
     table: Table
@@ -39,12 +41,17 @@ class Outcomes:
     @property
     def size(self) -> int:
         """How many there are."""
-        return COUNTS * (len(self.table.nodes) + 3 * int(self.audited.sum()))
+        return self._read + LINE * 3 * int(self.audited.sum())
+
+    @property
+    def _read(self) -> int:
+        return self.table.gripper.bins * len(self.table.nodes)
 
     def of_parts(self, evaluation: Evaluation) -> IntArray:
         """Those of simulated parts, (n, d + 3): of their squeezes, then of their poses."""
-        count = np.minimum(evaluation.counts, self._empty)
-        read = np.where(evaluation.path < 0, self.size, COUNTS * evaluation.path + count)
+        bins = np.maximum(bins_of(self.table, evaluation.steps), self._empty)
+        place = self.table.gripper.bins * evaluation.path + bins
+        read = np.where(evaluation.path < 0, self.size, place)
         known = np.zeros(len(evaluation.leaf), np.bool_)
         known[evaluation.leaf >= 0] = self.audited[evaluation.leaf[evaluation.leaf >= 0]]
         lies = np.full((len(read), 3), self.size)
@@ -56,9 +63,9 @@ class Outcomes:
 
     def of_seen(self, seen: Seen) -> Array:
         """How often each (size,) is in journals."""
-        read = COUNTS * np.arange(len(seen.readings))[:, None] + np.minimum(
-            np.arange(COUNTS), self._empty
-        )
+        bins = self.table.gripper.bins
+        read = bins * np.arange(len(seen.readings))[:, None]
+        read = read + np.maximum(np.arange(bins), self._empty)
         lies = self._lying(seen.leaves, seen.residuals)
         weights = np.concatenate([seen.readings.ravel(), np.ones(lies.size)])
         numbers = np.concatenate([read.ravel(), lies.ravel()])
@@ -66,19 +73,17 @@ class Outcomes:
 
     @property
     def _empty(self) -> int:
-        """The count that all stand for that an empty hand may read.
+        """The bin that all stand for that an empty hand may read.
 
         Some grippers' zero is a stop that no offset of the encoder moves, others' is not; it tells nothing.
         """
-        gripper = self.table.gripper
-        span = (gripper.count_closed - gripper.count_open) / gripper.opening_um
-        return gripper.count_closed - round(EMPTY_UM * span)
+        return self.table.gripper.bin_of(EMPTY_UM)
 
     def _lying(self, leaf: IntArray, residuals: Array) -> IntArray:
         """Outcomes (m, 3) of residuals (m, 3) at leaves (m,)."""
         metric = metric_of_table(self.table)
         off = residuals.copy()
         off[:, 2] = metric.rho_mm * wrap(off[:, 2], metric.order)
-        step = np.clip(np.rint(off / STEP_MM).astype(np.int64) + COUNTS // 2, 0, COUNTS - 1)
-        row = len(self.table.nodes) + 3 * (np.cumsum(self.audited) - 1)[leaf]
-        return COUNTS * (row[:, None] + np.arange(3)) + step
+        step = np.clip(np.rint(off / STEP_MM).astype(np.int64) + LINE // 2, 0, LINE - 1)
+        row = 3 * (np.cumsum(self.audited) - 1)[leaf]
+        return self._read + LINE * (row[:, None] + np.arange(3)) + step

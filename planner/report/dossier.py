@@ -7,7 +7,6 @@ seed give the same bytes.
 import hashlib
 import json
 from collections import Counter
-from itertools import groupby
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -16,6 +15,7 @@ from planner.arrays import Array
 from planner.belief.particles import subsample
 from planner.bound.certificate import Certificate
 from planner.evaluation.evaluate import evaluate
+from planner.evaluation.expectation import bins_of
 from planner.evaluation.foreign import OFTEN, tried
 from planner.evaluation.leaves import identities
 from planner.evaluation.outcome import Evaluation
@@ -34,10 +34,8 @@ from planner.world import make, supply, world_of
 from runtime.table import (
     PPM,
     REJECT,
-    Calibration,
     Leaf,
     Table,
-    by_count,
     decision_map,
     wilson_interval,
 )
@@ -88,7 +86,8 @@ def page(
         "reach": round(drawing.reach, 2),
         "jaws": [round(float(value), 3) for value in jaws_of(job.gripper)],
         "trials": trials,
-        "counts": [table.gripper.count_open, table.gripper.count_closed, table.gripper.opening_um],
+        "opening": table.gripper.opening_um,
+        "bin": table.gripper.opening_um / table.gripper.bins,
         "nodes": nodes,
         "leaves": [
             _leaf(leaf, at, most) for leaf, at in zip(table.leaves, beliefs.leaves, strict=True)
@@ -161,12 +160,6 @@ def _shown(figures: dict[str, Any]) -> dict[str, str]:
     return {name: in_percent(share) for name, share in shares_of(figures)._asdict().items()}
 
 
-def runs(outcome: tuple[int, ...]) -> list[tuple[int, int, int]]:
-    """Neighbouring encoder counts of one meaning: the first, the last, and the branch's index or `REJECT`."""
-    groups = (list(group) for _, group in groupby(range(len(outcome)), key=outcome.__getitem__))
-    return [(counts[0], counts[-1], outcome[counts[0]]) for counts in groups]
-
-
 def _width_function(job: Job) -> dict[str, Any]:
     angles = range(181)
     widths = [outlines.width(job.part.outline_mm, float(np.radians(angle))) for angle in angles]
@@ -230,23 +223,23 @@ def _log(table: Table, log: RunLog) -> dict[str, Any]:
             for part in (log.parts[number] for number in shown)
         ],
         "rejects": [
-            [part.part, node, count, reject_text(table, node, count)]
+            [part.part, node, width_um, reject_text(table, node, width_um)]
             for part in log.parts
-            for node, count, target in part.squeezes[-1:]
+            for node, width_um, target in part.squeezes[-1:]
             if target is None
         ][-REJECTS:],
     }
 
 
 def _nodes(table: Table, beliefs: Replay, most: int) -> list[dict[str, Any]]:
-    """One object a node: its squeeze, branches, belief of at most so many outlines, counts of the replay.
+    """One object a node: its squeeze, branches, belief of at most so many outlines, widths of the replay.
 
     Poses are integers, hundredths of a mm and milliradians; widths are um, as in the table.
     """
-    calibration, rows = Calibration.linear(table.gripper), []
+    gripper, rows = table.gripper, []
     for node, visit, states in zip(table.nodes, beliefs.visits, beliefs.arrivals, strict=True):
         squeeze, taken = node.squeeze, Counter(visit.branch.tolist())
-        decided = runs(by_count(decision_map(node, calibration)))
+        seen = Counter(bins_of(table, visit.steps).tolist())
         rows.append(
             {
                 "place": [squeeze.x_um, squeeze.y_um, squeeze.angle_urad],
@@ -262,8 +255,11 @@ def _nodes(table: Table, beliefs: Replay, most: int) -> list[dict[str, Any]]:
                     [*branch, taken[number]] for number, branch in enumerate(node.branches)
                 ],
                 "rejected": taken[REJECT],
-                "map": [run for run in decided if run[2] != REJECT],
-                "seen": sorted(Counter(visit.counts.tolist()).items()),
+                "map": decision_map(node, gripper).either.intervals(),
+                "seen": [
+                    (gripper.opening_um * number // gripper.bins, times)
+                    for number, times in sorted(seen.items())
+                ],
             }
         )
     return rows

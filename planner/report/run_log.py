@@ -25,7 +25,7 @@ class PartLog:
     """One part; `outcome` stays "cut short" where the journal does not tell how it ended."""
 
     part: int
-    # Of each squeeze the node, the settled encoder count read there, the target (None where rejected).
+    # Of each squeeze the node, the width there [um], the target (None where rejected).
     squeezes: list[tuple[int, int, int | None]] = field(default_factory=list)
     outcome: str = "cut short"
     leaf: int | None = None
@@ -33,10 +33,6 @@ class PartLog:
     audit: str | None = None
     name: str | None = None  # of the part that was found, where there are several
     residual: tuple[float, float, float] | None = None  # measured less predicted pose [mm, mm, rad]
-    widths_um: list[int | None] = field(
-        default_factory=list
-    )  # what each count meant, None where not told
-
     seconds: float | None = None  # from its first motion to its outcome, where that is told
     phases: list[Phases] = field(
         default_factory=list
@@ -119,12 +115,9 @@ def _take(entry: dict[str, Any], parts: list[PartLog]) -> None:
         parts.append(PartLog(int(entry["part"])))
     elif kind == "resume" and parts and entry["how"] == "restart":
         parts[-1].squeezes.clear()
-        parts[-1].widths_um.clear()
     elif kind == "squeeze":
         target = None if entry["target"] is None else int(entry["target"])
-        parts[-1].squeezes.append((int(entry["node"]), int(entry["position_counts"]), target))
-        width = entry.get("width_um")
-        parts[-1].widths_um.append(None if width is None else int(width))
+        parts[-1].squeezes.append((int(entry["node"]), int(entry["width_um"]), target))
     elif kind == "audit" and entry.get("residual_theta_rad") is not None:
         x, y, theta = (float(entry[f"residual_{name}"]) for name in ("x_mm", "y_mm", "theta_rad"))
         parts[-1].residual = (x, y, theta)

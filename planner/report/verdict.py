@@ -12,7 +12,7 @@ from planner.job.model import Job
 from planner.part.outline import smallest_rectangle
 from planner.report.run_log import RunLog
 from planner.report.tree import names_parts
-from runtime.table import Calibration, Node, Table
+from runtime.table import Node, Table
 
 GOOD_WRONG = (
     0.005  # share of confident wrong answers that an assumption may cost before it is warned of
@@ -219,16 +219,16 @@ def cell_result(table: Table, log: RunLog) -> CellResult:
     ]
     if rejects:  # what was read at the node that rejected most parts
         node = Counter(node for node, _, _ in rejects).most_common(1)[0][0]
-        counts = [count for at, count, _ in rejects if at == node]
-        middle = sorted(counts)[len(counts) // 2]
-        message += f"; {len(counts)} rejected at node {node}: {reject_text(table, node, middle)}"
+        widths = sorted(width_um for at, width_um, _ in rejects if at == node)
+        middle = widths[len(widths) // 2]
+        message += f"; {len(widths)} rejected at node {node}: {reject_text(table, node, middle)}"
     share = located / total
     return CellResult("good" if share == 1.0 else "fair" if share >= USUAL else "poor", message)
 
 
-def reject_text(table: Table, node: int, count: int) -> str:
+def reject_text(table: Table, node: int, width_um: int) -> str:
     """What was read where the table has no branch, and what was planned there."""
-    read_mm = Calibration.linear(table.gripper).width_um(count) / 1e3
+    read_mm = width_um / 1e3
     spans = planned_spans(table.nodes[node])
     planned = ", ".join(f"{low:.1f} to {high:.1f}" for low, high in spans)
     off = min(max(low - read_mm, read_mm - high, 0.0) for low, high in spans)

@@ -11,9 +11,8 @@ import numpy as np
 from planner.arrays import Array, BoolArray, IntArray
 from planner.belief.costs import Hand
 from planner.belief.metric import mode_shares
-from planner.belief.observation import COUNTS
 from planner.belief.particles import PUSHED, Belief
-from planner.belief.partition import Costs, intervals
+from planner.belief.partition import MOST_CELLS, Costs, in_cells, intervals, into_cells
 from planner.belief.stopping import squeezes_left
 from planner.belief.transition import Squeezed
 from planner.frames import wrap
@@ -252,27 +251,28 @@ def judged(states: Array, reading: IntArray, costs: Costs, left: Array) -> None:
 
     Args:
         states: (k, n, m) of the particles after each option.
-        reading: (k, n) counts.
+        reading: (k, n) readings.
         costs: of branches and leaves.
         left: (k,) receives the leaf heuristic expected after each option.
     """
     n, stopping = reading.shape[1], costs.stopping
-    weight, start = np.empty(COUNTS, np.int64), np.empty(COUNTS + 1, np.int64)
-    bounds, label = np.empty(COUNTS + 1, np.int64), np.empty(COUNTS, np.int64)
-    moved, stops = np.empty((states.shape[2], n)), np.empty(COUNTS, np.int64)
-    shares = np.empty((COUNTS, costs.modes))
+    most = max(MOST_CELLS, max(0, costs.free - reading.min()) // costs.coarsest) + 2
+    weight, start = np.empty(most, np.int64), np.empty(most + 1, np.int64)
+    bounds, label = np.empty(most + 1, np.int64), np.empty(most, np.int64)
+    moved, stops = np.empty((states.shape[2], n)), np.empty(most, np.int64)
+    shares, cells = np.empty((most, costs.modes)), np.empty(n, np.int64)
     for option in range(states.shape[0]):
         left[option], weight[:] = 0.0, 0
+        held, steps = into_cells(reading[option], costs.free, costs.coarsest, MOST_CELLS, cells)
         for i in range(n):
-            weight[reading[option, i]] += 1
+            weight[cells[i]] += 1
         start[0] = 0
-        for count in range(COUNTS):
-            start[count + 1] = start[count] + weight[count]
+        for cell in range(held + 1):
+            start[cell + 1] = start[cell] + weight[cell]
         for i in range(n):
-            count = reading[option, i]
-            moved[:, start[count]] = states[option, i]
-            start[count] += 1
-        size = intervals(moved, weight, costs, bounds)
+            moved[:, start[cells[i]]] = states[option, i]
+            start[cells[i]] += 1
+        size = intervals(moved, weight[: held + 1], in_cells(costs, held, steps), bounds)
         stops[:size] = 0
         for j in range(size):
             label[bounds[j + 1] : bounds[j]] = j
@@ -282,7 +282,7 @@ def judged(states: Array, reading: IntArray, costs: Costs, left: Array) -> None:
             start[j + 1] = start[j] + stops[j]
             stops[j] = start[j + 1]
         for i in range(n):
-            j = label[reading[option, i]]
+            j = label[cells[i]]
             moved[:, start[j]] = states[option, i]
             start[j] += 1
         shares[:size] = 0.0

@@ -18,7 +18,7 @@ import numpy as np
 
 from planner.arrays import Array, BoolArray, IntArray
 from planner.belief.costs import Hand
-from planner.belief.observation import COUNTS, Partition
+from planner.belief.observation import Partition
 from planner.belief.particles import Belief, replenish, subsample
 from planner.belief.partition import Rule
 from planner.belief.recut import recut
@@ -217,7 +217,7 @@ class Search:
         strays = strays[order]
         counts = strays.reading[:, None]
         away = np.maximum(clusters.low - counts, counts - clusters.high)
-        away = np.where((counts < free) == (clusters.low < free), away, COUNTS)
+        away = np.where((counts < free) == (clusters.low < free), away, most + 1)
         nearest = np.where(away.min(axis=1) <= most, away.argmin(axis=1), -1)
         for k in np.unique(nearest[nearest >= 0]):
             here, child = strays[nearest == k], children[k]
@@ -402,7 +402,7 @@ class Search:
             )
             child.home = grasp if node.home is None else node.home
             child.hand = Hand(stands, float(problem.encoder.width_mm(belief.reading).mean()))
-            child.previous = most_similar(belief, old)
+            child.previous = most_similar(belief, old, problem.rule.resolution.coarsest)
             child.value = self.leaf_value(child)
             children.append(child)
         return Action(squeeze, children, origin=Origin(before, squeezed, rule))
@@ -437,7 +437,7 @@ class Search:
             return
         largest, pieces = numbers[np.argmax(sizes)], list[Node]()
         plain = [each for each in node.actions or () if not each.squeeze.pushes]
-        for k in numbers[::-1]:  # counts fall as widths rise
+        for k in numbers[::-1]:  # readings fall as widths rise
             part, share = node.belief[piece == k], node.share * float(np.mean(piece == k))
             child = replace(
                 node,
@@ -467,12 +467,18 @@ class Search:
         return self._action(node, candidate, before[rows], part, rule, squeeze.crashes)
 
 
-def most_similar(belief: Belief, nodes: list[Node]) -> Node | None:
-    """The node whose histogram of readings overlaps most with a belief's; None where it overlaps little."""
-    here = np.bincount(belief.reading, minlength=COUNTS) / len(belief)
-    there = [
-        np.bincount(node.belief.reading, minlength=COUNTS) / len(node.belief) for node in nodes
-    ]
+def most_similar(belief: Belief, nodes: list[Node], steps: int) -> Node | None:
+    """The node whose histogram of readings, in bins of so many steps, overlaps most with a belief's.
+
+    None where it overlaps little.
+    """
+
+    def histogram(of: Belief) -> Array:
+        return np.bincount(of.reading // steps, minlength=bins) / len(of)
+
+    beliefs = [belief, *(node.belief for node in nodes)]
+    bins = max(int(each.reading.max()) for each in beliefs) // steps + 1
+    here, *there = map(histogram, beliefs)
     common = [float(np.minimum(here, other).sum()) for other in there]
     return nodes[int(np.argmax(common))] if max(common, default=0.0) > LEAST_OVERLAP else None
 

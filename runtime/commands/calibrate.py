@@ -26,7 +26,7 @@ from runtime.shell.command import Parser, say
 from runtime.shell.errors import UsageError
 from runtime.shell.exit_codes import ExitCode, epilog
 from runtime.shell.files import usable
-from runtime.table import PROFILES, Calibration, GripperSpec
+from runtime.table import PROFILES, Calibration, GripperProfile, profile_of
 
 Measured = dict[str, Any]
 DEFAULT_BLOCKS = (0, 5, 10, 20, 40, 60, 80, 100, 120)
@@ -64,8 +64,8 @@ def parser() -> Parser:
     )
     width = subcommands.add_parser(
         "width",
-        help="the gripper's counts as widths, with gauge blocks",
-        description="Measure which width each encoder count of the gripper means, with gauge blocks.",
+        help="what the gripper's widths truly are, with gauge blocks",
+        description="Measure what the widths that the gripper reads truly are, with gauge blocks.",
         epilog=f"example:\n  {EXAMPLE}\n\n{EXIT_CODES}",
     )
     calibrate_middle.add_to(subcommands, EXIT_CODES)
@@ -83,9 +83,9 @@ def parser() -> Parser:
     add("-o", "--output", type=Path, required=True, metavar="F", help="the calibration file")
     add(
         "--model",
-        choices=PROFILES,
+        metavar="MODEL",
         default=DEFAULT_MODEL,
-        help=f"its kind (default: {DEFAULT_MODEL})",
+        help=f"its kind: {', '.join(PROFILES)}, or of a driver of its own (default: {DEFAULT_MODEL})",
     )
     add(
         "--blocks",
@@ -127,14 +127,14 @@ def measured(arguments: argparse.Namespace, drivers: Drivers) -> int:
 
 def run(
     arguments: argparse.Namespace,
-    open_gripper: Callable[[str], Gripper],
+    open_gripper: Callable[[str, GripperProfile], Gripper],
     ask: Callable[[str], object] | None = None,
 ) -> int:
     """Measure and write as the arguments say; returns 0.
 
     Args:
         arguments: parsed.
-        open_gripper: opens a gripper by its port, moving nothing.
+        open_gripper: opens a gripper by its port and profile, moving nothing.
         ask: shows the operator a sentence and waits; None for the terminal.
 
     Raises:
@@ -142,12 +142,12 @@ def run(
     """
     ask = ask or _asking(arguments)
     widths_mm, tips, current = _checked(arguments)
-    linear = PROFILES[arguments.model].spec
+    profile = profile_of(arguments.model)
     with PortLock(arguments.port):
-        gripper = open_gripper(arguments.port)
+        gripper = open_gripper(arguments.port, profile)
         with closing(gripper), fingers_stop(gripper):
             state = gripper.state()
-            if state.activated and (holds := held.look(state, Calibration.linear(linear))):
+            if state.activated and (holds := held.look(state, Calibration(profile))):
                 ask(f"Hold on to it, {holds.sentence()}: press Enter, and they open.")
             if arguments.activate and needs_activation(state):
                 ask(
@@ -156,44 +156,44 @@ def run(
                 gripper.activate()
             ready_gripper(gripper)
             gauges = list(calibration.measure(gripper, widths_mm, arguments.grips, ask))
-    fitted = calibration.fit(gauges, arguments.gripper, SystemClock().stamp())
+    fitted = calibration.fit(gauges, profile, arguments.gripper, SystemClock().stamp())
     fitted = replace(fitted, tips_mm=tips, current_ma=current)
     interrupts.conclude()  # measured: a stop request would stop nothing
     calibration.save(fitted, arguments.output)
     if arguments.json:
-        say(json.dumps({"output": str(arguments.output), **figures(fitted, linear)}))
+        say(json.dumps({"output": str(arguments.output), **figures(fitted)}))
         return 0
-    for line in report(figures(fitted, linear)):
+    for line in report(figures(fitted)):
         say(line)
     say(f"written to {arguments.output}")
     return 0
 
 
 def report(measured: Measured) -> Iterator[str]:
-    """The measurement as a small table: counts, spread, and how far other maps are off."""
+    """The measurement as a small table: readings, spread, and how far other maps are off."""
     yield f"gripper {measured['gripper']}"
-    yield "block mm  counts            spread  without this block  linear map"
+    yield "block mm  read mm               spread  without this block  nominal"
     for block in measured["blocks"]:
         off = block["off_without_it_mm"]
         alone = "-" if off is None else f"{off:+.3f} mm"
-        counts = " ".join(map(str, block["position_counts"]))
-        line = f"{block['width_mm']:8.2f}  {counts:<16}  {block['spread_counts']:>6}  {alone:>18}"
-        yield f"{line}  {block['off_linear_mm']:+.3f} mm"
+        read = " ".join(f"{reading:.2f}" for reading in block["read_mm"])
+        line = f"{block['width_mm']:8.2f}  {read:<20}  {block['spread_mm']:6.2f}  {alone:>18}"
+        yield f"{line}  {block['off_nominal_mm']:+.3f} mm"
 
 
-def figures(measured: GripperCalibration, nominal: GripperSpec) -> Measured:
-    """The measurement in plain types, beside the model's linear map."""
-    linear = calibration.against_linear_mm(measured, nominal)
+def figures(measured: GripperCalibration) -> Measured:
+    """The measurement in plain types, beside the nominal widths."""
+    nominal = calibration.against_nominal_mm(measured)
     left_out = [None, *calibration.residuals_mm(measured)]
     blocks = [
         {
             "width_mm": gauge.width_mm,
-            "position_counts": list(gauge.counts),
-            "spread_counts": gauge.spread,
+            "read_mm": [reading / 1000 for reading in gauge.readings_um],
+            "spread_mm": gauge.spread_um / 1000,
             "off_without_it_mm": off,
-            "off_linear_mm": line,
+            "off_nominal_mm": line,
         }
-        for gauge, off, line in zip_longest(measured.gauges, left_out, linear)
+        for gauge, off, line in zip_longest(measured.gauges, left_out, nominal)
     ]
     return {"gripper": measured.gripper, "blocks": blocks}
 
@@ -234,7 +234,7 @@ def _checked(
 def _blocks(model: str) -> str:
     """The usual blocks that fit between the fingers."""
     return ",".join(
-        str(width) for width in DEFAULT_BLOCKS if 1000 * width < PROFILES[model].opening_um
+        str(width) for width in DEFAULT_BLOCKS if 1000 * width < profile_of(model).stroke_um
     )
 
 

@@ -111,22 +111,23 @@ def run(arguments: argparse.Namespace, drivers: Drivers, ask: Callable[[str], ob
     at, known = _checked(arguments)
     table = load(arguments.tree).table
     safety.check_table(table)
+    measured = known.of(table.gripper.profile)
     handling = Handling(
-        calibration=known.table,
+        calibration=measured,
         arc=options.arc_of(arguments, table, known),
         current_ma=known.current_ma or CURRENT_MA,
     )
-    check_arc(handling.arc, table.limits, known.table)
+    check_arc(handling.arc, table.limits, measured)
     node = middle.gripping(table, arguments.block)
     height_mm = table.limits.retreat_height_um / 1000
     for x_mm, y_mm, angle_rad in middle.places(at):
         safety.check_target((x_mm, y_mm, height_mm, angle_rad), table.limits)
     tell = partial(say, file=sys.stderr) if arguments.json else say
     with PortLock(arguments.port), PortLock(arguments.arm):
-        gripper = drivers.gripper(arguments.port)
+        gripper = drivers.gripper(arguments.port, table.gripper.profile)
         with closing(gripper), closing(drivers.arm(arguments.arm)) as arm:
             state = gripper.state()
-            if holds := held.look(state, known.table):
+            if holds := held.look(state, measured):
                 raise GripperStateError(
                     f"{holds.sentence()}; take it out, open the fingers, start again"
                 )

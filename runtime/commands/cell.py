@@ -61,13 +61,12 @@ def connect(
         )
         if arguments.arm == MANUAL:
             arm_url = f"{MANUAL}+{cell.arm}"  # which follows the person's hand, with the part in it
-    if arguments.port == MANUAL:
-        spec = table.gripper
-        gripper_port = f"{MANUAL}:{spec.opening_um / 1000},{spec.count_open},{spec.count_closed}"
     for port in (gripper_port, arm_url):
         stack.enter_context(PortLock(port))
     only, scale = arguments.dry_run, arguments.time_scale
-    gripper = drivers.gripper(gripper_port, time_scale=scale, read_only=only, report=report)
+    gripper = drivers.gripper(
+        gripper_port, table.gripper.profile, time_scale=scale, read_only=only, report=report
+    )
     stack.callback(gripper.close)
     arm = drivers.arm(arm_url, time_scale=scale, read_only=only)
     stack.callback(arm.close)

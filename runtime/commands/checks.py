@@ -16,7 +16,6 @@ from typing import NamedTuple
 
 from drivers.ports import Answered, Arm, Gripper
 from runtime.devices.clock import SystemClock
-from runtime.execution.safety import NO_COMMUNICATION
 from runtime.table import Area, Calibration, Limits, Table, misfits
 
 READS = 200
@@ -128,10 +127,10 @@ def check_silence(port: str, scan: Callable[[str], Iterator[Answered]]) -> Itera
 def check_gripper(gripper: Gripper) -> Iterator[Finding]:
     """Whether the gripper is activated and free of faults."""
     seen = gripper.state()
-    if seen.fault not in (0, NO_COMMUNICATION):
+    if seen.fault:
         yield bad(
-            f"The gripper reports fault 0x{seen.fault:02X}.",
-            "Look at its LED, remove the cause, then grasp-runtime --activate.",
+            f"The gripper reports fault {seen.fault_text}.",
+            "Remove the cause, then grasp-runtime --activate.",
         )
     elif not seen.activated:
         yield warning(
@@ -139,7 +138,7 @@ def check_gripper(gripper: Gripper) -> Iterator[Finding]:
             "Clear the space between its fingers and start grasp-runtime with --activate.",
         )
     else:
-        yield good(f"The gripper is active and stands at count {seen.position_counts}.")
+        yield good(f"The gripper is active and stands at {seen.width_um / 1000:.2f} mm.")
 
 
 def check_rate(gripper: Gripper, clock: SystemClock, reads: int = READS) -> Iterator[Finding]:
@@ -177,13 +176,13 @@ def check_arm(arm: Arm, table: Table | None) -> Iterator[Finding]:
 
 
 def check_table(table: Table, calibration: Calibration) -> Iterator[Finding]:
-    """Whether the table can be executed with this gripper's counts."""
+    """Whether the table can be executed with what this gripper reads."""
     problems = misfits(table, calibration)
     if problems:
         message = f"The table does not fit this gripper: {problems[0]}."
         yield bad(message, "Recompile or recalibrate.")
         return
-    yield good(f"The table fits this gripper: {len(table.nodes)} nodes, 256 counts each.")
+    yield good(f"The table fits this gripper: {len(table.nodes)} nodes.")
 
 
 def _is_near(x_mm: float, y_mm: float, limits: Limits) -> bool:

@@ -19,7 +19,7 @@ from runtime.execution import calibration
 from runtime.shell.command import Parser, say
 from runtime.shell.errors import CheckFailedError, ExpectedError, UsageError
 from runtime.shell.exit_codes import ExitCode, epilog
-from runtime.table import Calibration, Table, load
+from runtime.table import PROFILES, Calibration, GripperProfile, Table, load, profile_of
 
 EPILOG = """\
 examples:
@@ -47,6 +47,11 @@ def parser() -> Parser:
     )
     add("--arm", type=address, help="the arm, as for grasp-runtime")
     add("--tree", type=Path, metavar="T", help="the table that is to run")
+    add(
+        "--gripper",
+        metavar="MODEL",
+        help=f"its model where there is no table: {', '.join(PROFILES)} (default: {next(iter(PROFILES))})",
+    )
     add("--calibration", type=Path, metavar="F", help="the gripper's calibration")
     built.add_common()
     return built
@@ -59,9 +64,10 @@ def run(arguments: argparse.Namespace, drivers: Drivers, system: System | None =
         CheckFailedError: something is bad.
     """
     table = None if arguments.tree is None else load(arguments.tree).table
-    measured = (
-        None if arguments.calibration is None else calibration.load(arguments.calibration).table
-    )
+    profile = _profile(arguments, table)
+    measured = Calibration(profile)
+    if arguments.calibration is not None:
+        measured = calibration.load(arguments.calibration).of(profile)
     results: list[Finding] = []
     with _devices(arguments) as (port, arm):
         for finding in findings(port, arm, table, measured, drivers, system or System()):
@@ -96,16 +102,16 @@ def findings(
     port: str,
     arm_url: str | None,
     table: Table | None,
-    measured: Calibration | None,
+    measured: Calibration,
     drivers: Drivers,
     system: System,
     listens: Accepts = accepts,
 ) -> Iterator[Finding]:
     """All checks in the order in which one depends on the other."""
     if table is not None:
-        yield from doctor.check_table(table, measured or Calibration.linear(table.gripper))
+        yield from doctor.check_table(table, measured)
     yield from check_controllers(filter(None, (port, arm_url)), listens)
-    yield from _gripper_findings(port, drivers, system)
+    yield from _gripper_findings(port, measured.profile, drivers, system)
     if arm_url is not None:
         try:
             with closing(drivers.arm(arm_url, read_only=True)) as arm:
@@ -115,7 +121,16 @@ def findings(
             yield _failed("arm", error, f"Look at the controller's program and state; see {page}.")
 
 
-def _gripper_findings(port: str, drivers: Drivers, system: System) -> Iterator[Finding]:
+def _profile(arguments: argparse.Namespace, table: Table | None) -> GripperProfile:
+    """Of the table's gripper, else of the model that is named."""
+    if table is not None:
+        return table.gripper.profile
+    return profile_of(arguments.gripper or next(iter(PROFILES)))
+
+
+def _gripper_findings(
+    port: str, profile: GripperProfile, drivers: Drivers, system: System
+) -> Iterator[Finding]:
     is_tty = "://" not in port and not port.startswith(("can:", MANUAL))
     if is_tty:
         for finding in doctor.check_port(port, system):
@@ -125,7 +140,7 @@ def _gripper_findings(port: str, drivers: Drivers, system: System) -> Iterator[F
         yield from doctor.check_latency(port, system)
     failed = None
     try:
-        with PortLock(port), closing(drivers.gripper(port, read_only=True)) as gripper:
+        with PortLock(port), closing(drivers.gripper(port, profile, read_only=True)) as gripper:
             yield from doctor.check_gripper(gripper)
             yield from doctor.check_rate(gripper, SystemClock())
     except (OSError, ExpectedError) as error:

@@ -16,7 +16,7 @@ from runtime.execution.reading import CURRENT_MA
 from runtime.execution.tips import TipArc
 from runtime.monitoring.monitor import Views
 from runtime.shell.errors import UsageError
-from runtime.table import Table, job_of, profile_of
+from runtime.table import Table, job_of
 from runtime.traversal.decision import Policy
 
 PATIENCE = 200.0  # how much longer than an arm a person may take for a squeeze: about half an hour
@@ -111,7 +111,7 @@ def _check_manual(arguments: argparse.Namespace) -> None:
         raise UsageError("--put-down is for an arm; with --arm manual put it down yourself")
     if arguments.calibration is not None and arguments.port == MANUAL:
         raise UsageError(
-            "--calibration is of a gripper's counts; with --port manual you tell the width"
+            "--calibration is of a gripper's readings; with --port manual you tell the width"
         )
 
 
@@ -155,7 +155,7 @@ def run_options(arguments: argparse.Namespace, table: Table) -> RunOptions:
     """
     measured = None if arguments.calibration is None else calibration.load(arguments.calibration)
     handling = Handling(
-        calibration=None if measured is None else measured.table,
+        calibration=None if measured is None else measured.of(table.gripper.profile),
         arc=None if arguments.serve is not None else arc_of(arguments, table, measured),
         regulated=arguments.force == "regulated" and arguments.port != MANUAL,
         approaches=arguments.port != MANUAL,
@@ -212,7 +212,7 @@ def arc_of(
     if measured is not None and measured.tips_mm is not None:
         return TipArc(*measured.tips_mm, taught_mm)
     model = table.gripper.model
-    match profile_of(model).arc_mm:
+    match table.gripper.profile.arc_mm:
         case link_mm, offset_mm:
             return TipArc(link_mm, offset_mm, taught_mm)
         case (link_mm,):

@@ -87,7 +87,7 @@ def _header(arguments: argparse.Namespace, tree: Path, options: RunOptions) -> d
         "force": arguments.force,
         "tips": None if options.handling.arc is None else str(options.handling.arc),
         "calibration": None if arguments.calibration is None else str(arguments.calibration),
-        "widths_um": None if measured is None else list(measured.widths_um),
+        "calibration_um": None if measured is None else list(measured.points_um),
         "middle_um": round(1000 * options.handling.middle_mm),
         "declared_safe_state": DECLARED,
     }

@@ -175,10 +175,8 @@ class _Asked:
         """Tell that the table fits; look at the gripper where there is one. Nothing moves."""
         arguments, table, console = self.arguments, self.recipe.loaded.table, self.recipe.console
         record: dict[str, object] = {"nodes": len(table.nodes), "gripper": None}
-        origin = arguments.calibration or "the linear map"
-        console.note(
-            f"the table fits the gripper: {len(table.nodes)} nodes, 256 counts each, by {origin}"
-        )
+        origin = arguments.calibration or "its nominal widths"
+        console.note(f"the table fits the gripper: {len(table.nodes)} nodes, by {origin}")
         console.note(_believed(table))
         if self.recipe.options.delivery is not None:
             console.note(
@@ -186,12 +184,12 @@ class _Asked:
             )
         if arguments.port is not None:
             self.stack.enter_context(PortLock(arguments.port))
-            gripper = self.drivers.gripper(arguments.port, read_only=True)
+            gripper = self.drivers.gripper(arguments.port, table.gripper.profile, read_only=True)
             self.stack.callback(gripper.close)
-            count = gripper.state().position_counts
-            width_mm = self.recipe.options.handling.widths(table).width_um(count) / 1000
-            console.note(f"the gripper stands at count {count}, which is {width_mm:.2f} mm")
-            record["gripper"] = {"position_counts": count, "width_mm": width_mm}
+            reading_um = gripper.state().width_um
+            width_mm = self.recipe.options.handling.widths(table).width_um(reading_um) / 1000
+            console.note(f"the gripper stands at {width_mm:.2f} mm")
+            record["gripper"] = {"reading_mm": reading_um / 1000, "width_mm": width_mm}
         if arguments.json:
             say(json.dumps(record))
         return 0

@@ -8,7 +8,7 @@ from math import dist, remainder, tau
 from random import Random
 
 from runtime.shell.errors import UsageError
-from runtime.table import Branch, Calibration, Node, Pose2, Table, by_count, decision_map
+from runtime.table import Branch, Node, Pose2, Table, decision_map
 from runtime.traversal.geometry import compose, placement
 
 # The arm is read back to 0.01 mm and about 1 mrad, so poses of one part agree to this and no better.
@@ -40,7 +40,6 @@ class Rehearsal:
     def __init__(self, table: Table, seed: int) -> None:
         self._table = table
         self._random = Random(seed)
-        self._calibration = Calibration.linear(table.gripper)
         self._next: list[int] = []  # nodes that may come next, the drawn one first
         self._lies: Pose2 | None = None
         self._last, self._width_mm, self._status = 0, 0.0, "untouched"
@@ -81,14 +80,13 @@ class Rehearsal:
     def _width_um(self, node: Node, branch: Branch) -> float:
         """A width that reads as this branch, with room for the encoder's noise where the interval has it."""
         mine = node.branches.index(branch)
-        meant = by_count(decision_map(node, self._calibration))
-        widths = [
-            self._calibration.width_um(count)
-            for count, number in enumerate(meant)
-            if number == mine
-        ]
-        low, high = min(widths), max(widths)
-        room = min(NOISE_SIGMAS * self._table.gripper.encoder_noise_um, (high - low) / 2)
+        meant = decision_map(node, self._table.gripper).either.intervals()
+        low = min(start for start, _, number in meant if number == mine)
+        high = max(end for _, end, number in meant if number == mine)
+        gripper = self._table.gripper
+        room = min(
+            NOISE_SIGMAS * gripper.noise_um + gripper.profile.resolution_um, (high - low) / 2
+        )
         return self._random.uniform(low + room, high - room)
 
 

@@ -9,20 +9,18 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from math import degrees
 
-from drivers.ports import Settled
+from drivers.ports import MOST_COUNT, ObjectState, Settled
 from runtime.devices.clock import SystemClock
 from runtime.errors import GripperStateError, TableError
 from runtime.execution.events import Console, Phase, Tally
 from runtime.execution.executor import RunOptions, expected_of, reason_of
-from runtime.execution.reading import CLOSED_COUNTS, OPENED_COUNTS, check_closed
+from runtime.execution.reading import CLOSED_UM, check_closed, room_um
 from runtime.execution.watch import DEADLINE_FACTOR
 from runtime.journal.chain import Journal
 from runtime.shell.plain_text import cleaned
-from runtime.table import COUNTS, HELD_UM, REJECT, Node, Table, decide, decision_map
+from runtime.table import HELD_UM, REJECT, DecisionMap, Node, Table, decide, decision_map
 from runtime.traversal.answer import outcome_fields
 from runtime.traversal.decision import (
-    ARRIVED,
-    CLOSING_CONTACT,
     TraversalState,
     advance,
     release_point,
@@ -37,7 +35,7 @@ MAX_LINE = 80  # with its end: what a string of RAPID holds (RAPID reference, da
 MAX_NAME = 20  # of a part, so that its line stays within that
 SLOWEST_UM_S = 20_000  # of the stroke of a gripper that may be any
 NUMBER = re.compile(r"[+-]?\d{1,4}(\.\d{0,9})?([eE][+-]?\d{1,2})?")
-FLAGS = {"OBJECT": CLOSING_CONTACT, "NONE": ARRIVED}
+FLAGS = {"OBJECT": ObjectState.CLOSING, "NONE": ObjectState.AT_TARGET}
 UNTRIED = -1.0  # in place of the success of a leaf where no trial ended
 
 # What is due stays due after 10 to 12 and 20 to 23; the others end the connection and a part under way.
@@ -116,7 +114,7 @@ class AskedParts:
         self._policy, self._count = options.policy, count
         self._calibration = options.handling.widths(table)
         self._middle_mm = options.handling.middle_mm
-        self._maps = [decision_map(node, self._calibration) for node in table.nodes]
+        self._maps = [decision_map(node, table.gripper) for node in table.nodes]
         self._part: _Part | None = None
         self.over = False  # whether no further part follows
         self._readings = {"WIDTH": self._width, "COUNTS": self._counts}
@@ -169,23 +167,25 @@ class AskedParts:
 
     def _width(self, words: list[str]) -> str:
         """`WIDTH mm [OBJECT|NONE] [node]`."""
-        part, flag = self._due(words, 1)
+        part, seen = self._due(words, 1)
         _check(NUMBER.fullmatch(words[0]) is not None, 10)
         width_um = round(1000 * float(words[0]))
-        room_um = self._table.gripper.encoder_noise_um
-        _check(-room_um <= width_um <= self._calibration.widths_um[0] + room_um, 20)
-        count = self._calibration.count(width_um)
-        if flag is None:
-            flag = self._flag_of(count, self._maps[part.traversal.node])
-        return self._read(part, count, flag, " ".join(["WIDTH", *words]))
+        room_um = self._table.gripper.noise_um
+        _check(-room_um <= width_um <= self._calibration.widest_um + room_um, 20)
+        reading_um = self._calibration.nearest_um(width_um)
+        if seen is None:
+            seen = self._state_of(reading_um, self._maps[part.traversal.node])
+        return self._read(part, reading_um, seen, " ".join(["WIDTH", *words]))
 
     def _counts(self, words: list[str]) -> str:
         """`COUNTS n OBJECT|NONE [node]`."""
-        part, flag = self._due(words, 2)
-        _check(flag is not None and re.fullmatch(r"\d{1,9}", words[0]) is not None, 10)
-        assert flag is not None
-        _check(int(words[0]) < COUNTS, 20)
-        return self._read(part, int(words[0]), flag, " ".join(["COUNTS", *words]))
+        part, seen = self._due(words, 2)
+        _check(seen is not None and re.fullmatch(r"\d{1,9}", words[0]) is not None, 10)
+        assert seen is not None
+        profile = self._table.gripper.profile
+        _check(profile.counts is not None and int(words[0]) <= MOST_COUNT, 20)
+        reading_um = profile.counted_um(int(words[0]))
+        return self._read(part, reading_um, seen, " ".join(["COUNTS", *words]))
 
     def _status(self) -> str:
         if self._part is None:
@@ -209,31 +209,33 @@ class AskedParts:
 
     # -- readings -------------------------------------------------------------------------------------
 
-    def _due(self, words: list[str], least: int) -> tuple[_Part, int | None]:
-        """The part whose reading is due, and the flag that the words give."""
+    def _due(self, words: list[str], least: int) -> tuple[_Part, ObjectState | None]:
+        """The part whose reading is due, and the object state that the words give."""
         _check(self._part is not None and not self._part.dragging, 11)
         assert self._part is not None
         more = words[1:]
-        flag = FLAGS[more.pop(0)] if more and more[0] in FLAGS else None
+        seen = FLAGS[more.pop(0)] if more and more[0] in FLAGS else None
         node = more.pop(0) if more else None
         _check(len(words) >= least and not more and (node is None or node.isdecimal()), 10)
         _check(node is None or node == str(self._part.traversal.node), 22)
-        return self._part, flag
+        return self._part, seen
 
-    def _flag_of(self, count: int, decided: tuple[int, ...]) -> int:
-        """The flag that goes with a width alone: the one with a branch; where both have one, none felt."""
-        if decide(decided, count, True) != decide(decided, count, False):
-            return CLOSING_CONTACT if decide(decided, count, False) == REJECT else ARRIVED
-        return CLOSING_CONTACT if self._calibration.width_um(count) >= HELD_UM else ARRIVED
+    def _state_of(self, reading_um: int, decided: DecisionMap) -> ObjectState:
+        """What goes with a width alone: the state with a branch; where both have one, none felt."""
+        width_um = self._calibration.width_um(reading_um)
+        felt, unfelt = (decide(decided, width_um, felt) for felt in (True, False))
+        held = width_um >= HELD_UM if felt == unfelt else unfelt == REJECT
+        return ObjectState.CLOSING if held else ObjectState.AT_TARGET
 
-    def _read(self, part: _Part, count: int, flag: int, reply: str) -> str:
+    def _read(self, part: _Part, reading_um: int, seen: ObjectState, reply: str) -> str:
         index = part.traversal.node
         node = self._table.nodes[index]
-        self._check_possible(node, self._maps[index], count, flag)
+        self._check_possible(node, self._maps[index], reading_um, seen)
         self._console.phase(part.number, Phase.READ, index)
-        decision = decision_of(node, self._maps[index], count, flag)
-        step = step_of(decision, len(part.steps) + 1, index, count, self._calibration)
-        fields = {**step.fields(), "object_flag": flag, "told": reply}
+        width_um = self._calibration.width_um(reading_um)
+        decision = decision_of(node, self._maps[index], width_um, seen)
+        step = step_of(decision, len(part.steps) + 1, index, reading_um, self._calibration)
+        fields = {**step.fields(), "object_flag": int(seen), "told": reply}
         self._journal.record("squeeze", {"part": part.number, **fields})
         part.steps.append(step)
         self._console.step(part.number, step)
@@ -246,14 +248,18 @@ class AskedParts:
         x_mm, y_mm, _ = sent(placement(node.squeeze, point), self._middle_mm)
         return f"DRAG {x_mm:.3f} {y_mm:.3f}"
 
-    def _check_possible(self, node: Node, decided: tuple[int, ...], count: int, flag: int) -> None:
+    def _check_possible(
+        self, node: Node, decided: DecisionMap, reading_um: int, seen: ObjectState
+    ) -> None:
+        calibration = self._calibration
         try:
-            check_closed(Settled(count, flag, 0, CLOSED_COUNTS, 0.0), self._calibration, (0, 0))
+            check_closed(Settled(reading_um, seen, 0, CLOSED_UM, 0.0), calibration, (0, 0))
         except GripperStateError:
             raise RefusedError(23) from None
-        opened_um = min(node.squeeze.opening_um, self._calibration.widths_um[0])
-        closed = self._calibration.width_um(max(count - OPENED_COUNTS, 0)) < opened_um
-        _check(closed or decide(decided, count, flag == CLOSING_CONTACT) != REJECT, 21)
+        opened_um = min(node.squeeze.opening_um, calibration.widest_um)
+        closed = calibration.width_um(reading_um + room_um(calibration.profile)) < opened_um
+        width_um = calibration.width_um(reading_um)
+        _check(closed or decide(decided, width_um, seen is ObjectState.CLOSING) != REJECT, 21)
 
     # -- what follows ---------------------------------------------------------------------------------
 

@@ -1,4 +1,4 @@
-"""A gripper's own count-to-width table, made with gauge blocks; one JSON file a gripper."""
+"""What one gripper's nominal widths truly are, measured with gauge blocks; one JSON file a gripper."""
 
 import json
 from collections.abc import Callable, Iterator, Sequence
@@ -7,37 +7,38 @@ from itertools import accumulate, pairwise
 from pathlib import Path
 from typing import NamedTuple
 
-from drivers.ports import Gripper
+from drivers.ports import Gripper, GripperProfile, ObjectState, Settled
 from runtime.errors import GripperStateError
 from runtime.execution.middle import Middle
-from runtime.execution.reading import CLOSED_COUNTS, check_fresh
+from runtime.execution.reading import CLOSED_UM, check_fresh
 from runtime.execution.safety import stroke
-from runtime.execution.strokes import GENTLE_FORCE, GENTLE_SPEED
 from runtime.shell import strict_json
 from runtime.shell.errors import InputError
 from runtime.shell.files import read_regular, writing
-from runtime.table import COUNTS, Calibration, GripperSpec
-from runtime.traversal.decision import CLOSING_CONTACT
+from runtime.table import PROFILES, Calibration
 
-FORMAT = 1
+FORMAT = 2
 LEAST_BLOCKS = 3
+LOOSE_UM = 9_400  # how far the jaws open between two grips
+# Points of a calibration: so many from 0 to the stroke, and as densely a little beyond either end.
+POINTS, BEYOND = 64, 8
 
 
 class Gauge(NamedTuple):
     """One gauge block as the gripper read it."""
 
     width_mm: float  # 0 for closed fingers
-    counts: tuple[int, ...]  # settled, one a grip
+    readings_um: tuple[int, ...]  # settled, one a grip
 
     @property
     def mean(self) -> float:
-        """Mean count."""
-        return sum(self.counts) / len(self.counts)
+        """Mean reading, um."""
+        return sum(self.readings_um) / len(self.readings_um)
 
     @property
-    def spread(self) -> int:
-        """Greatest difference between two grips, counts."""
-        return max(self.counts) - min(self.counts)
+    def spread_um(self) -> int:
+        """Greatest difference between two grips."""
+        return max(self.readings_um) - min(self.readings_um)
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,17 +48,16 @@ class GripperCalibration:
     gripper: str  # its name or serial number, as the operator gave it
     date: str  # of the calibration, ISO 8601
     gauges: tuple[Gauge, ...]  # the blocks, in the order of rising width
-    widths_um: tuple[int, ...]  # 256 widths
+    points_um: tuple[tuple[int, int], ...]  # nominal and true widths
     # link and offset of the tips' arc, mm, where they were measured
     tips_mm: tuple[float, float] | None = None
     # least and greatest current at rest on a part, where they were measured
     current_ma: tuple[int, int] | None = None
     middle: Middle | None = None  # where the fingers meet, where that was measured
 
-    @property
-    def table(self) -> Calibration:
-        """Counts to widths, as the look-up takes them."""
-        return Calibration(self.widths_um)
+    def of(self, profile: GripperProfile) -> Calibration:
+        """Nominal to true widths of a gripper of that profile."""
+        return Calibration(profile, self.points_um)
 
 
 def measure(
@@ -70,36 +70,46 @@ def measure(
     Raises:
         GripperStateError: the gripper is not ready, or closed without meeting the block.
     """
+    profile = gripper.profile
     for width_mm in widths_mm:
-        _stroke(gripper, 0, 255)
+        _open(gripper)
         if width_mm > 0.0:
             ask(f"Hold the {width_mm:g} mm block between the fingers and press Enter.")
         else:
             ask("Take everything out from between the fingers and press Enter.")
-        counts = []
+        readings_um = []
         for _ in range(grips):
-            count, flag = _stroke(gripper, CLOSED_COUNTS, GENTLE_SPEED)
-            if width_mm > 0.0 and flag != CLOSING_CONTACT:
+            settled = _stroke(gripper, CLOSED_UM)
+            if width_mm > 0.0 and settled.object is not ObjectState.CLOSING:
                 raise GripperStateError(
                     f"the fingers closed without meeting the {width_mm:g} mm block; begin again"
                 )
-            counts.append(count)
-            _stroke(gripper, max(count - 25, 0), 0)
-        yield Gauge(width_mm, tuple(counts))
-    _stroke(gripper, 0, 255)
+            readings_um.append(settled.width_um)
+            loose_um = min(settled.width_um + LOOSE_UM, profile.stroke_um)
+            _stroke(gripper, profile.reading_um(profile.step(loose_um)))
+        yield Gauge(width_mm, tuple(readings_um))
+    _open(gripper)
 
 
-def _stroke(gripper: Gripper, position_counts: int, speed_counts: int) -> tuple[int, int]:
-    settled = stroke(gripper, position_counts, speed_counts, GENTLE_FORCE)
-    check_fresh(settled, position_counts)
-    return settled.position_counts, settled.object_flag
+def _open(gripper: Gripper) -> None:
+    _stroke(gripper, gripper.profile.stroke_um, fast=True)
 
 
-def fit(gauges: Sequence[Gauge], gripper: str, date: str) -> GripperCalibration:
+def _stroke(gripper: Gripper, width_um: int, *, fast: bool = False) -> Settled:
+    """A gentle stroke, as slow as the gripper can or as fast."""
+    profile = gripper.profile
+    settled = stroke(gripper, width_um, profile.speed_mm_s[fast], profile.force_n[0])
+    check_fresh(settled, width_um)
+    return settled
+
+
+def fit(
+    gauges: Sequence[Gauge], profile: GripperProfile, gripper: str, date: str
+) -> GripperCalibration:
     """The calibration that passes through gauged widths, at least `LEAST_BLOCKS` of them.
 
     Raises:
-        InputError: too few blocks, or a wider one that did not read a smaller count.
+        InputError: too few blocks, or a wider one that did not read more.
     """
     ordered = sorted(gauges)
     if len({gauge.width_mm for gauge in ordered}) < max(LEAST_BLOCKS, len(ordered)):
@@ -107,19 +117,21 @@ def fit(gauges: Sequence[Gauge], gripper: str, date: str) -> GripperCalibration:
             f"{len(ordered)} gauge blocks; measure at least {LEAST_BLOCKS} of different widths"
         )
     for narrow, wide in pairwise(ordered):
-        if wide.mean >= narrow.mean:
+        if wide.mean <= narrow.mean:
             raise InputError(
-                f"the {wide.width_mm:g} mm block read count {wide.mean:.1f} and the {narrow.width_mm:g} mm "
-                f"block {narrow.mean:.1f}; a wider one reads less, measure both again"
+                f"the {wide.width_mm:g} mm block read {wide.mean / 1000:.2f} mm and the "
+                f"{narrow.width_mm:g} mm block {narrow.mean / 1000:.2f} mm; a wider one reads more, measure both again"
             )
     curve = Curve(ordered)
-    widths = (max(round(1000 * curve.at(count)), 0) for count in range(COUNTS))
-    # A block's mean count is rarely whole; rounding must not make a width rise by a micrometre.
-    return GripperCalibration(gripper, date, tuple(ordered), tuple(accumulate(widths, min)))
+    readings = [profile.stroke_um * k // POINTS for k in range(-BEYOND, POINTS + BEYOND + 1)]
+    widths = (max(round(1000 * curve.at(reading)), 0) for reading in readings)
+    # Rounding must not make a width fall by a micrometre.
+    points = tuple(zip(readings, accumulate(widths, max), strict=True))
+    return GripperCalibration(gripper, date, tuple(ordered), points)
 
 
 def residuals_mm(calibration: GripperCalibration) -> list[float]:
-    """For each block but the outermost: what the fit without it says at its count, less its width, mm."""
+    """For each block but the outermost: what the fit without it says at its reading, less its width, mm."""
     gauges = calibration.gauges
     return [
         Curve([*gauges[:k], *gauges[k + 1 :]]).at(gauges[k].mean) - gauges[k].width_mm
@@ -127,12 +139,9 @@ def residuals_mm(calibration: GripperCalibration) -> list[float]:
     ]
 
 
-def against_linear_mm(calibration: GripperCalibration, spec: GripperSpec) -> list[float]:
-    """For each block: what the linear map of a table's gripper says at its count, less its width, mm."""
-    linear = Calibration.linear(spec)
-    return [
-        linear.width_um(round(gauge.mean)) / 1000 - gauge.width_mm for gauge in calibration.gauges
-    ]
+def against_nominal_mm(calibration: GripperCalibration) -> list[float]:
+    """For each block: its nominal width, less its width, mm."""
+    return [gauge.mean / 1000 - gauge.width_mm for gauge in calibration.gauges]
 
 
 def save(calibration: GripperCalibration, path: Path) -> None:
@@ -185,18 +194,21 @@ def _parsed(record: object) -> GripperCalibration:
     body = {name: value for name, value in record.items() if name != "sha256"}
     if record.get("sha256") != strict_json.digest(body):
         raise InputError("does not have its digest: it was changed after it was measured")
-    gauges = tuple(Gauge(float(row["width_mm"]), tuple(row["counts"])) for row in record["gauges"])
+    gauges = tuple(
+        Gauge(float(row["width_mm"]), tuple(map(int, row["readings_um"])))
+        for row in record["gauges"]
+    )
     tips, current = record["tips_mm"], record["current_ma"]
     result = GripperCalibration(
         str(record["gripper"]),
         str(record["date"]),
         gauges,
-        tuple(record["widths_um"]),
+        tuple((int(nominal), int(true)) for nominal, true in record["points_um"]),
         None if tips is None else (float(tips[0]), float(tips[1])),
         None if current is None else (int(current[0]), int(current[1])),
         Middle.parsed(record.get("middle")),
     )
-    Calibration(result.widths_um)
+    Calibration(next(iter(PROFILES.values())), result.points_um)  # refuses points that fall
     return result
 
 
@@ -207,7 +219,7 @@ def _body(calibration: GripperCalibration) -> dict[str, object]:
 
 
 class Curve:
-    """The monotone cubic through gauged (count, width in mm), straight beyond its ends.
+    """The monotone cubic through gauged (reading in um, width in mm), straight beyond its ends.
 
     Its slope is continuous, as that of the fingers' arc is (Fritsch, Carlson, SIAM J. Numer. Anal. 17, 1980).
     """
@@ -218,16 +230,16 @@ class Curve:
         self._y = [y for _, y in points]
         self._slope = _slopes(self._x, self._y)
 
-    def at(self, count: float) -> float:
-        """The width at a count, mm."""
+    def at(self, reading_um: float) -> float:
+        """The width at a reading, mm."""
         x, y, slope = self._x, self._y, self._slope
-        if count <= x[0]:
-            return y[0] + slope[0] * (count - x[0])
-        if count >= x[-1]:
-            return y[-1] + slope[-1] * (count - x[-1])
-        k = next(k for k in range(len(x) - 1) if count <= x[k + 1])
+        if reading_um <= x[0]:
+            return y[0] + slope[0] * (reading_um - x[0])
+        if reading_um >= x[-1]:
+            return y[-1] + slope[-1] * (reading_um - x[-1])
+        k = next(k for k in range(len(x) - 1) if reading_um <= x[k + 1])
         h = x[k + 1] - x[k]
-        t = (count - x[k]) / h
+        t = (reading_um - x[k]) / h
         return (
             y[k] * (1 + 2 * t) * (1 - t) ** 2
             + slope[k] * h * t * (1 - t) ** 2

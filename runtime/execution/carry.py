@@ -10,12 +10,12 @@ from itertools import product
 from math import degrees, inf, pi, tau
 from typing import NamedTuple
 
-from drivers.ports import Arm, PoseOfHand
+from drivers.ports import Arm, ObjectState, PoseOfHand
 from runtime.errors import GripperStateError, MotionRefusedError
 from runtime.execution import safety
 from runtime.execution.delivery import Delivery, Sorting
 from runtime.execution.hand import Hand
-from runtime.execution.reading import OPENED_COUNTS
+from runtime.execution.reading import room_um
 from runtime.table import (
     PPM,
     Branch,
@@ -28,7 +28,6 @@ from runtime.table import (
     job_of,
     predicted_pose,
 )
-from runtime.traversal.decision import ARRIVED, CLOSING_CONTACT
 from runtime.traversal.geometry import compose, placement, same_turns, sent
 
 
@@ -126,18 +125,18 @@ def deliver(hand: Hand, delivery: Delivery, leaf: Leaf, table: Table) -> str | N
     hand.travel_as_counted(*taken)
     hand.descend(*taken)
     reading = hand.close(node)
-    width_mm = hand.width_mm(reading.position_counts)
+    width_mm = hand.width_mm(reading.width_um)
     low_mm, high_mm = delivery.width_mm
-    if reading.object_flag == ARRIVED or not low_mm <= width_mm <= high_mm:
+    if reading.object is ObjectState.AT_TARGET or not low_mm <= width_mm <= high_mm:
         hand.release(node.squeeze)
         hand.retreat()
         expected = f"{low_mm:g}..{high_mm:g} mm"
         return f"the fingers read {width_mm:.2f} mm at the last grasp, expected was {expected}"
     with hand.limited(_carrying(delivery, hand.limits)):
         hand.retreat()
-        _check_held(hand, reading.position_counts)
+        _check_held(hand, reading.width_um)
         hand.travel_as_counted(*put)
-        _check_held(hand, reading.position_counts)
+        _check_held(hand, reading.width_um)
         hand.lower(*put, width_mm)
         hand.release(node.squeeze)
         hand.retreat()
@@ -206,7 +205,8 @@ def _grasp_node(table: Table) -> Node:
     return table.nodes[0]._replace(squeeze=squeeze, branches=(Branch(0, 0, widest_um, PPM, ~0),))
 
 
-def _check_held(hand: Hand, count: int) -> None:
+def _check_held(hand: Hand, reading_um: int) -> None:
     state = hand.gripper.state()
-    if state.object_flag != CLOSING_CONTACT or abs(state.position_counts - count) > OPENED_COUNTS:
+    moved = abs(state.width_um - reading_um) > room_um(hand.calibration.profile)
+    if moved or state.object is not ObjectState.CLOSING:
         raise GripperStateError("the part slipped out of the fingers while it was carried; find it")

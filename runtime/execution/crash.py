@@ -21,7 +21,7 @@ GIVEN_UP = {"exit_code": ExitCode.JOURNAL, "reason": "given up after a crash"}
 # What of its header a run that is gone on with must share, and what it is called.
 SAME = {
     "table_sha256": "table",
-    "widths_um": "calibration",
+    "calibration_um": "calibration",
     "middle_um": "middle of the fingers",
     "on_reject": "--on-reject",
     "on_unresolved": "--on-unresolved",

@@ -6,7 +6,7 @@ from math import degrees
 from drivers.ports import Arm, Gripper
 from runtime.execution import carry, held, safety, strokes
 from runtime.execution.executor import RunOptions
-from runtime.table import Schedule, Table, job_of, profile_of
+from runtime.table import Schedule, Table, job_of
 from runtime.traversal.geometry import end_of, placement, sent
 
 
@@ -20,13 +20,14 @@ def tell(table: Table, gripper: Gripper, arm: Arm, options: RunOptions) -> list[
         MotionRefusedError: a placement, or the delivery from a leaf, would be refused.
     """
     handling = options.handling
-    calibration, profile = handling.widths(table), profile_of(table.gripper.model)
+    calibration = handling.widths(table)
     timing = Schedule.of(table, job_of(table)).timing
     seen, pose = gripper.state(), arm.pose()
-    width_mm = calibration.width_um(seen.position_counts) / 1000
+    width_mm = calibration.width_um(seen.width_um) / 1000
     activity = "active" if seen.activated else "NOT ACTIVE"
+    fault = f"fault {seen.fault_text}" if seen.fault else "no fault"
     lines = [
-        f"gripper: {activity}, fault 0x{seen.fault:02X}, count {seen.position_counts} ({width_mm:.2f} mm)",
+        f"gripper: {activity}, {fault}, {width_mm:.2f} mm open",
         f"arm: at ({pose[0]:.2f}, {pose[1]:.2f}, {pose[2]:.2f}) mm, {degrees(pose[3]):.1f} deg",
     ]
     if (holds := held.look(seen, calibration)) is not None:
@@ -43,29 +44,32 @@ def tell(table: Table, gripper: Gripper, arm: Arm, options: RunOptions) -> list[
             for (x_mm, y_mm, angle_rad), height_mm in product(ways, heights):
                 safety.check_target((x_mm, y_mm, height_mm, angle_rad), table.limits)
             (x_mm, y_mm, angle_rad), (to_x_mm, to_y_mm, _) = ways
+            opening_mm = calibration.nearest_um(push.opening_um) / 1000
             lines.append(
-                f"node {index}, before: jaws to count {calibration.count(push.opening_um)}, push from "
+                f"node {index}, before: jaws to {opening_mm:.2f} mm, push from "
                 f"({x_mm:.2f}, {y_mm:.2f}) mm, {degrees(angle_rad):.1f} deg, to ({to_x_mm:.2f}, "
                 f"{to_y_mm:.2f}) mm at {push.speed_um_s / 1000:g} mm/s"
             )
         x_mm, y_mm, angle_rad = sent(placement(node.squeeze), handling.middle_mm)
         for height_mm in heights:
             safety.check_target((x_mm, y_mm, height_mm, angle_rad), table.limits)
-        regulated = strokes.is_regulated(node.squeeze, profile, wanted=handling.regulated)
+        regulated = strokes.is_regulated(
+            node.squeeze, calibration.profile, wanted=handling.regulated
+        )
         open_mm = node.squeeze.opening_um / 1000
         plan_of_jaws = strokes.closing(
-            node, profile, calibration, handling.arc, open_mm, timing, regulated=regulated
+            node, calibration, handling.arc, open_mm, timing, regulated=regulated
         )
-        forces = strokes.raising(node.squeeze, profile) if regulated else []
-        requests = [f"{s.request_counts}/{s.speed_counts}/{s.force_counts}" for s in plan_of_jaws]
-        requests += [
-            f"{plan_of_jaws[-1].request_counts}/{plan_of_jaws[-1].speed_counts}/{force}"
-            for force in forces
+        forces = strokes.raising(node.squeeze, calibration.profile) if regulated else []
+        plan_of_jaws += [plan_of_jaws[-1]._replace(force_n=force) for force in forces]
+        requests = [
+            f"{s.request_um / 1000:.2f} mm at {s.speed_mm_s:.0f} mm/s with {s.force_n:.0f} N"
+            for s in plan_of_jaws
         ]
         lines.append(
-            f"node {index}: open to count {strokes.opening_counts(node.squeeze.opening_um, calibration)}, "
+            f"node {index}: open to {calibration.opening_um(node.squeeze.opening_um) / 1000:.2f} mm, "
             f"hand to ({x_mm:.2f}, {y_mm:.2f}) mm, {degrees(angle_rad):.1f} deg, down to {heights[0]:g} mm, "
-            f"close by position/speed/force {', '.join(requests)}"
+            f"close to {', '.join(requests)}"
         )
     if options.delivery is not None:
         carry.check(options.delivery, table, arm, handling.middle_mm)

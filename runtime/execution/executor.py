@@ -35,7 +35,6 @@ from runtime.table import (
     decision_map,
     job_of,
     predicted_pose,
-    profile_of,
 )
 from runtime.traversal.answer import outcome_fields
 from runtime.traversal.decision import (
@@ -99,8 +98,8 @@ class Executor:
         self._phases: list[Phases] = []  # of the part's squeezes so far
         self._hand = Hand(cell.gripper, cell.arm, cell.clock, table, options.handling)
         self._cell = replace(cell, journal=self._hand.watch.watched(cell.journal, MACHINE))
-        self._slowest_um_s = profile_of(table.gripper.model).speed_um_s[0]
-        self._maps = [decision_map(node, self._hand.calibration) for node in table.nodes]
+        self._slowest_um_s = table.gripper.least_speed_um_s
+        self._maps = [decision_map(node, table.gripper) for node in table.nodes]
 
     def run_part(self, part: int, broken: Replay | None = None) -> PartResult:
         """Squeeze one part until its outcome is known, or go on with it where a run broke off.
@@ -174,7 +173,7 @@ class Executor:
         self._console.phase(part, Phase.SQUEEZE, index)
         reading, decision = self._read(node, index)
         self._console.phase(part, Phase.READ, index)
-        step = step_of(decision, number, index, reading.position_counts, self._hand.calibration)
+        step = step_of(decision, number, index, reading.width_um, self._hand.calibration)
         # Before anything moves on: a decision that is not on the disk was never taken.
         self._cell.journal.record(
             "squeeze", {"part": part, **step.fields(), **reading_fields(reading)}
@@ -197,13 +196,15 @@ class Executor:
     def _read(self, node: Node, index: int) -> tuple[Settled, Decision]:
         """Close the jaws and decide; the force is raised where a reading decides nothing, or for a drag."""
         reading = self._hand.meet(node)
-        decision = decide(node, self._maps[index], reading.position_counts, reading.object_flag)
+        decision = self._decided(node, index, reading)
         if decision.branch != REJECT and release_point(node, decision.branch) is None:
             return reading, decision
         reading = self._hand.tighten(node, reading)
-        return reading, decide(
-            node, self._maps[index], reading.position_counts, reading.object_flag
-        )
+        return reading, self._decided(node, index, reading)
+
+    def _decided(self, node: Node, index: int, reading: Settled) -> Decision:
+        width_um = self._hand.calibration.width_um(reading.width_um)
+        return decide(node, self._maps[index], width_um, reading.object)
 
     def _push(self, part: int, number: int, index: int, node: Node) -> None:
         for push in node.pushes:
@@ -332,7 +333,7 @@ def expected_of(table: Table, node: Node, slowest_um_s: int) -> Expected:
 
 def expected_s(table: Table, node: Node) -> float:
     """Cell seconds of arm and gripper together, of a gripper that is known."""
-    return expected_of(table, node, profile_of(table.gripper.model).speed_um_s[0]).total_s
+    return expected_of(table, node, table.gripper.least_speed_um_s).total_s
 
 
 def reason_of(traversal: TraversalState, steps: Sequence[Step]) -> str | None:

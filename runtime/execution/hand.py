@@ -13,22 +13,21 @@ from contextlib import contextmanager
 from itertools import pairwise
 from math import ceil, degrees, pi, remainder, tau
 
-from drivers.ports import Arm, Gripper, PoseOfHand, Settled
+from drivers.ports import Arm, Gripper, ObjectState, PoseOfHand, Settled
 from runtime.devices.clock import SystemClock
 from runtime.errors import MotionRefusedError
 from runtime.execution import safety, strokes
 from runtime.execution.handling import Handling, check_arc
 from runtime.execution.jaws import Jaws
 from runtime.execution.reading import (
-    CLOSED_COUNTS,
+    CLOSED_UM,
     check_closed,
     check_fresh,
     check_set,
 )
 from runtime.execution.strokes import Stroke
 from runtime.execution.watch import ARM, GRIPPER, Watch
-from runtime.table import CLEAR_MM, Limits, Node, Push, Schedule, Squeeze, Table, job_of, profile_of
-from runtime.traversal.decision import ARRIVED, CLOSING_CONTACT
+from runtime.table import CLEAR_MM, Limits, Node, Push, Schedule, Squeeze, Table, job_of
 from runtime.traversal.geometry import end_of, placement, same_turns, sent
 
 # Nearer than this to a height the arm counts as standing there.
@@ -42,8 +41,8 @@ LOOK_S = 0.05
 class Hand:
     """Arm and gripper of one cell, connected, within one table's limits.
 
-    Its `calibration` is that of counts to widths. `arm_known` tells whether the arm stands where its last
-    acknowledged motion left it, or, before its first one, where it was read first; `may_hold` whether the
+    Its `calibration` is that of nominal to true widths. `arm_known` tells whether the arm stands where its
+    last acknowledged motion left it, or, before its first one, where it was read first; `may_hold` whether the
     fingers may hold something: they have not opened since they closed, or since the hand was made. All its
     places are those where the fingers meet: the arm is sent beside them where that is off its own middle.
 
@@ -59,13 +58,13 @@ class Hand:
         self.limits = table.limits
         self.calibration = handling.widths(table)
         self.middle_mm = handling.middle_mm
-        self._profile = profile_of(table.gripper.model)
+        self._profile = table.gripper.profile
         self.arm_known = True
         self._clock = clock
         self._handling = handling
         schedule = Schedule.of(table, job_of(table))
         self.timing, self._half_turn = schedule.timing, pi if schedule.alike else tau
-        self._jaws = Jaws(self.gripper, clock, self.calibration, self._profile, self.timing)
+        self._jaws = Jaws(self.gripper, clock, self.calibration, self.timing)
         check_arc(handling.arc, table.limits, self.calibration)
         self._sent_to: PoseOfHand | None = (
             None  # where the arm should stand, None where nobody knows
@@ -175,8 +174,8 @@ class Hand:
         """
         self.descend(*placement(push))
         self._slide(*end_of(push)[:2], push.speed_um_s)
-        count = self.gripper.state().position_counts
-        check_set(count, self.calibration.count(push.opening_um), self.calibration)
+        asked_um = self.calibration.nearest_um(push.opening_um)
+        check_set(self.gripper.state().width_um, asked_um, self.calibration)
 
     def _slide(self, x_mm: float, y_mm: float, speed_um_s: int) -> None:
         _, _, z_mm, angle_rad = self._place()
@@ -197,9 +196,9 @@ class Hand:
         """Whether the fingers may hold something."""
         return self._jaws.may_hold
 
-    def width_mm(self, position_counts: int) -> float:
-        """The opening at an encoder count."""
-        return self._jaws.width_mm(position_counts)
+    def width_mm(self, reading_um: int) -> float:
+        """The opening at a reading."""
+        return self._jaws.width_mm(reading_um)
 
     def open(self, squeeze: Squeeze) -> None:
         """Have the jaws open as wide as the squeeze wants them, as `Jaws.open`."""
@@ -224,7 +223,7 @@ class Hand:
         The tips stay level until they are clear of the part's sides; `open` waits for the rest.
         """
         self.where()  # a part that was displaced with the hand is not let go
-        held_mm = self.width_mm(self._jaws.ready().position_counts)
+        held_mm = self.width_mm(self._jaws.ready().width_um)
         wide = max(squeeze, following, key=lambda each: each.opening_um)
         free_mm = min(held_mm + CLEAR_MM, wide.opening_um / 1000)
         arc = self._handling.arc
@@ -237,7 +236,7 @@ class Hand:
         else:
             self._jaws.set_free(squeeze, following, free_mm)
             return
-        if strokes.opening_counts(following.opening_um, self.calibration) > self.calibration.count(
+        if self.calibration.opening_um(following.opening_um) < self.calibration.nearest_um(
             round(1000 * self._jaws.open_mm)
         ):
             return  # narrower: the jaws are set once the hand is up
@@ -263,7 +262,6 @@ class Hand:
         handling, profile = self._handling, self._profile
         plan = strokes.closing(
             node if handling.approaches else node._replace(contact_um=None),
-            profile,
             self.calibration,
             handling.arc,
             self._jaws.open_mm,
@@ -272,7 +270,7 @@ class Hand:
         )
         for stroke, following in pairwise(plan):
             self._level(stroke.advance_mm)
-            through = profile.redirects and stroke.advance_mm == following.advance_mm
+            through = profile.streams and stroke.advance_mm == following.advance_mm
             if not (self._jaws.passes(stroke) if through else self._jaws.arrives(stroke)):
                 break
         else:
@@ -281,18 +279,15 @@ class Hand:
 
     def tighten(self, node: Node, reading: Settled) -> Settled:
         """Raise the force on what a regulated squeeze met to the node's; the reading after that."""
-        if not self._is_regulated(node) or reading.object_flag != CLOSING_CONTACT:
+        if not self._is_regulated(node) or reading.object is not ObjectState.CLOSING:
             return reading
-        limit_ma, speed = (
-            self._handling.grip_current_ma,
-            self._profile.speed_counts(node.squeeze.speed_um_s),
-        )
+        limit_ma, speed = self._handling.grip_current_ma, node.squeeze.speed_um_s / 1000
         for force in strokes.raising(node.squeeze, self._profile):
             if limit_ma is not None and reading.current_ma >= limit_ma:
                 break
-            reading = self._jaws.stroke(Stroke(CLOSED_COUNTS, speed, force, 0.0))
-            check_fresh(reading, CLOSED_COUNTS)
-            if reading.object_flag == ARRIVED:  # it slipped out: the width tells
+            reading = self._jaws.stroke(Stroke(CLOSED_UM, speed, force, 0.0))
+            check_fresh(reading, CLOSED_UM)
+            if reading.object is ObjectState.AT_TARGET:  # it slipped out: the width tells
                 break
         return self._checked(reading)
 
@@ -300,7 +295,7 @@ class Hand:
         return strokes.is_regulated(node.squeeze, self._profile, wanted=self._handling.regulated)
 
     def _checked(self, reading: Settled) -> Settled:
-        check_fresh(reading, CLOSED_COUNTS)
+        check_fresh(reading, CLOSED_UM)
         self.where()
         check_closed(reading, self.calibration, self._handling.current_ma)
         return reading

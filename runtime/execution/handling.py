@@ -12,7 +12,9 @@ from runtime.table import CLEAR_MM, Calibration, Limits, Table
 class Handling:
     """How the hand is used; what differs from cell to cell and not from table to table."""
 
-    calibration: Calibration | None = None  # counts to widths as measured, None where they were not
+    calibration: Calibration | None = (
+        None  # nominal to true widths as measured, None where they were not
+    )
     arc: TipArc | None = None  # the tips' arc; None where they move straight
     regulated: bool = False  # whether squeezes close gently and raise their force after contact
     approaches: bool = (
@@ -28,8 +30,8 @@ class Handling:
     )
 
     def widths(self, table: Table) -> Calibration:
-        """Counts to widths: as measured, else the linear map of the table's gripper."""
-        return self.calibration or Calibration.linear(table.gripper)
+        """Nominal to true widths: as measured, else the same."""
+        return self.calibration or Calibration(table.gripper.profile)
 
 
 def check_arc(arc: TipArc | None, limits: Limits, calibration: Calibration) -> None:
@@ -40,7 +42,7 @@ def check_arc(arc: TipArc | None, limits: Limits, calibration: Calibration) -> N
     """
     if arc is None:
         return
-    widest_mm = calibration.widths_um[0] / 1000
+    widest_mm = calibration.widest_um / 1000
     if arc.taught_mm < widest_mm - CLEAR_MM or widest_mm / 2 - arc.offset_mm >= arc.link_mm:
         raise TableError(
             f"the tips' arc was taught at {arc.taught_mm:g} mm and the jaws open to {widest_mm:g} mm; "

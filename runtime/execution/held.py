@@ -9,26 +9,25 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-from drivers.ports import GripperState
+from drivers.ports import GripperState, ObjectState
 from runtime.errors import GripperStateError
 from runtime.execution.delivery import Delivery, Sorting
 from runtime.execution.hand import Hand
-from runtime.execution.reading import OPENED_COUNTS
+from runtime.execution.reading import room_um
 from runtime.execution.safety import needs_activation
 from runtime.journal.chain import Journal
 from runtime.journal.lines import Entry
 from runtime.journal.replay import UNDECIDED
 from runtime.table import CLEAR_MM, Calibration, Table
-from runtime.traversal.decision import CLOSING_CONTACT
 
-# Jaws within this of their widest are open: they settle at counts 3 to 13 (Robotiq SDK); the thinnest part.
+# Jaws within this of their widest are open: some settle up to 3.7 mm short of it; the thinnest part.
 OPEN_UM, CLOSED_UM = 4_000, 1_000
 
 
 class Held(NamedTuple):
     """What the fingers hold, or may hold."""
 
-    position_counts: int
+    reading_um: int
     width_mm: float
     certain: bool  # the gripper tells of contact
     active: bool  # the gripper is activated and reports no fault
@@ -41,7 +40,7 @@ class Held(NamedTuple):
             known = "they were stopped on their way, at a part or not"
         else:
             known = "the gripper is not active and cannot tell what stopped them"
-        stands = f"the fingers stand at count {self.position_counts} ({self.width_mm:.2f} mm) and "
+        stands = f"the fingers stand at {self.width_mm:.2f} mm and "
         return f"{stands}{'hold' if self.certain else 'may hold'} something: {known}"
 
     def refusal(self, arm_mm: float, journal: Journal | None) -> GripperStateError:
@@ -58,17 +57,14 @@ class Held(NamedTuple):
 
 def look(state: GripperState, calibration: Calibration) -> Held | None:
     """What the fingers of a gripper at rest may hold; None where they hold nothing."""
-    count, width_um = state.position_counts, calibration.width_um(state.position_counts)
-    certain = (
-        state.activated and state.object_flag == CLOSING_CONTACT and state.echo_counts >= count
-    )
-    short = state.echo_counts - count
-    is_open = width_um >= calibration.widths_um[0] - OPEN_UM
-    there = state.activated and abs(short) <= OPENED_COUNTS
-    opened = is_open and (short < 0 or not state.activated)
+    width_um, short_um = calibration.width_um(state.width_um), state.width_um - state.target_um
+    certain = state.activated and state.object is ObjectState.CLOSING and short_um >= 0
+    is_open = width_um >= calibration.widest_um - OPEN_UM
+    there = state.activated and abs(short_um) <= room_um(calibration.profile)
+    opened = is_open and (short_um < 0 or not state.activated)
     if not certain and (there or opened or width_um <= CLOSED_UM):
         return None
-    return Held(count, width_um / 1000, certain, not needs_activation(state))
+    return Held(state.width_um, width_um / 1000, certain, not needs_activation(state))
 
 
 def put_down(
@@ -83,8 +79,8 @@ def put_down(
         MotionRefusedError: the arm stands outside the work area, and the area in which parts are carried.
         GripperStateError: the gripper is not ready, or the jaws do not open.
     """
-    pose, count = hand.where(), hand.gripper.state().position_counts
-    width_mm = hand.width_mm(count)
+    pose, reading_um = hand.where(), hand.gripper.state().width_um
+    width_mm = hand.width_mm(reading_um)
     wide_um = min(round(1000 * (width_mm + CLEAR_MM)), table.gripper.opening_um)
     limits = hand.limits
     inside = limits.work_area_um.contains(pose[0], pose[1])
@@ -94,7 +90,7 @@ def put_down(
     document = {
         "x_mm": pose[0],
         "y_mm": pose[1],
-        "position_counts": count,
+        "reading_um": reading_um,
         "width_mm": round(width_mm, 3),
     }
     journal.record("put_down", {**document, "begun": True})

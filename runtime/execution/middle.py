@@ -15,12 +15,13 @@ from math import hypot, pi, sqrt
 from statistics import fmean, linear_regression
 from typing import NamedTuple, Self
 
+from drivers.ports import ObjectState
 from runtime.errors import GripperStateError
 from runtime.execution import safety
 from runtime.execution.hand import Hand
 from runtime.shell.errors import InputError
-from runtime.table import HELD_UM, PPM, Branch, Node, Pose2, Table, job_of, profile_of
-from runtime.traversal.decision import CLOSING_CONTACT, release_point
+from runtime.table import HELD_UM, PPM, Branch, Node, Pose2, Table, job_of
+from runtime.traversal.decision import release_point
 from runtime.traversal.geometry import compose, end_of, placement, sent
 
 ROOM_MM = 15.0  # between a block in the middle and each open finger
@@ -136,14 +137,16 @@ def gripping(table: Table, block_mm: float) -> Node:
     Raises:
         InputError: the block is too wide for the gripper.
     """
-    profile, widest_um = profile_of(table.gripper.model), table.gripper.opening_um
+    gripper, widest_um = table.gripper, table.gripper.opening_um
     opening_um = round(1000 * (block_mm + 2.0 * ROOM_MM))
     if block_mm <= 0.0 or opening_um > widest_um:
         raise InputError(
             f"a block of {block_mm:g} mm; take one of up to {widest_um / 1000 - 2 * ROOM_MM:g} mm"
         )
     squeeze = table.nodes[0].squeeze._replace(
-        opening_um=opening_um, speed_um_s=profile.speed_um_s[0], force_mn=profile.force_mn[0]
+        opening_um=opening_um,
+        speed_um_s=gripper.least_speed_um_s,
+        force_mn=gripper.least_force_mn,
     )
     return table.nodes[0]._replace(squeeze=squeeze, branches=(Branch(0, 0, widest_um, PPM, ~0),))
 
@@ -206,10 +209,10 @@ def _grip(hand: Hand, node: Node, about: Pose2, off_mm: float) -> Grip:
     hand.travel(*place)
     hand.descend(*place)
     reading = hand.close(node)
-    width_mm = hand.width_mm(reading.position_counts)
+    width_mm = hand.width_mm(reading.width_um)
     hand.release(node.squeeze)
     hand.retreat()
-    if reading.object_flag != CLOSING_CONTACT:
+    if reading.object is not ObjectState.CLOSING:
         raise GripperStateError(
             f"the fingers closed at ({place[0]:.1f}, {place[1]:.1f}) mm and met no block; correct --at"
         )

@@ -1,12 +1,14 @@
 """The checks that a reading passes before it is acted upon: fresh, possible, and self-consistent."""
 
-from drivers.ports import Settled
-from runtime.errors import GripperStateError
-from runtime.table import UNDETECTED_UM, Calibration
-from runtime.traversal.decision import ARRIVED, CLOSING_CONTACT, OPENING_CONTACT
+from math import ceil
 
-CLOSED_COUNTS = 255
-OPENED_COUNTS = 2
+from drivers.ports import GripperProfile, ObjectState, Settled
+from runtime.errors import GripperStateError
+from runtime.table import Calibration
+
+CLOSED_UM = 0  # asked for, the jaws close as far as they go
+STANDS_UM = 750  # how far from where they were asked to go jaws may stand
+STANDS_STEPS = 2  # and by how many steps of their reading
 SET_UM = 1_000  # how far off jaws that push may stand
 
 
@@ -15,19 +17,23 @@ SET_UM = 1_000  # how far off jaws that push may stand
 CURRENT_MA = (0, 1_000)
 
 
-def check_fresh(settled: Settled, requested_counts: int) -> None:
+def room_um(profile: GripperProfile) -> int:
+    """How far from where it was asked to go a gripper may stand."""
+    return max(STANDS_UM, ceil(STANDS_STEPS * profile.resolution_um))
+
+
+def check_fresh(settled: Settled, requested_um: int) -> None:
     """Check that a settled reading belongs to the request.
 
     Raises:
-        GripperStateError: it belongs to another request, is no encoder count, or is not settled.
+        GripperStateError: it belongs to another request, or is not settled.
     """
-    if settled.echo_counts != requested_counts:
+    if settled.target_um != requested_um:
         raise GripperStateError(
-            f"stale reading: the gripper answers request {settled.echo_counts}, asked was {requested_counts}"
+            f"stale reading: the gripper answers a request for {settled.target_um / 1000:.2f} mm, asked was "
+            f"{requested_um / 1000:.2f} mm"
         )
-    if not 0 <= settled.position_counts <= CLOSED_COUNTS:
-        raise GripperStateError(f"position {settled.position_counts} is no encoder count")
-    if settled.object_flag not in (OPENING_CONTACT, CLOSING_CONTACT, ARRIVED):
+    if settled.object is ObjectState.NONE:
         raise GripperStateError("the gripper reports a motion as finished and as going on")
 
 
@@ -38,16 +44,16 @@ def check_closed(settled: Settled, calibration: Calibration, current_ma: tuple[i
         GripperStateError: the flag tells of nothing where the fingers are apart, or of an opening motion; or
             the current is none a gripper at rest on a part draws.
     """
-    width_um = calibration.width_um(settled.position_counts)
-    if settled.object_flag == OPENING_CONTACT:
+    width_um = calibration.width_um(settled.width_um)
+    if settled.object is ObjectState.OPENING:
         raise GripperStateError("the gripper tells of contact while opening, asked was to close")
-    if settled.object_flag == ARRIVED and width_um > UNDETECTED_UM:
+    if settled.object is ObjectState.AT_TARGET and width_um > calibration.profile.empty_um:
         raise GripperStateError(
             f"the gripper reports that it closed on nothing and stands {width_um / 1000:.2f} mm open; "
             "one of the two is wrong"
         )
     least_ma, most_ma = current_ma
-    if settled.object_flag != CLOSING_CONTACT:
+    if settled.object is not ObjectState.CLOSING:
         least_ma = 0
     if not least_ma <= settled.current_ma <= most_ma:
         raise GripperStateError(
@@ -56,35 +62,34 @@ def check_closed(settled: Settled, calibration: Calibration, current_ma: tuple[i
         )
 
 
-def check_opened(settled: Settled, requested_counts: int, calibration: Calibration) -> None:
+def check_opened(settled: Settled, requested_um: int, calibration: Calibration) -> None:
     """Check that the jaws opened as far as requested; the check for collisions of the descent counts on it.
 
     Raises:
         GripperStateError: the reading is stale, or the jaws are blocked.
     """
-    check_fresh(settled, requested_counts)
-    if not is_open(settled.position_counts, requested_counts, calibration):
-        asked_um = calibration.width_um(requested_counts)
-        stopped_um = calibration.width_um(settled.position_counts)
+    check_fresh(settled, requested_um)
+    if not is_open(settled.width_um, requested_um, calibration):
+        asked_um, stopped_um = map(calibration.width_um, (requested_um, settled.width_um))
         raise GripperStateError(
             f"the jaws stopped at {stopped_um / 1000:.2f} mm while opening to {asked_um / 1000:.2f} mm; "
             "remove what blocks them"
         )
 
 
-def is_open(position_counts: int, requested_counts: int, calibration: Calibration) -> bool:
-    """Whether jaws at a count are open as far as requested."""
-    least_um = calibration.width_um(min(requested_counts + OPENED_COUNTS, CLOSED_COUNTS))
-    return calibration.width_um(position_counts) >= least_um
+def is_open(reading_um: int, requested_um: int, calibration: Calibration) -> bool:
+    """Whether jaws at a reading are open as far as requested."""
+    least_um = calibration.width_um(requested_um - room_um(calibration.profile))
+    return calibration.width_um(reading_um) >= least_um
 
 
-def check_set(position_counts: int, requested_counts: int, calibration: Calibration) -> None:
+def check_set(reading_um: int, requested_um: int, calibration: Calibration) -> None:
     """Check that the jaws stand, with nothing between them, about where they were set to push.
 
     Raises:
         GripperStateError: they do not.
     """
-    stands_um, asked_um = (calibration.width_um(n) for n in (position_counts, requested_counts))
+    stands_um, asked_um = map(calibration.width_um, (reading_um, requested_um))
     if abs(stands_um - asked_um) > SET_UM:
         raise GripperStateError(
             f"the jaws stand at {stands_um / 1000:.2f} mm and were set to {asked_um / 1000:.2f} mm to push; "
@@ -92,25 +97,21 @@ def check_set(position_counts: int, requested_counts: int, calibration: Calibrat
         )
 
 
-def check_passed(settled: Settled, requested_counts: int, calibration: Calibration) -> bool:
+def check_passed(settled: Settled, requested_um: int, calibration: Calibration) -> bool:
     """Check a closing motion to an intermediate width; whether it got there, or met something before.
 
     Raises:
-        GripperStateError: the reading is stale, or the flag and the count contradict one another.
+        GripperStateError: the reading is stale, or object state and width contradict one another.
     """
-    check_fresh(settled, requested_counts)
-    if settled.object_flag == CLOSING_CONTACT:
+    check_fresh(settled, requested_um)
+    if settled.object is ObjectState.CLOSING:
         return False
-    if (
-        settled.object_flag == ARRIVED
-        and abs(settled.position_counts - requested_counts) <= OPENED_COUNTS
-    ):
+    stands = abs(settled.width_um - requested_um) <= room_um(calibration.profile)
+    if settled.object is ObjectState.AT_TARGET and stands:
         return True
-    asked_um, seen_um = (
-        calibration.width_um(n) for n in (requested_counts, settled.position_counts)
-    )
+    asked_um, seen_um = map(calibration.width_um, (requested_um, settled.width_um))
     raise GripperStateError(
-        f"the gripper reports flag {settled.object_flag} at {seen_um / 1000:.2f} mm while closing to "
+        f"the gripper reports {settled.object.sentence} at {seen_um / 1000:.2f} mm while closing to "
         f"{asked_um / 1000:.2f} mm; the two do not fit"
     )
 
@@ -118,8 +119,8 @@ def check_passed(settled: Settled, requested_counts: int, calibration: Calibrati
 def reading_fields(reading: Settled) -> dict[str, object]:
     """A settled reading as a journal record holds it."""
     return {
-        "object_flag": reading.object_flag,
-        "echo_counts": reading.echo_counts,
+        "object_flag": int(reading.object),
+        "target_um": reading.target_um,
         "current_ma": reading.current_ma,
         "settle_s": round(reading.seconds, 4),
     }

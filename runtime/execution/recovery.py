@@ -8,14 +8,14 @@ on their way; after `freed`, and before the first, they touch nothing. A squeeze
 
 from math import dist, pi, remainder, tau
 
-from drivers.ports import PoseOfHand
+from drivers.ports import ObjectState, PoseOfHand
 from runtime.errors import BrokenRunError
 from runtime.execution.hand import LEVEL_MM, Hand
-from runtime.execution.reading import CLOSED_COUNTS, OPENED_COUNTS
+from runtime.execution.reading import CLOSED_UM, room_um
 from runtime.execution.safety import PLACED_MM, PLACED_RAD
 from runtime.journal.replay import Last, Replay
 from runtime.table import REJECT, Node, Pose2, Table, close_alike, job_of
-from runtime.traversal.decision import ARRIVED, release_point
+from runtime.traversal.decision import release_point
 from runtime.traversal.geometry import placement
 
 Place = tuple[float, float]
@@ -46,17 +46,17 @@ def pending(broken: Replay, table: Table, hand: Hand) -> tuple[Node, int] | None
     retreat_mm = hand.limits.retreat_height_um / 1000
     low = pose[2] < (hand.timing.regrasp_mm if broken.steps else retreat_mm) - LEVEL_MM
     alike = close_alike(job_of(table))
-    closed = state.echo_counts == CLOSED_COUNTS
-    held = broken.last is Last.SQUEEZED and (closed or state.object_flag != ARRIVED)
+    closed = state.target_um == CLOSED_UM
+    held = broken.last is Last.SQUEEZED and (closed or state.object is not ObjectState.AT_TARGET)
     if held or broken.last is Last.PLACED:
         if not (low and _between(pose, place, let_go, alike)):
             raise _moved(pose, "with the part between the fingers; take it out")
         if held and closed and broken.steps:
-            count, before = state.position_counts, broken.steps[-1].position_counts
-            if abs(count - before) > OPENED_COUNTS:
+            now_um, before_um = state.width_um, broken.steps[-1].reading_um
+            if abs(now_um - before_um) > room_um(hand.calibration.profile):
                 raise BrokenRunError(
-                    f"the fingers stand at count {count}, the part was held at {before}: another, or gone; "
-                    f"{ABORT_REMEDY}"
+                    f"the fingers read {now_um / 1000:.2f} mm, the part was held at "
+                    f"{before_um / 1000:.2f} mm: another, or gone; {ABORT_REMEDY}"
                 )
         return node, branch
     if not broken.steps:

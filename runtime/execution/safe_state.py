@@ -64,7 +64,7 @@ def _stop_fingers(gripper: Gripper) -> str:
     if seen.moving:
         return "fingers: NOT KNOWN TO BE STOPPED: they still move"
     activity = "" if seen.activated else ", the gripper is not active"
-    return f"fingers stopped at count {seen.position_counts}{activity}"
+    return f"fingers stopped at {seen.width_um / 1000:.2f} mm{activity}"
 
 
 def _raise_arm(arm: Arm, limits: Limits) -> str:

@@ -4,11 +4,8 @@ from math import hypot, isfinite, remainder, tau
 
 from drivers.ports import Arm, Gripper, GripperState, PoseOfHand, Settled
 from runtime.errors import GripperStateError, MotionRefusedError, TableError
-from runtime.table import Limits, Table, profile_of
+from runtime.table import Limits, Table
 from runtime.traversal.geometry import MOST_TURNS
-
-# Tells of a silence before this reading, which by itself is the end of it (2F-85 manual, fault 0x09).
-NO_COMMUNICATION = 0x09
 
 # How far an arm, as it tells itself, may stand from where it was sent; farther off, it was displaced.
 # It reads back 0.01 mm and a quaternion of three decimals, about 0.1 deg (open_abb, SERVER.mod).
@@ -22,9 +19,9 @@ def check_table(table: Table) -> None:
     Raises:
         TableError: naming the first node whose speed or force lies outside the gripper's range.
     """
-    profile = profile_of(table.gripper.model)
-    slowest, fastest = profile.speed_um_s
-    weakest, strongest = profile.force_mn
+    gripper = table.gripper
+    slowest, fastest = gripper.least_speed_um_s, gripper.most_speed_um_s
+    weakest, strongest = gripper.least_force_mn, gripper.most_force_mn
     for index, node in enumerate(table.nodes):
         speed, force = node.squeeze.speed_um_s, node.squeeze.force_mn
         if not slowest <= speed <= fastest:
@@ -41,29 +38,29 @@ def check_table(table: Table) -> None:
 
 def needs_activation(state: GripperState) -> bool:
     """Whether only an activation, which clears faults, makes it ready to move."""
-    return not state.activated or state.fault not in (0, NO_COMMUNICATION)
+    return not state.activated or state.fault != 0
 
 
-def ready_gripper(gripper: Gripper, asked_counts: int | None = None) -> GripperState:
+def ready_gripper(gripper: Gripper, asked_um: int | None = None) -> GripperState:
     """Read the gripper and check that it, or the arm, may be moved.
 
-    It may be on its way to `asked_counts`, where this run asked it to go there.
+    It may be on its way to `asked_um`, where this run asked it to go there.
 
     Raises:
         GripperStateError: not activated, in fault, or moving without having been asked to.
     """
     state = gripper.state()
-    if state.fault not in (0, NO_COMMUNICATION):
+    if state.fault:
         raise GripperStateError(
-            f"the gripper reports fault 0x{state.fault:02X}; look at its LED, remove the cause, "
-            "then start again with --activate"
+            f"the gripper reports fault {state.fault_text}; remove the cause, then start again "
+            "with --activate"
         )
     if not state.activated:
         raise GripperStateError(
             "the gripper is not activated; clear the space between the fingers, "
             "then start again with --activate"
         )
-    if state.moving and state.echo_counts != asked_counts:
+    if state.moving and state.target_um != asked_um:
         raise GripperStateError(
             "the gripper moves without having been asked to; who else commands it?"
         )
@@ -72,20 +69,20 @@ def ready_gripper(gripper: Gripper, asked_counts: int | None = None) -> GripperS
 
 def stroke(
     gripper: Gripper,
-    position_counts: int,
-    speed_counts: int,
-    force_counts: int,
-    asked_counts: int | None = None,
+    width_um: int,
+    speed_mm_s: float,
+    force_n: float,
+    asked_um: int | None = None,
 ) -> Settled:
     """Move the jaws of a gripper that is ready, and wait until they have settled.
 
-    They may be on their way to `asked_counts`, as of `ready_gripper`.
+    They may be on their way to `asked_um`, as of `ready_gripper`.
 
     Raises:
         GripperStateError: it is not ready.
     """
-    ready_gripper(gripper, asked_counts)
-    gripper.move(position_counts, speed_counts, force_counts)
+    ready_gripper(gripper, asked_um)
+    gripper.move(width_um, speed_mm_s, force_n)
     return gripper.wait()
 
 

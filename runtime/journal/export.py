@@ -23,10 +23,7 @@ SQUEEZE = {
         column(field): field
         for field in ("time", "part", "number", "node", "x_um", "y_um", "angle_urad")
     },
-    **{
-        column(field): field
-        for field in ("opening_um", "position_counts", "width_um", "object_flag")
-    },
+    **{column(field): field for field in ("opening_um", "reading_um", "width_um", "object_flag")},
     **{column(field): field for field in ("current_ma", "settle_s", "target")},
     "reject_reason": "reason",
 }

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 INFO, WARNING, ERROR = 2, 3, 4  # levels of foxglove.Log
 LIBRARY = "squeezetree"
 TEXTS = frozenset({"time", "outcome", "hypothesis", "audit", "delivery", "reject_reason"})
-HIDDEN = RESERVED | UPTIME | {"table_base64", "widths_um"}  # in a line of a record
+HIDDEN = RESERVED | UPTIME | {"table_base64", "calibration_um"}  # in a line of a record
 
 OUTCOME = {name: name for name in ("part", *PART)} | {"reject_reason": "reason"}
 

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator
 from enum import Enum
 from typing import NamedTuple
 
+from drivers.ports import ObjectState
 from runtime.journal.lines import Entry
 from runtime.table import Calibration, Table, decision_map, loads
 from runtime.traversal.decision import Policy, TraversalState, advance, decide, step_of
@@ -87,14 +88,14 @@ class Replay:
 
     def _open(self, entry: Entry) -> None:
         table = loads(base64.b64decode(str(entry["table_base64"]), validate=True))
-        widths = entry.get("widths_um")
+        points = entry.get("calibration_um")
         self.table = table
         self.calibration = (
-            Calibration(tuple(int(str(width)) for width in widths))
-            if isinstance(widths, list)
-            else Calibration.linear(table.gripper)
+            Calibration(table.gripper.profile, tuple((int(a), int(b)) for a, b in points))
+            if isinstance(points, list)
+            else Calibration(table.gripper.profile)
         )
-        self._maps = [decision_map(node, self.calibration) for node in table.nodes]
+        self._maps = [decision_map(node, table.gripper) for node in table.nodes]
         self.policy = Policy.of(
             str(entry.get("on_reject", "next")), str(entry.get("on_unresolved", "next"))
         )
@@ -120,17 +121,18 @@ class Replay:
     def _squeeze(self, entry: Entry) -> Iterator[str]:
         yield from self._expect(entry)
         assert self.table is not None
-        index, count = _integer(entry, "node"), _integer(entry, "position_counts")
-        node = self.table.nodes[index]
-        decision = decide(node, self._maps[index], count, _integer(entry, "object_flag"))
+        index, reading_um = _integer(entry, "node"), _integer(entry, "reading_um")
+        node, width_um = self.table.nodes[index], self.calibration.width_um(reading_um)
+        seen = ObjectState(_integer(entry, "object_flag"))
+        decision = decide(node, self._maps[index], width_um, seen)
         target = decision.target
         if entry["target"] != target:
-            yield f"says that count {count} leads to {entry['target']}, the table says {target}"
-        width_um = self.calibration.width_um(count)
+            yield f"says that {width_um} um leads to {entry['target']}, the table says {target}"
         if entry["width_um"] != width_um:
-            yield f"says that count {count} is {entry['width_um']} um, the calibration says {width_um}"
+            said = f"says that a reading of {reading_um} um is {entry['width_um']} um"
+            yield f"{said}, the calibration says {width_um}"
         number = _integer(entry, "number")
-        self.steps.append(step_of(decision, number, index, count, self.calibration))
+        self.steps.append(step_of(decision, number, index, reading_um, self.calibration))
         self.traversal = advance(
             self.traversal._replace(node=index), target, self.table, self.policy
         )

@@ -29,7 +29,7 @@ class Lines(Console):
         say(
             f"part {part} squeeze {step.number}: node {step.node}, hand at ({x_mm:.2f}, {y_mm:.2f}) mm, "
             f"{degrees(angle_rad):.1f} deg; width {step.width_um / 1000:.2f} mm "
-            f"(count {step.position_counts}) -> {_reached(step)}"
+            f"-> {_reached(step)}"
         )
 
     def part(self, result: PartResult, seen: Sighting | None) -> None:
@@ -104,7 +104,7 @@ def as_object(
         "outcome": result.outcome.value,
         "leaf": result.leaf,
         "path": [step.node for step in result.steps],
-        "position_counts": [step.position_counts for step in result.steps],
+        "readings_mm": [step.reading_um / 1000 for step in result.steps],
         "widths_mm": [step.width_um / 1000 for step in result.steps],
         "predicted_pose": None if leaf is None else _pose_object(predicted_pose(leaf)),
         **_in_the_drawing(table, result),

@@ -14,12 +14,12 @@ from typing import Any
 
 from runtime.shell import strict_json
 from runtime.shell.errors import InputError, UsageError
-from runtime.spc.history import History, Part, Squeezed
-from runtime.table import COUNTS, Table
+from runtime.spc.history import History, Part
+from runtime.table import Table
 
-KIND, VERSION = "expected readings", 1
+KIND, VERSION = "expected readings", 2
 PRIOR = (
-    20.0  # readings, evenly spread over all counts, that each node is thought to have seen besides
+    20.0  # readings, evenly spread over all bins, that each node is thought to have seen besides
 )
 LIMIT = 1.5e4  # parts to a false alarm in the mean; the other charts have the rest of one in 10 000
 CLIP = log(200.0)  # of one part: a single strange one is no drift
@@ -33,7 +33,7 @@ class Expectation:
 
     table_sha256: str  # of the table they are of
     names: tuple[str, ...]
-    shares: tuple[Shares, ...]  # for each world, (nodes, 256), none of them zero
+    shares: tuple[Shares, ...]  # for each world, (nodes, bins), none of them zero
 
     def check(self, history: History) -> None:
         """Raises UsageError unless this is of the table of a history."""
@@ -45,7 +45,9 @@ class Expectation:
 
     def gains(self, table: Table, part: Part) -> list[float]:
         """For each other world the logarithm of a part's likelihood ratio, `CLIP` at most."""
-        places = [(squeeze.node, bin_of(table, squeeze)) for squeeze in part.squeezes]
+        places = [
+            (squeeze.node, table.gripper.bin_of(squeeze.width_um)) for squeeze in part.squeezes
+        ]
         planned, *others = (sum(log(shares[n][c]) for n, c in places) for shares in self.shares)
         # A ratio that is cut off above has a mean of one or less, as the whole one has.
         return [min(other - planned, CLIP) for other in others]
@@ -79,13 +81,6 @@ class ShiryaevRoberts:
         return self.expected.names[1 + likeliest]
 
 
-def bin_of(table: Table, squeeze: Squeezed) -> int:
-    """The count of a linear encoder that a width falls to, whatever the gripper's own calibration."""
-    gripper = table.gripper
-    steps = squeeze.width_um * (gripper.count_closed - gripper.count_open) / gripper.opening_um
-    return min(max(round(gripper.count_closed - steps), 0), COUNTS - 1)
-
-
 def load(path: Path) -> Expectation:
     """Read what `plan-expect` wrote.
 
@@ -106,18 +101,20 @@ def load(path: Path) -> Expectation:
 def _checked(record: dict[str, Any]) -> Expectation:
     worlds = record["worlds"]
     names = tuple(str(world["name"]) for world in worlds)
-    shares = tuple(tuple(_shares(node) for node in world["readings"]) for world in worlds)
+    shares = tuple(
+        tuple(_shares(node, int(record["bins"])) for node in world["readings"]) for world in worlds
+    )
     alike = len(names) > 1 and len({len(nodes) for nodes in shares}) == 1
     if (record["kind"], record["version"]) != (KIND, VERSION) or not alike:
         raise ValueError(record["kind"])
     return Expectation(str(record["table_sha256"]), names, shares)
 
 
-def _shares(node: dict[str, int]) -> tuple[float, ...]:
-    filled = [0.0] * COUNTS
-    for count, times in node.items():
-        if not (0 <= int(count) < COUNTS and times >= 0):
-            raise ValueError(count)
-        filled[int(count)] = float(times)
+def _shares(node: dict[str, int], bins: int) -> tuple[float, ...]:
+    filled = [0.0] * bins
+    for number, times in node.items():
+        if not (0 <= int(number) < bins and times >= 0):
+            raise ValueError(number)
+        filled[int(number)] = float(times)
     total = sum(filled) + PRIOR
-    return tuple((times + PRIOR / COUNTS) / total for times in filled)
+    return tuple((times + PRIOR / bins) / total for times in filled)

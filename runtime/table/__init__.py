@@ -5,8 +5,8 @@ The one package of the runtime that planner and camera need, and may import.
 ```
 dump(table, path)             # validates it, writes it whole or not at all
 table, data, digest = load(path)
-decided = decision_map(node, Calibration.linear(table.gripper))
-outcome = decide(decided, count, felt)
+decided = decision_map(node, table.gripper)
+outcome = decide(decided, width_um, felt)
 ```
 """
 
@@ -14,6 +14,7 @@ import hashlib
 from pathlib import Path
 from typing import NamedTuple
 
+from drivers.ports import GripperProfile
 from runtime.errors import TableError
 from runtime.shell.files import quoted, writing
 from runtime.table.codec import decode, encode, names_table
@@ -33,10 +34,10 @@ from runtime.table.goal import (
 )
 from runtime.table.grippers import PROFILES, doubt_um, known, profile_of, same_model
 from runtime.table.lookup import (
-    COUNTS,
     REJECT,
     Calibration,
-    by_count,
+    DecisionMap,
+    Segments,
     decide,
     decision_map,
     misfits,
@@ -45,7 +46,6 @@ from runtime.table.model import (
     HELD_UM,
     KINDS,
     PPM,
-    UNDETECTED_UM,
     Area,
     Branch,
     Covariance,
@@ -84,7 +84,6 @@ __all__ = [
     "ABOVE_MM",
     "ARM_ACCELERATION_MM_S2",
     "CLEAR_MM",
-    "COUNTS",
     "HELD_UM",
     "KINDS",
     "LEAD_MM",
@@ -92,12 +91,13 @@ __all__ = [
     "PPM",
     "PROFILES",
     "REJECT",
-    "UNDETECTED_UM",
     "Area",
     "Branch",
     "Calibration",
     "Covariance",
+    "DecisionMap",
     "GoalSpec",
+    "GripperProfile",
     "GripperSpec",
     "Hypothesis",
     "Leaf",
@@ -108,9 +108,9 @@ __all__ = [
     "Place",
     "Pose2",
     "Prediction",
-    "Profile",
     "Push",
     "Schedule",
+    "Segments",
     "Squeeze",
     "Squeezed",
     "Stand",
@@ -120,16 +120,17 @@ __all__ = [
     "Timing",
     "Tolerance",
     "Visit",
-    "by_count",
     "close_alike",
     "decide",
     "decision_map",
     "distance",
+    "doubt_um",
     "dump",
     "dumps",
     "error_mm",
     "hypotheses_of",
     "job_of",
+    "known",
     "load",
     "loads",
     "meets",
@@ -141,6 +142,7 @@ __all__ = [
     "profile_of",
     "refuted",
     "residual",
+    "same_model",
     "successes_of",
     "takt_figures",
     "takt_text",

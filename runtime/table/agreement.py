@@ -46,12 +46,13 @@ def _header(table: Table, job: Section) -> Compared:
             gripper.model,
             gripper.model if same_model(gripper.model, model) else model,
         )
-    for name in ("opening", "finger_length", "finger_width", "encoder_noise"):
+    for name in ("opening", "finger_length", "finger_width", "noise"):
         yield from _scaled(
             f"gripper.{name}_um", getattr(gripper, f"{name}_um"), stated, f"{name}_mm"
         )
-    for name in ("count_open", "count_closed"):
-        yield from _scaled(f"gripper.{name}", getattr(gripper, name), stated, name, scale=1)
+    resolution_mm = number(stated, "resolution_mm")
+    if resolution_mm:
+        yield "gripper.steps", gripper.steps, round(gripper.opening_um / (UM * resolution_mm))
     yield from _scaled("limits.max_force_mn", limits.max_force_mn, cell, "max_force_n")
     for name in ("max_speed", "arm_speed"):
         yield from _scaled(

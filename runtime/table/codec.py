@@ -13,7 +13,7 @@ from runtime.errors import TableError
 from runtime.table.fields import FLAG, MAX_BYTES, MAX_LEAVES, SECTIONS, TYPES, Section, records_of
 from runtime.table.model import Area, Covariance, Node, Table, Tolerance
 
-FORMAT = 11
+FORMAT = 12
 MAGIC = "squeezetree"
 BEGINNING = 16  # bytes within which a table names itself
 FRAME_FIELDS = ("magic", "format", "digest", "payload")

@@ -238,7 +238,7 @@ def _slack(job: Section) -> Slack:
     return Slack(
         place_mm=most(doubt, "middle_mm", "arm_mm") + TAIL * scatter + contour,
         turn_rad=radians(most(doubt, "arm_deg") + TAIL * turns),
-        width_mm=most(doubt, "encoder_mm") + TAIL * most(gripper, "encoder_noise_mm") + 2 * contour,
+        width_mm=most(doubt, "encoder_mm") + TAIL * most(gripper, "noise_mm") + 2 * contour,
         gain=most(doubt, "encoder_gain"),
         share=most(doubt, "finger_share"),
         lead=0.0 if share is None else share - 0.5,

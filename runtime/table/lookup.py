@@ -2,135 +2,205 @@
 
 from bisect import bisect_left, bisect_right
 from dataclasses import dataclass
-from operator import neg
-from typing import Self
+from itertools import pairwise
+from typing import NamedTuple
 
+from drivers.ports import GripperProfile
 from runtime.errors import TableError
-from runtime.table.model import UNDETECTED_UM, GripperSpec, Node, Table
+from runtime.table.model import Branch, GripperSpec, Node, Table
 
 REJECT = -1
-COUNTS = 256
 
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """The width between the finger faces at each of the 256 counts, um, never rising with the count.
+    """What a gripper's nominal widths truly are: straight between points, and as at the ends beyond them.
 
     Raises:
-        TableError: there are not 256 of them, or they rise somewhere.
+        TableError: there is one point alone, or the points do not rise.
     """
 
-    widths_um: tuple[int, ...]
+    profile: GripperProfile
+    points_um: tuple[tuple[int, int], ...] = ()  # nominal, true; none: nominal widths are true
 
     def __post_init__(self) -> None:
-        if len(self.widths_um) != COUNTS:
-            raise TableError(
-                f"a calibration has {COUNTS} widths, this one has {len(self.widths_um)}"
-            )
-        for count in range(1, COUNTS):
-            if self.widths_um[count] > self.widths_um[count - 1]:
+        if len(self.points_um) == 1:
+            raise TableError("a calibration has two points at least, this one has 1")
+        for (nominal, true), (following, wider) in pairwise(self.points_um):
+            if following <= nominal or wider < true:
                 raise TableError(
-                    f"a calibration's widths must not rise with the count; they do at {count}"
+                    f"a calibration's widths must rise with what is read; they do not at {following} um"
                 )
 
-    @classmethod
-    def linear(cls, gripper: GripperSpec) -> Self:
-        """The straight line between the two end counts, clamped at both ends (Robotiq SDK, units.cpp)."""
-        span = gripper.count_closed - gripper.count_open
-        steps = (min(max(gripper.count_closed - count, 0), span) for count in range(COUNTS))
-        return cls(tuple((2 * gripper.opening_um * step + span) // (2 * span) for step in steps))
+    def width_um(self, reading_um: int) -> int:
+        """The true width at a reading, um."""
+        if not self.points_um:
+            return min(max(reading_um, 0), self.profile.stroke_um)
+        after = bisect_right(self.points_um, reading_um, key=lambda point: point[0])
+        if after in (0, len(self.points_um)):
+            return self.points_um[max(after - 1, 0)][1]
+        (x0, y0), (x1, y1) = self.points_um[after - 1 : after + 1]
+        return y0 + (2 * (y1 - y0) * (reading_um - x0) + x1 - x0) // (2 * (x1 - x0))
 
-    def width_um(self, count: int) -> int:
-        """The width at an encoder count, um."""
-        return self.widths_um[count]
+    @property
+    def widest_um(self) -> int:
+        """The true width of the jaws fully open, um."""
+        return self.width_um(self.profile.stroke_um)
 
-    def counts(self, low_um: int, high_um: int) -> range:
-        """The counts whose widths lie in an interval, its ends included."""
-        first = bisect_left(self.widths_um, -high_um, key=neg)
-        return range(first, bisect_right(self.widths_um, -low_um, key=neg))
+    def nearest_um(self, width_um: int) -> int:
+        """The reading whose true width is nearest to `width_um`; the more open one of two equally near."""
+        wider = self.opening_um(width_um)
+        step = self.profile.step(wider)
+        less = self.profile.reading_um(max(step - 1, 0))
+        off, off_less = (abs(self.width_um(each) - width_um) for each in (wider, less))
+        return wider if off <= off_less else less
 
-    def count(self, width_um: int) -> int:
-        """The count whose width is nearest to `width_um`; the more open one of two equally near."""
-        return min(range(COUNTS), key=lambda count: (abs(self.widths_um[count] - width_um), count))
+    def opening_um(self, width_um: int) -> int:
+        """The least reading whose true width is at least `width_um`; the stroke where there is none."""
+        steps = range(self.profile.steps + 1)
+        step = bisect_left(steps, width_um, key=self._width_at)
+        return self.profile.reading_um(min(step, self.profile.steps))
+
+    def reads(self, low_um: int, high_um: int) -> bool:
+        """Whether the true width of some reading lies in an interval, its ends included."""
+        return self._width_at(self.profile.step(self.opening_um(low_um))) <= high_um and (
+            self.widest_um >= low_um
+        )
+
+    def _width_at(self, step: int) -> int:
+        return self.width_um(self.profile.reading_um(step))
 
 
-def decision_map(node: Node, calibration: Calibration) -> tuple[int, ...]:
+class Segments(NamedTuple):
+    """A step function of the true width: `branches[k]` from `starts_um[k]` to below the next start."""
+
+    starts_um: tuple[int, ...]  # rising, the first is 0
+    branches: tuple[int, ...]  # an index into a node's branches, or `REJECT`; two neighbours differ
+
+    def at(self, width_um: int) -> int:
+        """The value at a width; `REJECT` below 0."""
+        return REJECT if width_um < 0 else self.branches[bisect_right(self.starts_um, width_um) - 1]
+
+    def intervals(self) -> list[tuple[int, int, int]]:
+        """Each interval of widths that is no `REJECT`: least and greatest width, um, and branch."""
+        ends = [start - 1 for start in self.starts_um[1:]]  # the last segment is a `REJECT`
+        return [
+            (start, end, branch)
+            for start, end, branch in zip(self.starts_um, ends, self.branches, strict=False)
+            if branch != REJECT
+        ]
+
+
+class DecisionMap(NamedTuple):
+    """What every settled reading of a closing motion means at a node."""
+
+    unfelt: Segments  # no object was felt
+    felt: Segments  # one was
+
+    def of(self, felt: bool) -> Segments:
+        """The one for a flag."""
+        return self.felt if felt else self.unfelt
+
+    @property
+    def either(self) -> Segments:
+        """As drawings show it: what a width means with the flag that it needs.
+
+        Where the flag decides between nothing and a thin grip, it is the grip.
+        """
+        starts = sorted({*self.unfelt.starts_um, *self.felt.starts_um})
+        return _segments(starts, [max(part.at(start) for part in self) for start in starts])
+
+
+def decision_map(node: Node, gripper: GripperSpec) -> DecisionMap:
     """What every settled reading of a closing motion means at a node: the whole rule (decision 0020).
 
     Of the branches whose interval contains the width, and which the flag admits, the one of the nearest
     expected width is meant, the lower of two equally near. A branch that does not reach down to width 0, or
     is expected at `HELD_UM` or more, is a grip, and never read at width 0; any other means that nothing is
-    held. With an object felt only grips are admitted. With none felt no width above `UNDETECTED_UM` is
-    believed; up to it nothing was held, or, where no branch says that, a grip went unfelt. All else is
+    held. With an object felt only grips are admitted. With none felt no width above the gripper's `empty_um`
+    is believed; up to it nothing was held, or, where no branch says that, a grip went unfelt. All else is
     `REJECT`.
-
-    Returns:
-        512 entries, each an index into `node.branches` or `REJECT`: at each count with no object felt, then
-        at each count with one felt.
     """
-    grips = _nearest(node, True, calibration)
-    empty = _nearest(node, False, calibration)
-    felt = [
-        number if width > 0 else REJECT
-        for number, width in zip(grips, calibration.widths_um, strict=True)
-    ]
+    grips = [(number, branch) for number, branch in enumerate(node.branches) if branch.grip]
+    empties = [(number, branch) for number, branch in enumerate(node.branches) if not branch.grip]
+    starts = sorted({0, 1, gripper.empty_um + 1, *_cuts(grips), *_cuts(empties)})
+    felt = [_nearest(grips, start) if start > 0 else REJECT for start in starts]
     unfelt = [
-        REJECT if width > UNDETECTED_UM else held if number == REJECT else number
-        for number, held, width in zip(empty, felt, calibration.widths_um, strict=True)
+        REJECT
+        if start > gripper.empty_um
+        else grip
+        if (number := _nearest(empties, start)) == REJECT
+        else number
+        for start, grip in zip(starts, felt, strict=True)
     ]
-    return (*unfelt, *felt)
+    return DecisionMap(_segments(starts, unfelt), _segments(starts, felt))
 
 
-def _nearest(node: Node, grip: bool, calibration: Calibration) -> list[int]:
-    """At each count the branch of the nearest expected width, of the grips or of the others."""
-    taken, nearest = [REJECT] * COUNTS, [0] * COUNTS
-    for number, branch in enumerate(node.branches):
-        if branch.grip != grip:
-            continue
-        for count in calibration.counts(branch.low_um, branch.high_um):
-            distance = abs(calibration.widths_um[count] - branch.expected_um)
-            if taken[count] == REJECT or distance < nearest[count]:
-                taken[count], nearest[count] = number, distance
-    return taken
+def _cuts(branches: list[tuple[int, Branch]]) -> set[int]:
+    """The widths from which on another of some branches may be meant."""
+    cuts = {cut for _, branch in branches for cut in (branch.low_um, branch.high_um + 1)}
+    for k, (_, one) in enumerate(branches):
+        for _, other in branches[k + 1 :]:
+            if other.low_um <= one.high_um and one.low_um <= other.high_um:
+                cuts.add((one.expected_um + other.expected_um) // 2 + 1)
+    return cuts
 
 
-def by_count(decided: tuple[int, ...]) -> tuple[int, ...]:
-    """A `decision_map` as drawings show it: what each of the 256 counts means, with the flag that it needs.
+def _nearest(branches: list[tuple[int, Branch]], width_um: int) -> int:
+    """Of some branches the one of the nearest expected width whose interval contains a width."""
+    within = [
+        (abs(width_um - branch.expected_um), number)
+        for number, branch in branches
+        if branch.low_um <= width_um <= branch.high_um
+    ]
+    return min(within)[1] if within else REJECT
 
-    Where the flag decides between nothing and a thin grip, it is the grip.
+
+def _segments(starts: list[int], branches: list[int]) -> Segments:
+    kept = [k for k in range(len(starts)) if k == 0 or branches[k] != branches[k - 1]]
+    return Segments(tuple(starts[k] for k in kept), tuple(branches[k] for k in kept))
+
+
+def decide(decided: DecisionMap, width_um: int, felt: bool) -> int:
+    """What one settled reading means: an index into the node's branches, or `REJECT`; one bisection.
+
+    `felt` says whether the closing jaws stopped at an object, not at the end of their way.
     """
-    return tuple(map(max, decided[:COUNTS], decided[COUNTS:]))
+    return decided.of(felt).at(width_um)
 
 
-def decide(decided: tuple[int, ...], count: int, felt: bool) -> int:
-    """What one settled reading means: an index into the node's branches, or `REJECT`; one look-up.
-
-    A count outside 0..255 is none, and a `REJECT`; `felt` says whether the closing jaws stopped at an object
-    (flag 2), not at the end of their way.
-    """
-    return decided[count + COUNTS * felt] if 0 <= count < COUNTS else REJECT
+def unread(decided: DecisionMap, calibration: Calibration, branches: int) -> list[int]:
+    """Which of so many branches no reading of a gripper means."""
+    read = {
+        branch
+        for segments in decided
+        for low, high, branch in segments.intervals()
+        if calibration.reads(low, high)
+    }
+    return [number for number in range(branches) if number not in read]
 
 
 def misfits(table: Table, calibration: Calibration) -> list[str]:
-    """What keeps a valid table from a gripper's own map of counts: a sentence a problem, with a remedy.
+    """What keeps a valid table from a gripper: a sentence a problem, with a remedy.
 
-    The jaws must open as far as the table asks, and every branch must be read at one count at least, and not
-    as another branch at the count nearest to its expected width.
+    The jaws must open as far as the table asks, and some reading must mean each branch, the one nearest to its
+    expected width no other.
     """
-    problems, widest_um = [], calibration.widths_um[0]
+    problems, widest_um = [], calibration.widest_um
     for index, node in enumerate(table.nodes):
-        if node.squeeze.opening_um > widest_um + table.gripper.encoder_noise_um:
+        if node.squeeze.opening_um > widest_um + table.gripper.noise_um:
             problems.append(
                 f"node {index} opens to {node.squeeze.opening_um / 1000:.2f} mm, this gripper to "
                 f"{widest_um / 1000:.2f} mm; recompile with its opening"
             )
-        decided = decision_map(node, calibration)
+        decided = decision_map(node, table.gripper)
+        missing = unread(decided, calibration, len(node.branches))
         for number, branch in enumerate(node.branches):
-            nearest = calibration.count(branch.expected_um)
-            if number not in decided:
+            nearest = calibration.width_um(calibration.nearest_um(branch.expected_um))
+            if number in missing:
                 width = f"{branch.low_um / 1000:.2f}..{branch.high_um / 1000:.2f} mm"
                 problems.append(
-                    f"node {index}, branch {number}: no count of this gripper means {width}; "
+                    f"node {index}, branch {number}: no reading of this gripper means {width}; "
                     "calibrate it again, or recompile the table for its encoder"
                 )
             elif decide(decided, nearest, branch.grip) not in (number, REJECT):

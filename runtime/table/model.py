@@ -5,14 +5,16 @@ urad, forces in mN, speeds in um/s, shares in ppm.
 """
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, Self
+
+from drivers.ports import GripperProfile
+from runtime.table.grippers import known
 
 PPM = 1_000_000
 
+MOST_BINS = 300  # of a histogram of readings
 HELD_UM = 2000
 """From this expected width on the jaws hold a part, which the hand then drags to `Node.release`."""
-UNDETECTED_UM = 5000
-"""Up to this width the object flag may miss a grip (2F-85 manual, "object detection"); the width tells it."""
 
 KINDS = ("pose", "tolerances", "modes", "orientation", "identity")
 
@@ -172,15 +174,73 @@ class Leaf(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class GripperSpec:
-    """The gripper that a table is for."""
+    """The gripper that a table is for: its model's profile, and the fingers."""
 
     model: str
     opening_um: int
     finger_length_um: int
     finger_width_um: int
-    count_open: int
-    count_closed: int
-    encoder_noise_um: int
+    steps: int
+    noise_um: int
+    empty_um: int
+    least_speed_um_s: int
+    most_speed_um_s: int
+    least_force_mn: int
+    most_force_mn: int
+    streams: bool
+
+    @classmethod
+    def of(cls, profile: GripperProfile, finger_length_um: int, finger_width_um: int) -> Self:
+        """That of a profile with some fingers."""
+        return cls(
+            model=profile.model,
+            opening_um=profile.stroke_um,
+            finger_length_um=finger_length_um,
+            finger_width_um=finger_width_um,
+            steps=profile.steps,
+            noise_um=profile.noise_um,
+            empty_um=min(profile.empty_um, profile.stroke_um),
+            least_speed_um_s=round(1000 * profile.speed_mm_s[0]),
+            most_speed_um_s=round(1000 * profile.speed_mm_s[1]),
+            least_force_mn=round(1000 * profile.force_n[0]),
+            most_force_mn=round(1000 * profile.force_n[1]),
+            streams=profile.streams,
+        )
+
+    @property
+    def bins(self) -> int:
+        """Number of bins of a histogram of readings: one each, or of several where that were too many."""
+        return self.steps // self.steps_a_bin + 1
+
+    def bin_of(self, width_um: int) -> int:
+        """The bin of a histogram that a nominal width falls into, from 0 for closed jaws."""
+        step = self.profile.step(min(max(width_um, 0), self.opening_um))
+        return step // self.steps_a_bin
+
+    @property
+    def steps_a_bin(self) -> int:
+        """Steps of a reading that are one bin."""
+        return self.steps // MOST_BINS + 1
+
+    @property
+    def profile(self) -> GripperProfile:
+        """The profile that the table was planned with, and what else is known of the model."""
+        preset = known(self.model)
+        counts = None if preset is None else preset.counts
+        if counts is not None and counts[1] - counts[0] != self.steps:
+            counts = None
+        return GripperProfile(
+            model=self.model,
+            stroke_um=self.opening_um,
+            resolution_um=self.opening_um / self.steps,
+            noise_um=self.noise_um,
+            speed_mm_s=(self.least_speed_um_s / 1000, self.most_speed_um_s / 1000),
+            force_n=(self.least_force_mn / 1000, self.most_force_mn / 1000),
+            empty_um=self.empty_um,
+            streams=self.streams,
+            arc_mm=() if preset is None else preset.arc_mm,
+            counts=counts,
+        )
 
 
 @dataclass(frozen=True, slots=True)

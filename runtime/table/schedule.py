@@ -6,7 +6,6 @@ from math import cos, hypot, pi, remainder, sin, tau
 from typing import Any, NamedTuple, Self
 
 from runtime.table.embedded import section
-from runtime.table.grippers import profile_of
 from runtime.table.lookup import REJECT
 from runtime.table.model import HELD_UM, Node, Push, Squeeze, Table
 from runtime.table.timing import Phases, Timing, Visit
@@ -58,7 +57,7 @@ class Schedule:
         """
         return cls(
             table.nodes,
-            Timing.of(table.limits, profile_of(table.gripper.model), job),
+            Timing.of(table.limits, table.gripper.profile, job),
             close_alike(job),
         )
 

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from math import isfinite, sqrt
 from typing import Any, NamedTuple, Self
 
+from drivers.ports import GripperProfile
 from runtime.errors import TableError
 from runtime.table.embedded import number, parts_of, section
-from runtime.table.grippers import Profile
 from runtime.table.model import Limits
 
 TURN_RADIUS_MM = 160.0
@@ -119,13 +119,13 @@ class Timing:
     jaw_answer_s: float  # of a stroke of the jaws, likewise: settled is three equal readings
     poll_s: float  # of a look at jaws on their way, and of asking them for something else
     fastest_mm_s: float  # of the jaws, where they touch nothing
-    redirects: bool  # whether the jaws take another stroke while they move
+    streams: bool  # whether the jaws take another stroke while they move
     squeeze_mm: float  # heights of the tips
     regrasp_mm: float
     retreat_mm: float
 
     @classmethod
-    def of(cls, limits: Limits, profile: Profile, job: Mapping[str, Any] | None) -> Self:
+    def of(cls, limits: Limits, profile: GripperProfile, job: Mapping[str, Any] | None) -> Self:
         """Of a table's limits, its gripper, and what its job says of the cell, if it has one.
 
         Raises:
@@ -134,8 +134,8 @@ class Timing:
         stated, regrasp_um = checked(limits, job)
         return cls(
             arm_speed_mm_s=limits.arm_speed_um_s / 1e3,
-            fastest_mm_s=min(profile.speed_um_s[1], limits.max_speed_um_s) / 1e3,
-            redirects=profile.redirects,
+            fastest_mm_s=min(profile.speed_mm_s[1], limits.max_speed_um_s / 1e3),
+            streams=profile.streams,
             squeeze_mm=limits.squeeze_height_um / 1e3,
             regrasp_mm=regrasp_um / 1e3,
             retreat_mm=limits.retreat_height_um / 1e3,
@@ -181,7 +181,7 @@ class Timing:
     def opening_s(self, width_mm: float, next_mm: float, speed_mm_s: float) -> float:
         """How long jaws that are free of a part go on to the next opening, as the hand rises and travels."""
         stroke_mm = abs(next_mm - width_mm - CLEAR_MM)
-        return stroke_mm / (max(self.fastest_mm_s, speed_mm_s) if self.redirects else speed_mm_s)
+        return stroke_mm / (max(self.fastest_mm_s, speed_mm_s) if self.streams else speed_mm_s)
 
     def push_s(
         self,
@@ -233,7 +233,7 @@ class Timing:
     @property
     def _between_s(self) -> float:
         """What the change from one stroke to the next takes."""
-        return self.poll_s if self.redirects else self.jaw_answer_s
+        return self.poll_s if self.streams else self.jaw_answer_s
 
 
 def checked(limits: Limits, job: Mapping[str, Any] | None) -> tuple[dict[str, float], int]:

@@ -11,8 +11,8 @@ from runtime.table.agreement import validate_agreement
 from runtime.table.embedded import job_of
 from runtime.table.evidence import refuted, successes_of, validate_figures
 from runtime.table.fields import FAR, LINE, SECTIONS, Field, Section, records_of
-from runtime.table.lookup import Calibration, decision_map
-from runtime.table.model import KINDS, PPM, GoalSpec, Leaf, Limits, Node, Table
+from runtime.table.lookup import Calibration, decision_map, unread
+from runtime.table.model import KINDS, PPM, GoalSpec, GripperSpec, Leaf, Limits, Node, Table
 
 
 def validate(table: Table) -> None:
@@ -27,16 +27,15 @@ def validate(table: Table) -> None:
         for field in section.fields:
             _validate_field(table, section, field, records[section.name])
     job = job_of(table)
-    _within("gripper.count_open", table.gripper.count_open, 0, table.gripper.count_closed - 1)
     _validate_goal(table.goal)
     limits = table.limits
     _within("limits.retreat_height_um", limits.retreat_height_um, limits.squeeze_height_um + 1)
     _validate_hypotheses(table)
     _validate_tree(table)
-    calibration = Calibration.linear(table.gripper)
+    calibration = Calibration(table.gripper.profile)
     for index, node in enumerate(table.nodes):
         _validate_motions(index, node, limits)
-        _validate_branches(index, node, calibration)
+        _validate_branches(index, node, table.gripper, calibration)
     for index, leaf in enumerate(table.leaves):
         _within(f"leaf {index}: error_median_um", leaf.error_median_um, 0, leaf.error_p95_um)
         if leaf.resolved:
@@ -162,8 +161,10 @@ def _validate_motions(index: int, node: Node, limits: Limits) -> None:
         raise TableError(f"node {index}: its release is where it squeezes; leave it out")
 
 
-def _validate_branches(index: int, node: Node, calibration: Calibration) -> None:
-    """Check that a node's branches are in order, add up, and are read at some count."""
+def _validate_branches(
+    index: int, node: Node, gripper: GripperSpec, calibration: Calibration
+) -> None:
+    """Check that a node's branches are in order, add up, and that some reading means each of them."""
     total, below = 0, -1
     for number, branch in enumerate(node.branches):
         at, least_um = f"node {index}, branch {number}", max(branch.low_um, below + 1)
@@ -173,12 +174,12 @@ def _validate_branches(index: int, node: Node, calibration: Calibration) -> None
         raise TableError(f"node {index}: the branches' probabilities sum to {total} ppm, not {PPM}")
     if node.contact_um is not None:
         _within(f"node {index}: contact_um", node.contact_um, below, node.squeeze.opening_um - 1)
-    unread = set(range(len(node.branches))).difference(decision_map(node, calibration))
-    if unread:
-        number = min(unread)
+    missing = unread(decision_map(node, gripper), calibration, len(node.branches))
+    if missing:
+        number = missing[0]
         low, high = node.branches[number].low_um / 1000, node.branches[number].high_um / 1000
         raise TableError(
-            f"node {index}, branch {number}: no encoder count means {low:.2f}..{high:.2f} mm; widen it"
+            f"node {index}, branch {number}: no reading means {low:.2f}..{high:.2f} mm; widen it"
         )
 
 

@@ -7,13 +7,12 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import NamedTuple, Self
 
+from drivers.ports import ObjectState
 from runtime.errors import GripperStateError
 from runtime.shell.errors import UsageError
-from runtime.table import HELD_UM, REJECT, Calibration, Node, Place, Table
+from runtime.table import HELD_UM, REJECT, Calibration, DecisionMap, Node, Place, Table
 from runtime.table import decide as look_up
 from runtime.traversal.results import Outcome, Step
-
-MOVING, OPENING_CONTACT, CLOSING_CONTACT, ARRIVED = 0, 1, 2, 3
 
 
 class Decision(NamedTuple):
@@ -21,7 +20,7 @@ class Decision(NamedTuple):
 
     node: Node
     branch: int
-    object_flag: int
+    object: ObjectState
 
     @property
     def target(self) -> int | None:
@@ -33,7 +32,7 @@ class Decision(NamedTuple):
         """Why it is `REJECT`, None where it is not."""
         if self.branch != REJECT:
             return None
-        if self.object_flag == ARRIVED:
+        if self.object is ObjectState.AT_TARGET:
             return "the fingers closed on nothing"
         widths = [
             f"{branch.low_um / 1000:.2f}..{branch.high_um / 1000:.2f}"
@@ -44,26 +43,26 @@ class Decision(NamedTuple):
         return f"no outcome of this squeeze has this width (planned: {planned})"
 
 
-def decide(node: Node, decided: tuple[int, ...], count: int, object_flag: int) -> Decision:
-    """What a settled reading, encoder count and object flag, means at a node by its `decision_map`.
+def decide(node: Node, decided: DecisionMap, width_um: int, seen: ObjectState) -> Decision:
+    """What a settled reading, true width and object state, means at a node by its `decision_map`.
 
     Raises:
-        GripperStateError: the flag contradicts a closing motion.
+        GripperStateError: the state contradicts a closing motion.
     """
-    if object_flag not in (CLOSING_CONTACT, ARRIVED):
+    if seen not in (ObjectState.CLOSING, ObjectState.AT_TARGET):
         raise GripperStateError(
-            f"object flag {object_flag} after a closing motion; the reading is not believed"
+            f"the gripper reports {seen.sentence} after a closing motion; the reading is not believed"
         )
-    return Decision(node, look_up(decided, count, object_flag == CLOSING_CONTACT), object_flag)
+    return Decision(node, look_up(decided, width_um, seen is ObjectState.CLOSING), seen)
 
 
 def step_of(
-    decision: Decision, number: int, index: int, count: int, calibration: Calibration
+    decision: Decision, number: int, index: int, reading_um: int, calibration: Calibration
 ) -> Step:
-    """A squeeze of a part, from 1, at the node of that index, whose encoder count was decided so."""
-    width_um = calibration.width_um(count)
+    """A squeeze of a part, from 1, at the node of that index, whose reading was decided so."""
+    width_um = calibration.width_um(reading_um)
     return Step(
-        number, index, decision.node.squeeze, count, width_um, decision.target, decision.reason
+        number, index, decision.node.squeeze, reading_um, width_um, decision.target, decision.reason
     )
 
 

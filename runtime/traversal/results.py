@@ -36,8 +36,8 @@ class Step(NamedTuple):
     number: int  # from 1, within the part
     node: int  # index of the node
     squeeze: Squeeze  # what was commanded
-    position_counts: int  # settled encoder count
-    width_um: int  # the width it means, um
+    reading_um: int  # settled width as the gripper reads it
+    width_um: int  # the true width that means
     target: int | None  # >= 0 the next node, < 0 leaf ~target, None for REJECT
     reason: str | None  # why it was rejected, or None
 
@@ -50,7 +50,7 @@ class Step(NamedTuple):
             "y_um": self.squeeze.y_um,
             "angle_urad": self.squeeze.angle_urad,
             "opening_um": self.squeeze.opening_um,
-            "position_counts": self.position_counts,
+            "reading_um": self.reading_um,
             "width_um": self.width_um,
             "target": self.target,
             "reason": self.reason,

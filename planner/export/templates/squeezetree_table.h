@@ -7,11 +7,14 @@
  * Lengths in um, angles in urad counter-clockwise, forces in mN, speeds in um/s (of the opening), shares in ppm.
  *
  * A part begins at node 0. Place the hand as {{ prefix }}_nodes[node] says, close, wait until the jaws rest, and
- * give node, encoder count and object flag (gOBJ) to {{ prefix }}_decide. Whatever comes of it except a
+ * give node, width in um and object flag to {{ prefix }}_decide. Whatever comes of it except a
  * fault, bring the hand to the release, which is where it stands or where what it holds is dragged, and open.
  *
- * Counts mean widths by the straight line from count {{ gripper.count_open }} (open, {{ gripper.opening_um }} um)
- * to count {{ gripper.count_closed }} (closed).
+ * Widths are those that the gripper reads from closed, 0 um, to open, {{ gripper.opening_um }} um, or a calibration of them.
+{% if counts %}
+ * A gripper that counts, {{ counts[0] }} open and {{ counts[1] }} closed, reads the width
+ * {{ gripper.opening_um }} * ({{ counts[1] }} - count) / {{ gripper.steps }} um, rounded, from 0 to {{ gripper.opening_um }}.
+{% endif %}
  */
 #if defined {{ prefix | upper }}_TABLE_H && !defined {{ prefix | upper }}_TABLE_{{ digest[:32] }}
 #error "another table has the prefix {{ prefix }}: export one of the two with plan-export --prefix NAME"
@@ -48,12 +51,12 @@ typedef struct {
     int32_t first_run, runs;            /* its readings in {{ prefix }}_runs */
 } {{ prefix }}_node;
 
-/* Neighbouring counts of one meaning. A reading that is in no run of its node is rejected. */
+/* Widths of one meaning. A reading that is in no run of its node is rejected. */
 typedef struct {
-    uint8_t object_flag; /* 2: an object was felt; 3: none was */
-    uint8_t first, last; /* counts, both included */
-    uint8_t held;        /* 1: the jaws hold the part */
-    int16_t target;      /* >= 0: the next node; < 0: leaf -1 - target */
+    int32_t first_um, last_um; /* widths, both included */
+    int16_t target;            /* >= 0: the next node; < 0: leaf -1 - target */
+    uint8_t object_flag;       /* 2: an object was felt; 3: none was */
+    uint8_t held;              /* 1: the jaws hold the part */
 } {{ prefix }}_run;
 
 /* Where the part lies. */
@@ -110,7 +113,7 @@ static const {{ prefix }}_pose {{ prefix }}_alternatives[{{ prefix | upper }}_AL
 };
 
 /* What a settled reading means at a node. Any arguments are allowed: what is none ends in a fault or reject. */
-static inline {{ prefix }}_decision {{ prefix }}_decide(int32_t node, int32_t count, int32_t object_flag)
+static inline {{ prefix }}_decision {{ prefix }}_decide(int32_t node, int32_t width_um, int32_t object_flag)
 {
     {{ prefix }}_decision decision = {{ "{" }}{{ prefix | upper }}_FAULT, -1, 0, 0};
     const {{ prefix }}_node *at;
@@ -126,7 +129,7 @@ static inline {{ prefix }}_decision {{ prefix }}_decide(int32_t node, int32_t co
     for (k = 0; k < at->runs; k++) {
         const {{ prefix }}_run *run = &{{ prefix }}_runs[at->first_run + k];
 
-        if (run->object_flag != object_flag || count < run->first || count > run->last) {
+        if (run->object_flag != object_flag || width_um < run->first_um || width_um > run->last_um) {
             continue;
         }
         if (run->held) {

@@ -8,8 +8,7 @@ const targetOf = key => key.startsWith("node-") ? Number(key.slice(5)) : ~Number
 const nameOf = target => target >= 0 ? `node ${target}` : `leaf ${~target}`;
 const mm = um => (um / 1000).toFixed(2), degrees = urad => (urad / 1e6 * 180 / Math.PI).toFixed(1);
 const percent = share => `${(100 * share).toFixed(share > 0 && share < 0.01 ? 2 : 1)} %`;
-const [countOpen, countClosed, opening] = data.counts;
-const widthAt = count => Math.min(Math.max((countClosed - count) / (countClosed - countOpen), 0), 1) * opening / 1000;
+const across = um => 256 * um / data.opening;
 
 // View: the part of the drawing that is seen.
 const whole = plan.getAttribute("viewBox").split(" ").map(Number);
@@ -142,24 +141,24 @@ function link(target) {
 }
 function histogram(node, mark) {
   const most = Math.max(1, ...node.seen.map(([, number]) => number));
-  const bands = node.map.map(([first, last, branch]) => shape("rect", {class: `c${branch % 6}`, "fill-opacity": .3, x: 255 - last, y: 0, width: last - first + 1, height: 62}));
-  const bars = node.seen.map(([count, number]) => {
-    const run = node.map.find(([first, last]) => first <= count && count <= last), height = 60 * Math.sqrt(number / most);
-    return shape("rect", {class: run ? `c${run[2] % 6}` : "", x: 255 - count, y: 62 - height, width: 1, height});
+  const bands = node.map.map(([first, last, branch]) => shape("rect", {class: `c${branch % 6}`, "fill-opacity": .3, x: across(first), y: 0, width: across(last - first + 1), height: 62}));
+  const bars = node.seen.map(([width, number]) => {
+    const run = node.map.find(([first, last]) => first <= width && width <= last), height = 60 * Math.sqrt(number / most);
+    return shape("rect", {class: run ? `c${run[2] % 6}` : "", x: across(width), y: 62 - height, width: across(data.bin), height});
   });
-  const names = node.map.filter(([first, last]) => last - first > 6).map(([first, last, branch]) => shape("text", {x: 255.5 - (first + last) / 2, y: 10, "text-anchor": "middle"}, String(branch)));
-  const axis = [255, 128, 0].map(count => shape("text", {x: 255 - count, y: 74, "text-anchor": count ? count === 255 ? "start" : "middle" : "end"}, `${count}: ${widthAt(count).toFixed(0)} mm`));
-  const line = mark === undefined ? [] : [shape("path", {d: `M${255.5 - mark} 0V62`, stroke: "#1a1a1a", "stroke-width": 1.5})];
-  return shape("svg", {viewBox: "0 0 256 78", role: "img", "aria-label": "Encoder counts read in the replay, and the branch that each count means"}, ...bands, ...bars, ...names, ...line, ...axis);
+  const names = node.map.filter(([first, last]) => across(last - first) > 6).map(([first, last, branch]) => shape("text", {x: across((first + last) / 2), y: 10, "text-anchor": "middle"}, String(branch)));
+  const axis = [0, 0.5, 1].map(share => shape("text", {x: 256 * share, y: 74, "text-anchor": ["start", "middle", "end"][2 * share]}, `${(share * data.opening / 1000).toFixed(0)} mm`));
+  const line = mark === undefined ? [] : [shape("path", {d: `M${across(mark)} 0V62`, stroke: "#1a1a1a", "stroke-width": 1.5})];
+  return shape("svg", {viewBox: "0 0 256 78", role: "img", "aria-label": "Widths read in the replay, and the branch that each means"}, ...bands, ...bars, ...names, ...line, ...axis);
 }
 function nodeDetails(index, mark) {
   const node = data.nodes[index], [x, y, turn] = node.place;
   const rows = node.branches.map(([low, expected, high, ppm, target, seen], number) => {
-    const runs = node.map.filter(run => run[2] === number).map(([first, last]) => `${first}\u2013${last}`).join(", ");
+    const runs = node.map.filter(run => run[2] === number).map(([first, last]) => `${mm(first)}\u2013${mm(last)}`).join(", ");
     const cells = [String(number), `${mm(low)}\u2013${mm(high)}`, mm(expected), runs, percent(ppm / 1e6), String(logged(index, target) ?? seen)];
     return make("tr", {}, ...cells.map(text => make("td", {}, text)), make("td", {}, link(target)));
   });
-  const heads = ["#", "width [mm]", "expected", "counts", "planned", data.log ? "in the cell" : "replayed", "to"];
+  const heads = ["#", "width [mm]", "expected", "read at [mm]", "planned", data.log ? "in the cell" : "replayed", "to"];
   const rejected = logged(index, null) ?? node.rejected;
   const up = parents.get(index);
   return [
