@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 
 from drivers.robotiq.gripper import Gripper
 from drivers.robotiq.link import Link
+from drivers.robotiq.modbus import rtu_link
 from drivers.sim.faults import SCENE_KINDS, Listed, Seeded
 from drivers.sim.physics.scene import Setting
 from drivers.sim.virtual.cell import VirtualCell
@@ -210,7 +211,7 @@ def run(soak: Soak, seed: int, faults: Listed | None = None) -> Counts:
     faults = faults or (Seeded(seed) if soak.faults else None)
     watch.cell = cell = VirtualCell(soak.setting, seed, faults, watch.overheard)
     try:
-        link = WatchedLink(cell.link(records.record), watch)
+        link = WatchedLink(rtu_link(cell.serial(), cell.pace, records.record), watch)
         gripper = Gripper(link, cell.pace, records.record)
         gripper.activate()
         arm = cell.arm()

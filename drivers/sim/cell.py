@@ -77,7 +77,9 @@ class LoneGripper(Serving):
         )
         self.device = simulator(model).device(mount)
         bench = Bench(self._lock, self._time, lambda **_: CleanLine())
-        self._servers, self.endpoints = simulator(model).ports(self.device, bench)
+        ports = simulator(model).ports(self.device, bench)
+        self._servers = ports.servers
+        self.endpoints = {"gripper": ports.path, "port": ports.port, **ports.others}
 
 
 class Cell(Serving):
@@ -108,12 +110,12 @@ class Cell(Serving):
         # Where its devices are, as `drivers.connect` takes them.
         base = ",".join(f"{value:g}" for value in ARM_BASE[:3])
         self.endpoints = {
-            "gripper": gripper.endpoints["gripper"],
+            "gripper": gripper.port,
             "arm": f"{arm.url}?base={base}",
             "scene": scene.url,
             "world": setting.world,
             "arm_logger": logger.url,
-            **gripper.endpoints,
+            **gripper.others,
             "arm_ur": f"ur://127.0.0.1:{ur_rtde.port}?base={base}&reach={REACH_MM}",
         }
         if rig is not None:

@@ -1,13 +1,20 @@
 """The grippers that can be simulated: by model, its device and the ports that it is served on."""
 
 import random
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import Any, NamedTuple, Protocol
 
+from drivers.clock import Pace
 from drivers.dh import registers as dh
-from drivers.ports import GripperProfile
+from drivers.dh.gripper import Gripper as DhGripper
+from drivers.dh.link import RtuLink
+from drivers.ports import Gripper, GripperProfile, Report
 from drivers.robotiq.frames import TCP
+from drivers.schunk import gripper as schunk_driver
 from drivers.schunk import registers as schunk
+from drivers.robotiq.gripper import Gripper as RobotiqGripper
+from drivers.robotiq.modbus import rtu_link
 from drivers.sim.devices.dh import DhModel, DhRegisters
 from drivers.sim.devices.faulty import FaultyGripper
 from drivers.sim.devices.gripper import GripperModel
@@ -20,6 +27,7 @@ from drivers.sim.wire.line import CleanLine
 from drivers.sim.wire.modbus import GripperRegisters
 from drivers.sim.wire.rtu import PtyPort, RtuSlave
 from drivers.sim.wire.serving import Lock, Server, SimulatedTime
+from drivers.stream import Stream
 from runtime.shell.errors import UsageError
 
 
@@ -60,7 +68,9 @@ class Ports(NamedTuple):
     """Where a gripper is served; a host uses one of them."""
 
     servers: list[Server]
-    endpoints: dict[str, str]  # "gripper": path of its serial port; "port": as a driver wants it
+    path: str  # of the serial port
+    port: str  # the same as `drivers.connect` takes it
+    others: Mapping[str, str] = MappingProxyType({})
 
 
 class Simulator(NamedTuple):
@@ -69,6 +79,7 @@ class Simulator(NamedTuple):
     device: Callable[[Mount], Any]  # a SimulatedGripper
     slave: Callable[[Any, Callable[[], float], CleanLine], RtuSlave]  # the device on a serial line
     ports: Callable[[Any, Bench], Ports]
+    driver: Callable[[Stream, Pace, Report, GripperProfile], Gripper]  # on that serial line
 
 
 def _robotiq_device(mount: Mount) -> GripperModel:
@@ -89,13 +100,16 @@ def _robotiq_ports(device: GripperModel, bench: Bench) -> Ports:
     slave = MbapSlave(GripperRegisters(device, now, TCP), bench.line(checked=False))
     tcp = TcpPort(slave, lock, time, lambda: stop_jaws(device, now))
     urcap = UrcapPort(Urcap(device, now), lock)
-    endpoints = {
-        "gripper": pty.path,
+    others = {
         "gripper_tcp": tcp.url,
         "gripper_rtu_tcp": f"rtu+{rtu_tcp.url}",
         "gripper_urcap": urcap.url,
     }
-    return Ports([pty, rtu_tcp, tcp, urcap], endpoints)
+    return Ports([pty, rtu_tcp, tcp, urcap], pty.path, pty.path, others)
+
+
+def _robotiq_driver(stream: Stream, pace: Pace, report: Report, profile: GripperProfile) -> Gripper:
+    return RobotiqGripper(rtu_link(stream, pace, report), pace, report, profile)
 
 
 def _dh_device(mount: Mount) -> DhModel:
@@ -109,7 +123,11 @@ def _dh_slave(device: DhModel, now: Callable[[], float], line: CleanLine) -> Rtu
 def _dh_ports(device: DhModel, bench: Bench) -> Ports:
     slave = _dh_slave(device, bench.time.now, bench.line())
     pty = PtyPort(slave, bench.lock, bench.time)
-    return Ports([pty], {"gripper": pty.path, "port": f"dh://{pty.path}"})
+    return Ports([pty], pty.path, f"dh://{pty.path}")
+
+
+def _dh_driver(stream: Stream, pace: Pace, report: Report, profile: GripperProfile) -> Gripper:
+    return DhGripper(RtuLink(stream, pace, report), pace, report, profile)
 
 
 def _schunk_device(mount: Mount) -> SchunkModel:
@@ -123,12 +141,12 @@ def _schunk_slave(device: SchunkModel, now: Callable[[], float], line: CleanLine
 def _schunk_ports(device: SchunkModel, bench: Bench) -> Ports:
     slave = _schunk_slave(device, bench.time.now, bench.line())
     pty = PtyPort(slave, bench.lock, bench.time)
-    return Ports([pty], {"gripper": pty.path, "port": f"schunk://{pty.path}"})
+    return Ports([pty], pty.path, f"schunk://{pty.path}")
 
 
-ROBOTIQ = Simulator(_robotiq_device, _robotiq_slave, _robotiq_ports)
-DH = Simulator(_dh_device, _dh_slave, _dh_ports)
-SCHUNK = Simulator(_schunk_device, _schunk_slave, _schunk_ports)
+ROBOTIQ = Simulator(_robotiq_device, _robotiq_slave, _robotiq_ports, _robotiq_driver)
+DH = Simulator(_dh_device, _dh_slave, _dh_ports, _dh_driver)
+SCHUNK = Simulator(_schunk_device, _schunk_slave, _schunk_ports, schunk_driver.over)
 SIMULATORS = {
     "robotiq-2f-85": ROBOTIQ,
     "robotiq-2f-140": ROBOTIQ,

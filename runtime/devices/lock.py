@@ -97,9 +97,11 @@ def _devices(port: str) -> list[str]:
         return []
     if port.startswith("can:"):
         return [port.partition("?")[0]]
-    if "://" in port:
+    behind = port.partition("://")[2]
+    if behind and not behind.startswith("/"):
         return _addresses(port)
-    path = os.path.realpath(port)
+    # The address of a tty may name the make: dh:///dev/ttyUSB0?unit=1.
+    path = os.path.realpath(behind.partition("?")[0] or port)
     try:
         status = Path(path).stat()
     except OSError:

@@ -11,8 +11,10 @@ import threading
 from can_node import CanNode
 
 from drivers import connect
+from drivers.dh import registers as dh
 from drivers.robotiq.canopen import CanMap
 from drivers.robotiq.frames import TCP
+from drivers.sim.devices.dh import DhModel, DhRegisters
 from drivers.sim.devices.gripper import GripperModel
 from drivers.sim.devices.gripper_tcp import MbapSlave, TcpPort, stop_jaws
 from drivers.sim.devices.gripper_urcap import Urcap, UrcapPort
@@ -20,6 +22,7 @@ from drivers.sim.devices.jaws import Jaws
 from drivers.sim.wire.modbus import GripperRegisters
 from drivers.sim.wire.rtu import PtyPort, RtuSlave
 from drivers.sim.wire.serving import SimulatedTime
+from runtime.table import profile_of
 
 SCALE = 20.0
 
@@ -100,3 +103,56 @@ class Robotiq:
 
 BUSES = ("pty", "rtu+tcp", "tcp", "urcap", "urcap bare", "can")
 RIGS = {bus: lambda bus=bus: Robotiq(bus) for bus in BUSES}
+
+
+class Dh:
+    """A simulated DH gripper on a pseudo-terminal."""
+
+    def __init__(self, model: str = "dh-ag95", scale: float = SCALE, line=None) -> None:
+        self.profile, self.scale = profile_of(model), scale
+        self.contact_um = self.profile.reading_um(321)
+        self.holds = False
+        time = SimulatedTime(scale, threading.Event())
+        self.now = time.now
+        self.device = DhModel(random.Random(1), self, self.profile)
+        self.slave = RtuSlave(DhRegisters(self.device, time.now), line, dh.UNIT)
+        self.lock = threading.RLock()
+        self.port = PtyPort(self.slave, self.lock, time)
+        self.name = f"dh://{self.port.path}"
+        self.port.start()
+
+    # what the fingers meet: drivers.sim.devices.jaws.Surroundings
+    def closing(self):
+        return self.contact_um / 1000 if self.holds else None
+
+    def gripped(self):
+        pass
+
+    def released(self):
+        pass
+
+    def open(self, **options):
+        return contextlib.closing(
+            connect.gripper(self.name, self.profile, time_scale=self.scale, **options)
+        )
+
+    def put_part(self):
+        self.holds = True
+
+    def commanded(self):
+        """Whether anything was ever written to it."""
+        return self.commands() != 0
+
+    def commands(self):
+        """What differs after a command."""
+        return self.device.writes
+
+    def silence(self):
+        """From now on nothing is answered."""
+        self.slave.feed = lambda data: []
+
+    def close(self):
+        self.port.close()
+
+
+RIGS |= {model: lambda model=model: Dh(model) for model in ("dh-ag95", "dh-pgc140-50")}

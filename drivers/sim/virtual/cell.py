@@ -9,16 +9,14 @@ from drivers.abb.arm import Arm, over
 from drivers.abb.reach import Setup
 from drivers.clock import Pace
 from drivers.links import no_report
-from drivers.ports import Report
-from drivers.robotiq.gripper import Gripper
-from drivers.robotiq.link import Link
-from drivers.robotiq.modbus import rtu_link
+from drivers.ports import Gripper, Report
 from drivers.sim.faults import Listed
 from drivers.sim.physics.scene import Setting
 from drivers.sim.physics.scene_protocol import Feeder
 from drivers.sim.virtual.clock import VirtualClock
 from drivers.sim.virtual.ports import ArmPort, GripperPort
 from drivers.sim.workcell import ARM_BASE, Workcell
+from drivers.stream import Stream
 
 
 class VirtualCell:
@@ -47,13 +45,13 @@ class VirtualCell:
         self._gripper_port = GripperPort(slave, self.clock)
         self._arm_port = ArmPort(self.works.arm, self.clock, self.works.arm_stands, overheard)
 
-    def link(self, report: Report = no_report) -> Link:
-        """The gripper's register blocks over RTU frames; PortError where the port is gone."""
-        return rtu_link(self._gripper_port.open(), self.pace, report)
+    def serial(self) -> Stream:
+        """The gripper's serial port; PortError where it is gone."""
+        return self._gripper_port.open()
 
     def gripper(self, report: Report = no_report) -> Gripper:
         """The driver, connected; PortError where the port is gone. LinkError: the gripper does not answer."""
-        return Gripper(self.link(report), self.pace, report, self.works.profile)
+        return self.works.simulator.driver(self.serial(), self.pace, report, self.works.profile)
 
     def arm(self) -> Arm:
         """The driver, connected, which knows where the base is; ArmError without an answer."""

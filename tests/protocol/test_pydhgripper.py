@@ -1,0 +1,79 @@
+"""pyDHgripper, a client that others wrote for real DH grippers, drives the simulated one by its own calls."""
+
+import time
+
+import pytest
+from gripper_rigs import Dh
+from pyDHgripper import AG95, PGE
+
+SCALE = 20.0
+WAIT_S = 60.0
+
+
+@pytest.fixture
+def device():
+    result = Dh("dh-ag95", SCALE)
+    yield result
+    result.close()
+
+
+@pytest.fixture
+def client(device):
+    result = AG95(device.port.path)
+    yield result
+    result.ser.close()
+
+
+def settled(client):
+    """The state that ends a move."""
+    until = time.monotonic() + WAIT_S
+    while (state := client.read_state()) == 0:
+        assert time.monotonic() < until
+    return state
+
+
+def test_client_that_connects_calibrates_the_gripper_and_reads_it_open(client):
+    assert client.read_pos() == 1000
+
+
+def test_client_moves_the_fingers_to_each_position_that_it_asks_for(client):
+    client.set_force(50)
+    client.set_vel(60)
+    for position in (0, 250, 1000, 617):
+        client.set_pos(position)
+        assert settled(client) == 1
+        assert client.read_pos() == position
+
+
+def test_client_is_answered_caught_for_a_part_and_dropped_once_it_slips(device, client):
+    device.put_part()
+    client.set_pos(0)
+    assert settled(client) == 2
+    assert client.read_pos() == 321
+    with device.lock:
+        device.device.lose_object(device.now())
+    until = time.monotonic() + WAIT_S
+    while client.read_state() != 3:
+        assert time.monotonic() < until
+    assert client.read_pos() == 0
+
+
+def test_client_of_the_pge_series_waits_until_the_fingers_are_there(device):
+    client = PGE(device.port.path)
+    try:
+        client.init_dir(0)
+        client.init_feedback()
+        client.set_pos(120, blocking=True)
+        assert client.read_pos() == 120
+    finally:
+        client.ser.close()
+
+
+def test_driver_goes_on_where_the_client_left_the_gripper(device, client):
+    device.put_part()
+    client.set_pos(0)
+    settled(client)
+    client.ser.close()
+    with device.open() as gripper:
+        seen = gripper.state()
+        assert (seen.activated, seen.width_um, seen.target_um) == (True, device.contact_um, 0)

@@ -1,0 +1,62 @@
+"""A simulated DH gripper on a serial line in memory: real bytes, virtual time."""
+
+import random
+
+from drivers.clock import Pace
+from drivers.dh import registers as dh
+from drivers.dh.gripper import Gripper
+from drivers.dh.link import RtuLink
+from drivers.sim.devices.dh import DhModel, DhRegisters
+from drivers.sim.devices.jaws import Surroundings
+from drivers.sim.faults import Desk, Fault, Listed
+from drivers.sim.virtual.clock import VirtualClock
+from drivers.sim.virtual.ports import GripperPort
+from drivers.sim.wire.line import FaultyLine
+from drivers.sim.wire.rtu import RtuSlave
+from runtime.table import profile_of
+
+LONG = 10_000  # events
+
+
+class VirtualDh(Surroundings):
+    """One gripper, what it meets, and what goes wrong on its line."""
+
+    def __init__(self, *, contact_mm: float | None = None, seed: int = 1) -> None:
+        self.contact_mm = contact_mm
+        self.profile = profile_of("dh-ag95")
+        self.clock = VirtualClock()
+        self.device = DhModel(random.Random(seed), self, self.profile)
+        self.clock.watch(self.device.next_change)
+        self.incidents: list[str] = []
+        self.desk = Desk(Listed())
+        line = FaultyLine(self.desk, random.Random(seed))
+        slave = RtuSlave(DhRegisters(self.device, self.clock.now), line, dh.UNIT)
+        self.port = GripperPort(slave, self.clock)
+
+    def closing(self) -> float | None:
+        return self.contact_mm
+
+    def connect(self) -> Gripper:
+        """The driver."""
+        pace = Pace(self.clock)
+
+        def report(kind, fields):
+            self.incidents.append(fields["incident"])
+
+        return Gripper(RtuLink(self.port.open(), pace, report), pace, report, self.profile)
+
+    def ready(self) -> Gripper:
+        """The driver of an initialised gripper."""
+        gripper = self.connect()
+        gripper.activate()
+        return gripper
+
+    def fault(self, kind: str, *, after: int = 0, length: int = LONG, value: float = 0.0) -> None:
+        """From some request on, something is wrong with so many."""
+        self.desk._schedule = Listed([Fault(kind, at=after, length=length, value=value)])
+        self.desk.begin(0)
+
+
+def close(gripper: Gripper, speed_mm_s: float = 100.0) -> None:
+    """Ask the fingers to close."""
+    gripper.move(0, speed_mm_s, 45.0)

@@ -1,0 +1,198 @@
+"""The driver of DH grippers against a simulated one in virtual time, on a line that fails."""
+
+import pytest
+from dh_devices import VirtualDh, close
+
+from drivers.dh import registers as dh
+from drivers.dh.percent import Scale
+from drivers.errors import GripperFault, LinkError, LinkTimeout, PortError
+from drivers.ports import ObjectState
+from runtime.table import profile_of
+
+PART_MM = 38.0  # position 400 of the AG-95
+
+
+def test_gripper_that_connects_writes_nothing_and_moves_nothing():
+    device = VirtualDh()
+    gripper = device.connect()
+    assert not gripper.state().activated
+    assert device.device.writes == 0
+    assert device.device.opening_mm(device.clock.now()) == 95.0
+
+
+def test_gripper_that_is_not_initialised_is_not_moved():
+    device = VirtualDh()
+    with pytest.raises(GripperFault, match="not active while asked to move"):
+        close(device.connect())
+    assert device.device.writes == 0
+
+
+def test_gripper_closed_on_a_part_tells_its_width_and_that_it_holds_it():
+    gripper = VirtualDh(contact_mm=PART_MM).ready()
+    close(gripper)
+    settled = gripper.wait()
+    assert (settled.width_um, settled.object, settled.target_um) == (
+        38_000,
+        ObjectState.CLOSING,
+        0,
+    )
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_gripper_whose_state_follows_late_ends_no_move_early(seed):
+    """The state of the move before, still shown for some cycles, says that the fingers stand."""
+    device = VirtualDh(contact_mm=PART_MM, seed=seed)
+    gripper = device.ready()
+    for width_um, expected_um in ((0, 38_000), (95_000, 95_000), (60_040, 60_040), (0, 38_000)):
+        gripper.move(width_um, 135.0, 45.0)
+        assert gripper.wait().width_um == pytest.approx(expected_um, abs=48)
+
+
+def test_gripper_that_drops_the_part_closes_on_and_says_so():
+    device = VirtualDh(contact_mm=PART_MM)
+    gripper = device.ready()
+    close(gripper)
+    gripper.wait()
+    device.device.lose_object(device.clock.now())
+    device.clock.sleep(1.0)
+    seen = gripper.state()
+    assert (seen.width_um, seen.object) == (0, ObjectState.AT_TARGET)
+
+
+def test_gripper_that_loses_power_while_it_moves_is_a_fault():
+    device = VirtualDh()
+    gripper = device.ready()
+    close(gripper, 1.4)
+    device.device.power_cycle(device.clock.now() + 1.0)
+    with pytest.raises(GripperFault, match="not initialised"):
+        gripper.wait()
+
+
+def test_gripper_that_is_stopped_stands_and_keeps_what_it_holds():
+    device = VirtualDh(contact_mm=PART_MM)
+    gripper = device.ready()
+    close(gripper, 20.0)
+    device.clock.sleep(0.5)
+    gripper.stop()
+    here = gripper.state()
+    assert PART_MM * 1000 < here.width_um < 95_000
+    device.clock.sleep(1.0)
+    assert gripper.state().width_um == here.width_um
+    close(gripper)
+    gripper.wait()
+    writes = device.device.writes
+    gripper.stop()
+    assert device.device.writes == writes
+    assert gripper.state().object is ObjectState.CLOSING
+
+
+def test_gripper_stopped_right_after_a_move_does_not_take_the_old_grip_for_a_held_part():
+    device = VirtualDh(contact_mm=PART_MM)
+    gripper = device.ready()
+    close(gripper)
+    gripper.wait()
+    gripper.move(95_000, 1.4, 45.0)
+    gripper.stop()
+    here = gripper.state().width_um
+    device.clock.sleep(2.0)
+    assert gripper.state().width_um == here < 40_000
+
+
+def test_gripper_that_initialises_cannot_be_stopped():
+    device = VirtualDh()
+    gripper = device.connect()
+    device.device.write(dh.INITIALISATION, dh.CALIBRATE, device.clock.now())
+    with pytest.raises(GripperFault, match="cannot be stopped"):
+        gripper.stop()
+
+
+def test_gripper_moves_with_the_settings_that_do_not_exceed_those_asked_for():
+    device = VirtualDh()
+    gripper = device.ready()
+    for speed, force in ((1.0, 1.0), (50.0, 80.0), (1000.0, 1000.0)):
+        gripper.move(50_000, speed, force)
+        gripper.wait()
+        percent = device.device.read(dh.SPEED, device.clock.now())
+        scale = Scale(device.profile)
+        assert scale.speed_mm_s(percent) <= max(speed, device.profile.speed_mm_s[0])
+        assert percent == 100 or scale.speed_mm_s(percent + 1) > speed
+        assert 20 <= device.device.read(dh.FORCE, device.clock.now()) <= 100
+
+
+@pytest.mark.parametrize(
+    ("kind", "value"),
+    [
+        ("request_lost", 0),
+        ("reply_lost", 0),
+        ("reply_truncated", 4),  # half a frame
+        ("reply_truncated", 1),
+        ("reply_corrupted", 30),  # a CRC error
+        ("wrong_id", 7),
+        ("reply_late", 0.7),
+    ],
+)
+def test_line_that_fails_for_good_is_a_timeout_and_for_a_moment_is_nothing(kind, value):
+    device = VirtualDh(contact_mm=PART_MM)
+    gripper = device.ready()
+    device.fault(kind, length=2, value=value)
+    close(gripper)
+    assert gripper.wait().width_um == 38_000
+    assert device.incidents
+    device.fault(kind, value=value)
+    with pytest.raises(LinkTimeout):
+        gripper.state()
+
+
+@pytest.mark.parametrize("after", range(12))
+@pytest.mark.parametrize("kind", ["request_lost", "reply_lost", "reply_late"])
+def test_line_that_loses_two_frames_anywhere_in_a_squeeze_changes_no_width(kind, after):
+    device = VirtualDh(contact_mm=PART_MM)
+    gripper = device.ready()
+    device.fault(kind, after=after, length=2, value=0.8)
+    close(gripper)
+    settled = gripper.wait()
+    assert (settled.width_um, settled.object) == (38_000, ObjectState.CLOSING)
+
+
+@pytest.mark.parametrize(("kind", "value"), [("noise", 9), ("echo", 0), ("reply_twice", 0)])
+def test_line_with_bytes_too_many_changes_nothing(kind, value):
+    device = VirtualDh(contact_mm=PART_MM)
+    gripper = device.ready()
+    device.fault(kind, value=value)
+    close(gripper)
+    assert gripper.wait().width_um == 38_000
+
+
+def test_port_that_was_unplugged_is_not_reopened():
+    device = VirtualDh()
+    gripper = device.ready()
+    device.fault("unplugged")
+    with pytest.raises(LinkError, match="broke"):
+        gripper.state()
+    with pytest.raises(LinkError, match="closed"):
+        gripper.state()
+
+
+def test_device_in_a_state_that_no_dh_gripper_has_is_a_fault():
+    device = VirtualDh()
+    gripper = device.ready()
+    device.device._initialised = 9
+    with pytest.raises(GripperFault, match="check that it is one"):
+        gripper.state()
+
+
+def test_profile_of_another_make_is_refused():
+    with pytest.raises(PortError, match="is no gripper of DH-Robotics"):
+        Scale(profile_of("robotiq-2f-85"))
+
+
+@pytest.mark.parametrize(
+    "port",
+    ["dh://", "dh:///dev/ttyS0?unit=0", "dh:///dev/ttyS0?baud=9600", "dh://host", "dh:///dev/null"],
+)
+def test_port_that_is_not_understood_is_one_line(port):
+    from drivers import connect
+
+    with pytest.raises(PortError) as raised:
+        connect.gripper(port)
+    assert "\n" not in str(raised.value)

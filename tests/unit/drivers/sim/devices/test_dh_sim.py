@@ -1,0 +1,112 @@
+"""The simulated DH gripper: what the manuals say of its registers, and what they leave open."""
+
+import random
+
+import pytest
+
+from drivers.dh import registers as dh
+from drivers.dh.registers import Grip, Initialised
+from drivers.sim.devices.dh import DhModel, DhRegisters
+from drivers.sim.devices.jaws import Surroundings
+from runtime.table import profile_of
+
+
+class Bench(Surroundings):
+    """The device, and a part between its fingers."""
+
+    def __init__(self, contact_mm=None):
+        self.contact_mm = contact_mm
+        self.grips = self.releases = 0
+        self.now = 0.0
+        self.model = DhModel(random.Random(1), self, profile_of("dh-pgc140-50"))
+
+    def closing(self):
+        return self.contact_mm
+
+    def gripped(self):
+        self.grips += 1
+
+    def released(self):
+        self.releases += 1
+
+    def write(self, register, value, then_s=2.0):
+        self.model.write(register, value, self.now)
+        self.now += then_s
+
+    def read(self, register):
+        return self.model.read(register, self.now)
+
+
+@pytest.fixture
+def ready():
+    bench = Bench(contact_mm=20.0)
+    bench.write(dh.INITIALISATION, dh.INITIALISE)
+    return bench
+
+
+def test_device_just_switched_on_is_uninitialised_and_does_not_move():
+    bench = Bench()
+    bench.write(dh.POSITION, 0)
+    assert bench.read(dh.INITIALISED) == Initialised.NO
+    assert bench.read(dh.ACTUAL_POSITION) == dh.FULL
+
+
+@pytest.mark.parametrize(("direction", "end"), [(0, dh.FULL), (1, 0)])
+def test_device_initialises_to_the_end_that_its_direction_names(direction, end):
+    bench = Bench()
+    bench.write(dh.DIRECTION, 1 - direction)
+    bench.write(dh.INITIALISATION, dh.INITIALISE)  # to the other end
+    bench.write(dh.DIRECTION, direction)
+    bench.write(dh.INITIALISATION, dh.INITIALISE, 0.0)
+    assert bench.read(dh.INITIALISED) == Initialised.IN_PROGRESS
+    assert bench.read(dh.INITIALISATION) == 1
+    bench.now += 5.0
+    assert bench.read(dh.INITIALISED) == Initialised.YES
+    assert bench.read(dh.INITIALISATION) == 0
+    assert bench.read(dh.ACTUAL_POSITION) == end
+
+
+def test_device_that_learns_its_stroke_on_a_part_takes_the_part_for_the_end(ready):
+    ready.write(dh.INITIALISATION, dh.CALIBRATE, 10.0)
+    ready.write(dh.POSITION, 0)
+    assert ready.read(dh.ACTUAL_POSITION) == 0
+    assert ready.model.opening_mm(ready.now) == pytest.approx(20.0)
+
+
+def test_device_that_meets_a_part_catches_it_and_lets_go_of_it(ready):
+    ready.write(dh.POSITION, 0)
+    assert (ready.read(dh.GRIP), ready.read(dh.ACTUAL_POSITION)) == (Grip.CAUGHT, 400)
+    ready.write(dh.POSITION, dh.FULL)
+    assert (ready.read(dh.GRIP), ready.read(dh.ACTUAL_POSITION)) == (Grip.AT_POSITION, dh.FULL)
+    assert (ready.grips, ready.releases) == (1, 1)
+
+
+def test_device_that_drops_the_part_goes_on_to_the_position_and_says_dropped(ready):
+    ready.write(dh.POSITION, 0)
+    ready.model.lose_object(ready.now)
+    ready.now += 2.0
+    assert (ready.read(dh.GRIP), ready.read(dh.ACTUAL_POSITION)) == (Grip.DROPPED, 0)
+
+
+def test_device_crosses_its_stroke_in_the_time_of_the_data_sheet(ready):
+    ready.contact_mm = None
+    ready.write(dh.SPEED, 100)
+    ready.write(dh.POSITION, 0, 0.69)
+    assert ready.read(dh.ACTUAL_POSITION) > 0
+    ready.now += 0.02
+    assert ready.read(dh.ACTUAL_POSITION) == 0
+
+
+@pytest.mark.parametrize(
+    ("register", "value"),
+    [(dh.POSITION, 1001), (dh.FORCE, 19), (dh.SPEED, 0), (dh.GRIP, 1), (0x0102, 5)],
+)
+def test_value_that_a_register_does_not_take_is_refused_and_so_are_its_neighbours(
+    ready, register, value
+):
+    registers = DhRegisters(ready.model, lambda: ready.now)
+    writes = ready.model.writes
+    assert not registers.write(6, register, value.to_bytes(2, "big"))
+    both = (50).to_bytes(2, "big") + value.to_bytes(2, "big")
+    assert not registers.write(16, register - 1, both)
+    assert ready.model.writes == writes
