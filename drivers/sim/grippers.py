@@ -11,10 +11,10 @@ from drivers.dh.gripper import Gripper as DhGripper
 from drivers.dh.link import RtuLink
 from drivers.ports import Gripper, GripperProfile, Report
 from drivers.robotiq.frames import TCP
-from drivers.schunk import gripper as schunk_driver
-from drivers.schunk import registers as schunk
 from drivers.robotiq.gripper import Gripper as RobotiqGripper
 from drivers.robotiq.modbus import rtu_link
+from drivers.schunk import gripper as schunk_driver
+from drivers.schunk import registers as schunk
 from drivers.sim.devices.dh import DhModel, DhRegisters
 from drivers.sim.devices.faulty import FaultyGripper
 from drivers.sim.devices.gripper import GripperModel
