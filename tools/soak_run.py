@@ -8,10 +8,15 @@ import random
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
-from drivers.robotiq.gripper import Gripper
-from drivers.robotiq.link import Link
+from drivers.dh import registers as dh
+from drivers.dh.gripper import Gripper as DhGripper
+from drivers.dh.link import RtuLink
+from drivers.ports import Gripper, Report
+from drivers.robotiq.gripper import Gripper as RobotiqGripper
 from drivers.robotiq.modbus import rtu_link
+from drivers.sim import grippers
 from drivers.sim.faults import SCENE_KINDS, Listed, Seeded
 from drivers.sim.physics.scene import Setting
 from drivers.sim.virtual.cell import VirtualCell
@@ -75,19 +80,16 @@ class Watch:
     def now(self) -> float:
         return self.cell.clock.now() if self.cell else 0.0
 
-    def read(self, block: bytes) -> None:
-        self.read_s = self.now()
-        self.ready = block[0] & 0x31 == 0x31 and block[2] & 0x0F < RESET_FAULTS
+    def read(self, *, ready: bool) -> None:
+        self.read_s, self.ready = self.now(), ready
 
-    def written(self, block: bytes) -> None:
-        if not block[0] & GOES:
-            return
+    def go(self, target: int) -> None:
         if self.now() - self.read_s > FRESH_S:
             self.findings.append(
-                f"jaws told to go to {block[3]} without a look since the last command"
+                f"jaws told to go to {target} without a look since the last command"
             )
         elif not self.ready:
-            self.findings.append(f"jaws told to go to {block[3]} though not ready")
+            self.findings.append(f"jaws told to go to {target} though not ready")
         self.read_s = -math.inf
 
     def overheard(self, text: str) -> None:
@@ -128,25 +130,55 @@ class Pulse(Console):
 
 
 class WatchedLink:
-    """The gripper's link with a watch on it."""
+    """A gripper's link with a watch on it."""
 
-    def __init__(self, link: Link, watch: Watch) -> None:
-        self.endpoint, self.transactions = link.endpoint, 0
+    def __init__(self, link: Any, watch: Watch) -> None:
+        self.endpoint, self.close, self.transactions = link.endpoint, link.close, 0
         self._link, self._watch = link, watch
+
+
+class WatchedRobotiq(WatchedLink):
+    """That of a Robotiq gripper."""
 
     def read(self) -> bytes:
         self.transactions += 1
-        block = self._link.read()
-        self._watch.read(block)
+        block: bytes = self._link.read()
+        ready = block[0] & 0x31 == 0x31 and block[2] & 0x0F < RESET_FAULTS
+        self._watch.read(ready=ready)
         return block
 
     def write(self, block: bytes) -> None:
         self.transactions += 1
-        self._watch.written(block)
+        if block[0] & GOES:
+            self._watch.go(block[3])
         self._link.write(block)
 
-    def close(self) -> None:
-        self._link.close()
+
+class WatchedDh(WatchedLink):
+    """That of a DH gripper."""
+
+    def read(self) -> Mapping[int, int]:
+        self.transactions += 1
+        words: Mapping[int, int] = self._link.read()
+        self._watch.read(ready=words[dh.INITIALISED] == dh.Initialised.YES)
+        return words
+
+    def write(self, register: int, value: int) -> None:
+        self.transactions += 1
+        if register == dh.POSITION:
+            self._watch.go(value)
+        self._link.write(register, value)
+
+
+def watched(cell: VirtualCell, watch: Watch, report: Report) -> tuple[Gripper, WatchedLink]:
+    """The driver of the cell's gripper, with a watch on its link."""
+    profile, pace, stream = cell.works.profile, cell.pace, cell.serial()
+    link: Any
+    if cell.works.simulator is grippers.DH:
+        link = WatchedDh(RtuLink(stream, pace, report), watch)
+        return DhGripper(link, pace, report, profile), link
+    link = WatchedRobotiq(rtu_link(stream, pace, report), watch)
+    return RobotiqGripper(link, pace, report, profile), link
 
 
 class Records:
@@ -211,8 +243,7 @@ def run(soak: Soak, seed: int, faults: Listed | None = None) -> Counts:
     faults = faults or (Seeded(seed) if soak.faults else None)
     watch.cell = cell = VirtualCell(soak.setting, seed, faults, watch.overheard)
     try:
-        link = WatchedLink(rtu_link(cell.serial(), cell.pace, records.record), watch)
-        gripper = Gripper(link, cell.pace, records.record)
+        gripper, link = watched(cell, watch, records.record)
         gripper.activate()
         arm = cell.arm()
     except (OSError, RuntimeError) as error:  # a fault met while connecting: nothing has moved

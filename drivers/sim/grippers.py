@@ -15,7 +15,7 @@ from drivers.robotiq.gripper import Gripper as RobotiqGripper
 from drivers.robotiq.modbus import rtu_link
 from drivers.schunk import gripper as schunk_driver
 from drivers.schunk import registers as schunk
-from drivers.sim.devices.dh import DhModel, DhRegisters
+from drivers.sim.devices.dh import DhModel, DhRegisters, FaultyDhModel
 from drivers.sim.devices.faulty import FaultyGripper
 from drivers.sim.devices.gripper import GripperModel
 from drivers.sim.devices.gripper_tcp import MbapSlave, TcpPort, stop_jaws
@@ -113,6 +113,8 @@ def _robotiq_driver(stream: Stream, pace: Pace, report: Report, profile: Gripper
 
 
 def _dh_device(mount: Mount) -> DhModel:
+    if mount.desk is not None:
+        return FaultyDhModel(mount.rng, mount.surroundings, mount.profile, mount.desk)
     return DhModel(mount.rng, mount.surroundings, mount.profile)
 
 

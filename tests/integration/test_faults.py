@@ -1,21 +1,15 @@
 """Every class of faults ends as drivers/sim/FAULTS.md says, whenever in a part's life it strikes."""
 
-import re
 from itertools import product
-from pathlib import Path
 
 import pytest
+from fault_classes import ROWS, allowed
 from soaking import small_soak, soak_run
 
 from drivers.sim.faults import KINDS, Channel, Fault, Listed
 from runtime.execution.executor import RunOptions
 from runtime.execution.handling import Handling
 
-TABLE = (Path(__file__).parents[2] / "drivers" / "sim" / "FAULTS.md").read_text()
-ROWS = {
-    name: [cell.strip() for cell in rest.split("|")]
-    for name, rest in re.findall(r"^\| `(\w+)` \|(.+)\|$", TABLE, re.MULTILINE)
-}
 SEED, PART = 2, 1  # this part takes both squeezes of the table, and reaches leaf 1
 MOMENTS = {
     Channel.LINE: range(116),
@@ -25,7 +19,6 @@ MOMENTS = {
 }
 SAMPLED = {Channel.LINE, Channel.GRIPPER}
 EVERY = 8  # moments of the sampled channels
-DECIDED = {"leaf", "unresolved", "reject"}
 FINE = {"reply_late", "flag_late"}  # their values are seconds
 
 
@@ -69,21 +62,6 @@ def faults(kind, handling, every_moment):
         )
         for length, value in dict.fromkeys(some):
             yield Fault(kind.name, PART, at, length, value)
-
-
-def allowed(outcomes, result, sound):
-    """Whether a part may end so."""
-    for outcome in outcomes.split(", "):
-        if outcome == "same" and (result.outcome, result.leaf) == (sound.outcome, sound.leaf):
-            return True
-        if outcome == "decided" and result.outcome.value in DECIDED:
-            return True
-        if f"{result.outcome.value} {result.exit_code}" in (
-            outcome,
-            f"{outcome} {result.exit_code}",
-        ):
-            return True
-    return False
 
 
 def test_every_class_has_a_row_that_tells_what_it_means():

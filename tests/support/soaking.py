@@ -9,6 +9,7 @@ from sample_tables import small_table
 from drivers.sim.physics.scene import Setting, table_geometry
 from runtime.devices import rehearsal
 from runtime.execution.executor import RunOptions
+from runtime.table import Table
 
 SCRIPT = Path(__file__).parents[2] / "tools" / "soak"
 
@@ -16,14 +17,18 @@ sys.path.insert(0, str(SCRIPT.parent))
 soak_run = importlib.import_module("soak_run")
 
 
-def small_setting() -> Setting:
-    """A rehearsal of the small table."""
-    table = small_table()
+def small_setting(table: Table | None = None) -> Setting:
+    """A rehearsal of the small table, or of another."""
+    table = table or small_table()
     return Setting(table, table_geometry(table), "runtime.devices.rehearsal:make", rehearsal.make)
 
 
 def small_soak(
-    parts: int = 1, *, faults: bool = False, handled: tuple[RunOptions, ...] = (RunOptions(),)
+    parts: int = 1,
+    *,
+    faults: bool = False,
+    handled: tuple[RunOptions, ...] = (RunOptions(),),
+    table: Table | None = None,
 ) -> object:
     """Runs of that many parts."""
-    return soak_run.Soak(small_setting(), small_table(), faults, parts, handled)
+    return soak_run.Soak(small_setting(table), table or small_table(), faults, parts, handled)

@@ -14,6 +14,7 @@ from drivers.dh.percent import Scale
 from drivers.dh.registers import Grip, Initialised
 from drivers.ports import GripperProfile
 from drivers.sim.devices.jaws import ObjectFlag, Stroke, Surroundings
+from drivers.sim.faults import Channel, Desk
 
 CYCLE_S = 0.005  # between two refreshes of the states
 LAG_CYCLES = (1, 5)  # of the grip state behind the command
@@ -55,6 +56,7 @@ class DhModel:
         self._scale = Scale(profile)
         self._open_mm = profile.stroke_um / 1000.0
         self.writes = 0  # how often a register was written
+        self.state_delay_s = 0.0  # how much later than usual the grip state follows
         self._rng = rng
         self._surroundings = surroundings
         self._now = self._shown_s = 0.0
@@ -79,6 +81,9 @@ class DhModel:
         self._settings[dh.POSITION] = 0
 
     # -- the registers ----------------------------------------------------------------------------
+
+    def heard(self, now_s: float) -> None:
+        """A request arrived, and is served next."""
 
     def read(self, address: int, now_s: float) -> int:
         """One of the `READABLE` registers."""
@@ -166,7 +171,7 @@ class DhModel:
         self._flag = ObjectFlag(shown, moving_s, self._stroke.outcome, outcome_s)
 
     def _lag(self) -> float:
-        return self._rng.randint(*LAG_CYCLES) * CYCLE_S
+        return self._rng.randint(*LAG_CYCLES) * CYCLE_S + self.state_delay_s
 
     def _start(self, target: float, percent: int, *, dropped: bool = False) -> None:
         """Set the fingers in motion; a closing stroke asks once what it meets."""
@@ -210,6 +215,55 @@ def _shown(grip: Grip, now_s: float) -> ObjectFlag:
     return ObjectFlag(grip, now_s, grip, now_s)
 
 
+class FaultyDhModel(DhModel):
+    """A DH gripper that fails as a schedule has it; it has no fault register, so no gFLT befalls it.
+
+    Args:
+        rng: as of `DhModel`.
+        surroundings: what the fingers may meet.
+        profile: of its model.
+        desk: says what holds when; each request that the gripper hears is one event.
+    """
+
+    def __init__(
+        self, rng: random.Random, surroundings: Surroundings, profile: GripperProfile, desk: Desk
+    ) -> None:
+        super().__init__(rng, surroundings, profile)
+        self._desk = desk
+        self._last = dh.FULL  # the position as it was last read, which is what freezes
+
+    def heard(self, now_s: float) -> None:
+        """One more event: whatever befalls the gripper now, befalls it before it obeys."""
+        self._desk.next(Channel.GRIPPER)
+        kinds = {fault.kind for fault in self._desk.beginning(Channel.GRIPPER)}
+        if "power_cycle" in kinds:
+            self.power_cycle(now_s)
+        if "grip_lost" in kinds:
+            self.lose_object(now_s)
+        late = self._desk.holds("flag_late")
+        self.state_delay_s = late.value if late else 0.0
+
+    def read(self, address: int, now_s: float) -> int:
+        """One register, with whatever is wrong with it."""
+        word = super().read(address, now_s)
+        if address == dh.GRIP:
+            false = self._desk.holds("flag_false") if word == Grip.MOVING else None
+            if fault := self._desk.holds("flag_stuck") or false:
+                return int(fault.value)
+        elif address == dh.ACTUAL_POSITION:
+            if not self._desk.holds("count_frozen"):
+                self._last = word
+            offset, spike = self._desk.holds("encoder_offset"), self._desk.holds("count_spike")
+            word = self._last + (_thousandths(offset.value) if offset else 0)
+            word = min(max(_thousandths(spike.value) if spike else word, 0), dh.FULL)
+        return word
+
+
+def _thousandths(counts: float) -> int:
+    """Of the stroke, where a schedule says 255ths."""
+    return round(counts * dh.FULL / 255)
+
+
 class DhRegisters:
     """A DH gripper's registers as `drivers.sim.wire.modbus.answer` asks for them.
 
@@ -229,6 +283,7 @@ class DhRegisters:
     def read(self, address: int, count: int) -> bytes:
         """So many registers."""
         now_s = self._now()
+        self._device.heard(now_s)
         words = [self._device.read(address + step, now_s) for step in range(count)]
         return struct.pack(f">{count}H", *words)
 
@@ -238,6 +293,8 @@ class DhRegisters:
         taken = function in FUNCTIONS and all(
             word in ALLOWED.get(register, ()) for register, word in words.items()
         )
-        for register, word in words.items() if taken else ():
-            self._device.write(register, word, self._now())
+        if taken:
+            self._device.heard(now_s := self._now())
+            for register, word in words.items():
+                self._device.write(register, word, now_s)
         return taken
