@@ -43,7 +43,7 @@ WRITE_TRIES = 3
 LEAST_PERCENT, MOST_PERCENT = 50, 100  # of the force of a BasicGrip ([CM] 1.2.3)
 STROKE_UM = 1000  # by which a stroke may differ from the profile's
 
-GRIP_OUTCOMES = Status.GRIPPED | Status.NO_WORKPIECE | Status.WRONG_WORKPIECE
+GRIP_OUTCOMES = Status.GRIPPED | Status.NO_WORKPIECE
 
 
 class Limits(NamedTuple):
@@ -154,9 +154,7 @@ class Gripper:
         if self._move is None:
             raise GripperFault("no move to wait for; call move() first")
         move = self._move
-        seen = self._ended()
-        seen = self._steady(seen)
-        _check_fits(seen, move.output, self._limits)
+        seen = self._settled()
         asked = self._asked()
         if asked != move.output:
             raise GripperFault(
@@ -217,7 +215,7 @@ class Gripper:
 
     def _release(self, seen: Input, width_um: int) -> Input:
         self._command(Output(_edge(Control.RELEASE), width_um), seen, 0.0)
-        return self._ended()
+        return self._settled()
 
     def _command(self, output: Output, seen: Input, seconds: float) -> None:
         # A command is an edge of its bit, or of this toggle where the bit is set already.
@@ -242,60 +240,60 @@ class Gripper:
             else:
                 return
 
-    def _ended(self) -> Input:
-        """Wait until the command under way was received, and is over."""
+    def _settled(self) -> Input:
+        """Wait until the command under way was received, says how it ended, and the fingers stand still."""
         assert self._move is not None
         move, self._move = self._move, None
-        wanted = GRIP_OUTCOMES if move.output.control & Control.GRIP else Status.POSITION_REACHED
         self._until(
             lambda now: now.status & Status.RECEIVED_TOGGLE != move.toggle,
             self._pace.deadline(RECEIVED_S),
             "taking the request",
-            _require_feasible,
         )
-        return self._until(
-            lambda now: bool(now.status & wanted),
-            self._pace.deadline(move.budget_s),
-            "moving",
-            _require_feasible,
-        )
+        deadline, late = self._pace.deadline(move.budget_s), 0
+        readings: list[Input] = []
+        while True:
+            # Fingers that rest are read often enough even if this process was stopped past the deadline.
+            late += self._pace.now() > deadline
+            seen = self._look()
+            _require_feasible(seen, "moving")
+            ended = seen.status & _outcomes(move.output) and self._fits(seen, move.output)
+            readings = [*readings, seen][-STEADY_READINGS:] if ended else []
+            if len(readings) == STEADY_READINGS and _spread_um(readings) <= STEADY_UM:
+                return seen
+            if late > STEADY_READINGS:
+                raise GripperFault(
+                    f"gripper not done moving in time, or its status and width contradict one another; "
+                    f"last seen {_sketch(seen)}"
+                )
+            if readings:
+                self._pace.pause(STEADY_S)
+            else:
+                self._pace.idle(deadline)
+
+    def _fits(self, seen: Input, output: Output) -> bool:
+        """Whether the width is one that the status can tell of."""
+        if output.control & Control.RELEASE or seen.status & Status.GRIPPED:
+            return True
+        if output.control & Control.GRIP:
+            return seen.position_um - self._limits.lowest_um <= EMPTY_UM
+        return abs(seen.position_um - output.position_um) <= ARRIVED_UM
 
     def _checked(self, doing: str) -> Input:
         seen = self._look()
         _require_ready(seen, doing)
         return seen
 
-    def _until(
-        self,
-        done: Callable[[Input], bool],
-        deadline: float,
-        doing: str,
-        check: Callable[[Input, str], None] | None = None,
-    ) -> Input:
-        """Poll until `done`, a status that `check` refuses, or the deadline."""
+    def _until(self, done: Callable[[Input], bool], deadline: float, doing: str) -> None:
+        """Poll until `done`, a refusal, or the deadline."""
         while True:
             late = self._pace.now() > deadline
             seen = self._look()
-            if check is not None:
-                check(seen, doing)
             if done(seen):
-                return seen
+                return
             if late:
                 cause = f": {_fault(seen.error)}" if seen.error else f"; last seen {_sketch(seen)}"
                 raise GripperFault(f"gripper not done {doing} in time{cause}")
             self._pace.idle(deadline)
-
-    def _steady(self, seen: Input) -> Input:
-        """Read until the width has been the same three times in a row."""
-        for _ in range(10 * STEADY_READINGS):
-            readings = [seen]
-            while len(readings) < STEADY_READINGS and _spread_um(readings) <= STEADY_UM:
-                self._pace.pause(STEADY_S)
-                seen = self._checked("settling")
-                readings.append(seen)
-            if _spread_um(readings) <= STEADY_UM:
-                return seen
-        raise GripperFault(f"gripper width does not settle; last seen {_sketch(seen)}")
 
 
 def gripper(
@@ -357,23 +355,16 @@ def _moves(seen: Input, asked: Output) -> bool:
 
 
 def _object(seen: Input, asked: Output) -> ObjectState:
-    if seen.status & (Status.GRIPPED | Status.WRONG_WORKPIECE):
+    if seen.status & Status.GRIPPED:
         inside = asked.control & Control.GRIP_FROM_INSIDE
         return ObjectState.OPENING if inside else ObjectState.CLOSING
     stands = seen.status & (Status.POSITION_REACHED | Status.NO_WORKPIECE)
     return ObjectState.AT_TARGET if stands and asked.control & MOTIONS else ObjectState.NONE
 
 
-def _check_fits(seen: Input, output: Output, limits: Limits) -> None:
-    """Check that the width is one that the status can tell of."""
-    gripped = seen.status & (Status.GRIPPED | Status.WRONG_WORKPIECE)
-    target_um, most_um = output.position_um, ARRIVED_UM
-    if output.control & Control.GRIP:
-        target_um, most_um = limits.lowest_um, EMPTY_UM
-    if not gripped and abs(seen.position_um - target_um) > most_um:
-        raise GripperFault(
-            f"the gripper's status and width contradict one another: {_sketch(seen)}"
-        )
+def _outcomes(output: Output) -> Status:
+    """The bits that tell the end of what was asked for."""
+    return GRIP_OUTCOMES if output.control & Control.GRIP else Status.POSITION_REACHED
 
 
 def _require_feasible(seen: Input, doing: str) -> None:

@@ -21,7 +21,9 @@ from drivers.sim.devices.gripper import GripperModel
 from drivers.sim.devices.gripper_tcp import MbapSlave, TcpPort, stop_jaws
 from drivers.sim.devices.gripper_urcap import Urcap, UrcapPort
 from drivers.sim.devices.jaws import Jaws, Surroundings
-from drivers.sim.devices.schunk import SchunkModel, SchunkRegisters
+from drivers.sim.devices.schunk import SchunkModel
+from drivers.sim.devices.schunk_faulty import FaultySchunkModel
+from drivers.sim.devices.schunk_registers import SchunkRegisters
 from drivers.sim.faults import Desk
 from drivers.sim.wire.line import CleanLine
 from drivers.sim.wire.modbus import GripperRegisters
@@ -133,6 +135,8 @@ def _dh_driver(stream: Stream, pace: Pace, report: Report, profile: GripperProfi
 
 
 def _schunk_device(mount: Mount) -> SchunkModel:
+    if mount.desk is not None:
+        return FaultySchunkModel(mount.rng, mount.surroundings, mount.profile, mount.desk)
     return SchunkModel(mount.rng, mount.surroundings, mount.profile)
 
 

@@ -7,7 +7,6 @@ changed while something is held.
 
 import math
 import random
-from collections.abc import Callable
 from typing import NamedTuple
 
 from drivers.ports import GripperProfile
@@ -95,6 +94,7 @@ class SchunkModel:
     ) -> None:
         self.profile, self.module = profile, MODULES[profile.model]
         self.written: list[str] = []  # names of the parameters that were written
+        self.outcome_delay_s = 0.0  # how much later than usual an outcome shows
         self._rng = rng
         self._surroundings = surroundings or Surroundings()
         self._silence_s = silence_s
@@ -420,7 +420,7 @@ class SchunkModel:
             self._stop = BLOCKED if not grips else HELD if fits else WRONG
         rate = math.copysign(speed_mm_s, target_mm - here) if target_mm != here else 0.0
         self._stroke = Stroke(here, self._now, rate, target_mm, 0)
-        lag_s = self._rng.randint(*LAG_CYCLES) * CYCLE_S
+        lag_s = self._rng.randint(*LAG_CYCLES) * CYCLE_S + self.outcome_delay_s
         self._ends_s = self._stroke.end_s + lag_s
 
     def _arrive(self) -> None:
@@ -432,39 +432,3 @@ class SchunkModel:
         if self._stop.error:
             self._fail(self._stop.error)
         self._status |= self._stop.status
-
-
-_BY_ADDRESS = {parameter.address: parameter for parameter in PARAMETERS.values()}
-_FUNCTIONS = frozenset({3, 16})  # [CM]: no others are supported
-
-
-class SchunkRegisters:
-    """The parameters at their wire addresses, as `drivers.sim.wire.modbus.answer` asks for them.
-
-    Args:
-        device: the gripper.
-        now: simulated seconds.
-    """
-
-    def __init__(self, device: SchunkModel, now: Callable[[], float]) -> None:
-        self._device = device
-        self._now = now
-
-    def serves(self, function: int, address: int, count: int) -> bool:
-        """Whether `function` is spoken here and the registers are those of one whole parameter."""
-        parameter = _BY_ADDRESS.get(address)
-        return function in _FUNCTIONS and parameter is not None and parameter.registers == count
-
-    def read(self, address: int, count: int) -> bytes:
-        """The registers of a parameter."""
-        del count
-        return self._device.read(_BY_ADDRESS[address].name, self._now())
-
-    def write(self, function: int, address: int, data: bytes) -> bool:
-        """Write a parameter; whether that is allowed."""
-        if not self.serves(function, address, len(data) // 2):
-            return False
-        parameter = _BY_ADDRESS[address]
-        if parameter.writable:
-            self._device.write(parameter.name, data, self._now())
-        return parameter.writable
