@@ -193,7 +193,7 @@ class ManualGripper:
         if self._asked is None:
             raise GripperFault("no move to wait for; call move() first")
         asked, self._asked = self._asked, None
-        if asked <= 0:
+        if asked < 0:
             width_mm = self._width_mm()
             held = width_mm >= self.profile.held_um / 1000
             state = ObjectState.CLOSING if held else ObjectState.AT_TARGET
@@ -202,7 +202,7 @@ class ManualGripper:
         elif not (self._was_asked and self._seen == _standing(ObjectState.AT_TARGET, asked, asked)):
             self._ask(f"Open the jaws to {asked / 1000:.1f} mm or a little more; press Enter")
             self._saw(ObjectState.AT_TARGET, asked, asked)
-        return Settled(self._seen.width_um, self._seen.object, 0, asked, 0.0)
+        return Settled(self._seen.width_um, self._seen.object, 0, max(asked, 0), 0.0)
 
     def stop(self) -> None:
         """The jaws are in somebody's hands."""

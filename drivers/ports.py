@@ -138,7 +138,7 @@ class Gripper(Protocol):
     def move(self, width_um: int, speed_mm_s: float, force_n: float) -> None:
         """Ask for a width of the grid, and return at once.
 
-        At a width of 0 the fingers close, at the stroke they open as far as they go. Speed and force are the
+        Below 0 the fingers close, at the stroke they open as far as they go. Speed and force are the
         greatest that the device can be asked for without exceeding the argument, but at least its least.
 
         Raises:

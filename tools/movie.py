@@ -57,7 +57,7 @@ def picture(table: Table, job: Job, beliefs: Replay, squeezes: int = 3) -> str:
 def followed(table: Table, simulator: Simulator, pose: Array, squeezes: int) -> Story | None:
     """The way of a part at a pose (3,) in the world, without scatter; None if it is longer or shorter."""
     surface = simulator.nominal(1, MU).surfaces[0]
-    calibration, target, result = Calibration.linear(table.gripper), 0, list[Squeeze]()
+    calibration, target, result = Calibration(table.gripper.profile), 0, list[Squeeze]()
     while target >= 0 and len(result) < squeezes:
         node = table.nodes[target]
         hand = placement_of(node.squeeze)
@@ -123,7 +123,7 @@ def _drawn(table: Table, job: Job, beliefs: Replay, story: Story) -> str:
                 ),
                 "angle": math.degrees(squeeze.hand[2]),
                 "count": squeeze.reading,
-                "width": Calibration.linear(table.gripper).width_um(squeeze.reading) / 1e3,
+                "width": Calibration(table.gripper.profile).width_um(squeeze.reading) / 1e3,
                 "belief": _belief(beliefs.visits[squeeze.node].before),
                 "share": len(beliefs.visits[squeeze.node].before) / len(beliefs.visits[0].before),
                 "believed": _seen(

@@ -38,7 +38,7 @@ class GripperRig(Protocol):
 
 def close(gripper: Gripper, *, fast: bool = False) -> None:
     """Ask it to close with its least force, at its least or its greatest speed."""
-    gripper.move(0, gripper.profile.speed_mm_s[fast], gripper.profile.force_n[0])
+    gripper.move(-1, gripper.profile.speed_mm_s[fast], gripper.profile.force_n[0])
 
 
 class GripperContract:
@@ -70,7 +70,7 @@ class GripperContract:
         with rig.open(read_only=True) as gripper:
             assert gripper.state().activated
             with pytest.raises(ReadOnlyError, match="dry run"):
-                gripper.move(0, gripper.profile.speed_mm_s[1], gripper.profile.force_n[0])
+                gripper.move(-1, gripper.profile.speed_mm_s[1], gripper.profile.force_n[0])
             with pytest.raises(ReadOnlyError, match="dry run"):
                 gripper.stop()
             assert gripper.state().activated

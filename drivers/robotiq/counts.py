@@ -32,10 +32,10 @@ class Counts:
         return min(max(self.width_um(count), 0), self.profile.stroke_um)
 
     def request(self, width_um: int) -> int:
-        """The request for a width; for either end it is as far as the fingers go."""
+        """The request for a width; below 0, and for the stroke, it is as far as the fingers go."""
         if width_um >= self.profile.stroke_um:
             return OPEN
-        return CLOSED if width_um <= 0 else self._closed - self.profile.step(width_um)
+        return CLOSED if width_um < 0 else self._closed - self.profile.step(width_um)
 
     def speed(self, speed_mm_s: float) -> int:
         """The fastest setting that is not faster."""

@@ -14,7 +14,7 @@ from runtime.devices.clock import SystemClock
 from runtime.errors import GripperStateError, TableError
 from runtime.execution.events import Console, Phase, Tally
 from runtime.execution.executor import RunOptions, expected_of, reason_of
-from runtime.execution.reading import CLOSED_UM, check_closed, room_um
+from runtime.execution.reading import check_closed, room_um
 from runtime.execution.watch import DEADLINE_FACTOR
 from runtime.journal.chain import Journal
 from runtime.shell.plain_text import cleaned
@@ -253,7 +253,7 @@ class AskedParts:
     ) -> None:
         calibration = self._calibration
         try:
-            check_closed(Settled(reading_um, seen, 0, CLOSED_UM, 0.0), calibration, (0, 0))
+            check_closed(Settled(reading_um, seen, 0, 0, 0.0), calibration, (0, 0))
         except GripperStateError:
             raise RefusedError(23) from None
         opened_um = min(node.squeeze.opening_um, calibration.widest_um)

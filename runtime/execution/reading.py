@@ -6,7 +6,7 @@ from drivers.ports import GripperProfile, ObjectState, Settled
 from runtime.errors import GripperStateError
 from runtime.table import Calibration
 
-CLOSED_UM = 0  # asked for, the jaws close as far as they go
+CLOSED_UM = -1  # asked for, the jaws close as far as they go
 STANDS_UM = 750  # how far from where they were asked to go jaws may stand
 STANDS_STEPS = 2  # and by how many steps of their reading
 SET_UM = 1_000  # how far off jaws that push may stand
@@ -28,7 +28,7 @@ def check_fresh(settled: Settled, requested_um: int) -> None:
     Raises:
         GripperStateError: it belongs to another request, or is not settled.
     """
-    if settled.target_um != requested_um:
+    if settled.target_um != max(requested_um, 0):
         raise GripperStateError(
             f"stale reading: the gripper answers a request for {settled.target_um / 1000:.2f} mm, asked was "
             f"{requested_um / 1000:.2f} mm"

@@ -11,7 +11,7 @@ from math import dist, pi, remainder, tau
 from drivers.ports import ObjectState, PoseOfHand
 from runtime.errors import BrokenRunError
 from runtime.execution.hand import LEVEL_MM, Hand
-from runtime.execution.reading import CLOSED_UM, room_um
+from runtime.execution.reading import room_um
 from runtime.execution.safety import PLACED_MM, PLACED_RAD
 from runtime.journal.replay import Last, Replay
 from runtime.table import REJECT, Node, Pose2, Table, close_alike, job_of
@@ -46,7 +46,7 @@ def pending(broken: Replay, table: Table, hand: Hand) -> tuple[Node, int] | None
     retreat_mm = hand.limits.retreat_height_um / 1000
     low = pose[2] < (hand.timing.regrasp_mm if broken.steps else retreat_mm) - LEVEL_MM
     alike = close_alike(job_of(table))
-    closed = state.target_um == CLOSED_UM
+    closed = state.target_um == 0
     held = broken.last is Last.SQUEEZED and (closed or state.object is not ObjectState.AT_TARGET)
     if held or broken.last is Last.PLACED:
         if not (low and _between(pose, place, let_go, alike)):

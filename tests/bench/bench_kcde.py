@@ -40,7 +40,7 @@ from planner.mechanics.clearance import TOUCHES, classify_contact  # noqa: E402
 
 RESULTS = Path(__file__).parent / "results" / "kcde.json"
 POINTS, PARTICLES, RADIUS_MM = 10_000, 5000, 12.75
-ENCODER = Encoder(opening_mm=85.0, count_open=3, count_closed=230, noise_mm=0.15)
+ENCODER = Encoder(opening_mm=85.0, steps=227, noise_mm=0.15)
 SHUFFLES = 100
 
 

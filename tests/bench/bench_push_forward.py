@@ -41,7 +41,7 @@ from planner.part import symmetry  # noqa: E402
 
 RESULTS = Path(__file__).parent / "results" / "push_forward.json"
 RADII_MM = {"rectangle": 12.75, "butterfly": 10.0, "right triangle": 10.0, "L": 10.0}
-ENCODER = Encoder(opening_mm=85.0, count_open=3, count_closed=230, noise_mm=0.15)
+ENCODER = Encoder(opening_mm=85.0, steps=227, noise_mm=0.15)
 ANGLES_DEG = ([0, 45, 90], [0, 90, 45])
 PARTICLES = 2500
 Row = dict[str, Any]

@@ -134,7 +134,7 @@ def memory_of(pid: int) -> dict[str, float]:
 def decision_us(tree: Path) -> dict[str, float]:
     """Width in, child out: a count's branch, its target, and what follows, for all nodes and counts."""
     table = load(tree).table
-    calibration = Calibration.linear(table.gripper)
+    calibration = Calibration(table.gripper.profile)
     maps = [decision_map(node, calibration) for node in table.nodes]
     policy, inputs = Policy(), 256 * len(maps)
     clock = time.perf_counter_ns

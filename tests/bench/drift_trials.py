@@ -10,6 +10,7 @@ from collections import Counter
 from typing import Any
 
 import numpy as np
+from counting import COUNTS
 from drifting import HEALTHY, Drift, parts, squeezed
 
 from planner.arrays import Array
@@ -19,7 +20,7 @@ from planner.job.model import Job
 from runtime.spc.expectation import PRIOR, Expectation
 from runtime.spc.history import Part
 from runtime.spc.monitor import Monitor
-from runtime.table import COUNTS, Table
+from runtime.table import Table
 
 BEFORE, WITHIN = 300, 50
 FRESH = 10_000  # seeds of this module begin here

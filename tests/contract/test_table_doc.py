@@ -5,7 +5,7 @@ from pathlib import Path
 
 from sample_tables import small_table
 
-from runtime.table import HELD_UM, KINDS, UNDETECTED_UM, decide, decision_map, dumps
+from runtime.table import HELD_UM, KINDS, decide, decision_map, dumps
 from runtime.table.codec import FORMAT, MAGIC
 from runtime.table.fields import FLAG, LINE, MAX_BYTES, MAX_LEAVES, SECTIONS, TEXT, Field, Section
 from runtime.table.lookup import REJECT, Calibration
@@ -58,7 +58,7 @@ def test_page_has_an_example_that_is_a_file_byte_for_byte() -> None:
 
 def test_page_says_of_the_example_what_the_table_does() -> None:
     table = small_table()
-    calibration = Calibration.linear(table.gripper)
+    calibration = Calibration(table.gripper.profile)
     root = decision_map(table.nodes[0], calibration)
     assert "reads count 174 (20.97 mm) with an object felt as branch 0, which is leaf 0" in PROSE
     assert calibration.width_um(174) == 20_969
@@ -71,7 +71,7 @@ def test_page_has_the_numbers_of_the_code() -> None:
     assert f"| 1 to {FORMAT - 1} | {FORMAT} |" in PROSE
     assert f"no array is longer than {MAX_LEAVES}, no file than {MAX_BYTES >> 20} MiB" in PROSE
     assert f"expected width >= {HELD_UM} um is a grip" in PROSE
-    assert f"up to {UNDETECTED_UM} um: what means that nothing is held" in PROSE
+    assert "up to `empty_um`: what means that nothing is held" in PROSE
 
 
 def test_page_lists_the_kinds_of_goal() -> None:

@@ -6,7 +6,7 @@ from sample_tables import every_field_table
 
 from runtime.table import dumps, loads
 
-GOLDEN = (Path(__file__).parent / "table-format-11.msgpack").read_bytes()
+GOLDEN = (Path(__file__).parent / "table-format-12.msgpack").read_bytes()
 
 
 def test_the_format_is_read_and_written_byte_for_byte() -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from counting import by_count
 
 from planner.belief.observation import MARGIN_MM
 from planner.compile import compile_job
@@ -16,16 +17,7 @@ from planner.frames import wrap
 from planner.job import model as job_file
 from planner.search.tree import breadth_first
 from planner.world import ContactWorlds, make
-from runtime.table import (
-    HELD_UM,
-    Calibration,
-    by_count,
-    decision_map,
-    dumps,
-    load,
-    loads,
-    wilson_interval,
-)
+from runtime.table import HELD_UM, Calibration, decision_map, dumps, load, loads, wilson_interval
 
 TREES = Path(__file__).parents[2] / "trees"
 FEW = {"particles": 300, "search_particles": 30, "max_depth": 3}
@@ -82,7 +74,7 @@ def test_tree_and_table_have_the_same_nodes_in_the_same_order(plan):
 
 
 def test_every_reading_seen_in_planning_leads_to_its_own_branch(plan):
-    calibration = Calibration.linear(plan.table.gripper)
+    calibration = Calibration(plan.table.gripper.profile)
     nodes = [node for node in breadth_first(plan.root) if node.children]
     agree = total = 0
     for node, row in zip(nodes, plan.table.nodes, strict=True):
@@ -249,7 +241,7 @@ def test_parts_near_the_edge_are_dragged_back_as_the_table_says(job):
 
 def test_no_width_farther_than_the_margin_from_what_a_part_read_ends_at_a_leaf(plan):
     """Between branches such widths are REJECT; one within a branch that goes on is judged by the next one."""
-    calibration, margin = Calibration.linear(plan.table.gripper), MARGIN_MM * 1e3
+    calibration, margin = Calibration(plan.table.gripper.profile), MARGIN_MM * 1e3
     widths = np.array(calibration.widths_um)
     answered = 0
     nodes = [node for node in breadth_first(plan.root) if node.children]
@@ -267,9 +259,7 @@ def test_no_width_farther_than_the_margin_from_what_a_part_read_ends_at_a_leaf(p
 
 def test_shares_of_busy_branches_are_those_that_parts_took(plan):
     table, run = plan.table, plan.evaluation
-    at_root = np.array(by_count(decision_map(table.nodes[0], Calibration.linear(table.gripper))))[
-        run.counts[:, 0]
-    ]
+    at_root = np.array(by_count(decision_map(table.nodes[0], table.gripper)))[run.counts[:, 0]]
     for number, branch in enumerate(table.nodes[0].branches):
         share = np.mean(at_root == number)
         of_other_trials = 4.0 * np.sqrt(2.0 * share * (1.0 - share) / len(at_root))

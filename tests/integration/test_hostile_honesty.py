@@ -47,7 +47,7 @@ from runtime.table import (
 from runtime.traversal.results import Outcome, PartResult, Step
 
 TREES = Path(__file__).parents[2] / "trees"
-LINE = Calibration.linear(GRIPPER)
+LINE = Calibration(GRIPPER.profile)
 
 
 def thin_table() -> Table:

@@ -17,7 +17,7 @@ from planner.learned.rollouts import roll_outs
 from planner.mechanics.simulator import STATUS_NAMES
 from planner.part import symmetry
 
-ENCODER = Encoder(opening_mm=85.0, count_open=3, count_closed=230, noise_mm=0.15)
+ENCODER = Encoder(opening_mm=85.0, steps=227, noise_mm=0.15)
 FIXED = np.array([[0.0, 0.0, angle] for angle in np.radians([0.0, 45.0, 90.0])])
 RADII_MM = {"rectangle": 12.75, "butterfly": 10.0, "right triangle": 10.0, "L": 10.0}
 COUNTS = {"rectangle": 20_000, "butterfly": 5_000, "right triangle": 8_000, "L": 20_000}

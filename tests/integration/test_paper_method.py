@@ -4,12 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from counting import by_count
 
 from planner.compile import compile_job
 from planner.job import model as job_file
 from planner.paper.search import METHODS, SINGLETON_SHARE
 from planner.search.tree import breadth_first
-from runtime.table import REJECT, Calibration, by_count, decision_map, dumps
+from runtime.table import REJECT, Calibration, decision_map, dumps
 
 RECTANGLE = Path(__file__).parents[2] / "trees" / "rectangle" / "job.toml"
 TRIALS = 2000
@@ -58,7 +59,7 @@ def test_no_open_loop_plan_exceeds_seventy_percent(plans):
 @pytest.mark.parametrize("method", METHODS)
 def test_only_what_was_never_tried_is_rejected_and_hardly_anything_hit(plans, method):
     plan = plans[method]
-    calibration = Calibration.linear(plan.table.gripper)
+    calibration = Calibration(plan.table.gripper.profile)
     apart = [count for count, width in enumerate(calibration.widths_um) if width > 0]
     maps = [by_count(decision_map(node, calibration)) for node in plan.table.nodes]
     rejecting = sum(REJECT in {meant[count] for count in apart} for meant in maps)

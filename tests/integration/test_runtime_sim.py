@@ -10,10 +10,11 @@ import time
 from pathlib import Path
 
 import pytest
+from counting import by_count
 from sample_tables import small_table
 
 from runtime.journal.chain import records, verify
-from runtime.table import REJECT, Calibration, by_count, decision_map, dump, dumps, loads
+from runtime.table import REJECT, decision_map, dump, dumps, loads
 
 ROOT = Path(__file__).parents[2]
 WAIT_S = 60
@@ -84,7 +85,7 @@ def test_parts_follow_the_table_and_the_journal_justifies_every_decision(tree: P
     data = base64.b64decode(next(records(journal))["table_base64"])
     assert data == dumps(small_table())
     table = loads(data)
-    maps = [by_count(decision_map(node, Calibration.linear(table.gripper))) for node in table.nodes]
+    maps = [by_count(decision_map(node, table.gripper)) for node in table.nodes]
     squeezes = [entry for entry in records(journal) if entry["kind"] == "squeeze"]
     for entry in squeezes:
         branch = (

@@ -79,7 +79,7 @@ def test_the_start_page_is_the_readme(site):
             "runtime/OUTCOMES.md",
             "drivers/sim/FAULTS.md",
         ),
-        *("drivers/abb/README.md", "drivers/camera/README.md"),
+        *("drivers/abb/README.md", "drivers/camera/README.md", "drivers/dh/README.md"),
         *(str(path.relative_to(ROOT)) for path in sorted((ROOT / "tools").glob("d*s/[!T]*.md"))),
     ],
 )

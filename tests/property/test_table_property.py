@@ -1,11 +1,12 @@
 """Random tables: round trip, look-up by the rule, nothing accepted that was not written."""
 
 import pytest
+from counting import by_count
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sample_tables import random_table
 
-from runtime.table import REJECT, Calibration, TableError, by_count, decision_map, dumps, loads
+from runtime.table import REJECT, Calibration, TableError, decision_map, dumps, loads
 
 CASES = settings(max_examples=60, deadline=None, derandomize=True)
 tables = st.builds(random_table, st.integers(0, 10**6), st.integers(1, 25))

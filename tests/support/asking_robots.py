@@ -9,8 +9,10 @@ from math import radians
 from pathlib import Path
 from types import ModuleType, TracebackType
 
+from counting import count_of
 from structured_text import FunctionBlock
 
+from drivers.ports import ObjectState
 from drivers.sim.physics.scene import Setting
 from drivers.sim.virtual.cell import VirtualCell
 from runtime.execution.events import Console
@@ -20,7 +22,6 @@ from runtime.execution.handling import Handling
 from runtime.execution.session import run_journalled
 from runtime.journal.chain import Journal
 from runtime.table import PPM, Branch, Node, Squeeze, Table
-from runtime.traversal.decision import CLOSING_CONTACT
 
 ROOT = Path(__file__).parents[2]
 CLIENTS = ROOT / "tools" / "docs" / "clients"
@@ -64,7 +65,7 @@ class SimulatedRobot:
         reading = self._hand.close(
             Node(self._plan, (Branch(0, 0, self._plan.opening_um, PPM, ~0),))
         )
-        return reading.position_counts, reading.object_flag == CLOSING_CONTACT
+        return count_of(reading.width_um), reading.object is ObjectState.CLOSING
 
     def drag(self, x: float, y: float) -> None:
         self._hand.drag(x, y)
@@ -124,7 +125,7 @@ class Results(Console):
         self.parts: list[dict[str, object]] = []
 
     def part(self, result: object, seen: object) -> None:
-        counts = [step.position_counts for step in result.steps]
+        counts = [count_of(step.reading_um) for step in result.steps]
         self.parts.append(
             {"outcome": result.outcome.value, "leaf": result.leaf, "position_counts": counts}
         )

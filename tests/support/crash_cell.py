@@ -82,7 +82,7 @@ class World:
 
     def __init__(self, table: Table, path: list[tuple[int, int]]) -> None:
         self.time = Time()
-        self.calibration = Calibration.linear(table.gripper)
+        self.calibration = Calibration(table.gripper.profile)
         self.table = table
         self.path = path  # (node, branch), from the root to a leaf
         pushes = [push for node in table.nodes for push in node.pushes]
@@ -92,8 +92,7 @@ class World:
         self.squeezed: list[int] = []
         self._lies_mm = self._expected(0)
         self._grip_mm: float | None = None
-        gripper = table.gripper
-        jaws = Jaws(gripper.opening_um / 1000, gripper.count_open, gripper.count_closed)
+        jaws = Jaws.of(table.gripper.profile)
         self.model = GripperModel(random.Random(1), jaws, self)
         self.model.write_output(0, bytes([1, 0, 0, 0, 0, 0]), 0.0)
         self.time.seconds = 20.0
@@ -108,11 +107,8 @@ class World:
             node = self.table.nodes[number]
             if self._stands_at(node) and self._lies_at(index):
                 self.squeezed.append(number)
-                return self._opening_mm(node.branches[branch].expected_um)
-        return self._opening_mm(self.table.gripper.opening_um // 2)
-
-    def _opening_mm(self, width_um: int) -> float:
-        return self.model.jaws.opening_at(self.calibration.count(width_um))
+                return node.branches[branch].expected_um / 1000
+        return self.table.gripper.opening_um / 2000
 
     def gripped(self) -> None:
         self._grip_mm = self.model.opening_mm(self.time.now())

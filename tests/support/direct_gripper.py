@@ -1,6 +1,9 @@
 """The gripper driver on a simulated gripper without wires, on a virtual clock."""
 
 import random
+from typing import NamedTuple
+
+from counting import PROFILE, SETTINGS, count_of
 
 from drivers.clock import Pace
 from drivers.robotiq.gripper import Gripper
@@ -63,8 +66,47 @@ class DirectLink:
         self.clock.time += TRANSACTION_S
 
 
+class Answer(NamedTuple):
+    """A settled reading in counts."""
+
+    position_counts: int
+    object_flag: int
+    current_ma: int
+    echo_counts: int
+    seconds: float
+
+
+class Counted:
+    """A driver that is told and read in counts: those that its registers hold."""
+
+    def __init__(self, gripper):
+        self.driver = gripper
+
+    def __getattr__(self, name):
+        return getattr(self.driver, name)
+
+    def state(self):
+        return self.driver._read()
+
+    def move(self, position, speed, force):
+        width = -1 if position == 255 else SETTINGS.target_um(position)
+        fast, strong = PROFILE.speed_mm_s, PROFILE.force_n
+        settings = (
+            low + (high - low) * n / 255 for (low, high), n in ((fast, speed), (strong, force))
+        )
+        self.driver.move(width, *(round(value + 0.0005, 3) for value in settings))
+
+    def wait(self):
+        seen = self.driver.wait()
+        echo = self.driver._image["rPR"]
+        assert seen.target_um == SETTINGS.target_um(echo)
+        return Answer(
+            count_of(seen.width_um), int(seen.object), seen.current_ma, echo, seen.seconds
+        )
+
+
 def connect(link):
-    return Gripper(link, Pace(link.clock))
+    return Counted(Gripper(link, Pace(link.clock)))
 
 
 def active(**options):

@@ -11,13 +11,14 @@ from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.evaluate import evaluate
 from planner.evaluation.judge import metric_of_table
 from planner.evaluation.outcome import Evaluation
+from planner.evaluation.trials import encoder_of_table
 from planner.frames import wrap
 from planner.job.model import Job
 from planner.work.scheduler import Threads
 from planner.world import supply
 from runtime.shell.worlds import DEFAULT_WORLD
 from runtime.spc.history import Part, Squeezed
-from runtime.table import REJECT, Calibration, Table, predicted_pose
+from runtime.table import REJECT, Table, predicted_pose
 
 SEEN_SIGMA = (0.05, 0.05, 0.002)  # of the camera: mm, mm, rad
 
@@ -54,17 +55,16 @@ def squeezed(table: Table, job: Job, count: int, seed: int, drift: Drift = HEALT
 
 def parts(table: Table, result: Evaluation, seed: int, drift: Drift = HEALTHY) -> Iterator[Part]:
     """Parts as journals tell of them, each audited."""
-    calibration = Calibration.linear(table.gripper)
+    encoder = encoder_of_table(table)
     noise = np.random.default_rng([seed, 0x5345]).normal(0.0, SEEN_SIGMA, result.poses.shape)
     seen = result.poses + noise + drift.seen_off
     for number, leaf in enumerate(result.leaf):
         taken = []
-        rows = result.path[number], result.counts[number], result.branch[number]
-        for node, count, branch in zip(*rows, strict=True):
+        rows = result.path[number], encoder.width_um(result.steps[number]), result.branch[number]
+        for node, width_um, branch in zip(*rows, strict=True):
             if node >= 0:
-                width_um = calibration.width_um(int(count))
                 taken.append(
-                    Squeezed(int(node), None if branch == REJECT else int(branch), width_um)
+                    Squeezed(int(node), None if branch == REJECT else int(branch), int(width_um))
                 )
         yield _part(table, number, tuple(taken), int(leaf), seen[number])
 

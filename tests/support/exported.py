@@ -10,9 +10,10 @@ from pathlib import Path
 from sample_tables import small_table
 from structured_text import OUTPUT, FunctionBlock
 
+from drivers.ports import ObjectState
 from planner.export.write import LEAF, NODE, UNRESOLVED, VECTORS
 from runtime.errors import GripperStateError
-from runtime.table import Branch, Calibration, Place, Table, decision_map
+from runtime.table import Branch, Place, Table, decision_map
 from runtime.table.fields import MAX_BRANCHES
 from runtime.traversal.decision import Policy, TraversalState, advance, decide, release_point
 from runtime.traversal.results import Outcome
@@ -24,10 +25,10 @@ NUMBERS = {Outcome.LEAF: 1, Outcome.UNRESOLVED: 2, Outcome.REJECT: 3}
 FAULT = (4, -1, 0, 0)
 OBJECT = """\
 #include "squeezetree_table.h"
-squeezetree_decision decide(int32_t node, int32_t count, int32_t object_flag);
-squeezetree_decision decide(int32_t node, int32_t count, int32_t object_flag)
+squeezetree_decision decide(int32_t node, int32_t width_um, int32_t object_flag);
+squeezetree_decision decide(int32_t node, int32_t width_um, int32_t object_flag)
 {
-    return squeezetree_decide(node, count, object_flag);
+    return squeezetree_decide(node, width_um, object_flag);
 }
 """
 """The executor alone, where a linker finds it."""
@@ -51,16 +52,16 @@ class Oracle:
 
     def __init__(self, table: Table) -> None:
         self._table = table
-        self._maps = [decision_map(node, Calibration.linear(table.gripper)) for node in table.nodes]
+        self._maps = [decision_map(node, table.gripper) for node in table.nodes]
 
-    def answer(self, index: int, count: int, flag: int) -> Answer:
-        """What follows a count and object flag at a node."""
+    def answer(self, index: int, width_um: int, flag: int) -> Answer:
+        """What follows a width and object flag at a node."""
         if not 0 <= index < len(self._maps):
             return FAULT
         node = self._table.nodes[index]
         try:
-            decision = decide(node, self._maps[index], count, flag)
-        except GripperStateError:
+            decision = decide(node, self._maps[index], width_um, ObjectState(flag))
+        except (GripperStateError, ValueError):
             return FAULT
         state = advance(TraversalState(index), decision.target, self._table, Policy())
         x, y = release_point(node, decision.branch) or node.squeeze.place
@@ -86,7 +87,7 @@ def check_structured_text(
     names = block.names[OUTPUT]
     hand, part = names.index("hand_x_um"), names.index("part_x_um")
     for row in rows:
-        result = block(restart=False, node=row[0], count=row[1], object_flag=row[2])
+        result = block(restart=False, node=row[0], width_um=row[1], object_flag=row[2])
         outcome, index = result["outcome"], result["index"]
         assert (outcome, index, result["release_x_um"], result["release_y_um"]) == row[3:], row
         if outcome == NODE:

@@ -5,7 +5,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from drivers.ports import Settled
+from counting import PROFILE, SETTINGS, state
+
+from drivers.ports import GripperState, Settled
 from runtime.execution.events import Console
 from runtime.execution.executor import Cell
 
@@ -15,7 +17,7 @@ class Deaf(Console):
 
 
 class State(NamedTuple):
-    """One reading of the fake gripper."""
+    """One reading of the fake gripper, in counts."""
 
     activated: bool = True
     moving: bool = False
@@ -24,6 +26,18 @@ class State(NamedTuple):
     echo_counts: int = 0
     position_counts: int = 3
     current_ma: int = 0
+
+    @property
+    def told(self) -> GripperState:
+        """As the port tells it."""
+        return state(
+            self.position_counts,
+            self.object_flag,
+            self.echo_counts,
+            active=self.activated,
+            moving=self.moving,
+            fault=self.fault,
+        )
 
 
 class Call(NamedTuple):
@@ -52,7 +66,9 @@ class Log:
 
 
 class FakeGripper:
-    """Closes to the next count of its script, with contact; opens as asked."""
+    """Closes to the next count of its script, with contact; opens as asked. Moves are logged in counts."""
+
+    profile = PROFILE
 
     def __init__(self, log: Log, counts: Iterator[tuple[int, int]]) -> None:
         self.log, self.counts = log, counts
@@ -62,16 +78,18 @@ class FakeGripper:
         self.opened_to = 0  # extra counts by which an opening falls short
         self.echo_off = 0  # by how much the settled echo differs from the request
 
-    def state(self) -> State:
+    def state(self) -> GripperState:
         self.log.call("gripper", "state")
-        return self.now
+        return self.now.told
 
     def activate(self) -> None:
         self.log.call("gripper", "activate")
         self.now = self.now._replace(activated=True, fault=0)
 
-    def move(self, position_counts: int, speed_counts: int, force_counts: int) -> None:
-        self.log.call("gripper", "move", position_counts, speed_counts, force_counts)
+    def move(self, width_um: int, speed_mm_s: float, force_n: float) -> None:
+        position_counts = SETTINGS.request(width_um)
+        settings = SETTINGS.speed(speed_mm_s), SETTINGS.force(force_n)
+        self.log.call("gripper", "move", position_counts, *settings)
         count, flag = max(position_counts, 3) + self.opened_to, 3
         if position_counts == 255 and not self.gripping:
             count, flag = next(self.counts)
@@ -84,13 +102,8 @@ class FakeGripper:
 
     def wait(self) -> Settled:
         self.log.call("gripper", "wait")
-        return Settled(
-            self.now.position_counts,
-            self.now.object_flag,
-            self.current_ma,
-            self.now.echo_counts + self.echo_off,
-            0.5,
-        )
+        seen = self.now._replace(echo_counts=self.now.echo_counts + self.echo_off).told
+        return Settled(seen.width_um, seen.object, self.current_ma, seen.target_um, 0.5)
 
     def stop(self) -> None:
         self.log.call("gripper", "stop")

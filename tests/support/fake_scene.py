@@ -1,14 +1,13 @@
 """What a simulated cell starts from when neither table nor job matters: a 21 mm part, squeezed anywhere."""
 
 import math
+from dataclasses import replace
 
 from drivers.sim.physics.scene import Geometry, Setting
+from runtime.table import PROFILES
 
 GEOMETRY = Geometry(
-    opening_mm=85.0,
-    count_open=3,
-    count_closed=230,
-    encoder_noise_mm=0.0,
+    gripper=replace(PROFILES["robotiq-2f-85"], noise_um=0),
     squeeze_height_mm=10.0,
     retreat_height_mm=60.0,
     radius_mm=5.0,

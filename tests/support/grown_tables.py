@@ -14,7 +14,7 @@ from sample_tables import GOAL, GRIPPER, NO_JOB, breadth_first
 
 from runtime.table import Area, Branch, Covariance, Leaf, Limits, Node, Prediction, Squeeze, Table
 
-COUNT_UM = GRIPPER.opening_um / (GRIPPER.count_closed - GRIPPER.count_open)
+COUNT_UM = GRIPPER.opening_um / GRIPPER.steps
 LIMITS = Limits(
     64, 235_000, 150_000, Area(-150_000, -150_000, 150_000, 150_000), 60_000, 8_000, 250_000
 )

@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from runtime.spc.expectation import Expectation, bin_of
+from runtime.spc.expectation import Expectation
 from runtime.spc.history import History, Part, Squeezed
 from runtime.spc.monitor import Alarm, Monitor, branch_shares, sigmas
-from runtime.table import PPM, Calibration, Table, by_count, decision_map, load
+from runtime.table import PPM, Table, decision_map, load
 
 TREE = Path(__file__).parents[2] / "trees" / "rectangle" / "rectangle.msgpack"
 COUNT_UM = 374.0
@@ -46,7 +46,7 @@ def drawn(
         fail_rate: share of failures, None: as predicted.
         first: number of the first part.
     """
-    maps = [by_count(decision_map(node, Calibration.linear(tree.gripper))) for node in tree.nodes]
+    maps = [decision_map(node, tree.gripper).either for node in tree.nodes]
     predicted = dict(enumerate(branch_shares(tree))) | (shares or {})
     rate = 1.0 - tree.predicted.success_ppm / PPM if fail_rate is None else fail_rate
     cell = _Cell(tree, maps, predicted, width_shift_um, residual_shift, rate)
@@ -64,7 +64,6 @@ class _Cell(NamedTuple):
 
 def _part(cell, number, rng):
     tree, squeezes, target = cell.tree, [], 0
-    calibration = Calibration.linear(tree.gripper)
     while target >= 0:
         node = tree.nodes[target]
         odds = np.array(cell.shares[target], float)
@@ -72,10 +71,9 @@ def _part(cell, number, rng):
         spread = 0.25 * (branch.high_um - branch.low_um) / np.sqrt(12.0)
         healthy = np.clip(rng.normal(branch.expected_um, spread), branch.low_um, branch.high_um)
         width = healthy + cell.width_shift_um
-        step = tree.gripper.opening_um / (tree.gripper.count_closed - tree.gripper.count_open)
-        reading = int(np.clip(round(tree.gripper.count_closed - width / step), 0, 255))
-        taken = cell.maps[target][reading]
-        read_um = calibration.width_um(reading)
+        profile = tree.gripper.profile
+        read_um = min(max(profile.reading_um(profile.step(width)), 0), profile.stroke_um)
+        taken = cell.maps[target].at(read_um)
         if taken < 0:
             return Part(number, (*squeezes, Squeezed(target, None, read_um)), "reject")
         squeezes.append(Squeezed(target, taken, read_um))
@@ -106,6 +104,12 @@ def expectation_document(tree: Table, digest: str, count: int = 8000) -> dict[st
         rows = [Counter() for _ in tree.nodes]
         for part in drawn(tree, count, np.random.default_rng([seed, 0x4558]), shares=shares):
             for squeeze in part.squeezes:
-                rows[squeeze.node][str(bin_of(tree, squeeze))] += 1
+                rows[squeeze.node][str(tree.gripper.bin_of(squeeze.width_um))] += 1
         worlds.append({"name": name, "readings": [dict(row) for row in rows]})
-    return {"kind": "expected readings", "version": 1, "table_sha256": digest, "worlds": worlds}
+    return {
+        "kind": "expected readings",
+        "version": 2,
+        "bins": tree.gripper.bins,
+        "table_sha256": digest,
+        "worlds": worlds,
+    }

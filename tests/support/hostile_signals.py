@@ -185,16 +185,16 @@ class Bench:
         first = self.gripper.state()
         time.sleep(STILL_S)
         last = self.gripper.state()
-        if last.moving or last.activating or first.position_counts != last.position_counts:
-            yield f"the fingers move on, from {first.position_counts} to {last.position_counts}"
+        if last.moving or first.width_um != last.width_um:
+            yield f"the fingers move on, from {first.width_um} to {last.width_um} um"
         output = ended.out + ended.err
         said = (
             []
             if "simulated cell" in output
-            else re.findall(r"fingers stopped at count (\d+)", output)
+            else re.findall(r"fingers stopped at ([\d.]+) mm", output)
         )
-        if said and any(int(count) != last.position_counts for count in said):
-            yield f"the fingers stand at {last.position_counts}, stopped at {said}"
+        if said and any(abs(1000 * float(mm) - last.width_um) > 10 for mm in said):
+            yield f"the fingers stand at {last.width_um} um, stopped at {said}"
         if "NOT KNOWN" in output:
             yield "a state that is not known"
         if "Traceback" in output and ended.code > 0 and STARTING not in output:

@@ -33,16 +33,16 @@ def header(table):
 
 
 def part(number, squeezes, outcome, leaf=None, reason=None):
-    """The records of one part; squeezes are (node, count, target)."""
+    """The records of one part; squeezes are (node, width in um, target)."""
     steps = [
         {
             "kind": "squeeze",
             "part": number,
             "node": node,
-            "position_counts": count,
+            "width_um": width_um,
             "target": target,
         }
-        for node, count, target in squeezes
+        for node, width_um, target in squeezes
     ]
     end = {
         "kind": "outcome",

@@ -5,6 +5,7 @@ from dataclasses import replace
 from random import Random
 
 from runtime.table import (
+    PROFILES,
     Area,
     Branch,
     Covariance,
@@ -23,7 +24,7 @@ from runtime.table import (
     Tolerance,
 )
 
-GRIPPER = GripperSpec("Robotiq 2F-85", 85_000, 27_500, 9_500, 3, 230, 150)
+GRIPPER = replace(GripperSpec.of(PROFILES["robotiq-2f-85"], 27_500, 9_500), model="Robotiq 2F-85")
 GOAL = GoalSpec(distance_um=3_000, confidence_ppm=990_000, rho_um=10_571, symmetry=2)
 LIMITS = Limits(4, 60_000, 60_000, Area(-60_000, -60_000, 60_000, 60_000), 60_000, 10_000, 400_000)
 NO_JOB = hashlib.sha256(b"no job").digest()

@@ -1,5 +1,6 @@
 """Squeezes on a fake cell: what the jaws meet, the run of a part, and what was asked of the jaws."""
 
+from counting import SETTINGS, count_of
 from fake_cell import Deaf, FakeCell, State, fake_cell
 from sample_tables import GRIPPER, small_table
 
@@ -8,10 +9,10 @@ from runtime.execution.tips import TipArc
 from runtime.table import Calibration, Table
 from runtime.traversal.results import PartResult
 
-CALIBRATION = Calibration.linear(GRIPPER)
+CALIBRATION = Calibration(GRIPPER.profile)
 CONTACT, ARRIVED = 2, 3
 AT_21, AT_30, AT_36, AT_60 = (
-    (CALIBRATION.count(width), CONTACT) for width in (21_000, 30_000, 36_000, 60_000)
+    (count_of(width), CONTACT) for width in (21_000, 30_000, 36_000, 60_000)
 )
 EMPTY = (229, ARRIVED)
 CLOSED = (229, CONTACT)  # on something thinner than a count
@@ -32,8 +33,10 @@ def meeting(stop: int) -> FakeCell:
     """A cell whose jaws meet the part at a count, whatever they are asked to close to."""
     rig = fake_cell([])
 
-    def meet(position_counts: int, speed_counts: int, force_counts: int) -> None:
-        rig.log.call("gripper", "move", position_counts, speed_counts, force_counts)
+    def meet(width_um: int, speed_mm_s: float, force_n: float) -> None:
+        position_counts = SETTINGS.request(width_um)
+        settings = SETTINGS.speed(speed_mm_s), SETTINGS.force(force_n)
+        rig.log.call("gripper", "move", position_counts, *settings)
         count, flag = (
             (stop, CONTACT) if position_counts > stop else (max(position_counts, 3), ARRIVED)
         )

@@ -2,8 +2,9 @@
 
 from pathlib import Path
 
+from counting import count_of
 from fake_cell import fake_cell
-from sample_tables import GRIPPER, small_table
+from sample_tables import small_table
 
 from runtime.devices.clock import SystemClock
 from runtime.execution import session
@@ -13,8 +14,7 @@ from runtime.monitoring.console import Objects
 from runtime.table import Calibration, dumps
 from runtime.traversal.decision import Policy
 
-CALIBRATION = Calibration.linear(GRIPPER)
-AT_21, AT_30, AT_36 = ((CALIBRATION.count(width), 2) for width in (21_000, 30_000, 36_000))
+AT_21, AT_30, AT_36 = ((count_of(width), 2) for width in (21_000, 30_000, 36_000))
 ENDS = ["leaf", "leaf", "unresolved", "reject"]
 
 
@@ -36,7 +36,7 @@ def write_run(
             "on_unresolved": on_unresolved,
         }
         if calibration is not None:
-            fields["widths_um"] = list(calibration.widths_um)
+            fields["calibration_um"] = list(calibration.points_um)
         journal.header(dumps(table), fields)
         cell = Cell(rig.gripper, rig.arm, rig.cell.clock, journal)
         session.run_journalled(

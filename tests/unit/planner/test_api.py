@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from counting import COUNTS, by_count, width_um
 
 from planner.api import Belief, ContactWorld, Job, Pomdp, Simulator, Table, evaluate, squeeze
 from planner.belief.metric import metric_of
@@ -14,7 +15,7 @@ from planner.mechanics.simulator import RollOut
 from planner.mechanics.traits import Traits, as_planned
 from planner.world import Assorted, of_hypothesis
 from runtime.shell.errors import ExpectedError
-from runtime.table import COUNTS, REJECT, Calibration, by_count, decision_map
+from runtime.table import REJECT, decision_map
 
 FOLDER = Path(__file__).parents[3] / "trees" / "rectangle"
 
@@ -24,11 +25,11 @@ def table():
     return Table.load(FOLDER / "rectangle.msgpack")
 
 
-def test_lookup_is_the_decision_of_the_runtime_for_every_count_at_every_node(table):
-    calibration = Calibration.linear(table.record.gripper)
+def test_lookup_is_the_decision_of_the_runtime_for_every_reading_at_every_node(table):
+    widths = np.array([width_um(count) for count in range(COUNTS)]) / 1e3
     for number, node in enumerate(table.record.nodes):
-        result = table.lookup(np.full(COUNTS, number), np.arange(COUNTS))
-        for count, branch in enumerate(by_count(decision_map(node, calibration))):
+        result = table.lookup(np.full(COUNTS, number), widths)
+        for count, branch in enumerate(by_count(decision_map(node, table.record.gripper))):
             target = None if branch == REJECT else node.branches[branch].target
             expected = (
                 (-1, -1) if target is None else (target, -1) if target >= 0 else (-1, ~target)

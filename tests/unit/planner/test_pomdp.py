@@ -71,9 +71,8 @@ def test_the_planned_table_solves_the_problem_as_well_as_it_says(model):
             states, np.column_stack([program.placement[node], np.zeros(len(node))]), rng
         )
         squeezes += len(states)
-        node = program.target[
-            node, sampled.observations + tables.COUNTS * (sampled.states[:, 3] > 0.0)
-        ]
+        reading = 2 * sampled.observations + (sampled.states[:, 3] > 0.0)
+        node = program.target[program.segment(node, reading)]
         leaf = (node < 0) & (node > -len(table.leaves) - 1)
         poses = np.array([tables.predicted_pose(table.leaves[~k]) for k in node[leaf]]).reshape(
             -1, 3

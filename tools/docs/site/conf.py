@@ -96,6 +96,7 @@ tools/docs/several-parts
 runtime/OUTCOMES
 drivers/abb/README
 drivers/camera/README
+drivers/dh/README
 drivers/sim/FAULTS
 ```
 

@@ -81,7 +81,7 @@ def test_moves_end_where_the_model_says_whatever_the_lags(seed):
     rng = random.Random(seed)
     for _ in range(30):
         link.contact = rng.choice([None, rng.randrange(60, 229)])
-        target = rng.choice([255, rng.randrange(256)])
+        target = rng.choice([255, 0, rng.randrange(4, 231)])
         gripper.move(target, rng.randrange(256), rng.randrange(256))
         settled = gripper.wait()
         assert settled.position_counts == round(link.model._stroke.at(1e12))

@@ -4,13 +4,13 @@ import itertools
 
 import pytest
 
-from drivers.errors import FAULTS, MAJOR, GripperFault, fault_text
+from drivers.robotiq.faults import FAULTS, MAJOR, fault, fault_text
 from drivers.robotiq.registers import (
     INPUT_FIELDS,
     OUTPUT_FIELDS,
     decode,
     pack,
-    speed_mm_s,
+    speed_mm_s_of,
     unpack,
 )
 
@@ -78,12 +78,12 @@ def test_current_is_ten_milliamperes_a_count():
 
 
 def test_speed_range_of_the_sdk():
-    assert (speed_mm_s(0), speed_mm_s(255)) == (20.0, 150.0)
+    assert (speed_mm_s_of(0), speed_mm_s_of(255)) == (20.0, 150.0)
 
 
 def test_every_fault_says_what_it_means_and_what_to_do():
     for code, text in FAULTS.items():
-        message = str(GripperFault.from_code(code, "closing"))
+        message = str(fault(code, "closing"))
         assert (
             message == f"gripper fault 0x{code:02X} while closing: {text.sentence}; {text.remedy}"
         )

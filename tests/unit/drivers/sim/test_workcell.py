@@ -3,6 +3,7 @@
 import math
 
 import pytest
+from direct_gripper import Counted
 from fake_scene import FakeWorld, setting
 
 from drivers.errors import ArmError, GripperFault, LinkError, PortError
@@ -18,7 +19,7 @@ class Hands:
 
     def __init__(self, *faults, world=None):
         self.cell = VirtualCell(setting(world), 3, Listed(faults))
-        self.gripper, self.arm = self.cell.gripper(), self.cell.arm()
+        self.gripper, self.arm = Counted(self.cell.gripper()), self.cell.arm()
         self.gripper.activate()
         self.cell.scene.next_part()
 

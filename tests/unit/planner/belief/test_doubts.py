@@ -113,10 +113,10 @@ def test_traits_are_kept_by_thinning_repeating_and_squeezing(doubting):
 def test_an_encoder_that_is_off_shifts_readings_and_nothing_else(job):
     belief = believed(job.replaced(friction={"doubt": 0}), 2000, np.random.default_rng(5))
     plain = squeezed(job, belief, np.random.default_rng(6))
-    belief.traits["encoder_mm"] = 3.0 * encoder_of(job).mm_per_count
+    belief.traits["encoder_mm"] = 3.0 * encoder_of(job).mm_per_step
     off = squeezed(job, belief, np.random.default_rng(6))
     assert np.array_equal(off.poses, plain.poses)
-    held = plain.reading < job.gripper.count_closed - 5
+    held = plain.reading < encoder_of(job).steps - 5
     assert np.array_equal(plain.reading[held] - off.reading[held], np.full(held.sum(), 3))
 
 

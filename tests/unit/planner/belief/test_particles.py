@@ -46,8 +46,8 @@ def test_a_particle_is_squeezed_with_its_friction_and_keeps_it(job):
 
 
 def test_an_empty_hand_is_an_outcome_of_its_own_whatever_it_reads():
-    """Here 120 counts; a part of 2 mm reads 117, near enough to share a cluster if both were held."""
-    encoder = Encoder(85.0, 3, 120, 0.01)
+    """Here it reads 117 steps; a part of 2 mm reads 114, near enough to share a cluster if both were held."""
+    encoder = Encoder(85.0, 117, 0.01)
     width = np.repeat([0.0, 2.0], 50)
 
     def roll_out(poses, case, traits):

@@ -5,11 +5,13 @@ from statistics import NormalDist
 
 import numpy as np
 import pytest
+from counting import label_of
 
 from planner.belief.metric import Metric
-from planner.belief.observation import HOLE, Resolution, cut
+from planner.belief.observation import HOLE, Partition, Resolution, cut
 from planner.belief.particles import Belief
-from planner.belief.partition import Rule, partition
+from planner.belief.partition import Rule
+from planner.belief.partition import partition as labels_of
 from planner.belief.recut import recut
 from planner.belief.stopping import StoppingRule
 
@@ -22,6 +24,11 @@ MOST = 48
 
 def rule(modes=1, confidence=0.95):
     return Rule(Metric(3.0, 10.0, 2, modes=modes), StoppingRule(confidence), Resolution(free=FREE))
+
+
+def partition(poses, readings, how):
+    label = labels_of(poses, readings, how)
+    return Partition.of([readings[label == k] for k in range(label.max() + 1)])
 
 
 def to_go(hits, size, estimate):
@@ -124,7 +131,7 @@ def test_intervals_hold_every_reading_once_and_do_not_overlap(seed):
     assert np.all(clusters.low <= clusters.high)
     assert np.all(clusters.low[:-1] > clusters.high[1:])
     for k, size in enumerate(clusters.size):
-        members = counts[clusters.label[counts] == k]
+        members = counts[label_of(clusters, counts) == k]
         assert (members.min(), members.max(), len(members)) == (
             clusters.low[k],
             clusters.high[k],

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from planner.bound.certificate import Covered, certify, squeezes_of
-from planner.evaluation.trials import placement_of
+from planner.evaluation.trials import encoder_of_table, placement_of
 from planner.job import model as job_file
-from runtime.table import REJECT, Calibration, Prediction, decision_map, load
+from runtime.table import REJECT, Prediction, decide, decision_map, load
 
 pytestmark = pytest.mark.slow
 
@@ -69,9 +69,15 @@ def placements_of(job, table, dense=False):
 def test_turned_plans_are_covered_once_and_the_plan_itself_is(job, table):
     alone = placements_of(job, table)
     assert len(alone.first) == 1  # the four angles are one up to a turn
-    root, calibration = table.nodes[0], Calibration.linear(table.gripper)
+    root, encoder = table.nodes[0], encoder_of_table(table)
+
+    def branches(node):
+        decided = decision_map(node, table.gripper)
+        widths = encoder.width_um(np.arange(encoder.steps + 1)).tolist()
+        return [decide(decided, um, felt) for um in widths for felt in (False, True)]
+
     assert np.allclose(alone(())[0], placement_of(root.squeeze))
-    for reading, branch in enumerate(decision_map(root, calibration)):
+    for reading, branch in enumerate(branches(root)):
         if branch != REJECT and (target := root.branches[branch].target) >= 0:
             assert np.array_equal(
                 alone((0, reading))[-1], placement_of(table.nodes[target].squeeze)
@@ -81,7 +87,7 @@ def test_turned_plans_are_covered_once_and_the_plan_itself_is(job, table):
     assert count == ANGLES + 1
     deeper = [
         (reading, node.branches[branch].target)
-        for reading, branch in enumerate(decision_map(node, calibration))
+        for reading, branch in enumerate(branches(node))
         if branch != REJECT and node.branches[branch].target >= 0
     ]
     for reading, target in deeper:

@@ -30,7 +30,12 @@ def journal(path: Path, parts: int, table: Path = TREE, seed: int = 1) -> Path:
         leaf = int(run.leaf[number]) if run.leaf[number] >= 0 else None
         ways = [int(node) for node in run.path[number] if node >= 0]
         ends = [*ways[1:], None if leaf is None else ~leaf]
-        steps = [(n, int(c), e) for n, c, e in zip(ways, run.counts[number], ends, strict=False)]
+        steps = [
+            (n, int(c), e)
+            for n, c, e in zip(
+                ways, encoder_of_table(table).width_um(run.steps[number]), ends, strict=False
+            )
+        ]
         entries += part(number + 1, steps, "reject" if leaf is None else "leaf", leaf)
     path.write_bytes(chained(entries))
     return path
@@ -79,21 +84,17 @@ def test_edited_text_keeps_comments_and_takes_sections_that_were_not_there():
 
 def test_what_follows_a_leaf_or_a_reject_is_another_attempt():
     table = load(TREE).table
-    ends, resqueezed = ~table.nodes[1].branches[0].target, [(0, 100, None), (0, 150, 1)]
+    ends, resqueezed = ~table.nodes[1].branches[0].target, [(0, 48_700, None), (0, 30_000, 1)]
     parts = [
-        PartLog(1, resqueezed, widths_um=[None, None]),
-        PartLog(2, [(0, 150, 1), (1, 140, ~ends)], widths_um=[None, 21_000]),
+        PartLog(1, resqueezed),
+        PartLog(2, [(0, 30_000, 1), (1, 21_000, ~ends)]),
     ]
     seen = refit.seen_of_parts(parts, table)
     assert seen.parts == 2
     assert seen.readings.sum() == 3
-    assert seen.readings[0, [100, 150]].tolist() == [1, 1]
-    gripper = table.gripper
-    read = (
-        gripper.count_closed
-        - 21_000 * (gripper.count_closed - gripper.count_open) / gripper.opening_um
-    )
-    assert seen.readings[1, round(read)] == 1
+    bins = [table.gripper.bin_of(width) for width in (48_700, 30_000, 21_000)]
+    assert seen.readings[0, bins[:2]].tolist() == [1, 1]
+    assert seen.readings[1, bins[2]] == 1
 
 
 @pytest.mark.parametrize(

@@ -6,15 +6,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.belief.observation import COUNTS, encoder_of
+from planner.belief.observation import encoder_of
 from planner.diagnosis.advice import advise, gains_without_noise
 from planner.diagnosis.margins import THIN, Margins, margins_of, near_another
-from planner.evaluation.cases import EVERYTHING, OFFSET_COUNTS, noise_cases
+from planner.evaluation.cases import EVERYTHING, OFFSET, noise_cases
 from planner.evaluation.evaluate import evaluate
 from planner.evaluation.outcome import REJECTED
+from planner.evaluation.trials import encoder_of_table
 from planner.job import model as job_file
 from planner.world import ContactWorlds
-from runtime.table import REJECT, Calibration, by_count, decision_map, load
+from runtime.table import REJECT, decision_map, load
 
 pytestmark = pytest.mark.slow
 
@@ -45,9 +46,9 @@ def test_shares_are_those_of_the_evaluation(table, job, evaluation):
 
 def test_rejects_of_closed_jaws_that_feel_something_are_distinguished(table, job, evaluation):
     reading, leaf, squeezes = evaluation.reading.copy(), evaluation.leaf.copy(), evaluation.squeezes
-    for part, (count, felt) in enumerate([(230, True), (229, True), (230, False)]):
+    for part, (count, felt) in enumerate([(227, True), (226, True), (227, False)]):
         leaf[part] = REJECTED
-        reading[part, squeezes[part] - 1] = count + COUNTS * felt
+        reading[part, squeezes[part] - 1] = 2 * count + felt
     result = advise(table, replace(evaluation, reading=reading, leaf=leaf, squeezes=squeezes), job)
     assert result.pinched == 1.0 / len(leaf)
     assert result.rejected >= 3.0 / len(leaf)
@@ -81,7 +82,7 @@ def test_a_branch_split_in_two_at_random_is_a_pair_that_costs(table, job, evalua
     worst = next(
         pair for pair in advise(spoiled, run, job).pairs if (pair.node, pair.lower) == (0, at)
     )
-    assert worst.counts < 2.0
+    assert worst.grains < 2.0
     assert worst.overlap
     assert worst.excess > 0.02
     assert worst.near <= 1.0
@@ -109,7 +110,7 @@ def test_every_source_switched_off_is_one_the_job_has(job):
         "encoder noise",
         EVERYTHING,
     ]
-    still = {"friction": {"finger_part_max": 0.4}, "gripper": {"encoder_noise_mm": 0}}
+    still = {"friction": {"finger_part_max": 0.4}, "gripper": {"noise_mm": 0}}
     quiet = job.replaced(**still, release={"shift_mm": 0.1})
     assert [case.name for case in noise_cases(quiet)] == ["pressure", "release", EVERYTHING]
     for case in noise_cases(job):
@@ -117,7 +118,7 @@ def test_every_source_switched_off_is_one_the_job_has(job):
 
 
 def test_a_coarse_encoder_is_what_limits_a_plan_made_for_a_fine_one(table, job):
-    coarse = job.replaced(gripper={"encoder_noise_mm": 1.2})
+    coarse = job.replaced(gripper={"noise_mm": 1.2})
     gains = gains_without_noise(table, coarse, 2000)
     assert gains[0].source == "encoder noise"
     assert gains[0].certain
@@ -134,16 +135,20 @@ def test_gains_are_the_same_every_time(table, job):
 
 
 def test_parts_near_another_branch_are_those_whose_next_counts_mean_it(table, evaluation):
-    maps = [by_count(decision_map(node, Calibration.linear(table.gripper))) for node in table.nodes]
+    encoder = encoder_of_table(table)
+    widths = encoder.width_um(np.arange(encoder.steps + 1)).tolist()
+    maps = [
+        [decision_map(node, table.gripper).either.at(um) for um in widths] for node in table.nodes
+    ]
     near = 0
-    for path, counts in zip(evaluation.path, evaluation.counts, strict=True):
+    for path, counts in zip(evaluation.path, evaluation.steps, strict=True):
         visits = [
             (maps[node], count) for node, count in zip(path, counts, strict=True) if node >= 0
         ]
         others = [
             map_[count + off] not in (map_[count], REJECT)
             for map_, count in visits
-            for off in range(-int(OFFSET_COUNTS), int(OFFSET_COUNTS) + 1)
+            for off in range(-int(OFFSET), int(OFFSET) + 1)
             if 0 <= count + off < len(map_)
         ]
         near += any(others)
@@ -156,7 +161,7 @@ def test_a_careful_plan_has_margins_and_one_for_finer_widths_has_none(table, job
     assert not any(
         "thin" in line for line in advise(table, evaluation, job, margins=careful).lines()
     )
-    thin = Margins(OFFSET_COUNTS, THIN + 0.01, 0.3)
+    thin = Margins(OFFSET, THIN + 0.01, 0.3)
     assert any(
         "thin margins" in line for line in advise(table, evaluation, job, margins=thin).lines()
     )

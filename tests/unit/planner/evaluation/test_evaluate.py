@@ -26,11 +26,9 @@ from planner.world import ContactWorlds, NamedWorlds
 from runtime.table import (
     HELD_UM,
     REJECT,
-    Calibration,
     Place,
     Schedule,
     Squeezed,
-    by_count,
     decision_map,
     load,
 )
@@ -40,7 +38,7 @@ TREES = Path(__file__).parents[4] / "trees" / "rectangle"
 
 @pytest.fixture(scope="module")
 def job():
-    return job_file.load(TREES / "job.toml", {"gripper": {"encoder_noise_mm": 0}})
+    return job_file.load(TREES / "job.toml", {"gripper": {"noise_mm": 0}})
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +78,7 @@ def spread_table(nodes=12, seed=3):
 
 def walk(table, job, start):
     """The slow twin: one part, one node after another, as a runtime would go."""
-    calibration, encoder = Calibration.linear(table.gripper), encoder_of(job)
+    encoder = encoder_of(job)
     rng, world = np.random.default_rng(0), Wrung()
     pose, target, path, readings = start, 0, [], []
     while target >= 0:
@@ -90,8 +88,9 @@ def walk(table, job, start):
         count = int(encoder.read(np.array([width]), rng)[0])
         path.append((target, count))
         pose = to_world(np.array(final), place)
-        number = by_count(decision_map(node, calibration))[count]
-        readings.append(Squeezed(path[-1][0], calibration.width_um(count) / 1e3, number))
+        width_um = int(encoder.width_um(np.array(count)))
+        number = decision_map(node, table.gripper).either.at(width_um)
+        readings.append(Squeezed(path[-1][0], width_um / 1e3, number))
         if number == REJECT:
             return REJECTED, path, pose, readings
         branch = node.branches[number]
@@ -116,7 +115,7 @@ def test_trials_go_as_one_part_after_another_would(job):
         assert evaluation.leaf[trial] == leaf
         assert evaluation.squeezes[trial] == len(path)
         assert (
-            list(zip(evaluation.path[trial], evaluation.counts[trial], strict=True))[: len(path)]
+            list(zip(evaluation.path[trial], evaluation.steps[trial], strict=True))[: len(path)]
             == path
         )
         assert np.all(evaluation.path[trial, len(path) :] == NOWHERE)
@@ -145,7 +144,7 @@ def test_the_verdict_is_the_metric_to_the_leaf(job):
 
 def test_every_trial_ends_in_exactly_one_way(noisy):
     table = load(TREES / "rectangle.msgpack").table
-    world = ContactWorlds.of_job(noisy.replaced(gripper={"encoder_noise_mm": 0.5}), 1)
+    world = ContactWorlds.of_job(noisy.replaced(gripper={"noise_mm": 0.5}), 1)
     evaluation = evaluate(table, noisy, world, 1500, seed=2)
     ways = [evaluation.success, evaluation.wrong, evaluation.rejected, evaluation.unresolved]
     assert np.all(np.sum(ways, axis=0) == 1)
@@ -197,12 +196,12 @@ def test_copies_of_a_named_world_have_seeds_of_their_own(noisy):
 
 def test_an_encoder_offset_moves_every_reading_alike(job):
     table = spread_table()
-    step = encoder_of(job).mm_per_count
+    step = encoder_of(job).mm_per_step
     plain = evaluate(table, job, Wrung(), 400, seed=7)
     moved = evaluate(
         table, job, Wrung(), 400, seed=7, disturbance=Disturbance(encoder_offset_mm=3 * step)
     )
-    assert np.array_equal(moved.counts[:, 0], plain.counts[:, 0] - 3)
+    assert np.array_equal(moved.steps[:, 0], plain.steps[:, 0] - 3)
 
 
 def test_a_bias_displaces_the_hand_in_the_world(job):

@@ -73,8 +73,8 @@ def test_only_the_world_differs_from_case_to_case(job):
     plain, moved = sweep(table, job, cases, worlds, 1000, 3)
     assert np.array_equal(plain.evaluation.initial, moved.evaluation.initial)
     assert np.array_equal(plain.evaluation.poses, evaluate(table, job, worlds(job), 1000, 3).poses)
-    shift = 1.0 / (job.gripper.opening_mm / (job.gripper.count_closed - job.gripper.count_open))
-    shifts = plain.evaluation.counts[:, 0] - moved.evaluation.counts[:, 0]
+    shift = 1.0 / job.gripper.resolution_mm
+    shifts = plain.evaluation.steps[:, 0] - moved.evaluation.steps[:, 0]
     assert set(np.unique(shifts)) <= {math.floor(shift), math.ceil(shift)}
 
 

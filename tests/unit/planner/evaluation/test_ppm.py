@@ -36,7 +36,7 @@ JOB = Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml"
 
 @pytest.fixture(scope="module")
 def job():
-    changes = {"gripper": {"encoder_noise_mm": 0}, "uncertainty": {"radius_mm": 0.001}}
+    changes = {"gripper": {"noise_mm": 0}, "uncertainty": {"radius_mm": 0.001}}
     return job_file.load(JOB, changes)
 
 

@@ -1,12 +1,14 @@
 """What an export says follows a reading is what a run of the default policy does, reading by reading."""
 
+from itertools import pairwise
+
 import pytest
 from exported import Oracle, wide_table
 from sample_tables import every_field_table, random_table, small_table
 from tree_tables import committed
 
 from planner.export.write import FELT, NOT_FELT, maps_of, runs_of, vectors
-from runtime.table import COUNTS, REJECT, by_count, decide
+from runtime.table import REJECT, decide
 
 TABLES = {
     **committed(),
@@ -21,13 +23,14 @@ TABLES = {
 def test_every_vector_is_what_a_run_does(name):
     table, result = TABLES[name], list(vectors(TABLES[name]))
     oracle = Oracle(table)
-    assert {row[:3] for row in result} == {
-        (node, count, flag)
-        for node in range(len(table.nodes))
-        for count in range(COUNTS)
-        for flag in (FELT, NOT_FELT)
+    assert len({row[:3] for row in result}) == len(result)
+    ends = {
+        (node, width, run.object_flag)
+        for node, decided in enumerate(maps_of(table))
+        for run in runs_of(decided)
+        for width in (run.first_um - 1, run.first_um, run.last_um, run.last_um + 1)
     }
-    assert len(result) == 2 * COUNTS * len(table.nodes)
+    assert ends <= {row[:3] for row in result}
     assert [row[3:] for row in result] == [oracle.answer(*row[:3]) for row in result]
 
 
@@ -36,20 +39,19 @@ def test_runs_are_the_decision_map_and_do_not_overlap(name):
     for decided in maps_of(TABLES[name]):
         runs = runs_of(decided)
         for flag in (FELT, NOT_FELT):
-            read = [REJECT] * COUNTS
-            for run in runs:
-                if run.object_flag == flag:
-                    assert set(read[run.first : run.last + 1]) == {REJECT}
-                    read[run.first : run.last + 1] = [run.branch] * (run.last + 1 - run.first)
-            assert read == [decide(decided, count, flag == FELT) for count in range(COUNTS)]
+            mine = [run for run in runs if run.object_flag == flag]
+            assert all(one.last_um < other.first_um for one, other in pairwise(mine))
+            for width in range(0, 90_000, 97):
+                read = [run.branch for run in mine if run.first_um <= width <= run.last_um]
+                assert decide(decided, width, flag == FELT) == (read or [REJECT])[0]
 
 
 def test_a_part_that_is_held_is_dragged_and_what_is_rejected_is_not():
     table = every_field_table()
     drag, at = table.nodes[0].release, table.nodes[0].squeeze.place
     assert drag != at
-    meant = by_count(maps_of(table)[0])
+    meant = maps_of(table)[0].felt
     for row in vectors(table):
-        node, count, flag = row[:3]
+        node, width, flag = row[:3]
         if node == 0 and flag == FELT:
-            assert row[5:] == (at if meant[count] == REJECT else drag)
+            assert row[5:] == (at if meant.at(width) == REJECT else drag)

@@ -46,7 +46,11 @@ def test_the_rectangle_is_the_one_of_the_paper(rectangle):
         9.5,
         85.0,
     )
-    assert (gripper.count_open, gripper.count_closed, gripper.encoder_noise_mm) == (3, 230, 0.15)
+    assert (gripper.profile.steps, gripper.profile.counts, gripper.noise_mm) == (
+        227,
+        (3, 230),
+        0.15,
+    )
     assert rectangle.uncertainty == schema.Uncertainty(12.75, 180.0)
     assert rectangle.uncertainty.orientation_halfwidth_deg == 180.0
     assert rectangle.actions.angles_deg == (0.0, 45.0, 90.0, 135.0)
@@ -78,7 +82,7 @@ def test_canonical_text_round_trips_exactly(rectangle):
 
 def test_how_a_job_is_written_does_not_change_its_digest(rectangle):
     without_defaults = re.sub(
-        r"(?m)^(symmetry|wishart_dof|model|count_\w+|encoder_noise\w+|speed\w+|force\w+) .*\n",
+        r"(?m)^(symmetry|wishart_dof|model|opening_mm|noise_mm|speed\w+|force\w+) .*\n",
         "",
         TEXT,
     )

@@ -15,7 +15,7 @@ from planner.paper.subspaces import subspaces_of
 from planner.part.outline import radius_of_gyration
 from planner.part.pressure import Pressure, support
 
-ENCODER = Encoder(85.0, 3, 230, 0.15)
+ENCODER = Encoder(85.0, 227, 0.15)
 OUTLINE = problems.rectangle()
 RHO = radius_of_gyration(OUTLINE)
 

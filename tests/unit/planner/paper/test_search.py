@@ -4,8 +4,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from counting import label_of
 
-from planner.belief.observation import COUNTS, encoder_of
+from planner.belief.observation import encoder_of
 from planner.job import model as job_file
 from planner.lower import lower
 from planner.paper.search import (
@@ -17,7 +18,7 @@ from planner.paper.search import (
     search_depth,
 )
 from planner.search.tree import breadth_first
-from runtime.table import REJECT, Calibration, by_count, decision_map, dumps, loads
+from runtime.table import REJECT, decision_map, dumps, loads
 
 JOB = job_file.load(Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml")
 ENCODER = encoder_of(JOB)
@@ -153,19 +154,19 @@ def test_same_seed_same_tree(roots, method):
 @pytest.mark.parametrize("method", METHODS)
 def test_its_table_rejects_nothing_and_the_nearest_expectation_wins(roots, method):
     table = loads(dumps(lower(roots[method], JOB)))
-    calibration = Calibration.linear(table.gripper)
+    profile = table.gripper.profile
+    widths = np.array([profile.reading_um(step) for step in range(1, profile.steps + 1)])
     for node in table.nodes:
         expected = np.array([branch.expected_um for branch in node.branches])
-        widths = np.array(calibration.widths_um)
-        apart = widths > 0  # fully closed jaws hold nothing
-        outcome = np.array(by_count(decision_map(node, calibration)))[apart]
+        # Fully closed jaws hold nothing.
+        outcome = np.array([decision_map(node, table.gripper).either.at(um) for um in widths])
         assert REJECT not in outcome
-        distance = np.abs(widths[apart, None] - expected)
+        distance = np.abs(widths[:, None] - expected)
         assert np.all(distance[np.arange(len(outcome)), outcome] == distance.min(axis=1))
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_cells_share_out_all_counts(seed):
+def test_cells_share_out_all_readings(seed):
     rng = np.random.default_rng(seed)
     subspace = rng.integers(0, 5, 300)
     centres = rng.uniform(0, 85, 5)
@@ -179,9 +180,9 @@ def test_cells_share_out_all_counts(seed):
         for low, high in zip(cells.low, cells.high, strict=True)
         for count in range(low, high + 1)
     ]
-    assert sorted(covered) == list(range(COUNTS))
-    for count in range(COUNTS):
-        assert abs(count - cells.mean[cells.label[count]]) == np.abs(count - cells.mean).min()
+    assert sorted(covered) == list(range(ENCODER.steps + 1))
+    for count, label in zip(covered, label_of(cells, covered), strict=True):
+        assert abs(count - cells.mean[label]) == np.abs(count - cells.mean).min()
 
 
 def test_subspaces_that_no_reading_can_tell_apart_become_one_child():

@@ -11,7 +11,7 @@ from planner.mechanics.clearance import STANDS_ON, classify_contact
 from planner.mechanics.squeeze import GRASPED, JAMMED
 from planner.paper.subspaces import EXPLAINED, subspaces_of
 
-ENCODER = Encoder(85.0, 3, 230, 0.15)
+ENCODER = Encoder(85.0, 227, 0.15)
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +72,7 @@ def test_widths_that_the_encoder_cannot_tell_apart_are_merged_with_a_note():
     (note,) = merged.notes()
     assert "21.00 and 21.6" in note
     assert "tells 1.12 mm apart" in note
-    fine = subspaces_of(width, Encoder(85.0, 0, 4000, 0.01))
+    fine = subspaces_of(width, Encoder(85.0, 4000, 0.01))
     assert len(fine) == 3
     assert fine.notes() == []
 

@@ -65,7 +65,7 @@ def drawn(monkeypatch, truth, seed):
         Plain(), seen, seed, Threads(1), Effort(cells=50, parts=200, parts_for_each=2.0)
     )
     return (
-        LOW + SPAN * (run.counts[:, :3].mean(axis=0) - 50.0) / 100.0,
+        LOW + SPAN * (run.steps[:, :3].mean(axis=0) - 50.0) / 100.0,
         counts[3, 100],
         result.cells,
     )

@@ -5,7 +5,6 @@ import json
 import re
 from pathlib import Path
 
-import numpy as np
 import pytest
 from grown_tables import grown_table
 from html_pages import Page
@@ -16,16 +15,7 @@ from planner.evaluation.cases import assumption_cases
 from planner.job import model as job_file
 from planner.report import dossier, run_log
 from planner.report.run_log import RunLog
-from runtime.table import (
-    PPM,
-    REJECT,
-    Calibration,
-    by_count,
-    decision_map,
-    dumps,
-    load,
-    wilson_interval,
-)
+from runtime.table import PPM, decision_map, dumps, load, wilson_interval
 
 TABLE_PATH = Path(__file__).parents[4] / "trees" / "rectangle" / "rectangle.msgpack"
 TABLE = load(TABLE_PATH).table
@@ -126,18 +116,11 @@ def test_parts_are_neither_lost_nor_made(data):
     ]
 
 
-def test_counts_and_branches_are_those_of_the_look_up(data):
-    calibration = Calibration.linear(TABLE.gripper)
+def test_widths_and_branches_are_those_of_the_look_up(data):
     for node, shown in zip(TABLE.nodes, data["nodes"], strict=True):
-        outcome = np.full(256, REJECT)
-        for first, last, branch in shown["map"]:
-            outcome[first : last + 1] = branch
-        assert tuple(outcome) == by_count(decision_map(node, calibration))
-
-
-def test_runs_put_a_map_together_again():
-    outcome = (1, 1, -1, 0, 0, 0, 1)
-    assert dossier.runs(outcome) == [(0, 1, 1), (2, 2, -1), (3, 5, 0), (6, 6, 1)]
+        meant = decision_map(node, TABLE.gripper).either
+        assert [tuple(run) for run in shown["map"]] == meant.intervals()
+        assert sum(times for _, times in shown["seen"]) == shown["visits"]
 
 
 def test_each_other_world_differs_from_the_job_and_is_a_job():

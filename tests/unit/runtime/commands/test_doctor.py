@@ -21,7 +21,7 @@ from runtime.commands.doctor import MARKS, _failed, findings, parser, run
 from runtime.shell.errors import CheckFailedError
 from runtime.table import Calibration, dump
 
-CALIBRATION = Calibration.linear(GRIPPER)
+CALIBRATION = Calibration(GRIPPER.profile)
 
 
 def verdicts(result) -> list[Verdict]:

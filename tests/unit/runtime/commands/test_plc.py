@@ -12,6 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from counting import count_of
 from fake_cell import FakeCell, Log, State, fake_cell
 from plc_programs import TcpPlc
 from sample_tables import GRIPPER, small_table
@@ -32,8 +33,8 @@ from runtime.shell.interrupts import StopRequests
 from runtime.table import Calibration, dump
 from runtime.traversal.decision import Policy
 
-CALIBRATION = Calibration.linear(GRIPPER)
-AT_21, AT_30, AT_36 = ((CALIBRATION.count(width), 2) for width in (21_000, 30_000, 36_000))
+CALIBRATION = Calibration(GRIPPER.profile)
+AT_21, AT_30, AT_36 = ((count_of(width), 2) for width in (21_000, 30_000, 36_000))
 PLC = ["--tree", "t", "--port", "sim", "--plc", "modbus-tcp://127.0.0.1:0"]
 
 

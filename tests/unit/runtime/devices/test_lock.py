@@ -134,6 +134,12 @@ def test_units_behind_one_gateway_are_locks_of_their_own() -> None:
             assert busy(f"{gateway}?unit=0xA")
 
 
+def test_tty_is_one_device_whether_its_port_names_the_make_or_not() -> None:
+    with PortLock("/dev/null"):
+        assert busy("dh:///dev/null?unit=3")
+        assert not busy("dh:///dev/zero")
+
+
 HOST = f"192.0.2.{os.getpid() % 250}"
 
 

@@ -5,6 +5,7 @@ from math import cos, sin, sqrt
 from random import Random
 
 import pytest
+from counting import count_of
 from sample_tables import GRIPPER, random_table, small_table
 
 from runtime.devices.rehearsal import Rehearsal, make
@@ -12,7 +13,7 @@ from runtime.shell.errors import UsageError
 from runtime.table import REJECT, Calibration, Pose2, Table, decide, decision_map
 from runtime.traversal.geometry import compose, placement
 
-CALIBRATION = Calibration.linear(GRIPPER)
+CALIBRATION = Calibration(GRIPPER.profile)
 
 
 def relative(frame: Pose2, pose: Pose2) -> Pose2:
@@ -32,7 +33,7 @@ def play(table: Table, world: Rehearsal, random: Random) -> tuple[int, ...]:
         frame = placement(node.squeeze)
         final, width_mm, status = world.squeeze(relative(frame, pose))
         pose = compose(frame, final)
-        count = CALIBRATION.count(round(width_mm * 1000))
+        count = count_of(round(width_mm * 1000))
         branch = decide(decision_map(node, CALIBRATION), count, status == "grasped")
         assert branch != REJECT
         target = node.branches[branch].target

@@ -5,6 +5,7 @@ from pathlib import Path
 from random import Random
 
 import pytest
+from counting import width_um
 from fake_cell import FakeClock, FakeJournal
 from sample_tables import OTHER, every_field_table, random_table, several_table, small_table
 
@@ -12,7 +13,7 @@ from runtime.execution.asked import ERRORS, MAX_LINE, AskedParts
 from runtime.execution.events import Tally
 from runtime.execution.executor import RunOptions
 from runtime.monitoring.console import Objects
-from runtime.table import REJECT, UNDETECTED_UM, Calibration, Table, decide, decision_map
+from runtime.table import REJECT, Table, decide, decision_map
 from runtime.traversal.decision import Policy, release_point
 
 WORDS = (
@@ -59,7 +60,7 @@ def parts(table: Table, policy: Policy | None = None) -> AskedParts:
 def expected(table: Table, count: int, felt: bool) -> str:
     """What the root's reading leads to, from the table's own look-up."""
     node = table.nodes[0]
-    branch = decide(decision_map(node, Calibration.linear(table.gripper)), count, felt)
+    branch = decide(decision_map(node, table.gripper), width_um(count), felt)
     if branch == REJECT:
         return "REJECT"
     if release_point(node, branch) is not None:
@@ -72,7 +73,7 @@ def expected(table: Table, count: int, felt: bool) -> str:
 
 @pytest.mark.parametrize("table", [small_table(), every_field_table(), random_table(3, 60)])
 def test_every_reading_of_the_root_means_what_the_table_says_or_is_refused(table: Table) -> None:
-    asked, calibration = parts(table), Calibration.linear(table.gripper)
+    asked = parts(table)
     for count in range(256):
         for flag in ("OBJECT", "NONE"):
             asked.answer("RESET")
@@ -81,7 +82,7 @@ def test_every_reading_of_the_root_means_what_the_table_says_or_is_refused(table
             wanted = expected(table, count, flag == "OBJECT")
             if reply.startswith("ERROR"):
                 assert wanted == "REJECT"
-                narrow = calibration.width_um(count) <= UNDETECTED_UM
+                narrow = width_um(count) <= table.gripper.empty_um
                 assert not narrow
             else:
                 assert reply.startswith(wanted)
@@ -89,10 +90,10 @@ def test_every_reading_of_the_root_means_what_the_table_says_or_is_refused(table
 
 def test_a_width_means_what_its_count_does() -> None:
     table = small_table()
-    asked, calibration = parts(table), Calibration.linear(table.gripper)
+    asked = parts(table)
     for count in range(10, 256):
         answers = []
-        for word in (f"WIDTH {calibration.width_um(count) / 1000}", f"COUNTS {count} OBJECT"):
+        for word in (f"WIDTH {width_um(count) / 1000}", f"COUNTS {count} OBJECT"):
             asked.answer("RESET")
             asked.answer("NEXT")
             answers.append(asked.answer(word).split()[:2])

@@ -4,9 +4,9 @@ import io
 import json
 from math import acos, sin
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
+from counting import SETTINGS, state
 from sample_tables import GRIPPER
 
 from runtime.commands import calibrate as calibrate_command
@@ -32,78 +32,82 @@ def count_of(width_mm: float) -> float:
     return 3 + 227 * (angle(width_mm) - angle(85.0)) / (angle(0.0) - angle(85.0))
 
 
+PROFILE = GRIPPER.profile
+
+
+def read_um(count: float) -> int:
+    return PROFILE.counted_um(round(count))
+
+
 def gauges(widths: tuple[float, ...] = BLOCKS) -> list[Gauge]:
-    return [Gauge(width, (round(count_of(width)),) * 3) for width in widths]
+    return [Gauge(width, (read_um(count_of(width)),) * 3) for width in widths]
 
 
-def test_the_table_passes_through_the_blocks_and_never_rises() -> None:
-    calibration = fit(gauges(), "S/N 1", "today")
-    assert len(calibration.widths_um) == 256
-    assert list(calibration.widths_um) == sorted(calibration.widths_um, reverse=True)
-    for gauge in calibration.gauges:
-        assert abs(calibration.widths_um[round(gauge.mean)] - 1000 * gauge.width_mm) <= 1
-    assert calibration.widths_um[255] == 0
-    assert Calibration(calibration.widths_um) == calibration.table
+def fitted_to(measured: list[Gauge]) -> calibration.GripperCalibration:
+    return fit(measured, PROFILE, "S/N 1", "today")
+
+
+def test_the_table_passes_through_the_blocks_and_never_falls() -> None:
+    calibration = fitted_to(gauges())
+    widths = [true for _, true in calibration.points_um]
+    assert widths == sorted(widths)
+    table = calibration.of(PROFILE)
+    for gauge in calibration.gauges:  # straight between points of the curve through them
+        assert abs(table.width_um(round(gauge.mean)) - 1000 * gauge.width_mm) <= 20
+    assert table.width_um(-9_000) == 0
 
 
 def test_seven_blocks_bring_the_arc_within_half_a_millimetre_where_the_line_is_off_by_more_than_two() -> (
     None
 ):
-    fitted, linear = fit(gauges(), "S/N 1", "today"), Calibration.linear(GRIPPER)
-    widths = [w / 4 for w in range(4, 330)]
-    ours = max(abs(fitted.widths_um[round(count_of(w))] / 1000 - w) for w in widths)
-    line = max(abs(linear.widths_um[round(count_of(w))] / 1000 - w) for w in widths)
+    fitted, linear = fitted_to(gauges()), Calibration(PROFILE)
+    table, widths = fitted.of(PROFILE), [w / 4 for w in range(4, 330)]
+    ours = max(abs(table.width_um(read_um(count_of(w))) / 1000 - w) for w in widths)
+    line = max(abs(linear.width_um(read_um(count_of(w))) / 1000 - w) for w in widths)
     assert ours < 0.5  # of which rounding to counts is 0.2, of the block and of the reading
     assert line > 2.5
     assert max(map(abs, residuals_mm(fitted))) < 1.0
-    off = calibration.against_linear_mm(fitted, GRIPPER)
+    off = calibration.against_nominal_mm(fitted)
     assert len(off) == len(BLOCKS)
     assert max(map(abs, off)) > 2.0
 
 
 def test_a_straight_gripper_has_no_residuals() -> None:
-    straight = [
-        Gauge(w, (round(230 - w * 227 / 85),)) for w in (0.0, 85 * 50 / 227, 85 * 100 / 227, 85.0)
-    ]
-    calibration = fit(straight, "S/N 1", "today")
-    assert max(map(abs, residuals_mm(calibration))) < 1e-9
-    linear = Calibration.linear(GRIPPER)
-    assert (
-        max(
-            abs(a - b) for a, b in zip(calibration.widths_um[3:], linear.widths_um[3:], strict=True)
-        )
-        <= 1
-    )
+    straight = [Gauge(w, (round(1000 * w),)) for w in (0.0, 20.0, 40.0, 85.0)]
+    fitted = fitted_to(straight)
+    assert max(map(abs, residuals_mm(fitted))) < 1e-9
+    table = fitted.of(PROFILE)
+    assert max(abs(table.width_um(um) - um) for um in range(0, 85_001, 333)) <= 1
 
 
 @pytest.mark.parametrize(
     ("measured", "message"),
     [
         (gauges((0.0, 5.0)), "2 gauge blocks"),
-        ([*gauges(), Gauge(20.0, (170,))], "of different widths"),
-        ([*gauges((0.0, 5.0)), Gauge(20.0, (218,))], "a wider one reads less"),
+        ([*gauges(), Gauge(20.0, (22_000,))], "of different widths"),
+        ([*gauges((0.0, 5.0)), Gauge(20.0, (4_000,))], "a wider one reads more"),
     ],
 )
 def test_measurements_that_contradict_one_another_are_refused(
     measured: list[Gauge], message: str
 ) -> None:
     with pytest.raises(InputError, match=message):
-        fit(measured, "S/N 1", "today")
+        fitted_to(measured)
 
 
 def test_a_file_gives_back_what_was_saved_and_refuses_a_changed_byte(tmp_path: Path) -> None:
     path = tmp_path / "g.json"
     fitted = calibration.GripperCalibration(
-        "S/N 1", "today", tuple(gauges()), fit(gauges(), "", "").widths_um
+        "S/N 1", "today", tuple(gauges()), fitted_to(gauges()).points_um
     )
     for tips, current in ((None, None), ((57.15, 5.2), (30, 900))):
         fitted = calibration.GripperCalibration(
-            "S/N 1", "today", fitted.gauges, fitted.widths_um, tips, current
+            "S/N 1", "today", fitted.gauges, fitted.points_um, tips, current
         )
         save(fitted, path)
         assert load(path) == fitted
     record = json.loads(path.read_text())
-    record["widths_um"][100] += 1
+    record["points_um"][30][1] += 1
     path.write_text(json.dumps(record))
     with pytest.raises(InputError, match="changed after it was measured"):
         load(path)
@@ -113,8 +117,8 @@ def test_a_file_gives_back_what_was_saved_and_refuses_a_changed_byte(tmp_path: P
     ("content", "message"),
     [
         (b"{", "is not JSON"),
-        (b"[]", "no calibration of format 1"),
-        (b'{"format": 2}', "format 1"),
+        (b"[]", "no calibration of format 2"),
+        (b'{"format": 1}', "format 2"),
         (b"\xff", "JSON"),
     ],
 )
@@ -127,18 +131,18 @@ def test_what_is_no_calibration_is_refused(tmp_path: Path, content: bytes, messa
     with pytest.raises(InputError, match="No such file"):
         load(tmp_path / "none.json")
     with pytest.raises(OutputError, match="name another file"):
-        save(fit(gauges(), "S/N 1", "today"), tmp_path / "none" / "g.json")
+        save(fitted_to(gauges()), tmp_path / "none" / "g.json")
 
 
 def test_a_file_with_the_digest_of_nonsense_is_still_refused(tmp_path: Path) -> None:
     path = tmp_path / "g.json"
-    save(fit(gauges(), "S/N 1", "today"), path)
+    save(fitted_to(gauges()), path)
     record = json.loads(path.read_text())
     del record["sha256"]
-    record["widths_um"] = record["widths_um"][::-1]
+    record["points_um"] = record["points_um"][::-1]
     record["sha256"] = strict_json.digest(record)
     path.write_text(json.dumps(record))
-    with pytest.raises(InputError, match="must not rise with the count"):
+    with pytest.raises(InputError, match="must rise with what is read"):
         load(path)
 
 
@@ -148,31 +152,29 @@ def test_a_file_with_the_digest_of_nonsense_is_still_refused(tmp_path: Path) -> 
 class ArcGripper:
     """Closes on the block that is held between its fingers."""
 
+    profile = PROFILE
+
     def __init__(self) -> None:
         self.block_mm, self.asked, self.forces = 0.0, [], []
-        self.now = SimpleNamespace(
-            activated=False, moving=False, fault=0, position_counts=3, echo_counts=0, object_flag=3
-        )
+        self.active, self.reading = False, (3, 3, 0)
         self.closed = False
 
     def state(self):
-        return self.now
+        return state(*self.reading, active=self.active)
 
     def activate(self) -> None:
-        self.now.activated = True
+        self.active = True
 
-    def move(self, position_counts: int, speed_counts: int, force_counts: int) -> None:
-        self.asked.append((position_counts, speed_counts))
-        self.forces.append(force_counts)
+    def move(self, width_um: int, speed_mm_s: float, force_n: float) -> None:
+        self.asked.append((SETTINGS.request(width_um), SETTINGS.speed(speed_mm_s)))
+        self.forces.append(SETTINGS.force(force_n))
 
     def wait(self):
         request, _ = self.asked[-1]
         stop = round(count_of(self.block_mm))
         met = request > stop and self.block_mm > 0.0
         count = stop if met else min(max(request, 3), 230)
-        return SimpleNamespace(
-            position_counts=count, object_flag=2 if met else 3, echo_counts=request
-        )
+        return state(count, 2 if met else 3, request)
 
     def close(self) -> None:
         self.closed = True
@@ -195,7 +197,7 @@ def test_the_command_grips_each_block_gently_and_writes_the_file(
 ) -> None:
     gripper = ArcGripper()
     given = arguments(tmp_path, "--activate", "--tips", "57.15,5.3", "--current", "0,800")
-    assert run(given, lambda port: gripper, gripper.hold) == 0
+    assert run(given, lambda port, profile: gripper, gripper.hold) == 0
     calibration = load(tmp_path / "g.json")
     assert [gauge.width_mm for gauge in calibration.gauges] == list(BLOCKS)
     assert calibration.gauges == tuple(gauges())
@@ -208,8 +210,8 @@ def test_the_command_grips_each_block_gently_and_writes_the_file(
     assert {speed for position, speed in gripper.asked if position == 255} == {0}
     assert gripper.closed
     out = capsys.readouterr().out
-    assert "linear map" in out
-    assert len(list(report(figures(calibration, GRIPPER)))) == 2 + len(BLOCKS)
+    assert "nominal" in out
+    assert len(list(report(figures(calibration)))) == 2 + len(BLOCKS)
 
 
 def test_as_json_the_measurement_is_one_document_and_the_questions_are_elsewhere(
@@ -223,12 +225,12 @@ def test_as_json_the_measurement_is_one_document_and_the_questions_are_elsewhere
             return "\n"
 
     monkeypatch.setattr("sys.stdin", Operator())
-    assert run(arguments(tmp_path, "--activate", "--json"), lambda port: gripper) == 0
+    assert run(arguments(tmp_path, "--activate", "--json"), lambda port, profile: gripper) == 0
     record = json.loads(capsys.readouterr().out)
     calibration = load(tmp_path / "g.json")
     assert (record["output"], record["gripper"]) == (str(tmp_path / "g.json"), "S/N 7")
-    assert [block["position_counts"] for block in record["blocks"]] == [
-        list(g.counts) for g in calibration.gauges
+    assert [block["read_mm"] for block in record["blocks"]] == [
+        [reading / 1000 for reading in g.readings_um] for g in calibration.gauges
     ]
     assert [block["width_mm"] for block in record["blocks"]] == list(BLOCKS)
 
@@ -236,10 +238,10 @@ def test_as_json_the_measurement_is_one_document_and_the_questions_are_elsewhere
 def test_a_block_that_is_not_there_and_a_sleeping_gripper_end_it(tmp_path: Path) -> None:
     gripper = ArcGripper()
     with pytest.raises(GripperStateError, match="not activated"):
-        run(arguments(tmp_path), lambda port: gripper, gripper.hold)
+        run(arguments(tmp_path), lambda port, profile: gripper, gripper.hold)
     gripper.activate()
     with pytest.raises(GripperStateError, match="without meeting the 5 mm block"):
-        run(arguments(tmp_path), lambda port: gripper, lambda sentence: None)
+        run(arguments(tmp_path), lambda port, profile: gripper, lambda sentence: None)
     assert not (tmp_path / "g.json").exists()
 
 
@@ -249,10 +251,10 @@ def test_what_the_fingers_hold_is_not_dropped_without_a_word(
     monkeypatch.setattr("sys.stdin", io.StringIO(""))
     gripper = ArcGripper()
     gripper.activate()
-    gripper.now.position_counts, gripper.now.echo_counts, gripper.now.object_flag = 174, 255, 2
+    gripper.reading = (174, 2, 255)
     with pytest.raises(UsageError, match="run it in a terminal"):
-        run(arguments(tmp_path), lambda port: gripper)
-    assert "the fingers stand at count 174 (20.97 mm) and hold something" in capsys.readouterr().out
+        run(arguments(tmp_path), lambda port, profile: gripper)
+    assert "the fingers stand at 20.97 mm and hold something" in capsys.readouterr().out
     assert gripper.asked == []
 
 
@@ -262,9 +264,9 @@ def test_without_a_terminal_nobody_can_press_enter(
     monkeypatch.setattr("sys.stdin", io.StringIO(""))
     gripper = ArcGripper()
     with pytest.raises(UsageError, match="run it in a terminal"):
-        run(arguments(tmp_path, "--activate"), lambda port: gripper)
+        run(arguments(tmp_path, "--activate"), lambda port, profile: gripper)
     assert "press Enter" in capsys.readouterr().out
-    assert not gripper.now.activated
+    assert not gripper.active
     assert gripper.asked == []
     assert gripper.closed
 
@@ -287,7 +289,7 @@ def test_without_a_terminal_nobody_can_press_enter(
 def test_wrong_arguments_are_reported_before_anything_is_opened(
     tmp_path: Path, wrong: tuple[str, ...]
 ) -> None:
-    def opened(port: str):
+    def opened(port: str, profile: object):
         raise AssertionError("the gripper was opened")
 
     with pytest.raises(UsageError, match=f"{wrong[0].partition('=')[0]}|cannot be written"):
@@ -299,4 +301,4 @@ def test_the_arc_is_the_one_meant() -> None:
     assert sin(acos(0.5)) == pytest.approx(0.866, abs=1e-3)
     assert count_of(85.0) == pytest.approx(3.0)
     assert count_of(0.0) == pytest.approx(230.0)
-    assert PROFILES[calibrate_command.DEFAULT_MODEL].opening_um == GRIPPER.opening_um
+    assert PROFILES[calibrate_command.DEFAULT_MODEL].stroke_um == GRIPPER.opening_um

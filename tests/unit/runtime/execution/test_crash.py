@@ -93,7 +93,7 @@ def test_starting_over_forgets_the_path_and_not_what_is_held(tmp_path: Path) -> 
     ("changed", "what"),
     [
         ({"table": b"another"}, "table"),
-        ({"widths_um": [1, 2]}, "calibration"),
+        ({"calibration_um": [[0, 1], [2, 3]]}, "calibration"),
         ({"middle_um": 1500}, "middle of the fingers"),
         ({"on_reject": "stop"}, "--on-reject"),
         ({"on_unresolved": "stop"}, "--on-unresolved"),

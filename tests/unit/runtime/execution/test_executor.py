@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import pytest
+from counting import count_of
 from fake_cell import Deaf, FakeCell, FakeClock, FakeJournal, Log, State, fake_cell
 from sample_tables import GRIPPER, pushing_table, random_table, small_table, with_node
 
@@ -13,9 +14,9 @@ from runtime.table import Calibration, Table
 from runtime.traversal.decision import Policy
 from runtime.traversal.results import Outcome, PartResult, Step
 
-CALIBRATION = Calibration.linear(GRIPPER)
+CALIBRATION = Calibration(GRIPPER.profile)
 CONTACT, ARRIVED = 2, 3
-AT_21, AT_30, AT_36 = ((CALIBRATION.count(width), CONTACT) for width in (21_000, 30_000, 36_000))
+AT_21, AT_30, AT_36 = ((count_of(width), CONTACT) for width in (21_000, 30_000, 36_000))
 LONGEST = [AT_30, AT_21]  # reaches leaf 1 by both nodes
 
 
@@ -171,7 +172,7 @@ def test_ways_of_pushes_have_their_time() -> None:
 @pytest.mark.parametrize("seed", range(4))
 def test_fingers_meet_the_part_only_from_above_open_and_slower_than_the_caps(seed: int) -> None:
     table = random_table(seed, 15)
-    rig = fake_cell([(CALIBRATION.count(b.expected_um), CONTACT) for b in _first_path(table)])
+    rig = fake_cell([(count_of(b.expected_um), CONTACT) for b in _first_path(table)])
     result = run(rig, table)
     assert result.outcome in (Outcome.LEAF, Outcome.REJECT)
     height, xy, opened = 30.0, (5.0, 5.0), False

@@ -4,6 +4,7 @@ import math
 from dataclasses import FrozenInstanceError, replace
 
 import pytest
+from counting import SETTINGS
 from fake_cell import Log, State, fake_cell
 from sample_tables import GRIPPER, small_table, with_job, with_node
 from squeezes import (
@@ -24,12 +25,13 @@ from runtime.execution.events import Phase
 from runtime.execution.executor import RunOptions
 from runtime.execution.hand import Hand
 from runtime.execution.handling import Handling
-from runtime.execution.strokes import GENTLE_FORCE
 from runtime.table import PROFILES, Place, Table, profile_of
 from runtime.traversal.decision import Policy
 from runtime.traversal.results import Outcome
 
 # -- force ----------------------------------------------------------------------------------------
+
+GENTLE_FORCE = 0  # the weakest setting
 
 
 def dragging_table(force_mn: int = 40_000) -> Table:
@@ -51,7 +53,7 @@ def test_squeeze_regulated_meets_the_part_with_the_least_force() -> None:
 def test_squeeze_regulated_raises_the_force_for_a_drag() -> None:
     rig = fake_cell([AT_21])
     assert run(rig, RunOptions(handling=Handling(regulated=True)), dragging_table()).leaf == 0
-    node_force = profile_of(GRIPPER.model).force_counts(40_000)
+    node_force = SETTINGS.force(40.0)
     assert [force for position, _, force in jaw_moves(rig) if position == 255] == [
         GENTLE_FORCE,
         node_force,
@@ -63,7 +65,7 @@ def test_squeeze_regulated_raises_the_force_where_the_reading_decides_nothing() 
     result = run(rig, RunOptions(handling=Handling(regulated=True)))
     assert result.outcome is Outcome.REJECT  # nobody planned for 60 mm
     forces = [force for position, _, force in jaw_moves(rig) if position > 0]
-    assert forces == [GENTLE_FORCE, profile_of(GRIPPER.model).force_counts(40_000)]
+    assert forces == [GENTLE_FORCE, SETTINGS.force(40.0)]
 
 
 def test_the_motor_current_ends_the_raising() -> None:

@@ -1,6 +1,7 @@
 """What fingers may hold when a run begins, and how it is put down; on a cell in memory."""
 
 import pytest
+from counting import count_of
 from fake_cell import FakeCell, Log, State, fake_cell
 from sample_tables import GRIPPER, small_table
 from written_journals import Quiet
@@ -13,8 +14,8 @@ from runtime.execution.handling import Handling
 from runtime.execution.tips import TipArc
 from runtime.table import Area, Calibration
 
-CALIBRATION = Calibration.linear(GRIPPER)
-AT_30 = CALIBRATION.count(30_000)
+CALIBRATION = Calibration(GRIPPER.profile)
+AT_30 = count_of(30_000)
 HOLDING = State(object_flag=2, echo_counts=255, position_counts=AT_30)
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 import pytest
+from counting import SETTINGS, count_of
 from fake_cell import fake_cell
 from sample_tables import LIMITS, small_table, with_node
 from squeezes import (
@@ -23,7 +24,6 @@ from runtime.errors import TableError
 from runtime.execution.executor import RunOptions
 from runtime.execution.hand import Hand
 from runtime.execution.handling import Handling
-from runtime.execution.strokes import GENTLE_FORCE, opening_counts
 from runtime.execution.tips import TipArc
 from runtime.table import Calibration
 from runtime.traversal.results import Outcome
@@ -77,7 +77,7 @@ def test_tips_stay_level_until_the_jaws_are_five_millimetres_clear_of_the_part()
         k for k, call in enumerate(calls) if call.name == "move" and call.arguments[0] == 255
     )
     clear, level, wide = calls[closed + 1 : closed + 4]
-    assert clear.arguments[0] == opening_counts(26_000, CALIBRATION)
+    assert clear.arguments[0] == SETTINGS.request(CALIBRATION.opening_um(26_000))
     assert level.arguments[2] == pytest.approx(10.0 + ARC.advance_mm(26.0), abs=0.05)
     assert wide.arguments[0] == 0
 
@@ -85,14 +85,14 @@ def test_tips_stay_level_until_the_jaws_are_five_millimetres_clear_of_the_part()
 def test_tips_are_not_followed_beyond_the_squeeze_opening() -> None:
     table = small_table()
     squeeze = table.nodes[0].squeeze._replace(opening_um=60_000)
-    rig = meeting(CALIBRATION.count(58_000))
+    rig = meeting(count_of(58_000))
     run(
         rig,
         RunOptions(handling=Handling(arc=ARC)),
         with_node(table, 0, table.nodes[0]._replace(squeeze=squeeze)),
     )
     opened = {position for position, _, _ in jaw_moves(rig)} - {255}
-    assert min(opened) == opening_counts(60_000, CALIBRATION)
+    assert min(opened) == SETTINGS.request(CALIBRATION.opening_um(60_000))
 
 
 def test_a_cell_without_room_for_the_arc_is_refused() -> None:
@@ -168,7 +168,7 @@ def test_contact_while_opening_is_no_contact_to_squeeze_harder_on() -> None:
     result = run(rig, RunOptions(handling=Handling(regulated=True)))
     assert (result.outcome, result.exit_code) == (Outcome.FAULT, 20)
     assert "contact while opening" in str(result.reason)
-    assert [force for position, _, force in jaw_moves(rig) if position > 0] == [GENTLE_FORCE]
+    assert [force for position, _, force in jaw_moves(rig) if position > 0] == [0]
 
 
 def test_tips_that_draw_back_are_not_followed_below_the_squeeze_height() -> None:

@@ -3,13 +3,13 @@
 import itertools
 
 import pytest
-from fake_cell import Settled
+from counting import state
 from sample_tables import GRIPPER
 
+from drivers.ports import Settled
 from runtime.errors import GripperStateError
 from runtime.execution.reading import (
     CURRENT_MA,
-    UNDETECTED_UM,
     check_closed,
     check_fresh,
     check_opened,
@@ -18,12 +18,13 @@ from runtime.execution.reading import (
 )
 from runtime.table import Calibration
 
-CALIBRATION = Calibration.linear(GRIPPER)
+CALIBRATION = Calibration(GRIPPER.profile)
 BAND = CURRENT_MA
 
 
 def settled(count: int = 170, flag: int = 2, current: int = 300, echo: int = 255) -> Settled:
-    return Settled(count, flag, current, echo, 0.51)
+    seen = state(count, flag, echo)
+    return Settled(seen.width_um, seen.object, current, seen.target_um, 0.51)
 
 
 @pytest.mark.parametrize("echo", [0, 254])
@@ -54,7 +55,7 @@ def test_a_motion_is_over_or_it_is_not(flag: int, *, fresh: bool) -> None:
 def test_for_every_count_and_flag_the_two_agree_or_the_reading_is_refused() -> None:
     for count, flag in itertools.product(range(256), (1, 2, 3)):
         width_um = CALIBRATION.width_um(count)
-        believed = flag == 2 or (flag == 3 and width_um <= UNDETECTED_UM)
+        believed = flag == 2 or (flag == 3 and width_um <= GRIPPER.empty_um)
         if believed:
             check_closed(settled(count, flag), CALIBRATION, BAND)
             continue

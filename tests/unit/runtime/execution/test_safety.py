@@ -10,6 +10,7 @@ from sample_tables import small_table
 from runtime.errors import GripperStateError, MotionRefusedError, TableError
 from runtime.execution import safety
 from runtime.execution.safe_state import reach_safe_state
+from runtime.table import GripperSpec, profile_of
 
 LIMITS = small_table().limits
 X_MIN, Y_MIN, X_MAX, Y_MAX = (edge / 1000 for edge in LIMITS.work_area_um)
@@ -92,13 +93,6 @@ def test_a_gripper_that_is_not_ready_is_not_moved(state: State, message: str) ->
         safety.ready_gripper(gripper)
 
 
-def test_a_silence_that_is_over_is_no_fault() -> None:
-    gripper = fake_cell([]).gripper
-    gripper.now = State(fault=safety.NO_COMMUNICATION)
-    safety.ready_gripper(gripper)
-    assert not safety.needs_activation(gripper.now)
-
-
 @pytest.mark.parametrize("arm_known", [True, False])
 @pytest.mark.parametrize("fail_at", range(-1, 5))
 def test_the_safe_sequence_goes_on_whatever_fails_and_moves_no_arm_it_does_not_know(
@@ -134,7 +128,7 @@ def test_what_a_table_may_ask_for_depends_on_its_gripper(
     table = small_table()
     asked = {"speed_um_s": 1000 * speed_mm_s, "force_mn": 1000 * force_n}
     nodes = tuple(node._replace(squeeze=node.squeeze._replace(**asked)) for node in table.nodes)
-    table = replace(table, nodes=nodes, gripper=replace(table.gripper, model=model))
+    table = replace(table, nodes=nodes, gripper=GripperSpec.of(profile_of(model), 27_500, 9_500))
     if not message:
         safety.check_table(table)
         return

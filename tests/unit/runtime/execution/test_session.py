@@ -7,6 +7,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from counting import count_of
 from fake_cell import FakeCell, FakeScene, Log, State, fake_cell
 from sample_tables import GRIPPER, small_table
 
@@ -19,8 +20,8 @@ from runtime.execution.executor import RunOptions
 from runtime.monitoring.console import Lines, Objects, say
 from runtime.table import Calibration, dump
 
-CALIBRATION = Calibration.linear(GRIPPER)
-AT_21, AT_30, AT_36 = ((CALIBRATION.count(width), 2) for width in (21_000, 30_000, 36_000))
+CALIBRATION = Calibration(GRIPPER.profile)
+AT_21, AT_30, AT_36 = ((count_of(width), 2) for width in (21_000, 30_000, 36_000))
 JOURNAL = Path("j.jsonl")
 TRUTH = SimpleNamespace(
     x_mm=0.3, y_mm=0.9, theta_rad=3.14159265, squeezes=1, crashes=0, hypothesis=0
@@ -105,7 +106,7 @@ def test_lines_tell_pose_width_node_then_leaf_pose_and_error(
     console.summary(run(rig, TRUTH, console), JOURNAL)
     squeeze, part, summary = capsys.readouterr().out.splitlines()
     assert squeeze == (
-        "part 1 squeeze 1: node 0, hand at (0.00, 0.00) mm, 0.0 deg; width 20.97 mm (count 174) -> leaf 0"
+        "part 1 squeeze 1: node 0, hand at (0.00, 0.00) mm, 0.0 deg; width 20.97 mm -> leaf 0"
     )
     # sqrt(0.3^2 + 0.4^2) and half a turn, which is none for this part
     assert (

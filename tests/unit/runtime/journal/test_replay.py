@@ -5,7 +5,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import pytest
-from written_journals import CALIBRATION, write_run
+from sample_tables import GRIPPER
+from written_journals import write_run
 
 from runtime.devices.clock import SystemClock
 from runtime.errors import BrokenRunError
@@ -32,10 +33,11 @@ def test_a_run_as_it_was_written_replays(journal: Path) -> None:
 
 
 def test_a_run_with_a_calibration_of_its_own_replays_by_it(tmp_path: Path) -> None:
-    path = write_run(tmp_path / "own.jsonl", calibration=CALIBRATION)
+    same = Calibration(GRIPPER.profile, ((0, 0), (85_000, 85_000)))
+    path = write_run(tmp_path / "own.jsonl", calibration=same)
     assert findings(list(records(path))) == []
     entries = list(records(path))
-    entries[0]["widths_um"] = [width // 2 for width in CALIBRATION.widths_um]
+    entries[0]["calibration_um"] = [[0, 0], [85_000, 42_500]]
     assert len(findings(entries)) >= 6
 
 
@@ -45,7 +47,7 @@ Change = Callable[[dict[str, object]], object]
 @pytest.mark.parametrize(
     ("kind", "change", "message"),
     [
-        ("squeeze", {"position_counts": 100}, "the table says None"),
+        ("squeeze", {"reading_um": 100}, "the table says None"),
         ("squeeze", {"target": 1}, "leads to 1, the table says -1"),
         ("squeeze", {"target": None}, "leads to None"),
         ("squeeze", {"width_um": 21_000}, "is 21000 um, the calibration says 20969"),
@@ -54,7 +56,7 @@ Change = Callable[[dict[str, object]], object]
         ("squeeze", {"node": None}, "is at node None"),
         ("squeeze", {"part": 9}, "tells of part 9"),
         ("squeeze", {"object_flag": 1}, "cannot be followed"),
-        ("squeeze", {"position_counts": 3.0}, "not an integer"),
+        ("squeeze", {"reading_um": 3.0}, "not an integer"),
         ("placed", {"node": 1}, "is at node 1"),
         ("outcome", {"leaf": 1}, "reports LEAF, leaf 1; the path leads to LEAF, leaf 0"),
         ("outcome", {"outcome": "unresolved"}, "reports UNRESOLVED"),
@@ -159,7 +161,6 @@ def test_a_broken_run_that_cannot_be_followed_is_not_resumed(tmp_path: Path, jou
 
 def test_a_replay_needs_nothing_but_the_records(journal: Path) -> None:
     """Also with another linear map around: the widths come from the run's own header."""
-    assert Calibration.linear  # the run above wrote none, so its own table's gripper is meant
     entries = list(records(journal))
-    assert entries[0].get("widths_um") is None
+    assert entries[0].get("calibration_um") is None
     assert findings(entries) == []

@@ -1,6 +1,7 @@
 """The chart of readings: a likelihood ratio, silent on a healthy cell, quick when friction changes."""
 
 import json
+from dataclasses import replace
 from math import exp
 
 import numpy as np
@@ -9,9 +10,8 @@ from histories import LESS, drawn, expectation_document, history, table, watch
 
 from runtime.shell.errors import InputError, UsageError
 from runtime.spc import expectation
-from runtime.spc.expectation import CLIP, ShiryaevRoberts, bin_of, load
+from runtime.spc.expectation import CLIP, ShiryaevRoberts, load
 from runtime.spc.history import History, Part, Squeezed
-from runtime.table import COUNTS, Calibration
 
 TABLE = table()
 DIGEST = "0" * 64
@@ -37,7 +37,7 @@ def expected(path):
 def test_shares_add_up_and_no_reading_is_impossible(expected):
     for world in expected.shares:
         for node in world:
-            assert len(node) == COUNTS
+            assert len(node) == TABLE.gripper.bins
             assert sum(node) == pytest.approx(1.0)
             assert min(node) > 0.0
 
@@ -78,8 +78,10 @@ def test_change_is_flagged_within_fifty_parts_by_its_name(expected):
 
 
 def test_one_strange_part_is_no_drift_but_a_few_are(expected):
-    clear = max(range(COUNTS), key=lambda c: expected.shares[1][0][c] / expected.shares[0][0][c])
-    width = Calibration.linear(TABLE.gripper).width_um(clear)
+    clear = max(
+        range(TABLE.gripper.bins), key=lambda c: expected.shares[1][0][c] / expected.shares[0][0][c]
+    )
+    width = TABLE.gripper.profile.reading_um(clear)
     strange = Part(1, (Squeezed(0, None, width),) * 9)
     assert expected.gains(TABLE, strange)[0] == CLIP
     chart = ShiryaevRoberts(expected)
@@ -89,18 +91,23 @@ def test_one_strange_part_is_no_drift_but_a_few_are(expected):
     assert any(chart.add(TABLE, strange) for _ in range(3))
 
 
-def test_widths_are_binned_as_a_linear_encoder_counts_them():
-    linear, gripper = Calibration.linear(TABLE.gripper), TABLE.gripper
-    for count in range(gripper.count_open, gripper.count_closed + 1):
-        assert bin_of(TABLE, Squeezed(0, None, linear.width_um(count))) == count
-    assert bin_of(TABLE, Squeezed(0, None, 10 * gripper.opening_um)) == 0
+def test_bin_of_readings_is_one_each_for_few_and_shared_evenly_by_many():
+    coarse, fine = TABLE.gripper, replace(TABLE.gripper, steps=8_500)
+    for gripper in (coarse, fine):
+        readings = range(gripper.steps + 1)
+        bins = [gripper.bin_of(gripper.profile.reading_um(step)) for step in readings]
+        assert bins == sorted(bins)
+        assert set(bins) == set(range(gripper.bins))
+    assert coarse.bins == coarse.steps + 1
+    assert fine.bins <= 300
+    assert fine.bin_of(10 * fine.opening_um) == fine.bins - 1
 
 
 @pytest.mark.parametrize(
     ("change", "says"),
     [
         ({"kind": "expectations"}, "does not hold"),
-        ({"version": 2}, "does not hold"),
+        ({"version": 1}, "does not hold"),
         ({"worlds": []}, "does not hold"),
         ({"worlds": [{"name": "only", "readings": [{}]}]}, "does not hold"),
         (

@@ -74,7 +74,7 @@ def with_push(table: Table) -> Table:
             "limits.work_area_um is ",
         ),
         (gripper(model="robotiq-hand-e"), "gripper.model is robotiq-hand-e, but the embedded job"),
-        (gripper(encoder_noise_um=0), "gripper.encoder_noise_um is 0, but"),
+        (gripper(noise_um=0), "gripper.noise_um is 0, but"),
         (gripper(finger_length_um=99_000), "gripper.finger_length_um is 99000, but"),
         (goal(distance_um=2_999), "goal.distance_um is 2999, but the embedded job says 3000"),
         (goal(confidence_ppm=900_000), "goal.confidence_ppm is 900000, but"),

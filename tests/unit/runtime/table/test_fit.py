@@ -6,7 +6,7 @@ from sample_tables import GRIPPER, every_field_table, random_table, small_table,
 
 from runtime.table import Calibration, Table, misfits
 
-LINE = Calibration.linear(GRIPPER)
+LINE = Calibration(GRIPPER.profile)
 
 
 @pytest.mark.parametrize(

@@ -129,7 +129,7 @@ EDGES = [
     (
         one_node((20_000, 20_100, 20_300)),
         one_node((20_100, 20_150, 20_200)),
-        "node 0, branch 0: no encoder count means 20.10..20.20 mm; widen it",
+        "node 0, branch 0: no reading means 20.10..20.20 mm; widen it",
     ),
     (
         one_node((0, 1_999, 1_999)),
@@ -201,9 +201,9 @@ EDGES = [
         "goal.tolerance.y_um is 0",
     ),
     (
-        replace(TABLE, gripper=replace(GRIPPER, count_open=0)),
-        replace(TABLE, gripper=replace(GRIPPER, count_open=230)),
-        "gripper.count_open is 230, allowed is 0..229",
+        replace(TABLE, gripper=replace(GRIPPER, steps=170)),
+        replace(TABLE, gripper=replace(GRIPPER, steps=0)),
+        "gripper.steps is 0, allowed is 1..",
     ),
     (
         with_node(TABLE, 0, TABLE.nodes[0]._replace(contact_um=84_999)),
@@ -272,10 +272,8 @@ def test_a_leaf_of_several_modes_names_as_many_poses_as_the_goal_leaves_open() -
 def test_a_grip_is_never_read_where_the_jaws_are_closed() -> None:
     """An interval of the closed jaws alone is a branch for nothing held, or none."""
     dumps(one_node((0, 0, 0)))
-    wide = replace(
-        one_node((0, 2_000, 2_000)), gripper=replace(GRIPPER, count_open=228)
-    )  # 0, 42.5, 85 mm
-    with pytest.raises(TableError, match=r"no encoder count means 0\.00\.\.2\.00 mm"):
+    wide = replace(one_node((0, 2_000, 2_000)), gripper=replace(GRIPPER, steps=2))  # 0, 42.5, 85 mm
+    with pytest.raises(TableError, match=r"no reading means 0\.00\.\.2\.00 mm"):
         dumps(wide)
 
 

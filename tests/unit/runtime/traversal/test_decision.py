@@ -21,7 +21,7 @@ from runtime.traversal.decision import (
 )
 from runtime.traversal.results import Outcome
 
-CALIBRATION = Calibration.linear(GRIPPER)
+CALIBRATION = Calibration(GRIPPER.profile)
 CONTACT, ARRIVED = 2, 3
 TABLE = small_table()  # leaf 2 is not resolved
 UNRESOLVED = ~2

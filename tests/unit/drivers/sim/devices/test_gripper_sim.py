@@ -4,7 +4,7 @@ import random
 
 import pytest
 
-from drivers.robotiq.registers import OUTPUT_FIELDS, decode, pack, speed_mm_s
+from drivers.robotiq.registers import OUTPUT_FIELDS, decode, pack, speed_mm_s_of
 from drivers.sim.devices.gripper import CYCLE_S, GripperModel
 from drivers.sim.devices.jaws import Jaws
 
@@ -21,7 +21,7 @@ class Bench:
 
     def closing(self):
         self.asked += 1
-        return None if self.contact is None else self.model.jaws.opening_at(self.contact)
+        return None if self.contact is None else Jaws().opening_at(self.contact)
 
     def gripped(self):
         self.grips += 1
@@ -138,7 +138,7 @@ def test_speed_is_finite_and_linear_in_rsp(speed):
     second = bench.read(t)
     travelled = (second.position_counts - first.position_counts) * 85.0 / 227.0
     assert travelled == pytest.approx(
-        speed_mm_s(speed) * t, abs=85.0 / 227.0 + speed_mm_s(speed) * CYCLE_S
+        speed_mm_s_of(speed) * t, abs=85.0 / 227.0 + speed_mm_s_of(speed) * CYCLE_S
     )
 
 

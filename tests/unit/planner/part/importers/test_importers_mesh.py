@@ -15,7 +15,7 @@ from planner.part.tips import tips_height_mm
 from runtime.shell.errors import ExpectedError, InputError, UsageError
 from runtime.table import PROFILES
 
-COUNT_MM = 0.001 * PROFILES["robotiq-2f-85"].opening_um / 230  # of the encoder
+COUNT_MM = 0.001 * PROFILES["robotiq-2f-85"].stroke_um / 230  # of the encoder
 
 
 def read(path, **options):

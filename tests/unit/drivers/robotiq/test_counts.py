@@ -1,0 +1,44 @@
+"""Counts of a Robotiq and what they mean: settings never exceed what is asked, widths are the SDK's line."""
+
+import pytest
+
+from drivers.errors import PortError
+from drivers.ports import GripperProfile
+from drivers.robotiq.counts import Counts
+from runtime.table import PROFILES
+
+MODELS = [model for model, profile in PROFILES.items() if profile.counts]
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_settings_are_never_more_than_asked_and_the_next_would_be(model: str) -> None:
+    counts, profile = Counts(PROFILES[model]), PROFILES[model]
+    for ask, (least, most) in (
+        (counts.speed, profile.speed_mm_s),
+        (counts.force, profile.force_n),
+    ):
+        step = (most - least) / 255
+        for k in range(1000):
+            wanted = least + (most - least) * k / 999
+            setting = ask(wanted)
+            assert least + setting * step <= wanted + 0.001 < least + (setting + 1) * step + 0.002
+        assert [ask(value) for value in (0.0, least, most, 1e6)] == [0, 0, 255, 255]
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_request_of_a_width_on_the_grid_is_its_count_and_the_ends_are_beyond_it(model: str) -> None:
+    counts, profile = Counts(PROFILES[model]), PROFILES[model]
+    first, last = profile.counts
+    for count in range(first + 1, last):
+        assert counts.request(counts.width_um(count)) == count
+        assert counts.target_um(count) == counts.width_um(count)
+    assert (counts.request(-1), counts.request(profile.stroke_um)) == (255, 0)
+    assert counts.request(0) == last
+    assert (counts.target_um(255), counts.target_um(0)) == (0, profile.stroke_um)
+    widths = [counts.width_um(count) for count in range(256)]
+    assert widths == sorted(set(widths), reverse=True)
+
+
+def test_profile_without_counts_is_refused() -> None:
+    with pytest.raises(PortError, match="no register of counts"):
+        Counts(GripperProfile("fine", 85_000, 10.0, 20, (5.0, 50.0), (1.0, 60.0)))
