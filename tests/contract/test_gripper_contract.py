@@ -7,6 +7,7 @@ import contextlib
 import threading
 
 import pytest
+from counting import width_um
 from gripper_rigs import BUSES, RIGS, Robotiq
 
 from drivers import connect
@@ -116,7 +117,7 @@ def test_a_silent_line_times_out_and_the_next_answer_is_not_stale():
             with pytest.raises(LinkTimeout):
                 gripper.state()
             device.slave.feed = feed
-            gripper.move(77, 255, 0)
+            gripper.move(width_um(77), 150.0, 20.0)
             assert gripper.wait().width_um == width_um(77)
             assert lines == [
                 "no answer",

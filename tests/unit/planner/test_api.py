@@ -75,21 +75,21 @@ def model():
 
 
 @pytest.mark.parametrize(
-    ("nodes", "counts", "said"),
+    ("nodes", "widths", "said"),
     [
         ([-1], [0], "nodes holds -1; there are 0 to [0-9]+$"),
         ([10_000], [0], "nodes holds 10000"),
-        ([0], [-1], "counts holds -1; there are 0 to 255"),
-        ([0], [256], "counts holds 256"),
-        ([0, 1], [0], "2 nodes, 1 counts"),
+        ([0], [-1.0], "widths"),
+        ([0], [85.1], "widths"),
+        ([0, 1], [0], "2 nodes, 1 widths"),
         ([0.5], [0], "pass whole numbers"),
         ([NAN], [0], "pass whole numbers"),
         (0, 0, "pass whole numbers"),
     ],
 )
-def test_a_lookup_takes_nodes_and_counts_that_there_are(table, nodes, counts, said):
+def test_a_lookup_takes_nodes_and_widths_that_there_are(table, nodes, widths, said):
     with pytest.raises(ValueError, match=said):
-        table.lookup(np.array(nodes), np.array(counts))
+        table.lookup(np.array(nodes), np.array(widths))
 
 
 POSES = [

@@ -34,12 +34,14 @@ def written(tmp_path_factory):
 
 def test_every_squeeze_is_counted_once_where_it_was_made():
     result = squeezed(TABLE, JOB, 400, 1)
-    counts = expectation.readings(result, len(TABLE.nodes))
+    counts = expectation.readings(result, TABLE)
     assert counts.sum() == result.squeezes.sum()
     assert counts[0].sum() == 400
     seen = {
         (int(n), int(c))
-        for n, c in zip(result.path.ravel(), result.counts.ravel(), strict=True)
+        for n, c in zip(
+            result.path.ravel(), expectation.bins_of(TABLE, result.steps).ravel(), strict=True
+        )
         if n >= 0
     }
     assert {tuple(map(int, place)) for place in np.argwhere(counts)} == seen

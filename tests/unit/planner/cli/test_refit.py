@@ -9,6 +9,7 @@ import pytest
 from run_logs import chained, header, part
 
 from planner.cli import refit
+from planner.evaluation.trials import encoder_of_table
 from planner.job import model
 from planner.refit.cells import Cells
 from planner.report.run_log import PartLog

@@ -105,7 +105,7 @@ def evaluation_of(table, leaf, poses):
         initial=poses + 1.0,
         traits=as_planned(n),
         path=path,
-        reading=path + 100 * (path >= 0),
+        reading=path + 200 * (path >= 0),
         branch=path,
     )
 
@@ -162,7 +162,7 @@ def test_the_worst_come_first_and_are_all_confident():
     for row in rows:
         assert float(metric.between(row.final, row.predicted)) == pytest.approx(row.error_mm)
         assert row.path == (0,)
-        assert row.counts == (100,)
+        assert row.widths_mm == (47.555,)
 
 
 def test_joining_keeps_rows_in_order():
