@@ -5,9 +5,9 @@ port), `tcp://host:port` (Modbus TCP; `?unit=9` and others, see `drivers.robotiq
 than 2), `urcap://host` (text socket of Robotiq's URCap on a UR controller),
 `can:channel` (CANopen, see `drivers.robotiq.canopen`), `dh:///dev/...` (DH-Robotics, drivers/dh/README.md),
 `schunk:///dev/...` (SCHUNK, drivers/schunk/README.md), `manual` (somebody types widths). Arms:
-`tcp://host:port` (open_abb), `ur://host` (UR controller), `omnicore://host` (Robot Web Services 2), with frames and limits after a `?`:
-`tcp://192.168.125.1:5000?tool=0,0,150&base=-300,0,0`; `manual` (somebody moves the hand), `manual+tcp://...`
-(and a simulated one follows). Simulated scenes: `tcp://host:port`.
+`tcp://host:port` (open_abb), `ur://host` (UR controller), `omnicore://host` (Robot Web Services 2), with
+frames and limits after a `?`: `tcp://192.168.125.1:5000?tool=0,0,150&base=-300,0,0`; `manual` (somebody moves
+the hand), `manual+tcp://...` (and a simulated one follows). Simulated scenes: `tcp://host:port`.
 
 A device of another make is one more line in `GRIPPERS` or `ARMS`, or a package of its own that names its
 scheme and the function that opens it as an entry point (tools/docs/drivers.md).
