@@ -11,7 +11,7 @@ from planner.errors import FitError
 from planner.job.surface_file import check_ellipsoid
 from planner.part import outline, symmetry, tips
 from runtime.shell.errors import InputError
-from runtime.table import TableError, doubt_um, profile_of
+from runtime.table import PROFILES, TableError, doubt_um, profile_of
 
 Values = dict[str, Any]
 
@@ -75,7 +75,9 @@ def complete_gripper(gripper: dict[str, Any]) -> None:
     try:
         profile = profile_of(gripper["model"])
     except TableError as error:
-        raise _conflict("gripper", "model", f"is not known: {error}") from None
+        known = ", ".join(PROFILES)
+        problem = f"is {gripper['model'][:40]!r}, which is not known; there are {known}"
+        raise _conflict("gripper", "model", problem) from error
     if gripper["opening_mm"] is None:
         gripper["opening_mm"] = profile.stroke_um / 1e3
     if gripper["resolution_mm"] is None:

@@ -56,7 +56,7 @@ PROFILES = {
         ),
         # Data sheets of DH-Robotics' AG-95 and PGC-140-50: stroke, opening and closing time 0.7 s, force,
         # repeatability +-0.03 mm; settings of 1 and 20 to 100 % and positions of thousandths by the short
-        # manuals, 2.3.4.2 to 2.3.4.4. The AG-95's tips move on an arc whose link no manual states.
+        # manuals, 2.3.4.2 to 2.3.4.4. The arc of an AG-95 is that of one public URDF model.
         GripperProfile(
             model="dh-ag95",
             stroke_um=95_000,
@@ -64,6 +64,7 @@ PROFILES = {
             noise_um=30,
             speed_mm_s=(1.357, 135.7),
             force_n=(45.0, 160.0),
+            arc_mm=(55.0,),
         ),
         GripperProfile(
             model="dh-pgc140-50",

@@ -44,7 +44,7 @@ def install(folder: Path, name: str, points: dict[str, dict[str, str]]) -> None:
 
 def test_the_example_passes_the_contract_as_an_installed_package(tmp_path: Path) -> None:
     points = tomllib.loads((EXAMPLE / "pyproject.toml").read_text())["project"]["entry-points"]
-    assert set(points) == {connect.GRIPPERS.group, connect.ARMS.group}
+    assert set(points) == {connect.GRIPPERS.group, connect.ARMS.group, "squeezetree.profiles"}
     install(tmp_path, "other_make", points)
     paths = os.pathsep.join(map(str, (tmp_path, EXAMPLE, ROOT)))
     done = subprocess.run(

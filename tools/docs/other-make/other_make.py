@@ -4,11 +4,18 @@ import math
 
 from drivers.clock import Pace
 from drivers.errors import ArmError, GripperFault, LinkError, LinkTimeout, ReadOnlyError
-from drivers.ports import GripperState, Report, Settled
+from drivers.ports import GripperProfile, GripperState, ObjectState, Report, Settled
 from drivers.stream import Stream, open_tcp, tcp_address
 
 ANSWER_S = 0.5
-STROKE_MM = 60.0
+PROFILE = GripperProfile(
+    model="other-60",
+    stroke_um=60_000,
+    resolution_um=10.0,
+    noise_um=20,
+    speed_mm_s=(10.0, 200.0),
+    force_n=(5.0, 100.0),
+)
 
 QUESTIONS = ("status", "where")
 
@@ -46,7 +53,9 @@ class Lines:
 
 
 class OtherGripper:
-    """Counts of 0 to 255 are openings of 60 to 0 mm here."""
+    """The device speaks of openings in mm."""
+
+    profile = PROFILE
 
     def __init__(self, lines: Lines, pace: Pace) -> None:
         self._lines, self._pace = lines, pace
@@ -55,10 +64,11 @@ class OtherGripper:
 
     def state(self) -> GripperState:
         ready, moving, held, asked_mm, at_mm = self._lines.ask("status")
-        flag = 0 if moving == "1" else 2 if held == "1" else 3
-        return GripperState(
-            ready == "1", moving == "1", 0, flag, _counts(asked_mm), _counts(at_mm), 0
-        )
+        seen = ObjectState.CLOSING if held == "1" else ObjectState.AT_TARGET
+        if moving == "1":
+            seen = ObjectState.NONE
+        target_um, width_um = (round(1000 * float(mm)) for mm in (asked_mm, at_mm))
+        return GripperState(ready == "1", moving == "1", 0, "", seen, target_um, width_um, 0)
 
     def activate(self) -> None:
         if self.state().activated:
@@ -68,13 +78,13 @@ class OtherGripper:
         while not self.state().activated:
             self._wait(deadline, "homing")
 
-    def move(self, position_counts: int, speed_counts: int, force_counts: int) -> None:
+    def move(self, width_um: int, speed_mm_s: float, force_n: float) -> None:
         self._asked = None
         if not self.state().activated:
             raise GripperFault("gripper not active; home it first")
-        opening_mm = STROKE_MM * (255 - position_counts) / 255
-        self._lines.ask(f"go {opening_mm:.3f} {10 + speed_counts} {force_counts}")
-        self._asked = position_counts, self._pace.now()
+        asked_um = max(width_um, 0)
+        self._lines.ask(f"go {asked_um / 1000:.3f} {speed_mm_s:.1f} {force_n:.1f}")
+        self._asked = asked_um, self._pace.now()
 
     def wait(self) -> Settled:
         if self._asked is None:
@@ -83,9 +93,9 @@ class OtherGripper:
         deadline = self._pace.deadline(10.0)
         while (seen := self.state()).moving:
             self._wait(deadline, "moving")
-        if seen.echo_counts != asked or not seen.activated:
+        if seen.target_um != asked or not seen.activated:
             raise GripperFault("the gripper forgot the move; was its power cut?")
-        return Settled(seen.position_counts, seen.object_flag, 0, asked, self._pace.elapsed(since))
+        return Settled(seen.width_um, seen.object, 0, asked, self._pace.elapsed(since))
 
     def stop(self) -> None:
         self._lines.ask("stop")
@@ -99,11 +109,9 @@ class OtherGripper:
         self._pace.idle(deadline)
 
 
-def _counts(millimetres: str) -> int:
-    return round(255 - float(millimetres) * 255 / STROKE_MM)
-
-
-def gripper(port: str, pace: Pace, report: Report, *, read_only: bool) -> OtherGripper:
+def gripper(
+    port: str, pace: Pace, report: Report, *, read_only: bool, profile: GripperProfile | None
+) -> OtherGripper:
     stream = open_tcp(*tcp_address(port), port, "check its power")
     return OtherGripper(Lines(stream, pace, read_only=read_only), pace)
 

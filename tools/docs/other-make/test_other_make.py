@@ -6,7 +6,7 @@ import socketserver
 import threading
 import time
 
-from other_make import STROKE_MM
+from other_make import PROFILE
 
 from drivers import connect
 from drivers.contract.arm import ArmContract
@@ -26,7 +26,7 @@ class TestOtherArm(ArmContract):
 
 
 class GripperRig:
-    closed_counts, contact_counts = 255, 153
+    contact_um = 24_000
 
     def __init__(self):
         self._device = GripperDevice()
@@ -110,7 +110,7 @@ class GripperDevice:
     def __init__(self) -> None:
         self.contact_mm, self.mute = None, False
         self.commands = 0
-        self.asked = self.start = self.stop_mm = STROKE_MM
+        self.asked = self.start = self.stop_mm = PROFILE.stroke_um / 1000
         self.since, self.speed = 0.0, 1.0
         self.ready = self.held = False
 

@@ -59,7 +59,7 @@ def test_vectors_hold_every_reading(tree, tmp_path):
         head, *rows = csv.reader(file)
     assert head == [
         "node",
-        "count",
+        "width_um",
         "object_flag",
         "outcome",
         "index",

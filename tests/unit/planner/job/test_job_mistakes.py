@@ -100,7 +100,6 @@ WRONG = [
     ("noise_mm = 0.15", "resolution_mm = 0", "gripper", "resolution_mm"),
     ("noise_mm = 0.15", "resolution_mm = 11", "gripper", "resolution_mm"),
     ("noise_mm = 0.15", "noise_mm = -0.1", "gripper", "noise_mm"),
-    ("noise_mm = 0.15", "count_open = 3", "gripper", "count_open"),
     ("robotiq-2f-85", "some gripper", "gripper", "model"),
     ("speed_mm_s = 60.0", "speed_mm_s = 1e-9", "gripper", "speed_mm_s"),
     ("force_n = 40.0", "force_n = 1e-6", "gripper", "force_n"),
