@@ -65,6 +65,10 @@ class GripperProfile:
     # link and offset of the arc that the tips move on, mm; a link alone: the offset has to be measured;
     # empty: they move straight
     arc_mm: tuple[float, ...] = ()
+    fingers_mm: tuple[float, float] = (
+        25.0,
+        10.0,
+    )  # usual fingertips: along x, and along y as they close
     # What the device reads open and closed, if it counts from 0 to `MOST_COUNT`.
     counts: tuple[int, int] | None = None
 

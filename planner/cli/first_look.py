@@ -64,6 +64,9 @@ MOST_OPEN = 0.5  # share of the parts for which it was not done, beyond which no
 UNITS_ASSUMED = "one unit of the drawing is 1 mm, for it does not say (--units)"
 LOCATABLE = {"good": True, "fair": True, "cut": True, "poor": False, "unknown": None}
 
+ALL = "all"
+EACH_S = 30.0  # for each gripper where all are compared
+
 Read = TypeVar("Read")
 Spared = Callable[
     [str], AbstractContextManager[None]
@@ -102,7 +105,12 @@ def parser() -> Parser:
         metavar="DEG",
         help=f"it is turned by at most this (default: {TURN_DEG:g})",
     )
-    add("--gripper", choices=GRIPPERS, help="which one (default: the first that opens wide enough)")
+    add(
+        "--gripper",
+        choices=[*GRIPPERS, ALL],
+        help=f"which one (default: the first that opens wide enough); {ALL}: compare them in one table, each "
+        "planned for --budget (default: half a minute), and write nothing",
+    )
     add("--fingers", choices=FINGERS, help="what they are faced with (default: rubber)")
     add(
         "--distance",
@@ -150,6 +158,9 @@ class Setting(NamedTuple):
 
 
 def _try(arguments: argparse.Namespace) -> None:
+    if arguments.gripper == ALL:
+        _compare(arguments)
+        return
     started = time.monotonic()
     if arguments.output is not None:
         usable(arguments.output, arguments.drawing)
@@ -296,6 +307,57 @@ def _within(job: Job, budgets: Sequence[float], report: Report) -> Plan:
         if not error.cut_short or limit.asked or len(budgets) == 1:
             raise
     return _within(job, budgets[1:], report)
+
+
+HEAD = f"{'gripper':16} {'step':>8}  located  squeezes  seconds  error (95 %)"
+
+
+def _compare(arguments: argparse.Namespace) -> None:
+    """Plans the same job for each gripper, and prints a line for each."""
+    if arguments.output is not None:
+        raise UsageError(f"--gripper {ALL} writes no job; leave out --output")
+    imported, notes = imported_of(arguments)
+    check_thickness(imported)
+    fitting = [name for name in GRIPPERS if room_mm(imported, GRIPPERS[name]) >= LEAST_ROOM_MM]
+    if not fitting:
+        raise UsageError("no gripper that is known opens wide enough for the part")
+    if arguments.radius is None:  # the same for all
+        arguments.radius = min(proposed_radius_mm(imported, GRIPPERS[name]) for name in fitting)
+    arguments.gripper = fitting[0]
+    setting = setting_of(arguments, imported)
+    if not arguments.json:
+        print("".join(f"assumed: {line}\n" for line in (*notes, *setting.assumed)), end="")
+        print(
+            f"assumed: its centre within {arguments.radius:g} mm of the expected place (--radius)"
+        )
+        print(HEAD, flush=True)
+    rows = [_row(arguments, imported, setting.answers, name) for name in fitting]
+    if arguments.json:
+        shell.answer(True, {"part": setting.answers.name, "grippers": rows})
+
+
+def _row(
+    arguments: argparse.Namespace, imported: Imported, answers: Answers, name: str
+) -> dict[str, Any]:
+    """What comes of the job with one gripper; its line is printed."""
+    text = draft(imported, arguments.drawing.name, answers._replace(gripper=name))
+    job = job_file.parse(text, name)
+    step_mm = job.gripper.resolution_mm
+    try:
+        with _progress(arguments, course.unknown) as report, shell.compiling():
+            plan = _planned(job, arguments.budget or EACH_S, False, report)
+    except NoPlanError as error:
+        if not arguments.json:
+            print(f"{name:16} {step_mm:5.2f} mm  no: {error}", flush=True)
+        return {"gripper": name, "step_mm": step_mm, "reason": str(error)}
+    figures = plan.evaluation.summary()
+    located, error = figures["success_rate"], figures["error_mm"] or {"median": None, "p95": None}
+    if not arguments.json:
+        line = f"{name:16} {step_mm:5.2f} mm  {located:7.2%}  {figures['mean_squeezes']:8.2f}"
+        off = "-" if error["p95"] is None else f"{error['median']:.2f} mm ({error['p95']:.2f})"
+        print(f"{line}  {figures['seconds_mean']:7.1f}  {off}", flush=True)
+    shown = ("success_rate", "mean_squeezes", "seconds_mean", "error_mm")
+    return {"gripper": name, "step_mm": step_mm, **{key: figures[key] for key in shown}}
 
 
 def imported_of(arguments: argparse.Namespace) -> tuple[Imported, list[str]]:

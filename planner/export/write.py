@@ -76,13 +76,13 @@ def vectors(table: Table) -> Iterator[tuple[int, ...]]:
     """
     for index, (node, decided) in enumerate(zip(table.nodes, maps_of(table), strict=True)):
         for flag, segments in ((FELT, decided.felt), (NOT_FELT, decided.unfelt)):
-            for width_um in _told(segments, table.gripper.opening_um):
+            for width_um in _compared(segments, table.gripper.opening_um):
                 branch = segments.at(width_um)
                 place = node.let_go if holds(node, branch) else node.squeeze.place
                 yield index, width_um, flag, *_next(table, node, branch), *place
 
 
-def _told(segments: Segments, opening_um: int) -> list[int]:
+def _compared(segments: Segments, opening_um: int) -> list[int]:
     """Widths at which a step function is compared: both ends of each segment, and its middle."""
     widths = {-1, opening_um}
     for low, high in pairwise((*segments.starts_um, max(opening_um, segments.starts_um[-1]) + 1)):

@@ -86,7 +86,7 @@ def complete_gripper(gripper: dict[str, Any]) -> None:
         gripper["noise_mm"] = profile.noise_um / 1e3
 
 
-def doubted_mm(gripper: dict[str, Any]) -> float:
+def encoder_doubt_mm(gripper: dict[str, Any]) -> float:
     """How far all widths of a gripper may be off, where a job's doubts do not say it: two digits."""
     return float(f"{doubt_um(gripper['resolution_mm'], gripper['noise_mm']):.2g}")
 

@@ -1,6 +1,6 @@
 """A new part's job file: an outline and a few answers become commented TOML that compiles as it stands.
 
-Grippers and finger materials to begin with are starting values, to be measured in the cell.
+What it says of grippers and finger materials are values to begin with, to be measured in the cell.
 """
 
 import json
@@ -18,19 +18,15 @@ from planner.part.tips import tips_height_mm
 from runtime.shell.plain_text import cleaned
 from runtime.table import PROFILES, GripperProfile
 
+SPEED_MM_S, FORCE_N = 60.0, 40.0  # to close with to begin with: moderate, and low
+MIDDLE_SHARE = 1 / 60  # of the stroke, by which the fingers may meet off the hand's middle
+
 
 class GripperPreset(NamedTuple):
-    """A gripper as it comes; what its settings mean is in its profile."""
+    """A gripper as a new job has it."""
 
     profile: GripperProfile
-    finger_length_mm: float  # extent of a fingertip across the closing direction
-    finger_width_mm: float  # along it
-    speed_mm_s: float  # closing speed to begin with, moderate
-    force_n: float  # grip force to begin with, low
     share_off: float = 0.11  # a finger may make so much more or less of the closing
-    middle_off_mm: float = (
-        1.4  # the fingers may meet so far off the hand's middle: 2 % of the way to a part
-    )
 
     @property
     def model(self) -> str:
@@ -42,15 +38,37 @@ class GripperPreset(NamedTuple):
         """Stroke."""
         return self.profile.stroke_um / 1000
 
+    @property
+    def finger_length_mm(self) -> float:
+        """Extent of a fingertip across the closing direction."""
+        return self.profile.fingers_mm[0]
 
-GRIPPERS = {
-    preset.model: preset
-    for preset in (
-        GripperPreset(PROFILES["robotiq-2f-85"], 27.5, 9.5, 60.0, 40.0),
-        GripperPreset(PROFILES["robotiq-2f-140"], 27.0, 13.5, 80.0, 40.0, 0.11, 2.4),
-        GripperPreset(PROFILES["hand-e"], 22.0, 10.0, 50.0, 40.0, 0.11, 0.8),
-    )
-}
+    @property
+    def finger_width_mm(self) -> float:
+        """Extent of a fingertip along the closing direction."""
+        return self.profile.fingers_mm[1]
+
+    @property
+    def speed_mm_s(self) -> float:
+        """Closing speed to begin with."""
+        return _within(SPEED_MM_S, self.profile.speed_mm_s)
+
+    @property
+    def force_n(self) -> float:
+        """Grip force to begin with."""
+        return _within(FORCE_N, self.profile.force_n)
+
+    @property
+    def middle_off_mm(self) -> float:
+        """How far off the hand's middle the fingers may meet."""
+        return round(MIDDLE_SHARE * self.opening_mm, 1)
+
+
+def _within(value: float, bounds: tuple[float, float]) -> float:
+    return min(max(value, bounds[0]), bounds[1])
+
+
+GRIPPERS = {model: GripperPreset(profile) for model, profile in PROFILES.items()}
 
 
 class Fingers(NamedTuple):

@@ -120,7 +120,8 @@ def fit(
         if wide.mean <= narrow.mean:
             raise InputError(
                 f"the {wide.width_mm:g} mm block read {wide.mean / 1000:.2f} mm and the "
-                f"{narrow.width_mm:g} mm block {narrow.mean / 1000:.2f} mm; a wider one reads more, measure both again"
+                f"{narrow.width_mm:g} mm block {narrow.mean / 1000:.2f} mm; a wider one reads more, "
+                "measure both again"
             )
     curve = Curve(ordered)
     readings = [profile.stroke_um * k // POINTS for k in range(-BEYOND, POINTS + BEYOND + 1)]

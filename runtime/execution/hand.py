@@ -42,9 +42,9 @@ class Hand:
     """Arm and gripper of one cell, connected, within one table's limits.
 
     Its `calibration` is that of nominal to true widths. `arm_known` tells whether the arm stands where its
-    last acknowledged motion left it, or, before its first one, where it was read first; `may_hold` whether the
-    fingers may hold something: they have not opened since they closed, or since the hand was made. All its
-    places are those where the fingers meet: the arm is sent beside them where that is off its own middle.
+    last acknowledged motion left it, or, before its first one, where it was read first; `may_hold` whether
+    the fingers may hold something: they have not opened since they closed, or since the hand was made. All
+    its places are those where the fingers meet: the arm is sent beside them where that is off its own middle.
 
     Raises:
         TableError: the limits leave no room for the tips' arc.

@@ -11,7 +11,7 @@ from drivers.ports import GripperProfile
 from runtime.errors import TableError
 
 GROUP = "squeezetree.profiles"
-DOUBTED_STEPS = 3  # by which a width may be off, as planned for: of the resolution or the noise
+DOUBT_STEPS = 3  # by which a width may be off, as planned for: of the resolution or the noise
 
 
 PROFILES = {
@@ -29,6 +29,7 @@ PROFILES = {
             force_n=(20.0, 235.0),
             streams=True,
             arc_mm=(57.15, 5.0),
+            fingers_mm=(27.5, 9.5),
             counts=(3, 230),
         ),
         # Commonly published figures, not compared with a manual's page; a user read 230 closed on nothing
@@ -41,6 +42,7 @@ PROFILES = {
             speed_mm_s=(30.0, 250.0),
             force_n=(10.0, 125.0),
             arc_mm=(100.0,),
+            fingers_mm=(27.0, 13.5),
             counts=(3, 230),
         ),
         # Commonly published figures, not compared with a manual's page; early units have 60 to 130 N. The
@@ -52,6 +54,7 @@ PROFILES = {
             noise_um=150,
             speed_mm_s=(20.0, 150.0),
             force_n=(20.0, 185.0),
+            fingers_mm=(22.0, 10.0),
             counts=(0, 255),
         ),
         # Data sheets of DH-Robotics' AG-95 and PGC-140-50: stroke, opening and closing time 0.7 s, force,
@@ -128,7 +131,7 @@ def known(model: str) -> GripperProfile | None:
 
 def doubt_um(resolution_um: float, noise_um: float) -> float:
     """By how much a gripper's widths may all be off, as planned for where a job does not say."""
-    return DOUBTED_STEPS * max(resolution_um, noise_um)
+    return DOUBT_STEPS * max(resolution_um, noise_um)
 
 
 def _plugged_in(model: str, name: str) -> GripperProfile | None:

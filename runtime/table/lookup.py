@@ -183,8 +183,8 @@ def unread(decided: DecisionMap, calibration: Calibration, branches: int) -> lis
 def misfits(table: Table, calibration: Calibration) -> list[str]:
     """What keeps a valid table from a gripper: a sentence a problem, with a remedy.
 
-    The jaws must open as far as the table asks, and some reading must mean each branch, the one nearest to its
-    expected width no other.
+    The jaws must open as far as the table asks, and some reading must mean each branch, the one nearest to
+    its expected width no other.
     """
     problems, widest_um = [], calibration.widest_um
     for index, node in enumerate(table.nodes):

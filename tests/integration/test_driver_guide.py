@@ -23,9 +23,9 @@ BROKEN = {
     "twice": "faulty_driver:nothing",
 }
 FAULTY = """
-def gripper(port, pace, report, *, read_only):
+def gripper(port, pace, report, *, read_only, profile):
     raise KeyError("in the driver")
-def nothing(port, pace, report, *, read_only):
+def nothing(port, pace, report, *, read_only, profile):
     return object()
 """
 

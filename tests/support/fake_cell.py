@@ -28,7 +28,7 @@ class State(NamedTuple):
     current_ma: int = 0
 
     @property
-    def told(self) -> GripperState:
+    def reading(self) -> GripperState:
         """As the port tells it."""
         return state(
             self.position_counts,
@@ -80,7 +80,7 @@ class FakeGripper:
 
     def state(self) -> GripperState:
         self.log.call("gripper", "state")
-        return self.now.told
+        return self.now.reading
 
     def activate(self) -> None:
         self.log.call("gripper", "activate")
@@ -102,7 +102,7 @@ class FakeGripper:
 
     def wait(self) -> Settled:
         self.log.call("gripper", "wait")
-        seen = self.now._replace(echo_counts=self.now.echo_counts + self.echo_off).told
+        seen = self.now._replace(echo_counts=self.now.echo_counts + self.echo_off).reading
         return Settled(seen.width_um, seen.object, self.current_ma, seen.target_um, 0.5)
 
     def stop(self) -> None:

@@ -58,7 +58,7 @@ def test_rejects_of_closed_jaws_that_feel_something_are_distinguished(table, job
 
 def test_pairs_are_close_or_overlap_and_no_others(table, job, evaluation):
     pairs = {(pair.node, pair.lower) for pair in advise(table, evaluation, job).pairs}
-    counts = 4.0 * 1e3 * encoder_of(job).mm_per_count
+    counts = 4.0 * 1e3 * encoder_of(job).mm_per_step
     for index, node in enumerate(table.nodes):
         for lower in range(len(node.branches) - 1):
             below, above = node.branches[lower : lower + 2]

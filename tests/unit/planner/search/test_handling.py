@@ -27,7 +27,7 @@ def job():
 
 def held_at(job, centre):
     """Outcomes of one cluster: a part held at 21 mm, its centre there."""
-    counts = np.full(50, round(230 - 21.0 / encoder_of(job).mm_per_count))
+    counts = np.full(50, round(230 - 21.0 / encoder_of(job).mm_per_step))
     return Outcomes(
         Partition.of([counts]), [Belief.of(np.tile([*centre, 0.1], (50, 1)))], 0.0, 21.0
     )
@@ -62,7 +62,7 @@ def test_a_part_near_the_edge_is_dragged_to_the_middle(job):
 
 def test_nothing_held_is_nothing_dragged(job):
     outcomes = Outcomes(
-        Partition.of([np.full(50, 230)]), [Belief.of(np.tile([145.0, 0.0, 0.0], (50, 1)))], 0.0, 0.0
+        Partition.of([np.full(50, 227)]), [Belief.of(np.tile([145.0, 0.0, 0.0], (50, 1)))], 0.0, 0.0
     )
     handling = handling_of(job)
     assert handling.release(outcomes) is None
