@@ -87,13 +87,16 @@ class Gripper:
         self._move: _Move | None = None
         soft = is_soft(int(link.read("module_type")[0]))
         self._profile = profile or PROFILES["schunk-egk" if soft else "schunk-egu"]
-        names = ("min_pos", "max_pos", "min_vel", "max_vel", "max_grp_vel")
         self._limits = Limits(
-            *(round(1000 * link.read(name)[0]) for name in names),
-            link.read("max_grp_force")[0],
-            soft,
+            lowest_um=self._thousandths("min_pos"),
+            highest_um=self._thousandths("max_pos"),
+            slowest_um_s=self._thousandths("min_vel"),
+            fastest_um_s=self._thousandths("max_vel"),
+            grip_um_s=self._thousandths("max_grp_vel"),
+            force_n=link.read("max_grp_force")[0],
+            soft=soft,
         )
-        stroke_um = round(1000 * link.read("max_phys_stroke")[0])
+        stroke_um = self._thousandths("max_phys_stroke")
         if abs(stroke_um - self._profile.stroke_um) > STROKE_UM:
             raise PortError(
                 f"the gripper at {link.endpoint} opens to {stroke_um / 1000:g} mm, a {self._profile.model} "
@@ -192,6 +195,10 @@ class Gripper:
     def _asked(self) -> Output:
         control, *rest = map(int, self._link.read("plc_sync_output"))
         return Output(Control(control), *rest)
+
+    def _thousandths(self, name: str) -> int:
+        """A parameter in um or um/s."""
+        return round(1000 * self._link.read(name)[0])
 
     def _width_um(self, position_um: int) -> int:
         return self._profile.reading_um(self._profile.step(position_um))
