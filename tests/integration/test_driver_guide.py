@@ -100,7 +100,7 @@ def broken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ("faulty", "failed to open faulty://x:1: KeyError: 'in the driver'"),
         ("nothing", "opened no Gripper (drivers/ports.py): object"),
         ("twice", "broken and second both have a driver for twice://; uninstall one of them"),
-        ("unheard", "is not understood; write it as absent://host:port or faulty://host:port or "),
+        ("unheard", "is not understood; write it as absent://host:port or "),
     ],
 )
 def test_a_broken_driver_is_one_line_and_disturbs_no_other(scheme: str, message: str) -> None:
