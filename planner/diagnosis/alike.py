@@ -39,7 +39,7 @@ class Alike(NamedTuple):
         differs = "its outline is the same"
         if self.apart_mm > symmetry.TOLERANCE_MM:
             differs = f"its outline differs by {self.apart_mm:.2f} mm at most"
-            differs += f", and a reading is {self.grain_mm:.2f} mm"
+            differs += f", and the gripper tells {self.grain_mm:.2f} mm apart"
         turn = f"{self.degrees:.4g} degrees"
         message = f"{self.name}: no squeeze tells how it lies from the same turned by {turn}"
         half, modes = 0.5 * self.degrees, round(360.0 / self.degrees)

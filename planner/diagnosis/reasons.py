@@ -41,7 +41,7 @@ def likeness(job: Job, cut: bool = False) -> Reason | None:
     for kind, shape, what in shapes[: 1 if cut else 2]:
         turn = nearest_turn(shape, job.part.symmetry)
         if BOTH_SIDES * turn.apart_mm < grain_mm:
-            read = f"a reading is {grain_mm:.2f} mm"
+            read = f"the gripper tells {grain_mm:.2f} mm apart"
             differs = f"{what} differs by {turn.apart_mm:.2f} mm a side at most; {read}"
             return Reason(kind, f"turned by {turn.degrees:.0f} degrees {differs}")
     return None

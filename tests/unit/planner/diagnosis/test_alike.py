@@ -80,7 +80,7 @@ def test_symmetry_found_from_the_outline_leaves_nothing_alike():
 def test_difference_below_a_count_is_reported_and_searched_all_the_same():
     (result,) = alike(job_of(chamfered(0.2), "auto"))
     assert (result.degrees, result.hopeless) == (pytest.approx(180.0), False)
-    assert "a count is 0.37 mm" in result.line()
+    assert "the gripper tells 0.37 mm apart" in result.line()
     assert alike(job_of(chamfered(1.0), "auto")) == []
 
 
