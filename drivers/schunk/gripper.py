@@ -1,7 +1,7 @@
 """Device logic of a SCHUNK EGU or EGK: commands by edges of the control word, outcomes by the status word.
 
 A closing motion is a grip, any other a positioning move: only a grip knows what it meets, to a move it is an
-error. What is held is released before anything else. Sources as of `drivers.schunk.registers`.
+error. What is held is released before anything else, another grip of it included. Sources as of `drivers.schunk.registers`.
 """
 
 from collections.abc import Callable
@@ -140,12 +140,7 @@ class Gripper:
         """Ask for a width; a part that is held is released first. `wait` tells how it ended."""
         self._move = None
         seen = self._checked("asked to move")
-        closes = width_um <= self._limits.lowest_um
         if seen.status & Status.GRIPPED:
-            if closes:
-                raise GripperFault(
-                    "the gripper holds something, and does not change its grip; open it first"
-                )
             seen = self._release(seen, width_um)
         output = self._request(width_um, speed_mm_s, force_n)
         way_um = abs(seen.position_um - output.position_um)
