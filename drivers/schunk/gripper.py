@@ -1,7 +1,7 @@
 """Device logic of a SCHUNK EGU or EGK: commands by edges of the control word, outcomes by the status word.
 
 A closing motion is a grip, any other a positioning move: only a grip knows what it meets, to a move it is an
-error. What is held is released before anything else, another grip included. Sources: `drivers.schunk.registers`.
+error. What is held is released before anything else, another grip included. Sources as of `registers`.
 """
 
 from collections.abc import Callable
