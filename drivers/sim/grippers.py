@@ -31,6 +31,7 @@ from drivers.sim.wire.rtu import PtyPort, RtuSlave
 from drivers.sim.wire.serving import Lock, Server, SimulatedTime
 from drivers.stream import Stream
 from runtime.shell.errors import UsageError
+from runtime.table import same_model
 
 
 class SimulatedGripper(Protocol):
@@ -165,8 +166,9 @@ SIMULATORS = {
 
 
 def simulator(model: str) -> Simulator:
-    """How a model is simulated; UsageError where nobody knows."""
-    if model not in SIMULATORS:
-        known = ", ".join(SIMULATORS)
-        raise UsageError(f"there is no simulated gripper {model}; there are {known}")
-    return SIMULATORS[model]
+    """How a model is simulated, however its name is written; UsageError where nobody knows."""
+    for name, result in SIMULATORS.items():
+        if same_model(name, model):
+            return result
+    known = ", ".join(SIMULATORS)
+    raise UsageError(f"there is no simulated gripper {model}; there are {known}")

@@ -125,7 +125,7 @@ def parser() -> Parser:
         "--port",
         type=address,
         help="the gripper: sim (starts grasp-cell), /dev/..., tcp://host:port, rtu+tcp://host:port, "
-        "urcap://host, can:..., dh:///dev/... (DH-Robotics), manual (you type the width that calipers "
+        "urcap://host, can:..., dh:///dev/..., manual (you type the width that calipers "
         "show), or a driver's own scheme",
     )
     add(

@@ -100,7 +100,7 @@ def _devices(port: str) -> list[str]:
     behind = port.partition("://")[2]
     if behind and not behind.startswith("/"):
         return _addresses(port)
-    # The address of a tty may name the make: dh:///dev/ttyUSB0?unit=1.
+    # The address of a tty may name its driver: other:///dev/ttyUSB0?unit=1.
     path = os.path.realpath(behind.partition("?")[0] or port)
     try:
         status = Path(path).stat()
