@@ -14,7 +14,7 @@ from planner.job.model import Job
 from planner.mechanics.simulator import Simulator
 from planner.report import canvas, trajectory
 from planner.report.replay import Replay
-from runtime.table import Calibration, Table, decide, decision_map, error_mm, poses_of
+from runtime.table import Table, decide, decision_map, error_mm, poses_of
 
 MU = 0.5
 OUTLINES = 30  # most outlines of one belief
@@ -29,7 +29,7 @@ class Squeeze(NamedTuple):
     node: int
     hand: Array  # (3,) in the world
     states: Array  # (CLOSING, 4) of the part in the world and the width, at equal times
-    reading: int  # count of the encoder
+    reading_um: int  # as the gripper reads it
 
 
 class Story(NamedTuple):
@@ -57,7 +57,7 @@ def picture(table: Table, job: Job, beliefs: Replay, squeezes: int = 3) -> str:
 def followed(table: Table, simulator: Simulator, pose: Array, squeezes: int) -> Story | None:
     """The way of a part at a pose (3,) in the world, without scatter; None if it is longer or shorter."""
     surface = simulator.nominal(1, MU).surfaces[0]
-    calibration, target, result = Calibration(table.gripper.profile), 0, list[Squeeze]()
+    profile, target, result = table.gripper.profile, 0, list[Squeeze]()
     while target >= 0 and len(result) < squeezes:
         node = table.nodes[target]
         hand = placement_of(node.squeeze)
@@ -68,11 +68,11 @@ def followed(table: Table, simulator: Simulator, pose: Array, squeezes: int) -> 
         widths = np.concatenate([until, np.linspace(begun, end, CLOSING - closing)])
         seen = trajectory.along(states, widths)
         world = np.column_stack([to_world(seen[:, :3], hand), seen[:, 3]])
-        count = calibration.count(round(1e3 * end))
-        branch = decide(decision_map(node, calibration), count, end > 0.0)
+        read_um = profile.reading_um(profile.step(1e3 * end))
+        branch = decide(decision_map(node, table.gripper), read_um, end > 0.0)
         if branch < 0 or node.release is not None:
             return None
-        result.append(Squeeze(target, hand, world, count))
+        result.append(Squeeze(target, hand, world, read_um))
         pose, target = world[-1, :3], node.branches[branch].target
     if target >= 0 or len(result) < squeezes or not table.leaves[~target].resolved:
         return None
@@ -122,8 +122,7 @@ def _drawn(table: Table, job: Job, beliefs: Replay, story: Story) -> str:
                     float(closing[-1]), float(closing[-1]) + 0.2, total_s - 0.3, total_s, total_s
                 ),
                 "angle": math.degrees(squeeze.hand[2]),
-                "count": squeeze.reading,
-                "width": Calibration(table.gripper.profile).width_um(squeeze.reading) / 1e3,
+                "width": squeeze.reading_um / 1e3,
                 "belief": _belief(beliefs.visits[squeeze.node].before),
                 "share": len(beliefs.visits[squeeze.node].before) / len(beliefs.visits[0].before),
                 "believed": _seen(

@@ -66,7 +66,7 @@ def refitted(cells, effort, parts, number):
     """The ranks of what is true of a hidden cell among the draws of its posterior, and the mean's errors."""
     begun = time.process_time()
     truth = cells.space.draw(1, np.random.default_rng([number, 1]))[0]
-    counts = readings(cells.run(truth, parts, number), len(cells.program.table.nodes))
+    counts = readings(cells.run(truth, parts, number), cells.program.table)
     seen = Seen(counts, parts, np.zeros(0, np.int64), np.zeros((0, 3)))
     drawn = posterior(cells, seen, number, Threads(1), effort).cells[:, :-1]
     return {

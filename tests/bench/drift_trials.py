@@ -110,7 +110,7 @@ def _windows(gain: Array, result: Evaluation) -> Array:
 
 
 def _shares(result: Evaluation, table: Table) -> Array:
-    counts = readings(result, len(table.nodes))
+    counts = readings(result, table)
     return np.asarray((counts + PRIOR / COUNTS) / (counts.sum(axis=1, keepdims=True) + PRIOR))
 
 

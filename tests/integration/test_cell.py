@@ -95,9 +95,9 @@ def squeeze(gripper, arm, x_mm, y_mm, angle_rad):
     """Place, close, open; returns the settled reading."""
     arm.move_linear(x_mm, y_mm, 60.0, angle_rad, 250.0)
     arm.move_linear(x_mm, y_mm, 8.0, angle_rad, 250.0)
-    gripper.move(255, 100, 20)
+    gripper.move(-1, 71.0, 37.0)
     settled = gripper.wait()
-    gripper.move(0, 255, 0)
+    gripper.move(85_000, 150.0, 20.0)
     gripper.wait()
     arm.move_linear(x_mm, y_mm, 60.0, angle_rad, 250.0)
     return settled
@@ -124,9 +124,9 @@ def test_parts_lie_in_the_uncertainty_disc_and_move_only_when_squeezed(cell, gri
             for k in range(2):
                 angle = 0.3 + 0.9 * k
                 settled = squeeze(gripper, arm, 2.0, -3.0, angle)
-                width = (230 - settled.position_counts) * 85.0 / 227.0
+                width = settled.width_um / 1000
                 assert width == pytest.approx(21.0, abs=5 * 0.15 + 0.2)
-                assert settled.object_flag == 2
+                assert settled.object == 2
                 seen = scene.truth()
                 # The world centred the part between the fingers and lined it up with them.
                 across = -math.sin(angle) * (seen.x_mm - 2.0) + math.cos(angle) * (seen.y_mm + 3.0)
@@ -144,10 +144,10 @@ def test_above_the_part_the_fingers_meet_nothing(cell):
         scene.next_part()
         before = scene.truth()
         arm.move_linear(0.0, 0.0, 60.0, 0.0, 250.0)
-        gripper.move(255, 255, 0)
-        assert gripper.wait().object_flag == 3
-        gripper.move(0, 255, 0)
-        assert gripper.wait().position_counts == 3
+        gripper.move(-1, 150.0, 20.0)
+        assert gripper.wait().object == 3
+        gripper.move(85_000, 150.0, 20.0)
+        assert gripper.wait().width_um == 85_000
         assert scene.truth() == before
 
 
@@ -187,7 +187,7 @@ def test_same_seed_same_parts_and_widths():
                 lines.append(
                     (
                         scene.truth(),
-                        squeeze(gripper, arm, 0.0, 0.0, 0.5).position_counts,
+                        squeeze(gripper, arm, 0.0, 0.0, 0.5).width_um,
                         scene.truth(),
                     )
                 )
@@ -203,7 +203,7 @@ def test_a_world_without_a_part_lets_the_jaws_close():
     with running.connected() as (gripper, arm, scene):
         gripper.activate()
         settled = squeeze(gripper, arm, 0.0, 0.0, 0.0)
-        assert (settled.position_counts, settled.object_flag) == (230, 3)
+        assert (settled.width_um, settled.object) == (0, 3)
         assert (scene.truth().status, scene.truth().crashes) == ("untouched", 0)
     running.end()
 

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from counting import PROFILE, width_um
 from documents import DOCS, ROOT, blocks, matches, run
 
 from planner.job import model as job_file
@@ -20,8 +21,10 @@ RECTANGLE = ROOT / "trees" / "rectangle" / "rectangle.msgpack"
 def calibrate(path: Path) -> None:
     """What `grasp-calibrate width` writes for a gripper whose counts are linear in the width."""
     counts = (230, 200, 150, 100, 50, 3)
-    gauges = [calibration.Gauge((230 - count) * 85.0 / 227.0, (count,)) for count in counts]
-    calibration.save(calibration.fit(gauges, "C-12345", "2026-01-01T00:00:00Z"), path)
+    gauges = [
+        calibration.Gauge((230 - count) * 85.0 / 227.0, (width_um(count),)) for count in counts
+    ]
+    calibration.save(calibration.fit(gauges, PROFILE, "C-12345", "2026-01-01T00:00:00Z"), path)
 
 
 def test_commissioning_runs_as_written_on_a_simulated_cell(work, environment):

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from counting import by_count
 
 from planner.belief.observation import MARGIN_MM
 from planner.compile import compile_job
@@ -17,11 +16,32 @@ from planner.frames import wrap
 from planner.job import model as job_file
 from planner.search.tree import breadth_first
 from planner.world import ContactWorlds, make
-from runtime.table import HELD_UM, Calibration, decision_map, dumps, load, loads, wilson_interval
+from runtime.table import (
+    HELD_UM,
+    PROFILES,
+    GripperSpec,
+    decision_map,
+    dumps,
+    load,
+    loads,
+    wilson_interval,
+)
 
 TREES = Path(__file__).parents[2] / "trees"
 FEW = {"particles": 300, "search_particles": 30, "max_depth": 3}
 CERTAIN = {"doubt": {"chance": 0.0}, "part": {"tolerance_mm": 0.0}}
+
+GRIPPER = GripperSpec.of(PROFILES["robotiq-2f-85"], 1, 1)
+WIDTHS_UM = np.array(
+    [GRIPPER.profile.reading_um(GRIPPER.steps - k) for k in range(GRIPPER.steps + 1)]
+)
+"""At each reading, in steps of closing."""
+
+
+def meaning(node):
+    """The branch that each reading means, with the flag that it needs."""
+    meant = decision_map(node, GRIPPER).either
+    return np.array([meant.at(width) for width in WIDTHS_UM.tolist()])
 
 
 @pytest.fixture(scope="module")
@@ -74,11 +94,10 @@ def test_tree_and_table_have_the_same_nodes_in_the_same_order(plan):
 
 
 def test_every_reading_seen_in_planning_leads_to_its_own_branch(plan):
-    calibration = Calibration(plan.table.gripper.profile)
     nodes = [node for node in breadth_first(plan.root) if node.children]
     agree = total = 0
     for node, row in zip(nodes, plan.table.nodes, strict=True):
-        outcome = by_count(decision_map(row, calibration))
+        outcome = meaning(row)
         for k in range(len(node.children)):
             for count in range(node.squeeze.clusters.low[k], node.squeeze.clusters.high[k] + 1):
                 agree += outcome[count] == k
@@ -241,12 +260,12 @@ def test_parts_near_the_edge_are_dragged_back_as_the_table_says(job):
 
 def test_no_width_farther_than_the_margin_from_what_a_part_read_ends_at_a_leaf(plan):
     """Between branches such widths are REJECT; one within a branch that goes on is judged by the next one."""
-    calibration, margin = Calibration(plan.table.gripper.profile), MARGIN_MM * 1e3
-    widths = np.array(calibration.widths_um)
+    margin = MARGIN_MM * 1e3
+    widths = WIDTHS_UM
     answered = 0
     nodes = [node for node in breadth_first(plan.root) if node.children]
     for node, row in zip(nodes, plan.table.nodes, strict=True):
-        meant = np.array(by_count(decision_map(row, calibration)))
+        meant = meaning(row)
         for number, child in enumerate(node.children):
             asked = np.flatnonzero(meant == number)
             seen = widths[child.belief.reading]
@@ -259,7 +278,7 @@ def test_no_width_farther_than_the_margin_from_what_a_part_read_ends_at_a_leaf(p
 
 def test_shares_of_busy_branches_are_those_that_parts_took(plan):
     table, run = plan.table, plan.evaluation
-    at_root = np.array(by_count(decision_map(table.nodes[0], table.gripper)))[run.counts[:, 0]]
+    at_root = meaning(table.nodes[0])[run.steps[:, 0]]
     for number, branch in enumerate(table.nodes[0].branches):
         share = np.mean(at_root == number)
         of_other_trials = 4.0 * np.sqrt(2.0 * share * (1.0 - share) / len(at_root))

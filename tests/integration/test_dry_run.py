@@ -76,7 +76,7 @@ def test_check_reads_the_gripper_and_touches_no_arm(
     assert main(["--tree", str(tree), "--check"]) == 0
     out = capsys.readouterr().out
     assert "the table fits the gripper: 2 nodes" in out
-    assert "count 3, which is 85.00 mm" in out
+    assert "stands at 85.00 mm" in out
 
 
 def test_as_json_check_and_dry_run_are_one_document_each(
@@ -88,7 +88,7 @@ def test_as_json_check_and_dry_run_are_one_document_each(
         checked = json.loads(capsys.readouterr().out)
         assert main([*words, "--arm", arm.url, "--dry-run"]) == 0
         record = json.loads(capsys.readouterr().out)["told"]
-    assert checked == {"nodes": 2, "gripper": {"position_counts": 3, "width_mm": 85.0}}
+    assert checked == {"nodes": 2, "gripper": {"reading_mm": 85.0, "width_mm": 85.0}}
     assert sum(sentence.startswith("node ") for sentence in record) == 2
     assert main(["--tree", str(tree), "--check", "--json"]) == 0
     assert json.loads(capsys.readouterr().out) == {"nodes": 2, "gripper": None}
@@ -106,7 +106,7 @@ def test_the_doctor_finds_a_healthy_cell_healthy_and_writes_nothing(
     for line in (
         "The table fits",
         "exists and may be opened",
-        "active and stands at count 3",
+        "active and stands at 85.00 mm",
         "readings",
         "arm",
     ):

@@ -19,7 +19,7 @@ from runtime import VERSION, cli
 from runtime.commands.evidence import main
 from runtime.execution.calibration import Gauge, fit, save
 from runtime.journal.chain import records, verify
-from runtime.table import dump
+from runtime.table import PROFILES, dump
 
 ROOT = Path(__file__).parents[2]
 REHEARSAL = ["--port", "sim", "--time-scale", "max", "--world", "runtime.devices.rehearsal:make"]
@@ -206,8 +206,8 @@ def test_the_commands_of_the_page_do_what_it_says(tmp_path):
     work.mkdir()
     shutil.copyfile(ROOT / "trees" / "rectangle" / "rectangle.msgpack", work / "lever.msgpack")
     widths = (0.0, 20.0, 40.0, 60.0, 80.0)
-    gauges = [Gauge(width, (round(230 - 2.67 * width),) * 3) for width in widths]
-    save(fit(gauges, "S/N 1", "today"), work / "gripper.json")
+    gauges = [Gauge(width, (round(1000 * width),) * 3) for width in widths]
+    save(fit(gauges, PROFILES["robotiq-2f-85"], "S/N 1", "today"), work / "gripper.json")
     environment = {**os.environ, "PATH": f"{shims(tmp_path / 'bin')}:{os.environ['PATH']}"}
     result = blocks(DOCS / "evidence.md")
     for block, printed in zip(result, run(result, work, environment), strict=False):

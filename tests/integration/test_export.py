@@ -51,10 +51,10 @@ int place_hand(int32_t x_um, int32_t y_um, int32_t angle_urad, int32_t opening_u
     printf("%ld %ld %ld %ld ", (long)x_um, (long)y_um, (long)angle_urad, (long)opening_um);
     return 0;
 }
-int close_jaws(int32_t speed_um_s, int32_t force_mn, int32_t *count, int32_t *object_flag)
+int close_jaws(int32_t speed_um_s, int32_t force_mn, int32_t *width_um, int32_t *object_flag)
 {
     printf("%ld %ld ", (long)speed_um_s, (long)force_mn);
-    *count = (int32_t)atol(*reading++);
+    *width_um = (int32_t)atol(*reading++);
     *object_flag = (int32_t)atol(*reading++);
     return 0;
 }
@@ -97,9 +97,9 @@ def wild_rows(table, seed):
     random, oracle = Random(seed), Oracle(table)
     values = [*WILD, *(random.randint(-(2**31), 2**31 - 1) for _ in range(5))]
     for node in (*values, *range(min(3, len(table.nodes))), len(table.nodes)):
-        for count in (*values, 0, 130, 255):
+        for width in (*values, 0, 20_969, 85_000):
             for flag in (*values, 0, 1, 2, 3, 4):
-                yield (node, count, flag, *oracle.answer(node, count, flag))
+                yield (node, width, flag, *oracle.answer(node, width, flag))
 
 
 def test_arguments_that_are_none_are_a_fault_or_a_reject():
@@ -130,14 +130,14 @@ def test_the_check_of_vectors_sees_one_wrong_number(folder):
     program = built(compilers()[0], out)
     right = (out / VECTORS).read_text().splitlines()
     for column in range(3, 7):
-        wrong = right[300].split(",")
+        wrong = right[30].split(",")
         wrong[column] = str(int(wrong[column]) + 1)
-        (out / "wrong.csv").write_text("\n".join([*right[:300], ",".join(wrong), *right[301:]]))
+        (out / "wrong.csv").write_text("\n".join([*right[:30], ",".join(wrong), *right[31:]]))
         done = subprocess.run(
             [program, "check", out / "wrong.csv"], capture_output=True, text=True, check=False
         )
         assert done.returncode == 1
-        assert done.stderr.startswith("row 300:")
+        assert done.stderr.startswith("row 30:")
 
 
 @pytest.mark.slow
@@ -167,11 +167,11 @@ def test_the_guide_s_program_follows_the_tree(folder):
         path = out / f"guide-{compiler}"
         said("-I", out, out / "guide.c", "-o", path, *STRICT, *SANITIZERS, program=compiler)
         for readings, record in {
-            "150 2 174 2": [root, second, "1 1"],
-            "174 2": [root, "1 0"],
-            "150 2 134 2": [root, second, "2 2"],
-            "174 3": [root, "3 -1"],
-            "174 1": [root.rsplit(" ", 3)[0], "4 -1"],
+            "29955 2 20969 2": [root, second, "1 1"],
+            "20969 2": [root, "1 0"],
+            "29955 2 35947 2": [root, second, "2 2"],
+            "20969 3": [root, "3 -1"],
+            "20969 1": [root.rsplit(" ", 3)[0], "4 -1"],
         }.items():
             printed = said(*readings.split(), program=path).split()
             assert printed == " ".join(record).split()
@@ -182,11 +182,11 @@ def test_the_guide_s_program_follows_the_tree(folder):
 def test_structured_text_gives_all_vectors(name, folder):
     table, out = TABLES[name], folder(name, "st")
     block = FunctionBlock((out / "squeezetree_table.st").read_text())
-    assert block.names[INPUT] == ["restart", "node", "count", "object_flag"]
+    assert block.names[INPUT] == ["restart", "node", "width_um", "object_flag"]
     vectors = rows_of(out)
     assert len(vectors) == 512 * len(table.nodes)
     check_structured_text(block, table, (*vectors, *wild_rows(table, 2)))
-    begun = block(restart=True, node=-7, count=300, object_flag=9)
+    begun = block(restart=True, node=-7, width_um=300, object_flag=9)
     assert (begun["outcome"], begun["index"]) == (NODE, 0)
     assert begun["opening_um"] == table.nodes[0].squeeze.opening_um
 
@@ -246,8 +246,8 @@ TWO = """\
 #include <stdio.h>
 int main(void)
 {
-    left_decision one = left_decide(0, 174, 2);
-    right_decision two = right_decide(0, 174, 2);
+    left_decision one = left_decide(0, 20969, 2);
+    right_decision two = right_decide(0, 20969, 2);
     printf("%ld %ld %ld %ld %d %d\\n", (long)one.release_x_um, (long)one.release_y_um, (long)two.release_x_um,
            (long)two.release_y_um, LEFT_NODES, RIGHT_NODES);
     return 0;

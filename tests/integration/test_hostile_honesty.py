@@ -10,8 +10,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import trimesh
+from counting import width_um
 from fake_cell import Deaf, fake_cell
-from sample_tables import GRIPPER, every_field_table, random_table, small_table, with_leaf
+from sample_tables import every_field_table, random_table, small_table, with_leaf
 
 from planner.belief.metric import Mode
 from planner.belief.observation import Partition
@@ -21,6 +22,7 @@ from planner.cli import init
 from planner.evaluation.evaluate import evaluate
 from planner.evaluation.measured import tried, without_untried
 from planner.evaluation.outcome import REJECTED
+from planner.evaluation.trials import encoder_of_table
 from planner.job import model as job_file
 from planner.mechanics.clearance import jaws_of
 from planner.report import canvas
@@ -34,7 +36,6 @@ from runtime.shell.errors import InputError
 from runtime.table import (
     REJECT,
     Branch,
-    Calibration,
     Leaf,
     Node,
     Prediction,
@@ -47,7 +48,6 @@ from runtime.table import (
 from runtime.traversal.results import Outcome, PartResult, Step
 
 TREES = Path(__file__).parents[2] / "trees"
-LINE = Calibration(GRIPPER.profile)
 
 
 def thin_table() -> Table:
@@ -65,18 +65,18 @@ TABLES = [thin_table(), every_field_table(), random_table(3, 1), random_table(8,
 @pytest.mark.parametrize("table", TABLES, ids=["thin", "every field", "random", "another"])
 def test_executor_and_journal_replay_read_every_count_and_flag_by_one_rule(table: Table) -> None:
     root = table.nodes[0]
-    decided = decision_map(root, LINE)
+    decided = decision_map(root, table.gripper)
     header = {"seq": 0, "kind": "header", "table_base64": base64.b64encode(dumps(table)).decode()}
     for count in range(256):
         for flag in (2, 3):
             rig = fake_cell([(count, flag)] * table.limits.max_depth)
             result = Executor(table, rig.cell, Deaf()).run_part(1)
-            branch = decide(decided, count, flag == 2)
+            branch = decide(decided, width_um(count), flag == 2)
             if (
                 result.outcome is Outcome.FAULT
             ):  # a contradiction in itself, which the map refuses too
                 assert (flag, branch, result.steps) == (3, REJECT, ())
-                assert LINE.width_um(count) > 5_000
+                assert width_um(count) > 5_000
                 continue
             assert result.steps[0].target == (
                 None if branch == REJECT else root.branches[branch].target
@@ -102,11 +102,12 @@ class EveryWidth:
 def test_the_evaluation_reads_by_the_same_rule() -> None:
     table, world = thin_table(), EveryWidth()
     result = evaluate(table, job_file.load(TREES / "rectangle" / "job.toml"), world, 300, seed=1)
-    decided = decision_map(table.nodes[0], LINE)
-    for count, width_mm, branch, leaf in zip(
-        result.counts[:, 0], world.width_mm, result.branch[:, 0], result.leaf, strict=True
+    decided = decision_map(table.nodes[0], table.gripper)
+    widths = encoder_of_table(table).width_um(result.steps[:, 0]).tolist()
+    for read, width_mm, branch, leaf in zip(
+        widths, world.width_mm, result.branch[:, 0], result.leaf, strict=True
     ):
-        assert branch == decide(decided, int(count), width_mm > 0)
+        assert branch == decide(decided, read, width_mm > 0)
         assert leaf == (REJECTED if branch == REJECT else branch)
     assert set(result.leaf) == {REJECTED, 0, 1, 2, 3}
     assert np.all(
@@ -120,7 +121,7 @@ def tree_of(table: Table, target: int = 0) -> plans.Node:
     if target >= 0:
         branches = table.nodes[target].branches
         size = np.ones(len(branches), np.int64)
-        clusters = Partition(np.full(256, -1), 1.0 * size, size, size, size)
+        clusters = Partition(1.0 * size, size, size, size)
         children = [tree_of(table, branch.target) for branch in branches]
         node.actions = [plans.Action(plans.Squeeze(np.zeros(3), 85.0, 0.0, clusters), children)]
     return node
@@ -155,7 +156,12 @@ def test_widths_of_what_was_left_out_are_rejected_and_all_others_mean_what_they_
             == len(after.branches)
             == len(kept[old])
         )
-        read = zip(decision_map(before, LINE), decision_map(after, LINE), strict=True)
+        maps = [decision_map(node, table.gripper) for node in (before, after)]
+        read = [
+            tuple(decide(decided, width, felt) for decided in maps)
+            for width in range(0, 86_000, 61)
+            for felt in (False, True)
+        ]
         assert all(
             now == (kept[old].index(was) if was in kept[old] else REJECT) for was, now in read
         )

@@ -58,7 +58,7 @@ def lines(record: Record, bench: Bench, code: int) -> None:
     seen = bench.gripper.state()
     activity = "active" if seen.activated else "not active"
     record("exit_code", code)
-    record("ends", f"fingers at rest at count {seen.position_counts}, {activity}")
+    record("ends", f"fingers at rest at {seen.width_um} um, {activity}")
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -116,7 +116,7 @@ def test_the_end_of_standard_input(sound: Bench, tmp_path: Path, record_property
     )
     assert (process.returncode, output.exists()) == (2, False)
     assert "standard input ended before Enter was pressed" in process.stderr
-    assert "fingers stopped at count" in process.stderr
+    assert "fingers stopped at" in process.stderr
     ended = Ended(process.returncode, process.stdout, process.stderr, output)
     assert list(sound._moving(ended)) == []
     lines(record_property, sound, process.returncode)

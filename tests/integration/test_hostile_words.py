@@ -247,7 +247,7 @@ def sealed(fields: dict[str, object], text: str = "") -> bytes:
         sealed({"kind": ["header"]}),
         sealed({"kind": {"a": 1}}),
         sealed({"time": 7}),
-        sealed({"kind": "header", "journal_version": 1, "widths_um": [{}]}),
+        sealed({"kind": "header", "journal_version": 1, "calibration_um": [{}]}),
         sealed({}, '{"part":' + "[" * 20_000 + "]" * 20_000 + "}"),
         sealed({}, '{"part":' + "9" * 5000 + "}"),
     ],

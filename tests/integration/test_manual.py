@@ -18,7 +18,7 @@ from runtime.commands.arguments import parser
 from runtime.journal.chain import records, verify
 from runtime.journal.replay import Replay
 from runtime.shell.errors import UsageError
-from runtime.table import Place, dump
+from runtime.table import PROFILES, Place, dump
 
 ROOT = Path(__file__).parents[2]
 WAIT_S = 60
@@ -185,17 +185,17 @@ def test_ways_above_the_table_are_not_asked_for_and_a_drag_is(
         connect.arm("manual", read_only=True).move_linear(0, 0, 60, 0.0, 100.0)
 
 
-def test_a_width_is_reported_in_the_table_s_counts(monkeypatch: pytest.MonkeyPatch) -> None:
-    person, gripper = Behind(monkeypatch, "42.5"), connect.gripper("manual:85.0,3,230")
+def test_a_width_is_reported_on_the_grid_of_the_profile(monkeypatch: pytest.MonkeyPatch) -> None:
+    person, gripper = Behind(monkeypatch, "42.5"), connect.gripper("manual")
     with pytest.raises(GripperFault, match="no move"):
         gripper.wait()
-    gripper.move(255, 0, 0)
-    assert gripper.wait()[:2] == (round(230 - 42.5 * 227 / 85), 2)
+    gripper.move(-1, 20.0, 20.0)
+    assert gripper.wait()[:2] == (PROFILES["robotiq-2f-85"].reading_um(round(42.5 * 227 / 85)), 2)
     person.answer = "0"
-    gripper.move(255, 0, 0)
-    assert gripper.wait()[:2] == (230, 3)
+    gripper.move(-1, 20.0, 20.0)
+    assert gripper.wait()[:2] == (0, 3)
     person.answer = EOFError("standard input ended")
-    gripper.move(0, 0, 0)
+    gripper.move(85_000, 20.0, 20.0)
     with pytest.raises(LinkError, match="standard input ended"):
         gripper.wait()
     for port in ("manual:", "manual:1", "manual:a,b,c"):

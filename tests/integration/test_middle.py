@@ -11,6 +11,7 @@ import sys
 from types import SimpleNamespace
 
 import pytest
+from counting import PROFILE, width_um
 from fake_cell import FakeJournal
 from running_cells import ROOT, WAIT_S, RunningCell
 
@@ -52,8 +53,8 @@ def measured(tree):
     """A calibration file with the middle, as the commands write it."""
     widths, result = tree.with_name("gripper.json"), tree.with_name("gripper2.json")
     counts = (230, 200, 150, 100, 50, 3)
-    gauges = [Gauge((230 - count) * 85.0 / 227.0, (count,)) for count in counts]
-    calibration.save(calibration.fit(gauges, "S/N-1", "2026-01-01T00:00:00Z"), widths)
+    gauges = [Gauge((230 - count) * 85.0 / 227.0, (width_um(count),)) for count in counts]
+    calibration.save(calibration.fit(gauges, PROFILE, "S/N-1", "2026-01-01T00:00:00Z"), widths)
     with RunningCell(tree, "--middle", f"{OFF_MM}", "--block", "30,4,-2", time_scale=100) as cell:
         words = ["middle", "--port", cell.endpoints["gripper"], "--arm", cell.endpoints["arm"]]
         words += [

@@ -4,13 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from counting import by_count
 
 from planner.compile import compile_job
 from planner.job import model as job_file
 from planner.paper.search import METHODS, SINGLETON_SHARE
 from planner.search.tree import breadth_first
-from runtime.table import REJECT, Calibration, decision_map, dumps
+from runtime.table import REJECT, decision_map, dumps
 
 RECTANGLE = Path(__file__).parents[2] / "trees" / "rectangle" / "job.toml"
 TRIALS = 2000
@@ -59,10 +58,10 @@ def test_no_open_loop_plan_exceeds_seventy_percent(plans):
 @pytest.mark.parametrize("method", METHODS)
 def test_only_what_was_never_tried_is_rejected_and_hardly_anything_hit(plans, method):
     plan = plans[method]
-    calibration = Calibration(plan.table.gripper.profile)
-    apart = [count for count, width in enumerate(calibration.widths_um) if width > 0]
-    maps = [by_count(decision_map(node, calibration)) for node in plan.table.nodes]
-    rejecting = sum(REJECT in {meant[count] for count in apart} for meant in maps)
+    profile = plan.table.gripper.profile
+    apart = [profile.reading_um(step) for step in range(1, profile.steps + 1)]
+    maps = [decision_map(node, plan.table.gripper).either for node in plan.table.nodes]
+    rejecting = sum(REJECT in {meant.at(width) for width in apart} for meant in maps)
     assert rejecting <= plan.untried
     assert plan.evaluation.summary()["reject_rate"] <= 10.0 * plan.untried / TRIALS
     assert plan.evaluation.crashes <= 0.01 * TRIALS

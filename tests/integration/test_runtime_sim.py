@@ -10,7 +10,6 @@ import time
 from pathlib import Path
 
 import pytest
-from counting import by_count
 from sample_tables import small_table
 
 from runtime.journal.chain import records, verify
@@ -85,15 +84,13 @@ def test_parts_follow_the_table_and_the_journal_justifies_every_decision(tree: P
     data = base64.b64decode(next(records(journal))["table_base64"])
     assert data == dumps(small_table())
     table = loads(data)
-    maps = [by_count(decision_map(node, table.gripper)) for node in table.nodes]
+    maps = [decision_map(node, table.gripper).felt for node in table.nodes]
     squeezes = [entry for entry in records(journal) if entry["kind"] == "squeeze"]
     for entry in squeezes:
-        branch = (
-            maps[entry["node"]][entry["position_counts"]] if entry["object_flag"] == 2 else REJECT
-        )
+        branch = maps[entry["node"]].at(entry["width_um"]) if entry["object_flag"] == 2 else REJECT
         expected = None if branch == REJECT else table.nodes[entry["node"]].branches[branch].target
         assert entry["target"] == expected
-        assert entry["echo_counts"] == 255
+        assert entry["target_um"] == 0
     assert [entry["node"] for entry in squeezes] == [
         node for part in parts for node in part["path"]
     ]
@@ -133,7 +130,7 @@ def test_stop_in_the_middle_of_a_part_leaves_the_declared_safe_state(
     journal = tree.with_name("journal.jsonl")
     *_, stopped, end = records(journal)
     assert (stopped["kind"], stopped["outcome"]) == ("outcome", "stopped")
-    assert stopped["safe_state"][0].startswith("fingers stopped at count ")
+    assert stopped["safe_state"][0].startswith("fingers stopped at ")
     assert (end["kind"], end["exit_code"]) == ("end", 40)
     assert "STOPPED" in out
     assert verify(journal).closed

@@ -91,12 +91,12 @@ static int fuzz(long calls, uint64_t seed)
 
     state = seed * UINT64_C(0x9E3779B97F4A7C15) + 1;
     for (k = 0; k < calls; k++) {
-        int32_t node = argument(SQUEEZETREE_NODES), count = argument(255), flag = argument(3);
-        squeezetree_decision made = squeezetree_decide(node, count, flag);
+        int32_t node = argument(SQUEEZETREE_NODES), width_um = argument(90000), flag = argument(3);
+        squeezetree_decision made = squeezetree_decide(node, width_um, flag);
         int wanted = node >= 0 && node < SQUEEZETREE_NODES && (flag == 2 || flag == 3);
 
         if (!possible(&made) || wanted != (made.outcome != SQUEEZETREE_FAULT)) {
-            fprintf(stderr, "%" PRId32 ", %" PRId32 ", %" PRId32 ": %" PRId32 "\n", node, count, flag, made.outcome);
+            fprintf(stderr, "%" PRId32 ", %" PRId32 ", %" PRId32 ": %" PRId32 "\n", node, width_um, flag, made.outcome);
             return 1;
         }
         met[made.outcome]++;
@@ -109,17 +109,17 @@ static int times(long calls)
 {
     static volatile int32_t sink;
     double sum = 0.0, worst = 0.0;
-    volatile int32_t node, count, flag;
+    volatile int32_t node, width_um, flag;
 
     for (node = 0; node < SQUEEZETREE_NODES; node++) {
-        for (count = 0; count < 256; count++) {
+        for (width_um = 0; width_um < 90000; width_um += 353) {
             for (flag = 2; flag <= 3; flag++) {
                 clock_t begun = clock();
                 double each;
                 long k;
 
                 for (k = 0; k < calls; k++) {
-                    sink = squeezetree_decide(node, count, flag).index;
+                    sink = squeezetree_decide(node, width_um, flag).index;
                 }
                 each = 1e9 * (double)(clock() - begun) / CLOCKS_PER_SEC / (double)calls;
                 sum += each;

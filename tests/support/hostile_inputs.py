@@ -35,7 +35,7 @@ from hostile_changes import chained, journal, sealed, text, values
 from sample_tables import small_table, with_job
 from written_journals import write_run
 
-from runtime.table import dumps, load
+from runtime.table import PROFILES, dumps, load
 from runtime.table.codec import encode
 
 ROOT = Path(__file__).parents[2]
@@ -278,8 +278,15 @@ def gauged() -> bytes:
     from runtime.execution.calibration import Gauge, fit, save
 
     with tempfile.TemporaryDirectory() as name:
-        gauges = [Gauge(0.0, (228, 228)), Gauge(40.0, (110, 111)), Gauge(90.0, (3, 3))]
-        save(fit(gauges, "S-1", "2026-01-01T00:00:00+00:00"), Path(name) / "g.json")
+        gauges = [
+            Gauge(0.0, (700, 700)),
+            Gauge(40.0, (44_900, 44_600)),
+            Gauge(90.0, (85_000, 85_000)),
+        ]
+        save(
+            fit(gauges, PROFILES["robotiq-2f-85"], "S-1", "2026-01-01T00:00:00+00:00"),
+            Path(name) / "g.json",
+        )
         return (Path(name) / "g.json").read_bytes()
 
 

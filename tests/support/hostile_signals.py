@@ -267,7 +267,7 @@ def _failed(ended: Ended) -> Iterator[str]:
 
 
 def _calibration_stopped(ended: Ended) -> Iterator[str]:
-    if ended.code != STOPPED or "fingers stopped at count" not in ended.err:
+    if ended.code != STOPPED or "fingers stopped at" not in ended.err:
         yield "a calibration that was not stopped"
 
 

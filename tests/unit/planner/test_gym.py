@@ -12,7 +12,7 @@ import planner.gym
 from planner.job.model import load
 
 JOB = Path(__file__).parents[3] / "trees" / "rectangle" / "job.toml"
-OPEN = 3  # count of open jaws
+OPEN = 0  # read of open jaws
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from planner.pomdp import DECLARE, Pomdp
 from runtime import table as tables
 
 RECTANGLE = Path(__file__).parents[3] / "trees" / "rectangle"
-EVERY_COUNT = np.arange(256)
+EVERY_READING = np.arange(228)
 
 
 @pytest.fixture(scope="module")
@@ -28,9 +28,11 @@ def declaring(poses):
 def test_the_counts_of_a_width_are_as_likely_as_they_are_read(model):
     encoder, n = model.encoder, 200_000
     for width in (0.0, 0.2, 21.0, 33.3, encoder.opening_mm):
-        said = model.likelihood(EVERY_COUNT, np.tile([0.0, 0.0, 0.0, width], (256, 1)), np.zeros(4))
+        said = model.likelihood(
+            EVERY_READING, np.tile([0.0, 0.0, 0.0, width], (228, 1)), np.zeros(4)
+        )
         read = (
-            np.bincount(encoder.read(np.full(n, width), np.random.default_rng(1)), minlength=256)
+            np.bincount(encoder.read(np.full(n, width), np.random.default_rng(1)), minlength=228)
             / n
         )
         assert said.sum() == pytest.approx(1.0, abs=1e-12)
@@ -120,7 +122,7 @@ def test_the_candidates_are_poses_apart_that_most_parts_come_to(model):
 
 def test_what_no_state_explains_and_what_is_no_state_is_refused(model):
     rng = np.random.default_rng(7)
-    with pytest.raises(ValueError, match="none of 50 states explains the count 17"):
+    with pytest.raises(ValueError, match="none of 50 states explains the reading 17"):
         model.updated(model.initial(50, rng), model.actions[0], 17, rng)
     with pytest.raises(ValueError, match=r"pass \(n, 4\)"):
         model.sample(np.zeros((2, 3)), model.actions[0][:3], rng)

@@ -22,7 +22,7 @@ from planner.job.schema import ABSENT_SECTIONS, FIELDS, TOP_LEVEL
 from planner.part.importers.file import read_outline
 from planner.part.importers.pieces import Options
 from runtime.shell.errors import InputError
-from runtime.table import timing
+from runtime.table import PROFILES, timing
 
 pytestmark = pytest.mark.slow
 
@@ -93,6 +93,12 @@ def test_the_defaults_that_the_comments_show_are_the_defaults(drawing, tmp_path)
     ):
         del shown[example]  # it has no default
     del shown["cell", "regrasp_height_mm"]
+    profile = PROFILES["robotiq-2f-85"]  # what a job does not say of its gripper, it knows
+    assert shown.pop(("gripper", "resolution_mm")) == pytest.approx(
+        profile.resolution_um / 1e3, 1e-3
+    )
+    assert shown.pop(("gripper", "noise_mm")) == profile.noise_um / 1e3
+    assert shown.pop(("doubt", "encoder_mm")) == [-1.1, 1.1]
     cell = {key: shown.pop(("cell", key)) for key in timing.DEFAULTS}
     assert cell == timing.DEFAULTS  # where a job says nothing
     for (name, key), value in shown.items():

@@ -34,7 +34,7 @@ def journal(path: Path, parts: int, table: Path = TREE, seed: int = 1) -> Path:
         steps = [
             (n, int(c), e)
             for n, c, e in zip(
-                ways, encoder_of_table(table).width_um(run.steps[number]), ends, strict=False
+                ways, encoder_of_table(loaded.table).width_um(run.steps[number]), ends, strict=False
             )
         ]
         entries += part(number + 1, steps, "reject" if leaf is None else "leaf", leaf)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from planner.refit.likelihood import Likelihood
+from planner.refit.outcomes import LINE
 
 PARTS = 100
 
@@ -80,11 +81,11 @@ def test_few_cells_make_lines_of_no_curvature_and_stay_finite():
 
 
 def test_steps_on_a_line_tell_where_no_simulated_part_came():
-    """What is seen lies far from what most cells show; between 200 and 256 no part of theirs was."""
+    """What is seen lies far from what most cells show; between 200 and 250 no part of theirs was."""
     rng = np.random.default_rng(6)
     features = rng.uniform(-1.0, 1.0, (300, 1))
     at = 130.0 + 40.0 * features[:, :1, None, None] + 10.0 * rng.standard_normal((300, 2, PARTS, 1))
-    seen = np.bincount(np.rint(205.0 + rng.standard_normal(PARTS)).astype(np.int64), minlength=256)
+    seen = np.bincount(np.rint(205.0 + rng.standard_normal(PARTS)).astype(np.int64), minlength=LINE)
     result = Likelihood.of(features, np.rint(at).astype(np.int64), seen.astype(np.float64), 0)
     best = np.linspace(0.0, 3.0, 301)
     assert best[np.argmax(result.log(best[:, None]))] == pytest.approx(75.0 / 40.0, abs=0.1)

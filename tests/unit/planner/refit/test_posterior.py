@@ -48,7 +48,7 @@ class Plain:
         path = np.tile(np.arange(4), (parts, 1))
         nowhere = np.full(parts, -1)
         return SimpleNamespace(
-            counts=np.column_stack([counts, which]),
+            steps=np.column_stack([counts, which]),
             path=path,
             leaf=nowhere,
             poses=np.zeros((parts, 3)),
@@ -58,7 +58,7 @@ class Plain:
 def drawn(monkeypatch, truth, seed):
     """What parts of a cell read in the mean, and cells of the posterior."""
     run = Plain().run(truth, PARTS, 1000 + seed)
-    counts = readings(run, len(TABLE.nodes))
+    counts = readings(run, TABLE)
     monkeypatch.setattr(refit, "DRAWN", 500)
     seen = Seen(counts, PARTS, np.zeros(0, np.int64), np.zeros((0, 3)))
     result = posterior(
@@ -66,7 +66,7 @@ def drawn(monkeypatch, truth, seed):
     )
     return (
         LOW + SPAN * (run.steps[:, :3].mean(axis=0) - 50.0) / 100.0,
-        counts[3, 100],
+        counts[3, TABLE.gripper.steps - 100],
         result.cells,
     )
 

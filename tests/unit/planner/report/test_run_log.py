@@ -91,8 +91,8 @@ LINES = GOOD.splitlines(keepends=True)
 DAMAGED = {
     "empty": (b"", "is empty"),
     "no journal": (b"hello\n", "line 1 does not verify"),
-    "a count changed": (
-        GOOD.replace(b'"position_counts":10,', b'"position_counts":11,'),
+    "a width changed": (
+        GOOD.replace(b'"width_um":10,', b'"width_um":11,'),
         "line 7 does not",
     ),
     "a line missing": (b"".join(LINES[:3] + LINES[4:]), "line 4 does not verify"),

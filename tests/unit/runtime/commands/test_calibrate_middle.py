@@ -5,6 +5,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from counting import PROFILE, width_um
 from fake_scene import setting
 from sample_tables import small_table
 
@@ -46,9 +47,10 @@ def arguments(tmp_path: Path) -> argparse.Namespace:
     tree, widths = tmp_path / "t.msgpack", tmp_path / "g.json"
     dump(small_table(), tree)
     gauges = [
-        Gauge((230 - count) * 85.0 / 227.0, (count,)) for count in (230, 200, 150, 100, 50, 3)
+        Gauge((230 - count) * 85.0 / 227.0, (width_um(count),))
+        for count in (230, 200, 150, 100, 50, 3)
     ]
-    calibration.save(calibration.fit(gauges, "S/N-1", "2026-01-01T00:00:00Z"), widths)
+    calibration.save(calibration.fit(gauges, PROFILE, "S/N-1", "2026-01-01T00:00:00Z"), widths)
     words = [
         "middle",
         "--port",
@@ -71,7 +73,7 @@ def test_stopped_calibration_never_lifts_the_fixed_block(
         cell = VirtualCell(setting()._replace(block=Block(BLOCK_MM)), 5)
         log: list[str] = []
         devices = SimpleNamespace(
-            gripper=lambda port, cell=cell, log=log, at=number: Interrupted(
+            gripper=lambda port, profile, *, cell=cell, log=log, at=number: Interrupted(
                 cell.gripper(), log, at
             ),
             arm=lambda port, cell=cell, log=log, at=number: Interrupted(cell.arm(), log, at),

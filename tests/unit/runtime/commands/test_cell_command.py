@@ -24,7 +24,9 @@ from runtime.shell.errors import UnreachableError
 )
 def test_documented_ur_commands_connect_and_hold_both_devices(gripper: str, arm: str) -> None:
     rig = fake_cell([])
-    drivers = SimpleNamespace(gripper=lambda port, **_: rig.gripper, arm=lambda url, **_: rig.arm)
+    drivers = SimpleNamespace(
+        gripper=lambda port, profile, **_: rig.gripper, arm=lambda url, **_: rig.arm
+    )
     parsed = arguments.parser().parse_args(["--tree", "t", "--port", gripper, "--arm", arm])
     with ExitStack() as stack:
         connect(parsed, small_table(), Deaf(), drivers, stack, lambda kind, fields: None)

@@ -151,7 +151,6 @@ def test_a_silent_gripper_is_looked_for(heard, verdict: Verdict, message: str) -
     ("state", "verdict"),
     [
         (State(), Verdict.GOOD),
-        (State(fault=0x09), Verdict.GOOD),
         (State(activated=False), Verdict.WARNING),
         (State(fault=0x0E), Verdict.BAD),
     ],
@@ -182,7 +181,7 @@ def test_an_arm_far_from_its_work_is_reported() -> None:
 
 def test_a_table_that_does_not_fit_is_reported() -> None:
     assert verdicts(doctor.check_table(small_table(), CALIBRATION)) == [Verdict.GOOD]
-    narrow = Calibration(tuple(min(width, 60_000) for width in CALIBRATION.widths_um))
+    narrow = Calibration(GRIPPER.profile, ((0, 0), (60_000, 60_000)))
     assert "node 0 opens" in only(doctor.check_table(small_table(), narrow)).sentence
 
 
@@ -192,7 +191,7 @@ class Drivers:
     def __init__(self, error: Exception | None = None) -> None:
         self.rig, self.error = fake_cell([]), error
 
-    def gripper(self, port: str, *, read_only: bool):
+    def gripper(self, port: str, profile: object, *, read_only: bool):
         assert read_only
         if self.error is not None:
             raise self.error
@@ -223,19 +222,24 @@ def test_all_checks_of_a_healthy_cell(tmp_path: Path) -> None:
     assert set(verdicts(result)) == {Verdict.GOOD}
     assert len(result) == 4
     assert {call.name for call in drivers.rig.log.calls} == {"state", "pose", "close"}
-    assert len(list(findings("/dev/null", None, None, None, drivers, System(proc=tmp_path)))) == 5
+    assert (
+        len(list(findings("/dev/null", None, None, CALIBRATION, drivers, System(proc=tmp_path))))
+        == 5
+    )
 
 
 def test_devices_that_do_not_answer_are_findings(tmp_path: Path) -> None:
     drivers = Drivers(ConnectionError("no route"))
     result = list(
-        findings("tcp://doctor:1", "tcp://h:2", None, None, drivers, System(proc=tmp_path))
+        findings("tcp://doctor:1", "tcp://h:2", None, CALIBRATION, drivers, System(proc=tmp_path))
     )
     assert verdicts(result) == [Verdict.BAD, Verdict.BAD]
-    result = list(findings("/dev/null", None, None, None, drivers, System(proc=tmp_path)))
+    result = list(findings("/dev/null", None, None, CALIBRATION, drivers, System(proc=tmp_path)))
     assert verdicts(result) == [Verdict.GOOD, Verdict.GOOD, Verdict.GOOD, Verdict.BAD, Verdict.BAD]
     assert "The gripper does not answer: no route." in result[3].sentence
-    assert verdicts(findings("/dev/ttyNONE", None, None, None, drivers, System())) == [Verdict.BAD]
+    assert verdicts(findings("/dev/ttyNONE", None, None, CALIBRATION, drivers, System())) == [
+        Verdict.BAD
+    ]
 
 
 def test_the_command_prints_each_finding_and_ends_with_26_if_one_is_bad(
