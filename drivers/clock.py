@@ -1,6 +1,8 @@
 """Time as the drivers use it: a clock that can be replaced, and budgets in the devices' own seconds."""
 
+import threading
 import time
+from collections.abc import Callable
 
 LINK_TIMEOUT_S = (
     0.5  # one transaction, wall time (Robotiq SDK connection_config; devices answer in ~5 ms)
@@ -18,6 +20,17 @@ class Clock:
     def sleep(self, seconds: float) -> None:
         """Pause for so many seconds."""
         time.sleep(max(seconds, 0.0))
+
+    def every(self, seconds: float, happens: Callable[[], None]) -> Callable[[], None]:
+        """Have something happen again and again, in a thread of its own; returns what ends that."""
+        ended = threading.Event()
+
+        def repeat() -> None:
+            while not ended.wait(seconds):
+                happens()
+
+        threading.Thread(target=repeat, name="every", daemon=True).start()
+        return ended.set
 
     def idle(self, seconds: float, until: float) -> None:
         """Pause between two looks at a device, for less if the moment `until` comes first.
@@ -41,6 +54,10 @@ class Pace:
     def pause(self, seconds: float) -> None:
         """Sleep for so many device seconds."""
         self.clock.sleep(seconds / self.time_scale)
+
+    def every(self, seconds: float, happens: Callable[[], None]) -> Callable[[], None]:
+        """Have something happen every so many device seconds; returns what ends that."""
+        return self.clock.every(seconds / self.time_scale, happens)
 
     def idle(self, until: float) -> None:
         """Pause between two looks at a busy device, at most until the wall time `until`."""

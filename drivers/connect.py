@@ -4,10 +4,10 @@ Gripper ports: a tty path (Modbus RTU, 115200 8N1, slave 9), `rtu+tcp://host:por
 port), `tcp://host:port` (Modbus TCP; `?unit=9` and others, see `drivers.robotiq.modbus`, name another unit
 than 2), `urcap://host` (text socket of Robotiq's URCap on a UR controller),
 `can:channel` (CANopen, see `drivers.robotiq.canopen`), `dh:///dev/...` (DH-Robotics, drivers/dh/README.md),
-`manual` (somebody types widths). Arms: `tcp://host:port` (open_abb), `ur://host` (UR controller),
-`omnicore://host` (Robot Web Services 2), with frames and limits after a `?`:
-`tcp://192.168.125.1:5000?tool=0,0,150&base=-300,0,0`; `manual` (somebody moves the hand), `manual+tcp://...`
-(and a simulated one follows). Simulated scenes: `tcp://host:port`.
+`schunk:///dev/...` (SCHUNK, drivers/schunk/README.md), `manual` (somebody types widths). Arms:
+`tcp://host:port` (open_abb), `ur://host` (UR controller), `omnicore://host` (Robot Web Services 2), with
+frames and limits after a `?`: `tcp://192.168.125.1:5000?tool=0,0,150&base=-300,0,0`; `manual` (somebody moves
+the hand), `manual+tcp://...` (and a simulated one follows). Simulated scenes: `tcp://host:port`.
 
 A device of another make is one more line in `GRIPPERS` or `ARMS`, or a package of its own that names its
 scheme and the function that opens it as an entry point (tools/docs/drivers.md).
@@ -45,6 +45,7 @@ GRIPPERS = Makes(
         **dict.fromkeys((TTY, "rtu+tcp", "tcp", "urcap"), "drivers.connect:robotiq_gripper"),
         "can": "drivers.robotiq.canopen:gripper",
         "dh": "drivers.dh.gripper:gripper",
+        "schunk": "drivers.schunk.gripper:gripper",
         MANUAL: "drivers.manual:gripper",
     },
 )

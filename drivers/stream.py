@@ -20,6 +20,9 @@ from runtime.shell.host_names import addresses_of
 CONNECT_S = 5.0  # wall; to find a host's address and to be accepted there
 SEND_S = 0.5  # wall; a request has some hundred bytes at most, which a line takes in milliseconds
 CHUNK = 4096
+PSEUDO_TERMINALS = range(
+    136, 144
+)  # major numbers (Linux, devices.txt): they refuse to have a parity
 
 
 class StalledError(TimeoutError):
@@ -76,15 +79,15 @@ class TcpStream:
 
 
 class SerialStream:
-    """A serial port, 8N1, held exclusively.
+    """A serial port, 8 data bits and 1 stop bit, held exclusively; a pseudo-terminal has no parity.
 
     Raises:
         PortError: no such device, no permission, not a serial port, or in use.
     """
 
-    def __init__(self, path: str, baud: int) -> None:
+    def __init__(self, path: str, baud: int, parity: str = serial.PARITY_NONE) -> None:
         self.endpoint = path
-        self._port = _opened(path, baud)
+        self._port = _opened(path, baud, parity)
         # An FTDI adapter keeps what it received for 16 ms otherwise; other ports do not know the request.
         with contextlib.suppress(ValueError, OSError):
             self._port.set_low_latency_mode(True)
@@ -192,10 +195,12 @@ def connected(host: str, port: int, seconds: float) -> socket.socket:
     raise failed
 
 
-def _opened(path: str, baud: int) -> serial.Serial:
+def _opened(path: str, baud: int, parity: str) -> serial.Serial:
     try:
         if stat.S_ISCHR(Path(path).stat().st_mode):
-            return serial.Serial(path, baud, timeout=0, exclusive=True)
+            if os.major(Path(path).stat().st_rdev) in PSEUDO_TERMINALS:
+                parity = serial.PARITY_NONE
+            return serial.Serial(path, baud, parity=parity, timeout=0, exclusive=True)
     except OSError as error:
         raise port_error(path, error) from error
     raise PortError(f"{path} is not a serial port; name a device such as /dev/ttyUSB0")

@@ -16,6 +16,9 @@ from drivers.dh.link import RtuLink
 from drivers.ports import Gripper, Report
 from drivers.robotiq.gripper import Gripper as RobotiqGripper
 from drivers.robotiq.modbus import rtu_link
+from drivers.schunk import registers as schunk
+from drivers.schunk.gripper import Gripper as SchunkGripper
+from drivers.schunk.link import SchunkLink
 from drivers.sim import grippers
 from drivers.sim.faults import SCENE_KINDS, Listed, Seeded
 from drivers.sim.physics.scene import Setting
@@ -170,6 +173,28 @@ class WatchedDh(WatchedLink):
         self._link.write(register, value)
 
 
+class WatchedSchunk(WatchedLink):
+    """That of a SCHUNK gripper."""
+
+    def read(self, name: str) -> tuple[float, ...]:
+        self.transactions += 1
+        values: tuple[float, ...] = self._link.read(name)
+        if name == "plc_sync_input":
+            status = schunk.Status(int(values[0]))
+            self._watch.read(ready=bool(status & schunk.Status.READY))
+        return values
+
+    def write(self, name: str, *values: float) -> None:
+        self.transactions += 1
+        motion = int(values[0]) & schunk.MOTIONS and name == "plc_sync_output"
+        if motion and values != self._last:
+            self._watch.go(int(values[1]))
+        self._last = values
+        self._link.write(name, *values)
+
+    _last: tuple[float, ...] = ()
+
+
 def watched(cell: VirtualCell, watch: Watch, report: Report) -> tuple[Gripper, WatchedLink]:
     """The driver of the cell's gripper, with a watch on its link."""
     profile, pace, stream = cell.works.profile, cell.pace, cell.serial()
@@ -177,6 +202,9 @@ def watched(cell: VirtualCell, watch: Watch, report: Report) -> tuple[Gripper, W
     if cell.works.simulator is grippers.DH:
         link = WatchedDh(RtuLink(stream, pace, report), watch)
         return DhGripper(link, pace, report, profile), link
+    if cell.works.simulator is grippers.SCHUNK:
+        link = WatchedSchunk(SchunkLink(stream, pace, report, read_only=False), watch)
+        return SchunkGripper(link, pace, report, profile), link
     link = WatchedRobotiq(rtu_link(stream, pace, report), watch)
     return RobotiqGripper(link, pace, report, profile), link
 

@@ -13,12 +13,17 @@ from drivers.ports import Gripper, GripperProfile, Report
 from drivers.robotiq.frames import TCP
 from drivers.robotiq.gripper import Gripper as RobotiqGripper
 from drivers.robotiq.modbus import rtu_link
+from drivers.schunk import gripper as schunk_driver
+from drivers.schunk import registers as schunk
 from drivers.sim.devices.dh import DhModel, DhRegisters, FaultyDhModel
 from drivers.sim.devices.faulty import FaultyGripper
 from drivers.sim.devices.gripper import GripperModel
 from drivers.sim.devices.gripper_tcp import MbapSlave, TcpPort, stop_jaws
 from drivers.sim.devices.gripper_urcap import Urcap, UrcapPort
 from drivers.sim.devices.jaws import Jaws, Surroundings
+from drivers.sim.devices.schunk import SchunkModel
+from drivers.sim.devices.schunk_faulty import FaultySchunkModel
+from drivers.sim.devices.schunk_registers import SchunkRegisters
 from drivers.sim.faults import Desk
 from drivers.sim.wire.line import CleanLine
 from drivers.sim.wire.modbus import GripperRegisters
@@ -130,14 +135,33 @@ def _dh_driver(stream: Stream, pace: Pace, report: Report, profile: GripperProfi
     return DhGripper(RtuLink(stream, pace, report), pace, report, profile)
 
 
+def _schunk_device(mount: Mount) -> SchunkModel:
+    if mount.desk is not None:
+        return FaultySchunkModel(mount.rng, mount.surroundings, mount.profile, mount.desk)
+    return SchunkModel(mount.rng, mount.surroundings, mount.profile)
+
+
+def _schunk_slave(device: SchunkModel, now: Callable[[], float], line: CleanLine) -> RtuSlave:
+    return RtuSlave(SchunkRegisters(device, now), line, schunk.UNIT)
+
+
+def _schunk_ports(device: SchunkModel, bench: Bench) -> Ports:
+    slave = _schunk_slave(device, bench.time.now, bench.line())
+    pty = PtyPort(slave, bench.lock, bench.time)
+    return Ports([pty], pty.path, f"schunk://{pty.path}")
+
+
 ROBOTIQ = Simulator(_robotiq_device, _robotiq_slave, _robotiq_ports, _robotiq_driver)
 DH = Simulator(_dh_device, _dh_slave, _dh_ports, _dh_driver)
+SCHUNK = Simulator(_schunk_device, _schunk_slave, _schunk_ports, schunk_driver.over)
 SIMULATORS = {
     "robotiq-2f-85": ROBOTIQ,
     "robotiq-2f-140": ROBOTIQ,
     "hand-e": ROBOTIQ,
     "dh-ag95": DH,
     "dh-pgc140-50": DH,
+    "schunk-egu": SCHUNK,
+    "schunk-egk": SCHUNK,
 }
 
 

@@ -77,6 +77,24 @@ PROFILES = {
             speed_mm_s=(0.714, 71.4),
             force_n=(40.0, 140.0),
         ),
+        # An EGU 60 and an EGK 25 of SCHUNK, as their parameters read (drivers/schunk/README.md): min_vel,
+        # max_vel, min_grp_force, max_grp_force. They read whole um; the noise is a guess.
+        GripperProfile(
+            model="schunk-egu",
+            stroke_um=120_000,
+            resolution_um=10.0,
+            noise_um=20,
+            speed_mm_s=(10.0, 110.0),
+            force_n=(325.0, 650.0),
+        ),
+        GripperProfile(
+            model="schunk-egk",
+            stroke_um=53_000,
+            resolution_um=10.0,
+            noise_um=20,
+            speed_mm_s=(5.0, 120.0),
+            force_n=(25.0, 50.0),
+        ),
     )
 }
 # Further names of the same models, as `_normalised`.

@@ -21,4 +21,5 @@ def table_for(model: str) -> Table:
     )
     gripper = table.gripper
     gripper = GripperSpec.of(profile, gripper.finger_length_um, gripper.finger_width_um)
-    return replace(table, gripper=gripper, nodes=nodes)
+    limits = replace(table.limits, max_force_mn=max(table.limits.max_force_mn, force_mn))
+    return replace(table, gripper=gripper, limits=limits, nodes=nodes)

@@ -59,6 +59,18 @@ class VirtualClock(Clock):
         """Have something happen at a moment."""
         heapq.heappush(self._coming, (moment, next(self._number), happens))
 
+    def every(self, seconds: float, happens: Callable[[], None]) -> Callable[[], None]:
+        """Have something happen again and again; returns what ends that."""
+        ended: list[bool] = []
+
+        def repeat() -> None:
+            if not ended:
+                happens()
+                self.at(self._now + seconds, repeat)
+
+        self.at(self._now + seconds, repeat)
+        return lambda: ended.append(True)
+
     def watch(self, next_change: Callable[[], float]) -> None:
         """Take a device's word for when it will next look different."""
         self._watched.append(next_change)

@@ -97,6 +97,7 @@ runtime/OUTCOMES
 drivers/abb/README
 drivers/camera/README
 drivers/dh/README
+drivers/schunk/README
 drivers/sim/FAULTS
 ```
 

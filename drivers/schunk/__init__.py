@@ -1,0 +1,1 @@
+"""SCHUNK EGU and EGK grippers: parameters as data, device logic, Modbus RTU."""

@@ -1,0 +1,106 @@
+"""The parameters of a SCHUNK gripper over Modbus RTU."""
+
+import threading
+from functools import partial
+
+from pymodbus.pdu import ModbusPDU
+from pymodbus.pdu.register_message import ReadHoldingRegistersRequest, WriteMultipleRegistersRequest
+
+from drivers.clock import Pace
+from drivers.errors import LinkError, ReadOnlyError
+from drivers.modbus.framing import RtuFraming
+from drivers.modbus.master import Master
+from drivers.ports import Report
+from drivers.schunk.registers import PARAMETERS, UNIT, Parameter
+from drivers.stream import Stream
+
+# The gripper takes a second or two without a request for ERR_COMM_LOST, [BKS] pauses for 0.5 s at most.
+ALIVE_S = 0.2
+# No other parameter that is read has so many registers: an answer to an earlier request that comes late is
+# none to this one, and whatever was asked before it has been answered once it is.
+FENCE = PARAMETERS["sw_version_txt"]
+
+
+class SchunkLink(Master):
+    """A gripper's parameters on a serial line, which is owned from now on and never falls silent for long.
+
+    Args:
+        stream: the line.
+        pace: its time.
+        report: told of every retry and failure.
+        unit: slave id.
+        read_only: whether a write is refused, by a ReadOnlyError.
+    """
+
+    def __init__(
+        self, stream: Stream, pace: Pace, report: Report, unit: int = UNIT, *, read_only: bool
+    ) -> None:
+        hint = "check that it is a SCHUNK EGU or EGK, and the unit of its port's name"
+        super().__init__(stream, RtuFraming(), pace, report, wrong_device=hint)
+        self._unit = unit
+        self._read_only = read_only
+        self._line = threading.Lock()
+        self._quiet = False  # while nobody waits for the answer
+        self._let_go = pace.every(ALIVE_S, self._keep_alive)
+
+    def read(self, name: str) -> tuple[float, ...]:
+        """The elements of a parameter; tried up to 3 times, since reading changes nothing."""
+        return self._repeated(partial(self._read_once, PARAMETERS[name]))
+
+    def write(self, name: str, *values: float) -> None:
+        """Write a parameter, once."""
+        parameter = PARAMETERS[name]
+        data = parameter.pack(*values)
+        if self._read_only:
+            raise ReadOnlyError(
+                f"a dry run was about to write {data.hex()} to {name} of the gripper at {self.endpoint}"
+            )
+        words = [int.from_bytes(data[at : at + 2], "big") for at in range(0, len(data), 2)]
+        self.transact(
+            WriteMultipleRegistersRequest(
+                address=parameter.address, registers=words, dev_id=self._unit
+            )
+        )
+
+    def transact(self, request: ModbusPDU) -> ModbusPDU:
+        """Ask once, and return an answer that is none to an earlier request."""
+        with self._line:
+            return self._in_step(request)
+
+    def close(self) -> None:
+        """Hang up; moves nothing, but the gripper misses its requests before long."""
+        self._let_go()
+        super().close()
+
+    def _in_step(self, request: ModbusPDU) -> ModbusPDU:
+        if self._out_of_step:
+            super().transact(self._question(FENCE))
+        return super().transact(request)
+
+    def _read_once(self, parameter: Parameter) -> tuple[float, ...]:
+        reply = self.transact(self._question(parameter))
+        self._check_in_time()
+        return parameter.unpack(b"".join(word.to_bytes(2, "big") for word in reply.registers))
+
+    def _question(self, parameter: Parameter) -> ModbusPDU:
+        return ReadHoldingRegistersRequest(
+            address=parameter.address, count=parameter.registers, dev_id=self._unit
+        )
+
+    def _keep_alive(self) -> None:
+        """Ask something if nobody has for a while; whoever asks next meets what is wrong."""
+        idle_s = self._pace.elapsed(self._free_at)
+        if idle_s < ALIVE_S or self._lost or not self._line.acquire(blocking=False):
+            return
+        self._quiet = True
+        try:
+            self._in_step(self._question(PARAMETERS["plc_sync_input"]))
+        except LinkError:
+            pass
+        finally:
+            self._quiet = False
+            self._line.release()
+
+    def _tell(self, incident: str, **details: object) -> None:
+        if not self._quiet:  # a journal is of one thread
+            super()._tell(incident, **details)

@@ -1,0 +1,434 @@
+"""A SCHUNK EGU or EGK with Modbus RTU as a state machine over simulated time; no I/O, no clock.
+
+Behaviour from the sources of `drivers.schunk.registers`. What they leave open, the device does so that a
+driver must not rely on it: a contact while positioning is an error, an outcome shows late, a grip cannot be
+changed while something is held.
+"""
+
+import math
+import random
+from typing import NamedTuple
+
+from drivers.ports import GripperProfile
+from drivers.schunk.registers import (
+    COMM_LOST,
+    EGK_25_M_B,
+    EGU_60_M_B,
+    ERRORS,
+    FAST_STOP,
+    MOTIONS,
+    MOVE_BLOCKED,
+    NOT_FEASIBLE,
+    NOT_FEASIBLE_WARNING,
+    OUTCOMES,
+    PARAMETERS,
+    Command,
+    Control,
+    Output,
+    Status,
+    is_soft,
+)
+from drivers.sim.devices.jaws import Stroke, Surroundings
+
+CYCLE_S = 0.002  # between two refreshes of the status
+LAG_CYCLES = (1, 5)  # of an outcome behind the end of its motion
+SILENCE_S = 1.0  # then ERR_COMM_LOST; bkstools pauses for 0.5 s, users report that 2 s are too long
+MESSAGES = 32  # [CM] 4.2: sys_msg_req selects one of 0 to 31
+
+
+class Module(NamedTuple):
+    """What the read-only parameters of one model say, beside its profile."""
+
+    module_type: int
+    grip_mm_s: float  # with 100 percent of the force
+    allowed_n: float  # of a StrongGrip; 0: it has none
+    mass_kg: float
+
+
+# [DUMP], with the limits of the opening as delivered.
+MODULES = {
+    "schunk-egu": Module(EGU_60_M_B, 25.0, 1300.0, 2.9),
+    "schunk-egk": Module(EGK_25_M_B, 20.0, 0.0, 0.62),
+}
+
+_COMMANDS = {
+    Command.RELEASE: Control.RELEASE,
+    Command.GRIP_AT_POSITION: Control.GRIP_AT_POSITION,
+    Command.MOVE_ABSOLUTE: Control.MOVE_ABSOLUTE,
+    Command.GRIP: Control.GRIP,
+    Command.MOVE_RELATIVE: Control.MOVE_RELATIVE,
+}
+
+
+class Stop(NamedTuple):
+    """How a motion ends: bits of the status, and an error or 0."""
+
+    status: Status
+    error: int = 0
+    met: bool = False  # whether a part stopped the fingers
+
+
+REACHED = Stop(Status.SUCCESS | Status.POSITION_REACHED)
+EMPTY = Stop(Status.NO_WORKPIECE)
+HELD = Stop(Status.SUCCESS | Status.GRIPPED, met=True)
+WRONG = Stop(Status.WRONG_WORKPIECE | Status.GRIPPED, met=True)
+BLOCKED = Stop(Status(0), MOVE_BLOCKED, met=True)
+
+
+class SchunkModel:
+    """A gripper with a brake from power-up on. Times are simulated seconds and never go back.
+
+    Args:
+        rng: draws the lags of the outcomes.
+        surroundings: what the fingers may meet.
+        profile: stroke, speeds and forces.
+        silence_s: how long nobody may ask anything.
+    """
+
+    def __init__(
+        self,
+        rng: random.Random,
+        surroundings: Surroundings | None,
+        profile: GripperProfile,
+        silence_s: float = SILENCE_S,
+    ) -> None:
+        self.profile, self.module = profile, MODULES[profile.model]
+        self.written: list[str] = []  # names of the parameters that were written
+        self.outcome_delay_s = 0.0  # how much later than usual an outcome shows
+        self._rng = rng
+        self._surroundings = surroundings or Surroundings()
+        self._silence_s = silence_s
+        self._now = self._heard_s = self._shown_s = 0.0
+        self._stroke = Stroke(profile.stroke_um / 1000, 0.0, 0.0, profile.stroke_um / 1000, 0)
+        self._stop = REACHED
+        self._ends_s = math.inf  # when the status tells of the motion under way; infinity: none is
+        self._met_mm: float | None = None  # opening at which the closing under way meets something
+        self._holding = False  # whether the fingers press on a part
+        self._positioning = False  # whether the last command asked for a position, not for a grip
+        self._messages: list[str] = []
+        self._settings: dict[str, tuple[float | bytes, ...]] = {}
+        self._power_up()
+
+    def _power_up(self) -> None:
+        """What the supply's failure leaves: the brake holds, every control bit reads as set ([DUMP])."""
+        self._settings = {
+            name: parameter.unpack(bytes(216)) for name, parameter in PARAMETERS.items()
+        }
+        self._settings.update({name: (value,) for name, value in self._facts().items()})
+        self._control, self._output = Control(0xFFFFFFFF), Output(Control(0xFFFFFFFF))
+        self._status, self._warning, self._additional = Status(0), 0, 0
+        self._halt()
+        self._fail(FAST_STOP)
+
+    def _facts(self) -> dict[str, float | bytes]:
+        module, profile = self.module, self.profile
+        stroke_mm = profile.stroke_um / 1000
+        return {
+            "module_type": module.module_type,
+            "fieldbus_type": 7,
+            "max_phys_stroke": stroke_mm,
+            "min_pos": 0.0,
+            "max_pos": stroke_mm,
+            "min_vel": profile.speed_mm_s[0],
+            "max_vel": profile.speed_mm_s[1],
+            "max_grp_vel": module.grip_mm_s,
+            "min_grp_force": profile.force_n[0],
+            "max_grp_force": profile.force_n[1],
+            "max_allow_force": module.allowed_n,
+            "dead_load_kg": module.mass_kg,
+            "wp_release_delta": 5.0,
+            "grp_prepos_delta": 5.0,
+            "grp_pos_margin": 2.0,
+            "wp_lost_dst": 1.0,
+            "meas_lgc_temp": 35.0,
+            "meas_lgc_volt": 24.0,
+            "meas_mot_volt": 24.0,
+            "baudrate": 115200,
+            "slave_id": 12,
+            "ctrl_authority": 2,
+            "serial_no_num": 1,
+            "serial_no_txt": b"SIMULATED       ",
+            "order_no_txt": b"0               ",
+            "sw_version_txt": b"5.3.1                 ",
+            "sw_version_num": 503,
+        }
+
+    # -- parameters -------------------------------------------------------------------------------
+
+    def read(self, name: str, now_s: float) -> bytes:
+        """The bytes of a parameter, as the last refresh before `now_s` left them."""
+        self._hear(now_s)
+        self.advance(max(math.floor(now_s / CYCLE_S) * CYCLE_S, self._now))
+        self._shown_s = self._now
+        return PARAMETERS[name].pack(*self._values(name))
+
+    def write(self, name: str, data: bytes, now_s: float) -> None:
+        """Write a parameter, and obey."""
+        self._hear(now_s)
+        self.advance(now_s)
+        self.written.append(name)
+        values = PARAMETERS[name].unpack(data)
+        self._settings[name] = values
+        if name == "plc_sync_output":
+            control, position, velocity, force = map(int, values)
+            self._obey(Output(Control(control), position, velocity, force))
+        elif name == "command_code":
+            self._settings[name] = (0,)
+            self._obey_code(int(values[0]))
+
+    def _values(self, name: str) -> tuple[float | bytes, ...]:
+        position_mm = self._stroke.at(self._now)
+        match name:
+            case "plc_sync_input":
+                warning = (self._warning, self._additional)
+                return (self._status, int(1000 * position_mm), 0, self._error, *warning)
+            case "plc_sync_output":
+                return self._output
+            case "err_code":
+                return (self._error,)
+            case "wrn_code":
+                return (self._warning,)
+            case "actual_pos":
+                return (position_mm,)
+            case "actual_vel":
+                return (self._stroke.rate if self._now < self._stroke.end_s else 0.0,)
+            case "system_uptime":
+                return (int(self._now),)
+            case "sys_msg_buffer":
+                wanted = int(self._settings["sys_msg_req"][0])
+                texts = [*reversed(self._messages)]
+                text = texts[wanted] if wanted < len(texts) else ""
+                return (text.encode("ascii").ljust(214),)
+        return self._settings[name]
+
+    def _value(self, name: str) -> float:
+        (value,) = self._settings[name]
+        return float(value)
+
+    def _hear(self, now_s: float) -> None:
+        lost_s = self._heard_s + self._silence_s
+        if lost_s < now_s and self._status & Status.READY:
+            self.advance(lost_s)
+            self._fail(COMM_LOST)
+        self._heard_s = now_s
+
+    def _log(self, text: str) -> None:
+        self._messages = [*self._messages[1 - MESSAGES :], f"{self._now:.3f} s: {text}"]
+
+    # -- what the cell asks for -------------------------------------------------------------------
+
+    def opening_mm(self, now_s: float) -> float:
+        """True distance between the fingers."""
+        self.advance(now_s)
+        return self._stroke.at(self._now)
+
+    def advance(self, now_s: float) -> None:
+        """Let time pass up to `now_s`."""
+        if self._ends_s <= now_s:
+            self._now = max(self._now, self._ends_s)
+            self._arrive()
+        self._now = max(self._now, now_s)
+
+    def next_change(self) -> float:
+        """When the next reading will differ from the last, but for a moving width; infinity: never."""
+        return math.ceil(self._ends_s / CYCLE_S) * CYCLE_S if self._ends_s < math.inf else math.inf
+
+    # -- mishaps ----------------------------------------------------------------------------------
+
+    def power_cycle(self, now_s: float) -> None:
+        """The supply failed for a moment: it has to be acknowledged again."""
+        self.advance(now_s)
+        self._power_up()
+
+    def fail(self, code: int, now_s: float) -> None:
+        """An error: the fingers stop where they are, the brake holds them until it is acknowledged."""
+        self.advance(now_s)
+        self._fail(code)
+
+    def lose_object(self, now_s: float) -> None:
+        """What the fingers hold slips out: they close on until they are together."""
+        self.advance(now_s)
+        if not self._holding:
+            return
+        self._holding, self._met_mm = False, None
+        gripping = self._status & (Status.GRIPPED | Status.READY)
+        if gripping == Status.GRIPPED | Status.READY:
+            self._status &= ~(Status.GRIPPED | Status.SUCCESS)
+            lost = Stop(Status.WORKPIECE_LOST)
+            self._go(self._value("min_pos"), self.module.grip_mm_s, lost, meets=False)
+
+    def _fail(self, code: int) -> None:
+        self._halt()
+        self._error = code
+        self._status = self._status & Status.RECEIVED_TOGGLE | Status.ERROR | Status.GPE_ACTIVE
+        self._log(ERRORS[code].sentence)
+
+    def _halt(self) -> None:
+        """Stop where the fingers are; a grip that was not completed has not happened."""
+        here = self._stroke.at(self._now)
+        self._stroke = Stroke(here, self._now, 0.0, here, 0)
+        self._ends_s, self._met_mm = math.inf, None
+
+    # -- commands ---------------------------------------------------------------------------------
+
+    def _obey(self, output: Output) -> None:
+        """A new control word: a command is an edge of its bit, or a bit that stays and the repeat toggle."""
+        old, new = self._control, output.control
+        self._control, self._output = new, output
+        risen = new & ~old
+        if (old ^ new) & Control.REPEAT_TOGGLE:
+            risen |= new & MOTIONS
+        if not new & Control.NO_FAST_STOP:
+            if old & Control.NO_FAST_STOP:
+                self._received()
+                self._fail(FAST_STOP)
+        elif risen & Control.ACKNOWLEDGE:
+            self._acknowledge()
+        elif risen & Control.STOP:
+            self._controlled_stop()
+        elif risen & MOTIONS:
+            self._command(
+                risen & MOTIONS,
+                inside=bool(new & Control.GRIP_FROM_INSIDE),
+                position_mm=output.position_um / 1000,
+                speed_mm_s=output.velocity_um_s / 1000,
+                percent=output.force_percent,
+            )
+
+    def _obey_code(self, code: int) -> None:
+        if code == Command.ACKNOWLEDGE:
+            self._acknowledge()
+        elif code == Command.FAST_STOP:
+            self._received()
+            self._fail(FAST_STOP)
+        elif code == Command.STOP:
+            self._controlled_stop()
+        elif code in _COMMANDS:
+            self._command(
+                _COMMANDS[Command(code)],
+                inside=bool(self._value("grp_dir")),
+                position_mm=self._value("set_pos"),
+                speed_mm_s=self._value("set_vel"),
+                percent=round(self._value("set_force")),
+            )
+
+    def _received(self) -> None:
+        self._status = (self._status ^ Status.RECEIVED_TOGGLE) & ~(OUTCOMES | Status.WARNING)
+        self._warning = self._additional = 0
+
+    def _refuse(self, reason: int) -> None:
+        self._halt()
+        self._status |= Status.NOT_FEASIBLE | Status.WARNING
+        self._warning, self._additional = NOT_FEASIBLE_WARNING, reason
+        self._log(f"not feasible: {NOT_FEASIBLE[reason]}")
+
+    def _acknowledge(self) -> None:
+        outcome = self._status & OUTCOMES
+        self._received()
+        if self._status & Status.ERROR:
+            outcome = Status.GRIPPED if self._holding else Status(0)
+            self._error = 0
+            self._status &= ~(Status.ERROR | Status.GPE_ACTIVE)
+        self._status |= outcome
+        self._status |= Status.READY | Status.CONTROL_AUTHORITY
+
+    def _controlled_stop(self) -> None:
+        if not self._status & Status.READY:
+            self._received()
+            self._refuse(0x06)
+            return
+        self._received()
+        self._halt()
+        self._status |= REACHED.status
+
+    def _command(
+        self,
+        command: Control,
+        *,
+        inside: bool,
+        position_mm: float,
+        speed_mm_s: float,
+        percent: int,
+    ) -> None:
+        """One of `MOTIONS`."""
+        gripped = bool(self._status & Status.GRIPPED)
+        under_way = self._ends_s < math.inf
+        self._received()
+        moves = command in (Control.MOVE_ABSOLUTE, Control.MOVE_RELATIVE)
+        if command == Control.MOVE_RELATIVE:
+            position_mm += self._stroke.at(self._now)
+        lowest, highest = self._value("min_pos"), self._value("max_pos")
+        slowest, fastest = self.profile.speed_mm_s
+        positions = moves or command == Control.GRIP_AT_POSITION
+        reasons = {
+            0x06: not self._status & Status.READY,
+            0x0A: command.bit_count() > 1,
+            0x0E: command == Control.RELEASE and not gripped,
+            0x0F: command != Control.RELEASE and gripped,
+            # A move replaces a move, and nothing else anything (bkstools, demo_interrupt_movement).
+            0x12: under_way and not self._positioning,
+            0x15: under_way and not moves,
+            0x10: positions and not lowest <= position_mm <= highest,
+            0x13: moves and not slowest <= speed_mm_s <= fastest,
+            0x29: command in (Control.GRIP, Control.GRIP_AT_POSITION)
+            and not 50 <= percent <= (200 if self.module.allowed_n else 100),
+        }
+        reason = next((code for code, holds in reasons.items() if holds), None)
+        if reason is not None:
+            self._refuse(reason)
+            return
+        self._positioning = moves
+        if moves:
+            self._go(position_mm, speed_mm_s, REACHED)
+        elif command == Control.RELEASE:
+            delta_mm = self._value("wp_release_delta")
+            here = self._stroke.at(self._now)
+            self._go(min(here + delta_mm, highest), fastest, REACHED)
+        else:
+            soft = is_soft(self.module.module_type) and speed_mm_s > 0.0
+            rate = speed_mm_s if soft else self.module.grip_mm_s * min(percent, 100) / 100
+            expected = position_mm if command == Control.GRIP_AT_POSITION else None
+            self._go(highest if inside else lowest, rate, EMPTY, expected=expected, grips=True)
+
+    # -- motion -----------------------------------------------------------------------------------
+
+    def _go(
+        self,
+        target_mm: float,
+        speed_mm_s: float,
+        stop: Stop,
+        *,
+        expected: float | None = None,
+        grips: bool = False,
+        meets: bool = True,
+    ) -> None:
+        """Set the fingers in motion; closing ones ask once what they meet."""
+        here = self._stroke.at(self._now)
+        closing = self._ends_s < math.inf and self._stroke.rate < 0.0
+        if target_mm < here and meets and not (closing or self._holding):
+            self._met_mm = self._surroundings.closing()
+        elif target_mm > here:
+            self._met_mm = None
+            if self._holding:
+                self._holding = False
+                self._surroundings.released()
+        self._stop = stop
+        if target_mm < here and self._met_mm is not None and self._met_mm >= target_mm:
+            target_mm = min(self._met_mm, here)
+            margin_mm = self._value("grp_pos_margin")
+            fits = expected is None or abs(target_mm - expected) <= margin_mm
+            self._stop = BLOCKED if not grips else HELD if fits else WRONG
+        rate = math.copysign(speed_mm_s, target_mm - here) if target_mm != here else 0.0
+        self._stroke = Stroke(here, self._now, rate, target_mm, 0)
+        lag_s = self._rng.randint(*LAG_CYCLES) * CYCLE_S + self.outcome_delay_s
+        self._ends_s = self._stroke.end_s + lag_s
+
+    def _arrive(self) -> None:
+        """The motion is over."""
+        self._ends_s = math.inf
+        if self._stop.met and not self._holding:
+            self._holding = True
+            self._surroundings.gripped()
+        if self._stop.error:
+            self._fail(self._stop.error)
+        self._status |= self._stop.status

@@ -1,0 +1,41 @@
+"""The parameters of a simulated SCHUNK gripper on the wire."""
+
+from collections.abc import Callable
+
+from drivers.schunk.registers import PARAMETERS
+from drivers.sim.devices.schunk import SchunkModel
+
+_BY_ADDRESS = {parameter.address: parameter for parameter in PARAMETERS.values()}
+_FUNCTIONS = frozenset({3, 16})  # [CM]: no others are supported
+
+
+class SchunkRegisters:
+    """The parameters at their wire addresses, as `drivers.sim.wire.modbus.answer` asks for them.
+
+    Args:
+        device: the gripper.
+        now: simulated seconds.
+    """
+
+    def __init__(self, device: SchunkModel, now: Callable[[], float]) -> None:
+        self._device = device
+        self._now = now
+
+    def serves(self, function: int, address: int, count: int) -> bool:
+        """Whether `function` is spoken here and the registers are those of one whole parameter."""
+        parameter = _BY_ADDRESS.get(address)
+        return function in _FUNCTIONS and parameter is not None and parameter.registers == count
+
+    def read(self, address: int, count: int) -> bytes:
+        """The registers of a parameter."""
+        del count
+        return self._device.read(_BY_ADDRESS[address].name, self._now())
+
+    def write(self, function: int, address: int, data: bytes) -> bool:
+        """Write a parameter; whether that is allowed."""
+        if not self.serves(function, address, len(data) // 2):
+            return False
+        parameter = _BY_ADDRESS[address]
+        if parameter.writable:
+            self._device.write(parameter.name, data, self._now())
+        return parameter.writable

@@ -1,0 +1,94 @@
+"""SCHUNK's own tools drive the simulated gripper: BKSModule and the scripts, as they are.
+
+Each runs as a process, since bkstools replaces `serial.Serial.read` when it is imported, and keeps a file in
+the home folder. The one concession is the framing in the name of the port: a pseudo-terminal has no parity.
+"""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from schunk_rigs import SchunkRig
+
+LONGEST_S = 120.0
+SUPPORT = Path(__file__).parents[1] / "support"
+
+
+@pytest.fixture
+def rig():
+    result = SchunkRig("schunk-egu", scale=1.0)
+    yield result
+    result.close()
+
+
+@pytest.fixture
+def run(rig, tmp_path):
+    """A script of bkstools, or a file, run on the gripper; what it printed."""
+
+    def run(what, *arguments):
+        host = f"{rig.port.path},12,115200,8N1"
+        if what.endswith(".py"):
+            command = [SUPPORT / what, host, *arguments]
+        else:
+            command = ["-m", f"bkstools.scripts.{what}", "-H", host, *arguments]
+        ended = subprocess.run(
+            [sys.executable, *command],
+            env={**os.environ, "HOME": str(tmp_path)},
+            capture_output=True,
+            text=True,
+            timeout=LONGEST_S,
+            check=False,
+        )
+        assert ended.returncode == 0, ended.stdout + ended.stderr
+        return ended.stdout
+
+    return run
+
+
+@pytest.mark.timeout(300)
+def test_bks_module_makes_ready_moves_grips_and_releases(rig, run):
+    rig.part.width_mm = 41.237
+    results = json.loads(run("bks_module_run.py").splitlines()[-1])
+    assert (results["error at start"], results["ready"]) == (0xD9, True)
+    places = {"absolute": 80.0, "absolute again": 60.0, "relative": 70.0, "grip": 41.237}
+    for name, place in places.items():
+        assert results[name]["mm"] == pytest.approx(place, abs=1e-3), name
+        assert results[name]["success"], name
+        assert results[name]["gripped"] == (name == "grip"), name
+    assert results["release"]["mm"] == pytest.approx(46.237, abs=1e-3)
+    assert results["grip at a width"]["gripped"]
+    assert results["expected"] == {"max_pos": 120.0, "max_vel": 110.0}
+    assert (rig.part.grips, rig.part.releases) == (2, 1)
+
+
+@pytest.mark.timeout(300)
+def test_bks_move_goes_to_absolute_and_relative_widths(rig, run):
+    said = run("bks_move", "--pos=30,60,10r", "--vel=110")
+    assert re.findall(r"reached (\S+) mm", said) == ["30.0", "60.0", "70.0", "70.0"]
+    assert "Gripper reported 0 errors and 0 warnings" in said
+    assert rig.model.opening_mm(rig.time.now()) == pytest.approx(70.0, abs=1e-3)
+
+
+@pytest.mark.timeout(300)
+def test_bks_grip_grips_a_part_releases_it_and_tells_an_empty_grip(rig, run):
+    run("bks_move", "--pos=60", "--vel=110")
+    rig.part.width_mm = 41.237
+    assert "Workpiece gripped at 41.2 mm" in run("bks_grip", "--force=100")
+    assert "Release postion reached at 46.2 mm" in run("bks_grip", "--release")
+    rig.part.width_mm = None
+    assert "No workpiece detected!" in run("bks_grip", "--force=100")
+
+
+@pytest.mark.timeout(300)
+def test_bks_get_system_messages_lists_what_happened_newest_first(rig, run):
+    run("bks_move", "--pos=110", "--vel=110")
+    rig.model.fail(0x74, rig.time.now())
+    said = run("bks_get_system_messages", "-i", "0-2")
+    first, second, third = re.findall(r"\d{3}: '(.*)'", said)
+    assert "motor supply is too low" in first
+    assert "not acknowledged since power-on" in second
+    assert third == ""

@@ -1,0 +1,104 @@
+"""SCHUNK grippers, simulated: on a pseudo-terminal, and on a line in virtual time whose answers go astray."""
+
+import contextlib
+import math
+import random
+import threading
+
+from drivers import connect
+from drivers.clock import Pace
+from drivers.schunk.gripper import over
+from drivers.schunk.registers import UNIT
+from drivers.sim.devices.jaws import Surroundings
+from drivers.sim.devices.schunk import SILENCE_S, SchunkModel
+from drivers.sim.devices.schunk_registers import SchunkRegisters
+from drivers.sim.virtual.clock import VirtualClock
+from drivers.sim.virtual.ports import GripperPort
+from drivers.sim.wire.line import CleanLine
+from drivers.sim.wire.rtu import PtyPort, RtuSlave
+from drivers.sim.wire.serving import SimulatedTime
+from runtime.table import PROFILES
+
+SCALE = 20.0
+CONTACT_UM = 21_370
+
+
+class Part(Surroundings):
+    """Something between the fingers, or nothing; counts what happened to it."""
+
+    def __init__(self):
+        self.width_mm = None
+        self.grips = self.releases = 0
+
+    def closing(self):
+        return self.width_mm
+
+    def gripped(self):
+        self.grips += 1
+
+    def released(self):
+        self.releases += 1
+
+
+class SchunkRig:
+    """A gripper on a pseudo-terminal; it is patient, since wall time on a busy machine proves nothing."""
+
+    contact_um = CONTACT_UM
+
+    def __init__(self, model="schunk-egu", scale=SCALE, silence_s=math.inf):
+        self.scale = scale
+        self.time = SimulatedTime(scale, threading.Event())
+        self.part = Part()
+        profile = PROFILES[model]
+        self.model = SchunkModel(random.Random(1), self.part, profile, silence_s)
+        self.slave = RtuSlave(SchunkRegisters(self.model, self.time.now), None, UNIT)
+        self.port = PtyPort(self.slave, threading.RLock(), self.time)
+        self.port.start()
+
+    def open(self, **options):
+        port = f"schunk://{self.port.path}"
+        return contextlib.closing(connect.gripper(port, time_scale=self.scale, **options))
+
+    def put_part(self):
+        self.part.width_mm = self.contact_um / 1000
+
+    def commanded(self):
+        return bool(self.model.written)
+
+    def commands(self):
+        return list(self.model.written)
+
+    def silence(self):
+        self.slave.feed = lambda data: []
+
+    def close(self):
+        self.port.close()
+
+
+class Line(CleanLine):
+    """A line that does to its next answers what `mishaps` say, each a function of request and answer."""
+
+    def __init__(self):
+        self.mishaps = []
+
+    def carries(self, frame, reply):
+        if self.mishaps:
+            return self.mishaps.pop(0)(frame, reply)
+        return super().carries(frame, reply)
+
+
+class VirtualSchunk:
+    """A gripper and its driver in one thread on a virtual clock."""
+
+    def __init__(self, model="schunk-egu", silence_s=SILENCE_S):
+        self.clock = VirtualClock()
+        self.pace = Pace(self.clock)
+        self.part, self.line, self.reports = Part(), Line(), []
+        self.model = SchunkModel(random.Random(1), self.part, PROFILES[model], silence_s)
+        self.clock.watch(self.model.next_change)
+        slave = RtuSlave(SchunkRegisters(self.model, self.clock.now), self.line, UNIT)
+        self.port = GripperPort(slave, self.clock)
+
+    def connect(self, profile=None, **options):
+        report = lambda kind, fields: self.reports.append(fields["incident"])  # noqa: E731
+        return over(self.port.open(), self.pace, report, profile, **options)

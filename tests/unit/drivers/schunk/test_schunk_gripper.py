@@ -1,0 +1,383 @@
+"""The driver of a SCHUNK gripper against its simulator in virtual time: moves, faults, a line gone astray."""
+
+import math
+
+import pytest
+from schunk_rigs import VirtualSchunk
+
+from drivers.errors import GripperFault, LinkError, LinkTimeout, PortError, ReadOnlyError
+from drivers.ports import ObjectState
+from drivers.schunk.gripper import gripper as open_port
+from drivers.schunk.link import ALIVE_S
+from drivers.schunk.registers import ERRORS, PARAMETERS, Command, Control, Status
+from drivers.sim.devices.schunk import SILENCE_S
+from drivers.sim.wire.line import Piece
+from runtime.table import PROFILES
+
+EGU, EGK = PROFILES["schunk-egu"], PROFILES["schunk-egk"]
+FAST, WEAK = EGU.speed_mm_s[1], EGU.force_n[0]
+
+
+@pytest.fixture
+def rig():
+    return VirtualSchunk()
+
+
+@pytest.fixture
+def active(rig):
+    gripper = rig.connect()
+    gripper.activate()
+    return gripper
+
+
+def lost(request, reply):
+    return []
+
+
+def half(request, reply):
+    return [Piece(reply[: len(reply) // 2])]
+
+
+def flipped(request, reply):
+    return [Piece(bytes((*reply[:-3], reply[-3] ^ 1, *reply[-2:])))]
+
+
+def echoed(request, reply):
+    return [Piece(request), Piece(reply)]
+
+
+def late(request, reply):
+    return [Piece(reply, 0.7)]
+
+
+# -- readiness ------------------------------------------------------------------------------------
+
+
+def test_connecting_writes_nothing_and_moves_nothing(rig):
+    gripper = rig.connect()
+    state = gripper.state()
+    assert (state.activated, state.moving, state.fault) == (False, False, 0xD9)
+    assert (rig.model.written, state.width_um) == ([], EGU.stroke_um)
+
+
+def test_activate_acknowledges_without_moving(rig, active):
+    state = active.state()
+    assert (state.activated, state.fault, state.fault_text) == (True, 0, "")
+    assert (state.object, state.width_um) == (ObjectState.NONE, EGU.stroke_um)
+    written = list(rig.model.written)
+    active.activate()
+    assert rig.model.written == written
+
+
+def test_move_unacknowledged_is_refused_with_the_reason(rig):
+    gripper = rig.connect()
+    with pytest.raises(GripperFault, match=r"not active.*0xD9.*acknowledge"):
+        gripper.move(0, FAST, WEAK)
+    assert rig.model.written == []
+
+
+@pytest.mark.parametrize("code", ERRORS)
+def test_an_error_is_reported_with_its_sentence(rig, active, code):
+    rig.model.fail(code, rig.clock.now())
+    state = active.state()
+    assert (state.fault, state.activated) == (code, False)
+    assert ERRORS[code].sentence in state.fault_text
+    assert ERRORS[code].remedy in state.fault_text
+    with pytest.raises(GripperFault, match=f"0x{code:02X}"):
+        active.move(0, FAST, WEAK)
+    active.activate()
+    assert active.state().activated
+
+
+def test_an_error_during_a_move_ends_the_wait(rig, active):
+    active.move(60_000, FAST, WEAK)
+    rig.clock.sleep(0.1)
+    rig.model.fail(0x74, rig.clock.now())
+    with pytest.raises(GripperFault, match="motor supply is too low"):
+        active.wait()
+
+
+def test_a_power_cycle_during_a_move_ends_the_wait(rig, active):
+    active.move(60_000, FAST, WEAK)
+    rig.model.power_cycle(rig.clock.now())
+    with pytest.raises(GripperFault, match="not acknowledged since power-on"):
+        active.wait()
+
+
+# -- moves ----------------------------------------------------------------------------------------
+
+
+def test_move_to_a_width_stands_there_in_the_time_it_takes(active):
+    active.move(60_000, 100.0, WEAK)
+    assert active.state().moving
+    settled = active.wait()
+    assert (settled.width_um, settled.object) == (60_000, ObjectState.AT_TARGET)
+    assert settled.target_um == active.state().target_um == 60_000
+    assert 0.6 <= settled.seconds < 0.7
+
+
+def test_move_is_repeated_with_another_edge(active):
+    for width_um in (50_000, 70_000, 70_000, 20_000):
+        active.move(width_um, FAST, WEAK)
+        assert active.wait().width_um == width_um
+
+
+def test_move_beyond_the_speeds_and_the_stroke_is_limited(rig, active):
+    active.move(50_000, 1.0, WEAK)
+    assert active.wait().seconds == pytest.approx(7.0, abs=0.2)  # 70 mm at the least 10 mm/s
+    active.move(EGU.stroke_um, 900.0, WEAK)
+    assert active.wait().width_um == EGU.stroke_um
+
+
+def test_a_part_is_gripped_held_and_released_before_the_next_move(rig, active):
+    rig.part.width_mm = 41.237
+    active.move(0, FAST, WEAK)
+    settled = active.wait()
+    assert (settled.width_um, settled.object) == (41_240, ObjectState.CLOSING)
+    assert (rig.part.grips, rig.part.releases) == (1, 0)
+    active.move(100_000, FAST, WEAK)
+    settled = active.wait()
+    assert (settled.width_um, settled.object) == (100_000, ObjectState.AT_TARGET)
+    assert rig.part.releases == 1
+
+
+def test_a_stronger_grip_is_a_release_and_another_grip(rig, active):
+    rig.part.width_mm = 41.0
+    active.move(0, FAST, WEAK)
+    active.wait()
+    active.move(0, FAST, 2 * WEAK)
+    settled = active.wait()
+    assert (settled.width_um, settled.object) == (41_000, ObjectState.CLOSING)
+    assert (rig.part.grips, rig.part.releases) == (2, 1)
+
+
+def test_closing_on_nothing_reads_zero(active):
+    active.move(0, FAST, WEAK)
+    settled = active.wait()
+    assert (settled.width_um, settled.object) == (0, ObjectState.AT_TARGET)
+
+
+def test_a_part_in_the_way_of_a_positioning_move_is_a_fault(rig, active):
+    rig.part.width_mm = 41.0
+    active.move(30_000, FAST, WEAK)
+    with pytest.raises(GripperFault, match=r"0xF4.*blocks the fingers"):
+        active.wait()
+
+
+@pytest.mark.parametrize(
+    ("force_n", "percent"), [(1.0, 50), (325.0, 50), (400.0, 61), (900.0, 100)]
+)
+def test_force_is_the_greatest_percentage_that_does_not_exceed_it(rig, active, force_n, percent):
+    active.move(0, FAST, force_n)
+    assert rig.model.read("plc_sync_output", rig.clock.now())[12:] == percent.to_bytes(4, "little")
+    active.wait()
+
+
+def test_an_egk_grips_as_slowly_as_asked_and_an_egu_as_its_force_has_it():
+    seconds = {}
+    for model in ("schunk-egu", "schunk-egk"):
+        rig = VirtualSchunk(model)
+        gripper = rig.connect()
+        gripper.activate()
+        gripper.move(40_000, 60.0, 1.0)
+        gripper.wait()
+        gripper.move(0, 5.0, 1.0)
+        seconds[model] = gripper.wait().seconds
+    assert seconds["schunk-egk"] == pytest.approx(8.0, abs=0.1)  # 40 mm at 5 mm/s
+    assert seconds["schunk-egu"] == pytest.approx(3.2, abs=0.1)  # 40 mm at half of 25 mm/s
+
+
+def test_stop_leaves_the_fingers_where_they_are(rig, active):
+    active.move(20_000, 50.0, WEAK)
+    rig.clock.sleep(0.5)
+    active.stop()
+    state = active.state()
+    assert not state.moving
+    assert 90_000 < state.width_um < 100_000
+    rig.clock.sleep(1.0)
+    assert active.state().width_um == state.width_um
+    active.move(60_000, FAST, WEAK)
+    assert active.wait().width_um == 60_000
+
+
+def test_stop_keeps_what_is_held(rig, active):
+    rig.part.width_mm = 41.0
+    active.move(0, FAST, WEAK)
+    active.wait()
+    active.stop()
+    state = active.state()
+    assert (state.object, state.width_um) == (ObjectState.CLOSING, 41_000)
+    assert rig.part.releases == 0
+
+
+def test_a_lost_part_is_seen(rig, active):
+    rig.part.width_mm = 41.0
+    active.move(0, FAST, WEAK)
+    active.wait()
+    rig.model.lose_object(rig.clock.now())
+    rig.clock.sleep(5.0)
+    state = active.state()
+    assert (state.width_um, state.object, state.moving) == (0, ObjectState.NONE, False)
+
+
+def test_another_programs_command_is_noticed(rig, active):
+    active.move(60_000, FAST, WEAK)
+    rig.clock.sleep(0.1)
+    output = PARAMETERS["plc_sync_output"]
+    control = Control.NO_FAST_STOP | Control.MOVE_ABSOLUTE
+    rig.model.write("plc_sync_output", output.pack(control, 60_000, 50_000, 0), rig.clock.now())
+    with pytest.raises(GripperFault, match=r"another program|taking the request"):
+        active.wait()
+
+
+def test_a_command_that_is_not_feasible_is_refused_with_the_reason(rig, active):
+    rig.model.write("max_pos", PARAMETERS["max_pos"].pack(50.0), rig.clock.now())
+    active.move(60_000, FAST, WEAK)
+    with pytest.raises(GripperFault, match=r"refused.*outside min_pos to max_pos"):
+        active.wait()
+
+
+def test_a_grip_asked_for_on_the_way_to_a_width_is_refused(active):
+    active.move(30_000, FAST, WEAK)
+    active.move(0, FAST, WEAK)
+    with pytest.raises(GripperFault, match="refused"):
+        active.wait()
+
+
+# -- the line -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("mishap", [lost, half, flipped])
+def test_a_reading_that_goes_astray_is_asked_for_again(rig, active, mishap):
+    rig.line.mishaps = [mishap]
+    assert active.state().width_um == EGU.stroke_um
+    assert rig.reports == ["no answer", "read repeated"]
+
+
+@pytest.mark.parametrize("mishap", [lost, half, flipped])
+def test_a_gripper_that_stays_silent_is_a_timeout(rig, active, mishap):
+    rig.line.mishaps = [mishap] * 100
+    before = rig.clock.now()
+    with pytest.raises(LinkTimeout, match=r"did not answer.*slave id 12"):
+        active.state()
+    assert rig.clock.now() - before < 3.0
+
+
+def test_an_echo_is_no_answer(rig, active):
+    rig.line.mishaps = [echoed] * 2
+    assert active.state().width_um == EGU.stroke_um
+    assert rig.reports == []
+
+
+def test_a_late_answer_is_none_to_a_later_question(rig, active):
+    active.move(100_000, FAST, WEAK)
+    active.wait()
+    rig.line.mishaps = [late]
+    active.state()
+    active.move(60_000, FAST, WEAK)
+    assert active.wait().width_um == 60_000
+    assert active.state().width_um == 60_000
+
+
+@pytest.mark.parametrize("mishap", [lost, flipped])
+def test_a_write_whose_answer_is_lost_is_no_second_command(rig, active, mishap):
+    toggles = []
+    obey = rig.model._received
+    rig.model._received = lambda: (toggles.append(1), obey())
+    # The reading, what was asked for, then the write.
+    rig.line.mishaps = [lambda request, reply: [Piece(reply)]] * 2 + [mishap]
+    active.move(60_000, FAST, WEAK)
+    assert active.wait().width_um == 60_000
+    assert len(toggles) == 1
+    assert "write unanswered" in rig.reports
+
+
+def test_a_broken_line_stays_closed(rig, active):
+    rig.port.close()
+    with pytest.raises(LinkError, match="broke"):
+        active.state()
+    with pytest.raises(LinkError, match="closed"):
+        active.state()
+
+
+def test_the_gripper_is_asked_often_enough_while_nobody_uses_it(rig, active):
+    rig.part.width_mm = 41.0
+    active.move(0, FAST, WEAK)
+    active.wait()
+    rig.clock.sleep(30 * SILENCE_S)
+    state = active.state()
+    assert (state.fault, state.object) == (0, ObjectState.CLOSING)
+    assert ALIVE_S < SILENCE_S / 2
+
+
+def test_a_gripper_that_nobody_asks_stops_and_says_so(rig, active):
+    active.close()
+    rig.clock.sleep(2 * SILENCE_S)
+    again = rig.connect()
+    assert "ERR_COMM_LOST" in again.state().fault_text
+    again.activate()
+    assert again.state().activated
+
+
+def test_what_keeps_the_line_alive_reports_nothing_and_breaks_nothing():
+    rig = VirtualSchunk(silence_s=math.inf)
+    gripper = rig.connect()
+    gripper.activate()
+    rig.line.mishaps = [lost] * 3
+    rig.clock.sleep(10 * ALIVE_S)
+    assert rig.reports == []
+    assert gripper.state().activated
+
+
+def test_read_only_sends_nothing_that_commands(rig):
+    rig.connect().activate()
+    gripper = rig.connect(read_only=True)
+    written = list(rig.model.written)
+    for command in (lambda: gripper.move(0, FAST, WEAK), gripper.stop):
+        with pytest.raises(ReadOnlyError, match="dry run"):
+            command()
+    assert rig.model.written == written
+
+
+# -- ports and models -----------------------------------------------------------------------------
+
+
+def test_another_stroke_than_the_models_is_refused(rig):
+    with pytest.raises(PortError, match="opens to 120 mm, a schunk-egk to 53 mm"):
+        rig.connect(EGK)
+
+
+def test_without_a_model_the_modules_kind_is_taken():
+    assert VirtualSchunk("schunk-egk").connect().profile is EGK
+    assert VirtualSchunk("schunk-egu").connect().profile is EGU
+
+
+@pytest.mark.parametrize("settings", ["unit=0", "unit=248", "unit=x", "unit=1&unit=2", "baud=9600"])
+def test_a_ports_settings_are_checked(rig, settings):
+    with pytest.raises(PortError, match="is not understood"):
+        open_port(f"schunk:///dev/x?{settings}", rig.pace, print, read_only=False, profile=None)
+
+
+# -- what bkstools writes acyclically -------------------------------------------------------------
+
+
+def test_commands_by_code_and_by_control_word_get_along(rig, active):
+    now = rig.clock.now
+    for name, value in (("set_pos", 80.0), ("set_vel", 100.0)):
+        rig.model.write(name, PARAMETERS[name].pack(value), now())
+    rig.model.write("command_code", PARAMETERS["command_code"].pack(Command.MOVE_ABSOLUTE), now())
+    rig.clock.sleep(1.0)
+    assert active.state().width_um == 80_000
+    active.move(60_000, FAST, WEAK)
+    assert active.wait().width_um == 60_000
+
+
+def test_a_grip_at_an_expected_width_tells_a_wrong_part(rig, active):
+    rig.part.width_mm = 41.0
+    for name, value in (("set_pos", 30.0), ("set_force", 50.0)):
+        rig.model.write(name, PARAMETERS[name].pack(value), rig.clock.now())
+    code = PARAMETERS["command_code"].pack(Command.GRIP_AT_POSITION)
+    rig.model.write("command_code", code, rig.clock.now())
+    rig.clock.sleep(10.0)
+    seen = active._look()
+    assert seen.status & Status.WRONG_WORKPIECE

@@ -1,0 +1,81 @@
+"""The parameters as SCHUNK's own examples and dumps of real grippers have them."""
+
+import itertools
+import random
+
+import pytest
+
+from drivers.schunk.registers import ERRORS, PARAMETERS, Control, Input, Output, Status, error_text
+from drivers.sim.devices.schunk import SchunkModel
+from drivers.sim.devices.schunk_registers import SchunkRegisters
+from drivers.sim.wire.modbus import crc16
+from drivers.sim.wire.rtu import RtuSlave
+from runtime.table import PROFILES
+
+
+def slave():
+    model = SchunkModel(random.Random(1), None, PROFILES["schunk-egu"])
+    return RtuSlave(SchunkRegisters(model, lambda: 0.0), None, 12)
+
+
+def test_the_manuals_example_of_reading_is_answered_by_sixteen_bytes():
+    request = bytes.fromhex("0C 03 00 3F 00 08 75 1D")
+    reply = slave().reply(request)
+    assert reply[:3] == bytes.fromhex("0C 03 10")
+    assert (len(reply), crc16(reply[:-2])) == (21, reply[-2:])
+
+
+def test_a_gripper_at_power_on_says_what_a_real_one_said():
+    """The dump of an EGU 60: error and brake bits, 0.251 mm, error 0xD9, every control bit set."""
+    dumped = bytes.fromhex("80000080FB00000000000000D9000000")
+    status, *rest = PARAMETERS["plc_sync_input"].unpack(dumped)
+    seen = Input(Status(status), *rest)
+    assert seen == Input(Status.ERROR | Status.GPE_ACTIVE, 251, 0, 0xD9, 0, 0)
+    reply = slave().reply(bytes.fromhex("0C 03 00 3F 00 08 75 1D"))[3:-2]
+    assert (reply[:4], reply[12:]) == (dumped[:4], dumped[12:])
+    control = Output(*PARAMETERS["plc_sync_output"].unpack(bytes.fromhex("FFFFFFFF" + 24 * "0")))
+    assert control.control == 0xFFFFFFFF
+
+
+@pytest.mark.parametrize(
+    ("name", "dumped", "value"),
+    [("max_vel", "0000DC42", 110.0), ("max_grp_force", "00802244", 650.0)],
+)
+def test_a_parameters_bytes_are_little_endian_on_the_wire(name, dumped, value):
+    assert PARAMETERS[name].unpack(bytes.fromhex(dumped)) == (value,)
+    assert PARAMETERS[name].pack(value) == bytes.fromhex(dumped)
+
+
+def test_no_two_parameters_share_a_code():
+    codes = sorted(parameter.code for parameter in PARAMETERS.values())
+    assert all(one < other for one, other in itertools.pairwise(codes))
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        *("0C 03 00 40 00 08", "0C 03 00 3F 00 04", "0C 03 00 3F 00 10"),  # a part, or too much
+        *("0C 04 00 3F 00 08", "0C 06 00 FF 00 8B", "0D 03 00 3F 00 08"),  # function, unit
+    ],
+)
+def test_what_the_gripper_does_not_serve_meets_silence(body):
+    frame = bytes.fromhex(body)
+    assert slave().reply(frame + crc16(frame)) is None
+
+
+def test_a_read_only_parameter_is_not_written():
+    value = PARAMETERS["max_vel"].pack(5.0)
+    frame = bytes.fromhex("0C 10 06 2F 00 02 04") + value
+    assert slave().reply(frame + crc16(frame)) is None
+
+
+def test_every_error_has_a_sentence_and_a_remedy():
+    for code in [*ERRORS, 0x01]:
+        text = error_text(code)
+        assert text.sentence
+        assert text.remedy
+        assert "\n" not in f"{text.sentence}; {text.remedy}"
+
+
+def test_commands_have_bits_of_their_own():
+    assert len({flag.value for flag in Control}) == len(Control)
