@@ -349,10 +349,10 @@ def _row(
     try:
         with _progress(arguments, course.unknown) as report, shell.compiling():
             plan = _planned(job, arguments.budget or EACH_S, False, report)
-    except NoPlanError as error:
+    except NoPlanError as failure:
         if not arguments.json:
-            print(f"{name:16} {step_mm:5.2f} mm  no: {error}", flush=True)
-        return {"gripper": name, "step_mm": step_mm, "reason": str(error)}
+            print(f"{name:16} {step_mm:5.2f} mm  no: {failure}", flush=True)
+        return {"gripper": name, "step_mm": step_mm, "reason": str(failure)}
     figures = plan.evaluation.summary()
     located, error = figures["success_rate"], figures["error_mm"] or {"median": None, "p95": None}
     if not arguments.json:
