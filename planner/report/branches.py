@@ -13,6 +13,7 @@ from runtime.pages.charts import Band, histogram
 from runtime.table import PPM, REJECT, Branch, Calibration, Leaf, Node, Table, wilson_interval
 
 MOST_SHOWN = 24  # panels that are not folded away
+MARGIN_MM = 3.0  # beside the branches of a node's chart
 LEAST_SHARES = (0.0, 0.001, 0.005, 0.01, 0.03, 0.1, 0.3)
 
 
@@ -41,12 +42,10 @@ class Place(NamedTuple):
     light: "list[Place]"  # and what is folded away, since few parts get there
 
     @property
-    def light_share(self) -> str:
-        """How many of all parts take a light branch, at most."""
+    def light_words(self) -> str:
+        """How many places are folded away."""
         shares = [place.line.share for place in self.light if place.line]
-        return f"{len(shares)} more" + (
-            f", each {shares[0]} of the parts" if len(shares) == 1 else ""
-        )
+        return f"1 more, {shares[0]}" if len(shares) == 1 else f"{len(shares)} more"
 
 
 class Tree(NamedTuple):
@@ -187,6 +186,13 @@ class _Places:
                 f"{pose.x_um / 1e3:.2f}, {pose.y_um / 1e3:.2f} mm, {_degrees(pose.theta_urad)}"
             )
         return facts
+
+
+def span_of(ways: list[Way]) -> tuple[float, float]:
+    """The widths that the chart of a node shows [mm]."""
+    return max(min(way.low_mm for way in ways) - MARGIN_MM, 0.0), max(
+        way.high_mm for way in ways
+    ) + MARGIN_MM
 
 
 def key_of(target: int | None) -> str | None:

@@ -26,7 +26,7 @@ from planner.mechanics.clearance import jaws_of
 from planner.part import outline as outlines
 from planner.report import canvas, leaf_poses, look, tree, worlds
 from planner.report import verdict as verdicts
-from planner.report.branches import Tree, key_of, tree_of
+from planner.report.branches import Tree, key_of, span_of, tree_of
 from planner.report.canvas import asset, template
 from planner.report.comparison import Comparison
 from planner.report.replay import Replay, replay
@@ -62,6 +62,7 @@ class Reject(NamedTuple):
     belief: Array  # (m, 3 or 4) where parts may lie when the hand gets there
     fingers: Array  # (2, 4, 2) [mm]
     part: Array  # (3 or 4,) the pose, of those replayed at this node, whose width is nearest
+    reach: float  # half the side of what is shown [mm]
 
 
 def page(
@@ -115,7 +116,7 @@ def page(
         grades=GRADES,
         means=leaf_poses.means(table, judged),
         cell=cell_result(table, source.log) if source.log else None,
-        rejects=_rejects(table, job, source.log, beliefs) if source.log else [],
+        rejects=_rejects(table, job, source.log, beliefs, branches.reach) if source.log else [],
         measured=source.log.times(source.takt_s) if source.log else {},
         worlds=rows,
         sha256=hashlib.sha256(source.data).hexdigest(),
@@ -137,14 +138,14 @@ def page(
 def _data(table: Table, branches: Tree, log: RunLog | None) -> dict[str, Any]:
     """What the page's script needs: where widths lead, and the parts of a journal."""
     nodes = {
-        place.panel.key: [
-            {"low_mm": w.low_mm, "high_mm": w.high_mm, "to": w.key} for w in place.ways
-        ]
+        place.panel.key: {
+            "span_mm": dict(zip(("low", "high"), span_of(place.ways), strict=True)),
+            "ways": [{"low_mm": w.low_mm, "high_mm": w.high_mm, "to": w.key} for w in place.ways],
+        }
         for place in branches.places
         if place.ways
     }
-    span_mm = table.gripper.opening_um / 1e3
-    return {"nodes": nodes, "span_mm": span_mm, "parts": _parts(table, log) if log else None}
+    return {"nodes": nodes, "parts": _parts(table, log) if log else None}
 
 
 def _row(name: str, figures: dict[str, Any]) -> tuple[str, dict[str, Any]]:
@@ -222,7 +223,7 @@ def _part(table: Table, part: PartLog) -> dict[str, Any]:
     }
 
 
-def _rejects(table: Table, job: Job, log: RunLog, beliefs: Replay) -> list[Reject]:
+def _rejects(table: Table, job: Job, log: RunLog, beliefs: Replay, reach: float) -> list[Reject]:
     """The latest rejected readings of a journal."""
     calibration, jaws, result = Calibration.linear(table.gripper), jaws_of(job.gripper), []
     last = [(part, part.squeezes[-1]) for part in log.parts if part.squeezes]
@@ -238,5 +239,6 @@ def _rejects(table: Table, job: Job, log: RunLog, beliefs: Replay) -> list[Rejec
             np.zeros(3) if nearest is None else np.append(visit.after[nearest], states[nearest, 3:])
         )
         caption = f"Part {part.part}, node {node}: {reject_text(table, node, count)}"
-        result.append(Reject(caption, subsample(states, look.OUTLINES), boxes, pose))
+        shown = max(reach, 1.03 * float(np.abs(boxes).max()))
+        result.append(Reject(caption, subsample(states, look.OUTLINES), boxes, pose, shown))
     return result

@@ -41,7 +41,7 @@ function follow(widths) {
   byId("said").textContent = "";
   for (const width of widths) {
     const off = ({low_mm, high_mm}) => Math.max(low_mm - width, width - high_mm, 0);
-    const [next] = [...data.nodes[keys.at(-1)] ?? []].sort((one, other) => off(one) - off(other));
+    const [next] = [...data.nodes[keys.at(-1)]?.ways ?? []].sort((one, other) => off(one) - off(other));
     if (!next) break;
     if (off(next) > 0.06) { byId("said").textContent = `${spoken(keys.at(-1))} rejects ${width} mm`; break; }
     keys.push(next.to);
@@ -57,8 +57,8 @@ byId("goto").addEventListener("change", event => {
 
 // The journal: one part at a time.
 let part = null, step = 0;
-function pointAt(width) {
-  const x = 100 * width / data.span_mm;
+function pointAt({node, width_mm}) {
+  const {low, high} = data.nodes[node].span_mm, x = Math.min(Math.max(100 * (width_mm - low) / (high - low), 0), 100);
   details.querySelector(".chart svg")?.append(shape("polyline", {class: "mark", points: `${x},0 ${x},100`}));
 }
 function sentence() {
@@ -77,7 +77,7 @@ function show() {
   mark([...squeezes.slice(0, step + 1).map(each => each.node), ...last?.to ? [last.to] : []]);
   if (!last) return;
   choose(last.node);
-  pointAt(last.width_mm);
+  pointAt(last);
 }
 function take(index) { part = data.parts[index] ?? null; step = 0; show(); }
 function list() {

@@ -134,7 +134,7 @@ def test_few_panels_are_shown_and_the_rest_is_folded_away():
 
 def test_widths_of_the_script_are_the_tables(data):
     for index, node in enumerate(TABLE.nodes):
-        ways = data["nodes"][f"node-{index}"]
+        ways = data["nodes"][f"node-{index}"]["ways"]
         assert [way["to"] for way in ways] == [key_of(branch.target) for branch in node.branches]
         for way, branch in zip(ways, node.branches, strict=True):
             assert way["low_mm"] == pytest.approx(branch.low_um / 1e3, abs=0.01)
