@@ -107,20 +107,22 @@ class _Places:
     def _way(self, index: int, number: int, branch: Branch) -> Way:
         replayed = int((self.beliefs.visits[index].branch == number).sum())
         return Way(
-            key_of(branch.target),
-            *(round(um / 1e3, 2) for um in (branch.low_um, branch.expected_um, branch.high_um)),
-            branch.probability_ppm / PPM,
-            replayed if self.counts is None else self.counts[index, branch.target],
+            key=key_of(branch.target),
+            low_mm=round(branch.low_um / 1e3, 2),
+            expected_mm=round(branch.expected_um / 1e3, 2),
+            high_mm=round(branch.high_um / 1e3, 2),
+            planned=branch.probability_ppm / PPM,
+            parts=replayed if self.counts is None else self.counts[index, branch.target],
         )
 
     def _chart(self, index: int, ways: list[Way]) -> str:
         read = Counter(self.beliefs.visits[index].counts.tolist())
-        counts = [(self.calibration.width_um(count) / 1e3, n) for count, n in sorted(read.items())]
+        low, high = span_of(ways)
+        widths = [(self.calibration.width_um(count) / 1e3, n) for count, n in sorted(read.items())]
+        counts = [(width, n) for width, n in widths if low <= width <= high]
         bands = [Band(way.low_mm, way.high_mm, str(k)) for k, way in enumerate(ways)]
-        span = (0.0, self.table.gripper.opening_um / 1e3)
-        return histogram(
-            "Widths read in the replay, within the branches", counts, bands, span, "mm"
-        )
+        label = "Widths read in the replay, within the branches"
+        return histogram(label, counts, bands, (low, high), "mm")
 
     def _node_facts(self, index: int, node: Node) -> dict[str, str]:
         squeeze = node.squeeze
@@ -141,7 +143,7 @@ class _Places:
             facts["dragged to"] = ", ".join(f"{um / 1e3:.2f}" for um in node.release) + " mm"
         for number, push in enumerate(node.pushes, 1):
             facts[f"push {number}"] = (
-                f"from {push.x_um / 1e3:.2f}, {push.y_um / 1e3:.2f} mm, {push.way_um / 1e3:.2f} mm "
+                f"from {push.x_um / 1e3:.2f}, {push.y_um / 1e3:.2f} mm, {push.length_um / 1e3:.2f} mm "
                 f"along {_degrees(push.angle_urad)}, jaws {push.opening_um / 1e3:.2f} mm"
             )
         return facts
@@ -190,15 +192,12 @@ class _Places:
 
 def span_of(ways: list[Way]) -> tuple[float, float]:
     """The widths that the chart of a node shows [mm]."""
-    return max(min(way.low_mm for way in ways) - MARGIN_MM, 0.0), max(
-        way.high_mm for way in ways
-    ) + MARGIN_MM
+    low, high = min(way.low_mm for way in ways), max(way.high_mm for way in ways)
+    return max(low - MARGIN_MM, 0.0), high + MARGIN_MM
 
 
-def key_of(target: int | None) -> str | None:
-    """The id of a node's or leaf's panel; none of a rejected reading."""
-    if target is None:
-        return None
+def key_of(target: int) -> str:
+    """The id of a node's or leaf's panel."""
     return f"node-{target}" if target >= 0 else f"leaf-{~target}"
 
 

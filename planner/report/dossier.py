@@ -207,8 +207,8 @@ def _part(table: Table, part: PartLog) -> dict[str, Any]:
     squeezes = [
         {
             "node": key_of(each.node),
-            "width_mm": round(calibration.width_um(each.count) / 1e3, 2),
-            "to": key_of(each.target),
+            "width_mm": round(calibration.width_um(each.counts) / 1e3, 2),
+            "to": None if each.target is None else key_of(each.target),
         }
         for each in part.squeezes
     ]
@@ -228,7 +228,7 @@ def _rejects(table: Table, job: Job, log: RunLog, beliefs: Replay, reach: float)
     calibration, jaws, result = Calibration.linear(table.gripper), jaws_of(job.gripper), []
     last = [(part, part.squeezes[-1]) for part in log.parts if part.squeezes]
     for part, squeeze in [pair for pair in last if pair[1].target is None][-REJECTS:]:
-        node, count = squeeze.node, squeeze.count
+        node, count = squeeze.node, squeeze.counts
         width_mm, visit = calibration.width_um(count) / 1e3, beliefs.visits[node]
         boxes = canvas.placed(
             canvas.finger_boxes(jaws, width_mm), placement_of(table.nodes[node].squeeze)

@@ -33,7 +33,7 @@ def scenes(table: Table, job: Job, beliefs: Replay) -> list[Scene]:
     """The moments before the first squeeze and after each."""
     path = likeliest_path(table, beliefs, SQUEEZES)
     part = track(beliefs, path)
-    hypothesis = beliefs.arrivals[0][part.index, 3:]
+    hypothesis = beliefs.arrivals[0][part.part, 3:]
     poses = [np.append(pose, hypothesis) for pose in part.poses]
     none, jaws = np.empty((0, 4, 2)), jaws_of(job.gripper)
     belief = subsample(beliefs.arrivals[0], OUTLINES)

@@ -36,7 +36,7 @@ class Step(NamedTuple):
 class Track(NamedTuple):
     """One part on its path."""
 
-    index: int  # among the parts at the root
+    part: int  # among the parts at the root
     poses: list[Array]  # (3,) before the first squeeze and after each [mm, mm, rad]
     widths_mm: list[float]  # that it is squeezed to
 

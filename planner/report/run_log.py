@@ -24,7 +24,7 @@ class Squeezed(NamedTuple):
     """One squeeze of a part."""
 
     node: int
-    count: int  # the settled encoder count
+    counts: int  # the settled position
     target: int | None  # where it leads; None where it is rejected
 
 

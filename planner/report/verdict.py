@@ -221,7 +221,7 @@ def cell_result(table: Table, log: RunLog) -> CellResult:
     ]
     if rejects:  # what was read at the node that rejected most parts
         node = Counter(squeeze.node for squeeze in rejects).most_common(1)[0][0]
-        counts = [squeeze.count for squeeze in rejects if squeeze.node == node]
+        counts = [squeeze.counts for squeeze in rejects if squeeze.node == node]
         middle = sorted(counts)[len(counts) // 2]
         message += f"; {len(counts)} rejected at node {node}: {reject_text(table, node, middle)}"
     share = located / total
