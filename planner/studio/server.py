@@ -21,6 +21,7 @@ from planner.part.importers.pieces import MAX_BYTES, UNITS_MM
 from planner.studio.folder import PICTURE, Folder, Plan
 from planner.studio.reader import Reader
 from planner.studio.steps import beginning, typed
+from runtime.pages.frame import asset
 from runtime.shell.command import sentence_of
 from runtime.shell.errors import ExpectedError, UsageError
 
@@ -99,7 +100,9 @@ class Studio(ThreadingTCPServer):
     def static(self, name: str) -> Answer:
         """A stylesheet or script of ours."""
         path = Path(__file__).parent / "templates" / name
-        return Answer(path.read_bytes(), f"{KINDS[path.suffix]}; charset=utf-8", PAGE)
+        shared = asset("style.css") if name == "studio.css" else ""
+        text = shared + path.read_text("utf-8")
+        return Answer(text.encode(), f"{KINDS[path.suffix]}; charset=utf-8", PAGE)
 
     def state(self) -> Answer:
         """What is in the folder."""

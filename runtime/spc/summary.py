@@ -7,11 +7,13 @@ from math import log1p
 from statistics import fmean, stdev
 from typing import NamedTuple
 
+from runtime.pages.charts import Line
 from runtime.spc.charts import RARE, binomial_tail, chi_square, chi_square_tail
 from runtime.spc.expectation import LIMIT, Expectation
 from runtime.spc.history import History, Part, Squeezed
 from runtime.spc.monitor import (
     COORDINATES,
+    STEADY,
     Alarm,
     Monitor,
     branch_counts,
@@ -30,12 +32,13 @@ GROUP = 50  # audited parts of one point of the p-chart
 
 
 class Series(NamedTuple):
-    """A chart to draw: named values, one for each step, and limits that no line may pass."""
+    """A chart to draw: values, one for each step, and limits that no line may pass."""
 
-    title: str
-    lines: tuple[tuple[str, Sequence[float]], ...]
+    heading: str  # in plain words
+    lines: tuple[Line, ...]
     limits: tuple[float, ...]
     step: str
+    method: str  # what the values are
 
 
 class LeafRow(NamedTuple):
@@ -169,7 +172,7 @@ def summarise(history: History, expected: Expectation | None = None) -> Summary:
         nodes,
         chi_square_tail(statistic, freedom),
         alarms,
-        tuple(_charts(history, monitor, drawn)),
+        tuple(_charts(history, monitor, drawn, alarms)),
         tuple(_names(history)),
     )
 
@@ -180,21 +183,33 @@ def moments(values: Sequence[float]) -> tuple[float, float]:
 
 
 def _charts(
-    history: History, monitor: Monitor, drawn: Mapping[str, Sequence[float]]
+    history: History,
+    monitor: Monitor,
+    drawn: Mapping[str, Sequence[float]],
+    alarms: Sequence[Alarm],
 ) -> Iterator[Series]:
-    def lines(*names: str) -> tuple[tuple[str, Sequence[float]], ...]:
-        return tuple((name, drawn.get(name, ())) for name in names)
+    def heading(chart: str) -> str:
+        """What is wrong by the chart's first alarm; without one, that all is well."""
+        sentences = (alarm.sentence for alarm in alarms if alarm.chart.startswith(chart))
+        first = next(sentences, STEADY[chart])
+        return first[0].upper() + first[1:]
 
-    yield failures(history)
+    def lines(*names: str) -> tuple[Line, ...]:
+        return tuple(Line(name, drawn.get(name, ())) for name in names)
+
+    yield failures(history)._replace(heading=heading("failures"))
     limit = monitor.residuals[0].limit
-    title = "residuals, weighted means in standard deviations"
-    yield Series(title, lines(*COORDINATES), (-limit, limit), "audited part")
+    method = "Measured less answered pose: weighted means (EWMA), in standard deviations."
+    courses = lines(*COORDINATES)
+    yield Series(heading("residual"), courses, (-limit, limit), "audited part", method)
     limit = monitor.widths.limit
-    title = "widths, cumulative sums of deviations"
-    yield Series(title, lines("wider", "narrower"), (-limit, limit), "squeeze")
+    method = "Widths less those expected: cumulative sums (CUSUM)."
+    courses = lines("wider", "narrower")
+    yield Series(heading("widths"), courses, (-limit, limit), "squeeze", method)
     if monitor.readings is not None:
-        title = "readings, logarithm of the Shiryaev-Roberts statistic for another friction"
-        yield Series(title, lines("friction"), (log1p(LIMIT),), "part")
+        method = "How much likelier readings are at another friction (logarithm; Shiryaev-Roberts)."
+        limits = (log1p(LIMIT),)
+        yield Series(heading("readings"), lines("friction"), limits, "part", method)
 
 
 def failures(history: History) -> Series:
@@ -206,8 +221,9 @@ def failures(history: History) -> Series:
         k for k in range(GROUP + 1) if binomial_tail(k, GROUP, expected) < RARE or k == GROUP
     )
     shares = tuple(sum(group) / len(group) for group in groups)
-    title = f"failures, share of each {GROUP} audited parts"
-    return Series(title, (("failures", shares),), (most / GROUP,), "group")
+    method = f"Share that fails of each {GROUP} audited parts (p-chart)."
+    lines = (Line("failures", shares),)
+    return Series(STEADY["failures"], lines, (most / GROUP,), "group", method)
 
 
 def _judged(parts: Sequence[Part]) -> tuple[int, int]:
