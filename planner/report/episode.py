@@ -1,5 +1,7 @@
 """A picture of an episode of the environment, as pixels: the belief, the part and what the hand did last."""
 
+from typing import Any
+
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -48,6 +50,6 @@ def pixels(model: Pomdp, state: Array, belief: Array, action: Array | None) -> N
             shown = canvas.placed(fingers, action[:3])
             canvas.polygons(axes, shown, canvas.RED, 1.2, order=4.0, fill=0.2)
             axes.set_title(f"jaws at {state[3]:.1f} mm", fontsize=8.0, pad=4.0)
-        drawn = FigureCanvasAgg(figure)
+        drawn: Any = FigureCanvasAgg(figure)  # its methods are not annotated
         drawn.draw()
     return np.asarray(drawn.buffer_rgba())[..., :3].copy()
