@@ -42,7 +42,7 @@ def test_shift_counts_yield_and_takt(shift):
     assert (seen["seconds_mean"], seen["takt_s"], seen["takt_share"]) == (6.0, 6.0, 0.75)
 
 
-def test_losses_are_told_apart_by_kind_and_squeeze_the_most_frequent_first(shift):
+def test_losses_are_counted_by_kind_and_squeeze_the_most_frequent_first(shift):
     shift.add(replace(GOOD, delivery="missed", reason="no way"))
     for part in (7, 8):
         shift.add(PartResult.of(part, Outcome.REJECT, [FIRST, SECOND], "no such width"))
