@@ -1,6 +1,7 @@
 // The studio's page. All state is in the folder: the page asks for it, and shows names and sentences as text.
 
 import { contourPicture, drawPart } from "./drawing.js";
+import { projector } from "./film.js";
 
 const BUSY_MS = 600, IDLE_MS = 3000, SETTLE_MS = 300;
 const at = (id) => document.getElementById(id);
@@ -174,7 +175,8 @@ function showPlan(plan) {
   const { log, files, running } = plan, { progress, answer } = log;
   const status = statusOf(plan);
   if (at("status").textContent !== status) at("status").textContent = status; // a screen reader says what changes
-  at("stop").hidden = !running;
+  at("stop").hidden = !running && !plan.trying;
+  at("stop").textContent = running ? "Stop, and keep the best so far" : "Try no others";
   at("stop").disabled = "stop" in files;
   at("course").hidden = !running;
   if (typeof progress.share === "number") at("progress").value = progress.share;
@@ -195,7 +197,8 @@ function showPlan(plan) {
   const links = { report: "Report", table: "Decision table", job: "Job file", journal: "Journal of the simulated parts", log: "Log" };
   at("links").replaceChildren(...Object.entries(links).filter(([what]) => what in files).map(([what, text]) => link(files[what], text)));
   showPicture(files.picture);
-  showParts(log);
+  showParts(plan);
+  showTried(plan);
   at("commands").textContent = log.commands.join("\n");
 }
 
@@ -205,13 +208,35 @@ function showPicture(file) {
   if (file && picture.getAttribute("src") !== source) picture.src = source;
 }
 
-function showParts({ parts }) {
+const project = projector({ view: at("scene"), slider: at("moment"), button: at("play"), caption: at("caption") });
+async function showFilm(plan, number) {
+  const film = await ask("/film.json", { plan, part: number });
+  at("filmed").textContent = `part ${number}`;
+  at("film").hidden = false;
+  project(film);
+}
+
+// Other discs and goals, as they come.
+function showTried({ trying, log }) {
+  at("tried-title").hidden = !trying && !log.tried.length;
+  const lines = log.tried.map(({ what, located, enough, command }) => make("li", `${what}: ${located}${enough ? "" : ", which is too few"}`, { title: command }));
+  at("tried").replaceChildren(...lines, ...(trying ? [make("li", "Trying the next one in the background ...")] : []));
+}
+
+function showParts({ name, log: { parts } }) {
+  if (at("film").dataset.plan !== name) at("film").hidden = true;
+  at("film").dataset.plan = name;
   at("parts").hidden = at("parts-title").hidden = !parts.length;
   const located = parts.filter((part) => part.outcome === "LEAF").length, within = parts.filter((part) => part.within).length;
   at("tally").textContent = parts.length ? `${parts.length} parts: ${located} located, ${within} within the goal.` : "";
   at("parts").querySelector("tbody").replaceChildren(...parts.map((part) => {
     const row = make("tr", "", part.within ? {} : { class: "off" });
-    for (const cell of [part.number, part.outcome, part.widths, part.place, part.angle, part.error]) row.append(make("td", cell));
+    const button = make("button", part.number, { type: "button", "aria-label": `Show part ${part.number}`, id: `part-${part.number}` });
+    button.addEventListener("click", attempt(() => showFilm(name, part.number)));
+    const first = make("td", "");
+    first.append(button);
+    row.append(first);
+    for (const cell of [part.outcome, part.widths, part.place, part.angle, part.error]) row.append(make("td", cell));
     return row;
   }));
 }

@@ -58,6 +58,7 @@ def test_a_simulated_part_is_a_row_of_texts():
     part = {
         "part": 1,
         "outcome": "leaf",
+        "path": [0, 4],
         "widths_mm": [14.0, 39.25],
         "within_goal": True,
         "error_mm": 0.2,
