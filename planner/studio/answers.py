@@ -79,11 +79,14 @@ class Answers:
         return Environment(loader=loader, autoescape=True, undefined=StrictUndefined)
 
     def static(self, name: str) -> Answer:
-        """A stylesheet or script of ours."""
+        """A stylesheet or script of ours; `elements.js` is that of all pages."""
+        kind = f"{KINDS[Path(name).suffix]}; charset=utf-8"
+        if name == "elements.js":
+            return Answer(asset(name).encode(), kind, PAGE)
         path = Path(__file__).parent / "templates" / name
         shared = asset("style.css") if name == "studio.css" else ""
         text = shared + path.read_text("utf-8")
-        return Answer(text.encode(), f"{KINDS[path.suffix]}; charset=utf-8", PAGE)
+        return Answer(text.encode(), kind, PAGE)
 
     def state(self) -> Answer:
         """What is in the folder."""

@@ -72,4 +72,8 @@ def _hand(squeeze: Squeeze) -> dict[str, float]:
 
 
 def _pose(x_mm: float, y_mm: float, theta_rad: float) -> dict[str, float]:
-    return {"x_mm": x_mm, "y_mm": y_mm, "turn_deg": degrees(theta_rad)}
+    return {
+        "x_mm": round(x_mm, 3),
+        "y_mm": round(y_mm, 3),
+        "turn_deg": round(degrees(theta_rad), 2),
+    }

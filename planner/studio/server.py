@@ -19,6 +19,7 @@ LOOPBACK = "127.0.0.1"
 NAMES = (LOOPBACK, "localhost")
 PATIENCE_S = 30.0  # that a client may stay silent
 MOST_SETTINGS_BYTES = 16 << 10
+STATIC = ("/studio.css", "/elements.js", "/studio.js", "/drawing.js", "/film.js")
 
 
 class Studio(ThreadingTCPServer):
@@ -54,7 +55,7 @@ class Handler(BaseHTTPRequestHandler):
         pages: dict[str, Callable[[], Answer]] = {"/": studio.page, "/folder.json": studio.state}
         if path in pages:
             self._answer(pages[path])
-        elif path in ("/studio.css", "/studio.js", "/drawing.js", "/film.js"):
+        elif path in STATIC:
             self._answer(lambda: studio.static(path[1:]))
         elif path == "/film.json":
             self._answer(lambda: studio.film(_first(url.query)))

@@ -1,7 +1,5 @@
 // A simulated part as an animation: where hand and part are at a time, and what shows it.
 
-import { element } from "./drawing.js";
-
 const CLOSING_S = 1.2, SQUEEZE_S = 2, TICK_MS = 40;
 const between = (from, to, share) => from + share * (to - from);
 const turned = (degrees) => ((degrees + 180) % 360 + 360) % 360 - 180;
@@ -32,9 +30,9 @@ export function drawMoment(view, film, seconds) {
   const off = Math.max(...squeezes.map((each) => Math.hypot(each.hand.x_mm, each.hand.y_mm)));
   const extent = off + Math.max(reach_mm, gripper.opening_mm / 2 + gripper.width_mm) + 2;
   view.setAttribute("viewBox", `${-extent} ${-extent} ${2 * extent} ${2 * extent}`);
-  const finger = (y) => element("rect", { class: "finger", x: -gripper.length_mm / 2, y, width: gripper.length_mm, height: gripper.width_mm });
-  const shape = element("polygon", { class: "part", points: outline.map((point) => `${point.x_mm},${point.y_mm}`).join(" "), transform: placed(part) });
-  const world = element("g", { transform: `scale(1 -1)${placed(hand)}` }, shape, finger(width / 2), finger(-width / 2 - gripper.width_mm));
+  const finger = (y) => shape("rect", { class: "finger", x: -gripper.length_mm / 2, y, width: gripper.length_mm, height: gripper.width_mm });
+  const shown = shape("polygon", { class: "part", points: outline.map((point) => `${point.x_mm},${point.y_mm}`).join(" "), transform: placed(part) });
+  const world = shape("g", { transform: `scale(1 -1)${placed(hand)}` }, shown, finger(width / 2), finger(-width / 2 - gripper.width_mm));
   view.replaceChildren(world);
   return `Squeeze ${number + 1} of ${squeezes.length}: ${width.toFixed(1)} mm apart`;
 }
