@@ -8,10 +8,11 @@ from collections.abc import Mapping, Sequence
 from math import degrees, dist
 from typing import Any
 
+from planner.evaluation.trials import placement_of
 from planner.world import ContactWorld, Pose
 from runtime.shell.command import say
 from runtime.shell.errors import UsageError
-from runtime.table import Squeeze, Table, job_of
+from runtime.table import Table, job_of
 
 
 class Filmed(ContactWorld):
@@ -39,11 +40,13 @@ def film(table: Table, parts: Sequence[Mapping[str, Any]], number: str) -> dict[
     Raises:
         UsageError: there is no such part, or its squeezes are not in the log.
     """
-    part = next((part for part in parts if str(part["number"]) == number), None)
-    if part is None or len(part["path"]) != len(part["squeezes"]):
+    part = next(
+        (part for part in parts if str(part["number"]) == number), {"path": [None], "squeezes": []}
+    )
+    nodes = [table.nodes[node].squeeze for node in part["path"] if node in range(len(table.nodes))]
+    if not len(nodes) == len(part["path"]) == len(part["squeezes"]):
         raise UsageError(f"part {number}: its squeezes are not in the log; plan once more")
     outline = _outline(table)
-    nodes = [table.nodes[node].squeeze for node in part["path"]]
     return {
         "outline": outline,
         "reach_mm": max(dist((0.0, 0.0), (point["x_mm"], point["y_mm"])) for point in outline),
@@ -53,7 +56,11 @@ def film(table: Table, parts: Sequence[Mapping[str, Any]], number: str) -> dict[
             "width_mm": table.gripper.finger_width_um / 1000,
         },
         "squeezes": [
-            {**squeezed, "hand": _hand(squeeze), "opening_mm": squeeze.opening_um / 1000}
+            {
+                **squeezed,
+                "hand": _pose(*placement_of(squeeze)),
+                "opening_mm": squeeze.opening_um / 1000,
+            }
             for squeeze, squeezed in zip(nodes, part["squeezes"], strict=True)
         ],
     }
@@ -65,10 +72,6 @@ def _outline(table: Table) -> list[dict[str, float]]:
         return [{"x_mm": float(x), "y_mm": float(y)} for x, y in points]
     except (KeyError, TypeError, ValueError) as error:
         raise UsageError("the table carries no outline of its part") from error
-
-
-def _hand(squeeze: Squeeze) -> dict[str, float]:
-    return _pose(squeeze.x_um / 1000, squeeze.y_um / 1000, squeeze.angle_urad / 1e6)
 
 
 def _pose(x_mm: float, y_mm: float, theta_rad: float) -> dict[str, float]:

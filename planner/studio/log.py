@@ -31,7 +31,10 @@ def log_of(data: bytes) -> Log:
         try:
             record = json.loads(line)
             if "squeezed" in record:
-                squeezes.append(dict(record["squeezed"]))
+                squeezed = dict(record["squeezed"])
+                if squeezes and squeezes[-1]["before"] == squeezed["before"]:
+                    squeezes.pop()  # jaws that close fast and then slowly close once
+                squeezes.append(squeezed)
             else:
                 log = _with(log, record, squeezes)
         except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
@@ -101,10 +104,9 @@ def _answer(record: dict[str, Any]) -> dict[str, Any]:
 
 def _tried(record: dict[str, Any]) -> dict[str, Any]:
     what = {"uncertainty.radius_mm": "off by at most", "goal.distance_mm": "located to"}
-    located = in_percent(float(record["located"]))
     return {
         "what": f"{what[record['tried']]} {float(record['value']):g} mm",
-        "located": f"{located} located",
+        "located": f"{100 * float(record['located']):.1f} % located",
         "enough": record["enough"] is True,
         "command": str(record["command"]),
     }

@@ -41,9 +41,10 @@ FILM = {
     "squeezes": SQUEEZES,
 }
 EXPRESSION = """{
-  touch: [touchWidth(film.outline, at(0, 0, 0)), touchWidth(film.outline, at(0, 0, 90)), touchWidth(film.outline, at(9, 2, 0))],
+  touch: [at(0, 0, 0), at(0, 0, 90), at(9, 2, 0)].map((pose) => touchWidth(film.outline, pose)),
   lasts: lasts(film),
-  begins: momentOf(film, 0), touches: momentOf(film, 0.01), half: momentOf(film, 1.1), held: momentOf(film, 1.9),
+  begins: momentOf(film, 0), touches: momentOf(film, 0.01), half: momentOf(film, 1.1),
+  held: momentOf(film, 1.9),
   second: momentOf(film, 2), ends: momentOf(film, lasts(film)),
   radii: [nearestRadius(3.3), nearestRadius(-1), nearestRadius(1e9), radiusAfter("ArrowUp", 3, false),
     radiusAfter("ArrowLeft", 3, true), radiusAfter("End", 3, false), radiusAfter("Tab", 3, false)],
