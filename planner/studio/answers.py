@@ -96,8 +96,8 @@ class Answers:
             for file in files
             if file.name.lower().endswith(SUFFIXES) and not file.name.endswith(PICTURE)
         ]
-        listed = [file._asdict() for file in files]
         plans = [_shown(plan) for plan in self.plans.all()]
+        listed = [file._asdict() for file in files]
         return _object({"drawings": drawings, "plans": plans, "files": listed})
 
     def file(self, name: str) -> Answer:

@@ -52,10 +52,8 @@ def _with(log: Log, record: dict[str, Any], squeezes: list[dict[str, Any]]) -> L
         share = record["share"]
         known = isinstance(share, int | float) and record["stage"] != KERNELS
         texts = {key: str(record[key]) for key in ("stage", "left", "detail")}
-        seconds = float(record["seconds"])
-        return log._replace(
-            progress={**texts, "seconds": seconds, "share": share if known else None}
-        )
+        figures = {"seconds": float(record["seconds"]), "share": share if known else None}
+        return log._replace(progress={**texts, **figures})
     if "verdict" in record:
         return log._replace(answer=_answer(record))
     if "outcome" in record:

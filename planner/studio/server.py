@@ -51,16 +51,15 @@ class Handler(BaseHTTPRequestHandler):
     def do_GET(self) -> None:
         """Answer with a page, the folder's state or a file."""
         url, studio = urlsplit(self.path), self.server.answers
-        path = url.path
         pages: dict[str, Callable[[], Answer]] = {"/": studio.page, "/folder.json": studio.state}
-        if path in pages:
-            self._answer(pages[path])
-        elif path in STATIC:
-            self._answer(lambda: studio.static(path[1:]))
-        elif path == "/film.json":
+        if url.path in pages:
+            self._answer(pages[url.path])
+        elif url.path in STATIC:
+            self._answer(lambda: studio.static(url.path[1:]))
+        elif url.path == "/film.json":
             self._answer(lambda: studio.film(_first(url.query)))
-        elif path.startswith("/files/"):
-            self._answer(lambda: studio.file(unquote(path.removeprefix("/files/"))))
+        elif url.path.startswith("/files/"):
+            self._answer(lambda: studio.file(unquote(url.path.removeprefix("/files/"))))
         else:
             self._answer(lambda: refused(404, "there is no such page"))
 

@@ -84,13 +84,15 @@ def main(argv: Sequence[str]) -> int:
 
 def try_others(files: Mapping[str, str]) -> None:
     """Plan for other discs and goals, and say what each came to, until the file `stop` is there."""
+    stop, summary = Path(files["stop"]), Path(files["trials"]) / "summary.json"
     for trial in trials_of(Path(files["job"])):
         for value in trial.values:
+            summary.unlink(missing_ok=True)
             words = trial.command(value, beginning(files["job"]), beginning(files["trials"]))
             _ended([*words, "--json"], files["stop"], aside=True)
-            if Path(files["stop"]).exists():
-                return Path(files["stop"]).unlink(missing_ok=True)
-            result = trial.result(value, Path(files["trials"]))
+            if stop.exists() or not summary.exists():
+                return stop.unlink(missing_ok=True)
+            result = trial.result(value, summary)
             _say(**result, command=typed(words))
             if not result["enough"]:
                 break
@@ -98,10 +100,7 @@ def try_others(files: Mapping[str, str]) -> None:
 
 
 def _ended(words: Sequence[str], stop: str, *, aside: bool = False) -> int:
-    """The exit code of a command; once the file `stop` is there, it is interrupted.
-
-    One that runs aside leaves the processor to others, and says nothing.
-    """
+    """The exit code of a command, interrupted once the file `stop` is there; `aside`: niced, silent."""
     before, output = (["nice"], subprocess.DEVNULL) if aside else ([], None)
     child = subprocess.Popen(
         [*before, *COMMAND, *words], stdin=subprocess.DEVNULL, stdout=output, stderr=output

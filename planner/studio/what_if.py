@@ -21,13 +21,9 @@ class Trial(NamedTuple):
         """The words after `squeezetree` that plan for a value, with the table in a folder."""
         return ["plan", job, "-o", folder, "--vary", f"{self.key}={value:g}", *EFFORT]
 
-    def result(self, value: float, folder: Path) -> dict[str, Any]:
-        """What the plan for a value came to, as the log holds it.
-
-        Raises:
-            OSError: the command wrote no summary.
-        """
-        (row,) = json.loads((folder / "summary.json").read_text("utf-8"))
+    def result(self, value: float, summary: Path) -> dict[str, Any]:
+        """What the plan for a value came to by the command's summary, as the log holds it."""
+        (row,) = json.loads(summary.read_text("utf-8"))
         located = row.get("success_rate", 0.0)
         enough = located >= self.confidence
         return {"tried": self.key, "value": value, "located": located, "enough": enough}

@@ -194,10 +194,10 @@ function showPicture(file) {
 
 const project = projector({ view: byId("scene"), slider: byId("moment"), button: byId("play"), caption: byId("caption") });
 async function showFilm(plan, number) {
-  const film = await ask("/film.json", { plan, part: number });
-  byId("filmed").textContent = `part ${number}`;
+  project(await ask("/film.json", { plan, part: number }));
+  byId("filmed").textContent = `Part ${number}`;
   byId("film").hidden = false;
-  project(film);
+  byId("film").scrollIntoView({ block: "nearest" });
 }
 
 // Other discs and goals, as they come.
@@ -212,7 +212,7 @@ function showParts({ name, log: { parts } }) {
   byId("film").dataset.plan = name;
   byId("parts").hidden = byId("parts-title").hidden = !parts.length;
   const located = parts.filter((part) => part.outcome === "LEAF").length, within = parts.filter((part) => part.within).length;
-  byId("tally").textContent = parts.length ? `${parts.length} parts: ${located} located, ${within} within the goal.` : "";
+  byId("tally").textContent = parts.length ? `${parts.length} parts: ${located} located, ${within} within the goal. Choose one to see it squeezed.` : "";
   byId("parts").querySelector("tbody").replaceChildren(...parts.map((part) => {
     const button = make("button", { type: "button", "aria-label": `Show part ${part.number}`, id: `part-${part.number}` }, String(part.number));
     button.addEventListener("click", attempt(() => showFilm(name, part.number)));
