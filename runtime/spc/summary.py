@@ -1,6 +1,6 @@
 """What a report says: success against the prediction, residuals by leaf, fit of the branches, charts."""
 
-from collections import Counter, defaultdict
+from collections import Counter, defaultdict, deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import log1p
@@ -28,6 +28,7 @@ LEAST_REFIT = 20  # parts that a refit learns anything from
 STRANGE = 1e-3  # probability of branches below which the cell is taken for another than planned
 DRIFTED = ("widths", "branches", "readings", "rejects")  # charts of what a refit learns from
 REFIT = "a refit would pay: plan-refit JOB.toml --journal J... -o JOB2.toml learns what is off in the cell"
+RECENT = 120  # squeezes of which a run remembers the charts' values
 GROUP = 50  # audited parts of one point of the p-chart
 
 
@@ -123,11 +124,25 @@ class Summary:
 
 
 class Drift:
-    """Whether a refit would pay, told as a run goes on: the charts of its table, part after part."""
+    """The charts of a table as a run goes on, part after part; whether a refit would pay."""
 
     def __init__(self, table: Table) -> None:
-        self._table, self._charts = table, Monitor(table)
+        self._courses = {name: deque[float](maxlen=RECENT) for name in ("wider", "narrower")}
+        self._table, self._charts = table, Monitor(table, draw=self._keep)
         self._parts, self._drifted = 0, False
+        self._alarms: dict[str, Alarm] = {}  # of each chart the latest
+
+    def _keep(self, name: str, value: float) -> None:
+        if name in self._courses:
+            self._courses[name].append(round(value, 2))
+
+    def as_object(self) -> dict[str, object]:
+        """The latest widths' cumulative sums, the limit of both, and the latest alarm of each chart."""
+        return {
+            **{name: list(course) for name, course in self._courses.items()},
+            "limit": self._charts.widths.limit,
+            "alarms": [alarm._asdict() for alarm in self._alarms.values()],
+        }
 
     def add(self, result: PartResult) -> bool:
         """Take a part that has ended in; whether a refit would pay by now."""
@@ -137,8 +152,11 @@ class Drift:
             for step in result.steps
         )
         part = Part(result.part, tuple(squeezes), result.outcome.value, result.leaf, result.audit)
+        alarms = self._charts.add(part)
+        for chart, sentence in alarms:
+            self._alarms[chart] = Alarm(self._parts, result.part, chart, sentence)
         self._parts += 1
-        self._drifted |= any(chart in DRIFTED for chart, _ in self._charts.add(part))
+        self._drifted |= any(chart in DRIFTED for chart, _ in alarms)
         return self._drifted and self._parts >= LEAST_REFIT
 
 

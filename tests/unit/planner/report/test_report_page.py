@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 import pytest
-from browser import LEGIBLE, needs_chromium, played
+from browser import LEGIBLE, NEEDED, played
 from grown_tables import grown_table
 from html_pages import Page
 from run_logs import chained, header, part
@@ -253,7 +253,7 @@ def test_a_sheet_has_what_a_customer_needs_and_no_script(tmp_path, text):
     assert len(sheet) < 0.5 * len(text)
 
 
-@needs_chromium
+@NEEDED
 def test_the_way_of_a_part_is_chosen_by_hand_by_keys_by_widths_and_from_a_journal(tmp_path):
     branch = max(TABLE.nodes[0].branches, key=lambda branch: branch.probability_ppm)
     key, width = key_of(branch.target), branch.expected_um / 1e3
@@ -293,7 +293,7 @@ def test_the_way_of_a_part_is_chosen_by_hand_by_keys_by_widths_and_from_a_journa
     assert seen["link"].endswith(" after node 0")
 
 
-@needs_chromium
+@NEEDED
 @pytest.mark.parametrize("width", [1400, 390])
 def test_every_text_is_legible_on_a_wide_and_a_narrow_screen(text, tmp_path, width):
     assert played(text, LEGIBLE, tmp_path, width) == {"small": [], "over": 0}
