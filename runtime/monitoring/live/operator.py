@@ -10,8 +10,8 @@ from typing import Any
 
 from runtime.pages.charts import Bar, Line, bars, trend
 from runtime.pages.frame import cards, table, verdict
+from runtime.spc.drift import REFIT
 from runtime.spc.monitor import MEANING, STEADY
-from runtime.spc.summary import REFIT
 from runtime.table import PPM, Table
 
 PHASES = {

@@ -13,7 +13,7 @@ from runtime.monitoring.live import operator
 from runtime.monitoring.monitor import Monitor, Views, ended
 from runtime.monitoring.shift import CHANGES, Shift
 from runtime.monitoring.status import Status
-from runtime.spc.summary import Drift
+from runtime.spc.drift import Drift
 from runtime.table import dump, load
 from runtime.traversal.results import Outcome, PartResult, Step
 
