@@ -20,13 +20,20 @@ from runtime.shell.sealed_lines import GENESIS, is_intact, sealed_segments
 from runtime.table import Phases, TableError, TableFile, loads, phases_of, takt_figures, time_of
 
 
+class Squeezed(NamedTuple):
+    """One squeeze of a part."""
+
+    node: int
+    counts: int  # the settled position
+    target: int | None  # where it leads; None where it is rejected
+
+
 @dataclass(slots=True)
 class PartLog:
     """One part; `outcome` stays "cut short" where the journal does not tell how it ended."""
 
     part: int
-    # Of each squeeze the node, the settled encoder count read there, the target (None where rejected).
-    squeezes: list[tuple[int, int, int | None]] = field(default_factory=list)
+    squeezes: list[Squeezed] = field(default_factory=list)
     outcome: str = "cut short"
     leaf: int | None = None
     reason: str = ""
@@ -59,7 +66,7 @@ class RunLog(NamedTuple):
 
     def branch_counts(self) -> Counter[tuple[int, int | None]]:
         """How often each node led to each target; None for rejected readings."""
-        return Counter((node, target) for part in self.parts for node, _, target in part.squeezes)
+        return Counter((each.node, each.target) for part in self.parts for each in part.squeezes)
 
     def outcomes(self) -> Counter[str]:
         """How many parts ended how."""
@@ -122,7 +129,8 @@ def _take(entry: dict[str, Any], parts: list[PartLog]) -> None:
         parts[-1].widths_um.clear()
     elif kind == "squeeze":
         target = None if entry["target"] is None else int(entry["target"])
-        parts[-1].squeezes.append((int(entry["node"]), int(entry["position_counts"]), target))
+        squeeze = Squeezed(int(entry["node"]), int(entry["position_counts"]), target)
+        parts[-1].squeezes.append(squeeze)
         width = entry.get("width_um")
         parts[-1].widths_um.append(None if width is None else int(width))
     elif kind == "audit" and entry.get("residual_theta_rad") is not None:

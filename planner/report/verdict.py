@@ -215,11 +215,13 @@ def cell_result(table: Table, log: RunLog) -> CellResult:
     others = Counter(part.outcome for part in log.parts if part.outcome != "leaf")
     message += "".join(f", {number} {outcome}" for outcome, number in others.most_common())
     rejects = [
-        part.squeezes[-1] for part in log.parts if part.squeezes and part.squeezes[-1][2] is None
+        part.squeezes[-1]
+        for part in log.parts
+        if part.squeezes and part.squeezes[-1].target is None
     ]
     if rejects:  # what was read at the node that rejected most parts
-        node = Counter(node for node, _, _ in rejects).most_common(1)[0][0]
-        counts = [count for at, count, _ in rejects if at == node]
+        node = Counter(squeeze.node for squeeze in rejects).most_common(1)[0][0]
+        counts = [squeeze.counts for squeeze in rejects if squeeze.node == node]
         middle = sorted(counts)[len(counts) // 2]
         message += f"; {len(counts)} rejected at node {node}: {reject_text(table, node, middle)}"
     share = located / total

@@ -95,10 +95,11 @@ def histogram(
         f'width="{max(band.high - band.low, 0.0) * scale:.2f}"/>'
         for k, band in enumerate(bands)
     ]
-    for value, number in counts:
-        height = 92.0 * (number / most) ** 0.5
-        x = (value - low) * scale
-        drawn.append(f'<polyline class="stem" points="{x:.2f},100 {x:.2f},{100.0 - height:.1f}"/>')
+    stems = "".join(
+        f"M{(value - low) * scale:.1f} 100V{100.0 - 92.0 * (number / most) ** 0.5:.0f}"
+        for value, number in counts
+    )
+    drawn.append(f'<path class="stem" d="{stems}"/>')
     if mark is not None:
         x = (mark - low) * scale
         drawn.append(f'<polyline class="mark" points="{x:.2f},0 {x:.2f},100"/>')

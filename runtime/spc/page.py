@@ -23,7 +23,9 @@ def page(title: str, summary: Summary) -> str:
         frame.cards(_cards(summary)),
         "</header>\n<main>",
         charts.bars("How parts ended", ended),
+        '<div class="charts">',
         *(part for chart in summary.charts for part in picture(chart)),
+        "</div>",
         *_names(summary),
         "<h2>In detail</h2>",
         frame.folded("Leaves: how right their answers are", *_leaves(summary.leaves)),
@@ -36,9 +38,9 @@ def page(title: str, summary: Summary) -> str:
 def picture(chart: Series) -> Iterator[str]:
     """A chart below its heading; nothing of one that no part has a value for."""
     if any(line.values for line in chart.lines):
-        yield f"<h2>{escape(chart.heading)}</h2>"
+        yield f"<section><h2>{escape(chart.heading)}</h2>"
         yield charts.trend(chart.heading, chart.lines, chart.limits, chart.step)
-        yield f'<p class="note">{escape(chart.method)}</p>'
+        yield f'<p class="note">{escape(chart.method)}</p></section>'
 
 
 def _verdict(summary: Summary) -> Iterator[str]:
@@ -57,7 +59,7 @@ def _verdict(summary: Summary) -> Iterator[str]:
     else:
         yield frame.verdict("fair", "No alarm, but success is not as predicted.")
     if summary.refit:
-        yield f"<p>{escape(REFIT.capitalize())}.</p>"
+        yield f"<p>{escape(REFIT[0].upper() + REFIT[1:])}.</p>"
 
 
 def _cards(summary: Summary) -> Iterator[tuple[str, str, str]]:

@@ -4,8 +4,9 @@ import json
 import re
 import shutil
 import subprocess
-from html import unescape
+from html import escape, unescape
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -15,6 +16,48 @@ QUIET = [
     *("--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"),
     *("--virtual-time-budget=2000", "--host-resolver-rules=MAP * ~NOTFOUND"),
 ]
+HARNESS = """\
+<!DOCTYPE html><meta charset="utf-8"><body style="margin:0">
+<iframe id="frame" style="width:{width}px;height:3000px;border:0" srcdoc="{page}"></iframe>
+<script>
+const errors = [], frame = document.getElementById("frame");
+async function play(view, page) {{
+  const byId = id => page.getElementById(id);
+  const typed = key => new view.KeyboardEvent("keydown", {{key, bubbles: true}});
+  const press = key => page.activeElement.dispatchEvent(typed(key));
+  const choose = (id, value) => {{
+    byId(id).value = value;
+    byId(id).dispatchEvent(new view.Event("change"));
+  }};
+  {script}
+}}
+frame.addEventListener("load", async () => {{
+  frame.contentWindow.addEventListener("error", event => errors.push(event.message));
+  let seen = null;
+  try {{
+    seen = await play(frame.contentWindow, frame.contentDocument);
+  }} catch (error) {{
+    errors.push(String(error));
+  }}
+  const said = document.createElement("pre");
+  said.id = "said";
+  said.textContent = JSON.stringify({{seen, errors}});
+  document.body.append(said);
+}});
+</script>
+"""
+# Texts that are too small to read, and how much wider than the screen the page is.
+LEGIBLE = """
+const small = [], walk = page.createTreeWalker(page.body, view.NodeFilter.SHOW_TEXT);
+for (const fold of page.querySelectorAll("details")) fold.open = true;
+while (walk.nextNode()) {
+  const parent = walk.currentNode.parentElement, text = walk.currentNode.data.trim();
+  if (!text || parent.closest("script, style, option") || !parent.checkVisibility()) continue;
+  const size = parseFloat(view.getComputedStyle(parent).fontSize);
+  if (size < 11) small.push([size, text]);
+}
+return {small, over: page.documentElement.scrollWidth - page.documentElement.clientWidth};
+"""
 NEEDED = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium (Debian: chromium)")
 
 
@@ -39,3 +82,12 @@ def value_of(expression: str, scripts: list[str], folder: Path) -> object:
     result = re.search(r'<pre id="result">(.*?)</pre>', page_after(html, folder), re.DOTALL)
     assert result is not None
     return json.loads(unescape(result[1]))
+
+
+def played(page: str, script: str, folder: Path, width: int = 1400) -> Any:
+    """What a script returns that acts on a page so wide: on its document `page` and its window `view`."""
+    harness = HARNESS.format(width=width, page=escape(page), script=script)
+    after = page_after(harness, folder).rpartition('<pre id="said">')[2].partition("</pre>")[0]
+    result = json.loads(unescape(after))
+    assert result["errors"] == []
+    return result["seen"]
