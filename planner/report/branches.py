@@ -121,7 +121,7 @@ class _Places:
         widths = [(self.calibration.width_um(count) / 1e3, n) for count, n in sorted(read.items())]
         counts = [(width, n) for width, n in widths if low <= width <= high]
         bands = [Band(way.low_mm, way.high_mm, str(k)) for k, way in enumerate(ways)]
-        label = "Widths read in the replay, within the branches"
+        label = "Widths read in the replay"
         return histogram(label, counts, bands, (low, high), "mm")
 
     def _node_facts(self, index: int, node: Node) -> dict[str, str]:

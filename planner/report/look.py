@@ -1,5 +1,6 @@
 """The likeliest way through a table, step by step: where parts may lie after each squeeze, and one part."""
 
+from itertools import takewhile
 from typing import NamedTuple
 
 import numpy as np
@@ -31,7 +32,9 @@ class Scene(NamedTuple):
 
 def scenes(table: Table, job: Job, beliefs: Replay) -> list[Scene]:
     """The moments before the first squeeze and after each."""
-    path = likeliest_path(table, beliefs, SQUEEZES)
+    whole = likeliest_path(table, beliefs, SQUEEZES)
+    # Of a table that dismisses all parts, as far as one gets.
+    path = list(takewhile(lambda at: np.any(beliefs.visits[at.node].branch == at.branch), whole))
     part = track(beliefs, path)
     hypothesis = beliefs.arrivals[0][part.part, 3:]
     poses = [np.append(pose, hypothesis) for pose in part.poses]

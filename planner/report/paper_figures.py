@@ -125,7 +125,7 @@ def track(beliefs: Replay, path: Sequence[Step]) -> Track:
         part = int(np.flatnonzero(visit.branch == step.branch)[part])
         poses.append(visit.after[part])
         widths.append(float(visit.width_mm[part]))
-    return Track(part, [beliefs.visits[path[0].node].before[part], *reversed(poses)], widths[::-1])
+    return Track(part, [beliefs.visits[0].before[part], *reversed(poses)], widths[::-1])
 
 
 def subspaces(

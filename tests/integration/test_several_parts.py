@@ -316,7 +316,7 @@ def test_a_report_draws_each_part_and_says_who_ends_where(posed, tmp_path):
     assert counted.sum() == trials
     assert counted[0].sum() / trials == pytest.approx(0.3, abs=0.12)
     assert np.trace(counted) >= 0.97 * counted[:, :2].sum()
-    panels = re.findall(r'<button type="button" class="panel leaf"(.*?)</button>', text, re.DOTALL)
+    panels = re.findall(r'<button class="panel leaf"(.*?)</button>', text, re.DOTALL)
     assert len(panels) > 1
     for panel in panels:
         *drawn, answered = re.findall(r'href="(#part(?:-1)?)"', panel)

@@ -7,7 +7,7 @@ function choose(key, focus = false) {
   const panel = byId(key);
   if (!panel?.classList.contains("panel")) return;
   for (let fold = panel.closest("details"); fold; fold = fold.parentElement.closest("details")) fold.open = true;
-  chosen?.setAttribute("aria-pressed", "false");
+  chosen?.removeAttribute("aria-pressed");
   chosen = panel;
   panel.setAttribute("aria-pressed", "true");
   details.replaceChildren(panel.querySelector("svg").cloneNode(true), byId(`about-${key}`).content.cloneNode(true));
@@ -17,8 +17,9 @@ function choose(key, focus = false) {
 }
 const reveal = key => { choose(key, true); byId(key)?.scrollIntoView({block: "nearest"}); };
 document.addEventListener("click", event => {
-  const key = event.target.closest("[data-to]")?.dataset.to;
-  if (key) event.target.closest(".panel") ? choose(key, true) : reveal(key);
+  const button = event.target.closest(".panel, [data-to]");
+  if (button?.dataset.to) reveal(button.dataset.to);
+  else if (button) choose(button.id, true);
 });
 plan.addEventListener("keydown", event => {
   const panel = event.target.closest(".panel"), item = panel?.parentElement;

@@ -159,10 +159,7 @@ def _gauge_cells(row: GaugeRow) -> Iterator[str]:
     for name, one in row.studies.items():
         enough = one.readings >= LEAST_READINGS
         yield f"{in_degrees(name, one.bias):+.3f}"
-        yield from (
-            _figure(one.cg, ".2f") if enough else "-",
-            _figure(one.cgk, ".2f") if enough else "-",
-        )
+        yield from (_figure(value, ".2f") if enough else "" for value in (one.cg, one.cgk))
 
 
 def _type_one_words(name: str, one: TypeOne) -> str:
