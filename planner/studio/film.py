@@ -40,9 +40,8 @@ def film(table: Table, parts: Sequence[Mapping[str, Any]], number: str) -> dict[
     Raises:
         UsageError: there is no such part, or its squeezes are not in the log.
     """
-    part = next(
-        (part for part in parts if str(part["number"]) == number), {"path": [None], "squeezes": []}
-    )
+    named = (part for part in parts if str(part["number"]) == number)
+    part: Mapping[str, Any] = next(named, {"path": [-1], "squeezes": []})
     nodes = [table.nodes[node].squeeze for node in part["path"] if node in range(len(table.nodes))]
     if not len(nodes) == len(part["path"]) == len(part["squeezes"]):
         raise UsageError(f"part {number}: its squeezes are not in the log; plan once more")

@@ -58,8 +58,9 @@ def _with(log: Log, record: dict[str, Any], squeezes: list[dict[str, Any]]) -> L
         return log._replace(answer=_answer(record))
     if "outcome" in record:
         path = list(record["path"])
-        made = squeezes[len(squeezes) - len(path) :]  # the cell squeezes once before the first part
-        log.parts.append({**_part(record), "path": path, "squeezes": made})
+        # The cell squeezes once before the first part.
+        latest = squeezes[len(squeezes) - len(path) :]
+        log.parts.append({**_part(record), "path": path, "squeezes": latest})
         return log
     if "tried" in record:
         log.tried.append(_tried(record))

@@ -48,6 +48,10 @@ class SystemClock:
         """Local date and time to the minute: "2026-11-27 18:40"."""
         return time.strftime("%Y-%m-%d %H:%M")
 
+    def local_of(self, stamp: str) -> str:
+        """What `local` was when `stamp` was taken."""
+        return time.strftime("%Y-%m-%d %H:%M", time.localtime(date(stamp).timestamp()))
+
     def shift(self, changes: Sequence[int]) -> str:
         """When the shift under way began, as `local` writes it; shifts change at these hours of the day."""
         passed = [hour for hour in changes if hour <= time.localtime().tm_hour]

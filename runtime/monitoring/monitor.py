@@ -13,7 +13,7 @@ from runtime.execution.events import Console, Phase, Sighting, Tally
 from runtime.monitoring.shift import CHANGES, Shift
 from runtime.monitoring.status import Status
 from runtime.shell.command import sentence_of
-from runtime.spc.summary import Drift
+from runtime.spc.drift import Drift
 from runtime.table import TableFile
 from runtime.traversal import answer
 from runtime.traversal.results import Outcome, PartResult, Step
@@ -33,6 +33,7 @@ class Views(NamedTuple):
     terminal: TextIO | None = None  # a picture in place of the console's parts and squeezes
     takt_s: float | None = None  # within which a part should be done
     shifts: tuple[int, ...] = CHANGES  # hours of the day at which shifts change
+    journal: Path | None = None  # of earlier runs, whose parts belong to the shift
 
 
 class Monitor(Console):
@@ -46,13 +47,16 @@ class Monitor(Console):
     ) -> None:
         self._console, self._table, self._name = console, loaded.table, str(name)
         self._views = views or Views()
+        shift = Shift(self._views.shifts, self._views.takt_s)
+        if self._views.http is not None and self._views.journal is not None:
+            shift.recall(self._views.journal, loaded.digest)
         self._status = Status(
             self._name,
             loaded.digest,
             self._table.predicted.success_ppm,
             partial(answer.fields, self._table, frames=answer.frames_of(self._table)),
             Drift(self._table),
-            Shift(self._views.shifts, self._views.takt_s),
+            shift,
         )
         self._view: View | None = None
         self._stack = ExitStack()

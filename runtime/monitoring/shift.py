@@ -1,7 +1,10 @@
 """What a shift comes to: yield, seconds against the takt, and what costs the most parts."""
 
-from collections.abc import Sequence
-from typing import NamedTuple
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, NamedTuple
 
 from runtime.devices.clock import SystemClock
 from runtime.traversal.results import Outcome, PartResult
@@ -50,22 +53,32 @@ class Shift:
     def add(self, result: PartResult) -> None:
         """One part's end."""
         self._renew()
+        last = result.steps[-1] if result.steps else None
+        self._count(result.fields(), None if last is None else last.width_um / 1000)
+
+    def recall(self, journal: Path, table_sha256: str) -> None:
+        """Count the parts that earlier runs of the table had in this shift, by the journal's own file."""
+        for record in _outcomes(journal, table_sha256):
+            ended = self._clock.local_of(str(record["time"]))
+            if ended >= self._change:
+                self._since = min(self._since, ended)
+                self._count(record, None)
+
+    def _count(self, part: Mapping[str, Any], width_mm: float | None) -> None:
+        """A part's end, in the fields of its journal record."""
         self._parts += 1
-        if result.seconds:
+        seconds, kind, path = part["seconds"], _kind(part), part["path"]
+        if seconds:
             self._timed += 1
-            self._seconds += result.seconds
-            self._in_takt += self._takt_s is not None and result.seconds <= self._takt_s
-        kind = _kind(result)
+            self._seconds += seconds
+            self._in_takt += self._takt_s is not None and seconds <= self._takt_s
         if kind is None:
             self._good += 1
             return
-        node, width_mm, squeeze = None, None, len(result.steps)
-        if result.steps:
-            node, width_mm = result.steps[-1].node, result.steps[-1].width_um / 1000
-        before = self._losses[kind, squeeze].parts if (kind, squeeze) in self._losses else 0
-        self._losses[kind, squeeze] = Loss(
-            kind, squeeze, node, width_mm, result.reason or "", result.part, before + 1
-        )
+        key, node = (kind, len(path)), path[-1] if path else None
+        before = self._losses[key].parts if key in self._losses else 0
+        reason = part["reason"] or ""
+        self._losses[key] = Loss(*key, node, width_mm, reason, part["part"], before + 1)
 
     def as_object(self) -> dict[str, object]:
         """The counts as JSON holds them; `losses` begins with what costs the most parts."""
@@ -83,10 +96,22 @@ class Shift:
         }
 
 
-def _kind(result: PartResult) -> str | None:
+def _kind(part: Mapping[str, Any]) -> str | None:
     """In which way a part was lost; None where it was not."""
-    if result.outcome is not Outcome.LEAF:
-        return str(result.outcome.value)
-    if result.audit == "fail":
+    if part["outcome"] != Outcome.LEAF.value:
+        return str(part["outcome"])
+    if part["audit"] == "fail":
         return "audit"
-    return "delivery" if result.delivery == "missed" else None
+    return "delivery" if part["delivery"] == "missed" else None
+
+
+def _outcomes(journal: Path, table_sha256: str) -> Iterator[Mapping[str, Any]]:
+    """The records of parts' ends with a table; what cannot be read ends them, and is the run's to refuse."""
+    same = False
+    with suppress(OSError, ValueError, KeyError), journal.open("rb") as file:
+        for line in file:
+            record = json.loads(line)
+            if record["kind"] == "header":
+                same = record["table_sha256"] == table_sha256
+            elif record["kind"] == "outcome" and same:
+                yield record

@@ -7,7 +7,7 @@ from typing import Any
 
 from runtime.execution.events import Phase
 from runtime.monitoring.shift import CHANGES, Shift
-from runtime.spc.summary import Drift
+from runtime.spc.drift import Drift
 from runtime.table import PPM
 from runtime.traversal.results import Outcome, PartResult, Step
 

@@ -5,7 +5,8 @@ from html import escape
 from math import degrees
 
 from runtime.pages import charts, frame
-from runtime.spc.summary import REFIT, LeafRow, NodeRow, Series, Summary
+from runtime.spc.drift import REFIT
+from runtime.spc.summary import LeafRow, NodeRow, Series, Summary
 
 
 def page(title: str, summary: Summary) -> str:

@@ -10,8 +10,8 @@ from typing import Any
 
 from runtime.pages.charts import Bar, Line, bars, trend
 from runtime.pages.frame import cards, table, verdict
+from runtime.spc.drift import REFIT
 from runtime.spc.monitor import MEANING, STEADY
-from runtime.spc.summary import REFIT
 from runtime.table import PPM, Table
 
 PHASES = {
@@ -99,7 +99,7 @@ def _figures(seen: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
     shift = seen["shift"]
     parts, since = shift["parts"], f"since {shift['since'][11:]}"
     located = f"{100 * shift['good'] / parts:.1f} %" if parts else NONE
-    yield "Located this shift", located, f"{shift['good']} of {parts} parts {since}"
+    yield "Good parts this shift", located, f"{shift['good']} of {parts} parts {since}"
     mean, takt, share = shift["seconds_mean"], shift["takt_s"], shift["takt_share"]
     within = "mean; --takt states what it may be" if takt is None else f"the takt is {takt:g} s"
     if share is not None:

@@ -1,9 +1,11 @@
 """The figures of a shift: what counts as lost, and that a change of shift begins anew."""
 
+import json
 from dataclasses import replace
 
 import pytest
 from sample_tables import small_table
+from written_journals import write_run
 
 from runtime.commands.arguments import parser
 from runtime.devices.clock import SystemClock
@@ -62,6 +64,31 @@ def test_the_next_shift_begins_with_nothing_though_no_part_came(shift):
     Clock.hour = 14
     seen = shift.as_object()
     assert (seen["since"], seen["parts"], seen["losses"]) == ("2026-11-27 14:00", 0, [])
+
+
+def test_earlier_runs_of_the_shift_with_the_table_are_recalled(tmp_path):
+    """`write_run` writes a leaf, a leaf, an unresolved leaf and a reject, now."""
+    journal = write_run(tmp_path / "j.jsonl")
+    digest = json.loads(journal.read_text().splitlines()[0])["table_sha256"]
+    shift = Shift(range(24), None)
+    shift.recall(journal, "another table")
+    shift.recall(tmp_path / "none.jsonl", digest)
+    assert shift.as_object()["parts"] == 0
+    with journal.open("a") as file:
+        file.write("cut sho")
+    shift.recall(journal, digest)
+    seen = shift.as_object()
+    assert (seen["parts"], seen["good"]) == (4, 2)
+    assert {loss["kind"] for loss in seen["losses"]} == {"unresolved", "reject"}
+
+
+def test_parts_of_the_shift_before_are_not_recalled(tmp_path, monkeypatch):
+    journal = write_run(tmp_path / "j.jsonl")
+    digest = json.loads(journal.read_text().splitlines()[0])["table_sha256"]
+    monkeypatch.setattr(SystemClock, "shift", lambda self, changes: "9999-01-01 06:00")
+    shift = Shift((6,), None)
+    shift.recall(journal, digest)
+    assert shift.as_object()["parts"] == 0
 
 
 def test_before_any_part_nothing_is_divided_by_nothing(shift):

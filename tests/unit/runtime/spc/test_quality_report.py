@@ -21,9 +21,10 @@ from runtime.errors import JournalError
 from runtime.shell.errors import UsageError
 from runtime.spc import history as reading
 from runtime.spc.command import COLUMNS, rows
+from runtime.spc.drift import DRIFTED, LEAST_REFIT, Drift
 from runtime.spc.monitor import MEANING, Monitor
 from runtime.spc.page import page
-from runtime.spc.summary import DRIFTED, GROUP, LEAST_REFIT, Drift, failures, moments, summarise
+from runtime.spc.summary import GROUP, failures, moments, summarise
 from runtime.table import dumps, load
 from runtime.traversal.results import Outcome, PartResult, Step
 

@@ -4,16 +4,18 @@ import re
 from dataclasses import replace
 
 import pytest
+from browser import LEGIBLE, NEEDED, played
 from html_pages import Page
 from sample_tables import small_table
 from written_journals import Quiet
 
 from runtime.execution.events import Phase, Tally
-from runtime.monitoring.live import operator
+from runtime.monitoring.live import operator, page
 from runtime.monitoring.monitor import Monitor, Views, ended
 from runtime.monitoring.shift import CHANGES, Shift
 from runtime.monitoring.status import Status
-from runtime.spc.summary import Drift
+from runtime.pages import frame
+from runtime.spc.drift import Drift
 from runtime.table import dump, load
 from runtime.traversal.results import Outcome, PartResult, Step
 
@@ -122,3 +124,16 @@ def test_a_run_that_breaks_off_says_so(tmp_path, error, sentence):
     with pytest.raises(type(error)), monitor:
         raise error
     assert sentence in operator.state(monitor._status.as_object())
+
+
+@NEEDED
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [1400, 390])
+def test_the_screen_is_legible_and_no_wider_than_its_window(tmp_path, width):
+    seen = status()
+    for number in range(1, 60):
+        seen.part(part(number, steps=[STEP._replace(width_um=21_900)]))
+        seen.part(part(number, Outcome.REJECT, [STEP], EVIL))
+    style = (page.TEMPLATES / "live.css").read_text("utf-8")
+    whole = frame.page(EVIL, shown(seen), style=style)
+    assert played(whole, LEGIBLE, tmp_path, width) == {"small": [], "over": 0}
