@@ -11,6 +11,9 @@ they are x, y, theta of a pose and a fourth number that declares it from 0 on, e
 where the part may reach before the first squeeze, theta a full turn (`Episodes.chosen`). An episode also ends
 where an open finger comes down on the part, and it is truncated by the squeeze after the last of
 `search.max_depth`. The observation is what the encoder reads, in steps of closing: first 0.
+
+With `render_mode="rgb_array"`, `render()` draws the part, the fingers and what a particle filter of
+`RENDERED` states makes of the readings.
 """
 
 from typing import Any, Literal, get_args
@@ -22,7 +25,8 @@ from planner import arguments
 from planner.arrays import Array, BoolArray, IntArray
 from planner.job.model import Job, load, parse
 from planner.part.outline import reach
-from planner.pomdp import DECLARE, SQUEEZE, Pomdp
+from planner.pomdp import DECLARE, SQUEEZE, Pomdp, declares
+from planner.report.episode import pixels
 
 try:
     import gymnasium
@@ -36,6 +40,7 @@ except ImportError as missing:
     ) from missing
 
 NAME = "SqueezeLocalize-v0"
+RENDERED = 2000  # states of the belief that a picture shows
 RECTANGLE = """
 seed = 1
 part.name = "rectangle"
@@ -134,9 +139,17 @@ def _box(job: Job) -> Array:
 class SqueezeLocalize(gymnasium.Env[np.int64, Any]):
     """One part at a time; `info` tells the pose that the agent does not know."""
 
-    metadata = {"render_modes": []}  # noqa: RUF012
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 2}  # noqa: RUF012
 
-    def __init__(self, job: Job | str | None = None, actions: Kind = "set") -> None:
+    def __init__(
+        self,
+        job: Job | str | None = None,
+        actions: Kind = "set",
+        render_mode: Literal["rgb_array"] | None = None,
+    ) -> None:
+        if render_mode not in (None, *self.metadata["render_modes"]):
+            raise ValueError(f'render_mode is {render_mode!r}; write "rgb_array", or leave it out')
+        self.render_mode = render_mode
         self._episodes = Episodes(problem_of(job), 1, actions)
         self.model = self._episodes.model
         self.observation_space = spaces.Discrete(self.model.encoder.steps + 1)
@@ -148,6 +161,11 @@ class SqueezeLocalize(gymnasium.Env[np.int64, Any]):
         """Lays a part down; `options` are not used."""
         super().reset(seed=seed, options=options)
         self._episodes.begin(np.ones(1, np.bool_), self.np_random)
+        if self.render_mode:
+            # A generator of its own: an episode is the same whether it is drawn or not.
+            self._filter = np.random.default_rng(0)
+            self._belief = self.model.initial(RENDERED, self._filter)
+            self._last: Array | None = None
         return np.int64(0), self._info()
 
     def step(self, action: Any) -> tuple[np.int64, float, bool, bool, dict[str, Any]]:
@@ -155,7 +173,24 @@ class SqueezeLocalize(gymnasium.Env[np.int64, Any]):
         counts, rewards, ended, cut = self._episodes.step(
             np.ones(1, np.bool_), np.asarray(action)[None], self.np_random
         )
+        if self.render_mode:
+            self._follow(self._episodes.chosen(np.asarray(action)[None])[0], int(counts[0]))
         return counts[0], float(rewards[0]), bool(ended[0]), bool(cut[0]), self._info()
+
+    def render(self) -> Any:
+        """The part, the fingers and the belief as a picture, or None without `render_mode`."""
+        if not self.render_mode:
+            return None
+        return pixels(self.model, self._episodes.states[0], self._belief, self._last)
+
+    def _follow(self, action: Array, count: int) -> None:
+        self._last = action
+        if declares(action) or not len(self._belief):
+            return
+        try:
+            self._belief = self.model.updated(self._belief, action, count, self._filter)
+        except ValueError:  # none of the states explains the count: there is no belief to draw
+            self._belief = self._belief[:0]
 
     def _info(self) -> dict[str, Any]:
         return {"pose": self._episodes.states[0, :3].copy()}

@@ -48,6 +48,11 @@ class Sampled(NamedTuple):
     ended: BoolArray  # (n,) a pose was declared, or an open finger came down on the part
 
 
+def declares(actions: Array) -> BoolArray:
+    """Which of the actions (..., 4) declare a pose."""
+    return np.asarray(actions[..., 3] >= 0.5 * (SQUEEZE + DECLARE))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Pomdp:
     """The problem that a job states; every squeeze draws its mechanics afresh (paper IV)."""
@@ -105,7 +110,7 @@ class Pomdp:
         """
         states = arguments.rows(s, "states", 4).copy()
         actions = arguments.rows(np.broadcast_to(a, states.shape), "actions", 4)
-        ended = actions[:, 3] >= 0.5 * (SQUEEZE + DECLARE)
+        ended = declares(actions)
         right = self.metric.reached(states[:, :3], actions[:, :3])
         rewards = np.where(ended, self.success * right, -1.0)
         rows = np.flatnonzero(~ended)

@@ -4,6 +4,7 @@ As a program it answers lines: a JSON list of arguments comes in, a JSON object 
 running, so that a drawing that takes all memory or time ends it and not the page.
 """
 
+import contextlib
 import json
 import sys
 from collections.abc import Sequence
@@ -56,9 +57,10 @@ def preview(words: Sequence[str]) -> dict[str, Any]:
 def main() -> int:
     """Answer each line of standard input, until it ends."""
     out, sys.stdout = sys.stdout, sys.stderr  # what a library prints is no answer
-    for line in sys.stdin:
-        out.write(json.dumps(preview(json.loads(line))) + "\n")
-        out.flush()
+    with contextlib.suppress(BrokenPipeError):  # whoever asked was killed meanwhile
+        for line in sys.stdin:
+            out.write(json.dumps(preview(json.loads(line))) + "\n")
+            out.flush()
     return 0
 
 

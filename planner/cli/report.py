@@ -5,7 +5,8 @@ from pathlib import Path
 
 from planner.cli import bounds, shell
 from planner.job import model as job_file
-from planner.report import dossier, run_log
+from planner.report import comparison, dossier, run_log
+from planner.report.run_log import RunLog
 from runtime.shell.command import Parser, natural, positive_int
 from runtime.shell.errors import UsageError
 from runtime.shell.files import usable, write
@@ -21,7 +22,8 @@ def parser() -> Parser:
         "Write a decision table as one page for a browser: the tree to walk through, how good it is, where\n"
         "it is in doubt, and the job it was made from. Nothing is loaded from the network.",
         f"{NAME} trees/rectangle/rectangle.msgpack -o report.html --journal journal.jsonl",
-        f"{NAME} tree.msgpack -o report.html --world planner.evaluation.mujoco:make",
+        f"{NAME} tree.msgpack -o report.html --compare tree-2.msgpack",
+        f"{NAME} tree.msgpack -o sheet.html --sheet",
     )
     shell.add_table(built)
     built.add_argument(
@@ -29,6 +31,15 @@ def parser() -> Parser:
     )
     built.add_argument(
         "--journal", type=Path, metavar="J.jsonl", help="lay the runs of this journal over the tree"
+    )
+    built.add_argument(
+        "--compare",
+        type=Path,
+        metavar="FILE",
+        help="set the plan beside another table; with --journal, its runs beside another journal",
+    )
+    built.add_argument(
+        "--sheet", action="store_true", help="only what a customer needs: two printed sheets"
     )
     built.add_argument(
         "--world",
@@ -52,7 +63,7 @@ def parser() -> Parser:
 def _report(arguments: argparse.Namespace) -> None:
     read = () if arguments.job is None else job_file.files(arguments.job)
     output = shell.checked_output(arguments.output, "a page for a browser", ".html")
-    usable(output, arguments.tree, arguments.journal, *read)
+    usable(output, arguments.tree, arguments.journal, arguments.compare, *read)
     if arguments.trials > MAX_TRIALS:
         raise UsageError(
             f"--trials {arguments.trials} is more than {MAX_TRIALS}; a picture needs less"
@@ -63,14 +74,26 @@ def _report(arguments: argparse.Namespace) -> None:
         shell.check_squeezes_alone(table, str(arguments.tree), "--bound")
     log = run_log.read(arguments.journal, digest) if arguments.journal else None
     bound = bounds.bound_of(arguments, job, table)
-    source = dossier.Source(arguments.tree.name, data, log, bound, arguments.takt)
-    write(
-        output, dossier.page(table, job, source, arguments.trials, arguments.seed, arguments.world)
-    )
+    plan = comparison.Plan(arguments.tree.name, table, job)
+    compared = None if arguments.compare is None else _compared(arguments, plan, log, digest)
+    source = dossier.Source(arguments.tree.name, data, log, bound, arguments.takt, compared)
+    trials, seed, world = arguments.trials, arguments.seed, arguments.world
+    write(output, dossier.page(table, job, source, trials, seed, world, sheet=arguments.sheet))
     size, nodes, leaves = output.stat().st_size, len(table.nodes), len(table.leaves)
     figures = {"output": str(output), "bytes": size, "nodes": nodes, "leaves": leaves}
     message = f"drew {nodes} nodes and {leaves} leaves; wrote {output}, {size:,} bytes"
     shell.answer(arguments.json, figures, message)
+
+
+def _compared(
+    arguments: argparse.Namespace, plan: comparison.Plan, log: RunLog | None, digest: str
+) -> comparison.Comparison:
+    other = arguments.compare
+    if log is not None:
+        runs = (arguments.journal.name, log), (other.name, run_log.read(other, digest))
+        return comparison.of_runs(*runs)
+    (table, _, _), job = shell.loaded(argparse.Namespace(tree=other, job=None))
+    return comparison.of_plans(plan, comparison.Plan(other.name, table, job), arguments.trials)
 
 
 main = shell.main_of(parser, _report)

@@ -41,6 +41,7 @@ STYLE: dict[Any, Any] = {
     "pdf.fonttype": 42,
 }
 DPI = 200
+DARKNESS = 0.7  # of the place that all outlines of a belief cover
 # What to leave out of a file, by suffix, so that it does not change with the day.
 UNSIGNED = {
     ".png": {"Software": None},
@@ -153,7 +154,14 @@ def template(name: str) -> Template:
     environment.filters["transform"] = transform
     environment.filters["points"] = points
     environment.filters["part"] = part
+    environment.filters["overlay"] = lambda count: round(overlay_opacity(count, DARKNESS), 4)
     return environment.get_template(name)
+
+
+@cache
+def asset(name: str) -> str:
+    """The text of a stylesheet or script among the templates."""
+    return (Path(__file__).parent / "templates" / name).read_text("utf-8")
 
 
 def transform(pose: Array) -> str:

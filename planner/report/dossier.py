@@ -1,4 +1,4 @@
-"""A table as one page of HTML: the tree to walk through, how good it is, what it was made from.
+"""A table as one page of HTML: how good it is, the tree to walk through, what it was made from.
 
 Nothing comes from elsewhere, and the page tells the browser so (Content-Security-Policy). The same table and
 seed give the same bytes.
@@ -6,48 +6,42 @@ seed give the same bytes.
 
 import hashlib
 import json
-from collections import Counter
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import numpy as np
+from markupsafe import Markup
 
 from planner.arrays import Array
 from planner.belief.particles import subsample
 from planner.bound.certificate import Certificate
 from planner.evaluation.evaluate import evaluate
-from planner.evaluation.expectation import bins_of
 from planner.evaluation.foreign import OFTEN, tried
 from planner.evaluation.leaves import identities
 from planner.evaluation.outcome import Evaluation
 from planner.evaluation.shares import in_percent, shares_of
+from planner.evaluation.trials import placement_of
 from planner.job import hypotheses
 from planner.job.model import Job
 from planner.mechanics.clearance import jaws_of
 from planner.part import outline as outlines
-from planner.report import canvas, leaf_poses, tree, worlds
+from planner.report import canvas, leaf_poses, look, tree, worlds
 from planner.report import verdict as verdicts
-from planner.report.canvas import points, template
+from planner.report.branches import Tree, key_of, span_of, tree_of
+from planner.report.canvas import asset, template
+from planner.report.comparison import Comparison
 from planner.report.replay import Replay, replay
 from planner.report.run_log import PartLog, RunLog
 from planner.report.verdict import cell_result, reject_text
 from planner.world import make, supply, world_of
-from runtime.table import (
-    PPM,
-    REJECT,
-    Leaf,
-    Table,
-    decision_map,
-    wilson_interval,
-)
+from runtime.pages import charts, frame
+from runtime.table import Table
 
 TRIALS = 4000
 SENSITIVITY_TRIALS = 2000
 OTHER_TRIALS = 300  # in a world from elsewhere, which may take its time
-STRIPS = 400  # most nodes whose clusters are drawn on the page itself; the others' wait until they are chosen
-MOST = 60  # most outlines of one belief
-BUDGET = 30_000  # outlines of all beliefs together: at some 15 bytes each, half a MB
 REJECTS = 100  # most rejects that a picture is drawn of, the latest
 LISTED = 5000  # most parts of a journal on the page: those that failed first, then the latest
+GRADES = {"good": "Good:", "fair": "With a weakness:", "poor": "Not good enough:"}
 
 
 class Source(NamedTuple):
@@ -58,6 +52,17 @@ class Source(NamedTuple):
     log: RunLog | None = None
     bound: Certificate | None = None
     takt_s: float | None = None
+    compared: Comparison | None = None
+
+
+class Reject(NamedTuple):
+    """A rejected reading: the fingers as they stopped, and the part as it would lie between them."""
+
+    caption: str
+    belief: Array  # (m, 3 or 4) where parts may lie when the hand gets there
+    fingers: Array  # (2, 4, 2) [mm]
+    part: Array  # (3 or 4,) the pose, of those replayed at this node, whose width is nearest
+    reach: float  # half the side of what is shown [mm]
 
 
 def page(
@@ -67,33 +72,19 @@ def page(
     trials: int = TRIALS,
     seed: int = 0,
     world: str | None = None,
+    *,
+    sheet: bool = False,
 ) -> str:
     """The page's text for a table and its job; beliefs and times are found with `trials` parts.
 
-    A second world, "module:factory", judges the table too, with some parts.
+    A second world, "module:factory", judges the table too, with some parts. A `sheet` is what a customer
+    needs to know, on two sheets of paper.
 
     Raises:
         UsageError: there is no such world.
     """
     beliefs = replay(table, job, trials, seed)
-    drawing = tree.drawing(table, job, beliefs)
-    most = min(MOST, BUDGET // (len(table.nodes) + len(table.leaves)))
-    nodes = _nodes(table, beliefs, most)
-    data = {
-        "outline": points(job.part.outline_mm),
-        "datum": _datum(job),
-        **(_several(table, job) if table.hypotheses else {}),
-        "reach": round(drawing.reach, 2),
-        "jaws": [round(float(value), 3) for value in jaws_of(job.gripper)],
-        "trials": trials,
-        "opening": table.gripper.opening_um,
-        "bin": table.gripper.opening_um / table.gripper.bins,
-        "nodes": nodes,
-        "leaves": [
-            _leaf(leaf, at, most) for leaf, at in zip(table.leaves, beliefs.leaves, strict=True)
-        ],
-        "log": _log(table, source.log) if source.log else None,
-    }
+    branches = tree_of(table, job, beliefs, source.log)
     few = min(trials, SENSITIVITY_TRIALS)
 
     def evaluated(foreign: Job) -> Evaluation:
@@ -107,48 +98,54 @@ def page(
         rows.append(_row(f"{world}, {len(other.leaf)} parts", other.summary()))
     named = identities(table, judged).figures() if table.hypotheses else {}
     summary = judged.summary(source.takt_s) | named
-    return template("report.html").render(
+    body = template("report.html").render(
         table=table,
         job=job,
         source=source,
-        drawing=drawing,
-        data=data,
+        sheet=sheet,
+        tree=branches,
+        look=look.scenes(table, job, beliefs),
+        where=verdicts.belief(job),
         trials=trials,
         seed=seed,
         summary=summary,
         shares=_shown(summary),
         worst=verdicts.weakest(lines),
-        widths=[(alone.part.name, _width_function(alone)) for alone in job.alone],
+        widths=[(alone.part.name, Markup(_width_chart(alone))) for alone in job.alone],
         verdict=verdicts.verdict(job, summary, lines),
+        grades=GRADES,
         means=leaf_poses.means(table, judged),
         cell=cell_result(table, source.log) if source.log else None,
+        rejects=_rejects(table, job, source.log, beliefs, branches.reach) if source.log else [],
         measured=source.log.times(source.takt_s) if source.log else {},
-        strips=[node["map"] for node in nodes[:STRIPS]],
         worlds=rows,
         sha256=hashlib.sha256(source.data).hexdigest(),
         job_text=_job_text(job),
-        colors=vars(canvas),
         outlines=[alone.part.outline_mm for alone in job.alone],
         named=tree.names_parts(table),
         posed=table.goal.kind != "identity",
         foreign=list(tried(table, job, judged, job.foreign_parts, evaluated)),
         often=OFTEN,
     )
+    title = f"{job.name}: decision table {source.name}"
+    style = asset("report.css")
+    if sheet:
+        return frame.page(title, body, style=style, kind="sheet")
+    data = _data(table, branches, source.log)
+    return frame.page(title, body, style=style, data=data, script=asset("report.js"))
 
 
-def _several(table: Table, job: Job) -> dict[str, Any]:
-    """The parts that may lie there, and what leaves say of them."""
-    parts = zip(table.hypotheses, job.alone, strict=True)
-    return {
-        "parts": [{"name": hypothesis.name, "datum": _datum(alone)} for hypothesis, alone in parts],
-        "which": [[pose.hypothesis for pose in leaf.poses] for leaf in table.leaves],
-        "named": tree.names_parts(table),
-        "posed": table.goal.kind != "identity",
+def _data(table: Table, branches: Tree, log: RunLog | None) -> dict[str, Any]:
+    """What the page's script needs: where widths lead, and the parts of a journal."""
+    nodes = {
+        place.panel.key: {
+            "span_mm": dict(zip(("low", "high"), span_of(place.ways), strict=True)),
+            "ways": [{"low_mm": w.low_mm, "high_mm": w.high_mm, "to": w.key} for w in place.ways],
+        }
+        for place in branches.places
+        if place.ways
     }
-
-
-def _datum(job: Job) -> list[float] | None:
-    return None if job.part.datum is None else cast(list[float], job.part.datum.tolist())
+    return {"nodes": nodes, "parts": _parts(table, log) if log else None}
 
 
 def _row(name: str, figures: dict[str, Any]) -> tuple[str, dict[str, Any]]:
@@ -160,18 +157,20 @@ def _shown(figures: dict[str, Any]) -> dict[str, str]:
     return {name: in_percent(share) for name, share in shares_of(figures)._asdict().items()}
 
 
-def _width_function(job: Job) -> dict[str, Any]:
+def _width_chart(job: Job) -> str:
+    """The width function of an outline, and where it is least."""
     angles = range(181)
     widths = [outlines.width(job.part.outline_mm, float(np.radians(angle))) for angle in angles]
-    top = 1.08 * max(widths)
-    rows = [f"{3 * a} {140 - 130 * w / top:.1f}" for a, w in zip(angles, widths, strict=True)]
     closed = widths[:-1]  # 180 degrees is 0 degrees again
     minima = [
-        (a, w) for a, w in enumerate(closed) if closed[a - 1] > w <= closed[(a + 1) % len(closed)]
+        f"{w:.2f} mm at {a}°"
+        for a, w in enumerate(closed)
+        if closed[a - 1] > w <= closed[(a + 1) % len(closed)]
     ]
-    step = next(s for s in (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0) if top / s <= 6)
-    ticks = [(k * step, 140 - 130 * k * step / top) for k in range(int(top / step) + 1)]
-    return {"path": "M" + "L".join(rows), "minima": minima, "ticks": ticks, "top": top}
+    label = "Width [mm] against the angle it is seen along"
+    chart = charts.trend(label, [charts.Line("width", widths)], (), "degrees, 0 to")
+    rest = f"<p>It comes to rest between the fingers at {', '.join(minima[:8])}.</p>"
+    return chart + (rest if minima else "")
 
 
 def _job_text(job: Job) -> str:
@@ -195,92 +194,50 @@ def _section(name: str, table: dict[str, Any], head: str = "[{}]") -> list[str]:
     return ["", head.format(name), *values, *below]
 
 
-def _log(table: Table, log: RunLog) -> dict[str, Any]:
-    def named(part: PartLog) -> list[str | None]:
-        return [part.name] if tree.names_parts(table) else []
-
+def _parts(table: Table, log: RunLog) -> list[dict[str, Any]]:
+    """Parts of a journal: those that failed first, then the latest, in their order."""
     failed = [number for number, part in enumerate(log.parts) if part.failed][-LISTED:]
     rest = [number for number, part in enumerate(log.parts) if not part.failed]
     shown = sorted(failed + rest[len(rest) - min(len(rest), LISTED - len(failed)) :])
+    return [_part(table, log.parts[number]) for number in shown]
+
+
+def _part(table: Table, part: PartLog) -> dict[str, Any]:
+    squeezes = [
+        {
+            "node": key_of(each.node),
+            "width_mm": round(each.width_um / 1e3, 2),
+            "to": None if each.target is None else key_of(each.target),
+        }
+        for each in part.squeezes
+    ]
     return {
-        "runs": log.runs,
-        "others": log.others,
-        "first": log.first,
-        "last": log.last,
-        "total": len(log.parts),
-        "outcomes": dict(log.outcomes().most_common()),
-        "branches": [[node, target, n] for (node, target), n in log.branch_counts().items()],
-        "parts": [
-            [
-                part.part,
-                part.outcome,
-                part.leaf,
-                part.reason,
-                part.audit,
-                part.squeezes,
-                *named(part),
-            ]
-            for part in (log.parts[number] for number in shown)
-        ],
-        "rejects": [
-            [part.part, node, width_um, reject_text(table, node, width_um)]
-            for part in log.parts
-            for node, width_um, target in part.squeezes[-1:]
-            if target is None
-        ][-REJECTS:],
+        "part": part.part,
+        "outcome": part.outcome,
+        "name": part.name if tree.names_parts(table) else None,
+        "reason": part.reason,
+        "audit": part.audit,
+        "failed": part.failed,
+        "squeezes": squeezes,
     }
 
 
-def _nodes(table: Table, beliefs: Replay, most: int) -> list[dict[str, Any]]:
-    """One object a node: its squeeze, branches, belief of at most so many outlines, widths of the replay.
-
-    Poses are integers, hundredths of a mm and milliradians; widths are um, as in the table.
-    """
-    gripper, rows = table.gripper, []
-    for node, visit, states in zip(table.nodes, beliefs.visits, beliefs.arrivals, strict=True):
-        squeeze, taken = node.squeeze, Counter(visit.branch.tolist())
-        seen = Counter(bins_of(table, visit.steps).tolist())
-        rows.append(
-            {
-                "place": [squeeze.x_um, squeeze.y_um, squeeze.angle_urad],
-                "opening": squeeze.opening_um,
-                "speed": squeeze.speed_um_s,
-                "force": squeeze.force_mn,
-                "clearance": squeeze.clearance_um,
-                "release": node.release,
-                "pushes": node.pushes,
-                "visits": len(visit.before),
-                "belief": _poses(states, most),
-                "branches": [
-                    [*branch, taken[number]] for number, branch in enumerate(node.branches)
-                ],
-                "rejected": taken[REJECT],
-                "map": decision_map(node, gripper).either.intervals(),
-                "seen": [
-                    (gripper.opening_um * number // gripper.bins, times)
-                    for number, times in sorted(seen.items())
-                ],
-            }
+def _rejects(table: Table, job: Job, log: RunLog, beliefs: Replay, reach: float) -> list[Reject]:
+    """The latest rejected readings of a journal."""
+    jaws, result = jaws_of(job.gripper), []
+    last = [(part, part.squeezes[-1]) for part in log.parts if part.squeezes]
+    for part, squeeze in [pair for pair in last if pair[1].target is None][-REJECTS:]:
+        node, width_mm = squeeze.node, squeeze.width_um / 1e3
+        visit = beliefs.visits[node]
+        boxes = canvas.placed(
+            canvas.finger_boxes(jaws, width_mm), placement_of(table.nodes[node].squeeze)
         )
-    return rows
-
-
-def _leaf(leaf: Leaf, poses: Array, most: int) -> dict[str, Any]:
-    """One object a leaf: its pose, what its trials showed, where its parts lay."""
-    success = round(leaf.success_ppm * leaf.trials / PPM)
-    return {
-        "pose": [leaf.x_um, leaf.y_um, leaf.theta_urad],
-        "covariance": leaf.covariance,
-        "success": leaf.success_ppm,
-        "interval": [round(bound, 5) for bound in wilson_interval(success, leaf.trials)],
-        "trials": leaf.trials,
-        "resolved": leaf.resolved,
-        "alternatives": [[pose.x_um, pose.y_um, pose.theta_urad] for pose in leaf.alternatives],
-        "visits": len(poses),
-        "belief": _poses(poses, most),
-    }
-
-
-def _poses(states: Array, most: int) -> list[list[int]]:
-    scaled = np.rint(subsample(states, most) * (100.0, 100.0, 1000.0, 1.0)[: states.shape[1]])
-    return cast(list[list[int]], scaled.astype(np.int64).tolist())
+        nearest = int(np.argmin(np.abs(visit.width_mm - width_mm))) if len(visit.width_mm) else None
+        states = beliefs.arrivals[node]
+        pose = (
+            np.zeros(3) if nearest is None else np.append(visit.after[nearest], states[nearest, 3:])
+        )
+        caption = f"Part {part.part}, node {node}: {reject_text(table, node, squeeze.width_um)}"
+        shown = max(reach, 1.03 * float(np.abs(boxes).max()))
+        result.append(Reject(caption, subsample(states, look.OUTLINES), boxes, pose, shown))
+    return result

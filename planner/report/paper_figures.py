@@ -33,6 +33,14 @@ class Step(NamedTuple):
     branch: int
 
 
+class Track(NamedTuple):
+    """One part on its path."""
+
+    part: int  # among the parts at the root
+    poses: list[Array]  # (3,) before the first squeeze and after each [mm, mm, rad]
+    widths_mm: list[float]  # that it is squeezed to
+
+
 def likeliest_path(table: Table, beliefs: Replay, squeezes: Collection[int]) -> list[Step]:
     """The path from the root to a leaf that most parts take.
 
@@ -65,7 +73,7 @@ def sequence(
     path = likeliest_path(table, beliefs, squeezes)
     outline, jaws = job.part.outline_mm, jaws_of(job.gripper)
     poses = [beliefs.visits[0].before] + [beliefs.visits[s.node].through(s.branch) for s in path]
-    track, widths = _track(beliefs, path)
+    part = track(beliefs, path)
     expected = [table.nodes[s.node].branches[s.branch].expected_um / 1e3 for s in path]
     hands = [placement_of(table.nodes[s.node].squeeze) for s in path]
     boxes = [
@@ -83,17 +91,19 @@ def sequence(
         for axes in (above, below):
             _frame(axes, half)
         _density(above, outline, poses[k])
-        before = track[max(k - 1, 0)]
+        before = part.poses[max(k - 1, 0)]
         canvas.polygons(below, canvas.outlines(outline, before[None]), canvas.GREY, 0.9)
         title = f"before\n{angle}, all parts"
         if k:
             _fingers(above, boxes[k - 1])
-            _fingers(below, canvas.placed(canvas.finger_boxes(jaws, widths[k - 1]), hands[k - 1]))
+            _fingers(
+                below, canvas.placed(canvas.finger_boxes(jaws, part.widths_mm[k - 1]), hands[k - 1])
+            )
             canvas.polygons(
-                below, canvas.outlines(outline, track[k][None]), canvas.BLUE, 1.4, fill=0.25
+                below, canvas.outlines(outline, part.poses[k][None]), canvas.BLUE, 1.4, fill=0.25
             )
             for hole in holes:
-                canvas.polygons(below, canvas.outlines(hole, track[k][None]), canvas.BLUE, 0.8)
+                canvas.polygons(below, canvas.outlines(hole, part.poses[k][None]), canvas.BLUE, 0.8)
             percent = 100 * len(poses[k]) / len(poses[0])
             share = f"{percent:.{0 if percent >= 10 else 1}f} % of parts"
             angle_deg, reads_mm = np.degrees(hands[k - 1][2]), expected[k - 1]
@@ -105,8 +115,8 @@ def sequence(
     return result
 
 
-def _track(beliefs: Replay, path: Sequence[Step]) -> tuple[list[Array], list[float]]:
-    """One part that took a path: its poses (3,) before the first squeeze and after each, and the widths."""
+def track(beliefs: Replay, path: Sequence[Step]) -> Track:
+    """One part that took a path from the root."""
     part = 0
     poses: list[Array] = []
     widths: list[float] = []
@@ -115,7 +125,7 @@ def _track(beliefs: Replay, path: Sequence[Step]) -> tuple[list[Array], list[flo
         part = int(np.flatnonzero(visit.branch == step.branch)[part])
         poses.append(visit.after[part])
         widths.append(float(visit.width_mm[part]))
-    return [beliefs.visits[path[0].node].before[part], *reversed(poses)], widths[::-1]
+    return Track(part, [beliefs.visits[0].before[part], *reversed(poses)], widths[::-1])
 
 
 def subspaces(

@@ -1,7 +1,7 @@
 """The journal of a run, read for a picture: what each part was squeezed to, and how it ended.
 
 JSON lines, each with the SHA-256 of itself without that field and that of the line before: this is checked,
-through all files of a journal that was sealed in segments. Whether every decision follows from its counts is
+through all files of a journal that was sealed in segments. Whether every decision follows from its widths is
 what `grasp-journal replay` tells.
 """
 
@@ -20,13 +20,20 @@ from runtime.shell.sealed_lines import GENESIS, is_intact, sealed_segments
 from runtime.table import Phases, TableError, TableFile, loads, phases_of, takt_figures, time_of
 
 
+class Squeezed(NamedTuple):
+    """One squeeze of a part."""
+
+    node: int
+    width_um: int  # where the fingers rested
+    target: int | None  # where it leads; None where it is rejected
+
+
 @dataclass(slots=True)
 class PartLog:
     """One part; `outcome` stays "cut short" where the journal does not tell how it ended."""
 
     part: int
-    # Of each squeeze the node, the width there [um], the target (None where rejected).
-    squeezes: list[tuple[int, int, int | None]] = field(default_factory=list)
+    squeezes: list[Squeezed] = field(default_factory=list)
     outcome: str = "cut short"
     leaf: int | None = None
     reason: str = ""
@@ -55,7 +62,7 @@ class RunLog(NamedTuple):
 
     def branch_counts(self) -> Counter[tuple[int, int | None]]:
         """How often each node led to each target; None for rejected readings."""
-        return Counter((node, target) for part in self.parts for node, _, target in part.squeezes)
+        return Counter((each.node, each.target) for part in self.parts for each in part.squeezes)
 
     def outcomes(self) -> Counter[str]:
         """How many parts ended how."""
@@ -117,7 +124,8 @@ def _take(entry: dict[str, Any], parts: list[PartLog]) -> None:
         parts[-1].squeezes.clear()
     elif kind == "squeeze":
         target = None if entry["target"] is None else int(entry["target"])
-        parts[-1].squeezes.append((int(entry["node"]), int(entry["width_um"]), target))
+        squeeze = Squeezed(int(entry["node"]), int(entry["width_um"]), target)
+        parts[-1].squeezes.append(squeeze)
     elif kind == "audit" and entry.get("residual_theta_rad") is not None:
         x, y, theta = (float(entry[f"residual_{name}"]) for name in ("x_mm", "y_mm", "theta_rad"))
         parts[-1].residual = (x, y, theta)

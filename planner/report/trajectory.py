@@ -1,6 +1,7 @@
 """Squeezes: panels as in the paper's Fig. 3, a GIF of one, or a page with a slider for several."""
 
 from collections.abc import Sequence
+from html import escape
 from math import ceil
 from pathlib import Path
 from typing import NamedTuple
@@ -15,7 +16,7 @@ from matplotlib.patches import Polygon
 
 from planner.arrays import Array
 from planner.report import canvas
-from planner.report.canvas import template
+from runtime.pages.frame import page
 from runtime.shell.files import write, writing
 
 MOST_PANELS = 12
@@ -31,6 +32,18 @@ HOLD_FRAMES = 20
 FRAMES_PER_S = 20
 GIF_DPI = 100
 GIF_WIDTH_IN = 3.4
+PAGE = """\
+<main><h1>{title}</h1>
+<div class="slider"><button type="button">play</button>
+<input type="range" min="0" value="0" aria-label="progress"></div>
+<div id="squeezes"></div></main>
+"""
+STYLE = """\
+.slider { position: sticky; top: 0; background: var(--paper); display: flex; gap: 1em; padding: .5em 0 }
+.slider input { flex: 1 } figure { margin: 0 } figcaption { text-align: center }
+#squeezes { display: grid; grid-template-columns: repeat(auto-fill, minmax(15em, 1fr)); gap: 1em }
+.trace { fill: none; stroke: var(--s0) }
+"""
 
 
 class Squeezed(NamedTuple):
@@ -173,13 +186,20 @@ def html(outline: Array, jaws: Array, traces: Sequence[Squeezed], title: str, pa
 
     Arguments as in `gif`; the path ends in .html.
     """
+    half_x, half_y = extent(outline, jaws, traces)
     data = {
-        "outline": np.round(outline, 3).tolist(),
-        "jaws": jaws.tolist(),
-        "half": [round(value, 2) for value in extent(outline, jaws, traces)],
+        "outline": canvas.points(outline),
+        "jaws": dict(zip(("opening", "length", "thickness", "share"), jaws.tolist(), strict=True)),
+        "half": {"x": round(half_x, 2), "y": round(half_y, 2)},
         "squeezes": [
-            {"status": trace.status, "states": np.round(timeline(trace.states), 4).tolist()}
+            {"status": trace.status, "states": list(map(_named, timeline(trace.states)))}
             for trace in traces
         ],
     }
-    write(path, template("squeezes.html").render(title=title, data=data, colors=vars(canvas)))
+    body = PAGE.format(title=escape(title))
+    write(path, page(title, body, style=STYLE, data=data, script=canvas.asset("squeezes.js")))
+
+
+def _named(state: Array) -> dict[str, float]:
+    """A state (4,) as an object."""
+    return dict(zip(("x", "y", "turn", "width"), np.round(state, 4).tolist(), strict=True))

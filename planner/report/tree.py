@@ -114,7 +114,6 @@ def _row(
 
 PANEL = 64.0
 EDGE = 8.0
-DARKNESS = 0.7  # of the place that all outlines of a panel cover
 MOST = 40  # most outlines in one panel
 NAME = 11  # most letters of a part's name below a leaf
 BUDGET = 4000  # outlines that a page draws at once without a wait; shared by all panels
@@ -300,7 +299,7 @@ class _Tree:
     ) -> Panel:
         x, y = (round(middle - 0.5 * PANEL, 1) for middle in self._middle(target))
         shown = subsample(poses, self.most)
-        opacity = round(canvas.overlay_opacity(len(shown), DARKNESS), 4)
+        opacity = round(canvas.overlay_opacity(len(shown), canvas.DARKNESS), 4)
         fingers = self._fingers(target) if target in self.parent else NOTHING
         return Panel(
             _key(target), kind, label, x, y, shown, opacity, fingers, lines, text, arrows, predicted

@@ -215,11 +215,13 @@ def cell_result(table: Table, log: RunLog) -> CellResult:
     others = Counter(part.outcome for part in log.parts if part.outcome != "leaf")
     message += "".join(f", {number} {outcome}" for outcome, number in others.most_common())
     rejects = [
-        part.squeezes[-1] for part in log.parts if part.squeezes and part.squeezes[-1][2] is None
+        part.squeezes[-1]
+        for part in log.parts
+        if part.squeezes and part.squeezes[-1].target is None
     ]
     if rejects:  # what was read at the node that rejected most parts
-        node = Counter(node for node, _, _ in rejects).most_common(1)[0][0]
-        widths = sorted(width_um for at, width_um, _ in rejects if at == node)
+        node = Counter(squeeze.node for squeeze in rejects).most_common(1)[0][0]
+        widths = sorted(squeeze.width_um for squeeze in rejects if squeeze.node == node)
         middle = widths[len(widths) // 2]
         message += f"; {len(widths)} rejected at node {node}: {reject_text(table, node, middle)}"
     share = located / total

@@ -15,10 +15,10 @@ from planner.errors import FitError, NoPlanError
 from planner.job import model as job_file
 from planner.part import symmetry
 from planner.part.outline import canonical, reach
-from planner.report import canvas
 from planner.report.canvas import template
 from planner.search.ranking import LEAST_CLEARANCE_MM
 from planner.work.limit import Limit
+from runtime.pages import frame
 from runtime.shell.errors import InputError, UnreachableError
 
 LOCATED = 0.99  # share of the parts from which an outline counts as located
@@ -27,6 +27,11 @@ MOST_MM = 10.0  # radius of the disc that they lie in at most
 LEAST_MM = 1.0  # and at least
 LONGEST_NAME = 80  # of a part in a job
 ERROR = "error of the program"
+STYLE = """\
+.parts { display: grid; grid-template-columns: repeat(auto-fill, minmax(15em, 1fr)); gap: .8em }
+.parts figure { margin: 0; border: 1px solid var(--pale); border-radius: 6px; padding: .5em }
+.parts svg { width: 6em; height: 6em } .failed .part { fill: var(--red); stroke: var(--red) }
+"""
 Figures = dict[str, Any]
 
 
@@ -103,7 +108,7 @@ def page(rows: Sequence[Figures]) -> str:
     kinds = Counter(row["kind"] for row in rows if row["kind"] is not None)
     graspable = [row for row in rows if row["kind"] not in (reasons.TOO_LARGE, reasons.BELOW)]
     shown = sorted(rows, key=lambda row: (row["kind"] is None, row["kind"] or "", row["name"]))
-    return template("zoo.html").render(
+    body = template("zoo.html").render(
         rows=[(row, _thumbnail(row["outline_mm"])) for row in shown],
         located=len(located),
         graspable=len(graspable),
@@ -111,8 +116,8 @@ def page(rows: Sequence[Figures]) -> str:
         times=_quantiles(rows, "cpu_s"),
         squeezes=_quantiles(located, "mean_squeezes"),
         least=LOCATED,
-        colors=vars(canvas),
     )
+    return frame.page(f"{len(rows)} outlines, planned and judged", body, style=STYLE)
 
 
 def _quantiles(rows: Sequence[Figures], key: str) -> list[float]:

@@ -18,24 +18,32 @@ class Log(NamedTuple):
     step: str  # the command under way, or the last one
     progress: dict[str, Any]  # the last that it reported
     answer: dict[str, Any] | None  # of `squeezetree try`, as texts
-    parts: list[dict[str, Any]]  # simulated, as texts
+    parts: list[dict[str, Any]]  # simulated, as texts; `path` and `squeezes` are for `film`
+    tried: list[dict[str, Any]]  # other discs and goals, as texts
     lines: list[str]  # in words: why it failed
     exit: int | None  # of the last command; None while it runs, or where it was killed
 
 
 def log_of(data: bytes) -> Log:
     """Reads a log; others may have written in the folder, so whatever a line is, it does no harm."""
-    log = Log("", [], "", {}, None, [], [], None)
+    log, squeezes = Log("", [], "", {}, None, [], [], [], None), list[dict[str, Any]]()
     for line in data.decode("utf-8", "replace").splitlines():
         try:
-            log = _with(log, json.loads(line))
+            record = json.loads(line)
+            if "squeezed" in record:
+                squeezed = dict(record["squeezed"])
+                if squeezes and squeezes[-1]["before"] == squeezed["before"]:
+                    squeezes.pop()  # jaws that close fast and then slowly close once
+                squeezes.append(squeezed)
+            else:
+                log = _with(log, record, squeezes)
         except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
             if line.strip():
                 log.lines.append(line.strip())
     return log._replace(lines=log.lines[-MOST_LINES:])
 
 
-def _with(log: Log, record: dict[str, Any]) -> Log:
+def _with(log: Log, record: dict[str, Any], squeezes: list[dict[str, Any]]) -> Log:
     if "step" in record:
         log.commands.append(str(record["command"]))
         step, drawing = str(record["step"]), str(record["drawing"])
@@ -44,14 +52,18 @@ def _with(log: Log, record: dict[str, Any]) -> Log:
         share = record["share"]
         known = isinstance(share, int | float) and record["stage"] != KERNELS
         texts = {key: str(record[key]) for key in ("stage", "left", "detail")}
-        seconds = float(record["seconds"])
-        return log._replace(
-            progress={**texts, "seconds": seconds, "share": share if known else None}
-        )
+        figures = {"seconds": float(record["seconds"]), "share": share if known else None}
+        return log._replace(progress={**texts, **figures})
     if "verdict" in record:
         return log._replace(answer=_answer(record))
     if "outcome" in record:
-        log.parts.append(_part(record))
+        path = list(record["path"])
+        # The cell squeezes once before the first part.
+        latest = squeezes[len(squeezes) - len(path) :]
+        log.parts.append({**_part(record), "path": path, "squeezes": latest})
+        return log
+    if "tried" in record:
+        log.tried.append(_tried(record))
         return log
     if "exit" in record:
         code = int(record["exit"])
@@ -87,6 +99,16 @@ def _answer(record: dict[str, Any]) -> dict[str, Any]:
             {"what": "error", "value": far, "more": more},
         ]
     return answer
+
+
+def _tried(record: dict[str, Any]) -> dict[str, Any]:
+    what = {"uncertainty.radius_mm": "off by at most", "goal.distance_mm": "located to"}
+    return {
+        "what": f"{what[record['tried']]} {float(record['value']):g} mm",
+        "located": f"{100 * float(record['located']):.1f} % located",
+        "enough": record["enough"] is True,
+        "command": str(record["command"]),
+    }
 
 
 def _part(record: dict[str, Any]) -> dict[str, Any]:

@@ -1,7 +1,8 @@
-"""What planning is to the studio: three commands one after another, in a process that outlives the page.
+"""What planning is to the studio: commands one after another, in a process that outlives the page.
 
 `python -m planner.studio.steps NAME DRAWING ARGUMENT ...` runs `squeezetree try`, `report` and `run` in the
-current folder; its output is the plan's log. The file `NAME.stop` asks for what Ctrl-C asks for.
+current folder, and then `planner.studio.what_if`; its output is the plan's log. The file `NAME.stop` asks for
+what Ctrl-C asks for.
 """
 
 import contextlib
@@ -10,13 +11,17 @@ import shlex
 import signal
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+
+from planner.studio.what_if import trials_of
 
 POLL_S = 0.2
 PARTS = 20
 PYTHON = [sys.executable, "-P", "-m"]  # no module is looked for in the folder of the project
 COMMAND = [*PYTHON, "runtime.commands.squeezetree"]
+FILMED = "planner.studio.film:make"
+PICTURE = ".look.svg"  # suffix
 
 
 def written_for(name: str) -> dict[str, str]:
@@ -25,10 +30,11 @@ def written_for(name: str) -> dict[str, str]:
         "log": ".plan.jsonl",
         "job": ".toml",
         "table": ".msgpack",
-        "picture": ".look.svg",
+        "picture": PICTURE,
         "report": ".html",
         "journal": ".journal.jsonl",
         "stop": ".stop",
+        "trials": ".what-if",
     }
     return {what: name + suffix for what, suffix in suffixes.items()}
 
@@ -62,22 +68,43 @@ def main(argv: Sequence[str]) -> int:
     name, drawing, *arguments = argv
     files = written_for(name)
     code = 0
+    more = {"try": ["--follow"], "run": ["--world", FILMED]}
     for words in commands_of(name, drawing, arguments):
         _say(drawing=drawing, step=words[0], command=typed(words))
-        code = _ended(
-            [*words, "--json", *(["--follow"] if words[0] == "try" else [])], files["stop"]
-        )
+        code = _ended([*words, "--json", *more.get(words[0], [])], files["stop"])
         with contextlib.suppress(OSError):
             Path(files["stop"]).unlink(missing_ok=True)  # heard: what follows is begun all the same
         if code or not Path(files["table"]).exists():
             break
     _say(exit=code)
+    if not code and Path(files["table"]).exists():
+        try_others(files)
     return code
 
 
-def _ended(words: Sequence[str], stop: str) -> int:
-    """The exit code of a command; once the file `stop` is there, it is interrupted."""
-    child = subprocess.Popen([*COMMAND, *words], stdin=subprocess.DEVNULL)
+def try_others(files: Mapping[str, str]) -> None:
+    """Plan for other discs and goals, and say what each came to, until the file `stop` is there."""
+    stop, summary = Path(files["stop"]), Path(files["trials"]) / "summary.json"
+    for trial in trials_of(Path(files["job"])):
+        for value in trial.values:
+            summary.unlink(missing_ok=True)
+            words = trial.command(value, beginning(files["job"]), beginning(files["trials"]))
+            _ended([*words, "--json"], files["stop"], aside=True)
+            if stop.exists() or not summary.exists():
+                return stop.unlink(missing_ok=True)
+            result = trial.result(value, summary)
+            _say(**result, command=typed(words))
+            if not result["enough"]:
+                break
+    return None
+
+
+def _ended(words: Sequence[str], stop: str, *, aside: bool = False) -> int:
+    """The exit code of a command, interrupted once the file `stop` is there; `aside`: niced, silent."""
+    before, output = (["nice"], subprocess.DEVNULL) if aside else ([], None)
+    child = subprocess.Popen(
+        [*before, *COMMAND, *words], stdin=subprocess.DEVNULL, stdout=output, stderr=output
+    )
     asked = False
     while True:
         try:

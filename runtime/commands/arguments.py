@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from runtime.execution import safe_state
+from runtime.monitoring.shift import CHANGES
 from runtime.shell.command import Parser, positive, positive_int, say, seconds
 from runtime.shell.exit_codes import ExitCode, epilog
 
@@ -27,7 +28,7 @@ SERVED = {
     "calibration",
     "on_reject",
 }
-SERVED |= {"on_unresolved", "watch", "http", "require_signed"}
+SERVED |= {"on_unresolved", "watch", "http", "shifts", "require_signed"}
 
 RUN_CODES = epilog(
     ExitCode.INPUT,
@@ -322,6 +323,21 @@ def _add_views(group: argparse._ArgumentGroup) -> None:
         help="a page that follows the run, with /status.json and /metrics; read-only, and for this machine "
         "alone unless HOST names another address of it",
     )
+    add(
+        "--shifts",
+        type=hours,
+        default=CHANGES,
+        metavar="H,H,...",
+        help="hours at which shifts change, for the page's figures (default: 6,14,22)",
+    )
+
+
+def hours(text: str) -> tuple[int, ...]:
+    """Hours of a day, separated by commas."""
+    words = text.split(",")
+    if not all(word.isascii() and word.isdecimal() and int(word) < 24 for word in words):
+        raise argparse.ArgumentTypeError(f"{text!r}: write hours from 0 to 23, such as 6,14,22")
+    return tuple(map(int, words))
 
 
 def _add_takt(group: argparse._ArgumentGroup) -> None:

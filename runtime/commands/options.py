@@ -126,7 +126,13 @@ def views(arguments: argparse.Namespace) -> Views:
     )
     if arguments.json and sys.stdout.isatty():
         drawn = False
-    return Views(arguments.http, stream if drawn else None)
+    return Views(
+        arguments.http,
+        stream if drawn else None,
+        arguments.takt,
+        arguments.shifts,
+        arguments.journal,
+    )
 
 
 def _check_views(arguments: argparse.Namespace) -> None:

@@ -1,13 +1,14 @@
 """The machine's clock; no other runtime module reads the time."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
 LINK_MARGIN_S = 30.0
+DAY_S = 86400.0
 BOOT_ID = Path("/proc/sys/kernel/random/boot_id")  # random(4)
 
 
@@ -42,6 +43,20 @@ class SystemClock:
     def stamp(self) -> str:
         """Date and time in UTC, ISO 8601 to the millisecond: what a record is dated with."""
         return datetime.now(UTC).isoformat(timespec="milliseconds")
+
+    def local(self) -> str:
+        """Local date and time to the minute: "2026-11-27 18:40"."""
+        return time.strftime("%Y-%m-%d %H:%M")
+
+    def local_of(self, stamp: str) -> str:
+        """What `local` was when `stamp` was taken."""
+        return time.strftime("%Y-%m-%d %H:%M", time.localtime(date(stamp).timestamp()))
+
+    def shift(self, changes: Sequence[int]) -> str:
+        """When the shift under way began, as `local` writes it; shifts change at these hours of the day."""
+        passed = [hour for hour in changes if hour <= time.localtime().tm_hour]
+        day = time.localtime(time.time() - (0 if passed else DAY_S))
+        return f"{time.strftime('%Y-%m-%d', day)} {max(passed or changes):02}:00"
 
     def uptime(self) -> Mapping[str, object]:
         """What nobody sets: `boot`, the first digits of the boot's id, and `up_s`, the seconds since.

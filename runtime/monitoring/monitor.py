@@ -8,22 +8,32 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, Self, TextIO
 
+from runtime.devices.clock import SystemClock
 from runtime.execution.events import Console, Phase, Sighting, Tally
+from runtime.monitoring.shift import CHANGES, Shift
 from runtime.monitoring.status import Status
-from runtime.spc.summary import Drift
+from runtime.shell.command import sentence_of
+from runtime.spc.drift import Drift
 from runtime.table import TableFile
 from runtime.traversal import answer
-from runtime.traversal.results import PartResult, Step
+from runtime.traversal.results import Outcome, PartResult, Step
 
 if TYPE_CHECKING:
     from runtime.monitoring.live.terminal import View
 
 
+FAREWELL_S = 1.0  # for a page that follows the run to ask once more, and learn how it ended
+SENT_S = 0.1  # for that answer to be sent
+
+
 class Views(NamedTuple):
-    """Where a run is shown besides the console; None for nowhere."""
+    """Where a run is shown besides the console, None for nowhere; and what its parts are held against."""
 
     http: str | None = None  # a page that follows it, at this `HOST:PORT`
     terminal: TextIO | None = None  # a picture in place of the console's parts and squeezes
+    takt_s: float | None = None  # within which a part should be done
+    shifts: tuple[int, ...] = CHANGES  # hours of the day at which shifts change
+    journal: Path | None = None  # of earlier runs, whose parts belong to the shift
 
 
 class Monitor(Console):
@@ -36,14 +46,18 @@ class Monitor(Console):
         self, console: Console, loaded: TableFile, name: Path, views: Views | None = None
     ) -> None:
         self._console, self._table, self._name = console, loaded.table, str(name)
+        self._views = views or Views()
+        shift = Shift(self._views.shifts, self._views.takt_s)
+        if self._views.http is not None and self._views.journal is not None:
+            shift.recall(self._views.journal, loaded.digest)
         self._status = Status(
             self._name,
             loaded.digest,
             self._table.predicted.success_ppm,
             partial(answer.fields, self._table, frames=answer.frames_of(self._table)),
-            Drift(self._table).add,
+            Drift(self._table),
+            shift,
         )
-        self._views = views or Views()
         self._view: View | None = None
         self._stack = ExitStack()
 
@@ -79,6 +93,7 @@ class Monitor(Console):
 
     def summary(self, tally: Tally, journal: Path) -> None:
         """The run's end."""
+        self._status.end(*ended(tally))
         self._console.summary(tally, journal)
 
     def __enter__(self) -> Self:
@@ -96,7 +111,11 @@ class Monitor(Console):
             self._stack = opened.pop_all()
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, _kind: object, error: BaseException | None, _trace: object) -> None:
+        if isinstance(error, KeyboardInterrupt):
+            self._status.end("fair", "Stopped by the operator.")
+        elif error is not None:
+            self._status.end("poor", f"Ended by an error: {sentence_of(error)}")
         notify("STOPPING=1")
         self._stack.close()
 
@@ -106,8 +125,29 @@ class Monitor(Console):
 
         pages = page.pages(self._table, Path(self._name).name, self._status)
         server = stack.enter_context(PageServer(parse(text), pages))
+        stack.callback(self._say_goodbye)
         open_to = "" if server.local else ", for everybody who reaches this machine"
         self._console.note(f"live page: http://{server.address}/{open_to}")
+
+    def _say_goodbye(self) -> None:
+        """Let a page that was looked at learn how the run ended: it cannot tell an end from a lost link."""
+        watched = self._status.watched
+        if not watched.is_set():
+            return
+        watched.clear()
+        if watched.wait(FAREWELL_S):
+            SystemClock().sleep(SENT_S)
+
+
+def ended(tally: Tally) -> tuple[str, str]:
+    """The grade and the sentence of a run's end, for `Status.end`."""
+    count, located = tally.parts, tally.outcomes[Outcome.LEAF]
+    figures = f"{count} part{'s' * (count != 1)}, {located} located"
+    if tally.outcomes[Outcome.FAULT] or tally.outcomes[Outcome.ABORTED]:
+        return "poor", f"Stopped by a fault. {figures}."
+    if tally.outcomes[Outcome.STOPPED]:
+        return "fair", f"Stopped by the operator. {figures}."
+    return "good", f"Ended as planned. {figures}."
 
 
 def notify(*lines: str, environment: Mapping[str, str] = os.environ) -> bool:

@@ -6,6 +6,8 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from runtime.execution.events import Phase
+from runtime.monitoring.shift import CHANGES, Shift
+from runtime.spc.drift import Drift
 from runtime.table import PPM
 from runtime.traversal.results import Outcome, PartResult, Step
 
@@ -21,14 +23,17 @@ class Status:
         table_sha256: str,
         predicted_ppm: int,
         answer: Callable[[int], dict[str, object]] | None = None,
-        drift: Callable[[PartResult], bool] | None = None,
+        drift: Drift | None = None,
+        shift: Shift | None = None,
     ) -> None:
         """Begin without a part.
 
-        `answer` tells what a leaf says, in words of `runtime.traversal.answer`, and `drift`, shown each part,
-        whether a refit would pay.
+        `answer` tells what a leaf says, in words of `runtime.traversal.answer`.
         """
         self._answer, self._drift, self._refit = answer, drift, False
+        self._shift = shift or Shift(CHANGES, None)
+        self._end: dict[str, str] | None = None
+        self.watched = threading.Event()  # set whenever a page was given the snapshot
         self._lock = threading.Lock()
         self._table, self._sha256, self._predicted_ppm = table, table_sha256, predicted_ppm
         self._phase, self._part, self._node = Phase.IDLE, 0, -1
@@ -66,18 +71,25 @@ class Status:
             ):
                 answer = self._answer(result.leaf)
             self._recent.append({**result.fields(), "answer": answer})
-            self._refit = self._drift is not None and self._drift(result)
+            self._refit = self._drift is not None and self._drift.add(result)
+            self._shift.add(result)
             if result.leaf is not None:
                 self._leaves[result.leaf] += 1
             if result.audit is not None:
                 self._audits[result.audit] += 1
+
+    def end(self, grade: str, sentence: str) -> None:
+        """The run's end: "good" where nobody has to do anything, "fair" or "poor", and how it came."""
+        with self._lock:
+            self._end = {"grade": grade, "sentence": sentence}
 
     def as_object(self) -> dict[str, Any]:
         """The snapshot for machines.
 
         `steps` are the squeezes of the part under way, or of the last one until the next begins; a target
         >= 0 is a node, < 0 the leaf ~target, null a reject. `recent_parts` ends with the latest; the `answer`
-        of a located part is its pose.
+        of a located part is its pose. `shift` is what `Shift` counts, `charts` those of `Drift`; `end` is
+        null while the run goes on.
         """
         with self._lock:
             return {
@@ -93,6 +105,9 @@ class Status:
                 "outcomes": {outcome.value: self._outcomes[outcome] for outcome in Outcome},
                 "audits": dict(self._audits),
                 "refit_pays": self._refit,
+                "shift": self._shift.as_object(),
+                "charts": None if self._drift is None else self._drift.as_object(),
+                "end": self._end,
                 "last_part": self._recent[-1] if self._recent else None,
                 "recent_parts": list(self._recent),
             }

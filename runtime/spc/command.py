@@ -10,9 +10,10 @@ from runtime.shell.command import Parser, run
 from runtime.shell.exit_codes import ExitCode, epilog
 from runtime.shell.files import usable, writing
 from runtime.spc import expectation
+from runtime.spc.drift import REFIT
 from runtime.spc.history import RESIDUAL, History, Part, read
 from runtime.spc.page import page
-from runtime.spc.summary import REFIT, Summary, summarise
+from runtime.spc.summary import Summary, summarise
 
 EPILOG = """\
 example:

@@ -28,15 +28,23 @@ class Alarm(NamedTuple):
 
 MOVED = "look whether camera, table or arm have moved"
 MEANING = {
-    "widths": "widths have shifted: look for worn or loose fingers, and calibrate the gripper",
+    "widths": "widths drift: the gripper should be looked at for worn fingers; then calibrate the gripper",
     "branches": "parts take other branches than predicted: look for another lot, friction, a moved feeder",
     "readings": "readings are those of {}, not as planned: look for oil, dust, worn pads, another lot "
-    "(where widths have shifted too, first for that)",
+    "(where widths drift too, first for that)",
     "failures": "more parts fail the audit than predicted: stop, and look at the overlays",
     "rejects": "more parts are rejected than predicted: look for wrong parts, other friction, shifted widths",
     "residual x": f"measured poses have shifted in x: {MOVED}",
     "residual y": f"measured poses have shifted in y: {MOVED}",
     "residual theta": f"measured angles have shifted: {MOVED}",
+}
+
+# Headings of the charts that are drawn, while they do not alarm.
+STEADY = {
+    "failures": "Audits fail as rarely as predicted",
+    "residual": "Measured poses agree with the answers",
+    "widths": "Widths are steady",
+    "readings": "Readings are those that were planned for",
 }
 
 

@@ -7,35 +7,35 @@ from math import log1p
 from statistics import fmean, stdev
 from typing import NamedTuple
 
+from runtime.pages.charts import Line
 from runtime.spc.charts import RARE, binomial_tail, chi_square, chi_square_tail
+from runtime.spc.drift import DRIFTED, LEAST_REFIT
 from runtime.spc.expectation import LIMIT, Expectation
-from runtime.spc.history import History, Part, Squeezed
+from runtime.spc.history import History, Part
 from runtime.spc.monitor import (
     COORDINATES,
+    STEADY,
     Alarm,
     Monitor,
     branch_counts,
     branch_shares,
     failure_share,
 )
-from runtime.table import PPM, Node, Table, wilson_interval
-from runtime.traversal.results import PartResult
+from runtime.table import PPM, wilson_interval
 
 PREDICTED_FROM = 6000  # trials behind a share that a table does not say the number for
-LEAST_REFIT = 20  # parts that a refit learns anything from
 STRANGE = 1e-3  # probability of branches below which the cell is taken for another than planned
-DRIFTED = ("widths", "branches", "readings", "rejects")  # charts of what a refit learns from
-REFIT = "a refit would pay: plan-refit JOB.toml --journal J... -o JOB2.toml learns what is off in the cell"
 GROUP = 50  # audited parts of one point of the p-chart
 
 
 class Series(NamedTuple):
-    """A chart to draw: named values, one for each step, and limits that no line may pass."""
+    """A chart to draw: values, one for each step, and limits that no line may pass."""
 
-    title: str
-    lines: tuple[tuple[str, Sequence[float]], ...]
+    heading: str  # in plain words
+    lines: tuple[Line, ...]
     limits: tuple[float, ...]
     step: str
+    method: str  # what the values are
 
 
 class LeafRow(NamedTuple):
@@ -119,30 +119,6 @@ class Summary:
         }
 
 
-class Drift:
-    """Whether a refit would pay, told as a run goes on: the charts of its table, part after part."""
-
-    def __init__(self, table: Table) -> None:
-        self._table, self._charts = table, Monitor(table)
-        self._parts, self._drifted = 0, False
-
-    def add(self, result: PartResult) -> bool:
-        """Take a part that has ended in; whether a refit would pay by now."""
-        nodes = self._table.nodes
-        squeezes = (
-            Squeezed(step.node, _branch(nodes[step.node], step.target), step.width_um)
-            for step in result.steps
-        )
-        part = Part(result.part, tuple(squeezes), result.outcome.value, result.leaf, result.audit)
-        self._parts += 1
-        self._drifted |= any(chart in DRIFTED for chart, _ in self._charts.add(part))
-        return self._drifted and self._parts >= LEAST_REFIT
-
-
-def _branch(node: Node, target: int | None) -> int | None:
-    return next((k for k, branch in enumerate(node.branches) if branch.target == target), None)
-
-
 def summarise(history: History, expected: Expectation | None = None) -> Summary:
     """The figures of a history; of its readings too where it is known what to expect of them.
 
@@ -169,7 +145,7 @@ def summarise(history: History, expected: Expectation | None = None) -> Summary:
         nodes,
         chi_square_tail(statistic, freedom),
         alarms,
-        tuple(_charts(history, monitor, drawn)),
+        tuple(_charts(history, monitor, drawn, alarms)),
         tuple(_names(history)),
     )
 
@@ -180,21 +156,33 @@ def moments(values: Sequence[float]) -> tuple[float, float]:
 
 
 def _charts(
-    history: History, monitor: Monitor, drawn: Mapping[str, Sequence[float]]
+    history: History,
+    monitor: Monitor,
+    drawn: Mapping[str, Sequence[float]],
+    alarms: Sequence[Alarm],
 ) -> Iterator[Series]:
-    def lines(*names: str) -> tuple[tuple[str, Sequence[float]], ...]:
-        return tuple((name, drawn.get(name, ())) for name in names)
+    def heading(chart: str) -> str:
+        """What is wrong by the chart's first alarm; without one, that all is well."""
+        sentences = (alarm.sentence for alarm in alarms if alarm.chart.startswith(chart))
+        first = next(sentences, STEADY[chart])
+        return first[0].upper() + first[1:]
 
-    yield failures(history)
+    def lines(*names: str) -> tuple[Line, ...]:
+        return tuple(Line(name, drawn.get(name, ())) for name in names)
+
+    yield failures(history)._replace(heading=heading("failures"))
     limit = monitor.residuals[0].limit
-    title = "residuals, weighted means in standard deviations"
-    yield Series(title, lines(*COORDINATES), (-limit, limit), "audited part")
+    method = "Measured less answered pose: weighted means (EWMA), in standard deviations."
+    courses = lines(*COORDINATES)
+    yield Series(heading("residual"), courses, (-limit, limit), "audited part", method)
     limit = monitor.widths.limit
-    title = "widths, cumulative sums of deviations"
-    yield Series(title, lines("wider", "narrower"), (-limit, limit), "squeeze")
+    method = "Widths less those expected: cumulative sums (CUSUM)."
+    courses = lines("wider", "narrower")
+    yield Series(heading("widths"), courses, (-limit, limit), "squeeze", method)
     if monitor.readings is not None:
-        title = "readings, logarithm of the Shiryaev-Roberts statistic for another friction"
-        yield Series(title, lines("friction"), (log1p(LIMIT),), "part")
+        method = "How much likelier readings are at another friction (logarithm; Shiryaev-Roberts)."
+        limits = (log1p(LIMIT),)
+        yield Series(heading("readings"), lines("friction"), limits, "part", method)
 
 
 def failures(history: History) -> Series:
@@ -206,8 +194,9 @@ def failures(history: History) -> Series:
         k for k in range(GROUP + 1) if binomial_tail(k, GROUP, expected) < RARE or k == GROUP
     )
     shares = tuple(sum(group) / len(group) for group in groups)
-    title = f"failures, share of each {GROUP} audited parts"
-    return Series(title, (("failures", shares),), (most / GROUP,), "group")
+    method = f"Share that fails of each {GROUP} audited parts (p-chart)."
+    lines = (Line("failures", shares),)
+    return Series(STEADY["failures"], lines, (most / GROUP,), "group", method)
 
 
 def _judged(parts: Sequence[Part]) -> tuple[int, int]:

@@ -77,6 +77,11 @@ def test_from_a_drawing_to_a_table_and_parts_though_the_studio_is_killed(tmp_pat
         ]
         assert len(plan["log"]["parts"]) == 20
         assert {"job", "table", "picture", "report", "journal", "log"} == plan["files"].keys()
+        film = json.loads(studio.ask("/film.json?plan=plate&part=1"))
+        widths = [round(squeeze["width_mm"]) for squeeze in film["squeezes"]]
+        assert widths == [
+            round(float(each)) for each in plan["log"]["parts"][0]["widths"].split(",")
+        ]
         table = studio.ask(f"/files/{plan['files']['table']}")
         assert table == (tmp_path / "plate.msgpack").read_bytes()
         assert load(tmp_path / "plate.msgpack").table.nodes

@@ -1,20 +1,13 @@
-// Pictures to scale, in mm: y points up.
+// Pictures to scale, in mm: y points up. `shape` is of elements.js.
 
 const LEAST_MM = 0.5, MOST_MM = 100, STEP_MM = 0.5, MARGIN = 1.12, GRID_MM = 10;
 const PICTURE_PX = 380; // about how wide the picture is: what the handle's size goes by
 
-export function element(name, attributes = {}, ...children) {
-  const made = document.createElementNS("http://www.w3.org/2000/svg", name);
-  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
-  made.append(...children);
-  return made;
-}
-
 export function contourPicture(contour) {
   const room = 0.06 * Math.max(contour.width_mm, contour.height_mm);
   const box = `${-room} ${-contour.height_mm - room} ${contour.width_mm + 2 * room} ${contour.height_mm + 2 * room}`;
-  const shape = element("polygon", { points: contour.points, class: "part", transform: "scale(1 -1)" });
-  return element("svg", { viewBox: box, "aria-hidden": "true" }, shape);
+  const part = shape("polygon", { points: contour.points, class: "part", transform: "scale(1 -1)" });
+  return shape("svg", { viewBox: box, "aria-hidden": "true" }, part);
 }
 
 export function nearestRadius(mm) {
@@ -35,21 +28,21 @@ export function drawPart(view, preview, moved) {
   const { hand, datum } = preview, half = hand.opening_mm / 2;
   const extent = MARGIN * Math.max(half + hand.width_mm, preview.reach_mm, preview.radius_mm, hand.length_mm / 2);
   view.setAttribute("viewBox", `${-extent} ${-extent} ${2 * extent} ${2 * extent}`);
-  const world = element("g", { transform: "scale(1 -1)" });
+  const world = shape("g", { transform: "scale(1 -1)" });
   for (let at = -GRID_MM * Math.floor(extent / GRID_MM); at <= extent; at += GRID_MM) {
-    world.append(element("line", { x1: at, x2: at, y1: -extent, y2: extent, class: "grid" }));
-    world.append(element("line", { y1: at, y2: at, x1: -extent, x2: extent, class: "grid" }));
+    world.append(shape("line", { x1: at, x2: at, y1: -extent, y2: extent, class: "grid" }));
+    world.append(shape("line", { y1: at, y2: at, x1: -extent, x2: extent, class: "grid" }));
   }
   const turn = preview.turn_deg;
-  if (turn === null || turn >= 180) world.append(element("circle", { r: preview.reach_mm, class: "ghost" }));
-  else if (turn > 0) for (const angle of [-turn, turn]) world.append(element("polygon", { points: preview.outline, class: "ghost", transform: `rotate(${angle})` }));
-  world.append(element("polygon", { points: preview.outline, class: "part" }));
-  for (const hole of preview.holes) world.append(element("polygon", { points: hole, class: "hole" }));
-  for (const y of [half, -half - hand.width_mm]) world.append(element("rect", { x: -hand.length_mm / 2, y, width: hand.length_mm, height: hand.width_mm, class: "finger" }));
+  if (turn === null || turn >= 180) world.append(shape("circle", { r: preview.reach_mm, class: "ghost" }));
+  else if (turn > 0) for (const angle of [-turn, turn]) world.append(shape("polygon", { points: preview.outline, class: "ghost", transform: `rotate(${angle})` }));
+  world.append(shape("polygon", { points: preview.outline, class: "part" }));
+  for (const hole of preview.holes) world.append(shape("polygon", { points: hole, class: "hole" }));
+  for (const y of [half, -half - hand.width_mm]) world.append(shape("rect", { x: -hand.length_mm / 2, y, width: hand.length_mm, height: hand.width_mm, class: "finger" }));
   const arm = extent / 25, { x_mm: x, y_mm: y } = datum;
-  world.append(element("path", { d: `M${x - arm} ${y}h${2 * arm}M${x} ${y - arm}v${2 * arm}`, class: "datum" }));
-  const disc = element("circle", { class: "disc" });
-  const handle = element("circle", { id: "handle", cy: 0, r: 2 * extent * 9 / PICTURE_PX, role: "slider", tabindex: 0, "aria-label": "Radius of the disc, mm", "aria-valuemin": LEAST_MM, "aria-valuemax": MOST_MM });
+  world.append(shape("path", { d: `M${x - arm} ${y}h${2 * arm}M${x} ${y - arm}v${2 * arm}`, class: "datum" }));
+  const disc = shape("circle", { class: "disc" });
+  const handle = shape("circle", { id: "handle", cy: 0, r: 2 * extent * 9 / PICTURE_PX, role: "slider", tabindex: 0, "aria-label": "Radius of the disc, mm", "aria-valuemin": LEAST_MM, "aria-valuemax": MOST_MM });
   world.append(disc, handle);
 
   let radius = preview.radius_mm;

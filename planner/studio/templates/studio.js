@@ -1,24 +1,17 @@
 // The studio's page. All state is in the folder: the page asks for it, and shows names and sentences as text.
 
 import { contourPicture, drawPart } from "./drawing.js";
+import { projector } from "./film.js";
 
 const BUSY_MS = 600, IDLE_MS = 3000, SETTLE_MS = 300;
-const at = (id) => document.getElementById(id);
-const form = at("settings");
+const form = byId("settings");
 const proposed = { gripper: "gripper", fingers: "fingers", radius: "radius_mm", turn: "turn_deg", distance: "distance_mm" };
 let touched = {}; // settings that a person chose; the others follow the drawing
 let contour = "", drawing = "", asked = 0, waiting = 0, known = "", preview = null, begun = "";
 
-function make(name, text, attributes = {}) {
-  const made = document.createElement(name);
-  made.textContent = text;
-  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
-  return made;
-}
-
 function tell(sentence) {
-  at("error").hidden = !sentence;
-  at("error").textContent = sentence ?? "";
+  byId("error").hidden = !sentence;
+  byId("error").textContent = sentence ?? "";
 }
 
 async function ask(path, query, body) {
@@ -55,7 +48,7 @@ function choose(name) {
   drawing = name;
   contour = "";
   for (const key of ["units", "scale", "radius", "gripper", "thickness"]) delete touched[key], (form.elements[key].value = "");
-  at("drawing").value = name;
+  byId("drawing").value = name;
   return look();
 }
 
@@ -63,24 +56,24 @@ async function look() {
   if (!drawing) return;
   const number = ++asked;
   const answer = await ask("/preview", { drawing }, settings());
-  if (number !== asked || at("view").classList.contains("moving")) return; // a later question follows
-  at("command").textContent = answer.command;
+  if (number !== asked || byId("view").classList.contains("moving")) return; // a later question follows
+  byId("command").textContent = answer.command;
   showContours(answer);
   form.hidden = false;
-  at("begin").disabled = Boolean(answer.error);
+  byId("begin").disabled = Boolean(answer.error);
   tell(answer.error);
   if (answer.outline) showPart(answer);
-  else for (const id of ["view", "facts", "assumed"]) at(id).replaceChildren();
+  else for (const id of ["view", "facts", "assumed"]) byId(id).replaceChildren();
 }
 
 function showContours(answer) {
-  const box = at("contours"), held = document.activeElement?.name === "contour";
+  const box = byId("contours"), held = document.activeElement?.name === "contour";
   box.hidden = answer.contours.length < 2;
   const labels = answer.contours.map((each) => {
-    const input = make("input", "", { type: "radio", name: "contour", value: each.number });
+    const input = make("input", { type: "radio", name: "contour", value: each.number });
     input.checked = each.number === answer.contour;
     input.addEventListener("change", attempt(() => ((contour = String(each.number)), look())));
-    const label = make("label", "");
+    const label = make("label");
     label.append(contourPicture(each), input, ` ${each.number}: ${each.width_mm} x ${each.height_mm} mm${each.outer ? "" : ", inner"}`);
     return label;
   });
@@ -92,25 +85,25 @@ function showPart(answer) {
   preview = answer;
   for (const [name, key] of Object.entries(proposed)) if (!(name in touched)) form.elements[name].value = answer[key] ?? "";
   if (answer.height_mm !== null && !("thickness" in touched)) form.elements.thickness.placeholder = answer.height_mm;
-  drawPart(at("view"), answer, (radius) => {
+  drawPart(byId("view"), answer, (radius) => {
     form.elements.radius.value = touched.radius = String(radius);
     showRoom();
-    if (!at("view").classList.contains("moving")) soon();
+    if (!byId("view").classList.contains("moving")) soon();
   });
-  at("assumed").replaceChildren(...answer.assumed.map((line) => make("li", line)));
+  byId("assumed").replaceChildren(...answer.assumed.map((line) => make("li", {}, line)));
   const { low, high } = answer.friction;
-  at("fingers-help").textContent = `Its friction on the part is anywhere from ${low} to ${high}; wider bounds cost squeezes.`;
+  byId("fingers-help").textContent = `Its friction on the part is anywhere from ${low} to ${high}; wider bounds cost squeezes.`;
   showRoom();
 }
 
 // What the part looks like, and which gripper has room for a disc of this radius.
 function showRoom() {
   const turns = preview.symmetry > 1 ? `It looks the same after each turn by ${+(360 / preview.symmetry).toFixed(1)} degrees` : "It looks the same only after a whole turn";
-  at("facts").textContent = `${preview.size}, ${preview.vertices} vertices. ${turns}. Datum: ${preview.datum.name}.`;
+  byId("facts").textContent = `${preview.size}, ${preview.vertices} vertices. ${turns}. Datum: ${preview.datum.name}.`;
   const rooms = Object.entries(preview.rooms_mm).map(([name, mm]) => `${name} ${mm > 0 ? `${mm} mm` : "not at every angle"}`);
   const radius = Number(form.elements.radius.value), room = preview.rooms_mm[preview.gripper];
   const tight = radius > room ? "This disc is larger than that: fingers may come down on the part. " : "";
-  at("gripper-help").textContent = `${tight}Room for the part's centre between open fingers, at any angle: ${rooms.join(", ")}.`;
+  byId("gripper-help").textContent = `${tight}Room for the part's centre between open fingers, at any angle: ${rooms.join(", ")}.`;
 }
 
 function soon() {
@@ -127,7 +120,7 @@ async function add(file) {
 }
 
 function fill(select, names, chosen) {
-  select.replaceChildren(...names.map((name) => make("option", name, { value: name })));
+  select.replaceChildren(...names.map((name) => make("option", { value: name }, name)));
   if (names.includes(chosen)) select.value = chosen;
 }
 
@@ -143,22 +136,18 @@ async function refresh() {
 }
 
 function show({ drawings, plans, files }) {
-  fill(at("drawing"), drawings.length ? drawings : [""], drawing);
+  fill(byId("drawing"), drawings.length ? drawings : [""], drawing);
   const names = plans.map((plan) => plan.name);
-  fill(at("plans"), names, begun || at("plans").value);
+  fill(byId("plans"), names, begun || byId("plans").value);
   if (names.includes(begun)) begun = "";
-  at("files").replaceChildren(...files.map((file) => {
-    const item = make("li", "");
-    item.append(link(file.name, file.name), ` ${(file.size / 1024).toFixed(1)} KB`);
-    return item;
-  }));
-  at("plan").hidden = !plans.length;
-  const plan = plans.find((each) => each.name === at("plans").value);
+  byId("files").replaceChildren(...files.map((file) => make("li", {}, link(file.name, file.name), ` ${(file.size / 1024).toFixed(1)} KB`)));
+  byId("plan").hidden = !plans.length;
+  const plan = plans.find((each) => each.name === byId("plans").value);
   if (plan) showPlan(plan);
 }
 
 function link(file, text) {
-  return make("a", text, { href: `/files/${encodeURIComponent(file)}` });
+  return make("a", { href: `/files/${encodeURIComponent(file)}` }, text);
 }
 
 const DOING = { try: "Planning", report: "Writing the report", run: "Simulating 20 parts" };
@@ -173,46 +162,62 @@ function statusOf({ running, log }) {
 function showPlan(plan) {
   const { log, files, running } = plan, { progress, answer } = log;
   const status = statusOf(plan);
-  if (at("status").textContent !== status) at("status").textContent = status; // a screen reader says what changes
-  at("stop").hidden = !running;
-  at("stop").disabled = "stop" in files;
-  at("course").hidden = !running;
-  if (typeof progress.share === "number") at("progress").value = progress.share;
-  else at("progress").removeAttribute("value");
+  if (byId("status").textContent !== status) byId("status").textContent = status; // a screen reader says what changes
+  byId("stop").hidden = !running && !plan.trying;
+  byId("stop").textContent = running ? "Stop, and keep the best so far" : "Try no others";
+  byId("stop").disabled = "stop" in files;
+  byId("course").hidden = !running;
+  if (typeof progress.share === "number") byId("progress").value = progress.share;
+  else byId("progress").removeAttribute("value");
   const compiling = progress.stage === "kernels" ? "compiling, once an installation: a minute or two" : progress.stage;
-  at("left").textContent = progress.stage ? [compiling, `${progress.seconds} s so far`, progress.left, progress.detail].filter(Boolean).join(", ") : "";
-  at("verdict").hidden = !answer;
-  at("verdict").textContent = answer ? `Can it be located by squeezing? ${answer.answer}` : "";
-  at("verdict").className = answer?.grade ?? "";
-  at("sentence").textContent = answer?.sentence ?? "";
-  at("numbers").replaceChildren(...(answer?.numbers ?? []).map(({ what, value, more }) => {
-    const box = make("div", "");
-    box.append(make("dt", what), make("dd", value, { class: "value" }), make("dd", more, { class: "more" }));
-    return box;
-  }));
+  byId("left").textContent = progress.stage ? [compiling, `${progress.seconds} s so far`, progress.left, progress.detail].filter(Boolean).join(", ") : "";
+  byId("verdict").hidden = !answer;
+  byId("verdict").textContent = answer ? `Can it be located by squeezing? ${answer.answer}` : "";
+  byId("verdict").className = `verdict ${{ cut: "fair", unknown: "poor" }[answer?.grade] ?? answer?.grade}`;
+  byId("sentence").textContent = answer?.sentence ?? "";
+  byId("numbers").replaceChildren(...(answer?.numbers ?? []).map(({ what, value, more }) => make("div", {}, make("dt", {}, what), make("dd", {}, value), make("dd", { class: "note" }, more))));
   const remarks = answer ? [...answer.warnings, ...answer.limits] : [];
-  at("remarks").replaceChildren(...[...remarks, ...log.lines].map((line) => make("li", line)));
+  byId("remarks").replaceChildren(...[...remarks, ...log.lines].map((line) => make("li", {}, line)));
   const links = { report: "Report", table: "Decision table", job: "Job file", journal: "Journal of the simulated parts", log: "Log" };
-  at("links").replaceChildren(...Object.entries(links).filter(([what]) => what in files).map(([what, text]) => link(files[what], text)));
+  byId("links").replaceChildren(...Object.entries(links).filter(([what]) => what in files).map(([what, text]) => link(files[what], text)));
   showPicture(files.picture);
-  showParts(log);
-  at("commands").textContent = log.commands.join("\n");
+  showParts(plan);
+  showTried(plan);
+  byId("commands").textContent = log.commands.join("\n");
 }
 
 function showPicture(file) {
-  const picture = at("look"), source = file ? `/files/${encodeURIComponent(file)}` : "";
-  at("picture").hidden = !file;
+  const picture = byId("look"), source = file ? `/files/${encodeURIComponent(file)}` : "";
+  byId("picture").hidden = !file;
   if (file && picture.getAttribute("src") !== source) picture.src = source;
 }
 
-function showParts({ parts }) {
-  at("parts").hidden = at("parts-title").hidden = !parts.length;
+const project = projector({ view: byId("scene"), slider: byId("moment"), button: byId("play"), caption: byId("caption") });
+async function showFilm(plan, number) {
+  project(await ask("/film.json", { plan, part: number }));
+  byId("filmed").textContent = `Part ${number}`;
+  byId("film").hidden = false;
+  byId("film").scrollIntoView({ block: "nearest" });
+}
+
+// Other discs and goals, as they come.
+function showTried({ trying, log }) {
+  byId("tried-title").hidden = !trying && !log.tried.length;
+  const lines = log.tried.map(({ what, located, enough, command }) => make("li", { title: command }, `${what}: ${located}${enough ? "" : ", which is too few"}`));
+  byId("tried").replaceChildren(...lines, ...(trying ? [make("li", {}, "Trying the next one in the background ...")] : []));
+}
+
+function showParts({ name, log: { parts } }) {
+  if (byId("film").dataset.plan !== name) byId("film").hidden = true;
+  byId("film").dataset.plan = name;
+  byId("parts").hidden = byId("parts-title").hidden = !parts.length;
   const located = parts.filter((part) => part.outcome === "LEAF").length, within = parts.filter((part) => part.within).length;
-  at("tally").textContent = parts.length ? `${parts.length} parts: ${located} located, ${within} within the goal.` : "";
-  at("parts").querySelector("tbody").replaceChildren(...parts.map((part) => {
-    const row = make("tr", "", part.within ? {} : { class: "off" });
-    for (const cell of [part.number, part.outcome, part.widths, part.place, part.angle, part.error]) row.append(make("td", cell));
-    return row;
+  byId("tally").textContent = parts.length ? `${parts.length} parts: ${located} located, ${within} within the goal. Choose one to see it squeezed.` : "";
+  byId("parts").querySelector("tbody").replaceChildren(...parts.map((part) => {
+    const button = make("button", { type: "button", "aria-label": `Show part ${part.number}`, id: `part-${part.number}` }, String(part.number));
+    button.addEventListener("click", attempt(() => showFilm(name, part.number)));
+    const cells = [button, part.outcome, part.widths, part.place, part.angle, part.error].map((cell) => make("td", {}, cell));
+    return make("tr", part.within ? {} : { class: "off" }, ...cells);
   }));
 }
 
@@ -225,17 +230,17 @@ form.addEventListener("input", ({ target }) => {
 form.addEventListener("submit", attempt(async () => {
   begun = (await ask("/plan", { drawing }, settings())).plan;
   await refresh();
-  at("plan").scrollIntoView({ block: "start" });
+  byId("plan").scrollIntoView({ block: "start" });
 }));
-at("view").addEventListener("settled", soon);
-at("stop").addEventListener("click", attempt(async () => (await ask("/stop", { plan: at("plans").value }, "{}"), await refresh())));
-at("plans").addEventListener("change", attempt(async () => ((known = ""), await refresh())));
-at("drawing").addEventListener("change", attempt(() => choose(at("drawing").value)));
-at("file").addEventListener("change", attempt(() => add(at("file").files[0])));
+byId("view").addEventListener("settled", soon);
+byId("stop").addEventListener("click", attempt(async () => (await ask("/stop", { plan: byId("plans").value }, "{}"), await refresh())));
+byId("plans").addEventListener("change", attempt(async () => ((known = ""), await refresh())));
+byId("drawing").addEventListener("change", attempt(() => choose(byId("drawing").value)));
+byId("file").addEventListener("change", attempt(() => add(byId("file").files[0])));
 for (const kind of ["dragover", "dragleave", "drop"]) {
   document.addEventListener(kind, (event) => {
     event.preventDefault();
-    at("drop").classList.toggle("over", kind === "dragover");
+    byId("drop").classList.toggle("over", kind === "dragover");
   });
 }
 document.addEventListener("drop", attempt((event) => add(event.dataTransfer.files[0])));

@@ -1,77 +1,99 @@
-"""The page that follows a run: the loaded table as a tree, the node under way marked in it.
+"""The page that follows a run: what the person beside the cell needs, and on demand the tree of the table.
 
 Everything is in the file but the state, which it asks its own server for. Where the table carries its job,
-the leaves show the part's outline.
+pictures show the part's outline.
 """
 
 import json
 from html import escape
 from pathlib import Path
-from string import Template
-from typing import Any
+from typing import Any, NamedTuple
 
+from runtime.monitoring.live import operator
 from runtime.monitoring.live.server import Pages
 from runtime.monitoring.status import Status
+from runtime.pages import frame
 from runtime.table import Table, job_of
 
 TEMPLATES = Path(__file__).parent / "templates"
-JSON = "application/json"
+HTML, JSON = "text/html; charset=utf-8", "application/json"
 METRICS = "text/plain; version=0.0.4; charset=utf-8"
+
+
+class Part(NamedTuple):
+    """What the job within a table says of its part."""
+
+    name: str
+    outline: list[list[float]]  # (n, 2) [mm], empty if not known
 
 
 def pages(table: Table, name: str, status: Status) -> Pages:
     """What a server of one run tells, by path with its media type; `name` is that of the table's file."""
-    html = page(table, name).encode()  # once, before anything moves
+    html, part = page(table, name).encode(), part_of(table)  # once, before anything moves
 
-    def state() -> bytes:
-        return json.dumps(status.as_object()).encode() + b"\n"
+    def screen() -> bytes:
+        seen = status.as_object()
+        below = operator.screen(table, part.outline, seen)
+        text = f'<div id="state" role="status">{operator.state(seen)}</div>\n<div id="screen">{below}</div>'
+        status.watched.set()
+        return text.encode()
 
     return {
-        "/": ("text/html; charset=utf-8", lambda: html),
-        "/status.json": (JSON, state),
+        "/": (HTML, lambda: html),
+        "/screen.html": (HTML, screen),
+        "/status.json": (JSON, lambda: json.dumps(status.as_object()).encode() + b"\n"),
         "/metrics": (METRICS, lambda: status.as_metrics().encode()),
     }
 
 
 def page(table: Table, name: str) -> str:
     """The page's text, for a table and the name of its file."""
-    part, outline = _part(table)
-    # Within a script element only "<" could end it.
-    data = json.dumps(tree(table, outline), separators=(",", ":")).replace("<", "\\u003c")
-    style, script, text = (
+    part = part_of(table)
+    style, script, below = (
         (TEMPLATES / f"live.{kind}").read_text("utf-8") for kind in ("css", "js", "html")
     )
-    return Template(text).substitute(
-        part=escape(part), name=escape(name), data=data, style=style, script=script
-    )  # what is filled in is not looked at again
+    head = f"<header><h1>{escape(part.name)} <small>{escape(name)}</small></h1></header>"
+    return frame.page(
+        f"{part.name}: live",
+        f"{head}\n{below}",
+        style=style,
+        data=tree(table, part.outline),
+        script=script,
+        policy="connect-src 'self'",
+    )
 
 
 def tree(table: Table, outline: list[list[float]]) -> dict[str, Any]:
-    """A table for the page, in its own units, and the outline (n, 2) [mm] of its part, empty if not known."""
+    """A table for the page, by columns in its own units, and the outline (n, 2) [mm] of its part."""
+    branches = [
+        {"node": index, **branch._asdict()}
+        for index, node in enumerate(table.nodes)
+        for branch in node.branches
+    ]
+    squeezes = [node.squeeze._asdict() for node in table.nodes]
+    leaves = [{**leaf._asdict(), "resolved": int(leaf.resolved)} for leaf in table.leaves]
+    places = ("x_um", "y_um")
     return {
         "outline": outline,
-        "opening": table.gripper.opening_um,
-        "finger": [table.gripper.finger_length_um, table.gripper.finger_width_um],
-        "nodes": [[*node.squeeze.commands, node.branches] for node in table.nodes],
-        "leaves": [
-            [
-                leaf.x_um,
-                leaf.y_um,
-                leaf.theta_urad,
-                leaf.success_ppm,
-                leaf.trials,
-                int(leaf.resolved),
-            ]
-            for leaf in table.leaves
-        ],
+        "opening_um": table.gripper.opening_um,
+        "finger_length_um": table.gripper.finger_length_um,
+        "finger_width_um": table.gripper.finger_width_um,
+        "nodes": _columns(squeezes, *places, "angle_urad", "opening_um", "speed_um_s", "force_mn"),
+        "branches": _columns(branches, "node", "low_um", "high_um", "probability_ppm", "target"),
+        "leaves": _columns(leaves, *places, "theta_urad", "success_ppm", "trials", "resolved"),
     }
 
 
-def _part(table: Table) -> tuple[str, list[list[float]]]:
+def _columns(rows: list[dict[str, Any]], *names: str) -> dict[str, list[Any]]:
+    """Columns by name: a large table written by rows would repeat each name thousands of times."""
+    return {name: [row[name] for row in rows] for name in names}
+
+
+def part_of(table: Table) -> Part:
     """The part's name and outline from the job within the table; a job of another make shows without them."""
     try:
         part = (job_of(table) or {})["part"]
         outline = [[float(x), float(y)] for x, y in part["outline_mm"]]
-        return str(part["name"]), outline
+        return Part(str(part["name"]), outline)
     except (ValueError, TypeError, KeyError):
-        return "Decision table", []
+        return Part("Decision table", [])

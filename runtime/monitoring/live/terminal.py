@@ -20,7 +20,7 @@ from runtime.execution.events import Console, Sighting, Tally
 from runtime.monitoring.live.rows import Outline, Row
 from runtime.monitoring.status import Status
 from runtime.shell.plain_text import cleaned
-from runtime.spc.summary import REFIT
+from runtime.spc.drift import REFIT
 from runtime.table import Table
 from runtime.traversal.results import PartResult, Step
 

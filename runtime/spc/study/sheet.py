@@ -5,7 +5,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 
 from runtime import VERSION
-from runtime.spc.page import picture, table_of, whole
+from runtime.pages import frame
+from runtime.pages.charts import Line
+from runtime.spc.page import picture
 from runtime.spc.study.acceptance import ERROR, Verdict
 from runtime.spc.study.figures import GaugeRow, Study, in_degrees
 from runtime.spc.study.gauge import ACCEPTABLE, CAPABLE, GOOD, LEAST_READINGS, Crossed, TypeOne
@@ -33,23 +35,30 @@ def page(study: Study, journals: Sequence[str]) -> str:
         study: what it says.
         journals: names of the files it was made from.
     """
-    accepted = study.acceptance.verdict is Verdict.ACCEPTED
+    grades = {Verdict.ACCEPTED: "good", Verdict.OPEN: "fair"}
+    signatures = ((who, "", "", "") for who in SIGNED)
     body = [
-        f'<p class="{"good" if accepted else "bad"}">{escape(verdict_words(study).capitalize())}.</p>',
-        table_of(("what", ""), _facts(study, journals)),
-        "<h2>Share of failures, with its bounds at each look</h2>",
-        picture(_curve(study)),
+        "<header><h1>Run-off sheet</h1>",
+        frame.verdict(
+            grades.get(study.acceptance.verdict, "poor"), f"{verdict_words(study).capitalize()}."
+        ),
+        "</header>\n<main>",
+        frame.table("Facts", ("what", "value"), _facts(study, journals), "wide facts"),
+        *picture(_curve(study)),
         '<h2 class="next">The squeeze as a gauge of poses</h2>',
         f"<p>{escape(MEANING)}</p>",
-        table_of(("leaf", "readings", *_heads(study.table)), map(_gauge_cells, _shown(study))),
+        frame.table(
+            "Leaves as gauges",
+            ("leaf", "readings", *_heads(study.table)),
+            map(_gauge_cells, _shown(study)),
+        ),
         *_left_out(study),
         *_crossed(study.crossed),
         "<h2>Signatures</h2>",
-        table_of(
-            ("", "name", "date", "signature"), ((who, "", "", "") for who in SIGNED), "signatures"
-        ),
+        frame.table("Signatures", ("who", "name", "date", "signature"), signatures, "signatures"),
+        "</main>",
     ]
-    return whole("Run-off sheet", body, "sheet")
+    return frame.page("Run-off sheet", "\n".join(body), kind="sheet")
 
 
 def verdict_words(study: Study) -> str:
@@ -119,13 +128,13 @@ def _curve(study: Study) -> Series:
     course = [(now.bounds, now.parts) for now in study.curve]
     most = 8.0 * study.acceptance.limit  # the first parts say next to nothing
     lines = (
-        ("at most", [min(bounds.high, most) for bounds, _ in course]),
-        ("failures", [min(bounds.share, most) for bounds, _ in course]),
-        ("at least", [min(bounds.low, most) for bounds, _ in course]),
+        Line("at most", [min(bounds.high, most) for bounds, _ in course]),
+        Line("failures", [min(bounds.share, most) for bounds, _ in course]),
+        Line("at least", [min(bounds.low, most) for bounds, _ in course]),
     )
-    return Series(
-        "failures", lines, (study.acceptance.limit,), f"{study.acceptance.parts} parts, look"
-    )
+    limits, step = (study.acceptance.limit,), f"{study.acceptance.parts} parts, look"
+    method = "The limit is the share that was agreed on."
+    return Series("Share of failures, with its bounds at each look", lines, limits, step, method)
 
 
 def _shown(study: Study) -> list[GaugeRow]:
@@ -150,10 +159,7 @@ def _gauge_cells(row: GaugeRow) -> Iterator[str]:
     for name, one in row.studies.items():
         enough = one.readings >= LEAST_READINGS
         yield f"{in_degrees(name, one.bias):+.3f}"
-        yield from (
-            _figure(one.cg, ".2f") if enough else "-",
-            _figure(one.cgk, ".2f") if enough else "-",
-        )
+        yield from (_figure(value, ".2f") if enough else "" for value in (one.cg, one.cgk))
 
 
 def _type_one_words(name: str, one: TypeOne) -> str:
@@ -166,8 +172,9 @@ def _crossed(studies: Mapping[str, Crossed]) -> Iterator[str]:
     if not studies:
         return
     yield "<h2>Gauge R&amp;R, crossed, analysis of variance</h2>"
-    heads = ("quantity", "EV", "AV", "GRR", "PV", "%GRR", "ndc", "")
-    yield table_of(heads, (_crossed_cells(name, study) for name, study in studies.items()))
+    heads = ("quantity", "EV", "AV", "GRR", "PV", "%GRR", "ndc", "judged")
+    rows = (_crossed_cells(name, study) for name, study in studies.items())
+    yield frame.table("Gauge R&R", heads, rows)
 
 
 def _crossed_cells(name: str, study: Crossed) -> Iterator[str]:

@@ -25,6 +25,11 @@ def many():
     return gymnasium.make_vec(planner.gym.NAME, num_envs=300)
 
 
+@pytest.fixture(scope="module")
+def drawn():
+    return gymnasium.make(planner.gym.NAME, render_mode="rgb_array")
+
+
 def episode(env, seed, steps=5):
     """What the first steps of a seed come to."""
     rng = np.random.default_rng(seed)
@@ -38,11 +43,60 @@ def test_without_arguments_it_is_the_rectangle(alone):
     assert alone.unwrapped.model.job == load(JOB)
 
 
-@pytest.mark.parametrize("arguments", [{}, {"actions": "box", "job": str(JOB)}], ids=str)
+@pytest.mark.parametrize(
+    "arguments",
+    [{}, {"actions": "box", "job": str(JOB)}, {"render_mode": "rgb_array"}],
+    ids=str,
+)
 def test_it_passes_the_checks_of_gymnasium(arguments):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         check_env(gymnasium.make(planner.gym.NAME, **arguments).unwrapped)
+
+
+def test_render_after_each_action_draws_another_picture(drawn):
+    drawn.reset(seed=3)
+    frames = [drawn.render()]
+    for action in (0, 2, drawn.unwrapped.model.placements):
+        drawn.step(action)
+        frames.append(drawn.render())
+    assert {(frame.shape, frame.dtype.name) for frame in frames} == {((480, 480, 3), "uint8")}
+    assert len({frame.tobytes() for frame in frames}) == len(frames)
+    assert np.array_equal(frames[-1], drawn.render())
+
+
+def test_render_after_squeezes_shows_a_smaller_belief(drawn):
+    """Blue outlines on white: fewer pixels are neither grey nor red once the part is held twice."""
+    drawn.reset(seed=3)
+    before = bluish(drawn.render())
+    drawn.step(0)
+    drawn.step(2)
+    assert 0 < bluish(drawn.render()) < 0.5 * before
+
+
+def test_render_changes_no_episode(alone, drawn):
+    assert drawn.metadata["render_modes"] == ["rgb_array"]
+    assert episode(drawn, 4) == episode(alone, 4)
+    assert alone.unwrapped.render() is None
+
+
+def test_a_count_that_nothing_explains_leaves_no_belief_to_draw(drawn):
+    drawn.reset(seed=3)
+    drawn.unwrapped._follow(np.zeros(4), 255)
+    assert bluish(drawn.render()) == 0
+    drawn.step(0)
+    assert bluish(drawn.render()) == 0
+
+
+def test_an_unknown_render_mode_is_refused():
+    with pytest.raises(ValueError, match="rgb_array"):
+        planner.gym.SqueezeLocalize(render_mode="human")
+
+
+def bluish(frame):
+    """How many pixels of a picture are of a belief's outlines."""
+    red, _, blue = frame.astype(int).transpose(2, 0, 1)
+    return int((blue - red > 3).sum())
 
 
 def test_the_same_seed_is_the_same_episode(alone, many):

@@ -1,32 +1,19 @@
-"use strict";
 // Lengths in um, angles in urad, shares in ppm. A target >= 0 is a node, < 0 the leaf ~target.
-const table = JSON.parse(document.getElementById("data").textContent);
-const nodes = table.nodes.map(([x, y, angle, opening, speed, force, branches]) => ({
-  x, y, angle, opening, speed, force, branches: branches.map(([low, expected, high, share, target]) => ({low, expected, high, share, target})),
-}));
-const leaves = table.leaves.map(([x, y, angle, success, trials, resolved]) => ({x, y, angle, success, trials, resolved}));
+const rows = columns => Object.values(columns).at(0).map((_, row) => Object.fromEntries(Object.entries(columns).map(([name, values]) => [name, values.at(row)])));
+const table = JSON.parse(byId("data").textContent);
+const nodes = rows(table.nodes).map(node => ({...node, branches: []})), leaves = rows(table.leaves);
 const parents = new Map();
-nodes.forEach((node, index) => node.branches.forEach((branch, number) => parents.set(branch.target, {index, number})));
+for (const branch of rows(table.branches)) {
+  const {branches} = nodes[branch.node];
+  parents.set(branch.target, {index: branch.node, number: branches.length});
+  branches.push(branch);
+}
 const keyOf = target => target >= 0 ? `node-${target}` : `leaf-${~target}`;
 const nameOf = target => target >= 0 ? `node ${target}` : `leaf ${~target}`;
 const branchesOf = target => target >= 0 ? nodes[target].branches : [];
 const mm = um => (um / 1000).toFixed(2), short = um => (um / 1000).toFixed(1);
 const degrees = urad => Math.round(urad / 1e6 * 180 / Math.PI * 10) / 10, percent = share => `${(share / 1e4).toFixed(1)} %`;
-const byId = id => document.getElementById(id);
-const PANEL = 64, GAP = 58, EDGE = 10, MANY = 600, POLL_MS = 250, LOST_MS = 2000;
-
-function make(name, attributes = {}, ...children) {
-  const element = document.createElement(name);
-  for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
-  element.append(...children);
-  return element;
-}
-function shape(name, attributes = {}, ...children) {
-  const element = document.createElementNS("http://www.w3.org/2000/svg", name);
-  for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
-  element.append(...children);
-  return element;
-}
+const PANEL = 64, GAP = 58, EDGE = 10, MANY = 600, POLL_MS = 400, LOST_MS = 2000;
 const words = (x, y, kind, text) => shape("text", {x, y, class: kind}, text);
 
 // Places: subtrees side by side, as close as their contours allow (Reingold and Tilford, 1981).
@@ -35,28 +22,28 @@ function tidy(target, shown) {
   const children = branchesOf(target).filter(branch => shown(branch.target)).map(branch => tidy(branch.target, shown));
   const merged = [];
   for (const child of children) {
-    child.x = Math.max(0, ...child.contour.map(([low], depth) => depth < merged.length ? merged[depth][1] - low + 8 : 0));
-    child.contour.forEach(([low, high], depth) => {
-      const [left, right] = merged[depth] ?? [Infinity, -Infinity];
-      merged[depth] = [Math.min(left, low + child.x), Math.max(right, high + child.x)];
+    child.x = Math.max(0, ...child.contour.map(({low}, depth) => depth < merged.length ? merged[depth].high - low + 8 : 0));
+    child.contour.forEach(({low, high}, depth) => {
+      const row = merged[depth] ?? {low: Infinity, high: -Infinity};
+      merged[depth] = {low: Math.min(row.low, low + child.x), high: Math.max(row.high, high + child.x)};
     });
   }
-  const middle = children.length ? (children[0].x + children.at(-1).x) / 2 : 0;
+  const middle = children.length ? (children.at(0).x + children.at(-1).x) / 2 : 0;
   for (const child of children) child.x -= middle;
-  return {target, x: 0, children, contour: [[-half, half], ...merged.map(([low, high]) => [low - middle, high - middle])]};
+  return {target, x: 0, children, contour: [{low: -half, high: half}, ...merged.map(({low, high}) => ({low: low - middle, high: high - middle}))]};
 }
 
 // What panels show: the open hand at its place, or the part where a leaf says it lies.
-const [length, thickness] = table.finger.map(um => um / 1000);
+const length = table.finger_length_um / 1000, thickness = table.finger_width_um / 1000;
 const far = Math.max(1, ...table.outline.map(([x, y]) => Math.hypot(x, y)));
-const reach = Math.max(table.opening / 2000 + thickness, far, ...leaves.map(leaf => Math.hypot(leaf.x, leaf.y) / 1000 + (leaf.resolved ? far : 0)));
-const placed = ({x, y, angle}) => `translate(${x / 1000} ${y / 1000})rotate(${angle / 1e6 * 180 / Math.PI})`;
+const reach = Math.max(table.opening_um / 2000 + thickness, far, ...leaves.map(leaf => Math.hypot(leaf.x_um, leaf.y_um) / 1000 + (leaf.resolved ? far : 0)));
+const placed = ({x_um, y_um, angle_urad, theta_urad}) => `translate(${x_um / 1000} ${y_um / 1000})rotate(${(angle_urad ?? theta_urad) / 1e6 * 180 / Math.PI})`;
 const outline = table.outline.map(point => point.join()).join(" ");
 function picture(target) {
   const at = target >= 0 ? nodes[target] : leaves[~target], inside = [];
   if (target >= 0) {
     const box = y => shape("rect", {class: "finger", x: -length / 2, y, width: length, height: thickness});
-    const tip = at.opening / 2000, arrow = side => shape("polygon", {class: "arrow", points: `${-reach / 11},${side * tip} ${reach / 11},${side * tip} 0,${side * (tip - reach / 4)}`});
+    const tip = at.opening_um / 2000, arrow = side => shape("polygon", {class: "arrow", points: `${-reach / 11},${side * tip} ${reach / 11},${side * tip} 0,${side * (tip - reach / 4)}`});
     inside.push(box(tip), box(-tip - thickness), arrow(1), arrow(-1));
   } else if (at.resolved) {
     if (outline) inside.push(shape("polygon", {class: "predicted", points: outline}));
@@ -66,9 +53,9 @@ function picture(target) {
   return shape("svg", {width: PANEL, height: PANEL, viewBox: `${-reach} ${-reach} ${2 * reach} ${2 * reach}`}, world);
 }
 function labelOf(target) {
-  if (target >= 0) return `Node ${target}: squeeze at ${degrees(nodes[target].angle)} degrees, ${nodes[target].branches.length} outcomes`;
+  if (target >= 0) return `Node ${target}: squeeze at ${degrees(nodes[target].angle_urad)} degrees, ${nodes[target].branches.length} outcomes`;
   const leaf = leaves[~target];
-  return `Leaf ${~target}: ` + (leaf.resolved ? `part at ${short(leaf.x)}, ${short(leaf.y)} mm, ${degrees(leaf.angle)} degrees` : "unresolved");
+  return `Leaf ${~target}: ` + (leaf.resolved ? `part at ${short(leaf.x_um)}, ${short(leaf.y_um)} mm, ${degrees(leaf.theta_urad)} degrees` : "unresolved");
 }
 
 // The drawing, all of it or what lies beside the part's way.
@@ -78,7 +65,7 @@ function withAncestors(targets) {
   for (let target of targets) while ((target = parents.get(target)?.index) !== undefined) found.add(target);
   return found;
 }
-let zoom = 1, size = [0, 0], way = new Set([0]), now = 0, chosen = 0, drawn = "";
+let zoom = 1, size = {width: 0, height: 0}, way = new Set([0]), now = 0, chosen = 0, drawn = "";
 near.checked = nodes.length + leaves.length > MANY;
 function draw() {
   const open = withAncestors([...way, chosen]);
@@ -88,22 +75,22 @@ function draw() {
   drawn = state;
   const focused = view.contains(document.activeElement) ? document.activeElement.id : "";
   const root = tidy(0, shown), back = shape("g"), front = shape("g"), labels = shape("g", {"aria-hidden": "true"});
-  const left = Math.min(...root.contour.map(([low]) => low)), right = Math.max(...root.contour.map(([, high]) => high));
+  const left = Math.min(...root.contour.map(row => row.low)), right = Math.max(...root.contour.map(row => row.high));
   const place = (spot, x, depth) => {
     const y = EDGE + depth * (PANEL + GAP), kind = spot.target >= 0 ? "node" : leaves[~spot.target].resolved ? "leaf" : "unresolved";
     const frame = shape("rect", {class: "frame", width: PANEL, height: PANEL, rx: 3});
     front.append(shape("g", {class: `panel ${kind}`, id: keyOf(spot.target), role: "button", tabindex: -1, "aria-label": labelOf(spot.target), transform: `translate(${x - PANEL / 2} ${y})`, "data-target": spot.target}, frame, picture(spot.target)));
-    labels.append(words(spot.children.length ? x - 22 : x, y + PANEL + 10, "", spot.target >= 0 ? `${degrees(nodes[spot.target].angle)}°` : nameOf(spot.target)));
+    labels.append(words(spot.children.length ? x - 22 : x, y + PANEL + 10, "", spot.target >= 0 ? `${degrees(nodes[spot.target].angle_urad)}°` : nameOf(spot.target)));
     for (const child of spot.children) {
       const to = x + child.x, bus = y + PANEL + 14, branch = nodes[spot.target].branches[parents.get(child.target).number];
       back.append(shape("path", {class: "branch", id: `to-${keyOf(child.target)}`, d: `M${x} ${y + PANEL}V${bus}H${to}V${y + PANEL + GAP}`}));
-      labels.append(words(to, bus + 14, "", `${short(branch.low)}–${short(branch.high)}`), words(to, bus + 26, "share", percent(branch.share)));
+      labels.append(words(to, bus + 14, "", `${short(branch.low_um)}–${short(branch.high_um)}`), words(to, bus + 26, "share", percent(branch.probability_ppm)));
       place(child, to, depth + 1);
     }
   };
   place(root, EDGE - left, 0);
-  size = [right - left + 2 * EDGE, root.contour.length * (PANEL + GAP) - GAP + 2 * EDGE + 14];
-  view.replaceChildren(shape("svg", {id: "plan", viewBox: `0 0 ${size.join(" ")}`, role: "group", "aria-label": "Nodes and leaves"}, back, front, labels));
+  size = {width: right - left + 2 * EDGE, height: root.contour.length * (PANEL + GAP) - GAP + 2 * EDGE + 14};
+  view.replaceChildren(shape("svg", {id: "plan", viewBox: `0 0 ${size.width} ${size.height}`, role: "group", "aria-label": "Nodes and leaves"}, back, front, labels));
   scale(zoom);
   mark();
   if (focused && focused !== "view") (byId(focused) ?? view).focus({preventScroll: true});
@@ -111,10 +98,10 @@ function draw() {
 function scale(next) {
   zoom = Math.min(Math.max(next, 0.05), 6);
   const plan = byId("plan");
-  plan.setAttribute("width", size[0] * zoom);
-  plan.setAttribute("height", size[1] * zoom);
+  plan.setAttribute("width", size.width * zoom);
+  plan.setAttribute("height", size.height * zoom);
 }
-const fitted = () => Math.min(1.6, (view.clientWidth - 4) / size[0], (view.clientHeight - 4) / size[1]);
+const fitted = () => Math.min(1.6, (view.clientWidth - 4) / size.width, (view.clientHeight - 4) / size.height);
 function show(target) {
   const panel = byId(keyOf(target));
   if (!panel) return;
@@ -150,25 +137,25 @@ function link(target) {
   return button;
 }
 function spans(node, width) {
-  const x = um => 256 * um / table.opening, y = number => 2 + 15 * (number % 2);
-  const bars = node.branches.map(({low, high}, number) => shape("rect", {class: `span c${number % 6}`, x: x(low), y: y(number), width: Math.max(x(high) - x(low), 1), height: 14}));
-  const middles = node.branches.map(({low, high}) => x((low + high) / 2)), named = [];
+  const x = um => 256 * um / table.opening_um, y = number => 2 + 15 * (number % 2);
+  const bars = node.branches.map(({low_um, high_um}, number) => shape("rect", {class: `span s${number % 6}`, x: x(low_um), y: y(number), width: Math.max(x(high_um) - x(low_um), 1), height: 14}));
+  const middles = node.branches.map(({low_um, high_um}) => x((low_um + high_um) / 2)), named = [];
   middles.forEach((middle, number) => { if (named.every(other => Math.abs(middles[other] - middle) > 8)) named.push(number); });
   const names = named.map(number => words(middles[number], 45, "", String(number)));
   const line = width === undefined ? [] : [shape("path", {class: "seen", d: `M${x(1000 * width)} 0V34`})];
   const label = "Widths of each outcome, between the jaws closed and open" + (width === undefined ? "" : `; ${width.toFixed(2)} mm was read`);
-  return shape("svg", {viewBox: "-14 0 276 62", role: "img", "aria-label": label}, ...bars, ...names, ...line, words(0, 59, "", "0 mm"), words(260, 59, "end", `${short(table.opening)} mm`));
+  return shape("svg", {viewBox: "-14 0 276 62", role: "img", "aria-label": label}, ...bars, ...names, ...line, words(0, 59, "", "0 mm"), words(260, 59, "end", `${short(table.opening_um)} mm`));
 }
 function detailsOf(target) {
-  const up = parents.get(target), head = make("h3", {}, nameOf(target)[0].toUpperCase() + nameOf(target).slice(1), ...(up ? [" after ", link(up.index)] : []));
+  const up = parents.get(target), head = make("h3", {}, nameOf(target).replace(/^./, first => first.toUpperCase()), ...(up ? [" after ", link(up.index)] : []));
   if (target < 0) {
-    const leaf = leaves[~target], tried = leaf.trials ? `${percent(leaf.success)} of ${leaf.trials} simulated parts were within the goal.` : "Not tried.";
-    return [head, make("p", {}, leaf.resolved ? `The part lies at ${mm(leaf.x)}, ${mm(leaf.y)} mm, ${degrees(leaf.angle)}°.` : "Unresolved: the table cannot tell the pose well enough."), make("p", {}, tried)];
+    const leaf = leaves[~target], tried = leaf.trials ? `${percent(leaf.success_ppm)} of ${leaf.trials} simulated parts were within the goal.` : "Not tried.";
+    return [head, make("p", {}, leaf.resolved ? `The part lies at ${mm(leaf.x_um)}, ${mm(leaf.y_um)} mm, ${degrees(leaf.theta_urad)}°.` : "Unresolved: the table cannot tell the pose well enough."), make("p", {}, tried)];
   }
   const node = nodes[target], step = steps.findLast(one => one.node === target);
-  const text = `Hand at ${mm(node.x)}, ${mm(node.y)} mm, ${degrees(node.angle)}°, open ${mm(node.opening)} mm; closes at ${short(node.speed)} mm/s with ${short(node.force)} N.`;
+  const text = `Hand at ${mm(node.x_um)}, ${mm(node.y_um)} mm, ${degrees(node.angle_urad)}°, open ${mm(node.opening_um)} mm; closes at ${short(node.speed_um_s)} mm/s with ${short(node.force_mn)} N.`;
   const rows = node.branches.map((branch, number) => {
-    const cells = [String(number), `${mm(branch.low)}–${mm(branch.high)}`, percent(branch.share)].map(cell => make("td", {}, cell));
+    const cells = [String(number), `${mm(branch.low_um)}–${mm(branch.high_um)}`, percent(branch.probability_ppm)].map(cell => make("td", {}, cell));
     return make("tr", step?.target === branch.target ? {class: "came"} : {}, ...cells, make("td", {}, link(branch.target)));
   });
   const heads = ["branch", "width [mm]", "planned", "to"].map(name => make("th", {scope: "col"}, name));
@@ -207,68 +194,53 @@ view.addEventListener("keydown", event => {
 });
 
 // The state, asked for again and again; whoever looks elsewhere asks for nothing.
-function put(id, text) {
-  const element = byId(id);
-  if (element.textContent !== text) element.textContent = text;
-}
-function count(outcomes) {
-  const entries = Object.entries(outcomes), state = JSON.stringify(entries);
-  if (byId("outcomes").dataset.state === state) return;
-  byId("outcomes").dataset.state = state;
-  byId("outcomes").replaceChildren(...entries.map(([name, number]) => make("div", number ? {class: "some"} : {}, make("dt", {}, name), make("dd", {}, String(number)))));
-}
-function list(parts) {
-  const state = parts.map(part => part.part).join();
-  if (byId("recent").dataset.state === state) return;
-  byId("recent").dataset.state = state;
-  byId("recent").replaceChildren(...parts.toReversed().map(part => make("tr", {}, make("th", {scope: "row"}, String(part.part)), ...[part.outcome, poseText(part.answer), part.leaf ?? "", part.path.length, part.audit ?? "", part.reason ?? ""].map(cell => make("td", {}, String(cell))))));
-}
-function poseText(answer) {
-  if (!answer) return "";
-  const pose = answer.datum ?? answer;
-  const which = answer.hypothesis ? `${answer.hypothesis}, ` : "";
-  const fixed = (value, digits) => value.toFixed(digits).replace(/^-(?=[0.]+$)/, "");
-  return `${which}${fixed(pose.x_mm, 2)}, ${fixed(pose.y_mm, 2)} mm, ${fixed(pose.angle_deg, 1)}\u00b0${answer.datum ? " (datum)" : ""}`;
-}
 function take(state) {
   steps = state.steps;
   const last = steps.at(-1);
   now = state.node ?? last?.target ?? (last ? last.node : 0);
   const reached = steps.flatMap(step => step.target === null ? [step.node] : [step.node, step.target]);
   way = withAncestors([...reached, now]);  // after a crash the first squeezes are not among the steps
-  put("part", state.part ? String(state.part) : "–");
-  put("phase", state.phase);
-  put("at", nameOf(now));
-  put("width", state.last_width_mm === null ? "–" : `${state.last_width_mm.toFixed(2)} mm`);
-  put("squeezes", String(state.squeezes));
-  count(state.outcomes);
-  byId("advice").hidden = !state.refit_pays;
-  list(state.recent_parts);
-  put("answer", poseText(state.recent_parts.findLast(part => part.answer)?.answer) || "\u2013");
   draw();
-  if (follow.checked) choose(now);
-  else choose(chosen);
+  choose(follow.checked ? now : chosen);
 }
-function hear(lost) {
-  byId("link").classList.toggle("lost", lost);
-  put("link", lost ? "The cell does not answer: the run has ended, or the connection is lost. Trying again." : "Live");
-}
-async function fetched() {
+const shownTree = byId("tree"), latest = new Map();
+async function fetched(path) {
   try {
-    const answer = await fetch("status.json", {signal: AbortSignal.timeout(5000)});
-    return answer.ok ? await answer.json() : null;
+    const answer = await fetch(path, {signal: AbortSignal.timeout(5000)});
+    return answer.ok ? await answer.text() : null;
   } catch {
     return null;
   }
 }
-async function ask() {
-  const state = document.hidden ? undefined : await fetched();
-  setTimeout(ask, state === null ? LOST_MS : POLL_MS);
-  if (state === undefined) return;
-  hear(state === null);
-  if (state) take(state);
+function put(text) {
+  const parsed = new DOMParser().parseFromString(text, "text/html");
+  for (const id of ["state", "screen"]) {
+    const next = parsed.getElementById(id);
+    if (latest.get(id) === next.innerHTML) continue;  // what is read or scrolled stays
+    latest.set(id, next.innerHTML);
+    byId(id).replaceChildren(...next.childNodes);
+  }
+  byId("link").hidden = true;
 }
+function lose() {
+  const ended = byId("state").querySelector("[data-ended]");
+  byId("link").hidden = Boolean(ended);
+  byId("link").textContent = "The cell does not answer: the run has ended, or the connection is lost. Trying again.";
+}
+async function ask() {
+  const text = document.hidden ? undefined : await fetched("screen.html");
+  setTimeout(ask, text === null ? LOST_MS : POLL_MS);
+  if (text === undefined) return;
+  if (text === null) return lose();
+  put(text);
+  const state = shownTree.open ? await fetched("status.json") : null;
+  if (state) take(JSON.parse(state));
+}
+shownTree.addEventListener("toggle", () => {
+  if (!shownTree.open) return;
+  scale(Math.max(fitted(), 0.75));
+  show(chosen);
+});
 draw();
-scale(Math.max(fitted(), 0.75));
 choose(0);
 ask();

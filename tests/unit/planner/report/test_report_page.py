@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 import pytest
+from browser import LEGIBLE, NEEDED, played
 from grown_tables import grown_table
 from html_pages import Page
 from run_logs import chained, header, part
@@ -13,9 +14,11 @@ from run_logs import chained, header, part
 from planner.cli import report
 from planner.evaluation.cases import assumption_cases
 from planner.job import model as job_file
-from planner.report import dossier, run_log
+from planner.report import comparison, dossier, run_log
+from planner.report.branches import MOST_SHOWN, key_of, tree_of
+from planner.report.replay import replay
 from planner.report.run_log import RunLog
-from runtime.table import PPM, decision_map, dumps, load, wilson_interval
+from runtime.table import PPM, dumps, load, wilson_interval
 
 TABLE_PATH = Path(__file__).parents[4] / "trees" / "rectangle" / "rectangle.msgpack"
 TABLE = load(TABLE_PATH).table
@@ -59,11 +62,12 @@ def test_links_lead_to_ids_of_the_page(page):
     assert len(links) > len(TABLE.leaves)
 
 
-def test_each_node_and_leaf_has_a_panel_with_a_name_and_exactly_one_is_in_the_tab_order(page):
+def test_each_node_and_leaf_has_a_panel_with_a_name_and_facts(page):
     panels = [a for _, a in page.elements if a.get("class", "").startswith("panel")]
     assert len(panels) == len(TABLE.nodes) + len(TABLE.leaves)
-    assert all(panel["aria-label"] and panel["role"] == "button" for panel in panels)
-    assert [panel["tabindex"] for panel in panels].count("0") == 1
+    assert all(panel["aria-label"] for panel in panels)
+    facts = {a["id"] for tag, a in page.elements if tag == "template"}
+    assert facts == {f"about-{panel['id']}" for panel in panels}
 
 
 def test_the_same_table_gives_the_same_bytes(text):
@@ -103,24 +107,38 @@ def test_a_second_world_is_one_more_row(tmp_path, text, capsys):
     assert "--world nothing:there" in capsys.readouterr().err
 
 
-def test_parts_are_neither_lost_nor_made(data):
-    assert data["nodes"][0]["visits"] == TRIALS
-    arrivals = {0: TRIALS}
-    for index, node in enumerate(data["nodes"]):
-        assert node["visits"] == arrivals[index]
-        assert sum(branch[5] for branch in node["branches"]) + node["rejected"] == node["visits"]
-        assert sum(number for _, number in node["seen"]) == node["visits"]
-        arrivals |= {branch[4]: branch[5] for branch in node["branches"]}
-    assert [leaf["visits"] for leaf in data["leaves"]] == [
-        arrivals[~k] for k in range(len(data["leaves"]))
-    ]
+def test_parts_are_neither_lost_nor_added():
+    beliefs = replay(TABLE, JOB, TRIALS, 0)
+    places = {place.panel.key: place for place in tree_of(TABLE, JOB, beliefs, None).places}
+    assert len(places) == len(TABLE.nodes) + len(TABLE.leaves)
+    arrivals = {"node-0": TRIALS}
+    for place in places.values():
+        arrivals |= {way.key: way.parts for way in place.ways}
+    for key, place in places.items():
+        assert place.facts["parts here"].startswith(f"{arrivals[key]} of {TRIALS}")
+        if place.ways:
+            rejected = int(place.facts["rejected here"])
+            assert sum(way.parts for way in place.ways) + rejected == arrivals[key]
 
 
-def test_widths_and_branches_are_those_of_the_look_up(data):
-    for node, shown in zip(TABLE.nodes, data["nodes"], strict=True):
-        meant = decision_map(node, TABLE.gripper).either
-        assert [tuple(run) for run in shown["map"]] == meant.intervals()
-        assert sum(times for _, times in shown["seen"]) == shown["visits"]
+def test_few_panels_are_shown_and_the_rest_is_folded_away():
+    tree = tree_of(TABLE, JOB, replay(TABLE, JOB, TRIALS, 0), None)
+
+    def shown(place):
+        return 1 + sum(map(shown, place.heavy))
+
+    assert 2 <= shown(tree.root) <= MOST_SHOWN
+    assert any(place.light for place in tree.places)
+    assert all(place.parent for place in tree.places if place is not tree.root)
+
+
+def test_widths_of_the_script_are_the_tables(data):
+    for index, node in enumerate(TABLE.nodes):
+        ways = data["nodes"][f"node-{index}"]["ways"]
+        assert [way["to"] for way in ways] == [key_of(branch.target) for branch in node.branches]
+        for way, branch in zip(ways, node.branches, strict=True):
+            assert way["low_mm"] == pytest.approx(branch.low_um / 1e3, abs=0.01)
+            assert way["high_mm"] == pytest.approx(branch.high_um / 1e3, abs=0.01)
 
 
 def test_each_other_world_differs_from_the_job_and_is_a_job():
@@ -137,7 +155,7 @@ def test_a_name_cannot_break_out_of_the_page(text):
     log = RunLog([run_log.PartLog(1, reason=evil)], 1, 0, "", "")
     page = Page(dossier.page(TABLE, spoilt, dossier.Source(evil, b"", log), 50))
     assert not [tag for tag, _ in page.elements if tag == "img"]
-    assert json.loads(page.scripts["data"])["log"]["parts"][0][3] == evil
+    assert json.loads(page.scripts["data"])["parts"][0]["reason"] == evil
     assert len([tag for tag, _ in page.elements if tag == "script"]) == 2
 
 
@@ -178,25 +196,123 @@ def test_a_journal_is_laid_over_the_tree(tmp_path, capsys):
     record = json.loads(capsys.readouterr().out)
     assert record["bytes"] == output.stat().st_size
     assert (record["nodes"], record["leaves"]) == (len(TABLE.nodes), len(TABLE.leaves))
-    log = json.loads(Page(output.read_text()).scripts["data"])["log"]
-    assert log["branches"] == [[0, target, 1]]
-    assert log["parts"][0] == [1, "fault", None, "no answer", None, [[0, 132, target]]]
+    text = output.read_text()
+    first = json.loads(Page(text).scripts["data"])["parts"][0]
+    assert (first["part"], first["outcome"], first["reason"]) == (1, "fault", "no answer")
+    assert first["failed"]
+    assert [(s["node"], s["to"]) for s in first["squeezes"]] == [("node-0", key_of(target))]
+    assert ", 1\u00d7</small>" in text  # how many went there
+    assert "rejects" not in text.split("</style>")[1].split("<script")[0]
+
+
+def test_rejects_are_drawn_with_the_part(tmp_path, capsys):
+    journal, output = tmp_path / "j.jsonl", tmp_path / "page.html"
+    parts = [entry for k in range(1, 11) for entry in part(k, [(0, 20, None)], "reject")]
+    journal.write_bytes(chained([header(dumps(TABLE)), *parts]))
+    words = [str(TABLE_PATH), "-o", str(output), "--trials", "100", "--journal", str(journal)]
+    assert report.main(words) == 0
+    figures = output.read_text().partition('id="rejects"')[2].partition("</section>")[0]
+    assert figures.count("<figure>") == figures.count('class="part"') == 10
+    assert figures.count('class="finger"') == 20
+    assert "planned: another part?" in figures
+    assert "2 more" in figures
+
+
+def test_two_plans_and_two_runs_are_compared(tmp_path, capsys):
+    journal, _ = journal_of(tmp_path)
+    output = tmp_path / "page.html"
+    words = [str(TABLE_PATH), "-o", str(output), "--trials", "100", "--compare"]
+    assert report.main([*words, str(TABLE_PATH)]) == 0
+    rows = output.read_text().partition("<h2>Compared</h2>")[2].partition("</table>")[0]
+    cells = re.findall(r"<td>([^<]*)</td><td>([^<]*)</td>", rows)
+    assert len(cells) > 5
+    assert all(this == other for this, other in cells)
+    assert report.main([*words, str(journal), "--journal", str(journal)]) == 0
+    assert "ended as fault" in output.read_text()
+    assert report.main([*words, str(journal)]) == 3
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_jobs_that_differ_are_compared_key_by_key():
+    other = JOB.replaced(goal={"distance_mm": 4.0})
+    plans = [comparison.Plan(name, TABLE, job) for name, job in (("a", JOB), ("b", other))]
+    rows = {row.name: row for row in comparison.of_plans(*plans, 50).rows}
+    assert (rows["job: goal.distance_mm"].this, rows["job: goal.distance_mm"].other) == (
+        "3.0",
+        "4.0",
+    )
+    assert len([name for name in rows if name.startswith("job: ")]) == 1
+
+
+def test_a_sheet_has_what_a_customer_needs_and_no_script(tmp_path, text):
+    sheet = dossier.page(TABLE, JOB, dossier.Source("t", b""), 100, sheet=True)
+    page = Page(sheet)
+    assert page.open == []
+    assert not [tag for tag, _ in page.elements if tag in ("script", "template", "aside")]
+    assert "In other worlds" in sheet
+    assert len(sheet) < 0.5 * len(text)
+
+
+@NEEDED
+def test_the_way_of_a_part_is_chosen_by_hand_by_keys_by_widths_and_from_a_journal(tmp_path):
+    branch = max(TABLE.nodes[0].branches, key=lambda branch: branch.probability_ppm)
+    key, width = key_of(branch.target), branch.expected_um / 1e3
+    squeezes = [run_log.Squeezed(0, 132, branch.target)]
+    log = RunLog([run_log.PartLog(7, squeezes, "fault", reason="no answer")], 1, 0, "", "")
+    text = dossier.page(TABLE, JOB, dossier.Source("t", b"", log), 100)
+    script = f"""
+    const title = () => byId("details").querySelector("h3").textContent, seen = {{}};
+    seen.first = title();
+    byId("node-0").click();
+    press("ArrowRight");
+    seen.keys = page.activeElement.id;
+    press("ArrowLeft");
+    seen.back = page.activeElement.id;
+    choose("goto", "{width:.1f}");
+    seen.widths = page.activeElement.id;
+    choose("goto", "0.1");
+    seen.refused = byId("said").textContent;
+    byId("log-next").click();
+    seen.step = byId("log-step").textContent;
+    seen.marks = page.querySelectorAll("#details .mark").length;
+    seen.taken = [...page.querySelectorAll(".panel.taken")].map(panel => panel.id);
+    seen.end = byId("log-next").disabled;
+    byId("details").querySelector("table [data-to]").click();
+    seen.link = title();
+    return seen;
+    """
+    seen = played(text, script, tmp_path)
+    assert seen["first"] == "Node 0"
+    assert re.fullmatch(r"(node|leaf)-\d+", seen["keys"])
+    assert (seen["back"], seen["widths"]) == ("node-0", key)
+    assert seen["refused"] == "node 0 rejects 0.1 mm"
+    assert seen["step"].startswith("Part 7, squeeze 1: node 0 read ")
+    assert seen["step"].endswith("Outcome: fault: no answer.")
+    assert (seen["marks"], seen["end"]) == (1, True)
+    assert seen["taken"] == ["node-0", key]
+    assert seen["link"].endswith(" after node 0")
+
+
+@NEEDED
+@pytest.mark.parametrize("width", [1400, 390])
+def test_every_text_is_legible_on_a_wide_and_a_narrow_screen(text, tmp_path, width):
+    assert played(text, LEGIBLE, tmp_path, width) == {"small": [], "over": 0}
 
 
 def test_takt_stands_on_the_page_as_forecast_and_as_measured(tmp_path, text):
-    assert "Done within" not in text
+    assert "done within" not in text
     output, journal = tmp_path / "page.html", tmp_path / "j.jsonl"
     entries = [header(dumps(TABLE)), *part(1, [], "stopped"), *part(2, [], "stopped")]
     entries[2]["seconds"], entries[4]["seconds"] = 5.0, 601.0
     journal.write_bytes(chained(entries))
     words = [str(TABLE_PATH), "-o", str(output), "--trials", "100", "--takt", "600s"]
     assert report.main(words) == 0
-    card = output.read_text().partition("<dt>Done within 600 s</dt>")[2].partition("</div>")[0]
-    assert "<dd>100.00 %</dd>" in card
+    card = output.read_text().partition("<dt>done within 600 s</dt>")[2].partition("</dd>")[0]
+    assert "100.00 % forecast" in card
     assert "measured" not in card
     assert report.main([*words, "--journal", str(journal)]) == 0
-    card = output.read_text().partition("<dt>Done within 600 s</dt>")[2].partition("</div>")[0]
-    assert "<dd>100.00 %</dd>" in card
+    card = output.read_text().partition("<dt>done within 600 s</dt>")[2].partition("</dd>")[0]
+    assert "100.00 % forecast" in card
     assert "measured 50.00 % of 2" in card
 
 
@@ -207,8 +323,8 @@ def test_all_failed_parts_are_listed_before_others(monkeypatch):
         [run_log.PartLog(k, outcome=outcome) for k, outcome in enumerate(outcomes)], 1, 0, "", ""
     )
     source = dossier.Source("t", b"", log)
-    listed = json.loads(Page(dossier.page(TABLE, JOB, source, 50)).scripts["data"])["log"]["parts"]
-    assert [entry[0] for entry in listed] == [0, 3, 4]
+    listed = json.loads(Page(dossier.page(TABLE, JOB, source, 50)).scripts["data"])["parts"]
+    assert [entry["part"] for entry in listed] == [0, 3, 4]
 
 
 def test_wrong_input_is_one_line(tmp_path, capsys):

@@ -12,7 +12,7 @@ from planner.diagnosis.cautions import warnings_of
 from planner.evaluation.cases import Case, Condition, assumption_cases, believed_cases
 from planner.evaluation.evaluate import Line
 from planner.job import model as job_file
-from planner.report.run_log import PartLog, RunLog
+from planner.report.run_log import PartLog, RunLog, Squeezed
 from planner.report.verdict import cell_result, listed, percent, planned_spans, verdict
 from runtime.table import load
 
@@ -72,7 +72,7 @@ def test_a_share_is_never_rounded_to_all_or_nothing(share, message):
 
 
 def test_parts_rejected_at_one_node_are_reported_with_what_was_read_and_planned():
-    parts = [PartLog(k, [(0, 50_200, None)], "reject") for k in range(1, 9)]
+    parts = [PartLog(k, [Squeezed(0, 50_200, None)], "reject") for k in range(1, 9)]
     result = cell_result(TABLE, RunLog(parts, 1, 0, "", ""))
     assert result.grade == "poor"
     assert "0 of 8 parts located, 8 reject; 8 rejected at node 0: 50.2 mm read" in result.sentence

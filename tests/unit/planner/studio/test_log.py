@@ -58,6 +58,7 @@ def test_a_simulated_part_is_a_row_of_texts():
     part = {
         "part": 1,
         "outcome": "leaf",
+        "path": [0, 4],
         "widths_mm": [14.0, 39.25],
         "within_goal": True,
         "error_mm": 0.2,
@@ -113,3 +114,36 @@ def test_a_line_that_others_wrote_does_no_harm(line):
 
 def test_bytes_that_are_no_text_do_no_harm():
     assert log_of(b"\xff\xfe\x00").drawing == ""
+
+
+def test_squeezes_of_a_part_are_those_before_its_outcome_each_once():
+    part = {"part": 1, "outcome": "leaf", "path": [0, 1], "widths_mm": [21.0, 30.0]}
+    part |= {"predicted_pose": None, "error_mm": None, "within_goal": True}
+    first, again, other = (
+        {"squeezed": {"before": {"x_mm": x}, "after": {"x_mm": 0.0}, "width_mm": width}}
+        for x, width in ((1.0, 21.1), (1.0, 21.0), (2.0, 30.0))
+    )
+    warm = {"squeezed": {"before": {"x_mm": 0.0}, "after": {"x_mm": 0.0}, "width_mm": 21.0}}
+    (shown,) = read(warm, first, again, other, part).parts
+    assert [squeeze["width_mm"] for squeeze in shown["squeezes"]] == [21.0, 30.0]
+    assert read(first, part).parts[0]["squeezes"] == [first["squeezed"]]  # `film` refuses these
+
+
+def test_other_discs_and_goals_are_texts():
+    tried = {"tried": "goal.distance_mm", "value": 1.5, "located": 0.97, "enough": False}
+    (shown,) = read(ANSWER, {"exit": 0}, {**tried, "command": "squeezetree plan <a>"}).tried
+    assert shown["what"] == "located to 1.5 mm"
+    assert (shown["located"], shown["enough"]) == ("97.0 % located", False)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        {"squeezed": 3},
+        {"squeezed": {"width_mm": 3}},
+        {"tried": "pressure", "value": 1, "located": 1, "enough": True, "command": ""},
+        {"tried": [], "value": 1, "located": 1, "enough": True, "command": ""},
+    ],
+)
+def test_lines_that_others_wrote_are_words(line):
+    assert read({"squeezed": {"before": 1}}, line).lines == [json.dumps(line)]

@@ -10,8 +10,9 @@ from urllib.parse import quote
 import pytest
 from html_pages import Page
 
-from planner.studio import server as servers
+from planner.studio import answers
 from planner.studio.folder import Folder
+from planner.studio.plans import Plans
 from planner.studio.server import Studio
 
 NAME = "<b>'\"& ä.csv"
@@ -28,7 +29,7 @@ def studio(tmp_path, monkeypatch):
     asked = []
     reader = SimpleNamespace(ask=lambda words: asked.append(words) or {"error": None}, close=int)
     with Studio(Folder(work), 0) as server:
-        server.reader, server.asked = reader, asked
+        server.answers.reader, server.folder, server.asked = reader, server.answers.folder, asked
         thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01})
         thread.start()
         yield server
@@ -162,10 +163,10 @@ def test_settings_that_are_none_are_refused(studio, body):
 
 
 def test_a_plan_that_the_reader_refuses_is_not_begun(studio):
-    studio.reader.ask = lambda words: {"error": "it is too thin"}
+    studio.answers.reader.ask = lambda words: {"error": "it is too thin"}
     response, data = call(studio, "POST", f"/plan?drawing={quote(NAME)}", b"{}")
     assert (response.status, json.loads(data)) == (400, {"error": "it is too thin"})
-    assert studio.folder.plans() == []
+    assert studio.answers.plans.all() == []
 
 
 def test_a_preview_tells_the_command_line_that_does_the_same(studio):
@@ -178,8 +179,8 @@ def test_a_preview_tells_the_command_line_that_does_the_same(studio):
 def test_a_fault_of_ours_is_reported_in_a_line_and_the_next_request_is_answered(
     studio, monkeypatch
 ):
-    monkeypatch.setattr(servers, "_shown", None)
-    monkeypatch.setattr(Folder, "plans", lambda self: [1])
+    monkeypatch.setattr(answers, "_shown", None)
+    monkeypatch.setattr(Plans, "all", lambda self: [1])
     response, data = call(studio, "GET", "/folder.json")
     assert (response.status, "internal error" in json.loads(data)["error"]) == (500, True)
     assert call(studio, "GET", "/")[0].status == 200

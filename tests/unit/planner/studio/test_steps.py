@@ -8,7 +8,8 @@ import pytest
 from planner.studio import steps
 
 OBEDIENT = """
-import pathlib, signal, sys, time
+import json, pathlib, signal, sys, time
+JOB = "[uncertainty]\\nradius_mm = 1.2\\n[goal]\\ndistance_mm = 1.0"
 words = sys.argv[1:]
 print("ran", words[0], flush=True)
 if words[0] == "try" and "--budget=1" in words:
@@ -16,6 +17,13 @@ if words[0] == "try" and "--budget=1" in words:
     try: time.sleep(60)
     except KeyboardInterrupt: print("kept", flush=True)
 if words[0] == "try" and "--turn=0" not in words: pathlib.Path("a.msgpack").touch()
+if "--radius=1" in words: pathlib.Path("a.toml").write_text(JOB)
+if words[0] == "plan":
+    folder = pathlib.Path(words[words.index("-o") + 1])
+    folder.mkdir(exist_ok=True)
+    value = float(words[words.index("--vary") + 1].partition("=")[2])
+    located = 1.0 if value < 2 else 0.5  # a disc of 2 mm is too large; goals are never too small
+    (folder / "summary.json").write_text(json.dumps([{"success_rate": located}]))
 sys.exit(5 if "--scale=1" in words else 0)
 """
 
@@ -60,6 +68,24 @@ def test_stop_interrupts_the_search_and_the_rest_follows(ran, tmp_path):
         "ran run",
     ]
     assert not (tmp_path / "a.stop").exists()
+
+
+def test_other_discs_and_goals_are_tried_until_one_is_too_much(ran, tmp_path):
+    code, lines = ran("--radius=1")
+    assert code == 0
+    assert json.loads(next(line for line in lines if '"exit"' in line)) == {"exit": 0}
+    tried = [json.loads(line) for line in lines if '"tried"' in line]
+    discs = [row for row in tried if row["tried"] == "uncertainty.radius_mm"]
+    goals = [row for row in tried if row["tried"] == "goal.distance_mm"]
+    assert [(row["value"], row["enough"]) for row in discs] == [
+        (1.5, True),
+        (1.9, True),
+        (2.4, False),
+    ]
+    assert len(goals) == 5
+    assert all(row["enough"] for row in goals)
+    assert discs[0]["command"].startswith("squeezetree plan a.toml -o a.what-if --vary")
+    assert not [line for line in lines if line.startswith("ran plan")]  # said by nobody
 
 
 def test_typed_is_what_a_shell_takes_for_the_same():

@@ -135,11 +135,15 @@ def test_the_page_holds_the_table_and_asks_nobody_but_its_server() -> None:
     text = page.page(table, "small.msgpack")
     read = Page(text)
     data = json.loads(read.scripts["data"])
-    assert [node[:3] for node in data["nodes"]] == [list(node.squeeze[:3]) for node in table.nodes]
-    branches = [[list(branch) for branch in node.branches] for node in table.nodes]
-    assert [node[6] for node in data["nodes"]] == branches
-    assert [leaf[:3] for leaf in data["leaves"]] == [list(leaf[:3]) for leaf in table.leaves]
-    assert [leaf[5] for leaf in data["leaves"]] == [int(leaf.resolved) for leaf in table.leaves]
+    nodes, branches, leaves = data["nodes"], data["branches"], data["leaves"]
+    assert nodes["x_um"] == [node.squeeze.x_um for node in table.nodes]
+    assert nodes["force_mn"] == [node.squeeze.force_mn for node in table.nodes]
+    every = [(k, branch) for k, node in enumerate(table.nodes) for branch in node.branches]
+    assert branches["node"] == [node for node, _ in every]
+    assert branches["target"] == [branch.target for _, branch in every]
+    assert branches["low_um"] == [branch.low_um for _, branch in every]
+    assert leaves["theta_urad"] == [leaf.theta_urad for leaf in table.leaves]
+    assert leaves["resolved"] == [int(leaf.resolved) for leaf in table.leaves]
     assert not read.open
     assert not [
         a for tag, a in read.elements if tag in ("link", "script", "img") and "//" in str(a)
@@ -153,7 +157,7 @@ def test_every_name_the_script_looks_for_is_on_the_page() -> None:
     text = page.page(small_table(), "small.msgpack")
     ids = {attributes["id"] for _, attributes in Page(text).elements if "id" in attributes}
     result = {"plan", "read"}  # by the script itself
-    assert set(re.findall(r'(?:byId|put|getElementById)\("([^"]+)"', text)) <= ids | result
+    assert set(re.findall(r'(?:byId|getElementById)\("([^"]+)"', text)) <= ids | result
 
 
 def test_the_jobs_part_is_drawn_and_its_name_cannot_break_out() -> None:
@@ -178,6 +182,6 @@ def test_a_large_table_stays_under_a_megabyte() -> None:
 def test_pages_of_a_run_hold_its_status() -> None:
     status = Status("small.msgpack", "ab" * 32, 958_000)
     result = page.pages(small_table(), "small.msgpack", status)
-    assert list(result) == ["/", "/status.json", "/metrics"]
+    assert list(result) == ["/", "/screen.html", "/status.json", "/metrics"]
     assert json.loads(result["/status.json"][1]()) == status.as_object()
     assert result["/metrics"][1]().decode() == status.as_metrics()

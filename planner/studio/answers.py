@@ -1,0 +1,168 @@
+"""What the studio answers: its page, the state and files of its folder, and what the page asks to be done.
+
+Others may write in the folder: a browser opens its files in a sandbox.
+"""
+
+import json
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from planner.job.drafts import FINGERS, GRIPPERS
+from planner.part.importers.file import SUFFIXES
+from planner.part.importers.pieces import UNITS_MM
+from planner.studio.film import film
+from planner.studio.folder import Folder
+from planner.studio.plans import Plan, Plans
+from planner.studio.reader import Reader
+from planner.studio.steps import PICTURE, beginning, typed
+from runtime.pages.frame import asset
+from runtime.shell.errors import UsageError
+from runtime.table import loads
+
+MOST_FILE_BYTES = 256 << 20
+PAGE = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
+    "form-action 'none'; base-uri 'none'; frame-ancestors 'none'"
+)
+SANDBOX = (
+    "sandbox allow-scripts; default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
+    "img-src data:"
+)
+KINDS = {
+    ".html": "text/html",
+    ".svg": "image/svg+xml",
+    ".js": "text/javascript",
+    ".css": "text/css",
+}
+JSON = "application/json"
+TEXT = ("text/plain; charset=utf-8", (".toml", ".jsonl", ".csv", ".txt"))
+
+
+class Answer(NamedTuple):
+    """A response."""
+
+    body: bytes
+    kind: str = JSON
+    policy: str = SANDBOX
+    code: int = 200
+    name: str = ""  # of a file that a browser saves
+
+
+class Answers:
+    """The answers about one folder."""
+
+    def __init__(self, folder: Folder) -> None:
+        self.folder, self.plans, self.reader = folder, Plans(folder), Reader(folder.path)
+
+    def page(self) -> Answer:
+        """The page; what is in the folder it asks for."""
+        text = self._templates.get_template("studio.html").render(
+            folder=self.folder.path.name or "/",
+            suffixes=SUFFIXES,
+            unit_options=[(unit, unit) for unit in UNITS_MM],
+            gripper_options=[
+                (name, f"{name}, {preset.opening_mm:g} mm") for name, preset in GRIPPERS.items()
+            ],
+            finger_options=[
+                (name, f"{pads.material}, {pads.low:g} to {pads.high:g}")
+                for name, pads in FINGERS.items()
+            ],
+        )
+        return Answer(text.encode(), "text/html; charset=utf-8", PAGE)
+
+    @cached_property
+    def _templates(self) -> Environment:
+        loader = PackageLoader("planner.studio", "templates")
+        return Environment(loader=loader, autoescape=True, undefined=StrictUndefined)
+
+    def static(self, name: str) -> Answer:
+        """A stylesheet or script of ours; `elements.js` is that of all pages."""
+        kind = f"{KINDS[Path(name).suffix]}; charset=utf-8"
+        if name == "elements.js":
+            return Answer(asset(name).encode(), kind, PAGE)
+        path = Path(__file__).parent / "templates" / name
+        shared = asset("style.css") if name == "studio.css" else ""
+        text = shared + path.read_text("utf-8")
+        return Answer(text.encode(), kind, PAGE)
+
+    def state(self) -> Answer:
+        """What is in the folder."""
+        files = self.folder.files()
+        drawings = [
+            file.name
+            for file in files
+            if file.name.lower().endswith(SUFFIXES) and not file.name.endswith(PICTURE)
+        ]
+        plans = [_shown(plan) for plan in self.plans.all()]
+        listed = [file._asdict() for file in files]
+        return _object({"drawings": drawings, "plans": plans, "files": listed})
+
+    def file(self, name: str) -> Answer:
+        """A file of the folder: shown by the browser where it can, else saved."""
+        data, suffix = self.folder.read(name, MOST_FILE_BYTES), Path(name).suffix
+        if suffix in TEXT[1]:
+            return Answer(data, TEXT[0])
+        shown = suffix in (".html", ".svg")
+        return Answer(
+            data, KINDS[suffix] if shown else "application/octet-stream", name="" if shown else name
+        )
+
+    def film(self, query: dict[str, str]) -> Answer:
+        """What a simulated part of a plan did, squeeze by squeeze."""
+        named = query.get("plan", "")
+        plan = next((plan for plan in self.plans.all() if plan.name == named), None)
+        if plan is None or "table" not in plan.files:
+            raise UsageError(f"{named}: there is no such plan with a table")
+        table = loads(self.folder.read(plan.files["table"], MOST_FILE_BYTES))
+        return _object(film(table, plan.log.parts, query.get("part", "")))
+
+    def add(self, query: dict[str, str], body: bytes) -> Answer:
+        """Keep a drawing."""
+        return _object({"drawing": self.folder.add(query.get("name", ""), body)})
+
+    def preview(self, query: dict[str, str], body: bytes) -> Answer:
+        """What a drawing shows with some settings."""
+        drawing = query.get("drawing", "")
+        arguments = self.plans.arguments(drawing, _settings(body))
+        command = typed(["try", beginning(drawing), *arguments])
+        return _object({**self.reader.ask([beginning(drawing), *arguments]), "command": command})
+
+    def plan(self, query: dict[str, str], body: bytes) -> Answer:
+        """Begin to plan."""
+        drawing = query.get("drawing", "")
+        arguments = self.plans.arguments(drawing, _settings(body))
+        refused = self.reader.ask([beginning(drawing), *arguments])["error"]
+        if refused:
+            raise UsageError(refused)
+        return _object({"plan": self.plans.begin(drawing, arguments)})
+
+    def stop(self, query: dict[str, str], _body: bytes) -> Answer:
+        """Ask a plan to end with what stands."""
+        self.plans.stop(query.get("plan", ""))
+        return _object({})
+
+
+def _shown(plan: Plan) -> dict[str, Any]:
+    return {**plan._asdict(), "log": plan.log._asdict()}
+
+
+def _settings(body: bytes) -> dict[str, Any]:
+    try:
+        settings = json.loads(body)
+    except (ValueError, RecursionError):
+        settings = None
+    if not isinstance(settings, dict):
+        raise UsageError("settings are a JSON object")
+    return settings
+
+
+def _object(values: dict[str, Any], code: int = 200) -> Answer:
+    return Answer(json.dumps(values).encode(), code=code)
+
+
+def refused(code: int, reason: str) -> Answer:
+    """Why something is not done."""
+    return _object({"error": reason}, code)

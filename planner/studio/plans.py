@@ -1,0 +1,143 @@
+"""The plans of a project folder: which are under way, what they came to, how one begins and ends.
+
+A plan's log is locked by the process that plans, so whoever opens the folder knows which plans are under way.
+"""
+
+import contextlib
+import fcntl
+import os
+import subprocess
+import threading
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from planner.studio.folder import Folder, checked
+from planner.studio.log import Log, log_of
+from planner.studio.steps import PYTHON, written_for
+from runtime.shell.errors import InputError, UsageError
+from runtime.shell.files import read_regular
+
+MOST_LOG_BYTES = 4 << 20
+LOG = ".plan.jsonl"  # suffix
+OPTIONS = (
+    *("units", "scale", "contour", "gripper", "fingers", "radius", "turn", "distance"),
+    *("thickness", "budget"),
+)  # of `squeezetree try`, in the order of a command line
+
+
+class Plan(NamedTuple):
+    """A plan, as its log and the files beside it tell."""
+
+    name: str
+    running: bool
+    trying: bool  # whether other goals are tried, after the plan is done
+    log: Log
+    files: dict[str, str]  # what it wrote so far, by what it is
+
+
+class Plans:
+    """The plans of a project folder."""
+
+    def __init__(self, folder: Folder) -> None:
+        self.folder = folder
+        self._lock = threading.Lock()
+
+    def arguments(self, drawing: str, settings: Mapping[str, Any]) -> list[str]:
+        """A page's settings as options of `squeezetree try`; those left empty keep its defaults.
+
+        Raises:
+            UsageError: the drawing is not there, or a setting is unknown.
+        """
+        if checked(drawing) not in (file.name for file in self.folder.files()):
+            raise InputError("is no file of this folder any more; choose another", where=drawing)
+        unknown = settings.keys() - set(OPTIONS)
+        if unknown or not all(isinstance(value, str) for value in settings.values()):
+            raise UsageError(f"settings are {', '.join(OPTIONS)}, each a text")
+        return [
+            f"--{name}={settings[name].strip()}"
+            for name in OPTIONS
+            if settings.get(name, "").strip()
+        ]
+
+    def begin(self, drawing: str, arguments: list[str]) -> str:
+        """Start to plan in a process of its own; returns the plan's name.
+
+        Raises:
+            UsageError: another plan of this folder is under way.
+            OSError: the folder cannot be written to.
+        """
+        with self._lock:
+            under_way = [plan.name for plan in self.all() if plan.running]
+            if under_way:
+                raise UsageError(f"{under_way[0]} is being planned; stop it, or wait for it")
+            for plan in self.all():
+                if plan.trying:  # whoever waits for a plan comes first
+                    self.stop(plan.name)
+            name, log = self._begun(Path(drawing).stem)
+            words = [name, drawing, *arguments]
+            with open(log, "wb") as file:  # noqa: PTH123
+                child = subprocess.Popen(
+                    [*PYTHON, "planner.studio.steps", *words],
+                    stdin=subprocess.DEVNULL,
+                    stdout=file,
+                    stderr=file,
+                    cwd=self.folder.path,
+                    start_new_session=True,
+                )
+            threading.Thread(target=child.wait, daemon=True).start()  # no zombie stays
+        return name
+
+    def stop(self, name: str) -> None:
+        """Ask a plan to end with what stands.
+
+        Raises:
+            UsageError: it is not under way.
+            OSError: the folder cannot be written to.
+        """
+        if checked(name) not in (plan.name for plan in self.all() if plan.running or plan.trying):
+            raise UsageError(f"{name} is not being planned")
+        (self.folder.path / written_for(name)["stop"]).touch()
+
+    def all(self) -> list[Plan]:
+        """All plans that have a log, the latest first."""
+        there = {file.name for file in self.folder.files()}
+        logs = [self.folder.path / name for name in there if name.endswith(LOG)]
+        plans = []
+        for path in logs:
+            with contextlib.suppress(OSError):  # gone meanwhile
+                plans.append((path.stat().st_mtime_ns, self._plan(path, there)))
+        return [plan for _, plan in sorted(plans, key=lambda pair: pair[0], reverse=True)]
+
+    def _plan(self, path: Path, there: set[str]) -> Plan:
+        name = path.name.removesuffix(LOG)
+        alive = _is_locked(path)
+        log = log_of(read_regular(path, MOST_LOG_BYTES)[0])
+        kept = {what: file for what, file in written_for(name).items() if file in there}
+        return Plan(name, alive and log.exit is None, alive and log.exit is not None, log, kept)
+
+    def _begun(self, stem: str) -> tuple[str, int]:
+        """The first name that no file of a plan has yet, and a descriptor of its log, locked."""
+        number = 1
+        while True:
+            name = stem if number == 1 else f"{stem}-{number}"
+            files = written_for(name)
+            if not any(os.path.lexists(self.folder.path / file) for file in files.values()):
+                flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND | os.O_CLOEXEC
+                with contextlib.suppress(FileExistsError):
+                    log = os.open(self.folder.path / files["log"], flags, 0o666)
+                    fcntl.flock(log, fcntl.LOCK_EX)
+                    return name, log
+            number += 1
+
+
+def _is_locked(path: Path) -> bool:
+    """Whether a process that writes a log is alive."""
+    handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    finally:
+        os.close(handle)
+    return False

@@ -1,0 +1,246 @@
+"""What the person beside the cell sees: state, yield, takt, lost parts, widths, the table, the last parts.
+
+Written by the server, so that a browser only puts it in place; all text from files and devices is escaped.
+"""
+
+from collections.abc import Iterator, Mapping
+from html import escape
+from math import degrees
+from typing import Any
+
+from runtime.pages.charts import Bar, Line, bars, trend
+from runtime.pages.frame import cards, table, verdict
+from runtime.spc.drift import REFIT
+from runtime.spc.monitor import MEANING, STEADY
+from runtime.table import PPM, Table
+
+PHASES = {
+    "idle": "waiting for the next part",
+    "resume": "going on after a run that broke off",
+    "push": "pushing",
+    "place": "moving to the part",
+    "squeeze": "squeezing",
+    "read": "reading the width",
+    "release": "opening",
+    "audit": "looking with the camera",
+    "deliver": "delivering",
+    "safe": "stopping in a safe state",
+    "done": "part done",
+}
+KINDS = {
+    "reject": "Rejected",
+    "unresolved": "Not located",
+    "fault": "Fault",
+    "stopped": "Stopped by the operator",
+    "aborted": "Journal not written",
+    "audit": "Refuted by the camera",
+    "delivery": "Not delivered",
+}
+HEADS = ("part", "outcome", "lies at", "squeezes", "seconds", "audit", "why")
+CHANGE = """\
+<p>The table changes between two runs, never while parts are run. Check the new one, which moves nothing. Then
+end this run with Ctrl-C in its terminal: the fingers stop, the arm retreats, and a part under way has to be
+fed again. Start again with the other options as before.</p>
+<pre>squeezetree run --tree NEW.msgpack --check
+squeezetree run --tree NEW.msgpack ...</pre>
+"""
+NONE = "\N{EN DASH}"
+Outline = list[list[float]]
+
+
+def state(seen: Mapping[str, Any]) -> str:
+    """What the cell does, in large letters, of a status (`Status.as_object`)."""
+    if seen["end"] is not None:
+        last = seen["last_part"] or {"reason": None, "safe_state": []}
+        said = [last["reason"], *last["safe_state"]] if seen["end"]["grade"] != "good" else []
+        why = f"<p>{escape(_capital('; '.join(filter(None, said))))}</p>" if any(said) else ""
+        return f"<div data-ended>{verdict(**seen['end'])}{why}</div>"
+    part = f"Part {seen['part']}: " if seen["part"] else ""
+    doing = PHASES[seen["phase"]]
+    return verdict("fair" if seen["phase"] == "safe" else "good", f"{part}{doing}", "Running.")
+
+
+def screen(loaded: Table, outline: Outline, seen: Mapping[str, Any]) -> str:
+    """All below the state, of a table, its part's outline (n, 2) [mm] and a status (`Status.as_object`)."""
+    return "\n".join(
+        [
+            *_signs(seen),
+            cards(_figures(seen)),
+            '<div class="halves">',
+            *("<section><h2>What costs parts</h2>", *_losses(loaded, outline, seen), "</section>"),
+            *("<section><h2>Widths</h2>", *_widths(seen["charts"]), "</section>"),
+            "</div>",
+            "<h2>The last parts</h2>",
+            table("The last parts", HEADS, map(_part, reversed(seen["recent_parts"]))),
+            "<h2>The table</h2>",
+            *_loaded(loaded, seen),
+        ]
+    )
+
+
+def _signs(seen: Mapping[str, Any]) -> Iterator[str]:
+    """What somebody should look at: alarms of the charts, and whether the cell is another than planned."""
+    for alarm in _alarms(seen["charts"]).values():
+        yield verdict("fair", f"{_capital(alarm['sentence'])} (part {alarm['number']}).")
+    if seen["refit_pays"]:
+        yield verdict("fair", f"{_capital(REFIT)}.")
+
+
+def _alarms(charts: Mapping[str, Any] | None) -> dict[str, Mapping[str, Any]]:
+    """The latest alarm of each chart, by its name."""
+    return {} if charts is None else {alarm["chart"]: alarm for alarm in charts["alarms"]}
+
+
+def _capital(sentence: str) -> str:
+    return sentence[:1].upper() + sentence[1:]
+
+
+def _figures(seen: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
+    shift = seen["shift"]
+    parts, since = shift["parts"], f"since {shift['since'][11:]}"
+    located = f"{100 * shift['good'] / parts:.1f} %" if parts else NONE
+    yield "Good parts this shift", located, f"{shift['good']} of {parts} parts {since}"
+    mean, takt, share = shift["seconds_mean"], shift["takt_s"], shift["takt_share"]
+    within = "mean; --takt states what it may be" if takt is None else f"the takt is {takt:g} s"
+    if share is not None:
+        within = f"{100 * share:.1f} % within the takt of {takt:g} s"
+    yield "Seconds a part", NONE if mean is None else f"{mean:.1f} s", within
+    width = seen["last_width_mm"]
+    squeeze = f"squeeze {len(seen['steps'])} of this part" if seen["steps"] else ""
+    yield "Last width", NONE if width is None else f"{width:.2f} mm", squeeze
+    located_parts = [part for part in seen["recent_parts"] if part["answer"]]
+    last = located_parts[-1] if located_parts else None
+    where, angle = _pose(last["answer"]) if last else (NONE, "")
+    yield "Last answer", where, f"{angle}, part {last['part']}" if last else ""
+
+
+def _pose(answer: Mapping[str, Any]) -> tuple[str, str]:
+    """Where a part lies, or its drawing's datum, if the job names one; and its angle, and which it is."""
+    shown = answer["datum"] or answer
+    which = f"{answer['hypothesis']}, " if "hypothesis" in answer else ""
+    datum = " (datum)" if answer["datum"] else ""
+    x_mm, y_mm, angle = (
+        round(shown[name], 2) + 0.0 for name in ("x_mm", "y_mm", "angle_deg")
+    )  # no shift is 0.00, not -0.00
+    return f"{x_mm:.2f}, {y_mm:.2f} mm", f"{which}{angle:.1f}°{datum}"
+
+
+def _losses(loaded: Table, outline: Outline, seen: Mapping[str, Any]) -> Iterator[str]:
+    losses = seen["shift"]["losses"]
+    if not losses:
+        yield '<p class="note">No part was lost in this shift.</p>'
+        return
+    parts = seen["shift"]["parts"]
+    named = [(_named(loss), loss) for loss in losses]
+    yield bars(
+        "Parts lost in this shift",
+        [
+            Bar(name, loss["parts"], f"{loss['parts']} ({100 * loss['parts'] / parts:.1f} %)")
+            for name, loss in named
+        ],
+    )
+    yield '<div class="losses">'
+    for name, loss in named:
+        said = f"{name}. Last: part {loss['part']}"
+        why = f", {loss['reason']}." if loss["reason"] else "."
+        drawn = picture(loaded, outline, loss["node"] or 0, loss["width_mm"])
+        yield f"<figure>{drawn}<figcaption>{escape(said + why)}</figcaption></figure>"
+    yield "</div>"
+    if outline:
+        yield (
+            '<p class="note">Red: the fingers at the width that was read. Blue: where a part lies after the '
+            "planned outcome that is nearest.</p>"
+        )
+
+
+def _named(loss: Mapping[str, Any]) -> str:
+    kind = KINDS[loss["kind"]]
+    return f"{kind} after squeeze {loss['squeeze']}" if loss["squeeze"] else kind
+
+
+def picture(loaded: Table, outline: Outline, node: int, width_mm: float | None) -> str:
+    """The fingers where a part was lost, and the part as planned, to scale.
+
+    Args:
+        loaded: the table.
+        outline: of its part (n, 2) [mm], empty if not known.
+        node: whose squeeze it was.
+        width_mm: between the fingers; None: they are open.
+    """
+    squeeze, gripper = loaded.nodes[node].squeeze, loaded.gripper
+    half = 0.5 * (squeeze.opening_um / 1000 if width_mm is None else width_mm)
+    length, thick = gripper.finger_length_um / 1000, gripper.finger_width_um / 1000
+    boxes = "".join(
+        f'<rect class="finger" x="{-length / 2:.2f}" y="{y:.2f}" width="{length:.2f}" height="{thick:.2f}"/>'
+        for y in (half, -half - thick)
+    )
+    inside = _moved(boxes, squeeze.x_um, squeeze.y_um, squeeze.angle_urad)
+    leaf = loaded.leaves[_usual(loaded, node, width_mm)]
+    if outline and leaf.resolved:
+        points = " ".join(f"{x:.2f},{y:.2f}" for x, y in outline)
+        drawn = f'<polygon class="part" points="{points}"/>'
+        inside = _moved(drawn, leaf.x_um, leaf.y_um, leaf.theta_urad) + inside
+    far = 0.5 * gripper.opening_um / 1000 + thick
+    label = "fingers open" if width_mm is None else f"fingers {width_mm:.2f} mm apart"
+    return (
+        f'<svg class="scene" viewBox="{-far:.1f} {-far:.1f} {2 * far:.1f} {2 * far:.1f}" role="img" '
+        f'aria-label="Node {node}, {label}"><g transform="scale(1 -1)">{inside}</g></svg>'
+    )
+
+
+def _moved(drawn: str, x_um: int, y_um: int, angle_urad: int) -> str:
+    place = f"translate({x_um / 1000:.2f} {y_um / 1000:.2f})rotate({degrees(angle_urad / 1e6):.1f})"
+    return f'<g transform="{place}">{drawn}</g>'
+
+
+def _usual(loaded: Table, node: int, width_mm: float | None) -> int:
+    """The leaf that most parts reach from the outcome whose width is nearest."""
+    branches = loaded.nodes[node].branches
+    target = max(branches, key=lambda branch: branch.probability_ppm).target
+    if width_mm is not None:
+        target = min(branches, key=lambda branch: abs(branch.expected_um - 1000 * width_mm)).target
+    while target >= 0:
+        target = max(loaded.nodes[target].branches, key=lambda b: b.probability_ppm).target
+    return ~target
+
+
+def _widths(charts: Mapping[str, Any] | None) -> Iterator[str]:
+    if charts is None or not charts["wider"]:
+        yield '<p class="note">Nothing was squeezed yet.</p>'
+        return
+    drift = "widths" in _alarms(charts)
+    yield (
+        verdict("fair", _capital(MEANING["widths"]) + ".")
+        if drift
+        else verdict("good", STEADY["widths"] + ".")
+    )
+    lines = [Line(name, charts[name]) for name in ("wider", "narrower")]
+    limit = charts["limit"]
+    yield trend("Widths against the plan", lines, (-limit, limit), "squeeze")
+    yield (
+        '<p class="note">How much speaks for fingers that stop wider or narrower than planned. At a dashed '
+        "line the gripper should be looked at; the line then begins again at 0.</p>"
+    )
+
+
+def _part(part: Mapping[str, Any]) -> Iterator[str]:
+    where = ", ".join(_pose(part["answer"])) if part["answer"] else ""
+    seconds = "" if part["seconds"] is None else f"{part['seconds']:.1f}"
+    yield from (str(part["part"]), part["outcome"], where, str(len(part["path"])), seconds)
+    yield from (part["audit"] or "", part["reason"] or "")
+
+
+def _loaded(loaded: Table, seen: Mapping[str, Any]) -> Iterator[str]:
+    predicted = loaded.predicted.success_ppm / PPM
+    facts = (
+        ("file", seen["table"]),
+        ("digest (SHA-256)", f"{seen['table_sha256'][:16]}…"),
+        (
+            "expected",
+            f"{100 * predicted:.2f} % located" if loaded.predicted.trials else "not tried",
+        ),
+        ("squeezes planned", str(len(loaded.nodes))),
+    )
+    rows = "".join(f"<dt>{escape(name)}</dt><dd>{escape(value)}</dd>" for name, value in facts)
+    yield f'<dl class="facts">{rows}</dl>'
+    yield CHANGE

@@ -1,0 +1,117 @@
+"""What a shift comes to: yield, seconds against the takt, and what costs the most parts."""
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from runtime.devices.clock import SystemClock
+from runtime.traversal.results import Outcome, PartResult
+
+CHANGES = (6, 14, 22)  # hours of the day, local time
+SHOWN_LOSSES = 6
+
+
+class Loss(NamedTuple):
+    """Parts that were lost in the same way after as many squeezes; what is said of one is of the latest."""
+
+    kind: str  # an outcome, "audit" or "delivery"
+    squeeze: int  # how many there were
+    node: int | None  # of the last squeeze; None without one
+    width_mm: float | None  # that was read there
+    reason: str
+    part: int
+    parts: int
+
+
+class Shift:
+    """Counts since the latest change of shift or, where that was before, since the run began.
+
+    Args:
+        changes: hours of the day at which shifts change, local time.
+        takt_s: seconds within which a part should be done.
+        clock: tells the time of day.
+    """
+
+    def __init__(
+        self, changes: Sequence[int], takt_s: float | None, clock: SystemClock | None = None
+    ) -> None:
+        self._changes, self._takt_s, self._clock = changes, takt_s, clock or SystemClock()
+        self._begin(self._clock.shift(changes), self._clock.local())
+
+    def _begin(self, change: str, since: str) -> None:
+        self._change, self._since = change, since
+        self._parts, self._good, self._timed, self._in_takt, self._seconds = 0, 0, 0, 0, 0.0
+        self._losses: dict[tuple[str, int], Loss] = {}
+
+    def _renew(self) -> None:
+        change = self._clock.shift(self._changes)
+        if change != self._change:
+            self._begin(change, change)
+
+    def add(self, result: PartResult) -> None:
+        """One part's end."""
+        self._renew()
+        last = result.steps[-1] if result.steps else None
+        self._count(result.fields(), None if last is None else last.width_um / 1000)
+
+    def recall(self, journal: Path, table_sha256: str) -> None:
+        """Count the parts that earlier runs of the table had in this shift, by the journal's own file."""
+        for record in _outcomes(journal, table_sha256):
+            ended = self._clock.local_of(str(record["time"]))
+            if ended >= self._change:
+                self._since = min(self._since, ended)
+                self._count(record, None)
+
+    def _count(self, part: Mapping[str, Any], width_mm: float | None) -> None:
+        """A part's end, in the fields of its journal record."""
+        self._parts += 1
+        seconds, kind, path = part["seconds"], _kind(part), part["path"]
+        if seconds:
+            self._timed += 1
+            self._seconds += seconds
+            self._in_takt += self._takt_s is not None and seconds <= self._takt_s
+        if kind is None:
+            self._good += 1
+            return
+        key, node = (kind, len(path)), path[-1] if path else None
+        before = self._losses[key].parts if key in self._losses else 0
+        reason = part["reason"] or ""
+        self._losses[key] = Loss(*key, node, width_mm, reason, part["part"], before + 1)
+
+    def as_object(self) -> dict[str, object]:
+        """The counts as JSON holds them; `losses` begins with what costs the most parts."""
+        self._renew()
+        losses = sorted(self._losses.values(), key=lambda loss: -loss.parts)[:SHOWN_LOSSES]
+        timed = self._timed
+        return {
+            "since": self._since,
+            "parts": self._parts,
+            "good": self._good,
+            "seconds_mean": round(self._seconds / timed, 3) if timed else None,
+            "takt_s": self._takt_s,
+            "takt_share": self._in_takt / timed if timed and self._takt_s is not None else None,
+            "losses": [loss._asdict() for loss in losses],
+        }
+
+
+def _kind(part: Mapping[str, Any]) -> str | None:
+    """In which way a part was lost; None where it was not."""
+    if part["outcome"] != Outcome.LEAF.value:
+        return str(part["outcome"])
+    if part["audit"] == "fail":
+        return "audit"
+    return "delivery" if part["delivery"] == "missed" else None
+
+
+def _outcomes(journal: Path, table_sha256: str) -> Iterator[Mapping[str, Any]]:
+    """The records of parts' ends with a table; what cannot be read ends them, and is the run's to refuse."""
+    same = False
+    with suppress(OSError, ValueError, KeyError), journal.open("rb") as file:
+        for line in file:
+            record = json.loads(line)
+            if record["kind"] == "header":
+                same = record["table_sha256"] == table_sha256
+            elif record["kind"] == "outcome" and same:
+                yield record

@@ -1,0 +1,137 @@
+"""Charts as HTML: marks are SVG that stretches with the page, words are text that does not shrink with it."""
+
+from collections.abc import Sequence
+from html import escape
+from typing import NamedTuple
+
+MOST_POINTS = 1200  # of a line
+APART = 9.0  # least distance of two words under a histogram, percent of its width
+
+
+class Line(NamedTuple):
+    """A named course of values, one a step."""
+
+    name: str
+    values: Sequence[float]
+
+
+class Bar(NamedTuple):
+    """A named amount, and how it is written."""
+
+    name: str
+    amount: float
+    text: str
+
+
+class Band(NamedTuple):
+    """A named stretch of a histogram's axis."""
+
+    low: float
+    high: float
+    name: str
+
+
+def trend(label: str, lines: Sequence[Line], limits: Sequence[float], step: str) -> str:
+    """Courses over steps, within limits that are drawn dashed."""
+    values = [value for line in lines for value in line.values]
+    if not values:
+        return "<p>Nothing was measured.</p>"
+    low, high = min(0.0, *values, *limits), max(0.0, *values, *limits)
+    count = max(len(line.values) for line in lines)
+    across, up = 100.0 / max(count - 1, 1), 100.0 / ((high - low) or 1.0)
+
+    def place(index: float, value: float) -> str:
+        return f"{index * across:.2f},{100.0 - (value - low) * up:.2f}"
+
+    drawn = []
+    for value, kind in ((0.0, "zero"), *((limit, "limit") for limit in limits)):
+        ends = f"{place(0, value)} {place(max(count - 1, 1), value)}"
+        drawn.append(f'<polyline class="{kind}" points="{ends}"/>')
+    for number, line in enumerate(lines):
+        points = " ".join(place(index, value) for index, value in thinned(line.values))
+        drawn.append(f'<polyline class="line s{number}" points="{points}"/>')
+    names = [f'<span class="s{n}">{escape(line.name)}</span>' for n, line in enumerate(lines)]
+    names += ['<span class="limit">limit</span>'] * bool(limits)
+    above = f'<p class="names">{" ".join(names)}</p>' if len(names) > 1 else ""
+    axis = f"<span>{low:.3g}</span><span>{escape(step)} {count}</span>"
+    return _chart(label, drawn, above=f'{above}<p class="axis">{high:.3g}</p>', axis=axis)
+
+
+def bars(label: str, rows: Sequence[Bar]) -> str:
+    """Amounts side by side, the largest of full width."""
+    most = max((row.amount for row in rows), default=0.0) or 1.0
+    lines = (
+        f'<tr><th scope="row">{escape(row.name)}</th><td>{escape(row.text)}</td><td class="amount">'
+        f'<svg viewBox="0 0 100 1" preserveAspectRatio="none" aria-hidden="true">'
+        f'<rect class="s0" width="{100.0 * row.amount / most:.1f}" height="1"/></svg></td></tr>'
+        for row in rows
+    )
+    return f'<table class="bars"><caption>{escape(label)}</caption>{"".join(lines)}</table>'
+
+
+def histogram(
+    label: str,
+    counts: Sequence[tuple[float, float]],
+    bands: Sequence[Band],
+    span: tuple[float, float],
+    unit: str,
+    mark: float | None = None,
+) -> str:
+    """How often each value was seen, over the bands that it may fall into.
+
+    Args:
+        label: what it shows.
+        counts: values, and how often each was seen; small ones are drawn larger (square roots).
+        bands: of the axis, named where there is room.
+        span: ends of the axis.
+        unit: of the values.
+        mark: a value to point at.
+    """
+    low, high = span
+    scale = 100.0 / ((high - low) or 1.0)
+    most = max((number for _, number in counts), default=0.0) or 1.0
+    drawn = [
+        f'<rect class="band s{k % 6}" x="{(band.low - low) * scale:.2f}" y="0" height="100" '
+        f'width="{max(band.high - band.low, 0.0) * scale:.2f}"/>'
+        for k, band in enumerate(bands)
+    ]
+    stems = "".join(
+        f"M{(value - low) * scale:.1f} 100V{100.0 - 92.0 * (number / most) ** 0.5:.0f}"
+        for value, number in counts
+    )
+    drawn.append(f'<path class="stem" d="{stems}"/>')
+    if mark is not None:
+        x = (mark - low) * scale
+        drawn.append(f'<polyline class="mark" points="{x:.2f},0 {x:.2f},100"/>')
+    words = "".join(
+        f'<span style="left:{at:.1f}%">{escape(name)}</span>' for at, name in _apart(bands, span)
+    )
+    axis = f"<span>{low:.3g} {unit}</span><span>{high:.3g} {unit}</span>"
+    return _chart(label, drawn, above=f'<p class="bands">{words}</p>', axis=axis)
+
+
+def thinned(values: Sequence[float]) -> list[tuple[int, float]]:
+    """Thin values for drawing: of each stretch, index and value of the one farthest from zero."""
+    stretch = max(1, -(-len(values) // MOST_POINTS))
+    points = list(enumerate(values))
+    starts = range(0, len(points), stretch)
+    return [
+        max(points[start : start + stretch], key=lambda point: abs(point[1])) for start in starts
+    ]
+
+
+def _apart(bands: Sequence[Band], span: tuple[float, float]) -> list[tuple[float, str]]:
+    """The middles of bands in percent of a span and their names, without those that would overlap."""
+    shown: list[tuple[float, str]] = []
+    low, high = span
+    for band in sorted(bands):
+        at = 100.0 * (0.5 * (band.low + band.high) - low) / ((high - low) or 1.0)
+        if not shown or at - shown[-1][0] >= APART:
+            shown.append((at, band.name))
+    return shown
+
+
+def _chart(label: str, drawn: Sequence[str], above: str, axis: str) -> str:
+    head = f'<div class="chart" role="img" aria-label="{escape(label)}">{above}'
+    plot = '<svg viewBox="0 0 100 100" preserveAspectRatio="none" aria-hidden="true">'
+    return f'{head}{plot}{"".join(drawn)}</svg><p class="axis">{axis}</p></div>'

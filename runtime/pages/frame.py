@@ -1,0 +1,118 @@
+"""What all pages have: a head that lets nothing in from a network, the stylesheet, cards and tables."""
+
+import json
+from collections.abc import Iterable, Sequence
+from functools import cache
+from html import escape
+from pathlib import Path
+
+FOLDER = Path(__file__).parent
+HEAD = """\
+<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta http-equiv="Content-Security-Policy" content="{policy}">
+<link rel="icon" href="data:,">
+<title>{title}</title>
+<style>
+{style}</style>
+</head>
+<body{kind}>
+"""
+POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
+
+
+@cache
+def asset(name: str) -> str:
+    """The text of `style.css` or `elements.js`."""
+    return (FOLDER / name).read_text("utf-8")
+
+
+def page(
+    title: str,
+    body: str,
+    *,
+    kind: str = "",
+    style: str = "",
+    data: object = None,
+    script: str = "",
+    policy: str = "",
+) -> str:
+    """A whole page.
+
+    Args:
+        title: of the window.
+        body: HTML.
+        kind: class of the body: "sheet" prints small.
+        style: CSS of this page alone, after that of all pages.
+        data: object that the script reads as JSON from the element `data`.
+        script: JavaScript, which may use the functions of `elements.js`.
+        policy: further directives of the Content-Security-Policy.
+    """
+    rules = [POLICY, *(["script-src 'unsafe-inline'"] if script else []), *filter(None, [policy])]
+    head = HEAD.format(
+        policy="; ".join(rules),
+        title=escape(title),
+        style=asset("style.css") + style,
+        kind=f' class="{kind}"' if kind else "",
+    )
+    scripts = f"<script>\n{asset('elements.js')}{script}</script>\n" if script else ""
+    if data is not None:  # within a script element only "<" could end it
+        text = json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
+        scripts = f'<script type="application/json" id="data">{text}</script>\n{scripts}'
+    return f"{head}{body}\n{scripts}</body>\n</html>\n"
+
+
+def verdict(grade: str, sentence: str, lead: str = "") -> str:
+    """What there is to say first; `grade` is "good", "fair" or "poor"."""
+    strong = f"<strong>{escape(lead)}</strong> " if lead else ""
+    return f'<p class="verdict {grade}">{strong}{escape(sentence)}</p>'
+
+
+def cards(figures: Iterable[tuple[str, str, str]]) -> str:
+    """Figures in large letters: of each its name, its value, and what else there is to say."""
+    items = (
+        f"<div><dt>{escape(name)}</dt><dd>{escape(value)}</dd>"
+        f'<dd class="note">{escape(note)}</dd></div>'
+        for name, value, note in figures
+    )
+    return "\n".join(['<dl class="cards">', *items, "</dl>"])
+
+
+def table(
+    label: str, heads: Sequence[str], rows: Iterable[Iterable[str]], kind: str = "wide"
+) -> str:
+    """A table that scrolls by itself where it is wider than the page.
+
+    Args:
+        label: what it holds, for those who do not see it.
+        heads: of the columns; the first cell of each row is the row's head.
+        rows: texts, one a cell.
+        kind: class of what is round it.
+    """
+    head = "".join(f'<th scope="col">{escape(name)}</th>' for name in heads)
+    lines = (
+        "<tr>"
+        + "".join(
+            f"<td>{escape(cell)}</td>" if k else f'<th scope="row">{escape(cell)}</th>'
+            for k, cell in enumerate(row)
+        )
+        + "</tr>"
+        for row in rows
+    )
+    return "\n".join(
+        [
+            f'<div class="{kind}" tabindex="0" role="region" aria-label="{escape(label)}"><table>',
+            f"<thead><tr>{head}</tr></thead>",
+            *("<tbody>", *lines, "</tbody></table></div>"),
+        ]
+    )
+
+
+def folded(summary: str, *content: str, opened: bool = False) -> str:
+    """What is shown on demand."""
+    state = " open" if opened else ""
+    inner = "\n".join(content)
+    return f"<details{state}><summary>{escape(summary)}</summary>\n{inner}\n</details>"

@@ -1,0 +1,54 @@
+"""Whether a cell drifts while it runs: the control charts of its table, part after part."""
+
+from collections import deque
+
+from runtime.spc.history import Part, Squeezed
+from runtime.spc.monitor import Alarm, Monitor
+from runtime.table import Node, Table
+from runtime.traversal.results import PartResult
+
+LEAST_REFIT = 20  # parts that a refit learns anything from
+DRIFTED = ("widths", "branches", "readings", "rejects")  # charts of what a refit learns from
+REFIT = "a refit would pay: plan-refit JOB.toml --journal J... -o JOB2.toml learns what is off in the cell"
+RECENT = 120  # squeezes of which a run remembers the charts' values
+
+
+class Drift:
+    """The charts of a table as a run goes on, part after part; whether a refit would pay."""
+
+    def __init__(self, table: Table) -> None:
+        self._courses = {name: deque[float](maxlen=RECENT) for name in ("wider", "narrower")}
+        self._table, self._charts = table, Monitor(table, draw=self._keep)
+        self._parts, self._drifted = 0, False
+        self._alarms: dict[str, Alarm] = {}  # of each chart the latest
+
+    def _keep(self, name: str, value: float) -> None:
+        if name in self._courses:
+            self._courses[name].append(round(value, 2))
+
+    def as_object(self) -> dict[str, object]:
+        """The latest widths' cumulative sums, the limit of both, and the latest alarm of each chart."""
+        return {
+            **{name: list(course) for name, course in self._courses.items()},
+            "limit": self._charts.widths.limit,
+            "alarms": [alarm._asdict() for alarm in self._alarms.values()],
+        }
+
+    def add(self, result: PartResult) -> bool:
+        """Take a part that has ended in; whether a refit would pay by now."""
+        nodes = self._table.nodes
+        squeezes = (
+            Squeezed(step.node, _branch(nodes[step.node], step.target), step.width_um)
+            for step in result.steps
+        )
+        part = Part(result.part, tuple(squeezes), result.outcome.value, result.leaf, result.audit)
+        alarms = self._charts.add(part)
+        for chart, sentence in alarms:
+            self._alarms[chart] = Alarm(self._parts, result.part, chart, sentence)
+        self._parts += 1
+        self._drifted |= any(chart in DRIFTED for chart, _ in alarms)
+        return self._drifted and self._parts >= LEAST_REFIT
+
+
+def _branch(node: Node, target: int | None) -> int | None:
+    return next((k for k, branch in enumerate(node.branches) if branch.target == target), None)

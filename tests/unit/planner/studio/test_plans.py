@@ -1,0 +1,109 @@
+"""The plans of a folder: one at a time is under way for all who look, and each has names of its own."""
+
+import sys
+import threading
+import time
+
+import pytest
+
+from planner.studio import plans as studio_plans
+from planner.studio.folder import Folder
+from planner.studio.plans import Plans
+from planner.studio.steps import written_for
+from runtime.shell.errors import InputError, UsageError
+
+PLANNER = """
+import json, pathlib, sys, time
+print(json.dumps({"drawing": sys.argv[3], "step": "try", "command": "c"}), flush=True)
+while not pathlib.Path(sys.argv[2] + ".stop").exists(): time.sleep(0.01)
+print(json.dumps({"exit": 0}), flush=True)
+"""  # plans until it is stopped
+
+
+@pytest.fixture
+def plans(tmp_path):
+    (tmp_path / "plate.csv").write_text("0,0\n30,0\n30,21\n0,21\n")
+    return Plans(Folder(tmp_path))
+
+
+def until(condition):
+    deadline = time.monotonic() + 60.0
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def test_a_setting_stays_one_argument(plans):
+    settings = {"units": "mm", "radius": " 5 ", "turn": "", "gripper": "--output=/tmp/x"}
+    arguments = plans.arguments("plate.csv", settings)
+    assert arguments == ["--units=mm", "--gripper=--output=/tmp/x", "--radius=5"]
+
+
+@pytest.mark.parametrize("settings", [{"output": "x"}, {"radius": 5}, {"radius": ["5"]}])
+def test_unknown_settings_are_refused(plans, settings):
+    with pytest.raises(UsageError):
+        plans.arguments("plate.csv", settings)
+
+
+def test_a_drawing_that_is_gone_is_refused(plans):
+    with pytest.raises(InputError, match="no file of this folder"):
+        plans.arguments("gone.csv", {})
+
+
+def test_one_plan_at_a_time_is_under_way_for_all_who_look(plans, monkeypatch):
+    monkeypatch.setattr(studio_plans, "PYTHON", [sys.executable, "-c", PLANNER])
+    assert plans.begin("plate.csv", []) == "plate"
+    other = Plans(Folder(plans.folder.path))  # as after the studio was killed
+    until(lambda: other.all()[0].log.step)
+    assert other.all()[0].running
+    with pytest.raises(UsageError, match="plate is being planned"):
+        other.begin("plate.csv", [])
+    other.stop("plate")
+    until(lambda: not (other.all()[0].running or other.all()[0].trying))
+    assert other.all()[0].log.exit == 0
+    with pytest.raises(UsageError, match="not being planned"):
+        other.stop("plate")
+
+
+TRYING = PLANNER.replace("while", 'print(json.dumps({"exit": 0}), flush=True)\nwhile')
+
+
+def test_another_plan_ends_what_is_tried_after_the_first(plans, monkeypatch):
+    monkeypatch.setattr(studio_plans, "PYTHON", [sys.executable, "-c", TRYING])
+    plans.begin("plate.csv", [])
+    until(lambda: plans.all()[0].trying)
+    assert not plans.all()[0].running
+    plans.begin("plate.csv", [])
+    until(lambda: [plan.trying for plan in plans.all() if plan.name == "plate"] == [False])
+    until(lambda: plans.all()[0].trying)
+    plans.stop("plate-2")
+
+
+def test_two_pages_that_begin_at_once_begin_one_plan(plans, monkeypatch):
+    monkeypatch.setattr(studio_plans, "PYTHON", [sys.executable, "-c", PLANNER])
+    begun, refused = [], []
+
+    def begin():
+        try:
+            begun.append(plans.begin("plate.csv", []))
+        except UsageError as error:
+            refused.append(str(error))
+
+    pages = [threading.Thread(target=begin) for _ in range(4)]
+    for page in pages:
+        page.start()
+    for page in pages:
+        page.join()
+    assert begun == ["plate"]
+    assert refused == ["plate is being planned; stop it, or wait for it"] * 3
+    plans.stop("plate")
+
+
+def test_a_plan_takes_a_name_that_no_file_has(plans, monkeypatch):
+    monkeypatch.setattr(studio_plans, "PYTHON", [sys.executable, "-c", ""])
+    (plans.folder.path / written_for("plate")["table"]).write_bytes(b"mine")
+    assert plans.begin("plate.csv", []) == "plate-2"
+    until(lambda: not plans.all()[0].running)
+    assert plans.all()[0].log.exit is None  # ended, and said nothing
+    assert plans.begin("plate.csv", []) == "plate-3"
+    assert (plans.folder.path / written_for("plate")["table"]).read_bytes() == b"mine"

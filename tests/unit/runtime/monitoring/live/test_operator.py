@@ -1,0 +1,139 @@
+"""The operator's screen: what it says of a run, that names are text, and that an end tells how it came."""
+
+import re
+from dataclasses import replace
+
+import pytest
+from browser import LEGIBLE, NEEDED, played
+from html_pages import Page
+from sample_tables import small_table
+from written_journals import Quiet
+
+from runtime.execution.events import Phase, Tally
+from runtime.monitoring.live import operator, page
+from runtime.monitoring.monitor import Monitor, Views, ended
+from runtime.monitoring.shift import CHANGES, Shift
+from runtime.monitoring.status import Status
+from runtime.pages import frame
+from runtime.spc.drift import Drift
+from runtime.table import dump, load
+from runtime.traversal.results import Outcome, PartResult, Step
+
+TABLE = small_table()
+OUTLINE = [[0.0, 0.0], [30.0, 0.0], [30.0, 21.0]]
+STEP = Step(1, 0, TABLE.nodes[0].squeeze, 174, 21_000, ~0, None)
+EVIL = '<img src=x onerror="alert(1)">Prüfling\'s "Ä" & more'
+
+
+def status():
+    return Status(EVIL, "ab" * 32, 958_000, None, Drift(TABLE), Shift(CHANGES, 6.0))
+
+
+def shown(status):
+    seen = status.as_object()
+    text = f"<main>{operator.state(seen)}{operator.screen(TABLE, OUTLINE, seen)}</main>"
+    assert not Page(text).open
+    return text
+
+
+def part(number=1, outcome=Outcome.LEAF, steps=(STEP,), reason=None, **fields):
+    return replace(
+        PartResult.of(number, outcome, list(steps), reason, exit_code=0), seconds=5.0, **fields
+    )
+
+
+def test_screen_before_the_first_part_promises_nothing():
+    text = shown(status())
+    assert "waiting for the next part" in text
+    assert "0 of 0 parts" in text
+    assert "No part was lost" in text
+
+
+@pytest.mark.parametrize("phase", Phase)
+def test_every_phase_has_words(phase):
+    seen = status()
+    seen.phase(3, phase, None)
+    assert operator.PHASES[phase.value] in shown(seen)
+
+
+@pytest.mark.parametrize("outcome", [outcome for outcome in Outcome if outcome is not Outcome.LEAF])
+def test_a_lost_part_is_named_with_a_picture(outcome):
+    seen = status()
+    seen.part(part())
+    for steps in ([], [STEP]):
+        seen.part(part(2, outcome, steps, EVIL))
+    text = shown(seen)
+    assert operator.KINDS[outcome.value] in text
+    assert text.count("<figure>") == text.count('class="scene"') == 2
+    assert text.count('class="part"') == 2
+    assert "1 of 3 parts" in text
+
+
+def test_names_and_reasons_are_text():
+    seen = status()
+    seen.part(part(1, Outcome.REJECT, [STEP], EVIL))
+    text = shown(seen)
+    assert "<img" not in text
+    assert "&lt;img src=x onerror=&quot;alert(1)&quot;&gt;Prüfling" in text
+
+
+def test_fingers_are_drawn_at_the_width_that_was_read():
+    text = operator.picture(TABLE, OUTLINE, 0, 24.0)
+    lower_edges = [float(y) for y in re.findall(r'class="finger" x="-13.75" y="([-\d.]+)"', text)]
+    assert lower_edges == [12.0, -12.0 - 9.5]
+    assert '<svg class="scene"' in text
+    assert 'class="part"' not in operator.picture(TABLE, [], 0, None)
+
+
+def test_widths_that_drift_say_that_the_gripper_should_be_looked_at():
+    seen = status()
+    seen.part(part())
+    assert "Widths are steady" in shown(seen)
+    for number in range(2, 60):
+        seen.part(part(number, steps=[STEP._replace(width_um=21_900)]))
+    assert "Widths drift: the gripper should be looked at" in shown(seen)
+
+
+def test_a_normal_end_looks_normal_and_a_fault_says_what_failed():
+    tally = Tally()
+    tally.add(part(), None)
+    assert ended(tally) == ("good", "Ended as planned. 1 part, 1 located.")
+    failed = part(
+        2, Outcome.FAULT, [], "no answer from the gripper", safe_state=("fingers stopped",)
+    )
+    tally.add(failed, None)
+    seen = status()
+    seen.part(failed)
+    seen.end(*ended(tally))
+    text = shown(seen)
+    assert "No answer from the gripper; fingers stopped" in text
+    assert "verdict poor" in text
+    assert "data-ended" in text
+
+
+@pytest.mark.parametrize(
+    ("error", "sentence"),
+    [
+        (KeyboardInterrupt(), "Stopped by the operator"),
+        (OSError("disk <full>"), "Ended by an error: disk &lt;full&gt;"),
+    ],
+)
+def test_a_run_that_breaks_off_says_so(tmp_path, error, sentence):
+    dump(TABLE, tmp_path / "t")
+    monitor = Monitor(Quiet(), load(tmp_path / "t"), tmp_path / "t", Views())
+    with pytest.raises(type(error)), monitor:
+        raise error
+    assert sentence in operator.state(monitor._status.as_object())
+
+
+@NEEDED
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [1400, 390])
+def test_the_screen_is_legible_and_no_wider_than_its_window(tmp_path, width):
+    seen = status()
+    for number in range(1, 60):
+        seen.part(part(number, steps=[STEP._replace(width_um=21_900)]))
+        seen.part(part(number, Outcome.REJECT, [STEP], EVIL))
+    style = (page.TEMPLATES / "live.css").read_text("utf-8")
+    whole = frame.page(EVIL, shown(seen), style=style)
+    assert played(whole, LEGIBLE, tmp_path, width) == {"small": [], "over": 0}

@@ -1,0 +1,110 @@
+"""The figures of a shift: what counts as lost, and that a change of shift begins anew."""
+
+import json
+from dataclasses import replace
+
+import pytest
+from sample_tables import small_table
+from written_journals import write_run
+
+from runtime.commands.arguments import parser
+from runtime.devices.clock import SystemClock
+from runtime.monitoring.shift import Shift
+from runtime.traversal.results import Outcome, PartResult, Step
+
+NODES = small_table().nodes
+FIRST = Step(1, 0, NODES[0].squeeze, 174, 20_969, ~0, None)
+SECOND = Step(2, 1, NODES[1].squeeze, 180, 18_500, None, "no such width")
+GOOD = replace(PartResult.of(1, Outcome.LEAF, [FIRST], None), seconds=5.0)
+
+
+class Clock(SystemClock):
+    """A clock that stands where a test puts it."""
+
+    hour = 13
+
+    def local(self):
+        return f"2026-11-27 {Clock.hour:02}:30"
+
+    def shift(self, changes):
+        return f"2026-11-27 {max(hour for hour in changes if hour <= Clock.hour):02}:00"
+
+
+@pytest.fixture
+def shift():
+    Clock.hour = 13
+    return Shift((6, 14, 22), 6.0, Clock())
+
+
+def test_shift_counts_yield_and_takt(shift):
+    for result in (GOOD, GOOD, replace(GOOD, seconds=9.0), replace(GOOD, audit="fail")):
+        shift.add(result)
+    seen = shift.as_object()
+    assert (seen["since"], seen["parts"], seen["good"]) == ("2026-11-27 13:30", 4, 3)
+    assert (seen["seconds_mean"], seen["takt_s"], seen["takt_share"]) == (6.0, 6.0, 0.75)
+
+
+def test_losses_are_counted_by_kind_and_squeeze_the_most_frequent_first(shift):
+    shift.add(replace(GOOD, delivery="missed", reason="no way"))
+    for part in (7, 8):
+        shift.add(PartResult.of(part, Outcome.REJECT, [FIRST, SECOND], "no such width"))
+    shift.add(PartResult.of(9, Outcome.FAULT, [], "no answer", exit_code=21))
+    losses = shift.as_object()["losses"]
+    assert [(loss["kind"], loss["squeeze"], loss["parts"]) for loss in losses] == [
+        ("reject", 2, 2),
+        ("delivery", 1, 1),
+        ("fault", 0, 1),
+    ]
+    assert (losses[0]["part"], losses[0]["node"], losses[0]["width_mm"]) == (8, 1, 18.5)
+    assert losses[2]["node"] is None
+
+
+def test_the_next_shift_begins_with_nothing_though_no_part_came(shift):
+    shift.add(PartResult.of(1, Outcome.REJECT, [SECOND], "x"))
+    Clock.hour = 14
+    seen = shift.as_object()
+    assert (seen["since"], seen["parts"], seen["losses"]) == ("2026-11-27 14:00", 0, [])
+
+
+def test_earlier_runs_of_the_shift_with_the_table_are_recalled(tmp_path):
+    """`write_run` writes a leaf, a leaf, an unresolved leaf and a reject, now."""
+    journal = write_run(tmp_path / "j.jsonl")
+    digest = json.loads(journal.read_text().splitlines()[0])["table_sha256"]
+    shift = Shift(range(24), None)
+    shift.recall(journal, "another table")
+    shift.recall(tmp_path / "none.jsonl", digest)
+    assert shift.as_object()["parts"] == 0
+    with journal.open("a") as file:
+        file.write("cut sho")
+    shift.recall(journal, digest)
+    seen = shift.as_object()
+    assert (seen["parts"], seen["good"]) == (4, 2)
+    assert {loss["kind"] for loss in seen["losses"]} == {"unresolved", "reject"}
+
+
+def test_parts_of_the_shift_before_are_not_recalled(tmp_path, monkeypatch):
+    journal = write_run(tmp_path / "j.jsonl")
+    digest = json.loads(journal.read_text().splitlines()[0])["table_sha256"]
+    monkeypatch.setattr(SystemClock, "shift", lambda self, changes: "9999-01-01 06:00")
+    shift = Shift((6,), None)
+    shift.recall(journal, digest)
+    assert shift.as_object()["parts"] == 0
+
+
+def test_before_any_part_nothing_is_divided_by_nothing(shift):
+    seen = shift.as_object()
+    assert (seen["seconds_mean"], seen["takt_share"]) == (None, None)
+
+
+def test_the_machines_clock_names_a_shift_that_has_begun():
+    clock = SystemClock()
+    for changes in ((6, 14, 22), (0,), (23,)):
+        assert clock.shift(changes) <= clock.local()
+        assert int(clock.shift(changes)[11:13]) in changes
+
+
+@pytest.mark.parametrize("text", ["", "24", "6,,14", "-1", "6;14", "six"])
+def test_hours_that_are_none_are_refused_in_one_line(text, capsys):
+    with pytest.raises(SystemExit):
+        parser().parse_args(["--tree", "t", f"--shifts={text}"])
+    assert "write hours from 0 to 23" in capsys.readouterr().err
