@@ -9,7 +9,7 @@ from planner.arrays import Array, IntArray
 from planner.belief.particles import Belief, initial
 from planner.job.model import Job
 from planner.job.schema import Interval
-from planner.mechanics.surface import latent_surfaces
+from planner.mechanics.surface import latent_surfaces, shares_of
 from planner.mechanics.traits import FRESH, SHAPES, Traits, as_planned, by_hypothesis
 from planner.part.outline import min_width
 
@@ -50,6 +50,20 @@ def stated_of(job: Job, n: int, rng: np.random.Generator) -> Traits:
     return _of_each(job, hypotheses_of(job, n, rng), stated)
 
 
+def pushed_of(job: Job, n: int, rng: np.random.Generator) -> Traits:
+    """Draws the traits (n,) of parts whose pushes are stated: nothing was measured that tells what is off.
+
+    What a push feels is drawn each for itself: how the part presses on the table, how friction there
+    scatters, friction of the pusher. Jaws and encoder have no part in it.
+    """
+    traits, shares = as_planned(n), shares_of(job)
+    traits["surface"] = rng.choice(len(shares), n, p=shares)
+    if job.doubt.least_dof:
+        traits["dof"] = _dofs(job, n, rng)
+    traits["friction"] = _friction(job, n, rng)
+    return traits
+
+
 def hypotheses_of(job: Job, n: int, rng: np.random.Generator) -> Traits:
     """Traits (n,) of parts as planned, each drawn from those that may lie there."""
     traits = as_planned(n)
@@ -84,7 +98,6 @@ def _draws(
 ) -> list[tuple[str, float, Callable[[int], Array | IntArray]]]:
     """For each thing doubted: its trait, the middle that it has where it is not off, and how it is drawn."""
     doubt, others, tolerance_mm = job.doubt, len(latent_surfaces(job)), job.part.tolerance_mm
-    low, high = sorted((max(doubt.least_dof, 1), job.pressure.wishart_dof))
     intervals = {
         "share": doubt.finger_share,
         "across_mm": doubt.middle_mm,
@@ -99,9 +112,7 @@ def _draws(
     if others:
         draws.append(("surface", 0, lambda n: rng.integers(1, 1 + others, n)))
     if doubt.least_dof:
-        draws.append(
-            ("dof", 0, lambda n: np.exp(rng.uniform(np.log(low), np.log(high), n)).astype(np.int64))
-        )
+        draws.append(("dof", 0, partial(_dofs, job, rng=rng)))
     if tolerance_mm:
         draws.append(("deviation", 0, partial(_deviations, tolerance_mm, rng=rng)))
     if doubt.release_mm or doubt.release_deg:
@@ -110,6 +121,13 @@ def _draws(
     if doubt.arm_mm or doubt.arm_deg:
         draws.append(("arm", 0, partial(_arms, doubt.arm_mm or 0.0, doubt.arm_deg or 0.0, rng=rng)))
     return draws
+
+
+def _dofs(job: Job, n: int, rng: np.random.Generator) -> IntArray:
+    """Degrees of freedom (n,) from the least doubted to those of [pressure], evenly in their logarithm."""
+    low, high = sorted((job.doubt.least_dof, job.pressure.wishart_dof))
+    drawn = np.exp(rng.uniform(np.log(low), np.log(high), n)).astype(np.int64)
+    return np.maximum(drawn, low)
 
 
 def _friction(job: Job, n: int, rng: np.random.Generator) -> Array:

@@ -63,29 +63,59 @@ def beside(paths: Paths, radius_mm: float, outline: Array, where: Path) -> Besid
     Raises:
         InputError: a tip overlaps the part by its diameter or more, or no place beside it is free.
     """
-    part = shapely.Polygon(outline)
-    edge = part.buffer(radius_mm, quad_segs=ARCS).boundary
-    points, overlap = paths.points.copy(), np.zeros(len(paths.points))
-    for round_ in range(ROUNDS):
-        centres = shapely.points(points)  # (n, K)
-        away = shapely.distance(part.exterior, centres)
-        depth = radius_mm - np.where(shapely.contains(part, centres), -away, away)
-        deepest = depth.argmax(axis=1)
-        most = depth.max(axis=1)
-        if round_ == 0:
-            overlap = np.maximum(most, 0.0)
-            _check_depth(overlap, radius_mm, where)
-        rows = np.flatnonzero(most > CLEAR_MM)
+    overlap = np.maximum(_depth(paths.points, radius_mm, outline).max(axis=1), 0.0)
+    _check_depth(overlap, radius_mm, where)
+    freed = _freed(paths, radius_mm, outline)
+    stays = _depth(freed.points, radius_mm, outline).max(axis=1) > CLEAR_MM
+    if stays.any():
+        problem = (
+            f"push {int(np.argmax(stays)) + 1}: no place beside the part is free for all tips; correct where "
+            "they start"
+        )
+        raise InputError(problem, where=str(where))
+    return Beside(freed, overlap)
+
+
+def scattered(
+    paths: Paths, std_mm: float, radius_mm: float, outline: Array, rng: np.random.Generator
+) -> Paths:
+    """Pushers that start off where they are stated, by a normal of this standard deviation in x and y.
+
+    Each is moved whole, and beside the part again; where no place there is free it starts as stated.
+    """
+    off = std_mm * rng.standard_normal((len(paths.points), 2))
+    freed = _freed(_moved(paths, off), radius_mm, outline)
+    stays = _depth(freed.points, radius_mm, outline).max(axis=1) > CLEAR_MM
+    shift = np.where(stays[:, None], 0.0, freed.points[:, 0] - paths.points[:, 0])
+    return _moved(paths, shift)
+
+
+def _freed(paths: Paths, radius_mm: float, outline: Array) -> Paths:
+    """Pushers whose deepest tip was moved out of the part, until none overlaps or `ROUNDS` are over."""
+    edge = shapely.Polygon(outline).buffer(radius_mm, quad_segs=ARCS).boundary
+    points = paths.points.copy()
+    for _ in range(ROUNDS):
+        depth = _depth(points, radius_mm, outline)
+        rows = np.flatnonzero(depth.max(axis=1) > CLEAR_MM)
         if not len(rows):
-            shift = points[:, 0] - paths.points[:, 0]
-            return Beside(paths._replace(points=points, centres=paths.centres + shift), overlap)
-        tips = points[rows, deepest[rows]]
+            break
+        tips = points[rows, depth[rows].argmax(axis=1)]
         nearest = shapely.line_interpolate_point(
             edge, shapely.line_locate_point(edge, shapely.points(tips))
         )
         points[rows] += (shapely.get_coordinates(nearest) - tips)[:, None]
-    problem = f"push {rows[0] + 1}: no place beside the part is free for all tips; correct where they start"
-    raise InputError(problem, where=str(where))
+    return _moved(paths, points[:, 0] - paths.points[:, 0])
+
+
+def _moved(paths: Paths, shift: Array) -> Paths:
+    return paths._replace(points=paths.points + shift[:, None], centres=paths.centres + shift)
+
+
+def _depth(points: Array, radius_mm: float, outline: Array) -> Array:
+    """How far (n, K) tips about points (n, K, 2) overlap the part, negative where they are clear [mm]."""
+    part, centres = shapely.Polygon(outline), shapely.points(points)
+    away = shapely.distance(part.exterior, centres)
+    return np.asarray(radius_mm - np.where(shapely.contains(part, centres), -away, away))
 
 
 def _check_depth(overlap: Array, radius_mm: float, where: Path) -> None:

@@ -102,6 +102,8 @@ class Doubt:
     limit_surface: Annotated[str | None, Text(("stated", "any"), default=None)]
     # Least degrees of freedom of the limit surface's scatter; those of [pressure] are the most. 0: no doubt.
     least_dof: Annotated[int, Integer(0, 1_000_000, default=0)]
+    # std of the x and y at which a recorded pusher stands beside the part, in `plan-simulate --draws` alone.
+    start_mm: Annotated[float | None, Number(0, 10, default=None)]
     placement_mm: Annotated[
         float, Number(0, 10, default=0.0)
     ]  # std of the hand's x and y, in each squeeze

@@ -61,6 +61,18 @@ def others_of(job: Job) -> tuple[Surface, ...]:
     return tuple(_fitted(fit, held, rho) for fit, held in latent_surfaces(job))
 
 
+def shares_of(job: Job) -> Array:
+    """Shares of the nominal surface and of `others_of`, where each way to press is as likely as another.
+
+    All sets of three feet together are one way.
+    """
+    spread, feet = _other_pressures(job)
+    shares = np.ones(1 + len(spread) + len(feet))
+    shares[1 + len(spread) :] /= max(len(feet), 1)
+    shares = np.tile(shares, (1 + len(latent_surfaces(job))) // len(shares))
+    return np.asarray(shares / shares.sum())
+
+
 def latent_surfaces(job: Job) -> list[tuple[Fit, Support]]:
     """What `others_of` are fitted with and to: other pressures, other forms of the surface, or both."""
     doubt = job.doubt
@@ -68,19 +80,21 @@ def latent_surfaces(job: Job) -> list[tuple[Fit, Support]]:
         doubt.pressure == "stated" and doubt.limit_surface != "any"
     ):
         return []
-    pressures = [support(job.pressure, job.part.outline_mm), *_other_pressures(job)]
+    spread, feet = _other_pressures(job)
+    pressures = [support(job.pressure, job.part.outline_mm), *spread, *feet]
     return [(fit, held) for fit in _forms_of(job) for held in pressures][1:]
 
 
-def _other_pressures(job: Job) -> list[Support]:
+def _other_pressures(job: Job) -> tuple[list[Support], list[Support]]:
+    """Loads that are spread out, and sets of three feet."""
     pressure, outline, rng = job.pressure, job.part.outline_mm, np.random.default_rng(FEET)
     if job.doubt.pressure == "stated":
-        return []
+        return [], []
     kinds: tuple[Kind, ...] = ("boundary", "uniform")
     spread = [
         support(replace(pressure, kind=kind), outline) for kind in kinds if kind != pressure.kind
     ]
-    return [*spread, *map(even, rng.permutation(stances(outline))[:FEET])]
+    return spread, [even(feet) for feet in rng.permutation(stances(outline))[:FEET]]
 
 
 def nominal(surface: Surface) -> Array:
