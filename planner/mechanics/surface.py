@@ -14,7 +14,6 @@ from planner.mechanics.limit_surface import LimitSurface
 from planner.mechanics.quartic import QuarticSurface
 from planner.part.outline import radius_of_gyration
 from planner.part.pressure import Kind, Support, even, stances, support
-from planner.part.quartic_form import FORM, PAIRS, coefficients_of, gram
 
 Surface: TypeAlias = LimitSurface | QuarticSurface
 Fit: TypeAlias = Callable[[Array, Array, float], Surface]
@@ -106,7 +105,7 @@ def sample(surface: Surface, dof: int | IntArray, rng: np.random.Generator, n: i
     """Physically consistent random surfaces as `nominal`, n of them (paper IV: Wishart with `dof`)."""
     if isinstance(surface, LimitSurface):
         return limit_surface.wishart(surface.A, dof, rng, n)
-    return hessian_tables(coefficients_of(quartic.sample(surface, dof, rng, n)))
+    return quartic.sample(surface, dof, rng, n)
 
 
 def sample_each(
@@ -130,10 +129,3 @@ def sample_each(
         whole[chosen, : some.shape[1], : some.shape[1]] = some
         ellipsoid[chosen] = isinstance(surfaces[number], LimitSurface)
     return whole, ellipsoid if size > 3 and ellipsoid.any() else None
-
-
-def hessian_tables(coefficients: Array) -> Array:
-    """`QuarticSurface.hessian_table` for many, (n, 15) to (n, 6, 6): linear in the coefficients."""
-    unit = np.stack([(FORM @ gram(row).reshape(81)).reshape(6, 6) for row in np.eye(15)])
-    halved = np.where(PAIRS[:, :1] == PAIRS[:, 1:], unit, 0.5 * unit)
-    return np.ascontiguousarray(np.tensordot(coefficients, halved, axes=1))
