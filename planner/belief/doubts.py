@@ -53,13 +53,12 @@ def stated_of(job: Job, n: int, rng: np.random.Generator) -> Traits:
 def pushed_of(job: Job, n: int, rng: np.random.Generator) -> Traits:
     """Draws the traits (n,) of parts whose pushes are stated: nothing was measured that tells what is off.
 
-    What a push feels is drawn each for itself: how the part presses on the table, how friction there
-    scatters, friction of the pusher. Jaws and encoder have no part in it.
+    What a push feels is drawn each for itself: how the part presses on the table, and friction of the pusher.
+    Friction with the table scatters as much as the job doubts it may. Jaws and encoder have no part in it.
     """
     traits, shares = as_planned(n), shares_of(job)
     traits["surface"] = rng.choice(len(shares), n, p=shares)
-    if job.doubt.least_dof:
-        traits["dof"] = _dofs(job, n, rng)
+    traits["dof"] = job.doubt.least_dof
     traits["friction"] = _friction(job, n, rng)
     return traits
 
@@ -98,6 +97,7 @@ def _draws(
 ) -> list[tuple[str, float, Callable[[int], Array | IntArray]]]:
     """For each thing doubted: its trait, the middle that it has where it is not off, and how it is drawn."""
     doubt, others, tolerance_mm = job.doubt, len(latent_surfaces(job)), job.part.tolerance_mm
+    low, high = sorted((max(doubt.least_dof, 1), job.pressure.wishart_dof))
     intervals = {
         "share": doubt.finger_share,
         "across_mm": doubt.middle_mm,
@@ -112,7 +112,9 @@ def _draws(
     if others:
         draws.append(("surface", 0, lambda n: rng.integers(1, 1 + others, n)))
     if doubt.least_dof:
-        draws.append(("dof", 0, partial(_dofs, job, rng=rng)))
+        draws.append(
+            ("dof", 0, lambda n: np.exp(rng.uniform(np.log(low), np.log(high), n)).astype(np.int64))
+        )
     if tolerance_mm:
         draws.append(("deviation", 0, partial(_deviations, tolerance_mm, rng=rng)))
     if doubt.release_mm or doubt.release_deg:
@@ -121,13 +123,6 @@ def _draws(
     if doubt.arm_mm or doubt.arm_deg:
         draws.append(("arm", 0, partial(_arms, doubt.arm_mm or 0.0, doubt.arm_deg or 0.0, rng=rng)))
     return draws
-
-
-def _dofs(job: Job, n: int, rng: np.random.Generator) -> IntArray:
-    """Degrees of freedom (n,) from the least doubted to those of [pressure], evenly in their logarithm."""
-    low, high = sorted((job.doubt.least_dof, job.pressure.wishart_dof))
-    drawn = np.exp(rng.uniform(np.log(low), np.log(high), n)).astype(np.int64)
-    return np.maximum(drawn, low)
 
 
 def _friction(job: Job, n: int, rng: np.random.Generator) -> Array:

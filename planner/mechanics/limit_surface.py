@@ -129,19 +129,14 @@ def wishart(mean: Array, dof: int | IntArray, rng: np.random.Generator, n: int) 
     Var(X_ij) = (mean_ij^2 + mean_ii mean_jj) / dof (paper, footnote 1). Drawn by Bartlett's decomposition,
     without LAPACK and BLAS: one seed gives the same draws on every processor.
     """
-    drawn = bartlett(len(mean), dof, rng, n)
-    _square(cholesky(mean), drawn)
-    return drawn
-
-
-def bartlett(size: int, dof: int | IntArray, rng: np.random.Generator, n: int) -> Array:
-    """Draws lower triangular B (n, size, size): B B^T is a Wishart matrix with the unit matrix as mean."""
-    drawn = np.zeros((n, size, size))
+    size = len(mean)
+    drawn = np.empty((n, size, size))
     for row in range(size):
         drawn[:, row, row] = np.sqrt(rng.chisquare(dof - row, size=n) / dof)
         drawn[:, row, :row] = (
             rng.standard_normal((n, row)) / np.sqrt(np.broadcast_to(dof, n))[:, None]
         )
+    _square(cholesky(mean), drawn)
     return drawn
 
 

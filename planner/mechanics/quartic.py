@@ -30,6 +30,8 @@ from planner.part.quartic_form import (
     monomials,
 )
 
+ROUNDING = 1e-12  # Keeps a draw with few degrees of freedom positive definite
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class QuarticSurface:
@@ -93,8 +95,9 @@ def sample(surface: QuarticSurface, dof: int | IntArray, rng: np.random.Generato
     with that mean and `dof`. So quartics scatter as ellipsoids do (an ellipsoid squared in just the same way)
     and stay convex.
     """
-    factor = _factor(surface)
-    turned = factor @ limit_surface.bartlett(3, dof, rng, n) @ np.linalg.inv(factor)  # S^T
+    factor, white = _factor(surface), limit_surface.wishart(np.eye(3), dof, rng, n)
+    root = np.linalg.cholesky(white + ROUNDING * np.eye(3))
+    turned = factor @ root @ np.linalg.inv(factor)  # S^T
     return np.asarray(lifted(turned) @ surface.hessian_table() @ lifted(turned.transpose(0, 2, 1)))
 
 
