@@ -96,7 +96,7 @@ class Doubt:
     encoder_mm: Annotated[Interval, _interval(-20, 20)]  # of what every width reads too much
     # Of what it reads too much for each mm.
     encoder_gain: Annotated[Interval, _interval(-0.2, 0.2)]
-    # "any": parts may press with their rim, their area or on three feet, whatever [pressure] says.
+    # "any": parts may press with their rim, their area, its middle or three feet, whatever [pressure] says.
     pressure: Annotated[str, Text(("stated", "any"), default="stated")]
     # "any": the limit surface may also be of the form, ellipsoid or quartic, that [pressure] does not say.
     limit_surface: Annotated[str | None, Text(("stated", "any"), default=None)]

@@ -18,6 +18,7 @@ from planner.part.pressure import Kind, Support, even, stances, support
 Surface: TypeAlias = LimitSurface | QuarticSurface
 Fit: TypeAlias = Callable[[Array, Array, float], Surface]
 
+MIDDLE = 0.6  # size of the area that a part with a bulge presses on, as a share of its outline's
 FEET = 8  # how many sets of three feet, at most, stand for all that a part may stand on
 
 
@@ -85,7 +86,7 @@ def latent_surfaces(job: Job) -> list[tuple[Fit, Support]]:
 
 
 def _other_pressures(job: Job) -> tuple[list[Support], list[Support]]:
-    """Loads that are spread out, and sets of three feet."""
+    """Loads that are spread out, over the rim, the area and its middle; and sets of three feet."""
     pressure, outline, rng = job.pressure, job.part.outline_mm, np.random.default_rng(FEET)
     if job.doubt.pressure == "stated":
         return [], []
@@ -93,6 +94,8 @@ def _other_pressures(job: Job) -> tuple[list[Support], list[Support]]:
     spread = [
         support(replace(pressure, kind=kind), outline) for kind in kinds if kind != pressure.kind
     ]
+    points, weights = support(replace(pressure, kind="uniform"), outline)
+    spread.append((MIDDLE * points, weights))
     return spread, [even(feet) for feet in rng.permutation(stances(outline))[:FEET]]
 
 

@@ -64,7 +64,7 @@ class Recorded(NamedTuple):
     outline: Array  # (N, 2)
     origin: Array  # (2,) of the data's poses
     paths: Paths  # of tips that start beside the part
-    overlap_mm: Array  # (n,) before
+    overlap_mm: Array  # (n,) as recorded, negative where a tip does not touch yet
     moved: Array  # (n, 3) measured displacement of the centroid
     authors: dict[str, Array]  # (n, 3) the same by the authors' models
 
@@ -130,7 +130,21 @@ def _recorded(
     }
     measured = displacement("x1", "y1", "th1")
     return Recorded(
-        shape, surface, outline, -centroid, beside.paths, beside.overlap_mm, measured, authors
+        shape, surface, outline, -centroid, beside.paths, overlap(first, outline), measured, authors
+    )
+
+
+def overlap(tip: Array, outline: Array) -> Array:
+    """How deep tips (n, 2) stand in the part, negative where they are clear of it [mm]."""
+    part, centres = shapely.Polygon(outline), shapely.points(tip)
+    away = shapely.distance(part.exterior, centres)
+    return np.asarray(RADIUS_MM - np.where(shapely.contains(part, centres), -away, away))
+
+
+def start_mm(sets: list[Recorded]) -> float:
+    """How far off recorded starts are across the edge, where all tips touch: as a standard deviation."""
+    return round(
+        float(np.quantile(np.abs(np.concatenate([each.overlap_mm for each in sets])), 0.683)), 3
     )
 
 
@@ -259,15 +273,22 @@ def measured(folder: Path) -> dict[str, Any]:
             "coverage": dict(zip(("x", "y", "turn"), np.round(shares, 4).tolist(), strict=True)),
         }
 
+    shapes = list(dict.fromkeys(shape for shape, _ in sets))
     groups = {"all": grouped(lambda _: True)}
     groups |= {surface: grouped(lambda key, s=surface: key[1] == s) for surface in SURFACES}  # type: ignore[misc]
-    for shape in dict.fromkeys(shape for shape, _ in sets):
+    for shape in shapes:
         groups[shape] = grouped(lambda key, s=shape: key[0] == s)  # type: ignore[misc]
-    overlap = np.concatenate([pushes.overlap_mm for pushes in sets.values()])
+    depth = np.concatenate([pushes.overlap_mm for pushes in sets.values()])
     return {
         "friction": {"new job": middle, "from own pairs": chosen},
         "pressure": f"{job.pressure.kind}, {job.pressure.limit_surface}",
-        "overlapping": round(float((overlap > 0.05).mean()), 4),
+        "overlapping": round(float((depth > 0.05).mean()), 4),
+        "start_mm": {
+            **{s: start_mm([sets[key] for key in sets if key[1] == s]) for s in SURFACES},
+            **{
+                f"without {s}": start_mm([sets[key] for key in sets if key[0] != s]) for s in shapes
+            },
+        },
         "groups": groups,
     }
 

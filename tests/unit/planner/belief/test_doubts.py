@@ -49,11 +49,11 @@ def squeezed(job, belief, rng, placement=(1.0, -2.0, 0.3)):
 
 
 def test_stated_pushes_doubt_all_that_they_feel_each_for_itself(doubting):
-    """Rim, area and feet alike; nothing of jaws and encoder."""
+    """Rim, area, its middle and feet alike; nothing of jaws and encoder."""
     n = 30_000
     traits = pushed_of(doubting, n, np.random.default_rng(2))
-    ways = np.bincount(np.minimum(traits["surface"], 2), minlength=3) / n
-    assert ways == pytest.approx(np.full(3, 1 / 3), abs=0.01)
+    ways = np.bincount(np.minimum(traits["surface"], 3), minlength=4) / n
+    assert ways == pytest.approx(np.full(4, 1 / 4), abs=0.01)
     assert traits["surface"].max() == len(Simulator.of_job(doubting, 1).others)
     assert (traits["dof"] == doubting.doubt.least_dof).all()
     assert np.mean(traits["friction"] != FRESH) == pytest.approx(0.3, abs=0.02)
