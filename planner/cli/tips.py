@@ -65,15 +65,14 @@ def beside(paths: Paths, radius_mm: float, outline: Array, where: Path) -> Besid
     """
     overlap = np.maximum(_depth(paths.points, radius_mm, outline).max(axis=1), 0.0)
     _check_depth(overlap, radius_mm, where)
-    freed = _freed(paths, radius_mm, outline)
-    stays = _depth(freed.points, radius_mm, outline).max(axis=1) > CLEAR_MM
-    if stays.any():
+    shift, inside = _way_out(paths.points, radius_mm, outline)
+    if len(inside):
+        which = f"push {inside[0] + 1}"
         problem = (
-            f"push {int(np.argmax(stays)) + 1}: no place beside the part is free for all tips; correct where "
-            "they start"
+            f"{which}: no place beside the part is free for all tips; correct where they start"
         )
         raise InputError(problem, where=str(where))
-    return Beside(freed, overlap)
+    return Beside(_moved(paths, shift), overlap)
 
 
 def scattered(
@@ -84,27 +83,32 @@ def scattered(
     Each is moved whole, and beside the part again; where no place there is free it starts as stated.
     """
     off = std_mm * rng.standard_normal((len(paths.points), 2))
-    freed = _freed(_moved(paths, off), radius_mm, outline)
-    stays = _depth(freed.points, radius_mm, outline).max(axis=1) > CLEAR_MM
-    shift = np.where(stays[:, None], 0.0, freed.points[:, 0] - paths.points[:, 0])
+    shift, inside = _way_out(paths.points + off[:, None], radius_mm, outline)
+    shift += off
+    shift[inside] = 0.0
     return _moved(paths, shift)
 
 
-def _freed(paths: Paths, radius_mm: float, outline: Array) -> Paths:
-    """Pushers whose deepest tip was moved out of the part, until none overlaps or `ROUNDS` are over."""
+def _way_out(points: Array, radius_mm: float, outline: Array) -> tuple[Array, IntArray]:
+    """How far (n, 2) to move tips about points (n, K, 2), the deepest first, until none overlaps the part.
+
+    Returns also the rows of those that do so after `ROUNDS`.
+    """
     edge = shapely.Polygon(outline).buffer(radius_mm, quad_segs=ARCS).boundary
-    points = paths.points.copy()
-    for _ in range(ROUNDS):
-        depth = _depth(points, radius_mm, outline)
-        rows = np.flatnonzero(depth.max(axis=1) > CLEAR_MM)
-        if not len(rows):
+    shift, rows = np.zeros((len(points), 2)), np.arange(len(points))
+    for round_ in range(ROUNDS + 1):
+        tips = points[rows] + shift[rows, None]
+        depth = _depth(tips, radius_mm, outline)
+        inside = depth.max(axis=1) > CLEAR_MM
+        rows, depth, tips = rows[inside], depth[inside], tips[inside]
+        if not len(rows) or round_ == ROUNDS:
             break
-        tips = points[rows, depth[rows].argmax(axis=1)]
+        deepest = tips[np.arange(len(rows)), depth.argmax(axis=1)]
         nearest = shapely.line_interpolate_point(
-            edge, shapely.line_locate_point(edge, shapely.points(tips))
+            edge, shapely.line_locate_point(edge, shapely.points(deepest))
         )
-        points[rows] += (shapely.get_coordinates(nearest) - tips)[:, None]
-    return _moved(paths, points[:, 0] - paths.points[:, 0])
+        shift[rows] += shapely.get_coordinates(nearest) - deepest
+    return shift, rows
 
 
 def _moved(paths: Paths, shift: Array) -> Paths:
