@@ -9,7 +9,7 @@ from planner.arrays import Array, IntArray
 from planner.belief.particles import Belief, initial
 from planner.job.model import Job
 from planner.job.schema import Interval
-from planner.mechanics.surface import latent_surfaces
+from planner.mechanics.surface import latent_surfaces, shares_of
 from planner.mechanics.traits import FRESH, SHAPES, Traits, as_planned, by_hypothesis
 from planner.part.outline import min_width
 
@@ -48,6 +48,19 @@ def traits_of(job: Job, n: int, rng: np.random.Generator) -> Traits:
 def stated_of(job: Job, n: int, rng: np.random.Generator) -> Traits:
     """The traits (n,) of parts drawn from those that may lie there, where nothing is off."""
     return _of_each(job, hypotheses_of(job, n, rng), stated)
+
+
+def pushed_of(job: Job, n: int, rng: np.random.Generator) -> Traits:
+    """Draws the traits (n,) of parts whose pushes are stated: nothing was measured that tells what is off.
+
+    What a push feels is drawn each for itself: how the part presses on the table, and friction of the pusher.
+    Friction with the table scatters as much as the job doubts it may. Jaws and encoder have no part in it.
+    """
+    traits, shares = as_planned(n), shares_of(job)
+    traits["surface"] = rng.choice(len(shares), n, p=shares)
+    traits["dof"] = job.doubt.least_dof
+    traits["friction"] = _friction(job, n, rng)
+    return traits
 
 
 def hypotheses_of(job: Job, n: int, rng: np.random.Generator) -> Traits:

@@ -10,12 +10,12 @@ import numpy as np
 import shapely
 
 from planner.arrays import Array
-from planner.belief.doubts import traits_of
-from planner.cli import columns
+from planner.belief.doubts import pushed_of
+from planner.cli import columns, tips
 from planner.errors import KeyNameError
 from planner.job.model import Job
 from planner.mechanics.push import Paths
-from planner.mechanics.simulator import Simulator
+from planner.mechanics.simulator import Pushed, Simulator
 from runtime.shell.errors import InputError
 
 PLACES = ("push_x_mm", "push_y_mm", "approach_x", "approach_y", "cor_x_mm", "cor_y_mm", "angle_deg")
@@ -102,20 +102,27 @@ def drawn(
     draws: int,
     rng: np.random.Generator,
 ) -> Drawn:
-    """Pushes with `draws` parts each, drawn as the job believes in them: its scatter, friction and doubts."""
+    """Pushes as `draw` has them, `draws` times each."""
     n, given_up = len(paths.angles), 0
     bounds, some = np.empty((n, 3, 2)), max(AT_ONCE // draws, 1)
     for start in range(0, n, some):
         rows = np.arange(start, min(start + some, n))
         many = Paths(*(np.repeat(values[rows], draws, axis=0) for values in paths))
-        count = len(rows) * draws
-        pushed = simulator.push(
-            many, simulator.sample(count, rng, traits_of(job, count, rng)), radius_mm
-        )
+        pushed = draw(simulator, job, many, radius_mm, rng)
         moved = in_degrees(pushed.moved).reshape(len(rows), draws, 3)
         bounds[rows] = np.moveaxis(np.quantile(moved, SHARES, axis=1), 0, 2)
         given_up += int(pushed.given_up.sum())
     return Drawn(bounds.reshape(n, 6), given_up)
+
+
+def draw(
+    simulator: Simulator, job: Job, paths: Paths, radius_mm: float, rng: np.random.Generator
+) -> Pushed:
+    """Pushes once along each of n paths, of parts as the job believes in them: scatter, friction, doubts."""
+    if job.doubt.start_mm:
+        paths = tips.scattered(paths, job.doubt.start_mm, radius_mm, job.part.outline_mm, rng)
+    n = len(paths.angles)
+    return simulator.push(paths, simulator.sample(n, rng, pushed_of(job, n, rng)), radius_mm)
 
 
 def in_degrees(moved: Array) -> Array:

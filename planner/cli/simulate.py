@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 
 from planner.arrays import Array, IntArray
-from planner.belief.doubts import traits_of
 from planner.cli import columns, pushes, shell, tips
 from planner.errors import KeyNameError
 from planner.job import model as job_file
@@ -152,11 +151,9 @@ def _pushed(simulator: Simulator, arguments: argparse.Namespace, job: Job) -> Re
         ways, overlap = tips.beside(ways, radius, outline, path)
         further, header = overlap[:, None], (*header, tips.OVERLAP)
     if arguments.nominal:
-        parameters = simulator.nominal(n, arguments.mu)
+        pushed = simulator.push(ways, simulator.nominal(n, arguments.mu), radius or 0.0)
     else:
-        rng = _rng(arguments, job)
-        parameters = simulator.sample(n, rng, None if radius is None else traits_of(job, n, rng))
-    pushed = simulator.push(ways, parameters, radius or 0.0)
+        pushed = pushes.draw(simulator, job, ways, radius or 0.0, _rng(arguments, job))
     numbers = np.column_stack([rows, pushes.in_degrees(pushed.moved)])
     given_up = int(pushed.given_up.sum())
     if arguments.draws is not None:

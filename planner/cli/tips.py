@@ -63,29 +63,63 @@ def beside(paths: Paths, radius_mm: float, outline: Array, where: Path) -> Besid
     Raises:
         InputError: a tip overlaps the part by its diameter or more, or no place beside it is free.
     """
-    part = shapely.Polygon(outline)
-    edge = part.buffer(radius_mm, quad_segs=ARCS).boundary
-    points, overlap = paths.points.copy(), np.zeros(len(paths.points))
-    for round_ in range(ROUNDS):
-        centres = shapely.points(points)  # (n, K)
-        away = shapely.distance(part.exterior, centres)
-        depth = radius_mm - np.where(shapely.contains(part, centres), -away, away)
-        deepest = depth.argmax(axis=1)
-        most = depth.max(axis=1)
-        if round_ == 0:
-            overlap = np.maximum(most, 0.0)
-            _check_depth(overlap, radius_mm, where)
-        rows = np.flatnonzero(most > CLEAR_MM)
-        if not len(rows):
-            shift = points[:, 0] - paths.points[:, 0]
-            return Beside(paths._replace(points=points, centres=paths.centres + shift), overlap)
-        tips = points[rows, deepest[rows]]
-        nearest = shapely.line_interpolate_point(
-            edge, shapely.line_locate_point(edge, shapely.points(tips))
+    overlap = np.maximum(_depth(paths.points, radius_mm, outline).max(axis=1), 0.0)
+    _check_depth(overlap, radius_mm, where)
+    shift, inside = _way_out(paths.points, radius_mm, outline)
+    if len(inside):
+        which = f"push {inside[0] + 1}"
+        problem = (
+            f"{which}: no place beside the part is free for all tips; correct where they start"
         )
-        points[rows] += (shapely.get_coordinates(nearest) - tips)[:, None]
-    problem = f"push {rows[0] + 1}: no place beside the part is free for all tips; correct where they start"
-    raise InputError(problem, where=str(where))
+        raise InputError(problem, where=str(where))
+    return Beside(_moved(paths, shift), overlap)
+
+
+def scattered(
+    paths: Paths, std_mm: float, radius_mm: float, outline: Array, rng: np.random.Generator
+) -> Paths:
+    """Pushers that start off where they are stated, by a normal of this standard deviation in x and y.
+
+    Each is moved whole, and beside the part again; where no place there is free it starts as stated.
+    """
+    off = std_mm * rng.standard_normal((len(paths.points), 2))
+    shift, inside = _way_out(paths.points + off[:, None], radius_mm, outline)
+    shift += off
+    shift[inside] = 0.0
+    return _moved(paths, shift)
+
+
+def _way_out(points: Array, radius_mm: float, outline: Array) -> tuple[Array, IntArray]:
+    """How far (n, 2) to move tips about points (n, K, 2), the deepest first, until none overlaps the part.
+
+    Returns also the rows of those that do so after `ROUNDS`.
+    """
+    edge = shapely.Polygon(outline).buffer(radius_mm, quad_segs=ARCS).boundary
+    shift, rows = np.zeros((len(points), 2)), np.arange(len(points))
+    for round_ in range(ROUNDS + 1):
+        tips = points[rows] + shift[rows, None]
+        depth = _depth(tips, radius_mm, outline)
+        inside = depth.max(axis=1) > CLEAR_MM
+        rows, depth, tips = rows[inside], depth[inside], tips[inside]
+        if not len(rows) or round_ == ROUNDS:
+            break
+        deepest = tips[np.arange(len(rows)), depth.argmax(axis=1)]
+        nearest = shapely.line_interpolate_point(
+            edge, shapely.line_locate_point(edge, shapely.points(deepest))
+        )
+        shift[rows] += shapely.get_coordinates(nearest) - deepest
+    return shift, rows
+
+
+def _moved(paths: Paths, shift: Array) -> Paths:
+    return paths._replace(points=paths.points + shift[:, None], centres=paths.centres + shift)
+
+
+def _depth(points: Array, radius_mm: float, outline: Array) -> Array:
+    """How far (n, K) tips about points (n, K, 2) overlap the part, negative where they are clear [mm]."""
+    part, centres = shapely.Polygon(outline), shapely.points(points)
+    away = shapely.distance(part.exterior, centres)
+    return np.asarray(radius_mm - np.where(shapely.contains(part, centres), -away, away))
 
 
 def _check_depth(overlap: Array, radius_mm: float, where: Path) -> None:

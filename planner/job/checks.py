@@ -16,7 +16,6 @@ from runtime.table import PROFILES, TableError, doubt_um, profile_of
 Values = dict[str, Any]
 
 LEAST_DOF = 3  # Of an ellipsoid's scatter, which is 3 x 3
-LEAST_QUARTIC_DOF = 9  # As many degrees of freedom as the certificate of a quartic has rows
 ON_PART_MM = 1e-3  # How far outside the outline a support point may lie, for rounded drawings
 LEAST_STEPS = 8  # Of a reading between open and closed jaws
 
@@ -103,7 +102,6 @@ def check_conflicts(values: Values) -> None:
         raise _conflict(
             "part", "picks", "need a datum, in whose frame they are; state it, [0, 0, 0] if need be"
         )
-    _check_dof(values["pressure"])
     low, high = values["friction"]["finger_part_min"], values["friction"]["finger_part_max"]
     if low > high:
         problem = f"is {low:g}, above finger_part_max = {high:g}; exchange them"
@@ -170,15 +168,6 @@ def _check_symmetry(part: dict[str, Any]) -> None:
         raise _conflict("part", "symmetry", problem)
 
 
-def _check_dof(
-    pressure: dict[str, Any], place: tuple[str, str] = ("pressure", "wishart_dof")
-) -> None:
-    quartic = pressure.get("limit_surface") == "quartic" or pressure.get("quartic") is not None
-    if quartic and pressure["wishart_dof"] < LEAST_QUARTIC_DOF:
-        problem = f"must be at least {LEAST_QUARTIC_DOF} for a quartic, whose certificate is 9 x 9"
-        raise _conflict(*place, problem)
-
-
 def _check_gripper(gripper: dict[str, Any], cell: dict[str, Any]) -> None:
     step_mm, opening_mm = gripper["resolution_mm"], gripper["opening_mm"]
     if opening_mm < LEAST_STEPS * step_mm:
@@ -200,13 +189,11 @@ def _check_doubt(doubt: dict[str, Any], pressure: dict[str, Any]) -> None:
         raise _conflict(
             "doubt", "least_dof", f"is {least}; write 0 for no doubt, or {LEAST_DOF} or more"
         )
-    if least:
-        _check_dof({**pressure, "wishart_dof": least}, ("doubt", "least_dof"))
-    if doubt["limit_surface"] == "any":
-        if pressure.get("limit_surface") is None:
-            problem = f'is "any", but [pressure] kind = "{pressure["kind"]}" states the surface; leave it out'
-            raise _conflict("doubt", "limit_surface", problem)
-        _check_dof({**pressure, "limit_surface": "quartic"})
+    if doubt["limit_surface"] == "any" and pressure.get("limit_surface") is None:
+        problem = (
+            f'is "any", but [pressure] kind = "{pressure["kind"]}" states the surface; leave it out'
+        )
+        raise _conflict("doubt", "limit_surface", problem)
 
 
 def _check_heights(height_mm: float | None, cell: dict[str, Any]) -> None:

@@ -111,12 +111,14 @@ class Doubt:
     encoder_mm: Annotated[Interval, _interval(-20, 20)]
     # Of what it reads too much for each mm.
     encoder_gain: Annotated[Interval, _interval(-0.2, 0.2)]
-    # "any": parts may press with their rim, their area or on three feet, whatever [pressure] says.
+    # "any": parts may press with their rim, their area, its middle or three feet, whatever [pressure] says.
     pressure: Annotated[str, Text(("stated", "any"), default="stated")]
     # "any": the limit surface may also be of the form, ellipsoid or quartic, that [pressure] does not say.
     limit_surface: Annotated[str | None, Text(("stated", "any"), default=None)]
     # Least degrees of freedom of the limit surface's scatter; those of [pressure] are the most. 0: no doubt.
     least_dof: Annotated[int, Integer(0, 1_000_000, default=0)]
+    # std of the x and y at which a recorded pusher stands beside the part, in `plan-simulate --draws` alone.
+    start_mm: Annotated[float | None, Number(0, 10, default=None)]
     placement_mm: Annotated[
         float, Number(0, 10, default=0.0)
     ]  # std of the hand's x and y, in each squeeze

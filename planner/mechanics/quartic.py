@@ -13,6 +13,7 @@ wrench.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -28,6 +29,8 @@ from planner.part.quartic_form import (
     gram,
     monomials,
 )
+
+ROUNDING = 1e-12  # Keeps a draw with few degrees of freedom positive definite
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,24 +89,32 @@ def from_certificate(Q: Array, rho_mm: float) -> QuarticSurface:
 
 
 def sample(surface: QuarticSurface, dof: int | IntArray, rng: np.random.Generator, n: int) -> Array:
-    """Draws random convex quartics around a nominal one: their certificates (n, 9, 9), by Wishart.
+    """Draws n random quartics around a nominal one: tables (n, 6, 6) as `hessian_table`.
 
-    A Wishart draw with mean Q is positive definite, but 21 of its 45 dimensions belong to no quartic. They
-    are projected away, orthogonally in the metric of Q (with Q = C C^T, on C^-1 Q' C^-T): so the mean stays
-    Q, and the result does not depend on the units of F. The rare draw that this leaves indefinite is moved
-    towards Q until it is not. `dof` is at least 9.
+    Each is the nominal one in other coordinates, those that take the nearest ellipsoid into a Wishart draw
+    with that mean and `dof`. So quartics scatter as ellipsoids do (an ellipsoid squared in just the same way)
+    and stay convex.
     """
-    factor = np.linalg.cholesky(surface.certificate)
-    inverse = np.linalg.inv(factor)
-    basis = np.linalg.qr((inverse @ CERTIFICATES @ inverse.T).reshape(-1, 81).T)[0]  # (81, 24)
-    white = limit_surface.wishart(np.eye(9), dof, rng, n).reshape(n, 81)
-    white = (white @ basis @ basis.T).reshape(n, 9, 9)
-    white = 0.5 * (white + white.transpose(0, 2, 1))
-    least = np.linalg.eigvalsh(white)[:, 0] if n else np.zeros(0)
-    floor = limit_surface.MIN_EIGENVALUE
-    kept = np.where(least > floor, 1.0, (1.0 - floor) / np.maximum(1.0 - least, 1.0 - floor))
-    white = np.eye(9) + kept[:, None, None] * (white - np.eye(9))
-    return np.asarray(factor @ white @ factor.T)
+    factor, white = _factor(surface), limit_surface.wishart(np.eye(3), dof, rng, n)
+    root = np.linalg.cholesky(white + ROUNDING * np.eye(3))
+    turned = factor @ root @ np.linalg.inv(factor)  # S^T
+    return np.asarray(lifted(turned) @ surface.hessian_table() @ lifted(turned.transpose(0, 2, 1)))
+
+
+@lru_cache(maxsize=256)
+def _factor(surface: QuarticSurface) -> Array:
+    """Lower triangular L (3, 3): L L^T is the ellipsoid nearest to a quartic."""
+    F = limit_surface.twist_directions()
+    F /= surface.value(F)[:, None] ** 0.25
+    A = limit_surface.fit(F, surface.twist(F))
+    return limit_surface.cholesky(np.round(A, limit_surface.DIGITS))
+
+
+def lifted(S: Array) -> Array:
+    """What S (n, 3, 3) makes of the six products of two coordinates, in the order of `PAIRS`: (n, 6, 6)."""
+    (i, j), (k, m) = PAIRS.T[:, :, None], PAIRS.T[:, None, :]
+    other = np.where(k == m, 0.0, 1.0)
+    return np.asarray(S[:, i, k] * S[:, j, m] + other * S[:, i, m] * S[:, j, k])
 
 
 def _centred(Q: Array) -> Array:

@@ -14,11 +14,11 @@ from planner.mechanics.limit_surface import LimitSurface
 from planner.mechanics.quartic import QuarticSurface
 from planner.part.outline import radius_of_gyration
 from planner.part.pressure import Kind, Support, even, stances, support
-from planner.part.quartic_form import FORM, PAIRS, coefficients_of, gram
 
 Surface: TypeAlias = LimitSurface | QuarticSurface
 Fit: TypeAlias = Callable[[Array, Array, float], Surface]
 
+MIDDLE = 0.6  # size of the area that a part with a bulge presses on, as a share of its outline's
 FEET = 8  # how many sets of three feet, at most, stand for all that a part may stand on
 
 
@@ -61,6 +61,18 @@ def others_of(job: Job) -> tuple[Surface, ...]:
     return tuple(_fitted(fit, held, rho) for fit, held in latent_surfaces(job))
 
 
+def shares_of(job: Job) -> Array:
+    """Shares of the nominal surface and of `others_of`, where each way to press is as likely as another.
+
+    All sets of three feet together are one way.
+    """
+    spread, feet = _other_pressures(job)
+    shares = np.ones(1 + len(spread) + len(feet))
+    shares[1 + len(spread) :] /= max(len(feet), 1)
+    shares = np.tile(shares, (1 + len(latent_surfaces(job))) // len(shares))
+    return np.asarray(shares / shares.sum())
+
+
 def latent_surfaces(job: Job) -> list[tuple[Fit, Support]]:
     """What `others_of` are fitted with and to: other pressures, other forms of the surface, or both."""
     doubt = job.doubt
@@ -68,19 +80,23 @@ def latent_surfaces(job: Job) -> list[tuple[Fit, Support]]:
         doubt.pressure == "stated" and doubt.limit_surface != "any"
     ):
         return []
-    pressures = [support(job.pressure, job.part.outline_mm), *_other_pressures(job)]
+    spread, feet = _other_pressures(job)
+    pressures = [support(job.pressure, job.part.outline_mm), *spread, *feet]
     return [(fit, held) for fit in _forms_of(job) for held in pressures][1:]
 
 
-def _other_pressures(job: Job) -> list[Support]:
+def _other_pressures(job: Job) -> tuple[list[Support], list[Support]]:
+    """Loads that are spread out, over the rim, the area and its middle; and sets of three feet."""
     pressure, outline, rng = job.pressure, job.part.outline_mm, np.random.default_rng(FEET)
     if job.doubt.pressure == "stated":
-        return []
+        return [], []
     kinds: tuple[Kind, ...] = ("boundary", "uniform")
     spread = [
         support(replace(pressure, kind=kind), outline) for kind in kinds if kind != pressure.kind
     ]
-    return [*spread, *map(even, rng.permutation(stances(outline))[:FEET])]
+    points, weights = support(replace(pressure, kind="uniform"), outline)
+    spread.append((MIDDLE * points, weights))
+    return spread, [even(feet) for feet in rng.permutation(stances(outline))[:FEET]]
 
 
 def nominal(surface: Surface) -> Array:
@@ -92,7 +108,7 @@ def sample(surface: Surface, dof: int | IntArray, rng: np.random.Generator, n: i
     """Physically consistent random surfaces as `nominal`, n of them (paper IV: Wishart with `dof`)."""
     if isinstance(surface, LimitSurface):
         return limit_surface.wishart(surface.A, dof, rng, n)
-    return hessian_tables(coefficients_of(quartic.sample(surface, dof, rng, n)))
+    return quartic.sample(surface, dof, rng, n)
 
 
 def sample_each(
@@ -116,10 +132,3 @@ def sample_each(
         whole[chosen, : some.shape[1], : some.shape[1]] = some
         ellipsoid[chosen] = isinstance(surfaces[number], LimitSurface)
     return whole, ellipsoid if size > 3 and ellipsoid.any() else None
-
-
-def hessian_tables(coefficients: Array) -> Array:
-    """`QuarticSurface.hessian_table` for many, (n, 15) to (n, 6, 6): linear in the coefficients."""
-    unit = np.stack([(FORM @ gram(row).reshape(81)).reshape(6, 6) for row in np.eye(15)])
-    halved = np.where(PAIRS[:, :1] == PAIRS[:, 1:], unit, 0.5 * unit)
-    return np.ascontiguousarray(np.tensordot(coefficients, halved, axes=1))

@@ -172,7 +172,10 @@ def _pressure(posterior: Posterior, cells: Cells) -> tuple[dict[str, Any], str]:
     if best == 0:
         return {}, "stated"
     surface = cells.simulator.others[best - 1]
-    if shares[best] < SURE or not isinstance(surface, LimitSurface):
+    if shares[best] < SURE:
         return {}, "any"
-    matrix = [[round(float(entry), 6) for entry in row] for row in surface.A]
-    return {"kind": "stated", "ellipsoid": matrix, "rho_mm": round(surface.rho_mm, 6)}, "stated"
+    if isinstance(surface, LimitSurface):
+        matrix = [[round(float(entry), 6) for entry in row] for row in surface.A]
+        return {"kind": "stated", "ellipsoid": matrix, "rho_mm": round(surface.rho_mm, 6)}, "stated"
+    form = {"quartic": surface.coefficients.tolist(), "certificate": surface.certificate.tolist()}
+    return {"kind": "identified", **form, "rho_mm": surface.rho_mm}, "stated"

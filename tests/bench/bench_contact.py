@@ -26,14 +26,16 @@ ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT))
 
 from planner.arrays import Array, BoolArray  # noqa: E402
-from planner.belief.doubts import traits_of  # noqa: E402
+from planner.cli import pushes as stated  # noqa: E402
 from planner.cli import tips  # noqa: E402
 from planner.identification import identify  # noqa: E402
 from planner.identification.pushes import Pairs  # noqa: E402
 from planner.job import model as job_file  # noqa: E402
-from planner.job.drafts import FINGERS  # noqa: E402
+from planner.job.drafts import FINGERS, Answers, draft  # noqa: E402
+from planner.job.model import Job  # noqa: E402
 from planner.mechanics.push import Paths  # noqa: E402
-from planner.mechanics.simulator import Parameters, Simulator  # noqa: E402
+from planner.mechanics.simulator import Simulator  # noqa: E402
+from planner.part.importers.file import Imported  # noqa: E402
 from planner.part.outline import canonical, radius_of_gyration  # noqa: E402
 
 RESULTS = Path(__file__).parent / "results" / "contact.json"
@@ -50,22 +52,8 @@ MODELS = (
     "new job",
     "from own pairs",
 )
-JOB = """
-friction = {{ finger_part_min = {low}, finger_part_max = {high} }}
-gripper = {{ finger_length_mm = 27.5, finger_width_mm = 9.5, opening_mm = 1000 }}
-uncertainty = {{ radius_mm = 10, orientation = "unknown" }}
-actions = {{ angles_deg = [0], centers_mm = [[0, 0]] }}
-goal = {{ distance_mm = 3, confidence = 0.9 }}
-part = {{ name = "{name}", tolerance_mm = 0.33, outline_mm = {outline} }}
-[pressure]
-{pressure}
-[doubt]
-finger_share = [-0.11, 0.11]
-middle_mm = [-1.4, 1.4]
-encoder_mm = [-1.1, 1.1]
-pressure = "any"
-"""
-UNIFORM = 'kind = "uniform"'
+SQUARE = np.array([[-10.0, -10.0], [10.0, -10.0], [10.0, 10.0], [-10.0, 10.0]])  # passes the jaws
+UNIFORM = {"kind": "uniform", "limit_surface": "ellipsoid"}
 
 
 class Recorded(NamedTuple):
@@ -76,7 +64,7 @@ class Recorded(NamedTuple):
     outline: Array  # (N, 2)
     origin: Array  # (2,) of the data's poses
     paths: Paths  # of tips that start beside the part
-    overlap_mm: Array  # (n,) before
+    overlap_mm: Array  # (n,) as recorded, negative where a tip does not touch yet
     moved: Array  # (n, 3) measured displacement of the centroid
     authors: dict[str, Array]  # (n, 3) the same by the authors' models
 
@@ -142,7 +130,21 @@ def _recorded(
     }
     measured = displacement("x1", "y1", "th1")
     return Recorded(
-        shape, surface, outline, -centroid, beside.paths, beside.overlap_mm, measured, authors
+        shape, surface, outline, -centroid, beside.paths, overlap(first, outline), measured, authors
+    )
+
+
+def overlap(tip: Array, outline: Array) -> Array:
+    """How deep tips (n, 2) stand in the part, negative where they are clear of it [mm]."""
+    part, centres = shapely.Polygon(outline), shapely.points(tip)
+    away = shapely.distance(part.exterior, centres)
+    return np.asarray(RADIUS_MM - np.where(shapely.contains(part, centres), -away, away))
+
+
+def start_mm(sets: list[Recorded]) -> float:
+    """How far off recorded starts are across the edge, where all tips touch: as a standard deviation."""
+    return round(
+        float(np.quantile(np.abs(np.concatenate([each.overlap_mm for each in sets])), 0.683)), 3
     )
 
 
@@ -171,24 +173,13 @@ def errors(moved: Array, pushes: Recorded) -> Errors:
     return Errors(np.hypot(off[:, 0], off[:, 1]), np.degrees(np.abs(wrapped(off[:, 2]))))
 
 
-def job_of(pushes: Recorded, pressure: str, friction: tuple[float, float]) -> Any:
-    """The job of a part that presses as stated."""
-    text = JOB.format(
-        low=friction[0],
-        high=friction[1],
-        name=pushes.shape,
-        pressure=pressure,
-        outline=np.round(pushes.outline, 4).tolist(),
-    )
-    return job_file.parse(text, f"the job of {pushes.shape}")
-
-
-def new_pressure() -> str:
-    """What `plan-init` writes under [pressure], bar comments."""
-    lines = (ROOT / "planner" / "templates" / "job.toml").read_text(encoding="utf-8").splitlines()
-    first = lines.index("[pressure]") + 1
-    ours = lines[first : lines.index("", first)]
-    return "\n".join(line for line in ours if not line.lstrip().startswith("#"))
+def new_job(pushes: Recorded) -> Job:
+    """The job that `plan-init` writes for fingers of steel, of a part that need not pass the jaws."""
+    answers = Answers(pushes.shape, 5.0, None, "robotiq-2f-85", "steel")
+    square = Imported(SQUARE, 4, np.ptp(SQUARE, axis=0), ())
+    written = job_file.parse(draft(square, "outlines.csv", answers), pushes.shape)
+    part = {"outline_mm": np.round(pushes.outline, 4).tolist(), "symmetry": 1}
+    return written.replaced(part=part, gripper={"opening_mm": 1000.0})
 
 
 def predicted(pushes: Recorded, part: Simulator, mu: float) -> Errors:
@@ -228,16 +219,14 @@ def leave_one_out(result: dict[tuple[str, str], dict[float, Errors]], shape: str
     return max(FRICTIONS, key=lambda mu: shares[mu])
 
 
-def coverage(pushes: Recorded, friction: tuple[float, float], seed: int) -> BoolArray:
-    """Whether x, y and the angle (n, 3) of some pushes lie in 90 % intervals of a new job's draws."""
-    job = job_of(pushes, new_pressure(), friction)
-    part, rows = Simulator.of_job(job, 1), np.arange(0, len(pushes.moved), EVERY)
-    many = Paths(*(np.repeat(values[rows], DRAWS, axis=0) for values in pushes.paths))
-    n, rng = len(rows) * DRAWS, np.random.default_rng(seed)
-    parameters: Parameters = part.sample(n, rng, traits_of(job, n, rng))
-    moved = part.push(many, parameters, RADIUS_MM).moved.reshape(len(rows), DRAWS, 3)
-    low, high = np.quantile(moved, (0.05, 0.95), axis=1)
-    return np.asarray((low <= pushes.moved[rows]) & (pushes.moved[rows] <= high))
+def coverage(pushes: Recorded, job: Job, part: Simulator, seed: int) -> BoolArray:
+    """Whether x, y and the angle (n, 3) of some pushes lie in 90 % intervals of a job's draws."""
+    rows = np.arange(0, len(pushes.moved), EVERY)
+    paths = Paths(*(values[rows] for values in pushes.paths))
+    rng = np.random.default_rng(seed)
+    drawn = stated.drawn(part, job, paths, RADIUS_MM, DRAWS, rng).bounds.reshape(-1, 3, 2)
+    moved = stated.in_degrees(pushes.moved[rows])
+    return np.asarray((drawn[..., 0] <= moved) & (moved <= drawn[..., 1]))
 
 
 def figures(ours: list[Errors]) -> dict[str, float]:
@@ -262,17 +251,17 @@ def measured(folder: Path) -> dict[str, Any]:
     pairs: dict[tuple[str, str], dict[float, Errors]] = {}
     covered: dict[tuple[str, str], BoolArray] = {}
     for number, (key, pushes) in enumerate(sets.items()):
-        uniform, new = (
-            Simulator.of_job(job_of(pushes, pressure, friction), 1)
-            for pressure in (UNIFORM, new_pressure())
-        )
+        job = new_job(pushes)
+        new = Simulator.of_job(job, 1)
+        plain = job.replaced(pressure=UNIFORM, doubt={"pressure": "stated"})
+        uniform = Simulator.of_job(plain, 1)
         ours["uniform, friction .25"][key] = predicted(pushes, uniform, 0.25)
         ours["new job"][key] = predicted(pushes, new, middle)
         for model, moved in pushes.authors.items():
             ours[model][key] = errors(moved, pushes)
         part = identified(folder, pushes, uniform)
         pairs[key] = {mu: predicted(pushes, part, mu) for mu in FRICTIONS}
-        covered[key] = coverage(pushes, friction, number)
+        covered[key] = coverage(pushes, job, new, number)
     chosen = {shape: leave_one_out(pairs, shape) for shape, _ in sets}
     ours["from own pairs"] = {key: values[chosen[key[0]]] for key, values in pairs.items()}
 
@@ -284,15 +273,22 @@ def measured(folder: Path) -> dict[str, Any]:
             "coverage": dict(zip(("x", "y", "turn"), np.round(shares, 4).tolist(), strict=True)),
         }
 
+    shapes = list(dict.fromkeys(shape for shape, _ in sets))
     groups = {"all": grouped(lambda _: True)}
     groups |= {surface: grouped(lambda key, s=surface: key[1] == s) for surface in SURFACES}  # type: ignore[misc]
-    for shape in dict.fromkeys(shape for shape, _ in sets):
+    for shape in shapes:
         groups[shape] = grouped(lambda key, s=shape: key[0] == s)  # type: ignore[misc]
-    overlap = np.concatenate([pushes.overlap_mm for pushes in sets.values()])
+    depth = np.concatenate([pushes.overlap_mm for pushes in sets.values()])
     return {
         "friction": {"new job": middle, "from own pairs": chosen},
-        "pressure": new_pressure().split("  #")[0],
-        "overlapping": round(float((overlap > 0.05).mean()), 4),
+        "pressure": f"{job.pressure.kind}, {job.pressure.limit_surface}",
+        "overlapping": round(float((depth > 0.05).mean()), 4),
+        "start_mm": {
+            **{s: start_mm([sets[key] for key in sets if key[1] == s]) for s in SURFACES},
+            **{
+                f"without {s}": start_mm([sets[key] for key in sets if key[0] != s]) for s in shapes
+            },
+        },
         "groups": groups,
     }
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.belief.doubts import ROUGH, SLIPPERY, believed, certain
+from planner.belief.doubts import ROUGH, SLIPPERY, believed, certain, pushed_of
 from planner.belief.observation import encoder_of
 from planner.belief.particles import initial, replenish, subsample
 from planner.belief.transition import Simulation, placing_of
@@ -46,6 +46,30 @@ def doubting(job):
 def squeezed(job, belief, rng, placement=(1.0, -2.0, 0.3)):
     model = Simulation(Simulator.of_job(job, 1), encoder_of(job), placing_of(job))
     return model.squeeze([(belief, np.array(placement))], rng)[0].belief
+
+
+def test_stated_pushes_doubt_all_that_they_feel_each_for_itself(doubting):
+    """Rim, area, its middle and feet alike; nothing of jaws and encoder."""
+    n = 30_000
+    traits = pushed_of(doubting, n, np.random.default_rng(2))
+    ways = np.bincount(np.minimum(traits["surface"], 3), minlength=4) / n
+    assert ways == pytest.approx(np.full(4, 1 / 4), abs=0.01)
+    assert traits["surface"].max() == len(Simulator.of_job(doubting, 1).others)
+    assert (traits["dof"] == doubting.doubt.least_dof).all()
+    assert np.mean(traits["friction"] != FRESH) == pytest.approx(0.3, abs=0.02)
+    felt = as_planned(n)
+    for name in ("surface", "dof", "friction"):
+        felt[name] = traits[name]
+    assert np.array_equal(felt, traits)
+
+
+def test_stated_pushes_of_a_certain_job_are_as_planned(job):
+    traits = pushed_of(
+        job.replaced(friction={"doubt": 0.0}, doubt={"pressure": "stated"}),
+        50,
+        np.random.default_rng(2),
+    )
+    assert ordinary(traits).all()
 
 
 def test_a_share_of_the_particles_doubts_the_stated_friction_half_of_it_either_way(job):

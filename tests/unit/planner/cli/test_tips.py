@@ -103,6 +103,37 @@ def test_draws_bound_what_single_draws_say(tmp_path):
     assert run(tmp_path, f"{TIPS}\n-4.75,30,20,3\n", *options)[1] == some
 
 
+def test_scattered_tips_start_about_where_they_are_stated_and_beside_the_part():
+    outline, n, radius = np.array([[0.0, 0], [40, 0], [40, 30], [0, 30]]), 4000, 3.0
+    points = np.repeat(np.array([[-20.0, 15.0], [-3.0, 15.0]]), n, axis=0)
+    pushes = Paths(points[:, None], points, np.zeros(2 * n), np.ones((2 * n, 2)))
+    moved = tips.scattered(pushes, 1.5, radius, outline, np.random.default_rng(3))
+    off = moved.points[:, 0] - points
+    assert np.array_equal(moved.centres - points, off)
+    assert off[:n].std(axis=0) == pytest.approx([1.5, 1.5], rel=0.05)  # far from the part
+    assert off[n:, 0].max() < 2.0 * tips.CLEAR_MM  # pushed back where it would overlap
+    assert (off[n:, 0] > -tips.CLEAR_MM).mean() == pytest.approx(0.5, abs=0.03)
+
+
+def test_scattered_tip_without_a_free_place_starts_as_stated():
+    slot = np.array([[0.0, 0], [40, 0], [40, 30], [23, 30], [23, 5], [17, 5], [17, 30], [0, 30]])
+    points = np.array([[[20.0, 15.0], [20.0, 25.0]]])  # two tips that just fit between the walls
+    pushes = Paths(points, points[:, 0], np.zeros(1), np.ones((1, 2)))
+    moved = tips.scattered(pushes, 2.0, 2.9999, slot, np.random.default_rng(1))
+    assert np.abs(moved.points[0, :, 0] - 20.0).max() < 0.01
+
+
+def test_start_of_a_push_scatters_as_the_job_says(tmp_path):
+    """A part that hardly scatters turns by more or less, as the pusher stands beside its centroid."""
+    text, options = f"{TIPS}\n-4.75,50,20,0\n", (*RADIUS, "--draws", "200")
+    steady, widths = JOB.replace("pressure = {", "pressure = { wishart_dof = 100000,"), []
+    for start_mm in (0.0, 2.0):
+        job = f"{steady}doubt = {{ start_mm = {start_mm} }}\n"
+        _, rows, _, _ = run(tmp_path, text, *options, job=job)
+        widths.append(float(rows[0]["turned_deg_high"]) - float(rows[0]["turned_deg_low"]))
+    assert widths[1] > 2.0 * widths[0]
+
+
 @pytest.mark.parametrize(
     ("text", "error", "words"),
     [
