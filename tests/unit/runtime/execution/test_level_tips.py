@@ -5,7 +5,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 import pytest
-from counting import SETTINGS, count_of
+from counting import SETTINGS, count_of, width_um
 from fake_cell import fake_cell
 from sample_tables import LIMITS, small_table, with_node
 from squeezes import (
