@@ -354,10 +354,10 @@ def _row(
             print(f"{name:16} {step_mm:5.2f} mm  no: {failure}", flush=True)
         return {"gripper": name, "step_mm": step_mm, "reason": str(failure)}
     figures = plan.evaluation.summary()
-    located, error = figures["success_rate"], figures["error_mm"] or {"median": None, "p95": None}
+    located, off_mm = figures["success_rate"], figures["error_mm"]
     if not arguments.json:
         line = f"{name:16} {step_mm:5.2f} mm  {located:7.2%}  {figures['mean_squeezes']:8.2f}"
-        off = "-" if error["p95"] is None else f"{error['median']:.2f} mm ({error['p95']:.2f})"
+        off = f"{off_mm['median']:.2f} mm ({off_mm['p95']:.2f})" if off_mm else "-"
         print(f"{line}  {figures['seconds_mean']:7.1f}  {off}", flush=True)
     shown = ("success_rate", "mean_squeezes", "seconds_mean", "error_mm")
     return {"gripper": name, "step_mm": step_mm, **{key: figures[key] for key in shown}}

@@ -31,7 +31,7 @@ def check_fresh(settled: Settled, requested_um: int) -> None:
     if settled.target_um != max(requested_um, 0):
         raise GripperStateError(
             f"stale reading: the gripper answers a request for {settled.target_um / 1000:.2f} mm, asked was "
-            f"{requested_um / 1000:.2f} mm"
+            f"{max(requested_um, 0) / 1000:.2f} mm"
         )
     if settled.object is ObjectState.NONE:
         raise GripperStateError("the gripper reports a motion as finished and as going on")

@@ -5,15 +5,13 @@ from math import cos, sin, sqrt
 from random import Random
 
 import pytest
-from counting import count_of
-from sample_tables import GRIPPER, random_table, small_table
+from counting import count_of, width_um
+from sample_tables import random_table, small_table
 
 from runtime.devices.rehearsal import Rehearsal, make
 from runtime.shell.errors import UsageError
-from runtime.table import REJECT, Calibration, Pose2, Table, decide, decision_map
+from runtime.table import REJECT, Pose2, Table, decide, decision_map
 from runtime.traversal.geometry import compose, placement
-
-CALIBRATION = Calibration(GRIPPER.profile)
 
 
 def relative(frame: Pose2, pose: Pose2) -> Pose2:
@@ -33,8 +31,8 @@ def play(table: Table, world: Rehearsal, random: Random) -> tuple[int, ...]:
         frame = placement(node.squeeze)
         final, width_mm, status = world.squeeze(relative(frame, pose))
         pose = compose(frame, final)
-        count = count_of(round(width_mm * 1000))
-        branch = decide(decision_map(node, CALIBRATION), count, status == "grasped")
+        read_um = width_um(count_of(round(width_mm * 1000)))
+        branch = decide(decision_map(node, table.gripper), read_um, status == "grasped")
         assert branch != REJECT
         target = node.branches[branch].target
     return (*path, target)

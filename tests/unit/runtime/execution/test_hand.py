@@ -4,7 +4,7 @@ import math
 from dataclasses import FrozenInstanceError, replace
 
 import pytest
-from counting import SETTINGS
+from counting import SETTINGS, width_um
 from fake_cell import Log, State, fake_cell
 from sample_tables import GRIPPER, small_table, with_job, with_node
 from squeezes import (
@@ -13,7 +13,6 @@ from squeezes import (
     AT_30,
     AT_36,
     AT_60,
-    CALIBRATION,
     EMPTY,
     jaw_moves,
     meeting,
@@ -25,7 +24,7 @@ from runtime.execution.events import Phase
 from runtime.execution.executor import RunOptions
 from runtime.execution.hand import Hand
 from runtime.execution.handling import Handling
-from runtime.table import PROFILES, Place, Table, profile_of
+from runtime.table import Place, Table
 from runtime.traversal.decision import Policy
 from runtime.traversal.results import Outcome
 
@@ -81,9 +80,9 @@ def test_a_part_that_slips_out_while_the_force_rises_is_reported_by_its_width() 
     rig = fake_cell([AT_21])
     move = rig.gripper.move
 
-    def slip(position_counts: int, speed_counts: int, force_counts: int) -> None:
-        move(position_counts, speed_counts, force_counts)
-        if position_counts == 255 and force_counts > GENTLE_FORCE:
+    def slip(width_um: int, speed_mm_s: float, force_n: float) -> None:
+        move(width_um, speed_mm_s, force_n)
+        if width_um < 0 and force_n > rig.gripper.profile.force_n[0]:
             rig.gripper.now = rig.gripper.now._replace(position_counts=229, object_flag=ARRIVED)
 
     rig.gripper.move = slip
@@ -118,7 +117,7 @@ def test_between_squeezes_hand_rises_to_just_above_the_part_and_jaws_open_for_th
     assert run(rig, RunOptions(), known_table()).leaf == 1
     heights = [call.arguments[2] for call in rig.log.named("move_linear")]
     assert heights == [60.0, 60.0, 10.0, 20.0, 20.0, 10.0, 60.0]
-    opened = [CALIBRATION.width_um(position) for position, *_ in jaw_moves(rig) if position < 255]
+    opened = [width_um(position) for position, *_ in jaw_moves(rig) if position < 255]
     assert [width >= 50_000 for width in opened] == [True] * len(opened)
     assert min(opened) < 51_000
     assert opened[-1] == 85_000  # for the next part
@@ -138,9 +137,9 @@ def test_jaws_are_freed_before_the_hand_rises_though_the_next_opening_is_narrowe
         k for k, call in enumerate(log) if call.name == "move_linear" and call.arguments[2] == 20.0
     )
     before = [call.arguments[0] for call in log[:rise] if call.name == "move"]
-    assert CALIBRATION.width_um(before[-1]) >= 40_500
+    assert width_um(before[-1]) >= 40_500
     after = [call.arguments[0] for call in log[rise:] if call.name == "move"]
-    assert 38_000 <= CALIBRATION.width_um(after[0]) < 39_000
+    assert 38_000 <= width_um(after[0]) < 39_000
 
 
 def test_jaws_that_stand_open_by_a_fresh_reading_are_not_opened_again() -> None:
@@ -171,15 +170,15 @@ def test_hand_of_alike_fingers_turns_the_short_way() -> None:
     assert rig.log.named("move_linear")[-1].arguments[3] == pytest.approx(3.0)
 
 
-def test_gripper_that_takes_no_command_on_the_way_closes_in_one_stroke_or_stops_between(
-    monkeypatch,
-) -> None:
-    for redirects, waits in ((True, 1), (False, 2)):
-        profile = profile_of(GRIPPER.model)._replace(redirects=redirects)
-        monkeypatch.setitem(PROFILES, "robotiq-2f-85", profile)
+def test_gripper_that_takes_no_command_on_the_way_closes_in_one_stroke_or_stops_between() -> None:
+    for streams, waits in ((True, 1), (False, 2)):
         root = small_table().nodes[0]._replace(contact_um=33_000)
         table = with_node(small_table(), 0, root)
-        table = replace(table, limits=replace(table.limits, max_speed_um_s=150_000))
+        table = replace(
+            table,
+            limits=replace(table.limits, max_speed_um_s=150_000),
+            gripper=replace(GRIPPER, streams=streams),
+        )
         rig = fake_cell([AT_21])
         assert run(rig, RunOptions(), table).leaf == 0
         calls = [call.name for call in rig.log.calls if call.name in ("move", "wait")]
@@ -305,10 +304,10 @@ def test_displaced_arm_in_a_squeeze_ends_the_part_and_is_not_moved_again(
     rig = fake_cell([AT_21])
     move = rig.gripper.move
 
-    def bump(position_counts: int, speed_counts: int, force_counts: int) -> None:
-        squeezes = position_counts == 255 or rig.gripper.gripping
-        move(position_counts, speed_counts, force_counts)
-        if squeezes and (position_counts == 255) == (request_counts == 255):
+    def bump(width_um: int, speed_mm_s: float, force_n: float) -> None:
+        squeezes = width_um < 0 or rig.gripper.gripping
+        move(width_um, speed_mm_s, force_n)
+        if squeezes and (width_um < 0) == (request_counts == 255):
             rig.arm.at = tuple(a + b for a, b in zip(rig.arm.at, by, strict=True))
             rig.log.call("test", "bump")
 

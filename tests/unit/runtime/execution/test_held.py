@@ -1,7 +1,7 @@
 """What fingers may hold when a run begins, and how it is put down; on a cell in memory."""
 
 import pytest
-from counting import count_of
+from counting import count_of, width_um
 from fake_cell import FakeCell, Log, State, fake_cell
 from sample_tables import GRIPPER, small_table
 from written_journals import Quiet
@@ -45,13 +45,13 @@ HOLDING = State(object_flag=2, echo_counts=255, position_counts=AT_30)
     ],
 )
 def test_what_the_gripper_tells(state: State, message: str | None) -> None:
-    holds = held.look(state, CALIBRATION)
+    holds = held.look(state.reading, CALIBRATION)
     if message is None:
         assert holds is None
     else:
         assert holds is not None
         assert message in holds.sentence()
-        assert f"count {state.position_counts}" in holds.sentence()
+        assert f"{width_um(state.position_counts) / 1000:.2f} mm" in holds.sentence()
 
 
 def holding(log: Log | None = None) -> FakeCell:
@@ -74,7 +74,7 @@ def test_it_is_lowered_where_the_arm_stands_before_the_jaws_open_and_no_wider_th
     ]
     assert heights(rig) == [10.0, 60.0]
     assert rig.arm.at[:2] == (50.0, 5.0)
-    assert 33_000 < CALIBRATION.width_um(rig.gripper.now.position_counts) < 37_000
+    assert 33_000 < width_um(rig.gripper.now.position_counts) < 37_000
     assert rig.journal.kinds() == ["put_down", "put_down", "end"]
     assert rig.journal.kept[-1][1]["exit_code"] == 0
 
@@ -82,9 +82,7 @@ def test_it_is_lowered_where_the_arm_stands_before_the_jaws_open_and_no_wider_th
 def test_level_tips_come_down_as_high_as_the_jaws_are_open() -> None:
     rig, arc = holding(), TipArc(level_mm=8.0)
     session.put_down(small_table(), rig.cell, Quiet(), RunOptions(handling=Handling(arc=arc)))
-    assert heights(rig)[0] == pytest.approx(
-        10.0 + arc.advance_mm(CALIBRATION.width_um(AT_30) / 1000), abs=0.01
-    )
+    assert heights(rig)[0] == pytest.approx(10.0 + arc.advance_mm(width_um(AT_30) / 1000), abs=0.01)
 
 
 def test_outside_the_work_area_it_is_put_down_only_where_parts_are_carried() -> None:

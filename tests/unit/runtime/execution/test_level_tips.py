@@ -5,7 +5,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 import pytest
-from counting import SETTINGS, count_of
+from counting import SETTINGS, count_of, width_um
 from fake_cell import fake_cell
 from sample_tables import LIMITS, small_table, with_node
 from squeezes import (
@@ -54,7 +54,7 @@ def test_level_tips_stay_at_their_height_while_the_jaws_move(
             down = down or (z_mm < 30.0)
         elif call.name == "move" and down and z_mm < 30.0:
             start_mm, count = width_mm, call.arguments[0]
-            width_mm = CALIBRATION.width_um(min(count, stop[0])) / 1000
+            width_mm = width_um(min(count, stop[0])) / 1000
             tips += [
                 z_mm - arc.advance_mm(start_mm + (width_mm - start_mm) * k / 20)
                 for k in range(21)
@@ -62,7 +62,7 @@ def test_level_tips_stay_at_their_height_while_the_jaws_move(
                 > 1.0  # the last opening is not followed: the tips draw back
             ]
         elif call.name == "move":
-            width_mm = CALIBRATION.width_um(max(call.arguments[0], 3)) / 1000
+            width_mm = width_um(max(call.arguments[0], 3)) / 1000
     targets = [call.arguments[:4] for call in rig.log.named("move_linear")]
     assert all(math.dist(before[:3], after[:3]) > 0.05 for before, after in pairwise(targets))
     assert tips
@@ -179,9 +179,9 @@ def test_tips_that_draw_back_are_not_followed_below_the_squeeze_height() -> None
 
 
 def test_how_far_the_jaws_open_is_what_the_calibration_says() -> None:
-    wide = Calibration((91_000, *CALIBRATION.widths_um[1:]))
+    wide = Calibration(CALIBRATION.profile, ((0, 0), (85_000, 91_000)))
     rig = fake_cell([])
     with pytest.raises(TableError, match="was taught at 85 mm and the jaws open to 91 mm"):
         Hand(rig.gripper, rig.arm, rig.cell.clock, small_table(), Handling(wide, ARC))
     hand = Hand(rig.gripper, rig.arm, rig.cell.clock, small_table(), Handling())
-    assert hand.width_mm(AT_21[0]) == CALIBRATION.width_um(AT_21[0]) / 1000
+    assert hand.width_mm(width_um(AT_21[0])) == width_um(AT_21[0]) / 1000

@@ -3,12 +3,13 @@
 import itertools
 
 import pytest
-from counting import state
+from counting import state, width_um
 from sample_tables import GRIPPER
 
 from drivers.ports import Settled
 from runtime.errors import GripperStateError
 from runtime.execution.reading import (
+    CLOSED_UM,
     CURRENT_MA,
     check_closed,
     check_fresh,
@@ -27,35 +28,25 @@ def settled(count: int = 170, flag: int = 2, current: int = 300, echo: int = 255
     return Settled(seen.width_um, seen.object, current, seen.target_um, 0.51)
 
 
-@pytest.mark.parametrize("echo", [0, 254])
+@pytest.mark.parametrize("echo", [0, 100])
 def test_a_reading_of_another_request_is_stale(echo: int) -> None:
-    with pytest.raises(GripperStateError, match=f"answers request {echo}, asked was 255"):
-        check_fresh(settled(echo=echo), 255)
+    asked = f"request for {width_um(echo) / 1000:.2f} mm, asked was 0.00 mm"
+    with pytest.raises(GripperStateError, match=asked):
+        check_fresh(settled(echo=echo), CLOSED_UM)
 
 
-@pytest.mark.parametrize("count", [-1, 256])
-def test_a_position_outside_the_encoder_is_none(count: int) -> None:
-    with pytest.raises(GripperStateError, match="no encoder count"):
-        check_fresh(settled(count), 255)
-    for edge in (0, 255):
-        check_fresh(settled(edge), 255)
-
-
-@pytest.mark.parametrize(
-    ("flag", "fresh"), [(0, False), (1, True), (2, True), (3, True), (4, False)]
-)
+@pytest.mark.parametrize(("flag", "fresh"), [(0, False), (1, True), (2, True), (3, True)])
 def test_a_motion_is_over_or_it_is_not(flag: int, *, fresh: bool) -> None:
     if fresh:
-        check_fresh(settled(flag=flag), 255)
+        check_fresh(settled(flag=flag), CLOSED_UM)
         return
     with pytest.raises(GripperStateError, match="finished and as going on"):
-        check_fresh(settled(flag=flag), 255)
+        check_fresh(settled(flag=flag), CLOSED_UM)
 
 
 def test_for_every_count_and_flag_the_two_agree_or_the_reading_is_refused() -> None:
     for count, flag in itertools.product(range(256), (1, 2, 3)):
-        width_um = CALIBRATION.width_um(count)
-        believed = flag == 2 or (flag == 3 and width_um <= GRIPPER.empty_um)
+        believed = flag == 2 or (flag == 3 and width_um(count) <= GRIPPER.empty_um)
         if believed:
             check_closed(settled(count, flag), CALIBRATION, BAND)
             continue
@@ -67,10 +58,13 @@ def test_for_every_count_and_flag_the_two_agree_or_the_reading_is_refused() -> N
 
 def test_what_is_thinner_than_five_millimetres_may_go_undetected_and_nothing_wider() -> None:
     """2F-85 manual, "object detection": what the flag may miss is told by the width alone."""
-    steps = Calibration((5_001,) * 100 + (5_000,) * 156)
-    check_closed(settled(100, 3), steps, BAND)
-    with pytest.raises(GripperStateError, match=r"closed on nothing and stands 5\.00 mm open"):
-        check_closed(settled(99, 3), steps, BAND)
+    for width, fits in ((5_000, True), (5_001, False)):
+        reading = settled(flag=3)._replace(width_um=width)
+        if fits:
+            check_closed(reading, CALIBRATION, BAND)
+        else:
+            with pytest.raises(GripperStateError, match=r"nothing and stands 5\.00 mm open"):
+                check_closed(reading, CALIBRATION, BAND)
     with pytest.raises(GripperStateError, match=r"closed on nothing and stands 48\.68 mm open"):
         check_closed(settled(100, 3), CALIBRATION, BAND)
 
@@ -101,15 +95,16 @@ def test_currents_outside_the_band_are_not_believed(band, flag, current, believe
 
 
 def test_jaws_that_opened_too_little_are_blocked() -> None:
-    for request in range(200):
-        check_opened(settled(request, 3, 0, request), request, CALIBRATION)
-        check_opened(settled(min(request + 2, 255), 3, 0, request), request, CALIBRATION)
+    for request in range(4, 200):
+        asked = width_um(request)
+        check_opened(settled(request, 3, 0, request), asked, CALIBRATION)
+        check_opened(settled(request + 2, 3, 0, request), asked, CALIBRATION)
     with pytest.raises(
         GripperStateError, match=r"stopped at 48.30 mm while opening to 49.43 mm; remove"
     ):
-        check_opened(settled(101, 1, 0, 98), 98, CALIBRATION)
+        check_opened(settled(101, 1, 0, 98), width_um(98), CALIBRATION)
     with pytest.raises(GripperStateError, match="stale"):
-        check_opened(settled(98, 3, 0, 97), 98, CALIBRATION)
+        check_opened(settled(98, 3, 0, 97), width_um(98), CALIBRATION)
 
 
 @pytest.mark.parametrize(
@@ -121,20 +116,22 @@ def test_an_intermediate_stroke_passed_met_something_or_contradicts_itself(
 ) -> None:
     reading = settled(count, flag, 0, 100)
     if passed is not None:
-        assert check_passed(reading, 100, CALIBRATION) is passed
+        assert check_passed(reading, width_um(100), CALIBRATION) is passed
         return
     wide = {100: r"48\.68", 103: r"47\.5[56]"}[count]
-    record = rf"reports flag {flag} at {wide} mm while closing to 48\.68 mm; the two do not fit"
+    record = (
+        rf"reports (opening|at target) at {wide} mm while closing to 48\.68 mm; the two do not fit"
+    )
     with pytest.raises(GripperStateError, match=record):
-        check_passed(reading, 100, CALIBRATION)
+        check_passed(reading, width_um(100), CALIBRATION)
     with pytest.raises(GripperStateError, match="stale"):
-        check_passed(reading, 99, CALIBRATION)
+        check_passed(reading, width_um(99), CALIBRATION)
 
 
 def test_a_journalled_reading_has_all_of_it() -> None:
     assert reading_fields(settled()._replace(seconds=0.512349)) == {
         "object_flag": 2,
-        "echo_counts": 255,
+        "target_um": 0,
         "current_ma": 300,
         "settle_s": 0.5123,
     }

@@ -44,10 +44,10 @@ def test_squeeze_known_contact_opening_and_height_each_save_seconds() -> None:
 
 
 def test_approach_of_jaws_that_stop_between_strokes_needs_more_to_pay() -> None:
-    cell = replace(timing(), fastest_mm_s=150.0, redirects=False, jaw_answer_s=0.2)
+    cell = replace(timing(), fastest_mm_s=150.0, streams=False, jaw_answer_s=0.2)
     assert cell.approach_mm(60.0, 50.0, 60.0) == 60.0
     assert cell.approach_mm(85.0, 40.0, 60.0) == 42.0
-    assert replace(cell, redirects=True).approach_mm(60.0, 50.0, 60.0) == 52.0
+    assert replace(cell, streams=True).approach_mm(60.0, 50.0, 60.0) == 52.0
 
 
 def test_schedule_of_alike_fingers_turns_the_short_way() -> None:

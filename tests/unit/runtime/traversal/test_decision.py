@@ -7,10 +7,10 @@ from random import Random
 import pytest
 from sample_tables import GRIPPER, random_table, small_table
 
+from drivers.ports import ObjectState
 from runtime.errors import GripperStateError
 from runtime.shell.errors import UsageError
-from runtime.table import REJECT, Calibration, Place, decision_map
-from runtime.traversal import decision
+from runtime.table import REJECT, Place, decision_map
 from runtime.traversal.decision import (
     Policy,
     RecoveryAction,
@@ -21,8 +21,7 @@ from runtime.traversal.decision import (
 )
 from runtime.traversal.results import Outcome
 
-CALIBRATION = Calibration(GRIPPER.profile)
-CONTACT, ARRIVED = 2, 3
+CONTACT, ARRIVED = ObjectState.CLOSING, ObjectState.AT_TARGET
 TABLE = small_table()  # leaf 2 is not resolved
 UNRESOLVED = ~2
 
@@ -108,12 +107,6 @@ def test_which_outcomes_end_a_run(policy: str, ends: set[Outcome]) -> None:
     assert not Policy.of("resqueeze,restart,next", "restart,next").ends_run(Outcome.REJECT)
 
 
-def test_the_flags_are_those_of_the_register() -> None:
-    """gOBJ of the 2F-85's status byte; a decision takes no others."""
-    flags = (decision.MOVING, decision.OPENING_CONTACT, decision.CLOSING_CONTACT, decision.ARRIVED)
-    assert flags == (0, 1, 2, 3)
-
-
 def test_records_are_frozen() -> None:
     with pytest.raises(FrozenInstanceError):
         Policy().on_reject = (RecoveryAction.STOP,)
@@ -153,17 +146,17 @@ def test_a_policy_that_makes_no_sense_is_refused(
 @pytest.mark.parametrize("seed", range(3))
 def test_every_node_count_and_flag_means_what_the_map_says(seed: int) -> None:
     for node in random_table(seed, 20).nodes:
-        outcomes = decision_map(node, CALIBRATION)
-        for count, flag in itertools.product(range(256), (CONTACT, ARRIVED)):
-            result = decide(node, outcomes, count, flag)
-            assert result.branch == outcomes[count + 256 * (flag == CONTACT)]
+        outcomes = decision_map(node, GRIPPER)
+        for width, flag in itertools.product(range(0, 86_000, 331), (CONTACT, ARRIVED)):
+            result = decide(node, outcomes, width, flag)
+            assert result.branch == outcomes.of(flag is CONTACT).at(width)
             assert (result.reason is None) == (result.branch != REJECT)
             if result.reason is not None:
                 assert ("closed on nothing" in result.reason) == (flag == ARRIVED)
                 assert ("planned:" in result.reason) == (flag == CONTACT)
-        for flag in (0, 1, 4):
-            with pytest.raises(GripperStateError, match=f"flag {flag} after a closing motion"):
-                decide(node, outcomes, 100, flag)
+        for flag in (ObjectState.NONE, ObjectState.OPENING):
+            with pytest.raises(GripperStateError, match=f"{flag.sentence} after a closing motion"):
+                decide(node, outcomes, 10_000, flag)
 
 
 def test_a_reject_names_the_widths_that_were_planned() -> None:
@@ -171,12 +164,12 @@ def test_a_reject_names_the_widths_that_were_planned() -> None:
     node = node._replace(
         branches=(node.branches[0]._replace(low_um=20_250, high_um=21_750), *node.branches[1:])
     )
-    refused = decide(node, decision_map(node, CALIBRATION), 100, CONTACT)
+    refused = decide(node, decision_map(node, GRIPPER), 48_679, CONTACT)
     assert (
         refused.reason
         == "no outcome of this squeeze has this width (planned: 20.25..21.75, 29.00..31.00 mm)"
     )
-    assert refused == decide(node, decision_map(node, CALIBRATION), 101, CONTACT)
+    assert refused == decide(node, decision_map(node, GRIPPER), 48_304, CONTACT)
 
 
 def test_only_what_is_held_and_known_is_dragged() -> None:
