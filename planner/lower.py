@@ -65,7 +65,7 @@ def _node(node: Node, targets: dict[int, int], job: Job, encoder: Encoder) -> ta
     pushed = tuple(_push(push, job) for push in planned.pushes)
     contact = None
     if not pushed:
-        contact_mm = handling_of(job).contact_mm(node.belief, planned.placement, planned.opening_mm)
+        contact_mm = handling_of(job).contact_mm(node.belief, planned.placement)
         contact = max(round(1e3 * contact_mm), *(branch.high_um for branch in branches))
         contact = contact if contact < squeeze.opening_um else None
         release = None if release == squeeze.place else release
