@@ -23,7 +23,9 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 PoseOfHand = tuple[
     float, float, float, float
 ]  # x mm, y mm, z mm, angle rad, of the point between the tips
-TURN_RADIUS_MM = 160.0  # nothing so near to the hand's axis moves faster than asked for as it turns
+TURN_RADIUS_MM = (
+    160.0  # how far a hand, whose gripper nobody named, and what it holds reach from its axis
+)
 
 # Told of every retry and failure on a link, as kind and fields of a record: a journal's `record` fits.
 Report = Callable[[str, Mapping[str, object]], None]
@@ -116,13 +118,19 @@ class Arm(Protocol):
         """Why a straight way cannot be gone, as far as that is known beforehand; empty where nothing is."""
 
     def move_linear(
-        self, x_mm: float, y_mm: float, z_mm: float, angle_rad: float, speed_mm_s: float
+        self,
+        x_mm: float,
+        y_mm: float,
+        z_mm: float,
+        angle_rad: float,
+        speed_mm_s: float,
+        radius_mm: float = TURN_RADIUS_MM,
     ) -> None:
         """Move in a straight line and return when it stands there.
 
         The angle is taken as it is counted, not the shortest way; half a turn or more, whose way an arm may
         not be able to choose, is asked for in several motions. A turn counts as the way of a point
-        `TURN_RADIUS_MM` off the hand's axis.
+        `radius_mm` off the hand's axis: nothing so near to the axis moves faster than asked.
 
         Raises:
             ArmError: refused before anything was sent, or its state is unknown from now on.

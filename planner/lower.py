@@ -11,7 +11,7 @@ from planner.belief.particles import Belief
 from planner.belief.stopping import StoppingRule
 from planner.belief.transition import Push, finger_speed_mm_s
 from planner.frames import wrap
-from planner.job.cell import limits_of
+from planner.job.cell import gripper_of, limits_of
 from planner.job.model import Job
 from planner.search.handling import handling_of
 from planner.search.tree import Node, breadth_first
@@ -28,7 +28,7 @@ def lower(root: Node, job: Job) -> tables.Table:
     return tables.Table(
         tool=_tool(),
         job_digest=job.digest(),
-        gripper=_gripper(job),
+        gripper=gripper_of(job),
         goal=_goal(job),
         limits=limits_of(job, max(leaf.depth for leaf in leaves)),
         nodes=tuple(_node(node, targets, job, encoder) for node in nodes),
@@ -135,19 +135,6 @@ def covariance_of(belief: Belief, leaf: tables.Leaf, job: Job) -> tables.Covaria
     scaled = offset * np.array([10.0, 10.0, 100.0])
     (xx, xy, xt), (_, yy, yt), (_, _, tt) = scaled.T @ scaled / max(len(scaled), 1)
     return tables.Covariance(*map(round, (xx, xy, yy, xt, yt, tt)))
-
-
-def _gripper(job: Job) -> tables.GripperSpec:
-    gripper = job.gripper
-    return tables.GripperSpec(
-        model=gripper.model,
-        opening_um=round(1e3 * gripper.opening_mm),
-        finger_length_um=round(1e3 * gripper.finger_length_mm),
-        finger_width_um=round(1e3 * gripper.finger_width_mm),
-        count_open=gripper.count_open,
-        count_closed=gripper.count_closed,
-        encoder_noise_um=round(1e3 * gripper.encoder_noise_mm),
-    )
 
 
 def _goal(job: Job) -> tables.GoalSpec:

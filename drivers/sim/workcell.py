@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 
 from drivers.abb.codec import Pose, ProtocolError, hand_angle
 from drivers.planar import Pose2, compose
-from drivers.ports import TURN_RADIUS_MM
 from drivers.sim.devices.arm import ArmModel
 from drivers.sim.devices.faulty import FaultyArm, FaultyGripper
 from drivers.sim.devices.gripper import GripperModel
@@ -47,7 +46,7 @@ class Workcell(Surroundings):
         lags = random.Random(f"{seed}/gripper")
         ramps = None
         if (line := geometry.acceleration_mm_s2) is not None:
-            ramps = (line, math.degrees(line / TURN_RADIUS_MM))
+            ramps = (line, math.degrees(line / geometry.turn_radius_mm))
         self.gripper: GripperModel
         self.arm: ArmModel
         if self._faulty:

@@ -1,9 +1,9 @@
-"""A job's cell as tables hold it: limits, and the model of time."""
+"""A job's cell as tables hold it: limits, gripper, and the model of time."""
 
 import json
 
 from planner.job.model import Job
-from runtime.table import Area, Limits, Timing, profile_of
+from runtime.table import Area, GripperSpec, Limits, Timing
 
 
 def limits_of(job: Job, depth: int) -> Limits:
@@ -26,11 +26,24 @@ def limits_of(job: Job, depth: int) -> Limits:
     )
 
 
+def gripper_of(job: Job) -> GripperSpec:
+    """The gripper and its fingers."""
+    gripper = job.gripper
+    return GripperSpec(
+        model=gripper.model,
+        opening_um=round(1e3 * gripper.opening_mm),
+        finger_length_um=round(1e3 * gripper.finger_length_mm),
+        finger_width_um=round(1e3 * gripper.finger_width_mm),
+        count_open=gripper.count_open,
+        count_closed=gripper.count_closed,
+        encoder_noise_um=round(1e3 * gripper.encoder_noise_mm),
+    )
+
+
 def timing_of(job: Job) -> Timing:
     """How long motions take in the cell of a job.
 
     Raises:
         TableError: the gripper is not known, or the cell's figures can be no cell's.
     """
-    profile = profile_of(job.gripper.model)
-    return Timing.of(limits_of(job, 1), profile, json.loads(job.canonical()))
+    return Timing.of(limits_of(job, 1), gripper_of(job), json.loads(job.canonical()))

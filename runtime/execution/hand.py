@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from itertools import pairwise
 from math import ceil, degrees, pi, remainder, tau
 
-from drivers.ports import Arm, Gripper, PoseOfHand, Settled
+from drivers.ports import TURN_RADIUS_MM, Arm, Gripper, PoseOfHand, Settled
 from runtime.devices.clock import SystemClock
 from runtime.errors import MotionRefusedError
 from runtime.execution import safety, strokes
@@ -349,7 +349,9 @@ class Hand:
             None,
         )  # until it is acknowledged; an interrupt leaves it so
         beside = _beside(target, self.middle_mm)
-        self.arm.move_linear(*beside, (speed_um_s or self.limits.arm_speed_um_s) / 1000)
+        speed_mm_s = (speed_um_s or self.limits.arm_speed_um_s) / 1000
+        radius_mm = TURN_RADIUS_MM if self._jaws.holds else self.timing.turn_radius_mm
+        self.arm.move_linear(*beside, speed_mm_s, radius_mm)
         safety.check_placed(self.arm, beside)
         self.arm_known, self._sent_to = True, beside
 

@@ -45,6 +45,11 @@ class Jaws:
         )
         self._clock, self._timing = clock, timing
 
+    @property
+    def holds(self) -> bool:
+        """Whether they may hold something, and are not on their way to let go of it."""
+        return self.may_hold and self.asked is None
+
     def ready(self) -> GripperState:
         """Read the gripper, as `safety.ready_gripper`."""
         return safety.ready_gripper(self.gripper, self.asked)

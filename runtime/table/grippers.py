@@ -6,6 +6,7 @@ profile of its gripper as an entry point of the group `squeezetree.profiles` (to
 """
 
 import re
+from math import hypot
 from typing import NamedTuple
 
 from runtime.errors import TableError
@@ -28,6 +29,9 @@ class Profile(NamedTuple):
     arc_mm: tuple[float, ...]
     redirects: bool = (
         False  # whether it takes another position, speed and force while the jaws move
+    )
+    radius_mm: float = (
+        160.0  # how far it reaches from its axis, jaws open, its maker's fingers included
     )
 
     def speed_counts(self, speed_um_s: int) -> int:
@@ -58,13 +62,23 @@ PROFILES = {
             (20_000, 235_000),
             (57.15, 5.0),
             redirects=True,
+            radius_mm=80.0,
         ),
         # Commonly published figures, not compared with a manual's page; a user read 230 closed on nothing
         # (ur_rtde issue 356). The URDF models agree on the link and differ by 5 mm in where the pads are.
-        Profile("robotiq-2f-140", 140_000, 3, 230, (30_000, 250_000), (10_000, 125_000), (100.0,)),
+        Profile(
+            "robotiq-2f-140",
+            140_000,
+            3,
+            230,
+            (30_000, 250_000),
+            (10_000, 125_000),
+            (100.0,),
+            radius_mm=120.0,
+        ),
         # Commonly published figures, not compared with a manual's page; early units have 60 to 130 N. The
         # encoder's ends are those of the register.
-        Profile("hand-e", 50_000, 0, 255, (20_000, 150_000), (20_000, 185_000), ()),
+        Profile("hand-e", 50_000, 0, 255, (20_000, 150_000), (20_000, 185_000), (), radius_mm=70.0),
     )
 }
 # Further names of the same models, as `_normalised`.
@@ -86,6 +100,17 @@ def profile_of(model: str) -> Profile:
     if name in NAMES:
         return PROFILES[NAMES[name]]
     return _plugged_in(model, name)
+
+
+def turn_radius_mm(gripper: GripperSpec) -> float:
+    """How far an open gripper with a table's fingers reaches from its axis.
+
+    Raises:
+        TableError: the model is not known.
+    """
+    aside_um = gripper.opening_um / 2 + gripper.finger_width_um
+    fingers_mm = hypot(aside_um, gripper.finger_length_um / 2) / 1e3
+    return max(profile_of(gripper.model).radius_mm, fingers_mm)
 
 
 def _plugged_in(model: str, name: str) -> Profile:
@@ -114,6 +139,7 @@ def _is_sound(profile: Profile) -> bool:
     if not all(isinstance(number, int) and number >= 0 for number in numbers):
         return False
     sound = profile.opening_um > 0 and all(low < high for low, high in rising)
+    sound = sound and isinstance(profile.radius_mm, int | float) and profile.radius_mm > 0.0
     return sound and len(profile.arc_mm) <= 2 and isinstance(profile.redirects, bool)
 
 

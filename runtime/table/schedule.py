@@ -6,7 +6,6 @@ from math import cos, hypot, pi, remainder, sin, tau
 from typing import Any, NamedTuple, Self
 
 from runtime.table.embedded import section
-from runtime.table.grippers import profile_of
 from runtime.table.lookup import REJECT
 from runtime.table.model import HELD_UM, Node, Push, Squeeze, Table
 from runtime.table.timing import Phases, Timing, Visit
@@ -56,11 +55,7 @@ class Schedule:
         Raises:
             TableError: the gripper is not known, or the job's figures can be no cell's.
         """
-        return cls(
-            table.nodes,
-            Timing.of(table.limits, profile_of(table.gripper.model), job),
-            close_alike(job),
-        )
+        return cls(table.nodes, Timing.of(table.limits, table.gripper, job), close_alike(job))
 
     def part(self, squeezes: Sequence[Squeezed], start: Stand | None = None) -> list[Phases]:
         """The phases of each squeeze of a part, the hand at first above `start` or above its first place."""

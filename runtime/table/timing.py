@@ -1,8 +1,8 @@
 """How long the motions of a cell take: the one model of time of plans, evaluations, runs and their deadlines.
 
 The arm keeps to a speed and an acceleration (a trapezoid, or a triangle where the way is short), and a turn
-counts as the way of a point `TURN_RADIUS_MM` off the hand's axis. Jaws run at constant speeds. What a device
-takes to answer is added to each of its motions. Lengths are in mm, angles in rad, times in s.
+counts as the way of the point of the hand that is farthest off its axis. Jaws run at constant speeds. What a
+device takes to answer is added to each of its motions. Lengths are in mm, angles in rad, times in s.
 """
 
 from collections.abc import Mapping
@@ -12,11 +12,9 @@ from typing import Any, NamedTuple, Self
 
 from runtime.errors import TableError
 from runtime.table.embedded import number, parts_of, section
-from runtime.table.grippers import Profile
-from runtime.table.model import Limits
+from runtime.table.grippers import profile_of, turn_radius_mm
+from runtime.table.model import GripperSpec, Limits
 
-TURN_RADIUS_MM = 160.0
-"""A turn takes as long as a straight way of this radius times its angle: what drivers ask of arms."""
 CLEAR_MM = 5.0
 """How far jaws open before they count as free of what they held."""
 APPROACH_MM = 2.0
@@ -118,6 +116,7 @@ class Timing:
     )
     jaw_answer_s: float  # of a stroke of the jaws, likewise: settled is three equal readings
     poll_s: float  # of a look at jaws on their way, and of asking them for something else
+    turn_radius_mm: float  # a turn takes as long as a straight way of this radius times its angle
     fastest_mm_s: float  # of the jaws, where they touch nothing
     redirects: bool  # whether the jaws take another stroke while they move
     squeeze_mm: float  # heights of the tips
@@ -125,15 +124,16 @@ class Timing:
     retreat_mm: float
 
     @classmethod
-    def of(cls, limits: Limits, profile: Profile, job: Mapping[str, Any] | None) -> Self:
+    def of(cls, limits: Limits, gripper: GripperSpec, job: Mapping[str, Any] | None) -> Self:
         """Of a table's limits, its gripper, and what its job says of the cell, if it has one.
 
         Raises:
-            TableError: the job's figures can be no cell's.
+            TableError: the gripper is not known, or the job's figures can be no cell's.
         """
-        stated, regrasp_um = checked(limits, job)
+        (stated, regrasp_um), profile = checked(limits, job), profile_of(gripper.model)
         return cls(
             arm_speed_mm_s=limits.arm_speed_um_s / 1e3,
+            turn_radius_mm=turn_radius_mm(gripper),
             fastest_mm_s=min(profile.speed_um_s[1], limits.max_speed_um_s) / 1e3,
             redirects=profile.redirects,
             squeeze_mm=limits.squeeze_height_um / 1e3,
@@ -146,7 +146,7 @@ class Timing:
         self, way_mm: float, turn_rad: float = 0.0, speed_mm_s: float | None = None
     ) -> float:
         """One motion of the arm, as far as its hand goes and turns; none takes no time."""
-        way_mm = max(way_mm, TURN_RADIUS_MM * abs(turn_rad))
+        way_mm = max(way_mm, self.turn_radius_mm * abs(turn_rad))
         if way_mm <= 0.0:
             return 0.0
         speed_mm_s = min(speed_mm_s or self.arm_speed_mm_s, self.arm_speed_mm_s)

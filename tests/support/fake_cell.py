@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from drivers.ports import Settled
+from drivers.ports import TURN_RADIUS_MM, Settled
 from runtime.execution.events import Console
 from runtime.execution.executor import Cell
 
@@ -121,9 +121,15 @@ class FakeArm:
         return self.obstacles(start, target)
 
     def move_linear(
-        self, x_mm: float, y_mm: float, z_mm: float, angle_rad: float, speed_mm_s: float
+        self,
+        x_mm: float,
+        y_mm: float,
+        z_mm: float,
+        angle_rad: float,
+        speed_mm_s: float,
+        radius_mm: float = TURN_RADIUS_MM,
     ) -> None:
-        self.log.call("arm", "move_linear", x_mm, y_mm, z_mm, angle_rad, speed_mm_s)
+        self.log.call("arm", "move_linear", x_mm, y_mm, z_mm, angle_rad, speed_mm_s, radius_mm)
         self.at = (x_mm, y_mm, z_mm, angle_rad)
 
     def close(self) -> None:
