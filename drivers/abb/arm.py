@@ -21,7 +21,7 @@ ACCEPT_S = 0.5  # the server sleeps this long after accepting (SERVER.mod Server
 STALE_S = 0.2  # and a stale acknowledgement follows at once
 ANSWER_S = 2.0  # commands that do not move
 STARVED_S = 2.0  # wall: what a simulated controller may be kept from running for
-QUIET_S = 0.01  # wall: a reply without terminator is whole when nothing follows it for so long
+QUIET_S = 0.01  # wall: a reply that may go on is whole when nothing follows it for so long
 LATE_LOOKS = (
     3  # past a deadline, at what is there already: this process may have been stopped meanwhile
 )
@@ -138,7 +138,7 @@ class Arm(UprightArm):
             left = deadline - self._pace.now()
             late += left <= 0.0
             reply = codec.parse_reply(self._text, code) if self._text else None
-            if reply is not None and not (reply.fields and self._more(QUIET_S, code)):
+            if reply is not None and (reply.ended or not self._more(QUIET_S, code)):
                 self._text = ""
                 self._late_s = max(-left, 0.0)
                 return reply

@@ -12,7 +12,7 @@ import numpy as np
 from planner.arrays import Array
 from planner.belief.observation import Encoder, encoder_of
 from planner.belief.particles import Belief
-from planner.belief.transition import Outcomes
+from planner.belief.transition import Outcomes, read_as
 from planner.frames import to_hand
 from planner.job.model import Job
 from planner.mechanics.clearance import (
@@ -27,6 +27,9 @@ from runtime.table import HELD_UM
 
 CONTACT_MARGIN_MM = 2.0
 """How much wider than the particles of a belief say its parts may be met: particles are samples."""
+SHARE_DECIMALS = 2
+"""To which shares of the closing are rounded, so that parts with like ones are looked at together."""
+HERE = np.zeros(3)
 SPARE_MM = 2.0
 """How much wider than the first contact an opening smaller than the full one must be."""
 HELD_MM = HELD_UM / 1e3
@@ -46,8 +49,6 @@ class Handling:
         forces_n: to choose from, rising.
         area: ((x_min, y_min), (x_max, y_max)) that the hand may be placed in.
         encoder: turns the branches' counts into widths.
-        shares: between which the upper finger's share of the closing lies, whatever is off.
-        off_mm: how much wider than believed the jaws may meet a part, whatever is off.
     """
 
     outlines: tuple[Array, ...]
@@ -56,8 +57,6 @@ class Handling:
     forces_n: tuple[float, ...]
     area: Array
     encoder: Encoder
-    shares: tuple[float, float]
-    off_mm: float
 
     def opening(
         self, belief: Belief, placement: Array, *, pushed: bool = False
@@ -72,14 +71,18 @@ class Handling:
         return opening, max(self._clearance(opening, belief, placement), 0.0)
 
     def contact_mm(self, belief: Belief, placement: Array) -> float:
-        """The greatest width at which closing jaws may meet a part of a belief."""
-        widths = [
-            first_contact_mm(
-                self.outlines[k], self.jaws, belief.poses[rows], placement, self.shares
+        """The greatest width read where closing jaws may meet a part of a belief, as its traits have them."""
+        traits, hand = belief.traits, to_hand(belief.poses, placement)
+        hand[:, 1] -= traits["across_mm"]
+        part, widths = traits["hypothesis"], list[float]()
+        shares = np.round(np.clip(self.jaws[3] + traits["share"], 0.0, 1.0), SHARE_DECIMALS)
+        for k, share in {*zip(part.tolist(), shares.tolist(), strict=True)}:
+            rows = (part == k) & (shares == share)
+            width_mm = first_contact_mm(
+                self.outlines[k], self.jaws, hand[rows], HERE, (share, share)
             )
-            for k, rows in by_hypothesis(belief.traits)
-        ]
-        return max(widths) + self.off_mm
+            widths.append(float(read_as(np.asarray(width_mm), traits[rows]).max()))
+        return max(widths) + CONTACT_MARGIN_MM
 
     def clear(self, belief: Belief, placement: Array) -> Belief:
         """The particles clear of both open fingers; on the others the arm stops."""
@@ -140,10 +143,9 @@ class Handling:
 
 def handling_of(job: Job) -> Handling:
     """The choices that a job allows."""
-    gripper, doubt = job.gripper, job.doubt
-    share, (less, more) = gripper.upper_finger_share, doubt.finger_share
-    openings_mm = job.actions.openings_mm if share == 0.5 else (gripper.opening_mm,)
-    off_mm = 2.0 * max(map(abs, doubt.middle_mm)) + max(map(abs, doubt.encoder_mm))
+    gripper = job.gripper
+    alike = gripper.upper_finger_share == 0.5
+    openings_mm = job.actions.openings_mm if alike else (gripper.opening_mm,)
     return Handling(
         outlines=tuple(alone.part.outline_mm for alone in job.alone),
         jaws=jaws_of(gripper),
@@ -151,6 +153,4 @@ def handling_of(job: Job) -> Handling:
         forces_n=tuple(sorted(job.actions.forces_n or (gripper.force_n,))),
         area=np.array(job.cell.work_area_mm),
         encoder=encoder_of(job),
-        shares=(max(share + less, 0.0), min(share + more, 1.0)),
-        off_mm=off_mm + CONTACT_MARGIN_MM,
     )
