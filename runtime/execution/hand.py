@@ -107,9 +107,9 @@ class Hand:
         self._rise(self.timing.regrasp_mm)
 
     def _rise(self, height_mm: float) -> None:
-        self._jaws.ready()
         x_mm, y_mm, z_mm, angle_rad = self._place()
         if z_mm < height_mm - LEVEL_MM:
+            self._jaws.ready()
             self._move_arm((x_mm, y_mm, height_mm, angle_rad))
 
     def turn_to(self, x_mm: float, y_mm: float, angle_rad: float) -> float:

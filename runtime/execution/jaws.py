@@ -65,8 +65,10 @@ class Jaws:
     def set_out(self, squeeze: Squeeze, *, fast: bool = False) -> None:
         """Ask jaws that hold nothing to open so wide, and return at once; `open` waits for them."""
         request = strokes.opening_counts(squeeze.opening_um, self.calibration)
+        if self.asked == request:
+            return
         state = self.ready()
-        if self.asked == request or (self.asked is None and self._stands_open(state, request)):
+        if self.asked is None and self._stands_open(state, request):
             return
         self._ask(
             request, self._fast if fast else self.profile.speed_counts(squeeze.speed_um_s), squeeze
