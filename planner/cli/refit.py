@@ -205,7 +205,7 @@ def seen_of_parts(parts: Sequence[PartLog], table: Table) -> Seen:
 def timed(parts: Sequence[PartLog]) -> list[Timed]:
     """The squeezes of parts whose seconds are told, each as often as it was squeezed."""
     return [
-        Timed(node, width_um / 1e3, number == 0, phases)
+        Timed(node, width_um / 1e3, number + 1 == len(part.squeezes), phases)
         for part in parts
         if len(part.phases) == len(part.squeezes)
         for number, ((node, _, _), width_um, phases) in enumerate(

@@ -21,7 +21,7 @@ def test_learned_values_are_those_of_the_cell_that_took_the_seconds() -> None:
     schedule = Schedule.of(table, job_of(table))
     cell = replace(schedule, timing=replace(schedule.timing, **CELL))
     squeezes = [
-        Timed(built.node, built.width_mm, number == 0, phases)
+        Timed(built.node, built.width_mm, number == 1, phases)
         for width in range(20, 31)
         for built, number, phases in _part(cell, width)
     ]
