@@ -106,6 +106,7 @@ class FakeArm:
         self.log = log
         self.at = (5.0, 5.0, 30.0, 0.1)
         self.off_mm = 0.0
+        self.radii_mm: list[float] = []  # of the turns that were asked for
         self.turns = (-math.inf, math.inf)
         self.obstacles = lambda start, target: ""
 
@@ -129,7 +130,8 @@ class FakeArm:
         speed_mm_s: float,
         radius_mm: float = TURN_RADIUS_MM,
     ) -> None:
-        self.log.call("arm", "move_linear", x_mm, y_mm, z_mm, angle_rad, speed_mm_s, radius_mm)
+        self.log.call("arm", "move_linear", x_mm, y_mm, z_mm, angle_rad, speed_mm_s)
+        self.radii_mm.append(radius_mm)
         self.at = (x_mm, y_mm, z_mm, angle_rad)
 
     def close(self) -> None:

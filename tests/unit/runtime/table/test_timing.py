@@ -37,7 +37,7 @@ def test_move_turning_takes_as_long_as_the_arc_of_the_grippers_reach() -> None:
 def test_turn_radius_covers_gripper_and_fingers() -> None:
     gripper = small_table().gripper
     assert turn_radius_mm(gripper) == profile_of(gripper.model).radius_mm
-    long = gripper._replace(finger_length_um=300_000)
+    long = replace(gripper, finger_length_um=300_000)
     assert turn_radius_mm(long) > 150.0
 
 
