@@ -24,6 +24,9 @@ LEAD_MM = 1.5
 ABOVE_MM = 4.0
 """How far above the top of a part the tips pass between two of its squeezes."""
 
+NEAR_MM = 30.0
+"""From how far off a hand at the retreat height comes down on its way: farther off, anything may stand."""
+
 ARM_ACCELERATION_MM_S2 = 2_000.0
 DEFAULTS: Mapping[str, float] = {
     "arm_acceleration_mm_s2": ARM_ACCELERATION_MM_S2,
@@ -157,10 +160,10 @@ class Timing:
     def comes_down(self, way_mm: float, turn_rad: float) -> bool:
         """Whether a hand at the retreat height comes down to the regrasp height on its way to a squeeze.
 
-        Not from farther off than it reaches itself, nor where the way down would take longer.
+        Not from far off, nor where the way down would take longer.
         """
         aside_mm = max(way_mm, self.turn_radius_mm * abs(turn_rad))
-        return way_mm <= self.turn_radius_mm and self.retreat_mm - self.regrasp_mm <= aside_mm
+        return way_mm <= NEAR_MM and self.retreat_mm - self.regrasp_mm <= aside_mm
 
     def approach_mm(self, opening_mm: float, contact_mm: float | None, speed_mm_s: float) -> float:
         """Down to which opening the jaws close at full speed; `opening_mm` where that would save nothing."""

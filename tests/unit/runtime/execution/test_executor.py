@@ -142,7 +142,12 @@ def test_jaws_that_do_not_stand_as_they_were_set_end_the_push() -> None:
     slide = rig.arm.move_linear
 
     def bend(
-        x_mm: float, y_mm: float, z_mm: float, angle_rad: float, speed_mm_s: float, radius_mm: float
+        x_mm: float,
+        y_mm: float,
+        z_mm: float,
+        angle_rad: float,
+        speed_mm_s: float,
+        radius_mm: float = 160.0,
     ) -> None:
         slide(x_mm, y_mm, z_mm, angle_rad, speed_mm_s, radius_mm)
         if speed_mm_s == 30.0:

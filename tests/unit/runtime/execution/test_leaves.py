@@ -127,7 +127,12 @@ def test_a_part_that_slips_while_it_is_carried_is_a_fault(change) -> None:
     lift = rig.arm.move_linear
 
     def slip(
-        x_mm: float, y_mm: float, z_mm: float, angle_rad: float, speed_mm_s: float, radius_mm: float
+        x_mm: float,
+        y_mm: float,
+        z_mm: float,
+        angle_rad: float,
+        speed_mm_s: float,
+        radius_mm: float = 160.0,
     ) -> None:
         if z_mm == 60.0 and rig.gripper.gripping:
             rig.gripper.now = rig.gripper.now._replace(**change)

@@ -9,7 +9,7 @@ from sample_tables import pushing_table, small_table, with_job, with_node
 
 from runtime.table import Schedule, Squeezed, Stand, TableError, dumps, loads, profile_of
 from runtime.table.grippers import turn_radius_mm
-from runtime.table.timing import ABOVE_MM, Visit, trapezoid_s
+from runtime.table.timing import ABOVE_MM, NEAR_MM, Visit, trapezoid_s
 
 VISIT = Visit(0.0, 0.0, 85.0, None, 25.0, 60.0, 85.0)
 
@@ -48,7 +48,11 @@ def test_first_squeeze_comes_down_on_the_way_only_from_nearby_and_where_that_sav
     turned = cell.squeeze(first._replace(turn_rad=pi / 2))
     assert turned.lower_s == cell.squeeze(again).lower_s
     assert turned.travel_s == pytest.approx(cell.squeeze(again).travel_s)
-    for visit in (first, first._replace(turn_rad=0.1), first._replace(way_mm=200.0)):
+    for visit in (
+        first,
+        first._replace(turn_rad=0.1),
+        first._replace(way_mm=2 * NEAR_MM, turn_rad=pi / 2),
+    ):
         assert cell.squeeze(visit).lower_s > turned.lower_s
 
 
