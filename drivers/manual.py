@@ -15,6 +15,7 @@ from contextlib import suppress
 from drivers.clock import Pace
 from drivers.errors import ArmError, GripperFault, LinkError, PortError, ReadOnlyError
 from drivers.ports import (
+    TURN_RADIUS_MM,
     Arm,
     GripperProfile,
     GripperState,
@@ -102,7 +103,13 @@ class ManualArm:
         return "" if self._behind is None else self._behind.obstacle(start, target)
 
     def move_linear(
-        self, x_mm: float, y_mm: float, z_mm: float, angle_rad: float, speed_mm_s: float
+        self,
+        x_mm: float,
+        y_mm: float,
+        z_mm: float,
+        angle_rad: float,
+        speed_mm_s: float,
+        radius_mm: float = TURN_RADIUS_MM,
     ) -> None:
         """Ask for it; a way above the table is only taken down with the next place to come down to.
 
@@ -117,7 +124,7 @@ class ManualArm:
             raise ArmError(f"arm not moved: {target} at {speed_mm_s} mm/s is no motion")
         self._ask_for(target, speed_mm_s)
         if self._behind is not None:
-            self._behind.move_linear(*target, speed_mm_s)
+            self._behind.move_linear(*target, speed_mm_s, radius_mm)
         self._at = target
 
     def close(self) -> None:

@@ -25,7 +25,9 @@ PoseOfHand = tuple[
     float, float, float, float
 ]  # x mm, y mm, z mm, angle rad, of the point between the tips
 MOST_COUNT = 255  # of a device that tells its widths as counts
-TURN_RADIUS_MM = 160.0  # nothing so near to the hand's axis moves faster than asked for as it turns
+TURN_RADIUS_MM = (
+    160.0  # how far a hand, whose gripper nobody named, and what it holds reach from its axis
+)
 
 # Told of every retry and failure on a link, as kind and fields of a record: a journal's `record` fits.
 Report = Callable[[str, Mapping[str, object]], None]
@@ -71,6 +73,8 @@ class GripperProfile:
     )  # usual fingertips: along x, and along y as they close
     # What the device reads open and closed, if it counts from 0 to `MOST_COUNT`.
     counts: tuple[int, int] | None = None
+    # How far it reaches from its axis, jaws open, its maker's fingers included.
+    radius_mm: float = TURN_RADIUS_MM
 
     @property
     def steps(self) -> int:
@@ -185,13 +189,19 @@ class Arm(Protocol):
         """Why a straight way cannot be gone, as far as that is known beforehand; empty where nothing is."""
 
     def move_linear(
-        self, x_mm: float, y_mm: float, z_mm: float, angle_rad: float, speed_mm_s: float
+        self,
+        x_mm: float,
+        y_mm: float,
+        z_mm: float,
+        angle_rad: float,
+        speed_mm_s: float,
+        radius_mm: float = TURN_RADIUS_MM,
     ) -> None:
         """Move in a straight line and return when it stands there.
 
         The angle is taken as it is counted, not the shortest way; half a turn or more, whose way an arm may
         not be able to choose, is asked for in several motions. A turn counts as the way of a point
-        `TURN_RADIUS_MM` off the hand's axis.
+        `radius_mm` off the hand's axis: nothing so near to the axis moves faster than asked.
 
         Raises:
             ArmError: refused before anything was sent, or its state is unknown from now on.

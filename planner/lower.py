@@ -11,7 +11,7 @@ from planner.belief.particles import Belief
 from planner.belief.stopping import StoppingRule
 from planner.belief.transition import Push, finger_speed_mm_s
 from planner.frames import wrap
-from planner.job.cell import limits_of
+from planner.job.cell import gripper_of, limits_of
 from planner.job.model import Job
 from planner.search.handling import handling_of
 from planner.search.tree import Node, breadth_first
@@ -28,7 +28,7 @@ def lower(root: Node, job: Job) -> tables.Table:
     return tables.Table(
         tool=_tool(),
         job_digest=job.digest(),
-        gripper=_gripper(job),
+        gripper=gripper_of(job),
         goal=_goal(job),
         limits=limits_of(job, max(leaf.depth for leaf in leaves)),
         nodes=tuple(_node(node, targets, job, encoder) for node in nodes),
@@ -65,7 +65,7 @@ def _node(node: Node, targets: dict[int, int], job: Job, encoder: Encoder) -> ta
     pushed = tuple(_push(push, job) for push in planned.pushes)
     contact = None
     if not pushed:
-        contact_mm = handling_of(job).contact_mm(node.belief, planned.placement, planned.opening_mm)
+        contact_mm = handling_of(job).contact_mm(node.belief, planned.placement)
         contact = max(round(1e3 * contact_mm), *(branch.high_um for branch in branches))
         contact = contact if contact < squeeze.opening_um else None
         release = None if release == squeeze.place else release
@@ -136,12 +136,6 @@ def covariance_of(belief: Belief, leaf: tables.Leaf, job: Job) -> tables.Covaria
     scaled = offset * np.array([10.0, 10.0, 100.0])
     (xx, xy, xt), (_, yy, yt), (_, _, tt) = scaled.T @ scaled / max(len(scaled), 1)
     return tables.Covariance(*map(round, (xx, xy, yy, xt, yt, tt)))
-
-
-def _gripper(job: Job) -> tables.GripperSpec:
-    gripper = job.gripper
-    fingers = (gripper.finger_length_mm, gripper.finger_width_mm)
-    return tables.GripperSpec.of(gripper.profile, *(round(1e3 * size) for size in fingers))
 
 
 def _goal(job: Job) -> tables.GoalSpec:

@@ -21,7 +21,7 @@ ACCEPT_S = 0.5  # the server sleeps this long after accepting (SERVER.mod Server
 STALE_S = 0.2  # and a stale acknowledgement follows at once
 ANSWER_S = 2.0  # commands that do not move
 STARVED_S = 2.0  # wall: what a simulated controller may be kept from running for
-QUIET_S = 0.01  # wall: a reply without terminator is whole when nothing follows it for so long
+QUIET_S = 0.01  # wall: a reply that may go on is whole when nothing follows it for so long
 LATE_LOOKS = (
     3  # past a deadline, at what is there already: this process may have been stopped meanwhile
 )
@@ -48,7 +48,7 @@ class Arm(UprightArm):
         self._owed: tuple[int, float] | None = None  # code and deadline of a reply still to come
         self._text = ""
         self._late_s = 0.0  # by how much the last reply was read too late
-        self._speed = math.nan
+        self._speeds: tuple[float, float] | None = None
         self._drain()
         self._ask(codec.PING)
         if setup.read_only:
@@ -56,7 +56,7 @@ class Arm(UprightArm):
         # All settings outlive a client: the server still has those of whoever was here before.
         self._ask(codec.SET_TOOL, codec.pose_numbers(setup.tool))
         self._ask(codec.SET_WORK_OBJECT, codec.pose_numbers(setup.work_object))
-        self._set_speed(100.0)
+        self._set_speed(100.0, 100.0 / TURN_RADIUS_MM)
         self._ask(codec.SET_ZONE, ("1", "0", "0", "0"))  # fine: acknowledged when it stands
 
     def _read_hand(self) -> Pose:
@@ -86,17 +86,16 @@ class Arm(UprightArm):
         self._unknown = self._unknown or "it was closed"
         self._stream.close()
 
-    def _set_speed(self, speed_mm_s: float) -> None:
-        if speed_mm_s == self._speed:
+    def _set_speed(self, speed_mm_s: float, turn_rad_s: float) -> None:
+        if (speed_mm_s, turn_rad_s) == self._speeds:
             return
-        turn_deg_s = math.degrees(speed_mm_s / TURN_RADIUS_MM)
         try:
-            numbers = (codec.number(speed_mm_s, 3), codec.number(turn_deg_s, 3))
+            numbers = (codec.number(speed_mm_s, 3), codec.number(math.degrees(turn_rad_s), 3))
         except ProtocolError as error:
             raise ArmError(f"arm speed: {error}") from error
-        self._speed = math.nan  # until it is acknowledged
+        self._speeds = None  # until it is acknowledged
         self._ask(codec.SET_SPEED, numbers)
-        self._speed = speed_mm_s
+        self._speeds = speed_mm_s, turn_rad_s
 
     def _drain(self) -> None:
         """Wait out the server's start and throw away what it still had to tell its last client."""
@@ -139,7 +138,7 @@ class Arm(UprightArm):
             left = deadline - self._pace.now()
             late += left <= 0.0
             reply = codec.parse_reply(self._text, code) if self._text else None
-            if reply is not None and not (reply.fields and self._more(QUIET_S, code)):
+            if reply is not None and (reply.ended or not self._more(QUIET_S, code)):
                 self._text = ""
                 self._late_s = max(-left, 0.0)
                 return reply

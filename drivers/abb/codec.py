@@ -30,6 +30,7 @@ REPLY_FIELDS = dict.fromkeys((0, 1, 2, 6, 7, 8, 9, 30, 31, 33, 34, 35, 36), 0) |
     5: 6,
     32: 1,
 }
+REPLY_DECIMALS = {READ_POSE: 3, READ_JOINTS: 2}  # of the last number, as NumToStr is asked for
 
 Quaternion = tuple[float, float, float, float]
 
@@ -52,6 +53,13 @@ class Reply(NamedTuple):
     code: int
     done: bool
     fields: tuple[str, ...]
+
+    @property
+    def ended(self) -> bool:
+        """Whether nothing can follow: its last number has all its decimals, or there is none."""
+        if not self.fields:
+            return True
+        return len(self.fields[-1].partition(".")[2]) == REPLY_DECIMALS.get(self.code)
 
 
 class ProtocolError(ValueError):

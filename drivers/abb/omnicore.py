@@ -16,7 +16,6 @@ from drivers.abb.rws import Rws, RwsError, State
 from drivers.abb.upright import ArmPose, UprightArm
 from drivers.clock import Pace
 from drivers.errors import ArmError, ReadOnlyError, shown
-from drivers.ports import TURN_RADIUS_MM
 from drivers.stream import open_tcp, tcp_address
 
 TASK, MODULE, ROUTINE, UNIT = "T_ROB1", "SqueezeTree", "SqueezeTreeMain", "ROB_1"
@@ -49,7 +48,7 @@ class Arm(UprightArm):
         super().__init__(endpoint, setup, within_sphere(setup))
         self._rws = rws
         self._pace = pace
-        self._speed_mm_s = math.nan
+        self._speed_mm_s = self._turn_rad_s = math.nan
         self._table = compose(
             invert(setup.base or IDENTITY), setup.work_object
         )  # in the base frame
@@ -89,14 +88,15 @@ class Arm(UprightArm):
         seen = self._look(f"/rw/motionsystem/mechunits/{UNIT}/jointtarget")
         return math.radians(_numbers(seen, "rax_6")[0])
 
-    def _set_speed(self, speed_mm_s: float) -> None:
+    def _set_speed(self, speed_mm_s: float, turn_rad_s: float) -> None:
         try:
             codec.number(speed_mm_s, 3)
+            codec.number(math.degrees(turn_rad_s), 3)
         except ProtocolError as error:
             raise ArmError(f"arm speed: {error}") from error
         if self._setup.read_only:
             raise ReadOnlyError(f"a dry run was about to move the arm at {self.endpoint}")
-        self._speed_mm_s = speed_mm_s
+        self._speed_mm_s, self._turn_rad_s = speed_mm_s, turn_rad_s
 
     def _drive(self, target: ArmPose, budget_s: float) -> None:
         if reason := self._objection():
@@ -104,12 +104,11 @@ class Arm(UprightArm):
         try:
             if not self._runs():
                 self._start()
-            turn_deg_s = math.degrees(self._speed_mm_s / TURN_RADIUS_MM)
             self._write("sq_tframe", _rapid(self._setup.tool))
             self._write("sq_oframe", _rapid(self._setup.work_object))
             self._write("sq_target", _rapid(target.frame))
             self._write("sq_speed", codec.number(self._speed_mm_s, 3))
-            self._write("sq_turn", codec.number(turn_deg_s, 3))
+            self._write("sq_turn", codec.number(math.degrees(self._turn_rad_s), 3))
             self._next()
             self._await("sq_started", START_S, "it did not begin a motion; see which program runs")
             self._await("sq_done", budget_s, f"not there after {budget_s:.1f} s")

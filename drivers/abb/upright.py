@@ -75,8 +75,8 @@ class UprightArm(ABC):
         """The last joint in rad, as far round as it has turned; errors as above."""
 
     @abstractmethod
-    def _set_speed(self, speed_mm_s: float) -> None:
-        """Take the speed of the next motion; a point `TURN_RADIUS_MM` off the hand's axis keeps to it.
+    def _set_speed(self, speed_mm_s: float, turn_rad_s: float) -> None:
+        """Take the greatest speeds of the next motion, of the hand's middle and of its turn.
 
         Raises:
             ArmError: it cannot be told to the arm.
@@ -128,7 +128,13 @@ class UprightArm(ABC):
         return obstacle(ArmPose(*start).frame, ArmPose(*target).frame, self._setup, self._reaches)
 
     def move_linear(
-        self, x_mm: float, y_mm: float, z_mm: float, angle_rad: float, speed_mm_s: float
+        self,
+        x_mm: float,
+        y_mm: float,
+        z_mm: float,
+        angle_rad: float,
+        speed_mm_s: float,
+        radius_mm: float = TURN_RADIUS_MM,
     ) -> None:
         """Move the hand, pointing down, in a straight line and return when it stands (`ports.Arm`).
 
@@ -144,15 +150,17 @@ class UprightArm(ABC):
         if reason := self.obstacle(start, target) or self._overturn(start, target):
             message = f"({x_mm:.1f}, {y_mm:.1f}, {z_mm:.1f}) mm"
             raise ArmError(f"arm not moved: the way to {message} is {reason}")
-        if not speed_mm_s > 0.0:
-            raise ArmError(f"arm speed {speed_mm_s} mm/s; give a positive one")
-        self._set_speed(speed_mm_s)
+        if not (speed_mm_s > 0.0 and radius_mm > 0.0):
+            raise ArmError(
+                f"arm speed {speed_mm_s} mm/s at {radius_mm} mm; give a positive one, and radius"
+            )
+        self._set_speed(speed_mm_s, speed_mm_s / radius_mm)
         self._at, self._wrist_is_fresh = None, False
         path_mm, turn_rad = (
             math.dist(start[:3], target[:3]),
             abs(target.angle_rad - start.angle_rad),
         )
-        travel_s = max(path_mm, TURN_RADIUS_MM * turn_rad) / speed_mm_s
+        travel_s = max(path_mm, radius_mm * turn_rad) / speed_mm_s
         self._drive(target, travel_s * 1.5 + MOVE_MARGIN_S)
         self._at, self._angle_rad = target, target.angle_rad
 

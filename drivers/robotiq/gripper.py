@@ -148,18 +148,19 @@ class Gripper:
         move, self._move = self._move, None
         deadline = self._pace.deadline(ECHO_S)
         asked = move.position_counts
-        self._until(
+        seen = self._until(
             lambda now: now.echo_counts == asked, deadline, "taking the request", _require_ready
         )
+        _require_ready(seen, "moving")
         stale_until = move.written_at + STALE_FLAG_S / self._pace.time_scale
         deadline = self._pace.deadline(move.budget_s)
-        seen = self._checked("moving")
         while not seen.moving and self._pace.now() < stale_until:
             self._pace.idle(stale_until)
             seen = self._checked("moving")
-        seen = self._until(
-            lambda now: now.going and not now.moving, deadline, "moving", _require_ready
-        )
+        if seen.moving or not seen.going:
+            seen = self._until(
+                lambda now: now.going and not now.moving, deadline, "moving", _require_ready
+            )
         seen = self._steady(seen, move, deadline)
         if seen.echo_counts != asked:
             raise GripperFault(

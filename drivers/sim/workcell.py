@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 
 from drivers.abb.codec import Pose, ProtocolError, hand_angle
 from drivers.planar import Pose2, compose
-from drivers.ports import TURN_RADIUS_MM
 from drivers.sim.devices.arm import ArmModel
 from drivers.sim.devices.faulty import FaultyArm
 from drivers.sim.devices.jaws import Surroundings
@@ -46,7 +45,7 @@ class Workcell(Surroundings):
         self._faulty = faults is not None
         ramps = None
         if (line := geometry.acceleration_mm_s2) is not None:
-            ramps = (line, math.degrees(line / TURN_RADIUS_MM))
+            ramps = (line, math.degrees(line / geometry.turn_radius_mm))
         lags = random.Random(f"{seed}/gripper")
         mount = Mount(self.profile, lags, self, self.desk if self._faulty else None)
         self.simulator = simulator(self.profile.model)

@@ -15,7 +15,6 @@ from drivers.abb.reach import Setup, setup_of, within_sphere
 from drivers.abb.upright import ArmPose, UprightArm
 from drivers.clock import Pace
 from drivers.errors import ArmError, PortError, ReadOnlyError
-from drivers.ports import TURN_RADIUS_MM
 from drivers.stream import Stream, open_tcp, tcp_address
 from drivers.ur import script
 from drivers.ur.rtde import ANSWER_S, PORT, Reading, Rtde
@@ -68,7 +67,7 @@ class Arm(UprightArm):
         self._open_script = open_script
         self._pace = pace
         self._displaced = False  # whether somebody's program took the place of ours
-        self._speed_mm_s = math.nan
+        self._speed_mm_s = self._turn_rad_s = math.nan
         self._fraction = 1.0  # where the speed slider stood when the last motion began
         self._start: ArmPose | None = None
         self._moves = secrets.randbelow(1 << 30)  # no number of an earlier client
@@ -93,12 +92,12 @@ class Arm(UprightArm):
     def _read_last_axis(self) -> float:
         return self._read().joints[5]
 
-    def _set_speed(self, speed_mm_s: float) -> None:
+    def _set_speed(self, speed_mm_s: float, turn_rad_s: float) -> None:
         if not math.isfinite(speed_mm_s):
             raise ArmError(f"arm speed {speed_mm_s} mm/s; give a finite one")
         if self._setup.read_only:
             raise ReadOnlyError(f"a dry run was about to move the arm at {self.endpoint}")
-        self._speed_mm_s, self._start = speed_mm_s, self._at
+        self._speed_mm_s, self._turn_rad_s, self._start = speed_mm_s, turn_rad_s, self._at
 
     def _drive(self, target: ArmPose, budget_s: float) -> None:
         seen = self._read()
@@ -136,11 +135,11 @@ class Arm(UprightArm):
         Its speed is that of the tool's point; a motion that mostly turns is given by its time instead.
         """
         assert self._start is not None  # `move_linear` knows where it stands
-        path_mm = math.dist(self._start[:3], target[:3])
-        arc_mm = TURN_RADIUS_MM * abs(target.angle_rad - self._start.angle_rad)
-        if path_mm >= arc_mm:
-            return f"v={self._speed_mm_s / 1000.0:.6f}", path_mm / self._speed_mm_s
-        seconds = WHOLE_TURN_MARGIN * arc_mm / self._speed_mm_s
+        path_s = math.dist(self._start[:3], target[:3]) / self._speed_mm_s
+        turn_s = abs(target.angle_rad - self._start.angle_rad) / self._turn_rad_s
+        if path_s >= turn_s:
+            return f"v={self._speed_mm_s / 1000.0:.6f}", path_s
+        seconds = WHOLE_TURN_MARGIN * turn_s
         return f"t={max(seconds, 0.1):.4f}", seconds
 
     def _await_start(self) -> None:

@@ -34,6 +34,14 @@ class Hand(NamedTuple):
     width_mm: float  # between the jaws
 
 
+class Closing(NamedTuple):
+    """How jaws close [mm]."""
+
+    opening_mm: float  # from here
+    contact_mm: float | None  # the greatest width at which they may meet the part; None: not known
+    width_mm: float  # where they stop
+
+
 @dataclass(frozen=True, slots=True)
 class Costs:
     """The prices of one job.
@@ -81,21 +89,13 @@ class Costs:
             unstable=job.search.stability_cost * failure,
         )
 
-    def squeeze(
-        self,
-        hand: Hand | None,
-        placement: Array,
-        width_mm: float,
-        contact_mm: float | None,
-        unstable: float,
-    ) -> float:
+    def squeeze(self, hand: Hand | None, placement: Array, jaws: Closing, unstable: float) -> float:
         """The cost of a squeeze.
 
         Args:
             hand: where the hand stands; None: above the placement, before the first squeeze of a part.
             placement: (3,) of the squeeze in the world [mm, mm, rad].
-            width_mm: where the jaws stop.
-            contact_mm: greatest width at which they may meet the part; None: not known.
+            jaws: how they close.
             unstable: share of the outcomes that friction alone holds.
         """
         risk = self.unstable * unstable
@@ -105,13 +105,13 @@ class Costs:
         visit = Visit(
             way_mm=way_mm,
             turn_rad=turn,
-            opening_mm=self.opening_mm,
-            contact_mm=contact_mm,
-            width_mm=min(width_mm, self.opening_mm),
+            opening_mm=jaws.opening_mm,
+            contact_mm=jaws.contact_mm,
+            width_mm=min(jaws.width_mm, jaws.opening_mm),
             speed_mm_s=self.speed_mm_s,
             next_mm=self.opening_mm,
             from_retreat=hand is None,
-            jaws_s=0.0 if hand is None else self._opening_s(self.timing, hand.width_mm),
+            jaws_s=0.0 if hand is None else self._opening_s(hand.width_mm, jaws.opening_mm),
         )
         return self.timing.squeeze(visit).total_s / self.typical_s + risk
 
@@ -122,7 +122,9 @@ class Costs:
         if self.timing is None:
             return np.asarray(1.0 + self.unstable * unstable)
         rows = zip(placements, widths_mm.tolist(), unstable.tolist(), strict=True)
-        return np.array([self.squeeze(hand, at, mm, mm, share) for at, mm, share in rows])
+        return np.array(
+            [self.squeeze(hand, at, Closing(mm, mm, mm), share) for at, mm, share in rows]
+        )
 
     def back(self, hand: Hand | None, home: Array | None) -> float:
         """The cost of the way to the first squeeze of the next part, (3,) in the world."""
@@ -157,7 +159,8 @@ class Costs:
         x, y, turn = (placement - before).tolist()
         return math.hypot(x, y), math.remainder(turn, self.turn)
 
-    def _opening_s(self, timing: Timing, width_mm: float) -> float:
+    def _opening_s(self, width_mm: float, opening_mm: float) -> float:
         """How long the jaws still open after the hand has risen from its squeeze before."""
-        rise_s = timing.move_s(timing.regrasp_mm - timing.squeeze_mm)
-        return max(timing.opening_s(width_mm, self.opening_mm, self.speed_mm_s) - rise_s, 0.0)
+        assert self.timing is not None  # seconds are counted
+        rise_s = self.timing.move_s(self.timing.regrasp_mm - self.timing.squeeze_mm)
+        return max(self.timing.opening_s(width_mm, opening_mm, self.speed_mm_s) - rise_s, 0.0)

@@ -203,7 +203,7 @@ def seen_of_parts(parts: Sequence[PartLog], table: Table) -> Seen:
 def timed(parts: Sequence[PartLog]) -> list[Timed]:
     """The squeezes of parts whose seconds are told, each as often as it was squeezed."""
     return [
-        Timed(node, width_um / 1e3, number == 0, phases)
+        Timed(node, width_um / 1e3, number + 1 == len(part.squeezes), phases)
         for part in parts
         if len(part.phases) == len(part.squeezes)
         for number, ((node, width_um, _), phases) in enumerate(

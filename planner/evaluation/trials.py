@@ -307,11 +307,7 @@ def pushed(
                 to_hand(after[rows], hand.T),
                 np.full(len(rows), push.opening_um / 1e3),
             )
-            share = job.gripper.upper_finger_share + traits["share"][rows]
-            beside = np.outer(
-                beside_mm(share, job.gripper.opening_mm - opening_mm), [0.0, 1.0, 0.0]
-            )
-            stopped[rows] = _standing_on(lying - beside, opening_mm, world, job, traits[rows])
+            stopped[rows] = _standing_on(lying, opening_mm, world, job, traits[rows])
             way_mm = np.full(len(rows), push.length_um / 1e3)
             after[rows] = to_world(
                 _push_all(world, lying, opening_mm, way_mm, traits[rows]), hand.T
@@ -348,6 +344,9 @@ def _standing_on(
 ) -> BoolArray:
     """Which parts (n, 3) in the hand frame fingers come down on (n,), where the world can tell."""
     stopped, alone = np.zeros(len(hand), np.bool_), job.alone
+    share = job.gripper.upper_finger_share + traits["share"]
+    hand = hand.copy()
+    hand[:, 1] -= beside_mm(share, job.gripper.opening_mm - opening_mm)
     for k, rows in by_hypothesis(traits):
         collides = getattr(of_hypothesis(world, k), "collides", None)
         if collides is None:

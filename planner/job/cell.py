@@ -1,9 +1,9 @@
-"""A job's cell as tables hold it: limits, and the model of time."""
+"""A job's cell as tables hold it: limits, gripper, and the model of time."""
 
 import json
 
 from planner.job.model import Job
-from runtime.table import Area, Limits, Timing
+from runtime.table import Area, GripperSpec, Limits, Timing
 
 
 def limits_of(job: Job, depth: int) -> Limits:
@@ -26,10 +26,17 @@ def limits_of(job: Job, depth: int) -> Limits:
     )
 
 
+def gripper_of(job: Job) -> GripperSpec:
+    """The gripper and its fingers."""
+    gripper = job.gripper
+    fingers = (gripper.finger_length_mm, gripper.finger_width_mm)
+    return GripperSpec.of(gripper.profile, *(round(1e3 * size) for size in fingers))
+
+
 def timing_of(job: Job) -> Timing:
     """How long motions take in the cell of a job.
 
     Raises:
         TableError: the gripper is not known, or the cell's figures can be no cell's.
     """
-    return Timing.of(limits_of(job, 1), job.gripper.profile, json.loads(job.canonical()))
+    return Timing.of(limits_of(job, 1), gripper_of(job), json.loads(job.canonical()))

@@ -17,30 +17,20 @@ class Timed(NamedTuple):
 
     node: int
     width_mm: float
-    first: bool  # of its part
+    last: bool  # of its part
     phases: Phases
 
 
 def learned(table: Table, squeezes: Sequence[Timed]) -> dict[str, float]:
     """Keys of the job's section `cell`; those of which the journal tells nothing are missing.
 
-    The ways down are of two lengths, from the retreat height and from just above the part: what they differ
-    by in time is the acceleration, the rest is the answer.
+    The ways up are of two lengths, to the retreat height and to just above the part: what they differ by in
+    time is the acceleration, the rest is the answer.
     """
     timing, result = Schedule.of(table, job_of(table)).timing, dict[str, float]()
     if len(squeezes) < LEAST_SQUEEZES:
         return result
     plain = [squeeze for squeeze in squeezes if not table.nodes[squeeze.node].pushes]
-    low, high = timing.regrasp_mm - timing.squeeze_mm, timing.retreat_mm - timing.squeeze_mm
-    short, long = (
-        [squeeze.phases.lower_s for squeeze in plain if squeeze.first == first]
-        for first in (False, True)
-    )
-    if low < high and short and long:
-        acceleration = _acceleration(median(long) - median(short), low, high, timing.arm_speed_mm_s)
-        result["arm_acceleration_mm_s2"] = round(acceleration, 1)
-        answer_s = median(short) - trapezoid_s(low, timing.arm_speed_mm_s, acceleration)
-        result["arm_answer_s"] = round(max(answer_s, 0.0), 4)
     if plain:
         result["jaw_answer_s"] = round(
             max(median(_jaws(table, timing, squeeze) for squeeze in plain), 0.0), 4
@@ -52,7 +42,26 @@ def learned(table: Table, squeezes: Sequence[Timed]) -> dict[str, float]:
         ]
         if looks:
             result["poll_s"] = round(max(median(looks), 0.0) / 3.0, 4)
+    low, high = timing.regrasp_mm - timing.squeeze_mm, timing.retreat_mm - timing.squeeze_mm
+    short = [squeeze.phases.rise_s for squeeze in plain if not squeeze.last]
+    look_s = result.get("poll_s", timing.poll_s)
+    long = [
+        squeeze.phases.rise_s - look_s
+        for squeeze in plain
+        if squeeze.last and squeeze.phases.rise_s > _opened_s(table, timing, squeeze) + 2.0 * look_s
+    ]
+    if low < high and short and long:
+        acceleration = _acceleration(median(long) - median(short), low, high, timing.arm_speed_mm_s)
+        result["arm_acceleration_mm_s2"] = round(acceleration, 1)
+        answer_s = median(short) - trapezoid_s(low, timing.arm_speed_mm_s, acceleration)
+        result["arm_answer_s"] = round(max(answer_s, 0.0), 4)
     return result
+
+
+def _opened_s(table: Table, timing: Timing, squeeze: Timed) -> float:
+    """How long the jaws open for the next part while the hand rises; it may have to wait for them."""
+    next_mm = table.nodes[0].squeeze.opening_um / 1e3
+    return timing.opening_s(squeeze.width_mm, next_mm, _speed(table, squeeze))
 
 
 def _acceleration(gap_s: float, low_mm: float, high_mm: float, speed_mm_s: float) -> float:

@@ -1,9 +1,10 @@
 """What is decided about a squeeze once its placement is chosen: opening, force, where the part is released.
 
 None of this changes where a squeeze ends in the hand frame: from any opening the fingers meet the part at
-the same place, and quasi-static contact does not depend on their force.
+the same place, for the jaws are one linkage, and quasi-static contact does not depend on their force.
 """
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,7 +12,7 @@ import numpy as np
 from planner.arrays import Array
 from planner.belief.observation import Encoder, encoder_of
 from planner.belief.particles import Belief
-from planner.belief.transition import Outcomes
+from planner.belief.transition import Outcomes, read_as
 from planner.frames import to_hand
 from planner.job.model import Job
 from planner.mechanics.clearance import (
@@ -26,8 +27,11 @@ from runtime.table import HELD_UM
 
 CONTACT_MARGIN_MM = 2.0
 """How much wider than the particles of a belief say its parts may be met: particles are samples."""
-SPARE_MM = 3.0
-"""Clearance that an opening smaller than the full one must leave."""
+SHARE_DECIMALS = 2
+"""To which shares of the closing are rounded, so that parts with like ones are looked at together."""
+HERE = np.zeros(3)
+SPARE_MM = 2.0
+"""How much wider than the first contact an opening smaller than the full one must be."""
 HELD_MM = HELD_UM / 1e3
 """A branch whose expected width is less than this holds no part, and nothing is dragged."""
 STABLE = 0.05
@@ -41,12 +45,10 @@ class Handling:
     Attributes:
         outlines: (N, 2) of the part [mm], for each hypothesis.
         jaws: (4,) opening, finger length, finger thickness [mm], the upper finger's share of the closing.
-        openings_mm: to choose from, rising, the full one last.
+        openings_mm: to choose from, rising; none: whatever the part leaves free.
         forces_n: to choose from, rising.
         area: ((x_min, y_min), (x_max, y_max)) that the hand may be placed in.
         encoder: turns the branches' counts into widths.
-        shares: between which the upper finger's share of the closing lies, whatever is off.
-        off_mm: how much wider than believed the jaws may meet a part, whatever is off.
     """
 
     outlines: tuple[Array, ...]
@@ -55,26 +57,32 @@ class Handling:
     forces_n: tuple[float, ...]
     area: Array
     encoder: Encoder
-    shares: tuple[float, float]
-    off_mm: float
 
-    def opening(self, belief: Belief, placement: Array) -> tuple[float, float]:
-        """The least opening that keeps clear of the belief by `SPARE_MM`, and the clearance there [mm]."""
-        for opening in self.openings_mm[:-1]:
-            clearance = self._clearance(opening, belief, placement)
-            if clearance >= SPARE_MM:
-                return opening, clearance
-        full = self.openings_mm[-1]
-        return full, max(self._clearance(full, belief, placement), 0.0)
+    def opening(
+        self, belief: Belief, placement: Array, *, pushed: bool = False
+    ) -> tuple[float, float]:
+        """The least opening `SPARE_MM` wider than the first contact, and the clearance there [mm].
 
-    def contact_mm(self, belief: Belief, placement: Array, opening_mm: float) -> float:
-        """The greatest width at which jaws that close from an opening may meet a part of a belief."""
-        jaws = np.array([opening_mm, *self.jaws[1:]])
-        widths = [
-            first_contact_mm(self.outlines[k], jaws, belief.poses[rows], placement, self.shares)
-            for k, rows in by_hypothesis(belief.traits)
-        ]
-        return max(widths) + self.off_mm
+        The full one for parts that were `pushed` before: where they lie is less certain.
+        """
+        least_mm = math.inf if pushed else self.contact_mm(belief, placement) + SPARE_MM
+        wide = (opening for opening in self.openings_mm or (least_mm,) if opening >= least_mm)
+        opening = min(next(wide, math.inf), float(self.jaws[0]))
+        return opening, max(self._clearance(opening, belief, placement), 0.0)
+
+    def contact_mm(self, belief: Belief, placement: Array) -> float:
+        """The greatest width read where closing jaws may meet a part of a belief, as its traits have them."""
+        traits, hand = belief.traits, to_hand(belief.poses, placement)
+        hand[:, 1] -= traits["across_mm"]
+        part, widths = traits["hypothesis"], list[float]()
+        shares = np.round(np.clip(self.jaws[3] + traits["share"], 0.0, 1.0), SHARE_DECIMALS)
+        for k, share in {*zip(part.tolist(), shares.tolist(), strict=True)}:
+            rows = (part == k) & (shares == share)
+            width_mm = first_contact_mm(
+                self.outlines[k], self.jaws, hand[rows], HERE, (share, share)
+            )
+            widths.append(float(read_as(np.asarray(width_mm), traits[rows]).max()))
+        return max(widths) + CONTACT_MARGIN_MM
 
     def clear(self, belief: Belief, placement: Array) -> Belief:
         """The particles clear of both open fingers; on the others the arm stops."""
@@ -135,16 +143,14 @@ class Handling:
 
 def handling_of(job: Job) -> Handling:
     """The choices that a job allows."""
-    gripper, doubt = job.gripper, job.doubt
-    share, (less, more) = gripper.upper_finger_share, doubt.finger_share
-    off_mm = 2.0 * max(map(abs, doubt.middle_mm)) + max(map(abs, doubt.encoder_mm))
+    gripper = job.gripper
+    alike = gripper.upper_finger_share == 0.5
+    openings_mm = job.actions.openings_mm if alike else (gripper.opening_mm,)
     return Handling(
         outlines=tuple(alone.part.outline_mm for alone in job.alone),
         jaws=jaws_of(gripper),
-        openings_mm=tuple(sorted({*job.actions.openings_mm, gripper.opening_mm})),
+        openings_mm=tuple(sorted(openings_mm)),
         forces_n=tuple(sorted(job.actions.forces_n or (gripper.force_n,))),
         area=np.array(job.cell.work_area_mm),
         encoder=encoder_of(job),
-        shares=(max(share + less, 0.0), min(share + more, 1.0)),
-        off_mm=off_mm + CONTACT_MARGIN_MM,
     )

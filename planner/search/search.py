@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from planner.arrays import Array, BoolArray, IntArray
-from planner.belief.costs import Hand
+from planner.belief.costs import Closing, Hand
 from planner.belief.observation import Partition
 from planner.belief.particles import Belief, replenish, subsample
 from planner.belief.partition import Rule
@@ -368,10 +368,13 @@ class Search:
                 rule = rule._replace(branch=2.0 * rule.branch)
                 outcomes = self._outcomes(squeezed, rule)
         release = self.handling.release(outcomes)
-        opening_mm, clearance_mm = self.handling.opening(candidate.lying, grasp)
-        contact_mm = self.handling.contact_mm(candidate.lying, grasp, opening_mm)
+        opening_mm, clearance_mm = self.handling.opening(
+            candidate.lying, grasp, pushed=bool(candidate.pushes)
+        )
+        contact_mm = self.handling.contact_mm(candidate.lying, grasp)
         cost, hand = problem.costs.pushes(node.hand, candidate.pushes)
-        cost += problem.costs.squeeze(hand, grasp, outcomes.width_mm, contact_mm, outcomes.unstable)
+        jaws = Closing(opening_mm, contact_mm, outcomes.width_mm)
+        cost += problem.costs.squeeze(hand, grasp, jaws, outcomes.unstable)
         squeeze = Squeeze(
             grasp,
             opening_mm,

@@ -229,7 +229,7 @@ class Executor:
         self._hand.set_out(squeeze)
         x_mm, y_mm, angle_rad = placement(squeeze)
         angle_rad = self._hand.turn_to(x_mm, y_mm, angle_rad)
-        self._hand.travel(x_mm, y_mm, angle_rad)
+        self._hand.travel(x_mm, y_mm, angle_rad, to_squeeze=True)
         self._hand.open(squeeze)
         return angle_rad
 

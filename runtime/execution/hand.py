@@ -11,9 +11,9 @@ sent (`safety.check_placed`): what displaced it may have moved the part, too.
 from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import pairwise
-from math import ceil, degrees, pi, remainder, tau
+from math import ceil, degrees, hypot, pi, remainder, tau
 
-from drivers.ports import Arm, Gripper, ObjectState, PoseOfHand, Settled
+from drivers.ports import TURN_RADIUS_MM, Arm, Gripper, ObjectState, PoseOfHand, Settled
 from runtime.devices.clock import SystemClock
 from runtime.errors import MotionRefusedError
 from runtime.execution import safety, strokes
@@ -106,9 +106,9 @@ class Hand:
         self._rise(self.timing.regrasp_mm)
 
     def _rise(self, height_mm: float) -> None:
-        self._jaws.ready()
         x_mm, y_mm, z_mm, angle_rad = self._place()
         if z_mm < height_mm - LEVEL_MM:
+            self._jaws.ready()
             self._move_arm((x_mm, y_mm, height_mm, angle_rad))
 
     def turn_to(self, x_mm: float, y_mm: float, angle_rad: float) -> float:
@@ -131,8 +131,12 @@ class Hand:
         ]
         return sorted(turns, key=lambda turn: abs(turn - near_rad))
 
-    def travel(self, x_mm: float, y_mm: float, angle_rad: float) -> None:
+    def travel(
+        self, x_mm: float, y_mm: float, angle_rad: float, *, to_squeeze: bool = False
+    ) -> None:
         """Go to a place at the height where `rise` or `retreat` left the hand, by the wrist's nearest turn.
+
+        To squeeze there, from nearby, it comes down to the height of `rise` on the way.
 
         Raises:
             MotionRefusedError: the place is outside the area, or the wrist cannot be turned so far.
@@ -144,12 +148,18 @@ class Hand:
                 f"the wrist cannot turn the hand to {degrees(angle_rad):.1f} deg at ({x_mm:.2f}, {y_mm:.2f}) "
                 f"mm, only to {degrees(low_rad):.0f}..{degrees(high_rad):.0f} deg"
             )
-        self.travel_as_counted(x_mm, y_mm, turns[0])
+        self.travel_as_counted(x_mm, y_mm, turns[0], to_squeeze=to_squeeze)
 
-    def travel_as_counted(self, x_mm: float, y_mm: float, angle_rad: float) -> None:
+    def travel_as_counted(
+        self, x_mm: float, y_mm: float, angle_rad: float, *, to_squeeze: bool = False
+    ) -> None:
         """Go to a place as `travel`, whole turns of the angle counted."""
         low_mm, high_mm = self.timing.regrasp_mm, self.limits.retreat_height_um / 1000
-        risen = abs(self._place()[2] - low_mm) <= LEVEL_MM
+        from_x_mm, from_y_mm, from_z_mm, from_rad = self._place()
+        risen = abs(from_z_mm - low_mm) <= LEVEL_MM
+        if to_squeeze:
+            way_mm = hypot(x_mm - from_x_mm, y_mm - from_y_mm)
+            risen = risen or self.timing.comes_down(way_mm, angle_rad - from_rad)
         self._go_as_counted((x_mm, y_mm, low_mm if risen else high_mm, angle_rad))
 
     def descend(self, x_mm: float, y_mm: float, angle_rad: float) -> None:
@@ -344,7 +354,9 @@ class Hand:
             None,
         )  # until it is acknowledged; an interrupt leaves it so
         beside = _beside(target, self.middle_mm)
-        self.arm.move_linear(*beside, (speed_um_s or self.limits.arm_speed_um_s) / 1000)
+        speed_mm_s = (speed_um_s or self.limits.arm_speed_um_s) / 1000
+        radius_mm = TURN_RADIUS_MM if self._jaws.holds else self.timing.turn_radius_mm
+        self.arm.move_linear(*beside, speed_mm_s, radius_mm)
         safety.check_placed(self.arm, beside)
         self.arm_known, self._sent_to = True, beside
 

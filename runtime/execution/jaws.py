@@ -42,6 +42,11 @@ class Jaws:
         )
         self._clock, self._timing = clock, timing
 
+    @property
+    def holds(self) -> bool:
+        """Whether they may hold something, and are not on their way to let go of it."""
+        return self.may_hold and self.asked is None
+
     def ready(self) -> GripperState:
         """Read the gripper, as `safety.ready_gripper`."""
         return safety.ready_gripper(self.gripper, self.asked)
@@ -57,8 +62,10 @@ class Jaws:
     def set_out(self, squeeze: Squeeze, *, fast: bool = False) -> None:
         """Ask jaws that hold nothing to open so wide, and return at once; `open` waits for them."""
         request = self.calibration.opening_um(squeeze.opening_um)
+        if self.asked == request:
+            return
         state = self.ready()
-        if self.asked == request or (self.asked is None and self._stands_open(state, request)):
+        if self.asked is None and self._stands_open(state, request):
             return
         self._ask(request, self._timing.fastest_mm_s if fast else _slow(squeeze), squeeze)
 

@@ -107,14 +107,14 @@ def _parts(table: Table, job: Section) -> Compared:
 
 
 def _squeezes(table: Table, job: Section) -> Compared:
-    """Opening, speed and force of each squeeze; and whether anything may be pushed."""
+    """Opening, where the job states a choice, speed and force; and whether anything may be pushed."""
     gripper, actions = section(job, "gripper"), section(job, "actions")
+    openings_mm = numbers(actions, "openings_mm")
     allowed = {
-        "opening_um": numbers(gripper, "opening_mm") and numbers(actions, "openings_mm"),
+        "opening_um": openings_mm and [*openings_mm, *numbers(gripper, "opening_mm")],
         "speed_um_s": numbers(gripper, "speed_mm_s"),
         "force_mn": numbers(actions, "forces_n") or numbers(gripper, "force_n"),
     }
-    allowed["opening_um"] += numbers(gripper, "opening_mm")
     for field, values in allowed.items():
         wanted = sorted({round(UM * value) for value in values})
         for index, node in enumerate(table.nodes if wanted else ()):

@@ -30,6 +30,7 @@ PROFILES = {
             streams=True,
             arc_mm=(57.15, 5.0),
             fingers_mm=(27.5, 9.5),
+            radius_mm=80.0,
             counts=(3, 230),
         ),
         # Commonly published figures, not compared with a manual's page; a user read 230 closed on nothing
@@ -43,6 +44,7 @@ PROFILES = {
             force_n=(10.0, 125.0),
             arc_mm=(100.0,),
             fingers_mm=(27.0, 13.5),
+            radius_mm=120.0,
             counts=(3, 230),
         ),
         # Commonly published figures, not compared with a manual's page; early units have 60 to 130 N. The
@@ -55,6 +57,7 @@ PROFILES = {
             speed_mm_s=(20.0, 150.0),
             force_n=(20.0, 185.0),
             fingers_mm=(22.0, 10.0),
+            radius_mm=70.0,
             counts=(0, 255),
         ),
         # Data sheets of DH-Robotics' AG-95 and PGC-140-50: stroke, opening and closing time 0.7 s, force,
@@ -158,6 +161,7 @@ def _is_sound(profile: GripperProfile) -> bool:
     sound = 0 < profile.resolution_um <= profile.stroke_um and all(
         low < high for low, high in pairs
     )
+    sound = sound and isinstance(profile.radius_mm, int | float) and profile.radius_mm > 0.0
     return sound and len(profile.arc_mm) <= 2 and isinstance(profile.streams, bool)
 
 

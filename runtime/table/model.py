@@ -5,9 +5,10 @@ urad, forces in mN, speeds in um/s, shares in ppm.
 """
 
 from dataclasses import dataclass, replace
+from math import hypot
 from typing import NamedTuple, Self
 
-from drivers.ports import GripperProfile
+from drivers.ports import TURN_RADIUS_MM, GripperProfile
 from runtime.table.grippers import known
 
 PPM = 1_000_000
@@ -240,7 +241,14 @@ class GripperSpec:
             streams=self.streams,
             arc_mm=() if preset is None else preset.arc_mm,
             counts=counts,
+            radius_mm=TURN_RADIUS_MM if preset is None else preset.radius_mm,
         )
+
+    @property
+    def turn_radius_mm(self) -> float:
+        """How far the open gripper with its fingers reaches from its axis."""
+        aside_um = self.opening_um / 2 + self.finger_width_um
+        return max(self.profile.radius_mm, hypot(aside_um, self.finger_length_um / 2) / 1e3)
 
 
 @dataclass(frozen=True, slots=True)

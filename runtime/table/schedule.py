@@ -55,11 +55,7 @@ class Schedule:
         Raises:
             TableError: the gripper is not known, or the job's figures can be no cell's.
         """
-        return cls(
-            table.nodes,
-            Timing.of(table.limits, table.gripper.profile, job),
-            close_alike(job),
-        )
+        return cls(table.nodes, Timing.of(table.limits, table.gripper, job), close_alike(job))
 
     def part(self, squeezes: Sequence[Squeezed], start: Stand | None = None) -> list[Phases]:
         """The phases of each squeeze of a part, the hand at first above `start` or above its first place."""

@@ -1,22 +1,19 @@
 """How long the motions of a cell take: the one model of time of plans, evaluations, runs and their deadlines.
 
 The arm keeps to a speed and an acceleration (a trapezoid, or a triangle where the way is short), and a turn
-counts as the way of a point `TURN_RADIUS_MM` off the hand's axis. Jaws run at constant speeds. What a device
-takes to answer is added to each of its motions. Lengths are in mm, angles in rad, times in s.
+counts as the way of the point of the hand that is farthest off its axis. Jaws run at constant speeds. What a
+device takes to answer is added to each of its motions. Lengths are in mm, angles in rad, times in s.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import isfinite, sqrt
+from math import hypot, isfinite, sqrt
 from typing import Any, NamedTuple, Self
 
-from drivers.ports import GripperProfile
 from runtime.errors import TableError
 from runtime.table.embedded import number, parts_of, section
-from runtime.table.model import Limits
+from runtime.table.model import GripperSpec, Limits
 
-TURN_RADIUS_MM = 160.0
-"""A turn takes as long as a straight way of this radius times its angle: what drivers ask of arms."""
 CLEAR_MM = 5.0
 """How far jaws open before they count as free of what they held."""
 APPROACH_MM = 2.0
@@ -26,12 +23,15 @@ LEAD_MM = 1.5
 ABOVE_MM = 4.0
 """How far above the top of a part the tips pass between two of its squeezes."""
 
+NEAR_MM = 30.0
+"""From how far off a hand at the retreat height comes down on its way: farther off, anything may stand."""
+
 ARM_ACCELERATION_MM_S2 = 2_000.0
 DEFAULTS: Mapping[str, float] = {
     "arm_acceleration_mm_s2": ARM_ACCELERATION_MM_S2,
-    "arm_answer_s": 0.034,
-    "jaw_answer_s": 0.066,
-    "poll_s": 0.018,
+    "arm_answer_s": 0.014,
+    "jaw_answer_s": 0.062,
+    "poll_s": 0.015,
 }
 """What holds where the section `cell` of a job does not say. The acceleration is a limit; the rest
 are guesses, which `plan-refit` replaces by what a journal shows."""
@@ -51,7 +51,7 @@ class Phases(NamedTuple):
     """Seconds of one squeeze, one phase after the other."""
 
     push_s: float = 0.0  # pushes before it
-    travel_s: float = 0.0  # across to its place, the jaws on their way to its opening meanwhile
+    travel_s: float = 0.0  # to above its place, the jaws on their way to its opening meanwhile
     lower_s: float = 0.0
     close_s: float = 0.0  # the strokes, until the reading is believed
     release_s: float = 0.0  # a drag, and the jaws until they are free of the part
@@ -117,7 +117,10 @@ class Timing:
         float  # of a motion of the arm: asked for, begun, and its end believed, beside the motion
     )
     jaw_answer_s: float  # of a stroke of the jaws, likewise: settled is three equal readings
-    poll_s: float  # of a look at jaws on their way, and of asking them for something else
+    poll_s: (
+        float  # of a look at jaws on their way or at rest, and of asking them for something else
+    )
+    turn_radius_mm: float  # a turn takes as long as a straight way of this radius times its angle
     fastest_mm_s: float  # of the jaws, where they touch nothing
     streams: bool  # whether the jaws take another stroke while they move
     squeeze_mm: float  # heights of the tips
@@ -125,15 +128,16 @@ class Timing:
     retreat_mm: float
 
     @classmethod
-    def of(cls, limits: Limits, profile: GripperProfile, job: Mapping[str, Any] | None) -> Self:
+    def of(cls, limits: Limits, gripper: GripperSpec, job: Mapping[str, Any] | None) -> Self:
         """Of a table's limits, its gripper, and what its job says of the cell, if it has one.
 
         Raises:
-            TableError: the job's figures can be no cell's.
+            TableError: the gripper is not known, or the job's figures can be no cell's.
         """
-        stated, regrasp_um = checked(limits, job)
+        (stated, regrasp_um), profile = checked(limits, job), gripper.profile
         return cls(
             arm_speed_mm_s=limits.arm_speed_um_s / 1e3,
+            turn_radius_mm=gripper.turn_radius_mm,
             fastest_mm_s=min(profile.speed_mm_s[1], limits.max_speed_um_s / 1e3),
             streams=profile.streams,
             squeeze_mm=limits.squeeze_height_um / 1e3,
@@ -146,11 +150,19 @@ class Timing:
         self, way_mm: float, turn_rad: float = 0.0, speed_mm_s: float | None = None
     ) -> float:
         """One motion of the arm, as far as its hand goes and turns; none takes no time."""
-        way_mm = max(way_mm, TURN_RADIUS_MM * abs(turn_rad))
+        way_mm = max(way_mm, self.turn_radius_mm * abs(turn_rad))
         if way_mm <= 0.0:
             return 0.0
         speed_mm_s = min(speed_mm_s or self.arm_speed_mm_s, self.arm_speed_mm_s)
         return self.arm_answer_s + trapezoid_s(way_mm, speed_mm_s, self.arm_acceleration_mm_s2)
+
+    def comes_down(self, way_mm: float, turn_rad: float) -> bool:
+        """Whether a hand at the retreat height comes down to the regrasp height on its way to a squeeze.
+
+        Not from far off, nor where the way down would take longer.
+        """
+        aside_mm = max(way_mm, self.turn_radius_mm * abs(turn_rad))
+        return way_mm <= NEAR_MM and self.retreat_mm - self.regrasp_mm <= aside_mm
 
     def approach_mm(self, opening_mm: float, contact_mm: float | None, speed_mm_s: float) -> float:
         """Down to which opening the jaws close at full speed; `opening_mm` where that would save nothing."""
@@ -215,19 +227,21 @@ class Timing:
     def squeeze(self, visit: Visit) -> Phases:
         """The phases of one squeeze, from the hand at its height to the hand at its height."""
         high_mm = self.retreat_mm if visit.from_retreat else self.regrasp_mm
+        way_mm = visit.way_mm
+        if visit.from_retreat and self.comes_down(way_mm, visit.turn_rad):
+            way_mm, high_mm = hypot(way_mm, self.retreat_mm - self.regrasp_mm), self.regrasp_mm
         top_mm = self.retreat_mm if visit.to_retreat else self.regrasp_mm
         rise_s = self.move_s(top_mm - self.squeeze_mm)
-        left_s = self.opening_s(visit.width_mm, visit.next_mm, visit.speed_mm_s) + self.jaw_answer_s
+        left_s = self.opening_s(visit.width_mm, visit.next_mm, visit.speed_mm_s)
         return Phases(
-            travel_s=max(self.move_s(visit.way_mm, visit.turn_rad), visit.jaws_s)
-            + self.jaw_answer_s,
+            travel_s=max(self.move_s(way_mm, visit.turn_rad), visit.jaws_s) + self.poll_s,
             lower_s=self.move_s(high_mm - self.squeeze_mm),
             close_s=self.close_s(
                 visit.opening_mm, visit.contact_mm, visit.width_mm, visit.speed_mm_s
             ),
             release_s=self.move_s(visit.drag_mm)
             + self.free_s(visit.width_mm, visit.next_mm, visit.speed_mm_s),
-            rise_s=max(rise_s, left_s) if visit.to_retreat else rise_s,
+            rise_s=max(rise_s, left_s) + self.poll_s if visit.to_retreat else rise_s,
         )
 
     @property

@@ -13,6 +13,8 @@ from dataclasses import replace
 from pathlib import Path
 from unittest.mock import patch
 
+from drivers.abb.codec import Reply
+from drivers.ports import TURN_RADIUS_MM
 from drivers.robotiq import gripper as driver
 from drivers.sim.physics.scene import load
 from drivers.sim.virtual.cell import VirtualCell
@@ -20,7 +22,7 @@ from runtime.execution.events import Console
 from runtime.execution.executor import Cell, Executor, RunOptions
 from runtime.execution.hand import Hand, Handling
 from runtime.execution.jaws import Jaws
-from runtime.table import Schedule, Squeezed, Table, job_of
+from runtime.table import Schedule, Squeezed, Table, Timing, job_of
 from runtime.table import load as load_table
 
 
@@ -65,29 +67,37 @@ OFF: dict[str, Callable[[ExitStack], None]] = {
     "settled: three equal readings as fast as the count may change": lambda stack: (
         stack.enter_context(patch.object(driver.Gripper, "move", _driver(driver.Gripper.move)))
     ),
+    "the arm's answers: read as soon as they are whole": lambda stack: stack.enter_context(
+        patch.object(Reply, "ended", property(lambda reply: not reply.fields))
+    ),
     "force raised only where it changes anything": lambda stack: stack.enter_context(
         patch.object(Executor, "_read", _tightened(Executor._read))
     ),
-}
-OF_THE_HAND = {
-    "rise to the regrasp height": lambda hand: replace(
-        hand.timing, regrasp_mm=hand.timing.retreat_mm
+    "come down on the way to the first squeeze": lambda stack: stack.enter_context(
+        patch.object(Timing, "comes_down", lambda *_: False)
     ),
-    "turn the short way": None,
 }
-CONTACT = "close fast until shortly before contact"
-MEASURES = (CONTACT, *OF_THE_HAND, *OFF)
+REGRASP, RADIUS = "rise to the regrasp height", "turn as fast as the gripper's reach allows"
+SHORT_WAY, CONTACT = "turn the short way", "close fast until shortly before contact"
+OPENING = "open only as wide as the squeeze needs"
+MEASURES = (CONTACT, OPENING, REGRASP, RADIUS, SHORT_WAY, *OFF)
 
 
 def seconds(table: Table, tree: Path, parts: int, without: set[str]) -> list[tuple[float, float]]:
     """What parts take, and what the model says."""
     if CONTACT in without:
         table = replace(table, nodes=tuple(node._replace(contact_um=None) for node in table.nodes))
+    if OPENING in without:
+        table = replace(table, nodes=tuple(_wide(node, table) for node in table.nodes))
+    setting = load(tree, None, None)
+    if RADIUS in without:
+        geometry = setting.geometry._replace(turn_radius_mm=TURN_RADIUS_MM)
+        setting = setting._replace(geometry=geometry)
     with ExitStack() as stack:
         for name, off in OFF.items():
             if name in without:
                 off(stack)
-        cell = VirtualCell(load(tree, None, None), 1)
+        cell = VirtualCell(setting, 1)
         gripper = cell.gripper()
         gripper.activate()
         options = RunOptions(handling=Handling(regulated=True))
@@ -95,11 +105,18 @@ def seconds(table: Table, tree: Path, parts: int, without: set[str]) -> list[tup
             table, Cell(gripper, cell.arm(), cell.clock, Nowhere()), Console(), options
         )
         hand = executor._hand
-        if "rise to the regrasp height" in without:
-            hand.timing = OF_THE_HAND["rise to the regrasp height"](hand)
-        if "turn the short way" in without:
+        if REGRASP in without:
+            hand.timing = replace(hand.timing, regrasp_mm=hand.timing.retreat_mm)
+        if RADIUS in without:
+            hand.timing = replace(hand.timing, turn_radius_mm=TURN_RADIUS_MM)
+        if SHORT_WAY in without:
             hand._half_turn = 2.0 * hand._half_turn
         return list(_run(table, cell, executor, parts))
+
+
+def _wide(node, table: Table):
+    """The node with the jaws fully open before it."""
+    return node._replace(squeeze=node.squeeze._replace(opening_um=table.gripper.opening_um))
 
 
 def _run(table: Table, cell: VirtualCell, executor: Executor, parts: int):

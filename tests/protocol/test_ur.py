@@ -170,7 +170,7 @@ def test_the_pose_is_that_of_our_tool_whatever_the_controllers_is(rig):
 def test_a_hand_that_mostly_turns_is_given_time_for_it(rig):
     with rig.open() as arm:
         arm.pose()
-        arm._start, arm._speed_mm_s = arm._at, 160.0
+        arm._start, arm._speed_mm_s, arm._turn_rad_s = arm._at, 160.0, 1.0
         assert arm._pacing(arm._at._replace(angle_rad=1.0)) == ("t=2.0000", 2.0)
         assert arm._pacing(arm._at._replace(x_mm=320.0, angle_rad=1.0)) == ("v=0.160000", 2.0)
 

@@ -12,6 +12,7 @@ from math import hypot, inf, remainder, tau
 from pathlib import Path
 
 from drivers.clock import Pace
+from drivers.ports import TURN_RADIUS_MM
 from drivers.robotiq.gripper import Gripper
 from drivers.sim.devices.gripper import GripperModel
 from drivers.sim.devices.jaws import Jaws
@@ -220,7 +221,13 @@ class CountedArm:
         return ""
 
     def move_linear(
-        self, x_mm: float, y_mm: float, z_mm: float, angle_rad: float, speed_mm_s: float
+        self,
+        x_mm: float,
+        y_mm: float,
+        z_mm: float,
+        angle_rad: float,
+        speed_mm_s: float,
+        radius_mm: float = TURN_RADIUS_MM,
     ) -> None:
         self._life.moment_passes()
         self._world.move((x_mm, y_mm, z_mm, angle_rad))

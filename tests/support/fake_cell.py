@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from counting import PROFILE, SETTINGS, state
 
-from drivers.ports import GripperState, Settled
+from drivers.ports import TURN_RADIUS_MM, GripperState, Settled
 from runtime.execution.events import Console
 from runtime.execution.executor import Cell
 
@@ -119,6 +119,7 @@ class FakeArm:
         self.log = log
         self.at = (5.0, 5.0, 30.0, 0.1)
         self.off_mm = 0.0
+        self.radii_mm: list[float] = []  # of the turns that were asked for
         self.turns = (-math.inf, math.inf)
         self.obstacles = lambda start, target: ""
 
@@ -134,9 +135,16 @@ class FakeArm:
         return self.obstacles(start, target)
 
     def move_linear(
-        self, x_mm: float, y_mm: float, z_mm: float, angle_rad: float, speed_mm_s: float
+        self,
+        x_mm: float,
+        y_mm: float,
+        z_mm: float,
+        angle_rad: float,
+        speed_mm_s: float,
+        radius_mm: float = TURN_RADIUS_MM,
     ) -> None:
         self.log.call("arm", "move_linear", x_mm, y_mm, z_mm, angle_rad, speed_mm_s)
+        self.radii_mm.append(radius_mm)
         self.at = (x_mm, y_mm, z_mm, angle_rad)
 
     def close(self) -> None:

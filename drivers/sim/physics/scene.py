@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 from drivers.planar import Pose2
-from drivers.ports import GripperProfile
+from drivers.ports import TURN_RADIUS_MM, GripperProfile
 from runtime import table as tables
 from runtime.shell.errors import InputError, UsageError
 from runtime.shell.worlds import DEFAULT_WORLD, WorldError, find_factory, make_world
@@ -37,6 +37,7 @@ class Geometry(NamedTuple):
     halfwidth_rad: float
     height_mm: float | None = None  # of the part
     acceleration_mm_s2: float | None = None  # of the arm, None: it needs no time for that
+    turn_radius_mm: float = TURN_RADIUS_MM  # at which a turn has this acceleration
 
     @property
     def opening_mm(self) -> float:
@@ -154,6 +155,7 @@ def _planner_job() -> Any:
 def job_geometry(job: Any) -> Geometry:
     """What the cell needs, from a parsed job."""
     gripper, cell, uncertainty = job.gripper, job.cell, job.uncertainty
+    timing = import_module("planner.job.cell").timing_of(job)
     return Geometry(
         gripper.profile,
         cell.squeeze_height_mm,
@@ -161,7 +163,8 @@ def job_geometry(job: Any) -> Geometry:
         uncertainty.radius_mm,
         math.radians(uncertainty.orientation_halfwidth_deg),
         _height_mm(job),
-        cell.arm_acceleration_mm_s2 or tables.ARM_ACCELERATION_MM_S2,
+        timing.arm_acceleration_mm_s2,
+        timing.turn_radius_mm,
     )
 
 
@@ -185,6 +188,7 @@ def table_geometry(table: tables.Table) -> Geometry:
         if timing.regrasp_mm == timing.retreat_mm
         else timing.regrasp_mm - tables.ABOVE_MM,
         acceleration_mm_s2=timing.arm_acceleration_mm_s2,
+        turn_radius_mm=timing.turn_radius_mm,
     )
 
 

@@ -133,7 +133,13 @@ class OtherArm:
         return ""
 
     def move_linear(
-        self, x_mm: float, y_mm: float, z_mm: float, angle_rad: float, speed_mm_s: float
+        self,
+        x_mm: float,
+        y_mm: float,
+        z_mm: float,
+        angle_rad: float,
+        speed_mm_s: float,
+        radius_mm: float = 160.0,
     ) -> None:
         target = (x_mm, y_mm, z_mm, angle_rad)
         if (

@@ -272,3 +272,14 @@ def test_a_server_that_hangs_up_is_tried_again_and_then_given_up():
             connect.arm(impostor.url, time_scale=SCALE)
     finally:
         impostor.close()
+
+
+def test_a_turn_is_as_fast_as_the_radius_allows_that_is_asked_for(rig):
+    with rig.open(base=BASE) as arm:
+        for radius_mm in (80.0, 160.0):
+            arm.move_linear(0.0, 0.0, 60.0, 0.5 - radius_mm / 400.0, 100.0, radius_mm)
+            line_mm_s, turn_deg_s = rig.model._speed
+            assert line_mm_s == pytest.approx(100.0)
+            assert math.radians(turn_deg_s) * radius_mm == pytest.approx(100.0, rel=1e-4)
+        with pytest.raises(ArmError, match="positive"):
+            arm.move_linear(0.0, 0.0, 60.0, 0.0, 100.0, 0.0)

@@ -120,3 +120,20 @@ def test_stale_acknowledgements_are_dropped_and_nothing_else():
     assert codec.drop_stale("0 1 ", 0) == "0 1 "
     assert codec.drop_stale("1 1", 0) == "1 1"
     assert codec.drop_stale("3 1 1 2 3 4 5 6 7", 0) == "3 1 1 2 3 4 5 6 7"
+
+
+@pytest.mark.parametrize(
+    ("text", "code", "ended"),
+    [
+        ("3 1 1.00 2.00 3.00 0.000 1.000 0.000 0.012", 3, True),
+        ("3 1 1.00 2.00 3.00 0.000 1.000 0.000 0.01", 3, False),
+        ("3 1 1.00 2.00 3.00 0.000 1.000 0.000 -0", 3, False),
+        ("4 1 1.00 2.00 3.00 4.00 5.00 -61.25", 4, True),
+        ("4 1 1.00 2.00 3.00 4.00 5.00 -61.2", 4, False),
+        ("1 1 ", 1, True),
+    ],
+)
+def test_reply_has_ended_only_where_no_digit_can_follow(text, code, ended):
+    reply = codec.parse_reply(text, code)
+    assert reply is not None
+    assert reply.ended == ended

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import pytest
-from sample_tables import small_table, with_job
+from sample_tables import small_table, with_job, with_node
 
 from planner.refit.cell_times import Timed, learned
 from runtime.table import Schedule, Squeezed, job_of
@@ -17,11 +17,13 @@ CELL = {
 
 
 def test_learned_values_are_those_of_the_cell_that_took_the_seconds() -> None:
-    table = with_job(small_table(), '{"part":{"height_mm":16.0}}')
+    root = small_table().nodes[0]
+    narrow = root._replace(squeeze=root.squeeze._replace(opening_um=40_000))
+    table = with_job(with_node(small_table(), 0, narrow), '{"part":{"height_mm":16.0}}')
     schedule = Schedule.of(table, job_of(table))
     cell = replace(schedule, timing=replace(schedule.timing, **CELL))
     squeezes = [
-        Timed(built.node, built.width_mm, number == 0, phases)
+        Timed(built.node, built.width_mm, number == 1, phases)
         for width in range(20, 31)
         for built, number, phases in _part(cell, width)
     ]

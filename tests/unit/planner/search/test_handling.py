@@ -11,6 +11,7 @@ from planner.belief.particles import Belief
 from planner.belief.transition import Outcomes
 from planner.job import model as job_file
 from planner.mechanics.clearance import least_clearance
+from planner.mechanics.traits import as_planned
 from planner.search.handling import SPARE_MM, handling_of
 
 RECTANGLE = Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml"
@@ -25,6 +26,11 @@ def job():
     return dataclasses.replace(job, actions=actions)
 
 
+@pytest.fixture(scope="module")
+def free():
+    return job_file.load(RECTANGLE)
+
+
 def held_at(job, centre):
     """Outcomes of one cluster: a part held at 21 mm, its centre there."""
     counts = np.full(50, round(230 - 21.0 / encoder_of(job).mm_per_step))
@@ -34,13 +40,37 @@ def held_at(job, centre):
 
 
 @pytest.mark.parametrize(("y", "expected"), [(0.0, 30.0), (8.0, 50.0), (18.0, 70.0), (28.0, 85.0)])
-def test_the_least_opening_that_leaves_room_is_taken(job, y, expected):
+def test_opening_where_the_job_lists_some_is_the_least_that_leaves_room(job, y, expected):
     belief, placement = np.array([[0.0, y, 0.0]]), np.zeros(3)
     opening, clearance = handling_of(job).opening(Belief.of(belief), placement)
     assert opening == expected
     jaws = np.array([opening, 27.5, 9.5])
     assert clearance == least_clearance(job.part.outline_mm, jaws, belief, placement)
     assert clearance >= SPARE_MM or opening == job.gripper.opening_mm
+
+
+def test_opening_where_the_job_lists_none_leaves_just_the_room_that_is_needed(free):
+    belief, placement = Belief.of(np.array([[0.0, 5.0, 0.0], [0.0, -8.0, 0.1]])), np.zeros(3)
+    handling = handling_of(free)
+    opening, clearance = handling.opening(belief, placement)
+    assert opening == handling.contact_mm(belief, placement) + SPARE_MM
+    assert SPARE_MM <= clearance < 2 * SPARE_MM
+    assert handling.opening(belief, placement, pushed=True)[0] == free.gripper.opening_mm
+
+
+def test_opening_of_fingers_that_move_unlike_is_the_full_one(free):
+    uneven = free.replaced(gripper={"upper_finger_share": 0.6})
+    belief = Belief.of(np.zeros((1, 3)))
+    assert handling_of(uneven).opening(belief, np.zeros(3))[0] == free.gripper.opening_mm
+
+
+@pytest.mark.parametrize("trait", ["share", "across_mm", "encoder_mm"])
+def test_first_contact_of_a_part_with_something_off_comes_earlier(free, trait):
+    poses, placement, handling = np.array([[0.0, 9.0, 0.3]]), np.zeros(3), handling_of(free)
+    traits = as_planned(1)
+    plain = handling.contact_mm(Belief.of(poses, traits=traits), placement)
+    traits[trait] = {"share": 0.1, "across_mm": -1.4, "encoder_mm": 1.1}[trait]
+    assert handling.contact_mm(Belief.of(poses, traits=traits), placement) > plain
 
 
 def test_squeezes_that_may_throw_the_part_are_gentle(job):

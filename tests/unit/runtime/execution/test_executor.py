@@ -142,8 +142,15 @@ def test_jaws_that_do_not_stand_as_they_were_set_end_the_push() -> None:
     rig = fake_cell(LONGEST)
     slide = rig.arm.move_linear
 
-    def bend(x_mm: float, y_mm: float, z_mm: float, angle_rad: float, speed_mm_s: float) -> None:
-        slide(x_mm, y_mm, z_mm, angle_rad, speed_mm_s)
+    def bend(
+        x_mm: float,
+        y_mm: float,
+        z_mm: float,
+        angle_rad: float,
+        speed_mm_s: float,
+        radius_mm: float = 160.0,
+    ) -> None:
+        slide(x_mm, y_mm, z_mm, angle_rad, speed_mm_s, radius_mm)
         if speed_mm_s == 30.0:
             rig.gripper.now = rig.gripper.now._replace(position_counts=220)
 
@@ -291,7 +298,7 @@ def test_an_error_brings_its_exit_code_or_the_one_of_its_built_in_parent(
 
 
 def test_a_failure_of_the_safe_sequence_is_reported_and_does_not_end_it() -> None:
-    rig = fake_cell(LONGEST, Log(0, LinkError("first")))
+    rig = fake_cell(LONGEST, Log(1, LinkError("first")))
 
     def refuse() -> None:
         rig.log.call("gripper", "stop")

@@ -78,6 +78,8 @@ def test_a_localised_part_is_taken_at_its_pose_and_put_down() -> None:
     assert places[-6:] == [(0.0, 0.5)] * 3 + [(40.0, -20.0)] * 3
     assert jaw_moves(rig)[-1][0] == 0
     assert rig.journal.kinds()[-3:] == ["delivery", "delivery", "outcome"]
+    # A hand that may hold something turns as if it reached far, an empty one as far as it reaches.
+    assert rig.arm.radii_mm[-6:] == [80.0, 80.0, 160.0, 160.0, 160.0, 80.0]
 
 
 def test_each_of_several_parts_has_its_own_place_or_stays() -> None:
@@ -124,10 +126,17 @@ def test_a_part_that_slips_while_it_is_carried_is_a_fault(change) -> None:
     rig = fake_cell([AT_21, AT_21])
     lift = rig.arm.move_linear
 
-    def slip(x_mm: float, y_mm: float, z_mm: float, angle_rad: float, speed_mm_s: float) -> None:
+    def slip(
+        x_mm: float,
+        y_mm: float,
+        z_mm: float,
+        angle_rad: float,
+        speed_mm_s: float,
+        radius_mm: float = 160.0,
+    ) -> None:
         if z_mm == 60.0 and rig.gripper.gripping:
             rig.gripper.now = rig.gripper.now._replace(**change)
-        lift(x_mm, y_mm, z_mm, angle_rad, speed_mm_s)
+        lift(x_mm, y_mm, z_mm, angle_rad, speed_mm_s, radius_mm)
 
     rig.arm.move_linear = slip
     result = run(rig, RunOptions(delivery=DELIVERY))

@@ -87,10 +87,6 @@ def with_push(table: Table) -> Table:
             "node 0: speed_um_s is 150000, but the embedded job says 60000",
         ),
         (
-            squeeze(opening_um=80_000),
-            "node 0: opening_um is 80000, but the embedded job says 85000",
-        ),
-        (
             squeeze(x_um=90_000),
             "node 0: at (90.00, 0.00) mm the jaws touch no part within radius_mm = 12.75",
         ),
@@ -103,6 +99,15 @@ def test_a_table_that_its_job_contradicts_is_refused(forge: Forge, said: str) ->
         loads(encode(forge(TABLE)))
     assert said in str(refused.value)
     assert str(refused.value).endswith("recompile it")
+
+
+def test_an_opening_is_one_of_those_that_the_job_lists_if_it_lists_any() -> None:
+    job = json.loads(TABLE.job or "")
+    narrow = squeeze(opening_um=80_000)(TABLE)
+    loads(encode(narrow))
+    listed = with_job(narrow, json.dumps({**job, "actions": {"openings_mm": [70.0, 85.0]}}))
+    with pytest.raises(TableError, match="says one of 70000, 85000"):
+        loads(encode(listed))
 
 
 @pytest.mark.parametrize("direction", range(8))

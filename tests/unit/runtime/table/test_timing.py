@@ -7,8 +7,9 @@ from math import pi
 import pytest
 from sample_tables import pushing_table, small_table, with_job, with_node
 
-from runtime.table import Schedule, Squeezed, Stand, TableError, dumps, loads
-from runtime.table.timing import ABOVE_MM, TURN_RADIUS_MM, Visit, trapezoid_s
+from runtime.table import Schedule, Squeezed, Stand, TableError, dumps, loads, profile_of
+from runtime.table.grippers import turn_radius_mm
+from runtime.table.timing import ABOVE_MM, NEAR_MM, Visit, trapezoid_s
 
 VISIT = Visit(0.0, 0.0, 85.0, None, 25.0, 60.0, 85.0)
 
@@ -27,10 +28,32 @@ def test_trapezoid_covers_the_way_within_speed_and_acceleration(way_mm: float) -
     )  # area under the profile
 
 
-def test_move_turning_takes_as_long_as_the_arc_of_its_radius() -> None:
+def test_move_turning_takes_as_long_as_the_arc_of_the_grippers_reach() -> None:
     cell = timing()
-    assert cell.move_s(3.0, pi / 2) == cell.move_s(TURN_RADIUS_MM * pi / 2)
+    assert cell.move_s(3.0, pi / 2) == cell.move_s(cell.turn_radius_mm * pi / 2)
     assert cell.move_s(0.0) == 0.0
+
+
+def test_turn_radius_covers_gripper_and_fingers() -> None:
+    gripper = small_table().gripper
+    assert gripper.turn_radius_mm == profile_of(gripper.model).radius_mm
+    long = replace(gripper, finger_length_um=300_000)
+    assert long.turn_radius_mm > 150.0
+
+
+def test_first_squeeze_comes_down_on_the_way_only_from_nearby_and_where_that_saves_time() -> None:
+    cell = Schedule.of(small_table(), {"hypothesis": [{"part": {"height_mm": 16.0}}]}).timing
+    first = VISIT._replace(from_retreat=True)
+    again = VISIT._replace(turn_rad=pi / 2)
+    turned = cell.squeeze(first._replace(turn_rad=pi / 2))
+    assert turned.lower_s == cell.squeeze(again).lower_s
+    assert turned.travel_s == pytest.approx(cell.squeeze(again).travel_s)
+    for visit in (
+        first,
+        first._replace(turn_rad=0.1),
+        first._replace(way_mm=2 * NEAR_MM, turn_rad=pi / 2),
+    ):
+        assert cell.squeeze(visit).lower_s > turned.lower_s
 
 
 def test_squeeze_known_contact_opening_and_height_each_save_seconds() -> None:
