@@ -40,7 +40,7 @@ CALLS = {
     "Simulator.roll_out": "self, poses, parameters",
     "Simulator.sample": "self, n, rng, traits",
     "Table.load": "path",
-    "Table.lookup": "self, nodes, counts",
+    "Table.lookup": "self, nodes, widths_mm",
     "Table.of": "record",
     "Table.save": "self, path",
     "World.squeeze": "self, pose_hand",
