@@ -50,8 +50,8 @@ def test_squeeze_finger_wedged_in_a_notch_takes_the_part_along_until_both_touch(
     half += [(-x, y) for x, y in reversed(half)]
     lugs = np.array([*half, *((-x, -y) for x, y in half)])
     poses = np.random.default_rng(1).uniform((-2.4, 7.5, 0.01), (-1.9, 9.0, 0.06), (2000, 3))
-    made = simulator(lugs, JAWS)
-    ended = made.roll_out(poses, made.nominal(len(poses), 1.3))
+    rig = simulator(lugs, JAWS)
+    ended = rig.roll_out(poses, rig.nominal(len(poses), 1.3))
     whole = ended.given_up == 0
     assert whole.mean() > 0.99
     for pose, width_mm in zip(ended.poses[whole], ended.width_mm[whole], strict=True):
@@ -64,10 +64,10 @@ def test_squeeze_finger_in_the_corner_of_a_shoulder_keeps_both_contacts():
     shaft = [(-11.5, -3.5), (-5.5, -3.5), (-5.5, -2.0), (38.5, -2.0)]
     head = [(-11.5, 8.45), (-20.8, 8.45), (-20.8, -8.45), (-11.5, -8.45)]
     stepped = np.array([*head, *shaft, *((x, -y) for x, y in reversed(shaft))])
-    made = simulator(stepped, np.array([140.0, 27.0, 13.5, 0.5]))
+    rig = simulator(stepped, np.array([140.0, 27.0, 13.5, 0.5]))
     rng = np.random.default_rng(1)
     poses = rng.uniform((15.1, -40.0, -1.539055), (15.3, -27.0, -1.539040), (8000, 3))
-    ended = made.roll_out(poses, made.sample(len(poses), rng))
+    ended = rig.roll_out(poses, rig.sample(len(poses), rng))
     assert ended.given_up.mean() < 0.002
 
 

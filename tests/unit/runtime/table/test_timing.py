@@ -8,7 +8,6 @@ import pytest
 from sample_tables import pushing_table, small_table, with_job, with_node
 
 from runtime.table import Schedule, Squeezed, Stand, TableError, dumps, loads, profile_of
-from runtime.table.grippers import turn_radius_mm
 from runtime.table.timing import ABOVE_MM, NEAR_MM, Visit, trapezoid_s
 
 VISIT = Visit(0.0, 0.0, 85.0, None, 25.0, 60.0, 85.0)
