@@ -1,7 +1,7 @@
 """How a station looks to a line's supervisor: states of OPC 40100-1 and of PackML, results, stop reasons.
 
 Nothing here decides anything: what is accepted, and what follows from it, is the handshake's.
-`tools/docs/plc.md` shows `VIEW` and the chart that follows from it. Nothing here knows OPC UA.
+`tools/docs/plc.md` shows `VIEW`. Nothing here knows OPC UA.
 """
 
 from collections.abc import Callable, Mapping

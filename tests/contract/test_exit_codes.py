@@ -1,10 +1,8 @@
-"""The exit codes are few, and decision 0003, OUTCOMES.md and the error classes have the same."""
+"""The exit codes are few, and OUTCOMES.md and the error classes have the same."""
 
 import importlib
 import re
 from pathlib import Path
-
-import pytest
 
 from runtime.shell.errors import ExpectedError
 from runtime.shell.exit_codes import ExitCode
@@ -33,16 +31,9 @@ def test_sentences_are_one_line_without_other_numbers() -> None:
         assert not re.search(r"\d|\n", code.sentence)
 
 
-@pytest.mark.parametrize(
-    ("page", "title"),
-    [
-        ("tools/decisions/0003-one-list-of-exit-codes.md", "Decision"),
-        ("runtime/OUTCOMES.md", "Exit codes"),
-    ],
-)
-def test_page_lists_each_code_with_its_sentence(page: str, title: str) -> None:
-    text = (ROOT / page).read_text(encoding="utf-8")
-    section = text.partition(f"## {title}\n")[2].partition("\n## ")[0]
+def test_outcomes_list_each_code_with_its_sentence() -> None:
+    text = (ROOT / "runtime" / "OUTCOMES.md").read_text(encoding="utf-8")
+    section = text.partition("## Exit codes\n")[2].partition("\n## ")[0]
     assert ROW.findall(section) == [(str(code.value), code.sentence) for code in ExitCode]
 
 

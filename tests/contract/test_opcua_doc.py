@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 from typing import get_type_hints
 
-from vision_chart import chart, label, line
+from vision_chart import line
 
 from runtime.plc import admission, opcua
 from runtime.plc.address_space import NAMESPACE, TYPES
@@ -34,27 +34,6 @@ def test_section_shows_the_states_in_the_order_in_which_they_hold() -> None:
             f"{row.packml.name.capitalize()} ({row.packml.value})",
         ]
         for row in VIEW
-    ]
-
-
-def test_section_shows_the_chart_that_the_code_follows() -> None:
-    head = re.search(r"^\| what happens \| (.*) \|$", SECTION, re.MULTILINE)
-    assert head is not None
-    columns = head[1].split(" | ")
-    labels = list(map(label, VIEW))
-    assert sorted(columns) == sorted(labels)
-    listed = chart()
-
-    def shown(state: str, name: str) -> str:
-        after = listed[state, name]
-        if after == {state}:
-            return "-"
-        return " or ".join(each for each in columns if each in after)
-
-    with line() as each:
-        names = list(each.events)
-    assert rows("what happens") == [
-        [name, *(shown(state, name) for state in columns)] for name in names
     ]
 
 

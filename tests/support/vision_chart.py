@@ -1,7 +1,6 @@
 """The state chart of the OPC UA server: every method and event in every state that can be reached."""
 
 import socket
-from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -10,7 +9,6 @@ from runtime.plc.exchange import Exchange
 from runtime.plc.opcua import OpcUaServer
 from runtime.plc.panel import Configuration, Offer, Panel
 from runtime.plc.station import FAULT, Answer, Glance, Station
-from runtime.plc.vision import VIEW, Row, view
 
 DIGESTS = ("d" * 64, "e" * 64)
 OFFERS = [Offer("one", DIGESTS[0], []), Offer("two", DIGESTS[1], ["bracket", "shim"])]
@@ -84,17 +82,3 @@ def explored() -> Iterator[tuple[Glance, str, Glance]]:
                 each.events[name]()
                 yield before, name, each.exchange.glance
             ahead.append((*way, name))
-
-
-def label(row: Row) -> str:
-    """A row's state, with that of PackML where it takes both to tell rows apart."""
-    alone = [each.state for each in VIEW].count(row.state) == 1
-    return row.state.value if alone else f"{row.state.value}, {row.packml.name.capitalize()}"
-
-
-def chart() -> dict[tuple[str, str], set[str]]:
-    """The rows of the view, by their labels, that an event leads to from each row."""
-    transitions: dict[tuple[str, str], set[str]] = defaultdict(set)
-    for before, name, after in explored():
-        transitions[label(view(before)), name].add(label(view(after)))
-    return transitions
