@@ -38,90 +38,90 @@ class Register(NamedTuple):
         return 1 if self.type == "bool" else 0xFFFF
 
 
-Entry = tuple[str, str, float, str, str]
+class Value(NamedTuple):
+    """What a register holds, without its place in a block."""
 
-_WRITTEN: tuple[Entry, ...] = (
-    (
-        "enable",
-        "bool",
-        1,
-        "",
-        "triggers count; off and on clears error_id; reads 0 once enabling has ended",
-    ),
-    ("trigger", "bool", 1, "", "a rise begins a part"),
-    ("trigger_id", "uint16", 1, "", "of the part that the next trigger begins"),
-    ("result_acknowledge", "bool", 1, "", "a rise takes the result that waits"),
-    ("heartbeat_in", "uint16", 1, "", "a counter or a toggle that changes at least once a second"),
-    (
-        "table",
-        "uint16",
-        1,
-        "",
-        "the table that the next trigger uses: its number among --tree, from 0",
-    ),
-)
-
-_READ: tuple[Entry, ...] = (
-    ("acknowledge", "bool", 1, "", "the trigger is accepted; falls with it"),
-    ("busy", "bool", 1, "", "a part is under way"),
-    ("result_valid", "bool", 1, "", "a result waits"),
-    ("result_id", "uint16", 1, "", "trigger_id of the result"),
-    ("outcome", "uint16", 1, "", ", ".join(f"{code} {name}" for code, name in enumerate(OUTCOMES))),
-    (
-        "error_id",
-        "uint16",
-        1,
-        "",
-        "why a trigger was refused or enabling ended, or the code of a fault",
-    ),
-    ("heartbeat_out", "uint16", 1, "", "a counter that changes four times a second"),
-    ("table_in_use", "uint16", 1, "", "number of the table of the last accepted trigger"),
-    ("table_digest", "uint32", 1, "", "first four bytes of the SHA-256 of that table's file"),
-    ("x", "int32", 0.001, "mm", "pose of the part in the world; 0 unless the outcome is located"),
-    ("y", "int32", 0.001, "mm", "the same"),
-    ("angle", "int32", 0.0001, "deg", "the same, counter-clockwise"),
-    ("part", "uint16", 1, "", "which part it is, from 0 in the job's order"),
-    ("face", "uint16", 1, "", "0 as drawn, 1 turned over"),
-    (
-        "expected_error",
-        "uint16",
-        0.001,
-        "mm",
-        "median error of the trials at this leaf; 65535 not known",
-    ),
-    ("expected_error_p95", "uint16", 0.001, "mm", "its 95th percentile; 65535 not known"),
-    ("exit_code", "uint16", 1, "", "of the part, as in runtime/OUTCOMES.md"),
-    ("parts_located", "uint32", 1, "", "results of this outcome since the start, of all tables"),
-    ("parts_rejected", "uint32", 1, "", "the same"),
-    ("parts_unresolved", "uint32", 1, "", "the same"),
-    ("parts_fault", "uint32", 1, "", "the same"),
-    (
-        "seconds_last",
-        "uint16",
-        0.01,
-        "s",
-        "of the last part, from its first motion to its outcome; 65535 not known",
-    ),
-    (
-        "takt_share",
-        "uint16",
-        0.01,
-        "%",
-        "parts done within --takt, of those with seconds; 65535 not known, or without --takt",
-    ),
-)
+    name: str
+    type: str
+    meaning: str
+    scale: float = 1
+    unit: str = ""
 
 
-def _placed(entries: Sequence[Entry], start: int, kind: str) -> tuple[Register, ...]:
+def _block(start: int, kind: str, *values: Value) -> tuple[Register, ...]:
+    """Values as registers, one after the other from an address on."""
     registers: list[Register] = []
-    for name, type_, scale, unit, meaning in entries:
-        address = start if not registers else registers[-1].address + registers[-1].words
-        registers.append(Register(name, address, kind, type_, scale, unit, meaning))
+    for value in values:
+        address = registers[-1].address + registers[-1].words if registers else start
+        registers.append(Register(address=address, kind=kind, **value._asdict()))
     return tuple(registers)
 
 
-WRITTEN = _placed(_WRITTEN, WRITTEN_AT, "holding")
-READ = _placed(_READ, READ_AT, "input")
+WRITTEN = _block(
+    WRITTEN_AT,
+    "holding",
+    Value(
+        "enable",
+        "bool",
+        "triggers count; off and on clears error_id; reads 0 once enabling has ended",
+    ),
+    Value("trigger", "bool", "a rise begins a part"),
+    Value("trigger_id", "uint16", "of the part that the next trigger begins"),
+    Value("result_acknowledge", "bool", "a rise takes the result that waits"),
+    Value("heartbeat_in", "uint16", "a counter or a toggle that changes at least once a second"),
+    Value(
+        "table", "uint16", "the table that the next trigger uses: its number among --tree, from 0"
+    ),
+)
+READ = _block(
+    READ_AT,
+    "input",
+    Value("acknowledge", "bool", "the trigger is accepted; falls with it"),
+    Value("busy", "bool", "a part is under way"),
+    Value("result_valid", "bool", "a result waits"),
+    Value("result_id", "uint16", "trigger_id of the result"),
+    Value("outcome", "uint16", ", ".join(f"{code} {name}" for code, name in enumerate(OUTCOMES))),
+    Value(
+        "error_id", "uint16", "why a trigger was refused or enabling ended, or the code of a fault"
+    ),
+    Value("heartbeat_out", "uint16", "a counter that changes four times a second"),
+    Value("table_in_use", "uint16", "number of the table of the last accepted trigger"),
+    Value("table_digest", "uint32", "first four bytes of the SHA-256 of that table's file"),
+    Value(
+        "x", "int32", "pose of the part in the world; 0 unless the outcome is located", 0.001, "mm"
+    ),
+    Value("y", "int32", "the same", 0.001, "mm"),
+    Value("angle", "int32", "the same, counter-clockwise", 0.0001, "deg"),
+    Value("part", "uint16", "which part it is, from 0 in the job's order"),
+    Value("face", "uint16", "0 as drawn, 1 turned over"),
+    Value(
+        "expected_error",
+        "uint16",
+        "median error of the trials at this leaf; 65535 not known",
+        0.001,
+        "mm",
+    ),
+    Value("expected_error_p95", "uint16", "its 95th percentile; 65535 not known", 0.001, "mm"),
+    Value("exit_code", "uint16", "of the part, as in runtime/OUTCOMES.md"),
+    Value("parts_located", "uint32", "results of this outcome since the start, of all tables"),
+    Value("parts_rejected", "uint32", "the same"),
+    Value("parts_unresolved", "uint32", "the same"),
+    Value("parts_fault", "uint32", "the same"),
+    Value(
+        "seconds_last",
+        "uint16",
+        "of the last part, from its first motion to its outcome; 65535 not known",
+        0.01,
+        "s",
+    ),
+    Value(
+        "takt_share",
+        "uint16",
+        "parts done within --takt, of those with seconds; 65535 not known, or without --takt",
+        0.01,
+        "%",
+    ),
+)
 MAP = WRITTEN + READ
 
 

@@ -20,8 +20,9 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 
-from plc_programs import ROOT, PlcServed
+from plc_programs import PlcServed
 from plc_study import Study
+from served import ROOT
 from supervisor import Supervisor, passport
 
 from runtime.plc.handshake import Error

@@ -14,6 +14,7 @@ import logged_work
 import pytest
 import rolling
 from distributed import LocalCluster
+from waiting import until
 
 from planner.cli import compile as plan_compile
 from planner.learned.store import Store
@@ -54,12 +55,7 @@ def started(command, *arguments):
 
 def appeared(path):
     """What a process writes to a file once it is ready."""
-    deadline = time.monotonic() + 60
-    while time.monotonic() < deadline:
-        if path.exists() and (text := path.read_text()).strip():
-            return text
-        time.sleep(0.05)
-    raise TimeoutError(f"{path} did not appear")
+    return until(lambda: path.exists() and path.read_text().strip(), path)
 
 
 class Machines:
@@ -107,13 +103,6 @@ class Machines:
 def machines(tmp_path_factory):
     with ExitStack() as stack:
         yield Machines(tmp_path_factory.mktemp("machines"), stack)
-
-
-def wait_for_workers(cluster, n):
-    deadline = time.monotonic() + 60
-    while cluster.workers < n:
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
 
 
 @pytest.fixture(scope="module")
@@ -197,7 +186,7 @@ def test_work_that_nobody_takes_is_dropped(local_cluster, tmp_path):
 def test_a_killed_worker_costs_its_item_only(machines, tmp_path):
     log = tmp_path / "log"
     with Cluster(machines.with_workers(2).address) as cluster:
-        wait_for_workers(cluster, 2)
+        until(lambda: cluster.workers == 2)
         results = []
         for value in cluster.map(partial(logged_work.logged, str(log), 0.1), range(ITEMS)):
             results.append(value)

@@ -10,8 +10,9 @@ from typing import Any
 
 import pytest
 from asyncua import ua
-from plc_programs import ROOT, PlcServed, free_port
+from plc_programs import PlcServed, free_port
 from sample_tables import small_table
+from served import ROOT
 from supervisor import Passport, Supervisor, passport
 
 from runtime.cli import main

@@ -11,9 +11,10 @@ from math import degrees
 from pathlib import Path
 
 import pytest
-from plc_programs import ROOT, MemoryPlc, PlcServed, TcpPlc, free_port, integer
+from plc_programs import MemoryPlc, PlcServed, TcpPlc, free_port, integer
 from plc_study import Program
 from sample_tables import small_table
+from served import ROOT
 from structured_text import FunctionBlock
 
 from runtime.cli import main

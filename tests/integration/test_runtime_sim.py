@@ -6,11 +6,11 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
 from sample_tables import small_table
+from waiting import until
 
 from runtime.journal.chain import records, verify
 from runtime.table import REJECT, decision_map, dump, dumps, loads
@@ -62,10 +62,7 @@ def cells(tree: Path) -> list[int]:
 
 
 def wait_until_no_cell(tree: Path) -> None:
-    deadline = time.monotonic() + WAIT_S
-    while cells(tree):
-        assert time.monotonic() < deadline, f"cell processes {cells(tree)} were left behind"
-        time.sleep(0.05)
+    until(lambda: not cells(tree), "cell processes are left behind")
 
 
 def test_parts_follow_the_table_and_the_journal_justifies_every_decision(tree: Path) -> None:

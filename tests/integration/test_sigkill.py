@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from running_cells import ROOT, WAIT_S, RunningCell, runtime_command
 from sample_tables import small_table
+from waiting import until
 
 from runtime.journal.chain import records, verify
 from runtime.journal.files import broken_of
@@ -37,10 +38,8 @@ def path_of(journal: Path) -> tuple[list[int], str]:
 
 
 def wait_for(journal: Path, kind: str, number: int) -> None:
-    deadline = time.monotonic() + WAIT_S
-    while not journal.exists() or journal.read_bytes().count(f'"kind":"{kind}"'.encode()) < number:
-        assert time.monotonic() < deadline
-        time.sleep(0.005)
+    text = f'"kind":"{kind}"'.encode()
+    until(lambda: journal.exists() and journal.read_bytes().count(text) >= number, kind)
 
 
 def test_a_killed_process_is_taken_over_by_the_next_one(tree: Path) -> None:

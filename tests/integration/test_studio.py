@@ -4,20 +4,19 @@ import json
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 from urllib.error import HTTPError
 from urllib.request import Request, urlopen
 
 import pytest
 from html_pages import Page
+from waiting import until
 
 from runtime.table import load
 
 ROOT = Path(__file__).parents[2]
 CODE = "import sys; from planner.cli.studio import main; sys.exit(main(sys.argv[1:]))"
 QUICK = {"radius": "2", "turn": "8", "budget": "2", "units": "mm"}
-DEADLINE_S = 500.0  # kernels may have to be compiled first, on a busy machine
 
 
 class Studio:
@@ -42,14 +41,6 @@ class Studio:
 def plan_of(studio):
     (plan,) = json.loads(studio.ask("/folder.json"))["plans"]
     return plan
-
-
-def until(condition):
-    deadline = time.monotonic() + DEADLINE_S
-    while not (result := condition()):
-        assert time.monotonic() < deadline
-        time.sleep(0.1)
-    return result
 
 
 @pytest.mark.slow

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 
 import pytest
 from plc_programs import NAMED, TcpPlc
+from waiting import until
 
 from runtime.devices.clock import SystemClock
 from runtime.monitoring.live.server import Address, listening
@@ -239,7 +240,7 @@ def test_second_client_reads_and_its_writes_are_refused_while_the_first_is_there
         assert answer.exception_code == 6
         assert first["trigger_id"] == 5
         first.close()
-        _until(lambda: second.code("trigger_id", 7) == 0)
+        until(lambda: second.code("trigger_id", 7) == 0)
         assert second["trigger_id"] == 7
         with served.plc() as third:
             assert third.code("trigger_id", 8) == 6
@@ -251,7 +252,7 @@ def test_reader_that_stays_does_not_keep_the_plc_out(
     monkeypatch.setattr(modbus, "PANEL_S", 0.2)
     with served.plc() as panel, served.plc() as plc:
         assert panel["trigger_id"] == 0
-        _until(lambda: plc.code("trigger_id", 1) == 0)
+        until(lambda: plc.code("trigger_id", 1) == 0)
         assert panel.code("trigger_id", 2) == 6
     with served.plc() as plc, served.plc() as panel:
         plc.write(trigger_id=3)
@@ -265,7 +266,7 @@ def test_reset_of_the_connection_ends_enabling_and_leaves_the_part(served: Serve
     assert served.exchange.order is not None
     first.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\1\0\0\0\0\0\0\0")
     first.close()
-    _until(lambda: served.exchange.read(ENABLE, 1) == [0])
+    until(lambda: served.exchange.read(ENABLE, 1) == [0])
     served.exchange.finish(Answer(1, x=-5))
     with served.plc() as plc:
         assert (plc["result_valid"], plc["result_id"], plc["x"]) == (1, 5, -5)
@@ -312,10 +313,3 @@ def test_leaving_the_server_ends_its_connections_and_its_thread(served: Served, 
     assert raw.is_closed()
     assert "modbus" not in [thread.name for thread in threading.enumerate()]
     served.__init__()
-
-
-def _until(holds: object) -> None:
-    until = time.monotonic() + WAIT_S
-    while not holds():
-        assert time.monotonic() < until
-        time.sleep(0.005)

@@ -16,6 +16,7 @@ from asyncua.client.ua_client import UaClient
 from asyncua.server.internal_session import InternalSession
 from supervisor import Passport, Supervisor, passport
 from vision_chart import LOCATED, OFFERS
+from waiting import until
 
 from runtime.devices.clock import SystemClock
 from runtime.plc import admission
@@ -72,10 +73,7 @@ def line(served: Served) -> Iterator[Supervisor]:
         if supervisor[f"{RESULTS}/ResultReady"]:
             supervisor.release(supervisor[f"{RESULTS}/LastResult/ResultHandle"])
         supervisor.call(f"{MACHINE}/Reset")
-    until = time.monotonic() + 30
-    while served.exchange.connected:
-        assert time.monotonic() < until
-        time.sleep(0.01)
+    until(lambda: not served.exchange.connected)
 
 
 def test_part_goes_through_the_states_and_has_its_result(served: Served, line: Supervisor) -> None:
@@ -97,10 +95,7 @@ def test_part_goes_through_the_states_and_has_its_result(served: Served, line: S
     line.release(result["ResultHandle"])
     assert (line[STATE], line[f"{PACKML}/StateCurrentName"]) == ("Ready", "Idle")
     assert line[f"{PACKML}/Located"] == located + 1
-    until = time.monotonic() + 30
-    while len(line.events) < 2:
-        assert time.monotonic() < until
-        time.sleep(0.01)
+    until(lambda: len(line.events) >= 2)
     assert line.events == ["ReadyToSingleExecution", "SingleExecutionToReady"]
     assert line[f"{MACHINE}/LastTransition"] == "SingleExecutionToReady"
 

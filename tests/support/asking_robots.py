@@ -1,16 +1,15 @@
 """Robots that ask `grasp-runtime --serve`, and the server as a process of its own."""
 
 import importlib.util
-import json
 import socket
-import subprocess
-import sys
 from math import radians
 from pathlib import Path
-from types import ModuleType, TracebackType
+from types import ModuleType
 
+from served import ROOT, ServedRun
 from counting import count_of
 from structured_text import FunctionBlock
+from waiting import WAIT_S
 
 from drivers.ports import ObjectState
 from drivers.sim.physics.scene import Setting
@@ -23,9 +22,7 @@ from runtime.execution.session import run_journalled
 from runtime.journal.chain import Journal
 from runtime.table import PPM, Branch, Node, Squeeze, Table
 
-ROOT = Path(__file__).parents[2]
 CLIENTS = ROOT / "tools" / "docs" / "clients"
-WAIT_S = 60
 
 
 def client() -> ModuleType:
@@ -144,49 +141,12 @@ def driven(
     return result.parts
 
 
-class Served:
+class Served(ServedRun):
     """`grasp-runtime --serve` as a process; `port` is where it answers."""
 
     def __init__(self, tree: Path, *more: str) -> None:
-        command = [sys.executable, "-m", "runtime.cli", "--tree", str(tree), "--json", *more]
-        command += [
-            "--serve",
-            "tcp://127.0.0.1:0",
-            "--journal",
-            str(tree.with_name("journal.jsonl")),
-        ]
-        self._said = tree.with_name("said.jsonl")  # a pipe that is not read would hold it up
-        with self._said.open("w") as said:
-            self.process = subprocess.Popen(
-                command, cwd=ROOT, text=True, stdout=said, stderr=subprocess.PIPE
-            )
-        assert self.process.stderr is not None
-        line = ""
-        while "a robot may ask at" not in line:
-            line = self.process.stderr.readline()
-            if not line:
-                self.process.communicate()
-                raise AssertionError(f"ended with {self.process.returncode}")
-        self.port = int(line.rpartition(":")[2])
-
-    def ended(self) -> tuple[int, list[dict[str, object]], str]:
-        """Its exit code, its parts and its last words, once it has ended by itself or been asked to."""
-        _, err = self.process.communicate(timeout=WAIT_S)
-        lines = [json.loads(line) for line in self._said.read_text().splitlines()]
-        return self.process.returncode, lines, err
-
-    def __enter__(self) -> "Served":
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        if self.process.poll() is None:
-            self.process.kill()
-            self.process.communicate()
+        words = ["--tree", str(tree), "--serve", "tcp://127.0.0.1:0", *more]
+        super().__init__(tree.parent, "a robot may ask at", *words)
 
 
 class Line:

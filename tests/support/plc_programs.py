@@ -1,22 +1,17 @@
 """A PLC's side of the handshake for tests: registers by name, in memory or over pymodbus' client."""
 
-import json
 import socket
-import subprocess
-import sys
-import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from types import TracebackType
 
 from pymodbus.client import ModbusTcpClient
+from served import ServedRun
+from waiting import WAIT_S, until
 
 from runtime.plc.handshake import Error
 from runtime.plc.registers import MAP, Register, as_json
 from runtime.plc.station import Answer, Refusal, Station
 
-ROOT = Path(__file__).parents[2]
-WAIT_S = 60
 NAMED = {register.name: register for register in MAP}
 
 
@@ -75,10 +70,7 @@ class TcpPlc:
         self.unit = unit
         self._beat = 0
         self.client = ModbusTcpClient("127.0.0.1", port=port, timeout=WAIT_S, retries=0)
-        until = time.monotonic() + WAIT_S
-        while not self.client.connect():
-            assert time.monotonic() < until
-            time.sleep(0.05)
+        until(self.client.connect, port)
 
     def write(self, **values: int) -> None:
         for name, value in values.items():
@@ -109,11 +101,13 @@ class TcpPlc:
         self.wait_for(lambda: self[name] == value, name)
 
     def wait_for(self, holds: Callable[[], bool], what: str) -> None:
-        until = time.monotonic() + WAIT_S
-        while not holds():
-            assert time.monotonic() < until, f"{what} is not so in {WAIT_S} s"
+        """Wait until a condition holds, with a heartbeat."""
+
+        def beaten() -> bool:
             self.beat()
-            time.sleep(0.002)
+            return holds()
+
+        until(beaten, what, 0.002)
 
     def enable(self) -> None:
         self.beat()
@@ -161,7 +155,7 @@ class TcpPlc:
         self.close()
 
 
-class PlcServed:
+class PlcServed(ServedRun):
     """`grasp-runtime --plc` as a process; `port` is where it answers."""
 
     def __init__(
@@ -172,51 +166,15 @@ class PlcServed:
         count: int | None = None,
         plc: str = "modbus-tcp://127.0.0.1:0",
     ) -> None:
-        folder = trees[0].parent
-        self.journal = folder / "journal.jsonl"
-        command = [sys.executable, "-m", "runtime.cli", "--json", "--journal", str(self.journal)]
-        command += ["--plc", plc, "--port", port, *more]
-        command += [word for tree in trees for word in ("--tree", str(tree))]
-        command += [] if count is None else ["--count", str(count)]
-        self._said = folder / "said.jsonl"
-        with self._said.open("w") as said:
-            self.process = subprocess.Popen(
-                command, cwd=ROOT, text=True, stdout=said, stderr=subprocess.PIPE
-            )
-        assert self.process.stderr is not None
-        line = ""
-        while "a PLC may connect at" not in line:
-            line = self.process.stderr.readline()
-            if not line:
-                self.process.communicate()
-                raise AssertionError(f"ended with {self.process.returncode}")
-        self.port = int(line.rpartition(":")[2])
+        words = ["--plc", plc, "--port", port, *more]
+        words += [word for tree in trees for word in ("--tree", str(tree))]
+        words += [] if count is None else ["--count", str(count)]
+        super().__init__(trees[0].parent, "a PLC may connect at", *words)
 
     def plc(self, unit: int = 1) -> TcpPlc:
         return TcpPlc(self.port, unit)
 
     def until_squeezing(self, part: int) -> None:
         """Wait until the hand is at a part, which is under way from then on."""
-        until = time.monotonic() + WAIT_S
-        while f'"kind":"placed","part":{part},' not in self.journal.read_text():
-            assert time.monotonic() < until
-            time.sleep(0.01)
-
-    def ended(self) -> tuple[int, list[dict[str, object]], str]:
-        """Its exit code, its parts and its last words, once it has ended by itself or been asked to."""
-        _, err = self.process.communicate(timeout=WAIT_S)
-        parts = [json.loads(line) for line in self._said.read_text().splitlines()]
-        return self.process.returncode, parts, err
-
-    def __enter__(self) -> "PlcServed":
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        if self.process.poll() is None:
-            self.process.kill()
-            self.process.communicate()
+        placed = f'"kind":"placed","part":{part},'
+        until(lambda: placed in self.journal.read_text(), placed)

@@ -2,7 +2,6 @@
 
 import asyncio
 import threading
-import time
 from collections.abc import Coroutine
 from concurrent.futures import Future
 from contextlib import suppress
@@ -20,11 +19,11 @@ from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256
 from cryptography import x509
 from cryptography.hazmat.primitives.serialization import Encoding
 from cryptography.x509.oid import ExtendedKeyUsageOID
+from waiting import WAIT_S, until
 
 from runtime.plc.address_space import NAMESPACE, SYSTEM
 from runtime.plc.panel import AUTOMATIC, MACHINE, RECIPES, RESULTS
 
-WAIT_S = 60
 URI = "urn:line:supervisor"
 
 
@@ -63,27 +62,28 @@ class Supervisor:
         self.events: list[str] = []
         self._nodes: dict[str, Node] = {}
         try:
-            self.wait(self._connect(identity))
+            until(lambda: self._connects(identity), "it listens")
         except BaseException:
             self._end_loop()
             raise
 
+    def _connects(self, identity: Passport | None) -> bool:
+        """Connect; False where nobody listens yet."""
+        try:
+            self.wait(self._connect(identity))
+        except ConnectionRefusedError:
+            return False
+        return True
+
     async def _connect(self, identity: Passport | None) -> None:
-        until = time.monotonic() + WAIT_S
-        while True:
-            try:
-                if identity is not None:
-                    await self.client.set_security(
-                        SecurityPolicyBasic256Sha256,
-                        certificate=str(identity.certificate),
-                        private_key=str(identity.key),
-                        mode=ua.MessageSecurityMode.SignAndEncrypt,
-                    )
-                await self.client.connect()
-                break
-            except ConnectionRefusedError:  # it does not listen yet
-                assert time.monotonic() < until
-                await asyncio.sleep(0.05)
+        if identity is not None:
+            await self.client.set_security(
+                SecurityPolicyBasic256Sha256,
+                certificate=str(identity.certificate),
+                private_key=str(identity.key),
+                mode=ua.MessageSecurityMode.SignAndEncrypt,
+            )
+        await self.client.connect()
         self._index = await self.client.get_namespace_index(NAMESPACE)
 
     def wait(self, doing: Coroutine[Any, Any, Any]) -> Any:
@@ -106,10 +106,7 @@ class Supervisor:
 
     def until(self, path: str, value: object) -> None:
         """Wait until a variable has a value."""
-        until = time.monotonic() + WAIT_S
-        while self[path] != value:
-            assert time.monotonic() < until, f"{path} is {self[path]}, not {value}"
-            time.sleep(0.005)
+        until(lambda: self[path] == value, f"{path} is {value}")
 
     def call(self, path: str, *inputs: object) -> Any:
         """Call a method; returns its outputs."""
