@@ -311,6 +311,23 @@ def test_nothing_is_moved_before_enabling(tmp_path: Path, tree: Path) -> None:
     assert len(rig.log.named("activate")) == 1
 
 
+def withdrawing(rig: FakeCell, withdrawn: threading.Event) -> Callable[[TcpPlc], None]:
+    """A PLC that takes a trigger back before the part moves, and then has another one located."""
+
+    def program(client: TcpPlc) -> None:
+        client.enable()
+        client.begin(6)
+        client.write(enable=0)
+        withdrawn.set()
+        result = client.result(6)
+        assert (result["outcome"], result["error_id"]) == (4, 40)
+        assert rig.log.named("move_linear") == []
+        client.enable()
+        assert client.part(7)["outcome"] == 1
+
+    return program
+
+
 def test_enable_withdrawn_before_a_part_begins_ends_it_without_a_motion(
     tmp_path: Path, tree: Path
 ) -> None:
@@ -324,18 +341,7 @@ def test_enable_withdrawn_before_a_part_begins_ends_it_without_a_motion(
 
     rig.gripper.activate = slow_sweep
 
-    def program(client: TcpPlc) -> None:
-        client.enable()
-        client.begin(6)
-        client.write(enable=0)
-        triggered.set()
-        result = client.result(6)
-        assert (result["outcome"], result["error_id"]) == (4, 40)
-        assert rig.log.named("move_linear") == []
-        client.enable()
-        assert client.part(7)["outcome"] == 1
-
-    assert Running(tmp_path, rig, tree, count=1).run(program) == 0
+    assert Running(tmp_path, rig, tree, count=1).run(withdrawing(rig, triggered)) == 0
 
 
 def test_enable_withdrawn_before_the_run_looks_at_it_ends_the_part(
@@ -350,18 +356,7 @@ def test_enable_withdrawn_before_the_run_looks_at_it_ends_the_part(
 
     monkeypatch.setattr(plc.ForPlc, "note", late)  # that a PLC may connect, the first of them
 
-    def program(client: TcpPlc) -> None:
-        client.enable()
-        client.begin(6)
-        client.write(enable=0)
-        withdrawn.set()
-        result = client.result(6)
-        assert (result["outcome"], result["error_id"]) == (4, 40)
-        assert rig.log.named("move_linear") == []
-        client.enable()
-        assert client.part(7)["outcome"] == 1
-
-    assert Running(tmp_path, rig, tree, count=1).run(program) == 0
+    assert Running(tmp_path, rig, tree, count=1).run(withdrawing(rig, withdrawn)) == 0
 
 
 def test_fault_is_a_result_of_its_id_that_stays_until_it_is_taken(
