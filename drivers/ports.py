@@ -104,7 +104,8 @@ class GripperState:
     fault: int  # the device's fault word; 0 where nothing keeps it from being moved
     fault_text: str  # what that means and what to do, a sentence; empty without a fault
     object: ObjectState
-    # the requested width as the device repeats it, from 0 to the stroke; after a new connection too
+    # the requested width as the device repeats it, up to the stroke; after a new connection too. What closes
+    # the fingers as far as they go is repeated as below 0 by a device that can, else as 0.
     target_um: int
     # where the fingers are; a little below 0 or above the stroke where they go beyond the nominal ends
     width_um: int

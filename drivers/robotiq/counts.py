@@ -28,8 +28,8 @@ class Counts:
         return self.profile.counted_um(count)
 
     def target_um(self, count: int) -> int:
-        """The width that a request asks for."""
-        return min(max(self.width_um(count), 0), self.profile.stroke_um)
+        """The width that a request asks for; -1 for one beyond the closed end."""
+        return min(max(self.width_um(count), -1), self.profile.stroke_um)
 
     def request(self, width_um: int) -> int:
         """The request for a width; below 0, and for the stroke, it is as far as the fingers go."""

@@ -28,10 +28,11 @@ def check_fresh(settled: Settled, requested_um: int) -> None:
     Raises:
         GripperStateError: it belongs to another request, or is not settled.
     """
-    if settled.target_um != max(requested_um, 0):
+    seen_um, asked_um = (max(target, 0) for target in (settled.target_um, requested_um))
+    if seen_um != asked_um:
         raise GripperStateError(
-            f"stale reading: the gripper answers a request for {settled.target_um / 1000:.2f} mm, asked was "
-            f"{max(requested_um, 0) / 1000:.2f} mm"
+            f"stale reading: the gripper answers a request for {seen_um / 1000:.2f} mm, asked was "
+            f"{asked_um / 1000:.2f} mm"
         )
     if settled.object is ObjectState.NONE:
         raise GripperStateError("the gripper reports a motion as finished and as going on")

@@ -46,7 +46,7 @@ def pending(broken: Replay, table: Table, hand: Hand) -> tuple[Node, int] | None
     retreat_mm = hand.limits.retreat_height_um / 1000
     low = pose[2] < (hand.timing.regrasp_mm if broken.steps else retreat_mm) - LEVEL_MM
     alike = close_alike(job_of(table))
-    closed = state.target_um == 0
+    closed = state.target_um < 0  # not: set to 0 for a push
     held = broken.last is Last.SQUEEZED and (closed or state.object is not ObjectState.AT_TARGET)
     if held or broken.last is Last.PLACED:
         if not (low and _between(pose, place, let_go, alike)):

@@ -56,7 +56,7 @@ def test_closing_a_modbus_tcp_link_stops_the_jaws_and_no_other_does():
         rig = Robotiq(bus)
         with rig.open() as gripper:
             gripper.activate()
-            gripper.move(255, 0, 0)
+            gripper.move(-1, 20.0, 20.0)
         threading.Event().wait(0.15)
         assert bool(rig.model.read_output()[0] & 0x08) == (bus != "tcp")
         rig.close()

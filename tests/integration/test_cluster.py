@@ -209,7 +209,7 @@ def test_roll_outs_survive_a_killed_worker(machines, direct):
             machines.workers[0].send_signal(signal.SIGKILL)
 
     with Cluster(machines.with_workers(2).address) as cluster:
-        wait_for_workers(cluster, 2)
+        until(lambda: cluster.workers == 2)
         result = rolling.roll_outs(
             rolling.PART, rolling.RADIUS_MM, rolling.COUNT, None, cluster, kill
         )

@@ -53,7 +53,7 @@ def test_the_transport_itself_refuses(tree: Path) -> None:
     with TappedGripper() as tapped, TappedArm() as answering:
         gripper = connect.gripper(tapped.path, read_only=True)
         arm = connect.arm(answering.url, read_only=True)
-        for command in (lambda: gripper.move(255, 0, 0), gripper.stop):
+        for command in (lambda: gripper.move(-1, 20.0, 20.0), gripper.stop):
             with pytest.raises(ReadOnlyError, match="dry run"):
                 command()
         tapped.block = POWERED_UP

@@ -196,7 +196,7 @@ def test_jaws_stopped_on_their_way_may_hold_something(station, output) -> None:
 
 def open_fully(station: Station) -> None:
     with contextlib.closing(connect.gripper(station.cell.endpoints["gripper"])) as gripper:
-        gripper.move(0, 255, 0)
+        gripper.move(85_000, 150.0, 20.0)
         gripper.wait()
 
 

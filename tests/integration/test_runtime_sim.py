@@ -87,7 +87,7 @@ def test_parts_follow_the_table_and_the_journal_justifies_every_decision(tree: P
         branch = maps[entry["node"]].at(entry["width_um"]) if entry["object_flag"] == 2 else REJECT
         expected = None if branch == REJECT else table.nodes[entry["node"]].branches[branch].target
         assert entry["target"] == expected
-        assert entry["target_um"] == 0
+        assert entry["target_um"] == -1
     assert [entry["node"] for entry in squeezes] == [
         node for part in parts for node in part["path"]
     ]

@@ -119,7 +119,7 @@ def test_a_virtual_cell_says_the_same_bytes_again(seed):
         cell._gripper_port.receive = heard
         gripper = cell.gripper()
         gripper.activate()
-        gripper.move(255, 100, 50)
+        gripper.move(-1, 71.0, 62.0)
         gripper.wait()
         return said
 

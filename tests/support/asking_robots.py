@@ -6,8 +6,8 @@ from math import radians
 from pathlib import Path
 from types import ModuleType
 
-from served import ROOT, ServedRun
 from counting import count_of
+from served import ROOT, ServedRun
 from structured_text import FunctionBlock
 from waiting import WAIT_S
 

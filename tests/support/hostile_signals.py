@@ -129,7 +129,7 @@ class Bench:
         """Open the jaws, and reset the gripper if it is not to be active; feed a part."""
         self.scene.next_part()
         self.gripper.activate()
-        self.gripper.move(0, 255, 0)
+        self.gripper.move(85_000, 150.0, 20.0)
         self.gripper.wait()
         if not active:
             self.gripper._link.write(bytes(6))

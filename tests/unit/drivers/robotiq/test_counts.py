@@ -34,7 +34,8 @@ def test_request_of_a_width_on_the_grid_is_its_count_and_the_ends_are_beyond_it(
         assert counts.target_um(count) == counts.width_um(count)
     assert (counts.request(-1), counts.request(profile.stroke_um)) == (255, 0)
     assert counts.request(0) == last
-    assert (counts.target_um(255), counts.target_um(0)) == (0, profile.stroke_um)
+    assert (counts.target_um(last), counts.target_um(0)) == (0, profile.stroke_um)
+    assert counts.target_um(255) == (0 if last == 255 else -1)
     widths = [counts.width_um(count) for count in range(256)]
     assert widths == sorted(set(widths), reverse=True)
 

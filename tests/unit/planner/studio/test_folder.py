@@ -1,7 +1,6 @@
 """A project folder: names from a page reach its own files alone, and nothing is overwritten."""
 
 import pytest
-from waiting import until
 
 from planner.studio.folder import Folder, checked
 from runtime.shell.errors import UsageError

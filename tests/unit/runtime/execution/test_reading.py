@@ -131,7 +131,7 @@ def test_an_intermediate_stroke_passed_met_something_or_contradicts_itself(
 def test_a_journalled_reading_has_all_of_it() -> None:
     assert reading_fields(settled()._replace(seconds=0.512349)) == {
         "object_flag": 2,
-        "target_um": 0,
+        "target_um": -1,
         "current_ma": 300,
         "settle_s": 0.5123,
     }
