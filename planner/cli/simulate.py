@@ -63,6 +63,7 @@ def _simulate(arguments: argparse.Namespace) -> None:
     outputs = [usable(arguments.output, *read, stdout=True)]
     for path in pictures.values():
         outputs.append(usable(path, *read, *outputs))
+    job = pushes.exact(job) if arguments.push else job
     simulator = Simulator.of_job(job, arguments.workers, arguments.step_mm)
     results = (
         _squeezed(simulator, arguments, job)

@@ -179,7 +179,7 @@ def new_job(pushes: Recorded) -> Job:
     square = Imported(SQUARE, 4, np.ptp(SQUARE, axis=0), ())
     written = job_file.parse(draft(square, "outlines.csv", answers), pushes.shape)
     part = {"outline_mm": np.round(pushes.outline, 4).tolist(), "symmetry": 1}
-    return written.replaced(part=part, gripper={"opening_mm": 1000.0})
+    return stated.exact(written.replaced(part=part, gripper={"opening_mm": 1000.0}))
 
 
 def predicted(pushes: Recorded, part: Simulator, mu: float) -> Errors:
