@@ -2,9 +2,9 @@
 
 import sys
 import threading
-import time
 
 import pytest
+from waiting import until
 
 from planner.studio import plans as studio_plans
 from planner.studio.folder import Folder
@@ -24,13 +24,6 @@ print(json.dumps({"exit": 0}), flush=True)
 def plans(tmp_path):
     (tmp_path / "plate.csv").write_text("0,0\n30,0\n30,21\n0,21\n")
     return Plans(Folder(tmp_path))
-
-
-def until(condition):
-    deadline = time.monotonic() + 60.0
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
 
 
 def test_a_setting_stays_one_argument(plans):
