@@ -165,7 +165,9 @@ def believed_cases(job: Job) -> list[Case]:
         cases += _other_surface(job)
     if doubt.least_dof:
         change = {"pressure": {"wishart_dof": doubt.least_dof}}
-        cases.append(Case(f"{doubt.least_dof} degrees of freedom", change))
+        name = f"{doubt.least_dof} degrees of freedom"
+        steady = Condition(f"friction with the table scatters less than at {name}")
+        cases.append(Case(name, change, broken=steady))
     if doubt.placement_mm or doubt.placement_deg:
         arm = Disturbance(placement_mm=doubt.placement_mm, placement_deg=doubt.placement_deg)
         name = f"placement {doubt.placement_mm:g} mm, {doubt.placement_deg:g} deg"

@@ -112,7 +112,7 @@ class DecisionMap(NamedTuple):
 
 
 def decision_map(node: Node, gripper: GripperSpec) -> DecisionMap:
-    """What every settled reading of a closing motion means at a node: the whole rule (decision 0020).
+    """What every settled reading of a closing motion means at a node: the whole rule (decision 0056).
 
     Of the branches whose interval contains the width, and which the flag admits, the one of the nearest
     expected width is meant, the lower of two equally near. A branch that does not reach down to width 0, or

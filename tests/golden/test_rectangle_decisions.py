@@ -1,4 +1,4 @@
-"""The committed table of the rectangle decides at each count of a 2F-85 as its tables of counts did.
+"""A table of the rectangle by widths decides at each count of a 2F-85 as its table of counts did.
 
 `rectangle-counts.json` has a row for each node: object flag (2 felt, 3 not), first and last count, target;
 all other counts were rejected. It was exported from the table when branches were looked up by counts.
@@ -9,8 +9,9 @@ from pathlib import Path
 
 from runtime.table import Calibration, decide, decision_map, load
 
-FORMER = json.loads((Path(__file__).parent / "rectangle-counts.json").read_text())
-TABLE = load(Path(__file__).parents[2] / "trees/rectangle/rectangle.msgpack").table
+FOLDER = Path(__file__).parent
+FORMER = json.loads((FOLDER / "rectangle-counts.json").read_text())
+TABLE = load(FOLDER / "rectangle-widths.msgpack").table
 
 
 def test_rectangle_table_at_every_count_and_flag_decides_as_before() -> None:

@@ -24,6 +24,8 @@ RUN = {
 }
 PARSED = {
     ROOT / "drivers" / "camera" / "README.md": "pictures are rendered for minutes",
+    ROOT / "drivers" / "dh" / "README.md": "they need a gripper, or serve until they are stopped",
+    ROOT / "drivers" / "schunk" / "README.md": "they need a gripper",
     DOCS / "python.md": "they install; tests/integration/test_python_page.py runs its Python",
     DOCS
     / "drivers.md": "tests/integration/test_driver_guide.py runs its example, which is installed otherwise",

@@ -28,7 +28,7 @@ TABLES = [small_table(), every_field_table(), random_table(1, 60), grown_table(1
 
 
 def slow_decision(node: Node, width_um: int, object_detected: bool) -> int:
-    """Decision 0020: those that the flag admits, contained, nearest expected width, the lower of two."""
+    """Decision 0056: those that the flag admits, contained, nearest expected width, the lower of two."""
     grips, others = [], []
     for number, branch in enumerate(node.branches):
         if branch.low_um <= width_um <= branch.high_um:
