@@ -85,10 +85,12 @@ def robotiq_gripper(
 ) -> Gripper:
     """A Robotiq gripper on a tty, behind a serial device server, with Modbus TCP, or behind its URCap."""
     from drivers.robotiq import modbus, urcap
+    from drivers.robotiq.counts import Counts
     from drivers.robotiq.frames import RTU, TCP
     from drivers.robotiq.gripper import over
     from drivers.stream import SerialStream, open_tcp, tcp_address
 
+    Counts(profile)  # refuses a gripper of another make before anything is opened
     scheme, address = port.partition("://")[0], port.partition("?")[0]
     link: Link
     if scheme == "urcap":

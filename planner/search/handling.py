@@ -32,6 +32,8 @@ SHARE_DECIMALS = 2
 HERE = np.zeros(3)
 SPARE_MM = 2.0
 """How much wider than the first contact an opening smaller than the full one must be."""
+LEAST_PARTICLES = 400
+"""Of a belief of fewer the first contact is too uncertain for any opening but the full one."""
 HELD_MM = HELD_UM / 1e3
 """A branch whose expected width is less than this holds no part, and nothing is dragged."""
 STABLE = 0.05
@@ -63,9 +65,10 @@ class Handling:
     ) -> tuple[float, float]:
         """The least opening `SPARE_MM` wider than the first contact, and the clearance there [mm].
 
-        The full one for parts that were `pushed` before: where they lie is less certain.
+        The full one for parts that were `pushed` before, and for few particles: their place is less certain.
         """
-        least_mm = math.inf if pushed else self.contact_mm(belief, placement) + SPARE_MM
+        uncertain = pushed or len(belief) < LEAST_PARTICLES
+        least_mm = math.inf if uncertain else self.contact_mm(belief, placement) + SPARE_MM
         wide = (opening for opening in self.openings_mm or (least_mm,) if opening >= least_mm)
         opening = min(next(wide, math.inf), float(self.jaws[0]))
         return opening, max(self._clearance(opening, belief, placement), 0.0)

@@ -19,7 +19,7 @@ from planner.compile import compile_job
 from planner.evaluation.evaluate import evaluate
 from planner.evaluation.foreign import tried
 from planner.evaluation.leaves import identities
-from planner.evaluation.outcome import Evaluation
+from planner.evaluation.outcome import CRASHED, Evaluation
 from planner.job import model as job_file
 from planner.report import dossier
 from planner.work.scheduler import Threads
@@ -129,7 +129,8 @@ def test_foreign_parts_are_counted_by_what_becomes_of_them(plan):
     assert alike.figures()["too_often"]
     assert json.loads(json.dumps(alike.figures()))["answers"][0]["apart_mm"] == answer.apart_mm
     assert [other.answered for other in others] == [0.0, 0.0]
-    assert others[0].evaluation.rejected.all()
+    ends = others[0].evaluation  # a large part may already lie where the fingers come down
+    assert (ends.rejected | (ends.leaf == CRASHED)).all()
     assert others[1].evaluation.crashes > 0  # its corners reach under the open fingers
     assert [(len(other.lines()), other.answers) for other in others] == [(1, ()), (1, ())]
 

@@ -12,7 +12,7 @@ from planner.belief.transition import Outcomes
 from planner.job import model as job_file
 from planner.mechanics.clearance import least_clearance
 from planner.mechanics.traits import as_planned
-from planner.search.handling import SPARE_MM, handling_of
+from planner.search.handling import LEAST_PARTICLES, SPARE_MM, handling_of
 
 RECTANGLE = Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml"
 
@@ -41,7 +41,7 @@ def held_at(job, centre):
 
 @pytest.mark.parametrize(("y", "expected"), [(0.0, 30.0), (8.0, 50.0), (18.0, 70.0), (28.0, 85.0)])
 def test_opening_where_the_job_lists_some_is_the_least_that_leaves_room(job, y, expected):
-    belief, placement = np.array([[0.0, y, 0.0]]), np.zeros(3)
+    belief, placement = np.tile([0.0, y, 0.0], (LEAST_PARTICLES, 1)), np.zeros(3)
     opening, clearance = handling_of(job).opening(Belief.of(belief), placement)
     assert opening == expected
     jaws = np.array([opening, 27.5, 9.5])
@@ -50,12 +50,15 @@ def test_opening_where_the_job_lists_some_is_the_least_that_leaves_room(job, y, 
 
 
 def test_opening_where_the_job_lists_none_leaves_just_the_room_that_is_needed(free):
-    belief, placement = Belief.of(np.array([[0.0, 5.0, 0.0], [0.0, -8.0, 0.1]])), np.zeros(3)
+    poses = np.tile([[0.0, 5.0, 0.0], [0.0, -8.0, 0.1]], (LEAST_PARTICLES // 2, 1))
+    belief, placement = Belief.of(poses), np.zeros(3)
     handling = handling_of(free)
     opening, clearance = handling.opening(belief, placement)
     assert opening == handling.contact_mm(belief, placement) + SPARE_MM
     assert SPARE_MM <= clearance < 2 * SPARE_MM
     assert handling.opening(belief, placement, pushed=True)[0] == free.gripper.opening_mm
+    few = Belief.of(poses[1:])
+    assert handling.opening(few, placement)[0] == free.gripper.opening_mm
 
 
 def test_opening_of_fingers_that_move_unlike_is_the_full_one(free):

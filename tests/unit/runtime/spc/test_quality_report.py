@@ -166,7 +166,7 @@ def test_p_chart_groups_parts_and_draws_a_limit_that_chance_keeps():
 
 def test_page_is_whole_and_needs_no_network():
     rng = np.random.default_rng(5)
-    result = history(TABLE, drawn(TABLE, 60, rng), drawn(TABLE, 60, rng, width_shift_um=SHIFT_UM))
+    result = history(TABLE, drawn(TABLE, 60, rng), drawn(TABLE, 120, rng, width_shift_um=SHIFT_UM))
     text = page("a < b", summarise(result))
     parser = Page(text)
     assert parser.open == []
@@ -209,7 +209,7 @@ def test_command_writes_page_and_table_and_prints_figures(journal, tmp_path, cap
 
 def test_alarm_has_its_own_exit_code_and_sentence(tmp_path, capsys):
     rng = np.random.default_rng(5)
-    parts = [*drawn(TABLE, 60, rng), *drawn(TABLE, 60, rng, width_shift_um=SHIFT_UM, first=60)]
+    parts = [*drawn(TABLE, 60, rng), *drawn(TABLE, 120, rng, width_shift_um=SHIFT_UM, first=60)]
     assert main(["report", str(write(tmp_path / "run.jsonl", parts))]) == 11
     assert "calibrate the gripper" in capsys.readouterr().out
 
