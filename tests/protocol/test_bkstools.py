@@ -68,7 +68,8 @@ def test_bks_module_makes_ready_moves_grips_and_releases(rig, run):
 @pytest.mark.timeout(300)
 def test_bks_move_goes_to_absolute_and_relative_widths(rig, run):
     said = run("bks_move", "--pos=30,60,10r", "--vel=110")
-    assert re.findall(r"reached (\S+) mm", said) == ["30.0", "60.0", "70.0", "70.0"]
+    reached = [float(width) for width in re.findall(r"reached (\S+) mm", said)]
+    assert reached == pytest.approx([30.0, 60.0, 70.0, 70.0], abs=0.2)  # it looks while they settle
     assert "Gripper reported 0 errors and 0 warnings" in said
     assert rig.model.opening_mm(rig.time.now()) == pytest.approx(70.0, abs=1e-3)
 
