@@ -2,39 +2,43 @@
 
 import argparse
 import time
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 from planner.cli import course, shell
-from planner.compile import Plan, compile_job
+from planner.cli.first_plan import (
+    NAME,
+    TRIALS,
+    TURN_DEG,
+    check_thickness,
+    imported_of,
+    planned_within,
+    progress_of,
+    setting_of,
+)
+from planner.cli.gripper_comparison import ALL, compare
+from planner.compile import Plan
 from planner.diagnosis.advice import advise
 from planner.diagnosis.alike import alike
-from planner.errors import FitError, NoPlanError, UnitsMissingError
+from planner.errors import FitError, NoPlanError
 from planner.evaluation.evaluate import Line
 from planner.job import model as job_file
 from planner.job.drafts import (
     FINGERS,
     GRIPPERS,
-    MOST_RADIUS_MM,
-    Answers,
     draft,
-    proposed_radius_mm,
-    room_mm,
 )
 from planner.job.model import Job
-from planner.part.importers.file import SUFFIXES, Imported, read_outline
-from planner.part.importers.pieces import Options
+from planner.part.importers.file import SUFFIXES
 from planner.part.outline import smallest_rectangle
-from planner.part.tips import MARGIN_MM, tips_height_mm
 from planner.report import canvas, paper_figures
 from planner.report.answer import QUESTION, Answer
 from planner.report.replay import replay
 from planner.report.verdict import Grade, verdict, weakest
 from planner.report.worlds import affordable, seconds_a_part, tried
-from planner.work.limit import Limit
 from planner.work.progress import Report
 from planner.work.scheduler import Threads
 from planner.world import make
@@ -44,31 +48,17 @@ from runtime.shell.errors import UsageError
 from runtime.shell.files import quoted, usable, write
 from runtime.table import dump
 
-NAME = "plan-try"
 ANSWER_S = 60.0  # from the start to the last line, once kernels are compiled
-REST_S, REST = 15.0, 0.3  # of it, what other worlds, advice and picture take at most: time, share
 LEAST_ANSWER_S = 12.0  # where compiling kernels took the rest
 PICTURE_S = 3.0
 LEAST_DRAWN = 300  # parts that the picture shows where squeezing them takes long
-SLOW_S = (
-    120.0  # where the first search came to nothing: the machine is busy, or compiled its kernels
-)
-QUICK = {"particles": 8000}  # of [search]: a rough tree in the time there is
-TRIALS = 5000  # so that shares are whole hundredths of a percent
-LEAST_ROOM_MM = 4.0  # between open fingers and the part at any angle, for a gripper to be chosen
-TURN_DEG = 20.0  # either way: as parts come from a chute; any angle is more than a minute's search
-LARGEST = 1  # number of the contour that is taken
 DRAWN_SQUEEZES = range(1, 4)  # of the path that the picture shows
 WORTH_TELLING = 0.005  # share of the parts for which the search was not done
 LEAST_DONE = 0.9  # share located of the parts for which the search was done, for that answer
 MOST_OPEN = 0.5  # share of the parts for which it was not done, beyond which nothing is known
-UNITS_ASSUMED = "one unit of the drawing is 1 mm, for it does not say (--units)"
 LOCATABLE = {"good": True, "fair": True, "cut": True, "poor": False, "unknown": None}
 
-ALL = "all"
-EACH_S = 30.0  # for each gripper where all are compared
 
-Read = TypeVar("Read")
 Spared = Callable[
     [str], AbstractContextManager[None]
 ]  # work that the answer can do without, by its name
@@ -148,19 +138,9 @@ class Files(NamedTuple):
     picture: Path
 
 
-class Setting(NamedTuple):
-    """What a job is begun with."""
-
-    answers: Answers
-    assumed: list[str]  # what was not stated
-    restrictions: list[
-        str
-    ]  # what was assumed because the part is large, as clauses: "within 1 mm of ..."
-
-
 def _try(arguments: argparse.Namespace) -> None:
     if arguments.gripper == ALL:
-        _compare(arguments)
+        compare(arguments)
         return
     started = time.monotonic()
     if arguments.output is not None:
@@ -190,13 +170,13 @@ def _try(arguments: argparse.Namespace) -> None:
         figures["alike"] = [result.line() for result in alike(job)]
         if not arguments.json:
             print("".join(f"note: {line}\n" for line in figures["alike"]), end="", flush=True)
-        with _progress(arguments, course.unknown) as report, shell.compiling():
+        with progress_of(arguments, course.unknown) as report, shell.compiling():
             report("kernels", 0, 1)
             make(job, seed=0).squeeze((0.0, 0.0, 0.0))
         ready = time.monotonic()
         answer_s = arguments.budget or max(LEAST_ANSWER_S, ANSWER_S - (ready - started))
-        with _progress(arguments, course.of_time(answer_s)) as report:
-            plan = _planned(job, answer_s, arguments.budget is None, report)
+        with progress_of(arguments, course.of_time(answer_s)) as report:
+            plan = planned_within(job, answer_s, arguments.budget is None, report)
             dump(plan.table, files.table)
             part_s = seconds_a_part(plan.table, job, Threads())
             left_s = ready + answer_s - PICTURE_S - time.monotonic()
@@ -240,20 +220,6 @@ def _try(arguments: argparse.Namespace) -> None:
     shell.answer(arguments.json, figures, *after, *_next(files, picture, plan, seconds))
 
 
-def _progress(arguments: argparse.Namespace, whole: course.Whole) -> AbstractContextManager[Report]:
-    if arguments.follow:
-        return nullcontext(course.objects(whole))
-    return shell.progress(arguments.json, whole)
-
-
-def _planned(job: Job, answer_s: float, patient: bool, report: Report) -> Plan:
-    """The plan that the time until an answer [s] is enough for; if `patient`, else in longer time."""
-    search_s = answer_s - min(REST_S, REST * answer_s)
-    return _within(
-        job.replaced(search=QUICK), [search_s, SLOW_S] if patient else [search_s], report
-    )
-
-
 def _answered(
     job: Job, plan: Plan, restrictions: list[str], trials: int, spared: Spared, report: Report
 ) -> Answer:
@@ -280,144 +246,6 @@ def _short(grade: Grade, success: float, open_share: float) -> str:
     if open_share > MOST_OPEN:
         return "unknown"
     return grade if success < LEAST_DONE * (1.0 - open_share) else "cut"
-
-
-def check_thickness(imported: Imported) -> None:
-    """Refuses a part that is too thin for finger tips, whatever the plan.
-
-    Raises:
-        FitError: it is.
-    """
-    height_mm = imported.height_mm
-    if height_mm is not None and tips_height_mm(height_mm) <= 0.0:
-        thin = f"it is {height_mm:.3g} mm thin"
-        raise FitError(
-            f"{thin}, and finger tips must close {MARGIN_MM:g} mm below its top or lower"
-        )
-
-
-def _within(job: Job, budgets: Sequence[float], report: Report) -> Plan:
-    """The plan within the first of some times [s] that is enough for one.
-
-    Raises:
-        NoPlanError: none is, or there is no plan.
-    """
-    limit = Limit(budgets[0])
-    try:
-        with shell.stopping(limit, NAME):
-            return compile_job(job, None, TRIALS, report, limit)
-    except NoPlanError as error:
-        if not error.cut_short or limit.asked or len(budgets) == 1:
-            raise
-    return _within(job, budgets[1:], report)
-
-
-HEAD = f"{'gripper':16} {'step':>8}  located  squeezes  seconds  error (95 %)"
-
-
-def _compare(arguments: argparse.Namespace) -> None:
-    """Plans the same job for each gripper, and prints a line for each."""
-    if arguments.output is not None:
-        raise UsageError(f"--gripper {ALL} writes no job; leave out --output")
-    imported, notes = imported_of(arguments)
-    check_thickness(imported)
-    fitting = [name for name in GRIPPERS if room_mm(imported, GRIPPERS[name]) >= LEAST_ROOM_MM]
-    if not fitting:
-        raise UsageError("no gripper that is known opens wide enough for the part")
-    if arguments.radius is None:  # the same for all
-        arguments.radius = min(proposed_radius_mm(imported, GRIPPERS[name]) for name in fitting)
-    arguments.gripper = fitting[0]
-    setting = setting_of(arguments, imported)
-    if not arguments.json:
-        print("".join(f"assumed: {line}\n" for line in (*notes, *setting.assumed)), end="")
-        print(
-            f"assumed: its centre within {arguments.radius:g} mm of the expected place (--radius)"
-        )
-        print(HEAD, flush=True)
-    rows = [_row(arguments, imported, setting.answers, name) for name in fitting]
-    if arguments.json:
-        shell.answer(True, {"part": setting.answers.name, "grippers": rows})
-
-
-def _row(
-    arguments: argparse.Namespace, imported: Imported, answers: Answers, name: str
-) -> dict[str, Any]:
-    """What comes of the job with one gripper; its line is printed."""
-    text = draft(imported, arguments.drawing.name, answers._replace(gripper=name))
-    job = job_file.parse(text, name)
-    step_mm = job.gripper.resolution_mm
-    try:
-        with _progress(arguments, course.unknown) as report, shell.compiling():
-            plan = _planned(job, arguments.budget or EACH_S, False, report)
-    except NoPlanError as failure:
-        if not arguments.json:
-            print(f"{name:16} {step_mm:5.2f} mm  no: {failure}", flush=True)
-        return {"gripper": name, "step_mm": step_mm, "reason": str(failure)}
-    figures = plan.evaluation.summary()
-    located, off_mm = figures["success_rate"], figures["error_mm"]
-    if not arguments.json:
-        line = f"{name:16} {step_mm:5.2f} mm  {located:7.2%}  {figures['mean_squeezes']:8.2f}"
-        off = f"{off_mm['median']:.2f} mm ({off_mm['p95']:.2f})" if off_mm else "-"
-        print(f"{line}  {figures['seconds_mean']:7.1f}  {off}", flush=True)
-    shown = ("success_rate", "mean_squeezes", "seconds_mean", "error_mm")
-    return {"gripper": name, "step_mm": step_mm, **{key: figures[key] for key in shown}}
-
-
-def imported_of(arguments: argparse.Namespace) -> tuple[Imported, list[str]]:
-    """The outline, and what was assumed of the drawing: its largest contour, and mm where nothing is said."""
-    options = shell.drawing_of(arguments)
-    options = options._replace(contour=options.contour or LARGEST)
-    imported, notes = in_mm(read_outline, arguments.drawing, options)
-    if arguments.thickness is not None:
-        imported = imported._replace(height_mm=arguments.thickness)
-    return imported, [*notes, *imported.notes]
-
-
-def in_mm(
-    read: Callable[[Path, Options], Read], path: Path, options: Options
-) -> tuple[Read, list[str]]:
-    """What a reader makes of a drawing, in mm where nothing says the unit; and that this was assumed."""
-    try:
-        return read(path, options), []
-    except UnitsMissingError:
-        return read(path, options._replace(units="mm")), [UNITS_ASSUMED]
-
-
-def setting_of(arguments: argparse.Namespace, imported: Imported) -> Setting:
-    """The answers that a job needs, and which of them are defaults."""
-    taken, restrictions = list[str](), list[str]()
-    rooms = {name: room_mm(imported, preset) for name, preset in GRIPPERS.items()}
-    gripper, usual = arguments.gripper, next(iter(GRIPPERS))
-    if gripper is None:
-        widest = max(rooms, key=lambda name: rooms[name])
-        gripper = next((name for name, room in rooms.items() if room >= LEAST_ROOM_MM), widest)
-        larger = "" if gripper == usual else f", since a {usual} does not open wide enough"
-        taken.append(f"gripper {gripper}{larger} (--gripper)")
-        if larger:
-            restrictions.append(f"with a {gripper}")
-    fingers = arguments.fingers or "rubber"
-    pads = FINGERS[fingers]
-    if arguments.fingers is None:
-        taken.append(f"{pads.material}, friction {pads.low:g} to {pads.high:g} (--fingers)")
-    turn = TURN_DEG if arguments.turn is None else arguments.turn
-    if arguments.turn is None:
-        taken.append(
-            f"turned by at most {turn:g} degrees (--turn; 180 is any angle, and takes longer)"
-        )
-    radius = arguments.radius
-    if radius is None:
-        radius = proposed_radius_mm(imported, GRIPPERS[gripper])
-        room = "" if radius >= MOST_RADIUS_MM else ", for the open jaws leave no more room"
-        taken.append(f"its centre within {radius:g} mm of the expected place{room} (--radius)")
-        if room:
-            restrictions.append(f"within {radius:g} mm of the expected place")
-    taken.append(f"located means to {arguments.distance:g} mm (--distance)")
-    height = imported.height_mm
-    if height is None:
-        taken.append(f"at least {tips_height_mm(None) + MARGIN_MM:g} mm high (--thickness)")
-    name = arguments.drawing.stem
-    answers = Answers(name, radius, turn, gripper, fingers, arguments.distance, height)
-    return Setting(answers._replace(tips_mm=arguments.height), taken, restrictions)
 
 
 def _files(arguments: argparse.Namespace, text: str) -> Files:

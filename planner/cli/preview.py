@@ -14,7 +14,7 @@ import numpy as np
 import shapely
 
 from planner.arrays import Array
-from planner.cli import first_look, shell
+from planner.cli import first_look, first_plan, shell
 from planner.job.drafts import FINGERS, GRIPPERS, draft, room_mm
 from planner.part.importers.contours import LISTED, Contour
 from planner.part.importers.file import Imported, read_contours
@@ -32,13 +32,13 @@ def preview(words: Sequence[str]) -> dict[str, Any]:
     try:
         arguments = _parsed(words)
         options = shell.drawing_of(arguments)
-        listed, _ = first_look.in_mm(read_contours, arguments.drawing, options)
+        listed, _ = first_plan.in_mm(read_contours, arguments.drawing, options)
         shown["contours"] = [
             _contour(number, contour) for number, contour in enumerate(listed[:LISTED], 1)
         ]
-        shown["contour"] = options.contour or first_look.LARGEST
-        imported, notes = first_look.imported_of(arguments)
-        setting = first_look.setting_of(arguments, imported)
+        shown["contour"] = options.contour or first_plan.LARGEST
+        imported, notes = first_plan.imported_of(arguments)
+        setting = first_plan.setting_of(arguments, imported)
         shown |= {**_part(imported), "assumed": [*notes, *setting.assumed]}
         shown |= _hand(setting.answers.gripper)
         shown["rooms_mm"] = {
@@ -47,7 +47,7 @@ def preview(words: Sequence[str]) -> dict[str, Any]:
         friction = FINGERS[setting.answers.fingers]
         shown["friction"] = {"low": friction.low, "high": friction.high}
         shown |= setting.answers._asdict()
-        first_look.check_thickness(imported)
+        first_plan.check_thickness(imported)
         draft(imported, arguments.drawing.name, setting.answers)
     except (ExpectedError, OSError) as error:
         shown["error"] = sentence_of(error)

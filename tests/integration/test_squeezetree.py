@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from planner.cli import first_look
+from planner.cli import first_look, first_plan
 from planner.job import model as job_file
 from planner.report.answer import Answer
 from planner.report.verdict import Verdict
@@ -119,7 +119,7 @@ def test_a_first_look_answers_and_writes_what_to_go_on_with(
     assert Path(record["picture"]).read_text().count("<svg") == 1
     job = job_file.load(Path(record["job"]))
     assert (job.uncertainty.radius_mm, job.gripper.model) == (2.0, "robotiq-2f-85")
-    quick = job.replaced(search=first_look.QUICK)
+    quick = job.replaced(search=first_plan.QUICK)
     assert load(Path(record["table"])).table.job_digest == quick.digest()
     shares = [
         record[name] for name in ("success_rate", "wrong_rate", "unresolved_rate", "reject_rate")
@@ -190,7 +190,7 @@ def test_a_larger_gripper_and_a_smaller_radius_are_part_of_the_answer(
     path = tmp_path / "plate.csv"
     path.write_text(f"0,0\n{length},0\n{length},{width}\n0,{width}\n")
     arguments = first_look.parser().parse_args([str(path), "--units", "mm"])
-    setting = first_look.setting_of(arguments, first_look.imported_of(arguments)[0])
+    setting = first_plan.setting_of(arguments, first_plan.imported_of(arguments)[0])
     assert setting.answers.gripper == gripper
     assert setting.restrictions == restrictions
     figures = {
@@ -212,8 +212,8 @@ def test_a_larger_gripper_and_a_smaller_radius_are_part_of_the_answer(
 def test_a_sheet_too_thin_for_finger_tips_is_answered(
     plate: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    read = first_look.read_outline
+    read = first_plan.read_outline
     thin = lambda *words: read(*words)._replace(height_mm=0.5)  # noqa: E731
-    monkeypatch.setattr(first_look, "read_outline", thin)
+    monkeypatch.setattr(first_plan, "read_outline", thin)
     assert first_look.main([str(plate), "--units", "mm"]) == 0
     assert "squeezing? No: it is 0.5 mm thin" in capsys.readouterr().out

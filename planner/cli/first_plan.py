@@ -1,0 +1,153 @@
+"""From a drawing to a rough plan: what a first look, its preview and a comparison of grippers share."""
+
+import argparse
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+from typing import NamedTuple, TypeVar
+
+from planner.cli import course, shell
+from planner.compile import Plan, compile_job
+from planner.errors import FitError, NoPlanError, UnitsMissingError
+from planner.job.drafts import (
+    FINGERS,
+    GRIPPERS,
+    MOST_RADIUS_MM,
+    Answers,
+    proposed_radius_mm,
+    room_mm,
+)
+from planner.job.model import Job
+from planner.part.importers.file import Imported, read_outline
+from planner.part.importers.pieces import Options
+from planner.part.tips import MARGIN_MM, tips_height_mm
+from planner.work.limit import Limit
+from planner.work.progress import Report
+
+NAME = "plan-try"
+REST_S, REST = 15.0, 0.3  # of it, what other worlds, advice and picture take at most: time, share
+SLOW_S = (
+    120.0  # where the first search came to nothing: the machine is busy, or compiled its kernels
+)
+QUICK = {"particles": 8000}  # of [search]: a rough tree in the time there is
+TRIALS = 5000  # so that shares are whole hundredths of a percent
+LEAST_ROOM_MM = 4.0  # between open fingers and the part at any angle, for a gripper to be chosen
+TURN_DEG = 20.0  # either way: as parts come from a chute; any angle is more than a minute's search
+LARGEST = 1  # number of the contour that is taken
+UNITS_ASSUMED = "one unit of the drawing is 1 mm, for it does not say (--units)"
+
+Read = TypeVar("Read")
+
+
+class Setting(NamedTuple):
+    """What a job is begun with."""
+
+    answers: Answers
+    assumed: list[str]  # what was not stated
+    restrictions: list[
+        str
+    ]  # what was assumed because the part is large, as clauses: "within 1 mm of ..."
+
+
+def progress_of(
+    arguments: argparse.Namespace, whole: course.Whole
+) -> AbstractContextManager[Report]:
+    """Shows progress: as JSON lines where that is asked for, else as a command usually does."""
+    if arguments.follow:
+        return nullcontext(course.objects(whole))
+    return shell.progress(arguments.json, whole)
+
+
+def imported_of(arguments: argparse.Namespace) -> tuple[Imported, list[str]]:
+    """The outline, and what was assumed of the drawing: its largest contour, and mm where nothing is said."""
+    options = shell.drawing_of(arguments)
+    options = options._replace(contour=options.contour or LARGEST)
+    imported, notes = in_mm(read_outline, arguments.drawing, options)
+    if arguments.thickness is not None:
+        imported = imported._replace(height_mm=arguments.thickness)
+    return imported, [*notes, *imported.notes]
+
+
+def in_mm(
+    read: Callable[[Path, Options], Read], path: Path, options: Options
+) -> tuple[Read, list[str]]:
+    """What a reader makes of a drawing, in mm where nothing says the unit; and that this was assumed."""
+    try:
+        return read(path, options), []
+    except UnitsMissingError:
+        return read(path, options._replace(units="mm")), [UNITS_ASSUMED]
+
+
+def setting_of(arguments: argparse.Namespace, imported: Imported) -> Setting:
+    """The answers that a job needs, and which of them are defaults."""
+    taken, restrictions = list[str](), list[str]()
+    rooms = {name: room_mm(imported, preset) for name, preset in GRIPPERS.items()}
+    gripper, usual = arguments.gripper, next(iter(GRIPPERS))
+    if gripper is None:
+        widest = max(rooms, key=lambda name: rooms[name])
+        gripper = next((name for name, room in rooms.items() if room >= LEAST_ROOM_MM), widest)
+        larger = "" if gripper == usual else f", since a {usual} does not open wide enough"
+        taken.append(f"gripper {gripper}{larger} (--gripper)")
+        if larger:
+            restrictions.append(f"with a {gripper}")
+    fingers = arguments.fingers or "rubber"
+    pads = FINGERS[fingers]
+    if arguments.fingers is None:
+        taken.append(f"{pads.material}, friction {pads.low:g} to {pads.high:g} (--fingers)")
+    turn = TURN_DEG if arguments.turn is None else arguments.turn
+    if arguments.turn is None:
+        taken.append(
+            f"turned by at most {turn:g} degrees (--turn; 180 is any angle, and takes longer)"
+        )
+    radius = arguments.radius
+    if radius is None:
+        radius = proposed_radius_mm(imported, GRIPPERS[gripper])
+        room = "" if radius >= MOST_RADIUS_MM else ", for the open jaws leave no more room"
+        taken.append(f"its centre within {radius:g} mm of the expected place{room} (--radius)")
+        if room:
+            restrictions.append(f"within {radius:g} mm of the expected place")
+    taken.append(f"located means to {arguments.distance:g} mm (--distance)")
+    height = imported.height_mm
+    if height is None:
+        taken.append(f"at least {tips_height_mm(None) + MARGIN_MM:g} mm high (--thickness)")
+    name = arguments.drawing.stem
+    answers = Answers(name, radius, turn, gripper, fingers, arguments.distance, height)
+    return Setting(answers._replace(tips_mm=arguments.height), taken, restrictions)
+
+
+def check_thickness(imported: Imported) -> None:
+    """Refuses a part that is too thin for finger tips, whatever the plan.
+
+    Raises:
+        FitError: it is.
+    """
+    height_mm = imported.height_mm
+    if height_mm is not None and tips_height_mm(height_mm) <= 0.0:
+        thin = f"it is {height_mm:.3g} mm thin"
+        raise FitError(
+            f"{thin}, and finger tips must close {MARGIN_MM:g} mm below its top or lower"
+        )
+
+
+def planned_within(job: Job, answer_s: float, patient: bool, report: Report) -> Plan:
+    """The plan that the time until an answer [s] is enough for; if `patient`, else in longer time."""
+    search_s = answer_s - min(REST_S, REST * answer_s)
+    return _first_within(
+        job.replaced(search=QUICK), [search_s, SLOW_S] if patient else [search_s], report
+    )
+
+
+def _first_within(job: Job, budgets: Sequence[float], report: Report) -> Plan:
+    """The plan within the first of some times [s] that is enough for one.
+
+    Raises:
+        NoPlanError: none is, or there is no plan.
+    """
+    limit = Limit(budgets[0])
+    try:
+        with shell.stopping(limit, NAME):
+            return compile_job(job, None, TRIALS, report, limit)
+    except NoPlanError as error:
+        if not error.cut_short or limit.asked or len(budgets) == 1:
+            raise
+    return _first_within(job, budgets[1:], report)

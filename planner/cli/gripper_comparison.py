@@ -1,0 +1,77 @@
+"""A part planned for with each gripper that opens wide enough, in one table."""
+
+import argparse
+from typing import Any
+
+from planner.cli import course, shell
+from planner.cli.first_plan import (
+    LEAST_ROOM_MM,
+    check_thickness,
+    imported_of,
+    planned_within,
+    progress_of,
+    setting_of,
+)
+from planner.errors import NoPlanError
+from planner.job import model as job_file
+from planner.job.drafts import (
+    GRIPPERS,
+    Answers,
+    draft,
+    proposed_radius_mm,
+    room_mm,
+)
+from planner.part.importers.file import Imported
+from runtime.shell.errors import UsageError
+
+ALL = "all"
+EACH_S = 30.0  # for each gripper where all are compared
+HEAD = f"{'gripper':16} {'step':>8}  located  squeezes  seconds  error (95 %)"
+
+
+def compare(arguments: argparse.Namespace) -> None:
+    """Plans the same job for each gripper, and prints a line for each."""
+    if arguments.output is not None:
+        raise UsageError(f"--gripper {ALL} writes no job; leave out --output")
+    imported, notes = imported_of(arguments)
+    check_thickness(imported)
+    fitting = [name for name in GRIPPERS if room_mm(imported, GRIPPERS[name]) >= LEAST_ROOM_MM]
+    if not fitting:
+        raise UsageError("no gripper that is known opens wide enough for the part")
+    if arguments.radius is None:  # the same for all
+        arguments.radius = min(proposed_radius_mm(imported, GRIPPERS[name]) for name in fitting)
+    arguments.gripper = fitting[0]
+    setting = setting_of(arguments, imported)
+    if not arguments.json:
+        print("".join(f"assumed: {line}\n" for line in (*notes, *setting.assumed)), end="")
+        print(
+            f"assumed: its centre within {arguments.radius:g} mm of the expected place (--radius)"
+        )
+        print(HEAD, flush=True)
+    rows = [_row(arguments, imported, setting.answers, name) for name in fitting]
+    if arguments.json:
+        shell.answer(True, {"part": setting.answers.name, "grippers": rows})
+
+
+def _row(
+    arguments: argparse.Namespace, imported: Imported, answers: Answers, name: str
+) -> dict[str, Any]:
+    """What comes of the job with one gripper; its line is printed."""
+    text = draft(imported, arguments.drawing.name, answers._replace(gripper=name))
+    job = job_file.parse(text, name)
+    step_mm = job.gripper.resolution_mm
+    try:
+        with progress_of(arguments, course.unknown) as report, shell.compiling():
+            plan = planned_within(job, arguments.budget or EACH_S, False, report)
+    except NoPlanError as failure:
+        if not arguments.json:
+            print(f"{name:16} {step_mm:5.2f} mm  no: {failure}", flush=True)
+        return {"gripper": name, "step_mm": step_mm, "reason": str(failure)}
+    figures = plan.evaluation.summary()
+    located, off_mm = figures["success_rate"], figures["error_mm"]
+    if not arguments.json:
+        line = f"{name:16} {step_mm:5.2f} mm  {located:7.2%}  {figures['mean_squeezes']:8.2f}"
+        off = f"{off_mm['median']:.2f} mm ({off_mm['p95']:.2f})" if off_mm else "-"
+        print(f"{line}  {figures['seconds_mean']:7.1f}  {off}", flush=True)
+    shown = ("success_rate", "mean_squeezes", "seconds_mean", "error_mm")
+    return {"gripper": name, "step_mm": step_mm, **{key: figures[key] for key in shown}}
