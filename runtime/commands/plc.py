@@ -48,7 +48,7 @@ EXCLUDED = {
     "put_down": "runs no parts",
     "after_crash": "goes on with a part that no trigger began",
 }
-OF_ONE_TABLE = ("watch", "http", "audit")
+OF_ONE_TABLE = ("http", "audit")
 
 
 def check(arguments: argparse.Namespace) -> Address:
