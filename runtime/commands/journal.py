@@ -72,14 +72,14 @@ def parser() -> Parser:
     )
     _subcommand(subcommands, "verify", _verify, "check every line's digest and the chain")
     _subcommand(subcommands, "replay", _replay, "derive every decision again from counts and table")
-    exported = _subcommand(subcommands, "export", _export, "one row a squeeze as CSV or Parquet")
+    exported = _subcommand(subcommands, "export", _export, "one row a squeeze as CSV")
     exported.add_argument(
         "-o",
         "--output",
         type=Path,
         required=True,
         metavar="F",
-        help="file.csv or file.parquet; - for CSV on standard output",
+        help="file.csv; - for standard output",
     )
     return built
 

@@ -8,7 +8,6 @@ import sys
 from pathlib import Path
 
 import pytest
-from pyarrow import parquet
 from written_journals import ENDS, write_run
 
 from runtime.commands.journal import main
@@ -117,32 +116,7 @@ def test_a_part_that_broke_off_is_exported_without_an_end(journal: Path, tmp_pat
     assert row["outcome"] == ""
 
 
-def test_parquet_without_pyarrow_says_what_to_install(
-    journal: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    monkeypatch.setitem(sys.modules, "pyarrow", None)
-    assert main(["export", str(journal), "-o", str(tmp_path / "out.parquet")]) == 2
-    assert "install squeezetree[parquet]" in capsys.readouterr().err
-
-
-def test_parquet_holds_the_same_rows_as_csv(journal: Path, tmp_path: Path) -> None:
-    for name in ("out.csv", "out.parquet"):
-        assert main(["export", str(journal), "-o", str(tmp_path / name)]) == 0
-    rows = parquet.read_table(tmp_path / "out.parquet").to_pylist()
-    with (tmp_path / "out.csv").open() as file:
-        written = list(csv.DictReader(file))
-    entries = [
-        {name: "" if value is None else str(value) for name, value in row.items()} for row in rows
-    ]
-    assert entries == written
-    assert [row["part"] for row in rows] == [1, 2, 2, 3, 3, 4] * 2
-    assert main(["export", str(journal), "-o", str(tmp_path / "no" / "out.parquet")]) == 2
-
-
-@pytest.mark.parametrize("name", ["out.txt", "no folder/out.csv"])
+@pytest.mark.parametrize("name", ["out.parquet", "no folder/out.csv"])
 def test_an_output_that_cannot_be_is_usage(
     journal: Path, tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
