@@ -26,10 +26,10 @@ from drivers.sim.virtual.cell import VirtualCell
 from drivers.sim.virtual.clock import VirtualClock
 from runtime.execution.delivery import Delivery
 from runtime.execution.events import Console, Phase
-from runtime.execution.executor import Cell, Executor, RunOptions, expected_s
+from runtime.execution.executor import Cell, Executor, RunOptions
 from runtime.execution.handling import Handling
 from runtime.execution.session import sight
-from runtime.execution.watch import DEADLINE_FACTOR
+from runtime.execution.watch import DEADLINE_FACTOR, expected_of
 from runtime.journal.replay import Replay
 from runtime.shell.errors import is_expected
 from runtime.table import PPM, Table, dumps
@@ -261,7 +261,7 @@ class Soak:
 
     def squeeze_s(self) -> float:
         """The longest that the executor lets a squeeze take."""
-        return DEADLINE_FACTOR * expected_s(self.table, self.table.nodes[0]) + SQUEEZE_S
+        return DEADLINE_FACTOR * expected_of(self.table, self.table.nodes[0]).total_s + SQUEEZE_S
 
 
 def run(soak: Soak, seed: int, faults: Listed | None = None) -> Counts:

@@ -28,7 +28,7 @@ SERVED = {
     "calibration",
     "on_reject",
 }
-SERVED |= {"on_unresolved", "watch", "http", "shifts", "require_signed"}
+SERVED |= {"on_unresolved", "http", "shifts", "require_signed"}
 
 RUN_CODES = epilog(
     ExitCode.INPUT,
@@ -42,7 +42,7 @@ RUN_CODES = epilog(
 EPILOG = f"""\
 examples:
   grasp-runtime --tree trees/rectangle/rectangle.msgpack --port sim --count 5 --time-scale 20
-  grasp-runtime --tree trees/rectangle/rectangle.msgpack --port sim --count 100 --watch --http 8080
+  grasp-runtime --tree trees/rectangle/rectangle.msgpack --port sim --count 100 --http 8080
   grasp-runtime --tree T.msgpack --port /dev/ttyUSB0 --calibration gripper.json --check
   grasp-runtime --tree T.msgpack --port /dev/ttyUSB0 --arm tcp://192.168.125.1:5000 --dry-run
   grasp-runtime --tree T.msgpack --port manual --arm manual
@@ -312,11 +312,6 @@ def _add_policy(group: argparse._ArgumentGroup) -> None:
 
 def _add_views(group: argparse._ArgumentGroup) -> None:
     add = group.add_argument
-    add(
-        "--watch",
-        action="store_true",
-        help="show the tree and where the cell is, on a terminal (extra watch)",
-    )
     add(
         "--http",
         metavar="[HOST:]PORT",

@@ -9,15 +9,15 @@ from pathlib import Path
 
 from runtime.devices.clock import date
 from runtime.errors import JournalError
-from runtime.journal import export, recording
+from runtime.journal import export
 from runtime.journal.chain import records, verify
-from runtime.journal.lines import Entry, begins_run
+from runtime.journal.lines import RESERVED, UPTIME, Entry, begins_run
 from runtime.journal.replay import Replay
 from runtime.journal.times import times_of
 from runtime.shell.command import Parser, natural, run, seconds
 from runtime.shell.errors import UsageError
 from runtime.shell.exit_codes import ExitCode, epilog
-from runtime.shell.files import STDOUT, usable, words_of
+from runtime.shell.files import usable, words_of
 from runtime.shell.plain_text import cleaned
 from runtime.traversal.results import Outcome
 
@@ -29,11 +29,10 @@ examples:
   grasp-journal verify squeezetree-journal.jsonl
   grasp-journal replay squeezetree-journal.jsonl
   grasp-journal export squeezetree-journal.jsonl -o squeezes.csv
-  grasp-journal export squeezetree-journal.jsonl --to mcap -o run.mcap
 
 {EXIT_CODES}"""
 VERIFIED = ("records", "runs", "segments", "closed", "head")
-FORMATS = ("csv", "parquet", "mcap")
+HIDDEN = RESERVED | UPTIME | {"table_base64", "calibration_um"}  # in a line of a record
 EXAMPLES = {"show": " --outcome reject", "export": " -o squeezes.csv"}
 
 
@@ -73,19 +72,14 @@ def parser() -> Parser:
     )
     _subcommand(subcommands, "verify", _verify, "check every line's digest and the chain")
     _subcommand(subcommands, "replay", _replay, "derive every decision again from counts and table")
-    exported = _subcommand(
-        subcommands, "export", _export, "one row a squeeze as CSV or Parquet, or all as MCAP"
-    )
+    exported = _subcommand(subcommands, "export", _export, "one row a squeeze as CSV")
     exported.add_argument(
         "-o",
         "--output",
         type=Path,
         required=True,
         metavar="F",
-        help="file.csv, file.parquet or file.mcap; - for standard output",
-    )
-    exported.add_argument(
-        "--to", choices=FORMATS, help="the form (default: as the file's name ends, else csv)"
+        help="file.csv; - for standard output",
     )
     return built
 
@@ -179,18 +173,7 @@ def _show_times(arguments: argparse.Namespace) -> int:
 
 def _export(arguments: argparse.Namespace) -> int:
     output = usable(arguments.output, arguments.journal, stdout=True)
-    entries = _entries(arguments.journal)
-    form = arguments.to or output.suffix.removeprefix(".")
-    if arguments.to and (
-        output.suffix != f".{form}" if output not in STDOUT else form == "parquet"
-    ):
-        raise UsageError(f"--output {output}: --to {form} writes to a file that ends in .{form}")
-    if form == "mcap":
-        rows = recording.write(
-            entries, output, arguments.journal, lambda text: date(text).timestamp()
-        )
-    else:
-        rows = export.write_rows(export.rows(entries), output, "--output")
+    rows = export.write_rows(export.rows(_entries(arguments.journal)), output, "--output")
     line = json.dumps({"rows": rows, "output": str(output)})
     print(line if arguments.json else f"{rows} squeezes written to {output}", file=words_of(output))
     return 0
@@ -236,7 +219,7 @@ def _since(text: str) -> object:
 def _line(entry: Entry) -> str:
     """Number, time, kind and what is left of a record that fits a line."""
     message = " ".join(
-        f"{name}={_short(value)}" for name, value in entry.items() if name not in recording.HIDDEN
+        f"{name}={_short(value)}" for name, value in entry.items() if name not in HIDDEN
     )
     return f"{entry['seq']:>6} {entry['time']} {entry['kind']:<8} {message}"
 

@@ -1,9 +1,6 @@
 """What the arguments of `grasp-runtime` mean for a run, and which of them contradict one another."""
 
 import argparse
-import os
-import sys
-from importlib.util import find_spec
 from math import inf
 from pathlib import Path
 
@@ -93,20 +90,17 @@ def plc_options(arguments: argparse.Namespace) -> list[str]:
 
 def _check_virtual(arguments: argparse.Namespace) -> None:
     """In virtual time nobody outside this process takes part."""
-    problem = "has no camera and no person in it, and is over too soon to watch"
     if arguments.dry_run:
         raise UsageError(
             "--dry-run moves nothing, so that time has no scale; leave out --time-scale max"
         )
-    if arguments.arm == MANUAL or SIMULATED_CAMERA in (arguments.audit or "") or arguments.watch:
-        raise UsageError(f"--time-scale max {problem}; name a number, e.g. --time-scale 20")
+    if arguments.arm == MANUAL or SIMULATED_CAMERA in (arguments.audit or ""):
+        raise UsageError(
+            "--time-scale max has no camera and no person in it; name a number, e.g. --time-scale 20"
+        )
 
 
 def _check_manual(arguments: argparse.Namespace) -> None:
-    if arguments.watch:
-        raise UsageError(
-            "a person is asked on the terminal, where --watch would draw; use --http instead"
-        )
     if arguments.put_down and arguments.arm == MANUAL:
         raise UsageError("--put-down is for an arm; with --arm manual put it down yourself")
     if arguments.calibration is not None and arguments.port == MANUAL:
@@ -116,40 +110,18 @@ def _check_manual(arguments: argparse.Namespace) -> None:
 
 
 def views(arguments: argparse.Namespace) -> Views:
-    """Where the run is shown besides the console; a pipe and a dumb terminal get its plain lines."""
-    # With --json standard output is for machines; the picture then needs a terminal of its own.
-    stream = sys.stderr if arguments.json else sys.stdout
-    drawn = (
-        arguments.watch
-        and stream.isatty()
-        and os.environ.get("TERM", "dumb") not in ("dumb", "unknown")
-    )
-    if arguments.json and sys.stdout.isatty():
-        drawn = False
-    return Views(
-        arguments.http,
-        stream if drawn else None,
-        arguments.takt,
-        arguments.shifts,
-        arguments.journal,
-    )
+    """Where the run is shown besides the console."""
+    return Views(arguments.http, arguments.takt, arguments.shifts, arguments.journal)
 
 
 def _check_views(arguments: argparse.Namespace) -> None:
-    if not arguments.watch and arguments.http is None:
+    if arguments.http is None:
         return
     if arguments.check or arguments.dry_run:
-        raise UsageError(
-            "--watch and --http follow a run; leave them out with --check and --dry-run"
-        )
-    if arguments.http is not None:
-        from runtime.monitoring.live import server  # not loaded into a run that nobody watches
+        raise UsageError("--http follows a run; leave it out with --check and --dry-run")
+    from runtime.monitoring.live import server  # not loaded into a run that nobody watches
 
-        server.parse(arguments.http)
-    if views(arguments).terminal is not None and find_spec("rich") is None:
-        raise UsageError(
-            "--watch needs rich; install squeezetree[watch]; in a clone: pip install '.[watch]'"
-        )
+    server.parse(arguments.http)
 
 
 def run_options(arguments: argparse.Namespace, table: Table) -> RunOptions:

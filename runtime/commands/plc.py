@@ -11,7 +11,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, suppress
 from importlib.util import find_spec
 from math import inf
-from urllib.parse import urlsplit
 
 from drivers.ports import Scene
 from runtime.commands.arguments import parser
@@ -48,7 +47,7 @@ EXCLUDED = {
     "put_down": "runs no parts",
     "after_crash": "goes on with a part that no trigger began",
 }
-OF_ONE_TABLE = ("watch", "http", "audit")
+OF_ONE_TABLE = ("http", "audit")
 
 
 def check(arguments: argparse.Namespace) -> Address:
@@ -64,18 +63,14 @@ def check(arguments: argparse.Namespace) -> Address:
         if getattr(arguments, name) != defaults.get_default(name):
             option = f"--{name.replace('_', '-')}"
             raise UsageError(f"{option} {reason}; leave it out, or leave out --plc")
-    scheme, _, place = arguments.plc.partition("://")
-    if scheme not in (MODBUS, OPC_UA) or not place or urlsplit(f"//{place}").path:
-        raise UsageError(
-            f"--plc {arguments.plc}: write {MODBUS}://127.0.0.1:PORT or {OPC_UA}://127.0.0.1:PORT"
-        )
-    address = server.parse(place, "--plc")
-    if not (arguments.network or server.is_loopback(address.host)):
-        raise UsageError(
-            f"--plc {arguments.plc}: there is no password, and whoever reaches that address may trigger "
-            "motions; add --network if nothing but the cell's own network does"
-        )
-    _check_security(arguments, scheme)
+    address = server.served(
+        arguments.plc,
+        "--plc",
+        (MODBUS, OPC_UA),
+        network=arguments.network,
+        risk="trigger motions",
+    )
+    _check_security(arguments, arguments.plc.partition("://")[0])
     return address
 
 
@@ -150,7 +145,9 @@ class PlcRun:
                 with interrupts.stoppable():
                     stack.enter_context(self._server)
                 self.monitor.note(f"a PLC may connect at {self._url}")
-                while not self._exchange.enabled:  # the fingers may sweep before the first part
+                while (
+                    not self._exchange.glance.enabled
+                ):  # the fingers may sweep before the first part
                     if not self._ended_withdrawn():
                         self._wait()
                 while True:
@@ -158,7 +155,7 @@ class PlcRun:
                     table, monitor = recipe.loaded.table, self._monitors[number]
                     batch = session.Batch(self._numbers(number, journal), activate)
                     session.run_batch(table, cell, scene, monitor, tally, batch, recipe.options)
-                    order = self._exchange.order
+                    order = self._exchange.glance.order
                     if order is None:
                         break
                     number = order.table
@@ -170,7 +167,7 @@ class PlcRun:
         except BaseException as error:
             self._exchange.end()
             self._exchange.finish(Answer(FAULT, int(exit_code_of(error))))
-            if self._exchange.state is not State.READY:
+            if self._exchange.glance.state is not State.READY:
                 self._part_with(FAREWELL_S)
             raise
         self._monitors[number].summary(tally, journal.path)
@@ -179,7 +176,7 @@ class PlcRun:
     def _numbers(self, table: int, journal: Journal) -> Iterator[int]:
         """Numbers of parts while the PLC asks for this table."""
         while self._parts != self._count:
-            order = self._exchange.order
+            order = self._exchange.glance.order
             if order is None:
                 self._wait()
                 continue
@@ -196,7 +193,7 @@ class PlcRun:
 
     def _ended_withdrawn(self) -> bool:
         """End a part whose enabling was withdrawn before anything moved; whether there was one."""
-        withdrawn = self._exchange.order is not None and not self._exchange.enabled
+        withdrawn = self._exchange.glance.order is not None and not self._exchange.glance.enabled
         if withdrawn:
             self._exchange.finish(Answer(FAULT, int(ExitCode.STOPPED)))
         return withdrawn
@@ -205,14 +202,14 @@ class PlcRun:
         """The run is over: no trigger counts, and the last result stays until it is taken."""
         self._exchange.end()
         with suppress(KeyboardInterrupt):  # what ended the run came first
-            while self._exchange.state in OPEN and not self._stopped:
+            while self._exchange.glance.state in OPEN and not self._stopped:
                 self._wait()
             self._part_with(FAREWELL_S if self._stopped else ENDING_S)
 
     def _part_with(self, seconds: float) -> None:
         """Leave a PLC that is connected time to end the handshake, and to see that it has ended."""
         until = self._clock.now() + seconds
-        while self._exchange.state is not State.READY and self._left(until) > 0.0:
+        while self._exchange.glance.state is not State.READY and self._left(until) > 0.0:
             self._wait(self._left(until))
         until = self._clock.now() + GLANCE_S
         while self._left(until) > 0.0:

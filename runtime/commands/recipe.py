@@ -9,12 +9,12 @@ from pathlib import Path
 from runtime.commands.arguments import SIMULATED
 from runtime.commands.options import run_options
 from runtime.commands.software import installed
-from runtime.execution import carry, middle
+from runtime.execution import carry
 from runtime.execution.events import Console
 from runtime.execution.executor import RunOptions
 from runtime.execution.handling import check_arc
 from runtime.execution.safe_state import DECLARED
-from runtime.execution.safety import check_table
+from runtime.execution.safety import check_places, check_table
 from runtime.monitoring.console import Lines, Objects
 from runtime.shell.errors import InputError
 from runtime.table import PPM, Table, TableFile, load, misfits
@@ -56,7 +56,7 @@ def _check_fit(table: Table, options: RunOptions) -> None:
     if problems:
         raise InputError(problems[0])
     check_arc(options.handling.arc, table.limits, calibration)
-    middle.check(table, options.handling.middle_mm)
+    check_places(table, options.handling.middle_mm)
 
 
 def _headline(path: Path, table: Table) -> str:

@@ -9,7 +9,6 @@ import contextlib
 import math
 import select
 import socket
-from urllib.parse import urlsplit
 
 from runtime.commands.arguments import SERVED, parser
 from runtime.devices.clock import SystemClock
@@ -39,16 +38,13 @@ def check(arguments: argparse.Namespace) -> server.Address:
         if name not in SERVED | {"trees"} and given != defaults.get_default(name):
             option = f"--{name.replace('_', '-')}"
             raise UsageError(f"--serve answers a robot that moves itself; leave out {option}")
-    scheme, _, place = arguments.serve.rpartition("://")
-    if scheme != "tcp" or urlsplit(f"//{place}").path:
-        raise UsageError(f"--serve {arguments.serve}: write tcp://127.0.0.1:PORT")
-    address = server.parse(place, "--serve")
-    if not (arguments.network or server.is_loopback(address.host)):
-        raise UsageError(
-            f"--serve {arguments.serve}: there is no password, and whoever reaches that address may answer "
-            "for the robot; add --network if nothing but your own network does"
-        )
-    return address
+    return server.served(
+        arguments.serve,
+        "--serve",
+        ("tcp",),
+        network=arguments.network,
+        risk="answer for the robot",
+    )
 
 
 class RobotServer:

@@ -1,7 +1,7 @@
 """Parts of a robot that asks: one line each way, the robot's own program moves hand and jaws.
 
-`tools/docs/serve.md` is the protocol. A reading is checked, decided and journalled as in a driven run; what
-the robot does between two lines is its own affair.
+Drives a part's program (`traversal.program`): its requests become lines. `tools/docs/serve.md` is the
+protocol. What the robot does between two lines is its own affair.
 """
 
 import re
@@ -13,21 +13,24 @@ from drivers.ports import MOST_COUNT, ObjectState, Settled
 from runtime.devices.clock import SystemClock
 from runtime.errors import GripperStateError, TableError
 from runtime.execution.events import Console, Phase, Tally
-from runtime.execution.executor import RunOptions, expected_of, reason_of
+from runtime.execution.executor import RunOptions
 from runtime.execution.reading import check_closed, room_um
-from runtime.execution.watch import DEADLINE_FACTOR
+from runtime.execution.watch import DEADLINE_FACTOR, expected_of
 from runtime.journal.chain import Journal
 from runtime.shell.plain_text import cleaned
-from runtime.table import HELD_UM, REJECT, DecisionMap, Node, Table, decide, decision_map
+from runtime.table import HELD_UM, REJECT, DecisionMap, Table, decide
 from runtime.traversal.answer import outcome_fields
-from runtime.traversal.decision import (
-    TraversalState,
-    advance,
-    release_point,
-    step_of,
-)
-from runtime.traversal.decision import decide as decision_of
 from runtime.traversal.geometry import placement, sent
+from runtime.traversal.program import (
+    Approach,
+    Done,
+    Program,
+    Reading,
+    Release,
+    Request,
+    Requests,
+    released,
+)
 from runtime.traversal.results import Outcome, PartResult, Step
 
 VERSION = 1
@@ -86,10 +89,19 @@ class _Part:
     """The part under way."""
 
     number: int
-    traversal: TraversalState
-    steps: list[Step]
-    deadline: float
-    dragging: bool = False  # whether the robot was told to drag it, and has not asked again
+    requests: Requests
+    request: Request  # the one under way: an `Approach`, or a `Release` by a drag
+    steps: tuple[Step, ...] = ()
+    deadline: float = 0.0
+
+    @property
+    def node(self) -> int:
+        """Index of the node to squeeze at now, or after the drag."""
+        request = self.request
+        if isinstance(request, Release):
+            return request.after.node
+        assert isinstance(request, Approach)
+        return request.index
 
 
 class AskedParts:
@@ -114,7 +126,7 @@ class AskedParts:
         self._policy, self._count = options.policy, count
         self._calibration = options.handling.widths(table)
         self._middle_mm = options.handling.middle_mm
-        self._maps = [decision_map(node, table.gripper) for node in table.nodes]
+        self._program = Program(table, self._calibration, options.policy)
         self._part: _Part | None = None
         self.over = False  # whether no further part follows
         self._readings = {"WIDTH": self._width, "COUNTS": self._counts}
@@ -150,7 +162,7 @@ class AskedParts:
         """End the part under way, of which nobody knows where it lies; False: there is none."""
         if self._part is None:
             return False
-        self._end(self._part, outcome, reason)
+        self._end(PartResult.of(self._part.number, outcome, self._part.steps, reason))
         return True
 
     # -- requests -------------------------------------------------------------------------------------
@@ -158,12 +170,14 @@ class AskedParts:
     def _next(self) -> str:
         part = self._part
         if part is None:
-            part = _Part(self._tally.parts + 1, TraversalState(), [], 0.0)
-            self._journal.record("part", {"part": part.number})
+            number = self._tally.parts + 1
+            requests = self._program.part(number)
+            part = _Part(number, requests, next(requests))
+            self._journal.record("part", {"part": number})
             self._part = part
-        else:
-            _check(part.dragging, 12)
-        return self._follow(part)
+            return self._follow(part)
+        _check(isinstance(part.request, Release), 12)
+        return self._go_on(part)
 
     def _width(self, words: list[str]) -> str:
         """`WIDTH mm [OBJECT|NONE] [node]`."""
@@ -174,7 +188,7 @@ class AskedParts:
         _check(-room_um <= width_um <= self._calibration.widest_um + room_um, 20)
         reading_um = self._calibration.nearest_um(width_um)
         if seen is None:
-            seen = self._state_of(reading_um, self._maps[part.traversal.node])
+            seen = self._state_of(reading_um, self._program.maps[part.node])
         return self._read(part, reading_um, seen, " ".join(["WIDTH", *words]))
 
     def _counts(self, words: list[str]) -> str:
@@ -190,8 +204,8 @@ class AskedParts:
     def _status(self) -> str:
         if self._part is None:
             return f"STATUS IDLE {self._tally.parts} 0 -1"
-        state = "DRAG" if self._part.dragging else "SQUEEZE"
-        return f"STATUS {state} {self._part.number} {len(self._part.steps)} {self._part.traversal.node}"
+        state = "DRAG" if isinstance(self._part.request, Release) else "SQUEEZE"
+        return f"STATUS {state} {self._part.number} {len(self._part.steps)} {self._part.node}"
 
     def _reset(self) -> str:
         self.give_up(Outcome.ABORTED, "the robot gave the part up")
@@ -211,13 +225,13 @@ class AskedParts:
 
     def _due(self, words: list[str], least: int) -> tuple[_Part, ObjectState | None]:
         """The part whose reading is due, and the object state that the words give."""
-        _check(self._part is not None and not self._part.dragging, 11)
+        _check(self._part is not None and isinstance(self._part.request, Approach), 11)
         assert self._part is not None
         more = words[1:]
         seen = FLAGS[more.pop(0)] if more and more[0] in FLAGS else None
         node = more.pop(0) if more else None
         _check(len(words) >= least and not more and (node is None or node.isdecimal()), 10)
-        _check(node is None or node == str(self._part.traversal.node), 22)
+        _check(node is None or node == str(self._part.node), 22)
         return self._part, seen
 
     def _state_of(self, reading_um: int, decided: DecisionMap) -> ObjectState:
@@ -228,57 +242,55 @@ class AskedParts:
         return ObjectState.CLOSING if held else ObjectState.AT_TARGET
 
     def _read(self, part: _Part, reading_um: int, seen: ObjectState, reply: str) -> str:
-        index = part.traversal.node
-        node = self._table.nodes[index]
-        self._check_possible(node, self._maps[index], reading_um, seen)
-        self._console.phase(part.number, Phase.READ, index)
-        width_um = self._calibration.width_um(reading_um)
-        decision = decision_of(node, self._maps[index], width_um, seen)
-        step = step_of(decision, len(part.steps) + 1, index, reading_um, self._calibration)
-        fields = {**step.fields(), "object_flag": int(seen), "told": reply}
+        approach = part.request
+        assert isinstance(approach, Approach)
+        self._check_possible(approach, reading_um, seen)
+        self._console.phase(part.number, Phase.READ, approach.index)
+        release = released(part.requests, approach, Reading(reading_um, seen))
+        fields = {**release.step.fields(), "object_flag": int(seen), "told": reply}
         self._journal.record("squeeze", {"part": part.number, **fields})
-        part.steps.append(step)
-        self._console.step(part.number, step)
-        part.traversal = advance(part.traversal, step.target, self._table, self._policy)
-        point = release_point(node, decision.branch)
-        if point is None:
-            return self._follow(part)
-        part.dragging = True
-        self._console.phase(part.number, Phase.RELEASE, index)
-        x_mm, y_mm, _ = sent(placement(node.squeeze, point), self._middle_mm)
+        part.request, part.steps = release, release.steps
+        self._console.step(part.number, release.step)
+        if release.point is None:
+            return self._go_on(part)
+        self._console.phase(part.number, Phase.RELEASE, release.index)
+        x_mm, y_mm, _ = sent(placement(release.node.squeeze, release.point), self._middle_mm)
         return f"DRAG {x_mm:.3f} {y_mm:.3f}"
 
-    def _check_possible(
-        self, node: Node, decided: DecisionMap, reading_um: int, seen: ObjectState
-    ) -> None:
-        calibration = self._calibration
+    def _check_possible(self, approach: Approach, reading_um: int, seen: ObjectState) -> None:
+        calibration, decided = self._calibration, self._program.maps[approach.index]
         try:
             check_closed(Settled(reading_um, seen, 0, 0, 0.0), calibration, (0, 0))
         except GripperStateError:
             raise RefusedError(23) from None
-        opened_um = min(node.squeeze.opening_um, calibration.widest_um)
+        opened_um = min(approach.node.squeeze.opening_um, calibration.widest_um)
         closed = calibration.width_um(reading_um + room_um(calibration.profile)) < opened_um
         width_um = calibration.width_um(reading_um)
         _check(closed or decide(decided, width_um, seen is ObjectState.CLOSING) != REJECT, 21)
 
     # -- what follows ---------------------------------------------------------------------------------
 
+    def _go_on(self, part: _Part) -> str:
+        """The part is let go of: what the program asks for next."""
+        part.request = next(part.requests)
+        return self._follow(part)
+
     def _follow(self, part: _Part) -> str:
         """Where to squeeze next, or how the part ended."""
-        part.dragging = False
-        if part.traversal.outcome is not None:
-            result = self._end(part, part.traversal.outcome, reason_of(part.traversal, part.steps))
-            return self._ended(result)
-        node = self._table.nodes[part.traversal.node]
-        squeeze = node.squeeze
-        fields = {"part": part.number, "number": len(part.steps) + 1, "node": part.traversal.node}
+        request = part.request
+        if isinstance(request, Done):
+            self._end(request.result)
+            return self._ended(request.result)
+        assert isinstance(request, Approach)
+        squeeze = request.node.squeeze
+        fields = {"part": part.number, "number": request.number, "node": request.index}
         self._journal.record("placed", fields)
-        self._console.phase(part.number, Phase.PLACE, part.traversal.node)
-        expected = expected_of(self._table, node, SLOWEST_UM_S)
+        self._console.phase(part.number, Phase.PLACE, request.index)
+        expected = expected_of(self._table, request.node, SLOWEST_UM_S)
         part.deadline = self._clock.deadline(DEADLINE_FACTOR * expected.total_s)
         x_mm, y_mm, angle_rad = sent(placement(squeeze), self._middle_mm)
         return (
-            f"SQUEEZE {part.traversal.node} {x_mm:.3f} {y_mm:.3f} {degrees(angle_rad):.5f} "
+            f"SQUEEZE {request.index} {x_mm:.3f} {y_mm:.3f} {degrees(angle_rad):.5f} "
             f"{squeeze.opening_um / 1000:.3f} {squeeze.speed_um_s / 1000:.1f} {squeeze.force_mn / 1000:.1f}"
         )
 
@@ -297,16 +309,15 @@ class AskedParts:
         )
         return f"LEAF {result.leaf} {pose} {success:.6f}{named}"
 
-    def _end(self, part: _Part, outcome: Outcome, reason: str | None) -> PartResult:
-        result = PartResult.of(part.number, outcome, part.steps, reason)
+    def _end(self, result: PartResult) -> None:
         self._journal.record("outcome", outcome_fields(self._table, result))
         self._part = None
-        self._console.phase(part.number, Phase.DONE, None)
+        self._console.phase(result.part, Phase.DONE, None)
         self._tally.add(result, None)
         self._console.part(result, None)
+        outcome = result.outcome
         ends = outcome is not Outcome.ABORTED and self._policy.ends_run(outcome)
         self.over = ends or self._tally.parts == self._count
-        return result
 
 
 def _plain(name: str) -> str:

@@ -1,6 +1,5 @@
 """Tells what a run would send, without sending it."""
 
-from itertools import product
 from math import degrees
 
 from drivers.ports import Arm, Gripper
@@ -37,12 +36,11 @@ def tell(table: Table, gripper: Gripper, arm: Arm, options: RunOptions) -> list[
             f"the fingers meet {handling.middle_mm:+.2f} mm off the hand's middle, along its y: "
             "the arm is sent as far beside every place"
         )
-    heights = table.limits.squeeze_height_um / 1000, table.limits.retreat_height_um / 1000
+    safety.check_places(table, handling.middle_mm)
+    low_mm = table.limits.squeeze_height_um / 1000
     for index, node in enumerate(table.nodes):
         for push in node.pushes:
             ways = [sent(place, handling.middle_mm) for place in (placement(push), end_of(push))]
-            for (x_mm, y_mm, angle_rad), height_mm in product(ways, heights):
-                safety.check_target((x_mm, y_mm, height_mm, angle_rad), table.limits)
             (x_mm, y_mm, angle_rad), (to_x_mm, to_y_mm, _) = ways
             opening_mm = calibration.nearest_um(push.opening_um) / 1000
             lines.append(
@@ -51,8 +49,6 @@ def tell(table: Table, gripper: Gripper, arm: Arm, options: RunOptions) -> list[
                 f"{to_y_mm:.2f}) mm at {push.speed_um_s / 1000:g} mm/s"
             )
         x_mm, y_mm, angle_rad = sent(placement(node.squeeze), handling.middle_mm)
-        for height_mm in heights:
-            safety.check_target((x_mm, y_mm, height_mm, angle_rad), table.limits)
         regulated = strokes.is_regulated(
             node.squeeze, calibration.profile, wanted=handling.regulated
         )
@@ -68,7 +64,7 @@ def tell(table: Table, gripper: Gripper, arm: Arm, options: RunOptions) -> list[
         ]
         lines.append(
             f"node {index}: open to {calibration.opening_um(node.squeeze.opening_um) / 1000:.2f} mm, "
-            f"hand to ({x_mm:.2f}, {y_mm:.2f}) mm, {degrees(angle_rad):.1f} deg, down to {heights[0]:g} mm, "
+            f"hand to ({x_mm:.2f}, {y_mm:.2f}) mm, {degrees(angle_rad):.1f} deg, down to {low_mm:g} mm, "
             f"close to {', '.join(requests)}"
         )
     if options.delivery is not None:

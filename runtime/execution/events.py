@@ -43,16 +43,14 @@ class Tally:
     """The sum over a run's parts; its size does not grow with their number."""
 
     takt_s: float | None = None  # the time within which parts should be done
-    timed: bool = (
-        True  # whether its seconds are the cell's; not those of a clock that runs faster than life
-    )
+    # whether its seconds are the cell's; not those of a clock that runs faster than life
+    timed: bool = True
     parts: int = 0
     outcomes: Counter[Outcome] = field(default_factory=Counter)
     squeezes: int = 0
     exit_code: int = 0  # the highest of the parts' codes, which are numbered by gravity
-    within: int | None = (
-        None  # parts whose leaf met the goal, None where no truth is known or they are gone
-    )
+    # parts whose leaf met the goal, None where no truth is known or they are gone
+    within: int | None = None
     crashes: int | None = None  # times open fingers were placed onto a part, None on a real cell
     seconds: Counter[float] = field(
         default_factory=Counter

@@ -1,14 +1,12 @@
-"""The loop of the cell: place, squeeze, read, descend in the tree, until the part's outcome is known.
+"""Performs a part's program with arm and gripper, until the part's outcome is known.
 
-What a reading means and what follows is `decision`'s, how the hand moves `hand`'s. Any fault and any Ctrl-C
-end in `safe_state` and in a terminal outcome.
+What is asked for is `traversal.program`'s, how the hand moves `hand`'s. Any fault and any Ctrl-C end in
+`safe_state` and in a terminal outcome.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from math import hypot, tau
 
-from drivers.ports import Arm, Gripper, Settled
+from drivers.ports import Arm, Gripper
 from runtime.devices.audit import AuditProcess, answer_of
 from runtime.devices.clock import Lap, SystemClock
 from runtime.errors import BrokenRunError, GripperStateError
@@ -20,33 +18,25 @@ from runtime.execution.hand import Hand
 from runtime.execution.handling import Handling
 from runtime.execution.reading import reading_fields
 from runtime.execution.safe_state import reach_safe_state
-from runtime.execution.watch import MACHINE, Expected
+from runtime.execution.watch import MACHINE, expected_of
 from runtime.journal.chain import Journal
 from runtime.journal.replay import Replay
 from runtime.shell import interrupts
 from runtime.shell.errors import ExpectedError, exit_code_of, is_expected
-from runtime.table import (
-    REJECT,
-    Node,
-    Phases,
-    Schedule,
-    Squeeze,
-    Table,
-    decision_map,
-    job_of,
-    predicted_pose,
-)
+from runtime.table import Phases, Place, Squeeze, Table, predicted_pose
 from runtime.traversal.answer import outcome_fields
-from runtime.traversal.decision import (
-    Decision,
-    Policy,
-    TraversalState,
-    advance,
-    decide,
-    release_point,
-    step_of,
-)
+from runtime.traversal.decision import Policy, TraversalState, release_point
 from runtime.traversal.geometry import placement
+from runtime.traversal.program import (
+    START,
+    Approach,
+    Done,
+    Program,
+    Reading,
+    Release,
+    Requests,
+    Tighten,
+)
 from runtime.traversal.results import Outcome, PartResult, Step
 
 
@@ -96,10 +86,10 @@ class Executor:
         self._options = options
         self._found: int | None = None  # the leaf of the part that is being delivered
         self._phases: list[Phases] = []  # of the part's squeezes so far
+        self._steps: tuple[Step, ...] = ()  # of the part, each one whose release is done
         self._hand = Hand(cell.gripper, cell.arm, cell.clock, table, options.handling)
         self._cell = replace(cell, journal=self._hand.watch.watched(cell.journal, MACHINE))
-        self._slowest_um_s = table.gripper.least_speed_um_s
-        self._maps = [decision_map(node, table.gripper) for node in table.nodes]
+        self._program = Program(table, self._hand.calibration, options.policy)
 
     def run_part(self, part: int, broken: Replay | None = None) -> PartResult:
         """Squeeze one part until its outcome is known, or go on with it where a run broke off.
@@ -111,19 +101,16 @@ class Executor:
         Raises:
             Exception: an error that no device makes is a bug, and raised once the safe state is reached.
         """
-        steps: list[Step] = []
+        self._steps = () if broken is None else tuple(broken.steps)
         self._found, began = None, Lap(self._cell.clock)
         try:
             if broken is None:
                 self._cell.journal.record("part", {"part": part})
             with interrupts.stoppable():
                 if broken is not None:
-                    steps.extend(broken.steps)
                     self._free(part, broken)
-                result = self._descend(
-                    part, steps, TraversalState() if broken is None else broken.traversal
-                )
-                result = self._finish(result)
+                state = START if broken is None else broken.traversal
+                result = self._finish(self._descend(part, state))
                 self._hand.where()  # an arm that was displaced makes any outcome a fault
                 if self._options.timed:
                     result = replace(result, seconds=began.lap(), phases=tuple(self._phases))
@@ -132,88 +119,83 @@ class Executor:
             # Nothing was moved; the operator looks at the fingers.
             notes = ("nothing was moved",)
             return self._ended(
-                PartResult.of(part, Outcome.ABORTED, steps, str(error), safe_state=notes)
+                PartResult.of(part, Outcome.ABORTED, self._steps, str(error), safe_state=notes)
             )
         except KeyboardInterrupt:
-            return self._end(part, steps, Outcome.STOPPED, "stopped by the operator")
+            return self._end(part, Outcome.STOPPED, "stopped by the operator")
         except Exception as error:
-            fault = self._end(part, steps, Outcome.FAULT, str(error), exit_code_of(error))
+            fault = self._end(part, Outcome.FAULT, str(error), exit_code_of(error))
             if not is_expected(error):
                 raise
             return fault
         self._console.phase(part, Phase.DONE, None)
         return result
 
-    def _descend(self, part: int, steps: list[Step], traversal: TraversalState) -> PartResult:
+    def _descend(self, part: int, state: TraversalState) -> PartResult:
+        """Perform the part's program; each squeeze has its deadline."""
         self._phases.clear()
-        while traversal.outcome is None:
-            node = self._table.nodes[traversal.node]
-            expected = expected_of(self._table, node, self._slowest_um_s)
+        requests = self._program.part(part, state, self._steps)
+        request = next(requests)
+        while not isinstance(request, Done):
+            assert isinstance(request, Approach)
+            expected = expected_of(self._table, request.node)
             with self._hand.watch.squeeze(expected, self._options.patience):
-                step, traversal = self._squeeze(part, traversal, len(steps) + 1)
-            steps.append(step)
-            self._console.step(part, step)
-        return PartResult.of(part, traversal.outcome, steps, reason_of(traversal, steps))
+                release = self._squeeze(part, requests, request)
+            self._steps = release.steps
+            self._console.step(part, release.step)
+            request = next(requests)
+        return request.result
 
-    def _squeeze(
-        self, part: int, traversal: TraversalState, number: int
-    ) -> tuple[Step, TraversalState]:
-        """One squeeze, from the hand above the part to the hand above the part; and what follows."""
-        index, table = traversal.node, self._table
-        node, began = table.nodes[index], Lap(self._cell.clock)
-        if not traversal.again:
-            self._push(part, number, index, node)
-        push_s = began.lap()
-        angle_rad = self._travel(part, index, node.squeeze, first=number == 1)
-        travel_s = began.lap()
+    def _squeeze(self, part: int, requests: Requests, approach: Approach) -> Release:
+        """One squeeze, from the hand above the part to the hand above the part."""
+        index, node, lap = approach.index, approach.node, Lap(self._cell.clock)
+        if not approach.again:
+            self._push(part, approach)
+        push_s = lap.lap()
+        angle_rad = self._travel(part, index, node.squeeze, first=approach.number == 1)
+        travel_s = lap.lap()
         self._hand.descend(*placement(node.squeeze)[:2], angle_rad)
-        lower_s = began.lap()
+        lower_s = lap.lap()
         # Before the part is touched: who resumes this run has to know that it may have been.
-        self._cell.journal.record("placed", {"part": part, "number": number, "node": index})
+        document = {"part": part, "number": approach.number, "node": index}
+        self._cell.journal.record("placed", document)
         self._console.phase(part, Phase.SQUEEZE, index)
-        reading, decision = self._read(node, index)
+        next(requests)  # to squeeze
+        reading = self._hand.meet(node)
+        request = requests.send(Reading(reading.width_um, reading.object))
+        if isinstance(request, Tighten):
+            reading = self._hand.tighten(node, reading)
+            request = requests.send(Reading(reading.width_um, reading.object))
+        assert isinstance(request, Release)
         self._console.phase(part, Phase.READ, index)
-        step = step_of(decision, number, index, reading.width_um, self._hand.calibration)
         # Before anything moves on: a decision that is not on the disk was never taken.
         self._cell.journal.record(
-            "squeeze", {"part": part, **step.fields(), **reading_fields(reading)}
+            "squeeze", {"part": part, **request.step.fields(), **reading_fields(reading)}
         )
-        close_s = began.lap()
+        close_s = lap.lap()
         self._console.phase(part, Phase.RELEASE, index)
-        after = advance(traversal, step.target, table, self._options.policy)
-        following = table.nodes[0 if after.outcome is not None else after.node]
-        self._drag(node, decision.branch)
+        after, following = request.after, request.following
+        self._drag(request.point)
         self._hand.let_go(node.squeeze, following.squeeze)
-        release_s = began.lap()
+        release_s = lap.lap()
         if after.outcome is not None or (following.pushes and not after.again):
             self._hand.retreat()
             self._hand.open(following.squeeze)
         else:
             self._hand.rise()
-        self._phases.append(Phases(push_s, travel_s, lower_s, close_s, release_s, began.lap()))
-        return step, after
+        self._phases.append(Phases(push_s, travel_s, lower_s, close_s, release_s, lap.lap()))
+        return request
 
-    def _read(self, node: Node, index: int) -> tuple[Settled, Decision]:
-        """Close the jaws and decide; the force is raised where a reading decides nothing, or for a drag."""
-        reading = self._hand.meet(node)
-        decision = self._decided(node, index, reading)
-        if decision.branch != REJECT and release_point(node, decision.branch) is None:
-            return reading, decision
-        reading = self._hand.tighten(node, reading)
-        return reading, self._decided(node, index, reading)
-
-    def _decided(self, node: Node, index: int, reading: Settled) -> Decision:
-        width_um = self._hand.calibration.width_um(reading.width_um)
-        return decide(node, self._maps[index], width_um, reading.object)
-
-    def _push(self, part: int, number: int, index: int, node: Node) -> None:
+    def _push(self, part: int, approach: Approach) -> None:
+        node, index = approach.node, approach.index
         for push in node.pushes:
             self._console.phase(part, Phase.PUSH, index)
             self._hand.retreat()
             self._hand.set_jaws(push, node.squeeze)
             self._hand.travel(*placement(push))
             # From here on the part may have been moved: who resumes this run has to start it over.
-            self._cell.journal.record("pushing", {"part": part, "number": number, "node": index})
+            document = {"part": part, "number": approach.number, "node": index}
+            self._cell.journal.record("pushing", document)
             self._hand.push(push)
         if node.pushes:
             self._hand.retreat()
@@ -233,11 +215,10 @@ class Executor:
         self._hand.open(squeeze)
         return angle_rad
 
-    def _drag(self, node: Node, branch: int) -> None:
+    def _drag(self, point: Place | None) -> None:
         """Take what the jaws hold to where the node wants it let go."""
-        target = release_point(node, branch)
-        if target is not None:
-            self._hand.drag(target.x_um / 1000, target.y_um / 1000)
+        if point is not None:
+            self._hand.drag(point.x_um / 1000, point.y_um / 1000)
 
     def _free(self, part: int, broken: Replay) -> None:
         """Let go of what a run that broke off may still hold, where it holds it."""
@@ -250,7 +231,7 @@ class Executor:
         if pending is None:
             return
         node, branch = pending
-        self._drag(node, branch)
+        self._drag(release_point(node, branch))
         self._hand.release(node.squeeze)
         self._cell.journal.record("freed", {"part": part})
         self._hand.retreat()
@@ -289,7 +270,6 @@ class Executor:
     def _end(
         self,
         part: int,
-        steps: list[Step],
         outcome: Outcome,
         reason: str,
         exit_code: int | None = None,
@@ -299,7 +279,7 @@ class Executor:
             self._cell.gripper, self._cell.arm, self._table.limits, arm_known=self._hand.arm_known
         )
         result = PartResult.of(
-            part, outcome, steps, reason, exit_code=exit_code, safe_state=tuple(notes)
+            part, outcome, self._steps, reason, exit_code=exit_code, safe_state=tuple(notes)
         )
         return self._ended(replace(result, leaf=self._found))
 
@@ -310,36 +290,3 @@ class Executor:
         except ExpectedError as error:
             return replace(result, safe_state=(*result.safe_state, f"not journalled: {error}"))
         return result
-
-
-def expected_of(table: Table, node: Node, slowest_um_s: int) -> Expected:
-    """Cell seconds of the longest path: across the work area, a turn, up, down; and of three slow strokes.
-
-    The same for each push, and its way. A stroke may be as slow as the gripper's least speed.
-    """
-    timing = Schedule.of(table, job_of(table)).timing
-    area = table.limits.work_area_um
-    across_mm = hypot(area.x_max - area.x_min, area.y_max - area.y_min) / 1e3
-    arm_s = timing.move_s(across_mm) + timing.move_s(0.0, tau)
-    arm_s += 3 * timing.move_s(timing.retreat_mm - timing.squeeze_mm)
-    speed_mm_s = min(node.squeeze.speed_um_s, slowest_um_s) / 1e3
-    ways_s = sum(
-        timing.move_s(push.length_um / 1e3, 0.0, push.speed_um_s / 1e3) for push in node.pushes
-    )
-    times = 1 + len(node.pushes)
-    strokes_s = 3 * timing.close_s(table.gripper.opening_um / 1e3, None, 0.0, speed_mm_s)
-    return Expected(times * arm_s + ways_s, times * strokes_s)
-
-
-def expected_s(table: Table, node: Node) -> float:
-    """Cell seconds of arm and gripper together, of a gripper that is known."""
-    return expected_of(table, node, table.gripper.least_speed_um_s).total_s
-
-
-def reason_of(traversal: TraversalState, steps: Sequence[Step]) -> str | None:
-    """Why a part ended in no resolved leaf, None where it did."""
-    if traversal.outcome is Outcome.REJECT:
-        return steps[-1].reason
-    if traversal.outcome is Outcome.UNRESOLVED:
-        return f"leaf {traversal.leaf} is not resolved: the table cannot tell the pose well enough"
-    return None

@@ -66,9 +66,8 @@ class Hand:
         self.timing, self._half_turn = schedule.timing, pi if schedule.alike else tau
         self._jaws = Jaws(self.gripper, clock, self.calibration, self.timing)
         check_arc(handling.arc, table.limits, self.calibration)
-        self._sent_to: PoseOfHand | None = (
-            None  # where the arm should stand, None where nobody knows
-        )
+        # where the arm should stand, None where nobody knows
+        self._sent_to: PoseOfHand | None = None
 
     def await_stillness(self) -> None:
         """Wait until a motion that was begun before this run is over.

@@ -12,22 +12,18 @@ from runtime.table import CLEAR_MM, Calibration, Limits, Table
 class Handling:
     """How the hand is used; what differs from cell to cell and not from table to table."""
 
-    calibration: Calibration | None = (
-        None  # nominal to true widths as measured, None where they were not
-    )
+    # nominal to true widths as measured, None where they were not
+    calibration: Calibration | None = None
     arc: TipArc | None = None  # the tips' arc; None where they move straight
     regulated: bool = False  # whether squeezes close gently and raise their force after contact
-    approaches: bool = (
-        True  # whether jaws close fast to just before the part, which nobody asks of a person
-    )
+    # whether jaws close fast to just before the part, which nobody asks of a person
+    approaches: bool = True
     # motor current at which a regulated squeeze raises its force no further, or None
     grip_current_ma: int | None = None
-    current_ma: tuple[int, int] = (
-        CURRENT_MA  # least and greatest motor currents a gripper at rest may report
-    )
-    middle_mm: float = (
-        0.0  # how far the fingers meet off the hand's middle, along its y, as measured
-    )
+    # least and greatest motor currents a gripper at rest may report
+    current_ma: tuple[int, int] = CURRENT_MA
+    # how far the fingers meet off the hand's middle, along its y, as measured
+    middle_mm: float = 0.0
 
     def widths(self, table: Table) -> Calibration:
         """Nominal to true widths: as measured, else the same."""

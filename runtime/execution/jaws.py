@@ -37,9 +37,8 @@ class Jaws:
         self.gripper, self.calibration, self.profile = gripper, calibration, calibration.profile
         self.may_hold = True
         self.open_mm = 0.0  # where they stood open last
-        self.asked: int | None = (
-            None  # where jaws on their way were asked to go; None: they are not
-        )
+        # where jaws on their way were asked to go; None: they are not
+        self.asked: int | None = None
         self._clock, self._timing = clock, timing
 
     @property

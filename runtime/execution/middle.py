@@ -17,12 +17,10 @@ from typing import NamedTuple, Self
 
 from drivers.ports import ObjectState
 from runtime.errors import GripperStateError
-from runtime.execution import safety
 from runtime.execution.hand import Hand
 from runtime.shell.errors import InputError
 from runtime.table import HELD_UM, PPM, Branch, Node, Pose2, Table, job_of
-from runtime.traversal.decision import release_point
-from runtime.traversal.geometry import compose, end_of, placement, sent
+from runtime.traversal.geometry import compose
 
 ROOM_MM = 15.0  # between a block in the middle and each open finger
 COARSE_MM = 6.0  # beside its stated place where the block is looked for
@@ -112,23 +110,6 @@ def _planned_share(table: Table) -> float:
     gripper = (job_of(table) or {}).get("gripper")
     share = gripper.get("upper_finger_share", EVEN) if isinstance(gripper, dict) else EVEN
     return float(share)
-
-
-def check(table: Table, middle_mm: float) -> None:
-    """Check that the arm may be sent to all places of a table, as far beside them as the fingers meet.
-
-    Raises:
-        MotionRefusedError: one of them lies outside the work area then.
-    """
-    height_mm = table.limits.retreat_height_um / 1000
-    for node in table.nodes:
-        results = [
-            placement(node.squeeze, release_point(node, k)) for k in range(len(node.branches))
-        ]
-        ends = [end for push in node.pushes for end in (placement(push), end_of(push))]
-        for place in (placement(node.squeeze), *results, *ends):
-            x_mm, y_mm, angle_rad = sent(place, middle_mm)
-            safety.check_target((x_mm, y_mm, height_mm, angle_rad), table.limits)
 
 
 def gripping(table: Table, block_mm: float) -> Node:

@@ -5,7 +5,8 @@ from math import hypot, isfinite, remainder, tau
 from drivers.ports import Arm, Gripper, GripperState, PoseOfHand, Settled
 from runtime.errors import GripperStateError, MotionRefusedError, TableError
 from runtime.table import Limits, Table
-from runtime.traversal.geometry import MOST_TURNS
+from runtime.traversal.decision import release_point
+from runtime.traversal.geometry import MOST_TURNS, end_of, placement, sent
 
 # How far an arm, as it tells itself, may stand from where it was sent; farther off, it was displaced.
 # It reads back 0.01 mm and a quaternion of three decimals, about 0.1 deg (open_abb, SERVER.mod).
@@ -109,6 +110,22 @@ def check_target(pose: PoseOfHand, limits: Limits) -> None:
         )
     if abs(angle_rad) > MOST_TURNS * tau:
         raise MotionRefusedError(f"angle {angle_rad:.3f} rad is more than {MOST_TURNS} whole turns")
+
+
+def check_places(table: Table, middle_mm: float) -> None:
+    """Check that the arm may be sent to all places of a table, as far beside them as the fingers meet.
+
+    Raises:
+        MotionRefusedError: one of them lies outside the work area then.
+    """
+    limits = table.limits
+    for node in table.nodes:
+        ends = [end for push in node.pushes for end in (placement(push), end_of(push))]
+        released = [release_point(node, k) for k in range(len(node.branches))]
+        places = {placement(node.squeeze, point) for point in (None, *released)}
+        for x_mm, y_mm, angle_rad in (sent(place, middle_mm) for place in (*places, *ends)):
+            for height_um in (limits.squeeze_height_um, limits.retreat_height_um):
+                check_target((x_mm, y_mm, height_um / 1000, angle_rad), limits)
 
 
 def check_placed(arm: Arm, target: PoseOfHand) -> PoseOfHand:

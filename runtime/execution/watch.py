@@ -2,13 +2,14 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from math import inf
+from math import hypot, inf, tau
 from typing import Any, NamedTuple, TypeVar, cast
 
 from runtime.devices.clock import SystemClock
 from runtime.errors import GripperStateError, MotionRefusedError
 from runtime.shell import interrupts
 from runtime.shell.errors import DeviceError
+from runtime.table import Node, Schedule, Table, job_of
 
 # How much longer than stroke and path take at the commanded speeds one squeeze may last.
 DEADLINE_FACTOR = 3.0
@@ -31,6 +32,26 @@ class Expected(NamedTuple):
     def total_s(self) -> float:
         """Both, one after the other."""
         return self.arm_s + self.gripper_s
+
+
+def expected_of(table: Table, node: Node, slowest_um_s: int | None = None) -> Expected:
+    """Cell seconds of the longest path: across the work area, a turn, up, down; and of three slow strokes.
+
+    The same for each push, and its way. A stroke may be as slow as that, or as the gripper's least speed.
+    """
+    timing = Schedule.of(table, job_of(table)).timing
+    slowest_um_s = slowest_um_s or table.gripper.least_speed_um_s
+    area = table.limits.work_area_um
+    across_mm = hypot(area.x_max - area.x_min, area.y_max - area.y_min) / 1e3
+    arm_s = timing.move_s(across_mm) + timing.move_s(0.0, tau)
+    arm_s += 3 * timing.move_s(timing.retreat_mm - timing.squeeze_mm)
+    speed_mm_s = min(node.squeeze.speed_um_s, slowest_um_s) / 1e3
+    ways_s = sum(
+        timing.move_s(push.length_um / 1e3, 0.0, push.speed_um_s / 1e3) for push in node.pushes
+    )
+    times = 1 + len(node.pushes)
+    strokes_s = 3 * timing.close_s(table.gripper.opening_um / 1e3, None, 0.0, speed_mm_s)
+    return Expected(times * arm_s + ways_s, times * strokes_s)
 
 
 class Watch:

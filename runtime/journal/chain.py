@@ -33,9 +33,8 @@ from runtime.shell import interrupts
 from runtime.shell.sealed_lines import sealed, sealed_segments
 
 SEGMENT_BYTES = 8 << 20  # records of a file, its header left out, before it is sealed
-MOST_INCIDENTS = (
-    1000  # kept; of a link so bad that connecting takes more, the first ones tell enough
-)
+# kept; of a link so bad that connecting takes more, the first ones tell enough
+MOST_INCIDENTS = 1000
 
 
 class Journal:

@@ -1,9 +1,8 @@
 """A journal as a table for statistics: one row a squeeze, with its part's end beside it."""
 
 import csv
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from types import MappingProxyType
 
 from runtime.journal.lines import Entry, begins_run
 from runtime.shell.errors import UsageError
@@ -51,33 +50,22 @@ def rows(entries: Iterable[Entry]) -> Iterator[Row]:
 
 
 def write_rows(
-    rows: Iterable[Row],
-    path: Path,
-    option: str,
-    columns: Sequence[str] = COLUMNS,
-    kinds: Mapping[str, str] = MappingProxyType({}),
+    rows: Iterable[Row], path: Path, option: str, columns: Sequence[str] = COLUMNS
 ) -> int:
-    """Write rows as the suffix says, `.csv` or `.parquet`, CSV to standard output; returns their number.
+    """Write rows as CSV, also to standard output; returns their number.
 
     Args:
         rows: the rows.
         path: the file.
         option: that named it.
         columns: names of the columns, in order.
-        kinds: Arrow types by column; those of the others follow from their values.
 
     Raises:
-        UsageError: another suffix, or pyarrow is missing.
+        UsageError: the file's name does not end in .csv.
         OutputError: the file cannot be written.
     """
-    if path in STDOUT or path.suffix == ".csv":
-        return _write_csv(rows, path, columns)
-    if path.suffix == ".parquet":
-        return _write_parquet(rows, path, columns, kinds)
-    raise UsageError(f"{option} {path}: name a file that ends in .csv or .parquet")
-
-
-def _write_csv(rows: Iterable[Row], path: Path, columns: Sequence[str]) -> int:
+    if path not in STDOUT and path.suffix != ".csv":
+        raise UsageError(f"{option} {path}: name a file that ends in .csv")
     with writing(path) as draft, draft.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, columns)
         writer.writeheader()
@@ -86,30 +74,6 @@ def _write_csv(rows: Iterable[Row], path: Path, columns: Sequence[str]) -> int:
             writer.writerow(row)
             number += 1
     return number
-
-
-def _write_parquet(
-    rows: Iterable[Row], path: Path, columns: Sequence[str], kinds: Mapping[str, str]
-) -> int:
-    try:
-        import pyarrow
-        from pyarrow import parquet
-    except ImportError as error:
-        raise UsageError(
-            "Parquet needs pyarrow, which a cell controller does not have; "
-            "install squeezetree[parquet] where you evaluate, or export to .csv"
-        ) from error
-    listed = list(rows)
-    try:
-        arrays = [pyarrow.array([row[name] for row in listed], kinds.get(name)) for name in columns]
-        with writing(path) as draft:
-            parquet.write_table(pyarrow.table(arrays, list(columns)), draft)
-    except (
-        pyarrow.ArrowException,
-        OverflowError,
-    ) as error:  # a column of words and numbers, or of huge ones
-        raise UsageError(f"{path} cannot be written: {error}; name another file") from error
-    return len(listed)
 
 
 def scaled(source: str, value: object) -> object:

@@ -1,6 +1,6 @@
 """Replays a journal: derives its decisions again, record by record, from its counts and embedded tables.
 
-`TraversalState`, `decide` and `advance` are the executor's own, so a resumed run, a replay and an export
+It drives the same program of a part (`traversal.program`) as the executor, so a resumed run and a replay
 agree on where a part stood, or report where they do not.
 """
 
@@ -11,8 +11,9 @@ from typing import NamedTuple
 
 from drivers.ports import ObjectState
 from runtime.journal.lines import Entry
-from runtime.table import Calibration, Table, decision_map, loads
-from runtime.traversal.decision import Policy, TraversalState, advance, decide, step_of
+from runtime.table import Calibration, Table, loads
+from runtime.traversal.decision import Policy, TraversalState
+from runtime.traversal.program import Program, Reading, released
 from runtime.traversal.results import EXIT_CODES, Outcome, Step
 
 DECIDED = {outcome.value: outcome for outcome in (Outcome.LEAF, Outcome.REJECT, Outcome.UNRESOLVED)}
@@ -95,10 +96,10 @@ class Replay:
             if isinstance(points, list)
             else Calibration(table.gripper.profile)
         )
-        self._maps = [decision_map(node, table.gripper) for node in table.nodes]
         self.policy = Policy.of(
             str(entry.get("on_reject", "next")), str(entry.get("on_unresolved", "next"))
         )
+        self._program = Program(table, self.calibration, self.policy)
         self.header, self.closed, self.over = entry, False, False
         # The header of a segment in the midst of a run: the parts before it are in the segments before.
         self.parts = _integer(entry, "after_part") if "after_part" in entry else 0
@@ -120,22 +121,19 @@ class Replay:
 
     def _squeeze(self, entry: Entry) -> Iterator[str]:
         yield from self._expect(entry)
-        assert self.table is not None
         index, reading_um = _integer(entry, "node"), _integer(entry, "reading_um")
-        node, width_um = self.table.nodes[index], self.calibration.width_um(reading_um)
-        seen = ObjectState(_integer(entry, "object_flag"))
-        decision = decide(node, self._maps[index], width_um, seen)
-        target = decision.target
+        reading = Reading(reading_um, ObjectState(_integer(entry, "object_flag")))
+        # Where the record is at another node than the path, what follows from there is told.
+        state = self.traversal._replace(node=index, outcome=None)
+        requests = self._program.part(_integer(entry, "part"), state, self.steps)
+        release = released(requests, next(requests), reading)
+        target, width_um = release.step.target, release.step.width_um
         if entry["target"] != target:
             yield f"says that {width_um} um leads to {entry['target']}, the table says {target}"
         if entry["width_um"] != width_um:
             said = f"says that a reading of {reading_um} um is {entry['width_um']} um"
             yield f"{said}, the calibration says {width_um}"
-        number = _integer(entry, "number")
-        self.steps.append(step_of(decision, number, index, reading_um, self.calibration))
-        self.traversal = advance(
-            self.traversal._replace(node=index), target, self.table, self.policy
-        )
+        self.steps, self.traversal = [*release.steps], release.after
         self.last, self.held_at = Last.SQUEEZED, (index, target)
         self.decisions += 1
 

@@ -1,4 +1,4 @@
-"""Passes the events of a run to its watchers: console, live views, service manager."""
+"""Passes the events of a run to its watchers: console, live page, service manager."""
 
 import os
 import socket
@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from contextlib import ExitStack, suppress
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, Self, TextIO
+from typing import NamedTuple, Self
 
 from runtime.devices.clock import SystemClock
 from runtime.execution.events import Console, Phase, Sighting, Tally
@@ -18,10 +18,6 @@ from runtime.table import TableFile
 from runtime.traversal import answer
 from runtime.traversal.results import Outcome, PartResult, Step
 
-if TYPE_CHECKING:
-    from runtime.monitoring.live.terminal import View
-
-
 FAREWELL_S = 1.0  # for a page that follows the run to ask once more, and learn how it ended
 SENT_S = 0.1  # for that answer to be sent
 
@@ -30,16 +26,15 @@ class Views(NamedTuple):
     """Where a run is shown besides the console, None for nowhere; and what its parts are held against."""
 
     http: str | None = None  # a page that follows it, at this `HOST:PORT`
-    terminal: TextIO | None = None  # a picture in place of the console's parts and squeezes
     takt_s: float | None = None  # within which a part should be done
     shifts: tuple[int, ...] = CHANGES  # hours of the day at which shifts change
     journal: Path | None = None  # of earlier runs, whose parts belong to the shift
 
 
 class Monitor(Console):
-    """A console that also updates the status and the watchdog; servers and views run within its context.
+    """A console that also updates the status and the watchdog; the page is served within its context.
 
-    What each of the views needs is loaded only if it is asked for.
+    What the page needs is loaded only if it is asked for.
     """
 
     def __init__(
@@ -58,13 +53,10 @@ class Monitor(Console):
             Drift(self._table),
             shift,
         )
-        self._view: View | None = None
         self._stack = ExitStack()
 
     def ready(self) -> None:
         """The devices answer, and the run begins."""
-        if self._view is not None:
-            self._console = self._stack.enter_context(self._view)
         notify("READY=1")
 
     def note(self, sentence: str) -> None:
@@ -100,14 +92,6 @@ class Monitor(Console):
         with ExitStack() as opened:
             if self._views.http is not None:
                 self._serve(self._views.http, opened)
-            if self._views.terminal is not None:
-                # Loaded before the devices are connected, which take a pause for a broken link.
-                from runtime.monitoring.live.terminal import View
-
-                name = Path(self._name).name
-                self._view = View(
-                    self._table, name, self._status, self._console, self._views.terminal
-                )
             self._stack = opened.pop_all()
         return self
 

@@ -7,9 +7,8 @@ from contextlib import contextmanager, suppress
 from math import degrees, nan
 
 from runtime.devices.clock import SystemClock
-from runtime.plc.handshake import State
 from runtime.plc.registers import OUTCOMES, UNKNOWN
-from runtime.plc.station import FAULT, Answer, Glance, Order, Refusal, Station
+from runtime.plc.station import FAULT, Answer, Glance, Refusal, Station
 from runtime.table import Leaf, Table
 from runtime.traversal.results import Outcome, PartResult
 
@@ -82,28 +81,10 @@ class Exchange:
     # -- the run's side -------------------------------------------------------------------------------
 
     @property
-    def order(self) -> Order | None:
-        """The part that was asked for and has not ended."""
-        with self._lock:
-            return self._station.order
-
-    @property
-    def enabled(self) -> bool:
-        """Whether triggers count, as far as the last access tells."""
-        with self._lock:
-            return self._station.enabled
-
-    @property
     def glance(self) -> Glance:
         """As `Station.glance`."""
         with self._lock:
             return self._station.glance
-
-    @property
-    def state(self) -> State:
-        """Where the handshake stands."""
-        with self._lock:
-            return self._station.state
 
     def wait(self, seconds: float) -> None:
         """Wait until the PLC writes something, at most so many seconds."""

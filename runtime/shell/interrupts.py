@@ -29,9 +29,8 @@ class _Request:
     asked = False  # whether a signal came
     open = False  # whether it may raise now
     over = False  # whether it was heard, or can change nothing any more
-    late: Callable[[], Exception] | None = (
-        None  # what a deadline that has passed raises; None: none has
-    )
+    # what a deadline that has passed raises; None: none has
+    late: Callable[[], Exception] | None = None
 
     def deliver(self) -> None:
         """Raise it if it may, or the error of a deadline that has passed."""

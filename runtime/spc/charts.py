@@ -7,7 +7,7 @@ After an alarm a chart is reset: a fault that persists alarms again, one that wa
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from math import comb, erfc, exp, lgamma, log, sqrt
+from math import erfc, exp, lgamma, log, log1p, sqrt
 
 WINDOW = 50  # parts that shares are taken over
 WINDOWS = (
@@ -157,10 +157,24 @@ def _cells(counts: Sequence[int], shares: Sequence[float]) -> list[tuple[float, 
 
 def binomial_tail(least: int, trials: int, share: float) -> float:
     """Probability of at least so many among so many trials."""
-    if least <= 0:
+    return binomial_at_most(trials - least, trials, 1.0 - share)
+
+
+def binomial_at_most(most: int, trials: int, share: float) -> float:
+    """Probability of at most so many among so many trials."""
+    if most < 0 or share >= 1.0:
+        return float(most >= trials)
+    if share <= 0.0 or most >= trials:
         return 1.0
     terms = (
-        comb(trials, k) * share**k * (1.0 - share) ** (trials - k) for k in range(least, trials + 1)
+        exp(
+            lgamma(trials + 1)
+            - lgamma(k + 1)
+            - lgamma(trials - k + 1)
+            + k * log(share)
+            + (trials - k) * log1p(-share)
+        )
+        for k in range(most + 1)
     )
     return min(1.0, sum(terms))
 

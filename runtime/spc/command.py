@@ -22,12 +22,6 @@ example:
 
 """ + epilog(ExitCode.INPUT, ExitCode.CHECK_FAILED, ExitCode.JOURNAL)
 COLUMNS = ("index", "part", "time", "outcome", "leaf", "verdict", "squeezes", *RESIDUAL, "alarms")
-# A column without a single value has its type all the same, so that the files of many reports fit together.
-KINDS = {
-    **dict.fromkeys(COLUMNS, "string"),
-    **dict.fromkeys(("index", "part", "leaf", "squeezes"), "int64"),
-    **dict.fromkeys(RESIDUAL, "float64"),
-}
 
 
 def parser() -> Parser:
@@ -52,7 +46,7 @@ def parser() -> Parser:
         metavar="F",
         help="from plan-expect: tells a change of friction early",
     )
-    add("--export", type=Path, metavar="F", help="a row for each part, .csv or .parquet")
+    add("--export", type=Path, metavar="F", help="a row for each part, as .csv")
     built.add_common()
     return built
 
@@ -80,7 +74,7 @@ def _write(options: argparse.Namespace, history: History, summary: Summary) -> N
         alarms: dict[int, list[str]] = {}
         for alarm in summary.alarms:
             alarms.setdefault(alarm.place, []).append(alarm.chart)
-        write_rows(rows(history.parts, alarms), options.export, "--export", COLUMNS, KINDS)
+        write_rows(rows(history.parts, alarms), options.export, "--export", COLUMNS)
     if options.output is not None:
         first = history.parts[0].time[:10]
         title = f"Audit of {len(history.parts)} parts{f' since {first}' if first else ''}"

@@ -18,9 +18,8 @@ from runtime.spc.history import History, Part
 from runtime.table import Table
 
 KIND, VERSION = "expected readings", 2
-PRIOR = (
-    20.0  # readings, evenly spread over all bins, that each node is thought to have seen besides
-)
+# readings, evenly spread over all bins, that each node is thought to have seen besides
+PRIOR = 20.0
 LIMIT = 1.5e4  # parts to a false alarm in the mean; the other charts have the rest of one in 10 000
 CLIP = log(200.0)  # of one part: a single strange one is no drift
 

@@ -30,9 +30,8 @@ class Part:
 
     number: int
     squeezes: tuple[Squeezed, ...] = ()
-    outcome: str = (
-        ""  # "leaf", "reject", "unresolved", "fault" and so on; "" where its run broke off
-    )
+    # "leaf", "reject", "unresolved", "fault" and so on; "" where its run broke off
+    outcome: str = ""
     leaf: int | None = None
     verdict: str | None = None  # "pass", "fail", "unknown", None where it was not audited
     # measured less predicted pose (mm, mm, rad), None where it was not measured.

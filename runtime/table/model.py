@@ -127,9 +127,8 @@ class Node(NamedTuple):
     branches: tuple[Branch, ...]
     release: Place | None = None  # None: the jaws open where they closed
     pushes: tuple[Push, ...] = ()
-    contact_um: int | None = (
-        None  # None: not known; the jaws close at the squeeze's speed all the way
-    )
+    # None: not known; the jaws close at the squeeze's speed all the way
+    contact_um: int | None = None
 
     @property
     def let_go(self) -> Place:

@@ -1,7 +1,4 @@
-"""What a reading means, and what follows from it: the same for a run, its replay and its resumption.
-
-Knows no devices, files or time.
-"""
+"""What a reading means at a node, and what follows from it by the declared policy."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -10,9 +7,9 @@ from typing import NamedTuple, Self
 from drivers.ports import ObjectState
 from runtime.errors import GripperStateError
 from runtime.shell.errors import UsageError
-from runtime.table import HELD_UM, REJECT, Calibration, DecisionMap, Node, Place, Table
+from runtime.table import HELD_UM, REJECT, DecisionMap, Node, Place, Table
 from runtime.table import decide as look_up
-from runtime.traversal.results import Outcome, Step
+from runtime.traversal.results import Outcome
 
 
 class Decision(NamedTuple):
@@ -54,16 +51,6 @@ def decide(node: Node, decided: DecisionMap, width_um: int, seen: ObjectState) -
             f"the gripper reports {seen.sentence} after a closing motion; the reading is not believed"
         )
     return Decision(node, look_up(decided, width_um, seen is ObjectState.CLOSING), seen)
-
-
-def step_of(
-    decision: Decision, number: int, index: int, reading_um: int, calibration: Calibration
-) -> Step:
-    """A squeeze of a part, from 1, at the node of that index, whose reading was decided so."""
-    width_um = calibration.width_um(reading_um)
-    return Step(
-        number, index, decision.node.squeeze, reading_um, width_um, decision.target, decision.reason
-    )
 
 
 def release_point(node: Node, branch: int) -> Place | None:

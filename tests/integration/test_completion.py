@@ -86,7 +86,7 @@ def bash(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Iterator[Bash]:
 
 def test_tab_completes_options_values_files_and_subcommands(bash: Bash) -> None:
     for line, completed in (
-        ("grasp-runtime --watc", "grasp-runtime --watch "),
+        ("grasp-runtime --htt", "grasp-runtime --http "),
         ("grasp-runtime --after-crash res", "grasp-runtime --after-crash res"),  # two values
         ("grasp-runtime --after-crash resu", "grasp-runtime --after-crash resume "),
         ("plan-compile trees/rectangle/jo", "plan-compile trees/rectangle/job.toml "),

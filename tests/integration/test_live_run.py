@@ -1,9 +1,7 @@
-"""Watching a real run: the page follows it, the terminal shows it, and who does not ask pays nothing."""
+"""Watching a real run: the page follows it, and who does not ask pays nothing."""
 
 import contextlib
 import json
-import os
-import pty
 import re
 import socket
 import subprocess
@@ -27,7 +25,7 @@ LOADED = """
 import sys
 import runtime.cli
 code = runtime.cli.main(sys.argv[1:])
-watched = ("rich", "runtime.monitoring.live", "numpy")
+watched = ("runtime.monitoring.live", "numpy")
 print([name for name in watched if name in sys.modules], file=sys.stderr)
 sys.exit(code)
 """
@@ -59,13 +57,6 @@ def run(words: list[str]) -> subprocess.CompletedProcess[str]:
 
 def test_a_run_that_nobody_watches_loads_no_view(words: list[str]) -> None:
     assert run(words).stderr.splitlines()[-1] == "[]"
-
-
-def test_in_a_pipe_watch_is_plain_lines_and_loads_no_rich(words: list[str]) -> None:
-    done = run([*words, "--watch", "--count", "2"])
-    assert done.stderr.splitlines()[-1] == "[]"
-    assert "part 1: " in done.stdout
-    assert "\x1b" not in done.stdout
 
 
 def test_the_page_follows_the_run(words: list[str]) -> None:
@@ -105,43 +96,12 @@ def test_the_page_follows_the_run(words: list[str]) -> None:
         pass
 
 
-def test_the_terminal_shows_the_run_and_is_given_back(words: list[str]) -> None:
-    ours, theirs = pty.openpty()
-    environment = {**os.environ, "TERM": "xterm", "COLUMNS": "100", "LINES": "40"}
-    with subprocess.Popen(
-        [sys.executable, "-m", "runtime.cli", *words, "--count", "2", "--watch"],
-        cwd=ROOT,
-        stdout=theirs,
-        stderr=theirs,
-        stdin=theirs,
-        env=environment,
-    ) as process:
-        os.close(theirs)
-        result = b""
-        with contextlib.suppress(OSError), open(ours, "rb", buffering=0) as screen:  # noqa: PTH123
-            while piece := screen.read(65536):
-                result += piece
-    text = result.decode()
-    assert process.returncode in ENDED, text
-    assert (
-        text.count("\x1b[?25l") == text.count("\x1b[?25h") == 1
-    )  # the cursor hidden and shown again
-    last = text[text.rindex("\x1b[?25h") :]
-    assert re.search(r"\d parts?: ", last)
-    assert re.search(r"part \d.*(done|safe)", text)
-    assert "part 1 squeeze 1" not in text
-
-
 @pytest.mark.parametrize(
     ("wrong", "reason"),
     [
         (["--http", "no port"], "write PORT or HOST:PORT"),
         (["--http", "192.0.2.1:0"], "name an address of this machine"),
-        (["--http", "0", "--dry-run"], "leave them out with --check and --dry-run"),
-        (
-            ["--watch", "--port", "/dev/ttyNONE", "--check"],
-            "leave them out with --check and --dry-run",
-        ),
+        (["--http", "0", "--dry-run"], "leave it out with --check and --dry-run"),
     ],
 )
 def test_what_cannot_be_shown_is_one_line_before_anything_starts(

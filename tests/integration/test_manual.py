@@ -209,7 +209,6 @@ def test_a_width_is_reported_on_the_grid_of_the_profile(monkeypatch: pytest.Monk
 @pytest.mark.parametrize(
     ("more", "message"),
     [
-        (["--port", "manual", "--arm", "manual", "--watch"], "use --http"),
         (["--port", "/dev/x", "--arm", "manual", "--put-down"], "put it down yourself"),
         (["--port", "manual", "--arm", "tcp://x:1", "--calibration", "f"], "you tell the width"),
     ],

@@ -21,8 +21,6 @@ from runtime.execution.asked import MAX_LINE, AskedParts
 from runtime.execution.events import Tally
 from runtime.execution.executor import RunOptions
 from runtime.monitoring.console import Lines, Objects
-from runtime.monitoring.live.terminal import View
-from runtime.monitoring.status import Status
 from runtime.shell import strict_json
 from runtime.shell.command import say, tell
 from runtime.shell.errors import InputError
@@ -137,10 +135,6 @@ def test_no_sink_prints_what_does_not_print(text: str) -> None:
         said = printed(written)
         assert said.count("\n") == 1
         assert prints(said.removesuffix("\n"))
-    stream = io.StringIO()
-    watch = View(table, "t", Status("t", "ab" * 32, 1), Lines(table), stream)
-    watch.note(text)
-    assert all(map(prints, watch._notes))
     unknown = replace(small_table().gripper, model="unknown")
     plain = replace(small_table(), tool=text, gripper=replace(unknown, model=text))
     for forms in FORMS.values():

@@ -263,7 +263,7 @@ def test_reader_that_stays_does_not_keep_the_plc_out(
 def test_reset_of_the_connection_ends_enabling_and_leaves_the_part(served: Served) -> None:
     first = served.raw()
     assert first.ask(write_many(ENABLE, 1, 1, 5)) == bytes.fromhex("1000000003")
-    assert served.exchange.order is not None
+    assert served.exchange.glance.order is not None
     first.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\1\0\0\0\0\0\0\0")
     first.close()
     until(lambda: served.exchange.read(ENABLE, 1) == [0])

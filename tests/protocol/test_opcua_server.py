@@ -142,21 +142,21 @@ def test_call_that_does_not_fit_is_refused_and_begins_nothing(
     with pytest.raises(ua.UaStatusCodeError) as refused:
         line.call(path, *inputs)
     assert type(refused.value).__name__ == problem
-    assert served.exchange.order is None
+    assert served.exchange.glance.order is None
     assert line[STATE] == "Ready"
 
 
 def test_second_job_is_refused_with_its_error(served: Served, line: Supervisor) -> None:
     job = line.start("first")
-    order = served.exchange.order
+    order = served.exchange.glance.order
     assert line.call(f"{AUTOMATIC}/StartSingleJob", "second")[:2] == ["", Error.PART_UNDER_WAY]
-    assert served.exchange.order == order
+    assert served.exchange.glance.order == order
     served.end_part()
     line.result(job)
     refused = line.call(f"{AUTOMATIC}/StartSingleJob", "second")
     assert (refused[1], line[f"{MACHINE}/ErrorId"]) == (Error.RESULT_WAITS, Error.RESULT_WAITS)
     assert line.result(job)["MeasId"] == "first"
-    assert served.exchange.order is None
+    assert served.exchange.glance.order is None
 
 
 def test_variable_cannot_be_written_and_no_node_added(served: Served, line: Supervisor) -> None:
@@ -205,7 +205,7 @@ def test_master_that_vanishes_loses_neither_part_nor_result(served: Served) -> N
         assert second[f"{MACHINE}/CurrentState"] == "Preoperational"
         refused = second.call(f"{AUTOMATIC}/StartSingleJob", "b")
         assert refused[1] == Error.NOT_ENABLED
-        assert served.exchange.order is None
+        assert served.exchange.glance.order is None
         assert second.call(f"{RESULTS}/GetResultById", job)[1] == job  # also once it is released
 
 

@@ -51,8 +51,7 @@ from drivers.ur.rtde import ANSWER_S
 from runtime.commands.cell import CONTACT_WORLD
 from runtime.devices import audit
 from runtime.devices.clock import LINK_MARGIN_S
-from runtime.execution.executor import expected_s
-from runtime.execution.watch import DEADLINE_FACTOR
+from runtime.execution.watch import DEADLINE_FACTOR, expected_of
 from runtime.journal.chain import records, verify
 from runtime.table import dump
 
@@ -101,7 +100,7 @@ def deadline_s(case: Case) -> float:
     if case.mode != "slow" or case.device in SIMULATED:
         return DEADLINES_S[case.device]
     table = small_table()
-    squeezes = [expected_s(table, node) for node in table.nodes]
+    squeezes = [expected_of(table, node).total_s for node in table.nodes]
     # Activation and end count as one more.
     squeezing_s = (len(squeezes) + 1) * (DEADLINE_FACTOR * max(squeezes) / SCALE + LINK_MARGIN_S)
     # What is outside of squeezes has its calls, each late: seven a reading where the URCap is asked.

@@ -71,7 +71,6 @@ LOOKS = (
     "verify {j}",
     "replay {j} --json",
     "export {j} -o o.csv",
-    "export {j} -o o.parquet",
 )
 
 

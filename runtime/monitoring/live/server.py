@@ -7,7 +7,7 @@ HEAD of a few pages, and one sentence to all else.
 import ipaddress
 import re
 import socket
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from functools import partial
 from typing import NamedTuple
 from urllib.parse import urlsplit
@@ -34,7 +34,7 @@ class Address(NamedTuple):
 
 
 def parse(text: str, option: str = "--http") -> Address:
-    """Read an address as an option takes it, this one or that of `runtime.commands.serve`.
+    """Read an address as an option takes it.
 
     Raises:
         UsageError: it is none.
@@ -50,6 +50,34 @@ def parse(text: str, option: str = "--http") -> Address:
             f"{option} {text}: write PORT or HOST:PORT, the port from 1 to {MAX_PORT}, or 0 for a free one"
         )
     return Address(host, port)
+
+
+def served(
+    text: str, option: str, schemes: Collection[str], *, network: bool, risk: str
+) -> Address:
+    """Read where an option says that clients connect, `SCHEME://HOST:PORT`.
+
+    Args:
+        text: of the option.
+        option: its name.
+        schemes: that there are.
+        network: whether another address than this machine's own is allowed.
+        risk: what whoever reaches the address may do.
+
+    Raises:
+        UsageError: it is no such address, or reaches farther than is allowed.
+    """
+    scheme, _, place = text.partition("://")
+    if scheme not in schemes or not place or urlsplit(f"//{place}").path:
+        forms = " or ".join(f"{name}://{LOOPBACK}:PORT" for name in schemes)
+        raise UsageError(f"{option} {text}: write {forms}")
+    address = parse(place, option)
+    if not (network or is_loopback(address.host)):
+        raise UsageError(
+            f"{option} {text}: there is no password, and whoever reaches that address may {risk}; "
+            "add --network if nothing but the cell's own network does"
+        )
+    return address
 
 
 def is_loopback(host: str) -> bool:

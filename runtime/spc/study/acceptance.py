@@ -14,9 +14,10 @@ ERROR at most.
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from enum import StrEnum
-from math import ceil, exp, lgamma, log, log1p
+from math import ceil, lgamma, log, log1p
 from typing import NamedTuple
 
+from runtime.spc.charts import binomial_at_most
 from runtime.spc.history import Part
 
 ERROR = 0.05  # chance that a verdict is ever wrong, however often it is looked at
@@ -161,25 +162,6 @@ def planned(limit: float, expected: float | None) -> Planned:
 def parts_for(readings: int, share: float, probability: float = 0.95) -> int | None:
     """How many parts to run so that, with a probability, so many of them are of a kind with this share."""
     return _first(lambda count: binomial_at_most(readings - 1, count, share) <= 1.0 - probability)
-
-
-def binomial_at_most(most: int, trials: int, share: float) -> float:
-    """Probability of at most so many among so many trials."""
-    if most < 0 or share >= 1.0:
-        return float(most >= trials)
-    if share <= 0.0 or most >= trials:
-        return 1.0
-    terms = (
-        exp(
-            lgamma(trials + 1)
-            - lgamma(k + 1)
-            - lgamma(trials - k + 1)
-            + k * log(share)
-            + (trials - k) * log1p(-share)
-        )
-        for k in range(most + 1)
-    )
-    return min(1.0, sum(terms))
 
 
 def _most(test: SequentialTest, count: int) -> int:

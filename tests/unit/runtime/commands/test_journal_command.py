@@ -1,26 +1,18 @@
 """`grasp-journal`: records shown, filtered, verified, replayed, exported; damage and forgery are 24."""
 
 import csv
-import hashlib
 import json
 import os
 import subprocess
 import sys
-from datetime import datetime
-from math import atan2
 from pathlib import Path
 
 import pytest
-from jsonschema import validate
-from mcap.reader import make_reader
-from pyarrow import parquet
-from sample_tables import small_table
 from written_journals import ENDS, write_run
 
 from runtime.commands.journal import main
 from runtime.devices.clock import SystemClock
 from runtime.journal.chain import Journal, records
-from runtime.table import dumps
 
 ROOT = Path(__file__).parents[4]
 
@@ -124,104 +116,7 @@ def test_a_part_that_broke_off_is_exported_without_an_end(journal: Path, tmp_pat
     assert row["outcome"] == ""
 
 
-def test_parquet_without_pyarrow_says_what_to_install(
-    journal: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    monkeypatch.setitem(sys.modules, "pyarrow", None)
-    assert main(["export", str(journal), "-o", str(tmp_path / "out.parquet")]) == 2
-    assert "install squeezetree[parquet]" in capsys.readouterr().err
-
-
-def test_parquet_holds_the_same_rows_as_csv(journal: Path, tmp_path: Path) -> None:
-    for name in ("out.csv", "out.parquet"):
-        assert main(["export", str(journal), "-o", str(tmp_path / name)]) == 0
-    rows = parquet.read_table(tmp_path / "out.parquet").to_pylist()
-    with (tmp_path / "out.csv").open() as file:
-        written = list(csv.DictReader(file))
-    entries = [
-        {name: "" if value is None else str(value) for name, value in row.items()} for row in rows
-    ]
-    assert entries == written
-    assert [row["part"] for row in rows] == [1, 2, 2, 3, 3, 4] * 2
-    assert main(["export", str(journal), "-o", str(tmp_path / "no" / "out.parquet")]) == 2
-
-
-def messages(path: Path) -> dict[str, list[dict[str, object]]]:
-    """The messages of an MCAP file by topic, each as its own schema has it."""
-    record: dict[str, list[dict[str, object]]] = {}
-    with path.open("rb") as file:
-        reader = make_reader(file, validate_crcs=True)
-        assert reader.get_summary().statistics.message_count
-        for schema, channel, message in reader.iter_messages():
-            document = json.loads(message.data)
-            assert (schema.encoding, channel.message_encoding) == ("jsonschema", "json")
-            validate(document, {**json.loads(schema.data), "additionalProperties": False})
-            record.setdefault(channel.topic, []).append({**document, "log_ns": message.log_time})
-    return record
-
-
-def test_an_mcap_recording_tells_what_the_journal_does(journal: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out.mcap"
-    assert main(["export", str(journal), "-o", str(out)]) == 0
-    entries = list(records(journal))
-    result = messages(out)
-    assert [line["line"] for line in result["/journal"]] == [entry["seq"] for entry in entries]
-    times = [datetime.fromisoformat(str(entry["time"])).timestamp() for entry in entries]
-    assert [line["log_ns"] / 1e9 for line in result["/journal"]] == pytest.approx(times, abs=1e-6)
-    squeezes = [entry for entry in entries if entry["kind"] == "squeeze"]
-    for plotted, placed, entry in zip(result["/squeeze"], result["/hand"], squeezes, strict=True):
-        assert plotted["width_mm"] == entry["width_um"] / 1000
-        assert placed["pose"]["position"]["x"] == entry["x_um"] / 1e6
-        turn = placed["pose"]["orientation"]
-        assert 2e6 * atan2(turn["z"], turn["w"]) == pytest.approx(entry["angle_urad"])
-    ends = [end["outcome"] for end in result["/outcome"]]
-    assert ends == ENDS * 2
-    assert len(result["/part"]) == ends.count("leaf")
-    with out.open("rb") as file:
-        tables = [attached.data for attached in make_reader(file).iter_attachments()]
-    assert {hashlib.sha256(data).hexdigest() for data in tables} == {entries[0]["table_sha256"]}
-
-
-def test_the_same_journal_gives_the_same_recording(journal: Path, tmp_path: Path) -> None:
-    for name in ("one.mcap", "two.mcap"):
-        assert main(["export", str(journal), "--to", "mcap", "-o", str(tmp_path / name)]) == 0
-    assert (tmp_path / "one.mcap").read_bytes() == (tmp_path / "two.mcap").read_bytes()
-
-
-def test_mcap_without_its_extra_says_what_to_install(
-    journal: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    monkeypatch.setitem(sys.modules, "mcap.writer", None)
-    assert main(["export", str(journal), "-o", str(tmp_path / "out.mcap")]) == 2
-    assert "pip install 'squeezetree[mcap]'" in capsys.readouterr().err
-    assert list(tmp_path.iterdir()) == [journal]
-
-
-@pytest.mark.parametrize(
-    ("to", "name"), [("mcap", "out.csv"), ("csv", "out.mcap"), ("parquet", "-")]
-)
-def test_a_form_that_is_not_the_files_is_usage(
-    journal: Path, tmp_path: Path, to: str, name: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert main(["export", str(journal), "--to", to, "-o", name]) == 2
-    assert list(tmp_path.iterdir()) == [journal]
-
-
-def test_a_time_that_is_no_date_is_24(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with Journal(tmp_path / "j.jsonl", lambda: "noon") as writing:
-        writing.header(dumps(small_table()), {})
-    assert main(["export", str(tmp_path / "j.jsonl"), "-o", str(tmp_path / "out.mcap")]) == 24
-    assert "record 0 has a time that is no date" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("name", ["out.txt", "no folder/out.csv"])
+@pytest.mark.parametrize("name", ["out.parquet", "no folder/out.csv"])
 def test_an_output_that_cannot_be_is_usage(
     journal: Path, tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:

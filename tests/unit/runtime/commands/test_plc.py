@@ -128,7 +128,6 @@ def test_damaged_key_is_one_line_and_code_3(
         ["--put-down"],
         ["--after-crash", "resume"],
         ["--tree", "u", "--http", "0"],
-        ["--tree", "u", "--watch"],
         ["--tree", "u", "--audit", "./see"],
     ],
     ids=lambda more: more[-2].strip("-") if more[0] == "--tree" else more[0].strip("-"),

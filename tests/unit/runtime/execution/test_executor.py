@@ -9,7 +9,8 @@ from sample_tables import GRIPPER, pushing_table, random_table, small_table, wit
 
 from drivers.errors import ArmError, GripperFault, LinkError
 from runtime.errors import JournalError, TableError
-from runtime.execution.executor import Executor, RunOptions, expected_s
+from runtime.execution.executor import Executor, RunOptions
+from runtime.execution.watch import expected_of
 from runtime.table import Calibration, Table
 from runtime.traversal.decision import Policy
 from runtime.traversal.results import Outcome, PartResult, Step
@@ -171,7 +172,7 @@ def test_jaws_that_something_keeps_apart_are_not_lowered_to_push() -> None:
 
 def test_ways_of_pushes_have_their_time() -> None:
     plain, pushing = (
-        expected_s(table, table.nodes[1]) for table in (small_table(), pushing_table())
+        expected_of(table, table.nodes[1]).total_s for table in (small_table(), pushing_table())
     )
     assert 3 * plain + 55.0 / 30.0 <= pushing < 3 * plain + 55.0 / 30.0 + 0.1
 

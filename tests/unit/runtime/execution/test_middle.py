@@ -21,6 +21,7 @@ from runtime.execution.executor import RunOptions
 from runtime.execution.hand import Hand
 from runtime.execution.handling import Handling
 from runtime.execution.middle import Grip, Middle, fit, gripping, measure
+from runtime.execution.safety import check_places
 from runtime.monitoring.console import Objects
 from runtime.shell.errors import InputError
 from runtime.table import Area
@@ -140,12 +141,12 @@ def test_a_hand_goes_where_the_fingers_are_to_meet_and_says_that_it_is_there():
 
 def test_a_place_that_the_arm_would_leave_its_area_for_is_refused_before_anything_moves():
     table = small_table()
-    middle.check(table, 1.0)
+    check_places(table, 1.0)
     low_um = round(1000 * sent(placement(table.nodes[0].squeeze), 1.0)[1]) + 500
     tight = replace(table.limits, work_area_um=Area(-90_000, low_um, 90_000, 90_000))
-    middle.check(replace(table, limits=tight, nodes=table.nodes[:1]), 0.0)
+    check_places(replace(table, limits=tight, nodes=table.nodes[:1]), 0.0)
     with pytest.raises(MotionRefusedError, match="outside the work area"):
-        middle.check(replace(table, limits=tight, nodes=table.nodes[:1]), 1.0)
+        check_places(replace(table, limits=tight, nodes=table.nodes[:1]), 1.0)
 
 
 def test_a_table_is_corrected_on_its_narrowest_side_and_for_what_it_was_not_planned_with():

@@ -9,8 +9,8 @@ from sample_tables import small_table
 
 from runtime.devices import clock as clocks
 from runtime.devices.clock import SystemClock
-from runtime.execution.executor import Executor, expected_s
-from runtime.execution.watch import DEADLINE_FACTOR, Expected, Watch
+from runtime.execution.executor import Executor
+from runtime.execution.watch import DEADLINE_FACTOR, Expected, Watch, expected_of
 from runtime.shell.errors import ExpectedError
 from runtime.shell.interrupts import StopRequests, stoppable
 from runtime.traversal.results import Outcome
@@ -106,7 +106,7 @@ def test_executor_whose_arm_is_too_slow_ends_before_the_jaws_close_and_names_the
     rig = fake_cell([(200, 2)])
     clock = rig.cell.clock
     table = small_table()
-    budget = DEADLINE_FACTOR * expected_s(table, table.nodes[0])
+    budget = DEADLINE_FACTOR * expected_of(table, table.nodes[0]).total_s
     obeys = rig.arm.move_linear
 
     def slow(*target):

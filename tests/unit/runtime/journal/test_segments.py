@@ -96,7 +96,7 @@ def test_commands_read_all_segments_by_the_base_name(pair: tuple[Path, Path], ca
         assert grasp_journal(["show", str(path), "--outcome", "unresolved", "--json"]) == 0
         lines.append(capsys.readouterr().out.count("\n"))
         assert grasp_journal(["replay", str(path)]) == 0
-        assert grasp_journal(["export", str(path), "--to", "csv", "-o", "-"]) == 0
+        assert grasp_journal(["export", str(path), "-o", "-"]) == 0
         lines.append(capsys.readouterr().out.count("\n"))
     assert lines[:2] == lines[2:]
     assert grasp_journal(["verify", str(pair[1])]) == 0

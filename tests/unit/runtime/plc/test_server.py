@@ -52,7 +52,7 @@ def test_server_that_fails_later_ends_enabling_and_says_why() -> None:
         server._thread.join(30)
         with pytest.raises(OSError, match="no descriptor"):
             server.check()
-        assert (server.exchange.enabled, server.exchange.connected) == (False, False)
+        assert (server.exchange.glance.enabled, server.exchange.connected) == (False, False)
 
 
 def test_watch_sees_each_step_once_and_in_order() -> None:

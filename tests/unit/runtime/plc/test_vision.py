@@ -84,9 +84,9 @@ def test_refused_job_names_its_error_and_changes_only_that() -> None:
         each.server._prepare("one")
         first, error, _ = each.server._start("a")
         assert error == 0
-        order = each.exchange.order
+        order = each.exchange.glance.order
         assert each.server._start("b")[1] == Error.PART_UNDER_WAY
-        assert each.exchange.order == order
+        assert each.exchange.glance.order == order
         each.exchange.finish(LOCATED)
         assert each.server._start("b")[1] == Error.RESULT_WAITS
         assert each.panel.job.id == first
@@ -168,7 +168,7 @@ def test_handle_of_another_result_releases_nothing() -> None:
         each.server._start("a")
         for handle in (0, 1, 2):
             each.server._release(handle)
-        assert each.exchange.order is not None
+        assert each.exchange.glance.order is not None
         each.exchange.finish(LOCATED)
         each.server._release(2)
         assert dict(each.panel.values())["ResultManagement/ResultReady"]

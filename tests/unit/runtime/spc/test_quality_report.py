@@ -2,11 +2,9 @@
 
 import csv
 import hashlib
-import importlib
 import json
 import math
 import re
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -20,7 +18,7 @@ from drivers.camera.commands import audit as main
 from runtime.errors import JournalError
 from runtime.shell.errors import UsageError
 from runtime.spc import history as reading
-from runtime.spc.command import COLUMNS, rows
+from runtime.spc.command import COLUMNS
 from runtime.spc.drift import DRIFTED, LEAST_REFIT, Drift
 from runtime.spc.monitor import MEANING, Monitor
 from runtime.spc.page import page
@@ -214,18 +212,11 @@ def test_alarm_has_its_own_exit_code_and_sentence(tmp_path, capsys):
     assert "calibrate the gripper" in capsys.readouterr().out
 
 
-def test_parquet_holds_the_same_as_csv(journal, tmp_path):
-    parquet = importlib.import_module("pyarrow.parquet")
-    assert main(["report", str(journal), "--export", str(tmp_path / "p.parquet")]) == 0
-    result = parquet.read_table(tmp_path / "p.parquet").to_pylist()
-    assert result == list(rows(reading.read([journal]).parts, {}))
-
-
 @pytest.mark.parametrize(
     ("words", "code", "sentence"),
     [
         (["none.jsonl"], 24, "none.jsonl"),
-        (["{journal}", "--export", "p.xlsx"], 2, "ends in .csv or .parquet"),
+        (["{journal}", "--export", "p.xlsx"], 2, "ends in .csv"),
         (["{journal}", "--export", "none/p.csv"], 2, "cannot be written: there is no folder none"),
         (["{journal}", "-o", "none/p.html"], 2, "cannot be written"),
     ],
@@ -238,12 +229,6 @@ def test_mistakes_are_reported_in_one_line(
     said = capsys.readouterr().err
     assert sentence in said
     assert said.count("\n") == 1
-
-
-def test_missing_pyarrow_is_reported(journal, tmp_path, monkeypatch, capsys):
-    monkeypatch.setitem(sys.modules, "pyarrow", None)
-    assert main(["report", str(journal), "--export", str(tmp_path / "p.parquet")]) == 2
-    assert "install squeezetree[parquet]" in capsys.readouterr().err
 
 
 def test_readings_are_weighed_by_what_was_expected_of_them(tmp_path, capsys):

@@ -11,13 +11,13 @@ from scipy import stats
 from scipy.special import betaln
 
 from planner.evaluation import ppm
+from runtime.spc.charts import binomial_at_most
 from runtime.spc.history import Part
 from runtime.spc.study.acceptance import (
     ERROR,
     POWER,
     SequentialTest,
     Verdict,
-    binomial_at_most,
     followed,
     parts_for,
     planned,

@@ -1,0 +1,139 @@
+"""The program of a part: the requests that it makes of a cell, in order, until its outcome is known.
+
+Executor, decision server and replay drive it: each performs the requests in its way, and answers a squeeze by
+its reading. Knows no devices, files or time.
+"""
+
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from drivers.ports import ObjectState
+from runtime.table import REJECT, Calibration, Node, Place, Table, decision_map
+from runtime.traversal.decision import Policy, TraversalState, advance, decide, release_point
+from runtime.traversal.results import Outcome, PartResult, Step
+
+
+class Reading(NamedTuple):
+    """The settled reading that answers `Squeeze` and `Tighten`."""
+
+    width_um: int  # as the gripper reads it
+    object: ObjectState
+
+
+@dataclass(frozen=True, slots=True)
+class Approach:
+    """Push the part as the node says, unless it is squeezed `again`; then go to the place of its squeeze."""
+
+    index: int  # of the node
+    node: Node
+    number: int  # of the squeeze, from 1, within the part
+    again: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Squeeze:
+    """Close the jaws at the node until they meet something."""
+
+    index: int
+    node: Node
+
+
+@dataclass(frozen=True, slots=True)
+class Tighten:
+    """Raise the force to the node's: the reading decides nothing yet, or the part is dragged."""
+
+    index: int
+    node: Node
+
+
+@dataclass(frozen=True, slots=True)
+class Release:
+    """Record the decided step, take the part to `point`, and let go of it."""
+
+    index: int
+    node: Node
+    steps: tuple[Step, ...]  # of the part so far, the decided one last
+    point: Place | None  # None: where it is
+    after: TraversalState
+    following: Node  # squeezed next; the root where the part is done
+
+    @property
+    def step(self) -> Step:
+        """The decided step."""
+        return self.steps[-1]
+
+
+@dataclass(frozen=True, slots=True)
+class Done:
+    """The outcome is known; the last request."""
+
+    result: PartResult
+
+
+START = TraversalState()
+Request = Approach | Squeeze | Tighten | Release | Done
+Requests = Generator[Request, Reading | None, None]
+
+
+class Program:
+    """The program of every part of a table."""
+
+    def __init__(self, table: Table, calibration: Calibration, policy: Policy) -> None:
+        self.maps = [decision_map(node, table.gripper) for node in table.nodes]
+        self.table = table
+        self._calibration, self._policy = calibration, policy
+
+    def part(
+        self, number: int, state: TraversalState = START, steps: Sequence[Step] = ()
+    ) -> Requests:
+        """The requests of a part, from its first squeeze or from where it stands after some steps.
+
+        Raises:
+            GripperStateError: a reading contradicts a closing motion.
+        """
+        table, steps = self.table, tuple(steps)
+        while state.outcome is None:
+            index, node = state.node, table.nodes[state.node]
+            yield Approach(index, node, len(steps) + 1, state.again)
+            reading = yield Squeeze(index, node)
+            assert reading is not None
+            decision = decide(node, self.maps[index], self._width_um(reading), reading.object)
+            if decision.branch == REJECT or release_point(node, decision.branch) is not None:
+                reading = yield Tighten(index, node)
+                assert reading is not None
+                decision = decide(node, self.maps[index], self._width_um(reading), reading.object)
+            step = Step(
+                number=len(steps) + 1,
+                node=index,
+                squeeze=node.squeeze,
+                reading_um=reading.width_um,
+                width_um=self._width_um(reading),
+                target=decision.target,
+                reason=decision.reason,
+            )
+            steps = (*steps, step)
+            state = advance(state, step.target, table, self._policy)
+            following = table.nodes[0 if state.outcome is not None else state.node]
+            point = release_point(node, decision.branch)
+            yield Release(index, node, steps, point, state, following)
+        yield Done(PartResult.of(number, state.outcome, steps, _reason(state, steps)))
+
+    def _width_um(self, reading: Reading) -> int:
+        return self._calibration.width_um(reading.width_um)
+
+
+def released(requests: Requests, request: Request, reading: Reading) -> Release:
+    """The release that follows a request, whatever is asked until then, where the last reading is known."""
+    while not isinstance(request, Release):
+        request = requests.send(None if isinstance(request, Approach) else reading)
+    return request
+
+
+def _reason(state: TraversalState, steps: Sequence[Step]) -> str | None:
+    """Why a part ended in no resolved leaf, None where it did."""
+    if state.outcome is Outcome.REJECT:
+        return steps[-1].reason
+    if state.outcome is Outcome.UNRESOLVED:
+        return f"leaf {state.leaf} is not resolved: the table cannot tell the pose well enough"
+    return None
