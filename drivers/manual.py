@@ -248,12 +248,7 @@ def _standing(state: ObjectState, target_um: int, width_um: int) -> GripperState
 
 
 def gripper(
-    port: str,
-    pace: Pace,
-    report: Report,
-    *,
-    read_only: bool,
-    profile: GripperProfile | None = None,
+    port: str, pace: Pace, report: Report, *, read_only: bool, profile: GripperProfile | None = None
 ) -> ManualGripper:
     """Open `manual`, which tells widths as a gripper of a profile would, else a 2F-85.
 

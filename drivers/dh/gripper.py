@@ -120,9 +120,7 @@ class Gripper:
         deadline = self._pace.deadline(INITIALISE_S)
         if seen.initialised is Initialised.NO:
             self._write(
-                dh.INITIALISATION,
-                dh.INITIALISE,
-                lambda now: now.initialised is not Initialised.NO,
+                dh.INITIALISATION, dh.INITIALISE, lambda now: now.initialised is not Initialised.NO
             )
         self._until(lambda now: now.ready, deadline, "initialising")
 

@@ -133,12 +133,7 @@ class CanLink(ReportingLink):
 
 
 def gripper(
-    port: str,
-    pace: Pace,
-    report: Report,
-    *,
-    read_only: bool,
-    profile: GripperProfile | None = None,
+    port: str, pace: Pace, report: Report, *, read_only: bool, profile: GripperProfile | None = None
 ) -> Gripper:
     """Open `can:channel?setting=value&...`; the node is started, unless `read_only`.
 

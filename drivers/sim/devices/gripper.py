@@ -52,10 +52,7 @@ class GripperModel:
     """
 
     def __init__(
-        self,
-        rng: random.Random,
-        jaws: Jaws | None = None,
-        surroundings: Surroundings | None = None,
+        self, rng: random.Random, jaws: Jaws | None = None, surroundings: Surroundings | None = None
     ) -> None:
         self.jaws = jaws or Jaws()
         self.flag_delay_s = 0.0  # how much later than usual gOBJ follows

@@ -342,13 +342,7 @@ class SchunkModel:
         self._status |= REACHED.status
 
     def _command(
-        self,
-        command: Control,
-        *,
-        inside: bool,
-        position_mm: float,
-        speed_mm_s: float,
-        percent: int,
+        self, command: Control, *, inside: bool, position_mm: float, speed_mm_s: float, percent: int
     ) -> None:
         """One of `MOTIONS`."""
         gripped = bool(self._status & Status.GRIPPED)
