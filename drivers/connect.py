@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 from drivers.clock import Clock, Pace
 from drivers.errors import PortError
-from drivers.links import no_report
+from drivers.links import no_report, opened
 from drivers.ports import Answered, Arm, Gripper, GripperProfile, Report, Scene
 from drivers.robotiq.link import Link
 from runtime.shell.errors import ExpectedError
@@ -87,7 +87,7 @@ def robotiq_gripper(
     from drivers.robotiq import modbus, urcap
     from drivers.robotiq.counts import Counts
     from drivers.robotiq.frames import RTU, TCP
-    from drivers.robotiq.gripper import over
+    from drivers.robotiq.gripper import Gripper as RobotiqGripper
     from drivers.stream import SerialStream, open_tcp, tcp_address
 
     Counts(profile)  # refuses a gripper of another make before anything is opened
@@ -105,7 +105,9 @@ def robotiq_gripper(
         link = open_link(stream, pace, report, wiring)
     else:
         link = modbus.rtu_link(SerialStream(port, modbus.BAUD), pace, report)
-    return over(link, pace, report, read_only=read_only, profile=profile)
+    return opened(
+        link, lambda link: RobotiqGripper(link, pace, report, profile), read_only=read_only
+    )
 
 
 def scan(port: str) -> Iterator[Answered]:

@@ -19,9 +19,9 @@ from urllib.parse import parse_qsl
 
 from drivers.clock import LINK_TIMEOUT_S, Pace
 from drivers.errors import LinkError, LinkTimeout, PortError, shown
-from drivers.links import ReportingLink, no_report
+from drivers.links import ReportingLink, no_report, opened
 from drivers.ports import GripperProfile, Report
-from drivers.robotiq.gripper import Gripper, over
+from drivers.robotiq.gripper import Gripper
 from drivers.robotiq.registers import BLOCK_BYTES
 
 if TYPE_CHECKING:
@@ -143,7 +143,7 @@ def gripper(
     """
     where = parse(port)
     link = CanLink(_network(port, where, read_only=read_only), where, port, report)
-    return over(link, pace, report, read_only=read_only, profile=profile)
+    return opened(link, lambda link: Gripper(link, pace, report, profile), read_only=read_only)
 
 
 def parse(port: str) -> CanMap:

@@ -7,7 +7,9 @@ import threading
 
 from drivers import connect
 from drivers.clock import Pace
-from drivers.schunk.gripper import over
+from drivers.links import opened
+from drivers.schunk.gripper import Gripper
+from drivers.schunk.link import SchunkLink
 from drivers.schunk.registers import UNIT
 from drivers.sim.devices.jaws import Surroundings
 from drivers.sim.devices.schunk import SILENCE_S, SchunkModel
@@ -101,4 +103,9 @@ class VirtualSchunk:
 
     def connect(self, profile=None, **options):
         report = lambda kind, fields: self.reports.append(fields["incident"])  # noqa: E731
-        return over(self.port.open(), self.pace, report, profile, **options)
+        link = SchunkLink(self.port.open(), self.pace, report)
+        return opened(
+            link,
+            lambda link: Gripper(link, self.pace, report, profile),
+            read_only=options.get("read_only", False),
+        )

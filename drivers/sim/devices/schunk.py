@@ -28,10 +28,8 @@ from drivers.schunk.registers import (
     Status,
     is_soft,
 )
-from drivers.sim.devices.jaws import Stroke, Surroundings
+from drivers.sim.devices.jaws import Fingers, Surroundings
 
-CYCLE_S = 0.002  # between two refreshes of the status
-LAG_CYCLES = (1, 5)  # of an outcome behind the end of its motion
 SILENCE_S = 1.0  # then ERR_COMM_LOST; bkstools pauses for 0.5 s, users report that 2 s are too long
 MESSAGES = 32  # [CM] 4.2: sys_msg_req selects one of 0 to 31
 
@@ -65,17 +63,16 @@ class Stop(NamedTuple):
 
     status: Status
     error: int = 0
-    met: bool = False  # whether a part stopped the fingers
 
 
 REACHED = Stop(Status.SUCCESS | Status.POSITION_REACHED)
 EMPTY = Stop(Status.NO_WORKPIECE)
-HELD = Stop(Status.SUCCESS | Status.GRIPPED, met=True)
-WRONG = Stop(Status.WRONG_WORKPIECE | Status.GRIPPED, met=True)
-BLOCKED = Stop(Status(0), MOVE_BLOCKED, met=True)
+HELD = Stop(Status.SUCCESS | Status.GRIPPED)
+WRONG = Stop(Status.WRONG_WORKPIECE | Status.GRIPPED)
+BLOCKED = Stop(Status(0), MOVE_BLOCKED)
 
 
-class SchunkModel:
+class SchunkModel(Fingers):
     """A gripper with a brake from power-up on. Times are simulated seconds and never go back.
 
     Args:
@@ -85,6 +82,8 @@ class SchunkModel:
         silence_s: how long nobody may ask anything.
     """
 
+    CYCLE_S = 0.002
+
     def __init__(
         self,
         rng: random.Random,
@@ -92,18 +91,12 @@ class SchunkModel:
         profile: GripperProfile,
         silence_s: float = SILENCE_S,
     ) -> None:
+        super().__init__(rng, surroundings, profile.stroke_um / 1000)
         self.profile, self.module = profile, MODULES[profile.model]
         self.written: list[str] = []  # names of the parameters that were written
-        self.outcome_delay_s = 0.0  # how much later than usual an outcome shows
-        self._rng = rng
-        self._surroundings = surroundings or Surroundings()
         self._silence_s = silence_s
-        self._now = self._heard_s = self._shown_s = 0.0
-        self._stroke = Stroke(profile.stroke_um / 1000, 0.0, 0.0, profile.stroke_um / 1000, 0)
+        self._heard_s = 0.0
         self._stop = REACHED
-        self._ends_s = math.inf  # when the status tells of the motion under way; infinity: none is
-        self._met_mm: float | None = None  # opening at which the closing under way meets something
-        self._holding = False  # whether the fingers press on a part
         self._positioning = False  # whether the last command asked for a position, not for a grip
         self._messages: list[str] = []
         self._settings: dict[str, tuple[float | bytes, ...]] = {}
@@ -158,8 +151,7 @@ class SchunkModel:
     def read(self, name: str, now_s: float) -> bytes:
         """The bytes of a parameter, as the last refresh before `now_s` left them."""
         self._hear(now_s)
-        self.advance(max(math.floor(now_s / CYCLE_S) * CYCLE_S, self._now))
-        self._shown_s = self._now
+        self._refresh(now_s)
         return PARAMETERS[name].pack(*self._values(name))
 
     def write(self, name: str, data: bytes, now_s: float) -> None:
@@ -177,7 +169,7 @@ class SchunkModel:
             self._obey_code(int(values[0]))
 
     def _values(self, name: str) -> tuple[float | bytes, ...]:
-        position_mm = self._stroke.at(self._now)
+        position_mm = self._here()
         match name:
             case "plc_sync_input":
                 warning = (self._warning, self._additional)
@@ -220,18 +212,10 @@ class SchunkModel:
     def opening_mm(self, now_s: float) -> float:
         """True distance between the fingers."""
         self.advance(now_s)
-        return self._stroke.at(self._now)
+        return self._here()
 
-    def advance(self, now_s: float) -> None:
-        """Let time pass up to `now_s`."""
-        if self._ends_s <= now_s:
-            self._now = max(self._now, self._ends_s)
-            self._arrive()
-        self._now = max(self._now, now_s)
-
-    def next_change(self) -> float:
-        """When the next reading will differ from the last, but for a moving width; infinity: never."""
-        return math.ceil(self._ends_s / CYCLE_S) * CYCLE_S if self._ends_s < math.inf else math.inf
+    def _met_at(self, width_mm: float) -> float:
+        return width_mm
 
     # -- mishaps ----------------------------------------------------------------------------------
 
@@ -245,12 +229,8 @@ class SchunkModel:
         self.advance(now_s)
         self._fail(code)
 
-    def lose_object(self, now_s: float) -> None:
-        """What the fingers hold slips out: they close on until they are together."""
-        self.advance(now_s)
-        if not self._holding:
-            return
-        self._holding, self._met_mm = False, None
+    def _dropped(self) -> None:
+        """They close on until they are together."""
         gripping = self._status & (Status.GRIPPED | Status.READY)
         if gripping == Status.GRIPPED | Status.READY:
             self._status &= ~(Status.GRIPPED | Status.SUCCESS)
@@ -262,12 +242,6 @@ class SchunkModel:
         self._error = code
         self._status = self._status & Status.RECEIVED_TOGGLE | Status.ERROR | Status.GPE_ACTIVE
         self._log(ERRORS[code].sentence)
-
-    def _halt(self) -> None:
-        """Stop where the fingers are; a grip that was not completed has not happened."""
-        here = self._stroke.at(self._now)
-        self._stroke = Stroke(here, self._now, 0.0, here, 0)
-        self._ends_s, self._met_mm = math.inf, None
 
     # -- commands ---------------------------------------------------------------------------------
 
@@ -326,7 +300,7 @@ class SchunkModel:
         outcome = self._status & OUTCOMES
         self._received()
         if self._status & Status.ERROR:
-            outcome = Status.GRIPPED if self._holding else Status(0)
+            outcome = Status.GRIPPED if self._gripping else Status(0)
             self._error = 0
             self._status &= ~(Status.ERROR | Status.GPE_ACTIVE)
         self._status |= outcome
@@ -350,7 +324,7 @@ class SchunkModel:
         self._received()
         moves = command in (Control.MOVE_ABSOLUTE, Control.MOVE_RELATIVE)
         if command == Control.MOVE_RELATIVE:
-            position_mm += self._stroke.at(self._now)
+            position_mm += self._here()
         lowest, highest = self._value("min_pos"), self._value("max_pos")
         slowest, fastest = self.profile.speed_mm_s
         positions = moves or command == Control.GRIP_AT_POSITION
@@ -376,7 +350,7 @@ class SchunkModel:
             self._go(position_mm, speed_mm_s, REACHED)
         elif command == Control.RELEASE:
             delta_mm = self._value("wp_release_delta")
-            here = self._stroke.at(self._now)
+            here = self._here()
             self._go(min(here + delta_mm, highest), fastest, REACHED)
         else:
             soft = is_soft(self.module.module_type) and speed_mm_s > 0.0
@@ -396,33 +370,15 @@ class SchunkModel:
         grips: bool = False,
         meets: bool = True,
     ) -> None:
-        """Set the fingers in motion; closing ones ask once what they meet."""
-        here = self._stroke.at(self._now)
-        closing = self._ends_s < math.inf and self._stroke.rate < 0.0
-        if target_mm < here and meets and not (closing or self._holding):
-            self._met_mm = self._surroundings.closing()
-        elif target_mm > here:
-            self._met_mm = None
-            if self._holding:
-                self._holding = False
-                self._surroundings.released()
+        self._start(target_mm, speed_mm_s, meets=meets)
         self._stop = stop
-        if target_mm < here and self._met_mm is not None and self._met_mm >= target_mm:
-            target_mm = min(self._met_mm, here)
+        if self._meets:
             margin_mm = self._value("grp_pos_margin")
-            fits = expected is None or abs(target_mm - expected) <= margin_mm
+            fits = expected is None or abs(self._stroke.stop - expected) <= margin_mm
             self._stop = BLOCKED if not grips else HELD if fits else WRONG
-        rate = math.copysign(speed_mm_s, target_mm - here) if target_mm != here else 0.0
-        self._stroke = Stroke(here, self._now, rate, target_mm, 0)
-        lag_s = self._rng.randint(*LAG_CYCLES) * CYCLE_S + self.outcome_delay_s
-        self._ends_s = self._stroke.end_s + lag_s
+        self._ends_s += self._lag()
 
-    def _arrive(self) -> None:
-        """The motion is over."""
-        self._ends_s = math.inf
-        if self._stop.met and not self._holding:
-            self._holding = True
-            self._surroundings.gripped()
+    def _arrived(self) -> None:
         if self._stop.error:
             self._fail(self._stop.error)
         self._status |= self._stop.status
