@@ -29,12 +29,8 @@ from runtime.table import PROFILES
 ANSWER_S = 600.0  # a person may be called away
 LIFT_S = 60.0  # also asked for in a safe sequence, which is not to wait for long
 SAME_MM, SAME_RAD = 0.1, 0.01  # an arm behind reads itself back with so much room
-ALOFT: PoseOfHand = (
-    0.0,
-    0.0,
-    1000.0,
-    0.0,
-)  # where a hand is taken to be that was not asked for yet
+# Where a hand is taken to be that was not asked for yet.
+ALOFT: PoseOfHand = (0.0, 0.0, 1000.0, 0.0)
 
 
 class Person:

@@ -16,9 +16,8 @@ from drivers.errors import ArmError
 from drivers.ports import TURN_RADIUS_MM, PoseOfHand
 
 MOVE_MARGIN_S = 3.0  # acceleration, fine point, network
-MOST_TURN_RAD = (
-    3.0  # in one motion: the controller turns the shortest way, at half a turn it may be either
-)
+# In one motion: the controller turns the shortest way, at half a turn it may be either.
+MOST_TURN_RAD = 3.0
 Read = TypeVar("Read")
 
 

@@ -26,9 +26,8 @@ from drivers.robotiq.registers import (
 
 # Reset, sweep and report together ([SDK] gripper.cpp; 5 s was too short for some).
 ACTIVATION_S = 15.0
-SETTLE_COUNTS = (
-    1.0  # between readings: as long as jaws at the speed asked for take for so many counts
-)
+# Between readings: as long as jaws at the speed asked for take for so many counts.
+SETTLE_COUNTS = 1.0
 # gOBJ 3 farther than this from the request contradicts the count (open ends at 3 to 13).
 ARRIVED_COUNTS = 12
 COMM_SILENCE = 0x09

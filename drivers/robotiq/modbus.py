@@ -95,9 +95,8 @@ def wiring_of(port: str, usual: Wiring) -> Wiring:
         PortError: a setting is not understood, or stated twice.
     """
     block = range(0x10000 - MOST_REGISTERS + 1)
-    units = (
-        range(1, 248) if usual is RTU else range(256)
-    )  # on a bus 0 speaks to all, and nobody answers
+    # On a bus 0 speaks to all, and nobody answers.
+    units = range(1, 248) if usual is RTU else range(256)
     allowed = {"unit": units, "output": block, "input": block, "function": (3, 4)}
     settings: dict[str, int] = {}
     for key, text in parse_qsl(port.partition("?")[2], keep_blank_values=True):

@@ -16,15 +16,12 @@ PORT = 30004
 VERSION = 2
 FREQUENCY_HZ = 125.0
 ANSWER_S = 2.0  # wall
-LATE_LOOKS = (
-    3  # past a deadline, at what is there already: this process may have been stopped meanwhile
-)
+# Past a deadline, at what is there already: this process may have been stopped meanwhile.
+LATE_LOOKS = 3
 HEADER = struct.Struct(">HB")
 FORMATS = {"DOUBLE": "d", "VECTOR6D": "6d", "INT32": "i", "UINT32": "I"}
-STARTED, DONE = (
-    25,
-    24,
-)  # output integer registers: number of the move that began, and of the one that ended
+# Output integer registers: number of the move that began, and of the one that ended.
+STARTED, DONE = 25, 24
 FIELDS = {
     "actual_TCP_pose": "VECTOR6D",
     "tcp_offset": "VECTOR6D",

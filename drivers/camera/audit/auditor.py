@@ -27,18 +27,15 @@ class Answer:
 
     verdict: str  # "pass", "fail" or "unknown"
     reason: str  # one sentence
-    measured: Pose2 | None = (
-        None  # pose of the part: mm, mm, rad; None where there is no measurement
-    )
+    # Pose of the part: mm, mm, rad; None where there is no measurement.
+    measured: Pose2 | None = None
     residual: Pose2 | None = None  # measured less predicted, under the symmetry
-    distance: float | None = (
-        None  # eq. 9 in mm; for tolerances the largest deviation in units of its own
-    )
+    # Eq. 9 in mm; for tolerances the largest deviation in units of its own.
+    distance: float | None = None
     error: float | None = None  # `COVERAGE` standard deviations of it
     moved_mm: float | None = None  # greatest motion of a reference tag
-    hypothesis: str | None = (
-        None  # which part it is by its tag, where the tags of several parts differ
-    )
+    # Which part it is by its tag, where the tags of several parts differ.
+    hypothesis: str | None = None
     picture: str | None = None  # file of the overlay, None where none was kept
 
     def fields(self) -> dict[str, object]:

@@ -23,9 +23,8 @@ from runtime.shell.errors import ExpectedError
 
 MAX_LINE_BYTES = 65_536
 PICTURE_SHARE = 0.7  # of the deadline: what a picture may take, the rest is for measuring it
-RESERVE_BYTES = (
-    1 << 30
-)  # of address space: thread stacks and allocators' pools, most of it never touched
+# Of address space: thread stacks and allocators' pools, most of it never touched.
+RESERVE_BYTES = 1 << 30
 PAGE_BYTES = resource.getpagesize()
 MISUNDERSTOOD = "the question is not understood; it takes part, x_mm, y_mm and theta_rad"
 

@@ -31,9 +31,8 @@ class Flaws:
     blur_px: float = 0.7  # standard deviation of the lens's blur
     noise: float = 2.5  # standard deviation of the sensor's noise, grey levels of 255
     gain: float = 0.9  # grey level of a perfect white, as a share of 255
-    gradient: float = (
-        0.2  # by how much light falls off from the upper left to the lower right, as a share
-    )
+    # By how much light falls off from the upper left to the lower right, as a share.
+    gradient: float = 0.2
     jpeg_quality: int | None = 90  # 1 to 100; None: not compressed
 
 

@@ -8,10 +8,8 @@ from drivers.planar import Pose2, compose, relative
 from drivers.sim.faults import Channel, Desk
 from drivers.sim.physics.scene import Setting
 
-AHEAD_MM, AHEAD_RAD = (
-    0.05,
-    0.005,
-)  # what a motion straight ahead may be off, as arms read themselves back
+# What a motion straight ahead may be off, as arms read themselves back.
+AHEAD_MM, AHEAD_RAD = 0.05, 0.005
 BESIDE: Pose2 = (0.0, 70.0, 0.8)  # where a second part lies, in the frame of the first
 
 
