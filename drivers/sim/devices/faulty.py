@@ -2,11 +2,12 @@
 
 import math
 import random
+from typing import Any
 
 from drivers.abb.codec import Pose
 from drivers.dh import registers as dh
 from drivers.dh.registers import Grip
-from drivers.ports import MOST_COUNT, GripperProfile
+from drivers.ports import MOST_COUNT
 from drivers.schunk.registers import OUTCOMES, PARAMETERS, Status, decode
 from drivers.sim.devices.arm import Answer, ArmModel
 from drivers.sim.devices.dh import DhModel
@@ -82,10 +83,21 @@ class FaultyArm(ArmModel):
 
 
 class Failing(Fingers):
-    """Mixed into a gripper's model: it fails, and each request that it hears is one event of a desk."""
+    """Mixed into a gripper's model: it fails, and each request that it hears is one event of a desk.
 
-    _desk: Desk
-    _last: int  # the position as it was last read, which is what freezes
+    Args:
+        rng: as of the model.
+        surroundings: what the fingers may meet.
+        profile: of its model.
+        desk: says what holds when.
+    """
+
+    def __init__(
+        self, rng: random.Random, surroundings: Surroundings, profile: Any, desk: Desk
+    ) -> None:
+        super().__init__(rng, surroundings, profile)
+        self._desk = desk
+        self._last: int | None = None  # the position as it was last read, which is what freezes
 
     def _report(self, code: int, now_s: float) -> None:
         """A fault of a Robotiq gripper begins: whatever is like it here."""
@@ -107,7 +119,7 @@ class Failing(Fingers):
     def _misread(self, position: int, faults: list[Fault], most: int = MOST_COUNT) -> int:
         """A position of 0 to `most`, with whatever is wrong with it; a schedule says 255ths of the stroke."""
         values = {fault.kind: round(fault.value * most / MOST_COUNT) for fault in faults}
-        if "count_frozen" not in values:
+        if "count_frozen" not in values or self._last is None:
             self._last = position
         position = self._last + values.get("encoder_offset", 0)
         return min(max(values.get("count_spike", position), 0), most)
@@ -126,21 +138,8 @@ def _state(faults: list[Fault], *, moving: bool) -> int | None:
     return None
 
 
-class FaultyGripper(GripperModel, Failing):
-    """A Robotiq gripper that fails.
-
-    Args:
-        rng: as of `GripperModel`.
-        surroundings: what the fingers may meet.
-        profile: of its model.
-        desk: says what holds when.
-    """
-
-    def __init__(
-        self, rng: random.Random, surroundings: Surroundings, profile: GripperProfile, desk: Desk
-    ) -> None:
-        super().__init__(rng, surroundings, profile)
-        self._desk, self._last = desk, self.jaws.count_open
+class FaultyGripper(Failing, GripperModel):
+    """A Robotiq gripper that fails."""
 
     def read_input(self, now_s: float) -> bytes:
         """The 16 input bytes, with whatever is wrong with them."""
@@ -167,14 +166,8 @@ class FaultyGripper(GripperModel, Failing):
             self.fail(code, now_s)
 
 
-class FaultyDhModel(DhModel, Failing):
-    """A DH gripper that fails; it has no fault register, so no gFLT befalls it. Arguments as above."""
-
-    def __init__(
-        self, rng: random.Random, surroundings: Surroundings, profile: GripperProfile, desk: Desk
-    ) -> None:
-        super().__init__(rng, surroundings, profile)
-        self._desk, self._last = desk, dh.FULL
+class FaultyDhModel(Failing, DhModel):
+    """A DH gripper that fails; it has no fault register, so no gFLT befalls it."""
 
     def heard(self, now_s: float) -> None:
         """One more event."""
@@ -189,14 +182,8 @@ class FaultyDhModel(DhModel, Failing):
         return self._misread(word, faults, dh.FULL) if address == dh.ACTUAL_POSITION else word
 
 
-class FaultySchunkModel(SchunkModel, Failing):
-    """A SCHUNK gripper that fails. Arguments as above."""
-
-    def __init__(
-        self, rng: random.Random, surroundings: Surroundings, profile: GripperProfile, desk: Desk
-    ) -> None:
-        super().__init__(rng, surroundings, profile)
-        self._desk, self._last = desk, 0
+class FaultySchunkModel(Failing, SchunkModel):
+    """A SCHUNK gripper that fails."""
 
     def read(self, name: str, now_s: float) -> bytes:
         """A parameter, with whatever is wrong with the status and the width."""
