@@ -16,13 +16,15 @@ from pymodbus.pdu import ModbusPDU
 
 from drivers.clock import Pace
 from drivers.errors import LinkError, LinkTimeout, PortError
-from drivers.links import no_report
+from drivers.links import no_report, opened
 from drivers.modbus.framing import MAX_BUFFER, Framing, RtuFraming, TcpFraming
 from drivers.modbus.master import Master
-from drivers.ports import Answered, Report
+from drivers.ports import Answered, GripperProfile, Report
+from drivers.robotiq.counts import Counts
 from drivers.robotiq.frames import RTU, TCP, Wiring, read_request, write_request
+from drivers.robotiq.gripper import Gripper
 from drivers.robotiq.registers import BLOCK_BYTES
-from drivers.stream import SerialStream, Stream
+from drivers.stream import SerialStream, Stream, open_tcp, tcp_address
 
 BAUD = 115200
 SCAN_BAUDS = (115200, 57600, 38400, 19200, 9600)  # what a 2F can be set to ([M16] p55)
@@ -81,11 +83,27 @@ def rtu_link(
     return ModbusLink(stream, RtuFraming(), wiring, pace, report)
 
 
-def tcp_link(
-    stream: Stream, pace: Pace, report: Report = no_report, wiring: Wiring = TCP
-) -> ModbusLink:
-    """Modbus TCP."""
-    return ModbusLink(stream, TcpFraming(), wiring, pace, report)
+def gripper(
+    port: str, pace: Pace, report: Report, *, read_only: bool, profile: GripperProfile | None
+) -> Gripper:
+    """A Robotiq gripper on a tty, behind a serial device server (`rtu+tcp://`), or with Modbus TCP (`tcp://`).
+
+    Raises:
+        PortError: the port cannot be opened or is not understood, or the profile is of another make.
+        LinkError: nobody answers.
+    """
+    Counts(profile)  # before anything is opened
+    scheme, separator, _ = port.partition("://")
+    tcp, wiring = scheme == "tcp", RTU
+    stream: Stream
+    if separator:
+        wiring = wiring_of(port, TCP if tcp else RTU)
+        address = tcp_address(port.partition("?")[0], TCP_PORT if tcp else 0)
+        stream = open_tcp(*address, port, "check address, cable and power")
+    else:
+        stream = SerialStream(port, BAUD)
+    link = ModbusLink(stream, TcpFraming() if tcp else RtuFraming(), wiring, pace, report)
+    return opened(link, lambda link: Gripper(link, pace, report, profile), read_only=read_only)
 
 
 def wiring_of(port: str, usual: Wiring) -> Wiring:
