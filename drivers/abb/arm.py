@@ -110,9 +110,7 @@ class Arm(UprightArm):
         line = codec.command(code, *numbers)
         message = repr(line.decode())
         if self._setup.read_only and code not in codec.HARMLESS:
-            raise ReadOnlyError(
-                f"a dry run was about to send {message} to the arm at {self.endpoint}"
-            )
+            raise ReadOnlyError(f"a dry run was about to send {message} to arm {self.endpoint}")
         try:
             # After an interrupt the server may still be busy with the last command: it cannot listen before.
             reply = None

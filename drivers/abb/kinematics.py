@@ -8,13 +8,8 @@ from collections.abc import Iterator
 
 from drivers.abb.codec import Pose, Quaternion
 
-BASE_TO_SHOULDER, UPPER_ARM, ELBOW_OFFSET, FOREARM, WRIST_TO_FLANGE = (
-    290.0,
-    270.0,
-    70.0,
-    302.0,
-    72.0,
-)
+BASE_TO_SHOULDER, UPPER_ARM, ELBOW_OFFSET = 290.0, 270.0, 70.0
+FOREARM, WRIST_TO_FLANGE = 302.0, 72.0
 LAST_AXIS_DEG = (-400.0, 400.0)
 LIMITS_DEG = ((-165, 165), (-110, 110), (-110, 70), (-160, 160), (-120, 120), LAST_AXIS_DEG)
 IN_LINE = 1e-5  # sine of axis 5 below which axes 4 and 6 count as one (SingArea \\Wrist)

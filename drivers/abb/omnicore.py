@@ -127,9 +127,7 @@ class Arm(UprightArm):
         if mode.upper() != "AUTO":
             return f"the controller is in mode {shown(mode)}; switch it to automatic"
         if motors != "motoron":
-            return (
-                f"the controller is in state {shown(motors)}; put it right and switch the motors on"
-            )
+            return f"the controller is in state {shown(motors)}; put it right, with motors on"
         if self._runs() and (module := self._pointer()[0]) not in (None, MODULE):
             return f"module {shown(module)} runs on the controller; stop it first"
         return ""

@@ -146,11 +146,7 @@ class Arm(UprightArm):
         until = self._pace.deadline(ANSWER_S)
         while (seen := self._read()).started != self._moves:
             if self._pace.now() > until:
-                held = (
-                    _hold(seen)
-                    or "set the pendant to Remote Control, and see that port 30002 is not blocked"
-                )
-                raise self._lose(f"it did not take a program; {held} (Settings, Security)")
+                raise self._lose(f"it did not take a program; {_hold(seen) or REMOTE}")
             self._pace.idle(until)
 
     def _await_end(self, budget_s: float) -> None:

@@ -49,9 +49,7 @@ class Worker:
         start = time.monotonic()
         while self._owed:
             if self._next_answer(start + 0.5 * deadline_s) is None:
-                return Answer(
-                    UNKNOWN, "the camera still hangs at an earlier question; restart grasp-audit"
-                )
+                return Answer(UNKNOWN, "the camera still hangs; restart grasp-audit")
         self._questions.put((part, predicted, start + PICTURE_SHARE * deadline_s, name))
         self._owed += 1
         return self._next_answer(start + deadline_s) or Answer(
@@ -74,9 +72,7 @@ class Worker:
                 audits = audits or self._made()
                 answer = audits.audit(*question)
             except MemoryError:
-                answer = Answer(
-                    UNKNOWN, "the memory the audit may use is used up; raise --memory-mb"
-                )
+                answer = Answer(UNKNOWN, "the audit's memory is used up; raise --memory-mb")
             except Exception as error:
                 said = " ".join(str(error).split())
                 if not isinstance(error, ExpectedError):

@@ -51,9 +51,7 @@ def parser() -> Parser:
         epilog=EPILOG,
     )
     built.add_debug()
-    commands = built.add_subparsers(
-        required=True, metavar="camera | tag | pictures", dest="command"
-    )
+    commands = built.add_subparsers(required=True, metavar=" | ".join(COMMANDS), dest="command")
     for name, (runs, what, example, flags) in COMMANDS.items():
         command = commands.add_parser(
             name,
@@ -98,13 +96,8 @@ def run_camera(options: argparse.Namespace) -> Lines:
     board, held = parse(options.board), pictures_in(options.views)
     touched = () if options.touched is None else read_poses(options.touched)
     picture = options.output.with_suffix(".svg")
-    read = (
-        *held,
-        *options.table,
-        options.touched,
-        options.references,
-        *(known.picture for known in touched),
-    )
+    read = [*held, *options.table, *(known.picture for known in touched)]
+    read += [options.touched, options.references]
     for output, other in ((options.output, None), (picture, options.output)):
         usable(output, *read, other)
     fitted = calibrate(
@@ -159,9 +152,7 @@ def run_tag(options: argparse.Namespace) -> Lines:
     usable(options.output, options.poses, options.calibration)
     if options.at is None:
         if options.poses is None or options.calibration is None:
-            raise InputError(
-                "give --at X,Y,THETA, or --calibration and --poses to have it measured"
-            )
+            raise InputError("give --at X,Y,THETA, or --calibration and --poses to measure it")
         touched = read_poses(options.poses)
         usable(options.output, *(known.picture for known in touched))
         tag = glue(calibration.load(options.calibration), tag, touched)

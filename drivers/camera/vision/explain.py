@@ -26,9 +26,7 @@ def check_exposure(picture: Picture) -> None:
     if low > WHITE_LEVEL:
         raise PictureError("the picture is white; lower the exposure or the light")
     if high - low < LEAST_RANGE and float(picture.max()) - float(picture.min()) < 2 * LEAST_RANGE:
-        raise PictureError(
-            "the picture is of one grey; check that the camera sees the table, and its focus"
-        )
+        raise PictureError("the picture is of one grey; check the view and the focus")
 
 
 def why_unseen(picture: Picture, view: View, tag: PartTag, expected: Pose2 | None) -> str:

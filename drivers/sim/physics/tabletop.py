@@ -104,10 +104,8 @@ class TableTop:
 
         A world that cannot push leaves it where it lies, as does any other way of the hand.
         """
-        push, (way_mm, aside_mm, turn_rad) = (
-            getattr(self._world, "push", None),
-            relative(start, end),
-        )
+        push = getattr(self._world, "push", None)
+        way_mm, aside_mm, turn_rad = relative(start, end)
         ahead = (
             way_mm > AHEAD_MM
             and abs(aside_mm) < AHEAD_MM
