@@ -20,8 +20,7 @@ from typing import Any, NamedTuple
 
 from drivers.clock import Clock, Pace
 from drivers.errors import PortError
-from drivers.links import no_report
-from drivers.ports import Answered, Arm, Gripper, GripperProfile, Report, Scene
+from drivers.ports import Answered, Arm, Gripper, GripperProfile, Report, Scene, no_report
 from runtime.shell.errors import ExpectedError
 
 TTY = "tty"  # the scheme of a port without one

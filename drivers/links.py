@@ -1,6 +1,6 @@
 """Links to a gripper, of any make and on any bus: repeated reads, reports of failures, deadlines."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from typing import Any, TypeVar
 
 from drivers.clock import LINK_TIMEOUT_S, Pace
@@ -11,10 +11,6 @@ from drivers.stream import StalledError, Stream
 READ_TRIES = 3  # as the SDK: the link is down after 3 failures in a row
 Read = TypeVar("Read")
 Device = TypeVar("Device")
-
-
-def no_report(kind: str, fields: Mapping[str, object]) -> None:
-    """A report nobody reads."""
 
 
 class ReportingLink:

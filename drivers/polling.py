@@ -7,7 +7,7 @@ from typing import Any, Generic, TypeVar
 
 from drivers.clock import Pace
 from drivers.errors import GripperFault, LinkTimeout
-from drivers.ports import GripperState, Report, Settled
+from drivers.ports import GripperProfile, GripperState, Report, Settled, no_report
 
 ECHO_S = 1.0  # a request reads back within this ([SDK] gripper.cpp of Robotiq)
 MOVE_MARGIN_S = 2.0  # beyond stroke / speed: start, contact detection, settling
@@ -37,17 +37,25 @@ class PolledGripper(ABC, Generic[Seen, Target]):
         link: closed with the gripper.
         pace: device time.
         report: told of every retry and failure.
+        profile: of the gripper that should be there; None: the make's usual one.
     """
 
     stale_s = 0.0  # how long a reading may still tell of the previous move
     spread = 0  # how far positions of fingers at rest may be apart
 
-    def __init__(self, link: Any, pace: Pace, report: Report) -> None:
+    def __init__(
+        self,
+        link: Any,
+        pace: Pace,
+        report: Report = no_report,
+        profile: GripperProfile | None = None,
+    ) -> None:
         self._link = link
         self._pace = pace
         self._report = report
         self._move: Move[Seen, Target] | None = None
         self._asked_at: float | None = None  # when a move began whose readings may be stale
+        self.profile = self._begin(profile)
 
     def state(self) -> GripperState:
         """Read the gripper now."""
@@ -76,6 +84,10 @@ class PolledGripper(ABC, Generic[Seen, Target]):
         self._link.close()
 
     # -- what a make says -------------------------------------------------------------------------
+
+    @abstractmethod
+    def _begin(self, profile: GripperProfile | None) -> GripperProfile:
+        """Read once; returns the profile of the gripper that is there."""
 
     @abstractmethod
     def _read(self) -> Seen:

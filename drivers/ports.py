@@ -32,6 +32,10 @@ TURN_RADIUS_MM = 160.0
 Report = Callable[[str, Mapping[str, object]], None]
 
 
+def no_report(kind: str, fields: Mapping[str, object]) -> None:
+    """A report nobody reads."""
+
+
 class ObjectState(IntEnum):
     """What a gripper says about an object between its fingers; a journal holds the number."""
 

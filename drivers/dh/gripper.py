@@ -12,7 +12,7 @@ from drivers.dh.link import RtuLink
 from drivers.dh.percent import Scale
 from drivers.dh.registers import Grip, Initialised
 from drivers.errors import GripperFault
-from drivers.links import no_report, opened
+from drivers.links import opened
 from drivers.modbus import address
 from drivers.polling import MOVE_MARGIN_S, Move, PolledGripper
 from drivers.ports import GripperProfile, GripperState, ObjectState, Report
@@ -61,20 +61,9 @@ class Gripper(PolledGripper[Reading, int]):
 
     _link: RtuLink
 
-    def __init__(
-        self,
-        link: RtuLink,
-        pace: Pace,
-        report: Report = no_report,
-        profile: GripperProfile | None = None,
-    ) -> None:
-        super().__init__(link, pace, report)
+    def _begin(self, profile: GripperProfile | None) -> GripperProfile:
         self._scale = Scale(profile)
         self._read()
-
-    @property
-    def profile(self) -> GripperProfile:
-        """What its model can do and tell."""
         return self._scale.profile
 
     def activate(self) -> None:

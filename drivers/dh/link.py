@@ -10,10 +10,9 @@ from pymodbus.pdu.register_message import ReadHoldingRegistersRequest, WriteSing
 
 from drivers.clock import Pace
 from drivers.dh.registers import CONTROL, STATUS, UNIT
-from drivers.links import no_report
 from drivers.modbus.framing import RtuFraming
 from drivers.modbus.master import Master
-from drivers.ports import Report
+from drivers.ports import Report, no_report
 from drivers.stream import Stream
 
 

@@ -19,8 +19,8 @@ from urllib.parse import parse_qsl
 
 from drivers.clock import LINK_TIMEOUT_S, Pace
 from drivers.errors import LinkError, LinkTimeout, PortError, shown
-from drivers.links import ReportingLink, no_report, opened
-from drivers.ports import GripperProfile, Report
+from drivers.links import ReportingLink, opened
+from drivers.ports import GripperProfile, Report, no_report
 from drivers.robotiq.gripper import Gripper
 from drivers.robotiq.registers import BLOCK_BYTES
 

@@ -3,11 +3,9 @@
 After the 2F-85 manual ([M18] p54-62) and Robotiq's own SDK (`gripper.cpp`, `gripper_state.cpp`).
 """
 
-from drivers.clock import Pace
 from drivers.errors import GripperFault
-from drivers.links import no_report
 from drivers.polling import MOVE_MARGIN_S, Move, PolledGripper
-from drivers.ports import GripperProfile, GripperState, ObjectState, Report
+from drivers.ports import GripperProfile, GripperState, ObjectState
 from drivers.robotiq.counts import Counts
 from drivers.robotiq.faults import MAJOR, PRIORITY, fault, fault_text
 from drivers.robotiq.link import Link
@@ -40,22 +38,11 @@ class Gripper(PolledGripper[Reading, int]):
 
     _link: Link
 
-    def __init__(
-        self,
-        link: Link,
-        pace: Pace,
-        report: Report = no_report,
-        profile: GripperProfile | None = None,
-    ) -> None:
-        super().__init__(link, pace, report)
+    def _begin(self, profile: GripperProfile | None) -> GripperProfile:
         self._counts = Counts(profile)
         # Seeded from what the gripper does now, so that the first write cannot move a holding gripper.
         seen = self._read()
         self._image = {"rACT": int(seen.enabled), "rGTO": int(seen.going), "rPR": seen.echo_counts}
-
-    @property
-    def profile(self) -> GripperProfile:
-        """What its model can do and tell."""
         return self._counts.profile
 
     def activate(self) -> None:

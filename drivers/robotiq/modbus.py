@@ -16,10 +16,10 @@ from pymodbus.pdu import ModbusPDU
 
 from drivers.clock import Pace
 from drivers.errors import LinkError, LinkTimeout, PortError
-from drivers.links import no_report, opened
+from drivers.links import opened
 from drivers.modbus.framing import MAX_BUFFER, Framing, RtuFraming, TcpFraming
 from drivers.modbus.master import Master
-from drivers.ports import Answered, GripperProfile, Report
+from drivers.ports import Answered, GripperProfile, Report, no_report
 from drivers.robotiq.counts import Counts
 from drivers.robotiq.frames import RTU, TCP, Wiring, read_request, write_request
 from drivers.robotiq.gripper import Gripper

@@ -11,8 +11,8 @@ from functools import partial
 
 from drivers.clock import LINK_TIMEOUT_S, Pace
 from drivers.errors import LinkError, LinkTimeout, shown
-from drivers.links import StreamLink, no_report, opened
-from drivers.ports import GripperProfile, Report
+from drivers.links import StreamLink, opened
+from drivers.ports import GripperProfile, Report, no_report
 from drivers.robotiq.counts import Counts
 from drivers.robotiq.gripper import Gripper
 from drivers.robotiq.registers import INPUT_FIELDS, OUTPUT_FIELDS, pack, unpack

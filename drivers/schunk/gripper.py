@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from drivers.clock import Pace
 from drivers.errors import GripperFault, PortError
-from drivers.links import no_report, opened
+from drivers.links import opened
 from drivers.modbus import address
 from drivers.polling import MOVE_MARGIN_S, Move, PolledGripper
 from drivers.ports import GripperProfile, GripperState, ObjectState, Report
@@ -61,36 +61,25 @@ class Gripper(PolledGripper[Input, Output]):
 
     _link: SchunkLink
 
-    def __init__(
-        self,
-        link: SchunkLink,
-        pace: Pace,
-        report: Report = no_report,
-        profile: GripperProfile | None = None,
-    ) -> None:
-        super().__init__(link, pace, report)
-        soft = is_soft(int(link.read("module_type")[0]))
-        self._profile = profile or PROFILES["schunk-egk" if soft else "schunk-egu"]
+    def _begin(self, profile: GripperProfile | None) -> GripperProfile:
+        soft = is_soft(int(self._link.read("module_type")[0]))
+        profile = profile or PROFILES["schunk-egk" if soft else "schunk-egu"]
         self._limits = Limits(
             lowest_um=self._thousandths("min_pos"),
             highest_um=self._thousandths("max_pos"),
             slowest_um_s=self._thousandths("min_vel"),
             fastest_um_s=self._thousandths("max_vel"),
             grip_um_s=self._thousandths("max_grp_vel"),
-            force_n=link.read("max_grp_force")[0],
+            force_n=self._link.read("max_grp_force")[0],
             soft=soft,
         )
         stroke_um = self._thousandths("max_phys_stroke")
-        if abs(stroke_um - self._profile.stroke_um) > STROKE_UM:
+        if abs(stroke_um - profile.stroke_um) > STROKE_UM:
             raise PortError(
-                f"the gripper at {link.endpoint} opens to {stroke_um / 1000:g} mm, a {self._profile.model} "
-                f"to {self._profile.stroke_um / 1000:g} mm; correct the model, or the port"
+                f"the gripper at {self._link.endpoint} opens to {stroke_um / 1000:g} mm, a {profile.model} "
+                f"to {profile.stroke_um / 1000:g} mm; correct the model, or the port"
             )
-
-    @property
-    def profile(self) -> GripperProfile:
-        """What its model can do and tell."""
-        return self._profile
+        return profile
 
     def activate(self) -> None:
         """Acknowledge what keeps it from being ready, the start included; nothing moves."""
@@ -142,11 +131,11 @@ class Gripper(PolledGripper[Input, Output]):
         return round(1000 * self._link.read(name)[0])
 
     def _width_um(self, position_um: int) -> int:
-        return self._profile.reading_um(self._profile.step(position_um))
+        return self.profile.reading_um(self.profile.step(position_um))
 
     def _target_um(self, asked: Output) -> int:
         position_um = 0 if asked.control & Control.GRIP else asked.position_um
-        return self._width_um(min(max(position_um, 0), self._profile.stroke_um))
+        return self._width_um(min(max(position_um, 0), self.profile.stroke_um))
 
     def _request(self, width_um: int, speed_mm_s: float, force_n: float) -> Output:
         limits, speed_um_s = self._limits, int(1000 * speed_mm_s)

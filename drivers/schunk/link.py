@@ -8,10 +8,9 @@ from pymodbus.pdu.register_message import ReadHoldingRegistersRequest, WriteMult
 
 from drivers.clock import Pace
 from drivers.errors import LinkError
-from drivers.links import no_report
 from drivers.modbus.framing import RtuFraming
 from drivers.modbus.master import Master
-from drivers.ports import Report
+from drivers.ports import Report, no_report
 from drivers.schunk.registers import PARAMETERS, UNIT, Parameter
 from drivers.stream import Stream
 

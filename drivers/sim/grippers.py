@@ -146,13 +146,9 @@ SCHUNK = Simulator(
     SchunkGripper,
 )
 SIMULATORS = {
-    "robotiq-2f-85": ROBOTIQ,
-    "robotiq-2f-140": ROBOTIQ,
-    "hand-e": ROBOTIQ,
-    "dh-ag95": DH,
-    "dh-pgc140-50": DH,
-    "schunk-egu": SCHUNK,
-    "schunk-egk": SCHUNK,
+    **dict.fromkeys(("robotiq-2f-85", "robotiq-2f-140", "hand-e"), ROBOTIQ),
+    **dict.fromkeys(("dh-ag95", "dh-pgc140-50"), DH),
+    **dict.fromkeys(("schunk-egu", "schunk-egk"), SCHUNK),
 }
 
 
