@@ -186,7 +186,9 @@ def _plug_in(makes: Makes, scheme: str, port: str) -> tuple[str, Callable[..., A
     if not named:
         schemes = {*makes.known, *(point.name for _, point in results)} - {TTY, "can", MANUAL}
         written = " or ".join(f"{one}://host:port" for one in sorted(schemes))
-        raise PortError(f"port {port} is not understood; write {written}, or install its driver")
+        raise PortError(
+            f"port {port} is not understood; write it as {written}, or install its driver"
+        )
     if len(named) > 1:
         packages = " and ".join(sorted(str(package) for package, _ in named))
         raise PortError(

@@ -1,16 +1,15 @@
 """Links to a gripper, of any make and on any bus: repeated reads, reports of failures, deadlines."""
 
 from collections.abc import Callable, Iterator
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from drivers.clock import LINK_TIMEOUT_S, Pace
-from drivers.errors import LinkError, LinkTimeout, ReadOnlyError, shown
+from drivers.errors import LinkError, LinkTimeout
 from drivers.ports import Report
 from drivers.stream import StalledError, Stream
 
 READ_TRIES = 3  # as the SDK: the link is down after 3 failures in a row
 Read = TypeVar("Read")
-Device = TypeVar("Device")
 
 
 class ReportingLink:
@@ -53,10 +52,13 @@ class StreamLink(ReportingLink):
         self._stream.close()
         self._lost = self._lost or "it was closed"
 
-    def _pieces(self) -> Iterator[bytes]:
-        """What comes until an answer is due; what is there already then counts: we may have been stopped."""
-        deadline = self._pace.now() + LINK_TIMEOUT_S
-        left = LINK_TIMEOUT_S
+    def _pieces(self, seconds: float = 0.0) -> Iterator[bytes]:
+        """What comes until an answer is due; what is there already then counts: we may have been stopped.
+
+        The device may take so many `seconds` of its own longer than a transaction.
+        """
+        left = LINK_TIMEOUT_S + seconds / self._pace.time_scale
+        deadline = self._pace.now() + left
         while left > 0.0:
             left = deadline - self._pace.now()
             piece = self._stream.receive(max(left, 0.0))
@@ -79,27 +81,3 @@ class StreamLink(ReportingLink):
         if isinstance(error, StalledError):
             return LinkError(f"gripper link {self.endpoint}: {error.strerror}; check {suspects}")
         return LinkError(f"gripper link {self.endpoint} broke; check {suspects}")
-
-
-class ReadOnlyLink:
-    """A link without a way to write: frames of a write are never built. Owns the link."""
-
-    def __init__(self, link: Any) -> None:
-        self.endpoint = link.endpoint
-        self.read, self.close = link.read, link.close
-
-    def write(self, *what: object) -> None:
-        """Refuse, by a ReadOnlyError."""
-        words = (word.hex() if isinstance(word, bytes) else shown(word) for word in what)
-        raise ReadOnlyError(
-            f"a dry run was about to write {' '.join(words)} to the gripper at {self.endpoint}"
-        )
-
-
-def opened(link: Any, device: Callable[[Any], Device], *, read_only: bool) -> Device:
-    """A device on a link that was opened for it, and that is closed again if nobody answers there."""
-    try:
-        return device(ReadOnlyLink(link) if read_only else link)
-    except BaseException:  # Ctrl-C, too, must not leave the port open
-        link.close()
-        raise

@@ -3,10 +3,10 @@
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, Self, TypeVar
 
 from drivers.clock import Pace
-from drivers.errors import GripperFault, LinkTimeout
+from drivers.errors import GripperFault, LinkTimeout, ReadOnlyError, shown
 from drivers.ports import GripperProfile, GripperState, Report, Settled, no_report
 
 ECHO_S = 1.0  # a request reads back within this ([SDK] gripper.cpp of Robotiq)
@@ -26,6 +26,21 @@ class Move(Generic[Seen, Target]):
     written_at: float
     budget_s: float
     pause_s: float  # between two readings of fingers at rest
+
+
+class ReadOnlyLink:
+    """A link without a way to write: frames of a write are never built. Owns the link."""
+
+    def __init__(self, link: Any) -> None:
+        self.endpoint = link.endpoint
+        self.read, self.close = link.read, link.close
+
+    def write(self, *what: object) -> None:
+        """Refuse, by a ReadOnlyError."""
+        words = (word.hex() if isinstance(word, bytes) else shown(word) for word in what)
+        raise ReadOnlyError(
+            f"a dry run was about to write {' '.join(words)} to the gripper at {self.endpoint}"
+        )
 
 
 class PolledGripper(ABC, Generic[Seen, Target]):
@@ -56,6 +71,23 @@ class PolledGripper(ABC, Generic[Seen, Target]):
         self._move: Move[Seen, Target] | None = None
         self._asked_at: float | None = None  # when a move began whose readings may be stale
         self.profile = self._begin(profile)
+
+    @classmethod
+    def over(
+        cls,
+        link: Any,
+        pace: Pace,
+        report: Report,
+        profile: GripperProfile | None = None,
+        *,
+        read_only: bool,
+    ) -> Self:
+        """One on a link that was opened for it, and that is closed again if nobody answers there."""
+        try:
+            return cls(ReadOnlyLink(link) if read_only else link, pace, report, profile)
+        except BaseException:  # Ctrl-C, too, must not leave the port open
+            link.close()
+            raise
 
     def state(self) -> GripperState:
         """Read the gripper now."""

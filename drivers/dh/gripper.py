@@ -12,7 +12,6 @@ from drivers.dh.link import RtuLink
 from drivers.dh.percent import Scale
 from drivers.dh.registers import Grip, Initialised
 from drivers.errors import GripperFault
-from drivers.links import opened
 from drivers.modbus import address
 from drivers.polling import MOVE_MARGIN_S, Move, PolledGripper
 from drivers.ports import GripperProfile, GripperState, ObjectState, Report
@@ -197,4 +196,4 @@ def gripper(
     unit = address.unit_of(port, dh.UNIT)
     Scale(profile)  # before anything is opened
     link = RtuLink(address.opened(port, dh.BAUD), pace, report, unit)
-    return opened(link, lambda link: Gripper(link, pace, report, profile), read_only=read_only)
+    return Gripper.over(link, pace, report, profile, read_only=read_only)

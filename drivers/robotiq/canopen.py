@@ -19,7 +19,7 @@ from urllib.parse import parse_qsl
 
 from drivers.clock import LINK_TIMEOUT_S, Pace
 from drivers.errors import LinkError, LinkTimeout, PortError, shown
-from drivers.links import ReportingLink, opened
+from drivers.links import ReportingLink
 from drivers.ports import GripperProfile, Report, no_report
 from drivers.robotiq.gripper import Gripper
 from drivers.robotiq.registers import BLOCK_BYTES
@@ -141,7 +141,7 @@ def gripper(
     """
     where = parse(port)
     link = CanLink(_network(port, where, read_only=read_only), where, port, report)
-    return opened(link, lambda link: Gripper(link, pace, report, profile), read_only=read_only)
+    return Gripper.over(link, pace, report, profile, read_only=read_only)
 
 
 def parse(port: str) -> CanMap:

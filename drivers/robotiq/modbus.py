@@ -16,7 +16,6 @@ from pymodbus.pdu import ModbusPDU
 
 from drivers.clock import Pace
 from drivers.errors import LinkError, LinkTimeout, PortError
-from drivers.links import opened
 from drivers.modbus.framing import MAX_BUFFER, Framing, RtuFraming, TcpFraming
 from drivers.modbus.master import Master
 from drivers.ports import Answered, GripperProfile, Report, no_report
@@ -103,7 +102,7 @@ def gripper(
     else:
         stream = SerialStream(port, BAUD)
     link = ModbusLink(stream, TcpFraming() if tcp else RtuFraming(), wiring, pace, report)
-    return opened(link, lambda link: Gripper(link, pace, report, profile), read_only=read_only)
+    return Gripper.over(link, pace, report, profile, read_only=read_only)
 
 
 def wiring_of(port: str, usual: Wiring) -> Wiring:

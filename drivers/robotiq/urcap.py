@@ -11,7 +11,7 @@ from functools import partial
 
 from drivers.clock import LINK_TIMEOUT_S, Pace
 from drivers.errors import LinkError, LinkTimeout, shown
-from drivers.links import StreamLink, opened
+from drivers.links import StreamLink
 from drivers.ports import GripperProfile, Report, no_report
 from drivers.robotiq.counts import Counts
 from drivers.robotiq.gripper import Gripper
@@ -160,4 +160,4 @@ def gripper(
     """A Robotiq gripper at `urcap://host`; errors as of `drivers.robotiq.modbus.gripper`."""
     Counts(profile)  # before anything is opened
     link = UrcapLink(open_tcp(*tcp_address(port, PORT), port, HINT), pace, report)
-    return opened(link, lambda link: Gripper(link, pace, report, profile), read_only=read_only)
+    return Gripper.over(link, pace, report, profile, read_only=read_only)

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 from drivers.clock import Pace
 from drivers.errors import GripperFault, PortError
-from drivers.links import opened
 from drivers.modbus import address
 from drivers.polling import MOVE_MARGIN_S, Move, PolledGripper
 from drivers.ports import GripperProfile, GripperState, ObjectState, Report
@@ -231,7 +230,7 @@ def gripper(
     """
     unit = address.unit_of(port, UNIT)
     link = SchunkLink(address.opened(port, BAUD, PARITY), pace, report, unit)
-    return opened(link, lambda link: Gripper(link, pace, report, profile), read_only=read_only)
+    return Gripper.over(link, pace, report, profile, read_only=read_only)
 
 
 def _edge(motion: Control) -> Control:

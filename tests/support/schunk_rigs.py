@@ -7,7 +7,6 @@ import threading
 
 from drivers import connect
 from drivers.clock import Pace
-from drivers.links import opened
 from drivers.schunk.gripper import Gripper
 from drivers.schunk.link import SchunkLink
 from drivers.schunk.registers import UNIT
@@ -104,8 +103,4 @@ class VirtualSchunk:
     def connect(self, profile=None, **options):
         report = lambda kind, fields: self.reports.append(fields["incident"])  # noqa: E731
         link = SchunkLink(self.port.open(), self.pace, report)
-        return opened(
-            link,
-            lambda link: Gripper(link, self.pace, report, profile),
-            read_only=options.get("read_only", False),
-        )
+        return Gripper.over(link, self.pace, report, profile, **{"read_only": False, **options})
