@@ -12,18 +12,10 @@ import sys
 import termios
 from contextlib import suppress
 
+from drivers import ports
 from drivers.clock import Pace
 from drivers.errors import ArmError, GripperFault, LinkError, PortError, ReadOnlyError
-from drivers.ports import (
-    TURN_RADIUS_MM,
-    Arm,
-    GripperProfile,
-    GripperState,
-    ObjectState,
-    PoseOfHand,
-    Report,
-    Settled,
-)
+from drivers.ports import TURN_RADIUS_MM, Arm, GripperProfile, GripperState, ObjectState, PoseOfHand
 from runtime.table import PROFILES
 
 ANSWER_S = 600.0  # a person may be called away
@@ -191,7 +183,7 @@ class ManualGripper:
         self.state()
         self._asked = width_um
 
-    def wait(self) -> Settled:
+    def wait(self) -> ports.Settled:
         """Ask for the opening to be set, or for the width that is read."""
         if self._asked is None:
             raise GripperFault("no move to wait for; call move() first")
@@ -205,7 +197,7 @@ class ManualGripper:
         elif not (self._was_asked and self._seen == _standing(ObjectState.AT_TARGET, asked, asked)):
             self._ask(f"Open the jaws to {asked / 1000:.1f} mm or a little more; press Enter")
             self._saw(ObjectState.AT_TARGET, asked, asked)
-        return Settled(self._seen.width_um, self._seen.object, 0, max(asked, 0), 0.0)
+        return ports.Settled(self._seen.width_um, self._seen.object, 0, max(asked, 0), 0.0)
 
     def stop(self) -> None:
         """The jaws are in somebody's hands."""
@@ -244,7 +236,12 @@ def _standing(state: ObjectState, target_um: int, width_um: int) -> GripperState
 
 
 def gripper(
-    port: str, pace: Pace, report: Report, *, read_only: bool, profile: GripperProfile | None = None
+    port: str,
+    pace: Pace,
+    report: ports.Report,
+    *,
+    read_only: bool,
+    profile: GripperProfile | None = None,
 ) -> ManualGripper:
     """Open `manual`, which tells widths as a gripper of a profile would, else a 2F-85.
 

@@ -6,21 +6,11 @@ After the 2F-85 manual ([M18] p54-62) and Robotiq's own SDK (`gripper.cpp`, `gri
 from drivers.errors import GripperFault
 from drivers.polling import MOVE_MARGIN_S, Move, PolledGripper
 from drivers.ports import GripperProfile, GripperState, ObjectState
+from drivers.robotiq import registers as robotiq
 from drivers.robotiq.counts import Counts
 from drivers.robotiq.faults import MAJOR, PRIORITY, fault, fault_text
 from drivers.robotiq.link import Link
-from drivers.robotiq.registers import (
-    COUNT_CLOSED,
-    COUNT_OPEN,
-    OBJ_AT_REQUEST,
-    OBJ_CONTACT_CLOSING,
-    OPENING_MM,
-    OUTPUT_FIELDS,
-    Reading,
-    decode,
-    pack,
-    speed_mm_s_of,
-)
+from drivers.robotiq.registers import OUTPUT_FIELDS, Reading, decode, pack, speed_mm_s_of
 
 # Reset, sweep and report together ([SDK] gripper.cpp; 5 s was too short for some).
 ACTIVATION_S = 15.0
@@ -68,7 +58,7 @@ class Gripper(PolledGripper[Reading, int]):
         setting = self._counts.speed(speed_mm_s)
         request = {"rACT": 1, "rGTO": 1, "rPR": counts, "rSP": setting}
         self._send({**request, "rFR": self._counts.force(force_n)})
-        mm_per_count = OPENING_MM / (COUNT_CLOSED - COUNT_OPEN)
+        mm_per_count = robotiq.OPENING_MM / (robotiq.COUNT_CLOSED - robotiq.COUNT_OPEN)
         count_s = mm_per_count / speed_mm_s_of(setting)
         budget_s = abs(counts - seen.position_counts) * count_s + MOVE_MARGIN_S
         now = self._asked_at = self._pace.now()
@@ -120,12 +110,14 @@ class Gripper(PolledGripper[Reading, int]):
         if seen.moving or not seen.going:
             return False
         asked, start = move.target, move.before.position_counts
-        if seen.object_flag == OBJ_AT_REQUEST:
+        if seen.object_flag == robotiq.OBJ_AT_REQUEST:
             # Beyond the end stops there is no telling how far the jaws go: that depends on the fingers.
-            short = min(asked, COUNT_CLOSED) - seen.position_counts
-            beyond = seen.position_counts - max(asked, COUNT_OPEN)
-            return short <= ARRIVED_COUNTS and (asked >= COUNT_CLOSED or beyond <= ARRIVED_COUNTS)
-        closing = seen.object_flag == OBJ_CONTACT_CLOSING
+            short = min(asked, robotiq.COUNT_CLOSED) - seen.position_counts
+            beyond = seen.position_counts - max(asked, robotiq.COUNT_OPEN)
+            return short <= ARRIVED_COUNTS and (
+                asked >= robotiq.COUNT_CLOSED or beyond <= ARRIVED_COUNTS
+            )
+        closing = seen.object_flag == robotiq.OBJ_CONTACT_CLOSING
         return asked == start or closing == (asked > start)
 
     def _require_ready(self, seen: Reading, doing: str) -> None:

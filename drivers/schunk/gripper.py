@@ -11,21 +11,9 @@ from drivers.errors import GripperFault, PortError
 from drivers.modbus import address
 from drivers.polling import MOVE_MARGIN_S, Move, PolledGripper
 from drivers.ports import GripperProfile, GripperState, ObjectState, Report
+from drivers.schunk import registers as schunk
 from drivers.schunk.link import SchunkLink
-from drivers.schunk.registers import (
-    BAUD,
-    MOTIONS,
-    NOT_FEASIBLE,
-    OUTCOMES,
-    PARITY,
-    UNIT,
-    Control,
-    Input,
-    Output,
-    Status,
-    error_text,
-    is_soft,
-)
+from drivers.schunk.registers import Control, Input, Output, Status, error_text, is_soft
 from runtime.table import PROFILES
 
 READY_S = 2.0  # from the acknowledgement to ready for operation; [BKS] MakeReady waits 0.5 s
@@ -211,7 +199,7 @@ class Gripper(PolledGripper[Input, Output]):
     def _require_obeyed(self, seen: Input, doing: str) -> None:
         self._require_ready(seen, doing)
         if seen.status & Status.NOT_FEASIBLE:
-            reason = NOT_FEASIBLE.get(seen.additional, f"reason 0x{seen.additional:02X}")
+            reason = schunk.NOT_FEASIBLE.get(seen.additional, f"reason 0x{seen.additional:02X}")
             raise GripperFault(f"the gripper refused the command while {doing}: {reason}")
 
     def _sketch(self, seen: Input) -> str:
@@ -228,8 +216,8 @@ def gripper(
         PortError: the port cannot be opened or is not understood, or another gripper is there.
         LinkError: nobody answers.
     """
-    unit = address.unit_of(port, UNIT)
-    link = SchunkLink(address.opened(port, BAUD, PARITY), pace, report, unit)
+    unit = address.unit_of(port, schunk.UNIT)
+    link = SchunkLink(address.opened(port, schunk.BAUD, schunk.PARITY), pace, report, unit)
     return Gripper.over(link, pace, report, profile, read_only=read_only)
 
 
@@ -239,7 +227,7 @@ def _edge(motion: Control) -> Control:
 
 def _moves(seen: Input, asked: Output) -> bool:
     """Whether the fingers are on their way: the device says only that they no longer are."""
-    under_way = asked.control & MOTIONS and not seen.status & OUTCOMES
+    under_way = asked.control & schunk.MOTIONS and not seen.status & schunk.OUTCOMES
     return bool(seen.status & Status.READY and under_way)
 
 
@@ -248,7 +236,7 @@ def _object(seen: Input, asked: Output) -> ObjectState:
         inside = asked.control & Control.GRIP_FROM_INSIDE
         return ObjectState.OPENING if inside else ObjectState.CLOSING
     stands = seen.status & (Status.POSITION_REACHED | Status.NO_WORKPIECE)
-    return ObjectState.AT_TARGET if stands and asked.control & MOTIONS else ObjectState.NONE
+    return ObjectState.AT_TARGET if stands and asked.control & schunk.MOTIONS else ObjectState.NONE
 
 
 def _fault(code: int) -> str:

@@ -112,11 +112,8 @@ def run_camera(options: argparse.Namespace) -> Lines:
     calibration.save(fitted.calibration, options.output)
     with writing(picture) as draft:
         draft.write_text(residual_picture.draw(fitted), encoding="ascii")
-    known, off, sigma = (
-        fitted.calibration,
-        np.hypot(*fitted.residuals.off.T),
-        fitted.calibration.trust.sigma_mm,
-    )
+    known, off = fitted.calibration, np.hypot(*fitted.residuals.off.T)
+    sigma = known.trust.sigma_mm
     numbers = [reference.number for reference in known.references]
     yield f"camera {known.camera}, {known.views} views of the board, residual {known.rms_px:.3f} px"
     for name in fitted.left_out:

@@ -9,20 +9,9 @@ from collections.abc import Iterable
 from functools import lru_cache
 
 from drivers.ports import GripperProfile
+from drivers.robotiq import registers as robotiq
 from drivers.robotiq.faults import MAJOR, fault_text
-from drivers.robotiq.registers import (
-    INPUT_FIELDS,
-    OBJ_AT_REQUEST,
-    OBJ_CONTACT_CLOSING,
-    OBJ_MOVING,
-    OUTPUT_FIELDS,
-    STA_ACTIVATING,
-    STA_ACTIVE,
-    STA_RESET,
-    pack,
-    speed_mm_s_of,
-    unpack,
-)
+from drivers.robotiq.registers import INPUT_FIELDS, OUTPUT_FIELDS, pack, speed_mm_s_of, unpack
 from drivers.sim.devices.jaws import Fingers, Jaws, ObjectFlag, Surroundings
 
 CYCLE_S = 1.0 / 200.0  # internal refresh ([M16] p55)
@@ -70,14 +59,14 @@ class GripperModel(Fingers):
         """What the supply's failure leaves: nothing was ever written, the jaws stay where they are."""
         self._output = bytearray(16)
         self._request = unpack(OUTPUT_FIELDS, self._output)
-        self._flag = ObjectFlag(OBJ_MOVING, self._now, OBJ_MOVING, self._now)
+        self._flag = ObjectFlag(robotiq.OBJ_MOVING, self._now, robotiq.OBJ_MOVING, self._now)
         self._reset(0)
 
     def _reset(self, fault: int) -> None:
         """Halt, inactive from now on, with a fault or 0."""
         self._stand()
         self._legs: list[int] = []  # counts the activation sweep still has to visit
-        self._status, self._fault = STA_RESET, fault
+        self._status, self._fault = robotiq.STA_RESET, fault
 
     # -- the two register blocks ------------------------------------------------------------------
 
@@ -151,7 +140,7 @@ class GripperModel(Fingers):
     # -- commands ---------------------------------------------------------------------------------
 
     def _ready(self) -> bool:
-        return self._status == STA_ACTIVE and not self._latched()
+        return self._status == robotiq.STA_ACTIVE and not self._latched()
 
     def _latched(self) -> bool:
         return self._fault != 0 and fault_text(self._fault).severity == MAJOR
@@ -162,14 +151,14 @@ class GripperModel(Fingers):
             self._reset(FAULT_INACTIVE if new["rGTO"] else 0)
         elif not old["rACT"]:
             self._reset(FAULT_DELAYED if new["rGTO"] else 0)
-            self._status = STA_ACTIVATING
+            self._status = robotiq.STA_ACTIVATING
             self._legs = [self.jaws.count_closed, self.jaws.count_open]
             self._drive(float(self.jaws.count_open), SWEEP_MM_S)
         elif self._latched():
             pass
         elif new["rATR"]:
             self._release(opens=new["rARD"] == 1)  # manuals disagree about the direction
-        elif self._status == STA_ACTIVATING:
+        elif self._status == robotiq.STA_ACTIVATING:
             self._fault = FAULT_DELAYED if new["rGTO"] else 0
         elif not new["rGTO"]:
             self._stand()
@@ -191,25 +180,29 @@ class GripperModel(Fingers):
 
     def _drive(self, target: float, speed_mm_s: float, *, meets: bool = True) -> None:
         speed = speed_mm_s * self.jaws.counts_per_mm
-        self._start(target, speed, (OBJ_AT_REQUEST, OBJ_CONTACT_CLOSING), meets=meets)
+        self._start(
+            target, speed, (robotiq.OBJ_AT_REQUEST, robotiq.OBJ_CONTACT_CLOSING), meets=meets
+        )
 
     def _stand(self) -> None:
         shown = self._flag.at(self._now)
         self._flag = ObjectFlag(shown, self._now, shown, self._now)
         if self._ends_s < math.inf:
-            self._halt(OBJ_MOVING)
+            self._halt(robotiq.OBJ_MOVING)
 
     def _arrived(self) -> None:
         """Sweep on, finish activation or release."""
         if self._fault == FAULT_RELEASING:
             self._fault = FAULT_RELEASED
-        elif self._status == STA_ACTIVATING and self._meets:
+        elif self._status == robotiq.STA_ACTIVATING and self._meets:
             self._reset(FAULT_BLOCKED_SWEEP)
-        elif self._status == STA_ACTIVATING and self._legs:
+        elif self._status == robotiq.STA_ACTIVATING and self._legs:
             self._drive(float(self._legs.pop(0)), SWEEP_MM_S)
-        elif self._status == STA_ACTIVATING:
-            self._status, self._fault = STA_ACTIVE, 0
-            self._flag = ObjectFlag(OBJ_AT_REQUEST, self._now, OBJ_AT_REQUEST, self._now)
+        elif self._status == robotiq.STA_ACTIVATING:
+            self._status, self._fault = robotiq.STA_ACTIVE, 0
+            self._flag = ObjectFlag(
+                robotiq.OBJ_AT_REQUEST, self._now, robotiq.OBJ_AT_REQUEST, self._now
+            )
             if self._request["rGTO"]:
                 self._go()
 

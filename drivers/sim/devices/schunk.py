@@ -10,24 +10,8 @@ import random
 from typing import NamedTuple
 
 from drivers.ports import GripperProfile
-from drivers.schunk.registers import (
-    COMM_LOST,
-    EGK_25_M_B,
-    EGU_60_M_B,
-    ERRORS,
-    FAST_STOP,
-    MOTIONS,
-    MOVE_BLOCKED,
-    NOT_FEASIBLE,
-    NOT_FEASIBLE_WARNING,
-    OUTCOMES,
-    PARAMETERS,
-    Command,
-    Control,
-    Output,
-    Status,
-    is_soft,
-)
+from drivers.schunk import registers as schunk
+from drivers.schunk.registers import PARAMETERS, Command, Control, Output, Status, is_soft
 from drivers.sim.devices.jaws import Fingers, Surroundings
 
 SILENCE_S = 1.0  # then ERR_COMM_LOST; bkstools pauses for 0.5 s, users report that 2 s are too long
@@ -45,8 +29,8 @@ class Module(NamedTuple):
 
 # [DUMP], with the limits of the opening as delivered.
 MODULES = {
-    "schunk-egu": Module(EGU_60_M_B, 25.0, 1300.0, 2.9),
-    "schunk-egk": Module(EGK_25_M_B, 20.0, 0.0, 0.62),
+    "schunk-egu": Module(schunk.EGU_60_M_B, 25.0, 1300.0, 2.9),
+    "schunk-egk": Module(schunk.EGK_25_M_B, 20.0, 0.0, 0.62),
 }
 
 _COMMANDS = {
@@ -69,7 +53,7 @@ REACHED = Stop(Status.SUCCESS | Status.POSITION_REACHED)
 EMPTY = Stop(Status.NO_WORKPIECE)
 HELD = Stop(Status.SUCCESS | Status.GRIPPED)
 WRONG = Stop(Status.WRONG_WORKPIECE | Status.GRIPPED)
-BLOCKED = Stop(Status(0), MOVE_BLOCKED)
+BLOCKED = Stop(Status(0), schunk.MOVE_BLOCKED)
 
 
 class SchunkModel(Fingers):
@@ -111,7 +95,7 @@ class SchunkModel(Fingers):
         self._control, self._output = Control(0xFFFFFFFF), Output(Control(0xFFFFFFFF))
         self._status, self._warning, self._additional = Status(0), 0, 0
         self._halt()
-        self._fail(FAST_STOP)
+        self._fail(schunk.FAST_STOP)
 
     def _facts(self) -> dict[str, float | bytes]:
         module, profile = self.module, self.profile
@@ -201,7 +185,7 @@ class SchunkModel(Fingers):
         lost_s = self._heard_s + self._silence_s
         if lost_s < now_s and self._status & Status.READY:
             self.advance(lost_s)
-            self._fail(COMM_LOST)
+            self._fail(schunk.COMM_LOST)
         self._heard_s = now_s
 
     def _log(self, text: str) -> None:
@@ -241,7 +225,7 @@ class SchunkModel(Fingers):
         self._halt()
         self._error = code
         self._status = self._status & Status.RECEIVED_TOGGLE | Status.ERROR | Status.GPE_ACTIVE
-        self._log(ERRORS[code].sentence)
+        self._log(schunk.ERRORS[code].sentence)
 
     # -- commands ---------------------------------------------------------------------------------
 
@@ -251,53 +235,44 @@ class SchunkModel(Fingers):
         self._control, self._output = new, output
         risen = new & ~old
         if (old ^ new) & Control.REPEAT_TOGGLE:
-            risen |= new & MOTIONS
+            risen |= new & schunk.MOTIONS
         if not new & Control.NO_FAST_STOP:
             if old & Control.NO_FAST_STOP:
                 self._received()
-                self._fail(FAST_STOP)
+                self._fail(schunk.FAST_STOP)
         elif risen & Control.ACKNOWLEDGE:
             self._acknowledge()
         elif risen & Control.STOP:
             self._controlled_stop()
-        elif risen & MOTIONS:
-            self._command(
-                risen & MOTIONS,
-                inside=bool(new & Control.GRIP_FROM_INSIDE),
-                position_mm=output.position_um / 1000,
-                speed_mm_s=output.velocity_um_s / 1000,
-                percent=output.force_percent,
-            )
+        elif risen & schunk.MOTIONS:
+            self._command(risen & schunk.MOTIONS, output)
 
     def _obey_code(self, code: int) -> None:
         if code == Command.ACKNOWLEDGE:
             self._acknowledge()
         elif code == Command.FAST_STOP:
             self._received()
-            self._fail(FAST_STOP)
+            self._fail(schunk.FAST_STOP)
         elif code == Command.STOP:
             self._controlled_stop()
         elif code in _COMMANDS:
-            self._command(
-                _COMMANDS[Command(code)],
-                inside=bool(self._value("grp_dir")),
-                position_mm=self._value("set_pos"),
-                speed_mm_s=self._value("set_vel"),
-                percent=round(self._value("set_force")),
-            )
+            side = Control.GRIP_FROM_INSIDE if self._value("grp_dir") else Control(0)
+            place, speed = (round(1000 * self._value(name)) for name in ("set_pos", "set_vel"))
+            asked = Output(side, place, speed, round(self._value("set_force")))
+            self._command(_COMMANDS[Command(code)], asked)
 
     def _received(self) -> None:
-        self._status = (self._status ^ Status.RECEIVED_TOGGLE) & ~(OUTCOMES | Status.WARNING)
+        self._status = (self._status ^ Status.RECEIVED_TOGGLE) & ~(schunk.OUTCOMES | Status.WARNING)
         self._warning = self._additional = 0
 
     def _refuse(self, reason: int) -> None:
         self._halt()
         self._status |= Status.NOT_FEASIBLE | Status.WARNING
-        self._warning, self._additional = NOT_FEASIBLE_WARNING, reason
-        self._log(f"not feasible: {NOT_FEASIBLE[reason]}")
+        self._warning, self._additional = schunk.NOT_FEASIBLE_WARNING, reason
+        self._log(f"not feasible: {schunk.NOT_FEASIBLE[reason]}")
 
     def _acknowledge(self) -> None:
-        outcome = self._status & OUTCOMES
+        outcome = self._status & schunk.OUTCOMES
         self._received()
         if self._status & Status.ERROR:
             outcome = Status.GRIPPED if self._gripping else Status(0)
@@ -315,10 +290,10 @@ class SchunkModel(Fingers):
         self._halt()
         self._status |= REACHED.status
 
-    def _command(
-        self, command: Control, *, inside: bool, position_mm: float, speed_mm_s: float, percent: int
-    ) -> None:
-        """One of `MOTIONS`."""
+    def _command(self, command: Control, output: Output) -> None:
+        """One of `MOTIONS`, to the place, and with speed and force, of an output."""
+        position_mm, speed_mm_s = output.position_um / 1000, output.velocity_um_s / 1000
+        inside, percent = output.control & Control.GRIP_FROM_INSIDE, output.force_percent
         gripped = bool(self._status & Status.GRIPPED)
         under_way = self._ends_s < math.inf
         self._received()

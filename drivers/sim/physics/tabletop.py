@@ -177,11 +177,9 @@ class Vice(TableTop):
         """The first finger that touches stops both: the width (mm, as the encoder sees it), or None."""
         self.squeezes += 1
         needed_mm = self._needed(hand)
-        return (
-            None
-            if needed_mm is None
-            else needed_mm + self._noise.gauss(0.0, self.geometry.gripper.noise_um / 1000.0)
-        )
+        if needed_mm is None:
+            return None
+        return needed_mm + self._noise.gauss(0.0, self.geometry.gripper.noise_um / 1000.0)
 
     def gripped(self) -> None:
         """It stays where it is."""
