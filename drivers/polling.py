@@ -134,12 +134,8 @@ class PolledGripper(ABC, Generic[Seen, Target]):
         """What a reading says."""
 
     @abstractmethod
-    def _position(self, seen: Seen) -> int:
-        """Where the fingers are, in the device's steps."""
-
-    @abstractmethod
-    def _ended(self, seen: Seen, move: Move[Seen, Target]) -> bool:
-        """Whether a reading says that a move has ended, and does not contradict itself."""
+    def _rest(self, seen: Seen, move: Move[Seen, Target]) -> int | None:
+        """Where a move has ended, in the device's steps; None: not yet, or the reading contradicts itself."""
 
     @abstractmethod
     def _require_ready(self, seen: Seen, doing: str) -> None:
@@ -197,11 +193,11 @@ class PolledGripper(ABC, Generic[Seen, Target]):
         seen = self._until(lambda now: self._received(now, move), until, doing, self._require_ready)
         deadline, late = self._pace.deadline(move.budget_s), 0
         seen = self._past_stale(seen)
-        rest: list[Seen] = []
+        places: list[int] = []
         while True:
             self._require_obeyed(seen, "moving")
-            rest = [*rest, seen][-READINGS:] if self._ended(seen, move) else []
-            places = [self._position(one) for one in rest]
+            place = self._rest(seen, move)
+            places = [] if place is None else [*places, place][-READINGS:]
             if len(places) == READINGS and max(places) - min(places) <= self.spread:
                 return seen
             # Fingers that rest are read often enough even if this process was stopped past the deadline.
@@ -210,7 +206,7 @@ class PolledGripper(ABC, Generic[Seen, Target]):
                     "gripper not done moving in time, or its reading does not settle; last seen "
                     f"{self._sketch(seen)}"
                 )
-            if rest:
+            if places:
                 self._pace.pause(move.pause_s)
             else:
                 self._pace.idle(deadline)

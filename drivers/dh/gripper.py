@@ -147,13 +147,13 @@ class Gripper(PolledGripper[Reading, int]):
             current_ma=0,
         )
 
-    def _position(self, seen: Reading) -> int:
-        return seen.position
-
     def _moving(self, seen: Reading) -> bool:
         return seen.moving
 
-    def _ended(self, seen: Reading, move: Move[Reading, int]) -> bool:
+    def _rest(self, seen: Reading, move: Move[Reading, int]) -> int | None:
+        return seen.position if self._fits(seen, move) else None
+
+    def _fits(self, seen: Reading, move: Move[Reading, int]) -> bool:
         """Whether the grip state says so, and fits the position: a stale one mostly does not."""
         if seen.moving:
             return False

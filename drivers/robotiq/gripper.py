@@ -99,13 +99,13 @@ class Gripper(PolledGripper[Reading, int]):
             current_ma=seen.current_ma,
         )
 
-    def _position(self, seen: Reading) -> int:
-        return seen.position_counts
-
     def _moving(self, seen: Reading) -> bool:
         return seen.moving
 
-    def _ended(self, seen: Reading, move: Move[Reading, int]) -> bool:
+    def _rest(self, seen: Reading, move: Move[Reading, int]) -> int | None:
+        return seen.position_counts if self._fits(seen, move) else None
+
+    def _fits(self, seen: Reading, move: Move[Reading, int]) -> bool:
         """Whether gOBJ says so, and fits the count: a stale or stuck one mostly does not."""
         if seen.moving or not seen.going:
             return False

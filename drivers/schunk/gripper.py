@@ -172,13 +172,13 @@ class Gripper(PolledGripper[Input, Output]):
             current_ma=0,
         )
 
-    def _position(self, seen: Input) -> int:
-        return seen.position_um
-
     def _received(self, seen: Input, move: Move[Input, Output]) -> bool:
         return bool((seen.status ^ move.before.status) & Status.RECEIVED_TOGGLE)
 
-    def _ended(self, seen: Input, move: Move[Input, Output]) -> bool:
+    def _rest(self, seen: Input, move: Move[Input, Output]) -> int | None:
+        return seen.position_um if self._fits(seen, move) else None
+
+    def _fits(self, seen: Input, move: Move[Input, Output]) -> bool:
         """Whether the status says so, and of a width that it can tell of."""
         control, position_um = move.target.control, seen.position_um
         outcomes = GRIP_OUTCOMES if control & Control.GRIP else Status.POSITION_REACHED

@@ -99,16 +99,8 @@ class DhModel(Fingers):
         share = (self._here() - self._closed_mm) / learnt_mm
         return min(max(round(dh.FULL * share), 0), dh.FULL)
 
-    def opening_mm(self, now_s: float) -> float:
-        """True distance between the fingers."""
-        self.advance(now_s)
-        return self._here()
-
     def _states(self) -> Iterable[float]:
         return self._flag.moving_s, self._flag.outcome_s
-
-    def _met_at(self, width_mm: float) -> float:
-        return width_mm
 
     # -- mishaps ----------------------------------------------------------------------------------
 

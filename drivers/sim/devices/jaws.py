@@ -119,9 +119,14 @@ class Fingers(ABC):
         self._meets = False  # whether it ends there
         self._gripping = False
 
-    @abstractmethod
     def _met_at(self, width_mm: float) -> float:
-        """The position at which something so wide stops the fingers."""
+        """The position at which something so wide stops the fingers; a width itself."""
+        return width_mm
+
+    def opening_mm(self, now_s: float) -> float:
+        """True distance between the fingers."""
+        self.advance(now_s)
+        return self._here()
 
     @abstractmethod
     def _arrived(self) -> None:

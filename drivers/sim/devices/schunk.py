@@ -193,14 +193,6 @@ class SchunkModel(Fingers):
 
     # -- what the cell asks for -------------------------------------------------------------------
 
-    def opening_mm(self, now_s: float) -> float:
-        """True distance between the fingers."""
-        self.advance(now_s)
-        return self._here()
-
-    def _met_at(self, width_mm: float) -> float:
-        return width_mm
-
     # -- mishaps ----------------------------------------------------------------------------------
 
     def power_cycle(self, now_s: float) -> None:
