@@ -82,9 +82,9 @@ class ManualArm:
 
     def turn_range(self, x_mm: float, y_mm: float) -> tuple[float, float]:
         """A person's wrist is not counted."""
-        return (
-            (-math.inf, math.inf) if self._behind is None else self._behind.turn_range(x_mm, y_mm)
-        )
+        if self._behind is None:
+            return -math.inf, math.inf
+        return self._behind.turn_range(x_mm, y_mm)
 
     def obstacle(self, start: PoseOfHand, target: PoseOfHand) -> str:
         """Nothing is known against any way of a person."""
@@ -128,14 +128,12 @@ class ManualArm:
         straight = math.dist(before[:2], target[:2]) < SAME_MM and turn_rad < SAME_RAD
         risen_mm = z_mm - before[2]
         if straight and risen_mm > 0.0:
-            self._confirm(
-                f"Lift the hand straight up, {z_mm:.0f} mm above the table; press Enter", LIFT_S
-            )
+            height = f"{z_mm:.0f} mm above the table"
+            self._confirm(f"Lift the hand straight up, {height}; press Enter", LIFT_S)
             self._down = False
         elif straight and risen_mm < 0.0:
-            self._confirm(
-                f"Put the hand at {where}, the tips {z_mm:.1f} mm above the table; press Enter"
-            )
+            height = f"the tips {z_mm:.1f} mm above the table"
+            self._confirm(f"Put the hand at {where}, {height}; press Enter")
             self._down = True
         elif self._down:
             how = f"with the jaws as they are and no faster than {speed_mm_s:g} mm/s"

@@ -119,13 +119,8 @@ class Gripper(PolledGripper[Reading, int]):
     def _read(self) -> Reading:
         words = self._link.read()
         try:
-            return Reading(
-                Initialised(words[dh.INITIALISED]),
-                Grip(words[dh.GRIP]),
-                words[dh.ACTUAL_POSITION],
-                words[dh.POSITION],
-                dict(words),
-            )
+            states = Initialised(words[dh.INITIALISED]), Grip(words[dh.GRIP])
+            return Reading(*states, words[dh.ACTUAL_POSITION], words[dh.POSITION], dict(words))
         except ValueError as error:
             raise GripperFault(
                 f"gripper at {self._link.endpoint} is in no state that a DH gripper has ({error}); "

@@ -77,9 +77,7 @@ def pack(fields: tuple[Field, ...], values: Mapping[str, int]) -> bytes:
 
 def unpack(fields: tuple[Field, ...], block: bytes | bytearray) -> dict[str, int]:
     """Read named values out of a block of 6 bytes (or more: the rest is reserved)."""
-    return {
-        field.name: block[field.byte] >> field.shift & (1 << field.width) - 1 for field in fields
-    }
+    return {one.name: block[one.byte] >> one.shift & (1 << one.width) - 1 for one in fields}
 
 
 @dataclass(frozen=True, slots=True)

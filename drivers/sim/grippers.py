@@ -123,11 +123,8 @@ class RobotiqSimulator(Simulator):
         slave = MbapSlave(GripperRegisters(device, now, TCP), bench.line(checked=False))
         tcp = TcpPort(slave, lock, time, lambda: stop_jaws(device, now))
         urcap = UrcapPort(Urcap(device, now), lock)
-        others = {
-            "gripper_tcp": tcp.url,
-            "gripper_rtu_tcp": f"rtu+{rtu_tcp.url}",
-            "gripper_urcap": urcap.url,
-        }
+        others = {"gripper_tcp": tcp.url, "gripper_rtu_tcp": f"rtu+{rtu_tcp.url}"}
+        others["gripper_urcap"] = urcap.url
         servers = [*serial.servers, rtu_tcp, tcp, urcap]
         return serial._replace(servers=servers, others=others)
 

@@ -82,11 +82,8 @@ class Rtde:
         reply = self._ask("O", struct.pack(">d", FREQUENCY_HZ) + names)
         self._recipe, kinds = reply[:1], reply[1:].decode("latin-1").split(",")
         if kinds != list(FIELDS.values()):
-            odd = [
-                f"{name} ({kind})"
-                for name, kind in zip(FIELDS, kinds, strict=False)
-                if kind != FIELDS[name]
-            ]
+            pairs = zip(FIELDS, kinds, strict=False)
+            odd = [f"{name} ({kind})" for name, kind in pairs if kind != FIELDS[name]]
             lacks = shown(", ".join(odd)) or "the fields needed"
             raise RtdeError(f"the controller does not offer {lacks}; update PolyScope")
 

@@ -122,14 +122,12 @@ class Auditor:
             result = measure(picture, seen, self.calibration, (carried or subject).tag, predicted)
             if carried is None or carried is subject:
                 allowed = subject.poses_of(predicted)
-                answer = judge(
-                    subject.goal, allowed, result.pose, result.sigma_mm, result.sigma_rad
-                )
+                sigma = result.sigma_mm, result.sigma_rad
+                answer = judge(subject.goal, allowed, result.pose, *sigma)
             else:
                 answer = Answer(FAIL, f"it is {carried.name}, not {name}", result.pose)
-            answer = replace(
-                answer, moved_mm=moved_mm, hypothesis=None if carried is None else carried.name
-            )
+            carrier = None if carried is None else carried.name
+            answer = replace(answer, moved_mm=moved_mm, hypothesis=carrier)
         except ExpectedError as error:
             answer = Answer(UNKNOWN, str(error))
         if self.pictures is None or answer.verdict == PASS:

@@ -143,9 +143,8 @@ def run_camera(options: argparse.Namespace) -> Lines:
 
 def run_tag(options: argparse.Namespace) -> Lines:
     """Measure or state where a tag is on its part."""
-    tag = PartTag(
-        options.part, options.number, options.side, options.at or (0.0, 0.0, 0.0), options.height
-    )
+    at = options.at or (0.0, 0.0, 0.0)
+    tag = PartTag(options.part, options.number, options.side, at, options.height)
     usable(options.output, options.poses, options.calibration)
     if options.at is None:
         if options.poses is None or options.calibration is None:

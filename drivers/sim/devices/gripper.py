@@ -180,9 +180,8 @@ class GripperModel(Fingers):
 
     def _drive(self, target: float, speed_mm_s: float, *, meets: bool = True) -> None:
         speed = speed_mm_s * self.jaws.counts_per_mm
-        self._start(
-            target, speed, (robotiq.OBJ_AT_REQUEST, robotiq.OBJ_CONTACT_CLOSING), meets=meets
-        )
+        outcomes = robotiq.OBJ_AT_REQUEST, robotiq.OBJ_CONTACT_CLOSING
+        self._start(target, speed, outcomes, meets=meets)
 
     def _stand(self) -> None:
         shown = self._flag.at(self._now)
@@ -200,9 +199,8 @@ class GripperModel(Fingers):
             self._drive(float(self._legs.pop(0)), SWEEP_MM_S)
         elif self._status == robotiq.STA_ACTIVATING:
             self._status, self._fault = robotiq.STA_ACTIVE, 0
-            self._flag = ObjectFlag(
-                robotiq.OBJ_AT_REQUEST, self._now, robotiq.OBJ_AT_REQUEST, self._now
-            )
+            there, now_s = robotiq.OBJ_AT_REQUEST, self._now
+            self._flag = ObjectFlag(there, now_s, there, now_s)
             if self._request["rGTO"]:
                 self._go()
 

@@ -88,9 +88,7 @@ class SchunkModel(Fingers):
 
     def _power_up(self) -> None:
         """What the supply's failure leaves: the brake holds, every control bit reads as set ([DUMP])."""
-        self._settings = {
-            name: parameter.unpack(bytes(216)) for name, parameter in PARAMETERS.items()
-        }
+        self._settings = {name: one.unpack(bytes(216)) for name, one in PARAMETERS.items()}
         self._settings.update({name: (value,) for name, value in self._facts().items()})
         self._control, self._output = Control(0xFFFFFFFF), Output(Control(0xFFFFFFFF))
         self._status, self._warning, self._additional = Status(0), 0, 0

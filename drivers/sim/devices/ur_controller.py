@@ -118,11 +118,9 @@ class UrModel:
             "runtime_state": ("UINT32", (state,)),
             "target_speed_fraction": ("DOUBLE", (self.speed_fraction,)),
         }
-        record: Fields = {
-            f"output_int_register_{number}": ("INT32", (value,))
-            for number, value in self.registers.items()
-        }
-        return fields | record
+        for number, value in self.registers.items():
+            fields[f"output_int_register_{number}"] = ("INT32", (value,))
+        return fields
 
     def _tcp_at(self, now_s: float) -> Pose:
         """The active tool in the base frame."""

@@ -119,9 +119,8 @@ def load(tree: Path | None, job: Path | None, world: str | None) -> Setting:
         raise UsageError(
             f"{tree}: the table carries no job; give the job file (--job) or --world {REHEARSAL}"
         )
-    return _setting_of(_planner_job().from_canonical(table.job), world, factory)._replace(
-        pushing=pushing
-    )
+    setting = _setting_of(_planner_job().from_canonical(table.job), world, factory)
+    return setting._replace(pushing=pushing)
 
 
 def _setting_of(job: Any, world: str, factory: Callable[[Any, int], World]) -> Setting:
