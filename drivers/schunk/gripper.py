@@ -106,12 +106,10 @@ class Gripper(PolledGripper[Input, Output]):
     # -- the two double words ---------------------------------------------------------------------
 
     def _read(self) -> Input:
-        status, *rest = map(int, self._link.read("plc_sync_input"))
-        return Input(Status(status), *rest)
+        return Input.of(self._link.read("plc_sync_input"))
 
     def _asked(self) -> Output:
-        control, *rest = map(int, self._link.read("plc_sync_output"))
-        return Output(Control(control), *rest)
+        return Output.of(self._link.read("plc_sync_output"))
 
     def _thousandths(self, name: str) -> int:
         """A parameter in um or um/s."""

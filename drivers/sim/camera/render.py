@@ -94,9 +94,8 @@ def _draw(levels: Levels, optics: Optics, card: Card) -> None:
     for moment, (along, across, away) in _rays(optics, box, axes):
         eye = (optics.eye_mm - card.centre_mm - (moment - 0.5) * card.speed_mm) @ axes
         reach = np.float32(-eye[2]) / away
-        total += _tone(
-            card, reach * along + np.float32(eye[0]), reach * across + np.float32(eye[1]), behind
-        )
+        x, y = reach * along + np.float32(eye[0]), reach * across + np.float32(eye[1])
+        total += _tone(card, x, y, behind)
     behind[:] = total / (SAMPLES * SAMPLES)
 
 
@@ -116,10 +115,9 @@ def _outline(card: Card) -> Array:
     """Points all around a card and along its way, (n, 3)."""
     half_along, half_across = card.half_mm
     rim = np.concatenate([[(t, -1), (t, 1), (-1, t), (1, t)] for t in np.linspace(-1.0, 1.0, 9)])
-    points = (
-        card.centre_mm + rim[:, :1] * half_along * card.right + rim[:, 1:] * half_across * card.down
-    )
-    return np.concatenate([points - 0.5 * card.speed_mm, points + 0.5 * card.speed_mm])
+    way = rim[:, :1] * half_along * card.right + rim[:, 1:] * half_across * card.down
+    points, half = card.centre_mm + way, 0.5 * card.speed_mm
+    return np.concatenate([points - half, points + half])
 
 
 def _box(optics: Optics, points_mm: Array) -> tuple[slice, slice] | None:

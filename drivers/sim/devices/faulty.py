@@ -8,7 +8,7 @@ from drivers.abb.codec import Pose
 from drivers.dh import registers as dh
 from drivers.dh.registers import Grip
 from drivers.ports import MOST_COUNT
-from drivers.schunk.registers import OUTCOMES, PARAMETERS, Status, decode
+from drivers.schunk.registers import OUTCOMES, PARAMETERS, Input, Status
 from drivers.sim.devices.arm import Answer, ArmModel
 from drivers.sim.devices.dh import DhModel
 from drivers.sim.devices.gripper import GripperModel
@@ -191,7 +191,8 @@ class FaultySchunkModel(Failing, SchunkModel):
         data = super().read(name, now_s)
         if name != "plc_sync_input":
             return data
-        seen, stroke_um = decode(data), self.profile.stroke_um
+        seen = Input.of(PARAMETERS[name].unpack(data))
+        stroke_um = self.profile.stroke_um
         if (state := _state(faults, moving=not seen.status & OUTCOMES)) is not None:
             seen = seen._replace(status=seen.status & ~OUTCOMES | STATES[state])
         closed_um = self._misread(stroke_um - seen.position_um, faults, stroke_um)

@@ -144,8 +144,7 @@ class SchunkModel(Fingers):
         values = PARAMETERS[name].unpack(data)
         self._settings[name] = values
         if name == "plc_sync_output":
-            control, position, velocity, force = map(int, values)
-            self._obey(Output(Control(control), position, velocity, force))
+            self._obey(Output.of(values))
         elif name == "command_code":
             self._settings[name] = (0,)
             self._obey_code(int(values[0]))
