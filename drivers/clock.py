@@ -4,9 +4,8 @@ import threading
 import time
 from collections.abc import Callable
 
-LINK_TIMEOUT_S = (
-    0.5  # one transaction, wall time (Robotiq SDK connection_config; devices answer in ~5 ms)
-)
+# One transaction, wall time (Robotiq SDK connection_config; devices answer in ~5 ms).
+LINK_TIMEOUT_S = 0.5
 POLL_S = 0.005  # between two looks at a busy device: a 2F gripper refreshes at 200 Hz ([M16] p55)
 
 

@@ -20,9 +20,7 @@ from typing import Any, NamedTuple
 
 from drivers.clock import Clock, Pace
 from drivers.errors import PortError
-from drivers.links import no_report
-from drivers.ports import Answered, Arm, Gripper, GripperProfile, Report, Scene
-from drivers.robotiq.link import Link
+from drivers.ports import Answered, Arm, Gripper, GripperProfile, Report, Scene, no_report
 from runtime.shell.errors import ExpectedError
 
 TTY = "tty"  # the scheme of a port without one
@@ -42,7 +40,8 @@ GRIPPERS = Makes(
     "squeezetree.grippers",
     Gripper,
     {
-        **dict.fromkeys((TTY, "rtu+tcp", "tcp", "urcap"), "drivers.connect:robotiq_gripper"),
+        **dict.fromkeys((TTY, "rtu+tcp", "tcp"), "drivers.robotiq.modbus:gripper"),
+        "urcap": "drivers.robotiq.urcap:gripper",
         "can": "drivers.robotiq.canopen:gripper",
         "dh": "drivers.dh.gripper:gripper",
         "schunk": "drivers.schunk.gripper:gripper",
@@ -78,34 +77,6 @@ def gripper(
         GRIPPERS, port, Pace(Clock(), time_scale), report, read_only=read_only, profile=profile
     )
     return opened
-
-
-def robotiq_gripper(
-    port: str, pace: Pace, report: Report, *, read_only: bool, profile: GripperProfile | None
-) -> Gripper:
-    """A Robotiq gripper on a tty, behind a serial device server, with Modbus TCP, or behind its URCap."""
-    from drivers.robotiq import modbus, urcap
-    from drivers.robotiq.counts import Counts
-    from drivers.robotiq.frames import RTU, TCP
-    from drivers.robotiq.gripper import over
-    from drivers.stream import SerialStream, open_tcp, tcp_address
-
-    Counts(profile)  # refuses a gripper of another make before anything is opened
-    scheme, address = port.partition("://")[0], port.partition("?")[0]
-    link: Link
-    if scheme == "urcap":
-        link = urcap.UrcapLink(
-            open_tcp(*tcp_address(port, urcap.PORT), port, urcap.HINT), pace, report
-        )
-    elif scheme in ("tcp", "rtu+tcp"):
-        wiring = modbus.wiring_of(port, TCP if scheme == "tcp" else RTU)
-        host, number = tcp_address(address, modbus.TCP_PORT if scheme == "tcp" else 0)
-        stream = open_tcp(host, number, port, "check address, cable and power")
-        open_link = modbus.tcp_link if scheme == "tcp" else modbus.rtu_link
-        link = open_link(stream, pace, report, wiring)
-    else:
-        link = modbus.rtu_link(SerialStream(port, modbus.BAUD), pace, report)
-    return over(link, pace, report, read_only=read_only, profile=profile)
 
 
 def scan(port: str) -> Iterator[Answered]:

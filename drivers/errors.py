@@ -20,9 +20,8 @@ SHOWN = 60  # characters of what a device sent that a sentence shows
 def shown(sent: object) -> str:
     """What a device sent, bytes or text, for a sentence: shortened, and without control characters."""
     text = sent.decode("latin-1") if isinstance(sent, bytes) else str(sent)
-    plain = "".join(
-        letter if letter.isprintable() else ascii(letter)[1:-1] for letter in text[:SHOWN].strip()
-    )
+    letters = text[:SHOWN].strip()
+    plain = "".join(one if one.isprintable() else ascii(one)[1:-1] for one in letters)
     return plain if len(text) <= SHOWN else f"{plain}... ({len(text)} characters)"
 
 

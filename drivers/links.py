@@ -1,6 +1,6 @@
 """Links to a gripper, of any make and on any bus: repeated reads, reports of failures, deadlines."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from typing import TypeVar
 
 from drivers.clock import LINK_TIMEOUT_S, Pace
@@ -10,10 +10,6 @@ from drivers.stream import StalledError, Stream
 
 READ_TRIES = 3  # as the SDK: the link is down after 3 failures in a row
 Read = TypeVar("Read")
-
-
-def no_report(kind: str, fields: Mapping[str, object]) -> None:
-    """A report nobody reads."""
 
 
 class ReportingLink:
@@ -56,10 +52,13 @@ class StreamLink(ReportingLink):
         self._stream.close()
         self._lost = self._lost or "it was closed"
 
-    def _pieces(self) -> Iterator[bytes]:
-        """What comes until an answer is due; what is there already then counts: we may have been stopped."""
-        deadline = self._pace.now() + LINK_TIMEOUT_S
-        left = LINK_TIMEOUT_S
+    def _pieces(self, seconds: float = 0.0) -> Iterator[bytes]:
+        """What comes until an answer is due; what is there already then counts: we may have been stopped.
+
+        The device may take so many `seconds` of its own longer than a transaction.
+        """
+        left = LINK_TIMEOUT_S + seconds / self._pace.time_scale
+        deadline = self._pace.now() + left
         while left > 0.0:
             left = deadline - self._pace.now()
             piece = self._stream.receive(max(left, 0.0))

@@ -12,29 +12,17 @@ import sys
 import termios
 from contextlib import suppress
 
+from drivers import ports
 from drivers.clock import Pace
 from drivers.errors import ArmError, GripperFault, LinkError, PortError, ReadOnlyError
-from drivers.ports import (
-    TURN_RADIUS_MM,
-    Arm,
-    GripperProfile,
-    GripperState,
-    ObjectState,
-    PoseOfHand,
-    Report,
-    Settled,
-)
+from drivers.ports import TURN_RADIUS_MM, Arm, GripperProfile, GripperState, ObjectState, PoseOfHand
 from runtime.table import PROFILES
 
 ANSWER_S = 600.0  # a person may be called away
 LIFT_S = 60.0  # also asked for in a safe sequence, which is not to wait for long
 SAME_MM, SAME_RAD = 0.1, 0.01  # an arm behind reads itself back with so much room
-ALOFT: PoseOfHand = (
-    0.0,
-    0.0,
-    1000.0,
-    0.0,
-)  # where a hand is taken to be that was not asked for yet
+# Where a hand is taken to be that was not asked for yet.
+ALOFT: PoseOfHand = (0.0, 0.0, 1000.0, 0.0)
 
 
 class Person:
@@ -94,9 +82,9 @@ class ManualArm:
 
     def turn_range(self, x_mm: float, y_mm: float) -> tuple[float, float]:
         """A person's wrist is not counted."""
-        return (
-            (-math.inf, math.inf) if self._behind is None else self._behind.turn_range(x_mm, y_mm)
-        )
+        if self._behind is None:
+            return -math.inf, math.inf
+        return self._behind.turn_range(x_mm, y_mm)
 
     def obstacle(self, start: PoseOfHand, target: PoseOfHand) -> str:
         """Nothing is known against any way of a person."""
@@ -140,14 +128,12 @@ class ManualArm:
         straight = math.dist(before[:2], target[:2]) < SAME_MM and turn_rad < SAME_RAD
         risen_mm = z_mm - before[2]
         if straight and risen_mm > 0.0:
-            self._confirm(
-                f"Lift the hand straight up, {z_mm:.0f} mm above the table; press Enter", LIFT_S
-            )
+            height = f"{z_mm:.0f} mm above the table"
+            self._confirm(f"Lift the hand straight up, {height}; press Enter", LIFT_S)
             self._down = False
         elif straight and risen_mm < 0.0:
-            self._confirm(
-                f"Put the hand at {where}, the tips {z_mm:.1f} mm above the table; press Enter"
-            )
+            height = f"the tips {z_mm:.1f} mm above the table"
+            self._confirm(f"Put the hand at {where}, {height}; press Enter")
             self._down = True
         elif self._down:
             how = f"with the jaws as they are and no faster than {speed_mm_s:g} mm/s"
@@ -195,7 +181,7 @@ class ManualGripper:
         self.state()
         self._asked = width_um
 
-    def wait(self) -> Settled:
+    def wait(self) -> ports.Settled:
         """Ask for the opening to be set, or for the width that is read."""
         if self._asked is None:
             raise GripperFault("no move to wait for; call move() first")
@@ -209,7 +195,7 @@ class ManualGripper:
         elif not (self._was_asked and self._seen == _standing(ObjectState.AT_TARGET, asked, asked)):
             self._ask(f"Open the jaws to {asked / 1000:.1f} mm or a little more; press Enter")
             self._saw(ObjectState.AT_TARGET, asked, asked)
-        return Settled(self._seen.width_um, self._seen.object, 0, max(asked, 0), 0.0)
+        return ports.Settled(self._seen.width_um, self._seen.object, 0, max(asked, 0), 0.0)
 
     def stop(self) -> None:
         """The jaws are in somebody's hands."""
@@ -250,7 +236,7 @@ def _standing(state: ObjectState, target_um: int, width_um: int) -> GripperState
 def gripper(
     port: str,
     pace: Pace,
-    report: Report,
+    report: ports.Report,
     *,
     read_only: bool,
     profile: GripperProfile | None = None,

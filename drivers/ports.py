@@ -25,12 +25,15 @@ PoseOfHand = tuple[
     float, float, float, float
 ]  # x mm, y mm, z mm, angle rad, of the point between the tips
 MOST_COUNT = 255  # of a device that tells its widths as counts
-TURN_RADIUS_MM = (
-    160.0  # how far a hand, whose gripper nobody named, and what it holds reach from its axis
-)
+# How far a hand, whose gripper nobody named, and what it holds reach from its axis.
+TURN_RADIUS_MM = 160.0
 
 # Told of every retry and failure on a link, as kind and fields of a record: a journal's `record` fits.
 Report = Callable[[str, Mapping[str, object]], None]
+
+
+def no_report(kind: str, fields: Mapping[str, object]) -> None:
+    """A report nobody reads."""
 
 
 class ObjectState(IntEnum):
@@ -67,10 +70,8 @@ class GripperProfile:
     # link and offset of the arc that the tips move on, mm; a link alone: the offset has to be measured;
     # empty: they move straight
     arc_mm: tuple[float, ...] = ()
-    fingers_mm: tuple[float, float] = (
-        25.0,
-        10.0,
-    )  # usual fingertips: along x, and along y as they close
+    # Usual fingertips: along x, and along y as they close.
+    fingers_mm: tuple[float, float] = (25.0, 10.0)
     # What the device reads open and closed, if it counts from 0 to `MOST_COUNT`.
     counts: tuple[int, int] | None = None
     # How far it reaches from its axis, jaws open, its maker's fingers included.

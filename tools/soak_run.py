@@ -11,14 +11,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from drivers.dh import registers as dh
-from drivers.dh.gripper import Gripper as DhGripper
-from drivers.dh.link import RtuLink
 from drivers.ports import Gripper, Report
-from drivers.robotiq.gripper import Gripper as RobotiqGripper
-from drivers.robotiq.modbus import rtu_link
 from drivers.schunk import registers as schunk
-from drivers.schunk.gripper import Gripper as SchunkGripper
-from drivers.schunk.link import SchunkLink
 from drivers.sim import grippers
 from drivers.sim.faults import SCENE_KINDS, Listed, Seeded
 from drivers.sim.physics.scene import Setting
@@ -197,16 +191,11 @@ class WatchedSchunk(WatchedLink):
 
 def watched(cell: VirtualCell, watch: Watch, report: Report) -> tuple[Gripper, WatchedLink]:
     """The driver of the cell's gripper, with a watch on its link."""
-    profile, pace, stream = cell.works.profile, cell.pace, cell.serial()
-    link: Any
-    if cell.works.simulator is grippers.DH:
-        link = WatchedDh(RtuLink(stream, pace, report), watch)
-        return DhGripper(link, pace, report, profile), link
-    if cell.works.simulator is grippers.SCHUNK:
-        link = WatchedSchunk(SchunkLink(stream, pace, report, read_only=False), watch)
-        return SchunkGripper(link, pace, report, profile), link
-    link = WatchedRobotiq(rtu_link(stream, pace, report), watch)
-    return RobotiqGripper(link, pace, report, profile), link
+    simulator, pace = cell.works.simulator, cell.pace
+    kinds = {id(grippers.DH): WatchedDh, id(grippers.SCHUNK): WatchedSchunk}
+    kind = kinds.get(id(simulator), WatchedRobotiq)
+    link = kind(simulator.link(cell.serial(), pace, report), watch)
+    return simulator.gripper(link, pace, report, cell.works.profile), link
 
 
 class Records:

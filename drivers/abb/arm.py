@@ -22,9 +22,8 @@ STALE_S = 0.2  # and a stale acknowledgement follows at once
 ANSWER_S = 2.0  # commands that do not move
 STARVED_S = 2.0  # wall: what a simulated controller may be kept from running for
 QUIET_S = 0.01  # wall: a reply that may go on is whole when nothing follows it for so long
-LATE_LOOKS = (
-    3  # past a deadline, at what is there already: this process may have been stopped meanwhile
-)
+# Past a deadline, at what is there already: this process may have been stopped meanwhile.
+LATE_LOOKS = 3
 CONNECT_TRIES = 3
 
 
@@ -111,9 +110,7 @@ class Arm(UprightArm):
         line = codec.command(code, *numbers)
         message = repr(line.decode())
         if self._setup.read_only and code not in codec.HARMLESS:
-            raise ReadOnlyError(
-                f"a dry run was about to send {message} to the arm at {self.endpoint}"
-            )
+            raise ReadOnlyError(f"a dry run was about to send {message} to arm {self.endpoint}")
         try:
             # After an interrupt the server may still be busy with the last command: it cannot listen before.
             reply = None

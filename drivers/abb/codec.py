@@ -24,12 +24,8 @@ HARMLESS = frozenset(
 )  # neither move anything nor change a setting
 
 # Code -> how many fields its reply carries. 98 answers free text and is left out.
-REPLY_FIELDS = dict.fromkeys((0, 1, 2, 6, 7, 8, 9, 30, 31, 33, 34, 35, 36), 0) | {
-    3: 7,
-    4: 6,
-    5: 6,
-    32: 1,
-}
+REPLY_FIELDS = dict.fromkeys((0, 1, 2, 6, 7, 8, 9, 30, 31, 33, 34, 35, 36), 0)
+REPLY_FIELDS |= {3: 7, 4: 6, 5: 6, 32: 1}
 REPLY_DECIMALS = {READ_POSE: 3, READ_JOINTS: 2}  # of the last number, as NumToStr is asked for
 
 Quaternion = tuple[float, float, float, float]
@@ -73,9 +69,7 @@ def number(value: float, decimals: int) -> str:
         ProtocolError: it is not finite, or larger than anything an arm is told.
     """
     if not math.isfinite(value) or abs(value) >= MAX_MAGNITUDE:
-        raise ProtocolError(
-            f"{value} cannot be sent to the arm; give one below {MAX_MAGNITUDE:.0f}"
-        )
+        raise ProtocolError(f"{value} cannot be sent to the arm; stay below {MAX_MAGNITUDE:.0f}")
     text = f"{value:.{decimals}f}"
     return text[1:] if float(text) == 0.0 and text.startswith("-") else text
 

@@ -6,15 +6,10 @@ Poses are (x, y, z, (w, x, y, z)), mm and unit quaternions; joints in degrees.
 import math
 from collections.abc import Iterator
 
-from drivers.abb.codec import Pose, Quaternion
+from drivers.abb.codec import IDENTITY, Pose, Quaternion
 
-BASE_TO_SHOULDER, UPPER_ARM, ELBOW_OFFSET, FOREARM, WRIST_TO_FLANGE = (
-    290.0,
-    270.0,
-    70.0,
-    302.0,
-    72.0,
-)
+BASE_TO_SHOULDER, UPPER_ARM, ELBOW_OFFSET = 290.0, 270.0, 70.0
+FOREARM, WRIST_TO_FLANGE = 302.0, 72.0
 LAST_AXIS_DEG = (-400.0, 400.0)
 LIMITS_DEG = ((-165, 165), (-110, 110), (-110, 70), (-160, 160), (-120, 120), LAST_AXIS_DEG)
 IN_LINE = 1e-5  # sine of axis 5 below which axes 4 and 6 count as one (SingArea \\Wrist)
@@ -102,17 +97,15 @@ def forward(joints_deg: Joints) -> Pose:
         (1, j5, (0.0, 0.0, 0.0)),
         (0, j6, (WRIST_TO_FLANGE, 0.0, 0.0)),
     ):
-        at = compose(
-            compose(at, Pose(0.0, 0.0, 0.0, _about(axis, angle))), Pose(*link, (1.0, 0.0, 0.0, 0.0))
-        )
+        at = compose(at, Pose(0.0, 0.0, 0.0, _about(axis, angle)))
+        at = compose(at, Pose(*link, IDENTITY.rotation))
     return Pose(*at[:3], multiply(at.rotation, _FLANGE))
 
 
 def within_limits(joints_deg: Joints) -> bool:
     """Whether every axis is inside its working range."""
-    return all(
-        low <= angle <= high for angle, (low, high) in zip(joints_deg, LIMITS_DEG, strict=True)
-    )
+    axes = zip(joints_deg, LIMITS_DEG, strict=True)
+    return all(low <= angle <= high for angle, (low, high) in axes)
 
 
 def inverse(flange: Pose) -> Joints | None:
@@ -130,10 +123,8 @@ def track(
     path, turn = math.dist(start[:3], target[:3]), turn_between(start.rotation, target.rotation)
     steps = max(math.ceil(path * share / STEP_MM), math.ceil(turn * share / STEP_RAD), 1)
     for number in range(1, steps + 1):
-        ways = [
-            _unwound(way, joints_deg)
-            for way in _solutions(between(start, target, share * number / steps))
-        ]
+        place = between(start, target, share * number / steps)
+        ways = [_unwound(way, joints_deg) for way in _solutions(place)]
         if not ways:
             yield None
             return
@@ -143,10 +134,8 @@ def track(
 
 def _unwound(joints_deg: Joints, before_deg: Joints) -> Joints:
     """The same place by the joints nearest to those before, whole turns counted."""
-    return tuple(
-        joint + 360.0 * round((before - joint) / 360.0)
-        for joint, before in zip(joints_deg, before_deg, strict=True)
-    )
+    pairs = zip(joints_deg, before_deg, strict=True)
+    return tuple(joint + 360.0 * round((before - joint) / 360.0) for joint, before in pairs)
 
 
 def _solutions(flange: Pose) -> list[Joints]:
@@ -160,9 +149,8 @@ def _solutions(flange: Pose) -> list[Joints]:
         return []
     cosine = (UPPER_ARM**2 + distance**2 - _REACH**2) / (2.0 * UPPER_ARM * distance)
     elevation = math.atan2(height, radius) + math.acos(max(-1.0, min(1.0, cosine)))
-    forearm = math.atan2(
-        height - UPPER_ARM * math.sin(elevation), radius - UPPER_ARM * math.cos(elevation)
-    )
+    up, out_mm = UPPER_ARM * math.sin(elevation), UPPER_ARM * math.cos(elevation)
+    forearm = math.atan2(height - up, radius - out_mm)
     j1, j2, pitch = math.atan2(y, x), math.pi / 2.0 - elevation, _LIFT - forearm
     wrist = multiply(conjugate(multiply(_about(2, j1), _about(1, pitch))), rotation)
     arm = (j1, j2, math.remainder(pitch - j2, 2.0 * math.pi))
@@ -171,9 +159,8 @@ def _solutions(flange: Pose) -> list[Joints]:
 
 def _wrist_angles(wrist: Quaternion) -> list[Vector]:
     """Both ways to write a rotation as X-Y-X turns, the one with less turn of axis 4 first."""
-    along, side, up = (
-        rotate(wrist, axis) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-    )
+    axes: tuple[Vector, ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    along, side, up = (rotate(wrist, axis) for axis in axes)
     bend = math.acos(max(-1.0, min(1.0, along[0])))
     if math.sin(bend) < IN_LINE:  # axes 4 and 6 in line: leave 4 at zero
         return [(0.0, bend, math.atan2(side[2], side[1]))]

@@ -18,7 +18,8 @@ from drivers.clock import Pace
 from drivers.errors import ArmError, ReadOnlyError, shown
 from drivers.stream import open_tcp, tcp_address
 
-TASK, MODULE, ROUTINE, UNIT = "T_ROB1", "SqueezeTree", "SqueezeTreeMain", "ROB_1"
+TASK, MODULE, ROUTINE = "T_ROB1", "SqueezeTree", "SqueezeTreeMain"
+MECHANICS = "/rw/motionsystem/mechunits/ROB_1"
 VERSION = "1"
 SYMBOL = f"/rw/rapid/symbol/RAPID/{TASK}/{MODULE}"
 POINTER = f"/rw/rapid/tasks/{TASK}/pcp"
@@ -70,12 +71,7 @@ class Arm(UprightArm):
         self._rws.close()
 
     def _read_hand(self) -> Pose:
-        seen = self._look(
-            f"/rw/motionsystem/mechunits/{UNIT}/cartesian",
-            tool="tool0",
-            wobj="wobj0",
-            coordinate="Base",
-        )
+        seen = self._look(f"{MECHANICS}/cartesian", tool="tool0", wobj="wobj0", coordinate="Base")
         x, y, z, *turn = _numbers(seen, "x", "y", "z", "q1", "q2", "q3", "q4")
         length = math.hypot(*turn)
         if abs(length - 1.0) > 0.01:
@@ -85,7 +81,7 @@ class Arm(UprightArm):
         return compose(invert(self._table), compose(flange, self._setup.tool))
 
     def _read_last_axis(self) -> float:
-        seen = self._look(f"/rw/motionsystem/mechunits/{UNIT}/jointtarget")
+        seen = self._look(f"{MECHANICS}/jointtarget")
         return math.radians(_numbers(seen, "rax_6")[0])
 
     def _set_speed(self, speed_mm_s: float, turn_rad_s: float) -> None:
@@ -127,9 +123,7 @@ class Arm(UprightArm):
         if mode.upper() != "AUTO":
             return f"the controller is in mode {shown(mode)}; switch it to automatic"
         if motors != "motoron":
-            return (
-                f"the controller is in state {shown(motors)}; put it right and switch the motors on"
-            )
+            return f"the controller is in state {shown(motors)}; put it right, with motors on"
         if self._runs() and (module := self._pointer()[0]) not in (None, MODULE):
             return f"module {shown(module)} runs on the controller; stop it first"
         return ""

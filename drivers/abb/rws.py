@@ -84,9 +84,7 @@ class Rws:
         """
         body = urlencode(form, quote_via=quote)
         if self._read_only:
-            raise ReadOnlyError(
-                f"a dry run was about to send {path} {body!r} to the arm at {self._host}"
-            )
+            raise ReadOnlyError(f"a dry run was about to send {path} {body!r} to arm {self._host}")
         self._request("POST", path + ("?" + urlencode(query) if query else ""), body)
 
     def close(self) -> None:
@@ -105,9 +103,7 @@ class Rws:
                 f"the controller refuses the user {self._user[0]!r}; set {USER} and {PASSWORD}"
             )
         if not 200 <= status < 300:
-            raise RwsError(
-                f"the controller answered {method} {target} by {status}: {_message(text)}"
-            )
+            raise RwsError(f"the controller answered {method} {target}: {status}, {_message(text)}")
         return text
 
     def _exchange(
@@ -115,9 +111,7 @@ class Rws:
     ) -> tuple[int, http.client.HTTPMessage, str]:
         headers = {"Accept": ACCEPT, "Authorization": self._authorization(method, target)}
         if self._cookies:
-            headers["Cookie"] = "; ".join(
-                f"{name}={value}" for name, value in self._cookies.items()
-            )
+            headers["Cookie"] = "; ".join(f"{key}={value}" for key, value in self._cookies.items())
         if method == "POST":
             headers["Content-Type"] = FORM
         try:

@@ -16,9 +16,8 @@ from drivers.errors import ArmError
 from drivers.ports import TURN_RADIUS_MM, PoseOfHand
 
 MOVE_MARGIN_S = 3.0  # acceleration, fine point, network
-MOST_TURN_RAD = (
-    3.0  # in one motion: the controller turns the shortest way, at half a turn it may be either
-)
+# In one motion: the controller turns the shortest way, at half a turn it may be either.
+MOST_TURN_RAD = 3.0
 Read = TypeVar("Read")
 
 
@@ -156,11 +155,8 @@ class UprightArm(ABC):
             )
         self._set_speed(speed_mm_s, speed_mm_s / radius_mm)
         self._at, self._wrist_is_fresh = None, False
-        path_mm, turn_rad = (
-            math.dist(start[:3], target[:3]),
-            abs(target.angle_rad - start.angle_rad),
-        )
-        travel_s = max(path_mm, radius_mm * turn_rad) / speed_mm_s
+        turn_rad = abs(target.angle_rad - start.angle_rad)
+        travel_s = max(math.dist(start[:3], target[:3]), radius_mm * turn_rad) / speed_mm_s
         self._drive(target, travel_s * 1.5 + MOVE_MARGIN_S)
         self._at, self._angle_rad = target, target.angle_rad
 

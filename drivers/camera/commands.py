@@ -15,7 +15,7 @@ QUIET = {"OPENCV_LOG_LEVEL": "OFF", "OPENCV_FFMPEG_LOGLEVEL": "-8"}
 
 def audit(arguments: Sequence[str] | None = None) -> int:
     """grasp-audit: `report` and `study` from journals alone, `judge` with a camera."""
-    words = list(sys.argv[1:] if arguments is None else arguments)
+    words = _words(arguments)
     if words and words[0] in FROM_JOURNALS:
         return int(import_module(FROM_JOURNALS[words[0]]).main(words[1:]))
     return _run("grasp-audit", AUDIT, words)
@@ -23,9 +23,11 @@ def audit(arguments: Sequence[str] | None = None) -> int:
 
 def calibrate(arguments: Sequence[str] | None = None) -> int:
     """grasp-calibrate camera, tag and pictures."""
-    return _run(
-        "grasp-calibrate", CALIBRATE, list(sys.argv[1:] if arguments is None else arguments)
-    )
+    return _run("grasp-calibrate", CALIBRATE, _words(arguments))
+
+
+def _words(arguments: Sequence[str] | None) -> list[str]:
+    return list(sys.argv[1:] if arguments is None else arguments)
 
 
 def _run(command: str, module: str, words: Sequence[str]) -> int:

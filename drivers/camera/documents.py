@@ -28,12 +28,9 @@ def save(path: Path, kind: str, body: Mapping[str, Any]) -> None:
         OutputError: it cannot be written.
     """
     document = {"kind": kind, "version": VERSION, **body}
-    text = (
-        json.dumps({**document, "sha256": strict_json.digest(document)}, indent=1, allow_nan=False)
-        + "\n"
-    )
+    signed = {**document, "sha256": strict_json.digest(document)}
     with writing(path) as draft:
-        draft.write_text(text, encoding="ascii")
+        draft.write_text(json.dumps(signed, indent=1, allow_nan=False) + "\n", encoding="ascii")
 
 
 def read(path: Path, kind: str, remedy: str, parse: Callable[[dict[str, Any]], T]) -> T:

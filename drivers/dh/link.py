@@ -5,33 +5,15 @@ turn, so an answer that comes too late is mostly passed over; device logic belie
 """
 
 from collections.abc import Mapping
-from typing import Protocol
 
 from pymodbus.pdu.register_message import ReadHoldingRegistersRequest, WriteSingleRegisterRequest
 
 from drivers.clock import Pace
 from drivers.dh.registers import CONTROL, STATUS, UNIT
-from drivers.errors import ReadOnlyError
-from drivers.links import no_report
 from drivers.modbus.framing import RtuFraming
 from drivers.modbus.master import Master
-from drivers.ports import Report
+from drivers.ports import Report, no_report
 from drivers.stream import Stream
-
-
-class Link(Protocol):
-    """The registers of one gripper."""
-
-    endpoint: str
-
-    def read(self) -> Mapping[int, int]:
-        """Control registers and states; may repeat itself."""
-
-    def write(self, register: int, value: int) -> None:
-        """Write one register exactly once; whether it arrived is unknown after a LinkTimeout."""
-
-    def close(self) -> None:
-        """Give the link up without moving anything."""
 
 
 class RtuLink(Master):
@@ -61,18 +43,3 @@ class RtuLink(Master):
             words |= enumerate(self.transact(request).registers, first)
             self._check_in_time()
         return words
-
-
-class ReadOnlyLink:
-    """The registers without a way to write: frames of a write are never built. Owns the link."""
-
-    def __init__(self, link: Link) -> None:
-        self.endpoint = link.endpoint
-        self.read, self.close = link.read, link.close
-
-    def write(self, register: int, value: int) -> None:
-        """Refuse, by a ReadOnlyError."""
-        raise ReadOnlyError(
-            f"a dry run was about to write {value} to register 0x{register:04X} of the gripper at "
-            f"{self.endpoint}"
-        )

@@ -2,6 +2,7 @@
 
 from drivers.dh.registers import FULL, LEAST_FORCE, LEAST_SPEED, MOST
 from drivers.errors import PortError
+from drivers.polling import setting
 from drivers.ports import GripperProfile
 from runtime.table import PROFILES
 
@@ -32,7 +33,7 @@ class Scale:
 
     def speed(self, speed_mm_s: float) -> int:
         """The fastest setting that is not faster."""
-        return _setting(speed_mm_s, *self.profile.speed_mm_s, LEAST_SPEED)
+        return setting(speed_mm_s, self.profile.speed_mm_s, LEAST_SPEED, MOST)
 
     def speed_mm_s(self, percent: int) -> float:
         """Rate of the width at a setting."""
@@ -41,9 +42,4 @@ class Scale:
 
     def force(self, force_n: float) -> int:
         """The strongest setting that is not stronger."""
-        return _setting(force_n, *self.profile.force_n, LEAST_FORCE)
-
-
-def _setting(value: float, least: float, most: float, first: int) -> int:
-    value, least, most = round(1000 * value), round(1000 * least), round(1000 * most)
-    return min(max(first + (value - least) * (MOST - first) // (most - least), first), MOST)
+        return setting(force_n, self.profile.force_n, LEAST_FORCE, MOST)

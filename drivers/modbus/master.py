@@ -6,9 +6,9 @@ from pymodbus.pdu import ModbusPDU
 
 from drivers.clock import LINK_TIMEOUT_S, Pace
 from drivers.errors import LinkError, LinkTimeout
-from drivers.links import StreamLink, no_report
+from drivers.links import StreamLink
 from drivers.modbus.framing import MAX_BUFFER, Framing
-from drivers.ports import Report
+from drivers.ports import Report, no_report
 from drivers.stream import Stream
 
 GAP_S = 0.005  # between two requests: grippers refresh at 200 Hz, or slower

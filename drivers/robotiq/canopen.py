@@ -19,9 +19,9 @@ from urllib.parse import parse_qsl
 
 from drivers.clock import LINK_TIMEOUT_S, Pace
 from drivers.errors import LinkError, LinkTimeout, PortError, shown
-from drivers.links import ReportingLink, no_report
-from drivers.ports import GripperProfile, Report
-from drivers.robotiq.gripper import Gripper, over
+from drivers.links import ReportingLink
+from drivers.ports import GripperProfile, Report, no_report
+from drivers.robotiq.gripper import Gripper
 from drivers.robotiq.registers import BLOCK_BYTES
 
 if TYPE_CHECKING:
@@ -119,9 +119,7 @@ class CanLink(ReportingLink):
             raise self._silent(index, byte) from error
         except (can.CanError, OSError) as error:
             self._lost = "the bus broke"
-            raise LinkError(
-                f"gripper link {self.endpoint} broke ({shown(error)}); check the bus"
-            ) from error
+            raise LinkError(f"gripper link {self.endpoint} broke: {shown(error)}") from error
         return reply
 
     def _silent(self, index: int, byte: int) -> LinkTimeout:
@@ -133,12 +131,7 @@ class CanLink(ReportingLink):
 
 
 def gripper(
-    port: str,
-    pace: Pace,
-    report: Report,
-    *,
-    read_only: bool,
-    profile: GripperProfile | None = None,
+    port: str, pace: Pace, report: Report, *, read_only: bool, profile: GripperProfile | None = None
 ) -> Gripper:
     """Open `can:channel?setting=value&...`; the node is started, unless `read_only`.
 
@@ -148,7 +141,7 @@ def gripper(
     """
     where = parse(port)
     link = CanLink(_network(port, where, read_only=read_only), where, port, report)
-    return over(link, pace, report, read_only=read_only, profile=profile)
+    return Gripper.over(link, pace, report, profile, read_only=read_only)
 
 
 def parse(port: str) -> CanMap:
@@ -168,9 +161,7 @@ def parse(port: str) -> CanMap:
             raise PortError(f"port {port}: {key}={text} is not understood; there are {known}")
     where = CanMap(name, **settings)
     if not name or not 0 < where.node < 128:
-        raise PortError(
-            f"port {port}: name a channel and a node of 1 to 127, e.g. can:can0?node=11"
-        )
+        raise PortError(f"port {port}: name a channel and a node of 1 to 127, as can:can0?node=11")
     return where
 
 
@@ -189,9 +180,7 @@ def _network(port: str, where: CanMap, *, read_only: bool) -> "canopen.Network":
     try:
         network.connect(interface=where.interface, channel=where.channel, **options)
     except (can.CanError, OSError, ValueError) as error:
-        raise PortError(
-            f"port {port} cannot be opened ({shown(error)}); check `ip link`"
-        ) from error
+        raise PortError(f"port {port} cannot be opened: {shown(error)}; check `ip link`") from error
     if not read_only:  # the one thing sent before any request; it makes no node move
         network.send_message(0, bytes((1, where.node)))
     return network

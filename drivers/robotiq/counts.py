@@ -1,6 +1,7 @@
 """Counts of the registers and the widths, speeds and forces that they mean: linear over 0 to 255."""
 
 from drivers.errors import PortError
+from drivers.polling import setting
 from drivers.ports import MOST_COUNT, GripperProfile
 from runtime.table import PROFILES
 
@@ -39,13 +40,8 @@ class Counts:
 
     def speed(self, speed_mm_s: float) -> int:
         """The fastest setting that is not faster."""
-        return _setting(speed_mm_s, *self.profile.speed_mm_s)
+        return setting(speed_mm_s, self.profile.speed_mm_s, 0, CLOSED)
 
     def force(self, force_n: float) -> int:
         """The strongest setting that is not stronger."""
-        return _setting(force_n, *self.profile.force_n)
-
-
-def _setting(value: float, least: float, most: float) -> int:
-    value, least, most = round(1000 * value), round(1000 * least), round(1000 * most)
-    return min(max((value - least) * CLOSED // (most - least), 0), CLOSED)
+        return setting(force_n, self.profile.force_n, 0, CLOSED)

@@ -2,8 +2,6 @@
 
 from typing import Protocol
 
-from drivers.errors import ReadOnlyError
-
 
 class Link(Protocol):
     """The two register blocks, on whatever bus.
@@ -22,17 +20,3 @@ class Link(Protocol):
 
     def close(self) -> None:
         """Give the link up without moving anything."""
-
-
-class ReadOnlyLink:
-    """The two register blocks without a way to write: frames of a write are never built. Owns the link."""
-
-    def __init__(self, link: Link) -> None:
-        self.endpoint = link.endpoint
-        self.read, self.close = link.read, link.close
-
-    def write(self, block: bytes) -> None:
-        """Refuse, by a ReadOnlyError."""
-        raise ReadOnlyError(
-            f"a dry run was about to write {block.hex()} to the gripper at {self.endpoint}"
-        )

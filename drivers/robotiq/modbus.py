@@ -16,13 +16,14 @@ from pymodbus.pdu import ModbusPDU
 
 from drivers.clock import Pace
 from drivers.errors import LinkError, LinkTimeout, PortError
-from drivers.links import no_report
 from drivers.modbus.framing import MAX_BUFFER, Framing, RtuFraming, TcpFraming
 from drivers.modbus.master import Master
-from drivers.ports import Answered, Report
+from drivers.ports import Answered, GripperProfile, Report, no_report
+from drivers.robotiq.counts import Counts
 from drivers.robotiq.frames import RTU, TCP, Wiring, read_request, write_request
+from drivers.robotiq.gripper import Gripper
 from drivers.robotiq.registers import BLOCK_BYTES
-from drivers.stream import SerialStream, Stream
+from drivers.stream import SerialStream, Stream, open_tcp, tcp_address
 
 BAUD = 115200
 SCAN_BAUDS = (115200, 57600, 38400, 19200, 9600)  # what a 2F can be set to ([M16] p55)
@@ -81,11 +82,27 @@ def rtu_link(
     return ModbusLink(stream, RtuFraming(), wiring, pace, report)
 
 
-def tcp_link(
-    stream: Stream, pace: Pace, report: Report = no_report, wiring: Wiring = TCP
-) -> ModbusLink:
-    """Modbus TCP."""
-    return ModbusLink(stream, TcpFraming(), wiring, pace, report)
+def gripper(
+    port: str, pace: Pace, report: Report, *, read_only: bool, profile: GripperProfile | None
+) -> Gripper:
+    """A Robotiq gripper on a tty, behind a serial device server (`rtu+tcp://`), or with Modbus TCP (`tcp://`).
+
+    Raises:
+        PortError: the port cannot be opened or is not understood, or the profile is of another make.
+        LinkError: nobody answers.
+    """
+    Counts(profile)  # before anything is opened
+    scheme, separator, _ = port.partition("://")
+    tcp, wiring = scheme == "tcp", RTU
+    stream: Stream
+    if separator:
+        wiring = wiring_of(port, TCP if tcp else RTU)
+        address = tcp_address(port.partition("?")[0], TCP_PORT if tcp else 0)
+        stream = open_tcp(*address, port, "check address, cable and power")
+    else:
+        stream = SerialStream(port, BAUD)
+    link = ModbusLink(stream, TcpFraming() if tcp else RtuFraming(), wiring, pace, report)
+    return Gripper.over(link, pace, report, profile, read_only=read_only)
 
 
 def wiring_of(port: str, usual: Wiring) -> Wiring:
@@ -95,9 +112,8 @@ def wiring_of(port: str, usual: Wiring) -> Wiring:
         PortError: a setting is not understood, or stated twice.
     """
     block = range(0x10000 - MOST_REGISTERS + 1)
-    units = (
-        range(1, 248) if usual is RTU else range(256)
-    )  # on a bus 0 speaks to all, and nobody answers
+    # On a bus 0 speaks to all, and nobody answers.
+    units = range(1, 248) if usual is RTU else range(256)
     allowed = {"unit": units, "output": block, "input": block, "function": (3, 4)}
     settings: dict[str, int] = {}
     for key, text in parse_qsl(port.partition("?")[2], keep_blank_values=True):

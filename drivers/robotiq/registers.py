@@ -27,13 +27,7 @@ OUTPUT_FIELDS = (
     Field("rACT", 0, 0, 1, "[M16] p43 ACTION REQUEST: 1 activates, 0 resets and clears faults"),
     Field("rGTO", 0, 3, 1, "[M16] p43 ACTION REQUEST: 1 goes to rPR, 0 stops"),
     Field("rATR", 0, 4, 1, "[M16] p43 ACTION REQUEST: 1 releases slowly, then fault 0x0F"),
-    Field(
-        "rARD",
-        0,
-        5,
-        1,
-        "[M18] p62 ACTION REQUEST: auto-release 0 closes, 1 opens (2F-200: the reverse)",
-    ),
+    Field("rARD", 0, 5, 1, "[M18] p62: auto-release 0 closes, 1 opens (2F-200: the reverse)"),
     Field("rPR", 3, 0, 8, "[M18] p62 POSITION REQUEST: 0 open, 255 closed"),
     Field("rSP", 4, 0, 8, "[M18] p62 SPEED: 0 slowest, 255 fastest"),
     Field("rFR", 5, 0, 8, "[M18] p62 FORCE: 0 weakest, 255 strongest"),
@@ -42,17 +36,9 @@ OUTPUT_FIELDS = (
 # Gripper -> host.
 INPUT_FIELDS = (
     Field("gACT", 0, 0, 1, "[M18] p62 GRIPPER STATUS: echo of rACT"),
-    Field(
-        "gGTO", 0, 3, 1, "[M18] p62 GRIPPER STATUS: echo of rGTO; 0 while activating or releasing"
-    ),
+    Field("gGTO", 0, 3, 1, "[M18] p62: echo of rGTO; 0 while activating or releasing"),
     Field("gSTA", 0, 4, 2, "[M18] p62 GRIPPER STATUS: 0 reset, 1 activating, 3 active"),
-    Field(
-        "gOBJ",
-        0,
-        6,
-        2,
-        "[M18] p62 GRIPPER STATUS: 0 moving, 1 contact opening, 2 contact closing, 3 at rPR",
-    ),
+    Field("gOBJ", 0, 6, 2, "[M18] p62: 0 moving, 1 contact opening, 2 contact closing, 3 at rPR"),
     Field("gFLT", 2, 0, 4, "[SDK] fault_status.hpp: gripper fault, equality and not bit flags"),
     Field("kFLT", 2, 4, 4, "[SDK] fault_status.hpp: fault of the Universal Controller"),
     Field("gPR", 3, 0, 8, "[M18] p62 echo of rPR"),
@@ -91,9 +77,7 @@ def pack(fields: tuple[Field, ...], values: Mapping[str, int]) -> bytes:
 
 def unpack(fields: tuple[Field, ...], block: bytes | bytearray) -> dict[str, int]:
     """Read named values out of a block of 6 bytes (or more: the rest is reserved)."""
-    return {
-        field.name: block[field.byte] >> field.shift & (1 << field.width) - 1 for field in fields
-    }
+    return {one.name: block[one.byte] >> one.shift & (1 << one.width) - 1 for one in fields}
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,10 +11,12 @@ from functools import partial
 
 from drivers.clock import LINK_TIMEOUT_S, Pace
 from drivers.errors import LinkError, LinkTimeout, shown
-from drivers.links import StreamLink, no_report
-from drivers.ports import Report
+from drivers.links import StreamLink
+from drivers.ports import GripperProfile, Report, no_report
+from drivers.robotiq.counts import Counts
+from drivers.robotiq.gripper import Gripper
 from drivers.robotiq.registers import INPUT_FIELDS, OUTPUT_FIELDS, pack, unpack
-from drivers.stream import Stream
+from drivers.stream import Stream, open_tcp, tcp_address
 
 PORT = 63352
 # Position last: a flag read before it is never newer than the count.
@@ -150,3 +152,12 @@ class UrcapLink(StreamLink):
                     "check that it is Robotiq's URCap, and the only one for this gripper"
                 )
         return None
+
+
+def gripper(
+    port: str, pace: Pace, report: Report, *, read_only: bool, profile: GripperProfile | None
+) -> Gripper:
+    """A Robotiq gripper at `urcap://host`; errors as of `drivers.robotiq.modbus.gripper`."""
+    Counts(profile)  # before anything is opened
+    link = UrcapLink(open_tcp(*tcp_address(port, PORT), port, HINT), pace, report)
+    return Gripper.over(link, pace, report, profile, read_only=read_only)

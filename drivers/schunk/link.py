@@ -7,10 +7,10 @@ from pymodbus.pdu import ModbusPDU
 from pymodbus.pdu.register_message import ReadHoldingRegistersRequest, WriteMultipleRegistersRequest
 
 from drivers.clock import Pace
-from drivers.errors import LinkError, ReadOnlyError
+from drivers.errors import LinkError
 from drivers.modbus.framing import RtuFraming
 from drivers.modbus.master import Master
-from drivers.ports import Report
+from drivers.ports import Report, no_report
 from drivers.schunk.registers import PARAMETERS, UNIT, Parameter
 from drivers.stream import Stream
 
@@ -29,16 +29,14 @@ class SchunkLink(Master):
         pace: its time.
         report: told of every retry and failure.
         unit: slave id.
-        read_only: whether a write is refused, by a ReadOnlyError.
     """
 
     def __init__(
-        self, stream: Stream, pace: Pace, report: Report, unit: int = UNIT, *, read_only: bool
+        self, stream: Stream, pace: Pace, report: Report = no_report, unit: int = UNIT
     ) -> None:
         hint = "check that it is a SCHUNK EGU or EGK, and the unit of its port's name"
         super().__init__(stream, RtuFraming(), pace, report, wrong_device=hint)
         self._unit = unit
-        self._read_only = read_only
         self._line = threading.Lock()
         self._quiet = False  # while nobody waits for the answer
         self._let_go = pace.every(ALIVE_S, self._keep_alive)
@@ -51,10 +49,6 @@ class SchunkLink(Master):
         """Write a parameter, once."""
         parameter = PARAMETERS[name]
         data = parameter.pack(*values)
-        if self._read_only:
-            raise ReadOnlyError(
-                f"a dry run was about to write {data.hex()} to {name} of the gripper at {self.endpoint}"
-            )
         words = [int.from_bytes(data[at : at + 2], "big") for at in range(0, len(data), 2)]
         self.transact(
             WriteMultipleRegistersRequest(

@@ -12,7 +12,7 @@ repository (schunk_gripper_dummy/config/grippers).
 
 import struct
 from enum import IntEnum, IntFlag
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 UNIT, BAUD, PARITY = 12, 115200, "E"  # [CM]: slave 12, 115200 bit/s, 8E1, as delivered
 
@@ -201,6 +201,12 @@ class Input(NamedTuple):
     warning: int
     additional: int
 
+    @classmethod
+    def of(cls, values: tuple[float, ...]) -> Self:
+        """What the elements of the parameter say."""
+        status, *rest = map(int, values)
+        return cls(Status(status), *rest)
+
 
 class Output(NamedTuple):
     """What `plc_sync_output` asks for."""
@@ -210,16 +216,11 @@ class Output(NamedTuple):
     velocity_um_s: int = 0
     force_percent: int = 0
 
-
-def decode(data: bytes) -> Input:
-    """What the bytes of `plc_sync_input` say."""
-    status, *rest = PARAMETERS["plc_sync_input"].unpack(data)
-    return Input(Status(int(status)), *map(int, rest))
-
-
-def encode(output: Output) -> bytes:
-    """The bytes of `plc_sync_output`."""
-    return PARAMETERS["plc_sync_output"].pack(*output)
+    @classmethod
+    def of(cls, values: tuple[float, ...]) -> Self:
+        """What the elements of the parameter ask for."""
+        control, *rest = map(int, values)
+        return cls(Control(control), *rest)
 
 
 class ErrorText(NamedTuple):

@@ -72,9 +72,8 @@ class LoneGripper(Serving):
         surroundings: Surroundings | None = None,
     ) -> None:
         super().__init__(time_scale)
-        mount = Mount(
-            profile_of(model), random.Random(f"{seed}/gripper"), surroundings or Surroundings()
-        )
+        lags = random.Random(f"{seed}/gripper")
+        mount = Mount(profile_of(model), lags, surroundings or Surroundings())
         self.device = simulator(model).device(mount)
         bench = Bench(self._lock, self._time, lambda **_: CleanLine())
         ports = simulator(model).ports(self.device, bench)

@@ -43,12 +43,8 @@ def parser() -> Parser:
         epilog=EPILOG,
     )
     source = command.add_mutually_exclusive_group(required=True)
-    source.add_argument(
-        "--tree", type=Path, metavar="TREE.msgpack", help="part and world from a table's job"
-    )
-    source.add_argument(
-        "--job", type=Path, metavar="JOB.toml", help="part and world from a job file"
-    )
+    source.add_argument("--tree", type=Path, metavar="TREE.msgpack", help="part and world")
+    source.add_argument("--job", type=Path, metavar="JOB.toml", help="the same from a job file")
     models = f"a gripper alone, with nothing between its fingers: {', '.join(SIMULATORS)}"
     source.add_argument("--gripper", choices=SIMULATORS, metavar="MODEL", help=models)
     add = command.add_argument

@@ -31,9 +31,7 @@ class Kind(NamedTuple):
 
 
 def _kinds(channel: Channel, *rows: tuple[str, float, float, int, str]) -> tuple[Kind, ...]:
-    return tuple(
-        Kind(name, channel, low, high, lasts, meaning) for name, low, high, lasts, meaning in rows
-    )
+    return tuple(Kind(name, channel, *rest) for name, *rest in rows)  # type: ignore[arg-type]
 
 
 LINE_KINDS = _kinds(
@@ -157,7 +155,7 @@ class Desk:
         """The next part is fed."""
         faults = self._schedule.of_part(part)
         self._of = {
-            channel: [fault for fault in faults if fault.channel is channel] for channel in Channel
+            channel: [one for one in faults if one.channel is channel] for channel in Channel
         }
         self._events = dict.fromkeys(Channel, -1)
 
@@ -199,9 +197,8 @@ def parse(text: str | None) -> Listed:
         raise InputError(f"{path}: not readable as a fault schedule ({error})") from error
     if set(written) - {"fault"} or not isinstance(written.get("fault", []), list):
         raise InputError(f"{path}: write one [[fault]] table a fault, nothing else")
-    return Listed(
-        _written_fault(path, number, row) for number, row in enumerate(written.get("fault", []), 1)
-    )
+    rows = enumerate(written.get("fault", []), 1)
+    return Listed(_written_fault(path, number, row) for number, row in rows)
 
 
 def _written_fault(path: Path, number: int, row: object) -> Fault:

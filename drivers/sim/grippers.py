@@ -2,6 +2,7 @@
 
 import random
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, NamedTuple, Protocol
 
@@ -10,23 +11,23 @@ from drivers.dh import registers as dh
 from drivers.dh.gripper import Gripper as DhGripper
 from drivers.dh.link import RtuLink
 from drivers.ports import Gripper, GripperProfile, Report
-from drivers.robotiq.frames import TCP
+from drivers.robotiq.frames import RTU, TCP
 from drivers.robotiq.gripper import Gripper as RobotiqGripper
 from drivers.robotiq.modbus import rtu_link
-from drivers.schunk import gripper as schunk_driver
 from drivers.schunk import registers as schunk
-from drivers.sim.devices.dh import DhModel, DhRegisters, FaultyDhModel
-from drivers.sim.devices.faulty import FaultyGripper
+from drivers.schunk.gripper import Gripper as SchunkGripper
+from drivers.schunk.link import SchunkLink
+from drivers.sim.devices.dh import DhModel, DhRegisters
+from drivers.sim.devices.faulty import FaultyDhModel, FaultyGripper, FaultySchunkModel
 from drivers.sim.devices.gripper import GripperModel
 from drivers.sim.devices.gripper_tcp import MbapSlave, TcpPort, stop_jaws
 from drivers.sim.devices.gripper_urcap import Urcap, UrcapPort
-from drivers.sim.devices.jaws import Jaws, Surroundings
+from drivers.sim.devices.jaws import Surroundings
 from drivers.sim.devices.schunk import SchunkModel
-from drivers.sim.devices.schunk_faulty import FaultySchunkModel
 from drivers.sim.devices.schunk_registers import SchunkRegisters
 from drivers.sim.faults import Desk
 from drivers.sim.wire.line import CleanLine
-from drivers.sim.wire.modbus import GripperRegisters
+from drivers.sim.wire.modbus import GripperRegisters, Registers
 from drivers.sim.wire.rtu import PtyPort, RtuSlave
 from drivers.sim.wire.serving import Lock, Server, SimulatedTime
 from drivers.stream import Stream
@@ -76,92 +77,75 @@ class Ports(NamedTuple):
     others: Mapping[str, str] = MappingProxyType({})
 
 
-class Simulator(NamedTuple):
-    """How one model is simulated."""
+@dataclass(frozen=True)
+class Simulator:
+    """How the grippers of one make are simulated."""
 
-    device: Callable[[Mount], Any]  # a SimulatedGripper
-    slave: Callable[[Any, Callable[[], float], CleanLine], RtuSlave]  # the device on a serial line
-    ports: Callable[[Any, Bench], Ports]
-    driver: Callable[[Stream, Pace, Report, GripperProfile], Gripper]  # on that serial line
+    model: Callable[
+        ..., Any
+    ]  # of a SimulatedGripper: its draws, what its fingers may meet, its profile
+    faulty: Callable[..., Any]  # the same, and what says when it fails
+    registers: Callable[[Any, Callable[[], float]], Registers]  # of a device, at its time
+    unit: int  # on the serial line
+    scheme: str  # what stands before the serial port's path
+    link: Callable[[Stream, Pace, Report], Any]  # of the driver, on that line
+    gripper: Callable[[Any, Pace, Report, GripperProfile], Gripper]  # the driver, over it
 
+    def device(self, mount: Mount) -> Any:
+        """A SimulatedGripper."""
+        parts = (mount.rng, mount.surroundings, mount.profile)
+        return self.model(*parts) if mount.desk is None else self.faulty(*parts, mount.desk)
 
-def _robotiq_device(mount: Mount) -> GripperModel:
-    jaws = Jaws.of(mount.profile)
-    if mount.desk is not None:
-        return FaultyGripper(mount.rng, jaws, mount.surroundings, mount.desk)
-    return GripperModel(mount.rng, jaws, mount.surroundings)
+    def slave(self, device: Any, now: Callable[[], float], line: CleanLine) -> RtuSlave:
+        """The device on a serial line."""
+        return RtuSlave(self.registers(device, now), line, self.unit)
 
+    def ports(self, device: Any, bench: Bench) -> Ports:
+        """The ports that it is served on."""
+        pty = PtyPort(self.slave(device, bench.time.now, bench.line()), bench.lock, bench.time)
+        return Ports([pty], pty.path, f"{self.scheme}{pty.path}")
 
-def _robotiq_slave(device: GripperModel, now: Callable[[], float], line: CleanLine) -> RtuSlave:
-    return RtuSlave(GripperRegisters(device, now), line)
-
-
-def _robotiq_ports(device: GripperModel, bench: Bench) -> Ports:
-    lock, time, now = bench.lock, bench.time, bench.time.now
-    pty = PtyPort(_robotiq_slave(device, now, bench.line()), lock, time)
-    rtu_tcp = TcpPort(_robotiq_slave(device, now, bench.line()), lock, time)
-    slave = MbapSlave(GripperRegisters(device, now, TCP), bench.line(checked=False))
-    tcp = TcpPort(slave, lock, time, lambda: stop_jaws(device, now))
-    urcap = UrcapPort(Urcap(device, now), lock)
-    others = {
-        "gripper_tcp": tcp.url,
-        "gripper_rtu_tcp": f"rtu+{rtu_tcp.url}",
-        "gripper_urcap": urcap.url,
-    }
-    return Ports([pty, rtu_tcp, tcp, urcap], pty.path, pty.path, others)
-
-
-def _robotiq_driver(stream: Stream, pace: Pace, report: Report, profile: GripperProfile) -> Gripper:
-    return RobotiqGripper(rtu_link(stream, pace, report), pace, report, profile)
+    def driver(
+        self, stream: Stream, pace: Pace, report: Report, profile: GripperProfile
+    ) -> Gripper:
+        """The driver, on that serial line."""
+        return self.gripper(self.link(stream, pace, report), pace, report, profile)
 
 
-def _dh_device(mount: Mount) -> DhModel:
-    if mount.desk is not None:
-        return FaultyDhModel(mount.rng, mount.surroundings, mount.profile, mount.desk)
-    return DhModel(mount.rng, mount.surroundings, mount.profile)
+class RobotiqSimulator(Simulator):
+    """A Robotiq gripper is served over TCP, too, and behind the URCap."""
+
+    def ports(self, device: Any, bench: Bench) -> Ports:
+        """The ports that it is served on."""
+        lock, time, now = bench.lock, bench.time, bench.time.now
+        serial = super().ports(device, bench)
+        rtu_tcp = TcpPort(self.slave(device, now, bench.line()), lock, time)
+        slave = MbapSlave(GripperRegisters(device, now, TCP), bench.line(checked=False))
+        tcp = TcpPort(slave, lock, time, lambda: stop_jaws(device, now))
+        urcap = UrcapPort(Urcap(device, now), lock)
+        others = {"gripper_tcp": tcp.url, "gripper_rtu_tcp": f"rtu+{rtu_tcp.url}"}
+        others["gripper_urcap"] = urcap.url
+        servers = [*serial.servers, rtu_tcp, tcp, urcap]
+        return serial._replace(servers=servers, others=others)
 
 
-def _dh_slave(device: DhModel, now: Callable[[], float], line: CleanLine) -> RtuSlave:
-    return RtuSlave(DhRegisters(device, now), line, dh.UNIT)
-
-
-def _dh_ports(device: DhModel, bench: Bench) -> Ports:
-    slave = _dh_slave(device, bench.time.now, bench.line())
-    pty = PtyPort(slave, bench.lock, bench.time)
-    return Ports([pty], pty.path, f"dh://{pty.path}")
-
-
-def _dh_driver(stream: Stream, pace: Pace, report: Report, profile: GripperProfile) -> Gripper:
-    return DhGripper(RtuLink(stream, pace, report), pace, report, profile)
-
-
-def _schunk_device(mount: Mount) -> SchunkModel:
-    if mount.desk is not None:
-        return FaultySchunkModel(mount.rng, mount.surroundings, mount.profile, mount.desk)
-    return SchunkModel(mount.rng, mount.surroundings, mount.profile)
-
-
-def _schunk_slave(device: SchunkModel, now: Callable[[], float], line: CleanLine) -> RtuSlave:
-    return RtuSlave(SchunkRegisters(device, now), line, schunk.UNIT)
-
-
-def _schunk_ports(device: SchunkModel, bench: Bench) -> Ports:
-    slave = _schunk_slave(device, bench.time.now, bench.line())
-    pty = PtyPort(slave, bench.lock, bench.time)
-    return Ports([pty], pty.path, f"schunk://{pty.path}")
-
-
-ROBOTIQ = Simulator(_robotiq_device, _robotiq_slave, _robotiq_ports, _robotiq_driver)
-DH = Simulator(_dh_device, _dh_slave, _dh_ports, _dh_driver)
-SCHUNK = Simulator(_schunk_device, _schunk_slave, _schunk_ports, schunk_driver.over)
+ROBOTIQ = RobotiqSimulator(
+    GripperModel, FaultyGripper, GripperRegisters, RTU.unit, "", rtu_link, RobotiqGripper
+)
+DH = Simulator(DhModel, FaultyDhModel, DhRegisters, dh.UNIT, "dh://", RtuLink, DhGripper)
+SCHUNK = Simulator(
+    SchunkModel,
+    FaultySchunkModel,
+    SchunkRegisters,
+    schunk.UNIT,
+    "schunk://",
+    SchunkLink,
+    SchunkGripper,
+)
 SIMULATORS = {
-    "robotiq-2f-85": ROBOTIQ,
-    "robotiq-2f-140": ROBOTIQ,
-    "hand-e": ROBOTIQ,
-    "dh-ag95": DH,
-    "dh-pgc140-50": DH,
-    "schunk-egu": SCHUNK,
-    "schunk-egk": SCHUNK,
+    **dict.fromkeys(("robotiq-2f-85", "robotiq-2f-140", "hand-e"), ROBOTIQ),
+    **dict.fromkeys(("dh-ag95", "dh-pgc140-50"), DH),
+    **dict.fromkeys(("schunk-egu", "schunk-egk"), SCHUNK),
 }
 
 

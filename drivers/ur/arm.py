@@ -108,9 +108,8 @@ class Arm(UprightArm):
         self._fraction = seen.speed_fraction
         budget_s = max(budget_s, seconds + ANSWER_S) / seen.speed_fraction
         self._moves = self._moves % (1 << 30) + 1
-        program = script.move(
-            self._moves, self._setup.tool, compose(self._table, target.frame), pacing
-        )
+        place = compose(self._table, target.frame)
+        program = script.move(self._moves, self._setup.tool, place, pacing)
         try:
             opened = self._open_script()
         except PortError as error:
@@ -146,11 +145,7 @@ class Arm(UprightArm):
         until = self._pace.deadline(ANSWER_S)
         while (seen := self._read()).started != self._moves:
             if self._pace.now() > until:
-                held = (
-                    _hold(seen)
-                    or "set the pendant to Remote Control, and see that port 30002 is not blocked"
-                )
-                raise self._lose(f"it did not take a program; {held} (Settings, Security)")
+                raise self._lose(f"it did not take a program; {_hold(seen) or REMOTE}")
             self._pace.idle(until)
 
     def _await_end(self, budget_s: float) -> None:
@@ -209,9 +204,8 @@ def _hold(seen: Reading) -> str:
 def _stop(seen: Reading) -> str:
     """The stop that the controller is in; empty: it is ready."""
     if seen.safety_bits & ~MAY_MOVE or not seen.safety_bits & MAY_MOVE:
-        message = ", ".join(
-            name for bit, name in enumerate(SAFETY) if bit > 1 and seen.safety_bits >> bit & 1
-        )
+        stops = (name for bit, name in enumerate(SAFETY) if bit > 1 and seen.safety_bits >> bit & 1)
+        message = ", ".join(stops)
         return f"{message or 'safety state unknown'}; put it right on the pendant"
     if seen.mode != READY:
         return f"it is not ready (robot mode {seen.mode}); power it on and release the brakes"

@@ -16,15 +16,12 @@ PORT = 30004
 VERSION = 2
 FREQUENCY_HZ = 125.0
 ANSWER_S = 2.0  # wall
-LATE_LOOKS = (
-    3  # past a deadline, at what is there already: this process may have been stopped meanwhile
-)
+# Past a deadline, at what is there already: this process may have been stopped meanwhile.
+LATE_LOOKS = 3
 HEADER = struct.Struct(">HB")
 FORMATS = {"DOUBLE": "d", "VECTOR6D": "6d", "INT32": "i", "UINT32": "I"}
-STARTED, DONE = (
-    25,
-    24,
-)  # output integer registers: number of the move that began, and of the one that ended
+# Output integer registers: number of the move that began, and of the one that ended.
+STARTED, DONE = 25, 24
 FIELDS = {
     "actual_TCP_pose": "VECTOR6D",
     "tcp_offset": "VECTOR6D",
@@ -85,11 +82,8 @@ class Rtde:
         reply = self._ask("O", struct.pack(">d", FREQUENCY_HZ) + names)
         self._recipe, kinds = reply[:1], reply[1:].decode("latin-1").split(",")
         if kinds != list(FIELDS.values()):
-            odd = [
-                f"{name} ({kind})"
-                for name, kind in zip(FIELDS, kinds, strict=False)
-                if kind != FIELDS[name]
-            ]
+            pairs = zip(FIELDS, kinds, strict=False)
+            odd = [f"{name} ({kind})" for name, kind in pairs if kind != FIELDS[name]]
             lacks = shown(", ".join(odd)) or "the fields needed"
             raise RtdeError(f"the controller does not offer {lacks}; update PolyScope")
 

@@ -166,5 +166,5 @@ def test_a_cell_does_not_begin_in_a_world_without_pushes(path: Path) -> None:
     setting = scene.load(path, None, "planner.world:make")
     assert setting.pushing
     still = setting._replace(factory=lambda job, seed: Still())
-    with pytest.raises(UsageError, match=r"has no push\(\), and the table pushes parts"):
+    with pytest.raises(UsageError, match=r"has no push\(\) and the table pushes"):
         still.make_worlds(1)

@@ -69,7 +69,7 @@ def test_a_driver_that_moves_without_looking_is_found(monkeypatch):
 
 
 def test_a_driver_that_commands_an_unready_gripper_is_found(monkeypatch):
-    monkeypatch.setattr("drivers.robotiq.gripper._require_ready", lambda seen, doing: None)
+    monkeypatch.setattr(Gripper, "_require_ready", lambda *_: None)
     monkeypatch.setattr(safety, "ready_gripper", lambda gripper, _asked=None: gripper.state())
     assert "not ready" in runs(60)
 

@@ -15,7 +15,6 @@ from drivers.clock import Pace
 from drivers.ports import TURN_RADIUS_MM
 from drivers.robotiq.gripper import Gripper
 from drivers.sim.devices.gripper import GripperModel
-from drivers.sim.devices.jaws import Jaws
 from runtime.execution import crash, session
 from runtime.execution.events import Console
 from runtime.execution.executor import Cell, RunOptions
@@ -93,8 +92,7 @@ class World:
         self.squeezed: list[int] = []
         self._lies_mm = self._expected(0)
         self._grip_mm: float | None = None
-        jaws = Jaws.of(table.gripper.profile)
-        self.model = GripperModel(random.Random(1), jaws, self)
+        self.model = GripperModel(random.Random(1), self, table.gripper.profile)
         self.model.write_output(0, bytes([1, 0, 0, 0, 0, 0]), 0.0)
         self.time.seconds = 20.0
         self.model.advance(self.time.now())  # activated since

@@ -39,7 +39,7 @@ class DirectLink:
         self.writes = []
         self.frozen = None
         self.on_write = None
-        self.model = GripperModel(random.Random(seed), Jaws(), self)
+        self.model = GripperModel(random.Random(seed), self)
 
     def closing(self):
         self.asked += 1

@@ -18,7 +18,6 @@ from drivers.sim.devices.dh import DhModel, DhRegisters
 from drivers.sim.devices.gripper import GripperModel
 from drivers.sim.devices.gripper_tcp import MbapSlave, TcpPort, stop_jaws
 from drivers.sim.devices.gripper_urcap import Urcap, UrcapPort
-from drivers.sim.devices.jaws import Jaws
 from drivers.sim.wire.modbus import GripperRegisters
 from drivers.sim.wire.rtu import PtyPort, RtuSlave
 from drivers.sim.wire.serving import SimulatedTime
@@ -37,7 +36,7 @@ class Robotiq:
         self.now = self.time.now
         self.holds = False
         self.lock = threading.RLock()
-        self.model = GripperModel(random.Random(1), Jaws(), self)
+        self.model = GripperModel(random.Random(1), self)
         self.port, self.name = self._port(bus, channel)
         self.port.start()
         self.heard, self.deaf = True, False

@@ -7,7 +7,8 @@ import threading
 
 from drivers import connect
 from drivers.clock import Pace
-from drivers.schunk.gripper import over
+from drivers.schunk.gripper import Gripper
+from drivers.schunk.link import SchunkLink
 from drivers.schunk.registers import UNIT
 from drivers.sim.devices.jaws import Surroundings
 from drivers.sim.devices.schunk import SILENCE_S, SchunkModel
@@ -101,4 +102,5 @@ class VirtualSchunk:
 
     def connect(self, profile=None, **options):
         report = lambda kind, fields: self.reports.append(fields["incident"])  # noqa: E731
-        return over(self.port.open(), self.pace, report, profile, **options)
+        link = SchunkLink(self.port.open(), self.pace, report)
+        return Gripper.over(link, self.pace, report, profile, **{"read_only": False, **options})

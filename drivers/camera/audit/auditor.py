@@ -27,18 +27,15 @@ class Answer:
 
     verdict: str  # "pass", "fail" or "unknown"
     reason: str  # one sentence
-    measured: Pose2 | None = (
-        None  # pose of the part: mm, mm, rad; None where there is no measurement
-    )
+    # Pose of the part: mm, mm, rad; None where there is no measurement.
+    measured: Pose2 | None = None
     residual: Pose2 | None = None  # measured less predicted, under the symmetry
-    distance: float | None = (
-        None  # eq. 9 in mm; for tolerances the largest deviation in units of its own
-    )
+    # Eq. 9 in mm; for tolerances the largest deviation in units of its own.
+    distance: float | None = None
     error: float | None = None  # `COVERAGE` standard deviations of it
     moved_mm: float | None = None  # greatest motion of a reference tag
-    hypothesis: str | None = (
-        None  # which part it is by its tag, where the tags of several parts differ
-    )
+    # Which part it is by its tag, where the tags of several parts differ.
+    hypothesis: str | None = None
     picture: str | None = None  # file of the overlay, None where none was kept
 
     def fields(self) -> dict[str, object]:
@@ -125,14 +122,12 @@ class Auditor:
             result = measure(picture, seen, self.calibration, (carried or subject).tag, predicted)
             if carried is None or carried is subject:
                 allowed = subject.poses_of(predicted)
-                answer = judge(
-                    subject.goal, allowed, result.pose, result.sigma_mm, result.sigma_rad
-                )
+                sigma = result.sigma_mm, result.sigma_rad
+                answer = judge(subject.goal, allowed, result.pose, *sigma)
             else:
                 answer = Answer(FAIL, f"it is {carried.name}, not {name}", result.pose)
-            answer = replace(
-                answer, moved_mm=moved_mm, hypothesis=None if carried is None else carried.name
-            )
+            carrier = None if carried is None else carried.name
+            answer = replace(answer, moved_mm=moved_mm, hypothesis=carrier)
         except ExpectedError as error:
             answer = Answer(UNKNOWN, str(error))
         if self.pictures is None or answer.verdict == PASS:

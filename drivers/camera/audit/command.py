@@ -19,13 +19,8 @@ from runtime.shell.exit_codes import ExitCode, epilog
 from runtime.shell.files import folder
 from runtime.table import TableError, load
 
-EXIT_CODES = epilog(
-    ExitCode.INPUT,
-    ExitCode.CHECK_FAILED,
-    ExitCode.UNDECIDED,
-    ExitCode.UNREACHABLE,
-    ExitCode.JOURNAL,
-)
+ENDS = (ExitCode.INPUT, ExitCode.CHECK_FAILED, ExitCode.UNDECIDED, ExitCode.UNREACHABLE)
+EXIT_CODES = epilog(*ENDS, ExitCode.JOURNAL)
 EPILOG = (
     """\
 examples:
@@ -58,44 +53,19 @@ def parser() -> Parser:
         epilog=f"example:\n  {example}\n\n{EXIT_CODES}",
     )
     add = command.add_argument
-    add(
-        "--tree",
-        type=Path,
-        required=True,
-        metavar="T.msgpack",
-        help="the table: its goal and its part",
-    )
-    add(
-        "--camera",
-        required=True,
-        metavar="ADDRESS",
-        help="/dev/video0, rtsp://, http:// or a folder",
-    )
+    goal, cameras = "the table: its goal and its part", "/dev/video0, rtsp://, http:// or a folder"
+    add("--tree", type=Path, required=True, metavar="T.msgpack", help=goal)
+    add("--camera", required=True, metavar="ADDRESS", help=cameras)
     add("--calibration", type=Path, required=True, metavar="F", help="from grasp-calibrate camera")
     tags = "from grasp-calibrate tag; for a table of several parts once for each, whose name is its --part"
     add("--tag", type=Path, required=True, action="append", metavar="F", help=tags)
-    add(
-        "--pictures",
-        type=Path,
-        metavar="DIR",
-        help="keep an overlay of every part that does not pass",
-    )
+    kept = "keep an overlay of every part that does not pass"
+    add("--pictures", type=Path, metavar="DIR", help=kept)
     limit = "limit of reference tags (default: %(default)s)"
     add("--moved-mm", type=positive, default=drift.LIMIT_MM, help=limit)
-    add(
-        "--deadline",
-        type=positive,
-        default=5.0,
-        metavar="S",
-        help="for an answer (default: %(default)s)",
-    )
-    add(
-        "--memory-mb",
-        type=positive,
-        default=400.0,
-        metavar="MB",
-        help="to grow by (default: %(default)s)",
-    )
+    answer, growth = "for an answer (default: %(default)s)", "to grow by (default: %(default)s)"
+    add("--deadline", type=positive, default=5.0, metavar="S", help=answer)
+    add("--memory-mb", type=positive, default=400.0, metavar="MB", help=growth)
     command.add_debug()
     commands.add_parser(
         "report", help="success, residuals and control charts from journals", add_help=False

@@ -81,9 +81,8 @@ def draw(
     size, height = canvas.shape[1] / 1920.0, canvas.shape[0]
     canvas[height - round(60 * size) :] //= 4
     where, width = (round(20 * size), height - round(22 * size)), max(1, round(2 * size))
-    cv2.putText(
-        canvas, sentence, where, cv2.FONT_HERSHEY_SIMPLEX, 0.8 * size, WHITE, width, cv2.LINE_AA
-    )
+    letters = cv2.FONT_HERSHEY_SIMPLEX, 0.8 * size, WHITE
+    cv2.putText(canvas, sentence, where, *letters, width, cv2.LINE_AA)
     return canvas
 
 

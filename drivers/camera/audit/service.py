@@ -23,9 +23,8 @@ from runtime.shell.errors import ExpectedError
 
 MAX_LINE_BYTES = 65_536
 PICTURE_SHARE = 0.7  # of the deadline: what a picture may take, the rest is for measuring it
-RESERVE_BYTES = (
-    1 << 30
-)  # of address space: thread stacks and allocators' pools, most of it never touched
+# Of address space: thread stacks and allocators' pools, most of it never touched.
+RESERVE_BYTES = 1 << 30
 PAGE_BYTES = resource.getpagesize()
 MISUNDERSTOOD = "the question is not understood; it takes part, x_mm, y_mm and theta_rad"
 
@@ -50,9 +49,7 @@ class Worker:
         start = time.monotonic()
         while self._owed:
             if self._next_answer(start + 0.5 * deadline_s) is None:
-                return Answer(
-                    UNKNOWN, "the camera still hangs at an earlier question; restart grasp-audit"
-                )
+                return Answer(UNKNOWN, "the camera still hangs; restart grasp-audit")
         self._questions.put((part, predicted, start + PICTURE_SHARE * deadline_s, name))
         self._owed += 1
         return self._next_answer(start + deadline_s) or Answer(
@@ -75,9 +72,7 @@ class Worker:
                 audits = audits or self._made()
                 answer = audits.audit(*question)
             except MemoryError:
-                answer = Answer(
-                    UNKNOWN, "the memory the audit may use is used up; raise --memory-mb"
-                )
+                answer = Answer(UNKNOWN, "the audit's memory is used up; raise --memory-mb")
             except Exception as error:
                 said = " ".join(str(error).split())
                 if not isinstance(error, ExpectedError):

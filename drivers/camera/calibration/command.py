@@ -7,7 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Generator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -51,123 +51,20 @@ def parser() -> Parser:
         epilog=EPILOG,
     )
     built.add_debug()
-    commands = built.add_subparsers(
-        required=True, metavar="camera | tag | pictures", dest="command"
-    )
-
-    def adder(name: str, help: str, example: str, run: Run) -> Any:  # noqa: A002
+    commands = built.add_subparsers(required=True, metavar=" | ".join(COMMANDS), dest="command")
+    for name, (runs, what, example, flags) in COMMANDS.items():
         command = commands.add_parser(
             name,
-            help=help,
-            description=f"{help[0].upper()}{help[1:]}.",
+            help=what,
+            description=f"{what[0].upper()}{what[1:]}.",
             epilog=f"example:\n  grasp-calibrate {name} {example}\n\n{EXIT_CODES}",
         )
-        command.add_argument(
-            "--json", action="store_true", help="print one JSON object instead of text"
-        )
-        command.set_defaults(run=run)
-        return command.add_argument
-
-    add = adder(
-        "camera",
-        "lens and place of a camera, from pictures of a board",
-        "--name S-1 --board chessboard:12x9:30 --views views --table t.png -o c.json",
-        run_camera,
-    )
-    add(
-        "--name",
-        required=True,
-        help="name or serial number of the camera: the file is for this one alone",
-    )
-    add("--board", required=True, metavar="B", help="charuco:12x9:30:22.5 or chessboard:12x9:30")
-    add(
-        "--views",
-        type=Path,
-        required=True,
-        metavar="DIR",
-        help="pictures of the board, held and tilted",
-    )
-    add(
-        "--table",
-        type=Path,
-        required=True,
-        nargs="+",
-        metavar="F",
-        help="pictures of it lying on the table",
-    )
-    add("--above", action="store_true", help="the camera looks down, and the board lies face up")
-    add(
-        "--board-height",
-        type=float,
-        default=0.0,
-        metavar="MM",
-        help="its face above the table (default: 0)",
-    )
-    add(
-        "--touched",
-        type=Path,
-        metavar="CSV",
-        help="places of a tag that the arm knows, with pictures",
-    )
-    add("--number", type=int, default=0, metavar="ID", help="id of that tag, and of the part's")
-    add(
-        "--references",
-        type=Path,
-        metavar="F",
-        help="a picture of the tags that stay where they are",
-    )
-    add(
-        "-o",
-        "--output",
-        type=Path,
-        required=True,
-        metavar="F",
-        help="the calibration; a picture beside it",
-    )
-
-    add = adder(
-        "tag",
-        "where a tag is on its part",
-        "--part bracket --number 7 --side 22 --at 0,0,0 -o tag.json",
-        run_tag,
-    )
-    add("--part", required=True, help="name of the part")
-    add("--number", type=int, required=True, metavar="ID", help="id of its tag, family 36h11")
-    add("--side", type=float, required=True, metavar="MM", help="edge of the tag's black border")
-    add(
-        "--height",
-        type=float,
-        default=0.0,
-        metavar="MM",
-        help="its face above the table (default: 0)",
-    )
-    add("--at", type=_pose, metavar="X,Y,THETA", help="where it is on the part, if that is known")
-    add("--calibration", type=Path, metavar="F", help="of the camera that sees it")
-    add(
-        "--poses",
-        type=Path,
-        metavar="CSV",
-        help="poses of the part that the arm knows, with pictures",
-    )
-    add("-o", "--output", type=Path, required=True, metavar="F", help="the tag file")
-
-    add = adder(
-        "pictures",
-        "take pictures, one at each Enter",
-        "--camera /dev/video0 -o views",
-        run_pictures,
-    )
-    add("--camera", required=True, metavar="ADDRESS", help="/dev/video0, rtsp:// or http://")
-    add(
-        "--size",
-        type=_size,
-        default=(1920, 1080),
-        metavar="WxH",
-        help="of a device (default: 1920x1080)",
-    )
-    add("--count", type=int, default=20, metavar="N", help="how many (default: 20)")
-    add("--stem", default="view", help="what their names begin with (default: view)")
-    add("-o", "--output", type=Path, required=True, metavar="DIR", help="the folder")
+        text = "print one JSON object instead of text"
+        command.add_argument("--json", action="store_true", help=text)
+        command.set_defaults(run=runs)
+        for flag, (use, options) in flags.items():
+            short = ("-o",) if flag == "--output" else ()
+            command.add_argument(*short, flag, help=use, **options)
     return built
 
 
@@ -199,13 +96,8 @@ def run_camera(options: argparse.Namespace) -> Lines:
     board, held = parse(options.board), pictures_in(options.views)
     touched = () if options.touched is None else read_poses(options.touched)
     picture = options.output.with_suffix(".svg")
-    read = (
-        *held,
-        *options.table,
-        options.touched,
-        options.references,
-        *(known.picture for known in touched),
-    )
+    read = [*held, *options.table, *(known.picture for known in touched)]
+    read += [options.touched, options.references]
     for output, other in ((options.output, None), (picture, options.output)):
         usable(output, *read, other)
     fitted = calibrate(
@@ -220,11 +112,8 @@ def run_camera(options: argparse.Namespace) -> Lines:
     calibration.save(fitted.calibration, options.output)
     with writing(picture) as draft:
         draft.write_text(residual_picture.draw(fitted), encoding="ascii")
-    known, off, sigma = (
-        fitted.calibration,
-        np.hypot(*fitted.residuals.off.T),
-        fitted.calibration.trust.sigma_mm,
-    )
+    known, off = fitted.calibration, np.hypot(*fitted.residuals.off.T)
+    sigma = known.trust.sigma_mm
     numbers = [reference.number for reference in known.references]
     yield f"camera {known.camera}, {known.views} views of the board, residual {known.rms_px:.3f} px"
     for name in fitted.left_out:
@@ -254,15 +143,12 @@ def run_camera(options: argparse.Namespace) -> Lines:
 
 def run_tag(options: argparse.Namespace) -> Lines:
     """Measure or state where a tag is on its part."""
-    tag = PartTag(
-        options.part, options.number, options.side, options.at or (0.0, 0.0, 0.0), options.height
-    )
+    at = options.at or (0.0, 0.0, 0.0)
+    tag = PartTag(options.part, options.number, options.side, at, options.height)
     usable(options.output, options.poses, options.calibration)
     if options.at is None:
         if options.poses is None or options.calibration is None:
-            raise InputError(
-                "give --at X,Y,THETA, or --calibration and --poses to have it measured"
-            )
+            raise InputError("give --at X,Y,THETA, or --calibration and --poses to measure it")
         touched = read_poses(options.poses)
         usable(options.output, *(known.picture for known in touched))
         tag = glue(calibration.load(options.calibration), tag, touched)
@@ -321,6 +207,84 @@ def _pose(text: str) -> Pose2:
 def _size(text: str) -> tuple[int, int]:
     width, height = map(int, text.split("x"))
     return (width, height)
+
+
+class Command(NamedTuple):
+    """A subcommand: what runs it, what it does, its arguments, and its flags."""
+
+    run: Run
+    help: str
+    example: str
+    flags: dict[str, tuple[str, dict[str, Any]]]  # help and settings of `add_argument`
+
+
+FILE: dict[str, Any] = {"type": Path, "metavar": "F"}
+CSV: dict[str, Any] = {"type": Path, "metavar": "CSV"}
+NEEDED: dict[str, Any] = {"required": True}
+ID: dict[str, Any] = {"type": int, "metavar": "ID"}
+MM: dict[str, Any] = {"type": float, "metavar": "MM"}
+HEIGHT: dict[str, Any] = {**MM, "default": 0.0}
+BOARD: dict[str, Any] = {"metavar": "B"}
+DIR: dict[str, Any] = {"type": Path, "metavar": "DIR"}
+ABOVE: dict[str, Any] = {"action": "store_true"}
+COMMANDS = {
+    "camera": Command(
+        run_camera,
+        "lens and place of a camera, from pictures of a board",
+        "--name S-1 --board chessboard:12x9:30 --views views --table t.png -o c.json",
+        {
+            "--name": (
+                "name or serial number of the camera: the file is for this one alone",
+                NEEDED,
+            ),
+            "--board": ("charuco:12x9:30:22.5 or chessboard:12x9:30", NEEDED | BOARD),
+            "--views": ("pictures of the board, held and tilted", NEEDED | DIR),
+            "--table": ("pictures of it lying on the table", NEEDED | FILE | {"nargs": "+"}),
+            "--above": ("the camera looks down, and the board lies face up", ABOVE),
+            "--board-height": ("its face above the table (default: 0)", HEIGHT),
+            "--touched": ("places of a tag that the arm knows, with pictures", CSV),
+            "--number": ("id of that tag, and of the part's", ID | {"default": 0}),
+            "--references": ("a picture of the tags that stay where they are", FILE),
+            "--output": ("the calibration; a picture beside it", NEEDED | FILE),
+        },
+    ),
+    "tag": Command(
+        run_tag,
+        "where a tag is on its part",
+        "--part bracket --number 7 --side 22 --at 0,0,0 -o tag.json",
+        {
+            "--part": ("name of the part", NEEDED),
+            "--number": ("id of its tag, family 36h11", NEEDED | ID),
+            "--side": ("edge of the tag's black border", NEEDED | MM),
+            "--height": ("its face above the table (default: 0)", HEIGHT),
+            "--at": (
+                "where it is on the part, if that is known",
+                {"type": _pose, "metavar": "X,Y,THETA"},
+            ),
+            "--calibration": ("of the camera that sees it", FILE),
+            "--poses": ("poses of the part that the arm knows, with pictures", CSV),
+            "--output": ("the tag file", NEEDED | FILE),
+        },
+    ),
+    "pictures": Command(
+        run_pictures,
+        "take pictures, one at each Enter",
+        "--camera /dev/video0 -o views",
+        {
+            "--camera": ("/dev/video0, rtsp:// or http://", NEEDED | {"metavar": "ADDRESS"}),
+            "--size": (
+                "of a device (default: 1920x1080)",
+                {"type": _size, "default": (1920, 1080), "metavar": "WxH"},
+            ),
+            "--count": (
+                "how many (default: 20)",
+                {"type": int, "default": 20, "metavar": "N"},
+            ),
+            "--stem": ("what their names begin with (default: view)", {"default": "view"}),
+            "--output": ("the folder", NEEDED | DIR),
+        },
+    ),
+}
 
 
 if __name__ == "__main__":

@@ -99,18 +99,20 @@ def _parsed(record: dict[str, Any]) -> CameraCalibration:
     fx, fy = map(float, record["focal_px"])
     cx, cy = map(float, record["centre_px"])
     k1, k2, p1, p2, k3 = map(float, record["distortion_k1_k2_p1_p2_k3"])
-    lens = Lens(
-        int(record["width_px"]), int(record["height_px"]), (fx, fy), (cx, cy), (k1, k2, p1, p2, k3)
-    )
+    width, height = int(record["width_px"]), int(record["height_px"])
+    lens = Lens(width, height, (fx, fy), (cx, cy), (k1, k2, p1, p2, k3))
     rotation = np.array(record["rotation_world_to_camera"], np.float64).reshape(3, 3)
     if np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-6:
         raise ValueError("its rotation is none")
     view = View(lens, rotation, np.array(record["translation_mm"], np.float64).reshape(3))
-    trust = Trust(
-        *(np.array(record[f"trust_{name}_mm"], np.float64) for name in ("x", "y", "sigma"))
-    )
+    grid = (record[f"trust_{name}_mm"] for name in ("x", "y", "sigma"))
+    trust = Trust(*(np.array(values, np.float64) for values in grid))
     if trust.sigma_mm.shape != (len(trust.y_mm), len(trust.x_mm)) or min(trust.sigma_mm.shape) < 2:
         raise ValueError("its grid of trust has another shape than its axes")
+    references = tuple(
+        Reference(int(tag["number"]), float(tag["x_mm"]), float(tag["y_mm"]))
+        for tag in record["references"]
+    )
     return CameraCalibration(
         str(record["camera"]),
         str(record["date"]),
@@ -118,9 +120,6 @@ def _parsed(record: dict[str, Any]) -> CameraCalibration:
         float(record["board_rms_px"]),
         float(record["alignment_rms_mm"]),
         trust,
-        tuple(
-            Reference(int(r["number"]), float(r["x_mm"]), float(r["y_mm"]))
-            for r in record["references"]
-        ),
+        references,
         int(record["board_views"]),
     )

@@ -89,9 +89,8 @@ def calibrate(
     if references and not fixed:
         raise InputError(f"{references.name}: no reference tag is seen; take it again")
     places = tuple(Reference(tag.number, *place(tag, view)) for tag in fixed)
-    calibration = CameraCalibration(
-        camera, date, view, result.rms_px, alignment_mm, trust, places, len(views)
-    )
+    errors = result.rms_px, alignment_mm
+    calibration = CameraCalibration(camera, date, view, *errors, trust, places, len(views))
     return Fitted(calibration, residuals, views, left_out)
 
 

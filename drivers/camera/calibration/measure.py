@@ -86,14 +86,10 @@ def the_one(seen: Sequence[Sighting], number: int, fixed: Collection[int]) -> Si
     ours = [tag for tag in loose if tag.number == number]
     others = sorted({tag.number for tag in loose} - {number})
     if len(loose) > 1:
-        named = (
-            f"{len(ours)} times tag {number}"
-            if not others
-            else ", ".join(str(t.number) for t in loose)
-        )
-        raise PictureError(
-            f"more than one tag lies in view ({named}); leave one part alone on the table"
-        )
+        named = f"{len(ours)} times tag {number}"
+        if others:
+            named = ", ".join(str(tag.number) for tag in loose)
+        raise PictureError(f"more than one tag lies in view ({named}); leave one part on the table")
     if others:
         raise PictureError(
             f"tag {others[0]} is seen, but the part carries tag {number}; is it the right part?"
@@ -113,11 +109,6 @@ def _spread(
     slant = float(np.hypot(*(middle - eye[:2]))) / max(abs(float(eye[2]) - tag.height_mm), 1.0)
     turned = np.hypot(corner_mm / (np.sqrt(2.0) * tag.side_mm), tag.sigma_rad)
     lever_mm = float(np.hypot(*tag.on_part[:2]))
-    terms = (
-        0.5 * corner_mm,
-        calibrated_mm,
-        HEIGHT_SIGMA_MM * slant,
-        tag.sigma_mm,
-        turned * lever_mm,
-    )
+    height_mm, glued_mm = HEIGHT_SIGMA_MM * slant, turned * lever_mm
+    terms = (0.5 * corner_mm, calibrated_mm, height_mm, tag.sigma_mm, glued_mm)
     return float(np.sqrt(np.sum(np.square(terms)))), float(turned)

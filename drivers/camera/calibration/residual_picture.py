@@ -25,10 +25,8 @@ def draw(fitted: Fitted) -> str:
     (left, right), (bottom, top) = ((axis[0], axis[-1]) for axis in (trust.x_mm, trust.y_mm))
     scale = (WIDTH - 2 * MARGIN) / (right - left)
     height = (top - bottom) * scale + 2 * MARGIN
-    x, y = (
-        MARGIN - left * scale,
-        height - MARGIN + bottom * scale,
-    )  # where the table's middle is drawn
+    # Where the table's middle is drawn.
+    x, y = MARGIN - left * scale, height - MARGIN + bottom * scale
     small = COVERAGE_WIDTH / lens.width
     total = height + lens.height * small + 60.0
     numbers = [

@@ -95,13 +95,10 @@ def _edges(levels: Array, offsets: Array, window: float) -> tuple[Array, Mask]:
     centre = middles[near][np.argmax(smooth, axis=-1)]
     for _ in range(RECENTRINGS):
         # The window's ends fade out, so that the centroid moves smoothly with it.
-        weight = slope * np.clip(
-            (window - np.abs(middles - centre[..., None])) / STEP_PX + 0.5, 0.0, 1.0
-        )
-        total = weight.sum(axis=-1)
-        centre = np.where(
-            total > 0.0, (weight * middles).sum(axis=-1) / np.maximum(total, 1e-9), 0.0
-        )
+        left = window - np.abs(middles - centre[..., None])
+        weight = slope * np.clip(left / STEP_PX + 0.5, 0.0, 1.0)
+        total, moment = weight.sum(axis=-1), (weight * middles).sum(axis=-1)
+        centre = np.where(total > 0.0, moment / np.maximum(total, 1e-9), 0.0)
     return centre, np.asarray(total >= LEAST_CONTRAST)
 
 

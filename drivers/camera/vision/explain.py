@@ -26,9 +26,7 @@ def check_exposure(picture: Picture) -> None:
     if low > WHITE_LEVEL:
         raise PictureError("the picture is white; lower the exposure or the light")
     if high - low < LEAST_RANGE and float(picture.max()) - float(picture.min()) < 2 * LEAST_RANGE:
-        raise PictureError(
-            "the picture is of one grey; check that the camera sees the table, and its focus"
-        )
+        raise PictureError("the picture is of one grey; check the view and the focus")
 
 
 def why_unseen(picture: Picture, view: View, tag: PartTag, expected: Pose2 | None) -> str:
@@ -49,21 +47,16 @@ def why_unseen(picture: Picture, view: View, tag: PartTag, expected: Pose2 | Non
 
 def _partly_seen(picture: Picture, view: View, tag: PartTag, expected: Pose2) -> bool:
     """Whether a quarter of the tag is seen near where it should be: each is looked for on its own."""
-    drawn = cv2.aruco.generateImageMarker(
-        cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11),
-        tag.number,
-        SQUARES * PX_PER_SQUARE,
-    )
+    family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+    drawn = cv2.aruco.generateImageMarker(family, tag.number, SQUARES * PX_PER_SQUARE)
     pattern = np.pad(drawn, PX_PER_SQUARE, constant_values=255)
     flat = _flattened(picture, view, tag, expected, len(pattern))
     if flat is None:
         return False
     half = len(pattern) // 2
     quarters = (pattern[y : y + half, x : x + half] for y in (0, half) for x in (0, half))
-    scores = [
-        cv2.matchTemplate(flat, np.ascontiguousarray(q), cv2.TM_CCOEFF_NORMED).max()
-        for q in quarters
-    ]
+    solid = map(np.ascontiguousarray, quarters)
+    scores = (cv2.matchTemplate(flat, part, cv2.TM_CCOEFF_NORMED).max() for part in solid)
     return max(map(float, scores)) >= LIKE_PART_OF_A_TAG
 
 

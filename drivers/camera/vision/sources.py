@@ -96,13 +96,10 @@ class Folder(Source):
 
     def _next(self) -> str | None:
         try:
-            names = (
-                entry.name for entry in self._path.iterdir() if entry.suffix.lower() in SUFFIXES
-            )
+            names = [one.name for one in self._path.iterdir() if one.suffix.lower() in SUFFIXES]
             # Hidden ones are drafts that are still being written.
-            return min(
-                (name for name in names if name > self._last and name[0] != "."), default=None
-            )
+            new = (name for name in names if name > self._last and name[0] != ".")
+            return min(new, default=None)
         except OSError as error:
             raise UnreachableError(f"folder {self._path}: {error.strerror}") from error
 
@@ -213,6 +210,6 @@ def decoded(data: bytes, name: str) -> Picture:
 
 def grey(frame: Picture) -> Picture:
     """A frame in grey levels, whatever it came in."""
-    return (
-        np.asarray(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY), np.uint8) if frame.ndim == 3 else frame
-    )
+    if frame.ndim != 3:
+        return frame
+    return np.asarray(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY), np.uint8)

@@ -11,6 +11,7 @@ from drivers.planar import Pose2
 KIND = "part tag"
 REMEDY = "make it again with grasp-calibrate tag"
 PLACE = ("x_mm", "y_mm", "theta_rad")
+LENGTHS = ("side_mm", "height_mm", "sigma_mm", "sigma_rad")
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,11 +43,9 @@ def _parsed(record: dict[str, Any]) -> PartTag:
     if record["family"] != FAMILY:
         raise ValueError(f"family {record['family']}; {FAMILY} is known")
     x_mm, y_mm, theta_rad = (float(record[key]) for key in PLACE)
-    rest = (float(record[key]) for key in ("height_mm", "sigma_mm", "sigma_rad"))
+    side_mm, *rest = (float(record[key]) for key in LENGTHS)
     place = (x_mm, y_mm, theta_rad)
-    tag = PartTag(
-        str(record["part"]), int(record["number"]), float(record["side_mm"]), place, *rest
-    )
+    tag = PartTag(str(record["part"]), int(record["number"]), side_mm, place, *rest)
     if not tag.side_mm > 0.0:
         raise ValueError("side_mm must be positive")
     return tag

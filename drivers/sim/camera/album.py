@@ -39,9 +39,7 @@ def _on_table(optics: Optics) -> list[Card]:
     field, far = _field_mm(optics), abs(float(optics.eye_mm[2]))
     cells, below = board_cells(COLUMNS, ROWS), bool(optics.eye_mm[2] < 0.0)
     places = [(x * far, y * far, turn) for x, y, turn in SPREAD]
-    return [
-        lying(cells, field / 8, place, face_down=below, margin_mm=field / 3) for place in places
-    ]
+    return [lying(cells, field / 8, at, face_down=below, margin_mm=field / 3) for at in places]
 
 
 def _held(
@@ -71,9 +69,8 @@ def write(rig: Rig, folder: Path, seed: int, names: Sequence[str] = ()) -> Itera
 
     def take(name: str, cards: Sequence[Card]) -> None:
         with files.writing(folder / name) as draft:
-            draft.write_bytes(
-                cv2.imencode(".png", render(rig.optics, cards, flaws, rng))[1].tobytes()
-            )
+            picture = render(rig.optics, cards, flaws, rng)
+            draft.write_bytes(cv2.imencode(".png", picture)[1].tobytes())
 
     flips = rng.choice([-1.0, 1.0], (len(TILTED), 2))
     held = [
@@ -87,18 +84,16 @@ def write(rig: Rig, folder: Path, seed: int, names: Sequence[str] = ()) -> Itera
     take("references.png", rig.cards(None))
     far = 0.6 * abs(float(rig.optics.eye_mm[2]))
     places = [(x * far, y * far, turn) for x, y, turn in SPREAD]
-    parts = {
-        _stem(k, names): replace(rig, number=rig.number + k) for k in range(max(1, len(names)))
-    }
+    count = max(1, len(names))
+    parts = {_stem(k, names): replace(rig, number=rig.number + k) for k in range(count)}
     for name, shown in {"touched": replace(rig, on_part=(0.0, 0.0, 0.0)), **parts}.items():
         # An arm knows poses well, but not exactly.
         rows = [("picture", "x_mm", "y_mm", "theta_rad")]
         for number, (x, y, turn) in enumerate(places):
             take(f"{name}-{number}.png", shown.cards((x, y, turn)))
             off = rng.normal(0.0, ARM_SIGMA_MM, 2)
-            rows.append(
-                (f"{name}-{number}.png", f"{x + off[0]:.4f}", f"{y + off[1]:.4f}", f"{turn}")
-            )
+            place = (f"{x + off[0]:.4f}", f"{y + off[1]:.4f}", f"{turn}")
+            rows.append((f"{name}-{number}.png", *place))
         with files.writing(folder / f"{name}.csv") as draft:
             draft.write_text("\n".join(map(",".join, rows)) + "\n", encoding="utf-8")
     yield from _commands(rig, folder, names)

@@ -47,14 +47,9 @@ def lying(
     x, y, theta = pose
     c, s = np.cos(theta), np.sin(theta)
     down = np.array([-s, c, 0.0]) if face_down else np.array([s, -c, 0.0])
-    return Card(
-        cells,
-        cell_mm,
-        cell_mm if margin_mm is None else margin_mm,
-        np.array([x, y, 0.0]),
-        np.array([c, s, 0.0]),
-        down,
-    )
+    margin_mm = cell_mm if margin_mm is None else margin_mm
+    centre, right = np.array([x, y, 0.0]), np.array([c, s, 0.0])
+    return Card(cells, cell_mm, margin_mm, centre, right, down)
 
 
 def tag_cells(number: int) -> Cells:

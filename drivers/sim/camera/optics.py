@@ -54,21 +54,16 @@ class Optics:
         seen = (np.asarray(points_mm) - self.eye_mm) @ self.rotation.T
         x, y = seen[:, 0] / seen[:, 2], seen[:, 1] / seen[:, 2]
         radial, shift_x, shift_y = self._bend(x, y)
-        return (
-            self.focal * np.stack([x * radial + shift_x, y * radial + shift_y], axis=1)
-            + self.centre
-        )
+        bent = np.stack([x * radial + shift_x, y * radial + shift_y], axis=1)
+        return self.focal * bent + self.centre
 
     def _bend(self, x: Array, y: Array) -> tuple[Array, Array, Array]:
         """Brown and Conrady's distortion of rays at depth one: a factor, then shifts along x and y."""
         k1, k2, p1, p2, k3 = self.distortion
         r2 = x**2 + y**2
         radial = 1.0 + k1 * r2 + k2 * r2**2 + k3 * r2**3
-        return (
-            radial,
-            2.0 * p1 * x * y + p2 * (r2 + 2.0 * x**2),
-            p1 * (r2 + 2.0 * y**2) + 2.0 * p2 * x * y,
-        )
+        shift_x = 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x**2)
+        return radial, shift_x, p1 * (r2 + 2.0 * y**2) + 2.0 * p2 * x * y
 
 
 def webcam(
@@ -89,9 +84,7 @@ def webcam(
     # Seen from below with x to the right, the world's y points down in the picture; from above, up.
     facing = np.eye(3) if looks_up else np.diag([1.0, -1.0, -1.0])
     angles = np.diag(np.radians([*tilt_deg, turn_deg]))
-    about_x, about_y, about_z = (
-        np.asarray(cv2.Rodrigues(angle)[0], np.float64) for angle in angles
-    )
+    about_x, about_y, about_z = (np.asarray(cv2.Rodrigues(turn)[0], float) for turn in angles)
     width, height = size
     return Optics(
         width,

@@ -31,9 +31,8 @@ class Flaws:
     blur_px: float = 0.7  # standard deviation of the lens's blur
     noise: float = 2.5  # standard deviation of the sensor's noise, grey levels of 255
     gain: float = 0.9  # grey level of a perfect white, as a share of 255
-    gradient: float = (
-        0.2  # by how much light falls off from the upper left to the lower right, as a share
-    )
+    # By how much light falls off from the upper left to the lower right, as a share.
+    gradient: float = 0.2
     jpeg_quality: int | None = 90  # 1 to 100; None: not compressed
 
 
@@ -95,9 +94,8 @@ def _draw(levels: Levels, optics: Optics, card: Card) -> None:
     for moment, (along, across, away) in _rays(optics, box, axes):
         eye = (optics.eye_mm - card.centre_mm - (moment - 0.5) * card.speed_mm) @ axes
         reach = np.float32(-eye[2]) / away
-        total += _tone(
-            card, reach * along + np.float32(eye[0]), reach * across + np.float32(eye[1]), behind
-        )
+        x, y = reach * along + np.float32(eye[0]), reach * across + np.float32(eye[1])
+        total += _tone(card, x, y, behind)
     behind[:] = total / (SAMPLES * SAMPLES)
 
 
@@ -117,10 +115,9 @@ def _outline(card: Card) -> Array:
     """Points all around a card and along its way, (n, 3)."""
     half_along, half_across = card.half_mm
     rim = np.concatenate([[(t, -1), (t, 1), (-1, t), (1, t)] for t in np.linspace(-1.0, 1.0, 9)])
-    points = (
-        card.centre_mm + rim[:, :1] * half_along * card.right + rim[:, 1:] * half_across * card.down
-    )
-    return np.concatenate([points - 0.5 * card.speed_mm, points + 0.5 * card.speed_mm])
+    way = rim[:, :1] * half_along * card.right + rim[:, 1:] * half_across * card.down
+    points, half = card.centre_mm + way, 0.5 * card.speed_mm
+    return np.concatenate([points - half, points + half])
 
 
 def _box(optics: Optics, points_mm: Array) -> tuple[slice, slice] | None:

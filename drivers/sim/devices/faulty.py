@@ -1,12 +1,19 @@
-"""Gripper and arm controller that fail as a schedule has it."""
+"""Grippers and an arm controller that fail as a schedule has it."""
 
 import math
 import random
+from typing import Any
 
 from drivers.abb.codec import Pose
+from drivers.dh import registers as dh
+from drivers.dh.registers import Grip
+from drivers.ports import MOST_COUNT
+from drivers.schunk.registers import OUTCOMES, PARAMETERS, Input, Status
 from drivers.sim.devices.arm import Answer, ArmModel
+from drivers.sim.devices.dh import DhModel
 from drivers.sim.devices.gripper import GripperModel
-from drivers.sim.devices.jaws import Jaws, Surroundings
+from drivers.sim.devices.jaws import Fingers, Surroundings
+from drivers.sim.devices.schunk import SchunkModel
 from drivers.sim.faults import Channel, Desk, Fault
 
 STALE = "1 1 "  # the acknowledgement of a MoveL
@@ -14,6 +21,14 @@ FLAG_BYTE, FLAG_SHIFT, FAULT_BYTE, COUNT_BYTE = 0, 6, 2, 4
 GOING, MOVING = 0x08, 0
 RELEASING = 0x0B
 LEAST_MAJOR = 0x0A  # these the model itself has from then on; lesser ones only show
+SUPPLY = 0x74  # the error of a SCHUNK gripper that stands for a major fault of a Robotiq gripper
+# Outcomes of a SCHUNK gripper that stand for gOBJ 0 to 3.
+STATES = (
+    Status(0),
+    Status.POSITION_REACHED | Status.SUCCESS,
+    Status.GRIPPED | Status.SUCCESS,
+    Status.NO_WORKPIECE,
+)
 
 
 class FaultyArm(ArmModel):
@@ -67,31 +82,76 @@ class FaultyArm(ArmModel):
                 self.displace((0.0, 0.0, 0.0, turn_rad), moment_s)
 
 
-class FaultyGripper(GripperModel):
-    """A gripper that fails; each request that it hears is one event of the desk.
+class Failing(Fingers):
+    """Mixed into a gripper's model: it fails, and each request that it hears is one event of a desk.
 
     Args:
-        rng: as of `GripperModel`.
-        jaws: the mechanics.
+        rng: as of the model.
         surroundings: what the fingers may meet.
+        profile: of its model.
         desk: says what holds when.
     """
 
     def __init__(
-        self, rng: random.Random, jaws: Jaws, surroundings: Surroundings, desk: Desk
+        self, rng: random.Random, surroundings: Surroundings, profile: Any, desk: Desk
     ) -> None:
-        super().__init__(rng, jaws, surroundings)
+        super().__init__(rng, surroundings, profile)
         self._desk = desk
-        self._last_count = jaws.count_open  # the count as it was last read, which is what freezes
+        self._last: int | None = None  # the position as it was last read, which is what freezes
+
+    def _report(self, code: int, now_s: float) -> None:
+        """A fault of a Robotiq gripper begins: whatever is like it here."""
+
+    def _next_event(self, now_s: float) -> list[Fault]:
+        """One more request: whatever befalls the gripper now, befalls it before it obeys."""
+        self._desk.next(Channel.GRIPPER)
+        for fault in self._desk.beginning(Channel.GRIPPER):
+            if fault.kind == "power_cycle":
+                self.power_cycle(now_s)
+            elif fault.kind == "grip_lost":
+                self.lose_object(now_s)
+            elif code := _code(fault):
+                self._report(code, now_s)
+        faults = self._desk.holding(Channel.GRIPPER)
+        self.delay_s = sum(fault.value for fault in faults if fault.kind == "flag_late")
+        return faults
+
+    def _misread(self, position: int, faults: list[Fault], most: int = MOST_COUNT) -> int:
+        """A position of 0 to `most`, with whatever is wrong with it; a schedule says 255ths of the stroke."""
+        values = {fault.kind: round(fault.value * most / MOST_COUNT) for fault in faults}
+        if "count_frozen" not in values or self._last is None:
+            self._last = position
+        position = self._last + values.get("encoder_offset", 0)
+        return min(max(values.get("count_spike", position), 0), most)
+
+
+def _code(fault: Fault) -> int:
+    """The gFLT code that a fault is named after; 0: it is none of these."""
+    return int(fault.kind.removeprefix("gflt_"), 16) if fault.kind.startswith("gflt_") else 0
+
+
+def _state(faults: list[Fault], *, moving: bool) -> int | None:
+    """The object state that is told, as gOBJ has it; None: the true one."""
+    for fault in faults:
+        if fault.kind == "flag_stuck" or (fault.kind == "flag_false" and moving):
+            return int(fault.value) & 3
+    return None
+
+
+class FaultyGripper(Failing, GripperModel):
+    """A Robotiq gripper that fails."""
 
     def read_input(self, now_s: float) -> bytes:
         """The 16 input bytes, with whatever is wrong with them."""
         faults = self._next_event(now_s)
         block = bytearray(super().read_input(now_s))
-        if not any(fault.kind == "count_frozen" for fault in faults):
-            self._last_count = block[COUNT_BYTE]
+        moving = block[FLAG_BYTE] >> FLAG_SHIFT == MOVING and block[FLAG_BYTE] & GOING
+        if (state := _state(faults, moving=bool(moving))) is not None:
+            block[FLAG_BYTE] = block[FLAG_BYTE] & ~(3 << FLAG_SHIFT) | state << FLAG_SHIFT
+        block[COUNT_BYTE] = self._misread(block[COUNT_BYTE], faults)
         for fault in faults:
-            self._distort(block, fault)
+            if 0 < _code(fault) < LEAST_MAJOR:
+                block[FAULT_BYTE] = _code(fault)
         return bytes(block)
 
     def write_output(self, offset: int, data: bytes, now_s: float) -> None:
@@ -99,38 +159,50 @@ class FaultyGripper(GripperModel):
         self._next_event(now_s)
         super().write_output(offset, data, now_s)
 
-    def _next_event(self, now_s: float) -> list[Fault]:
-        """One more request: whatever befalls the gripper now, befalls it before it obeys."""
-        self._desk.next(Channel.GRIPPER)
-        for fault in self._desk.beginning(Channel.GRIPPER):
-            code = _code(fault)
-            if fault.kind == "power_cycle":
-                self.power_cycle(now_s)
-            elif fault.kind == "grip_lost":
-                self.lose_object(now_s)
-            elif code == RELEASING:
-                self.auto_release(now_s)
-            elif code >= LEAST_MAJOR:
-                self.fail(code, now_s)
-        faults = self._desk.holding(Channel.GRIPPER)
-        self.flag_delay_s = sum(fault.value for fault in faults if fault.kind == "flag_late")
-        return faults
-
-    def _distort(self, block: bytearray, fault: Fault) -> None:
-        value = int(fault.value)
-        moving = block[FLAG_BYTE] >> FLAG_SHIFT == MOVING and block[FLAG_BYTE] & GOING
-        if fault.kind == "flag_stuck" or (fault.kind == "flag_false" and moving):
-            block[FLAG_BYTE] = block[FLAG_BYTE] & ~(3 << FLAG_SHIFT) | (value & 3) << FLAG_SHIFT
-        elif fault.kind == "count_frozen":
-            block[COUNT_BYTE] = self._last_count
-        elif fault.kind == "count_spike":
-            block[COUNT_BYTE] = value & 0xFF
-        elif fault.kind == "encoder_offset":
-            block[COUNT_BYTE] = min(max(block[COUNT_BYTE] + value, 0), 255)
-        elif 0 < _code(fault) < LEAST_MAJOR:
-            block[FAULT_BYTE] = _code(fault)
+    def _report(self, code: int, now_s: float) -> None:
+        if code == RELEASING:
+            self.auto_release(now_s)
+        elif code >= LEAST_MAJOR:
+            self.fail(code, now_s)
 
 
-def _code(fault: Fault) -> int:
-    """The gFLT code that a fault is named after; 0: it is none of these."""
-    return int(fault.kind.removeprefix("gflt_"), 16) if fault.kind.startswith("gflt_") else 0
+class FaultyDhModel(Failing, DhModel):
+    """A DH gripper that fails; it has no fault register, so no gFLT befalls it."""
+
+    def heard(self, now_s: float) -> None:
+        """One more event."""
+        self._next_event(now_s)
+
+    def read(self, address: int, now_s: float) -> int:
+        """One register, with whatever is wrong with it."""
+        word, faults = super().read(address, now_s), self._desk.holding(Channel.GRIPPER)
+        if address == dh.GRIP:
+            state = _state(faults, moving=word == Grip.MOVING)
+            return word if state is None else state
+        return self._misread(word, faults, dh.FULL) if address == dh.ACTUAL_POSITION else word
+
+
+class FaultySchunkModel(Failing, SchunkModel):
+    """A SCHUNK gripper that fails."""
+
+    def read(self, name: str, now_s: float) -> bytes:
+        """A parameter, with whatever is wrong with the status and the width."""
+        faults = self._next_event(now_s)
+        data = super().read(name, now_s)
+        if name != "plc_sync_input":
+            return data
+        seen = Input.of(PARAMETERS[name].unpack(data))
+        stroke_um = self.profile.stroke_um
+        if (state := _state(faults, moving=not seen.status & OUTCOMES)) is not None:
+            seen = seen._replace(status=seen.status & ~OUTCOMES | STATES[state])
+        closed_um = self._misread(stroke_um - seen.position_um, faults, stroke_um)
+        return PARAMETERS[name].pack(*seen._replace(position_um=stroke_um - closed_um))
+
+    def write(self, name: str, data: bytes, now_s: float) -> None:
+        """Write and obey."""
+        self._next_event(now_s)
+        super().write(name, data, now_s)
+
+    def _report(self, code: int, now_s: float) -> None:
+        if code >= LEAST_MAJOR:
+            self.fail(SUPPLY, now_s)

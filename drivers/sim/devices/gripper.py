@@ -5,26 +5,16 @@ Behaviour from the 2F-85 manual ([M18] p54-62) and Robotiq's SDK as far as publi
 
 import math
 import random
+from collections.abc import Iterable
 from functools import lru_cache
 
+from drivers.ports import GripperProfile
+from drivers.robotiq import registers as robotiq
 from drivers.robotiq.faults import MAJOR, fault_text
-from drivers.robotiq.registers import (
-    INPUT_FIELDS,
-    OBJ_AT_REQUEST,
-    OBJ_CONTACT_CLOSING,
-    OBJ_MOVING,
-    OUTPUT_FIELDS,
-    STA_ACTIVATING,
-    STA_ACTIVE,
-    STA_RESET,
-    pack,
-    speed_mm_s_of,
-    unpack,
-)
-from drivers.sim.devices.jaws import Jaws, ObjectFlag, Stroke, Surroundings
+from drivers.robotiq.registers import INPUT_FIELDS, OUTPUT_FIELDS, pack, speed_mm_s_of, unpack
+from drivers.sim.devices.jaws import Fingers, Jaws, ObjectFlag, Surroundings
 
 CYCLE_S = 1.0 / 200.0  # internal refresh ([M16] p55)
-LAG_CYCLES = (1, 5)  # gOBJ behind the echo ([SDK] gripper.cpp waits for it)
 SILENCE_S = 1.0  # then fault 0x09 until traffic returns ([SDK] fault_status.hpp)
 SWEEP_MM_S = 60.0  # activation: two strokes in about 3 s
 RELEASE_MM_S = 20.0  # automatic release is slow ([M18] p62)
@@ -42,57 +32,48 @@ def input_block(**fields: int) -> bytes:
     return pack(INPUT_FIELDS, fields) + bytes(10)
 
 
-class GripperModel:
+class GripperModel(Fingers):
     """A 2F gripper from power-up on. Times are simulated seconds and never go back.
 
     Args:
-        rng: draws the lags of gOBJ.
-        jaws: the mechanics.
+        rng: draws the lags of gOBJ behind the echo ([SDK] gripper.cpp waits for it).
         surroundings: what the fingers may meet.
+        profile: of a model that counts; None: a 2F-85.
     """
+
+    CLOSING = 1.0
+    CYCLE_S = CYCLE_S
 
     def __init__(
         self,
         rng: random.Random,
-        jaws: Jaws | None = None,
         surroundings: Surroundings | None = None,
+        profile: GripperProfile | None = None,
     ) -> None:
-        self.jaws = jaws or Jaws()
-        self.flag_delay_s = 0.0  # how much later than usual gOBJ follows
-        self._surroundings = surroundings or Surroundings()
-        self._rng = rng
-        self._now = 0.0
-        self._heard_s = 0.0
-        self._shown_s = 0.0
-        self._silent_until_s = 0.0
-        self._stroke = Stroke(
-            float(self.jaws.count_open), 0.0, 0.0, float(self.jaws.count_open), OBJ_MOVING
-        )
-        self._running = False
-        self._contact: int | None = None  # where the closing stroke under way will meet something
-        self._gripping = False
+        self.jaws = Jaws() if profile is None else Jaws.of(profile)
+        super().__init__(rng, surroundings, float(self.jaws.count_open))
+        self._heard_s = self._silent_until_s = 0.0
         self._forget()
 
     def _forget(self) -> None:
         """What the supply's failure leaves: nothing was ever written, the jaws stay where they are."""
         self._output = bytearray(16)
         self._request = unpack(OUTPUT_FIELDS, self._output)
-        self._flag = ObjectFlag(OBJ_MOVING, self._now, OBJ_MOVING, self._now)
+        self._flag = ObjectFlag(robotiq.OBJ_MOVING, self._now, robotiq.OBJ_MOVING, self._now)
         self._reset(0)
 
     def _reset(self, fault: int) -> None:
         """Halt, inactive from now on, with a fault or 0."""
-        self._halt()
+        self._stand()
         self._legs: list[int] = []  # counts the activation sweep still has to visit
-        self._status, self._fault = STA_RESET, fault
+        self._status, self._fault = robotiq.STA_RESET, fault
 
     # -- the two register blocks ------------------------------------------------------------------
 
     def read_input(self, now_s: float) -> bytes:
         """The 16 input bytes, as the last refresh before `now_s` left them (echoes are immediate)."""
         self._hear(now_s)
-        self.advance(max(math.floor(now_s / CYCLE_S) * CYCLE_S, self._now))
-        self._shown_s = self._now
+        self._refresh(now_s)
         request = self._request
         return input_block(
             gACT=request["rACT"],
@@ -101,7 +82,7 @@ class GripperModel:
             gOBJ=self._flag.at(self._now),
             gFLT=self._fault or (FAULT_SILENCE if now_s < self._silent_until_s else 0),
             gPR=request["rPR"],
-            gPO=round(self._stroke.at(self._now)),
+            gPO=round(self._here()),
             gCU=round(self._current()),
         )
 
@@ -126,24 +107,13 @@ class GripperModel:
     def opening_mm(self, now_s: float) -> float:
         """True distance between the fingers."""
         self.advance(now_s)
-        return self.jaws.opening_at(self._stroke.at(self._now))
+        return self.jaws.opening_at(self._here())
 
-    def advance(self, now_s: float) -> None:
-        """Let time pass up to `now_s`."""
-        while self._running and self._stroke.end_s <= now_s:
-            self._now = max(self._now, self._stroke.end_s)
-            self._arrive()
-        self._now = max(self._now, now_s)
+    def _states(self) -> Iterable[float]:
+        return self._flag.moving_s, self._flag.outcome_s
 
-    def next_change(self) -> float:
-        """When the next reading will differ from the last, but for a moving count; infinity: never."""
-        changes = [
-            moment
-            for moment in (self._flag.moving_s, self._flag.outcome_s)
-            if moment > self._shown_s
-        ]
-        coming = min([*changes, self._stroke.end_s if self._running else math.inf])
-        return math.ceil(coming / CYCLE_S) * CYCLE_S if coming < math.inf else coming
+    def _met_at(self, width_mm: float) -> float:
+        return self.jaws.count_at(width_mm)
 
     # -- mishaps ----------------------------------------------------------------------------------
 
@@ -162,19 +132,15 @@ class GripperModel:
         self.advance(now_s)
         self._forget()
 
-    def lose_object(self, now_s: float) -> None:
-        """What the jaws hold slips out: they close on, to the request."""
-        self.advance(now_s)
-        if not self._gripping:
-            return
-        self._gripping, self._contact = False, None
+    def _dropped(self) -> None:
+        """They close on, to the request."""
         if self._ready() and self._request["rGTO"]:
             self._go(meets=False)
 
     # -- commands ---------------------------------------------------------------------------------
 
     def _ready(self) -> bool:
-        return self._status == STA_ACTIVE and not self._latched()
+        return self._status == robotiq.STA_ACTIVE and not self._latched()
 
     def _latched(self) -> bool:
         return self._fault != 0 and fault_text(self._fault).severity == MAJOR
@@ -185,87 +151,62 @@ class GripperModel:
             self._reset(FAULT_INACTIVE if new["rGTO"] else 0)
         elif not old["rACT"]:
             self._reset(FAULT_DELAYED if new["rGTO"] else 0)
-            self._status = STA_ACTIVATING
+            self._status = robotiq.STA_ACTIVATING
             self._legs = [self.jaws.count_closed, self.jaws.count_open]
-            self._start(float(self.jaws.count_open), SWEEP_MM_S)
+            self._drive(float(self.jaws.count_open), SWEEP_MM_S)
         elif self._latched():
             pass
         elif new["rATR"]:
             self._release(opens=new["rARD"] == 1)  # manuals disagree about the direction
-        elif self._status == STA_ACTIVATING:
+        elif self._status == robotiq.STA_ACTIVATING:
             self._fault = FAULT_DELAYED if new["rGTO"] else 0
         elif not new["rGTO"]:
-            self._halt()
+            self._stand()
         elif any(old[name] != new[name] for name in ("rGTO", "rPR", "rSP")):
             self._go()
 
     def _release(self, *, opens: bool) -> None:
         self._reset(FAULT_RELEASING)
-        self._start(float(self.jaws.count_open if opens else self.jaws.count_closed), RELEASE_MM_S)
+        self._drive(float(self.jaws.count_open if opens else self.jaws.count_closed), RELEASE_MM_S)
 
     def _go(self, *, meets: bool = True) -> None:
         shown = self._flag.at(self._now)
         target = float(min(max(self._request["rPR"], self.jaws.count_open), self.jaws.count_closed))
-        self._start(target, speed_mm_s_of(self._request["rSP"]), meets=meets)
+        self._drive(target, speed_mm_s_of(self._request["rSP"]), meets=meets)
         moving_s, outcome_s = self._now + self._lag(), self._stroke.end_s + self._lag()
         self._flag = ObjectFlag(shown, moving_s, self._stroke.outcome, outcome_s)
 
-    def _lag(self) -> float:
-        return self._rng.randint(*LAG_CYCLES) * CYCLE_S + self.flag_delay_s
-
     # -- motion -----------------------------------------------------------------------------------
 
-    def _start(self, target: float, speed: float, *, meets: bool = True) -> None:
-        """Set the jaws in motion; a closing stroke asks once what it `meets`."""
-        here = self._stroke.at(self._now)
-        still_closing = self._running and self._stroke.rate > 0.0
-        if target > here and meets and not (still_closing or self._gripping):
-            met_mm = self._surroundings.closing()
-            self._contact = None if met_mm is None else self.jaws.count_at(met_mm)
-        elif target < here:
-            self._contact = None
-            if self._gripping:
-                self._gripping = False
-                self._surroundings.released()
-        stop, outcome = target, OBJ_AT_REQUEST
-        if target > here and self._contact is not None and self._contact <= target:
-            stop, outcome = max(float(self._contact), here), OBJ_CONTACT_CLOSING
-        rate = math.copysign(speed * self.jaws.counts_per_mm, stop - here) if stop != here else 0.0
-        self._stroke = Stroke(here, self._now, rate, stop, outcome)
-        self._running = True
+    def _drive(self, target: float, speed_mm_s: float, *, meets: bool = True) -> None:
+        speed = speed_mm_s * self.jaws.counts_per_mm
+        outcomes = robotiq.OBJ_AT_REQUEST, robotiq.OBJ_CONTACT_CLOSING
+        self._start(target, speed, outcomes, meets=meets)
 
-    def _halt(self) -> None:
-        """Stop where the jaws are; a grip that was not completed has not happened."""
+    def _stand(self) -> None:
         shown = self._flag.at(self._now)
         self._flag = ObjectFlag(shown, self._now, shown, self._now)
-        if self._running:
-            here = self._stroke.at(self._now)
-            self._stroke = Stroke(here, self._now, 0.0, here, OBJ_MOVING)
-            self._running = False
-            self._contact = None
+        if self._ends_s < math.inf:
+            self._halt(robotiq.OBJ_MOVING)
 
-    def _arrive(self) -> None:
-        """The stroke is over: grip, sweep on, finish activation or release."""
-        self._running = False
-        met = self._stroke.outcome == OBJ_CONTACT_CLOSING
-        if met and not self._gripping:
-            self._gripping = True
-            self._surroundings.gripped()
+    def _arrived(self) -> None:
+        """Sweep on, finish activation or release."""
         if self._fault == FAULT_RELEASING:
             self._fault = FAULT_RELEASED
-        elif self._status == STA_ACTIVATING and met:
+        elif self._status == robotiq.STA_ACTIVATING and self._meets:
             self._reset(FAULT_BLOCKED_SWEEP)
-        elif self._status == STA_ACTIVATING and self._legs:
-            self._start(float(self._legs.pop(0)), SWEEP_MM_S)
-        elif self._status == STA_ACTIVATING:
-            self._status, self._fault = STA_ACTIVE, 0
-            self._flag = ObjectFlag(OBJ_AT_REQUEST, self._now, OBJ_AT_REQUEST, self._now)
+        elif self._status == robotiq.STA_ACTIVATING and self._legs:
+            self._drive(float(self._legs.pop(0)), SWEEP_MM_S)
+        elif self._status == robotiq.STA_ACTIVATING:
+            self._status, self._fault = robotiq.STA_ACTIVE, 0
+            there, now_s = robotiq.OBJ_AT_REQUEST, self._now
+            self._flag = ObjectFlag(there, now_s, there, now_s)
             if self._request["rGTO"]:
                 self._go()
 
     def _current(self) -> float:
         """Motor current in counts of 10 mA: some while moving, a rise at contact, less to hold."""
-        if self._running and self._stroke.rate:
+        if self._ends_s < math.inf and self._stroke.rate:
             return CURRENT_MOVING
         if not self._gripping:
             return 0.0

@@ -31,11 +31,9 @@ class MbapSlave(Slave):
         if frame[2:4] != b"\0\0" or frame[6:7] != bytes((self.unit,)):
             return None
         pdu = answer(frame[HEADER:], self._registers)
-        return (
-            None
-            if pdu is None
-            else frame[:4] + (len(pdu) + 1).to_bytes(2, "big") + frame[6:7] + pdu
-        )
+        if pdu is None:
+            return None
+        return frame[:4] + (len(pdu) + 1).to_bytes(2, "big") + frame[6:7] + pdu
 
     def _frame_length(self) -> int:
         if len(self._buffer) < HEADER:

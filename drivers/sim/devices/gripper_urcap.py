@@ -23,9 +23,8 @@ class Urcap:
 
     device: Device
     now: Callable[[], float]  # simulated seconds
-    line_end: bytes = (
-        b"\n"  # what follows the answer to a question; an acknowledgement stands alone
-    )
+    # What follows the answer to a question; an acknowledgement stands alone.
+    line_end: bytes = b"\n"
 
     def answer(self, line: bytes) -> bytes | None:
         """The answer; None: silence."""

@@ -1,5 +1,9 @@
-"""Parts of the simulated gripper: mechanics, strokes, the lagging object flag, what fingers may meet."""
+"""Fingers between their end stops over simulated time: strokes, what they meet, a state that lags behind."""
 
+import math
+import random
+from abc import ABC, abstractmethod
+from collections.abc import Iterable
 from typing import NamedTuple, Self
 
 from drivers.ports import GripperProfile
@@ -55,7 +59,7 @@ class Surroundings:
 
 
 class Stroke(NamedTuple):
-    """A straight motion in counts and seconds; `rate` is signed, `outcome` the gOBJ at its end."""
+    """A straight motion in steps and seconds; `rate` is signed, `outcome` the state at its end."""
 
     start: float
     start_s: float
@@ -69,20 +73,147 @@ class Stroke(NamedTuple):
         return self.start_s + (abs((self.stop - self.start) / self.rate) if self.rate else 0.0)
 
     def at(self, now_s: float) -> float:
-        """Position in counts."""
+        """Where the fingers are."""
         return self.stop if now_s >= self.end_s else self.start + self.rate * (now_s - self.start_s)
 
 
 class ObjectFlag(NamedTuple):
-    """gOBJ over one move: the old value, 0 while moving, the outcome; each change comes late."""
+    """A state over one move: the old one, that of a moving device, the outcome; each change comes late."""
 
     old: int
     moving_s: float
     outcome: int
     outcome_s: float
+    moving: int = OBJ_MOVING
 
     def at(self, now_s: float) -> int:
-        """The flag as the register shows it."""
+        """The state as the register shows it."""
         if now_s >= self.outcome_s:
             return self.outcome
-        return OBJ_MOVING if now_s >= self.moving_s else self.old
+        return self.moving if now_s >= self.moving_s else self.old
+
+
+class Fingers(ABC):
+    """Fingers that move, meet something, hold it and let go of it. Times never go back.
+
+    Positions are in the device's steps, which grow or fall (`CLOSING`) as the fingers close.
+
+    Args:
+        rng: draws the lags.
+        surroundings: what the fingers may meet.
+        start: where they are.
+    """
+
+    CLOSING = -1.0
+    CYCLE_S = 0.005  # between two refreshes of the registers
+    LAG_CYCLES = (1, 5)  # of a state behind what it tells of
+
+    def __init__(self, rng: random.Random, surroundings: Surroundings | None, start: float) -> None:
+        self.delay_s = 0.0  # how much later than usual states follow
+        self._rng = rng
+        self._surroundings = surroundings or Surroundings()
+        self._now = self._shown_s = 0.0
+        self._stroke = Stroke(start, 0.0, 0.0, start, 0)
+        self._ends_s = math.inf  # when the stroke under way is over; infinity: none is
+        self._contact: float | None = None  # where the closing stroke will meet something
+        self._meets = False  # whether it ends there
+        self._gripping = False
+
+    def _met_at(self, width_mm: float) -> float:
+        """The position at which something so wide stops the fingers; a width itself."""
+        return width_mm
+
+    def opening_mm(self, now_s: float) -> float:
+        """True distance between the fingers."""
+        self.advance(now_s)
+        return self._here()
+
+    @abstractmethod
+    def _arrived(self) -> None:
+        """The stroke is over."""
+
+    @abstractmethod
+    def _dropped(self) -> None:
+        """What was held has slipped out."""
+
+    @abstractmethod
+    def power_cycle(self, now_s: float) -> None:
+        """The supply failed for a moment."""
+
+    def _states(self) -> Iterable[float]:
+        """When states change."""
+        return ()
+
+    def advance(self, now_s: float) -> None:
+        """Let time pass up to `now_s`."""
+        while self._ends_s <= now_s:
+            self._now = max(self._now, self._ends_s)
+            self._ends_s = math.inf
+            if self._meets and not self._gripping:
+                self._gripping = True
+                self._surroundings.gripped()
+            self._arrived()
+        self._now = max(self._now, now_s)
+
+    def next_change(self) -> float:
+        """When the next reading will differ from the last, but for a moving width; infinity: never."""
+        changes = (moment for moment in self._states() if moment > self._shown_s)
+        coming = min(self._ends_s, *changes, math.inf)
+        return math.ceil(coming / self.CYCLE_S) * self.CYCLE_S if coming < math.inf else coming
+
+    def lose_object(self, now_s: float) -> None:
+        """What the fingers hold slips out."""
+        self.advance(now_s)
+        if self._gripping:
+            self._gripping, self._contact = False, None
+            self._dropped()
+
+    def _refresh(self, now_s: float) -> None:
+        """Let time pass up to the last refresh of the registers."""
+        self.advance(max(math.floor(now_s / self.CYCLE_S) * self.CYCLE_S, self._now))
+        self._shown_s = self._now
+
+    def _here(self) -> float:
+        return self._stroke.at(self._now)
+
+    def _lag(self) -> float:
+        return self._rng.randint(*self.LAG_CYCLES) * self.CYCLE_S + self.delay_s
+
+    def _start(
+        self, target: float, speed: float, outcomes: tuple[int, int] = (0, 0), *, meets: bool = True
+    ) -> None:
+        """Set the fingers in motion; a closing stroke asks once what it meets.
+
+        Args:
+            target: where to.
+            speed: steps per second.
+            outcomes: of the stroke at the target, and at what it meets.
+            meets: whether it may meet anything.
+        """
+        here, (outcome, met) = self._here(), outcomes
+        way = (target - here) * self.CLOSING
+        closing = self._ends_s < math.inf and self._stroke.rate * self.CLOSING > 0.0
+        if way > 0.0 and meets and not (closing or self._gripping):
+            width_mm = self._surroundings.closing()
+            self._contact = None if width_mm is None else self._met_at(width_mm)
+        elif way < 0.0:
+            self._contact = None
+            if self._gripping:
+                self._gripping = False
+                self._surroundings.released()
+        self._meets = False
+        if way > 0.0 and self._contact is not None:
+            free = (self._contact - here) * self.CLOSING
+            self._meets = free <= way
+            if self._meets:
+                target, outcome = self._contact if free > 0.0 else here, met
+        rate = math.copysign(speed, target - here) if target != here else 0.0
+        self._stroke = Stroke(here, self._now, rate, target, outcome)
+        self._ends_s = self._stroke.end_s
+
+    def _halt(self, outcome: int = 0) -> None:
+        """Stop where the fingers are; a grip that was not completed has not happened."""
+        here = self._here()
+        self._stroke = Stroke(here, self._now, 0.0, here, outcome)
+        if self._ends_s < math.inf:
+            self._ends_s, self._contact = math.inf, None

@@ -33,10 +33,8 @@ def to_string(value: float, decimals: int) -> str:
 
 def pose_string(pose: Pose, decimals: int) -> str:
     """A robtarget's seven numbers, mm with so many decimals."""
-    shift, turn = pose[:3], pose.rotation
-    return " ".join(
-        [*(to_string(mm, decimals) for mm in shift), *(to_string(part, 3) for part in turn)]
-    )
+    shift = (to_string(mm, decimals) for mm in pose[:3])
+    return " ".join((*shift, *(to_string(part, 3) for part in pose.rotation)))
 
 
 def match(text: str, position: int, pattern: str) -> int:

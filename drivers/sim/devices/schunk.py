@@ -10,28 +10,10 @@ import random
 from typing import NamedTuple
 
 from drivers.ports import GripperProfile
-from drivers.schunk.registers import (
-    COMM_LOST,
-    EGK_25_M_B,
-    EGU_60_M_B,
-    ERRORS,
-    FAST_STOP,
-    MOTIONS,
-    MOVE_BLOCKED,
-    NOT_FEASIBLE,
-    NOT_FEASIBLE_WARNING,
-    OUTCOMES,
-    PARAMETERS,
-    Command,
-    Control,
-    Output,
-    Status,
-    is_soft,
-)
-from drivers.sim.devices.jaws import Stroke, Surroundings
+from drivers.schunk import registers as schunk
+from drivers.schunk.registers import PARAMETERS, Command, Control, Output, Status, is_soft
+from drivers.sim.devices.jaws import Fingers, Surroundings
 
-CYCLE_S = 0.002  # between two refreshes of the status
-LAG_CYCLES = (1, 5)  # of an outcome behind the end of its motion
 SILENCE_S = 1.0  # then ERR_COMM_LOST; bkstools pauses for 0.5 s, users report that 2 s are too long
 MESSAGES = 32  # [CM] 4.2: sys_msg_req selects one of 0 to 31
 
@@ -47,8 +29,8 @@ class Module(NamedTuple):
 
 # [DUMP], with the limits of the opening as delivered.
 MODULES = {
-    "schunk-egu": Module(EGU_60_M_B, 25.0, 1300.0, 2.9),
-    "schunk-egk": Module(EGK_25_M_B, 20.0, 0.0, 0.62),
+    "schunk-egu": Module(schunk.EGU_60_M_B, 25.0, 1300.0, 2.9),
+    "schunk-egk": Module(schunk.EGK_25_M_B, 20.0, 0.0, 0.62),
 }
 
 _COMMANDS = {
@@ -65,17 +47,16 @@ class Stop(NamedTuple):
 
     status: Status
     error: int = 0
-    met: bool = False  # whether a part stopped the fingers
 
 
 REACHED = Stop(Status.SUCCESS | Status.POSITION_REACHED)
 EMPTY = Stop(Status.NO_WORKPIECE)
-HELD = Stop(Status.SUCCESS | Status.GRIPPED, met=True)
-WRONG = Stop(Status.WRONG_WORKPIECE | Status.GRIPPED, met=True)
-BLOCKED = Stop(Status(0), MOVE_BLOCKED, met=True)
+HELD = Stop(Status.SUCCESS | Status.GRIPPED)
+WRONG = Stop(Status.WRONG_WORKPIECE | Status.GRIPPED)
+BLOCKED = Stop(Status(0), schunk.MOVE_BLOCKED)
 
 
-class SchunkModel:
+class SchunkModel(Fingers):
     """A gripper with a brake from power-up on. Times are simulated seconds and never go back.
 
     Args:
@@ -85,6 +66,8 @@ class SchunkModel:
         silence_s: how long nobody may ask anything.
     """
 
+    CYCLE_S = 0.002
+
     def __init__(
         self,
         rng: random.Random,
@@ -92,18 +75,12 @@ class SchunkModel:
         profile: GripperProfile,
         silence_s: float = SILENCE_S,
     ) -> None:
+        super().__init__(rng, surroundings, profile.stroke_um / 1000)
         self.profile, self.module = profile, MODULES[profile.model]
         self.written: list[str] = []  # names of the parameters that were written
-        self.outcome_delay_s = 0.0  # how much later than usual an outcome shows
-        self._rng = rng
-        self._surroundings = surroundings or Surroundings()
         self._silence_s = silence_s
-        self._now = self._heard_s = self._shown_s = 0.0
-        self._stroke = Stroke(profile.stroke_um / 1000, 0.0, 0.0, profile.stroke_um / 1000, 0)
+        self._heard_s = 0.0
         self._stop = REACHED
-        self._ends_s = math.inf  # when the status tells of the motion under way; infinity: none is
-        self._met_mm: float | None = None  # opening at which the closing under way meets something
-        self._holding = False  # whether the fingers press on a part
         self._positioning = False  # whether the last command asked for a position, not for a grip
         self._messages: list[str] = []
         self._settings: dict[str, tuple[float | bytes, ...]] = {}
@@ -111,14 +88,12 @@ class SchunkModel:
 
     def _power_up(self) -> None:
         """What the supply's failure leaves: the brake holds, every control bit reads as set ([DUMP])."""
-        self._settings = {
-            name: parameter.unpack(bytes(216)) for name, parameter in PARAMETERS.items()
-        }
+        self._settings = {name: one.unpack(bytes(216)) for name, one in PARAMETERS.items()}
         self._settings.update({name: (value,) for name, value in self._facts().items()})
         self._control, self._output = Control(0xFFFFFFFF), Output(Control(0xFFFFFFFF))
         self._status, self._warning, self._additional = Status(0), 0, 0
         self._halt()
-        self._fail(FAST_STOP)
+        self._fail(schunk.FAST_STOP)
 
     def _facts(self) -> dict[str, float | bytes]:
         module, profile = self.module, self.profile
@@ -158,8 +133,7 @@ class SchunkModel:
     def read(self, name: str, now_s: float) -> bytes:
         """The bytes of a parameter, as the last refresh before `now_s` left them."""
         self._hear(now_s)
-        self.advance(max(math.floor(now_s / CYCLE_S) * CYCLE_S, self._now))
-        self._shown_s = self._now
+        self._refresh(now_s)
         return PARAMETERS[name].pack(*self._values(name))
 
     def write(self, name: str, data: bytes, now_s: float) -> None:
@@ -170,14 +144,13 @@ class SchunkModel:
         values = PARAMETERS[name].unpack(data)
         self._settings[name] = values
         if name == "plc_sync_output":
-            control, position, velocity, force = map(int, values)
-            self._obey(Output(Control(control), position, velocity, force))
+            self._obey(Output.of(values))
         elif name == "command_code":
             self._settings[name] = (0,)
             self._obey_code(int(values[0]))
 
     def _values(self, name: str) -> tuple[float | bytes, ...]:
-        position_mm = self._stroke.at(self._now)
+        position_mm = self._here()
         match name:
             case "plc_sync_input":
                 warning = (self._warning, self._additional)
@@ -209,29 +182,13 @@ class SchunkModel:
         lost_s = self._heard_s + self._silence_s
         if lost_s < now_s and self._status & Status.READY:
             self.advance(lost_s)
-            self._fail(COMM_LOST)
+            self._fail(schunk.COMM_LOST)
         self._heard_s = now_s
 
     def _log(self, text: str) -> None:
         self._messages = [*self._messages[1 - MESSAGES :], f"{self._now:.3f} s: {text}"]
 
     # -- what the cell asks for -------------------------------------------------------------------
-
-    def opening_mm(self, now_s: float) -> float:
-        """True distance between the fingers."""
-        self.advance(now_s)
-        return self._stroke.at(self._now)
-
-    def advance(self, now_s: float) -> None:
-        """Let time pass up to `now_s`."""
-        if self._ends_s <= now_s:
-            self._now = max(self._now, self._ends_s)
-            self._arrive()
-        self._now = max(self._now, now_s)
-
-    def next_change(self) -> float:
-        """When the next reading will differ from the last, but for a moving width; infinity: never."""
-        return math.ceil(self._ends_s / CYCLE_S) * CYCLE_S if self._ends_s < math.inf else math.inf
 
     # -- mishaps ----------------------------------------------------------------------------------
 
@@ -245,12 +202,8 @@ class SchunkModel:
         self.advance(now_s)
         self._fail(code)
 
-    def lose_object(self, now_s: float) -> None:
-        """What the fingers hold slips out: they close on until they are together."""
-        self.advance(now_s)
-        if not self._holding:
-            return
-        self._holding, self._met_mm = False, None
+    def _dropped(self) -> None:
+        """They close on until they are together."""
         gripping = self._status & (Status.GRIPPED | Status.READY)
         if gripping == Status.GRIPPED | Status.READY:
             self._status &= ~(Status.GRIPPED | Status.SUCCESS)
@@ -261,13 +214,7 @@ class SchunkModel:
         self._halt()
         self._error = code
         self._status = self._status & Status.RECEIVED_TOGGLE | Status.ERROR | Status.GPE_ACTIVE
-        self._log(ERRORS[code].sentence)
-
-    def _halt(self) -> None:
-        """Stop where the fingers are; a grip that was not completed has not happened."""
-        here = self._stroke.at(self._now)
-        self._stroke = Stroke(here, self._now, 0.0, here, 0)
-        self._ends_s, self._met_mm = math.inf, None
+        self._log(schunk.ERRORS[code].sentence)
 
     # -- commands ---------------------------------------------------------------------------------
 
@@ -277,56 +224,47 @@ class SchunkModel:
         self._control, self._output = new, output
         risen = new & ~old
         if (old ^ new) & Control.REPEAT_TOGGLE:
-            risen |= new & MOTIONS
+            risen |= new & schunk.MOTIONS
         if not new & Control.NO_FAST_STOP:
             if old & Control.NO_FAST_STOP:
                 self._received()
-                self._fail(FAST_STOP)
+                self._fail(schunk.FAST_STOP)
         elif risen & Control.ACKNOWLEDGE:
             self._acknowledge()
         elif risen & Control.STOP:
             self._controlled_stop()
-        elif risen & MOTIONS:
-            self._command(
-                risen & MOTIONS,
-                inside=bool(new & Control.GRIP_FROM_INSIDE),
-                position_mm=output.position_um / 1000,
-                speed_mm_s=output.velocity_um_s / 1000,
-                percent=output.force_percent,
-            )
+        elif risen & schunk.MOTIONS:
+            self._command(risen & schunk.MOTIONS, output)
 
     def _obey_code(self, code: int) -> None:
         if code == Command.ACKNOWLEDGE:
             self._acknowledge()
         elif code == Command.FAST_STOP:
             self._received()
-            self._fail(FAST_STOP)
+            self._fail(schunk.FAST_STOP)
         elif code == Command.STOP:
             self._controlled_stop()
         elif code in _COMMANDS:
-            self._command(
-                _COMMANDS[Command(code)],
-                inside=bool(self._value("grp_dir")),
-                position_mm=self._value("set_pos"),
-                speed_mm_s=self._value("set_vel"),
-                percent=round(self._value("set_force")),
-            )
+            side = Control.GRIP_FROM_INSIDE if self._value("grp_dir") else Control(0)
+            place, speed = (round(1000 * self._value(name)) for name in ("set_pos", "set_vel"))
+            asked = Output(side, place, speed, round(self._value("set_force")))
+            self._command(_COMMANDS[Command(code)], asked)
 
     def _received(self) -> None:
-        self._status = (self._status ^ Status.RECEIVED_TOGGLE) & ~(OUTCOMES | Status.WARNING)
+        self._status = (self._status ^ Status.RECEIVED_TOGGLE) & ~(schunk.OUTCOMES | Status.WARNING)
         self._warning = self._additional = 0
 
     def _refuse(self, reason: int) -> None:
         self._halt()
         self._status |= Status.NOT_FEASIBLE | Status.WARNING
-        self._warning, self._additional = NOT_FEASIBLE_WARNING, reason
-        self._log(f"not feasible: {NOT_FEASIBLE[reason]}")
+        self._warning, self._additional = schunk.NOT_FEASIBLE_WARNING, reason
+        self._log(f"not feasible: {schunk.NOT_FEASIBLE[reason]}")
 
     def _acknowledge(self) -> None:
-        outcome = self._status & OUTCOMES
+        outcome = self._status & schunk.OUTCOMES
         self._received()
         if self._status & Status.ERROR:
-            outcome = Status.GRIPPED if self._holding else Status(0)
+            outcome = Status.GRIPPED if self._gripping else Status(0)
             self._error = 0
             self._status &= ~(Status.ERROR | Status.GPE_ACTIVE)
         self._status |= outcome
@@ -341,22 +279,16 @@ class SchunkModel:
         self._halt()
         self._status |= REACHED.status
 
-    def _command(
-        self,
-        command: Control,
-        *,
-        inside: bool,
-        position_mm: float,
-        speed_mm_s: float,
-        percent: int,
-    ) -> None:
-        """One of `MOTIONS`."""
+    def _command(self, command: Control, output: Output) -> None:
+        """One of `MOTIONS`, to the place, and with speed and force, of an output."""
+        position_mm, speed_mm_s = output.position_um / 1000, output.velocity_um_s / 1000
+        inside, percent = output.control & Control.GRIP_FROM_INSIDE, output.force_percent
         gripped = bool(self._status & Status.GRIPPED)
         under_way = self._ends_s < math.inf
         self._received()
         moves = command in (Control.MOVE_ABSOLUTE, Control.MOVE_RELATIVE)
         if command == Control.MOVE_RELATIVE:
-            position_mm += self._stroke.at(self._now)
+            position_mm += self._here()
         lowest, highest = self._value("min_pos"), self._value("max_pos")
         slowest, fastest = self.profile.speed_mm_s
         positions = moves or command == Control.GRIP_AT_POSITION
@@ -382,7 +314,7 @@ class SchunkModel:
             self._go(position_mm, speed_mm_s, REACHED)
         elif command == Control.RELEASE:
             delta_mm = self._value("wp_release_delta")
-            here = self._stroke.at(self._now)
+            here = self._here()
             self._go(min(here + delta_mm, highest), fastest, REACHED)
         else:
             soft = is_soft(self.module.module_type) and speed_mm_s > 0.0
@@ -402,33 +334,15 @@ class SchunkModel:
         grips: bool = False,
         meets: bool = True,
     ) -> None:
-        """Set the fingers in motion; closing ones ask once what they meet."""
-        here = self._stroke.at(self._now)
-        closing = self._ends_s < math.inf and self._stroke.rate < 0.0
-        if target_mm < here and meets and not (closing or self._holding):
-            self._met_mm = self._surroundings.closing()
-        elif target_mm > here:
-            self._met_mm = None
-            if self._holding:
-                self._holding = False
-                self._surroundings.released()
+        self._start(target_mm, speed_mm_s, meets=meets)
         self._stop = stop
-        if target_mm < here and self._met_mm is not None and self._met_mm >= target_mm:
-            target_mm = min(self._met_mm, here)
+        if self._meets:
             margin_mm = self._value("grp_pos_margin")
-            fits = expected is None or abs(target_mm - expected) <= margin_mm
+            fits = expected is None or abs(self._stroke.stop - expected) <= margin_mm
             self._stop = BLOCKED if not grips else HELD if fits else WRONG
-        rate = math.copysign(speed_mm_s, target_mm - here) if target_mm != here else 0.0
-        self._stroke = Stroke(here, self._now, rate, target_mm, 0)
-        lag_s = self._rng.randint(*LAG_CYCLES) * CYCLE_S + self.outcome_delay_s
-        self._ends_s = self._stroke.end_s + lag_s
+        self._ends_s += self._lag()
 
-    def _arrive(self) -> None:
-        """The motion is over."""
-        self._ends_s = math.inf
-        if self._stop.met and not self._holding:
-            self._holding = True
-            self._surroundings.gripped()
+    def _arrived(self) -> None:
         if self._stop.error:
             self._fail(self._stop.error)
         self._status |= self._stop.status

@@ -40,9 +40,8 @@ class UrModel:
         self.registers = dict.fromkeys(range(48), 0)
         self._arm, self._base, self._executed = arm, base, executed
         self._tool = IDENTITY
-        self._events: list[
-            tuple[float, int, int]
-        ] = []  # moment, register, value: what a program has still to do
+        # Moment, register, value: what a program has still to do.
+        self._events: list[tuple[float, int, int]] = []
         self._ends_s = 0.0
         self._motion_ends_s = 0.0
         self._motion = ""  # arguments of the `movel` that was begun last
@@ -100,13 +99,12 @@ class UrModel:
         """All output fields that are offered, with their types."""
         self.advance(now_s)
         pose, soon = self._tcp_at(now_s), self._tcp_at(now_s + 0.002)
-        vector, speed = (
-            _vector(pose),
-            tuple((b - a) / 2.0 for a, b in zip(pose[:3], soon[:3], strict=True)),
-        )
+        vector = _vector(pose)
+        speed = tuple((b - a) / 2.0 for a, b in zip(pose[:3], soon[:3], strict=True))
         turning = turn_between(pose.rotation, soon.rotation) / 0.002
         runs = self._held_s is not None or now_s < self._ends_s
         bits = POWERED | (RUNS if runs else 0)
+        state = PAUSED if self._paused else PLAYING if runs else STOPPED
         joints = tuple(math.radians(angle) for angle in self._arm.joints_at(now_s))
         fields: Fields = {
             "timestamp": ("DOUBLE", (now_s,)),
@@ -117,17 +115,12 @@ class UrModel:
             "robot_mode": ("INT32", (self.mode,)),
             "robot_status_bits": ("UINT32", (bits,)),
             "safety_status_bits": ("UINT32", (self.safety_bits,)),
-            "runtime_state": (
-                "UINT32",
-                (PAUSED if self._paused else PLAYING if runs else STOPPED,),
-            ),
+            "runtime_state": ("UINT32", (state,)),
             "target_speed_fraction": ("DOUBLE", (self.speed_fraction,)),
         }
-        record: Fields = {
-            f"output_int_register_{number}": ("INT32", (value,))
-            for number, value in self.registers.items()
-        }
-        return fields | record
+        for number, value in self.registers.items():
+            fields[f"output_int_register_{number}"] = ("INT32", (value,))
+        return fields
 
     def _tcp_at(self, now_s: float) -> Pose:
         """The active tool in the base frame."""

@@ -28,14 +28,19 @@ def served(
             script_port.close()
 
 
-class SecondaryPort(TcpServer):
-    """Takes programs; tells its clients nothing that they read."""
+class UrPort(TcpServer):
+    """A port of the controller; `mute`: it says nothing."""
 
     def __init__(
         self, model: UrModel, lock: Lock, time: SimulatedTime, address: tuple[str, int]
     ) -> None:
-        super().__init__("ur script", threading.Event(), address)
+        super().__init__("ur", threading.Event(), address)
+        self.mute = False
         self._model, self._lock, self._time = model, lock, time
+
+
+class SecondaryPort(UrPort):
+    """Takes programs; tells its clients nothing that they read."""
 
     def _serve(self, client: socket.socket) -> None:
         text = ""
@@ -47,15 +52,8 @@ class SecondaryPort(TcpServer):
                     self._model.take(program, self._time.now())
 
 
-class RtdePort(TcpServer):
+class RtdePort(UrPort):
     """RTDE version 2 for one client: its outputs; inputs are refused."""
-
-    def __init__(
-        self, model: UrModel, lock: Lock, time: SimulatedTime, address: tuple[str, int]
-    ) -> None:
-        super().__init__("ur rtde", threading.Event(), address)
-        self.mute = False
-        self._model, self._lock, self._time = model, lock, time
 
     def _serve(self, client: socket.socket) -> None:
         session = _Session(self._fields)

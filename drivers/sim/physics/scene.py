@@ -75,9 +75,8 @@ class Setting(NamedTuple):
     factory: Callable[[Any, int], World]
     middle_mm: float = 0.0  # how far off the hand's middle the fingers meet, along its y
     block: Block | None = None  # what stands on the table instead of parts
-    parts: tuple[
-        tuple[float, Any], ...
-    ] = ()  # the share and the job of each part, where there are several
+    # The share and the job of each part, where there are several.
+    parts: tuple[tuple[float, Any], ...] = ()
     pushing: bool = False  # whether the table that will run here pushes parts
 
     def make_worlds(self, seed: int) -> list[World]:
@@ -91,9 +90,7 @@ class Setting(NamedTuple):
         except WorldError as error:
             raise UsageError(f"world {self.world}: {error}") from error
         if self.pushing and self.truthful and not hasattr(world, "push"):
-            raise UsageError(
-                f"world {self.world} has no push(), and the table pushes parts; name another"
-            )
+            raise UsageError(f"world {self.world} has no push() and the table pushes; name another")
         return world
 
     @property
@@ -110,9 +107,7 @@ def load(tree: Path | None, job: Path | None, world: str | None) -> Setting:
     """
     path = tree or job
     if path is None or not path.is_file():
-        raise InputError(
-            f"{path}: no such file; give a compiled table (--tree) or a job file (--job)"
-        )
+        raise InputError(f"{path}: no such file; give a table (--tree) or a job file (--job)")
     world, factory = _world(world)
     if tree is None:
         return _setting_of(_planner_job().load(path), world, factory)
@@ -124,9 +119,8 @@ def load(tree: Path | None, job: Path | None, world: str | None) -> Setting:
         raise UsageError(
             f"{tree}: the table carries no job; give the job file (--job) or --world {REHEARSAL}"
         )
-    return _setting_of(_planner_job().from_canonical(table.job), world, factory)._replace(
-        pushing=pushing
-    )
+    setting = _setting_of(_planner_job().from_canonical(table.job), world, factory)
+    return setting._replace(pushing=pushing)
 
 
 def _setting_of(job: Any, world: str, factory: Callable[[Any, int], World]) -> Setting:
@@ -178,15 +172,14 @@ def table_geometry(table: tables.Table) -> Geometry:
     """What the cell needs, from a table's header."""
     limits = table.limits
     timing = tables.Schedule.of(table, tables.job_of(table)).timing
+    regrasp_mm = timing.regrasp_mm
     return Geometry(
         table.gripper.profile,
         limits.squeeze_height_um / 1000.0,
         limits.retreat_height_um / 1000.0,
         REHEARSAL_RADIUS_MM,
         math.pi,
-        height_mm=None
-        if timing.regrasp_mm == timing.retreat_mm
-        else timing.regrasp_mm - tables.ABOVE_MM,
+        height_mm=None if regrasp_mm == timing.retreat_mm else regrasp_mm - tables.ABOVE_MM,
         acceleration_mm_s2=timing.arm_acceleration_mm_s2,
         turn_radius_mm=timing.turn_radius_mm,
     )

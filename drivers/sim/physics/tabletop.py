@@ -8,10 +8,8 @@ from drivers.planar import Pose2, compose, relative
 from drivers.sim.faults import Channel, Desk
 from drivers.sim.physics.scene import Setting
 
-AHEAD_MM, AHEAD_RAD = (
-    0.05,
-    0.005,
-)  # what a motion straight ahead may be off, as arms read themselves back
+# What a motion straight ahead may be off, as arms read themselves back.
+AHEAD_MM, AHEAD_RAD = 0.05, 0.005
 BESIDE: Pose2 = (0.0, 70.0, 0.8)  # where a second part lies, in the frame of the first
 
 
@@ -106,10 +104,8 @@ class TableTop:
 
         A world that cannot push leaves it where it lies, as does any other way of the hand.
         """
-        push, (way_mm, aside_mm, turn_rad) = (
-            getattr(self._world, "push", None),
-            relative(start, end),
-        )
+        push = getattr(self._world, "push", None)
+        way_mm, aside_mm, turn_rad = relative(start, end)
         ahead = (
             way_mm > AHEAD_MM
             and abs(aside_mm) < AHEAD_MM
@@ -181,11 +177,9 @@ class Vice(TableTop):
         """The first finger that touches stops both: the width (mm, as the encoder sees it), or None."""
         self.squeezes += 1
         needed_mm = self._needed(hand)
-        return (
-            None
-            if needed_mm is None
-            else needed_mm + self._noise.gauss(0.0, self.geometry.gripper.noise_um / 1000.0)
-        )
+        if needed_mm is None:
+            return None
+        return needed_mm + self._noise.gauss(0.0, self.geometry.gripper.noise_um / 1000.0)
 
     def gripped(self) -> None:
         """It stays where it is."""

@@ -8,8 +8,7 @@ from collections.abc import Callable
 from drivers.abb.arm import Arm, over
 from drivers.abb.reach import Setup
 from drivers.clock import Pace
-from drivers.links import no_report
-from drivers.ports import Gripper, Report
+from drivers.ports import Gripper, Report, no_report
 from drivers.sim.faults import Listed
 from drivers.sim.physics.scene import Setting
 from drivers.sim.physics.scene_protocol import Feeder

@@ -97,11 +97,8 @@ def answer(pdu: bytes, registers: Registers) -> bytes | None:
             return pdu[:5] if registers.write(16, _word(pdu, 1), pdu[6:]) else None
         case b"\x17" if _counted(pdu[7:]) and registers.serves(23, _word(pdu, 1), _word(pdu, 3)):
             # The write takes effect first, the reading shows it ([M18] p54).
-            return (
-                _read(23, pdu[1:5], registers)
-                if registers.write(23, _word(pdu, 5), pdu[10:])
-                else None
-            )
+            written = registers.write(23, _word(pdu, 5), pdu[10:])
+            return _read(23, pdu[1:5], registers) if written else None
     return None
 
 

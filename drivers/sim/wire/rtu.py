@@ -12,9 +12,8 @@ from drivers.sim.wire.line import CleanLine, Outbox, Piece, UnpluggedError
 from drivers.sim.wire.modbus import Registers, answer, crc16, frame_length
 from drivers.sim.wire.serving import Lock, Server, SimulatedTime
 
-GAP_S = (
-    0.010  # wall; the line's own 0.3 ms of silence between frames is below what a scheduler keeps
-)
+# Wall; the line's own 0.3 ms of silence between frames is below what a scheduler keeps.
+GAP_S = 0.010
 IDLE_S = 0.05  # wall; between two looks at whether the server is to stop
 BYTE_S = 10 / BAUD  # 8N1
 

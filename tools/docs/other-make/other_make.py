@@ -4,10 +4,10 @@ import math
 
 from drivers.clock import Pace
 from drivers.errors import ArmError, GripperFault, LinkError, LinkTimeout, ReadOnlyError
-from drivers.ports import GripperProfile, GripperState, ObjectState, Report, Settled
+from drivers.links import StreamLink
+from drivers.ports import GripperProfile, GripperState, ObjectState, Report, Settled, no_report
 from drivers.stream import Stream, open_tcp, tcp_address
 
-ANSWER_S = 0.5
 PROFILE = GripperProfile(
     model="other-60",
     stroke_um=60_000,
@@ -20,36 +20,29 @@ PROFILE = GripperProfile(
 QUESTIONS = ("status", "where")
 
 
-class Lines:
+class Lines(StreamLink):
     """One line out, one line back; `read_only`: no line that is not a question goes out."""
 
-    def __init__(self, stream: Stream, pace: Pace, *, read_only: bool = False) -> None:
-        self.endpoint, self._stream, self._pace = stream.endpoint, stream, pace
-        self._lost, self._read_only = "", read_only
+    def __init__(self, stream: Stream, pace: Pace, *, read_only: bool) -> None:
+        super().__init__(stream, pace, no_report)
+        self._read_only = read_only
 
-    def ask(self, line: str, seconds: float = ANSWER_S) -> list[str]:
-        if self._lost:
-            raise LinkError(f"{self.endpoint} is closed: {self._lost}")
+    def ask(self, line: str, seconds: float = 0.0) -> list[str]:
+        """The words of the answer, which may take the device so many seconds."""
+        self._begin()
         if self._read_only and line not in QUESTIONS:
             raise ReadOnlyError(f"a dry run was about to send {line!r} to {self.endpoint}")
+        text = b""
         try:
             self._stream.send(line.encode() + b"\n")
-            text, deadline = b"", self._pace.deadline(seconds)
-            while not text.endswith(b"\n"):
-                if (left := deadline - self._pace.now()) <= 0.0:
-                    self._lost = "an answer is missing"
-                    raise LinkTimeout(f"{self.endpoint} did not answer {line!r}; check its power")
-                text += self._stream.receive(left)
-        except TimeoutError:
-            raise
+            for piece in self._pieces(seconds):
+                text += piece
+                if text.endswith(b"\n"):
+                    return text.decode().split()
         except OSError as error:
-            self._lost = "the connection broke"
-            raise LinkError(f"{self.endpoint} broke; check the cable") from error
-        return text.decode().split()
-
-    def close(self) -> None:
-        self._lost = self._lost or "it was closed"
-        self._stream.close()
+            raise self._broken(error, "the cable") from error
+        self._lost = "an answer is missing"
+        raise LinkTimeout(f"{self.endpoint} did not answer {line!r}; check its power")
 
 
 class OtherGripper:
@@ -142,22 +135,18 @@ class OtherArm:
         radius_mm: float = 160.0,
     ) -> None:
         target = (x_mm, y_mm, z_mm, angle_rad)
-        if (
-            not all(map(math.isfinite, (*target, speed_mm_s)))
-            or not speed_mm_s > 0.0
-            or max(target) > 1e3
-        ):
+        finite = all(map(math.isfinite, (*target, speed_mm_s)))
+        if not (finite and speed_mm_s > 0.0 and max(target) <= 1e3):
             raise ArmError(f"arm not moved: {target} at {speed_mm_s} mm/s cannot be sent")
         path_s = math.dist(target[:3], self.pose()[:3]) / speed_mm_s
-        if self._ask(f"move {x_mm} {y_mm} {z_mm} {angle_rad} {speed_mm_s}", 2.0 * path_s + 1.0) != [
-            "ok"
-        ]:
+        line = f"move {x_mm} {y_mm} {z_mm} {angle_rad} {speed_mm_s}"
+        if self._ask(line, 2.0 * path_s + 1.0) != ["ok"]:
             raise ArmError(f"arm not moved: {target} is out of its reach")
 
     def close(self) -> None:
         self._lines.close()
 
-    def _ask(self, line: str, seconds: float = ANSWER_S) -> list[str]:
+    def _ask(self, line: str, seconds: float = 0.0) -> list[str]:
         try:
             return self._lines.ask(line, seconds)
         except LinkError as error:

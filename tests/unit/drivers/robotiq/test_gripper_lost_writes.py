@@ -8,7 +8,6 @@ from direct_gripper import active
 from drivers.errors import GripperFault, LinkTimeout
 from drivers.robotiq.registers import OUTPUT_FIELDS, unpack
 from drivers.sim.devices.gripper import GripperModel
-from drivers.sim.devices.jaws import Jaws
 
 
 def test_a_write_that_arrived_without_its_answer_is_written_again_and_changes_nothing():
@@ -74,7 +73,7 @@ def test_a_write_that_did_not_arrive_is_repeated_once_after_a_look():
 
 
 def power_cycle(link):
-    link.model = GripperModel(random.Random(9), Jaws(), link)
+    link.model = GripperModel(random.Random(9), link)
 
 
 def test_a_write_lost_to_a_power_cut_is_not_repeated():

@@ -379,5 +379,5 @@ def test_a_grip_at_an_expected_width_tells_a_wrong_part(rig, active):
     code = PARAMETERS["command_code"].pack(Command.GRIP_AT_POSITION)
     rig.model.write("command_code", code, rig.clock.now())
     rig.clock.sleep(10.0)
-    seen = active._look()
+    seen = active._read()
     assert seen.status & Status.WRONG_WORKPIECE

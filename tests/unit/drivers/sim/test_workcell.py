@@ -158,7 +158,7 @@ def test_a_covered_camera_shows_in_the_truth():
 
 @pytest.mark.parametrize("code", [0x0A, 0x0C, 0x0D, 0x0E, 0x0F])
 def test_a_major_fault_stops_the_jaws_until_they_are_activated_again(code):
-    hands = Hands(Fault(f"gflt_{code:02x}", 1, at=4))
+    hands = Hands(Fault(f"gflt_{code:02x}", 1, at=3))
     hands.gripper.move(255, 0, 0)
     with pytest.raises(GripperFault, match=f"0x{code:02X}"):
         hands.gripper.wait()

@@ -17,7 +17,7 @@ class Bench:
         self.asked = 0
         self.grips = self.releases = 0
         self.now = 0.0
-        self.model = GripperModel(random.Random(seed), Jaws(), self)
+        self.model = GripperModel(random.Random(seed), self)
 
     def closing(self):
         self.asked += 1

@@ -1,0 +1,35 @@
+"""Names of serial ports with a Modbus unit: `make:///dev/ttyUSB0?unit=2`, or `make://host:port?unit=2`."""
+
+from urllib.parse import parse_qsl
+
+from drivers.errors import PortError
+from drivers.stream import SerialStream, Stream, open_tcp, tcp_address
+
+
+def unit_of(port: str, usual: int) -> int:
+    """The unit that a port's name states, or the usual one.
+
+    Raises:
+        PortError: it is not understood.
+    """
+    stated = parse_qsl(port.partition("?")[2], keep_blank_values=True) or [("unit", str(usual))]
+    unit = int(stated[0][1]) if stated[0][1].isdecimal() else 0
+    if len(stated) > 1 or stated[0][0] != "unit" or not 1 <= unit <= 247:
+        scheme = port.partition(":")[0]
+        raise PortError(
+            f"port {port} is not understood; write it as {scheme}:///dev/ttyUSB0?unit={usual}, unit 1 to 247"
+        )
+    return unit
+
+
+def opened(port: str, baud: int, parity: str = "N") -> Stream:
+    """The serial port that a name says, or a connection to the device server behind which it is.
+
+    Raises:
+        PortError: it cannot be opened, or is not understood.
+    """
+    address = port.partition("?")[0]
+    path = address.partition("://")[2]
+    if path.startswith("/"):
+        return SerialStream(path, baud, parity)
+    return open_tcp(*tcp_address(address), port, "check address, cable and power")

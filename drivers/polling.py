@@ -1,0 +1,246 @@
+"""What grippers of all makes share that are polled: waits, deadlines, and writes whose answer was lost."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Generic, Self, TypeVar
+
+from drivers.clock import Pace
+from drivers.errors import GripperFault, LinkTimeout, ReadOnlyError, shown
+from drivers.ports import GripperProfile, GripperState, Report, Settled, no_report
+
+ECHO_S = 1.0  # a request reads back within this ([SDK] gripper.cpp of Robotiq)
+MOVE_MARGIN_S = 2.0  # beyond stroke / speed: start, contact detection, settling
+READINGS = 3  # in a row before a width is believed
+WRITE_TRIES = 3  # as Robotiq's SDK: the link is down after 3 failures in a row
+Seen = TypeVar("Seen")
+Target = TypeVar("Target")
+
+
+@dataclass(frozen=True, slots=True)
+class Move(Generic[Seen, Target]):
+    """A move that was asked for."""
+
+    target: Target  # as the device repeats it
+    before: Seen  # the reading before it
+    written_at: float
+    budget_s: float
+    pause_s: float  # between two readings of fingers at rest
+
+
+class ReadOnlyLink:
+    """A link without a way to write: frames of a write are never built. Owns the link."""
+
+    def __init__(self, link: Any) -> None:
+        self.endpoint = link.endpoint
+        self.read, self.close = link.read, link.close
+
+    def write(self, *what: object) -> None:
+        """Refuse, by a ReadOnlyError."""
+        words = (word.hex() if isinstance(word, bytes) else shown(word) for word in what)
+        raise ReadOnlyError(
+            f"a dry run was about to write {' '.join(words)} to the gripper at {self.endpoint}"
+        )
+
+
+class PolledGripper(ABC, Generic[Seen, Target]):
+    """Base of the makes; a make reads, writes, and says what its readings mean.
+
+    Every wait has a deadline, and every write whose answer was lost is reported.
+
+    Args:
+        link: closed with the gripper.
+        pace: device time.
+        report: told of every retry and failure.
+        profile: of the gripper that should be there; None: the make's usual one.
+    """
+
+    stale_s = 0.0  # how long a reading may still tell of the previous move
+    spread = 0  # how far positions of fingers at rest may be apart
+
+    def __init__(
+        self,
+        link: Any,
+        pace: Pace,
+        report: Report = no_report,
+        profile: GripperProfile | None = None,
+    ) -> None:
+        self._link = link
+        self._pace = pace
+        self._report = report
+        self._move: Move[Seen, Target] | None = None
+        self._asked_at: float | None = None  # when a move began whose readings may be stale
+        self.profile = self._begin(profile)
+
+    @classmethod
+    def over(
+        cls,
+        link: Any,
+        pace: Pace,
+        report: Report,
+        profile: GripperProfile | None = None,
+        *,
+        read_only: bool,
+    ) -> Self:
+        """One on a link that was opened for it, and that is closed again if nobody answers there."""
+        try:
+            return cls(ReadOnlyLink(link) if read_only else link, pace, report, profile)
+        except BaseException:  # Ctrl-C, too, must not leave the port open
+            link.close()
+            raise
+
+    def state(self) -> GripperState:
+        """Read the gripper now."""
+        seen = self._read()
+        return self._state(seen, self._target(seen))
+
+    def wait(self) -> Settled:
+        """Wait until the last move has ended and the fingers stand still.
+
+        The request was received; readings no longer tell of the move before; three in a row say that the
+        move has ended, and give one position.
+        """
+        if self._move is None:
+            raise GripperFault("no move to wait for; call move() first")
+        move, seen = self._move, self._settled()
+        target = self._target(seen)
+        if target != move.target:
+            raise GripperFault(
+                "the gripper's request changed during the move; is another program using it?"
+            )
+        end, seconds = self._state(seen, target), self._pace.elapsed(move.written_at)
+        return Settled(end.width_um, end.object, end.current_ma, end.target_um, seconds)
+
+    def close(self) -> None:
+        """Close the link; nothing moves."""
+        self._link.close()
+
+    # -- what a make says -------------------------------------------------------------------------
+
+    @abstractmethod
+    def _begin(self, profile: GripperProfile | None) -> GripperProfile:
+        """Read once; returns the profile of the gripper that is there."""
+
+    @abstractmethod
+    def _read(self) -> Seen:
+        """One reading."""
+
+    @abstractmethod
+    def _target(self, seen: Seen) -> Target:
+        """What is asked for, as the device repeats it."""
+
+    @abstractmethod
+    def _state(self, seen: Seen, target: Target) -> GripperState:
+        """What a reading says."""
+
+    @abstractmethod
+    def _rest(self, seen: Seen, move: Move[Seen, Target]) -> int | None:
+        """Where a move has ended, in the device's steps; None: not yet, or the reading contradicts itself."""
+
+    @abstractmethod
+    def _require_ready(self, seen: Seen, doing: str) -> None:
+        """Raise a GripperFault unless it may be moved."""
+
+    @abstractmethod
+    def _sketch(self, seen: Seen) -> str:
+        """A reading in a message."""
+
+    def _received(self, seen: Seen, move: Move[Seen, Target]) -> bool:
+        """Whether the device has taken the request."""
+        return self._target(seen) == move.target
+
+    def _moving(self, seen: Seen) -> bool:
+        """Whether the fingers are on their way; asked only within `stale_s`."""
+        raise NotImplementedError
+
+    def _require_obeyed(self, seen: Seen, doing: str) -> None:
+        """Raise a GripperFault where the request that was received is not obeyed."""
+        self._require_ready(seen, doing)
+
+    # -- waiting ----------------------------------------------------------------------------------
+
+    def _checked(self, doing: str) -> Seen:
+        seen = self._read()
+        self._require_ready(seen, doing)
+        return seen
+
+    def _until(
+        self,
+        done: Callable[[Seen], bool],
+        deadline: float,
+        doing: str,
+        check: Callable[[Seen, str], None] | None = None,
+    ) -> Seen:
+        """Poll until `done`, a reading that `check` refuses, or the deadline."""
+        while True:
+            late = self._pace.now() > deadline
+            seen = self._read()
+            if check is not None:
+                check(seen, doing)
+            if done(seen):
+                return seen
+            if late:
+                raise GripperFault(
+                    f"gripper not done {doing} in time; last seen {self._sketch(seen)}"
+                )
+            self._pace.idle(deadline)
+
+    def _settled(self) -> Seen:
+        """The reading at the end of the move under way."""
+        assert self._move is not None
+        move, self._move = self._move, None
+        until, doing = self._pace.deadline(ECHO_S), "taking the request"
+        seen = self._until(lambda now: self._received(now, move), until, doing, self._require_ready)
+        deadline, late = self._pace.deadline(move.budget_s), 0
+        seen = self._past_stale(seen)
+        places: list[int] = []
+        while True:
+            self._require_obeyed(seen, "moving")
+            place = self._rest(seen, move)
+            places = [] if place is None else [*places, place][-READINGS:]
+            if len(places) == READINGS and max(places) - min(places) <= self.spread:
+                return seen
+            # Fingers that rest are read often enough even if this process was stopped past the deadline.
+            if late > READINGS:
+                raise GripperFault(
+                    "gripper not done moving in time, or its reading does not settle; last seen "
+                    f"{self._sketch(seen)}"
+                )
+            if places:
+                self._pace.pause(move.pause_s)
+            else:
+                self._pace.idle(deadline)
+            late += self._pace.now() > deadline
+            seen = self._read()
+
+    def _past_stale(self, seen: Seen) -> Seen:
+        """Read on until a reading tells of the last request, and of no earlier one."""
+        while self._asked_at is not None and not self._moving(seen):
+            until = self._asked_at + self.stale_s / self._pace.time_scale
+            if self._pace.now() >= until:
+                break
+            self._pace.idle(until)
+            seen = self._read()
+        self._asked_at = None
+        return seen
+
+    def _repeat(self, write: Callable[[], None], arrived: Callable[[], bool]) -> None:
+        """Write again and again until one write is acknowledged; each failure is looked after, and reported.
+
+        The same once more changes nothing, or `arrived`, which tells what the device repeats, raises.
+        """
+        for left in reversed(range(WRITE_TRIES)):
+            try:
+                write()
+            except LinkTimeout:
+                self._report("link", {"incident": "write unanswered", "arrived": arrived()})
+                if not left:
+                    raise
+            else:
+                return
+
+
+def setting(value: float, ends: tuple[float, float], first: int, last: int) -> int:
+    """The greatest setting, from `first` to `last` linear between two ends, that does not exceed a value."""
+    value, least, most = (round(1000 * number) for number in (value, *ends))
+    return min(max(first + (value - least) * (last - first) // (most - least), first), last)
