@@ -35,6 +35,7 @@ from runtime.table import (
     decision_map,
     job_of,
     predicted_pose,
+    turned,
 )
 from runtime.traversal.answer import outcome_fields
 from runtime.traversal.decision import (
@@ -72,6 +73,9 @@ class RunOptions:
         1.0  # how much longer than by arm and gripper a squeeze may take: for a person
     )
     takt_s: float | None = None  # within which parts should be done; only told
+    turns: bool = (
+        True  # whether a part's plan may be turned to where the hand stands: not for a person
+    )
     timed: bool = (
         True  # whether the clock's seconds are the cell's, which runs no faster than its programs
     )
@@ -91,7 +95,7 @@ class Executor:
         self, table: Table, cell: Cell, console: Console, options: RunOptions = PLAIN
     ) -> None:
         safety.check_table(table)
-        self._table = table
+        self._plan = self._table = table  # as planned, and as turned for the part under way
         self._console = console
         self._options = options
         self._found: int | None = None  # the leaf of the part that is being delivered
@@ -117,13 +121,14 @@ class Executor:
             if broken is None:
                 self._cell.journal.record("part", {"part": part})
             with interrupts.stoppable():
+                turn_urad = self._turned(part, broken)
                 if broken is not None:
                     steps.extend(broken.steps)
                     self._free(part, broken)
                 result = self._descend(
                     part, steps, TraversalState() if broken is None else broken.traversal
                 )
-                result = self._finish(result)
+                result = replace(self._finish(result), turn_urad=turn_urad)
                 self._hand.where()  # an arm that was displaced makes any outcome a fault
                 if self._options.timed:
                     result = replace(result, seconds=began.lap(), phases=tuple(self._phases))
@@ -143,6 +148,21 @@ class Executor:
             return fault
         self._console.phase(part, Phase.DONE, None)
         return result
+
+    def _turned(self, part: int, broken: Replay | None) -> int:
+        """Turn the plan for a part to where the hand stands, or as a run that broke off had it; by what.
+
+        Not where parts are delivered: the ways to the drop-off are checked for the leaves as planned.
+        """
+        turn_urad = 0
+        if broken is not None:
+            turn_urad = broken.turn_urad
+        elif self._options.turns and self._options.delivery is None:
+            turn_urad = round(1e6 * self._hand.turn_of_plan(self._plan.nodes[0].squeeze))
+            if turn_urad:
+                self._cell.journal.record("turned", {"part": part, "turn_urad": turn_urad})
+        self._table = turned(self._plan, turn_urad)
+        return turn_urad
 
     def _descend(self, part: int, steps: list[Step], traversal: TraversalState) -> PartResult:
         self._phases.clear()

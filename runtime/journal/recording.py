@@ -18,7 +18,7 @@ from runtime.journal.export import PART, SQUEEZE, scaled
 from runtime.journal.lines import RESERVED, UPTIME, Entry, begins_run
 from runtime.shell.errors import UsageError
 from runtime.shell.files import writing
-from runtime.table import Table, TableError, loads
+from runtime.table import Table, TableError, loads, turned_leaf
 
 if TYPE_CHECKING:
     from mcap.writer import Writer
@@ -92,6 +92,7 @@ class _Recording:
         self.squeezes = 0
         self._journal, self._timestamp = journal, timestamp
         self._table: Table | None = None
+        self._turn_urad = 0  # of the plan of the part under way
         self._writer = _writer(file)
         self._channels = {topic: self._channel(topic, *schema) for topic, schema in TOPICS.items()}
         self.close = self._writer.finish
@@ -106,6 +107,8 @@ class _Recording:
         self._send("/journal", entry, moment_ns, _log_line(entry, _stamp(moment_ns)))
         if kind == "header":
             self._header(entry, moment_ns)
+        elif kind in ("part", "turned"):
+            self._turn_urad = int(str(entry.get("turn_urad", 0)))
         elif kind == "squeeze":
             self.squeezes += 1
             self._send("/squeeze", entry, moment_ns, _fields_of(SQUEEZE, entry))
@@ -134,7 +137,7 @@ class _Recording:
         if entry.get("outcome") != "leaf" or self._table is None or not isinstance(leaf, int):
             return
         if 0 <= leaf < len(self._table.leaves):
-            result = self._table.leaves[leaf]
+            result = turned_leaf(self._table.leaves[leaf], self._turn_urad)
             self._pose("/part", entry, moment_ns, result.x_um, result.y_um, result.theta_urad)
 
     def _pose(self, topic: str, entry: Entry, moment_ns: int, *pose: object) -> None:

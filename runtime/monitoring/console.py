@@ -35,8 +35,7 @@ class Lines(Console):
     def part(self, result: PartResult, seen: Sighting | None) -> None:
         """Print leaf, predicted pose, success probability, and the true error where it is known."""
         message = f"part {result.part}: {result.outcome.name}"
-        if result.leaf is not None:
-            leaf = self._table.leaves[result.leaf]
+        if (leaf := result.leaf_of(self._table)) is not None:
             success = (
                 "never tried" if leaf.success is None else f"{leaf.success:.4f} of {leaf.trials}"
             )
@@ -98,7 +97,7 @@ def as_object(
     table: Table, result: PartResult, seen: Sighting | None, journal: Path
 ) -> dict[str, object]:
     """One part for machines, with where it really lies on a simulated cell; units are in the names."""
-    leaf = None if result.leaf is None else table.leaves[result.leaf]
+    leaf = result.leaf_of(table)
     return {
         "part": result.part,
         "outcome": result.outcome.value,
@@ -107,7 +106,7 @@ def as_object(
         "readings_mm": [step.reading_um / 1000 for step in result.steps],
         "widths_mm": [step.width_um / 1000 for step in result.steps],
         "predicted_pose": None if leaf is None else _pose_object(predicted_pose(leaf)),
-        **_in_the_drawing(table, result),
+        **_in_the_drawing(table, leaf),
         "success_probability": None if leaf is None else leaf.success,
         "success_trials": None if leaf is None else leaf.trials,
         "expected_error_mm": None if leaf is None else _expected_error(leaf),
@@ -126,12 +125,12 @@ def as_object(
     }
 
 
-def _in_the_drawing(table: Table, result: PartResult) -> dict[str, object]:
+def _in_the_drawing(table: Table, leaf: Leaf | None) -> dict[str, object]:
     """The datum and the picks of a located part, where the job names them."""
     frames = answer.frames_of(table)
-    if result.leaf is None or frames[table.leaves[result.leaf].hypothesis].datum is None:
+    if leaf is None or frames[leaf.hypothesis].datum is None:
         return {}
-    fields = answer.fields(table, result.leaf, frames)
+    fields = answer.fields(table, leaf, frames)
     return {"datum_pose": fields["datum"], "picks": fields["picks"]}
 
 
