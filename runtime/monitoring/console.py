@@ -106,7 +106,7 @@ def as_object(
         "readings_mm": [step.reading_um / 1000 for step in result.steps],
         "widths_mm": [step.width_um / 1000 for step in result.steps],
         "predicted_pose": None if leaf is None else _pose_object(predicted_pose(leaf)),
-        **_in_the_drawing(table, leaf),
+        **_in_the_drawing(table, result),
         "success_probability": None if leaf is None else leaf.success,
         "success_trials": None if leaf is None else leaf.trials,
         "expected_error_mm": None if leaf is None else _expected_error(leaf),
@@ -125,12 +125,13 @@ def as_object(
     }
 
 
-def _in_the_drawing(table: Table, leaf: Leaf | None) -> dict[str, object]:
+def _in_the_drawing(table: Table, result: PartResult) -> dict[str, object]:
     """The datum and the picks of a located part, where the job names them."""
     frames = answer.frames_of(table)
+    leaf = result.leaf_of(table)
     if leaf is None or frames[leaf.hypothesis].datum is None:
         return {}
-    fields = answer.fields(table, leaf, frames)
+    fields = answer.fields(table, result, frames)
     return {"datum_pose": fields["datum"], "picks": fields["picks"]}
 
 
