@@ -144,9 +144,16 @@ def run_options(arguments: argparse.Namespace, table: Table) -> RunOptions:
     policy = Policy.of(arguments.on_reject, arguments.on_unresolved)
     # A robot that asks carries the part wherever it likes.
     asked = ["no"] if arguments.serve is not None else arguments.deliver
-    patience = PATIENCE if _takes_part(arguments) else 1.0
-    timed = arguments.time_scale in (1.0, inf)
-    return RunOptions(policy, handling, _delivery(asked, table), patience, arguments.takt, timed)
+    person = _takes_part(arguments)
+    return RunOptions(
+        policy,
+        handling,
+        _delivery(asked, table),
+        PATIENCE if person else 1.0,
+        arguments.takt,
+        turns=not person,
+        timed=arguments.time_scale in (1.0, inf),
+    )
 
 
 def _delivery(words: list[str] | None, table: Table) -> delivery.Delivery | delivery.Sorting | None:

@@ -5,7 +5,7 @@ from math import degrees
 from drivers.ports import Arm, Gripper
 from runtime.execution import carry, held, safety, strokes
 from runtime.execution.executor import RunOptions
-from runtime.table import Schedule, Table, job_of
+from runtime.table import Schedule, Table, job_of, may_turn
 from runtime.traversal.geometry import end_of, placement, sent
 
 
@@ -35,6 +35,15 @@ def tell(table: Table, gripper: Gripper, arm: Arm, options: RunOptions) -> list[
         lines.append(
             f"the fingers meet {handling.middle_mm:+.2f} mm off the hand's middle, along its y: "
             "the arm is sent as far beside every place"
+        )
+    if (
+        options.turns
+        and options.delivery is None
+        and may_turn(table, job_of(table), handling.middle_mm)
+    ):
+        lines.append(
+            "the plan of each part is turned about the origin to the angle at which the hand stands then: "
+            "the places below are those of no turn"
         )
     safety.check_places(table, handling.middle_mm)
     low_mm = table.limits.squeeze_height_um / 1000

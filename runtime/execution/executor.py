@@ -62,6 +62,9 @@ class RunOptions:
         1.0  # how much longer than by arm and gripper a squeeze may take: for a person
     )
     takt_s: float | None = None  # within which parts should be done; only told
+    turns: bool = (
+        True  # whether a part's plan may be turned to where the hand stands: not for a person
+    )
     timed: bool = (
         True  # whether the clock's seconds are the cell's, which runs no faster than its programs
     )
@@ -81,7 +84,6 @@ class Executor:
         self, table: Table, cell: Cell, console: Console, options: RunOptions = PLAIN
     ) -> None:
         safety.check_table(table)
-        self._table = table
         self._console = console
         self._options = options
         self._found: int | None = None  # the leaf of the part that is being delivered
@@ -89,7 +91,8 @@ class Executor:
         self._steps: tuple[Step, ...] = ()  # of the part, each one whose release is done
         self._hand = Hand(cell.gripper, cell.arm, cell.clock, table, options.handling)
         self._cell = replace(cell, journal=self._hand.watch.watched(cell.journal, MACHINE))
-        self._program = Program(table, self._hand.calibration, options.policy)
+        self._plan = Program(table, self._hand.calibration, options.policy)
+        self._program = self._plan  # turned for the part under way
 
     def run_part(self, part: int, broken: Replay | None = None) -> PartResult:
         """Squeeze one part until its outcome is known, or go on with it where a run broke off.
@@ -107,14 +110,16 @@ class Executor:
             if broken is None:
                 self._cell.journal.record("part", {"part": part})
             with interrupts.stoppable():
+                turn_urad = self._turned(part, broken)
                 if broken is not None:
                     self._free(part, broken)
                 state = START if broken is None else broken.traversal
                 result = self._finish(self._descend(part, state))
+                result = replace(result, turn_urad=turn_urad)
                 self._hand.where()  # an arm that was displaced makes any outcome a fault
                 if self._options.timed:
                     result = replace(result, seconds=began.lap(), phases=tuple(self._phases))
-            self._cell.journal.record("outcome", outcome_fields(self._table, result))
+            self._cell.journal.record("outcome", outcome_fields(self._program.table, result))
         except BrokenRunError as error:
             # Nothing was moved; the operator looks at the fingers.
             notes = ("nothing was moved",)
@@ -131,6 +136,21 @@ class Executor:
         self._console.phase(part, Phase.DONE, None)
         return result
 
+    def _turned(self, part: int, broken: Replay | None) -> int:
+        """Turn the plan for a part to where the hand stands, or as a run that broke off had it; by what.
+
+        Not where parts are delivered: the ways to the drop-off are checked for the leaves as planned.
+        """
+        turn_urad = 0
+        if broken is not None:
+            turn_urad = broken.turn_urad
+        elif self._options.turns and self._options.delivery is None:
+            turn_urad = round(1e6 * self._hand.turn_of_plan(self._plan.table.nodes[0].squeeze))
+            if turn_urad:
+                self._cell.journal.record("turned", {"part": part, "turn_urad": turn_urad})
+        self._program = self._plan.turned(turn_urad)
+        return turn_urad
+
     def _descend(self, part: int, state: TraversalState) -> PartResult:
         """Perform the part's program; each squeeze has its deadline."""
         self._phases.clear()
@@ -138,7 +158,7 @@ class Executor:
         request = next(requests)
         while not isinstance(request, Done):
             assert isinstance(request, Approach)
-            expected = expected_of(self._table, request.node)
+            expected = expected_of(self._program.table, request.node)
             with self._hand.watch.squeeze(expected, self._options.patience):
                 release = self._squeeze(part, requests, request)
             self._steps = release.steps
@@ -227,7 +247,7 @@ class Executor:
             self._hand.await_stillness()
         except GripperStateError as error:
             raise BrokenRunError(f"{error} (the part may still be between the fingers)") from error
-        pending = recovery.pending(broken, self._table, self._hand)
+        pending = recovery.pending(broken, self._program.table, self._hand)
         if pending is None:
             return
         node, branch = pending
@@ -240,11 +260,13 @@ class Executor:
         """At a leaf: ask the auditor, then deliver; other outcomes pass as they are."""
         if result.outcome is not Outcome.LEAF or result.leaf is None:
             return result
-        leaf = self._table.leaves[result.leaf]
+        leaf = self._program.table.leaves[result.leaf]
         pose = predicted_pose(leaf)
         if self._cell.auditor is not None:
             self._console.phase(result.part, Phase.AUDIT, None)
-            answer = answer_of(self._cell.auditor, result.part, pose, self._table.name_of(leaf))
+            answer = answer_of(
+                self._cell.auditor, result.part, pose, self._program.table.name_of(leaf)
+            )
             result = replace(result, audit=str(answer["verdict"]))
             self._cell.journal.record("audit", {**answer, "part": result.part})
         places = self._options.delivery
@@ -260,7 +282,7 @@ class Executor:
             }
             self._cell.journal.record("delivery", {"part": result.part, "begun": True, **document})
             self._found = result.leaf
-            missed = deliver(self._hand, delivery, leaf, self._table)
+            missed = deliver(self._hand, delivery, leaf, self._program.table)
             result = result.delivered(missed)
             self._cell.journal.record(
                 "delivery", {"part": result.part, "begun": False, "missed": missed}
@@ -276,7 +298,10 @@ class Executor:
     ) -> PartResult:
         self._console.phase(part, Phase.SAFE, None)
         notes = reach_safe_state(
-            self._cell.gripper, self._cell.arm, self._table.limits, arm_known=self._hand.arm_known
+            self._cell.gripper,
+            self._cell.arm,
+            self._program.table.limits,
+            arm_known=self._hand.arm_known,
         )
         result = PartResult.of(
             part, outcome, self._steps, reason, exit_code=exit_code, safe_state=tuple(notes)
@@ -286,7 +311,7 @@ class Executor:
     def _ended(self, result: PartResult) -> PartResult:
         """Record a fault's result; a journal that fails now is noted there instead of hiding the fault."""
         try:
-            self._cell.journal.record("outcome", outcome_fields(self._table, result))
+            self._cell.journal.record("outcome", outcome_fields(self._program.table, result))
         except ExpectedError as error:
             return replace(result, safe_state=(*result.safe_state, f"not journalled: {error}"))
         return result

@@ -27,7 +27,18 @@ from runtime.execution.reading import (
 )
 from runtime.execution.strokes import Stroke
 from runtime.execution.watch import ARM, GRIPPER, Watch
-from runtime.table import CLEAR_MM, Limits, Node, Push, Schedule, Squeeze, Table, job_of
+from runtime.table import (
+    CLEAR_MM,
+    Limits,
+    Node,
+    Push,
+    Schedule,
+    Squeeze,
+    Stand,
+    Table,
+    job_of,
+    may_turn,
+)
 from runtime.traversal.geometry import end_of, placement, same_turns, sent
 
 # Nearer than this to a height the arm counts as standing there.
@@ -64,6 +75,7 @@ class Hand:
         self._handling = handling
         schedule = Schedule.of(table, job_of(table))
         self.timing, self._half_turn = schedule.timing, pi if schedule.alike else tau
+        self._may_turn = may_turn(table, job_of(table), self.middle_mm)
         self._jaws = Jaws(self.gripper, clock, self.calibration, self.timing)
         check_arc(handling.arc, table.limits, self.calibration)
         # where the arm should stand, None where nobody knows
@@ -95,6 +107,22 @@ class Hand:
         self._sent_to = self._sent_to or pose
         self.arm_known = True
         return _beside(pose, -self.middle_mm)
+
+    def turn_of_plan(self, first: Squeeze) -> float:
+        """By which angle a part's plan is turned about the origin so that the hand need not turn to begin it.
+
+        Not at all where the table does not allow it, or the wrist has no room for turns either way.
+        """
+        if not self._may_turn:
+            return 0.0
+        x_mm, y_mm, _, angle_rad = self._place()
+        self.arm_known = False  # until it answers
+        low_rad, high_rad = self.arm.turn_range(x_mm, y_mm)
+        self.arm_known = True
+        if high_rad - low_rad < tau + self._half_turn:
+            return 0.0
+        alike = self._half_turn == pi
+        return Stand(x_mm, y_mm, angle_rad).turn_from(Stand.at(first), alike=alike)
 
     def retreat(self) -> None:
         """Go straight up, from wherever the arm stands; nothing to do if it is up already."""

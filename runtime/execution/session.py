@@ -172,9 +172,10 @@ def sight(table: Table, scene: Scene, result: PartResult) -> Sighting:
     if not all(map(isfinite, true)):
         return Sighting(None, None, None, truth.crashes)
     # A part that was taken away by the last grasp lies elsewhere now.
-    if result.outcome is not Outcome.LEAF or result.leaf is None or result.delivery is not None:
+    leaf = result.leaf_of(table)
+    if result.outcome is not Outcome.LEAF or leaf is None or result.delivery is not None:
         return Sighting(true, None, None, truth.crashes, _named(table, truth))
-    goal, leaf = table.goal_of(truth.hypothesis), table.leaves[result.leaf]
+    goal = table.goal_of(truth.hypothesis)
     off_mm = min(error_mm(goal, pose, true) for pose in poses_of(goal, leaf))
     shown_mm = None if goal.kind in ("orientation", "identity") else off_mm
     within = meets(goal, leaf, true, truth.hypothesis)

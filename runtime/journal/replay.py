@@ -69,6 +69,8 @@ class Replay:
             self.over = False  # a robot that asks goes on after a part that was given up
             self._begin(_integer(entry, "part"))
             self.parts = _integer(entry, "part") - 1
+        elif kind == "turned":
+            self.turn_urad = _integer(entry, "turn_urad")
         elif kind == "resume" and entry["how"] == "restart":
             self.traversal = TraversalState()
             self.steps.clear()
@@ -107,6 +109,7 @@ class Replay:
 
     def _begin(self, part: int | None) -> None:
         self.part = part  # its number, None before the first and between two
+        self.turn_urad = 0  # by which its plan is turned about the origin
         self.steps: list[Step] = []
         self.traversal = TraversalState()
         self.delivering = False  # whether the part was being carried

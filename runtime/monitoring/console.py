@@ -35,8 +35,7 @@ class Lines(Console):
     def part(self, result: PartResult, seen: Sighting | None) -> None:
         """Print leaf, predicted pose, success probability, and the true error where it is known."""
         message = f"part {result.part}: {result.outcome.name}"
-        if result.leaf is not None:
-            leaf = self._table.leaves[result.leaf]
+        if (leaf := result.leaf_of(self._table)) is not None:
             success = (
                 "never tried" if leaf.success is None else f"{leaf.success:.4f} of {leaf.trials}"
             )
@@ -98,7 +97,7 @@ def as_object(
     table: Table, result: PartResult, seen: Sighting | None, journal: Path
 ) -> dict[str, object]:
     """One part for machines, with where it really lies on a simulated cell; units are in the names."""
-    leaf = None if result.leaf is None else table.leaves[result.leaf]
+    leaf = result.leaf_of(table)
     return {
         "part": result.part,
         "outcome": result.outcome.value,
@@ -129,9 +128,10 @@ def as_object(
 def _in_the_drawing(table: Table, result: PartResult) -> dict[str, object]:
     """The datum and the picks of a located part, where the job names them."""
     frames = answer.frames_of(table)
-    if result.leaf is None or frames[table.leaves[result.leaf].hypothesis].datum is None:
+    leaf = result.leaf_of(table)
+    if leaf is None or frames[leaf.hypothesis].datum is None:
         return {}
-    fields = answer.fields(table, result.leaf, frames)
+    fields = answer.fields(table, result, frames)
     return {"datum_pose": fields["datum"], "picks": fields["picks"]}
 
 

@@ -22,13 +22,13 @@ class Status:
         table: str,
         table_sha256: str,
         predicted_ppm: int,
-        answer: Callable[[int], dict[str, object]] | None = None,
+        answer: Callable[[PartResult], dict[str, object]] | None = None,
         drift: Drift | None = None,
         shift: Shift | None = None,
     ) -> None:
         """Begin without a part.
 
-        `answer` tells what a leaf says, in words of `runtime.traversal.answer`.
+        `answer` tells what a part at a leaf came to, in words of `runtime.traversal.answer`.
         """
         self._answer, self._drift, self._refit = answer, drift, False
         self._shift = shift or Shift(CHANGES, None)
@@ -69,7 +69,7 @@ class Status:
                 and result.leaf is not None
                 and result.outcome is Outcome.LEAF
             ):
-                answer = self._answer(result.leaf)
+                answer = self._answer(result)
             self._recent.append({**result.fields(), "answer": answer})
             self._refit = self._drift is not None and self._drift.add(result)
             self._shift.add(result)

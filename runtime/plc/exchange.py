@@ -122,9 +122,9 @@ def answer_of(table: Table, result: PartResult) -> Answer:
     """A part's result in the units of the registers."""
     outcome = _CODES.get(result.outcome, FAULT)
     seconds = nan if result.seconds is None else result.seconds
-    if result.outcome is not Outcome.LEAF or result.leaf is None:
+    leaf = result.leaf_of(table)
+    if result.outcome is not Outcome.LEAF or leaf is None:
         return Answer(outcome, int(result.exit_code), seconds=seconds)
-    leaf = table.leaves[result.leaf]
     part, face = _part_and_face(table, leaf)
     return Answer(
         outcome,

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from runtime.errors import JournalError, TornError
 from runtime.journal.chain import records
 from runtime.shell.errors import UsageError
-from runtime.table import Pose2, Table, loads
+from runtime.table import Pose2, Table, loads, turned_pose
 
 Entry = Mapping[str, object]
 RESIDUAL = ("residual_x_mm", "residual_y_mm", "residual_theta_rad")
@@ -34,10 +34,13 @@ class Part:
     outcome: str = ""
     leaf: int | None = None
     verdict: str | None = None  # "pass", "fail", "unknown", None where it was not audited
-    # measured less predicted pose (mm, mm, rad), None where it was not measured.
+    turn_rad: float = 0.0  # of its plan, about the origin
+    # measured less predicted pose (mm, mm, rad) as its plan sees it, None where it was not measured.
     residual: tuple[float, float, float] | None = None
     time: str = ""  # of its end, ISO 8601
-    true: Pose2 | None = None  # pose of a simulated part, where that is on record
+    true: Pose2 | None = (
+        None  # pose of a simulated part as its plan sees it, where that is on record
+    )
     within: bool | None = None  # whether that is within the goal of its leaf, None without a leaf
 
 
@@ -84,6 +87,8 @@ def read(paths: Sequence[Path]) -> History:
                     running = replace(
                         running, squeezes=(*running.squeezes, _squeezed(entry, table))
                     )
+                elif kind == "turned":
+                    running = replace(running, turn_rad=_whole(entry["turn_urad"]) / 1e6)
                 elif kind == "audit":
                     audit = entry
                 elif kind == "outcome":
@@ -113,7 +118,9 @@ def _ended(part: Part, audit: Entry, entry: Entry, table: Table) -> Part:
         outcome=str(entry.get("outcome", "")),
         leaf=leaf if isinstance(leaf, int) else None,
         verdict=None if verdict is None else str(verdict),
-        residual=None if x is None or y is None or theta is None else (x, y, theta),
+        residual=None
+        if x is None or y is None or theta is None
+        else (*turned_pose((x, y, 0.0), -part.turn_rad)[:2], theta),
         time=str(entry.get("time", "")),
     )
 
@@ -121,7 +128,7 @@ def _ended(part: Part, audit: Entry, entry: Entry, table: Table) -> Part:
 def _with_truth(part: Part, entry: Entry) -> Part:
     x_um, y_um, theta_urad = (_whole(entry[name]) for name in ("x_um", "y_um", "theta_urad"))
     within = entry.get("within_goal")
-    true = (x_um / 1e3, y_um / 1e3, theta_urad / 1e6)
+    true = turned_pose((x_um / 1e3, y_um / 1e3, theta_urad / 1e6), -part.turn_rad)
     return replace(part, true=true, within=within if isinstance(within, bool) else None)
 
 

@@ -79,6 +79,7 @@ from runtime.table.timing import (
     time_of,
     trapezoid_s,
 )
+from runtime.table.turning import may_turn, turned, turned_leaf, turned_pose
 from runtime.table.validation import validate
 
 __all__ = [
@@ -134,6 +135,7 @@ __all__ = [
     "known",
     "load",
     "loads",
+    "may_turn",
     "meets",
     "misfits",
     "names_table",
@@ -151,6 +153,9 @@ __all__ = [
     "threshold",
     "time_of",
     "trapezoid_s",
+    "turned",
+    "turned_leaf",
+    "turned_pose",
     "wilson_interval",
 ]
 

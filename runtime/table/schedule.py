@@ -2,13 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import cos, hypot, pi, remainder, sin, tau
+from math import cos, dist, hypot, pi, remainder, sin, tau
 from typing import Any, NamedTuple, Self
 
 from runtime.table.embedded import section
 from runtime.table.lookup import REJECT
 from runtime.table.model import HELD_UM, Node, Push, Squeeze, Table
 from runtime.table.timing import Phases, Timing, Visit
+from runtime.table.turning import may_turn, turned_pose
 
 
 class Stand(NamedTuple):
@@ -31,6 +32,15 @@ class Stand(NamedTuple):
         )
         return self._replace(x_mm=x_mm, y_mm=y_mm)
 
+    def turn_from(self, place: "Stand", *, alike: bool) -> float:
+        """By which angle to turn the world about its origin so that a hand at `place` need not turn to here.
+
+        Of the two that do so for a hand whose fingers close alike, the one of the shorter way.
+        """
+        turn = remainder(self.angle_rad - place.angle_rad, pi if alike else tau)
+        turns = (turn, turn + pi) if alike else (turn,)
+        return min(turns, key=lambda each: dist(turned_pose(place, each)[:2], self[:2]))
+
 
 class Squeezed(NamedTuple):
     """One squeeze as it came out."""
@@ -47,6 +57,7 @@ class Schedule:
     nodes: Sequence[Node]
     timing: Timing
     alike: bool  # whether a hand half a turn round does the same
+    turns: bool = False  # whether a part's plan is turned to the angle at which the hand stands
 
     @classmethod
     def of(cls, table: Table, job: Mapping[str, Any] | None) -> Self:
@@ -55,7 +66,8 @@ class Schedule:
         Raises:
             TableError: the gripper is not known, or the job's figures can be no cell's.
         """
-        return cls(table.nodes, Timing.of(table.limits, table.gripper, job), close_alike(job))
+        timing = Timing.of(table.limits, table.gripper, job)
+        return cls(table.nodes, timing, close_alike(job), may_turn(table, job))
 
     def part(self, squeezes: Sequence[Squeezed], start: Stand | None = None) -> list[Phases]:
         """The phases of each squeeze of a part, the hand at first above `start` or above its first place."""
@@ -92,6 +104,10 @@ class Schedule:
         node, timing = self.nodes[squeezed.node], self.timing
         squeeze, place = node.squeeze, Stand.at(node.squeeze)
         following = self.nodes[0 if after is None else after]
+        if first and self.turns and before is not None:
+            # Seen from the plan of the part that begins, which is turned.
+            turn_rad = before.turn_from(place, alike=self.alike)
+            before = Stand(*turned_pose(before, -turn_rad))
         push_s, before = self._push_s(node, before or place)
         let_go = place
         if (

@@ -53,12 +53,13 @@ def frames_in(part: object) -> PartFrames:
     return PartFrames(datum, picks)
 
 
-def fields(table: Table, leaf: int, frames: tuple[PartFrames, ...]) -> dict[str, object]:
-    """The answer of a leaf for machines: the pose of the outline's frame, of the datum, and of each pick.
+def fields(table: Table, result: PartResult, frames: tuple[PartFrames, ...]) -> dict[str, object]:
+    """The answer of a part at a leaf: the pose of the outline's frame, of the datum, and of each pick.
 
     Where one of several parts may lie there, also which it is.
     """
-    end = table.leaves[leaf]
+    end = result.leaf_of(table)
+    assert end is not None
     pose, part_frames = predicted_pose(end), frames[end.hypothesis]
     return {
         **({"hypothesis": table.name_of(end)} if table.hypotheses else {}),

@@ -5,11 +5,12 @@ its reading. Knows no devices, files or time.
 """
 
 from collections.abc import Generator, Sequence
+from copy import copy
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 from drivers.ports import ObjectState
-from runtime.table import REJECT, Calibration, Node, Place, Table, decision_map
+from runtime.table import REJECT, Calibration, Node, Place, Table, decision_map, turned
 from runtime.traversal.decision import Policy, TraversalState, advance, decide, release_point
 from runtime.traversal.results import Outcome, PartResult, Step
 
@@ -83,6 +84,12 @@ class Program:
         self.maps = [decision_map(node, table.gripper) for node in table.nodes]
         self.table = table
         self._calibration, self._policy = calibration, policy
+
+    def turned(self, turn_urad: int) -> Self:
+        """The program of parts whose plan is turned about the origin."""
+        program = copy(self)
+        program.table = turned(self.table, turn_urad)
+        return program
 
     def part(
         self, number: int, state: TraversalState = START, steps: Sequence[Step] = ()

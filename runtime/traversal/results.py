@@ -6,7 +6,7 @@ from enum import Enum
 from typing import NamedTuple, Self
 
 from runtime.shell.exit_codes import ExitCode
-from runtime.table import Phases, Squeeze
+from runtime.table import Leaf, Phases, Squeeze, Table, turned_leaf
 
 
 class Outcome(Enum):
@@ -77,6 +77,7 @@ class PartResult:
     phases: tuple[
         Phases, ...
     ] = ()  # of each squeeze; of those after a crash where the part was resumed
+    turn_urad: int = 0  # by which its plan was turned about the origin
 
     @classmethod
     def of(
@@ -95,6 +96,10 @@ class PartResult:
             leaf = ~steps[-1].target
         code = EXIT_CODES[outcome] if exit_code is None else exit_code
         return cls(part, outcome, tuple(steps), leaf, reason, code, safe_state)
+
+    def leaf_of(self, table: Table) -> Leaf | None:
+        """The leaf that was reached, where it lies in the world; None without one."""
+        return None if self.leaf is None else turned_leaf(table.leaves[self.leaf], self.turn_urad)
 
     def delivered(self, missed: str | None) -> Self:
         """The same result after the delivery; `missed` tells why the part still lies where it was found."""

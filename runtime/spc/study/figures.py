@@ -9,7 +9,16 @@ from runtime.shell.errors import UsageError
 from runtime.spc.history import History, Part
 from runtime.spc.study.acceptance import Acceptance, Bounds, Planned, followed, parts_for, planned
 from runtime.spc.study.gauge import LEAST_READINGS, Crossed, TypeOne, crossed, type_one
-from runtime.table import PPM, GoalSpec, Table, distance, poses_of, predicted_pose, residual
+from runtime.table import (
+    PPM,
+    GoalSpec,
+    Table,
+    distance,
+    poses_of,
+    predicted_pose,
+    residual,
+    turned_pose,
+)
 
 COORDINATES = ("x_mm", "y_mm", "theta_rad")
 COVERED = 0.95  # share of the parts whose leaves a type-1 study is planned for
@@ -196,7 +205,9 @@ def crossed_of(runs: Sequence[History], parts: int) -> dict[str, Crossed]:
 
 def _coordinate(table: Table, number: int) -> Callable[[Part], float]:
     """Reads a coordinate of the pose that the leaf of a part predicts."""
-    return lambda part: predicted_pose(table.leaves[part.leaf or 0])[number]
+    return lambda part: turned_pose(predicted_pose(table.leaves[part.leaf or 0]), part.turn_rad)[
+        number
+    ]
 
 
 def _readings(

@@ -31,6 +31,8 @@ from runtime.table import (
     Squeezed,
     decision_map,
     load,
+    turned,
+    turned_pose,
 )
 
 TREES = Path(__file__).parents[4] / "trees" / "rectangle"
@@ -126,6 +128,20 @@ def test_trials_go_as_one_part_after_another_would(job):
         before = readings
     assert REJECTED in outcomes
     assert len(outcomes) > 5
+
+
+@pytest.mark.parametrize("turn_urad", [700_000, -2_500_000])
+def test_turned_plan_ends_as_the_plan_does_for_parts_turned_with_it(job, turn_urad):
+    table = spread_table()
+    drawn = evaluate(table, job, Wrung(), 200, seed=7).initial
+    same, off_mm = 0, []
+    for start in drawn:
+        leaf, path, pose, _ = walk(table, job, start)
+        there = walk(turned(table, turn_urad), job, np.array(turned_pose(start, turn_urad / 1e6)))
+        same += (leaf, path) == there[:2]
+        off_mm.append(np.hypot(*(np.array(turned_pose(pose, turn_urad / 1e6)) - there[2])[:2]))
+    assert same >= 198  # places are rounded to 1 um, which may move a reading by a count
+    assert np.quantile(off_mm, 0.95) < 0.02
 
 
 def test_the_verdict_is_the_metric_to_the_leaf(job):

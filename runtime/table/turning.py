@@ -1,0 +1,119 @@
+"""Plans turned about the origin of the world: a part of unknown orientation looks the same from every side.
+
+Its position is believed in a disc about the origin and its orientation uniform, so a plan that is turned as a
+whole, grasp poses and leaves alike, locates as many parts. A part's plan is therefore turned until its first
+grasp pose has the angle at which the hand stands.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from math import cos, hypot, remainder, sin, tau
+from typing import Any
+
+from runtime.table.embedded import number, section
+from runtime.table.goal import Pose2
+from runtime.table.model import Area, Covariance, Leaf, LeafPose, Node, Place, Squeeze, Table
+
+TURN_URAD = 1e6 * tau
+KINDS = ("pose", "orientation", "identity")
+"""Goals that are the same from every side: tolerances along axes of the world are not, and the
+auditor looks the other modes of a leaf up by its pose in the table."""
+
+
+def may_turn(table: Table, job: Mapping[str, Any] | None, middle_mm: float = 0.0) -> bool:
+    """Whether a table's plan may be turned by any angle: belief, goal and work area allow it.
+
+    Args:
+        table: without pushes, whose ways would have to be checked as well.
+        job: the one inside it, None where it was stripped.
+        middle_mm: how far off the hand's middle the fingers meet.
+    """
+    halfwidth_deg = number(section(job or {}, "uncertainty"), "orientation_halfwidth_deg")
+    if halfwidth_deg != 180.0 or table.goal.kind not in KINDS or table.pushing is not None:
+        return False
+    places = [place for node in table.nodes for place in (node.squeeze.place, node.let_go)]
+    most_mm = max(hypot(*place) for place in places) / 1e3 + abs(middle_mm)
+    return inside(table.limits.work_area_um, most_mm)
+
+
+def inside(area: Area, radius_mm: float) -> bool:
+    """Whether a disc about the origin lies within an area."""
+    return all(
+        area.contains(x * radius_mm, y * radius_mm) for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1))
+    )
+
+
+def turned(table: Table, turn_urad: int) -> Table:
+    """The table with its grasp poses and leaves turned about the origin; it is without pushes."""
+    if turn_urad == 0:
+        return table
+    nodes = tuple(_turned_node(node, turn_urad) for node in table.nodes)
+    leaves = tuple(turned_leaf(leaf, turn_urad) for leaf in table.leaves)
+    return replace(table, nodes=nodes, leaves=leaves)
+
+
+def turned_leaf(leaf: Leaf, turn_urad: int) -> Leaf:
+    """The leaf with its poses, and the scatter about them, turned about the origin."""
+    if turn_urad == 0:
+        return leaf
+    pose = _turned_pose(LeafPose(leaf.x_um, leaf.y_um, leaf.theta_urad), turn_urad)
+    return leaf._replace(
+        x_um=pose.x_um,
+        y_um=pose.y_um,
+        theta_urad=pose.theta_urad,
+        covariance=_turned_covariance(leaf.covariance, turn_urad),
+        alternatives=tuple(_turned_pose(other, turn_urad) for other in leaf.alternatives),
+    )
+
+
+def turned_pose(pose: Pose2, turn_rad: float) -> Pose2:
+    """A pose in mm, mm, rad turned about the origin."""
+    x_mm, y_mm = _turned_vector(pose[0], pose[1], turn_rad)
+    return x_mm, y_mm, remainder(pose[2] + turn_rad, tau)
+
+
+def _turned_vector(x: float, y: float, turn_rad: float) -> tuple[float, float]:
+    c, s = cos(turn_rad), sin(turn_rad)
+    return c * x - s * y, s * x + c * y
+
+
+def _turned_place(x_um: int, y_um: int, turn_urad: int) -> Place:
+    x, y = _turned_vector(x_um, y_um, turn_urad / 1e6)
+    return Place(round(x), round(y))
+
+
+def _turned_angle(angle_urad: int, turn_urad: int) -> int:
+    return round(remainder(angle_urad + turn_urad, TURN_URAD))
+
+
+def _turned_node(node: Node, turn_urad: int) -> Node:
+    squeeze, release = node.squeeze, node.release
+    return node._replace(
+        squeeze=_turned_squeeze(squeeze, turn_urad),
+        release=None if release is None else _turned_place(*release, turn_urad),
+    )
+
+
+def _turned_squeeze(squeeze: Squeeze, turn_urad: int) -> Squeeze:
+    x_um, y_um = _turned_place(squeeze.x_um, squeeze.y_um, turn_urad)
+    angle_urad = _turned_angle(squeeze.angle_urad, turn_urad)
+    return squeeze._replace(x_um=x_um, y_um=y_um, angle_urad=angle_urad)
+
+
+def _turned_pose(pose: LeafPose, turn_urad: int) -> LeafPose:
+    x_um, y_um = _turned_place(pose.x_um, pose.y_um, turn_urad)
+    theta_urad = _turned_angle(pose.theta_urad, turn_urad)
+    return pose._replace(x_um=x_um, y_um=y_um, theta_urad=theta_urad)
+
+
+def _turned_covariance(moments: Covariance, turn_urad: int) -> Covariance:
+    c, s = cos(turn_urad / 1e6), sin(turn_urad / 1e6)
+    xx, xy, yy, xt, yt, tt = moments
+    return Covariance(
+        round(c * c * xx - 2.0 * c * s * xy + s * s * yy),
+        round(c * s * (xx - yy) + (c * c - s * s) * xy),
+        round(s * s * xx + 2.0 * c * s * xy + c * c * yy),
+        round(c * xt - s * yt),
+        round(s * xt + c * yt),
+        tt,
+    )

@@ -1,0 +1,121 @@
+"""A part whose plan is turned to where the hand stands: the same leaf, its pose turned, and who is told."""
+
+import base64
+import json
+from dataclasses import replace
+from math import hypot, pi, remainder
+
+import pytest
+from fake_cell import Deaf, FakeCell, fake_cell
+from sample_tables import small_table, with_job
+from squeezes import AT_21, AT_30, run
+
+from runtime.execution.delivery import Delivery
+from runtime.execution.executor import Executor, RunOptions
+from runtime.journal.replay import Replay
+from runtime.table import Table, dumps, predicted_pose
+from runtime.traversal.results import PartResult
+
+
+def unknown(share: float = 0.5) -> Table:
+    """The small table of a part of which nobody knows how it is turned."""
+    job = {
+        "gripper": {"upper_finger_share": share},
+        "uncertainty": {"radius_mm": 10.0, "orientation_halfwidth_deg": 180.0},
+    }
+    return with_job(small_table(), json.dumps(job))
+
+
+def located(table: Table, angle_rad: float, options: RunOptions | None = None):
+    """A part located by two squeezes, the hand at first at an angle; the cell and the result."""
+    rig = fake_cell([AT_30, AT_21])
+    rig.arm.at = (*rig.arm.at[:3], angle_rad)
+    return rig, run(rig, options or RunOptions(), table)
+
+
+def angles(rig: FakeCell) -> list[float]:
+    return [call.arguments[3] for call in rig.log.named("move_linear")]
+
+
+def turns(rig: FakeCell) -> list[int]:
+    return [fields["turn_urad"] for kind, fields in rig.journal.kept if kind == "turned"]
+
+
+def from_hand(result: PartResult, table: Table) -> tuple[float, float, float]:
+    """The pose answered, as the last squeeze's hand sees it: distance, and angle modulo half a turn."""
+    leaf, hand = result.leaf_of(table), result.steps[-1].squeeze
+    assert leaf is not None
+    x, y, theta = predicted_pose(leaf)
+    apart = hypot(x - hand.x_um / 1e3, y - hand.y_um / 1e3)
+    return apart, remainder(theta - hand.angle_urad / 1e6, pi), float(result.leaf or 0)
+
+
+@pytest.mark.parametrize("share", [0.5, 0.6])
+@pytest.mark.parametrize("angle_rad", [-2.5, 0.1, 1.3])
+def test_part_of_unknown_orientation_begins_at_the_angle_of_the_hand(share, angle_rad) -> None:
+    table = unknown(share)
+    rig, result = located(table, angle_rad)
+    _, plain = located(table, angle_rad, RunOptions(turns=False))
+    first = [angle for angle in angles(rig) if abs(angle - angle_rad) < 1e-5]
+    assert angles(rig)[: len(first)] == first
+    assert len(first) >= 3  # up, above the part, down
+    assert result.turn_urad == turns(rig)[0]
+    assert from_hand(result, table) == pytest.approx(from_hand(plain, table), abs=2e-3)
+    assert plain.turn_urad == 0
+
+
+def test_part_begun_where_the_plan_begins_is_not_turned() -> None:
+    rig, result = located(unknown(), 0.0)
+    assert turns(rig) == []
+    assert result.turn_urad == 0
+
+
+@pytest.mark.parametrize(
+    ("table", "options", "wrist"),
+    [
+        (small_table(), RunOptions(), (-10.0, 10.0)),
+        (unknown(), RunOptions(turns=False), (-10.0, 10.0)),
+        (unknown(), RunOptions(delivery=Delivery(drop=(20.0, -15.0, 0.7))), (-10.0, 10.0)),
+        (unknown(), RunOptions(), (-2.0, 4.0)),
+        (unknown(0.6), RunOptions(), (-pi, 2.9 * pi)),
+    ],
+    ids=["stripped", "person", "delivery", "wrist", "wrist of unequal fingers"],
+)
+def test_part_is_not_turned_where_the_cell_does_not_allow_it(table, options, wrist) -> None:
+    rig = fake_cell([AT_21, AT_21])
+    rig.arm.at, rig.arm.turns = (*rig.arm.at[:3], 1.3), wrist
+    assert run(rig, options, table).turn_urad == 0
+    assert turns(rig) == []
+
+
+@pytest.mark.parametrize("angle_rad", [-4.6, -1.0, 4.6])
+def test_turned_part_keeps_within_the_wrists_range(angle_rad) -> None:
+    rig = fake_cell([AT_30, AT_21])
+    rig.arm.at, rig.arm.turns = (*rig.arm.at[:3], angle_rad), (-1.5 * pi, 1.5 * pi)
+    assert run(rig, RunOptions(), unknown()).leaf == 1
+    assert all(abs(angle) <= 1.5 * pi for angle in angles(rig))
+
+
+def test_part_resumed_keeps_the_turn_of_its_run() -> None:
+    table = unknown()
+    rig, result = located(table, 1.3)
+    header = {"kind": "header", "table_base64": base64.b64encode(dumps(table)).decode(), "seq": 0}
+    kept = [{"kind": kind, "seq": 1, **fields} for kind, fields in rig.journal.kept]
+    replay = Replay()
+    cut = next(number for number, entry in enumerate(kept) if entry["kind"] == "placed")
+    assert list(replay.follow([header, *kept[:cut]])) == []
+    again = fake_cell([AT_30, AT_21])
+    again.arm.at = (0.0, 0.0, 60.0, -0.4)
+    resumed = Executor(table, again.cell, Deaf()).run_part(1, replay)
+    assert [step.squeeze for step in resumed.steps] == [step.squeeze for step in result.steps]
+    assert resumed.leaf_of(table) == result.leaf_of(table)
+
+
+def test_journal_of_a_turned_part_tells_its_squeezes_in_the_world() -> None:
+    rig, result = located(unknown(), 1.3)
+    squeezes = [fields for kind, fields in rig.journal.kept if kind == "squeeze"]
+    assert [fields["angle_urad"] for fields in squeezes] == [
+        step.squeeze.angle_urad for step in result.steps
+    ]
+    assert abs(remainder(squeezes[0]["angle_urad"] / 1e6 - 1.3, pi)) < 1e-5
+    assert replace(result, turn_urad=0).leaf_of(small_table()) == small_table().leaves[1]
