@@ -11,7 +11,7 @@ from planner.belief.recut import recut
 from planner.diagnosis.alike import refuse_alike
 from planner.errors import NoPlanError
 from planner.evaluation.disturbance import with_doubts
-from planner.evaluation.evaluate import evaluate
+from planner.evaluation.evaluate import evaluate, untimed
 from planner.evaluation.measured import predicting, with_figures
 from planner.evaluation.outcome import Evaluation
 from planner.job.model import Job
@@ -123,7 +123,7 @@ def _measured(job: Job, plan: Planned, work: Scheduler, say: Report) -> Plan:
     if len(reached) < len(table.leaves) and not certain(job) and job.search.method not in METHODS:
         other = job.seed + SEED_BEYOND
         worlds = ContactWorlds.of_job(job, other)
-        beyond = evaluate(table, job, worlds, trials, other, work, with_doubts(job))
+        beyond = untimed(table, job, worlds, trials, other, work, with_doubts(job))
     table, evaluation = with_figures(table, evaluation, beyond, job)
     cut = plan.cut and plan.cut._replace(open_share=float(evaluation.unresolved.mean()))
     return Plan(predicting(table, evaluation), plan.root, evaluation, plan.untried, seed, cut)

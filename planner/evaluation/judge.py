@@ -1,14 +1,11 @@
 """Whether a leaf is right about a part: the one place that knows the kinds of goals a table may state."""
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from planner.arrays import Array, BoolArray, IntArray
 from planner.belief.metric import Metric, Mode
-from planner.evaluation.outcome import Evaluation
-from planner.evaluation.times import seconds_of
 from runtime.table import Leaf, Table, hypotheses_of, poses_of
 
 MOST_POSES = 4
@@ -78,11 +75,3 @@ def judge(table: Table, leaf: IntArray, poses: Array) -> Verdict:
         error[here] = audit.between(poses[here][:, None], said).min(axis=1)
         within[here] = metric.reached(poses[here][:, None], said).any(axis=1)
     return Verdict(error, within)
-
-
-def rejudged(table: Table, evaluation: Evaluation) -> Evaluation:
-    """The same trials against what the leaves of a table say, numbered as those that the parts came to."""
-    error_mm, within = judge(table, evaluation.leaf, evaluation.states)
-    seconds = seconds_of(table, evaluation.path, evaluation.reading, evaluation.branch)
-    known = claimed(table, evaluation.leaf)
-    return replace(evaluation, seconds=seconds, error_mm=error_mm, within=within, resolved=known)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.arrays import Array, IntArray
-from runtime.table import GripperSpec, Schedule, Squeezed, Table, job_of, takt_figures
+from runtime.table import GripperProfile, Schedule, Squeezed, Table, job_of, takt_figures
 
 
 def figures(seconds: Array, takt_s: float | None = None) -> dict[str, float]:
@@ -26,13 +26,16 @@ def seconds_of(table: Table, path: IntArray, reading: IntArray, branch: IntArray
         reading: (n, d) what was read at each of them, as `Evaluation.reading`.
         branch: (n, d) the branch taken at each of them, negative for none.
     """
-    return _Paths(Schedule.of(table, job_of(table)), table.gripper).seconds(path, reading, branch)
+    gripper = table.gripper
+    paths = _Paths(Schedule.of(table, job_of(table)), gripper.profile, gripper.steps)
+    return paths.seconds(path, reading, branch)
 
 
 @dataclass(frozen=True, slots=True)
 class _Paths:
     schedule: Schedule
-    gripper: GripperSpec
+    profile: GripperProfile
+    steps: int  # of the encoder
 
     def seconds(self, path: IntArray, reading: IntArray, branch: IntArray) -> Array:
         """Seconds (n,), squeeze by squeeze; each combination of two squeezes is timed once."""
@@ -43,6 +46,7 @@ class _Paths:
         last = rows, np.maximum(squeezes - 1, 0)
         states = np.stack([path, np.where(path >= 0, reading >> 1, -1), branch], axis=2)
         before = np.roll(states[last], 1, axis=0)  # the part before, at its last squeeze
+        before[:, 1] = 0  # how wide the jaws held it no longer matters: they are open by now
         for k in range(depth):
             here = np.flatnonzero(squeezes > k)
             if not len(here):
@@ -70,5 +74,5 @@ class _Paths:
 
     def _squeezed(self, state: list[int]) -> Squeezed | None:
         node, steps, branch = state
-        width_mm = self.gripper.profile.reading_um(self.gripper.steps - steps) / 1e3
+        width_mm = self.profile.reading_um(self.steps - steps) / 1e3
         return None if node < 0 else Squeezed(node, width_mm, branch)

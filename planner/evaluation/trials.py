@@ -3,7 +3,7 @@
 All the trials of a chunk take their squeeze in one batch, whichever nodes they stand at.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -13,7 +13,7 @@ from planner.belief.observation import Encoder, encoder_of
 from planner.belief.particles import initial
 from planner.belief.transition import read_as
 from planner.evaluation.disturbance import Disturbance
-from planner.evaluation.judge import rejudged
+from planner.evaluation.judge import claimed, judge
 from planner.evaluation.lookup import Lookup
 from planner.evaluation.outcome import CRASHED, NOWHERE, REJECTED, Evaluation
 from planner.frames import to_hand, to_world
@@ -157,7 +157,7 @@ def run(
     rng: np.random.Generator,
     disturbance: Disturbance,
 ) -> Evaluation:
-    """Runs a table on a number of parts, at least 1.
+    """Runs a table on a number of parts, at least 1, without timing them.
 
     The job says what parts and gripper are like in truth; `rng` is that of initial poses, encoder noise and
     the arm's errors, the world has its own.
@@ -169,7 +169,7 @@ def run(
     begun = Evaluation(
         leaf=np.full(trials, RUNNING, np.int64),
         squeezes=np.zeros(trials, np.int64),
-        seconds=np.zeros(trials),  # `rejudged` tells them
+        seconds=np.zeros(trials),  # `evaluate` tells them
         error_mm=np.zeros(trials),
         within=np.zeros(trials, np.bool_),
         resolved=np.zeros(trials, np.bool_),
@@ -181,7 +181,9 @@ def run(
         branch=nowhere.copy(),
     )
     finish(program, begun, np.zeros(trials, np.int64), job, world, rng, disturbance)
-    return rejudged(program.table, begun)
+    error_mm, within = judge(program.table, begun.leaf, begun.states)
+    known = claimed(program.table, begun.leaf)
+    return replace(begun, error_mm=error_mm, within=within, resolved=known)
 
 
 def finish(

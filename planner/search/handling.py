@@ -6,6 +6,7 @@ the same place, for the jaws are one linkage, and quasi-static contact does not 
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -40,6 +41,14 @@ STABLE = 0.05
 """Share of outcomes held by friction alone, above which the least force is used."""
 
 
+class Opening(NamedTuple):
+    """The jaws before a squeeze."""
+
+    opening_mm: float
+    clearance_mm: float  # least distance between the open fingers and the believed part
+    contact_mm: float  # greatest width at which closing jaws may meet it
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Handling:
     """The choices of a job.
@@ -60,18 +69,18 @@ class Handling:
     area: Array
     encoder: Encoder
 
-    def opening(
-        self, belief: Belief, placement: Array, *, pushed: bool = False
-    ) -> tuple[float, float]:
-        """The least opening `SPARE_MM` wider than the first contact, and the clearance there [mm].
+    def opening(self, belief: Belief, placement: Array, *, pushed: bool = False) -> Opening:
+        """The least opening `SPARE_MM` wider than the first contact.
 
         The full one for parts that were `pushed` before, and for few particles: their place is less certain.
         """
+        contact_mm = self.contact_mm(belief, placement)
         uncertain = pushed or len(belief) < LEAST_PARTICLES
-        least_mm = math.inf if uncertain else self.contact_mm(belief, placement) + SPARE_MM
+        least_mm = math.inf if uncertain else contact_mm + SPARE_MM
         wide = (opening for opening in self.openings_mm or (least_mm,) if opening >= least_mm)
         opening = min(next(wide, math.inf), float(self.jaws[0]))
-        return opening, max(self._clearance(opening, belief, placement), 0.0)
+        clearance_mm = max(self._clearance(opening, belief, placement), 0.0)
+        return Opening(opening, clearance_mm, contact_mm)
 
     def contact_mm(self, belief: Belief, placement: Array) -> float:
         """The greatest width read where closing jaws may meet a part of a belief, as its traits have them."""

@@ -27,7 +27,7 @@ from planner.frames import to_hand
 from planner.problem import Problem
 from planner.search.actions import LEAST_MODE, MAIN_MODES, actions_of
 from planner.search.effort import EFFORTS, EXPLORING, FRUGAL, PASSES, Effort, Pass
-from planner.search.handling import Handling, handling_of
+from planner.search.handling import Handling, Opening, handling_of
 from planner.search.proposals import placed, varied
 from planner.search.pushes import Pusher, pusher_of
 from planner.search.ranking import Asked, Ranking
@@ -255,8 +255,10 @@ class Search:
         for (candidate, crashes), (before, _), squeezed in zip(
             tried, cases, self.problem.model.squeeze(cases, self.rng), strict=True
         ):
-            for rule in self._rules(node):
-                action = self._action(node, candidate, before, squeezed, rule, crashes)
+            jaws = self._jaws(candidate)
+            for rule, outcomes in self._partitions(node, squeezed):
+                origin = Origin(before, squeezed, rule)
+                action = self._action(node, candidate, jaws, origin, outcomes, crashes)
                 if action.children[0].stalled < MOST_STALLED:
                     actions.append(action)
         if not actions and node.previous is not None:
@@ -271,10 +273,19 @@ class Search:
             self.remembered.append(to_hand(node.best.squeeze.placement[None], node.mode.pose))
         self._split(node)
 
-    def _rules(self, node: Node) -> Iterable[Rule]:
-        """The prices of a partition; at probable nodes also without the price of mistaken readings."""
-        rule = self.problem.rule
-        return (rule, rule._replace(astray=0.0)) if node.share >= self.stage.finer else (rule,)
+    def _partitions(self, node: Node, squeezed: Squeezed) -> list[tuple[Rule, Outcomes]]:
+        """The readings cut by their prices; at probable nodes also without that of mistaken readings."""
+        plain = self._cut(squeezed, self.problem.rule)
+        if node.share < self.stage.finer:
+            return [plain]
+        finer = self._cut(squeezed, self.problem.rule._replace(astray=0.0))
+        same = np.array_equal(finer[1].clusters.low, plain[1].clusters.low)
+        return [plain] if same else [plain, finer]
+
+    def _jaws(self, candidate: _Candidate) -> Opening:
+        """The jaws before a candidate's squeeze."""
+        pushed = bool(candidate.pushes)
+        return self.handling.opening(candidate.lying, candidate.placement, pushed=pushed)
 
     def _candidates(self, node: Node) -> list[_Candidate]:
         """What to expand: the best of the previous pass and the best of many new grasp poses."""
@@ -355,30 +366,21 @@ class Search:
         self,
         node: Node,
         candidate: _Candidate,
-        before: Belief,
-        squeezed: Squeezed,
-        rule: Rule,
+        jaws: Opening,
+        origin: Origin,
+        outcomes: Outcomes,
         crashes: float,
     ) -> Action:
-        """Partitions the readings of a squeeze, and makes a child of each interval's particles."""
+        """The action of a squeeze: a child of each interval's particles."""
         problem, grasp = self.problem, candidate.placement
-        outcomes = self._outcomes(squeezed, rule)
-        for _ in range(MOST_COARSER):
-            if len(outcomes.beliefs) > MAX_BRANCHES:
-                rule = rule._replace(branch=2.0 * rule.branch)
-                outcomes = self._outcomes(squeezed, rule)
         release = self.handling.release(outcomes)
-        opening_mm, clearance_mm = self.handling.opening(
-            candidate.lying, grasp, pushed=bool(candidate.pushes)
-        )
-        contact_mm = self.handling.contact_mm(candidate.lying, grasp)
         cost, hand = problem.costs.pushes(node.hand, candidate.pushes)
-        jaws = Closing(opening_mm, contact_mm, outcomes.width_mm)
-        cost += problem.costs.squeeze(hand, grasp, jaws, outcomes.unstable)
+        closing = Closing(jaws.opening_mm, jaws.contact_mm, outcomes.width_mm)
+        cost += problem.costs.squeeze(hand, grasp, closing, outcomes.unstable)
         squeeze = Squeeze(
             grasp,
-            opening_mm,
-            clearance_mm,
+            jaws.opening_mm,
+            jaws.clearance_mm,
             outcomes.clusters,
             outcomes.unstable,
             release,
@@ -408,20 +410,23 @@ class Search:
             child.previous = most_similar(belief, old, problem.rule.resolution.coarsest)
             child.value = self.leaf_value(child)
             children.append(child)
-        return Action(squeeze, children, origin=Origin(before, squeezed, rule))
+        return Action(squeeze, children, origin=origin)
 
-    def _outcomes(self, squeezed: Squeezed, rule: Rule) -> Outcomes:
-        """Cuts readings into branches.
+    def _cut(self, squeezed: Squeezed, rule: Rule) -> tuple[Rule, Outcomes]:
+        """Cuts readings into no more branches than a table holds; the prices that did it, and the branches.
 
         No leaf takes a width far from what any part read: a foreign part's, or one's out of tolerance.
         """
-        metric, outcomes = self.problem.metric, Outcomes.of(squeezed, rule)
-        ratio = metric.shares([belief.states for belief in outcomes.beliefs], metric.modes).sum(
-            axis=1
-        )
-        return outcomes.without_gaps(
-            ratio >= self.problem.stopping.confidence, 2 * rule.resolution.margin
-        )
+        metric = self.problem.metric
+        for _ in range(MOST_COARSER + 1):
+            outcomes = Outcomes.of(squeezed, rule)
+            states = [belief.states for belief in outcomes.beliefs]
+            holds = metric.shares(states, metric.modes).sum(axis=1) >= rule.stopping.confidence
+            outcomes = outcomes.without_gaps(holds, 2 * rule.resolution.margin)
+            if len(outcomes.beliefs) <= MAX_BRANCHES:
+                break
+            rule = rule._replace(branch=2.0 * rule.branch)
+        return rule, outcomes
 
     def _split(self, node: Node) -> None:
         """Splits a node where its best action shows that its readings should be several intervals.
@@ -467,7 +472,10 @@ class Search:
         before, after, rule = action.origin
         squeeze, part = action.squeeze, after._replace(belief=after.belief[rows])
         candidate = _Candidate(squeeze.placement, node.belief, squeeze.pushes)
-        return self._action(node, candidate, before[rows], part, rule, squeeze.crashes)
+        rule, outcomes = self._cut(part, rule)
+        origin = Origin(before[rows], part, rule)
+        jaws = self._jaws(candidate)
+        return self._action(node, candidate, jaws, origin, outcomes, squeeze.crashes)
 
 
 def most_similar(belief: Belief, nodes: list[Node], steps: int) -> Node | None:

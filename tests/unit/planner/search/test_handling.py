@@ -42,7 +42,7 @@ def held_at(job, centre):
 @pytest.mark.parametrize(("y", "expected"), [(0.0, 30.0), (8.0, 50.0), (18.0, 70.0), (28.0, 85.0)])
 def test_opening_where_the_job_lists_some_is_the_least_that_leaves_room(job, y, expected):
     belief, placement = np.tile([0.0, y, 0.0], (LEAST_PARTICLES, 1)), np.zeros(3)
-    opening, clearance = handling_of(job).opening(Belief.of(belief), placement)
+    opening, clearance, _ = handling_of(job).opening(Belief.of(belief), placement)
     assert opening == expected
     jaws = np.array([opening, 27.5, 9.5])
     assert clearance == least_clearance(job.part.outline_mm, jaws, belief, placement)
@@ -53,7 +53,7 @@ def test_opening_where_the_job_lists_none_leaves_just_the_room_that_is_needed(fr
     poses = np.tile([[0.0, 5.0, 0.0], [0.0, -8.0, 0.1]], (LEAST_PARTICLES // 2, 1))
     belief, placement = Belief.of(poses), np.zeros(3)
     handling = handling_of(free)
-    opening, clearance = handling.opening(belief, placement)
+    opening, clearance, _ = handling.opening(belief, placement)
     assert opening == handling.contact_mm(belief, placement) + SPARE_MM
     assert SPARE_MM <= clearance < 2 * SPARE_MM
     assert handling.opening(belief, placement, pushed=True)[0] == free.gripper.opening_mm
