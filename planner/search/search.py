@@ -374,13 +374,12 @@ class Search:
         contact_mm = self.handling.contact_mm(candidate.lying, grasp)
         cost, hand = problem.costs.pushes(node.hand, candidate.pushes)
         jaws = Closing(opening_mm, contact_mm, outcomes.width_mm)
-        cost += problem.costs.squeeze(hand, grasp, jaws, outcomes.unstable)
+        cost += problem.costs.squeeze(hand, grasp, jaws)
         squeeze = Squeeze(
             grasp,
             opening_mm,
             clearance_mm,
             outcomes.clusters,
-            outcomes.unstable,
             release,
             candidate.pushes,
             cost,

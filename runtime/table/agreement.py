@@ -113,7 +113,7 @@ def _squeezes(table: Table, job: Section) -> Compared:
     allowed = {
         "opening_um": openings_mm and [*openings_mm, *numbers(gripper, "opening_mm")],
         "speed_um_s": numbers(gripper, "speed_mm_s"),
-        "force_mn": numbers(actions, "forces_n") or numbers(gripper, "force_n"),
+        "force_mn": numbers(gripper, "force_n"),
     }
     for field, values in allowed.items():
         wanted = sorted({round(UM * value) for value in values})

@@ -4,8 +4,8 @@
 
 5000 particles of the rectangle's belief, drawn on one core from the paper's estimate of 10 000 points, with
 h1 = h2 = 0.5 mm: from every point whose weight matters, by our kernel, and from the nearest 400 by scipy's
-cKDTree. Both in turn, in one process; medians count. Also from the estimate that the planner makes of 100 000
-roll-outs. Prints figures and writes `results/kcde.json` beside this file.
+cKDTree. Both in turn, in one process; medians count. Prints figures and writes `results/kcde.json` beside
+this file.
 """
 
 from __future__ import annotations
@@ -30,17 +30,12 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
 from energy import energy_distance  # noqa: E402
 from problems import OUTLINES, random_poses, simulator  # noqa: E402
 
-from planner.belief.observation import Encoder  # noqa: E402
-from planner.kernel import cache_folder  # noqa: E402
 from planner.learned.kcde import PAPER_MM, PAPER_NEIGHBOURS, Kcde  # noqa: E402
-from planner.learned.model import LearnedModel  # noqa: E402
 from planner.learned.rollouts import RollOuts, roll_outs  # noqa: E402
-from planner.learned.store import Store  # noqa: E402
 from planner.mechanics.clearance import TOUCHES, classify_contact  # noqa: E402
 
 RESULTS = Path(__file__).parent / "results" / "kcde.json"
 POINTS, PARTICLES, RADIUS_MM = 10_000, 5000, 12.75
-ENCODER = Encoder(opening_mm=85.0, steps=227, noise_mm=0.15)
 SHUFFLES = 100
 
 
@@ -100,12 +95,6 @@ def p_value(ours: np.ndarray, theirs: np.ndarray, rho: float, order: int) -> flo
     return float(np.mean([energy_distance(mix[:n], mix[n:], rho, order) >= apart for mix in mixed]))
 
 
-def planners_own() -> Kcde:
-    """What the planner draws from at the default number of roll-outs."""
-    part, store = simulator(OUTLINES["rectangle"]()), Store(cache_folder() / "rollouts")
-    return LearnedModel.fit(part, ENCODER, 2, roll_outs(part, 3 * RADIUS_MM, 100_000, store)).motion
-
-
 def main() -> None:
     """Run the bench and record it."""
     parser = argparse.ArgumentParser(
@@ -114,7 +103,6 @@ def main() -> None:
     parser.add_argument("--repeat", type=int, default=30)
     options = parser.parse_args()
     model, rows = estimate(POINTS)
-    ours = planners_own()
     draw = with_scipy(rows, model.rho_mm, model.order)
     rng = np.random.default_rng(1)
     poses = random_poses(rng, PARTICLES, RADIUS_MM)
@@ -123,9 +111,8 @@ def main() -> None:
     calls = [
         lambda: model.sample(poses, rng),
         lambda: draw(poses, rng),
-        lambda: ours.sample(poses, rng),
     ]
-    ours_s, scipy_s, own_s = seconds(calls, options.repeat)
+    ours_s, scipy_s = seconds(calls, options.repeat)
     row = {
         "points": POINTS,
         "particles": PARTICLES,
@@ -134,9 +121,6 @@ def main() -> None:
         "ratio": scipy_s / ours_s,
         "particles_per_second": PARTICLES / ours_s,
         "same_distribution_p": p_value(first, second, model.rho_mm, model.order),
-        "own_points": len(ours.initial),
-        "own_ms": 1e3 * own_s,
-        "own_particles_per_second": PARTICLES / own_s,
         "setting": {
             "python": platform.python_version(),
             "scipy": scipy.__version__,
@@ -147,8 +131,7 @@ def main() -> None:
     print(
         "{particles} particles from {points} points on one core: {ours_ms:.2f} ms, scipy {scipy_ms:.0f} ms, "
         "{ratio:.1f} times; {particles_per_second:.0f} particles/s; same distribution: p = "
-        "{same_distribution_p:.2f}\nthe planner's own estimate of {own_points} points: {own_ms:.2f} ms, "
-        "{own_particles_per_second:.0f} particles/s".format(**row)
+        "{same_distribution_p:.2f}".format(**row)
     )
     RESULTS.parent.mkdir(exist_ok=True)
     RESULTS.write_text(json.dumps(row, indent=1) + "\n")

@@ -154,7 +154,7 @@ def l_job(proposals, **changes):
     text = "\n".join(lines).replace("radius_mm = 12.75", "radius_mm = 10")
     few = job_file.parse(text).replaced(
         **CERTAIN,
-        search={"model": "simulation", "particles": 2000, "search_particles": 200},
+        search={"particles": 2000, "search_particles": 200},
     )
     return few.replaced(**changes)
 
