@@ -171,10 +171,14 @@ def _check_gripper(gripper: dict[str, Any], cell: dict[str, Any]) -> None:
     if opening_mm < LEAST_STEPS * step_mm:
         problem = f"is {step_mm:g}, more than 1/{LEAST_STEPS} of opening_mm = {opening_mm:g}"
         raise _conflict("gripper", "resolution_mm", f"{problem}: no width would be told")
-    for key, limit in (("speed_mm_s", "max_speed_mm_s"), ("force_n", "max_force_n")):
-        if gripper[key] > cell[limit]:
-            problem = f"is {gripper[key]:g}, above {limit} = {cell[limit]:g} of [cell]; lower it"
-            raise _conflict("gripper", key, problem)
+    speed, most = gripper["speed_mm_s"], cell["max_speed_mm_s"]
+    if speed > most:
+        problem = f"is {speed:g}, above max_speed_mm_s = {most:g} of [cell]; lower it"
+        raise _conflict("gripper", "speed_mm_s", problem)
+    force, most = gripper["force_n"], profile_of(gripper["model"]).force_n[1]
+    if force > most:
+        problem = f"is {force:g}, above the {most:g} N of {gripper['model']}; lower it"
+        raise _conflict("gripper", "force_n", problem)
 
 
 def _check_doubt(doubt: dict[str, Any], pressure: dict[str, Any]) -> None:

@@ -199,9 +199,6 @@ class Search:
 
     method: Annotated[str, Text(("closed-loop", "paper", "sensorless"), default="closed-loop")]
     particles: Annotated[int, Integer(10, 10_000_000, default=20_000)]  # to grow the tree with
-    search_particles: Annotated[
-        int, Integer(10, 10_000_000, default=400)
-    ]  # that rank grasp poses, at most
     max_depth: Annotated[int, Integer(1, 100, default=12)]  # longest path of the tree, squeezes
 
 
@@ -219,7 +216,6 @@ class Cell:
     ]  # tips between squeezes
     squeeze_height_mm: Annotated[float, Number(0, MM, default=None)]  # tips while squeezing
     arm_speed_mm_s: Annotated[float, Number(LEAST_RATE, 10_000, default=250.0)]
-    max_force_n: Annotated[float, Number(LEAST_RATE, 10_000, default=235.0)]
     max_speed_mm_s: Annotated[float, Number(LEAST_RATE, MM, default=150.0)]  # of closing
     # As `runtime.table.timing.DEFAULTS` where they are None, which leaves the job's text as it was.
     arm_acceleration_mm_s2: Annotated[float | None, Number(LEAST_RATE, 100_000, default=None)] = (
@@ -268,10 +264,11 @@ SECTIONS: Mapping[str, type[Any]] = {
 }  # The records of a job, in its order
 
 _CONSTANT = "it has one sensible value; drop it"
+_PLACEMENT = "drop it; plan-evaluate --placement-error-mm tries an arm that places badly"
 RETIRED: Mapping[tuple[str, str], str] = {
     ("goal", "stress_trials"): "state what may be off in [doubt], as plan-init writes it",
-    ("doubt", "placement_mm"): _CONSTANT,
-    ("doubt", "placement_deg"): _CONSTANT,
+    ("doubt", "placement_mm"): _PLACEMENT,
+    ("doubt", "placement_deg"): _PLACEMENT,
     ("doubt", "arm_mm"): "widen radius_mm of [uncertainty] by it",
     ("doubt", "arm_deg"): "widen orientation_halfwidth_deg of [uncertainty] by it",
     ("doubt", "release_mm"): "state it as shift_mm of [release]",
@@ -281,6 +278,8 @@ RETIRED: Mapping[tuple[str, str], str] = {
     ("search", "rollouts"): _CONSTANT,
     ("search", "squeeze_cost"): _CONSTANT,
     ("search", "stability_cost"): _CONSTANT,
+    ("search", "search_particles"): "it follows from particles; drop it",
+    ("cell", "max_force_n"): "state a force that the part bears as force_n of [gripper]",
     ("delivery", "width_tolerance_mm"): _CONSTANT,
 }  # Keys that jobs stated once, and what they state instead; tables that hold them can still be read
 

@@ -27,7 +27,7 @@ ENVIRONMENT = os.environ | {
 }
 ITEMS = 60
 RECTANGLE = (ROOT / "trees" / "rectangle" / "job.toml").read_text(encoding="utf-8")
-QUICK = RECTANGLE + "\n[search]\nparticles = 600\nsearch_particles = 60\n"
+QUICK = RECTANGLE + "\n[search]\nparticles = 600\n"
 
 
 @contextmanager
