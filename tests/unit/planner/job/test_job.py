@@ -229,7 +229,7 @@ def test_openings_to_choose_from_need_fingers_that_close_alike():
         job.parse(text.replace("[gripper]", "[gripper]\nupper_finger_share = 0.4"))
 
 
-MOST_KEYS = 72  # besides those that go with one kind of pressure
+MOST_KEYS = 70  # besides those that go with one kind of pressure
 WIDTH_AND_AREA = {"width_mm": 21, "area_mm": [-60, -60, 90, 60]}
 DELIVERY = """
 [delivery]
