@@ -1,6 +1,6 @@
 """From a job to a decision table: the whole planner on one screen."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,13 +10,11 @@ from planner.belief.partition import partition
 from planner.belief.recut import recut
 from planner.diagnosis.alike import refuse_alike
 from planner.errors import NoPlanError
-from planner.evaluation.disturbance import with_doubts
+from planner.evaluation.disturbance import WITH_DOUBTS
 from planner.evaluation.evaluate import evaluate, untimed
 from planner.evaluation.measured import predicting, with_figures
 from planner.evaluation.outcome import Evaluation
 from planner.job.model import Job
-from planner.learned.model import learned_model, learns
-from planner.learned.store import Store
 from planner.lower import lower
 from planner.mechanics.simulator import Simulator
 from planner.paper.plan import plan_paper
@@ -54,7 +52,6 @@ def compile_job(
     trials: int = EVALUATION_TRIALS,
     report: Report | None = None,
     limit: Limit | None = None,
-    store: Store | None = None,
     scheduler: Scheduler | None = None,
 ) -> Plan:
     """Plans, lowers the tree to a table, and evaluates the table.
@@ -66,8 +63,7 @@ def compile_job(
         report: progress.
         limit: when to end with the best tree so far, evaluated: whole and valid, but maybe with leaves that
             do not know. Where it has no budget the same seed gives the same bytes.
-        store: where the roll-outs of a learned model are kept; nowhere if None.
-        scheduler: who rolls them out and runs worlds that are off; as many threads as `workers` if None.
+        scheduler: who runs worlds that are off; as many threads as `workers` if None.
 
     Raises:
         UnreachableError: the cluster was lost.
@@ -89,9 +85,6 @@ def compile_job(
     say("kernels", 0, 1)
     _load_kernels(problem)  # kernels compile at their first call; no budget pays for that
     limit.start()
-    if learns(job):
-        learned, _ = learned_model(job, problem.mixture.simulators[0], store, scheduler, say)
-        problem = replace(problem, ahead=learned)
     compiled = _measured(job, planned(problem, limit, trials, say), work, say)
     if not compiled.evaluation.success.any():
         raise no_plan(compiled.table, compiled.evaluation, job, compiled.cut)
@@ -100,7 +93,7 @@ def compile_job(
 
 def _by_the_paper(job: Job, workers: int | None, trials: int, say: Report) -> Planned:
     """Plans by the paper's method; nothing is searched further for what trials show."""
-    root = plan_paper(job, Simulator.of_job(job, workers), report=say)
+    root = plan_paper(job, Simulator.of_job(job, workers), say)
     if not root.children:
         raise NoPlanError(
             f"{job.part.name}: no first squeeze is free of collision and keeps the singleton ratio"
@@ -123,7 +116,7 @@ def _measured(job: Job, plan: Planned, work: Scheduler, say: Report) -> Plan:
     if len(reached) < len(table.leaves) and not certain(job) and job.search.method not in METHODS:
         other = job.seed + SEED_BEYOND
         worlds = ContactWorlds.of_job(job, other)
-        beyond = untimed(table, job, worlds, trials, other, work, with_doubts(job))
+        beyond = untimed(table, job, worlds, trials, other, work, WITH_DOUBTS)
     table, evaluation = with_figures(table, evaluation, beyond, job)
     cut = plan.cut and plan.cut._replace(open_share=float(evaluation.unresolved.mean()))
     return Plan(predicting(table, evaluation), plan.root, evaluation, plan.untried, seed, cut)

@@ -49,7 +49,7 @@ def _node(node: Node, targets: dict[int, int], job: Job, encoder: Encoder) -> ta
         angle_urad=angle_urad,
         opening_um=round(1e3 * planned.opening_mm),
         speed_um_s=round(1e3 * job.gripper.speed_mm_s),
-        force_mn=round(1e3 * handling_of(job).force_n(planned.unstable)),
+        force_mn=round(1e3 * job.gripper.force_n),
         clearance_um=int(1e3 * planned.clearance_mm),
     )
     total = float(clusters.size.sum())

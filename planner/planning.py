@@ -12,7 +12,7 @@ from planner.belief.particles import Belief
 from planner.diagnosis.ambiguity import ambiguities
 from planner.diagnosis.clearance import no_first_squeeze
 from planner.errors import NoPlanError
-from planner.evaluation.disturbance import NONE, with_doubts
+from planner.evaluation.disturbance import NONE, WITH_DOUBTS
 from planner.evaluation.evaluate import untimed
 from planner.evaluation.judge import claimed
 from planner.evaluation.measured import tried, with_figures, without_untried
@@ -221,7 +221,7 @@ def judged(
     """
     worlds = ContactWorlds.of_job(job, job.seed + SEED_WORLD + attempt)
     seed, work = job.seed + SEED_EVALUATION + attempt, Threads(workers) if workers else Threads()
-    cell = NONE if job.search.method in METHODS else with_doubts(job)
+    cell = NONE if job.search.method in METHODS else WITH_DOUBTS
     return untimed(table, job, worlds, trials, seed, work, cell, report)
 
 

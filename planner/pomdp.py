@@ -20,10 +20,10 @@ from scipy.special import ndtr
 
 from planner import arguments
 from planner.arrays import Array, BoolArray, IntArray
-from planner.belief.costs import Costs
 from planner.belief.metric import Metric, metric_of
 from planner.belief.observation import Encoder, encoder_of
 from planner.belief.particles import initial
+from planner.belief.stopping import FAILURE
 from planner.frames import to_hand, to_world
 from planner.job.model import Job
 from planner.mechanics.simulator import Simulator
@@ -61,9 +61,7 @@ class Pomdp:
     simulator: Simulator
     encoder: Encoder
     metric: Metric  # of the goal
-    success: (
-        float  # reward of a right answer, in squeezes: what `search.squeeze_cost` says it is worth
-    )
+    success: float  # reward of a right answer, in squeezes
     placements: int  # how many of `actions` squeeze; they come first
     actions: Array  # (k, 4) the job's placements of the hand, then declarations of candidate poses
 
@@ -79,7 +77,7 @@ class Pomdp:
         simulator, metric, success = (
             Simulator.of_job(job, workers),
             metric_of(job),
-            Costs.of(job).failure,
+            FAILURE,
         )
         squeezes = np.column_stack(
             [actions_of(job).placements, np.full(len(actions_of(job)), SQUEEZE)]

@@ -14,7 +14,7 @@ from planner.belief.observation import Encoder, encoder_of, resolution_of
 from planner.belief.particles import Belief, evenly
 from planner.belief.partition import Rule
 from planner.belief.stopping import StoppingRule
-from planner.belief.transition import MotionModel, Simulation, placing_of
+from planner.belief.transition import Simulation
 from planner.job.model import Job
 from planner.mechanics.mixture import Mixture
 
@@ -43,15 +43,15 @@ class Problem:
     rule: Rule
     costs: Costs
     model: Simulation
-    ahead: MotionModel
+    ahead: Simulation
 
     @classmethod
     def of(cls, job: Job, workers: int | None = None) -> Self:
         """Resolves a job; squeezes run on so many threads, all cores if None."""
         encoder, costs = encoder_of(job), Costs.of(job)
-        stopping = StoppingRule(job.goal.confidence, costs.failure)
+        stopping = StoppingRule(job.goal.confidence)
         rule = Rule(metric_of(job), stopping, resolution_of(encoder))
-        model = Simulation(Mixture.of_job(job, workers, STEP_MM), encoder, placing_of(job))
+        model = Simulation(Mixture.of_job(job, workers, STEP_MM), encoder)
         ahead = replace(model, simulator=Mixture.of_job(job, workers, AHEAD_STEP_MM))
         return cls(job, encoder, rule, costs, model, ahead)
 

@@ -17,8 +17,6 @@ from planner.job.cell import timing_of
 from planner.job.model import Job
 from runtime.table import Timing, Visit
 
-LEAST_SQUEEZE = 0.001
-"""A squeeze that costs nothing still costs this much: of two plans as good the shorter is better."""
 PUSH_SQUEEZES = 0.1
 """What a push costs where squeezes are counted: J of two plans errs by about that."""
 TYPICAL_TURN = math.pi / 4.0
@@ -52,8 +50,6 @@ class Costs:
         opening_mm: between the open jaws.
         speed_mm_s: rate at which the opening closes.
         turn: turn of the hand [rad] after which it does the same: half a turn where the fingers move alike.
-        failure: cost of a part that is not located.
-        unstable: cost of an outcome that friction alone holds.
     """
 
     timing: Timing | None
@@ -61,8 +57,6 @@ class Costs:
     opening_mm: float
     speed_mm_s: float
     turn: float
-    failure: float
-    unstable: float
 
     @classmethod
     def of(cls, job: Job) -> Self:
@@ -78,29 +72,24 @@ class Costs:
             speed_mm_s=speed_mm_s,
             next_mm=opening_mm,
         )
-        failure = 1.0 / max(job.search.squeeze_cost, LEAST_SQUEEZE)
         return cls(
             timing=timing if job.goal.minimise == "seconds" else None,
             typical_s=timing.squeeze(typical).total_s,
             opening_mm=opening_mm,
             speed_mm_s=speed_mm_s,
             turn=math.pi if gripper.upper_finger_share == 0.5 else 2.0 * math.pi,
-            failure=failure,
-            unstable=job.search.stability_cost * failure,
         )
 
-    def squeeze(self, hand: Hand | None, placement: Array, jaws: Closing, unstable: float) -> float:
+    def squeeze(self, hand: Hand | None, placement: Array, jaws: Closing) -> float:
         """The cost of a squeeze.
 
         Args:
             hand: where the hand stands; None: above the placement, before the first squeeze of a part.
             placement: (3,) of the squeeze in the world [mm, mm, rad].
             jaws: how they close.
-            unstable: share of the outcomes that friction alone holds.
         """
-        risk = self.unstable * unstable
         if self.timing is None:
-            return 1.0 + risk
+            return 1.0
         way_mm, turn = (0.0, 0.0) if hand is None else self._way(hand.placement, placement)
         visit = Visit(
             way_mm=way_mm,
@@ -113,18 +102,14 @@ class Costs:
             from_retreat=hand is None,
             jaws_s=0.0 if hand is None else self._opening_s(hand.width_mm, jaws.opening_mm),
         )
-        return self.timing.squeeze(visit).total_s / self.typical_s + risk
+        return self.timing.squeeze(visit).total_s / self.typical_s
 
-    def squeezes(
-        self, hand: Hand | None, placements: Array, widths_mm: Array, unstable: Array
-    ) -> Array:
+    def squeezes(self, hand: Hand | None, placements: Array, widths_mm: Array) -> Array:
         """The costs (k,) of squeezes, taken to meet the part where its jaws stop; as `squeeze`."""
         if self.timing is None:
-            return np.asarray(1.0 + self.unstable * unstable)
-        rows = zip(placements, widths_mm.tolist(), unstable.tolist(), strict=True)
-        return np.array(
-            [self.squeeze(hand, at, Closing(mm, mm, mm), share) for at, mm, share in rows]
-        )
+            return np.ones(len(placements))
+        rows = zip(placements, widths_mm.tolist(), strict=True)
+        return np.array([self.squeeze(hand, at, Closing(mm, mm, mm)) for at, mm in rows])
 
     def back(self, hand: Hand | None, home: Array | None) -> float:
         """The cost of the way to the first squeeze of the next part, (3,) in the world."""

@@ -23,18 +23,13 @@ Draw = Callable[[Job, int, np.random.Generator], Array]
 
 def believed(job: Job, n: int, rng: np.random.Generator, draw: Draw = initial) -> Belief:
     """Draws n parts as the job believes in them: where they lie, by `draw`, and their traits."""
-    poses, traits = draw(job, n, rng), traits_of(job, n, rng)
-    return Belief.of(poses + traits["arm"], traits=traits)
+    return Belief.of(draw(job, n, rng), traits=traits_of(job, n, rng))
 
 
 def certain(job: Job) -> bool:
     """Whether a job doubts nothing."""
     faults = job.doubt.chance > 0.0 and bool(_draws(job, np.random.default_rng(0)))
-    return (
-        not faults
-        and job.friction.doubt == 0.0
-        and not job.doubt.placement_mm + job.doubt.placement_deg
-    )
+    return not faults and job.friction.doubt == 0.0
 
 
 def traits_of(job: Job, n: int, rng: np.random.Generator) -> Traits:
@@ -117,11 +112,6 @@ def _draws(
         )
     if tolerance_mm:
         draws.append(("deviation", 0, partial(_deviations, tolerance_mm, rng=rng)))
-    if doubt.release_mm or doubt.release_deg:
-        most = np.array([doubt.release_mm or 0.0, np.radians(doubt.release_deg or 0.0)])
-        draws.append(("release", 0, lambda n: most * np.abs(_within((-1.0, 1.0), n, rng))[:, None]))
-    if doubt.arm_mm or doubt.arm_deg:
-        draws.append(("arm", 0, partial(_arms, doubt.arm_mm or 0.0, doubt.arm_deg or 0.0, rng=rng)))
     return draws
 
 
@@ -145,13 +135,6 @@ def _within(interval: Interval, n: int, rng: np.random.Generator) -> Array:
     return np.asarray(
         0.5 * (low + high) + 0.5 * (high - low) * np.sin(np.pi * (rng.random(n) - 0.5))
     )
-
-
-def _arms(most_mm: float, most_deg: float, n: int, rng: np.random.Generator) -> Array:
-    """How parts lie off (n, 3) in the frame of an arm that is off itself, in any direction [mm, mm, rad]."""
-    off, bearing = _within((0.0, most_mm), n, rng), rng.uniform(0.0, 2.0 * np.pi, n)
-    turn = np.radians(_within((-most_deg, most_deg), n, rng))
-    return np.stack([off * np.cos(bearing), off * np.sin(bearing), turn], axis=1)
 
 
 def _deviations(tolerance_mm: float, n: int, rng: np.random.Generator) -> Array:

@@ -11,6 +11,8 @@ from planner.arrays import Array, IntArray
 from planner.kernel import inner_kernel
 from runtime import table as tables
 
+FAILURE = 100.0
+"""Cost of a part that is not located, in typical squeezes: one more has to gain 1 % in success."""
 LEAST_EVIDENCE = 300
 """Particles from which a mode ratio below the goal may be chance; with fewer, too much is left open."""
 LEAST_TRIALS = 100
@@ -32,7 +34,7 @@ class StoppingRule(NamedTuple):
     """
 
     confidence: float
-    failure: float = 100.0
+    failure: float = FAILURE
     inside: float = 10.0
     outside: float = 0.5
 

@@ -4,10 +4,8 @@ The reference motion model is direct simulation of every particle, each with its
 encoder noise. Many beliefs and actions are rolled out in one batch.
 """
 
-import math
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol, Self, TypeAlias
+from typing import NamedTuple, Self, TypeAlias
 
 import numpy as np
 
@@ -16,10 +14,8 @@ from planner.belief.observation import Encoder, Partition
 from planner.belief.particles import PUSHED, UNREAD, Belief
 from planner.belief.partition import Rule, partition
 from planner.frames import to_hand, to_world
-from planner.job.model import Job
 from planner.mechanics.mixture import Mixture
-from planner.mechanics.simulator import RollOut, Simulator
-from planner.mechanics.squeeze import JAMMED
+from planner.mechanics.simulator import Simulator
 from planner.mechanics.traits import Traits, joined
 
 Case: TypeAlias = tuple[Belief, Array]
@@ -38,8 +34,6 @@ class Squeezed(NamedTuple):
     """What one action makes of one belief."""
 
     belief: Belief  # n particles after it, with what the encoder reads
-    # Share held by friction alone (jammed): stiff jaws on a light part may throw it out (paper VII.B).
-    unstable: float
     width_mm: float  # mean width at which the jaws stop
 
 
@@ -48,17 +42,16 @@ class Outcomes(NamedTuple):
 
     clusters: Partition  # the partition of readings
     beliefs: list[Belief]  # for each cluster the particles in it
-    unstable: float  # see `Squeezed`
     width_mm: float  # see `Squeezed`
 
     @classmethod
     def of(cls, squeezed: Squeezed, rule: Rule) -> Self:
         """Cuts what was read into branches."""
-        belief, unstable, width_mm = squeezed
+        belief, width_mm = squeezed
         label = partition(belief.states, belief.reading, rule)
         beliefs = [belief[label == k] for k in range(int(label.max()) + 1)]
         clusters = Partition.of([piece.reading for piece in beliefs])
-        return cls(clusters, beliefs, unstable, width_mm)
+        return cls(clusters, beliefs, width_mm)
 
     def without_gaps(self, holds: BoolArray, most: int) -> Self:
         """Cuts branches that hold a pose (k,) where more than `most` steps in a row were not read."""
@@ -78,21 +71,6 @@ class Outcomes(NamedTuple):
     def probability(self) -> Array:
         """Share of the belief in each cluster."""
         return np.asarray(self.clusters.size / self.clusters.size.sum())
-
-
-class MotionModel(Protocol):
-    """What the search needs to know of a squeeze."""
-
-    def squeeze(self, cases: list[Case], rng: np.random.Generator) -> list[Squeezed]:
-        """Squeezes beliefs at placements.
-
-        Args:
-            cases: pairs of a belief and a placement (3,) in the world [mm, mm, rad].
-            rng: source of all randomness.
-
-        Returns:
-            What became of them, one for each case.
-        """
 
 
 class Placing(NamedTuple):
@@ -116,11 +94,6 @@ class Placing(NamedTuple):
 EXACT = Placing(0.0, 0.0)
 
 
-def placing_of(job: Job) -> Placing:
-    """How well a job's arm places the hand."""
-    return Placing(job.doubt.placement_mm, math.radians(job.doubt.placement_deg))
-
-
 def read_as(width_mm: Array, traits: Traits) -> Array:
     """What an encoder with these traits (n,) makes of widths (n,), before noise and rounding."""
     return np.asarray(width_mm * (1.0 + traits["gain"]) + traits["encoder_mm"])
@@ -132,20 +105,41 @@ class Simulation:
 
     simulator: Simulator | Mixture
     encoder: Encoder
-    placing: Placing = EXACT
 
     def squeeze(self, cases: list[Case], rng: np.random.Generator) -> list[Squeezed]:
-        """As `MotionModel.squeeze`, each particle rolled out by itself."""
+        """Squeezes beliefs at placements in one batch, each particle by itself, and reads the widths.
 
-        def roll_out(poses: Array, _: IntArray, traits: Traits) -> RollOut:
-            return self.simulator.squeeze(poses, rng, traits)
+        Args:
+            cases: pairs of a belief and a placement (3,) in the world [mm, mm, rad].
+            rng: source of all randomness.
 
-        return squeezed_by(cases, roll_out, self.encoder, rng, self.placing)
+        Returns:
+            What became of them, one for each case.
+        """
+        if not cases:
+            return []
+        size = np.array([len(belief) for belief, _ in cases])
+        traits = joined(belief.traits for belief, _ in cases)
+        placements = np.repeat([placement for _, placement in cases], size, axis=0)
+        hand = EXACT.placed(placements, traits, rng)
+        poses = np.concatenate([belief.poses for belief, _ in cases])
+        rolled = self.simulator.squeeze(to_hand(poses, hand.T), rng, traits)
+        counts = self.encoder.read(read_as(rolled.width_mm, traits), rng)
+        counts = self.encoder.with_flag(counts, rolled.width_mm)
+        after = to_world(rolled.poses, hand.T)
+        stops: IntArray = np.cumsum(size)
+        starts: IntArray = stops - size
+        width_mm = np.add.reduceat(rolled.width_mm, starts) / size
+        each = zip(cases, starts.tolist(), stops.tolist(), width_mm.tolist(), strict=True)
+        return [
+            Squeezed(Belief(after[start:stop], belief.traits, counts[start:stop]), width)
+            for (belief, _), start, stop, width in each
+        ]
 
     def push(self, belief: Belief, push: Push, rng: np.random.Generator) -> Belief:
         """The belief after a push, each particle rolled out by itself."""
         n = len(belief)
-        hand = self.placing.placed(np.tile(push.start, (n, 1)), belief.traits, rng)
+        hand = EXACT.placed(np.tile(push.start, (n, 1)), belief.traits, rng)
         opening, way = np.full(n, push.opening_mm), np.full(n, push.way_mm)
         lying = to_hand(belief.poses, hand.T)
         poses = to_world(
@@ -154,47 +148,6 @@ class Simulation:
         return Belief(
             poses, belief.traits, np.where(belief.reading == UNREAD, PUSHED, belief.reading)
         )
-
-
-def squeezed_by(
-    cases: list[Case],
-    roll_out: Callable[[Array, IntArray, Traits], RollOut],
-    encoder: Encoder,
-    rng: np.random.Generator,
-    placing: Placing = EXACT,
-) -> list[Squeezed]:
-    """Squeezes all cases in one batch, and reads the widths.
-
-    Args:
-        cases: as given to the motion model, n particles in all.
-        roll_out: squeezes poses (n, 3) in the hand frame [mm, mm, rad], given each one's case (n,) and the
-            traits it carries (n,).
-        encoder: reads the widths.
-        rng: source of the readings' noise, and of the hand's.
-        placing: how well the hand comes to where it is sent.
-    """
-    if not cases:
-        return []
-    size = np.array([len(belief) for belief, _ in cases])
-    traits = joined(belief.traits for belief, _ in cases)
-    hand = placing.placed(
-        np.repeat([placement for _, placement in cases], size, axis=0), traits, rng
-    )
-    poses = np.concatenate([belief.poses for belief, _ in cases])
-    rolled = roll_out(to_hand(poses, hand.T), np.repeat(np.arange(len(cases)), size), traits)
-    counts = encoder.with_flag(encoder.read(read_as(rolled.width_mm, traits), rng), rolled.width_mm)
-    after = to_world(rolled.poses, hand.T)
-    stops: IntArray = np.cumsum(size)
-    starts: IntArray = stops - size
-    unstable = np.add.reduceat(rolled.status == JAMMED, starts, dtype=np.float64) / size
-    width_mm = np.add.reduceat(rolled.width_mm, starts) / size
-    each = zip(
-        cases, starts.tolist(), stops.tolist(), unstable.tolist(), width_mm.tolist(), strict=True
-    )
-    return [
-        Squeezed(Belief(after[start:stop], belief.traits, counts[start:stop]), jammed, width)
-        for (belief, _), start, stop, jammed, width in each
-    ]
 
 
 def finger_speed_mm_s(speed_mm_s: float) -> float:

@@ -15,7 +15,7 @@ from planner.belief.doubts import believed
 from planner.belief.metric import metric_of
 from planner.belief.observation import encoder_of
 from planner.belief.particles import Belief, subsample
-from planner.belief.transition import placing_of, read_as
+from planner.belief.transition import EXACT, read_as
 from planner.bound.histories import Depths, Histories, History, Squeeze
 from planner.bound.lagrangian import Term, leaves_term, overall_term, worth_trying
 from planner.evaluation.trials import encoder_of_table, placement_of
@@ -171,12 +171,12 @@ class Certificate:
 
 def squeezes_of(job: Job, workers: int | None = None) -> Squeeze:
     """Squeezes in the world that the evaluation judges plans in: what the job doubts may be off."""
-    simulator, encoder, placing = Simulator.of_job(job, workers), encoder_of(job), placing_of(job)
+    simulator, encoder = Simulator.of_job(job, workers), encoder_of(job)
 
     def squeeze(
         parts: Belief, placements: Array, rng: np.random.Generator
     ) -> tuple[Array, IntArray]:
-        hand = placing.placed(placements, parts.traits, rng)
+        hand = EXACT.placed(placements, parts.traits, rng)
         rolled = simulator.squeeze(to_hand(parts.poses, hand.T), rng, parts.traits)
         readings = encoder.read(read_as(rolled.width_mm, parts.traits), rng)
         return to_world(rolled.poses, hand.T), 2 * readings + (rolled.width_mm > 0.0)

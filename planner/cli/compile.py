@@ -84,7 +84,6 @@ def parser() -> Parser:
         help="no table, but Goldberg's plan without sensors, and what it achieves",
     )
     shell.add_takt(built)
-    shell.add_cache(built)
     shell.add_scheduler(built)
     return built
 
@@ -116,15 +115,13 @@ def _single(arguments: argparse.Namespace) -> int:
     for result in alike(job):
         if not result.hopeless:  # that is refused
             tell(NAME, f"warning: {result.line()}")
-    store, limit, notes = shell.store_of(arguments), Limit(arguments.budget), list[str]()
+    limit, notes = Limit(arguments.budget), list[str]()
     with (
         scheduler_of(arguments.scheduler, arguments.workers) as scheduler,
         shell.progress(arguments.json, whole) as report,
     ):
         with shell.stopping(limit, NAME):
-            plan = compile_job(
-                job, arguments.workers, arguments.trials, report, limit, store, scheduler
-            )
+            plan = compile_job(job, arguments.workers, arguments.trials, report, limit, scheduler)
         dump(dataclasses.replace(plan.table, job=None) if arguments.strip else plan.table, output)
         seconds = time.perf_counter() - started
         bound = advice = None
@@ -178,13 +175,10 @@ def _sweep(arguments: argparse.Namespace) -> int:
         raise UsageError("--bound: proves something of one plan; leave it out with --vary")
     common = () if arguments.seed is None else (("seed", str(arguments.seed)),)
     orders = orders_of(arguments.job, arguments.vary, common)
-    store = shell.store_of(arguments)
-    cache = store.folder if store else None
     settings = Settings(
         arguments.trials,
         arguments.workers,
         arguments.strip,
-        cache,
         arguments.budget,
         arguments.takt,
     )

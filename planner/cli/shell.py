@@ -8,7 +8,6 @@ import os
 import signal
 import textwrap
 import traceback
-import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,15 +17,12 @@ from typing import Any
 from planner.cli import course
 from planner.job import model as job_file
 from planner.job.model import Job
-from planner.kernel import CACHE_VARIABLE, cache_folder
-from planner.learned.store import Store, StoreWarning
 from planner.part.importers.pieces import TOLERANCE_MM, UNITS_MM, Options
 from planner.work.limit import Limit
 from runtime.shell import command
 from runtime.shell.command import Parser
 from runtime.shell.errors import ExpectedError, InputError, UsageError
 from runtime.shell.exit_codes import ExitCode, epilog
-from runtime.shell.files import folder
 from runtime.table import Table, TableFile, load
 
 progress = course.shown
@@ -34,7 +30,6 @@ WIDTH = 98  # columns of what --help says
 PICTURES = (".png", ".svg", ".pdf")  # what matplotlib's pictures may end in
 FORMATS = (*PICTURES, ".csv", ".dxf", ".gif", ".html", ".json", ".msgpack", ".stl", ".toml")
 STOPPING = "stopping: the tree that stands is evaluated and kept; Ctrl-C again ends at once"
-ROLL_OUTS = "rollouts"  # folder of the roll-outs in the cache folder
 EXIT_CODES = epilog(ExitCode.INPUT, ExitCode.NO_PLAN, ExitCode.UNREACHABLE)
 
 
@@ -72,32 +67,6 @@ def checked_output(path: Path, what: str, suffix: str) -> Path:
             f"-o {path}: what is written is {what}; name it {path.with_suffix(suffix)}"
         )
     return path
-
-
-def add_cache(parser: argparse.ArgumentParser) -> None:
-    """The options that say where roll-outs are kept; `store_of` reads them."""
-    group = parser.add_mutually_exclusive_group()
-    group.add_argument(
-        "--no-cache", action="store_true", help="roll everything out again, and keep nothing"
-    )
-    group.add_argument(
-        "--cache-dir",
-        type=Path,
-        metavar="DIR",
-        help=f"folder that keeps roll-outs (default: ${CACHE_VARIABLE} or the user's cache folder)",
-    )
-
-
-def store_of(arguments: argparse.Namespace) -> Store | None:
-    """The store that the options of `add_cache` ask for; None with --no-cache.
-
-    Raises:
-        OutputError: the folder of --cache-dir cannot be made.
-    """
-    if arguments.no_cache:
-        return None
-    base = folder(arguments.cache_dir) if arguments.cache_dir is not None else cache_folder()
-    return Store(base / ROLL_OUTS)
 
 
 def add_drawing(group: argparse._ArgumentGroup) -> None:
@@ -223,33 +192,12 @@ def main_of(parser: Callable[[], Parser], body: Body) -> Callable[..., int]:
 
 
 def run(built: Parser, argv: Sequence[str] | None, body: Body) -> int:
-    """Runs a command as `runtime.shell.command.run` does, and turns the store's warnings into a line each.
-
-    A body that returns nothing did well.
-    """
+    """Runs a command as `runtime.shell.command.run` does; a body that returns nothing did well."""
     logging.lastResort = (
         None  # what a library logs beside the error that it raises is not told twice
     )
     stopped = ExitCode.INTERRUPTED, "interrupted; nothing was written"
-    with _warnings_in_one_line(built.prog):
-        return command.run(built, argv, lambda arguments: body(arguments) or 0, stopped)
-
-
-@contextmanager
-def _warnings_in_one_line(name: str) -> Iterator[None]:
-    """Prints what the store warns about as errors are printed, each time."""
-
-    def show(message: Warning | str, category: type[Warning], *where: Any, **named: Any) -> None:
-        if issubclass(category, StoreWarning):
-            command.tell(name, f"warning: {message}")
-        else:
-            usual(message, category, *where, **named)
-
-    with warnings.catch_warnings():
-        usual = warnings.showwarning
-        warnings.simplefilter("always", StoreWarning)
-        warnings.showwarning = show
-        yield
+    return command.run(built, argv, lambda arguments: body(arguments) or 0, stopped)
 
 
 def answer(as_json: bool, figures: Mapping[str, Any], *lines: str) -> None:

@@ -25,7 +25,6 @@ from planner.compile import Plan, compile_job
 from planner.job import documents
 from planner.job import model as job_file
 from planner.job.overrides import changes_of, split
-from planner.learned.store import Store
 from planner.work.limit import Limit
 from planner.work.progress import Report
 from planner.work.scheduler import Cluster, Scheduler
@@ -51,9 +50,6 @@ class Settings(NamedTuple):
     trials: int  # parts squeezed to evaluate a table
     workers: int | None  # threads for a job; all cores if None
     strip: bool  # leave the jobs out of the tables
-    cache: (
-        Path | None
-    )  # folder of the roll-outs, on the machine that compiles; none are kept if None
     budget_s: float  # for each job; its tree is left as it stands then
     takt_s: float | None = None  # within which parts should be done
 
@@ -143,10 +139,8 @@ def compiled(settings: Settings, order: Order, report: Report | None = None) -> 
     started = time.perf_counter()
     try:
         job = job_file.from_canonical(order.text)
-        store = None if settings.cache is None else Store(settings.cache)
-        plan = compile_job(
-            job, settings.workers, settings.trials, report, Limit(settings.budget_s), store
-        )
+        limit = Limit(settings.budget_s)
+        plan = compile_job(job, settings.workers, settings.trials, report, limit)
     except ExpectedError as error:
         return Outcome(None, _failure(error))
     except Exception as error:

@@ -168,19 +168,6 @@ def believed_cases(job: Job) -> list[Case]:
         name = f"{doubt.least_dof} degrees of freedom"
         steady = Condition(f"friction with the table scatters less than at {name}")
         cases.append(Case(name, change, broken=steady))
-    if doubt.placement_mm or doubt.placement_deg:
-        arm = Disturbance(placement_mm=doubt.placement_mm, placement_deg=doubt.placement_deg)
-        name = f"placement {doubt.placement_mm:g} mm, {doubt.placement_deg:g} deg"
-        cases.append(Case(name, disturbance=arm))
-    if doubt.release_mm or doubt.release_deg:
-        shift, turn = doubt.release_mm or 0.0, doubt.release_deg or 0.0
-        mm, deg = np.hypot((job.release.shift_mm, job.release.turn_deg), (shift, turn)).tolist()
-        name = f"release {shift:g} mm, {turn:g} deg"
-        cases.append(Case(name, {"release": {"shift_mm": mm, "turn_deg": deg}}))
-    if doubt.arm_mm or doubt.arm_deg:
-        shift, turn = doubt.arm_mm or 0.0, doubt.arm_deg or 0.0
-        arm = Disturbance(bias_mm=(shift, 0.0), bias_deg=turn)
-        cases.append(Case(f"arm off by {shift:g} mm, {turn:g} deg", disturbance=arm))
     return [case for case in cases if _stands(case, job)]
 
 

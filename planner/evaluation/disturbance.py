@@ -51,10 +51,4 @@ class Disturbance:
 
 
 NONE = Disturbance()  # a cell as the plan believes it to be
-
-
-def with_doubts(job: Job) -> Disturbance:
-    """A cell in which whatever the job doubts may be off."""
-    return Disturbance(
-        placement_mm=job.doubt.placement_mm, placement_deg=job.doubt.placement_deg, believed=True
-    )
+WITH_DOUBTS = Disturbance(believed=True)  # a cell in which whatever the job doubts may be off

@@ -141,7 +141,7 @@ class Study:
         """The sums of a chunk, and its parts that were answered wrongly."""
         rng = np.random.default_rng([self.seed, chunk, SEED_PPM])
         poses, traits = initial(self.job, CHUNK, rng), self.disturbance.traits(self.job, CHUNK, rng)
-        return self._run(poses + traits["arm"], traits, self.worlds.world(chunk), rng)
+        return self._run(poses, traits, self.worlds.world(chunk), rng)
 
     def _run(
         self, poses: Array, traits: Traits, world: World, rng: np.random.Generator

@@ -165,7 +165,6 @@ def run(
     poses, nowhere = initial(job, trials, rng), _nowhere(program, trials)
     foreign = not isinstance(of_hypothesis(world, 0), ContactWorld)
     traits = disturbance.traits(job, trials, rng, foreign=foreign)
-    poses += traits["arm"]
     begun = Evaluation(
         leaf=np.full(trials, RUNNING, np.int64),
         squeezes=np.zeros(trials, np.int64),

@@ -12,7 +12,7 @@ def limits_of(job: Job, depth: int) -> Limits:
     (x_min, y_min), (x_max, y_max) = cell.work_area_mm
     return Limits(
         max_depth=depth,
-        max_force_mn=round(1e3 * cell.max_force_n),
+        max_force_mn=round(1e3 * job.gripper.profile.force_n[1]),
         max_speed_um_s=round(1e3 * cell.max_speed_mm_s),
         work_area_um=Area(
             round(1e3 * x_min),

@@ -110,7 +110,7 @@ def check_conflicts(values: Values) -> None:
     _check_doubt(values["doubt"], values["pressure"])
     _check_heights(values["part"]["height_mm"], values["cell"])
     _check_actions(values["actions"], values["cell"])
-    _check_choices(values["actions"], values["gripper"], values["cell"])
+    _check_openings(values["actions"], values["gripper"])
     if values["actions"]["pushes"] == "belief" and values["search"]["method"] != "closed-loop":
         problem = (
             'is "belief", which the paper\'s methods do not know; leave method at "closed-loop"'
@@ -150,8 +150,6 @@ def check_parts(job: Any, names: list[str]) -> None:
         raise _conflict(
             "search", "method", 'of the paper plans for one part; leave it at "closed-loop"'
         )
-    if job.search.model == "kcde":
-        raise _conflict("search", "model", 'is learned for one part; leave it at "simulation"')
     if job.delivery is not None:
         raise _conflict(
             "delivery", "drop_mm", "is of one part; leave the section out for several hypotheses"
@@ -173,10 +171,14 @@ def _check_gripper(gripper: dict[str, Any], cell: dict[str, Any]) -> None:
     if opening_mm < LEAST_STEPS * step_mm:
         problem = f"is {step_mm:g}, more than 1/{LEAST_STEPS} of opening_mm = {opening_mm:g}"
         raise _conflict("gripper", "resolution_mm", f"{problem}: no width would be told")
-    for key, limit in (("speed_mm_s", "max_speed_mm_s"), ("force_n", "max_force_n")):
-        if gripper[key] > cell[limit]:
-            problem = f"is {gripper[key]:g}, above {limit} = {cell[limit]:g} of [cell]; lower it"
-            raise _conflict("gripper", key, problem)
+    speed, most = gripper["speed_mm_s"], cell["max_speed_mm_s"]
+    if speed > most:
+        problem = f"is {speed:g}, above max_speed_mm_s = {most:g} of [cell]; lower it"
+        raise _conflict("gripper", "speed_mm_s", problem)
+    force, most = gripper["force_n"], profile_of(gripper["model"]).force_n[1]
+    if force > most:
+        problem = f"is {force:g}, above the {most:g} N of {gripper['model']}; lower it"
+        raise _conflict("gripper", "force_n", problem)
 
 
 def _check_doubt(doubt: dict[str, Any], pressure: dict[str, Any]) -> None:
@@ -238,12 +240,9 @@ def _check_actions(actions: dict[str, Any], cell: dict[str, Any]) -> None:
         raise _conflict("actions", "centers_mm", problem)
 
 
-def _check_choices(actions: dict[str, Any], gripper: dict[str, Any], cell: dict[str, Any]) -> None:
-    """Openings and forces to choose from must be within what gripper and cell allow."""
-    widest, strongest = (
-        actions["openings_mm"].max(initial=0.0),
-        actions["forces_n"].max(initial=0.0),
-    )
+def _check_openings(actions: dict[str, Any], gripper: dict[str, Any]) -> None:
+    """Openings to choose from must be within what the gripper allows."""
+    widest = actions["openings_mm"].max(initial=0.0)
     if widest > gripper["opening_mm"]:
         problem = (
             f"{widest:g} is more than opening_mm = {gripper['opening_mm']:g} of [gripper]; lower it"
@@ -252,11 +251,6 @@ def _check_choices(actions: dict[str, Any], gripper: dict[str, Any], cell: dict[
     if widest and gripper["upper_finger_share"] != 0.5:
         problem = "needs upper_finger_share = 0.5: otherwise the opening decides which finger touches first"
         raise _conflict("actions", "openings_mm", problem)
-    if strongest > cell["max_force_n"]:
-        problem = (
-            f"{strongest:g} is above max_force_n = {cell['max_force_n']:g} of [cell]; lower it"
-        )
-        raise _conflict("actions", "forces_n", problem)
 
 
 def _grasp(delivery: dict[str, Any], part: dict[str, Any]) -> tuple[float, float]:

@@ -263,7 +263,7 @@ def _of_one(document: dict[str, Any], where: str, drawn: bool) -> Job:
     job_checks.check_conflicts(values)
     if actions["pushes"] == "none":
         actions["pushes"] = None  # a job that states what is so anyway is the same job
-    for key in ("angles_deg", "openings_mm", "forces_n"):
+    for key in ("angles_deg", "openings_mm"):
         actions[key] = tuple(actions[key].tolist())
     for key in ("finger_share", "middle_mm", "encoder_mm", "encoder_gain"):
         values["doubt"][key] = tuple(values["doubt"][key].tolist())

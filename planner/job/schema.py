@@ -98,7 +98,7 @@ class Doubt:
     """What may be off in a cell and stays so: intervals about what the rest of the job says.
 
     With some probability one of them is off, anywhere in its interval and rather near the ends; the others
-    are at the middle of theirs. What changes from squeeze to squeeze is here, too, as a standard deviation.
+    are at the middle of theirs.
     """
 
     chance: Annotated[float, Number(0, 1, default=0.8)]  # that something is off
@@ -119,16 +119,6 @@ class Doubt:
     least_dof: Annotated[int, Integer(0, 1_000_000, default=0)]
     # std of the x and y at which a recorded pusher stands beside the part, in `plan-simulate --draws` alone.
     start_mm: Annotated[float | None, Number(0, 10, default=None)]
-    placement_mm: Annotated[
-        float, Number(0, 10, default=0.0)
-    ]  # std of the hand's x and y, in each squeeze
-    placement_deg: Annotated[float, Number(0, 45, default=0.0)]  # and of its angle
-    # How far the arm's frame may lie off where parts are expected, in every motion.
-    arm_mm: Annotated[float | None, Number(0, 20, default=None)]
-    arm_deg: Annotated[float | None, Number(0, 45, default=None)]  # and be turned, either way
-    # Most that opening jaws may do to held parts besides [release]: a part's standard deviation of x and y,
-    release_mm: Annotated[float | None, Number(0, 10, default=None)]
-    release_deg: Annotated[float | None, Number(0, 45, default=None)]  # and of its angle
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,13 +150,9 @@ class Actions:
     proposals: Annotated[str, Text(("belief", "none"), default="belief")]
     # "belief": parts may be pushed before a squeeze, as their belief suggests; None: they are not.
     pushes: Annotated[str | None, Text(("belief", "none"), default=None)]
-    # Openings to descend with; the least that stays clear is taken. Empty: fully open.
+    # Openings to descend with; the least that stays clear is taken. Empty: whatever the part leaves clear.
     openings_mm: Annotated[
         tuple[float, ...], Numbers(Number(0, MM, above=True), least=0, most=100, default=[])
-    ]
-    # Grip forces; unstable squeezes take the least. Empty: the gripper's own.
-    forces_n: Annotated[
-        tuple[float, ...], Numbers(Number(0, 10_000, above=True), least=0, most=100, default=[])
     ]
 
 
@@ -208,19 +194,11 @@ class Search:
     """How the tree is searched.
 
     Methods for comparison are the paper's: "paper" (Algorithms 1 to 3) and "sensorless" (no branching at
-    all). The costs are what one more typical squeeze or outcome on an unstable equilibrium must gain in
-    probability of success.
+    all).
     """
 
     method: Annotated[str, Text(("closed-loop", "paper", "sensorless"), default="closed-loop")]
-    model: Annotated[str, Text(("auto", "simulation", "kcde"), default="auto")]  # what looks ahead
-    rollouts: Annotated[int, Integer(1_000, 100_000_000, default=100_000)]  # to learn "kcde" from
-    squeeze_cost: Annotated[float, Number(0, 1, default=0.01)]
-    stability_cost: Annotated[float, Number(0, 1, default=0.0)]
     particles: Annotated[int, Integer(10, 10_000_000, default=20_000)]  # to grow the tree with
-    search_particles: Annotated[
-        int, Integer(10, 10_000_000, default=400)
-    ]  # that rank grasp poses, at most
     max_depth: Annotated[int, Integer(1, 100, default=12)]  # longest path of the tree, squeezes
 
 
@@ -238,7 +216,6 @@ class Cell:
     ]  # tips between squeezes
     squeeze_height_mm: Annotated[float, Number(0, MM, default=None)]  # tips while squeezing
     arm_speed_mm_s: Annotated[float, Number(LEAST_RATE, 10_000, default=250.0)]
-    max_force_n: Annotated[float, Number(LEAST_RATE, 10_000, default=235.0)]
     max_speed_mm_s: Annotated[float, Number(LEAST_RATE, MM, default=150.0)]  # of closing
     # As `runtime.table.timing.DEFAULTS` where they are None, which leaves the job's text as it was.
     arm_acceleration_mm_s2: Annotated[float | None, Number(LEAST_RATE, 100_000, default=None)] = (
@@ -265,9 +242,8 @@ class Delivery:
     grasp_angle_deg: Annotated[float, Number(-360, 360, default=0.0)]
     # Instead of both, the name of one of [part] picks.
     grasp: Annotated[str | None, Text(default=None)]
-    # What the fingers then have to read (None: anything but nothing), and how far off that they may read.
+    # What the fingers then have to read; None: anything but nothing.
     width_mm: Annotated[float | None, Number(0, MM, above=True, default=None)]
-    width_tolerance_mm: Annotated[float, Number(0, MM, above=True, default=1.5)]
     # (4,) x min, y min, x max, y max of the hand while it carries; None: the work area.
     area_mm: Annotated[Array | None, Numbers(PLACE, least=4, most=4, default=None)]
 
@@ -287,8 +263,24 @@ SECTIONS: Mapping[str, type[Any]] = {
     "delivery": Delivery,
 }  # The records of a job, in its order
 
+_CONSTANT = "it has one sensible value; drop it"
+_PLACEMENT = "drop it; plan-evaluate --placement-error-mm tries an arm that places badly"
 RETIRED: Mapping[tuple[str, str], str] = {
     ("goal", "stress_trials"): "state what may be off in [doubt], as plan-init writes it",
+    ("doubt", "placement_mm"): _PLACEMENT,
+    ("doubt", "placement_deg"): _PLACEMENT,
+    ("doubt", "arm_mm"): "widen radius_mm of [uncertainty] by it",
+    ("doubt", "arm_deg"): "widen orientation_halfwidth_deg of [uncertainty] by it",
+    ("doubt", "release_mm"): "state it as shift_mm of [release]",
+    ("doubt", "release_deg"): "state it as turn_deg of [release]",
+    ("actions", "forces_n"): "state one force, force_n of [gripper]",
+    ("search", "model"): _CONSTANT,
+    ("search", "rollouts"): _CONSTANT,
+    ("search", "squeeze_cost"): _CONSTANT,
+    ("search", "stability_cost"): _CONSTANT,
+    ("search", "search_particles"): "it follows from particles; drop it",
+    ("cell", "max_force_n"): "state a force that the part bears as force_n of [gripper]",
+    ("delivery", "width_tolerance_mm"): _CONSTANT,
 }  # Keys that jobs stated once, and what they state instead; tables that hold them can still be read
 
 TOP_LEVEL: Mapping[str, Field] = {"seed": Integer(0, 2**63 - 1, default=0)}

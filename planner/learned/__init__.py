@@ -1,1 +1,1 @@
-"""Motion models learned from roll-outs, for `model = "kcde"` and for the paper's method (paper V)."""
+"""The motion model that the paper learns from roll-outs (paper V)."""

@@ -3,9 +3,9 @@
     P(qf | qi) = sum_j w_j K_h2(qf, qf_j),   w_j ~ K_h1(qi, qi_j)        (eqs 6-8)
 
 over roll-outs j, with poses in the hand frame, normalised to [x, y, rho theta], the angle wrapped under the
-part's rotational order. A draw picks a roll-out by its weight; all count whose weight exceeds e^-20 of the
-largest. Beyond the paper, only parts that are touched (`planner.mechanics.clearance`) are moved, and each
-roll-out counts twice where a hand turned by half a turn closes alike (not in paper mode).
+part's rotational order. A draw picks a roll-out by its weight; of the nearest 400 all count whose weight
+exceeds e^-20 of the largest. Beyond the paper, only parts that are touched are moved
+(`planner.mechanics.clearance`).
 """
 
 import math
@@ -21,12 +21,13 @@ from planner.learned.rollouts import RollOuts
 from planner.mechanics.clearance import STANDS_ON, TOUCHES, classify_contact
 from planner.work.scheduler import Threads
 
-SPREAD = 40.0  # In squares of h1: weights below exp(-SPREAD / 2) = e^-20 of the largest are nothing
-PAPER_MM = 0.5  # h1 and h2 of the paper
-PAPER_NEIGHBOURS = 400
+SPREAD = (
+    40.0  # In squares of the bandwidth: weights below e^(-SPREAD / 2) of the largest are nothing
+)
+BANDWIDTH_MM = 0.5  # h1 and h2
+NEIGHBOURS = 400  # the nearest roll-outs, which alone count
 LOOK = 0.8  # Guess of the distance to the nearest roll-out, in spacings; it affects speed only
 CHUNK = 1024
-HALF_TURN, TURN = np.array([-1.0, -1.0, 1.0]), np.array([0.0, 0.0, math.pi])
 
 
 class Sampled(NamedTuple):
@@ -39,7 +40,6 @@ class Sampled(NamedTuple):
     source: (
         IntArray  # (n,) the roll-out drawn; -1 where the fingers miss the part or come down on it
     )
-    nearest_mm: Array  # (n,) distance of the nearest roll-out, 0 where none was needed
 
 
 class Kcde(NamedTuple):
@@ -52,34 +52,17 @@ class Kcde(NamedTuple):
     outline: Array  # (N, 2) the part [mm]
     jaws: Array  # (4,) opening, finger length, finger thickness [mm], the upper finger's share
     rho_mm: float  # what one radian weighs
-    order: int  # rotational order of the part
-    h1_mm: float  # bandwidth of initial poses
-    h2_mm: float  # bandwidth of final poses
-    most: int  # how many of the nearest roll-outs count; 0 for all
 
     @classmethod
-    def fit(
-        cls,
-        rolled: RollOuts,
-        outline: Array,
-        jaws: Array,
-        rho_mm: float,
-        order: int,
-        h1_mm: float = PAPER_MM,
-        h2_mm: float = PAPER_MM,
-        paper: bool = False,
-    ) -> Self:
+    def fit(cls, rolled: RollOuts, outline: Array, jaws: Array, rho_mm: float, order: int) -> Self:
         """Makes the estimate of n roll-outs; only those whose fingers touch the part are used.
 
         The part is an outline (N, 2) [mm] of a rotational order, a radian weighs `rho_mm`, the jaws (4,) are
-        those of `clearance.jaws_of`. Bandwidths of initial and final poses are h1, above 0, and h2. In paper
-        mode each roll-out is used once, and the nearest 400 only.
+        those of `clearance.jaws_of`.
 
         Raises:
-            ValueError: no roll-out touches the part, or a bandwidth is out of range.
+            ValueError: no roll-out touches the part.
         """
-        if not (0.0 < h1_mm < math.inf and 0.0 <= h2_mm < math.inf):
-            raise ValueError(f"h1 = {h1_mm} mm must be above 0, and h2 = {h2_mm} mm not below")
         used = np.flatnonzero(classify_contact(outline, jaws, rolled.initial) == TOUCHES)
         if not len(used):
             raise ValueError(
@@ -87,25 +70,9 @@ class Kcde(NamedTuple):
             )
         initial = rolled.initial[used]
         end = np.column_stack([rolled.final[used], rolled.width_mm[used]])
-        if jaws[3] == 0.5 and not paper:
-            turned = np.column_stack([end[:, :3] * HALF_TURN + TURN, end[:, 3]])
-            initial = np.concatenate([initial, initial * HALF_TURN + TURN])
-            end, used = np.concatenate([end, turned]), np.concatenate([used, used])
         grid = grid_of(initial * np.array([1.0, 1.0, rho_mm]), rho_mm * math.tau / order)
-        row, most = grid.row, PAPER_NEIGHBOURS if paper else 0
-        return cls(
-            grid,
-            initial[row],
-            end[row],
-            used[row],
-            outline,
-            jaws,
-            rho_mm,
-            order,
-            h1_mm,
-            h2_mm,
-            most,
-        )
+        row = grid.row
+        return cls(grid, initial[row], end[row], used[row], outline, jaws, rho_mm)
 
     def sample(self, poses: Array, rng: np.random.Generator, workers: int = 1) -> Sampled:
         """Draws where parts at poses (n, 3) in the hand frame end, jaws open [mm, mm, rad].
@@ -117,40 +84,29 @@ class Kcde(NamedTuple):
         n = len(touched)
         asked = np.ascontiguousarray(poses[touched])
         chance, noise = rng.random(n), rng.standard_normal((n, 3))
-        end, source, nearest = np.zeros((n, 4)), np.zeros(n, np.int64), np.zeros(n)
-        look = math.sqrt(SPREAD * self.h1_mm**2 + (LOOK * self.grid.spacing_mm) ** 2)
+        end, source = np.zeros((n, 4)), np.zeros(n, np.int64)
+        look = math.sqrt(SPREAD * BANDWIDTH_MM**2 + (LOOK * self.grid.spacing_mm) ** 2)
 
         def run(start: int) -> None:
             part = slice(start, start + CHUNK)
-            _draw(
-                self,
-                look,
-                asked[part],
-                chance[part],
-                noise[part],
-                end[part],
-                source[part],
-                nearest[part],
-            )
+            _draw(self, look, asked[part], chance[part], noise[part], end[part], source[part])
 
         deque(Threads(workers).map(run, range(0, n, CHUNK)), maxlen=0)
         result = Sampled(
             np.array(poses, dtype=np.float64),
             np.where(verdict == STANDS_ON, self.jaws[0], 0.0),
             np.full(len(poses), -1, np.int64),
-            np.zeros(len(poses)),
         )
         result.poses[touched] = end[:, :3]
         result.width_mm[touched] = np.clip(end[:, 3], 0.0, self.jaws[0])
         result.source[touched] = self.source[source]
-        result.nearest_mm[touched] = nearest
         return result
 
 
 @kernel
-def _pick(squares: Array, count: int, h1: float, chance: float) -> int:
+def _pick(squares: Array, count: int, chance: float) -> int:
     """Which of the roll-outs found a uniform number picks; `squares` becomes the cumulated weights."""
-    total, scale = 0.0, -0.5 / (h1 * h1)
+    total, scale = 0.0, -0.5 / (BANDWIDTH_MM * BANDWIDTH_MM)
     for k in range(count):
         total += np.exp(scale * squares[k])
         squares[k] = total
@@ -169,25 +125,24 @@ def _draw(
     noise: Array,
     out: Array,
     source: IntArray,
-    nearest: Array,
 ) -> None:
     """Draws one roll-out for each of `poses` (n, 3), looking `look` [mm] far at first.
 
-    `out` (n, 4), `source` (n,) and `nearest` (n,) are modified in place.
+    `out` (n, 4) and `source` (n,) are modified in place.
     """
-    grid, initial, h1, h2, rho = model.grid, model.initial, model.h1_mm, model.h2_mm, model.rho_mm
-    q, turn = np.empty(3), grid.period / rho
+    grid, initial, rho = model.grid, model.initial, model.rho_mm
+    q, turn, spread = np.empty(3), grid.period / rho, SPREAD * BANDWIDTH_MM * BANDWIDTH_MM
     place, squares = np.empty(len(initial) + 1, np.int64), np.empty(len(initial) + 1)
     for i in range(poses.shape[0]):
         q[0], q[1], q[2] = poses[i, 0], poses[i, 1], (rho * poses[i, 2]) % grid.period
-        result, least = nearest_within(grid, q, look, SPREAD * h1 * h1, place, squares)
-        if 0 < model.most < result:
-            keep_nearest(place, squares, result, model.most)
-            result = model.most
-        j = place[_pick(squares, result, h1, chance[i])]
-        out[i, 0] = model.end[j, 0] + h2 * noise[i, 0]
-        out[i, 1] = model.end[j, 1] + h2 * noise[i, 1]
+        result = nearest_within(grid, q, look, spread, place, squares)
+        if result > NEIGHBOURS:
+            keep_nearest(place, squares, result, NEIGHBOURS)
+            result = NEIGHBOURS
+        j = place[_pick(squares, result, chance[i])]
+        out[i, 0] = model.end[j, 0] + BANDWIDTH_MM * noise[i, 0]
+        out[i, 1] = model.end[j, 1] + BANDWIDTH_MM * noise[i, 1]
         turns = np.round((poses[i, 2] - initial[j, 2]) / turn)
-        out[i, 2] = model.end[j, 2] + turns * turn + h2 * noise[i, 2] / rho
+        out[i, 2] = model.end[j, 2] + turns * turn + BANDWIDTH_MM * noise[i, 2] / rho
         out[i, 3] = model.end[j, 3]
-        source[i], nearest[i] = j, np.sqrt(least)
+        source[i] = j

@@ -146,12 +146,12 @@ def within(grid: Grid, q: Array, reach: float, place: IntArray, squares: Array) 
 @kernel
 def nearest_within(
     grid: Grid, q: Array, start: float, spread: float, place: IntArray, squares: Array
-) -> tuple[int, float]:
+) -> int:
     """Finds the nearest point and all that are at most `spread` [mm^2] farther, in squared distance.
 
     Looks at a distance of `start` [mm] first: a good guess saves a second look. Returns how many there are,
-    at least 1, and the nearest point's squared distance; `place` and `squares` (N + 1,) receive where in the
-    grid they stand and by how much each squared distance exceeds the least.
+    at least 1; `place` and `squares` (N + 1,) receive where in the grid they stand and by how much each
+    squared distance exceeds the least.
     """
     reach, result = start, 0
     while True:
@@ -169,7 +169,7 @@ def nearest_within(
         if excess <= spread:
             place[kept], squares[kept] = place[k], max(excess, 0.0)
             kept += 1
-    return kept, least
+    return kept
 
 
 @kernel

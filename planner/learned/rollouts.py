@@ -1,37 +1,33 @@
-"""Roll-outs: the squeezes that the learned models are made from (paper V, VII).
+"""Roll-outs: the squeezes that the learned model of the paper is made from (paper V, VII).
 
 They start all over a disc of part centres about the hand, at any angle, each with its own limit surface and
 friction. The disc is cut into rings of one density, rolled out in blocks of `BLOCK` starts. A block depends
-on nothing but the squeeze and its place, which name it in the store and seed its random stream: a larger
-region or more roll-outs are more blocks. Uncertainty, actions, goal and seed of a job play no part in it.
+on nothing but the squeeze and its place, which seed its random stream: a larger region or more roll-outs are
+more blocks. Uncertainty, actions, goal and seed of a job play no part in it.
 """
 
-import functools
 import hashlib
 import math
 from dataclasses import replace
-from pathlib import Path
+from functools import partial
 from typing import NamedTuple, TypeAlias
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.arrays import Array, BoolArray, IntArray
 from planner.job.model import Job
-from planner.learned.store import Store
 from planner.mechanics import surface as limit_surface
 from planner.mechanics.clearance import STANDS_ON, classify_contact, jaws_of
 from planner.mechanics.quartic import QuarticSurface
 from planner.mechanics.simulator import Simulator
 from planner.part.outline import reach
 from planner.work.progress import Report, silent
-from planner.work.scheduler import Scheduler, Threads
-from runtime.shell.errors import UnreachableError
+from planner.work.scheduler import Threads
 
 COLLIDES = -1
 PAPER_COUNT = 9_000  # Roll-outs for a model in the paper (VII)
-BLOCK = 1024  # Starts that are rolled out, sent and stored together: a few hundredths of a second
+BLOCK = 1024  # Starts that are rolled out together: a few hundredths of a second
 FORMAT = b"roll-outs 1"
 RING_MM = 5.0  # Width of a ring
 FACTOR = 3.0  # Radius of the region in radii of the job's uncertainty (paper, VII)
@@ -45,7 +41,7 @@ ROW = np.dtype(
         ("final", "<f8", 3),
         ("width_mm", "<f8"),
     ]
-)  # One roll-out of a block, in the store and on the way between machines
+)  # One roll-out of a block
 
 
 class RollOuts(NamedTuple):
@@ -65,35 +61,31 @@ class Block(NamedTuple):
 
 
 def roll_outs(
-    simulator: Simulator,
-    radius_mm: float,
-    count: int,
-    store: Store | None = None,
-    scheduler: Scheduler | None = None,
-    report: Report = silent,
+    simulator: Simulator, radius_mm: float, count: int, report: Report = silent
 ) -> RollOuts:
     """Roll-outs over a disc of part centres about the hand, at any angle.
 
     The result depends on the simulator, the radius and the count alone. Starts beyond the fingers' reach are
     left out, since nothing happens there, and chance decides how many of the last ring lie in the disc.
-    Blocks are kept in the store, if any, rolled out by the scheduler (threads if None), and counted for the
-    report.
+    Blocks are counted for the report.
 
     Raises:
         ValueError: radius or count are not above 0.
-        UnreachableError: the cluster was lost, or runs another version of this program.
     """
     if not (0.0 < radius_mm < math.inf and count > 0):
         raise ValueError(f"radius_mm = {radius_mm} and count = {count} must be above 0")
     wanted = ring_counts(radius_mm, count)
     rings = min(len(wanted), len(ring_counts(farthest(simulator.outline, simulator.jaws), 1)))
     blocks = [Block(ring, k) for ring in range(rings) for k in range(-(-wanted[ring] // BLOCK))]
-    rows = _finished(simulator, blocks, store, scheduler or Threads(), report)
-    kept = [
-        part[: np.searchsorted(part["index"], wanted[ring] - number * BLOCK)]
-        for (ring, number), part in zip(blocks, rows, strict=True)
-    ]
-    table = np.concatenate([np.empty(0, ROW), *kept])
+    rolled = Threads(simulator.workers).map(
+        partial(roll_block, replace(simulator, workers=1)), blocks
+    )
+    kept = [np.empty(0, ROW)]
+    report("roll-outs", 0, len(blocks))
+    for done, ((ring, number), rows) in enumerate(zip(blocks, rolled, strict=True), start=1):
+        kept.append(rows[: np.searchsorted(rows["index"], wanted[ring] - number * BLOCK)])
+        report("roll-outs", done, len(blocks))
+    table = np.concatenate(kept)
     table = table[np.hypot(table["initial"][:, 0], table["initial"][:, 1]) <= radius_mm]
     initial, final, width = (
         np.ascontiguousarray(table[name]) for name in ("initial", "final", "width_mm")
@@ -101,40 +93,8 @@ def roll_outs(
     return RollOuts(initial, final, width, table["status"].astype(np.int64))
 
 
-def _finished(
-    simulator: Simulator,
-    blocks: list[Block],
-    store: Store | None,
-    scheduler: Scheduler,
-    report: Report,
-) -> list[Rows]:
-    content, version = content_of(simulator), code_version()
-    names = {block: hashlib.sha256(version + _seed(content, block)).hexdigest() for block in blocks}
-    kept = {block: store.get(name) for block, name in names.items()} if store else {}
-    missing = [block for block in blocks if kept.get(block) is None]
-    report("roll-outs", len(blocks) - len(missing), len(blocks))
-    task = functools.partial(roll_block, replace(simulator, workers=1), version)
-    for k, data in enumerate(scheduler.map(task, missing)):
-        kept[missing[k]] = data
-        if store:
-            store.put(names[missing[k]], data)
-        report("roll-outs", len(blocks) - len(missing) + k + 1, len(blocks))
-    if store and missing:
-        store.trim()
-    return [np.frombuffer(kept[block] or b"", ROW) for block in blocks]
-
-
-def roll_block(simulator: Simulator, version: bytes, block: Block) -> bytes:
-    """Rolls out one block, wherever it runs: an array of `ROW`, the starts within the fingers' reach.
-
-    Raises:
-        UnreachableError: `code_version` is not `version`, that of the program that asked.
-    """
-    if version != code_version():
-        raise UnreachableError(
-            "a worker of the cluster runs another version of squeezetree, numpy or numba, and would roll out "
-            "something else; install the same on all machines"
-        )
+def roll_block(simulator: Simulator, block: Block) -> Rows:
+    """Rolls out the starts of one block that lie within the fingers' reach: an array of `ROW`."""
     rng = np.random.default_rng(int.from_bytes(_seed(content_of(simulator), block)))
     drawn = starts(block.ring, BLOCK, rng)
     reached = np.flatnonzero(within_reach(simulator.outline, simulator.jaws, drawn))
@@ -147,7 +107,7 @@ def roll_block(simulator: Simulator, version: bytes, block: Block) -> bytes:
     rows["initial"] = initial
     rows["final"] = np.where(hits[:, None], initial, rolled.poses)
     rows["width_mm"] = rolled.width_mm
-    return rows.tobytes()
+    return rows
 
 
 def content_of(simulator: Simulator) -> bytes:
@@ -161,17 +121,6 @@ def content_of(simulator: Simulator) -> bytes:
         digest.update(repr(array.shape).encode() + np.ascontiguousarray(array, "<f8").tobytes())
     scatter = [*simulator.friction, simulator.wishart_dof, *simulator.release]
     digest.update(np.array([surface.rho_mm, *scatter, simulator.step_mm], "<f8").tobytes())
-    return digest.digest()
-
-
-@functools.cache
-def code_version() -> bytes:
-    """Digest of the code that squeezes, and of what it runs on: other code makes other entries."""
-    package = Path(__file__).parents[1]
-    digest = hashlib.sha256(f"numpy {np.__version__} numba {numba.__version__}".encode())
-    others = [package / "kernel.py", package / "part" / "quartic_form.py", Path(__file__)]
-    for source in sorted([*(package / "mechanics").glob("*.py"), *others]):
-        digest.update(source.read_bytes())
     return digest.digest()
 
 

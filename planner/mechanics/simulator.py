@@ -167,9 +167,7 @@ class Simulator:
         )
         drawn = rng.uniform(*self.friction, size=n)
         mu = np.where(parts_traits["friction"] == FRESH, drawn, parts_traits["friction"])
-        release = rng.standard_normal((n, 3)) * np.hypot(
-            self.release, parts_traits["release"][:, [0, 0, 1]]
-        )
+        release = rng.standard_normal((n, 3)) * np.array(self.release)
         share = np.clip(self.jaws[3] + parts_traits["share"], 0.0, 1.0)
         mus = np.repeat(mu[:, None], 2, axis=1)
         return Parameters(surfaces, mus, release, share, parts_traits["deviation"], ellipsoid)
@@ -365,8 +363,7 @@ def checked_traits(traits: Traits, surfaces: int) -> None:
     arguments.indices(traits["surface"], "surface of the traits", surfaces)
     for name in ("friction", "share", "encoder_mm", "gain", "across_mm"):
         arguments.rows(traits[name], f"{name} of the traits")
-    for name in ("deviation", "release", "arm"):
-        arguments.rows(traits[name], f"{name} of the traits", traits[name].shape[1])
+    arguments.rows(traits["deviation"], "deviation of the traits", traits["deviation"].shape[1])
 
 
 def checked_surfaces(surfaces: Array) -> Array:

@@ -34,16 +34,6 @@ TRAITS = np.dtype(
             "across_mm",
             np.float64,
         ),  # how far the hand stands off its place, along the closing direction
-        (
-            "release",
-            np.float64,
-            2,
-        ),  # what held parts do on opening, besides the job's: std [mm, rad]
-        (
-            "arm",
-            np.float64,
-            3,
-        ),  # how far the part lies off in the arm's frame before the first squeeze
     ]
 )
 Traits: TypeAlias = NDArray[np.void]
@@ -73,7 +63,6 @@ def ordinary(traits: Traits) -> BoolArray:
         | (traits["surface"] != 0)
         | (traits["dof"] != 0)
         | traits["deviation"].any(axis=1)
-        | traits["release"].any(axis=1)
     )
     return np.asarray((traits["friction"] == FRESH) & ~moved)
 

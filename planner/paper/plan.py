@@ -8,7 +8,6 @@ from planner.belief.observation import encoder_of
 from planner.belief.particles import initial
 from planner.job.model import Job
 from planner.learned.rollouts import PAPER_COUNT, region_radius, roll_outs
-from planner.learned.store import Store
 from planner.mechanics.clearance import least_clearance
 from planner.mechanics.simulator import Simulator
 from planner.paper.search import PaperPlanner, learn, search_depth
@@ -16,23 +15,16 @@ from planner.part.outline import radius_of_gyration
 from planner.search.actions import actions_of
 from planner.search.tree import Node
 from planner.work.progress import Report, silent
-from planner.work.scheduler import Scheduler
 
 
-def plan_paper(
-    job: Job,
-    simulator: Simulator,
-    store: Store | None = None,
-    scheduler: Scheduler | None = None,
-    report: Report = silent,
-) -> Node:
+def plan_paper(job: Job, simulator: Simulator, report: Report = silent) -> Node:
     """Plans a job with method "paper" or "sensorless".
 
     The paper's own numbers are used throughout: of the job's [search] only the method, the particles and the
     longest path count; of its [actions] the angles and centres. The tree has one node if no first squeeze is
-    free of collision, or none keeps the ratio. Roll-outs as `roll_outs`.
+    free of collision, or none keeps the ratio.
     """
-    rolled = roll_outs(simulator, region_radius(job), PAPER_COUNT, store, scheduler, report)
+    rolled = roll_outs(simulator, region_radius(job), PAPER_COUNT, report)
     encoder, rho_mm = encoder_of(job), radius_of_gyration(job.part.outline_mm)
     placements = actions_of(job).placements
     planner = PaperPlanner(

@@ -78,7 +78,7 @@ def learn(
     """
     stands = rolled.status == COLLIDES
     free = RollOuts(*(column[~stands] for column in rolled))
-    kcde = Kcde.fit(free, simulator.outline, simulator.jaws, rho_mm, order, paper=True)
+    kcde = Kcde.fit(free, simulator.outline, simulator.jaws, rho_mm, order)
     subspaces = subspaces_of(free.width_mm, encoder)
     return Models(
         motion=lambda poses, rng: kcde.sample(poses, rng, simulator.workers).poses,

@@ -154,11 +154,7 @@ class Cells:
         )
         world = ContactWorld.of_simulator(simulator, [seed])
         rng = np.random.default_rng([seed, 0x524546])
-        cell = Off(
-            placement_mm=self.job.doubt.placement_mm,
-            placement_deg=self.job.doubt.placement_deg,
-            all_alike=self._traits(values, int(point[-1])),
-        )
+        cell = Off(all_alike=self._traits(values, int(point[-1])))
         return run(self.program, self.job, world, parts, rng, cell)
 
     def values_at(self, point: Array) -> dict[str, Any]:

@@ -1,7 +1,7 @@
-"""What is decided about a squeeze once its placement is chosen: opening, force, where the part is released.
+"""What is decided about a squeeze once its placement is chosen: opening, and where the part is released.
 
-None of this changes where a squeeze ends in the hand frame: from any opening the fingers meet the part at
-the same place, for the jaws are one linkage, and quasi-static contact does not depend on their force.
+Neither changes where a squeeze ends in the hand frame: from any opening the fingers meet the part at the
+same place, for the jaws are one linkage.
 """
 
 import math
@@ -37,8 +37,6 @@ LEAST_PARTICLES = 400
 """Of a belief of fewer the first contact is too uncertain for any opening but the full one."""
 HELD_MM = HELD_UM / 1e3
 """A branch whose expected width is less than this holds no part, and nothing is dragged."""
-STABLE = 0.05
-"""Share of outcomes held by friction alone, above which the least force is used."""
 
 
 class Opening(NamedTuple):
@@ -57,7 +55,6 @@ class Handling:
         outlines: (N, 2) of the part [mm], for each hypothesis.
         jaws: (4,) opening, finger length, finger thickness [mm], the upper finger's share of the closing.
         openings_mm: to choose from, rising; none: whatever the part leaves free.
-        forces_n: to choose from, rising.
         area: ((x_min, y_min), (x_max, y_max)) that the hand may be placed in.
         encoder: turns the branches' counts into widths.
     """
@@ -65,7 +62,6 @@ class Handling:
     outlines: tuple[Array, ...]
     jaws: Array
     openings_mm: tuple[float, ...]
-    forces_n: tuple[float, ...]
     area: Array
     encoder: Encoder
 
@@ -102,10 +98,6 @@ class Handling:
         for k, rows in by_hypothesis(belief.traits):
             verdict[rows] = classify_contact(self.outlines[k], self.jaws, poses[rows])
         return belief[verdict != STANDS_ON]
-
-    def force_n(self, unstable: float) -> float:
-        """The greatest force for a stable squeeze; the least where a part may be thrown (paper VII.B)."""
-        return self.forces_n[0] if unstable > STABLE else self.forces_n[-1]
 
     def release(self, outcomes: Outcomes) -> Array | None:
         """Where to release: at the area's middle if a held part may lie where the hand cannot follow it.
@@ -162,7 +154,6 @@ def handling_of(job: Job) -> Handling:
         outlines=tuple(alone.part.outline_mm for alone in job.alone),
         jaws=jaws_of(gripper),
         openings_mm=tuple(sorted(openings_mm)),
-        forces_n=tuple(sorted(job.actions.forces_n or (gripper.force_n,))),
         area=np.array(job.cell.work_area_mm),
         encoder=encoder_of(job),
     )

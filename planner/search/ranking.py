@@ -76,10 +76,10 @@ class _Contest:
     hand: Hand | None
     placements: Array  # (k, 3) of those still in it
     stop: int  # particles that will have squeezed after this round
-    # By all particles so far, for each option: poses (k, n, 3), readings (k, n), and `Squeezed`'s two means.
+    # By all particles so far, for each option: poses (k, n, 3), readings (k, n), and mean widths (k,).
     poses: Array
     reading: IntArray
-    means: Array
+    widths_mm: Array
     cost_to_go: Array  # (k,) as judged last
 
     @classmethod
@@ -90,7 +90,7 @@ class _Contest:
         if k > FINALISTS:
             few = min(few, max(FIRST_PARTICLES, round(FIRST_SHARE * few)))
             belief = belief[np.argsort(np.arange(len(belief)) * GOLDEN % 1.0, kind="stable")]
-        nothing = np.zeros((k, 0, 3)), np.zeros((k, 0), np.int64), np.zeros((k, 2)), np.zeros(k)
+        nothing = np.zeros((k, 0, 3)), np.zeros((k, 0), np.int64), np.zeros(k), np.zeros(k)
         return cls(belief, hand, placements, few, *nothing)
 
     @property
@@ -110,8 +110,10 @@ class _Contest:
 
     def add(self, squeezed: list[Squeezed]) -> None:
         """Takes this round's outcomes, one for each option."""
-        means = np.array([(new.unstable, new.width_mm) for new in squeezed])
-        self.means = (self.start * self.means + (self.stop - self.start) * means) / self.stop
+        widths_mm = np.array([new.width_mm for new in squeezed])
+        self.widths_mm = (
+            self.start * self.widths_mm + (self.stop - self.start) * widths_mm
+        ) / self.stop
         poses, reading = zip(
             *((new.belief.poses, new.belief.reading) for new in squeezed), strict=True
         )
@@ -132,7 +134,7 @@ class _Contest:
         if self.waiting:
             most = max(FINALISTS, -(-len(self.placements) // 2))
             kept = np.sort(np.argsort(cost_to_go, kind="stable")[:most])
-            self.placements, self.means = self.placements[kept], self.means[kept]
+            self.placements, self.widths_mm = self.placements[kept], self.widths_mm[kept]
             self.poses, self.reading = self.poses[kept], self.reading[kept]
             self.stop = (
                 len(self.belief) if len(kept) <= FINALISTS else min(len(self.belief), 2 * self.stop)
@@ -176,8 +178,7 @@ class Ranking:
 
     def _costs(self, contest: _Contest) -> Array:
         """The costs (k,) of a contest's squeezes."""
-        unstable, widths_mm = contest.means.T
-        return self.problem.costs.squeezes(contest.hand, contest.placements, widths_mm, unstable)
+        return self.problem.costs.squeezes(contest.hand, contest.placements, contest.widths_mm)
 
     def varied(
         self,

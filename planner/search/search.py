@@ -48,6 +48,7 @@ SPREAD = (
 )  # standard deviation of variants of the best old grasp poses [mm, rad]
 VARIANTS = 8
 LEAST_PARTICLES = 400  # a smaller belief is repeated before its next squeeze
+RANKING_SHARE = 0.1  # of the particles of a job, at most, rank grasp poses
 LEAST_GAIN = 0.001  # gain in mode ratio below which a squeeze is in vain
 SELECTION_BIAS = (
     0.5  # standard deviations of its ratio that a branch's mode gains by being the best one
@@ -335,7 +336,7 @@ class Search:
             effort: how many grasp poses are tried.
             near: (m, 3) good ones, whose variants are tried, too.
         """
-        most = min(effort.particles, self.problem.job.search.search_particles)
+        most = min(effort.particles, round(RANKING_SHARE * self.problem.job.search.particles))
         ranking, thin = self.ranking, subsample(belief, most)
         groups = [ranking.candidates(belief, thin)]
         if belief.touched and ranking.actions.proposals:
@@ -376,13 +377,12 @@ class Search:
         release = self.handling.release(outcomes)
         cost, hand = problem.costs.pushes(node.hand, candidate.pushes)
         closing = Closing(jaws.opening_mm, jaws.contact_mm, outcomes.width_mm)
-        cost += problem.costs.squeeze(hand, grasp, closing, outcomes.unstable)
+        cost += problem.costs.squeeze(hand, grasp, closing)
         squeeze = Squeeze(
             grasp,
             jaws.opening_mm,
             jaws.clearance_mm,
             outcomes.clusters,
-            outcomes.unstable,
             release,
             candidate.pushes,
             cost,

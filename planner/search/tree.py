@@ -35,7 +35,6 @@ class Squeeze:
         opening_mm: opening of the jaws on the way down.
         clearance_mm: least distance between the open fingers there and the believed part.
         clusters: the partition of the readings.
-        unstable: share of the outcomes that friction alone holds.
         release: (2,) hand centre in the world where the jaws open after a drag; None: where it squeezed.
         pushes: made before the squeeze.
         cost: of pushes and squeeze, in typical squeezes.
@@ -46,7 +45,6 @@ class Squeeze:
     opening_mm: float
     clearance_mm: float
     clusters: Partition
-    unstable: float = 0.0
     release: Array | None = None
     pushes: tuple[Push, ...] = ()
     cost: float = 1.0

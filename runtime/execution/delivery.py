@@ -20,9 +20,9 @@ KEYS = {
     "grasp_mm": 2,
     "grasp_angle_deg": 0,
     "width_mm": 0,
-    "width_tolerance_mm": 0,
     "area_mm": 4,
 }
+WIDTH_TOLERANCE_MM = 1.5  # by which a stated width at the grasp may be missed: encoder and contour
 LARGEST = 10_000.0  # mm or degrees; no cell is larger
 
 
@@ -177,8 +177,9 @@ def from_keys(keys: object, where: str) -> Delivery:
     numbers = {name: _numbers(where, name, keys[name]) for name in KEYS if name in keys}
     delivery = Delivery(_pose(numbers, "drop"), _pose(numbers, "grasp"))
     if "width_mm" in numbers:
-        width, room = numbers["width_mm"][0], numbers.get("width_tolerance_mm", (1.5,))[0]
-        delivery = replace(delivery, width_mm=(width - room, width + room))
+        width = numbers["width_mm"][0]
+        held = (width - WIDTH_TOLERANCE_MM, width + WIDTH_TOLERANCE_MM)
+        delivery = replace(delivery, width_mm=held)
     if "area_mm" in numbers:
         x_min, y_min, x_max, y_max = (round(1000 * value) for value in numbers["area_mm"])
         if x_min >= x_max or y_min >= y_max:

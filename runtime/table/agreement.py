@@ -10,7 +10,7 @@ from typing import Any
 from runtime.errors import TableError
 from runtime.table.embedded import Section, gyration_mm, number, numbers, parts_of, points, section
 from runtime.table.grip import validate_grips
-from runtime.table.grippers import same_model
+from runtime.table.grippers import known, same_model
 from runtime.table.model import PPM, Table
 from runtime.table.timing import checked
 
@@ -46,6 +46,8 @@ def _header(table: Table, job: Section) -> Compared:
             gripper.model,
             gripper.model if same_model(gripper.model, model) else model,
         )
+        if profile := known(model):
+            yield "limits.max_force_mn", limits.max_force_mn, round(UM * profile.force_n[1])
     for name in ("opening", "finger_length", "finger_width", "noise"):
         yield from _scaled(
             f"gripper.{name}_um", getattr(gripper, f"{name}_um"), stated, f"{name}_mm"
@@ -53,7 +55,6 @@ def _header(table: Table, job: Section) -> Compared:
     resolution_mm = number(stated, "resolution_mm")
     if resolution_mm:
         yield "gripper.steps", gripper.steps, round(gripper.opening_um / (UM * resolution_mm))
-    yield from _scaled("limits.max_force_mn", limits.max_force_mn, cell, "max_force_n")
     for name in ("max_speed", "arm_speed"):
         yield from _scaled(
             f"limits.{name}_um_s", getattr(limits, f"{name}_um_s"), cell, f"{name}_mm_s"
@@ -113,7 +114,7 @@ def _squeezes(table: Table, job: Section) -> Compared:
     allowed = {
         "opening_um": openings_mm and [*openings_mm, *numbers(gripper, "opening_mm")],
         "speed_um_s": numbers(gripper, "speed_mm_s"),
-        "force_mn": numbers(actions, "forces_n") or numbers(gripper, "force_n"),
+        "force_mn": numbers(gripper, "force_n"),
     }
     for field, values in allowed.items():
         wanted = sorted({round(UM * value) for value in values})

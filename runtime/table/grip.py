@@ -239,19 +239,17 @@ def _beside(
 def _slack(job: Section) -> Slack:
     gripper, doubt, release = (section(job, name) for name in ("gripper", "doubt", "release"))
 
-    def most(table: Section, *keys: str) -> float:
-        return sum(max(map(abs, numbers(table, key)), default=0.0) for key in keys)
+    def most(table: Section, key: str) -> float:
+        return max(map(abs, numbers(table, key)), default=0.0)
 
     contour = WAVES * most(section(job, "part"), "tolerance_mm")
     contour = max(
         [contour, *(WAVES * most(section(part, "part"), "tolerance_mm") for part in parts_of(job))]
     )
-    scatter = most(doubt, "placement_mm", "release_mm") + most(release, "shift_mm")
-    turns = most(doubt, "placement_deg", "release_deg") + most(release, "turn_deg")
     share = number(gripper, "upper_finger_share")
     return Slack(
-        place_mm=most(doubt, "middle_mm", "arm_mm") + TAIL * scatter + contour,
-        turn_rad=radians(most(doubt, "arm_deg") + TAIL * turns),
+        place_mm=most(doubt, "middle_mm") + TAIL * most(release, "shift_mm") + contour,
+        turn_rad=radians(TAIL * most(release, "turn_deg")),
         width_mm=most(doubt, "encoder_mm") + TAIL * most(gripper, "noise_mm") + 2 * contour,
         gain=most(doubt, "encoder_gain"),
         share=most(doubt, "finger_share"),

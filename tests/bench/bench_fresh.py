@@ -28,7 +28,7 @@ from runtime.table import PPM  # noqa: E402
 
 RESULTS = Path(__file__).parent / "results" / "fresh.json"
 PARTS = ("rectangle", "hex-nut", "oval-cover", "ratchet")
-FEW = {"search": {"particles": 2000, "search_particles": 100}}
+FEW = {"search": {"particles": 2000}}
 TIMES = 3
 OTHER_SEED = 1_000_003
 

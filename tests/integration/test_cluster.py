@@ -12,14 +12,12 @@ from pathlib import Path
 
 import logged_work
 import pytest
-import rolling
 from distributed import LocalCluster
 from waiting import until
 
 from planner.cli import compile as plan_compile
-from planner.learned.store import Store
 from planner.work.cluster import AHEAD
-from planner.work.scheduler import Cluster, Threads, scheduler_of
+from planner.work.scheduler import Cluster, scheduler_of
 from runtime.shell.errors import InputError, UnreachableError, UsageError
 
 ROOT = Path(__file__).parents[2]
@@ -29,16 +27,7 @@ ENVIRONMENT = os.environ | {
 }
 ITEMS = 60
 RECTANGLE = (ROOT / "trees" / "rectangle" / "job.toml").read_text(encoding="utf-8")
-QUICK = RECTANGLE + "\n[search]\nparticles = 600\nsearch_particles = 60\n"
-
-
-@pytest.fixture(scope="module")
-def direct():
-    return rolling.roll_outs(rolling.PART, rolling.RADIUS_MM, rolling.COUNT, scheduler=Threads(1))
-
-
-def same(a, b):
-    return all(x.tobytes() == y.tobytes() for x, y in zip(a, b, strict=True))
+QUICK = RECTANGLE + "\n[search]\nparticles = 600\n"
 
 
 @contextmanager
@@ -117,23 +106,6 @@ def local_cluster():
             yield cluster
 
 
-def recorder(message):
-    return lambda *now: message.append(now)
-
-
-def test_a_local_cluster_gives_the_same_bytes(local_cluster, direct, tmp_path):
-    with scheduler_of(local_cluster.scheduler_address) as cluster:
-        assert cluster.workers == 2
-        store = Store(tmp_path)
-        for _ in range(2):  # rolled out, then from the store
-            lines: list[tuple[str, int, int]] = []
-            result = rolling.roll_outs(
-                rolling.PART, rolling.RADIUS_MM, rolling.COUNT, store, cluster, recorder(lines)
-            )
-            assert same(result, direct)
-            assert lines[-1][1] == lines[-1][2]
-
-
 def test_results_come_in_order_and_errors_arrive_as_they_are(local_cluster, tmp_path):
     with Cluster(local_cluster.scheduler_address) as cluster:
         work = partial(logged_work.logged, str(tmp_path / "log"), 0.0)
@@ -157,19 +129,14 @@ def test_a_sweep_on_a_cluster_writes_the_same_tables(local_cluster, tmp_path, ca
     assert here == there
 
 
-def test_one_job_with_its_roll_outs_on_a_cluster_is_the_same_table(local_cluster, tmp_path):
+def test_one_job_on_a_cluster_is_the_same_table(local_cluster, tmp_path):
     job = tmp_path / "job.toml"
-    job.write_text(QUICK + 'model = "kcde"\nrollouts = 2000\n')
-    words = [str(job), "--trials", "300", "--cache-dir", str(tmp_path / "cache")]
+    job.write_text(QUICK)
+    words = [str(job), "--trials", "300"]
     here, there = tmp_path / "here.msgpack", tmp_path / "there.msgpack"
-    assert (
-        plan_compile.main(
-            [*words, "-o", str(there), "--scheduler", local_cluster.scheduler_address]
-        )
-        == 0
-    )
-    assert list((tmp_path / "cache" / "rollouts").glob("??/*"))
-    assert plan_compile.main([*words[:3], "--no-cache", "-o", str(here)]) == 0
+    address = ["--scheduler", local_cluster.scheduler_address]
+    assert plan_compile.main([*words, "-o", str(there), *address]) == 0
+    assert plan_compile.main([*words, "-o", str(here)]) == 0
     assert here.read_bytes() == there.read_bytes()
 
 
@@ -201,20 +168,6 @@ def test_a_killed_worker_costs_its_item_only(machines, tmp_path):
         ITEMS <= text.count("begun") <= ITEMS + 2 * AHEAD
     )  # no more than what was handed out at that moment
     assert text.count("begun") - text.count("done") <= 1
-
-
-def test_roll_outs_survive_a_killed_worker(machines, direct):
-    def kill(_stage, done, total):
-        if done == total // 3:
-            machines.workers[0].send_signal(signal.SIGKILL)
-
-    with Cluster(machines.with_workers(2).address) as cluster:
-        until(lambda: cluster.workers == 2)
-        result = rolling.roll_outs(
-            rolling.PART, rolling.RADIUS_MM, rolling.COUNT, None, cluster, kill
-        )
-    assert same(result, direct)
-    assert machines.workers[0].wait(10) == -signal.SIGKILL
 
 
 def test_a_worker_that_comes_after_all_have_died_finishes_the_work(machines, tmp_path):

@@ -28,7 +28,7 @@ from runtime.table import (
 )
 
 TREES = Path(__file__).parents[2] / "trees"
-FEW = {"particles": 300, "search_particles": 30, "max_depth": 3}
+FEW = {"particles": 300, "max_depth": 3}
 CERTAIN = {"doubt": {"chance": 0.0}, "part": {"tolerance_mm": 0.0}}
 
 GRIPPER = GripperSpec.of(PROFILES["robotiq-2f-85"], 1, 1)
@@ -52,14 +52,14 @@ def job():
 
 @pytest.fixture(scope="module")
 def plan(job):
-    thin = job.replaced(search={"particles": 4000, "search_particles": 200})
+    thin = job.replaced(search={"particles": 4000})
     return compile_job(thin, workers=2, trials=8000)
 
 
 @pytest.fixture(scope="module")
 def quick_job(job):
     """The same with fewer particles."""
-    return job.replaced(search={"particles": 600, "search_particles": 60})
+    return job.replaced(search={"particles": 600})
 
 
 def test_the_seed_decides_the_bytes_and_the_workers_do_not(quick_job):
@@ -154,13 +154,13 @@ def l_job(proposals, **changes):
     text = "\n".join(lines).replace("radius_mm = 12.75", "radius_mm = 10")
     few = job_file.parse(text).replaced(
         **CERTAIN,
-        search={"model": "simulation", "particles": 2000, "search_particles": 200},
+        search={"particles": 2000},
     )
     return few.replaced(**changes)
 
 
 def test_off_centre_squeezes_tell_an_l_from_its_half_turn():
-    job = l_job("belief", search={"particles": 1000, "search_particles": 80})
+    job = l_job("belief", search={"particles": 1000})
     figures = compile_job(job, workers=2, trials=2000).evaluation.summary()
     assert figures["success_rate"] >= 0.97
     assert figures["mean_squeezes"] <= 4.5
@@ -245,7 +245,7 @@ def test_parts_near_the_edge_are_dragged_back_as_the_table_says(job):
     near_edge = {
         "cell": {"work_area_mm": [[-30, -30], [30, 30]]},
         "actions": {"centers_mm": [[6, 0]]},
-        "search": {"particles": 2000, "search_particles": 100, "max_depth": 4},
+        "search": {"particles": 2000, "max_depth": 4},
     }
     narrow = job.replaced(**near_edge)
     table = compile_job(narrow, workers=2, trials=1000).table

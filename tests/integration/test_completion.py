@@ -90,7 +90,6 @@ def test_tab_completes_options_values_files_and_subcommands(bash: Bash) -> None:
         ("grasp-runtime --after-crash res", "grasp-runtime --after-crash res"),  # two values
         ("grasp-runtime --after-crash resu", "grasp-runtime --after-crash resume "),
         ("plan-compile trees/rectangle/jo", "plan-compile trees/rectangle/job.toml "),
-        ("plan-compile JOB --cache-dir tree", "plan-compile JOB --cache-dir trees/"),
         ("grasp-journal rep", "grasp-journal replay "),
         ("grasp-journal show --outc", "grasp-journal show --outcome "),
         ("squeezetree eval", "squeezetree evaluate "),

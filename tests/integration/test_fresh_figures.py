@@ -19,7 +19,7 @@ from planner.world import ContactWorlds
 from runtime.table import PPM, dumps, load
 
 TREES = Path(__file__).parents[2] / "trees"
-QUICK = {"particles": 1000, "search_particles": 100}
+QUICK = {"particles": 1000}
 TRIALS = 1500
 
 
@@ -91,9 +91,7 @@ def test_a_leaf_that_the_figures_refute_is_marked_and_its_parts_are_failures(see
 def test_the_command_names_the_seed_and_the_evaluation_repeats_the_figures(tmp_path, capsys):
     text = (TREES / "rectangle" / "job.toml").read_text(encoding="utf-8")
     path, output = tmp_path / "job.toml", tmp_path / "table.msgpack"
-    path.write_text(
-        text + "\n[search]\nparticles = 1000\nsearch_particles = 100\n", encoding="utf-8"
-    )
+    path.write_text(text + "\n[search]\nparticles = 1000\n", encoding="utf-8")
     words = [str(path), "-o", str(output), "--trials", "1500", "--json", "--no-advice"]
     assert compile_.main(words) == 0
     said = json.loads(capsys.readouterr().out)

@@ -47,7 +47,7 @@ def quick(tmp_path):
     """The rectangle in a cell that is not doubted, with a rough search."""
     path = tmp_path / "quick.toml"
     text = JOB.read_text().replace("chance = 0.8", "chance = 0.0")
-    path.write_text(text + "\n[search]\nparticles = 1500\nsearch_particles = 60\n")
+    path.write_text(text + "\n[search]\nparticles = 1500\n")
     return path
 
 

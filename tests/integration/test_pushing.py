@@ -29,7 +29,7 @@ CHANGES = {
     "gripper": {"opening_mm": 50.0},
     "uncertainty": {"radius_mm": 12.0},
     "actions": {"proposals": "belief", "pushes": "belief"},
-    "search": {"particles": 1000, "search_particles": 60, "max_depth": 4},
+    "search": {"particles": 1000, "max_depth": 4},
 }
 
 
@@ -154,7 +154,7 @@ def test_a_dry_run_and_a_report_tell_of_pushes(path: Path, table: Table, tmp_pat
 
 
 def test_the_same_seed_gives_the_same_bytes_on_any_number_of_workers(job: job_file.Job) -> None:
-    little = {"particles": 400, "search_particles": 40, "max_depth": 2}
+    little = {"particles": 400, "max_depth": 2}
     where = {"radius_mm": 10.0, "orientation_halfwidth_deg": 20.0}
     small = job.replaced(search=little, uncertainty=where)
     one, two = (compile_job(small, workers=workers, trials=300).table for workers in (1, 2))

@@ -28,7 +28,7 @@ def test_the_page_of_refit_runs_as_written_with_fewer_parts(work, environment):
     result = "plan-init lever.dxf --units mm -o cell.toml --radius 10 --turn 20 --fingers rubber"
     result += " --gripper robotiq-2f-85"
     friction = {"finger_part_min": 0.4, "finger_part_max": 0.6}
-    known = stated("cell.toml", **friction, particles=1000, search_particles=100)
+    known = stated("cell.toml", **friction, particles=1000)
     begin = Block([result, known, "plan-compile cell.toml -o cell.msgpack --trials 300"], [])
     results = []
     for block in blocks(page):

@@ -58,7 +58,6 @@ distance_mm = 3.0
 confidence = 0.99
 [search]
 particles = 600
-search_particles = 60
 """
 
 

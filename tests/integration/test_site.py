@@ -139,7 +139,7 @@ def test_the_performance_page_holds_what_is_kept(kept):
 def test_the_results_are_filled_in_when_the_site_is_built(site, kept):
     written = kept.LISTING.read_text()
     names = [result[1] for result in kept.PLACE.finditer(written)]
-    assert written.count(" -->\n<!-- end -->") == len(names) == len(set(names))
+    assert len(names) == len(set(names)) > 30
     page = words_of(text_of(site / "tools/docs/results.html"))
     for name in names:
         for line in kept.table_of(name).splitlines():

@@ -31,7 +31,7 @@ def test_a_solid_becomes_a_running_cell_as_written_where_less_is_unknown(
     python.chmod(0o755)
     results = [changed(block, EASIER) for block in blocks(DOCS / "from-a-solid.md")]
     assert len(results) == 4
-    results[1].commands.append(stated("bracket.toml", particles=1000, search_particles=100))
+    results[1].commands.append(stated("bracket.toml", particles=1000))
     printed = run(results, work, environment)
     for block, lines in zip(results, printed, strict=False):  # what follows the last mark is empty
         assert matches(block.printed, lines)

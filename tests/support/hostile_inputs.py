@@ -265,7 +265,6 @@ DELIVERY = b"""drop_mm = [50.0, 0.0]
 drop_angle_deg = 90.0
 grasp_mm = [0.0, 0.0]
 width_mm = 21.0
-width_tolerance_mm = 1.5
 area_mm = [-60, -60, 90, 60]
 """
 FAULTS = b'[[fault]]\nkind = "reply_lost"\npart = 0\nat = 2\nlength = 1\nvalue = 0.5\n'

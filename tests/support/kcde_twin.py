@@ -1,20 +1,10 @@
-"""Slow, obvious twins of the motion model's kernels: every roll-out against every pose, in numpy.
-
-And the estimate as a motion model by itself, without direct simulation where it is thin.
-"""
+"""Slow, obvious twins of the learned model's kernels: every roll-out against every pose, in numpy."""
 
 from __future__ import annotations
 
 import math
-from types import SimpleNamespace
-from typing import NamedTuple
 
 import numpy as np
-
-from planner.belief.particles import Belief
-from planner.belief.transition import Case
-from planner.frames import to_hand, to_world
-from planner.learned.kcde import Kcde
 
 
 def offsets(poses: np.ndarray, others: np.ndarray, rho: float, order: int) -> np.ndarray:
@@ -35,22 +25,6 @@ def weights(
     return weight / weight.sum(axis=1, keepdims=True)
 
 
-def density(
-    poses: np.ndarray,
-    finals: np.ndarray,
-    initial: np.ndarray,
-    end: np.ndarray,
-    rho: float,
-    order: int,
-    h1: float,
-    h2: np.ndarray,
-) -> np.ndarray:
-    """Equation 7 at outcomes (n, 3) of poses (n, 3), h2 (m, 3) by roll-out and coordinate. (n,)."""
-    z = offsets(finals, end, rho, order) / h2[None]
-    kernel = np.exp(-0.5 * (z**2).sum(axis=-1)) / (h2.prod(axis=1) * math.tau**1.5)[None]
-    return (weights(poses, initial, rho, order, h1) * kernel).sum(axis=1)
-
-
 def energy_distance(a: np.ndarray, b: np.ndarray, rho: float, order: int) -> float:
     """Energy distance with every pair written out."""
 
@@ -63,19 +37,3 @@ def energy_distance(a: np.ndarray, b: np.ndarray, rho: float, order: int) -> flo
 
     first, second = points(a), points(b)
     return 2 * mean(first, second) - mean(first, first) - mean(second, second)
-
-
-class Unaided(NamedTuple):
-    """An estimate in place of a motion model, as the paper uses it."""
-
-    motion: Kcde
-
-    def squeeze(self, cases: list[Case], rng: np.random.Generator) -> list[SimpleNamespace]:
-        """As `MotionModel.squeeze`, without readings."""
-        moved = [
-            self.motion.sample(to_hand(belief.poses, hand), rng).poses for belief, hand in cases
-        ]
-        return [
-            SimpleNamespace(belief=Belief.of(to_world(poses, hand)))
-            for poses, (_, hand) in zip(moved, cases, strict=True)
-        ]

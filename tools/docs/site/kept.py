@@ -3,10 +3,10 @@
     python tools/docs/site/kept.py                  write both pages
     python tools/docs/site/kept.py bound worlds     print these tables
 
-A table, or a list of sentences, stands between `<!-- table NAME -->` and `<!-- end -->`; one of several of a
-file is named after the file and a dash, such as `squeeze-speed`. `kept.jinja` holds them. The tests fail
-where a page is not what this writes. The tables of tools/docs/results.md are filled in when the site is built
-(conf.py).
+A table, or a list of sentences, stands between `<!-- table NAME -->` and `<!-- end -->`, in results.md after
+the former alone; one of several of a file is named after the file and a dash, such as `squeeze-speed`.
+`kept.jinja` holds them. The tests fail where a page is not what this writes. The tables of
+tools/docs/results.md are filled in when the site is built (conf.py).
 """
 
 import json
@@ -22,7 +22,9 @@ PAGE = HERE.parent / "performance.md"
 LISTING = HERE.parent / "results.md"
 README = HERE.parents[2] / "README.md"
 RESULTS = HERE.parents[2] / "tests" / "bench" / "results"
-PLACE = re.compile(r"(?<=^<!-- table )(\S+) -->\n.*?^(?=<!-- end -->$)", re.MULTILINE | re.DOTALL)
+PLACE = re.compile(
+    r"(?<=^<!-- table )(\S+) -->\n(?:.*?^(?=<!-- end -->$))?", re.MULTILINE | re.DOTALL
+)
 
 
 def figures(name: str) -> object:

@@ -21,7 +21,7 @@ def quick(tmp_path_factory: pytest.TempPathFactory) -> str:
     """The rectangle in a cell that is not doubted, with a rough search."""
     path = tmp_path_factory.mktemp("takt") / "quick.toml"
     text = (FOLDER / "job.toml").read_text().replace("chance = 0.8", "chance = 0.0")
-    path.write_text(text + "\n[search]\nparticles = 1500\nsearch_particles = 60\n")
+    path.write_text(text + "\n[search]\nparticles = 1500\n")
     return str(path)
 
 

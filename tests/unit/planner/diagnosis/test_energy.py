@@ -1,15 +1,12 @@
-"""The energy distance against its twin and known values, and comparisons that it is used for."""
+"""The energy distance against its twin and known values."""
 
 import math
-from typing import NamedTuple
 
 import kcde_twin
 import numpy as np
 import pytest
-from energy import compare, energy_distance
+from energy import energy_distance
 from problems import random_poses
-
-from planner.belief.particles import Belief
 
 RHO = 10.57
 
@@ -51,44 +48,3 @@ def test_one_sample_in_two_halves_is_as_far_apart_as_theory_says():
     ]
     expected = 2.0 / n * np.linalg.norm(points[0] - points[1], axis=1).mean()
     assert np.mean(spread) == pytest.approx(expected, rel=0.1)
-
-
-class Squeezed(NamedTuple):
-    belief: Belief
-
-
-class Shaken:
-    """A motion that shifts by some, and scatters normally by some."""
-
-    def __init__(self, shift, scatter):
-        self.shift, self.scatter = shift, scatter
-
-    def squeeze(self, cases, rng):
-        starts = [belief.poses for belief, _ in cases]
-        moved = [
-            b + [self.shift, 0, 0] + self.scatter * rng.standard_normal(b.shape) for b in starts
-        ]
-        return [Squeezed(Belief.of(m)) for m in moved]
-
-
-def test_a_model_is_judged_by_the_simulators_own_scatter():
-    belief = random_poses(np.random.default_rng(1), 400, 10.0)
-    placements = np.zeros((2, 3))
-    rng = np.random.default_rng(2)
-    same = compare(Shaken(0, 0.1), Shaken(0, 0.1), [belief] * 12, placements, RHO, 1, rng)
-    wrong = compare(Shaken(1.0, 0.1), Shaken(0, 0.1), [belief] * 12, placements, RHO, 1, rng)
-    assert [c.squeezes for c in same] == [1, 2]
-    for alike, apart in zip(same, wrong, strict=True):
-        assert 0.8 < alike.ratio < 1.25
-        assert apart.ratio > 5.0
-        assert apart.simulator_mm == pytest.approx(alike.simulator_mm, rel=0.3)
-    assert wrong[1].model_mm > 2 * wrong[0].model_mm
-
-
-def test_motions_without_scatter_are_alike_or_infinitely_apart():
-    belief = random_poses(np.random.default_rng(3), 50, 10.0)
-    rng = np.random.default_rng(4)
-    exact = compare(Shaken(0, 0), Shaken(0, 0), [belief] * 4, np.zeros((1, 3)), RHO, 1, rng)
-    assert exact[0].model_mm == pytest.approx(0.0, abs=1e-12)
-    off = compare(Shaken(1, 0), Shaken(0, 0), [belief] * 4, np.zeros((1, 3)), RHO, 1, rng)
-    assert off[0].ratio > 1e6

@@ -51,11 +51,6 @@ def test_every_part_can_be_put_into_every_world(job, name):
         assert same == ("part" not in case.changes)
 
 
-def test_a_job_that_chooses_openings_can_be_swept_too(job):
-    choosy = job.replaced(actions={"openings_mm": [60, 85]})
-    assert len({case.job(choosy) for case in standard_cases(choosy)}) > 8
-
-
 @pytest.mark.parametrize("name", OUTLINES)
 def test_no_three_corners_span_a_larger_triangle(name):
     outline = OUTLINES[name]()
@@ -128,12 +123,9 @@ def test_worlds_that_a_job_believes_in_are_the_ends_of_its_doubts(job):
         "pressure": "any",
         "least_dof": 20,
         "limit_surface": "any",
-        "placement_mm": 0.2,
-        "arm_mm": 0.5,
-        "release_deg": 2.0,
     }
     cases = believed_cases(job.replaced(doubt=doubt, part={"tolerance_mm": 0.2}))
-    assert len({case.name for case in cases}) == len(cases) == 15
+    assert len({case.name for case in cases}) == len(cases) == 12
     assert {case.disturbance.encoder_offset_mm for case in cases} == {-1.0, 0.0, 1.0}
 
 

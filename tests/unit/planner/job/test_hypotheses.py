@@ -94,7 +94,6 @@ def broken(number=1, **entry):
         (broken(3, part={"name": "x"}), r"\[hypothesis 3.part\]: missing key outline_mm"),
         (broken(1, part=several()["hypothesis"][1]["part"]), "stands twice"),
         (several(search={"method": "paper"}), "plans for one part"),
-        (several(search={"model": "kcde"}), "learned for one part"),
         (several(delivery={"drop_mm": [0, 0]}), "is of one part"),
     ],
 )

@@ -21,16 +21,13 @@ from scipy.stats import chi2_contingency, kstest
 
 from planner.job import model as job_file
 from planner.learned import rollouts
-from planner.learned.rollouts import BLOCK, COLLIDES, roll_block, roll_outs
-from planner.learned.store import Store, StoreWarning
+from planner.learned.rollouts import COLLIDES, roll_outs
 from planner.mechanics import quartic_fit
 from planner.mechanics.clearance import STANDS_ON, classify_contact
 from planner.mechanics.simulator import STATUS_NAMES, Simulator
 from planner.mechanics.squeeze import UNTOUCHED
 from planner.part.outline import radius_of_gyration
 from planner.part.pressure import Pressure, support
-from planner.work.scheduler import Threads
-from runtime.shell.errors import UnreachableError
 
 JOB = Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml"
 SMALL = {"radius_mm": 10.0, "count": 3000}
@@ -169,72 +166,18 @@ def test_under_a_finger_nothing_moves(part):
     assert 0 < hit.sum() < len(hit)
 
 
-def test_threads_and_workers_do_not_matter(part, small, tmp_path):
-    assert same(roll_outs(part, **SMALL, scheduler=Threads(1)), small)
-    several = replace(part, workers=3)
-    assert same(roll_outs(several, **SMALL, scheduler=Threads(3), store=Store(tmp_path)), small)
+def test_threads_do_not_matter(part, small):
+    assert same(roll_outs(replace(part, workers=3), **SMALL), small)
 
 
-class Counting:
-    """Works in this thread, and counts the items."""
-
-    workers = 1
-
-    def __init__(self):
-        self.items = []
-
-    def map(self, function, items):
-        self.items += items
-        return map(function, items)
+def test_progress_counts_up_to_all_blocks(part):
+    lines: list[tuple[str, int, int]] = []
+    roll_outs(part, **SMALL, report=lambda *now: lines.append(now))
+    assert all(stage == "roll-outs" and total == 4 for stage, _, total in lines)
+    assert [now[1] for now in lines] == [0, 1, 2, 3, 4]
 
 
-def test_what_is_stored_is_not_rolled_out_again(part, small, tmp_path):
-    counts = []
-    for radius, count in ((10.0, 3000), (10.0, 3000), (20.0, 12_000), (5.0, 750)):
-        scheduler = Counting()
-        result = roll_outs(part, radius, count, Store(tmp_path), scheduler)
-        counts.append(len(scheduler.items))
-    assert counts[0] == 1 + 3  # 750 and 2250 starts
-    assert counts[1] == 0
-    assert counts[2] == 4 + 6  # the two outer rings alone
-    assert counts[3] == 0
-    assert same(roll_outs(part, **SMALL, store=Store(tmp_path)), small)
-    assert same(result, [column[: len(result.initial)] for column in small])
-
-
-def test_a_damaged_block_is_rolled_out_again_with_a_warning(part, small, tmp_path):
-    roll_outs(part, **SMALL, store=Store(tmp_path))
-    before = {path: path.read_bytes() for path in tmp_path.glob("*/*")}
-    victim = min(before)
-    victim.write_bytes(before[victim][:-20])
-    scheduler = Counting()
-    with pytest.warns(StoreWarning, match="damaged"):
-        assert same(roll_outs(part, **SMALL, store=Store(tmp_path), scheduler=scheduler), small)
-    assert len(scheduler.items) == 1
-    assert {path: path.read_bytes() for path in tmp_path.glob("*/*")} == before
-
-
-def test_a_folder_that_cannot_be_written_costs_only_the_cache(part, small, tmp_path):
-    (tmp_path / "file").touch()
-    with pytest.warns(StoreWarning, match="going on without"):
-        assert same(roll_outs(part, **SMALL, store=Store(tmp_path / "file")), small)
-
-
-def recorder(message):
-    return lambda *now: message.append(now)
-
-
-def test_progress_counts_up_to_all_blocks(part, tmp_path):
-    for _ in range(2):
-        lines: list[tuple[str, int, int]] = []
-        roll_outs(part, **SMALL, store=Store(tmp_path), report=recorder(lines))
-        assert all(stage == "roll-outs" and total == 4 for stage, _, total in lines)
-        done = [now[1] for now in lines]
-        assert done == sorted(done)
-        assert done[-1] == 4
-
-
-def test_only_what_the_squeeze_depends_on_names_it(part):
+def test_only_what_the_squeeze_depends_on_seeds_it(part):
     points, weights = support(Pressure("boundary", 100), rectangle())
     quartic = quartic_fit.fit_pressure(points, weights, radius_of_gyration(rectangle()))
     others = [
@@ -264,15 +207,6 @@ def test_jobs_of_one_part_and_gripper_share_their_roll_outs():
     assert len(contents) == 1
     grip = job.replaced(gripper={"opening_mm": 80})
     assert rollouts.content_of(Simulator.of_job(grip)) not in contents
-
-
-def test_another_version_of_the_program_rolls_nothing_out(part):
-    with pytest.raises(UnreachableError, match="another version"):
-        roll_block(part, b"else", rollouts.Block(0, 0))
-
-
-def test_blocks_are_small_beside_a_jobs_count():
-    assert job_file.load(JOB).search.rollouts > BLOCK * 50
 
 
 @pytest.mark.parametrize(

@@ -62,7 +62,7 @@ def test_a_row_without_a_plan_says_why():
 
 
 def test_a_row_is_compiled_for_the_job_and_judged_in_the_world():
-    thin = ("search.particles=300", "search.search_particles=60")
+    thin = ("search.particles=300",)
     nominal = Row("a", "hex-nut", job=thin)
     # A world in which the upper finger alone closes: centred plans end millimetres off.
     other = Row("b", "hex-nut", job=thin, world=("gripper.upper_finger_share=0.9",))

@@ -18,9 +18,7 @@ TREE = Path(__file__).parents[4] / "trees" / "rectangle"
 
 @pytest.fixture(scope="module")
 def planned():
-    job = job_file.load(TREE / "job.toml").replaced(
-        search={"particles": 1000, "search_particles": 100}
-    )
+    job = job_file.load(TREE / "job.toml").replaced(search={"particles": 1000})
     return job, compile_job(job, trials=1500)
 
 

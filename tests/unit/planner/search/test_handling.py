@@ -1,4 +1,4 @@
-"""Opening, force and release of a squeeze whose placement is chosen."""
+"""Opening and release of a squeeze whose placement is chosen."""
 
 import dataclasses
 from pathlib import Path
@@ -20,10 +20,9 @@ RECTANGLE = Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml"
 @pytest.fixture(scope="module")
 def job():
     job = job_file.load(RECTANGLE)
-    actions = dataclasses.replace(
-        job.actions, openings_mm=(30.0, 50.0, 70.0), forces_n=(10.0, 40.0)
+    return dataclasses.replace(
+        job, actions=dataclasses.replace(job.actions, openings_mm=(30.0, 50.0, 70.0))
     )
-    return dataclasses.replace(job, actions=actions)
 
 
 @pytest.fixture(scope="module")
@@ -34,9 +33,7 @@ def free():
 def held_at(job, centre):
     """Outcomes of one cluster: a part held at 21 mm, its centre there."""
     counts = np.full(50, round(230 - 21.0 / encoder_of(job).mm_per_step))
-    return Outcomes(
-        Partition.of([counts]), [Belief.of(np.tile([*centre, 0.1], (50, 1)))], 0.0, 21.0
-    )
+    return Outcomes(Partition.of([counts]), [Belief.of(np.tile([*centre, 0.1], (50, 1)))], 21.0)
 
 
 @pytest.mark.parametrize(("y", "expected"), [(0.0, 30.0), (8.0, 50.0), (18.0, 70.0), (28.0, 85.0)])
@@ -76,11 +73,6 @@ def test_first_contact_of_a_part_with_something_off_comes_earlier(free, trait):
     assert handling.contact_mm(Belief.of(poses, traits=traits), placement) > plain
 
 
-def test_squeezes_that_may_throw_the_part_are_gentle(job):
-    assert handling_of(job).force_n(0.5) == 10.0
-    assert handling_of(job).force_n(0.0) == 40.0
-
-
 def test_a_part_in_the_middle_is_let_go_where_it_is(job):
     assert handling_of(job).release(held_at(job, (20.0, -30.0))) is None
 
@@ -95,7 +87,7 @@ def test_a_part_near_the_edge_is_dragged_to_the_middle(job):
 
 def test_nothing_held_is_nothing_dragged(job):
     outcomes = Outcomes(
-        Partition.of([np.full(50, 227)]), [Belief.of(np.tile([145.0, 0.0, 0.0], (50, 1)))], 0.0, 0.0
+        Partition.of([np.full(50, 227)]), [Belief.of(np.tile([145.0, 0.0, 0.0], (50, 1)))], 0.0
     )
     handling = handling_of(job)
     assert handling.release(outcomes) is None

@@ -17,7 +17,6 @@ drop_angle_deg = 90
 grasp_mm = [1, 2]
 grasp_angle_deg = -90
 width_mm = 21.0
-width_tolerance_mm = 0.5
 area_mm = [-60, -60, 90, 60]
 """
 
@@ -41,7 +40,7 @@ def test_a_file_may_have_a_section(tmp_path: Path, header: str) -> None:
     result = from_file(path)
     assert result.drop == (50.0, -10.0, pytest.approx(pi / 2))
     assert result.grasp == (1.0, 2.0, pytest.approx(-pi / 2))
-    assert result.width_mm == (20.5, 21.5)
+    assert result.width_mm == (19.5, 22.5)
     assert result.area_um == (-60_000, -60_000, 90_000, 60_000)
 
 
