@@ -61,15 +61,6 @@ def test_squeeze_half_a_turn_round_costs_the_same_where_fingers_move_alike(costs
     assert costs.squeeze(hand, round_about, Closing(85.0, 60.0, 20.0), 0.0) == pytest.approx(price)
 
 
-def test_squeeze_with_a_longer_turn_a_longer_stroke_or_an_earlier_contact_costs_more(costs):
-    hand, there = Hand(np.zeros(3), 25.0), np.array([0.0, 0.0, 0.5])
-    price = costs.squeeze(hand, there, Closing(85.0, 40.0, 20.0), 0.0)
-    assert costs.squeeze(hand, np.array([0.0, 0.0, 1.0]), Closing(85.0, 40.0, 20.0), 0.0) > price
-    assert costs.squeeze(hand, there, Closing(85.0, 40.0, 10.0), 0.0) > price
-    assert costs.squeeze(hand, there, Closing(85.0, 60.0, 20.0), 0.0) > price
-    assert costs.squeeze(hand, there, Closing(85.0, None, 20.0), 0.0) > price
-
-
 def test_squeezes_of_many_grasp_poses_cost_what_each_alone_costs(costs):
     rng = np.random.default_rng(0)
     places, widths = rng.uniform(-3.0, 3.0, (5, 3)), rng.uniform(20.0, 40.0, 5)

@@ -9,7 +9,7 @@ from planner.belief.doubts import ROUGH, SLIPPERY, believed, certain, pushed_of
 from planner.belief.observation import encoder_of
 from planner.belief.particles import initial, replenish, subsample
 from planner.belief.transition import Simulation, placing_of
-from planner.evaluation.disturbance import Disturbance, with_doubts
+from planner.evaluation.disturbance import with_doubts
 from planner.evaluation.trials import Program, run
 from planner.frames import to_hand, to_world
 from planner.job import model as job_file
@@ -63,15 +63,6 @@ def test_stated_pushes_doubt_all_that_they_feel_each_for_itself(doubting):
     assert np.array_equal(felt, traits)
 
 
-def test_stated_pushes_of_a_certain_job_are_as_planned(job):
-    traits = pushed_of(
-        job.replaced(friction={"doubt": 0.0}, doubt={"pressure": "stated"}),
-        50,
-        np.random.default_rng(2),
-    )
-    assert ordinary(traits).all()
-
-
 def test_a_share_of_the_particles_doubts_the_stated_friction_half_of_it_either_way(job):
     friction = believed(job, 40_000, np.random.default_rng(1)).traits["friction"]
     ours = friction[friction != FRESH]
@@ -81,13 +72,6 @@ def test_a_share_of_the_particles_doubts_the_stated_friction_half_of_it_either_w
     assert abs(len(slippery) / len(ours) - 0.5) < 4.0 * np.sqrt(0.25 / len(ours))
     assert SLIPPERY * LOW <= slippery.min() < 1.02 * SLIPPERY * LOW
     assert 0.98 * ROUGH * HIGH < rough.max() <= ROUGH * HIGH
-
-
-def test_poses_are_those_of_a_belief_without_doubt(job, doubting):
-    poses = initial(job, 100, np.random.default_rng(2))
-    assert np.array_equal(believed(doubting, 100, np.random.default_rng(2)).poses, poses)
-    certain = job.replaced(friction={"doubt": 0})
-    assert ordinary(believed(certain, 100, np.random.default_rng(2)).traits).all()
 
 
 def test_one_thing_at_most_is_off_within_its_interval_and_the_others_are_at_the_middle(doubting):
@@ -113,14 +97,6 @@ def test_one_thing_at_most_is_off_within_its_interval_and_the_others_are_at_the_
         range(1 + len(Simulator.of_job(doubting, 1).others))
     )
     assert traits["dof"][traits["dof"] > 0].min() >= 10
-
-
-def test_a_job_is_certain_that_doubts_nothing(job, doubting):
-    assert not certain(job)
-    sure = job.replaced(friction={"doubt": 0})
-    assert certain(sure)
-    assert certain(sure.replaced(doubt={"encoder_mm": [-1, 1], "chance": 0}))
-    assert not certain(doubting.replaced(friction={"doubt": 0}))
 
 
 def test_traits_are_kept_by_thinning_repeating_and_squeezing(doubting):
@@ -169,16 +145,6 @@ def test_a_squeeze_between_uneven_fingers_is_one_with_another_gripper(job):
     assert np.array_equal(mixed.poses[::2], even.poses[::2])
 
 
-def test_parts_in_a_cell_with_doubts_have_traits_and_others_none(job, doubting):
-    rng = np.random.default_rng(11)
-    assert not ordinary(with_doubts(doubting).traits(doubting, 100, rng)).all()
-    assert np.array_equal(
-        Disturbance(0.5).traits(doubting, 10, rng)["encoder_mm"], np.full(10, 0.5)
-    )
-    assert ordinary(Disturbance(0.5, across_mm=1.0).traits(doubting, 10, rng)).all()
-    assert ordinary(as_planned(5)).all()
-
-
 def test_what_opening_jaws_do_to_a_part_is_of_its_own_size_for_each_and_drawn_anew_in_each_squeeze(
     job,
 ):
@@ -202,18 +168,6 @@ def test_what_opening_jaws_do_to_a_part_is_of_its_own_size_for_each_and_drawn_an
         n, again
     )  # the rest is what it would be, and without the doubt so is this
     assert not plain.release.any()
-
-
-def test_an_arm_that_is_off_lies_in_its_own_frame_as_the_part_does(job):
-    """A squeeze by an arm that is off, seen in its frame, is that of a part that lies as far off instead."""
-    off = np.array([0.9, -0.7, 0.0])
-    belief = believed(job.replaced(friction={"doubt": 0}), 400, np.random.default_rng(14))
-    hand = np.array([1.0, -2.0, 0.3])
-    seen = squeezed(job, belief, np.random.default_rng(15), hand + off)
-    belief.poses[:] -= off
-    there = squeezed(job, belief, np.random.default_rng(15), hand)
-    assert np.allclose(seen.poses - off, there.poses, atol=1e-9)
-    assert np.array_equal(seen.reading, there.reading)
 
 
 def test_parts_lie_off_as_far_as_the_arm_may_be_in_beliefs_and_in_trials(job):

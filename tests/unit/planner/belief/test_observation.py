@@ -4,12 +4,10 @@ import itertools
 
 import numpy as np
 import pytest
-from counting import label_of
 
 from planner.belief.observation import (
     HOLE,
     LEAST_CUT,
-    MOST_CLUSTERS,
     Encoder,
     Partition,
     Resolution,
@@ -62,44 +60,12 @@ def test_k_means_finds_the_least_scatter_of_the_least_k_that_is_little_enough(se
     assert k == 1 or least_scatter(counts, k - 1) > enough
 
 
-def test_clusters_cover_every_reading_once_in_order_of_rising_width():
-    rng = np.random.default_rng(3)
-    counts = np.concatenate(
-        [rng.integers(130, 152, 500), rng.integers(172, 176, 300), np.full(40, 230)]
-    )
-    clusters = partition(counts)
-    assert clusters.size.sum() == len(counts)
-    assert np.all(np.diff(clusters.mean) <= -RESOLUTION.apart)
-    for k in range(len(clusters.mean)):
-        members = counts[label_of(clusters, counts) == k]
-        assert members.min() == clusters.low[k]
-        assert members.max() == clusters.high[k]
-        assert len(members) == clusters.size[k]
-        assert members.mean() == pytest.approx(clusters.mean[k])
-    absent = np.setdiff1d(np.arange(256), counts)
-    assert np.all(label_of(clusters, absent) == -1)
-
-
-def test_widths_scatter_little_enough_within_clusters():
-    rng = np.random.default_rng(4)
-    counts = rng.integers(100, 130, 5000)
-    clusters = partition(counts)
-    rms = np.sqrt(scatter(counts, label_of(clusters, counts)) / len(counts))
-    assert rms <= SPREAD * RESOLUTION.apart
-    assert 1 < len(clusters.mean) <= MOST_CLUSTERS
-
-
 def test_one_width_is_one_cluster_and_encoder_noise_does_not_split_it():
     rng = np.random.default_rng(0)
     noisy = np.rint(150 + 0.4 * rng.standard_normal(2000)).astype(np.int64)
     assert len(partition(noisy).mean) == 1
     assert len(partition(np.array([77])).mean) == 1
     assert len(partition(np.array([229])).mean) == 1
-
-
-def test_two_distant_widths_are_two_clusters():
-    clusters = partition(np.array([100] * 10 + [140] * 5))
-    assert clusters.mean.tolist() == [140.0, 100.0]
 
 
 def test_what_the_encoder_cannot_tell_apart_is_merged_and_said_so():

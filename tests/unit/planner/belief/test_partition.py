@@ -157,38 +157,9 @@ def test_what_lies_at_one_pose_is_one_interval_and_noise_does_not_split_it():
     assert len(partition(np.zeros((1, 3)), np.array([77]), rule()).mean) == 1
 
 
-def test_two_poses_whose_widths_are_well_apart_are_two_intervals():
-    clusters = partition(
-        np.repeat(PLACES[:2], [200, 100], axis=0), np.repeat([100, 140], [200, 100]), rule()
-    )
-    assert clusters.mean.tolist() == [140.0, 100.0]
-
-
 def lost(n):
     """n poses of which no goal holds two."""
     return np.column_stack([np.arange(n) * 20.0, np.zeros(n), np.zeros(n)])
-
-
-def test_a_reading_is_cut_where_a_later_squeeze_shows_two_poses_that_read_the_same():
-    old = Belief.of(lost(700), np.repeat([100, 110], [500, 200]))
-    after = np.full(700, 150)
-    assert recut(
-        old, Belief.of(np.repeat(PLACES[:2], [500, 200], axis=0), after), rule()
-    ).tolist() == [110]
-    assert len(recut(old, Belief.of(np.zeros((700, 3)), after), rule())) == 0
-
-
-def test_a_reading_stays_whole_where_the_later_squeeze_tells_the_poses_apart_itself():
-    old = Belief.of(lost(700), np.repeat([100, 110], [500, 200]))
-    new = Belief.of(np.repeat(PLACES[:2], [500, 200], axis=0), np.repeat([150, 180], [500, 200]))
-    assert len(recut(old, new, rule())) == 0
-
-
-@pytest.mark.parametrize(("gap", "cuts"), [(2, 0), (3, 1)])
-def test_no_cut_is_made_where_parts_would_stray_into_a_leaf_of_another_pose(gap, cuts):
-    old = Belief.of(lost(700), np.repeat([100, 100 + gap], [500, 200]))
-    new = Belief.of(np.repeat(PLACES[:2], [500, 200], axis=0), np.full(700, 150))
-    assert len(recut(old, new, rule())) == cuts
 
 
 def test_a_piece_that_would_be_a_leaf_is_not_cut_off_where_parts_of_another_pose_stray_into_it():
@@ -197,15 +168,3 @@ def test_a_piece_that_would_be_a_leaf_is_not_cut_off_where_parts_of_another_pose
     old = Belief.of(poses, np.repeat([100, 102], 500))
     new = Belief.of(np.repeat(PLACES[:2], 500, axis=0), np.repeat([150, 180], 500))
     assert len(recut(old, new, rule())) == 0
-
-
-def test_a_purer_belief_needs_fewer_squeezes_and_a_larger_sample_is_believed_more():
-    hits = np.arange(0.0, 1001.0)
-    left = StoppingRule(0.99).cost_to_go(hits, np.full(1001, 1000))
-    assert np.all(np.diff(left) < 0.0)
-    assert left[0] > 1.9
-    assert left[950] > 1.0
-    assert left[-1] < 0.1
-    sizes = np.array([1, 10, 100, 1000])
-    few, some, many, all_of_them = StoppingRule(0.99).cost_to_go(sizes.astype(float), sizes)
-    assert 1.0 >= few >= some > many > all_of_them

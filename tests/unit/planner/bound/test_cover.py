@@ -74,8 +74,3 @@ def test_groups_are_judged_apart_and_their_order_does_not_matter():
         assert (
             most_located(poses[::-1], np.array([0, len(poses)]), metric.weights(), 1) == together[k]
         )
-
-
-def test_two_poses_that_nothing_locates_together_count_as_one():
-    poses = np.array([[0.0, 0.0, 0.0], [6.2, 0.0, 0.0]])
-    assert most_located(poses, np.array([0, 2]), METRICS[0].weights(), 1) == [1]

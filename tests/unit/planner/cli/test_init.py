@@ -1,6 +1,5 @@
 """plan-init: from a drawing to a job that compiles, by flags or by answers at a terminal."""
 
-import json
 import os
 import pty
 import re
@@ -18,10 +17,9 @@ from planner.cli import init
 from planner.job import model as job_file
 from planner.job.drafts import FINGERS, GRIPPERS
 from planner.job.fields import REQUIRED
-from planner.job.schema import ABSENT_SECTIONS, FIELDS, TOP_LEVEL
+from planner.job.schema import ABSENT_SECTIONS, FIELDS
 from planner.part.importers.file import read_outline
 from planner.part.importers.pieces import Options
-from runtime.shell.errors import InputError
 from runtime.table import PROFILES, timing
 
 pytestmark = pytest.mark.slow
@@ -60,18 +58,6 @@ def test_flags_give_a_job_with_the_outline_of_the_drawing(drawing, tmp_path, cap
     out = capsys.readouterr().out
     assert "32.000 x 24.000 mm" in out
     assert "symmetry: none" in out
-
-
-def test_every_field_is_in_the_file_and_explained(drawing, tmp_path):
-    output = tmp_path / "job.toml"
-    init.main(words(drawing, output))
-    text = output.read_text()
-    written = set(re.findall(r"^(?:# )?(\w+) = ", text, re.MULTILINE))
-    known = {key for section in FIELDS.values() for key in section} | set(TOP_LEVEL)
-    assert known - written <= {"orientation_halfwidth_deg"}
-    for line in text.splitlines():
-        if re.match(r"(# )?\w+ = ", line) and not line.startswith(("name", "model")):
-            assert line.count("#") >= 1 + line.startswith("#")
 
 
 def test_the_defaults_that_the_comments_show_are_the_defaults(drawing, tmp_path):
@@ -179,22 +165,6 @@ def test_at_a_terminal_it_asks(tmp_path):
     assert (job.part.height_mm, job.cell.squeeze_height_mm) == (6.0, 3.0)
 
 
-def test_a_part_that_does_not_fit_is_refused_and_nothing_is_written(tmp_path, capsys):
-    path = tmp_path / "plate.csv"
-    path.write_text("x_mm,y_mm\n0,0\n200,0\n200,200\n0,200\n")
-    assert init.main(words(path, tmp_path / "job.toml")) == 3
-    err = capsys.readouterr().err
-    assert "wider gripper" in err
-    assert not (tmp_path / "job.toml").exists()
-
-
-def test_json_tells_what_was_found(drawing, tmp_path, capsys):
-    assert init.main(words(drawing, tmp_path / "job.toml", "--json")) == 0
-    record = json.loads(capsys.readouterr().out)
-    assert record["size_mm"] == [32.0, 24.0]
-    assert (record["vertices"], record["symmetry"]) == (6, 1)
-
-
 TALL = [(40.0, 20.0), (34.0, 14.0)]  # of a tapered block 30 mm high, its bottom and its top
 
 
@@ -216,14 +186,3 @@ def test_a_solid_is_met_where_the_job_squeezes_it(tmp_path, stated, tips, length
     job = job_file.load(output)
     assert job.cell.squeeze_height_mm == pytest.approx(tips)
     assert np.ptp(job.part.outline_mm, axis=0).max() == pytest.approx(length)
-
-
-def test_a_malformed_length_ends_in_one_line_without_a_traceback(tmp_path, capsys):
-    drawing = tmp_path / "part.svg"
-    drawing.write_text(
-        '<svg xmlns="http://www.w3.org/2000/svg"><rect width="1.1.1mm" height="3"/></svg>'
-    )
-    assert init.main(words(drawing, tmp_path / "job.toml", "--units", "mm")) == InputError.exit_code
-    message = capsys.readouterr().err
-    assert message.count("\n") == 1
-    assert 'width="1.1.1mm" is no length' in message

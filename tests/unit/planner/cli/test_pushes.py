@@ -42,13 +42,6 @@ def test_where_the_outline_is_drawn_does_not_matter(tmp_path):
         )
 
 
-def test_a_single_finger_may_go_straight(tmp_path):
-    text = f"{HEADER},fingers_mm,shift_x_mm,shift_y_mm\n-1,50,1,0,0,0,0,0,12,0\n500,0,0,1,0,0,0,0,0,3\n"
-    _, rows, _, _ = run(tmp_path, text, *NOMINAL)
-    assert float(rows[0]["moved_x_mm"]) == pytest.approx(11.0, abs=0.3)
-    assert [row["status"] for row in rows] == ["stuck", "lost"]
-
-
 def test_scatter_has_a_seed_and_json_the_counts(tmp_path):
     text = f"{HEADER}\n" + "0,35,1,0,130,120,10\n" * 30
     options = ("--fingers-mm", "50", "--seed", "3", "--json")

@@ -123,14 +123,6 @@ def test_what_it_cannot_use_it_refuses_in_one_line(tmp_path, capsys, change, cod
     assert not output.exists()
 
 
-def test_it_does_not_overwrite_its_job(tmp_path, capsys):
-    job = tmp_path / "job.toml"
-    job.write_bytes(JOB.read_bytes())
-    assert refit.main([str(job), "--journal", str(tmp_path / "run.jsonl"), "-o", str(job)]) != 0
-    assert job.read_bytes() == JOB.read_bytes()
-    assert "\n" not in capsys.readouterr().err.strip()
-
-
 def broken(folder: Path) -> Path:
     path = journal(folder / "broken.jsonl", 25)
     path.write_bytes(path.read_bytes().replace(b'"outcome":"leaf"', b'"outcome":"lear"', 1))

@@ -10,7 +10,6 @@ from planner.cli import shell
 from planner.kernel import CACHE_VARIABLE
 from planner.learned.store import StoreWarning
 from planner.work.limit import Limit
-from runtime.shell.files import OutputError
 
 
 def options(*words):
@@ -32,18 +31,6 @@ def test_roll_outs_are_kept_where_the_options_say(tmp_path, monkeypatch):
     assert shell.store_of(options("--no-cache")) is None
 
 
-def test_a_stated_folder_that_cannot_be_made_is_an_error(tmp_path):
-    (tmp_path / "file").touch()
-    with pytest.raises(OutputError, match="cannot be made"):
-        shell.store_of(options("--cache-dir", str(tmp_path / "file" / "x")))
-
-
-def test_no_cache_and_a_folder_for_it_contradict_each_other(tmp_path, capsys):
-    with pytest.raises(SystemExit):
-        options("--no-cache", "--cache-dir", str(tmp_path))
-    assert "not allowed with" in capsys.readouterr().err
-
-
 def test_trouble_with_the_store_is_one_line_and_no_failure(capsys):
     def body(_):
         warnings.warn("folder: cannot be written", StoreWarning, stacklevel=1)
@@ -51,11 +38,6 @@ def test_trouble_with_the_store_is_one_line_and_no_failure(capsys):
 
     assert run(body) == 0
     assert capsys.readouterr().err == "plan-x: warning: folder: cannot be written\n"
-
-
-def test_other_warnings_stay_what_they_are():
-    with pytest.warns(DeprecationWarning, match="old"):
-        run(lambda _: warnings.warn("old", DeprecationWarning, stacklevel=1) or 0)
 
 
 def test_the_first_interrupt_asks_and_the_next_one_interrupts(capfd):
@@ -69,11 +51,6 @@ def test_the_first_interrupt_asks_and_the_next_one_interrupts(capfd):
             signal.raise_signal(signal.SIGINT)
     assert capfd.readouterr().err == f"plan-x: {shell.STOPPING}\n"
     assert signal.getsignal(signal.SIGINT) is usual
-
-
-def test_an_interrupt_before_anything_stands_is_one():
-    with shell.stopping(Limit(), "plan-x"), pytest.raises(KeyboardInterrupt):
-        signal.raise_signal(signal.SIGINT)
 
 
 @pytest.mark.parametrize(
@@ -108,8 +85,3 @@ def test_an_interrupt_that_a_compiler_makes_something_else_of_stays_one(made_of_
     with pytest.raises(KeyboardInterrupt), shell.compiling():
         compile_interrupted()
     assert signal.getsignal(signal.SIGINT) is usual
-
-
-def test_an_error_without_an_interrupt_stays_what_it_is():
-    with pytest.raises(ZeroDivisionError), shell.compiling():
-        _ = 1 / 0

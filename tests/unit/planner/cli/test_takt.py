@@ -42,16 +42,6 @@ def test_evaluate_tells_the_share_within_the_takt(capsys: pytest.CaptureFixture[
     assert figures("--takt", "0.01s")["takt_probability"] == 0.0
 
 
-def test_evaluate_prints_the_takt_in_words_and_in_each_world(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    assert evaluate.main([TABLE, *FEW, "--takt", "3600s"]) == 0
-    assert "100.00% done within 3600 s" in capsys.readouterr().out
-    assert evaluate.main([TABLE, "--trials", "50", "--takt", "3600s", "--sweep"]) == 0
-    _, *rows = capsys.readouterr().out.splitlines()
-    assert all(row.endswith("; 100.00% done within 3600 s") for row in rows)
-
-
 def test_compile_tells_the_share_within_the_takt(
     quick: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -1,11 +1,9 @@
 """`plan-simulate --push --tip-radius-mm`: round tips, tips that overlap the part, and draws."""
 
-import math
-
 import numpy as np
 import pytest
 import shapely
-from push_commands import HEADER, JOB, NOMINAL, run
+from push_commands import JOB, NOMINAL, run
 
 from planner.cli import tips
 from planner.errors import KeyNameError
@@ -76,16 +74,6 @@ def test_tips_are_freed_by_the_shortest_way_also_of_notches():
     )
 
 
-def test_two_round_fingers_take_the_columns_of_two_fingers(tmp_path):
-    text = f"{HEADER}\n50,-4.75,0,1,-5000,0,0.4\n50,-2,0,1,-5000,0,0.4\n"
-    code, rows, _, _ = run(tmp_path, text, *NOMINAL, *RADIUS, "--fingers-mm", "50")
-    assert code == 0
-    assert [row["status"] for row in rows] == ["stuck", "stuck"]
-    assert float(rows[1]["overlap_mm"]) == pytest.approx(2.75)
-    angle = math.radians(0.4)
-    assert moved(rows[0])[1] == pytest.approx(5050 * math.sin(angle), abs=0.5)
-
-
 def test_draws_bound_what_single_draws_say(tmp_path):
     """Of many lines that are each a draw, 90 % lie between the bounds; the lines do not depend on them."""
     text = f"{TIPS}\n" + "-4.75,30,20,3\n" * 300
@@ -113,14 +101,6 @@ def test_scattered_tips_start_about_where_they_are_stated_and_beside_the_part():
     assert off[:n].std(axis=0) == pytest.approx([1.5, 1.5], rel=0.05)  # far from the part
     assert off[n:, 0].max() < 2.0 * tips.CLEAR_MM  # pushed back where it would overlap
     assert (off[n:, 0] > -tips.CLEAR_MM).mean() == pytest.approx(0.5, abs=0.03)
-
-
-def test_scattered_tip_without_a_free_place_starts_as_stated():
-    slot = np.array([[0.0, 0], [40, 0], [40, 30], [23, 30], [23, 5], [17, 5], [17, 30], [0, 30]])
-    points = np.array([[[20.0, 15.0], [20.0, 25.0]]])  # two tips that just fit between the walls
-    pushes = Paths(points, points[:, 0], np.zeros(1), np.ones((1, 2)))
-    moved = tips.scattered(pushes, 2.0, 2.9999, slot, np.random.default_rng(1))
-    assert np.abs(moved.points[0, :, 0] - 20.0).max() < 0.01
 
 
 def test_start_of_a_push_scatters_as_the_job_says(tmp_path):
@@ -169,10 +149,3 @@ def test_options_that_do_not_fit_are_refused(tmp_path, options):
     assert code == 2
     assert rows == []
     assert "--" in err
-
-
-def test_file_without_lines_gives_a_header(tmp_path):
-    code, rows, out, _ = run(tmp_path, f"{TIPS}\n", *RADIUS, "--draws", "5")
-    assert (code, rows) == (0, [])
-    assert "0 pushes: none" in out
-    assert (tmp_path / "out.csv").read_text().strip().endswith(BOUNDS[-1])

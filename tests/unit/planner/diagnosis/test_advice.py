@@ -37,13 +37,6 @@ def evaluation(table, job):
     return evaluate(table, job, ContactWorlds.of_job(job, 1), 4000, 2)
 
 
-def test_shares_are_those_of_the_evaluation(table, job, evaluation):
-    advice = advise(table, evaluation, job)
-    assert advice.failing == pytest.approx(1.0 - evaluation.success.mean())
-    assert advice.unresolved == pytest.approx(evaluation.unresolved.mean())
-    assert not advice.gains
-
-
 def test_rejects_of_closed_jaws_that_feel_something_are_distinguished(table, job, evaluation):
     reading, leaf, squeezes = evaluation.reading.copy(), evaluation.leaf.copy(), evaluation.squeezes
     for part, (count, felt) in enumerate([(227, True), (226, True), (227, False)]):
@@ -90,19 +83,6 @@ def test_a_branch_split_in_two_at_random_is_a_pair_that_costs(table, job, evalua
     assert any("node 0: " in line for line in advise(spoiled, run, job).lines())
 
 
-def test_leaves_that_know_nothing_are_distinguished_from_paths_that_are_too_long(table, job):
-    nobody = replace(table, leaves=tuple(leaf._replace(resolved=False) for leaf in table.leaves))
-    run = evaluate(nobody, job, ContactWorlds.of_job(job, 1), 2000, 2)
-    advice = advise(nobody, run, job)
-    assert advice.failing == 1.0
-    assert advice.unresolved == pytest.approx(1.0 - run.rejected.mean())
-    assert advice.at_depth_limit == 0.0
-    short = job.replaced(search={"max_depth": 3})
-    deep = advise(nobody, run, short).at_depth_limit
-    assert deep == pytest.approx(((run.squeezes >= 3) & ~run.rejected).mean())
-    assert any("max_depth" in line for line in advise(nobody, run, short).lines())
-
-
 def test_every_source_switched_off_is_one_the_job_has(job):
     assert [case.name for case in noise_cases(job)] == [
         "pressure",
@@ -128,10 +108,6 @@ def test_a_coarse_encoder_is_what_limits_a_plan_made_for_a_fine_one(table, job):
     evaluation = evaluate(table, coarse, ContactWorlds.of_job(coarse, 1), 2000, 2)
     lines = advise(table, evaluation, coarse, gains).lines()
     assert any("encoder noise" in line for line in lines)
-
-
-def test_gains_are_the_same_every_time(table, job):
-    assert gains_without_noise(table, job, 1200) == gains_without_noise(table, job, 1200)
 
 
 def test_parts_near_another_branch_are_those_whose_next_counts_mean_it(table, evaluation):

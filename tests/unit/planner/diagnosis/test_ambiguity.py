@@ -53,11 +53,6 @@ def test_a_symmetric_parts_half_turns_stay_open_and_nothing_separates_them(
     assert shares == sorted(shares, reverse=True)
 
 
-def test_leaves_that_know_the_pose_are_not_listed(marked, evaluation):
-    resolved = replace(evaluation, resolved=evaluation.leaf >= 0)
-    assert ambiguities(load(TREES / "rectangle.msgpack").table, resolved, marked) == []
-
-
 def test_what_separates_two_poses_of_an_l_does_so(table, marked, evaluation):
     job = marked.replaced(part={"outline_mm": l_shape()})
     rng = np.random.default_rng(3)
@@ -107,15 +102,3 @@ def test_parts_that_scatter_about_one_pose_are_no_second_pose(table, marked, eva
     assert row.separator is None
     assert 1.5 < row.where.scatter < 2.0
     assert "ask for less" in row.line()
-
-
-def test_a_leaf_whose_trials_all_agree_lacked_particles(table, marked, evaluation):
-    poses = scattered(len(evaluation.leaf), np.random.default_rng(6), 0.2)
-    (row,) = ambiguities(table, in_one_leaf(evaluation, poses), marked)
-    assert row.where.scatter < 1.0
-    assert "more particles" in row.line()
-
-
-def test_the_same_seed_finds_the_same(table, marked, evaluation):
-    first, second = (ambiguities(table, evaluation, marked, most=1) for _ in range(2))
-    assert first[0].figures() == second[0].figures()

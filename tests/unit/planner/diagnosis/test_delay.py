@@ -24,7 +24,3 @@ def test_delays_late_node_names_open_poses_with_shares():
 
 def test_delays_plan_that_ends_in_time_names_none():
     assert delays(grown(LATE - 2), JOB, 3) == []
-
-
-def test_delays_at_most_none_names_none():
-    assert delays(grown(LATE), JOB, 0) == []

@@ -9,7 +9,6 @@ import pytest
 import shapely
 from problems import OUTLINES
 
-from planner.cli.evaluate import SWEEP_HEAD, sweep_row
 from planner.evaluation.cases import (
     assumption_cases,
     believed_cases,
@@ -20,7 +19,7 @@ from planner.evaluation.cases import (
     three_feet,
 )
 from planner.evaluation.disturbance import Disturbance
-from planner.evaluation.evaluate import evaluate, sweep, worst_of
+from planner.evaluation.evaluate import evaluate, sweep
 from planner.job import model as job_file
 from planner.job.schema import MOST_FRICTION
 from planner.world import ContactWorlds
@@ -49,11 +48,6 @@ def test_every_part_can_be_put_into_every_world(job, name):
         assert (real == part) == (not case.changes)
         same = np.array_equal(real.part.outline_mm, part.part.outline_mm)
         assert same == ("part" not in case.changes)
-
-
-def test_a_job_that_chooses_openings_can_be_swept_too(job):
-    choosy = job.replaced(actions={"openings_mm": [60, 85]})
-    assert len({case.job(choosy) for case in standard_cases(choosy)}) > 8
 
 
 @pytest.mark.parametrize("name", OUTLINES)
@@ -99,13 +93,6 @@ def test_lower_friction_jams_less(job):
     assert slippery.evaluation.squeezes.mean() < plain.evaluation.squeezes.mean()
 
 
-def test_the_columns_of_a_sweep_line_up_whatever_the_world(job):
-    table = load(TREES / "rectangle.msgpack").table
-    longest = max(standard_cases(job), key=lambda case: len(case.name))
-    (line,) = sweep(table, job, [longest], worlds, 50, 1)
-    assert len(sweep_row(line.case.name, line.evaluation)) == len(SWEEP_HEAD)
-
-
 @pytest.mark.parametrize(
     "cases", [standard_cases, offset_cases, noise_cases, friction_cases, assumption_cases]
 )
@@ -135,17 +122,6 @@ def test_worlds_that_a_job_believes_in_are_the_ends_of_its_doubts(job):
     cases = believed_cases(job.replaced(doubt=doubt, part={"tolerance_mm": 0.2}))
     assert len({case.name for case in cases}) == len(cases) == 15
     assert {case.disturbance.encoder_offset_mm for case in cases} == {-1.0, 0.0, 1.0}
-
-
-def test_the_worst_world_is_the_one_with_most_wrong_answers(job):
-    table = load(TREES / "rectangle.msgpack").table
-    off = Disturbance(across_mm=4.0)
-    cases = [case for case in standard_cases(job) if case.name == "as planned"]
-    lines = list(
-        sweep(table, job, [*cases, cases[0]._replace(name="off", disturbance=off)], worlds, 500, 3)
-    )
-    assert worst_of(lines).case.name == "off"
-    assert worst_of([]) is None
 
 
 def test_a_constant_error_of_the_arm_is_a_change_of_frame(job):

@@ -81,15 +81,6 @@ def test_what_is_held_is_in_balance_stays_and_does_not_sink_in():
         )
 
 
-@pytest.mark.slow
-def test_half_the_step_changes_few_widths():
-    coarse, fine = RigidWorld(JOB, 0), RigidWorld(JOB, 0, TIMESTEP_S / 2)
-    poses = [tuple(pose) for pose in random_poses(np.random.default_rng(1), 30, 12.0)]
-    off = [abs(coarse.close(pose, MU) - fine.close(pose, MU)) for pose in poses]
-    assert np.median(off) < 0.01
-    assert np.quantile(off, 0.85) < 0.1  # an impact of a part that shoots away decides the rest
-
-
 @pytest.mark.parametrize(
     ("half_deg", "inside_mm", "held"), [(60.0, 0.02, False), (15.0, 0.5, True)]
 )
@@ -131,27 +122,6 @@ def test_evenly_spaced_feet_carry_the_same():
     weight = 9.81 * world.model.body_mass[1]
     assert carried.sum() == pytest.approx(weight, rel=1e-3)
     assert carried == pytest.approx(np.full(len(points), weight / len(points)), rel=0.25)
-
-
-def test_a_finger_that_sticks_stays_where_it_is():
-    world = RigidWorld(JOB.replaced(gripper={"upper_finger_share": 1.0}), 0)
-    width = world.close((0.0, 0.0, 0.0), MU)
-    assert width == pytest.approx(21.0, abs=0.05)
-    assert world.pose()[1] == pytest.approx(0.5 * (21.0 - JOB.gripper.opening_mm), abs=0.05)
-
-
-@pytest.mark.parametrize(
-    ("pose", "status"),
-    [
-        ((0.0, 0.0, 0.0), "grasped"),
-        ((0.0, 45.0, 0.0), "jammed"),
-        ((40.0, 0.0, 0.0), "untouched"),
-        ((22.0, 0.0, math.pi / 4), "slipped"),
-        ((0.0, 0.0, math.atan2(30, 21) + 0.1), "jammed"),
-    ],
-)
-def test_the_status_of_a_squeeze(pose, status):
-    assert make(JOB, 0).squeeze(pose)[2] == status
 
 
 def test_an_open_finger_stands_on_the_part_where_the_planner_says_so():

@@ -128,31 +128,6 @@ def test_a_bound_is_where_the_mixture_says_so():
         )
 
 
-def test_without_a_wrong_answer_the_bound_is_a_few_over_the_parts():
-    for parts in (10**5, 10**6, 10**7):
-        bound = Bound.of(0.0, parts)
-        assert bound.low == bound.rate == 0.0
-        assert 3.0 < bound.high * parts / PPM < 10.0
-    assert Bound.of(5.0, 5).high == PPM
-
-
-@pytest.mark.parametrize(
-    ("total", "parts"), [(1 / 64, 4000), (5.0 - 1 / 64, 5), (0.5, 1), (0.0, 1)]
-)
-def test_little_weight_has_bounds_too(total, parts):
-    bound = Bound.of(total, parts)
-    assert 0.0 <= bound.low <= bound.rate == PPM * total / parts <= bound.high <= PPM
-
-
-def test_copies_make_up_for_rare_nodes(job):
-    table = chain(small_table(), 4, rare=1000)
-    copies = copies_of(table)
-    assert copies[0] == 1
-    assert all(np.log2(copies) % 1 == 0)
-    assert np.all(np.diff(copies) >= 0)
-    assert copies[-1] == ppm.MOST_COPIES
-
-
 def test_splitting_changes_no_mean_and_narrows_rare_ones(job):
     table, worlds = (
         chain(small_table(), 3, rare=30_000),
@@ -170,21 +145,6 @@ def test_splitting_changes_no_mean_and_narrows_rare_ones(job):
         last = 0.03**3
         assert abs(sums.visits[3] / sums.parts - last) < 5.0 * math.sqrt(last / sums.parts)
     assert spread[1] < 0.6 * spread[0]
-
-
-def test_parts_under_a_finger_are_distinguished_and_never_squeezed(job):
-    class Blocked(Coins):
-        def world(self, chunk):
-            within = super().world(chunk)
-            return SimpleNamespace(
-                squeeze_many=within.squeeze_many, collides=lambda pose, opening: True
-            )
-
-    table, wide = chain(small_table(), 2, rare=2000), job.replaced(uncertainty={"radius_mm": 60.0})
-    sums = total(study(table, wide, Blocked([20.0, 40.0], [0.9, 0.1], unlucky=0.5), [1, 4]), 2)
-    assert 0 < sums.crashed < sums.parts
-    assert sums.visits.sum() + sums.rejected + sums.crashed == sums.parts
-    assert Findings.of(sums).figures()["crashed_ppm"] == PPM * sums.crashed / sums.parts
 
 
 def test_a_planted_fault_of_twenty_in_a_million_is_found(job):

@@ -30,15 +30,6 @@ def test_rounded_shares_add_up_to_all(counts):
         assert (share == 100.0) == (exact == 1.0)
 
 
-def test_rounded_shares_of_any_draw_add_up_to_all():
-    rng = np.random.default_rng(0)
-    for _ in range(300):
-        counts = rng.multinomial(int(rng.integers(1, 30_000)), rng.dirichlet([0.2] * 5))
-        assert (
-            sum(round(100 * share) for share in rounded((counts / counts.sum()).tolist())) == 10_000
-        )
-
-
 def test_shares_of_figures_are_those_of_all_parts():
     figures = {
         "trials": 4000,

@@ -13,8 +13,6 @@ from planner.job import surface_file
 from planner.mechanics import limit_surface
 from planner.part import quartic_form
 from planner.part.pressure import Pressure, support
-from planner.report import identification
-from runtime.shell.errors import InputError
 
 pytestmark = pytest.mark.slow
 
@@ -53,16 +51,6 @@ def write_csv(path: Path, pairs: pushes.Pairs) -> Path:
     lines = [",".join(pushes.COLUMNS), *(",".join(map(repr, row)) for row in rows)]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return path
-
-
-def test_pairs_are_normalised_by_rho_and_length():
-    data = identify.normalise(
-        pushes.Pairs(np.array([[1.0, 2.0, 30.0]]), np.array([[0.0, 3.0, 0.4]]), np.array([7.0])),
-        RHO,
-    )
-    assert data.F.tolist() == [[1, 2, 3]]
-    assert np.allclose(data.V, [[0, 0.6, 0.8]])
-    assert data.weights.tolist() == [1]
 
 
 def test_friction_is_the_force_that_slides_without_turning():
@@ -111,31 +99,6 @@ def test_held_out_errors_are_of_pairs_that_the_fit_has_not_seen():
     assert np.isfinite(once.held_out[:, 0]).sum() == 6
 
 
-def test_the_seed_decides_the_splits_and_all_kinds_share_them():
-    pairs = ellipsoid_pairs(20, 0.2)
-    first, again, other = (
-        found_in(pairs, "ellipsoid", seed=seed)[0].errors_rad for seed in (1, 1, 2)
-    )
-    assert np.array_equal(first, again)
-    assert not np.array_equal(first, other)
-    both = found_in(pairs, "ellipsoid", "quartic", seed=1, splits=1)
-    assert both[0].errors_rad[0] == first[0]
-
-
-@pytest.mark.parametrize(("count", "share"), [(11, 0.5), (20, 0.2), (20, 0.99)])
-def test_too_few_pairs_to_fit_or_to_hold_out_are_refused(count, share):
-    with pytest.raises(InputError, match=f"{count} pairs"):
-        found_in(ellipsoid_pairs(count, 0.1), "ellipsoid", share=share)
-
-
-def test_weights_count_in_the_fit():
-    pairs = ellipsoid_pairs(30, 0.0)
-    pairs.twists[:5] = np.roll(pairs.twists[:5], 1, axis=1)
-    trusted = pairs._replace(weights=np.where(np.arange(30) < 5, 1e-6, 1.0))
-    even, weighted = (found_in(p, "ellipsoid", splits=1)[0] for p in (pairs, trusted))
-    assert weighted.fit_error_rad < 0.1 * even.fit_error_rad
-
-
 def test_the_command_writes_what_it_says(tmp_path, capsys):
     log = write_csv(tmp_path / "pairs.csv", rectangle_pairs(24, 0.05))
     output, picture = tmp_path / "surface.toml", tmp_path / "surface.png"
@@ -151,13 +114,6 @@ def test_the_command_writes_what_it_says(tmp_path, capsys):
     assert report["best"] == min(errors, key=errors.get)
     assert surface_file.load(output)[report["best"]] is not None
     assert report["written"] == [str(output), str(picture)]
-
-
-def test_the_command_warns_where_wrenches_work_against_the_motion(tmp_path, capsys):
-    pairs = ellipsoid_pairs(20, 0.0)
-    log = write_csv(tmp_path / "pairs.csv", pairs._replace(wrenches=-pairs.wrenches))
-    assert main([str(log), "--kind", "ellipsoid", "--splits", "1", "--rho-mm", "10"]) == 0
-    assert "in 20 of 20 pushes the wrench works against the motion" in capsys.readouterr().err
 
 
 def test_the_command_refuses_bad_input_in_one_line(tmp_path, capsys):
@@ -181,19 +137,6 @@ def test_the_command_refuses_bad_input_in_one_line(tmp_path, capsys):
             main([good, option])
         assert caught.value.code == 2
         capsys.readouterr()
-
-
-def test_sections_lie_on_the_surface():
-    ellipsoid, squared = found_in(rectangle_pairs(30, 0.0), "ellipsoid", "quartic", splits=1)
-    for plane in identification.SECTIONS:
-        for result in (ellipsoid, squared):
-            F = np.zeros((241, 3))
-            F[:, list(plane)] = identification.section(result.fit.surface, plane)
-            surface = result.fit.surface
-            level = (
-                surface.value(F) if result is squared else np.einsum("ki,ij,kj->k", F, surface.A, F)
-            )
-            assert np.allclose(level, 1.0)
 
 
 def scaled_anyhow(pairs: pushes.Pairs, seed: int = 5) -> pushes.Pairs:
@@ -229,35 +172,11 @@ def test_magnitudes_of_directions_change_nothing():
         assert np.degrees(identify.angles(*twists)).max() < 0.01
 
 
-def test_directions_with_outliers_are_fitted_nearly_as_well():
-    clean = in_rho(rectangle_pairs(150, 0.02))
-    spoiled = clean._replace(twists=clean.twists.copy())
-    spoiled.twists[::15] *= [-1.0, 1.0, -1.0]
-    surface = identify.fit(
-        identify.directions(spoiled), RHO, "quartic", np.random.default_rng(0)
-    ).surface
-    predicted = identify.predict(surface, clean.wrenches)
-    errors = identify.angles(predicted, identify.directions(clean).V)
-    assert np.degrees(np.median(errors)) < 5.0
-
-
 def write_directions(path: Path, pairs: pushes.Pairs) -> str:
     table = np.column_stack([in_rho(pairs).wrenches, in_rho(pairs).twists])
     lines = [",".join(pushes.DIRECTIONS), *(",".join(map(repr, row)) for row in table.tolist())]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return str(path)
-
-
-def test_command_identifies_from_directions(tmp_path, capsys):
-    table = write_directions(tmp_path / "pairs.csv", scaled_anyhow(rectangle_pairs(40, 0.03)))
-    output, picture = tmp_path / "surface.toml", tmp_path / "surface.png"
-    options = ["--rho-mm", "10", "--splits", "2", "-o", str(output), "--figure", str(picture)]
-    assert main(["--pairs", table, *options]) == 0
-    assert "directions only" in capsys.readouterr().out
-    assert surface_file.load(output)["quartic"] is not None
-    assert picture.read_bytes().startswith(b"\x89PNG")
-    assert main(["--pairs", table, "--json", *options]) == 0
-    assert json.loads(capsys.readouterr().out)["surfaces"][0]["friction_n"] is None
 
 
 def test_command_refuses_directions_that_are_none_in_one_line(tmp_path, capsys):

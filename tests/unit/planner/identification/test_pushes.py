@@ -126,12 +126,6 @@ def test_readings_of_the_approach_and_without_contact_do_not_count():
     assert np.allclose(changed[0, :2], plain[0, :2], atol=1e-9)
 
 
-@pytest.mark.parametrize("end", ["\r\n", "\n\n", "  \n"])
-def test_line_ends_and_spaces_do_not_matter(end):
-    first, second = (pushes.pairs(pushes.parse(t))[0] for t in (LOG, LOG.replace("\n", end)))
-    assert np.array_equal(first, second)
-
-
 def lines_of(text: str = LOG) -> list[str]:
     return text.splitlines()
 
@@ -245,12 +239,3 @@ def test_a_spoiled_table_is_refused_with_its_line(text, problem):
     with pytest.raises(InputError, match=r"^my\.csv: ") as caught:
         pushes.parse_table(text, "my.csv")
     assert problem in str(caught.value)
-
-
-def test_a_file_that_cannot_be_read_is_refused(tmp_path):
-    for path in (tmp_path / "none.txt", tmp_path):
-        with pytest.raises(InputError, match="check the path"):
-            pushes.load(path)
-    (tmp_path / "bytes.txt").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(InputError, match="not UTF-8 text"):
-        pushes.load(tmp_path / "bytes.txt")

@@ -144,22 +144,6 @@ def test_an_entry_without_friction_is_reported_with_its_number(key):
         read(document)
 
 
-def test_a_foreign_part_too_large_for_the_jaws_is_reported_with_its_number():
-    large = {"name": "plate", "outline_mm": [[0, 0], [90, 0], [90, 90], [0, 90]]}
-    with pytest.raises(InputError, match="stranger 1: part larger than the opening"):
-        read(several() | {FOREIGN: [{"part": large}]})
-
-
-def test_asking_which_part_it_is_needs_two():
-    with pytest.raises(InputError, match="only one part"):
-        job_file.load(TREES / "gusset" / "job.toml", {"goal": {"kind": "identity"}})
-
-
-def test_a_part_whose_faces_look_alike_stays_one():
-    plain = job_file.load(TREES / "rectangle" / "job.toml")
-    assert job_file.load(TREES / "rectangle" / "job.toml", EITHER) == plain
-
-
 def test_what_the_drawing_names_turns_over_with_the_part():
     named = {"faces": "either", "datum": [4, 3, 30], "picks": {"rim": [5, 2, 10]}}
     either = job_file.load(TREES / "gusset" / "job.toml", {"part": named})

@@ -167,14 +167,6 @@ def test_a_value_in_place_of_a_section_is_refused():
             job.parse(text)
 
 
-def test_outline_errors_name_file_and_key():
-    crossing = edited(
-        "[[0, 0], [30, 0], [30, 21], [0, 21]]", "[[0, 0], [30, 21], [30, 0], [0, 21]]"
-    )
-    with pytest.raises(InputError, match=r"my.toml: \[part\] outline_mm: .* at \(15, 10.5\)"):
-        job.parse(crossing, "my.toml")
-
-
 def test_only_the_narrowest_width_must_fit_between_the_jaws():
     bar = edited(
         "[[0, 0], [30, 0], [30, 21], [0, 21]]", "[[0, 0], [120, 0], [120, 84.9], [0, 84.9]]"

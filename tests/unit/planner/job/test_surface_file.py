@@ -10,7 +10,6 @@ from planner.errors import KeyNameError
 from planner.job import model as job
 from planner.job import surface_file
 from planner.mechanics import quartic
-from planner.mechanics.surface import of_job as surface_of
 from runtime.shell.errors import InputError
 
 RHO = 10.0
@@ -58,13 +57,6 @@ def test_a_job_takes_the_file_and_keeps_what_it_holds(surfaces, kind):
     }
     written = "\n".join(f"{key} = {json.dumps(value)}" for key, value in inline.items())
     assert job_with(f"rho_mm = {RHO}\n{written}") == taken
-
-
-def test_an_identified_ellipsoid_works_like_a_stated_one(surfaces):
-    taken = job_with('surface_file = "ellipsoid.toml"', str(surfaces / "job.toml"))
-    surface = surface_of(taken)
-    assert np.array_equal(surface.A, taken.pressure.ellipsoid)
-    assert surface.rho_mm == RHO
 
 
 def test_an_identified_quartic_is_the_one_that_was_fitted(surfaces):
@@ -150,18 +142,3 @@ def test_a_spoiled_surface_file_is_refused_and_named(surfaces, tmp_path, old, ne
     path.write_text(text.replace(old, new), encoding="utf-8")
     with pytest.raises(error, match=r"spoiled\.toml: "):
         job_with('surface_file = "spoiled.toml"', str(tmp_path / "job.toml"))
-
-
-def test_surface_files_hold_any_text_and_exact_numbers(tmp_path):
-    path = tmp_path / "s.toml"
-    exact = np.nextafter(A, 2)
-    exact = 0.5 * (exact + exact.T)
-    path.write_text(
-        surface_file.dumps(
-            {"rho_mm": 0.1 + 0.2, "ellipsoid": exact}, {"logs": ['a "b"\\\n\u00fc']}
-        ),
-        encoding="utf-8",
-    )
-    values = surface_file.load(path)
-    assert np.array_equal(values["ellipsoid"], exact)
-    assert values["rho_mm"] == 0.1 + 0.2

@@ -6,10 +6,9 @@ from typing import NamedTuple
 import kcde_twin
 import numpy as np
 import pytest
-from energy import energy_distance
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from problems import JAWS, LONG_JAWS, l_shape, random_poses, rectangle, simulator
+from problems import JAWS, LONG_JAWS, random_poses, rectangle, simulator
 from scipy import stats
 
 from planner.learned.kcde import Kcde
@@ -97,22 +96,6 @@ def test_draws_follow_the_exact_mixture(order, h1):
         assert np.array_equal(drawn.width_mm, rolled.width_mm[drawn.source])
 
 
-def test_two_samples_of_kernel_and_twin_cannot_be_distinguished():
-    rolled = made_up(10_000, 3)
-    model = fitted(rolled)
-    rng = np.random.default_rng(4)
-    n = 1000
-    poses = random_poses(rng, n, 6.0)
-    ours = model.sample(poses, rng).poses
-    weight = kcde_twin.weights(poses, rolled.initial, RHO, 2, 0.5)
-    picked = (rng.random((n, 1)) > np.cumsum(weight, axis=1)).sum(axis=1)
-    twins = rolled.final[picked] + 0.5 * rng.standard_normal((n, 3)) / [1.0, 1.0, RHO]
-    pooled = np.concatenate([ours, twins])
-    shuffled = [rng.permutation(pooled) for _ in range(40)]
-    others = [energy_distance(mix[:n], mix[n:], RHO, 2) for mix in shuffled]
-    assert energy_distance(ours, twins, RHO, 2) <= max(others)
-
-
 def test_a_rare_outcome_is_kept_at_its_rate():
     initial = np.zeros((1001, 3))
     initial[1000, 0] = 1.25  # 2.5 bandwidths away
@@ -160,16 +143,6 @@ def test_parts_that_are_not_touched_stay_to_the_last_bit():
     assert np.any(verdict == STANDS_ON)
 
 
-@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
-def test_a_touch_is_what_the_simulator_calls_one(share):
-    part = simulator(l_shape(), np.append(JAWS[:3], share))
-    poses = random_poses(np.random.default_rng(7), 2000, 40.0)
-    direct = part.roll_out(poses, part.nominal(2000, 0.5))
-    assert np.array_equal(
-        classify_contact(part.outline, part.jaws, poses) == MISSES, direct.status == 0
-    )
-
-
 def test_the_number_of_workers_does_not_matter():
     model = fitted(made_up(3000, 8))
     poses = random_poses(np.random.default_rng(9), 5000, 8.0)
@@ -201,17 +174,3 @@ def test_half_turns_of_the_hand_double_the_data():
     back = theirs.poses * [-1.0, -1.0, 1.0] - ours.poses - [0.0, 0.0, math.pi]
     assert np.allclose(np.cos(back[:, 2]), 1.0)
     assert np.allclose(back[:, :2], 0.0, atol=1e-9)
-
-
-def test_what_cannot_be_estimated_is_refused():
-    with pytest.raises(ValueError, match="h1 = 0"):
-        fitted(made_up(10, 19), h1=0.0)
-    far = made_up(10, 20)
-    with pytest.raises(ValueError, match="no roll-out touches"):
-        Kcde.fit(
-            far._replace(initial=far.initial + np.array([500.0, 0.0, 0.0])),
-            rectangle(),
-            JAWS,
-            RHO,
-            2,
-        )

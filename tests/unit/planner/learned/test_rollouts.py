@@ -17,15 +17,15 @@ from problems import (
     rectangle,
     simulator,
 )
-from scipy.stats import chi2_contingency, kstest
+from scipy.stats import kstest
 
 from planner.job import model as job_file
 from planner.learned import rollouts
-from planner.learned.rollouts import BLOCK, COLLIDES, roll_block, roll_outs
+from planner.learned.rollouts import roll_block, roll_outs
 from planner.learned.store import Store, StoreWarning
 from planner.mechanics import quartic_fit
 from planner.mechanics.clearance import STANDS_ON, classify_contact
-from planner.mechanics.simulator import STATUS_NAMES, Simulator
+from planner.mechanics.simulator import Simulator
 from planner.mechanics.squeeze import UNTOUCHED
 from planner.part.outline import radius_of_gyration
 from planner.part.pressure import Pressure, support
@@ -112,20 +112,6 @@ def test_starts_cover_the_disc_evenly_and_at_any_angle(small):
         assert kstest(angle / math.tau + 0.5, "uniform").pvalue > 1e-3
 
 
-def test_there_are_as_many_as_were_asked_for(part, small):
-    assert len(small.initial) == pytest.approx(SMALL["count"], abs=1)
-    cut = roll_outs(part, 13.0, 3000)
-    assert len(cut.initial) == pytest.approx(3000, abs=5 * math.sqrt(3000))
-    assert np.hypot(*cut.initial[:, :2].T).max() <= 13.0
-
-
-def test_the_region_ends_where_no_finger_reaches(part):
-    reach = rollouts.farthest(part.outline, part.jaws)
-    near, far = roll_outs(part, reach, 3000), roll_outs(part, 2 * reach, 12_000)
-    assert rollouts.within_reach(part.outline, part.jaws, far.initial).all()
-    assert len(far.initial) == pytest.approx(len(near.initial), rel=0.15)
-
-
 def test_a_larger_region_contains_the_smaller_one(part, small):
     larger = roll_outs(part, 2 * SMALL["radius_mm"], 4 * SMALL["count"])
     for ring in range(2):
@@ -138,35 +124,6 @@ def test_fewer_are_a_prefix_of_more_in_every_ring(part, small):
         few = rows_of(small, ring)
         assert np.array_equal(rows_of(more, ring)[: len(few)], few)
         assert len(rows_of(more, ring)) == pytest.approx(3 * len(few), abs=3)
-
-
-def test_each_ends_as_a_squeeze_of_its_start_does(part, small):
-    free = small.status != COLLIDES
-    widths, statuses = [small.width_mm[free]], [small.status[free]]
-    for seed in (7, 8):
-        drawn = part.sample(int(free.sum()), np.random.default_rng(seed))
-        direct = part.roll_out(small.initial[free], drawn)
-        widths.append(direct.width_mm)
-        statuses.append(direct.status)
-    counts = np.array([np.bincount(status, minlength=4) for status in statuses[:2]])
-    assert chi2_contingency(counts[:, counts.sum(axis=0) > 0]).pvalue > 1e-3
-    assert kstest(widths[0], widths[1]).pvalue > 1e-3
-    apart = [np.mean(np.abs(a - widths[1]) > 0.3) for a in (widths[0], widths[2])]
-    assert apart[0] == pytest.approx(
-        apart[1], abs=0.03
-    )  # start by start, no further than two squeezes are
-
-
-def test_under_a_finger_nothing_moves(part):
-    result = roll_outs(part, 60.0, 3000)
-    hit = result.status == COLLIDES
-    assert np.array_equal(
-        hit, classify_contact(part.outline, part.jaws, result.initial) == STANDS_ON
-    )
-    assert np.array_equal(result.final[hit], result.initial[hit])
-    assert np.all(result.width_mm[hit] == part.jaws[0])
-    assert np.isin(result.status[~hit], range(len(STATUS_NAMES))).all()
-    assert 0 < hit.sum() < len(hit)
 
 
 def test_threads_and_workers_do_not_matter(part, small, tmp_path):
@@ -214,26 +171,6 @@ def test_a_damaged_block_is_rolled_out_again_with_a_warning(part, small, tmp_pat
     assert {path: path.read_bytes() for path in tmp_path.glob("*/*")} == before
 
 
-def test_a_folder_that_cannot_be_written_costs_only_the_cache(part, small, tmp_path):
-    (tmp_path / "file").touch()
-    with pytest.warns(StoreWarning, match="going on without"):
-        assert same(roll_outs(part, **SMALL, store=Store(tmp_path / "file")), small)
-
-
-def recorder(message):
-    return lambda *now: message.append(now)
-
-
-def test_progress_counts_up_to_all_blocks(part, tmp_path):
-    for _ in range(2):
-        lines: list[tuple[str, int, int]] = []
-        roll_outs(part, **SMALL, store=Store(tmp_path), report=recorder(lines))
-        assert all(stage == "roll-outs" and total == 4 for stage, _, total in lines)
-        done = [now[1] for now in lines]
-        assert done == sorted(done)
-        assert done[-1] == 4
-
-
 def test_only_what_the_squeeze_depends_on_names_it(part):
     points, weights = support(Pressure("boundary", 100), rectangle())
     quartic = quartic_fit.fit_pressure(points, weights, radius_of_gyration(rectangle()))
@@ -269,15 +206,3 @@ def test_jobs_of_one_part_and_gripper_share_their_roll_outs():
 def test_another_version_of_the_program_rolls_nothing_out(part):
     with pytest.raises(UnreachableError, match="another version"):
         roll_block(part, b"else", rollouts.Block(0, 0))
-
-
-def test_blocks_are_small_beside_a_jobs_count():
-    assert job_file.load(JOB).search.rollouts > BLOCK * 50
-
-
-@pytest.mark.parametrize(
-    ("radius", "count"), [(0.0, 10), (-1.0, 10), (math.nan, 10), (math.inf, 10), (5.0, 0)]
-)
-def test_no_region_and_no_roll_outs_are_refused(part, radius, count):
-    with pytest.raises(ValueError, match="above 0"):
-        roll_outs(part, radius, count)

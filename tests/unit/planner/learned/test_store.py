@@ -2,11 +2,8 @@
 
 import os
 import time
-import warnings
 
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 from planner.learned.store import STALE_S, Store, StoreWarning
 
@@ -27,20 +24,6 @@ def test_an_entry_is_what_was_put_and_others_are_absent(store):
     store.put(KEY, b"content")
     assert store.get(KEY) == b"content"
     assert store.get(OTHER) is None
-
-
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=50)
-@given(data=st.binary(max_size=3000))
-def test_any_bytes_come_back(store, data):
-    store.put(KEY, data)
-    assert store.get(KEY) == data
-
-
-def test_only_whole_entries_lie_in_the_folder(store):
-    store.put(KEY, b"one")
-    store.put(OTHER, b"two")
-    store.put(KEY, b"one")
-    assert len(files(store)) == 2
 
 
 def damage_flip(content):
@@ -90,16 +73,6 @@ def test_a_folder_that_cannot_be_made_costs_a_warning_and_nothing_else(tmp_path)
     assert len(caught) == 1
 
 
-def test_an_entry_that_cannot_be_read_is_absent_with_one_warning(store):
-    store.put(KEY, b"content")
-    files(store)[0].unlink()
-    (store.folder / KEY[:2] / KEY[2:]).mkdir()
-    with pytest.warns(StoreWarning, match="cannot be read") as caught:
-        results = [store.get(KEY) for _ in range(2)]
-    assert results == [None, None]
-    assert len(caught) == 1
-
-
 def test_a_full_disk_leaves_no_draft_behind(store, monkeypatch):
     def full(*_):
         raise OSError(28, "No space left on device")
@@ -137,9 +110,3 @@ def test_trimming_within_the_limit_removes_nothing_but_old_drafts(store):
     assert not old.exists()
     assert new.exists()
     assert store.get(KEY) == b"content"
-
-
-def test_trimming_a_folder_that_is_not_there_is_no_error(store):
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        store.trim()

@@ -5,15 +5,12 @@ import pytest
 from contact_problems import (
     ContactProblem,
     flush,
-    flush_push,
     goals,
     jamming,
     lcp,
     random_contacts,
     receding,
     rows,
-    sliding,
-    sticking,
     wrenches,
 )
 from contact_solutions import posed
@@ -188,28 +185,6 @@ def test_a_step_ends_where_a_pressed_contact_slides_off_its_feature(sense):
     first, V = np.array([sense, 0.0, 0.0]), np.array([0.8 * sense, 0.0, 0.0])
     f = event_fraction(C, 1, first, V)
     assert abs(along(first, V, f, 0)) == pytest.approx(0.3 + PAST_END_MM)
-
-
-def test_a_sticking_contact_keeps_its_place_on_the_finger():
-    problem = sticking()
-    status, V, forces = closed_form(problem)
-    _, T = wrenches(problem)
-    assert status == SOLVED
-    assert abs(forces[0, 1]) < problem.mu[0] * forces[0, 0]
-    assert pytest.approx(goals(problem)[1], abs=1e-12) == T @ V
-
-
-def test_a_sliding_contact_pushes_along_the_edge_of_its_cone():
-    problem = sliding()
-    status, _, forces = closed_form(problem)
-    assert status == SOLVED
-    assert abs(forces[0, 1]) == pytest.approx(problem.mu[0] * forces[0, 0], rel=1e-12)
-
-
-def test_a_face_pushed_by_a_face_does_not_turn():
-    status, V, _ = closed_form(flush_push())
-    assert status == SOLVED
-    assert np.allclose(V, [0.0, 0.1, 0.0], atol=1e-12)
 
 
 @pytest.mark.parametrize("mu", [0.1, 0.3, 0.5, 0.8])

@@ -66,14 +66,6 @@ def scenes(seed: int, count: int, radius: float = 30.0):
         yield rng, place(outline, pose), pose
 
 
-def test_place_turns_and_shifts_every_vertex():
-    rng = np.random.default_rng(1)
-    outline, pose = random_star(rng, 9), np.array([3.0, -4.0, 0.7])
-    points = np.zeros((2, 9))
-    contacts.place(columns(outline), pose, points)
-    assert np.allclose(points.T, place(outline, pose), atol=1e-12)
-
-
 def test_an_edge_is_left_out_only_where_both_ends_lie_on_one_side_of_the_surroundings():
     rng = np.random.default_rng(2)
     points, out = rng.uniform(-30.0, 30.0, (200, 2)), np.zeros(200, np.int64)
@@ -123,17 +115,6 @@ def test_clearance_is_the_way_to_the_nearest_point_of_the_part_below_the_finger(
             extreme = below.bounds[3] if finger == 1 else -below.bounds[1]
             assert way == pytest.approx(100.0 - extreme, abs=1e-9)
     assert 0 < missed < 300
-
-
-@FINGERS
-def test_a_finger_that_closed_by_its_clearance_touches_and_does_not_overlap(finger):
-    for _, points, _ in scenes(3, 300, radius=20.0):
-        way = clearance.clearance(columns(points), finger, finger * 100.0, HALF)
-        if math.isinf(way):
-            continue
-        part, face = shapely.Polygon(points), finger * (100.0 - way)
-        assert part.distance(finger_box(finger, face)) < 1e-9
-        assert part.distance(finger_box(finger, face + finger * 0.5)) > 0.0
 
 
 @FINGERS

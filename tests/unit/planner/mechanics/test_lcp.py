@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 from contact_problems import (
-    HAVE_MOTION,
-    HAVE_NONE,
     lcp,
     random_contacts,
     wrenches,
@@ -57,14 +55,6 @@ def test_murty_exponential_example(order):
     assert np.allclose(z, np.eye(order)[0])
 
 
-def test_fathi_exponential_example():
-    """Murty's matrix times its transpose: positive definite, one solution, many pivots."""
-    lower = np.eye(6) + 2.0 * np.tril(np.ones((6, 6)), -1)
-    M, q = lower @ lower.T, -np.ones(6)
-    z = assert_solved(M, q)
-    assert np.allclose(all_bases(M, q), z)
-
-
 # M. M. Kostreva, Cycling in linear complementarity problems, Mathematical Programming 16 (1979).
 
 
@@ -83,16 +73,6 @@ def test_kostreva_example_2_does_not_cycle():
 
 
 # Cottle, Pang & Stone, The Linear Complementarity Problem (1992), chapter 4: what Lemke's method promises.
-
-
-def test_non_negative_q_needs_no_pivot():
-    assert np.array_equal(assert_solved(-np.ones((3, 3)), np.array([0.0, 1, 2])), np.zeros(3))
-    assert solve(np.zeros((0, 0)), np.zeros(0))[0] == SOLVED
-
-
-def test_a_ray_where_even_the_inequalities_have_no_solution():
-    assert solve(np.array([[0.0, 1.0], [-1.0, 0.0]]), np.array([1.0, -1.0]))[0] == RAY
-    assert solve(np.zeros((2, 2)), np.array([-1.0, 3.0]))[0] == RAY
 
 
 def random_problem(rng: np.random.Generator, kind: str) -> tuple[np.ndarray, np.ndarray]:
@@ -139,20 +119,6 @@ def test_small_integer_matrices_never_cycle():
 
 
 # The contact problems of the paper (eqs 1-5).
-
-
-@pytest.mark.parametrize("name", HAVE_MOTION)
-def test_named_contact_problems_that_have_a_motion(name):
-    problem = HAVE_MOTION[name]()
-    z = assert_solved(*lcp(problem))
-    assert np.allclose(motions(problem), motion_of(problem, z), atol=1e-9)
-
-
-@pytest.mark.parametrize("name", HAVE_NONE)
-def test_named_contact_problems_that_are_held(name):
-    problem = HAVE_NONE[name]()
-    assert len(motions(problem)) == 0
-    assert solve(*lcp(problem))[0] == RAY
 
 
 def motion_of(problem, z: np.ndarray) -> np.ndarray:

@@ -9,7 +9,6 @@ from surfaces import mean_twist_error
 
 from planner.job import model as job
 from planner.mechanics import limit_surface
-from planner.mechanics.limit_surface import LimitSurface
 from planner.mechanics.surface import of_job as surface_of
 from planner.part import outline
 from planner.part.pressure import Pressure, support
@@ -39,13 +38,6 @@ def circle(radius: float, count: int = 720) -> np.ndarray:
     return radius * np.column_stack([np.cos(angles), np.sin(angles)])
 
 
-def test_sliding_without_turning_takes_all_of_the_friction():
-    points, weights = support(Pressure("boundary", 100), RECTANGLE)
-    twists = np.array([[2.0, 0, 0], [0, -3, 0], [0.6, 0.8, 0]])
-    expected = [[1, 0, 0], [0, -1, 0], [0.6, 0.8, 0]]
-    assert np.allclose(limit_surface.wrenches(points, weights, RHO, twists), expected, atol=1e-12)
-
-
 def test_turning_on_the_spot_matches_the_closed_forms_of_ring_and_disc():
     ring = circle(20.0)
     spin = np.array([[0.0, 0.0, -1.0]])
@@ -65,12 +57,6 @@ def test_each_wrench_dissipates_most_under_its_own_twist(kind):
     assert (power <= np.diag(power)[:, None] + 1e-12).all()
 
 
-def test_a_point_at_rest_carries_no_friction():
-    points, weights = np.array([[0.0, 0.0], [10.0, 0.0]]), np.array([0.5, 0.5])
-    wrench = limit_surface.wrenches(points, weights, 10.0, np.array([[0.0, 0.0, 1.0]]))
-    assert np.allclose(wrench, [[0, 0.5, 0.5]])
-
-
 def test_friction_integral_has_converged():
     coarse = limit_surface.wrenches(*support(Pressure("boundary", 100), RECTANGLE), RHO, TWISTS)
     steps = np.arange(1000)[:, None] / 1000
@@ -82,14 +68,6 @@ def test_friction_integral_has_converged():
     )
     fine = limit_surface.wrenches(*support(Pressure("boundary", 100), fine_outline), RHO, TWISTS)
     assert np.abs(coarse - fine).max() < 2e-3
-
-
-def test_twist_directions_are_unit_even_and_mirrored():
-    assert TWISTS.shape == (400, 3)
-    assert np.allclose(np.linalg.norm(TWISTS, axis=1), 1.0)
-    assert np.allclose(TWISTS.T @ TWISTS / len(TWISTS), np.eye(3) / 3, atol=1e-2)
-    rows = {tuple(row) for row in np.abs(TWISTS.round(12))}
-    assert len(rows) == 100
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -202,22 +180,3 @@ def test_samples_have_the_mean_and_the_variance_of_the_footnote():
     assert np.allclose(draws.var(axis=0), variance, rtol=0.05)
     assert np.allclose(draws, draws.transpose(0, 2, 1), atol=1e-15)
     assert (np.linalg.eigvalsh(draws)[:, 0] > 0).all()
-
-
-def test_samples_depend_on_the_generator_alone():
-    surface = LimitSurface(np.eye(3), 10.0)
-    first, second = (
-        limit_surface.wishart(surface.A, 3, np.random.default_rng(9), 5) for _ in range(2)
-    )
-    assert np.array_equal(first, second)
-    assert limit_surface.wishart(surface.A, 100, np.random.default_rng(9), 0).shape == (0, 3, 3)
-
-
-def test_a_stated_ellipsoid_is_taken_as_it_is():
-    text = RECTANGLE_JOB.read_text(encoding="utf-8")
-    stated = (
-        'kind = "stated"\nrho_mm = 10.5\nellipsoid = [[1.0, 0.1, 0], [0.1, 1.2, 0], [0, 0, 0.6]]'
-    )
-    surface = surface_of(job.parse(text.replace('kind = "boundary"', stated)))
-    assert np.array_equal(surface.A, [[1.0, 0.1, 0.0], [0.1, 1.2, 0.0], [0.0, 0.0, 0.6]])
-    assert surface.rho_mm == 10.5

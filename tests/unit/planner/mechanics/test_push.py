@@ -26,7 +26,7 @@ from twin import Part
 from planner.mechanics import contacts
 from planner.mechanics.limit_surface import LimitSurface
 from planner.mechanics.push import LOST, SLID, STUCK, Paths
-from planner.mechanics.simulator import Parameters, commanded
+from planner.mechanics.simulator import commanded
 
 
 def pushed(outline, built, mu, **options):
@@ -82,12 +82,6 @@ def test_fingers_that_stick_take_the_part_where_they_go(angle):
     assert result.status[0] == STUCK
 
 
-def test_without_friction_nothing_follows_a_turning_pusher():
-    pushes = paths([(-8.0, -10.5), (8.0, -10.5)], centre=(0.0, 30.0), angle=0.6)
-    result = pushed(rectangle(), pushes, 0.0)
-    assert result.status[0] != STUCK
-
-
 def test_a_finger_beside_the_part_has_lost_it():
     pushes = joined(
         [paths([(40.0, -10.5)], shift=(0.0, 30.0)), paths([(14.5, -11.0)], shift=(0.0, 60.0))]
@@ -135,29 +129,6 @@ def test_larger_scenes_end_alike():
     assert result.moved == pytest.approx(straight.moved * [4.0, 4.0, 1.0], abs=0.02)
 
 
-def test_the_step_matters_little():
-    outline = random_convex(np.random.default_rng(1), 6)
-    pushes = random_paths(outline, np.random.default_rng(2), 60)
-    coarse, fine = (pushed(outline, pushes, 0.4, step_mm=step).moved for step in (0.4, 0.02))
-    off = np.hypot(*(coarse - fine)[:, :2].T)
-    assert np.median(off) < 0.1
-    assert np.quantile(off, 0.95) < 0.3
-
-
-@pytest.mark.parametrize("outline", [hexagon(), l_shape(), disc()])
-def test_no_finger_ends_inside_the_part(outline):
-    pushes = random_paths(outline, np.random.default_rng(4), 60)
-    result = pushed(outline, pushes, 0.4)
-    for k, pose in enumerate(result.moved):
-        middle = pushes.centres[k] + pushes.shifts[k]
-        ends = shapely.points(
-            turned(pushes.points[k] - pushes.centres[k], pushes.angles[k]) + middle
-        )
-        part = shapely.Polygon(place(outline, pose))
-        depths = np.where(shapely.contains(part, ends), shapely.distance(part.exterior, ends), 0.0)
-        assert depths.max() < 0.02
-
-
 def test_round_tip_slides_off_a_disc_along_the_closed_form():
     """As a point does, with the sum of both radii for the disc's."""
     radius, tip, way, phi = 13.0, 4.75, 6.0, math.radians(30.0)
@@ -194,13 +165,6 @@ def beside(outline, rng, tip):
     inward = np.array([-edge[1], edge[0]])
     place = start + rng.uniform(0.05, 0.2) * (end - start) - (tip + 0.01) * inward
     return paths([place], shift=12.0 * inward + rng.uniform(-6.0, 6.0) * edge)
-
-
-def test_round_tip_of_no_size_is_a_point():
-    pushes, part = random_paths(hexagon(), np.random.default_rng(3), 40), simulator(hexagon())
-    straight = pushes._replace(angles=np.zeros(40), shifts=np.tile([3.0, 5.0], (40, 1)))
-    point, tip = (part.push(straight, part.nominal(40, 0.3), size).moved for size in (0.0, 1e-4))
-    assert np.quantile(np.abs(point - tip).max(axis=1), 0.95) < 0.01
 
 
 @pytest.mark.parametrize("mu", [0.0, 0.5])
@@ -282,14 +246,6 @@ def test_a_point_near_a_convex_part_is_found_once_at_its_distance():
                 )
 
 
-def test_each_push_takes_its_own_mechanics():
-    pushes = joined([paths([(6.0, -10.5)], shift=(0.0, 10.0))] * 2)
-    part = simulator(rectangle())
-    surfaces = np.stack([np.diag([1.0, 1.0, 0.2]), np.diag([1.0, 1.0, 3.0])])
-    result = part.push(pushes, Parameters(surfaces, np.full((2, 2), 0.3)))
-    assert result.moved[0, 2] < 0.5 * result.moved[1, 2]
-
-
 HANDS = [(0.0, 30.0), (12.0, 30.0), (40.0, 30.0)]  # opening and way [mm]
 
 
@@ -330,14 +286,6 @@ def test_only_parts_that_the_fingers_sweep_over_move(opening, way):
         assert met or np.array_equal(start, end)
 
 
-@pytest.mark.parametrize("opening", [0.0, 8.0])
-def test_a_flush_part_is_taken_along(opening):
-    part, rng = simulator(rectangle()), np.random.default_rng(0)
-    start = np.array([[JAWS[1] / 2 + 15.0 + 2.0, 0.0, 0.0]])
-    end = part.push_by_hand(start, np.array([opening]), np.array([20.0]), rng)
-    assert end[0] == pytest.approx(start[0] + [18.0, 0.0, 0.0], abs=0.02)
-
-
 def test_fingers_end_a_push_as_their_corners_alone_do():
     """Before a part much wider than the hand, whose edge only their four corners ahead can meet."""
     plate, opening, way, n = rectangle() * 8.0, 30.0, 25.0, 20
@@ -357,21 +305,6 @@ def test_fingers_end_a_push_as_their_corners_alone_do():
         result = part.push(paths(back, shift=turned([way, 0.0], -pose[2])), drawn.of(np.array([k])))
         moved = [*turned(result.moved[0, :2], pose[2]), result.moved[0, 2]]
         assert by_hand[k] == pytest.approx(pose + moved, abs=0.05)
-
-
-def test_parts_wedged_between_two_points_go_with_them():
-    """Their tips point into the gap, and friction holds them: no LCP has a solution, the push goes on."""
-    part, rng, n = (
-        simulator(np.array([[-24.0, 0.0], [12.0, -14.5], [12.0, 14.5]])),
-        np.random.default_rng(2),
-        200,
-    )
-    poses = np.column_stack([np.zeros(n), rng.uniform(-3.0, 3.0, n), rng.uniform(-0.1, 0.1, n)])
-    ahead = np.array([(-21.0, -6.0), (-21.0, 6.0)])
-    pushes = [paths(turned(ahead - q[:2], -q[2]), shift=turned([40.0, 0.0], -q[2])) for q in poses]
-    result = part.push(joined(pushes), part.nominal(n, 0.55))
-    assert not result.given_up.any()
-    assert np.all(np.hypot(*result.moved[:, :2].T) > 25.0)
 
 
 @pytest.mark.parametrize("share", [0.5, 0.6, 1.0])

@@ -62,11 +62,6 @@ def test_residuals_see_a_force_outside_the_cone_and_an_overlap():
     assert wrong.residuals().overlap_mm == pytest.approx(0.1, abs=1e-6)
 
 
-def test_a_flush_rectangle_is_a_ray():
-    points, faces = touching(np.zeros(3))
-    assert contact_solution(points, np.zeros(3), faces, JAWS, A, RHO, (0.5, 0.5), 0.1).status == RAY
-
-
 def test_a_dense_curve_is_simplified_to_the_tolerance_and_no_further():
     angle = np.linspace(0, 2 * np.pi, 720, endpoint=False)
     dense = np.column_stack([18 * np.cos(angle), 11 * np.sin(angle)])

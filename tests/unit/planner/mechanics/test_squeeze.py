@@ -10,7 +10,6 @@ from problems import (
     JAWS,
     LONG_JAWS,
     OUTLINES,
-    boundary_surface,
     l_shape,
     place,
     random_convex,
@@ -126,14 +125,6 @@ def lowest_nearby(outline, axis):
 # One contact.
 
 
-def test_a_face_that_is_pushed_squarely_moves_along_without_turning():
-    """A line push through the centre of friction: the part keeps its angle until the other jaw stops it."""
-    final, widths, statuses = squeeze(simulator(rectangle()), [1.5, 8.0, math.pi])
-    assert np.allclose(final, [[1.5, 0.0, math.pi]], atol=1e-9)
-    assert statuses == ["grasped"]
-    assert widths == pytest.approx([21.0], abs=1e-6)
-
-
 def test_a_vertex_that_is_pushed_turns_the_part_as_the_limit_surface_says():
     """One sticking contact under a small push: V = A F for the F that makes it follow (eqs 1-3)."""
     outline, pose = rectangle(), np.array([0.0, 20.0, 0.3])
@@ -242,16 +233,6 @@ def test_a_part_thinner_than_a_step_is_caught_all_the_same(step_mm):
     assert np.allclose(widths, 0.15, atol=0.02)
 
 
-def test_the_finger_that_does_not_move_leaves_the_work_to_the_other():
-    """A share of one: the lower finger stays open, so a part above the middle is pushed down to it."""
-    jaws = JAWS.copy()
-    jaws[3] = 1.0
-    final, widths, statuses = squeeze(simulator(rectangle(), jaws), [0.0, 8.0, 0.0])
-    assert statuses == ["grasped"]
-    assert widths == pytest.approx([21.0], abs=1e-6)
-    assert np.allclose(final, [[0.0, -42.5 + 10.5, 0.0]], atol=1e-6)
-
-
 def test_results_do_not_depend_on_the_number_of_workers():
     part = simulator(l_shape())
     poses = random_poses(np.random.default_rng(5), 600, 12.75)
@@ -259,20 +240,6 @@ def test_results_do_not_depend_on_the_number_of_workers():
     alone = part.roll_out(poses, parameters)
     shared = replace(part, workers=2).roll_out(poses, parameters)
     assert [a.tobytes() for a in alone] == [b.tobytes() for b in shared]
-
-
-def test_poses_and_parameters_are_not_modified():
-    part = simulator(rectangle())
-    poses = random_poses(np.random.default_rng(7), 20, 12.75)
-    parameters = part.sample(20, np.random.default_rng(8))
-    before = poses.tobytes(), parameters.surfaces.tobytes(), parameters.mu.tobytes()
-    part.roll_out(poses, parameters)
-    assert (poses.tobytes(), parameters.surfaces.tobytes(), parameters.mu.tobytes()) == before
-
-
-def test_the_nominal_surface_is_the_parts_own():
-    part = simulator(rectangle())
-    assert np.array_equal(part.nominal(2, 0.5).surfaces[1], boundary_surface(rectangle()).A)
 
 
 @pytest.mark.parametrize("name", ["rectangle", "butterfly", "ellipse", "hexagon"])

@@ -13,7 +13,6 @@ from planner.job import model as job_file
 from planner.mechanics import limit_surface, quartic, surface
 from planner.mechanics.simulator import STATUS_NAMES, Parameters, Simulator
 from planner.mechanics.surface_step import local_matrix
-from runtime.shell.errors import InputError
 
 JOB = job_file.load(Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml")
 TEXT = (Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml").read_text()
@@ -29,17 +28,6 @@ def quartic_job():
     return job_file.parse(
         TEXT.replace('kind = "boundary"', 'limit_surface = "quartic"\nkind = "boundary"')
     )
-
-
-def test_squeezes_with_an_ellipsoid_written_as_a_quartic_end_alike(poses):
-    ellipsoid = Simulator.of_job(JOB, workers=1)
-    assert isinstance(ellipsoid.surface, limit_surface.LimitSurface)
-    as_quartic = quartic.of_ellipsoid(ellipsoid.surface.A, ellipsoid.surface.rho_mm)
-    same = dataclasses.replace(ellipsoid, surface=as_quartic)
-    a = ellipsoid.roll_out(poses, ellipsoid.nominal(len(poses), 0.5))
-    b = same.roll_out(poses, same.nominal(len(poses), 0.5))
-    np.testing.assert_allclose(b.poses, a.poses, atol=1e-5)
-    np.testing.assert_array_equal(b.status, a.status)
 
 
 def test_local_matrix_is_a_third_of_the_hessian_and_gives_the_gradient(quartic_job):
@@ -119,12 +107,6 @@ def test_surfaces_drawn_for_parts_of_either_form_scatter_about_their_own():
             ours[:, :size, :size].mean(axis=0), nominal, atol=5.0 * error.max()
         )
         assert not ours[:, size:].any()
-
-
-def test_another_form_is_latent_where_there_may_be_one():
-    stated = {"kind": "stated", "ellipsoid": np.eye(3).tolist(), "rho_mm": 10.0}
-    with pytest.raises(InputError, match="states the surface"):
-        JOB.replaced(pressure=stated, doubt={"limit_surface": "any"})
 
 
 def test_a_release_moves_held_parts_only_and_by_what_the_job_says(poses):
