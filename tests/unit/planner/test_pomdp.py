@@ -87,24 +87,6 @@ def test_the_planned_table_solves_the_problem_as_well_as_it_says(model):
     assert squeezes / n == pytest.approx(table.predicted.mean_squeezes_ppm / 1e6, abs=0.06)
 
 
-def test_a_belief_is_right_as_often_as_it_says(model):
-    rng = np.random.default_rng(5)
-    said, right = [], []
-    for _ in range(40):
-        state, belief = model.initial(1, rng), model.initial(400, rng)
-        for placement in rng.permutation(model.placements)[:3]:
-            sampled = model.sample(state, model.actions[placement], rng)
-            belief = model.updated(
-                belief, model.actions[placement], int(sampled.observations[0]), rng
-            )
-            state = sampled.states
-        mode = model.metric.mode(belief[:, :3])
-        said.append(mode.ratio)
-        right.append(model.metric.reached(state[0, :3], mode.pose))
-    spread = np.sqrt(np.sum(np.multiply(said, 1.0 - np.array(said)))) + 1.0
-    assert abs(np.sum(right) - np.sum(said)) < 3.0 * spread
-
-
 def test_the_candidates_are_poses_apart_that_most_parts_come_to(model):
     candidates = model.actions[model.placements :, :3]
     apart = model.metric.between(candidates[:, None], candidates[None])
@@ -128,3 +110,21 @@ def test_what_no_state_explains_and_what_is_no_state_is_refused(model):
         model.sample(np.zeros((2, 3)), model.actions[0][:3], rng)
     with pytest.raises(ValueError, match="pass finite numbers"):
         model.sample(np.full((2, 4), np.nan), model.actions[0], rng)
+
+
+def test_a_belief_is_right_as_often_as_it_says(model):
+    rng = np.random.default_rng(5)
+    said, right = [], []
+    for _ in range(40):
+        state, belief = model.initial(1, rng), model.initial(400, rng)
+        for placement in rng.permutation(model.placements)[:3]:
+            sampled = model.sample(state, model.actions[placement], rng)
+            belief = model.updated(
+                belief, model.actions[placement], int(sampled.observations[0]), rng
+            )
+            state = sampled.states
+        mode = model.metric.mode(belief[:, :3])
+        said.append(mode.ratio)
+        right.append(model.metric.reached(state[0, :3], mode.pose))
+    spread = np.sqrt(np.sum(np.multiply(said, 1.0 - np.array(said)))) + 1.0
+    assert abs(np.sum(right) - np.sum(said)) < 3.0 * spread

@@ -41,15 +41,3 @@ def test_seconds_of_several_squeezes_grow_with_turns_and_stay_below_retreats_bet
     )
     assert one_squeeze_s(20.0) < still < turned
     assert still < 2 * one_squeeze_s(20.0)  # the hand rises only above the part between them
-
-
-def test_seconds_fall_where_the_arm_accelerates_faster() -> None:
-    slow, fast = (
-        seconds_of(
-            JOB.replaced(cell={"arm_acceleration_mm_s2": acceleration}),
-            np.array([0.0, 1.5]),
-            np.full((1, 2), 20.0),
-        )
-        for acceleration in (500.0, 5000.0)
-    )
-    assert fast < slow

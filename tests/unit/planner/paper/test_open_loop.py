@@ -87,17 +87,6 @@ def found_by(search, poses):
     return search.search(poses, np.random.default_rng(RNG_SEED))
 
 
-def test_two_pushes_gather_the_line():
-    search = search_of([left(5.0), right(4.0)], depth=2)
-    best = found_by(search, line(0, 10))
-    assert best.actions == (0, 1)
-    assert best.ratio == 1.0
-    gathered = line(0, 10)
-    for action in best.actions:
-        gathered = search.moved(gathered, search.placements[action], None)
-    assert np.all((gathered[:, 0] >= 4.0 - 1e-9) & (gathered[:, 0] <= 5.0 + 1e-9))
-
-
 @pytest.mark.parametrize("seed", range(12))
 @pytest.mark.parametrize("depth", [1, 2, 3])
 def test_search_finds_what_trying_everything_finds(seed, depth):
@@ -132,28 +121,6 @@ def test_a_sequence_that_first_loses_more_than_a_quarter_is_pruned():
     assert found_by(patient, poses).ratio == 1.0
 
 
-def test_two_modes_are_searched_on_and_ties_go_to_the_first_action():
-    poses = np.concatenate([line(0, 0.1, 50), line(9.9, 10, 50)])
-    assert ratio(poses) == 0.0
-    assert found_by(search_of([right(0.0), left(11.0)], 3), poses).actions == (0,)
-    # Only both pushes one after the other bring the modes together: the first gains nothing.
-    assert found_by(search_of([right(4.0), left(4.5)], 2), poses).actions == (0, 1)
-
-
-def test_some_action_is_found_even_if_none_gains():
-    search = search_of([right(-1.0), left(12.0)], depth=2)
-    best = found_by(search, line(0, 10))
-    assert best.actions == (0,)
-    assert best.ratio == ratio(line(0, 10))
-
-
-def test_actions_that_collide_are_left_out():
-    search = search_of([left(5.0), right(4.0)], 2, collision=Beyond(5.5))
-    best = found_by(search, line(0, 10))
-    assert best.actions == (0, 1)  # the second would have collided before the first had been made
-    assert found_by(search_of([right(4.0)], 2, collision=Beyond(5.5)), line(0, 10)).actions == ()
-
-
 def test_a_few_particles_under_a_finger_do_not_stop_an_action():
     n = 2000
     poses = line(0, 10, n)
@@ -180,12 +147,3 @@ def test_enough_ends_the_search_early_and_budget_bounds_it():
     assert early.moves < whole.moves
     assert found_by(search_of(placements, 4, short, budget=1), line(0, 10)).ratio < 1.0
     assert short.moves == 3
-
-
-def test_the_placement_is_where_the_model_acts():
-    poses = np.array([[3.0, 4.0, 0.5]])
-    search = search_of([[1.0, 2.0, math.pi / 2]], 1)
-    # In the hand frame the part lies at (2, -2): the wall takes x there to 0, which is y = 2 in the world.
-    assert search.moved(poses, search.placements[0], None) == pytest.approx(
-        np.array([[3.0, 2.0, 0.5]])
-    )

@@ -15,7 +15,6 @@ from planner.paper.search import (
     Models,
     PaperPlanner,
     nearest_observation,
-    search_depth,
 )
 from planner.search.tree import breadth_first
 from runtime.table import REJECT, decision_map, dumps, loads
@@ -97,40 +96,12 @@ def test_leaves_are_singletons(roots):
     assert all(node.mode.ratio <= SINGLETON_SHARE for node in inner if len(node.children) > 1)
 
 
-def test_every_branching_is_by_observation_and_onto_the_subspace(roots):
-    for node in breadth_first(roots["paper"]):
-        for child, count in zip(
-            node.children, node.squeeze.clusters.mean if node.children else [], strict=True
-        ):
-            held = Widths().predict(child.belief.poses - node.squeeze.placement) > 20.0
-            width = float(ENCODER.width_mm(count))
-            assert width == pytest.approx(HELD_MM if held.all() else FREE_MM)
-            assert held.all() or not held.any()
-            if held.all():
-                assert np.all(child.belief.poses[:, 1] == 0.0)
-
-
 def test_sensorless_plans_never_branch(roots):
     nodes = breadth_first(roots["sensorless"])
     assert all(len(node.children) == 1 for node in nodes[:-1])
     assert not nodes[-1].children
     assert [node.depth for node in nodes] == list(range(len(nodes)))
     assert len(nodes) > 2
-
-
-def test_sensorless_stops_where_it_is_enough():
-    # One squeeze draws all of a narrow belief to the hand.
-    narrow = belief()
-    narrow[:, 0] = np.linspace(0.5, 5.8, len(narrow))
-    root = planner("sensorless").plan(narrow, [1])
-    nodes = breadth_first(root)
-    assert len(nodes) == 2
-    assert nodes[-1].mode.ratio > SINGLETON_SHARE
-
-
-def test_a_singleton_is_not_squeezed():
-    here = np.zeros((50, 3))
-    assert not planner("paper").plan(here, [1]).children
 
 
 def test_where_every_action_collides_the_leaf_is_left_unresolved():
@@ -183,16 +154,3 @@ def test_cells_share_out_all_readings(seed):
     assert sorted(covered) == list(range(ENCODER.steps + 1))
     for count, label in zip(covered, label_of(cells, covered), strict=True):
         assert abs(count - cells.mean[label]) == np.abs(count - cells.mean).min()
-
-
-def test_subspaces_that_no_reading_can_tell_apart_become_one_child():
-    width = np.array([30.0, 30.0, 30.01, 50.0])
-    cells, child = nearest_observation(ENCODER, width, np.array([0, 0, 1, 2]))
-    assert len(cells.mean) == 2
-    assert child.tolist() == [0, 0, 0, 1]
-
-
-def test_depth_is_three_for_few_actions_and_less_for_many():
-    assert search_depth(4) == 3
-    assert search_depth(20) == 2
-    assert search_depth(1000) == 1

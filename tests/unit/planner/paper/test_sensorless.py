@@ -1,7 +1,6 @@
 """Goldberg's squeeze function and plans: his theorems, and our simulator where his assumptions hold."""
 
 import math
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -10,7 +9,6 @@ from problems import (
     OUTLINES,
     bar,
     disc,
-    ellipse,
     hexagon,
     l_shape,
     random_convex,
@@ -24,7 +22,7 @@ from problems import (
 
 from planner.frames import to_hand, to_world
 from planner.mechanics.simulator import Parameters
-from planner.paper.sensorless import SqueezeFunction, chain, plan, width_function
+from planner.paper.sensorless import SqueezeFunction, plan, width_function
 from planner.part.outline import convex_hull
 
 pytestmark = pytest.mark.slow
@@ -60,15 +58,6 @@ def test_the_squeeze_function_is_a_rising_staircase():
         assert function(direction + function.period) == pytest.approx(after + function.period)
 
 
-def test_squeezing_never_widens_the_part():
-    for outline in outlines():
-        function, width = SqueezeFunction.of(outline, ripple_mm=0.0), width_function(outline)
-        direction = np.linspace(0.0, 3.0, 500)
-        for share in (0.25, 0.5, 0.75, 1.0):
-            further = direction + share * (function(direction) - direction)
-            assert np.all(width(further) <= width(direction) + 1e-9)
-
-
 def test_plans_orient_every_part_up_to_the_symmetry_of_its_hull():
     rng = np.random.default_rng(2)
     for outline in outlines():
@@ -82,16 +71,6 @@ def test_plans_orient_every_part_up_to_the_symmetry_of_its_hull():
 def test_no_plan_is_longer_than_2n_minus_1():
     for outline in outlines():
         assert len(plan(outline).angles) <= 2 * len(convex_hull(outline)) - 1
-
-
-def test_each_interval_is_squeezed_to_less_than_the_next():
-    for outline in outlines():
-        function = SqueezeFunction.of(outline)
-        intervals = chain(function)
-        assert intervals[0].length == pytest.approx(function.period)
-        assert intervals[-1].spread == pytest.approx(0.0, abs=1e-9)
-        for before, after in pairwise(intervals):
-            assert before.length > after.length > before.spread
 
 
 def test_a_plan_holds_with_hands_off_by_less_than_its_slack():
@@ -120,11 +99,6 @@ def test_a_plan_holds_with_hands_off_by_less_than_its_slack():
 )
 def test_periods_of_known_shapes(outline, degrees):
     assert math.degrees(SqueezeFunction.of(outline).period) == pytest.approx(degrees)
-
-
-def test_facets_of_a_sampled_curve_are_no_steps():
-    assert len(SqueezeFunction.of(ellipse()).minima) == 1
-    assert len(SqueezeFunction.of(ellipse(), ripple_mm=0.0).minima) == 2
 
 
 def frictionless(outline, n, rng):

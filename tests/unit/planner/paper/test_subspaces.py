@@ -9,7 +9,7 @@ import pytest
 from planner.belief.observation import Encoder
 from planner.mechanics.clearance import STANDS_ON, classify_contact
 from planner.mechanics.squeeze import GRASPED, JAMMED
-from planner.paper.subspaces import EXPLAINED, subspaces_of
+from planner.paper.subspaces import subspaces_of
 
 ENCODER = Encoder(85.0, 227, 0.15)
 
@@ -35,30 +35,6 @@ def test_the_rectangle_has_the_four_subspaces_of_the_paper(squeezed):
     assert np.array_equal(label > 0, held)
     assert not np.any(squeezed.status[label == 3] == GRASPED)
     assert subspaces.notes() == []
-
-
-def test_labels_sizes_and_intervals_agree(squeezed):
-    subspaces = subspaces_of(squeezed.width_mm, ENCODER)
-    label = subspaces.label(squeezed.width_mm)
-    assert np.array_equal(np.bincount(label, minlength=len(subspaces)), subspaces.size)
-    for k in range(len(subspaces)):
-        members = squeezed.width_mm[label == k]
-        assert [members.min(), members.max()] == [subspaces.low_mm[k], subspaces.high_mm[k]]
-        assert members.mean() == pytest.approx(subspaces.mean_mm[k])
-
-
-def test_the_subspaces_explain_the_variance_and_one_less_would_not(squeezed):
-    held = squeezed.width_mm[squeezed.width_mm > 0.0]
-    subspaces = subspaces_of(held, ENCODER)
-    label = subspaces.label(held)
-    within = sum(float(held[label == k].var()) * np.count_nonzero(label == k) for k in range(1, 4))
-    assert within <= (1.0 - EXPLAINED) * held.var() * len(held)
-    cuts = np.linspace(held.min(), held.max(), 200)[1:-1]  # every way to cut in two
-    two = min(
-        float(held[held < c].var() * np.sum(held < c) + held[held >= c].var() * np.sum(held >= c))
-        for c in cuts
-    )
-    assert two > (1.0 - EXPLAINED) * held.var() * len(held)
 
 
 def test_widths_that_the_encoder_cannot_tell_apart_are_merged_with_a_note():

@@ -7,7 +7,7 @@ import pytest
 from problems import OUTLINES, diameter, random_convex, random_star, rectangle, right_triangle
 
 from planner.paper.sensorless import width_function
-from planner.part.outline import convex_hull, min_width, width
+from planner.part.outline import min_width, width
 
 DIRECTIONS = np.linspace(-4.0, 4.0, 1001)
 
@@ -39,37 +39,6 @@ def test_extrema_are_higher_or_lower_than_what_is_beside_them():
         for step in (-1e-5, 1e-5):
             assert np.all(function(function.minima) < function(function.minima + step))
             assert np.all(function(function.maxima) > function(function.maxima + step))
-
-
-def test_minima_and_maxima_alternate():
-    for outline in outlines():
-        function = width_function(outline)
-        for ripple in (0.0, 0.05, 3.0):
-            minima, maxima = function.extrema(ripple)
-            assert len(minima) == len(maxima) >= 1
-            order = np.argsort(np.concatenate([minima, maxima]))
-            kinds = order < len(minima)
-            assert np.all(kinds != np.roll(kinds, 1))
-
-
-def test_no_ripple_is_left():
-    for outline in outlines():
-        function = width_function(outline)
-        minima, maxima = function.extrema(1.0)
-        if len(minima) > 1:
-            at = np.sort(np.concatenate([minima, maxima]))
-            assert np.abs(np.diff(function(at), append=function(at[0]))).min() >= 1.0
-
-
-def test_a_minimum_is_where_a_jaw_lies_on_an_edge():
-    for outline in outlines():
-        function = width_function(outline)
-        hull = convex_hull(outline)
-        edges = np.roll(hull, -1, axis=0) - hull
-        normals = np.arctan2(-edges[:, 0], edges[:, 1])
-        for minimum in function.minima:
-            turn = np.abs(np.mod(normals - minimum + 0.5 * math.pi, math.pi) - 0.5 * math.pi)
-            assert turn.min() < 1e-6
 
 
 def test_textbook_shapes():

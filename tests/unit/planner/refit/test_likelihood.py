@@ -63,23 +63,6 @@ def test_truths_are_as_likely_as_it_says():
     assert np.mean(np.array(ratios) < 2.71) == pytest.approx(0.9, abs=0.09)
 
 
-def test_cells_far_from_all_simulated_are_not_likely():
-    rng = np.random.default_rng(4)
-    result = learned(np.array([30.0, 30.0, 40.0, 0.0]), rng, other=0)
-    near, far = result.log(np.array([[0.0], [30.0]]))
-    assert near - far > 3.0
-
-
-def test_few_cells_make_lines_of_no_curvature_and_stay_finite():
-    rng = np.random.default_rng(5)
-    features = np.column_stack([rng.uniform(-1.0, 1.0, (8, 3)), np.zeros(8)])
-    result = Likelihood.of(
-        features, simulated(features[:, 0], rng), np.array([30.0, 30.0, 40.0, 0.0]), 4
-    )
-    assert not result.curved
-    assert np.isfinite(result.log(features)).all()
-
-
 def test_steps_on_a_line_tell_where_no_simulated_part_came():
     """What is seen lies far from what most cells show; between 200 and 250 no part of theirs was."""
     rng = np.random.default_rng(6)

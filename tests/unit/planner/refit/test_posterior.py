@@ -89,8 +89,3 @@ def test_ranks_of_the_truth_are_uniform(monkeypatch):
     pooled = np.ravel(ranks)
     assert chisquare(np.histogram(pooled, 5, (0.0, 1.0))[0]).pvalue > 1e-3
     assert 0.75 < np.mean((pooled >= 0.05) & (pooled <= 0.95)) < 1.0
-
-
-def test_the_same_seed_draws_the_same_cells(monkeypatch):
-    first, second = (drawn(monkeypatch, np.array([0.0, 0.2, 0.5, 0.0]), 3)[2] for _ in range(2))
-    assert np.array_equal(first, second)

@@ -3,10 +3,7 @@
 from pathlib import Path
 
 import pytest
-from comparison import METHODS, Row, markdown, run, table_rows, zoo_rows
-
-from planner.job import model as job_file
-from planner.job.overrides import changes_of
+from comparison import METHODS, Row, markdown, run
 
 pytestmark = pytest.mark.slow
 
@@ -34,13 +31,6 @@ FIGURES = {
 
 def cells(line):
     return [cell.strip() for cell in line.strip("|").split("|")]
-
-
-def test_rows_of_the_paper_and_of_the_zoo_share_no_part():
-    paper, zoo = table_rows(TREES), zoo_rows(TREES)
-    assert [row.name for row in paper] == ["1", "2", "3", "4", "5", "6", "7", "8*"]
-    assert not {row.part for row in paper} & {row.part for row in zoo}
-    assert all(row.paper is None and not row.world for row in zoo)
 
 
 def test_markdown_has_a_line_for_each_row_and_leaves_empty_columns_out():
@@ -73,8 +63,3 @@ def test_a_row_is_compiled_for_the_job_and_judged_in_the_world():
     assert figures[0]["within_rate"] > 0.9 > figures[1]["within_rate"]
     assert figures[0]["within_rate"] >= figures[0]["success_rate"]
     assert figures[0]["compile_seconds"] > 0.0
-
-
-@pytest.mark.parametrize("method", METHODS.values(), ids=METHODS)
-def test_methods_are_values_that_a_job_takes(method):
-    assert job_file.load(TREES / "rectangle" / "job.toml", changes_of(method.job))

@@ -1,7 +1,6 @@
 """The pictures of the documentation: they show what is kept, no text covers another, files are small."""
 
 import hashlib
-import html
 import itertools
 import json
 import os
@@ -91,66 +90,6 @@ def test_table_one_shows_the_kept_rates_and_the_papers():
     assert heights[1] == pytest.approx([ours[name] for name in experiments])
 
 
-def test_table_one_takes_more_methods_and_rows_without_a_plan():
-    rows = kept("table1")["rows"]
-    rows = [row for row in rows if row["method"] == "closed-loop"]
-    second = [
-        {**row, "method": "paper", "within_rate": 0.9, "within_ci95": [0.89, 0.91]} for row in rows
-    ]
-    del second[3]["within_rate"]  # no plan there
-    with canvas.style():
-        figure = charts.table_one([*rows, *second], RADII)
-        assert_legible(figure)
-    assert [
-        len(bars.patches) for bars in figure.axes[0].containers if hasattr(bars, "patches")
-    ] == [8, 8, 7]
-
-
-def test_the_zoo_is_not_table_one():
-    with pytest.raises(ValueError, match="rows of Table I"):
-        charts.table_one([{"row": "kite", "part": "kite", "paper": None}], RADII)
-
-
-def test_speeds_are_those_kept():
-    squeeze, kcde = kept("squeeze"), kept("kcde")
-    with canvas.style():
-        figure = charts.speed(squeeze, kcde)
-        assert_legible(figure)
-    simulated, learned = ([bar.get_width() for bar in axes.patches] for axes in figure.axes)
-    rates = [row["per_second"] for row in squeeze["speed"]]
-    assert set(rates) <= set(simulated)
-    assert min(rates) > max(row["mujoco_per_second"] for row in squeeze["speed"])
-    assert learned[1] / learned[2] == pytest.approx(kcde["ours_ms"] / kcde["scipy_ms"])
-
-
-def test_the_likeliest_path_is_one_of_the_table_and_no_other_is_taken_more(planned):
-    table, _, beliefs = planned
-    path = paper_figures.likeliest_path(table, beliefs, [3])
-    targets = [table.nodes[step.node].branches[step.branch].target for step in path]
-    assert path[0].node == 0
-    assert [step.node for step in path[1:]] == targets[:-1]
-    assert targets[-1] < 0
-    taken = len(beliefs.leaves[~targets[-1]])
-    ends = {~b.target for node in table.nodes for b in node.branches if b.target < 0}
-    assert taken * len(ends) >= len(beliefs.visits[0].before) * 0.5
-
-
-def test_where_no_path_is_so_long_the_likeliest_of_all_is_drawn(planned):
-    table, job, beliefs = planned
-    path = paper_figures.likeliest_path(table, beliefs, [40])
-    taken = [
-        len(visit.through(k))
-        for visit in beliefs.visits
-        for k in range(40)
-        if (visit.branch == k).any()
-    ]
-    targets = [table.nodes[step.node].branches[step.branch].target for step in path]
-    assert targets[-1] < 0
-    assert 0 < len(beliefs.leaves[~targets[-1]]) <= max(taken)
-    with canvas.style():
-        assert len(paper_figures.sequence(table, job, beliefs, [40]).axes) == 2 * (len(path) + 1)
-
-
 def test_the_sequence_follows_one_part_of_the_path(planned):
     table, job, beliefs = planned
     with canvas.style():
@@ -197,17 +136,6 @@ def test_every_picture_is_kept_and_small():
     }  # the one that is drawn by hand
     for path in PICTURES.iterdir():
         assert path.stat().st_size < 500_000
-
-
-def test_the_kept_chart_shows_the_kept_figures():
-    said = html.unescape(
-        " ".join(re.findall(r"<!-- (.*?) -->", (PICTURES / "table1.svg").read_text()))
-    ).split()
-    for row in kept("table1")["rows"]:
-        if "within_rate" in row:
-            assert charts.label_of(100 * row["within_rate"]) in said, (
-                "run tools/figures --only table1"
-            )
 
 
 def figures(*arguments, seed="0"):

@@ -7,15 +7,13 @@ from pathlib import Path
 
 import pytest
 from browser import LEGIBLE, NEEDED, played
-from grown_tables import grown_table
 from html_pages import Page
 from run_logs import chained, header, part
 
 from planner.cli import report
-from planner.evaluation.cases import assumption_cases
 from planner.job import model as job_file
-from planner.report import comparison, dossier, run_log
-from planner.report.branches import MOST_SHOWN, key_of, tree_of
+from planner.report import dossier, run_log
+from planner.report.branches import key_of, tree_of
 from planner.report.replay import replay
 from planner.report.run_log import RunLog
 from runtime.table import PPM, dumps, load, wilson_interval
@@ -55,25 +53,12 @@ def test_nothing_comes_from_elsewhere(page, text):
     assert "default-src 'none'" in text
 
 
-def test_links_lead_to_ids_of_the_page(page):
-    ids = {attributes.get("id") for _, attributes in page.elements}
-    links = {attributes["href"][1:] for tag, attributes in page.elements if tag in ("a", "use")}
-    assert links <= ids
-    assert len(links) > len(TABLE.leaves)
-
-
 def test_each_node_and_leaf_has_a_panel_with_a_name_and_facts(page):
     panels = [a for _, a in page.elements if a.get("class", "").startswith("panel")]
     assert len(panels) == len(TABLE.nodes) + len(TABLE.leaves)
     assert all(panel["aria-label"] for panel in panels)
     facts = {a["id"] for tag, a in page.elements if tag == "template"}
     assert facts == {f"about-{panel['id']}" for panel in panels}
-
-
-def test_the_same_table_gives_the_same_bytes(text):
-    assert text == dossier.page(
-        TABLE, JOB, dossier.Source("rectangle.msgpack", dumps(TABLE)), TRIALS
-    )
 
 
 def test_the_summary_is_the_tables_own(text):
@@ -97,16 +82,6 @@ def test_a_bound_stands_beside_the_squeezes_where_one_was_asked_for(tmp_path, te
     assert "as good" not in text
 
 
-def test_a_second_world_is_one_more_row(tmp_path, text, capsys):
-    words = [str(TABLE_PATH), "-o", str(tmp_path / "page.html"), "--trials", "50"]
-    assert report.main([*words, "--world", "planner.world:make"]) == 0
-    page = (tmp_path / "page.html").read_text()
-    assert '<th scope="row">planner.world:make, 50 parts</th>' in page
-    assert page.count('<th scope="row">') == text.count('<th scope="row">') + 1
-    assert report.main([*words, "--world", "nothing:there"]) == 2
-    assert "--world nothing:there" in capsys.readouterr().err
-
-
 def test_parts_are_neither_lost_nor_added():
     beliefs = replay(TABLE, JOB, TRIALS, 0)
     places = {place.panel.key: place for place in tree_of(TABLE, JOB, beliefs, None).places}
@@ -121,17 +96,6 @@ def test_parts_are_neither_lost_nor_added():
             assert sum(way.parts for way in place.ways) + rejected == arrivals[key]
 
 
-def test_few_panels_are_shown_and_the_rest_is_folded_away():
-    tree = tree_of(TABLE, JOB, replay(TABLE, JOB, TRIALS, 0), None)
-
-    def shown(place):
-        return 1 + sum(map(shown, place.heavy))
-
-    assert 2 <= shown(tree.root) <= MOST_SHOWN
-    assert any(place.light for place in tree.places)
-    assert all(place.parent for place in tree.places if place is not tree.root)
-
-
 def test_widths_of_the_script_are_the_tables(data):
     for index, node in enumerate(TABLE.nodes):
         ways = data["nodes"][f"node-{index}"]["ways"]
@@ -139,14 +103,6 @@ def test_widths_of_the_script_are_the_tables(data):
         for way, branch in zip(ways, node.branches, strict=True):
             assert way["low_mm"] == pytest.approx(branch.low_um / 1e3, abs=0.01)
             assert way["high_mm"] == pytest.approx(branch.high_um / 1e3, abs=0.01)
-
-
-def test_each_other_world_differs_from_the_job_and_is_a_job():
-    cases = assumption_cases(JOB)
-    assert (
-        len({case.name for case in cases}) == len({case.job(JOB) for case in cases}) == len(cases)
-    )
-    assert cases[0].job(JOB) == JOB
 
 
 def test_a_name_cannot_break_out_of_the_page(text):
@@ -157,12 +113,6 @@ def test_a_name_cannot_break_out_of_the_page(text):
     assert not [tag for tag, _ in page.elements if tag == "img"]
     assert json.loads(page.scripts["data"])["parts"][0]["reason"] == evil
     assert len([tag for tag, _ in page.elements if tag == "script"]) == 2
-
-
-def test_a_large_table_stays_under_three_megabytes():
-    table = grown_table(5, 800)
-    text = dossier.page(table, JOB, dossier.Source("large.msgpack", b""), 200)
-    assert len(text.encode()) < 3_000_000
 
 
 def journal_of(tmp_path):
@@ -233,26 +183,6 @@ def test_two_plans_and_two_runs_are_compared(tmp_path, capsys):
     assert capsys.readouterr().err.count("\n") == 1
 
 
-def test_jobs_that_differ_are_compared_key_by_key():
-    other = JOB.replaced(goal={"distance_mm": 4.0})
-    plans = [comparison.Plan(name, TABLE, job) for name, job in (("a", JOB), ("b", other))]
-    rows = {row.name: row for row in comparison.of_plans(*plans, 50).rows}
-    assert (rows["job: goal.distance_mm"].this, rows["job: goal.distance_mm"].other) == (
-        "3.0",
-        "4.0",
-    )
-    assert len([name for name in rows if name.startswith("job: ")]) == 1
-
-
-def test_a_sheet_has_what_a_customer_needs_and_no_script(tmp_path, text):
-    sheet = dossier.page(TABLE, JOB, dossier.Source("t", b""), 100, sheet=True)
-    page = Page(sheet)
-    assert page.open == []
-    assert not [tag for tag, _ in page.elements if tag in ("script", "template", "aside")]
-    assert "In other worlds" in sheet
-    assert len(sheet) < 0.5 * len(text)
-
-
 @NEEDED
 def test_the_way_of_a_part_is_chosen_by_hand_by_keys_by_widths_and_from_a_journal(tmp_path):
     branch = max(TABLE.nodes[0].branches, key=lambda branch: branch.probability_ppm)
@@ -314,17 +244,6 @@ def test_takt_stands_on_the_page_as_forecast_and_as_measured(tmp_path, text):
     card = output.read_text().partition("<dt>done within 600 s</dt>")[2].partition("</dd>")[0]
     assert "100.00 % forecast" in card
     assert "measured 50.00 % of 2" in card
-
-
-def test_all_failed_parts_are_listed_before_others(monkeypatch):
-    monkeypatch.setattr(dossier, "LISTED", 3)
-    outcomes = ["reject", "leaf", "leaf", "fault", "leaf"]
-    log = RunLog(
-        [run_log.PartLog(k, outcome=outcome) for k, outcome in enumerate(outcomes)], 1, 0, "", ""
-    )
-    source = dossier.Source("t", b"", log)
-    listed = json.loads(Page(dossier.page(TABLE, JOB, source, 50)).scripts["data"])["parts"]
-    assert [entry["part"] for entry in listed] == [0, 3, 4]
 
 
 def test_wrong_input_is_one_line(tmp_path, capsys):

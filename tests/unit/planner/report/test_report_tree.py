@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from sample_tables import small_table
 
 from planner.job import model as job_file
 from planner.job.model import Job
@@ -60,23 +59,6 @@ def test_readme_picture_shows_the_table_beside_it(table: Table) -> None:
         assert (f"of {leaf.trials}" if leaf.trials else "untried") in said
 
 
-def test_branches_state_their_intervals_and_leaves_their_trials(table: Table, drawn: Path) -> None:
-    said = words(drawn)
-    for node in table.nodes:
-        for branch in node.branches:
-            assert f"{branch.low_um / 1e3:.1f}\N{EN DASH}{branch.high_um / 1e3:.1f}" in said
-    for leaf in table.leaves:
-        assert (f"of {leaf.trials}" if leaf.trials else "untried") in said
-
-
-def test_unresolved_leaves_claim_no_pose(job: Job, tmp_path: Path) -> None:
-    tree.draw(small_table(), job, tmp_path / "small.svg", trials=100)
-    said = words(tmp_path / "small.svg")
-    assert said.count("unresolved") == 1
-    assert "\N{MINUS SIGN}1.2, \N{MINUS SIGN}2.0" in said
-    assert "90.0°" in said
-
-
 @pytest.mark.parametrize("style", [tree.DOWNWARDS, tree.SIDEWAYS], ids=["downwards", "sideways"])
 def test_panels_lie_on_the_page_and_apart(table: Table, job: Job, style: tree.Style) -> None:
     drawing = tree.drawing(table, job, replay(table, job, 100, 0), style)
@@ -86,9 +68,3 @@ def test_panels_lie_on_the_page_and_apart(table: Table, job: Job, style: tree.St
     apart = np.max(np.abs(corners[:, None] - corners), axis=-1) + tree.PANEL * np.eye(len(corners))
     assert np.all(apart >= tree.PANEL)
     assert (drawing.height > drawing.width) == style.sideways
-
-
-def test_same_table_same_bytes(table: Table, job: Job, tmp_path: Path) -> None:
-    for name in ("a.svg", "b.svg"):
-        tree.draw(table, job, tmp_path / name, trials=50)
-    assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()

@@ -46,14 +46,6 @@ def test_a_symmetry_survives_a_drawing_that_is_off_by_little(monkeypatch):
     assert orders == [2, 1]
 
 
-def test_a_long_name_is_no_error(monkeypatch):
-    names = []
-    monkeypatch.setattr(zoo, "compile_job", lambda job, **_: names.append(job.part.name) or 1 / 0)
-    zoo.judge(item([[0, 0], [30, 0], [0, 20]], name="Connector/" * 20 + "last"))
-    assert len(names[0]) == zoo.LONGEST_NAME
-    assert names[0].endswith("/last")
-
-
 def test_an_error_of_the_program_is_reported_and_ends_nothing(monkeypatch):
     monkeypatch.setattr(zoo, "compile_job", lambda *_, **__: 1 / 0)
     row = zoo.judge(item([[0, 0], [30, 0], [0, 20]]))
@@ -73,7 +65,3 @@ def test_a_hexagon_is_located_and_the_page_names_all():
     assert "a &lt;part&gt;" in text
     assert "1 are located" in text
     assert f'<th scope="row">{reasons.TOO_LARGE}</th><td>1</td>' in text
-
-
-def test_a_page_of_nothing_is_a_page():
-    assert "0 outlines" in zoo.page([])

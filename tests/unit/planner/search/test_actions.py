@@ -32,12 +32,6 @@ def test_free_placements_judge_as_the_least_clearance_does(name, least):
     assert not free.all()
 
 
-def test_fixed_actions_are_every_angle_at_every_centre():
-    actions = actions_of(job_file.load(RECTANGLE))
-    np.testing.assert_allclose(actions.placements[:, 2], np.radians([0, 45, 90, 135]))
-    assert np.all(actions.placements[:, :2] == 0.0)
-
-
 def test_proposals_stand_about_the_main_modes_and_within_the_area():
     metric = Metric(3.0, 10.0, 1)
     belief = np.repeat([[5.0, 0.0, 0.0], [-5.0, 0.0, np.pi]], [60, 40], axis=0)
@@ -47,18 +41,6 @@ def test_proposals_stand_about_the_main_modes_and_within_the_area():
     options = actions.options(belief, metric)
     # About the first mode (5 + 7, 0) lies outside; about the second -5 - 7 does.
     np.testing.assert_allclose(options[:, 0], [0.0, 5.0, -5.0], atol=1e-9)
-
-
-def test_hands_all_about_are_shared_by_the_main_modes():
-    metric, area = Metric(3.0, 10.0, 1), np.array([[-99.0, -99.0], [99.0, 99.0]])
-    belief = np.repeat([[50.0, 0.0, 0.0], [-50.0, 0.0, 0.0]], [60, 40], axis=0)
-    proposals = Proposals(
-        np.zeros((0, 3)), problems.random_poses(np.random.default_rng(1), 100, 9.0)
-    )
-    actions = ActionSet(np.zeros((0, 3)), (proposals,), area)
-    assert len(actions.options(belief, metric)) == 0
-    x = actions.scattered(belief, metric, 40)[:, 0]
-    assert (np.sum(x > 0.0), np.sum(x < 0.0)) == (20, 20)
 
 
 def test_first_squeezes_lie_beside_the_middle_and_no_turn_makes_two_of_them_one():

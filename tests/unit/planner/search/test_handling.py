@@ -61,12 +61,6 @@ def test_opening_where_the_job_lists_none_leaves_just_the_room_that_is_needed(fr
     assert handling.opening(few, placement)[0] == free.gripper.opening_mm
 
 
-def test_opening_of_fingers_that_move_unlike_is_the_full_one(free):
-    uneven = free.replaced(gripper={"upper_finger_share": 0.6})
-    belief = Belief.of(np.zeros((1, 3)))
-    assert handling_of(uneven).opening(belief, np.zeros(3))[0] == free.gripper.opening_mm
-
-
 @pytest.mark.parametrize("trait", ["share", "across_mm", "encoder_mm"])
 def test_first_contact_of_a_part_with_something_off_comes_earlier(free, trait):
     poses, placement, handling = np.array([[0.0, 9.0, 0.3]]), np.zeros(3), handling_of(free)
@@ -74,15 +68,6 @@ def test_first_contact_of_a_part_with_something_off_comes_earlier(free, trait):
     plain = handling.contact_mm(Belief.of(poses, traits=traits), placement)
     traits[trait] = {"share": 0.1, "across_mm": -1.4, "encoder_mm": 1.1}[trait]
     assert handling.contact_mm(Belief.of(poses, traits=traits), placement) > plain
-
-
-def test_squeezes_that_may_throw_the_part_are_gentle(job):
-    assert handling_of(job).force_n(0.5) == 10.0
-    assert handling_of(job).force_n(0.0) == 40.0
-
-
-def test_a_part_in_the_middle_is_let_go_where_it_is(job):
-    assert handling_of(job).release(held_at(job, (20.0, -30.0))) is None
 
 
 def test_a_part_near_the_edge_is_dragged_to_the_middle(job):

@@ -10,7 +10,6 @@ from planner.belief.particles import PUSHED, UNREAD, Belief, initial
 from planner.belief.transition import Push
 from planner.frames import to_hand
 from planner.job import model as job_file
-from planner.lower import _push
 from planner.mechanics.clearance import STANDS_ON, classify_contact
 from planner.problem import Problem
 from planner.search.actions import actions_of
@@ -93,11 +92,6 @@ def test_none_begins_or_ends_outside_the_work_area(job, belief):
     assert pusher_of(Problem.of(narrow, 1)).options(belief) == []
 
 
-def test_a_belief_of_one_particle_is_pushed_as_any(pusher, belief):
-    one = read(belief)[np.arange(1)]
-    assert len(pusher.options(one)) == len(pusher.options(read(belief)))
-
-
 def test_a_pushed_belief_is_touched_and_keeps_what_was_read(pusher, belief):
     push = pusher.options(belief)[0]
     pushed = pusher.model.push(belief, push, np.random.default_rng(4))
@@ -135,11 +129,6 @@ def test_best_second_push_begins_clear_of_all_that_the_first_has_moved(pusher, b
         for push in (second, pushes[1])
     ]
     assert ends[0] == pytest.approx(ends[1])
-
-
-def test_a_table_pushes_where_the_plan_does_as_fast_as_a_finger_closes(job):
-    result = _push(Push(np.array([1.2345, -2.0, 0.5]), 21.25, 40.0), job)
-    assert result == (1234, -2000, 500_000, 21_250, 40_000, 30_000)
 
 
 def test_a_job_that_states_that_nothing_is_pushed_is_the_job_that_does_not(job):

@@ -59,14 +59,6 @@ def test_rank_many_grasp_poses_sorts_finalists_by_cost():
     assert np.all(options.cost_to_go >= least)  # one squeeze at least
 
 
-def test_rank_belief_without_grasp_poses_returns_no_option():
-    problem = Problem.of(job_file.load(GUSSET), 1)
-    belief = Belief.of(initial(problem.job, 20, np.random.default_rng(7)))
-    ranking = Ranking(problem, actions_of(problem.job))
-    (options,) = ranking.rank([Asked(belief, np.zeros((0, 3)), None)], np.random.default_rng(8))
-    assert len(options.placements) == len(options.cost_to_go) == 0
-
-
 def test_unlike_random_grasp_poses_leaves_no_variants_and_drops_nothing_else():
     rng = np.random.default_rng(9)
     grasps = rng.uniform([-15.0, -15.0, 0.0], [15.0, 15.0, np.pi], (60, 3))

@@ -190,15 +190,6 @@ def read_at(root, count, size):
     return Belief.of(np.tile(root.children[0].mode.pose, (size, 1)), np.full(size, count))
 
 
-def test_absorb_strays_next_to_a_branch_makes_it_reach_them(tree):
-    search, root = deepcopy(tree)
-    clusters, children = root.squeeze.clusters, len(root.children)
-    search.absorb(root, {}, {0: read_at(root, int(clusters.low[-1]) - 1, 1)})
-    assert len(root.children) == children
-    assert root.squeeze.clusters.low[-1] == clusters.low[-1] - 1
-    assert root.squeeze.clusters.low[-1] <= clusters.low[-1] - 1
-
-
 @pytest.mark.parametrize("size", [LEAST_STRAYS - 1, LEAST_STRAYS])
 def test_absorb_strays_far_from_all_branches_are_one_where_there_are_several(tree, size):
     search, root = deepcopy(tree)

@@ -24,12 +24,3 @@ def test_pruned_branch_leaves_its_subtree_out_and_the_tree_as_it_was():
     assert kept.squeeze.clusters.mean == pytest.approx(root.squeeze.clusters.mean[[1]])
     assert np.array_equal(kept.children[0].belief.poses, root.children[1].belief.poses)
     assert root.squeeze.clusters.low[0] not in kept.squeeze.clusters.low
-
-
-def test_pruned_with_all_branches_is_the_same_plan():
-    root = grown()
-    same = pruned(
-        root, [list(range(len(node.children))) for node in breadth_first(root) if node.children]
-    )
-    for one, other in zip(breadth_first(root), breadth_first(same), strict=True):
-        assert (one.share, one.depth) == (other.share, other.depth)

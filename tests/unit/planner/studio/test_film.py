@@ -50,9 +50,3 @@ def test_a_film_places_the_hand_by_the_table(table):
 def test_a_part_that_is_not_in_the_log_is_refused(table, number):
     with pytest.raises(UsageError, match="not in the log"):
         film(table, [{"number": 7, "path": [0], "squeezes": []}], number)
-
-
-@pytest.mark.parametrize("path", [[99999], [-1], ["0"]])
-def test_a_path_that_is_none_of_the_table_is_refused(table, path):
-    with pytest.raises(UsageError, match="not in the log"):
-        film(table, [{"number": 7, "path": path, "squeezes": [SQUEEZED]}], "7")

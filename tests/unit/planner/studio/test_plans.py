@@ -10,7 +10,7 @@ from planner.studio import plans as studio_plans
 from planner.studio.folder import Folder
 from planner.studio.plans import Plans
 from planner.studio.steps import written_for
-from runtime.shell.errors import InputError, UsageError
+from runtime.shell.errors import UsageError
 
 PLANNER = """
 import json, pathlib, sys, time
@@ -36,11 +36,6 @@ def test_a_setting_stays_one_argument(plans):
 def test_unknown_settings_are_refused(plans, settings):
     with pytest.raises(UsageError):
         plans.arguments("plate.csv", settings)
-
-
-def test_a_drawing_that_is_gone_is_refused(plans):
-    with pytest.raises(InputError, match="no file of this folder"):
-        plans.arguments("gone.csv", {})
 
 
 def test_one_plan_at_a_time_is_under_way_for_all_who_look(plans, monkeypatch):

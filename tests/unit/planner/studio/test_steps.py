@@ -86,9 +86,3 @@ def test_other_discs_and_goals_are_tried_until_one_is_too_much(ran, tmp_path):
     assert all(row["enough"] for row in goals)
     assert discs[0]["command"].startswith("squeezetree plan a.toml -o a.what-if --vary")
     assert not [line for line in lines if line.startswith("ran plan")]  # said by nobody
-
-
-def test_typed_is_what_a_shell_takes_for_the_same():
-    words = ["try", "a b.dxf", "--radius=5", "-o", "a.toml"]
-    assert steps.typed(words) == "squeezetree try 'a b.dxf' --radius 5 -o a.toml"
-    assert steps.beginning("-a.dxf") == "./-a.dxf"

@@ -36,9 +36,3 @@ def test_a_value_is_too_much_where_fewer_parts_are_located_than_asked_for(tmp_pa
     ):
         (tmp_path / "summary.json").write_text(json.dumps([row]))
         assert trial.result(20.0, tmp_path / "summary.json")["enough"] == enough
-
-
-def test_a_job_that_is_gone_or_states_neither_is_not_tried(tmp_path):
-    assert list(trials_of(tmp_path / "gone.toml")) == []
-    (tmp_path / "a.toml").write_text("seed = 1")
-    assert list(trials_of(tmp_path / "a.toml")) == []

@@ -32,15 +32,6 @@ def test_a_budget_ends_when_only_the_reserve_is_left(clock):
     assert limit.over(1.5)
 
 
-def test_time_before_the_start_is_not_on_the_budget(clock):
-    limit = Limit(10.0, clock)
-    clock.now += 50.0
-    assert limit.over()
-    limit.start()
-    assert limit.spent_s == 0.0
-    assert not limit.over()
-
-
 def test_without_a_budget_only_a_request_ends_the_work(clock):
     limit = Limit(clock=clock)
     limit.reserve_s = 1e9

@@ -51,11 +51,6 @@ class TestThreads:
         assert len(begun) < 50
 
 
-def test_items_run_at_the_same_time():
-    meeting = threading.Barrier(3, timeout=10)
-    assert list(Threads(3).map(lambda k: meeting.wait() >= 0 and k, range(3))) == [0, 1, 2]
-
-
 def test_work_within_work_ends():
     """Its own items, and those of threads that it waits for: none takes the place of what it waits for."""
 
@@ -94,13 +89,6 @@ def test_a_forked_process_has_threads_of_its_own():
     process.start()
     process.join(timeout=60)
     assert process.exitcode == 0
-
-
-def test_without_an_address_there_are_threads():
-    with scheduler_of(None, 3) as scheduler:
-        assert scheduler.workers == 3
-    with scheduler_of() as scheduler:
-        assert scheduler.workers >= 1
 
 
 @pytest.mark.parametrize(

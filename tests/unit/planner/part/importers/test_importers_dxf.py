@@ -46,12 +46,6 @@ def lines(space, points=RECTANGLE, gap=0.0):
         space.add_line((x + gap, y), points[(k + 1) % len(points)])
 
 
-def test_polyline_in_millimetres(tmp_path):
-    result = read(drawn(tmp_path, lambda m, d: polyline(m)))
-    is_rectangle(result)
-    assert "units: millimeters, as the file says" in result.notes
-
-
 @pytest.mark.parametrize(("code", "mm"), [(1, 25.4), (5, 10.0), (4, 1.0)])
 def test_units_of_the_file_are_believed(tmp_path, code, mm):
     is_rectangle(read(drawn(tmp_path, lambda m, d: polyline(m), units=code)), mm)
@@ -65,21 +59,6 @@ def test_unitless_asks_for_units(tmp_path):
     is_rectangle(read(path, units="in"), 25.4)
 
 
-def test_a_drawing_of_old_that_knows_no_units_asks_for_them(tmp_path):
-    path = drawn(tmp_path, lambda m, d: lines(m), version="R12")
-    text = path.read_text()
-    assert "INSUNITS" not in text
-    with pytest.raises(UsageError, match="--units"):
-        read(path)
-    is_rectangle(read(path, units="mm"))
-
-
-def test_stated_units_overrule_the_file_and_say_so(tmp_path):
-    result = read(drawn(tmp_path, lambda m, d: polyline(m), units=1), units="mm")
-    is_rectangle(result)
-    assert any("overruled" in note for note in result.notes)
-
-
 def test_single_lines_in_any_order_and_sense_are_joined(tmp_path):
     def draw(space, document):
         for a, b in ((2, 3), (1, 0), (2, 1), (3, 0)):
@@ -88,18 +67,9 @@ def test_single_lines_in_any_order_and_sense_are_joined(tmp_path):
     is_rectangle(read(drawn(tmp_path, draw)))
 
 
-def test_ends_that_nearly_meet_are_joined(tmp_path):
-    is_rectangle(read(drawn(tmp_path, lambda m, d: lines(m, gap=0.004))))
-
-
 def test_an_open_contour_says_where(tmp_path):
     with pytest.raises(InputError, match=r"open at .* 0\.5 mm away; close it"):
         read(drawn(tmp_path, lambda m, d: lines(m, gap=0.5)))
-
-
-def test_a_polyline_that_was_not_closed_is_open(tmp_path):
-    with pytest.raises(InputError, match=r"open at .* 21 mm away"):
-        read(drawn(tmp_path, lambda m, d: polyline(m, close=False)))
 
 
 @pytest.mark.parametrize("tolerance", [0.005, 0.02, 0.1])
@@ -151,24 +121,6 @@ def test_several_parts_are_listed_to_choose_from(tmp_path):
         read(path, contour=3)
 
 
-def test_a_contour_drawn_twice_is_one(tmp_path):
-    def draw(space, document):
-        polyline(space)
-        polyline(space, RECTANGLE[2:] + RECTANGLE[:2])
-
-    result = read(drawn(tmp_path, draw))
-    is_rectangle(result)
-    assert any("drawn twice" in note for note in result.notes)
-
-
-def test_blocks_are_written_out_with_their_scale(tmp_path):
-    def draw(space, document):
-        polyline(document.blocks.new("PART"))
-        space.add_blockref("PART", (100, 50), dxfattribs={"xscale": 2, "yscale": 2, "rotation": 90})
-
-    is_rectangle(read(drawn(tmp_path, draw)), 2.0)
-
-
 def test_a_block_of_blocks_that_explodes_is_refused(tmp_path):
     def draw(space, document):
         document.blocks.new("B0").add_line((0, 0), (1, 0))
@@ -208,17 +160,6 @@ def test_a_figure_of_eight_is_refused_with_its_place(tmp_path):
         read(drawn(tmp_path, lambda m, d: polyline(m, crossed)))
 
 
-def test_a_contour_that_touches_itself_is_refused_with_its_place(tmp_path):
-    touching = [(0, 0), (10, 0), (10, 10), (5, 5), (0, 10), (-5, 10), (5, 5), (-5, 0)]
-    with pytest.raises(InputError, match=r"touches itself at \(5, 5\)"):
-        read(drawn(tmp_path, lambda m, d: polyline(m, touching)))
-
-
-def test_far_from_the_origin_is_no_matter(tmp_path):
-    far = [(x + 4.5e6, y - 5.3e6) for x, y in RECTANGLE]
-    is_rectangle(read(drawn(tmp_path, lambda m, d: polyline(m, far))))
-
-
 @pytest.mark.parametrize("scale", [0.01, 1e4])
 def test_an_impossible_size_asks_about_the_unit(tmp_path, scale):
     points = [(x * scale, y * scale) for x, y in RECTANGLE]
@@ -243,33 +184,6 @@ def test_a_mirrored_plane_is_seen_from_above(tmp_path):
     assert (
         np.count_nonzero(np.isclose(result.outline_mm[:, 0], right)) == 2
     )  # its upright edge is on the right
-
-
-def test_text_dimensions_and_hidden_layers_are_no_outline(tmp_path):
-    def draw(space, document):
-        polyline(space)
-        space.add_text("30 x 21")
-        space.add_point((3, 3))
-        document.layers.add("FRAME").off()
-        space.add_lwpolyline(
-            [(-50, -50), (90, -50), (90, 90), (-50, 90)], close=True, dxfattribs={"layer": "FRAME"}
-        )
-
-    result = read(drawn(tmp_path, draw))
-    is_rectangle(result)
-    assert any("1 POINT, 1 TEXT" in note for note in result.notes)
-
-
-def test_bytes_that_are_no_drawing_are_not_taken_for_an_empty_one(tmp_path):
-    path = tmp_path / "part.dxf"
-    path.write_bytes(np.random.default_rng(1).bytes(2000))
-    with pytest.raises(InputError, match="is no DXF file"):
-        read(path)
-
-
-def test_a_drawing_without_shapes_says_so(tmp_path):
-    with pytest.raises(InputError, match="no closed contour"):
-        read(drawn(tmp_path, lambda m, d: m.add_text("nothing")))
 
 
 def text_of(version="R2010"):
@@ -325,22 +239,6 @@ def test_missing_files_and_other_suffixes(tmp_path):
         read(drawn(tmp_path, lambda m, d: polyline(m)), tolerance_mm=0.0)
 
 
-def on_layers(space, _):
-    space.add_lwpolyline(RECTANGLE, close=True, dxfattribs={"layer": "part"})
-    space.add_lwpolyline(
-        [(x + 100, y) for x, y in RECTANGLE], close=True, dxfattribs={"layer": "tool"}
-    )
-
-
-def test_one_layer_alone_is_read(tmp_path):
-    path = drawn(tmp_path, on_layers)
-    is_rectangle(read(path, layer="Part"))
-    with pytest.raises(UsageError, match="2 contours"):
-        read(path)
-    with pytest.raises(UsageError, match=r"choose --layer of: .*part, tool"):
-        read(path, layer="rim")
-
-
 @pytest.mark.parametrize("sheet", [(297, 210), (420 - 30, 297 - 20)])
 def test_the_frame_of_a_sheet_is_left_out(tmp_path, sheet):
     def draw(space, _):
@@ -350,20 +248,6 @@ def test_the_frame_of_a_sheet_is_left_out(tmp_path, sheet):
     result = read(drawn(tmp_path, draw))
     is_rectangle(result)
     assert any("frame of a sheet" in note for note in result.notes)
-
-
-def test_a_plate_as_large_as_a_sheet_but_empty_is_a_part(tmp_path):
-    plate = [(0, 0), (297, 0), (297, 210), (0, 210)]
-    assert sorted(read(drawn(tmp_path, lambda m, d: polyline(m, plate))).size_mm) == [210, 297]
-
-
-def test_an_open_outline_about_a_closed_hole_is_reported_with_its_gap(tmp_path):
-    def draw(space, _):
-        lines(space, gap=0.5)
-        space.add_circle((15, 10), 3)
-
-    with pytest.raises(InputError, match=r"open at .* 0\.5 mm away; close it"):
-        read(drawn(tmp_path, draw))
 
 
 def test_holes_lie_in_the_outline_and_the_origin_is_the_drawings(tmp_path):

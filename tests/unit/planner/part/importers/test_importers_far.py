@@ -4,14 +4,12 @@ import math
 
 import numpy as np
 import pytest
-import shapely
-from drawings import area, dxf, notes, read
+from drawings import area, dxf, read
 
 from planner.cli import init
 from planner.job import model as job_file
 
 BRACKET = [(0, 0), (40, 0), (40, 10), (15, 10), (15, 25), (0, 25)]
-BRACKET_MM2 = 625.0
 FLAGS = [
     "--radius",
     "3",
@@ -49,16 +47,6 @@ def test_job_of_a_drawing_far_away_has_a_datum_at_the_part(tmp_path, capsys, sit
     assert np.allclose(
         np.sort(part.outline_mm - part.datum[:2], axis=0), np.sort(drawn, axis=0), atol=2e-3
     )
-
-
-@pytest.mark.parametrize("site_mm", [(0, 0), (9900, -9900)])
-def test_datum_is_the_origin_of_a_drawing_near_it(tmp_path, site_mm):
-    imported = read(
-        dxf(tmp_path, lambda space, _: space.add_lwpolyline(moved(BRACKET, site_mm), close=True))
-    )
-    centre = np.add(shapely.Polygon(BRACKET).centroid.coords[0], site_mm)
-    assert np.allclose(imported.origin_mm, -centre, atol=1e-3)
-    assert "datum" not in notes(imported)
 
 
 def small_bulges(space, x, y):

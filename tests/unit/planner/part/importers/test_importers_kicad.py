@@ -40,12 +40,6 @@ def test_lines_make_the_body_and_y_points_down(tmp_path):
     assert {tuple(map(float, np.rint(corner))) for corner in corners} == {(0, 0), (0, 10), (30, 10)}
 
 
-def test_other_layers_are_not_the_body(tmp_path):
-    silk = lines((-50, -50), (50, -50), (50, 50), (-50, 50), layer='(layer "F.SilkS") (width 0.1))')
-    result = read(tmp_path, *silk, f"(fp_rect (start -10 -5) (end 10 5) {FAB}")
-    assert result.size_mm.tolist() == [20, 10]
-
-
 @pytest.mark.parametrize(
     "arc",
     [
@@ -60,24 +54,6 @@ def test_a_half_disc_by_its_arc_as_either_version_writes_it(tmp_path, arc):
     assert shapely.Polygon(result.outline_mm).area == pytest.approx(12.5 * math.pi, rel=0.01)
     assert result.size_mm == pytest.approx([5, 10], abs=0.05)
     assert result.outline_mm[:, 0].max() == pytest.approx(5 - 20 / (3 * math.pi), abs=0.05)
-
-
-def test_circles_and_polygons(tmp_path):
-    disc = read(tmp_path, f"(fp_circle (center 3 4) (end 9 4) {FAB}")
-    assert shapely.Polygon(disc.outline_mm).area == pytest.approx(36 * math.pi, rel=0.01)
-    poly = read(tmp_path, f"(fp_poly (pts (xy 0 0) (xy 9 0) (xy 9 3)) {FAB}")
-    assert shapely.Polygon(poly.outline_mm).area == pytest.approx(13.5)
-
-
-def test_what_cannot_be_read_is_reported_in_one_line(tmp_path):
-    with pytest.raises(InputError, match="not a KiCad footprint"):
-        read(tmp_path, head="(kicad_pcb")
-    with pytest.raises(InputError, match="cannot be read"):
-        read(tmp_path, f"(fp_line (start 0 x) (end 1 1) {FAB}")
-    with pytest.raises(InputError, match="cannot be read"):
-        read(tmp_path, f"(fp_arc (start 0 0) (end 1 1) {FAB}")
-    with pytest.raises(InputError):
-        read(tmp_path, f"(fp_arc (start 0 0) (mid 0 0) (end 0 0) {FAB}")
 
 
 D_AREA = 400 + 50 * math.pi  # a square of 20 mm and half a disc on one side

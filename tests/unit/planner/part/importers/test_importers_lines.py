@@ -91,12 +91,6 @@ def test_arc_drawn_twice_otherwise_is_one(tmp_path):
     assert "drawn twice" in notes(part)
 
 
-def test_lines_drawn_twice_are_noted_with_their_length(tmp_path):
-    part = read(dxf(tmp_path, lambda space, _: [lines(space) for _ in range(2)]))
-    assert "120 mm of lines drawn twice" in notes(part)
-    assert len(part.outline_mm) == 4
-
-
 def bends(*xs, low=0.0, high=20.0, layer="BEND"):
     def draw(space, _):
         lines(space)
@@ -244,28 +238,6 @@ def test_dimension_lines_that_bound_another_contour_are_refused(tmp_path, layer,
         assert area(read(path, layer="cut")) == pytest.approx(PLATE_MM2)
 
 
-def test_dimension_entities_are_no_lines(tmp_path):
-    def draw(space, _):
-        lines(space)
-        dimension = space.add_linear_dim(
-            base=(0, -6), p1=(0, 0), p2=(40, 0), override={"dimexo": 0}
-        )
-        dimension.render()
-
-    part = read(dxf(tmp_path, draw))
-    assert area(part) == pytest.approx(PLATE_MM2)
-    assert "1 DIMENSION" in notes(part)
-
-
-def test_wide_open_outline_about_a_hole_is_refused(tmp_path):
-    def draw(space, _):
-        space.add_lwpolyline([(0, 0), (40, 0), (40, 20), (0, 20)])  # not closed: 20 mm are missing
-        space.add_circle((20, 10), 4)
-
-    with pytest.raises(InputError, match="20 mm away; close it"):
-        read(dxf(tmp_path, draw))
-
-
 @pytest.mark.parametrize("seed", range(6))
 def test_regions_are_those_of_a_slow_twin(seed):
     """Random lines and boxes: the regions' union is that of the bounded faces by shapely alone."""
@@ -283,3 +255,12 @@ def test_regions_are_those_of_a_slow_twin(seed):
             shapely.LinearRing(region.ring), shapely.LinearRing(following.ring)
         )
         assert edge.length < 1e-5
+
+
+def test_wide_open_outline_about_a_hole_is_refused(tmp_path):
+    def draw(space, _):
+        space.add_lwpolyline([(0, 0), (40, 0), (40, 20), (0, 20)])  # not closed: 20 mm are missing
+        space.add_circle((20, 10), 4)
+
+    with pytest.raises(InputError, match="20 mm away; close it"):
+        read(dxf(tmp_path, draw))

@@ -28,16 +28,6 @@ def solid(tmp_path, mesh, **how):
     return path
 
 
-def test_a_block_is_cut_into_its_rectangle(tmp_path):
-    path = solid(tmp_path, trimesh.creation.box((30, 21, 8)))
-    result = read(path, units="mm")
-    assert outlines.area(result.outline_mm) == pytest.approx(630, rel=1e-4)
-    assert len(result.outline_mm) == 4
-    assert any("above the tips, 4 of 8 mm" in note for note in result.notes)
-    with pytest.raises(UsageError, match="never says its units"):
-        read(path)
-
-
 def test_the_height_of_the_cut_matters(tmp_path):
     path = solid(tmp_path, trimesh.creation.cone(20.0, 40.0, sections=64))
     low, high = (read(path, units="mm", height_mm=height).size_mm.max() for height in (10.0, 30.0))
@@ -176,13 +166,6 @@ def test_no_triangle_above_the_tips_is_lost_however_the_solid_lies(tmp_path, kin
     middles = above.triangles_center[:, :2] + result.origin_mm
     shadow = shapely.buffer(shapely.Polygon(result.outline_mm, result.holes_mm), 0.05)
     assert shapely.covers(shadow, shapely.points(middles)).all()
-
-
-def test_what_is_wider_below_the_tips_is_noted(tmp_path):
-    result = read(solid(tmp_path, SILHOUETTES["mushroom upside down"][0]), units="mm")
-    assert any("below the tips it is up to 11.2 mm wider" in note for note in result.notes)
-    result = read(solid(tmp_path, SILHOUETTES["mushroom"][0]), units="mm")
-    assert not any("wider" in note for note in result.notes)
 
 
 def opened(body, *missing):

@@ -1,6 +1,5 @@
 """CSV files as outlines; the time limit; the order of a symmetric part."""
 
-import threading
 import time
 
 import numpy as np
@@ -82,19 +81,6 @@ def test_reading_ends_when_its_time_is_over():
     time.sleep(0.3)  # the alarm is off
 
 
-def test_no_alarm_outside_the_main_thread():
-    done = []
-
-    def body():
-        with time_limit("x.dxf", 1.0):
-            done.append(True)
-
-    thread = threading.Thread(target=body)
-    thread.start()
-    thread.join()
-    assert done
-
-
 @pytest.mark.parametrize("tolerance", [1.0, 0.01, 1e-4])
 def test_chords_stay_within_the_tolerance(tolerance):
     def curve(t):
@@ -104,11 +90,3 @@ def test_chords_stay_within_the_tolerance(tolerance):
     middles = 0.5 * (points[1:] + points[:-1])
     assert np.abs(10 - np.hypot(*middles.T)).max() <= tolerance
     assert np.allclose(points[[0, -1]], curve(np.array([0.0, 1.0])))
-
-
-@pytest.mark.parametrize("order", [3, 5, 6])
-def test_symmetry_is_found(tmp_path, order):
-    angles = 2 * np.pi * np.arange(order) / order
-    path = tmp_path / "part.csv"
-    path.write_text("\n".join(f"{20 * np.cos(a) + 7},{20 * np.sin(a) - 3}" for a in angles))
-    assert read(path, units="mm").symmetry == order

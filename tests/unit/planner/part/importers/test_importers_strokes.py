@@ -112,12 +112,6 @@ def test_narrow_gaps_are_closed(tmp_path, name):
     assert area(read(dxf(tmp_path, draw))) == pytest.approx(PLATE_MM2, rel=1e-3)
 
 
-def test_polyline_that_nearly_ends_on_itself_is_closed(tmp_path):
-    points = [(10, 0.01), (10, -5), (20, -5), (20, 0), (40, 0), (40, 20), (0, 20), (0, 0), (20, 0)]
-    part = read(dxf(tmp_path, lambda space, _: space.add_lwpolyline(points)))
-    assert area(part) == pytest.approx(850, rel=1e-3)
-
-
 @pytest.mark.parametrize("where_mm", [(12e3, -500), (5e8, 3e8), (-3.4e9, 5.8e9)])
 @pytest.mark.parametrize("turn", [0.0, 0.3])
 def test_noding_does_not_depend_on_where_the_drawing_lies(tmp_path, where_mm, turn):

@@ -67,16 +67,6 @@ def test_what_tells_no_scale_asks_for_units(tmp_path, name):
     is_rectangle(read(path, units="mm"))
 
 
-def test_units_overrule_the_file_and_say_so(tmp_path):
-    result = read(written(tmp_path, RECT, SIZES["half scale"][0]), units="mm")
-    is_rectangle(result)
-    assert any("overruled" in note for note in result.notes)
-
-
-def test_names_of_any_alphabet_are_read(tmp_path):
-    is_rectangle(read(written(tmp_path, RECT, f'{MM} \u00c9paisseur="3"')))
-
-
 def test_a_stretched_drawing_is_refused(tmp_path):
     size = 'width="100mm" height="50mm" viewBox="0 0 100 100"'
     with pytest.raises(InputError, match="two different scales"):
@@ -127,20 +117,6 @@ def test_a_cubic_keeps_its_area(tmp_path):
     t = np.linspace(0, 1, 100_001)
     x, y = 30 * (3 * t**2 * (1 - t) + t**3), 60 * t * (1 - t)
     assert area == pytest.approx(float(np.sum(0.5 * (y[1:] + y[:-1]) * np.diff(x))), rel=2e-3)
-
-
-def test_holes_of_one_path_are_ignored_with_a_note(tmp_path):
-    body = '<path d="M0 0 h30 v21 h-30 z M5 5 h5 v5 h-5 z" fill-rule="evenodd"/>'
-    result = read(written(tmp_path, body))
-    is_rectangle(result)
-    assert any("1 inner contour (holes) ignored" in note for note in result.notes)
-
-
-def test_several_contours_are_listed(tmp_path):
-    path = written(tmp_path, RECT + '<circle cx="80" cy="80" r="5"/>')
-    with pytest.raises(UsageError, match="1: 30 x 21 mm; 2: 10 x 10 mm"):
-        read(path)
-    is_rectangle(read(path, contour=1))
 
 
 REFUSED = {
@@ -194,3 +170,9 @@ def test_what_is_no_svg_is_refused(tmp_path, data):
     with pytest.raises(InputError) as caught:
         read(path)
     assert "\n" not in str(caught.value)
+
+
+def test_units_overrule_the_file_and_say_so(tmp_path):
+    result = read(written(tmp_path, RECT, SIZES["half scale"][0]), units="mm")
+    is_rectangle(result)
+    assert any("overruled" in note for note in result.notes)
