@@ -96,12 +96,3 @@ def test_turned_plans_are_covered_once_and_the_plan_itself_is(job, table):
     dense = placements_of(job, table, dense=True)
     assert len(dense.first) == 2  # over the middle, and to one side of it
     assert len(dense((0, seen))) == count + 36
-
-
-def test_placements_do_not_depend_on_what_was_asked_before(table):
-    job = job_file.load(TREES / "butterfly-15" / "job.toml")
-    one, other = placements_of(job, table), placements_of(job, table)
-    histories = [(0, 300), (0, 310), (0, 300, 1, 300), (0, 310, 2, 320), (0, 300, 1, 320)]
-    results = [one(history) for history in histories]
-    for placements, history in zip(results[::-1], histories[::-1], strict=True):
-        assert np.array_equal(placements, other(history))

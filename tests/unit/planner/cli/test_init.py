@@ -18,8 +18,6 @@ from planner.job import model as job_file
 from planner.job.drafts import FINGERS, GRIPPERS
 from planner.job.fields import REQUIRED
 from planner.job.schema import ABSENT_SECTIONS, FIELDS
-from planner.part.importers.file import read_outline
-from planner.part.importers.pieces import Options
 from runtime.table import PROFILES, timing
 
 pytestmark = pytest.mark.slow
@@ -45,19 +43,6 @@ def draw(path, units):
 def words(drawing, output, *more):
     flags = ["--radius", "8", "--gripper", "robotiq-2f-85", "--fingers", "rubber"]
     return [str(drawing), "-o", str(output), *flags, *more]
-
-
-def test_flags_give_a_job_with_the_outline_of_the_drawing(drawing, tmp_path, capsys):
-    output = tmp_path / "job.toml"
-    assert init.main(words(drawing, output)) == 0
-    job = job_file.load(output)
-    assert job.part.name == "bracket"
-    assert np.allclose(job.part.outline_mm, read_outline(drawing, Options()).outline_mm, atol=1e-3)
-    assert (job.friction.finger_part_min, job.friction.finger_part_max) == FINGERS["rubber"][:2]
-    assert job.uncertainty.radius_mm == 8.0
-    out = capsys.readouterr().out
-    assert "32.000 x 24.000 mm" in out
-    assert "symmetry: none" in out
 
 
 def test_the_defaults_that_the_comments_show_are_the_defaults(drawing, tmp_path):

@@ -11,7 +11,6 @@ from planner.diagnosis.advice import advise, gains_without_noise
 from planner.diagnosis.margins import THIN, Margins, margins_of, near_another
 from planner.evaluation.cases import EVERYTHING, OFFSET, noise_cases
 from planner.evaluation.evaluate import evaluate
-from planner.evaluation.outcome import REJECTED
 from planner.evaluation.trials import encoder_of_table
 from planner.job import model as job_file
 from planner.world import ContactWorlds
@@ -35,18 +34,6 @@ def table():
 @pytest.fixture(scope="module")
 def evaluation(table, job):
     return evaluate(table, job, ContactWorlds.of_job(job, 1), 4000, 2)
-
-
-def test_rejects_of_closed_jaws_that_feel_something_are_distinguished(table, job, evaluation):
-    reading, leaf, squeezes = evaluation.reading.copy(), evaluation.leaf.copy(), evaluation.squeezes
-    for part, (count, felt) in enumerate([(227, True), (226, True), (227, False)]):
-        leaf[part] = REJECTED
-        reading[part, squeezes[part] - 1] = 2 * count + felt
-    result = advise(table, replace(evaluation, reading=reading, leaf=leaf, squeezes=squeezes), job)
-    assert result.pinched == 1.0 / len(leaf)
-    assert result.rejected >= 3.0 / len(leaf)
-    pinched = result._replace(pinched=0.02, failing=0.03)
-    assert any("thinner than a count" in line for line in pinched.lines())
 
 
 def test_pairs_are_close_or_overlap_and_no_others(table, job, evaluation):

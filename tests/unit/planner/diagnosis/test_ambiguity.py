@@ -90,15 +90,3 @@ def test_a_pose_that_few_parts_have_is_named_with_its_share(table, marked, evalu
     assert abs(wrap(row.where.poses[0, 2] - row.where.poses[1, 2] - math.pi)) < 0.1
     assert row.separator is not None
     assert "(98.0%) or" in row.line()
-
-
-def test_parts_that_scatter_about_one_pose_are_no_second_pose(table, marked, evaluation):
-    n = len(evaluation.leaf)
-    poses = scattered(n, np.random.default_rng(5), 0.2)
-    goal = table.goal.distance_um / 1e3
-    poses[: n // 50, 0] += 1.5 * goal
-    (row,) = ambiguities(table, in_one_leaf(evaluation, poses), marked)
-    assert len(row.where.poses) == 1
-    assert row.separator is None
-    assert 1.5 < row.where.scatter < 2.0
-    assert "ask for less" in row.line()

@@ -170,24 +170,6 @@ def test_a_bias_displaces_the_hand_in_the_world(job):
     assert np.allclose(world.seen[:200], to_hand(evaluation.initial, place))
 
 
-def test_placement_errors_have_the_stated_spread(job):
-    table, world = spread_table(), Wrung()
-    error = Disturbance(placement_mm=0.7, placement_deg=1.5)
-    evaluation = evaluate(table, job, world, 1000, seed=9, disturbance=error)
-    seen = np.array(world.seen[:1000])
-    turned = evaluation.initial[:, 2] - placement_of(table.nodes[0].squeeze)[2] - seen[:, 2]
-    assert np.degrees(turned).std() == pytest.approx(1.5, rel=0.1)
-    assert abs(np.degrees(turned).mean()) < 0.2
-    back = np.array([to_world(pose, np.array([0, 0, 0.0])) for pose in seen])
-    angle = placement_of(table.nodes[0].squeeze)[2] + turned
-    c, s = np.cos(angle), np.sin(angle)
-    hand = evaluation.initial[:, :2] - np.column_stack(
-        [c * back[:, 0] - s * back[:, 1], s * back[:, 0] + c * back[:, 1]]
-    )
-    offset = hand - placement_of(table.nodes[0].squeeze)[:2]
-    assert offset.std(axis=0) == pytest.approx([0.7, 0.7], rel=0.1)
-
-
 def test_a_part_under_a_finger_ends_its_trial_and_is_a_failure(job):
     class Blocked(Wrung):
         """Half of the parts are stood on, and those are never squeezed."""

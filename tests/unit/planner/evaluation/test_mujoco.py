@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from problems import l_shape, random_convex, random_poses
+from problems import random_convex, random_poses
 
 mujoco = pytest.importorskip("mujoco")
 
-from planner.evaluation.mujoco import TIMESTEP_S, RigidWorld, feet, make  # noqa: E402
+from planner.evaluation.mujoco import TIMESTEP_S, RigidWorld, make  # noqa: E402
 from planner.job import model as job_file  # noqa: E402
 from planner.mechanics.clearance import least_clearance  # noqa: E402
 from planner.mechanics.simulator import Simulator  # noqa: E402
@@ -114,16 +114,6 @@ def test_a_fingers_corner_that_hits_a_side_first_does_not_come_out_behind_it(tur
         assert world.close((-2.07, aside, math.radians(turn_deg)), 0.41) > 14.9  # of 15 mm
 
 
-def test_evenly_spaced_feet_carry_the_same():
-    job = job_of(l_shape(), pressure={"kind": "boundary"})
-    world, points = RigidWorld(job, 0), feet(job)[0]
-    mujoco.mj_step(world.model, world.data, 400)
-    carried = contacts(world, False)[:, 1]
-    weight = 9.81 * world.model.body_mass[1]
-    assert carried.sum() == pytest.approx(weight, rel=1e-3)
-    assert carried == pytest.approx(np.full(len(points), weight / len(points)), rel=0.25)
-
-
 def test_an_open_finger_stands_on_the_part_where_the_planner_says_so():
     world, ours = make(JOB, 0), Simulator.of_job(JOB, workers=1)
     rng = np.random.default_rng(2)
@@ -133,17 +123,6 @@ def test_an_open_finger_stands_on_the_part_where_the_planner_says_so():
     for pose in poses:
         least = least_clearance(ours.outline, ours.jaws, pose[None], np.zeros(3), margin_mm=0.0)
         assert world.collides(tuple(pose), JOB.gripper.opening_mm) == (least < 0.0)
-
-
-def test_the_same_seed_squeezes_alike_and_the_job_bounds_the_friction():
-    pose = (3.0, 2.0, 0.7)
-    assert make(JOB, 5).squeeze(pose) == make(JOB, 5).squeeze(pose)
-    world = make(JOB.replaced(friction={"finger_part_min": 0.3, "finger_part_max": 0.31}), 0)
-    drawn = []
-    world.close = lambda pose, mu: drawn.append(mu) or 0.0
-    for _ in range(20):
-        world.squeeze(pose)
-    assert 0.3 <= min(drawn) < max(drawn) <= 0.31
 
 
 def test_without_the_extra_one_line_says_what_to_install(monkeypatch):

@@ -32,22 +32,6 @@ def document(table, folder):
     return record, validator
 
 
-@pytest.mark.parametrize("form", FORMS)
-def test_files_and_words(form, tree, tmp_path, capsys):
-    out = tmp_path / "made" / form
-    assert export.main([str(tree), "--to", form, "-o", str(out), "--json"]) == 0
-    record = json.loads(capsys.readouterr().out)
-    assert {path.name: path.stat().st_size for path in out.iterdir()} == record["files"]
-    assert set(record["files"]) == {VECTORS, *FORMS[form]}
-    again = tmp_path / "again"
-    again.mkdir()
-    assert export.main([str(tree), "--to", form, "-o", str(again)]) == 0
-    for name in record["files"]:
-        assert (again / name).read_bytes() == (out / name).read_bytes()
-        assert load(tree).digest in (out / name).read_text() or name in (VECTORS, FORMS["json"][1])
-    assert capsys.readouterr().out.count("\n") == 1
-
-
 def test_json_holds_the_whole_table(tmp_path):
     table = every_field_table()
     result, validator = document(table, tmp_path)
@@ -127,3 +111,19 @@ def test_a_prefix_begins_every_name_and_json_has_none(tree, tmp_path, capsys):
         assert not re.findall(r"(?i)squeezetree\w", text.replace("--prefix NAME", ""))
     assert export.main([str(tree), "--to", "json", "-o", str(tmp_path / "j"), "--prefix", "a"]) == 2
     assert "leave it out with --to json" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_files_and_words(form, tree, tmp_path, capsys):
+    out = tmp_path / "made" / form
+    assert export.main([str(tree), "--to", form, "-o", str(out), "--json"]) == 0
+    record = json.loads(capsys.readouterr().out)
+    assert {path.name: path.stat().st_size for path in out.iterdir()} == record["files"]
+    assert set(record["files"]) == {VECTORS, *FORMS[form]}
+    again = tmp_path / "again"
+    again.mkdir()
+    assert export.main([str(tree), "--to", form, "-o", str(again)]) == 0
+    for name in record["files"]:
+        assert (again / name).read_bytes() == (out / name).read_bytes()
+        assert load(tree).digest in (out / name).read_text() or name in (VECTORS, FORMS["json"][1])
+    assert capsys.readouterr().out.count("\n") == 1

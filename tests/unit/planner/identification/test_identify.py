@@ -1,7 +1,6 @@
 """Identification on made-up pairs whose surface is known, and the command that does it."""
 
 import json
-import math
 from pathlib import Path
 
 import numpy as np
@@ -51,15 +50,6 @@ def write_csv(path: Path, pairs: pushes.Pairs) -> Path:
     lines = [",".join(pushes.COLUMNS), *(",".join(map(repr, row)) for row in rows)]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return path
-
-
-def test_friction_is_the_force_that_slides_without_turning():
-    data = identify.normalise(ellipsoid_pairs(40, 0.0, friction=4.0), RHO)
-    along = [np.sqrt(v @ np.linalg.inv(A) @ v) for v in np.eye(3)[:2]]
-    expected = 4.0 * math.sqrt(np.mean(np.square(along)))
-    assert identify.friction(data) == pytest.approx(expected, rel=1e-6)
-    doubled = data._replace(F=2 * data.F)
-    assert identify.friction(doubled) == pytest.approx(2 * expected, rel=1e-6)
 
 
 def test_an_exact_ellipsoid_is_found_by_both_kinds():
@@ -158,18 +148,6 @@ def test_directions_alone_find_an_exact_ellipsoid(kind):
     errors = identify.angles(identify.predict(result.surface, F), limit_surface.twist(A, F))
     assert np.degrees(errors).max() < 1.0
     assert result.friction_n is None
-
-
-def test_magnitudes_of_directions_change_nothing():
-    pairs = rectangle_pairs(80, 0.05)
-    data, other = (identify.directions(in_rho(each)) for each in (pairs, scaled_anyhow(pairs)))
-    for kind in ("ellipsoid", "quartic"):
-        first, second = (
-            identify.fit(each, RHO, kind, np.random.default_rng(0)) for each in (data, other)
-        )
-        F = np.random.default_rng(1).normal(size=(200, 3))
-        twists = (identify.predict(fit.surface, F) for fit in (first, second))
-        assert np.degrees(identify.angles(*twists)).max() < 0.01
 
 
 def write_directions(path: Path, pairs: pushes.Pairs) -> str:

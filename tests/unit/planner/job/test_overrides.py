@@ -36,12 +36,6 @@ class TestSources:
             edited
         )
 
-    def test_one_way_to_state_the_orientation_replaces_the_other(self, source):
-        bounded = [("uncertainty.orientation_halfwidth_deg", "20")]
-        assert job_with(source, bounded).uncertainty.orientation_halfwidth_deg == 20
-        back = [*bounded, ("uncertainty.orientation", "unknown")]
-        assert job_with(source, back) == PARSED
-
     def test_another_kind_of_pressure_drops_the_keys_of_the_old(self, source):
         supports = "[[-10, -5], [10, -5], [0, 6]]"
         changes = [
@@ -125,18 +119,6 @@ def test_what_is_no_value_is_refused(text):
 def test_what_is_no_name_is_refused(name):
     with pytest.raises(UsageError, match="names no value"):
         value_of(name, "1")
-
-
-def test_commas_part_values_unless_they_are_inside_one():
-    assert split("uncertainty.radius_mm=10,12.75, 15") == (
-        "uncertainty.radius_mm",
-        ["10", "12.75", "15"],
-    )
-    assert split("actions.angles_deg=[0, 90],[0, [1, 2]]") == (
-        "actions.angles_deg",
-        ["[0, 90]", "[0, [1, 2]]"],
-    )
-    assert split("part.name=\"a,b\",'c=d'") == ("part.name", ['"a,b"', "'c=d'"])
 
 
 @pytest.mark.parametrize("text", ["", "a.b", "=1", "a.b=", "a.b=1,,2", "a.b=1,"])

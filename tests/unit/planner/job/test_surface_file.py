@@ -59,12 +59,6 @@ def test_a_job_takes_the_file_and_keeps_what_it_holds(surfaces, kind):
     assert job_with(f"rho_mm = {RHO}\n{written}") == taken
 
 
-def test_an_identified_quartic_is_the_one_that_was_fitted(surfaces):
-    pressure = job_with('surface_file = "quartic.toml"', str(surfaces / "job.toml")).pressure
-    surface = quartic.from_certificate(pressure.certificate, pressure.rho_mm)
-    assert np.allclose(surface.coefficients, pressure.quartic, rtol=1e-9, atol=1e-12)
-
-
 ROWS = f"ellipsoid = {A.tolist()}"
 SURFACE_MISTAKES = {
     "nothing": ("", KeyNameError, "missing key rho_mm"),
@@ -111,18 +105,6 @@ def test_a_certificate_that_does_not_fit_is_refused(surfaces):
         text = f"rho_mm = 10\nquartic = {bad_c.tolist()}\ncertificate = {bad_q.tolist()}"
         with pytest.raises(InputError, match="does not show that the quartic is convex"):
             job_with(text)
-
-
-def test_a_canonical_job_may_not_name_a_file(surfaces):
-    text = job_with('surface_file = "ellipsoid.toml"', str(surfaces / "job.toml")).canonical()
-    spoiled = json.loads(text)
-    spoiled["pressure"] = {
-        "kind": "identified",
-        "surface_file": str(surfaces / "ellipsoid.toml"),
-        "wishart_dof": 100,
-    }
-    with pytest.raises(InputError, match="compile again"):
-        job.from_canonical(json.dumps(spoiled))
 
 
 @pytest.mark.parametrize(

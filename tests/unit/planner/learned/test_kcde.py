@@ -6,13 +6,11 @@ from typing import NamedTuple
 import kcde_twin
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from problems import JAWS, LONG_JAWS, random_poses, rectangle, simulator
 from scipy import stats
 
 from planner.learned.kcde import Kcde
-from planner.learned.neighbours import grid_of, keep_nearest, nearest_within, within
+from planner.learned.neighbours import grid_of, nearest_within, within
 from planner.mechanics.clearance import MISSES, STANDS_ON, TOUCHES, classify_contact
 
 pytestmark = pytest.mark.slow
@@ -57,20 +55,6 @@ def test_a_search_finds_what_a_look_at_every_point_finds(n, reach):
         assert least == pytest.approx(square.min())
         assert sorted(grid.row[place[:result]]) == near.tolist()
         assert np.allclose(np.sort(squares[:result]), np.sort(square[near] - square.min()))
-
-
-@given(
-    st.lists(st.sampled_from([0.0, 0.5, 1.0, 2.5, 7.0]), min_size=1, max_size=60),
-    st.integers(1, 60),
-)
-@settings(deadline=None)
-def test_the_nearest_come_to_the_front(values, most):
-    most = min(most, len(values))
-    place, squares = np.arange(len(values)), np.array(values)
-    keep_nearest(place, squares, len(values), most)
-    nearest = np.sort(np.argsort(values, kind="stable")[:most])
-    assert place[:most].tolist() == nearest.tolist()
-    assert squares[:most].tolist() == np.array(values)[nearest].tolist()
 
 
 @pytest.mark.parametrize(("order", "h1"), [(1, 0.5), (2, 1.5), (6, 0.2)])
@@ -141,13 +125,6 @@ def test_parts_that_are_not_touched_stay_to_the_last_bit():
     assert np.all(direct.width_mm[verdict == STANDS_ON] == JAWS[0])
     assert np.any(verdict == MISSES)
     assert np.any(verdict == STANDS_ON)
-
-
-def test_the_number_of_workers_does_not_matter():
-    model = fitted(made_up(3000, 8))
-    poses = random_poses(np.random.default_rng(9), 5000, 8.0)
-    one, four = (model.sample(poses, np.random.default_rng(10), workers) for workers in (1, 4))
-    assert all(np.array_equal(a, b) for a, b in zip(one, four, strict=True))
 
 
 def test_turns_that_nobody_can_tell_apart_make_no_difference():

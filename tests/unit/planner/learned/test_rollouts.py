@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,20 +18,16 @@ from problems import (
 )
 from scipy.stats import kstest
 
-from planner.job import model as job_file
 from planner.learned import rollouts
-from planner.learned.rollouts import roll_block, roll_outs
+from planner.learned.rollouts import roll_outs
 from planner.learned.store import Store, StoreWarning
 from planner.mechanics import quartic_fit
 from planner.mechanics.clearance import STANDS_ON, classify_contact
-from planner.mechanics.simulator import Simulator
 from planner.mechanics.squeeze import UNTOUCHED
 from planner.part.outline import radius_of_gyration
 from planner.part.pressure import Pressure, support
 from planner.work.scheduler import Threads
-from runtime.shell.errors import UnreachableError
 
-JOB = Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml"
 SMALL = {"radius_mm": 10.0, "count": 3000}
 
 
@@ -96,26 +91,11 @@ class TestRegion:
         assert 0 < np.count_nonzero(shared) < len(poses)
 
 
-def test_a_jobs_region_is_three_times_its_uncertainty_as_far_as_fingers_reach():
-    job = job_file.load(JOB)
-    assert rollouts.region_radius(job) == pytest.approx(38.25)
-    reach = math.hypot(27.5 / 2, 85 / 2 + 9.5) + math.hypot(15, 10.5)
-    for radius, expected in ((900, reach), (0, rollouts.RING_MM)):
-        changed = job.replaced(uncertainty={"radius_mm": radius})
-        assert rollouts.region_radius(changed) == pytest.approx(expected)
-
-
 def test_starts_cover_the_disc_evenly_and_at_any_angle(small):
     x, y, theta = small.initial.T
     assert kstest((x**2 + y**2) / SMALL["radius_mm"] ** 2, "uniform").pvalue > 1e-3
     for angle in (theta, np.arctan2(y, x), (theta + np.arctan2(y, x)) % math.tau - math.pi):
         assert kstest(angle / math.tau + 0.5, "uniform").pvalue > 1e-3
-
-
-def test_a_larger_region_contains_the_smaller_one(part, small):
-    larger = roll_outs(part, 2 * SMALL["radius_mm"], 4 * SMALL["count"])
-    for ring in range(2):
-        assert np.array_equal(rows_of(larger, ring), rows_of(small, ring))
 
 
 def test_fewer_are_a_prefix_of_more_in_every_ring(part, small):
@@ -189,20 +169,3 @@ def test_only_what_the_squeeze_depends_on_names_it(part):
     names = {rollouts.content_of(each) for each in [part, *others]}
     assert len(names) == 1 + len(others)
     assert rollouts.content_of(replace(part, workers=7)) == rollouts.content_of(part)
-
-
-def test_jobs_of_one_part_and_gripper_share_their_roll_outs():
-    job = job_file.load(JOB)
-    alike = [
-        job.replaced(uncertainty={"radius_mm": 15}, seed=9),
-        job.replaced(goal={"distance_mm": 1}, part={"name": "plate"}),
-    ]
-    contents = {rollouts.content_of(Simulator.of_job(each)) for each in [job, *alike]}
-    assert len(contents) == 1
-    grip = job.replaced(gripper={"opening_mm": 80})
-    assert rollouts.content_of(Simulator.of_job(grip)) not in contents
-
-
-def test_another_version_of_the_program_rolls_nothing_out(part):
-    with pytest.raises(UnreachableError, match="another version"):
-        roll_block(part, b"else", rollouts.Block(0, 0))

@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from planner.learned.store import STALE_S, Store, StoreWarning
+from planner.learned.store import Store, StoreWarning
 
 KEY, OTHER = "00" * 32, "ab" * 32
 
@@ -17,13 +17,6 @@ def store(tmp_path):
 
 def files(store):
     return sorted(path for path in store.folder.rglob("*") if path.is_file())
-
-
-def test_an_entry_is_what_was_put_and_others_are_absent(store):
-    assert store.get(KEY) is None
-    store.put(KEY, b"content")
-    assert store.get(KEY) == b"content"
-    assert store.get(OTHER) is None
 
 
 def damage_flip(content):
@@ -98,15 +91,3 @@ def test_trimming_removes_what_was_not_used_for_longest(store):
     assert store.get(keys[0]) is not None  # used just now
     store.trim(limit_bytes=4 * 1032)
     assert [key for key in keys if store.get(key) is not None] == [keys[0], *keys[-3:]]
-
-
-def test_trimming_within_the_limit_removes_nothing_but_old_drafts(store):
-    store.put(KEY, b"content")
-    old, new = (store.folder / "00" / name for name in (".old.part", ".new.part"))
-    for draft in (old, new):
-        draft.write_bytes(b"half")
-    os.utime(old, (time.time() - 2 * STALE_S,) * 2)
-    store.trim()
-    assert not old.exists()
-    assert new.exists()
-    assert store.get(KEY) == b"content"

@@ -66,18 +66,6 @@ def scenes(seed: int, count: int, radius: float = 30.0):
         yield rng, place(outline, pose), pose
 
 
-def test_an_edge_is_left_out_only_where_both_ends_lie_on_one_side_of_the_surroundings():
-    rng = np.random.default_rng(2)
-    points, out = rng.uniform(-30.0, 30.0, (200, 2)), np.zeros(200, np.int64)
-    contacts.mark(columns(points), out, hand_at(14.0, -11.0, half=13.0), 2.0)
-    out &= contacts.FAR
-    for (x0, y0), (x1, y1), near in zip(
-        points, np.roll(points, -1, axis=0), out & np.roll(out, -1), strict=True
-    ):
-        between = max(y0, y1) < 12.0 and min(y0, y1) > -9.0
-        assert bool(near) == (between or min(x0, x1) > 15.0 or max(x0, x1) < -15.0)
-
-
 def test_contacts_of_fingers_side_by_side_are_those_of_each_alone():
     """A hand that pushes: its fingers look one way, and each is found as a single one in the middle is."""
     rng, apart, near_both = np.random.default_rng(13), 5.0, 0

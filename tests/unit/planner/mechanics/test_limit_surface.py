@@ -91,14 +91,6 @@ def test_fit_is_the_least_squares_minimum():
         assert cost(A + step + step.T, F, TWISTS) > least
 
 
-def test_fit_stays_positive_definite_on_nonsense():
-    rng = np.random.default_rng(0)
-    for _ in range(20):
-        A = limit_surface.fit(rng.normal(size=(12, 3)), rng.normal(size=(12, 3)))
-        assert np.linalg.eigvalsh(A)[0] >= 0.99 * limit_surface.MIN_EIGENVALUE
-        assert np.array_equal(A, A.T)
-
-
 def test_rectangle_with_boundary_load_is_close_to_the_published_ellipsoid():
     """The authors' released fit: rho = 10.5711873 mm and the diagonal below.
 
@@ -136,19 +128,6 @@ def test_the_ellipsoid_does_not_depend_on_the_place_of_the_frame():
         assert np.allclose(at_offset, twist[:2])
 
 
-def test_the_ellipsoid_turns_with_the_part():
-    triangle = outline.canonical([[0, 0], [36, 0], [0, 26]]).outline_mm
-    rho = outline.radius_of_gyration(triangle)
-    A = limit_surface.fit_ellipsoid(*support(Pressure("boundary", 100), triangle), rho).A
-    for angle in (math.pi / 2, 0.4):
-        c, s = math.cos(angle), math.sin(angle)
-        turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
-        turned = limit_surface.fit_ellipsoid(
-            *support(Pressure("boundary", 100), triangle @ turn[:2, :2].T), rho
-        ).A
-        assert np.allclose(turned, turn @ A @ turn.T, atol=0.02)
-
-
 def test_a_force_through_the_centre_of_pressure_does_not_turn_the_part():
     """Also where that centre is not the origin of the frame: the coupling terms see to it."""
     centre = np.array([4.0, -3.0])
@@ -160,15 +139,6 @@ def test_a_force_through_the_centre_of_pressure_does_not_turn_the_part():
         twist = limit_surface.twist(surface.A, np.array([*force, torque / surface.rho_mm]))
         assert abs(twist[2]) < 1e-12
         assert twist[:2] @ force > 0.999
-
-
-def test_twist_is_along_the_gradient_of_h():
-    rng = np.random.default_rng(1)
-    A, F = random_ellipsoid(rng), rng.normal(size=(7, 3))
-    for f, v in zip(F, limit_surface.twist(A, F), strict=True):
-        step = 1e-6 * np.eye(3)
-        gradient = np.array([(f + e) @ A @ (f + e) - (f - e) @ A @ (f - e) for e in step])
-        assert np.allclose(v, gradient / np.linalg.norm(gradient), atol=1e-8)
 
 
 def test_samples_have_the_mean_and_the_variance_of_the_footnote():

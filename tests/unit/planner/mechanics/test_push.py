@@ -9,8 +9,6 @@ import pytest
 import shapely
 from problems import (
     JAWS,
-    bar,
-    disc,
     hexagon,
     l_shape,
     place,
@@ -121,14 +119,6 @@ def test_mirrored_scenes_end_mirrored(mu):
     assert result.moved == pytest.approx(straight.moved * [-1.0, 1.0, -1.0], abs=1e-6)
 
 
-def test_larger_scenes_end_alike():
-    pushes = random_paths(rectangle(), np.random.default_rng(9), 40)
-    larger = Paths(4.0 * pushes.points, 4.0 * pushes.centres, pushes.angles, 4.0 * pushes.shifts)
-    straight = pushed(rectangle(), pushes, 0.4, step_mm=0.1)
-    result = pushed(4.0 * rectangle(), larger, 0.4, step_mm=0.4)
-    assert result.moved == pytest.approx(straight.moved * [4.0, 4.0, 1.0], abs=0.02)
-
-
 def test_round_tip_slides_off_a_disc_along_the_closed_form():
     """As a point does, with the sum of both radii for the disc's."""
     radius, tip, way, phi = 13.0, 4.75, 6.0, math.radians(30.0)
@@ -195,27 +185,6 @@ def test_round_tips_never_end_inside_a_part():
             assert end.distance(shapely.Point(start + way)) > tip - 0.03
 
 
-@pytest.mark.parametrize("mu", [0.0, 0.5])
-def test_a_finger_in_a_notch_stays_there(mu):
-    """Pushed from within the cone of the notch's two edges: neither lets it pass."""
-    outline = l_shape()
-    notch = outline[3]
-    result = pushed(outline, paths([notch + 0.5], shift=(-9.0, -9.0)), mu)
-    finger = notch + 0.5 - 9.0
-    assert place(outline, result.moved[0])[3] == pytest.approx(finger, abs=0.02)
-    assert result.status[0] != LOST
-
-
-def test_workers_do_not_change_the_result():
-    pushes = random_paths(hexagon(), np.random.default_rng(12), 600)
-    results = []
-    for workers in (1, 3):
-        part = simulator(hexagon(), workers=workers)
-        results.append(part.push(pushes, part.sample(600, np.random.default_rng(1))))
-    assert results[0].moved.tobytes() == results[1].moved.tobytes()
-    assert results[0].status.tolist() == results[1].status.tolist()
-
-
 def test_a_point_near_a_convex_part_is_found_once_at_its_distance():
     rng = np.random.default_rng(11)
     for _ in range(40):
@@ -265,16 +234,6 @@ def pushed_by_hand(outline, opening, way, n=60, seed=3):
 def fingers_at(opening, way):
     inner, outer, h = opening / 2, opening / 2 + JAWS[2], JAWS[1] / 2
     return shapely.box(way - h, [inner, -outer], way + h, [outer, -inner])
-
-
-@pytest.mark.parametrize("outline", [rectangle(), right_triangle(), l_shape(), disc(), bar()])
-@pytest.mark.parametrize(("opening", "way"), HANDS)
-def test_no_part_ends_inside_the_fingers(outline, opening, way):
-    before, after = pushed_by_hand(outline, opening, way)
-    for pose in after:
-        inside = shapely.Polygon(place(outline, pose)).buffer(-0.15)
-        assert not shapely.intersects(inside, fingers_at(opening, way)).any()
-    assert np.any(np.abs(after - before) > 1.0)  # else nothing was tried
 
 
 @pytest.mark.parametrize(("opening", "way"), HANDS)

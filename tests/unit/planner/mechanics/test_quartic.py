@@ -119,31 +119,6 @@ def test_a_fit_is_the_least_squares_minimum_among_convex_quartics(load, fitted):
         assert cost(0.99 * fitted.coefficients + 0.01 * other) > least - 1e-6 * len(F)
 
 
-def test_a_strong_ridge_gives_the_ellipsoid_back(load):
-    F = limit_surface.wrenches(*load, RHO, TWISTS)
-    squared = quartic.of_ellipsoid(limit_surface.fit(F, TWISTS), RHO).coefficients
-    far, near = (
-        np.abs(quartic_fit.fit(F, TWISTS, RHO, ridge=r).coefficients - squared).max()
-        for r in (0, 1e7)
-    )
-    assert near < 1e-3 < far
-
-
-def test_a_pair_of_weight_two_counts_like_two():
-    rng = np.random.default_rng(7)
-    F = limit_surface.wrenches(*support(Pressure("boundary", 100), RECTANGLE), RHO, TWISTS)[:40]
-    V = TWISTS[:40] + rng.normal(scale=0.1, size=(40, 3))
-    weights = np.ones(40)
-    weights[:10] = 2.0
-    weighted = quartic_fit.fit(F, V, RHO, weights)
-    doubled = quartic_fit.fit(np.concatenate([F, F[:10]]), np.concatenate([V, V[:10]]), RHO)
-    assert np.allclose(weighted.coefficients, doubled.coefficients, atol=1e-4)
-    assert np.allclose(
-        limit_surface.fit(F, V, weights),
-        limit_surface.fit(np.concatenate([F, F[:10]]), np.concatenate([V, V[:10]])),
-    )
-
-
 def test_other_coordinates_describe_the_same_surface(fitted):
     rng = np.random.default_rng(9)
     S, F = np.eye(3) + 0.3 * rng.normal(size=(3, 3)), rng.normal(size=(10, 3))

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from contact_solutions import workspace
 from problems import (
     JAWS,
     LONG_JAWS,
@@ -15,7 +14,6 @@ from problems import (
     random_convex,
     random_poses,
     rectangle,
-    right_triangle,
     simulator,
     sliver,
 )
@@ -125,43 +123,6 @@ def lowest_nearby(outline, axis):
 # One contact.
 
 
-def test_a_vertex_that_is_pushed_turns_the_part_as_the_limit_surface_says():
-    """One sticking contact under a small push: V = A F for the F that makes it follow (eqs 1-3)."""
-    outline, pose = rectangle(), np.array([0.0, 20.0, 0.3])
-    surface = LimitSurface(np.diag([1.05, 1.05, 0.58]), 10.5)
-    c, s = math.cos(pose[2]), math.sin(pose[2])
-    top = max(outline @ [[c, s], [-s, c]] + pose[:2], key=lambda p: p[1])
-    push = 0.002
-    # The upper finger touches; the lower one is out of reach.
-    jaws = np.array([2 * (top[1] + 1e-9), 27.5, 9.5, 0.5])
-    rx, ry = top - pose[:2]
-    J = np.array([[1.0, 0.0, -ry / surface.rho_mm], [0.0, 1.0, rx / surface.rho_mm]])
-    force = np.linalg.solve(J @ surface.A @ J.T, [0.0, -push])
-    assert abs(force[0]) < 0.5 * abs(force[1])
-    V = surface.A @ J.T @ force
-    after = pushed_by(outline, surface, jaws, pose, push)
-    assert np.allclose((after - pose) * [1, 1, surface.rho_mm], V, atol=push * 1e-3)
-
-
-def pushed_by(outline, surface, jaws, pose, push):
-    """Pose after the upper finger has pushed by that much, alone: one step of the simulator's own kernels."""
-    from planner.mechanics import contacts, step
-    from planner.mechanics.boundary import Drive, directions
-
-    work = workspace()
-    C, I = work.C, work.I
-    points, out = np.zeros((2, len(outline))), np.zeros(len(outline), np.int64)
-    contacts.place(np.ascontiguousarray(outline.T), pose, points)
-    upper, lower = (
-        contacts.Finger(side, 0.0, side * jaws[0] / 2, jaws[1] / 2, jaws[2]) for side in (1, -1)
-    )
-    count = contacts.find(C, I, points, out, pose, contacts.Hand(upper, lower, 2), 0.05)
-    step.rotate_surface(surface.A, np.cos(pose[2]), np.sin(pose[2]), work.A)
-    directions(C, I, count, surface.rho_mm, Drive(push, 0.0, 0.0, 0.0, 0.0))
-    assert step.solve(0.5, 0.5, count, work) == step.SOLVED
-    return pose + work.V / [1, 1, surface.rho_mm]
-
-
 # Symmetries.
 
 
@@ -197,23 +158,6 @@ def test_a_squeeze_seen_from_the_other_side_of_the_hand_is_the_same(name):
 
 
 # Statuses, extremes and determinism.
-
-
-def test_a_part_between_the_fingers_path_is_not_touched_and_not_moved():
-    poses = np.array([[40.0, 0.0, 0.3], [-45.0, 10.0, 1.0], [0.0, 90.0, 0.0]])
-    final, widths, statuses = squeeze(simulator(rectangle()), poses)
-    assert np.array_equal(final, poses)
-    assert np.array_equal(widths, np.zeros(3))
-    assert statuses == ["untouched"] * 3
-
-
-def test_fingers_that_close_have_width_zero_and_fingers_that_hold_have_not():
-    part = simulator(right_triangle())
-    _, widths, statuses = squeeze(part, random_poses(np.random.default_rng(4), 400, 38.25), 0.3)
-    free = np.isin(statuses, ["untouched", "slipped"])
-    assert 20 < free.sum() < 380
-    assert "slipped" in statuses
-    assert np.array_equal(widths == 0.0, free)
 
 
 def test_a_part_that_the_open_fingers_stand_on_is_reported_and_left_alone():
@@ -262,14 +206,3 @@ def test_grasped_or_jammed_does_not_depend_on_the_size_of_the_part(name):
 
 
 # Steps.
-
-
-def test_steps_go_on_at_their_length_from_edge_to_edge_of_a_curve():
-    part = simulator(OUTLINES["ellipse"]())
-    path, status = part.trace(np.array([16.0, 0.0, 1.0]), part.surface.A, 0.5)
-    assert STATUS_NAMES[status] == "slipped"
-    closed = -0.5 * np.diff(path[:, 3])
-    stepped = closed[(closed > 1e-9) & (closed <= part.step_mm + 1e-9)]
-    assert (
-        stepped.mean() > 0.25 * part.step_mm
-    )  # doubled anew after every vertex they were 0.13 of it

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from planner.paper.open_loop import ALPHA, COLLIDING_SHARE, OpenLoop
+from planner.paper.open_loop import ALPHA, OpenLoop
 from planner.paper.search import singleton
 
 RNG_SEED = 11
@@ -119,15 +119,6 @@ def test_a_sequence_that_first_loses_more_than_a_quarter_is_pruned():
     patient = search_of([left(0.0)], 2, Jump(), alpha=0.3)
     assert found_by(patient, poses).actions == (0, 0)
     assert found_by(patient, poses).ratio == 1.0
-
-
-def test_a_few_particles_under_a_finger_do_not_stop_an_action():
-    n = 2000
-    poses = line(0, 10, n)
-    few = 10.0 * (1 - 0.5 * COLLIDING_SHARE)
-    many = 10.0 * (1 - 2 * COLLIDING_SHARE)
-    assert search_of([right(0.0)], 1, collision=Beyond(few)).free(poses, np.zeros(3))
-    assert not search_of([right(0.0)], 1, collision=Beyond(many)).free(poses, np.zeros(3))
 
 
 def test_enough_ends_the_search_early_and_budget_bounds_it():

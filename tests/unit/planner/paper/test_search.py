@@ -104,18 +104,6 @@ def test_sensorless_plans_never_branch(roots):
     assert len(nodes) > 2
 
 
-def test_where_every_action_collides_the_leaf_is_left_unresolved():
-    class Everywhere:
-        def collides(self, poses):
-            return np.ones(len(poses), bool)
-
-    models = Models(Reach(), Widths(), Everywhere(), Held(), Held())
-    stuck = PaperPlanner(np.zeros((1, 3)), models, ENCODER, lambda _poses, _placement: -1.0)
-    root = stuck.plan(belief(), [1])
-    assert not root.children
-    assert root.mode.ratio <= SINGLETON_SHARE
-
-
 @pytest.mark.parametrize("method", METHODS)
 def test_same_seed_same_tree(roots, method):
     again = planner(method, depth=2, max_depth=8).plan(belief(), [1])

@@ -20,7 +20,6 @@ from problems import (
     simulator,
 )
 
-from planner.frames import to_hand, to_world
 from planner.mechanics.simulator import Parameters
 from planner.paper.sensorless import SqueezeFunction, plan, width_function
 from planner.part.outline import convex_hull
@@ -122,15 +121,3 @@ def test_our_simulator_ends_at_local_minima_without_friction(make):
     off = apart(direction[:, None] - minima[None], math.pi).min(axis=1)
     assert np.mean(np.degrees(off) < 0.5) > 0.99
     assert final.width_mm == pytest.approx(width_function(outline)(direction), abs=0.05)
-
-
-@pytest.mark.parametrize("make", [rectangle, hexagon, l_shape])
-def test_plans_work_in_our_simulator_without_friction(make):
-    outline, rng, n = make(), np.random.default_rng(5), 400
-    result = plan(outline)
-    poses = random_poses(rng, n, 5.0)
-    for angle in result.angles:
-        model, parameters = frictionless(outline, n, rng)
-        place = np.array([0.0, 0.0, angle])
-        poses = to_world(model.roll_out(to_hand(poses, place), parameters).poses, place)
-    assert np.mean(np.degrees(apart(poses[:, 2] - result.final, result.period)) < 1.0) > 0.98

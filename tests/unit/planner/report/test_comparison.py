@@ -44,13 +44,6 @@ def test_markdown_has_a_line_for_each_row_and_leaves_empty_columns_out():
     assert "paper's robot" not in cells(zoo[0])
 
 
-def test_a_row_without_a_plan_says_why():
-    known = ("row", "part", "materials", "paper", "method", "compile_seconds")
-    text = markdown([{key: FIGURES[key] for key in known} | {"no_plan": "nothing gains anything"}])
-    assert cells(text.splitlines()[2])[5] == "-"
-    assert text.splitlines()[-1] == "3, paper: nothing gains anything"
-
-
 def test_a_row_is_compiled_for_the_job_and_judged_in_the_world():
     thin = ("search.particles=300", "search.search_particles=60")
     nominal = Row("a", "hex-nut", job=thin)

@@ -1,12 +1,9 @@
 """The pictures of the documentation: they show what is kept, no text covers another, files are small."""
 
-import hashlib
 import itertools
 import json
-import os
 import re
 import runpy
-import subprocess
 import sys
 from pathlib import Path
 from xml.etree import ElementTree
@@ -20,7 +17,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
 
 from planner.job import model as job_file
-from planner.report import canvas, paper_figures
+from planner.report import canvas
 from planner.report.replay import replay
 from runtime.table import load
 
@@ -30,8 +27,6 @@ ROOT = Path(__file__).parents[4]
 TREES = ROOT / "trees"
 FIGURES = ROOT / "tools" / "figures"
 RESULTS = ROOT / "tests" / "bench" / "results"
-PICTURES = ROOT / "tools" / "docs" / "pictures"
-NAMES = ("fig1", "fig2", "fig3", "fig4", "fig6", "squeezes", "table1", "speed")
 RADII = {row.part: 10.0 for row in table_rows(TREES)}
 
 
@@ -90,18 +85,6 @@ def test_table_one_shows_the_kept_rates_and_the_papers():
     assert heights[1] == pytest.approx([ours[name] for name in experiments])
 
 
-def test_the_sequence_follows_one_part_of_the_path(planned):
-    table, job, beliefs = planned
-    with canvas.style():
-        figure = paper_figures.sequence(table, job, beliefs)
-        assert_legible(figure)
-    said = [axes.get_title() for axes in figure.axes[::1] if axes.get_title()]
-    path = paper_figures.likeliest_path(table, beliefs, [3])
-    for title, step in zip(said[1:], path, strict=True):
-        expected = table.nodes[step.node].branches[step.branch].expected_um / 1e3
-        assert f"reads {expected:.1f} mm" in title
-
-
 def test_the_four_ends_of_a_squeeze():
     with canvas.style():
         figure = single_squeezes.squeezes(job_file.load(TREES / "butterfly-10" / "job.toml"))
@@ -127,40 +110,6 @@ def test_the_partition_has_the_papers_four_subspaces():
     assert sum(shares) == pytest.approx(100, abs=2)
     with pytest.raises(ValueError, match="4 subspaces"):
         single_squeezes.partition(job, ("one", "two"))
-
-
-def test_every_picture_is_kept_and_small():
-    assert {path.stem for path in PICTURES.glob("*.svg")} == {
-        *NAMES,
-        "rooms",
-    }  # the one that is drawn by hand
-    for path in PICTURES.iterdir():
-        assert path.stat().st_size < 500_000
-
-
-def figures(*arguments, seed="0"):
-    return subprocess.run(
-        [sys.executable, str(FIGURES), *arguments],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-        env={**os.environ, "PYTHONHASHSEED": seed},
-    )
-
-
-def test_the_same_bytes_in_every_run(tmp_path):
-    digests = []
-    for seed in ("1", "2"):
-        folder = tmp_path / seed
-        folder.mkdir()
-        done = figures("--only", "table1", "fig3", "--folder", str(folder), seed=seed)
-        assert done.returncode == 0, done.stderr
-        digests.append(
-            {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in folder.iterdir()}
-        )
-    assert digests[0] == digests[1]
-    assert set(digests[0]) == {"table1.svg", "fig3.svg"}
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,5 @@
 """The page of a table: whole, self-contained, the same each time, and true to the table."""
 
-import hashlib
 import json
 import re
 from pathlib import Path
@@ -16,7 +15,7 @@ from planner.report import dossier, run_log
 from planner.report.branches import key_of, tree_of
 from planner.report.replay import replay
 from planner.report.run_log import RunLog
-from runtime.table import PPM, dumps, load, wilson_interval
+from runtime.table import dumps, load
 
 TABLE_PATH = Path(__file__).parents[4] / "trees" / "rectangle" / "rectangle.msgpack"
 TABLE = load(TABLE_PATH).table
@@ -51,35 +50,6 @@ def test_nothing_comes_from_elsewhere(page, text):
             assert attributes.get(name, "#").startswith(("#", "data:,"))
     assert re.findall(r"@import|url\(|https?://(?!www\.w3\.org/2000/svg)", text) == []
     assert "default-src 'none'" in text
-
-
-def test_each_node_and_leaf_has_a_panel_with_a_name_and_facts(page):
-    panels = [a for _, a in page.elements if a.get("class", "").startswith("panel")]
-    assert len(panels) == len(TABLE.nodes) + len(TABLE.leaves)
-    assert all(panel["aria-label"] for panel in panels)
-    facts = {a["id"] for tag, a in page.elements if tag == "template"}
-    assert facts == {f"about-{panel['id']}" for panel in panels}
-
-
-def test_the_summary_is_the_tables_own(text):
-    trials = TABLE.predicted.trials
-    low, high = wilson_interval(round(TABLE.predicted.success_ppm * trials / PPM), trials)
-    assert f"{TABLE.predicted.success_ppm / PPM:.2%}".replace("%", " %") in text
-    assert f"{100 * low:.2f} % to {100 * high:.2f} %" in text
-    assert TABLE.job_digest.hex() in text
-    assert hashlib.sha256(dumps(TABLE)).hexdigest() in text
-
-
-def test_a_bound_stands_beside_the_squeezes_where_one_was_asked_for(tmp_path, text, capsys):
-    words = [str(TABLE_PATH), "-o", str(tmp_path / "page.html"), "--trials", "100"]
-    assert report.main([*words, "--bound", "1000"]) == 0
-    capsys.readouterr()
-    page = (tmp_path / "page.html").read_text()
-    assert Page(page).open == []
-    least = re.search(r"any plan as good: (\d\.\d\d) or more", page)[1]
-    assert 2.0 < float(least) < TABLE.predicted.mean_squeezes_ppm / PPM
-    assert f"takes {least} squeezes a part or more" in page
-    assert "as good" not in text
 
 
 def test_parts_are_neither_lost_nor_added():
@@ -227,23 +197,6 @@ def test_the_way_of_a_part_is_chosen_by_hand_by_keys_by_widths_and_from_a_journa
 @pytest.mark.parametrize("width", [1400, 390])
 def test_every_text_is_legible_on_a_wide_and_a_narrow_screen(text, tmp_path, width):
     assert played(text, LEGIBLE, tmp_path, width) == {"small": [], "over": 0}
-
-
-def test_takt_stands_on_the_page_as_forecast_and_as_measured(tmp_path, text):
-    assert "done within" not in text
-    output, journal = tmp_path / "page.html", tmp_path / "j.jsonl"
-    entries = [header(dumps(TABLE)), *part(1, [], "stopped"), *part(2, [], "stopped")]
-    entries[2]["seconds"], entries[4]["seconds"] = 5.0, 601.0
-    journal.write_bytes(chained(entries))
-    words = [str(TABLE_PATH), "-o", str(output), "--trials", "100", "--takt", "600s"]
-    assert report.main(words) == 0
-    card = output.read_text().partition("<dt>done within 600 s</dt>")[2].partition("</dd>")[0]
-    assert "100.00 % forecast" in card
-    assert "measured" not in card
-    assert report.main([*words, "--journal", str(journal)]) == 0
-    card = output.read_text().partition("<dt>done within 600 s</dt>")[2].partition("</dd>")[0]
-    assert "100.00 % forecast" in card
-    assert "measured 50.00 % of 2" in card
 
 
 def test_wrong_input_is_one_line(tmp_path, capsys):

@@ -40,15 +40,6 @@ def groups(path: Path) -> list[str]:
     return [name for name in ids if re.fullmatch(r"(squeeze|node|leaf)-\d+", name)]
 
 
-def test_outlines_are_turned_then_moved() -> None:
-    poses = np.array([[1.0, 2.0, 0.0], [1.0, 2.0, np.pi / 2], [-3.0, 0.5, 0.3]])
-    placed = canvas.outlines(OUTLINE, poses)
-    assert placed[0] == pytest.approx(OUTLINE + np.array([1.0, 2.0]))
-    assert placed[1][0] == pytest.approx([1.0 + 10.5, 2.0 - 15.0])
-    z = (OUTLINE[:, 0] + 1j * OUTLINE[:, 1]) * np.exp(0.3j) + (-3.0 + 0.5j)
-    assert placed[2] == pytest.approx(np.stack([z.real, z.imag], axis=-1))
-
-
 @pytest.mark.parametrize(("share", "middle"), [(0.5, 0.0), (1.0, -12.5), (0.0, 12.5)])
 def test_fingers_leave_the_width_between_them(share: float, middle: float) -> None:
     # One finger alone closes 85 mm to 60 mm: the gap's middle moves half of that towards the other.
@@ -57,12 +48,6 @@ def test_fingers_leave_the_width_between_them(share: float, middle: float) -> No
     assert 0.5 * (upper[:, 1].min() + lower[:, 1].max()) == pytest.approx(middle)
     for box in (upper, lower):
         assert np.ptp(box, axis=0) == pytest.approx([27.5, 9.5])
-
-
-def test_interpolation_passes_through_the_steps() -> None:
-    assert trajectory.along(GRASP.states, GRASP.states[:, 3]) == pytest.approx(GRASP.states)
-    halfway = trajectory.along(GRASP.states, np.array([37.0]))
-    assert halfway[0] == pytest.approx([3.5, 2.0, 0.3, 37.0])
 
 
 @pytest.mark.parametrize("count", [1, 2, 5, 12])

@@ -34,20 +34,6 @@ def test_parts_squeezes_and_outcomes_are_found(tmp_path):
     assert sum(log.branch_counts().values()) == sum(len(p.squeezes) for p in log.parts)
 
 
-def test_times_are_of_the_parts_that_tell_their_seconds(tmp_path):
-    entries = [header(TABLE), *PARTS, *part(4, [], "leaf", 7)]
-    for entry, seconds in zip(
-        (entry for entry in entries if entry["kind"] == "outcome"),
-        (5.0, 7.0, None, 6.0),
-        strict=True,
-    ):
-        entry["seconds"] = seconds
-    times = run_log.read(written(tmp_path, chained(entries)), DIGEST).times(6.0)
-    assert (times["parts"], times["seconds_mean"], times["seconds_max"]) == (3, 6.0, 7.0)
-    assert times["takt_probability"] == pytest.approx(2 / 3)
-    assert run_log.read(written(tmp_path, chained([header(TABLE)])), DIGEST).times(6.0) == {}
-
-
 def test_it_reads_what_the_runtime_writes(tmp_path):
     path = tmp_path / "j.jsonl"
     with Journal(path, lambda: "2026-01-01T00:00:00") as journal:
@@ -70,12 +56,6 @@ def test_a_part_that_a_crash_cut_short_says_so(tmp_path):
     log = run_log.read(written(tmp_path, data + b'{"seq":9,"ti'), DIGEST)
     assert log.parts[0].outcome == "cut short"
     assert log.parts[0].failed
-
-
-def test_a_part_begun_anew_loses_its_squeezes(tmp_path):
-    again = [*PARTS[:2], {"kind": "resume", "part": 1, "how": "restart"}, *PARTS[1:4]]
-    log = run_log.read(written(tmp_path, chained([header(TABLE), *again])), DIGEST)
-    assert log.parts[0].squeezes == [(0, 132, 4), (4, 175, -8)]
 
 
 GOOD = chained([header(TABLE), *PARTS])

@@ -11,7 +11,7 @@ from planner.diagnosis.cautions import warnings_of
 from planner.evaluation.cases import Case, Condition
 from planner.evaluation.evaluate import Line
 from planner.job import model as job_file
-from planner.report.run_log import PartLog, RunLog, Squeezed
+from planner.report.run_log import PartLog, RunLog
 from planner.report.verdict import cell_result, listed, verdict
 from runtime.table import load
 
@@ -61,14 +61,6 @@ def test_an_assumption_that_makes_it_wrong_is_a_weakness():
 @pytest.mark.parametrize("worse", [{"success_rate": 0.6}, {"wrong_rate": 0.05}])
 def test_a_plan_that_misses_the_goal_by_far_is_poor(worse):
     assert verdict(JOB, FIGURES | worse).grade == "poor"
-
-
-def test_parts_rejected_at_one_node_are_reported_with_what_was_read_and_planned():
-    parts = [PartLog(k, [Squeezed(0, 50_200, None)], "reject") for k in range(1, 9)]
-    result = cell_result(TABLE, RunLog(parts, 1, 0, "", ""))
-    assert result.grade == "poor"
-    assert "0 of 8 parts located, 8 reject; 8 rejected at node 0: 50.2 mm read" in result.sentence
-    assert result.sentence.endswith("planned: another part?")
 
 
 def test_all_parts_located_is_good_and_an_audit_that_fails_is_not():

@@ -36,16 +36,6 @@ def test_a_part_whose_fingers_clear_it_nowhere_within_a_millimetre_is_too_large(
     assert all(1.0 <= disc <= 42.5 - radius_mm - 0.5 for disc in discs)
 
 
-def test_a_symmetry_survives_a_drawing_that_is_off_by_little(monkeypatch):
-    orders = []
-    monkeypatch.setattr(
-        zoo, "compile_job", lambda job, **_: orders.append(job.part.symmetry) or 1 / 0
-    )
-    for off in (0.04, 0.4):
-        zoo.judge(item([[-15, -8], [15, -8], [15 + off, 8], [-15, 8]]))
-    assert orders == [2, 1]
-
-
 def test_an_error_of_the_program_is_reported_and_ends_nothing(monkeypatch):
     monkeypatch.setattr(zoo, "compile_job", lambda *_, **__: 1 / 0)
     row = zoo.judge(item([[0, 0], [30, 0], [0, 20]]))

@@ -87,11 +87,6 @@ def test_parts_anyhow_about_a_disc_are_pushed_one_way_and_others_four(job, pushe
         assert np.diff(angles) == pytest.approx([0.5 * np.pi] * 3)
 
 
-def test_none_begins_or_ends_outside_the_work_area(job, belief):
-    narrow = job.replaced(cell={"work_area_mm": [[-40, -40], [40, 40]]})
-    assert pusher_of(Problem.of(narrow, 1)).options(belief) == []
-
-
 def test_a_pushed_belief_is_touched_and_keeps_what_was_read(pusher, belief):
     push = pusher.options(belief)[0]
     pushed = pusher.model.push(belief, push, np.random.default_rng(4))

@@ -190,18 +190,6 @@ def read_at(root, count, size):
     return Belief.of(np.tile(root.children[0].mode.pose, (size, 1)), np.full(size, count))
 
 
-@pytest.mark.parametrize("size", [LEAST_STRAYS - 1, LEAST_STRAYS])
-def test_absorb_strays_far_from_all_branches_are_one_where_there_are_several(tree, size):
-    search, root = deepcopy(tree)
-    children, far = len(root.children), int(root.squeeze.clusters.low[-1]) - 40
-    search.absorb(root, {}, {0: read_at(root, far, size)})
-    assert len(root.children) == children + (size >= LEAST_STRAYS)
-    assert (far in root.squeeze.clusters.low) == (size >= LEAST_STRAYS)
-    assert sum(child.share for child in root.children) == pytest.approx(
-        1.0, abs=size / len(root.belief)
-    )
-
-
 def test_absorb_strays_at_many_readings_keeps_to_the_number_of_branches_of_a_table(
     tree, monkeypatch
 ):

@@ -53,20 +53,6 @@ def test_one_plan_at_a_time_is_under_way_for_all_who_look(plans, monkeypatch):
         other.stop("plate")
 
 
-TRYING = PLANNER.replace("while", 'print(json.dumps({"exit": 0}), flush=True)\nwhile')
-
-
-def test_another_plan_ends_what_is_tried_after_the_first(plans, monkeypatch):
-    monkeypatch.setattr(studio_plans, "PYTHON", [sys.executable, "-c", TRYING])
-    plans.begin("plate.csv", [])
-    until(lambda: plans.all()[0].trying)
-    assert not plans.all()[0].running
-    plans.begin("plate.csv", [])
-    until(lambda: [plan.trying for plan in plans.all() if plan.name == "plate"] == [False])
-    until(lambda: plans.all()[0].trying)
-    plans.stop("plate-2")
-
-
 def test_two_pages_that_begin_at_once_begin_one_plan(plans, monkeypatch):
     monkeypatch.setattr(studio_plans, "PYTHON", [sys.executable, "-c", PLANNER])
     begun, refused = [], []

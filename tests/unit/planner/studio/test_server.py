@@ -96,18 +96,6 @@ def test_another_page_is_not_obeyed(studio, origin, path):
     assert studio.asked == []
 
 
-def test_files_open_in_a_sandbox_or_are_saved(studio):
-    report, _ = call(studio, "GET", "/files/report.html")
-    assert report.getheader("Content-Security-Policy").startswith("sandbox allow-scripts;")
-    assert "allow-same-origin" not in report.getheader("Content-Security-Policy")
-    table, data = call(studio, "GET", f"/files/{quote(NAME)}")
-    assert table.getheader("Content-Type").startswith("text/plain")
-    assert data.startswith(b"0,0")
-    (studio.folder.path / "a.msgpack").write_bytes(b"x")
-    saved = call(studio, "GET", "/files/a.msgpack")[0].getheader("Content-Disposition")
-    assert saved == "attachment; filename*=UTF-8''a.msgpack"
-
-
 @pytest.mark.parametrize(
     "path",
     [
@@ -163,3 +151,15 @@ def test_a_fault_of_ours_is_reported_in_a_line_and_the_next_request_is_answered(
     response, data = call(studio, "GET", "/folder.json")
     assert (response.status, "internal error" in json.loads(data)["error"]) == (500, True)
     assert call(studio, "GET", "/")[0].status == 200
+
+
+def test_files_open_in_a_sandbox_or_are_saved(studio):
+    report, _ = call(studio, "GET", "/files/report.html")
+    assert report.getheader("Content-Security-Policy").startswith("sandbox allow-scripts;")
+    assert "allow-same-origin" not in report.getheader("Content-Security-Policy")
+    table, data = call(studio, "GET", f"/files/{quote(NAME)}")
+    assert table.getheader("Content-Type").startswith("text/plain")
+    assert data.startswith(b"0,0")
+    (studio.folder.path / "a.msgpack").write_bytes(b"x")
+    saved = call(studio, "GET", "/files/a.msgpack")[0].getheader("Content-Disposition")
+    assert saved == "attachment; filename*=UTF-8''a.msgpack"

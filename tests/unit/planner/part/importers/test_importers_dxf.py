@@ -13,7 +13,6 @@ from planner.part.importers.pieces import Options
 from runtime.shell.errors import ExpectedError, InputError, UsageError
 
 RECTANGLE = [(0, 0), (30, 0), (30, 21), (0, 21)]
-INSERT = {"row_count": 100, "column_count": 100, "row_spacing": 1, "column_spacing": 1}
 
 
 def drawn(tmp_path, draw, units=4, version="R2010"):
@@ -59,14 +58,6 @@ def test_unitless_asks_for_units(tmp_path):
     is_rectangle(read(path, units="in"), 25.4)
 
 
-def test_single_lines_in_any_order_and_sense_are_joined(tmp_path):
-    def draw(space, document):
-        for a, b in ((2, 3), (1, 0), (2, 1), (3, 0)):
-            space.add_line(RECTANGLE[a], RECTANGLE[b])
-
-    is_rectangle(read(drawn(tmp_path, draw)))
-
-
 def test_an_open_contour_says_where(tmp_path):
     with pytest.raises(InputError, match=r"open at .* 0\.5 mm away; close it"):
         read(drawn(tmp_path, lambda m, d: lines(m, gap=0.5)))
@@ -96,17 +87,6 @@ def test_bulges_splines_and_ellipses_are_curves(tmp_path):
     assert read(drawn(tmp_path, spline)).symmetry == 2
 
 
-def test_holes_are_ignored_with_a_note(tmp_path):
-    def draw(space, document):
-        polyline(space)
-        space.add_circle((8, 10), 3)
-        space.add_circle((20, 10), 3)
-
-    result = read(drawn(tmp_path, draw))
-    is_rectangle(result)
-    assert any("2 inner contours (holes) ignored" in note for note in result.notes)
-
-
 def test_several_parts_are_listed_to_choose_from(tmp_path):
     def draw(space, document):
         polyline(space)
@@ -129,15 +109,6 @@ def test_a_block_of_blocks_that_explodes_is_refused(tmp_path):
             for shift in range(10):
                 block.add_blockref(f"B{k - 1}", (shift, 0))
         space.add_blockref("B11", (0, 0))
-
-    with pytest.raises(InputError, match="more than 20000 shapes"):
-        read(drawn(tmp_path, draw))
-
-
-def test_a_large_array_of_a_block_is_refused(tmp_path):
-    def draw(space, document):
-        lines(document.blocks.new("B"))
-        space.add_blockref("B", (0, 0), dxfattribs=INSERT)
 
     with pytest.raises(InputError, match="more than 20000 shapes"):
         read(drawn(tmp_path, draw))
@@ -172,18 +143,6 @@ def test_absurd_coordinates_are_refused(tmp_path, x):
     points = [(0, 0), (x, 0), (x, 21), (0, 21)]
     with pytest.raises(InputError, match="beyond 10000 km"):
         read(drawn(tmp_path, lambda m, d: polyline(m, points)))
-
-
-def test_a_mirrored_plane_is_seen_from_above(tmp_path):
-    attributes = {"extrusion": (0, 0, -1)}
-    corner = [(0, 0), (30, 0), (0, 21)]
-    result = read(
-        drawn(tmp_path, lambda m, d: m.add_lwpolyline(corner, close=True, dxfattribs=attributes))
-    )
-    right = result.outline_mm[:, 0].max()
-    assert (
-        np.count_nonzero(np.isclose(result.outline_mm[:, 0], right)) == 2
-    )  # its upright edge is on the right
 
 
 def text_of(version="R2010"):

@@ -233,13 +233,6 @@ def unplotted(*boxes):
     return draw
 
 
-def test_what_is_not_plotted_inside_the_part_is_left_out(tmp_path):
-    part = read(dxf(tmp_path, unplotted(((5, 5), (8, 8)))))
-    assert area(part) == pytest.approx(PLATE_MM2)
-    assert not part.holes_mm
-    assert "not plotted, left out: 1 LWPOLYLINE (layer GUIDE)" in notes(part)
-
-
 def test_what_is_not_plotted_about_the_part_may_be_the_outline(tmp_path):
     path = dxf(tmp_path, unplotted(FRAME))
     with pytest.raises(InputError, match="on layer GUIDE is not plotted, and goes around it"):
@@ -270,13 +263,6 @@ def test_polyline_width_is_noted(tmp_path):
     part = read(dxf(tmp_path, draw))
     assert area(part) == pytest.approx(PLATE_MM2)
     assert "polylines with a width: 3, up to 3 mm wide" in notes(part)
-
-
-def test_empty_model_space_names_the_layout(tmp_path):
-    path = dxf(tmp_path, lambda _, document: box(document.layout("Layout1"), (0, 0), (40, 20)))
-    with pytest.raises(InputError) as caught:
-        read(path)
-    assert any("'Layout1'" in note for note in caught.value.__notes__)
 
 
 @pytest.mark.parametrize("rotation", [30, 90])

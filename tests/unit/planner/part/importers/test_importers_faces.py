@@ -17,12 +17,6 @@ def read(path, mesh, **options):
     return read_faces(path, Options(**{"units": "mm", **options}), tips_height_mm)
 
 
-def prism(corners, height):
-    return trimesh.convex.convex_hull(
-        np.array([[x, y, z] for z in (0, height) for x, y in corners], float)
-    )
-
-
 def solid_angle(a, b, distance):
     """Of a rectangle a x b, seen from a point above its middle."""
     return 4.0 * math.asin(a * b / math.sqrt((a * a + 4 * distance**2) * (b * b + 4 * distance**2)))
@@ -39,13 +33,6 @@ def test_a_brick_lies_on_its_faces_as_often_as_they_fill_the_view(tmp_path):
         )
         assert len(face.down) == 2
         assert sorted(np.ptp(face.imported.outline_mm, axis=0).round(6)) == [b, a]
-
-
-def test_a_mirrored_end_is_a_face_of_its_own(tmp_path):
-    faces = read(tmp_path / "wedge.stl", prism([(0, 0), (40, 0), (40, 5), (5, 22), (0, 22)], 16))
-    ends = [face for face in faces if abs(face.down[0][2]) == 1.0]
-    assert [len(face.down) for face in ends] == [1, 1]
-    assert ends[0].share == pytest.approx(ends[1].share, rel=1e-6)
 
 
 def stool():

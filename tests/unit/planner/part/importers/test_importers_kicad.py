@@ -2,7 +2,6 @@
 
 import math
 
-import numpy as np
 import pytest
 import shapely
 
@@ -26,18 +25,6 @@ def read(tmp_path, *shapes, head="(footprint"):
     path = tmp_path / "part.kicad_mod"
     path.write_text(f'{head} "part" (layer "F.Cu")\n' + "\n".join(shapes) + "\n)\n")
     return read_outline(path, Options(contour=1))
-
-
-def test_lines_make_the_body_and_y_points_down(tmp_path):
-    result = read(
-        tmp_path, *lines((0, 0), (30, 0), (0, 10)), '(fp_text value "x" (at 1 2) (layer "F.Fab"))'
-    )
-    assert shapely.Polygon(result.outline_mm).area == pytest.approx(150)
-    corners = (
-        result.outline_mm
-        - result.outline_mm[np.argmin(result.outline_mm.sum(axis=1) + result.outline_mm[:, 1])]
-    )
-    assert {tuple(map(float, np.rint(corner))) for corner in corners} == {(0, 0), (0, 10), (30, 10)}
 
 
 @pytest.mark.parametrize(

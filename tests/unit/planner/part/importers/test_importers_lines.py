@@ -9,7 +9,7 @@ import shapely
 from drawings import PLATE, PLATE_MM2, arc, area, box, dxf, lines, notes, read
 
 from planner.part.importers import noding
-from runtime.shell.errors import InputError, UsageError
+from runtime.shell.errors import InputError
 
 
 def halves(space, _):
@@ -158,15 +158,6 @@ def test_faces_that_share_an_edge_are_one_and_the_edge_is_named(tmp_path, name):
     assert area(part) == pytest.approx(PLATE_MM2, rel=1e-3)
     assert sentence in notes(part)
     assert "--layer" in notes(part)
-
-
-def test_faces_that_touch_at_a_point_are_two(tmp_path):
-    def draw(space, _):
-        lines(space, [(0, 0), (10, 0), (10, 10), (0, 10)])
-        lines(space, [(10, 10), (30, 10), (30, 20), (10, 20)])
-
-    with pytest.raises(UsageError, match=r"2 contours.* 20 x 10 mm; 2: 10 x 10 mm"):
-        read(dxf(tmp_path, draw))
 
 
 def notch_across_an_edge(space, _):

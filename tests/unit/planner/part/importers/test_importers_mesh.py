@@ -12,7 +12,7 @@ from planner.part.importers import mesh
 from planner.part.importers.file import read_outline
 from planner.part.importers.pieces import Options, time_limit
 from planner.part.tips import tips_height_mm
-from runtime.shell.errors import ExpectedError, InputError, UsageError
+from runtime.shell.errors import ExpectedError, InputError
 from runtime.table import PROFILES
 
 COUNT_MM = 0.001 * PROFILES["robotiq-2f-85"].stroke_um / 230  # of the encoder
@@ -26,15 +26,6 @@ def solid(tmp_path, mesh, **how):
     path = tmp_path / "part.stl"
     path.write_bytes(trimesh.exchange.stl.export_stl(mesh, **how))
     return path
-
-
-def test_the_height_of_the_cut_matters(tmp_path):
-    path = solid(tmp_path, trimesh.creation.cone(20.0, 40.0, sections=64))
-    low, high = (read(path, units="mm", height_mm=height).size_mm.max() for height in (10.0, 30.0))
-    assert low == pytest.approx(30.0, rel=1e-2)
-    assert high == pytest.approx(10.0, rel=1e-2)
-    with pytest.raises(UsageError, match="--height 50"):
-        read(path, units="mm", height_mm=50.0)
 
 
 @pytest.mark.parametrize(
@@ -149,23 +140,6 @@ def test_a_drafted_part_is_as_wide_as_fingers_find_it(tmp_path, draft, height):
     tips = tips_height_mm(height)
     widest = max(40 - loss, 40 - loss * tips / height)
     assert abs(result.size_mm.max() - widest) < 0.1 * COUNT_MM
-
-
-@pytest.mark.parametrize("seed", range(6))
-@pytest.mark.parametrize("kind", ["annulus", "torus"])
-def test_no_triangle_above_the_tips_is_lost_however_the_solid_lies(tmp_path, kind, seed):
-    body = (
-        trimesh.creation.annulus(8, 15, 10) if kind == "annulus" else trimesh.creation.torus(15, 5)
-    )
-    body.apply_transform(
-        trimesh.transformations.random_rotation_matrix(np.random.default_rng(seed).random(3))
-    )
-    result = read(solid(tmp_path, body), units="mm")
-    height = body.bounds[0, 2] + tips_height_mm(np.ptp(body.bounds[:, 2]))
-    above = trimesh.intersections.slice_mesh_plane(body, (0, 0, 1), (0, 0, height))
-    middles = above.triangles_center[:, :2] + result.origin_mm
-    shadow = shapely.buffer(shapely.Polygon(result.outline_mm, result.holes_mm), 0.05)
-    assert shapely.covers(shadow, shapely.points(middles)).all()
 
 
 def opened(body, *missing):
