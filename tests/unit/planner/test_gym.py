@@ -39,9 +39,7 @@ def episode(env, seed, steps=5):
 
 
 @pytest.mark.parametrize(
-    "arguments",
-    [{}, {"actions": "box", "job": str(JOB)}, {"render_mode": "rgb_array"}],
-    ids=str,
+    "arguments", [{}, {"actions": "box", "job": str(JOB)}, {"render_mode": "rgb_array"}], ids=str
 )
 def test_it_passes_the_checks_of_gymnasium(arguments):
     with warnings.catch_warnings():

@@ -8,10 +8,7 @@ import pytest
 
 from planner.belief.metric import Metric
 from planner.belief.observation import Encoder, encoder_of, resolution_of
-from planner.belief.particles import (
-    Belief,
-    initial,
-)
+from planner.belief.particles import Belief, initial
 from planner.belief.partition import Rule
 from planner.belief.stopping import StoppingRule
 from planner.belief.transition import Outcomes, Simulation, squeezed_by

@@ -47,8 +47,7 @@ def test_the_seed_decides_and_the_workers_do_not(matches, job, table):
 def test_a_worse_plan_is_further_above_the_same_bound(matches, job, table):
     measured = table.predicted
     worse = replace(
-        table,
-        predicted=replace(measured, mean_squeezes_ppm=measured.mean_squeezes_ppm + 1_000_000),
+        table, predicted=replace(measured, mean_squeezes_ppm=measured.mean_squeezes_ppm + 1_000_000)
     )
     other = certify(job, worse, parts=4000, workers=2)
     assert other.squeezes == matches.squeezes

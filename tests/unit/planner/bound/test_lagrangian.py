@@ -19,10 +19,7 @@ from planner.bound.lagrangian import (
 CERTAINTY = 0.95
 TOYS = range(8)
 SUCCESSES = (1.0, 0.9, 0.8, 0.5)
-HALVES = Toy(
-    [list(range(8))] * 3,
-    [[s >> bit & 1 for s in range(8)] for bit in range(3)],
-)
+HALVES = Toy([list(range(8))] * 3, [[s >> bit & 1 for s in range(8)] for bit in range(3)])
 """Eight poses, told apart by three squeezes of one bit each; one prediction locates three neighbours."""
 
 

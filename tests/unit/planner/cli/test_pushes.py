@@ -60,11 +60,7 @@ def test_scatter_has_a_seed_and_json_the_counts(tmp_path):
     [
         (f"{HEADER}\n{STRAIGHT}\n", KeyNameError, "fingers_mm is missing"),
         ("push_x_mm\n1\n", KeyNameError, "push_y_mm, approach_x"),
-        (
-            f"{HEADER},fingers_mm\n{STRAIGHT},x\n",
-            InputError,
-            "line 2: 'x' is not a finite number",
-        ),
+        (f"{HEADER},fingers_mm\n{STRAIGHT},x\n", InputError, "line 2: 'x' is not a finite number"),
         (
             f"{HEADER},fingers_mm\n{STRAIGHT},-1\n",
             InputError,
@@ -95,12 +91,7 @@ def test_what_is_wrong_with_a_file_is_said_in_one_line(tmp_path, text, error, wo
 
 @pytest.mark.parametrize(
     "options",
-    [
-        ("--poses", "in.csv"),
-        ("--figure", "f.png"),
-        ("--fingers-mm", "-3"),
-        ("--fingers-mm", "nan"),
-    ],
+    [("--poses", "in.csv"), ("--figure", "f.png"), ("--fingers-mm", "-3"), ("--fingers-mm", "nan")],
 )
 def test_options_that_do_not_go_with_pushes_are_refused(tmp_path, options):
     code, rows, _, err = run(tmp_path, f"{HEADER}\n{STRAIGHT}\n", *NOMINAL, *options)

@@ -86,10 +86,7 @@ def test_edited_text_keeps_comments_and_takes_sections_that_were_not_there():
 def test_what_follows_a_leaf_or_a_reject_is_another_attempt():
     table = load(TREE).table
     ends, resqueezed = ~table.nodes[1].branches[0].target, [(0, 48_700, None), (0, 30_000, 1)]
-    parts = [
-        PartLog(1, resqueezed),
-        PartLog(2, [(0, 30_000, 1), (1, 21_000, ~ends)]),
-    ]
+    parts = [PartLog(1, resqueezed), PartLog(2, [(0, 30_000, 1), (1, 21_000, ~ends)])]
     seen = refit.seen_of_parts(parts, table)
     assert seen.parts == 2
     assert seen.readings.sum() == 3

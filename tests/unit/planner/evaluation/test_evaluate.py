@@ -20,15 +20,7 @@ from planner.job import model as job_file
 from planner.mechanics.squeeze import GRASPED, SLIPPED, STATUS_NAMES
 from planner.work.scheduler import Threads
 from planner.world import ContactWorlds
-from runtime.table import (
-    HELD_UM,
-    REJECT,
-    Place,
-    Schedule,
-    Squeezed,
-    decision_map,
-    load,
-)
+from runtime.table import HELD_UM, REJECT, Place, Schedule, Squeezed, decision_map, load
 
 TREES = Path(__file__).parents[4] / "trees" / "rectangle"
 

@@ -42,9 +42,7 @@ def test_canonical_text_round_trips_exactly(rectangle):
 
 def test_how_a_job_is_written_does_not_change_its_digest(rectangle):
     without_defaults = re.sub(
-        r"(?m)^(symmetry|wishart_dof|model|opening_mm|noise_mm|speed\w+|force\w+) .*\n",
-        "",
-        TEXT,
+        r"(?m)^(symmetry|wishart_dof|model|opening_mm|noise_mm|speed\w+|force\w+) .*\n", "", TEXT
     )
     assert len(without_defaults) < len(TEXT)
     elsewhere = edited(

@@ -16,67 +16,48 @@ TEXT = RECTANGLE.read_text(encoding="utf-8")
 PARSED = job.parse(TEXT)
 
 
-def job_with(source, overrides=()):
-    """The job of a path, a file's text or a job, with values replaced."""
-    changes = changes_of(f"{name}={value}" for name, value in overrides)
-    if isinstance(source, job.Job):
-        return source.replaced(**changes)
-    return (
-        job.load(source, changes)
-        if isinstance(source, Path)
-        else job.parse(source, changes=changes)
+RADIUS = {"uncertainty.radius_mm": "15", "seed": "4"}
+
+
+def test_overrides_of_a_path_a_text_or_a_job_equal_the_edited_file():
+    edited = job.parse(
+        TEXT.replace("radius_mm = 12.75", "radius_mm = 15").replace("seed = 1", "seed = 4")
     )
+    changes = changes_of(f"{name}={value}" for name, value in RADIUS.items())
+    assert job.load(RECTANGLE, changes) == edited
+    assert job.parse(TEXT, changes=changes) == edited
+    assert PARSED.replaced(**changes) == edited
 
 
-@pytest.mark.parametrize("source", [RECTANGLE, TEXT, PARSED], ids=["path", "toml", "job"])
-class TestSources:
-    def test_overrides_equal_the_edited_file(self, source):
-        edited = TEXT.replace("radius_mm = 12.75", "radius_mm = 15").replace("seed = 1", "seed = 4")
-        assert job_with(source, [("uncertainty.radius_mm", "15"), ("seed", "4")]) == job.parse(
-            edited
-        )
+def test_overrides_of_another_kind_of_pressure_drop_the_keys_of_the_old():
+    points = {
+        "kind": "points",
+        "points_mm": [[5, 5], [25, 5], [15, 15]],
+        "limit_surface": "quartic",
+    }
+    on_points = job.parse(TEXT, changes={"pressure": points})
+    assert (on_points.pressure.kind, on_points.pressure.limit_surface) == ("points", "quartic")
+    stated = {"kind": "stated", "ellipsoid": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "rho_mm": 10}
+    assert on_points.replaced(pressure=stated).pressure.kind == "stated"
 
-    def test_another_kind_of_pressure_drops_the_keys_of_the_old(self, source):
-        supports = "[[-10, -5], [10, -5], [0, 6]]"
-        changes = [
-            ("pressure.limit_surface", "quartic"),
-            ("pressure.kind", "points"),
-            (
-                "pressure.points_mm",
-                "[[5, 5], [25, 5], [15, 15]]" if source is not PARSED else supports,
-            ),
-        ]
-        pressure = job_with(source, changes).pressure
-        assert pressure.kind == "points"
-        assert pressure.limit_surface == "quartic"
-        stated = [
-            *changes,
-            ("pressure.kind", "stated"),
-            ("pressure.ellipsoid", "[[1, 0, 0], [0, 1, 0], [0, 0, 1]]"),
-            ("pressure.rho_mm", "10"),
-        ]
-        assert job_with(source, stated).pressure.kind == "stated"
 
-    @pytest.mark.parametrize(
-        ("name", "value", "error", "words"),
-        [
-            ("uncertainty.radius_mm", "-1", InputError, "[uncertainty] radius_mm"),
-            ("uncertainty.radius_mm", "wide", InputError, "must be a number"),
-            ("uncertainty.radius", "3", KeyNameError, 'did you mean "radius_mm"'),
-            ("uncertanty.radius_mm", "3", KeyNameError, 'did you mean "uncertainty"'),
-            ("radius_mm", "3", KeyNameError, "unknown"),
-            ("seed.x", "3", UsageError, "no section"),
-            ("gripper.opening_mm", "20", FitError, "part larger than the opening"),
-            ("friction.finger_part_min", "0.9", InputError, "exchange them"),
-        ],
-    )
-    def test_what_a_file_may_not_say_an_override_may_not_either(
-        self, source, name, value, error, words
-    ):
-        with pytest.raises(error) as caught:
-            job_with(source, [(name, value)])
-        assert words in str(caught.value)
-        assert "\n" not in str(caught.value)
+@pytest.mark.parametrize(
+    ("change", "error", "words"),
+    [
+        ("uncertainty.radius_mm=-1", InputError, "[uncertainty] radius_mm"),
+        ("uncertainty.radius_mm=wide", InputError, "must be a number"),
+        ("uncertainty.radius=3", KeyNameError, 'did you mean "radius_mm"'),
+        ("uncertanty.radius_mm=3", KeyNameError, 'did you mean "uncertainty"'),
+        ("seed.x=3", UsageError, "no section"),
+        ("gripper.opening_mm=20", FitError, "part larger than the opening"),
+        ("friction.finger_part_min=0.9", InputError, "exchange them"),
+    ],
+)
+def test_overrides_that_a_file_may_not_state_are_refused(change, error, words):
+    with pytest.raises(error) as caught:
+        PARSED.replaced(**changes_of([change]))
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
 
 
 def test_of_two_values_for_one_key_the_last_holds_and_an_equals_sign_may_be_part_of_one():

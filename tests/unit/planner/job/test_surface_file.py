@@ -60,28 +60,22 @@ def test_a_job_takes_the_file_and_keeps_what_it_holds(surfaces, kind):
 
 
 ROWS = f"ellipsoid = {A.tolist()}"
+
+STATED = "rho_mm = 5\n"
+QUARTIC = f"{STATED}quartic = {[1] * 15}"
 SURFACE_MISTAKES = {
     "nothing": ("", KeyNameError, "missing key rho_mm"),
-    "rho alone": ("rho_mm = 5", KeyNameError, "missing key surface_file"),
-    "no rho": (ROWS, KeyNameError, "missing key rho_mm"),
+    "rho alone": (STATED, KeyNameError, "missing key surface_file"),
     "not symmetric": (
-        "rho_mm = 5\nellipsoid = [[1, 0.1, 0], [0, 1, 0], [0, 0, 1]]",
+        f"{STATED}ellipsoid = [[1, 0.1, 0], [0, 1, 0], [0, 0, 1]]",
         InputError,
         "ellipsoid",
     ),
     "file and inline": (f'surface_file = "s.toml"\n{ROWS}', InputError, "both stated"),
     "no such file": ('surface_file = "s.toml"', InputError, "check surface_file"),
-    "no certificate": (
-        f"rho_mm = 5\nquartic = {[1] * 15}",
-        KeyNameError,
-        "missing key certificate",
-    ),
-    "two surfaces": (
-        f"rho_mm = 5\n{ROWS}\nquartic = {[1] * 15}",
-        InputError,
-        "keep one surface",
-    ),
-    "too short": (f"rho_mm = 5\nquartic = {[1] * 14}", InputError, "must have 15 entries"),
+    "no certificate": (QUARTIC, KeyNameError, "missing key certificate"),
+    "two surfaces": (f"{QUARTIC}\n{ROWS}", InputError, "keep one surface"),
+    "too short": (f"{STATED}quartic = {[1] * 14}", InputError, "must have 15 entries"),
 }
 
 

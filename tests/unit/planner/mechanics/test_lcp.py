@@ -2,11 +2,7 @@
 
 import numpy as np
 import pytest
-from contact_problems import (
-    lcp,
-    random_contacts,
-    wrenches,
-)
+from contact_problems import lcp, random_contacts, wrenches
 from lcp_twin import all_bases, motions, solve
 from scipy.optimize import linprog
 

@@ -9,13 +9,7 @@ from counting import label_of
 from planner.belief.observation import encoder_of
 from planner.job import model as job_file
 from planner.lower import lower
-from planner.paper.search import (
-    METHODS,
-    SINGLETON_SHARE,
-    Models,
-    PaperPlanner,
-    nearest_observation,
-)
+from planner.paper.search import METHODS, SINGLETON_SHARE, Models, PaperPlanner, nearest_observation
 from planner.search.tree import breadth_first
 from runtime.table import REJECT, decision_map, dumps, loads
 

@@ -92,12 +92,7 @@ def test_the_four_ends_of_a_squeeze():
     titles = [axes.get_title() for axes in figure.axes]
     assert [
         next(word for word in ("slipped", "jammed", "grasped") if word in title) for title in titles
-    ] == [
-        "slipped",
-        "jammed",
-        "grasped",
-        "grasped",
-    ]
+    ] == ["slipped", "jammed", "grasped", "grasped"]
     assert titles[0].endswith("width 0.0 mm")
 
 

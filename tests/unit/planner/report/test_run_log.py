@@ -63,10 +63,7 @@ LINES = GOOD.splitlines(keepends=True)
 DAMAGED = {
     "empty": (b"", "is empty"),
     "no journal": (b"hello\n", "line 1 does not verify"),
-    "a width changed": (
-        GOOD.replace(b'"width_um":10,', b'"width_um":11,'),
-        "line 7 does not",
-    ),
+    "a width changed": (GOOD.replace(b'"width_um":10,', b'"width_um":11,'), "line 7 does not"),
     "a line missing": (b"".join(LINES[:3] + LINES[4:]), "line 4 does not verify"),
     "lines exchanged": (b"".join([LINES[0], LINES[2], LINES[1]]), "line 2 does not verify"),
     "another table": (chained([header(b"other"), *PARTS]), "holds no run of this table"),

@@ -79,25 +79,12 @@ SILHOUETTES = {  # solid, area above the tips of half its height or 8 mm, by han
         100 * math.pi,
     ),
     "ball": (trimesh.creation.icosphere(subdivisions=4, radius=12), 144 * math.pi),
-    "small ball": (trimesh.creation.icosphere(subdivisions=4, radius=7), 49 * math.pi),
-    "bridge": (
-        together(
-            box((0, 0, 0), (5, 20, 12)), box((35, 0, 0), (40, 20, 12)), box((0, 0, 8), (40, 20, 12))
-        ),
-        800,
-    ),
     "leaning block": (turned(box((0, 0, 0), (40, 20, 10)), 20.0, (0, 1, 0)), None),
-    "two heights": (together(box((0, 0, 0), (40, 10, 10)), box((0, 10, 0), (20, 20, 9))), 600),
-    "draft of a low part": (
-        frustum((40, 20), (40 - 10 * TAPER, 20 - 10 * TAPER), 10),
-        (40 - 5 * TAPER) * (20 - 5 * TAPER),
-    ),
     "draft of a high part": (
         frustum((40, 20), (40 - 50 * TAPER, 20 - 50 * TAPER), 50),
         (40 - 8 * TAPER) * (20 - 8 * TAPER),
     ),
     "draft upside down": (frustum((40 - 50 * TAPER, 20 - 50 * TAPER), (40, 20), 50), 800),
-    "ring": (trimesh.creation.annulus(8, 15, 10, sections=128), 225 * math.pi),
     "turned inside out": (
         together(box((10, 5, 0), (30, 15, 6)), box((0, 0, 6), (40, 20, 10))),
         800,

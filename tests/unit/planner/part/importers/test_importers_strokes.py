@@ -22,8 +22,7 @@ def filleted(count, radius=2.0):
     return points, shapely.Polygon(points).area
 
 
-@pytest.mark.parametrize("count", [20, 200, 1000])
-@pytest.mark.parametrize("noise_mm", [0.0, 1e-9, 1e-4])
+@pytest.mark.parametrize(("count", "noise_mm"), [(20, 1e-4), (200, 0.0), (1000, 1e-9)])
 def test_chain_of_strokes_shorter_than_the_tolerance_keeps_its_shape(tmp_path, count, noise_mm):
     points, right = filleted(count)
     noise = np.random.default_rng(count).uniform(-noise_mm, noise_mm, (2 * len(points), 2))
@@ -112,7 +111,7 @@ def test_narrow_gaps_are_closed(tmp_path, name):
     assert area(read(dxf(tmp_path, draw))) == pytest.approx(PLATE_MM2, rel=1e-3)
 
 
-@pytest.mark.parametrize("where_mm", [(12e3, -500), (5e8, 3e8), (-3.4e9, 5.8e9)])
+@pytest.mark.parametrize("where_mm", [(12e3, -500), (-3.4e9, 5.8e9)])
 @pytest.mark.parametrize("turn", [0.0, 0.3])
 def test_noding_does_not_depend_on_where_the_drawing_lies(tmp_path, where_mm, turn):
     points, right = filleted(200)
