@@ -56,24 +56,6 @@ def test_missing_input_of_any_command_is_found(words, tmp_path, monkeypatch) -> 
     assert missing.startswith("nope.")
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
-        ["there.toml", "-o", "new.msgpack"],
-        ["there.toml", "--figure", "new.csv"],
-        ["nope.toml", "--help"],
-        ["."],
-        ["there.toml/nope.toml"],
-        ["there.toml", "--name", "part.csv"],
-        [],
-    ],
-)
-def test_missing_input_of_outputs_and_help_is_none(words, tmp_path, monkeypatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("there.toml").touch()
-    assert missing_input(words) is None
-
-
 @pytest.mark.parametrize("word", ["simm", "Sim", "siim", "manuel"])
 @pytest.mark.parametrize("arguments", [runtime_arguments, doctor_arguments])
 def test_a_misspelt_port_is_refused_with_the_one_that_is_meant(word, arguments, capsys) -> None:
@@ -84,10 +66,3 @@ def test_a_misspelt_port_is_refused_with_the_one_that_is_meant(word, arguments, 
     assert f"is {'manual' if word == 'manuel' else 'sim'} meant?" in err
     assert err.count("\n") == 1
     assert PROGRAMS["run"].name in err or PROGRAMS["doctor"].name in err
-
-
-@pytest.mark.parametrize(
-    "port", ["/dev/ttyUSB0", "tcp://10.0.0.2:502", "can:can0", "sim", "manual"]
-)
-def test_ports_that_may_exist_are_taken_as_they_are(port) -> None:
-    assert runtime_arguments().parse_args(["--tree", "t", "--port", port]).port == port

@@ -87,21 +87,6 @@ def test_the_planned_table_solves_the_problem_as_well_as_it_says(model):
     assert squeezes / n == pytest.approx(table.predicted.mean_squeezes_ppm / 1e6, abs=0.06)
 
 
-def test_the_candidates_are_poses_apart_that_most_parts_come_to(model):
-    candidates = model.actions[model.placements :, :3]
-    apart = model.metric.between(candidates[:, None], candidates[None])
-    assert apart[~np.eye(len(candidates), dtype=bool)].min() > 0.0
-    rng = np.random.default_rng(6)
-    states = model.initial(2000, rng)
-    for _ in range(3):
-        placed = model.actions[rng.integers(model.placements, size=2000)]
-        states = model.sample(states, placed, rng).states
-    near = (
-        model.metric.between(states[:, None, :3], candidates[None]).min(axis=1) < model.metric.goal
-    )
-    assert near.mean() > 0.85
-
-
 def test_what_no_state_explains_and_what_is_no_state_is_refused(model):
     rng = np.random.default_rng(7)
     with pytest.raises(ValueError, match="none of 50 states explains the reading 17"):

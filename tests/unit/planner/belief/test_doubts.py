@@ -5,19 +5,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.belief.doubts import ROUGH, SLIPPERY, believed, certain, pushed_of
+from planner.belief.doubts import ROUGH, SLIPPERY, believed, pushed_of
 from planner.belief.observation import encoder_of
 from planner.belief.particles import initial, replenish, subsample
 from planner.belief.transition import Simulation, placing_of
-from planner.evaluation.disturbance import with_doubts
-from planner.evaluation.trials import Program, run
 from planner.frames import to_hand, to_world
 from planner.job import model as job_file
 from planner.mechanics.simulator import Simulator
 from planner.mechanics.traits import FRESH, as_planned, ordinary
 from planner.part.outline import min_width
-from planner.world import ContactWorld
-from runtime.table import load
 
 TREES = Path(__file__).parents[4] / "trees"
 LOW, HIGH = 0.4, 0.6
@@ -168,27 +164,3 @@ def test_what_opening_jaws_do_to_a_part_is_of_its_own_size_for_each_and_drawn_an
         n, again
     )  # the rest is what it would be, and without the doubt so is this
     assert not plain.release.any()
-
-
-def test_parts_lie_off_as_far_as_the_arm_may_be_in_beliefs_and_in_trials(job):
-    doubt = {"chance": 1.0, "arm_mm": 1.5, "arm_deg": 2.0}
-    for key in ("finger_share", "middle_mm", "encoder_mm"):
-        doubt[key] = [0, 0]
-    doubting = job.replaced(
-        doubt=doubt,
-        part={"tolerance_mm": 0},
-        uncertainty={"radius_mm": 0, "orientation_halfwidth_deg": 0},
-    )
-    assert not certain(doubting)
-    belief = believed(doubting, 5000, np.random.default_rng(16))
-    table = load(TREES / "rectangle" / "rectangle.msgpack").table
-    world = ContactWorld.of_simulator(Simulator.of_job(doubting, 1), [3])
-    tried = run(
-        Program.of(table), doubting, world, 500, np.random.default_rng(17), with_doubts(doubting)
-    )
-    for poses in (belief.poses, tried.initial):
-        away, turned = np.hypot(poses[:, 0], poses[:, 1]), np.degrees(poses[:, 2])
-        assert 1.45 < away.max() <= 1.5
-        assert 1.9 < turned.max() <= 2.0
-        assert -2.0 <= turned.min() < -1.9
-        assert abs(poses[:, :2].mean()) < 0.15

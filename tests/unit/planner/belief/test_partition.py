@@ -8,7 +8,7 @@ import pytest
 from counting import label_of
 
 from planner.belief.metric import Metric
-from planner.belief.observation import HOLE, Partition, Resolution, cut
+from planner.belief.observation import Partition, Resolution
 from planner.belief.particles import Belief
 from planner.belief.partition import Rule
 from planner.belief.partition import partition as labels_of
@@ -94,27 +94,6 @@ def test_no_other_cuts_cost_less(seed):
     assert len(choices) == 2 ** (len(values) - 1)
     least = min(cost(place, counts, starts, how) for starts in choices)
     assert cost(place, counts, np.sort(clusters.low), how) == pytest.approx(least)
-
-
-@pytest.mark.parametrize("seed", range(40))
-def test_neither_one_interval_nor_those_of_k_means_cost_less(seed):
-    rng = np.random.default_rng(seed)
-    how = rule()
-    counts = np.clip(
-        np.rint(rng.choice([150.0, 156.0, 170.0], MOST) + rng.normal(0.0, 2.0, MOST)), 100, 220
-    )
-    counts = counts.astype(np.int64)
-    place = np.where(
-        rng.random(MOST) < 0.8, (counts > 153).astype(np.int64), rng.integers(0, 4, MOST)
-    )
-    clusters = partition(PLACES[place], counts, how)
-    value = cost(place, counts, np.sort(clusters.low), how)
-    apart = how.resolution.apart
-    bounds, _ = cut(
-        np.bincount(counts, minlength=256), FREE, 0.54 * apart, 0.0, apart, HOLE * apart
-    )
-    assert value <= cost(place, counts, [counts.min()], how) + 1e-9
-    assert value <= cost(place, counts, bounds[:0:-1], how) + 1e-9
 
 
 @pytest.mark.parametrize("seed", range(20))

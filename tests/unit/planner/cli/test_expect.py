@@ -3,7 +3,6 @@
 import json
 from pathlib import Path
 
-import numpy as np
 import pytest
 from drifting import Drift, parts, squeezed
 from histories import watch
@@ -30,21 +29,6 @@ def written(tmp_path_factory):
     path = tmp_path_factory.mktemp("expect") / "expected.json"
     assert expect.main([str(TREE), "-o", str(path), "--trials", "3000"]) == 0
     return path
-
-
-def test_every_squeeze_is_counted_once_where_it_was_made():
-    result = squeezed(TABLE, JOB, 400, 1)
-    counts = expectation.readings(result, TABLE)
-    assert counts.sum() == result.squeezes.sum()
-    assert counts[0].sum() == 400
-    seen = {
-        (int(n), int(c))
-        for n, c in zip(
-            result.path.ravel(), expectation.bins_of(TABLE, result.steps).ravel(), strict=True
-        )
-        if n >= 0
-    }
-    assert {tuple(map(int, place)) for place in np.argwhere(counts)} == seen
 
 
 def test_file_is_what_the_charts_read_and_the_same_for_the_same_seed(written, tmp_path):

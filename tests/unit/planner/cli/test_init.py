@@ -103,23 +103,6 @@ def test_it_never_overwrites_unasked(drawing, tmp_path, capsys):
     assert job_file.load(output).part.name == "bracket"
 
 
-def test_without_a_terminal_what_is_missing_is_named(drawing, tmp_path):
-    command = [PLAN_INIT, str(drawing), "-o", str(tmp_path / "job.toml")]
-    done = subprocess.run(
-        command,
-        cwd=ROOT,
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
-    assert done.returncode == 2
-    assert done.stderr.count("\n") == 1
-    for flag in ("--radius", "--gripper", "--fingers"):
-        assert flag in done.stderr
-
-
 def at_a_terminal(command, answers):
     """Runs a command on a pseudo-terminal and types; returns its exit code and what was seen."""
     keyboard, screen = pty.openpty()

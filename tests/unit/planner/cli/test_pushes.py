@@ -87,14 +87,3 @@ def test_what_is_wrong_with_a_file_is_said_in_one_line(tmp_path, text, error, wo
     assert "in.csv" in err
     assert err.count("\n") == 1
     assert rows == []
-
-
-@pytest.mark.parametrize(
-    "options",
-    [("--poses", "in.csv"), ("--figure", "f.png"), ("--fingers-mm", "-3"), ("--fingers-mm", "nan")],
-)
-def test_options_that_do_not_go_with_pushes_are_refused(tmp_path, options):
-    code, rows, _, err = run(tmp_path, f"{HEADER}\n{STRAIGHT}\n", *NOMINAL, *options)
-    assert code == 2
-    assert err.count("\n") == 1
-    assert rows == []

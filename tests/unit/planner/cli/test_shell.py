@@ -65,23 +65,3 @@ def test_failure_of_what_an_answer_can_do_without_is_a_note(error, capsys):
     assert len(notes) == 1
     assert "no picture" in notes[0]
     assert capsys.readouterr().err == ""
-
-
-def interrupted(made_of_it):
-    try:
-        signal.raise_signal(signal.SIGINT)
-    except KeyboardInterrupt:
-        if made_of_it:
-            raise made_of_it from None
-
-
-@pytest.mark.parametrize("made_of_it", [RuntimeError("no compiled object yet"), None])
-def test_an_interrupt_that_a_compiler_makes_something_else_of_stays_one(made_of_it):
-    usual = signal.getsignal(signal.SIGINT)
-
-    def compile_interrupted():
-        interrupted(made_of_it)
-
-    with pytest.raises(KeyboardInterrupt), shell.compiling():
-        compile_interrupted()
-    assert signal.getsignal(signal.SIGINT) is usual

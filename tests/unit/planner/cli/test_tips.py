@@ -13,7 +13,6 @@ from runtime.shell.errors import InputError
 TIPS = "tip_x_mm,tip_y_mm,way_x_mm,way_y_mm"
 RADIUS = ("--tip-radius-mm", "4.75")
 OUTPUTS = ["moved_x_mm", "moved_y_mm", "turned_deg"]
-BOUNDS = [f"{name}_{end}" for name in OUTPUTS for end in ("low", "high")]
 
 
 def moved(row):
@@ -72,23 +71,6 @@ def test_tips_are_freed_by_the_shortest_way_also_of_notches():
     assert shifted[inside] == pytest.approx(
         shapely.distance(edge, shapely.points(points[inside])), abs=0.01
     )
-
-
-def test_draws_bound_what_single_draws_say(tmp_path):
-    """Of many lines that are each a draw, 90 % lie between the bounds; the lines do not depend on them."""
-    text = f"{TIPS}\n" + "-4.75,30,20,3\n" * 300
-    _, rows, _, _ = run(tmp_path, text, *RADIUS, "--seed", "4")
-    options = (*RADIUS, "--seed", "4", "--draws", "300")
-    _, some, _, _ = run(tmp_path, f"{TIPS}\n-4.75,30,20,3\n", *options)
-    assert list(some[0])[-7:] == ["overlap_mm", *BOUNDS]
-    values = np.array([moved(row) for row in rows])
-    low, high = (
-        np.array([float(some[0][f"{name}_{end}"]) for name in OUTPUTS]) for end in ("low", "high")
-    )
-    inside = ((low <= values) & (values <= high)).mean(axis=0)
-    assert (inside > 0.8).all()
-    assert (inside < 0.97).all()
-    assert run(tmp_path, f"{TIPS}\n-4.75,30,20,3\n", *options)[1] == some
 
 
 def test_scattered_tips_start_about_where_they_are_stated_and_beside_the_part():

@@ -8,13 +8,12 @@ import pytest
 
 from planner.belief.observation import encoder_of
 from planner.diagnosis.advice import advise, gains_without_noise
-from planner.diagnosis.margins import THIN, Margins, margins_of, near_another
+from planner.diagnosis.margins import THIN, Margins, margins_of
 from planner.evaluation.cases import EVERYTHING, OFFSET, noise_cases
 from planner.evaluation.evaluate import evaluate
-from planner.evaluation.trials import encoder_of_table
 from planner.job import model as job_file
 from planner.world import ContactWorlds
-from runtime.table import REJECT, decision_map, load
+from runtime.table import load
 
 pytestmark = pytest.mark.slow
 
@@ -95,27 +94,6 @@ def test_a_coarse_encoder_is_what_limits_a_plan_made_for_a_fine_one(table, job):
     evaluation = evaluate(table, coarse, ContactWorlds.of_job(coarse, 1), 2000, 2)
     lines = advise(table, evaluation, coarse, gains).lines()
     assert any("encoder noise" in line for line in lines)
-
-
-def test_parts_near_another_branch_are_those_whose_next_counts_mean_it(table, evaluation):
-    encoder = encoder_of_table(table)
-    widths = encoder.width_um(np.arange(encoder.steps + 1)).tolist()
-    maps = [
-        [decision_map(node, table.gripper).either.at(um) for um in widths] for node in table.nodes
-    ]
-    near = 0
-    for path, counts in zip(evaluation.path, evaluation.steps, strict=True):
-        visits = [
-            (maps[node], count) for node, count in zip(path, counts, strict=True) if node >= 0
-        ]
-        others = [
-            map_[count + off] not in (map_[count], REJECT)
-            for map_, count in visits
-            for off in range(-int(OFFSET), int(OFFSET) + 1)
-            if 0 <= count + off < len(map_)
-        ]
-        near += any(others)
-    assert near_another(table, evaluation) == pytest.approx(near / len(evaluation.path))
 
 
 def test_a_careful_plan_has_margins_and_one_for_finer_widths_has_none(table, job, evaluation):

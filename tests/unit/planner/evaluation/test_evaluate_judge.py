@@ -8,7 +8,7 @@ import pytest
 from sample_tables import random_table, small_table, with_leaf
 
 from planner.evaluation.judge import claimed, judge, metric_of_table
-from planner.evaluation.leaves import NO_LEAF, confusions, nearest_leaf, reliability, worst
+from planner.evaluation.leaves import NO_LEAF, confusions, nearest_leaf, reliability
 from planner.evaluation.outcome import CRASHED, NOWHERE, REJECTED, Evaluation
 from planner.mechanics.traits import as_planned
 from runtime.table import PPM, LeafPose, Tolerance, poses_of
@@ -137,20 +137,6 @@ def test_the_true_leaf_is_the_nearest_one_within_the_goal():
             assert min(distances) >= metric.distance_mm
         else:
             assert distances[result] == min(distances) < metric.distance_mm
-
-
-def test_the_worst_come_first_and_are_all_confident():
-    table = random_table(seed=13, nodes=8)
-    evaluation = scattered(table, np.random.default_rng(3))
-    rows = worst(table, evaluation, 20)
-    errors = [row.error_mm for row in rows]
-    assert errors == sorted(errors, reverse=True)
-    assert errors[0] == evaluation.error_mm[evaluation.wrong].max()
-    metric = metric_of_table(table)
-    for row in rows:
-        assert float(metric.between(row.final, row.predicted)) == pytest.approx(row.error_mm)
-        assert row.path == (0,)
-        assert row.widths_mm == (47.555,)
 
 
 def predicted_table(rng, leaves, trials):

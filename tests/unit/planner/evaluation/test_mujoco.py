@@ -1,7 +1,6 @@
 """The rigid-body world by itself: theory it must keep to, residuals, and what a job's values do in it."""
 
 import math
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +14,7 @@ from planner.job import model as job_file  # noqa: E402
 from planner.mechanics.clearance import least_clearance  # noqa: E402
 from planner.mechanics.simulator import Simulator  # noqa: E402
 from planner.part.outline import width as outline_width  # noqa: E402
-from planner.world import ContactWorld, load_world  # noqa: E402
-from runtime.shell.errors import UsageError  # noqa: E402
+from planner.world import ContactWorld  # noqa: E402
 
 JOB = job_file.load(Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml")
 MU = 0.5
@@ -123,13 +121,6 @@ def test_an_open_finger_stands_on_the_part_where_the_planner_says_so():
     for pose in poses:
         least = least_clearance(ours.outline, ours.jaws, pose[None], np.zeros(3), margin_mm=0.0)
         assert world.collides(tuple(pose), JOB.gripper.opening_mm) == (least < 0.0)
-
-
-def test_without_the_extra_one_line_says_what_to_install(monkeypatch):
-    monkeypatch.setitem(sys.modules, "mujoco", None)
-    monkeypatch.delitem(sys.modules, "planner.evaluation.mujoco")
-    with pytest.raises(UsageError, match=r"pip install 'squeezetree\[mujoco\]'"):
-        load_world("planner.evaluation.mujoco:make", JOB, 0)
 
 
 def test_pushes_end_about_where_quasi_static_ones_do():

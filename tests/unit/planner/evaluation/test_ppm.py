@@ -147,19 +147,6 @@ def test_splitting_changes_no_mean_and_narrows_rare_ones(job):
     assert spread[1] < 0.6 * spread[0]
 
 
-def test_a_planted_fault_of_twenty_in_a_million_is_found(job):
-    table, worlds = (
-        chain(small_table(), 2, rare=2000),
-        Coins([20.0, 40.0], [0.998, 0.002], unlucky=0.01),
-    )
-    result = Findings.of(total(study(table, job, worlds, copies_of(table)), 60))
-    assert result.wrong.low < 20.0 < result.wrong.high
-    assert result.worst(1) == [1]
-    assert result.leaves[0].rate == 0.0
-    assert result.decided(1.0)
-    assert result.decided(100.0)
-
-
 def test_the_sums_do_not_depend_on_who_worked_or_on_a_pause(job, tmp_path):
     table, worlds = chain(small_table(), 2, rare=2000), Coins([20.0, 40.0], [0.9, 0.1], unlucky=0.5)
     of, kept = study(table, job, worlds, copies_of(table)), tmp_path / "study.json"

@@ -116,16 +116,6 @@ def test_the_tips_offset_is_found_from_the_faces_and_taken_off():
     assert np.abs(with_offset - without)[:, 2].max() < 0.2 * 1.5 * 3
 
 
-def test_readings_of_the_approach_and_without_contact_do_not_count():
-    push = pushes.parse(LOG)[0]
-    spoiled = push.forces.copy()
-    spoiled[5:25, 1:] += 5.0  # before 30 %
-    spoiled[60:65, 1:] = spoiled[0, 1:]  # contact lost
-    changed, _ = pushes.pairs([push._replace(forces=spoiled)])
-    plain, _ = pushes.pairs([push])
-    assert np.allclose(changed[0, :2], plain[0, :2], atol=1e-9)
-
-
 def lines_of(text: str = LOG) -> list[str]:
     return text.splitlines()
 

@@ -51,15 +51,6 @@ def test_several_parts_come_back_from_their_exact_text():
     assert "part" not in job_file._document(job)
 
 
-def test_each_part_alone_is_the_job_of_that_part():
-    job = read(several())
-    for alone, entry in zip(job.alone, several()["hypothesis"], strict=True):
-        document = {**several(), "part": entry["part"], "cell": {"squeeze_height_mm": 4.0}}
-        del document["hypothesis"]
-        expected = read({**document, "search": {"particles": job.search.particles}})
-        assert alone.replaced(cell={"squeeze_height_mm": 4.0}) == expected
-
-
 def test_a_part_has_pressure_and_friction_of_its_own_where_it_states_them():
     document = several()
     document["hypothesis"][1] |= {

@@ -16,7 +16,6 @@ from problems import (
     rectangle,
     simulator,
 )
-from scipy.stats import kstest
 
 from planner.learned import rollouts
 from planner.learned.rollouts import roll_outs
@@ -89,13 +88,6 @@ class TestRegion:
             classify_contact(outline, JAWS, poses) == STANDS_ON, np.array(shared) > 1e-6
         )
         assert 0 < np.count_nonzero(shared) < len(poses)
-
-
-def test_starts_cover_the_disc_evenly_and_at_any_angle(small):
-    x, y, theta = small.initial.T
-    assert kstest((x**2 + y**2) / SMALL["radius_mm"] ** 2, "uniform").pvalue > 1e-3
-    for angle in (theta, np.arctan2(y, x), (theta + np.arctan2(y, x)) % math.tau - math.pi):
-        assert kstest(angle / math.tau + 0.5, "uniform").pvalue > 1e-3
 
 
 def test_fewer_are_a_prefix_of_more_in_every_ring(part, small):

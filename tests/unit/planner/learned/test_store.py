@@ -66,16 +66,6 @@ def test_a_folder_that_cannot_be_made_costs_a_warning_and_nothing_else(tmp_path)
     assert len(caught) == 1
 
 
-def test_a_full_disk_leaves_no_draft_behind(store, monkeypatch):
-    def full(*_):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(os, "replace", full)
-    with pytest.warns(StoreWarning, match="No space left"):
-        store.put(KEY, b"content")
-    assert files(store) == []
-
-
 @pytest.mark.parametrize("key", ["", "../../etc", "AB" * 32, "ab/cd", "short"])
 def test_a_name_that_is_no_digest_is_refused(store, key):
     with pytest.raises(ValueError, match="hexadecimal"):

@@ -10,7 +10,7 @@ from surfaces import hessian
 from planner.belief.doubts import believed
 from planner.belief.particles import initial
 from planner.job import model as job_file
-from planner.mechanics import limit_surface, quartic, surface
+from planner.mechanics import quartic, surface
 from planner.mechanics.simulator import STATUS_NAMES, Parameters, Simulator
 from planner.mechanics.surface_step import local_matrix
 
@@ -82,31 +82,6 @@ def test_parts_of_both_forms_end_alike_where_the_quartic_is_the_ellipsoid(poses)
     a, b = plain.roll_out(poses, nominal), plain.roll_out(poses, mixed)
     np.testing.assert_allclose(b.poses, a.poses, atol=1e-5)
     np.testing.assert_array_equal(b.status, a.status)
-
-
-def test_surfaces_drawn_for_parts_of_either_form_scatter_about_their_own():
-    job = JOB.replaced(doubt={"limit_surface": "any", "pressure": "any"})
-    surfaces = (surface.of_job(job), *surface.others_of(job))
-    forms = [type(each) for each in surfaces]
-    assert (
-        forms.count(quartic.QuarticSurface)
-        == forms.count(limit_surface.LimitSurface)
-        == len(forms) / 2
-    )
-    which = np.repeat(np.arange(len(surfaces)), 400)
-    drawn, ellipsoid = surface.sample_each(
-        surfaces, which, np.full(len(which), 100), np.random.default_rng(7)
-    )
-    for number, each in enumerate(surfaces):
-        nominal = surface.nominal(each)
-        size = len(nominal)
-        ours = drawn[which == number]
-        assert (ellipsoid[which == number] == (size == 3)).all()
-        error = ours[:, :size, :size].std(axis=0) / 20.0
-        np.testing.assert_allclose(
-            ours[:, :size, :size].mean(axis=0), nominal, atol=5.0 * error.max()
-        )
-        assert not ours[:, size:].any()
 
 
 def test_a_release_moves_held_parts_only_and_by_what_the_job_says(poses):

@@ -102,39 +102,3 @@ def test_search_finds_what_trying_everything_finds(seed, depth):
 def test_of_equals_the_shortest_and_then_the_first_wins():
     search = search_of([left(9.0), left(1.0), left(1.0), right(0.0)], depth=3)
     assert found_by(search, line(0, 10)).actions == (1,)
-
-
-def test_a_sequence_that_first_loses_more_than_a_quarter_is_pruned():
-    # The first push spreads what lay together; only the second gathers it all.
-    class Jump:
-        def __call__(self, poses, rng):
-            together = np.ptp(poses[:, 0]) < 3.0
-            moved = poses.copy()
-            moved[:, 0] = np.linspace(0.0, 8.0, len(poses)) if together else 4.0
-            return moved
-
-    poses = line(0, 2.9)
-    assert ratio(poses) < 0.8
-    assert found_by(search_of([left(0.0)], 2, Jump()), poses).actions == ()
-    patient = search_of([left(0.0)], 2, Jump(), alpha=0.3)
-    assert found_by(patient, poses).actions == (0, 0)
-    assert found_by(patient, poses).ratio == 1.0
-
-
-def test_enough_ends_the_search_early_and_budget_bounds_it():
-    class Counted(Wall):
-        moves = 0
-
-        def __call__(self, poses, rng):
-            self.moves += 1
-            return super().__call__(poses, rng)
-
-    placements = [left(9.0), left(5.0), right(4.0)]
-    whole, early, short = Counted(), Counted(), Counted()
-    assert found_by(search_of(placements, 4, whole), line(0, 10)).ratio == 1.0
-    result = found_by(search_of(placements, 4, early, enough=0.95), line(0, 10))
-    assert result.ratio > 0.95
-    assert len(result.actions) == 2
-    assert early.moves < whole.moves
-    assert found_by(search_of(placements, 4, short, budget=1), line(0, 10)).ratio < 1.0
-    assert short.moves == 3

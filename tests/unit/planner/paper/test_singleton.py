@@ -27,15 +27,6 @@ def test_printed_order_takes_a_half_turn_for_the_same_pose_also_where_it_is_not(
     assert singleton(poses, order=1).ratio < 1.0
 
 
-def test_two_modes_of_a_belief_average_to_neither():
-    poses = np.concatenate(
-        [cloud(500, [0.1, 0.1, 0.01], [6.0, 0, 0]), cloud(500, [0.1, 0.1, 0.01], [-6.0, 0, 0])]
-    )
-    mode = singleton(poses, PRINTED_ORDER)
-    assert mode.ratio == 0.0
-    assert mode.pose[0] == pytest.approx(0.0, abs=0.05)
-
-
 @pytest.mark.parametrize(
     ("offset", "inside"),
     [

@@ -53,14 +53,6 @@ def test_widths_that_the_encoder_cannot_tell_apart_are_merged_with_a_note():
     assert fine.notes() == []
 
 
-def test_a_tip_too_thin_to_be_felt_counts_as_free_with_a_note():
-    width = np.concatenate([np.zeros(100), np.full(7, 0.4), np.linspace(5.0, 20.0, 500)])
-    subspaces = subspaces_of(width, ENCODER)
-    assert subspaces.size[0] == 107
-    assert subspaces.overlooked == 7
-    assert any("7 roll-outs" in note for note in subspaces.notes())
-
-
 @pytest.mark.parametrize("width", [np.zeros(10), np.full(10, 26.0), np.zeros(0)])
 def test_free_space_is_first_whatever_else_there_is(width):
     subspaces = subspaces_of(width, ENCODER)

@@ -3,8 +3,6 @@
 import itertools
 import json
 import re
-import runpy
-import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -25,7 +23,6 @@ pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[4]
 TREES = ROOT / "trees"
-FIGURES = ROOT / "tools" / "figures"
 RESULTS = ROOT / "tests" / "bench" / "results"
 RADII = {row.part: 10.0 for row in table_rows(TREES)}
 
@@ -105,33 +102,6 @@ def test_the_partition_has_the_papers_four_subspaces():
     assert sum(shares) == pytest.approx(100, abs=2)
     with pytest.raises(ValueError, match="4 subspaces"):
         single_squeezes.partition(job, ("one", "two"))
-
-
-@pytest.mark.parametrize(
-    ("arguments", "status", "said"),
-    [
-        (["--only", "fig5"], 2, "fig5"),
-        (["tree.msgpack"], 2, "-o a picture go together"),
-        (["--readme", "--only", "fig3"], 2, "state one"),
-        (["tree.msgpack", "-o", "tree.jpg"], 2, ".svg"),
-        (["missing.msgpack", "-o", "x.svg"], 3, "missing.msgpack"),
-        ([str(TREES / "rectangle" / "job.toml"), "-o", "x.svg"], 3, "job.toml"),
-        (["--only", "table1", "--folder", "/nowhere/at/all"], 3, "is not a folder"),
-    ],
-)
-def test_wrong_input_is_answered_with_a_line(
-    arguments, status, said, tmp_path, capsys, monkeypatch
-):
-    monkeypatch.syspath_prepend(FIGURES.parent)
-    monkeypatch.setattr(sys, "argv", [str(FIGURES), *arguments])
-    monkeypatch.chdir(tmp_path)
-    main = runpy.run_path(str(FIGURES))["main"]
-    with pytest.raises(SystemExit) as ended:
-        sys.exit(main())
-    printed = capsys.readouterr().err
-    assert (ended.value.code, said in printed.splitlines()[-1]) == (status, True), printed
-    assert "Traceback" not in printed
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_the_moving_picture_shows_a_part_that_the_table_locates(planned):

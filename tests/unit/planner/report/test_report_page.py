@@ -197,25 +197,3 @@ def test_the_way_of_a_part_is_chosen_by_hand_by_keys_by_widths_and_from_a_journa
 @pytest.mark.parametrize("width", [1400, 390])
 def test_every_text_is_legible_on_a_wide_and_a_narrow_screen(text, tmp_path, width):
     assert played(text, LEGIBLE, tmp_path, width) == {"small": [], "over": 0}
-
-
-def test_wrong_input_is_one_line(tmp_path, capsys):
-    cases = [
-        (3, [str(tmp_path / "none.msgpack"), "-o", str(tmp_path / "p.html")]),
-        (2, [str(TABLE_PATH), "-o", str(tmp_path / "none" / "p.html")]),
-        (
-            3,
-            [
-                str(TABLE_PATH),
-                "-o",
-                str(tmp_path / "p.html"),
-                "--journal",
-                str(tmp_path / "none.jsonl"),
-            ],
-        ),
-        (2, [str(TABLE_PATH), "-o", str(tmp_path / "p.html"), "--trials", "99999999"]),
-    ]
-    for code, words in cases:
-        assert report.main(words) == code
-        assert capsys.readouterr().err.count("\n") == 1
-    assert list(tmp_path.iterdir()) == []

@@ -40,16 +40,6 @@ def groups(path: Path) -> list[str]:
     return [name for name in ids if re.fullmatch(r"(squeeze|node|leaf)-\d+", name)]
 
 
-@pytest.mark.parametrize(("share", "middle"), [(0.5, 0.0), (1.0, -12.5), (0.0, 12.5)])
-def test_fingers_leave_the_width_between_them(share: float, middle: float) -> None:
-    # One finger alone closes 85 mm to 60 mm: the gap's middle moves half of that towards the other.
-    upper, lower = canvas.finger_boxes(np.array([85.0, 27.5, 9.5, share]), 60.0)
-    assert upper[:, 1].min() - lower[:, 1].max() == pytest.approx(60.0)
-    assert 0.5 * (upper[:, 1].min() + lower[:, 1].max()) == pytest.approx(middle)
-    for box in (upper, lower):
-        assert np.ptp(box, axis=0) == pytest.approx([27.5, 9.5])
-
-
 @pytest.mark.parametrize("count", [1, 2, 5, 12])
 def test_one_panel_a_squeeze(tmp_path: Path, count: int) -> None:
     traces = [GRASP, MISS, GRASP, GRASP, MISS] * 3

@@ -6,7 +6,6 @@ import pytest
 from run_logs import chained, header, part
 
 from planner.report import run_log
-from runtime.journal.chain import Journal
 from runtime.shell.errors import InputError
 
 TABLE = b"some table"
@@ -32,17 +31,6 @@ def test_parts_squeezes_and_outcomes_are_found(tmp_path):
     assert log.branch_counts() == {(0, 4): 2, (4, -8): 1, (0, None): 1}
     assert log.outcomes() == {"leaf": 1, "reject": 1, "fault": 1}
     assert sum(log.branch_counts().values()) == sum(len(p.squeezes) for p in log.parts)
-
-
-def test_it_reads_what_the_runtime_writes(tmp_path):
-    path = tmp_path / "j.jsonl"
-    with Journal(path, lambda: "2026-01-01T00:00:00") as journal:
-        journal.header(TABLE, {})
-        for entry in PARTS:
-            journal.record(
-                entry["kind"], {key: value for key, value in entry.items() if key != "kind"}
-            )
-    assert len(run_log.read(path, DIGEST).parts) == 3
 
 
 def test_runs_of_other_tables_are_left_out_and_counted(tmp_path):

@@ -76,13 +76,3 @@ def test_a_part_near_the_edge_is_dragged_to_the_middle(job):
     np.testing.assert_allclose(release, [0.0, 0.0])
     (belief,) = handling.released(np.array([140.0, 0.0, 0.0]), release, outcomes)
     np.testing.assert_allclose(belief.poses[0], [5.0, 0.0, 0.1])
-
-
-def test_nothing_held_is_nothing_dragged(job):
-    outcomes = Outcomes(
-        Partition.of([np.full(50, 227)]), [Belief.of(np.tile([145.0, 0.0, 0.0], (50, 1)))], 0.0, 0.0
-    )
-    handling = handling_of(job)
-    assert handling.release(outcomes) is None
-    moved = handling.released(np.array([140.0, 0.0, 0.0]), np.zeros(2), outcomes)
-    np.testing.assert_allclose(moved[0].poses, outcomes.beliefs[0].poses)

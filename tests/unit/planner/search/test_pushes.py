@@ -79,14 +79,6 @@ def test_closed_fingers_leave_no_part_behind_their_face(pusher, belief):
     assert np.all(ahead[:, 0] > face)
 
 
-def test_parts_anyhow_about_a_disc_are_pushed_one_way_and_others_four(job, pusher, belief):
-    assert {float(push.start[2]) for push in pusher.options(belief)} == {0.0}
-    known = job.replaced(uncertainty={"orientation_halfwidth_deg": 20.0})
-    for each, lying in ((pusher, read(belief)), (pusher_of(Problem.of(known, 1)), belief)):
-        angles = np.array(sorted({float(push.start[2]) for push in each.options(lying)}))
-        assert np.diff(angles) == pytest.approx([0.5 * np.pi] * 3)
-
-
 def test_a_pushed_belief_is_touched_and_keeps_what_was_read(pusher, belief):
     push = pusher.options(belief)[0]
     pushed = pusher.model.push(belief, push, np.random.default_rng(4))

@@ -45,35 +45,6 @@ def test_answer_becomes_three_numbers():
     assert "1.50 mm" in numbers[2]["more"]
 
 
-def test_a_simulated_part_is_a_row_of_texts():
-    part = {
-        "part": 1,
-        "outcome": "leaf",
-        "path": [0, 4],
-        "widths_mm": [14.0, 39.25],
-        "within_goal": True,
-        "error_mm": 0.2,
-    }
-    pose = {"x_mm": 3.0, "y_mm": 0.5, "theta_rad": -1e-5}
-    row, lost = read(
-        {**part, "predicted_pose": pose},
-        {
-            **part,
-            "outcome": "reject",
-            "predicted_pose": None,
-            "error_mm": None,
-            "within_goal": None,
-        },
-    ).parts
-    assert (row["angle"], row["place"], row["widths"]) == ("0.0", "(3.00, 0.50) mm", "14.00, 39.25")
-    assert (lost["outcome"], lost["place"], lost["error"], lost["within"]) == (
-        "REJECT",
-        "",
-        "",
-        False,
-    )
-
-
 def test_words_are_shown_where_a_command_failed_and_else_not():
     line = "plan-try: a.dxf: is no DXF file"
     assert read(STEP, line, {"exit": 3}).lines == [line]

@@ -26,12 +26,6 @@ def plans(tmp_path):
     return Plans(Folder(tmp_path))
 
 
-def test_a_setting_stays_one_argument(plans):
-    settings = {"units": "mm", "radius": " 5 ", "turn": "", "gripper": "--output=/tmp/x"}
-    arguments = plans.arguments("plate.csv", settings)
-    assert arguments == ["--units=mm", "--gripper=--output=/tmp/x", "--radius=5"]
-
-
 @pytest.mark.parametrize("settings", [{"output": "x"}, {"radius": 5}, {"radius": ["5"]}])
 def test_unknown_settings_are_refused(plans, settings):
     with pytest.raises(UsageError):

@@ -2,7 +2,6 @@
 
 import multiprocessing
 import os
-import threading
 import time
 
 import pytest
@@ -63,21 +62,6 @@ def test_work_within_work_ends():
 
     outcome = list(Threads(2).map(outer, range(20)))
     assert outcome == [2 * (sum(map(squared, range(value))),) for value in range(20)]
-
-
-def test_nothing_runs_on_once_the_work_has_ended():
-    running, ended = set(), threading.Event()
-
-    def work(value):
-        running.add(value)
-        ended.wait(0.01 if value else 0.0)
-        running.discard(value)
-        return value
-
-    results = Threads(2).map(work, range(100))
-    assert next(results) == 0
-    results.close()
-    assert not running
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="a system without fork")

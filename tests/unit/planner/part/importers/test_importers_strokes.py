@@ -74,14 +74,6 @@ def test_short_strokes_of_any_kind_are_a_chain(tmp_path, add):
     assert area(read(dxf(tmp_path, draw))) == pytest.approx(FILLET_MM2, rel=4e-4)
 
 
-def test_small_slot_of_short_strokes_is_not_closed(tmp_path):
-    """A notch 0.5 mm wide whose floor is drawn in steps of 0.005 mm."""
-    floor = [(20.5 - k * 0.005, 15.0) for k in range(101)]
-    points = [(0, 0), (40, 0), (40, 20), (20.5, 20), *floor, (20, 20), (0, 20)]
-    part = read(dxf(tmp_path, lambda space, _: lines(space, points)))
-    assert area(part) == pytest.approx(PLATE_MM2 - 2.5, abs=0.05)
-
-
 BOTTOM, RIGHT, TOP, LEFT = (
     ((0, 0), (40, 0)),
     ((40, 0), (40, 20)),
