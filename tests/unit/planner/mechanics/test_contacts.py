@@ -69,7 +69,7 @@ def scenes(seed: int, count: int, radius: float = 30.0):
 def test_contacts_of_fingers_side_by_side_are_those_of_each_alone():
     """A hand that pushes: its fingers look one way, and each is found as a single one in the middle is."""
     rng, apart, near_both = np.random.default_rng(13), 5.0, 0
-    for _, points, pose in scenes(5, 600):
+    for _, points, pose in scenes(5, 150):
         face = points[:, 1].max() - rng.uniform(0.0, 3.0)
 
         def rows(middle: float, *centres: float, points=points, pose=pose, face=face):
@@ -86,14 +86,14 @@ def test_contacts_of_fingers_side_by_side_are_those_of_each_alone():
         near_both += bool(left) and bool(right)
         if len(both) < contacts.MAX_CONTACTS:
             assert both == sorted(left + right)
-    assert near_both > 10
+    assert near_both > 2
 
 
 @FINGERS
 def test_clearance_is_the_way_to_the_nearest_point_of_the_part_below_the_finger(finger):
     missed = 0
     strip = shapely.box(-HALF, -500.0, HALF, 500.0)
-    for _, points, _ in scenes(2, 400):
+    for _, points, _ in scenes(2, 100):
         below = shapely.intersection(shapely.Polygon(points), strip)
         way = clearance.clearance(columns(points), finger, finger * 100.0, HALF)
         if below.is_empty:
@@ -102,14 +102,14 @@ def test_clearance_is_the_way_to_the_nearest_point_of_the_part_below_the_finger(
         else:
             extreme = below.bounds[3] if finger == 1 else -below.bounds[1]
             assert way == pytest.approx(100.0 - extreme, abs=1e-9)
-    assert 0 < missed < 300
+    assert 0 < missed < 75
 
 
 @FINGERS
 def test_a_finger_is_blocked_where_it_shares_area_with_the_part(finger):
     """By shapely: also where no vertex lies inside the finger, and where the finger lies inside the part."""
     verdicts = set()
-    for rng, points, _ in scenes(4, 600, radius=20.0):
+    for rng, points, _ in scenes(4, 150, radius=20.0):
         points = points * rng.choice([0.3, 1.0, 3.0])
         face = finger * rng.uniform(-5.0, 40.0)
         shared = shapely.Polygon(points).intersection(finger_box(finger, face)).area
@@ -125,7 +125,7 @@ def test_a_finger_is_blocked_where_it_shares_area_with_the_part(finger):
 def test_at_first_touch_a_contact_is_found_with_that_gap(finger):
     """However the part lies: no part is touched without a row that says so."""
     touched = 0
-    for rng, points, pose in scenes(6, 500, radius=25.0):
+    for rng, points, pose in scenes(6, 150, radius=25.0):
         way = clearance.clearance(columns(points), finger, finger * 100.0, HALF)
         if math.isinf(way):
             continue
@@ -136,7 +136,7 @@ def test_at_first_touch_a_contact_is_found_with_that_gap(finger):
         assert (I[:, FINGER] == finger).all()
         along_y = C[:, GAP] / np.abs(C[:, NY])
         assert along_y.min() == pytest.approx(gap, abs=1e-9)
-    assert touched > 200
+    assert touched > 60
 
 
 def nearly_closed(rng: np.random.Generator, points: np.ndarray) -> tuple[float, float]:
@@ -158,7 +158,7 @@ def beside(rng: np.random.Generator, points: np.ndarray, pose: np.ndarray) -> tu
 def test_each_contact_is_a_pair_of_features_at_its_gap():
     """The point lies on the part's boundary; from there, along the normal, the finger is one gap away."""
     kinds = []
-    for rng, points, pose in scenes(7, 600, radius=20.0):
+    for rng, points, pose in scenes(7, 200, radius=20.0):
         top, bottom = (
             nearly_closed(rng, points) if rng.random() < 0.7 else beside(rng, points, pose)
         )
@@ -178,7 +178,7 @@ def test_each_contact_is_a_pair_of_features_at_its_gap():
                 assert abs(edge @ normal) < 1e-9 * np.hypot(*edge)
             else:
                 assert np.allclose(on_part, points[i[VERTEX]], atol=1e-9)
-    assert all(kinds.count(kind) > 20 for kind in (FACE, CORNER, END)), kinds
+    assert all(kinds.count(kind) > 5 for kind in (FACE, CORNER, END)), kinds
 
 
 def test_buffers_that_overflow_keep_the_nearest_contacts():
