@@ -1,6 +1,6 @@
 """Random pushes by hand end where they do however they are computed, and never inside the fingers.
 
-`tests/bench/bench_push_invariance.py` is the same study with 3000 pushes of each shape.
+`tests/bench/bench_push_invariance.py` is the same study with 3000 pushes of each shape, this a sample.
 """
 
 import numpy as np
@@ -8,7 +8,7 @@ import pytest
 from problems import JAWS, rectangle, simulator
 from push_study import ALLOWED, OVERLAP_MM2, SHAPES, STEPS_ALLOWED, studied
 
-SAMPLE = 1000
+SAMPLE = 300
 FLUSH_MM = 0.02
 
 
@@ -25,7 +25,7 @@ def test_push_by_hand_computed_otherwise_ends_alike(shape):
 @pytest.mark.parametrize("beside", [0.0, 0.01, -0.3])
 def test_push_by_hand_of_a_flush_part_stays_flush(opening, beside):
     """Whatever the limit surface: both fingers' ends lie along the side, and the centre lies between them."""
-    n = 400
+    n = 100
     start = np.tile([JAWS[1] / 2 + 16.0, beside, 0.0], (n, 1))
     end = simulator(rectangle()).push_by_hand(
         start, np.full(n, opening), np.full(n, 40.0), np.random.default_rng(0)

@@ -7,7 +7,7 @@ from sample_tables import random_table
 
 from runtime.table import REJECT, TableError, decision_map, dumps, loads
 
-CASES = settings(max_examples=60, deadline=None, derandomize=True)
+CASES = settings(max_examples=30, deadline=None, derandomize=True)
 tables = st.builds(random_table, st.integers(0, 10**6), st.integers(1, 25))
 
 

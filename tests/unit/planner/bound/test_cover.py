@@ -16,7 +16,7 @@ METRICS = [
     Metric(1.0, 10.6, 1, kind="tolerances", tolerance=(2.5, 1.0, np.radians(5.0))),
     Metric(1.0, 10.6, 2, kind="orientation", tolerance=(1.0, 1.0, np.radians(5.0))),
 ]
-GRID = np.linspace(-2.0, 2.0, 13)
+GRID = np.linspace(-2.0, 2.0, 9)
 """Predictions of the slow twin along each axis, in units of the goal about the group's middle."""
 
 

@@ -42,7 +42,7 @@ def test_file_is_what_the_charts_read_and_the_same_for_the_same_seed(written, tm
     assert (record["table_sha256"], record["trials"], record["seed"]) == (LOADED.digest, 3000, 0)
 
 
-@pytest.mark.parametrize("friction", [(0.05, 0.15), (0.2, 0.3), (0.6, 0.8), (0.8, 1.0)])
+@pytest.mark.parametrize("friction", [(0.05, 0.15), (0.8, 1.0)])
 def test_change_of_friction_is_flagged_within_fifty_parts(friction, written):
     drift = Drift(friction)
     before = list(parts(TABLE, squeezed(TABLE, JOB, BEFORE, 21), 21))

@@ -33,7 +33,7 @@ def test_evaluate_tells_the_share_within_the_takt(capsys: pytest.CaptureFixture[
     plain = figures()
     assert [plain[name] for name in SECONDS[1:]] == sorted(plain[name] for name in SECONDS[1:])
     assert "takt_probability" not in plain
-    for name, least, most in (("p50", 0.5, 1.0), ("p95", 0.95, 1.0), ("max", 1.0, 1.0)):
+    for name, least, most in (("p50", 0.5, 1.0), ("max", 1.0, 1.0)):
         takt = plain[f"seconds_{name}"]
         timed = figures("--takt", f"{takt!r}s")
         assert timed["takt_s"] == takt
@@ -46,8 +46,6 @@ def test_compile_tells_the_share_within_the_takt(
     quick: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = [quick, *FEW, "--no-advice", "--takt", "3600s"]
-    assert compile_.main([*words, "-o", str(tmp_path / "t.msgpack")]) == 0
-    assert "\n100.00% done within 3600 s\n" in capsys.readouterr().out
     assert compile_.main([*words, "-o", str(tmp_path), "--vary", "seed=5", "--json"]) == 0
     (row,) = json.loads(capsys.readouterr().out)["jobs"]
     assert (row["takt_s"], row["takt_probability"]) == (3600.0, 1.0)

@@ -32,7 +32,7 @@ def table():
 
 @pytest.fixture(scope="module")
 def evaluation(table, job):
-    return evaluate(table, job, ContactWorlds.of_job(job, 1), 4000, 2)
+    return evaluate(table, job, ContactWorlds.of_job(job, 1), 2000, 2)
 
 
 def test_pairs_are_close_or_overlap_and_no_others(table, job, evaluation):

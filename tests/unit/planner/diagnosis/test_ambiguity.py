@@ -34,7 +34,7 @@ def table():
 
 @pytest.fixture(scope="module")
 def evaluation(table, marked):
-    return evaluate(table, marked, ContactWorlds.of_job(marked, 1), 4000, 2)
+    return evaluate(table, marked, ContactWorlds.of_job(marked, 1), 2000, 2)
 
 
 def test_a_symmetric_parts_half_turns_stay_open_and_nothing_separates_them(

@@ -157,11 +157,11 @@ def observed(table, truth, rng, visits):
     return replace(blank, within=rng.random(len(leaf)) < np.repeat(truth, visits))
 
 
-@pytest.mark.parametrize(("trials", "visits"), [(300, 300), (100, 1000), (2000, 250)])
+@pytest.mark.parametrize(("trials", "visits"), [(300, 300), (2000, 250)])
 def test_honest_predictions_hold_in_19_of_20_leaves(trials, visits):
     rng = np.random.default_rng(trials)
     shares = []
-    for _ in range(10):
+    for _ in range(5):
         table, truth = predicted_table(rng, 60, trials)
         shares.append(reliability(table, observed(table, truth, rng, visits)).share)
     assert np.mean(shares) >= 0.94

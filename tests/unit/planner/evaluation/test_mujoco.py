@@ -36,7 +36,7 @@ def contacts(world, fingers):
 
 
 def test_without_friction_long_jaws_end_in_a_valley_of_goldbergs_diameter():
-    for seed in range(8):
+    for seed in range(3):
         rng = np.random.default_rng(seed)
         outline = random_convex(rng, 6)
         world = RigidWorld(job_of(outline, gripper={"finger_length_mm": 200.0}), 0)
@@ -49,7 +49,7 @@ def test_without_friction_long_jaws_end_in_a_valley_of_goldbergs_diameter():
             assert width == pytest.approx(floor, abs=0.03)
 
 
-@pytest.mark.parametrize("mu", [0.2, 0.4, 0.65])
+@pytest.mark.parametrize("mu", [0.2, 0.65])
 def test_a_rectangle_jams_on_its_diagonal_up_to_atan_mu(mu):
     world, diagonal = RigidWorld(JOB, 0), math.hypot(30, 21)
     for past, jams in ((-0.4, True), (0.4, False)):
@@ -93,7 +93,7 @@ def test_between_the_ends_of_the_jaws_a_blunt_corner_is_not_held_a_sharp_one_is(
     assert (width > 0.0) == held
 
 
-@pytest.mark.parametrize("inside_mm", [-0.02, -0.01, -0.005, 0.0, 0.005, 0.01, 0.02])
+@pytest.mark.parametrize("inside_mm", [-0.01, 0.0, 0.01])
 def test_a_corner_that_slides_off_the_fingers_ends_is_not_caught_by_them(inside_mm):
     half = [[0.0, 0.0], [10.0, 10.0], [20.0, 18.0]]  # wedges far steeper than friction holds
     job = job_of(half + [[x, -y] for x, y in half[:0:-1]])
@@ -103,7 +103,7 @@ def test_a_corner_that_slides_off_the_fingers_ends_is_not_caught_by_them(inside_
     assert RigidWorld(job, 0).close((ahead, 0.0, 0.0), 0.3) == 0.0
 
 
-@pytest.mark.parametrize("turn_deg", [0.02, 0.06, 0.12, 0.3])
+@pytest.mark.parametrize("turn_deg", [0.06, 0.3])
 def test_a_fingers_corner_that_hits_a_side_first_does_not_come_out_behind_it(turn_deg):
     world = RigidWorld(
         job_of([[-18.0, -7.5], [18.0, -7.5], [12.0, 5.0], [0.0, 7.5], [-12.0, 5.0]]), 0

@@ -57,12 +57,12 @@ def test_a_search_finds_what_a_look_at_every_point_finds(n, reach):
         assert np.allclose(np.sort(squares[:result]), np.sort(square[near] - square.min()))
 
 
-@pytest.mark.parametrize(("order", "h1"), [(1, 0.5), (2, 1.5), (6, 0.2)])
+@pytest.mark.parametrize(("order", "h1"), [(1, 0.5), (6, 0.2)])
 def test_draws_follow_the_exact_mixture(order, h1):
     rolled = made_up(4000, 1)
     model = fitted(rolled, order, h1, 0.3)
     rng = np.random.default_rng(2)
-    for pose in [*random_poses(rng, 4, 8.0), np.array([30.0, 3.0, 0.0])]:
+    for pose in [*random_poses(rng, 2, 8.0), np.array([30.0, 3.0, 0.0])]:
         n = 20_000
         drawn = model.sample(np.repeat(pose[None], n, axis=0), rng)
         expected = n * kcde_twin.weights(pose[None], rolled.initial, RHO, order, h1)[0]
@@ -87,7 +87,7 @@ def test_a_rare_outcome_is_kept_at_its_rate():
     final[1000, 1] = 20.0
     rolled = Rolled(initial, final, np.full(1001, 21.0))
     rate = math.exp(-0.5 * 2.5**2) / (1000 + math.exp(-0.5 * 2.5**2))
-    n = 100_000
+    n = 40_000
     poses = np.zeros((n, 3))
     whole = fitted(rolled).sample(poses, np.random.default_rng(5))
     rare = int((whole.source == 1000).sum())

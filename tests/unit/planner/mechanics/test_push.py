@@ -137,7 +137,7 @@ def test_round_tip_ends_where_the_twin_does(outline, mu):
     rng, tip = np.random.default_rng(5), 4.75
     part = simulator(outline)
     twin = Part(np.asarray(part.outline), part.surface.A, part.surface.rho_mm, mu, JAWS)
-    for _ in range(2):
+    for _ in range(1):
         pushes = beside(outline, rng, tip)
         moved = part.push(pushes, part.nominal(1, mu), tip).moved[0]
         reference = push_twin.push(
@@ -187,7 +187,7 @@ def test_round_tips_never_end_inside_a_part():
 
 def test_a_point_near_a_convex_part_is_found_once_at_its_distance():
     rng = np.random.default_rng(11)
-    for _ in range(40):
+    for _ in range(10):
         outline = random_convex(rng, 5)
         part = shapely.Polygon(outline)
         C = np.zeros((contacts.MAX_CONTACTS, contacts.C_COLUMNS))

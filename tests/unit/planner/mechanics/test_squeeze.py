@@ -46,7 +46,7 @@ def test_squeeze_finger_wedged_in_a_notch_takes_the_part_along_until_both_touch(
     half = [(16.25, 3.375), (11.5, 3.375), (11.5, 3.05), (8.5, 3.05), (8.5, 2.5)]
     half += [(-x, y) for x, y in reversed(half)]
     lugs = np.array([*half, *((-x, -y) for x, y in half)])
-    poses = np.random.default_rng(1).uniform((-2.4, 7.5, 0.01), (-1.9, 9.0, 0.06), (2000, 3))
+    poses = np.random.default_rng(1).uniform((-2.4, 7.5, 0.01), (-1.9, 9.0, 0.06), (500, 3))
     rig = simulator(lugs, JAWS)
     ended = rig.roll_out(poses, rig.nominal(len(poses), 1.3))
     whole = ended.given_up == 0
@@ -63,12 +63,12 @@ def test_squeeze_finger_in_the_corner_of_a_shoulder_keeps_both_contacts():
     stepped = np.array([*head, *shaft, *((x, -y) for x, y in reversed(shaft))])
     rig = simulator(stepped, np.array([140.0, 27.0, 13.5, 0.5]))
     rng = np.random.default_rng(1)
-    poses = rng.uniform((15.1, -40.0, -1.539055), (15.3, -27.0, -1.539040), (8000, 3))
+    poses = rng.uniform((15.1, -40.0, -1.539055), (15.3, -27.0, -1.539040), (3000, 3))
     ended = rig.roll_out(poses, rig.sample(len(poses), rng))
     assert ended.given_up.mean() < 0.002
 
 
-@pytest.mark.parametrize("mu", [0.1, 0.2, 0.3, 0.5, 0.65])
+@pytest.mark.parametrize("mu", [0.1, 0.3, 0.65])
 @pytest.mark.parametrize("side", [1, -1])
 def test_the_rectangle_jams_on_its_diagonal_within_the_friction_angle(mu, side):
     """Off the closing axis by up to atan(mu): jammed where it lies; by more: it turns until flush."""
@@ -98,7 +98,7 @@ def test_a_rectangle_that_turns_while_jaws_close_jams_no_earlier_than_the_fricti
 # Frictionless jaws: Goldberg's squeeze function.
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(6))
 def test_without_friction_long_jaws_end_at_a_local_minimum_of_the_width(seed):
     """Goldberg, Orienting polygonal parts without sensors (1993): the part turns downhill until flush."""
     rng = np.random.default_rng(seed)

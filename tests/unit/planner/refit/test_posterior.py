@@ -83,7 +83,7 @@ def test_it_has_the_moments_of_the_exact_posterior(monkeypatch):
 
 def test_ranks_of_the_truth_are_uniform(monkeypatch):
     ranks = []
-    for number, truth in enumerate(SPACE.draw(12, np.random.default_rng(5))):
+    for number, truth in enumerate(SPACE.draw(8, np.random.default_rng(5))):
         cells = drawn(monkeypatch, truth, number)[2]
         ranks.append((cells[:, :3] < truth[:3]).mean(axis=0))
     pooled = np.ravel(ranks)

@@ -44,7 +44,7 @@ def test_an_error_of_the_program_is_reported_and_ends_nothing(monkeypatch):
 
 @pytest.mark.slow
 def test_a_hexagon_is_located_and_the_page_names_all():
-    few = {"particles": 1000, "search_particles": 60}
+    few = {"particles": 500, "search_particles": 60}
     row = zoo.judge(item(regular_polygon(6, 14.0).tolist(), search=few))
     assert row["kind"] is None
     assert row["success_rate"] >= zoo.LOCATED

@@ -94,7 +94,7 @@ def worlds():
             yield seed, counts
 
 
-@pytest.mark.parametrize(("seed", "counts"), list(itertools.islice(worlds(), 20)))
+@pytest.mark.parametrize(("seed", "counts"), list(itertools.islice(worlds(), 10)))
 def test_grow_toy_world_reaches_the_optimum_of_exhaustive_search(problem, seed, counts):
     toy = Toy(problem.mixture, counts)
     belief = Belief.of(np.repeat(PLACES, EACH, axis=0))
