@@ -58,12 +58,6 @@ def test_render_after_each_action_draws_another_picture(drawn):
     assert np.array_equal(frames[-1], drawn.render())
 
 
-def test_render_changes_no_episode(alone, drawn):
-    assert drawn.metadata["render_modes"] == ["rgb_array"]
-    assert episode(drawn, 4) == episode(alone, 4)
-    assert alone.unwrapped.render() is None
-
-
 def test_the_same_seed_is_the_same_episode(alone, many):
     assert episode(alone, 4) == episode(alone, 4)
     assert episode(alone, 4) != episode(alone, 5)

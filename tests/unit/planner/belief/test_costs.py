@@ -1,22 +1,18 @@
 """Costs of actions: seconds as the table's schedule has them, and squeezes alike."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from planner.belief.costs import PUSH_SQUEEZES, Closing, Costs, Hand
 from planner.belief.transition import Push
-from planner.job import model as job_file
 from runtime import table as tables
-
-RECTANGLE = Path(__file__).parents[4] / "trees" / "rectangle"
 
 
 @pytest.fixture(scope="module")
-def job():
-    return job_file.load(RECTANGLE / "job.toml").replaced(goal={"minimise": "seconds"})
+def job(job):
+    return job.replaced(goal={"minimise": "seconds"})
 
 
 @pytest.fixture(scope="module")
@@ -29,8 +25,7 @@ def placement_of(node):
     return np.array([squeeze.x_um / 1e3, squeeze.y_um / 1e3, squeeze.angle_urad / 1e6])
 
 
-def test_costs_of_two_squeezes_are_the_schedules_seconds(costs):
-    table = tables.load(RECTANGLE / "rectangle.msgpack").table
+def test_costs_of_two_squeezes_are_the_schedules_seconds(costs, table):
     schedule = tables.Schedule.of(table, tables.job_of(table))
     root, timing, timed = table.nodes[0], schedule.timing, 0
     for number, branch in enumerate(root.branches):
@@ -72,16 +67,6 @@ def test_squeezes_of_many_grasp_poses_cost_what_each_alone_costs(costs):
     np.testing.assert_allclose(costs.squeezes(hand, places, widths, np.zeros(5)), each)
 
 
-def test_way_back_to_the_first_squeeze_costs_what_the_next_part_waits_for(costs):
-    hand, home = Hand(np.array([0.0, 0.0, 0.2]), 25.0), np.array([0.0, 0.0, 1.0])
-    there = costs.squeeze(hand, home, Closing(85.0, None, 20.0), 0.0) - costs.squeeze(
-        hand._replace(placement=home), home, Closing(85.0, None, 20.0), 0.0
-    )
-    assert costs.back(hand, home) > there > 0.0  # the jaws open on the way, too
-    assert costs.back(hand, hand.placement + np.array([0.0, 0.0, math.pi])) == 0.0
-    assert costs.back(None, None) == 0.0
-
-
 def test_pushes_take_their_way_and_leave_the_hand_at_its_end(costs):
     near = Push(np.array([-40.0, 0.0, 0.0]), 25.0, 45.0)
     far = near._replace(way_mm=75.0)
@@ -99,11 +84,3 @@ def test_costs_of_squeezes_are_one_and_a_tenth_for_a_push(job):
     push = Push(np.zeros(3), 25.0, 45.0)
     assert costs.pushes(hand, (push, push)) == (2 * PUSH_SQUEEZES, hand)
     assert costs.failure == pytest.approx(100.0)
-
-
-def test_unstable_outcomes_cost_what_the_job_says(job):
-    costs = Costs.of(job.replaced(search={"stability_cost": 0.002}))
-    calm = costs.squeeze(None, np.zeros(3), Closing(85.0, None, 20.0), 0.0)
-    assert costs.squeeze(None, np.zeros(3), Closing(85.0, None, 20.0), 0.5) == pytest.approx(
-        calm + 0.1
-    )

@@ -1,7 +1,5 @@
 """What a job doubts becomes traits that particles keep."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -10,12 +8,10 @@ from planner.belief.observation import encoder_of
 from planner.belief.particles import initial, replenish, subsample
 from planner.belief.transition import Simulation, placing_of
 from planner.frames import to_hand, to_world
-from planner.job import model as job_file
 from planner.mechanics.simulator import Simulator
 from planner.mechanics.traits import FRESH, as_planned, ordinary
 from planner.part.outline import min_width
 
-TREES = Path(__file__).parents[4] / "trees"
 LOW, HIGH = 0.4, 0.6
 DOUBTS = {
     "finger_share": [-0.1, 0.1],
@@ -30,8 +26,8 @@ DOUBTS = {
 
 
 @pytest.fixture(scope="module")
-def job():
-    return job_file.load(TREES / "rectangle" / "job.toml").replaced(doubt={"chance": 0})
+def job(job):
+    return job.replaced(doubt={"chance": 0})
 
 
 @pytest.fixture(scope="module")

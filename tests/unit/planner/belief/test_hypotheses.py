@@ -55,14 +55,6 @@ def test_a_mode_holds_the_share_it_says_and_no_state_of_the_belief_holds_more(id
     assert mode.hypothesis[0] == int(mode.state[3])
 
 
-def test_an_identity_is_a_mode_wherever_the_parts_lie():
-    result = states(np.random.default_rng(4), 500)
-    mode = metric(kind="identity").mode(result)
-    counts = np.bincount(result[:, 3].astype(int))
-    assert mode.hypothesis == (int(np.argmax(counts)),)
-    assert mode.ratio == pytest.approx(counts.max() / 500)
-
-
 def test_parts_are_drawn_by_their_shares_and_rolled_out_each_as_itself():
     job = job_file.load(GUSSET, {"part": {"faces": "either"}})
     belief = believed(job, 2000, np.random.default_rng(6))

@@ -14,6 +14,7 @@ from planner.belief.observation import (
     cut,
     resolution_of,
 )
+from runtime.table import PROFILES, GripperProfile
 
 RESOLUTION = Resolution()
 SPREAD = 0.54
@@ -80,17 +81,6 @@ def test_what_the_encoder_cannot_tell_apart_is_merged_and_said_so():
     assert len(none) == 0
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_no_two_means_are_nearer_than_the_encoder_tells_apart(seed):
-    rng = np.random.default_rng(seed)
-    counts = np.concatenate(
-        [rng.integers(60, 90, 400), rng.integers(140, 140 + rng.integers(2, 9), 400)]
-    )
-    resolution = Resolution(apart=float(rng.uniform(2.0, 12.0)))
-    clusters = partition(counts, resolution)
-    assert np.all(np.diff(clusters.mean) <= -resolution.apart)
-
-
 def test_an_empty_hand_is_a_cluster_of_its_own_however_near_or_rare():
     counts = np.repeat([225, 227, 223, 222], [3, 2, 500, 400])
     clusters = partition(counts)
@@ -110,14 +100,6 @@ def test_a_hole_cuts_a_cluster_where_both_sides_hold_enough():
     assert both.size.tolist() == [few, many, few]
 
 
-def test_a_noisier_encoder_tells_less_apart():
-    fine = resolution_of(Encoder(85.0, 227, 0.15))
-    assert fine == RESOLUTION
-    coarse = resolution_of(Encoder(85.0, 227, 0.6))
-    assert coarse.apart > 3.0 * fine.apart
-    assert coarse.free < fine.free
-
-
 def test_readings_of_widths_that_far_apart_are_hardly_ever_mistaken():
     encoder = Encoder(85.0, 227, 0.3)
     resolution = resolution_of(encoder)
@@ -130,3 +112,37 @@ def test_readings_of_widths_that_far_apart_are_hardly_ever_mistaken():
     )
     assert mistaken < 0.02
     assert np.mean(encoder.read(np.zeros(100_000), rng) < resolution.free) < 0.003
+
+
+def encoder(noise=0.0):
+    return Encoder(opening_mm=85.0, steps=227, noise_mm=noise)
+
+
+def test_resolution_is_the_published_one():
+    assert encoder().mm_per_step == pytest.approx(0.374, abs=5e-4)
+
+
+def test_reading_and_width_agree_to_half_a_step():
+    widths = np.linspace(0, 85, 2001)
+    counts = encoder().read(widths, np.random.default_rng(0))
+    assert np.all(np.abs(encoder().width_mm(counts) - widths) <= 0.5 * encoder().mm_per_step + 1e-9)
+    assert counts[0] == 227
+    assert counts[-1] == 0
+
+
+def test_noise_has_its_standard_deviation_and_stops_are_hard():
+    rng = np.random.default_rng(1)
+    counts = encoder(noise=1.0).read(np.full(20_000, 40.0), rng)
+    scatter = counts.std() * encoder().mm_per_step
+    assert scatter == pytest.approx(np.hypot(1.0, encoder().mm_per_step / np.sqrt(12)), rel=0.03)
+    ends = encoder(noise=1.0).read(np.array([0.0] * 500 + [85.0] * 500), rng)
+    assert ends.max() == 227
+    assert ends.min() == 0
+
+
+def test_width_um_of_a_reading_is_that_of_the_grippers_grid():
+    for profile in (PROFILES["robotiq-2f-85"], GripperProfile("f", 50_000, 7.0, 5, (1, 2), (1, 2))):
+        fine = Encoder(profile.stroke_um / 1e3, profile.steps, 0.0)
+        steps = np.arange(profile.steps + 1)
+        read = [profile.reading_um(profile.steps - int(step)) for step in steps]
+        assert fine.width_um(steps).tolist() == read

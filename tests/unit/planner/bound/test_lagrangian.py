@@ -101,15 +101,6 @@ def untried_of(levels, level):
     return np.setdiff1d(np.arange(len(levels[level].size)), tried)
 
 
-def test_more_parts_to_miss_or_weaker_leaves_never_raise_a_bound():
-    for seed in TOYS:
-        levels = levels_of(toy(seed), 2)
-        overall = [overall_term(levels, success, CERTAINTY).estimate for success in SUCCESSES]
-        leaves = [leaves_term(levels, c, 1.0, CERTAINTY).estimate for c in (0.99, 0.8, 0.6)]
-        assert np.all(np.diff(overall) <= 1e-9)
-        assert np.all(np.diff(leaves) <= 1e-9)
-
-
 def test_samples_of_a_world_rarely_prove_too_much():
     world, rng, success = HALVES, np.random.default_rng(7), 0.9
     best = world.least(success, 4)

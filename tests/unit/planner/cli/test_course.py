@@ -38,14 +38,6 @@ def test_search_of_unknown_length_tells_the_time_so_far_and_nothing_else(capsys)
     ]
 
 
-def test_counted_work_tells_its_share_and_the_time_that_is_left(capsys):
-    lines = [(0.0, "roll-outs", 0, 100), (6.0, "roll-outs", 25, 100), (12.0, "roll-outs", 50, 100)]
-    assert lines_of(capsys, course.counted, lines) == [
-        "25% done, roll-outs, 6 s so far, left: about 18 s",
-        "50% done, roll-outs, 12 s so far, left: about 12 s",
-    ]
-
-
 @pytest.mark.parametrize("whole", [course.counted, course.of_time(30.0), course.unknown])
 def test_share_never_falls_and_no_time_is_left_of_work_that_goes_on_after_its_end(capsys, whole):
     stages = [("draft", k, 10) for k in range(11)] + [("search", k, 10) for k in range(11)]

@@ -82,7 +82,7 @@ def test_the_defaults_that_the_comments_show_are_the_defaults(drawing, tmp_path)
         assert default == value if key != "wishart_dof" else value == 100
 
 
-@pytest.mark.parametrize(("gripper", "fingers"), zip(GRIPPERS, cycle(FINGERS), strict=False))
+@pytest.mark.parametrize(("gripper", "fingers"), list(zip(GRIPPERS, cycle(FINGERS), strict=False)))
 def test_all_presets_make_jobs(drawing, tmp_path, gripper, fingers):
     output = tmp_path / "job.toml"
     more = ["--gripper", gripper, "--fingers", fingers, "--turn", "20", "--name", 'a "b" # c']

@@ -12,7 +12,6 @@ from planner.cli import refit
 from planner.evaluation.trials import encoder_of_table
 from planner.job import model
 from planner.refit.cells import Cells
-from planner.report.run_log import PartLog
 from runtime.table import load
 
 TREES = Path(__file__).parents[4] / "trees"
@@ -81,18 +80,6 @@ def test_edited_text_keeps_comments_and_takes_sections_that_were_not_there():
     result = refit.edited(text, changed)
     assert tomllib.loads(result) == {"a": 1, **changed}
     assert all(word in result for word in ("# one", "# two", "# three"))
-
-
-def test_what_follows_a_leaf_or_a_reject_is_another_attempt():
-    table = load(TREE).table
-    ends, resqueezed = ~table.nodes[1].branches[0].target, [(0, 48_700, None), (0, 30_000, 1)]
-    parts = [PartLog(1, resqueezed), PartLog(2, [(0, 30_000, 1), (1, 21_000, ~ends)])]
-    seen = refit.seen_of_parts(parts, table)
-    assert seen.parts == 2
-    assert seen.readings.sum() == 3
-    bins = [table.gripper.bin_of(width) for width in (48_700, 30_000, 21_000)]
-    assert seen.readings[0, bins[:2]].tolist() == [1, 1]
-    assert seen.readings[1, bins[2]] == 1
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,6 @@ import shapely
 from push_commands import JOB, NOMINAL, run
 
 from planner.cli import tips
-from planner.errors import KeyNameError
 from planner.mechanics.push import Paths
 from runtime.shell.errors import InputError
 
@@ -94,23 +93,6 @@ def test_start_of_a_push_scatters_as_the_job_says(tmp_path):
         _, rows, _, _ = run(tmp_path, text, *options, job=job)
         widths.append(float(rows[0]["turned_deg_high"]) - float(rows[0]["turned_deg_low"]))
     assert widths[1] > 2.0 * widths[0]
-
-
-@pytest.mark.parametrize(
-    ("text", "error", "words"),
-    [
-        ("tip_x_mm,tip_y_mm\n1,2\n", KeyNameError, "way_x_mm, way_y_mm is missing"),
-        (f"{TIPS}\n1,2,3,x\n", InputError, "line 2: 'x' is not a finite number"),
-        (f"{TIPS}\n-9,2,3,1e9\n", InputError, "way_y_mm: push 1: 1e+09 is beyond"),
-    ],
-)
-def test_spoiled_file_of_tips_is_refused_in_one_line(tmp_path, text, error, words):
-    code, rows, _, err = run(tmp_path, text, *NOMINAL, *RADIUS)
-    assert code == error.exit_code
-    assert words in err
-    assert "in.csv" in err
-    assert err.count("\n") == 1
-    assert rows == []
 
 
 @pytest.mark.parametrize(

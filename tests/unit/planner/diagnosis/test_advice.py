@@ -1,48 +1,22 @@
 """Advice, where it is plain what limits a plan."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from planner.belief.observation import encoder_of
 from planner.diagnosis.advice import advise, gains_without_noise
 from planner.diagnosis.margins import THIN, Margins, margins_of
-from planner.evaluation.cases import EVERYTHING, OFFSET, noise_cases
+from planner.evaluation.cases import EVERYTHING, OFFSET
 from planner.evaluation.evaluate import evaluate
-from planner.job import model as job_file
 from planner.world import ContactWorlds
-from runtime.table import load
 
 pytestmark = pytest.mark.slow
-
-TREES = Path(__file__).parents[4] / "trees" / "rectangle"
-
-
-@pytest.fixture(scope="module")
-def job():
-    return job_file.load(TREES / "job.toml")
-
-
-@pytest.fixture(scope="module")
-def table():
-    return load(TREES / "rectangle.msgpack").table
 
 
 @pytest.fixture(scope="module")
 def evaluation(table, job):
     return evaluate(table, job, ContactWorlds.of_job(job, 1), 2000, 2)
-
-
-def test_pairs_are_close_or_overlap_and_no_others(table, job, evaluation):
-    pairs = {(pair.node, pair.lower) for pair in advise(table, evaluation, job).pairs}
-    counts = 4.0 * 1e3 * encoder_of(job).mm_per_step
-    for index, node in enumerate(table.nodes):
-        for lower in range(len(node.branches) - 1):
-            below, above = node.branches[lower : lower + 2]
-            close = above.expected_um - below.expected_um < counts or below.high_um >= above.low_um
-            assert ((index, lower) in pairs) == close
 
 
 def test_a_branch_split_in_two_at_random_is_a_pair_that_costs(table, job, evaluation):
@@ -67,20 +41,6 @@ def test_a_branch_split_in_two_at_random_is_a_pair_that_costs(table, job, evalua
     assert worst.near <= 1.0
     assert worst.lost <= (~run.success).mean() + 1e-12
     assert any("node 0: " in line for line in advise(spoiled, run, job).lines())
-
-
-def test_every_source_switched_off_is_one_the_job_has(job):
-    assert [case.name for case in noise_cases(job)] == [
-        "pressure",
-        "friction",
-        "encoder noise",
-        EVERYTHING,
-    ]
-    still = {"friction": {"finger_part_max": 0.4}, "gripper": {"noise_mm": 0}}
-    quiet = job.replaced(**still, release={"shift_mm": 0.1})
-    assert [case.name for case in noise_cases(quiet)] == ["pressure", "release", EVERYTHING]
-    for case in noise_cases(job):
-        assert case.job(job) != job
 
 
 def test_a_coarse_encoder_is_what_limits_a_plan_made_for_a_fine_one(table, job):

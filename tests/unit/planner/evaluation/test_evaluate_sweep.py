@@ -2,7 +2,6 @@
 
 import math
 from itertools import combinations
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,19 +19,16 @@ from planner.evaluation.cases import (
 )
 from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.evaluate import evaluate, sweep
-from planner.job import model as job_file
 from planner.job.schema import MOST_FRICTION
 from planner.world import ContactWorlds
-from runtime.table import load
 
-TREES = Path(__file__).parents[4] / "trees" / "rectangle"
 NO_DOUBT = {"chance": 0, "finger_share": [0, 0], "middle_mm": [0, 0], "encoder_mm": [0, 0]}
 
 
 @pytest.fixture(scope="module")
-def job():
+def job(job):
     """The rectangle in a cell that nobody doubts."""
-    return job_file.load(TREES / "job.toml").replaced(doubt=NO_DOUBT, part={"tolerance_mm": 0})
+    return job.replaced(doubt=NO_DOUBT, part={"tolerance_mm": 0})
 
 
 def worlds(real):
@@ -61,8 +57,7 @@ def test_no_three_corners_span_a_larger_triangle(name):
         assert span >= 0.95 * 3 * math.sqrt(3) / (4 * math.pi) * shapely.Polygon(corners).area
 
 
-def test_only_the_world_differs_from_case_to_case(job):
-    table = load(TREES / "rectangle.msgpack").table
+def test_only_the_world_differs_from_case_to_case(job, table):
     cases = [case for case in standard_cases(job) if case.name in ("as planned", "encoder +1 mm")]
     plain, moved = sweep(table, job, cases, worlds, 1000, 3)
     assert np.array_equal(plain.evaluation.initial, moved.evaluation.initial)
@@ -115,9 +110,8 @@ def test_worlds_that_a_job_believes_in_are_the_ends_of_its_doubts(job):
     assert {case.disturbance.encoder_offset_mm for case in cases} == {-1.0, 0.0, 1.0}
 
 
-def test_a_constant_error_of_the_arm_is_a_change_of_frame(job):
+def test_a_constant_error_of_the_arm_is_a_change_of_frame(job, table):
     """Parts that the hand never meets lie in its frame where they lay, less the error."""
-    table = load(TREES / "rectangle.msgpack").table
     bias = Disturbance(bias_mm=(120.0, 0.0))
     displaced = evaluate(table, job, worlds(job), 200, 3, disturbance=bias)
     assert displaced.poses == pytest.approx(displaced.initial - bias.bias)

@@ -103,15 +103,6 @@ def test_a_corner_that_slides_off_the_fingers_ends_is_not_caught_by_them(inside_
     assert RigidWorld(job, 0).close((ahead, 0.0, 0.0), 0.3) == 0.0
 
 
-@pytest.mark.parametrize("turn_deg", [0.06, 0.3])
-def test_a_fingers_corner_that_hits_a_side_first_does_not_come_out_behind_it(turn_deg):
-    world = RigidWorld(
-        job_of([[-18.0, -7.5], [18.0, -7.5], [12.0, 5.0], [0.0, 7.5], [-12.0, 5.0]]), 0
-    )
-    for aside in np.linspace(-0.3, 0.3, 7):
-        assert world.close((-2.07, aside, math.radians(turn_deg)), 0.41) > 14.9  # of 15 mm
-
-
 def test_an_open_finger_stands_on_the_part_where_the_planner_says_so():
     world, ours = make(JOB, 0), Simulator.of_job(JOB, workers=1)
     rng = np.random.default_rng(2)

@@ -3,7 +3,6 @@
 import json
 import math
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -24,20 +23,16 @@ from planner.evaluation.ppm import (
     resumed,
 )
 from planner.evaluation.trials import Program
-from planner.job import model as job_file
 from planner.mechanics.squeeze import SLIPPED
 from planner.work.scheduler import Threads
 from planner.world import Worlds
 from runtime.shell.errors import InputError
 from runtime.table import PPM, Tolerance
 
-JOB = Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml"
-
 
 @pytest.fixture(scope="module")
-def job():
-    changes = {"gripper": {"noise_mm": 0}, "uncertainty": {"radius_mm": 0.001}}
-    return job_file.load(JOB, changes)
+def job(job):
+    return job.replaced(gripper={"noise_mm": 0}, uncertainty={"radius_mm": 0.001})
 
 
 class Coins(Worlds):

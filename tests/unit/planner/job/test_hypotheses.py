@@ -120,21 +120,6 @@ def test_a_wrong_foreign_part_is_reported_with_its_place(entries, message):
         read(several() | {FOREIGN: entries})
 
 
-@pytest.mark.parametrize("key", ["hypothesis", "stranger"])
-def test_an_entry_without_friction_is_reported_with_its_number(key):
-    document = several() | {FOREIGN: [{"part": several()["hypothesis"][1]["part"]}]}
-    ours = document.pop("friction")
-    for entry in (*document["hypothesis"], *document["stranger"]):
-        entry["friction"] = ours
-    assert read(document).foreign_parts[0].friction == read(document).alone[2].friction
-    del document[key][-1]["friction"]
-    number = len(document[key])
-    with pytest.raises(
-        InputError, match=rf"\[{key} {number}\]: missing section friction; add \[{key}.friction"
-    ):
-        read(document)
-
-
 def test_what_the_drawing_names_turns_over_with_the_part():
     named = {"faces": "either", "datum": [4, 3, 30], "picks": {"rim": [5, 2, 10]}}
     either = job_file.load(TREES / "gusset" / "job.toml", {"part": named})

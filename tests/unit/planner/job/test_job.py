@@ -1,6 +1,5 @@
 """The job file: what it becomes, its exact text, and files that cannot be read."""
 
-import dataclasses
 import hashlib
 import json
 import re
@@ -82,30 +81,6 @@ def test_unreadable_files_are_named(tmp_path):
 def test_canonical_text_that_is_not_a_json_object_is_refused(text):
     with pytest.raises(InputError, match="compile the job again"):
         job.from_canonical(text)
-
-
-def test_every_key_of_a_record_can_be_stated():
-    assert [field.name for field in dataclasses.fields(job.Job)] == [
-        *schema.TOP_LEVEL,
-        *schema.FIELDS,
-        "hypothesis",
-        "foreign",
-    ]
-    further = {key for kind in schema.PRESSURE_FIELDS.values() for key in kind}
-    for section, keys in schema.FIELDS.items():
-        names = {field.name for field in dataclasses.fields(schema.SECTIONS[section])}
-        assert names - {*keys} <= (further if section == "pressure" else set())
-        assert {*keys} - names <= {
-            "orientation",
-            "faces",
-        }  # written out as a half-width, as a hypothesis
-
-
-def test_openings_to_choose_from_need_fingers_that_close_alike():
-    text = RECTANGLE.read_text().replace("[goal]", "openings_mm = [60.0, 85.0]\n[goal]")
-    assert job.parse(text).actions.openings_mm == (60.0, 85.0)
-    with pytest.raises(InputError, match="which finger touches first"):
-        job.parse(text.replace("[gripper]", "[gripper]\nupper_finger_share = 0.4"))
 
 
 WIDTH_AND_AREA = {"width_mm": 21, "area_mm": [-60, -60, 90, 60]}

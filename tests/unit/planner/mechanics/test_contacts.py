@@ -7,7 +7,9 @@ import pytest
 import shapely
 from problems import finger_box, place, random_convex, random_poses, random_star
 
+from planner.belief.particles import initial
 from planner.mechanics import clearance, contacts
+from planner.mechanics.clearance import first_contact_mm, jaws_of
 from planner.mechanics.contacts import (
     CORNER,
     END,
@@ -209,3 +211,29 @@ def test_a_part_that_reaches_behind_a_finger_is_met_by_its_outer_corner(finger):
     assert outer.sum() == 1
     assert C[outer, GAP][0] == pytest.approx(0.2)
     assert np.allclose(C[outer][0, [NX, NY]], normal)
+
+
+def meets(outline, pose, width_mm, jaws, share):
+    """The slow twin: whether jaws closed to a width reach a part in the hand frame, along a fine raster."""
+    x, y, theta = pose
+    c, s = np.cos(theta), np.sin(theta)
+    corners = outline @ np.array([[c, s], [-s, c]]) + np.array([x, y])
+    ends = np.roll(corners, -1, axis=0)
+    edge = np.concatenate(
+        [a + np.linspace(0, 1, 200)[:, None] * (b - a) for a, b in zip(corners, ends, strict=True)]
+    )
+    before = edge[np.abs(edge[:, 0]) <= 0.5 * jaws[1]]
+    top = 0.5 * jaws[0] - share * (jaws[0] - width_mm)
+    return bool((before[:, 1] > top).any() or (before[:, 1] < top - width_mm).any())
+
+
+def test_first_contact_is_not_below_any_width_at_which_jaws_meet_a_part(job):
+    outline = job.part.outline_mm
+    poses = initial(job, 60, np.random.default_rng(5))
+    jaws, shares = jaws_of(job.gripper), (0.4, 0.6)
+    contact = first_contact_mm(outline, jaws, poses, np.zeros(3), shares)
+    for share in (*shares, 0.5):
+        assert not any(meets(outline, pose, contact + 0.1, jaws, share) for pose in poses)
+    even = first_contact_mm(outline, jaws, poses, np.zeros(3), (0.5, 0.5))
+    assert any(meets(outline, pose, even - 3.0, jaws, 0.5) for pose in poses)
+    assert even <= contact <= jaws[0]

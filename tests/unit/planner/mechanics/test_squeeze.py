@@ -160,14 +160,6 @@ def test_a_squeeze_seen_from_the_other_side_of_the_hand_is_the_same(name):
 # Statuses, extremes and determinism.
 
 
-def test_a_part_that_the_open_fingers_stand_on_is_reported_and_left_alone():
-    pose = np.array([[0.0, 42.0, 0.0]])
-    final, widths, statuses = squeeze(simulator(rectangle()), pose)
-    assert statuses == ["jammed"]
-    assert widths == [85.0]
-    assert np.array_equal(final, pose)
-
-
 @pytest.mark.parametrize("step_mm", [0.05, 0.4])
 def test_a_part_thinner_than_a_step_is_caught_all_the_same(step_mm):
     """30 x 0.15 mm between fingers that close by up to 0.8 mm a step: flat it is held at its thickness."""

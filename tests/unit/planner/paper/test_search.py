@@ -1,5 +1,6 @@
 """Algorithm 1 and its variants on a line, with models simple enough to know what must come out."""
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,14 @@ from counting import label_of
 from planner.belief.observation import encoder_of
 from planner.job import model as job_file
 from planner.lower import lower
-from planner.paper.search import METHODS, SINGLETON_SHARE, Models, PaperPlanner, nearest_observation
+from planner.paper.search import (
+    METHODS,
+    PRINTED_ORDER,
+    Models,
+    PaperPlanner,
+    nearest_observation,
+    singleton,
+)
 from planner.search.tree import breadth_first
 from runtime.table import REJECT, decision_map, dumps, loads
 
@@ -81,15 +89,6 @@ def test_beliefs_are_conserved(roots, method):
     assert sum(leaf.share for leaf in leaves_of(roots[method])) == pytest.approx(1.0)
 
 
-def test_leaves_are_singletons(roots):
-    for leaf in leaves_of(roots["paper"]):
-        assert leaf.mode.ratio > SINGLETON_SHARE
-        spread = np.abs(leaf.belief.poses[:, 0] - leaf.mode.pose[0])
-        assert np.mean(spread <= 2.5) > SINGLETON_SHARE
-    inner = [node for node in breadth_first(roots["paper"]) if node.children]
-    assert all(node.mode.ratio <= SINGLETON_SHARE for node in inner if len(node.children) > 1)
-
-
 def test_sensorless_plans_never_branch(roots):
     nodes = breadth_first(roots["sensorless"])
     assert all(len(node.children) == 1 for node in nodes[:-1])
@@ -136,3 +135,39 @@ def test_cells_share_out_all_readings(seed):
     assert sorted(covered) == list(range(ENCODER.steps + 1))
     for count, label in zip(covered, label_of(cells, covered), strict=True):
         assert abs(count - cells.mean[label]) == np.abs(count - cells.mean).min()
+
+
+def cloud(n, spread, centre=(0.0, 0.0, 0.0), seed=3):
+    return np.random.default_rng(seed).normal(centre, spread, (n, 3))
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 6])
+def test_average_of_a_tight_cloud_is_its_mean_whatever_turns_of_the_symmetry_it_is_seen_in(order):
+    poses = cloud(400, [0.3, 0.2, 0.02], [4.0, -7.0, 0.1])
+    turns = np.random.default_rng(5).integers(0, order, 400) * math.tau / order
+    seen = poses + np.column_stack([np.zeros((400, 2)), turns])
+    assert singleton(seen, order).pose == pytest.approx(poses.mean(axis=0), abs=1e-3)
+    assert singleton(seen, order).ratio == singleton(poses, order).ratio > 0.99
+
+
+def test_printed_order_takes_a_half_turn_for_the_same_pose_also_where_it_is_not():
+    poses = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, math.pi]])
+    assert singleton(poses, PRINTED_ORDER).ratio == 1.0
+    assert singleton(poses, order=1).ratio < 1.0
+
+
+@pytest.mark.parametrize(
+    ("offset", "inside"),
+    [
+        ((2.49, 2.49, math.radians(4.99)), True),
+        ((2.51, 0, 0), False),
+        ((0, -2.51, 0), False),
+        ((0, 0, math.radians(5.01)), False),
+        ((0, 0, math.pi + math.radians(4.99)), True),
+    ],
+)
+def test_the_box_is_the_tolerances(offset, inside):
+    reference = np.array([1.0, 2.0, 3.0])
+    among = 10_000  # so many that one more does not move the average
+    poses = np.concatenate([np.tile(reference, (among, 1)), reference[None] + offset])
+    assert singleton(poses, PRINTED_ORDER).ratio == (among + inside) / (among + 1)

@@ -8,6 +8,7 @@ from problems import (
     LONG_JAWS,
     OUTLINES,
     bar,
+    diameter,
     disc,
     hexagon,
     l_shape,
@@ -22,7 +23,7 @@ from problems import (
 
 from planner.mechanics.simulator import Parameters
 from planner.paper.sensorless import SqueezeFunction, plan, width_function
-from planner.part.outline import convex_hull
+from planner.part.outline import convex_hull, min_width, width
 
 pytestmark = pytest.mark.slow
 
@@ -121,3 +122,37 @@ def test_our_simulator_ends_at_local_minima_without_friction(make):
     off = apart(direction[:, None] - minima[None], math.pi).min(axis=1)
     assert np.mean(np.degrees(off) < 0.5) > 0.99
     assert final.width_mm == pytest.approx(width_function(outline)(direction), abs=0.05)
+
+
+DIRECTIONS = np.linspace(-4.0, 4.0, 1001)
+
+
+def test_it_is_the_extent_in_every_direction():
+    for outline in outlines():
+        expected = [width(outline, direction) for direction in DIRECTIONS]
+        assert width_function(outline)(DIRECTIONS) == pytest.approx(expected, abs=1e-9)
+
+
+def test_the_least_minimum_is_the_narrowest_and_the_greatest_maximum_the_diameter():
+    for outline in outlines():
+        function = width_function(outline)
+        assert function(function.minima).min() == pytest.approx(min_width(outline))
+        assert function(function.maxima).max() == pytest.approx(diameter(outline))
+
+
+def test_extrema_are_higher_or_lower_than_what_is_beside_them():
+    for outline in outlines():
+        function = width_function(outline)
+        for step in (-1e-5, 1e-5):
+            assert np.all(function(function.minima) < function(function.minima + step))
+            assert np.all(function(function.maxima) > function(function.maxima + step))
+
+
+def test_textbook_shapes():
+    function = width_function(rectangle())
+    assert np.degrees(function.minima) == pytest.approx([0.0, 90.0])
+    diagonal = math.degrees(math.atan2(21.0, 30.0))
+    assert np.degrees(function.maxima) == pytest.approx([diagonal, 180.0 - diagonal])
+    # Of a right triangle the legs hold nothing: towards the hypotenuse the width only falls.
+    function = width_function(right_triangle())
+    assert np.degrees(function.minima) == pytest.approx([math.degrees(math.atan2(36.0, 26.0))])

@@ -89,3 +89,17 @@ def test_ranks_of_the_truth_are_uniform(monkeypatch):
     pooled = np.ravel(ranks)
     assert chisquare(np.histogram(pooled, 5, (0.0, 1.0))[0]).pvalue > 1e-3
     assert 0.75 < np.mean((pooled >= 0.05) & (pooled <= 0.95)) < 1.0
+
+
+def test_every_cell_drawn_is_possible_and_others_are_not(job):
+    doubted = job.replaced(doubt={"encoder_gain": [0.0, 0.01]})
+    space = Space.of(doubted, 4)
+    points = space.draw(2000, np.random.default_rng(1))
+    assert (space.density(points) > 0.0).all()
+    assert set(points[:, -1]) == {0.0, 1.0, 2.0, 3.0}
+    assert np.mean(points[:, -1] == 0.0) == pytest.approx(0.5, abs=0.05)
+    low, high = space.column("finger_part_min"), space.column("finger_part_max")
+    turned = points.copy()
+    turned[:, [low, high]] = points[:, [high, low]] + [1e-6, 0.0]
+    assert (space.density(turned) == 0.0).all()
+    assert (space.density(points + 100.0 * np.eye(points.shape[1])[0]) == 0.0).all()

@@ -55,18 +55,3 @@ def test_parents_stand_over_the_middle_of_their_children_in_order(table: Table) 
         assert {child.depth for child in below} == {spot.depth + 1}
         assert [child.x for child in below] == sorted(child.x for child in below)
         assert spot.x == pytest.approx(0.5 * (below[0].x + below[-1].x))
-
-
-def test_the_page_holds_all_and_no_more(table: Table) -> None:
-    layout = tidy(table, SIZES)
-    left = [
-        *(spot.x - SIZES.panel for spot in layout.nodes),
-        *(spot.x - SIZES.text for spot in layout.leaves),
-    ]
-    right = [
-        *(spot.x + SIZES.panel for spot in layout.nodes),
-        *(spot.x + SIZES.text for spot in layout.leaves),
-    ]
-    assert min(left) >= -1e-9
-    assert max(right) <= layout.width + 1e-9
-    assert layout.width <= len(layout.leaves) * (2 * SIZES.text + SIZES.margin)

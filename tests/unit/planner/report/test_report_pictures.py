@@ -1,7 +1,6 @@
 """Pictures of squeezes: right shapes, whole files in the format of their names, nothing left of a failure."""
 
 import json
-import re
 import struct
 import xml.etree.ElementTree as ET
 from pathlib import Path
@@ -31,21 +30,6 @@ def png_size(path: Path) -> tuple[int, int]:
     data = path.read_bytes()
     assert data[:8] == b"\x89PNG\r\n\x1a\n"
     return struct.unpack(">II", data[16:24])
-
-
-def groups(path: Path) -> list[str]:
-    ids = [
-        element.get("id", "") for element in ET.parse(path).iter("{http://www.w3.org/2000/svg}g")
-    ]
-    return [name for name in ids if re.fullmatch(r"(squeeze|node|leaf)-\d+", name)]
-
-
-@pytest.mark.parametrize("count", [1, 2, 5, 12])
-def test_one_panel_a_squeeze(tmp_path: Path, count: int) -> None:
-    traces = [GRASP, MISS, GRASP, GRASP, MISS] * 3
-    path = tmp_path / "squeezes.svg"
-    canvas.save(path, lambda: trajectory.figure(OUTLINE, JAWS, traces[:count]))
-    assert groups(path) == [f"squeeze-{k + 1}" for k in range(count)]
 
 
 def test_formats_follow_the_name(tmp_path: Path) -> None:

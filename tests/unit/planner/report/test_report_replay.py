@@ -1,31 +1,16 @@
 """Parts sent through a table are neither lost nor made, and come out where the evaluation says."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
-import pytest
 
 from planner.evaluation.evaluate import evaluate
-from planner.job import model as job_file
 from planner.job.model import Job
 from planner.report.replay import replay
 from planner.world import ContactWorld
-from runtime.table import REJECT, Place, Table, load
+from runtime.table import REJECT, Place, Table
 
-TREE = Path(__file__).parents[4] / "trees" / "rectangle" / "rectangle.msgpack"
 TRIALS = 1500
-
-
-@pytest.fixture(scope="module")
-def table() -> Table:
-    return load(TREE).table
-
-
-@pytest.fixture(scope="module")
-def job(table: Table) -> Job:
-    assert table.job is not None
-    return job_file.from_canonical(table.job, str(TREE))
 
 
 def conserve(table: Table, job: Job) -> int:

@@ -4,27 +4,14 @@ import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from planner.job import model as job_file
 from planner.job.model import Job
 from planner.report import tree
-from planner.report.replay import replay
-from runtime.table import Table, load
+from runtime.table import Table
 
 TREES = Path(__file__).parents[4] / "trees" / "rectangle"
 SVG = "{http://www.w3.org/2000/svg}"
-
-
-@pytest.fixture(scope="module")
-def job() -> Job:
-    return job_file.load(TREES / "job.toml")
-
-
-@pytest.fixture(scope="module")
-def table() -> Table:
-    return load(TREES / "rectangle.msgpack").table
 
 
 def panels(path: Path) -> list[str]:
@@ -57,14 +44,3 @@ def test_readme_picture_shows_the_table_beside_it(table: Table) -> None:
     said = words(TREES / "tree.svg")
     for leaf in table.leaves:
         assert (f"of {leaf.trials}" if leaf.trials else "untried") in said
-
-
-@pytest.mark.parametrize("style", [tree.DOWNWARDS, tree.SIDEWAYS], ids=["downwards", "sideways"])
-def test_panels_lie_on_the_page_and_apart(table: Table, job: Job, style: tree.Style) -> None:
-    drawing = tree.drawing(table, job, replay(table, job, 100, 0), style)
-    corners = np.array([(panel.x, panel.y) for panel in drawing.panels])
-    assert np.all(corners >= 0.0)
-    assert np.all(corners + tree.PANEL <= (drawing.width, drawing.height))
-    apart = np.max(np.abs(corners[:, None] - corners), axis=-1) + tree.PANEL * np.eye(len(corners))
-    assert np.all(apart >= tree.PANEL)
-    assert (drawing.height > drawing.width) == style.sideways

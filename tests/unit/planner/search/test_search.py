@@ -142,13 +142,6 @@ def test_back_up_real_squeezes_satisfies_the_bellman_equation(tree, problem):
         assert node.best is node.actions[0]
 
 
-def test_grow_complete_search_leaves_no_tip_open(tree):
-    search, root = tree
-    assert not any(
-        search.is_open(leaf) and leaf.share >= search.stage.least for leaf in leaves(root)
-    )
-
-
 def test_grow_spent_limit_leaves_a_whole_plan_of_one_squeeze(problem):
     search = Search(problem, np.random.default_rng(1), PASSES[1])
     belief = problem.belief(500, np.random.default_rng(2))

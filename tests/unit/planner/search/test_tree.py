@@ -4,15 +4,7 @@ import numpy as np
 import pytest
 from hand_grown import grown
 
-from planner.search.tree import breadth_first, leaves, pruned
-
-
-def test_breadth_first_two_levels_puts_parents_before_children():
-    root = grown()
-    order = breadth_first(root)
-    assert order[0] is root
-    assert [node.depth for node in order] == sorted(node.depth for node in order)
-    assert [node for node in order if not node.children] == leaves(root)
+from planner.search.tree import breadth_first, pruned
 
 
 def test_pruned_branch_leaves_its_subtree_out_and_the_tree_as_it_was():

@@ -9,15 +9,9 @@ from planner.job.model import load
 from planner.studio.film import film, make
 from planner.world import ContactWorld
 from runtime.shell.errors import UsageError
-from runtime.table import load as load_table
 
 TREE = Path(__file__).parents[4] / "trees" / "rectangle"
 SQUEEZED = {"before": {"x_mm": 1.0}, "after": {"x_mm": 0.0}, "width_mm": 21.0}
-
-
-@pytest.fixture(scope="module")
-def table():
-    return load_table(TREE / "rectangle.msgpack").table
 
 
 def test_the_world_squeezes_as_ever_and_prints_it(capfd):

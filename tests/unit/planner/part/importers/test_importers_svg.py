@@ -105,14 +105,6 @@ def test_curves_are_flattened_to_the_tolerance(tmp_path, tolerance):
     assert area == pytest.approx(200 * math.pi, rel=2e-3)
 
 
-def test_a_cubic_keeps_its_area(tmp_path):
-    body = '<path d="M0 0 C 0 20 30 20 30 0 Z"/>'  # below it: 3/5 of 30 x 15, by its Bernstein integral
-    area = outlines.area(read(written(tmp_path, body)).outline_mm)
-    t = np.linspace(0, 1, 100_001)
-    x, y = 30 * (3 * t**2 * (1 - t) + t**3), 60 * t * (1 - t)
-    assert area == pytest.approx(float(np.sum(0.5 * (y[1:] + y[:-1]) * np.diff(x))), rel=2e-3)
-
-
 REFUSED = {
     "billion laughs": (
         '<!DOCTYPE svg [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;&a;"><!ENTITY c "&b;&b;&b;&b;">]>',
