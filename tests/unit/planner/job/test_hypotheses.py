@@ -87,6 +87,8 @@ def broken(number=1, **entry):
         (several(search={"method": "paper"}), "plans for one part"),
         (several(search={"model": "kcde"}), "learned for one part"),
         (several(delivery={"drop_mm": [0, 0]}), "is of one part"),
+        (several(**{FOREIGN: []}), "1 to 16 entries"),
+        (several(**{FOREIGN: [{"part": {"name": "x"}}]}), r"\[stranger 1.part\]: missing key"),
     ],
 )
 def test_what_is_wrong_is_reported_with_its_place(document, message):
@@ -102,22 +104,6 @@ def test_foreign_parts_are_parts_that_no_plan_is_made_for():
     assert (foreign.part.name, foreign.pressure.kind) == (one["part"]["name"], "uniform")
     assert all(not alone.foreign_parts for alone in (*job.alone, foreign))
     assert len(job.alone) == 3
-
-
-@pytest.mark.parametrize(
-    ("entries", "message"),
-    [
-        ([], "1 to 16 entries"),
-        (
-            [{"share": 0.5, "part": several()["hypothesis"][0]["part"]}],
-            r"\[stranger 1\] share: no plan is made for it",
-        ),
-        ([{"part": {"name": "x"}}], r"\[stranger 1.part\]: missing key outline_mm"),
-    ],
-)
-def test_a_wrong_foreign_part_is_reported_with_its_place(entries, message):
-    with pytest.raises(InputError, match=message):
-        read(several() | {FOREIGN: entries})
 
 
 def test_what_the_drawing_names_turns_over_with_the_part():

@@ -1,6 +1,5 @@
 """Roll-outs: an even cover of the region, the same whoever asks and rolls out, nested in radius and count."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -64,16 +63,6 @@ class TestRegion:
         assert len(far) > 100
         assert np.all(rolled.status == UNTOUCHED)
         assert np.array_equal(rolled.poses, far)
-
-    def test_within_reach_some_angle_is_touched(self, name):
-        part = simulator(OUTLINES[name]())
-        x = 0.5 * JAWS[1] + np.max(np.hypot(*part.outline.T)) - 0.05
-        poses = np.column_stack(
-            [np.full(2000, x), np.zeros(2000), np.linspace(-math.pi, math.pi, 2000)]
-        )
-        assert rollouts.within_reach(part.outline, JAWS, poses).all()
-        rolled = part.roll_out(poses, part.nominal(len(poses), 0.5))
-        assert (rolled.status != UNTOUCHED).any()
 
     def test_an_open_finger_stands_on_the_part_where_their_areas_overlap(self, name):
         outline = OUTLINES[name]()

@@ -49,15 +49,6 @@ def test_a_damaged_entry_is_absent_with_one_warning_and_can_be_made_again(store,
     assert store.get(KEY) == b"content" * 10
 
 
-def test_an_entry_under_another_name_is_damaged(store):
-    store.put(KEY, b"content")
-    store.put(OTHER, b"else")
-    first, second = files(store)
-    first.write_bytes(second.read_bytes())
-    with pytest.warns(StoreWarning, match="damaged"):
-        assert store.get(KEY) is None
-
-
 def test_a_folder_that_cannot_be_made_costs_a_warning_and_nothing_else(tmp_path):
     (tmp_path / "file").write_text("in the way")
     store = Store(tmp_path / "file" / "entries")

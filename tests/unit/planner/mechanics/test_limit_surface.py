@@ -121,19 +121,6 @@ def test_the_ellipsoid_does_not_depend_on_the_place_of_the_frame():
         assert np.allclose(at_offset, twist[:2])
 
 
-def test_a_force_through_the_centre_of_pressure_does_not_turn_the_part():
-    """Also where that centre is not the origin of the frame: the coupling terms see to it."""
-    centre = np.array([4.0, -3.0])
-    points = circle(8.0, 24) + centre
-    surface = limit_surface.fit_ellipsoid(points, np.full(24, 1 / 24), 10.0)
-    for angle in np.linspace(0, math.tau, 9):
-        force = np.array([math.cos(angle), math.sin(angle)])
-        torque = centre[0] * force[1] - centre[1] * force[0]
-        twist = limit_surface.twist(surface.A, np.array([*force, torque / surface.rho_mm]))
-        assert abs(twist[2]) < 1e-12
-        assert twist[:2] @ force > 0.999
-
-
 def test_samples_have_the_mean_and_the_variance_of_the_footnote():
     A = np.array([[1.1, 0.2, -0.1], [0.2, 0.9, 0.3], [-0.1, 0.3, 0.6]])
     dof, n = 100, 40_000

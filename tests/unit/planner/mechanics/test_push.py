@@ -21,7 +21,6 @@ from problems import (
 from push_paths import paths, random_paths
 from twin import Part
 
-from planner.mechanics import contacts
 from planner.mechanics.limit_surface import LimitSurface
 from planner.mechanics.push import SLID, STUCK, Paths
 from planner.mechanics.simulator import commanded
@@ -162,36 +161,6 @@ def test_round_tips_never_end_inside_a_part():
         for start, way, moved in zip(starts, pushes.shifts, result.moved, strict=True):
             end = shapely.Polygon(place(outline, moved))
             assert end.distance(shapely.Point(start + way)) > tip - 0.03
-
-
-def test_a_point_near_a_convex_part_is_found_once_at_its_distance():
-    rng = np.random.default_rng(11)
-    for _ in range(10):
-        outline = random_convex(rng, 5)
-        part = shapely.Polygon(outline)
-        C = np.zeros((contacts.MAX_CONTACTS, contacts.C_COLUMNS))
-        I = np.zeros((contacts.MAX_CONTACTS, contacts.I_COLUMNS), np.int64)
-        for point in rng.uniform(-22.0, 22.0, (60, 2)):
-            here = shapely.Point(point)
-            distance = here.distance(part.exterior)
-            if part.contains(here):
-                continue
-            count = contacts.find_points(
-                C,
-                I,
-                np.ascontiguousarray(outline.T),
-                np.zeros(3),
-                contacts.Tips(point[None], 0.0),
-                2.0,
-            )
-            assert count == (distance <= 2.0)
-            if count:
-                assert C[0, contacts.GAP] == pytest.approx(distance)
-                touched = C[0, [contacts.RX, contacts.RY]]
-                assert shapely.Point(touched).distance(part.exterior) < 1e-9
-                assert touched - point == pytest.approx(
-                    distance * C[0, [contacts.NX, contacts.NY]], abs=1e-9
-                )
 
 
 HANDS = [(0.0, 30.0), (12.0, 30.0), (40.0, 30.0)]  # opening and way [mm]

@@ -125,36 +125,26 @@ def lowest_nearby(outline, axis):
 
 # Symmetries.
 
+MIRROR = np.array([-1.0, 1.0, -1.0])
 
-@pytest.mark.parametrize("name", ["rectangle", "right triangle", "L", "butterfly"])
-def test_a_mirrored_squeeze_ends_mirrored(name):
-    """Part, limit surface and pose mirrored in the closing axis."""
-    part = simulator(OUTLINES[name]())
-    mirror = np.array([-1.0, 1.0, -1.0])
-    image = replace(
-        part,
-        outline=np.ascontiguousarray((part.outline * [-1, 1])[::-1]),
-        surface=LimitSurface(part.surface.A * np.outer(mirror, mirror), part.surface.rho_mm),
-    )
-    poses = random_poses(np.random.default_rng(2), 40, 12.75)
-    final, widths, statuses = squeeze(part, poses)
-    final_image, widths_image, statuses_image = squeeze(image, poses * mirror)
-    assert statuses == statuses_image
-    assert np.allclose(final * mirror, final_image, atol=1e-9)
-    assert np.allclose(widths, widths_image, atol=1e-9)
+
+def mirrored(part):
+    """The part and its limit surface in the closing axis."""
+    surface = LimitSurface(part.surface.A * np.outer(MIRROR, MIRROR), part.surface.rho_mm)
+    outline = np.ascontiguousarray((part.outline * [-1, 1])[::-1])
+    return replace(part, outline=outline, surface=surface)
 
 
 @pytest.mark.parametrize("name", ["rectangle", "right triangle", "L", "butterfly"])
-def test_a_squeeze_seen_from_the_other_side_of_the_hand_is_the_same(name):
-    """The pose turned by half a turn about the hand; both fingers close alike."""
-    part = simulator(OUTLINES[name]())
-    poses = random_poses(np.random.default_rng(3), 40, 12.75)
-    turned = poses * [-1, -1, 1] + [0, 0, math.pi]
+def test_squeeze_mirrored_or_seen_from_the_other_side_of_the_hand_ends_so(name):
+    part, poses = simulator(OUTLINES[name]()), random_poses(np.random.default_rng(2), 40, 12.75)
+    half_turn = np.array([0.0, 0.0, math.pi])
     final, widths, statuses = squeeze(part, poses)
-    final_turned, widths_turned, statuses_turned = squeeze(part, turned)
-    assert statuses == statuses_turned
-    assert np.allclose(final * [-1, -1, 1] + [0, 0, math.pi], final_turned, atol=1e-9)
-    assert np.allclose(widths, widths_turned, atol=1e-9)
+    for other, scale, shift in ((mirrored(part), MIRROR, 0.0), (part, [-1, -1, 1], half_turn)):
+        seen, seen_widths, seen_statuses = squeeze(other, poses * scale + shift)
+        assert statuses == seen_statuses
+        assert np.allclose(final * scale + shift, seen, atol=1e-9)
+        assert np.allclose(widths, seen_widths, atol=1e-9)
 
 
 # Statuses, extremes and determinism.

@@ -98,12 +98,6 @@ def test_sensorless_plans_never_branch(roots):
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_same_seed_same_tree(roots, method):
-    again = planner(method, depth=2, max_depth=8).plan(belief(), [1])
-    assert dumps(lower(again, JOB)) == dumps(lower(roots[method], JOB))
-
-
-@pytest.mark.parametrize("method", METHODS)
 def test_its_table_rejects_nothing_and_the_nearest_expectation_wins(roots, method):
     table = loads(dumps(lower(roots[method], JOB)))
     profile = table.gripper.profile

