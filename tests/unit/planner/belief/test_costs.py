@@ -5,8 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from planner.belief.costs import PUSH_SQUEEZES, Closing, Costs, Hand
-from planner.belief.transition import Push
+from planner.belief.costs import Closing, Costs, Hand
 from runtime import table as tables
 
 
@@ -65,22 +64,3 @@ def test_squeezes_of_many_grasp_poses_cost_what_each_alone_costs(costs):
         for at, mm in zip(places, widths.tolist(), strict=True)
     ]
     np.testing.assert_allclose(costs.squeezes(hand, places, widths, np.zeros(5)), each)
-
-
-def test_pushes_take_their_way_and_leave_the_hand_at_its_end(costs):
-    near = Push(np.array([-40.0, 0.0, 0.0]), 25.0, 45.0)
-    far = near._replace(way_mm=75.0)
-    price, hand = costs.pushes(None, (near,))
-    more, _ = costs.pushes(None, (far,))
-    assert (more - price) * costs.typical_s == pytest.approx(30.0 / 30.0)  # at a finger's speed
-    np.testing.assert_allclose(hand.placement, [5.0, 0.0, 0.0])
-    assert hand.width_mm == 25.0
-
-
-def test_costs_of_squeezes_are_one_and_a_tenth_for_a_push(job):
-    costs = Costs.of(job.replaced(goal={"minimise": "squeezes"}))
-    hand = Hand(np.zeros(3), 25.0)
-    assert costs.squeeze(hand, np.array([0.0, 0.0, 1.0]), Closing(85.0, None, 20.0), 0.0) == 1.0
-    push = Push(np.zeros(3), 25.0, 45.0)
-    assert costs.pushes(hand, (push, push)) == (2 * PUSH_SQUEEZES, hand)
-    assert costs.failure == pytest.approx(100.0)

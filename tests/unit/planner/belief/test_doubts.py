@@ -7,7 +7,7 @@ from planner.belief.doubts import ROUGH, SLIPPERY, believed, pushed_of
 from planner.belief.observation import encoder_of
 from planner.belief.particles import initial, replenish, subsample
 from planner.belief.transition import Simulation, placing_of
-from planner.frames import to_hand, to_world
+from planner.frames import to_hand
 from planner.mechanics.simulator import Simulator
 from planner.mechanics.traits import FRESH, as_planned, ordinary
 from planner.part.outline import min_width
@@ -110,17 +110,6 @@ def test_an_encoder_that_is_off_shifts_readings_and_nothing_else(job):
     assert np.array_equal(off.poses, plain.poses)
     held = plain.reading < encoder_of(job).steps - 5
     assert np.array_equal(plain.reading[held] - off.reading[held], np.full(held.sum(), 3))
-
-
-def test_a_displaced_hand_is_the_same_as_another_placement(job):
-    belief = believed(job.replaced(friction={"doubt": 0}), 500, np.random.default_rng(7))
-    hand = np.array([1.0, -2.0, 0.3])
-    moved = to_world(np.array([0.0, 2.5, 0.0]), hand)
-    there = squeezed(job, belief, np.random.default_rng(8), moved)
-    belief.traits["across_mm"] = 2.5
-    assert np.allclose(
-        squeezed(job, belief, np.random.default_rng(8), hand).poses, there.poses, atol=1e-9
-    )
 
 
 def test_a_squeeze_between_uneven_fingers_is_one_with_another_gripper(job):

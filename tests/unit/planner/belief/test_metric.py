@@ -45,14 +45,6 @@ def test_mode_finds_the_heavier_of_two_modes_where_the_mean_is_in_neither():
     assert metric().reached(belief, belief.mean(axis=0)).mean() < 0.05
 
 
-def test_mode_of_a_belief_split_by_the_symmetry_is_whole():
-    rng = np.random.default_rng(4)
-    belief = np.array([1.0, 1.0, 0.0]) + 0.01 * rng.standard_normal((400, 3))
-    belief[::2, 2] += np.pi
-    assert metric(2).mode(belief).ratio == 1.0
-    assert metric(1).mode(belief).ratio == pytest.approx(0.5)
-
-
 TOLERANCES = Metric(3.0, 10.0, 2, "tolerances", (2.0, 3.0, 0.2))
 SEVERAL = Metric(3.0, 10.0, 2, further=((7.0, 1),))
 

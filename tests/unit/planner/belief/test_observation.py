@@ -61,14 +61,6 @@ def test_k_means_finds_the_least_scatter_of_the_least_k_that_is_little_enough(se
     assert k == 1 or least_scatter(counts, k - 1) > enough
 
 
-def test_one_width_is_one_cluster_and_encoder_noise_does_not_split_it():
-    rng = np.random.default_rng(0)
-    noisy = np.rint(150 + 0.4 * rng.standard_normal(2000)).astype(np.int64)
-    assert len(partition(noisy).mean) == 1
-    assert len(partition(np.array([77])).mean) == 1
-    assert len(partition(np.array([229])).mean) == 1
-
-
 def test_what_the_encoder_cannot_tell_apart_is_merged_and_said_so():
     # Two sharp widths two bins apart, a third far off: to explain nearly all the variance takes all three.
     weight = np.zeros(256, np.int64)

@@ -93,16 +93,6 @@ def test_all_presets_make_jobs(drawing, tmp_path, gripper, fingers):
     assert job.uncertainty.orientation_halfwidth_deg == 20.0
 
 
-def test_it_never_overwrites_unasked(drawing, tmp_path, capsys):
-    output = tmp_path / "job.toml"
-    output.write_text("mine")
-    assert init.main(words(drawing, output)) == 2
-    assert output.read_text() == "mine"
-    assert "--force" in capsys.readouterr().err
-    assert init.main(words(drawing, output, "--force")) == 0
-    assert job_file.load(output).part.name == "bracket"
-
-
 def at_a_terminal(command, answers):
     """Runs a command on a pseudo-terminal and types; returns its exit code and what was seen."""
     keyboard, screen = pty.openpty()

@@ -1,9 +1,7 @@
 """`plan-simulate --push`: files in, files out, and one line for what is wrong with them."""
 
-import json
 import math
 
-import numpy as np
 import pytest
 from push_commands import HEADER, JOB, NOMINAL, OUTPUTS, STRAIGHT, run
 
@@ -40,19 +38,6 @@ def test_where_the_outline_is_drawn_does_not_matter(tmp_path):
         assert [float(row[name]) for row in others] == pytest.approx(
             [float(row[name]) for row in rows], abs=1e-6
         )
-
-
-def test_scatter_has_a_seed_and_json_the_counts(tmp_path):
-    text = f"{HEADER}\n" + "0,35,1,0,130,120,10\n" * 30
-    options = ("--fingers-mm", "50", "--seed", "3", "--json")
-    code, rows, out, _ = run(tmp_path, text, *options)
-    record = json.loads(out)
-    assert code == 0
-    assert record["pushes"] == 30 == record["stuck"] + record["slid"] + record["lost"]
-    assert record["given_up"] == 0
-    turned = np.array([float(row["turned_deg"]) for row in rows])
-    assert np.ptp(turned) > 0.5
-    assert run(tmp_path, text, *options)[1] == rows
 
 
 @pytest.mark.parametrize(

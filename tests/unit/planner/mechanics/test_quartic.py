@@ -119,16 +119,6 @@ def test_a_fit_is_the_least_squares_minimum_among_convex_quartics(load, fitted):
         assert cost(0.99 * fitted.coefficients + 0.01 * other) > least - 1e-6 * len(F)
 
 
-def test_other_coordinates_describe_the_same_surface(fitted):
-    rng = np.random.default_rng(9)
-    S, F = np.eye(3) + 0.3 * rng.normal(size=(3, 3)), rng.normal(size=(10, 3))
-    moved = fitted.in_coordinates(S)
-    assert np.allclose(moved.value(F), fitted.value(F @ S.T), rtol=1e-9)
-    assert np.allclose(
-        moved.in_coordinates(np.linalg.inv(S)).certificate, fitted.certificate, rtol=1e-6, atol=1e-6
-    )
-
-
 def test_what_is_not_convex_is_not_certified(fitted):
     bent = coefficients_of(np.diag([0.0, 1, 0, 0, 0, 0, 0, 0, 0]))  # fx^2 fy^2 is not convex
     assert least_curvature(bent, TWISTS) < 0

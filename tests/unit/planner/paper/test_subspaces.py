@@ -37,22 +37,6 @@ def test_the_rectangle_has_the_four_subspaces_of_the_paper(squeezed):
     assert subspaces.notes() == []
 
 
-def test_widths_that_the_encoder_cannot_tell_apart_are_merged_with_a_note():
-    rng = np.random.default_rng(0)
-    width = np.concatenate(
-        [np.zeros(500), rng.normal(21.0, 0.01, 2000), rng.normal(21.6, 0.01, 2000)]
-    )
-    merged = subspaces_of(width, ENCODER)
-    assert len(merged) == 2
-    assert merged.merged_mm == pytest.approx(np.array([[21.0, 21.6]]), abs=0.05)
-    (note,) = merged.notes()
-    assert "21.00 and 21.6" in note
-    assert "tells 1.12 mm apart" in note
-    fine = subspaces_of(width, Encoder(85.0, 4000, 0.01))
-    assert len(fine) == 3
-    assert fine.notes() == []
-
-
 @pytest.mark.parametrize("width", [np.zeros(10), np.full(10, 26.0), np.zeros(0)])
 def test_free_space_is_first_whatever_else_there_is(width):
     subspaces = subspaces_of(width, ENCODER)

@@ -36,18 +36,6 @@ def test_panels_of_a_row_keep_their_distance(table: Table) -> None:
         )
 
 
-def test_what_stands_below_panels_keeps_its_distance(table: Table) -> None:
-    layout = tidy(table, SIZES)
-    for depth in range(layout.rows):
-        spans = [(s.x - SIZES.text, s.x + SIZES.text) for s in layout.leaves if s.depth == depth]
-        for index, spot in enumerate(layout.nodes):
-            if spot.depth == depth:
-                xs = [child.x for child in children(table, layout, index)]
-                spans.append((min(xs) - SIZES.label, max(xs) + SIZES.label))
-        spans.sort()
-        assert all(right[0] - left[1] >= SIZES.margin - 1e-9 for left, right in pairwise(spans))
-
-
 def test_parents_stand_over_the_middle_of_their_children_in_order(table: Table) -> None:
     layout = tidy(table, SIZES)
     for index, spot in enumerate(layout.nodes):

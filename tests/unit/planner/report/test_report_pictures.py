@@ -43,15 +43,6 @@ def test_formats_follow_the_name(tmp_path: Path) -> None:
     assert {path.name for path in tmp_path.iterdir()} == {"a.png", "a.svg", "a.pdf"}
 
 
-def test_failure_leaves_the_old_picture(tmp_path: Path) -> None:
-    path = tmp_path / "a.gif"
-    path.write_bytes(b"old")
-    broken = Squeezed(np.zeros((0, 4)), "grasped")
-    with pytest.raises((IndexError, ValueError)):
-        trajectory.gif(OUTLINE, JAWS, broken, path)
-    assert {entry.name: entry.read_bytes() for entry in tmp_path.iterdir()} == {"a.gif": b"old"}
-
-
 def test_page_carries_its_data_and_needs_no_network(tmp_path: Path) -> None:
     path = tmp_path / "squeezes.html"
     trajectory.html(OUTLINE, JAWS, [GRASP, MISS], "<rectangle> & poses", path)

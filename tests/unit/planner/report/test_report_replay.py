@@ -8,7 +8,7 @@ from planner.evaluation.evaluate import evaluate
 from planner.job.model import Job
 from planner.report.replay import replay
 from planner.world import ContactWorld
-from runtime.table import REJECT, Place, Table
+from runtime.table import REJECT, Table
 
 TRIALS = 1500
 
@@ -56,19 +56,3 @@ def test_leaves_are_reached_as_often_as_in_the_evaluation(table: Table, job: Job
     theirs = np.bincount(leaf[leaf >= 0], minlength=len(table.leaves))
     share = (ours + theirs + 1) / (2 * TRIALS)
     assert np.all(np.abs(ours - theirs) < 5.0 * np.sqrt(2 * TRIALS * share))
-
-
-def test_what_a_table_drags_is_dragged_in_the_replay(table: Table, job: Job) -> None:
-    root = table.nodes[0]
-    assert root.squeeze[:2] == (0, 0)
-    dragging = replace(table, nodes=(root._replace(release=Place(9_000, -4_000)), *table.nodes[1:]))
-    replayed = replay(dragging, job, TRIALS, seed=3)
-    first = replayed.visits[0]
-    held = first.width_mm > 5.0
-    assert held.mean() > 0.9
-    shift = (first.released - first.after)[held & (first.branch != REJECT)]
-    assert np.allclose(shift, (9.0, -4.0, 0.0), atol=1e-9)
-    result = evaluate(dragging, job, ContactWorld(job, 6), TRIALS, 7)
-    theirs, ours = result.poses[result.leaf >= 0], np.concatenate(replayed.leaves)
-    off = ours.mean(axis=0) - theirs.mean(axis=0)
-    assert np.all(np.abs(off[:2]) < 5.0 * theirs[:, :2].std(axis=0) * np.sqrt(2 / TRIALS))

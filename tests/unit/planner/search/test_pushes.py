@@ -70,15 +70,6 @@ def test_pushes_begin_clear_of_a_belief_and_go_through_it(pusher, belief, of):
         assert np.any(pushed.poses != of(belief).poses)
 
 
-def test_closed_fingers_leave_no_part_behind_their_face(pusher, belief):
-    closed = [push for push in pusher.options(belief) if push.opening_mm == 0.0]
-    after = pusher.model.push(belief, closed[0], np.random.default_rng(3))
-    face = closed[0].start[0] + closed[0].way_mm + 0.5 * pusher.jaws[1]
-    ahead = after.poses[np.abs(after.poses[:, 1]) < 5.0]  # others may have slid off to a side
-    assert len(ahead) > 20
-    assert np.all(ahead[:, 0] > face)
-
-
 def test_a_pushed_belief_is_touched_and_keeps_what_was_read(pusher, belief):
     push = pusher.options(belief)[0]
     pushed = pusher.model.push(belief, push, np.random.default_rng(4))

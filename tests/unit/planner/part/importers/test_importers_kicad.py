@@ -27,22 +27,6 @@ def read(tmp_path, *shapes, head="(footprint"):
     return read_outline(path, Options(contour=1))
 
 
-@pytest.mark.parametrize(
-    "arc",
-    [
-        "(fp_arc (start 0 -5) (mid 5 0) (end 0 5)",
-        "(fp_arc (start 0 5) (mid 5 0) (end 0 -5)",
-        "(fp_arc (start 0 0) (end 0 -5) (angle 180)",
-        "(fp_arc (start 0 0) (end 0 5) (angle -180)",
-    ],
-)
-def test_a_half_disc_by_its_arc_as_either_version_writes_it(tmp_path, arc):
-    result = read(tmp_path, f"{arc} {FAB}", f"(fp_line (start 0 5) (end 0 -5) {FAB}")
-    assert shapely.Polygon(result.outline_mm).area == pytest.approx(12.5 * math.pi, rel=0.01)
-    assert result.size_mm == pytest.approx([5, 10], abs=0.05)
-    assert result.outline_mm[:, 0].max() == pytest.approx(5 - 20 / (3 * math.pi), abs=0.05)
-
-
 D_AREA = 400 + 50 * math.pi  # a square of 20 mm and half a disc on one side
 ARC = "(arc (start 20 0) (mid 30 10) (end 20 20))"
 STROKE = "(stroke (width 0.1) (type solid)) (fill none)"

@@ -2,12 +2,11 @@
 
 import time
 
-import numpy as np
 import pytest
 
 from planner.part import outline as outlines
 from planner.part.importers.file import read_outline
-from planner.part.importers.pieces import MAX_BYTES, Options, flattened, time_limit
+from planner.part.importers.pieces import MAX_BYTES, Options, time_limit
 from runtime.shell.errors import InputError, UsageError
 
 
@@ -73,14 +72,3 @@ def test_reading_ends_when_its_time_is_over():
     with time_limit("x.dxf", 0.2):
         pass
     time.sleep(0.3)  # the alarm is off
-
-
-@pytest.mark.parametrize("tolerance", [1.0, 0.01, 1e-4])
-def test_chords_stay_within_the_tolerance(tolerance):
-    def curve(t):
-        return np.stack([10 * np.cos(6 * t), 10 * np.sin(6 * t)], axis=-1)
-
-    points = flattened(curve, tolerance)
-    middles = 0.5 * (points[1:] + points[:-1])
-    assert np.abs(10 - np.hypot(*middles.T)).max() <= tolerance
-    assert np.allclose(points[[0, -1]], curve(np.array([0.0, 1.0])))
