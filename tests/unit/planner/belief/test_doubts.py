@@ -103,7 +103,7 @@ def test_traits_are_kept_by_thinning_repeating_and_squeezing(doubting):
 
 
 def test_an_encoder_that_is_off_shifts_readings_and_nothing_else(job):
-    belief = believed(job.replaced(friction={"doubt": 0}), 2000, np.random.default_rng(5))
+    belief = believed(job.replaced(friction={"doubt": 0}), 500, np.random.default_rng(5))
     plain = squeezed(job, belief, np.random.default_rng(6))
     belief.traits["encoder_mm"] = 3.0 * encoder_of(job).mm_per_step
     off = squeezed(job, belief, np.random.default_rng(6))
@@ -114,7 +114,7 @@ def test_an_encoder_that_is_off_shifts_readings_and_nothing_else(job):
 
 def test_a_squeeze_between_uneven_fingers_is_one_with_another_gripper(job):
     """The rows that have a share of their own end as in a job whose gripper has that share."""
-    n = 400
+    n = 100
     poses = to_hand(initial(job, n, np.random.default_rng(9)), np.zeros(3))
     part = Simulator.of_job(job, 1)
     parameters = part.sample(n, np.random.default_rng(10))

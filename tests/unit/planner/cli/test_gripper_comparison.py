@@ -41,14 +41,3 @@ def test_compare_prints_a_line_for_each_gripper_and_writes_nothing(plate, capsys
         wanted = "no leaf comes within" if line.startswith("hand-e") else "97.50%"
         assert wanted in line
     assert [path.name for path in plate.parent.iterdir()] == ["plate.csv"]
-
-
-def test_compare_part_wider_than_all_jaws_and_an_output_are_refused(plate, tmp_path, capsys):
-    wide = tmp_path / "wide.csv"
-    wide.write_text("0,0\n300,0\n300,300\n0,300\n")
-    for words, says in (
-        ([str(wide)], "opens wide enough"),
-        ([str(plate), "-o", "job.toml"], "leave out --output"),
-    ):
-        assert first_look.main([*words, "--units", "mm", "--gripper", "all"]) == 2
-        assert says in capsys.readouterr().err

@@ -9,10 +9,10 @@ import tomllib
 from itertools import cycle
 from pathlib import Path
 
-import ezdxf
 import numpy as np
 import pytest
 import trimesh
+from drawings import dxf
 
 from planner.cli import init
 from planner.job import model as job_file
@@ -28,17 +28,13 @@ PLAN_INIT = Path(sys.executable).with_name("plan-init")
 BRACKET = [(0, 0), (32, 0), (32, 12), (12, 12), (12, 24), (0, 24)]
 
 
+def draw(folder, units=4):
+    return dxf(folder, lambda space, _: space.add_lwpolyline(BRACKET, close=True), units)
+
+
 @pytest.fixture
 def drawing(tmp_path):
-    return draw(tmp_path / "bracket.dxf", 4)
-
-
-def draw(path, units):
-    document = ezdxf.new("R2010")
-    document.units = units
-    document.modelspace().add_lwpolyline(BRACKET, close=True)
-    document.saveas(path)
-    return path
+    return draw(tmp_path)
 
 
 def words(drawing, output, *more):
@@ -56,14 +52,9 @@ def test_the_defaults_that_the_comments_show_are_the_defaults(drawing, tmp_path)
         elif match := re.match(r"# (\w+ = .*)", line):
             shown |= {(section, key): value for key, value in tomllib.loads(match[1]).items()}
     assert len(shown) > 20
-    examples = ("part", "height_mm"), ("part", "faces"), ("part", "picks")
-    for example in (
-        *examples,
-        ("doubt", "limit_surface"),
-        ("actions", "pushes"),
-        ("goal", "identify"),
-    ):
-        del shown[example]  # it has no default
+    for example in ("part height_mm", "part faces", "part picks", "doubt limit_surface"):
+        del shown[tuple(example.split())]  # it has no default
+    del shown["actions", "pushes"], shown["goal", "identify"]
     del shown["cell", "regrasp_height_mm"]
     profile = PROFILES["robotiq-2f-85"]  # what a job does not say of its gripper, it knows
     assert shown.pop(("gripper", "resolution_mm")) == pytest.approx(
@@ -111,7 +102,7 @@ def at_a_terminal(command, answers):
 
 
 def test_at_a_terminal_it_asks(tmp_path):
-    drawing = draw(tmp_path / "bracket.dxf", 0)
+    drawing = draw(tmp_path, 0)
     output = tmp_path / "job.toml"
     command = [PLAN_INIT, str(drawing), "-o", str(output)]
     code, seen = at_a_terminal(command, "parsec\nmm\nmy part\nhand-e\nsteel\n-x\n\nthin\n6\n")

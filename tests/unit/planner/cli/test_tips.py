@@ -72,18 +72,6 @@ def test_tips_are_freed_by_the_shortest_way_also_of_notches():
     )
 
 
-def test_scattered_tips_start_about_where_they_are_stated_and_beside_the_part():
-    outline, n, radius = np.array([[0.0, 0], [40, 0], [40, 30], [0, 30]]), 4000, 3.0
-    points = np.repeat(np.array([[-20.0, 15.0], [-3.0, 15.0]]), n, axis=0)
-    pushes = Paths(points[:, None], points, np.zeros(2 * n), np.ones((2 * n, 2)))
-    moved = tips.scattered(pushes, 1.5, radius, outline, np.random.default_rng(3))
-    off = moved.points[:, 0] - points
-    assert np.array_equal(moved.centres - points, off)
-    assert off[:n].std(axis=0) == pytest.approx([1.5, 1.5], rel=0.05)  # far from the part
-    assert off[n:, 0].max() < 2.0 * tips.CLEAR_MM  # pushed back where it would overlap
-    assert (off[n:, 0] > -tips.CLEAR_MM).mean() == pytest.approx(0.5, abs=0.03)
-
-
 def test_start_of_a_push_scatters_as_the_job_says(tmp_path):
     """A part that hardly scatters turns by more or less, as the pusher stands beside its centroid."""
     text, options = f"{TIPS}\n-4.75,50,20,0\n", (*RADIUS, "--draws", "200")

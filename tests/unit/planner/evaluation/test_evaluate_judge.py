@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,8 +10,7 @@ from sample_tables import random_table, small_table, with_leaf
 
 from planner.evaluation.judge import claimed, judge, metric_of_table
 from planner.evaluation.leaves import NO_LEAF, nearest_leaf, reliability
-from planner.evaluation.outcome import CRASHED, NOWHERE, REJECTED, Evaluation
-from planner.mechanics.traits import as_planned
+from planner.evaluation.outcome import CRASHED, NOWHERE, REJECTED
 from runtime.table import PPM, LeafPose, Tolerance, poses_of
 
 LEAF = (
@@ -75,29 +75,6 @@ def test_any_of_a_leafs_modes_will_do():
     assert not judge(only, np.array([LEAF]), pose).within.any()
 
 
-def evaluation_of(table, leaf, poses):
-    """Trials that ended in given leaves at given poses."""
-    n = len(leaf)
-    error, within = judge(table, leaf, poses)
-    known = np.array([entry.resolved for entry in table.leaves])
-    path = np.full((n, 4), NOWHERE)
-    path[:, 0] = 0
-    return Evaluation(
-        leaf=leaf,
-        squeezes=np.ones(n, np.int64),
-        seconds=np.ones(n),
-        error_mm=error,
-        within=within,
-        resolved=np.where(leaf >= 0, known[leaf], False),
-        poses=poses,
-        initial=poses + 1.0,
-        traits=as_planned(n),
-        path=path,
-        reading=path + 200 * (path >= 0),
-        branch=path,
-    )
-
-
 def test_the_true_leaf_is_the_nearest_one_within_the_goal():
     table = random_table(seed=12, nodes=8)
     rng = np.random.default_rng(2)
@@ -126,10 +103,10 @@ def predicted_table(rng, leaves, trials):
     return replace(table, leaves=tuple(rows[:leaves])), truth[:leaves]
 
 
-def observed(table, truth, rng, visits):
+def observed(truth, rng, visits):
+    """What `reliability` reads of an evaluation: leaves, and which of their parts were within the goal."""
     leaf = np.repeat(np.arange(len(truth)), visits)
-    blank = evaluation_of(table, leaf, np.zeros((len(leaf), 3)))
-    return replace(blank, within=rng.random(len(leaf)) < np.repeat(truth, visits))
+    return SimpleNamespace(leaf=leaf, within=rng.random(len(leaf)) < np.repeat(truth, visits))
 
 
 @pytest.mark.parametrize(("trials", "visits"), [(300, 300), (2000, 250)])
@@ -138,5 +115,5 @@ def test_honest_predictions_hold_in_19_of_20_leaves(trials, visits):
     shares = []
     for _ in range(5):
         table, truth = predicted_table(rng, 60, trials)
-        shares.append(reliability(table, observed(table, truth, rng, visits)).share)
+        shares.append(reliability(table, observed(truth, rng, visits)).share)
     assert np.mean(shares) >= 0.94

@@ -1,11 +1,9 @@
 """The standard set of worlds that are not as planned."""
 
 import math
-from itertools import combinations
 
 import numpy as np
 import pytest
-import shapely
 from problems import OUTLINES
 
 from planner.evaluation.cases import (
@@ -15,7 +13,6 @@ from planner.evaluation.cases import (
     noise_cases,
     offset_cases,
     standard_cases,
-    three_feet,
 )
 from planner.evaluation.disturbance import Disturbance
 from planner.evaluation.evaluate import evaluate, sweep
@@ -44,17 +41,6 @@ def test_every_part_can_be_put_into_every_world(job, name):
         assert (real == part) == (not case.changes)
         same = np.array_equal(real.part.outline_mm, part.part.outline_mm)
         assert same == ("part" not in case.changes)
-
-
-@pytest.mark.parametrize("name", OUTLINES)
-def test_no_three_corners_span_a_larger_triangle(name):
-    outline = OUTLINES[name]()
-    span = shapely.Polygon(three_feet(outline)).area
-    corners = shapely.get_coordinates(shapely.MultiPoint(outline).convex_hull)[:-1]
-    if len(corners) <= 24:
-        assert span == pytest.approx(max(shapely.Polygon(c).area for c in combinations(corners, 3)))
-    else:  # of a curve, nearly: the largest triangle covers at least 3 sqrt(3) / (4 pi) of the hull
-        assert span >= 0.95 * 3 * math.sqrt(3) / (4 * math.pi) * shapely.Polygon(corners).area
 
 
 def test_only_the_world_differs_from_case_to_case(job, table):

@@ -93,16 +93,6 @@ def test_between_the_ends_of_the_jaws_a_blunt_corner_is_not_held_a_sharp_one_is(
     assert (width > 0.0) == held
 
 
-@pytest.mark.parametrize("inside_mm", [-0.01, 0.0, 0.01])
-def test_a_corner_that_slides_off_the_fingers_ends_is_not_caught_by_them(inside_mm):
-    half = [[0.0, 0.0], [10.0, 10.0], [20.0, 18.0]]  # wedges far steeper than friction holds
-    job = job_of(half + [[x, -y] for x, y in half[:0:-1]])
-    ahead = (
-        0.5 * JOB.gripper.finger_length_mm - (job.part.outline_mm[:, 0].min() + 10.0) - inside_mm
-    )
-    assert RigidWorld(job, 0).close((ahead, 0.0, 0.0), 0.3) == 0.0
-
-
 def test_an_open_finger_stands_on_the_part_where_the_planner_says_so():
     world, ours = make(JOB, 0), Simulator.of_job(JOB, workers=1)
     rng = np.random.default_rng(2)

@@ -141,30 +141,3 @@ def test_directions_alone_find_an_exact_ellipsoid(kind):
     errors = identify.angles(identify.predict(result.surface, F), limit_surface.twist(A, F))
     assert np.degrees(errors).max() < 1.0
     assert result.friction_n is None
-
-
-def write_directions(path: Path, pairs: pushes.Pairs) -> str:
-    table = np.column_stack([in_rho(pairs).wrenches, in_rho(pairs).twists])
-    lines = [",".join(pushes.DIRECTIONS), *(",".join(map(repr, row)) for row in table.tolist())]
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return str(path)
-
-
-def test_command_refuses_directions_that_are_none_in_one_line(tmp_path, capsys):
-    table = write_directions(tmp_path / "pairs.csv", rectangle_pairs(20, 0.0))
-    text = Path(table).read_text(encoding="utf-8").splitlines()
-    spoiled = {
-        "no column": "\n".join(line.rsplit(",", 1)[0] for line in text),
-        "no number": "\n".join([*text, "1,2,3,4,5,x"]),
-        "no wrench": "\n".join([*text, "0,0,0,1,1,1"]),
-        "empty": "",
-    }
-    for name, content in spoiled.items():
-        (tmp_path / "bad.csv").write_text(content, encoding="utf-8")
-        assert main(["--pairs", str(tmp_path / "bad.csv"), "--splits", "1"]) == 3, name
-        error = capsys.readouterr().err
-        assert "bad.csv" in error
-        assert error.count("\n") == 1
-    for arguments in ([table, "--pairs", table], [], ["--pairs", table, "--friction-n", "3"]):
-        assert main(arguments) == 2
-        assert capsys.readouterr().err.count("\n") == 1

@@ -51,21 +51,6 @@ def test_several_parts_come_back_from_their_exact_text():
     assert "part" not in job_file._document(job)
 
 
-def test_a_part_has_pressure_and_friction_of_its_own_where_it_states_them():
-    document = several()
-    document["hypothesis"][1] |= {
-        "pressure": {"kind": "uniform"},
-        "friction": {"finger_part_min": 0.1, "finger_part_max": 0.2},
-    }
-    job = read(document)
-    assert [alone.pressure.kind for alone in job.alone] == ["boundary", "uniform", "boundary"]
-    assert [alone.friction.finger_part_max for alone in job.alone] == [0.6, 0.2, 0.6]
-    assert {
-        alone.friction.finger_part_max
-        for alone in job.replaced(friction={"finger_part_max": 0.9}).alone
-    } == {0.9}
-
-
 def broken(number=1, **entry):
     document = several()
     document["hypothesis"][number - 1] |= entry

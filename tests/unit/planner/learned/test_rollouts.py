@@ -4,13 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import shapely
 from problems import (
     JAWS,
     OUTLINES,
     boundary_surface,
-    finger_box,
-    place,
     random_poses,
     rectangle,
     simulator,
@@ -18,9 +15,8 @@ from problems import (
 
 from planner.learned import rollouts
 from planner.learned.rollouts import roll_outs
-from planner.learned.store import Store, StoreWarning
+from planner.learned.store import Store
 from planner.mechanics import quartic_fit
-from planner.mechanics.clearance import STANDS_ON, classify_contact
 from planner.mechanics.squeeze import UNTOUCHED
 from planner.part.outline import radius_of_gyration
 from planner.part.pressure import Pressure, support
@@ -64,20 +60,6 @@ class TestRegion:
         assert np.all(rolled.status == UNTOUCHED)
         assert np.array_equal(rolled.poses, far)
 
-    def test_an_open_finger_stands_on_the_part_where_their_areas_overlap(self, name):
-        outline = OUTLINES[name]()
-        poses = random_poses(np.random.default_rng(3), 500, 50.0)
-        fingers = shapely.union_all(
-            [finger_box(finger, finger * JAWS[0] / 2) for finger in (1, -1)]
-        )
-        shared = [
-            shapely.Polygon(place(outline, pose)).intersection(fingers).area for pose in poses
-        ]
-        assert np.array_equal(
-            classify_contact(outline, JAWS, poses) == STANDS_ON, np.array(shared) > 1e-6
-        )
-        assert 0 < np.count_nonzero(shared) < len(poses)
-
 
 def test_fewer_are_a_prefix_of_more_in_every_ring(part, small):
     more = roll_outs(part, SMALL["radius_mm"], 3 * SMALL["count"])
@@ -118,18 +100,6 @@ def test_what_is_stored_is_not_rolled_out_again(part, small, tmp_path):
     assert counts[3] == 0
     assert same(roll_outs(part, **SMALL, store=Store(tmp_path)), small)
     assert same(result, [column[: len(result.initial)] for column in small])
-
-
-def test_a_damaged_block_is_rolled_out_again_with_a_warning(part, small, tmp_path):
-    roll_outs(part, **SMALL, store=Store(tmp_path))
-    before = {path: path.read_bytes() for path in tmp_path.glob("*/*")}
-    victim = min(before)
-    victim.write_bytes(before[victim][:-20])
-    scheduler = Counting()
-    with pytest.warns(StoreWarning, match="damaged"):
-        assert same(roll_outs(part, **SMALL, store=Store(tmp_path), scheduler=scheduler), small)
-    assert len(scheduler.items) == 1
-    assert {path: path.read_bytes() for path in tmp_path.glob("*/*")} == before
 
 
 def test_only_what_the_squeeze_depends_on_names_it(part):

@@ -57,19 +57,6 @@ def test_each_wrench_dissipates_most_under_its_own_twist(kind):
     assert (power <= np.diag(power)[:, None] + 1e-12).all()
 
 
-def test_friction_integral_has_converged():
-    coarse = limit_surface.wrenches(*support(Pressure("boundary", 100), RECTANGLE), RHO, TWISTS)
-    steps = np.arange(1000)[:, None] / 1000
-    fine_outline = np.concatenate(
-        [
-            a + steps * (b - a)
-            for a, b in zip(RECTANGLE, np.roll(RECTANGLE, -1, axis=0), strict=True)
-        ]
-    )
-    fine = limit_surface.wrenches(*support(Pressure("boundary", 100), fine_outline), RHO, TWISTS)
-    assert np.abs(coarse - fine).max() < 2e-3
-
-
 @pytest.mark.parametrize("seed", range(5))
 def test_fit_recovers_an_ellipsoid_from_its_own_pairs(seed):
     rng = np.random.default_rng(seed)

@@ -163,36 +163,6 @@ def test_round_tips_never_end_inside_a_part():
             assert end.distance(shapely.Point(start + way)) > tip - 0.03
 
 
-HANDS = [(0.0, 30.0), (12.0, 30.0), (40.0, 30.0)]  # opening and way [mm]
-
-
-def pushed_by_hand(outline, opening, way, n=60, seed=3):
-    """Parts strewn before a hand; where they lay and where they end, in its frame at the start."""
-    part, rng = simulator(outline), np.random.default_rng(seed)
-    before = np.column_stack(
-        [
-            np.hypot(*outline.T).max() + JAWS[1] / 2 + rng.uniform(0.1, 8.0, n),
-            rng.uniform(-15.0, 15.0, n),
-            rng.uniform(-math.pi, math.pi, n),
-        ]
-    )
-    return before, part.push_by_hand(before, np.full(n, opening), np.full(n, way), rng)
-
-
-def fingers_at(opening, way):
-    inner, outer, h = opening / 2, opening / 2 + JAWS[2], JAWS[1] / 2
-    return shapely.box(way - h, [inner, -outer], way + h, [outer, -inner])
-
-
-@pytest.mark.parametrize(("opening", "way"), HANDS)
-def test_only_parts_that_the_fingers_sweep_over_move(opening, way):
-    before, after = pushed_by_hand(rectangle(), opening, way)
-    swept = shapely.union_all([fingers_at(opening, at) for at in np.linspace(0.0, way, 200)])
-    for start, end in zip(before, after, strict=True):
-        met = shapely.Polygon(place(rectangle(), start)).intersects(swept)
-        assert met or np.array_equal(start, end)
-
-
 def test_fingers_end_a_push_as_their_corners_alone_do():
     """Before a part much wider than the hand, whose edge only their four corners ahead can meet."""
     plate, opening, way, n = rectangle() * 8.0, 30.0, 25.0, 20

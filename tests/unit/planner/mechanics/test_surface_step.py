@@ -1,6 +1,5 @@
 """The step with either limit surface: the quartic of an ellipsoid is that ellipsoid, fixed points hold."""
 
-import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,7 @@ from planner.belief.doubts import believed
 from planner.belief.particles import initial
 from planner.job import model as job_file
 from planner.mechanics import quartic, surface
-from planner.mechanics.simulator import STATUS_NAMES, Parameters, Simulator
+from planner.mechanics.simulator import Parameters, Simulator
 from planner.mechanics.surface_step import local_matrix
 
 JOB = job_file.load(Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml")
@@ -38,20 +37,6 @@ def test_local_matrix_is_a_third_of_the_hessian_and_gives_the_gradient(quartic_j
         local_matrix(form.hessian_table(), F, A)
         np.testing.assert_allclose(A, hessian(form, F) / 3.0, atol=1e-12)
         np.testing.assert_allclose(A @ F, form.gradient(F), atol=1e-12)
-
-
-def test_a_quartic_job_squeezes_to_the_same_widths_with_its_own_poses(poses, quartic_job):
-    simulator = Simulator.of_job(quartic_job, workers=2)
-    sampled = simulator.sample(len(poses), np.random.default_rng(3))
-    assert sampled.surfaces.shape == (len(poses), 6, 6)
-    rolled = simulator.roll_out(poses, sampled)
-    assert rolled.given_up.sum() == 0
-    grasped = rolled.status == STATUS_NAMES.index("grasped")
-    flush = np.minimum(np.abs(rolled.width_mm - 21.0), np.abs(rolled.width_mm - 30.0))
-    assert flush[grasped].max() < 0.02
-    finer = dataclasses.replace(simulator, step_mm=0.05).roll_out(poses, sampled)
-    close = np.abs(finer.poses - rolled.poses).max(axis=1) < 0.3
-    assert close.mean() > 0.985
 
 
 def test_in_one_roll_out_each_part_is_squeezed_by_the_form_of_its_own_surface(poses):

@@ -1,14 +1,12 @@
 """plan-simulate's pictures: options, errors in one line, nothing drawn costs nothing."""
 
 import csv
-import json
 import math
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-from html_pages import Page
 
 from planner.cli import simulate
 
@@ -56,18 +54,6 @@ def test_poses_that_state_two_angles_are_refused(
     err = capsys.readouterr().err
     assert "pose 2" in err
     assert err.count("\n") == 1
-
-
-def test_the_page_ends_where_the_results_do(poses: Path) -> None:
-    page = poses.parent / "s.html"
-    assert run(poses, "--html", str(page)) == 0
-    rows = list(csv.DictReader((poses.parent / "out.csv").read_text().splitlines()))
-    names = ["final_x_mm", "final_y_mm", "final_theta_rad", "width_mm"]
-    squeezes = json.loads(Page(page.read_text()).scripts["data"])["squeezes"]
-    assert [squeeze["status"] for squeeze in squeezes] == [row["status"] for row in rows]
-    for squeeze, row in zip(squeezes, rows, strict=True):
-        final = [*squeeze["states"][-1].values()]
-        assert final == pytest.approx([float(row[name]) for name in names], abs=1e-3)
 
 
 @pytest.mark.parametrize(

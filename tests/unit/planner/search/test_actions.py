@@ -12,7 +12,7 @@ from planner.frames import to_hand
 from planner.job import model as job_file
 from planner.mechanics.clearance import free_placements, least_clearance
 from planner.search.actions import ActionSet, actions_of
-from planner.search.proposals import Proposals, hands_about, placed, proposals_of, stable_angles
+from planner.search.proposals import Proposals, placed, proposals_of, stable_angles
 
 RECTANGLE = Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml"
 
@@ -104,17 +104,3 @@ def test_every_proposed_finger_reaches_the_part(job):
         along = (outline - [x, y]) @ np.array([np.cos(angle), np.sin(angle)])
         assert along.min() < half
         assert along.max() > -half
-
-
-@pytest.mark.parametrize("reach", [4.0, 30.0])
-def test_hands_all_about_a_part_touch_it_from_every_direction_and_the_first_few_do_already(reach):
-    half = 13.75
-    hands = hands_about(reach, half, 512)
-    np.testing.assert_array_equal(hands_about(reach, half, 64), hands[:64])
-    along, across, _ = to_hand(np.zeros((1, 3)), hands.T).T
-    assert np.hypot(np.maximum(np.abs(along) - half, 0.0), across).max() < reach
-    for n in (64, 512):
-        for values, width in ((hands[:n, 2], np.pi), (along[:n], 2.0 * (half + 0.8 * reach))):
-            occupied = np.unique(np.floor(8.0 * np.mod(values / width, 1.0)), return_counts=True)[1]
-            assert len(occupied) == 8
-            assert occupied.min() > 0.6 * n / 8

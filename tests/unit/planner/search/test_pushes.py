@@ -94,21 +94,6 @@ def test_best_pushes_through_a_belief_reach_where_they_were_judged_to_end(proble
         assert under(pusher, belief, pushes[0], 0.0) == 0
 
 
-def test_best_second_push_begins_clear_of_all_that_the_first_has_moved(pusher, belief):
-    rng = np.random.default_rng(7)
-    few = belief[np.arange(20)]
-    first = pusher.options(few)[0]
-    second = pusher.options(pusher.model.push(few, first, rng))[0]
-    pushes, _ = pusher._from_beside_all(belief, (first, second), rng)
-    lying = pusher.model.push(belief, pushes[0], np.random.default_rng(8))
-    assert under(pusher, lying, pushes[1], 0.0) <= 2  # of other draws of the same push
-    ends = [
-        push.start[:2] + push.way_mm * np.array([math.cos(push.start[2]), math.sin(push.start[2])])
-        for push in (second, pushes[1])
-    ]
-    assert ends[0] == pytest.approx(ends[1])
-
-
 def test_a_job_that_states_that_nothing_is_pushed_is_the_job_that_does_not(job):
     stated = job_file.load(RECTANGLE, {"actions": {"pushes": "none"}})
     assert stated.canonical() == job_file.load(RECTANGLE).canonical()

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import planner.search.search
 from planner.belief.particles import Belief
 from planner.belief.transition import Squeezed
 from planner.job import model as job_file
@@ -183,13 +182,13 @@ def read_at(root, count, size):
     return Belief.of(np.tile(root.children[0].mode.pose, (size, 1)), np.full(size, count))
 
 
-def test_absorb_strays_at_many_readings_keeps_to_the_number_of_branches_of_a_table(
-    tree, monkeypatch
-):
+@pytest.mark.parametrize("size", [LEAST_STRAYS - 1, LEAST_STRAYS])
+def test_absorb_strays_far_from_all_branches_are_one_where_there_are_several(tree, size):
     search, root = deepcopy(tree)
-    lowest, most = int(root.squeeze.clusters.low[-1]), len(root.children) + 2
-    monkeypatch.setattr(planner.search.search, "MAX_BRANCHES", most)
-    strays = [read_at(root, count, LEAST_STRAYS) for count in range(0, lowest - 10, 10)]
-    assert len(strays) > 2
-    search.absorb(root, {}, {0: Belief.joined(strays)})
-    assert len(root.children) == most
+    children, far = len(root.children), int(root.squeeze.clusters.low[-1]) - 40
+    search.absorb(root, {}, {0: read_at(root, far, size)})
+    assert len(root.children) == children + (size >= LEAST_STRAYS)
+    assert (far in root.squeeze.clusters.low) == (size >= LEAST_STRAYS)
+    assert sum(child.share for child in root.children) == pytest.approx(
+        1.0, abs=size / len(root.belief)
+    )
