@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from planner.commands import missing_input
 from runtime.commands.arguments import parser as runtime_arguments
 from runtime.commands.doctor import parser as doctor_arguments
 from runtime.commands.squeezetree import PROGRAMS
@@ -15,17 +14,11 @@ BLOCK = "import sys; from planner import commands; code = getattr(commands, {0!r
 LOADED = "print('numba' in sys.modules); sys.exit(code)"
 CALLS = {
     "compile_job": ["nope.toml", "-o", "t.msgpack"],
-    "try_part": ["--units", "mm", "nope.dxf"],
-    "init": ["nope.kicad_mod", "-o", "j.toml", "--radius", "3"],
-    "evaluate": ["--json", "nope.msgpack"],
-    "report": ["nope.msgpack", "-o", "r.html"],
     "simulate": ["there.toml", "--poses", "nope.csv", "-o", "o.csv"],
-    "refit": ["there.toml", "--journal", "nope.jsonl", "-o", "j2.toml"],
-    "identify": ["there.txt", "nope.txt"],
 }
 
 
-@pytest.mark.parametrize("name", ["compile_job", "simulate"])
+@pytest.mark.parametrize("name", CALLS)
 def test_commands_with_a_missing_file_end_before_the_planner_is_loaded(
     name: str, tmp_path: Path
 ) -> None:
@@ -44,16 +37,6 @@ def test_commands_with_a_missing_file_end_before_the_planner_is_loaded(
     assert "nope." in done.stderr
     assert "No such file" in done.stderr
     assert done.stderr.count("\n") == 1
-
-
-@pytest.mark.parametrize("words", CALLS.values(), ids=CALLS)
-def test_missing_input_of_any_command_is_found(words, tmp_path, monkeypatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    for name in ("there.toml", "there.txt"):
-        Path(name).touch()
-    missing = missing_input(words)
-    assert missing is not None
-    assert missing.startswith("nope.")
 
 
 @pytest.mark.parametrize("word", ["simm", "Sim", "siim", "manuel"])

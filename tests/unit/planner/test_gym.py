@@ -76,15 +76,6 @@ def test_a_batch_of_one_is_the_environment(alone):
     assert one[2]
 
 
-def test_the_true_pose_declared_in_the_box_is_a_success():
-    env = gymnasium.make(planner.gym.NAME, actions="box").unwrapped
-    low, high = env._episodes.box
-    for shift_mm, reward in ((0.0, env.model.success), (3.1, 0.0)):
-        pose = env.reset(seed=1)[1]["pose"] + [shift_mm, 0.0, 0.0]
-        action = 2.0 * (np.array([*pose, 1.0]) - low) / (high - low) - 1.0
-        assert env.step(action.astype(np.float32))[1:4] == (reward, True, False)
-
-
 def test_a_squeeze_after_the_last_cuts_the_episode_off(alone):
     most = alone.unwrapped.model.job.search.max_depth
     alone.reset(seed=2)

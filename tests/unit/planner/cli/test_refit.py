@@ -89,11 +89,6 @@ def test_edited_text_keeps_comments_and_takes_sections_that_were_not_there():
         (lambda d: ["--journal", str(journal(d / "few.jsonl", 5))], 2, "too few"),
         (lambda d: ["--journal", str(broken(d))], 3, "does not verify"),
         (lambda d: [*other_job(d)], 3, "another job"),
-        (
-            lambda d: ["--journal", str(journal(d / "a.jsonl", 25)), "--audit", str(nonsense(d))],
-            3,
-            "no table",
-        ),
     ],
 )
 def test_what_it_cannot_use_it_refuses_in_one_line(tmp_path, capsys, change, code, word):
@@ -110,12 +105,6 @@ def test_what_it_cannot_use_it_refuses_in_one_line(tmp_path, capsys, change, cod
 def broken(folder: Path) -> Path:
     path = journal(folder / "broken.jsonl", 25)
     path.write_bytes(path.read_bytes().replace(b'"outcome":"leaf"', b'"outcome":"lear"', 1))
-    return path
-
-
-def nonsense(folder: Path) -> Path:
-    path = folder / "a.csv"
-    path.write_text("index,x\n1,2\n")
     return path
 
 

@@ -10,7 +10,6 @@ from planner.cli.identify import main
 from planner.identification import identify, pushes
 from planner.job import surface_file
 from planner.mechanics import limit_surface
-from planner.part import quartic_form
 from planner.part.pressure import Pressure, support
 
 pytestmark = pytest.mark.slow
@@ -58,13 +57,6 @@ def test_an_exact_ellipsoid_is_found_by_both_kinds():
     assert squared.errors_rad.max() < 0.01
     A_found = ellipsoid.fit.surface.A * (4.0 / ellipsoid.fit.friction_n) ** 2
     assert np.allclose(A_found, A, rtol=1e-6)
-
-
-def test_the_quartic_predicts_a_rectangle_better():
-    ellipsoid, squared = found_in(rectangle_pairs(60, 0.05), "ellipsoid", "quartic", splits=1)
-    assert squared.errors_rad.mean() < 0.8 * ellipsoid.errors_rad.mean()
-    surface = squared.fit.surface
-    assert quartic_form.certifies(surface.certificate, surface.coefficients)
 
 
 def test_ridge_of_noisy_ellipsoid_pairs_is_the_strongest():

@@ -92,22 +92,12 @@ def test_the_tips_offset_is_found_from_the_faces_and_taken_off():
     motions = {"left": [4.0, -2.0, 0.1], "lower": [1.0, 5.0, -0.1], "long": [-3.0, -3.0, 0.2]}
 
     def record(sideways: float) -> list[pushes.Push]:
-        return pushes.parse(
-            log(
-                *(
-                    made_up_push(
-                        np.array(motions[face]),
-                        face,
-                        3 * FACES[face][1],
-                        (0, 0, slant),
-                        sideways,
-                        slant,
-                    )
-                    for face in motions
-                    for slant in (-0.8, 0.0, 0.8)
-                )
-            )
-        )
+        records = [
+            made_up_push(np.array(twist), face, 3 * FACES[face][1], (0, 0, slant), sideways, slant)
+            for face, twist in motions.items()
+            for slant in (-0.8, 0.0, 0.8)
+        ]
+        return pushes.parse(log(*records))
 
     assert pushes.tip_offset(record(0.0)) == pytest.approx(0.0, abs=1e-9)
     for sideways in (1.5, -0.7):  # found but for the weak pull to 0

@@ -4,14 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from problems import (
-    JAWS,
-    OUTLINES,
-    boundary_surface,
-    random_poses,
-    rectangle,
-    simulator,
-)
+from problems import JAWS, OUTLINES, boundary_surface, random_poses, rectangle, simulator
 
 from planner.learned import rollouts
 from planner.learned.rollouts import roll_outs

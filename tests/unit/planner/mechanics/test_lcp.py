@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from contact_problems import lcp, random_contacts, wrenches
+from contact_problems import HAVE_MOTION, HAVE_NONE, lcp, random_contacts, wrenches
 from lcp_twin import all_bases, motions, solve
 from scipy.optimize import linprog
 
@@ -104,6 +104,16 @@ def squeezing_power(problem) -> float:
     balance, cone = np.concatenate([W, total]), -M[3 * m :, : 3 * m]
     best = linprog(q[: 3 * m], cone, np.zeros(m), balance, np.array([0, 0, 0, 1.0]))
     return -best.fun if best.success else -np.inf
+
+
+@pytest.mark.parametrize("name", [*HAVE_MOTION, *HAVE_NONE])
+def test_lemke_named_contacts_agrees_with_all_modes(name):
+    """Also where contacts repeat, or faces meet faces: all of these matrices are singular."""
+    problem = (HAVE_MOTION | HAVE_NONE)[name]()
+    status, z = solve(*lcp(problem))
+    assert status == (SOLVED if name in HAVE_MOTION else RAY)
+    assert (len(motions(problem)) > 0) == (status == SOLVED)
+    assert status == RAY or np.allclose(motions(problem), motion_of(problem, z), atol=1e-9)
 
 
 @pytest.mark.parametrize(("contacts", "count"), [(1, 100), (2, 300), (3, 300), (4, 100)])

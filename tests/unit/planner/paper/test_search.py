@@ -9,7 +9,6 @@ from counting import label_of
 
 from planner.belief.observation import encoder_of
 from planner.job import model as job_file
-from planner.lower import lower
 from planner.paper.search import (
     METHODS,
     PRINTED_ORDER,
@@ -19,7 +18,6 @@ from planner.paper.search import (
     singleton,
 )
 from planner.search.tree import breadth_first
-from runtime.table import REJECT, decision_map, dumps, loads
 
 JOB = job_file.load(Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml")
 ENCODER = encoder_of(JOB)
@@ -95,20 +93,6 @@ def test_sensorless_plans_never_branch(roots):
     assert not nodes[-1].children
     assert [node.depth for node in nodes] == list(range(len(nodes)))
     assert len(nodes) > 2
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_its_table_rejects_nothing_and_the_nearest_expectation_wins(roots, method):
-    table = loads(dumps(lower(roots[method], JOB)))
-    profile = table.gripper.profile
-    widths = np.array([profile.reading_um(step) for step in range(1, profile.steps + 1)])
-    for node in table.nodes:
-        expected = np.array([branch.expected_um for branch in node.branches])
-        # Fully closed jaws hold nothing.
-        outcome = np.array([decision_map(node, table.gripper).either.at(um) for um in widths])
-        assert REJECT not in outcome
-        distance = np.abs(widths[:, None] - expected)
-        assert np.all(distance[np.arange(len(outcome)), outcome] == distance.min(axis=1))
 
 
 @pytest.mark.parametrize("seed", range(10))

@@ -33,11 +33,6 @@ def page(text):
     return Page(text)
 
 
-@pytest.fixture(scope="module")
-def data(page):
-    return json.loads(page.scripts["data"])
-
-
 def test_every_tag_is_closed_and_every_id_is_used_once(page):
     assert page.open == []
     ids = [attributes["id"] for _, attributes in page.elements if "id" in attributes]
@@ -64,15 +59,6 @@ def test_parts_are_neither_lost_nor_added():
         if place.ways:
             rejected = int(place.facts["rejected here"])
             assert sum(way.parts for way in place.ways) + rejected == arrivals[key]
-
-
-def test_widths_of_the_script_are_the_tables(data):
-    for index, node in enumerate(TABLE.nodes):
-        ways = data["nodes"][f"node-{index}"]["ways"]
-        assert [way["to"] for way in ways] == [key_of(branch.target) for branch in node.branches]
-        for way, branch in zip(ways, node.branches, strict=True):
-            assert way["low_mm"] == pytest.approx(branch.low_um / 1e3, abs=0.01)
-            assert way["high_mm"] == pytest.approx(branch.high_um / 1e3, abs=0.01)
 
 
 def test_a_name_cannot_break_out_of_the_page(text):

@@ -45,19 +45,6 @@ def test_proposals_stand_about_the_main_modes_and_within_the_area():
     np.testing.assert_allclose(options[:, 0], [0.0, 5.0, -5.0], atol=1e-9)
 
 
-def test_first_squeezes_lie_beside_the_middle_and_no_turn_makes_two_of_them_one():
-    job = job_file.load(RECTANGLE)
-    assert len(actions_of(job).first) == 1  # its four angles
-    proposing = job.replaced(actions={"proposals": "belief"})
-    first = actions_of(proposing).first
-    beside = np.hypot(*first[:, :2].T) / job.gripper.finger_length_mm
-    np.testing.assert_allclose(beside, [0.0, 0.25, 0.5], atol=1e-9)
-    assert (
-        actions_of(proposing.replaced(uncertainty={"orientation_halfwidth_deg": 20.0})).first
-        is None
-    )
-
-
 def test_first_squeezes_are_one_up_to_a_turn_of_the_part_and_half_a_turn_of_the_hand():
     actions = actions_of(job_file.load(RECTANGLE))
     placements = np.array(

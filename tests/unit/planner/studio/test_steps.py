@@ -51,13 +51,6 @@ def test_the_commands_run_one_after_another(ran):
     assert json.loads(lines[-1]) == {"exit": 0}
 
 
-@pytest.mark.parametrize(("argument", "expected"), [("--turn=0", 0), ("--scale=1", 5)])
-def test_without_a_table_or_after_a_failure_nothing_follows(ran, argument, expected):
-    code, lines = ran(argument)
-    assert code == expected
-    assert [line for line in lines if line.startswith("ran")] == ["ran try"]
-
-
 def test_stop_interrupts_the_search_and_the_rest_follows(ran, tmp_path):
     code, lines = ran("--budget=1")
     assert code == 0
