@@ -109,7 +109,7 @@ def test_a_bound_is_where_the_mixture_says_so():
     """The second method: the likelihood ratio integrated over the prior by the trapezoidal rule."""
     total, parts = 7.5, 50_000
     a, b = ppm.PRIOR
-    p = np.linspace(1e-9, 3e-3, 40_001)
+    p = np.linspace(1e-9, 3e-3, 400_001)
     prior = a - 1.0, b - 1.0
     log_prior = prior[0] * np.log(p) + prior[1] * np.log1p(-p)
     log_prior -= np.log(np.trapezoid(np.exp(log_prior - log_prior[1]), p)) + log_prior[1]
