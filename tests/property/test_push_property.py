@@ -1,6 +1,6 @@
 """Random pushes by hand end where they do however they are computed, and never inside the fingers.
 
-`tests/bench/bench_push_invariance.py` is the same study with 3000 pushes of each shape, this a sample.
+`tests/bench/bench_push_invariance.py` is the same study with 3000 pushes of each shape.
 """
 
 import numpy as np
@@ -8,7 +8,7 @@ import pytest
 from problems import JAWS, rectangle, simulator
 from push_study import ALLOWED, OVERLAP_MM2, SHAPES, STEPS_ALLOWED, studied
 
-SAMPLE = 300
+SAMPLE = 1000
 FLUSH_MM = 0.02
 
 
