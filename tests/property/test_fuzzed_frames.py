@@ -1,12 +1,21 @@
 """The frame parsers under what hypothesis invents: whole, cut, doubled, damaged and arbitrary frames."""
 
+import random
+
 from fuzz_frames import CORPUS, case
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-CASES = settings(max_examples=150, deadline=None, derandomize=True)
+from drivers.modbus.framing import RtuFraming
+from drivers.robotiq.frames import RTU, read_request
+from drivers.sim.devices.gripper import GripperModel
+from drivers.sim.devices.gripper_tcp import MbapSlave
+from drivers.sim.wire.modbus import GripperRegisters, crc16
+
+CASES = settings(max_examples=100, deadline=None, derandomize=True)
 listeners, cuts = st.integers(0, 2), st.integers(0, 31)
 frames = st.sampled_from([bytes(frame[2:]) for frame in CORPUS])
+noise = st.binary(max_size=40)
 
 
 @st.composite
@@ -27,3 +36,25 @@ def test_nothing_is_answered_or_believed_that_no_sound_frame_says(listener, cut,
 @given(st.binary(max_size=300))
 def test_arbitrary_bytes_do_nothing(data) -> None:
     case(data)
+
+
+@CASES
+@given(st.lists(st.binary(max_size=60), max_size=5))
+def test_feed_tcp_slave_arbitrary_bytes_raises_nothing(pieces) -> None:
+    slave = MbapSlave(GripperRegisters(GripperModel(random.Random(1)), lambda: 0.01))
+    for piece in pieces:
+        slave.feed(piece)
+
+
+def reply(block: bytes) -> bytes:
+    body = bytes((9, 3, 6)) + block
+    return body + crc16(body)
+
+
+@CASES
+@given(noise, st.binary(min_size=6, max_size=6), noise)
+def test_find_answer_in_noise_returns_it_or_an_earlier_whole_one(before, block, after) -> None:
+    said = before + reply(block) + after
+    result = RtuFraming().find(said, read_request(RTU, 3))
+    assert result is not None
+    assert reply(b"".join(value.to_bytes(2, "big") for value in result.registers)) in said

@@ -8,10 +8,8 @@ from pathlib import Path
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from problems import diameter
 
 from planner.job import model as job
-from planner.part import outline, symmetry
 from runtime.shell.errors import InputError
 
 RECTANGLE = job.load(Path(__file__).parents[2] / "trees" / "rectangle" / "job.toml")
@@ -62,16 +60,6 @@ def test_any_job_round_trips_exactly(lengths, shift, low, high, seed):
         high,
         seed,
     )
-
-
-@settings(max_examples=60, deadline=None)
-@given(radii, shifts)
-def test_the_frame_of_a_part_does_not_depend_on_its_drawing(lengths, shift):
-    here, there = (outline.canonical(star(lengths, at)).outline_mm for at in ((0.0, 0.0), shift))
-    assert np.allclose(here, there, atol=1e-9)
-    assert outline.area(there) > 0
-    assert outline.min_width(there) <= outline.width(there, 0.3) <= diameter(there) + 1e-9
-    assert symmetry.has_order(there, symmetry.order(there))
 
 
 def refusal(read: Callable[[str, str], job.Job], text: str) -> InputError | None:

@@ -25,7 +25,7 @@ def test_push_by_hand_computed_otherwise_ends_alike(shape):
 @pytest.mark.parametrize("beside", [0.0, 0.01, -0.3])
 def test_push_by_hand_of_a_flush_part_stays_flush(opening, beside):
     """Whatever the limit surface: both fingers' ends lie along the side, and the centre lies between them."""
-    n = 400
+    n = 100
     start = np.tile([JAWS[1] / 2 + 16.0, beside, 0.0], (n, 1))
     end = simulator(rectangle()).push_by_hand(
         start, np.full(n, opening), np.full(n, 40.0), np.random.default_rng(0)

@@ -63,7 +63,7 @@ TABLES: list[Callable[[str], Table]] = [
 
 
 @given(odd)
-@settings(max_examples=40)
+@settings(max_examples=20)
 def test_a_border_refuses_text_that_does_not_print_in_one_line_that_prints(text: str) -> None:
     for table in TABLES:
         for refuse in (lambda result: loads(encode(result)), dumps):
@@ -112,7 +112,7 @@ def asked(table: Table) -> list[str]:
 
 
 @given(odd)
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=15, deadline=None)
 def test_no_sink_prints_what_does_not_print(text: str) -> None:
     """Even where a text came past every border: in an error, from a device, in a journal."""
     table = named(text)

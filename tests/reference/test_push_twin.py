@@ -14,14 +14,10 @@ CLOSE_MM, CLOSE_RAD = 0.1, math.radians(0.2)
 
 @pytest.mark.parametrize(
     ("outline", "mu"),
-    [
-        (rectangle(), 0.4),
-        (hexagon(), 0.0),
-        (random_convex(np.random.default_rng(3), 5), 0.4),
-    ],
+    [(rectangle(), 0.4), (hexagon(), 0.0), (random_convex(np.random.default_rng(3), 5), 0.4)],
 )
 def test_kernels_and_twin_end_alike(outline, mu):
-    pushes = random_paths(outline, np.random.default_rng(8), 4)
+    pushes = random_paths(outline, np.random.default_rng(8), 2)
     part = simulator(outline, step_mm=0.1)
     result = part.push(pushes, part.nominal(len(pushes.angles), mu))
     assert not result.given_up.any()

@@ -74,14 +74,13 @@ def test_both_logs_agree_on_the_tip(log):
 
 
 def test_the_ellipsoid_is_no_worse_than_the_first_try(name, data):
-    for seed in range(3):
-        (result,) = judged(data, ("ellipsoid",), splits=50, seed=seed)
-        assert math.degrees(result.errors_rad.mean()) <= FIRST_TRY_DEG[name]
+    (result,) = judged(data, ("ellipsoid",), splits=50)
+    assert math.degrees(result.errors_rad.mean()) <= FIRST_TRY_DEG[name]
 
 
 def test_the_quartic_is_better_than_the_ellipsoid(data):
-    """In the mean over splits, 5 here; `plan-identify` does 50."""
-    ellipsoid, quartic = judged(data, ("ellipsoid", "quartic"), splits=5)
+    """In the mean over splits, 2 here; `plan-identify` does 50."""
+    ellipsoid, quartic = judged(data, ("ellipsoid", "quartic"), splits=2)
     assert quartic.errors_rad.mean() < ellipsoid.errors_rad.mean()
     assert quartic.fit_error_rad < ellipsoid.fit_error_rad
     surface = quartic.fit.surface

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from planner.commands import missing_input
 from runtime.commands.arguments import parser as runtime_arguments
 from runtime.commands.doctor import parser as doctor_arguments
 from runtime.commands.squeezetree import PROGRAMS
@@ -15,17 +14,11 @@ BLOCK = "import sys; from planner import commands; code = getattr(commands, {0!r
 LOADED = "print('numba' in sys.modules); sys.exit(code)"
 CALLS = {
     "compile_job": ["nope.toml", "-o", "t.msgpack"],
-    "try_part": ["--units", "mm", "nope.dxf"],
-    "init": ["nope.kicad_mod", "-o", "j.toml", "--radius", "3"],
-    "evaluate": ["--json", "nope.msgpack"],
-    "report": ["nope.msgpack", "-o", "r.html"],
     "simulate": ["there.toml", "--poses", "nope.csv", "-o", "o.csv"],
-    "refit": ["there.toml", "--journal", "nope.jsonl", "-o", "j2.toml"],
-    "identify": ["there.txt", "nope.txt"],
 }
 
 
-@pytest.mark.parametrize("name", ["compile_job", "simulate"])
+@pytest.mark.parametrize("name", CALLS)
 def test_commands_with_a_missing_file_end_before_the_planner_is_loaded(
     name: str, tmp_path: Path
 ) -> None:
@@ -46,34 +39,6 @@ def test_commands_with_a_missing_file_end_before_the_planner_is_loaded(
     assert done.stderr.count("\n") == 1
 
 
-@pytest.mark.parametrize("words", CALLS.values(), ids=CALLS)
-def test_missing_input_of_any_command_is_found(words, tmp_path, monkeypatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    for name in ("there.toml", "there.txt"):
-        Path(name).touch()
-    missing = missing_input(words)
-    assert missing is not None
-    assert missing.startswith("nope.")
-
-
-@pytest.mark.parametrize(
-    "words",
-    [
-        ["there.toml", "-o", "new.msgpack"],
-        ["there.toml", "--figure", "new.csv"],
-        ["nope.toml", "--help"],
-        ["."],
-        ["there.toml/nope.toml"],
-        ["there.toml", "--name", "part.csv"],
-        [],
-    ],
-)
-def test_missing_input_of_outputs_and_help_is_none(words, tmp_path, monkeypatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("there.toml").touch()
-    assert missing_input(words) is None
-
-
 @pytest.mark.parametrize("word", ["simm", "Sim", "siim", "manuel"])
 @pytest.mark.parametrize("arguments", [runtime_arguments, doctor_arguments])
 def test_a_misspelt_port_is_refused_with_the_one_that_is_meant(word, arguments, capsys) -> None:
@@ -84,10 +49,3 @@ def test_a_misspelt_port_is_refused_with_the_one_that_is_meant(word, arguments, 
     assert f"is {'manual' if word == 'manuel' else 'sim'} meant?" in err
     assert err.count("\n") == 1
     assert PROGRAMS["run"].name in err or PROGRAMS["doctor"].name in err
-
-
-@pytest.mark.parametrize(
-    "port", ["/dev/ttyUSB0", "tcp://10.0.0.2:502", "can:can0", "sim", "manual"]
-)
-def test_ports_that_may_exist_are_taken_as_they_are(port) -> None:
-    assert runtime_arguments().parse_args(["--tree", "t", "--port", port]).port == port

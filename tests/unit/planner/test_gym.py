@@ -9,7 +9,6 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import planner.gym
-from planner.job.model import load
 
 JOB = Path(__file__).parents[3] / "trees" / "rectangle" / "job.toml"
 OPEN = 0  # read of open jaws
@@ -39,14 +38,8 @@ def episode(env, seed, steps=5):
     return seen
 
 
-def test_without_arguments_it_is_the_rectangle(alone):
-    assert alone.unwrapped.model.job == load(JOB)
-
-
 @pytest.mark.parametrize(
-    "arguments",
-    [{}, {"actions": "box", "job": str(JOB)}, {"render_mode": "rgb_array"}],
-    ids=str,
+    "arguments", [{}, {"actions": "box", "job": str(JOB)}, {"render_mode": "rgb_array"}], ids=str
 )
 def test_it_passes_the_checks_of_gymnasium(arguments):
     with warnings.catch_warnings():
@@ -65,40 +58,6 @@ def test_render_after_each_action_draws_another_picture(drawn):
     assert np.array_equal(frames[-1], drawn.render())
 
 
-def test_render_after_squeezes_shows_a_smaller_belief(drawn):
-    """Blue outlines on white: fewer pixels are neither grey nor red once the part is held twice."""
-    drawn.reset(seed=3)
-    before = bluish(drawn.render())
-    drawn.step(0)
-    drawn.step(2)
-    assert 0 < bluish(drawn.render()) < 0.5 * before
-
-
-def test_render_changes_no_episode(alone, drawn):
-    assert drawn.metadata["render_modes"] == ["rgb_array"]
-    assert episode(drawn, 4) == episode(alone, 4)
-    assert alone.unwrapped.render() is None
-
-
-def test_a_count_that_nothing_explains_leaves_no_belief_to_draw(drawn):
-    drawn.reset(seed=3)
-    drawn.unwrapped._follow(np.zeros(4), 255)
-    assert bluish(drawn.render()) == 0
-    drawn.step(0)
-    assert bluish(drawn.render()) == 0
-
-
-def test_an_unknown_render_mode_is_refused():
-    with pytest.raises(ValueError, match="rgb_array"):
-        planner.gym.SqueezeLocalize(render_mode="human")
-
-
-def bluish(frame):
-    """How many pixels of a picture are of a belief's outlines."""
-    red, _, blue = frame.astype(int).transpose(2, 0, 1)
-    return int((blue - red > 3).sum())
-
-
 def test_the_same_seed_is_the_same_episode(alone, many):
     assert episode(alone, 4) == episode(alone, 4)
     assert episode(alone, 4) != episode(alone, 5)
@@ -115,15 +74,6 @@ def test_a_batch_of_one_is_the_environment(alone):
         assert [one[k] for k in range(4)] == [several[k][0] for k in range(4)]
         assert np.array_equal(one[4]["pose"], several[4]["pose"][0])
     assert one[2]
-
-
-def test_the_true_pose_declared_in_the_box_is_a_success():
-    env = gymnasium.make(planner.gym.NAME, actions="box").unwrapped
-    low, high = env._episodes.box
-    for shift_mm, reward in ((0.0, env.model.success), (3.1, 0.0)):
-        pose = env.reset(seed=1)[1]["pose"] + [shift_mm, 0.0, 0.0]
-        action = 2.0 * (np.array([*pose, 1.0]) - low) / (high - low) - 1.0
-        assert env.step(action.astype(np.float32))[1:4] == (reward, True, False)
 
 
 def test_a_squeeze_after_the_last_cuts_the_episode_off(alone):
@@ -152,8 +102,3 @@ def test_an_action_that_there_is_not_is_refused(alone, action):
     alone.reset(seed=1)
     with pytest.raises(ValueError, match="there are 0 to 67"):
         alone.unwrapped.step(action)
-
-
-def test_actions_of_an_unknown_kind_are_refused():
-    with pytest.raises(ValueError, match="'boxes'"):
-        gymnasium.make(planner.gym.NAME, actions="boxes")

@@ -87,6 +87,16 @@ def test_the_planned_table_solves_the_problem_as_well_as_it_says(model):
     assert squeezes / n == pytest.approx(table.predicted.mean_squeezes_ppm / 1e6, abs=0.06)
 
 
+def test_what_no_state_explains_and_what_is_no_state_is_refused(model):
+    rng = np.random.default_rng(7)
+    with pytest.raises(ValueError, match="none of 50 states explains the reading 17"):
+        model.updated(model.initial(50, rng), model.actions[0], 17, rng)
+    with pytest.raises(ValueError, match=r"pass \(n, 4\)"):
+        model.sample(np.zeros((2, 3)), model.actions[0][:3], rng)
+    with pytest.raises(ValueError, match="pass finite numbers"):
+        model.sample(np.full((2, 4), np.nan), model.actions[0], rng)
+
+
 def test_a_belief_is_right_as_often_as_it_says(model):
     rng = np.random.default_rng(5)
     said, right = [], []
@@ -103,28 +113,3 @@ def test_a_belief_is_right_as_often_as_it_says(model):
         right.append(model.metric.reached(state[0, :3], mode.pose))
     spread = np.sqrt(np.sum(np.multiply(said, 1.0 - np.array(said)))) + 1.0
     assert abs(np.sum(right) - np.sum(said)) < 3.0 * spread
-
-
-def test_the_candidates_are_poses_apart_that_most_parts_come_to(model):
-    candidates = model.actions[model.placements :, :3]
-    apart = model.metric.between(candidates[:, None], candidates[None])
-    assert apart[~np.eye(len(candidates), dtype=bool)].min() > 0.0
-    rng = np.random.default_rng(6)
-    states = model.initial(2000, rng)
-    for _ in range(3):
-        placed = model.actions[rng.integers(model.placements, size=2000)]
-        states = model.sample(states, placed, rng).states
-    near = (
-        model.metric.between(states[:, None, :3], candidates[None]).min(axis=1) < model.metric.goal
-    )
-    assert near.mean() > 0.85
-
-
-def test_what_no_state_explains_and_what_is_no_state_is_refused(model):
-    rng = np.random.default_rng(7)
-    with pytest.raises(ValueError, match="none of 50 states explains the reading 17"):
-        model.updated(model.initial(50, rng), model.actions[0], 17, rng)
-    with pytest.raises(ValueError, match=r"pass \(n, 4\)"):
-        model.sample(np.zeros((2, 3)), model.actions[0][:3], rng)
-    with pytest.raises(ValueError, match="pass finite numbers"):
-        model.sample(np.full((2, 4), np.nan), model.actions[0], rng)

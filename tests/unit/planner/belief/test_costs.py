@@ -1,22 +1,17 @@
 """Costs of actions: seconds as the table's schedule has them, and squeezes alike."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from planner.belief.costs import PUSH_SQUEEZES, Closing, Costs, Hand
-from planner.belief.transition import Push
-from planner.job import model as job_file
+from planner.belief.costs import Closing, Costs, Hand
 from runtime import table as tables
-
-RECTANGLE = Path(__file__).parents[4] / "trees" / "rectangle"
 
 
 @pytest.fixture(scope="module")
-def job():
-    return job_file.load(RECTANGLE / "job.toml").replaced(goal={"minimise": "seconds"})
+def job(job):
+    return job.replaced(goal={"minimise": "seconds"})
 
 
 @pytest.fixture(scope="module")
@@ -29,8 +24,7 @@ def placement_of(node):
     return np.array([squeeze.x_um / 1e3, squeeze.y_um / 1e3, squeeze.angle_urad / 1e6])
 
 
-def test_costs_of_two_squeezes_are_the_schedules_seconds(costs):
-    table = tables.load(RECTANGLE / "rectangle.msgpack").table
+def test_costs_of_two_squeezes_are_the_schedules_seconds(costs, table):
     schedule = tables.Schedule.of(table, tables.job_of(table))
     root, timing, timed = table.nodes[0], schedule.timing, 0
     for number, branch in enumerate(root.branches):
@@ -61,15 +55,6 @@ def test_squeeze_half_a_turn_round_costs_the_same_where_fingers_move_alike(costs
     assert costs.squeeze(hand, round_about, Closing(85.0, 60.0, 20.0)) == pytest.approx(price)
 
 
-def test_squeeze_with_a_longer_turn_a_longer_stroke_or_an_earlier_contact_costs_more(costs):
-    hand, there = Hand(np.zeros(3), 25.0), np.array([0.0, 0.0, 0.5])
-    price = costs.squeeze(hand, there, Closing(85.0, 40.0, 20.0))
-    assert costs.squeeze(hand, np.array([0.0, 0.0, 1.0]), Closing(85.0, 40.0, 20.0)) > price
-    assert costs.squeeze(hand, there, Closing(85.0, 40.0, 10.0)) > price
-    assert costs.squeeze(hand, there, Closing(85.0, 60.0, 20.0)) > price
-    assert costs.squeeze(hand, there, Closing(85.0, None, 20.0)) > price
-
-
 def test_squeezes_of_many_grasp_poses_cost_what_each_alone_costs(costs):
     rng = np.random.default_rng(0)
     places, widths = rng.uniform(-3.0, 3.0, (5, 3)), rng.uniform(20.0, 40.0, 5)
@@ -79,31 +64,3 @@ def test_squeezes_of_many_grasp_poses_cost_what_each_alone_costs(costs):
         for at, mm in zip(places, widths.tolist(), strict=True)
     ]
     np.testing.assert_allclose(costs.squeezes(hand, places, widths), each)
-
-
-def test_way_back_to_the_first_squeeze_costs_what_the_next_part_waits_for(costs):
-    hand, home = Hand(np.array([0.0, 0.0, 0.2]), 25.0), np.array([0.0, 0.0, 1.0])
-    there = costs.squeeze(hand, home, Closing(85.0, None, 20.0)) - costs.squeeze(
-        hand._replace(placement=home), home, Closing(85.0, None, 20.0), 0.0
-    )
-    assert costs.back(hand, home) > there > 0.0  # the jaws open on the way, too
-    assert costs.back(hand, hand.placement + np.array([0.0, 0.0, math.pi])) == 0.0
-    assert costs.back(None, None) == 0.0
-
-
-def test_pushes_take_their_way_and_leave_the_hand_at_its_end(costs):
-    near = Push(np.array([-40.0, 0.0, 0.0]), 25.0, 45.0)
-    far = near._replace(way_mm=75.0)
-    price, hand = costs.pushes(None, (near,))
-    more, _ = costs.pushes(None, (far,))
-    assert (more - price) * costs.typical_s == pytest.approx(30.0 / 30.0)  # at a finger's speed
-    np.testing.assert_allclose(hand.placement, [5.0, 0.0, 0.0])
-    assert hand.width_mm == 25.0
-
-
-def test_costs_of_squeezes_are_one_and_a_tenth_for_a_push(job):
-    costs = Costs.of(job.replaced(goal={"minimise": "squeezes"}))
-    hand = Hand(np.zeros(3), 25.0)
-    assert costs.squeeze(hand, np.array([0.0, 0.0, 1.0]), Closing(85.0, None, 20.0)) == 1.0
-    push = Push(np.zeros(3), 25.0, 45.0)
-    assert costs.pushes(hand, (push, push)) == (2 * PUSH_SQUEEZES, hand)

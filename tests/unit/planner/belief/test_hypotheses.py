@@ -7,7 +7,6 @@ import pytest
 
 from planner.belief.doubts import believed
 from planner.belief.metric import Metric
-from planner.belief.particles import Belief
 from planner.frames import wrap
 from planner.job import model as job_file
 from planner.mechanics.mixture import Mixture
@@ -54,30 +53,6 @@ def test_a_mode_holds_the_share_it_says_and_no_state_of_the_belief_holds_more(id
     assert mode.ratio == pytest.approx(shares[0])
     assert mode.ratio >= max(shares[1:]) - 0.02  # the search starts from some of the states only
     assert mode.hypothesis[0] == int(mode.state[3])
-
-
-def test_parts_at_one_pose_count_together_only_where_none_must_be_named():
-    both = np.column_stack([np.zeros((100, 3)), np.repeat([0, 1], [60, 40])])
-    assert metric().mode(both).ratio == pytest.approx(0.6)
-    assert metric(identify=False).mode(both).ratio == 1.0
-
-
-def test_an_identity_is_a_mode_wherever_the_parts_lie():
-    result = states(np.random.default_rng(4), 500)
-    mode = metric(kind="identity").mode(result)
-    counts = np.bincount(result[:, 3].astype(int))
-    assert mode.hypothesis == (int(np.argmax(counts)),)
-    assert mode.ratio == pytest.approx(counts.max() / 500)
-
-
-def test_states_of_the_first_part_alone_are_plain_poses():
-    poses = np.random.default_rng(5).normal(size=(50, 3))
-    belief = Belief.of(poses)
-    assert belief.states is poses
-    marked = np.column_stack([poses, np.zeros(50)])
-    one, other = metric().mode(poses), metric().mode(marked)
-    np.testing.assert_array_equal(one.pose, other.pose)
-    assert one.ratio == other.ratio
 
 
 def test_parts_are_drawn_by_their_shares_and_rolled_out_each_as_itself():

@@ -4,18 +4,17 @@ import itertools
 
 import numpy as np
 import pytest
-from counting import label_of
 
 from planner.belief.observation import (
     HOLE,
     LEAST_CUT,
-    MOST_CLUSTERS,
     Encoder,
     Partition,
     Resolution,
     cut,
     resolution_of,
 )
+from runtime.table import PROFILES, GripperProfile
 
 RESOLUTION = Resolution()
 SPREAD = 0.54
@@ -45,7 +44,7 @@ def least_scatter(counts, k):
     return best
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(8))
 def test_k_means_finds_the_least_scatter_of_the_least_k_that_is_little_enough(seed):
     rng = np.random.default_rng(seed)
     weight = np.zeros(60, np.int64)
@@ -62,46 +61,6 @@ def test_k_means_finds_the_least_scatter_of_the_least_k_that_is_little_enough(se
     assert k == 1 or least_scatter(counts, k - 1) > enough
 
 
-def test_clusters_cover_every_reading_once_in_order_of_rising_width():
-    rng = np.random.default_rng(3)
-    counts = np.concatenate(
-        [rng.integers(130, 152, 500), rng.integers(172, 176, 300), np.full(40, 230)]
-    )
-    clusters = partition(counts)
-    assert clusters.size.sum() == len(counts)
-    assert np.all(np.diff(clusters.mean) <= -RESOLUTION.apart)
-    for k in range(len(clusters.mean)):
-        members = counts[label_of(clusters, counts) == k]
-        assert members.min() == clusters.low[k]
-        assert members.max() == clusters.high[k]
-        assert len(members) == clusters.size[k]
-        assert members.mean() == pytest.approx(clusters.mean[k])
-    absent = np.setdiff1d(np.arange(256), counts)
-    assert np.all(label_of(clusters, absent) == -1)
-
-
-def test_widths_scatter_little_enough_within_clusters():
-    rng = np.random.default_rng(4)
-    counts = rng.integers(100, 130, 5000)
-    clusters = partition(counts)
-    rms = np.sqrt(scatter(counts, label_of(clusters, counts)) / len(counts))
-    assert rms <= SPREAD * RESOLUTION.apart
-    assert 1 < len(clusters.mean) <= MOST_CLUSTERS
-
-
-def test_one_width_is_one_cluster_and_encoder_noise_does_not_split_it():
-    rng = np.random.default_rng(0)
-    noisy = np.rint(150 + 0.4 * rng.standard_normal(2000)).astype(np.int64)
-    assert len(partition(noisy).mean) == 1
-    assert len(partition(np.array([77])).mean) == 1
-    assert len(partition(np.array([229])).mean) == 1
-
-
-def test_two_distant_widths_are_two_clusters():
-    clusters = partition(np.array([100] * 10 + [140] * 5))
-    assert clusters.mean.tolist() == [140.0, 100.0]
-
-
 def test_what_the_encoder_cannot_tell_apart_is_merged_and_said_so():
     # Two sharp widths two bins apart, a third far off: to explain nearly all the variance takes all three.
     weight = np.zeros(256, np.int64)
@@ -112,17 +71,6 @@ def test_what_the_encoder_cannot_tell_apart_is_merged_and_said_so():
     apart, none = cut(weight, free=228, spread=0.0, within=1e-4, apart=1.5, hole=6.0)
     assert len(apart) == 4
     assert len(none) == 0
-
-
-@pytest.mark.parametrize("seed", range(10))
-def test_no_two_means_are_nearer_than_the_encoder_tells_apart(seed):
-    rng = np.random.default_rng(seed)
-    counts = np.concatenate(
-        [rng.integers(60, 90, 400), rng.integers(140, 140 + rng.integers(2, 9), 400)]
-    )
-    resolution = Resolution(apart=float(rng.uniform(2.0, 12.0)))
-    clusters = partition(counts, resolution)
-    assert np.all(np.diff(clusters.mean) <= -resolution.apart)
 
 
 def test_an_empty_hand_is_a_cluster_of_its_own_however_near_or_rare():
@@ -144,14 +92,6 @@ def test_a_hole_cuts_a_cluster_where_both_sides_hold_enough():
     assert both.size.tolist() == [few, many, few]
 
 
-def test_a_noisier_encoder_tells_less_apart():
-    fine = resolution_of(Encoder(85.0, 227, 0.15))
-    assert fine == RESOLUTION
-    coarse = resolution_of(Encoder(85.0, 227, 0.6))
-    assert coarse.apart > 3.0 * fine.apart
-    assert coarse.free < fine.free
-
-
 def test_readings_of_widths_that_far_apart_are_hardly_ever_mistaken():
     encoder = Encoder(85.0, 227, 0.3)
     resolution = resolution_of(encoder)
@@ -164,3 +104,37 @@ def test_readings_of_widths_that_far_apart_are_hardly_ever_mistaken():
     )
     assert mistaken < 0.02
     assert np.mean(encoder.read(np.zeros(100_000), rng) < resolution.free) < 0.003
+
+
+def encoder(noise=0.0):
+    return Encoder(opening_mm=85.0, steps=227, noise_mm=noise)
+
+
+def test_resolution_is_the_published_one():
+    assert encoder().mm_per_step == pytest.approx(0.374, abs=5e-4)
+
+
+def test_reading_and_width_agree_to_half_a_step():
+    widths = np.linspace(0, 85, 2001)
+    counts = encoder().read(widths, np.random.default_rng(0))
+    assert np.all(np.abs(encoder().width_mm(counts) - widths) <= 0.5 * encoder().mm_per_step + 1e-9)
+    assert counts[0] == 227
+    assert counts[-1] == 0
+
+
+def test_noise_has_its_standard_deviation_and_stops_are_hard():
+    rng = np.random.default_rng(1)
+    counts = encoder(noise=1.0).read(np.full(20_000, 40.0), rng)
+    scatter = counts.std() * encoder().mm_per_step
+    assert scatter == pytest.approx(np.hypot(1.0, encoder().mm_per_step / np.sqrt(12)), rel=0.03)
+    ends = encoder(noise=1.0).read(np.array([0.0] * 500 + [85.0] * 500), rng)
+    assert ends.max() == 227
+    assert ends.min() == 0
+
+
+def test_width_um_of_a_reading_is_that_of_the_grippers_grid():
+    for profile in (PROFILES["robotiq-2f-85"], GripperProfile("f", 50_000, 7.0, 5, (1, 2), (1, 2))):
+        fine = Encoder(profile.stroke_um / 1e3, profile.steps, 0.0)
+        steps = np.arange(profile.steps + 1)
+        read = [profile.reading_um(profile.steps - int(step)) for step in steps]
+        assert fine.width_um(steps).tolist() == read

@@ -1,11 +1,16 @@
 """What a squeeze makes of a belief."""
 
 import numpy as np
+import problems
 
-from planner.belief.observation import Partition
-from planner.belief.particles import Belief
-from planner.belief.transition import Outcomes
-from planner.mechanics.traits import as_planned
+from planner.belief.metric import Metric
+from planner.belief.observation import Encoder, Partition, encoder_of, resolution_of
+from planner.belief.particles import Belief, initial
+from planner.belief.partition import Rule
+from planner.belief.stopping import StoppingRule
+from planner.belief.transition import Outcomes, Simulation, squeezed_by
+from planner.mechanics.simulator import RollOut
+from planner.mechanics.traits import FRESH, as_planned
 
 
 def test_a_branch_that_holds_a_pose_is_cut_where_nothing_was_read():
@@ -18,3 +23,36 @@ def test_a_branch_that_holds_a_pose_is_cut_where_nothing_was_read():
     assert cut.clusters.low.tolist() == [120, 80, 60, 40]
     assert cut.clusters.high.tolist() == [140, 80, 61, 41]
     assert np.isclose(cut.probability.sum(), 1.0)
+
+
+def test_a_particle_is_squeezed_with_its_friction_and_keeps_it(job):
+    """Fingers almost without friction hardly ever hold a part by a diagonal; those of the job often do."""
+    simulator = problems.simulator(problems.rectangle())
+    model, rng = Simulation(simulator, encoder_of(job)), np.random.default_rng(4)
+    poses = initial(job, 1000, rng)
+    belief = Belief.of(poses)
+    belief.traits["friction"][::2] = 0.01
+    (squeezed,) = model.squeeze([(belief, np.zeros(3))], rng)
+    after = squeezed.belief.traits["friction"]
+    assert (after == FRESH).sum() == 500
+    assert set(after[after != FRESH].tolist()) == {0.01}
+    width = encoder_of(job).width_mm(squeezed.belief.reading)
+    diagonal = (width > 33.0) & (width < 40.0)
+    slippery = after != FRESH
+    assert np.mean(diagonal[~slippery]) > 0.02
+    assert np.mean(diagonal[slippery]) < 0.2 * np.mean(diagonal[~slippery])
+
+
+def test_an_empty_hand_is_an_outcome_of_its_own_whatever_it_reads():
+    """Here it reads 117 steps; a part of 2 mm reads 114, near enough to share a cluster if both were held."""
+    encoder = Encoder(85.0, 117, 0.01)
+    width = np.repeat([0.0, 2.0], 50)
+
+    def roll_out(poses, case, traits):
+        return RollOut(poses, width, np.zeros(100, np.int64), np.zeros(100, np.int64))
+
+    case = (Belief.of(np.zeros((100, 3))), np.zeros(3))
+    (squeezed,) = squeezed_by([case], roll_out, encoder, np.random.default_rng(0))
+    rule = Rule(Metric(1.0, 5.0, 1), StoppingRule(0.99), resolution_of(encoder))
+    outcomes = Outcomes.of(squeezed, rule)
+    assert outcomes.clusters.size.tolist() == [50, 50]

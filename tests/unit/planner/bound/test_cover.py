@@ -16,7 +16,7 @@ METRICS = [
     Metric(1.0, 10.6, 1, kind="tolerances", tolerance=(2.5, 1.0, np.radians(5.0))),
     Metric(1.0, 10.6, 2, kind="orientation", tolerance=(1.0, 1.0, np.radians(5.0))),
 ]
-GRID = np.linspace(-2.0, 2.0, 13)
+GRID = np.linspace(-2.0, 2.0, 9)
 """Predictions of the slow twin along each axis, in units of the goal about the group's middle."""
 
 
@@ -63,19 +63,3 @@ def test_a_ball_of_poses_just_within_the_goal_is_one_and_just_beyond_is_not():
         ]
         (most,) = most_located(np.array(ring), np.array([0, 30]), metric.weights(), 2)
         assert (most == 30) == all_located
-
-
-def test_groups_are_judged_apart_and_their_order_does_not_matter():
-    metric, rng = METRICS[0], np.random.default_rng(2)
-    groups = [group(rng, metric, n)[0] for n in (5, 1, 30)]
-    start = np.array([0, 5, 6, 36])
-    together = most_located(np.concatenate(groups), start, metric.weights(), 1)
-    for k, poses in enumerate(groups):
-        assert (
-            most_located(poses[::-1], np.array([0, len(poses)]), metric.weights(), 1) == together[k]
-        )
-
-
-def test_two_poses_that_nothing_locates_together_count_as_one():
-    poses = np.array([[0.0, 0.0, 0.0], [6.2, 0.0, 0.0]])
-    assert most_located(poses, np.array([0, 2]), METRICS[0].weights(), 1) == [1]

@@ -8,8 +8,6 @@ from toy_world import METRIC, Toy, poses_of
 from planner.belief.particles import Belief
 from planner.bound.histories import Depths, Histories
 from planner.bound.lagrangian import (
-    PRICES,
-    divergence,
     least_cost,
     least_mean,
     leaves_term,
@@ -19,12 +17,9 @@ from planner.bound.lagrangian import (
 )
 
 CERTAINTY = 0.95
-TOYS = range(8)
+TOYS = range(4)
 SUCCESSES = (1.0, 0.9, 0.8, 0.5)
-HALVES = Toy(
-    [list(range(8))] * 3,
-    [[s >> bit & 1 for s in range(8)] for bit in range(3)],
-)
+HALVES = Toy([list(range(8))] * 3, [[s >> bit & 1 for s in range(8)] for bit in range(3)])
 """Eight poses, told apart by three squeezes of one bit each; one prediction locates three neighbours."""
 
 
@@ -101,70 +96,24 @@ def test_no_plan_is_below_the_bounds_wherever_more_was_tried(seed):
                 assert term.estimate <= best + 1e-9
 
 
-def test_a_history_says_what_led_to_it():
-    result = histories_of(HALVES, 3, 3)
-    for number, (size, reading) in enumerate(
-        zip(result.levels[3].size, result.levels[3].reading, strict=True)
-    ):
-        history = result.history(3, number)
-        assert history[-1] == reading
-        fits = [
-            s
-            for s in range(8)
-            if all(s >> bit & 1 == read for bit, read in zip(*pairs(history), strict=True))
-        ]
-        assert len(fits) == size
-
-
 def untried_of(levels, level):
     tried = levels[level + 1].owner if level + 1 < len(levels) else []
     return np.setdiff1d(np.arange(len(levels[level].size)), tried)
-
-
-def pairs(history):
-    return history[::2], history[1::2]
-
-
-def test_a_plan_that_wastes_a_squeeze_shows_as_much_above_the_bound():
-    levels = levels_of(HALVES, 3)
-    best = HALVES.least(1.0, 4)
-    bound = overall_term(levels, 1.0, CERTAINTY).estimate
-    assert bound == pytest.approx(
-        best
-    )  # bits 2 and 1 leave two neighbours: located without the third squeeze
-    wasteful = best + 1.0  # the same after one squeeze whose reading is thrown away
-    assert wasteful - bound == pytest.approx(1.0)
-
-
-def test_more_parts_to_miss_or_weaker_leaves_never_raise_a_bound():
-    for seed in TOYS:
-        levels = levels_of(toy(seed), 2)
-        overall = [overall_term(levels, success, CERTAINTY).estimate for success in SUCCESSES]
-        leaves = [leaves_term(levels, c, 1.0, CERTAINTY).estimate for c in (0.99, 0.8, 0.6)]
-        assert np.all(np.diff(overall) <= 1e-9)
-        assert np.all(np.diff(leaves) <= 1e-9)
 
 
 def test_samples_of_a_world_rarely_prove_too_much():
     world, rng, success = HALVES, np.random.default_rng(7), 0.9
     best = world.least(success, 4)
     results = []
-    for _ in range(60):
+    for _ in range(30):
         levels = levels_of(world, 2, rng.integers(world.size, size=300))
         results.append(overall_term(levels, success, CERTAINTY).squeezes)
     assert np.mean(np.array(results) > best) <= 1.0 - CERTAINTY
     many = overall_term(
-        levels_of(world, 2, rng.integers(world.size, size=30_000)), success, CERTAINTY
+        levels_of(world, 2, rng.integers(world.size, size=10_000)), success, CERTAINTY
     )
     exact = overall_term(levels_of(world, 2), success, CERTAINTY).estimate
     assert 1.0 < np.mean(results) < many.squeezes < exact + 1e-9
-
-
-def test_a_price_is_paid_for_what_claims_miss_alone():
-    levels = levels_of(HALVES, 2)
-    costs = [least_cost(levels, price, 1.0) for price in PRICES]
-    assert np.all(np.diff(costs) >= -1e-12)  # and the slope is a number of parts
-    assert np.all(np.diff(costs) / np.diff(PRICES) <= 1.0)
 
 
 @pytest.mark.parametrize("mean", [0.001, 0.01, 0.3, 0.9])
@@ -178,11 +127,3 @@ def test_tails_hold_against_the_binomial_distribution(mean, n, error):
     least = least_mean(sample, n, error)
     assert stats.binom.sf(n * sample - 1, n, least) <= error * (1.0 + 1e-9)
     assert 0.0 <= least < sample
-
-
-def test_divergence_is_that_of_two_coins():
-    for x, mean in [(0.2, 0.5), (0.9, 0.99), (1.0, 0.3), (0.0, 0.3)]:
-        assert divergence(x, mean) == pytest.approx(stats.entropy([x, 1.0 - x], [mean, 1.0 - mean]))
-    assert divergence(0.5, 0.5) == 0.0
-    assert divergence(0.5, 0.0) == np.inf
-    assert upper_tail(0.0, 100, 0.05) < 1e-15

@@ -38,21 +38,6 @@ def test_search_of_unknown_length_tells_the_time_so_far_and_nothing_else(capsys)
     ]
 
 
-def test_counted_work_tells_its_share_and_the_time_that_is_left(capsys):
-    lines = [(0.0, "roll-outs", 0, 100), (6.0, "roll-outs", 25, 100), (12.0, "roll-outs", 50, 100)]
-    assert lines_of(capsys, course.counted, lines) == [
-        "25% done, roll-outs, 6 s so far, left: about 18 s",
-        "50% done, roll-outs, 12 s so far, left: about 12 s",
-    ]
-
-
-def test_work_done_before_it_is_heard_of_says_nothing_of_its_rate(capsys):
-    lines = [(6.0, "evaluate", 50, 100), (12.0, "evaluate", 75, 100)]
-    first, second = lines_of(capsys, course.counted, lines)
-    assert first.endswith("left: unknown")
-    assert second.endswith("left: about 6 s")
-
-
 @pytest.mark.parametrize("whole", [course.counted, course.of_time(30.0), course.unknown])
 def test_share_never_falls_and_no_time_is_left_of_work_that_goes_on_after_its_end(capsys, whole):
     stages = [("draft", k, 10) for k in range(11)] + [("search", k, 10) for k in range(11)]
@@ -76,26 +61,3 @@ def test_budget_is_counted_down_and_unknown_beyond_its_end(capsys):
         "75% done, search, 45 s so far, left: about 15 s",
         "evaluate, 65 s so far, left: unknown",
     ]
-
-
-def test_terminal_shows_one_bar_with_the_same_estimate(capsys, monkeypatch):
-    monkeypatch.setenv("FORCE_COLOR", "1")
-    monkeypatch.setenv("COLUMNS", "120")
-    clock = Clock()
-    with course.shown(False, course.counted, clock) as report:
-        report("search", 0, 4)
-        clock.now = 10.0
-        report("search", 1, 4, "9.0% of the parts open")
-    err = capsys.readouterr().err
-    assert "left: about 30 s" in err
-    assert "search" in err
-    assert "-:--:--" not in err
-
-
-def test_nothing_is_reported_where_it_is_to_be_quiet_or_what_takes_little_time(capsys):
-    assert lines_of(capsys, course.unknown, [(1.0, "search", 1, 3)]) == []
-    clock = Clock()
-    with course.shown(True, course.counted, clock) as report:
-        clock.now = 99.0
-        report("search", 1, 3)
-    assert capsys.readouterr() == ("", "")

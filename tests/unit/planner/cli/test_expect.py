@@ -3,7 +3,6 @@
 import json
 from pathlib import Path
 
-import numpy as np
 import pytest
 from drifting import Drift, parts, squeezed
 from histories import watch
@@ -32,31 +31,6 @@ def written(tmp_path_factory):
     return path
 
 
-def test_every_squeeze_is_counted_once_where_it_was_made():
-    result = squeezed(TABLE, JOB, 400, 1)
-    counts = expectation.readings(result, TABLE)
-    assert counts.sum() == result.squeezes.sum()
-    assert counts[0].sum() == 400
-    seen = {
-        (int(n), int(c))
-        for n, c in zip(
-            result.path.ravel(), expectation.bins_of(TABLE, result.steps).ravel(), strict=True
-        )
-        if n >= 0
-    }
-    assert {tuple(map(int, place)) for place in np.argwhere(counts)} == seen
-
-
-def test_worlds_are_the_planned_one_and_others_about_it():
-    first, *others = cases.friction_cases(JOB)
-    assert (first.name, first.job(JOB)) == (cases.PLANNED, JOB)
-    planned = (JOB.friction.finger_part_min, JOB.friction.finger_part_max)
-    for case, factor in zip(others, cases.FACTORS, strict=True):
-        assert ("less" in case.name, "more" in case.name) == (case is others[0], case is others[-1])
-        stated = list(case.changes["friction"].values())
-        assert stated == pytest.approx([factor * value for value in planned])
-
-
 def test_file_is_what_the_charts_read_and_the_same_for_the_same_seed(written, tmp_path):
     assert len(load_expectation(written).names) == 1 + len(cases.FACTORS)
     record = json.loads(written.read_text())
@@ -68,7 +42,7 @@ def test_file_is_what_the_charts_read_and_the_same_for_the_same_seed(written, tm
     assert (record["table_sha256"], record["trials"], record["seed"]) == (LOADED.digest, 3000, 0)
 
 
-@pytest.mark.parametrize("friction", [(0.05, 0.15), (0.2, 0.3), (0.6, 0.8), (0.8, 1.0)])
+@pytest.mark.parametrize("friction", [(0.05, 0.15), (0.8, 1.0)])
 def test_change_of_friction_is_flagged_within_fifty_parts(friction, written):
     drift = Drift(friction)
     before = list(parts(TABLE, squeezed(TABLE, JOB, BEFORE, 21), 21))
@@ -76,11 +50,3 @@ def test_change_of_friction_is_flagged_within_fifty_parts(friction, written):
     result = watch(History(TABLE, (*before, *after)), load_expectation(written))
     assert all(alarm.place >= BEFORE for alarm in result)
     assert "readings" in {alarm.chart for alarm in result}
-
-
-def test_wrong_input_is_reported_in_one_line(tmp_path, capsys):
-    assert expect.main([str(tmp_path / "none.msgpack"), "-o", str(tmp_path / "e.json")]) == 3
-    assert expect.main([str(TREE), "-o", str(tmp_path / "none" / "e.json")]) == 2
-    errors = capsys.readouterr().err.splitlines()
-    assert len(errors) == 2
-    assert all(line.startswith("plan-expect: ") for line in errors)

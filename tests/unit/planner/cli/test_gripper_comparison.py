@@ -1,6 +1,5 @@
 """`try --gripper all`: one line a gripper, in its words and in JSON; nothing is written."""
 
-import json
 from types import SimpleNamespace
 
 import pytest
@@ -42,21 +41,3 @@ def test_compare_prints_a_line_for_each_gripper_and_writes_nothing(plate, capsys
         wanted = "no leaf comes within" if line.startswith("hand-e") else "97.50%"
         assert wanted in line
     assert [path.name for path in plate.parent.iterdir()] == ["plate.csv"]
-
-
-def test_compare_as_json_has_figures_or_the_reason_of_each(plate, capsys):
-    assert first_look.main([str(plate), "--units", "mm", "--gripper", "all", "--json"]) == 0
-    rows = {row["gripper"]: row for row in json.loads(capsys.readouterr().out)["grippers"]}
-    assert rows["robotiq-2f-85"]["mean_squeezes"] == FIGURES["mean_squeezes"]
-    assert rows["hand-e"]["reason"] == "no leaf comes within 3 mm"
-
-
-def test_compare_part_wider_than_all_jaws_and_an_output_are_refused(plate, tmp_path, capsys):
-    wide = tmp_path / "wide.csv"
-    wide.write_text("0,0\n300,0\n300,300\n0,300\n")
-    for words, says in (
-        ([str(wide)], "opens wide enough"),
-        ([str(plate), "-o", "job.toml"], "leave out --output"),
-    ):
-        assert first_look.main([*words, "--units", "mm", "--gripper", "all"]) == 2
-        assert says in capsys.readouterr().err

@@ -1,8 +1,6 @@
 """What a page draws of a drawing before it is planned."""
 
 import json
-import subprocess
-import sys
 
 import pytest
 
@@ -36,18 +34,6 @@ def test_the_part_is_drawn_about_its_centre_with_what_would_be_assumed(plate):
     json.dumps(shown)
 
 
-def test_stated_settings_are_taken(plate):
-    shown = preview(
-        [plate, "--units=cm", "--gripper=robotiq-2f-140", "--radius=3", "--thickness=4"]
-    )
-    assert (shown["gripper"], shown["radius_mm"], shown["height_mm"]) == (
-        "robotiq-2f-140",
-        3.0,
-        4.0,
-    )
-    assert shown["contours"][0]["width_mm"] == 300.0
-
-
 @pytest.mark.parametrize(
     ("words", "reason"),
     [
@@ -64,21 +50,3 @@ def test_what_is_refused_says_why_in_one_line(plate, words, reason):
     error = preview(words)["error"]
     assert reason in error
     assert "\n" not in error
-
-
-def test_contours_are_shown_where_the_one_that_is_asked_for_is_refused(plate):
-    assert [contour["number"] for contour in preview([plate, "--contour=3"])["contours"]] == [1]
-
-
-def test_as_a_program_it_answers_a_line_with_a_line(plate):
-    done = subprocess.run(
-        [sys.executable, "-m", "planner.cli.preview"],
-        input='["plate.csv"]\n["gone.csv"]\n',
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=True,
-    )
-    first, second = map(json.loads, done.stdout.splitlines())
-    assert first["error"] is None
-    assert "gone.csv" in second["error"]

@@ -12,7 +12,6 @@ from planner.cli import refit
 from planner.evaluation.trials import encoder_of_table
 from planner.job import model
 from planner.refit.cells import Cells
-from planner.report.run_log import PartLog
 from runtime.table import load
 
 TREES = Path(__file__).parents[4] / "trees"
@@ -83,21 +82,6 @@ def test_edited_text_keeps_comments_and_takes_sections_that_were_not_there():
     assert all(word in result for word in ("# one", "# two", "# three"))
 
 
-def test_what_follows_a_leaf_or_a_reject_is_another_attempt():
-    table = load(TREE).table
-    ends, resqueezed = ~table.nodes[1].branches[0].target, [(0, 48_700, None), (0, 30_000, 1)]
-    parts = [
-        PartLog(1, resqueezed),
-        PartLog(2, [(0, 30_000, 1), (1, 21_000, ~ends)]),
-    ]
-    seen = refit.seen_of_parts(parts, table)
-    assert seen.parts == 2
-    assert seen.readings.sum() == 3
-    bins = [table.gripper.bin_of(width) for width in (48_700, 30_000, 21_000)]
-    assert seen.readings[0, bins[:2]].tolist() == [1, 1]
-    assert seen.readings[1, bins[2]] == 1
-
-
 @pytest.mark.parametrize(
     ("change", "code", "word"),
     [
@@ -105,11 +89,6 @@ def test_what_follows_a_leaf_or_a_reject_is_another_attempt():
         (lambda d: ["--journal", str(journal(d / "few.jsonl", 5))], 2, "too few"),
         (lambda d: ["--journal", str(broken(d))], 3, "does not verify"),
         (lambda d: [*other_job(d)], 3, "another job"),
-        (
-            lambda d: ["--journal", str(journal(d / "a.jsonl", 25)), "--audit", str(nonsense(d))],
-            3,
-            "no table",
-        ),
     ],
 )
 def test_what_it_cannot_use_it_refuses_in_one_line(tmp_path, capsys, change, code, word):
@@ -123,23 +102,9 @@ def test_what_it_cannot_use_it_refuses_in_one_line(tmp_path, capsys, change, cod
     assert not output.exists()
 
 
-def test_it_does_not_overwrite_its_job(tmp_path, capsys):
-    job = tmp_path / "job.toml"
-    job.write_bytes(JOB.read_bytes())
-    assert refit.main([str(job), "--journal", str(tmp_path / "run.jsonl"), "-o", str(job)]) != 0
-    assert job.read_bytes() == JOB.read_bytes()
-    assert "\n" not in capsys.readouterr().err.strip()
-
-
 def broken(folder: Path) -> Path:
     path = journal(folder / "broken.jsonl", 25)
     path.write_bytes(path.read_bytes().replace(b'"outcome":"leaf"', b'"outcome":"lear"', 1))
-    return path
-
-
-def nonsense(folder: Path) -> Path:
-    path = folder / "a.csv"
-    path.write_text("index,x\n1,2\n")
     return path
 
 

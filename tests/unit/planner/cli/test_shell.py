@@ -21,11 +21,6 @@ def test_the_first_interrupt_asks_and_the_next_one_interrupts(capfd):
     assert signal.getsignal(signal.SIGINT) is usual
 
 
-def test_an_interrupt_before_anything_stands_is_one():
-    with shell.stopping(Limit(), "plan-x"), pytest.raises(KeyboardInterrupt):
-        signal.raise_signal(signal.SIGINT)
-
-
 @pytest.mark.parametrize(
     "error", [ValueError("no path of 3 squeezes"), KeyboardInterrupt(), OSError(28, "full")]
 )
@@ -38,28 +33,3 @@ def test_failure_of_what_an_answer_can_do_without_is_a_note(error, capsys):
     assert len(notes) == 1
     assert "no picture" in notes[0]
     assert capsys.readouterr().err == ""
-
-
-def interrupted(made_of_it):
-    try:
-        signal.raise_signal(signal.SIGINT)
-    except KeyboardInterrupt:
-        if made_of_it:
-            raise made_of_it from None
-
-
-@pytest.mark.parametrize("made_of_it", [RuntimeError("no compiled object yet"), None])
-def test_an_interrupt_that_a_compiler_makes_something_else_of_stays_one(made_of_it):
-    usual = signal.getsignal(signal.SIGINT)
-
-    def compile_interrupted():
-        interrupted(made_of_it)
-
-    with pytest.raises(KeyboardInterrupt), shell.compiling():
-        compile_interrupted()
-    assert signal.getsignal(signal.SIGINT) is usual
-
-
-def test_an_error_without_an_interrupt_stays_what_it_is():
-    with pytest.raises(ZeroDivisionError), shell.compiling():
-        _ = 1 / 0

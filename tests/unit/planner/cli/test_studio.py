@@ -1,11 +1,9 @@
 """The command of the studio: where it listens."""
 
-import json
 import socket
 
 from planner.cli import studio
 from planner.studio.folder import Folder
-from planner.studio.server import Studio
 
 
 def test_a_port_that_is_taken_is_an_error_if_it_was_asked_for(tmp_path, capsys):
@@ -23,16 +21,3 @@ def test_the_usual_port_that_is_taken_is_replaced_by_a_free_one(tmp_path, monkey
         with studio._listening(Folder(tmp_path), None) as server:
             assert server.server_port != studio.PORT
             assert server.server_address[0] == "127.0.0.1"
-
-
-def test_the_address_is_printed_and_ctrl_c_is_the_usual_end(tmp_path, monkeypatch, capsys):
-    def interrupted(self):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(Studio, "serve_forever", interrupted)
-    project = tmp_path / "new"
-    assert studio.main([str(project), "--no-browser", "--port", "0", "--json"]) == 0
-    printed = json.loads(capsys.readouterr().out)
-    assert printed["address"].startswith("http://127.0.0.1:")
-    assert printed["folder"] == str(project)
-    assert project.is_dir()

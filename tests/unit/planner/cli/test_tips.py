@@ -1,21 +1,17 @@
 """`plan-simulate --push --tip-radius-mm`: round tips, tips that overlap the part, and draws."""
 
-import math
-
 import numpy as np
 import pytest
 import shapely
-from push_commands import HEADER, JOB, NOMINAL, run
+from push_commands import JOB, NOMINAL, run
 
 from planner.cli import tips
-from planner.errors import KeyNameError
 from planner.mechanics.push import Paths
 from runtime.shell.errors import InputError
 
 TIPS = "tip_x_mm,tip_y_mm,way_x_mm,way_y_mm"
 RADIUS = ("--tip-radius-mm", "4.75")
 OUTPUTS = ["moved_x_mm", "moved_y_mm", "turned_deg"]
-BOUNDS = [f"{name}_{end}" for name in OUTPUTS for end in ("low", "high")]
 
 
 def moved(row):
@@ -76,53 +72,6 @@ def test_tips_are_freed_by_the_shortest_way_also_of_notches():
     )
 
 
-def test_two_round_fingers_take_the_columns_of_two_fingers(tmp_path):
-    text = f"{HEADER}\n50,-4.75,0,1,-5000,0,0.4\n50,-2,0,1,-5000,0,0.4\n"
-    code, rows, _, _ = run(tmp_path, text, *NOMINAL, *RADIUS, "--fingers-mm", "50")
-    assert code == 0
-    assert [row["status"] for row in rows] == ["stuck", "stuck"]
-    assert float(rows[1]["overlap_mm"]) == pytest.approx(2.75)
-    angle = math.radians(0.4)
-    assert moved(rows[0])[1] == pytest.approx(5050 * math.sin(angle), abs=0.5)
-
-
-def test_draws_bound_what_single_draws_say(tmp_path):
-    """Of many lines that are each a draw, 90 % lie between the bounds; the lines do not depend on them."""
-    text = f"{TIPS}\n" + "-4.75,30,20,3\n" * 300
-    _, rows, _, _ = run(tmp_path, text, *RADIUS, "--seed", "4")
-    options = (*RADIUS, "--seed", "4", "--draws", "300")
-    _, some, _, _ = run(tmp_path, f"{TIPS}\n-4.75,30,20,3\n", *options)
-    assert list(some[0])[-7:] == ["overlap_mm", *BOUNDS]
-    values = np.array([moved(row) for row in rows])
-    low, high = (
-        np.array([float(some[0][f"{name}_{end}"]) for name in OUTPUTS]) for end in ("low", "high")
-    )
-    inside = ((low <= values) & (values <= high)).mean(axis=0)
-    assert (inside > 0.8).all()
-    assert (inside < 0.97).all()
-    assert run(tmp_path, f"{TIPS}\n-4.75,30,20,3\n", *options)[1] == some
-
-
-def test_scattered_tips_start_about_where_they_are_stated_and_beside_the_part():
-    outline, n, radius = np.array([[0.0, 0], [40, 0], [40, 30], [0, 30]]), 4000, 3.0
-    points = np.repeat(np.array([[-20.0, 15.0], [-3.0, 15.0]]), n, axis=0)
-    pushes = Paths(points[:, None], points, np.zeros(2 * n), np.ones((2 * n, 2)))
-    moved = tips.scattered(pushes, 1.5, radius, outline, np.random.default_rng(3))
-    off = moved.points[:, 0] - points
-    assert np.array_equal(moved.centres - points, off)
-    assert off[:n].std(axis=0) == pytest.approx([1.5, 1.5], rel=0.05)  # far from the part
-    assert off[n:, 0].max() < 2.0 * tips.CLEAR_MM  # pushed back where it would overlap
-    assert (off[n:, 0] > -tips.CLEAR_MM).mean() == pytest.approx(0.5, abs=0.03)
-
-
-def test_scattered_tip_without_a_free_place_starts_as_stated():
-    slot = np.array([[0.0, 0], [40, 0], [40, 30], [23, 30], [23, 5], [17, 5], [17, 30], [0, 30]])
-    points = np.array([[[20.0, 15.0], [20.0, 25.0]]])  # two tips that just fit between the walls
-    pushes = Paths(points, points[:, 0], np.zeros(1), np.ones((1, 2)))
-    moved = tips.scattered(pushes, 2.0, 2.9999, slot, np.random.default_rng(1))
-    assert np.abs(moved.points[0, :, 0] - 20.0).max() < 0.01
-
-
 def test_start_of_a_push_scatters_as_the_job_says(tmp_path):
     """A part that hardly scatters turns by more or less, as the pusher stands beside its centroid."""
     text, options = f"{TIPS}\n-4.75,50,20,0\n", (*RADIUS, "--draws", "200")
@@ -132,23 +81,6 @@ def test_start_of_a_push_scatters_as_the_job_says(tmp_path):
         _, rows, _, _ = run(tmp_path, text, *options, job=job)
         widths.append(float(rows[0]["turned_deg_high"]) - float(rows[0]["turned_deg_low"]))
     assert widths[1] > 2.0 * widths[0]
-
-
-@pytest.mark.parametrize(
-    ("text", "error", "words"),
-    [
-        ("tip_x_mm,tip_y_mm\n1,2\n", KeyNameError, "way_x_mm, way_y_mm is missing"),
-        (f"{TIPS}\n1,2,3,x\n", InputError, "line 2: 'x' is not a finite number"),
-        (f"{TIPS}\n-9,2,3,1e9\n", InputError, "way_y_mm: push 1: 1e+09 is beyond"),
-    ],
-)
-def test_spoiled_file_of_tips_is_refused_in_one_line(tmp_path, text, error, words):
-    code, rows, _, err = run(tmp_path, text, *NOMINAL, *RADIUS)
-    assert code == error.exit_code
-    assert words in err
-    assert "in.csv" in err
-    assert err.count("\n") == 1
-    assert rows == []
 
 
 @pytest.mark.parametrize(
@@ -169,10 +101,3 @@ def test_options_that_do_not_fit_are_refused(tmp_path, options):
     assert code == 2
     assert rows == []
     assert "--" in err
-
-
-def test_file_without_lines_gives_a_header(tmp_path):
-    code, rows, out, _ = run(tmp_path, f"{TIPS}\n", *RADIUS, "--draws", "5")
-    assert (code, rows) == (0, [])
-    assert "0 pushes: none" in out
-    assert (tmp_path / "out.csv").read_text().strip().endswith(BOUNDS[-1])

@@ -1,69 +1,22 @@
 """Advice, where it is plain what limits a plan."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from planner.belief.observation import encoder_of
 from planner.diagnosis.advice import advise, gains_without_noise
-from planner.diagnosis.margins import THIN, Margins, margins_of, near_another
-from planner.evaluation.cases import EVERYTHING, OFFSET, noise_cases
+from planner.diagnosis.margins import THIN, Margins, margins_of
+from planner.evaluation.cases import EVERYTHING, OFFSET
 from planner.evaluation.evaluate import evaluate
-from planner.evaluation.outcome import REJECTED
-from planner.evaluation.trials import encoder_of_table
-from planner.job import model as job_file
 from planner.world import ContactWorlds
-from runtime.table import REJECT, decision_map, load
 
 pytestmark = pytest.mark.slow
-
-TREES = Path(__file__).parents[4] / "trees" / "rectangle"
-
-
-@pytest.fixture(scope="module")
-def job():
-    return job_file.load(TREES / "job.toml")
-
-
-@pytest.fixture(scope="module")
-def table():
-    return load(TREES / "rectangle.msgpack").table
 
 
 @pytest.fixture(scope="module")
 def evaluation(table, job):
-    return evaluate(table, job, ContactWorlds.of_job(job, 1), 4000, 2)
-
-
-def test_shares_are_those_of_the_evaluation(table, job, evaluation):
-    advice = advise(table, evaluation, job)
-    assert advice.failing == pytest.approx(1.0 - evaluation.success.mean())
-    assert advice.unresolved == pytest.approx(evaluation.unresolved.mean())
-    assert not advice.gains
-
-
-def test_rejects_of_closed_jaws_that_feel_something_are_distinguished(table, job, evaluation):
-    reading, leaf, squeezes = evaluation.reading.copy(), evaluation.leaf.copy(), evaluation.squeezes
-    for part, (count, felt) in enumerate([(227, True), (226, True), (227, False)]):
-        leaf[part] = REJECTED
-        reading[part, squeezes[part] - 1] = 2 * count + felt
-    result = advise(table, replace(evaluation, reading=reading, leaf=leaf, squeezes=squeezes), job)
-    assert result.pinched == 1.0 / len(leaf)
-    assert result.rejected >= 3.0 / len(leaf)
-    pinched = result._replace(pinched=0.02, failing=0.03)
-    assert any("thinner than a count" in line for line in pinched.lines())
-
-
-def test_pairs_are_close_or_overlap_and_no_others(table, job, evaluation):
-    pairs = {(pair.node, pair.lower) for pair in advise(table, evaluation, job).pairs}
-    counts = 4.0 * 1e3 * encoder_of(job).mm_per_step
-    for index, node in enumerate(table.nodes):
-        for lower in range(len(node.branches) - 1):
-            below, above = node.branches[lower : lower + 2]
-            close = above.expected_um - below.expected_um < counts or below.high_um >= above.low_um
-            assert ((index, lower) in pairs) == close
+    return evaluate(table, job, ContactWorlds.of_job(job, 1), 2000, 2)
 
 
 def test_a_branch_split_in_two_at_random_is_a_pair_that_costs(table, job, evaluation):
@@ -90,33 +43,6 @@ def test_a_branch_split_in_two_at_random_is_a_pair_that_costs(table, job, evalua
     assert any("node 0: " in line for line in advise(spoiled, run, job).lines())
 
 
-def test_leaves_that_know_nothing_are_distinguished_from_paths_that_are_too_long(table, job):
-    nobody = replace(table, leaves=tuple(leaf._replace(resolved=False) for leaf in table.leaves))
-    run = evaluate(nobody, job, ContactWorlds.of_job(job, 1), 2000, 2)
-    advice = advise(nobody, run, job)
-    assert advice.failing == 1.0
-    assert advice.unresolved == pytest.approx(1.0 - run.rejected.mean())
-    assert advice.at_depth_limit == 0.0
-    short = job.replaced(search={"max_depth": 3})
-    deep = advise(nobody, run, short).at_depth_limit
-    assert deep == pytest.approx(((run.squeezes >= 3) & ~run.rejected).mean())
-    assert any("max_depth" in line for line in advise(nobody, run, short).lines())
-
-
-def test_every_source_switched_off_is_one_the_job_has(job):
-    assert [case.name for case in noise_cases(job)] == [
-        "pressure",
-        "friction",
-        "encoder noise",
-        EVERYTHING,
-    ]
-    still = {"friction": {"finger_part_max": 0.4}, "gripper": {"noise_mm": 0}}
-    quiet = job.replaced(**still, release={"shift_mm": 0.1})
-    assert [case.name for case in noise_cases(quiet)] == ["pressure", "release", EVERYTHING]
-    for case in noise_cases(job):
-        assert case.job(job) != job
-
-
 def test_a_coarse_encoder_is_what_limits_a_plan_made_for_a_fine_one(table, job):
     coarse = job.replaced(gripper={"noise_mm": 1.2})
     gains = gains_without_noise(table, coarse, 2000)
@@ -128,31 +54,6 @@ def test_a_coarse_encoder_is_what_limits_a_plan_made_for_a_fine_one(table, job):
     evaluation = evaluate(table, coarse, ContactWorlds.of_job(coarse, 1), 2000, 2)
     lines = advise(table, evaluation, coarse, gains).lines()
     assert any("encoder noise" in line for line in lines)
-
-
-def test_gains_are_the_same_every_time(table, job):
-    assert gains_without_noise(table, job, 1200) == gains_without_noise(table, job, 1200)
-
-
-def test_parts_near_another_branch_are_those_whose_next_counts_mean_it(table, evaluation):
-    encoder = encoder_of_table(table)
-    widths = encoder.width_um(np.arange(encoder.steps + 1)).tolist()
-    maps = [
-        [decision_map(node, table.gripper).either.at(um) for um in widths] for node in table.nodes
-    ]
-    near = 0
-    for path, counts in zip(evaluation.path, evaluation.steps, strict=True):
-        visits = [
-            (maps[node], count) for node, count in zip(path, counts, strict=True) if node >= 0
-        ]
-        others = [
-            map_[count + off] not in (map_[count], REJECT)
-            for map_, count in visits
-            for off in range(-int(OFFSET), int(OFFSET) + 1)
-            if 0 <= count + off < len(map_)
-        ]
-        near += any(others)
-    assert near_another(table, evaluation) == pytest.approx(near / len(evaluation.path))
 
 
 def test_a_careful_plan_has_margins_and_one_for_finer_widths_has_none(table, job, evaluation):

@@ -72,11 +72,6 @@ def test_goal_or_uncertainty_that_leaves_no_question_is_not_refused(changes):
     assert alike(job_of(box(30, 20), 1, **changes)) == []
 
 
-def test_symmetry_found_from_the_outline_leaves_nothing_alike():
-    assert alike(job_of(box(30, 20), "auto")) == []
-    assert alike(job_of(chamfered(8.0), "auto")) == []
-
-
 def test_difference_below_a_count_is_reported_and_searched_all_the_same():
     (result,) = alike(job_of(chamfered(0.2), "auto"))
     assert (result.degrees, result.hopeless) == (pytest.approx(180.0), False)

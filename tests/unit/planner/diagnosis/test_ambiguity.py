@@ -6,15 +6,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hand_grown import grown
 from problems import l_shape
 
-from planner.diagnosis.ambiguity import ambiguities
+from planner.diagnosis.ambiguity import LATE, ambiguities, delays
 from planner.evaluation.evaluate import evaluate
 from planner.frames import to_hand, wrap
 from planner.job import model as job_file
+from planner.lower import lower
 from planner.mechanics.simulator import Simulator
 from planner.world import ContactWorlds
-from runtime.table import load
 
 TREES = Path(__file__).parents[4] / "trees" / "rectangle"
 
@@ -26,15 +27,14 @@ def marked():
 
 
 @pytest.fixture(scope="module")
-def table():
-    table = load(TREES / "rectangle.msgpack").table
+def table(table):
     leaves = tuple(leaf._replace(resolved=False) for leaf in table.leaves)
     return replace(table, leaves=leaves, goal=replace(table.goal, symmetry=1))
 
 
 @pytest.fixture(scope="module")
 def evaluation(table, marked):
-    return evaluate(table, marked, ContactWorlds.of_job(marked, 1), 4000, 2)
+    return evaluate(table, marked, ContactWorlds.of_job(marked, 1), 2000, 2)
 
 
 def test_a_symmetric_parts_half_turns_stay_open_and_nothing_separates_them(
@@ -51,11 +51,6 @@ def test_a_symmetric_parts_half_turns_stay_open_and_nothing_separates_them(
         assert "no squeeze" in row.line()
     shares = [row.share for row in result]
     assert shares == sorted(shares, reverse=True)
-
-
-def test_leaves_that_know_the_pose_are_not_listed(marked, evaluation):
-    resolved = replace(evaluation, resolved=evaluation.leaf >= 0)
-    assert ambiguities(load(TREES / "rectangle.msgpack").table, resolved, marked) == []
 
 
 def test_what_separates_two_poses_of_an_l_does_so(table, marked, evaluation):
@@ -97,25 +92,15 @@ def test_a_pose_that_few_parts_have_is_named_with_its_share(table, marked, evalu
     assert "(98.0%) or" in row.line()
 
 
-def test_parts_that_scatter_about_one_pose_are_no_second_pose(table, marked, evaluation):
-    n = len(evaluation.leaf)
-    poses = scattered(n, np.random.default_rng(5), 0.2)
-    goal = table.goal.distance_um / 1e3
-    poses[: n // 50, 0] += 1.5 * goal
-    (row,) = ambiguities(table, in_one_leaf(evaluation, poses), marked)
-    assert len(row.where.poses) == 1
-    assert row.separator is None
-    assert 1.5 < row.where.scatter < 2.0
-    assert "ask for less" in row.line()
+def test_delays_late_node_names_open_poses_with_shares(job):
+    late, later = delays(grown(LATE), job, 3)
+    assert (late.squeezes, late.share) == (LATE, 1.0)
+    assert late.where.shares == pytest.approx((1 / 3, 1 / 3, 1 / 3))
+    assert sorted(late.where.poses[:, 0]) == pytest.approx([-12.0, 0.0, 12.0])
+    assert (later.squeezes, later.share) == (LATE + 1, pytest.approx(2 / 3))
+    assert late.line().startswith("node 3: after 3 squeezes 100.0% of the parts lie at ")
+    assert lower(grown(LATE), job).nodes[late.node].squeeze.angle_urad == 0
 
 
-def test_a_leaf_whose_trials_all_agree_lacked_particles(table, marked, evaluation):
-    poses = scattered(len(evaluation.leaf), np.random.default_rng(6), 0.2)
-    (row,) = ambiguities(table, in_one_leaf(evaluation, poses), marked)
-    assert row.where.scatter < 1.0
-    assert "more particles" in row.line()
-
-
-def test_the_same_seed_finds_the_same(table, marked, evaluation):
-    first, second = (ambiguities(table, evaluation, marked, most=1) for _ in range(2))
-    assert first[0].figures() == second[0].figures()
+def test_delays_plan_that_ends_in_time_names_none(job):
+    assert delays(grown(LATE - 2), job, 3) == []

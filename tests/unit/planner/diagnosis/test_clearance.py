@@ -5,9 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.compile import compile_job
 from planner.diagnosis.clearance import no_first_squeeze, shortage
-from planner.errors import NoPlanError
 from planner.job import model as job_file
 from planner.part.outline import reach
 
@@ -29,11 +27,6 @@ def test_radius_of_the_message_has_a_first_squeeze_and_the_stated_one_has_none()
     result = shortage(WIDE)
     assert shortage(WIDE.replaced(uncertainty={"radius_mm": result.radius_mm})) is None
     assert shortage(WIDE.replaced(uncertainty={"radius_mm": result.radius_mm + 0.5})) is not None
-
-
-def test_compile_without_a_free_squeeze_tells_the_shortage_and_the_radius():
-    with pytest.raises(NoPlanError, match=r"free of collision: .* mm too little; radius_mm"):
-        compile_job(WIDE, trials=10)
 
 
 def test_part_that_never_passes_at_its_angles_is_refused_since_no_radius_will_do():

@@ -1,28 +1,23 @@
 """Trials of a table: against a slow twin, on any number of workers, with a cell that errs."""
 
 import math
-import pickle
 from dataclasses import fields, replace
-from functools import partial
-from pathlib import Path
 from random import Random
 
 import numpy as np
 import pytest
 from sample_tables import random_table
 
-from planner.belief.metric import Metric
 from planner.belief.observation import encoder_of
-from planner.evaluation.disturbance import Disturbance
-from planner.evaluation.evaluate import Chunk, evaluate, run_chunk
+from planner.evaluation.evaluate import evaluate
+from planner.evaluation.measured import with_figures
 from planner.evaluation.outcome import CRASHED, NOWHERE, REJECTED, Evaluation
 from planner.evaluation.times import seconds_of
-from planner.evaluation.trials import Program, placement_of
+from planner.evaluation.trials import placement_of
 from planner.frames import to_hand, to_world
-from planner.job import model as job_file
 from planner.mechanics.squeeze import GRASPED, SLIPPED, STATUS_NAMES
 from planner.work.scheduler import Threads
-from planner.world import ContactWorlds, NamedWorlds
+from planner.world import ContactWorlds
 from runtime.table import (
     HELD_UM,
     REJECT,
@@ -30,22 +25,19 @@ from runtime.table import (
     Schedule,
     Squeezed,
     decision_map,
-    load,
     turned,
     turned_pose,
 )
 
-TREES = Path(__file__).parents[4] / "trees" / "rectangle"
+
+@pytest.fixture(scope="module")
+def job(job):
+    return job.replaced(gripper={"noise_mm": 0})
 
 
 @pytest.fixture(scope="module")
-def job():
-    return job_file.load(TREES / "job.toml", {"gripper": {"noise_mm": 0}})
-
-
-@pytest.fixture(scope="module")
-def noisy():
-    return job_file.load(TREES / "job.toml")
+def noisy(job):
+    return job.replaced(gripper={"noise_mm": 0.15})
 
 
 class Wrung:
@@ -144,22 +136,7 @@ def test_turned_plan_ends_as_the_plan_does_for_parts_turned_with_it(job, turn_ur
     assert np.quantile(off_mm, 0.95) < 0.02
 
 
-def test_the_verdict_is_the_metric_to_the_leaf(job):
-    table = spread_table()
-    evaluation = evaluate(table, job, Wrung(), 300, seed=6)
-    metric = Metric(table.goal.distance_um / 1e3, table.goal.rho_um / 1e3, table.goal.symmetry)
-    for trial in np.flatnonzero(evaluation.leaf >= 0):
-        leaf = table.leaves[evaluation.leaf[trial]]
-        said = np.array([leaf.x_um / 1e3, leaf.y_um / 1e3, leaf.theta_urad / 1e6])
-        assert evaluation.error_mm[trial] == pytest.approx(
-            metric.between(evaluation.poses[trial], said)
-        )
-    assert np.array_equal(evaluation.within, evaluation.error_mm < metric.distance_mm)
-    assert not np.any(evaluation.within & (evaluation.leaf == REJECTED))
-
-
-def test_every_trial_ends_in_exactly_one_way(noisy):
-    table = load(TREES / "rectangle.msgpack").table
+def test_every_trial_ends_in_exactly_one_way(noisy, table):
     world = ContactWorlds.of_job(noisy.replaced(gripper={"noise_mm": 0.5}), 1)
     evaluation = evaluate(table, noisy, world, 1500, seed=2)
     ways = [evaluation.success, evaluation.wrong, evaluation.rejected, evaluation.unresolved]
@@ -173,85 +150,14 @@ def same(a: Evaluation, b: Evaluation) -> bool:
     return all(np.array_equal(getattr(a, f.name), getattr(b, f.name)) for f in fields(Evaluation))
 
 
-def test_any_number_of_workers_gives_the_same_bytes(noisy):
-    table = load(TREES / "rectangle.msgpack").table
+def test_any_number_of_workers_gives_the_same_bytes(noisy, table):
     runs = [
         evaluate(table, noisy, ContactWorlds.of_job(noisy, 1), 2300, 2, Threads(workers))
-        for workers in (1, 2, 3)
+        for workers in (1, 2)
     ]
     assert same(runs[0], runs[1])
-    assert same(runs[0], runs[2])
     assert len(runs[0].leaf) == 2300
     assert not same(runs[0], evaluate(table, noisy, ContactWorlds.of_job(noisy, 1), 2300, 3))
-
-
-def test_a_chunk_comes_to_the_same_in_another_process(noisy):
-    table = load(TREES / "rectangle.msgpack").table
-    common = Program.of(table), noisy, ContactWorlds.of_job(noisy, 1), 2, Disturbance(0.1, 0.2)
-    setting = partial(run_chunk, *common)
-    sent = pickle.loads(pickle.dumps(setting))
-    assert same(sent(Chunk(3, 40)), setting(Chunk(3, 40)))
-
-
-def test_chunks_differ_from_one_another(noisy):
-    table = load(TREES / "rectangle.msgpack").table
-    evaluation = evaluate(table, noisy, ContactWorlds.of_job(noisy, 1), 2000, 2)
-    assert not np.any(evaluation.initial[:1000] == evaluation.initial[1000:])
-    assert len(np.unique(evaluation.poses, axis=0)) == 2000
-
-
-def test_copies_of_a_named_world_have_seeds_of_their_own(noisy):
-    table = load(TREES / "rectangle.msgpack").table
-    worlds = NamedWorlds("planner.world:make", noisy, 4)
-    runs = [evaluate(table, noisy, worlds, 1100, 2, Threads(workers)) for workers in (1, 2)]
-    assert same(*runs)
-    pose = (2.0, 3.0, 0.4)
-    assert worlds.world(0).squeeze(pose) == worlds.world(0).squeeze(pose)
-    assert worlds.world(0).squeeze(pose) != worlds.world(1).squeeze(pose)
-
-
-def test_an_encoder_offset_moves_every_reading_alike(job):
-    table = spread_table()
-    step = encoder_of(job).mm_per_step
-    plain = evaluate(table, job, Wrung(), 400, seed=7)
-    moved = evaluate(
-        table, job, Wrung(), 400, seed=7, disturbance=Disturbance(encoder_offset_mm=3 * step)
-    )
-    assert np.array_equal(moved.steps[:, 0], plain.steps[:, 0] - 3)
-
-
-def test_a_bias_displaces_the_hand_in_the_world(job):
-    table, world = spread_table(), Wrung()
-    bias = Disturbance(bias_mm=(2.0, -1.0), bias_deg=3.0)
-    evaluation = evaluate(table, job, world, 200, seed=8, disturbance=bias)
-    place = placement_of(table.nodes[0].squeeze) + np.array([2.0, -1.0, math.radians(3.0)])
-    assert np.allclose(world.seen[:200], to_hand(evaluation.initial, place))
-
-
-def test_a_bias_across_turns_with_the_hand(job):
-    table, world = spread_table(), Wrung()
-    plain = evaluate(table, job, Wrung(), 200, seed=8)
-    evaluate(table, job, world, 200, seed=8, disturbance=Disturbance(across_mm=2.5))
-    place = placement_of(table.nodes[0].squeeze)
-    assert np.allclose(world.seen[:200], to_hand(plain.initial, place) - np.array([0.0, 2.5, 0.0]))
-
-
-def test_placement_errors_have_the_stated_spread(job):
-    table, world = spread_table(), Wrung()
-    error = Disturbance(placement_mm=0.7, placement_deg=1.5)
-    evaluation = evaluate(table, job, world, 1000, seed=9, disturbance=error)
-    seen = np.array(world.seen[:1000])
-    turned = evaluation.initial[:, 2] - placement_of(table.nodes[0].squeeze)[2] - seen[:, 2]
-    assert np.degrees(turned).std() == pytest.approx(1.5, rel=0.1)
-    assert abs(np.degrees(turned).mean()) < 0.2
-    back = np.array([to_world(pose, np.array([0, 0, 0.0])) for pose in seen])
-    angle = placement_of(table.nodes[0].squeeze)[2] + turned
-    c, s = np.cos(angle), np.sin(angle)
-    hand = evaluation.initial[:, :2] - np.column_stack(
-        [c * back[:, 0] - s * back[:, 1], s * back[:, 0] + c * back[:, 1]]
-    )
-    offset = hand - placement_of(table.nodes[0].squeeze)[:2]
-    assert offset.std(axis=0) == pytest.approx([0.7, 0.7], rel=0.1)
 
 
 def test_a_part_under_a_finger_ends_its_trial_and_is_a_failure(job):
@@ -278,21 +184,16 @@ def test_a_part_under_a_finger_ends_its_trial_and_is_a_failure(job):
     assert len(world.seen) == run.squeezes.sum()
 
 
-def test_a_world_that_holds_nothing_drags_nothing(job):
-    class Slippery(Wrung):
-        def squeeze(self, pose):
-            final, width, _ = super().squeeze(pose)
-            return final, width, "slipped"
-
-    table = spread_table()
-    still = replace(table, nodes=tuple(node._replace(release=None) for node in table.nodes))
-    dragged, plain = (evaluate(t, job, Slippery(), 200, seed=5) for t in (table, still))
-    assert np.array_equal(dragged.poses, plain.poses)
-    assert np.any(evaluate(table, job, Wrung(), 200, seed=5).poses != plain.poses)
-
-
-def test_initial_poses_come_from_what_the_parts_are_like(job):
-    wide = job.replaced(uncertainty={"radius_mm": 30})
-    evaluation = evaluate(spread_table(), wide, Wrung(), 500, seed=1)
-    radius = np.hypot(*evaluation.initial[:, :2].T)
-    assert 29.0 < radius.max() <= 30.0
+def test_with_figures_leaf_that_the_jaws_could_not_hold_is_unresolved(table, noisy):
+    """Its few trials say nothing against it: squeezes that the simulator gave up end all alike."""
+    run = evaluate(table, noisy, ContactWorlds.of_job(noisy, 1), 50, 1)
+    index = next(
+        k for k in range(len(table.leaves)) if k not in run.leaf and table.leaves[k].resolved
+    )
+    leaf = table.leaves[index]
+    elsewhere = leaf._replace(x_um=leaf.x_um + 15_000, y_um=leaf.y_um + 15_000)
+    leaves = (*table.leaves[:index], elsewhere, *table.leaves[index + 1 :])
+    sound, _ = with_figures(table, run, None, noisy)
+    measured, _ = with_figures(replace(table, leaves=leaves), run, None, noisy)
+    assert sound.leaves[index].resolved
+    assert not measured.leaves[index].resolved

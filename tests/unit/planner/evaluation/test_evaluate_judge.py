@@ -1,16 +1,16 @@
 """Right or wrong, by every kind of goal; and what is made of the mistakes."""
 
 import math
-from dataclasses import fields, replace
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from sample_tables import random_table, small_table, with_leaf
 
 from planner.evaluation.judge import claimed, judge, metric_of_table
-from planner.evaluation.leaves import NO_LEAF, confusions, nearest_leaf, reliability, worst
-from planner.evaluation.outcome import CRASHED, NOWHERE, REJECTED, Evaluation
-from planner.mechanics.traits import as_planned
+from planner.evaluation.leaves import NO_LEAF, nearest_leaf, reliability
+from planner.evaluation.outcome import CRASHED, NOWHERE, REJECTED
 from runtime.table import PPM, LeafPose, Tolerance, poses_of
 
 LEAF = (
@@ -45,12 +45,6 @@ def test_the_pose_goal_is_equation_9():
     assert verdict(table, 3.0, 4.0, 0.1).error_mm == pytest.approx(5.0 + 1.0571)
 
 
-def test_a_turn_of_the_symmetry_makes_no_difference():
-    table = small_table()
-    assert verdict(table, 0.3, 0, math.pi).error_mm == pytest.approx(0.3)
-    assert verdict(table, 0.3, 0, math.pi / 2).error_mm > 10.0
-
-
 def test_tolerances_bound_each_coordinate_alone():
     table = with_goal(kind="tolerances", tolerance=Tolerance(2_500, 1_000, 87_266))
     for offset, expected in [
@@ -81,60 +75,6 @@ def test_any_of_a_leafs_modes_will_do():
     assert not judge(only, np.array([LEAF]), pose).within.any()
 
 
-def test_a_part_without_a_leaf_is_never_within():
-    outcome = judge(small_table(), np.array([REJECTED, 0]), np.zeros((2, 3)))
-    assert outcome.error_mm[0] == np.inf
-    assert list(outcome.within) == [False, True]
-
-
-def evaluation_of(table, leaf, poses):
-    """Trials that ended in given leaves at given poses."""
-    n = len(leaf)
-    error, within = judge(table, leaf, poses)
-    known = np.array([entry.resolved for entry in table.leaves])
-    path = np.full((n, 4), NOWHERE)
-    path[:, 0] = 0
-    return Evaluation(
-        leaf=leaf,
-        squeezes=np.ones(n, np.int64),
-        seconds=np.ones(n),
-        error_mm=error,
-        within=within,
-        resolved=np.where(leaf >= 0, known[leaf], False),
-        poses=poses,
-        initial=poses + 1.0,
-        traits=as_planned(n),
-        path=path,
-        reading=path + 200 * (path >= 0),
-        branch=path,
-    )
-
-
-def scattered(table, rng, n=400):
-    """Trials that mostly end near their leaf, sometimes near another, sometimes nowhere."""
-    leaf = rng.integers(0, len(table.leaves), n)
-    said = np.array([poses_of(table.goal, table.leaves[k])[0] for k in leaf])
-    other = np.array([poses_of(table.goal, row)[0] for row in table.leaves])[rng.permutation(leaf)]
-    kind = rng.random((n, 1))
-    poses = np.where(
-        kind < 0.7, said, np.where(kind < 0.85, other, said + 30.0)
-    ) + 0.2 * rng.normal(size=(n, 3)) * [1, 1, 0.1]
-    leaf[rng.random(n) < 0.05] = REJECTED
-    return evaluation_of(table, leaf, poses)
-
-
-def test_confusions_account_for_every_failure():
-    table = random_table(seed=11, nodes=8)
-    evaluation = scattered(table, np.random.default_rng(1))
-    rows = confusions(table, evaluation)
-    assert sum(row.trials for row in rows) == int(
-        ((evaluation.leaf >= 0) & ~evaluation.within).sum()
-    )
-    assert [row.trials for row in rows] == sorted((row.trials for row in rows), reverse=True)
-    assert all(row.leaf != row.truth for row in rows)
-    assert {NO_LEAF} < {row.truth for row in rows}
-
-
 def test_the_true_leaf_is_the_nearest_one_within_the_goal():
     table = random_table(seed=12, nodes=8)
     rng = np.random.default_rng(2)
@@ -151,30 +91,6 @@ def test_the_true_leaf_is_the_nearest_one_within_the_goal():
             assert distances[result] == min(distances) < metric.distance_mm
 
 
-def test_the_worst_come_first_and_are_all_confident():
-    table = random_table(seed=13, nodes=8)
-    evaluation = scattered(table, np.random.default_rng(3))
-    rows = worst(table, evaluation, 20)
-    errors = [row.error_mm for row in rows]
-    assert errors == sorted(errors, reverse=True)
-    assert errors[0] == evaluation.error_mm[evaluation.wrong].max()
-    metric = metric_of_table(table)
-    for row in rows:
-        assert float(metric.between(row.final, row.predicted)) == pytest.approx(row.error_mm)
-        assert row.path == (0,)
-        assert row.widths_mm == (47.555,)
-
-
-def test_joining_keeps_rows_in_order():
-    table = random_table(seed=14, nodes=8)
-    parts = [scattered(table, np.random.default_rng(k), 30) for k in (1, 2, 3)]
-    whole = Evaluation.joined(parts)
-    assert len(whole.leaf) == 90
-    for field in fields(Evaluation):
-        rows = [getattr(part, field.name) for part in parts]
-        assert np.array_equal(getattr(whole, field.name), np.concatenate(rows))
-
-
 def predicted_table(rng, leaves, trials):
     """A table with honest predictions, from that many trials of each leaf; and the truth behind it."""
     table = random_table(seed=15, nodes=60)
@@ -187,35 +103,17 @@ def predicted_table(rng, leaves, trials):
     return replace(table, leaves=tuple(rows[:leaves])), truth[:leaves]
 
 
-def observed(table, truth, rng, visits):
+def observed(truth, rng, visits):
+    """What `reliability` reads of an evaluation: leaves, and which of their parts were within the goal."""
     leaf = np.repeat(np.arange(len(truth)), visits)
-    blank = evaluation_of(table, leaf, np.zeros((len(leaf), 3)))
-    return replace(blank, within=rng.random(len(leaf)) < np.repeat(truth, visits))
+    return SimpleNamespace(leaf=leaf, within=rng.random(len(leaf)) < np.repeat(truth, visits))
 
 
-@pytest.mark.parametrize(("trials", "visits"), [(300, 300), (100, 1000), (2000, 250)])
+@pytest.mark.parametrize(("trials", "visits"), [(300, 300), (2000, 250)])
 def test_honest_predictions_hold_in_19_of_20_leaves(trials, visits):
     rng = np.random.default_rng(trials)
     shares = []
-    for _ in range(10):
+    for _ in range(5):
         table, truth = predicted_table(rng, 60, trials)
-        shares.append(reliability(table, observed(table, truth, rng, visits)).share)
+        shares.append(reliability(table, observed(truth, rng, visits)).share)
     assert np.mean(shares) >= 0.94
-
-
-def test_predictions_that_promise_too_much_do_not_hold():
-    rng = np.random.default_rng(5)
-    table, truth = predicted_table(rng, 60, 1000)
-    outcome = reliability(table, observed(table, truth - 0.1, rng, 500))
-    assert outcome.share < 0.2
-    assert outcome.gap == pytest.approx(0.1, abs=0.03)
-
-
-def test_leaves_with_few_visits_are_left_out():
-    rng = np.random.default_rng(6)
-    table, truth = predicted_table(rng, 10, 1000)
-    outcome = reliability(table, observed(table, truth, rng, 199))
-    assert outcome.rows == ()
-    assert outcome.share == 1.0
-    figures = reliability(table, observed(table, truth, rng, 200)).figures()
-    assert figures["leaves"] == len(figures["table"]) == 10

@@ -1,22 +1,20 @@
 """The rigid-body world by itself: theory it must keep to, residuals, and what a job's values do in it."""
 
 import math
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from problems import l_shape, random_convex, random_poses
+from problems import random_convex, random_poses
 
 mujoco = pytest.importorskip("mujoco")
 
-from planner.evaluation.mujoco import TIMESTEP_S, RigidWorld, feet, make  # noqa: E402
+from planner.evaluation.mujoco import TIMESTEP_S, RigidWorld, make  # noqa: E402
 from planner.job import model as job_file  # noqa: E402
 from planner.mechanics.clearance import least_clearance  # noqa: E402
 from planner.mechanics.simulator import Simulator  # noqa: E402
 from planner.part.outline import width as outline_width  # noqa: E402
-from planner.world import ContactWorld, load_world  # noqa: E402
-from runtime.shell.errors import UsageError  # noqa: E402
+from planner.world import ContactWorld  # noqa: E402
 
 JOB = job_file.load(Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml")
 MU = 0.5
@@ -38,7 +36,7 @@ def contacts(world, fingers):
 
 
 def test_without_friction_long_jaws_end_in_a_valley_of_goldbergs_diameter():
-    for seed in range(8):
+    for seed in range(3):
         rng = np.random.default_rng(seed)
         outline = random_convex(rng, 6)
         world = RigidWorld(job_of(outline, gripper={"finger_length_mm": 200.0}), 0)
@@ -51,7 +49,7 @@ def test_without_friction_long_jaws_end_in_a_valley_of_goldbergs_diameter():
             assert width == pytest.approx(floor, abs=0.03)
 
 
-@pytest.mark.parametrize("mu", [0.2, 0.4, 0.65])
+@pytest.mark.parametrize("mu", [0.2, 0.65])
 def test_a_rectangle_jams_on_its_diagonal_up_to_atan_mu(mu):
     world, diagonal = RigidWorld(JOB, 0), math.hypot(30, 21)
     for past, jams in ((-0.4, True), (0.4, False)):
@@ -81,15 +79,6 @@ def test_what_is_held_is_in_balance_stays_and_does_not_sink_in():
         )
 
 
-@pytest.mark.slow
-def test_half_the_step_changes_few_widths():
-    coarse, fine = RigidWorld(JOB, 0), RigidWorld(JOB, 0, TIMESTEP_S / 2)
-    poses = [tuple(pose) for pose in random_poses(np.random.default_rng(1), 30, 12.0)]
-    off = [abs(coarse.close(pose, MU) - fine.close(pose, MU)) for pose in poses]
-    assert np.median(off) < 0.01
-    assert np.quantile(off, 0.85) < 0.1  # an impact of a part that shoots away decides the rest
-
-
 @pytest.mark.parametrize(
     ("half_deg", "inside_mm", "held"), [(60.0, 0.02, False), (15.0, 0.5, True)]
 )
@@ -104,56 +93,6 @@ def test_between_the_ends_of_the_jaws_a_blunt_corner_is_not_held_a_sharp_one_is(
     assert (width > 0.0) == held
 
 
-@pytest.mark.parametrize("inside_mm", [-0.02, -0.01, -0.005, 0.0, 0.005, 0.01, 0.02])
-def test_a_corner_that_slides_off_the_fingers_ends_is_not_caught_by_them(inside_mm):
-    half = [[0.0, 0.0], [10.0, 10.0], [20.0, 18.0]]  # wedges far steeper than friction holds
-    job = job_of(half + [[x, -y] for x, y in half[:0:-1]])
-    ahead = (
-        0.5 * JOB.gripper.finger_length_mm - (job.part.outline_mm[:, 0].min() + 10.0) - inside_mm
-    )
-    assert RigidWorld(job, 0).close((ahead, 0.0, 0.0), 0.3) == 0.0
-
-
-@pytest.mark.parametrize("turn_deg", [0.02, 0.06, 0.12, 0.3])
-def test_a_fingers_corner_that_hits_a_side_first_does_not_come_out_behind_it(turn_deg):
-    world = RigidWorld(
-        job_of([[-18.0, -7.5], [18.0, -7.5], [12.0, 5.0], [0.0, 7.5], [-12.0, 5.0]]), 0
-    )
-    for aside in np.linspace(-0.3, 0.3, 7):
-        assert world.close((-2.07, aside, math.radians(turn_deg)), 0.41) > 14.9  # of 15 mm
-
-
-def test_evenly_spaced_feet_carry_the_same():
-    job = job_of(l_shape(), pressure={"kind": "boundary"})
-    world, points = RigidWorld(job, 0), feet(job)[0]
-    mujoco.mj_step(world.model, world.data, 400)
-    carried = contacts(world, False)[:, 1]
-    weight = 9.81 * world.model.body_mass[1]
-    assert carried.sum() == pytest.approx(weight, rel=1e-3)
-    assert carried == pytest.approx(np.full(len(points), weight / len(points)), rel=0.25)
-
-
-def test_a_finger_that_sticks_stays_where_it_is():
-    world = RigidWorld(JOB.replaced(gripper={"upper_finger_share": 1.0}), 0)
-    width = world.close((0.0, 0.0, 0.0), MU)
-    assert width == pytest.approx(21.0, abs=0.05)
-    assert world.pose()[1] == pytest.approx(0.5 * (21.0 - JOB.gripper.opening_mm), abs=0.05)
-
-
-@pytest.mark.parametrize(
-    ("pose", "status"),
-    [
-        ((0.0, 0.0, 0.0), "grasped"),
-        ((0.0, 45.0, 0.0), "jammed"),
-        ((40.0, 0.0, 0.0), "untouched"),
-        ((22.0, 0.0, math.pi / 4), "slipped"),
-        ((0.0, 0.0, math.atan2(30, 21) + 0.1), "jammed"),
-    ],
-)
-def test_the_status_of_a_squeeze(pose, status):
-    assert make(JOB, 0).squeeze(pose)[2] == status
-
-
 def test_an_open_finger_stands_on_the_part_where_the_planner_says_so():
     world, ours = make(JOB, 0), Simulator.of_job(JOB, workers=1)
     rng = np.random.default_rng(2)
@@ -163,24 +102,6 @@ def test_an_open_finger_stands_on_the_part_where_the_planner_says_so():
     for pose in poses:
         least = least_clearance(ours.outline, ours.jaws, pose[None], np.zeros(3), margin_mm=0.0)
         assert world.collides(tuple(pose), JOB.gripper.opening_mm) == (least < 0.0)
-
-
-def test_the_same_seed_squeezes_alike_and_the_job_bounds_the_friction():
-    pose = (3.0, 2.0, 0.7)
-    assert make(JOB, 5).squeeze(pose) == make(JOB, 5).squeeze(pose)
-    world = make(JOB.replaced(friction={"finger_part_min": 0.3, "finger_part_max": 0.31}), 0)
-    drawn = []
-    world.close = lambda pose, mu: drawn.append(mu) or 0.0
-    for _ in range(20):
-        world.squeeze(pose)
-    assert 0.3 <= min(drawn) < max(drawn) <= 0.31
-
-
-def test_without_the_extra_one_line_says_what_to_install(monkeypatch):
-    monkeypatch.setitem(sys.modules, "mujoco", None)
-    monkeypatch.delitem(sys.modules, "planner.evaluation.mujoco")
-    with pytest.raises(UsageError, match=r"pip install 'squeezetree\[mujoco\]'"):
-        load_world("planner.evaluation.mujoco:make", JOB, 0)
 
 
 def test_pushes_end_about_where_quasi_static_ones_do():

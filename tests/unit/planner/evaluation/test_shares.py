@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from planner.evaluation.shares import in_percent, rounded, shares_of
+from planner.evaluation.shares import rounded
 
 
 @pytest.mark.parametrize(
@@ -28,32 +28,3 @@ def test_rounded_shares_add_up_to_all(counts):
         assert abs(share - 100.0 * exact) <= 0.03
         assert (share == 0.0) == (exact == 0.0)
         assert (share == 100.0) == (exact == 1.0)
-
-
-def test_rounded_shares_of_any_draw_add_up_to_all():
-    rng = np.random.default_rng(0)
-    for _ in range(300):
-        counts = rng.multinomial(int(rng.integers(1, 30_000)), rng.dirichlet([0.2] * 5))
-        assert (
-            sum(round(100 * share) for share in rounded((counts / counts.sum()).tolist())) == 10_000
-        )
-
-
-def test_shares_of_figures_are_those_of_all_parts():
-    figures = {
-        "trials": 4000,
-        "crashes": 1,
-        "success_rate": 0.9,
-        "wrong_rate": 0.0,
-        "unresolved_rate": 0.05,
-        "reject_rate": 0.04975,
-    }
-    shares = shares_of(figures)
-    assert (shares.located, shares.unresolved, shares.wrong) == (90.0, 5.0, 0.0)
-    assert shares.rejected + shares.crashed == pytest.approx(5.0)
-    assert [in_percent(share) for share in (100.0, 99.9, 0.03, 0.0)] == [
-        "100 %",
-        "99.9 %",
-        "0.03 %",
-        "0 %",
-    ]

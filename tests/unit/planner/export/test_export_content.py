@@ -44,14 +44,3 @@ def test_runs_are_the_decision_map_and_do_not_overlap(name):
             for width in range(0, 90_000, 97):
                 read = [run.branch for run in mine if run.first_um <= width <= run.last_um]
                 assert decide(decided, width, flag == FELT) == (read or [REJECT])[0]
-
-
-def test_a_part_that_is_held_is_dragged_and_what_is_rejected_is_not():
-    table = every_field_table()
-    drag, at = table.nodes[0].release, table.nodes[0].squeeze.place
-    assert drag != at
-    meant = maps_of(table)[0].felt
-    for row in vectors(table):
-        node, width, flag = row[:3]
-        if node == 0 and flag == FELT:
-            assert row[5:] == (at if meant.at(width) == REJECT else drag)

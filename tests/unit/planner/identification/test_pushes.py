@@ -92,44 +92,18 @@ def test_the_tips_offset_is_found_from_the_faces_and_taken_off():
     motions = {"left": [4.0, -2.0, 0.1], "lower": [1.0, 5.0, -0.1], "long": [-3.0, -3.0, 0.2]}
 
     def record(sideways: float) -> list[pushes.Push]:
-        return pushes.parse(
-            log(
-                *(
-                    made_up_push(
-                        np.array(motions[face]),
-                        face,
-                        3 * FACES[face][1],
-                        (0, 0, slant),
-                        sideways,
-                        slant,
-                    )
-                    for face in motions
-                    for slant in (-0.8, 0.0, 0.8)
-                )
-            )
-        )
+        records = [
+            made_up_push(np.array(twist), face, 3 * FACES[face][1], (0, 0, slant), sideways, slant)
+            for face, twist in motions.items()
+            for slant in (-0.8, 0.0, 0.8)
+        ]
+        return pushes.parse(log(*records))
 
     assert pushes.tip_offset(record(0.0)) == pytest.approx(0.0, abs=1e-9)
     for sideways in (1.5, -0.7):  # found but for the weak pull to 0
         assert pushes.tip_offset(record(sideways)) == pytest.approx(sideways, rel=0.15)
     with_offset, without = (pushes.pairs(record(sideways))[0] for sideways in (1.5, 0.0))
     assert np.abs(with_offset - without)[:, 2].max() < 0.2 * 1.5 * 3
-
-
-def test_readings_of_the_approach_and_without_contact_do_not_count():
-    push = pushes.parse(LOG)[0]
-    spoiled = push.forces.copy()
-    spoiled[5:25, 1:] += 5.0  # before 30 %
-    spoiled[60:65, 1:] = spoiled[0, 1:]  # contact lost
-    changed, _ = pushes.pairs([push._replace(forces=spoiled)])
-    plain, _ = pushes.pairs([push])
-    assert np.allclose(changed[0, :2], plain[0, :2], atol=1e-9)
-
-
-@pytest.mark.parametrize("end", ["\r\n", "\n\n", "  \n"])
-def test_line_ends_and_spaces_do_not_matter(end):
-    first, second = (pushes.pairs(pushes.parse(t))[0] for t in (LOG, LOG.replace("\n", end)))
-    assert np.array_equal(first, second)
 
 
 def lines_of(text: str = LOG) -> list[str]:
@@ -144,34 +118,20 @@ def changed_line(index: int, line: str) -> str:
 
 MISTAKES = {
     "empty": ("", "line 0, header: the file ends where number of pushes"),
-    "no pushes": ("0\n", "line 1, header: number of pushes is 0"),
     "half a push": (changed_line(0, "1.5"), "line 1, header: number of pushes is 1.5"),
-    "word": (
-        changed_line(5, "1.0 x 2.0"),
-        "line 6, push 1 of 1: force readings: 'x' is not a number below",
-    ),
     "infinite": (changed_line(5, "1.0 inf 2.0"), "line 6, push 1 of 1: force readings: 'inf'"),
     "column lost": (
         changed_line(5, "1.0 2.0"),
         "line 6, push 1 of 1: force readings: expected 3 numbers, found 2",
     ),
     "pose short": (changed_line(1, "1 2 3 1 0 0"), "line 2, push 1 of 1: pose before: expected 7"),
-    "other order": (changed_line(1, "1 2 3 0 0 0.6 0.8"), "pose before: tilted"),
     "no quaternion": (
         changed_line(2, "1 2 3 9 0 0 0"),
         "line 3, push 1 of 1: pose after: qw qx qy qz is not",
     ),
-    "negative count": (
-        changed_line(3, "-5"),
-        "line 4, push 1 of 1: number of force readings is -5",
-    ),
     "truncated": (
         "\n".join(lines_of()[:-30]),
         "line 177, push 1 of 1: the file ends where pusher poses",
-    ),
-    "one push short": (
-        changed_line(0, "2"),
-        "line 207, push 2 of 2: the file ends where pose before",
     ),
     "one push over": (LOG + LOG, "line 208, push 1 of 1: more lines follow"),
     "huge count": (changed_line(3, "1e29"), "number of force readings is 1e+29"),
@@ -245,12 +205,3 @@ def test_a_spoiled_table_is_refused_with_its_line(text, problem):
     with pytest.raises(InputError, match=r"^my\.csv: ") as caught:
         pushes.parse_table(text, "my.csv")
     assert problem in str(caught.value)
-
-
-def test_a_file_that_cannot_be_read_is_refused(tmp_path):
-    for path in (tmp_path / "none.txt", tmp_path):
-        with pytest.raises(InputError, match="check the path"):
-            pushes.load(path)
-    (tmp_path / "bytes.txt").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(InputError, match="not UTF-8 text"):
-        pushes.load(tmp_path / "bytes.txt")

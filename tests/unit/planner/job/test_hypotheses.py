@@ -51,30 +51,6 @@ def test_several_parts_come_back_from_their_exact_text():
     assert "part" not in job_file._document(job)
 
 
-def test_each_part_alone_is_the_job_of_that_part():
-    job = read(several())
-    for alone, entry in zip(job.alone, several()["hypothesis"], strict=True):
-        document = {**several(), "part": entry["part"], "cell": {"squeeze_height_mm": 4.0}}
-        del document["hypothesis"]
-        expected = read({**document, "search": {"particles": job.search.particles}})
-        assert alone.replaced(cell={"squeeze_height_mm": 4.0}) == expected
-
-
-def test_a_part_has_pressure_and_friction_of_its_own_where_it_states_them():
-    document = several()
-    document["hypothesis"][1] |= {
-        "pressure": {"kind": "uniform"},
-        "friction": {"finger_part_min": 0.1, "finger_part_max": 0.2},
-    }
-    job = read(document)
-    assert [alone.pressure.kind for alone in job.alone] == ["boundary", "uniform", "boundary"]
-    assert [alone.friction.finger_part_max for alone in job.alone] == [0.6, 0.2, 0.6]
-    assert {
-        alone.friction.finger_part_max
-        for alone in job.replaced(friction={"finger_part_max": 0.9}).alone
-    } == {0.9}
-
-
 def broken(number=1, **entry):
     document = several()
     document["hypothesis"][number - 1] |= entry
@@ -95,6 +71,8 @@ def broken(number=1, **entry):
         (broken(1, part=several()["hypothesis"][1]["part"]), "stands twice"),
         (several(search={"method": "paper"}), "plans for one part"),
         (several(delivery={"drop_mm": [0, 0]}), "is of one part"),
+        (several(**{FOREIGN: []}), "1 to 16 entries"),
+        (several(**{FOREIGN: [{"part": {"name": "x"}}]}), r"\[stranger 1.part\]: missing key"),
     ],
 )
 def test_what_is_wrong_is_reported_with_its_place(document, message):
@@ -110,53 +88,6 @@ def test_foreign_parts_are_parts_that_no_plan_is_made_for():
     assert (foreign.part.name, foreign.pressure.kind) == (one["part"]["name"], "uniform")
     assert all(not alone.foreign_parts for alone in (*job.alone, foreign))
     assert len(job.alone) == 3
-
-
-@pytest.mark.parametrize(
-    ("entries", "message"),
-    [
-        ([], "1 to 16 entries"),
-        (
-            [{"share": 0.5, "part": several()["hypothesis"][0]["part"]}],
-            r"\[stranger 1\] share: no plan is made for it",
-        ),
-        ([{"part": {"name": "x"}}], r"\[stranger 1.part\]: missing key outline_mm"),
-    ],
-)
-def test_a_wrong_foreign_part_is_reported_with_its_place(entries, message):
-    with pytest.raises(InputError, match=message):
-        read(several() | {FOREIGN: entries})
-
-
-@pytest.mark.parametrize("key", ["hypothesis", "stranger"])
-def test_an_entry_without_friction_is_reported_with_its_number(key):
-    document = several() | {FOREIGN: [{"part": several()["hypothesis"][1]["part"]}]}
-    ours = document.pop("friction")
-    for entry in (*document["hypothesis"], *document["stranger"]):
-        entry["friction"] = ours
-    assert read(document).foreign_parts[0].friction == read(document).alone[2].friction
-    del document[key][-1]["friction"]
-    number = len(document[key])
-    with pytest.raises(
-        InputError, match=rf"\[{key} {number}\]: missing section friction; add \[{key}.friction"
-    ):
-        read(document)
-
-
-def test_a_foreign_part_too_large_for_the_jaws_is_reported_with_its_number():
-    large = {"name": "plate", "outline_mm": [[0, 0], [90, 0], [90, 90], [0, 90]]}
-    with pytest.raises(InputError, match="stranger 1: part larger than the opening"):
-        read(several() | {FOREIGN: [{"part": large}]})
-
-
-def test_asking_which_part_it_is_needs_two():
-    with pytest.raises(InputError, match="only one part"):
-        job_file.load(TREES / "gusset" / "job.toml", {"goal": {"kind": "identity"}})
-
-
-def test_a_part_whose_faces_look_alike_stays_one():
-    plain = job_file.load(TREES / "rectangle" / "job.toml")
-    assert job_file.load(TREES / "rectangle" / "job.toml", EITHER) == plain
 
 
 def test_what_the_drawing_names_turns_over_with_the_part():

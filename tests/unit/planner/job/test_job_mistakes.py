@@ -22,12 +22,9 @@ def edited(old: str, new: str) -> str:
 
 UNKNOWN = [
     ("radius_mm", "radius", "uncertainty", 'did you mean "radius_mm"?'),
-    ("opening_mm", "opening_m", "gripper", 'did you mean "opening_mm"?'),
-    ("angles_deg", "angels_deg", "actions", 'did you mean "angles_deg"?'),
     ("[friction]", "[frictoin]", "", 'did you mean "friction"?'),
     ("confidence", "zzz", "goal", "valid are kind, distance_mm, confidence"),
     ("[goal]", "[goal]\nopening_mm = 85", "goal", "belongs in [gripper]"),
-    ("[goal]", "[goal]\nseed = 85", "goal", "belongs on top"),
     ("seed = 1", "opening_mm = 1", "", "belongs in [gripper]"),
     (
         "[friction]",
@@ -73,54 +70,29 @@ def test_all_missing_sections_are_named_at_once():
 
 WRONG = [
     ("seed = 1", "seed = -1", "", "seed"),
-    ("seed = 1", "seed = true", "", "seed"),
-    ('name = "rectangle"', "name = 3", "part", "name"),
     ('name = "rectangle"', 'name = ""', "part", "name"),
     ('name = "rectangle"', 'name = "a\\nb"', "part", "name"),
     ("[[0, 0], [30, 0], [30, 21], [0, 21]]", "[[0, 0], [30, 0, 1]]", "part", "outline_mm"),
-    ("[[0, 0], [30, 0], [30, 21], [0, 21]]", '"square"', "part", "outline_mm"),
     ("[[0, 0], [30, 0], [30, 21], [0, 21]]", f"[{'[0, 1], ' * 2001}]", "part", "outline_mm"),
     ("[[0, 0], [30, 0], [30, 21], [0, 21]]", "[[0, 0], [30, nan], [3, 3]]", "part", "outline_mm"),
     ('symmetry = "auto"', "symmetry = 4", "part", "symmetry"),
-    ('symmetry = "auto"', "symmetry = 0", "part", "symmetry"),
-    ('symmetry = "auto"', 'symmetry = "none"', "part", "symmetry"),
-    ('kind = "boundary"', 'kind = "bondary"', "pressure", "kind"),
-    ('kind = "boundary"', "kind = 2", "pressure", "kind"),
-    ("wishart_dof = 100", "wishart_dof = 2", "pressure", "wishart_dof"),
     ("wishart_dof = 100", "wishart_dof = 100.5", "pressure", "wishart_dof"),
     ("finger_part_min = 0.4", "finger_part_min = 0.7", "friction", "finger_part_min"),
     ("finger_part_max = 0.6", "finger_part_max = 2.1", "friction", "finger_part_max"),
-    ("finger_part_min = 0.4", "finger_part_min = -0.1", "friction", "finger_part_min"),
-    ("finger_part_min = 0.4", "finger_part_min = nan", "friction", "finger_part_min"),
-    ("opening_mm = 85.0", "opening_mm = inf", "gripper", "opening_mm"),
-    ("opening_mm = 85.0", "opening_mm = 0", "gripper", "opening_mm"),
     ("opening_mm = 85.0", 'opening_mm = "85"', "gripper", "opening_mm"),
-    ("opening_mm = 85.0", "opening_mm = 1979-05-27", "gripper", "opening_mm"),
     ("opening_mm = 85.0", "opening_mm = " + "9" * 400, "gripper", "opening_mm"),
     ("noise_mm = 0.15", "resolution_mm = 0", "gripper", "resolution_mm"),
-    ("noise_mm = 0.15", "resolution_mm = 11", "gripper", "resolution_mm"),
-    ("noise_mm = 0.15", "noise_mm = -0.1", "gripper", "noise_mm"),
     ("robotiq-2f-85", "some gripper", "gripper", "model"),
-    ("speed_mm_s = 60.0", "speed_mm_s = 1e-9", "gripper", "speed_mm_s"),
-    ("force_n = 40.0", "force_n = 1e-6", "gripper", "force_n"),
     ("distance_mm = 3.0", "distance_mm = 1e-6", "goal", "distance_mm"),
     ("speed_mm_s = 60.0", "speed_mm_s = 151", "gripper", "speed_mm_s"),
-    ("force_n = 40.0", "force_n = 236", "gripper", "force_n"),
     ('orientation = "unknown"', 'orientation = "known"', "uncertainty", "orientation"),
     ("[actions]", "orientation_halfwidth_deg = 20\n[actions]", "uncertainty", "orientation"),
-    ("[0, 45, 90, 135]", "[]", "actions", "angles_deg"),
     ("[0, 45, 90, 135]", "[0, 45, 0.0]", "actions", "angles_deg"),
-    ("[0, 45, 90, 135]", "45", "actions", "angles_deg"),
-    ("centers_mm = [[0, 0]]", "centers_mm = [0, 0]", "actions", "centers_mm"),
     ("centers_mm = [[0, 0]]", "centers_mm = [[0, 0], [0, 151]]", "actions", "centers_mm"),
-    ("distance_mm = 3.0", "distance_mm = 0", "goal", "distance_mm"),
-    ("confidence = 0.99", "confidence = 1", "goal", "confidence"),
     ("[goal]", "[search]\nmax_depth = 0\n[goal]", "search", "max_depth"),
     ("[goal]", "[search]\nmethod = 'open-loop'\n[goal]", "search", "method"),
     ("[goal]", "[cell]\nwork_area_mm = [[9, -9], [-9, 9]]\n[goal]", "cell", "work_area_mm"),
-    ("[goal]", "[cell]\nwork_area_mm = [[-9, -9]]\n[goal]", "cell", "work_area_mm"),
     ('"boundary"', '"points"\npoints_mm = [[0, 0], [0, 22]]', "pressure", "points_mm"),
-    ('"boundary"', '"points"\npoints_mm = [[1, 1], [1, 1]]', "pressure", "points_mm"),
     (
         '"boundary"',
         '"points"\npoints_mm = [[1, 1], [2, 1]]\nweights = [1, 2, 3]',
@@ -165,14 +137,6 @@ def test_a_value_in_place_of_a_section_is_refused():
     for text in ("goal = 3\n" + TEXT.partition("[goal]")[0], edited("[goal]", "[[goal]]")):
         with pytest.raises(InputError, match=r"\[goal\]: must be a section"):
             job.parse(text)
-
-
-def test_outline_errors_name_file_and_key():
-    crossing = edited(
-        "[[0, 0], [30, 0], [30, 21], [0, 21]]", "[[0, 0], [30, 21], [30, 0], [0, 21]]"
-    )
-    with pytest.raises(InputError, match=r"my.toml: \[part\] outline_mm: .* at \(15, 10.5\)"):
-        job.parse(crossing, "my.toml")
 
 
 def test_only_the_narrowest_width_must_fit_between_the_jaws():

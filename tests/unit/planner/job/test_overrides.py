@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planner.errors import FitError, KeyNameError
@@ -16,90 +16,48 @@ TEXT = RECTANGLE.read_text(encoding="utf-8")
 PARSED = job.parse(TEXT)
 
 
-def job_with(source, overrides=()):
-    """The job of a path, a file's text or a job, with values replaced."""
-    changes = changes_of(f"{name}={value}" for name, value in overrides)
-    if isinstance(source, job.Job):
-        return source.replaced(**changes)
-    return (
-        job.load(source, changes)
-        if isinstance(source, Path)
-        else job.parse(source, changes=changes)
+RADIUS = {"uncertainty.radius_mm": "15", "seed": "4"}
+
+
+def test_overrides_of_a_path_a_text_or_a_job_equal_the_edited_file():
+    edited = job.parse(
+        TEXT.replace("radius_mm = 12.75", "radius_mm = 15").replace("seed = 1", "seed = 4")
     )
+    changes = changes_of(f"{name}={value}" for name, value in RADIUS.items())
+    assert job.load(RECTANGLE, changes) == edited
+    assert job.parse(TEXT, changes=changes) == edited
+    assert PARSED.replaced(**changes) == edited
 
 
-@pytest.mark.parametrize("source", [RECTANGLE, TEXT, PARSED], ids=["path", "toml", "job"])
-class TestSources:
-    def test_without_overrides_it_is_the_job_itself(self, source):
-        assert job_with(source) == PARSED
+def test_overrides_of_another_kind_of_pressure_drop_the_keys_of_the_old():
+    points = {
+        "kind": "points",
+        "points_mm": [[5, 5], [25, 5], [15, 15]],
+        "limit_surface": "quartic",
+    }
+    on_points = job.parse(TEXT, changes={"pressure": points})
+    assert (on_points.pressure.kind, on_points.pressure.limit_surface) == ("points", "quartic")
+    stated = {"kind": "stated", "ellipsoid": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "rho_mm": 10}
+    assert on_points.replaced(pressure=stated).pressure.kind == "stated"
 
-    def test_overrides_equal_the_edited_file(self, source):
-        edited = TEXT.replace("radius_mm = 12.75", "radius_mm = 15").replace("seed = 1", "seed = 4")
-        assert job_with(source, [("uncertainty.radius_mm", "15"), ("seed", "4")]) == job.parse(
-            edited
-        )
 
-    def test_a_later_one_wins(self, source):
-        twice = [("goal.distance_mm", "1"), ("goal.distance_mm", "2.5")]
-        assert job_with(source, twice).goal.distance_mm == 2.5
-
-    def test_a_section_left_out_of_the_file_can_be_set(self, source):
-        assert job_with(source, [("search.particles", "99")]).search.particles == 99
-
-    def test_one_way_to_state_the_orientation_replaces_the_other(self, source):
-        bounded = [("uncertainty.orientation_halfwidth_deg", "20")]
-        assert job_with(source, bounded).uncertainty.orientation_halfwidth_deg == 20
-        back = [*bounded, ("uncertainty.orientation", "unknown")]
-        assert job_with(source, back) == PARSED
-
-    def test_another_kind_of_pressure_drops_the_keys_of_the_old(self, source):
-        supports = "[[-10, -5], [10, -5], [0, 6]]"
-        changes = [
-            ("pressure.limit_surface", "quartic"),
-            ("pressure.kind", "points"),
-            (
-                "pressure.points_mm",
-                "[[5, 5], [25, 5], [15, 15]]" if source is not PARSED else supports,
-            ),
-        ]
-        pressure = job_with(source, changes).pressure
-        assert pressure.kind == "points"
-        assert pressure.limit_surface == "quartic"
-        stated = [
-            *changes,
-            ("pressure.kind", "stated"),
-            ("pressure.ellipsoid", "[[1, 0, 0], [0, 1, 0], [0, 0, 1]]"),
-            ("pressure.rho_mm", "10"),
-        ]
-        assert job_with(source, stated).pressure.kind == "stated"
-
-    def test_a_new_outline_is_moved_to_its_centroid(self, source):
-        changed = [
-            ("part.outline_mm", "[[0, 0], [40, 0], [40, 20], [0, 20]]"),
-            ("part.symmetry", "auto"),
-        ]
-        assert job_with(source, changed).part.outline_mm.min(axis=0) == pytest.approx([-20, -10])
-
-    @pytest.mark.parametrize(
-        ("name", "value", "error", "words"),
-        [
-            ("uncertainty.radius_mm", "-1", InputError, "[uncertainty] radius_mm"),
-            ("uncertainty.radius_mm", "wide", InputError, "must be a number"),
-            ("uncertainty.radius", "3", KeyNameError, 'did you mean "radius_mm"'),
-            ("uncertanty.radius_mm", "3", KeyNameError, 'did you mean "uncertainty"'),
-            ("radius_mm", "3", KeyNameError, "unknown"),
-            ("seed.x", "3", UsageError, "no section"),
-            ("gripper.opening_mm", "20", FitError, "part larger than the opening"),
-            ("friction.finger_part_min", "0.9", InputError, "exchange them"),
-        ],
-    )
-    def test_what_a_file_may_not_say_an_override_may_not_either(
-        self, source, name, value, error, words
-    ):
-        with pytest.raises(error) as caught:
-            job_with(source, [(name, value)])
-        assert words in str(caught.value)
-        assert "\n" not in str(caught.value)
+@pytest.mark.parametrize(
+    ("change", "error", "words"),
+    [
+        ("uncertainty.radius_mm=-1", InputError, "[uncertainty] radius_mm"),
+        ("uncertainty.radius_mm=wide", InputError, "must be a number"),
+        ("uncertainty.radius=3", KeyNameError, 'did you mean "radius_mm"'),
+        ("uncertanty.radius_mm=3", KeyNameError, 'did you mean "uncertainty"'),
+        ("seed.x=3", UsageError, "no section"),
+        ("gripper.opening_mm=20", FitError, "part larger than the opening"),
+        ("friction.finger_part_min=0.9", InputError, "exchange them"),
+    ],
+)
+def test_overrides_that_a_file_may_not_state_are_refused(change, error, words):
+    with pytest.raises(error) as caught:
+        PARSED.replaced(**changes_of([change]))
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
 
 
 def test_of_two_values_for_one_key_the_last_holds_and_an_equals_sign_may_be_part_of_one():
@@ -112,15 +70,6 @@ def test_of_two_values_for_one_key_the_last_holds_and_an_equals_sign_may_be_part
 def test_overrides_that_name_nothing_or_a_section_that_is_none_are_refused(texts):
     with pytest.raises(UsageError, match="write it as"):
         changes_of(texts)
-
-
-def test_a_job_is_not_changed_by_what_is_made_of_it():
-    before = PARSED.canonical()
-    assert (
-        PARSED.replaced(part={"outline_mm": [[0, 0], [40, 0], [0, 30]], "symmetry": "auto"})
-        != PARSED
-    )
-    assert PARSED.canonical() == before
 
 
 @pytest.mark.parametrize(
@@ -153,31 +102,14 @@ def test_what_is_no_name_is_refused(name):
         value_of(name, "1")
 
 
-def test_commas_part_values_unless_they_are_inside_one():
-    assert split("uncertainty.radius_mm=10,12.75, 15") == (
-        "uncertainty.radius_mm",
-        ["10", "12.75", "15"],
-    )
-    assert split("actions.angles_deg=[0, 90],[0, [1, 2]]") == (
-        "actions.angles_deg",
-        ["[0, 90]", "[0, [1, 2]]"],
-    )
-    assert split("part.name=\"a,b\",'c=d'") == ("part.name", ['"a,b"', "'c=d'"])
-
-
 @pytest.mark.parametrize("text", ["", "a.b", "=1", "a.b=", "a.b=1,,2", "a.b=1,"])
 def test_a_sweep_without_values_is_refused(text):
     with pytest.raises(UsageError, match="write it as"):
         split(text)
 
 
-@given(st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=1))
-def test_any_numbers_survive_the_command_line(values):
-    name, texts = split("goal.distance_mm=" + ",".join(map(repr, values)))
-    assert [value_of(name, text) for text in texts] == values
-
-
-@given(st.text())
+@settings(max_examples=40, deadline=None)
+@given(st.text(max_size=60))
 def test_any_text_reads_or_is_refused_in_one_line(text):
     for read in (split, lambda text: value_of("a.b", text)):
         try:

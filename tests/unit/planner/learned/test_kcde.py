@@ -6,17 +6,14 @@ from typing import NamedTuple
 import kcde_twin
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from problems import JAWS, LONG_JAWS, l_shape, random_poses, rectangle, simulator
+from problems import JAWS, LONG_JAWS, random_poses, rectangle, simulator
 from scipy import stats
 
 from planner.learned.kcde import NEIGHBOURS, Kcde
-from planner.learned.neighbours import grid_of, keep_nearest, nearest_within, within
+from planner.learned.neighbours import grid_of, nearest_within, within
 from planner.mechanics.clearance import MISSES, STANDS_ON, TOUCHES, classify_contact
 
 pytestmark = pytest.mark.slow
-
 RHO = 10.57
 
 
@@ -55,20 +52,6 @@ def test_a_search_finds_what_a_look_at_every_point_finds(n, reach):
         near = np.flatnonzero(square <= square.min() + 1.5)
         assert sorted(grid.row[place[:result]]) == near.tolist()
         assert np.allclose(np.sort(squares[:result]), np.sort(square[near] - square.min()))
-
-
-@given(
-    st.lists(st.sampled_from([0.0, 0.5, 1.0, 2.5, 7.0]), min_size=1, max_size=60),
-    st.integers(1, 60),
-)
-@settings(deadline=None)
-def test_the_nearest_come_to_the_front(values, most):
-    most = min(most, len(values))
-    place, squares = np.arange(len(values)), np.array(values)
-    keep_nearest(place, squares, len(values), most)
-    nearest = np.sort(np.argsort(values, kind="stable")[:most])
-    assert place[:most].tolist() == nearest.tolist()
-    assert squares[:most].tolist() == np.array(values)[nearest].tolist()
 
 
 @pytest.mark.parametrize("order", [1, 2, 6])
@@ -132,23 +115,6 @@ def test_parts_that_are_not_touched_stay_to_the_last_bit():
     assert np.any(verdict == STANDS_ON)
 
 
-@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
-def test_a_touch_is_what_the_simulator_calls_one(share):
-    part = simulator(l_shape(), np.append(JAWS[:3], share))
-    poses = random_poses(np.random.default_rng(7), 2000, 40.0)
-    direct = part.roll_out(poses, part.nominal(2000, 0.5))
-    assert np.array_equal(
-        classify_contact(part.outline, part.jaws, poses) == MISSES, direct.status == 0
-    )
-
-
-def test_the_number_of_workers_does_not_matter():
-    model = fitted(made_up(3000, 8))
-    poses = random_poses(np.random.default_rng(9), 5000, 8.0)
-    one, four = (model.sample(poses, np.random.default_rng(10), workers) for workers in (1, 4))
-    assert all(np.array_equal(a, b) for a, b in zip(one, four, strict=True))
-
-
 def test_turns_that_nobody_can_tell_apart_make_no_difference():
     model = fitted(made_up(3000, 11), order=3)
     poses = random_poses(np.random.default_rng(12), 500, 8.0)
@@ -157,15 +123,3 @@ def test_turns_that_nobody_can_tell_apart_make_no_difference():
     theirs = model.sample(turned, np.random.default_rng(13))
     assert np.array_equal(ours.source, theirs.source)
     assert np.allclose(theirs.poses - ours.poses, [0.0, 0.0, math.tau / 3], atol=1e-9)
-
-
-def test_what_cannot_be_estimated_is_refused():
-    far = made_up(10, 20)
-    with pytest.raises(ValueError, match="no roll-out touches"):
-        Kcde.fit(
-            far._replace(initial=far.initial + np.array([500.0, 0.0, 0.0])),
-            rectangle(),
-            JAWS,
-            RHO,
-            2,
-        )

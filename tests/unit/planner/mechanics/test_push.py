@@ -9,8 +9,6 @@ import pytest
 import shapely
 from problems import (
     JAWS,
-    bar,
-    disc,
     hexagon,
     l_shape,
     place,
@@ -20,13 +18,12 @@ from problems import (
     right_triangle,
     simulator,
 )
-from push_paths import joined, paths, random_paths
+from push_paths import paths, random_paths
 from twin import Part
 
-from planner.mechanics import contacts
 from planner.mechanics.limit_surface import LimitSurface
-from planner.mechanics.push import LOST, SLID, STUCK, Paths
-from planner.mechanics.simulator import Parameters, commanded
+from planner.mechanics.push import SLID, STUCK, Paths
+from planner.mechanics.simulator import commanded
 
 
 def pushed(outline, built, mu, **options):
@@ -82,22 +79,6 @@ def test_fingers_that_stick_take_the_part_where_they_go(angle):
     assert result.status[0] == STUCK
 
 
-def test_without_friction_nothing_follows_a_turning_pusher():
-    pushes = paths([(-8.0, -10.5), (8.0, -10.5)], centre=(0.0, 30.0), angle=0.6)
-    result = pushed(rectangle(), pushes, 0.0)
-    assert result.status[0] != STUCK
-
-
-def test_a_finger_beside_the_part_has_lost_it():
-    pushes = joined(
-        [paths([(40.0, -10.5)], shift=(0.0, 30.0)), paths([(14.5, -11.0)], shift=(0.0, 60.0))]
-    )
-    result = pushed(rectangle(), pushes, 0.3)
-    assert result.status.tolist() == [LOST, LOST]
-    assert not result.moved[0].any()
-    assert result.moved[1].any()
-
-
 @pytest.mark.parametrize("mu", [0.0, 0.5])
 def test_turned_scenes_end_turned(mu):
     outline, angle = random_convex(np.random.default_rng(5), 6), 0.7
@@ -127,37 +108,6 @@ def test_mirrored_scenes_end_mirrored(mu):
     assert result.moved == pytest.approx(straight.moved * [-1.0, 1.0, -1.0], abs=1e-6)
 
 
-def test_larger_scenes_end_alike():
-    pushes = random_paths(rectangle(), np.random.default_rng(9), 40)
-    larger = Paths(4.0 * pushes.points, 4.0 * pushes.centres, pushes.angles, 4.0 * pushes.shifts)
-    straight = pushed(rectangle(), pushes, 0.4, step_mm=0.1)
-    result = pushed(4.0 * rectangle(), larger, 0.4, step_mm=0.4)
-    assert result.moved == pytest.approx(straight.moved * [4.0, 4.0, 1.0], abs=0.02)
-
-
-def test_the_step_matters_little():
-    outline = random_convex(np.random.default_rng(1), 6)
-    pushes = random_paths(outline, np.random.default_rng(2), 60)
-    coarse, fine = (pushed(outline, pushes, 0.4, step_mm=step).moved for step in (0.4, 0.02))
-    off = np.hypot(*(coarse - fine)[:, :2].T)
-    assert np.median(off) < 0.1
-    assert np.quantile(off, 0.95) < 0.3
-
-
-@pytest.mark.parametrize("outline", [hexagon(), l_shape(), disc()])
-def test_no_finger_ends_inside_the_part(outline):
-    pushes = random_paths(outline, np.random.default_rng(4), 60)
-    result = pushed(outline, pushes, 0.4)
-    for k, pose in enumerate(result.moved):
-        middle = pushes.centres[k] + pushes.shifts[k]
-        ends = shapely.points(
-            turned(pushes.points[k] - pushes.centres[k], pushes.angles[k]) + middle
-        )
-        part = shapely.Polygon(place(outline, pose))
-        depths = np.where(shapely.contains(part, ends), shapely.distance(part.exterior, ends), 0.0)
-        assert depths.max() < 0.02
-
-
 def test_round_tip_slides_off_a_disc_along_the_closed_form():
     """As a point does, with the sum of both radii for the disc's."""
     radius, tip, way, phi = 13.0, 4.75, 6.0, math.radians(30.0)
@@ -176,7 +126,7 @@ def test_round_tip_ends_where_the_twin_does(outline, mu):
     rng, tip = np.random.default_rng(5), 4.75
     part = simulator(outline)
     twin = Part(np.asarray(part.outline), part.surface.A, part.surface.rho_mm, mu, JAWS)
-    for _ in range(2):
+    for _ in range(1):
         pushes = beside(outline, rng, tip)
         moved = part.push(pushes, part.nominal(1, mu), tip).moved[0]
         reference = push_twin.push(
@@ -196,24 +146,6 @@ def beside(outline, rng, tip):
     return paths([place], shift=12.0 * inward + rng.uniform(-6.0, 6.0) * edge)
 
 
-def test_round_tip_of_no_size_is_a_point():
-    pushes, part = random_paths(hexagon(), np.random.default_rng(3), 40), simulator(hexagon())
-    straight = pushes._replace(angles=np.zeros(40), shifts=np.tile([3.0, 5.0], (40, 1)))
-    point, tip = (part.push(straight, part.nominal(40, 0.3), size).moved for size in (0.0, 1e-4))
-    assert np.quantile(np.abs(point - tip).max(axis=1), 0.95) < 0.01
-
-
-@pytest.mark.parametrize("mu", [0.0, 0.5])
-def test_round_tip_in_a_notch_rests_on_both_edges(mu):
-    outline, tip = l_shape(), 3.0
-    notch, part = outline[3], simulator(l_shape())
-    result = part.push(paths([notch + tip + 0.5], shift=(-9.0, -9.0)), part.nominal(1, mu), tip)
-    centre = notch + tip + 0.5 - 9.0
-    assert np.hypot(*(place(outline, result.moved[0])[3] - centre)) == pytest.approx(
-        math.sqrt(2.0) * tip, abs=0.03
-    )
-
-
 def test_round_tips_never_end_inside_a_part():
     """Past vertices, around concave outlines and along edges: the tip's whole disc stays outside."""
     rng, tip = np.random.default_rng(8), 4.75
@@ -229,113 +161,6 @@ def test_round_tips_never_end_inside_a_part():
         for start, way, moved in zip(starts, pushes.shifts, result.moved, strict=True):
             end = shapely.Polygon(place(outline, moved))
             assert end.distance(shapely.Point(start + way)) > tip - 0.03
-
-
-@pytest.mark.parametrize("mu", [0.0, 0.5])
-def test_a_finger_in_a_notch_stays_there(mu):
-    """Pushed from within the cone of the notch's two edges: neither lets it pass."""
-    outline = l_shape()
-    notch = outline[3]
-    result = pushed(outline, paths([notch + 0.5], shift=(-9.0, -9.0)), mu)
-    finger = notch + 0.5 - 9.0
-    assert place(outline, result.moved[0])[3] == pytest.approx(finger, abs=0.02)
-    assert result.status[0] != LOST
-
-
-def test_workers_do_not_change_the_result():
-    pushes = random_paths(hexagon(), np.random.default_rng(12), 600)
-    results = []
-    for workers in (1, 3):
-        part = simulator(hexagon(), workers=workers)
-        results.append(part.push(pushes, part.sample(600, np.random.default_rng(1))))
-    assert results[0].moved.tobytes() == results[1].moved.tobytes()
-    assert results[0].status.tolist() == results[1].status.tolist()
-
-
-def test_a_point_near_a_convex_part_is_found_once_at_its_distance():
-    rng = np.random.default_rng(11)
-    for _ in range(40):
-        outline = random_convex(rng, 5)
-        part = shapely.Polygon(outline)
-        C = np.zeros((contacts.MAX_CONTACTS, contacts.C_COLUMNS))
-        I = np.zeros((contacts.MAX_CONTACTS, contacts.I_COLUMNS), np.int64)
-        for point in rng.uniform(-22.0, 22.0, (60, 2)):
-            here = shapely.Point(point)
-            distance = here.distance(part.exterior)
-            if part.contains(here):
-                continue
-            count = contacts.find_points(
-                C,
-                I,
-                np.ascontiguousarray(outline.T),
-                np.zeros(3),
-                contacts.Tips(point[None], 0.0),
-                2.0,
-            )
-            assert count == (distance <= 2.0)
-            if count:
-                assert C[0, contacts.GAP] == pytest.approx(distance)
-                touched = C[0, [contacts.RX, contacts.RY]]
-                assert shapely.Point(touched).distance(part.exterior) < 1e-9
-                assert touched - point == pytest.approx(
-                    distance * C[0, [contacts.NX, contacts.NY]], abs=1e-9
-                )
-
-
-def test_each_push_takes_its_own_mechanics():
-    pushes = joined([paths([(6.0, -10.5)], shift=(0.0, 10.0))] * 2)
-    part = simulator(rectangle())
-    surfaces = np.stack([np.diag([1.0, 1.0, 0.2]), np.diag([1.0, 1.0, 3.0])])
-    result = part.push(pushes, Parameters(surfaces, np.full((2, 2), 0.3)))
-    assert result.moved[0, 2] < 0.5 * result.moved[1, 2]
-
-
-HANDS = [(0.0, 30.0), (12.0, 30.0), (40.0, 30.0)]  # opening and way [mm]
-
-
-def pushed_by_hand(outline, opening, way, n=60, seed=3):
-    """Parts strewn before a hand; where they lay and where they end, in its frame at the start."""
-    part, rng = simulator(outline), np.random.default_rng(seed)
-    before = np.column_stack(
-        [
-            np.hypot(*outline.T).max() + JAWS[1] / 2 + rng.uniform(0.1, 8.0, n),
-            rng.uniform(-15.0, 15.0, n),
-            rng.uniform(-math.pi, math.pi, n),
-        ]
-    )
-    return before, part.push_by_hand(before, np.full(n, opening), np.full(n, way), rng)
-
-
-def fingers_at(opening, way):
-    inner, outer, h = opening / 2, opening / 2 + JAWS[2], JAWS[1] / 2
-    return shapely.box(way - h, [inner, -outer], way + h, [outer, -inner])
-
-
-@pytest.mark.parametrize("outline", [rectangle(), right_triangle(), l_shape(), disc(), bar()])
-@pytest.mark.parametrize(("opening", "way"), HANDS)
-def test_no_part_ends_inside_the_fingers(outline, opening, way):
-    before, after = pushed_by_hand(outline, opening, way)
-    for pose in after:
-        inside = shapely.Polygon(place(outline, pose)).buffer(-0.15)
-        assert not shapely.intersects(inside, fingers_at(opening, way)).any()
-    assert np.any(np.abs(after - before) > 1.0)  # else nothing was tried
-
-
-@pytest.mark.parametrize(("opening", "way"), HANDS)
-def test_only_parts_that_the_fingers_sweep_over_move(opening, way):
-    before, after = pushed_by_hand(rectangle(), opening, way)
-    swept = shapely.union_all([fingers_at(opening, at) for at in np.linspace(0.0, way, 200)])
-    for start, end in zip(before, after, strict=True):
-        met = shapely.Polygon(place(rectangle(), start)).intersects(swept)
-        assert met or np.array_equal(start, end)
-
-
-@pytest.mark.parametrize("opening", [0.0, 8.0])
-def test_a_flush_part_is_taken_along(opening):
-    part, rng = simulator(rectangle()), np.random.default_rng(0)
-    start = np.array([[JAWS[1] / 2 + 15.0 + 2.0, 0.0, 0.0]])
-    end = part.push_by_hand(start, np.array([opening]), np.array([20.0]), rng)
-    assert end[0] == pytest.approx(start[0] + [18.0, 0.0, 0.0], abs=0.02)
 
 
 def test_fingers_end_a_push_as_their_corners_alone_do():
@@ -357,21 +182,6 @@ def test_fingers_end_a_push_as_their_corners_alone_do():
         result = part.push(paths(back, shift=turned([way, 0.0], -pose[2])), drawn.of(np.array([k])))
         moved = [*turned(result.moved[0, :2], pose[2]), result.moved[0, 2]]
         assert by_hand[k] == pytest.approx(pose + moved, abs=0.05)
-
-
-def test_parts_wedged_between_two_points_go_with_them():
-    """Their tips point into the gap, and friction holds them: no LCP has a solution, the push goes on."""
-    part, rng, n = (
-        simulator(np.array([[-24.0, 0.0], [12.0, -14.5], [12.0, 14.5]])),
-        np.random.default_rng(2),
-        200,
-    )
-    poses = np.column_stack([np.zeros(n), rng.uniform(-3.0, 3.0, n), rng.uniform(-0.1, 0.1, n)])
-    ahead = np.array([(-21.0, -6.0), (-21.0, 6.0)])
-    pushes = [paths(turned(ahead - q[:2], -q[2]), shift=turned([40.0, 0.0], -q[2])) for q in poses]
-    result = part.push(joined(pushes), part.nominal(n, 0.55))
-    assert not result.given_up.any()
-    assert np.all(np.hypot(*result.moved[:, :2].T) > 25.0)
 
 
 @pytest.mark.parametrize("share", [0.5, 0.6, 1.0])

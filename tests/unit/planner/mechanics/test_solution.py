@@ -2,13 +2,11 @@
 
 import numpy as np
 import pytest
-import shapely
 from contact_solutions import contact_solution
 
 from planner.mechanics import quartic
 from planner.mechanics.clearance import clearance
 from planner.mechanics.lcp import RAY, SOLVED
-from planner.part.outline import simplified
 
 pytestmark = pytest.mark.slow
 
@@ -48,34 +46,3 @@ def test_solutions_fulfil_complementarity_and_coulombs_law(surface):
         assert max(solution.residuals()) < 1e-6
     assert solved > 100
     assert pressed > 20
-
-
-def test_residuals_see_a_force_outside_the_cone_and_an_overlap():
-    pose = np.array([0.0, 0.0, 0.3])
-    points, faces = touching(pose)
-    solution = contact_solution(points, pose, faces, JAWS, A, RHO, (0.3, 0.3), 0.1)
-    assert solution.status == SOLVED
-    wrong = solution._replace(
-        force=solution.force * [1.0, 2.0] + [0.0, 0.5], slack_mm=solution.slack_mm - 0.1
-    )
-    assert wrong.residuals().cone > 0.1
-    assert wrong.residuals().overlap_mm == pytest.approx(0.1, abs=1e-6)
-
-
-def test_a_flush_rectangle_is_a_ray():
-    points, faces = touching(np.zeros(3))
-    assert contact_solution(points, np.zeros(3), faces, JAWS, A, RHO, (0.5, 0.5), 0.1).status == RAY
-
-
-def test_a_dense_curve_is_simplified_to_the_tolerance_and_no_further():
-    angle = np.linspace(0, 2 * np.pi, 720, endpoint=False)
-    dense = np.column_stack([18 * np.cos(angle), 11 * np.sin(angle)])
-    plain = simplified(dense, 0.005)
-    assert len(plain) < 240
-    assert (
-        shapely.hausdorff_distance(shapely.LinearRing(dense), shapely.LinearRing(plain), 0.05)
-        < 0.0051
-    )
-    np.testing.assert_array_equal(
-        np.sort(simplified(RECTANGLE, 0.005), axis=0), np.sort(RECTANGLE, axis=0)
-    )

@@ -5,18 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from contact_solutions import workspace
 from problems import (
     JAWS,
     LONG_JAWS,
     OUTLINES,
-    boundary_surface,
     l_shape,
     place,
     random_convex,
     random_poses,
     rectangle,
-    right_triangle,
     simulator,
     sliver,
 )
@@ -49,7 +46,7 @@ def test_squeeze_finger_wedged_in_a_notch_takes_the_part_along_until_both_touch(
     half = [(16.25, 3.375), (11.5, 3.375), (11.5, 3.05), (8.5, 3.05), (8.5, 2.5)]
     half += [(-x, y) for x, y in reversed(half)]
     lugs = np.array([*half, *((-x, -y) for x, y in half)])
-    poses = np.random.default_rng(1).uniform((-2.4, 7.5, 0.01), (-1.9, 9.0, 0.06), (2000, 3))
+    poses = np.random.default_rng(1).uniform((-2.4, 7.5, 0.01), (-1.9, 9.0, 0.06), (500, 3))
     rig = simulator(lugs, JAWS)
     ended = rig.roll_out(poses, rig.nominal(len(poses), 1.3))
     whole = ended.given_up == 0
@@ -66,12 +63,12 @@ def test_squeeze_finger_in_the_corner_of_a_shoulder_keeps_both_contacts():
     stepped = np.array([*head, *shaft, *((x, -y) for x, y in reversed(shaft))])
     rig = simulator(stepped, np.array([140.0, 27.0, 13.5, 0.5]))
     rng = np.random.default_rng(1)
-    poses = rng.uniform((15.1, -40.0, -1.539055), (15.3, -27.0, -1.539040), (8000, 3))
+    poses = rng.uniform((15.1, -40.0, -1.539055), (15.3, -27.0, -1.539040), (3000, 3))
     ended = rig.roll_out(poses, rig.sample(len(poses), rng))
     assert ended.given_up.mean() < 0.002
 
 
-@pytest.mark.parametrize("mu", [0.1, 0.2, 0.3, 0.5, 0.65])
+@pytest.mark.parametrize("mu", [0.1, 0.3, 0.65])
 @pytest.mark.parametrize("side", [1, -1])
 def test_the_rectangle_jams_on_its_diagonal_within_the_friction_angle(mu, side):
     """Off the closing axis by up to atan(mu): jammed where it lies; by more: it turns until flush."""
@@ -101,7 +98,7 @@ def test_a_rectangle_that_turns_while_jaws_close_jams_no_earlier_than_the_fricti
 # Frictionless jaws: Goldberg's squeeze function.
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(6))
 def test_without_friction_long_jaws_end_at_a_local_minimum_of_the_width(seed):
     """Goldberg, Orienting polygonal parts without sensors (1993): the part turns downhill until flush."""
     rng = np.random.default_rng(seed)
@@ -126,111 +123,31 @@ def lowest_nearby(outline, axis):
 # One contact.
 
 
-def test_a_face_that_is_pushed_squarely_moves_along_without_turning():
-    """A line push through the centre of friction: the part keeps its angle until the other jaw stops it."""
-    final, widths, statuses = squeeze(simulator(rectangle()), [1.5, 8.0, math.pi])
-    assert np.allclose(final, [[1.5, 0.0, math.pi]], atol=1e-9)
-    assert statuses == ["grasped"]
-    assert widths == pytest.approx([21.0], abs=1e-6)
-
-
-def test_a_vertex_that_is_pushed_turns_the_part_as_the_limit_surface_says():
-    """One sticking contact under a small push: V = A F for the F that makes it follow (eqs 1-3)."""
-    outline, pose = rectangle(), np.array([0.0, 20.0, 0.3])
-    surface = LimitSurface(np.diag([1.05, 1.05, 0.58]), 10.5)
-    c, s = math.cos(pose[2]), math.sin(pose[2])
-    top = max(outline @ [[c, s], [-s, c]] + pose[:2], key=lambda p: p[1])
-    push = 0.002
-    # The upper finger touches; the lower one is out of reach.
-    jaws = np.array([2 * (top[1] + 1e-9), 27.5, 9.5, 0.5])
-    rx, ry = top - pose[:2]
-    J = np.array([[1.0, 0.0, -ry / surface.rho_mm], [0.0, 1.0, rx / surface.rho_mm]])
-    force = np.linalg.solve(J @ surface.A @ J.T, [0.0, -push])
-    assert abs(force[0]) < 0.5 * abs(force[1])
-    V = surface.A @ J.T @ force
-    after = pushed_by(outline, surface, jaws, pose, push)
-    assert np.allclose((after - pose) * [1, 1, surface.rho_mm], V, atol=push * 1e-3)
-
-
-def pushed_by(outline, surface, jaws, pose, push):
-    """Pose after the upper finger has pushed by that much, alone: one step of the simulator's own kernels."""
-    from planner.mechanics import contacts, step
-    from planner.mechanics.boundary import Drive, directions
-
-    work = workspace()
-    C, I = work.C, work.I
-    points, out = np.zeros((2, len(outline))), np.zeros(len(outline), np.int64)
-    contacts.place(np.ascontiguousarray(outline.T), pose, points)
-    upper, lower = (
-        contacts.Finger(side, 0.0, side * jaws[0] / 2, jaws[1] / 2, jaws[2]) for side in (1, -1)
-    )
-    count = contacts.find(C, I, points, out, pose, contacts.Hand(upper, lower, 2), 0.05)
-    step.rotate_surface(surface.A, np.cos(pose[2]), np.sin(pose[2]), work.A)
-    directions(C, I, count, surface.rho_mm, Drive(push, 0.0, 0.0, 0.0, 0.0))
-    assert step.solve(0.5, 0.5, count, work) == step.SOLVED
-    return pose + work.V / [1, 1, surface.rho_mm]
-
-
 # Symmetries.
 
+MIRROR = np.array([-1.0, 1.0, -1.0])
 
-@pytest.mark.parametrize("name", ["rectangle", "right triangle", "L", "butterfly"])
-def test_a_mirrored_squeeze_ends_mirrored(name):
-    """Part, limit surface and pose mirrored in the closing axis."""
-    part = simulator(OUTLINES[name]())
-    mirror = np.array([-1.0, 1.0, -1.0])
-    image = replace(
-        part,
-        outline=np.ascontiguousarray((part.outline * [-1, 1])[::-1]),
-        surface=LimitSurface(part.surface.A * np.outer(mirror, mirror), part.surface.rho_mm),
-    )
-    poses = random_poses(np.random.default_rng(2), 40, 12.75)
-    final, widths, statuses = squeeze(part, poses)
-    final_image, widths_image, statuses_image = squeeze(image, poses * mirror)
-    assert statuses == statuses_image
-    assert np.allclose(final * mirror, final_image, atol=1e-9)
-    assert np.allclose(widths, widths_image, atol=1e-9)
+
+def mirrored(part):
+    """The part and its limit surface in the closing axis."""
+    surface = LimitSurface(part.surface.A * np.outer(MIRROR, MIRROR), part.surface.rho_mm)
+    outline = np.ascontiguousarray((part.outline * [-1, 1])[::-1])
+    return replace(part, outline=outline, surface=surface)
 
 
 @pytest.mark.parametrize("name", ["rectangle", "right triangle", "L", "butterfly"])
-def test_a_squeeze_seen_from_the_other_side_of_the_hand_is_the_same(name):
-    """The pose turned by half a turn about the hand; both fingers close alike."""
-    part = simulator(OUTLINES[name]())
-    poses = random_poses(np.random.default_rng(3), 40, 12.75)
-    turned = poses * [-1, -1, 1] + [0, 0, math.pi]
+def test_squeeze_mirrored_or_seen_from_the_other_side_of_the_hand_ends_so(name):
+    part, poses = simulator(OUTLINES[name]()), random_poses(np.random.default_rng(2), 40, 12.75)
+    half_turn = np.array([0.0, 0.0, math.pi])
     final, widths, statuses = squeeze(part, poses)
-    final_turned, widths_turned, statuses_turned = squeeze(part, turned)
-    assert statuses == statuses_turned
-    assert np.allclose(final * [-1, -1, 1] + [0, 0, math.pi], final_turned, atol=1e-9)
-    assert np.allclose(widths, widths_turned, atol=1e-9)
+    for other, scale, shift in ((mirrored(part), MIRROR, 0.0), (part, [-1, -1, 1], half_turn)):
+        seen, seen_widths, seen_statuses = squeeze(other, poses * scale + shift)
+        assert statuses == seen_statuses
+        assert np.allclose(final * scale + shift, seen, atol=1e-9)
+        assert np.allclose(widths, seen_widths, atol=1e-9)
 
 
 # Statuses, extremes and determinism.
-
-
-def test_a_part_between_the_fingers_path_is_not_touched_and_not_moved():
-    poses = np.array([[40.0, 0.0, 0.3], [-45.0, 10.0, 1.0], [0.0, 90.0, 0.0]])
-    final, widths, statuses = squeeze(simulator(rectangle()), poses)
-    assert np.array_equal(final, poses)
-    assert np.array_equal(widths, np.zeros(3))
-    assert statuses == ["untouched"] * 3
-
-
-def test_fingers_that_close_have_width_zero_and_fingers_that_hold_have_not():
-    part = simulator(right_triangle())
-    _, widths, statuses = squeeze(part, random_poses(np.random.default_rng(4), 400, 38.25), 0.3)
-    free = np.isin(statuses, ["untouched", "slipped"])
-    assert 20 < free.sum() < 380
-    assert "slipped" in statuses
-    assert np.array_equal(widths == 0.0, free)
-
-
-def test_a_part_that_the_open_fingers_stand_on_is_reported_and_left_alone():
-    pose = np.array([[0.0, 42.0, 0.0]])
-    final, widths, statuses = squeeze(simulator(rectangle()), pose)
-    assert statuses == ["jammed"]
-    assert widths == [85.0]
-    assert np.array_equal(final, pose)
 
 
 @pytest.mark.parametrize("step_mm", [0.05, 0.4])
@@ -242,16 +159,6 @@ def test_a_part_thinner_than_a_step_is_caught_all_the_same(step_mm):
     assert np.allclose(widths, 0.15, atol=0.02)
 
 
-def test_the_finger_that_does_not_move_leaves_the_work_to_the_other():
-    """A share of one: the lower finger stays open, so a part above the middle is pushed down to it."""
-    jaws = JAWS.copy()
-    jaws[3] = 1.0
-    final, widths, statuses = squeeze(simulator(rectangle(), jaws), [0.0, 8.0, 0.0])
-    assert statuses == ["grasped"]
-    assert widths == pytest.approx([21.0], abs=1e-6)
-    assert np.allclose(final, [[0.0, -42.5 + 10.5, 0.0]], atol=1e-6)
-
-
 def test_results_do_not_depend_on_the_number_of_workers():
     part = simulator(l_shape())
     poses = random_poses(np.random.default_rng(5), 600, 12.75)
@@ -259,20 +166,6 @@ def test_results_do_not_depend_on_the_number_of_workers():
     alone = part.roll_out(poses, parameters)
     shared = replace(part, workers=2).roll_out(poses, parameters)
     assert [a.tobytes() for a in alone] == [b.tobytes() for b in shared]
-
-
-def test_poses_and_parameters_are_not_modified():
-    part = simulator(rectangle())
-    poses = random_poses(np.random.default_rng(7), 20, 12.75)
-    parameters = part.sample(20, np.random.default_rng(8))
-    before = poses.tobytes(), parameters.surfaces.tobytes(), parameters.mu.tobytes()
-    part.roll_out(poses, parameters)
-    assert (poses.tobytes(), parameters.surfaces.tobytes(), parameters.mu.tobytes()) == before
-
-
-def test_the_nominal_surface_is_the_parts_own():
-    part = simulator(rectangle())
-    assert np.array_equal(part.nominal(2, 0.5).surfaces[1], boundary_surface(rectangle()).A)
 
 
 @pytest.mark.parametrize("name", ["rectangle", "butterfly", "ellipse", "hexagon"])
@@ -295,14 +188,3 @@ def test_grasped_or_jammed_does_not_depend_on_the_size_of_the_part(name):
 
 
 # Steps.
-
-
-def test_steps_go_on_at_their_length_from_edge_to_edge_of_a_curve():
-    part = simulator(OUTLINES["ellipse"]())
-    path, status = part.trace(np.array([16.0, 0.0, 1.0]), part.surface.A, 0.5)
-    assert STATUS_NAMES[status] == "slipped"
-    closed = -0.5 * np.diff(path[:, 3])
-    stepped = closed[(closed > 1e-9) & (closed <= part.step_mm + 1e-9)]
-    assert (
-        stepped.mean() > 0.25 * part.step_mm
-    )  # doubled anew after every vertex they were 0.13 of it

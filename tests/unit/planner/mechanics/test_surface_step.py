@@ -1,6 +1,5 @@
 """The step with either limit surface: the quartic of an ellipsoid is that ellipsoid, fixed points hold."""
 
-import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +9,9 @@ from surfaces import hessian
 from planner.belief.doubts import believed
 from planner.belief.particles import initial
 from planner.job import model as job_file
-from planner.mechanics import limit_surface, quartic, surface
-from planner.mechanics.simulator import STATUS_NAMES, Parameters, Simulator
+from planner.mechanics import quartic, surface
+from planner.mechanics.simulator import Parameters, Simulator
 from planner.mechanics.surface_step import local_matrix
-from runtime.shell.errors import InputError
 
 JOB = job_file.load(Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml")
 TEXT = (Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml").read_text()
@@ -31,17 +29,6 @@ def quartic_job():
     )
 
 
-def test_squeezes_with_an_ellipsoid_written_as_a_quartic_end_alike(poses):
-    ellipsoid = Simulator.of_job(JOB, workers=1)
-    assert isinstance(ellipsoid.surface, limit_surface.LimitSurface)
-    as_quartic = quartic.of_ellipsoid(ellipsoid.surface.A, ellipsoid.surface.rho_mm)
-    same = dataclasses.replace(ellipsoid, surface=as_quartic)
-    a = ellipsoid.roll_out(poses, ellipsoid.nominal(len(poses), 0.5))
-    b = same.roll_out(poses, same.nominal(len(poses), 0.5))
-    np.testing.assert_allclose(b.poses, a.poses, atol=1e-5)
-    np.testing.assert_array_equal(b.status, a.status)
-
-
 def test_local_matrix_is_a_third_of_the_hessian_and_gives_the_gradient(quartic_job):
     form = surface.of_job(quartic_job)
     assert isinstance(form, quartic.QuarticSurface)
@@ -50,20 +37,6 @@ def test_local_matrix_is_a_third_of_the_hessian_and_gives_the_gradient(quartic_j
         local_matrix(form.hessian_table(), F, A)
         np.testing.assert_allclose(A, hessian(form, F) / 3.0, atol=1e-12)
         np.testing.assert_allclose(A @ F, form.gradient(F), atol=1e-12)
-
-
-def test_a_quartic_job_squeezes_to_the_same_widths_with_its_own_poses(poses, quartic_job):
-    simulator = Simulator.of_job(quartic_job, workers=2)
-    sampled = simulator.sample(len(poses), np.random.default_rng(3))
-    assert sampled.surfaces.shape == (len(poses), 6, 6)
-    rolled = simulator.roll_out(poses, sampled)
-    assert rolled.given_up.sum() == 0
-    grasped = rolled.status == STATUS_NAMES.index("grasped")
-    flush = np.minimum(np.abs(rolled.width_mm - 21.0), np.abs(rolled.width_mm - 30.0))
-    assert flush[grasped].max() < 0.02
-    finer = dataclasses.replace(simulator, step_mm=0.05).roll_out(poses, sampled)
-    close = np.abs(finer.poses - rolled.poses).max(axis=1) < 0.3
-    assert close.mean() > 0.985
 
 
 def test_in_one_roll_out_each_part_is_squeezed_by_the_form_of_its_own_surface(poses):
@@ -94,37 +67,6 @@ def test_parts_of_both_forms_end_alike_where_the_quartic_is_the_ellipsoid(poses)
     a, b = plain.roll_out(poses, nominal), plain.roll_out(poses, mixed)
     np.testing.assert_allclose(b.poses, a.poses, atol=1e-5)
     np.testing.assert_array_equal(b.status, a.status)
-
-
-def test_surfaces_drawn_for_parts_of_either_form_scatter_about_their_own():
-    job = JOB.replaced(doubt={"limit_surface": "any", "pressure": "any"})
-    surfaces = (surface.of_job(job), *surface.others_of(job))
-    forms = [type(each) for each in surfaces]
-    assert (
-        forms.count(quartic.QuarticSurface)
-        == forms.count(limit_surface.LimitSurface)
-        == len(forms) / 2
-    )
-    which = np.repeat(np.arange(len(surfaces)), 400)
-    drawn, ellipsoid = surface.sample_each(
-        surfaces, which, np.full(len(which), 100), np.random.default_rng(7)
-    )
-    for number, each in enumerate(surfaces):
-        nominal = surface.nominal(each)
-        size = len(nominal)
-        ours = drawn[which == number]
-        assert (ellipsoid[which == number] == (size == 3)).all()
-        error = ours[:, :size, :size].std(axis=0) / 20.0
-        np.testing.assert_allclose(
-            ours[:, :size, :size].mean(axis=0), nominal, atol=5.0 * error.max()
-        )
-        assert not ours[:, size:].any()
-
-
-def test_another_form_is_latent_where_there_may_be_one():
-    stated = {"kind": "stated", "ellipsoid": np.eye(3).tolist(), "rho_mm": 10.0}
-    with pytest.raises(InputError, match="states the surface"):
-        JOB.replaced(pressure=stated, doubt={"limit_surface": "any"})
 
 
 def test_a_release_moves_held_parts_only_and_by_what_the_job_says(poses):

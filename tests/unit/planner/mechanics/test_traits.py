@@ -8,7 +8,7 @@ from problems import OUTLINES
 
 from planner.mechanics.simulator import Simulator
 from planner.mechanics.traits import SHAPES, shapes
-from planner.part.outline import grown, offsets, reach
+from planner.part.outline import grown, offsets
 
 
 @pytest.mark.parametrize("name", OUTLINES)
@@ -18,25 +18,6 @@ def test_an_outline_grown_by_a_little_has_the_area_of_its_rim_more(name):
     more = shapely.Polygon(outline + mm * offsets(outline)).area - polygon.area
     assert more == pytest.approx(mm * polygon.length, rel=1e-3)
     assert grown(outline, 0.0) == pytest.approx(outline, abs=1e-9)
-
-
-@pytest.mark.parametrize("name", OUTLINES)
-def test_edges_of_a_grown_outline_are_parallel_and_as_far_off_as_stated(name):
-    outline = OUTLINES[name]()
-    larger = outline + 0.2 * offsets(outline)
-    for k in range(len(outline)):
-        edge = np.roll(outline, -1, axis=0)[k] - outline[k]
-        normal = np.array([edge[1], -edge[0]]) / np.hypot(*edge)
-        assert (larger[k] - outline[k]) @ normal == pytest.approx(0.2, abs=1e-9)
-
-
-@pytest.mark.parametrize("name", OUTLINES)
-def test_a_scaled_outline_is_similar_and_one_millimetre_larger_at_its_farthest(name):
-    outline = OUTLINES[name]()
-    larger = outline + shapes(outline)[1]
-    assert reach(larger) == pytest.approx(reach(outline) + 1.0)
-    assert larger == pytest.approx(outline * (1.0 + 1.0 / reach(outline)))
-    assert shapes(outline).shape == (SHAPES, len(outline), 2)
 
 
 def test_a_part_that_deviates_is_squeezed_as_one_drawn_so():

@@ -33,23 +33,3 @@ def test_seconds_of_one_squeeze_are_the_models() -> None:
     widths = np.array([[20.0], [20.0], [35.0]])
     expected = (2 * one_squeeze_s(20.0) + one_squeeze_s(35.0)) / 3
     assert seconds_of(JOB, np.zeros(1), widths) == pytest.approx(expected)
-
-
-def test_seconds_of_several_squeezes_grow_with_turns_and_stay_below_retreats_between() -> None:
-    still, turned = (
-        seconds_of(JOB, np.array([0.0, angle]), np.full((1, 2), 20.0)) for angle in (0.0, 1.5)
-    )
-    assert one_squeeze_s(20.0) < still < turned
-    assert still < 2 * one_squeeze_s(20.0)  # the hand rises only above the part between them
-
-
-def test_seconds_fall_where_the_arm_accelerates_faster() -> None:
-    slow, fast = (
-        seconds_of(
-            JOB.replaced(cell={"arm_acceleration_mm_s2": acceleration}),
-            np.array([0.0, 1.5]),
-            np.full((1, 2), 20.0),
-        )
-        for acceleration in (500.0, 5000.0)
-    )
-    assert fast < slow

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from planner.paper.open_loop import ALPHA, COLLIDING_SHARE, OpenLoop
+from planner.paper.open_loop import ALPHA, OpenLoop
 from planner.paper.search import singleton
 
 RNG_SEED = 11
@@ -87,17 +87,6 @@ def found_by(search, poses):
     return search.search(poses, np.random.default_rng(RNG_SEED))
 
 
-def test_two_pushes_gather_the_line():
-    search = search_of([left(5.0), right(4.0)], depth=2)
-    best = found_by(search, line(0, 10))
-    assert best.actions == (0, 1)
-    assert best.ratio == 1.0
-    gathered = line(0, 10)
-    for action in best.actions:
-        gathered = search.moved(gathered, search.placements[action], None)
-    assert np.all((gathered[:, 0] >= 4.0 - 1e-9) & (gathered[:, 0] <= 5.0 + 1e-9))
-
-
 @pytest.mark.parametrize("seed", range(12))
 @pytest.mark.parametrize("depth", [1, 2, 3])
 def test_search_finds_what_trying_everything_finds(seed, depth):
@@ -113,79 +102,3 @@ def test_search_finds_what_trying_everything_finds(seed, depth):
 def test_of_equals_the_shortest_and_then_the_first_wins():
     search = search_of([left(9.0), left(1.0), left(1.0), right(0.0)], depth=3)
     assert found_by(search, line(0, 10)).actions == (1,)
-
-
-def test_a_sequence_that_first_loses_more_than_a_quarter_is_pruned():
-    # The first push spreads what lay together; only the second gathers it all.
-    class Jump:
-        def __call__(self, poses, rng):
-            together = np.ptp(poses[:, 0]) < 3.0
-            moved = poses.copy()
-            moved[:, 0] = np.linspace(0.0, 8.0, len(poses)) if together else 4.0
-            return moved
-
-    poses = line(0, 2.9)
-    assert ratio(poses) < 0.8
-    assert found_by(search_of([left(0.0)], 2, Jump()), poses).actions == ()
-    patient = search_of([left(0.0)], 2, Jump(), alpha=0.3)
-    assert found_by(patient, poses).actions == (0, 0)
-    assert found_by(patient, poses).ratio == 1.0
-
-
-def test_two_modes_are_searched_on_and_ties_go_to_the_first_action():
-    poses = np.concatenate([line(0, 0.1, 50), line(9.9, 10, 50)])
-    assert ratio(poses) == 0.0
-    assert found_by(search_of([right(0.0), left(11.0)], 3), poses).actions == (0,)
-    # Only both pushes one after the other bring the modes together: the first gains nothing.
-    assert found_by(search_of([right(4.0), left(4.5)], 2), poses).actions == (0, 1)
-
-
-def test_some_action_is_found_even_if_none_gains():
-    search = search_of([right(-1.0), left(12.0)], depth=2)
-    best = found_by(search, line(0, 10))
-    assert best.actions == (0,)
-    assert best.ratio == ratio(line(0, 10))
-
-
-def test_actions_that_collide_are_left_out():
-    search = search_of([left(5.0), right(4.0)], 2, collision=Beyond(5.5))
-    best = found_by(search, line(0, 10))
-    assert best.actions == (0, 1)  # the second would have collided before the first had been made
-    assert found_by(search_of([right(4.0)], 2, collision=Beyond(5.5)), line(0, 10)).actions == ()
-
-
-def test_a_few_particles_under_a_finger_do_not_stop_an_action():
-    n = 2000
-    poses = line(0, 10, n)
-    few = 10.0 * (1 - 0.5 * COLLIDING_SHARE)
-    many = 10.0 * (1 - 2 * COLLIDING_SHARE)
-    assert search_of([right(0.0)], 1, collision=Beyond(few)).free(poses, np.zeros(3))
-    assert not search_of([right(0.0)], 1, collision=Beyond(many)).free(poses, np.zeros(3))
-
-
-def test_enough_ends_the_search_early_and_budget_bounds_it():
-    class Counted(Wall):
-        moves = 0
-
-        def __call__(self, poses, rng):
-            self.moves += 1
-            return super().__call__(poses, rng)
-
-    placements = [left(9.0), left(5.0), right(4.0)]
-    whole, early, short = Counted(), Counted(), Counted()
-    assert found_by(search_of(placements, 4, whole), line(0, 10)).ratio == 1.0
-    result = found_by(search_of(placements, 4, early, enough=0.95), line(0, 10))
-    assert result.ratio > 0.95
-    assert len(result.actions) == 2
-    assert early.moves < whole.moves
-    assert found_by(search_of(placements, 4, short, budget=1), line(0, 10)).ratio < 1.0
-    assert short.moves == 3
-
-
-def test_the_placement_is_where_the_model_acts():
-    poses = np.array([[3.0, 4.0, 0.5]])
-    search = search_of([[1.0, 2.0, math.pi / 2]], 1)
-    # In the hand frame the part lies at (2, -2): the wall takes x there to 0, which is y = 2 in the world.
-    assert search.moved(poses, search.placements[0], None) == pytest.approx(
-        np.array([[3.0, 2.0, 0.5]])
-    )

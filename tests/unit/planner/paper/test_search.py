@@ -1,5 +1,6 @@
 """Algorithm 1 and its variants on a line, with models simple enough to know what must come out."""
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -8,17 +9,15 @@ from counting import label_of
 
 from planner.belief.observation import encoder_of
 from planner.job import model as job_file
-from planner.lower import lower
 from planner.paper.search import (
     METHODS,
-    SINGLETON_SHARE,
+    PRINTED_ORDER,
     Models,
     PaperPlanner,
     nearest_observation,
-    search_depth,
+    singleton,
 )
 from planner.search.tree import breadth_first
-from runtime.table import REJECT, decision_map, dumps, loads
 
 JOB = job_file.load(Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml")
 ENCODER = encoder_of(JOB)
@@ -88,81 +87,12 @@ def test_beliefs_are_conserved(roots, method):
     assert sum(leaf.share for leaf in leaves_of(roots[method])) == pytest.approx(1.0)
 
 
-def test_leaves_are_singletons(roots):
-    for leaf in leaves_of(roots["paper"]):
-        assert leaf.mode.ratio > SINGLETON_SHARE
-        spread = np.abs(leaf.belief.poses[:, 0] - leaf.mode.pose[0])
-        assert np.mean(spread <= 2.5) > SINGLETON_SHARE
-    inner = [node for node in breadth_first(roots["paper"]) if node.children]
-    assert all(node.mode.ratio <= SINGLETON_SHARE for node in inner if len(node.children) > 1)
-
-
-def test_every_branching_is_by_observation_and_onto_the_subspace(roots):
-    for node in breadth_first(roots["paper"]):
-        for child, count in zip(
-            node.children, node.squeeze.clusters.mean if node.children else [], strict=True
-        ):
-            held = Widths().predict(child.belief.poses - node.squeeze.placement) > 20.0
-            width = float(ENCODER.width_mm(count))
-            assert width == pytest.approx(HELD_MM if held.all() else FREE_MM)
-            assert held.all() or not held.any()
-            if held.all():
-                assert np.all(child.belief.poses[:, 1] == 0.0)
-
-
 def test_sensorless_plans_never_branch(roots):
     nodes = breadth_first(roots["sensorless"])
     assert all(len(node.children) == 1 for node in nodes[:-1])
     assert not nodes[-1].children
     assert [node.depth for node in nodes] == list(range(len(nodes)))
     assert len(nodes) > 2
-
-
-def test_sensorless_stops_where_it_is_enough():
-    # One squeeze draws all of a narrow belief to the hand.
-    narrow = belief()
-    narrow[:, 0] = np.linspace(0.5, 5.8, len(narrow))
-    root = planner("sensorless").plan(narrow, [1])
-    nodes = breadth_first(root)
-    assert len(nodes) == 2
-    assert nodes[-1].mode.ratio > SINGLETON_SHARE
-
-
-def test_a_singleton_is_not_squeezed():
-    here = np.zeros((50, 3))
-    assert not planner("paper").plan(here, [1]).children
-
-
-def test_where_every_action_collides_the_leaf_is_left_unresolved():
-    class Everywhere:
-        def collides(self, poses):
-            return np.ones(len(poses), bool)
-
-    models = Models(Reach(), Widths(), Everywhere(), Held(), Held())
-    stuck = PaperPlanner(np.zeros((1, 3)), models, ENCODER, lambda _poses, _placement: -1.0)
-    root = stuck.plan(belief(), [1])
-    assert not root.children
-    assert root.mode.ratio <= SINGLETON_SHARE
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_same_seed_same_tree(roots, method):
-    again = planner(method, depth=2, max_depth=8).plan(belief(), [1])
-    assert dumps(lower(again, JOB)) == dumps(lower(roots[method], JOB))
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_its_table_rejects_nothing_and_the_nearest_expectation_wins(roots, method):
-    table = loads(dumps(lower(roots[method], JOB)))
-    profile = table.gripper.profile
-    widths = np.array([profile.reading_um(step) for step in range(1, profile.steps + 1)])
-    for node in table.nodes:
-        expected = np.array([branch.expected_um for branch in node.branches])
-        # Fully closed jaws hold nothing.
-        outcome = np.array([decision_map(node, table.gripper).either.at(um) for um in widths])
-        assert REJECT not in outcome
-        distance = np.abs(widths[:, None] - expected)
-        assert np.all(distance[np.arange(len(outcome)), outcome] == distance.min(axis=1))
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -185,14 +115,37 @@ def test_cells_share_out_all_readings(seed):
         assert abs(count - cells.mean[label]) == np.abs(count - cells.mean).min()
 
 
-def test_subspaces_that_no_reading_can_tell_apart_become_one_child():
-    width = np.array([30.0, 30.0, 30.01, 50.0])
-    cells, child = nearest_observation(ENCODER, width, np.array([0, 0, 1, 2]))
-    assert len(cells.mean) == 2
-    assert child.tolist() == [0, 0, 0, 1]
+def cloud(n, spread, centre=(0.0, 0.0, 0.0), seed=3):
+    return np.random.default_rng(seed).normal(centre, spread, (n, 3))
 
 
-def test_depth_is_three_for_few_actions_and_less_for_many():
-    assert search_depth(4) == 3
-    assert search_depth(20) == 2
-    assert search_depth(1000) == 1
+@pytest.mark.parametrize("order", [1, 2, 3, 6])
+def test_average_of_a_tight_cloud_is_its_mean_whatever_turns_of_the_symmetry_it_is_seen_in(order):
+    poses = cloud(400, [0.3, 0.2, 0.02], [4.0, -7.0, 0.1])
+    turns = np.random.default_rng(5).integers(0, order, 400) * math.tau / order
+    seen = poses + np.column_stack([np.zeros((400, 2)), turns])
+    assert singleton(seen, order).pose == pytest.approx(poses.mean(axis=0), abs=1e-3)
+    assert singleton(seen, order).ratio == singleton(poses, order).ratio > 0.99
+
+
+def test_printed_order_takes_a_half_turn_for_the_same_pose_also_where_it_is_not():
+    poses = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, math.pi]])
+    assert singleton(poses, PRINTED_ORDER).ratio == 1.0
+    assert singleton(poses, order=1).ratio < 1.0
+
+
+@pytest.mark.parametrize(
+    ("offset", "inside"),
+    [
+        ((2.49, 2.49, math.radians(4.99)), True),
+        ((2.51, 0, 0), False),
+        ((0, -2.51, 0), False),
+        ((0, 0, math.radians(5.01)), False),
+        ((0, 0, math.pi + math.radians(4.99)), True),
+    ],
+)
+def test_the_box_is_the_tolerances(offset, inside):
+    reference = np.array([1.0, 2.0, 3.0])
+    among = 10_000  # so many that one more does not move the average
+    poses = np.concatenate([np.tile(reference, (among, 1)), reference[None] + offset])
+    assert singleton(poses, PRINTED_ORDER).ratio == (among + inside) / (among + 1)

@@ -7,7 +7,7 @@ import problems
 import pytest
 
 from planner.mechanics.clearance import STANDS_ON, classify_contact
-from planner.paper.sensor import LEAST_ROLLOUTS, SensorModel, features
+from planner.paper.sensor import SensorModel
 
 
 def rolled(outline, n, seed):
@@ -44,21 +44,3 @@ def test_flush_grasps_and_jams_show_the_widths_that_geometry_says(model):
             assert model.predict(np.array([[0.0, 0.0, copy]]))[0] == pytest.approx(width, abs=0.5)
     far = np.array([[40.0, 0.0, 0.3], [-45.0, 3.0, 1.0]])
     assert np.array_equal(model.predict(far), [0.0, 0.0])
-
-
-def test_equal_turns_are_one_place(model, rectangle):
-    poses = rectangle.poses[:500]
-    turned = poses + np.array([0.0, 0.0, math.pi])
-    differ = np.abs(model.predict(turned) - model.predict(poses)) > 0.0
-    assert np.mean(differ) < 0.01  # rounding on a threshold alone
-    assert np.allclose(features(turned, 2), features(poses, 2), atol=1e-5)
-
-
-def test_too_few_roll_outs_are_refused():
-    with pytest.raises(ValueError, match="9 roll-outs"):
-        SensorModel.fit(np.zeros((LEAST_ROLLOUTS - 1, 3)), np.zeros(LEAST_ROLLOUTS - 1), 1)
-
-
-def test_same_roll_outs_give_the_same_model(model, rectangle):
-    again = SensorModel.fit(rectangle.poses, rectangle.width_mm, order=2)
-    assert np.array_equal(again.predict(rectangle.poses), model.predict(rectangle.poses))

@@ -1,7 +1,6 @@
 """Goldberg's squeeze function and plans: his theorems, and our simulator where his assumptions hold."""
 
 import math
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -9,8 +8,8 @@ from problems import (
     LONG_JAWS,
     OUTLINES,
     bar,
+    diameter,
     disc,
-    ellipse,
     hexagon,
     l_shape,
     random_convex,
@@ -22,10 +21,9 @@ from problems import (
     simulator,
 )
 
-from planner.frames import to_hand, to_world
 from planner.mechanics.simulator import Parameters
-from planner.paper.sensorless import SqueezeFunction, chain, plan, width_function
-from planner.part.outline import convex_hull
+from planner.paper.sensorless import SqueezeFunction, plan, width_function
+from planner.part.outline import convex_hull, min_width, width
 
 pytestmark = pytest.mark.slow
 
@@ -60,15 +58,6 @@ def test_the_squeeze_function_is_a_rising_staircase():
         assert function(direction + function.period) == pytest.approx(after + function.period)
 
 
-def test_squeezing_never_widens_the_part():
-    for outline in outlines():
-        function, width = SqueezeFunction.of(outline, ripple_mm=0.0), width_function(outline)
-        direction = np.linspace(0.0, 3.0, 500)
-        for share in (0.25, 0.5, 0.75, 1.0):
-            further = direction + share * (function(direction) - direction)
-            assert np.all(width(further) <= width(direction) + 1e-9)
-
-
 def test_plans_orient_every_part_up_to_the_symmetry_of_its_hull():
     rng = np.random.default_rng(2)
     for outline in outlines():
@@ -82,16 +71,6 @@ def test_plans_orient_every_part_up_to_the_symmetry_of_its_hull():
 def test_no_plan_is_longer_than_2n_minus_1():
     for outline in outlines():
         assert len(plan(outline).angles) <= 2 * len(convex_hull(outline)) - 1
-
-
-def test_each_interval_is_squeezed_to_less_than_the_next():
-    for outline in outlines():
-        function = SqueezeFunction.of(outline)
-        intervals = chain(function)
-        assert intervals[0].length == pytest.approx(function.period)
-        assert intervals[-1].spread == pytest.approx(0.0, abs=1e-9)
-        for before, after in pairwise(intervals):
-            assert before.length > after.length > before.spread
 
 
 def test_a_plan_holds_with_hands_off_by_less_than_its_slack():
@@ -122,11 +101,6 @@ def test_periods_of_known_shapes(outline, degrees):
     assert math.degrees(SqueezeFunction.of(outline).period) == pytest.approx(degrees)
 
 
-def test_facets_of_a_sampled_curve_are_no_steps():
-    assert len(SqueezeFunction.of(ellipse()).minima) == 1
-    assert len(SqueezeFunction.of(ellipse(), ripple_mm=0.0).minima) == 2
-
-
 def frictionless(outline, n, rng):
     model = simulator(outline, jaws=LONG_JAWS)
     parameters = model.sample(n, rng)
@@ -150,13 +124,35 @@ def test_our_simulator_ends_at_local_minima_without_friction(make):
     assert final.width_mm == pytest.approx(width_function(outline)(direction), abs=0.05)
 
 
-@pytest.mark.parametrize("make", [rectangle, hexagon, l_shape])
-def test_plans_work_in_our_simulator_without_friction(make):
-    outline, rng, n = make(), np.random.default_rng(5), 400
-    result = plan(outline)
-    poses = random_poses(rng, n, 5.0)
-    for angle in result.angles:
-        model, parameters = frictionless(outline, n, rng)
-        place = np.array([0.0, 0.0, angle])
-        poses = to_world(model.roll_out(to_hand(poses, place), parameters).poses, place)
-    assert np.mean(np.degrees(apart(poses[:, 2] - result.final, result.period)) < 1.0) > 0.98
+DIRECTIONS = np.linspace(-4.0, 4.0, 1001)
+
+
+def test_it_is_the_extent_in_every_direction():
+    for outline in outlines():
+        expected = [width(outline, direction) for direction in DIRECTIONS]
+        assert width_function(outline)(DIRECTIONS) == pytest.approx(expected, abs=1e-9)
+
+
+def test_the_least_minimum_is_the_narrowest_and_the_greatest_maximum_the_diameter():
+    for outline in outlines():
+        function = width_function(outline)
+        assert function(function.minima).min() == pytest.approx(min_width(outline))
+        assert function(function.maxima).max() == pytest.approx(diameter(outline))
+
+
+def test_extrema_are_higher_or_lower_than_what_is_beside_them():
+    for outline in outlines():
+        function = width_function(outline)
+        for step in (-1e-5, 1e-5):
+            assert np.all(function(function.minima) < function(function.minima + step))
+            assert np.all(function(function.maxima) > function(function.maxima + step))
+
+
+def test_textbook_shapes():
+    function = width_function(rectangle())
+    assert np.degrees(function.minima) == pytest.approx([0.0, 90.0])
+    diagonal = math.degrees(math.atan2(21.0, 30.0))
+    assert np.degrees(function.maxima) == pytest.approx([diagonal, 180.0 - diagonal])
+    # Of a right triangle the legs hold nothing: towards the hypotenuse the width only falls.
+    function = width_function(right_triangle())
+    assert np.degrees(function.minima) == pytest.approx([math.degrees(math.atan2(36.0, 26.0))])

@@ -9,7 +9,7 @@ import pytest
 from planner.belief.observation import Encoder
 from planner.mechanics.clearance import STANDS_ON, classify_contact
 from planner.mechanics.squeeze import GRASPED, JAMMED
-from planner.paper.subspaces import EXPLAINED, subspaces_of
+from planner.paper.subspaces import subspaces_of
 
 ENCODER = Encoder(85.0, 227, 0.15)
 
@@ -35,54 +35,6 @@ def test_the_rectangle_has_the_four_subspaces_of_the_paper(squeezed):
     assert np.array_equal(label > 0, held)
     assert not np.any(squeezed.status[label == 3] == GRASPED)
     assert subspaces.notes() == []
-
-
-def test_labels_sizes_and_intervals_agree(squeezed):
-    subspaces = subspaces_of(squeezed.width_mm, ENCODER)
-    label = subspaces.label(squeezed.width_mm)
-    assert np.array_equal(np.bincount(label, minlength=len(subspaces)), subspaces.size)
-    for k in range(len(subspaces)):
-        members = squeezed.width_mm[label == k]
-        assert [members.min(), members.max()] == [subspaces.low_mm[k], subspaces.high_mm[k]]
-        assert members.mean() == pytest.approx(subspaces.mean_mm[k])
-
-
-def test_the_subspaces_explain_the_variance_and_one_less_would_not(squeezed):
-    held = squeezed.width_mm[squeezed.width_mm > 0.0]
-    subspaces = subspaces_of(held, ENCODER)
-    label = subspaces.label(held)
-    within = sum(float(held[label == k].var()) * np.count_nonzero(label == k) for k in range(1, 4))
-    assert within <= (1.0 - EXPLAINED) * held.var() * len(held)
-    cuts = np.linspace(held.min(), held.max(), 200)[1:-1]  # every way to cut in two
-    two = min(
-        float(held[held < c].var() * np.sum(held < c) + held[held >= c].var() * np.sum(held >= c))
-        for c in cuts
-    )
-    assert two > (1.0 - EXPLAINED) * held.var() * len(held)
-
-
-def test_widths_that_the_encoder_cannot_tell_apart_are_merged_with_a_note():
-    rng = np.random.default_rng(0)
-    width = np.concatenate(
-        [np.zeros(500), rng.normal(21.0, 0.01, 2000), rng.normal(21.6, 0.01, 2000)]
-    )
-    merged = subspaces_of(width, ENCODER)
-    assert len(merged) == 2
-    assert merged.merged_mm == pytest.approx(np.array([[21.0, 21.6]]), abs=0.05)
-    (note,) = merged.notes()
-    assert "21.00 and 21.6" in note
-    assert "tells 1.12 mm apart" in note
-    fine = subspaces_of(width, Encoder(85.0, 4000, 0.01))
-    assert len(fine) == 3
-    assert fine.notes() == []
-
-
-def test_a_tip_too_thin_to_be_felt_counts_as_free_with_a_note():
-    width = np.concatenate([np.zeros(100), np.full(7, 0.4), np.linspace(5.0, 20.0, 500)])
-    subspaces = subspaces_of(width, ENCODER)
-    assert subspaces.size[0] == 107
-    assert subspaces.overlooked == 7
-    assert any("7 roll-outs" in note for note in subspaces.notes())
 
 
 @pytest.mark.parametrize("width", [np.zeros(10), np.full(10, 26.0), np.zeros(0)])

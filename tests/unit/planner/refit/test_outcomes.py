@@ -39,14 +39,3 @@ def test_journals_and_simulated_parts_number_alike(run):
     shown = np.bincount(outcomes.of_parts(result).ravel(), minlength=outcomes.size + 1)
     assert np.array_equal(seen, shown[:-1])
     assert seen.sum() == counts.sum() + 3 * len(rows)
-
-
-def test_what_an_empty_hand_reads_is_one_outcome(run):
-    table, _ = run
-    outcomes = Outcomes(table, np.zeros(len(table.leaves), np.bool_))
-    once = np.ones((len(table.nodes), table.gripper.bins), np.int64)
-    seen = outcomes.of_seen(Seen(once, 1, np.zeros(0, np.int64), np.zeros((0, 3))))[: once.size]
-    seen = seen.reshape(once.shape)
-    assert (seen.sum(axis=1) == table.gripper.bins).all()
-    assert (seen[:, 8:] == 1).all()
-    assert np.count_nonzero(seen[0, :8]) < 4

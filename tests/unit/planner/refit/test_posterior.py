@@ -83,7 +83,7 @@ def test_it_has_the_moments_of_the_exact_posterior(monkeypatch):
 
 def test_ranks_of_the_truth_are_uniform(monkeypatch):
     ranks = []
-    for number, truth in enumerate(SPACE.draw(12, np.random.default_rng(5))):
+    for number, truth in enumerate(SPACE.draw(8, np.random.default_rng(5))):
         cells = drawn(monkeypatch, truth, number)[2]
         ranks.append((cells[:, :3] < truth[:3]).mean(axis=0))
     pooled = np.ravel(ranks)
@@ -91,6 +91,15 @@ def test_ranks_of_the_truth_are_uniform(monkeypatch):
     assert 0.75 < np.mean((pooled >= 0.05) & (pooled <= 0.95)) < 1.0
 
 
-def test_the_same_seed_draws_the_same_cells(monkeypatch):
-    first, second = (drawn(monkeypatch, np.array([0.0, 0.2, 0.5, 0.0]), 3)[2] for _ in range(2))
-    assert np.array_equal(first, second)
+def test_every_cell_drawn_is_possible_and_others_are_not(job):
+    doubted = job.replaced(doubt={"encoder_gain": [0.0, 0.01]})
+    space = Space.of(doubted, 4)
+    points = space.draw(2000, np.random.default_rng(1))
+    assert (space.density(points) > 0.0).all()
+    assert set(points[:, -1]) == {0.0, 1.0, 2.0, 3.0}
+    assert np.mean(points[:, -1] == 0.0) == pytest.approx(0.5, abs=0.05)
+    low, high = space.column("finger_part_min"), space.column("finger_part_max")
+    turned = points.copy()
+    turned[:, [low, high]] = points[:, [high, low]] + [1e-6, 0.0]
+    assert (space.density(turned) == 0.0).all()
+    assert (space.density(points + 100.0 * np.eye(points.shape[1])[0]) == 0.0).all()

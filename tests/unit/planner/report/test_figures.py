@@ -1,27 +1,13 @@
 """The pictures of the documentation: they show what is kept, no text covers another, files are small."""
 
-import hashlib
-import html
-import itertools
-import json
-import os
 import re
-import runpy
-import subprocess
-import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
-import charts
 import movie
 import pytest
-import single_squeezes
-from comparison import table_rows
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.text import Text
 
 from planner.job import model as job_file
-from planner.report import canvas, paper_figures
 from planner.report.replay import replay
 from runtime.table import load
 
@@ -29,11 +15,6 @@ pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[4]
 TREES = ROOT / "trees"
-FIGURES = ROOT / "tools" / "figures"
-RESULTS = ROOT / "tests" / "bench" / "results"
-PICTURES = ROOT / "tools" / "docs" / "pictures"
-NAMES = ("fig1", "fig2", "fig3", "fig4", "fig6", "squeezes", "table1", "speed")
-RADII = {row.part: 10.0 for row in table_rows(TREES)}
 
 
 @pytest.fixture(scope="module")
@@ -41,225 +22,6 @@ def planned():
     job = job_file.load(TREES / "rectangle" / "job.toml")
     table = load(TREES / "rectangle" / "rectangle.msgpack").table
     return table, job, replay(table, job, 2000, 0)
-
-
-def kept(name):
-    return json.loads((RESULTS / f"{name}.json").read_text())
-
-
-def words(figure):
-    """Each text that is seen, with its box in pixels."""
-    FigureCanvasAgg(figure).draw()
-    renderer = figure.canvas.get_renderer()
-    seen = [text for text in figure.findobj(Text) if text.get_text().strip() and text.get_visible()]
-    size = figure.bbox
-    boxes = [(text.get_text(), text.get_window_extent(renderer)) for text in seen]
-    ticks = {
-        label.get_text()
-        for axes in figure.axes
-        for label in axes.get_xticklabels() + axes.get_yticklabels()
-    }
-    return [
-        (text, box) for text, box in boxes if size.overlaps(box) or text not in ticks
-    ]  # of those drawn
-
-
-def assert_legible(figure):
-    result = words(figure)
-    for text, box in result:
-        assert min(box.x0, box.y0) >= -1, text
-        assert max(box.x1 - figure.bbox.x1, box.y1 - figure.bbox.y1) <= 1, text
-    for (one, a), (other, b) in itertools.combinations(result, 2):
-        across = min(a.x1, b.x1) - max(a.x0, b.x0)
-        down = min(a.y1, b.y1) - max(a.y0, b.y0)
-        assert across <= 1.0 or down <= 2.0, f"{one!r} covers {other!r}"
-
-
-def test_table_one_shows_the_kept_rates_and_the_papers():
-    rows = kept("table1")["rows"]
-    with canvas.style():
-        figure = charts.table_one(rows, RADII)
-        assert_legible(figure)
-    heights = [
-        [bar.get_height() for bar in bars]
-        for bars in figure.axes[0].containers
-        if hasattr(bars, "patches")
-    ]
-    experiments = list(dict.fromkeys(row["row"] for row in rows))
-    assert heights[0] == pytest.approx([100 * row.paper for row in table_rows(TREES)])
-    ours = {row["row"]: 100 * row["within_rate"] for row in rows if row["method"] == "closed-loop"}
-    assert heights[1] == pytest.approx([ours[name] for name in experiments])
-
-
-def test_table_one_takes_more_methods_and_rows_without_a_plan():
-    rows = kept("table1")["rows"]
-    rows = [row for row in rows if row["method"] == "closed-loop"]
-    second = [
-        {**row, "method": "paper", "within_rate": 0.9, "within_ci95": [0.89, 0.91]} for row in rows
-    ]
-    del second[3]["within_rate"]  # no plan there
-    with canvas.style():
-        figure = charts.table_one([*rows, *second], RADII)
-        assert_legible(figure)
-    assert [
-        len(bars.patches) for bars in figure.axes[0].containers if hasattr(bars, "patches")
-    ] == [8, 8, 7]
-
-
-def test_the_zoo_is_not_table_one():
-    with pytest.raises(ValueError, match="rows of Table I"):
-        charts.table_one([{"row": "kite", "part": "kite", "paper": None}], RADII)
-
-
-def test_speeds_are_those_kept():
-    squeeze, kcde = kept("squeeze"), kept("kcde")
-    with canvas.style():
-        figure = charts.speed(squeeze, kcde)
-        assert_legible(figure)
-    simulated, learned = ([bar.get_width() for bar in axes.patches] for axes in figure.axes)
-    rates = [row["per_second"] for row in squeeze["speed"]]
-    assert set(rates) <= set(simulated)
-    assert min(rates) > max(row["mujoco_per_second"] for row in squeeze["speed"])
-    assert learned[1] / learned[2] == pytest.approx(kcde["ours_ms"] / kcde["scipy_ms"])
-
-
-def test_the_likeliest_path_is_one_of_the_table_and_no_other_is_taken_more(planned):
-    table, _, beliefs = planned
-    path = paper_figures.likeliest_path(table, beliefs, [3])
-    targets = [table.nodes[step.node].branches[step.branch].target for step in path]
-    assert path[0].node == 0
-    assert [step.node for step in path[1:]] == targets[:-1]
-    assert targets[-1] < 0
-    taken = len(beliefs.leaves[~targets[-1]])
-    ends = {~b.target for node in table.nodes for b in node.branches if b.target < 0}
-    assert taken * len(ends) >= len(beliefs.visits[0].before) * 0.5
-
-
-def test_where_no_path_is_so_long_the_likeliest_of_all_is_drawn(planned):
-    table, job, beliefs = planned
-    path = paper_figures.likeliest_path(table, beliefs, [40])
-    taken = [
-        len(visit.through(k))
-        for visit in beliefs.visits
-        for k in range(40)
-        if (visit.branch == k).any()
-    ]
-    targets = [table.nodes[step.node].branches[step.branch].target for step in path]
-    assert targets[-1] < 0
-    assert 0 < len(beliefs.leaves[~targets[-1]]) <= max(taken)
-    with canvas.style():
-        assert len(paper_figures.sequence(table, job, beliefs, [40]).axes) == 2 * (len(path) + 1)
-
-
-def test_the_sequence_follows_one_part_of_the_path(planned):
-    table, job, beliefs = planned
-    with canvas.style():
-        figure = paper_figures.sequence(table, job, beliefs)
-        assert_legible(figure)
-    said = [axes.get_title() for axes in figure.axes[::1] if axes.get_title()]
-    path = paper_figures.likeliest_path(table, beliefs, [3])
-    for title, step in zip(said[1:], path, strict=True):
-        expected = table.nodes[step.node].branches[step.branch].expected_um / 1e3
-        assert f"reads {expected:.1f} mm" in title
-
-
-def test_the_four_ends_of_a_squeeze():
-    with canvas.style():
-        figure = single_squeezes.squeezes(job_file.load(TREES / "butterfly-10" / "job.toml"))
-        assert_legible(figure)
-    titles = [axes.get_title() for axes in figure.axes]
-    assert [
-        next(word for word in ("slipped", "jammed", "grasped") if word in title) for title in titles
-    ] == [
-        "slipped",
-        "jammed",
-        "grasped",
-        "grasped",
-    ]
-    assert titles[0].endswith("width 0.0 mm")
-
-
-def test_the_partition_has_the_papers_four_subspaces():
-    job = job_file.load(TREES / "rectangle" / "job.toml")
-    with canvas.style():
-        figure = single_squeezes.partition(job, ("free space", "long", "short", "diagonal"))
-        assert_legible(figure)
-    shares = [int(re.search(r"(\d+) % of", axes.get_title())[1]) for axes in figure.axes]
-    assert sum(shares) == pytest.approx(100, abs=2)
-    with pytest.raises(ValueError, match="4 subspaces"):
-        single_squeezes.partition(job, ("one", "two"))
-
-
-def test_every_picture_is_kept_and_small():
-    assert {path.stem for path in PICTURES.glob("*.svg")} == {
-        *NAMES,
-        "rooms",
-    }  # the one that is drawn by hand
-    for path in PICTURES.iterdir():
-        assert path.stat().st_size < 500_000
-
-
-def test_the_kept_chart_shows_the_kept_figures():
-    said = html.unescape(
-        " ".join(re.findall(r"<!-- (.*?) -->", (PICTURES / "table1.svg").read_text()))
-    ).split()
-    for row in kept("table1")["rows"]:
-        if "within_rate" in row:
-            assert charts.label_of(100 * row["within_rate"]) in said, (
-                "run tools/figures --only table1"
-            )
-
-
-def figures(*arguments, seed="0"):
-    return subprocess.run(
-        [sys.executable, str(FIGURES), *arguments],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-        env={**os.environ, "PYTHONHASHSEED": seed},
-    )
-
-
-def test_the_same_bytes_in_every_run(tmp_path):
-    digests = []
-    for seed in ("1", "2"):
-        folder = tmp_path / seed
-        folder.mkdir()
-        done = figures("--only", "table1", "fig3", "--folder", str(folder), seed=seed)
-        assert done.returncode == 0, done.stderr
-        digests.append(
-            {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in folder.iterdir()}
-        )
-    assert digests[0] == digests[1]
-    assert set(digests[0]) == {"table1.svg", "fig3.svg"}
-
-
-@pytest.mark.parametrize(
-    ("arguments", "status", "said"),
-    [
-        (["--only", "fig5"], 2, "fig5"),
-        (["tree.msgpack"], 2, "-o a picture go together"),
-        (["--readme", "--only", "fig3"], 2, "state one"),
-        (["tree.msgpack", "-o", "tree.jpg"], 2, ".svg"),
-        (["missing.msgpack", "-o", "x.svg"], 3, "missing.msgpack"),
-        ([str(TREES / "rectangle" / "job.toml"), "-o", "x.svg"], 3, "job.toml"),
-        (["--only", "table1", "--folder", "/nowhere/at/all"], 3, "is not a folder"),
-    ],
-)
-def test_wrong_input_is_answered_with_a_line(
-    arguments, status, said, tmp_path, capsys, monkeypatch
-):
-    monkeypatch.syspath_prepend(FIGURES.parent)
-    monkeypatch.setattr(sys, "argv", [str(FIGURES), *arguments])
-    monkeypatch.chdir(tmp_path)
-    main = runpy.run_path(str(FIGURES))["main"]
-    with pytest.raises(SystemExit) as ended:
-        sys.exit(main())
-    printed = capsys.readouterr().err
-    assert (ended.value.code, said in printed.splitlines()[-1]) == (status, True), printed
-    assert "Traceback" not in printed
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_the_moving_picture_shows_a_part_that_the_table_locates(planned):

@@ -1,14 +1,12 @@
 """plan-simulate's pictures: options, errors in one line, nothing drawn costs nothing."""
 
 import csv
-import json
 import math
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-from html_pages import Page
 
 from planner.cli import simulate
 
@@ -58,38 +56,6 @@ def test_poses_that_state_two_angles_are_refused(
     assert err.count("\n") == 1
 
 
-def test_pictures_are_written_and_named(poses: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    folder = poses.parent
-    files = {option: str(folder / f"s.{option}") for option in ("gif", "html")} | {
-        "figure": str(folder / "s.svg")
-    }
-    options = [word for option, path in files.items() for word in (f"--{option}", path)]
-    assert run(poses, "--json", *options) == 0
-    result = json.loads(capsys.readouterr().out)
-    assert files.items() <= result.items()
-    assert all(Path(path).stat().st_size > 1000 for path in files.values())
-
-
-def test_pictures_do_not_change_the_results(poses: Path) -> None:
-    results = []
-    for options in ([], ["--figure", str(poses.parent / "s.png")]):
-        assert run(poses, "--nominal", "--mu", "0.5", *options) == 0
-        results.append((poses.parent / "out.csv").read_bytes())
-    assert results[0] == results[1]
-
-
-def test_the_page_ends_where_the_results_do(poses: Path) -> None:
-    page = poses.parent / "s.html"
-    assert run(poses, "--html", str(page)) == 0
-    rows = list(csv.DictReader((poses.parent / "out.csv").read_text().splitlines()))
-    names = ["final_x_mm", "final_y_mm", "final_theta_rad", "width_mm"]
-    squeezes = json.loads(Page(page.read_text()).scripts["data"])["squeezes"]
-    assert [squeeze["status"] for squeeze in squeezes] == [row["status"] for row in rows]
-    for squeeze, row in zip(squeezes, rows, strict=True):
-        final = [*squeeze["states"][-1].values()]
-        assert final == pytest.approx([float(row[name]) for name in names], abs=1e-3)
-
-
 @pytest.mark.parametrize(
     ("options", "code"),
     [
@@ -108,14 +74,6 @@ def test_wrong_name_is_one_line_before_any_work(
     assert error.count("\n") == 1
     assert options[1] in error
     assert not (poses.parent / "out.csv").exists()
-
-
-def test_no_poses_no_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    poses = tmp_path / "in.csv"
-    poses.write_text("x_mm,y_mm,theta_rad\n")
-    assert run(poses, "--gif", str(tmp_path / "s.gif")) == 3
-    assert capsys.readouterr().err.count("\n") == 1
-    assert run(poses) == 0
 
 
 def test_commands_load_what_takes_seconds_only_to_use_it() -> None:

@@ -36,18 +36,6 @@ def test_panels_of_a_row_keep_their_distance(table: Table) -> None:
         )
 
 
-def test_what_stands_below_panels_keeps_its_distance(table: Table) -> None:
-    layout = tidy(table, SIZES)
-    for depth in range(layout.rows):
-        spans = [(s.x - SIZES.text, s.x + SIZES.text) for s in layout.leaves if s.depth == depth]
-        for index, spot in enumerate(layout.nodes):
-            if spot.depth == depth:
-                xs = [child.x for child in children(table, layout, index)]
-                spans.append((min(xs) - SIZES.label, max(xs) + SIZES.label))
-        spans.sort()
-        assert all(right[0] - left[1] >= SIZES.margin - 1e-9 for left, right in pairwise(spans))
-
-
 def test_parents_stand_over_the_middle_of_their_children_in_order(table: Table) -> None:
     layout = tidy(table, SIZES)
     for index, spot in enumerate(layout.nodes):
@@ -55,18 +43,3 @@ def test_parents_stand_over_the_middle_of_their_children_in_order(table: Table) 
         assert {child.depth for child in below} == {spot.depth + 1}
         assert [child.x for child in below] == sorted(child.x for child in below)
         assert spot.x == pytest.approx(0.5 * (below[0].x + below[-1].x))
-
-
-def test_the_page_holds_all_and_no_more(table: Table) -> None:
-    layout = tidy(table, SIZES)
-    left = [
-        *(spot.x - SIZES.panel for spot in layout.nodes),
-        *(spot.x - SIZES.text for spot in layout.leaves),
-    ]
-    right = [
-        *(spot.x + SIZES.panel for spot in layout.nodes),
-        *(spot.x + SIZES.text for spot in layout.leaves),
-    ]
-    assert min(left) >= -1e-9
-    assert max(right) <= layout.width + 1e-9
-    assert layout.width <= len(layout.leaves) * (2 * SIZES.text + SIZES.margin)

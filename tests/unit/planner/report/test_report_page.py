@@ -1,24 +1,21 @@
 """The page of a table: whole, self-contained, the same each time, and true to the table."""
 
-import hashlib
 import json
 import re
 from pathlib import Path
 
 import pytest
 from browser import LEGIBLE, NEEDED, played
-from grown_tables import grown_table
 from html_pages import Page
 from run_logs import chained, header, part
 
 from planner.cli import report
-from planner.evaluation.cases import assumption_cases
 from planner.job import model as job_file
-from planner.report import comparison, dossier, run_log
-from planner.report.branches import MOST_SHOWN, key_of, tree_of
+from planner.report import dossier, run_log
+from planner.report.branches import key_of, tree_of
 from planner.report.replay import replay
 from planner.report.run_log import RunLog
-from runtime.table import PPM, dumps, load, wilson_interval
+from runtime.table import dumps, load
 
 TABLE_PATH = Path(__file__).parents[4] / "trees" / "rectangle" / "rectangle.msgpack"
 TABLE = load(TABLE_PATH).table
@@ -36,11 +33,6 @@ def page(text):
     return Page(text)
 
 
-@pytest.fixture(scope="module")
-def data(page):
-    return json.loads(page.scripts["data"])
-
-
 def test_every_tag_is_closed_and_every_id_is_used_once(page):
     assert page.open == []
     ids = [attributes["id"] for _, attributes in page.elements if "id" in attributes]
@@ -53,58 +45,6 @@ def test_nothing_comes_from_elsewhere(page, text):
             assert attributes.get(name, "#").startswith(("#", "data:,"))
     assert re.findall(r"@import|url\(|https?://(?!www\.w3\.org/2000/svg)", text) == []
     assert "default-src 'none'" in text
-
-
-def test_links_lead_to_ids_of_the_page(page):
-    ids = {attributes.get("id") for _, attributes in page.elements}
-    links = {attributes["href"][1:] for tag, attributes in page.elements if tag in ("a", "use")}
-    assert links <= ids
-    assert len(links) > len(TABLE.leaves)
-
-
-def test_each_node_and_leaf_has_a_panel_with_a_name_and_facts(page):
-    panels = [a for _, a in page.elements if a.get("class", "").startswith("panel")]
-    assert len(panels) == len(TABLE.nodes) + len(TABLE.leaves)
-    assert all(panel["aria-label"] for panel in panels)
-    facts = {a["id"] for tag, a in page.elements if tag == "template"}
-    assert facts == {f"about-{panel['id']}" for panel in panels}
-
-
-def test_the_same_table_gives_the_same_bytes(text):
-    assert text == dossier.page(
-        TABLE, JOB, dossier.Source("rectangle.msgpack", dumps(TABLE)), TRIALS
-    )
-
-
-def test_the_summary_is_the_tables_own(text):
-    trials = TABLE.predicted.trials
-    low, high = wilson_interval(round(TABLE.predicted.success_ppm * trials / PPM), trials)
-    assert f"{TABLE.predicted.success_ppm / PPM:.2%}".replace("%", " %") in text
-    assert f"{100 * low:.2f} % to {100 * high:.2f} %" in text
-    assert TABLE.job_digest.hex() in text
-    assert hashlib.sha256(dumps(TABLE)).hexdigest() in text
-
-
-def test_a_bound_stands_beside_the_squeezes_where_one_was_asked_for(tmp_path, text, capsys):
-    words = [str(TABLE_PATH), "-o", str(tmp_path / "page.html"), "--trials", "100"]
-    assert report.main([*words, "--bound", "1000"]) == 0
-    capsys.readouterr()
-    page = (tmp_path / "page.html").read_text()
-    assert Page(page).open == []
-    least = re.search(r"any plan as good: (\d\.\d\d) or more", page)[1]
-    assert 2.0 < float(least) < TABLE.predicted.mean_squeezes_ppm / PPM
-    assert f"takes {least} squeezes a part or more" in page
-    assert "as good" not in text
-
-
-def test_a_second_world_is_one_more_row(tmp_path, text, capsys):
-    words = [str(TABLE_PATH), "-o", str(tmp_path / "page.html"), "--trials", "50"]
-    assert report.main([*words, "--world", "planner.world:make"]) == 0
-    page = (tmp_path / "page.html").read_text()
-    assert '<th scope="row">planner.world:make, 50 parts</th>' in page
-    assert page.count('<th scope="row">') == text.count('<th scope="row">') + 1
-    assert report.main([*words, "--world", "nothing:there"]) == 2
-    assert "--world nothing:there" in capsys.readouterr().err
 
 
 def test_parts_are_neither_lost_nor_added():
@@ -121,34 +61,6 @@ def test_parts_are_neither_lost_nor_added():
             assert sum(way.parts for way in place.ways) + rejected == arrivals[key]
 
 
-def test_few_panels_are_shown_and_the_rest_is_folded_away():
-    tree = tree_of(TABLE, JOB, replay(TABLE, JOB, TRIALS, 0), None)
-
-    def shown(place):
-        return 1 + sum(map(shown, place.heavy))
-
-    assert 2 <= shown(tree.root) <= MOST_SHOWN
-    assert any(place.light for place in tree.places)
-    assert all(place.parent for place in tree.places if place is not tree.root)
-
-
-def test_widths_of_the_script_are_the_tables(data):
-    for index, node in enumerate(TABLE.nodes):
-        ways = data["nodes"][f"node-{index}"]["ways"]
-        assert [way["to"] for way in ways] == [key_of(branch.target) for branch in node.branches]
-        for way, branch in zip(ways, node.branches, strict=True):
-            assert way["low_mm"] == pytest.approx(branch.low_um / 1e3, abs=0.01)
-            assert way["high_mm"] == pytest.approx(branch.high_um / 1e3, abs=0.01)
-
-
-def test_each_other_world_differs_from_the_job_and_is_a_job():
-    cases = assumption_cases(JOB)
-    assert (
-        len({case.name for case in cases}) == len({case.job(JOB) for case in cases}) == len(cases)
-    )
-    assert cases[0].job(JOB) == JOB
-
-
 def test_a_name_cannot_break_out_of_the_page(text):
     evil = '</script><img src=x onerror="alert(1)">'
     spoilt = job_file.from_canonical(TABLE.job.replace('"rectangle"', json.dumps(evil)))
@@ -157,12 +69,6 @@ def test_a_name_cannot_break_out_of_the_page(text):
     assert not [tag for tag, _ in page.elements if tag == "img"]
     assert json.loads(page.scripts["data"])["parts"][0]["reason"] == evil
     assert len([tag for tag, _ in page.elements if tag == "script"]) == 2
-
-
-def test_a_large_table_stays_under_three_megabytes():
-    table = grown_table(5, 800)
-    text = dossier.page(table, JOB, dossier.Source("large.msgpack", b""), 200)
-    assert len(text.encode()) < 3_000_000
 
 
 def journal_of(tmp_path):
@@ -233,26 +139,6 @@ def test_two_plans_and_two_runs_are_compared(tmp_path, capsys):
     assert capsys.readouterr().err.count("\n") == 1
 
 
-def test_jobs_that_differ_are_compared_key_by_key():
-    other = JOB.replaced(goal={"distance_mm": 4.0})
-    plans = [comparison.Plan(name, TABLE, job) for name, job in (("a", JOB), ("b", other))]
-    rows = {row.name: row for row in comparison.of_plans(*plans, 50).rows}
-    assert (rows["job: goal.distance_mm"].this, rows["job: goal.distance_mm"].other) == (
-        "3.0",
-        "4.0",
-    )
-    assert len([name for name in rows if name.startswith("job: ")]) == 1
-
-
-def test_a_sheet_has_what_a_customer_needs_and_no_script(tmp_path, text):
-    sheet = dossier.page(TABLE, JOB, dossier.Source("t", b""), 100, sheet=True)
-    page = Page(sheet)
-    assert page.open == []
-    assert not [tag for tag, _ in page.elements if tag in ("script", "template", "aside")]
-    assert "In other worlds" in sheet
-    assert len(sheet) < 0.5 * len(text)
-
-
 @NEEDED
 def test_the_way_of_a_part_is_chosen_by_hand_by_keys_by_widths_and_from_a_journal(tmp_path):
     branch = max(TABLE.nodes[0].branches, key=lambda branch: branch.probability_ppm)
@@ -297,53 +183,3 @@ def test_the_way_of_a_part_is_chosen_by_hand_by_keys_by_widths_and_from_a_journa
 @pytest.mark.parametrize("width", [1400, 390])
 def test_every_text_is_legible_on_a_wide_and_a_narrow_screen(text, tmp_path, width):
     assert played(text, LEGIBLE, tmp_path, width) == {"small": [], "over": 0}
-
-
-def test_takt_stands_on_the_page_as_forecast_and_as_measured(tmp_path, text):
-    assert "done within" not in text
-    output, journal = tmp_path / "page.html", tmp_path / "j.jsonl"
-    entries = [header(dumps(TABLE)), *part(1, [], "stopped"), *part(2, [], "stopped")]
-    entries[2]["seconds"], entries[4]["seconds"] = 5.0, 601.0
-    journal.write_bytes(chained(entries))
-    words = [str(TABLE_PATH), "-o", str(output), "--trials", "100", "--takt", "600s"]
-    assert report.main(words) == 0
-    card = output.read_text().partition("<dt>done within 600 s</dt>")[2].partition("</dd>")[0]
-    assert "100.00 % forecast" in card
-    assert "measured" not in card
-    assert report.main([*words, "--journal", str(journal)]) == 0
-    card = output.read_text().partition("<dt>done within 600 s</dt>")[2].partition("</dd>")[0]
-    assert "100.00 % forecast" in card
-    assert "measured 50.00 % of 2" in card
-
-
-def test_all_failed_parts_are_listed_before_others(monkeypatch):
-    monkeypatch.setattr(dossier, "LISTED", 3)
-    outcomes = ["reject", "leaf", "leaf", "fault", "leaf"]
-    log = RunLog(
-        [run_log.PartLog(k, outcome=outcome) for k, outcome in enumerate(outcomes)], 1, 0, "", ""
-    )
-    source = dossier.Source("t", b"", log)
-    listed = json.loads(Page(dossier.page(TABLE, JOB, source, 50)).scripts["data"])["parts"]
-    assert [entry["part"] for entry in listed] == [0, 3, 4]
-
-
-def test_wrong_input_is_one_line(tmp_path, capsys):
-    cases = [
-        (3, [str(tmp_path / "none.msgpack"), "-o", str(tmp_path / "p.html")]),
-        (2, [str(TABLE_PATH), "-o", str(tmp_path / "none" / "p.html")]),
-        (
-            3,
-            [
-                str(TABLE_PATH),
-                "-o",
-                str(tmp_path / "p.html"),
-                "--journal",
-                str(tmp_path / "none.jsonl"),
-            ],
-        ),
-        (2, [str(TABLE_PATH), "-o", str(tmp_path / "p.html"), "--trials", "99999999"]),
-    ]
-    for code, words in cases:
-        assert report.main(words) == code
-        assert capsys.readouterr().err.count("\n") == 1
-    assert list(tmp_path.iterdir()) == []

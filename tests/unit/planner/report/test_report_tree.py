@@ -4,28 +4,14 @@ import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
-import numpy as np
 import pytest
-from sample_tables import small_table
 
-from planner.job import model as job_file
 from planner.job.model import Job
 from planner.report import tree
-from planner.report.replay import replay
-from runtime.table import Table, load
+from runtime.table import Table
 
 TREES = Path(__file__).parents[4] / "trees" / "rectangle"
 SVG = "{http://www.w3.org/2000/svg}"
-
-
-@pytest.fixture(scope="module")
-def job() -> Job:
-    return job_file.load(TREES / "job.toml")
-
-
-@pytest.fixture(scope="module")
-def table() -> Table:
-    return load(TREES / "rectangle.msgpack").table
 
 
 def panels(path: Path) -> list[str]:
@@ -58,37 +44,3 @@ def test_readme_picture_shows_the_table_beside_it(table: Table) -> None:
     said = words(TREES / "tree.svg")
     for leaf in table.leaves:
         assert (f"of {leaf.trials}" if leaf.trials else "untried") in said
-
-
-def test_branches_state_their_intervals_and_leaves_their_trials(table: Table, drawn: Path) -> None:
-    said = words(drawn)
-    for node in table.nodes:
-        for branch in node.branches:
-            assert f"{branch.low_um / 1e3:.1f}\N{EN DASH}{branch.high_um / 1e3:.1f}" in said
-    for leaf in table.leaves:
-        assert (f"of {leaf.trials}" if leaf.trials else "untried") in said
-
-
-def test_unresolved_leaves_claim_no_pose(job: Job, tmp_path: Path) -> None:
-    tree.draw(small_table(), job, tmp_path / "small.svg", trials=100)
-    said = words(tmp_path / "small.svg")
-    assert said.count("unresolved") == 1
-    assert "\N{MINUS SIGN}1.2, \N{MINUS SIGN}2.0" in said
-    assert "90.0°" in said
-
-
-@pytest.mark.parametrize("style", [tree.DOWNWARDS, tree.SIDEWAYS], ids=["downwards", "sideways"])
-def test_panels_lie_on_the_page_and_apart(table: Table, job: Job, style: tree.Style) -> None:
-    drawing = tree.drawing(table, job, replay(table, job, 100, 0), style)
-    corners = np.array([(panel.x, panel.y) for panel in drawing.panels])
-    assert np.all(corners >= 0.0)
-    assert np.all(corners + tree.PANEL <= (drawing.width, drawing.height))
-    apart = np.max(np.abs(corners[:, None] - corners), axis=-1) + tree.PANEL * np.eye(len(corners))
-    assert np.all(apart >= tree.PANEL)
-    assert (drawing.height > drawing.width) == style.sideways
-
-
-def test_same_table_same_bytes(table: Table, job: Job, tmp_path: Path) -> None:
-    for name in ("a.svg", "b.svg"):
-        tree.draw(table, job, tmp_path / name, trials=50)
-    assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()

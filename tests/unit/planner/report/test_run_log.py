@@ -6,7 +6,6 @@ import pytest
 from run_logs import chained, header, part
 
 from planner.report import run_log
-from runtime.journal.chain import Journal
 from runtime.shell.errors import InputError
 
 TABLE = b"some table"
@@ -34,39 +33,6 @@ def test_parts_squeezes_and_outcomes_are_found(tmp_path):
     assert sum(log.branch_counts().values()) == sum(len(p.squeezes) for p in log.parts)
 
 
-def test_times_are_of_the_parts_that_tell_their_seconds(tmp_path):
-    entries = [header(TABLE), *PARTS, *part(4, [], "leaf", 7)]
-    for entry, seconds in zip(
-        (entry for entry in entries if entry["kind"] == "outcome"),
-        (5.0, 7.0, None, 6.0),
-        strict=True,
-    ):
-        entry["seconds"] = seconds
-    times = run_log.read(written(tmp_path, chained(entries)), DIGEST).times(6.0)
-    assert (times["parts"], times["seconds_mean"], times["seconds_max"]) == (3, 6.0, 7.0)
-    assert times["takt_probability"] == pytest.approx(2 / 3)
-    assert run_log.read(written(tmp_path, chained([header(TABLE)])), DIGEST).times(6.0) == {}
-
-
-def test_seconds_that_are_no_time_are_refused(tmp_path):
-    entries = [header(TABLE), *part(1, [], "stopped")]
-    for wrong in (-1.0, "long", True):
-        entries[-1]["seconds"] = wrong
-        with pytest.raises(InputError, match="no record of a run"):
-            run_log.read(written(tmp_path, chained(entries)), DIGEST)
-
-
-def test_it_reads_what_the_runtime_writes(tmp_path):
-    path = tmp_path / "j.jsonl"
-    with Journal(path, lambda: "2026-01-01T00:00:00") as journal:
-        journal.header(TABLE, {})
-        for entry in PARTS:
-            journal.record(
-                entry["kind"], {key: value for key, value in entry.items() if key != "kind"}
-            )
-    assert len(run_log.read(path, DIGEST).parts) == 3
-
-
 def test_runs_of_other_tables_are_left_out_and_counted(tmp_path):
     data = chained([header(b"other"), *PARTS, header(TABLE), *PARTS[:4]])
     log = run_log.read(written(tmp_path, data), DIGEST)
@@ -80,21 +46,12 @@ def test_a_part_that_a_crash_cut_short_says_so(tmp_path):
     assert log.parts[0].failed
 
 
-def test_a_part_begun_anew_loses_its_squeezes(tmp_path):
-    again = [*PARTS[:2], {"kind": "resume", "part": 1, "how": "restart"}, *PARTS[1:4]]
-    log = run_log.read(written(tmp_path, chained([header(TABLE), *again])), DIGEST)
-    assert log.parts[0].squeezes == [(0, 132, 4), (4, 175, -8)]
-
-
 GOOD = chained([header(TABLE), *PARTS])
 LINES = GOOD.splitlines(keepends=True)
 DAMAGED = {
     "empty": (b"", "is empty"),
     "no journal": (b"hello\n", "line 1 does not verify"),
-    "a width changed": (
-        GOOD.replace(b'"width_um":10,', b'"width_um":11,'),
-        "line 7 does not",
-    ),
+    "a width changed": (GOOD.replace(b'"width_um":10,', b'"width_um":11,'), "line 7 does not"),
     "a line missing": (b"".join(LINES[:3] + LINES[4:]), "line 4 does not verify"),
     "lines exchanged": (b"".join([LINES[0], LINES[2], LINES[1]]), "line 2 does not verify"),
     "another table": (chained([header(b"other"), *PARTS]), "holds no run of this table"),

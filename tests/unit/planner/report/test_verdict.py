@@ -1,7 +1,6 @@
 """The sentences that a report begins with: the plan's verdict and the cell's own result."""
 
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -9,11 +8,11 @@ import numpy as np
 import pytest
 
 from planner.diagnosis.cautions import warnings_of
-from planner.evaluation.cases import Case, Condition, assumption_cases, believed_cases
+from planner.evaluation.cases import Case, Condition
 from planner.evaluation.evaluate import Line
 from planner.job import model as job_file
-from planner.report.run_log import PartLog, RunLog, Squeezed
-from planner.report.verdict import cell_result, listed, percent, planned_spans, verdict
+from planner.report.run_log import PartLog, RunLog
+from planner.report.verdict import cell_result, listed, verdict
 from runtime.table import load
 
 TREE = Path(__file__).parents[4] / "trees" / "rectangle"
@@ -64,36 +63,11 @@ def test_a_plan_that_misses_the_goal_by_far_is_poor(worse):
     assert verdict(JOB, FIGURES | worse).grade == "poor"
 
 
-@pytest.mark.parametrize(
-    ("share", "message"), [(1.0, "100 %"), (0.0, "0 %"), (0.99996, "99.996 %"), (0.5, "50 %")]
-)
-def test_a_share_is_never_rounded_to_all_or_nothing(share, message):
-    assert percent(share) == message
-
-
-def test_parts_rejected_at_one_node_are_reported_with_what_was_read_and_planned():
-    parts = [PartLog(k, [Squeezed(0, 50_200, None)], "reject") for k in range(1, 9)]
-    result = cell_result(TABLE, RunLog(parts, 1, 0, "", ""))
-    assert result.grade == "poor"
-    assert "0 of 8 parts located, 8 reject; 8 rejected at node 0: 50.2 mm read" in result.sentence
-    assert result.sentence.endswith("planned: another part?")
-
-
 def test_all_parts_located_is_good_and_an_audit_that_fails_is_not():
     parts = [PartLog(k, [], "leaf", 0) for k in range(1, 4)]
     assert cell_result(TABLE, RunLog(parts, 1, 0, "", "")).grade == "good"
     parts[0] = replace(parts[0], audit="fail")
     assert cell_result(TABLE, RunLog(parts, 1, 0, "", "")).grade == "poor"
-
-
-def test_spans_hold_every_branch_and_do_not_meet():
-    for node in TABLE.nodes:
-        spans = planned_spans(node)
-        assert all(high < low for (_, high), (low, _) in pairwise(spans))
-        for branch in node.branches:
-            assert any(
-                low <= branch.low_um / 1e3 and branch.high_um / 1e3 <= high for low, high in spans
-            )
 
 
 def test_conditions_are_those_that_cost_wrong_answers_the_strictest_of_each_kind():
@@ -111,15 +85,6 @@ def test_conditions_are_those_that_cost_wrong_answers_the_strictest_of_each_kind
     assert listed(result.conditions) == f"if {result.conditions[0]} and {result.conditions[1]}"
     assert listed([]) == ""
     assert listed(list("abcde")).endswith("a, b, c and 2 more assumptions hold")
-
-
-def test_every_world_that_is_tried_names_the_condition_that_it_breaks():
-    job = JOB.replaced(
-        part={"tolerance_mm": 0.2}, friction={"doubt": 0.3}, doubt={"pressure": "any"}
-    )
-    for case in (*assumption_cases(job)[1:], *believed_cases(job)):
-        assert case.broken is not None, case.name
-        assert " " in case.broken.text()
 
 
 def outlined(length, width, **changes):

@@ -50,17 +50,6 @@ def test_page_tells_the_compilers_figures_in_cards_verdict_and_first_row(planned
     assert [cells[0], *cells[2:6]] == shares
 
 
-def test_card_headline_and_row_of_the_worst_world_agree(planned, page):
-    job, plan = planned
-    worst = weakest(worlds.tried(plan.table, job, plan.evaluation, 600))
-    assert f"{worst.name} (" in page
-    row = re.search(
-        rf'<th scope="row">{re.escape(worst.name)} <strong>\(worst\).*?</tr>', page, re.DOTALL
-    )[0]
-    wrong = re.findall(r"<td>([^<]*)</td>", row)[2]
-    assert f"<dt>worst other world</dt><dd>{wrong} wrong where" in page
-
-
 def test_pose_beside_the_parts_of_the_stated_cell_is_reported_with_theirs(planned, page):
     _, plan = planned
     result = means(plan.table, plan.evaluation)
@@ -76,3 +65,14 @@ def test_pose_beside_the_parts_of_the_stated_cell_is_reported_with_theirs(planne
     apart = next(mean for mean in result if mean)
     assert f"<td>{apart.apart_mm:.2f}</td>" in page
     assert ("this is deliberate" in page) == any(mean.deliberate for mean in result if mean)
+
+
+def test_card_headline_and_row_of_the_worst_world_agree(planned, page):
+    job, plan = planned
+    worst = weakest(worlds.tried(plan.table, job, plan.evaluation, 600))
+    assert f"{worst.name} (" in page
+    row = re.search(
+        rf'<th scope="row">{re.escape(worst.name)} <strong>\(worst\).*?</tr>', page, re.DOTALL
+    )[0]
+    wrong = re.findall(r"<td>([^<]*)</td>", row)[2]
+    assert f"<dt>worst other world</dt><dd>{wrong} wrong where" in page

@@ -23,37 +23,6 @@ def test_a_part_that_no_open_hand_clears_is_too_large():
     assert "seconds" in row
 
 
-@pytest.mark.parametrize(("radius_mm", "kind"), [(41.1, reasons.TOO_LARGE), (40.9, zoo.ERROR)])
-def test_a_part_whose_fingers_clear_it_nowhere_within_a_millimetre_is_too_large(
-    monkeypatch, radius_mm, kind
-):
-    discs = []
-    monkeypatch.setattr(
-        zoo, "compile_job", lambda job, **_: discs.append(job.uncertainty.radius_mm) or 1 / 0
-    )
-    row = zoo.judge(item(regular_polygon(7, radius_mm).tolist()))
-    assert row["kind"] == kind
-    assert all(1.0 <= disc <= 42.5 - radius_mm - 0.5 for disc in discs)
-
-
-def test_a_symmetry_survives_a_drawing_that_is_off_by_little(monkeypatch):
-    orders = []
-    monkeypatch.setattr(
-        zoo, "compile_job", lambda job, **_: orders.append(job.part.symmetry) or 1 / 0
-    )
-    for off in (0.04, 0.4):
-        zoo.judge(item([[-15, -8], [15, -8], [15 + off, 8], [-15, 8]]))
-    assert orders == [2, 1]
-
-
-def test_a_long_name_is_no_error(monkeypatch):
-    names = []
-    monkeypatch.setattr(zoo, "compile_job", lambda job, **_: names.append(job.part.name) or 1 / 0)
-    zoo.judge(item([[0, 0], [30, 0], [0, 20]], name="Connector/" * 20 + "last"))
-    assert len(names[0]) == zoo.LONGEST_NAME
-    assert names[0].endswith("/last")
-
-
 def test_an_error_of_the_program_is_reported_and_ends_nothing(monkeypatch):
     monkeypatch.setattr(zoo, "compile_job", lambda *_, **__: 1 / 0)
     row = zoo.judge(item([[0, 0], [30, 0], [0, 20]]))
@@ -73,7 +42,3 @@ def test_a_hexagon_is_located_and_the_page_names_all():
     assert "a &lt;part&gt;" in text
     assert "1 are located" in text
     assert f'<th scope="row">{reasons.TOO_LARGE}</th><td>1</td>' in text
-
-
-def test_a_page_of_nothing_is_a_page():
-    assert "0 outlines" in zoo.page([])

@@ -1,5 +1,6 @@
 """Where the open hand may be placed."""
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -7,10 +8,11 @@ import problems
 import pytest
 
 from planner.belief.metric import Metric
+from planner.frames import to_hand
 from planner.job import model as job_file
 from planner.mechanics.clearance import free_placements, least_clearance
 from planner.search.actions import ActionSet, actions_of
-from planner.search.proposals import Proposals
+from planner.search.proposals import Proposals, placed, proposals_of, stable_angles
 
 RECTANGLE = Path(__file__).parents[4] / "trees" / "rectangle" / "job.toml"
 
@@ -32,12 +34,6 @@ def test_free_placements_judge_as_the_least_clearance_does(name, least):
     assert not free.all()
 
 
-def test_fixed_actions_are_every_angle_at_every_centre():
-    actions = actions_of(job_file.load(RECTANGLE))
-    np.testing.assert_allclose(actions.placements[:, 2], np.radians([0, 45, 90, 135]))
-    assert np.all(actions.placements[:, :2] == 0.0)
-
-
 def test_proposals_stand_about_the_main_modes_and_within_the_area():
     metric = Metric(3.0, 10.0, 1)
     belief = np.repeat([[5.0, 0.0, 0.0], [-5.0, 0.0, np.pi]], [60, 40], axis=0)
@@ -47,31 +43,6 @@ def test_proposals_stand_about_the_main_modes_and_within_the_area():
     options = actions.options(belief, metric)
     # About the first mode (5 + 7, 0) lies outside; about the second -5 - 7 does.
     np.testing.assert_allclose(options[:, 0], [0.0, 5.0, -5.0], atol=1e-9)
-
-
-def test_hands_all_about_are_shared_by_the_main_modes():
-    metric, area = Metric(3.0, 10.0, 1), np.array([[-99.0, -99.0], [99.0, 99.0]])
-    belief = np.repeat([[50.0, 0.0, 0.0], [-50.0, 0.0, 0.0]], [60, 40], axis=0)
-    proposals = Proposals(
-        np.zeros((0, 3)), problems.random_poses(np.random.default_rng(1), 100, 9.0)
-    )
-    actions = ActionSet(np.zeros((0, 3)), (proposals,), area)
-    assert len(actions.options(belief, metric)) == 0
-    x = actions.scattered(belief, metric, 40)[:, 0]
-    assert (np.sum(x > 0.0), np.sum(x < 0.0)) == (20, 20)
-
-
-def test_first_squeezes_lie_beside_the_middle_and_no_turn_makes_two_of_them_one():
-    job = job_file.load(RECTANGLE)
-    assert len(actions_of(job).first) == 1  # its four angles
-    proposing = job.replaced(actions={"proposals": "belief"})
-    first = actions_of(proposing).first
-    beside = np.hypot(*first[:, :2].T) / job.gripper.finger_length_mm
-    np.testing.assert_allclose(beside, [0.0, 0.25, 0.5], atol=1e-9)
-    assert (
-        actions_of(proposing.replaced(uncertainty={"orientation_halfwidth_deg": 20.0})).first
-        is None
-    )
 
 
 def test_first_squeezes_are_one_up_to_a_turn_of_the_part_and_half_a_turn_of_the_hand():
@@ -84,3 +55,39 @@ def test_first_squeezes_are_one_up_to_a_turn_of_the_part_and_half_a_turn_of_the_
     assert np.allclose(same, turned)
     assert np.hypot(*(across - same)[:2]) == pytest.approx(np.hypot(10.0, 10.0))
     assert actions.compared(placements, squeezed=True) is placements
+
+
+def width(outline, angle):
+    """Between long parallel jaws at a hand angle."""
+    return np.ptp(outline @ np.array([-np.sin(angle), np.cos(angle)]))
+
+
+@pytest.fixture(scope="module")
+def job():
+    job = job_file.load(RECTANGLE)
+    return dataclasses.replace(job, actions=dataclasses.replace(job.actions, proposals="belief"))
+
+
+@pytest.mark.parametrize("name", ["right triangle", "butterfly", "L", "ellipse", "hexagon"])
+def test_the_first_stable_angle_is_the_narrowest_of_all(name):
+    outline = problems.OUTLINES[name]()
+    widths = [width(outline, angle) for angle in np.radians(np.arange(0.0, 180.0, 0.25))]
+    assert width(outline, stable_angles(outline)[0]) <= min(widths) + 0.2
+
+
+def test_proposals_turn_and_move_with_the_part(job):
+    (proposals,) = proposals_of(job)
+    pose = np.array([3.0, -2.0, 0.7])
+    seen = [to_hand(pose, placement) for placement in placed(proposals.relative, pose)]
+    expected = [to_hand(np.zeros(3), placement) for placement in proposals.relative]
+    np.testing.assert_allclose(np.array(seen)[:, :2], np.array(expected)[:, :2], atol=1e-9)
+    turn = np.array(seen)[:, 2] - np.array(expected)[:, 2]
+    np.testing.assert_allclose(np.cos(turn), 1.0)
+
+
+def test_every_proposed_finger_reaches_the_part(job):
+    half, outline = 0.5 * job.gripper.finger_length_mm, job.part.outline_mm
+    for x, y, angle in proposals_of(job)[0].relative:
+        along = (outline - [x, y]) @ np.array([np.cos(angle), np.sin(angle)])
+        assert along.min() < half
+        assert along.max() > -half

@@ -58,12 +58,6 @@ def test_opening_where_the_job_lists_none_leaves_just_the_room_that_is_needed(fr
     assert handling.opening(few, placement)[0] == free.gripper.opening_mm
 
 
-def test_opening_of_fingers_that_move_unlike_is_the_full_one(free):
-    uneven = free.replaced(gripper={"upper_finger_share": 0.6})
-    belief = Belief.of(np.zeros((1, 3)))
-    assert handling_of(uneven).opening(belief, np.zeros(3))[0] == free.gripper.opening_mm
-
-
 @pytest.mark.parametrize("trait", ["share", "across_mm", "encoder_mm"])
 def test_first_contact_of_a_part_with_something_off_comes_earlier(free, trait):
     poses, placement, handling = np.array([[0.0, 9.0, 0.3]]), np.zeros(3), handling_of(free)
@@ -73,23 +67,9 @@ def test_first_contact_of_a_part_with_something_off_comes_earlier(free, trait):
     assert handling.contact_mm(Belief.of(poses, traits=traits), placement) > plain
 
 
-def test_a_part_in_the_middle_is_let_go_where_it_is(job):
-    assert handling_of(job).release(held_at(job, (20.0, -30.0))) is None
-
-
 def test_a_part_near_the_edge_is_dragged_to_the_middle(job):
     handling, outcomes = handling_of(job), held_at(job, (145.0, 0.0))
     release = handling.release(outcomes)
     np.testing.assert_allclose(release, [0.0, 0.0])
     (belief,) = handling.released(np.array([140.0, 0.0, 0.0]), release, outcomes)
     np.testing.assert_allclose(belief.poses[0], [5.0, 0.0, 0.1])
-
-
-def test_nothing_held_is_nothing_dragged(job):
-    outcomes = Outcomes(
-        Partition.of([np.full(50, 227)]), [Belief.of(np.tile([145.0, 0.0, 0.0], (50, 1)))], 0.0
-    )
-    handling = handling_of(job)
-    assert handling.release(outcomes) is None
-    moved = handling.released(np.array([140.0, 0.0, 0.0]), np.zeros(2), outcomes)
-    np.testing.assert_allclose(moved[0].poses, outcomes.beliefs[0].poses)

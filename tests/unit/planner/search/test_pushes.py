@@ -10,7 +10,6 @@ from planner.belief.particles import PUSHED, UNREAD, Belief, initial
 from planner.belief.transition import Push
 from planner.frames import to_hand
 from planner.job import model as job_file
-from planner.lower import _push
 from planner.mechanics.clearance import STANDS_ON, classify_contact
 from planner.problem import Problem
 from planner.search.actions import actions_of
@@ -71,33 +70,6 @@ def test_pushes_begin_clear_of_a_belief_and_go_through_it(pusher, belief, of):
         assert np.any(pushed.poses != of(belief).poses)
 
 
-def test_closed_fingers_leave_no_part_behind_their_face(pusher, belief):
-    closed = [push for push in pusher.options(belief) if push.opening_mm == 0.0]
-    after = pusher.model.push(belief, closed[0], np.random.default_rng(3))
-    face = closed[0].start[0] + closed[0].way_mm + 0.5 * pusher.jaws[1]
-    ahead = after.poses[np.abs(after.poses[:, 1]) < 5.0]  # others may have slid off to a side
-    assert len(ahead) > 20
-    assert np.all(ahead[:, 0] > face)
-
-
-def test_parts_anyhow_about_a_disc_are_pushed_one_way_and_others_four(job, pusher, belief):
-    assert {float(push.start[2]) for push in pusher.options(belief)} == {0.0}
-    known = job.replaced(uncertainty={"orientation_halfwidth_deg": 20.0})
-    for each, lying in ((pusher, read(belief)), (pusher_of(Problem.of(known, 1)), belief)):
-        angles = np.array(sorted({float(push.start[2]) for push in each.options(lying)}))
-        assert np.diff(angles) == pytest.approx([0.5 * np.pi] * 3)
-
-
-def test_none_begins_or_ends_outside_the_work_area(job, belief):
-    narrow = job.replaced(cell={"work_area_mm": [[-40, -40], [40, 40]]})
-    assert pusher_of(Problem.of(narrow, 1)).options(belief) == []
-
-
-def test_a_belief_of_one_particle_is_pushed_as_any(pusher, belief):
-    one = read(belief)[np.arange(1)]
-    assert len(pusher.options(one)) == len(pusher.options(read(belief)))
-
-
 def test_a_pushed_belief_is_touched_and_keeps_what_was_read(pusher, belief):
     push = pusher.options(belief)[0]
     pushed = pusher.model.push(belief, push, np.random.default_rng(4))
@@ -120,26 +92,6 @@ def test_best_pushes_through_a_belief_reach_where_they_were_judged_to_end(proble
         assert lying.touched
         assert len(lying) == 2 * len(belief)
         assert under(pusher, belief, pushes[0], 0.0) == 0
-
-
-def test_best_second_push_begins_clear_of_all_that_the_first_has_moved(pusher, belief):
-    rng = np.random.default_rng(7)
-    few = belief[np.arange(20)]
-    first = pusher.options(few)[0]
-    second = pusher.options(pusher.model.push(few, first, rng))[0]
-    pushes, _ = pusher._from_beside_all(belief, (first, second), rng)
-    lying = pusher.model.push(belief, pushes[0], np.random.default_rng(8))
-    assert under(pusher, lying, pushes[1], 0.0) <= 2  # of other draws of the same push
-    ends = [
-        push.start[:2] + push.way_mm * np.array([math.cos(push.start[2]), math.sin(push.start[2])])
-        for push in (second, pushes[1])
-    ]
-    assert ends[0] == pytest.approx(ends[1])
-
-
-def test_a_table_pushes_where_the_plan_does_as_fast_as_a_finger_closes(job):
-    result = _push(Push(np.array([1.2345, -2.0, 0.5]), 21.25, 40.0), job)
-    assert result == (1234, -2000, 500_000, 21_250, 40_000, 30_000)
 
 
 def test_a_job_that_states_that_nothing_is_pushed_is_the_job_that_does_not(job):

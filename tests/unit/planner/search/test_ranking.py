@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.belief.costs import Closing
 from planner.belief.particles import Belief, initial
 from planner.belief.transition import Outcomes
 from planner.frames import wrap
@@ -13,7 +12,7 @@ from planner.job import model as job_file
 from planner.mechanics.traits import as_planned
 from planner.problem import Problem
 from planner.search.actions import actions_of
-from planner.search.ranking import ALIKE, ALIKE_MM, Asked, Ranking, judged, unlike
+from planner.search.ranking import ALIKE, ALIKE_MM, Ranking, judged, unlike
 
 GUSSET = Path(__file__).parents[4] / "trees" / "gusset" / "job.toml"
 FACES = {"part": {"faces": "either"}}
@@ -45,26 +44,6 @@ def test_judged_options_equals_the_heuristic_of_their_branches(changes):
         assert left[k] == pytest.approx(
             outcomes.probability @ rule.stopping.cost_to_go(shares * size, size)
         )
-
-
-def test_rank_many_grasp_poses_sorts_finalists_by_cost():
-    problem = Problem.of(job_file.load(GUSSET), 1)
-    ranking, rng = Ranking(problem, actions_of(problem.job)), np.random.default_rng(6)
-    belief = Belief.of(initial(problem.job, 120, rng))
-    grasps = ranking.candidates(belief, belief)
-    (options,) = ranking.rank([Asked(belief, grasps, None)], rng)
-    assert 0 < len(options.placements) <= len(grasps)
-    assert np.all(np.diff(options.cost_to_go) >= 0.0)
-    least = problem.costs.squeeze(None, grasps[0], Closing(0.0, 0.0, 0.0), 0.0)
-    assert np.all(options.cost_to_go >= least)  # one squeeze at least
-
-
-def test_rank_belief_without_grasp_poses_returns_no_option():
-    problem = Problem.of(job_file.load(GUSSET), 1)
-    belief = Belief.of(initial(problem.job, 20, np.random.default_rng(7)))
-    ranking = Ranking(problem, actions_of(problem.job))
-    (options,) = ranking.rank([Asked(belief, np.zeros((0, 3)), None)], np.random.default_rng(8))
-    assert len(options.placements) == len(options.cost_to_go) == 0
 
 
 def test_unlike_random_grasp_poses_leaves_no_variants_and_drops_nothing_else():

@@ -4,15 +4,7 @@ import numpy as np
 import pytest
 from hand_grown import grown
 
-from planner.search.tree import breadth_first, leaves, pruned
-
-
-def test_breadth_first_two_levels_puts_parents_before_children():
-    root = grown()
-    order = breadth_first(root)
-    assert order[0] is root
-    assert [node.depth for node in order] == sorted(node.depth for node in order)
-    assert [node for node in order if not node.children] == leaves(root)
+from planner.search.tree import breadth_first, pruned
 
 
 def test_pruned_branch_leaves_its_subtree_out_and_the_tree_as_it_was():
@@ -24,12 +16,3 @@ def test_pruned_branch_leaves_its_subtree_out_and_the_tree_as_it_was():
     assert kept.squeeze.clusters.mean == pytest.approx(root.squeeze.clusters.mean[[1]])
     assert np.array_equal(kept.children[0].belief.poses, root.children[1].belief.poses)
     assert root.squeeze.clusters.low[0] not in kept.squeeze.clusters.low
-
-
-def test_pruned_with_all_branches_is_the_same_plan():
-    root = grown()
-    same = pruned(
-        root, [list(range(len(node.children))) for node in breadth_first(root) if node.children]
-    )
-    for one, other in zip(breadth_first(root), breadth_first(same), strict=True):
-        assert (one.share, one.depth) == (other.share, other.depth)

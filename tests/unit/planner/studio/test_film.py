@@ -9,15 +9,9 @@ from planner.job.model import load
 from planner.studio.film import film, make
 from planner.world import ContactWorld
 from runtime.shell.errors import UsageError
-from runtime.table import load as load_table
 
 TREE = Path(__file__).parents[4] / "trees" / "rectangle"
 SQUEEZED = {"before": {"x_mm": 1.0}, "after": {"x_mm": 0.0}, "width_mm": 21.0}
-
-
-@pytest.fixture(scope="module")
-def table():
-    return load_table(TREE / "rectangle.msgpack").table
 
 
 def test_the_world_squeezes_as_ever_and_prints_it(capfd):
@@ -50,9 +44,3 @@ def test_a_film_places_the_hand_by_the_table(table):
 def test_a_part_that_is_not_in_the_log_is_refused(table, number):
     with pytest.raises(UsageError, match="not in the log"):
         film(table, [{"number": 7, "path": [0], "squeezes": []}], number)
-
-
-@pytest.mark.parametrize("path", [[99999], [-1], ["0"]])
-def test_a_path_that_is_none_of_the_table_is_refused(table, path):
-    with pytest.raises(UsageError, match="not in the log"):
-        film(table, [{"number": 7, "path": path, "squeezes": [SQUEEZED]}], "7")

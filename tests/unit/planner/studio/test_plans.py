@@ -10,7 +10,7 @@ from planner.studio import plans as studio_plans
 from planner.studio.folder import Folder
 from planner.studio.plans import Plans
 from planner.studio.steps import written_for
-from runtime.shell.errors import InputError, UsageError
+from runtime.shell.errors import UsageError
 
 PLANNER = """
 import json, pathlib, sys, time
@@ -26,21 +26,10 @@ def plans(tmp_path):
     return Plans(Folder(tmp_path))
 
 
-def test_a_setting_stays_one_argument(plans):
-    settings = {"units": "mm", "radius": " 5 ", "turn": "", "gripper": "--output=/tmp/x"}
-    arguments = plans.arguments("plate.csv", settings)
-    assert arguments == ["--units=mm", "--gripper=--output=/tmp/x", "--radius=5"]
-
-
 @pytest.mark.parametrize("settings", [{"output": "x"}, {"radius": 5}, {"radius": ["5"]}])
 def test_unknown_settings_are_refused(plans, settings):
     with pytest.raises(UsageError):
         plans.arguments("plate.csv", settings)
-
-
-def test_a_drawing_that_is_gone_is_refused(plans):
-    with pytest.raises(InputError, match="no file of this folder"):
-        plans.arguments("gone.csv", {})
 
 
 def test_one_plan_at_a_time_is_under_way_for_all_who_look(plans, monkeypatch):
@@ -56,20 +45,6 @@ def test_one_plan_at_a_time_is_under_way_for_all_who_look(plans, monkeypatch):
     assert other.all()[0].log.exit == 0
     with pytest.raises(UsageError, match="not being planned"):
         other.stop("plate")
-
-
-TRYING = PLANNER.replace("while", 'print(json.dumps({"exit": 0}), flush=True)\nwhile')
-
-
-def test_another_plan_ends_what_is_tried_after_the_first(plans, monkeypatch):
-    monkeypatch.setattr(studio_plans, "PYTHON", [sys.executable, "-c", TRYING])
-    plans.begin("plate.csv", [])
-    until(lambda: plans.all()[0].trying)
-    assert not plans.all()[0].running
-    plans.begin("plate.csv", [])
-    until(lambda: [plan.trying for plan in plans.all() if plan.name == "plate"] == [False])
-    until(lambda: plans.all()[0].trying)
-    plans.stop("plate-2")
 
 
 def test_two_pages_that_begin_at_once_begin_one_plan(plans, monkeypatch):

@@ -51,13 +51,6 @@ def test_the_commands_run_one_after_another(ran):
     assert json.loads(lines[-1]) == {"exit": 0}
 
 
-@pytest.mark.parametrize(("argument", "expected"), [("--turn=0", 0), ("--scale=1", 5)])
-def test_without_a_table_or_after_a_failure_nothing_follows(ran, argument, expected):
-    code, lines = ran(argument)
-    assert code == expected
-    assert [line for line in lines if line.startswith("ran")] == ["ran try"]
-
-
 def test_stop_interrupts_the_search_and_the_rest_follows(ran, tmp_path):
     code, lines = ran("--budget=1")
     assert code == 0
@@ -86,9 +79,3 @@ def test_other_discs_and_goals_are_tried_until_one_is_too_much(ran, tmp_path):
     assert all(row["enough"] for row in goals)
     assert discs[0]["command"].startswith("squeezetree plan a.toml -o a.what-if --vary")
     assert not [line for line in lines if line.startswith("ran plan")]  # said by nobody
-
-
-def test_typed_is_what_a_shell_takes_for_the_same():
-    words = ["try", "a b.dxf", "--radius=5", "-o", "a.toml"]
-    assert steps.typed(words) == "squeezetree try 'a b.dxf' --radius 5 -o a.toml"
-    assert steps.beginning("-a.dxf") == "./-a.dxf"

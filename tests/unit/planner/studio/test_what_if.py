@@ -13,18 +13,6 @@ confidence = 0.95
 """
 
 
-def test_discs_grow_and_goals_shrink(tmp_path):
-    job = tmp_path / "a.toml"
-    job.write_text(JOB)
-    disc, goal = trials_of(job)
-    assert disc.values == sorted(disc.values)
-    assert min(disc.values) > 10.0
-    assert goal.values == sorted(goal.values, reverse=True)
-    assert max(goal.values) < 3.0
-    words = disc.command(12.0, "-a.toml", "a.what-if")
-    assert words[words.index("--vary") + 1] == "uncertainty.radius_mm=12"
-
-
 def test_a_value_is_too_much_where_fewer_parts_are_located_than_asked_for(tmp_path):
     job = tmp_path / "a.toml"
     job.write_text(JOB)
@@ -36,9 +24,3 @@ def test_a_value_is_too_much_where_fewer_parts_are_located_than_asked_for(tmp_pa
     ):
         (tmp_path / "summary.json").write_text(json.dumps([row]))
         assert trial.result(20.0, tmp_path / "summary.json")["enough"] == enough
-
-
-def test_a_job_that_is_gone_or_states_neither_is_not_tried(tmp_path):
-    assert list(trials_of(tmp_path / "gone.toml")) == []
-    (tmp_path / "a.toml").write_text("seed = 1")
-    assert list(trials_of(tmp_path / "a.toml")) == []

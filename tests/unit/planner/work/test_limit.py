@@ -1,7 +1,5 @@
 """A budget of time, and a request to end with what stands."""
 
-import math
-
 import pytest
 
 from planner.work.limit import Limit
@@ -30,26 +28,6 @@ def test_a_budget_ends_when_only_the_reserve_is_left(clock):
     clock.now -= 5.0
     assert not limit.over()
     assert limit.over(1.5)
-
-
-def test_time_before_the_start_is_not_on_the_budget(clock):
-    limit = Limit(10.0, clock)
-    clock.now += 50.0
-    assert limit.over()
-    limit.start()
-    assert limit.spent_s == 0.0
-    assert not limit.over()
-
-
-def test_without_a_budget_only_a_request_ends_the_work(clock):
-    limit = Limit(clock=clock)
-    limit.reserve_s = 1e9
-    clock.now = 1e12
-    assert not limit.bounded
-    assert not limit.over(math.pi)
-    limit.standing = True
-    assert limit.ask()
-    assert limit.over()
 
 
 def test_a_request_is_heard_once_and_only_where_something_stands(clock):

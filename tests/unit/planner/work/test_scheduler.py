@@ -2,7 +2,6 @@
 
 import multiprocessing
 import os
-import threading
 import time
 
 import pytest
@@ -51,11 +50,6 @@ class TestThreads:
         assert len(begun) < 50
 
 
-def test_items_run_at_the_same_time():
-    meeting = threading.Barrier(3, timeout=10)
-    assert list(Threads(3).map(lambda k: meeting.wait() >= 0 and k, range(3))) == [0, 1, 2]
-
-
 def test_work_within_work_ends():
     """Its own items, and those of threads that it waits for: none takes the place of what it waits for."""
 
@@ -70,21 +64,6 @@ def test_work_within_work_ends():
     assert outcome == [2 * (sum(map(squared, range(value))),) for value in range(20)]
 
 
-def test_nothing_runs_on_once_the_work_has_ended():
-    running, ended = set(), threading.Event()
-
-    def work(value):
-        running.add(value)
-        ended.wait(0.01 if value else 0.0)
-        running.discard(value)
-        return value
-
-    results = Threads(2).map(work, range(100))
-    assert next(results) == 0
-    results.close()
-    assert not running
-
-
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="a system without fork")
 def test_a_forked_process_has_threads_of_its_own():
     assert list(Threads(2).map(squared, range(9))) == [squared(k) for k in range(9)]
@@ -94,13 +73,6 @@ def test_a_forked_process_has_threads_of_its_own():
     process.start()
     process.join(timeout=60)
     assert process.exitcode == 0
-
-
-def test_without_an_address_there_are_threads():
-    with scheduler_of(None, 3) as scheduler:
-        assert scheduler.workers == 3
-    with scheduler_of() as scheduler:
-        assert scheduler.workers >= 1
 
 
 @pytest.mark.parametrize(

@@ -6,214 +6,93 @@ from ezdxf.xclip import XClip
 
 from runtime.shell.errors import InputError
 
-FRAME = (-10, -10), (55, 35)
+FRAME = (-10, -10), (55, 35)  # about the plate
+CORNERS = (0, 0), (40, 20)  # of the plate
 
 
-def jig(document, layer="0", name="JIG"):
-    """A block with a frame about the plate."""
-    block = document.blocks.new(name)
-    box(block, *FRAME, layer=layer)
-    return block
+def inserted(corners, content, *inserts):
+    """Draws a box with these attributes in a block, that block in the next, and the last in the drawing."""
+
+    def draw(space, document):
+        box(document.blocks.new("BLOCK"), *corners, **content)
+        for number, attributes in enumerate(inserts):
+            last = number == len(inserts) - 1
+            place = space if last else document.blocks.new(f"BLOCK{'+' * (number + 1)}")
+            place.add_blockref(f"BLOCK{'+' * number}", (0, 0), attributes)
+
+    return draw
 
 
-def plate_and(draw):
+def layer(name, **more):
+    return {"layer": name, **more}
+
+
+OFF, FROZEN, SHOWN, ZERO = map(layer, ("HIDDEN", "FROZEN", "SHOWN", "0"))
+HIDDEN = {
+    "insert that is off": inserted(FRAME, ZERO, OFF),
+    "two deep": inserted(FRAME, ZERO, ZERO, OFF),
+    "inner insert": inserted(FRAME, ZERO, OFF, SHOWN),
+    "array": inserted(FRAME, ZERO, layer("HIDDEN", row_count=2, row_spacing=100)),
+    "layer in other case": inserted(FRAME, ZERO, layer("hidden")),
+    "frozen insert of shown content": inserted(FRAME, SHOWN, FROZEN),
+    "frozen two deep": inserted(FRAME, SHOWN, ZERO, FROZEN),
+    "content on a layer that is off": inserted(FRAME, OFF, SHOWN),
+    "invisible": lambda space, _: box(space, *FRAME, invisible=1),
+    "invisible in a block": inserted(FRAME, {"invisible": 1}, {}),
+    "invisible insert": inserted(FRAME, SHOWN, {"invisible": 1}),
+    "skewed insert": inserted(FRAME, ZERO, layer("HIDDEN", xscale=1.2, yscale=0.9)),
+}
+ELSEWHERE = {
+    "paper space": lambda _, document: box(document.layout("Layout1"), *FRAME),
+    "block without an insert": lambda _, document: box(document.blocks.new("B"), *FRAME),
+}
+
+
+@pytest.mark.parametrize("name", HIDDEN | ELSEWHERE)
+def test_read_hidden_frame_about_a_plate_returns_the_plate(tmp_path, name):
     def both(space, document):
         document.layers.add("HIDDEN").off()
         document.layers.add("FROZEN").freeze()
-        document.layers.add("SHOWN")
-        box(space, *[(0, 0), (40, 20)], layer="SHOWN")
-        draw(space, document)
+        box(space, *CORNERS, layer="SHOWN")
+        (HIDDEN | ELSEWHERE)[name](space, document)
 
-    return both
-
-
-def off_insert(space, document):
-    jig(document)
-    space.add_blockref("JIG", (0, 0), {"layer": "HIDDEN"})
-
-
-def off_insert_two_deep(space, document):
-    jig(document)
-    document.blocks.new("OUTER").add_blockref("JIG", (0, 0), {"layer": "0"})
-    space.add_blockref("OUTER", (0, 0), {"layer": "HIDDEN"})
-
-
-def off_inner_insert(space, document):
-    jig(document)
-    document.blocks.new("OUTER").add_blockref("JIG", (0, 0), {"layer": "HIDDEN"})
-    space.add_blockref("OUTER", (0, 0), {"layer": "SHOWN"})
-
-
-def off_array(space, document):
-    jig(document)
-    space.add_blockref("JIG", (0, 0), {"layer": "HIDDEN", "row_count": 2, "row_spacing": 100})
-
-
-def off_layer_in_other_case(space, document):
-    jig(document)
-    space.add_blockref("JIG", (0, 0), {"layer": "hidden"})
-
-
-def frozen_insert_of_shown_content(space, document):
-    jig(document, "SHOWN")
-    space.add_blockref("JIG", (0, 0), {"layer": "FROZEN"})
-
-
-def frozen_two_deep(space, document):
-    jig(document, "SHOWN")
-    document.blocks.new("OUTER").add_blockref("JIG", (0, 0), {"layer": "0"})
-    space.add_blockref("OUTER", (0, 0), {"layer": "FROZEN"})
-
-
-def content_on_an_off_layer(space, document):
-    jig(document, "HIDDEN")
-    space.add_blockref("JIG", (0, 0), {"layer": "SHOWN"})
-
-
-def invisible_entity(space, document):
-    box(space, *FRAME, invisible=1)
-
-
-def invisible_entity_in_a_block(space, document):
-    box(document.blocks.new("B"), *FRAME, invisible=1)
-    space.add_blockref("B", (0, 0))
-
-
-def invisible_insert(space, document):
-    jig(document, "SHOWN")
-    space.add_blockref("JIG", (0, 0), {"invisible": 1})
-
-
-def skewed_insert(space, document):
-    jig(document)
-    space.add_blockref("JIG", (0, 0), {"layer": "HIDDEN", "xscale": 1.2, "yscale": 0.9})
-
-
-def layer_zero_off_itself(space, document):
-    document.layers.get("0").off()
-    box(space, *FRAME, layer="0")
-
-
-def paper_space(space, document):
-    box(document.layout("Layout1"), *FRAME)
-
-
-def unused_block(space, document):
-    jig(document)
-
-
-def attribute(space, document):
-    block = document.blocks.new("B")
-    block.add_attdef("NUMBER", (0, 0))
-    space.add_blockref("B", (5, 5)).add_attrib("NUMBER", "17", (5, 5))
-
-
-HIDDEN = (
-    off_insert,
-    off_insert_two_deep,
-    off_inner_insert,
-    off_array,
-    off_layer_in_other_case,
-    frozen_insert_of_shown_content,
-    frozen_two_deep,
-    content_on_an_off_layer,
-    invisible_entity,
-    invisible_entity_in_a_block,
-    invisible_insert,
-    skewed_insert,
-    layer_zero_off_itself,
-    paper_space,
-    unused_block,
-    attribute,
-)
-
-
-@pytest.mark.parametrize("draw", HIDDEN)
-def test_what_is_hidden_is_no_outline(tmp_path, draw):
-    path = dxf(tmp_path, plate_and(draw))
+    path = dxf(tmp_path, both)
     part = read(path)
     assert area(part) == pytest.approx(PLATE_MM2)
     assert not part.holes_mm
-    if draw not in (paper_space, unused_block, attribute):
-        assert "not visible, left out" in notes(part)
+    assert ("not visible, left out" in notes(part)) == (name in HIDDEN)
     assert area(read(path, layer="SHOWN")) == pytest.approx(PLATE_MM2)
 
 
-def block_of(place, name="PART", inner="0"):
-    box(place.blocks.new(name), (0, 0), (40, 20), layer=inner)
+CUT = layer("CUT")
+SEEN = {
+    "shown though the insert is off": inserted(CORNERS, CUT, OFF),
+    "two deep": inserted(CORNERS, ZERO, CUT, OFF),
+    "by block": inserted(CORNERS, layer("0", color=0, linetype="BYBLOCK"), CUT),
+    "inherited three deep": inserted(CORNERS, ZERO, ZERO, ZERO, layer("CUT", rotation=90)),
+    "skewed": inserted(((0, 0), (20, 40)), ZERO, layer("CUT", xscale=2, yscale=0.5)),
+}
 
 
-def shown_by_the_insert(space, document):
-    document.layers.get("0").off()
-    block_of(document)
-    space.add_blockref("PART", (0, 0), {"layer": "CUT"})
+@pytest.mark.parametrize("name", SEEN)
+def test_read_what_is_shown_by_its_layer_returns_it_too(tmp_path, name):
+    def draw(space, document):
+        document.layers.add("HIDDEN").off()
+        SEEN[name](space, document)
 
-
-def shown_though_the_insert_is_off(space, document):
-    block_of(document, inner="CUT")
-    document.layers.add("HIDDEN").off()
-    space.add_blockref("PART", (0, 0), {"layer": "HIDDEN"})
-
-
-def shown_two_deep(space, document):
-    document.layers.add("HIDDEN").off()
-    block_of(document)
-    document.blocks.new("OUTER").add_blockref("PART", (0, 0), {"layer": "CUT"})
-    space.add_blockref("OUTER", (0, 0), {"layer": "HIDDEN"})
-
-
-def by_block(space, document):
-    box(document.blocks.new("PART"), (0, 0), (40, 20), layer="0", color=0, linetype="BYBLOCK")
-    space.add_blockref("PART", (0, 0), {"layer": "CUT"})
-
-
-def inherited_three_deep(space, document):
-    block_of(document)
-    document.blocks.new("B").add_blockref("PART", (0, 0), {"layer": "0"})
-    document.blocks.new("C").add_blockref("B", (0, 0), {"layer": "0"})
-    space.add_blockref("C", (0, 0), {"layer": "CUT", "rotation": 90})
-
-
-def skewed(space, document):
-    box(document.blocks.new("PART"), (0, 0), (20, 40))
-    space.add_blockref("PART", (0, 0), {"layer": "CUT", "xscale": 2, "yscale": 0.5})
-
-
-def dashed(space, document):
-    document.linetypes.add("DASH", [1.0, 0.5, -0.5])
-    block_of(document)
-    space.add_blockref("PART", (0, 0), {"layer": "CUT"})
-    document.layers.add("CUT", linetype="DASH")
-
-
-@pytest.mark.parametrize(
-    "draw",
-    [
-        shown_by_the_insert,
-        shown_though_the_insert_is_off,
-        shown_two_deep,
-        by_block,
-        inherited_three_deep,
-        skewed,
-        dashed,
-    ],
-)
-def test_what_is_shown_is_read_by_its_layer_too(tmp_path, draw):
-    def with_jig(space, document):
+    def with_frame(space, document):
         draw(space, document)
-        jig(document)
-        space.add_blockref("JIG", (0, 0), {"layer": "JIG"})
+        box(space, *FRAME, layer="JIG")
 
     assert area(read(dxf(tmp_path, draw))) == pytest.approx(PLATE_MM2)
-    assert area(read(dxf(tmp_path, with_jig), layer="cut")) == pytest.approx(PLATE_MM2)
+    assert area(read(dxf(tmp_path, with_frame), layer="cut")) == pytest.approx(PLATE_MM2)
 
 
-def test_layer_asked_for_is_read_though_it_is_off_but_not_what_is_invisible_on_it(tmp_path):
+def test_read_layer_that_is_off_returns_what_is_not_invisible_on_it(tmp_path):
     def draw(space, document):
         document.layers.add("CUT").off()
         document.layers.get("CUT").freeze()
-        block_of(document)
-        space.add_blockref("PART", (0, 0), {"layer": "CUT"})
+        inserted(CORNERS, ZERO, CUT)(space, document)
         box(space, *FRAME, layer="CUT", invisible=1)
 
     path = dxf(tmp_path, draw)
@@ -223,80 +102,45 @@ def test_layer_asked_for_is_read_though_it_is_off_but_not_what_is_invisible_on_i
     assert any("not visible" in note for note in caught.value.__notes__)
 
 
-def unplotted(*boxes):
+def test_read_frame_that_is_not_plotted_is_refused_since_it_may_be_the_outline(tmp_path):
     def draw(space, document):
         document.layers.add("GUIDE").dxf.plot = 0
-        box(space, (0, 0), (40, 20))
-        for low, high in boxes:
-            box(space, low, high, layer="GUIDE")
+        box(space, *CORNERS)
+        box(space, *FRAME, layer="GUIDE")
 
-    return draw
-
-
-def test_what_is_not_plotted_inside_the_part_is_left_out(tmp_path):
-    part = read(dxf(tmp_path, unplotted(((5, 5), (8, 8)))))
-    assert area(part) == pytest.approx(PLATE_MM2)
-    assert not part.holes_mm
-    assert "not plotted, left out: 1 LWPOLYLINE (layer GUIDE)" in notes(part)
-
-
-def test_what_is_not_plotted_about_the_part_may_be_the_outline(tmp_path):
-    path = dxf(tmp_path, unplotted(FRAME))
+    path = dxf(tmp_path, draw)
     with pytest.raises(InputError, match="on layer GUIDE is not plotted, and goes around it"):
         read(path)
     assert area(read(path, layer="0")) == pytest.approx(PLATE_MM2)
     assert area(read(path, layer="GUIDE")) == pytest.approx(65 * 45)
 
 
-def test_clipped_block_shows_what_the_clip_leaves(tmp_path):
+def test_read_clipped_block_returns_what_the_clip_leaves(tmp_path):
     def draw(space, document):
         block = document.blocks.new("SHEET")
-        box(block, (0, 0), (40, 20))
+        box(block, *CORNERS)
         box(block, (100, 0), (180, 60))
-        insert = space.add_blockref("SHEET", (0, 0))
-        XClip(insert).set_block_clipping_path([(-5, -5), (50, 30)])
+        XClip(space.add_blockref("SHEET", (0, 0))).set_block_clipping_path([(-5, -5), (50, 30)])
 
     assert area(read(dxf(tmp_path, draw))) == pytest.approx(PLATE_MM2)
 
 
-def test_polyline_width_is_noted(tmp_path):
+def test_read_polyline_with_a_width_notes_it(tmp_path):
     def draw(space, _):
         space.add_lwpolyline(PLATE, close=True, dxfattribs={"const_width": 1.5})
         space.add_lwpolyline([(5, 5, 0.2, 0.5), (8, 5), (8, 8)], close=True)
-        space.add_polyline2d(
-            [(25, 5), (28, 5), (28, 8)], close=True, dxfattribs={"default_start_width": 3.0}
-        )
 
     part = read(dxf(tmp_path, draw))
     assert area(part) == pytest.approx(PLATE_MM2)
-    assert "polylines with a width: 3, up to 3 mm wide" in notes(part)
+    assert "polylines with a width: 2, up to 1.5 mm wide" in notes(part)
 
 
-def test_empty_model_space_names_the_layout(tmp_path):
-    path = dxf(tmp_path, lambda _, document: box(document.layout("Layout1"), (0, 0), (40, 20)))
-    with pytest.raises(InputError) as caught:
-        read(path)
-    assert any("'Layout1'" in note for note in caught.value.__notes__)
+def test_read_turned_block_in_a_stretched_one_is_refused(tmp_path):
+    with pytest.raises(InputError, match=r"'BLOCK\+' skews a block"):
+        read(dxf(tmp_path, inserted(CORNERS, ZERO, {"rotation": 30}, {"xscale": 2})))
 
 
-@pytest.mark.parametrize("rotation", [30, 90])
-def test_turned_block_in_a_stretched_one_is_refused(tmp_path, rotation):
-    def draw(space, document):
-        block_of(document)
-        document.blocks.new("OUTER").add_blockref("PART", (0, 0), {"rotation": rotation})
-        space.add_blockref("OUTER", (0, 0), {"xscale": 2})
-
-    with pytest.raises(InputError, match="'OUTER' skews a block"):
-        read(dxf(tmp_path, draw))
-
-
-@pytest.mark.parametrize(
-    ("outer", "inner"), [((2, 2), 30), ((2, -2), 90), ((2, 0.5), 0), ((2, 0.5), 180)]
-)
-def test_blocks_in_blocks_are_turned_and_stretched(tmp_path, outer, inner):
-    def draw(space, document):
-        block_of(document)
-        document.blocks.new("OUTER").add_blockref("PART", (0, 0), {"rotation": inner})
-        space.add_blockref("OUTER", (0, 0), {"xscale": outer[0], "yscale": outer[1]})
-
-    assert area(read(dxf(tmp_path, draw))) == pytest.approx(PLATE_MM2 * abs(outer[0] * outer[1]))
+@pytest.mark.parametrize(("x", "y", "turn"), [(2, 2, 30), (2, -2, 90), (2, 0.5, 180)])
+def test_read_block_in_a_block_turns_and_stretches_it(tmp_path, x, y, turn):
+    draw = inserted(CORNERS, ZERO, {"rotation": turn}, {"xscale": x, "yscale": y})
+    assert area(read(dxf(tmp_path, draw))) == pytest.approx(PLATE_MM2 * abs(x * y))

@@ -11,18 +11,10 @@ from planner.part.importers.pieces import Options
 from planner.part.tips import tips_height_mm
 from runtime.shell.errors import InputError, UsageError
 
-BRACKET = [(0, 0), (34, 0), (34, 5), (5, 34), (0, 34)]
-
 
 def read(path, mesh, **options):
     path.write_bytes(trimesh.exchange.stl.export_stl(mesh))
     return read_faces(path, Options(**{"units": "mm", **options}), tips_height_mm)
-
-
-def prism(corners, height):
-    return trimesh.convex.convex_hull(
-        np.array([[x, y, z] for z in (0, height) for x, y in corners], float)
-    )
 
 
 def solid_angle(a, b, distance):
@@ -41,33 +33,6 @@ def test_a_brick_lies_on_its_faces_as_often_as_they_fill_the_view(tmp_path):
         )
         assert len(face.down) == 2
         assert sorted(np.ptp(face.imported.outline_mm, axis=0).round(6)) == [b, a]
-
-
-def test_a_bracket_has_three_faces_that_differ(tmp_path):
-    solid = prism(BRACKET, 16)
-    faces = read(tmp_path / "bracket.stl", solid)
-    assert [len(face.down) for face in faces] == [2, 2, 1]  # ends and legs come in pairs
-    assert {face.cut_mm for face in faces} == {8.0}
-    # A ray from the centre of mass leaves through some face; from the blunt tips the bracket tips over.
-    rays = np.random.default_rng(4).standard_normal((20_000, 3))
-    planes = np.einsum("ij,ij->i", solid.triangles[:, 0] - solid.center_mass, solid.face_normals)
-    towards = rays @ solid.face_normals.T
-    through = solid.face_normals[np.where(towards > 0.0, planes / towards, np.inf).argmin(axis=1)]
-    shares = [
-        np.abs(through[:, 2]) > 0.5,
-        through[:, :2].min(axis=1) < -0.5,
-        through[:, :2].sum(axis=1) > 0.5,
-    ]
-    assert [face.share for face in faces] == pytest.approx(
-        [share.mean() for share in shares], abs=0.015
-    )
-
-
-def test_a_mirrored_end_is_a_face_of_its_own(tmp_path):
-    faces = read(tmp_path / "wedge.stl", prism([(0, 0), (40, 0), (40, 5), (5, 22), (0, 22)], 16))
-    ends = [face for face in faces if abs(face.down[0][2]) == 1.0]
-    assert [len(face.down) for face in ends] == [1, 1]
-    assert ends[0].share == pytest.approx(ends[1].share, rel=1e-6)
 
 
 def stool():

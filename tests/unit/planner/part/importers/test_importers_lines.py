@@ -9,72 +9,51 @@ import shapely
 from drawings import PLATE, PLATE_MM2, arc, area, box, dxf, lines, notes, read
 
 from planner.part.importers import noding
-from runtime.shell.errors import InputError, UsageError
+from runtime.shell.errors import InputError
 
 
-def halves(space, _):
-    lines(space, [(0, 0), (25, 0), (25, 20), (0, 20)])
-    lines(space, [(15, 0), (40, 0), (40, 20), (15, 20)])
+def strokes(*ends):
+    """Draws each pair of ends as a line."""
+
+    def draw(space, _):
+        for one, other in ends:
+            space.add_line(one, other)
+
+    return draw
 
 
-def overlapping_strokes(space, _):
-    space.add_line((0, 0), (25, 0))
-    space.add_line((15, 0), (40, 0))
-    space.add_line((40, 12), (40, 20))
-    space.add_line((40, 0), (40, 20))
-    lines(space, [(40, 20), (0, 20), (0, 0)], close=False)
+def polyline(points, **how):
+    return lambda space, _: space.add_lwpolyline(points, **how)
 
 
-def nearly_upon_each_other(space, _):
-    lines(space)
-    lines(space, [(0.004, 0.003), (40.003, -0.004), (39.997, 20.003), (0.002, 19.996)])
+def all_of(*draws):
+    return lambda space, document: [draw(space, document) for draw in draws]
 
 
-def polyline_and_lines(space, _):
-    box(space, (0, 0), (40, 20))
-    lines(space)
+def rectangle(x0, y0, x1, y1, **how):
+    """Draws the edges of a rectangle as lines."""
+    return lambda space, _: lines(space, [(x0, y0), (x1, y0), (x1, y1), (x0, y1)], **how)
 
 
-def crossing(space, _):
-    space.add_line((-5, 0), (45, 0))
-    space.add_line((-5, 20), (45, 20))
-    space.add_line((0, -5), (0, 25))
-    space.add_line((40, -5), (40, 25))
+ALL = rectangle(0, 0, 40, 20)
+NEARLY = [(0.004, 0.003), (40.003, -0.004), (39.997, 20.003), (0.002, 19.996)]
+DOUBLE = {
+    "halves": all_of(rectangle(0, 0, 25, 20), rectangle(15, 0, 40, 20)),
+    "overlapping strokes": all_of(ALL, strokes(((15, 0), (40, 0)), ((40, 12), (40, 20)))),
+    "nearly upon each other": all_of(ALL, lambda space, _: lines(space, NEARLY)),
+    "polyline and lines": all_of(ALL, polyline(PLATE, close=True)),
+    "crossing": strokes(
+        ((-5, 0), (45, 0)), ((-5, 20), (45, 20)), ((0, -5), (0, 25)), ((40, -5), (40, 25))
+    ),
+    "lap and a half": polyline([*PLATE, *PLATE[:3]]),
+    "spur": polyline([(0, 0), (40, 0), (50, 0), (40, 0), (40, 20), (0, 20)], close=True),
+    "thrice": all_of(ALL, ALL, ALL),
+}
 
 
-def lap_and_a_half(space, _):
-    space.add_lwpolyline([*PLATE, *PLATE[:3]])
-
-
-def twice_around(space, _):
-    space.add_lwpolyline([*PLATE, *PLATE], close=True)
-
-
-def spur(space, _):
-    space.add_lwpolyline([(0, 0), (40, 0), (50, 0), (40, 0), (40, 20), (0, 20)], close=True)
-
-
-def thrice(space, _):
-    for k in range(3):
-        lines(space, PLATE[k:] + PLATE[:k])
-
-
-LINES = (
-    halves,
-    overlapping_strokes,
-    nearly_upon_each_other,
-    polyline_and_lines,
-    crossing,
-    lap_and_a_half,
-    twice_around,
-    spur,
-    thrice,
-)
-
-
-@pytest.mark.parametrize("draw", LINES)
-def test_double_and_crossing_lines_are_the_plate(tmp_path, draw):
-    assert area(read(dxf(tmp_path, draw))) == pytest.approx(PLATE_MM2, rel=2e-3)
+@pytest.mark.parametrize("name", DOUBLE)
+def test_read_double_and_crossing_lines_is_the_plate(tmp_path, name):
+    assert area(read(dxf(tmp_path, DOUBLE[name]))) == pytest.approx(PLATE_MM2, rel=2e-3)
 
 
 def test_arc_drawn_twice_otherwise_is_one(tmp_path):
@@ -91,12 +70,6 @@ def test_arc_drawn_twice_otherwise_is_one(tmp_path):
     assert "drawn twice" in notes(part)
 
 
-def test_lines_drawn_twice_are_noted_with_their_length(tmp_path):
-    part = read(dxf(tmp_path, lambda space, _: [lines(space) for _ in range(2)]))
-    assert "120 mm of lines drawn twice" in notes(part)
-    assert len(part.outline_mm) == 4
-
-
 def bends(*xs, low=0.0, high=20.0, layer="BEND"):
     def draw(space, _):
         lines(space)
@@ -106,54 +79,24 @@ def bends(*xs, low=0.0, high=20.0, layer="BEND"):
     return draw
 
 
-def diagonal(space, _):
-    lines(space)
-    space.add_line((0, 0), (40, 20))
-
-
-def quarter(space, _):
-    lines(space)
-    space.add_arc((0, 0), 10, 0, 90)
-
-
-def split_outline(space, _):
-    lines(space, [(12, 0), (0, 0), (0, 20), (12, 20)])
-    lines(space, [(12, 20), (40, 20), (40, 0), (12, 0)], close=False)
-
-
-def two_closed_halves(space, _):
-    box(space, (0, 0), (12, 20))
-    box(space, (12, 0), (40, 20))
-
-
-def flange_on_a_closed_polyline(space, _):
-    box(space, (0, 0), (28, 20))
-    lines(space, [(28, 0), (40, 0), (40, 20), (28, 20)], close=False)
-
-
-def grid_of_bends(space, _):
-    bends(10, 30)(space, _)
-    space.add_line((0, 8), (40, 8), dxfattribs={"layer": "BEND"})
-
-
-def bend_through_a_hole(space, _):
-    bends(20)(space, _)
-    space.add_circle((20, 10), 4, dxfattribs={"layer": "HOLES"})
-
-
+ACROSS = "from (12, 0) to (12, 20) mm"
 SEAMS = {
-    "tee": (bends(12), "from (12, 0) to (12, 20) mm (layer BEND)"),
-    "overshoot": (bends(12, low=-3, high=24), "from (12, 0) to (12, 20) mm (layer BEND)"),
-    "one layer": (bends(12, layer="0"), "from (12, 0) to (12, 20) mm (layer 0)"),
+    "tee": (bends(12), f"{ACROSS} (layer BEND)"),
+    "overshoot": (bends(12, low=-3, high=24), f"{ACROSS} (layer BEND)"),
+    "one layer": (bends(12, layer="0"), f"{ACROSS} (layer 0)"),
     "two": (bends(12, 25), "from (25, 0) to (25, 20) mm (layer BEND)"),
-    "short by 0.01": (bends(12, low=0.01, high=19.99), "from (12, 0) to (12, 20) mm (layer BEND)"),
-    "diagonal": (diagonal, "from (0, 0) to (40, 20) mm"),
-    "arc": (quarter, "from (0, 10) to (10, 0) mm"),
-    "split outline": (split_outline, "from (12, 0) to (12, 20) mm"),
-    "two closed halves": (two_closed_halves, "from (12, 0) to (12, 20) mm"),
-    "flange": (flange_on_a_closed_polyline, "from (28, 0) to (28, 20) mm"),
-    "grid": (grid_of_bends, "(layer BEND)"),
-    "through a hole": (bend_through_a_hole, "(layer BEND)"),
+    "short by 0.01": (bends(12, low=0.01, high=19.99), f"{ACROSS} (layer BEND)"),
+    "diagonal": (all_of(ALL, strokes(((0, 0), (40, 20)))), "from (0, 0) to (40, 20) mm"),
+    "arc": (
+        all_of(ALL, lambda space, _: space.add_arc((0, 0), 10, 0, 90)),
+        "from (0, 10) to (10, 0) mm",
+    ),
+    "split outline": (all_of(rectangle(0, 0, 12, 20), rectangle(12, 0, 40, 20)), ACROSS),
+    "grid": (all_of(bends(10, 30), strokes(((0, 8), (40, 8)))), "(layer BEND)"),
+    "through a hole": (
+        all_of(bends(20), lambda space, _: space.add_circle((20, 10), 4)),
+        "(layer BEND)",
+    ),
 }
 
 
@@ -166,60 +109,38 @@ def test_faces_that_share_an_edge_are_one_and_the_edge_is_named(tmp_path, name):
     assert "--layer" in notes(part)
 
 
-def test_faces_that_touch_at_a_point_are_two(tmp_path):
-    def draw(space, _):
-        lines(space, [(0, 0), (10, 0), (10, 10), (0, 10)])
-        lines(space, [(10, 10), (30, 10), (30, 20), (10, 20)])
-
-    with pytest.raises(UsageError, match=r"2 contours.* 20 x 10 mm; 2: 10 x 10 mm"):
-        read(dxf(tmp_path, draw))
+CROSSED = {
+    "notch across an edge": all_of(ALL, lambda space, _: box(space, (15, 15), (25, 25))),
+    "circle at a corner": all_of(ALL, lambda space, _: space.add_circle((0, 0), 3)),
+    "plus of two boxes": all_of(rectangle(0, 10, 40, 20), rectangle(15, 0, 25, 30)),
+}
 
 
-def notch_across_an_edge(space, _):
-    box(space, (0, 0), (40, 20))
-    box(space, (15, 15), (25, 25))
-
-
-def circle_at_a_corner(space, _):
-    lines(space)
-    space.add_circle((0, 0), 3)
-
-
-def plus_of_two_boxes(space, _):
-    lines(space, [(0, 10), (40, 10), (40, 20), (0, 20)])
-    lines(space, [(15, 0), (25, 0), (25, 30), (15, 30)])
-
-
-@pytest.mark.parametrize("draw", [notch_across_an_edge, circle_at_a_corner, plus_of_two_boxes])
-def test_closed_contours_that_overlap_are_refused(tmp_path, draw):
+@pytest.mark.parametrize("name", CROSSED)
+def test_read_closed_contours_that_overlap_is_refused(tmp_path, name):
     with pytest.raises(
         InputError, match=r"closed contours overlap near \(.*draw the outline as one"
     ):
-        read(dxf(tmp_path, draw))
+        read(dxf(tmp_path, CROSSED[name]))
 
 
-def cross_of_centre_lines(space, _):
-    box(space, (-12, -9), (12, 9))
-    space.add_circle((0, 0), 5)
-    for end in ((15, 0), (0, 15)):
-        space.add_line(end, np.negative(end), dxfattribs={"layer": "CENTER"})
+def circles(*circles):
+    return lambda space, _: [space.add_circle(*circle) for circle in circles]
 
 
-def touching_holes(space, _):
-    box(space, (-12, -9), (12, 9))
-    space.add_circle((0, 4), 5)
-    space.add_circle((5, -4), 3)
+INSIDE = {
+    "centre lines": all_of(
+        circles(((20, 10), 5)), strokes(((-3, 10), (43, 10)), ((20, 25), (20, -5)))
+    ),
+    "touching holes": circles(((20, 14), 5), ((25, 6), 3)),
+    "lead-in": all_of(circles(((20, 10), 5)), strokes(((25, 10), (40, 10)))),
+}
 
 
-def lead_in(space, _):
-    box(space, (-12, -9), (12, 9))
-    space.add_circle((0, 0), 5)
-    space.add_line((5, 0), (12, 0))
-
-
-@pytest.mark.parametrize("draw", [cross_of_centre_lines, touching_holes, lead_in])
-def test_holes_and_centre_lines_leave_the_outline_as_it_is(tmp_path, draw):
-    assert area(read(dxf(tmp_path, draw))) == pytest.approx(24 * 18, rel=1e-3)
+@pytest.mark.parametrize("name", INSIDE)
+def test_read_holes_and_centre_lines_leave_the_outline_as_it_is(tmp_path, name):
+    draw = all_of(polyline(PLATE, close=True), INSIDE[name])
+    assert area(read(dxf(tmp_path, draw))) == pytest.approx(PLATE_MM2, rel=1e-3)
 
 
 def dimension_on(layer, beyond):
@@ -244,28 +165,6 @@ def test_dimension_lines_that_bound_another_contour_are_refused(tmp_path, layer,
         assert area(read(path, layer="cut")) == pytest.approx(PLATE_MM2)
 
 
-def test_dimension_entities_are_no_lines(tmp_path):
-    def draw(space, _):
-        lines(space)
-        dimension = space.add_linear_dim(
-            base=(0, -6), p1=(0, 0), p2=(40, 0), override={"dimexo": 0}
-        )
-        dimension.render()
-
-    part = read(dxf(tmp_path, draw))
-    assert area(part) == pytest.approx(PLATE_MM2)
-    assert "1 DIMENSION" in notes(part)
-
-
-def test_wide_open_outline_about_a_hole_is_refused(tmp_path):
-    def draw(space, _):
-        space.add_lwpolyline([(0, 0), (40, 0), (40, 20), (0, 20)])  # not closed: 20 mm are missing
-        space.add_circle((20, 10), 4)
-
-    with pytest.raises(InputError, match="20 mm away; close it"):
-        read(dxf(tmp_path, draw))
-
-
 @pytest.mark.parametrize("seed", range(6))
 def test_regions_are_those_of_a_slow_twin(seed):
     """Random lines and boxes: the regions' union is that of the bounded faces by shapely alone."""
@@ -283,3 +182,12 @@ def test_regions_are_those_of_a_slow_twin(seed):
             shapely.LinearRing(region.ring), shapely.LinearRing(following.ring)
         )
         assert edge.length < 1e-5
+
+
+def test_wide_open_outline_about_a_hole_is_refused(tmp_path):
+    def draw(space, _):
+        space.add_lwpolyline([(0, 0), (40, 0), (40, 20), (0, 20)])  # not closed: 20 mm are missing
+        space.add_circle((20, 10), 4)
+
+    with pytest.raises(InputError, match="20 mm away; close it"):
+        read(dxf(tmp_path, draw))

@@ -1,7 +1,5 @@
 """Odd, damaged and hostile SVG files: the right outline, or a sentence that says what to do."""
 
-import math
-
 import numpy as np
 import pytest
 
@@ -33,9 +31,7 @@ def is_rectangle(result, scale=1.0):
 
 SIZES = {
     "millimetres": (MM, 1.0),
-    "centimetres": ('width="10cm" height="10cm" viewBox="0 0 100 100"', 1.0),
     "inches": ('width="4in" height="4in" viewBox="0 0 4 4"', 25.4),
-    "points": ('width="72pt" height="72pt" viewBox="0 0 72 72"', 25.4 / 72),
     "half scale": ('width="50mm" height="50mm" viewBox="0 0 100 100"', 0.5),
     "width alone": ('width="100mm" viewBox="0 0 100 100"', 1.0),
 }
@@ -49,13 +45,9 @@ def test_physical_sizes_are_believed(tmp_path, name):
 
 UNITLESS = {
     "pixels": 'width="100" height="100" viewBox="0 0 100 100"',
-    "px": 'width="100px" height="100px" viewBox="0 0 100 100"',
-    "percent": 'width="100%" height="100%" viewBox="0 0 100 100"',
     "nothing": "",
     "view box alone": 'viewBox="0 0 100 100"',
-    "no view box": 'width="100mm" height="100mm"',
     "bad view box": 'width="100mm" height="100mm" viewBox="a b c d"',
-    "empty view box": 'width="100mm" height="100mm" viewBox="0 0 0 0"',
 }
 
 
@@ -65,16 +57,6 @@ def test_what_tells_no_scale_asks_for_units(tmp_path, name):
     with pytest.raises(UsageError, match="--units mm, cm, in or m"):
         read(path)
     is_rectangle(read(path, units="mm"))
-
-
-def test_units_overrule_the_file_and_say_so(tmp_path):
-    result = read(written(tmp_path, RECT, SIZES["half scale"][0]), units="mm")
-    is_rectangle(result)
-    assert any("overruled" in note for note in result.notes)
-
-
-def test_names_of_any_alphabet_are_read(tmp_path):
-    is_rectangle(read(written(tmp_path, RECT, f'{MM} \u00c9paisseur="3"')))
 
 
 def test_a_stretched_drawing_is_refused(tmp_path):
@@ -110,39 +92,6 @@ def test_shapes_transforms_and_copies(tmp_path, body):
     assert outlines.min_width(result.outline_mm) == pytest.approx(21, rel=1e-5)
 
 
-@pytest.mark.parametrize("tolerance", [0.01, 0.05])
-def test_curves_are_flattened_to_the_tolerance(tmp_path, tolerance):
-    result = read(written(tmp_path, '<circle cx="50" cy="50" r="15"/>'), tolerance_mm=tolerance)
-    vertices = result.outline_mm
-    middles = 0.5 * (vertices + np.roll(vertices, 1, axis=0))
-    assert np.abs(np.hypot(*np.concatenate([vertices, middles]).T) - 15).max() <= tolerance
-    body = '<path d="M0 0 A 20 10 0 0 1 40 0 A 20 10 0 0 1 0 0 Z"/>'
-    area = outlines.area(read(written(tmp_path, body)).outline_mm)
-    assert area == pytest.approx(200 * math.pi, rel=2e-3)
-
-
-def test_a_cubic_keeps_its_area(tmp_path):
-    body = '<path d="M0 0 C 0 20 30 20 30 0 Z"/>'  # below it: 3/5 of 30 x 15, by its Bernstein integral
-    area = outlines.area(read(written(tmp_path, body)).outline_mm)
-    t = np.linspace(0, 1, 100_001)
-    x, y = 30 * (3 * t**2 * (1 - t) + t**3), 60 * t * (1 - t)
-    assert area == pytest.approx(float(np.sum(0.5 * (y[1:] + y[:-1]) * np.diff(x))), rel=2e-3)
-
-
-def test_holes_of_one_path_are_ignored_with_a_note(tmp_path):
-    body = '<path d="M0 0 h30 v21 h-30 z M5 5 h5 v5 h-5 z" fill-rule="evenodd"/>'
-    result = read(written(tmp_path, body))
-    is_rectangle(result)
-    assert any("1 inner contour (holes) ignored" in note for note in result.notes)
-
-
-def test_several_contours_are_listed(tmp_path):
-    path = written(tmp_path, RECT + '<circle cx="80" cy="80" r="5"/>')
-    with pytest.raises(UsageError, match="1: 30 x 21 mm; 2: 10 x 10 mm"):
-        read(path)
-    is_rectangle(read(path, contour=1))
-
-
 REFUSED = {
     "billion laughs": (
         '<!DOCTYPE svg [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;&a;"><!ENTITY c "&b;&b;&b;&b;">]>',
@@ -165,15 +114,12 @@ REFUSED = {
     "nested too deeply": ("", "<g>" * 500 + "</g>" * 500, "nested too deeply"),
     "no shapes": ("", "<text>part</text>", "no closed contour"),
     "an open path": ("", '<path d="M0 0 h30 v21 h-30"/>', r"open at .* 21 mm away"),
-    "a crossed path": ("", '<path d="M0 0 L30 20 V0 L0 20 Z"/>', "crosses itself"),
-    "huge numbers": ("", '<path d="M0 0 H1e30 V1e30 Z"/>', "beyond 10000 km"),
     "a huge curve": ("", '<path d="M0 0 C 1e30 0 1e30 1e30 0 1e30 Z"/>', "absurdly large"),
     "a tiny part": (
         "",
         '<rect width="0.001" height="0.001"/>',
         "no closed contour|is the unit right",
     ),
-    "a line": ("", '<path d="M0 0 L30 0 Z"/>', "no closed contour"),
 }
 
 
@@ -194,3 +140,9 @@ def test_what_is_no_svg_is_refused(tmp_path, data):
     with pytest.raises(InputError) as caught:
         read(path)
     assert "\n" not in str(caught.value)
+
+
+def test_units_overrule_the_file_and_say_so(tmp_path):
+    result = read(written(tmp_path, RECT, SIZES["half scale"][0]), units="mm")
+    is_rectangle(result)
+    assert any("overruled" in note for note in result.notes)

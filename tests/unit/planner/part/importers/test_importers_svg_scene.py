@@ -49,28 +49,20 @@ UNSEEN = {
     },
     "of another vocabulary": '<i:rect width="90" height="70"/><i:g>' + JIG + "</i:g>",
     "visibility": jig('visibility="hidden"'),
-    "visibility collapse": jig('visibility="collapse"'),
     "visibility inherited": f'<g visibility="hidden"><g>{JIG}</g></g>',
     "display": jig('display="none"'),
-    "display of a group": '<g style="display:none">' + jig('display="inline"') + "</g>",
     "opacity": jig('opacity="0"'),
     "opacity of a group": '<g opacity="0.0">' + jig('opacity="1"') + "</g>",
-    "opacity in percent": jig('style="opacity: 0%"'),
     "no fill": jig('fill="none"'),
-    "no fill inherited": f'<g fill="none">{JIG}</g>',
     "stroke of no width": jig('fill="none" stroke="red" stroke-width="0"'),
     "clear fill": jig('fill="transparent"'),
     "clear stroke": jig('style="fill:#fff0; stroke:rgba(0,0,0,0)"'),
-    "clear by fill-opacity": jig('fill="red" fill-opacity="0" stroke="none"'),
     "current colour": '<g color="transparent">' + jig('fill="currentColor"') + "</g>",
     "class": sheet(".jig { display: none }"),
-    "identifier": sheet("/* jig */ #jig{visibility:hidden}"),
     "descendant": f'<style>g.off > rect {{ opacity: 0 }}</style><g class="a off">{JIG}</g>',
-    "attribute": sheet('rect[width="90"], circle { fill: none }'),
     "important": sheet(".jig { display: none !important }", 'class="jig" style="display:inline"'),
     "specific": sheet("#jig { fill: none } rect.jig { fill: red }"),
     "copy of a hidden one": f'<defs><g id="j" display="none">{JIG}</g></defs><use href="#j"/>',
-    "hidden copy": f'<defs><g id="j">{JIG}</g></defs><use href="#j" visibility="hidden"/>',
     "beside its viewport": '<svg width="60" height="60"><rect x="61" width="90" height="70"/></svg>',
 }
 
@@ -84,17 +76,13 @@ def test_what_a_viewer_does_not_show_is_no_outline(tmp_path, name):
 SEEN = {
     "shown in a hidden group": '<g visibility="hidden"><path visibility="visible" d="{}"/></g>',
     "stroked alone": '<path fill="none" stroke="#000" d="{}"/>',
-    "stroke inherited": '<g fill="none" stroke="blue"><path d="{}"/></g>',
-    "nearly clear": '<path opacity="0.01" d="{}"/>',
     "pattern for a paint": '<path fill="url(#p) none" d="{}"/>',
     "style beats a sheet": '<style>path{{display:none}}</style><path style="display:inline" d="{}"/>',
     "a sheet beats an attribute": '<style>path{{fill:red}}</style><path fill="none" d="{}"/>',
-    "print alone": '<style media="print">path{{display:none}}</style><path d="{}"/>',
     "a rule that CSS drops": '<style>path:foo{{display:none}} @import "x"; :{{}}</style><path d="{}"/>',
     "first child of a switch": '<switch><foreignObject requiredExtensions="x"/><g><path d="{}"/></g>'
     + JIG
     + "</switch>",
-    "a link": '<a href="x"><path d="{}"/></a>',
     "a copy of a definition": '<clipPath><path id="a" d="{}"/></clipPath><use xlink:href="#a"/>',
 }
 
@@ -103,11 +91,6 @@ SEEN = {
 def test_what_a_viewer_shows_is_the_outline(tmp_path, name):
     result = read(tmp_path, SEEN[name].format(L_PATH))
     assert outlines.area(result.outline_mm) == pytest.approx(L_AREA)
-
-
-def test_a_drawing_that_shows_nothing_is_refused_with_the_reason(tmp_path):
-    with pytest.raises(InputError, match=r"neither filled nor stroked.*1 of its elements"):
-        read(tmp_path, jig('fill="none"'))
 
 
 NOTED = {
@@ -142,19 +125,12 @@ def symbol(attributes, content=PLATE, box="0 0 400 200"):
 
 VIEWED = {  # body, area by hand
     "use states the size": (symbol("") + USE, 800),
-    "the symbol states it": (symbol('width="40" height="20"') + '<use href="#s"/>', 800),
-    "use overrules the symbol": (
-        symbol('width="9" height="9"') + USE,
-        800,
-    ),
-    "in percent": (symbol("") + '<use href="#s" width="40%" height="25%"/>', 800),
-    "the whole drawing": (symbol("") + '<use href="#s"/>', 100 * 50),
+    "use overrules the symbol": (symbol('width="9" height="9"') + USE, 800),
     "meets the lesser side": (symbol("") + '<use href="#s" width="40" height="60"/>', 800),
     "stretched": (
         symbol('preserveAspectRatio="none"') + '<use href="#s" width="40" height="10"/>',
         400,
     ),
-    "in millimetres": (symbol("") + '<use href="#s" width="40mm" height="20mm"/>', 800),
     "two levels": (
         symbol("", '<use href="#t" width="200" height="100"/>')
         + '<symbol id="t" viewBox="0 0 800 400"><rect width="400" height="400"/></symbol>'
@@ -162,7 +138,6 @@ VIEWED = {  # body, area by hand
         10 * 10,
     ),
     "transformed": (symbol("") + f'<g transform="rotate(30) scale(.5)">{USE}</g>', 200),
-    "nested drawing": (f'<svg width="40" height="20" viewBox="0 0 400 200">{PLATE}</svg>', 800),
     "copied nested drawing": (
         f'<defs><svg id="s" viewBox="0 0 400 200">{PLATE}</svg></defs>{USE}',
         800,
@@ -172,10 +147,6 @@ VIEWED = {  # body, area by hand
         400,
     ),
     "skewed curves": ('<circle r="10" transform="skewX(40) scale(2 1)"/>', 200 * math.pi),
-    "turned about a point": (
-        '<rect width="40" height="20" style="transform:scale(.5);transform-origin:center"/>',
-        200,
-    ),
 }
 
 
@@ -187,12 +158,8 @@ def test_view_boxes_and_transforms_scale_what_they_hold(tmp_path, name):
 
 UNITS = {
     "mm": ('<rect width="40mm" height="20mm"/>', 800),
-    "cm and in": ('<rect width="4cm" height="1in"/>', 40 * 25.4),
     "points and picas": ('<rect width="72pt" height="6pc"/>', 25.4**2),
-    "quarter millimetres": ('<circle r="40Q" cx="1cm"/>', 100 * math.pi),
-    "style sheet": ("<style>rect{width:40mm;height:20mm}</style><rect/>", 800),
     "transform": ('<rect width="40mm" height="20mm" transform="scale(.5)"/>', 200),
-    "rounded": ('<rect width="40mm" height="20mm" rx="5mm"/>', 800 - 100 + 25 * math.pi),
     "ellipse": ('<ellipse rx="20mm" ry="1cm"/>', 200 * math.pi),
     "lines": (
         '<g stroke="red"><line x2="4cm"/><line x1="4cm" x2="40mm" y2="20mm"/><line x1="40mm" y1="20mm"/></g>',
@@ -210,33 +177,18 @@ def test_a_length_with_a_unit_is_that_long_whatever_the_user_unit(tmp_path, name
         assert outlines.area(result.outline_mm) == pytest.approx(area, rel=2e-3)
 
 
-def test_a_viewer_that_draws_a_length_differently_is_noted(tmp_path):
-    result = read(tmp_path, UNITS["mm"][0], MM)
-    assert any("viewers draw them 3.78 times so long" in note for note in result.notes)
-
-
 MALFORMED = {
     "length": '<rect width="1.1.1mm" height="5"/>',
-    "two signs": '<rect x="--3" width="5" height="5"/>',
-    "unit": '<circle r="3ell"/>',
     "decimal comma": '<rect width="4,5" height="5"/>',
-    "infinite": '<rect width="1e999" height="5"/>',
     "words": '<ellipse rx="wide" ry="3"/>',
     "negative": '<rect width="-4" height="5"/>',
-    "line": '<line x1="nan" y1="0" x2="9" y2="9"/>',
     "points": '<polygon points="0,0 30,0 30"/>',
-    "points in words": '<polyline points="0,0 30,x 3,3"/>',
     "path": '<path d="M0 0 L30 0 30 2x Z"/>',
-    "path of odd numbers": '<path d="M0 0 L30 0 30 Z"/>',
     "path number": '<path d="M0 0 L1.1.1 5 Z"/>',
-    "path start": '<path d="L30 0 30 20 Z"/>',
     "arc flag": '<path d="M0 0 A5 5 0 2 1 10 0 Z"/>',
     "transform": '<rect width="4" height="5" transform="scale(1.1.1)"/>',
-    "transform arguments": '<rect width="4" height="5" transform="matrix(1 0 0 1)"/>',
     "unknown transform": '<g transform="turn(4)"><rect width="4" height="5"/></g>',
-    "transform without bracket": '<g transform="scale(4"><rect width="4" height="5"/></g>',
     "opacity": '<rect width="4" height="5" opacity="0.x"/>',
-    "stroke width": '<rect width="4" height="5" stroke-width="1.1.1mm"/>',
     "inline style": '<rect height="5" style="width:1.1.1mm"/>',
     "copy": '<rect id="r" width="4" height="5"/><use href="#r" x="1..2"/>',
     "view box": '<svg viewBox="0 0 1.1.1 1 2"><rect width="4" height="5"/></svg>',
