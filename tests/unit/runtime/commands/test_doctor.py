@@ -2,7 +2,6 @@
 
 import json
 import os
-import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -14,10 +13,9 @@ import pytest
 from fake_cell import FakeClock, State, fake_cell
 from sample_tables import GRIPPER, small_table
 
-from runtime import cli
 from runtime.commands import checks as doctor
 from runtime.commands.checks import Finding, System, Verdict
-from runtime.commands.doctor import MARKS, _failed, findings, parser, run
+from runtime.commands.doctor import findings, parser, run
 from runtime.shell.errors import CheckFailedError
 from runtime.table import Calibration, dump
 
@@ -41,11 +39,6 @@ def test_a_port_that_is_missing_names_those_that_are_there(tmp_path: Path) -> No
     assert "ttyACM0" in result.sentence
     assert "ttyUSB3" in result.sentence
     assert "ttyS0" not in result.sentence
-
-
-def test_a_file_is_no_port(tmp_path: Path) -> None:
-    (tmp_path / "file").touch()
-    assert "no serial port" in only(doctor.check_port(str(tmp_path / "file"), System())).sentence
 
 
 def test_a_port_one_may_not_open_names_the_group(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -100,12 +93,6 @@ def _started(source: str, *words: str) -> Iterator["subprocess.Popen[str]"]:
     ) as process:
         yield process
         process.communicate("\n")
-
-
-def test_the_hint_of_an_error_is_the_remedy() -> None:
-    assert _failed("arm", OSError("no route; check the cable"), "Look.") == Finding(
-        Verdict.BAD, "The arm does not answer: no route.", "Check the cable."
-    )
 
 
 @pytest.mark.parametrize(
@@ -169,14 +156,6 @@ def test_the_rate_is_measured(step_s: float, verdict: Verdict) -> None:
     result = only(doctor.check_rate(fake_cell([]).gripper, FakeClock(step_s)))
     assert result.verdict is verdict
     assert f"{1000 * step_s:.1f} ms each" in result.sentence
-
-
-def test_an_arm_far_from_its_work_is_reported() -> None:
-    rig, table = fake_cell([]), small_table()
-    assert verdicts(doctor.check_arm(rig.arm, table)) == [Verdict.GOOD]
-    assert verdicts(doctor.check_arm(rig.arm, None)) == [Verdict.GOOD]
-    rig.arm.at = (600.0, 0.0, 100.0, 0.0)
-    assert verdicts(doctor.check_arm(rig.arm, table)) == [Verdict.GOOD, Verdict.WARNING]
 
 
 def test_a_table_that_does_not_fit_is_reported() -> None:
@@ -261,19 +240,3 @@ def test_the_command_prints_each_finding_and_ends_with_26_if_one_is_bad(
     with pytest.raises(CheckFailedError):
         run(given, Drivers(TimeoutError("silence")))
     assert "BAD  The gripper does not answer: silence. -> Check power" in capsys.readouterr().out
-
-
-def test_a_simulated_cell_is_looked_at_like_a_real_one(capsys: pytest.CaptureFixture[str]) -> None:
-    tree = Path(__file__).parents[4] / "trees" / "rectangle" / "rectangle.msgpack"
-    assert cli.doctor(["--port", "sim", "--tree", str(tree)]) == 0
-    out = capsys.readouterr().out
-    assert "BAD" not in out
-    assert "The arm answers" in out
-    assert cli.doctor(["--port", "sim"]) == 2
-    assert "needs --tree" in capsys.readouterr().err
-
-
-def test_the_page_of_commissioning_uses_the_marks_that_are_printed() -> None:
-    page = (Path(__file__).parents[4] / "tools" / "docs" / "commissioning.md").read_text()
-    result = set(re.findall(r"what it marks (\w+); know why for each (\w+)", page)[0])
-    assert result <= {mark.strip() for mark in MARKS.values()}

@@ -15,7 +15,7 @@ import pytest
 from counting import count_of
 from fake_cell import FakeCell, Log, State, fake_cell
 from plc_programs import TcpPlc
-from sample_tables import GRIPPER, small_table
+from sample_tables import small_table
 
 from runtime.cli import main
 from runtime.commands import options, plc
@@ -25,15 +25,12 @@ from runtime.errors import JournalError
 from runtime.execution import crash
 from runtime.journal.chain import Journal, records
 from runtime.journal.replay import Replay
-from runtime.monitoring.live.server import Address, listening
 from runtime.monitoring.monitor import Views
 from runtime.plc.registers import as_json
 from runtime.shell.errors import UsageError
 from runtime.shell.interrupts import StopRequests
-from runtime.table import Calibration, dump
-from runtime.traversal.decision import Policy
+from runtime.table import dump
 
-CALIBRATION = Calibration(GRIPPER.profile)
 AT_21, AT_30, AT_36 = ((count_of(width), 2) for width in (21_000, 30_000, 36_000))
 PLC = ["--tree", "t", "--port", "sim", "--plc", "modbus-tcp://127.0.0.1:0"]
 
@@ -70,29 +67,6 @@ def test_address_that_cannot_be_used_is_refused(url: str, words: str) -> None:
 OPC_UA = [*PLC[:-1], "opc.tcp://127.0.0.1:0"]
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        ([*PLC, "--plc-insecure"], "--plc-insecure is for opc.tcp"),
-        ([*PLC, "--plc-trusted", "f"], "--plc-trusted is for opc.tcp"),
-        ([*PLC, "--plc-certificates", "f"], "--plc-certificates is for opc.tcp"),
-        ([*OPC_UA, "--plc-insecure", "--plc-trusted", "f"], "uses no certificates"),
-        ([*OPC_UA, "--plc-insecure", "--plc-certificates", "f"], "uses no certificates"),
-        ([*PLC[:-1], "opc.tcp://192.0.2.1:4840"], "--network"),
-        ([*PLC[:4], "--plc-insecure"], "--plc-insecure is for --plc"),
-    ],
-)
-def test_option_of_opc_ua_without_it_is_refused(words: list[str], said: str) -> None:
-    with pytest.raises(UsageError, match=said):
-        options.check_usage(parser().parse_args(words))
-
-
-def test_opc_ua_without_its_library_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(plc, "find_spec", lambda _: None)
-    with pytest.raises(UsageError, match=r"squeezetree\[opcua\]"):
-        options.check_usage(parser().parse_args(OPC_UA))
-
-
 def test_recipes_are_named_by_their_files_and_numbered_where_two_are_the_same(
     tmp_path: Path,
 ) -> None:
@@ -103,20 +77,6 @@ def test_recipes_are_named_by_their_files_and_numbered_where_two_are_the_same(
     arguments = parser().parse_args([*OPC_UA[2:], "--tree", str(trees[0]), "--json"])
     offers = plc._offers([prepare(arguments, tree) for tree in trees])
     assert [offer.id for offer in offers] == ["0-plate", "1-plate", "tee"]
-
-
-def test_damaged_key_is_one_line_and_code_3(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    dump(small_table(), tmp_path / "t")
-    (tmp_path / "j.opcua").mkdir()
-    (tmp_path / "j.opcua" / "server.pem").touch(0o600)
-    words = ["--tree", str(tmp_path / "t"), *OPC_UA[2:], "--journal", str(tmp_path / "j"), "--json"]
-    assert main(words) == 3
-    said = capsys.readouterr().err.splitlines()[1:]
-    assert len(said) == 1
-    assert "server.pem" in said[0]
-    assert not (tmp_path / "j").exists()
 
 
 @pytest.mark.parametrize(
@@ -138,28 +98,6 @@ def test_option_that_leaves_the_plc_nothing_to_do_is_refused(more: list[str]) ->
         options.check_usage(parser().parse_args([*PLC, *more]))
 
 
-def test_options_of_a_run_go_with_it() -> None:
-    more = [
-        "--count",
-        "3",
-        "--activate",
-        "--on-reject",
-        "stop",
-        "--takt",
-        "6s",
-        "--time-scale",
-        "max",
-        "--network",
-    ]
-    options.check_usage(parser().parse_args([*PLC, *more, "--http", "0"]))
-    options.check_usage(parser().parse_args([*PLC, "--tree", "u"]))
-
-
-def test_several_tables_without_a_plc_are_refused() -> None:
-    with pytest.raises(UsageError, match="--tree stands twice"):
-        options.check_usage(parser().parse_args(["--tree", "t", "--tree", "u", "--port", "sim"]))
-
-
 def test_map_is_printed_without_a_table_and_starts_nothing(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
@@ -170,29 +108,6 @@ def test_map_is_printed_without_a_table_and_starts_nothing(
     with pytest.raises(SystemExit) as ended:
         main(["--plc-map", "xml"])
     assert ended.value.code == 2
-
-
-def test_port_in_use_is_one_line_and_code_2(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    dump(small_table(), tmp_path / "t")
-    with listening(Address("127.0.0.1", 0), "x") as taken:
-        url = f"modbus-tcp://127.0.0.1:{taken.getsockname()[1]}"
-        words = [
-            "--tree",
-            str(tmp_path / "t"),
-            "--port",
-            "sim",
-            "--json",
-            "--journal",
-            str(tmp_path / "j"),
-        ]
-        assert main([*words, "--plc", url]) == 2
-    said = capsys.readouterr().err.splitlines()[1:]
-    assert len(said) == 1
-    assert said[0].startswith("grasp-runtime: --plc ")
-    assert "in use" in said[0]
-    assert not (tmp_path / "j").exists()
 
 
 class Running:
@@ -381,18 +296,6 @@ def test_fault_is_a_result_of_its_id_that_stays_until_it_is_taken(
     running = Running(tmp_path, fake_cell([AT_21, AT_21], Log(40, ConnectionError("cable"))), tree)
     assert running.run(program) == 21
     assert running.kept()[-1]["exit_code"] == 21
-
-
-def test_policy_that_ends_the_run_lets_the_result_be_taken(tmp_path: Path, tree: Path) -> None:
-    def program(client: TcpPlc) -> None:
-        client.enable()
-        assert client.part(9)["outcome"] == 2
-
-    running = Running(tmp_path, fake_cell([AT_36]), tree)
-    stops = replace(running.recipes[0].options, policy=Policy.of("stop", "next"))
-    running._run.recipes = [replace(running.recipes[0], options=stops)]
-    running._run._monitors[0]._recipe = running._run.recipes[0]
-    assert running.run(program) == 10
 
 
 def test_error_that_no_part_ends_with_is_a_fault_of_the_part_under_way(

@@ -37,14 +37,7 @@ class Serving:
         listener = listening(Address("127.0.0.1", 0), "--serve")
         self.address = listener.getsockname()
         asked = AskedParts(
-            table,
-            "0" * 64,
-            journal,
-            clock,
-            Objects(table, Path("j")),
-            Tally(),
-            RunOptions(),
-            parts,
+            table, "0" * 64, journal, clock, Objects(table, Path("j")), Tally(), RunOptions(), parts
         )
         self._server = serve.RobotServer(listener, asked, clock)
         self._thread = threading.Thread(target=self._serve)

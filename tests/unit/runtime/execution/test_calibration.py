@@ -2,14 +2,13 @@
 
 import io
 import json
-from math import acos, sin
+from math import acos
 from pathlib import Path
 
 import pytest
 from counting import SETTINGS, state
 from sample_tables import GRIPPER
 
-from runtime.commands import calibrate as calibrate_command
 from runtime.commands.calibrate import figures, parser, report, run
 from runtime.errors import GripperStateError
 from runtime.execution import calibration
@@ -17,7 +16,7 @@ from runtime.execution.calibration import Gauge, fit, load, residuals_mm, save
 from runtime.shell import strict_json
 from runtime.shell.errors import InputError, UsageError
 from runtime.shell.files import OutputError
-from runtime.table import PROFILES, Calibration
+from runtime.table import Calibration
 
 BLOCKS = (0.0, 5.0, 10.0, 20.0, 40.0, 60.0, 80.0)
 LINK_MM, OFFSET_MM = 57.15, 5.0
@@ -70,14 +69,6 @@ def test_seven_blocks_bring_the_arc_within_half_a_millimetre_where_the_line_is_o
     off = calibration.against_nominal_mm(fitted)
     assert len(off) == len(BLOCKS)
     assert max(map(abs, off)) > 2.0
-
-
-def test_a_straight_gripper_has_no_residuals() -> None:
-    straight = [Gauge(w, (round(1000 * w),)) for w in (0.0, 20.0, 40.0, 85.0)]
-    fitted = fitted_to(straight)
-    assert max(map(abs, residuals_mm(fitted))) < 1e-9
-    table = fitted.of(PROFILE)
-    assert max(abs(table.width_um(um) - um) for um in range(0, 85_001, 333)) <= 1
 
 
 @pytest.mark.parametrize(
@@ -214,27 +205,6 @@ def test_the_command_grips_each_block_gently_and_writes_the_file(
     assert len(list(report(figures(calibration)))) == 2 + len(BLOCKS)
 
 
-def test_as_json_the_measurement_is_one_document_and_the_questions_are_elsewhere(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    gripper = ArcGripper()
-
-    class Operator:
-        def readline(self) -> str:
-            gripper.hold(capsys.readouterr().err)
-            return "\n"
-
-    monkeypatch.setattr("sys.stdin", Operator())
-    assert run(arguments(tmp_path, "--activate", "--json"), lambda port, profile: gripper) == 0
-    record = json.loads(capsys.readouterr().out)
-    calibration = load(tmp_path / "g.json")
-    assert (record["output"], record["gripper"]) == (str(tmp_path / "g.json"), "S/N 7")
-    assert [block["read_mm"] for block in record["blocks"]] == [
-        [reading / 1000 for reading in g.readings_um] for g in calibration.gauges
-    ]
-    assert [block["width_mm"] for block in record["blocks"]] == list(BLOCKS)
-
-
 def test_a_block_that_is_not_there_and_a_sleeping_gripper_end_it(tmp_path: Path) -> None:
     gripper = ArcGripper()
     with pytest.raises(GripperStateError, match="not activated"):
@@ -295,10 +265,3 @@ def test_wrong_arguments_are_reported_before_anything_is_opened(
     with pytest.raises(UsageError, match=f"{wrong[0].partition('=')[0]}|cannot be written"):
         run(arguments(tmp_path, *wrong), opened)
     assert not list(tmp_path.iterdir())
-
-
-def test_the_arc_is_the_one_meant() -> None:
-    assert sin(acos(0.5)) == pytest.approx(0.866, abs=1e-3)
-    assert count_of(85.0) == pytest.approx(3.0)
-    assert count_of(0.0) == pytest.approx(230.0)
-    assert PROFILES[calibrate_command.DEFAULT_MODEL].stroke_um == GRIPPER.opening_um

@@ -1,26 +1,15 @@
 """What the executor does beyond the plain loop: gentle force, drags, policies."""
 
 import math
-from dataclasses import FrozenInstanceError, replace
+from dataclasses import replace
 
 import pytest
 from counting import SETTINGS, width_um
-from fake_cell import Log, State, fake_cell
+from fake_cell import State, fake_cell
 from sample_tables import GRIPPER, small_table, with_job, with_node
-from squeezes import (
-    ARRIVED,
-    AT_21,
-    AT_30,
-    AT_36,
-    AT_60,
-    EMPTY,
-    jaw_moves,
-    meeting,
-    run,
-)
+from squeezes import ARRIVED, AT_21, AT_30, AT_36, AT_60, jaw_moves, meeting, run
 
 from runtime.errors import GripperStateError
-from runtime.execution.events import Phase
 from runtime.execution.executor import RunOptions
 from runtime.execution.hand import Hand
 from runtime.execution.handling import Handling
@@ -41,12 +30,6 @@ def dragging_table(force_mn: int = 40_000) -> Table:
     )
     table = with_node(small_table(), 0, root)
     return replace(table, limits=replace(table.limits, max_force_mn=235_000))
-
-
-def test_squeeze_regulated_meets_the_part_with_the_least_force() -> None:
-    rig = fake_cell([AT_21])
-    assert run(rig, RunOptions(handling=Handling(regulated=True))).leaf == 0
-    assert [force for position, _, force in jaw_moves(rig) if position == 255] == [GENTLE_FORCE]
 
 
 def test_squeeze_regulated_raises_the_force_for_a_drag() -> None:
@@ -88,16 +71,7 @@ def test_a_part_that_slips_out_while_the_force_rises_is_reported_by_its_width() 
     rig.gripper.move = slip
     result = run(rig, RunOptions(handling=Handling(regulated=True)), dragging_table(200_000))
     assert (result.outcome, result.reason) == (Outcome.REJECT, "the fingers closed on nothing")
-    assert [force for position, _, force in jaw_moves(rig) if position == 255] == [
-        GENTLE_FORCE,
-        64,
-    ]
-
-
-def test_nothing_between_the_fingers_is_not_squeezed_harder() -> None:
-    rig = fake_cell([EMPTY])
-    assert run(rig, RunOptions(handling=Handling(regulated=True))).outcome is Outcome.REJECT
-    assert [force for position, _, force in jaw_moves(rig) if position > 0] == [GENTLE_FORCE]
+    assert [force for position, _, force in jaw_moves(rig) if position == 255] == [GENTLE_FORCE, 64]
 
 
 # -- short squeezes ---------------------------------------------------------------------------------
@@ -142,21 +116,6 @@ def test_jaws_are_freed_before_the_hand_rises_though_the_next_opening_is_narrowe
     assert 38_000 <= width_um(after[0]) < 39_000
 
 
-def test_jaws_that_stand_open_by_a_fresh_reading_are_not_opened_again() -> None:
-    rig = fake_cell([AT_30, AT_21])
-    run(rig, RunOptions())
-    positions = [position for position, *_ in jaw_moves(rig)]
-    assert positions == [0, 255, 0, 255, 0]  # at first nobody knows what they hold
-
-
-def test_jaws_blocked_on_the_way_to_the_next_opening_never_come_down() -> None:
-    rig = fake_cell([AT_30, AT_21])
-    rig.gripper.opened_to = 40
-    result = run(rig, RunOptions(), known_table())
-    assert (result.outcome, result.exit_code) == (Outcome.FAULT, 20)
-    assert "remove what blocks them" in str(result.reason)
-
-
 def test_hand_of_alike_fingers_turns_the_short_way() -> None:
     table = known_table()
     turned = table.nodes[1]._replace(squeeze=table.nodes[1].squeeze._replace(angle_urad=3_000_000))
@@ -183,15 +142,6 @@ def test_gripper_that_takes_no_command_on_the_way_closes_in_one_stroke_or_stops_
         assert run(rig, RunOptions(), table).leaf == 0
         calls = [call.name for call in rig.log.calls if call.name in ("move", "wait")]
         assert calls[2 : 3 + waits] == ["move", *["wait"] * (waits - 1), "move"]
-
-
-def test_phases_of_each_squeeze_add_up_to_the_seconds_of_the_part() -> None:
-    rig = fake_cell([AT_30, AT_21])
-    rig.cell.clock.step_s = 0.001
-    result = run(rig, RunOptions())
-    assert len(result.phases) == 2
-    assert sum(phases.total_s for phases in result.phases) == pytest.approx(result.seconds, abs=0.1)
-    assert rig.journal.kept[-1][1]["phases"][0].keys() == result.phases[0]._asdict().keys()
 
 
 def test_a_current_that_cannot_be_is_a_fault_and_no_child() -> None:
@@ -244,26 +194,6 @@ def test_policies_squeeze_again_and_start_over() -> None:
     assert [step.number for step in result.steps] == [1, 2, 3, 4]
 
 
-def test_an_unresolved_part_may_be_started_over() -> None:
-    rig = fake_cell([AT_30, AT_36, AT_21])
-    result = run(rig, RunOptions(Policy.of("next", "restart,stop")))
-    assert (result.outcome, [step.node for step in result.steps]) == (Outcome.LEAF, [0, 1, 0])
-
-
-def test_phases_go_by_in_their_order() -> None:
-    phases: list = []
-    run(fake_cell([AT_21]), RunOptions(delivery=None), phases=phases)
-    assert phases == [
-        (Phase.PLACE, 0),
-        (Phase.SQUEEZE, 0),
-        (Phase.READ, 0),
-        (Phase.RELEASE, 0),
-        (Phase.DONE, None),
-    ]
-    run(fake_cell([AT_21], Log(3, ConnectionError("cable"))), RunOptions(), phases=phases)
-    assert phases[-1] == (Phase.SAFE, None)
-
-
 def test_unready_grippers_are_not_waited_for_for_ever() -> None:
     rig = fake_cell([])
     rig.gripper.now = State(moving=True)
@@ -271,24 +201,6 @@ def test_unready_grippers_are_not_waited_for_for_ever() -> None:
     with pytest.raises(GripperStateError, match="without having been asked"):
         hand.await_stillness()
     assert rig.cell.clock.now() >= 8.0
-
-
-def test_where_the_arm_stands_is_known_once_it_has_answered() -> None:
-    rig = fake_cell([])
-    hand = Hand(rig.gripper, rig.arm, rig.cell.clock, small_table(), Handling())
-    assert not hasattr(Handling(), "__dict__")
-    with pytest.raises(FrozenInstanceError):
-        Handling().regulated = True
-    assert hand.where() == (5.0, 5.0, 30.0, 0.1)
-    assert hand.arm_known
-
-    def silent() -> tuple[float, float, float, float]:
-        raise ConnectionError("2.0 s of silence")
-
-    rig.arm.pose = silent
-    with pytest.raises(ConnectionError):
-        hand.where()
-    assert not hand.arm_known
 
 
 @pytest.mark.parametrize(

@@ -54,15 +54,6 @@ def test_the_auditor_is_asked_at_leaves_and_never_stops_the_cell(word, verdict) 
     assert ("audit", {"part": 7, "verdict": verdict, "residual_x_mm": 0.25}) in rig.journal.kept
 
 
-def test_a_broken_auditor_knows_nothing_and_a_reject_is_not_audited() -> None:
-    rig = fake_cell([AT_21, AT_36])
-    judge = Judge(ValueError("no camera"))
-    executor = Executor(small_table(), replace(rig.cell, auditor=judge), Deaf())
-    assert executor.run_part(1).audit == "unknown"
-    assert executor.run_part(2).audit is None
-    assert len(judge.asked) == 1
-
-
 # -- delivery -------------------------------------------------------------------------------------
 
 DELIVERY = from_text("40,-20,90")
@@ -192,12 +183,6 @@ def test_of_drop_offs_that_look_the_same_the_nearest_is_taken(symmetry, share, a
     )
 
 
-def test_a_wrist_that_cannot_turn_on_is_turned_back() -> None:
-    rig = fake_cell([AT_21, AT_21])
-    rig.arm.turns = (radians(-200), radians(100))
-    assert taken_and_put(rig, "40,-20,170", table_of(1, 0.3)) == (0, -190)
-
-
 def test_the_jaws_are_the_same_half_a_turn_round_where_they_close_alike() -> None:
     rig = fake_cell([AT_21, AT_21])
     rig.arm.turns = (radians(-185), radians(100))
@@ -221,15 +206,6 @@ def test_what_the_wrist_cannot_do_is_refused_before_the_part_is_taken() -> None:
         10,
     )
     assert "wrist" in str(result.reason)
-    assert not rig.gripper.gripping
-
-
-def test_what_is_out_of_reach_is_refused_before_the_part_is_taken() -> None:
-    rig = fake_cell([AT_21, AT_21])
-    rig.arm.obstacles = lambda start, target: "out of reach" if target[:2] == (40.0, -20.0) else ""
-    result = run(rig, RunOptions(delivery=DELIVERY))
-    assert (result.outcome, result.delivery) == (Outcome.LEAF, "missed")
-    assert "carrying it away: the way is out of reach" in str(result.reason)
     assert not rig.gripper.gripping
 
 

@@ -8,17 +8,7 @@ import pytest
 from counting import SETTINGS, count_of, width_um
 from fake_cell import fake_cell
 from sample_tables import LIMITS, small_table, with_node
-from squeezes import (
-    ARC,
-    AT_21,
-    AT_36,
-    AT_60,
-    CALIBRATION,
-    CLOSED,
-    jaw_moves,
-    meeting,
-    run,
-)
+from squeezes import ARC, AT_21, AT_36, AT_60, CALIBRATION, CLOSED, jaw_moves, meeting, run
 
 from runtime.errors import TableError
 from runtime.execution.executor import RunOptions

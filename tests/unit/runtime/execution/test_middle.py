@@ -163,13 +163,7 @@ def test_a_robot_that_asks_is_answered_where_its_arm_has_to_go():
     for middle_mm in (0.0, 1.5):
         table, options = small_table(), RunOptions(handling=Handling(middle_mm=middle_mm))
         asked = AskedParts(
-            table,
-            "0" * 64,
-            FakeJournal(),
-            FakeClock(),
-            Objects(table, Path("j")),
-            Tally(),
-            options,
+            table, "0" * 64, FakeJournal(), FakeClock(), Objects(table, Path("j")), Tally(), options
         )
         asked.answer("NEXT")
         lines.append(asked.answer("WIDTH 30.0 OBJECT").split())

@@ -2,7 +2,6 @@
 
 import os
 import shutil
-import stat
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from itertools import count
@@ -13,7 +12,6 @@ from sample_tables import small_table
 from written_journals import write_run
 
 from planner.report import run_log
-from runtime.commands.journal import main as grasp_journal
 from runtime.devices.clock import SystemClock
 from runtime.errors import JournalError
 from runtime.execution.crash import broken_run
@@ -90,26 +88,6 @@ def test_journal_sealed_after_every_part_tells_the_same_to_every_reader(
     assert (replay.decisions, replay.parts, replay.closed) == (12, 4, True)
 
 
-def test_commands_read_all_segments_by_the_base_name(pair: tuple[Path, Path], capsys) -> None:
-    lines = []
-    for path in pair:
-        assert grasp_journal(["show", str(path), "--outcome", "unresolved", "--json"]) == 0
-        lines.append(capsys.readouterr().out.count("\n"))
-        assert grasp_journal(["replay", str(path)]) == 0
-        assert grasp_journal(["export", str(path), "--to", "csv", "-o", "-"]) == 0
-        lines.append(capsys.readouterr().out.count("\n"))
-    assert lines[:2] == lines[2:]
-    assert grasp_journal(["verify", str(pair[1])]) == 0
-    assert "records in 2 runs and 8 files verify; the last run ended" in capsys.readouterr().out
-
-
-def test_segments_in_their_order_are_one_journal_file(tmp_path: Path) -> None:
-    path = segmented(tmp_path / "j.jsonl")
-    joined = tmp_path / "joined.jsonl"
-    joined.write_bytes(b"".join(file.read_bytes() for file in (*sealed_segments(path), path)))
-    assert verify(joined)._replace(size=0, segments=2) == verify(path)._replace(size=0)
-
-
 def test_a_run_that_broke_off_is_known_by_the_last_segment_alone(tmp_path: Path) -> None:
     """Wherever it broke off: the same as by all records."""
     for cut in count(1):
@@ -138,37 +116,6 @@ def test_opening_reads_the_last_segment_and_verify_reads_all(tmp_path: Path) -> 
         journal.header(b"table", {})
     with pytest.raises(JournalError, match=r"j\.jsonl\.000001, line 1: does not have its digest"):
         verify(path)
-
-
-def test_a_file_that_grew_long_before_is_sealed_by_the_next_run(tmp_path: Path) -> None:
-    path = tmp_path / "j.jsonl"
-    write_run(path)
-    before = path.read_bytes()
-    write_run(path, segment_bytes=1000)
-    assert segment(path, 1).read_bytes().startswith(before)
-    assert verify(path).runs == 2
-
-
-def test_a_header_larger_than_a_segment_does_not_seal_an_empty_one(tmp_path: Path) -> None:
-    path = tmp_path / "j.jsonl"
-    with Journal(path, STAMP, segment_bytes=1000) as journal:
-        journal.header(b"a long table" * 1000, {})
-        for number in (1, 2):
-            write_part(journal, number)
-    assert sealed_segments(path) == []
-
-
-def test_a_new_segment_keeps_the_mode_of_the_file(tmp_path: Path) -> None:
-    path = tmp_path / "j.jsonl"
-    with Journal(path, STAMP, segment_bytes=1) as journal:
-        path.chmod(0o600)
-        journal.header(b"table", {})
-        write_part(journal, 1)
-        write_part(journal, 2)
-    assert [stat.S_IMODE(file.stat().st_mode) for file in (path, segment(path, 1))] == [
-        0o600,
-        0o600,
-    ]
 
 
 @pytest.mark.parametrize("name", ["j.jsonl", "j.jsonl.000001", "j.jsonl.000002"])

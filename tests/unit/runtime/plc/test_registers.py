@@ -8,7 +8,7 @@ TYPES = {"int16", "uint16", "int32", "uint32", "bool"}
 
 def test_map_names_what_the_handshake_needs() -> None:
     assert {register.name for register in WRITTEN} == {
-        *("enable", "trigger", "trigger_id", "result_acknowledge", "heartbeat_in", "table"),
+        *("enable", "trigger", "trigger_id", "result_acknowledge", "heartbeat_in", "table")
     }
     assert {register.name for register in READ} >= {
         *("acknowledge", "busy", "result_valid", "result_id", "x", "y", "angle", "part", "face"),

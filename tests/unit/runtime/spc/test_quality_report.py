@@ -6,8 +6,6 @@ import importlib
 import json
 import math
 import re
-import sys
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -24,7 +22,7 @@ from runtime.spc.command import COLUMNS, rows
 from runtime.spc.drift import DRIFTED, LEAST_REFIT, Drift
 from runtime.spc.monitor import MEANING, Monitor
 from runtime.spc.page import page
-from runtime.spc.summary import GROUP, failures, moments, summarise
+from runtime.spc.summary import summarise
 from runtime.table import dumps, load
 from runtime.traversal.results import Outcome, PartResult, Step
 
@@ -46,25 +44,6 @@ def test_history_comes_back_from_journals(tmp_path):
     assert result.table == load(TREE).table
     assert without_time(result.parts) == without_time([*first, *second])
     assert {part.time for part in result.parts} == {STAMP}
-
-
-def test_two_runs_in_one_journal_are_read_as_one_history(tmp_path):
-    path = write(tmp_path / "a.jsonl", parts_of(5))
-    write(path, parts_of(4, seed=3))
-    assert len(reading.read([path]).parts) == 9
-
-
-def test_verdict_without_a_measurement_is_read_from_older_journals(tmp_path):
-    bare = [part for part in parts_of(10) if part.verdict]
-    with Chain(tmp_path / "a.jsonl") as journal:
-        journal.header(TABLE)
-        for part in bare:
-            journal.record("part", {"part": part.number})
-            journal.record("audit", {"part": part.number, "verdict": "pass"})
-            journal.record("outcome", {"part": part.number, "outcome": "leaf", "leaf": part.leaf})
-    result = reading.read([tmp_path / "a.jsonl"])
-    assert {(part.verdict, part.residual) for part in result.parts} == {("pass", None)}
-    assert "No pose was measured" in page("t", summarise(result))
 
 
 def test_journals_of_two_tables_and_of_none_are_refused(tmp_path):
@@ -112,18 +91,6 @@ def test_squeeze_that_is_none_of_the_tables_is_refused(tmp_path, change):
         reading.read([path])
 
 
-def test_audits_of_which_none_could_judge_are_reported(tmp_path, capsys):
-    parts = [
-        replace(part, verdict="unknown", residual=None) for part in parts_of(5) if part.verdict
-    ]
-    words = ["report", str(write(tmp_path / "a.jsonl", parts)), "-o", str(tmp_path / "r.html")]
-    assert main(words) == 0
-    assert f"audits    {len(parts)} unknown\n" in capsys.readouterr().out
-    assert (
-        f"Audits: {len(parts)} unknown; the journals say why." in (tmp_path / "r.html").read_text()
-    )
-
-
 def test_summary_counts_what_the_parts_say():
     result = history(TABLE, parts_of(400))
     record = summarise(result)
@@ -143,25 +110,6 @@ def test_summary_counts_what_the_parts_say():
         assert [mean for mean, _ in row.residuals] == pytest.approx(
             [*np.mean(mine, axis=0)] if mine else []
         )
-
-
-def test_moments_are_the_samples():
-    values = [1.0, 2.0, 4.0, 8.0]
-    assert moments(values) == pytest.approx((np.mean(values), np.std(values, ddof=1)))
-    assert moments([3.0]) == (3.0, 0.0)
-
-
-def test_success_that_is_not_the_predicted_one_is_reported():
-    result = summarise(history(TABLE, parts_of(300, fail_rate=0.2)))
-    assert not result.agrees
-    assert "not as predicted" in page("t", result)
-
-
-def test_p_chart_groups_parts_and_draws_a_limit_that_chance_keeps():
-    healthy = failures(history(TABLE, parts_of(1000)))
-    (_, shares), (limit,) = healthy.lines[0], healthy.limits
-    assert len(shares) == math.ceil(sum(p.verdict is not None for p in parts_of(1000)) / GROUP)
-    assert max(shares) <= limit < 0.2
 
 
 def test_page_is_whole_and_needs_no_network():
@@ -238,12 +186,6 @@ def test_mistakes_are_reported_in_one_line(
     said = capsys.readouterr().err
     assert sentence in said
     assert said.count("\n") == 1
-
-
-def test_missing_pyarrow_is_reported(journal, tmp_path, monkeypatch, capsys):
-    monkeypatch.setitem(sys.modules, "pyarrow", None)
-    assert main(["report", str(journal), "--export", str(tmp_path / "p.parquet")]) == 2
-    assert "install squeezetree[parquet]" in capsys.readouterr().err
 
 
 def test_readings_are_weighed_by_what_was_expected_of_them(tmp_path, capsys):

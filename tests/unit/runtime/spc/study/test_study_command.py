@@ -82,14 +82,6 @@ def test_study_of_a_bad_cell_refuses_it_and_of_few_parts_asks_for_more(
     assert said.startswith("refused after" if code == 11 else "not decided yet")
 
 
-def test_study_may_be_looked_at_after_any_journal(healthy, tmp_path, capsys):
-    paths = [write(tmp_path / f"{k}.jsonl", healthy[100 * k : 100 * k + 100]) for k in range(7)]
-    codes = [main(*paths[:looks]) for looks in (1, 3, 7)]
-    assert codes == sorted(codes, reverse=True)
-    assert codes[0] == 12
-    assert codes[-1] == 0
-
-
 def with_truth(path, parts, off_mm):
     """A journal without audits whose simulated parts lay off their leaves' poses."""
     with Chain(path) as journal:
