@@ -9,10 +9,10 @@ from fake_cell import FakeJournal
 from sample_tables import small_table
 
 from runtime.commands import options, serve
-from runtime.commands.arguments import SERVED, parser
+from runtime.commands.arguments import parser
 from runtime.devices.clock import SystemClock
 from runtime.errors import JournalError
-from runtime.execution.asked import ERRORS, MAX_LINE, AskedParts, refused
+from runtime.execution.asked import AskedParts, refused
 from runtime.execution.events import Tally
 from runtime.execution.executor import RunOptions
 from runtime.monitoring.console import Objects
@@ -90,10 +90,6 @@ def test_a_journal_that_cannot_be_written_is_reported_and_ends_the_run() -> None
     assert serving.raised is not None
 
 
-def test_every_error_fits_a_controllers_string() -> None:
-    assert max(len(refused(number)) for number in ERRORS) < MAX_LINE
-
-
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -113,14 +109,3 @@ def test_every_error_fits_a_controllers_string() -> None:
 def test_options_that_do_not_go_with_it(words: list[str], message: str) -> None:
     with pytest.raises(UsageError, match=message):
         options.check_usage(parser().parse_args([*SERVE, *words]))
-
-
-def test_options_that_do() -> None:
-    options.check_usage(
-        parser().parse_args([*SERVE, "--count", "3", "--on-reject", "stop", "--json"])
-    )
-    options.check_usage(parser().parse_args([*SERVE, "--serve", "tcp://0.0.0.0:5020", "--network"]))
-    options.check_usage(parser().parse_args([*SERVE, "--serve", "tcp://localhost:0"]))
-    assert {action.dest for action in parser()._actions} > SERVED
-    with pytest.raises(UsageError, match="--network is for --serve"):
-        options.check_usage(parser().parse_args(["--tree", "t", "--network"]))

@@ -57,13 +57,6 @@ def test_two_urcaps_for_one_gripper_are_a_warning():
     assert (last.verdict, "two URCaps" in last.sentence) == (Verdict.WARNING, True)
 
 
-@pytest.mark.parametrize(
-    "address", ["/dev/ttyUSB0", "can:can0", "tcp://ur:502", "rtu+tcp://ur:4001", "ur://[::1"]
-)
-def test_other_devices_are_not_looked_at(address):
-    assert looked([address], E_SERIES) == []
-
-
 def test_a_look_sends_nothing():
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]

@@ -68,12 +68,6 @@ def test_one_that_has_ended_is_said_to_have(auditor: AuditProcess) -> None:
         assert "auditor has ended" in str(answer_of(auditor, part, POSE)["reason"])
 
 
-@pytest.mark.parametrize("auditor", ["silent"], indirect=True)
-def test_silence_ends_at_the_deadline(auditor: AuditProcess) -> None:
-    auditor._answer_s = 0.05
-    assert verdict_of(auditor, 1, POSE) == "unknown"
-
-
 @pytest.mark.parametrize("auditor", ["late"], indirect=True)
 def test_a_late_answer_is_not_taken_for_the_next_ones(auditor: AuditProcess) -> None:
     auditor._answer_s = 0.2

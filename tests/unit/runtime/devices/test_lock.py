@@ -4,7 +4,6 @@ import os
 import socket
 import subprocess
 import sys
-import tempfile
 import threading
 from pathlib import Path
 
@@ -41,16 +40,6 @@ while held < 100:
         refused += 1
 print(refused)
 """
-
-
-def as_another_session(port: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    """Take a lock in a process with folders for its files of its own."""
-    words = "import sys; from runtime.devices.lock import PortLock; PortLock(sys.argv[1])"
-    ours = {**os.environ, "XDG_RUNTIME_DIR": str(folder), "TMPDIR": str(folder)}
-    command = [sys.executable, "-c", words, port]
-    return subprocess.run(
-        command, cwd=ROOT, env=ours, capture_output=True, text=True, timeout=60, check=False
-    )
 
 
 def busy(port: str) -> bool:
@@ -178,58 +167,11 @@ def test_gripper_and_arm_of_one_controller_are_two_locks(gripper: str, arm: str)
         pass
 
 
-def test_machine_by_the_address_it_has_on_the_network_is_this_machine() -> None:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as looking:
-        try:
-            looking.connect(("192.0.2.1", 9))  # nothing is sent
-        except OSError:
-            pytest.skip("this machine has no network")
-        ours = looking.getsockname()[0]
-    with PortLock(PORT):
-        assert busy(f"tcp://{ours}:{PORT.rpartition(':')[2]}")
-
-
 def test_usual_ports_are_those_of_the_drivers() -> None:
     assert locks.USUAL["ur"] == rtde.PORT
     assert {rtde.PORT, rtde.PORT - SCRIPT_PORT_BELOW} <= locks.ONE_DEVICE[0]
     assert locks.USUAL["urcap"] == urcap.PORT
     assert locks.USUAL["omnicore"] == omnicore.PORT
-
-
-@pytest.mark.parametrize(
-    "port", ["tcp://no.such.host.invalid:1", f"tcp://{'x' * 300}:1", "tcp://h:none", "can:c0"]
-)
-def test_what_nobody_can_connect_to_is_locked_all_the_same(port: str) -> None:
-    with PortLock(port):
-        assert busy(port)
-        assert busy(f"{port}?node=12") == port.startswith(("can:", "tcp://no", "tcp://x"))
-
-
-def test_it_holds_for_every_session_of_the_machine(tmp_path: Path) -> None:
-    with PortLock(PORT):
-        refused = as_another_session(PORT, tmp_path)
-        assert f"process {os.getpid()}" in refused.stderr
-    assert as_another_session(PORT, tmp_path).returncode == 0
-
-
-def test_nothing_is_written_and_nothing_planted_is_followed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    with PortLock(PORT) as lock:
-        assert not list(tmp_path.iterdir())
-    lock.close()  # a second time
-
-
-def test_an_owner_that_was_asked_too_often_is_still_the_owner() -> None:
-    with PortLock(PORT):
-        lines = []
-        for _ in range(300):
-            with pytest.raises(UnreachableError) as refused:
-                PortLock(PORT)
-            lines.append(str(refused.value))
-    assert f"process {os.getpid()}" in lines[0]
 
 
 def test_contenders_never_hold_it_together(tmp_path: Path) -> None:

@@ -57,19 +57,6 @@ def test_every_width_of_any_table_reads_as_an_outcome(seed: int) -> None:
         assert ~path[-1] < len(table.leaves)
 
 
-def test_same_seed_same_widths() -> None:
-    table = small_table()
-    runs = [[make(table, 9).squeeze((0.0, 0.0, 0.0))[1] for _ in range(5)] for _ in range(2)]
-    assert runs[0] == runs[1]
-
-
 def test_a_job_without_a_table_cannot_be_rehearsed() -> None:
     with pytest.raises(UsageError, match="start grasp-cell with --tree"):
         make({"seed": 1}, 0)
-
-
-def test_compose_and_relative_are_inverses() -> None:
-    random = Random(1)
-    for _ in range(100):
-        frame, pose = (tuple(random.uniform(-3, 3) for _ in range(3)) for _ in range(2))
-        assert relative(frame, compose(frame, pose)) == pytest.approx(pose, abs=1e-12)

@@ -1,6 +1,5 @@
 """What is done about a run that broke off, before any device is opened."""
 
-import base64
 from collections.abc import Mapping
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -149,15 +148,6 @@ def test_look_a_part_of_known_recent_age_is_gone_on_with(tmp_path: Path, name: s
     assert look_at(broken(tmp_path / "j.jsonl", 4), crash.RESUME, RECENT[name]()) is not None
 
 
-def test_look_a_record_without_uptime_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "j.jsonl"
-    with Journal(path, STAMP) as journal:
-        journal.header(TABLE, FIELDS)
-        journal.record("part", {"part": 1})
-    with pytest.raises(BrokenRunError, match="is not clear"):
-        look(path, crash.RESUME)
-
-
 def test_between_two_parts_there_is_nothing_that_could_be_too_old(tmp_path: Path) -> None:
     seen = look_at(broken(tmp_path / "j.jsonl", 5), crash.RESUME, moment(1e6, 1e6))
     assert seen is not None
@@ -194,10 +184,3 @@ def test_going_on_is_recorded_with_what_was_cut_off(tmp_path: Path) -> None:
         "resume",
         12,
     )
-
-
-def test_the_header_of_a_new_run_holds_the_table(tmp_path: Path) -> None:
-    with Journal(tmp_path / "j.jsonl", STAMP) as journal:
-        crash.begin(journal, None, TABLE, FIELDS, crash.ABORT)
-    (header,) = records(tmp_path / "j.jsonl")
-    assert base64.b64decode(str(header["table_base64"])) == TABLE

@@ -28,12 +28,6 @@ def test_three_numbers_are_a_drop_off() -> None:
     )
 
 
-@pytest.mark.parametrize("text", ["50,-10,90", "-1e2,0.1,-179.9"])
-def test_what_the_journal_keeps_stays_equal_on_the_disk(text: str) -> None:
-    result = from_text(text).record()
-    assert json.loads(json.dumps(result, allow_nan=False)) == result
-
-
 @pytest.mark.parametrize("header", ["", "[delivery]\n"])
 def test_a_file_may_have_a_section(tmp_path: Path, header: str) -> None:
     path = tmp_path / "d.toml"
@@ -72,12 +66,6 @@ def test_a_job_without_the_section_delivers_nothing() -> None:
 def test_what_is_wrong_is_named(keys: object, message: str) -> None:
     with pytest.raises(InputError, match=message):
         from_keys(keys, "delivery")
-
-
-@pytest.mark.parametrize("text", ["1,2", "1,2,x", "1,2,3,4"])
-def test_text_that_is_no_three_numbers(text: str) -> None:
-    with pytest.raises(UsageError, match="x,y,angle"):
-        from_text(text)
 
 
 def test_files_that_cannot_be_read(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from sample_tables import GRIPPER, small_table
 from written_journals import Quiet
 
 from runtime.errors import GripperStateError, MotionRefusedError
-from runtime.execution import dry_run, held, session
+from runtime.execution import held, session
 from runtime.execution.delivery import Delivery
 from runtime.execution.executor import RunOptions
 from runtime.execution.handling import Handling
@@ -114,9 +114,3 @@ def _calls_of_a_putting_down() -> list[object]:
     rig = holding()
     session.put_down(small_table(), rig.cell, Quiet(), RunOptions())
     return list(rig.log.calls)
-
-
-def test_a_dry_run_tells_that_a_run_would_be_refused() -> None:
-    rig = holding()
-    result = dry_run.tell(small_table(), rig.gripper, rig.arm, RunOptions())
-    assert any("hold something" in sentence and "refused" in sentence for sentence in result)

@@ -15,7 +15,6 @@ from runtime.execution.executor import RunOptions
 from runtime.execution.hand import Hand
 from runtime.execution.handling import Handling
 from runtime.execution.tips import TipArc
-from runtime.table import Calibration
 from runtime.traversal.results import Outcome
 
 
@@ -85,23 +84,6 @@ def test_tips_are_not_followed_beyond_the_squeeze_opening() -> None:
     assert min(opened) == SETTINGS.request(CALIBRATION.opening_um(60_000))
 
 
-def test_a_cell_without_room_for_the_arc_is_refused() -> None:
-    rig = fake_cell([])
-    low = replace(small_table(), limits=replace(LIMITS, retreat_height_um=23_000))
-    with pytest.raises(
-        TableError, match=r"takes the arm up to 24.0 mm, the retreat height is 23 mm"
-    ):
-        Hand(rig.gripper, rig.arm, rig.cell.clock, low, Handling(arc=ARC))
-    with pytest.raises(TableError, match="teach the tool frame with the jaws fully open"):
-        Hand(
-            rig.gripper,
-            rig.arm,
-            rig.cell.clock,
-            small_table(),
-            Handling(arc=TipArc(taught_mm=40.0)),
-        )
-
-
 def test_an_arc_whose_links_would_lie_flat_is_refused() -> None:
     """Half of 85 mm less the offset is as long as the link: the arc has no height left there."""
     rig = fake_cell([])
@@ -144,15 +126,6 @@ def test_the_arc_s_top_lies_below_the_retreat_height() -> None:
             Hand(rig.gripper, rig.arm, rig.cell.clock, table, arc)
 
 
-@pytest.mark.parametrize(("z_mm", "moves"), [(59.94, 1), (59.95, 0), (60.0, 0), (75.0, 0)])
-def test_an_arm_that_is_up_is_not_sent_there_again(z_mm: float, moves: int) -> None:
-    rig = fake_cell([])
-    rig.arm.at = (1.0, 2.0, z_mm, 0.5)
-    Hand(rig.gripper, rig.arm, rig.cell.clock, small_table(), Handling()).retreat()
-    targets = [call.arguments[:4] for call in rig.log.named("move_linear")]
-    assert targets == [(1.0, 2.0, 60.0, 0.5)] * moves
-
-
 def test_contact_while_opening_is_no_contact_to_squeeze_harder_on() -> None:
     rig = fake_cell([(AT_21[0], 1)])
     result = run(rig, RunOptions(handling=Handling(regulated=True)))
@@ -166,12 +139,3 @@ def test_tips_that_draw_back_are_not_followed_below_the_squeeze_height() -> None
     rig = meeting(AT_21[0])
     assert run(rig, RunOptions(handling=Handling(arc=TipArc(taught_mm=80.0)))).leaf == 0
     assert min(call.arguments[2] for call in rig.log.named("move_linear")) == 10.0
-
-
-def test_how_far_the_jaws_open_is_what_the_calibration_says() -> None:
-    wide = Calibration(CALIBRATION.profile, ((0, 0), (85_000, 91_000)))
-    rig = fake_cell([])
-    with pytest.raises(TableError, match="was taught at 85 mm and the jaws open to 91 mm"):
-        Hand(rig.gripper, rig.arm, rig.cell.clock, small_table(), Handling(wide, ARC))
-    hand = Hand(rig.gripper, rig.arm, rig.cell.clock, small_table(), Handling())
-    assert hand.width_mm(width_um(AT_21[0])) == width_um(AT_21[0]) / 1000

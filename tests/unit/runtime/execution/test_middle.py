@@ -127,17 +127,6 @@ def test_a_block_that_is_elsewhere_another_or_none_is_reported():
         Rig(Block(BLOCK_MM, 50.0)).measure((0.0, 0.0, 0.0))
 
 
-def test_a_hand_goes_where_the_fingers_are_to_meet_and_says_that_it_is_there():
-    rig = Rig()
-    hand = Hand(rig.hand.gripper, rig.hand.arm, rig.cell.clock, rig.table, Handling(middle_mm=1.5))
-    hand.retreat()
-    for place in ((10.0, 5.0, 0.0), (0.0, 0.0, 2.0), (-5.0, 8.0, -2.5)):
-        hand.travel(*place)
-        assert hand.where()[:2] == pytest.approx(place[:2], abs=0.02)
-        x, y, _, angle = hand.arm.pose()
-        assert compose((x, y, angle), (0.0, 1.5, 0.0))[:2] == pytest.approx(place[:2], abs=0.02)
-
-
 def test_a_place_that_the_arm_would_leave_its_area_for_is_refused_before_anything_moves():
     table = small_table()
     middle.check(table, 1.0)

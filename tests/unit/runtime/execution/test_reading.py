@@ -15,7 +15,6 @@ from runtime.execution.reading import (
     check_fresh,
     check_opened,
     check_passed,
-    reading_fields,
 )
 from runtime.table import Calibration
 
@@ -126,12 +125,3 @@ def test_an_intermediate_stroke_passed_met_something_or_contradicts_itself(
         check_passed(reading, width_um(100), CALIBRATION)
     with pytest.raises(GripperStateError, match="stale"):
         check_passed(reading, width_um(99), CALIBRATION)
-
-
-def test_a_journalled_reading_has_all_of_it() -> None:
-    assert reading_fields(settled()._replace(seconds=0.512349)) == {
-        "object_flag": 2,
-        "target_um": -1,
-        "current_ma": 300,
-        "settle_s": 0.5123,
-    }

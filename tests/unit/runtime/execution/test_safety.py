@@ -4,10 +4,10 @@ import math
 from dataclasses import replace
 
 import pytest
-from fake_cell import Log, State, fake_cell
+from fake_cell import Log, fake_cell
 from sample_tables import small_table
 
-from runtime.errors import GripperStateError, MotionRefusedError, TableError
+from runtime.errors import MotionRefusedError, TableError
 from runtime.execution import safety
 from runtime.execution.safe_state import reach_safe_state
 from runtime.table import GripperSpec, profile_of
@@ -76,21 +76,6 @@ def test_a_turn_too_many_is_the_same_angle_and_a_hundredth_is_not() -> None:
     arm.at = but(a=0.311)
     with pytest.raises(MotionRefusedError):
         safety.check_placed(arm, INSIDE)
-
-
-@pytest.mark.parametrize(
-    ("state", "message"),
-    [
-        (State(fault=0x0E), "0x0E"),
-        (State(activated=False), "not activated"),
-        (State(moving=True), "without having been asked"),
-    ],
-)
-def test_a_gripper_that_is_not_ready_is_not_moved(state: State, message: str) -> None:
-    gripper = fake_cell([]).gripper
-    gripper.now = state
-    with pytest.raises(GripperStateError, match=message):
-        safety.ready_gripper(gripper)
 
 
 @pytest.mark.parametrize("arm_known", [True, False])

@@ -1,7 +1,6 @@
 """A run of many parts: what is told, what ends it, and its exit code; without a process or a port."""
 
 import json
-import os
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -9,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 from counting import count_of
 from fake_cell import FakeCell, FakeScene, Log, State, fake_cell
-from sample_tables import GRIPPER, small_table
+from sample_tables import small_table
 
 from runtime.cli import main
 from runtime.errors import GripperStateError
@@ -17,10 +16,9 @@ from runtime.execution import session
 from runtime.execution.delivery import Delivery
 from runtime.execution.events import Console, Tally
 from runtime.execution.executor import RunOptions
-from runtime.monitoring.console import Lines, Objects, say
-from runtime.table import Calibration, dump
+from runtime.monitoring.console import Lines, Objects
+from runtime.table import dump
 
-CALIBRATION = Calibration(GRIPPER.profile)
 AT_21, AT_30, AT_36 = ((count_of(width), 2) for width in (21_000, 30_000, 36_000))
 JOURNAL = Path("j.jsonl")
 TRUTH = SimpleNamespace(
@@ -83,12 +81,6 @@ def test_permission_clears_a_fault() -> None:
     assert len(rig.log.named("activate")) == 1
 
 
-def test_permission_does_not_touch_an_active_gripper() -> None:
-    rig = fake_cell([AT_21])
-    session.prepare_gripper(rig.gripper, Lines(small_table()), activate=True)
-    assert rig.log.named("activate") == []
-
-
 def test_ctrl_c_between_parts_is_recorded() -> None:
     rig = fake_cell([AT_21], Log(0, KeyboardInterrupt()))
     with pytest.raises(KeyboardInterrupt):
@@ -133,13 +125,6 @@ def test_objects_are_one_line_a_part_with_everything_in_it(
     assert leaf.keys() == reject.keys()
 
 
-def test_crashes_of_all_parts_add_up(capsys: pytest.CaptureFixture[str]) -> None:
-    rig, table = fake_cell([AT_21, AT_36, AT_21]), small_table()
-    tally = run(rig, SimpleNamespace(**{**vars(TRUTH), "crashes": 2}), Lines(table), 3)
-    Lines(table).summary(tally, JOURNAL)
-    assert "6 crashes" in capsys.readouterr().out
-
-
 def test_audit_and_delivery_are_reported_and_a_delivered_part_is_elsewhere(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
@@ -155,28 +140,6 @@ def test_audit_and_delivery_are_reported_and_a_delivered_part_is_elsewhere(
     )
     seen = json.loads(printed)
     assert (seen["audit"], seen["delivery"], seen["error_mm"]) == ("pass", "done", None)
-
-
-def test_nobody_reading_any_more_does_not_stop_the_cell() -> None:
-    reader, writer = os.pipe()
-    os.close(reader)
-    with os.fdopen(writer, "w") as output:
-        say("nobody hears this", output)
-        say("nor this", output)
-
-
-def test_a_rehearsal_has_no_truth_to_compare_with(capsys: pytest.CaptureFixture[str]) -> None:
-    nowhere = SimpleNamespace(
-        x_mm=float("nan"), y_mm=0.0, theta_rad=0.0, squeezes=1, crashes=0, hypothesis=0
-    )
-    rig, table = fake_cell([AT_21]), small_table()
-    console = Lines(table)
-    tally = run(rig, nowhere, console)
-    console.summary(tally, JOURNAL)
-    printed = capsys.readouterr().out
-    assert "true error" not in printed
-    assert "within" not in printed
-    assert tally.within is None
 
 
 @pytest.fixture
@@ -240,31 +203,3 @@ def test_wrong_arguments_are_one_line_and_their_own_code(
     assert last.startswith("grasp-runtime: ")
     assert message in last
     assert not Path("squeezetree-journal.jsonl").exists()
-
-
-def test_tables_are_refused_before_anything_is_opened(
-    tree: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
-    data = bytearray(tree.read_bytes())
-    assert main(["--tree", "missing.msgpack", "--port", "sim"]) == 3
-    tree.write_bytes(data[:-3])
-    assert main(["--tree", str(tree), "--port", "sim"]) == 3
-    data[100] ^= 4
-    tree.write_bytes(data)
-    assert main(["--tree", str(tree), "--port", "sim"]) == 3
-    lines = capfd.readouterr().err.splitlines()
-    assert len(lines) == 3
-    assert "digest does not match its content; copy the file again or recompile it" in lines[2]
-
-
-@pytest.mark.parametrize(
-    "wrong", [["--count", "0"], ["--time-scale", "-1"], ["--time-scale", "inf"]]
-)
-def test_usage_is_2(tree: Path, wrong: list[str], capfd: pytest.CaptureFixture[str]) -> None:
-    port = ["--port", "sim"]
-    with pytest.raises(SystemExit) as left:
-        main(["--tree", str(tree), *port, *wrong])
-    assert left.value.code == 2
-    err = capfd.readouterr().err
-    assert err.startswith(f"grasp-runtime: argument {wrong[0]}: ")
-    assert err.count("\n") == 1

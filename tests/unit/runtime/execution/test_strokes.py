@@ -27,12 +27,6 @@ def plan(node: Node, arc: TipArc | None = None, *, regulated: bool = True) -> li
     return strokes.closing(node, CALIBRATION, arc, 85.0, TIMING, regulated=regulated)
 
 
-@pytest.mark.parametrize("node", NODES[:6])
-def test_a_direct_squeeze_is_one_stroke_with_the_nodes_own_settings(node: Node) -> None:
-    (only,) = plan(node, regulated=False)
-    assert only == (-1, node.squeeze.speed_um_s / 1000, node.squeeze.force_mn / 1000, 0.0)
-
-
 @pytest.mark.parametrize("node", NODES)
 @pytest.mark.parametrize("arc", [None, TipArc(), TipArc(level_mm=0.7)])
 @pytest.mark.parametrize("contact_um", [None, 41_000, 84_000])
@@ -68,31 +62,6 @@ def test_the_force_rises_in_steps_to_the_nodes_own(force_mn: int, forces: list[i
     raised = strokes.raising(with_force(small_table().nodes[0], force_mn).squeeze, PROFILE)
     assert raised == sorted(raised)
     assert [SETTINGS.force(force) for force in raised] == forces
-
-
-@pytest.mark.parametrize(
-    ("force_mn", "regulated"), [(20_000, False), (20_001, True), (60_000, True)]
-)
-def test_regulation_is_off_where_the_force_is_the_least_already(
-    force_mn: int, *, regulated: bool
-) -> None:
-    squeeze = with_force(small_table().nodes[0], force_mn).squeeze
-    assert strokes.is_regulated(squeeze, PROFILE, wanted=True) == regulated
-    assert not strokes.is_regulated(squeeze, PROFILE, wanted=False)
-
-
-@pytest.mark.parametrize("arc", [TipArc(), TipArc(level_mm=5.0)])
-def test_level_strokes_never_let_the_tips_below_their_height(arc: TipArc) -> None:
-    strokes = plan(small_table().nodes[0], arc)
-    assert len(strokes) >= 2
-    start_mm = 85.0
-    for stroke in strokes:
-        end_mm = CALIBRATION.width_um(stroke.request_um) / 1000
-        lowest = max(arc.advance_mm(start_mm + (end_mm - start_mm) * k / 20) for k in range(21))
-        assert (
-            stroke.advance_mm >= lowest - 0.06
-        )  # a count is 0.37 mm of width, 0.16 mm of height at most
-        start_mm = end_mm
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,6 @@
 """The tips' arc: the published geometry, and stages that keep the tips where they are to be."""
 
 from dataclasses import replace
-from math import sqrt
 
 import pytest
 from sample_tables import small_table
@@ -60,12 +59,6 @@ def test_within_a_stage_the_tips_are_never_low_and_never_high(
         # Below the arc's top the tips draw back by a quarter of a millimetre, in one go.
         assert max(heights) <= max(level_mm, 0.25) + 1e-9
         start_mm = end_mm
-
-
-def test_a_coarse_level_needs_one_stage_and_a_fine_one_many() -> None:
-    assert TipArc(level_mm=20.0).stages(85.0, 0.0) == [0.0]
-    assert len(TipArc(level_mm=1.0).stages(85.0, 0.0)) == 15
-    assert sqrt(57.15**2 - 37.5**2) == pytest.approx(ARC._reach(85.0))
 
 
 @pytest.mark.parametrize(

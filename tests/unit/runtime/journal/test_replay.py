@@ -1,7 +1,7 @@
 """A journal's claims are derived again from its counts; each claim that does not follow is found."""
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
@@ -9,7 +9,6 @@ from sample_tables import GRIPPER
 from written_journals import write_run
 
 from runtime.devices.clock import SystemClock
-from runtime.errors import BrokenRunError
 from runtime.execution.crash import broken_run
 from runtime.journal.chain import Journal, records
 from runtime.journal.replay import Finding, Last, Replay
@@ -39,9 +38,6 @@ def test_a_run_with_a_calibration_of_its_own_replays_by_it(tmp_path: Path) -> No
     entries = list(records(path))
     entries[0]["calibration_um"] = [[0, 0], [85_000, 42_500]]
     assert len(findings(entries)) >= 6
-
-
-Change = Callable[[dict[str, object]], object]
 
 
 @pytest.mark.parametrize(
@@ -84,22 +80,6 @@ def test_a_record_left_out_is_found(journal: Path, kind: str) -> None:
     assert findings(entries)
 
 
-def test_a_squeeze_after_the_end_is_found(journal: Path) -> None:
-    entries = list(records(journal))
-    at = next(index for index, entry in enumerate(entries) if entry["kind"] == "squeeze")
-    assert (
-        "the path leads to LEAF, leaf 0"
-        in findings([*entries[: at + 1], *entries[at:]])[0].sentence
-    )
-
-
-def test_an_undelivered_part_has_its_own_exit_code(journal: Path) -> None:
-    entries = list(records(journal))
-    outcome = next(entry for entry in entries if entry["kind"] == "outcome")
-    outcome.update(delivery="missed", exit_code=10)
-    assert findings(entries) == []
-
-
 def cut_after(journal: Path, kind: str, number: int) -> Path:
     """The journal as it is when the process is killed after its `number`-th record of a kind."""
     kept, seen = [], 0
@@ -140,27 +120,3 @@ def test_a_run_that_was_over_but_for_its_last_record_did_not_break_off(tmp_path:
     entries = path.read_bytes().splitlines(keepends=True)
     path.write_bytes(b"".join(entries[:-1]))
     assert broken_run(path, records(path)) is None
-
-
-def test_a_broken_run_that_cannot_be_followed_is_not_resumed(tmp_path: Path, journal: Path) -> None:
-    entries = list(records(cut_after(journal, "outcome", 1)))
-    forged = tmp_path / "forged.jsonl"
-    with Journal(forged, SystemClock().stamp) as writing:
-        for entry in entries:
-            fields = {
-                name: value
-                for name, value in entry.items()
-                if name not in ("seq", "time", "kind", "previous", "digest")
-            }
-            if entry["kind"] == "outcome":
-                fields["leaf"] = 1
-            writing.record(str(entry["kind"]), fields)
-    with pytest.raises(BrokenRunError, match="clear the cell and use --after-crash abort"):
-        broken_run(forged, records(forged))
-
-
-def test_a_replay_needs_nothing_but_the_records(journal: Path) -> None:
-    """Also with another linear map around: the widths come from the run's own header."""
-    entries = list(records(journal))
-    assert entries[0].get("calibration_um") is None
-    assert findings(entries) == []

@@ -82,27 +82,6 @@ def test_earlier_runs_of_the_shift_with_the_table_are_recalled(tmp_path):
     assert {loss["kind"] for loss in seen["losses"]} == {"unresolved", "reject"}
 
 
-def test_parts_of_the_shift_before_are_not_recalled(tmp_path, monkeypatch):
-    journal = write_run(tmp_path / "j.jsonl")
-    digest = json.loads(journal.read_text().splitlines()[0])["table_sha256"]
-    monkeypatch.setattr(SystemClock, "shift", lambda self, changes: "9999-01-01 06:00")
-    shift = Shift((6,), None)
-    shift.recall(journal, digest)
-    assert shift.as_object()["parts"] == 0
-
-
-def test_before_any_part_nothing_is_divided_by_nothing(shift):
-    seen = shift.as_object()
-    assert (seen["seconds_mean"], seen["takt_share"]) == (None, None)
-
-
-def test_the_machines_clock_names_a_shift_that_has_begun():
-    clock = SystemClock()
-    for changes in ((6, 14, 22), (0,), (23,)):
-        assert clock.shift(changes) <= clock.local()
-        assert int(clock.shift(changes)[11:13]) in changes
-
-
 @pytest.mark.parametrize("text", ["", "24", "6,,14", "-1", "6;14", "six"])
 def test_hours_that_are_none_are_refused_in_one_line(text, capsys):
     with pytest.raises(SystemExit):

@@ -44,10 +44,6 @@ def test_trend_stays_within_its_box_and_shows_its_limits(values):
     assert "&lt;y&gt;" in text
 
 
-def test_trend_of_nothing_says_so():
-    assert "<svg" not in trend("none", [Line("x", ())], (1.0,), "part")
-
-
 def test_bars_are_as_long_as_their_amounts():
     text = bars("ends", [Bar("leaf", 20.0, "20"), Bar("fault", 5.0, "5"), Bar("stop", 0.0, "0")])
     assert Page(text).open == []

@@ -90,12 +90,6 @@ def test_two_servers_that_share_a_folder_pin_one_client(
     assert other.admits(first)
 
 
-def test_client_that_cannot_be_pinned_is_not_let_in(
-    clients: tuple[Path, Path], tmp_path: Path
-) -> None:
-    assert not Trust(tmp_path / "no folder" / PINNED, None).admits(clients[0].read_bytes())
-
-
 def test_folder_of_trusted_ones_lets_in_those_and_pins_nobody(
     clients: tuple[Path, Path], tmp_path: Path
 ) -> None:

@@ -27,11 +27,6 @@ def plc() -> MemoryPlc:
     return memory
 
 
-def test_counters_before_the_first_part_are_zero_and_nothing_is_known(plc: MemoryPlc) -> None:
-    assert plc(*PARTS) == [0, 0, 0, 0]
-    assert plc("seconds_last", "takt_share") == [UNKNOWN, UNKNOWN]
-
-
 def test_counters_tell_each_outcome_and_stay_after_the_results_are_taken(plc: MemoryPlc) -> None:
     for outcome in (1, 1, 2, 3, 1, 4):
         run(plc, outcome)
@@ -45,12 +40,6 @@ def test_share_within_the_takt_is_of_the_parts_that_tell_their_seconds(plc: Memo
     assert plc("parts_located", "seconds_last", "takt_share") == [5, 750, 5000]
     run(plc, 4)
     assert plc("seconds_last", "takt_share") == [UNKNOWN, 5000]
-
-
-def test_share_is_not_known_without_a_takt() -> None:
-    plc = MemoryPlc()
-    run(plc, 1, 5.0)
-    assert plc("seconds_last", "takt_share") == [500, UNKNOWN]
 
 
 def test_seconds_that_do_not_fit_are_not_known_and_the_share_counts_them(plc: MemoryPlc) -> None:

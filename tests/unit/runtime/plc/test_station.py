@@ -7,7 +7,7 @@ from plc_programs import MemoryPlc
 
 from runtime.plc.counters import Counters
 from runtime.plc.handshake import Error
-from runtime.plc.registers import HEARTBEAT_LIMIT_S, MAP, READ, READ_AT, WRITTEN
+from runtime.plc.registers import HEARTBEAT_LIMIT_S, MAP, READ, READ_AT
 from runtime.plc.station import BEAT_S, FAULT, Order, Refusal
 
 SIGNALS = ("acknowledge", "busy", "result_valid", "result_id")
@@ -77,11 +77,6 @@ def test_trigger_without_enable_is_an_error_and_begins_nothing(plc: MemoryPlc) -
     plc.write(trigger=0, enable=0)
     plc.write(trigger=1)
     assert plc.station.order is None
-
-
-def test_trigger_of_one_exchange_with_its_id_and_enable_begins_the_part(plc: MemoryPlc) -> None:
-    assert plc.station.write(WRITTEN[0].address, [1, 1, 42], plc.now) is None
-    assert plc.station.order == Order(42, 0)
 
 
 @pytest.mark.parametrize("fixture", ["working", "waiting"])
@@ -183,11 +178,6 @@ def test_lost_connection_invents_no_edge(working: MemoryPlc) -> None:
     assert working("result_valid", "result_id") == [1, 7]
 
 
-def test_disconnection_without_enable_is_no_error(plc: MemoryPlc) -> None:
-    plc.station.disconnect()
-    assert plc["error_id"] == 0
-
-
 def test_table_that_does_not_exist_is_an_error_and_others_are_used() -> None:
     plc = MemoryPlc((0x11111111, 0xA2222222))
     plc.write(enable=1, table=2, trigger=1)
@@ -217,13 +207,6 @@ def test_trigger_after_the_end_is_an_error(waiting: MemoryPlc) -> None:
     waiting.pulse("result_acknowledge")
     waiting.write(trigger=1)
     assert (waiting["error_id"], waiting.station.order) == (Error.RUN_ENDED, None)
-
-
-def test_single_write_is_accepted_only_where_the_plc_writes(plc: MemoryPlc) -> None:
-    refused = [
-        address for address in range(300) if plc.station.write(address, [1], plc.now) is not None
-    ]
-    assert refused == list(range(len(WRITTEN), 300))
 
 
 @pytest.mark.parametrize(

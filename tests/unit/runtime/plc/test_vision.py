@@ -9,7 +9,6 @@ from runtime.plc.handshake import OPEN, SIGNALS, Error
 from runtime.plc.station import FAULT, Answer
 from runtime.plc.vision import (
     STOP_REASONS,
-    VIEW,
     Job,
     PackMLState,
     VisionState,
@@ -71,11 +70,6 @@ def test_result_is_lost_by_nothing_but_its_release_or_the_confirmation_of_a_faul
             assert after.answer == before.answer
 
 
-@pytest.mark.parametrize("row", VIEW, ids=lambda row: f"{row.state.value}-{row.packml.name}")
-def test_each_row_is_shown_somewhere(row: object) -> None:
-    assert any(view(seen) is row for seen, _, _ in explored())
-
-
 def test_refused_job_names_its_error_and_changes_only_that() -> None:
     with line() as each:
         assert each.server._start("a")[:2] == ("", Error.NOT_ENABLED)
@@ -93,16 +87,6 @@ def test_refused_job_names_its_error_and_changes_only_that() -> None:
         each.exchange.end()
         each.server._release(1)
         assert each.server._start("b")[1] == Error.RUN_ENDED
-
-
-def test_unknown_recipe_is_refused_with_its_name() -> None:
-    with line() as each:
-        each.server._prepare("one")
-        error, message = each.server._prepare("none")
-        assert error == Error.UNKNOWN_TABLE
-        assert "'none'" in message
-        assert "one, two" in message
-        assert dict(each.panel.values())["RecipeManagement/PreparedRecipe"] == "one"
 
 
 def test_result_has_the_units_of_its_names() -> None:

@@ -94,12 +94,6 @@ def test_what_is_put_in_its_place_meanwhile_is_not_replaced(tmp_path: Path) -> N
     assert path.is_fifo()
 
 
-def test_long_names_and_unusual_ones_are_written(tmp_path: Path) -> None:
-    for name in ("x" * 250 + ".json", ".hidden", "no suffix", "a.b.c", "ö" * 100 + ".csv"):
-        write(tmp_path / name, name)
-        assert (tmp_path / name).read_text() == name
-
-
 @pytest.mark.parametrize(
     ("name", "message"),
     [
@@ -120,17 +114,6 @@ def test_what_cannot_be_written_is_reported_before(tmp_path: Path, name: str, me
         )
     assert refused.value.exit_code == 2
     assert str(refused.value).endswith("; name another file")
-
-
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
-def test_what_may_not_be_written_is_reported_before(tmp_path: Path) -> None:
-    (tmp_path / "read-only").touch(mode=0o400)
-    with pytest.raises(OutputError, match="it is read-only"):
-        usable(tmp_path / "read-only")
-    tmp_path.chmod(0o500)
-    with pytest.raises(OutputError, match="its folder may not be written to"):
-        usable(tmp_path / "new")
-    tmp_path.chmod(0o700)
 
 
 def test_standard_output_is_for_those_who_offer_it(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,7 +1,6 @@
 """The chart of readings: a likelihood ratio, silent on a healthy cell, quick when friction changes."""
 
 import json
-from dataclasses import replace
 from math import exp
 
 import numpy as np
@@ -11,7 +10,7 @@ from histories import LESS, drawn, expectation_document, history, table, watch
 from runtime.shell.errors import InputError, UsageError
 from runtime.spc import expectation
 from runtime.spc.expectation import CLIP, ShiryaevRoberts, load
-from runtime.spc.history import History, Part, Squeezed
+from runtime.spc.history import History
 
 TABLE = table()
 DIGEST = "0" * 64
@@ -75,32 +74,6 @@ def test_change_is_flagged_within_fifty_parts_by_its_name(expected):
     )
     assert all(alarm.place >= 300 for alarm in result)
     assert any(alarm.chart == "readings" and "those of less" in alarm.sentence for alarm in result)
-
-
-def test_one_strange_part_is_no_drift_but_a_few_are(expected):
-    clear = max(
-        range(TABLE.gripper.bins), key=lambda c: expected.shares[1][0][c] / expected.shares[0][0][c]
-    )
-    width = TABLE.gripper.profile.reading_um(clear)
-    strange = Part(1, (Squeezed(0, None, width),) * 9)
-    assert expected.gains(TABLE, strange)[0] == CLIP
-    chart = ShiryaevRoberts(expected)
-    for part in drawn(TABLE, 300, np.random.default_rng(8)):
-        assert chart.add(TABLE, part) is None
-    assert chart.add(TABLE, strange) is None
-    assert any(chart.add(TABLE, strange) for _ in range(3))
-
-
-def test_bin_of_readings_is_one_each_for_few_and_shared_evenly_by_many():
-    coarse, fine = TABLE.gripper, replace(TABLE.gripper, steps=8_500)
-    for gripper in (coarse, fine):
-        readings = range(gripper.steps + 1)
-        bins = [gripper.bin_of(gripper.profile.reading_um(step)) for step in readings]
-        assert bins == sorted(bins)
-        assert set(bins) == set(range(gripper.bins))
-    assert coarse.bins == coarse.steps + 1
-    assert fine.bins <= 300
-    assert fine.bin_of(10 * fine.opening_um) == fine.bins - 1
 
 
 @pytest.mark.parametrize(

@@ -200,17 +200,6 @@ def test_an_outline_of_thousands_of_points_takes_milliseconds() -> None:
 
 
 @pytest.mark.parametrize(
-    ("outline", "expected"),
-    [
-        ([(-15, -10), (15, -10), (15, 10), (-15, 10)], ((30**2 + 20**2) / 12) ** 0.5),
-        ([(0, 0), (1, 1)], 0.0),
-    ],
-)
-def test_the_radius_of_gyration_is_that_of_the_area(outline, expected: float) -> None:
-    assert gyration_mm(outline) == pytest.approx(expected)
-
-
-@pytest.mark.parametrize(
     ("table", "said"),
     [
         (TABLE, "heights, limits, squeezes and poses agree with the job in the table"),

@@ -5,10 +5,10 @@ from dataclasses import replace
 from math import pi
 
 import pytest
-from sample_tables import pushing_table, small_table, with_job, with_node
+from sample_tables import small_table, with_job, with_node
 
-from runtime.table import Schedule, Squeezed, Stand, TableError, dumps, loads, profile_of
-from runtime.table.timing import ABOVE_MM, NEAR_MM, Visit, trapezoid_s
+from runtime.table import Schedule, Squeezed, Stand, TableError, dumps
+from runtime.table.timing import NEAR_MM, Visit, trapezoid_s
 
 VISIT = Visit(0.0, 0.0, 85.0, None, 25.0, 60.0, 85.0)
 
@@ -33,13 +33,6 @@ def test_move_turning_takes_as_long_as_the_arc_of_the_grippers_reach() -> None:
     assert cell.move_s(0.0) == 0.0
 
 
-def test_turn_radius_covers_gripper_and_fingers() -> None:
-    gripper = small_table().gripper
-    assert gripper.turn_radius_mm == profile_of(gripper.model).radius_mm
-    long = replace(gripper, finger_length_um=300_000)
-    assert long.turn_radius_mm > 150.0
-
-
 def test_first_squeeze_comes_down_on_the_way_only_from_nearby_and_where_that_saves_time() -> None:
     cell = Schedule.of(small_table(), {"hypothesis": [{"part": {"height_mm": 16.0}}]}).timing
     first = VISIT._replace(from_retreat=True)
@@ -53,16 +46,6 @@ def test_first_squeeze_comes_down_on_the_way_only_from_nearby_and_where_that_sav
         first._replace(way_mm=2 * NEAR_MM, turn_rad=pi / 2),
     ):
         assert cell.squeeze(visit).lower_s > turned.lower_s
-
-
-def test_squeeze_known_contact_opening_and_height_each_save_seconds() -> None:
-    cell = Schedule.of(small_table(), {"hypothesis": [{"part": {"height_mm": 16.0}}]}).timing
-    cell = replace(cell, fastest_mm_s=150.0)
-    plain = cell.squeeze(VISIT).total_s
-    assert cell.squeeze(VISIT._replace(contact_mm=40.0)).total_s < plain
-    assert cell.squeeze(VISIT._replace(opening_mm=50.0)).total_s < plain
-    assert cell.regrasp_mm == 16.0 + ABOVE_MM
-    assert cell.squeeze(VISIT._replace(from_retreat=True, to_retreat=True)).total_s > plain
 
 
 def test_approach_of_jaws_that_stop_between_strokes_needs_more_to_pay() -> None:
@@ -87,12 +70,6 @@ def test_schedule_of_alike_fingers_turns_the_short_way() -> None:
     assert alike[1].travel_s < not_alike[1].travel_s
 
 
-def test_schedule_of_pushes_comes_down_from_the_retreat_height() -> None:
-    phases = Schedule.of(pushing_table(), None).part([Squeezed(0, 21.0, 0)])
-    assert phases[0].push_s > 0.0
-    assert phases[0].total_s == pytest.approx(sum(phases[0]))
-
-
 @pytest.mark.parametrize(
     ("cell", "problem"),
     [
@@ -108,12 +85,3 @@ def test_table_with_a_job_no_motion_can_keep_is_refused(cell: dict, problem: str
     table = with_job(small_table(), json.dumps({"cell": cell}))
     with pytest.raises(TableError, match=problem):
         dumps(table)
-
-
-def test_contact_of_nodes_comes_back_from_the_bytes() -> None:
-    table = with_node(small_table(), 0, small_table().nodes[0]._replace(contact_um=52_000))
-    for result in (table, pushing_table(table)):
-        assert loads(dumps(result)) == result
-    low = with_node(table, 0, table.nodes[0]._replace(contact_um=10_000))
-    with pytest.raises(TableError, match="node 0: contact_um is 10000, allowed is 30000"):
-        dumps(low)

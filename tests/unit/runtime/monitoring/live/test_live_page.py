@@ -6,13 +6,11 @@ from collections.abc import Callable
 from functools import partial
 
 import pytest
-from grown_tables import grown_table
 from html_pages import Page
 from sample_tables import every_field_table, small_table, with_job
 
 from runtime.monitoring.live import page, server
 from runtime.monitoring.live.server import Address, answer
-from runtime.monitoring.status import Status
 from runtime.shell.errors import UsageError
 
 PAGES = {"/": ("text/html", lambda: b"<p>"), "/status.json": ("application/json", lambda: b"{}\n")}
@@ -64,13 +62,6 @@ def test_what_is_no_address_is_refused_in_one_line(text: str) -> None:
     assert refused.value.exit_code == 2
 
 
-def test_loopback_is_this_machine_only() -> None:
-    assert all(map(server.is_loopback, ["127.0.0.1", "127.8.9.1", "::1", "localhost", "LOCALHOST"]))
-    assert not any(
-        map(server.is_loopback, ["0.0.0.0", "::", "10.0.0.1", "cell", "localhost.evil.example"])
-    )
-
-
 def test_a_page_is_answered_with_its_length_and_nothing_may_keep_or_frame_it() -> None:
     code, head, body = output(
         LOCAL, "GET /status.json?x=1 HTTP/1.1\r\nHost: localhost:8080\r\n\r\n"
@@ -82,15 +73,6 @@ def test_a_page_is_answered_with_its_length_and_nothing_may_keep_or_frame_it() -
         "X-Content-Type-Options: nosniff",
         "X-Frame-Options: DENY",
     } <= {*head.split("\r\n")}
-
-
-def test_a_head_is_answered_like_a_get_without_the_body() -> None:
-    for path in ("/", "/nowhere"):
-        _, of_get, body = output(OPEN, f"GET {path} HTTP/1.0\r\n\r\n")
-        code, of_head, nothing = output(OPEN, f"HEAD {path} HTTP/1.0\r\n\r\n")
-        assert (of_head, nothing) == (of_get, b"")
-        assert code == (200 if path == "/" else 404)
-        assert f"Content-Length: {len(body)}" in of_get
 
 
 @pytest.mark.parametrize(
@@ -173,15 +155,3 @@ def test_the_jobs_part_is_drawn_and_its_name_cannot_break_out() -> None:
 def test_a_job_of_another_make_is_a_page_without_its_part(job: str | None) -> None:
     table = small_table() if job is None else with_job(small_table(), job)
     assert json.loads(Page(page.page(table, "t")).scripts["data"])["outline"] == []
-
-
-def test_a_large_table_stays_under_a_megabyte() -> None:
-    assert len(page.page(grown_table(5, 2000), "large.msgpack")) < 1_000_000
-
-
-def test_pages_of_a_run_hold_its_status() -> None:
-    status = Status("small.msgpack", "ab" * 32, 958_000)
-    result = page.pages(small_table(), "small.msgpack", status)
-    assert list(result) == ["/", "/screen.html", "/status.json", "/metrics"]
-    assert json.loads(result["/status.json"][1]()) == status.as_object()
-    assert result["/metrics"][1]().decode() == status.as_metrics()

@@ -19,7 +19,6 @@ from runtime.monitoring.console import Lines
 from runtime.monitoring.live.rows import Outline, Row
 from runtime.monitoring.live.terminal import View, picture
 from runtime.monitoring.status import Status
-from runtime.shell.errors import UsageError
 from runtime.traversal.results import Outcome, PartResult, Step
 
 TABLE = random_table(3, 40)
@@ -65,16 +64,6 @@ def test_the_way_there_is_whole_and_what_may_follow_is_shown() -> None:
         assert (way[0].target, way[-1].target) == (0, target)
         following = TABLE.nodes[target].branches if target >= 0 else ()
         assert all(branch.target in shown for branch in following)
-
-
-def test_all_is_shown_once_where_there_is_room() -> None:
-    rows = rows_at(0, len(EVERY))
-    assert sorted(row.target for row in rows) == sorted(EVERY)
-
-
-def test_a_rejected_part_stays_where_it_was_rejected() -> None:
-    way = OUTLINE.way({"node": None, "steps": [{"node": 0, "width_mm": 1.0, "target": None}]})
-    assert (way.now, way.targets) == (0, {0})
 
 
 @pytest.mark.parametrize(("encoding", "here"), [("utf-8", "▶"), ("ascii", ">")])
@@ -175,13 +164,3 @@ def test_the_picture_is_drawn_on_a_terminal_that_nothing_else_is_for(
     monkeypatch.setenv("TERM", term)
     given = arguments.parser().parse_args(["--tree", "t", "--port", "sim", *words])
     assert options.views(given).terminal is (streams[drawn] if drawn else None)
-
-
-def test_without_rich_one_line_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
-    given = arguments.parser().parse_args(["--tree", "t", "--port", "sim", "--watch"])
-    monkeypatch.setenv("TERM", "xterm")
-    monkeypatch.setattr("runtime.commands.options.find_spec", lambda name: None)
-    options.check_usage(given)  # in a pipe it is not needed
-    monkeypatch.setattr("sys.stdout", Screen())
-    with pytest.raises(UsageError, match=r"install squeezetree\[watch\]"):
-        options.check_usage(given)

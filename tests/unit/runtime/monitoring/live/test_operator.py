@@ -1,6 +1,5 @@
 """The operator's screen: what it says of a run, that names are text, and that an end tells how it came."""
 
-import re
 from dataclasses import replace
 
 import pytest
@@ -42,13 +41,6 @@ def part(number=1, outcome=Outcome.LEAF, steps=(STEP,), reason=None, **fields):
     )
 
 
-def test_screen_before_the_first_part_promises_nothing():
-    text = shown(status())
-    assert "waiting for the next part" in text
-    assert "0 of 0 parts" in text
-    assert "No part was lost" in text
-
-
 @pytest.mark.parametrize("phase", Phase)
 def test_every_phase_has_words(phase):
     seen = status()
@@ -75,14 +67,6 @@ def test_names_and_reasons_are_text():
     text = shown(seen)
     assert "<img" not in text
     assert "&lt;img src=x onerror=&quot;alert(1)&quot;&gt;Prüfling" in text
-
-
-def test_fingers_are_drawn_at_the_width_that_was_read():
-    text = operator.picture(TABLE, OUTLINE, 0, 24.0)
-    lower_edges = [float(y) for y in re.findall(r'class="finger" x="-13.75" y="([-\d.]+)"', text)]
-    assert lower_edges == [12.0, -12.0 - 9.5]
-    assert '<svg class="scene"' in text
-    assert 'class="part"' not in operator.picture(TABLE, [], 0, None)
 
 
 def test_widths_that_drift_say_that_the_gripper_should_be_looked_at():
