@@ -15,7 +15,7 @@ from sample_tables import GRIPPER, small_table
 
 from runtime.commands import checks as doctor
 from runtime.commands.checks import Finding, System, Verdict
-from runtime.commands.doctor import findings, parser, run
+from runtime.commands.doctor import parser, run
 from runtime.shell.errors import CheckFailedError
 from runtime.table import Calibration, dump
 
@@ -184,41 +184,6 @@ class Drivers:
 
     def scan(self, port: str):
         return iter(())
-
-
-def test_all_checks_of_a_healthy_cell(tmp_path: Path) -> None:
-    drivers = Drivers()
-    result = list(
-        findings(
-            "tcp://doctor:1",
-            "tcp://h:2",
-            small_table(),
-            CALIBRATION,
-            drivers,
-            System(proc=tmp_path),
-        )
-    )
-    assert set(verdicts(result)) == {Verdict.GOOD}
-    assert len(result) == 4
-    assert {call.name for call in drivers.rig.log.calls} == {"state", "pose", "close"}
-    assert (
-        len(list(findings("/dev/null", None, None, CALIBRATION, drivers, System(proc=tmp_path))))
-        == 5
-    )
-
-
-def test_devices_that_do_not_answer_are_findings(tmp_path: Path) -> None:
-    drivers = Drivers(ConnectionError("no route"))
-    result = list(
-        findings("tcp://doctor:1", "tcp://h:2", None, CALIBRATION, drivers, System(proc=tmp_path))
-    )
-    assert verdicts(result) == [Verdict.BAD, Verdict.BAD]
-    result = list(findings("/dev/null", None, None, CALIBRATION, drivers, System(proc=tmp_path)))
-    assert verdicts(result) == [Verdict.GOOD, Verdict.GOOD, Verdict.GOOD, Verdict.BAD, Verdict.BAD]
-    assert "The gripper does not answer: no route." in result[3].sentence
-    assert verdicts(findings("/dev/ttyNONE", None, None, CALIBRATION, drivers, System())) == [
-        Verdict.BAD
-    ]
 
 
 def test_the_command_prints_each_finding_and_ends_with_26_if_one_is_bad(

@@ -194,17 +194,3 @@ def test_an_output_that_cannot_be_is_usage(
 ) -> None:
     assert main(["export", str(journal), "-o", str(tmp_path / name)]) == 2
     assert name in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("words", [["show"], ["verify"], ["replay"], ["export", "-o", "out.csv"]])
-def test_an_empty_journal_tells_nothing_that_could_be_right(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    words: list[str],
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("j.jsonl").touch()
-    assert main([words[0], "j.jsonl", *words[1:]]) == 24
-    assert capsys.readouterr() == ("", "grasp-journal: journal j.jsonl: is empty\n")
-    assert not Path("out.csv").exists()

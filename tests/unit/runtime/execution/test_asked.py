@@ -1,13 +1,12 @@
 """A robot that asks, line by line: a reading means what the table says, and a bad line changes nothing."""
 
-from dataclasses import replace
 from pathlib import Path
 from random import Random
 
 import pytest
 from counting import width_um
 from fake_cell import FakeClock, FakeJournal
-from sample_tables import OTHER, every_field_table, random_table, several_table, small_table
+from sample_tables import every_field_table, random_table, small_table
 
 from runtime.execution.asked import ERRORS, MAX_LINE, AskedParts
 from runtime.execution.events import Tally
@@ -119,20 +118,3 @@ def test_whatever_is_said_is_answered_in_one_short_line_and_a_refusal_changes_no
         if first == "ERROR":
             assert rest[1] == ERRORS[int(rest[0])]
             assert asked.answer("STATUS") == before
-
-
-@pytest.mark.parametrize(
-    ("name", "message"), [("right hand", "right hand"), ("Stützwinkel 2 é" * 9, "?")]
-)
-def test_a_leaf_of_several_parts_ends_with_which_it_is(name: str, message: str) -> None:
-    table = several_table()
-    table = replace(table, hypotheses=(table.hypotheses[0], OTHER._replace(name=name)))
-    asked = parts(table)
-    asked.answer("NEXT")
-    asked.answer("WIDTH 30")
-    answer = asked.answer("WIDTH 21")
-    assert answer.startswith("LEAF 1 ")
-    assert answer.split(" ")[6] == "1"
-    assert message in answer.split(" ", 7)[7]
-    assert answer.isascii()
-    assert len(answer) < MAX_LINE

@@ -7,14 +7,13 @@ import pytest
 from counting import SETTINGS, width_um
 from fake_cell import State, fake_cell
 from sample_tables import GRIPPER, small_table, with_job, with_node
-from squeezes import ARRIVED, AT_21, AT_30, AT_36, AT_60, jaw_moves, meeting, run
+from squeezes import ARRIVED, AT_21, AT_30, AT_36, jaw_moves, run
 
 from runtime.errors import GripperStateError
 from runtime.execution.executor import RunOptions
 from runtime.execution.hand import Hand
 from runtime.execution.handling import Handling
 from runtime.table import Place, Table
-from runtime.traversal.decision import Policy
 from runtime.traversal.results import Outcome
 
 # -- force ----------------------------------------------------------------------------------------
@@ -40,14 +39,6 @@ def test_squeeze_regulated_raises_the_force_for_a_drag() -> None:
         GENTLE_FORCE,
         node_force,
     ]
-
-
-def test_squeeze_regulated_raises_the_force_where_the_reading_decides_nothing() -> None:
-    rig = meeting(AT_60[0])
-    result = run(rig, RunOptions(handling=Handling(regulated=True)))
-    assert result.outcome is Outcome.REJECT  # nobody planned for 60 mm
-    forces = [force for position, _, force in jaw_moves(rig) if position > 0]
-    assert forces == [GENTLE_FORCE, SETTINGS.force(40.0)]
 
 
 def test_the_motor_current_ends_the_raising() -> None:
@@ -169,29 +160,7 @@ def test_what_is_held_is_dragged_to_the_release_point_and_let_go_there() -> None
     assert (12.0, -7.0) not in {call.arguments[:2] for call in rejected.log.named("move_linear")}
 
 
-def test_a_drag_never_sends_the_tips_below_the_squeeze_height() -> None:
-    table = small_table()
-    table = with_node(table, 0, table.nodes[0]._replace(release=Place(12_000, -7_000)))
-    rig = fake_cell([AT_21])
-    pose = rig.arm.pose
-
-    def rounded() -> tuple[float, float, float, float]:
-        x, y, z, angle = pose()
-        return x, y, z - 0.01, angle
-
-    rig.arm.pose = rounded
-    assert run(rig, RunOptions(), table).leaf == 0
-
-
 # -- policies -------------------------------------------------------------------------------------
-
-
-def test_policies_squeeze_again_and_start_over() -> None:
-    rig = fake_cell([AT_30, AT_30, AT_30, AT_21])
-    result = run(rig, RunOptions(Policy.of("resqueeze,restart,next", "next")))
-    assert (result.outcome, result.leaf) == (Outcome.LEAF, 0)
-    assert [step.node for step in result.steps] == [0, 1, 1, 0]
-    assert [step.number for step in result.steps] == [1, 2, 3, 4]
 
 
 def test_unready_grippers_are_not_waited_for_for_ever() -> None:

@@ -5,10 +5,10 @@ from math import degrees, inf, radians
 
 import pytest
 from fake_cell import Deaf, FakeCell, fake_cell
-from sample_tables import several_table, small_table, with_job
-from squeezes import ARRIVED, AT_21, AT_30, AT_36, EMPTY, jaw_moves, run
+from sample_tables import small_table, with_job
+from squeezes import ARRIVED, AT_21, AT_36, EMPTY, jaw_moves, run
 
-from runtime.execution.delivery import Delivery, by_name, from_text
+from runtime.execution.delivery import Delivery, from_text
 from runtime.execution.executor import Executor, RunOptions
 from runtime.table import Area, Table
 from runtime.traversal.results import Outcome
@@ -71,18 +71,6 @@ def test_a_localised_part_is_taken_at_its_pose_and_put_down() -> None:
     assert rig.journal.kinds()[-3:] == ["delivery", "delivery", "outcome"]
     # A hand that may hold something turns as if it reached far, an empty one as far as it reaches.
     assert rig.arm.radii_mm[-6:] == [80.0, 80.0, 160.0, 160.0, 160.0, 80.0]
-
-
-def test_each_of_several_parts_has_its_own_place_or_stays() -> None:
-    table = several_table()
-    sorting = by_name(["left hand=40,-20,90"], table)
-    rig = fake_cell([AT_21, AT_21, AT_30, AT_21])
-    executor = Executor(table, rig.cell, Deaf(), RunOptions(delivery=sorting))
-    one, other = executor.run_part(1), executor.run_part(2)
-    assert (one.leaf, one.delivery) == (0, "done")
-    assert (other.leaf, other.delivery) == (1, None)
-    ends = [result["hypothesis"] for kind, result in rig.journal.kept if kind == "outcome"]
-    assert ends == ["left hand", "right hand"]
 
 
 def test_the_hand_is_placed_so_that_the_part_arrives_at_its_pose() -> None:

@@ -20,7 +20,7 @@ from runtime.execution.events import Tally
 from runtime.execution.executor import RunOptions
 from runtime.execution.hand import Hand
 from runtime.execution.handling import Handling
-from runtime.execution.middle import Grip, Middle, fit, gripping, measure
+from runtime.execution.middle import Grip, fit, gripping, measure
 from runtime.monitoring.console import Objects
 from runtime.shell.errors import InputError
 from runtime.table import Area
@@ -135,16 +135,6 @@ def test_a_place_that_the_arm_would_leave_its_area_for_is_refused_before_anythin
     middle.check(replace(table, limits=tight, nodes=table.nodes[:1]), 0.0)
     with pytest.raises(MotionRefusedError, match="outside the work area"):
         middle.check(replace(table, limits=tight, nodes=table.nodes[:1]), 1.0)
-
-
-def test_a_table_is_corrected_on_its_narrowest_side_and_for_what_it_was_not_planned_with():
-    table = small_table()
-    width = middle.narrowest_mm(table)
-    assert middle.off_mm(None, table) == 0.0
-    assert middle.off_mm(Middle(width, 1.5, 0.05, 0.5, 0.01), table) == pytest.approx(1.5)
-    assert middle.off_mm(Middle(width + 10.0, 1.5, 0.05, 0.45, 0.01), table) == pytest.approx(2.0)
-    left = middle.left(Middle(width, 1.5, 0.05, 0.45, 0.01), table)
-    assert left == {"middle_mm": [-0.1, 0.1], "finger_share": [-0.07, -0.03]}
 
 
 def test_a_robot_that_asks_is_answered_where_its_arm_has_to_go():

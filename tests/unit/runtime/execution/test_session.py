@@ -1,7 +1,6 @@
 """A run of many parts: what is told, what ends it, and its exit code; without a process or a port."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -13,9 +12,7 @@ from sample_tables import small_table
 from runtime.cli import main
 from runtime.errors import GripperStateError
 from runtime.execution import session
-from runtime.execution.delivery import Delivery
 from runtime.execution.events import Console, Tally
-from runtime.execution.executor import RunOptions
 from runtime.monitoring.console import Lines, Objects
 from runtime.table import dump
 
@@ -125,23 +122,6 @@ def test_objects_are_one_line_a_part_with_everything_in_it(
     assert leaf.keys() == reject.keys()
 
 
-def test_audit_and_delivery_are_reported_and_a_delivered_part_is_elsewhere(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    table = small_table()
-    for console in (Lines(table), Objects(table, JOURNAL)):
-        auditor = SimpleNamespace(judge=lambda *asked: {"verdict": "pass"})
-        rig = fake_cell([AT_21, AT_21])
-        rig = rig._replace(cell=replace(rig.cell, auditor=auditor))
-        run(rig, TRUTH, console, options=RunOptions(delivery=Delivery(drop=(10.0, 5.0, 0.0))))
-    *_, line, printed = capsys.readouterr().out.splitlines()
-    assert line.endswith(
-        "success 0.9990 of 6000, error 0.32 mm (95 %: 0.94); audit: pass; delivery: done"
-    )
-    seen = json.loads(printed)
-    assert (seen["audit"], seen["delivery"], seen["error_mm"]) == ("pass", "done", None)
-
-
 @pytest.fixture
 def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
@@ -152,53 +132,26 @@ def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
-        (["--port", "/dev/ttyNONE", "--arm", "tcp://127.0.0.1:9"], 21, "/dev/ttyNONE"),
-        (["--port", "tcp://127.0.0.1:1", "--arm", "tcp://127.0.0.1:9"], 21, "127.0.0.1:1"),
-        (["--port", "sim", "--arm", "tcp://127.0.0.1:9"], 2, "brings its own arm"),
-        (["--port", "/dev/ttyUSB0"], 2, "name it with --arm"),
-        ([], 2, "name the gripper with --port"),
-        (["--port", "sim", "--check"], 2, "looks at an attached gripper"),
-        (["--port", "sim", "--on-reject", "again"], 2, "name resqueeze, restart, next, stop"),
-        (["--port", "sim", "--on-reject", "next,restart"], 2, "next or stop last"),
-        (["--port", "sim", "--on-unresolved", "resqueeze"], 2, "no squeeze to repeat"),
-        (["--port", "sim", "--tips", "bent"], 2, "LINK,OFFSET"),
-        (["--port", "sim", "--deliver", "1,2"], 2, "x,y,angle"),
-        (["--port", "sim", "--deliver", "nowhere.toml"], 3, "nowhere.toml"),
-        (["--port", "tcp://h:1", "--arm", "tcp://h:1"], 2, "both name"),
-        (
-            ["--port", "/dev/ttyUSB0", "--arm", "tcp://h:1", "--audit", "a {camera}"],
-            2,
-            "camera of --port sim",
-        ),
-        (["--port", "sim", "--calibration", "nowhere.json"], 3, "nowhere.json"),
-        (
-            ["--port", "/dev/ttyUSB0", "--arm", "tcp://h:1", "--time-scale", "2"],
-            2,
-            "for --port sim",
-        ),
-        (
-            ["--port", "sim", "--world", "runtime.devices.rehearsal:none"],
-            21,
-            "grasp-cell ended with exit code 2",
-        ),
-        (
-            [
-                "--port",
-                "sim",
-                "--world",
-                "runtime.devices.rehearsal:make",
-                "--journal",
-                "/dev/full",
-            ],
-            24,
-            "no regular file",
-        ),
+        ("--port /dev/ttyNONE --arm tcp://127.0.0.1:9", 21, "/dev/ttyNONE"),
+        ("--port tcp://127.0.0.1:1 --arm tcp://127.0.0.1:9", 21, "127.0.0.1:1"),
+        ("--port sim --arm tcp://127.0.0.1:9", 2, "brings its own arm"),
+        ("--port /dev/ttyUSB0", 2, "name it with --arm"),
+        ("", 2, "name the gripper with --port"),
+        ("--port sim --check", 2, "looks at an attached gripper"),
+        ("--port sim --on-reject again", 2, "name resqueeze, restart, next, stop"),
+        ("--port sim --tips bent", 2, "LINK,OFFSET"),
+        ("--port sim --deliver 1,2", 2, "x,y,angle"),
+        ("--port sim --deliver nowhere.toml", 3, "nowhere.toml"),
+        ("--port tcp://h:1 --arm tcp://h:1", 2, "both name"),
+        ("--port sim --calibration nowhere.json", 3, "nowhere.json"),
+        ("--port /dev/ttyUSB0 --arm tcp://h:1 --time-scale 2", 2, "for --port sim"),
+        ("--port sim --world runtime.devices.rehearsal:make --journal /dev/full", 24, "no regular"),
     ],
 )
 def test_wrong_arguments_are_one_line_and_their_own_code(
-    tree: Path, capfd: pytest.CaptureFixture[str], arguments: list[str], code: int, message: str
+    tree: Path, capfd: pytest.CaptureFixture[str], arguments: str, code: int, message: str
 ) -> None:
-    assert main(["--tree", str(tree), *arguments]) == code
+    assert main(["--tree", str(tree), *arguments.split()]) == code
     last = capfd.readouterr().err.splitlines()[-1]
     assert last.startswith("grasp-runtime: ")
     assert message in last

@@ -65,26 +65,3 @@ def test_show_times_of_a_run_in_virtual_time_prints_phases_and_takt(tmp_path: Pa
     assert command.main(["show", str(journal), "--times", "--takt", "6s"]) == 0
     assert capfd.readouterr().out.startswith(plain)
     assert command.main(["show", str(journal), "--takt", "6s"]) == 2
-
-
-@pytest.mark.parametrize(
-    "more", [["--dry-run"], ["--arm", "manual"], ["--audit", "judge {camera}"]]
-)
-def test_virtual_time_without_anybody_outside_refuses_who_needs_it(
-    more: list[str], tmp_path, capfd
-) -> None:
-    from runtime import cli
-
-    table = Path(__file__).parents[4] / "trees" / "rectangle" / "rectangle.msgpack"
-    words = [
-        "--tree",
-        str(table),
-        "--port",
-        "sim",
-        "--time-scale",
-        "max",
-        "--journal",
-        str(tmp_path / "j"),
-    ]
-    assert cli.main([*words, *more]) == 2
-    assert "--time-scale max" in capfd.readouterr().err

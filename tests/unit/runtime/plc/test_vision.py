@@ -13,7 +13,6 @@ from runtime.plc.vision import (
     PackMLState,
     VisionState,
     result_of,
-    stop_reason,
     view,
 )
 
@@ -130,19 +129,6 @@ def test_counts_and_results_are_those_of_the_parts() -> None:
     ]
     assert len({result.ResultId for result in each.panel.results.values()}) == len(answers)
     assert shown["PackML/StopReason"] == STOP_REASONS[20]
-
-
-def test_stop_reason_is_that_of_the_outcome_or_of_the_lost_connection() -> None:
-    for before, name, after in explored():
-        reason = stop_reason(before, after)
-        if name == "the part ends with a fault" and SIGNALS[before.state].busy:
-            assert reason == 20
-        if name == "the master's session ends" and view(before).state is VisionState.READY:
-            assert reason == Error.CONNECTION_LOST
-        if name == "Stop" and view(before).state is VisionState.READY:
-            assert reason == 0
-        if view(after).state.automatic:
-            assert reason is None
 
 
 def test_handle_of_another_result_releases_nothing() -> None:

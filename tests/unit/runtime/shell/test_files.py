@@ -1,9 +1,7 @@
 """The one way to write a file: whole or not at all, by nobody else's link, with the mode of the old file."""
 
-import io
 import os
 import shlex
-import sys
 from pathlib import Path
 
 import pytest
@@ -114,16 +112,3 @@ def test_what_cannot_be_written_is_reported_before(tmp_path: Path, name: str, me
         )
     assert refused.value.exit_code == 2
     assert str(refused.value).endswith("; name another file")
-
-
-def test_standard_output_is_for_those_who_offer_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    out = io.TextIOWrapper(io.BytesIO())
-    monkeypatch.setattr(sys, "stdout", out)
-    for path in files.STDOUT:
-        with pytest.raises(OutputError, match="no use for standard output"):
-            usable(path)
-        with writing(usable(path, stdout=True)) as draft:
-            draft.write_text("rows\n")
-        assert files.words_of(path) is sys.stderr
-    assert out.buffer.getvalue() == b"rows\nrows\n"
-    assert files.words_of(Path("t.csv")) is out

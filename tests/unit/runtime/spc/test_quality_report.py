@@ -67,17 +67,6 @@ def test_changed_journal_is_refused(tmp_path):
         reading.read([path])
 
 
-def test_line_that_a_crash_cut_short_is_left_out(tmp_path):
-    whole = write(tmp_path / "a.jsonl", parts_of(6), ended=False)
-    result = reading.read([whole]).parts
-    with whole.open("ab") as file:
-        file.write(b'{"seq":99,"kind":"squ')
-    assert reading.read([whole]).parts == result
-    whole.write_bytes(b'{"seq":0,"kind":"hea')
-    with pytest.raises(UsageError, match="no part yet"):
-        reading.read([whole])
-
-
 @pytest.mark.parametrize("change", [{"node": 999}, {"node": "first"}, {"width_um": None}])
 def test_squeeze_that_is_none_of_the_tables_is_refused(tmp_path, change):
     path = tmp_path / "a.jsonl"

@@ -170,12 +170,6 @@ def test_parts_that_the_job_names_otherwise_are_refused(
         dumps(with_job(several_table(), json.dumps(two_parts(**changes))))
 
 
-def test_the_number_of_parts_is_the_jobs() -> None:
-    job = {"part": {"name": "left hand"}}
-    with pytest.raises(TableError, match="the number of parts is 2, but the embedded job says 1"):
-        dumps(with_job(several_table(), json.dumps(job)))
-
-
 def test_what_a_job_leaves_out_is_not_compared() -> None:
     """Each section alone passes as well: none is taken for granted."""
     job = json.loads(TABLE.job or "")

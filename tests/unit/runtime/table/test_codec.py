@@ -72,24 +72,6 @@ def test_a_table_comes_back_as_it_is(table: Table) -> None:
     assert dumps(loads(data)) == data
 
 
-@pytest.mark.parametrize(
-    ("table", "optional"),
-    [
-        (small_table(), []),
-        (several_table(), ["hypotheses"]),
-        (pushing_table(), ["pushes"]),
-        (pushing_table(several_table()), ["hypotheses", "pushes"]),
-        (every_field_table(), ["releases", "contacts", "job"]),
-    ],
-    ids=["small", "several", "pushes", "pushes several", "every field"],
-)
-def test_encode_writes_an_optional_section_only_where_the_table_needs_it(
-    table: Table, optional: list[str]
-) -> None:
-    required = [section.name for section in SECTIONS if not section.optional]
-    assert [name for name, *_ in sections_of(table)] == required + optional
-
-
 @pytest.mark.parametrize("name", ["hypotheses", "releases", "pushes", "contacts"])
 def test_decode_refuses_an_optional_section_without_records(name: str) -> None:
     (section,) = (section for section in SECTIONS if section.name == name)

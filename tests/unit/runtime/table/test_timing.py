@@ -1,7 +1,6 @@
 """The model of time: against laws of motion, and what a job may say of its cell."""
 
 import json
-from dataclasses import replace
 from math import pi
 
 import pytest
@@ -46,13 +45,6 @@ def test_first_squeeze_comes_down_on_the_way_only_from_nearby_and_where_that_sav
         first._replace(way_mm=2 * NEAR_MM, turn_rad=pi / 2),
     ):
         assert cell.squeeze(visit).lower_s > turned.lower_s
-
-
-def test_approach_of_jaws_that_stop_between_strokes_needs_more_to_pay() -> None:
-    cell = replace(timing(), fastest_mm_s=150.0, streams=False, jaw_answer_s=0.2)
-    assert cell.approach_mm(60.0, 50.0, 60.0) == 60.0
-    assert cell.approach_mm(85.0, 40.0, 60.0) == 42.0
-    assert replace(cell, streams=True).approach_mm(60.0, 50.0, 60.0) == 52.0
 
 
 def test_schedule_of_alike_fingers_turns_the_short_way() -> None:

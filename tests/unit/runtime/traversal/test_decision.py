@@ -89,23 +89,6 @@ def test_whatever_is_read_every_part_ends_within_what_the_policy_allows(
         assert (traversal.leaf is None) == (traversal.outcome is Outcome.REJECT)
 
 
-@pytest.mark.parametrize(
-    ("policy", "ends"), [("next", set()), ("stop", {Outcome.REJECT, Outcome.UNRESOLVED})]
-)
-def test_which_outcomes_end_a_run(policy: str, ends: set[Outcome]) -> None:
-    always = {Outcome.FAULT, Outcome.STOPPED, Outcome.ABORTED}
-    result = Policy.of(policy, policy)
-    assert {outcome for outcome in Outcome if result.ends_run(outcome)} == ends | always
-    assert Policy.of("stop", "next").ends_run(Outcome.REJECT)
-    assert not Policy.of("stop", "next").ends_run(Outcome.UNRESOLVED)
-    assert Policy.of("next", "stop").ends_run(Outcome.UNRESOLVED)
-    # Only the last of a list tells: what came before it has been tried by then.
-    long = Policy.of("resqueeze,restart,stop", "restart,stop")
-    assert long.ends_run(Outcome.REJECT)
-    assert long.ends_run(Outcome.UNRESOLVED)
-    assert not Policy.of("resqueeze,restart,next", "restart,next").ends_run(Outcome.REJECT)
-
-
 def test_a_policy_survives_being_written_down() -> None:
     for on_reject, on_unresolved in itertools.product(RECOVERIES, ["next", "restart,stop"]):
         policy = Policy.of(on_reject, on_unresolved)

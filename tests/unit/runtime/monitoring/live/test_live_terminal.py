@@ -13,7 +13,6 @@ from rich.console import Console as Terminal
 from sample_tables import random_table, small_table
 from written_journals import Quiet
 
-from runtime.commands import arguments, options
 from runtime.execution.events import Phase, Sighting, Tally
 from runtime.monitoring.console import Lines
 from runtime.monitoring.live.rows import Outline, Row
@@ -53,17 +52,6 @@ def test_where_the_cell_is_is_always_shown_in_the_room_there_is(room: int) -> No
         rows = rows_at(target, room)
         assert len(rows) <= room
         assert [row.target for row in rows if row.now] == [target]
-
-
-def test_the_way_there_is_whole_and_what_may_follow_is_shown() -> None:
-    for target in EVERY:
-        rows = rows_at(target, 60)
-        shown = {row.target: row for row in rows}
-        way = [row for row in rows if row.taken]
-        assert [row.depth for row in way] == list(range(len(way)))
-        assert (way[0].target, way[-1].target) == (0, target)
-        following = TABLE.nodes[target].branches if target >= 0 else ()
-        assert all(branch.target in shown for branch in following)
 
 
 @pytest.mark.parametrize(("encoding", "here"), [("utf-8", "▶"), ("ascii", ">")])
@@ -128,39 +116,3 @@ def test_where_a_stop_left_the_cell_is_said_in_full_and_the_summary_follows(
         "part 3: STOPPED; stopped by the operator; fingers stopped; arm at retreat height",
         "0 parts: 0.00 squeezes a part; journal j",
     ]
-
-
-class Screen(io.StringIO):
-    """A stream that calls itself a terminal."""
-
-    def isatty(self) -> bool:
-        return True
-
-
-@pytest.mark.parametrize(
-    ("out", "err", "term", "words", "drawn"),
-    [
-        (True, True, "xterm", ["--watch"], "out"),
-        (True, True, "xterm", [], None),
-        (False, True, "xterm", ["--watch"], None),
-        (True, True, "dumb", ["--watch"], None),
-        (False, True, "xterm", ["--watch", "--json"], "err"),
-        (True, True, "xterm", ["--watch", "--json"], None),
-        (False, False, "xterm", ["--watch", "--json"], None),
-    ],
-)
-def test_the_picture_is_drawn_on_a_terminal_that_nothing_else_is_for(
-    monkeypatch: pytest.MonkeyPatch,
-    *,
-    out: bool,
-    err: bool,
-    term: str,
-    words: list[str],
-    drawn: str | None,
-) -> None:
-    streams = {"out": Screen() if out else io.StringIO(), "err": Screen() if err else io.StringIO()}
-    monkeypatch.setattr("sys.stdout", streams["out"])
-    monkeypatch.setattr("sys.stderr", streams["err"])
-    monkeypatch.setenv("TERM", term)
-    given = arguments.parser().parse_args(["--tree", "t", "--port", "sim", *words])
-    assert options.views(given).terminal is (streams[drawn] if drawn else None)

@@ -69,15 +69,6 @@ def test_names_and_reasons_are_text():
     assert "&lt;img src=x onerror=&quot;alert(1)&quot;&gt;Prüfling" in text
 
 
-def test_widths_that_drift_say_that_the_gripper_should_be_looked_at():
-    seen = status()
-    seen.part(part())
-    assert "Widths are steady" in shown(seen)
-    for number in range(2, 60):
-        seen.part(part(number, steps=[STEP._replace(width_um=21_900)]))
-    assert "Widths drift: the gripper should be looked at" in shown(seen)
-
-
 def test_a_normal_end_looks_normal_and_a_fault_says_what_failed():
     tally = Tally()
     tally.add(part(), None)

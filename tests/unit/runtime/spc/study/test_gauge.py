@@ -92,14 +92,6 @@ def test_crossed_scales_with_the_unit_and_ignores_an_offset(scale, offset):
     assert ours.percent == pytest.approx(crossed(AIAG).percent, rel=1e-6)
 
 
-def test_crossed_of_readings_that_never_differ_knows_nothing():
-    same = crossed([[[1.0, 1.0]] * 2] * 2)
-    assert (same.percent, same.anova.categories) == (None, None)
-    exact = crossed([[[float(part)] * 2] * 2 for part in range(3)])
-    assert exact.percent == 0.0
-    assert exact.anova.categories is None
-
-
 @pytest.mark.parametrize(
     "readings",
     [
