@@ -44,7 +44,10 @@ def verdict_of(auditor: AuditProcess, part: int, pose: tuple[float, float, float
 
 
 @pytest.fixture
-def auditor(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[AuditProcess]:
+def auditor(
+    request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[AuditProcess]:
+    monkeypatch.setattr("runtime.devices.child.END_S", 0.05)  # some never end by themselves
     program = tmp_path / "auditor.py"
     program.write_text(f"import json, sys\n{ANSWERS[request.param]}\n")
     with AuditProcess(f"{sys.executable} {program}", answer_s=5.0) as result:
@@ -58,6 +61,7 @@ def test_verdicts_come_back_part_by_part(auditor: AuditProcess) -> None:
 
 @pytest.mark.parametrize("auditor", ["nonsense", "list", "gone", "endless"], indirect=True)
 def test_whatever_else_it_says_is_unknown(auditor: AuditProcess) -> None:
+    auditor._answer_s = 1.0
     assert verdict_of(auditor, 1, POSE) == "unknown"
 
 
@@ -77,10 +81,7 @@ def test_a_late_answer_is_not_taken_for_the_next_ones(auditor: AuditProcess) -> 
 
 
 @pytest.mark.parametrize("auditor", ["deaf"], indirect=True)
-def test_a_deaf_one_is_ended_by_a_signal(
-    auditor: AuditProcess, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("runtime.devices.child.END_S", 0.05)
+def test_a_deaf_one_is_ended_by_a_signal(auditor: AuditProcess) -> None:
     auditor.close()
     assert auditor._process.returncode in (-15, -9)
 

@@ -29,7 +29,7 @@ from runtime.devices.lock import PortLock
 port, folder, held, refused = sys.argv[1], Path(sys.argv[2]), 0, 0
 print("ready", flush=True)
 input()
-while held < 100:
+while held < 40:
     try:
         with PortLock(port):
             os.close(os.open(folder / "alone", os.O_CREAT | os.O_EXCL))

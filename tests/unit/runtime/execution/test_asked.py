@@ -99,7 +99,7 @@ def test_a_width_means_what_its_count_does() -> None:
         assert answers[0] == answers[1] or answers[0][0] == "REJECT"
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(4))
 def test_whatever_is_said_is_answered_in_one_short_line_and_a_refusal_changes_nothing(
     seed: int,
 ) -> None:

@@ -11,7 +11,7 @@ from squeezes import ARRIVED, AT_21, AT_36, EMPTY, jaw_moves, run
 from runtime.execution.delivery import Delivery, from_text
 from runtime.execution.executor import Executor, RunOptions
 from runtime.table import Area, Table
-from runtime.traversal.results import Outcome
+from runtime.traversal.results import Outcome, PartResult
 
 # -- audit ----------------------------------------------------------------------------------------
 
@@ -85,17 +85,18 @@ def test_the_hand_is_placed_so_that_the_part_arrives_at_its_pose() -> None:
     assert put == pytest.approx((39.0, -17.0, 60.0, 1.820796), abs=1e-4)
 
 
+MISSED = (Outcome.LEAF, 0, "missed", 10)
+
+
+def ends(result: PartResult) -> tuple[object, ...]:
+    return result.outcome, result.leaf, result.delivery, result.exit_code
+
+
 @pytest.mark.parametrize("reading", [EMPTY, AT_36])
 def test_a_part_that_is_not_there_is_left_and_reported(reading) -> None:
     rig = fake_cell([AT_21, reading])
-    delivery = replace(DELIVERY, width_mm=(20.0, 22.0))
-    result = run(rig, RunOptions(delivery=delivery))
-    assert (result.outcome, result.leaf, result.delivery, result.exit_code) == (
-        Outcome.LEAF,
-        0,
-        "missed",
-        10,
-    )
+    result = run(rig, RunOptions(delivery=replace(DELIVERY, width_mm=(20.0, 22.0))))
+    assert ends(result) == MISSED
     assert "expected was 20..22 mm" in str(result.reason)
     assert rig.arm.at[:3] == (0.0, 0.5, 60.0)
 
@@ -105,17 +106,10 @@ def test_a_part_that_slips_while_it_is_carried_is_a_fault(change) -> None:
     rig = fake_cell([AT_21, AT_21])
     lift = rig.arm.move_linear
 
-    def slip(
-        x_mm: float,
-        y_mm: float,
-        z_mm: float,
-        angle_rad: float,
-        speed_mm_s: float,
-        radius_mm: float = 160.0,
-    ) -> None:
-        if z_mm == 60.0 and rig.gripper.gripping:
+    def slip(*target: float) -> None:
+        if target[2] == 60.0 and rig.gripper.gripping:
             rig.gripper.now = rig.gripper.now._replace(**change)
-        lift(x_mm, y_mm, z_mm, angle_rad, speed_mm_s, radius_mm)
+        lift(*target)
 
     rig.arm.move_linear = slip
     result = run(rig, RunOptions(delivery=DELIVERY))
@@ -125,21 +119,35 @@ def test_a_part_that_slips_while_it_is_carried_is_a_fault(change) -> None:
     assert begun == {"part": 1, "begun": True, "leaf": 0, "x_um": 0, "y_um": 500, "theta_urad": 0}
 
 
-def test_a_drop_off_outside_the_area_is_refused_and_one_inside_its_own_is_not() -> None:
-    far = from_text("100,0,0")
+FAR = from_text("100,0,0")
+
+
+def beyond_40(start, target) -> str:
+    return "out of reach" if target[:2] == (40.0, -20.0) else ""
+
+
+@pytest.mark.parametrize(
+    ("delivery", "limits", "said"),
+    [
+        (FAR, {}, "outside the work area"),
+        (DELIVERY, {"turns": (radians(-10), radians(10))}, "wrist"),
+        (DELIVERY, {"obstacles": beyond_40}, "carrying it away: the way is out of reach"),
+    ],
+    ids=["area", "wrist", "reach"],
+)
+def test_what_the_arm_cannot_do_is_refused_before_the_part_is_taken(delivery, limits, said) -> None:
     rig = fake_cell([AT_21, AT_21])
-    result = run(rig, RunOptions(delivery=far))
-    assert (result.outcome, result.leaf, result.delivery, result.exit_code) == (
-        Outcome.LEAF,
-        0,
-        "missed",
-        10,
-    )
-    assert "outside the work area" in str(result.reason)
+    for name, limit in limits.items():
+        setattr(rig.arm, name, limit)
+    result = run(rig, RunOptions(delivery=delivery), table_of(1, 0.5))
+    assert ends(result) == MISSED
+    assert said in str(result.reason)
     assert not rig.gripper.gripping
-    rig = fake_cell([AT_21, AT_21])
-    delivery = replace(far, area_um=Area(-60_000, -60_000, 120_000, 60_000))
-    assert run(rig, RunOptions(delivery=delivery)).delivery == "done"
+
+
+def test_a_drop_off_in_an_area_of_its_own_is_reached() -> None:
+    delivery = replace(FAR, area_um=Area(-60_000, -60_000, 120_000, 60_000))
+    assert run(fake_cell([AT_21, AT_21]), RunOptions(delivery=delivery)).delivery == "done"
 
 
 def taken_and_put(rig: FakeCell, text: str, table: Table) -> tuple[float, float]:
@@ -183,29 +191,10 @@ def test_the_jaws_are_the_same_half_a_turn_round_where_they_close_alike() -> Non
     )
 
 
-def test_what_the_wrist_cannot_do_is_refused_before_the_part_is_taken() -> None:
-    rig = fake_cell([AT_21, AT_21])
-    rig.arm.turns = (radians(-10), radians(10))
-    result = run(rig, RunOptions(delivery=from_text("40,-20,90")), table_of(1, 0.5))
-    assert (result.outcome, result.leaf, result.delivery, result.exit_code) == (
-        Outcome.LEAF,
-        0,
-        "missed",
-        10,
-    )
-    assert "wrist" in str(result.reason)
-    assert not rig.gripper.gripping
-
-
 @pytest.mark.parametrize(
+    # Back, in motions so small that no controller takes the short way.
     ("most", "angles"),
-    [
-        (inf, [344, 360]),
-        (
-            6.2,
-            [344, 229, 115, 0],
-        ),  # back, in motions so small that no controller takes the short way
-    ],
+    [(inf, [344, 360]), (6.2, [344, 229, 115, 0])],
 )
 def test_squeezes_turn_the_nearest_way_within_the_range(most, angles) -> None:
     rig = fake_cell([AT_21])

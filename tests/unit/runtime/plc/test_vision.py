@@ -16,6 +16,7 @@ from runtime.plc.vision import (
     view,
 )
 
+CHART = list(explored())
 JOB = Job(7, "id-7", "m", "two", "e" * 64)
 # OPC 40100-1, 8.2 and 8.3: the transitions between these states, whatever causes them.
 SPECIFIED = {
@@ -41,13 +42,13 @@ OURS = {
 
 
 def test_every_state_is_reached() -> None:
-    reached = [view(seen) for _, _, seen in explored()]
+    reached = [view(seen) for _, _, seen in CHART]
     assert {row.state for row in reached} == set(VisionState)
     assert {row.packml for row in reached} == set(PackMLState)
 
 
 def test_every_transition_is_one_of_the_specification_or_follows_a_release() -> None:
-    for before, name, after in explored():
+    for before, name, after in CHART:
         left, entered = view(before).state, view(after).state
         outer = "Operational" if left.automatic and not entered.automatic else left.value
         if left is not entered and f"{outer}To{entered.value}" not in SPECIFIED:
@@ -55,13 +56,13 @@ def test_every_transition_is_one_of_the_specification_or_follows_a_release() -> 
 
 
 def test_ready_is_where_a_job_is_accepted_and_nothing_else_begins_a_part() -> None:
-    for before, name, after in explored():
+    for before, name, after in CHART:
         begins = SIGNALS[after.state].busy and not SIGNALS[before.state].busy
         assert begins == (name == "StartSingleJob" and view(before).state is VisionState.READY)
 
 
 def test_result_is_lost_by_nothing_but_its_release_or_the_confirmation_of_a_fault() -> None:
-    for before, name, after in explored():
+    for before, name, after in CHART:
         if SIGNALS[before.state].result_valid and not SIGNALS[after.state].result_valid:
             fault = view(before).state is VisionState.ERROR
             assert name == "ReleaseResultHandle" or (name == "ConfirmAll" and fault)

@@ -62,9 +62,9 @@ def with_field(path: str, value: object, table: Table | None = None) -> bytes:
         pushing_table(several_table()),
         random_table(1, 1),
         random_table(2, 300),
-        grown_table(3, 400),
+        grown_table(3, 150),
     ],
-    ids=["small", "every field", "pushes", "pushes several", "one node", "300 nodes", "400 nodes"],
+    ids=["small", "every field", "pushes", "pushes several", "one node", "300 nodes", "150 nodes"],
 )
 def test_a_table_comes_back_as_it_is(table: Table) -> None:
     data = dumps(table)

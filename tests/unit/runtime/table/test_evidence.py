@@ -14,13 +14,13 @@ from runtime.table.evidence import LEAST_LOG, LEVEL, MOST_TERMS, Z95
 
 
 @pytest.mark.parametrize("confidence", [0.5, 0.9, 0.99, 0.999])
-@pytest.mark.parametrize("trials", [0, 1, 2, 10, 57, 300, 900])
+@pytest.mark.parametrize("trials", [0, 1, 2, 10, 57, 300])
 def test_a_leaf_is_refuted_where_the_exact_binomial_test_refutes_it(
     trials: int, confidence: float
 ) -> None:
     """A second method: the lower tail of the binomial distribution (Clopper and Pearson 1934)."""
-    for successes in range(trials + 1):
-        tail = binom.cdf(successes, trials, confidence)
+    tails = binom.cdf(range(trials + 1), trials, confidence)
+    for successes, tail in enumerate(tails):
         if abs(tail - LEVEL) > 1e-9:
             assert refuted(successes, trials, confidence) == (tail < LEVEL), (successes, trials)
 

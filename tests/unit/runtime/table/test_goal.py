@@ -40,7 +40,7 @@ def test_the_cell_and_the_planner_agree(kind: str, order: int) -> None:
     metric = Metric(3.0, 10.0, order, kind, TOLERANCE, 2)
     goal = GoalSpec(3000, 950_000, 10_000, order, kind, Tolerance(2000, 1000, 200_000), 2)
     result = np.zeros(2, int)
-    for _ in range(400):
+    for _ in range(150):
         true = rng.uniform((-3, -2, -math.pi), (3, 2, math.pi))
         near = true + rng.normal(0.0, (1.5, 1.0, 0.15), (2, 3))
         near[:, 2] = (
@@ -59,7 +59,7 @@ def test_the_cell_and_the_planner_agree(kind: str, order: int) -> None:
         nearest = min(distance(goal, pose, tuple(true)) for pose in poses_of(goal, leaf))
         assert nearest == pytest.approx(metric.between(poses, true).min(), abs=1e-9)
         assert threshold(goal) == metric.goal
-    assert (result > 40).all()
+    assert (result > 12).all()
 
 
 def test_an_orientation_is_met_anywhere() -> None:

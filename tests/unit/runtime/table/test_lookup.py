@@ -24,7 +24,7 @@ LINE = Calibration(GRIPPER.profile)
 WORN = Calibration(
     GRIPPER.profile, tuple((x, max(0, x - 260 - x // 300)) for x in (-9_000, 0, 86_000))
 )
-TABLES = [small_table(), every_field_table(), random_table(1, 60), grown_table(1, 400)]
+TABLES = [small_table(), every_field_table(), random_table(1, 60), grown_table(1, 120)]
 
 
 def slow_decision(node: Node, width_um: int, object_detected: bool) -> int:
@@ -57,7 +57,7 @@ def widths_of(node: Node) -> list[int]:
     return sorted({max(place + off, 0) for place in places for off in (-300, -1, 0, 1)})
 
 
-@pytest.mark.parametrize("table", TABLES, ids=["small", "every field", "random", "400 nodes"])
+@pytest.mark.parametrize("table", TABLES, ids=["small", "every field", "random", "120 nodes"])
 def test_decide_at_every_node_width_and_flag_follows_the_rule(table: Table) -> None:
     for node in table.nodes:
         decided = decision_map(node, table.gripper)
@@ -66,7 +66,7 @@ def test_decide_at_every_node_width_and_flag_follows_the_rule(table: Table) -> N
                 assert decide(decided, width, flag) == slow_decision(node, width, flag)
 
 
-@pytest.mark.parametrize("table", TABLES, ids=["small", "every field", "random", "400 nodes"])
+@pytest.mark.parametrize("table", TABLES, ids=["small", "every field", "random", "120 nodes"])
 def test_every_branch_of_a_valid_table_is_decided_by_some_reading_and_no_other_reaches_it(
     table,
 ) -> None:

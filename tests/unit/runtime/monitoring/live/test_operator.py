@@ -103,12 +103,11 @@ def test_a_run_that_breaks_off_says_so(tmp_path, error, sentence):
 
 @NEEDED
 @pytest.mark.slow
-@pytest.mark.parametrize("width", [1400, 390])
-def test_the_screen_is_legible_and_no_wider_than_its_window(tmp_path, width):
+def test_the_screen_is_legible_and_no_wider_than_a_telephone(tmp_path):
     seen = status()
     for number in range(1, 60):
         seen.part(part(number, steps=[STEP._replace(width_um=21_900)]))
         seen.part(part(number, Outcome.REJECT, [STEP], EVIL))
     style = (page.TEMPLATES / "live.css").read_text("utf-8")
     whole = frame.page(EVIL, shown(seen), style=style)
-    assert played(whole, LEGIBLE, tmp_path, width) == {"small": [], "over": 0}
+    assert played(whole, LEGIBLE, tmp_path, 390) == {"small": [], "over": 0}
