@@ -11,7 +11,6 @@ from command_parsers import parsers, subcommands
 from runtime.shell.exit_codes import ExitCode
 
 COMMANDS = parsers()
-STREAMS = {"grasp-runtime", "grasp-journal show"}
 """Those that print one JSON object after another, since their end may be far."""
 
 
@@ -64,26 +63,6 @@ def test_an_example_is_understood(name: str) -> None:
     for line in lines:
         words = shlex.split(line.partition(" && ")[0].partition(" > ")[0])
         ALL[name].parse_args(words[len(name.split()) :])
-
-
-@pytest.mark.parametrize("name", ALL)
-def test_the_same_things_are_said_in_the_same_words(name: str) -> None:
-    for action in arguments(ALL[name]):
-        message = str(action.help)
-        assert (
-            message[0].islower()
-            or not message[0].isalpha()
-            or message.split()[0].strip(",").isupper()
-        ), message
-        assert not message.removesuffix("...").endswith("."), message
-        assert not re.search(r"\(default (?!:)|\(defaults", message), message
-        if action.dest == "debug":
-            assert message == "print the traceback of an error"
-        if action.dest == "json":
-            assert message.startswith("print one JSON object ")
-            assert message.startswith("print one JSON object instead of text") is (
-                name not in STREAMS
-            )
 
 
 def test_who_prints_text_prints_json_too() -> None:

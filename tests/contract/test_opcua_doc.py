@@ -9,7 +9,7 @@ from vision_chart import line
 from runtime.plc import admission, opcua
 from runtime.plc.address_space import NAMESPACE, TYPES
 from runtime.plc.handshake import Error
-from runtime.plc.panel import MOST_RESULTS, PACKML
+from runtime.plc.panel import MOST_RESULTS
 from runtime.plc.vision import STOP_REASONS, VIEW, Result
 
 PAGE = (Path(__file__).parents[2] / "tools" / "docs" / "plc.md").read_text()
@@ -59,15 +59,6 @@ def test_section_names_every_variable_of_a_result() -> None:
     assert [row[:2] for row in rows("`LastResult/`")] == [
         [f"`{name}`", TYPES[kinds[name]].name] for name in Result._fields
     ]
-
-
-def test_section_names_every_other_variable() -> None:
-    with line() as each:
-        paths = [path for path, _ in each.panel.values()]
-    for path in paths:
-        if "/LastResult/" not in path and "/Recipes/" not in path:
-            assert f"`{path.rpartition('/')[2]}`" in SECTION, path
-    assert PACKML in SECTION
 
 
 def test_section_states_limits_errors_and_reasons() -> None:

@@ -4,13 +4,10 @@ import re
 import tomllib
 from pathlib import Path
 
-import numpy as np
 import pytest
-from comparison import table_rows
 from problems import diameter
 
 from planner.job import model as job_file
-from planner.job.overrides import changes_of
 
 TREES = Path(__file__).parents[2] / "trees"
 JOBS = {path.parent.name: path for path in sorted(TREES.glob("*/job.toml"))}
@@ -96,14 +93,3 @@ def test_rows_are_the_papers_table(jobs):
             (row["experiment"], job.part.name, job.uncertainty.radius_mm, actions, row["paper"])
         )
     assert results == TABLE_I
-
-
-def test_worlds_of_rows_four_to_eight_are_not_the_planners(jobs):
-    points = []
-    for row in table_rows(TREES):
-        job = jobs[row.part]
-        truth = job.replaced(**changes_of(row.world))
-        assert np.array_equal(truth.part.outline_mm, job.part.outline_mm)
-        assert truth.friction != job.friction
-        points += [row.name] if truth.pressure.kind == "points" else []
-    assert points == ["4", "5"]

@@ -110,16 +110,6 @@ def test_pages_use_the_terms_of_the_glossary() -> None:
     assert not wrong, "\n".join(wrong)
 
 
-@pytest.mark.parametrize("name", ["told", "reject_told", "own", "Stranger"])
-def test_names_of_the_table_are_refused(name: str) -> None:
-    assert better_than(name)
-
-
-@pytest.mark.parametrize("name", ["foundation", "made_up", "owner", "foreign_part"])
-def test_names_that_only_resemble_them_are_not(name: str) -> None:
-    assert better_than(name) is None
-
-
 def test_glossary_states_a_meaning_for_each_term() -> None:
     assert all(all(row) for row in rows("Terms"))
     assert len({term for term, *_ in rows("Terms")}) == len(rows("Terms"))

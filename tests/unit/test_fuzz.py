@@ -58,12 +58,6 @@ def test_a_master_that_believes_noise_is_found(monkeypatch: pytest.MonkeyPatch) 
         fuzz_frames.case(fuzz_frames.CORPUS[3])
 
 
-def test_the_tool_repeats_one_mutant() -> None:
-    done = run_tool("tables", "--first", "12", "--count", "1")
-    assert done.returncode == 0, done.stderr
-    assert "tables: 0 failures" in done.stdout
-
-
 def test_the_tool_fuzzes_frames_without_its_engine(tmp_path: Path) -> None:
     (tmp_path / "atheris.py").write_text("raise ModuleNotFoundError('No module named atheris')\n")
     done = run_tool("frames", "--seconds", "1", PYTHONPATH=str(tmp_path))

@@ -10,7 +10,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from fake_cell import FakeClock, State, fake_cell
+from fake_cell import State, fake_cell
 from sample_tables import GRIPPER, small_table
 
 from runtime.commands import checks as doctor
@@ -147,15 +147,6 @@ def test_the_grippers_own_state(state: State, verdict: Verdict) -> None:
     rig.gripper.now = state
     assert only(doctor.check_gripper(rig.gripper)).verdict is verdict
     assert {call.name for call in rig.log.calls} == {"state"}
-
-
-@pytest.mark.parametrize(
-    ("step_s", "verdict"), [(0.004, Verdict.GOOD), (0.016, Verdict.WARNING), (0.0, Verdict.GOOD)]
-)
-def test_the_rate_is_measured(step_s: float, verdict: Verdict) -> None:
-    result = only(doctor.check_rate(fake_cell([]).gripper, FakeClock(step_s)))
-    assert result.verdict is verdict
-    assert f"{1000 * step_s:.1f} ms each" in result.sentence
 
 
 def test_a_table_that_does_not_fit_is_reported() -> None:

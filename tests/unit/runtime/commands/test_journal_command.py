@@ -11,14 +11,11 @@ from pathlib import Path
 import pytest
 from jsonschema import validate
 from mcap.reader import make_reader
-from pyarrow import parquet
-from sample_tables import small_table
 from written_journals import ENDS, write_run
 
 from runtime.commands.journal import main
 from runtime.devices.clock import SystemClock
 from runtime.journal.chain import Journal, records
-from runtime.table import dumps
 
 
 @pytest.fixture
@@ -131,20 +128,6 @@ def test_parquet_without_pyarrow_says_what_to_install(
     assert "install squeezetree[parquet]" in capsys.readouterr().err
 
 
-def test_parquet_holds_the_same_rows_as_csv(journal: Path, tmp_path: Path) -> None:
-    for name in ("out.csv", "out.parquet"):
-        assert main(["export", str(journal), "-o", str(tmp_path / name)]) == 0
-    rows = parquet.read_table(tmp_path / "out.parquet").to_pylist()
-    with (tmp_path / "out.csv").open() as file:
-        written = list(csv.DictReader(file))
-    entries = [
-        {name: "" if value is None else str(value) for name, value in row.items()} for row in rows
-    ]
-    assert entries == written
-    assert [row["part"] for row in rows] == [1, 2, 2, 3, 3, 4] * 2
-    assert main(["export", str(journal), "-o", str(tmp_path / "no" / "out.parquet")]) == 2
-
-
 def messages(path: Path) -> dict[str, list[dict[str, object]]]:
     """The messages of an MCAP file by topic, each as its own schema has it."""
     record: dict[str, list[dict[str, object]]] = {}
@@ -179,13 +162,6 @@ def test_an_mcap_recording_tells_what_the_journal_does(journal: Path, tmp_path: 
     with out.open("rb") as file:
         tables = [attached.data for attached in make_reader(file).iter_attachments()]
     assert {hashlib.sha256(data).hexdigest() for data in tables} == {entries[0]["table_sha256"]}
-
-
-def test_a_time_that_is_no_date_is_24(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with Journal(tmp_path / "j.jsonl", lambda: "noon") as writing:
-        writing.header(dumps(small_table()), {})
-    assert main(["export", str(tmp_path / "j.jsonl"), "-o", str(tmp_path / "out.mcap")]) == 24
-    assert "record 0 has a time that is no date" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("name", ["out.txt", "no folder/out.csv"])

@@ -7,7 +7,7 @@ import pytest
 from counting import SETTINGS, width_um
 from fake_cell import State, fake_cell
 from sample_tables import GRIPPER, small_table, with_job, with_node
-from squeezes import ARRIVED, AT_21, AT_30, AT_36, jaw_moves, run
+from squeezes import AT_21, AT_30, AT_36, jaw_moves, run
 
 from runtime.errors import GripperStateError
 from runtime.execution.executor import RunOptions
@@ -48,21 +48,6 @@ def test_the_motor_current_ends_the_raising() -> None:
         assert run(rig, RunOptions(handling=handling), dragging_table(200_000)).leaf == 0
         closings = [force for position, _, force in jaw_moves(rig) if position == 255]
         assert len(closings) == 1 + raises
-
-
-def test_a_part_that_slips_out_while_the_force_rises_is_reported_by_its_width() -> None:
-    rig = fake_cell([AT_21])
-    move = rig.gripper.move
-
-    def slip(width_um: int, speed_mm_s: float, force_n: float) -> None:
-        move(width_um, speed_mm_s, force_n)
-        if width_um < 0 and force_n > rig.gripper.profile.force_n[0]:
-            rig.gripper.now = rig.gripper.now._replace(position_counts=229, object_flag=ARRIVED)
-
-    rig.gripper.move = slip
-    result = run(rig, RunOptions(handling=Handling(regulated=True)), dragging_table(200_000))
-    assert (result.outcome, result.reason) == (Outcome.REJECT, "the fingers closed on nothing")
-    assert [force for position, _, force in jaw_moves(rig) if position == 255] == [GENTLE_FORCE, 64]
 
 
 # -- short squeezes ---------------------------------------------------------------------------------

@@ -5,10 +5,10 @@ from dataclasses import replace
 from itertools import pairwise
 
 import pytest
-from counting import SETTINGS, count_of, width_um
+from counting import width_um
 from fake_cell import fake_cell
-from sample_tables import LIMITS, small_table, with_node
-from squeezes import ARC, AT_21, AT_36, AT_60, CALIBRATION, CLOSED, jaw_moves, meeting, run
+from sample_tables import LIMITS, small_table
+from squeezes import ARC, AT_21, AT_36, AT_60, CLOSED, jaw_moves, meeting, run
 
 from runtime.errors import TableError
 from runtime.execution.executor import RunOptions
@@ -56,32 +56,6 @@ def test_level_tips_stay_at_their_height_while_the_jaws_move(
     assert all(math.dist(before[:3], after[:3]) > 0.05 for before, after in pairwise(targets))
     assert tips
     assert low_mm - 0.1 <= min(tips) <= max(tips) <= low_mm + arc.level_mm + 0.15
-
-
-def test_tips_stay_level_until_the_jaws_are_five_millimetres_clear_of_the_part() -> None:
-    rig = meeting(AT_21[0])
-    assert run(rig, RunOptions(handling=Handling(arc=ARC))).leaf == 0
-    calls = [call for call in rig.log.calls if call.name in ("move", "move_linear")]
-    closed = max(
-        k for k, call in enumerate(calls) if call.name == "move" and call.arguments[0] == 255
-    )
-    clear, level, wide = calls[closed + 1 : closed + 4]
-    assert clear.arguments[0] == SETTINGS.request(CALIBRATION.opening_um(26_000))
-    assert level.arguments[2] == pytest.approx(10.0 + ARC.advance_mm(26.0), abs=0.05)
-    assert wide.arguments[0] == 0
-
-
-def test_tips_are_not_followed_beyond_the_squeeze_opening() -> None:
-    table = small_table()
-    squeeze = table.nodes[0].squeeze._replace(opening_um=60_000)
-    rig = meeting(count_of(58_000))
-    run(
-        rig,
-        RunOptions(handling=Handling(arc=ARC)),
-        with_node(table, 0, table.nodes[0]._replace(squeeze=squeeze)),
-    )
-    opened = {position for position, _, _ in jaw_moves(rig)} - {255}
-    assert min(opened) == SETTINGS.request(CALIBRATION.opening_um(60_000))
 
 
 def test_an_arc_whose_links_would_lie_flat_is_refused() -> None:

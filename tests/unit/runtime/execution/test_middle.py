@@ -13,9 +13,8 @@ from sample_tables import small_table
 from drivers.sim.physics.scene import Block
 from drivers.sim.virtual.cell import VirtualCell
 from runtime.errors import GripperStateError, MotionRefusedError
-from runtime.execution import carry, middle
+from runtime.execution import middle
 from runtime.execution.asked import AskedParts
-from runtime.execution.delivery import from_text
 from runtime.execution.events import Tally
 from runtime.execution.executor import RunOptions
 from runtime.execution.hand import Hand
@@ -151,16 +150,3 @@ def test_a_robot_that_asks_is_answered_where_its_arm_has_to_go():
     there = compose((beside[0], beside[1], math.radians(beside[2])), (0.0, 1.5, 0.0))
     assert there[:2] == pytest.approx(at[:2], abs=2e-3)
     assert lines[0][4:] == lines[1][4:]
-
-
-def test_a_part_is_taken_where_the_fingers_meet_and_refused_where_the_arm_would_leave_its_area():
-    table, drop = small_table(), from_text("50,0,0")
-    leaf, start = table.leaves[0]._replace(x_um=0, y_um=0, theta_urad=0), (0.0, 0.0, 60.0, 0.0)
-    assert carry.choose(drop, table, leaf, start, None, 1.5) == carry.choose(
-        drop, table, leaf, start, None
-    )
-    edge = replace(table.limits, work_area_um=Area(-60_000, -1_000, 60_000, 1_000))
-    tight = replace(table, limits=edge)
-    carry.choose(drop, tight, leaf, start, None)
-    with pytest.raises(MotionRefusedError, match="outside the work area"):
-        carry.choose(drop, tight, leaf, start, None, 1.5)

@@ -87,26 +87,6 @@ def test_ctrl_c_between_parts_is_recorded() -> None:
     assert rig.journal.kept[-1][1]["exit_code"] == 40
 
 
-def test_lines_tell_pose_width_node_then_leaf_pose_and_error(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    rig, table = fake_cell([AT_21]), small_table()
-    console = Lines(table)
-    console.summary(run(rig, TRUTH, console), JOURNAL)
-    squeeze, part, summary = capsys.readouterr().out.splitlines()
-    assert squeeze == (
-        "part 1 squeeze 1: node 0, hand at (0.00, 0.00) mm, 0.0 deg; width 20.97 mm -> leaf 0"
-    )
-    # sqrt(0.3^2 + 0.4^2) and half a turn, which is none for this part
-    assert (
-        part == "part 1: LEAF, leaf 0, (0.00, 0.50) mm, 0.0 deg, success 0.9990 of 6000, "
-        "error 0.32 mm (95 %: 0.94); true error 0.50 mm"
-    )
-    assert (
-        summary == "1 part: 1 LEAF, 1 within 3 mm, 0 crashes, 1.00 squeezes a part; journal j.jsonl"
-    )
-
-
 def test_objects_are_one_line_a_part_with_everything_in_it(
     capsys: pytest.CaptureFixture[str],
 ) -> None:

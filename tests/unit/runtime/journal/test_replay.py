@@ -8,9 +8,8 @@ import pytest
 from sample_tables import GRIPPER
 from written_journals import write_run
 
-from runtime.devices.clock import SystemClock
 from runtime.execution.crash import broken_run
-from runtime.journal.chain import Journal, records
+from runtime.journal.chain import records
 from runtime.journal.replay import Finding, Last, Replay
 from runtime.table import Calibration
 from runtime.traversal.decision import Policy
@@ -73,13 +72,6 @@ def test_a_claim_that_does_not_follow_is_found(
     assert message in result[0].sentence
 
 
-@pytest.mark.parametrize("kind", ["squeeze", "part"])
-def test_a_record_left_out_is_found(journal: Path, kind: str) -> None:
-    entries = list(records(journal))
-    entries.remove(next(entry for entry in entries if entry["kind"] == kind))
-    assert findings(entries)
-
-
 def cut_after(journal: Path, kind: str, number: int) -> Path:
     """The journal as it is when the process is killed after its `number`-th record of a kind."""
     kept, seen = [], 0
@@ -104,15 +96,6 @@ def test_where_a_run_broke_off_is_reported_by_its_last_records(journal: Path) ->
     cut = broken_run(journal, records(cut_after(journal, "outcome", 1)))
     assert cut is not None
     assert (cut.parts, cut.part) == (1, None)
-
-
-def test_a_part_that_was_being_carried_is_known_to_be(journal: Path) -> None:
-    cut_after(journal, "squeeze", 1)
-    with Journal(journal, SystemClock().stamp) as writing:
-        writing.record("delivery", {"part": 1, "begun": True})
-    cut = broken_run(journal, records(journal))
-    assert cut is not None
-    assert cut.delivering
 
 
 def test_a_run_that_was_over_but_for_its_last_record_did_not_break_off(tmp_path: Path) -> None:

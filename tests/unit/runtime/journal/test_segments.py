@@ -283,16 +283,3 @@ def test_a_journal_displaced_beneath_a_run_loses_nothing_and_is_seen_by_the_next
     assert [entry["kind"] for entry in records(path)][len(whole) :] == ["outcome", "end"]
     assert verify(path).closed
     Journal(path, STAMP).close()
-
-
-def test_a_journal_whose_folder_is_gone_is_refused_for_good(tmp_path: Path) -> None:
-    folder = tmp_path / "runs"
-    folder.mkdir()
-    with Journal(folder / "j.jsonl", STAMP) as journal:
-        journal.header(b"table", {})
-        folder.rename(tmp_path / "moved")
-        with pytest.raises(JournalError, match=r"was renamed .* what the run records now is lost"):
-            journal.record("part", {"part": 1})
-        with pytest.raises(JournalError, match="could not be written before"):
-            journal.record("outcome", {"part": 1})
-    assert verify(tmp_path / "moved" / "j.jsonl").records == 1

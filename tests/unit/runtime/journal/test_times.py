@@ -1,11 +1,7 @@
 """Where the seconds of a journal go, and what a journal may not claim about them."""
 
-import json
-from pathlib import Path
-
 import pytest
 
-from runtime.commands import journal as command
 from runtime.journal.times import times_of
 from runtime.table import Phases
 
@@ -41,27 +37,3 @@ def test_times_of_parts_add_up_phase_by_phase() -> None:
 def test_times_that_are_none_are_refused(entry: dict[str, object]) -> None:
     with pytest.raises(ValueError, match=r"phases|no time"):
         times_of([entry])
-
-
-def test_show_times_of_a_run_in_virtual_time_prints_phases_and_takt(tmp_path: Path, capfd) -> None:
-    from runtime import cli
-
-    table = Path(__file__).parents[4] / "trees" / "rectangle" / "rectangle.msgpack"
-    journal = tmp_path / "j.jsonl"
-    words = ["--tree", str(table), "--port", "sim", "--time-scale", "max", "--count", "4", "--json"]
-    assert cli.main([*words, "--journal", str(journal)]) == 0
-    parts = [json.loads(line) for line in capfd.readouterr().out.splitlines()]
-    assert [part["outcome"] for part in parts] == ["leaf"] * 4
-    assert command.main(["show", str(journal), "--times", "--takt", "6s", "--json"]) == 0
-    record = json.loads(capfd.readouterr().out)
-    assert record["seconds_mean"] == pytest.approx(
-        sum(part["seconds"] for part in parts) / 4, abs=1e-3
-    )
-    assert record["takt_probability"] == sum(part["seconds"] <= 6.0 for part in parts) / 4
-    assert command.main(["show", str(journal), "--times"]) == 0
-    plain = capfd.readouterr().out
-    assert "travel" in plain
-    assert "done within" not in plain
-    assert command.main(["show", str(journal), "--times", "--takt", "6s"]) == 0
-    assert capfd.readouterr().out.startswith(plain)
-    assert command.main(["show", str(journal), "--takt", "6s"]) == 2

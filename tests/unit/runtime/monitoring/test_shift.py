@@ -59,13 +59,6 @@ def test_losses_are_counted_by_kind_and_squeeze_the_most_frequent_first(shift):
     assert losses[2]["node"] is None
 
 
-def test_the_next_shift_begins_with_nothing_though_no_part_came(shift):
-    shift.add(PartResult.of(1, Outcome.REJECT, [SECOND], "x"))
-    Clock.hour = 14
-    seen = shift.as_object()
-    assert (seen["since"], seen["parts"], seen["losses"]) == ("2026-11-27 14:00", 0, [])
-
-
 def test_earlier_runs_of_the_shift_with_the_table_are_recalled(tmp_path):
     """`write_run` writes a leaf, a leaf, an unresolved leaf and a reject, now."""
     journal = write_run(tmp_path / "j.jsonl")

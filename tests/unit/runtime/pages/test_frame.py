@@ -22,15 +22,3 @@ def test_data_cannot_end_its_element():
     assert page.open == []
     assert json.loads(page.scripts["data"]) == {"name": EVIL}
     assert [tag for tag, _ in page.elements if tag in ("script", "img")] == ["script"] * 2
-
-
-def test_cells_and_sentences_are_text():
-    parts = [
-        frame.table(EVIL, [EVIL], [[EVIL]]),
-        frame.verdict("fair", EVIL, EVIL),
-        frame.cards([(EVIL, EVIL, EVIL)]),
-        frame.folded(EVIL),
-    ]
-    page = Page("".join(parts))
-    assert page.open == []
-    assert not {tag for tag, _ in page.elements} & {"img", "script"}

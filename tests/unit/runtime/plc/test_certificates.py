@@ -80,16 +80,6 @@ def test_first_client_is_pinned_and_stays_so(clients: tuple[Path, Path], tmp_pat
     assert later.admits(first)
 
 
-def test_two_servers_that_share_a_folder_pin_one_client(
-    clients: tuple[Path, Path], tmp_path: Path
-) -> None:
-    first, second = (path.read_bytes() for path in clients)
-    one, other = Trust(tmp_path / PINNED, None), Trust(tmp_path / PINNED, None)
-    assert one.admits(first)
-    assert not other.admits(second)
-    assert other.admits(first)
-
-
 def test_folder_of_trusted_ones_lets_in_those_and_pins_nobody(
     clients: tuple[Path, Path], tmp_path: Path
 ) -> None:

@@ -4,7 +4,7 @@ import pytest
 from plc_programs import MemoryPlc
 
 from runtime.plc.handshake import State
-from runtime.plc.registers import OUTCOMES, READ, UNKNOWN
+from runtime.plc.registers import OUTCOMES, UNKNOWN
 from runtime.plc.station import Answer, Station
 
 PARTS = tuple(f"parts_{name}" for name in OUTCOMES[1:])
@@ -40,15 +40,3 @@ def test_share_within_the_takt_is_of_the_parts_that_tell_their_seconds(plc: Memo
     assert plc("parts_located", "seconds_last", "takt_share") == [5, 750, 5000]
     run(plc, 4)
     assert plc("seconds_last", "takt_share") == [UNKNOWN, 5000]
-
-
-def test_seconds_that_do_not_fit_are_not_known_and_the_share_counts_them(plc: MemoryPlc) -> None:
-    run(plc, 1, 1000.0)
-    assert plc("seconds_last", "takt_share") == [UNKNOWN, 0]
-
-
-def test_count_of_parts_goes_beyond_one_word(plc: MemoryPlc) -> None:
-    for _ in range(0x10001):
-        plc.station._counters.add(1, None)
-    (register,) = (register for register in READ if register.name == "parts_located")
-    assert plc.station.read(register.address, 2, plc.now) == [1, 1]

@@ -6,7 +6,7 @@ from plc_programs import MemoryPlc
 from runtime.plc.counters import Counters
 from runtime.plc.handshake import Error
 from runtime.plc.registers import HEARTBEAT_LIMIT_S, MAP, READ, READ_AT
-from runtime.plc.station import FAULT, Order, Refusal
+from runtime.plc.station import Order, Refusal
 
 SIGNALS = ("acknowledge", "busy", "result_valid", "result_id")
 RESULT = {"x": -1200, "y": 70_000, "angle": -1_799_999, "part": 2, "face": 1, "expected_error": 300}
@@ -55,18 +55,6 @@ def test_part_goes_through_the_documented_handshake(enabled: MemoryPlc) -> None:
     assert [enabled[register.name] for register in READ if register.name not in quiet] == [0] * 15
 
 
-def test_trigger_held_to_the_end_keeps_acknowledge_and_begins_nothing(enabled: MemoryPlc) -> None:
-    enabled.write(trigger_id=3, trigger=1)
-    enabled.end_part()
-    assert enabled(*SIGNALS) == [1, 0, 1, 3]
-    enabled.pulse("result_acknowledge")
-    assert enabled(*SIGNALS) == [1, 0, 0, 3]
-    enabled.write(trigger=1)  # the same level once more
-    assert enabled.station.order is None
-    enabled.write(trigger=0)
-    assert enabled(*SIGNALS) == [0, 0, 0, 0]
-
-
 def test_trigger_without_enable_is_an_error_and_begins_nothing(plc: MemoryPlc) -> None:
     plc.write(trigger=1)
     assert (plc["error_id"], plc.station.order) == (Error.NOT_ENABLED, None)
@@ -103,18 +91,6 @@ def test_acknowledge_that_was_up_before_the_result_takes_nothing(working: Memory
     assert working["result_valid"] == 1
     working.write(result_acknowledge=1)
     assert working["result_valid"] == 0
-
-
-def test_acknowledge_left_up_lets_the_next_part_begin_and_takes_nothing_of_it(
-    waiting: MemoryPlc,
-) -> None:
-    waiting.write(result_acknowledge=1)
-    waiting.write(trigger_id=8, trigger=1)
-    assert waiting(*SIGNALS) == [1, 1, 0, 0]
-    waiting.end_part()
-    assert waiting(*SIGNALS) == [1, 0, 1, 8]
-    waiting.write(trigger=0, result_acknowledge=0)
-    assert waiting(*SIGNALS) == [0, 0, 1, 8]
 
 
 @pytest.mark.parametrize("end", ["enable", "heartbeat", "connection"])
@@ -176,25 +152,6 @@ def test_table_that_does_not_exist_is_an_error_and_others_are_used() -> None:
     assert plc.station.order == Order(5, 1)
     plc.write(table=0)
     assert plc("table_in_use", "table_digest") == [1, 0xA2222222]
-
-
-def test_fault_is_a_result_without_a_pose_and_its_code_is_the_error(working: MemoryPlc) -> None:
-    working.end_part(outcome=FAULT, exit_code=20)
-    assert working("result_valid", "result_id", "outcome", "error_id", "exit_code") == [
-        1,
-        7,
-        FAULT,
-        20,
-        20,
-    ]
-    assert working("x", "y", "angle") == [0, 0, 0]
-
-
-def test_trigger_after_the_end_is_an_error(waiting: MemoryPlc) -> None:
-    waiting.station.end()
-    waiting.pulse("result_acknowledge")
-    waiting.write(trigger=1)
-    assert (waiting["error_id"], waiting.station.order) == (Error.RUN_ENDED, None)
 
 
 @pytest.mark.parametrize(

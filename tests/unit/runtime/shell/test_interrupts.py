@@ -113,19 +113,6 @@ def test_a_fault_that_came_first_is_not_replaced() -> None:
     assert reached == ["on its way", "safe sequence"]
 
 
-def test_a_request_that_met_an_exception_which_was_no_fault_is_raised_soon_after() -> None:
-    def work() -> None:
-        with stoppable():
-            try:
-                Path("/nowhere").stat()
-            except FileNotFoundError:
-                ask()
-            await_request()
-
-    with StopRequests(), pytest.raises(KeyboardInterrupt):
-        work()
-
-
 def test_nothing_waits_for_a_reader_of_the_acknowledgement(monkeypatch: pytest.MonkeyPatch) -> None:
     reading, writing = os.pipe()
     os.set_blocking(writing, False)
@@ -141,15 +128,6 @@ def test_nothing_waits_for_a_reader_of_the_acknowledgement(monkeypatch: pytest.M
         ask()
         os.close(writing)
         ask()
-
-
-@pytest.mark.parametrize("last", [True, False])
-def test_after_the_last_command_of_a_process_signals_are_ignored(last: bool) -> None:
-    before = [signal.getsignal(number) for number in SIGNALS]
-    with StopRequests(last=last):
-        pass
-    after = [signal.getsignal(number) for number in SIGNALS]
-    assert after == ([signal.SIG_IGN] * len(SIGNALS) if last else before)
 
 
 def test_a_hangup_that_was_to_be_ignored_is() -> None:

@@ -4,7 +4,6 @@ import csv
 import hashlib
 import importlib
 import json
-import math
 import re
 
 import numpy as np
@@ -12,7 +11,6 @@ import pytest
 from audited_journals import STAMP, Chain, write
 from histories import LESS, SHIFT_UM, TREE, drawn, expectation_document, history, table
 from html_pages import Page
-from sample_tables import several_table
 
 from drivers.camera.commands import audit as main
 from runtime.errors import JournalError
@@ -144,13 +142,6 @@ def test_command_writes_page_and_table_and_prints_figures(journal, tmp_path, cap
     assert tuple(result[0]) == COLUMNS
 
 
-def test_alarm_has_its_own_exit_code_and_sentence(tmp_path, capsys):
-    rng = np.random.default_rng(5)
-    parts = [*drawn(TABLE, 60, rng), *drawn(TABLE, 120, rng, width_shift_um=SHIFT_UM, first=60)]
-    assert main(["report", str(write(tmp_path / "run.jsonl", parts))]) == 11
-    assert "calibrate the gripper" in capsys.readouterr().out
-
-
 def test_parquet_holds_the_same_as_csv(journal, tmp_path):
     parquet = importlib.import_module("pyarrow.parquet")
     assert main(["report", str(journal), "--export", str(tmp_path / "p.parquet")]) == 0
@@ -225,21 +216,3 @@ def test_a_run_says_as_it_goes_on_what_its_report_will_say_of_a_refit(shift_um):
     if alarms:
         assert lines.index(True) == max(alarms[0], LEAST_REFIT - 1)
         assert all(lines[lines.index(True) :])
-
-
-def test_names_are_counted_against_the_shares_that_were_planned():
-    tree = several_table()
-    right, open_still = (
-        reading.Part(k, (), outcome, 1) for k, outcome in enumerate(("leaf", "unresolved"))
-    )
-    left = reading.Part(2, (), "leaf", 0)
-    as_planned = summarise(reading.History(tree, (left,) * 40 + (right,) * 60 + (open_still,) * 50))
-    assert [row.parts for row in as_planned.names] == [40, 60]
-    assert as_planned.names_tail == 1.0
-    other = summarise(reading.History(tree, (left,) * 70 + (right,) * 30))
-    assert other.names_tail == pytest.approx(
-        math.erfc(math.sqrt(0.5 * (30**2 / 40 + 30**2 / 60))), rel=1e-6
-    )
-    assert [row["name"] for row in other.fields()["names"]] == ["left hand", "right hand"]
-    assert "left hand" in page("t", other)
-    assert "names" not in summarise(reading.History(TABLE, ())).fields()

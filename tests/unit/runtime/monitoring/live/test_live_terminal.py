@@ -10,19 +10,15 @@ from pathlib import Path
 
 import pytest
 from rich.console import Console as Terminal
-from sample_tables import random_table, small_table
+from sample_tables import small_table
 from written_journals import Quiet
 
 from runtime.execution.events import Phase, Sighting, Tally
 from runtime.monitoring.console import Lines
-from runtime.monitoring.live.rows import Outline, Row
+from runtime.monitoring.live.rows import Outline
 from runtime.monitoring.live.terminal import View, picture
 from runtime.monitoring.status import Status
 from runtime.traversal.results import Outcome, PartResult, Step
-
-TABLE = random_table(3, 40)
-OUTLINE = Outline(TABLE)
-EVERY = [*range(len(TABLE.nodes)), *(~leaf for leaf in range(len(TABLE.leaves)))]
 
 
 def fed() -> Status:
@@ -37,21 +33,6 @@ def fed() -> Status:
     status.step(first)
     status.phase(2, Phase.PLACE, 1)
     return status
-
-
-def rows_at(target: int, room: int) -> list[Row]:
-    """Rows with the cell at a node, or just come to a leaf."""
-    step = {"node": OUTLINE._parents.get(target, 0), "width_mm": 1.0, "target": target}
-    state = {"node": target, "steps": []} if target >= 0 else {"node": None, "steps": [step]}
-    return OUTLINE.rows(OUTLINE.way(state), room)
-
-
-@pytest.mark.parametrize("room", [1, 3, 8, 20])
-def test_where_the_cell_is_is_always_shown_in_the_room_there_is(room: int) -> None:
-    for target in EVERY:
-        rows = rows_at(target, room)
-        assert len(rows) <= room
-        assert [row.target for row in rows if row.now] == [target]
 
 
 @pytest.mark.parametrize(("encoding", "here"), [("utf-8", "▶"), ("ascii", ">")])
