@@ -36,7 +36,7 @@ def arguments(parser: argparse.ArgumentParser) -> list[argparse.Action]:
 
 
 @pytest.mark.parametrize("name", ALL)
-def test_it_says_what_it_does_and_each_argument_what_it_is(name: str) -> None:
+def test_it_says_what_it_does_and_each_argument_what_it_is(name):
     result = ALL[name]
     assert result.description
     assert result.description.rstrip()[-1] in ".?"
@@ -45,7 +45,7 @@ def test_it_says_what_it_does_and_each_argument_what_it_is(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ALL)
-def test_it_has_an_example_and_exit_codes_of_the_one_list(name: str) -> None:
+def test_it_has_an_example_and_exit_codes_of_the_one_list(name):
     epilog = ALL[name].epilog or ""
     assert re.search(r"^examples?\b.*:$", epilog, re.MULTILINE)
     section = epilog.partition("exit codes:\n")[2].partition("\n\n")[0].rstrip("\n")
@@ -56,7 +56,7 @@ def test_it_has_an_example_and_exit_codes_of_the_one_list(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", LAST)
-def test_an_example_is_understood(name: str) -> None:
+def test_an_example_is_understood(name):
     epilog = re.sub(r"\\\n\s+", "", ALL[name].epilog or "")
     lines = [line.strip() for line in epilog.splitlines() if line.startswith(f"  {name} ")]
     assert lines
@@ -65,6 +65,6 @@ def test_an_example_is_understood(name: str) -> None:
         ALL[name].parse_args(words[len(name.split()) :])
 
 
-def test_who_prints_text_prints_json_too() -> None:
+def test_who_prints_text_prints_json_too():
     silent = {"grasp-audit judge"}  # JSON is all that it prints
     assert {name for name in LAST if "--json" not in ALL[name]._option_string_actions} == silent

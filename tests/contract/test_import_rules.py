@@ -93,7 +93,7 @@ def plant(folder: Path, modules: dict[str, str]) -> None:
 @pytest.mark.parametrize(
     "path", [*(ROOT / "runtime" / "shell").glob("*.py")], ids=lambda path: path.stem
 )
-def test_what_all_commands_share_needs_nothing_but_the_standard_library(path: Path) -> None:
+def test_what_all_commands_share_needs_nothing_but_the_standard_library(path):
     for node in ast.walk(ast.parse(path.read_text())):
         names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
         names += [str(node.module)] if isinstance(node, ast.ImportFrom) else []
@@ -106,13 +106,13 @@ def test_what_all_commands_share_needs_nothing_but_the_standard_library(path: Pa
             )
 
 
-def test_allowed_imports_keep_the_rules(tmp_path: Path) -> None:
+def test_allowed_imports_keep_the_rules(tmp_path):
     plant(tmp_path, CLEAN)
     result = lint(tmp_path)
     assert result.returncode == 0, result.stdout + result.stderr
 
 
-def test_every_forbidden_import_is_found_by_its_contract(tmp_path: Path) -> None:
+def test_every_forbidden_import_is_found_by_its_contract(tmp_path):
     """All in one tree: each is named in the section of the contract that it breaks."""
     modules = dict(CLEAN)
     for module, imported, _ in BROKEN:
@@ -129,7 +129,7 @@ def test_every_forbidden_import_is_found_by_its_contract(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     "contract", [c for c in CONTRACTS if "layers" in c], ids=lambda c: c["name"]
 )
-def test_the_picture_shows_the_layers(contract: dict[str, list[str]]) -> None:
+def test_the_picture_shows_the_layers(contract):
     package = contract["layers"][0].partition(".")[0]
     layers: list[set[str]] = []
     for layer in contract["layers"]:  # a room's own layers are one row

@@ -83,9 +83,7 @@ def prose_of(page: str) -> str:
 
 
 @pytest.mark.parametrize("folder", FOLDERS)
-def test_identifiers_are_words_of_the_glossary_and_functions_have_few_parameters(
-    folder: str,
-) -> None:
+def test_identifiers_are_words_of_the_glossary_and_functions_have_few_parameters(folder):
     kinds = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)
     wrong = []
     for path, nodes in modules_of(folder):
@@ -100,7 +98,7 @@ def test_identifiers_are_words_of_the_glossary_and_functions_have_few_parameters
     assert not wrong, "\n".join(wrong)
 
 
-def test_pages_use_the_terms_of_the_glossary() -> None:
+def test_pages_use_the_terms_of_the_glossary():
     any_word = re.compile(rf"\b(?:{'|'.join(WORDS)})\b", re.IGNORECASE)
     wrong = [
         f"{path.relative_to(ROOT)}: {word}; say {WORDS.get(word.lower(), 'the term')}"
@@ -110,7 +108,7 @@ def test_pages_use_the_terms_of_the_glossary() -> None:
     assert not wrong, "\n".join(wrong)
 
 
-def test_glossary_states_a_meaning_for_each_term() -> None:
+def test_glossary_states_a_meaning_for_each_term():
     assert all(all(row) for row in rows("Terms"))
     assert len({term for term, *_ in rows("Terms")}) == len(rows("Terms"))
     assert WORDS.keys() >= {"hasty"}

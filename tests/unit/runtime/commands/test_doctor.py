@@ -31,7 +31,7 @@ def only(result) -> Finding:
     return finding
 
 
-def test_a_port_that_is_missing_names_those_that_are_there(tmp_path: Path) -> None:
+def test_a_port_that_is_missing_names_those_that_are_there(tmp_path):
     for name in ("ttyUSB3", "ttyACM0", "ttyS0"):
         (tmp_path / name).touch()
     result = only(doctor.check_port(str(tmp_path / "ttyUSB0"), System(dev=tmp_path)))
@@ -41,7 +41,7 @@ def test_a_port_that_is_missing_names_those_that_are_there(tmp_path: Path) -> No
     assert "ttyS0" not in result.sentence
 
 
-def test_a_port_one_may_not_open_names_the_group(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_port_one_may_not_open_names_the_group(monkeypatch):
     monkeypatch.setattr(os, "access", lambda path, mode: False)
     result = only(doctor.check_port("/dev/null", System()))
     assert "may not open" in result.sentence
@@ -50,7 +50,7 @@ def test_a_port_one_may_not_open_names_the_group(monkeypatch: pytest.MonkeyPatch
     assert "dialout" in only(doctor.check_port("/dev/null", System())).remedy
 
 
-def test_who_holds_a_port_is_named(tmp_path: Path) -> None:
+def test_who_holds_a_port_is_named(tmp_path):
     assert verdicts(doctor.check_port("/dev/null", System(proc=tmp_path))) == [Verdict.GOOD] * 2
     for pid, target in (
         ("4711", "/dev/null"),
@@ -67,7 +67,7 @@ def test_who_holds_a_port_is_named(tmp_path: Path) -> None:
     assert "held by urcap_daemon (process 4711)." in bad.sentence
 
 
-def test_a_simulated_cells_terminal_is_held_by_the_cell_and_by_nobody_else() -> None:
+def test_a_simulated_cells_terminal_is_held_by_the_cell_and_by_nobody_else():
     """Each end in a process of its own, as with grasp-cell and a terminal program that was left open."""
     maker = "import os; m, s = os.openpty(); print(os.ttyname(s), flush=True); input()"
     holder = (
@@ -104,9 +104,7 @@ def _started(source: str, *words: str) -> Iterator["subprocess.Popen[str]"]:
         (None, Verdict.GOOD, "no latency"),
     ],
 )
-def test_the_latency_timer(
-    tmp_path: Path, value: str | None, verdict: Verdict, message: str
-) -> None:
+def test_the_latency_timer(tmp_path, value, verdict, message):
     timer = tmp_path / "bus" / "usb-serial" / "devices" / "ttyUSB0" / "latency_timer"
     timer.parent.mkdir(parents=True)
     if value is not None:
@@ -125,7 +123,7 @@ def test_the_latency_timer(
         ([(9, 115200)], Verdict.WARNING, "answers now"),
     ],
 )
-def test_a_silent_gripper_is_looked_for(heard, verdict: Verdict, message: str) -> None:
+def test_a_silent_gripper_is_looked_for(heard, verdict, message):
     result = only(
         doctor.check_silence("p", lambda port: (SimpleNamespace(unit=u, baud=b) for u, b in heard))
     )
@@ -142,14 +140,14 @@ def test_a_silent_gripper_is_looked_for(heard, verdict: Verdict, message: str) -
         (State(fault=0x0E), Verdict.BAD),
     ],
 )
-def test_the_grippers_own_state(state: State, verdict: Verdict) -> None:
+def test_the_grippers_own_state(state, verdict):
     rig = fake_cell([])
     rig.gripper.now = state
     assert only(doctor.check_gripper(rig.gripper)).verdict is verdict
     assert {call.name for call in rig.log.calls} == {"state"}
 
 
-def test_a_table_that_does_not_fit_is_reported() -> None:
+def test_a_table_that_does_not_fit_is_reported():
     assert verdicts(doctor.check_table(small_table(), CALIBRATION)) == [Verdict.GOOD]
     narrow = Calibration(GRIPPER.profile, ((0, 0), (60_000, 60_000)))
     assert "node 0 opens" in only(doctor.check_table(small_table(), narrow)).sentence
@@ -177,9 +175,7 @@ class Drivers:
         return iter(())
 
 
-def test_the_command_prints_each_finding_and_ends_with_26_if_one_is_bad(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_prints_each_finding_and_ends_with_26_if_one_is_bad(tmp_path, capsys):
     tree = tmp_path / "t.msgpack"
     dump(small_table(), tree)
     given = parser().parse_args(["--port", "tcp://doctor:1", "--tree", str(tree)])

@@ -19,7 +19,7 @@ from runtime.journal.chain import Journal, records
 
 
 @pytest.fixture
-def journal(tmp_path: Path) -> Path:
+def journal(tmp_path):
     return write_run(write_run(tmp_path / "j.jsonl"))
 
 
@@ -27,9 +27,7 @@ def lines(capsys: pytest.CaptureFixture[str]) -> list[str]:
     return capsys.readouterr().out.splitlines()
 
 
-def test_verify_counts_and_names_the_damaged_line(
-    journal: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_verify_counts_and_names_the_damaged_line(journal, capsys):
     assert main(["verify", str(journal)]) == 0
     (output,) = lines(capsys)
     assert "records in 2 runs verify; the last run ended" in output
@@ -41,16 +39,14 @@ def test_verify_counts_and_names_the_damaged_line(
     assert main(["verify", "none.jsonl", "--debug"]) == 24
 
 
-def test_replay_derives_every_decision(journal: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_replay_derives_every_decision(journal, capsys):
     assert main(["replay", str(journal)]) == 0
     assert "12 decisions derived again, all as recorded" in lines(capsys)[0]
     assert main(["replay", str(journal), "--json"]) == 0
     assert json.loads(lines(capsys)[0]) == {"decisions": 12, "findings": []}
 
 
-def test_a_forged_decision_is_24_though_its_chain_holds(
-    journal: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_forged_decision_is_24_though_its_chain_holds(journal, tmp_path, capsys):
     forged = tmp_path / "forged.jsonl"
     with Journal(forged, SystemClock().stamp) as writing:
         for entry in records(journal):
@@ -72,9 +68,7 @@ def writing_fields() -> set[str]:
     return {"seq", "time", "kind", "previous", "digest"}
 
 
-def test_show_filters_by_part_node_outcome_and_time(
-    journal: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_show_filters_by_part_node_outcome_and_time(journal, capsys):
     assert main(["show", str(journal)]) == 0
     shown = lines(capsys)
     assert len(shown) == len(list(records(journal)))
@@ -89,9 +83,7 @@ def test_show_filters_by_part_node_outcome_and_time(
     assert lines(capsys) == []
 
 
-def test_csv_has_one_row_a_squeeze_with_its_parts_end(
-    journal: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_csv_has_one_row_a_squeeze_with_its_parts_end(journal, tmp_path, capsys):
     out = tmp_path / "out.csv"
     assert main(["export", str(journal), "-o", str(out)]) == 0
     assert "12 squeezes written" in lines(capsys)[0]
@@ -107,7 +99,7 @@ def test_csv_has_one_row_a_squeeze_with_its_parts_end(
         assert float(row["reading_mm"]) == entry["reading_um"] / 1000
 
 
-def test_a_part_that_broke_off_is_exported_without_an_end(journal: Path, tmp_path: Path) -> None:
+def test_a_part_that_broke_off_is_exported_without_an_end(journal, tmp_path):
     kept = journal.read_bytes().splitlines(keepends=True)
     journal.write_bytes(b"".join(kept[:4]))
     out = tmp_path / "out.csv"
@@ -117,12 +109,7 @@ def test_a_part_that_broke_off_is_exported_without_an_end(journal: Path, tmp_pat
     assert row["outcome"] == ""
 
 
-def test_parquet_without_pyarrow_says_what_to_install(
-    journal: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_parquet_without_pyarrow_says_what_to_install(journal, tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     assert main(["export", str(journal), "-o", str(tmp_path / "out.parquet")]) == 2
     assert "install squeezetree[parquet]" in capsys.readouterr().err
@@ -142,7 +129,7 @@ def messages(path: Path) -> dict[str, list[dict[str, object]]]:
     return record
 
 
-def test_an_mcap_recording_tells_what_the_journal_does(journal: Path, tmp_path: Path) -> None:
+def test_an_mcap_recording_tells_what_the_journal_does(journal, tmp_path):
     out = tmp_path / "out.mcap"
     assert main(["export", str(journal), "-o", str(out)]) == 0
     entries = list(records(journal))
@@ -165,8 +152,6 @@ def test_an_mcap_recording_tells_what_the_journal_does(journal: Path, tmp_path: 
 
 
 @pytest.mark.parametrize("name", ["out.txt", "no folder/out.csv"])
-def test_an_output_that_cannot_be_is_usage(
-    journal: Path, tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_output_that_cannot_be_is_usage(journal, tmp_path, name, capsys):
     assert main(["export", str(journal), "-o", str(tmp_path / name)]) == 2
     assert name in capsys.readouterr().err

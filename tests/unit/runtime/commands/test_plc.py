@@ -1,12 +1,11 @@
 """A PLC as the master of a run: which options go with it, and how each ending reaches the PLC."""
 
-import asyncio
 import json
 import os
 import signal
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -36,7 +35,7 @@ PLC = ["--tree", "t", "--port", "sim", "--plc", "modbus-tcp://127.0.0.1:0"]
 
 
 @pytest.fixture(autouse=True)
-def _patient(monkeypatch: pytest.MonkeyPatch) -> None:
+def _patient(monkeypatch):
     """A run waits for its PLC, which hangs up at the end, however slow it is."""
     for name in ("FAREWELL_S", "ENDING_S", "GLANCE_S"):
         monkeypatch.setattr(plc, name, 30.0)
@@ -60,14 +59,12 @@ def _patient(monkeypatch: pytest.MonkeyPatch) -> None:
         *((f"--tree u {more}", "leave it out") for more in ("--http 0", "--watch", "--audit see")),
     ],
 )
-def test_command_line_that_leaves_the_plc_nothing_to_do_is_refused(words: str, said: str) -> None:
+def test_command_line_that_leaves_the_plc_nothing_to_do_is_refused(words, said):
     with pytest.raises(UsageError, match=said):
         options.check_usage(parser().parse_args([*PLC, *words.split()]))
 
 
-def test_map_is_printed_without_a_table_and_starts_nothing(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_map_is_printed_without_a_table_and_starts_nothing(capsys):
     with pytest.raises(SystemExit) as ended:
         main(["--plc-map", "json"])
     assert ended.value.code == 0
@@ -134,17 +131,17 @@ class Running:
 
 
 @pytest.fixture
-def tree(tmp_path: Path) -> Path:
+def tree(tmp_path):
     dump(small_table(), tmp_path / "t.msgpack")
     return tmp_path / "t.msgpack"
 
 
 def test_parts_of_each_outcome_have_their_code_and_only_a_located_one_a_pose(
-    tmp_path: Path, tree: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+    tmp_path, tree, capsys
+):
     results = []
 
-    def program(client: TcpPlc) -> None:
+    def program(client):
         client.enable()
         results.extend(client.part(number) for number in (5, 5, 65535))
 
@@ -169,11 +166,11 @@ def test_parts_of_each_outcome_have_their_code_and_only_a_located_one_a_pose(
     assert [each["trigger_id"] for each in kept if each["kind"] == "trigger"] == [5, 5, 65535]
 
 
-def test_nothing_is_moved_before_enabling(tmp_path: Path, tree: Path) -> None:
+def test_nothing_is_moved_before_enabling(tmp_path, tree):
     rig = fake_cell([AT_21])
     rig.gripper.now = State(activated=False)
 
-    def program(client: TcpPlc) -> None:
+    def program(client):
         client.write(trigger=1)
         assert client["error_id"] == 101
         client.write(trigger=0)
@@ -203,14 +200,12 @@ def withdrawing(rig: FakeCell, withdrawn: threading.Event) -> Callable[[TcpPlc],
     return program
 
 
-def test_enable_withdrawn_before_a_part_begins_ends_it_without_a_motion(
-    tmp_path: Path, tree: Path
-) -> None:
+def test_enable_withdrawn_before_a_part_begins_ends_it_without_a_motion(tmp_path, tree):
     rig, triggered = fake_cell([AT_21]), threading.Event()
     rig.gripper.now = State(activated=False)
     sweep = rig.gripper.activate
 
-    def slow_sweep() -> None:
+    def slow_sweep():
         triggered.wait(30)
         sweep()
 
@@ -219,13 +214,11 @@ def test_enable_withdrawn_before_a_part_begins_ends_it_without_a_motion(
     assert Running(tmp_path, rig, tree, count=1).run(withdrawing(rig, triggered)) == 0
 
 
-def test_enable_withdrawn_before_the_run_looks_at_it_ends_the_part(
-    tmp_path: Path, tree: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_enable_withdrawn_before_the_run_looks_at_it_ends_the_part(tmp_path, tree, monkeypatch):
     """A busy controller: trigger and withdrawal are both there when the run first looks."""
     rig, withdrawn, note = fake_cell([AT_21]), threading.Event(), plc.ForPlc.note
 
-    def late(monitor: plc.ForPlc, sentence: str) -> None:
+    def late(monitor, sentence):
         note(monitor, sentence)
         withdrawn.wait(30)
 
@@ -234,12 +227,10 @@ def test_enable_withdrawn_before_the_run_looks_at_it_ends_the_part(
     assert Running(tmp_path, rig, tree, count=1).run(withdrawing(rig, withdrawn)) == 0
 
 
-def test_fault_is_a_result_of_its_id_that_stays_until_it_is_taken(
-    tmp_path: Path, tree: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_fault_is_a_result_of_its_id_that_stays_until_it_is_taken(tmp_path, tree, monkeypatch):
     monkeypatch.setattr(plc, "FAREWELL_S", 0.1)
 
-    def program(client: TcpPlc) -> None:
+    def program(client):
         client.enable()
         client.part(1)
         client.begin(2)
@@ -258,16 +249,14 @@ def test_fault_is_a_result_of_its_id_that_stays_until_it_is_taken(
     assert running.kept()[-1]["exit_code"] == 21
 
 
-def test_error_that_no_part_ends_with_is_a_fault_of_the_part_under_way(
-    tmp_path: Path, tree: Path
-) -> None:
-    def program(client: TcpPlc) -> None:
+def test_error_that_no_part_ends_with_is_a_fault_of_the_part_under_way(tmp_path, tree):
+    def program(client):
         client.enable()
         client.begin(4)
         assert client.result(4)["exit_code"] == 24
 
     class Full(Journal):
-        def record(self, kind: str, fields: Mapping[str, object]) -> None:
+        def record(self, kind, fields):
             if kind == "trigger":
                 raise JournalError(self.path, "cannot be written")
             super().record(kind, fields)
@@ -278,8 +267,8 @@ def test_error_that_no_part_ends_with_is_a_fault_of_the_part_under_way(
     assert rig.log.named("move_linear") == []
 
 
-def test_stop_request_between_parts_ends_the_run_at_once(tmp_path: Path, tree: Path) -> None:
-    def program(client: TcpPlc) -> None:
+def test_stop_request_between_parts_ends_the_run_at_once(tmp_path, tree):
+    def program(client):
         client.enable()
         client.part(1)
         os.kill(os.getpid(), signal.SIGTERM)
@@ -291,8 +280,8 @@ def test_stop_request_between_parts_ends_the_run_at_once(tmp_path: Path, tree: P
     assert (end["kind"], end["parts"], end["exit_code"]) == ("end", 1, 40)
 
 
-def test_stop_request_ends_the_wait_for_a_result_to_be_taken(tmp_path: Path, tree: Path) -> None:
-    def program(client: TcpPlc) -> None:
+def test_stop_request_ends_the_wait_for_a_result_to_be_taken(tmp_path, tree):
+    def program(client):
         client.enable()
         client.begin(1)
         client.wait("result_valid", 1)
@@ -301,12 +290,12 @@ def test_stop_request_ends_the_wait_for_a_result_to_be_taken(tmp_path: Path, tre
     assert Running(tmp_path, fake_cell([AT_21]), tree, count=1).run(program) == 0
 
 
-def test_change_of_the_table_ends_a_run_and_begins_another(tmp_path: Path, tree: Path) -> None:
+def test_change_of_the_table_ends_a_run_and_begins_another(tmp_path, tree):
     other = tmp_path / "u.msgpack"
     table = small_table()
     dump(replace(table, tool="squeezetree other"), other)
 
-    def program(client: TcpPlc) -> None:
+    def program(client):
         client.enable()
         for number, chosen in enumerate((1, 1, 0), 1):
             client.write(table=chosen)
@@ -327,10 +316,8 @@ def test_change_of_the_table_ends_a_run_and_begins_another(tmp_path: Path, tree:
 
 
 @pytest.mark.parametrize("starts", [True, False])
-def test_server_that_fails_ends_the_run_and_its_journal(
-    starts: bool, tmp_path: Path, tree: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    async def failing(server: plc.ModbusServer, stop: asyncio.Event) -> None:
+def test_server_that_fails_ends_the_run_and_its_journal(starts, tmp_path, tree, monkeypatch):
+    async def failing(server, stop):
         if starts:
             server.started()
         server._listener.close()
@@ -346,7 +333,7 @@ def test_server_that_fails_ends_the_run_and_its_journal(
     assert (end["kind"], end["parts"]) == ("end", 0)
 
 
-def test_tables_for_different_grippers_are_refused(tmp_path: Path, tree: Path) -> None:
+def test_tables_for_different_grippers_are_refused(tmp_path, tree):
     other = tmp_path / "u.msgpack"
     table = small_table()
     dump(replace(table, gripper=replace(table.gripper, finger_width_um=1000)), other)

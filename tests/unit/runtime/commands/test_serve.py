@@ -63,7 +63,7 @@ class Serving:
         return self.journal.kept
 
 
-def test_a_squeeze_that_takes_too_long_is_given_up() -> None:
+def test_a_squeeze_that_takes_too_long_is_given_up():
     serving = Serving(FakeJournal(), ShortLived())
     squeeze, late = serving.lines(b"NEXT\n")
     assert (squeeze.split()[0], late) == ("SQUEEZE", refused(31))
@@ -75,7 +75,7 @@ def test_a_squeeze_that_takes_too_long_is_given_up() -> None:
     )
 
 
-def test_half_a_line_is_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_half_a_line_is_not_waited_for(monkeypatch):
     monkeypatch.setattr(serve, "PATIENCE_S", 0.2)
     serving = Serving(FakeJournal(), ShortLived())
     assert serving.lines(b"NEX") == [refused(14)]
@@ -83,7 +83,7 @@ def test_half_a_line_is_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
     serving.ended()
 
 
-def test_a_journal_that_cannot_be_written_is_reported_and_ends_the_run() -> None:
+def test_a_journal_that_cannot_be_written_is_reported_and_ends_the_run():
     serving = Serving(FakeJournal(1, JournalError(Path("j"), "cannot be written")), SystemClock())
     assert serving.lines(b"NEXT\n") == [refused(41)]
     assert serving.ended() == [("part", {"part": 1})]
@@ -106,6 +106,6 @@ def test_a_journal_that_cannot_be_written_is_reported_and_ends_the_run() -> None
         (["--serve", "tcp://192.168.1.2:5020"], "add --network"),
     ],
 )
-def test_options_that_do_not_go_with_it(words: list[str], message: str) -> None:
+def test_options_that_do_not_go_with_it(words, message):
     with pytest.raises(UsageError, match=message):
         options.check_usage(parser().parse_args([*SERVE, *words]))

@@ -50,7 +50,7 @@ def busy(port: str) -> bool:
     return False
 
 
-def test_a_device_has_one_owner_whatever_it_is_called(tmp_path: Path) -> None:
+def test_a_device_has_one_owner_whatever_it_is_called(tmp_path):
     master, slave = os.openpty()
     device, link = os.ttyname(slave), tmp_path / "by-id"
     link.symlink_to(device)
@@ -70,7 +70,7 @@ def test_a_device_has_one_owner_whatever_it_is_called(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "host", ["localhost", "LOCALHOST", "127.0.1.1", "[::1]", "[::ffff:127.0.0.1]", "0.0.0.0"]
 )
-def test_this_machine_is_one_host_under_all_names(host: str) -> None:
+def test_this_machine_is_one_host_under_all_names(host):
     number = PORT.rpartition(":")[2]
     with PortLock(PORT):
         for scheme, settings in (("tcp", ""), ("rtu+tcp", ""), ("tcp", "?tool=0,0,1")):
@@ -78,8 +78,8 @@ def test_this_machine_is_one_host_under_all_names(host: str) -> None:
         assert not busy(f"tcp://{host}:1{number}"[:-1])
 
 
-def test_a_name_is_all_its_addresses(monkeypatch: pytest.MonkeyPatch) -> None:
-    def result(host: str, number: int, **_: object) -> list[tuple[object, ...]]:
+def test_a_name_is_all_its_addresses(monkeypatch):
+    def result(host, number, **_):
         addresses = ["192.0.2.7", "2001:db8::7"] if host == "cell.example" else [host]
         return [(0, 0, 0, "", (address, number)) for address in addresses]
 
@@ -93,12 +93,10 @@ def test_a_name_is_all_its_addresses(monkeypatch: pytest.MonkeyPatch) -> None:
         assert not busy("tcp://[2001:db8::7]:5000"), "an attempt that failed has let go of all"
 
 
-def test_lock_of_a_name_that_no_server_tells_is_taken_in_time(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_lock_of_a_name_that_no_server_tells_is_taken_in_time(monkeypatch):
     asked, answered = socket.getaddrinfo, threading.Event()
 
-    def silent(host: str, number: int, **settings: int) -> list[object]:
+    def silent(host, number, **settings):
         if settings.get("flags"):
             return list(asked(host, number, **settings))
         assert answered.wait(60.0)
@@ -111,7 +109,7 @@ def test_lock_of_a_name_that_no_server_tells_is_taken_in_time(
     answered.set()
 
 
-def test_units_behind_one_gateway_are_locks_of_their_own() -> None:
+def test_units_behind_one_gateway_are_locks_of_their_own():
     gateway = f"tcp://{HOST}:502"
     with PortLock(f"{gateway}?unit=9"):
         assert busy(gateway)
@@ -123,7 +121,7 @@ def test_units_behind_one_gateway_are_locks_of_their_own() -> None:
             assert busy(f"{gateway}?unit=0xA")
 
 
-def test_tty_is_one_device_whether_its_port_names_the_make_or_not() -> None:
+def test_tty_is_one_device_whether_its_port_names_the_make_or_not():
     with PortLock("/dev/null"):
         assert busy("dh:///dev/null?unit=3")
         assert not busy("dh:///dev/zero")
@@ -146,7 +144,7 @@ HOST = f"192.0.2.{os.getpid() % 250}"
         ("tcp://{}:5000", "manual+tcp://{}:5000"),
     ],
 )
-def test_ports_of_one_device_are_one_lock(port: str, same: str) -> None:
+def test_ports_of_one_device_are_one_lock(port, same):
     for one, other in ((port, same), (same, port)):
         with PortLock(one.format(HOST)):
             assert busy(other.format(HOST))
@@ -162,19 +160,19 @@ def test_ports_of_one_device_are_one_lock(port: str, same: str) -> None:
         ("manual", "manual"),
     ],
 )
-def test_gripper_and_arm_of_one_controller_are_two_locks(gripper: str, arm: str) -> None:
+def test_gripper_and_arm_of_one_controller_are_two_locks(gripper, arm):
     with PortLock(gripper.format(HOST)), PortLock(arm.format(HOST)):
         pass
 
 
-def test_usual_ports_are_those_of_the_drivers() -> None:
+def test_usual_ports_are_those_of_the_drivers():
     assert locks.USUAL["ur"] == rtde.PORT
     assert {rtde.PORT, rtde.PORT - SCRIPT_PORT_BELOW} <= locks.ONE_DEVICE[0]
     assert locks.USUAL["urcap"] == urcap.PORT
     assert locks.USUAL["omnicore"] == omnicore.PORT
 
 
-def test_contenders_never_hold_it_together(tmp_path: Path) -> None:
+def test_contenders_never_hold_it_together(tmp_path):
     command = [sys.executable, "-c", CONTENDER, PORT, str(tmp_path)]
     pipe = subprocess.PIPE
     running = [

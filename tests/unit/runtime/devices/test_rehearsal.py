@@ -38,7 +38,7 @@ def play(table: Table, world: Rehearsal, random: Random) -> tuple[int, ...]:
     return (*path, target)
 
 
-def test_leaves_are_reached_as_often_as_the_table_says() -> None:
+def test_leaves_are_reached_as_often_as_the_table_says():
     table, trials = small_table(), 1_000
     world, random = make(table, 3), Random(5)
     seen = Counter(play(table, world, random) for _ in range(trials))
@@ -49,7 +49,7 @@ def test_leaves_are_reached_as_often_as_the_table_says() -> None:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_every_width_of_any_table_reads_as_an_outcome(seed: int) -> None:
+def test_every_width_of_any_table_reads_as_an_outcome(seed):
     table = random_table(seed, 20)
     world, random = make(table, seed), Random(seed)
     for _ in range(60):
@@ -57,6 +57,6 @@ def test_every_width_of_any_table_reads_as_an_outcome(seed: int) -> None:
         assert ~path[-1] < len(table.leaves)
 
 
-def test_a_job_without_a_table_cannot_be_rehearsed() -> None:
+def test_a_job_without_a_table_cannot_be_rehearsed():
     with pytest.raises(UsageError, match="start grasp-cell with --tree"):
         make({"seed": 1}, 0)

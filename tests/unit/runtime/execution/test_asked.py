@@ -45,7 +45,7 @@ ANSWERS = {
 
 
 @pytest.fixture(autouse=True)
-def _quiet(capsys: pytest.CaptureFixture[str]) -> None:
+def _quiet(capsys):
     """Parts are told on standard output."""
 
 
@@ -71,7 +71,7 @@ def expected(table: Table, count: int, felt: bool) -> str:
 
 
 @pytest.mark.parametrize("table", [small_table(), every_field_table(), random_table(3, 60)])
-def test_every_reading_of_the_root_means_what_the_table_says_or_is_refused(table: Table) -> None:
+def test_every_reading_of_the_root_means_what_the_table_says_or_is_refused(table):
     asked = parts(table)
     for count in range(256):
         for flag in ("OBJECT", "NONE"):
@@ -87,7 +87,7 @@ def test_every_reading_of_the_root_means_what_the_table_says_or_is_refused(table
                 assert reply.startswith(wanted)
 
 
-def test_a_width_means_what_its_count_does() -> None:
+def test_a_width_means_what_its_count_does():
     table = small_table()
     asked = parts(table)
     for count in range(10, 256):
@@ -100,9 +100,7 @@ def test_a_width_means_what_its_count_does() -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_whatever_is_said_is_answered_in_one_short_line_and_a_refusal_changes_nothing(
-    seed: int,
-) -> None:
+def test_whatever_is_said_is_answered_in_one_short_line_and_a_refusal_changes_nothing(seed):
     random, table = Random(seed), every_field_table()
     asked = parts(table, Policy.of("resqueeze,restart", "restart"))
     for _ in range(300):

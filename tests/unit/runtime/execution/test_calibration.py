@@ -46,7 +46,7 @@ def fitted_to(measured: list[Gauge]) -> calibration.GripperCalibration:
     return fit(measured, PROFILE, "S/N 1", "today")
 
 
-def test_the_table_passes_through_the_blocks_and_never_falls() -> None:
+def test_the_table_passes_through_the_blocks_and_never_falls():
     calibration = fitted_to(gauges())
     widths = [true for _, true in calibration.points_um]
     assert widths == sorted(widths)
@@ -56,9 +56,7 @@ def test_the_table_passes_through_the_blocks_and_never_falls() -> None:
     assert table.width_um(-9_000) == 0
 
 
-def test_seven_blocks_bring_the_arc_within_half_a_millimetre_where_the_line_is_off_by_more_than_two() -> (
-    None
-):
+def test_seven_blocks_bring_the_arc_within_half_a_millimetre_where_the_line_is_off_by_more_than_two():
     fitted, linear = fitted_to(gauges()), Calibration(PROFILE)
     table, widths = fitted.of(PROFILE), [w / 4 for w in range(4, 330)]
     ours = max(abs(table.width_um(read_um(count_of(w))) / 1000 - w) for w in widths)
@@ -79,14 +77,12 @@ def test_seven_blocks_bring_the_arc_within_half_a_millimetre_where_the_line_is_o
         ([*gauges((0.0, 5.0)), Gauge(20.0, (4_000,))], "a wider one reads more"),
     ],
 )
-def test_measurements_that_contradict_one_another_are_refused(
-    measured: list[Gauge], message: str
-) -> None:
+def test_measurements_that_contradict_one_another_are_refused(measured, message):
     with pytest.raises(InputError, match=message):
         fitted_to(measured)
 
 
-def test_a_file_gives_back_what_was_saved_and_refuses_a_changed_byte(tmp_path: Path) -> None:
+def test_a_file_gives_back_what_was_saved_and_refuses_a_changed_byte(tmp_path):
     path = tmp_path / "g.json"
     fitted = calibration.GripperCalibration(
         "S/N 1", "today", tuple(gauges()), fitted_to(gauges()).points_um
@@ -113,7 +109,7 @@ def test_a_file_gives_back_what_was_saved_and_refuses_a_changed_byte(tmp_path: P
         (b"\xff", "JSON"),
     ],
 )
-def test_what_is_no_calibration_is_refused(tmp_path: Path, content: bytes, message: str) -> None:
+def test_what_is_no_calibration_is_refused(tmp_path, content, message):
     path = tmp_path / "g.json"
     path.write_bytes(content)
     with pytest.raises(InputError, match=message) as refused:
@@ -125,7 +121,7 @@ def test_what_is_no_calibration_is_refused(tmp_path: Path, content: bytes, messa
         save(fitted_to(gauges()), tmp_path / "none" / "g.json")
 
 
-def test_a_file_with_the_digest_of_nonsense_is_still_refused(tmp_path: Path) -> None:
+def test_a_file_with_the_digest_of_nonsense_is_still_refused(tmp_path):
     path = tmp_path / "g.json"
     save(fitted_to(gauges()), path)
     record = json.loads(path.read_text())
@@ -183,9 +179,7 @@ def arguments(tmp_path: Path, *more: str):
     return parser().parse_args([*words, "-o", str(tmp_path / "g.json"), *more])
 
 
-def test_the_command_grips_each_block_gently_and_writes_the_file(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_grips_each_block_gently_and_writes_the_file(tmp_path, capsys):
     gripper = ArcGripper()
     given = arguments(tmp_path, "--activate", "--tips", "57.15,5.3", "--current", "0,800")
     assert run(given, lambda port, profile: gripper, gripper.hold) == 0
@@ -205,7 +199,7 @@ def test_the_command_grips_each_block_gently_and_writes_the_file(
     assert len(list(report(figures(calibration)))) == 2 + len(BLOCKS)
 
 
-def test_a_block_that_is_not_there_and_a_sleeping_gripper_end_it(tmp_path: Path) -> None:
+def test_a_block_that_is_not_there_and_a_sleeping_gripper_end_it(tmp_path):
     gripper = ArcGripper()
     with pytest.raises(GripperStateError, match="not activated"):
         run(arguments(tmp_path), lambda port, profile: gripper, gripper.hold)
@@ -215,9 +209,7 @@ def test_a_block_that_is_not_there_and_a_sleeping_gripper_end_it(tmp_path: Path)
     assert not (tmp_path / "g.json").exists()
 
 
-def test_what_the_fingers_hold_is_not_dropped_without_a_word(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_the_fingers_hold_is_not_dropped_without_a_word(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("sys.stdin", io.StringIO(""))
     gripper = ArcGripper()
     gripper.activate()
@@ -228,9 +220,7 @@ def test_what_the_fingers_hold_is_not_dropped_without_a_word(
     assert gripper.asked == []
 
 
-def test_without_a_terminal_nobody_can_press_enter(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_without_a_terminal_nobody_can_press_enter(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("sys.stdin", io.StringIO(""))
     gripper = ArcGripper()
     with pytest.raises(UsageError, match="run it in a terminal"):
@@ -256,10 +246,8 @@ def test_without_a_terminal_nobody_can_press_enter(
         ("--output", "no folder/g.json"),
     ],
 )
-def test_wrong_arguments_are_reported_before_anything_is_opened(
-    tmp_path: Path, wrong: tuple[str, ...]
-) -> None:
-    def opened(port: str, profile: object):
+def test_wrong_arguments_are_reported_before_anything_is_opened(tmp_path, wrong):
+    def opened(port, profile):
         raise AssertionError("the gripper was opened")
 
     with pytest.raises(UsageError, match=f"{wrong[0].partition('=')[0]}|cannot be written"):

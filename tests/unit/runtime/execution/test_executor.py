@@ -55,13 +55,7 @@ CALLS = [
         ([(229, ARRIVED)], Outcome.REJECT, None, [0], 10),
     ],
 )
-def test_outcome_follows_the_widths(
-    counts: list[tuple[int, int]],
-    outcome: Outcome,
-    leaf: int | None,
-    path: list[int],
-    exit_code: int,
-) -> None:
+def test_outcome_follows_the_widths(counts, outcome, leaf, path, exit_code):
     rig, seen = fake_cell(counts), []
     result = run(rig, seen=seen)
     assert (result.outcome, result.leaf, result.exit_code) == (outcome, leaf, exit_code)
@@ -72,7 +66,7 @@ def test_outcome_follows_the_widths(
     assert rig.journal.kinds() == ["part", *["placed", "squeeze"] * len(path), "outcome"]
 
 
-def test_motions_come_in_the_order_place_open_descend_close_open_retreat() -> None:
+def test_motions_come_in_the_order_place_open_descend_close_open_retreat():
     rig = fake_cell(LONGEST)
     run(rig)
     motions = [call for call in rig.log.calls if call.name in ("move", "move_linear")]
@@ -92,7 +86,7 @@ def test_motions_come_in_the_order_place_open_descend_close_open_retreat() -> No
     ]
 
 
-def test_before_a_squeeze_the_jaws_are_set_and_the_hand_pushes_along_its_own_x() -> None:
+def test_before_a_squeeze_the_jaws_are_set_and_the_hand_pushes_along_its_own_x():
     rig = fake_cell(LONGEST)
     result = run(rig, pushing_table())
     assert (result.outcome, result.leaf) == (Outcome.LEAF, 1)
@@ -118,7 +112,7 @@ def test_before_a_squeeze_the_jaws_are_set_and_the_hand_pushes_along_its_own_x()
     assert rig.journal.kinds() == ["part", *pushed, "outcome"]
 
 
-def test_what_is_squeezed_once_more_is_not_pushed_again_and_what_starts_over_is() -> None:
+def test_what_is_squeezed_once_more_is_not_pushed_again_and_what_starts_over_is():
     rig = fake_cell([AT_36, AT_36, AT_21])
     options = RunOptions(Policy.of("resqueeze,restart,next", "next"))
     result = Executor(pushing_table(), rig.cell, Deaf(), options).run_part(1)
@@ -127,11 +121,11 @@ def test_what_is_squeezed_once_more_is_not_pushed_again_and_what_starts_over_is(
     assert rig.journal.kinds() == kinds.split()
 
 
-def test_jaws_that_do_not_stand_as_they_were_set_end_the_push() -> None:
+def test_jaws_that_do_not_stand_as_they_were_set_end_the_push():
     rig = fake_cell(LONGEST)
     slide = rig.arm.move_linear
 
-    def bend(*target: float) -> None:
+    def bend(*target):
         slide(*target)
         if target[4] == 30.0:
             rig.gripper.now = rig.gripper.now._replace(position_counts=220)
@@ -144,7 +138,7 @@ def test_jaws_that_do_not_stand_as_they_were_set_end_the_push() -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_fingers_meet_the_part_only_from_above_open_and_slower_than_the_caps(seed: int) -> None:
+def test_fingers_meet_the_part_only_from_above_open_and_slower_than_the_caps(seed):
     table = random_table(seed, 15)
     rig = fake_cell([(count_of(b.expected_um), CONTACT) for b in _first_path(table)])
     result = run(rig, table)
@@ -202,9 +196,7 @@ def assert_safe_end(rig: FakeCell, result: PartResult, *, failed: int) -> None:
     ],
 )
 @pytest.mark.parametrize(("table", "at"), CALLS)
-def test_link_lost_or_ctrl_c_at_any_call_ends_in_the_safe_state(
-    table: Table, at: int, error: BaseException, ends: tuple[object, ...]
-) -> None:
+def test_link_lost_or_ctrl_c_at_any_call_ends_in_the_safe_state(table, at, error, ends):
     rig = fake_cell(LONGEST, Log(at, error))
     result = run(rig, table)
     assert (result.outcome, result.exit_code, result.reason) == ends
@@ -218,7 +210,7 @@ def test_link_lost_or_ctrl_c_at_any_call_ends_in_the_safe_state(
             assert rig.arm.at[2] >= 60.0
 
 
-def test_error_of_a_library_with_an_exit_code_is_a_bug() -> None:
+def test_error_of_a_library_with_an_exit_code_is_a_bug():
     rig = fake_cell(LONGEST, Log(4, ForeignError("x")))
     with pytest.raises(ForeignError):
         run(rig)
@@ -226,7 +218,7 @@ def test_error_of_a_library_with_an_exit_code_is_a_bug() -> None:
 
 
 @pytest.mark.parametrize(("table", "at"), CALLS)
-def test_a_bug_is_raised_but_only_after_the_safe_state(table: Table, at: int) -> None:
+def test_a_bug_is_raised_but_only_after_the_safe_state(table, at):
     rig = fake_cell(LONGEST, Log(at, ZeroDivisionError("a bug")))
     with pytest.raises(ZeroDivisionError):
         run(rig, table)
@@ -238,9 +230,7 @@ def test_a_bug_is_raised_but_only_after_the_safe_state(table: Table, at: int) ->
     ("table", "at"),
     [(small_table(), at) for at in range(6)] + [(pushing_table(), at) for at in range(9)],
 )
-def test_a_journal_that_fails_at_any_record_lets_no_leaf_be_reported(
-    table: Table, at: int, tmp_path
-) -> None:
+def test_a_journal_that_fails_at_any_record_lets_no_leaf_be_reported(table, at, tmp_path):
     journal = FakeJournal(at, JournalError(tmp_path, "full"))
     rig = fake_cell(LONGEST, journal=journal)
     result = run(rig, table)
@@ -259,17 +249,15 @@ def test_a_journal_that_fails_at_any_record_lets_no_leaf_be_reported(
         (OSError("x"), 21),
     ],
 )
-def test_an_error_brings_its_exit_code_or_the_one_of_its_built_in_parent(
-    error: Exception, exit_code: int
-) -> None:
+def test_an_error_brings_its_exit_code_or_the_one_of_its_built_in_parent(error, exit_code):
     result = run(fake_cell(LONGEST, Log(4, error)))
     assert (result.outcome, result.exit_code) == (Outcome.FAULT, exit_code)
 
 
-def test_a_failure_of_the_safe_sequence_is_reported_and_does_not_end_it() -> None:
+def test_a_failure_of_the_safe_sequence_is_reported_and_does_not_end_it():
     rig = fake_cell(LONGEST, Log(1, LinkError("first")))
 
-    def refuse() -> None:
+    def refuse():
         rig.log.call("gripper", "stop")
         raise LinkError("second")
 
@@ -297,9 +285,7 @@ def faulty(**changes: object) -> FakeCell:
         (faulty(moving=True), "without having been asked"),
     ],
 )
-def test_a_gripper_that_is_not_ready_is_not_moved_and_neither_is_the_arm(
-    rig: FakeCell, reason: str
-) -> None:
+def test_a_gripper_that_is_not_ready_is_not_moved_and_neither_is_the_arm(rig, reason):
     result = run(rig)
     assert (result.outcome, result.exit_code) == (Outcome.FAULT, 20)
     assert reason in str(result.reason)
@@ -307,7 +293,7 @@ def test_a_gripper_that_is_not_ready_is_not_moved_and_neither_is_the_arm(
     assert len(rig.log.named("move_linear")) <= 1  # the retreat of the safe sequence
 
 
-def test_a_stale_reading_is_a_fault_and_no_child() -> None:
+def test_a_stale_reading_is_a_fault_and_no_child():
     rig = fake_cell(LONGEST)
     rig.gripper.echo_off = -100
     result = run(rig)
@@ -323,9 +309,7 @@ def test_a_stale_reading_is_a_fault_and_no_child() -> None:
     ],
     ids=["opening", "closing to push"],
 )
-def test_jaws_that_do_not_go_where_they_are_sent_are_not_lowered(
-    table: Table, stuck_at: int, said: str
-) -> None:
+def test_jaws_that_do_not_go_where_they_are_sent_are_not_lowered(table, stuck_at, said):
     rig = fake_cell(LONGEST)
     rig.gripper.opened_to = stuck_at
     result = run(rig, table)
@@ -335,7 +319,7 @@ def test_jaws_that_do_not_go_where_they_are_sent_are_not_lowered(
 
 
 @pytest.mark.parametrize("off_mm", [0.6, float("nan")])
-def test_an_arm_that_stands_elsewhere_is_not_moved_again(off_mm: float) -> None:
+def test_an_arm_that_stands_elsewhere_is_not_moved_again(off_mm):
     rig = fake_cell(LONGEST)
     rig.arm.off_mm = off_mm
     result = run(rig)
@@ -344,7 +328,7 @@ def test_an_arm_that_stands_elsewhere_is_not_moved_again(off_mm: float) -> None:
     assert "arm not moved: state unknown" in result.safe_state
 
 
-def test_a_squeeze_that_takes_too_long_is_a_fault() -> None:
+def test_a_squeeze_that_takes_too_long_is_a_fault():
     rig = fake_cell(LONGEST)
     cell = replace(rig.cell, clock=FakeClock(step_s=1000.0))
     result = Executor(small_table(), cell, Deaf()).run_part(1)
@@ -352,7 +336,7 @@ def test_a_squeeze_that_takes_too_long_is_a_fault() -> None:
     assert "s late" in str(result.reason)
 
 
-def test_a_table_the_gripper_cannot_execute_is_refused_before_anything_moves() -> None:
+def test_a_table_the_gripper_cannot_execute_is_refused_before_anything_moves():
     node = small_table().nodes[0]
     slow = node._replace(squeeze=node.squeeze._replace(speed_um_s=19_000))
     rig = fake_cell([])

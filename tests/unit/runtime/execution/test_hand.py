@@ -31,7 +31,7 @@ def dragging_table(force_mn: int = 40_000) -> Table:
     return replace(table, limits=replace(table.limits, max_force_mn=235_000))
 
 
-def test_squeeze_regulated_raises_the_force_for_a_drag() -> None:
+def test_squeeze_regulated_raises_the_force_for_a_drag():
     rig = fake_cell([AT_21])
     assert run(rig, RunOptions(handling=Handling(regulated=True)), dragging_table()).leaf == 0
     node_force = SETTINGS.force(40.0)
@@ -41,7 +41,7 @@ def test_squeeze_regulated_raises_the_force_for_a_drag() -> None:
     ]
 
 
-def test_the_motor_current_ends_the_raising() -> None:
+def test_the_motor_current_ends_the_raising():
     for grip_current_ma, raises in [(None, 4), (299, 0), (300, 0), (301, 4)]:
         rig = fake_cell([AT_21])
         handling = Handling(regulated=True, grip_current_ma=grip_current_ma)
@@ -62,7 +62,7 @@ def known_table() -> Table:
     return with_node(table, 1, second._replace(squeeze=second.squeeze._replace(opening_um=50_000)))
 
 
-def test_between_squeezes_hand_rises_to_just_above_the_part_and_jaws_open_for_the_next() -> None:
+def test_between_squeezes_hand_rises_to_just_above_the_part_and_jaws_open_for_the_next():
     rig = fake_cell([AT_30, AT_21])
     assert run(rig, RunOptions(), known_table()).leaf == 1
     heights = [call.arguments[2] for call in rig.log.named("move_linear")]
@@ -73,7 +73,7 @@ def test_between_squeezes_hand_rises_to_just_above_the_part_and_jaws_open_for_th
     assert opened[-1] == 85_000  # for the next part
 
 
-def test_jaws_are_freed_before_the_hand_rises_though_the_next_opening_is_narrower() -> None:
+def test_jaws_are_freed_before_the_hand_rises_though_the_next_opening_is_narrower():
     root, second = known_table().nodes
     narrow = second._replace(contact_um=None, squeeze=second.squeeze._replace(opening_um=38_000))
     rig = fake_cell([AT_36, AT_21])
@@ -92,7 +92,7 @@ def test_jaws_are_freed_before_the_hand_rises_though_the_next_opening_is_narrowe
     assert 38_000 <= width_um(after[0]) < 39_000
 
 
-def test_hand_of_alike_fingers_turns_the_short_way() -> None:
+def test_hand_of_alike_fingers_turns_the_short_way():
     table = known_table()
     turned = table.nodes[1]._replace(squeeze=table.nodes[1].squeeze._replace(angle_urad=3_000_000))
     rig = fake_cell([AT_30, AT_21])
@@ -105,7 +105,7 @@ def test_hand_of_alike_fingers_turns_the_short_way() -> None:
     assert rig.log.named("move_linear")[-1].arguments[3] == pytest.approx(3.0)
 
 
-def test_gripper_that_takes_no_command_on_the_way_closes_in_one_stroke_or_stops_between() -> None:
+def test_gripper_that_takes_no_command_on_the_way_closes_in_one_stroke_or_stops_between():
     for streams, waits in ((True, 1), (False, 2)):
         root = small_table().nodes[0]._replace(contact_um=33_000)
         table = with_node(small_table(), 0, root)
@@ -120,7 +120,7 @@ def test_gripper_that_takes_no_command_on_the_way_closes_in_one_stroke_or_stops_
         assert calls[2 : 3 + waits] == ["move", *["wait"] * (waits - 1), "move"]
 
 
-def test_a_current_that_cannot_be_is_a_fault_and_no_child() -> None:
+def test_a_current_that_cannot_be_is_a_fault_and_no_child():
     rig = fake_cell([AT_21])
     rig.gripper.current_ma = 1500
     result = run(rig, RunOptions())
@@ -130,7 +130,7 @@ def test_a_current_that_cannot_be_is_a_fault_and_no_child() -> None:
 # -- drags ----------------------------------------------------------------------------------------
 
 
-def test_what_is_held_is_dragged_to_the_release_point_and_let_go_there() -> None:
+def test_what_is_held_is_dragged_to_the_release_point_and_let_go_there():
     table = small_table()
     table = with_node(table, 0, table.nodes[0]._replace(release=Place(12_000, -7_000)))
     rig = fake_cell([AT_21])
@@ -148,7 +148,7 @@ def test_what_is_held_is_dragged_to_the_release_point_and_let_go_there() -> None
 # -- policies -------------------------------------------------------------------------------------
 
 
-def test_unready_grippers_are_not_waited_for_for_ever() -> None:
+def test_unready_grippers_are_not_waited_for_for_ever():
     rig = fake_cell([])
     rig.gripper.now = State(moving=True)
     hand = Hand(rig.gripper, rig.arm, rig.cell.clock, small_table(), Handling())
@@ -164,13 +164,11 @@ def test_unready_grippers_are_not_waited_for_for_ever() -> None:
     "by",
     [(0.6, 0.0, 0.0, 0.0), (0.0, 0.0, 5.0, 0.0), (0.0, 0.0, 0.0, 0.02), (0.0, 0.0, 0.0, math.pi)],
 )
-def test_displaced_arm_in_a_squeeze_ends_the_part_and_is_not_moved_again(
-    request_counts: int, by: tuple[float, ...]
-) -> None:
+def test_displaced_arm_in_a_squeeze_ends_the_part_and_is_not_moved_again(request_counts, by):
     rig = fake_cell([AT_21])
     move = rig.gripper.move
 
-    def bump(width_um: int, speed_mm_s: float, force_n: float) -> None:
+    def bump(width_um, speed_mm_s, force_n):
         squeezes = width_um < 0 or rig.gripper.gripping
         move(width_um, speed_mm_s, force_n)
         if squeezes and (width_um < 0) == (request_counts == 255):
@@ -188,11 +186,11 @@ def test_displaced_arm_in_a_squeeze_ends_the_part_and_is_not_moved_again(
 
 
 @pytest.mark.parametrize("turn_rad", [0.0, 0.009, -0.009])
-def test_arm_that_settles_within_the_tolerance_is_no_fault(turn_rad: float) -> None:
+def test_arm_that_settles_within_the_tolerance_is_no_fault(turn_rad):
     rig = fake_cell([AT_21])
     move_linear = rig.arm.move_linear
 
-    def settle(*target: float) -> None:
+    def settle(*target):
         move_linear(*target)
         x, y, z, angle = rig.arm.at
         rig.arm.at = (x + 0.3, y - 0.3, z + 0.2, angle + turn_rad)

@@ -44,7 +44,7 @@ HOLDING = State(object_flag=2, echo_counts=255, position_counts=AT_30)
         (State(activated=False, object_flag=0), None),
     ],
 )
-def test_what_the_gripper_tells(state: State, message: str | None) -> None:
+def test_what_the_gripper_tells(state, message):
     holds = held.look(state.reading, CALIBRATION)
     if message is None:
         assert holds is None
@@ -64,9 +64,7 @@ def heights(rig: FakeCell) -> list[float]:
     return [call.arguments[2] for call in rig.log.named("move_linear")]
 
 
-def test_it_is_lowered_where_the_arm_stands_before_the_jaws_open_and_no_wider_than_they_must() -> (
-    None
-):
+def test_it_is_lowered_where_the_arm_stands_before_the_jaws_open_and_no_wider_than_they_must():
     rig = holding()
     session.put_down(small_table(), rig.cell, Quiet(), RunOptions())
     assert [call.name for call in rig.log.calls if call.name in ("move_linear", "move")] == [
@@ -79,13 +77,13 @@ def test_it_is_lowered_where_the_arm_stands_before_the_jaws_open_and_no_wider_th
     assert rig.journal.kept[-1][1]["exit_code"] == 0
 
 
-def test_level_tips_come_down_as_high_as_the_jaws_are_open() -> None:
+def test_level_tips_come_down_as_high_as_the_jaws_are_open():
     rig, arc = holding(), TipArc(level_mm=8.0)
     session.put_down(small_table(), rig.cell, Quiet(), RunOptions(handling=Handling(arc=arc)))
     assert heights(rig)[0] == pytest.approx(10.0 + arc.advance_mm(width_um(AT_30) / 1000), abs=0.01)
 
 
-def test_outside_the_work_area_it_is_put_down_only_where_parts_are_carried() -> None:
+def test_outside_the_work_area_it_is_put_down_only_where_parts_are_carried():
     rig = holding()
     rig.arm.at = (80.0, 5.0, 60.0, 0.1)
     with pytest.raises(MotionRefusedError, match="outside the work area"):
@@ -96,7 +94,7 @@ def test_outside_the_work_area_it_is_put_down_only_where_parts_are_carried() -> 
     assert rig.arm.at == (80.0, 5.0, 60.0, 0.1)
 
 
-def test_whatever_goes_wrong_meanwhile_ends_in_the_safe_state_and_is_recorded() -> None:
+def test_whatever_goes_wrong_meanwhile_ends_in_the_safe_state_and_is_recorded():
     calls = len(_calls_of_a_putting_down())
     for number in range(calls):
         rig = holding(Log(number, GripperStateError("something")))

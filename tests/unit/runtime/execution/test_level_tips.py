@@ -29,9 +29,7 @@ from runtime.traversal.results import Outcome
         (True, ARC, CLOSED),
     ],
 )
-def test_level_tips_stay_at_their_height_while_the_jaws_move(
-    regulated: bool, arc: TipArc, stop
-) -> None:
+def test_level_tips_stay_at_their_height_while_the_jaws_move(regulated, arc, stop):
     rig = meeting(stop[0])
     result = run(rig, RunOptions(handling=Handling(regulated=regulated, arc=arc)))
     assert result.outcome is (Outcome.LEAF if stop == AT_21 else Outcome.REJECT)
@@ -58,7 +56,7 @@ def test_level_tips_stay_at_their_height_while_the_jaws_move(
     assert low_mm - 0.1 <= min(tips) <= max(tips) <= low_mm + arc.level_mm + 0.15
 
 
-def test_an_arc_whose_links_would_lie_flat_is_refused() -> None:
+def test_an_arc_whose_links_would_lie_flat_is_refused():
     """Half of 85 mm less the offset is as long as the link: the arc has no height left there."""
     rig = fake_cell([])
     room = replace(small_table(), limits=replace(LIMITS, retreat_height_um=200_000))
@@ -72,9 +70,7 @@ def test_an_arc_whose_links_would_lie_flat_is_refused() -> None:
 
 
 @pytest.mark.parametrize(("taught_mm", "refused"), [(79.99, True), (80.0, False), (85.0, False)])
-def test_the_tool_frame_is_taught_with_the_jaws_open_or_nearly_so(
-    taught_mm: float, refused: bool
-) -> None:
+def test_the_tool_frame_is_taught_with_the_jaws_open_or_nearly_so(taught_mm, refused):
     rig, taught = fake_cell([]), Handling(arc=TipArc(taught_mm=taught_mm))
     if not refused:
         Hand(rig.gripper, rig.arm, rig.cell.clock, small_table(), taught)
@@ -85,7 +81,7 @@ def test_the_tool_frame_is_taught_with_the_jaws_open_or_nearly_so(
         Hand(rig.gripper, rig.arm, rig.cell.clock, small_table(), taught)
 
 
-def test_the_arc_s_top_lies_below_the_retreat_height() -> None:
+def test_the_arc_s_top_lies_below_the_retreat_height():
     """Link 50, offset 2.5: the tips advance by 30 mm at 85 mm of width and by 50 at 5, the arc's top."""
     rig, arc = fake_cell([]), Handling(arc=TipArc(link_mm=50.0, offset_mm=2.5))
     for retreat_um, refused in ((30_000, True), (30_001, False)):
@@ -100,7 +96,7 @@ def test_the_arc_s_top_lies_below_the_retreat_height() -> None:
             Hand(rig.gripper, rig.arm, rig.cell.clock, table, arc)
 
 
-def test_contact_while_opening_is_no_contact_to_squeeze_harder_on() -> None:
+def test_contact_while_opening_is_no_contact_to_squeeze_harder_on():
     rig = fake_cell([(AT_21[0], 1)])
     result = run(rig, RunOptions(handling=Handling(regulated=True)))
     assert (result.outcome, result.exit_code) == (Outcome.FAULT, 20)
@@ -108,7 +104,7 @@ def test_contact_while_opening_is_no_contact_to_squeeze_harder_on() -> None:
     assert [force for position, _, force in jaw_moves(rig) if position > 0] == [0]
 
 
-def test_tips_that_draw_back_are_not_followed_below_the_squeeze_height() -> None:
+def test_tips_that_draw_back_are_not_followed_below_the_squeeze_height():
     """Taught at 80 mm, the tips stand 2 mm higher where the jaws open to 85."""
     rig = meeting(AT_21[0])
     assert run(rig, RunOptions(handling=Handling(arc=TipArc(taught_mm=80.0)))).leaf == 0

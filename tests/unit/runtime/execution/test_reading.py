@@ -28,14 +28,14 @@ def settled(count: int = 170, flag: int = 2, current: int = 300, echo: int = 255
 
 
 @pytest.mark.parametrize("echo", [0, 100])
-def test_a_reading_of_another_request_is_stale(echo: int) -> None:
+def test_a_reading_of_another_request_is_stale(echo):
     asked = f"request for {width_um(echo) / 1000:.2f} mm, asked was 0.00 mm"
     with pytest.raises(GripperStateError, match=asked):
         check_fresh(settled(echo=echo), CLOSED_UM)
 
 
 @pytest.mark.parametrize(("flag", "fresh"), [(0, False), (1, True), (2, True), (3, True)])
-def test_a_motion_is_over_or_it_is_not(flag: int, *, fresh: bool) -> None:
+def test_a_motion_is_over_or_it_is_not(flag, *, fresh):
     if fresh:
         check_fresh(settled(flag=flag), CLOSED_UM)
         return
@@ -43,7 +43,7 @@ def test_a_motion_is_over_or_it_is_not(flag: int, *, fresh: bool) -> None:
         check_fresh(settled(flag=flag), CLOSED_UM)
 
 
-def test_for_every_count_and_flag_the_two_agree_or_the_reading_is_refused() -> None:
+def test_for_every_count_and_flag_the_two_agree_or_the_reading_is_refused():
     for count, flag in itertools.product(range(256), (1, 2, 3)):
         believed = flag == 2 or (flag == 3 and width_um(count) <= GRIPPER.empty_um)
         if believed:
@@ -55,7 +55,7 @@ def test_for_every_count_and_flag_the_two_agree_or_the_reading_is_refused() -> N
             check_closed(settled(count, flag), CALIBRATION, BAND)
 
 
-def test_what_is_thinner_than_five_millimetres_may_go_undetected_and_nothing_wider() -> None:
+def test_what_is_thinner_than_five_millimetres_may_go_undetected_and_nothing_wider():
     """2F-85 manual, "object detection": what the flag may miss is told by the width alone."""
     for width, fits in ((5_000, True), (5_001, False)):
         reading = settled(flag=3)._replace(width_um=width)
@@ -84,7 +84,7 @@ def test_what_is_thinner_than_five_millimetres_may_go_undetected_and_nothing_wid
         ((50, 800), 3, 0, True),  # nothing between the fingers draws nothing
     ],
 )
-def test_currents_outside_the_band_are_not_believed(band, flag, current, believed) -> None:
+def test_currents_outside_the_band_are_not_believed(band, flag, current, believed):
     count = 170 if flag == 2 else 229
     if believed:
         check_closed(settled(count, flag, current), CALIBRATION, band)
@@ -93,7 +93,7 @@ def test_currents_outside_the_band_are_not_believed(band, flag, current, believe
         check_closed(settled(count, flag, current), CALIBRATION, band)
 
 
-def test_jaws_that_opened_too_little_are_blocked() -> None:
+def test_jaws_that_opened_too_little_are_blocked():
     for request in range(4, 200):
         asked = width_um(request)
         check_opened(settled(request, 3, 0, request), asked, CALIBRATION)
@@ -110,9 +110,7 @@ def test_jaws_that_opened_too_little_are_blocked() -> None:
     ("count", "flag", "passed"),
     [(100, 3, True), (102, 3, True), (98, 3, True), (103, 3, None), (80, 2, False), (100, 1, None)],
 )
-def test_an_intermediate_stroke_passed_met_something_or_contradicts_itself(
-    count, flag, passed
-) -> None:
+def test_an_intermediate_stroke_passed_met_something_or_contradicts_itself(count, flag, passed):
     reading = settled(count, flag, 0, 100)
     if passed is not None:
         assert check_passed(reading, width_um(100), CALIBRATION) is passed

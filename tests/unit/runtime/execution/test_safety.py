@@ -32,7 +32,7 @@ def but(**changed: float) -> tuple[float, float, float, float]:
         but(x=X_MAX, y=Y_MAX, z=HIGH, a=3 * math.tau),
     ],
 )
-def test_the_limits_themselves_are_allowed(pose: tuple[float, float, float, float]) -> None:
+def test_the_limits_themselves_are_allowed(pose):
     safety.check_target(pose, LIMITS)
 
 
@@ -50,7 +50,7 @@ def test_the_limits_themselves_are_allowed(pose: tuple[float, float, float, floa
         *((but(**{name: bad}), "no place") for name in "xyza" for bad in (math.nan, math.inf)),
     ],
 )
-def test_anything_else_is_refused(pose: tuple[float, float, float, float], message: str) -> None:
+def test_anything_else_is_refused(pose, message):
     with pytest.raises(MotionRefusedError, match=message) as refused:
         safety.check_target(pose, LIMITS)
     assert refused.value.exit_code == 20
@@ -59,7 +59,7 @@ def test_anything_else_is_refused(pose: tuple[float, float, float, float], messa
 @pytest.mark.parametrize(
     ("off_mm", "fits"), [(0.0, True), (0.49, True), (0.51, False), (math.nan, False)]
 )
-def test_an_arm_that_stands_elsewhere_is_noticed(off_mm: float, fits: bool) -> None:
+def test_an_arm_that_stands_elsewhere_is_noticed(off_mm, fits):
     arm = fake_cell([]).arm
     arm.at, arm.off_mm = INSIDE, off_mm
     if fits:
@@ -69,7 +69,7 @@ def test_an_arm_that_stands_elsewhere_is_noticed(off_mm: float, fits: bool) -> N
             safety.check_placed(arm, INSIDE)
 
 
-def test_a_turn_too_many_is_the_same_angle_and_a_hundredth_is_not() -> None:
+def test_a_turn_too_many_is_the_same_angle_and_a_hundredth_is_not():
     arm = fake_cell([]).arm
     arm.at = but(a=0.3 - math.tau)
     safety.check_placed(arm, INSIDE)
@@ -81,8 +81,8 @@ def test_a_turn_too_many_is_the_same_angle_and_a_hundredth_is_not() -> None:
 @pytest.mark.parametrize("arm_known", [True, False])
 @pytest.mark.parametrize("fail_at", range(-1, 5))
 def test_the_safe_sequence_goes_on_whatever_fails_and_moves_no_arm_it_does_not_know(
-    arm_known: bool, fail_at: int
-) -> None:
+    arm_known, fail_at
+):
     rig = fake_cell([], Log(fail_at, ConnectionError("gone")))
     notes = reach_safe_state(rig.gripper, rig.arm, LIMITS, arm_known=arm_known)
     assert len(notes) == 2
@@ -107,9 +107,7 @@ def test_the_safe_sequence_goes_on_whatever_fails_and_moves_no_arm_it_does_not_k
         ("hand-e", 20, 186, r"squeezes with 186 N; the gripper does 20..185"),
     ],
 )
-def test_what_a_table_may_ask_for_depends_on_its_gripper(
-    model: str, speed_mm_s: int, force_n: int, message: str
-) -> None:
+def test_what_a_table_may_ask_for_depends_on_its_gripper(model, speed_mm_s, force_n, message):
     table = small_table()
     asked = {"speed_um_s": 1000 * speed_mm_s, "force_mn": 1000 * force_n}
     nodes = tuple(node._replace(squeeze=node.squeeze._replace(**asked)) for node in table.nodes)

@@ -30,7 +30,7 @@ def run(rig: FakeCell, truth: object, console: Console, count: int = 1, **option
     )
 
 
-def test_rejected_and_unresolved_parts_do_not_end_a_run_and_the_gravest_code_wins() -> None:
+def test_rejected_and_unresolved_parts_do_not_end_a_run_and_the_gravest_code_wins():
     rig = fake_cell([AT_21, AT_36, AT_30, AT_36, AT_21])
     tally = session.run_journalled(
         small_table(), rig.cell, None, Lines(small_table()), count=4, activate=False
@@ -43,7 +43,7 @@ def test_rejected_and_unresolved_parts_do_not_end_a_run_and_the_gravest_code_win
     assert (tally.exit_code, tally.squeezes, tally.within, tally.crashes) == (10, 5, None, None)
 
 
-def test_a_fault_ends_a_run() -> None:
+def test_a_fault_ends_a_run():
     rig = fake_cell([AT_21, AT_21], Log(40, ConnectionError("cable")))
     tally = session.run_journalled(
         small_table(), rig.cell, None, Lines(small_table()), count=5, activate=False
@@ -53,7 +53,7 @@ def test_a_fault_ends_a_run() -> None:
     assert rig.journal.kinds()[-1] == "end"
 
 
-def test_only_permission_lets_an_inactive_gripper_sweep() -> None:
+def test_only_permission_lets_an_inactive_gripper_sweep():
     rig = fake_cell([AT_21])
     rig.gripper.now = State(activated=False)
     with pytest.raises(GripperStateError, match="not activated"):
@@ -68,7 +68,7 @@ def test_only_permission_lets_an_inactive_gripper_sweep() -> None:
     assert len(rig.log.named("activate")) == 1
 
 
-def test_permission_clears_a_fault() -> None:
+def test_permission_clears_a_fault():
     rig = fake_cell([AT_21])
     rig.gripper.now = State(fault=0x0E)
     with pytest.raises(GripperStateError, match=r"fault 0x0E.*start again with --activate"):
@@ -78,7 +78,7 @@ def test_permission_clears_a_fault() -> None:
     assert len(rig.log.named("activate")) == 1
 
 
-def test_ctrl_c_between_parts_is_recorded() -> None:
+def test_ctrl_c_between_parts_is_recorded():
     rig = fake_cell([AT_21], Log(0, KeyboardInterrupt()))
     with pytest.raises(KeyboardInterrupt):
         session.run_journalled(
@@ -87,9 +87,7 @@ def test_ctrl_c_between_parts_is_recorded() -> None:
     assert rig.journal.kept[-1][1]["exit_code"] == 40
 
 
-def test_objects_are_one_line_a_part_with_everything_in_it(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_objects_are_one_line_a_part_with_everything_in_it(capsys):
     rig, table = fake_cell([AT_21, AT_36]), small_table()
     run(rig, TRUTH, Objects(table, JOURNAL), 2)
     leaf, reject = (json.loads(line) for line in capsys.readouterr().out.splitlines())
@@ -103,7 +101,7 @@ def test_objects_are_one_line_a_part_with_everything_in_it(
 
 
 @pytest.fixture
-def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def tree(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     dump(small_table(), tmp_path / "small.msgpack")
     return tmp_path / "small.msgpack"
@@ -128,9 +126,7 @@ def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("--port sim --world runtime.devices.rehearsal:make --journal /dev/full", 24, "no regular"),
     ],
 )
-def test_wrong_arguments_are_one_line_and_their_own_code(
-    tree: Path, capfd: pytest.CaptureFixture[str], arguments: str, code: int, message: str
-) -> None:
+def test_wrong_arguments_are_one_line_and_their_own_code(tree, capfd, arguments, code, message):
     assert main(["--tree", str(tree), *arguments.split()]) == code
     last = capfd.readouterr().err.splitlines()[-1]
     assert last.startswith("grasp-runtime: ")

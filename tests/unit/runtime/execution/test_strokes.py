@@ -30,9 +30,7 @@ def plan(node: Node, arc: TipArc | None = None, *, regulated: bool = True) -> li
 @pytest.mark.parametrize("node", NODES)
 @pytest.mark.parametrize("arc", [None, TipArc(), TipArc(level_mm=0.7)])
 @pytest.mark.parametrize("contact_um", [None, 41_000, 84_000])
-def test_closing_regulated_is_weak_all_the_way_and_fast_only_before_contact(
-    node: Node, arc, contact_um
-) -> None:
+def test_closing_regulated_is_weak_all_the_way_and_fast_only_before_contact(node, arc, contact_um):
     planned = plan(node._replace(contact_um=contact_um), arc)
     assert {stroke.force_n for stroke in planned} == {PROFILE.force_n[0]}
     requests = [stroke.request_um for stroke in planned]
@@ -58,7 +56,7 @@ def test_closing_regulated_is_weak_all_the_way_and_fast_only_before_contact(
         (235_000, [64, 128, 192, 255]),
     ],
 )
-def test_the_force_rises_in_steps_to_the_nodes_own(force_mn: int, forces: list[int]) -> None:
+def test_the_force_rises_in_steps_to_the_nodes_own(force_mn, forces):
     raised = strokes.raising(with_force(small_table().nodes[0], force_mn).squeeze, PROFILE)
     assert raised == sorted(raised)
     assert [SETTINGS.force(force) for force in raised] == forces
@@ -73,7 +71,7 @@ def test_the_force_rises_in_steps_to_the_nodes_own(force_mn: int, forces: list[i
         ("Robotiq Hand-E", "hand-e"),
     ],
 )
-def test_a_model_is_found_by_its_name(message: str, model: str) -> None:
+def test_a_model_is_found_by_its_name(message, model):
     assert profile_of(message) is PROFILES[model]
 
 
@@ -81,7 +79,7 @@ def test_a_model_is_found_by_its_name(message: str, model: str) -> None:
     "model",
     ["left-hand-effector", "My 2F-140", "2F-850", "parallel jaws", "robotiq", "", "hand-e\n2f-85"],
 )
-def test_profile_of_a_model_that_is_not_known_is_refused(model: str) -> None:
+def test_profile_of_a_model_that_is_not_known_is_refused(model):
     with pytest.raises(TableError, match=r"not known; there are robotiq-2f-85") as raised:
         profile_of(model)
     assert "\n" not in str(raised.value)
@@ -100,7 +98,7 @@ def point_at(profile: object, folder: Path) -> None:
     )
 
 
-def test_profile_comes_from_the_driver_that_brings_the_gripper(tmp_path: Path, monkeypatch) -> None:
+def test_profile_comes_from_the_driver_that_brings_the_gripper(tmp_path, monkeypatch):
     brought = GripperProfile("other-60", 60_000, 10.0, 20, (5.0, 50.0), (1.0, 60.0))
     point_at(brought, tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
@@ -111,7 +109,7 @@ def test_profile_comes_from_the_driver_that_brings_the_gripper(tmp_path: Path, m
 @pytest.mark.parametrize(
     "profile", [None, GripperProfile("other-60", 60_000, 10.0, 20, (50.0, 5.0), (1.0, 60.0))]
 )
-def test_profile_that_is_none_is_refused(profile: object, tmp_path: Path, monkeypatch) -> None:
+def test_profile_that_is_none_is_refused(profile, tmp_path, monkeypatch):
     point_at(profile, tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.delitem(sys.modules, "other_profile", raising=False)

@@ -27,11 +27,11 @@ PUBLISHED = {
 
 
 @pytest.mark.parametrize(("width_mm", "height_mm"), PUBLISHED.items())
-def test_heights_are_those_of_the_parallelogram(width_mm: int, height_mm: float) -> None:
+def test_heights_are_those_of_the_parallelogram(width_mm, height_mm):
     assert ARC.advance_mm(width_mm) - ARC.advance_mm(0.0) == pytest.approx(height_mm, abs=0.006)
 
 
-def test_the_tool_frame_is_where_it_was_taught() -> None:
+def test_the_tool_frame_is_where_it_was_taught():
     assert ARC.advance_mm(85.0) == 0.0
     assert TipArc(taught_mm=50.0).advance_mm(50.0) == 0.0
     assert ARC.advance_mm(10.0) == max(ARC.advance_mm(width / 10) for width in range(851))
@@ -40,9 +40,7 @@ def test_the_tool_frame_is_where_it_was_taught() -> None:
 @pytest.mark.parametrize("widest_mm", [85.0, 60.0, 33.0, 12.0, 8.0])
 @pytest.mark.parametrize("least_mm", [0.0, 5.0, 21.0])
 @pytest.mark.parametrize("level_mm", [0.5, 2.0, 8.0])
-def test_within_a_stage_the_tips_are_never_low_and_never_high(
-    widest_mm, least_mm, level_mm
-) -> None:
+def test_within_a_stage_the_tips_are_never_low_and_never_high(widest_mm, least_mm, level_mm):
     arc = TipArc(level_mm=level_mm)
     if least_mm >= widest_mm:
         return
@@ -70,17 +68,13 @@ def test_within_a_stage_the_tips_are_never_low_and_never_high(
         ("hand-e", None, None),
     ],
 )
-def test_the_arc_follows_from_the_model(
-    model: str, named: str | None, arc: tuple[float, float] | None
-) -> None:
+def test_the_arc_follows_from_the_model(model, named, arc):
     result = arc_of(model, named)
     assert result == arc if result is None else (result.link_mm, result.offset_mm) == arc
 
 
 @pytest.mark.parametrize("named", [None, "arc"])
-def test_tips_on_an_arc_whose_offset_nobody_knows_are_not_taken_for_straight(
-    named: str | None,
-) -> None:
+def test_tips_on_an_arc_whose_offset_nobody_knows_are_not_taken_for_straight(named):
     with pytest.raises(UsageError, match=r"2f-140 .* measured: write --tips 100,OFFSET"):
         arc_of("robotiq-2f-140", named)
 

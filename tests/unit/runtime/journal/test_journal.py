@@ -28,7 +28,7 @@ def written(path: Path, *, closed: bool = True) -> Path:
     return path
 
 
-def test_a_written_journal_verifies_and_gives_its_records_and_table_back(tmp_path: Path) -> None:
+def test_a_written_journal_verifies_and_gives_its_records_and_table_back(tmp_path):
     path = written(tmp_path / "j.jsonl")
     seen = verify(path)
     assert (seen.records, seen.runs, seen.closed) == (3, 1, True)
@@ -45,7 +45,7 @@ def test_a_written_journal_verifies_and_gives_its_records_and_table_back(tmp_pat
     ]
 
 
-def test_every_changed_byte_is_found_in_its_line_or_the_next(tmp_path: Path) -> None:
+def test_every_changed_byte_is_found_in_its_line_or_the_next(tmp_path):
     path = written(tmp_path / "j.jsonl")
     data = path.read_bytes()
     starts = [0, *(at + 1 for at, byte in enumerate(data) if byte == ord("\n"))]
@@ -59,7 +59,7 @@ def test_every_changed_byte_is_found_in_its_line_or_the_next(tmp_path: Path) -> 
         assert refused.value.line in (line, line + 1)
 
 
-def test_a_torn_header_leaves_an_empty_file_that_is_begun_anew(tmp_path: Path) -> None:
+def test_a_torn_header_leaves_an_empty_file_that_is_begun_anew(tmp_path):
     path = written(tmp_path / "j.jsonl")
     path.write_bytes(path.read_bytes()[:100])
     with Journal(path, STAMP) as journal:
@@ -69,19 +69,17 @@ def test_a_torn_header_leaves_an_empty_file_that_is_begun_anew(tmp_path: Path) -
 
 
 @pytest.mark.parametrize("call", ["write", "fsync"])
-def test_a_record_that_fails_is_taken_back_and_none_follows(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, call: str
-) -> None:
+def test_a_record_that_fails_is_taken_back_and_none_follows(tmp_path, monkeypatch, call):
     path = written(tmp_path / "j.jsonl", closed=False)
     whole = path.read_bytes()
     real = os.write
 
-    def half(file: int, data: bytes) -> int:
+    def half(file, data):
         if call == "write" and len(data) < 100:
             raise OSError(28, "No space left on device")
         return real(file, data[: max(len(data) - 90, 1)])
 
-    def fail(file: int) -> None:
+    def fail(file):
         raise OSError(5, "Input/output error")
 
     with Journal(path, STAMP) as journal:
@@ -97,7 +95,7 @@ def test_a_record_that_fails_is_taken_back_and_none_follows(
     assert not verify(path).closed
 
 
-def test_a_stop_request_at_any_moment_of_a_write_leaves_a_whole_journal(tmp_path: Path) -> None:
+def test_a_stop_request_at_any_moment_of_a_write_leaves_a_whole_journal(tmp_path):
     """Ctrl-C may come between any two steps; the safe sequence then writes on."""
     module = Journal.record.__code__.co_filename
     interrupted = 0
@@ -135,7 +133,7 @@ def test_a_stop_request_at_any_moment_of_a_write_leaves_a_whole_journal(tmp_path
     assert interrupted > 100
 
 
-def test_a_second_run_continues_the_chain_and_keeps_the_first(tmp_path: Path) -> None:
+def test_a_second_run_continues_the_chain_and_keeps_the_first(tmp_path):
     path = written(tmp_path / "j.jsonl")
     before = path.read_bytes()
     written(path, closed=False)
@@ -144,7 +142,7 @@ def test_a_second_run_continues_the_chain_and_keeps_the_first(tmp_path: Path) ->
     assert (seen.records, seen.runs, seen.closed) == (5, 2, False)
 
 
-def test_a_record_outside_a_run_is_refused(tmp_path: Path) -> None:
+def test_a_record_outside_a_run_is_refused(tmp_path):
     path = written(tmp_path / "j.jsonl")
     with Journal(path, STAMP) as journal:
         journal.record("squeeze", {"part": 2})
@@ -152,12 +150,12 @@ def test_a_record_outside_a_run_is_refused(tmp_path: Path) -> None:
         verify(path)
 
 
-def test_two_writers_are_refused(tmp_path: Path) -> None:
+def test_two_writers_are_refused(tmp_path):
     with Journal(tmp_path / "j.jsonl", STAMP), pytest.raises(JournalError, match="another process"):
         Journal(tmp_path / "j.jsonl", STAMP)
 
 
-def test_what_is_no_regular_file_is_error_24_and_stays_what_it_is(tmp_path: Path) -> None:
+def test_what_is_no_regular_file_is_error_24_and_stays_what_it_is(tmp_path):
     target = written(tmp_path / "j.jsonl")
     before = target.read_bytes()
     (tmp_path / "link").symlink_to(target)
@@ -181,7 +179,7 @@ NO_JOURNALS += [RECORD + b"}\nmore", b"\n" + RECORD, RECORD + b"x" * (8 << 20)]
 
 
 @pytest.mark.parametrize("content", NO_JOURNALS, ids=range(len(NO_JOURNALS)))
-def test_a_file_that_is_no_journal_is_left_as_it_is(tmp_path: Path, content: bytes) -> None:
+def test_a_file_that_is_no_journal_is_left_as_it_is(tmp_path, content):
     path = tmp_path / "config.json"
     path.write_bytes(content)
     with pytest.raises(JournalError):
@@ -190,7 +188,7 @@ def test_a_file_that_is_no_journal_is_left_as_it_is(tmp_path: Path, content: byt
 
 
 @pytest.mark.parametrize("tail", [b"notes", b'{"seq":4,"time":"', b'{"seq":3,"tome":"', b"\n{"])
-def test_a_tail_that_is_no_record_begun_is_left_as_it_is(tmp_path: Path, tail: bytes) -> None:
+def test_a_tail_that_is_no_record_begun_is_left_as_it_is(tmp_path, tail):
     path = written(tmp_path / "j.jsonl")
     path.write_bytes(content := path.read_bytes() + tail)
     for refuse in (lambda: Journal(path, STAMP), lambda: verify(path)):
@@ -202,9 +200,7 @@ def test_a_tail_that_is_no_record_begun_is_left_as_it_is(tmp_path: Path, tail: b
 @pytest.mark.parametrize(
     "tail", [b"{", b'{"seq":3', b'{"seq":3,"time":"20', b'{"seq":3,\0\0\0', b"\0\0"]
 )
-def test_what_a_crash_or_the_file_system_left_of_a_record_is_cut_off(
-    tmp_path: Path, tail: bytes
-) -> None:
+def test_what_a_crash_or_the_file_system_left_of_a_record_is_cut_off(tmp_path, tail):
     path = written(tmp_path / "j.jsonl")
     whole = path.read_bytes()
     path.write_bytes(whole + tail)
@@ -215,7 +211,7 @@ def test_what_a_crash_or_the_file_system_left_of_a_record_is_cut_off(
     assert path.read_bytes() == whole
 
 
-def test_a_path_that_cannot_be_written_is_error_24(tmp_path: Path) -> None:
+def test_a_path_that_cannot_be_written_is_error_24(tmp_path):
     with pytest.raises(JournalError, match="No such file or directory; make its folder") as refused:
         Journal(tmp_path / "no folder" / "j.jsonl", STAMP)
     assert refused.value.exit_code == 24
@@ -223,7 +219,7 @@ def test_a_path_that_cannot_be_written_is_error_24(tmp_path: Path) -> None:
         verify(Path("/dev/null"))
 
 
-def test_reserved_names_and_numbers_json_lacks_are_bugs(tmp_path: Path) -> None:
+def test_reserved_names_and_numbers_json_lacks_are_bugs(tmp_path):
     with Journal(tmp_path / "j.jsonl", STAMP) as journal:
         with pytest.raises(ValueError, match="reserved field names: \\['seq'\\]"):
             journal.record("squeeze", {"seq": 1})
@@ -246,9 +242,7 @@ def sealed(body: bytes) -> bytes:
         (sealed(b'{"seq":7,"time":"now","kind":"part","previous":"x"}'), "has sequence number 7"),
     ],
 )
-def test_a_line_with_a_digest_of_its_own_is_still_no_record(
-    tmp_path: Path, line: bytes, message: str
-) -> None:
+def test_a_line_with_a_digest_of_its_own_is_still_no_record(tmp_path, line, message):
     """Whoever can write a file can also write digests; the chain is what cannot be joined."""
     path = tmp_path / "j.jsonl"
     path.write_bytes(line)
@@ -267,9 +261,7 @@ def test_a_line_with_a_digest_of_its_own_is_still_no_record(
         ),
     ],
 )
-def test_a_header_of_another_kind_is_reported(
-    tmp_path: Path, fields: dict[str, object], message: str
-) -> None:
+def test_a_header_of_another_kind_is_reported(tmp_path, fields, message):
     with Journal(tmp_path / "j.jsonl", STAMP) as journal:
         journal.record("header", fields)
     with pytest.raises(JournalError, match=f"line 1: {message}"):

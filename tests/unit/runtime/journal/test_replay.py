@@ -1,7 +1,6 @@
 """A journal's claims are derived again from its counts; each claim that does not follow is found."""
 
 import json
-from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
@@ -16,7 +15,7 @@ from runtime.traversal.decision import Policy
 
 
 @pytest.fixture
-def journal(tmp_path: Path) -> Path:
+def journal(tmp_path):
     return write_run(tmp_path / "j.jsonl")
 
 
@@ -24,13 +23,13 @@ def findings(entries: list[dict[str, object]]) -> list[Finding]:
     return list(Replay().follow(entries))
 
 
-def test_a_run_as_it_was_written_replays(journal: Path) -> None:
+def test_a_run_as_it_was_written_replays(journal):
     replay = Replay()
     assert list(replay.follow(records(journal))) == []
     assert (replay.decisions, replay.parts, replay.closed, replay.part) == (6, 4, True, None)
 
 
-def test_a_run_with_a_calibration_of_its_own_replays_by_it(tmp_path: Path) -> None:
+def test_a_run_with_a_calibration_of_its_own_replays_by_it(tmp_path):
     same = Calibration(GRIPPER.profile, ((0, 0), (85_000, 85_000)))
     path = write_run(tmp_path / "own.jsonl", calibration=same)
     assert findings(list(records(path))) == []
@@ -60,9 +59,7 @@ def test_a_run_with_a_calibration_of_its_own_replays_by_it(tmp_path: Path) -> No
         ("outcome", {"exit_code": 10}, "reports exit code 10, LEAF has 0"),
     ],
 )
-def test_a_claim_that_does_not_follow_is_found(
-    journal: Path, kind: str, change: Mapping[str, object], message: str
-) -> None:
+def test_a_claim_that_does_not_follow_is_found(journal, kind, change, message):
     entries = list(records(journal))
     changed = next(entry for entry in entries if entry["kind"] == kind)
     changed.update(change)
@@ -84,7 +81,7 @@ def cut_after(journal: Path, kind: str, number: int) -> Path:
     return journal
 
 
-def test_where_a_run_broke_off_is_reported_by_its_last_records(journal: Path) -> None:
+def test_where_a_run_broke_off_is_reported_by_its_last_records(journal):
     assert broken_run(journal, records(journal)) is None
     cut = broken_run(journal, records(cut_after(journal, "squeeze", 2)))
     assert cut is not None
@@ -98,7 +95,7 @@ def test_where_a_run_broke_off_is_reported_by_its_last_records(journal: Path) ->
     assert (cut.parts, cut.part) == (1, None)
 
 
-def test_a_run_that_was_over_but_for_its_last_record_did_not_break_off(tmp_path: Path) -> None:
+def test_a_run_that_was_over_but_for_its_last_record_did_not_break_off(tmp_path):
     path = write_run(tmp_path / "stop.jsonl", Policy.of("stop", "next"))
     entries = path.read_bytes().splitlines(keepends=True)
     path.write_bytes(b"".join(entries[:-1]))

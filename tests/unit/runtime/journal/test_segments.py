@@ -2,7 +2,7 @@
 
 import os
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from itertools import count
 from pathlib import Path
@@ -51,7 +51,7 @@ def without(entries: Iterator[dict], *names: str) -> list[dict]:
 
 
 @pytest.fixture
-def pair(tmp_path: Path) -> tuple[Path, Path]:
+def pair(tmp_path):
     """The same two runs in one file, and sealed after every part."""
     whole, cut = tmp_path / "whole.jsonl", tmp_path / "cut.jsonl"
     for path, size in ((whole, chain.SEGMENT_BYTES), (cut, 1)):
@@ -62,9 +62,7 @@ def pair(tmp_path: Path) -> tuple[Path, Path]:
     return whole, cut
 
 
-def test_journal_sealed_after_every_part_tells_the_same_to_every_reader(
-    pair: tuple[Path, Path],
-) -> None:
+def test_journal_sealed_after_every_part_tells_the_same_to_every_reader(pair):
     whole, cut = pair
     one, other = verify(whole), verify(cut)
     assert (other.runs, other.closed, other.segments) == (one.runs, one.closed, 7) == (2, True, 7)
@@ -88,7 +86,7 @@ def test_journal_sealed_after_every_part_tells_the_same_to_every_reader(
     assert (replay.decisions, replay.parts, replay.closed) == (12, 4, True)
 
 
-def test_a_run_that_broke_off_is_known_by_the_last_segment_alone(tmp_path: Path) -> None:
+def test_a_run_that_broke_off_is_known_by_the_last_segment_alone(tmp_path):
     """Wherever it broke off: the same as by all records."""
     for cut in count(1):
         path = tmp_path / f"{cut}.jsonl"
@@ -108,7 +106,7 @@ def test_a_run_that_broke_off_is_known_by_the_last_segment_alone(tmp_path: Path)
     assert cut > 5
 
 
-def test_opening_reads_the_last_segment_and_verify_reads_all(tmp_path: Path) -> None:
+def test_opening_reads_the_last_segment_and_verify_reads_all(tmp_path):
     path = segmented(tmp_path / "j.jsonl")
     first = segment(path, 1)
     first.write_bytes(first.read_bytes().replace(b'"port":"sim"', b'"port":"sun"'))
@@ -120,7 +118,7 @@ def test_opening_reads_the_last_segment_and_verify_reads_all(tmp_path: Path) -> 
 
 @pytest.mark.parametrize("name", ["j.jsonl", "j.jsonl.000001", "j.jsonl.000002"])
 @pytest.mark.parametrize("how", ["missing", "empty", "first line missing", "last line missing"])
-def test_a_segment_that_lost_records_is_refused(tmp_path: Path, name: str, how: str) -> None:
+def test_a_segment_that_lost_records_is_refused(tmp_path, name, how):
     path = segmented(tmp_path / "j.jsonl")
     lost = tmp_path / name
     lines = lost.read_bytes().splitlines(keepends=True)
@@ -137,7 +135,7 @@ def test_a_segment_that_lost_records_is_refused(tmp_path: Path, name: str, how: 
     assert lost.exists() == (kept is not None)
 
 
-def test_a_segment_is_no_journal_to_write_to(tmp_path: Path) -> None:
+def test_a_segment_is_no_journal_to_write_to(tmp_path):
     path = segmented(tmp_path / "j.jsonl")
     with pytest.raises(JournalError, match=r"is a segment of .*j\.jsonl; name that one"):
         Journal(segment(path, 1), STAMP)
@@ -147,9 +145,7 @@ class KilledError(BaseException):
     """The process is gone."""
 
 
-def test_a_process_killed_at_any_moment_of_a_rotation_leaves_a_whole_journal(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_process_killed_at_any_moment_of_a_rotation_leaves_a_whole_journal(tmp_path, monkeypatch):
     deaths = 0
     for last in count():
         path = tmp_path / f"{last}.jsonl"
@@ -159,8 +155,8 @@ def test_a_process_killed_at_any_moment_of_a_rotation_leaves_a_whole_journal(
         before = list(records(path))
         left = last
 
-        def dying(call: Callable) -> Callable:
-            def called(*arguments: object, **named: object) -> object:
+        def dying(call):
+            def called(*arguments, **named):
                 nonlocal left
                 left -= 1
                 if left < 0:
@@ -189,15 +185,13 @@ def test_a_process_killed_at_any_moment_of_a_rotation_leaves_a_whole_journal(
     assert deaths > 10
 
 
-def test_a_reader_that_opened_the_file_before_it_was_sealed_reads_it_once(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_reader_that_opened_the_file_before_it_was_sealed_reads_it_once(tmp_path, monkeypatch):
     path = tmp_path / "j.jsonl"
     with Journal(path, STAMP, segment_bytes=1) as journal:
         journal.header(b"table", {})
         write_part(journal, 1)
 
-        def sealed_meanwhile(asked: Path) -> list[Path]:
+        def sealed_meanwhile(asked):
             write_part(journal, 2)
             return sealed_segments(asked)
 
@@ -253,8 +247,8 @@ WHOLE = (removed, renamed, renamed_and_created, replaced, linked, written_to)
 )
 @pytest.mark.parametrize("begin", [write_run, segmented])
 def test_a_journal_displaced_beneath_a_run_loses_nothing_and_is_seen_by_the_next(
-    tmp_path: Path, displace: Callable[[Path], None], begin: Callable[[Path], Path]
-) -> None:
+    tmp_path, displace, begin
+):
     path = begin(tmp_path / "j.jsonl")
     with Journal(path, STAMP) as journal:
         journal.header(dumps(small_table()), {})

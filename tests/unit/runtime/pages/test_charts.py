@@ -7,15 +7,7 @@ from itertools import pairwise
 import pytest
 from html_pages import Page
 
-from runtime.pages.charts import (
-    APART,
-    MOST_POINTS,
-    Band,
-    Line,
-    histogram,
-    thinned,
-    trend,
-)
+from runtime.pages.charts import APART, MOST_POINTS, Band, Line, histogram, thinned, trend
 
 
 def numbers(text):

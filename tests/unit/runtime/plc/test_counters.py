@@ -21,20 +21,20 @@ def run(plc: MemoryPlc, outcome: int, seconds: float | None = None) -> None:
 
 
 @pytest.fixture
-def plc() -> MemoryPlc:
+def plc():
     memory = MemoryPlc()
     memory.station = Station([0], takt_s=6.0)
     return memory
 
 
-def test_counters_tell_each_outcome_and_stay_after_the_results_are_taken(plc: MemoryPlc) -> None:
+def test_counters_tell_each_outcome_and_stay_after_the_results_are_taken(plc):
     for outcome in (1, 1, 2, 3, 1, 4):
         run(plc, outcome)
     assert plc(*PARTS) == [3, 1, 1, 1]
     assert plc("result_valid", "outcome") == [0, 0]
 
 
-def test_share_within_the_takt_is_of_the_parts_that_tell_their_seconds(plc: MemoryPlc) -> None:
+def test_share_within_the_takt_is_of_the_parts_that_tell_their_seconds(plc):
     for seconds in (5.25, 6.0, None, 6.01, 7.5):
         run(plc, 1, seconds)
     assert plc("parts_located", "seconds_last", "takt_share") == [5, 750, 5000]

@@ -30,7 +30,7 @@ class Scripted(PlcServer):
         self.ended = True
 
 
-def test_server_that_starts_ends_when_it_is_left() -> None:
+def test_server_that_starts_ends_when_it_is_left():
     with Scripted() as server:
         server.entered.set()
         server.check()
@@ -38,12 +38,12 @@ def test_server_that_starts_ends_when_it_is_left() -> None:
     assert not server._thread.is_alive()
 
 
-def test_server_that_cannot_start_raises_why() -> None:
+def test_server_that_cannot_start_raises_why():
     with pytest.raises(OSError, match="no descriptor"), Scripted(starts=False, fails=True):
         pass
 
 
-def test_server_that_fails_later_ends_enabling_and_says_why() -> None:
+def test_server_that_fails_later_ends_enabling_and_says_why():
     server = Scripted(fails=True)
     server.exchange.put({"enable": 1})
     server.exchange.connect()
@@ -55,7 +55,7 @@ def test_server_that_fails_later_ends_enabling_and_says_why() -> None:
         assert (server.exchange.enabled, server.exchange.connected) == (False, False)
 
 
-def test_watch_sees_each_step_once_and_in_order() -> None:
+def test_watch_sees_each_step_once_and_in_order():
     exchange = Exchange(Station((1, 2)), SystemClock())
     seen = []
     exchange.watch = seen.append

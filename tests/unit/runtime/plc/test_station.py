@@ -13,30 +13,30 @@ RESULT = {"x": -1200, "y": 70_000, "angle": -1_799_999, "part": 2, "face": 1, "e
 
 
 @pytest.fixture
-def plc() -> MemoryPlc:
+def plc():
     return MemoryPlc()
 
 
 @pytest.fixture
-def enabled(plc: MemoryPlc) -> MemoryPlc:
+def enabled(plc):
     plc.write(enable=1)
     return plc
 
 
 @pytest.fixture
-def working(enabled: MemoryPlc) -> MemoryPlc:
+def working(enabled):
     enabled.write(trigger_id=7)
     enabled.pulse("trigger")
     return enabled
 
 
 @pytest.fixture
-def waiting(working: MemoryPlc) -> MemoryPlc:
+def waiting(working):
     working.end_part(**RESULT)
     return working
 
 
-def test_part_goes_through_the_documented_handshake(enabled: MemoryPlc) -> None:
+def test_part_goes_through_the_documented_handshake(enabled):
     enabled.write(trigger_id=7)
     assert enabled(*SIGNALS) == [0, 0, 0, 0]
     enabled.write(trigger=1)
@@ -55,7 +55,7 @@ def test_part_goes_through_the_documented_handshake(enabled: MemoryPlc) -> None:
     assert [enabled[register.name] for register in READ if register.name not in quiet] == [0] * 15
 
 
-def test_trigger_without_enable_is_an_error_and_begins_nothing(plc: MemoryPlc) -> None:
+def test_trigger_without_enable_is_an_error_and_begins_nothing(plc):
     plc.write(trigger=1)
     assert (plc["error_id"], plc.station.order) == (Error.NOT_ENABLED, None)
     plc.write(enable=1)  # the trigger is up, and does not rise
@@ -66,9 +66,7 @@ def test_trigger_without_enable_is_an_error_and_begins_nothing(plc: MemoryPlc) -
 
 
 @pytest.mark.parametrize("fixture", ["working", "waiting"])
-def test_second_trigger_is_an_error_and_leaves_the_part_as_it_is(
-    fixture: str, request: pytest.FixtureRequest
-) -> None:
+def test_second_trigger_is_an_error_and_leaves_the_part_as_it_is(fixture, request):
     plc = request.getfixturevalue(fixture)
     before, shown, order = plc(*SIGNALS), plc(*RESULT), plc.station.order
     plc.write(trigger_id=8, trigger=1)
@@ -81,7 +79,7 @@ def test_second_trigger_is_an_error_and_leaves_the_part_as_it_is(
     assert (plc(*SIGNALS), plc(*RESULT), plc.station.order) == (before, shown, order)
 
 
-def test_acknowledge_that_was_up_before_the_result_takes_nothing(working: MemoryPlc) -> None:
+def test_acknowledge_that_was_up_before_the_result_takes_nothing(working):
     working.write(result_acknowledge=1)
     working.end_part()
     assert working["result_valid"] == 1
@@ -95,9 +93,7 @@ def test_acknowledge_that_was_up_before_the_result_takes_nothing(working: Memory
 
 @pytest.mark.parametrize("end", ["enable", "heartbeat", "connection"])
 @pytest.mark.parametrize("fixture", ["enabled", "working", "waiting"])
-def test_end_of_enabling_leaves_part_and_result_and_stops_triggers(
-    fixture: str, end: str, request: pytest.FixtureRequest
-) -> None:
+def test_end_of_enabling_leaves_part_and_result_and_stops_triggers(fixture, end, request):
     plc = request.getfixturevalue(fixture)
     before, order = plc(*SIGNALS), plc.station.order
     if end == "enable":
@@ -118,14 +114,14 @@ def test_end_of_enabling_leaves_part_and_result_and_stops_triggers(
 
 
 @pytest.mark.parametrize("period_s", [1.0, HEARTBEAT_LIMIT_S])
-def test_heartbeat_that_changes_in_time_keeps_enabling(enabled: MemoryPlc, period_s: float) -> None:
+def test_heartbeat_that_changes_in_time_keeps_enabling(enabled, period_s):
     for beat in range(20):
         enabled.now += period_s
         enabled.write(heartbeat_in=1 - beat % 2)
         assert enabled["enable"] == 1
 
 
-def test_heartbeat_that_stands_still_has_to_move_before_enabling_again(enabled: MemoryPlc) -> None:
+def test_heartbeat_that_stands_still_has_to_move_before_enabling_again(enabled):
     enabled.now += HEARTBEAT_LIMIT_S + 0.1
     for _ in range(3):
         enabled.write(heartbeat_in=0, enable=1)
@@ -134,7 +130,7 @@ def test_heartbeat_that_stands_still_has_to_move_before_enabling_again(enabled: 
     assert enabled("enable", "error_id") == [1, 0]
 
 
-def test_lost_connection_invents_no_edge(working: MemoryPlc) -> None:
+def test_lost_connection_invents_no_edge(working):
     working.write(result_acknowledge=1)
     working.station.disconnect()
     working.end_part()
@@ -142,7 +138,7 @@ def test_lost_connection_invents_no_edge(working: MemoryPlc) -> None:
     assert working("result_valid", "result_id") == [1, 7]
 
 
-def test_table_that_does_not_exist_is_an_error_and_others_are_used() -> None:
+def test_table_that_does_not_exist_is_an_error_and_others_are_used():
     plc = MemoryPlc((0x11111111, 0xA2222222))
     plc.write(enable=1, table=2, trigger=1)
     assert (plc["error_id"], plc.station.order) == (Error.UNKNOWN_TABLE, None)
@@ -165,9 +161,7 @@ def test_table_that_does_not_exist_is_an_error_and_others_are_used() -> None:
         (2, [-1], Refusal.VALUE),
     ],
 )
-def test_write_that_is_refused_changes_nothing(
-    plc: MemoryPlc, address: int, values: list[int], refusal: Refusal
-) -> None:
+def test_write_that_is_refused_changes_nothing(plc, address, values, refusal):
     before = plc(*(register.name for register in MAP))
     assert plc.station.write(address, values, plc.now) is refusal
     assert plc(*(register.name for register in MAP)) == before

@@ -7,14 +7,7 @@ from vision_chart import LOCATED, explored, line
 
 from runtime.plc.handshake import OPEN, SIGNALS, Error
 from runtime.plc.station import FAULT, Answer
-from runtime.plc.vision import (
-    STOP_REASONS,
-    Job,
-    PackMLState,
-    VisionState,
-    result_of,
-    view,
-)
+from runtime.plc.vision import STOP_REASONS, Job, PackMLState, VisionState, result_of, view
 
 CHART = list(explored())
 JOB = Job(7, "id-7", "m", "two", "e" * 64)
@@ -41,13 +34,13 @@ OURS = {
 }
 
 
-def test_every_state_is_reached() -> None:
+def test_every_state_is_reached():
     reached = [view(seen) for _, _, seen in CHART]
     assert {row.state for row in reached} == set(VisionState)
     assert {row.packml for row in reached} == set(PackMLState)
 
 
-def test_every_transition_is_one_of_the_specification_or_follows_a_release() -> None:
+def test_every_transition_is_one_of_the_specification_or_follows_a_release():
     for before, name, after in CHART:
         left, entered = view(before).state, view(after).state
         outer = "Operational" if left.automatic and not entered.automatic else left.value
@@ -55,13 +48,13 @@ def test_every_transition_is_one_of_the_specification_or_follows_a_release() -> 
             assert (left.value, entered.value) in OURS, name
 
 
-def test_ready_is_where_a_job_is_accepted_and_nothing_else_begins_a_part() -> None:
+def test_ready_is_where_a_job_is_accepted_and_nothing_else_begins_a_part():
     for before, name, after in CHART:
         begins = SIGNALS[after.state].busy and not SIGNALS[before.state].busy
         assert begins == (name == "StartSingleJob" and view(before).state is VisionState.READY)
 
 
-def test_result_is_lost_by_nothing_but_its_release_or_the_confirmation_of_a_fault() -> None:
+def test_result_is_lost_by_nothing_but_its_release_or_the_confirmation_of_a_fault():
     for before, name, after in CHART:
         if SIGNALS[before.state].result_valid and not SIGNALS[after.state].result_valid:
             fault = view(before).state is VisionState.ERROR
@@ -70,7 +63,7 @@ def test_result_is_lost_by_nothing_but_its_release_or_the_confirmation_of_a_faul
             assert after.answer == before.answer
 
 
-def test_refused_job_names_its_error_and_changes_only_that() -> None:
+def test_refused_job_names_its_error_and_changes_only_that():
     with line() as each:
         assert each.server._start("a")[:2] == ("", Error.NOT_ENABLED)
         each.server._select_automatic()
@@ -89,7 +82,7 @@ def test_refused_job_names_its_error_and_changes_only_that() -> None:
         assert each.server._start("b")[1] == Error.RUN_ENDED
 
 
-def test_result_has_the_units_of_its_names() -> None:
+def test_result_has_the_units_of_its_names():
     result = result_of(JOB, ["bracket", "shim"], LOCATED)
     assert (result.ResultHandle, result.ResultId, result.MeasId) == (7, "id-7", "m")
     assert (result.X_mm, result.Y_mm, result.Angle_deg) == (-1.5, 0.25, 90.0)
@@ -100,16 +93,14 @@ def test_result_has_the_units_of_its_names() -> None:
 
 
 @pytest.mark.parametrize(("outcome", "code", "error"), [(2, 10, 0), (3, 11, 0), (FAULT, 20, 20)])
-def test_result_without_a_pose_has_none_and_only_a_fault_an_error(
-    outcome: int, code: int, error: int
-) -> None:
+def test_result_without_a_pose_has_none_and_only_a_fault_an_error(outcome, code, error):
     result = result_of(JOB, ["bracket"], Answer(outcome, code))
     assert (result.X_mm, result.Y_mm, result.Angle_deg, result.Part) == (0.0, 0.0, 0.0, "")
     assert isnan(result.ExpectedError_mm)
     assert (result.ExitCode, result.ErrorId) == (code, error)
 
 
-def test_counts_and_results_are_those_of_the_parts() -> None:
+def test_counts_and_results_are_those_of_the_parts():
     answers = [LOCATED, Answer(2, 10), LOCATED, Answer(3, 11), Answer(FAULT, 20)]
     with line() as each:
         each.server._select_automatic()
@@ -132,7 +123,7 @@ def test_counts_and_results_are_those_of_the_parts() -> None:
     assert shown["PackML/StopReason"] == STOP_REASONS[20]
 
 
-def test_handle_of_another_result_releases_nothing() -> None:
+def test_handle_of_another_result_releases_nothing():
     with line() as each:
         each.server._select_automatic()
         each.server._prepare("one")

@@ -94,14 +94,14 @@ def with_push(table: Table) -> Table:
         (shifted(15_000), "does not lie between the jaws of node"),
     ],
 )
-def test_a_table_that_its_job_contradicts_is_refused(forge: Forge, said: str) -> None:
+def test_a_table_that_its_job_contradicts_is_refused(forge, said):
     with pytest.raises(TableError) as refused:
         loads(encode(forge(TABLE)))
     assert said in str(refused.value)
     assert str(refused.value).endswith("recompile it")
 
 
-def test_an_opening_is_one_of_those_that_the_job_lists_if_it_lists_any() -> None:
+def test_an_opening_is_one_of_those_that_the_job_lists_if_it_lists_any():
     job = json.loads(TABLE.job or "")
     narrow = squeeze(opening_um=80_000)(TABLE)
     loads(encode(narrow))
@@ -111,13 +111,13 @@ def test_an_opening_is_one_of_those_that_the_job_lists_if_it_lists_any() -> None
 
 
 @pytest.mark.parametrize("direction", range(8))
-def test_leaves_that_all_lie_15_mm_off_are_refused_in_any_direction(direction: int) -> None:
+def test_leaves_that_all_lie_15_mm_off_are_refused_in_any_direction(direction):
     turn = direction * pi / 4
     with pytest.raises(TableError, match="does not lie between the jaws"):
         dumps(shifted(round(15_000 * cos(turn)), round(15_000 * sin(turn)))(TABLE))
 
 
-def test_a_leaf_that_is_turned_is_refused() -> None:
+def test_a_leaf_that_is_turned_is_refused():
     """By a quarter: the jaws read 21 mm where the rectangle is 30 mm wide, in a cell without doubts."""
     certain = with_job(TABLE, json.dumps({**json.loads(TABLE.job or ""), "doubt": {}}))
     quarter = round(1e6 * pi / 2)
@@ -127,7 +127,7 @@ def test_a_leaf_that_is_turned_is_refused() -> None:
         dumps(replace(certain, leaves=(*turned, *TABLE.leaves[1:])))
 
 
-def test_a_forged_table_is_refused_before_anything_is_connected(tmp_path: Path, capsys) -> None:
+def test_a_forged_table_is_refused_before_anything_is_connected(tmp_path, capsys):
     path = tmp_path / "forged.msgpack"
     path.write_bytes(encode(limits(squeeze_height_um=-50_000)(TABLE)))
     assert main(["--tree", str(path), "--check"]) == 3
@@ -162,15 +162,13 @@ def two_parts(**changes: object) -> dict[str, object]:
         ),
     ],
 )
-def test_parts_that_the_job_names_otherwise_are_refused(
-    changes: dict[str, object], said: str
-) -> None:
+def test_parts_that_the_job_names_otherwise_are_refused(changes, said):
     dumps(with_job(several_table(), json.dumps(two_parts())))
     with pytest.raises(TableError, match=said):
         dumps(with_job(several_table(), json.dumps(two_parts(**changes))))
 
 
-def test_what_a_job_leaves_out_is_not_compared() -> None:
+def test_what_a_job_leaves_out_is_not_compared():
     """Each section alone passes as well: none is taken for granted."""
     job = json.loads(TABLE.job or "")
     for name, value in job.items():
@@ -178,7 +176,7 @@ def test_what_a_job_leaves_out_is_not_compared() -> None:
         dumps(with_job(TABLE, json.dumps({key: kept for key, kept in job.items() if key != name})))
 
 
-def test_an_outline_of_thousands_of_points_takes_milliseconds() -> None:
+def test_an_outline_of_thousands_of_points_takes_milliseconds():
     """A wavy disc that the job of the rectangle's table names: its grips are refused, and soon."""
     job = json.loads(TABLE.job or "")
     steps = [2 * pi * k / 9_999 for k in range(9_999)]
@@ -203,9 +201,7 @@ def test_an_outline_of_thousands_of_points_takes_milliseconds() -> None:
         ),
     ],
 )
-def test_check_says_what_was_compared_and_what_was_not(
-    table: Table, said: str, tmp_path: Path, capsys
-) -> None:
+def test_check_says_what_was_compared_and_what_was_not(table, said, tmp_path, capsys):
     dump(table, tmp_path / "table.msgpack")
     assert main(["--tree", str(tmp_path / "table.msgpack"), "--check"]) == 0
     out = capsys.readouterr().out

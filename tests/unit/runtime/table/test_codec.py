@@ -4,7 +4,6 @@ import hashlib
 import subprocess
 import sys
 from dataclasses import replace
-from pathlib import Path
 from random import Random
 
 import msgpack
@@ -66,14 +65,14 @@ def with_field(path: str, value: object, table: Table | None = None) -> bytes:
     ],
     ids=["small", "every field", "pushes", "pushes several", "one node", "300 nodes", "150 nodes"],
 )
-def test_a_table_comes_back_as_it_is(table: Table) -> None:
+def test_a_table_comes_back_as_it_is(table):
     data = dumps(table)
     assert loads(data) == table
     assert dumps(loads(data)) == data
 
 
 @pytest.mark.parametrize("name", ["hypotheses", "releases", "pushes", "contacts"])
-def test_decode_refuses_an_optional_section_without_records(name: str) -> None:
+def test_decode_refuses_an_optional_section_without_records(name):
     (section,) = (section for section in SECTIONS if section.name == name)
     empty = [name, *([] for _ in section.columns)]
     with pytest.raises(TableError, match="not in the one encoding a table has"):
@@ -81,12 +80,12 @@ def test_decode_refuses_an_optional_section_without_records(name: str) -> None:
 
 
 @pytest.mark.parametrize("owners", [[1, 0, 1], [0, 1, 2], [0, 1, -1], [0, 1, 4_095]])
-def test_decode_refuses_records_out_of_order_or_of_no_node(owners: list[int]) -> None:
+def test_decode_refuses_records_out_of_order_or_of_no_node(owners):
     with pytest.raises(TableError, match="not in the one encoding a table has"):
         loads(with_field("pushes.node", owners, pushing_table()))
 
 
-def test_every_damaged_bit_and_every_cut_is_refused() -> None:
+def test_every_damaged_bit_and_every_cut_is_refused():
     for at in range(len(SMALL)):
         with pytest.raises(TableError):
             loads(SMALL[:at])
@@ -99,7 +98,7 @@ def test_every_damaged_bit_and_every_cut_is_refused() -> None:
         loads(SMALL + b"\0")
 
 
-def test_an_integer_in_a_longer_form_is_refused() -> None:
+def test_an_integer_in_a_longer_form_is_refused():
     payload = msgpack.unpackb(SMALL)[3]
     longer = payload.replace(
         b"\x94\x00\x00\x01\x01", b"\x94\x00\x00\x01\xcc\x01", 1
@@ -157,7 +156,7 @@ SECTIONS_OF_SMALL = sections_of(small_table())
         (with_field("branches.node", [0, 0, 0, 0]), "node 1: number of branches is 0"),
     ],
 )
-def test_hostile_bytes_are_refused_with_a_reason(data: bytes, reason: str) -> None:
+def test_hostile_bytes_are_refused_with_a_reason(data, reason):
     with pytest.raises(TableError, match=reason):
         loads(data)
 
@@ -180,7 +179,7 @@ ROOT = small_table().nodes[0]
         with_leaf(small_table(), 0, small_table().leaves[0]._replace(trials=1 << 70)),
     ],
 )
-def test_what_would_not_come_back_as_it_is_has_no_bytes(table: Table) -> None:
+def test_what_would_not_come_back_as_it_is_has_no_bytes(table):
     with pytest.raises(TableError):
         dumps(table)
 
@@ -215,7 +214,7 @@ HOSTILE = [
 ]
 
 
-def test_files_made_to_exhaust_the_reader_are_refused_in_little_memory(tmp_path: Path) -> None:
+def test_files_made_to_exhaust_the_reader_are_refused_in_little_memory(tmp_path):
     paths = [tmp_path / f"{number}.msgpack" for number in range(len(HOSTILE))]
     for path, (data, _) in zip(paths, HOSTILE, strict=True):
         path.write_bytes(data)
@@ -229,7 +228,7 @@ def test_files_made_to_exhaust_the_reader_are_refused_in_little_memory(tmp_path:
 # -- files ----------------------------------------------------------------------------------------
 
 
-def test_a_file_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
+def test_a_file_is_written_whole_or_not_at_all(tmp_path):
     path = tmp_path / "small.msgpack"
     dump(small_table(), path)
     assert load(path) == (small_table(), SMALL, hashlib.sha256(SMALL).hexdigest())
@@ -239,7 +238,7 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
     assert [entry.name for entry in tmp_path.iterdir()] == ["small.msgpack"]
 
 
-def test_errors_name_the_file_and_carry_their_codes(tmp_path: Path) -> None:
+def test_errors_name_the_file_and_carry_their_codes(tmp_path):
     with pytest.raises(TableError, match="No such file") as missing:
         load(tmp_path / "none.msgpack")
     assert missing.value.exit_code == 3

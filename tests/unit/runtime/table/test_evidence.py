@@ -15,9 +15,7 @@ from runtime.table.evidence import LEAST_LOG, LEVEL, MOST_TERMS, Z95
 
 @pytest.mark.parametrize("confidence", [0.5, 0.9, 0.99, 0.999])
 @pytest.mark.parametrize("trials", [0, 1, 2, 10, 57, 300])
-def test_a_leaf_is_refuted_where_the_exact_binomial_test_refutes_it(
-    trials: int, confidence: float
-) -> None:
+def test_a_leaf_is_refuted_where_the_exact_binomial_test_refutes_it(trials, confidence):
     """A second method: the lower tail of the binomial distribution (Clopper and Pearson 1934)."""
     tails = binom.cdf(range(trials + 1), trials, confidence)
     for successes, tail in enumerate(tails):
@@ -25,7 +23,7 @@ def test_a_leaf_is_refuted_where_the_exact_binomial_test_refutes_it(
             assert refuted(successes, trials, confidence) == (tail < LEVEL), (successes, trials)
 
 
-def test_where_the_exact_sum_would_be_long_the_interval_speaks() -> None:
+def test_where_the_exact_sum_would_be_long_the_interval_speaks():
     assert (MOST_TERMS, LEVEL, LEAST_LOG) == (1_000, 0.025, -700.0)
     assert pytest.approx(1.959964, abs=1e-6) == Z95  # two-sided 95 %
     for trials, confidence in ((100_000, 0.99), (20_000, 0.9), (10**9, 0.999)):
@@ -37,7 +35,7 @@ def test_where_the_exact_sum_would_be_long_the_interval_speaks() -> None:
 
 
 @pytest.mark.parametrize("trials", [50, 300, 200_000])
-def test_of_many_leaves_tested_at_once_few_are_refuted_by_chance(trials: int) -> None:
+def test_of_many_leaves_tested_at_once_few_are_refuted_by_chance(trials):
     """Bonferroni: the chance that any of them is refuted, all being as good as allowed, is at most 2.5 %."""
     for leaves in (1, 30, 400):
         least = next(n for n in range(trials) if refuted(trials - n, trials, 0.99, leaves))
@@ -48,7 +46,7 @@ def test_of_many_leaves_tested_at_once_few_are_refuted_by_chance(trials: int) ->
         assert leaves * binom.cdf(trials - least + 1, trials, 0.99) > LEVEL * 0.9
 
 
-def test_an_underflow_is_not_taken_for_a_refutation() -> None:
+def test_an_underflow_is_not_taken_for_a_refutation():
     """0.5 to the 2000th power is no float: every single success would seem impossible."""
     assert not refuted(1_000, 2_000, 0.5)
     assert refuted(900, 2_000, 0.5)
@@ -56,7 +54,7 @@ def test_an_underflow_is_not_taken_for_a_refutation() -> None:
     assert not refuted(260, 701, 0.37)
 
 
-def test_certainty_is_refuted_by_any_miss_and_never_summed_for_long() -> None:
+def test_certainty_is_refuted_by_any_miss_and_never_summed_for_long():
     """At a confidence of 1 nothing else bounds the number of terms."""
     assert not refuted(10**6, 10**6, 1.0)
     assert refuted(10**6 - 1, 10**6, 1.0)
@@ -65,7 +63,7 @@ def test_certainty_is_refuted_by_any_miss_and_never_summed_for_long() -> None:
 
 
 @given(st.integers(0, 200), st.integers(1, 200))
-def test_the_interval_is_scipys(successes: int, trials: int) -> None:
+def test_the_interval_is_scipys(successes, trials):
     theirs = binomtest(min(successes, trials), trials).proportion_ci(0.95, "wilson")
     ours = wilson_interval(min(successes, trials), trials)
     assert ours == pytest.approx((theirs.low, theirs.high), abs=1e-9)
@@ -112,12 +110,12 @@ def leaf_with(**changes: int) -> Table:
         ),
     ],
 )
-def test_figures_that_cannot_be_of_one_evaluation_are_refused(table: Table, said: str) -> None:
+def test_figures_that_cannot_be_of_one_evaluation_are_refused(table, said):
     with pytest.raises(TableError, match=said.replace(".", r"\.")):
         dumps(table)
 
 
-def test_figures_of_an_evaluation_pass() -> None:
+def test_figures_of_an_evaluation_pass():
     """Whatever share of the trials met the goal: quantiles as the planner takes them, interpolated."""
     rng = np.random.default_rng(0)
     for trials in [*range(1, 60), 400]:

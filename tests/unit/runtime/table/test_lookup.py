@@ -13,7 +13,6 @@ from runtime.table import (
     Branch,
     Calibration,
     Node,
-    Table,
     TableError,
     decide,
     decision_map,
@@ -58,7 +57,7 @@ def widths_of(node: Node) -> list[int]:
 
 
 @pytest.mark.parametrize("table", TABLES, ids=["small", "every field", "random", "120 nodes"])
-def test_decide_at_every_node_width_and_flag_follows_the_rule(table: Table) -> None:
+def test_decide_at_every_node_width_and_flag_follows_the_rule(table):
     for node in table.nodes:
         decided = decision_map(node, table.gripper)
         for width in widths_of(node):
@@ -67,9 +66,7 @@ def test_decide_at_every_node_width_and_flag_follows_the_rule(table: Table) -> N
 
 
 @pytest.mark.parametrize("table", TABLES, ids=["small", "every field", "random", "120 nodes"])
-def test_every_branch_of_a_valid_table_is_decided_by_some_reading_and_no_other_reaches_it(
-    table,
-) -> None:
+def test_every_branch_of_a_valid_table_is_decided_by_some_reading_and_no_other_reaches_it(table):
     dumps(table)  # validates it
     for node in table.nodes:
         decided = decision_map(node, table.gripper)
@@ -78,7 +75,7 @@ def test_every_branch_of_a_valid_table_is_decided_by_some_reading_and_no_other_r
         assert set(by_count(decided)) - {REJECT} == numbers
 
 
-def test_a_flag_that_contradicts_the_width_is_rejected() -> None:
+def test_a_flag_that_contradicts_the_width_is_rejected():
     nothing, grip = (0, 0, 900), (20_000, 21_000, 22_000)
     decided = decision_map(node_of(nothing, grip), GRIPPER)
     closed, held = 0, 21_000
@@ -90,7 +87,7 @@ def test_a_flag_that_contradicts_the_width_is_rejected() -> None:
 
 
 @pytest.mark.parametrize("width", [-(10**9), -1, 85_001, 10**9])
-def test_decide_of_no_width_of_the_gripper_rejects(width: int) -> None:
+def test_decide_of_no_width_of_the_gripper_rejects(width):
     """Also where every width has a branch."""
     nothing, any_grip = (0, 0, 1_999), (2_000, 40_000, 85_000)
     for node in (small_table().nodes[0], node_of(nothing, any_grip)):
@@ -99,9 +96,7 @@ def test_decide_of_no_width_of_the_gripper_rejects(width: int) -> None:
         assert decide(decided, width, felt=False) == REJECT
 
 
-def test_a_grip_is_of_two_millimetres_or_reaches_down_to_no_jaws_that_met_and_may_go_unfelt() -> (
-    None
-):
+def test_a_grip_is_of_two_millimetres_or_reaches_down_to_no_jaws_that_met_and_may_go_unfelt():
     """TABLE.md: the flag may miss it up to 5 mm."""
     assert (HELD_UM, REJECT) == (2_000, -1)
     at = 1_900
@@ -125,13 +120,13 @@ def test_a_grip_is_of_two_millimetres_or_reaches_down_to_no_jaws_that_met_and_ma
         node_of((0, 85_000, 85_000)),
     ],
 )
-def test_overlapping_and_nested_intervals_follow_the_rule(node: Node) -> None:
+def test_overlapping_and_nested_intervals_follow_the_rule(node):
     decided = decision_map(node, GRIPPER)
     for width in widths_of(node):
         assert decide(decided, width, felt=True) == slow_decision(node, width, True)
 
 
-def test_counted_widths_are_robotiqs_line() -> None:
+def test_counted_widths_are_robotiqs_line():
     # Robotiq SDK, units.cpp: opening_mm = 85 * (230 - gPO) / 227, clamped; 0.374 mm a count.
     for count in range(256):
         assert LINE.width_um(GRIPPER.profile.counted_um(count)) == pytest.approx(
@@ -147,7 +142,7 @@ FINE = replace(GRIPPER.profile, resolution_um=10.0, counts=None)
 @pytest.mark.parametrize("points", [(), WORN.points_um], ids=["nominal", "worn"])
 def test_calibration_of_a_width_finds_the_reading_nearest_to_it_and_the_least_above(
     profile, points
-) -> None:
+):
     calibration = Calibration(profile, points)
     readings = [profile.reading_um(step) for step in range(profile.steps + 1)]
     truly = {reading: calibration.width_um(reading) for reading in readings}
@@ -164,6 +159,6 @@ def test_calibration_of_a_width_finds_the_reading_nearest_to_it_and_the_least_ab
 @pytest.mark.parametrize(
     "points", [((0, 0),), ((0, 0), (0, 5)), ((0, 5), (10, 4)), ((5, 0), (0, 9))]
 )
-def test_calibration_of_points_that_do_not_rise_is_refused(points) -> None:
+def test_calibration_of_points_that_do_not_rise_is_refused(points):
     with pytest.raises(TableError, match="calibration"):
         Calibration(GRIPPER.profile, points)

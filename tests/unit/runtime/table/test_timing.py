@@ -17,7 +17,7 @@ def timing(**cell: float):
 
 
 @pytest.mark.parametrize("way_mm", [0.0, 1.0, 31.0, 32.0, 500.0])
-def test_trapezoid_covers_the_way_within_speed_and_acceleration(way_mm: float) -> None:
+def test_trapezoid_covers_the_way_within_speed_and_acceleration(way_mm):
     speed, acceleration = 250.0, 2000.0
     seconds = trapezoid_s(way_mm, speed, acceleration)
     ramp_s = min(speed / acceleration, seconds / 2)
@@ -26,13 +26,13 @@ def test_trapezoid_covers_the_way_within_speed_and_acceleration(way_mm: float) -
     )  # area under the profile
 
 
-def test_move_turning_takes_as_long_as_the_arc_of_the_grippers_reach() -> None:
+def test_move_turning_takes_as_long_as_the_arc_of_the_grippers_reach():
     cell = timing()
     assert cell.move_s(3.0, pi / 2) == cell.move_s(cell.turn_radius_mm * pi / 2)
     assert cell.move_s(0.0) == 0.0
 
 
-def test_first_squeeze_comes_down_on_the_way_only_from_nearby_and_where_that_saves_time() -> None:
+def test_first_squeeze_comes_down_on_the_way_only_from_nearby_and_where_that_saves_time():
     cell = Schedule.of(small_table(), {"hypothesis": [{"part": {"height_mm": 16.0}}]}).timing
     first = VISIT._replace(from_retreat=True)
     again = VISIT._replace(turn_rad=pi / 2)
@@ -47,7 +47,7 @@ def test_first_squeeze_comes_down_on_the_way_only_from_nearby_and_where_that_sav
         assert cell.squeeze(visit).lower_s > turned.lower_s
 
 
-def test_schedule_of_alike_fingers_turns_the_short_way() -> None:
+def test_schedule_of_alike_fingers_turns_the_short_way():
     _, second = small_table().nodes
     turned = second._replace(squeeze=second.squeeze._replace(angle_urad=3_000_000))
     table = with_node(small_table(), 1, turned)
@@ -73,7 +73,7 @@ def test_schedule_of_alike_fingers_turns_the_short_way() -> None:
         ({"regrasp_height_mm": "high"}, "regrasp_height_mm"),
     ],
 )
-def test_table_with_a_job_no_motion_can_keep_is_refused(cell: dict, problem: str) -> None:
+def test_table_with_a_job_no_motion_can_keep_is_refused(cell, problem):
     table = with_job(small_table(), json.dumps({"cell": cell}))
     with pytest.raises(TableError, match=problem):
         dumps(table)

@@ -168,16 +168,14 @@ EDGES += [
 @pytest.mark.parametrize(
     ("allowed", "refused", "message"), EDGES, ids=[message for *_, message in EDGES]
 )
-def test_validate_at_an_edge_allows_the_last_value_and_refuses_the_next(
-    allowed: Table, refused: Table, message: str
-) -> None:
+def test_validate_at_an_edge_allows_the_last_value_and_refuses_the_next(allowed, refused, message):
     dumps(allowed)
     with pytest.raises(TableError) as result:
         dumps(refused)
     assert message in str(result.value)
 
 
-def test_a_leaf_of_several_modes_names_as_many_poses_as_the_goal_leaves_open() -> None:
+def test_a_leaf_of_several_modes_names_as_many_poses_as_the_goal_leaves_open():
     two = replace(
         leaf_with(alternatives=(LeafPose(0, 0, 1),)),
         goal=replace(TABLE.goal, kind="modes", modes=2),
@@ -191,7 +189,7 @@ def test_a_leaf_of_several_modes_names_as_many_poses_as_the_goal_leaves_open() -
         dumps(replace(two, goal=replace(two.goal, kind="pose")))
 
 
-def test_a_grip_is_never_read_where_the_jaws_are_closed() -> None:
+def test_a_grip_is_never_read_where_the_jaws_are_closed():
     """An interval of the closed jaws alone is a branch for nothing held, or none."""
     dumps(one_node((0, 0, 0)))
     wide = replace(one_node((0, 2_000, 2_000)), gripper=replace(GRIPPER, steps=2))  # 0, 42.5, 85 mm
@@ -218,13 +216,13 @@ def test_a_grip_is_never_read_where_the_jaws_are_closed() -> None:
         (replace(TABLE, leaves=TABLE.leaves * 2), "leaf 3 is never reached"),
     ],
 )
-def test_a_tree_that_is_not_numbered_breadth_first_is_refused(table: Table, message: str) -> None:
+def test_a_tree_that_is_not_numbered_breadth_first_is_refused(table, message):
     with pytest.raises(TableError) as result:
         dumps(table)
     assert message in str(result.value)
 
 
-def test_validate_of_a_long_chain_does_not_recurse() -> None:
+def test_validate_of_a_long_chain_does_not_recurse():
     first, second = TABLE.nodes[0].branches
     nodes = [
         Node(TABLE.nodes[0].squeeze, (first._replace(target=~at), second._replace(target=at + 1)))
@@ -242,7 +240,7 @@ def test_validate_of_a_long_chain_does_not_recurse() -> None:
 # -- the embedded job -----------------------------------------------------------------------------
 
 
-def test_the_embedded_job_is_read_and_a_stripped_one_is_none() -> None:
+def test_the_embedded_job_is_read_and_a_stripped_one_is_none():
     assert job_of(every_field_table()) == {"seed": 1}
     assert job_of(TABLE) is None
 
@@ -257,7 +255,7 @@ def test_the_embedded_job_is_read_and_a_stripped_one_is_none() -> None:
     ],
     ids=["nested deep", "long number", "cut short", "no object"],
 )
-def test_a_job_that_cannot_be_read_is_refused_in_a_sentence(text: str, message: str) -> None:
+def test_a_job_that_cannot_be_read_is_refused_in_a_sentence(text, message):
     with pytest.raises(TableError) as result:
         dumps(with_job(TABLE, text))
     assert message in str(result.value)
@@ -265,7 +263,7 @@ def test_a_job_that_cannot_be_read_is_refused_in_a_sentence(text: str, message: 
     assert len(str(result.value)) < 250
 
 
-def test_a_job_of_another_digest_is_refused() -> None:
+def test_a_job_of_another_digest_is_refused():
     with pytest.raises(TableError, match="not the one the table was made from"):
         validate(replace(TABLE, job="{}"))
     dumps(replace(TABLE, job="{}", job_digest=hashlib.sha256(b"{}").digest()))

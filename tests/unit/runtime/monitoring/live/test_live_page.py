@@ -34,7 +34,7 @@ def output(answers: Callable[[bytes], bytes], asked: str) -> tuple[int, str, byt
         ("[::1]:8080", "::1", 8080),
     ],
 )
-def test_an_address_is_a_port_or_a_host_and_a_port(text: str, host: str, port: int) -> None:
+def test_an_address_is_a_port_or_a_host_and_a_port(text, host, port):
     assert server.parse(text) == Address(host, port)
     assert server.parse(str(server.parse(text))) == Address(host, port)
 
@@ -56,13 +56,13 @@ def test_an_address_is_a_port_or_a_host_and_a_port(text: str, host: str, port: i
         "\u0668\u0660",
     ],
 )
-def test_what_is_no_address_is_refused_in_one_line(text: str) -> None:
+def test_what_is_no_address_is_refused_in_one_line(text):
     with pytest.raises(UsageError, match="write PORT or HOST:PORT") as refused:
         server.parse(text)
     assert refused.value.exit_code == 2
 
 
-def test_a_page_is_answered_with_its_length_and_nothing_may_keep_or_frame_it() -> None:
+def test_a_page_is_answered_with_its_length_and_nothing_may_keep_or_frame_it():
     code, head, body = output(
         LOCAL, "GET /status.json?x=1 HTTP/1.1\r\nHost: localhost:8080\r\n\r\n"
     )
@@ -78,7 +78,7 @@ def test_a_page_is_answered_with_its_length_and_nothing_may_keep_or_frame_it() -
 @pytest.mark.parametrize(
     "method", ["POST", "PUT", "DELETE", "PATCH", "OPTIONS", "TRACE", "CONNECT"]
 )
-def test_nothing_can_be_changed(method: str) -> None:
+def test_nothing_can_be_changed(method):
     code, head, _ = output(OPEN, f"{method} / HTTP/1.1\r\nHost: x\r\n\r\n")
     assert code == 405
     assert "Allow: GET, HEAD" in head
@@ -87,7 +87,7 @@ def test_nothing_can_be_changed(method: str) -> None:
 @pytest.mark.parametrize(
     "line", ["", "GET", "GET /", "get / HTTP/1.1", "GET x HTTP/1.1", "GET / HTTP/2", "\x00\xff"]
 )
-def test_what_is_no_question_is_answered_so(line: str) -> None:
+def test_what_is_no_question_is_answered_so(line):
     assert output(OPEN, f"{line}\r\n\r\n")[0] == 400
 
 
@@ -107,12 +107,12 @@ def test_what_is_no_question_is_answered_so(line: str) -> None:
         ("Host : evil.example\r\n", 403),
     ],
 )
-def test_a_local_page_is_for_who_asks_this_machine_by_its_own_name(fields: str, code: int) -> None:
+def test_a_local_page_is_for_who_asks_this_machine_by_its_own_name(fields, code):
     assert output(LOCAL, f"GET / HTTP/1.1\r\n{fields}\r\n")[0] == code
     assert output(OPEN, f"GET / HTTP/1.1\r\n{fields}\r\n")[0] == 200
 
 
-def test_the_page_holds_the_table_and_asks_nobody_but_its_server() -> None:
+def test_the_page_holds_the_table_and_asks_nobody_but_its_server():
     table = every_field_table()
     text = page.page(table, "small.msgpack")
     read = Page(text)
@@ -135,7 +135,7 @@ def test_the_page_holds_the_table_and_asks_nobody_but_its_server() -> None:
     assert "connect-src 'self'" in text
 
 
-def test_the_jobs_part_is_drawn_and_its_name_cannot_break_out() -> None:
+def test_the_jobs_part_is_drawn_and_its_name_cannot_break_out():
     evil = '</script><img src=x onerror="alert(1)">$name'
     job = json.dumps({"part": {"name": evil, "outline_mm": [[0, 0], [10, 0], [0, 5.5]]}})
     read = Page(page.page(with_job(small_table(), job), evil))
@@ -145,6 +145,6 @@ def test_the_jobs_part_is_drawn_and_its_name_cannot_break_out() -> None:
 
 
 @pytest.mark.parametrize("job", [None, "{}", '{"part": 3}', '{"part": {"outline_mm": [[1]]}}'])
-def test_a_job_of_another_make_is_a_page_without_its_part(job: str | None) -> None:
+def test_a_job_of_another_make_is_a_page_without_its_part(job):
     table = small_table() if job is None else with_job(small_table(), job)
     assert json.loads(Page(page.page(table, "t")).scripts["data"])["outline"] == []

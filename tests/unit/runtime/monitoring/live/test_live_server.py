@@ -6,7 +6,7 @@ import socket
 import threading
 import urllib.error
 import urllib.request
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import pytest
 from sample_tables import small_table
@@ -24,7 +24,7 @@ WAIT_S = 20
 
 
 @pytest.fixture
-def serving() -> Iterator[PageServer]:
+def serving():
     result = page.pages(small_table(), "small.msgpack", Status("small.msgpack", "ab" * 32, 958_000))
     with PageServer(FREE, {**result, "/large": ("text/plain", lambda: LARGE)}) as running:
         yield running
@@ -47,7 +47,7 @@ def wait_until(condition: Callable[[], object]) -> bool:
     return False
 
 
-def test_a_client_of_the_library_reads_every_page(serving: PageServer) -> None:
+def test_a_client_of_the_library_reads_every_page(serving):
     assert json.loads(fetched(serving, "/status.json"))["table"] == "small.msgpack"
     assert fetched(serving, "/metrics").startswith(b"# HELP squeezetree_")
     assert b"<title>" in fetched(serving, "/")
@@ -59,7 +59,7 @@ def test_a_client_of_the_library_reads_every_page(serving: PageServer) -> None:
 @pytest.mark.parametrize(
     "words", [b"\xff" * 9000, b"A" * 100_000, b"GET / HTTP/1.1\r\n", b"\r\n\r\n", b""]
 )
-def test_clients_that_misbehave_do_not_end_it(serving: PageServer, words: bytes) -> None:
+def test_clients_that_misbehave_do_not_end_it(serving, words):
     with connected(serving) as client, contextlib.suppress(OSError):
         client.sendall(words)
         client.shutdown(socket.SHUT_WR)
@@ -68,9 +68,7 @@ def test_clients_that_misbehave_do_not_end_it(serving: PageServer, words: bytes)
     assert fetched(serving, "/status.json")
 
 
-def test_who_says_or_takes_nothing_is_sent_away(
-    monkeypatch: pytest.MonkeyPatch, serving: PageServer
-) -> None:
+def test_who_says_or_takes_nothing_is_sent_away(monkeypatch, serving):
     monkeypatch.setattr(http_server, "PATIENCE_S", 0.2)
     with connected(serving) as silent, connected(serving) as deaf:
         deaf.sendall(
@@ -81,7 +79,7 @@ def test_who_says_or_takes_nothing_is_sent_away(
     assert fetched(serving, "/status.json")
 
 
-def test_one_client_too_many_ends_the_oldest(serving: PageServer) -> None:
+def test_one_client_too_many_ends_the_oldest(serving):
     with contextlib.ExitStack() as stack:
         idle = [stack.enter_context(connected(serving)) for _ in range(MOST_CLIENTS)]
         assert fetched(serving, "/status.json")
@@ -90,7 +88,7 @@ def test_one_client_too_many_ends_the_oldest(serving: PageServer) -> None:
         assert idle[-1].recv(20).startswith(b"HTTP/1.0 200")
 
 
-def test_its_end_ends_all_connections_and_frees_the_port() -> None:
+def test_its_end_ends_all_connections_and_frees_the_port():
     running = PageServer(FREE, {})
     with connected(running) as client:
         assert wait_until(lambda: running._clients)
@@ -101,7 +99,7 @@ def test_its_end_ends_all_connections_and_frees_the_port() -> None:
     assert not [thread for thread in threading.enumerate() if thread.name == "http"]
 
 
-def test_a_port_in_use_is_one_line(serving: PageServer) -> None:
+def test_a_port_in_use_is_one_line(serving):
     with pytest.raises(
         UsageError, match="in use; name another port, or 0 for a free one"
     ) as refused:

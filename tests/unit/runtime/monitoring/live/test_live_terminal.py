@@ -36,7 +36,7 @@ def fed() -> Status:
 
 
 @pytest.mark.parametrize(("encoding", "here"), [("utf-8", "▶"), ("ascii", ">")])
-def test_the_picture_tells_node_width_outcomes_and_parts(encoding: str, here: str) -> None:
+def test_the_picture_tells_node_width_outcomes_and_parts(encoding, here):
     bare = io.TextIOWrapper(io.BytesIO(), encoding)
     terminal = Terminal(file=bare, width=100, height=30, force_terminal=True, color_system=None)
     terminal.print(picture(Outline(small_table()), "small.msgpack", fed().as_object(), terminal))
@@ -51,7 +51,7 @@ def test_the_picture_tells_node_width_outcomes_and_parts(encoding: str, here: st
     assert "part 1: LEAF 1, 2 squeezes, audit pass" in output
 
 
-def test_a_terminal_that_takes_nothing_holds_nobody_up(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_terminal_that_takes_nothing_holds_nobody_up(monkeypatch):
     monkeypatch.setattr("runtime.monitoring.live.terminal.END_S", 0.1)
     monkeypatch.setenv("TERM", "xterm")
     ours, theirs = pty.openpty()  # whose other end is never read
@@ -73,9 +73,7 @@ def test_a_terminal_that_takes_nothing_holds_nobody_up(monkeypatch: pytest.Monke
         stream.close()
 
 
-def test_where_a_stop_left_the_cell_is_said_in_full_and_the_summary_follows(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_where_a_stop_left_the_cell_is_said_in_full_and_the_summary_follows(capsys):
     stream = io.StringIO()
     stopped = PartResult.of(
         3,
