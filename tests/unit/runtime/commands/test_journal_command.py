@@ -83,6 +83,14 @@ def test_show_filters_by_part_node_outcome_and_time(journal, capsys):
     assert lines(capsys) == []
 
 
+def test_show_times_adds_up_the_phases(journal, capsys):
+    assert main(["show", str(journal), "--times", "--takt", "6s", "--json"]) == 0
+    assert json.loads(lines(capsys)[0])["takt_s"] == 6.0
+    assert main(["show", str(journal), "--times"]) == 0
+    assert "travel" in "".join(lines(capsys))
+    assert main(["show", str(journal), "--takt", "6s"]) == 2
+
+
 def test_csv_has_one_row_a_squeeze_with_its_parts_end(journal, tmp_path, capsys):
     out = tmp_path / "out.csv"
     assert main(["export", str(journal), "-o", str(out)]) == 0

@@ -151,20 +151,6 @@ def test_ports_of_one_device_are_one_lock(port, same):
             assert not busy(other.format("192.0.2.251"))
 
 
-@pytest.mark.parametrize(
-    ("gripper", "arm"),
-    [
-        ("urcap://{}", "ur://{}"),
-        ("rtu+tcp://{}:54321", "ur://{}:30004"),
-        ("tcp://{}:502", "omnicore://{}"),
-        ("manual", "manual"),
-    ],
-)
-def test_gripper_and_arm_of_one_controller_are_two_locks(gripper, arm):
-    with PortLock(gripper.format(HOST)), PortLock(arm.format(HOST)):
-        pass
-
-
 def test_usual_ports_are_those_of_the_drivers():
     assert locks.USUAL["ur"] == rtde.PORT
     assert {rtde.PORT, rtde.PORT - SCRIPT_PORT_BELOW} <= locks.ONE_DEVICE[0]

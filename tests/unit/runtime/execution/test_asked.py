@@ -16,32 +16,10 @@ from runtime.table import REJECT, Table, decide, decision_map
 from runtime.traversal.decision import Policy, release_point
 
 WORDS = (
-    "NEXT",
-    "WIDTH",
-    "COUNTS",
-    "STATUS",
-    "RESET",
-    "TABLE",
-    "VERSION",
-    "OBJECT",
-    "NONE",
-    "0",
-    "1",
-    "21.0",
+    "NEXT WIDTH COUNTS STATUS RESET TABLE VERSION OBJECT NONE 0 1 21.0 30 174 -1 1e9 nan".split()
 )
-WORDS += ("30", "174", "-1", "1e9", "nan", "", "²", "next", "999999999999", "+5", "0x10", "\t", "é")
-ANSWERS = {
-    "SQUEEZE",
-    "DRAG",
-    "LEAF",
-    "UNRESOLVED",
-    "REJECT",
-    "ERROR",
-    "STATUS",
-    "TABLE",
-    "VERSION",
-    "OK",
-}
+WORDS += ["", "²", "next", "999999999999", "+5", "0x10", "\t", "é"]
+ANSWERS = set("SQUEEZE DRAG LEAF UNRESOLVED REJECT ERROR STATUS TABLE VERSION OK".split())
 
 
 @pytest.fixture(autouse=True)

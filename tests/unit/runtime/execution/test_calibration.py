@@ -209,47 +209,36 @@ def test_a_block_that_is_not_there_and_a_sleeping_gripper_end_it(tmp_path):
     assert not (tmp_path / "g.json").exists()
 
 
-def test_what_the_fingers_hold_is_not_dropped_without_a_word(tmp_path, monkeypatch, capsys):
+@pytest.mark.parametrize(
+    ("held", "more", "said"),
+    [
+        (True, [], "the fingers stand at 20.97 mm and hold something"),
+        (False, ["--activate"], "press Enter"),
+    ],
+    ids=["something is held", "to be activated"],
+)
+def test_without_a_terminal_nothing_is_moved(tmp_path, monkeypatch, capsys, held, more, said):
     monkeypatch.setattr("sys.stdin", io.StringIO(""))
     gripper = ArcGripper()
-    gripper.activate()
-    gripper.reading = (174, 2, 255)
+    gripper.active = held
+    gripper.reading = (174, 2, 255) if held else gripper.reading
     with pytest.raises(UsageError, match="run it in a terminal"):
-        run(arguments(tmp_path), lambda port, profile: gripper)
-    assert "the fingers stand at 20.97 mm and hold something" in capsys.readouterr().out
-    assert gripper.asked == []
-
-
-def test_without_a_terminal_nobody_can_press_enter(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("sys.stdin", io.StringIO(""))
-    gripper = ArcGripper()
-    with pytest.raises(UsageError, match="run it in a terminal"):
-        run(arguments(tmp_path, "--activate"), lambda port, profile: gripper)
-    assert "press Enter" in capsys.readouterr().out
-    assert not gripper.active
-    assert gripper.asked == []
-    assert gripper.closed
+        run(arguments(tmp_path, *more), lambda port, profile: gripper)
+    assert said in capsys.readouterr().out
+    assert (gripper.active, gripper.asked, gripper.closed) == (held, [], True)
 
 
 @pytest.mark.parametrize(
     "wrong",
     [
-        ("--blocks", "1,two"),
-        ("--blocks=-1,2,3",),
-        ("--blocks", "0,5,nan"),
-        ("--blocks", "0,inf,5"),
-        ("--blocks", "0,10"),
-        ("--blocks", "0,10,10"),
-        ("--grips", "0"),
-        ("--tips", "1,2,3"),
-        ("--current", "800"),
-        ("--output", "no folder/g.json"),
+        *(f"--blocks={blocks}" for blocks in ("1,two", "-1,2,3", "0,5,nan", "0,inf,5", "0,10")),
+        *("--blocks=0,10,10", "--grips=0", "--tips=1,2,3", "--current=800", "--output=none/g.json"),
     ],
 )
 def test_wrong_arguments_are_reported_before_anything_is_opened(tmp_path, wrong):
     def opened(port, profile):
         raise AssertionError("the gripper was opened")
 
-    with pytest.raises(UsageError, match=f"{wrong[0].partition('=')[0]}|cannot be written"):
-        run(arguments(tmp_path, *wrong), opened)
+    with pytest.raises(UsageError, match=f"{wrong.partition('=')[0]}|cannot be written"):
+        run(arguments(tmp_path, wrong), opened)
     assert not list(tmp_path.iterdir())

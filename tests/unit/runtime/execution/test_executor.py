@@ -1,10 +1,8 @@
 """The executor: order of motions, outcomes, and one safe end for a failure of any call at any moment."""
 
-from dataclasses import replace
-
 import pytest
 from counting import count_of
-from fake_cell import Deaf, FakeCell, FakeClock, FakeJournal, Log, State, fake_cell
+from fake_cell import Deaf, FakeCell, FakeJournal, Log, State, fake_cell
 from sample_tables import pushing_table, random_table, small_table, with_node
 
 from drivers.errors import ArmError, GripperFault, LinkError
@@ -254,23 +252,6 @@ def test_an_error_brings_its_exit_code_or_the_one_of_its_built_in_parent(error, 
     assert (result.outcome, result.exit_code) == (Outcome.FAULT, exit_code)
 
 
-def test_a_failure_of_the_safe_sequence_is_reported_and_does_not_end_it():
-    rig = fake_cell(LONGEST, Log(1, LinkError("first")))
-
-    def refuse():
-        rig.log.call("gripper", "stop")
-        raise LinkError("second")
-
-    rig.gripper.stop = refuse
-    result = run(rig)
-    assert result.reason == "first"
-    assert result.safe_state == (
-        "fingers: NOT KNOWN TO BE STOPPED: second",
-        "arm at retreat height 60 mm",
-    )
-    assert rig.journal.kept[-1][1]["safe_state"] == list(result.safe_state)
-
-
 def faulty(**changes: object) -> FakeCell:
     rig = fake_cell(LONGEST)
     rig.gripper.now = State(**changes)
@@ -326,14 +307,6 @@ def test_an_arm_that_stands_elsewhere_is_not_moved_again(off_mm):
     assert (result.outcome, result.exit_code) == (Outcome.FAULT, 20)
     assert len(rig.log.named("move_linear")) <= 1
     assert "arm not moved: state unknown" in result.safe_state
-
-
-def test_a_squeeze_that_takes_too_long_is_a_fault():
-    rig = fake_cell(LONGEST)
-    cell = replace(rig.cell, clock=FakeClock(step_s=1000.0))
-    result = Executor(small_table(), cell, Deaf()).run_part(1)
-    assert (result.outcome, result.exit_code) == (Outcome.FAULT, 20)
-    assert "s late" in str(result.reason)
 
 
 def test_a_table_the_gripper_cannot_execute_is_refused_before_anything_moves():

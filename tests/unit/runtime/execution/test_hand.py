@@ -4,7 +4,7 @@ import math
 from dataclasses import replace
 
 import pytest
-from counting import SETTINGS, width_um
+from counting import width_um
 from fake_cell import State, fake_cell
 from sample_tables import GRIPPER, small_table, with_job, with_node
 from squeezes import AT_21, AT_30, AT_36, jaw_moves, run
@@ -18,8 +18,6 @@ from runtime.traversal.results import Outcome
 
 # -- force ----------------------------------------------------------------------------------------
 
-GENTLE_FORCE = 0  # the weakest setting
-
 
 def dragging_table(force_mn: int = 40_000) -> Table:
     """The small table; what the root holds is dragged, so that it has to be held with its force."""
@@ -29,16 +27,6 @@ def dragging_table(force_mn: int = 40_000) -> Table:
     )
     table = with_node(small_table(), 0, root)
     return replace(table, limits=replace(table.limits, max_force_mn=235_000))
-
-
-def test_squeeze_regulated_raises_the_force_for_a_drag():
-    rig = fake_cell([AT_21])
-    assert run(rig, RunOptions(handling=Handling(regulated=True)), dragging_table()).leaf == 0
-    node_force = SETTINGS.force(40.0)
-    assert [force for position, _, force in jaw_moves(rig) if position == 255] == [
-        GENTLE_FORCE,
-        node_force,
-    ]
 
 
 def test_the_motor_current_ends_the_raising():
@@ -118,13 +106,6 @@ def test_gripper_that_takes_no_command_on_the_way_closes_in_one_stroke_or_stops_
         assert run(rig, RunOptions(), table).leaf == 0
         calls = [call.name for call in rig.log.calls if call.name in ("move", "wait")]
         assert calls[2 : 3 + waits] == ["move", *["wait"] * (waits - 1), "move"]
-
-
-def test_a_current_that_cannot_be_is_a_fault_and_no_child():
-    rig = fake_cell([AT_21])
-    rig.gripper.current_ma = 1500
-    result = run(rig, RunOptions())
-    assert (result.outcome, result.exit_code, result.steps) == (Outcome.FAULT, 20, ())
 
 
 # -- drags ----------------------------------------------------------------------------------------

@@ -29,27 +29,16 @@ HOLDING = State(object_flag=2, echo_counts=255, position_counts=AT_30)
         (HOLDING, "hold something: they met it"),
         (HOLDING._replace(position_counts=8), "hold something: they met it"),  # as wide as the jaws
         (HOLDING._replace(object_flag=0), "may hold something: they were stopped"),
-        (
-            HOLDING._replace(object_flag=3),
-            "may hold something: they were stopped",
-        ),  # thin, or a stale flag
-        (
-            State(object_flag=0, echo_counts=0, position_counts=AT_30),
-            "may hold something: they were stopped",
-        ),
-        (
-            State(activated=False, echo_counts=0, position_counts=AT_30),
-            "may hold something: the gripper is",
-        ),
+        (HOLDING._replace(object_flag=3), "they were stopped"),  # thin, or a stale flag
+        (HOLDING._replace(object_flag=0, echo_counts=0), "may hold something: they were stopped"),
+        (HOLDING._replace(activated=False, echo_counts=0), "may hold something: the gripper is"),
         (State(activated=False, object_flag=0), None),
     ],
 )
 def test_what_the_gripper_tells(state, message):
     holds = held.look(state.reading, CALIBRATION)
-    if message is None:
-        assert holds is None
-    else:
-        assert holds is not None
+    assert (holds is None) == (message is None)
+    if holds is not None:
         assert message in holds.sentence()
         assert f"{width_um(state.position_counts) / 1000:.2f} mm" in holds.sentence()
 

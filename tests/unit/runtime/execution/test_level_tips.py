@@ -7,6 +7,7 @@ from itertools import pairwise
 import pytest
 from counting import width_um
 from fake_cell import fake_cell
+from refusals import refusal
 from sample_tables import LIMITS, small_table
 from squeezes import ARC, AT_21, AT_36, AT_60, CLOSED, jaw_moves, meeting, run
 
@@ -56,44 +57,25 @@ def test_level_tips_stay_at_their_height_while_the_jaws_move(regulated, arc, sto
     assert low_mm - 0.1 <= min(tips) <= max(tips) <= low_mm + arc.level_mm + 0.15
 
 
-def test_an_arc_whose_links_would_lie_flat_is_refused():
-    """Half of 85 mm less the offset is as long as the link: the arc has no height left there."""
-    rig = fake_cell([])
-    room = replace(small_table(), limits=replace(LIMITS, retreat_height_um=200_000))
-    for link_mm, refused in ((30.0, True), (40.0, True), (40.01, False)):
-        flat = Handling(arc=TipArc(link_mm=link_mm, offset_mm=2.5))
-        if not refused:
-            Hand(rig.gripper, rig.arm, rig.cell.clock, room, flat)
-            continue
-        with pytest.raises(TableError, match="check link and offset"):
-            Hand(rig.gripper, rig.arm, rig.cell.clock, room, flat)
-
-
-@pytest.mark.parametrize(("taught_mm", "refused"), [(79.99, True), (80.0, False), (85.0, False)])
-def test_the_tool_frame_is_taught_with_the_jaws_open_or_nearly_so(taught_mm, refused):
-    rig, taught = fake_cell([]), Handling(arc=TipArc(taught_mm=taught_mm))
-    if not refused:
-        Hand(rig.gripper, rig.arm, rig.cell.clock, small_table(), taught)
-        return
-    with pytest.raises(
-        TableError, match=f"was taught at {taught_mm:g} mm and the jaws open to 85 mm"
-    ):
-        Hand(rig.gripper, rig.arm, rig.cell.clock, small_table(), taught)
-
-
-def test_the_arc_s_top_lies_below_the_retreat_height():
-    """Link 50, offset 2.5: the tips advance by 30 mm at 85 mm of width and by 50 at 5, the arc's top."""
-    rig, arc = fake_cell([]), Handling(arc=TipArc(link_mm=50.0, offset_mm=2.5))
-    for retreat_um, refused in ((30_000, True), (30_001, False)):
-        limits = replace(LIMITS, squeeze_height_um=10_000, retreat_height_um=retreat_um)
-        table = replace(small_table(), limits=limits)
-        if not refused:
-            Hand(rig.gripper, rig.arm, rig.cell.clock, table, arc)
-            continue
-        with pytest.raises(
-            TableError, match=r"takes the arm up to 30.0 mm, the retreat height is 30 mm"
-        ):
-            Hand(rig.gripper, rig.arm, rig.cell.clock, table, arc)
+@pytest.mark.parametrize(
+    ("arc", "retreat_um", "said", "allowed"),
+    [
+        # Half of 85 mm less the offset is as long as the link: the arc has no height left there.
+        (TipArc(link_mm=30.0, offset_mm=2.5), 200_000, "check link and offset", False),
+        (TipArc(link_mm=40.0, offset_mm=2.5), 200_000, "check link and offset", False),
+        (TipArc(link_mm=40.01, offset_mm=2.5), 200_000, "", True),
+        # The tips advance by 30 mm at 85 mm of width and by 50 at 5, the arc's top.
+        (TipArc(link_mm=50.0, offset_mm=2.5), 30_000, "takes the arm up to 30.0 mm", False),
+        (TipArc(link_mm=50.0, offset_mm=2.5), 30_001, "", True),
+        (TipArc(taught_mm=79.99), 60_000, "taught at 79.99 mm and the jaws open to 85 mm", False),
+        (TipArc(taught_mm=80.0), 60_000, "", True),
+    ],
+)
+def test_arc_that_the_gripper_or_the_cell_cannot_follow_is_refused(arc, retreat_um, said, allowed):
+    rig, table = fake_cell([]), small_table()
+    table = replace(table, limits=replace(LIMITS, retreat_height_um=retreat_um))
+    with refusal(TableError, said, unless=allowed):
+        Hand(rig.gripper, rig.arm, rig.cell.clock, table, Handling(arc=arc))
 
 
 def test_contact_while_opening_is_no_contact_to_squeeze_harder_on():

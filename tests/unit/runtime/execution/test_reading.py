@@ -4,6 +4,7 @@ import itertools
 
 import pytest
 from counting import state, width_um
+from refusals import refusal
 from sample_tables import GRIPPER
 
 from drivers.ports import Settled
@@ -35,23 +36,16 @@ def test_a_reading_of_another_request_is_stale(echo):
 
 
 @pytest.mark.parametrize(("flag", "fresh"), [(0, False), (1, True), (2, True), (3, True)])
-def test_a_motion_is_over_or_it_is_not(flag, *, fresh):
-    if fresh:
-        check_fresh(settled(flag=flag), CLOSED_UM)
-        return
-    with pytest.raises(GripperStateError, match="finished and as going on"):
+def test_a_motion_is_over_or_it_is_not(flag, fresh):
+    with refusal(GripperStateError, "finished and as going on", unless=fresh):
         check_fresh(settled(flag=flag), CLOSED_UM)
 
 
 def test_for_every_count_and_flag_the_two_agree_or_the_reading_is_refused():
     for count, flag in itertools.product(range(256), (1, 2, 3)):
         believed = flag == 2 or (flag == 3 and width_um(count) <= GRIPPER.empty_um)
-        if believed:
-            check_closed(settled(count, flag), CALIBRATION, BAND)
-            continue
-        with pytest.raises(
-            GripperStateError, match="while opening" if flag == 1 else "one of the two is wrong"
-        ):
+        said = "while opening" if flag == 1 else "one of the two is wrong"
+        with refusal(GripperStateError, said, unless=believed):
             check_closed(settled(count, flag), CALIBRATION, BAND)
 
 
@@ -59,13 +53,8 @@ def test_what_is_thinner_than_five_millimetres_may_go_undetected_and_nothing_wid
     """2F-85 manual, "object detection": what the flag may miss is told by the width alone."""
     for width, fits in ((5_000, True), (5_001, False)):
         reading = settled(flag=3)._replace(width_um=width)
-        if fits:
+        with refusal(GripperStateError, r"nothing and stands 5\.00 mm open", unless=fits):
             check_closed(reading, CALIBRATION, BAND)
-        else:
-            with pytest.raises(GripperStateError, match=r"nothing and stands 5\.00 mm open"):
-                check_closed(reading, CALIBRATION, BAND)
-    with pytest.raises(GripperStateError, match=r"closed on nothing and stands 48\.68 mm open"):
-        check_closed(settled(100, 3), CALIBRATION, BAND)
 
 
 @pytest.mark.parametrize(
@@ -86,10 +75,7 @@ def test_what_is_thinner_than_five_millimetres_may_go_undetected_and_nothing_wid
 )
 def test_currents_outside_the_band_are_not_believed(band, flag, current, believed):
     count = 170 if flag == 2 else 229
-    if believed:
-        check_closed(settled(count, flag, current), CALIBRATION, band)
-        return
-    with pytest.raises(GripperStateError, match=f"draws {current} mA at rest"):
+    with refusal(GripperStateError, f"draws {current} mA at rest", unless=believed):
         check_closed(settled(count, flag, current), CALIBRATION, band)
 
 

@@ -6,16 +6,6 @@ KINDS = {"holding", "input", "coil", "discrete"}
 TYPES = {"int16", "uint16", "int32", "uint32", "bool"}
 
 
-def test_map_names_what_the_handshake_needs():
-    assert {register.name for register in WRITTEN} == {
-        *("enable", "trigger", "trigger_id", "result_acknowledge", "heartbeat_in", "table")
-    }
-    assert {register.name for register in READ} >= {
-        *("acknowledge", "busy", "result_valid", "result_id", "x", "y", "angle", "part", "face"),
-        *("expected_error", "outcome", "error_id", "heartbeat_out", "table_digest", "table_in_use"),
-    }
-
-
 def test_registers_do_not_overlap_and_each_block_has_no_gap():
     for start, block in ((WRITTEN_AT, WRITTEN), (READ_AT, READ)):
         used = [register.address + word for register in block for word in range(register.words)]

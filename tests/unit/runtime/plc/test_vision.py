@@ -7,7 +7,7 @@ from vision_chart import LOCATED, explored, line
 
 from runtime.plc.handshake import OPEN, SIGNALS, Error
 from runtime.plc.station import FAULT, Answer
-from runtime.plc.vision import STOP_REASONS, Job, PackMLState, VisionState, result_of, view
+from runtime.plc.vision import Job, PackMLState, VisionState, result_of, view
 
 CHART = list(explored())
 JOB = Job(7, "id-7", "m", "two", "e" * 64)
@@ -98,29 +98,6 @@ def test_result_without_a_pose_has_none_and_only_a_fault_an_error(outcome, code,
     assert (result.X_mm, result.Y_mm, result.Angle_deg, result.Part) == (0.0, 0.0, 0.0, "")
     assert isnan(result.ExpectedError_mm)
     assert (result.ExitCode, result.ErrorId) == (code, error)
-
-
-def test_counts_and_results_are_those_of_the_parts():
-    answers = [LOCATED, Answer(2, 10), LOCATED, Answer(3, 11), Answer(FAULT, 20)]
-    with line() as each:
-        each.server._select_automatic()
-        each.server._prepare("two")
-        for number, answer in enumerate(answers, 1):
-            assert each.server._start(f"m{number}")[1] == 0
-            each.exchange.finish(answer)
-            each.server._release(number)
-        shown = dict(each.panel.values())
-    counted = [shown[f"PackML/{name}"] for name in ("Located", "Rejected", "Unresolved", "Fault")]
-    assert counted == [2, 1, 1, 1]
-    assert [result.MeasId for result in each.panel.results.values()] == [
-        "m1",
-        "m2",
-        "m3",
-        "m4",
-        "m5",
-    ]
-    assert len({result.ResultId for result in each.panel.results.values()}) == len(answers)
-    assert shown["PackML/StopReason"] == STOP_REASONS[20]
 
 
 def test_handle_of_another_result_releases_nothing():

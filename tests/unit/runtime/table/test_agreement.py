@@ -148,18 +148,12 @@ def two_parts(**changes: object) -> dict[str, object]:
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        (
-            {"part": {"name": "hammer"}},
-            "hypothesis 1: name is right hand, but the embedded job says hammer",
-        ),
-        ({"share": 0.5}, "hypothesis 1: share_ppm is 600000, but the embedded job says 500000"),
-        ({"part": {"symmetry": 4}}, "hypothesis 1: symmetry is 1, but the embedded job says 4"),
+        ({"part": {"name": "hammer"}}, "name is right hand, but the embedded job says hammer"),
+        ({"share": 0.5}, "share_ppm is 600000, but the embedded job says 500000"),
+        ({"part": {"symmetry": 4}}, "symmetry is 1, but the embedded job says 4"),
         ({"part": 3}, "part of the embedded job is no section; recompile it"),
         ({"share": "half"}, "share of the embedded job is no number; recompile it"),
-        (
-            {"part": {"outline_mm": [[1, 2, 3]]}},
-            "outline_mm of the embedded job is no list of points",
-        ),
+        ({"part": {"outline_mm": [[1, 2, 3]]}}, "outline_mm of the embedded job is no list of"),
     ],
 )
 def test_parts_that_the_job_names_otherwise_are_refused(changes, said):

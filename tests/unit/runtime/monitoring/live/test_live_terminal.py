@@ -14,7 +14,6 @@ from sample_tables import small_table
 from written_journals import Quiet
 
 from runtime.execution.events import Phase, Sighting, Tally
-from runtime.monitoring.console import Lines
 from runtime.monitoring.live.rows import Outline
 from runtime.monitoring.live.terminal import View, picture
 from runtime.monitoring.status import Status
@@ -71,27 +70,3 @@ def test_a_terminal_that_takes_nothing_holds_nobody_up(monkeypatch):
     assert not view._thread.is_alive()
     with contextlib.suppress(OSError):  # what it could not write
         stream.close()
-
-
-def test_where_a_stop_left_the_cell_is_said_in_full_and_the_summary_follows(capsys):
-    stream = io.StringIO()
-    stopped = PartResult.of(
-        3,
-        Outcome.STOPPED,
-        [],
-        "stopped by the operator",
-        safe_state=("fingers stopped", "arm at retreat height"),
-    )
-    with View(small_table(), "small.msgpack", fed(), Lines(small_table()), stream) as view:
-        view.part(stopped, None)
-        view.summary(Tally(), Path("j"))
-    message = " ".join(stream.getvalue().split())
-    assert (
-        "part 3: STOPPED; stopped by the operator; fingers stopped; arm at retreat height"
-        in message
-    )
-    # The picture is not where the lines go, so that these are printed too.
-    assert capsys.readouterr().out.splitlines() == [
-        "part 3: STOPPED; stopped by the operator; fingers stopped; arm at retreat height",
-        "0 parts: 0.00 squeezes a part; journal j",
-    ]
