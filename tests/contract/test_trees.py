@@ -49,21 +49,6 @@ def test_part_fits_between_the_jaws_at_any_angle(name, jobs):
     assert len(job.part.outline_mm) <= 60
 
 
-@part
-def test_goal_and_gripper_are_the_papers(name, jobs):
-    job = jobs[name]
-    assert (job.goal.distance_mm, job.goal.confidence) == (3.0, 0.99)
-    gripper = job.gripper
-    assert (gripper.opening_mm, gripper.finger_length_mm, gripper.finger_width_mm) == (
-        85.0,
-        27.5,
-        9.5,
-    )
-    assert (job.friction.finger_part_min, job.friction.finger_part_max) == (0.4, 0.6)
-    assert job.pressure.kind == "boundary"
-    assert job.uncertainty.orientation_halfwidth_deg == 180.0
-
-
 # The paper's Table I, columns 1 to 8*: part, radius of the disc in mm, actions, success on the robot.
 TABLE_I = [
     ("1", "butterfly", 10.0, 4, 0.939),

@@ -15,11 +15,25 @@ from runtime.monitoring.console import Objects
 from runtime.table import REJECT, Table, decide, decision_map
 from runtime.traversal.decision import Policy, release_point
 
-WORDS = (
-    "NEXT WIDTH COUNTS STATUS RESET TABLE VERSION OBJECT NONE 0 1 21.0 30 174 -1 1e9 nan".split()
-)
-WORDS += ["", "²", "next", "999999999999", "+5", "0x10", "\t", "é"]
-ANSWERS = set("SQUEEZE DRAG LEAF UNRESOLVED REJECT ERROR STATUS TABLE VERSION OK".split())
+WORDS = [
+    *("NEXT", "WIDTH", "COUNTS", "STATUS", "RESET", "TABLE", "VERSION", "OBJECT", "NONE", "next"),
+    *("0", "1", "21.0", "30", "174", "-1", "1e9", "nan", "", "²", "999999999999", "+5", "0x10"),
+    *("\t", "é"),
+]
+ANSWERS = {
+    *(
+        "SQUEEZE",
+        "DRAG",
+        "LEAF",
+        "UNRESOLVED",
+        "REJECT",
+        "ERROR",
+        "STATUS",
+        "TABLE",
+        "VERSION",
+        "OK",
+    )
+}
 
 
 @pytest.fixture(autouse=True)

@@ -23,31 +23,25 @@ TRUTH = SimpleNamespace(
 )
 
 
-def run(rig: FakeCell, truth: object, console: Console, count: int = 1, **options: object) -> Tally:
-    scene, table = FakeScene(truth), small_table()
+def run(rig: FakeCell, truth: object, console: Console, count: int = 1, *, activate=False) -> Tally:
+    scene = None if truth is None else FakeScene(truth)
     return session.run_journalled(
-        table, rig.cell, scene, console, count=count, activate=False, **options
+        small_table(), rig.cell, scene, console, count=count, activate=activate
     )
 
 
 def test_rejected_and_unresolved_parts_do_not_end_a_run_and_the_gravest_code_wins():
     rig = fake_cell([AT_21, AT_36, AT_30, AT_36, AT_21])
-    tally = session.run_journalled(
-        small_table(), rig.cell, None, Lines(small_table()), count=4, activate=False
-    )
+    tally = run(rig, None, Lines(small_table()), 4)
     outcomes = {"leaf": 2, "reject": 1, "unresolved": 1}
-    assert rig.journal.kept[-1] == (
-        "end",
-        {"parts": 4, "outcomes": outcomes, "exit_code": 10, "reason": None},
-    )
+    end = {"parts": 4, "outcomes": outcomes, "exit_code": 10, "reason": None}
+    assert rig.journal.kept[-1] == ("end", end)
     assert (tally.exit_code, tally.squeezes, tally.within, tally.crashes) == (10, 5, None, None)
 
 
 def test_a_fault_ends_a_run():
     rig = fake_cell([AT_21, AT_21], Log(40, ConnectionError("cable")))
-    tally = session.run_journalled(
-        small_table(), rig.cell, None, Lines(small_table()), count=5, activate=False
-    )
+    tally = run(rig, None, Lines(small_table()), 5)
     assert tally.fields()["outcomes"] == {"leaf": 1, "fault": 1}
     assert tally.exit_code == 21
     assert rig.journal.kinds()[-1] == "end"
@@ -57,14 +51,10 @@ def test_only_permission_lets_an_inactive_gripper_sweep():
     rig = fake_cell([AT_21])
     rig.gripper.now = State(activated=False)
     with pytest.raises(GripperStateError, match="not activated"):
-        session.run_journalled(
-            small_table(), rig.cell, None, Lines(small_table()), count=1, activate=False
-        )
+        run(rig, None, Lines(small_table()))
     assert rig.log.named("activate") == []
     assert rig.journal.kept[-1][1]["exit_code"] == 20
-    session.run_journalled(
-        small_table(), rig.cell, None, Lines(small_table()), count=1, activate=True
-    )
+    run(rig, None, Lines(small_table()), activate=True)
     assert len(rig.log.named("activate")) == 1
 
 
@@ -81,9 +71,7 @@ def test_permission_clears_a_fault():
 def test_ctrl_c_between_parts_is_recorded():
     rig = fake_cell([AT_21], Log(0, KeyboardInterrupt()))
     with pytest.raises(KeyboardInterrupt):
-        session.run_journalled(
-            small_table(), rig.cell, None, Lines(small_table()), count=1, activate=False
-        )
+        run(rig, None, Lines(small_table()))
     assert rig.journal.kept[-1][1]["exit_code"] == 40
 
 

@@ -12,18 +12,8 @@ from runtime.shell.errors import UsageError
 
 ARC = TipArc()
 # Tip height over opening relative to closed fingers, from the link geometry of the published URDF models.
-PUBLISHED = {
-    5: 0.16,
-    10: 0.22,
-    20: 0.0,
-    30: -0.66,
-    40: -1.78,
-    50: -3.39,
-    60: -5.54,
-    70: -8.29,
-    80: -11.75,
-    85: -13.8,
-}
+PUBLISHED = {5: 0.16, 10: 0.22, 20: 0.0, 30: -0.66, 40: -1.78}
+PUBLISHED |= {50: -3.39, 60: -5.54, 70: -8.29, 80: -11.75, 85: -13.8}
 
 
 @pytest.mark.parametrize(("width_mm", "height_mm"), PUBLISHED.items())

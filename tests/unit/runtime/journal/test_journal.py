@@ -33,16 +33,9 @@ def test_a_written_journal_verifies_and_gives_its_records_and_table_back(tmp_pat
     seen = verify(path)
     assert (seen.records, seen.runs, seen.closed) == (3, 1, True)
     assert base64.b64decode(next(records(path))["table_base64"]) == TABLE
-    assert [(entry["seq"], entry["kind"]) for entry in records(path)] == [
-        (0, "header"),
-        (1, "squeeze"),
-        (2, "end"),
-    ]
-    assert [json.loads(line)["kind"] for line in path.read_text().splitlines()] == [
-        "header",
-        "squeeze",
-        "end",
-    ]
+    kinds = ["header", "squeeze", "end"]
+    assert [(entry["seq"], entry["kind"]) for entry in records(path)] == [*enumerate(kinds)]
+    assert [json.loads(line)["kind"] for line in path.read_text().splitlines()] == kinds
 
 
 def test_every_changed_byte_is_found_in_its_line_or_the_next(tmp_path):

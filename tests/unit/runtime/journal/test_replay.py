@@ -1,15 +1,12 @@
 """A journal's claims are derived again from its counts; each claim that does not follow is found."""
 
-import json
-from pathlib import Path
-
 import pytest
 from sample_tables import GRIPPER
 from written_journals import write_run
 
 from runtime.execution.crash import broken_run
 from runtime.journal.chain import records
-from runtime.journal.replay import Finding, Last, Replay
+from runtime.journal.replay import Finding, Replay
 from runtime.table import Calibration
 from runtime.traversal.decision import Policy
 
@@ -67,32 +64,6 @@ def test_a_claim_that_does_not_follow_is_found(journal, kind, change, message):
     assert result
     assert result[0].seq == changed["seq"]
     assert message in result[0].sentence
-
-
-def cut_after(journal: Path, kind: str, number: int) -> Path:
-    """The journal as it is when the process is killed after its `number`-th record of a kind."""
-    kept, seen = [], 0
-    for line in journal.read_bytes().splitlines(keepends=True):
-        kept.append(line)
-        seen += json.loads(line)["kind"] == kind
-        if seen == number:
-            break
-    journal.write_bytes(b"".join(kept))
-    return journal
-
-
-def test_where_a_run_broke_off_is_reported_by_its_last_records(journal):
-    assert broken_run(journal, records(journal)) is None
-    cut = broken_run(journal, records(cut_after(journal, "squeeze", 2)))
-    assert cut is not None
-    assert (cut.parts, cut.part, cut.last, cut.held_at) == (1, 2, Last.SQUEEZED, (0, 1))
-    assert (cut.traversal.node, [step.node for step in cut.steps]) == (1, [0])
-    cut = broken_run(journal, records(cut_after(journal, "placed", 2)))
-    assert cut is not None
-    assert (cut.last, cut.held_at, cut.steps) == (Last.PLACED, (0, None), [])
-    cut = broken_run(journal, records(cut_after(journal, "outcome", 1)))
-    assert cut is not None
-    assert (cut.parts, cut.part) == (1, None)
 
 
 def test_a_run_that_was_over_but_for_its_last_record_did_not_break_off(tmp_path):

@@ -2,7 +2,7 @@
 
 import pytest
 
-from runtime.plc.handshake import SIGNALS, TABLE, Error, Event, Signals, State, Transition
+from runtime.plc.handshake import SIGNALS, TABLE, Error, Event, State, Transition
 
 REFUSED = {
     Event.TRIGGER_DISABLED: Error.NOT_ENABLED,
@@ -66,12 +66,6 @@ def test_every_state_is_reached_from_ready_and_leads_back_to_it(state):
 
     assert state in reached(State.READY)
     assert State.READY in reached(state)
-
-
-def test_ready_shows_nothing_and_only_the_last_states_share_signals():
-    assert SIGNALS[State.READY] == Signals(acknowledge=False, busy=False, result_valid=False)
-    quiet = [state for state in State if SIGNALS[state] == SIGNALS[State.READY]]
-    assert quiet == [State.READY, State.ACKNOWLEDGE_HELD]
 
 
 def test_ready_comes_only_once_trigger_and_acknowledge_are_back():

@@ -53,14 +53,3 @@ def test_server_that_fails_later_ends_enabling_and_says_why():
         with pytest.raises(OSError, match="no descriptor"):
             server.check()
         assert (server.exchange.enabled, server.exchange.connected) == (False, False)
-
-
-def test_watch_sees_each_step_once_and_in_order():
-    exchange = Exchange(Station((1, 2)), SystemClock())
-    seen = []
-    exchange.watch = seen.append
-    exchange.put({"enable": 1}, {"trigger_id": 5, "trigger": 1}, {"trigger": 0}, {"trigger": 0})
-    exchange.put({"heartbeat_in": 1})
-    assert [glance.state.value for glance in seen] == ["ready", "accepted", "working"]
-    assert [glance.order and glance.order.trigger_id for glance in seen] == [None, 5, 5]
-    assert exchange.glance == seen[-1]

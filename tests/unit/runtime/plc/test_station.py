@@ -5,8 +5,8 @@ from plc_programs import MemoryPlc
 
 from runtime.plc.counters import Counters
 from runtime.plc.handshake import Error
-from runtime.plc.registers import HEARTBEAT_LIMIT_S, MAP, READ, READ_AT
-from runtime.plc.station import Order, Refusal
+from runtime.plc.registers import HEARTBEAT_LIMIT_S, READ
+from runtime.plc.station import Order
 
 SIGNALS = ("acknowledge", "busy", "result_valid", "result_id")
 RESULT = {"x": -1200, "y": 70_000, "angle": -1_799_999, "part": 2, "face": 1, "expected_error": 300}
@@ -148,20 +148,3 @@ def test_table_that_does_not_exist_is_an_error_and_others_are_used():
     assert plc.station.order == Order(5, 1)
     plc.write(table=0)
     assert plc("table_in_use", "table_digest") == [1, 0xA2222222]
-
-
-@pytest.mark.parametrize(
-    ("address", "values", "refusal"),
-    [
-        (0, [1, 1, 5, 0, 0, 0, 0], Refusal.ADDRESS),
-        (0, [1, 2], Refusal.VALUE),
-        (0, [0xFF00], Refusal.VALUE),
-        (READ_AT, [0], Refusal.ADDRESS),
-        (2, [0x1_0000], Refusal.VALUE),
-        (2, [-1], Refusal.VALUE),
-    ],
-)
-def test_write_that_is_refused_changes_nothing(plc, address, values, refusal):
-    before = plc(*(register.name for register in MAP))
-    assert plc.station.write(address, values, plc.now) is refusal
-    assert plc(*(register.name for register in MAP)) == before

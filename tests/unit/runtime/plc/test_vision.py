@@ -5,7 +5,7 @@ from math import isnan
 import pytest
 from vision_chart import LOCATED, explored, line
 
-from runtime.plc.handshake import OPEN, SIGNALS, Error
+from runtime.plc.handshake import OPEN, SIGNALS
 from runtime.plc.station import FAULT, Answer
 from runtime.plc.vision import Job, PackMLState, VisionState, result_of, view
 
@@ -61,25 +61,6 @@ def test_result_is_lost_by_nothing_but_its_release_or_the_confirmation_of_a_faul
             assert name == "ReleaseResultHandle" or (name == "ConfirmAll" and fault)
         if before.state in OPEN and after.state in OPEN and SIGNALS[before.state].result_valid:
             assert after.answer == before.answer
-
-
-def test_refused_job_names_its_error_and_changes_only_that():
-    with line() as each:
-        assert each.server._start("a")[:2] == ("", Error.NOT_ENABLED)
-        each.server._select_automatic()
-        assert each.server._start("a")[1] == Error.UNKNOWN_TABLE
-        each.server._prepare("one")
-        first, error, _ = each.server._start("a")
-        assert error == 0
-        order = each.exchange.order
-        assert each.server._start("b")[1] == Error.PART_UNDER_WAY
-        assert each.exchange.order == order
-        each.exchange.finish(LOCATED)
-        assert each.server._start("b")[1] == Error.RESULT_WAITS
-        assert each.panel.job.id == first
-        each.exchange.end()
-        each.server._release(1)
-        assert each.server._start("b")[1] == Error.RUN_ENDED
 
 
 def test_result_has_the_units_of_its_names():

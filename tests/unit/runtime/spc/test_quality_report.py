@@ -85,18 +85,15 @@ def test_summary_counts_what_the_parts_say():
     assert record.judged == sum(part.verdict in ("pass", "fail") for part in result.parts)
     assert record.interval[0] <= record.passed / record.judged <= record.interval[1]
     assert record.agrees
-    assert sum(row.parts for row in record.leaves) == sum(
-        part.leaf is not None for part in result.parts
-    )
-    assert sum(sum(row.counts) for row in record.nodes) == sum(
-        len(part.squeezes) for part in result.parts
-    )
+    located = [part for part in result.parts if part.leaf is not None]
+    assert sum(row.parts for row in record.leaves) == len(located)
+    squeezes = sum(len(part.squeezes) for part in result.parts)
+    assert sum(sum(row.counts) for row in record.nodes) == squeezes
     assert record.tail > 1e-4
     for row in record.leaves:
         mine = [p.residual for p in result.parts if p.leaf == row.leaf and p.residual]
-        assert [mean for mean, _ in row.residuals] == pytest.approx(
-            [*np.mean(mine, axis=0)] if mine else []
-        )
+        means = [*np.mean(mine, axis=0)] if mine else []
+        assert [mean for mean, _ in row.residuals] == pytest.approx(means)
 
 
 def test_page_is_whole_and_needs_no_network():
@@ -122,16 +119,8 @@ def journal(tmp_path):
 
 
 def test_command_writes_page_and_table_and_prints_figures(journal, tmp_path, capsys):
-    words = [
-        "report",
-        str(journal),
-        "-o",
-        str(tmp_path / "r.html"),
-        "--export",
-        str(tmp_path / "p.csv"),
-        "--json",
-    ]
-    assert main(words) == 0
+    outputs = ["-o", str(tmp_path / "r.html"), "--export", str(tmp_path / "p.csv")]
+    assert main(["report", str(journal), *outputs, "--json"]) == 0
     record = json.loads(capsys.readouterr().out)
     assert record["parts"] == 60
     assert record["alarms"] == []
@@ -172,12 +161,8 @@ def test_readings_are_weighed_by_what_was_expected_of_them(tmp_path, capsys):
     digest = hashlib.sha256(dumps(TABLE)).hexdigest()
     (tmp_path / "e.json").write_text(json.dumps(expectation_document(TABLE, digest)))
     parts = [*parts_of(60, seed=8), *parts_of(60, seed=9, first=60, shares=LESS)]
-    words = [
-        "report",
-        str(write(tmp_path / "a.jsonl", parts)),
-        "--expected",
-        str(tmp_path / "e.json"),
-    ]
+    journal = write(tmp_path / "a.jsonl", parts)
+    words = ["report", str(journal), "--expected", str(tmp_path / "e.json")]
     assert main([*words, "-o", str(tmp_path / "r.html")]) == 11
     said = capsys.readouterr().out
     assert "readings are those of less" in said

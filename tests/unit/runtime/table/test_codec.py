@@ -4,7 +4,6 @@ import hashlib
 import subprocess
 import sys
 from dataclasses import replace
-from random import Random
 
 import msgpack
 import numpy as np
@@ -25,6 +24,7 @@ from runtime.table.codec import FORMAT
 from runtime.table.fields import MAX_BYTES, SECTIONS
 
 SMALL = dumps(small_table())
+PAYLOAD = msgpack.unpackb(SMALL)[3]
 
 
 def framed(payload: bytes, version: object = FORMAT) -> bytes:
@@ -71,18 +71,27 @@ def test_a_table_comes_back_as_it_is(table):
     assert dumps(loads(data)) == data
 
 
-@pytest.mark.parametrize("name", ["hypotheses", "releases", "pushes", "contacts"])
-def test_decode_refuses_an_optional_section_without_records(name):
-    (section,) = (section for section in SECTIONS if section.name == name)
-    empty = [name, *([] for _ in section.columns)]
-    with pytest.raises(TableError, match="not in the one encoding a table has"):
-        loads(with_sections([*sections_of(small_table()), empty]))
+PUSH_OWNERS = ([1, 0, 1], [0, 1, 2], [0, 1, -1], [0, 1, 4_095])  # out of order, or of no node
+LONGER = PAYLOAD.replace(b"\x94\x00\x00\x01\x01", b"\x94\x00\x00\x01\xcc\x01", 1)
 
 
-@pytest.mark.parametrize("owners", [[1, 0, 1], [0, 1, 2], [0, 1, -1], [0, 1, 4_095]])
-def test_decode_refuses_records_out_of_order_or_of_no_node(owners):
+@pytest.mark.parametrize(
+    "data",
+    [
+        *(
+            with_sections(
+                [*sections_of(small_table()), [section.name, *[[]] * len(section.columns)]]
+            )
+            for section in SECTIONS
+            if section.name in ("hypotheses", "releases", "pushes", "contacts")
+        ),
+        *(with_field("pushes.node", owners, pushing_table()) for owners in PUSH_OWNERS),
+        framed(LONGER),  # an integer in two bytes for a 1
+    ],
+)
+def test_decode_refuses_another_encoding_of_a_table(data):
     with pytest.raises(TableError, match="not in the one encoding a table has"):
-        loads(with_field("pushes.node", owners, pushing_table()))
+        loads(data)
 
 
 def test_every_damaged_bit_and_every_cut_is_refused():
@@ -98,16 +107,6 @@ def test_every_damaged_bit_and_every_cut_is_refused():
         loads(SMALL + b"\0")
 
 
-def test_an_integer_in_a_longer_form_is_refused():
-    payload = msgpack.unpackb(SMALL)[3]
-    longer = payload.replace(
-        b"\x94\x00\x00\x01\x01", b"\x94\x00\x00\x01\xcc\x01", 1
-    )  # two bytes for a 1
-    assert longer != payload
-    with pytest.raises(TableError, match="not in the one encoding a table has"):
-        loads(framed(longer))
-
-
 SECTIONS_OF_SMALL = sections_of(small_table())
 
 
@@ -118,20 +117,11 @@ SECTIONS_OF_SMALL = sections_of(small_table())
         (b"\xc0", "not a squeezetree table"),
         (b"\x80", "not a squeezetree table"),
         (bytes(msgpack.packb(["squeezetree"])), "not a squeezetree table"),
-        *(
-            (framed(b"\x90", old), f"format {old} is not read; compile the job anew")
-            for old in (2, 3, 10, FORMAT + 1)
-        ),
+        *((framed(b"\x90", old), f"format {old} is not read; compile") for old in (2, FORMAT + 1)),
         (framed(b"\x90", True), "format bool is not read"),
-        (
-            bytes(msgpack.packb(["squeezetree", FORMAT, b""])),
-            "the frame is not magic, format, digest, payload",
-        ),
+        (bytes(msgpack.packb(["squeezetree", FORMAT, b""])), "the frame is not magic, format"),
         (bytes(msgpack.packb(["squeezetree", FORMAT, b"", "text"])), "the frame is not"),
-        (
-            bytes(msgpack.packb(["squeezetree", FORMAT, b"", b"\x90"])),
-            "digest does not match its content",
-        ),
+        (bytes(msgpack.packb(["squeezetree", FORMAT, b"", b"\x90"])), "digest does not match"),
         (framed(b"\x90"), "the sections are not tool, job_digest, gripper"),
         (framed(b"\x90\x90"), "bytes follow the end of the payload"),
         (framed(b"\x81\x01\x02"), "the payload is damaged"),
@@ -239,15 +229,8 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path):
 
 
 def test_errors_name_the_file_and_carry_their_codes(tmp_path):
-    with pytest.raises(TableError, match="No such file") as missing:
-        load(tmp_path / "none.msgpack")
-    assert missing.value.exit_code == 3
-    damaged = bytearray(SMALL)
-    damaged[Random(1).randrange(60, len(SMALL))] ^= 1
-    (tmp_path / "rectangle.msgpack").write_bytes(damaged)
-    with pytest.raises(TableError) as refused:
-        load(tmp_path / "rectangle.msgpack")
-    assert refused.value.exit_code == 3
-    assert str(refused.value) == (
-        "table rectangle.msgpack: digest does not match its content; copy the file again or recompile it"
-    )
+    (tmp_path / "cut.msgpack").write_bytes(SMALL[:-1])
+    for name, said in (("none.msgpack", "No such file"), ("cut.msgpack", "copy the file again")):
+        with pytest.raises(TableError, match=rf"{name}.*{said}") as refused:
+            load(tmp_path / name)
+        assert refused.value.exit_code == 3

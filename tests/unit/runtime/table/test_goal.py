@@ -62,17 +62,6 @@ def test_the_cell_and_the_planner_agree(kind, order):
     assert (result > 12).all()
 
 
-def test_an_orientation_is_met_anywhere():
-    goal = GoalSpec(3000, 950_000, 10_000, 1, "orientation", Tolerance(0, 0, 200_000), 1)
-    assert meets(goal, leaf_at(np.zeros((1, 3))), (50.0, 0.0, 0.1))
-
-
-def test_alternatives_count_only_where_the_goal_asks_for_modes():
-    goal, leaf = GoalSpec(3000, 950_000, 10_000, 1), leaf_at(np.array([[0.0, 0, 0], [9, 0, 0]]))
-    assert len(poses_of(goal, leaf)) == 1
-    assert not meets(goal, leaf, (9.0, 0.0, 0.0))
-
-
 def test_the_error_counts_angles_under_the_symmetry():
     goal = small_table().goal  # rho 10.571 mm, half turns are equal
     assert error_mm(goal, (0, 0, 0.1), (3, 4, 0.1)) == pytest.approx(5.0)
