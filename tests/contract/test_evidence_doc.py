@@ -8,7 +8,7 @@ PAGE = (ROOT / "tools" / "docs" / "evidence.md").read_text(encoding="utf-8")
 CLAUSES = ("1.1.9", "1.2.1", "CR 2.8", "CR 3.4", "CR 6.1")
 
 
-def test_each_clause_is_mapped_to_a_test_that_exists() -> None:
+def test_each_clause_is_mapped_to_a_test_that_exists():
     rows = [
         row
         for row in PAGE.splitlines()
@@ -24,5 +24,5 @@ def test_each_clause_is_mapped_to_a_test_that_exists() -> None:
             assert not name or f"def {name}(" in text, f"{path} has no {name}"
 
 
-def test_the_page_claims_no_performance_level() -> None:
+def test_the_page_claims_no_performance_level():
     assert "no performance level" in PAGE

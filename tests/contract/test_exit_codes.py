@@ -20,34 +20,16 @@ def classes() -> list[type[ExpectedError]]:
     return [item for item in named if isinstance(item, type) and issubclass(item, ExpectedError)]
 
 
-def test_exit_codes_are_at_most_twelve_beside_success_and_interrupt() -> None:
+def test_exit_codes_are_at_most_twelve_beside_success_and_interrupt():
     assert len(set(ExitCode) - {ExitCode.DONE, ExitCode.INTERRUPTED}) <= 12
     assert all(code < 126 for code in set(ExitCode) - {ExitCode.INTERRUPTED})
 
 
-def test_sentences_are_one_line_without_other_numbers() -> None:
-    for code in ExitCode:
-        assert len(code.sentence) <= 90
-        assert not re.search(r"\d|\n", code.sentence)
-
-
-def test_outcomes_list_each_code_with_its_sentence() -> None:
+def test_outcomes_list_each_code_with_its_sentence():
     text = (ROOT / "runtime" / "OUTCOMES.md").read_text(encoding="utf-8")
     section = text.partition("## Exit codes\n")[2].partition("\n## ")[0]
     assert ROW.findall(section) == [(str(code.value), code.sentence) for code in ExitCode]
 
 
-def test_error_classes_carry_every_code_that_no_command_returns() -> None:
+def test_error_classes_carry_every_code_that_no_command_returns():
     assert {cls.exit_code for cls in classes()} == set(ExitCode) - RETURNED
-
-
-def test_error_classes_form_one_tree() -> None:
-    for name in MODULES:
-        module = importlib.import_module(name)
-        defined = {
-            cls
-            for cls in vars(module).values()
-            if isinstance(cls, type) and issubclass(cls, Exception) and cls.__module__ == name
-        }
-        bugs = {cls for cls in defined if not issubclass(cls, ExpectedError)}
-        assert {cls.__name__ for cls in bugs} <= {"ReadOnlyError"}

@@ -34,15 +34,15 @@ def folders(path: Path) -> set[str]:
     return {name for name in names if not any(fnmatch(name, pattern) for pattern in ignored)}
 
 
-def test_top_level_folders_are_the_design() -> None:
+def test_top_level_folders_are_the_design():
     assert folders(ROOT) == TOP_LEVEL
 
 
-def test_tests_are_sorted_by_kind() -> None:
+def test_tests_are_sorted_by_kind():
     assert folders(ROOT / "tests") <= TEST_KINDS
 
 
-def test_every_folder_of_modules_is_a_package_that_is_installed() -> None:
+def test_every_folder_of_modules_is_a_package_that_is_installed():
     on_disk = {
         ".".join(module.parent.relative_to(ROOT).parts)
         for top in ("planner", "runtime", "drivers")
@@ -53,14 +53,14 @@ def test_every_folder_of_modules_is_a_package_that_is_installed() -> None:
     assert all(any(fnmatch(package, pattern) for pattern in included) for package in PACKAGES)
 
 
-def test_unit_tests_mirror_the_packages() -> None:
+def test_unit_tests_mirror_the_packages():
     unit = ROOT / "tests" / "unit"
     mirrored = {".".join(test.parent.relative_to(unit).parts) for test in unit.rglob("test_*.py")}
     assert mirrored - {""} <= set(PACKAGES)
 
 
 @pytest.mark.parametrize("package", PACKAGES)
-def test_package_exports_only_names_that_exist(package: str) -> None:
+def test_package_exports_only_names_that_exist(package):
     module = importlib.import_module(package)
     assert module.__file__ is not None, f"{package} has no __init__.py"
     exported = getattr(module, "__all__", [])
@@ -68,7 +68,7 @@ def test_package_exports_only_names_that_exist(package: str) -> None:
     assert [name for name in exported if not hasattr(module, name)] == []
 
 
-def test_packages_are_marked_as_typed() -> None:
+def test_packages_are_marked_as_typed():
     data = PYPROJECT["tool"]["setuptools"]["package-data"]
     missing = [
         f"{top}/{name}"
@@ -80,7 +80,7 @@ def test_packages_are_marked_as_typed() -> None:
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_command_has_an_entry_point_and_a_main(command: str) -> None:
+def test_command_has_an_entry_point_and_a_main(command):
     module, _, function = COMMANDS[command].partition(":")
     assert callable(getattr(importlib.import_module(module), function))
     if module == "planner.commands":
@@ -88,7 +88,7 @@ def test_command_has_an_entry_point_and_a_main(command: str) -> None:
         assert callable(importlib.import_module(f"planner.cli.{RENAMED.get(name, name)}").main)
 
 
-def test_decision_records_have_a_number_each() -> None:
+def test_decision_records_have_a_number_each():
     numbers = [path.name[:4] for path in (ROOT / "tools" / "decisions").glob("[0-9]*.md")]
     assert len(set(numbers)) == len(numbers)
 
@@ -96,7 +96,7 @@ def test_decision_records_have_a_number_each() -> None:
 @pytest.mark.parametrize(
     "record", sorted((ROOT / "tools" / "decisions").glob("*.md")), ids=lambda path: path.stem
 )
-def test_decision_record_has_the_four_headings(record: Path) -> None:
+def test_decision_record_has_the_four_headings(record):
     text = record.read_text()
     number = record.stem.partition("-")[0].replace("TEMPLATE", "NNNN")
     assert text.startswith(f"# {number}: ")

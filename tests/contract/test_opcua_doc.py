@@ -9,7 +9,7 @@ from vision_chart import line
 from runtime.plc import admission, opcua
 from runtime.plc.address_space import NAMESPACE, TYPES
 from runtime.plc.handshake import Error
-from runtime.plc.panel import MOST_RESULTS, PACKML
+from runtime.plc.panel import MOST_RESULTS
 from runtime.plc.vision import STOP_REASONS, VIEW, Result
 
 PAGE = (Path(__file__).parents[2] / "tools" / "docs" / "plc.md").read_text()
@@ -25,7 +25,7 @@ def rows(first: str) -> list[list[str]]:
     return [[cell.strip() for cell in line.strip("|").split(" | ")] for line in table.splitlines()]
 
 
-def test_section_shows_the_states_in_the_order_in_which_they_hold() -> None:
+def test_section_shows_the_states_in_the_order_in_which_they_hold():
     assert rows("shown while") == [
         [
             row.when,
@@ -37,7 +37,7 @@ def test_section_shows_the_states_in_the_order_in_which_they_hold() -> None:
     ]
 
 
-def test_section_names_every_method_with_its_arguments() -> None:
+def test_section_names_every_method_with_its_arguments():
     with line() as each:
         methods = each.server._methods()
     expected = []
@@ -54,23 +54,14 @@ def test_section_names_every_method_with_its_arguments() -> None:
     assert [row[:3] for row in rows("method")] == sorted(expected)
 
 
-def test_section_names_every_variable_of_a_result() -> None:
+def test_section_names_every_variable_of_a_result():
     kinds = get_type_hints(Result)
     assert [row[:2] for row in rows("`LastResult/`")] == [
         [f"`{name}`", TYPES[kinds[name]].name] for name in Result._fields
     ]
 
 
-def test_section_names_every_other_variable() -> None:
-    with line() as each:
-        paths = [path for path, _ in each.panel.values()]
-    for path in paths:
-        if "/LastResult/" not in path and "/Recipes/" not in path:
-            assert f"`{path.rpartition('/')[2]}`" in SECTION, path
-    assert PACKML in SECTION
-
-
-def test_section_states_limits_errors_and_reasons() -> None:
+def test_section_states_limits_errors_and_reasons():
     assert f"`{NAMESPACE}`" in PROSE
     for words in (
         f"silent for {admission.SESSION_S:g} s",

@@ -4,14 +4,12 @@ import re
 import shlex
 from pathlib import Path
 
-import pytest
 from soaking import soak_run
 
 from drivers.sim.faults import KINDS
 from runtime.commands.arguments import parser
 from runtime.execution.events import Phase
 from runtime.shell.exit_codes import ExitCode
-from runtime.traversal.decision import Policy, RecoveryAction
 from runtime.traversal.results import EXIT_CODES, Outcome
 
 ROOT = Path(__file__).parents[2]
@@ -33,44 +31,24 @@ def setting(name: str) -> str:
     return str(value)
 
 
-def test_the_states_are_those_of_the_loop() -> None:
+def test_the_states_are_those_of_the_loop():
     assert [row[0].strip("`") for row in rows("States")] == [phase.value for phase in Phase]
 
 
-def test_the_outcomes_have_their_codes() -> None:
+def test_the_outcomes_have_their_codes():
     record = {row[0].strip("`"): row[1] for row in rows("Outcomes")}
     assert record == {
         outcome.value: str(EXIT_CODES.get(outcome, "the device's")) for outcome in Outcome
     }
 
 
-def test_the_faults_are_the_codes_of_devices_and_disk() -> None:
+def test_the_faults_are_the_codes_of_devices_and_disk():
     codes = {int(row[0]) for row in rows("Faults")}
     assert codes == {ExitCode.DEVICE, ExitCode.UNREACHABLE, ExitCode.JOURNAL}
     assert f"{len(KINDS)} classes" in TEXT
 
 
-@pytest.mark.parametrize("row", rows("Policies"), ids=lambda row: row[0])
-def test_the_policies_are_those_of_the_command(row: list[str]) -> None:
-    option, default, names = (
-        row[0].strip("`"),
-        row[1].strip("`"),
-        set(re.findall(r"`(\w+)`", row[2])),
-    )
-    arguments = parser().parse_args(["--tree", "t"])
-    assert getattr(arguments, option.strip("-").replace("-", "_")) == default
-    if option == "--after-crash":
-        for name in names:
-            parser().parse_args(["--tree", "t", option, name])
-        return
-    known = {action.value for action in RecoveryAction}
-    assert names == known - ({"resqueeze"} if option == "--on-unresolved" else set())
-    for end in ("next", "stop"):
-        text = ",".join([*(names - {"next", "stop"}), end])
-        Policy.of(*((text, "next") if option == "--on-reject" else ("next", text)))
-
-
-def test_the_units_command_line_is_understood() -> None:
+def test_the_units_command_line_is_understood():
     program, name, *words = shlex.split(setting("ExecStart"))
     assert (program, name) == ("/usr/bin/env", "grasp-runtime")
     (example,) = re.findall(r"ARGUMENTS=(--.*)$", UNIT, re.MULTILINE)
@@ -79,7 +57,7 @@ def test_the_units_command_line_is_understood() -> None:
     assert arguments.journal == Path("/var/lib/squeezetree/%i.jsonl")
 
 
-def test_the_unit_takes_the_ends_of_parts_for_no_failure_and_waits_long_enough() -> None:
+def test_the_unit_takes_the_ends_of_parts_for_no_failure_and_waits_long_enough():
     ends = {code for outcome, code in EXIT_CODES.items() if outcome is not Outcome.ABORTED} - {0}
     assert set(map(int, setting("SuccessExitStatus").split())) == ends
     assert float(setting("WatchdogSec")) == soak_run.WATCHDOG_S

@@ -6,7 +6,7 @@ from pathlib import Path
 from runtime.commands import plc
 from runtime.plc import modbus
 from runtime.plc.handshake import SIGNALS, TABLE, Error, Event, State
-from runtime.plc.registers import HEARTBEAT_LIMIT_S, MAP, READ, WRITTEN, Register
+from runtime.plc.registers import HEARTBEAT_LIMIT_S, MAP, READ, WRITTEN
 
 PAGE = (Path(__file__).parents[2] / "tools" / "docs" / "plc.md").read_text()
 
@@ -26,7 +26,7 @@ def shown(state: State, event: Event) -> str:
     return "-" if after is state else after.value
 
 
-def test_page_shows_the_table_of_the_code() -> None:
+def test_page_shows_the_table_of_the_code():
     head = re.search(r"^\| state \| (.*) \|$", PAGE, re.MULTILINE)
     assert head is not None
     signals, *names = head[1].split(" | ")
@@ -45,8 +45,8 @@ def test_page_shows_the_table_of_the_code() -> None:
             assert shown(state, Event(name)) == f"error {error}"
 
 
-def test_page_lists_every_register() -> None:
-    def expected(register: Register) -> list[str]:
+def test_page_lists_every_register():
+    def expected(register):
         last = register.address + register.words - 1
         address = str(register.address) if register.words == 1 else f"{register.address}, {last}"
         value = f"x {register.scale:g} {register.unit}" if register.unit else ""
@@ -64,7 +64,7 @@ def test_page_lists_every_register() -> None:
     assert f"write {len(WRITTEN)} from address {WRITTEN[0].address}" in PAGE
 
 
-def test_page_explains_every_error_and_limit() -> None:
+def test_page_explains_every_error_and_limit():
     explained = [row[0] for row in rows("`error_id`")]
     assert explained == ["1, 20, 21, 24, 40", *(str(error.value) for error in Error if error)]
     seconds = modbus.KEEPALIVE.values()

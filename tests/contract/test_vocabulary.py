@@ -2,7 +2,8 @@
 
 import ast
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from functools import cache
 from itertools import chain
 from pathlib import Path
 
@@ -33,13 +34,14 @@ WORDS = {
 }
 
 
-def modules_of(folder: str) -> Iterator[tuple[Path, ast.Module]]:
-    """The modules of a folder, parsed."""
+def modules_of(folder: str) -> Iterator[tuple[Path, list[ast.AST]]]:
+    """The modules of a folder, their nodes."""
     for path in sorted((ROOT / folder).rglob("*")):
         if path.suffix == ".py" or (path.is_file() and path.read_bytes().startswith(SCRIPT)):
-            yield path.relative_to(ROOT), ast.parse(path.read_text())
+            yield path.relative_to(ROOT), [*ast.walk(ast.parse(path.read_text()))]
 
 
+@cache
 def better_than(name: str) -> str | None:
     """What to use instead of an identifier; None where it may stay."""
     for word, (where, better) in NAMES.items():
@@ -48,9 +50,9 @@ def better_than(name: str) -> str | None:
     return None
 
 
-def names_in(tree: ast.AST) -> Iterator[tuple[int, str]]:
+def names_in(nodes: Iterable[ast.AST]) -> Iterator[tuple[int, str]]:
     """All identifiers of a module with their lines."""
-    for node in ast.walk(tree):
+    for node in nodes:
         line = getattr(node, "lineno", 0)
         match node:
             case ast.Name(id=name) | ast.arg(arg=name) | ast.Attribute(attr=name):
@@ -81,49 +83,32 @@ def prose_of(page: str) -> str:
 
 
 @pytest.mark.parametrize("folder", FOLDERS)
-def test_identifiers_are_words_of_the_glossary(folder: str) -> None:
+def test_identifiers_are_words_of_the_glossary_and_functions_have_few_parameters(folder):
+    kinds = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)
+    wrong = []
+    for path, nodes in modules_of(folder):
+        for line, name in [(0, path.stem), *names_in(nodes)]:
+            if instead := better_than(name):
+                wrong.append(f"{path}:{line}: {name}; better: {instead}")
+        for node in nodes:
+            if isinstance(node, kinds) and len(parameters_of(node)) > MOST_PARAMETERS:
+                wrong.append(
+                    f"{path}:{node.lineno}: more than {MOST_PARAMETERS} parameters, group some in a record"
+                )
+    assert not wrong, "\n".join(wrong)
+
+
+def test_pages_use_the_terms_of_the_glossary():
+    any_word = re.compile(rf"\b(?:{'|'.join(WORDS)})\b", re.IGNORECASE)
     wrong = [
-        f"{path}:{line}: {name}; better: {instead}"
-        for path, tree in modules_of(folder)
-        for line, name in [(0, path.stem), *names_in(tree)]
-        if (instead := better_than(name))
+        f"{path.relative_to(ROOT)}: {word}; say {WORDS.get(word.lower(), 'the term')}"
+        for path in PAGES
+        for word in any_word.findall(prose_of(path.read_text()))
     ]
     assert not wrong, "\n".join(wrong)
 
 
-@pytest.mark.parametrize("folder", FOLDERS)
-def test_functions_have_few_parameters(folder: str) -> None:
-    kinds = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)
-    many = [
-        f"{path}:{node.lineno}"
-        for path, tree in modules_of(folder)
-        for node in ast.walk(tree)
-        if isinstance(node, kinds) and len(parameters_of(node)) > MOST_PARAMETERS
-    ]
-    assert not many, f"more than {MOST_PARAMETERS} parameters, group some in a record: {many}"
-
-
-@pytest.mark.parametrize("path", PAGES, ids=lambda path: str(path.relative_to(ROOT)))
-def test_pages_use_the_terms_of_the_glossary(path: Path) -> None:
-    prose = prose_of(path.read_text())
-    assert not {
-        f"{word}; say {term}"
-        for word, term in WORDS.items()
-        if re.search(rf"\b{word}\b", prose, re.IGNORECASE)
-    }
-
-
-@pytest.mark.parametrize("name", ["told", "reject_told", "own", "Stranger"])
-def test_names_of_the_table_are_refused(name: str) -> None:
-    assert better_than(name)
-
-
-@pytest.mark.parametrize("name", ["foundation", "made_up", "owner", "foreign_part"])
-def test_names_that_only_resemble_them_are_not(name: str) -> None:
-    assert better_than(name) is None
-
-
-def test_glossary_states_a_meaning_for_each_term() -> None:
+def test_glossary_states_a_meaning_for_each_term():
     assert all(all(row) for row in rows("Terms"))
     assert len({term for term, *_ in rows("Terms")}) == len(rows("Terms"))
     assert WORDS.keys() >= {"hasty"}

@@ -9,6 +9,6 @@ from runtime.table import dumps, loads
 GOLDEN = (Path(__file__).parent / "table-format-12.msgpack").read_bytes()
 
 
-def test_the_format_is_read_and_written_byte_for_byte() -> None:
+def test_the_format_is_read_and_written_byte_for_byte():
     assert loads(GOLDEN) == every_field_table()
     assert dumps(every_field_table()) == GOLDEN

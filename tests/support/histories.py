@@ -2,6 +2,7 @@
 
 from collections import Counter
 from dataclasses import replace
+from math import sqrt
 from pathlib import Path
 from typing import NamedTuple
 
@@ -47,16 +48,21 @@ def drawn(
         first: number of the first part.
     """
     maps = [decision_map(node, tree.gripper).either for node in tree.nodes]
-    predicted = dict(enumerate(branch_shares(tree))) | (shares or {})
+    odds = [
+        np.cumsum(row) for row in (dict(enumerate(branch_shares(tree))) | (shares or {})).values()
+    ]
+    predicted = [row / row[-1] for row in odds]
+    scatter = [0.6 * np.array(sigmas(tree, leaf)) for leaf in tree.leaves]
     rate = 1.0 - tree.predicted.success_ppm / PPM if fail_rate is None else fail_rate
-    cell = _Cell(tree, maps, predicted, width_shift_um, residual_shift, rate)
+    cell = _Cell(tree, maps, predicted, scatter, width_shift_um, residual_shift, rate)
     return [_part(cell, number, rng) for number in range(first, first + count)]
 
 
 class _Cell(NamedTuple):
     tree: Table
     maps: list
-    shares: dict  # of the branches of each node
+    shares: list  # of the branches of each node up to each of them
+    scatter: list  # of the residuals at each leaf
     width_shift_um: float
     residual_shift: tuple[float, float, float]
     fail_rate: float
@@ -66,10 +72,9 @@ def _part(cell, number, rng):
     tree, squeezes, target = cell.tree, [], 0
     while target >= 0:
         node = tree.nodes[target]
-        odds = np.array(cell.shares[target], float)
-        branch = node.branches[int(rng.choice(len(odds), p=odds / odds.sum()))]
-        spread = 0.25 * (branch.high_um - branch.low_um) / np.sqrt(12.0)
-        healthy = np.clip(rng.normal(branch.expected_um, spread), branch.low_um, branch.high_um)
+        branch = node.branches[int(cell.shares[target].searchsorted(rng.random(), "right"))]
+        spread = 0.25 * (branch.high_um - branch.low_um) / sqrt(12.0)
+        healthy = min(max(rng.normal(branch.expected_um, spread), branch.low_um), branch.high_um)
         width = healthy + cell.width_shift_um
         profile = tree.gripper.profile
         read_um = min(max(profile.reading_um(profile.step(width)), 0), profile.stroke_um)
@@ -81,7 +86,7 @@ def _part(cell, number, rng):
     leaf = tree.leaves[~target]
     if not leaf.resolved:
         return Part(number, tuple(squeezes), "unresolved", ~target)
-    residual = rng.normal(0.0, 0.6 * np.array(sigmas(tree, leaf))) + cell.residual_shift
+    residual = rng.normal(0.0, cell.scatter[~target]) + cell.residual_shift
     verdict = "fail" if rng.random() < cell.fail_rate else "pass"
     return Part(number, tuple(squeezes), "leaf", ~target, verdict, tuple(map(float, residual)))
 
@@ -97,7 +102,7 @@ def watch(seen: History, expected: Expectation | None = None) -> list[Alarm]:
     return list(Monitor(seen.table, expected).watch(seen))
 
 
-def expectation_document(tree: Table, digest: str, count: int = 8000) -> dict[str, object]:
+def expectation_document(tree: Table, digest: str, count: int = 4000) -> dict[str, object]:
     """What `plan-expect` would write of such parts: as planned, and "less", in which fewer jam."""
     worlds = []
     for seed, (name, shares) in enumerate((("as planned", None), ("less", LESS))):

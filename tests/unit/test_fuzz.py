@@ -22,24 +22,18 @@ def run_tool(*arguments: str, **variables: str) -> subprocess.CompletedProcess[s
     return subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
 
 
-def test_a_slice_of_the_mutated_tables_is_refused_or_another_legal_table() -> None:
-    tally = fuzz_tables.run(1, range(4_000))
+def test_a_slice_of_the_mutated_tables_is_refused_or_another_legal_table():
+    tally = fuzz_tables.run(1, range(1_500))
     assert tally.failures == []
-    assert sum(tally.verdicts.values()) == 4_000
+    assert sum(tally.verdicts.values()) == 1_500
     for depth in ("file", "payload", "values"):
-        assert tally.verdicts[f"{depth}: refused"] > 500
+        assert tally.verdicts[f"{depth}: refused"] > 180
     # The mutants get as far as the validation, and past it.
-    assert tally.verdicts["values: another table"] > 100
+    assert tally.verdicts["values: another table"] > 35
     assert tally.verdicts["file: another table"] == 0
 
 
-def test_a_mutant_is_the_same_each_time() -> None:
-    assert [fuzz_tables.mutant(3, n) for n in range(50)] == [
-        fuzz_tables.mutant(3, n) for n in range(50)
-    ]
-
-
-def test_a_reader_that_accepts_too_much_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_reader_that_accepts_too_much_is_found(monkeypatch):
     accepted = fuzz_tables.loads(fuzz_tables.seeds()[0])
     monkeypatch.setattr(fuzz_tables, "loads", lambda data: accepted)
     tally = fuzz_tables.run(1, range(20))
@@ -47,8 +41,8 @@ def test_a_reader_that_accepts_too_much_is_found(monkeypatch: pytest.MonkeyPatch
     assert tally.failures[0].startswith("--seed 1 --first ")
 
 
-def test_a_reader_that_crashes_or_hangs_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    def hang(data: bytes) -> None:
+def test_a_reader_that_crashes_or_hangs_is_found(monkeypatch):
+    def hang(data):
         while True:
             pass
 
@@ -58,34 +52,28 @@ def test_a_reader_that_crashes_or_hangs_is_found(monkeypatch: pytest.MonkeyPatch
     assert "TimeoutError" in failure
 
 
-def test_a_master_that_believes_noise_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_master_that_believes_noise_is_found(monkeypatch):
     monkeypatch.setattr(fuzz_frames.ModbusLink, "read", lambda link: bytes(6))
     with pytest.raises(AssertionError, match="no sound frame"):
         fuzz_frames.case(fuzz_frames.CORPUS[3])
 
 
-def test_the_tool_repeats_one_mutant() -> None:
-    done = run_tool("tables", "--first", "12", "--count", "1")
-    assert done.returncode == 0, done.stderr
-    assert "tables: 0 failures" in done.stdout
-
-
-def test_the_tool_fuzzes_frames_without_its_engine(tmp_path: Path) -> None:
+def test_the_tool_fuzzes_frames_without_its_engine(tmp_path):
     (tmp_path / "atheris.py").write_text("raise ModuleNotFoundError('No module named atheris')\n")
     done = run_tool("frames", "--seconds", "1", PYTHONPATH=str(tmp_path))
     assert done.returncode == 0, done.stdout
     assert "frames: 0 failures" in done.stdout
 
 
-def test_a_slice_of_the_files_that_are_almost_right_ends_as_commands_must() -> None:
+def test_a_slice_of_the_files_that_are_almost_right_ends_as_commands_must():
     failures: list[str] = []
-    ends = hostile_inputs.run(7, range(1, 150), failures.append)
+    ends = hostile_inputs.run(7, range(1, 90), failures.append)
     assert failures == []
     assert len({end.partition(":")[0] for end in ends}) >= 10  # commands
 
 
-def test_a_command_that_hangs_or_ends_otherwise_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    def end(code: int, err: str = "") -> None:
+def test_a_command_that_hangs_or_ends_otherwise_is_found(monkeypatch):
+    def end(code, err=""):
         monkeypatch.setattr(hostile_inputs, "_within", lambda result: (code, err))
 
     result = hostile_inputs.case(7, 1)

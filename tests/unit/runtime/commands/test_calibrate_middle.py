@@ -1,7 +1,5 @@
 """`grasp-calibrate middle` stopped at any moment: what may be held is held fast, and never lifted."""
 
-import argparse
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -43,7 +41,7 @@ class Interrupted:
 
 
 @pytest.fixture
-def arguments(tmp_path: Path) -> argparse.Namespace:
+def arguments(tmp_path):
     tree, widths = tmp_path / "t.msgpack", tmp_path / "g.json"
     dump(small_table(), tree)
     gauges = [
@@ -64,9 +62,7 @@ def arguments(tmp_path: Path) -> argparse.Namespace:
 
 
 @pytest.mark.parametrize("tips", ["straight", "57.15,5"])
-def test_stopped_calibration_never_lifts_the_fixed_block(
-    arguments: argparse.Namespace, tips: str
-) -> None:
+def test_stopped_calibration_never_lifts_the_fixed_block(arguments, tips):
     arguments.tips = tips
     gripped = 0
     for number in range(45):  # the first two grips

@@ -22,7 +22,7 @@ from runtime.shell.errors import UnreachableError
         ("manual", "ur://192.0.2.10:30004"),
     ],
 )
-def test_documented_ur_commands_connect_and_hold_both_devices(gripper: str, arm: str) -> None:
+def test_documented_ur_commands_connect_and_hold_both_devices(gripper, arm):
     rig = fake_cell([])
     drivers = SimpleNamespace(
         gripper=lambda port, profile, **_: rig.gripper, arm=lambda url, **_: rig.arm

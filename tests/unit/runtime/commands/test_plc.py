@@ -1,12 +1,11 @@
 """A PLC as the master of a run: which options go with it, and how each ending reaches the PLC."""
 
-import asyncio
 import json
 import os
 import signal
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +14,7 @@ import pytest
 from counting import count_of
 from fake_cell import FakeCell, Log, State, fake_cell
 from plc_programs import TcpPlc
-from sample_tables import GRIPPER, small_table
+from sample_tables import small_table
 
 from runtime.cli import main
 from runtime.commands import options, plc
@@ -25,143 +24,47 @@ from runtime.errors import JournalError
 from runtime.execution import crash
 from runtime.journal.chain import Journal, records
 from runtime.journal.replay import Replay
-from runtime.monitoring.live.server import Address, listening
 from runtime.monitoring.monitor import Views
 from runtime.plc.registers import as_json
 from runtime.shell.errors import UsageError
 from runtime.shell.interrupts import StopRequests
-from runtime.table import Calibration, dump
-from runtime.traversal.decision import Policy
+from runtime.table import dump
 
-CALIBRATION = Calibration(GRIPPER.profile)
 AT_21, AT_30, AT_36 = ((count_of(width), 2) for width in (21_000, 30_000, 36_000))
 PLC = ["--tree", "t", "--port", "sim", "--plc", "modbus-tcp://127.0.0.1:0"]
 
 
 @pytest.fixture(autouse=True)
-def _patient(monkeypatch: pytest.MonkeyPatch) -> None:
+def _patient(monkeypatch):
     """A run waits for its PLC, which hangs up at the end, however slow it is."""
     for name in ("FAREWELL_S", "ENDING_S", "GLANCE_S"):
         monkeypatch.setattr(plc, name, 30.0)
 
 
 @pytest.mark.parametrize(
-    ("url", "words"),
-    [
-        ("modbus-tcp://", "write modbus-tcp"),
-        ("127.0.0.1:5020", "write modbus-tcp"),
-        ("tcp://127.0.0.1:5020", "write modbus-tcp"),
-        ("opc.tcp://127.0.0.1:4840/cell", "write modbus-tcp"),
-        ("modbus-rtu:///dev/ttyS0", "write modbus-tcp"),
-        ("modbus-tcp://127.0.0.1:5020/x", "write modbus-tcp"),
-        ("modbus-tcp://127.0.0.1:99999", "PORT"),
-        ("modbus-tcp://127.0.0.1:port", "PORT"),
-        ("modbus-tcp://a b:5020", "PORT"),
-        ("modbus-tcp://192.0.2.1:5020", "--network"),
-        ("modbus-tcp://0.0.0.0:5020", "--network"),
-        ("", "write modbus-tcp"),
-    ],
-)
-def test_address_that_cannot_be_used_is_refused(url: str, words: str) -> None:
-    with pytest.raises(UsageError, match=words):
-        options.check_usage(parser().parse_args([*PLC[:-1], url]))
-
-
-OPC_UA = [*PLC[:-1], "opc.tcp://127.0.0.1:0"]
-
-
-@pytest.mark.parametrize(
     ("words", "said"),
     [
-        ([*PLC, "--plc-insecure"], "--plc-insecure is for opc.tcp"),
-        ([*PLC, "--plc-trusted", "f"], "--plc-trusted is for opc.tcp"),
-        ([*PLC, "--plc-certificates", "f"], "--plc-certificates is for opc.tcp"),
-        ([*OPC_UA, "--plc-insecure", "--plc-trusted", "f"], "uses no certificates"),
-        ([*OPC_UA, "--plc-insecure", "--plc-certificates", "f"], "uses no certificates"),
-        ([*PLC[:-1], "opc.tcp://192.0.2.1:4840"], "--network"),
-        ([*PLC[:4], "--plc-insecure"], "--plc-insecure is for --plc"),
+        *((f"--plc {url}", "write modbus-tcp") for url in ("modbus-tcp://", "127.0.0.1:5020")),
+        *((f"--plc {url}", "write modbus-tcp") for url in ("tcp://h:1", "modbus-rtu:///dev/ttyS0")),
+        ("--plc opc.tcp://127.0.0.1:4840/cell", "write modbus-tcp"),
+        ("--plc modbus-tcp://127.0.0.1:5020/x", "write modbus-tcp"),
+        *((f"--plc modbus-tcp://127.0.0.1:{port}", "PORT") for port in ("99999", "port")),
+        *((f"--plc modbus-tcp://{host}:5020", "--network") for host in ("192.0.2.1", "0.0.0.0")),
+        ("--plc opc.tcp://192.0.2.1:4840", "--network"),
+        ("--plc-insecure", "--plc-insecure is for opc.tcp"),
+        ("--plc-trusted f", "--plc-trusted is for opc.tcp"),
+        ("--plc opc.tcp://127.0.0.1:0 --plc-insecure --plc-trusted f", "uses no certificates"),
+        *((more, "leave it out") for more in ("--serve tcp://127.0.0.1:0", "--check", "--dry-run")),
+        *((more, "leave it out") for more in ("--put-down", "--after-crash resume")),
+        *((f"--tree u {more}", "leave it out") for more in ("--http 0", "--watch", "--audit see")),
     ],
 )
-def test_option_of_opc_ua_without_it_is_refused(words: list[str], said: str) -> None:
+def test_command_line_that_leaves_the_plc_nothing_to_do_is_refused(words, said):
     with pytest.raises(UsageError, match=said):
-        options.check_usage(parser().parse_args(words))
+        options.check_usage(parser().parse_args([*PLC, *words.split()]))
 
 
-def test_opc_ua_without_its_library_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(plc, "find_spec", lambda _: None)
-    with pytest.raises(UsageError, match=r"squeezetree\[opcua\]"):
-        options.check_usage(parser().parse_args(OPC_UA))
-
-
-def test_recipes_are_named_by_their_files_and_numbered_where_two_are_the_same(
-    tmp_path: Path,
-) -> None:
-    trees = [tmp_path / name for name in ("a/plate.msgpack", "b/plate.msgpack", "b/tee.msgpack")]
-    for tree in trees:
-        tree.parent.mkdir(exist_ok=True)
-        dump(small_table(), tree)
-    arguments = parser().parse_args([*OPC_UA[2:], "--tree", str(trees[0]), "--json"])
-    offers = plc._offers([prepare(arguments, tree) for tree in trees])
-    assert [offer.id for offer in offers] == ["0-plate", "1-plate", "tee"]
-
-
-def test_damaged_key_is_one_line_and_code_3(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    dump(small_table(), tmp_path / "t")
-    (tmp_path / "j.opcua").mkdir()
-    (tmp_path / "j.opcua" / "server.pem").touch(0o600)
-    words = ["--tree", str(tmp_path / "t"), *OPC_UA[2:], "--journal", str(tmp_path / "j"), "--json"]
-    assert main(words) == 3
-    said = capsys.readouterr().err.splitlines()[1:]
-    assert len(said) == 1
-    assert "server.pem" in said[0]
-    assert not (tmp_path / "j").exists()
-
-
-@pytest.mark.parametrize(
-    "more",
-    [
-        ["--serve", "tcp://127.0.0.1:0"],
-        ["--check"],
-        ["--dry-run"],
-        ["--put-down"],
-        ["--after-crash", "resume"],
-        ["--tree", "u", "--http", "0"],
-        ["--tree", "u", "--audit", "./see"],
-    ],
-    ids=lambda more: more[-2].strip("-") if more[0] == "--tree" else more[0].strip("-"),
-)
-def test_option_that_leaves_the_plc_nothing_to_do_is_refused(more: list[str]) -> None:
-    with pytest.raises(UsageError, match="leave it out"):
-        options.check_usage(parser().parse_args([*PLC, *more]))
-
-
-def test_options_of_a_run_go_with_it() -> None:
-    more = [
-        "--count",
-        "3",
-        "--activate",
-        "--on-reject",
-        "stop",
-        "--takt",
-        "6s",
-        "--time-scale",
-        "max",
-        "--network",
-    ]
-    options.check_usage(parser().parse_args([*PLC, *more, "--http", "0"]))
-    options.check_usage(parser().parse_args([*PLC, "--tree", "u"]))
-
-
-def test_several_tables_without_a_plc_are_refused() -> None:
-    with pytest.raises(UsageError, match="--tree stands twice"):
-        options.check_usage(parser().parse_args(["--tree", "t", "--tree", "u", "--port", "sim"]))
-
-
-def test_map_is_printed_without_a_table_and_starts_nothing(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_map_is_printed_without_a_table_and_starts_nothing(capsys):
     with pytest.raises(SystemExit) as ended:
         main(["--plc-map", "json"])
     assert ended.value.code == 0
@@ -169,29 +72,6 @@ def test_map_is_printed_without_a_table_and_starts_nothing(
     with pytest.raises(SystemExit) as ended:
         main(["--plc-map", "xml"])
     assert ended.value.code == 2
-
-
-def test_port_in_use_is_one_line_and_code_2(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    dump(small_table(), tmp_path / "t")
-    with listening(Address("127.0.0.1", 0), "x") as taken:
-        url = f"modbus-tcp://127.0.0.1:{taken.getsockname()[1]}"
-        words = [
-            "--tree",
-            str(tmp_path / "t"),
-            "--port",
-            "sim",
-            "--json",
-            "--journal",
-            str(tmp_path / "j"),
-        ]
-        assert main([*words, "--plc", url]) == 2
-    said = capsys.readouterr().err.splitlines()[1:]
-    assert len(said) == 1
-    assert said[0].startswith("grasp-runtime: --plc ")
-    assert "in use" in said[0]
-    assert not (tmp_path / "j").exists()
 
 
 class Running:
@@ -208,16 +88,9 @@ class Running:
         self.journal = journal(folder / "j.jsonl", lambda: "")
         self._cell = replace(rig.cell, journal=self.journal)
         words = [word for tree in trees for word in ("--tree", str(tree))]
-        arguments = parser().parse_args(
-            [
-                *words,
-                *PLC[2:],
-                "--json",
-                "--journal",
-                str(folder / "j"),
-                *(["--count", str(count)] if count else []),
-            ]
-        )
+        words += ["--json", "--journal", str(folder / "j")]
+        words += ["--count", str(count)] if count else []
+        arguments = parser().parse_args([*PLC[2:], *words])
         self._stack = ExitStack()
         self.recipes = [prepare(arguments, tree) for tree in trees]
         self._run = plc.opened(arguments, self.recipes, Views(), self._stack)
@@ -258,17 +131,17 @@ class Running:
 
 
 @pytest.fixture
-def tree(tmp_path: Path) -> Path:
+def tree(tmp_path):
     dump(small_table(), tmp_path / "t.msgpack")
     return tmp_path / "t.msgpack"
 
 
 def test_parts_of_each_outcome_have_their_code_and_only_a_located_one_a_pose(
-    tmp_path: Path, tree: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+    tmp_path, tree, capsys
+):
     results = []
 
-    def program(client: TcpPlc) -> None:
+    def program(client):
         client.enable()
         results.extend(client.part(number) for number in (5, 5, 65535))
 
@@ -276,28 +149,19 @@ def test_parts_of_each_outcome_have_their_code_and_only_a_located_one_a_pose(
     assert running.run(program) == 10
     assert [result["outcome"] for result in results] == [1, 2, 3]
     assert [result["exit_code"] for result in results] == [0, 10, 10]
-    assert [(each["x"], each["y"], each["angle"]) for each in results] == [
-        (0, 500, 0),
-        (0, 0, 0),
-        (0, 0, 0),
-    ]
-    assert [json.loads(line)["outcome"] for line in capsys.readouterr().out.splitlines()] == [
-        "leaf",
-        "reject",
-        "unresolved",
-    ]
-    kept = [
-        each for each in running.kept() if each["kind"] in ("trigger", "part", "outcome", "end")
-    ]
-    assert [each["kind"] for each in kept] == [*["trigger", "part", "outcome"] * 3, "end"]
-    assert [each["trigger_id"] for each in kept if each["kind"] == "trigger"] == [5, 5, 65535]
+    poses = [(each["x"], each["y"], each["angle"]) for each in results]
+    assert poses == [(0, 500, 0), (0, 0, 0), (0, 0, 0)]
+    printed = [json.loads(line)["outcome"] for line in capsys.readouterr().out.splitlines()]
+    assert printed == ["leaf", "reject", "unresolved"]
+    triggers = [each["trigger_id"] for each in running.kept() if each["kind"] == "trigger"]
+    assert triggers == [5, 5, 65535]
 
 
-def test_nothing_is_moved_before_enabling(tmp_path: Path, tree: Path) -> None:
+def test_nothing_is_moved_before_enabling(tmp_path, tree):
     rig = fake_cell([AT_21])
     rig.gripper.now = State(activated=False)
 
-    def program(client: TcpPlc) -> None:
+    def program(client):
         client.write(trigger=1)
         assert client["error_id"] == 101
         client.write(trigger=0)
@@ -327,14 +191,12 @@ def withdrawing(rig: FakeCell, withdrawn: threading.Event) -> Callable[[TcpPlc],
     return program
 
 
-def test_enable_withdrawn_before_a_part_begins_ends_it_without_a_motion(
-    tmp_path: Path, tree: Path
-) -> None:
+def test_enable_withdrawn_before_a_part_begins_ends_it_without_a_motion(tmp_path, tree):
     rig, triggered = fake_cell([AT_21]), threading.Event()
     rig.gripper.now = State(activated=False)
     sweep = rig.gripper.activate
 
-    def slow_sweep() -> None:
+    def slow_sweep():
         triggered.wait(30)
         sweep()
 
@@ -343,13 +205,11 @@ def test_enable_withdrawn_before_a_part_begins_ends_it_without_a_motion(
     assert Running(tmp_path, rig, tree, count=1).run(withdrawing(rig, triggered)) == 0
 
 
-def test_enable_withdrawn_before_the_run_looks_at_it_ends_the_part(
-    tmp_path: Path, tree: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_enable_withdrawn_before_the_run_looks_at_it_ends_the_part(tmp_path, tree, monkeypatch):
     """A busy controller: trigger and withdrawal are both there when the run first looks."""
     rig, withdrawn, note = fake_cell([AT_21]), threading.Event(), plc.ForPlc.note
 
-    def late(monitor: plc.ForPlc, sentence: str) -> None:
+    def late(monitor, sentence):
         note(monitor, sentence)
         withdrawn.wait(30)
 
@@ -358,12 +218,10 @@ def test_enable_withdrawn_before_the_run_looks_at_it_ends_the_part(
     assert Running(tmp_path, rig, tree, count=1).run(withdrawing(rig, withdrawn)) == 0
 
 
-def test_fault_is_a_result_of_its_id_that_stays_until_it_is_taken(
-    tmp_path: Path, tree: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_fault_is_a_result_of_its_id_that_stays_until_it_is_taken(tmp_path, tree, monkeypatch):
     monkeypatch.setattr(plc, "FAREWELL_S", 0.1)
 
-    def program(client: TcpPlc) -> None:
+    def program(client):
         client.enable()
         client.part(1)
         client.begin(2)
@@ -382,28 +240,14 @@ def test_fault_is_a_result_of_its_id_that_stays_until_it_is_taken(
     assert running.kept()[-1]["exit_code"] == 21
 
 
-def test_policy_that_ends_the_run_lets_the_result_be_taken(tmp_path: Path, tree: Path) -> None:
-    def program(client: TcpPlc) -> None:
-        client.enable()
-        assert client.part(9)["outcome"] == 2
-
-    running = Running(tmp_path, fake_cell([AT_36]), tree)
-    stops = replace(running.recipes[0].options, policy=Policy.of("stop", "next"))
-    running._run.recipes = [replace(running.recipes[0], options=stops)]
-    running._run._monitors[0]._recipe = running._run.recipes[0]
-    assert running.run(program) == 10
-
-
-def test_error_that_no_part_ends_with_is_a_fault_of_the_part_under_way(
-    tmp_path: Path, tree: Path
-) -> None:
-    def program(client: TcpPlc) -> None:
+def test_error_that_no_part_ends_with_is_a_fault_of_the_part_under_way(tmp_path, tree):
+    def program(client):
         client.enable()
         client.begin(4)
         assert client.result(4)["exit_code"] == 24
 
     class Full(Journal):
-        def record(self, kind: str, fields: Mapping[str, object]) -> None:
+        def record(self, kind, fields):
             if kind == "trigger":
                 raise JournalError(self.path, "cannot be written")
             super().record(kind, fields)
@@ -414,8 +258,8 @@ def test_error_that_no_part_ends_with_is_a_fault_of_the_part_under_way(
     assert rig.log.named("move_linear") == []
 
 
-def test_stop_request_between_parts_ends_the_run_at_once(tmp_path: Path, tree: Path) -> None:
-    def program(client: TcpPlc) -> None:
+def test_stop_request_between_parts_ends_the_run_at_once(tmp_path, tree):
+    def program(client):
         client.enable()
         client.part(1)
         os.kill(os.getpid(), signal.SIGTERM)
@@ -427,8 +271,8 @@ def test_stop_request_between_parts_ends_the_run_at_once(tmp_path: Path, tree: P
     assert (end["kind"], end["parts"], end["exit_code"]) == ("end", 1, 40)
 
 
-def test_stop_request_ends_the_wait_for_a_result_to_be_taken(tmp_path: Path, tree: Path) -> None:
-    def program(client: TcpPlc) -> None:
+def test_stop_request_ends_the_wait_for_a_result_to_be_taken(tmp_path, tree):
+    def program(client):
         client.enable()
         client.begin(1)
         client.wait("result_valid", 1)
@@ -437,12 +281,12 @@ def test_stop_request_ends_the_wait_for_a_result_to_be_taken(tmp_path: Path, tre
     assert Running(tmp_path, fake_cell([AT_21]), tree, count=1).run(program) == 0
 
 
-def test_change_of_the_table_ends_a_run_and_begins_another(tmp_path: Path, tree: Path) -> None:
+def test_change_of_the_table_ends_a_run_and_begins_another(tmp_path, tree):
     other = tmp_path / "u.msgpack"
     table = small_table()
     dump(replace(table, tool="squeezetree other"), other)
 
-    def program(client: TcpPlc) -> None:
+    def program(client):
         client.enable()
         for number, chosen in enumerate((1, 1, 0), 1):
             client.write(table=chosen)
@@ -457,27 +301,14 @@ def test_change_of_the_table_ends_a_run_and_begins_another(tmp_path: Path, tree:
     running = Running(tmp_path, fake_cell([AT_21] * 3), tree, other)
     with pytest.raises(KeyboardInterrupt):
         running.run(program)
-    kinds = [
-        each["kind"] for each in running.kept() if each["kind"] in ("header", "trigger", "end")
-    ]
-    assert kinds == [
-        "header",
-        "end",
-        "header",
-        "trigger",
-        "trigger",
-        "end",
-        "header",
-        "trigger",
-        "end",
-    ]
+    kinds = [str(each["kind"]) for each in running.kept()]
+    runs = " ".join(kind for kind in kinds if kind in ("header", "trigger", "end"))
+    assert runs == "header end header trigger trigger end header trigger end"
 
 
 @pytest.mark.parametrize("starts", [True, False])
-def test_server_that_fails_ends_the_run_and_its_journal(
-    starts: bool, tmp_path: Path, tree: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    async def failing(server: plc.ModbusServer, stop: asyncio.Event) -> None:
+def test_server_that_fails_ends_the_run_and_its_journal(starts, tmp_path, tree, monkeypatch):
+    async def failing(server, stop):
         if starts:
             server.started()
         server._listener.close()
@@ -493,7 +324,7 @@ def test_server_that_fails_ends_the_run_and_its_journal(
     assert (end["kind"], end["parts"]) == ("end", 0)
 
 
-def test_tables_for_different_grippers_are_refused(tmp_path: Path, tree: Path) -> None:
+def test_tables_for_different_grippers_are_refused(tmp_path, tree):
     other = tmp_path / "u.msgpack"
     table = small_table()
     dump(replace(table, gripper=replace(table.gripper, finger_width_um=1000)), other)

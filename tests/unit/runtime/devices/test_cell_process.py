@@ -38,26 +38,24 @@ def script(folder: Path, text: str) -> str:
     return str(path)
 
 
-def test_a_program_that_is_not_there(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("exit 7", "ended with exit code 7 before it served"),
+        *((f"echo '{answer}'; exec cat", "instead of its endpoints") for answer in ("hello", "[]")),
+        ("""echo '{"gripper": "/dev/pts/9"}'; exec cat""", "instead of its endpoints"),
+    ],
+)
+def test_a_cell_that_ends_at_once_or_tells_something_else(monkeypatch, tmp_path, text, said):
+    assert said in refused(monkeypatch, script(tmp_path, text))
+
+
+def test_a_program_that_is_not_there(monkeypatch, tmp_path):
     message = refused(monkeypatch, str(tmp_path / "python"))
     assert message.startswith("grasp-cell cannot be started: No such file or directory")
 
 
-def test_one_that_ends_at_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    assert "ended with exit code 7 before it served" in refused(
-        monkeypatch, script(tmp_path, "exit 7")
-    )
-
-
-def test_one_that_tells_something_else(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    for answer in ("hello", "[]", '{"gripper": "/dev/pts/9"}'):
-        record = refused(monkeypatch, script(tmp_path, f"echo '{answer}'; exec cat"))
-        assert "instead of its endpoints" in record
-
-
-def test_one_that_stays_silent_and_does_not_listen(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_one_that_stays_silent_and_does_not_listen(monkeypatch, tmp_path):
     monkeypatch.setattr(cell_process, "START_S", 0.05)
     monkeypatch.setattr(child, "END_S", 0.05)
     result = refused(monkeypatch, script(tmp_path, "trap '' TERM; while true; do sleep 0.05; done"))

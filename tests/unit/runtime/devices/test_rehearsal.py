@@ -38,8 +38,8 @@ def play(table: Table, world: Rehearsal, random: Random) -> tuple[int, ...]:
     return (*path, target)
 
 
-def test_leaves_are_reached_as_often_as_the_table_says() -> None:
-    table, trials = small_table(), 4_000
+def test_leaves_are_reached_as_often_as_the_table_says():
+    table, trials = small_table(), 1_000
     world, random = make(table, 3), Random(5)
     seen = Counter(play(table, world, random) for _ in range(trials))
     expected = {(0, ~0): 0.6, (0, 1, ~1): 0.4 * 0.75, (0, 1, ~2): 0.4 * 0.25}
@@ -49,27 +49,14 @@ def test_leaves_are_reached_as_often_as_the_table_says() -> None:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_every_width_of_any_table_reads_as_an_outcome(seed: int) -> None:
+def test_every_width_of_any_table_reads_as_an_outcome(seed):
     table = random_table(seed, 20)
     world, random = make(table, seed), Random(seed)
-    for _ in range(200):
+    for _ in range(60):
         path = play(table, world, random)
         assert ~path[-1] < len(table.leaves)
 
 
-def test_same_seed_same_widths() -> None:
-    table = small_table()
-    runs = [[make(table, 9).squeeze((0.0, 0.0, 0.0))[1] for _ in range(5)] for _ in range(2)]
-    assert runs[0] == runs[1]
-
-
-def test_a_job_without_a_table_cannot_be_rehearsed() -> None:
+def test_a_job_without_a_table_cannot_be_rehearsed():
     with pytest.raises(UsageError, match="start grasp-cell with --tree"):
         make({"seed": 1}, 0)
-
-
-def test_compose_and_relative_are_inverses() -> None:
-    random = Random(1)
-    for _ in range(100):
-        frame, pose = (tuple(random.uniform(-3, 3) for _ in range(3)) for _ in range(2))
-        assert relative(frame, compose(frame, pose)) == pytest.approx(pose, abs=1e-12)

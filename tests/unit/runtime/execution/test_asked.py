@@ -1,13 +1,12 @@
 """A robot that asks, line by line: a reading means what the table says, and a bad line changes nothing."""
 
-from dataclasses import replace
 from pathlib import Path
 from random import Random
 
 import pytest
 from counting import width_um
 from fake_cell import FakeClock, FakeJournal
-from sample_tables import OTHER, every_field_table, random_table, several_table, small_table
+from sample_tables import every_field_table, random_table, small_table
 
 from runtime.execution.asked import ERRORS, MAX_LINE, AskedParts
 from runtime.execution.events import Tally
@@ -16,37 +15,29 @@ from runtime.monitoring.console import Objects
 from runtime.table import REJECT, Table, decide, decision_map
 from runtime.traversal.decision import Policy, release_point
 
-WORDS = (
-    "NEXT",
-    "WIDTH",
-    "COUNTS",
-    "STATUS",
-    "RESET",
-    "TABLE",
-    "VERSION",
-    "OBJECT",
-    "NONE",
-    "0",
-    "1",
-    "21.0",
-)
-WORDS += ("30", "174", "-1", "1e9", "nan", "", "²", "next", "999999999999", "+5", "0x10", "\t", "é")
+WORDS = [
+    *("NEXT", "WIDTH", "COUNTS", "STATUS", "RESET", "TABLE", "VERSION", "OBJECT", "NONE", "next"),
+    *("0", "1", "21.0", "30", "174", "-1", "1e9", "nan", "", "²", "999999999999", "+5", "0x10"),
+    *("\t", "é"),
+]
 ANSWERS = {
-    "SQUEEZE",
-    "DRAG",
-    "LEAF",
-    "UNRESOLVED",
-    "REJECT",
-    "ERROR",
-    "STATUS",
-    "TABLE",
-    "VERSION",
-    "OK",
+    *(
+        "SQUEEZE",
+        "DRAG",
+        "LEAF",
+        "UNRESOLVED",
+        "REJECT",
+        "ERROR",
+        "STATUS",
+        "TABLE",
+        "VERSION",
+        "OK",
+    )
 }
 
 
 @pytest.fixture(autouse=True)
-def _quiet(capsys: pytest.CaptureFixture[str]) -> None:
+def _quiet(capsys):
     """Parts are told on standard output."""
 
 
@@ -72,7 +63,7 @@ def expected(table: Table, count: int, felt: bool) -> str:
 
 
 @pytest.mark.parametrize("table", [small_table(), every_field_table(), random_table(3, 60)])
-def test_every_reading_of_the_root_means_what_the_table_says_or_is_refused(table: Table) -> None:
+def test_every_reading_of_the_root_means_what_the_table_says_or_is_refused(table):
     asked = parts(table)
     for count in range(256):
         for flag in ("OBJECT", "NONE"):
@@ -88,7 +79,7 @@ def test_every_reading_of_the_root_means_what_the_table_says_or_is_refused(table
                 assert reply.startswith(wanted)
 
 
-def test_a_width_means_what_its_count_does() -> None:
+def test_a_width_means_what_its_count_does():
     table = small_table()
     asked = parts(table)
     for count in range(10, 256):
@@ -100,10 +91,8 @@ def test_a_width_means_what_its_count_does() -> None:
         assert answers[0] == answers[1] or answers[0][0] == "REJECT"
 
 
-@pytest.mark.parametrize("seed", range(20))
-def test_whatever_is_said_is_answered_in_one_short_line_and_a_refusal_changes_nothing(
-    seed: int,
-) -> None:
+@pytest.mark.parametrize("seed", range(4))
+def test_whatever_is_said_is_answered_in_one_short_line_and_a_refusal_changes_nothing(seed):
     random, table = Random(seed), every_field_table()
     asked = parts(table, Policy.of("resqueeze,restart", "restart"))
     for _ in range(300):
@@ -119,20 +108,3 @@ def test_whatever_is_said_is_answered_in_one_short_line_and_a_refusal_changes_no
         if first == "ERROR":
             assert rest[1] == ERRORS[int(rest[0])]
             assert asked.answer("STATUS") == before
-
-
-@pytest.mark.parametrize(
-    ("name", "message"), [("right hand", "right hand"), ("Stützwinkel 2 é" * 9, "?")]
-)
-def test_a_leaf_of_several_parts_ends_with_which_it_is(name: str, message: str) -> None:
-    table = several_table()
-    table = replace(table, hypotheses=(table.hypotheses[0], OTHER._replace(name=name)))
-    asked = parts(table)
-    asked.answer("NEXT")
-    asked.answer("WIDTH 30")
-    answer = asked.answer("WIDTH 21")
-    assert answer.startswith("LEAF 1 ")
-    assert answer.split(" ")[6] == "1"
-    assert message in answer.split(" ", 7)[7]
-    assert answer.isascii()
-    assert len(answer) < MAX_LINE

@@ -1,6 +1,5 @@
 """What is done about a run that broke off, before any device is opened."""
 
-import base64
 from collections.abc import Mapping
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -56,22 +55,20 @@ def moment(wall_s: float = 0.0, up_s: float = 0.0, boot: str | None = None) -> d
     }
 
 
-def test_a_run_that_ended_is_nothing_to_go_on_with(tmp_path: Path) -> None:
+def test_a_run_that_ended_is_nothing_to_go_on_with(tmp_path):
     assert look(write_run(tmp_path / "j.jsonl"), crash.ABORT) is None
 
 
 @pytest.mark.parametrize(
     ("lines", "part", "steps"), [(1, None, 0), (2, 1, 0), (4, 1, 1), (5, None, 0), (9, 2, 1)]
 )
-def test_where_it_broke_off_is_known(
-    tmp_path: Path, lines: int, part: int | None, steps: int
-) -> None:
+def test_where_it_broke_off_is_known(tmp_path, lines, part, steps):
     seen = look(broken(tmp_path / "j.jsonl", lines), crash.RESUME)
     assert seen is not None
     assert (seen.part, len(seen.steps)) == (part, steps)
 
 
-def test_giving_up_is_recorded_and_ends_the_run(tmp_path: Path) -> None:
+def test_giving_up_is_recorded_and_ends_the_run(tmp_path):
     path = broken(tmp_path / "j.jsonl", 4)
     with pytest.raises(
         BrokenRunError, match="at part 1, after 1 squeeze; it is given up and nothing was moved"
@@ -82,7 +79,7 @@ def test_giving_up_is_recorded_and_ends_the_run(tmp_path: Path) -> None:
     assert look(path, crash.ABORT) is None
 
 
-def test_starting_over_forgets_the_path_and_not_what_is_held(tmp_path: Path) -> None:
+def test_starting_over_forgets_the_path_and_not_what_is_held(tmp_path):
     seen = look(broken(tmp_path / "j.jsonl", 4), crash.RESTART)
     assert seen is not None
     assert (seen.steps, seen.traversal.node) == ([], 0)
@@ -100,7 +97,7 @@ def test_starting_over_forgets_the_path_and_not_what_is_held(tmp_path: Path) -> 
         ({"delivery": from_text("50,0,90").record()}, "--deliver"),
     ],
 )
-def test_a_run_is_gone_on_with_as_it_was_begun(tmp_path: Path, changed: dict, what: str) -> None:
+def test_a_run_is_gone_on_with_as_it_was_begun(tmp_path, changed, what):
     path = broken(tmp_path / "j.jsonl", 4)
     with pytest.raises(BrokenRunError, match=f"had another {what}") as refused:
         look(path, crash.RESUME, **changed)
@@ -134,9 +131,7 @@ RECENT = {
 
 @pytest.mark.parametrize("policy", [crash.RESUME, crash.RESTART])
 @pytest.mark.parametrize("name", TOO_OLD)
-def test_look_a_part_that_is_old_or_of_unclear_age_is_refused(
-    tmp_path: Path, policy: str, name: str
-) -> None:
+def test_look_a_part_that_is_old_or_of_unclear_age_is_refused(tmp_path, policy, name):
     path = broken(tmp_path / "j.jsonl", 4)
     with pytest.raises(BrokenRunError, match=r"s ago; after 300 s|is not clear") as refused:
         look_at(path, policy, TOO_OLD[name]())
@@ -145,29 +140,18 @@ def test_look_a_part_that_is_old_or_of_unclear_age_is_refused(
 
 
 @pytest.mark.parametrize("name", RECENT)
-def test_look_a_part_of_known_recent_age_is_gone_on_with(tmp_path: Path, name: str) -> None:
+def test_look_a_part_of_known_recent_age_is_gone_on_with(tmp_path, name):
     assert look_at(broken(tmp_path / "j.jsonl", 4), crash.RESUME, RECENT[name]()) is not None
 
 
-def test_look_a_record_without_uptime_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "j.jsonl"
-    with Journal(path, STAMP) as journal:
-        journal.header(TABLE, FIELDS)
-        journal.record("part", {"part": 1})
-    with pytest.raises(BrokenRunError, match="is not clear"):
-        look(path, crash.RESUME)
-
-
-def test_between_two_parts_there_is_nothing_that_could_be_too_old(tmp_path: Path) -> None:
+def test_between_two_parts_there_is_nothing_that_could_be_too_old(tmp_path):
     seen = look_at(broken(tmp_path / "j.jsonl", 5), crash.RESUME, moment(1e6, 1e6))
     assert seen is not None
     assert seen.part is None
 
 
 @pytest.mark.parametrize("policy", [crash.RESUME, crash.ABORT])
-def test_a_run_that_its_own_counts_do_not_justify_is_not_resumed(
-    tmp_path: Path, policy: str
-) -> None:
+def test_a_run_that_its_own_counts_do_not_justify_is_not_resumed(tmp_path, policy):
     path = tmp_path / "j.jsonl"
     with Journal(path, STAMP) as journal:
         journal.header(TABLE, FIELDS)
@@ -178,7 +162,7 @@ def test_a_run_that_its_own_counts_do_not_justify_is_not_resumed(
     assert verify(path).closed == (policy == crash.ABORT)
 
 
-def test_going_on_is_recorded_with_what_was_cut_off(tmp_path: Path) -> None:
+def test_going_on_is_recorded_with_what_was_cut_off(tmp_path):
     path = broken(tmp_path / "j.jsonl", 4)
     with path.open("ab") as file:
         file.write(b'{"seq":4,"ti')
@@ -194,10 +178,3 @@ def test_going_on_is_recorded_with_what_was_cut_off(tmp_path: Path) -> None:
         "resume",
         12,
     )
-
-
-def test_the_header_of_a_new_run_holds_the_table(tmp_path: Path) -> None:
-    with Journal(tmp_path / "j.jsonl", STAMP) as journal:
-        crash.begin(journal, None, TABLE, FIELDS, crash.ABORT)
-    (header,) = records(tmp_path / "j.jsonl")
-    assert base64.b64decode(str(header["table_base64"])) == TABLE

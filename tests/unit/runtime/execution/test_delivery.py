@@ -3,7 +3,6 @@
 import json
 from dataclasses import replace
 from math import inf, nan, pi
-from pathlib import Path
 
 import pytest
 from sample_tables import several_table
@@ -21,20 +20,14 @@ area_mm = [-60, -60, 90, 60]
 """
 
 
-def test_three_numbers_are_a_drop_off() -> None:
+def test_three_numbers_are_a_drop_off():
     assert from_text("50,-10,90") == Delivery(
         drop=(50.0, -10.0, pytest.approx(pi / 2)), width_mm=(0.5, inf)
     )
 
 
-@pytest.mark.parametrize("text", ["50,-10,90", "-1e2,0.1,-179.9"])
-def test_what_the_journal_keeps_stays_equal_on_the_disk(text: str) -> None:
-    result = from_text(text).record()
-    assert json.loads(json.dumps(result, allow_nan=False)) == result
-
-
 @pytest.mark.parametrize("header", ["", "[delivery]\n"])
-def test_a_file_may_have_a_section(tmp_path: Path, header: str) -> None:
+def test_a_file_may_have_a_section(tmp_path, header):
     path = tmp_path / "d.toml"
     path.write_text(header + FULL)
     result = from_file(path)
@@ -44,7 +37,7 @@ def test_a_file_may_have_a_section(tmp_path: Path, header: str) -> None:
     assert result.area_um == (-60_000, -60_000, 90_000, 60_000)
 
 
-def test_a_job_without_the_section_delivers_nothing() -> None:
+def test_a_job_without_the_section_delivers_nothing():
     assert from_job(None) is None
     assert from_job({"seed": 1}) is None
     assert from_job({"delivery": {"drop_mm": [1, 2]}}) == Delivery(drop=(1.0, 2.0, 0.0))
@@ -68,18 +61,12 @@ def test_a_job_without_the_section_delivers_nothing() -> None:
         (3, "no section"),
     ],
 )
-def test_what_is_wrong_is_named(keys: object, message: str) -> None:
+def test_what_is_wrong_is_named(keys, message):
     with pytest.raises(InputError, match=message):
         from_keys(keys, "delivery")
 
 
-@pytest.mark.parametrize("text", ["1,2", "1,2,x", "1,2,3,4"])
-def test_text_that_is_no_three_numbers(text: str) -> None:
-    with pytest.raises(UsageError, match="x,y,angle"):
-        from_text(text)
-
-
-def test_files_that_cannot_be_read(tmp_path: Path) -> None:
+def test_files_that_cannot_be_read(tmp_path):
     with pytest.raises(InputError, match=r"none\.toml"):
         from_file(tmp_path / "none.toml")
     (tmp_path / "bad.toml").write_text("drop_mm = [")
@@ -92,7 +79,7 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
         assert "\n" not in str(refused.value)
 
 
-def test_a_pick_of_the_part_is_where_it_is_taken() -> None:
+def test_a_pick_of_the_part_is_where_it_is_taken():
     part = {"datum": [10.0, 0.0, 90.0], "picks": {"handle": [5.0, 0.0, 0.0]}}
     result = from_job({"part": part, "delivery": {"drop_mm": [0, 50], "grasp": "handle"}})
     assert result is not None
@@ -101,7 +88,7 @@ def test_a_pick_of_the_part_is_where_it_is_taken() -> None:
         from_job({"part": part, "delivery": {"drop_mm": [0, 50], "grasp": "rim"}})
 
 
-def test_several_parts_are_sorted_by_their_names(tmp_path: Path) -> None:
+def test_several_parts_are_sorted_by_their_names(tmp_path):
     path = tmp_path / "d.toml"
     path.write_text(FULL)
     sorting = by_name(["right hand=1,2,0", f"left hand={path}"], several_table())
@@ -126,9 +113,7 @@ def test_several_parts_are_sorted_by_their_names(tmp_path: Path) -> None:
         (["left hand=1,2,3"], {"identify": False}, "both which part it is and where"),
     ],
 )
-def test_a_place_of_no_known_part_is_refused(
-    words: list[str], goal: dict[str, object], message: str
-) -> None:
+def test_a_place_of_no_known_part_is_refused(words, goal, message):
     table = several_table()
     table = replace(table, goal=replace(table.goal, **goal))
     with pytest.raises(UsageError, match=message):

@@ -1,36 +1,22 @@
 """What the executor does beyond the plain loop: gentle force, drags, policies."""
 
 import math
-from dataclasses import FrozenInstanceError, replace
+from dataclasses import replace
 
 import pytest
-from counting import SETTINGS, width_um
-from fake_cell import Log, State, fake_cell
+from counting import width_um
+from fake_cell import State, fake_cell
 from sample_tables import GRIPPER, small_table, with_job, with_node
-from squeezes import (
-    ARRIVED,
-    AT_21,
-    AT_30,
-    AT_36,
-    AT_60,
-    EMPTY,
-    jaw_moves,
-    meeting,
-    run,
-)
+from squeezes import AT_21, AT_30, AT_36, jaw_moves, run
 
 from runtime.errors import GripperStateError
-from runtime.execution.events import Phase
 from runtime.execution.executor import RunOptions
 from runtime.execution.hand import Hand
 from runtime.execution.handling import Handling
 from runtime.table import Place, Table
-from runtime.traversal.decision import Policy
 from runtime.traversal.results import Outcome
 
 # -- force ----------------------------------------------------------------------------------------
-
-GENTLE_FORCE = 0  # the weakest setting
 
 
 def dragging_table(force_mn: int = 40_000) -> Table:
@@ -43,61 +29,13 @@ def dragging_table(force_mn: int = 40_000) -> Table:
     return replace(table, limits=replace(table.limits, max_force_mn=235_000))
 
 
-def test_squeeze_regulated_meets_the_part_with_the_least_force() -> None:
-    rig = fake_cell([AT_21])
-    assert run(rig, RunOptions(handling=Handling(regulated=True))).leaf == 0
-    assert [force for position, _, force in jaw_moves(rig) if position == 255] == [GENTLE_FORCE]
-
-
-def test_squeeze_regulated_raises_the_force_for_a_drag() -> None:
-    rig = fake_cell([AT_21])
-    assert run(rig, RunOptions(handling=Handling(regulated=True)), dragging_table()).leaf == 0
-    node_force = SETTINGS.force(40.0)
-    assert [force for position, _, force in jaw_moves(rig) if position == 255] == [
-        GENTLE_FORCE,
-        node_force,
-    ]
-
-
-def test_squeeze_regulated_raises_the_force_where_the_reading_decides_nothing() -> None:
-    rig = meeting(AT_60[0])
-    result = run(rig, RunOptions(handling=Handling(regulated=True)))
-    assert result.outcome is Outcome.REJECT  # nobody planned for 60 mm
-    forces = [force for position, _, force in jaw_moves(rig) if position > 0]
-    assert forces == [GENTLE_FORCE, SETTINGS.force(40.0)]
-
-
-def test_the_motor_current_ends_the_raising() -> None:
+def test_the_motor_current_ends_the_raising():
     for grip_current_ma, raises in [(None, 4), (299, 0), (300, 0), (301, 4)]:
         rig = fake_cell([AT_21])
         handling = Handling(regulated=True, grip_current_ma=grip_current_ma)
         assert run(rig, RunOptions(handling=handling), dragging_table(200_000)).leaf == 0
         closings = [force for position, _, force in jaw_moves(rig) if position == 255]
         assert len(closings) == 1 + raises
-
-
-def test_a_part_that_slips_out_while_the_force_rises_is_reported_by_its_width() -> None:
-    rig = fake_cell([AT_21])
-    move = rig.gripper.move
-
-    def slip(width_um: int, speed_mm_s: float, force_n: float) -> None:
-        move(width_um, speed_mm_s, force_n)
-        if width_um < 0 and force_n > rig.gripper.profile.force_n[0]:
-            rig.gripper.now = rig.gripper.now._replace(position_counts=229, object_flag=ARRIVED)
-
-    rig.gripper.move = slip
-    result = run(rig, RunOptions(handling=Handling(regulated=True)), dragging_table(200_000))
-    assert (result.outcome, result.reason) == (Outcome.REJECT, "the fingers closed on nothing")
-    assert [force for position, _, force in jaw_moves(rig) if position == 255] == [
-        GENTLE_FORCE,
-        64,
-    ]
-
-
-def test_nothing_between_the_fingers_is_not_squeezed_harder() -> None:
-    rig = fake_cell([EMPTY])
-    assert run(rig, RunOptions(handling=Handling(regulated=True))).outcome is Outcome.REJECT
-    assert [force for position, _, force in jaw_moves(rig) if position > 0] == [GENTLE_FORCE]
 
 
 # -- short squeezes ---------------------------------------------------------------------------------
@@ -112,7 +50,7 @@ def known_table() -> Table:
     return with_node(table, 1, second._replace(squeeze=second.squeeze._replace(opening_um=50_000)))
 
 
-def test_between_squeezes_hand_rises_to_just_above_the_part_and_jaws_open_for_the_next() -> None:
+def test_between_squeezes_hand_rises_to_just_above_the_part_and_jaws_open_for_the_next():
     rig = fake_cell([AT_30, AT_21])
     assert run(rig, RunOptions(), known_table()).leaf == 1
     heights = [call.arguments[2] for call in rig.log.named("move_linear")]
@@ -123,7 +61,7 @@ def test_between_squeezes_hand_rises_to_just_above_the_part_and_jaws_open_for_th
     assert opened[-1] == 85_000  # for the next part
 
 
-def test_jaws_are_freed_before_the_hand_rises_though_the_next_opening_is_narrower() -> None:
+def test_jaws_are_freed_before_the_hand_rises_though_the_next_opening_is_narrower():
     root, second = known_table().nodes
     narrow = second._replace(contact_um=None, squeeze=second.squeeze._replace(opening_um=38_000))
     rig = fake_cell([AT_36, AT_21])
@@ -142,22 +80,7 @@ def test_jaws_are_freed_before_the_hand_rises_though_the_next_opening_is_narrowe
     assert 38_000 <= width_um(after[0]) < 39_000
 
 
-def test_jaws_that_stand_open_by_a_fresh_reading_are_not_opened_again() -> None:
-    rig = fake_cell([AT_30, AT_21])
-    run(rig, RunOptions())
-    positions = [position for position, *_ in jaw_moves(rig)]
-    assert positions == [0, 255, 0, 255, 0]  # at first nobody knows what they hold
-
-
-def test_jaws_blocked_on_the_way_to_the_next_opening_never_come_down() -> None:
-    rig = fake_cell([AT_30, AT_21])
-    rig.gripper.opened_to = 40
-    result = run(rig, RunOptions(), known_table())
-    assert (result.outcome, result.exit_code) == (Outcome.FAULT, 20)
-    assert "remove what blocks them" in str(result.reason)
-
-
-def test_hand_of_alike_fingers_turns_the_short_way() -> None:
+def test_hand_of_alike_fingers_turns_the_short_way():
     table = known_table()
     turned = table.nodes[1]._replace(squeeze=table.nodes[1].squeeze._replace(angle_urad=3_000_000))
     rig = fake_cell([AT_30, AT_21])
@@ -170,7 +93,7 @@ def test_hand_of_alike_fingers_turns_the_short_way() -> None:
     assert rig.log.named("move_linear")[-1].arguments[3] == pytest.approx(3.0)
 
 
-def test_gripper_that_takes_no_command_on_the_way_closes_in_one_stroke_or_stops_between() -> None:
+def test_gripper_that_takes_no_command_on_the_way_closes_in_one_stroke_or_stops_between():
     for streams, waits in ((True, 1), (False, 2)):
         root = small_table().nodes[0]._replace(contact_um=33_000)
         table = with_node(small_table(), 0, root)
@@ -185,26 +108,10 @@ def test_gripper_that_takes_no_command_on_the_way_closes_in_one_stroke_or_stops_
         assert calls[2 : 3 + waits] == ["move", *["wait"] * (waits - 1), "move"]
 
 
-def test_phases_of_each_squeeze_add_up_to_the_seconds_of_the_part() -> None:
-    rig = fake_cell([AT_30, AT_21])
-    rig.cell.clock.step_s = 0.001
-    result = run(rig, RunOptions())
-    assert len(result.phases) == 2
-    assert sum(phases.total_s for phases in result.phases) == pytest.approx(result.seconds, abs=0.1)
-    assert rig.journal.kept[-1][1]["phases"][0].keys() == result.phases[0]._asdict().keys()
-
-
-def test_a_current_that_cannot_be_is_a_fault_and_no_child() -> None:
-    rig = fake_cell([AT_21])
-    rig.gripper.current_ma = 1500
-    result = run(rig, RunOptions())
-    assert (result.outcome, result.exit_code, result.steps) == (Outcome.FAULT, 20, ())
-
-
 # -- drags ----------------------------------------------------------------------------------------
 
 
-def test_what_is_held_is_dragged_to_the_release_point_and_let_go_there() -> None:
+def test_what_is_held_is_dragged_to_the_release_point_and_let_go_there():
     table = small_table()
     table = with_node(table, 0, table.nodes[0]._replace(release=Place(12_000, -7_000)))
     rig = fake_cell([AT_21])
@@ -219,76 +126,16 @@ def test_what_is_held_is_dragged_to_the_release_point_and_let_go_there() -> None
     assert (12.0, -7.0) not in {call.arguments[:2] for call in rejected.log.named("move_linear")}
 
 
-def test_a_drag_never_sends_the_tips_below_the_squeeze_height() -> None:
-    table = small_table()
-    table = with_node(table, 0, table.nodes[0]._replace(release=Place(12_000, -7_000)))
-    rig = fake_cell([AT_21])
-    pose = rig.arm.pose
-
-    def rounded() -> tuple[float, float, float, float]:
-        x, y, z, angle = pose()
-        return x, y, z - 0.01, angle
-
-    rig.arm.pose = rounded
-    assert run(rig, RunOptions(), table).leaf == 0
-
-
 # -- policies -------------------------------------------------------------------------------------
 
 
-def test_policies_squeeze_again_and_start_over() -> None:
-    rig = fake_cell([AT_30, AT_30, AT_30, AT_21])
-    result = run(rig, RunOptions(Policy.of("resqueeze,restart,next", "next")))
-    assert (result.outcome, result.leaf) == (Outcome.LEAF, 0)
-    assert [step.node for step in result.steps] == [0, 1, 1, 0]
-    assert [step.number for step in result.steps] == [1, 2, 3, 4]
-
-
-def test_an_unresolved_part_may_be_started_over() -> None:
-    rig = fake_cell([AT_30, AT_36, AT_21])
-    result = run(rig, RunOptions(Policy.of("next", "restart,stop")))
-    assert (result.outcome, [step.node for step in result.steps]) == (Outcome.LEAF, [0, 1, 0])
-
-
-def test_phases_go_by_in_their_order() -> None:
-    phases: list = []
-    run(fake_cell([AT_21]), RunOptions(delivery=None), phases=phases)
-    assert phases == [
-        (Phase.PLACE, 0),
-        (Phase.SQUEEZE, 0),
-        (Phase.READ, 0),
-        (Phase.RELEASE, 0),
-        (Phase.DONE, None),
-    ]
-    run(fake_cell([AT_21], Log(3, ConnectionError("cable"))), RunOptions(), phases=phases)
-    assert phases[-1] == (Phase.SAFE, None)
-
-
-def test_unready_grippers_are_not_waited_for_for_ever() -> None:
+def test_unready_grippers_are_not_waited_for_for_ever():
     rig = fake_cell([])
     rig.gripper.now = State(moving=True)
     hand = Hand(rig.gripper, rig.arm, rig.cell.clock, small_table(), Handling())
     with pytest.raises(GripperStateError, match="without having been asked"):
         hand.await_stillness()
     assert rig.cell.clock.now() >= 8.0
-
-
-def test_where_the_arm_stands_is_known_once_it_has_answered() -> None:
-    rig = fake_cell([])
-    hand = Hand(rig.gripper, rig.arm, rig.cell.clock, small_table(), Handling())
-    assert not hasattr(Handling(), "__dict__")
-    with pytest.raises(FrozenInstanceError):
-        Handling().regulated = True
-    assert hand.where() == (5.0, 5.0, 30.0, 0.1)
-    assert hand.arm_known
-
-    def silent() -> tuple[float, float, float, float]:
-        raise ConnectionError("2.0 s of silence")
-
-    rig.arm.pose = silent
-    with pytest.raises(ConnectionError):
-        hand.where()
-    assert not hand.arm_known
 
 
 @pytest.mark.parametrize(
@@ -298,13 +145,11 @@ def test_where_the_arm_stands_is_known_once_it_has_answered() -> None:
     "by",
     [(0.6, 0.0, 0.0, 0.0), (0.0, 0.0, 5.0, 0.0), (0.0, 0.0, 0.0, 0.02), (0.0, 0.0, 0.0, math.pi)],
 )
-def test_displaced_arm_in_a_squeeze_ends_the_part_and_is_not_moved_again(
-    request_counts: int, by: tuple[float, ...]
-) -> None:
+def test_displaced_arm_in_a_squeeze_ends_the_part_and_is_not_moved_again(request_counts, by):
     rig = fake_cell([AT_21])
     move = rig.gripper.move
 
-    def bump(width_um: int, speed_mm_s: float, force_n: float) -> None:
+    def bump(width_um, speed_mm_s, force_n):
         squeezes = width_um < 0 or rig.gripper.gripping
         move(width_um, speed_mm_s, force_n)
         if squeezes and (width_um < 0) == (request_counts == 255):
@@ -322,11 +167,11 @@ def test_displaced_arm_in_a_squeeze_ends_the_part_and_is_not_moved_again(
 
 
 @pytest.mark.parametrize("turn_rad", [0.0, 0.009, -0.009])
-def test_arm_that_settles_within_the_tolerance_is_no_fault(turn_rad: float) -> None:
+def test_arm_that_settles_within_the_tolerance_is_no_fault(turn_rad):
     rig = fake_cell([AT_21])
     move_linear = rig.arm.move_linear
 
-    def settle(*target: float) -> None:
+    def settle(*target):
         move_linear(*target)
         x, y, z, angle = rig.arm.at
         rig.arm.at = (x + 0.3, y - 0.3, z + 0.2, angle + turn_rad)

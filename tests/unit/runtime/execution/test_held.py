@@ -7,7 +7,7 @@ from sample_tables import GRIPPER, small_table
 from written_journals import Quiet
 
 from runtime.errors import GripperStateError, MotionRefusedError
-from runtime.execution import dry_run, held, session
+from runtime.execution import held, session
 from runtime.execution.delivery import Delivery
 from runtime.execution.executor import RunOptions
 from runtime.execution.handling import Handling
@@ -29,27 +29,16 @@ HOLDING = State(object_flag=2, echo_counts=255, position_counts=AT_30)
         (HOLDING, "hold something: they met it"),
         (HOLDING._replace(position_counts=8), "hold something: they met it"),  # as wide as the jaws
         (HOLDING._replace(object_flag=0), "may hold something: they were stopped"),
-        (
-            HOLDING._replace(object_flag=3),
-            "may hold something: they were stopped",
-        ),  # thin, or a stale flag
-        (
-            State(object_flag=0, echo_counts=0, position_counts=AT_30),
-            "may hold something: they were stopped",
-        ),
-        (
-            State(activated=False, echo_counts=0, position_counts=AT_30),
-            "may hold something: the gripper is",
-        ),
+        (HOLDING._replace(object_flag=3), "they were stopped"),  # thin, or a stale flag
+        (HOLDING._replace(object_flag=0, echo_counts=0), "may hold something: they were stopped"),
+        (HOLDING._replace(activated=False, echo_counts=0), "may hold something: the gripper is"),
         (State(activated=False, object_flag=0), None),
     ],
 )
-def test_what_the_gripper_tells(state: State, message: str | None) -> None:
+def test_what_the_gripper_tells(state, message):
     holds = held.look(state.reading, CALIBRATION)
-    if message is None:
-        assert holds is None
-    else:
-        assert holds is not None
+    assert (holds is None) == (message is None)
+    if holds is not None:
         assert message in holds.sentence()
         assert f"{width_um(state.position_counts) / 1000:.2f} mm" in holds.sentence()
 
@@ -64,9 +53,7 @@ def heights(rig: FakeCell) -> list[float]:
     return [call.arguments[2] for call in rig.log.named("move_linear")]
 
 
-def test_it_is_lowered_where_the_arm_stands_before_the_jaws_open_and_no_wider_than_they_must() -> (
-    None
-):
+def test_it_is_lowered_where_the_arm_stands_before_the_jaws_open_and_no_wider_than_they_must():
     rig = holding()
     session.put_down(small_table(), rig.cell, Quiet(), RunOptions())
     assert [call.name for call in rig.log.calls if call.name in ("move_linear", "move")] == [
@@ -79,13 +66,13 @@ def test_it_is_lowered_where_the_arm_stands_before_the_jaws_open_and_no_wider_th
     assert rig.journal.kept[-1][1]["exit_code"] == 0
 
 
-def test_level_tips_come_down_as_high_as_the_jaws_are_open() -> None:
+def test_level_tips_come_down_as_high_as_the_jaws_are_open():
     rig, arc = holding(), TipArc(level_mm=8.0)
     session.put_down(small_table(), rig.cell, Quiet(), RunOptions(handling=Handling(arc=arc)))
     assert heights(rig)[0] == pytest.approx(10.0 + arc.advance_mm(width_um(AT_30) / 1000), abs=0.01)
 
 
-def test_outside_the_work_area_it_is_put_down_only_where_parts_are_carried() -> None:
+def test_outside_the_work_area_it_is_put_down_only_where_parts_are_carried():
     rig = holding()
     rig.arm.at = (80.0, 5.0, 60.0, 0.1)
     with pytest.raises(MotionRefusedError, match="outside the work area"):
@@ -96,7 +83,7 @@ def test_outside_the_work_area_it_is_put_down_only_where_parts_are_carried() -> 
     assert rig.arm.at == (80.0, 5.0, 60.0, 0.1)
 
 
-def test_whatever_goes_wrong_meanwhile_ends_in_the_safe_state_and_is_recorded() -> None:
+def test_whatever_goes_wrong_meanwhile_ends_in_the_safe_state_and_is_recorded():
     calls = len(_calls_of_a_putting_down())
     for number in range(calls):
         rig = holding(Log(number, GripperStateError("something")))
@@ -114,9 +101,3 @@ def _calls_of_a_putting_down() -> list[object]:
     rig = holding()
     session.put_down(small_table(), rig.cell, Quiet(), RunOptions())
     return list(rig.log.calls)
-
-
-def test_a_dry_run_tells_that_a_run_would_be_refused() -> None:
-    rig = holding()
-    result = dry_run.tell(small_table(), rig.gripper, rig.arm, RunOptions())
-    assert any("hold something" in sentence and "refused" in sentence for sentence in result)

@@ -5,27 +5,17 @@ from dataclasses import replace
 from itertools import pairwise
 
 import pytest
-from counting import SETTINGS, count_of, width_um
+from counting import width_um
 from fake_cell import fake_cell
-from sample_tables import LIMITS, small_table, with_node
-from squeezes import (
-    ARC,
-    AT_21,
-    AT_36,
-    AT_60,
-    CALIBRATION,
-    CLOSED,
-    jaw_moves,
-    meeting,
-    run,
-)
+from refusals import refusal
+from sample_tables import LIMITS, small_table
+from squeezes import ARC, AT_21, AT_36, AT_60, CLOSED, jaw_moves, meeting, run
 
 from runtime.errors import TableError
 from runtime.execution.executor import RunOptions
 from runtime.execution.hand import Hand
 from runtime.execution.handling import Handling
 from runtime.execution.tips import TipArc
-from runtime.table import Calibration
 from runtime.traversal.results import Outcome
 
 
@@ -40,9 +30,7 @@ from runtime.traversal.results import Outcome
         (True, ARC, CLOSED),
     ],
 )
-def test_level_tips_stay_at_their_height_while_the_jaws_move(
-    regulated: bool, arc: TipArc, stop
-) -> None:
+def test_level_tips_stay_at_their_height_while_the_jaws_move(regulated, arc, stop):
     rig = meeting(stop[0])
     result = run(rig, RunOptions(handling=Handling(regulated=regulated, arc=arc)))
     assert result.outcome is (Outcome.LEAF if stop == AT_21 else Outcome.REJECT)
@@ -69,101 +57,28 @@ def test_level_tips_stay_at_their_height_while_the_jaws_move(
     assert low_mm - 0.1 <= min(tips) <= max(tips) <= low_mm + arc.level_mm + 0.15
 
 
-def test_tips_stay_level_until_the_jaws_are_five_millimetres_clear_of_the_part() -> None:
-    rig = meeting(AT_21[0])
-    assert run(rig, RunOptions(handling=Handling(arc=ARC))).leaf == 0
-    calls = [call for call in rig.log.calls if call.name in ("move", "move_linear")]
-    closed = max(
-        k for k, call in enumerate(calls) if call.name == "move" and call.arguments[0] == 255
-    )
-    clear, level, wide = calls[closed + 1 : closed + 4]
-    assert clear.arguments[0] == SETTINGS.request(CALIBRATION.opening_um(26_000))
-    assert level.arguments[2] == pytest.approx(10.0 + ARC.advance_mm(26.0), abs=0.05)
-    assert wide.arguments[0] == 0
+@pytest.mark.parametrize(
+    ("arc", "retreat_um", "said", "allowed"),
+    [
+        # Half of 85 mm less the offset is as long as the link: the arc has no height left there.
+        (TipArc(link_mm=30.0, offset_mm=2.5), 200_000, "check link and offset", False),
+        (TipArc(link_mm=40.0, offset_mm=2.5), 200_000, "check link and offset", False),
+        (TipArc(link_mm=40.01, offset_mm=2.5), 200_000, "", True),
+        # The tips advance by 30 mm at 85 mm of width and by 50 at 5, the arc's top.
+        (TipArc(link_mm=50.0, offset_mm=2.5), 30_000, "takes the arm up to 30.0 mm", False),
+        (TipArc(link_mm=50.0, offset_mm=2.5), 30_001, "", True),
+        (TipArc(taught_mm=79.99), 60_000, "taught at 79.99 mm and the jaws open to 85 mm", False),
+        (TipArc(taught_mm=80.0), 60_000, "", True),
+    ],
+)
+def test_arc_that_the_gripper_or_the_cell_cannot_follow_is_refused(arc, retreat_um, said, allowed):
+    rig, table = fake_cell([]), small_table()
+    table = replace(table, limits=replace(LIMITS, retreat_height_um=retreat_um))
+    with refusal(TableError, said, unless=allowed):
+        Hand(rig.gripper, rig.arm, rig.cell.clock, table, Handling(arc=arc))
 
 
-def test_tips_are_not_followed_beyond_the_squeeze_opening() -> None:
-    table = small_table()
-    squeeze = table.nodes[0].squeeze._replace(opening_um=60_000)
-    rig = meeting(count_of(58_000))
-    run(
-        rig,
-        RunOptions(handling=Handling(arc=ARC)),
-        with_node(table, 0, table.nodes[0]._replace(squeeze=squeeze)),
-    )
-    opened = {position for position, _, _ in jaw_moves(rig)} - {255}
-    assert min(opened) == SETTINGS.request(CALIBRATION.opening_um(60_000))
-
-
-def test_a_cell_without_room_for_the_arc_is_refused() -> None:
-    rig = fake_cell([])
-    low = replace(small_table(), limits=replace(LIMITS, retreat_height_um=23_000))
-    with pytest.raises(
-        TableError, match=r"takes the arm up to 24.0 mm, the retreat height is 23 mm"
-    ):
-        Hand(rig.gripper, rig.arm, rig.cell.clock, low, Handling(arc=ARC))
-    with pytest.raises(TableError, match="teach the tool frame with the jaws fully open"):
-        Hand(
-            rig.gripper,
-            rig.arm,
-            rig.cell.clock,
-            small_table(),
-            Handling(arc=TipArc(taught_mm=40.0)),
-        )
-
-
-def test_an_arc_whose_links_would_lie_flat_is_refused() -> None:
-    """Half of 85 mm less the offset is as long as the link: the arc has no height left there."""
-    rig = fake_cell([])
-    room = replace(small_table(), limits=replace(LIMITS, retreat_height_um=200_000))
-    for link_mm, refused in ((30.0, True), (40.0, True), (40.01, False)):
-        flat = Handling(arc=TipArc(link_mm=link_mm, offset_mm=2.5))
-        if not refused:
-            Hand(rig.gripper, rig.arm, rig.cell.clock, room, flat)
-            continue
-        with pytest.raises(TableError, match="check link and offset"):
-            Hand(rig.gripper, rig.arm, rig.cell.clock, room, flat)
-
-
-@pytest.mark.parametrize(("taught_mm", "refused"), [(79.99, True), (80.0, False), (85.0, False)])
-def test_the_tool_frame_is_taught_with_the_jaws_open_or_nearly_so(
-    taught_mm: float, refused: bool
-) -> None:
-    rig, taught = fake_cell([]), Handling(arc=TipArc(taught_mm=taught_mm))
-    if not refused:
-        Hand(rig.gripper, rig.arm, rig.cell.clock, small_table(), taught)
-        return
-    with pytest.raises(
-        TableError, match=f"was taught at {taught_mm:g} mm and the jaws open to 85 mm"
-    ):
-        Hand(rig.gripper, rig.arm, rig.cell.clock, small_table(), taught)
-
-
-def test_the_arc_s_top_lies_below_the_retreat_height() -> None:
-    """Link 50, offset 2.5: the tips advance by 30 mm at 85 mm of width and by 50 at 5, the arc's top."""
-    rig, arc = fake_cell([]), Handling(arc=TipArc(link_mm=50.0, offset_mm=2.5))
-    for retreat_um, refused in ((30_000, True), (30_001, False)):
-        limits = replace(LIMITS, squeeze_height_um=10_000, retreat_height_um=retreat_um)
-        table = replace(small_table(), limits=limits)
-        if not refused:
-            Hand(rig.gripper, rig.arm, rig.cell.clock, table, arc)
-            continue
-        with pytest.raises(
-            TableError, match=r"takes the arm up to 30.0 mm, the retreat height is 30 mm"
-        ):
-            Hand(rig.gripper, rig.arm, rig.cell.clock, table, arc)
-
-
-@pytest.mark.parametrize(("z_mm", "moves"), [(59.94, 1), (59.95, 0), (60.0, 0), (75.0, 0)])
-def test_an_arm_that_is_up_is_not_sent_there_again(z_mm: float, moves: int) -> None:
-    rig = fake_cell([])
-    rig.arm.at = (1.0, 2.0, z_mm, 0.5)
-    Hand(rig.gripper, rig.arm, rig.cell.clock, small_table(), Handling()).retreat()
-    targets = [call.arguments[:4] for call in rig.log.named("move_linear")]
-    assert targets == [(1.0, 2.0, 60.0, 0.5)] * moves
-
-
-def test_contact_while_opening_is_no_contact_to_squeeze_harder_on() -> None:
+def test_contact_while_opening_is_no_contact_to_squeeze_harder_on():
     rig = fake_cell([(AT_21[0], 1)])
     result = run(rig, RunOptions(handling=Handling(regulated=True)))
     assert (result.outcome, result.exit_code) == (Outcome.FAULT, 20)
@@ -171,17 +86,8 @@ def test_contact_while_opening_is_no_contact_to_squeeze_harder_on() -> None:
     assert [force for position, _, force in jaw_moves(rig) if position > 0] == [0]
 
 
-def test_tips_that_draw_back_are_not_followed_below_the_squeeze_height() -> None:
+def test_tips_that_draw_back_are_not_followed_below_the_squeeze_height():
     """Taught at 80 mm, the tips stand 2 mm higher where the jaws open to 85."""
     rig = meeting(AT_21[0])
     assert run(rig, RunOptions(handling=Handling(arc=TipArc(taught_mm=80.0)))).leaf == 0
     assert min(call.arguments[2] for call in rig.log.named("move_linear")) == 10.0
-
-
-def test_how_far_the_jaws_open_is_what_the_calibration_says() -> None:
-    wide = Calibration(CALIBRATION.profile, ((0, 0), (85_000, 91_000)))
-    rig = fake_cell([])
-    with pytest.raises(TableError, match="was taught at 85 mm and the jaws open to 91 mm"):
-        Hand(rig.gripper, rig.arm, rig.cell.clock, small_table(), Handling(wide, ARC))
-    hand = Hand(rig.gripper, rig.arm, rig.cell.clock, small_table(), Handling())
-    assert hand.width_mm(width_um(AT_21[0])) == width_um(AT_21[0]) / 1000

@@ -13,14 +13,13 @@ from sample_tables import small_table
 from drivers.sim.physics.scene import Block
 from drivers.sim.virtual.cell import VirtualCell
 from runtime.errors import GripperStateError, MotionRefusedError
-from runtime.execution import carry, middle
+from runtime.execution import middle
 from runtime.execution.asked import AskedParts
-from runtime.execution.delivery import from_text
 from runtime.execution.events import Tally
 from runtime.execution.executor import RunOptions
 from runtime.execution.hand import Hand
 from runtime.execution.handling import Handling
-from runtime.execution.middle import Grip, Middle, fit, gripping, measure
+from runtime.execution.middle import Grip, fit, gripping, measure
 from runtime.execution.safety import check_places
 from runtime.monitoring.console import Objects
 from runtime.shell.errors import InputError
@@ -67,9 +66,9 @@ def test_exact_grips_tell_where_the_fingers_meet_and_how_they_share_the_closing(
 
 def test_errors_cover_what_counts_and_noise_do():
     count_mm, draw, off = 85.0 / 227.0, random.Random(3), []
-    for k in range(40):
+    for k in range(16):
         read = lambda width: count_mm * round((width + draw.gauss(0.0, 0.15)) / count_mm)  # noqa: E731
-        result = fit(BLOCK_MM, list(halves(0.48, 0.9, 0.1 * k, read)))
+        result = fit(BLOCK_MM, list(halves(0.48, 0.9, 0.25 * k, read)))
         off.append((result.at(BLOCK_MM)[0] - 0.9 - 0.02 * 55.0) / result.across_error_mm)
         assert result.across_error_mm < 0.1
     assert 0.6 < math.sqrt(sum(z * z for z in off) / len(off)) < 1.5
@@ -128,17 +127,6 @@ def test_a_block_that_is_elsewhere_another_or_none_is_reported():
         Rig(Block(BLOCK_MM, 50.0)).measure((0.0, 0.0, 0.0))
 
 
-def test_a_hand_goes_where_the_fingers_are_to_meet_and_says_that_it_is_there():
-    rig = Rig()
-    hand = Hand(rig.hand.gripper, rig.hand.arm, rig.cell.clock, rig.table, Handling(middle_mm=1.5))
-    hand.retreat()
-    for place in ((10.0, 5.0, 0.0), (0.0, 0.0, 2.0), (-5.0, 8.0, -2.5)):
-        hand.travel(*place)
-        assert hand.where()[:2] == pytest.approx(place[:2], abs=0.02)
-        x, y, _, angle = hand.arm.pose()
-        assert compose((x, y, angle), (0.0, 1.5, 0.0))[:2] == pytest.approx(place[:2], abs=0.02)
-
-
 def test_a_place_that_the_arm_would_leave_its_area_for_is_refused_before_anything_moves():
     table = small_table()
     check_places(table, 1.0)
@@ -149,28 +137,12 @@ def test_a_place_that_the_arm_would_leave_its_area_for_is_refused_before_anythin
         check_places(replace(table, limits=tight, nodes=table.nodes[:1]), 1.0)
 
 
-def test_a_table_is_corrected_on_its_narrowest_side_and_for_what_it_was_not_planned_with():
-    table = small_table()
-    width = middle.narrowest_mm(table)
-    assert middle.off_mm(None, table) == 0.0
-    assert middle.off_mm(Middle(width, 1.5, 0.05, 0.5, 0.01), table) == pytest.approx(1.5)
-    assert middle.off_mm(Middle(width + 10.0, 1.5, 0.05, 0.45, 0.01), table) == pytest.approx(2.0)
-    left = middle.left(Middle(width, 1.5, 0.05, 0.45, 0.01), table)
-    assert left == {"middle_mm": [-0.1, 0.1], "finger_share": [-0.07, -0.03]}
-
-
 def test_a_robot_that_asks_is_answered_where_its_arm_has_to_go():
     lines = []
     for middle_mm in (0.0, 1.5):
         table, options = small_table(), RunOptions(handling=Handling(middle_mm=middle_mm))
         asked = AskedParts(
-            table,
-            "0" * 64,
-            FakeJournal(),
-            FakeClock(),
-            Objects(table, Path("j")),
-            Tally(),
-            options,
+            table, "0" * 64, FakeJournal(), FakeClock(), Objects(table, Path("j")), Tally(), options
         )
         asked.answer("NEXT")
         lines.append(asked.answer("WIDTH 30.0 OBJECT").split())
@@ -179,16 +151,3 @@ def test_a_robot_that_asks_is_answered_where_its_arm_has_to_go():
     there = compose((beside[0], beside[1], math.radians(beside[2])), (0.0, 1.5, 0.0))
     assert there[:2] == pytest.approx(at[:2], abs=2e-3)
     assert lines[0][4:] == lines[1][4:]
-
-
-def test_a_part_is_taken_where_the_fingers_meet_and_refused_where_the_arm_would_leave_its_area():
-    table, drop = small_table(), from_text("50,0,0")
-    leaf, start = table.leaves[0]._replace(x_um=0, y_um=0, theta_urad=0), (0.0, 0.0, 60.0, 0.0)
-    assert carry.choose(drop, table, leaf, start, None, 1.5) == carry.choose(
-        drop, table, leaf, start, None
-    )
-    edge = replace(table.limits, work_area_um=Area(-60_000, -1_000, 60_000, 1_000))
-    tight = replace(table, limits=edge)
-    carry.choose(drop, tight, leaf, start, None)
-    with pytest.raises(MotionRefusedError, match="outside the work area"):
-        carry.choose(drop, tight, leaf, start, None, 1.5)

@@ -27,18 +27,10 @@ def plan(node: Node, arc: TipArc | None = None, *, regulated: bool = True) -> li
     return strokes.closing(node, CALIBRATION, arc, 85.0, TIMING, regulated=regulated)
 
 
-@pytest.mark.parametrize("node", NODES[:6])
-def test_a_direct_squeeze_is_one_stroke_with_the_nodes_own_settings(node: Node) -> None:
-    (only,) = plan(node, regulated=False)
-    assert only == (-1, node.squeeze.speed_um_s / 1000, node.squeeze.force_mn / 1000, 0.0)
-
-
-@pytest.mark.parametrize("node", NODES)
+@pytest.mark.parametrize("node", NODES[::3])
 @pytest.mark.parametrize("arc", [None, TipArc(), TipArc(level_mm=0.7)])
 @pytest.mark.parametrize("contact_um", [None, 41_000, 84_000])
-def test_closing_regulated_is_weak_all_the_way_and_fast_only_before_contact(
-    node: Node, arc, contact_um
-) -> None:
+def test_closing_regulated_is_weak_all_the_way_and_fast_only_before_contact(node, arc, contact_um):
     planned = plan(node._replace(contact_um=contact_um), arc)
     assert {stroke.force_n for stroke in planned} == {PROFILE.force_n[0]}
     requests = [stroke.request_um for stroke in planned]
@@ -55,44 +47,12 @@ def test_closing_regulated_is_weak_all_the_way_and_fast_only_before_contact(
 
 @pytest.mark.parametrize(
     ("force_mn", "forces"),
-    [
-        (20_500, [0]),
-        (40_000, [23]),
-        (60_000, [47]),
-        (73_900, [63]),
-        (75_000, [64, 65]),
-        (235_000, [64, 128, 192, 255]),
-    ],
+    [(20_500, [0]), (73_900, [63]), (75_000, [64, 65]), (235_000, [64, 128, 192, 255])],
 )
-def test_the_force_rises_in_steps_to_the_nodes_own(force_mn: int, forces: list[int]) -> None:
+def test_the_force_rises_in_steps_to_the_nodes_own(force_mn, forces):
     raised = strokes.raising(with_force(small_table().nodes[0], force_mn).squeeze, PROFILE)
     assert raised == sorted(raised)
     assert [SETTINGS.force(force) for force in raised] == forces
-
-
-@pytest.mark.parametrize(
-    ("force_mn", "regulated"), [(20_000, False), (20_001, True), (60_000, True)]
-)
-def test_regulation_is_off_where_the_force_is_the_least_already(
-    force_mn: int, *, regulated: bool
-) -> None:
-    squeeze = with_force(small_table().nodes[0], force_mn).squeeze
-    assert strokes.is_regulated(squeeze, PROFILE, wanted=True) == regulated
-    assert not strokes.is_regulated(squeeze, PROFILE, wanted=False)
-
-
-@pytest.mark.parametrize("arc", [TipArc(), TipArc(level_mm=5.0)])
-def test_level_strokes_never_let_the_tips_below_their_height(arc: TipArc) -> None:
-    strokes = plan(small_table().nodes[0], arc)
-    assert len(strokes) >= 2
-    start_mm = 85.0
-    for stroke in strokes:
-        end_mm = CALIBRATION.width_um(stroke.request_um) / 1000
-        lowest = max(arc.advance_mm(start_mm + (end_mm - start_mm) * k / 20) for k in range(21))
-        assert (
-            stroke.advance_mm >= lowest - 0.06
-        )  # a count is 0.37 mm of width, 0.16 mm of height at most
-        start_mm = end_mm
 
 
 @pytest.mark.parametrize(
@@ -104,7 +64,7 @@ def test_level_strokes_never_let_the_tips_below_their_height(arc: TipArc) -> Non
         ("Robotiq Hand-E", "hand-e"),
     ],
 )
-def test_a_model_is_found_by_its_name(message: str, model: str) -> None:
+def test_a_model_is_found_by_its_name(message, model):
     assert profile_of(message) is PROFILES[model]
 
 
@@ -112,7 +72,7 @@ def test_a_model_is_found_by_its_name(message: str, model: str) -> None:
     "model",
     ["left-hand-effector", "My 2F-140", "2F-850", "parallel jaws", "robotiq", "", "hand-e\n2f-85"],
 )
-def test_profile_of_a_model_that_is_not_known_is_refused(model: str) -> None:
+def test_profile_of_a_model_that_is_not_known_is_refused(model):
     with pytest.raises(TableError, match=r"not known; there are robotiq-2f-85") as raised:
         profile_of(model)
     assert "\n" not in str(raised.value)
@@ -131,7 +91,7 @@ def point_at(profile: object, folder: Path) -> None:
     )
 
 
-def test_profile_comes_from_the_driver_that_brings_the_gripper(tmp_path: Path, monkeypatch) -> None:
+def test_profile_comes_from_the_driver_that_brings_the_gripper(tmp_path, monkeypatch):
     brought = GripperProfile("other-60", 60_000, 10.0, 20, (5.0, 50.0), (1.0, 60.0))
     point_at(brought, tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
@@ -142,7 +102,7 @@ def test_profile_comes_from_the_driver_that_brings_the_gripper(tmp_path: Path, m
 @pytest.mark.parametrize(
     "profile", [None, GripperProfile("other-60", 60_000, 10.0, 20, (50.0, 5.0), (1.0, 60.0))]
 )
-def test_profile_that_is_none_is_refused(profile: object, tmp_path: Path, monkeypatch) -> None:
+def test_profile_that_is_none_is_refused(profile, tmp_path, monkeypatch):
     point_at(profile, tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.delitem(sys.modules, "other_profile", raising=False)

@@ -1,7 +1,6 @@
 """The tips' arc: the published geometry, and stages that keep the tips where they are to be."""
 
 from dataclasses import replace
-from math import sqrt
 
 import pytest
 from sample_tables import small_table
@@ -13,26 +12,16 @@ from runtime.shell.errors import UsageError
 
 ARC = TipArc()
 # Tip height over opening relative to closed fingers, from the link geometry of the published URDF models.
-PUBLISHED = {
-    5: 0.16,
-    10: 0.22,
-    20: 0.0,
-    30: -0.66,
-    40: -1.78,
-    50: -3.39,
-    60: -5.54,
-    70: -8.29,
-    80: -11.75,
-    85: -13.8,
-}
+PUBLISHED = {5: 0.16, 10: 0.22, 20: 0.0, 30: -0.66, 40: -1.78}
+PUBLISHED |= {50: -3.39, 60: -5.54, 70: -8.29, 80: -11.75, 85: -13.8}
 
 
 @pytest.mark.parametrize(("width_mm", "height_mm"), PUBLISHED.items())
-def test_heights_are_those_of_the_parallelogram(width_mm: int, height_mm: float) -> None:
+def test_heights_are_those_of_the_parallelogram(width_mm, height_mm):
     assert ARC.advance_mm(width_mm) - ARC.advance_mm(0.0) == pytest.approx(height_mm, abs=0.006)
 
 
-def test_the_tool_frame_is_where_it_was_taught() -> None:
+def test_the_tool_frame_is_where_it_was_taught():
     assert ARC.advance_mm(85.0) == 0.0
     assert TipArc(taught_mm=50.0).advance_mm(50.0) == 0.0
     assert ARC.advance_mm(10.0) == max(ARC.advance_mm(width / 10) for width in range(851))
@@ -41,9 +30,7 @@ def test_the_tool_frame_is_where_it_was_taught() -> None:
 @pytest.mark.parametrize("widest_mm", [85.0, 60.0, 33.0, 12.0, 8.0])
 @pytest.mark.parametrize("least_mm", [0.0, 5.0, 21.0])
 @pytest.mark.parametrize("level_mm", [0.5, 2.0, 8.0])
-def test_within_a_stage_the_tips_are_never_low_and_never_high(
-    widest_mm, least_mm, level_mm
-) -> None:
+def test_within_a_stage_the_tips_are_never_low_and_never_high(widest_mm, least_mm, level_mm):
     arc = TipArc(level_mm=level_mm)
     if least_mm >= widest_mm:
         return
@@ -62,12 +49,6 @@ def test_within_a_stage_the_tips_are_never_low_and_never_high(
         start_mm = end_mm
 
 
-def test_a_coarse_level_needs_one_stage_and_a_fine_one_many() -> None:
-    assert TipArc(level_mm=20.0).stages(85.0, 0.0) == [0.0]
-    assert len(TipArc(level_mm=1.0).stages(85.0, 0.0)) == 15
-    assert sqrt(57.15**2 - 37.5**2) == pytest.approx(ARC._reach(85.0))
-
-
 @pytest.mark.parametrize(
     ("model", "named", "arc"),
     [
@@ -77,17 +58,13 @@ def test_a_coarse_level_needs_one_stage_and_a_fine_one_many() -> None:
         ("hand-e", None, None),
     ],
 )
-def test_the_arc_follows_from_the_model(
-    model: str, named: str | None, arc: tuple[float, float] | None
-) -> None:
+def test_the_arc_follows_from_the_model(model, named, arc):
     result = arc_of(model, named)
     assert result == arc if result is None else (result.link_mm, result.offset_mm) == arc
 
 
 @pytest.mark.parametrize("named", [None, "arc"])
-def test_tips_on_an_arc_whose_offset_nobody_knows_are_not_taken_for_straight(
-    named: str | None,
-) -> None:
+def test_tips_on_an_arc_whose_offset_nobody_knows_are_not_taken_for_straight(named):
     with pytest.raises(UsageError, match=r"2f-140 .* measured: write --tips 100,OFFSET"):
         arc_of("robotiq-2f-140", named)
 

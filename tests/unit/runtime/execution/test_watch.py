@@ -71,17 +71,6 @@ def test_squeeze_late_by_neither_device_names_the_machine():
         squeeze()
 
 
-def test_calls_after_a_squeeze_have_no_deadline_of_it():
-    clock = FakeClock()
-    watch = Watch(clock)
-    device = watch.watched(SlowDevice(clock, 1000.0), "arm")
-    with pytest.raises(ExpectedError, match="arm"), watch.squeeze(Expected(1.0, 1.0)):
-        device.call()
-    device.call()
-    device.call()
-    assert device.colour == "grey"
-
-
 def test_a_call_that_does_not_return_ends_at_the_deadline(monkeypatch):
     """As a stop request ends it: whatever the driver waits for."""
     monkeypatch.setattr(clocks, "LINK_MARGIN_S", 0.1)

@@ -1,24 +1,18 @@
 """A journal's claims are derived again from its counts; each claim that does not follow is found."""
 
-import json
-from collections.abc import Callable, Mapping
-from pathlib import Path
-
 import pytest
 from sample_tables import GRIPPER
 from written_journals import write_run
 
-from runtime.devices.clock import SystemClock
-from runtime.errors import BrokenRunError
 from runtime.execution.crash import broken_run
-from runtime.journal.chain import Journal, records
-from runtime.journal.replay import Finding, Last, Replay
+from runtime.journal.chain import records
+from runtime.journal.replay import Finding, Replay
 from runtime.table import Calibration
 from runtime.traversal.decision import Policy
 
 
 @pytest.fixture
-def journal(tmp_path: Path) -> Path:
+def journal(tmp_path):
     return write_run(tmp_path / "j.jsonl")
 
 
@@ -26,22 +20,19 @@ def findings(entries: list[dict[str, object]]) -> list[Finding]:
     return list(Replay().follow(entries))
 
 
-def test_a_run_as_it_was_written_replays(journal: Path) -> None:
+def test_a_run_as_it_was_written_replays(journal):
     replay = Replay()
     assert list(replay.follow(records(journal))) == []
     assert (replay.decisions, replay.parts, replay.closed, replay.part) == (6, 4, True, None)
 
 
-def test_a_run_with_a_calibration_of_its_own_replays_by_it(tmp_path: Path) -> None:
+def test_a_run_with_a_calibration_of_its_own_replays_by_it(tmp_path):
     same = Calibration(GRIPPER.profile, ((0, 0), (85_000, 85_000)))
     path = write_run(tmp_path / "own.jsonl", calibration=same)
     assert findings(list(records(path))) == []
     entries = list(records(path))
     entries[0]["calibration_um"] = [[0, 0], [85_000, 42_500]]
     assert len(findings(entries)) >= 6
-
-
-Change = Callable[[dict[str, object]], object]
 
 
 @pytest.mark.parametrize(
@@ -65,9 +56,7 @@ Change = Callable[[dict[str, object]], object]
         ("outcome", {"exit_code": 10}, "reports exit code 10, LEAF has 0"),
     ],
 )
-def test_a_claim_that_does_not_follow_is_found(
-    journal: Path, kind: str, change: Mapping[str, object], message: str
-) -> None:
+def test_a_claim_that_does_not_follow_is_found(journal, kind, change, message):
     entries = list(records(journal))
     changed = next(entry for entry in entries if entry["kind"] == kind)
     changed.update(change)
@@ -77,90 +66,8 @@ def test_a_claim_that_does_not_follow_is_found(
     assert message in result[0].sentence
 
 
-@pytest.mark.parametrize("kind", ["squeeze", "part"])
-def test_a_record_left_out_is_found(journal: Path, kind: str) -> None:
-    entries = list(records(journal))
-    entries.remove(next(entry for entry in entries if entry["kind"] == kind))
-    assert findings(entries)
-
-
-def test_a_squeeze_after_the_end_is_found(journal: Path) -> None:
-    entries = list(records(journal))
-    at = next(index for index, entry in enumerate(entries) if entry["kind"] == "squeeze")
-    assert (
-        "the path leads to LEAF, leaf 0"
-        in findings([*entries[: at + 1], *entries[at:]])[0].sentence
-    )
-
-
-def test_an_undelivered_part_has_its_own_exit_code(journal: Path) -> None:
-    entries = list(records(journal))
-    outcome = next(entry for entry in entries if entry["kind"] == "outcome")
-    outcome.update(delivery="missed", exit_code=10)
-    assert findings(entries) == []
-
-
-def cut_after(journal: Path, kind: str, number: int) -> Path:
-    """The journal as it is when the process is killed after its `number`-th record of a kind."""
-    kept, seen = [], 0
-    for line in journal.read_bytes().splitlines(keepends=True):
-        kept.append(line)
-        seen += json.loads(line)["kind"] == kind
-        if seen == number:
-            break
-    journal.write_bytes(b"".join(kept))
-    return journal
-
-
-def test_where_a_run_broke_off_is_reported_by_its_last_records(journal: Path) -> None:
-    assert broken_run(journal, records(journal)) is None
-    cut = broken_run(journal, records(cut_after(journal, "squeeze", 2)))
-    assert cut is not None
-    assert (cut.parts, cut.part, cut.last, cut.held_at) == (1, 2, Last.SQUEEZED, (0, 1))
-    assert (cut.traversal.node, [step.node for step in cut.steps]) == (1, [0])
-    cut = broken_run(journal, records(cut_after(journal, "placed", 2)))
-    assert cut is not None
-    assert (cut.last, cut.held_at, cut.steps) == (Last.PLACED, (0, None), [])
-    cut = broken_run(journal, records(cut_after(journal, "outcome", 1)))
-    assert cut is not None
-    assert (cut.parts, cut.part) == (1, None)
-
-
-def test_a_part_that_was_being_carried_is_known_to_be(journal: Path) -> None:
-    cut_after(journal, "squeeze", 1)
-    with Journal(journal, SystemClock().stamp) as writing:
-        writing.record("delivery", {"part": 1, "begun": True})
-    cut = broken_run(journal, records(journal))
-    assert cut is not None
-    assert cut.delivering
-
-
-def test_a_run_that_was_over_but_for_its_last_record_did_not_break_off(tmp_path: Path) -> None:
+def test_a_run_that_was_over_but_for_its_last_record_did_not_break_off(tmp_path):
     path = write_run(tmp_path / "stop.jsonl", Policy.of("stop", "next"))
     entries = path.read_bytes().splitlines(keepends=True)
     path.write_bytes(b"".join(entries[:-1]))
     assert broken_run(path, records(path)) is None
-
-
-def test_a_broken_run_that_cannot_be_followed_is_not_resumed(tmp_path: Path, journal: Path) -> None:
-    entries = list(records(cut_after(journal, "outcome", 1)))
-    forged = tmp_path / "forged.jsonl"
-    with Journal(forged, SystemClock().stamp) as writing:
-        for entry in entries:
-            fields = {
-                name: value
-                for name, value in entry.items()
-                if name not in ("seq", "time", "kind", "previous", "digest")
-            }
-            if entry["kind"] == "outcome":
-                fields["leaf"] = 1
-            writing.record(str(entry["kind"]), fields)
-    with pytest.raises(BrokenRunError, match="clear the cell and use --after-crash abort"):
-        broken_run(forged, records(forged))
-
-
-def test_a_replay_needs_nothing_but_the_records(journal: Path) -> None:
-    """Also with another linear map around: the widths come from the run's own header."""
-    entries = list(records(journal))
-    assert entries[0].get("calibration_um") is None
-    assert findings(entries) == []

@@ -1,11 +1,7 @@
 """Where the seconds of a journal go, and what a journal may not claim about them."""
 
-import json
-from pathlib import Path
-
 import pytest
 
-from runtime.commands import journal as command
 from runtime.journal.times import times_of
 from runtime.table import Phases
 
@@ -16,7 +12,7 @@ def outcome(seconds: object, *phases: object) -> dict[str, object]:
     return {"kind": "outcome", "seconds": seconds, "phases": list(phases)}
 
 
-def test_times_of_parts_add_up_phase_by_phase() -> None:
+def test_times_of_parts_add_up_phase_by_phase():
     entries = [{"kind": "part"}, outcome(4.5, ONE, ONE), outcome(2.0, ONE), outcome(None)]
     result = times_of(entries, takt_s=3.0)
     assert (result.parts, result.squeezes) == (2, 3)
@@ -38,53 +34,6 @@ def test_times_of_parts_add_up_phase_by_phase() -> None:
         {"kind": "outcome", "seconds": 1.0},
     ],
 )
-def test_times_that_are_none_are_refused(entry: dict[str, object]) -> None:
+def test_times_that_are_none_are_refused(entry):
     with pytest.raises(ValueError, match=r"phases|no time"):
         times_of([entry])
-
-
-def test_show_times_of_a_run_in_virtual_time_prints_phases_and_takt(tmp_path: Path, capfd) -> None:
-    from runtime import cli
-
-    table = Path(__file__).parents[4] / "trees" / "rectangle" / "rectangle.msgpack"
-    journal = tmp_path / "j.jsonl"
-    words = ["--tree", str(table), "--port", "sim", "--time-scale", "max", "--count", "4", "--json"]
-    assert cli.main([*words, "--journal", str(journal)]) == 0
-    parts = [json.loads(line) for line in capfd.readouterr().out.splitlines()]
-    assert [part["outcome"] for part in parts] == ["leaf"] * 4
-    assert command.main(["show", str(journal), "--times", "--takt", "6s", "--json"]) == 0
-    record = json.loads(capfd.readouterr().out)
-    assert record["seconds_mean"] == pytest.approx(
-        sum(part["seconds"] for part in parts) / 4, abs=1e-3
-    )
-    assert record["takt_probability"] == sum(part["seconds"] <= 6.0 for part in parts) / 4
-    assert command.main(["show", str(journal), "--times"]) == 0
-    plain = capfd.readouterr().out
-    assert "travel" in plain
-    assert "done within" not in plain
-    assert command.main(["show", str(journal), "--times", "--takt", "6s"]) == 0
-    assert capfd.readouterr().out.startswith(plain)
-    assert command.main(["show", str(journal), "--takt", "6s"]) == 2
-
-
-@pytest.mark.parametrize(
-    "more", [["--dry-run"], ["--arm", "manual"], ["--audit", "judge {camera}"]]
-)
-def test_virtual_time_without_anybody_outside_refuses_who_needs_it(
-    more: list[str], tmp_path, capfd
-) -> None:
-    from runtime import cli
-
-    table = Path(__file__).parents[4] / "trees" / "rectangle" / "rectangle.msgpack"
-    words = [
-        "--tree",
-        str(table),
-        "--port",
-        "sim",
-        "--time-scale",
-        "max",
-        "--journal",
-        str(tmp_path / "j"),
-    ]
-    assert cli.main([*words, *more]) == 2
-    assert "--time-scale max" in capfd.readouterr().err

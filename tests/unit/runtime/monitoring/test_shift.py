@@ -59,13 +59,6 @@ def test_losses_are_counted_by_kind_and_squeeze_the_most_frequent_first(shift):
     assert losses[2]["node"] is None
 
 
-def test_the_next_shift_begins_with_nothing_though_no_part_came(shift):
-    shift.add(PartResult.of(1, Outcome.REJECT, [SECOND], "x"))
-    Clock.hour = 14
-    seen = shift.as_object()
-    assert (seen["since"], seen["parts"], seen["losses"]) == ("2026-11-27 14:00", 0, [])
-
-
 def test_earlier_runs_of_the_shift_with_the_table_are_recalled(tmp_path):
     """`write_run` writes a leaf, a leaf, an unresolved leaf and a reject, now."""
     journal = write_run(tmp_path / "j.jsonl")
@@ -80,27 +73,6 @@ def test_earlier_runs_of_the_shift_with_the_table_are_recalled(tmp_path):
     seen = shift.as_object()
     assert (seen["parts"], seen["good"]) == (4, 2)
     assert {loss["kind"] for loss in seen["losses"]} == {"unresolved", "reject"}
-
-
-def test_parts_of_the_shift_before_are_not_recalled(tmp_path, monkeypatch):
-    journal = write_run(tmp_path / "j.jsonl")
-    digest = json.loads(journal.read_text().splitlines()[0])["table_sha256"]
-    monkeypatch.setattr(SystemClock, "shift", lambda self, changes: "9999-01-01 06:00")
-    shift = Shift((6,), None)
-    shift.recall(journal, digest)
-    assert shift.as_object()["parts"] == 0
-
-
-def test_before_any_part_nothing_is_divided_by_nothing(shift):
-    seen = shift.as_object()
-    assert (seen["seconds_mean"], seen["takt_share"]) == (None, None)
-
-
-def test_the_machines_clock_names_a_shift_that_has_begun():
-    clock = SystemClock()
-    for changes in ((6, 14, 22), (0,), (23,)):
-        assert clock.shift(changes) <= clock.local()
-        assert int(clock.shift(changes)[11:13]) in changes
 
 
 @pytest.mark.parametrize("text", ["", "24", "6,,14", "-1", "6;14", "six"])

@@ -7,17 +7,7 @@ from itertools import pairwise
 import pytest
 from html_pages import Page
 
-from runtime.pages.charts import (
-    APART,
-    MOST_POINTS,
-    Band,
-    Bar,
-    Line,
-    bars,
-    histogram,
-    thinned,
-    trend,
-)
+from runtime.pages.charts import APART, MOST_POINTS, Band, Line, histogram, thinned, trend
 
 
 def numbers(text):
@@ -42,17 +32,6 @@ def test_trend_stays_within_its_box_and_shows_its_limits(values):
     assert text.count('class="limit" points') == 2
     assert "a &lt; b" in text
     assert "&lt;y&gt;" in text
-
-
-def test_trend_of_nothing_says_so():
-    assert "<svg" not in trend("none", [Line("x", ())], (1.0,), "part")
-
-
-def test_bars_are_as_long_as_their_amounts():
-    text = bars("ends", [Bar("leaf", 20.0, "20"), Bar("fault", 5.0, "5"), Bar("stop", 0.0, "0")])
-    assert Page(text).open == []
-    assert re.findall(r'width="([\d.]+)"', text) == ["100.0", "25.0", "0.0"]
-    assert Page(bars("none", [])).open == []
 
 
 def test_histogram_keeps_the_names_of_its_bands_apart():

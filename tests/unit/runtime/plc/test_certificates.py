@@ -11,13 +11,13 @@ from runtime.shell.errors import InputError, UsageError
 
 
 @pytest.fixture(scope="module")
-def clients(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+def clients(tmp_path_factory):
     folder = tmp_path_factory.mktemp("clients")
     return tuple(passport(folder, name).certificate for name in ("first", "second"))
 
 
 @pytest.fixture(scope="module")
-def server(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def server(tmp_path_factory):
     folder = tmp_path_factory.mktemp("server") / "keys"
     identity_in(folder)
     return folder
@@ -30,7 +30,7 @@ def copied(server: Path, folder: Path) -> Path:
     return folder
 
 
-def test_identity_is_made_once_and_its_key_is_its_owners_alone(server: Path) -> None:
+def test_identity_is_made_once_and_its_key_is_its_owners_alone(server):
     first, again = identity_in(server), identity_in(server)
     assert again.certificate == first.certificate
     assert first.uri.startswith("urn:")
@@ -39,9 +39,7 @@ def test_identity_is_made_once_and_its_key_is_its_owners_alone(server: Path) -> 
 
 @pytest.mark.parametrize("name", [KEY, CERTIFICATE])
 @pytest.mark.parametrize("content", [b"", b"nonsense", None])
-def test_file_that_is_damaged_or_missing_is_refused_by_name(
-    name: str, content: bytes | None, server: Path, tmp_path: Path
-) -> None:
+def test_file_that_is_damaged_or_missing_is_refused_by_name(name, content, server, tmp_path):
     folder = copied(server, tmp_path)
     if content is None:
         (folder / name).unlink()
@@ -52,23 +50,21 @@ def test_file_that_is_damaged_or_missing_is_refused_by_name(
     assert "\n" not in str(refused.value)
 
 
-def test_key_of_another_certificate_is_refused(
-    server: Path, clients: tuple[Path, Path], tmp_path: Path
-) -> None:
+def test_key_of_another_certificate_is_refused(server, clients, tmp_path):
     folder = copied(server, tmp_path)
     (folder / CERTIFICATE).write_bytes(clients[0].read_bytes())
     with pytest.raises(InputError, match="not the key"):
         identity_in(folder)
 
 
-def test_key_that_others_may_read_is_refused(server: Path, tmp_path: Path) -> None:
+def test_key_that_others_may_read_is_refused(server, tmp_path):
     folder = copied(server, tmp_path)
     (folder / KEY).chmod(0o644)
     with pytest.raises(InputError, match="chmod 600"):
         identity_in(folder)
 
 
-def test_first_client_is_pinned_and_stays_so(clients: tuple[Path, Path], tmp_path: Path) -> None:
+def test_first_client_is_pinned_and_stays_so(clients, tmp_path):
     first, second = (path.read_bytes() for path in clients)
     trust = Trust(tmp_path / PINNED, None)
     assert not trust.admits(None)
@@ -80,25 +76,7 @@ def test_first_client_is_pinned_and_stays_so(clients: tuple[Path, Path], tmp_pat
     assert later.admits(first)
 
 
-def test_two_servers_that_share_a_folder_pin_one_client(
-    clients: tuple[Path, Path], tmp_path: Path
-) -> None:
-    first, second = (path.read_bytes() for path in clients)
-    one, other = Trust(tmp_path / PINNED, None), Trust(tmp_path / PINNED, None)
-    assert one.admits(first)
-    assert not other.admits(second)
-    assert other.admits(first)
-
-
-def test_client_that_cannot_be_pinned_is_not_let_in(
-    clients: tuple[Path, Path], tmp_path: Path
-) -> None:
-    assert not Trust(tmp_path / "no folder" / PINNED, None).admits(clients[0].read_bytes())
-
-
-def test_folder_of_trusted_ones_lets_in_those_and_pins_nobody(
-    clients: tuple[Path, Path], tmp_path: Path
-) -> None:
+def test_folder_of_trusted_ones_lets_in_those_and_pins_nobody(clients, tmp_path):
     first, second = (path.read_bytes() for path in clients)
     (tmp_path / "a.der").write_bytes(first)
     (tmp_path / "notes.txt").write_text("of the line")
@@ -107,7 +85,7 @@ def test_folder_of_trusted_ones_lets_in_those_and_pins_nobody(
     assert not (tmp_path / "elsewhere").exists()
 
 
-def test_folder_without_certificates_is_refused(tmp_path: Path) -> None:
+def test_folder_without_certificates_is_refused(tmp_path):
     with pytest.raises(UsageError, match="no certificate"):
         Trust(tmp_path / PINNED, tmp_path)
     (tmp_path / "a.der").write_bytes(b"nonsense")

@@ -4,7 +4,7 @@ import pytest
 from plc_programs import MemoryPlc
 
 from runtime.plc.handshake import State
-from runtime.plc.registers import OUTCOMES, READ, UNKNOWN
+from runtime.plc.registers import OUTCOMES, UNKNOWN
 from runtime.plc.station import Answer, Station
 
 PARTS = tuple(f"parts_{name}" for name in OUTCOMES[1:])
@@ -21,45 +21,22 @@ def run(plc: MemoryPlc, outcome: int, seconds: float | None = None) -> None:
 
 
 @pytest.fixture
-def plc() -> MemoryPlc:
+def plc():
     memory = MemoryPlc()
     memory.station = Station([0], takt_s=6.0)
     return memory
 
 
-def test_counters_before_the_first_part_are_zero_and_nothing_is_known(plc: MemoryPlc) -> None:
-    assert plc(*PARTS) == [0, 0, 0, 0]
-    assert plc("seconds_last", "takt_share") == [UNKNOWN, UNKNOWN]
-
-
-def test_counters_tell_each_outcome_and_stay_after_the_results_are_taken(plc: MemoryPlc) -> None:
+def test_counters_tell_each_outcome_and_stay_after_the_results_are_taken(plc):
     for outcome in (1, 1, 2, 3, 1, 4):
         run(plc, outcome)
     assert plc(*PARTS) == [3, 1, 1, 1]
     assert plc("result_valid", "outcome") == [0, 0]
 
 
-def test_share_within_the_takt_is_of_the_parts_that_tell_their_seconds(plc: MemoryPlc) -> None:
+def test_share_within_the_takt_is_of_the_parts_that_tell_their_seconds(plc):
     for seconds in (5.25, 6.0, None, 6.01, 7.5):
         run(plc, 1, seconds)
     assert plc("parts_located", "seconds_last", "takt_share") == [5, 750, 5000]
     run(plc, 4)
     assert plc("seconds_last", "takt_share") == [UNKNOWN, 5000]
-
-
-def test_share_is_not_known_without_a_takt() -> None:
-    plc = MemoryPlc()
-    run(plc, 1, 5.0)
-    assert plc("seconds_last", "takt_share") == [500, UNKNOWN]
-
-
-def test_seconds_that_do_not_fit_are_not_known_and_the_share_counts_them(plc: MemoryPlc) -> None:
-    run(plc, 1, 1000.0)
-    assert plc("seconds_last", "takt_share") == [UNKNOWN, 0]
-
-
-def test_count_of_parts_goes_beyond_one_word(plc: MemoryPlc) -> None:
-    for _ in range(0x10001):
-        plc.station._counters.add(1, None)
-    (register,) = (register for register in READ if register.name == "parts_located")
-    assert plc.station.read(register.address, 2, plc.now) == [1, 1]

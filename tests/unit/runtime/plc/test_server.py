@@ -30,7 +30,7 @@ class Scripted(PlcServer):
         self.ended = True
 
 
-def test_server_that_starts_ends_when_it_is_left() -> None:
+def test_server_that_starts_ends_when_it_is_left():
     with Scripted() as server:
         server.entered.set()
         server.check()
@@ -38,7 +38,7 @@ def test_server_that_starts_ends_when_it_is_left() -> None:
     assert not server._thread.is_alive()
 
 
-def test_server_that_cannot_start_raises_why() -> None:
+def test_server_that_cannot_start_raises_why():
     with pytest.raises(OSError, match="no descriptor"), Scripted(starts=False, fails=True):
         pass
 
@@ -53,14 +53,3 @@ def test_server_that_fails_later_ends_enabling_and_says_why() -> None:
         with pytest.raises(OSError, match="no descriptor"):
             server.check()
         assert (server.exchange.glance.enabled, server.exchange.connected) == (False, False)
-
-
-def test_watch_sees_each_step_once_and_in_order() -> None:
-    exchange = Exchange(Station((1, 2)), SystemClock())
-    seen = []
-    exchange.watch = seen.append
-    exchange.put({"enable": 1}, {"trigger_id": 5, "trigger": 1}, {"trigger": 0}, {"trigger": 0})
-    exchange.put({"heartbeat_in": 1})
-    assert [glance.state.value for glance in seen] == ["ready", "accepted", "working"]
-    assert [glance.order and glance.order.trigger_id for glance in seen] == [None, 5, 5]
-    assert exchange.glance == seen[-1]

@@ -5,19 +5,17 @@ from math import isnan
 import pytest
 from vision_chart import LOCATED, explored, line
 
-from runtime.plc.handshake import OPEN, SIGNALS, Error
+from runtime.plc.handshake import OPEN, SIGNALS
 from runtime.plc.station import FAULT, Answer
 from runtime.plc.vision import (
-    STOP_REASONS,
-    VIEW,
     Job,
     PackMLState,
     VisionState,
     result_of,
-    stop_reason,
     view,
 )
 
+CHART = list(explored())
 JOB = Job(7, "id-7", "m", "two", "e" * 64)
 # OPC 40100-1, 8.2 and 8.3: the transitions between these states, whatever causes them.
 SPECIFIED = {
@@ -42,28 +40,28 @@ OURS = {
 }
 
 
-def test_every_state_is_reached() -> None:
-    reached = [view(seen) for _, _, seen in explored()]
+def test_every_state_is_reached():
+    reached = [view(seen) for _, _, seen in CHART]
     assert {row.state for row in reached} == set(VisionState)
     assert {row.packml for row in reached} == set(PackMLState)
 
 
-def test_every_transition_is_one_of_the_specification_or_follows_a_release() -> None:
-    for before, name, after in explored():
+def test_every_transition_is_one_of_the_specification_or_follows_a_release():
+    for before, name, after in CHART:
         left, entered = view(before).state, view(after).state
         outer = "Operational" if left.automatic and not entered.automatic else left.value
         if left is not entered and f"{outer}To{entered.value}" not in SPECIFIED:
             assert (left.value, entered.value) in OURS, name
 
 
-def test_ready_is_where_a_job_is_accepted_and_nothing_else_begins_a_part() -> None:
-    for before, name, after in explored():
+def test_ready_is_where_a_job_is_accepted_and_nothing_else_begins_a_part():
+    for before, name, after in CHART:
         begins = SIGNALS[after.state].busy and not SIGNALS[before.state].busy
         assert begins == (name == "StartSingleJob" and view(before).state is VisionState.READY)
 
 
-def test_result_is_lost_by_nothing_but_its_release_or_the_confirmation_of_a_fault() -> None:
-    for before, name, after in explored():
+def test_result_is_lost_by_nothing_but_its_release_or_the_confirmation_of_a_fault():
+    for before, name, after in CHART:
         if SIGNALS[before.state].result_valid and not SIGNALS[after.state].result_valid:
             fault = view(before).state is VisionState.ERROR
             assert name == "ReleaseResultHandle" or (name == "ConfirmAll" and fault)
@@ -71,41 +69,7 @@ def test_result_is_lost_by_nothing_but_its_release_or_the_confirmation_of_a_faul
             assert after.answer == before.answer
 
 
-@pytest.mark.parametrize("row", VIEW, ids=lambda row: f"{row.state.value}-{row.packml.name}")
-def test_each_row_is_shown_somewhere(row: object) -> None:
-    assert any(view(seen) is row for seen, _, _ in explored())
-
-
-def test_refused_job_names_its_error_and_changes_only_that() -> None:
-    with line() as each:
-        assert each.server._start("a")[:2] == ("", Error.NOT_ENABLED)
-        each.server._select_automatic()
-        assert each.server._start("a")[1] == Error.UNKNOWN_TABLE
-        each.server._prepare("one")
-        first, error, _ = each.server._start("a")
-        assert error == 0
-        order = each.exchange.glance.order
-        assert each.server._start("b")[1] == Error.PART_UNDER_WAY
-        assert each.exchange.glance.order == order
-        each.exchange.finish(LOCATED)
-        assert each.server._start("b")[1] == Error.RESULT_WAITS
-        assert each.panel.job.id == first
-        each.exchange.end()
-        each.server._release(1)
-        assert each.server._start("b")[1] == Error.RUN_ENDED
-
-
-def test_unknown_recipe_is_refused_with_its_name() -> None:
-    with line() as each:
-        each.server._prepare("one")
-        error, message = each.server._prepare("none")
-        assert error == Error.UNKNOWN_TABLE
-        assert "'none'" in message
-        assert "one, two" in message
-        assert dict(each.panel.values())["RecipeManagement/PreparedRecipe"] == "one"
-
-
-def test_result_has_the_units_of_its_names() -> None:
+def test_result_has_the_units_of_its_names():
     result = result_of(JOB, ["bracket", "shim"], LOCATED)
     assert (result.ResultHandle, result.ResultId, result.MeasId) == (7, "id-7", "m")
     assert (result.X_mm, result.Y_mm, result.Angle_deg) == (-1.5, 0.25, 90.0)
@@ -116,49 +80,11 @@ def test_result_has_the_units_of_its_names() -> None:
 
 
 @pytest.mark.parametrize(("outcome", "code", "error"), [(2, 10, 0), (3, 11, 0), (FAULT, 20, 20)])
-def test_result_without_a_pose_has_none_and_only_a_fault_an_error(
-    outcome: int, code: int, error: int
-) -> None:
+def test_result_without_a_pose_has_none_and_only_a_fault_an_error(outcome, code, error):
     result = result_of(JOB, ["bracket"], Answer(outcome, code))
     assert (result.X_mm, result.Y_mm, result.Angle_deg, result.Part) == (0.0, 0.0, 0.0, "")
     assert isnan(result.ExpectedError_mm)
     assert (result.ExitCode, result.ErrorId) == (code, error)
-
-
-def test_counts_and_results_are_those_of_the_parts() -> None:
-    answers = [LOCATED, Answer(2, 10), LOCATED, Answer(3, 11), Answer(FAULT, 20)]
-    with line() as each:
-        each.server._select_automatic()
-        each.server._prepare("two")
-        for number, answer in enumerate(answers, 1):
-            assert each.server._start(f"m{number}")[1] == 0
-            each.exchange.finish(answer)
-            each.server._release(number)
-        shown = dict(each.panel.values())
-    counted = [shown[f"PackML/{name}"] for name in ("Located", "Rejected", "Unresolved", "Fault")]
-    assert counted == [2, 1, 1, 1]
-    assert [result.MeasId for result in each.panel.results.values()] == [
-        "m1",
-        "m2",
-        "m3",
-        "m4",
-        "m5",
-    ]
-    assert len({result.ResultId for result in each.panel.results.values()}) == len(answers)
-    assert shown["PackML/StopReason"] == STOP_REASONS[20]
-
-
-def test_stop_reason_is_that_of_the_outcome_or_of_the_lost_connection() -> None:
-    for before, name, after in explored():
-        reason = stop_reason(before, after)
-        if name == "the part ends with a fault" and SIGNALS[before.state].busy:
-            assert reason == 20
-        if name == "the master's session ends" and view(before).state is VisionState.READY:
-            assert reason == Error.CONNECTION_LOST
-        if name == "Stop" and view(before).state is VisionState.READY:
-            assert reason == 0
-        if view(after).state.automatic:
-            assert reason is None
 
 
 def test_handle_of_another_result_releases_nothing() -> None:

@@ -26,10 +26,8 @@ def await_request() -> None:
 
 
 @pytest.mark.parametrize("number", SIGNALS)
-def test_each_signal_is_a_request_that_is_raised_once(
-    number: signal.Signals, capfd: pytest.CaptureFixture[str]
-) -> None:
-    def asked_here() -> None:
+def test_each_signal_is_a_request_that_is_raised_once(number, capfd):
+    def asked_here():
         with stoppable():
             ask(number)
             await_request()
@@ -42,15 +40,15 @@ def test_each_signal_is_a_request_that_is_raised_once(
     assert capfd.readouterr().err == "stopping already\n"
 
 
-def test_a_request_that_python_drops_is_raised_again(recwarn: pytest.WarningsRecorder) -> None:
+def test_a_request_that_python_drops_is_raised_again(recwarn):
     """In a finalizer an exception is printed and forgotten."""
 
     class Finalized:
-        def __del__(self) -> None:
+        def __del__(self):
             ask()
             time.sleep(0.01)
 
-    def work() -> None:
+    def work():
         with stoppable():
             Finalized()
             await_request()
@@ -59,14 +57,14 @@ def test_a_request_that_python_drops_is_raised_again(recwarn: pytest.WarningsRec
         work()
 
 
-def test_a_request_waits_until_it_may_raise() -> None:
+def test_a_request_waits_until_it_may_raise():
     with StopRequests():
         ask()
         with pytest.raises(KeyboardInterrupt):
             stoppable().__enter__()
 
 
-def test_a_request_heard_on_entering_raises_nothing_afterwards() -> None:
+def test_a_request_heard_on_entering_raises_nothing_afterwards():
     """What follows from it, records and last words, is whole."""
     with StopRequests(), whole():
         ask()
@@ -75,10 +73,10 @@ def test_a_request_heard_on_entering_raises_nothing_afterwards() -> None:
         time.sleep(3 * interrupts.LOST_S)
 
 
-def test_what_is_whole_is_left_before_a_request_raises() -> None:
+def test_what_is_whole_is_left_before_a_request_raises():
     reached = []
 
-    def work() -> None:
+    def work():
         with stoppable():
             with whole():
                 ask()
@@ -90,11 +88,11 @@ def test_what_is_whole_is_left_before_a_request_raises() -> None:
     assert reached == ["whole"]
 
 
-def test_a_fault_that_came_first_is_not_replaced() -> None:
+def test_a_fault_that_came_first_is_not_replaced():
     """Neither on its way, nor in its handler, nor when that is over and the command has concluded."""
     reached = []
 
-    def work() -> None:
+    def work():
         with stoppable():
             try:
                 Path("/nowhere").stat()
@@ -113,20 +111,7 @@ def test_a_fault_that_came_first_is_not_replaced() -> None:
     assert reached == ["on its way", "safe sequence"]
 
 
-def test_a_request_that_met_an_exception_which_was_no_fault_is_raised_soon_after() -> None:
-    def work() -> None:
-        with stoppable():
-            try:
-                Path("/nowhere").stat()
-            except FileNotFoundError:
-                ask()
-            await_request()
-
-    with StopRequests(), pytest.raises(KeyboardInterrupt):
-        work()
-
-
-def test_nothing_waits_for_a_reader_of_the_acknowledgement(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_waits_for_a_reader_of_the_acknowledgement(monkeypatch):
     reading, writing = os.pipe()
     os.set_blocking(writing, False)
     with contextlib.suppress(BlockingIOError):
@@ -143,16 +128,7 @@ def test_nothing_waits_for_a_reader_of_the_acknowledgement(monkeypatch: pytest.M
         ask()
 
 
-@pytest.mark.parametrize("last", [True, False])
-def test_after_the_last_command_of_a_process_signals_are_ignored(last: bool) -> None:
-    before = [signal.getsignal(number) for number in SIGNALS]
-    with StopRequests(last=last):
-        pass
-    after = [signal.getsignal(number) for number in SIGNALS]
-    assert after == ([signal.SIG_IGN] * len(SIGNALS) if last else before)
-
-
-def test_a_hangup_that_was_to_be_ignored_is() -> None:
+def test_a_hangup_that_was_to_be_ignored_is():
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
     with StopRequests(), stoppable():
         ask(signal.SIGHUP)

@@ -3,7 +3,6 @@
 import time
 import tomllib
 from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -27,14 +26,14 @@ NESTED = {
 
 
 @pytest.mark.parametrize("text", NESTED.values(), ids=NESTED)
-def test_deep_nesting_is_refused_before_it_costs_anything(text: str) -> None:
+def test_deep_nesting_is_refused_before_it_costs_anything(text):
     start = time.process_time()
     with pytest.raises(ValueError, match="nested too deeply"):
         parse(text)
     assert time.process_time() - start < 1.0
 
 
-def test_a_large_text_is_refused() -> None:
+def test_a_large_text_is_refused():
     with pytest.raises(ValueError, match="larger than 1 MiB"):
         parse("#" * (MOST_BYTES + 1))
 
@@ -52,19 +51,12 @@ def test_a_large_text_is_refused() -> None:
         "a = " + "[" * MOST_LEVELS + "]" * MOST_LEVELS,
     ],
 )
-def test_what_a_person_writes_is_read_as_by_tomllib(text: str) -> None:
+def test_what_a_person_writes_is_read_as_by_tomllib(text):
     assert parse(text) == tomllib.loads(text)
 
 
-def test_every_job_of_the_trees_is_read() -> None:
-    paths = list((Path(__file__).parents[4] / "trees").rglob("*.toml"))
-    assert len(paths) > 15
-    for path in paths:
-        assert parse(path.read_text()) == tomllib.loads(path.read_text())
-
-
 @given(st.text(alphabet="ab.=[]{}\"'#\n\\ 1,", max_size=MOST_LEVELS))
-def test_no_text_is_read_otherwise_than_by_tomllib(text: str) -> None:
+def test_no_text_is_read_otherwise_than_by_tomllib(text):
     """So short a text is never nested too deeply."""
     assert outcome(parse, text) == outcome(tomllib.loads, text)
 

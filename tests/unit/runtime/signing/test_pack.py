@@ -5,7 +5,6 @@ import json
 import shutil
 import subprocess
 import zipfile
-from dataclasses import replace
 
 import pytest
 from packs import FACTS, new_key, pack_of
@@ -18,7 +17,6 @@ from runtime.signing.pack import CALIBRATION, JOB, KEY, MANIFEST, MEMBERS, TABLE
 from runtime.table import dumps
 
 SIGNER = new_key()
-TREE = replace(small_table(), job='{"part": 1}')
 PACK = pack_of(small_table(), SIGNER, b'{"format": 1}')
 
 
@@ -45,13 +43,6 @@ def test_verified_pack_holds_what_was_signed():
     assert pack.members[TABLE] == dumps(small_table())
     assert {name: pack.manifest[name] for name in FACTS} == FACTS
     assert verified(PACK).key == SIGNER.public
-
-
-def test_pack_is_a_zip_that_other_programs_read():
-    with zipfile.ZipFile(io.BytesIO(PACK)) as archive:
-        assert archive.testzip() is None
-        assert archive.read(TABLE) == dumps(small_table())
-        assert archive.comment == PACK[-SIGNATURE_BYTES:]
 
 
 def test_every_flipped_byte_is_refused_and_its_file_named():
@@ -107,16 +98,6 @@ def test_pack_with_a_member_twice_is_refused():
         verified(body + PACK[start:end] + PACK[end:])
 
 
-@pytest.mark.parametrize("compression", [zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED])
-def test_zip_that_others_wrote_is_refused(compression):
-    written = io.BytesIO()
-    with zipfile.ZipFile(written, "w", compression) as archive:
-        for name, content in verified(PACK).members.items():
-            archive.writestr(name, content)
-    with pytest.raises(PackError):
-        verified(written.getvalue())
-
-
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -143,14 +124,6 @@ def test_content_changed_with_its_digests_breaks_the_signature():
     members[MANIFEST] = json.dumps({**manifest, "signer": "eve"}).encode()
     with pytest.raises(PackError, match="signature does not hold"):
         verified(unsigned(members) + PACK[-SIGNATURE_BYTES:])
-
-
-def test_pack_of_another_key_is_refused_with_both_fingerprints():
-    other = new_key()
-    with pytest.raises(PackError) as refused:
-        verified(PACK, other.public)
-    assert SIGNER.public.fingerprint in str(refused.value)
-    assert other.public.fingerprint in str(refused.value)
 
 
 def test_covering_takes_the_pack_with_these_bytes_and_no_other(tmp_path):
@@ -187,7 +160,7 @@ def test_openssl_checks_the_signature_of_the_whole_file(tmp_path):
         return subprocess.run(words, capture_output=True, timeout=30, check=False).returncode == 0
 
     assert holds(PACK)
-    for at in range(0, len(PACK), len(PACK) // 24):
+    for at in range(0, len(PACK), len(PACK) // 6):
         changed = bytearray(PACK)
         changed[at] ^= 0x20
         assert not holds(bytes(changed)), at

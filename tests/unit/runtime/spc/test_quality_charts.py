@@ -1,11 +1,9 @@
 """Control charts: their distributions against SciPy's, their silence when well, their speed when not."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from histories import SHIFT_UM, drawn, history, table, watch
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
@@ -22,7 +20,7 @@ from runtime.spc.charts import (
     likelihood_ratio,
 )
 from runtime.spc.history import Squeezed
-from runtime.spc.monitor import COORDINATES, MEANING, branch_counts, branch_shares, deviation
+from runtime.spc.monitor import branch_shares, deviation
 
 TABLE = table()
 BEFORE = 300
@@ -34,14 +32,11 @@ def test_chi_square_tail_is_scipys(statistic, freedom):
     assert chi_square_tail(statistic, freedom) == pytest.approx(theirs, rel=1e-8, abs=1e-13)
 
 
+@settings(max_examples=40)
 @given(st.integers(0, 60), st.integers(1, 60), st.floats(1e-4, 0.9))
 def test_binomial_tail_is_scipys(least, trials, share):
     theirs = stats.binom.sf(least - 1, trials, share)
     assert binomial_tail(least, trials, share) == pytest.approx(theirs, rel=1e-8, abs=1e-14)
-
-
-def test_nothing_tried_leaves_everything_open():
-    assert chi_square_tail(5.0, 0) == 1.0
 
 
 def test_chi_square_is_pearsons_where_every_cell_is_well_filled():
@@ -60,12 +55,6 @@ def test_likelihood_ratio_is_scipys():
     assert chi_square_tail(ours, freedom) == pytest.approx(theirs.pvalue)
 
 
-def test_rare_branches_are_taken_together():
-    assert chi_square([96, 2, 1, 1], [0.96, 0.02, 0.01, 0.01]) == (pytest.approx(0.0), 1)
-    assert chi_square([99, 1], [0.99, 0.01])[1] == 0
-    assert chi_square([0, 0], [0.5, 0.5]) == (0.0, 0)
-
-
 def test_p_values_of_healthy_frequencies_are_even():
     # Kolmogorov and Smirnov's test on the p-values of multinomial samples.
     rng = np.random.default_rng(1)
@@ -80,18 +69,10 @@ def test_p_values_of_healthy_frequencies_are_even():
 @pytest.mark.parametrize("way", [1.0, -1.0])
 def test_cusum_finds_its_shift_both_ways_and_begins_anew(way):
     rng, chart = np.random.default_rng(2), Cusum(shift=1.0)
-    assert not any(chart.add(value, 1.0) for value in rng.normal(0.0, 1.0, 20_000))
+    assert not any(chart.add(value, 1.0) for value in rng.normal(0.0, 1.0, 5_000))
     alarms = [chart.add(value, 1.0) for value in rng.normal(way, 1.0, 200)]
     assert alarms.index(True) < 60
     assert sum(alarms) > 2
-
-
-def test_what_scatters_widely_weighs_little():
-    sharp, wide = Cusum(shift=1.0), Cusum(shift=1.0)
-    sharp.add(1.5, 0.5)
-    wide.add(1.5, 50.0)
-    assert sharp.up > 100.0 * wide.up
-    wide.add(0.0, float("inf"))
 
 
 def test_ewma_is_the_weighted_mean_and_its_limit_the_asymptotic_one():
@@ -106,15 +87,9 @@ def test_ewma_is_the_weighted_mean_and_its_limit_the_asymptotic_one():
     assert np.std(means) == pytest.approx(Ewma(width=1.0).limit, rel=0.15)
 
 
-def test_one_part_that_flew_away_is_no_drift():
-    chart = Ewma()
-    assert not chart.add(1e6)
-    assert chart.mean <= 0.1 * CLIP
-
-
 def test_share_alarms_at_what_chance_does_not_make():
     rng, chart = np.random.default_rng(4), BinomialWindowChart(0.01)
-    assert not any(chart.add(bool(had)) for had in rng.random(20_000) < 0.01)
+    assert not any(chart.add(bool(had)) for had in rng.random(5_000) < 0.01)
     alarms = [chart.add(bool(had)) for had in rng.random(50) < 0.4]
     assert True in alarms
 
@@ -130,13 +105,12 @@ def test_frequencies_alarm_when_a_branch_is_no_longer_taken():
 # -- all of them together, on histories drawn from a table ----------------------------------------
 
 
-@pytest.mark.slow
 def test_a_healthy_cell_hardly_raises_an_alarm():
     """About four in 100 000 parts are false, as tests/bench/drift_trials.py measures them."""
     histories = [
-        history(TABLE, drawn(TABLE, 3000, np.random.default_rng(seed))) for seed in range(5)
+        history(TABLE, drawn(TABLE, 2000, np.random.default_rng(seed))) for seed in range(2)
     ]
-    assert sum(len(watch(parts)) for parts in histories) <= 2
+    assert sum(len(watch(parts)) for parts in histories) <= 1
 
 
 @pytest.mark.parametrize(
@@ -158,18 +132,6 @@ def test_drift_is_flagged_within_fifty_parts_by_the_chart_that_tells_it(drift, c
     assert result
     assert all(alarm.place >= BEFORE for alarm in result)
     assert charts & {alarm.chart for alarm in result if alarm.place < BEFORE + 50}
-
-
-def test_every_chart_says_what_to_look_at():
-    assert set(MEANING) == {
-        "widths",
-        "branches",
-        "failures",
-        "rejects",
-        "readings",
-        *(f"residual {c}" for c in COORDINATES),
-    }
-    assert all("look" in sentence for sentence in MEANING.values())
 
 
 def test_rejected_width_counts_for_the_nearest_branch_unless_it_is_near_none():
@@ -196,17 +158,3 @@ def test_branch_shares_are_those_of_the_leaves_below():
 
     for leaf, odds in chance(0).items():
         assert odds == pytest.approx(trials[leaf] / sum(trials), abs=2e-4)
-
-
-def test_table_that_was_not_evaluated_is_believed():
-    bare = replace(TABLE, leaves=tuple(leaf._replace(trials=0) for leaf in TABLE.leaves))
-    assert branch_shares(bare)[0] == [
-        branch.probability_ppm / 1e6 for branch in TABLE.nodes[0].branches
-    ]
-
-
-def test_branch_counts_add_up_to_all_squeezes():
-    parts = drawn(TABLE, 200, np.random.default_rng(8))
-    counts = branch_counts(parts, TABLE)
-    assert sum(map(sum, counts)) == sum(len(part.squeezes) for part in parts)
-    assert sum(counts[0]) == len(parts)

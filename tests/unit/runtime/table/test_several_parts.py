@@ -7,12 +7,7 @@ import pytest
 from sample_tables import HAND, OTHER, small_table
 from sample_tables import several_table as table
 
-from runtime.table import TableError, dumps, loads, meets
-
-
-def test_a_table_of_several_parts_comes_back_from_its_bytes() -> None:
-    for one in (table(), replace(table(), goal=replace(table().goal, identify=False))):
-        assert loads(dumps(one)) == one
+from runtime.table import TableError, dumps, meets
 
 
 @pytest.mark.parametrize(
@@ -29,12 +24,12 @@ def test_a_table_of_several_parts_comes_back_from_its_bytes() -> None:
         ),
     ],
 )
-def test_what_must_not_be_executed_is_refused(changes: dict[str, object], message: str) -> None:
+def test_what_must_not_be_executed_is_refused(changes, message):
     with pytest.raises(TableError, match=message):
         dumps(replace(table(), **changes))
 
 
-def test_one_part_is_not_asked_for() -> None:
+def test_one_part_is_not_asked_for():
     for change in ({"kind": "identity"}, {"identify": False}):
         with pytest.raises(TableError, match="of which there is one"):
             dumps(replace(small_table(), goal=replace(small_table().goal, **change)))
@@ -44,7 +39,7 @@ def test_one_part_is_not_asked_for() -> None:
         )
 
 
-def test_a_leaf_is_right_about_its_own_part_under_that_parts_symmetry() -> None:
+def test_a_leaf_is_right_about_its_own_part_under_that_parts_symmetry():
     parts = table()
     one, two, _ = parts.leaves
     there, turned = (0.0, 0.5, 0.0), (0.0, 0.5, math.pi)
@@ -57,7 +52,7 @@ def test_a_leaf_is_right_about_its_own_part_under_that_parts_symmetry() -> None:
     assert small_table().name_of(one) is None
 
 
-def test_a_right_name_is_all_that_an_identity_asks_for() -> None:
+def test_a_right_name_is_all_that_an_identity_asks_for():
     parts = table()
     goal = replace(parts.goal_of(0), kind="identity")
     assert meets(goal, parts.leaves[0], (90.0, 0.0, 1.0), 0)

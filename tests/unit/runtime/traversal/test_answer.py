@@ -17,7 +17,7 @@ def with_parts(table: Table) -> Table:
     return with_job(table, json.dumps({"hypothesis": [{"part": LEFT}, {"part": RIGHT}]}))
 
 
-def test_each_part_is_reported_in_its_own_frames() -> None:
+def test_each_part_is_reported_in_its_own_frames():
     table = with_parts(several_table())
     one, other = (fields(table, leaf, frames_of(table)) for leaf in (0, 1))
     assert (one["hypothesis"], other["hypothesis"]) == ("left hand", "right hand")
@@ -35,12 +35,12 @@ def test_each_part_is_reported_in_its_own_frames() -> None:
     assert other["picks"] == {}
 
 
-def test_the_answer_of_one_part_has_no_name() -> None:
+def test_the_answer_of_one_part_has_no_name():
     table = small_table()
     assert "hypothesis" not in fields(table, 0, frames_of(table))
 
 
 @pytest.mark.parametrize("job", [None, "{}", "[", '{"hypothesis": [{}, 3]}', '{"hypothesis": 7}'])
-def test_a_job_of_another_make_names_no_frames(job: str | None) -> None:
+def test_a_job_of_another_make_names_no_frames(job):
     table = replace(several_table(), job=None) if job is None else with_job(several_table(), job)
     assert frames_of(table) == (PartFrames(None, {}), PartFrames(None, {}))

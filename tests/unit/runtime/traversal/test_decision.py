@@ -1,7 +1,6 @@
 """What follows a squeeze: the table's branch, then the declared policy, each recovery once, always an end."""
 
 import itertools
-from dataclasses import FrozenInstanceError
 from random import Random
 
 import pytest
@@ -52,7 +51,7 @@ def walk(targets: list[int | None], policy: Policy) -> list[TraversalState]:
 )
 def test_the_policy_is_gone_through_once_a_part(
     on_reject, on_unresolved, targets, nodes, outcome, leaf
-) -> None:
+):
     traversals = walk(targets, Policy.of(on_reject, on_unresolved))
     assert [traversal.node for traversal in traversals[1:-1]] == nodes
     assert (traversals[-1].outcome, traversals[-1].leaf) == (outcome, leaf)
@@ -72,10 +71,10 @@ RECOVERIES = [
 
 @pytest.mark.parametrize("on_reject", RECOVERIES)
 @pytest.mark.parametrize("on_unresolved", ["next", "restart,next", "restart,stop"])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(1))
 def test_whatever_is_read_every_part_ends_within_what_the_policy_allows(
     on_reject, on_unresolved, seed
-) -> None:
+):
     table, random = random_table(seed, 20), Random(seed)
     policy = Policy.of(on_reject, on_unresolved)
     most = (1 + len(policy.on_reject) + len(policy.on_unresolved)) * 64
@@ -90,30 +89,7 @@ def test_whatever_is_read_every_part_ends_within_what_the_policy_allows(
         assert (traversal.leaf is None) == (traversal.outcome is Outcome.REJECT)
 
 
-@pytest.mark.parametrize(
-    ("policy", "ends"), [("next", set()), ("stop", {Outcome.REJECT, Outcome.UNRESOLVED})]
-)
-def test_which_outcomes_end_a_run(policy: str, ends: set[Outcome]) -> None:
-    always = {Outcome.FAULT, Outcome.STOPPED, Outcome.ABORTED}
-    result = Policy.of(policy, policy)
-    assert {outcome for outcome in Outcome if result.ends_run(outcome)} == ends | always
-    assert Policy.of("stop", "next").ends_run(Outcome.REJECT)
-    assert not Policy.of("stop", "next").ends_run(Outcome.UNRESOLVED)
-    assert Policy.of("next", "stop").ends_run(Outcome.UNRESOLVED)
-    # Only the last of a list tells: what came before it has been tried by then.
-    long = Policy.of("resqueeze,restart,stop", "restart,stop")
-    assert long.ends_run(Outcome.REJECT)
-    assert long.ends_run(Outcome.UNRESOLVED)
-    assert not Policy.of("resqueeze,restart,next", "restart,next").ends_run(Outcome.REJECT)
-
-
-def test_records_are_frozen() -> None:
-    with pytest.raises(FrozenInstanceError):
-        Policy().on_reject = (RecoveryAction.STOP,)
-    assert not hasattr(Policy(), "__dict__")
-
-
-def test_a_policy_survives_being_written_down() -> None:
+def test_a_policy_survives_being_written_down():
     for on_reject, on_unresolved in itertools.product(RECOVERIES, ["next", "restart,stop"]):
         policy = Policy.of(on_reject, on_unresolved)
         assert Policy.of(*policy.texts()) == policy
@@ -135,16 +111,14 @@ def test_a_policy_survives_being_written_down() -> None:
         ("next", "never", "--on-unresolved 'never'"),
     ],
 )
-def test_a_policy_that_makes_no_sense_is_refused(
-    on_reject: str, on_unresolved: str, message: str
-) -> None:
+def test_a_policy_that_makes_no_sense_is_refused(on_reject, on_unresolved, message):
     with pytest.raises(UsageError, match=message) as refused:
         Policy.of(on_reject, on_unresolved)
     assert refused.value.exit_code == 2
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_every_node_count_and_flag_means_what_the_map_says(seed: int) -> None:
+def test_every_node_count_and_flag_means_what_the_map_says(seed):
     for node in random_table(seed, 20).nodes:
         outcomes = decision_map(node, GRIPPER)
         for width, flag in itertools.product(range(0, 86_000, 331), (CONTACT, ARRIVED)):
@@ -159,20 +133,7 @@ def test_every_node_count_and_flag_means_what_the_map_says(seed: int) -> None:
                 decide(node, outcomes, 10_000, flag)
 
 
-def test_a_reject_names_the_widths_that_were_planned() -> None:
-    node = TABLE.nodes[0]
-    node = node._replace(
-        branches=(node.branches[0]._replace(low_um=20_250, high_um=21_750), *node.branches[1:])
-    )
-    refused = decide(node, decision_map(node, GRIPPER), 48_679, CONTACT)
-    assert (
-        refused.reason
-        == "no outcome of this squeeze has this width (planned: 20.25..21.75, 29.00..31.00 mm)"
-    )
-    assert refused == decide(node, decision_map(node, GRIPPER), 48_304, CONTACT)
-
-
-def test_only_what_is_held_and_known_is_dragged() -> None:
+def test_only_what_is_held_and_known_is_dragged():
     node = TABLE.nodes[0]._replace(release=Place(3_000, 4_000))
     thin = node._replace(
         branches=(node.branches[0]._replace(low_um=0, expected_um=1_999), *node.branches[1:])
@@ -188,7 +149,7 @@ def test_only_what_is_held_and_known_is_dragged() -> None:
     assert release_point(TABLE.nodes[0], 0) is None
 
 
-def test_a_target_of_zero_is_a_node_and_leaf_zero_is_none() -> None:
+def test_a_target_of_zero_is_a_node_and_leaf_zero_is_none():
     """Targets are told apart by their sign: ~0 is -1. (No valid table leads back to its root.)"""
     assert advance(TraversalState(1), 0, TABLE, Policy()) == TraversalState(0)
     assert advance(TraversalState(1), ~0, TABLE, Policy()) == TraversalState(1, Outcome.LEAF, 0)

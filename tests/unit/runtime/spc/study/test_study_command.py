@@ -15,7 +15,6 @@ from sample_tables import several_table
 
 from drivers.camera.commands import audit
 from runtime.spc.history import Part, Squeezed
-from runtime.table import dump
 
 
 def main(*words):
@@ -43,12 +42,8 @@ def test_study_of_a_healthy_cell_accepts_it_and_writes_the_sheet(healthy, tmp_pa
     result = output(capsys)
     assert result["verdict"] == "accepted"
     assert result["parts_least"] <= result["decided_at"] <= 700
-    assert (
-        result["failures"]["low"]
-        <= result["failures"]["share"]
-        <= result["failures"]["high"]
-        < 0.01
-    )
+    failures = result["failures"]
+    assert failures["low"] <= failures["share"] <= failures["high"] < 0.01
     assert result["good"] + result["failed"] + result["not_known"] == result["counted"] == 700
     rows = result["type1"]
     assert sum(row["readings"] for row in rows["leaves"]) == rows["table"]["readings"]
@@ -80,14 +75,6 @@ def test_study_of_a_bad_cell_refuses_it_and_of_few_parts_asks_for_more(
     assert main(write(tmp_path / "j.jsonl", parts)) == code
     said = capsys.readouterr().out.splitlines()[0]
     assert said.startswith("refused after" if code == 11 else "not decided yet")
-
-
-def test_study_may_be_looked_at_after_any_journal(healthy, tmp_path, capsys):
-    paths = [write(tmp_path / f"{k}.jsonl", healthy[100 * k : 100 * k + 100]) for k in range(7)]
-    codes = [main(*paths[:looks]) for looks in (1, 3, 7)]
-    assert codes == sorted(codes, reverse=True)
-    assert codes[0] == 12
-    assert codes[-1] == 0
 
 
 def with_truth(path, parts, off_mm):
@@ -193,9 +180,8 @@ def test_study_of_measurements_is_aiags_example(tmp_path, capsys):
         tmp_path / "s.csv", lambda rows: [rows[k] for k in np.random.default_rng(1).permutation(90)]
     )
     assert main("--measurements", shuffled, "--json") == 0
-    assert output(capsys)["crossed"]["value"]["anova"]["gauge_percent"] == pytest.approx(
-        27.86, abs=0.005
-    )
+    shuffled_percent = output(capsys)["crossed"]["value"]["anova"]["gauge_percent"]
+    assert shuffled_percent == pytest.approx(result["anova"]["gauge_percent"])
 
 
 @pytest.mark.parametrize(
@@ -221,11 +207,6 @@ def test_plan_says_how_many_parts_before_they_are_run(tmp_path, capsys):
     assert result["parts_type1"] > 25
     assert main("--plan", TREE, "--required", "0.99999") == 11
     assert "no number of parts" in capsys.readouterr().out
-    dump(several_table(), tmp_path / "t.msgpack")
-    assert main("--plan", tmp_path / "t.msgpack") in (0, 11)
-    capsys.readouterr()
-    assert main("--plan", tmp_path / "none.msgpack") == 3
-    assert "none.msgpack" in one_line(capsys)
 
 
 @pytest.mark.parametrize(
@@ -241,6 +222,7 @@ def test_plan_says_how_many_parts_before_they_are_run(tmp_path, capsys):
         (["{few}", "--plan", "t"], 2, "name journals"),
         (["{few}", "--required", "1"], 2, "no share between 0 and 1"),
         (["--plan", "t", "--truth"], 2, "are of journals"),
+        (["--plan", "none.msgpack"], 3, "none.msgpack"),
         (["--measurements", "none.csv"], 3, "none.csv"),
         (["--measurements", "{few}"], 3, "write the columns"),
         (["{few}", "-o", "{few}"], 2, "the same file"),
