@@ -52,21 +52,25 @@ def job():
 
 @pytest.fixture(scope="module")
 def plan(job):
-    thin = job.replaced(search={"particles": 4000, "search_particles": 200})
-    return compile_job(thin, workers=2, trials=8000)
+    thin = job.replaced(search={"particles": 2000, "search_particles": 100})
+    return compile_job(thin, workers=2, trials=4000)
 
 
-@pytest.fixture(scope="module")
-def quick_job(job):
-    """The same with fewer particles."""
-    return job.replaced(search={"particles": 600, "search_particles": 60})
-
-
-def test_the_seed_decides_the_bytes_and_the_workers_do_not(quick_job):
-    one, two = (dumps(compile_job(quick_job, workers, trials=1000).table) for workers in (1, 2))
-    assert one == two
-    other = dataclasses.replace(quick_job, seed=quick_job.seed + 1)
-    assert dumps(compile_job(other, workers=2, trials=1000).table) != one
+@pytest.mark.parametrize("pushes", ["none", "belief"])
+def test_bytes_of_a_table_depend_on_the_seed_and_not_on_the_workers(job, pushes):
+    """The rectangle; it lies wider about than half-open jaws reach where it has to be pushed."""
+    where = {"radius_mm": 12.0, "orientation_halfwidth_deg": 8.0}
+    few = {"particles": 200, "search_particles": 20, "max_depth": 2}
+    quick = job.replaced(search=few, uncertainty=where, friction={"doubt": 0.0})
+    if pushes == "belief":
+        actions = {"pushes": pushes, "proposals": pushes}
+        quick = quick.replaced(gripper={"opening_mm": 50.0}, actions=actions)
+    one, two = (compile_job(quick, workers, trials=300).table for workers in (1, 2))
+    assert dumps(one) == dumps(two)
+    assert bool(one.nodes[0].pushes) == (pushes == "belief")
+    if pushes == "none":
+        other = dataclasses.replace(quick, seed=quick.seed + 1)
+        assert dumps(compile_job(other, workers=2, trials=300).table) != dumps(one)
 
 
 def test_beliefs_are_conserved_down_the_tree_and_every_leaf_was_tried(plan):
@@ -106,15 +110,9 @@ def test_every_reading_seen_in_planning_leads_to_its_own_branch(plan):
     assert agree >= 0.95 * total
 
 
-def test_committed_table_is_what_its_job_compiles_to_in_kind():
-    job = job_file.load(TREES / "rectangle" / "job.toml")
+def test_committed_table_is_of_its_job_and_locates_the_part(job):
     table = load(TREES / "rectangle" / "rectangle.msgpack").table
-    assert table.job_digest == job.digest()
-    assert job_file.from_canonical(table.job) == job
-
-
-def test_committed_table_finds_the_part(job):
-    table = load(TREES / "rectangle" / "rectangle.msgpack").table
+    assert table.job_digest == job_file.load(TREES / "rectangle" / "job.toml").digest()
     evaluation = evaluate(table, job, make(job, seed=11), 4000, seed=12)
     figures = evaluation.summary()
     assert figures["success_rate"] >= 0.985
@@ -138,11 +136,6 @@ def test_a_strange_part_is_rejected_and_never_given_a_pose(job, plan):
     assert np.all(evaluation.squeezes == 1)
 
 
-def test_a_table_without_its_job_still_runs(plan):
-    stripped = dataclasses.replace(plan.table, job=None)
-    assert loads(dumps(stripped)).nodes == plan.table.nodes
-
-
 L_SHAPE = "outline_mm = [[0, 0], [32, 0], [32, 12], [12, 12], [12, 26], [0, 26]]"
 
 
@@ -153,15 +146,15 @@ def l_job(proposals, **changes):
     lines = [new.get(line.split(" ")[0], line) for line in text.splitlines()]
     text = "\n".join(lines).replace("radius_mm = 12.75", "radius_mm = 10")
     few = job_file.parse(text).replaced(
-        **CERTAIN,
-        search={"model": "simulation", "particles": 2000, "search_particles": 200},
+        **CERTAIN, search={"model": "simulation", "particles": 1000, "search_particles": 80}
     )
     return few.replaced(**changes)
 
 
 def test_off_centre_squeezes_tell_an_l_from_its_half_turn():
-    job = l_job("belief", search={"particles": 1000, "search_particles": 80})
-    figures = compile_job(job, workers=2, trials=2000).evaluation.summary()
+    search = {"particles": 300, "search_particles": 30}
+    job = l_job("belief", search=search, uncertainty={"radius_mm": 4})
+    figures = compile_job(job, workers=2, trials=500).evaluation.summary()
     assert figures["success_rate"] >= 0.97
     assert figures["mean_squeezes"] <= 4.5
     assert figures["crashes"] == 0
@@ -191,7 +184,7 @@ def test_prongs_that_the_jaws_pinch_are_distinguished_from_an_empty_hand(job):
     pronged = job.replaced(
         part={"outline_mm": prongs, "symmetry": 1},
         uncertainty={"radius_mm": 2},
-        search=FEW | {"max_depth": 3},
+        search=FEW | {"max_depth": 2},
         actions={
             "angles_deg": [0, 90],
             "centers_mm": [[0, 0], [0, 18], [18, 0]],
@@ -225,8 +218,8 @@ def test_a_goal_of_two_poses_is_met_where_one_cannot_be():
     ("kind", "tolerance"), [("orientation", (0, 0, 87266)), ("tolerances", (2500, 2500, 87266))]
 )
 def test_other_goals_are_stated_in_the_table_and_judged_by_it(job, kind, tolerance):
-    wanted = job.replaced(goal={"kind": kind}, search={"particles": 1500})
-    plan = compile_job(wanted, workers=2, trials=2000)
+    wanted = job.replaced(goal={"kind": kind}, search={"particles": 1000, "search_particles": 80})
+    plan = compile_job(wanted, workers=2, trials=1000)
     assert (plan.table.goal.kind, plan.table.goal.tolerance) == (kind, tolerance)
     assert plan.evaluation.summary()["success_rate"] >= 0.98
     known = plan.evaluation.resolved
@@ -245,7 +238,7 @@ def test_parts_near_the_edge_are_dragged_back_as_the_table_says(job):
     near_edge = {
         "cell": {"work_area_mm": [[-30, -30], [30, 30]]},
         "actions": {"centers_mm": [[6, 0]]},
-        "search": {"particles": 2000, "search_particles": 100, "max_depth": 4},
+        "search": {"particles": 1000, "search_particles": 60, "max_depth": 4},
     }
     narrow = job.replaced(**near_edge)
     table = compile_job(narrow, workers=2, trials=1000).table
@@ -274,17 +267,6 @@ def test_no_width_farther_than_the_margin_from_what_a_part_read_ends_at_a_leaf(p
                 answered += len(asked)
                 assert off.max() < margin + np.ptp(widths[100:102]) + 1.0
     assert answered > 0
-
-
-def test_shares_of_busy_branches_are_those_that_parts_took(plan):
-    table, run = plan.table, plan.evaluation
-    at_root = meaning(table.nodes[0])[run.steps[:, 0]]
-    for number, branch in enumerate(table.nodes[0].branches):
-        share = np.mean(at_root == number)
-        of_other_trials = 4.0 * np.sqrt(2.0 * share * (1.0 - share) / len(at_root))
-        assert branch.probability_ppm == pytest.approx(
-            1e6 * share, abs=7500 + 1e6 * of_other_trials
-        )
 
 
 def test_confident_wrong_answers_stay_rare_in_every_world_but_that_of_few_degrees_of_freedom():

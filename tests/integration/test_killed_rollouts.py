@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import rolling
 
-KILLS = 14  # at every number of finished blocks
+KILLS = 7
 BLOCK_S = 0.012
 """About what a block takes."""
 
@@ -66,7 +66,9 @@ def test_the_next_run_after_a_kill_ends_with_the_same_bytes(processes, undisturb
     for kill in range(KILLS):
         folder = tmp_path / str(kill)
         process = processes.Process(target=rolling.generate, args=(folder,))
-        before = killed(process, folder, kill % len(undisturbed), generator.uniform(0.0, BLOCK_S))
+        before = killed(
+            process, folder, 2 * kill % len(undisturbed), generator.uniform(0.0, BLOCK_S)
+        )
         resumed = rolling.generate(folder)
         after = entries(folder)
         assert {name: data for name, (data, _) in after.items()} == undisturbed

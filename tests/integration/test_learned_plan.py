@@ -11,36 +11,20 @@ from planner.learned.store import Store
 from runtime.table import dumps
 
 JOB = Path(__file__).parents[2] / "trees" / "rectangle" / "job.toml"
-SMALL = {
-    "search": {"model": "kcde", "rollouts": 20_000, "particles": 2000, "search_particles": 200},
-    "doubt": {"chance": 0.0},
-}
+SEARCH = {"model": "kcde", "rollouts": 10_000, "particles": 1000, "search_particles": 80}
 
 
-@pytest.fixture(scope="module")
-def job():
-    return job_file.load(JOB, SMALL)
-
-
-@pytest.fixture(scope="module")
-def store(tmp_path_factory):
-    return Store(tmp_path_factory.mktemp("roll-outs"))
-
-
-@pytest.fixture(scope="module")
-def plan(job, store):
-    return compile_job(job, workers=2, trials=3000, store=store)
-
-
-def test_a_plan_made_with_the_learned_model_finds_the_part(plan):
+def test_a_plan_made_with_the_learned_model_locates_the_part_and_repeats_without_its_store(
+    tmp_path,
+):
+    job = job_file.load(JOB, {"search": SEARCH, "doubt": {"chance": 0.0}})
+    store = Store(tmp_path)
+    plan = compile_job(job, workers=2, trials=1000, store=store)
     figures = plan.evaluation.summary()
-    assert figures["success_rate"] >= 0.98
+    assert figures["success_rate"] >= 0.97
     assert figures["mean_squeezes"] <= 3.5
     assert figures["crashes"] == 0
-
-
-def test_same_seed_gives_the_same_bytes_with_and_without_a_store_on_one_worker_and_two(job, plan):
-    again = compile_job(job, workers=1, trials=3000)
+    again = compile_job(job, workers=1, trials=1000)
     assert dumps(again.table) == dumps(plan.table)
 
 
