@@ -15,7 +15,7 @@ from arm_rigs import BASE, Ur
 from lines import Line
 
 from drivers import connect
-from drivers.abb.codec import Pose, hand_rotation
+from drivers.abb.codec import hand_rotation
 from drivers.clock import Pace
 from drivers.errors import ArmError
 from drivers.sim.devices.arm import ArmModel
@@ -137,18 +137,6 @@ def test_a_slow_slider_stretches_the_deadline(rig):
     with rig.open() as arm:
         arm.move_linear(*TARGET, 100.0)
         assert arm.pose()[:3] == pytest.approx(TARGET[:3], abs=0.01)
-
-
-def test_the_pose_is_that_of_our_tool_whatever_the_controllers_is(rig):
-    tool = Pose(3.0, -2.0, 150.0, (1.0, 0.0, 0.0, 0.0))
-    rig.model._tool = Pose(0.0, 0.0, 80.0, (math.cos(0.3), 0.0, 0.0, math.sin(0.3)))
-    with rig.open(tool=tool) as arm:
-        x, y, z, _ = arm.pose()
-        flange = rig.truth()
-        assert z == pytest.approx(flange[2] - 150.0, abs=0.01)
-        assert math.hypot(x - flange[0], y - flange[1]) == pytest.approx(
-            math.hypot(3.0, 2.0), abs=0.01
-        )
 
 
 @pytest.mark.parametrize(

@@ -116,19 +116,6 @@ def test_a_controller_whose_wrist_is_at_its_end_halts_without_a_word():
     assert (answer.text, model.halted) == (None, "50027 joint out of range")
 
 
-def test_a_vanished_clients_move_does_not_confuse_the_next(rig):
-    other = socket.create_connection(("127.0.0.1", rig.server.port))
-    other.sendall(b"8 20 90 #")
-    assert other.recv(16) == b"8 1 "
-    other.sendall(b"1 60 0 100 0 1 0 0 #")
-    time.sleep(0.02)
-    other.close()
-    time.sleep(0.15)
-    with rig.open() as arm:
-        assert arm.pose().x_mm == pytest.approx(60.0)
-        arm.move_linear(0.0, 0.0, 50.0, 0.0, 100.0)
-
-
 def test_an_interrupted_move_is_waited_for_before_the_next_command(rig):
     class Interrupted(BaseException):
         pass

@@ -17,7 +17,7 @@ from cameras import (
 
 from drivers.camera.calibration import measure
 from drivers.camera.vision.plane import placed
-from drivers.camera.vision.tags import Sighting, find
+from drivers.camera.vision.tags import find
 from drivers.errors import PictureError
 from drivers.sim.camera.cards import lying, tag_cells
 from drivers.sim.camera.render import Flaws, render
@@ -114,22 +114,3 @@ def test_tag_of_another_size_or_height_is_refused(wrong):
     picture = picture_of(BELOW, (0.0, 0.0, 0.2))
     with pytest.raises(PictureError, match=r"looks .* mm large"):
         measure.measure(picture, find(picture), true_calibration(BELOW), part_tag(**wrong))
-
-
-def test_error_budget_grows_with_every_term():
-    corners = true_view(BELOW).pixels_at(measure.print_corners(SIDE_MM) + np.array([60.0, 30.0]))
-    sighting = Sighting(NUMBER, corners, 0.05)
-
-    def budget(rms_px=0.05, sigma_mm=0.02, **tag):
-        seen = sighting._replace(rms_px=rms_px)
-        placed = measure.of_sighting(seen, true_calibration(BELOW, sigma_mm), part_tag(**tag))
-        return placed.sigma_mm, placed.sigma_rad
-
-    least = budget()
-    assert budget(rms_px=0.5)[0] > least[0]
-    assert budget(rms_px=0.5)[1] > least[1]
-    assert budget(sigma_mm=0.5)[0] > 0.5
-    assert budget(sigma_mm=0.5)[1] == least[1]
-    assert budget(sigma_mm=0.0)[0] < least[0]
-    glued = budget(on_part=(30.0, 0.0, 0.0))
-    assert budget(on_part=(30.0, 0.0, 0.0), sigma_rad=0.01)[0] > max(0.3, glued[0])

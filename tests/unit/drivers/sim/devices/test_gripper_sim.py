@@ -149,15 +149,6 @@ def test_contact_stops_the_jaws_raises_the_current_and_keeps_the_request():
     assert bench.grips == 1
 
 
-def test_the_world_is_asked_once_a_closing_even_if_speed_changes_on_the_way():
-    bench = Bench(contact=174).activated()
-    bench.write(rACT=1, rGTO=1, rPR=255, rSP=10)
-    bench.read(0.3)
-    bench.write(rACT=1, rGTO=1, rPR=255, rSP=200)
-    assert bench.traffic(3.0).position_counts == 174
-    assert (bench.asked, bench.grips) == (1, 1)
-
-
 def test_opening_lets_go_and_closing_again_asks_again():
     bench = Bench(contact=174).activated()
     for squeeze in (1, 2, 3):
