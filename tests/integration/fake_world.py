@@ -17,15 +17,6 @@ def make(job, seed):
     return FakeWorld(job, seed)
 
 
-class Nothing:
-    def squeeze(self, pose_hand):
-        return pose_hand, 0.0, "untouched"
-
-
-def nothing(job, seed):
-    return Nothing()
-
-
 def broken(job, seed):
     raise RuntimeError("this world\nis broken")
 

@@ -62,21 +62,17 @@ class Steps:
 @pytest.fixture(scope="module")
 def whole(job):
     clock = Steps()
-    plan = compile_job(job_file.load(job), 2, 2000, limit=Limit(1e9, clock))
+    plan = compile_job(job_file.load(job), 2, 1000, limit=Limit(1e9, clock))
     return plan, clock.now
 
 
-def test_a_budget_that_is_not_spent_cuts_nothing_short(whole):
-    plan, _ = whole
-    assert plan.cut is None
-    assert plan.evaluation.success.mean() > 0.98
-
-
-@pytest.mark.parametrize("share", [0.4, 0.6, 0.8])
+@pytest.mark.parametrize("share", [0.4, 0.8])
 def test_a_spent_budget_leaves_a_whole_tree_and_says_what_is_missing(job, whole, share):
-    plan = compile_job(job_file.load(job), 2, 2000, limit=Limit(share * whole[1], Steps()))
+    """One that is not spent cuts nothing short."""
+    assert whole[0].cut is None
+    plan = compile_job(job_file.load(job), 2, 1000, limit=Limit(share * whole[1], Steps()))
     assert loads(dumps(plan.table)) == plan.table
-    assert LEAST_TRIALS <= plan.table.predicted.trials <= 2000
+    assert LEAST_TRIALS <= plan.table.predicted.trials <= 1000
     assert plan.cut is not None
     assert plan.cut.open_share == pytest.approx(plan.evaluation.unresolved.mean())
     assert plan.evaluation.success.mean() >= 0.95 or plan.cut.open_share > 0.0
@@ -99,7 +95,7 @@ def test_the_first_sentence_and_the_json_say_it(job, tmp_path, capsys, monkeypat
             return self.looks > 20
 
     monkeypatch.setattr(plan_compile, "Limit", Stingy)
-    words = [str(job), "-o", str(tmp_path / "t.msgpack"), "--trials", "1000", "--budget", "60min"]
+    words = [str(job), "-o", str(tmp_path / "t.msgpack"), "--trials", "300", "--budget", "60min"]
     assert plan_compile.main(words) == 0
     out = capsys.readouterr().out.splitlines()
     assert out[0].startswith("CUT SHORT by the budget: ")
@@ -146,13 +142,13 @@ def test_a_second_ctrl_c_ends_at_once_with_nothing_half_written(job, tmp_path):
 def test_advice_that_is_interrupted_is_left_out_and_the_table_is_there(
     job, tmp_path, capsys, monkeypatch
 ):
-    def interrupted(*arguments):
+    def interrupt(*arguments):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(plan_compile, "counsel", interrupted)
+    monkeypatch.setattr(plan_compile, "counsel", interrupt)
     output = tmp_path / "t.msgpack"
-    assert plan_compile.main([str(job), "-o", str(output), "--trials", "500"]) == 0
+    assert plan_compile.main([str(job), "-o", str(output), "--trials", "200"]) == 0
     out, err = capsys.readouterr()
     assert f"wrote {output}" in out
     assert f"interrupted: no advice; {output} is written" in err
-    assert load(output).table.predicted.trials == 500
+    assert load(output).table.predicted.trials == 200

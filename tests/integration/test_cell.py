@@ -12,17 +12,13 @@ from pathlib import Path
 import pytest
 
 from drivers import connect
+from drivers.sim.cli import main
 
 ROOT = Path(__file__).parents[2]
 JOB = ROOT / "trees" / "rectangle" / "job.toml"
 SCALE = 20.0
 ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join((str(ROOT), str(Path(__file__).parent)))}
-ENDS = [
-    ("quit", 0),
-    (signal.SIGTERM, 0),
-    (signal.SIGINT, 130),
-    ("stdin", 0),
-]
+ENDS = [("quit", 0), (signal.SIGTERM, 0), (signal.SIGINT, 130), ("stdin", 0)]
 
 
 def launch(*arguments):
@@ -35,16 +31,6 @@ def launch(*arguments):
         env=ENVIRONMENT,
         text=True,
     )
-
-
-def refuse(*arguments):
-    """Run to the end; returns the exit code and the one line it said."""
-    process = launch(*arguments)
-    out, err = process.communicate(timeout=60)
-    assert out == ""
-    assert len(err.splitlines()) == 1, err
-    assert err.startswith("grasp-cell: ")
-    return process.returncode, err
 
 
 class Running:
@@ -103,39 +89,32 @@ def squeeze(gripper, arm, x_mm, y_mm, angle_rad):
     return settled
 
 
-def test_endpoints(cell):
-    assert set(cell.endpoints) == {
-        *("gripper", "arm", "scene", "world"),
-        *("gripper_tcp", "gripper_rtu_tcp", "gripper_urcap", "arm_logger", "arm_ur"),
-    }
-    assert cell.endpoints["world"] == "fake_world:make"
-    assert Path(cell.endpoints["gripper"]).is_char_device()
-
-
 @pytest.mark.parametrize(("gripper", "arm"), [("gripper", "arm"), ("gripper_urcap", "arm_ur")])
 def test_parts_lie_in_the_uncertainty_disc_and_move_only_when_squeezed(cell, gripper, arm):
+    names = "gripper arm scene world gripper_tcp gripper_rtu_tcp gripper_urcap arm_logger arm_ur"
+    assert set(cell.endpoints) == set(names.split())
     with cell.connected(gripper, arm) as (gripper, arm, scene):
         gripper.activate()
-        for _ in range(3):
-            part = scene.next_part()
-            start = scene.truth()
-            assert math.hypot(start.x_mm, start.y_mm) <= 12.75
-            assert (start.squeezes, start.crashes, start.status) == (0, 0, "untouched")
-            for k in range(2):
-                angle = 0.3 + 0.9 * k
-                settled = squeeze(gripper, arm, 2.0, -3.0, angle)
-                width = settled.width_um / 1000
-                assert width == pytest.approx(21.0, abs=5 * 0.15 + 0.2)
-                assert settled.object == 2
-                seen = scene.truth()
-                # The world centred the part between the fingers and lined it up with them.
-                across = -math.sin(angle) * (seen.x_mm - 2.0) + math.cos(angle) * (seen.y_mm + 3.0)
-                assert across == pytest.approx(0.0, abs=0.01)
-                assert math.remainder(seen.theta_rad - angle, math.tau) == pytest.approx(
-                    0.0, abs=1e-4
-                )
-                assert (seen.squeezes, seen.status) == (k + 1, "grasped")
-            assert scene.next_part() == part + 1
+        part = scene.next_part()
+        start = scene.truth()
+        assert math.hypot(start.x_mm, start.y_mm) <= 12.75
+        assert (start.squeezes, start.crashes, start.status) == (0, 0, "untouched")
+        for k in range(2):
+            angle = 0.3 + 0.9 * k
+            settled = squeeze(gripper, arm, 2.0, -3.0, angle)
+            assert settled.width_um / 1000 == pytest.approx(21.0, abs=5 * 0.15 + 0.2)
+            assert settled.object == 2
+            seen = scene.truth()
+            # The world centred the part between the fingers and lined it up with them.
+            across = -math.sin(angle) * (seen.x_mm - 2.0) + math.cos(angle) * (seen.y_mm + 3.0)
+            assert across == pytest.approx(0.0, abs=0.01)
+            off = math.remainder(seen.theta_rad - angle, math.tau)
+            assert off == pytest.approx(0.0, abs=1e-4)
+            assert (seen.squeezes, seen.status) == (k + 1, "grasped")
+        assert scene.next_part() == part + 1
+        with pytest.raises(ConnectionError, match="known"):
+            scene._ask("dance")
+        assert scene.truth() is not None
 
 
 def test_above_the_part_the_fingers_meet_nothing(cell):
@@ -176,38 +155,6 @@ def test_a_sweep_at_the_part_ends_in_an_activation_fault():
         running.end()
 
 
-def test_same_seed_same_parts_and_widths():
-    def run(seed):
-        running = Running("--seed", seed)
-        with running.connected() as (gripper, arm, scene):
-            gripper.activate()
-            lines = []
-            for _ in range(3):
-                scene.next_part()
-                lines.append(
-                    (
-                        scene.truth(),
-                        squeeze(gripper, arm, 0.0, 0.0, 0.5).width_um,
-                        scene.truth(),
-                    )
-                )
-        running.end()
-        return lines
-
-    assert run(3) == run(3)
-    assert run(3) != run(4)
-
-
-def test_a_world_without_a_part_lets_the_jaws_close():
-    running = Running(world="fake_world:nothing")
-    with running.connected() as (gripper, arm, scene):
-        gripper.activate()
-        settled = squeeze(gripper, arm, 0.0, 0.0, 0.0)
-        assert (settled.width_um, settled.object) == (0, 3)
-        assert (scene.truth().status, scene.truth().crashes) == ("untouched", 0)
-    running.end()
-
-
 @pytest.mark.parametrize(("how", "code"), ENDS)
 def test_every_way_to_end(how, code):
     running = Running()
@@ -231,52 +178,36 @@ def test_a_world_that_fails_ends_the_cell_instead_of_leaving_a_mute_gripper():
     running.end(1, "grasp-cell: stopped: no such squeeze\n")
 
 
-def test_a_client_that_asks_nonsense_is_answered(cell):
-    with contextlib.closing(connect.scene(cell.endpoints["scene"])) as scene:
-        with pytest.raises(ConnectionError, match="known"):
-            scene._ask("dance")
-        assert scene.truth() is not None
-
-
-def test_missing_file():
-    code, line = refuse("--job", "no/such/job.toml")
-    assert code == 3
-    assert "no/such/job.toml" in line
-    assert refuse("--tree", "no/such/tree.msgpack")[0] == 3
-
-
-def test_broken_inputs(tmp_path):
-    broken = tmp_path / "broken"
-    broken.write_text("[part\n")
-    assert refuse("--job", broken)[0] == 3
-    assert refuse("--tree", broken)[0] == 3
-
-
 @pytest.mark.parametrize(
-    ("world", "says"),
+    ("words", "code", "says"),
     [
-        ("nocolon", "module:factory"),
-        ("no.such.module:make", "cannot be imported"),
-        ("fake_world:missing", "no function missing"),
-        ("fake_world:not_callable", "no function"),
-        ("fake_world:broken", "this world is broken"),
-        ("runtime.devices.rehearsal:make", "--tree"),
+        (("--job", "no/such/job.toml"), 3, "no/such/job.toml"),
+        (("--tree", "no/such/tree.msgpack"), 3, "no/such/tree.msgpack"),
+        (("--job", "broken"), 3, "broken"),
+        (("--tree", "broken"), 3, "broken"),
+        (("--job", str(JOB), "--time-scale", "0"), 2, "not a positive number"),
+        *(
+            (("--job", str(JOB), "--world", world), 2, says)
+            for world, says in (
+                ("nocolon", "module:factory"),
+                ("no.such.module:make", "cannot be imported"),
+                ("fake_world:missing", "no function missing"),
+                ("fake_world:not_callable", "no function"),
+                ("fake_world:broken", "this world is broken"),
+                ("runtime.devices.rehearsal:make", "--tree"),
+            )
+        ),
     ],
 )
-def test_worlds_that_cannot_be_had(world, says):
-    code, line = refuse("--job", JOB, "--world", world)
-    assert code == 2
-    assert says in line
-
-
-def test_usage():
-    process = launch("--job", JOB, "--time-scale", "0")
-    _, err = process.communicate(timeout=20)
-    assert process.returncode == 2
-    assert "not a positive number" in err
-
-
-def test_help_shows_an_example_and_exit_codes():
-    out, _ = launch("--help").communicate(timeout=20)
-    assert "example:" in out
-    assert "exit codes:" in out
+def test_arguments_that_make_no_cell_are_one_line(words, code, says, tmp_path, monkeypatch, capsys):
+    monkeypatch.syspath_prepend(Path(__file__).parent)
+    monkeypatch.chdir(tmp_path)
+    Path("broken").write_text("[part\n")
+    try:
+        ended = main(list(words))
+    except SystemExit as end:
+        ended = end.code
+    out, err = capsys.readouterr()
+    assert (ended, out, len(err.splitlines())) == (code, "", 1), err
+    assert err.startswith("grasp-cell: ")
+    assert says in err

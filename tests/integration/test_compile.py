@@ -30,7 +30,6 @@ from runtime.table import (
 TREES = Path(__file__).parents[2] / "trees"
 FEW = {"particles": 300, "max_depth": 3}
 CERTAIN = {"doubt": {"chance": 0.0}, "part": {"tolerance_mm": 0.0}}
-
 GRIPPER = GripperSpec.of(PROFILES["robotiq-2f-85"], 1, 1)
 WIDTHS_UM = np.array(
     [GRIPPER.profile.reading_um(GRIPPER.steps - k) for k in range(GRIPPER.steps + 1)]
@@ -56,17 +55,21 @@ def plan(job):
     return compile_job(thin, workers=2, trials=8000)
 
 
-@pytest.fixture(scope="module")
-def quick_job(job):
-    """The same with fewer particles."""
-    return job.replaced(search={"particles": 600})
-
-
-def test_the_seed_decides_the_bytes_and_the_workers_do_not(quick_job):
-    one, two = (dumps(compile_job(quick_job, workers, trials=1000).table) for workers in (1, 2))
-    assert one == two
-    other = dataclasses.replace(quick_job, seed=quick_job.seed + 1)
-    assert dumps(compile_job(other, workers=2, trials=1000).table) != one
+@pytest.mark.parametrize("pushes", ["none", "belief"])
+def test_bytes_of_a_table_depend_on_the_seed_and_not_on_the_workers(job, pushes):
+    """The rectangle; it lies wider about than half-open jaws reach where it has to be pushed."""
+    where = {"radius_mm": 12.0, "orientation_halfwidth_deg": 8.0}
+    few = {"particles": 200, "search_particles": 20, "max_depth": 2}
+    quick = job.replaced(search=few, uncertainty=where, friction={"doubt": 0.0})
+    if pushes == "belief":
+        actions = {"pushes": pushes, "proposals": pushes}
+        quick = quick.replaced(gripper={"opening_mm": 50.0}, actions=actions)
+    one, two = (compile_job(quick, workers, trials=300).table for workers in (1, 2))
+    assert dumps(one) == dumps(two)
+    assert bool(one.nodes[0].pushes) == (pushes == "belief")
+    if pushes == "none":
+        other = dataclasses.replace(quick, seed=quick.seed + 1)
+        assert dumps(compile_job(other, workers=2, trials=300).table) != dumps(one)
 
 
 def test_beliefs_are_conserved_down_the_tree_and_every_leaf_was_tried(plan):
@@ -106,15 +109,9 @@ def test_every_reading_seen_in_planning_leads_to_its_own_branch(plan):
     assert agree >= 0.95 * total
 
 
-def test_committed_table_is_what_its_job_compiles_to_in_kind():
-    job = job_file.load(TREES / "rectangle" / "job.toml")
+def test_committed_table_is_of_its_job_and_locates_the_part(job):
     table = load(TREES / "rectangle" / "rectangle.msgpack").table
-    assert table.job_digest == job.digest()
-    assert job_file.from_canonical(table.job) == job
-
-
-def test_committed_table_finds_the_part(job):
-    table = load(TREES / "rectangle" / "rectangle.msgpack").table
+    assert table.job_digest == job_file.load(TREES / "rectangle" / "job.toml").digest()
     evaluation = evaluate(table, job, make(job, seed=11), 4000, seed=12)
     figures = evaluation.summary()
     assert figures["success_rate"] >= 0.985
@@ -136,11 +133,6 @@ def test_a_strange_part_is_rejected_and_never_given_a_pose(job, plan):
     assert evaluation.summary()["reject_rate"] == 1.0
     assert evaluation.summary()["success_rate"] == 0.0
     assert np.all(evaluation.squeezes == 1)
-
-
-def test_a_table_without_its_job_still_runs(plan):
-    stripped = dataclasses.replace(plan.table, job=None)
-    assert loads(dumps(stripped)).nodes == plan.table.nodes
 
 
 L_SHAPE = "outline_mm = [[0, 0], [32, 0], [32, 12], [12, 12], [12, 26], [0, 26]]"
@@ -191,7 +183,7 @@ def test_prongs_that_the_jaws_pinch_are_distinguished_from_an_empty_hand(job):
     pronged = job.replaced(
         part={"outline_mm": prongs, "symmetry": 1},
         uncertainty={"radius_mm": 2},
-        search=FEW | {"max_depth": 3},
+        search=FEW | {"max_depth": 2},
         actions={
             "angles_deg": [0, 90],
             "centers_mm": [[0, 0], [0, 18], [18, 0]],
@@ -225,8 +217,8 @@ def test_a_goal_of_two_poses_is_met_where_one_cannot_be():
     ("kind", "tolerance"), [("orientation", (0, 0, 87266)), ("tolerances", (2500, 2500, 87266))]
 )
 def test_other_goals_are_stated_in_the_table_and_judged_by_it(job, kind, tolerance):
-    wanted = job.replaced(goal={"kind": kind}, search={"particles": 1500})
-    plan = compile_job(wanted, workers=2, trials=2000)
+    wanted = job.replaced(goal={"kind": kind}, search={"particles": 1000, "search_particles": 80})
+    plan = compile_job(wanted, workers=2, trials=1000)
     assert (plan.table.goal.kind, plan.table.goal.tolerance) == (kind, tolerance)
     assert plan.evaluation.summary()["success_rate"] >= 0.98
     known = plan.evaluation.resolved
@@ -274,17 +266,6 @@ def test_no_width_farther_than_the_margin_from_what_a_part_read_ends_at_a_leaf(p
                 answered += len(asked)
                 assert off.max() < margin + np.ptp(widths[100:102]) + 1.0
     assert answered > 0
-
-
-def test_shares_of_busy_branches_are_those_that_parts_took(plan):
-    table, run = plan.table, plan.evaluation
-    at_root = meaning(table.nodes[0])[run.steps[:, 0]]
-    for number, branch in enumerate(table.nodes[0].branches):
-        share = np.mean(at_root == number)
-        of_other_trials = 4.0 * np.sqrt(2.0 * share * (1.0 - share) / len(at_root))
-        assert branch.probability_ppm == pytest.approx(
-            1e6 * share, abs=7500 + 1e6 * of_other_trials
-        )
 
 
 def test_confident_wrong_answers_stay_rare_in_every_world_but_that_of_few_degrees_of_freedom():

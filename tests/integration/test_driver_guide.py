@@ -47,20 +47,9 @@ def test_the_example_passes_the_contract_as_an_installed_package(tmp_path: Path)
     assert set(points) == {connect.GRIPPERS.group, connect.ARMS.group, "squeezetree.profiles"}
     install(tmp_path, "other_make", points)
     paths = os.pathsep.join(map(str, (tmp_path, EXAMPLE, ROOT)))
+    words = f"-m pytest -q -p no:cacheprovider -c {os.devnull} --rootdir {tmp_path}".split()
     done = subprocess.run(
-        [
-            sys.executable,
-            "-m",
-            "pytest",
-            "-q",
-            "-p",
-            "no:cacheprovider",
-            "-c",
-            os.devnull,
-            "--rootdir",
-            str(tmp_path),
-            str(EXAMPLE / "test_other_make.py"),
-        ],
+        [sys.executable, *words, str(EXAMPLE / "test_other_make.py")],
         cwd=tmp_path,
         env={**os.environ, "PYTHONPATH": paths},
         capture_output=True,
@@ -110,19 +99,3 @@ def test_a_broken_driver_is_one_line_and_disturbs_no_other(scheme: str, message:
     assert "\n" not in str(raised.value)
     with pytest.raises(PortError, match="nobody accepts"):
         connect.gripper("tcp://127.0.0.1:1")
-
-
-def test_drivers_are_looked_for_only_where_the_scheme_is_none_of_ours() -> None:
-    code = "import sys; from drivers import connect\ntry: connect.gripper('/dev/nowhere')\nexcept OSError: "
-    code += (
-        "print([name for name in ('importlib.metadata', 'drivers.manual') if name in sys.modules])"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=True,
-    )
-    assert done.stdout.strip() == "[]"

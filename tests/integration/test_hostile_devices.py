@@ -8,14 +8,14 @@ import subprocess
 import sys
 import termios
 import tty
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import hostile_campaign
 import pytest
 from hostile_devices import Bench, End
-from relays import MODES, Case, Row, Rows
+from relays import Case, Row
 from running_cells import REHEARSAL, ROOT, WAIT_S, Notices
 from sample_tables import small_table
 
@@ -23,14 +23,11 @@ from runtime import cli
 from runtime.journal.chain import records, verify
 from runtime.table import dump
 
-Record = Callable[[str, object], None]
-
 CASES = [
     Case("gripper", "stopped", 8, 1),
     Case("gripper_urcap", "endless", 40),
     Case("arm", "drip", 10),
     Case("arm_ur", "silent", 3, 16),
-    Case("arm_omnicore", "endless", 12),
     Case("scene", "gone", 1),
 ]
 
@@ -42,37 +39,11 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.device} {case.mode}")
-def test_run_whose_device_fails_ends_safely_and_in_the_journal(
-    case: Case, bench: Bench, record_property: Record
-) -> None:
+def test_run_whose_device_fails_ends_safely_and_in_the_journal(case: Case, bench: Bench) -> None:
     """`tools/hostile devices` tries hundreds, and looks at the time: this machine may be busy."""
     end = bench.run(case)
-    assert end.reached
-    assert end.wrong == []
-    record_property("exit_code", int(end.code))
+    assert (end.reached, end.wrong) == (True, [])
     assert end.code in ("20", "21")
-
-
-@pytest.mark.parametrize(
-    ("asked", "rows"),
-    [
-        ("rrrr", [Row(4, 1)]),
-        ("rrwrrrwr", [Row(2, 1), Row(1, 1), Row(3, 1), Row(1, 1), Row(1, 1)]),
-        ("wabcabcabcw", [*[Row(1, 1)] * 3, Row(7, 3), Row(1, 1)]),
-        ("abcd", [Row(1, 1)] * 4),
-    ],
-)
-def test_rows_of_polls_are_cycles_that_repeat(asked: str, rows: list[Row]) -> None:
-    calls = Rows()
-    for one in asked:
-        calls.add(one.encode())
-    assert calls.rows == rows
-
-
-def test_row_names_its_first_second_and_last_poll() -> None:
-    assert Row(1, 1).polls() == [0]
-    assert Row(9, 1).polls() == [0, 1, 8]
-    assert Row(30, 7).polls() == [*range(8), *range(23, 30)]
 
 
 class Rehearsed:
@@ -110,22 +81,6 @@ def test_campaign_case_that_is_late_among_others_fails_only_if_it_is_late_alone(
     assert kept["good"]["slow"] == {"cases": 2, "ends": {"exit 20": 2}, "longest_s": 4.0}
     assert summary.count == 5
     assert "1 were late among others, and in time alone" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize(
-    ("device", "polls", "taken"),
-    [
-        ("gripper", False, [(0, 0), (1, 0), (1, 1), (1, 8)]),
-        ("gripper", True, [(0, 0), *((1, poll) for poll in range(9))]),
-        ("arm", False, [(0, 0), *((1, poll) for poll in range(9))]),
-    ],
-)
-def test_every_call_that_two_runs_make_is_a_case_in_each_mode(
-    device: str, polls: bool, taken: list[tuple[int, int]], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(hostile_campaign, "Bench", Rehearsed)
-    cases = list(hostile_campaign.every([device], polls=polls))
-    assert cases == [Case(device, mode, *call) for call in taken for mode in MODES]
 
 
 @pytest.fixture

@@ -38,7 +38,6 @@ TEXTS = {
     "touched": "picture,x_mm,y_mm\nview,1,2\n",
 }
 READ = ("job", "tree", "journal", *TEXTS)
-Record = Callable[[str, object], None]
 
 
 class Command(NamedTuple):
@@ -82,9 +81,7 @@ COMMANDS = {
     "plan-try": Command("planner.cli.first_look", "{outline} --units mm -o {out}", ".csv"),
     "plan-refit": Command("planner.cli.refit", "{job} --journal {journal} -o {out}", ".toml"),
     "plan-report": Command(
-        "planner.cli.report",
-        "{tree} --job {job} --journal {journal} -o {out}",
-        ".html",
+        "planner.cli.report", "{tree} --job {job} --journal {journal} -o {out}", ".html"
     ),
     "grasp-journal export": Command(
         "runtime.commands.journal", "export {journal} -o {out}", ".csv"
@@ -133,6 +130,12 @@ class Desk:
         }
         words = [word.format(out=out, **names, **self.files) for word in command.words.split()]
         return int(import_module(command.module).main(words))
+
+    def start(self, journal: Path) -> int:
+        """Run a part in a simulated cell; returns the exit code."""
+        words = ["--tree", str(self.files["tree"]), "--port", "sim", "--journal", str(journal)]
+        world = "runtime.devices.rehearsal:make"
+        return cli.main([*words, "--world", world, "--time-scale", "max"])
 
     def seen(self) -> dict[str, object]:
         """Kind, device number, target or content of all that lies in the folder."""
@@ -197,11 +200,7 @@ def odd_files(folder: Path, suffix: str) -> dict[str, Path]:
     ("name", "read"), CLASHES, ids=[f"{name}: {read}" for name, read in CLASHES]
 )
 def test_an_input_is_never_an_output(
-    desk: Desk,
-    refuses: Callable[[Command, Path], int],
-    name: str,
-    read: str,
-    record_property: Record,
+    desk: Desk, refuses: Callable[[Command, Path], int], name: str, read: str
 ) -> None:
     command = COMMANDS[name]
     out = desk.files[read].rename(desk.folder / f"seed=1{command.suffix}")
@@ -215,25 +214,21 @@ def test_an_input_is_never_an_output(
     other.hardlink_to(out)
     codes.add(refuses(command, other))
     assert codes == {2}
-    record_property("exit_code", *codes)
-    record_property("ends", f"{read}: the same bytes")
 
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_only_a_regular_file_is_an_output(
-    desk: Desk, refuses: Callable[[Command, Path], int], name: str, record_property: Record
+    desk: Desk, refuses: Callable[[Command, Path], int], name: str
 ) -> None:
     odd = odd_files(desk.folder, COMMANDS[name].suffix)
     codes = {refuses(COMMANDS[name], path) for path in odd.values()}
     assert codes == {2}
-    record_property("exit_code", *codes)
-    record_property("ends", f"{', '.join(odd)}: as before")
     if "device" not in odd:
         pytest.skip("all but the device, which only root can make")
 
 
 def test_a_file_that_the_job_names_is_an_input(
-    desk: Desk, refuses: Callable[[Command, Path], int], record_property: Record
+    desk: Desk, refuses: Callable[[Command, Path], int]
 ) -> None:
     """The surface that plan-identify measured; and a second output in the place of the first."""
     surface = desk.folder / "surface.msgpack"
@@ -243,17 +238,16 @@ def test_a_file_that_the_job_names_is_an_input(
     assert stated in text
     stated_by = 'kind = "identified"\nsurface_file = "surface.msgpack"'
     desk.files["job"].write_text(text.replace(stated, stated_by))
-    record_property("exit_code", refuses(COMMANDS["plan-compile"], surface))
+    refuses(COMMANDS["plan-compile"], surface)
     twice = Command("planner.cli.simulate", "{job} --poses {poses} -o {out} --figure {out}", ".svg")
     refuses(twice, desk.folder / "s.svg")
-    record_property("ends", "the surface: the same bytes")
 
 
 @pytest.mark.parametrize(
     "kind", ["text", "json", "tree", "journal of another kind", "no end", "odd"]
 )
 def test_what_is_no_journal_is_not_written_to(
-    desk: Desk, capfd: pytest.CaptureFixture[str], kind: str, record_property: Record
+    desk: Desk, capfd: pytest.CaptureFixture[str], kind: str
 ) -> None:
     path = desk.folder / kind
     contents = {
@@ -268,51 +262,31 @@ def test_what_is_no_journal_is_not_written_to(
         paths = list(odd_files(desk.folder, ".jsonl").values())
     else:
         path.write_bytes(contents[kind])
-    words = [
-        "--tree",
-        str(desk.files["tree"]),
-        "--port",
-        "sim",
-        "--world",
-        "runtime.devices.rehearsal:make",
-    ]
     for path in paths:
         before = desk.seen()
-        assert cli.main([*words, "--journal", str(path)]) == 24
+        assert desk.start(path) == 24
         said = capfd.readouterr().err.splitlines()
         assert said[-1].startswith(f"grasp-runtime: journal {path}")
         assert "is no" in said[-1] or "it is a" in said[-1] or kind == "journal of another kind"
         assert desk.seen() == before
-    record_property("exit_code", 24)
-    record_property("ends", "the same bytes")
 
 
-def test_a_torn_journal_is_gone_on_with(desk: Desk, record_property: Record) -> None:
+def test_a_torn_journal_is_gone_on_with(desk: Desk) -> None:
     path = desk.files["journal"]
     whole = path.read_bytes()
     path.write_bytes(whole + b'{"seq":99')
-    words = [
-        "--tree",
-        str(desk.files["tree"]),
-        "--port",
-        "sim",
-        "--world",
-        "runtime.devices.rehearsal:make",
-    ]
-    assert cli.main([*words, "--journal", str(path)]) == 24
+    assert desk.start(path) == 24
     assert path.read_bytes() == whole + b'{"seq":99'
     number = whole.count(b"\n")
     path.write_bytes(whole + b'{"seq":%d,"time' % number)
-    code = cli.main([*words, "--journal", str(path), "--time-scale", "50"])
+    code = desk.start(path)
     assert code in (0, 10)
     assert path.read_bytes().startswith(whole)
     assert verify(path).runs == 2
-    record_property("exit_code", int(code))
-    record_property("ends", "its records, the torn line cut off, a new run")
 
 
 def test_gripper_calibration_is_refused_before_the_gripper_is_opened(
-    desk: Desk, capfd: pytest.CaptureFixture[str], record_property: Record
+    desk: Desk, capfd: pytest.CaptureFixture[str]
 ) -> None:
     for path in odd_files(desk.folder, ".json").values():
         before = desk.seen()
@@ -322,22 +296,16 @@ def test_gripper_calibration_is_refused_before_the_gripper_is_opened(
         err = capfd.readouterr().err
         assert "cannot be written: " in err
         assert desk.seen() == before
-    record_property("exit_code", 2)
-    record_property("ends", "as before")
 
 
 @pytest.mark.parametrize(
     ("program", "words"),
     [
-        ("grasp-journal", "export {journal} -o -"),
         ("grasp-journal", "export {journal} -o /dev/stdout"),
         ("plan-simulate", "{job} --poses {poses} --nominal --mu 0.5 -o /dev/stdout"),
     ],
-    ids=["-", "/dev/stdout", "plan-simulate"],
 )
-def test_rows_on_standard_output_are_nothing_but_rows(
-    desk: Desk, program: str, words: str, record_property: Record
-) -> None:
+def test_rows_on_standard_output_are_nothing_but_rows(desk: Desk, program: str, words: str) -> None:
     """As a process, and by the name of a link, which is not replaced."""
     before = what_is(Path("/dev/stdout"))
     command = [
@@ -352,32 +320,19 @@ def test_rows_on_standard_output_are_nothing_but_rows(
     assert {len(row) for row in rows} == {len(rows[0])}
     assert done.stderr.count("\n") == 1
     assert what_is(Path("/dev/stdout")) == before
-    record_property("exit_code", 0)
-    record_property("ends", "/dev/stdout: the same link")
 
 
 def test_a_device_is_locked_under_all_its_names(
-    desk: Desk,
-    monkeypatch: pytest.MonkeyPatch,
-    capfd: pytest.CaptureFixture[str],
-    record_property: Record,
+    desk: Desk, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """Whatever the session's folder for such things is, and whatever was planted in it."""
     number = 10_000 + os.getpid() % 50_000
     with PortLock(f"tcp://127.0.0.1:{number}"):
         monkeypatch.setenv("XDG_RUNTIME_DIR", str(desk.folder))
-        words = [
-            "--tree",
-            str(desk.files["tree"]),
-            "--arm",
-            "tcp://127.0.0.1:9",
-            "--journal",
-            "j.jsonl",
-        ]
+        words = ["--tree", str(desk.files["tree"]), "--arm", "tcp://127.0.0.1:9"]
+        words += ["--journal", "j.jsonl"]
         before = desk.seen()
         for port in (f"tcp://localhost:{number}", f"rtu+tcp://127.0.0.1:{number}"):
             assert cli.main([*words, "--port", port]) == 21
             assert f"process {os.getpid()}" in capfd.readouterr().err
         assert desk.seen() == before
-    record_property("exit_code", 21)
-    record_property("ends", "not opened")

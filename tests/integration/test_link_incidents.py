@@ -27,16 +27,8 @@ def test_retries_are_journalled_with_the_run(
     )
     with Cell(small_setting(), 2, SCALE, faults) as cell:
         ports = ["--port", cell.endpoints["gripper"], "--arm", cell.endpoints["arm"]]
-        words = [
-            "--tree",
-            "small.msgpack",
-            *ports,
-            "--activate",
-            "--tips",
-            "straight",
-            "--journal",
-            "j.jsonl",
-        ]
+        words = ["--tree", "small.msgpack", *ports, "--activate", "--tips", "straight"]
+        words += ["--journal", "j.jsonl"]
         assert cli.main(words) in (0, 10)
     kept = list(records(tmp_path / "j.jsonl"))
     assert verify(tmp_path / "j.jsonl").closed

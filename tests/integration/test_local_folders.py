@@ -10,51 +10,29 @@ from sample_tables import small_table
 from runtime.table import dump
 
 WORLD = "from runtime.shell.worlds import find_factory; find_factory('planner.world:make')"
-COMMANDS = ("plan-init", "grasp-runtime", "grasp-cell", "grasp-audit")
-SIM = (
-    "--port",
-    "sim",
-    "--world",
-    "runtime.devices.rehearsal:make",
-    "--count",
-    "1",
-    "--time-scale",
-    "5",
+RUN = "--tree small.msgpack --journal journal.jsonl --port sim --time-scale 20"
+
+
+@pytest.mark.parametrize(
+    ("program", "words"),
+    [
+        ("plan-init", ["--help"]),
+        ("grasp-audit", ["--help"]),
+        (Path(sys.executable).name, ["-P", "-c", WORLD]),
+        # It starts a cell, too.
+        ("grasp-runtime", [*RUN.split(), "--world", "runtime.devices.rehearsal:make"]),
+    ],
 )
-
-
-@pytest.fixture
-def folder(tmp_path: Path) -> Path:
+def test_command_beside_foreign_folders_starts(
+    program: str, words: list[str], tmp_path: Path
+) -> None:
     for package in ("planner", "runtime", "drivers"):
         (tmp_path / package).mkdir()
-        (tmp_path / package / "__init__.py").write_text(
-            "raise SystemExit('a foreign module was imported')\n"
-        )
-    return tmp_path
-
-
-def run(folder: Path, command: str, *words: str) -> None:
-    program = Path(sys.executable).with_name(command)
+        foreign = "raise SystemExit('a foreign module was imported')\n"
+        (tmp_path / package / "__init__.py").write_text(foreign)
+    dump(small_table(), tmp_path / "small.msgpack")
+    command = [Path(sys.executable).with_name(program), *words]
     done = subprocess.run(
-        [program, *words],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
+        command, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False
     )
     assert done.returncode == 0, done.stderr
-
-
-@pytest.mark.parametrize("command", COMMANDS)
-def test_commands_start(folder: Path, command: str) -> None:
-    run(folder, command, "--help")
-
-
-def test_a_world_is_the_installed_one(folder: Path) -> None:
-    run(folder, Path(sys.executable).name, "-P", "-c", WORLD)
-
-
-def test_the_simulated_cell_starts_as_well(folder: Path) -> None:
-    dump(small_table(), folder / "small.msgpack")
-    run(folder, "grasp-runtime", "--tree", "small.msgpack", "--journal", "journal.jsonl", *SIM)

@@ -1,85 +1,52 @@
-"""Where only the cell's part is installed, the planner's commands say so."""
+"""Where only the cell's part is installed, commands that need more name the extra."""
 
 import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 ROOT = Path(__file__).parents[2]
-BLOCK = "import sys; sys.modules['numpy'] = None; from planner.commands import {0}; sys.exit({0}())"
+PLANNER = "compile_job simulate evaluate expect identify report init studio try_part"
+TREE = str(ROOT / "trees" / "rectangle" / "rectangle.msgpack")
+CALLS = [
+    *(("numpy", f"planner.commands:{command}", "", "planner") for command in PLANNER.split()),
+    ("cv2", "drivers.camera.commands:audit", "['judge']", "audit"),
+    ("cv2", "drivers.camera.commands:calibrate", "['camera']", "audit"),
+    ("cv2", "drivers.sim.cli:main", f"['--tree', {TREE!r}, '--camera']", "audit"),
+    ("shtab", "runtime.commands.squeezetree:main", "['--print-completion', 'bash']", "completion"),
+]
+EACH = """
+import contextlib, importlib, io, sys
+for blocked, target, given, extra in CALLS:
+    sys.modules[blocked], kept = None, sys.modules.get(blocked)
+    module, _, function = target.partition(":")
+    said, code = io.StringIO(), None
+    with contextlib.redirect_stderr(said):
+        try:
+            code = getattr(importlib.import_module(module), function)(*([eval(given)] if given else []))
+        except SystemExit as end:
+            code = end.code
+    assert code == 2, (target, code)
+    assert said.getvalue().count("\\n") == 1, said.getvalue()
+    assert f"squeezetree[{extra}]" in said.getvalue(), said.getvalue()
+    del sys.modules[blocked]
+for word in ("report", "study"):
+    sys.modules["numpy"] = sys.modules["cv2"] = None
+    assert importlib.import_module("drivers.camera.commands").audit([word, "none.jsonl"]) == 24
+"""
 
 
-@pytest.mark.parametrize(
-    "command",
-    [
-        "compile_job",
-        "simulate",
-        "evaluate",
-        "expect",
-        "identify",
-        "report",
-        "init",
-        "studio",
-        "try_part",
-    ],
-)
-def test_without_numpy_one_line_names_the_extra(command):
-    words = [sys.executable, "-c", BLOCK.format(command)]
-    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, timeout=60, check=False)
-    assert done.returncode == 2
-    assert done.stderr.count("\n") == 1
-    assert "squeezetree[planner]" in done.stderr
-
-
-@pytest.mark.parametrize("call", ["audit(['judge'])", "calibrate(['camera'])"])
-def test_without_opencv_one_line_names_the_audit_extra(call):
-    code = f"import sys; sys.modules['cv2'] = None; from drivers.camera.commands import *; sys.exit({call})"
+def ran(code: str) -> "subprocess.CompletedProcess[str]":
     words = [sys.executable, "-c", code]
-    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, timeout=60, check=False)
-    assert done.returncode == 2
-    assert done.stderr.count("\n") == 1
-    assert "squeezetree[audit]" in done.stderr
+    return subprocess.run(words, cwd=ROOT, capture_output=True, text=True, timeout=120, check=False)
 
 
-@pytest.mark.parametrize("word", ["report", "study"])
-def test_report_and_study_need_neither_numpy_nor_opencv(word):
-    code = (
-        "import sys; sys.modules['numpy'] = sys.modules['cv2'] = None; "
-        f"from drivers.camera.commands import audit; sys.exit(audit(['{word}', 'none.jsonl']))"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
-    assert done.returncode == 24
-    assert "none.jsonl" in done.stderr
-
-
-def test_cell_without_opencv_names_the_audit_extra_if_asked_for_a_camera():
-    code = "import sys; sys.modules['cv2'] = None; from drivers.sim.cli import main; sys.exit(main({0}))"
-    words = ["--tree", str(ROOT / "trees" / "rectangle" / "rectangle.msgpack"), "--camera"]
-    command = [sys.executable, "-c", code.format(words)]
-    done = subprocess.run(
-        command, cwd=ROOT, capture_output=True, text=True, timeout=60, check=False
-    )
-    assert done.returncode == 2
-    assert done.stderr.count("\n") == 1
-    assert "squeezetree[audit]" in done.stderr
+def test_without_its_library_each_command_names_the_extra_in_one_line():
+    """Report and study of audits need neither numpy nor OpenCV."""
+    done = ran(f"CALLS = {CALLS!r}\n{EACH}")
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.count("none.jsonl") == 2
 
 
 def test_without_gymnasium_the_environment_names_its_extra():
-    code = "import sys; sys.modules['gymnasium'] = None; import planner.gym"
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
+    done = ran("import sys; sys.modules['gymnasium'] = None; import planner.gym")
     assert "pip install 'squeezetree[gym]'" in done.stderr.splitlines()[-1]

@@ -12,11 +12,11 @@ from planner.search.tree import breadth_first
 from runtime.table import REJECT, decision_map, dumps
 
 RECTANGLE = Path(__file__).parents[2] / "trees" / "rectangle" / "job.toml"
-TRIALS = 2000
+TRIALS = 1000
 
 
 def job_of(method, seed=1):
-    changes = {"seed": seed, "search": {"method": method, "particles": 2000}}
+    changes = {"seed": seed, "search": {"method": method, "particles": 1500}}
     return job_file.load(RECTANGLE, changes)
 
 
@@ -39,7 +39,7 @@ def singleton_share(plan):
 
 def test_paper_method_over_seeds_locates_most_parts():
     # Table I, experiment 3: 0.972 on the robot. Small trees vary from seed to seed: 0.82 to 0.99 within 3 mm.
-    results = [compile_job(job_of("paper", seed), trials=TRIALS) for seed in range(1, 7)]
+    results = [compile_job(job_of("paper", seed), trials=TRIALS) for seed in range(1, 4)]
     located = [within(plan) for plan in results]
     assert np.mean(located) > 0.85
     assert min(located) > 0.7  # what no open-loop plan exceeds, by the paper's footnote 2

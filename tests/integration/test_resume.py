@@ -98,7 +98,7 @@ def test_a_run_killed_at_any_moment_and_resumed_reaches_the_same_leaf(
 ) -> None:
     moments = moments_of(table, plan, tmp_path / "whole.jsonl")
     assert moments > 200
-    for last in some(0, moments, 11):
+    for last in some(0, moments, 23):
         ended = survive(table, plan, tmp_path / f"{last}.jsonl", (last,), "resume")
         assert ended == ("leaf", 1), f"killed at moment {last} of {moments}"
 
@@ -106,7 +106,7 @@ def test_a_run_killed_at_any_moment_and_resumed_reaches_the_same_leaf(
 @pytest.mark.parametrize("table", [small_table(), dragging_table()], ids=["plain", "dragging"])
 def test_a_resumed_run_may_be_killed_again(table: Table, tmp_path: Path) -> None:
     moments = moments_of(table, PLAIN, tmp_path / "whole.jsonl")
-    for first, second in itertools.product(range(3, moments, 61), range(2, moments, 67)):
+    for first, second in itertools.product(range(3, moments, 97), range(2, moments, 89)):
         path = tmp_path / f"{first}-{second}.jsonl"
         assert survive(table, PLAIN, path, (first, second), "resume") == ("leaf", 1), (
             first,
@@ -119,7 +119,7 @@ def test_a_part_that_is_started_over_reaches_the_same_leaf(
     table: Table, tmp_path: Path, some: Callable[..., range]
 ) -> None:
     moments = moments_of(table, PLAIN, tmp_path / "whole.jsonl")
-    for last in some(0, moments, 13):
+    for last in some(0, moments, 29):
         path = tmp_path / f"{last}.jsonl"
         assert survive(table, PLAIN, path, (last,), "restart") == ("leaf", 1), last
 
@@ -129,7 +129,7 @@ def test_a_run_killed_while_it_pushed_is_not_resumed_but_may_be_started_over(
 ) -> None:
     table, refused = pushing_table(), 0
     moments = moments_of(table, PLAIN, tmp_path / "whole.jsonl")
-    for last in some(0, moments, 11):
+    for last in some(0, moments, 23):
         path, world = tmp_path / f"{last}.jsonl", World(table, PATH)
         with pytest.raises(KilledError):
             process(world, path, Deaf(), PLAIN, last=last)
@@ -143,7 +143,7 @@ def test_a_run_killed_while_it_pushed_is_not_resumed_but_may_be_started_over(
             refused += 1
         else:
             assert survive(table, PLAIN, path, (last,), "resume") == ("leaf", 1), last
-    assert refused > 5
+    assert refused > 2
 
 
 def test_a_squeeze_cut_short_is_repeated_without_its_pushes(
@@ -151,7 +151,7 @@ def test_a_squeeze_cut_short_is_repeated_without_its_pushes(
 ) -> None:
     table = pushing_table()
     moments = moments_of(table, PLAIN, tmp_path / "whole.jsonl")
-    for last in some(0, moments, 11):
+    for last in some(0, moments, 23):
         path = tmp_path / f"{last}.jsonl"
         with pytest.raises(KilledError):
             process(World(table, PATH), path, Deaf(), PLAIN, last=last)
@@ -167,7 +167,7 @@ def test_a_run_that_is_given_up_says_so_and_moves_nothing(
     tmp_path: Path, some: Callable[..., range]
 ) -> None:
     moments = moments_of(small_table(), PLAIN, tmp_path / "whole.jsonl")
-    for last in some(0, moments, 11):
+    for last in some(0, moments, 23):
         world, path = World(small_table(), PATH), tmp_path / f"{last}.jsonl"
         with pytest.raises(KilledError):
             process(world, path, Deaf(), PLAIN, last=last)
@@ -201,7 +201,7 @@ def test_a_hand_that_was_moved_meanwhile_is_a_declared_end(
 ) -> None:
     """Once a reading is believed, the part is gone on with only where the hand was left, held or let go."""
     moments = moments_of(table, PLAIN, tmp_path / "whole.jsonl")
-    for last, height_mm in itertools.product(some(0, moments, 13), (10.0, 60.0)):
+    for last, height_mm in itertools.product(some(0, moments, 29), (10.0, 60.0)):
         world, path = World(table, PATH), tmp_path / f"{last}-{height_mm:g}.jsonl"
         with pytest.raises(KilledError):
             process(world, path, Deaf(), PLAIN, last=last)

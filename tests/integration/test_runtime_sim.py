@@ -12,11 +12,11 @@ import pytest
 from sample_tables import small_table
 from waiting import until
 
+from runtime.cli import main
 from runtime.journal.chain import records, verify
 from runtime.table import REJECT, decision_map, dump, dumps, loads
 
 ROOT = Path(__file__).parents[2]
-WAIT_S = 60
 
 
 @pytest.fixture
@@ -44,8 +44,17 @@ def start(tree: Path, *arguments: str) -> subprocess.Popen[str]:
 
 
 def finish(process: subprocess.Popen[str]) -> tuple[int, str, str]:
-    out, err = process.communicate(timeout=WAIT_S)
+    out, err = process.communicate(timeout=60)
     return process.returncode, out, err
+
+
+def squeezing(tree: Path, scale: str) -> subprocess.Popen[str]:
+    """A run that has squeezed a part, at so many times life's speed."""
+    process = start(tree, "--count", "1000", "--time-scale", scale)
+    assert process.stdout is not None
+    while "squeeze 1" not in process.stdout.readline():
+        assert process.poll() is None
+    return process
 
 
 def cells(tree: Path) -> list[int]:
@@ -65,12 +74,14 @@ def wait_until_no_cell(tree: Path) -> None:
     until(lambda: not cells(tree), "cell processes are left behind")
 
 
-def test_parts_follow_the_table_and_the_journal_justifies_every_decision(tree: Path) -> None:
-    code, out, err = finish(
-        start(tree, "--count", "12", "--time-scale", "60", "--seed", "3", "--json")
-    )
+def test_parts_follow_the_table_and_the_journal_justifies_every_decision(
+    tree: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In virtual time the same seed gives the same parts."""
+    words = ("--count", "6", "--seed", "3", "--time-scale")
+    code, out, err = finish(start(tree, *words, "60", "--json"))
     parts = [json.loads(line) for line in out.splitlines()]
-    assert len(parts) == 12, err
+    assert len(parts) == 6, err
     assert code == max(part["exit_code"] for part in parts)
     assert {part["outcome"] for part in parts} <= {"leaf", "unresolved", "reject"}
     assert sum(part["outcome"] == "reject" for part in parts) <= 2
@@ -92,35 +103,24 @@ def test_parts_follow_the_table_and_the_journal_justifies_every_decision(tree: P
         node for part in parts for node in part["path"]
     ]
     wait_until_no_cell(tree)
-
-
-def test_same_seed_same_parts_at_any_speed(tree: Path) -> None:
-    paths = list[list[object]]()
-    for scale in ("max", "10"):  # slow enough for a busy machine
-        words = ("--count", "5", "--time-scale", scale, "--seed", "7", "--json")
-        _, out, err = finish(start(tree, *words))
-        paths.append([json.loads(line)["path"] for line in out.splitlines()])
-        assert len(paths[-1]) == 5, err
-    assert paths[0] == paths[1]
-
-
-def test_plain_lines_say_what_is_behind_them(tree: Path) -> None:
-    code, out, err = finish(start(tree, "--count", "2", "--time-scale", "60"))
-    assert code in (0, 10), err
-    assert "simulated cell (runtime.devices.rehearsal:make)" in out
-    assert "activating the gripper" in out
-    assert out.splitlines()[-1].startswith("2 parts: ")
-    assert str(tree.with_name("journal.jsonl")) in out.splitlines()[-1]
+    virtual = command(tree, *words, "max")[3:]
+    assert main([*virtual, "--json"]) == code
+    again = [json.loads(line)["path"] for line in capsys.readouterr().out.splitlines()]
+    assert again == [part["path"] for part in parts]
+    assert main(virtual) == code
+    printed = capsys.readouterr().out
+    assert "simulated cell (runtime.devices.rehearsal:make)" in printed
+    assert "activating the gripper" in printed
+    last = printed.splitlines()[-1]
+    assert last.startswith("6 parts: ")
+    assert str(journal) in last
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_stop_in_the_middle_of_a_part_leaves_the_declared_safe_state(
     tree: Path, number: signal.Signals
 ) -> None:
-    process = start(tree, "--count", "1000", "--time-scale", "3")
-    assert process.stdout is not None
-    while "squeeze 1" not in process.stdout.readline():
-        assert process.poll() is None
+    process = squeezing(tree, "12")
     process.send_signal(number)
     code, out, err = finish(process)
     assert code == 40, err
@@ -135,10 +135,7 @@ def test_stop_in_the_middle_of_a_part_leaves_the_declared_safe_state(
 
 
 def test_a_killed_runtime_leaves_no_cell_and_a_journal_that_says_so(tree: Path) -> None:
-    process = start(tree, "--count", "1000", "--time-scale", "30")
-    assert process.stdout is not None
-    while "squeeze 1" not in process.stdout.readline():
-        assert process.poll() is None
+    process = squeezing(tree, "30")
     assert len(cells(tree)) == 1
     process.kill()
     finish(process)
@@ -147,10 +144,7 @@ def test_a_killed_runtime_leaves_no_cell_and_a_journal_that_says_so(tree: Path) 
 
 
 def test_a_cell_that_dies_is_a_fault_with_its_code(tree: Path) -> None:
-    process = start(tree, "--count", "1000", "--time-scale", "20")
-    assert process.stdout is not None
-    while "squeeze 1" not in process.stdout.readline():
-        assert process.poll() is None
+    process = squeezing(tree, "20")
     (cell,) = cells(tree)
     os.kill(cell, signal.SIGKILL)
     code, out, err = finish(process)

@@ -6,8 +6,6 @@ from pathlib import Path
 
 import pytest
 from asking_robots import ROOT, Line, Served
-from blark.parse import parse_source_code
-from structured_text import parser
 
 from runtime.execution import asked
 
@@ -66,10 +64,3 @@ def test_the_blocks_of_a_program_are_closed(name: str) -> None:
         elif closed and first in {*pairs.values(), "ENDIF"}:
             assert closed.pop() == first, line
     assert closed == []
-
-
-def test_the_structured_text_is_parsed() -> None:
-    parsed = parse_source_code((CLIENTS / "robot.st").read_text(), parser=parser())
-    assert parsed.exception is None
-    (block,) = parsed.transform().items
-    assert str(block.name) == "SqueezetreeRobot"

@@ -1,10 +1,11 @@
 """A real process that is killed, or its journal moved, against a cell that outlives it; and the next one."""
 
+import contextlib
+import io
 import os
 import shutil
 import signal
 import subprocess
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from running_cells import ROOT, WAIT_S, RunningCell, runtime_command
 from sample_tables import small_table
 from waiting import until
 
+from runtime.cli import main
 from runtime.journal.chain import records, verify
 from runtime.journal.files import broken_of
 from runtime.journal.replay import Replay
@@ -32,6 +34,23 @@ def start(tree: Path, cell: RunningCell, *arguments: str) -> "subprocess.Popen[s
     )
 
 
+def killed(tree: Path, cell: RunningCell, kind: str, number: int, *arguments: str) -> None:
+    """A run that is killed once its journal holds so many records of a kind."""
+    process = start(tree, cell, *arguments)
+    wait_for(tree.with_name("journal.jsonl"), kind, number)
+    process.kill()
+    process.communicate(timeout=WAIT_S)
+
+
+def run(tree: Path, cell: RunningCell, *arguments: str) -> tuple[int, str, str]:
+    """A run that nobody kills, in this process: its exit code and what it prints."""
+    words = runtime_command(tree, cell, tree.with_name("journal.jsonl"), *arguments)[3:]
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        code = main(words)
+    return code, out.getvalue(), err.getvalue()
+
+
 def path_of(journal: Path) -> tuple[list[int], str]:
     *_, outcome = (entry for entry in records(journal) if entry["kind"] == "outcome")
     return outcome["path"], outcome["outcome"]
@@ -44,24 +63,15 @@ def wait_for(journal: Path, kind: str, number: int) -> None:
 
 def test_a_killed_process_is_taken_over_by_the_next_one(tree: Path) -> None:
     journal = tree.with_name("journal.jsonl")
-    with RunningCell(tree) as cell:
-        out, err = start(tree, cell).communicate(timeout=WAIT_S)
+    with RunningCell(tree, time_scale=20) as cell:
+        _, out, err = run(tree, cell)
         whole = path_of(journal)
         assert len(whole[0]) == 2, (out, err)
     journal.unlink()
-    with RunningCell(tree) as cell:
-        for kind, number, later_s in [
-            ("part", 1, 0.3),
-            ("placed", 1, 0.15),
-            ("squeeze", 1, 0.05),
-            ("placed", 2, 0.0),
-        ]:
-            process = start(tree, cell, "--after-crash", "resume")
-            wait_for(journal, kind, number)
-            time.sleep(later_s)
-            os.kill(process.pid, signal.SIGKILL)
-            process.communicate(timeout=WAIT_S)
-        out, err = start(tree, cell, "--after-crash", "resume").communicate(timeout=WAIT_S)
+    with RunningCell(tree, time_scale=20) as cell:
+        for kind, number in (("placed", 1), ("squeeze", 1), ("placed", 2)):
+            killed(tree, cell, kind, number, "--after-crash", "resume")
+        _, out, err = run(tree, cell, "--after-crash", "resume")
     assert path_of(journal) == whole, (out, err)
     assert "going on with it" in out
     assert verify(journal).closed
@@ -70,18 +80,13 @@ def test_a_killed_process_is_taken_over_by_the_next_one(tree: Path) -> None:
 
 def test_without_a_policy_the_next_one_gives_up_and_the_one_after_begins_anew(tree: Path) -> None:
     journal = tree.with_name("journal.jsonl")
-    with RunningCell(tree) as cell:
-        process = start(tree, cell)
-        wait_for(journal, "placed", 1)
-        os.kill(process.pid, signal.SIGKILL)
-        process.communicate(timeout=WAIT_S)
-        given_up = start(tree, cell)
-        _, err = given_up.communicate(timeout=WAIT_S)
-        assert given_up.returncode == 24
+    with RunningCell(tree, time_scale=20) as cell:
+        killed(tree, cell, "placed", 1)
+        code, _, err = run(tree, cell)
+        assert code == 24
         assert "given up and nothing was moved" in err
-        anew = start(tree, cell, "--jaws-empty")
-        _, err = anew.communicate(timeout=WAIT_S)
-        assert anew.returncode in (0, 10), err
+        code, _, err = run(tree, cell, "--jaws-empty")
+        assert code in (0, 10), err
     assert verify(journal).runs == 2
     assert list(Replay().follow(records(journal))) == []
 
@@ -90,19 +95,15 @@ def test_without_a_policy_the_next_one_gives_up_and_the_one_after_begins_anew(tr
 def test_the_part_a_run_broke_off_at_ends_though_count_is_smaller(tree: Path, policy: str) -> None:
     journal = tree.with_name("journal.jsonl")
     with RunningCell(tree, time_scale=40) as cell:
-        process = start(tree, cell, "--count", "5")
-        wait_for(journal, "part", 3)
-        os.kill(process.pid, signal.SIGKILL)
-        process.communicate(timeout=WAIT_S)
+        killed(tree, cell, "part", 3, "--count", "5")
         broken = next(
             entry["part"] for entry in reversed(list(records(journal))) if "part" in entry
         )
-        resumed = start(tree, cell, "--after-crash", policy, "--count", "2")
-        out, err = resumed.communicate(timeout=WAIT_S)
+        code, out, err = run(tree, cell, "--after-crash", policy, "--count", "2")
     assert broken >= 3
     ended = [entry["part"] for entry in records(journal) if entry["kind"] == "outcome"]
     assert ended == list(range(1, broken + 1)), (out, err)
-    assert resumed.returncode in (0, 10)
+    assert code in (0, 10)
 
 
 def removed(path: Path) -> None:
@@ -129,9 +130,8 @@ def test_a_run_whose_journal_is_displaced_stops_safely_and_the_next_one_is_refus
         out, err = process.communicate(timeout=WAIT_S)
         assert process.returncode == 24, (out, err)
         assert "while it was written" in out
-        following = start(tree, cell, "--jaws-empty")
-        _, err = following.communicate(timeout=WAIT_S)
-        assert following.returncode == 24
+        code, _, err = run(tree, cell, "--jaws-empty")
+        assert code == 24
         assert f"beneath a run, whose records are in {broken_of(journal)}" in err
     kept = broken_of(journal).read_bytes()
     old = journal.with_name("journal.jsonl.old")
@@ -150,12 +150,11 @@ def test_a_run_whose_journal_is_displaced_stops_safely_and_the_next_one_is_refus
 
 
 def test_two_processes_do_not_share_a_gripper(tree: Path) -> None:
-    with RunningCell(tree) as cell:
+    with RunningCell(tree, time_scale=20) as cell:
         one = start(tree, cell, "--count", "1000")
         wait_for(tree.with_name("journal.jsonl"), "part", 1)
-        other = start(tree, cell, "--journal", str(tree.with_name("other.jsonl")))
-        _, err = other.communicate(timeout=WAIT_S)
+        code, _, err = run(tree, cell, "--journal", str(tree.with_name("other.jsonl")))
         one.send_signal(signal.SIGTERM)
         one.communicate(timeout=WAIT_S)
-    assert (other.returncode, one.returncode) == (21, 40)
+    assert (code, one.returncode) == (21, 40)
     assert f"process {one.pid}" in err

@@ -5,7 +5,6 @@ import subprocess
 import sys
 from collections import Counter
 
-import pytest
 from soaking import SCRIPT, small_setting, small_soak, soak_run
 
 from drivers.robotiq.gripper import Gripper
@@ -29,23 +28,20 @@ def script(*arguments):
 
 
 def test_a_slice_under_random_faults_finds_nothing():
-    code, result, out = script("--transactions", "15000")
+    code, result, out = script("--transactions", "8000")
     assert (code, result["findings"]) == (0, 0), out
-    assert result["transactions"] >= 15_000
+    assert result["transactions"] >= 8_000
     assert len(result["faults_met"]) >= 24
     assert set(result["outcomes"]) <= {"leaf", "unresolved", "reject", "fault", "not connected"}
 
 
-def test_without_faults_no_part_ends_in_one():
-    code, result, out = script("--parts", "120", "--no-faults", "--parts-per-run", "40")
-    assert (code, result["crashes"], result["runs"]) == (0, 0, 3), out
-    assert result["outcomes"].keys() <= {"leaf", "unresolved", "reject"}
-
-
 def test_the_same_seed_gives_the_same_run_on_any_number_of_workers():
-    alone = script("--seed", "40", "--runs", "6")[1]
-    assert script("--seed", "40", "--runs", "6", "--workers", "2")[1] == alone
-    assert script("--seed", "41", "--runs", "6")[1]["digest"] != alone["digest"]
+    """Without faults no part ends in one."""
+    words = ("--runs", "3", "--parts-per-run", "10", "--no-faults", "--seed")
+    code, alone, out = script(*words, "40")
+    assert (code, alone["crashes"], alone["runs"]) == (0, 0, 3), out
+    assert alone["outcomes"].keys() <= {"leaf", "unresolved", "reject"}
+    assert script(*words, "40", "--workers", "2")[1] == alone
 
 
 def runs(count=12):
@@ -97,17 +93,16 @@ def test_a_fault_without_faults_is_found(monkeypatch):
 
 def test_random_schedules_depend_on_seed_and_part_alone_and_reach_every_class():
     met = Counter()
-    for part in range(2000):
+    for part in range(400):
         assert Seeded(3).of_part(part) == Seeded(3).of_part(part)
         met.update(fault.kind for fault in Seeded(3).of_part(part))
     assert set(met) == set(KINDS)
     assert [Seeded(3).of_part(k) for k in range(50)] != [Seeded(4).of_part(k) for k in range(50)]
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_a_virtual_cell_says_the_same_bytes_again(seed):
+def test_a_virtual_cell_says_the_same_bytes_again():
     def transcript():
-        cell = VirtualCell(small_setting(), seed, Seeded(seed))
+        cell = VirtualCell(small_setting(), 1, Seeded(1))
         said = []
         send, receive = cell._gripper_port.send, cell._gripper_port.receive
         cell._gripper_port.send = lambda data: (said.append(data), send(data))[1]

@@ -36,14 +36,14 @@ def master(cell, kind):
     """A pymodbus client, and where the blocks are for it."""
     if kind == "pty":
         client = ModbusSerialClient(
-            cell.endpoints["gripper"], baudrate=115200, timeout=0.3, retries=0
+            cell.endpoints["gripper"], baudrate=115200, timeout=0.2, retries=0
         )
         return client, 9, 1000, 2000
     host, port = address(cell.endpoints["gripper_tcp" if kind == "tcp" else "gripper_rtu_tcp"])
     if kind == "tcp":
-        return ModbusTcpClient(host, port=port, timeout=0.3, retries=0), 2, 0, 0
+        return ModbusTcpClient(host, port=port, timeout=0.2, retries=0), 2, 0, 0
     return (
-        ModbusTcpClient(host, port=port, framer=FramerType.RTU, timeout=0.3, retries=0),
+        ModbusTcpClient(host, port=port, framer=FramerType.RTU, timeout=0.2, retries=0),
         9,
         1000,
         2000,
@@ -58,7 +58,7 @@ def until(read, done, seconds=60.0):
 
 
 @pytest.mark.parametrize("kind", ["pty", "rtu+tcp", "tcp"])
-def test_a_pymodbus_master_activates_closes_and_opens(cell, kind):
+def test_a_pymodbus_master_activates_closes_and_opens_and_else_meets_silence(cell, kind):
     client, unit, output, inputs = master(cell, kind)
     assert client.connect()
     read = lambda: client.read_input_registers(inputs, count=3, device_id=unit).registers  # noqa: E731
@@ -72,41 +72,23 @@ def test_a_pymodbus_master_activates_closes_and_opens(cell, kind):
     client.write_registers(output, OPEN, device_id=unit)
     seen = until(read, lambda seen: seen[0] >> 8 == 0xF9 and seen[2] >> 8 < 20)
     assert (seen[1], seen[2] >> 8) == (0, 3)
-    client.close()
-
-
-@pytest.mark.parametrize("kind", ["pty", "rtu+tcp", "tcp"])
-def test_what_the_gripper_does_not_serve_meets_silence(cell, kind):
-    client, unit, _, inputs = master(cell, kind)
-    assert client.connect()
     for ask in (
         lambda: client.read_input_registers(inputs, count=3, device_id=unit + 1),
-        lambda: client.read_input_registers(inputs + 100, count=3, device_id=unit),
-        lambda: client.read_input_registers(inputs, count=9, device_id=unit),
         lambda: client.read_coils(inputs, count=3, device_id=unit),
         lambda: client.write_registers(5000, [1], device_id=unit),
     ):
         with pytest.raises(ModbusException):
             ask()
         assert not client.read_input_registers(inputs, count=3, device_id=unit).isError()
-    client.close()
-
-
-def test_function_23_writes_and_then_reads(cell):
-    client, unit, output, inputs = master(cell, "pty")
-    client.write_registers(output, ACTIVATE, device_id=unit)
-    until(
-        lambda: client.read_holding_registers(inputs, count=3, device_id=unit).registers,
-        lambda seen: seen[0] >> 8 & 0x31 == 0x31,
-    )
-    reply = client.readwrite_registers(
-        read_address=inputs,
-        read_count=3,
-        write_address=output,
-        values=[0x0900, 100, 0xFF00],
-        device_id=unit,
-    )
-    assert reply.registers[1] & 0xFF == 100
+    if kind == "pty":
+        reply = client.readwrite_registers(
+            read_address=inputs,
+            read_count=3,
+            write_address=output,
+            values=[0x0900, 100, 0xFF00],
+            device_id=unit,
+        )
+        assert reply.registers[1] & 0xFF == 100
     client.close()
 
 
@@ -170,11 +152,11 @@ def test_open_abbs_own_formats(cell):
 def test_the_logger_streams_poses_and_joints_without_terminators(cell):
     with socket.create_connection(address(cell.endpoints["arm_logger"]), timeout=5.0) as stream:
         text = ""
-        while text.count("#") < 6:
+        while text.count("#") < 7:
             text += stream.recv(64).decode()
-    records = [record.split() for record in text.split("#")[1:-1]]
-    assert [record[0] for record in records] == ["0", "1", "0", "1", "0"][: len(records)]
-    assert [len(record) for record in records] == [11, 10, 11, 10, 11][: len(records)]
+    records = [record.split() for record in text.split("#")[1:6]]
+    assert [record[0] for record in records] == ["0", "1", "0", "1", "0"]
+    assert [len(record) for record in records] == [11, 10, 11, 10, 11]
     assert [float(v) for v in records[0][4:7]] == [0.0, 0.0, 100.0]
     times = [float(record[3]) for record in records]
     assert times == sorted(times)
@@ -194,7 +176,7 @@ def test_noise_on_the_line_moves_nothing_and_deafens_nobody(cell):
     client, unit, output, inputs = master(cell, "pty")
     assert client.connect()
     rng = random.Random(4)
-    for _ in range(20):
+    for _ in range(8):
         client.socket.write(rng.randbytes(rng.randrange(1, 40)))
         assert until(lambda: answer(client, inputs, unit), bool)[0] == 0
     assert client.read_holding_registers(output, count=3, device_id=unit).registers == [0, 0, 0]

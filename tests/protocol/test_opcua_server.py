@@ -53,7 +53,8 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     exchange, clock = Exchange(Station((1, 2), beats=False), SystemClock()), SystemClock()
     panel = Panel(OFFERS, Configuration("gripper.json", "c" * 64), exchange.glance)
     security = Security(identity_in(folder), Trust(folder / PINNED, None))
-    with socket.create_server(("127.0.0.1", 0)) as listener:
+    with pytest.MonkeyPatch.context() as patch, socket.create_server(("127.0.0.1", 0)) as listener:
+        patch.setattr(admission, "SESSION_S", 5.0)
         port = int(listener.getsockname()[1])
         identity, other = passport(folder, "identity"), passport(folder, "other")
         with OpcUaServer(listener, exchange, clock, panel, security):
@@ -128,11 +129,7 @@ def test_address_space_has_recipes_configuration_and_states(
         (f"{AUTOMATIC}/StartSingleJob", ("a" * 101,), "BadOutOfRange"),
         (f"{RECIPES}/PrepareRecipe", (1.5,), "BadInvalidArgument"),
         (f"{RESULTS}/GetResultById", ("no result",), "BadNotFound"),
-        (
-            f"{RESULTS}/ReleaseResultHandle",
-            (ua.Variant(99, ua.VariantType.UInt32),),
-            "BadNotFound",
-        ),
+        (f"{RESULTS}/ReleaseResultHandle", (ua.Variant(99, ua.VariantType.UInt32),), "BadNotFound"),
         (f"{RESULTS}/ReleaseResultHandle", ("1",), "BadInvalidArgument"),
     ],
 )
@@ -215,7 +212,7 @@ def test_master_that_falls_silent_is_master_no_longer(served: Served) -> None:
         silent.begin("one")
         with pytest.raises(ua.uaerrors.BadUserAccessDenied):
             other.call(f"{MACHINE}/Reset")
-        silent._loop.call_soon_threadsafe(time.sleep, admission.SESSION_S + 5)
+        silent._loop.call_soon_threadsafe(time.sleep, admission.SESSION_S + 2.0)
         other.until(f"{MACHINE}/AutomaticSelected", False)
         assert other[f"{MACHINE}/ErrorId"] == Error.CONNECTION_LOST
         assert other.call(f"{MACHINE}/Reset") == [0, ""]

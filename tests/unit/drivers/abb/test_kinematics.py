@@ -36,7 +36,7 @@ def test_reach_of_the_data_sheet():
 
 def test_inverse_undoes_forward_poses():
     rng = random.Random(1)
-    for _ in range(500):
+    for _ in range(200):
         joints = tuple(rng.uniform(low, high) for low, high in kinematics.LIMITS_DEG)
         target = forward(joints)
         result = inverse(target)
@@ -47,7 +47,7 @@ def test_inverse_undoes_forward_poses():
 
 def test_every_hand_pointing_down_over_the_table_is_in_reach():
     rng = random.Random(2)
-    for _ in range(500):
+    for _ in range(200):
         turn = rng.uniform(-math.pi, math.pi)
         target = Pose(
             300.0 + rng.uniform(-150, 150),
@@ -64,14 +64,3 @@ def test_compose_and_invert():
         a, b, c = (random_pose(rng) for _ in range(3))
         assert apart(compose(compose(a, b), c), compose(a, compose(b, c))) < 1e-6
         assert apart(compose(a, compose(invert(a), b)), b) < 1e-6
-
-
-def test_the_way_between_two_poses_is_even():
-    rng = random.Random(4)
-    for _ in range(100):
-        a, b = random_pose(rng), random_pose(rng)
-        middle = kinematics.between(a, b, 0.5)
-        assert apart(kinematics.between(a, b, 0.0), a) < 1e-6
-        assert apart(kinematics.between(a, b, 1.0), b) < 1e-6
-        half = kinematics.turn_between(a.rotation, b.rotation) / 2
-        assert kinematics.turn_between(a.rotation, middle.rotation) == pytest.approx(half, abs=1e-6)

@@ -5,40 +5,14 @@ from dh_devices import VirtualDh, close
 
 from drivers.dh import registers as dh
 from drivers.dh.percent import Scale
-from drivers.errors import GripperFault, LinkError, LinkTimeout, PortError
+from drivers.errors import GripperFault, LinkTimeout, PortError
 from drivers.ports import ObjectState
 from runtime.table import profile_of
 
 PART_MM = 38.0  # position 400 of the AG-95
 
 
-def test_gripper_that_connects_writes_nothing_and_moves_nothing():
-    device = VirtualDh()
-    gripper = device.connect()
-    assert not gripper.state().activated
-    assert device.device.writes == 0
-    assert device.device.opening_mm(device.clock.now()) == 95.0
-
-
-def test_gripper_that_is_not_initialised_is_not_moved():
-    device = VirtualDh()
-    with pytest.raises(GripperFault, match="not active while asked to move"):
-        close(device.connect())
-    assert device.device.writes == 0
-
-
-def test_gripper_closed_on_a_part_tells_its_width_and_that_it_holds_it():
-    gripper = VirtualDh(contact_mm=PART_MM).ready()
-    close(gripper)
-    settled = gripper.wait()
-    assert (settled.width_um, settled.object, settled.target_um) == (
-        38_000,
-        ObjectState.CLOSING,
-        0,
-    )
-
-
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(6))
 def test_gripper_whose_state_follows_late_ends_no_move_early(seed):
     """The state of the move before, still shown for some cycles, says that the fingers stand."""
     device = VirtualDh(contact_mm=PART_MM, seed=seed)
@@ -143,7 +117,7 @@ def test_line_that_fails_for_good_is_a_timeout_and_for_a_moment_is_nothing(kind,
         gripper.state()
 
 
-@pytest.mark.parametrize("after", range(12))
+@pytest.mark.parametrize("after", range(0, 12, 3))
 @pytest.mark.parametrize("kind", ["request_lost", "reply_lost", "reply_late"])
 def test_line_that_loses_two_frames_anywhere_in_a_squeeze_changes_no_width(kind, after):
     device = VirtualDh(contact_mm=PART_MM)
@@ -161,16 +135,6 @@ def test_line_with_bytes_too_many_changes_nothing(kind, value):
     device.fault(kind, value=value)
     close(gripper)
     assert gripper.wait().width_um == 38_000
-
-
-def test_port_that_was_unplugged_is_not_reopened():
-    device = VirtualDh()
-    gripper = device.ready()
-    device.fault("unplugged")
-    with pytest.raises(LinkError, match="broke"):
-        gripper.state()
-    with pytest.raises(LinkError, match="closed"):
-        gripper.state()
 
 
 def test_device_in_a_state_that_no_dh_gripper_has_is_a_fault():

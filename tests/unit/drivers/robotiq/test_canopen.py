@@ -58,6 +58,7 @@ def link():
 
     def build(where=WHERE):
         network = canopen.Network()
+        network.NOTIFIER_CYCLE = driver.HEAR_S
         network.connect(interface=where.interface, channel=where.channel)
         result.append(CanLink(network, where, "can:unit"))
         return result[-1]
@@ -71,24 +72,15 @@ def test_the_block_is_read_byte_by_byte(device, link):
     assert link().read() == device.model.read_input(1.0)[:6]
 
 
-def test_settings_are_written_before_what_they_are_for(device, link):
+def test_settings_are_written_first_then_what_changed_and_a_stop_before_all(device, link):
     channel = link()
-    channel.write(bytes((0x09, 0, 0, 200, 100, 50)))
-    assert device.written == [(5, 50), (4, 100), (2, 0), (1, 0), (3, 200), (0, 0x09)]
-
-
-def test_only_what_changed_is_written(device, link):
-    channel = link()
-    channel.write(bytes((0x09, 0, 0, 200, 100, 50)))
-    device.written.clear()
-    channel.write(bytes((0x09, 0, 0, 100, 100, 50)))
-    assert device.written == [(3, 100)]
-
-
-def test_what_stops_comes_first(device, link):
-    channel = link()
-    channel.write(bytes((0x09, 0, 0, 200, 100, 50)))
-    device.written.clear()
+    for block, written in (
+        ((0x09, 0, 0, 200, 100, 50), [(5, 50), (4, 100), (2, 0), (1, 0), (3, 200), (0, 0x09)]),
+        ((0x09, 0, 0, 100, 100, 50), [(3, 100)]),
+    ):
+        channel.write(bytes(block))
+        assert device.written == written
+        device.written.clear()
     channel.write(bytes(6))
     assert device.written[0] == (0, 0)
 
@@ -135,20 +127,6 @@ def test_an_answer_to_something_else_is_none(device, link, reply):
         channel.read()
 
 
-def test_the_request_of_a_byte_is_the_standards():
-    asked = []
-
-    class Sdo:
-        def request_response(self, request):
-            asked.append(request)
-            return bytes((0x4F, 0, 0x20, request[3], request[3] * 10, 0, 0, 0))
-
-    channel = CanLink(canopen.Network(), WHERE, "can:unit")
-    channel._sdo = Sdo()
-    assert channel.read() == bytes((10, 20, 30, 40, 50, 60))
-    assert [request.hex() for request in asked[:2]] == ["4000200100000000", "4000200200000000"]
-
-
 @pytest.mark.parametrize("error", [can.CanOperationError("down"), OSError(100, "network is down")])
 def test_a_bus_that_breaks_stays_broken(device, link, error):
     channel = link()
@@ -160,18 +138,6 @@ def test_a_bus_that_breaks_stays_broken(device, link, error):
     for says in ("broke", "closed"):
         with pytest.raises(LinkError, match=says):
             channel.read()
-
-
-def test_the_known_clients_own_read_is_answered(device):
-    """The 3-Finger client reads with 0x4F, which no standard has; a canopen node answers it as a read."""
-    with can.Bus(interface="virtual", channel=CHANNEL) as bus:
-        bus.send(
-            can.Message(
-                arbitration_id=0x60B, data=[0x4F, 0, 0x20, 4, 0, 0, 0, 0], is_extended_id=False
-            )
-        )
-        reply = bus.recv(1.0)
-    assert (reply.arbitration_id, reply.data[0], reply.data[3]) == (0x58B, 0x4F, 4)
 
 
 # -- names of ports -------------------------------------------------------------------------------
@@ -193,20 +159,15 @@ def test_a_ports_name_states_the_map():
         "can:can0?node=x",
         "can:can0?colour=red",
         "can:c?channel=d",
+        "can:nobus7",
+        "can:x?interface=nonsense",
+        "can:x?bitrate=5&interface=slcan",
     ],
 )
-def test_names_that_are_not_understood(port):
+def test_names_that_are_not_understood_and_buses_that_are_not_there(port):
     with pytest.raises(PortError) as raised:
         connect.gripper(port)
     assert "\n" not in str(raised.value)
-
-
-@pytest.mark.parametrize(
-    "port", ["can:nobus7", "can:x?interface=nonsense", "can:x?bitrate=5&interface=slcan"]
-)
-def test_a_bus_that_is_not_there(port):
-    with pytest.raises(PortError, match="cannot be opened"):
-        connect.gripper(port)
 
 
 def test_without_the_extra_the_port_says_what_to_install(monkeypatch):

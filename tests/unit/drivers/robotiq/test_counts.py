@@ -13,10 +13,7 @@ MODELS = [model for model, profile in PROFILES.items() if profile.counts]
 @pytest.mark.parametrize("model", MODELS)
 def test_settings_are_never_more_than_asked_and_the_next_would_be(model: str) -> None:
     counts, profile = Counts(PROFILES[model]), PROFILES[model]
-    for ask, (least, most) in (
-        (counts.speed, profile.speed_mm_s),
-        (counts.force, profile.force_n),
-    ):
+    for ask, (least, most) in ((counts.speed, profile.speed_mm_s), (counts.force, profile.force_n)):
         step = (most - least) / 255
         for k in range(1000):
             wanted = least + (most - least) * k / 999

@@ -9,12 +9,6 @@ from drivers.errors import GripperFault, LinkError
 from drivers.robotiq.registers import OUTPUT_FIELDS, unpack
 
 
-def test_connecting_writes_nothing():
-    link = DirectLink()
-    connect(link).close()
-    assert link.writes == []
-
-
 def test_activation_resets_first_and_takes_its_time():
     link = DirectLink()
     gripper = connect(link)
@@ -75,7 +69,7 @@ def test_a_gripper_that_never_finishes_activation_runs_into_the_deadline():
     assert 15.0 < link.clock.time - 100.0 < 17.0
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(6))
 def test_moves_end_where_the_model_says_whatever_the_lags(seed):
     link, gripper = active(seed=seed)
     rng = random.Random(seed)
@@ -100,65 +94,17 @@ def test_settled_tells_of_contact_current_and_time():
     assert settled.seconds == pytest.approx((174 - 3) * 85 / 227 / 150, abs=0.1)
 
 
-def test_a_move_is_written_once():
+def test_stop_by_this_or_another_connection_keeps_the_request_and_the_part():
     link, gripper = active(contact=174)
-    gripper.move(255, 255, 100)
+    gripper.move(255, 255, 50)
     gripper.wait()
     assert len(link.writes) == 1
-
-
-def test_already_there_is_a_legal_outcome():
-    _, gripper = active(contact=174)
-    for _ in range(2):
-        gripper.move(255, 255, 100)
-        settled = gripper.wait()
-        assert (settled.position_counts, settled.object_flag) == (174, 2)
-
-
-def test_moving_an_inactive_gripper_is_refused_before_anything_is_written():
-    link = DirectLink()
-    gripper = connect(link)
-    with pytest.raises(GripperFault, match="not active"):
-        gripper.move(255, 255, 0)
-    assert link.writes == []
-
-
-def test_waiting_for_nothing_is_refused():
-    _, gripper = active()
-    with pytest.raises(GripperFault, match="no move"):
-        gripper.wait()
-
-
-def test_stop_keeps_the_request_and_the_part():
-    link, gripper = active(contact=174)
-    gripper.move(255, 255, 50)
-    gripper.wait()
-    gripper.stop()
-    image = unpack(OUTPUT_FIELDS, link.writes[-1])
-    assert (image["rACT"], image["rGTO"], image["rPR"]) == (1, 0, 255)
-    assert gripper.state().position_counts == 174
-    assert gripper.state().activated
-
-
-def test_reconnecting_to_a_holding_gripper_and_stopping_it_does_not_open_it():
-    link, gripper = active(contact=174)
-    gripper.move(255, 255, 50)
-    gripper.wait()
-    again = connect(link)
-    again.stop()
-    assert unpack(OUTPUT_FIELDS, link.writes[-1])["rPR"] == 255
-    assert again.state().position_counts == 174
-
-
-def test_stop_halfway():
-    link, gripper = active()
-    gripper.move(255, 0, 0)
-    link.clock.sleep(0.5)
-    gripper.stop()
-    here = gripper.state().position_counts
-    link.clock.sleep(0.9)
-    assert gripper.state().position_counts == here
-    assert 3 < here < 230
+    for holding in (gripper, connect(link)):
+        holding.stop()
+        image = unpack(OUTPUT_FIELDS, link.writes[-1])
+        assert (image["rACT"], image["rGTO"], image["rPR"]) == (1, 0, 255)
+        seen = holding.state()
+        assert (seen.position_counts, seen.activated) == (174, True)
 
 
 def test_stop_ends_the_sweep_of_an_activation_and_leaves_a_latched_fault_alone():
@@ -224,12 +170,6 @@ def test_a_count_that_never_stands_still_is_no_width():
     )[1]
     with pytest.raises(GripperFault, match="does not settle"):
         gripper.wait()
-
-
-def test_the_silence_fault_is_looked_at_twice():
-    link, gripper = active()
-    link.clock.sleep(5.0)
-    assert gripper.state().fault == 0
 
 
 def test_link_errors_pass():

@@ -48,7 +48,15 @@ def test_activate_and_close_blocks_of_the_manual():
     assert pack(OUTPUT_FIELDS, full) == bytes.fromhex("090000FFFFFF")
 
 
-def test_gripped_status_of_the_manual():
+def test_statuses_of_the_manual():
+    assert decode(bytes.fromhex("390000FF0000")).moving
+    seen = decode(bytes.fromhex("110000000000"))
+    assert (seen.activating, seen.activated) == (True, False)
+    assert decode(bytes.fromhex("310000000000")).activated
+    assert decode(bytes.fromhex("3100E9000000")).fault == 9  # not the controller's
+    assert decode(bytes.fromhex("31000000000A")).current_ma == 100
+    assert (speed_mm_s_of(0), speed_mm_s_of(255)) == (20.0, 150.0)
+    assert fault_text(0x03).severity == MAJOR
     seen = decode(bytes.fromhex("B90000FFBD00"))
     assert seen.activated
     assert seen.going
@@ -61,26 +69,6 @@ def test_gripped_status_of_the_manual():
     )
 
 
-def test_moving_and_activating_status_of_the_manual():
-    assert decode(bytes.fromhex("390000FF0000")).moving
-    seen = decode(bytes.fromhex("110000000000"))
-    assert seen.activating
-    assert not seen.activated
-    assert decode(bytes.fromhex("310000000000")).activated
-
-
-def test_the_controllers_fault_is_none_of_the_grippers():
-    assert decode(bytes.fromhex("3100E9000000")).fault == 9
-
-
-def test_current_is_ten_milliamperes_a_count():
-    assert decode(bytes.fromhex("31000000000A")).current_ma == 100  # the manuals' own example
-
-
-def test_speed_range_of_the_sdk():
-    assert (speed_mm_s_of(0), speed_mm_s_of(255)) == (20.0, 150.0)
-
-
 def test_every_fault_says_what_it_means_and_what_to_do():
     for code, text in FAULTS.items():
         message = str(fault(code, "closing"))
@@ -88,7 +76,3 @@ def test_every_fault_says_what_it_means_and_what_to_do():
             message == f"gripper fault 0x{code:02X} while closing: {text.sentence}; {text.remedy}"
         )
         assert "\n" not in message
-
-
-def test_unknown_faults_are_major():
-    assert fault_text(0x03).severity == MAJOR

@@ -5,11 +5,11 @@ import math
 import pytest
 from schunk_rigs import VirtualSchunk
 
-from drivers.errors import GripperFault, LinkError, LinkTimeout, PortError, ReadOnlyError
+from drivers.errors import GripperFault, LinkTimeout, PortError
 from drivers.ports import ObjectState
 from drivers.schunk.gripper import gripper as open_port
 from drivers.schunk.link import ALIVE_S
-from drivers.schunk.registers import ERRORS, PARAMETERS, Command, Control, Status
+from drivers.schunk.registers import ERRORS, PARAMETERS, Control
 from drivers.sim.devices.schunk import SILENCE_S
 from drivers.sim.wire.line import Piece
 from runtime.table import PROFILES
@@ -53,13 +53,6 @@ def late(request, reply):
 # -- readiness ------------------------------------------------------------------------------------
 
 
-def test_connecting_writes_nothing_and_moves_nothing(rig):
-    gripper = rig.connect()
-    state = gripper.state()
-    assert (state.activated, state.moving, state.fault) == (False, False, 0xD9)
-    assert (rig.model.written, state.width_um) == ([], EGU.stroke_um)
-
-
 def test_activate_acknowledges_without_moving(rig, active):
     state = active.state()
     assert (state.activated, state.fault, state.fault_text) == (True, 0, "")
@@ -67,13 +60,6 @@ def test_activate_acknowledges_without_moving(rig, active):
     written = list(rig.model.written)
     active.activate()
     assert rig.model.written == written
-
-
-def test_move_unacknowledged_is_refused_with_the_reason(rig):
-    gripper = rig.connect()
-    with pytest.raises(GripperFault, match=r"not active.*0xD9.*acknowledge"):
-        gripper.move(0, FAST, WEAK)
-    assert rig.model.written == []
 
 
 @pytest.mark.parametrize("code", ERRORS)
@@ -87,14 +73,6 @@ def test_an_error_is_reported_with_its_sentence(rig, active, code):
         active.move(0, FAST, WEAK)
     active.activate()
     assert active.state().activated
-
-
-def test_an_error_during_a_move_ends_the_wait(rig, active):
-    active.move(60_000, FAST, WEAK)
-    rig.clock.sleep(0.1)
-    rig.model.fail(0x74, rig.clock.now())
-    with pytest.raises(GripperFault, match="motor supply is too low"):
-        active.wait()
 
 
 def test_a_power_cycle_during_a_move_ends_the_wait(rig, active):
@@ -114,12 +92,6 @@ def test_move_to_a_width_stands_there_in_the_time_it_takes(active):
     assert (settled.width_um, settled.object) == (60_000, ObjectState.AT_TARGET)
     assert settled.target_um == active.state().target_um == 60_000
     assert 0.6 <= settled.seconds < 0.7
-
-
-def test_move_is_repeated_with_another_edge(active):
-    for width_um in (50_000, 70_000, 70_000, 20_000):
-        active.move(width_um, FAST, WEAK)
-        assert active.wait().width_um == width_um
 
 
 def test_move_beyond_the_speeds_and_the_stroke_is_limited(rig, active):
@@ -149,12 +121,6 @@ def test_a_stronger_grip_is_a_release_and_another_grip(rig, active):
     settled = active.wait()
     assert (settled.width_um, settled.object) == (41_000, ObjectState.CLOSING)
     assert (rig.part.grips, rig.part.releases) == (2, 1)
-
-
-def test_closing_on_nothing_reads_zero(active):
-    active.move(0, FAST, WEAK)
-    settled = active.wait()
-    assert (settled.width_um, settled.object) == (0, ObjectState.AT_TARGET)
 
 
 def test_a_part_in_the_way_of_a_positioning_move_is_a_fault(rig, active):
@@ -187,19 +153,6 @@ def test_an_egk_grips_as_slowly_as_asked_and_an_egu_as_its_force_has_it():
     assert seconds["schunk-egu"] == pytest.approx(3.2, abs=0.1)  # 40 mm at half of 25 mm/s
 
 
-def test_stop_leaves_the_fingers_where_they_are(rig, active):
-    active.move(20_000, 50.0, WEAK)
-    rig.clock.sleep(0.5)
-    active.stop()
-    state = active.state()
-    assert not state.moving
-    assert 90_000 < state.width_um < 100_000
-    rig.clock.sleep(1.0)
-    assert active.state().width_um == state.width_um
-    active.move(60_000, FAST, WEAK)
-    assert active.wait().width_um == 60_000
-
-
 def test_stop_keeps_what_is_held(rig, active):
     rig.part.width_mm = 41.0
     active.move(0, FAST, WEAK)
@@ -208,16 +161,6 @@ def test_stop_keeps_what_is_held(rig, active):
     state = active.state()
     assert (state.object, state.width_um) == (ObjectState.CLOSING, 41_000)
     assert rig.part.releases == 0
-
-
-def test_a_lost_part_is_seen(rig, active):
-    rig.part.width_mm = 41.0
-    active.move(0, FAST, WEAK)
-    active.wait()
-    rig.model.lose_object(rig.clock.now())
-    rig.clock.sleep(5.0)
-    state = active.state()
-    assert (state.width_um, state.object, state.moving) == (0, ObjectState.NONE, False)
 
 
 def test_another_programs_command_is_noticed(rig, active):
@@ -292,14 +235,6 @@ def test_a_write_whose_answer_is_lost_is_no_second_command(rig, active, mishap):
     assert "write unanswered" in rig.reports
 
 
-def test_a_broken_line_stays_closed(rig, active):
-    rig.port.close()
-    with pytest.raises(LinkError, match="broke"):
-        active.state()
-    with pytest.raises(LinkError, match="closed"):
-        active.state()
-
-
 def test_the_gripper_is_asked_often_enough_while_nobody_uses_it(rig, active):
     rig.part.width_mm = 41.0
     active.move(0, FAST, WEAK)
@@ -329,16 +264,6 @@ def test_what_keeps_the_line_alive_reports_nothing_and_breaks_nothing():
     assert gripper.state().activated
 
 
-def test_read_only_sends_nothing_that_commands(rig):
-    rig.connect().activate()
-    gripper = rig.connect(read_only=True)
-    written = list(rig.model.written)
-    for command in (lambda: gripper.move(0, FAST, WEAK), gripper.stop):
-        with pytest.raises(ReadOnlyError, match="dry run"):
-            command()
-    assert rig.model.written == written
-
-
 # -- ports and models -----------------------------------------------------------------------------
 
 
@@ -356,28 +281,3 @@ def test_without_a_model_the_modules_kind_is_taken():
 def test_a_ports_settings_are_checked(rig, settings):
     with pytest.raises(PortError, match="is not understood"):
         open_port(f"schunk:///dev/x?{settings}", rig.pace, print, read_only=False, profile=None)
-
-
-# -- what bkstools writes acyclically -------------------------------------------------------------
-
-
-def test_commands_by_code_and_by_control_word_get_along(rig, active):
-    now = rig.clock.now
-    for name, value in (("set_pos", 80.0), ("set_vel", 100.0)):
-        rig.model.write(name, PARAMETERS[name].pack(value), now())
-    rig.model.write("command_code", PARAMETERS["command_code"].pack(Command.MOVE_ABSOLUTE), now())
-    rig.clock.sleep(1.0)
-    assert active.state().width_um == 80_000
-    active.move(60_000, FAST, WEAK)
-    assert active.wait().width_um == 60_000
-
-
-def test_a_grip_at_an_expected_width_tells_a_wrong_part(rig, active):
-    rig.part.width_mm = 41.0
-    for name, value in (("set_pos", 30.0), ("set_force", 50.0)):
-        rig.model.write(name, PARAMETERS[name].pack(value), rig.clock.now())
-    code = PARAMETERS["command_code"].pack(Command.GRIP_AT_POSITION)
-    rig.model.write("command_code", code, rig.clock.now())
-    rig.clock.sleep(10.0)
-    seen = active._read()
-    assert seen.status & Status.WRONG_WORKPIECE

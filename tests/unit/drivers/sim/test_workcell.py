@@ -97,11 +97,6 @@ def test_a_grip_that_is_lost_shows_as_the_jaws_closing_on():
     assert (seen.object_flag, seen.position_counts) == (3, 230)
 
 
-def test_nothing_to_lose_is_nothing_lost():
-    hands = Hands(Fault("grip_lost", 1, at=0))
-    assert hands.jaws(100).position_counts == 100
-
-
 def test_a_bump_moves_the_part_before_the_squeeze():
     class Recorder(FakeWorld):
         def __init__(self):
@@ -128,10 +123,6 @@ def test_another_part_is_another_width(kind, value, wider):
     assert (sound - other) * 85.0 / 227.0 == pytest.approx(wider, abs=0.4)
 
 
-def test_a_part_too_thin_to_be_there_is_not_met():
-    assert Hands(Fault("wrong_part", 1, value=-30.0)).grip().object_flag == 3
-
-
 def test_where_there_is_no_part_nothing_is_met_and_nothing_crashes():
     hands = Hands(Fault("part_missing", 1, length=9))
     assert hands.grip().object_flag == 3
@@ -139,14 +130,6 @@ def test_where_there_is_no_part_nothing_is_met_and_nothing_crashes():
     hands.go(0.0, 39.0, HIGH)
     hands.go(0.0, 39.0, LOW)
     assert hands.cell.scene.truth().crashes == 0
-
-
-def test_open_fingers_on_the_part_are_a_crash_once_a_descent():
-    hands = Hands()
-    for count in (1, 2):
-        hands.go(0.0, 39.0, HIGH)
-        hands.go(0.0, 39.0, LOW)
-        assert hands.cell.scene.truth().crashes == count
 
 
 def test_a_covered_camera_shows_in_the_truth():
@@ -203,26 +186,10 @@ def test_a_broken_connection_leaves_a_stale_acknowledgement_for_the_next():
     assert hands.cell.arm().pose().x_mm == pytest.approx(50.0)
 
 
-def test_what_is_out_of_reach_is_never_sent():
-    hands = Hands()
-    moves = hands.cell.works.arm.moves
-    with pytest.raises(ArmError, match="reach"):
-        hands.go(600.0, 0.0, 50.0)
-    assert hands.cell.works.arm.moves == moves
-    hands.go(0.0, 0.0, 50.0)
-
-
 def test_a_hand_that_does_not_point_down_meets_nothing():
     hands = Hands()
     hands.arm._ask(1, ("0", "0", "10", "0.7071068", "0.7071068", "0", "0"), 60.0)
     assert hands.jaws(255).object_flag == 3
-
-
-def test_eleven_numbers_hang_up():
-    hands = Hands()
-    hands.arm._stream.send(b"1 " + b"1 " * 11 + b"#")
-    with pytest.raises(ArmError, match="connection broke"):
-        hands.arm.pose()
 
 
 # -- time -----------------------------------------------------------------------------------------

@@ -48,16 +48,8 @@ def studio(tmp_path_factory):
 
 
 def run_camera(studio, *more):
-    words = [
-        "camera",
-        "--json",
-        "--name",
-        "S-1",
-        "--board",
-        "charuco:12x9:14:10.5",
-        "--views",
-        str(studio / "views"),
-    ]
+    words = ["camera", "--json", "--name", "S-1", "--board", "charuco:12x9:14:10.5", "--views"]
+    words += [str(studio / "views")]
     words += ["--table", str(studio / "table.png"), "-o", str(studio / "camera.json")]
     return calibrate_command.main([*words, *more])
 
@@ -87,32 +79,11 @@ def test_residual_picture_lies_beside_the_calibration(studio, calibrated):
     assert calibrated.camera in picture
 
 
-def test_as_json_a_tag_is_one_document(studio, tmp_path, capsys):
-    words = ["tag", "--part", "block", "--number", "7", "--side", "22", "--at", "1,2,0.5", "--json"]
-    assert calibrate_command.main([*words, "-o", str(tmp_path / "tag.json")]) == 0
-    record = json.loads(capsys.readouterr().out)
-    assert (record["part"], record["tag"], record["x_mm"], record["theta_rad"]) == (
-        "block",
-        7,
-        1.0,
-        0.5,
-    )
-    assert record["output"] == str(tmp_path / "tag.json")
-
-
 def test_pictures_are_asked_for_beside_the_document(studio, tmp_path, monkeypatch, capsys):
     asked = []
     monkeypatch.setattr("builtins.input", lambda: asked.append(capsys.readouterr().err))
-    words = [
-        "pictures",
-        "--camera",
-        str(studio / "views"),
-        "--count",
-        "2",
-        "--json",
-        "-o",
-        str(tmp_path),
-    ]
+    words = ["pictures", "--camera", str(studio / "views"), "--count", "2", "--json"]
+    words += ["-o", str(tmp_path)]
     assert calibrate_command.main(words) == 0
     record = json.loads(capsys.readouterr().out)
     assert record == {"pictures": [str(tmp_path / f"view-00{number}.png") for number in (0, 1)]}
@@ -130,10 +101,25 @@ def test_tag_is_found_on_its_part(studio, calibrated, capsys):
     assert calibrated.date
 
 
-def test_tag_can_be_stated(tmp_path):
-    words = ["tag", "--part", "block", "--number", "7", "--side", "22", "--at", "2,-1,0.3"]
-    assert calibrate_command.main([*words, "-o", str(tmp_path / "tag.json")]) == 0
+def test_tag_can_be_stated(tmp_path, capsys):
+    words = [
+        "tag",
+        "--part",
+        "block",
+        "--number",
+        "7",
+        "--side",
+        "22",
+        "--at",
+        "2,-1,0.3",
+        "--json",
+        "-o",
+    ]
+    assert calibrate_command.main([*words, str(tmp_path / "tag.json")]) == 0
     assert tag_file.load(tmp_path / "tag.json") == part_tag()
+    record = json.loads(capsys.readouterr().out)
+    names = ("part", "tag", "x_mm", "theta_rad", "output")
+    assert [record[name] for name in names] == ["block", 7, 2.0, 0.3, str(tmp_path / "tag.json")]
 
 
 @pytest.mark.parametrize(

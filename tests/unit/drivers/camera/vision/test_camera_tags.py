@@ -16,9 +16,8 @@ from cameras import (
 )
 
 from drivers.camera.calibration import measure
-from drivers.camera.vision import edges
 from drivers.camera.vision.plane import placed
-from drivers.camera.vision.tags import SQUARES, Sighting, find
+from drivers.camera.vision.tags import find
 from drivers.errors import PictureError
 from drivers.sim.camera.cards import lying, tag_cells
 from drivers.sim.camera.render import Flaws, render
@@ -45,7 +44,7 @@ def picture_of(optics, pose, number=NUMBER, flaws=None, seed=0, speed_mm=(0.0, 0
     return render(optics, [card, *before], flaws or Flaws(), np.random.default_rng(seed))
 
 
-def errors(optics, flaws=None, count=8, speed_mm=(0.0, 0.0)):
+def errors(optics, flaws=None, count=5, speed_mm=(0.0, 0.0)):
     """Errors of place (mm) and angle (deg) over tags everywhere; every one must be found and read."""
     calibration, tag = true_calibration(optics), part_tag(on_part=(0.0, 0.0, 0.0))
     results = []
@@ -110,35 +109,8 @@ def test_pattern_without_a_tag_is_not_read_as_one():
         assert find(render(BELOW, [card], Flaws(), rng)) == []
 
 
-def test_refinement_gives_up_where_there_is_no_edge_or_no_picture():
-    flat = np.full((100, 100), 90, np.uint8)
-    square = np.array([(30.0, 30.0), (70.0, 30.0), (70.0, 70.0), (30.0, 70.0)])
-    assert edges.refine(flat, square, SQUARES) is None
-    assert edges.refine(flat, square - 29.0, SQUARES) is None
-    assert edges.refine(flat, 0.3 * square, SQUARES) is None
-
-
 @pytest.mark.parametrize("wrong", [{"side_mm": 24.0}, {"height_mm": 20.0}])
 def test_tag_of_another_size_or_height_is_refused(wrong):
     picture = picture_of(BELOW, (0.0, 0.0, 0.2))
     with pytest.raises(PictureError, match=r"looks .* mm large"):
         measure.measure(picture, find(picture), true_calibration(BELOW), part_tag(**wrong))
-
-
-def test_error_budget_grows_with_every_term():
-    corners = true_view(BELOW).pixels_at(measure.print_corners(SIDE_MM) + np.array([60.0, 30.0]))
-    sighting = Sighting(NUMBER, corners, 0.05)
-
-    def budget(rms_px=0.05, sigma_mm=0.02, **tag):
-        seen = sighting._replace(rms_px=rms_px)
-        placed = measure.of_sighting(seen, true_calibration(BELOW, sigma_mm), part_tag(**tag))
-        return placed.sigma_mm, placed.sigma_rad
-
-    least = budget()
-    assert budget(rms_px=0.5)[0] > least[0]
-    assert budget(rms_px=0.5)[1] > least[1]
-    assert budget(sigma_mm=0.5)[0] > 0.5
-    assert budget(sigma_mm=0.5)[1] == least[1]
-    assert budget(sigma_mm=0.0)[0] < least[0]
-    glued = budget(on_part=(30.0, 0.0, 0.0))
-    assert budget(on_part=(30.0, 0.0, 0.0), sigma_rad=0.01)[0] > max(0.3, glued[0])

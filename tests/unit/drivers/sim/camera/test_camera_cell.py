@@ -3,7 +3,6 @@
 import contextlib
 import io
 import shlex
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,7 +17,7 @@ from drivers.camera.vision.sources import decoded
 from drivers.planar import compose
 from drivers.sim import cli
 from drivers.sim.camera import album
-from drivers.sim.faults import Channel, Desk, Fault, Listed
+from drivers.sim.faults import Desk, Fault, Listed
 from drivers.sim.physics.tabletop import BESIDE, Look, TableTop
 from runtime.shell.errors import UsageError
 
@@ -110,44 +109,26 @@ def test_rehearsal_has_no_part_to_see():
         cli.camera(small_setting())
 
 
-def test_camera_beside_its_place_sees_as_one_that_was_put_there():
-    there = replace(OPTICS, eye_mm=OPTICS.eye_mm + np.array([3.0, -2.0, 0.0]))
-    moved = OPTICS.moved(3.0, -2.0)
-    assert np.array_equal(moved.corner_rays, there.corner_rays)
-    points = np.array([[10.0, 20.0, 0.0], [-30.0, 5.0, 2.0]])
-    assert np.array_equal(moved.project(points), there.project(points))
-
-
-def test_faults_of_the_camera_are_counted_in_closings_of_the_jaws():
-    assert {Fault(kind).channel for kind in ("camera_covered", "camera_moved")} == {Channel.SCENE}
-
-
 def test_pictures_for_a_calibration_make_one_that_finds_the_part(tmp_path):
-    for words in album.write(RIG, tmp_path, seed=3):
+    """Each of several parts has a tag file of its own."""
+    names, folder = ["hex nut", "spacer; rm"], tmp_path / "a folder"
+    for words in album.write(RIG, folder, 3, names):
         with contextlib.redirect_stdout(io.StringIO()):
             assert calibrate_command.main(shlex.split(words)) == 0
-    fitted, tag = calibration.load(tmp_path / "camera.json"), tag_file.load(tmp_path / "tag.json")
-    assert np.hypot(tag.on_part[0] - 2.0, tag.on_part[1] + 1.0) < 0.1
+    fitted = calibration.load(folder / "camera.json")
+    tag, other = (tag_file.load(folder / f"tag-{k}.json") for k in range(2))
+    assert [(each.part, each.number) for each in (tag, other)] == [
+        (names[0], RIG.number),
+        (names[1], RIG.number + 1),
+    ]
+    for each in (tag, other):
+        assert np.hypot(each.on_part[0] - 2.0, each.on_part[1] + 1.0) < 0.1
     assert [reference.number for reference in fitted.references] == [580, 581, 582]
     answer = Auditor(
         Once(RIG.seen(Look(POSE), np.random.default_rng(4))), fitted, [Subject(GOAL, tag)]
     ).audit(1, POSE, 0.0)
     assert answer.verdict == PASS
     assert answer.distance < 0.3
-
-
-def test_each_of_several_parts_has_a_tag_file_of_its_own(tmp_path):
-    names = ["hex nut", "spacer; rm"]
-    for words in album.write(RIG, tmp_path / "a folder", 3, names):
-        with contextlib.redirect_stdout(io.StringIO()):
-            assert calibrate_command.main(shlex.split(words)) == 0
-    tags = [tag_file.load(tmp_path / "a folder" / f"tag-{k}.json") for k in range(2)]
-    assert [(tag.part, tag.number) for tag in tags] == [
-        (names[0], RIG.number),
-        (names[1], RIG.number + 1),
-    ]
-    for tag in tags:
-        assert np.hypot(tag.on_part[0] - 2.0, tag.on_part[1] + 1.0) < 0.1
 
 
 class Once:

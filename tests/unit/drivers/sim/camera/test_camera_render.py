@@ -4,12 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cameras import SIZE, camera, rig, stain
+from cameras import SIZE, camera, stain
 
 from drivers.sim.camera.cards import lying, tag_cells
 from drivers.sim.camera.optics import webcam
-from drivers.sim.camera.render import BEHIND_TONE, Flaws, compressed, render
-from drivers.sim.physics.tabletop import Look
+from drivers.sim.camera.render import BEHIND_TONE, Flaws, render
 
 CLEAN = Flaws(blur_px=0.0, noise=0.0, gain=0.9, gradient=0.0, jpeg_quality=None)
 STRAIGHT = webcam((0.0, 0.0, -300.0), size=SIZE)
@@ -44,11 +43,6 @@ def test_pictures_depend_on_the_seed_alone():
     cards = [lying(tag_cells(3), 2.75, (10.0, 5.0, 0.3), face_down=True)]
     assert np.array_equal(taken(cards, Flaws(), seed=4), taken(cards, Flaws(), seed=4))
     assert not np.array_equal(taken(cards, Flaws(), seed=4), taken(cards, Flaws(), seed=5))
-
-
-def test_noise_has_the_spread_it_says():
-    levels = taken([], Flaws(0.0, 4.0, 0.9, 0.0, None)).astype(float)
-    assert abs(levels.std() - np.hypot(4.0, 1 / np.sqrt(12))) < 0.05
 
 
 def test_light_falls_off_across_the_picture():
@@ -92,9 +86,3 @@ def test_card_hides_what_was_laid_down_before_it():
     )
     assert covered[left[1], left[0]] == open_[left[1], left[0]]
     assert covered[right[1], right[0]] < 0.5 * open_[right[1], right[0]]
-
-
-def test_compression_loses_little_at_high_quality_and_more_at_low():
-    picture = rig(camera()).seen(Look((0.0, 0.0, 0.3)), np.random.default_rng(1))
-    lost = [np.abs(compressed(picture, q).astype(float) - picture).mean() for q in (95, 60, 20)]
-    assert lost[0] < lost[1] < lost[2]
