@@ -1,5 +1,7 @@
 """Counters of a station: parts by outcome, seconds of the last one, share within the takt."""
 
+from math import nan
+
 import pytest
 from plc_programs import MemoryPlc
 
@@ -15,7 +17,7 @@ def run(plc: MemoryPlc, outcome: int, seconds: float | None = None) -> None:
     plc.write(enable=0)
     plc.write(enable=1)
     plc.pulse("trigger")
-    plc.station.finish(Answer(outcome), seconds)
+    plc.station.finish(Answer(outcome, seconds=nan if seconds is None else seconds))
     plc.pulse("result_acknowledge")
     assert plc.station.state is State.READY
 
@@ -60,6 +62,6 @@ def test_seconds_that_do_not_fit_are_not_known_and_the_share_counts_them(plc: Me
 
 def test_count_of_parts_goes_beyond_one_word(plc: MemoryPlc) -> None:
     for _ in range(0x10001):
-        plc.station._counters.add(1, None)
+        plc.station._counters.add(1, nan)
     (register,) = (register for register in READ if register.name == "parts_located")
     assert plc.station.read(register.address, 2, plc.now) == [1, 1]
