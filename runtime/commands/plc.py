@@ -98,7 +98,7 @@ class ForPlc(Monitor):
         super().part(result, seen)
         if self._recipe.options.policy.ends_run(result.outcome):
             self._exchange.end()
-        self._exchange.finish(answer_of(self._recipe.loaded.table, result), result.seconds)
+        self._exchange.finish(answer_of(self._recipe.loaded.table, result))
 
 
 class PlcRun:

@@ -19,16 +19,11 @@ class Counters:
         self._values = {f"parts_{name}": 0 for name in OUTCOMES[1:]}
         self._values |= {"seconds_last": UNKNOWN, "takt_share": UNKNOWN}
 
-    def add(self, outcome: int, seconds: float | None) -> None:
-        """One more part.
-
-        Args:
-            outcome: as `Answer.outcome`.
-            seconds: from its first motion to its outcome; None: not known.
-        """
+    def add(self, outcome: int, seconds: float) -> None:
+        """One more part, by its `Answer.outcome`, and what it took; NaN: not known."""
         self._values[f"parts_{OUTCOMES[outcome]}"] += 1
         self._values["seconds_last"] = UNKNOWN
-        if not seconds:  # a clock that stands still times nothing
+        if not seconds > 0.0:  # a clock that stands still times nothing
             return
         self._values["seconds_last"] = min(round(100.0 * seconds), UNKNOWN)
         self._seconds[round(seconds, 2)] += 1

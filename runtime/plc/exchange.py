@@ -91,11 +91,11 @@ class Exchange:
         with suppress(queue.Empty):
             self._news.get(timeout=max(seconds, 0.0))
 
-    def finish(self, answer: Answer, seconds: float | None = None) -> None:
+    def finish(self, answer: Answer) -> None:
         """As `Station.finish`; nothing without a part under way."""
         with self._step() as station:
             if station.order is not None:
-                station.finish(answer, seconds)
+                station.finish(answer)
 
     def end(self) -> None:
         """As `Station.end`."""

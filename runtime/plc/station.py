@@ -41,7 +41,7 @@ class Answer(NamedTuple):
     face: int = 0
     expected_error: int = 0
     expected_error_p95: int = 0
-    seconds: float = nan  # from the part's first motion to its outcome; no register holds it
+    seconds: float = nan  # from the part's first motion to its outcome; NaN where none was reached
 
 
 EMPTY = Answer()
@@ -152,16 +152,11 @@ class Station:
         if self.enabled:
             self._disable(Error.CONNECTION_LOST)
 
-    def finish(self, answer: Answer, seconds: float | None = None) -> None:
-        """The part under way has ended; its answer stays until it is taken.
-
-        Args:
-            answer: of the part.
-            seconds: what it took; None: not known.
-        """
+    def finish(self, answer: Answer) -> None:
+        """The part under way has ended; its answer stays until it is taken."""
         assert self.order is not None
         self._result_id, self._answer, self.order = self.order.trigger_id, answer, None
-        self._counters.add(answer.outcome, seconds)
+        self._counters.add(answer.outcome, answer.seconds)
         self._follow(Event.RESULT)
         if answer.outcome == FAULT:
             self.error_id = answer.exit_code

@@ -69,7 +69,6 @@ from runtime.table.takt import figures as takt_figures
 from runtime.table.takt import text as takt_text
 from runtime.table.timing import (
     ABOVE_MM,
-    ARM_ACCELERATION_MM_S2,
     CLEAR_MM,
     LEAD_MM,
     Phases,
@@ -84,7 +83,6 @@ from runtime.table.validation import validate
 
 __all__ = [
     "ABOVE_MM",
-    "ARM_ACCELERATION_MM_S2",
     "CLEAR_MM",
     "HELD_UM",
     "KINDS",

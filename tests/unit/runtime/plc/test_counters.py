@@ -1,5 +1,7 @@
 """Counters of a station: parts by outcome, seconds of the last one, share within the takt."""
 
+from math import nan
+
 import pytest
 from plc_programs import MemoryPlc
 
@@ -15,7 +17,7 @@ def run(plc: MemoryPlc, outcome: int, seconds: float | None = None) -> None:
     plc.write(enable=0)
     plc.write(enable=1)
     plc.pulse("trigger")
-    plc.station.finish(Answer(outcome), seconds)
+    plc.station.finish(Answer(outcome, seconds=nan if seconds is None else seconds))
     plc.pulse("result_acknowledge")
     assert plc.station.state is State.READY
 
