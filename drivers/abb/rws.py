@@ -153,7 +153,9 @@ class Rws:
         try:
             context = ssl.create_default_context(cafile=stated if in_file else None)
         except OSError as error:
-            raise RwsError(f"{CERTIFICATE}: {stated} holds no certificates ({error})") from error
+            raise RwsError(
+                f"{CERTIFICATE}: {stated} cannot be read as certificates ({error})"
+            ) from error
         context.check_hostname = False  # controllers are reached by address, and certify themselves
         if not in_file:
             context.verify_mode = ssl.CERT_NONE
