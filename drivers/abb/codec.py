@@ -114,9 +114,7 @@ def hand_angle(rotation: Sequence[float]) -> float:
     """
     w, x, y, z = rotation
     if math.hypot(w, z) > 0.02 or math.hypot(x, y) < 0.9:
-        raise ProtocolError(
-            f"the hand does not point down (quaternion {rotation}); jog it upright first"
-        )
+        raise ProtocolError(f"the hand does not point down (quaternion {rotation}); jog it upright")
     return math.remainder(2.0 * math.atan2(y, x), math.tau)
 
 

@@ -18,8 +18,8 @@ from drivers.clock import Pace
 from drivers.errors import ArmError, ReadOnlyError, shown
 from drivers.stream import open_tcp, tcp_address
 
-TASK, MODULE, ROUTINE = "T_ROB1", "SqueezeTree", "SqueezeTreeMain"
-MECHANICS = "/rw/motionsystem/mechunits/ROB_1"
+TASK, MODULE, ROUTINE, UNIT = "T_ROB1", "SqueezeTree", "SqueezeTreeMain", "ROB_1"
+MECHANICS = f"/rw/motionsystem/mechunits/{UNIT}"
 VERSION = "1"
 SYMBOL = f"/rw/rapid/symbol/RAPID/{TASK}/{MODULE}"
 POINTER = f"/rw/rapid/tasks/{TASK}/pcp"

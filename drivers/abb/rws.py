@@ -103,7 +103,9 @@ class Rws:
                 f"the controller refuses the user {self._user[0]!r}; set {USER} and {PASSWORD}"
             )
         if not 200 <= status < 300:
-            raise RwsError(f"the controller answered {method} {target}: {status}, {_message(text)}")
+            raise RwsError(
+                f"the controller answered {method} {target} by {status}: {_message(text)}"
+            )
         return text
 
     def _exchange(

@@ -154,8 +154,9 @@ class Gripper(PolledGripper[Reading, int]):
             return False
         if seen.grip is not Grip.CAUGHT:
             return abs(seen.position - move.target) <= ARRIVED
-        start, closing = move.before.position, move.target < seen.position
-        return move.target == start or closing == (move.target < start)
+        # Fingers that were stopped stand short of the request: at it, the state is that of the move before.
+        way, left = move.target - move.before.position, move.target - seen.position
+        return way == 0 or way * left > 0
 
     def _require_ready(self, seen: Reading, doing: str) -> None:
         if not seen.ready:

@@ -68,6 +68,11 @@ class Gripper(PolledGripper[Input, Output]):
             )
         return profile
 
+    def state(self) -> GripperState:
+        """Read the gripper now: its status last, so that no repeated question makes that older."""
+        asked = self._asked()
+        return self._state(self._read(), asked)
+
     def activate(self) -> None:
         """Acknowledge what keeps it from being ready, the start included; nothing moves."""
         seen = self._read()

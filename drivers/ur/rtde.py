@@ -75,9 +75,7 @@ class Rtde:
         self._late_s = 0.0
         self._out_of_step = False  # what was streamed before an interrupt may still be there
         if self._ask("V", struct.pack(">H", VERSION))[:1] != b"\1":
-            raise RtdeError(
-                f"the controller does not speak RTDE version {VERSION}; update PolyScope"
-            )
+            raise RtdeError(f"it does not speak RTDE version {VERSION}; update PolyScope")
         names = ",".join(FIELDS).encode("ascii")
         reply = self._ask("O", struct.pack(">d", FREQUENCY_HZ) + names)
         self._recipe, kinds = reply[:1], reply[1:].decode("latin-1").split(",")
@@ -115,9 +113,7 @@ class Rtde:
 
     def _unpacked(self, payload: bytes) -> Reading:
         if payload[:1] != self._recipe or len(payload) != 1 + LAYOUT.size:
-            raise RtdeError(
-                f"a data package of {len(payload)} bytes, expected are {1 + LAYOUT.size}"
-            )
+            raise RtdeError(f"a data package of {len(payload)} bytes, not {1 + LAYOUT.size}")
         values = iter(LAYOUT.unpack(payload[1:]))
         fields = [
             tuple(next(values) for _ in range(6)) if kind == "VECTOR6D" else next(values)

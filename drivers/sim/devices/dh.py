@@ -6,13 +6,13 @@ driver must not rely on it: the grip state follows a command late, and a value o
 
 import random
 import struct
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 
 from drivers.dh import registers as dh
 from drivers.dh.percent import Scale
 from drivers.dh.registers import Grip, Initialised
 from drivers.ports import GripperProfile
-from drivers.sim.devices.jaws import Fingers, ObjectFlag, Surroundings
+from drivers.sim.devices.jaws import Fingers, Surroundings
 
 SEARCH_PERCENT = 40  # speed of the initialisation
 
@@ -60,7 +60,7 @@ class DhModel(Fingers):
     def _forget(self) -> None:
         """What the supply's failure leaves: the fingers stay where they are, uninitialised."""
         self._halt(Grip.AT_POSITION)
-        self._flag = _shown(Grip.AT_POSITION, self._now)
+        self._show(Grip.AT_POSITION)
         self._initialised = Initialised.NO
         self._searches: list[float] = []  # openings that the initialisation still has to visit
         self._settings[dh.POSITION] = 0
@@ -99,9 +99,6 @@ class DhModel(Fingers):
         share = (self._here() - self._closed_mm) / learnt_mm
         return min(max(round(dh.FULL * share), 0), dh.FULL)
 
-    def _states(self) -> Iterable[float]:
-        return self._flag.moving_s, self._flag.outcome_s
-
     # -- mishaps ----------------------------------------------------------------------------------
 
     def power_cycle(self, now_s: float) -> None:
@@ -119,7 +116,7 @@ class DhModel(Fingers):
     def _initialise(self, how: int) -> None:
         """Look for one end stop, or for both."""
         self._initialised = Initialised.IN_PROGRESS
-        self._flag = _shown(Grip.MOVING, self._now)
+        self._show(Grip.MOVING)
         ends = [self._open_mm, 0.0]
         if self._settings[dh.DIRECTION]:
             ends.reverse()
@@ -131,8 +128,7 @@ class DhModel(Fingers):
         learnt_mm = self._open_mm - self._closed_mm
         target = self._closed_mm + learnt_mm * self._settings[dh.POSITION] / dh.FULL
         self._drive(target, self._settings[dh.SPEED], dropped=dropped)
-        moving_s, outcome_s = self._now + self._lag(), self._stroke.end_s + self._lag()
-        self._flag = ObjectFlag(shown, moving_s, self._stroke.outcome, outcome_s, Grip.MOVING)
+        self._follow(shown)
 
     def _drive(self, target: float, percent: int, *, dropped: bool = False) -> None:
         free = Grip.DROPPED if dropped else Grip.AT_POSITION
@@ -150,13 +146,8 @@ class DhModel(Fingers):
             self._drive(self._searches.pop(0), SEARCH_PERCENT)
             return
         self._initialised = Initialised.YES
-        self._flag = _shown(Grip.AT_POSITION, self._now)
+        self._show(Grip.AT_POSITION)
         self._settings[dh.POSITION] = self._position()
-
-
-def _shown(grip: Grip, now_s: float) -> ObjectFlag:
-    """A grip state that shows at once and stays."""
-    return ObjectFlag(grip, now_s, grip, now_s)
 
 
 class DhRegisters:

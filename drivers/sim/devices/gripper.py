@@ -5,14 +5,13 @@ Behaviour from the 2F-85 manual ([M18] p54-62) and Robotiq's SDK as far as publi
 
 import math
 import random
-from collections.abc import Iterable
 from functools import lru_cache
 
 from drivers.ports import GripperProfile
 from drivers.robotiq import registers as robotiq
 from drivers.robotiq.faults import MAJOR, fault_text
 from drivers.robotiq.registers import INPUT_FIELDS, OUTPUT_FIELDS, pack, speed_mm_s_of, unpack
-from drivers.sim.devices.jaws import Fingers, Jaws, ObjectFlag, Surroundings
+from drivers.sim.devices.jaws import Fingers, Jaws, Surroundings
 
 CYCLE_S = 1.0 / 200.0  # internal refresh ([M16] p55)
 SILENCE_S = 1.0  # then fault 0x09 until traffic returns ([SDK] fault_status.hpp)
@@ -59,7 +58,7 @@ class GripperModel(Fingers):
         """What the supply's failure leaves: nothing was ever written, the jaws stay where they are."""
         self._output = bytearray(16)
         self._request = unpack(OUTPUT_FIELDS, self._output)
-        self._flag = ObjectFlag(robotiq.OBJ_MOVING, self._now, robotiq.OBJ_MOVING, self._now)
+        self._show(robotiq.OBJ_MOVING)
         self._reset(0)
 
     def _reset(self, fault: int) -> None:
@@ -108,9 +107,6 @@ class GripperModel(Fingers):
         """True distance between the fingers."""
         self.advance(now_s)
         return self.jaws.opening_at(self._here())
-
-    def _states(self) -> Iterable[float]:
-        return self._flag.moving_s, self._flag.outcome_s
 
     def _met_at(self, width_mm: float) -> float:
         return self.jaws.count_at(width_mm)
@@ -173,8 +169,7 @@ class GripperModel(Fingers):
         shown = self._flag.at(self._now)
         target = float(min(max(self._request["rPR"], self.jaws.count_open), self.jaws.count_closed))
         self._drive(target, speed_mm_s_of(self._request["rSP"]), meets=meets)
-        moving_s, outcome_s = self._now + self._lag(), self._stroke.end_s + self._lag()
-        self._flag = ObjectFlag(shown, moving_s, self._stroke.outcome, outcome_s)
+        self._follow(shown)
 
     # -- motion -----------------------------------------------------------------------------------
 
@@ -184,8 +179,7 @@ class GripperModel(Fingers):
         self._start(target, speed, outcomes, meets=meets)
 
     def _stand(self) -> None:
-        shown = self._flag.at(self._now)
-        self._flag = ObjectFlag(shown, self._now, shown, self._now)
+        self._show(self._flag.at(self._now))
         if self._ends_s < math.inf:
             self._halt(robotiq.OBJ_MOVING)
 
@@ -199,8 +193,7 @@ class GripperModel(Fingers):
             self._drive(float(self._legs.pop(0)), SWEEP_MM_S)
         elif self._status == robotiq.STA_ACTIVATING:
             self._status, self._fault = robotiq.STA_ACTIVE, 0
-            there, now_s = robotiq.OBJ_AT_REQUEST, self._now
-            self._flag = ObjectFlag(there, now_s, there, now_s)
+            self._show(robotiq.OBJ_AT_REQUEST)
             if self._request["rGTO"]:
                 self._go()
 

@@ -3,7 +3,6 @@
 import math
 import random
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
 from typing import NamedTuple, Self
 
 from drivers.ports import GripperProfile
@@ -78,19 +77,18 @@ class Stroke(NamedTuple):
 
 
 class ObjectFlag(NamedTuple):
-    """A state over one move: the old one, that of a moving device, the outcome; each change comes late."""
+    """A state over one move: the old one, 0 while moving, the outcome; each change comes late."""
 
     old: int
     moving_s: float
     outcome: int
     outcome_s: float
-    moving: int = OBJ_MOVING
 
     def at(self, now_s: float) -> int:
         """The state as the register shows it."""
         if now_s >= self.outcome_s:
             return self.outcome
-        return self.moving if now_s >= self.moving_s else self.old
+        return OBJ_MOVING if now_s >= self.moving_s else self.old
 
 
 class Fingers(ABC):
@@ -117,6 +115,7 @@ class Fingers(ABC):
         self._ends_s = math.inf  # when the stroke under way is over; infinity: none is
         self._contact: float | None = None  # where the closing stroke will meet something
         self._meets = False  # whether it ends there
+        self._show(OBJ_MOVING)
         self._gripping = False
 
     def _met_at(self, width_mm: float) -> float:
@@ -140,10 +139,6 @@ class Fingers(ABC):
     def power_cycle(self, now_s: float) -> None:
         """The supply failed for a moment."""
 
-    def _states(self) -> Iterable[float]:
-        """When states change."""
-        return ()
-
     def advance(self, now_s: float) -> None:
         """Let time pass up to `now_s`."""
         while self._ends_s <= now_s:
@@ -157,7 +152,8 @@ class Fingers(ABC):
 
     def next_change(self) -> float:
         """When the next reading will differ from the last, but for a moving width; infinity: never."""
-        changes = (moment for moment in self._states() if moment > self._shown_s)
+        states = self._flag.moving_s, self._flag.outcome_s
+        changes = (moment for moment in states if moment > self._shown_s)
         coming = min(self._ends_s, *changes, math.inf)
         return math.ceil(coming / self.CYCLE_S) * self.CYCLE_S if coming < math.inf else coming
 
@@ -172,6 +168,15 @@ class Fingers(ABC):
         """Let time pass up to the last refresh of the registers."""
         self.advance(max(math.floor(now_s / self.CYCLE_S) * self.CYCLE_S, self._now))
         self._shown_s = self._now
+
+    def _show(self, state: int) -> None:
+        """A state shows at once, and stays."""
+        self._flag = ObjectFlag(state, self._now, state, self._now)
+
+    def _follow(self, shown: int) -> None:
+        """From what is shown on the state follows the stroke that begins now."""
+        moving_s, outcome_s = self._now + self._lag(), self._stroke.end_s + self._lag()
+        self._flag = ObjectFlag(shown, moving_s, self._stroke.outcome, outcome_s)
 
     def _here(self) -> float:
         return self._stroke.at(self._now)
