@@ -28,7 +28,7 @@ class Lines(Console):
         x_mm, y_mm, angle_rad = placement(step.squeeze)
         say(
             f"part {part} squeeze {step.number}: node {step.node}, hand at ({x_mm:.2f}, {y_mm:.2f}) mm, "
-            f"{degrees(angle_rad):.1f} deg; width {step.width_um / 1000:.2f} mm "
+            f"{degrees(angle_rad):z.1f} deg; width {step.width_um / 1000:.2f} mm "
             f"-> {_reached(step)}"
         )
 
@@ -174,7 +174,7 @@ def _expected_error(leaf: Leaf) -> dict[str, float] | None:
 
 
 def _pose(pose: Pose2) -> str:
-    return f"({pose[0]:.2f}, {pose[1]:.2f}) mm, {degrees(pose[2]):.1f} deg"
+    return f"({pose[0]:.2f}, {pose[1]:.2f}) mm, {degrees(pose[2]):z.1f} deg"
 
 
 def _pose_object(pose: Pose2) -> dict[str, float]:

@@ -34,7 +34,6 @@ class Part:
     outcome: str = ""
     leaf: int | None = None
     verdict: str | None = None  # "pass", "fail", "unknown", None where it was not audited
-    turn_rad: float = 0.0  # of its plan, about the origin
     # measured less predicted pose (mm, mm, rad) as its plan sees it, None where it was not measured.
     residual: tuple[float, float, float] | None = None
     time: str = ""  # of its end, ISO 8601
@@ -42,6 +41,7 @@ class Part:
         None  # pose of a simulated part as its plan sees it, where that is on record
     )
     within: bool | None = None  # whether that is within the goal of its leaf, None without a leaf
+    turn_rad: float = 0.0  # of its plan, about the origin
 
 
 @dataclass(frozen=True, slots=True)

@@ -76,6 +76,9 @@ OFF: dict[str, Callable[[ExitStack], None]] = {
     "come down on the way to the first squeeze": lambda stack: stack.enter_context(
         patch.object(Timing, "comes_down", lambda *_: False)
     ),
+    "begin a part at the angle at which the hand stands": lambda stack: stack.enter_context(
+        patch.object(Hand, "turn_of_plan", lambda *_: 0.0)
+    ),
 }
 REGRASP, RADIUS = "rise to the regrasp height", "turn as fast as the gripper's reach allows"
 SHORT_WAY, CONTACT = "turn the short way", "close fast until shortly before contact"

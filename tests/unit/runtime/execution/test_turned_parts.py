@@ -6,6 +6,7 @@ from dataclasses import replace
 from math import hypot, pi, remainder
 
 import pytest
+from audited_journals import Chain
 from fake_cell import Deaf, FakeCell, fake_cell
 from sample_tables import small_table, with_job
 from squeezes import AT_21, AT_30, run
@@ -13,6 +14,7 @@ from squeezes import AT_21, AT_30, run
 from runtime.execution.delivery import Delivery
 from runtime.execution.executor import Executor, RunOptions
 from runtime.journal.replay import Replay
+from runtime.spc import history
 from runtime.table import Table, dumps, predicted_pose
 from runtime.traversal.results import PartResult
 
@@ -109,6 +111,22 @@ def test_part_resumed_keeps_the_turn_of_its_run() -> None:
     resumed = Executor(table, again.cell, Deaf()).run_part(1, replay)
     assert [step.squeeze for step in resumed.steps] == [step.squeeze for step in result.steps]
     assert resumed.leaf_of(table) == result.leaf_of(table)
+
+
+def test_history_holds_residual_and_truth_of_a_turned_part_as_its_plan_sees_them(tmp_path) -> None:
+    path, turn_urad = tmp_path / "journal.jsonl", 1_570_796
+    with Chain(path) as journal:
+        journal.header(unknown())
+        journal.record("part", {"part": 1})
+        journal.record("turned", {"part": 1, "turn_urad": turn_urad})
+        off = {"residual_x_mm": -0.2, "residual_y_mm": 0.1, "residual_theta_rad": 0.01}
+        journal.record("audit", {"part": 1, "verdict": "pass", **off})
+        journal.record("outcome", {"part": 1, "outcome": "leaf", "leaf": 0})
+        true = {"x_um": -700, "y_um": 100, "theta_urad": turn_urad + 10_000}
+        journal.record("truth", {"part": 1, **true, "within_goal": True})
+    (part,) = history.read([path]).parts
+    assert part.residual == pytest.approx((0.1, 0.2, 0.01), abs=1e-5)
+    assert part.true == pytest.approx((0.1, 0.7, 0.01), abs=1e-5)  # the leaf is at (0, 0.5), 0 deg
 
 
 def test_journal_of_a_turned_part_tells_its_squeezes_in_the_world() -> None:

@@ -8,6 +8,7 @@ from sample_tables import several_table, small_table, with_job
 
 from runtime.table import Table
 from runtime.traversal.answer import PartFrames, fields, frames_of
+from runtime.traversal.results import Outcome, PartResult
 
 LEFT = {"datum": [1.0, 2.0, 90.0], "picks": {"rim": [3.0, 0.0, 0.0]}}
 RIGHT = {"datum": [-1.0, 0.0, 0.0]}
@@ -15,6 +16,17 @@ RIGHT = {"datum": [-1.0, 0.0, 0.0]}
 
 def with_parts(table: Table) -> Table:
     return with_job(table, json.dumps({"hypothesis": [{"part": LEFT}, {"part": RIGHT}]}))
+
+
+def at(leaf: int, turn_urad: int = 0) -> PartResult:
+    return PartResult(1, Outcome.LEAF, (), leaf, None, 0, turn_urad=turn_urad)
+
+
+def test_the_answer_of_a_turned_plan_is_where_the_part_lies() -> None:
+    table = with_parts(several_table())
+    result = fields(table, at(0, 1_570_796), frames_of(table))
+    assert result["x_mm"] == pytest.approx(-0.5)
+    assert result["datum"] == {"x_mm": -2.5, "y_mm": 1.0, "angle_deg": 180.0}
 
 
 def test_each_part_is_reported_in_its_own_frames():
