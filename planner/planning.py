@@ -20,7 +20,7 @@ from planner.evaluation.outcome import Evaluation
 from planner.job.model import Job
 from planner.lower import lower
 from planner.paper.search import METHODS
-from planner.problem import Problem
+from planner.problem import STEP_MM, Problem
 from planner.search.effort import LEAVES, PASSES
 from planner.search.search import Search
 from planner.search.tree import Node, pruned
@@ -33,7 +33,7 @@ from runtime.table import Table
 SEED_EVALUATION = 0x4556
 SEED_WORLD = 0x574F
 ATTEMPTS = 6  # fresh trials reopen leaves at most so often
-FRESH = 3.0  # fresh trials of a round, for each particle of the search
+FRESH = 2.0  # fresh trials of a round, for each particle of the search
 LEAST_SHORT = (
     0.0005  # probability of leaves that miss the goal, from which they are searched further
 )
@@ -215,11 +215,11 @@ def marked(job: Job, table: Table, evaluation: Evaluation) -> Table:
 def judged(
     job: Job, trials: int, workers: int | None, table: Table, attempt: int, report: Report = silent
 ) -> Evaluation:
-    """Squeezes fresh parts as a table says.
+    """Squeezes fresh parts as a table says, as coarsely as the tree's own.
 
     What the job doubts may be off in their cell. The paper's methods doubt nothing.
     """
-    worlds = ContactWorlds.of_job(job, job.seed + SEED_WORLD + attempt)
+    worlds = ContactWorlds.of_job(job, job.seed + SEED_WORLD + attempt, STEP_MM)
     seed, work = job.seed + SEED_EVALUATION + attempt, Threads(workers) if workers else Threads()
     cell = NONE if job.search.method in METHODS else with_doubts(job)
     return untimed(table, job, worlds, trials, seed, work, cell, report)
