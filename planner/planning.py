@@ -97,11 +97,10 @@ class Rounds(NamedTuple):
         began_s = limit.spent_s
         judged(job, TIMED_TRIALS, workers, table, 0)
         each_s = (limit.spent_s - began_s) / TIMED_TRIALS
-        # The finished table may be evaluated twice: also in cells that are off as the job doubts.
-        share_s = EVALUATING * max(limit.budget_s - limit.spent_s, 0.0) / 3
+        share_s = EVALUATING * max(limit.budget_s - limit.spent_s, 0.0) / 2
         most = max(LEAST_TRIALS, int(share_s / each_s))
         affordable = Rounds(min(self.fresh, most), min(self.figures, most))
-        limit.reserve_s = (affordable.fresh + 2 * affordable.figures) * each_s
+        limit.reserve_s = (affordable.fresh + affordable.figures) * each_s
         return affordable
 
 
@@ -209,7 +208,7 @@ def finished(
 
 def marked(job: Job, table: Table, evaluation: Evaluation) -> Table:
     """The table with the leaves unresolved that trials refute; its shares stay those of the plan."""
-    return replace(table, leaves=with_figures(table, evaluation, None, job)[0].leaves)
+    return replace(table, leaves=with_figures(table, evaluation, job)[0].leaves)
 
 
 def judged(

@@ -27,16 +27,6 @@ def believed(job: Job, n: int, rng: np.random.Generator, draw: Draw = initial) -
     return Belief.of(poses + traits["arm"], traits=traits)
 
 
-def certain(job: Job) -> bool:
-    """Whether a job doubts nothing."""
-    faults = job.doubt.chance > 0.0 and bool(_draws(job, np.random.default_rng(0)))
-    return (
-        not faults
-        and job.friction.doubt == 0.0
-        and not job.doubt.placement_mm + job.doubt.placement_deg
-    )
-
-
 def traits_of(job: Job, n: int, rng: np.random.Generator) -> Traits:
     """Draws the traits (n,) of parts: with the job's chance one of the things doubted is off, any of them.
 

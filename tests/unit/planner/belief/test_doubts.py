@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.belief.doubts import ROUGH, SLIPPERY, believed, certain, pushed_of
+from planner.belief.doubts import ROUGH, SLIPPERY, believed, pushed_of
 from planner.belief.observation import encoder_of
 from planner.belief.particles import initial, replenish, subsample
 from planner.belief.transition import Simulation, placing_of
@@ -115,14 +115,6 @@ def test_one_thing_at_most_is_off_within_its_interval_and_the_others_are_at_the_
     assert traits["dof"][traits["dof"] > 0].min() >= 10
 
 
-def test_a_job_is_certain_that_doubts_nothing(job, doubting):
-    assert not certain(job)
-    sure = job.replaced(friction={"doubt": 0})
-    assert certain(sure)
-    assert certain(sure.replaced(doubt={"encoder_mm": [-1, 1], "chance": 0}))
-    assert not certain(doubting.replaced(friction={"doubt": 0}))
-
-
 def test_traits_are_kept_by_thinning_repeating_and_squeezing(doubting):
     belief = believed(doubting, 300, np.random.default_rng(3))
     ours = {pose.tobytes(): row for pose, row in zip(belief.poses, belief.traits, strict=True)}
@@ -225,7 +217,6 @@ def test_parts_lie_off_as_far_as_the_arm_may_be_in_beliefs_and_in_trials(job):
         part={"tolerance_mm": 0},
         uncertainty={"radius_mm": 0, "orientation_halfwidth_deg": 0},
     )
-    assert not certain(doubting)
     belief = believed(doubting, 5000, np.random.default_rng(16))
     table = load(TREES / "rectangle" / "rectangle.msgpack").table
     world = ContactWorld.of_simulator(Simulator.of_job(doubting, 1), [3])
