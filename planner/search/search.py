@@ -37,7 +37,7 @@ from runtime.table import MAX_BRANCHES
 PROBABLE = (
     0.01  # a node of smaller probability tries one action of the previous pass and no further one
 )
-MARGIN = 0.2  # squeezes by which an action of the previous pass may exceed the best one to be tried again
+MARGIN = 0.4  # squeezes by which an action of the previous pass may exceed the best one to be tried again
 FURTHER = 0.2  # squeezes that an open leaf is taken to cost beyond the leaf heuristic
 REMEMBERED = (
     24  # grasp poses relative to the part, the last that won elsewhere, that every node also tries
