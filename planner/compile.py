@@ -5,13 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner import arguments
-from planner.belief.doubts import certain
 from planner.belief.partition import partition
 from planner.belief.recut import recut
 from planner.diagnosis.alike import refuse_alike
 from planner.errors import NoPlanError
-from planner.evaluation.disturbance import WITH_DOUBTS
-from planner.evaluation.evaluate import evaluate, untimed
+from planner.evaluation.evaluate import evaluate
 from planner.evaluation.measured import predicting, with_figures
 from planner.evaluation.outcome import Evaluation
 from planner.job.model import Job
@@ -30,7 +28,6 @@ from runtime.table import Table
 
 EVALUATION_TRIALS = 20_000
 SEED_FIGURES = 0x46494755
-SEED_BEYOND = 0x42594E44
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,7 +60,7 @@ def compile_job(
         report: progress.
         limit: when to end with the best tree so far, evaluated: whole and valid, but maybe with leaves that
             do not know. Where it has no budget the same seed gives the same bytes.
-        scheduler: who runs worlds that are off; as many threads as `workers` if None.
+        scheduler: who runs the trials of the evaluation; as many threads as `workers` if None.
 
     Raises:
         UnreachableError: the cluster was lost.
@@ -112,12 +109,7 @@ def _measured(job: Job, plan: Planned, work: Scheduler, say: Report) -> Plan:
     evaluation = evaluate(
         table, job, ContactWorlds.of_job(job, seed), trials, seed, work, report=say
     )
-    beyond, reached = None, np.unique(evaluation.leaf[evaluation.leaf >= 0])
-    if len(reached) < len(table.leaves) and not certain(job) and job.search.method not in METHODS:
-        other = job.seed + SEED_BEYOND
-        worlds = ContactWorlds.of_job(job, other)
-        beyond = untimed(table, job, worlds, trials, other, work, WITH_DOUBTS)
-    table, evaluation = with_figures(table, evaluation, beyond, job)
+    table, evaluation = with_figures(table, evaluation, job)
     cut = plan.cut and plan.cut._replace(open_share=float(evaluation.unresolved.mean()))
     return Plan(predicting(table, evaluation), plan.root, evaluation, plan.untried, seed, cut)
 

@@ -20,7 +20,7 @@ from planner.evaluation.outcome import Evaluation
 from planner.job.model import Job
 from planner.lower import lower
 from planner.paper.search import METHODS
-from planner.problem import Problem
+from planner.problem import STEP_MM, Problem
 from planner.search.effort import LEAVES, PASSES
 from planner.search.search import Search
 from planner.search.tree import Node, pruned
@@ -33,7 +33,7 @@ from runtime.table import Table
 SEED_EVALUATION = 0x4556
 SEED_WORLD = 0x574F
 ATTEMPTS = 6  # fresh trials reopen leaves at most so often
-FRESH = 3.0  # fresh trials of a round, for each particle of the search
+FRESH = 2.0  # fresh trials of a round, for each particle of the search
 LEAST_SHORT = (
     0.0005  # probability of leaves that miss the goal, from which they are searched further
 )
@@ -97,11 +97,10 @@ class Rounds(NamedTuple):
         began_s = limit.spent_s
         judged(job, TIMED_TRIALS, workers, table, 0)
         each_s = (limit.spent_s - began_s) / TIMED_TRIALS
-        # The finished table may be evaluated twice: also in cells that are off as the job doubts.
-        share_s = EVALUATING * max(limit.budget_s - limit.spent_s, 0.0) / 3
+        share_s = EVALUATING * max(limit.budget_s - limit.spent_s, 0.0) / 2
         most = max(LEAST_TRIALS, int(share_s / each_s))
         affordable = Rounds(min(self.fresh, most), min(self.figures, most))
-        limit.reserve_s = (affordable.fresh + 2 * affordable.figures) * each_s
+        limit.reserve_s = (affordable.fresh + affordable.figures) * each_s
         return affordable
 
 
@@ -209,17 +208,17 @@ def finished(
 
 def marked(job: Job, table: Table, evaluation: Evaluation) -> Table:
     """The table with the leaves unresolved that trials refute; its shares stay those of the plan."""
-    return replace(table, leaves=with_figures(table, evaluation, None, job)[0].leaves)
+    return replace(table, leaves=with_figures(table, evaluation, job)[0].leaves)
 
 
 def judged(
     job: Job, trials: int, workers: int | None, table: Table, attempt: int, report: Report = silent
 ) -> Evaluation:
-    """Squeezes fresh parts as a table says.
+    """Squeezes fresh parts as a table says, as coarsely as the tree's own.
 
     What the job doubts may be off in their cell. The paper's methods doubt nothing.
     """
-    worlds = ContactWorlds.of_job(job, job.seed + SEED_WORLD + attempt)
+    worlds = ContactWorlds.of_job(job, job.seed + SEED_WORLD + attempt, STEP_MM)
     seed, work = job.seed + SEED_EVALUATION + attempt, Threads(workers) if workers else Threads()
     cell = NONE if job.search.method in METHODS else WITH_DOUBTS
     return untimed(table, job, worlds, trials, seed, work, cell, report)

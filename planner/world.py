@@ -16,7 +16,7 @@ from planner.belief.doubts import stated
 from planner.belief.transition import read_as
 from planner.job.model import Job
 from planner.mechanics.clearance import least_clearance
-from planner.mechanics.simulator import STATUS_NAMES, RollOut, Simulator
+from planner.mechanics.simulator import DEFAULT_STEP_MM, STATUS_NAMES, RollOut, Simulator
 from planner.mechanics.traits import Traits, as_planned, ordinary
 from runtime.shell.errors import UsageError
 from runtime.shell.worlds import DEFAULT_WORLD, WorldError, find_factory, make_world
@@ -166,9 +166,9 @@ class ContactWorlds(Worlds):
     seed: int  # of all their randomness
 
     @classmethod
-    def of_job(cls, job: Job, seed: int) -> Self:
-        """The worlds of a job."""
-        return cls(tuple(Simulator.of_job(alone, workers=1) for alone in job.alone), seed)
+    def of_job(cls, job: Job, seed: int, step_mm: float = DEFAULT_STEP_MM) -> Self:
+        """The worlds of a job, whose fingers close by such steps."""
+        return cls(tuple(Simulator.of_job(alone, 1, step_mm) for alone in job.alone), seed)
 
     def world(self, chunk: int) -> World:
         """The world of a chunk."""

@@ -26,12 +26,6 @@ def believed(job: Job, n: int, rng: np.random.Generator, draw: Draw = initial) -
     return Belief.of(draw(job, n, rng), traits=traits_of(job, n, rng))
 
 
-def certain(job: Job) -> bool:
-    """Whether a job doubts nothing."""
-    faults = job.doubt.chance > 0.0 and bool(_draws(job, np.random.default_rng(0)))
-    return not faults and job.friction.doubt == 0.0
-
-
 def traits_of(job: Job, n: int, rng: np.random.Generator) -> Traits:
     """Draws the traits (n,) of parts: with the job's chance one of the things doubted is off, any of them.
 

@@ -69,9 +69,12 @@ def judge(table: Table, leaf: IntArray, poses: Array) -> Verdict:
     audit = metric._replace(kind="pose", distance_mm=1.0, identify=False)
     error = np.full(len(leaf), np.inf)
     within = np.zeros(len(leaf), np.bool_)
-    for index in np.unique(leaf[leaf >= 0]):
-        here = leaf == index
-        said = states_of(table, table.leaves[index])[None]
-        error[here] = audit.between(poses[here][:, None], said).min(axis=1)
-        within[here] = metric.reached(poses[here][:, None], said).any(axis=1)
+    poses_said = [states_of(table, each) for each in table.leaves]
+    most = max(map(len, poses_said), default=0)
+    said = np.array([np.resize(each, (most, each.shape[1])) for each in poses_said])
+    ended = np.flatnonzero(leaf >= 0)
+    if len(ended):
+        lying, near = poses[ended][:, None], said[leaf[ended]]
+        error[ended] = audit.between(lying, near).min(axis=1)
+        within[ended] = metric.reached(lying, near).any(axis=1)
     return Verdict(error, within)

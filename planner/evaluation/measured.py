@@ -23,24 +23,22 @@ LEAST_VISITS = (
 
 
 def with_figures(
-    table: tables.Table, evaluation: Evaluation, beyond: Evaluation | None, job: Job
+    table: tables.Table, evaluation: Evaluation, job: Job
 ) -> tuple[tables.Table, Evaluation]:
     """Puts what was measured into the leaves and the branches of a table.
 
     A leaf whose success its trials refute (an exact binomial test, at a level that holds for all leaves
     together, speaks against the goal's confidence) is marked unresolved; its alternatives are the further
-    poses that parts had there. `beyond` is an evaluation in cells that are doubted, for leaves that no part
-    came to in the stated one. A leaf is also unresolved where the jaws could not hold its part as it lies:
-    its few trials are squeezes that the simulator gave up.
+    poses that parts had there. A leaf that no part came to keeps the figures that it has. A leaf is also
+    unresolved where the jaws could not hold its part as it lies: its few trials are squeezes that the
+    simulator gave up.
 
     Returns:
         The table and the evaluation, whose `resolved` follows the leaves.
     """
     metric = metric_of_table(table)
-    elsewhere = beyond or evaluation
-    here = np.isin(np.arange(len(table.leaves)), evaluation.leaf)
     leaves = tuple(
-        _leaf(leaf, index, evaluation if here[index] else elsewhere, job, metric, len(table.leaves))
+        _leaf(leaf, index, evaluation, job, metric, len(table.leaves))
         for index, leaf in enumerate(table.leaves)
     )
     table = _without_impossible(replace(table, nodes=_measured(table, evaluation), leaves=leaves))
@@ -118,7 +116,7 @@ def _leaf(
 ) -> tables.Leaf:
     here = evaluation.leaf == index
     trials, hits = int(here.sum()), int((here & evaluation.within).sum())
-    if trials == 0:  # its figures are those of the trials before, when there were more leaves
+    if trials == 0:  # there were more leaves in the trials that its figures are of
         held = not tables.refuted(
             tables.successes_of(leaf), leaf.trials, job.goal.confidence, leaves
         )

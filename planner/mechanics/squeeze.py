@@ -124,7 +124,7 @@ def _record(trace: Array, row: int, q: Array, fingers: Array) -> int:
 def _close_by(
     boundary: Boundary, jaws: Array, share: float, mu_top: float, mu_bottom: float, step: float
 ) -> None:
-    """Makes the boundary fingers that close: jaws (3,), the upper one's share, friction, nominal step [mm]."""
+    """Makes the boundary fingers that close: jaws (3,), the upper one's share, friction, step [mm]."""
     boundary.fingers, boundary.facing, boundary.apart = 2, -1, 0.0
     boundary.h, boundary.thickness = 0.5 * jaws[1], jaws[2]
     boundary.mu_top, boundary.mu_bottom, boundary.step = mu_top, mu_bottom, step

@@ -5,16 +5,20 @@ are kept as the final poses of roll-outs, and a particle moves to the nearest of
 has all three dimensions, so nothing is moved there.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from planner.arrays import Array, IntArray
 from planner.frames import wrap
 from planner.learned.neighbours import wrap_up
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 STILL_MM = 1e-6  # A particle this near to a stored pose is that pose already
 
@@ -36,6 +40,8 @@ class Projection:
         Raises:
             ValueError: a subspace has no pose, though one with a higher number has.
         """
+        from scipy.spatial import cKDTree  # a tenth of what a command takes to start
+
         stored = {}
         for k in range(1, int(label.max(initial=0)) + 1):
             poses = np.ascontiguousarray(final[label == k])

@@ -193,7 +193,7 @@ def test_with_figures_leaf_that_the_jaws_could_not_hold_is_unresolved(table, noi
     leaf = table.leaves[index]
     elsewhere = leaf._replace(x_um=leaf.x_um + 15_000, y_um=leaf.y_um + 15_000)
     leaves = (*table.leaves[:index], elsewhere, *table.leaves[index + 1 :])
-    sound, _ = with_figures(table, run, None, noisy)
-    measured, _ = with_figures(replace(table, leaves=leaves), run, None, noisy)
+    sound, _ = with_figures(table, run, noisy)
+    measured, _ = with_figures(replace(table, leaves=leaves), run, noisy)
     assert sound.leaves[index].resolved
     assert not measured.leaves[index].resolved
